@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "geometry/pose2.h"
+#include "observation/observation.h"
+
+namespace omnifleet::dataset {
+
+struct StampedPose {
+  TimeNs time_ns = 0;
+  Pose2 map_from_base;
+};
+
+/// A row of a TUM file in full: `timestamp[s] tx ty tz qx qy qz qw`.
+struct StampedPose3 {
+  TimeNs time_ns = 0;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+
+  /// x, y and the heading of the body's x axis.
+  StampedPose flat() const;
+};
+
+/// TUM text, times with all nine decimals, poses to 1e-9; nothing but the rows, so that equal runs give equal
+/// bytes.
+std::string tumText(const std::vector<StampedPose>& poses);
+/// Atomic. Throws std::runtime_error.
+void writeTum(const std::string& path, const std::vector<StampedPose>& poses);
+/// Comments (#) and empty lines are skipped. Rows that are malformed, non-finite or have a zero quaternion
+/// are left out and listed in `warnings` (FILE:LINE: why) when given. Throws std::runtime_error when
+/// unreadable.
+std::vector<StampedPose3> readTum(const std::string& path, std::vector<std::string>* warnings = nullptr);
+std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses);
+
+/// g2o: VERTEX_SE2 id x y θ, EDGE_SE2 from to x y θ and the upper triangle of the information matrix.
+struct G2oVertex {
+  int id = 0;
+  Pose2 pose;
+};
+struct G2oEdge {
+  int from = 0, to = 0;
+  Pose2 from_from_to;
+  Eigen::Matrix3d information = Eigen::Matrix3d::Identity();
+};
+struct G2oGraph {
+  std::vector<G2oVertex> vertices;
+  std::vector<G2oEdge> edges;
+};
+void writeG2o(const std::string& path, const G2oGraph& graph);
+/// Other tags are skipped. Throws std::runtime_error naming file and line of a malformed row.
+G2oGraph readG2o(const std::string& path);
+
+}  // namespace omnifleet::dataset
