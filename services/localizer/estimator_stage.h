@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "estimation/estimator.h"
+#include "observation/observation.h"
+
+namespace omnifleet::localizer {
+
+/// The localizer's logic without a bus: frames and measurements in, one pose per frame out.
+class EstimatorStage {
+ public:
+  EstimatorStage(std::vector<estimation::RobotSetup> robots, const estimation::EstimatorOptions& options);
+
+  /// All samples of one time. Returns exactly one PoseEstimate per frame, in the order given: invalid when
+  /// nothing is known yet, for robots that the fleet does not have, and for frames that are out of order.
+  /// Measurements with non-finite numbers, without positive variances or of unknown robots are counted and
+  /// left out.
+  std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
+                                    const std::vector<const Measurement*>& measurements);
+
+  /// End of the run: the last solve. Returns the revised poses of the frames still in the window.
+  std::vector<PoseEstimate> finish() { return estimator_.finish(); }
+
+  const estimation::FleetEstimator& estimator() const { return estimator_; }
+  std::uint64_t rejectedMeasurements() const { return rejected_measurements_; }
+  std::uint64_t rejectedFrames() const { return rejected_frames_; }
+  /// One line for service/status of one robot; empty when all is well.
+  std::string status(const std::string& robot) const;
+
+ private:
+  bool usable(const Measurement& measurement) const;
+
+  std::map<std::string, TimeNs> last_frame_;  ///< time of each robot's last frame; the fleet's robots only
+  estimation::FleetEstimator estimator_;
+  std::uint64_t rejected_measurements_ = 0, rejected_frames_ = 0;
+};
+
+}  // namespace omnifleet::localizer
