@@ -1,0 +1,193 @@
+#include "fleet/fleet.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "fleet/sources.h"
+
+namespace omnifleet::fleet {
+namespace {
+
+std::string besideFile(const options::Section& section, const std::string& path) {
+  const std::filesystem::path given(path);
+  if (given.empty() || given.is_absolute()) return path;
+  return (std::filesystem::path(section.file()).parent_path() / given).lexically_normal().string();
+}
+
+void readWorld(const options::Section& world, Fleet& fleet) {
+  std::string arena;
+  world.require("arena", arena);
+  world.read("seed", fleet.seed, {0, 2147483647});
+  world.read("duration_s", fleet.duration_s, options::kNotNegative);
+  world.finish();
+  fleet.arena = besideFile(world, arena);
+}
+
+RobotSpec readRobot(const std::string& name, const options::Section& section) {
+  RobotSpec robot;
+  robot.name = name;
+  if (section.has("initial_pose")) {
+    Eigen::Vector3d pose;
+    section.read("initial_pose", pose);
+    robot.initial_pose = Pose2::fromVector(pose);
+  }
+  const options::Section body = section.child("body");
+  body.read("radius_m", robot.body.radius_m, options::kPositive);
+  body.read("footprint_m", robot.body.footprint_m);
+  body.require("height_m", robot.body.height_m, options::kPositive);
+  if ((robot.body.radius_m > 0) == (robot.body.footprint_m.size() >= 3)) {
+    section.fail("body", "needs either radius_m or footprint_m with at least three points");
+  }
+  body.finish();
+  section.require("wheel_separation_m", robot.body.wheel_separation_m, options::kPositive);
+  section.read("host", robot.host);
+  section.read("wheels", robot.has_wheels);
+  section.finish();
+  return robot;
+}
+
+CameraSpec readCamera(const std::string& id, const options::Section& section) {
+  CameraSpec camera;
+  camera.id = id;
+  const auto slash = id.find('/');
+  if (slash == std::string::npos) section.fail("", "camera '" + id + "' must be named ROBOT/fisheye, ROBOT/front or ceiling/NAME");
+  const std::string owner = id.substr(0, slash), kind = id.substr(slash + 1);
+  if (owner == "ceiling") {
+    camera.role = CameraRole::kCeiling;
+  } else if (kind == "fisheye" || kind == "front") {
+    camera.robot = owner;
+    camera.role = kind == "front" ? CameraRole::kFront : CameraRole::kFisheye;
+  } else {
+    section.fail("", "camera '" + id + "' must be named ROBOT/fisheye, ROBOT/front or ceiling/NAME");
+  }
+  std::string source, sensor;
+  section.require("source", source, std::vector<std::string>{"folder", "video", "device"});
+  camera.source = source == "folder" ? CameraSource::kFolder
+                  : source == "video" ? CameraSource::kVideo
+                                      : CameraSource::kDevice;
+  section.require("path", camera.path);
+  if (camera.source != CameraSource::kDevice) camera.path = besideFile(section, camera.path);
+  section.require("sensor", sensor);
+  camera.model = lens::CameraModel::load(besideFile(section, sensor));
+  camera.rate_hz = 10.0;
+  section.read("rate_hz", camera.rate_hz, {0.01, 1000.0});
+  section.read("host", camera.host);
+  section.finish();
+  return camera;
+}
+
+void readOwn(Fleet& fleet) {
+  const options::Section robots = fleet.file.child("robots");
+  for (const std::string& name : robots.keys()) fleet.robots.push_back(readRobot(name, robots.child(name)));
+  const options::Section cameras = fleet.file.child("cameras");
+  for (const std::string& id : cameras.keys()) fleet.cameras.push_back(readCamera(id, cameras.child(id)));
+  std::string markers;
+  fleet.file.read("markers", markers);
+  if (!markers.empty()) fleet.markers = dataset::MarkerSet::load(besideFile(fleet.file, markers));
+}
+
+const std::vector<std::string>& serviceNames() {
+  static const std::vector<std::string> kNames{"camera",    "local_mapper", "classifier", "formation",
+                                               "global_merger", "localizer",    "world"};
+  return kNames;
+}
+
+void checkServices(const options::Section& services) {
+  for (const std::string& name : services.keys()) {
+    if (std::find(serviceNames().begin(), serviceNames().end(), name) == serviceNames().end()) {
+      services.fail(name, "is not a service; services are camera, local_mapper, classifier, formation, "
+                          "global_merger, localizer, world");
+    }
+  }
+}
+
+}  // namespace
+
+Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_folder,
+                  const std::vector<std::string>& overlays) {
+  Fleet fleet;
+  if (!fleet_file.empty()) fleet.file = options::Section::load(fleet_file);
+  for (const std::string& overlay : overlays) fleet.file.overlay(options::Section::load(overlay));
+  fleet.file.read("name", fleet.name);
+  checkServices(fleet.file.child("services"));
+  fleet.dataset = dataset_folder;
+  if (fleet.dataset.empty() && fleet.file.has("dataset")) {
+    std::string folder;
+    fleet.file.read("dataset", folder);
+    fleet.dataset = besideFile(fleet.file, folder);
+  } else {
+    fleet.file.has("dataset");
+  }
+  if (!fleet.dataset.empty()) {
+    addDataset(fleet);
+    fleet.file.has("world");
+  } else if (fleet.file.has("world")) {
+    readWorld(fleet.file.child("world"), fleet);
+    addArena(fleet);
+  }
+  readOwn(fleet);
+  fleet.file.finish();
+  if (fleet.robots.empty()) throw options::Error(fleet.file.file() + ": robots: a fleet needs at least one robot");
+  std::sort(fleet.robots.begin(), fleet.robots.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  std::sort(fleet.cameras.begin(), fleet.cameras.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  return fleet;
+}
+
+options::Section Fleet::service(const std::string& service_name) const {
+  options::Section section = file.child("services").child(service_name);
+  section.has("host");
+  return section;
+}
+
+const RobotSpec& Fleet::robot(const std::string& robot_name) const {
+  for (const RobotSpec& robot : robots) {
+    if (robot.name == robot_name) return robot;
+  }
+  throw options::Error("robot '" + robot_name + "' is not in the fleet");
+}
+
+const CameraSpec& Fleet::camera(const std::string& camera_id) const {
+  for (const CameraSpec& camera : cameras) {
+    if (camera.id == camera_id) return camera;
+  }
+  throw options::Error("camera '" + camera_id + "' is not in the fleet");
+}
+
+const CameraSpec* Fleet::fisheyeOf(const std::string& robot_name) const {
+  for (const CameraSpec& camera : cameras) {
+    if (camera.robot == robot_name && camera.role == CameraRole::kFisheye) return &camera;
+  }
+  return nullptr;
+}
+
+std::map<std::string, RobotBody> Fleet::bodies() const {
+  std::map<std::string, RobotBody> all;
+  for (const RobotSpec& robot : robots) all[robot.name] = robot.body;
+  return all;
+}
+
+std::vector<std::string> Fleet::mappingRobots() const {
+  std::vector<std::string> names;
+  for (const RobotSpec& robot : robots) {
+    if (fisheyeOf(robot.name)) names.push_back(robot.name);
+  }
+  return names;
+}
+
+std::vector<std::string> Fleet::ceilingCameras() const {
+  std::vector<std::string> ids;
+  for (const CameraSpec& camera : cameras) {
+    if (camera.role == CameraRole::kCeiling && markers) ids.push_back(camera.id);
+  }
+  return ids;
+}
+
+bool Fleet::hasFormation() const { return !arena.empty() || (dataset.empty() && file.child("services").has("formation")); }
+
+bool Fleet::hasWorld() const {
+  return !arena.empty() || std::any_of(robots.begin(), robots.end(), [this](const RobotSpec& robot) {
+    return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.has_laser);
+  });
+}
+
+}  // namespace omnifleet::fleet

@@ -1,0 +1,63 @@
+#include <algorithm>
+
+#include "fleet/fleet.h"
+
+namespace omnifleet::fleet {
+namespace {
+
+// Stages in the order in which they are stopped: what produces goes first, the merger drains last.
+enum Stage { kSources, kMappers, kClassifiers, kLocalizers, kFormations, kMergers };
+
+std::string hostOf(const Fleet& fleet, const std::string& service, const std::string& fallback) {
+  std::string host = fallback;
+  fleet.file.child("services").child(service).read("host", host);
+  return host;
+}
+
+}  // namespace
+
+std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) {
+  std::vector<ProcessSpec> all;
+  const auto add = [&](const std::string& service, const std::string& instance, const std::string& machine, int stage) {
+    all.push_back({service, instance, hostOf(fleet, service, machine), stage});
+  };
+  if (fleet.hasWorld()) add("world", "", "", kSources);
+  for (const CameraSpec& camera : fleet.cameras) {
+    if (camera.role != CameraRole::kFront) add("camera", camera.id, camera.host, kSources);
+  }
+  const std::vector<std::string> robots = fleet.mappingRobots();
+  for (const std::string& robot : robots) add("local_mapper", robot, fleet.robot(robot).host, kMappers);
+  for (const std::string& robot : robots) add("classifier", robot, fleet.robot(robot).host, kClassifiers);
+  for (const std::string& camera : fleet.ceilingCameras()) add("localizer", camera, fleet.camera(camera).host, kMappers);
+  add("localizer", "", "", kLocalizers);
+  if (fleet.hasFormation()) {
+    for (const std::string& robot : robots) add("formation", robot, fleet.robot(robot).host, kFormations);
+  }
+  for (const std::string& robot : robots) add("global_merger", robot, fleet.robot(robot).host, kMergers);
+  if (!host.empty()) {
+    all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }), all.end());
+  }
+  return all;
+}
+
+int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance) {
+  const int robots = static_cast<int>(fleet.mappingRobots().size());
+  const int formations = fleet.hasFormation() ? robots : 0;
+  const bool maps = !instance.empty() && fleet.fisheyeOf(instance) != nullptr;
+  if (topic == "camera") return 1;
+  if (topic == "wheels/odometry") return maps ? 1 : 0;
+  if (topic == "wheels/command") return fleet.arena.empty() ? 0 : 1;
+  if (topic == "local_map") return 1;
+  if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
+  if (topic == "measurement") return 1;
+  if (topic == "pose") return 2 * robots + formations;  // every classifier and merger, every formation
+  if (topic == "map/contribution" || topic == "map/keyframe_pose") return robots;
+  if (topic == "world/truth") {
+    return static_cast<int>(std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [](const CameraSpec& camera) {
+      return camera.source == CameraSource::kArena && camera.role != CameraRole::kFront;
+    }));
+  }
+  return 0;
+}
+
+}  // namespace omnifleet::fleet

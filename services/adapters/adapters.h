@@ -1,0 +1,47 @@
+#pragma once
+
+// IDL types ↔ domain types, one pair of functions per topic. Filling functions reuse the target's buffers.
+// `fromWire` returns false where a sample must not be believed (a non-finite number, an unknown enumerator); such a
+// sample is counted by the caller and never passed on as valid.
+
+#include <string>
+
+#include "formation.h"
+#include "local_map.h"
+#include "localizer.h"
+#include "map.h"
+#include "motion/formation_types.h"
+#include "objects.h"
+#include "observation/observation.h"
+#include "occupancy/contribution.h"
+#include "wheels.h"
+
+namespace omnifleet::adapters {
+
+/// Which clock the acquisition times of this run are on.
+enum class RunClock { kSystem, kDataset, kSim };
+
+/// Fills a header; `published_ns` is taken from the system clock and serves diagnostics only.
+void fillHeader(TimeNs acquired_ns, std::uint32_t sequence, RunClock clock, v1::Header& header);
+
+void toWire(const LocalMap& from, RunClock clock, v1::LocalMap& to);
+bool fromWire(const v1::LocalMap& from, LocalMap& to);
+
+void toWire(const Objects& from, RunClock clock, v1::Objects& to);
+bool fromWire(const v1::Objects& from, Objects& to);
+
+void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Pose& to);
+bool fromWire(const v1::Pose& from, PoseEstimate& to);
+
+/// One front end's sample: every measurement of one time (maybe none).
+void toWire(const std::string& source, TimeNs acquired_ns, std::uint32_t sequence, FrameState state,
+            const std::vector<Measurement>& from, RunClock clock, v1::Measurement& to);
+bool fromWire(const v1::Measurement& from, std::vector<Measurement>& to);
+
+void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contribution& to);
+bool fromWire(const v1::Contribution& from, occupancy::Contribution& to);
+
+void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePose& to);
+bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to);
+
+}  // namespace omnifleet::adapters

@@ -1,0 +1,94 @@
+#include "adapters/common.h"
+
+#include <chrono>
+
+#include "adapters/adapters.h"
+
+namespace omnifleet::adapters {
+
+namespace {
+constexpr std::size_t kMaxRays = 1440;
+constexpr std::size_t kMaxDirections = 96;
+constexpr std::size_t kMaxHull = 96;
+}  // namespace
+
+void fillHeader(TimeNs acquired_ns, std::uint32_t sequence, RunClock clock, v1::Header& header) {
+  header.acquired_ns(acquired_ns);
+  header.published_ns(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                          std::chrono::system_clock::now().time_since_epoch())
+                          .count());
+  header.clock(static_cast<v1::Clock>(clock));
+  header.sequence_number(sequence);
+}
+
+void toWire(const Motion& from, v1::Motion& to) {
+  to.valid(from.valid);
+  to.since_ns(from.since_ns);
+  to.previous_from_current(pose(from.previous_from_current));
+  matrixToWire<3>(from.covariance, to.covariance());
+  to.left_m(from.left_m);
+  to.right_m(from.right_m);
+}
+
+bool fromWire(const v1::Motion& from, Motion& to) {
+  to.valid = from.valid();
+  to.since_ns = from.since_ns();
+  to.previous_from_current = pose(from.previous_from_current());
+  to.covariance = matrixFromWire<3>(from.covariance());
+  to.left_m = from.left_m();
+  to.right_m = from.right_m();
+  return to.previous_from_current.isFinite() && to.covariance.allFinite() && finite(to.left_m, to.right_m);
+}
+
+void toWire(const Scan& from, v1::Scan& to) {
+  const std::size_t n = std::min(from.range_m.size(), kMaxRays);
+  to.origin(point(from.origin_m));
+  to.range_m().assign(from.range_m.begin(), from.range_m.begin() + static_cast<std::ptrdiff_t>(n));
+  to.sigma_m().assign(from.sigma_m.begin(), from.sigma_m.begin() + static_cast<std::ptrdiff_t>(n));
+  to.label().resize(n);
+  for (std::size_t i = 0; i < n; ++i) to.label()[i] = static_cast<std::uint8_t>(from.label[i]);
+  to.object().assign(from.object.begin(), from.object.begin() + static_cast<std::ptrdiff_t>(n));
+}
+
+bool fromWire(const v1::Scan& from, Scan& to) {
+  const std::size_t n = from.range_m().size();
+  if (from.sigma_m().size() != n || from.label().size() != n || from.object().size() != n) return false;
+  to.origin_m = point(from.origin());
+  to.range_m = from.range_m();
+  to.sigma_m = from.sigma_m();
+  to.object = from.object();
+  to.label.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!enumFromWire(from.label()[i], RayLabel::kUnknown, to.label[i])) return false;
+    if (to.label[i] != RayLabel::kInvalid && !finite(to.range_m[i], to.sigma_m[i])) return false;
+  }
+  return to.origin_m.allFinite();
+}
+
+void toWire(const SupportFunction& from, v1::Supports& to) {
+  const auto n = static_cast<std::ptrdiff_t>(std::min(from.size(), kMaxDirections));
+  to.b_m().assign(from.b_m.begin(), from.b_m.begin() + n);
+  to.sigma_m().assign(from.sigma_m.begin(), from.sigma_m.begin() + n);
+}
+
+void fromWire(const v1::Supports& from, SupportFunction& to) {
+  to.b_m = from.b_m();
+  to.sigma_m = from.sigma_m();
+  to.sigma_m.resize(to.b_m.size(), 0.0F);
+}
+
+void toWire(const Polygon& from, std::vector<v1::Point2>& to) {
+  sequenceToWire(from, kMaxHull, to, [](const Eigen::Vector2d& p, v1::Point2& w) { w = point(p); });
+}
+
+bool fromWire(const std::vector<v1::Point2>& from, Polygon& to) {
+  to.resize(from.size());
+  bool good = true;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    to[i] = point(from[i]);
+    good = good && to[i].allFinite();
+  }
+  return good;
+}
+
+}  // namespace omnifleet::adapters

@@ -1,0 +1,77 @@
+#pragma once
+
+// Shared by the adapters' translation units only.
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+
+#include "idl/common.h"
+#include "observation/observation.h"
+
+namespace omnifleet::adapters {
+
+inline v1::Point2 point(const Eigen::Vector2d& from) {
+  v1::Point2 to;
+  to.x(from.x());
+  to.y(from.y());
+  return to;
+}
+
+inline v1::Pose2 pose(const Pose2& from) {
+  v1::Pose2 to;
+  to.x(from.x_m);
+  to.y(from.y_m);
+  to.theta(from.theta_rad);
+  return to;
+}
+
+inline Eigen::Vector2d point(const v1::Point2& from) { return {from.x(), from.y()}; }
+inline Pose2 pose(const v1::Pose2& from) { return {from.x(), from.y(), from.theta()}; }
+
+template <int N, typename Array>
+void matrixToWire(const Eigen::Matrix<double, N, N>& from, Array& to) {
+  for (int r = 0; r < N; ++r) {
+    for (int c = 0; c < N; ++c) to[static_cast<std::size_t>(r * N + c)] = from(r, c);
+  }
+}
+
+template <int N, typename Array>
+Eigen::Matrix<double, N, N> matrixFromWire(const Array& from) {
+  Eigen::Matrix<double, N, N> to;
+  for (int r = 0; r < N; ++r) {
+    for (int c = 0; c < N; ++c) to(r, c) = from[static_cast<std::size_t>(r * N + c)];
+  }
+  return to;
+}
+
+/// Writes at most `limit` elements of `from` (the bound of the IDL sequence) through `convert(element, target)`.
+template <typename From, typename To, typename Convert>
+void sequenceToWire(const From& from, std::size_t limit, To& to, Convert convert) {
+  to.resize(std::min(from.size(), limit));
+  for (std::size_t i = 0; i < to.size(); ++i) convert(from[i], to[i]);
+}
+
+/// True when every number given is finite.
+template <typename... Numbers>
+bool finite(const Numbers&... numbers) {
+  return (std::isfinite(static_cast<double>(numbers)) && ...);
+}
+
+template <typename Enum>
+bool enumFromWire(std::uint32_t from, Enum last, Enum& to) {
+  if (from > static_cast<std::uint32_t>(last)) return false;
+  to = static_cast<Enum>(from);
+  return true;
+}
+
+void toWire(const Motion& from, v1::Motion& to);
+bool fromWire(const v1::Motion& from, Motion& to);
+void toWire(const Scan& from, v1::Scan& to);
+bool fromWire(const v1::Scan& from, Scan& to);
+void toWire(const SupportFunction& from, v1::Supports& to);
+void fromWire(const v1::Supports& from, SupportFunction& to);
+void toWire(const Polygon& from, std::vector<v1::Point2>& to);
+bool fromWire(const std::vector<v1::Point2>& from, Polygon& to);
+
+}  // namespace omnifleet::adapters
