@@ -1,0 +1,82 @@
+#pragma once
+
+// Starts the processes of a run, keeps them alive, and ends them in order. Linux only (signalfd, pidfd, timerfd,
+// epoll); no thread, no polling, no sleep. Knows nothing of DDS or of the fleet: the caller lists the processes.
+
+#include <functional>
+#include <map>
+#include <string>
+#include <sys/types.h>
+#include <vector>
+
+#include "options/options.h"
+
+namespace omnifleet::supervisor {
+
+enum class RestartPolicy {
+  kOnFailure,  ///< again unless it exits 0 on its own
+  kNever,      ///< its failure ends the run
+};
+
+struct ProcessSpec {
+  std::string name;                        ///< unique; names the log and the messages
+  std::vector<std::string> argv;           ///< argv[0] is looked up in PATH unless it has a slash
+  std::map<std::string, std::string> env;  ///< added to (or replacing in) the supervisor's own environment
+  std::string log_path;                    ///< stdout and stderr, appended; empty: inherited
+  int level = 0;                           ///< place in the line: started in descending, stopped in ascending order
+  RestartPolicy restart = RestartPolicy::kOnFailure;
+  bool sink = false;                       ///< the run ends when every sink has exited 0 on its own
+};
+
+struct Options {
+  double stop_budget_s = 2.0;    ///< s, from the first SIGTERM to the last SIGKILL, all levels together
+  double restart_delay_s = 0.1;  ///< s, before the first restart
+  double restart_cap_s = 5.0;    ///< s, longest delay
+  double young_s = 1.0;          ///< s; what dies younger doubles its delay, what lived longer starts over
+  int restart_limit = 20;        ///< young deaths in a row after which the run is given up; 0: never
+  double duration_s = 0.0;       ///< s; the run is stopped (in success) after so long; 0: no limit
+  int log_lines = 10;            ///< last lines of a failed process's log in the report
+
+  static Options read(const options::Section& section);
+};
+
+/// What a run reports while it lasts; any may be empty.
+struct Callbacks {
+  std::function<void(const std::string& name, pid_t pid)> on_start;
+  std::function<void(const std::string& name, const std::string& how)> on_exit;
+  std::function<void(const std::string& name, double delay_s)> on_restart;
+  std::function<void(const std::string& why)> on_stop;
+};
+
+struct Failure {
+  std::string name;
+  std::string how;                      ///< "exit code 3", "killed by signal 9 (Killed)", "did not start: …"
+  std::vector<std::string> last_lines;  ///< of its log
+};
+
+enum class EndReason { kSinksDone, kDuration, kSignal, kFailure };
+
+struct RunReport {
+  EndReason reason = EndReason::kSinksDone;
+  int signal = 0;                  ///< SIGINT or SIGTERM with kSignal
+  std::vector<Failure> failures;   ///< what ended the run, or did not end in time or not with 0 when told to
+  int restarts = 0;                ///< deaths that were made good
+  int exit_code() const { return failures.empty() ? 0 : 1; }
+};
+
+/// One run at a time per process: it blocks SIGINT, SIGTERM and SIGCHLD for its duration and becomes the reaper of
+/// its descendants' orphans. On return no child, grandchild in a child's process group, or adopted orphan is left.
+class Supervisor {
+ public:
+  explicit Supervisor(const Options& options) : options_(options) {}
+
+  /// Runs until the sinks are done, the duration is over, SIGINT/SIGTERM arrives, or something fails for good.
+  /// Throws options::Error for a bad list (empty argv, a name twice) and std::runtime_error where the kernel
+  /// refuses (no pidfd, log not writable); nothing is left running then either.
+  RunReport run(const std::vector<ProcessSpec>& processes, const Callbacks& callbacks = {});
+
+ private:
+  Options options_;
+};
+
+}  // namespace omnifleet::supervisor

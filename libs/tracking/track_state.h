@@ -1,0 +1,46 @@
+#pragma once
+
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "tracking/body_fit.h"
+#include "tracking/prism_filter.h"
+#include "tracking/view.h"
+
+namespace omnifleet::tracking {
+
+/// What one object has shown of its kind so far: log-odds of being a robot.
+struct KindEvidence {
+  double shape = 0.0, place = 0.0, motion = 0.0;
+  int shape_views = 0;       ///< clean views that went into `shape`
+  int best_body = -1;        ///< index of the peer whose body fits best
+  int peer = -1;             ///< index of the peer whose published pose matches
+  int against = 0;           ///< frames in a row that speak for renaming
+  double still_s = 0.0;      ///< how long it has stood, seconds
+  bool pushed = false;       ///< its motion is put down to a robot beside it
+};
+
+/// One followed object between frames. Everything is in `odom` (own_motion.h).
+struct TrackState {
+  TrackState(std::uint32_t id_, const PrismFilter& filter_) : id(id_), filter(filter_) {}
+
+  std::uint32_t id;
+  PrismFilter filter;
+  ObjectKind kind = ObjectKind::kUnknown;
+  double kind_probability = 0.0;
+  KindEvidence evidence;
+  bool moving = false;
+
+  int views = 0;              ///< frames in which it was seen
+  TimeNs seen_ns = 0;         ///< last of them
+  double unseen_s = 0.0;      ///< since then
+  bool hidden = false;        ///< unseen, but something stands before it
+  int blob = -1;              ///< index into this frame's objects; −1: not seen
+  bool clean = false;         ///< this frame: alone in its blob, whole, not cut
+  View view;                  ///< this frame's view; directions that are not its own have σ ≤ 0
+  std::deque<View> past;      ///< views of the last seconds, oldest first
+  BodyFit fit;                ///< best known body over this view
+};
+
+}  // namespace omnifleet::tracking
