@@ -1,0 +1,33 @@
+#include "dataset/dataset.h"
+#include "fleet/sources.h"
+
+namespace omnifleet::fleet {
+
+void addDataset(Fleet& fleet) {
+  const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
+  const auto addCamera = [&](const dataset::ImageStream& stream, const std::string& robot, CameraRole role) {
+    CameraSpec camera;
+    camera.id = stream.name;
+    camera.robot = robot;
+    camera.role = role;
+    camera.source = CameraSource::kDataset;
+    camera.model = stream.camera;
+    fleet.cameras.push_back(camera);
+  };
+  for (const dataset::RobotRecording& recorded : recording.robots) {
+    RobotSpec robot;
+    robot.name = recorded.name;
+    robot.initial_pose = recorded.initial_pose;
+    robot.body = recorded.body;
+    robot.has_wheels = !recorded.wheels.empty();
+    robot.has_observations = !recorded.observations.empty();
+    robot.has_laser = !recorded.laser.empty();
+    fleet.robots.push_back(robot);
+    if (recorded.fisheye) addCamera(*recorded.fisheye, robot.name, CameraRole::kFisheye);
+    if (recorded.front) addCamera(*recorded.front, robot.name, CameraRole::kFront);
+  }
+  for (const dataset::ImageStream& stream : recording.ceiling) addCamera(stream, "", CameraRole::kCeiling);
+  fleet.markers = recording.markers;
+}
+
+}  // namespace omnifleet::fleet

@@ -1,0 +1,120 @@
+#include "camera/service.h"
+
+#include "adapters/adapters.h"
+
+namespace omnifleet::services {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr auto kSlotRetry = std::chrono::microseconds(500);
+
+std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
+  const dataset::FrameSize size{camera.model.image_width_px, camera.model.image_height_px};
+  const auto colour = dataset::Colour::kBgr;
+  switch (camera.source) {
+    case fleet::CameraSource::kDataset: {
+      const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
+      return dataset::openStream(*recording.findStream(camera.id), colour);
+    }
+    case fleet::CameraSource::kFolder:
+      return dataset::openFolder(camera.path, colour, size, static_cast<TimeNs>(1e9 / camera.rate_hz));
+    case fleet::CameraSource::kVideo: return dataset::openVideo(camera.path, colour, size);
+    case fleet::CameraSource::kDevice: return dataset::openDevice(camera.path, colour, size);
+    case fleet::CameraSource::kArena: break;
+  }
+  throw std::logic_error("an arena camera is rendered, not opened");
+}
+
+std::size_t frameBytes(const fleet::CameraSpec& camera) {
+  return static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3;
+}
+
+}  // namespace
+
+CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+    : context_(context),
+      camera_(fleet.camera(context.options.camera)),
+      paced_(context.options.mode == bus::RunMode::kLive && camera_.source != fleet::CameraSource::kDevice),
+      source_(openSource(camera_, fleet)),
+      writer_(context.bus.frameWriter(camera_.id, frameBytes(camera_))),
+      ends_(context) {
+  header_.clock = static_cast<bus::ClockId>(context.options.mode == bus::RunMode::kLive ? 0 : 1);
+}
+
+std::vector<bus::Expectation> CameraService::expectations() const {
+  return {{"camera " + camera_.id + " read by its stage", [this] { return writer_->matched() >= 1; }}};
+}
+
+void CameraService::start() { status().state(bus::ServiceState::kRunning); }
+
+bool CameraService::spin() {
+  if (ended_) return false;
+  wake_at_.reset();
+  if (!decoded_ && !decode()) return ended_;
+  if (!due()) return false;
+  publish();
+  return true;
+}
+
+bool CameraService::decode() {
+  header_.width_px = camera_.model.image_width_px;
+  header_.height_px = camera_.model.image_height_px;
+  header_.channels = 3;
+  std::uint8_t* loan = writer_->begin(header_);
+  if (!loan) {
+    wake_at_ = steady_clock::now() + kSlotRetry;
+    return false;
+  }
+  cv::Mat image(header_.height_px, header_.width_px, CV_8UC3, loan);
+  dataset::FrameInfo info;
+  if (!source_->next(image, info)) {
+    writer_->abandon();
+    finish();
+    return false;
+  }
+  header_.acquired_ns = info.time_ns;
+  header_.sequence = info.sequence;
+  header_.state = info.state;
+  if (info.state != FrameState::kOk) status().error(info.note);
+  writer_->amend(header_);
+  decoded_ = true;
+  return true;
+}
+
+bool CameraService::due() {
+  if (!paced_) return true;
+  const auto now = steady_clock::now();
+  if (samples_ == 0) {
+    first_frame_ns_ = header_.acquired_ns;
+    first_sent_ = now;
+  }
+  const auto at = first_sent_ + std::chrono::nanoseconds(header_.acquired_ns - first_frame_ns_);
+  if (now >= at) return true;
+  wake_at_ = at;
+  return false;
+}
+
+void CameraService::publish() {
+  const auto begun = steady_clock::now();
+  decoded_ = false;
+  if (!writer_->publish()) {
+    status().dropped();
+    status().error("camera " + camera_.id + ": " + writer_->error());
+    return;
+  }
+  if (header_.state != FrameState::kOk) status().invalid();
+  last_ns_ = header_.acquired_ns;
+  ++samples_;
+  status().processed(steady_clock::now() - begun);
+}
+
+void CameraService::finish() {
+  if (ended_) return;
+  ended_ = true;
+  ends_.announce("camera " + camera_.id, last_ns_, samples_);
+}
+
+void CameraService::drain() { finish(); }
+
+}  // namespace omnifleet::services

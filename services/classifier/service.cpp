@@ -1,0 +1,79 @@
+#include "classifier/service.h"
+
+namespace omnifleet::services {
+namespace {
+
+using std::chrono::steady_clock;
+
+std::string ownRobot(const bus::ServiceContext& context, const fleet::Fleet& fleet) {
+  return fleet.robot(context.options.robot).name;
+}
+
+}  // namespace
+
+ClassifierService::ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+    : context_(context),
+      ends_(context),
+      local_maps_(context.bus.reader(context.topics.local_map, context.options.robot), merger_, ends_,
+                  {"local_map " + context.options.robot, context.options.robot, 0, bus::StreamRole::kInput,
+                   streamMode(context.options)}),
+      out_(context.bus.writer(context.topics.objects, context.options.robot), "objects " + context.options.robot,
+           fleet::expectedReaders(fleet, "objects", context.options.robot)),
+      classifier_(classifier::Classifier::Options::read(fleet.service("classifier")), ownRobot(context, fleet),
+                  fleet.bodies()) {
+  for (const std::string& robot : fleet.mappingRobots()) {
+    poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
+        context.bus.reader(context.topics.pose, robot), merger_, ends_,
+        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback, streamMode(context.options)}));
+  }
+}
+
+bool ClassifierService::pull() {
+  bool any = ends_.poll();
+  any |= local_maps_.pull(status(), [](const v1::LocalMap& wire, Payload& payload) {
+    return adapters::fromWire(wire, payload.emplace<LocalMap>());
+  }) > 0;
+  for (auto& inlet : poses_) {
+    any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
+      return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
+    }) > 0;
+  }
+  return any;
+}
+
+bool ClassifierService::spin() {
+  bool any = pull();
+  while (merger_.nextBatch(batch_)) {
+    process();
+    any = true;
+  }
+  if (!ended_ && merger_.finished()) {
+    out_.end(ends_);
+    ended_ = any = true;
+  }
+  return any;
+}
+
+void ClassifierService::process() {
+  const auto begun = steady_clock::now();
+  for (auto& item : batch_.feedback) {
+    auto& pose = std::get<PoseEstimate>(item.payload);
+    latest_[pose.robot] = pose;
+  }
+  known_.clear();
+  for (const auto& [robot, pose] : latest_) known_.push_back(pose);
+  const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known_);
+  adapters::toWire(objects, runClock(context_.options), sample_);
+  out_.write(sample_, status());
+  if (objects.state != FrameState::kOk) status().invalid();
+  status().processed(steady_clock::now() - begun);
+}
+
+void ClassifierService::drain() { out_.end(ends_, ended_ ? "" : "stopped"); }
+
+std::unique_ptr<bus::Service> makeClassifier(const bus::ServiceContext& context) {
+  const auto& o = context.options;
+  return std::make_unique<ClassifierService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs));
+}
+
+}  // namespace omnifleet::services

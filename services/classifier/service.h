@@ -1,0 +1,51 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <variant>
+#include <vector>
+
+#include "bus/service.h"
+#include "classifier/classifier.h"
+#include "common/inlet.h"
+#include "fleet/fleet.h"
+
+namespace omnifleet::services {
+
+/// One robot's local maps in, one sample of objects per frame out; the fleet's poses of the previous frame feed back.
+class ClassifierService : public bus::Service {
+ public:
+  ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+
+  std::vector<bus::Expectation> expectations() const override { return {out_.expectation()}; }
+  void start() override { status().state(bus::ServiceState::kRunning); }
+  bool spin() override;
+  bool finished() const override { return ended_; }
+  void drain() override;
+  std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
+    return merger_.waitingFor(now);
+  }
+
+ private:
+  using Payload = std::variant<std::monostate, LocalMap, PoseEstimate>;
+
+  bool pull();
+  void process();
+
+  bus::ServiceContext context_;
+  bus::TimeMerger<Payload> merger_;
+  bus::TimeMerger<Payload>::Batch batch_;
+  RunEnds ends_;
+  Inlet<v1::LocalMap, Payload> local_maps_;
+  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  Outlet<v1::Objects> out_;
+  classifier::Classifier classifier_;
+  std::map<std::string, PoseEstimate> latest_;  ///< per robot
+  std::vector<PoseEstimate> known_;
+  v1::Objects sample_;
+  bool ended_ = false;
+};
+
+std::unique_ptr<bus::Service> makeClassifier(const bus::ServiceContext& context);
+
+}  // namespace omnifleet::services

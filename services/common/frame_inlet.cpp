@@ -1,0 +1,42 @@
+#include "common/frame_inlet.h"
+
+namespace omnifleet::services {
+
+FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends)
+    : name_("camera " + camera.id),
+      reader_(context.bus.frameReader(
+          camera.id, static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3)) {
+  ends.listen(name_, [this](TimeNs last) { end_ns_ = last; });
+}
+
+std::optional<bus::FrameView> FrameInlet::take(bus::StatusBoard& status) {
+  while (auto frame = reader_->take()) {
+    if (frame->header.acquired_ns > last_ns_) {
+      last_ns_ = frame->header.acquired_ns;
+      return frame;
+    }
+    reader_->release();
+    status.dropped();
+    status.error(name_ + ": a frame out of order was left out");
+  }
+  return std::nullopt;
+}
+
+bool FrameInlet::release(bus::StatusBoard& status) {
+  const bool valid = reader_->stillValid();
+  reader_->release();
+  if (!valid) {
+    status.dropped();
+    status.error(name_ + ": a frame was overwritten while it was used");
+  }
+  return valid;
+}
+
+cv::Mat asMat(const bus::FrameView& frame) {
+  if (!frame.data || frame.header.bytes() == 0) return {};
+  // The loan is read-only memory of the writer; nobody writes through this Mat.
+  return {frame.header.height_px, frame.header.width_px, frame.header.channels == 1 ? CV_8UC1 : CV_8UC3,
+          const_cast<std::uint8_t*>(frame.data)};
+}
+
+}  // namespace omnifleet::services

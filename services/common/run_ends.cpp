@@ -1,0 +1,38 @@
+#include "common/run_ends.h"
+
+#include "adapters/adapters.h"
+
+namespace omnifleet::services {
+
+RunEnds::RunEnds(const bus::ServiceContext& context)
+    : reader_(context.bus.reader(context.topics.run_end)), writer_(context.bus.writer(context.topics.run_end)) {}
+
+void RunEnds::listen(const std::string& stream, std::function<void(TimeNs)> ended) {
+  listeners_[stream] = std::move(ended);
+}
+
+bool RunEnds::poll() {
+  bool heard = false;
+  while (reader_->take(sample_)) {
+    const auto listener = listeners_.find(sample_.stream());
+    if (listener == listeners_.end()) continue;
+    const TimeNs last = sample_.samples() == 0 ? kNothing : sample_.header().acquired_ns();
+    const auto ended = std::move(listener->second);
+    listeners_.erase(listener);
+    ended(last);
+    heard = true;
+  }
+  return heard;
+}
+
+void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t samples, const std::string& reason) {
+  v1::RunEnd end;
+  end.stream(stream);
+  adapters::fillHeader(last, 0, adapters::RunClock::kSystem, end.header());
+  end.samples(samples);
+  end.reason(reason.substr(0, 255));
+  // A reader that is gone cannot hear it; nothing else can fail for a keep-last topic.
+  if (!writer_->write(end)) return;
+}
+
+}  // namespace omnifleet::services

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "bus/service.h"
+
+namespace omnifleet::services {
+
+/// The run/end topic as one stage sees it: hears when its input streams end, says when its own have ended.
+/// Streams are named "<topic> <robot, camera or source>", e.g. "local_map r1".
+class RunEnds {
+ public:
+  explicit RunEnds(const bus::ServiceContext& context);
+
+  /// `ended(last)` is called once, when the stream's end is heard; `last` is the time of its last sample
+  /// (kNothing when there was none).
+  void listen(const std::string& stream, std::function<void(TimeNs last)> ended);
+  /// Takes what has arrived; true when anything was heard that someone listens for.
+  bool poll();
+  /// Our stream has ended. An empty reason is the regular end.
+  void announce(const std::string& stream, TimeNs last, std::uint64_t samples, const std::string& reason = {});
+
+  static constexpr TimeNs kNothing = INT64_MIN;
+
+ private:
+  std::unique_ptr<bus::Reader<v1::RunEnd>> reader_;
+  std::unique_ptr<bus::Writer<v1::RunEnd>> writer_;
+  std::map<std::string, std::function<void(TimeNs)>> listeners_;
+  v1::RunEnd sample_;
+};
+
+}  // namespace omnifleet::services

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <variant>
+
+#include "bus/service.h"
+#include "common/inlet.h"
+#include "fleet/fleet.h"
+#include "local_mapper/debug_images.h"
+#include "local_mapper/local_mapper.h"
+#include "motion/wheel_integrator.h"
+
+namespace omnifleet::services {
+
+/// One robot's frames and wheel speeds in, one local map per frame out.
+class LocalMapperService : public bus::Service {
+ public:
+  LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+
+  std::vector<bus::Expectation> expectations() const override { return {out_.expectation()}; }
+  void start() override { status().state(bus::ServiceState::kRunning); }
+  bool spin() override;
+  bool finished() const override { return ended_; }
+  void drain() override;
+  std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
+    return merger_.waitingFor(now);
+  }
+
+ private:
+  using Payload = std::variant<std::monostate, bus::FrameView, dataset::WheelRow>;
+
+  bool pull();
+  void process(const bus::TimeMerger<Payload>::Batch& batch);
+  void publish(const bus::FrameView& frame, std::chrono::steady_clock::time_point begun);
+
+  bus::ServiceContext context_;
+  fleet::CameraSpec camera_;
+  bus::TimeMerger<Payload> merger_;
+  bus::TimeMerger<Payload>::Batch batch_;
+  RunEnds ends_;
+  std::unique_ptr<bus::FrameReader> frames_;
+  int frame_stream_ = -1;
+  TimeNs last_frame_ns_ = RunEnds::kNothing;
+  std::optional<TimeNs> frames_end_ns_;
+  std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
+  Outlet<v1::LocalMap> out_;
+  motion::WheelIntegrator integrator_;
+  local_mapper::LocalMapper mapper_;
+  std::optional<local_mapper::DebugImages> debug_;
+  v1::LocalMap sample_;
+  bool ended_ = false;
+};
+
+std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context);
+
+}  // namespace omnifleet::services

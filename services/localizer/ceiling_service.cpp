@@ -1,0 +1,56 @@
+#include "localizer/ceiling_service.h"
+
+#include <opencv2/core/mat.hpp>
+
+namespace omnifleet::services {
+namespace {
+using std::chrono::steady_clock;
+}
+
+CeilingService::CeilingService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+    : context_(context),
+      camera_(fleet.camera(context.options.camera)),
+      ends_(context),
+      frames_(context, camera_, ends_),
+      out_(context.bus.writer(context.topics.measurement, camera_.id), "measurement " + camera_.id,
+           fleet::expectedReaders(fleet, "measurement", camera_.id)),
+      front_end_(camera_.id.substr(camera_.id.find('/') + 1), camera_.model, fleet.markers.value(),
+                 markers::FinderOptions::read(fleet.service("localizer").child("markers"))) {}
+
+bool CeilingService::spin() {
+  bool any = ends_.poll();
+  while (const auto frame = frames_.take(status())) {
+    process(*frame);
+    any = true;
+  }
+  if (!ended_ && frames_.ended()) {
+    out_.end(ends_);
+    ended_ = any = true;
+  }
+  return any;
+}
+
+void CeilingService::process(const bus::FrameView& frame) {
+  const auto begun = steady_clock::now();
+  FrameState state = frame.header.state;
+  found_.clear();
+  if (state == FrameState::kOk) {
+    const cv::Mat image = asMat(frame);
+    if (image.type() == CV_8UC3 && image.cols == camera_.model.image_width_px && image.rows == camera_.model.image_height_px) {
+      found_ = front_end_.process(frame.header.acquired_ns, frame.header.sequence, image);
+    } else {
+      state = FrameState::kWrongSize;
+    }
+  }
+  if (!frames_.release(status())) {
+    state = FrameState::kTorn;
+    found_.clear();
+  }
+  if (state != FrameState::kOk) status().invalid();
+  adapters::toWire(camera_.id, frame.header.acquired_ns, frame.header.sequence, state, found_,
+                   runClock(context_.options), sample_);
+  out_.write(sample_, status());
+  status().processed(steady_clock::now() - begun);
+}
+
+}  // namespace omnifleet::services
