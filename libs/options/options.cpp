@@ -84,6 +84,8 @@ bool Section::has(const std::string& key) const {
   return find(key) != nullptr;
 }
 
+bool Section::isList(const std::string& key) const { return get(key).IsSequence(); }
+
 void Section::fail(const std::string& key, const std::string& problem) const {
   std::string where = file();
   if (const Layer* layer = find(key)) {

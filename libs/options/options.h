@@ -42,6 +42,8 @@ class Section {
   void overlay(const Section& top);
 
   bool has(const std::string& key) const;
+  /// True where the value is a list.
+  bool isList(const std::string& key) const;
   void read(const std::string& key, bool& value) const;
   void read(const std::string& key, int& value, Range allowed = {}) const;
   void read(const std::string& key, double& value, Range allowed = {}) const;

@@ -1,0 +1,191 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+
+#include "lens/camera.h"
+#include "lens/models.h"
+
+namespace omnifleet::lens {
+namespace {
+
+template <typename Enum>
+struct Name {
+  const char* name;
+  Enum value;
+};
+constexpr std::array<Name<CameraKind>, 4> kKinds{{{"fisheye", CameraKind::kFisheye},
+                                                  {"pinhole", CameraKind::kPinhole},
+                                                  {"equirectangular", CameraKind::kEquirectangular},
+                                                  {"catadioptric", CameraKind::kCatadioptric}}};
+constexpr std::array<Name<Projection>, 7> kProjections{{{"orthographic", Projection::kOrthographic},
+                                                        {"equidistant", Projection::kEquidistant},
+                                                        {"equisolid", Projection::kEquisolid},
+                                                        {"stereographic", Projection::kStereographic},
+                                                        {"kannala_brandt", Projection::kKannalaBrandt},
+                                                        {"ocam", Projection::kOcam},
+                                                        {"pinhole", Projection::kPinhole}}};
+
+template <typename Enum, std::size_t N>
+std::string toText(Enum value, const std::array<Name<Enum>, N>& names) {
+  const auto found =
+      std::find_if(names.begin(), names.end(), [&](const auto& entry) { return entry.value == value; });
+  return found == names.end() ? "" : found->name;
+}
+
+template <typename Enum, std::size_t N>
+void readName(const options::Section& section, const std::string& key, const std::array<Name<Enum>, N>& names,
+              Enum& value) {
+  std::vector<std::string> allowed;
+  for (const auto& entry : names) allowed.emplace_back(entry.name);
+  std::string text = toText(value, names);
+  section.read(key, text, allowed);
+  for (const auto& entry : names) {
+    if (text == entry.name) value = entry.value;
+  }
+}
+
+void readFocal(const options::Section& section, Eigen::Vector2d& focal_px) {
+  if (section.isList("focal_px")) {
+    section.read("focal_px", focal_px, options::kPositive);
+  } else if (section.has("focal_px")) {
+    double value = 0.0;
+    section.read("focal_px", value, options::kPositive);
+    focal_px = {value, value};
+  }
+}
+
+/// What a sensor.yaml may leave out, given what it says.
+void fillDefaults(const options::Section& section, bool known_intrinsics, CameraModel& model) {
+  if (model.kind == CameraKind::kEquirectangular) {
+    if (!section.has("focal_px")) {
+      model.focal_px = {model.image_width_px / (2.0 * M_PI), model.image_height_px / M_PI};
+    }
+    if (!section.has("principal_point_px")) {
+      model.principal_point_px = {0.5 * (model.image_width_px - 1), 0.5 * (model.image_height_px - 1)};
+    }
+    return;
+  }
+  if (known_intrinsics) return;
+  if (model.projection != Projection::kOcam && !section.has("focal_px"))
+    section.fail("focal_px", "is required");
+  if (!section.has("principal_point_px")) section.fail("principal_point_px", "is required");
+}
+
+/// Lens::make names the key in its message; this adds file and line.
+[[noreturn]] void failAtKey(const options::Section& section, const std::string& message) {
+  const std::size_t colon = message.find(": ");
+  if (colon == std::string::npos) section.fail("distortion", message);
+  section.fail(message.substr(0, colon), message.substr(colon + 2));
+}
+
+void checkLens(const options::Section& section, CameraModel& model) {
+  const bool has_field =
+      model.kind != CameraKind::kEquirectangular && model.projection != Projection::kPinhole;
+  try {
+    if (has_field && !section.has("fov_deg")) model.fov_deg = widestFovDeg(model);
+    Lens::make(model);
+  } catch (const options::Error& error) {
+    failAtKey(section, error.what());
+  }
+}
+
+}  // namespace
+
+CameraModel CameraModel::load(const std::string& path) {
+  CameraModel model;
+  if (!readForeignCalibration(path, model)) return read(options::Section::load(path));
+  try {
+    Lens::make(model);
+  } catch (const options::Error& error) {
+    throw options::Error(fmt::format("{}: {}", path, error.what()));
+  }
+  return model;
+}
+
+CameraModel CameraModel::read(const options::Section& section) {
+  CameraModel model;
+  std::string calibration;
+  section.read("calibration", calibration);
+  if (!calibration.empty()) {
+    const auto path = std::filesystem::path(section.file()).parent_path() / calibration;
+    if (!readForeignCalibration(path.string(), model)) {
+      section.fail("calibration", "must name an OpenCV or Kalibr calibration file");
+    }
+  }
+  readName(section, "camera_model", kKinds, model.kind);
+  if (calibration.empty() && model.kind == CameraKind::kPinhole) model.projection = Projection::kPinhole;
+  if (calibration.empty() && model.kind == CameraKind::kCatadioptric) model.projection = Projection::kOcam;
+  if (calibration.empty() && model.kind == CameraKind::kFisheye && !section.has("projection")) {
+    section.fail("projection", "is required for a fisheye lens");
+  }
+  if (model.kind == CameraKind::kEquirectangular) {
+    std::string ignored;
+    section.read("projection", ignored);
+  } else {
+    readName(section, "projection", kProjections, model.projection);
+  }
+  const options::Range size{1, 32768};
+  if (calibration.empty() || section.has("image_width"))
+    section.require("image_width", model.image_width_px, size);
+  if (calibration.empty() || section.has("image_height"))
+    section.require("image_height", model.image_height_px, size);
+  readFocal(section, model.focal_px);
+  section.read("principal_point_px", model.principal_point_px);
+  section.read("fov_deg", model.fov_deg, {1.0, 360.0});
+  section.read("distortion", model.distortion);
+  section.read("position_m", model.position_m);
+  section.read("rotation_rpy_deg", model.rotation_rpy_deg, {-360.0, 360.0});
+  section.read("self_mask_radius_px", model.self_mask_radius_px, options::kNotNegative);
+  section.finish();
+  fillDefaults(section, !calibration.empty(), model);
+  checkLens(section, model);
+  return model;
+}
+
+std::string CameraModel::toYaml() const {
+  std::string text = fmt::format("camera_model: {}\n", toText(kind, kKinds));
+  if (kind != CameraKind::kEquirectangular)
+    text += fmt::format("projection: {}\n", toText(projection, kProjections));
+  text += fmt::format("image_width: {}\nimage_height: {}\n", image_width_px, image_height_px);
+  if (focal_px.minCoeff() > 0.0) text += fmt::format("focal_px: [{}, {}]\n", focal_px.x(), focal_px.y());
+  text += fmt::format("principal_point_px: [{}, {}]\n", principal_point_px.x(), principal_point_px.y());
+  text += fmt::format("fov_deg: {}\ndistortion: [{}]\n", fov_deg, fmt::join(distortion, ", "));
+  text += fmt::format("position_m: [{}, {}, {}]\n", position_m.x(), position_m.y(), position_m.z());
+  text += fmt::format("rotation_rpy_deg: [{}, {}, {}]\n", rotation_rpy_deg.x(), rotation_rpy_deg.y(),
+                      rotation_rpy_deg.z());
+  return text + fmt::format("self_mask_radius_px: {}\n", self_mask_radius_px);
+}
+
+double widestFovDeg(CameraModel model) {
+  const auto invertible = [&model](double fov_deg) {
+    model.fov_deg = fov_deg;
+    try {
+      return Lens::make(model);
+    } catch (const options::Error&) {
+      return std::unique_ptr<const Lens>();
+    }
+  };
+  double low = 1.0, high = model.projection == Projection::kOrthographic ? 180.0 : 359.0;
+  if (!invertible(high)) {
+    if (!invertible(low)) Lens::make(model);  // says why
+    for (int i = 0; i < 30; ++i) {
+      const double middle = 0.5 * (low + high);
+      (invertible(middle) ? low : high) = middle;
+    }
+    high = low;
+  }
+  const std::unique_ptr<const Lens> lens = invertible(high);
+  double farthest_rad = 0.0;
+  const double right = model.image_width_px - 1.0, bottom = model.image_height_px - 1.0;
+  for (const Eigen::Vector2d& corner : {Eigen::Vector2d(0, 0), Eigen::Vector2d(right, 0),
+                                        Eigen::Vector2d(0, bottom), Eigen::Vector2d(right, bottom)}) {
+    const auto ray = lens->rayFromPixel(corner);
+    if (!ray) return high;
+    farthest_rad = std::max(farthest_rad, std::atan2(ray->head<2>().norm(), ray->z()));
+  }
+  return std::min(high, 2.0 * farthest_rad / kDegree);
+}
+
+}  // namespace omnifleet::lens

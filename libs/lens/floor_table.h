@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "lens/camera.h"
+
+namespace omnifleet::lens {
+
+/// Floor point per pixel from a table, for contours: the lens is evaluated once per camera, on a lattice.
+/// The table holds rays (in the parent frame, as float), which stay smooth up to and beyond the horizon where
+/// floor points run to infinity; between lattice points the ray is interpolated bilinearly and then cut with
+/// the plane. Error against Camera::planeFromPixel: see tests/unit/lens/floor_table_test.cpp.
+class FloorTable {
+ public:
+  /// `step_px`: distance of the lattice points (1 needs 12 bytes a pixel; 4 fits the cache and errs below
+  /// 0.02 px).
+  explicit FloorTable(const Camera& camera, int step_px = 4);
+
+  /// Point of the plane z = plane_height_m in the parent frame, metres; NaN above the horizon, outside the
+  /// image or outside the field of view. Any sub-pixel position.
+  Eigen::Vector2f at(float u_px, float v_px, float plane_height_m = 0.0f) const;
+
+  /// Unit-length ray in the parent frame (to the accuracy of the table); NaN where nothing is seen.
+  Eigen::Vector3f ray(float u_px, float v_px) const;
+
+ private:
+  Eigen::Vector3f exact(float u_px, float v_px) const;
+
+  Camera camera_;
+  int step_px_, columns_, rows_;
+  float inverse_step_;
+  std::vector<Eigen::Vector3f> rays_;  ///< NaN outside the field of view
+};
+
+}  // namespace omnifleet::lens
