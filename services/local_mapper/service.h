@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "bus/service.h"
+#include "common/frame_inlet.h"
 #include "common/inlet.h"
 #include "fleet/fleet.h"
 #include "local_mapper/debug_images.h"
@@ -31,18 +32,15 @@ class LocalMapperService : public bus::Service {
   using Payload = std::variant<std::monostate, bus::FrameView, dataset::WheelRow>;
 
   bool pull();
-  void process(const bus::TimeMerger<Payload>::Batch& batch);
-  void publish(const bus::FrameView& frame, std::chrono::steady_clock::time_point begun);
+  void process();
 
   bus::ServiceContext context_;
   fleet::CameraSpec camera_;
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
-  std::unique_ptr<bus::FrameReader> frames_;
+  FrameInlet frames_;
   int frame_stream_ = -1;
-  TimeNs last_frame_ns_ = RunEnds::kNothing;
-  std::optional<TimeNs> frames_end_ns_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;

@@ -1,0 +1,90 @@
+// Starts a fleet's processes and keeps them alive: `run FLEET.yaml` or `replay DATASET`.
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+
+#include "bus/service.h"
+#include "bus/shared_memory.h"
+#include "launch/plan.h"
+#include "launch/progress.h"
+
+namespace {
+
+using omnifleet::launch::RunRequest;
+
+void addCommon(CLI::App& app, RunRequest& request) {
+  app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
+  app.add_option("--host", request.host, "start only this host's part");
+  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::PositiveNumber);
+  app.add_option("--domain", request.domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  app.add_flag("--record", request.record, "write the run itself as a dataset into OUT/recording");
+}
+
+std::string programFolder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
+
+void report(const omnifleet::supervisor::RunReport& run, const std::string& out) {
+  for (const auto& failure : run.failures) {
+    std::fprintf(stderr, "%s: %s\n", failure.name.c_str(), failure.how.c_str());
+    for (const std::string& line : failure.last_lines) std::fprintf(stderr, "  | %s\n", line.c_str());
+  }
+  if (run.restarts > 0) std::fprintf(stderr, "%d restarts\n", run.restarts);
+  std::fprintf(stderr, "%s: %s\n", run.exit_code() == 0 ? "done" : "failed", out.c_str());
+}
+
+int launch(const RunRequest& request) {
+  using namespace omnifleet;
+  const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
+  bus::removeStaleSharedMemory();
+  launch::checkBeforeStart(request, fleet);
+  supervisor::Options options;
+  options.duration_s = request.duration_s;
+  const auto processes = launch::plan(request, fleet, programFolder());
+  std::fprintf(stderr, "starting %zu processes (%s); logs in %s/log\n", processes.size(),
+               launch::modeOf(request, fleet).c_str(), request.out.c_str());
+  supervisor::Callbacks callbacks;
+  callbacks.on_restart = [](const std::string& name, double delay_s) {
+    std::fprintf(stderr, "%s died, starts again in %.1f s\n", name.c_str(), delay_s);
+  };
+  std::optional<launch::Progress> progress;
+  progress.emplace(request.domain, launch::expectedFrames(fleet));
+  const auto run = supervisor::Supervisor(options).run(processes, callbacks);
+  progress.reset();
+  bus::removeStaleSharedMemory();
+  report(run, request.out);
+  return run.exit_code();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using omnifleet::bus::ExitCode;
+  CLI::App app{"Starts a fleet, one process per service and robot"};
+  app.require_subcommand(1);
+  RunRequest request;
+  auto* run = app.add_subcommand("run", "a fleet file");
+  run->add_option("fleet", request.fleet_file, "fleet file")->required();
+  run->add_option("--out", request.out, "run directory")->default_val("out/run");
+  run->add_flag("--realtime", request.realtime, "the arena by the wall clock");
+  addCommon(*run, request);
+  auto* replay = app.add_subcommand("replay", "a recording, as fast as it goes, no frame lost");
+  replay->add_option("dataset", request.dataset, "dataset folder")->required();
+  replay->add_option("--out", request.out, "run directory")->required();
+  addCommon(*replay, request);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::kBadOptions);
+  }
+  try {
+    return launch(request);
+  } catch (const omnifleet::options::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return static_cast<int>(ExitCode::kBadOptions);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "launch: %s\n", error.what());
+    return static_cast<int>(ExitCode::kFailure);
+  }
+}

@@ -1,0 +1,73 @@
+#include "launch/plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "bus/shared_memory.h"
+#include "common/check_options.h"
+#include "dataset/atomic_file.h"
+#include "dataset/dataset.h"
+
+namespace omnifleet::launch {
+
+std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet) {
+  if (!fleet.dataset.empty()) return "replay";
+  return !fleet.arena.empty() && !request.realtime ? "lockstep" : "live";
+}
+
+std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
+                                          const std::string& program_folder) {
+  const std::string mode = modeOf(request, fleet);
+  std::vector<supervisor::ProcessSpec> specs;
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet, request.host)) {
+    supervisor::ProcessSpec spec;
+    std::string instance = process.instance;
+    std::replace(instance.begin(), instance.end(), '/', '_');
+    spec.name = instance.empty() ? process.service : process.service + "_" + instance;
+    spec.argv = {program_folder + "/omnifleet_" + process.service, "--mode", mode, "--out", request.out,
+                 "--domain", std::to_string(request.domain)};
+    const auto add = [&](const std::string& key, const std::string& value) {
+      if (!value.empty()) spec.argv.insert(spec.argv.end(), {key, value});
+    };
+    add("--fleet", request.fleet_file);
+    add("--dataset", fleet.dataset);
+    for (const std::string& overlay : request.overlays) add("--config", overlay);
+    add(process.instance.find('/') == std::string::npos ? "--robot" : "--camera", process.instance);
+    if (request.record) spec.argv.push_back("--record");
+    spec.log_path = request.out + "/log/" + spec.name + ".log";
+    spec.level = process.stage;
+    spec.sink = process.service == "global_merger";
+    // Where nothing may be lost a lost process is the end of the run; live, the fleet goes on without it.
+    spec.restart = mode == "live" ? supervisor::RestartPolicy::kOnFailure : supervisor::RestartPolicy::kNever;
+    specs.push_back(std::move(spec));
+  }
+  return specs;
+}
+
+std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
+  if (fleet.dataset.empty()) return 0;
+  const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
+  std::size_t frames = 0;
+  for (const auto& robot : recording.robots) {
+    if (robot.fisheye) frames = std::max(frames, robot.fisheye->rows.size());
+  }
+  return frames;
+}
+
+void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
+  services::checkOptions(fleet);
+  try {
+    dataset::makeDirectories(request.out + "/log");
+    dataset::writeAtomic(request.out + "/log/.writable", "");
+    std::size_t bytes = 0;
+    for (const fleet::CameraSpec& camera : fleet.cameras) {
+      bytes += bus::frameChannelBytes(static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3);
+    }
+    bus::requireSharedMemory(bytes);
+  } catch (const std::runtime_error& error) {
+    throw options::Error(error.what());
+  }
+}
+
+}  // namespace omnifleet::launch

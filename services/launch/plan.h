@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fleet/fleet.h"
+#include "supervisor/supervisor.h"
+
+namespace omnifleet::launch {
+
+/// What the command line asks for.
+struct RunRequest {
+  std::string fleet_file;  ///< or
+  std::string dataset;
+  std::vector<std::string> overlays;
+  std::string out;
+  std::string host;        ///< only this host's part; empty: all
+  double duration_s = 0.0;
+  bool record = false;
+  bool realtime = false;   ///< the arena by the wall clock
+  int domain = 0;
+};
+
+/// "replay", "lockstep" or "live".
+std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
+
+/// One entry per process of the fleet on this host. `program_folder` holds the service programs.
+std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
+                                          const std::string& program_folder);
+
+/// Frames that the whole run will have per robot, the largest; 0 where it is not known.
+std::uint64_t expectedFrames(const fleet::Fleet& fleet);
+
+/// Throws options::Error before anything is started: every option of every service, enough shared memory for the
+/// frames, a run directory that can be written.
+void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet);
+
+}  // namespace omnifleet::launch

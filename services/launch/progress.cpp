@@ -1,0 +1,74 @@
+#include "launch/progress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <optional>
+
+#include "bus/dds_bus.h"
+#include "bus/topics.h"
+
+namespace omnifleet::launch {
+
+using std::chrono::steady_clock;
+
+std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds) {
+  const double rate = seconds > 0 ? static_cast<double>(done) / seconds : 0.0;
+  if (total == 0) return fmt::format("{} frames per robot, {:.1f} frames/s, {:.0f} s", done, rate, seconds);
+  std::string line = fmt::format("{}/{} frames per robot, {:.1f} frames/s", done, total, rate);
+  if (rate > 0 && done < total) line += fmt::format(", {:.0f} s left", static_cast<double>(total - done) / rate);
+  return line;
+}
+
+Progress::Progress(int domain, std::uint64_t total) : total_(total), thread_([this, domain] { listen(domain); }) {}
+
+Progress::~Progress() {
+  stop_ = true;
+  thread_.join();
+}
+
+void Progress::listen(int domain) {
+  bus::DdsBusOptions options;
+  options.name = "omnifleet_launch";
+  options.domain = domain;
+  const auto bus = bus::makeDdsBus(options);
+  auto reader = bus->reader(bus::Topics(bus::RunMode::kLive).service_status);
+  const bool terminal = isatty(STDERR_FILENO) == 1;
+  const auto interval = std::chrono::milliseconds(terminal ? 200 : 5000);
+  std::map<std::string, std::uint64_t> done;      // of each merger
+  std::map<std::string, std::string> last_error;  // of each process
+  v1::ServiceStatus sample;
+  std::optional<steady_clock::time_point> first_frame;
+  auto printed = steady_clock::now();
+  std::uint64_t shown = 0;
+  const auto show = [&](const char* end) {
+    const double seconds = first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
+    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total_, seconds).c_str(), end);
+  };
+  while (!stop_) {
+    bus->wait(std::chrono::milliseconds(100));
+    while (reader->take(sample)) {
+      const std::string who = sample.service() + (sample.instance().empty() ? "" : " " + sample.instance());
+      if (!sample.last_error().empty() && last_error[who] != sample.last_error()) {
+        last_error[who] = sample.last_error();
+        std::fprintf(stderr, "%s%s: %s\n", terminal ? "\r\033[K" : "", who.c_str(), sample.last_error().c_str());
+      }
+      if (sample.service() == "global_merger") done[sample.instance()] = sample.processed();
+    }
+    std::uint64_t least = done.empty() ? 0 : UINT64_MAX;
+    for (const auto& [merger, count] : done) least = std::min(least, count);
+    if (least > 0 && !first_frame) first_frame = steady_clock::now();
+    if (least > shown && steady_clock::now() - printed >= interval) {
+      shown = least;
+      printed = steady_clock::now();
+      show(terminal ? "" : "\n");
+    }
+    shown = std::max(shown, least);
+  }
+  if (shown > 0) show("\n");
+}
+
+}  // namespace omnifleet::launch
