@@ -1,0 +1,138 @@
+#include "dataset/dataset.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+namespace omnifleet::dataset {
+namespace {
+namespace fs = std::filesystem;
+
+RobotBody readBody(const options::Section& section) {
+  RobotBody body;
+  const bool round = section.has("radius_m"), polygon = section.has("footprint_m");
+  if (round == polygon) section.fail("radius_m", "give exactly one of radius_m and footprint_m");
+  section.read("radius_m", body.radius_m, options::kPositive);
+  section.read("footprint_m", body.footprint_m);
+  if (polygon && body.footprint_m.size() < 3) section.fail("footprint_m", "needs at least 3 vertices");
+  if (polygon && signedArea(body.footprint_m) == 0.0) section.fail("footprint_m", "has no area");
+  if (signedArea(body.footprint_m) < 0.0) std::reverse(body.footprint_m.begin(), body.footprint_m.end());
+  section.require("height_m", body.height_m, options::kPositive);
+  section.finish();
+  return body;
+}
+
+RobotRecording readRobot(const options::Section& section, const std::string& name) {
+  RobotRecording robot;
+  robot.name = name;
+  if (section.has("initial_pose")) {
+    Eigen::Vector3d pose;
+    section.read("initial_pose", pose);
+    robot.initial_pose = Pose2{pose.x(), pose.y(), wrapAngle(pose.z())};
+  }
+  double wheel_separation_m = 0.0;
+  section.read("wheel_separation_m", wheel_separation_m, options::kPositive);
+  if (section.has("body")) robot.body = readBody(section.child("body"));
+  robot.body.wheel_separation_m = wheel_separation_m;
+  section.finish();
+  return robot;
+}
+
+/// A name that is also a folder and a DDS partition.
+void checkName(const options::Section& section, const std::string& name) {
+  const bool good =
+      !name.empty() &&
+      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") ==
+          std::string::npos;
+  if (!good || name == "ceiling" || name == "groundtruth") {
+    section.fail(name, "a robot's name has only letters, digits, _ and -, and is not ceiling or groundtruth");
+  }
+}
+
+std::vector<RobotRecording> readRobots(const std::string& path) {
+  const options::Section section = options::Section::load(path);
+  std::string format = "omnifleet-dataset";
+  int version = 1;
+  section.require("format", format, std::vector<std::string>{"omnifleet-dataset"});
+  section.require("version", version, options::Range{1, 1});
+  const options::Section robots = section.child("robots");
+  std::vector<RobotRecording> result;
+  for (const std::string& name : robots.keys()) {
+    checkName(robots, name);
+    result.push_back(readRobot(robots.child(name), name));
+  }
+  if (result.empty()) section.fail("robots", "must name at least one robot");
+  section.finish();
+  std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  return result;
+}
+
+void readStreams(const std::string& folder, RobotRecording& robot, std::vector<std::string>& warnings) {
+  const fs::path base = fs::path(folder) / robot.name;
+  for (const char* name : {"fisheye", "front"}) {
+    if (!fs::exists(base / name)) continue;
+    auto& stream = name == std::string("front") ? robot.front : robot.fisheye;
+    stream = readImageStream(folder, robot.name + "/" + name, warnings);
+  }
+  if (const auto path = base / "wheels" / "data.csv"; fs::exists(path)) {
+    robot.wheels = readWheels(path.string(), warnings);
+  }
+  if (const auto path = base / "observations.csv"; fs::exists(path)) {
+    robot.observations = readObservations(path.string(), warnings);
+  }
+  if (const auto path = base / "laser" / "data.csv"; fs::exists(path))
+    robot.laser = readLaser(path.string(), warnings);
+}
+
+std::vector<ImageStream> readCeiling(const std::string& folder, std::vector<std::string>& warnings) {
+  std::vector<std::string> names;
+  const fs::path base = fs::path(folder) / "ceiling";
+  if (!fs::is_directory(base)) return {};
+  for (const fs::directory_entry& entry : fs::directory_iterator(base)) {
+    if (entry.is_directory()) names.push_back("ceiling/" + entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  std::vector<ImageStream> streams;
+  for (const std::string& name : names) streams.push_back(readImageStream(folder, name, warnings));
+  return streams;
+}
+
+}  // namespace
+
+Dataset Dataset::open(const std::string& folder) {
+  if (!fs::is_directory(folder)) {
+    throw options::Error(fmt::format("{}: no such folder; give the folder that holds dataset.yaml", folder));
+  }
+  if (!fs::exists(fs::path(folder) / "dataset.yaml")) {
+    throw options::Error(fmt::format("{}/dataset.yaml: is missing; this folder is not a dataset", folder));
+  }
+  Dataset dataset;
+  dataset.folder = folder;
+  dataset.robots = readRobots((fs::path(folder) / "dataset.yaml").string());
+  for (RobotRecording& robot : dataset.robots) readStreams(folder, robot, dataset.warnings);
+  dataset.ceiling = readCeiling(folder, dataset.warnings);
+  const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
+  if (fs::exists(markers)) dataset.markers = MarkerSet::load(markers.string());
+  return dataset;
+}
+
+const RobotRecording* Dataset::findRobot(const std::string& name) const {
+  for (const RobotRecording& robot : robots) {
+    if (robot.name == name) return &robot;
+  }
+  return nullptr;
+}
+
+const ImageStream* Dataset::findStream(const std::string& name) const {
+  for (const RobotRecording& robot : robots) {
+    if (robot.fisheye && robot.fisheye->name == name) return &*robot.fisheye;
+    if (robot.front && robot.front->name == name) return &*robot.front;
+  }
+  for (const ImageStream& stream : ceiling) {
+    if (stream.name == name) return &stream;
+  }
+  return nullptr;
+}
+
+}  // namespace omnifleet::dataset

@@ -1,0 +1,213 @@
+#include "dataset/frame_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+namespace omnifleet::dataset {
+namespace {
+namespace fs = std::filesystem;
+
+/// Files that are listed with their times: a stream of a dataset or a folder.
+class FileSource : public FrameSource {
+ public:
+  FileSource(std::vector<ImageRow> rows, Colour colour, FrameSize size)
+      : rows_(std::move(rows)), colour_(colour), size_(size) {}
+
+  bool next(cv::Mat& image, FrameInfo& info) override {
+    if (position_ >= rows_.size()) return false;
+    const ImageRow& row = rows_[position_++];
+    info.time_ns = row.time_ns;
+    info.sequence = row.sequence;
+    if (row.time_ns <= latest_ns_) {
+      info.state = FrameState::kOutOfOrder;
+      info.note =
+          fmt::format("{}: time {} is not after {}, the latest before it", row.path, row.time_ns, latest_ns_);
+      return true;
+    }
+    latest_ns_ = row.time_ns;
+    if (row.path.empty()) {
+      info.state = FrameState::kMissing;
+      info.note = fmt::format("row {} names no file", row.sequence);
+      return true;
+    }
+    info.state = decodeImage(row.path, colour_, size_, buffer_, image, info.note);
+    if (info.state == FrameState::kOk && size_.width_px == 0) size_ = {image.cols, image.rows};
+    return true;
+  }
+
+  std::size_t size() const override { return rows_.size(); }
+
+ private:
+  std::vector<ImageRow> rows_;
+  Colour colour_;
+  FrameSize size_;
+  std::size_t position_ = 0;
+  TimeNs latest_ns_ = std::numeric_limits<TimeNs>::min();
+  std::vector<unsigned char> buffer_;
+};
+
+/// Puts a captured BGR (or grey) frame into the caller's image.
+FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
+                   std::string& note) {
+  if (captured.empty()) {
+    note = "the frame has no pixels";
+    return FrameState::kEmpty;
+  }
+  if (size.width_px == 0) size = {captured.cols, captured.rows};
+  const int type = colour == Colour::kGrey ? CV_8UC1 : CV_8UC3;
+  if (image.empty()) image.create(size.height_px, size.width_px, type);
+  const bool fits = captured.cols == size.width_px && captured.rows == size.height_px &&
+                    image.size() == captured.size() && image.type() == type;
+  if (!fits) {
+    note = fmt::format("the frame is {}×{}, expected is {}×{}", captured.cols, captured.rows, size.width_px,
+                       size.height_px);
+    return FrameState::kWrongSize;
+  }
+  if (captured.type() == type) {
+    captured.copyTo(image);
+  } else if (captured.type() == CV_8UC3) {
+    cv::cvtColor(captured, image, cv::COLOR_BGR2GRAY);
+  } else if (captured.type() == CV_8UC1) {
+    cv::cvtColor(captured, image, cv::COLOR_GRAY2BGR);
+  } else {
+    note = "the frame is neither 8-bit grey nor BGR";
+    return FrameState::kUnreadable;
+  }
+  return FrameState::kOk;
+}
+
+class VideoSource : public FrameSource {
+ public:
+  VideoSource(const std::string& path, Colour colour, FrameSize size, TimeNs start_ns, double fallback_fps)
+      : path_(path), colour_(colour), size_(size), start_ns_(start_ns) {
+    if (!fs::is_regular_file(path)) throw options::Error(path + ": no such video file");
+    if (!capture_.open(path)) throw options::Error(path + ": cannot be opened as a video");
+    const double fps = capture_.get(cv::CAP_PROP_FPS), count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
+    fps_ = fps > 0.0 && fps < 1e5 ? fps : fallback_fps;
+    count_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
+  }
+
+  bool next(cv::Mat& image, FrameInfo& info) override {
+    if (!capture_.read(captured_)) return false;
+    info.sequence = sequence_++;
+    info.time_ns = start_ns_ + static_cast<TimeNs>(std::llround(info.sequence * 1e9 / fps_));
+    info.note.clear();
+    info.state = deliver(captured_, colour_, size_, image, info.note);
+    if (!info.note.empty()) info.note = fmt::format("{}: frame {}: {}", path_, info.sequence, info.note);
+    return true;
+  }
+
+  std::size_t size() const override { return count_; }
+
+ private:
+  std::string path_;
+  Colour colour_;
+  FrameSize size_;
+  TimeNs start_ns_;
+  double fps_ = 30.0;
+  std::size_t count_ = 0;
+  std::uint32_t sequence_ = 0;
+  cv::VideoCapture capture_;
+  cv::Mat captured_;
+};
+
+class DeviceSource : public FrameSource {
+ public:
+  DeviceSource(const std::string& device, Colour colour, FrameSize size)
+      : device_(device), colour_(colour), size_(size) {
+    const bool number =
+        !device.empty() && device.size() < 4 && device.find_first_not_of("0123456789") == std::string::npos;
+    const bool opened = number ? capture_.open(std::stoi(device)) : capture_.open(device);
+    if (!opened)
+      throw options::Error(device + ": this camera device cannot be opened (is it connected and readable?)");
+    if (size.width_px > 0) {
+      capture_.set(cv::CAP_PROP_FRAME_WIDTH, size.width_px);
+      capture_.set(cv::CAP_PROP_FRAME_HEIGHT, size.height_px);
+    }
+  }
+
+  bool next(cv::Mat& image, FrameInfo& info) override {
+    const bool arrived = capture_.read(captured_);
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    info.time_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+    info.sequence = sequence_++;
+    info.note.clear();
+    missing_ = arrived ? 0 : missing_ + 1;
+    if (missing_ > kGiveUpAfter) return false;
+    if (!arrived) {
+      info.state = FrameState::kMissing;
+      info.note = device_ + ": gave no frame";
+      return true;
+    }
+    info.state = deliver(captured_, colour_, size_, image, info.note);
+    if (!info.note.empty()) info.note = fmt::format("{}: {}", device_, info.note);
+    return true;
+  }
+
+  std::size_t size() const override { return 0; }
+
+ private:
+  static constexpr int kGiveUpAfter = 50;
+
+  std::string device_;
+  Colour colour_;
+  FrameSize size_;
+  int missing_ = 0;
+  std::uint32_t sequence_ = 0;
+  cv::VideoCapture capture_;
+  cv::Mat captured_;
+};
+
+bool isImageName(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  static const std::vector<std::string> kKnown{".png", ".jpg",  ".jpeg", ".bmp",
+                                               ".tif", ".tiff", ".pgm",  ".ppm"};
+  return std::find(kKnown.begin(), kKnown.end(), extension) != kKnown.end();
+}
+
+}  // namespace
+
+std::unique_ptr<FrameSource> openStream(const ImageStream& stream, Colour colour) {
+  const FrameSize size{stream.camera.image_width_px, stream.camera.image_height_px};
+  return std::make_unique<FileSource>(stream.rows, colour, size);
+}
+
+std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour, FrameSize size,
+                                        TimeNs period_ns, TimeNs start_ns) {
+  std::error_code error;
+  const fs::directory_iterator entries(folder, error);
+  if (error)
+    throw options::Error(fmt::format("{}: this image folder cannot be opened: {}", folder, error.message()));
+  if (period_ns <= 0) throw options::Error("the period of an image folder must be positive");
+  std::vector<std::string> paths;
+  for (const fs::directory_entry& entry : entries) {
+    if (entry.is_regular_file() && isImageName(entry.path())) paths.push_back(entry.path().string());
+  }
+  if (paths.empty())
+    throw options::Error(folder + ": holds no image (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm)");
+  std::sort(paths.begin(), paths.end());
+  std::vector<ImageRow> rows;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    rows.push_back({start_ns + static_cast<TimeNs>(i) * period_ns, static_cast<std::uint32_t>(i), paths[i]});
+  }
+  return std::make_unique<FileSource>(std::move(rows), colour, size);
+}
+
+std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, FrameSize size,
+                                       TimeNs start_ns, double fallback_fps) {
+  return std::make_unique<VideoSource>(path, colour, size, start_ns, fallback_fps);
+}
+
+std::unique_ptr<FrameSource> openDevice(const std::string& device, Colour colour, FrameSize size) {
+  return std::make_unique<DeviceSource>(device, colour, size);
+}
+
+}  // namespace omnifleet::dataset

@@ -1,0 +1,29 @@
+#include "dataset/ground_truth.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <stdexcept>
+
+namespace omnifleet::dataset {
+
+GroundTruth GroundTruth::load(const std::string& dataset_folder) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::path(dataset_folder) / "groundtruth";
+  if (!fs::is_directory(folder))
+    throw std::runtime_error(folder.string() + ": no such folder; the data set has no truth");
+  GroundTruth truth;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() != ".tum") continue;
+    std::vector<StampedPose>& poses = truth.trajectories[entry.path().stem().string()];
+    poses = flat(readTum(entry.path().string()));
+    std::stable_sort(poses.begin(), poses.end(),
+                     [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });
+  }
+  if (fs::exists(folder / "scene.geojson")) {
+    truth.scene = readObjects((folder / "scene.geojson").string());
+    truth.has_scene = true;
+  }
+  return truth;
+}
+
+}  // namespace omnifleet::dataset

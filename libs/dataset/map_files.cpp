@@ -1,0 +1,213 @@
+#include "dataset/map_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <stdexcept>
+
+#include "dataset/atomic_file.h"
+#include "options/options.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// To 1 µm, without a negative zero.
+double rounded(double value) {
+  return std::round(value * 1e6) / 1e6 + 0.0;
+}
+Json point(const Eigen::Vector2d& p) {
+  return Json::array({rounded(p.x()), rounded(p.y())});
+}
+
+Json feature(const MapObject& object) {
+  Json ring = Json::array();
+  Polygon outline = object.outline_m;
+  if (signedArea(outline) < 0.0) std::reverse(outline.begin(), outline.end());
+  for (const Eigen::Vector2d& vertex : outline) ring.push_back(point(vertex));
+  if (!outline.empty()) ring.push_back(point(outline.front()));
+  Json properties;
+  properties["id"] = object.id;
+  properties["kind"] = object.kind;
+  properties["centroid"] = point(object.centroid_m);
+  properties["observations"] = object.observations;
+  properties["observers"] = object.observers;
+  if (object.height_m > 0.0) properties["height_m"] = rounded(object.height_m);
+  Json result;
+  result["type"] = "Feature";
+  result["properties"] = properties;
+  result["geometry"] = {{"type", "Polygon"}, {"coordinates", Json::array({ring})}};
+  return result;
+}
+
+Polygon readRing(const Json& ring) {
+  Polygon polygon;
+  for (const Json& p : ring) polygon.emplace_back(p.at(0).get<double>(), p.at(1).get<double>());
+  if (polygon.size() > 1 && polygon.front() == polygon.back()) polygon.pop_back();
+  if (polygon.size() < 3) throw std::runtime_error("a ring needs at least 3 different vertices");
+  for (const Eigen::Vector2d& p : polygon) {
+    if (!p.allFinite()) throw std::runtime_error("coordinates must be finite numbers");
+  }
+  if (signedArea(polygon) < 0.0) std::reverse(polygon.begin(), polygon.end());
+  return polygon;
+}
+
+/// One object per outer ring.
+void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& objects) {
+  MapObject object;
+  object.id = index;
+  const Json properties = json.value("properties", Json::object());
+  if (properties.contains("id") && properties["id"].is_number_integer())
+    object.id = properties["id"].get<std::uint64_t>();
+  object.kind = properties.value("kind", "obstacle");
+  object.observations = properties.value("observations", 0);
+  object.observers = properties.value("observers", std::vector<std::string>());
+  object.height_m = properties.value("height_m", 0.0);
+  const Json& geometry = json.at("geometry");
+  const std::string type = geometry.at("type");
+  if (type != "Polygon" && type != "MultiPolygon") return;
+  const Json& coordinates = geometry.at("coordinates");
+  const Json polygons = type == "Polygon" ? Json::array({coordinates}) : coordinates;
+  for (const Json& polygon : polygons) {
+    object.outline_m = readRing(polygon.at(0));
+    object.centroid_m = centroid(object.outline_m);
+    if (properties.contains("centroid") && polygons.size() == 1) {
+      object.centroid_m = {properties["centroid"].at(0).get<double>(),
+                           properties["centroid"].at(1).get<double>()};
+    }
+    objects.push_back(object);
+  }
+}
+
+constexpr unsigned char kOccupied = 0, kFree = 254, kUnknown = 205;  // what map_server itself writes
+
+unsigned char grey(std::int8_t cell) {
+  if (cell < 0) return kUnknown;
+  if (cell <= 25) return kFree;
+  return cell >= 65 ? kOccupied : kUnknown;
+}
+
+struct Pgm {
+  int width = 0, height = 0, maximum = 255;
+  std::string pixels;
+};
+
+/// A whole number of the header, after blanks and comments.
+int headerNumber(std::istream& in) {
+  int value = -1;
+  while (in >> std::ws && in.peek() == '#') in.ignore(1 << 16, '\n');
+  in >> value;
+  return value;
+}
+
+Pgm readPgm(const std::string& path) {
+  std::istringstream in(readFile(path));
+  std::string magic;
+  in >> magic;
+  if (magic != "P5") throw std::runtime_error(path + ": is not a binary PGM (P5)");
+  Pgm image;
+  image.width = headerNumber(in);
+  image.height = headerNumber(in);
+  image.maximum = headerNumber(in);
+  const bool sane = image.width > 0 && image.height > 0 && image.width < (1 << 20) &&
+                    image.height < (1 << 20) && image.maximum > 0 && image.maximum < 256;
+  if (!sane) throw std::runtime_error(path + ": the PGM header is damaged");
+  in.get();
+  const std::size_t size = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+  const std::string all = in.str();
+  const auto start = static_cast<std::size_t>(in.tellg());
+  if (all.size() < start + size) throw std::runtime_error(path + ": the PGM is cut short");
+  image.pixels = all.substr(start, size);
+  return image;
+}
+
+}  // namespace
+
+std::string objectsText(const std::vector<MapObject>& objects) {
+  std::string text = "{\"type\": \"FeatureCollection\", \"features\": [";
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    text += i ? ",\n" : "\n";
+    text += feature(objects[i]).dump();
+  }
+  return text + "\n]}\n";
+}
+
+void writeObjects(const std::string& path, const std::vector<MapObject>& objects) {
+  writeAtomic(path, objectsText(objects));
+}
+
+std::vector<MapObject> readObjects(const std::string& path) {
+  std::vector<MapObject> objects;
+  std::size_t index = 0;
+  try {
+    const Json json = Json::parse(readFile(path));
+    if (json.value("type", "") != "FeatureCollection")
+      throw std::runtime_error("is not a GeoJSON FeatureCollection");
+    for (const Json& one : json.at("features")) readFeature(one, index++, objects);
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(fmt::format("{}: feature {}: {}", path, index, error.what()));
+  } catch (const std::runtime_error& error) {
+    const std::string what = error.what();
+    throw std::runtime_error(what.rfind(path, 0) == 0 ? what
+                                                      : fmt::format("{}: feature {}: {}", path, index, what));
+  }
+  return objects;
+}
+
+void writeMapServer(const std::string& stem, const OccupancyGrid& grid) {
+  const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
+  if (grid.width <= 0 || grid.height <= 0 || grid.cells.size() != width * height) {
+    throw std::invalid_argument(fmt::format("writeMapServer: {} cells for a grid of {}×{}", grid.cells.size(),
+                                            grid.width, grid.height));
+  }
+  std::string image = fmt::format("P5\n{} {}\n255\n", width, height);
+  image.reserve(image.size() + grid.cells.size());
+  for (std::size_t y = height; y-- > 0;) {  // the image's first row is the map's last
+    for (std::size_t x = 0; x < width; ++x) image += static_cast<char>(grey(grid.cells[x + y * width]));
+  }
+  writeAtomic(stem + ".pgm", image);
+  writeAtomic(
+      stem + ".yaml",
+      fmt::format("image: {}.pgm\nresolution: {}\norigin: [{}, {}, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
+                  "free_thresh: 0.196\n",
+                  std::filesystem::path(stem).filename().string(), grid.resolution_m,
+                  rounded(grid.origin_m.x()), rounded(grid.origin_m.y())));
+}
+
+OccupancyGrid readMapServer(const std::string& yaml_path) {
+  const options::Section section = options::Section::load(yaml_path);
+  OccupancyGrid grid;
+  std::string image, mode = "trinary";
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  int negate = 0;
+  double occupied = 0.65, free = 0.196;
+  section.require("image", image);
+  section.require("resolution", grid.resolution_m, options::kPositive);
+  section.require("origin", origin);
+  section.read("negate", negate, {0, 1});
+  section.read("occupied_thresh", occupied, {0.0, 1.0});
+  section.read("free_thresh", free, {0.0, 1.0});
+  section.read("mode", mode);
+  section.finish();
+  const Pgm pgm = readPgm((std::filesystem::path(yaml_path).parent_path() / image).string());
+  grid.width = pgm.width;
+  grid.height = pgm.height;
+  grid.origin_m = origin.head<2>();
+  const auto width = static_cast<std::size_t>(pgm.width);
+  for (std::size_t y = static_cast<std::size_t>(pgm.height); y-- > 0;) {
+    for (std::size_t x = 0; x < width; ++x) {
+      const double shade =
+          static_cast<unsigned char>(pgm.pixels[x + y * width]) / static_cast<double>(pgm.maximum);
+      const double p = negate ? shade : 1.0 - shade;
+      grid.cells.push_back(p > occupied ? 100 : p < free ? 0 : -1);
+    }
+  }
+  return grid;
+}
+
+}  // namespace omnifleet::dataset

@@ -1,0 +1,128 @@
+// The csv files of a dataset: image lists, wheels, observations, laser.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "dataset/csv.h"
+#include "dataset/dataset.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using Fields = std::vector<std::string_view>;
+constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds";
+
+/// Empty when `time_ns` is later than `latest_ns` (or equal, where that is allowed), which it then becomes.
+std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
+  if (time_ns < latest_ns || (time_ns == latest_ns && !equal_allowed)) {
+    return fmt::format("time {} is not after {}, the latest before it", time_ns, latest_ns);
+  }
+  latest_ns = time_ns;
+  return {};
+}
+
+std::string columns(std::size_t n, const char* names) {
+  return fmt::format("expected the columns {}, here are {} fields", names, n);
+}
+
+/// A range as laser scanners report it: no echo is +inf, however it is spelt.
+bool parseRange(std::string_view field, float& range_m) {
+  double value = 0.0;
+  if (parseNumber(field, value)) {
+    range_m = value > 0.0 ? static_cast<float>(value) : std::numeric_limits<float>::infinity();
+    return true;
+  }
+  range_m = std::numeric_limits<float>::infinity();
+  const std::string_view text = trim(field);
+  return text == "inf" || text == "+inf" || text == "Inf" || text == "nan" || text == "NaN" || text == "-nan";
+}
+
+}  // namespace
+
+ImageStream readImageStream(const std::string& folder, const std::string& name,
+                            std::vector<std::string>& warnings) {
+  namespace fs = std::filesystem;
+  ImageStream stream;
+  stream.name = name;
+  const fs::path base = fs::path(folder) / name;
+  stream.camera = lens::CameraModel::load((base / "sensor.yaml").string());
+  std::uint32_t sequence = 0;
+  readRows((base / "data.csv").string(), ',', warnings, [&](const Fields& fields) -> std::string {
+    ImageRow row;
+    row.sequence = sequence++;
+    if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
+    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!fields[1].empty()) row.path = (base / "data" / std::string(fields[1])).string();
+    stream.rows.push_back(std::move(row));
+    return {};
+  });
+  return stream;
+}
+
+std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::string>& warnings) {
+  std::vector<WheelRow> rows;
+  TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+    WheelRow row;
+    if (fields.size() != 3) return columns(fields.size(), "timestamp [ns],v_left [m s^-1],v_right [m s^-1]");
+    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseNumber(fields[1], row.left_mps) || !parseNumber(fields[2], row.right_mps)) {
+      return "wheel speeds must be finite numbers";
+    }
+    if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
+    rows.push_back(row);
+    return {};
+  });
+  return rows;
+}
+
+std::vector<RangeBearingRow> readObservations(const std::string& path, std::vector<std::string>& warnings) {
+  std::vector<RangeBearingRow> rows;
+  TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+    RangeBearingRow row;
+    if (fields.size() != 4) return columns(fields.size(), "timestamp [ns],id,range [m],bearing [rad]");
+    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    row.id = std::string(fields[1]);
+    if (row.id.empty()) return "the id is empty";
+    if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad) ||
+        row.range_m < 0.0) {
+      return "range and bearing must be finite numbers, the range not negative";
+    }
+    if (std::string problem = checkOrder(row.time_ns, true, latest_ns); !problem.empty()) return problem;
+    row.bearing_rad = wrapAngle(row.bearing_rad);
+    rows.push_back(std::move(row));
+    return {};
+  });
+  return rows;
+}
+
+std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string>& warnings) {
+  std::vector<LaserRow> rows;
+  TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+    LaserRow row;
+    if (fields.size() < 4) {
+      return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");
+    }
+    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseNumber(fields[1], row.angle_min_rad) || !parseNumber(fields[2], row.angle_increment_rad) ||
+        row.angle_increment_rad == 0.0) {
+      return "angle_min and angle_increment must be finite numbers, the increment not 0";
+    }
+    row.range_m.reserve(fields.size() - 3);
+    for (std::size_t i = 3; i < fields.size(); ++i) {
+      float range_m = 0.0f;
+      if (!parseRange(fields[i], range_m)) return fmt::format("range {} is not a number", i - 3);
+      row.range_m.push_back(range_m);
+    }
+    if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
+    rows.push_back(std::move(row));
+    return {};
+  });
+  return rows;
+}
+
+}  // namespace omnifleet::dataset

@@ -1,0 +1,135 @@
+#include "dataset/trajectory_files.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "dataset/atomic_file.h"
+#include "dataset/csv.h"
+#include "options/options.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using Fields = std::vector<std::string_view>;
+
+/// "−0.000000000" would make equal poses differ in their bytes.
+std::string fixed(double value) {
+  std::string text = fmt::format("{:.9f}", value);
+  return text == "-0.000000000" ? "0.000000000" : text;
+}
+
+std::string parsePose(const Fields& fields, StampedPose3& pose) {
+  if (fields.size() < 8)
+    return fmt::format("expected 8 values: timestamp tx ty tz qx qy qz qw, here are {}", fields.size());
+  if (!parseSeconds(fields[0], pose.time_ns)) return "the timestamp must be a number of seconds";
+  double v[7];
+  for (std::size_t i = 0; i < 7; ++i) {
+    if (!parseNumber(fields[i + 1], v[i])) return "position and quaternion must be finite numbers";
+  }
+  pose.position_m = {v[0], v[1], v[2]};
+  pose.orientation = Eigen::Quaterniond(v[6], v[3], v[4], v[5]);
+  const double norm = pose.orientation.norm();
+  if (!(norm > 1e-6)) return "the quaternion is zero";
+  pose.orientation.coeffs() /= norm;
+  return {};
+}
+
+bool numbers(const Fields& fields, std::size_t first, std::size_t count, double* out) {
+  if (fields.size() < first + count) return false;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!parseNumber(fields[first + i], out[i])) return false;
+  }
+  return true;
+}
+
+std::string parseVertex(const Fields& fields, G2oGraph& graph) {
+  double v[4];
+  if (!numbers(fields, 1, 4, v)) return "expected VERTEX_SE2 id x y θ";
+  graph.vertices.push_back({static_cast<int>(v[0]), Pose2{v[1], v[2], wrapAngle(v[3])}});
+  return {};
+}
+
+std::string parseEdge(const Fields& fields, G2oGraph& graph) {
+  double v[11];
+  if (!numbers(fields, 1, 11, v))
+    return "expected EDGE_SE2 from to x y θ and 6 values of the information matrix";
+  G2oEdge edge{static_cast<int>(v[0]), static_cast<int>(v[1]), Pose2{v[2], v[3], wrapAngle(v[4])}, {}};
+  edge.information << v[5], v[6], v[7], v[6], v[8], v[9], v[7], v[9], v[10];
+  graph.edges.push_back(edge);
+  return {};
+}
+
+}  // namespace
+
+StampedPose StampedPose3::flat() const {
+  const Eigen::Vector3d forward = orientation * Eigen::Vector3d::UnitX();
+  return {time_ns, Pose2{position_m.x(), position_m.y(), std::atan2(forward.y(), forward.x())}};
+}
+
+std::string tumText(const std::vector<StampedPose>& poses) {
+  std::string text;
+  for (const StampedPose& pose : poses) {
+    const Pose2& p = pose.map_from_base;
+    const bool negative = pose.time_ns < 0;
+    const auto time =
+        negative ? 0 - static_cast<std::uint64_t>(pose.time_ns) : static_cast<std::uint64_t>(pose.time_ns);
+    text += fmt::format("{}{}.{:09} {} {} 0 0 0 {} {}\n", negative ? "-" : "", time / 1000000000,
+                        time % 1000000000, fixed(p.x_m), fixed(p.y_m), fixed(std::sin(0.5 * p.theta_rad)),
+                        fixed(std::cos(0.5 * p.theta_rad)));
+  }
+  return text;
+}
+
+void writeTum(const std::string& path, const std::vector<StampedPose>& poses) {
+  writeAtomic(path, tumText(poses));
+}
+
+std::vector<StampedPose3> readTum(const std::string& path, std::vector<std::string>* warnings) {
+  std::vector<StampedPose3> poses;
+  std::vector<std::string> local;
+  readRows(path, ' ', warnings ? *warnings : local, [&](const Fields& fields) {
+    StampedPose3 pose;
+    std::string problem = parsePose(fields, pose);
+    if (problem.empty()) poses.push_back(pose);
+    return problem;
+  });
+  return poses;
+}
+
+std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses) {
+  std::vector<StampedPose> result;
+  result.reserve(poses.size());
+  for (const StampedPose3& pose : poses) result.push_back(pose.flat());
+  return result;
+}
+
+void writeG2o(const std::string& path, const G2oGraph& graph) {
+  std::string text;
+  const auto pose = [](const Pose2& p) {
+    return fmt::format("{} {} {}", fixed(p.x_m), fixed(p.y_m), fixed(p.theta_rad));
+  };
+  for (const G2oVertex& vertex : graph.vertices)
+    text += fmt::format("VERTEX_SE2 {} {}\n", vertex.id, pose(vertex.pose));
+  for (const G2oEdge& edge : graph.edges) {
+    const Eigen::Matrix3d& i = edge.information;
+    text += fmt::format("EDGE_SE2 {} {} {} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g}\n", edge.from, edge.to,
+                        pose(edge.from_from_to), i(0, 0), i(0, 1), i(0, 2), i(1, 1), i(1, 2), i(2, 2));
+  }
+  writeAtomic(path, text);
+}
+
+G2oGraph readG2o(const std::string& path) {
+  G2oGraph graph;
+  std::vector<std::string> problems;
+  readRows(path, ' ', problems, [&](const Fields& fields) -> std::string {
+    if (fields[0] == "VERTEX_SE2") return parseVertex(fields, graph);
+    if (fields[0] == "EDGE_SE2") return parseEdge(fields, graph);
+    return {};
+  });
+  if (!problems.empty()) throw std::runtime_error(problems.front());
+  return graph;
+}
+
+}  // namespace omnifleet::dataset
