@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "observation/observation.h"
+
+namespace omnifleet::occupancy {
+
+// The map's only inputs (topics map/contribution and map/keyframe_pose), in integers so that every machine
+// computes the same map. Suffix `_dmm`: tenths of a millimetre; `_dmrad`: tenths of a milliradian.
+
+struct PointDmm {
+  std::int32_t x_dmm = 0, y_dmm = 0;
+  friend bool operator==(const PointDmm& a, const PointDmm& b) {
+    return a.x_dmm == b.x_dmm && a.y_dmm == b.y_dmm;
+  }
+};
+
+/// One track as one keyframe saw it, base_link.
+struct SupportView {
+  std::uint32_t track_id = 0;
+  ObjectKind kind = ObjectKind::kUnknown;
+  bool truncated = false;
+  std::uint16_t solidity_permille = 1000;
+  PointDmm position, contact;
+  std::vector<std::int32_t> b_dmm;
+  std::vector<std::uint16_t> sigma_dmm;  ///< 0: direction not to be used
+  std::int32_t height_dmm = 0;
+  std::uint16_t height_sigma_dmm = 0;  ///< 0: unknown
+};
+
+/// What one keyframe saw, base_link. Robot and time name it; it is never changed afterwards.
+struct Contribution {
+  std::string robot;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  std::int32_t camera_height_dmm = 0;
+  PointDmm scan_origin;                 ///< foot of the camera, also that of the supports
+  std::vector<std::int32_t> range_dmm;  ///< bearing i = 2πi/N; 0: invalid
+  std::vector<RayLabel> label;
+  std::vector<std::uint16_t> object;  ///< track id (low 16 bits), 0: none
+  std::vector<SupportView> views;
+};
+
+/// Where the robot's contribution of that time stands. The highest (term, revision) wins.
+struct KeyframePose {
+  std::string robot;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  std::uint32_t term = 0, revision = 0;
+  bool valid = false;
+  PointDmm position;             ///< map
+  std::int32_t theta_dmrad = 0;  ///< map
+  std::vector<Sighting> sightings;
+
+  Pose2 mapFromBase() const;
+};
+
+/// Quantise. Numbers outside int32 or not finite become invalid rays, unusable directions or an invalid pose.
+Contribution makeContribution(const Objects& objects);
+KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term = 0, std::uint32_t revision = 0);
+
+/// The supports of a view in metres; unusable directions get σ 0.
+SupportFunction supportsOf(const SupportView& view);
+
+/// Order and machine independent bytes (little endian) of everything in it, and FNV-1a 64 of them.
+std::string canonicalBytes(const Contribution& contribution);
+std::string canonicalBytes(const KeyframePose& pose);
+std::uint64_t digest(const std::string& bytes);
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "occupancy/contribution.h"
+
+namespace omnifleet::occupancy {
+
+/// What is held of one robot (topic map/have).
+struct Held {
+  std::string robot;
+  TimeNs first_ns = 0, last_ns = 0;
+  std::uint32_t contributions = 0, keyframe_poses = 0;
+  std::uint64_t digest = 0;  ///< sum of the digests of all held, whatever the order
+};
+
+/// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
+/// idempotent and commutative: of two different contributions with one name the one with the larger bytes
+/// stays; of two poses the highest (term, revision), then the larger bytes.
+class ContributionStore {
+ public:
+  struct Keyframe {
+    std::shared_ptr<const Contribution> contribution;  ///< null until it arrives
+    std::optional<KeyframePose> pose;                  ///< empty until it arrives
+    std::uint64_t contribution_digest = 0, pose_digest = 0;
+  };
+  using Path = std::map<TimeNs, Keyframe>;
+
+  /// True when the set changed.
+  bool add(const Contribution& contribution);
+  bool add(const KeyframePose& pose);
+
+  const std::map<std::string, Path>& robots() const { return robots_; }
+  const Path* find(const std::string& robot) const;
+  const Keyframe* find(const std::string& robot, TimeNs acquired_ns) const;
+  std::size_t contributions() const { return contributions_; }
+  std::size_t poses() const { return poses_; }
+
+  std::vector<Held> held() const;
+  /// Contributions and poses of one robot with first_ns ≤ time ≤ last_ns, in order of time, for a peer that
+  /// lacks them.
+  std::vector<Contribution> contributionsBetween(const std::string& robot, TimeNs first_ns,
+                                                 TimeNs last_ns) const;
+  std::vector<KeyframePose> posesBetween(const std::string& robot, TimeNs first_ns, TimeNs last_ns) const;
+
+ private:
+  std::map<std::string, Path> robots_;
+  std::size_t contributions_ = 0, poses_ = 0;
+};
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,103 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "dataset/map_files.h"
+#include "dataset/trajectory_files.h"
+#include "observation/observation.h"
+#include "occupancy/contribution.h"
+#include "occupancy/occupancy_map.h"
+#include "options/options.h"
+#include "outline/prism.h"
+
+namespace omnifleet::global_merger {
+
+struct KeyframeOptions {
+  double distance_m = 0.02;      ///< m moved since the last keyframe
+  double rotation_rad = 0.05;    ///< rad turned since the last keyframe
+  double interval_s = 0.5;       ///< s, a standing robot gives one this often
+  double min_interval_s = 0.15;  ///< s, never more often (traffic)
+
+  static KeyframeOptions read(const options::Section& section);
+};
+
+/// Which of one robot's frames are keyframes, and what they give. Choi §IV.4's local map to be overlaid.
+class ContributionMaker {
+ public:
+  explicit ContributionMaker(const KeyframeOptions& options) : options_(options) {}
+
+  struct Made {
+    occupancy::Contribution contribution;
+    occupancy::KeyframePose pose;
+  };
+  /// `pose` of the same robot and time as `objects`. Nothing where either is invalid, where times do not
+  /// agree, do not grow, or where the frame is no keyframe.
+  std::optional<Made> make(const Objects& objects, const PoseEstimate& pose);
+
+ private:
+  KeyframeOptions options_;
+  bool any_ = false;
+  TimeNs last_ns_ = 0;
+  Pose2 last_map_from_base_;
+};
+
+struct MergerOptions {
+  outline::PrismOptions prism;
+  double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
+  double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)
+  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot (RECIPES)
+  double max_contact_m = 2.0;  ///< m, views from farther away do not shape outlines
+  double min_robot_gap_m =
+      0.20;                     ///< m, a centre nearer than this to a robot's pose at that time is that robot
+  int min_views = 2;            ///< live: views before an outline is published; the end decides by fit
+  double max_rms_m = 0.03;      ///< m, a fit worse than this is no object
+  double max_sigma_m = 0.05;    ///< m, a centre less certain than this is no object
+  double max_free_share = 0.5;  ///< of the cells inside an outline that may be free before it has gone
+
+  static MergerOptions read(const options::Section& section);
+};
+
+/// One replica of the map (Ahmed §2: every robot holds one). All that it tells is a function of the sets it
+/// holds.
+class Merger {
+ public:
+  Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
+         const std::map<std::string, RobotBody>& bodies);
+
+  bool add(const occupancy::Contribution& contribution) { return map_.add(contribution); }
+  bool add(const occupancy::KeyframePose& pose) { return map_.add(pose); }
+  /// Every pose estimate, for the trajectories alone; invalid ones are left out.
+  void addTrajectory(const PoseEstimate& pose);
+
+  const occupancy::OccupancyMap& map() const { return map_; }
+  const std::map<std::string, RobotBody>& bodies() const { return bodies_; }
+  const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories() const {
+    return trajectories_;
+  }
+
+  /// Obstacles fitted over all views held, in order of id; fitted anew only when the sets changed.
+  const std::vector<dataset::MapObject>& outlines();
+  /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
+  void finish();
+
+  /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum, each whole or not
+  /// at all. Returns one line per file that could not be written (the old one is then untouched); empty: all
+  /// is saved.
+  std::vector<std::string> save(const std::string& folder);
+
+ private:
+  MergerOptions options_;
+  std::map<std::string, RobotBody> bodies_;
+  occupancy::OccupancyMap map_;
+  std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
+  std::vector<dataset::MapObject> outlines_;
+  std::uint64_t outlines_state_ = 0;
+  bool finished_ = false;
+};
+
+}  // namespace omnifleet::global_merger
