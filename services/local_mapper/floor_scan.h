@@ -1,0 +1,42 @@
+#pragma once
+
+#include <vector>
+
+#include "ground/floor_view.h"
+#include "lens/camera.h"
+#include "local_mapper/silhouette.h"
+#include "observation/observation.h"
+#include "options/options.h"
+
+namespace omnifleet::local_mapper {
+
+struct ScanOptions {
+  int rays = 360;            ///< bearings over the full turn, 8–3600
+  double max_range_m = 2.5;  ///< metres: floor is trusted up to here
+  double sigma_px = 1.0;     ///< pixels: radial σ of an edge
+  static ScanOptions read(const options::Section& section);
+};
+
+/// Range per bearing from the camera's foot: the inner edge of the nearest region, else where the visible floor ends.
+class FloorScan {
+ public:
+  FloorScan(const lens::Camera& camera, const ground::FloorView& view, const ScanOptions& options);
+
+  void begin();
+  /// A region in the way; label 0 for one that is no object.
+  void add(const FloorContour& contour, std::uint16_t label);
+  /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever visible.
+  void finish(Scan& scan);
+
+ private:
+  void addSegment(const Eigen::Vector2d& a, const Eigen::Vector2d& b, std::uint16_t label);
+
+  const lens::Camera* camera_;
+  ScanOptions options_;
+  std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
+  std::vector<float> floor_end_m_, floor_end_sigma_m_, begin_m_;
+  std::vector<double> nearest_m_;
+  std::vector<std::uint16_t> object_;
+};
+
+}  // namespace omnifleet::local_mapper

@@ -1,0 +1,55 @@
+#pragma once
+
+// Choi et al. 2014, §III: one fisheye image in, one local map out. Pure: no DDS, no clock, no thread.
+
+#include <memory>
+
+#include "flow/feature_flow.h"
+#include "ground/ground_segmenter.h"
+#include "ground/region_connection.h"
+#include "lens/camera.h"
+#include "local_mapper/floor_scan.h"
+#include "local_mapper/frame_check.h"
+#include "local_mapper/silhouette.h"
+#include "observation/observation.h"
+#include "options/options.h"
+
+namespace omnifleet::local_mapper {
+
+struct Options {
+  FrameCheckOptions check;             ///< `frame`: what counts as black, overexposed, a gap
+  ground::ViewOptions view;            ///< `view`: which pixels can show floor
+  ground::SegmenterOptions ground;     ///< `ground`: §III.2, ground removal
+  ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
+  SilhouetteOptions silhouette;        ///< `silhouette`: outline, supports, which blobs are objects
+  ScanOptions scan;                    ///< `scan`
+  flow::FeatureFlowOptions flow;       ///< `flow`: §III.3 and the filter of §III.5
+  static Options read(const options::Section& section);
+};
+
+/// The stage. Calls must come in the order of acquisition; it keeps the previous frame for the optical flow.
+class LocalMapper {
+ public:
+  /// Throws options::Error when the camera shows no floor or the seed region is empty.
+  LocalMapper(const lens::Camera& camera, const Options& options);
+  ~LocalMapper();
+  LocalMapper(LocalMapper&&) noexcept;
+  LocalMapper& operator=(LocalMapper&&) noexcept;
+
+  /// One sample for each frame, invalid ones too (`state` says why, no objects, no scan).
+  /// @param frame image BGR8 or grey, only read during the call
+  /// @param wheels motion base_link(previous) ← base_link(this frame) by odometry; `valid` false where there is none
+  /// @return the local map (robot name left empty), valid until the next call
+  const LocalMap& process(const Frame& frame, const Motion& wheels);
+
+  /// What the debug pictures show: blobs and contours of the last valid frame.
+  const std::vector<ground::Blob>& blobs() const;
+  const std::vector<ground::Contour>& contours() const;
+  const lens::Camera& camera() const;
+
+ private:
+  struct Stages;
+  std::unique_ptr<Stages> stages_;
+};
+
+}  // namespace omnifleet::local_mapper

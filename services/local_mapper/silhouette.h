@@ -1,0 +1,57 @@
+#pragma once
+
+#include <vector>
+
+#include "ground/contour.h"
+#include "ground/labelling.h"
+#include "lens/camera.h"
+#include "observation/observation.h"
+#include "options/options.h"
+
+namespace omnifleet::local_mapper {
+
+struct SilhouetteOptions {
+  double max_contact_m = 2.0;     ///< metres: a blob whose contact with the floor is farther is no object
+  double sigma_px = 0.4;          ///< pixels: σ of a contour point, used at the supporting point
+  double sigma_floor_m = 0.001;   ///< metres added to it (calibration)
+  double support_bias_px = 0.0;   ///< pixels subtracted from every support: the maximum of noisy points is too large
+  int min_area_px = 24;           ///< pixels: smaller regions are noise
+  static SilhouetteOptions read(const options::Section& section);
+};
+
+/// The outline of one region carried to the floor, point by point (only contour points are corrected, never the
+/// image: Choi §III.4 with the camera's own lens in the place of eq. 6–7).
+struct FloorContour {
+  std::vector<Eigen::Vector2d> points_m;  ///< base_link
+  std::vector<Eigen::Vector2f> pixels;    ///< the pixel of each
+  std::vector<std::uint8_t> cut;          ///< 1: on the border of the valid image or of the self mask
+  std::vector<std::size_t> loop_begin;    ///< first point of each closed loop
+};
+
+/// Fills everything of an ObjectObservation but label and vectors.
+class Silhouette {
+ public:
+  Silhouette(const lens::Camera& camera, const SilhouetteOptions& options);
+
+  /// @return false where the region is no object: too small, too far, no floor point.
+  bool measure(const ground::Blob& blob, const ground::Contour& contour, ObjectObservation& object);
+
+  /// The floor contour of the last measure(); empty where nothing of it lies on the floor.
+  const FloorContour& floorContour() const { return floor_; }
+
+ private:
+  void projectToFloor(const ground::Contour& contour);
+  void findContact(ObjectObservation& object) const;
+  void measureHull(ObjectObservation& object);
+  void measureCentroid(const ground::Blob& blob, ObjectObservation& object) const;
+  void measureSupports(ObjectObservation& object) const;
+  /// Displacement on the floor along n, metres, of one pixel at a contour point.
+  double metresPerPixel(std::size_t point, const Eigen::Vector2d& n) const;
+
+  const lens::Camera* camera_;
+  SilhouetteOptions options_;
+  std::vector<Eigen::Vector2d> directions_;
+  FloorContour floor_;
+};
+
+}  // namespace omnifleet::local_mapper
