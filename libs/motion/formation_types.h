@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "motion/wheeled_model.h"
+#include "observation/observation.h"
+
+namespace omnifleet::motion {
+
+/// Choi et al. 2014 §IV.3, Fig. 12. The order of the enumerators is that of the wire.
+enum class FormationShape : std::uint8_t {
+  kLine = 0,  ///< abreast
+  kColumn,    ///< one behind the other
+  kWedge,     ///< a V behind the leader, opened by θ
+  kTriangle,  ///< rows of one, two, three …, equilateral
+};
+const char* toString(FormationShape shape);
+
+enum class FormationRole : std::uint8_t { kLeader = 0, kFollower, kIdle };
+
+/// What people tell the fleet.
+struct FormationCommand {
+  std::string fleet;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  FormationShape shape = FormationShape::kWedge;
+  double distance_m = 0.8;                   ///< d: to the centre of the object that is followed
+  double angle_rad = 0.6;                    ///< θ: between that object and the own heading
+  std::vector<Eigen::Vector2d> waypoints_m;  ///< map; the last one is the goal
+};
+
+/// What each robot answers, one per frame.
+struct FormationState {
+  std::string robot;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  FormationRole role = FormationRole::kIdle;
+  std::string leader;
+  double distance_error_m = 0.0;  ///< distance to the followed object minus d (0 for the leader)
+  double angle_error_rad = 0.0;   ///< its bearing minus θ
+  Eigen::Vector2d target_m = Eigen::Vector2d::Zero();  ///< place to keep, or waypoint; base_link
+  bool avoiding = false;
+  bool arrived = false;
+};
+
+/// Wanted wheel speeds of one robot, in answer to the frame at `acquired_ns`.
+struct WheelCommand {
+  std::string robot;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  WheelSpeeds speeds;
+};
+
+}  // namespace omnifleet::motion
