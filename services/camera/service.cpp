@@ -103,10 +103,9 @@ void CameraService::publish() {
     status().error("camera " + camera_.id + ": " + writer_->error());
     return;
   }
-  if (header_.state != FrameState::kOk) status().invalid();
   last_ns_ = header_.acquired_ns;
   ++samples_;
-  status().processed(steady_clock::now() - begun);
+  status().processed(steady_clock::now() - begun, header_.state == FrameState::kOk);
 }
 
 void CameraService::finish() {

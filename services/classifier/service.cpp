@@ -65,8 +65,7 @@ void ClassifierService::process() {
   const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known_);
   adapters::toWire(objects, runClock(context_.options), sample_);
   out_.write(sample_, status());
-  if (objects.state != FrameState::kOk) status().invalid();
-  status().processed(steady_clock::now() - begun);
+  status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
 }
 
 void ClassifierService::drain() { out_.end(ends_, ended_ ? "" : "stopped"); }

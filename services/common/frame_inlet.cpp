@@ -6,7 +6,7 @@ FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSp
     : name_("camera " + camera.id),
       reader_(context.bus.frameReader(
           camera.id, static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3)) {
-  ends.listen(name_, [this](TimeNs last) { end_ns_ = last; });
+  ends.listen(name_, [this](TimeNs last, std::uint64_t) { end_ns_ = last; });
 }
 
 std::optional<bus::FrameView> FrameInlet::take(bus::StatusBoard& status) {

@@ -22,7 +22,7 @@ class Inlet {
       : reader_(std::move(reader)), merger_(merger) {
     const std::string end_name = spec.name;
     stream_ = merger_.addStream(std::move(spec));
-    ends.listen(end_name, [this](TimeNs last) { end_ns_ = last; });
+    ends.listen(end_name, [this](TimeNs last, std::uint64_t) { end_ns_ = last; });
   }
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;

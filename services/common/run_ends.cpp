@@ -7,7 +7,7 @@ namespace omnifleet::services {
 RunEnds::RunEnds(const bus::ServiceContext& context)
     : reader_(context.bus.reader(context.topics.run_end)), writer_(context.bus.writer(context.topics.run_end)) {}
 
-void RunEnds::listen(const std::string& stream, std::function<void(TimeNs)> ended) {
+void RunEnds::listen(const std::string& stream, Ended ended) {
   listeners_[stream] = std::move(ended);
 }
 
@@ -17,9 +17,9 @@ bool RunEnds::poll() {
     const auto listener = listeners_.find(sample_.stream());
     if (listener == listeners_.end()) continue;
     const TimeNs last = sample_.samples() == 0 ? kNothing : sample_.header().acquired_ns();
-    const auto ended = std::move(listener->second);
+    const Ended ended = std::move(listener->second);
     listeners_.erase(listener);
-    ended(last);
+    ended(last, sample_.samples());
     heard = true;
   }
   return heard;

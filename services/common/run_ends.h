@@ -16,9 +16,10 @@ class RunEnds {
  public:
   explicit RunEnds(const bus::ServiceContext& context);
 
-  /// `ended(last)` is called once, when the stream's end is heard; `last` is the time of its last sample
-  /// (kNothing when there was none).
-  void listen(const std::string& stream, std::function<void(TimeNs last)> ended);
+  /// `ended` is called once, when the stream's end is heard, with the time of its last sample (kNothing when there was
+  /// none) and their number.
+  using Ended = std::function<void(TimeNs last, std::uint64_t samples)>;
+  void listen(const std::string& stream, Ended ended);
   /// Takes what has arrived; true when anything was heard that someone listens for.
   bool poll();
   /// Our stream has ended. An empty reason is the regular end.
@@ -29,7 +30,7 @@ class RunEnds {
  private:
   std::unique_ptr<bus::Reader<v1::RunEnd>> reader_;
   std::unique_ptr<bus::Writer<v1::RunEnd>> writer_;
-  std::map<std::string, std::function<void(TimeNs)>> listeners_;
+  std::map<std::string, Ended> listeners_;
   v1::RunEnd sample_;
 };
 

@@ -46,11 +46,10 @@ void CeilingService::process(const bus::FrameView& frame) {
     state = FrameState::kTorn;
     found_.clear();
   }
-  if (state != FrameState::kOk) status().invalid();
   adapters::toWire(camera_.id, frame.header.acquired_ns, frame.header.sequence, state, found_,
                    runClock(context_.options), sample_);
   out_.write(sample_, status());
-  status().processed(steady_clock::now() - begun);
+  status().processed(steady_clock::now() - begun, state == FrameState::kOk);
 }
 
 }  // namespace omnifleet::services

@@ -109,8 +109,7 @@ void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses
   v1::KeyframePose wire;
   for (const PoseEstimate& pose : poses) {
     if (!pose.valid) continue;
-    occupancy::KeyframePose keyframe = occupancy::KeyframePose::from(pose, kTerm, revision_);
-    adapters::toWire(keyframe, runClock(context_.options), wire);
+    adapters::toWire(occupancy::makeKeyframePose(pose, kTerm, revision_), runClock(context_.options), wire);
     outputs_.at(pose.robot).correction.write(wire, status());
   }
 }

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "adapters/adapters.h"
+#include "bus/service.h"
+#include "global_merger/merger.h"
+
+namespace omnifleet::services {
+
+/// The merged map on the wire: octree, grid, outlines (by the replica that speaks) and hash (by all).
+class MapPublisher {
+ public:
+  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica, bool speaks);
+
+  /// Publishes when a second of data time has passed and the map has changed, or when `force`.
+  void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status);
+
+ private:
+  void publishMap(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
+  void publishHash(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
+
+  std::string map_name_, replica_;
+  bool speaks_;
+  adapters::RunClock clock_;
+  std::unique_ptr<bus::Writer<v1::OctreeMap>> octree_;
+  std::unique_ptr<bus::Writer<v1::Grid>> grid_;
+  std::unique_ptr<bus::Writer<v1::Outlines>> outlines_;
+  std::unique_ptr<bus::Writer<v1::MapHash>> hash_;
+  std::uint32_t sequence_ = 0;
+  TimeNs last_ns_ = INT64_MIN;
+  std::array<std::uint8_t, 32> last_hash_{};
+};
+
+}  // namespace omnifleet::services

@@ -1,0 +1,190 @@
+#include "global_merger/service.h"
+
+namespace omnifleet::services {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::size_t kMaxWaiting = 64;  // frames whose other half may still come (live)
+
+std::string contributionStream(const std::string& robot) { return "map/contribution " + robot; }
+std::string poseStream(const std::string& robot) { return "map/keyframe_pose " + robot; }
+std::string correctionStream(const std::string& robot) { return "map/keyframe_pose localizer " + robot; }
+
+}  // namespace
+
+GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+    : context_(context),
+      robot_(fleet.robot(context.options.robot).name),
+      speaks_(fleet.mappingRobots().front() == robot_),
+      ends_(context),
+      objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
+               {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
+      contributions_(context.bus.reader(context.topics.map_contribution)),
+      keyframe_poses_(context.bus.reader(context.topics.map_keyframe_pose)),
+      contribution_out_(context.bus.writer(context.topics.map_contribution, robot_), contributionStream(robot_),
+                        fleet::expectedReaders(fleet, "map/contribution", robot_)),
+      pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
+                fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
+      publisher_(context, fleet.name, robot_, speaks_),
+      maker_(global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"))),
+      replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
+               occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")), fleet.bodies()) {
+  for (const std::string& robot : fleet.mappingRobots()) {
+    poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
+        context.bus.reader(context.topics.pose, robot), merger_, ends_,
+        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options), false}));
+    if (robot != robot_) {
+      listenTo(contributionStream(robot));
+      listenTo(poseStream(robot));
+    }
+    listenTo(correctionStream(robot));
+  }
+}
+
+void GlobalMergerService::listenTo(const std::string& stream) {
+  SetStream& set = sets_[stream];
+  ends_.listen(stream, [&set](TimeNs, std::uint64_t samples) { set.announced = samples; });
+}
+
+std::vector<bus::Expectation> GlobalMergerService::expectations() const {
+  return {contribution_out_.expectation(), pose_out_.expectation()};
+}
+
+bool GlobalMergerService::pull() {
+  bool any = ends_.poll();
+  any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
+    return adapters::fromWire(wire, payload.emplace<Objects>());
+  }) > 0;
+  for (auto& inlet : poses_) {
+    any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
+      return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
+    }) > 0;
+  }
+  return pullSets() || any;
+}
+
+bool GlobalMergerService::pullSets() {
+  bool any = false;
+  occupancy::Contribution contribution;
+  while (contributions_->take(contribution_)) {
+    any = true;
+    ++sets_[contributionStream(contribution_.robot())].arrived;
+    if (contribution_.robot() == robot_) continue;  // has it since it made it
+    if (adapters::fromWire(contribution_, contribution)) {
+      replica_.add(contribution);
+    } else {
+      status().dropped();
+      status().error("a contribution of " + contribution_.robot() + " was rejected: not consistent");
+    }
+  }
+  occupancy::KeyframePose pose;
+  while (keyframe_poses_->take(keyframe_pose_)) {
+    any = true;
+    const std::string& robot = keyframe_pose_.robot();
+    ++sets_[keyframe_pose_.term() == 0 ? poseStream(robot) : correctionStream(robot)].arrived;
+    if (adapters::fromWire(keyframe_pose_, pose)) replica_.add(pose);
+  }
+  return any;
+}
+
+bool GlobalMergerService::spin() {
+  bool any = pull();
+  while (merger_.nextBatch(batch_)) {
+    process();
+    any = true;
+  }
+  if (!contributed_all_ && merger_.finished()) {
+    contribution_out_.end(ends_);
+    pose_out_.end(ends_);
+    contributed_all_ = any = true;
+  }
+  if (contributed_all_ && !ended_ && setsComplete()) {
+    replica_.finish();
+    publisher_.update(replica_, batch_.time, true, status());
+    save();
+    ended_ = any = true;
+  }
+  return any;
+}
+
+bool GlobalMergerService::setsComplete() const {
+  for (const auto& [stream, set] : sets_) {
+    if (stream == contributionStream(robot_) || stream == poseStream(robot_)) continue;
+    if (!set.complete()) return false;
+  }
+  return true;
+}
+
+void GlobalMergerService::process() {
+  const auto begun = steady_clock::now();
+  bool own_frame = false, valid = true;
+  for (auto& item : batch_.inputs) {
+    if (auto* objects = std::get_if<Objects>(&item.payload)) {
+      own_frame = true;
+      valid = objects->state == FrameState::kOk;
+      waiting_objects_.push_back(std::move(*objects));
+    } else if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) {
+      replica_.addTrajectory(*pose);
+      if (pose->robot == robot_) waiting_poses_.push_back(std::move(*pose));
+    }
+  }
+  contribute();
+  publisher_.update(replica_, batch_.time, false, status());
+  if (own_frame) status().processed(steady_clock::now() - begun, valid);
+}
+
+void GlobalMergerService::contribute() {
+  while (!waiting_objects_.empty() && !waiting_poses_.empty()) {
+    const Objects& objects = waiting_objects_.front();
+    const PoseEstimate& pose = waiting_poses_.front();
+    if (objects.acquired_ns < pose.acquired_ns) {
+      waiting_objects_.pop_front();
+      continue;
+    }
+    if (pose.acquired_ns < objects.acquired_ns) {
+      waiting_poses_.pop_front();
+      continue;
+    }
+    if (auto made = maker_.make(objects, pose)) {
+      replica_.add(made->contribution);
+      replica_.add(made->pose);
+      adapters::toWire(made->contribution, runClock(context_.options), contribution_);
+      adapters::toWire(made->pose, runClock(context_.options), keyframe_pose_);
+      contribution_out_.write(contribution_, status());
+      pose_out_.write(keyframe_pose_, status());
+    }
+    waiting_objects_.pop_front();
+    waiting_poses_.pop_front();
+  }
+  while (waiting_objects_.size() > kMaxWaiting) waiting_objects_.pop_front();
+  while (waiting_poses_.size() > kMaxWaiting) waiting_poses_.pop_front();
+}
+
+void GlobalMergerService::save() {
+  if (saved_ || !speaks_ || context_.options.out.empty()) return;
+  saved_ = true;
+  for (const std::string& problem : replica_.save(context_.options.out)) {
+    status().error(problem, true);
+    context_.log->error("{}", problem);
+    saved_ = false;
+  }
+}
+
+void GlobalMergerService::drain() {
+  contribution_out_.end(ends_, ended_ ? "" : "stopped");
+  pose_out_.end(ends_, ended_ ? "" : "stopped");
+  if (ended_) return;
+  pull();
+  while (merger_.nextBatch(batch_)) process();
+  replica_.finish();
+  publisher_.update(replica_, batch_.time, true, status());
+  save();
+}
+
+std::unique_ptr<bus::Service> makeGlobalMerger(const bus::ServiceContext& context) {
+  const auto& o = context.options;
+  return std::make_unique<GlobalMergerService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs));
+}
+
+}  // namespace omnifleet::services

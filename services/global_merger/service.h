@@ -1,0 +1,75 @@
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <variant>
+#include <vector>
+
+#include "bus/service.h"
+#include "common/inlet.h"
+#include "fleet/fleet.h"
+#include "global_merger/map_publisher.h"
+#include "global_merger/merger.h"
+
+namespace omnifleet::services {
+
+/// One robot's replica of the map. From its robot's objects and poses it makes contributions for everybody; from
+/// everybody's contributions and keyframe poses it builds the map. The first robot's replica speaks: it publishes and
+/// saves the map.
+class GlobalMergerService : public bus::Service {
+ public:
+  GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+
+  std::vector<bus::Expectation> expectations() const override;
+  void start() override { status().state(bus::ServiceState::kRunning); }
+  bool spin() override;
+  bool finished() const override { return ended_; }
+  void drain() override;
+  std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
+    return merger_.waitingFor(now);
+  }
+
+ private:
+  using Payload = std::variant<std::monostate, Objects, PoseEstimate>;
+  /// A stream into the set: no order, only a count at the end.
+  struct SetStream {
+    std::uint64_t arrived = 0;
+    std::optional<std::uint64_t> announced;
+    bool complete() const { return announced && arrived >= *announced; }
+  };
+
+  bool pull();
+  bool pullSets();
+  void process();
+  void contribute();
+  bool setsComplete() const;
+  void listenTo(const std::string& stream);
+  void save();
+
+  bus::ServiceContext context_;
+  std::string robot_;
+  bool speaks_;
+  bus::TimeMerger<Payload> merger_;
+  bus::TimeMerger<Payload>::Batch batch_;
+  RunEnds ends_;
+  Inlet<v1::Objects, Payload> objects_;
+  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
+  std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
+  Outlet<v1::Contribution> contribution_out_;
+  Outlet<v1::KeyframePose> pose_out_;
+  MapPublisher publisher_;
+  global_merger::ContributionMaker maker_;
+  global_merger::Merger replica_;
+  std::map<std::string, SetStream> sets_;
+  std::deque<Objects> waiting_objects_;      ///< whose pose has not come yet
+  std::deque<PoseEstimate> waiting_poses_;   ///< of the own robot
+  v1::Contribution contribution_;
+  v1::KeyframePose keyframe_pose_;
+  bool contributed_all_ = false, ended_ = false, saved_ = false;
+};
+
+std::unique_ptr<bus::Service> makeGlobalMerger(const bus::ServiceContext& context);
+
+}  // namespace omnifleet::services
