@@ -10,6 +10,9 @@
 namespace omnifleet::lens {
 namespace {
 
+/// Rays flatter than this (radians) count as parallel to the floor.
+constexpr double kHorizon = 1e-9;
+
 void check(bool good, const std::string& problem) {
   if (!good) throw options::Error(problem);
 }
@@ -78,9 +81,9 @@ std::optional<Eigen::Vector3d> Camera::rayFromPixel(const Eigen::Vector2d& pixel
 std::optional<Eigen::Vector2d> Camera::planeFromPixel(const Eigen::Vector2d& pixel,
                                                       double plane_height_m) const {
   const std::optional<Eigen::Vector3d> ray = rayFromPixel(pixel);
-  if (!ray) return std::nullopt;
+  if (!ray || !(std::abs(ray->z()) > kHorizon)) return std::nullopt;
   const double along = (plane_height_m - model_.position_m.z()) / ray->z();
-  if (!(along > 0.0) || !std::isfinite(along)) return std::nullopt;
+  if (!(along > 0.0)) return std::nullopt;
   return Eigen::Vector2d(model_.position_m.head<2>() + along * ray->head<2>());
 }
 

@@ -1,0 +1,50 @@
+#pragma once
+
+// Where tests find data that is not part of the project, and a place to write.
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+namespace omnifleet::test {
+
+/// Folder of the shared test data ($OMNIFLEET_DATA, else ../shared/data beside the sources) joined with
+/// `name`; empty when it is not there. Use with OMNIFLEET_NEEDS_DATA.
+inline std::string dataPath(const std::string& name) {
+  const char* own = std::getenv("OMNIFLEET_DATA");
+  const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
+  const std::filesystem::path base =
+      own ? std::filesystem::path(own)
+          : std::filesystem::path(source ? source : ".") / ".." / "shared" / "data";
+  const std::filesystem::path path = base / name;
+  return std::filesystem::exists(path) ? path.string() : std::string();
+}
+
+/// A fresh folder that is removed in the end.
+class TempFolder {
+ public:
+  TempFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "omnifleet-test-XXXXXX").string();
+    path_ = ::mkdtemp(pattern.data());
+  }
+  ~TempFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TempFolder(const TempFolder&) = delete;
+  TempFolder& operator=(const TempFolder&) = delete;
+  const std::string& path() const { return path_; }
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace omnifleet::test
+
+/// Defines `path` or skips the test with a message.
+#define OMNIFLEET_NEEDS_DATA(path, name)                    \
+  const std::string path = omnifleet::test::dataPath(name); \
+  if (path.empty()) GTEST_SKIP() << "test data missing: " << (name)
