@@ -1,12 +1,13 @@
 #pragma once
 
-// Starts the processes of a run, keeps them alive, and ends them in order. Linux only (signalfd, pidfd, timerfd,
-// epoll); no thread, no polling, no sleep. Knows nothing of DDS or of the fleet: the caller lists the processes.
+// Starts the processes of a run, keeps them alive, and ends them in order. Linux only (signalfd, pidfd,
+// timerfd, epoll); no thread, no polling, no sleep. Knows nothing of DDS or of the fleet: the caller lists
+// the processes.
 
+#include <sys/types.h>
 #include <functional>
 #include <map>
 #include <string>
-#include <sys/types.h>
 #include <vector>
 
 #include "options/options.h"
@@ -23,9 +24,9 @@ struct ProcessSpec {
   std::vector<std::string> argv;           ///< argv[0] is looked up in PATH unless it has a slash
   std::map<std::string, std::string> env;  ///< added to (or replacing in) the supervisor's own environment
   std::string log_path;                    ///< stdout and stderr, appended; empty: inherited
-  int level = 0;                           ///< place in the line: started in descending, stopped in ascending order
+  int level = 0;  ///< place in the line: started in descending, stopped in ascending order
   RestartPolicy restart = RestartPolicy::kOnFailure;
-  bool sink = false;                       ///< the run ends when every sink has exited 0 on its own
+  bool sink = false;  ///< the run ends when every sink has exited 0 on its own
 };
 
 struct Options {
@@ -50,7 +51,7 @@ struct Callbacks {
 
 struct Failure {
   std::string name;
-  std::string how;                      ///< "exit code 3", "killed by signal 9 (Killed)", "did not start: …"
+  std::string how;  ///< "exit code 3", "killed by signal 9 (Killed)", "did not start: …"
   std::vector<std::string> last_lines;  ///< of its log
 };
 
@@ -58,21 +59,22 @@ enum class EndReason { kSinksDone, kDuration, kSignal, kFailure };
 
 struct RunReport {
   EndReason reason = EndReason::kSinksDone;
-  int signal = 0;                  ///< SIGINT or SIGTERM with kSignal
-  std::vector<Failure> failures;   ///< what ended the run, or did not end in time or not with 0 when told to
-  int restarts = 0;                ///< deaths that were made good
+  int signal = 0;                 ///< SIGINT or SIGTERM with kSignal
+  std::vector<Failure> failures;  ///< what ended the run, or did not end in time or not with 0 when told to
+  int restarts = 0;               ///< deaths that were made good
   int exit_code() const { return failures.empty() ? 0 : 1; }
 };
 
-/// One run at a time per process: it blocks SIGINT, SIGTERM and SIGCHLD for its duration and becomes the reaper of
-/// its descendants' orphans. On return no child, grandchild in a child's process group, or adopted orphan is left.
+/// One run at a time per process: it blocks SIGINT, SIGTERM and SIGCHLD for its duration and becomes the
+/// reaper of its descendants' orphans. On return no child, grandchild in a child's process group, or adopted
+/// orphan is left.
 class Supervisor {
  public:
   explicit Supervisor(const Options& options) : options_(options) {}
 
-  /// Runs until the sinks are done, the duration is over, SIGINT/SIGTERM arrives, or something fails for good.
-  /// Throws options::Error for a bad list (empty argv, a name twice) and std::runtime_error where the kernel
-  /// refuses (no pidfd, log not writable); nothing is left running then either.
+  /// Runs until the sinks are done, the duration is over, SIGINT/SIGTERM arrives, or something fails for
+  /// good. Throws options::Error for a bad list (empty argv, a name twice) and std::runtime_error where the
+  /// kernel refuses (no pidfd, log not writable); nothing is left running then either.
   RunReport run(const std::vector<ProcessSpec>& processes, const Callbacks& callbacks = {});
 
  private:

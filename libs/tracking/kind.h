@@ -2,47 +2,56 @@
 
 #include <vector>
 
+#include "options/options.h"
 #include "tracking/peers.h"
 #include "tracking/track_state.h"
 
 namespace omnifleet::tracking {
 
 struct KindOptions {
-  std::string method = "ours";     ///< ours | choi (vectors only)
-  double fit_rms_m = 0.05;         ///< m, a known body that fits better is a robot (RECIPES)
-  double moved_m = 0.12;           ///< m over the floor within `window_s` (RECIPES)
-  double window_s = 1.0;           ///< s
-  double still_m = 0.04;           ///< m over the floor within `window_s`: it stands
-  double peer_gate_m = 0.25;       ///< m, a published pose this near (or within 3 σ) is this object
-  double shape_range_m = 2.5;      ///< m, contact farther away tells no shape
-  double push_gap_m = 0.08;        ///< m, what moves this close to a robot may be pushed by it
-  double decide = 0.80;            ///< probability from which an undecided object is named
-  double change = 0.90;            ///< probability from which a named object is renamed
-  int change_frames = 3;           ///< frames in a row before it is renamed
+  std::string method = "ours";  ///< ours | choi (vectors only)
+  double fit_rms_m = 0.05;      ///< m, a known body that fits better is a robot (RECIPES)
+  double moved_m = 0.12;        ///< m over the floor within `window_s` (RECIPES)
+  double window_s = 1.0;        ///< s
+  double still_m = 0.04;        ///< m over the floor within `window_s`: it stands
+  double peer_gate_m = 0.25;    ///< m, a published pose this near (or within 3 σ) is this object
+  double shape_range_m = 2.5;   ///< m, contact farther away tells no shape
+  double push_gap_m = 0.08;     ///< m, what moves this close to a robot may be pushed by it
+  double decide = 0.80;         ///< probability from which an undecided object is named
+  double change = 0.90;         ///< probability from which a named object is renamed
+  int change_frames = 3;        ///< frames in a row before it is renamed
 
   static KindOptions read(const options::Section& section);
 };
 
-/// Robot, obstacle or not yet known: log-odds of robot, in natural units, summed over three kinds of evidence.
-/// Shape: the best fit of any known body, averaged over clean views. Place: a peer's published pose says it stands
-/// here (robot); or every robot whose body fits is accounted for elsewhere (then it merely looks like one).
-/// Motion: it went more than 12 cm over the floor within a second. What moves on its own is a robot whatever its
-/// shape; what fits no body and moves only in touch with a robot (or with us) is an obstacle being pushed.
-/// Hysteresis: a label is given at `decide`, taken back only at `change` and after some frames.
+/// Robot, obstacle or not yet known: log-odds of robot, in natural units, summed over three kinds of
+/// evidence. Shape: the best fit of any known body, averaged over clean views. Place: a peer's published pose
+/// says it stands here (robot); or every robot whose body fits is accounted for elsewhere (then it merely
+/// looks like one). Motion: it went more than 12 cm over the floor within a second. What moves on its own is
+/// a robot whatever its shape; what fits no body and moves only in touch with a robot (or with us) is an
+/// obstacle being pushed. Hysteresis: a label is given at `decide`, taken back only at `change` and after
+/// some frames.
 class KindJudge {
  public:
-  explicit KindJudge(const KindOptions& options) : options_(options) {}
+  KindJudge(const KindOptions& options, double own_radius_m)
+      : options_(options), own_radius_m_(own_radius_m) {}
 
-  /// Takes in this frame's evidence for every track and settles its kind.
-  void judge(std::vector<TrackState>& tracks, const std::vector<Peer>& peers, const OwnMotion& own);
+  /// Takes in this frame's evidence for every track and settles its kind. `local_map` must be valid.
+  void judge(std::vector<TrackState>& tracks, const std::vector<Peer>& peers, const LocalMap& local_map,
+             const OwnMotion& own);
 
  private:
   void judgeMotion(TrackState& track, const std::vector<TrackState>& tracks, const OwnMotion& own) const;
-  void judgeShape(TrackState& track, const std::vector<Peer>& peers) const;
-  void judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers) const;
-  void settle(TrackState& track) const;
+  void judgeShape(TrackState& track, const std::vector<Peer>& peers, const OwnMotion& own) const;
+  void judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
+                   const OwnMotion& own) const;
+  void settle(TrackState& track, const std::vector<Peer>& peers) const;
+  void settleByVectors(TrackState& track, const LocalMap& local_map) const;
+  bool touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,
+                    const OwnMotion& own) const;
 
   KindOptions options_;
+  double own_radius_m_;
 };
 
 }  // namespace omnifleet::tracking

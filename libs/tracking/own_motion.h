@@ -7,21 +7,24 @@
 
 namespace omnifleet::tracking {
 
-/// The robot's own path in a private frame `odom` (identity at the first frame), chained from the motions that the
-/// local maps carry. Drifts, as every odometry does; only differences over some seconds are used.
+/// The robot's own path in a private frame `odom` (identity at the first frame), chained from the motions
+/// that the local maps carry. Drifts, as every odometry does; only differences over some seconds are used.
 class OwnMotion {
  public:
-  /// Takes in the next frame's motion. Returns false where the motion since the previous frame is not known (a gap):
-  /// nothing may then be compared across it. The first frame is no gap.
+  /// Takes in the next frame's motion. Returns false where the motion since the previous frame is not known
+  /// (a gap): nothing may then be compared across it. The first frame is no gap.
   bool advance(const Motion& motion, TimeNs acquired_ns);
 
   TimeNs now() const { return now_ns_; }
-  double step_s() const { return step_s_; }                       ///< seconds since the previous frame
+  double step_s() const { return step_s_; }  ///< seconds since the previous frame
   const Pose2& odomFromBase() const { return odom_from_base_; }
-  const Eigen::Matrix3d& stepCovariance() const { return step_covariance_; }  ///< of the last step, right perturbation
-  double stepLength() const { return step_m_; }                   ///< metres moved since the previous frame
+  const Eigen::Matrix3d& stepCovariance() const {
+    return step_covariance_;
+  }                                              ///< of the last step, right perturbation
+  double stepLength() const { return step_m_; }  ///< metres moved since the previous frame
 
-  /// Where base_link stood at `time_ns`, interpolated; nothing before the last gap, or older than ten seconds.
+  /// Where base_link stood at `time_ns`, interpolated; nothing before the last gap, or older than ten
+  /// seconds.
   std::optional<Pose2> odomFromBaseAt(TimeNs time_ns) const;
 
  private:

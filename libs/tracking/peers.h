@@ -4,15 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "options/options.h"
 #include "tracking/body_fit.h"
 #include "tracking/own_motion.h"
 
 namespace omnifleet::tracking {
 
 struct PeerOptions {
-  double max_age_s = 2.0;          ///< s, older published poses count as silence
-  double max_sigma_m = 0.5;        ///< m, a pose less certain than this counts as silence
-  double speed_sigma_mps = 0.15;   ///< m/s, what a peer may have changed its speed by since it published
+  double max_age_s = 2.0;         ///< s, older published poses count as silence
+  double max_sigma_m = 0.5;       ///< m, a pose less certain than this counts as silence
+  double speed_sigma_mps = 0.15;  ///< m/s, what a peer may have changed its speed by since it published
 
   static PeerOptions read(const options::Section& section);
 };
@@ -22,14 +23,15 @@ struct Peer {
   std::string robot;
   BodyModel body;
   bool known = false;  ///< false: it publishes nothing usable (or we do not know where we are ourselves)
-  Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();  ///< footprint centre in odom
-  double heading_rad = 0.0;                            ///< odom
+  Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();      ///< footprint centre in odom
+  double heading_rad = 0.0;                                ///< odom
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< odom axes
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
 };
 
-/// Published poses (map) → places in odom now. The poses belong to the previous frame (feedback) or are older; each
-/// peer is carried on with the velocity between its last two poses, the own pose with the own motion.
+/// Published poses (map) → places in odom now. The poses belong to the previous frame (feedback) or are
+/// older; each peer is carried on with the velocity between its last two poses, the own pose with the own
+/// motion.
 class Peers {
  public:
   Peers(const PeerOptions& options, const std::string& own, const std::map<std::string, RobotBody>& bodies);
@@ -45,7 +47,8 @@ class Peers {
     bool any = false;
   };
   void remember(const PoseEstimate& pose);
-  void place(Peer& peer, const Last& last, const PoseEstimate& own, const Pose2& odom_from_base_then, TimeNs now_ns);
+  void place(Peer& peer, const Last& last, const PoseEstimate& own, const Pose2& odom_from_base_then,
+             TimeNs now_ns);
 
   PeerOptions options_;
   std::string own_;

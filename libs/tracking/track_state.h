@@ -13,12 +13,13 @@ namespace omnifleet::tracking {
 /// What one object has shown of its kind so far: log-odds of being a robot.
 struct KindEvidence {
   double shape = 0.0, place = 0.0, motion = 0.0;
-  int shape_views = 0;       ///< clean views that went into `shape`
-  int best_body = -1;        ///< index of the peer whose body fits best
-  int peer = -1;             ///< index of the peer whose published pose matches
-  int against = 0;           ///< frames in a row that speak for renaming
-  double still_s = 0.0;      ///< how long it has stood, seconds
-  bool pushed = false;       ///< its motion is put down to a robot beside it
+  int shape_views = 0;      ///< clean views that went into `shape`
+  int best_body = -1;       ///< index of the peer whose body fits best
+  int peer = -1;            ///< index of the peer whose published pose matches
+  int against = 0;          ///< frames in a row that speak for renaming
+  double still_s = 0.0;     ///< how long it has stood, seconds
+  double touching_s = 1e9;  ///< since it last stood against a robot, seconds
+  bool pushed = false;      ///< its motion is put down to a robot beside it
 };
 
 /// One followed object between frames. Everything is in `odom` (own_motion.h).
@@ -32,15 +33,16 @@ struct TrackState {
   KindEvidence evidence;
   bool moving = false;
 
-  int views = 0;              ///< frames in which it was seen
-  TimeNs seen_ns = 0;         ///< last of them
-  double unseen_s = 0.0;      ///< since then
-  bool hidden = false;        ///< unseen, but something stands before it
-  int blob = -1;              ///< index into this frame's objects; −1: not seen
-  bool clean = false;         ///< this frame: alone in its blob, whole, not cut
-  View view;                  ///< this frame's view; directions that are not its own have σ ≤ 0
-  std::deque<View> past;      ///< views of the last seconds, oldest first
-  BodyFit fit;                ///< best known body over this view
+  int views = 0;          ///< frames in which it was seen
+  TimeNs seen_ns = 0;     ///< last of them
+  double unseen_s = 0.0;  ///< since then
+  bool hidden = false;    ///< unseen, but something stands before it
+  int blob = -1;          ///< index into this frame's objects; −1: not seen
+  double age_s = 0.0;     ///< since it was first seen
+  bool clean = false;     ///< this frame: alone in its blob, whole, not cut
+  View view;              ///< this frame's view; directions that are not its own have σ ≤ 0
+  std::deque<View> past;  ///< views of the last seconds, oldest first
+  BodyFit fit;            ///< best known body over this view
 };
 
 }  // namespace omnifleet::tracking

@@ -7,9 +7,9 @@ namespace omnifleet::tracking {
 /// One blob seen from one place: its supports, and where the camera stood in `odom`.
 struct View {
   TimeNs time_ns = 0;
-  SupportFunction supports;                        ///< directions measured in that frame's base_link
+  SupportFunction supports;                          ///< directions measured in that frame's base_link
   Eigen::Vector2d foot_m = Eigen::Vector2d::Zero();  ///< foot of the camera in odom
-  double heading_rad = 0.0;                        ///< of base_link in odom
+  double heading_rad = 0.0;                          ///< of base_link in odom
   double camera_height_m = 0.0;
 
   std::size_t size() const { return supports.size(); }
@@ -30,9 +30,10 @@ struct Displacement {
   double rms_m = 0.0;                                 ///< of what a pure shift leaves over
 };
 
-/// Displacement from the contact side alone (b < 0 in both views): there the silhouette is the footprint itself,
-/// whatever its height (RECIPES, prism: the prediction is g where g < 0), so that h_P,now(n) − h_P,then(n) = n·Δ is
-/// linear and needs no height. Directions where either view is unusable are left out; invalid with fewer than 12.
+/// Displacement from the contact side alone (b < 0 in both views): there the silhouette is the footprint
+/// itself, whatever its height (RECIPES, prism: the prediction is g where g < 0), so that h_P,now(n) −
+/// h_P,then(n) = n·Δ is linear and needs no height. Directions where either view is unusable are left out;
+/// invalid with fewer than 12.
 Displacement contactDisplacement(const View& then, const View& now);
 
 }  // namespace omnifleet::tracking

@@ -1,0 +1,209 @@
+#include "tracking/kind.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tracking/assignment.h"
+#include "tracking/vector_motion.h"
+
+namespace omnifleet::tracking {
+namespace {
+
+constexpr double kMovedEvidence = 5.0, kPushedEvidence = -1.0, kStillEvidence = -1.0;
+constexpr double kFitEvidence = 3.0, kMisfitEvidence = -4.0;
+constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -3.0;
+constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
+constexpr double kForgetMotion_s =
+    20.0;  // what fits no body and has long stood once moved for another reason
+constexpr double kShortestWindow_s = 0.25;
+constexpr double kShapeViews = 8.0;     // views that the mean of the shape's evidence covers
+constexpr double kMostRms_m = 0.04;     // of a shift between two views of one object
+constexpr double kPlaceSigma_m = 0.04;  // of a track's centre beside its covariance
+
+double seconds(TimeNs later, TimeNs earlier) {
+  return static_cast<double>(later - earlier) * 1e-9;
+}
+
+double probability(double log_odds) {
+  return 1.0 / (1.0 + std::exp(-log_odds));
+}
+
+/// Longest trustworthy displacement within the window; invalid where the track is too young or not to be
+/// seen.
+Displacement displacementWithin(const TrackState& track, double window_s) {
+  if (track.blob < 0) return {};
+  for (const View& then : track.past) {
+    const double age = seconds(track.view.time_ns, then.time_ns);
+    if (age > window_s + 0.05) continue;
+    if (age < kShortestWindow_s) break;
+    const Displacement d = contactDisplacement(then, track.view);
+    if (d.valid && d.rms_m < kMostRms_m) return d;
+  }
+  return {};
+}
+
+double shapeLogOdds(const BodyFit& fit, double fit_rms_m) {
+  if (!fit.valid) return 0.0;
+  const double ratio = fit.rms_m / fit_rms_m;
+  return std::max(kMisfitEvidence, kFitEvidence * (1.0 - ratio * ratio));
+}
+
+bool accountedFor(const Peer& peer, bool matched, const OwnMotion& own, double sight_m) {
+  if (!peer.known) return false;
+  return matched || (peer.centre_m - own.odomFromBase().translation()).norm() > sight_m;
+}
+
+}  // namespace
+
+KindOptions KindOptions::read(const options::Section& section) {
+  KindOptions o;
+  section.read("method", o.method, std::vector<std::string>{"ours", "choi"});
+  section.read("fit_rms_m", o.fit_rms_m, {0.001, 1.0});
+  section.read("moved_m", o.moved_m, {0.01, 5.0});
+  section.read("window_s", o.window_s, {0.2, 10.0});
+  section.read("still_m", o.still_m, {0.001, 1.0});
+  section.read("peer_gate_m", o.peer_gate_m, {0.01, 5.0});
+  section.read("shape_range_m", o.shape_range_m, {0.1, 100.0});
+  section.read("push_gap_m", o.push_gap_m, {0.0, 1.0});
+  section.read("decide", o.decide, {0.5, 1.0});
+  section.read("change", o.change, {0.5, 1.0});
+  section.read("change_frames", o.change_frames, {1, 1000});
+  section.finish();
+  return o;
+}
+
+void KindJudge::judge(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
+                      const LocalMap& local_map, const OwnMotion& own) {
+  if (options_.method == "choi") {
+    for (TrackState& track : tracks) settleByVectors(track, local_map);
+    return;
+  }
+  for (TrackState& track : tracks) {
+    judgeMotion(track, tracks, own);
+    judgeShape(track, peers, own);
+  }
+  judgePlaces(tracks, peers, own);
+  for (TrackState& track : tracks) settle(track, peers);
+}
+
+bool KindJudge::touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,
+                             const OwnMotion& own) const {
+  const auto gap = [&](const Eigen::Vector2d& centre, double radius) {
+    return (track.filter.position() - centre).norm() - radius - track.filter.radius();
+  };
+  if (gap(own.odomFromBase().translation(), own_radius_m_) < options_.push_gap_m) return true;
+  return std::any_of(tracks.begin(), tracks.end(), [&](const TrackState& other) {
+    return other.id != track.id && other.kind == ObjectKind::kRobot &&
+           gap(other.filter.position(), other.filter.radius()) < options_.push_gap_m;
+  });
+}
+
+void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tracks,
+                            const OwnMotion& own) const {
+  KindEvidence& e = track.evidence;
+  e.touching_s = touchesRobot(track, tracks, own) ? 0.0 : e.touching_s + own.step_s();
+  const Displacement d = displacementWithin(track, options_.window_s);
+  if (!d.valid) return;
+  const double moved = d.moved_m.norm();
+  track.moving = track.kind != ObjectKind::kObstacle || moved > options_.still_m + 3.0 * d.sigma_m;
+  const bool fits_none = e.shape < -0.5;
+  if (moved > std::max(options_.moved_m, 4.0 * d.sigma_m)) {
+    e.pushed = fits_none && e.motion <= 0.0 && e.touching_s < 2.0 * options_.window_s;
+    e.motion = e.pushed ? kPushedEvidence : kMovedEvidence;
+    e.still_s = 0.0;
+    return;
+  }
+  if (moved > options_.still_m) return;
+  e.still_s += own.step_s();
+  if (e.motion > 0.0 && fits_none) e.motion *= std::exp(-own.step_s() / kForgetMotion_s);
+  if (e.motion <= 0.0 && e.still_s > options_.window_s) e.motion = kStillEvidence;
+}
+
+void KindJudge::judgeShape(TrackState& track, const std::vector<Peer>& peers, const OwnMotion& own) const {
+  if (track.blob < 0) return;
+  track.fit = BodyFit{};
+  int best = -1;
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    const BodyFit fit = peers[i].body.fit(track.view);
+    if (!fit.valid || (track.fit.valid && fit.rms_m >= track.fit.rms_m)) continue;
+    track.fit = fit;
+    best = static_cast<int>(i);
+  }
+  const double distance = (track.filter.position() - own.odomFromBase().translation()).norm();
+  if (!track.clean || !track.fit.valid || distance > options_.shape_range_m) return;
+  KindEvidence& e = track.evidence;
+  const double weight = std::max(1.0 / kShapeViews, 1.0 / (1.0 + e.shape_views));
+  e.shape += weight * (shapeLogOdds(track.fit, options_.fit_rms_m) - e.shape);
+  e.best_body = best;
+  ++e.shape_views;
+}
+
+void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
+                            const OwnMotion& own) const {
+  Eigen::MatrixXd cost(static_cast<Eigen::Index>(peers.size()), static_cast<Eigen::Index>(tracks.size()));
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    for (std::size_t t = 0; t < tracks.size(); ++t) {
+      const Eigen::Matrix2d c = peers[i].covariance + tracks[t].filter.positionCovariance();
+      const double sigma = std::sqrt(0.5 * c.trace() + kPlaceSigma_m * kPlaceSigma_m);
+      const double gate = std::clamp(3.0 * sigma, 0.5 * options_.peer_gate_m, 1.5 * options_.peer_gate_m);
+      const double distance = (tracks[t].filter.position() - peers[i].centre_m).norm();
+      cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t)) =
+          peers[i].known ? distance / gate : 1e3;
+    }
+  }
+  const std::vector<int> track_of = assign(cost, 1.0);
+  for (TrackState& track : tracks) track.evidence.peer = -1;
+  bool all_accounted = true;
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    if (track_of[i] >= 0) tracks[static_cast<std::size_t>(track_of[i])].evidence.peer = static_cast<int>(i);
+    all_accounted = all_accounted && accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m);
+  }
+  const double rate = 1.0 - std::exp(-own.step_s() / kPlaceTime_s);
+  for (TrackState& track : tracks) {
+    if (track.blob < 0) continue;
+    const double target = track.evidence.peer >= 0 ? kPeerHereEvidence
+                          : all_accounted          ? kPeersElsewhereEvidence
+                                                   : 0.0;
+    track.evidence.place += (track.views <= 1 ? 1.0 : rate) * (target - track.evidence.place);
+  }
+}
+
+void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const {
+  if (track.blob < 0) return;
+  const KindEvidence& e = track.evidence;
+  const double p = probability(e.shape + e.place + e.motion);
+  const ObjectKind leaning = p >= 0.5 ? ObjectKind::kRobot : ObjectKind::kObstacle;
+  const double sure = std::max(p, 1.0 - p);
+  const ObjectKind before = track.kind;
+  if (track.kind == ObjectKind::kUnknown) {
+    if (sure >= options_.decide) track.kind = leaning;
+  } else if (leaning != track.kind && sure >= options_.change) {
+    if (++track.evidence.against >= options_.change_frames) track.kind = leaning;
+  } else {
+    track.evidence.against = 0;
+  }
+  track.kind_probability = track.kind == ObjectKind::kUnknown ? 0.0
+                           : track.kind == leaning            ? sure
+                                                              : 1.0 - sure;
+  if (track.kind == before) return;
+  track.evidence.against = 0;
+  const int body = e.peer >= 0 ? e.peer : e.best_body;
+  if (before == ObjectKind::kRobot) track.filter.forgetShape();
+  if (track.kind != ObjectKind::kRobot || body < 0 || e.shape < 0.0) return;
+  const BodyModel& model = peers[static_cast<std::size_t>(body)].body;
+  track.filter.assumeBody(model.meanRadius(), model.height(), model.round());
+  track.filter.update(track.view);
+}
+
+void KindJudge::settleByVectors(TrackState& track, const LocalMap& local_map) const {
+  if (track.blob < 0) return;
+  constexpr double kTolerance_m = 0.01;
+  const ObjectObservation& object = local_map.objects[static_cast<std::size_t>(track.blob)];
+  const VectorMotion vectors = vectorMotion(object, local_map.motion, local_map.scan.origin_m, kTolerance_m);
+  const ObjectKind kind = kindByVectors(vectors, local_map.motion);
+  if (kind == ObjectKind::kUnknown) return;
+  track.kind = kind;
+  track.kind_probability = 1.0;
+}
+
+}  // namespace omnifleet::tracking

@@ -1,0 +1,90 @@
+#include "tracking/outline_split.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+namespace omnifleet::tracking {
+namespace {
+
+constexpr int kFewest = 8;
+constexpr double kNearlyAll = 0.9;
+constexpr std::size_t kMost = 512;  // directions beyond this many are not needed for a median
+
+/// Metres on the far side of the outline → metres under the object's far edge.
+double shrink(double b, double height_ratio) {
+  return b < 0.0 ? 1.0 : height_ratio;
+}
+
+double ratioOf(const PrismFilter& filter, double camera_height_m) {
+  return camera_height_m > 0.0 ? std::clamp(1.0 - filter.height() / camera_height_m, 0.03, 1.0) : 1.0;
+}
+
+}  // namespace
+
+int usableDirections(const View& view) {
+  int count = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) count += view.usable(k) ? 1 : 0;
+  return count;
+}
+
+double outlineDistance(const View& view, const PrismFilter& filter) {
+  std::array<double, kMost> differences;
+  std::size_t count = 0;
+  const double ratio = ratioOf(filter, view.camera_height_m);
+  for (std::size_t k = 0; k < view.size() && count < kMost; ++k) {
+    if (!view.usable(k)) continue;
+    const double b = view.supports.b_m[k];
+    differences[count++] = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
+  }
+  if (count < kFewest) return std::numeric_limits<double>::infinity();
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(count / 2);
+  std::nth_element(differences.begin(), middle, differences.begin() + static_cast<std::ptrdiff_t>(count));
+  return *middle;
+}
+
+bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {
+  int inside = 0, all = 0;
+  const double ratio = ratioOf(filter, view.camera_height_m);
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    if (!view.usable(k)) continue;
+    ++all;
+    const double predicted = filter.predictedSupport(view, k);
+    if ((predicted - view.supports.b_m[k]) * shrink(predicted, ratio) < margin_m) ++inside;
+  }
+  return all >= kFewest && inside >= kNearlyAll * all;
+}
+
+int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,
+                 double alien_m, std::vector<View>& own, View& rest) {
+  own.assign(owners.size(), view);
+  rest = view;
+  int unexplained = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    double best = -std::numeric_limits<double>::infinity(), second = best;
+    std::size_t winner = 0;
+    for (std::size_t i = 0; i < owners.size(); ++i) {
+      const double predicted = owners[i]->predictedSupport(view, k);
+      if (predicted > best) {
+        second = best;
+        best = predicted;
+        winner = i;
+      } else {
+        second = std::max(second, predicted);
+      }
+    }
+    const double scale = shrink(best, ratioOf(*owners[winner], view.camera_height_m));
+    const bool usable = view.usable(k);
+    const double over = (view.supports.b_m[k] - best) * scale;
+    const bool alien = usable && over > alien_m + 3.0 * scale * view.supports.sigma_m[k];
+    const bool clear = (best - second) * scale > margin_m;
+    for (std::size_t i = 0; i < owners.size(); ++i) {
+      if (alien || !clear || i != winner) own[i].supports.sigma_m[k] = -1.0F;
+    }
+    if (!alien) rest.supports.sigma_m[k] = -1.0F;
+    unexplained += alien ? 1 : 0;
+  }
+  return unexplained;
+}
+
+}  // namespace omnifleet::tracking

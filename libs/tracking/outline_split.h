@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "tracking/prism_filter.h"
+#include "tracking/view.h"
+
+namespace omnifleet::tracking {
+
+/// Typical (median over the usable directions) distance between the outline that `filter` should show and the
+/// one seen, metres on the floor under the object; infinity with fewer than 8 usable directions. A blob that
+/// has run together with another on one side still compares well on the rest.
+double outlineDistance(const View& view, const PrismFilter& filter);
+
+/// True when nearly everything that `filter` should show lies within the seen outline: it may be hidden in
+/// it.
+bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m);
+
+/// One blob, several objects: which directions of its outline belong to whom. A direction is an object's own
+/// where its predicted outline stands out from every other's by `margin_m` (RECIPES "Merged blobs": keep a
+/// direction only where its supporting point lies off the cut), and where nothing unknown stands out farther
+/// still
+/// (`alien_m` + 3 σ). `own[i]` is the view with σ = −1 in all other directions; `rest` likewise with the
+/// directions that none explains. Returns the number of directions in `rest`.
+int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,
+                 double alien_m, std::vector<View>& own, View& rest);
+
+/// Number of usable directions.
+int usableDirections(const View& view);
+
+}  // namespace omnifleet::tracking

@@ -1,0 +1,49 @@
+#include "tracking/own_motion.h"
+
+#include <algorithm>
+
+namespace omnifleet::tracking {
+namespace {
+constexpr TimeNs kKept_ns = 10'000'000'000;
+constexpr TimeNs kSame_ns = 1'000;  // stamps of the same frame are copies; this only forgives rounding
+}  // namespace
+
+bool OwnMotion::advance(const Motion& motion, TimeNs acquired_ns) {
+  const bool first = path_.empty();
+  step_s_ = first ? 0.0 : std::max<double>(0.0, static_cast<double>(acquired_ns - now_ns_) * 1e-9);
+  now_ns_ = acquired_ns;
+  step_m_ = 0.0;
+  step_covariance_.setZero();
+  const auto since = std::find_if(path_.rbegin(), path_.rend(), [&](const Entry& e) {
+    return std::abs(e.time_ns - motion.since_ns) <= kSame_ns;
+  });
+  const bool known = motion.valid && motion.previous_from_current.isFinite() && since != path_.rend() &&
+                     acquired_ns > since->time_ns;
+  if (known) {
+    odom_from_base_ = since->odom_from_base * motion.previous_from_current;
+    step_m_ = motion.previous_from_current.translation().norm();
+    step_covariance_ = motion.covariance;
+  } else if (!first) {
+    path_.clear();
+  }
+  while (!path_.empty() && path_.back().time_ns >= acquired_ns) path_.pop_back();
+  while (!path_.empty() && acquired_ns - path_.front().time_ns > kKept_ns) path_.pop_front();
+  path_.push_back({acquired_ns, odom_from_base_});
+  return known || first;
+}
+
+std::optional<Pose2> OwnMotion::odomFromBaseAt(TimeNs time_ns) const {
+  if (path_.empty() || time_ns < path_.front().time_ns || time_ns > path_.back().time_ns + kSame_ns)
+    return {};
+  const auto after = std::lower_bound(path_.begin(), path_.end(), time_ns,
+                                      [](const Entry& e, TimeNs t) { return e.time_ns < t; });
+  if (after == path_.end()) return path_.back().odom_from_base;
+  if (after == path_.begin() || after->time_ns == time_ns) return after->odom_from_base;
+  const Entry& before = *(after - 1);
+  const double part =
+      static_cast<double>(time_ns - before.time_ns) / static_cast<double>(after->time_ns - before.time_ns);
+  const Pose2 step = before.odom_from_base.inverse() * after->odom_from_base;
+  return before.odom_from_base * Pose2{part * step.x_m, part * step.y_m, part * step.theta_rad};
+}
+
+}  // namespace omnifleet::tracking

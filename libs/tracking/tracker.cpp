@@ -1,0 +1,268 @@
+#include "tracking/tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "outline/half_planes.h"
+#include "tracking/assignment.h"
+#include "tracking/outline_split.h"
+
+namespace omnifleet::tracking {
+namespace {
+
+constexpr int kFewestDirections = 8;
+constexpr double kAlien_m = 0.04;  // an outline this far outside of the expected one is somebody else's
+constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to a displacement over a second
+constexpr int kKnown = 3;                 // views that make a track known
+
+/// Covariance that one own step adds to the place of something at `arm_m` from the robot (odom axes).
+Eigen::Matrix2d stepNoise(const OwnMotion& own, const Eigen::Vector2d& arm_m) {
+  const Eigen::Matrix3d& c = own.stepCovariance();
+  const Eigen::Matrix2d axes = own.odomFromBase().rotation();
+  const Eigen::Vector2d across(-arm_m.y(), arm_m.x());
+  return axes * c.topLeftCorner<2, 2>() * axes.transpose() + c(2, 2) * across * across.transpose();
+}
+
+double positionSigma(const TrackState& track) {
+  return std::sqrt(0.5 * track.filter.positionCovariance().trace());
+}
+
+void see(TrackState& track, const View& view, const ObjectObservation& object, double history_s) {
+  track.view = view;
+  track.filter.update(view);
+  if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
+  track.seen_ns = view.time_ns;
+  track.unseen_s = 0.0;
+  track.hidden = false;
+  ++track.views;
+  const auto age_s = [&](const View& v) { return static_cast<double>(view.time_ns - v.time_ns) * 1e-9; };
+  while (!track.past.empty() && age_s(track.past.front()) > history_s) track.past.pop_front();
+  if (track.past.empty() || age_s(track.past.back()) > kPastSpacing_s) track.past.push_back(view);
+}
+
+Polygon silhouette(const TrackState& track, const View& view, const Pose2& base_from_odom) {
+  std::vector<outline::HalfPlane> planes;
+  const Eigen::Vector2d foot = base_from_odom * view.foot_m;
+  for (std::size_t k = 0; k < view.size(); k += 4) {
+    const double phi = view.angle(k) - view.heading_rad;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    planes.push_back({n, track.filter.predictedSupport(view, k) + n.dot(foot)});
+  }
+  return outline::intersectHalfPlanes(planes, 100.0);
+}
+
+}  // namespace
+
+TrackerOptions TrackerOptions::read(const options::Section& section) {
+  TrackerOptions o;
+  o.filter = PrismFilterOptions::read(section.child("filter"));
+  section.read("gate_m", o.gate_m, {0.01, 5.0});
+  section.read("merged_solidity", o.merged_solidity, {0.0, 1.0});
+  section.read("cut_margin_m", o.cut_margin_m, {0.0, 1.0});
+  section.read("keep_s", o.keep_s, {0.0, 600.0});
+  section.read("keep_hidden_s", o.keep_hidden_s, {0.0, 600.0});
+  section.read("keep_new_s", o.keep_new_s, {0.0, 600.0});
+  section.read("max_contact_m", o.max_contact_m, {0.1, 100.0});
+  section.read("gap_sigma_m", o.gap_sigma_m, {0.0, 10.0});
+  section.read("history_s", o.history_s, {1.0, 30.0});
+  section.finish();
+  return o;
+}
+
+void Tracker::predict(const OwnMotion& own, bool continuous) {
+  for (TrackState& track : tracks_) {
+    const Eigen::Vector2d arm = track.filter.position() - own.odomFromBase().translation();
+    track.filter.predict(own.step_s(), track.moving, track.blob >= 0, stepNoise(own, arm));
+    track.unseen_s += own.step_s();
+    track.age_s += own.step_s();
+    if (continuous) continue;
+    track.filter.predictAcrossGap(options_.gap_sigma_m);
+    track.past.clear();
+    track.evidence.still_s = 0.0;
+  }
+  unsee();
+}
+
+void Tracker::unsee() {
+  for (TrackState& track : tracks_) {
+    track.blob = -1;
+    track.clean = false;
+    track.fit = BodyFit{};
+    track.view.supports.b_m.clear();
+    track.view.supports.sigma_m.clear();
+  }
+}
+
+void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
+  views_.resize(local_map.objects.size());
+  owners_.resize(local_map.objects.size());
+  for (std::size_t i = 0; i < views_.size(); ++i) {
+    views_[i].time_ns = local_map.acquired_ns;
+    views_[i].supports = local_map.objects[i].supports;
+    views_[i].foot_m = own.odomFromBase() * local_map.scan.origin_m;
+    views_[i].heading_rad = own.odomFromBase().theta_rad;
+    views_[i].camera_height_m = local_map.camera_height_m;
+    owners_[i].clear();
+  }
+}
+
+void Tracker::associate(const LocalMap& local_map, const OwnMotion& own) {
+  lookAt(local_map, own);
+  cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
+  for (std::size_t t = 0; t < tracks_.size(); ++t) {
+    const double gate = options_.gate_m + 2.0 * std::min(0.5, positionSigma(tracks_[t]));
+    for (std::size_t b = 0; b < views_.size(); ++b) {
+      cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
+          outlineDistance(views_[b], tracks_[t].filter) / gate;
+    }
+  }
+  const std::vector<int> blob_of = assign(cost_, 1.0);
+  for (std::size_t t = 0; t < tracks_.size(); ++t) {
+    tracks_[t].blob = blob_of[t];
+    if (blob_of[t] >= 0) owners_[static_cast<std::size_t>(blob_of[t])].push_back(static_cast<int>(t));
+  }
+  for (std::size_t t = 0; t < tracks_.size(); ++t) {
+    if (tracks_[t].blob < 0 && tracks_[t].views >= kKnown) joinSwallowing(static_cast<int>(t));
+  }
+}
+
+void Tracker::joinSwallowing(int t) {
+  TrackState& track = tracks_[static_cast<std::size_t>(t)];
+  track.hidden = false;
+  for (std::size_t b = 0; b < views_.size(); ++b) {
+    if (!isSwallowed(views_[b], track.filter, options_.cut_margin_m + std::min(0.1, positionSigma(track))))
+      continue;
+    track.blob = static_cast<int>(b);
+    track.hidden = true;
+    owners_[b].push_back(t);
+    return;
+  }
+}
+
+void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
+  for (std::size_t b = 0; b < views_.size(); ++b) {
+    const ObjectObservation& object = local_map.objects[b];
+    if (usableDirections(views_[b]) < kFewestDirections) {
+      for (const int t : owners_[b]) tracks_[static_cast<std::size_t>(t)].blob = -1;
+      continue;
+    }
+    const bool merged = owners_[b].size() > 1 || object.solidity < options_.merged_solidity;
+    if (owners_[b].empty()) {
+      start(object, b, views_[b], own, !merged && !object.truncated);
+    } else if (merged) {
+      updateMerged(object, b, own);
+    } else {
+      TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
+      track.clean = !object.truncated;
+      see(track, views_[b], object, options_.history_s);
+    }
+  }
+  end();
+}
+
+void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const OwnMotion& own) {
+  split_owners_.clear();
+  for (const int t : owners_[b]) split_owners_.push_back(&tracks_[static_cast<std::size_t>(t)].filter);
+  const int unexplained =
+      splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
+  for (std::size_t i = 0; i < owners_[b].size(); ++i) {
+    TrackState& track = tracks_[static_cast<std::size_t>(owners_[b][i])];
+    if (usableDirections(split_[i]) >= kFewestDirections) {
+      see(track, split_[i], object, options_.history_s);
+    } else {
+      track.blob = -1;
+      track.hidden = true;
+    }
+  }
+  const bool all_known = std::all_of(owners_[b].begin(), owners_[b].end(), [&](int t) {
+    return tracks_[static_cast<std::size_t>(t)].views > kKnown;
+  });
+  if (all_known && unexplained >= 2 * kFewestDirections && object.solidity < options_.merged_solidity) {
+    start(object, b, rest_, own, false);
+  }
+}
+
+void Tracker::start(const ObjectObservation& object, std::size_t b, const View& view, const OwnMotion& own,
+                    bool clean) {
+  const Eigen::Vector2d foot_in_base = own.odomFromBase().inverse() * view.foot_m;
+  const Eigen::Vector2d outward = object.contact_m - foot_in_base;
+  const double distance = outward.norm();
+  if (!object.contact_m.allFinite() || distance > options_.max_contact_m) return;
+  const Eigen::Vector2d guess =
+      object.contact_m + options_.filter.radius_m * (distance > 1e-6 ? (outward / distance).eval() : outward);
+  tracks_.emplace_back(next_id_++,
+                       PrismFilter(options_.filter, own.odomFromBase() * guess, view.camera_height_m));
+  TrackState& track = tracks_.back();
+  track.blob = static_cast<int>(b);
+  track.clean = clean;
+  track.moving = true;
+  owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
+  see(track, view, object, options_.history_s);
+}
+
+void Tracker::end() {
+  const auto lost = [&](const TrackState& track) {
+    const double keep = track.views < kKnown ? options_.keep_new_s
+                        : track.hidden       ? options_.keep_hidden_s
+                                             : options_.keep_s;
+    return track.unseen_s > keep;
+  };
+  // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.
+  std::vector<int> moved(tracks_.size(), -1);
+  int kept = 0;
+  for (std::size_t t = 0; t < tracks_.size(); ++t) moved[t] = lost(tracks_[t]) ? -1 : kept++;
+  tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), lost), tracks_.end());
+  for (std::vector<int>& owners : owners_) {
+    for (int& t : owners) t = moved[static_cast<std::size_t>(t)];
+    owners.erase(std::remove(owners.begin(), owners.end(), -1), owners.end());
+  }
+}
+
+const TrackState* Tracker::trackAt(std::size_t blob, const Eigen::Vector2d& point_in_odom) const {
+  const TrackState* nearest = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const int t : owners_[blob]) {
+    const TrackState& track = tracks_[static_cast<std::size_t>(t)];
+    const double distance =
+        std::abs((track.filter.position() - point_in_odom).norm() - track.filter.radius());
+    if (distance >= least) continue;
+    least = distance;
+    nearest = &track;
+  }
+  return nearest;
+}
+
+void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const {
+  out.resize(tracks_.size());
+  const Pose2 base_from_odom = own.odomFromBase().inverse();
+  const Eigen::Matrix2d axes = base_from_odom.rotation();
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    const TrackState& track = tracks_[i];
+    Track& published = out[i];
+    published.id = track.id;
+    published.kind = track.kind;
+    published.kind_probability = track.kind_probability;
+    published.visible = track.blob >= 0;
+    published.position_m = base_from_odom * track.filter.position();
+    published.velocity_mps = axes * track.filter.velocity();
+    published.covariance = axes * track.filter.positionCovariance() * axes.transpose();
+    published.height_m = track.filter.height();
+    published.height_sigma_m = track.filter.heightSigma();
+    published.supports = track.view.supports;
+    published.hull_m.clear();
+    published.contact_m.setZero();
+    published.solidity = 1.0;
+    published.truncated = false;
+    if (!published.visible) continue;
+    const auto blob = static_cast<std::size_t>(track.blob);
+    const ObjectObservation& object = local_map.objects[blob];
+    published.contact_m = object.contact_m;
+    published.solidity = object.solidity;
+    published.truncated = object.truncated;
+    published.hull_m =
+        owners_[blob].size() > 1 ? silhouette(track, views_[blob], base_from_odom) : object.hull_m;
+  }
+}
+
+}  // namespace omnifleet::tracking

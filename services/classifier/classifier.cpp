@@ -1,0 +1,107 @@
+#include "classifier/classifier.h"
+
+#include <algorithm>
+
+namespace omnifleet::classifier {
+namespace {
+
+double ownRadius(const std::string& robot, const std::map<std::string, RobotBody>& bodies) {
+  const auto own = bodies.find(robot);
+  if (own == bodies.end()) throw options::Error("robot '" + robot + "' is not among the fleet's bodies");
+  double radius = 0.0;
+  for (const auto& vertex : own->second.outline()) radius = std::max(radius, vertex.norm());
+  return radius;
+}
+
+RayLabel rayLabel(ObjectKind kind) {
+  switch (kind) {
+    case ObjectKind::kObstacle:
+      return RayLabel::kObstacle;
+    case ObjectKind::kRobot:
+      return RayLabel::kRobot;
+    case ObjectKind::kUnknown:
+      return RayLabel::kUnknown;
+  }
+  return RayLabel::kUnknown;
+}
+
+}  // namespace
+
+Classifier::Options Classifier::Options::read(const options::Section& section) {
+  Options o;
+  o.tracker = tracking::TrackerOptions::read(section.child("tracker"));
+  o.kind = tracking::KindOptions::read(section.child("kind"));
+  o.peers = tracking::PeerOptions::read(section.child("peers"));
+  section.finish();
+  return o;
+}
+
+Classifier::Classifier(const Options& options, const std::string& robot,
+                       const std::map<std::string, RobotBody>& bodies)
+    : paper_centroids_(options.kind.method == "choi"),
+      peers_(options.peers, robot, bodies),
+      tracker_(options.tracker),
+      judge_(options.kind, ownRadius(robot, bodies)) {}
+
+const Objects& Classifier::process(const LocalMap& local_map, const std::vector<PoseEstimate>& poses) {
+  const bool seeing = local_map.state == FrameState::kOk;
+  passOn(local_map);
+  if (seeing || local_map.motion.valid) {
+    const bool continuous = own_motion_.advance(local_map.motion, local_map.acquired_ns);
+    tracker_.predict(own_motion_, continuous);
+  } else {
+    tracker_.unsee();
+  }
+  const std::vector<tracking::Peer>& peers = peers_.predict(poses, own_motion_);
+  if (seeing) {
+    tracker_.associate(local_map, own_motion_);
+    tracker_.update(local_map, own_motion_);
+    judge_.judge(tracker_.tracks(), peers, local_map, own_motion_);
+  }
+  tracker_.write(local_map, own_motion_, objects_.tracks);
+  if (paper_centroids_) placeByCentroids(local_map);
+  labelScan(local_map);
+  return objects_;
+}
+
+void Classifier::passOn(const LocalMap& local_map) {
+  objects_.robot = local_map.robot;
+  objects_.acquired_ns = local_map.acquired_ns;
+  objects_.sequence = local_map.sequence;
+  objects_.state = local_map.state;
+  objects_.camera_height_m = local_map.camera_height_m;
+  objects_.motion = local_map.motion;
+  objects_.scan = local_map.scan;
+}
+
+void Classifier::placeByCentroids(const LocalMap& local_map) {
+  for (std::size_t i = 0; i < objects_.tracks.size(); ++i) {
+    const int blob = tracker_.tracks()[i].blob;
+    if (blob >= 0)
+      objects_.tracks[i].position_m = local_map.objects[static_cast<std::size_t>(blob)].centroid_m;
+  }
+}
+
+void Classifier::labelScan(const LocalMap& local_map) {
+  Scan& scan = objects_.scan;
+  const std::size_t rays = std::min({scan.range_m.size(), scan.label.size(), scan.object.size()});
+  for (std::size_t i = 0; i < rays; ++i) {
+    const std::uint16_t label = scan.object[i];
+    scan.object[i] = 0;
+    if (scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd) continue;
+    scan.label[i] = RayLabel::kUnknown;
+    const auto hit = std::find_if(local_map.objects.begin(), local_map.objects.end(),
+                                  [&](const ObjectObservation& object) { return object.label == label; });
+    if (hit == local_map.objects.end()) continue;
+    const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(scan.range_m.size());
+    const Eigen::Vector2d end =
+        scan.origin_m + scan.range_m[i] * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
+    const tracking::TrackState* track = tracker_.trackAt(
+        static_cast<std::size_t>(hit - local_map.objects.begin()), own_motion_.odomFromBase() * end);
+    if (!track) continue;
+    scan.label[i] = rayLabel(track->kind);
+    scan.object[i] = static_cast<std::uint16_t>(track->id);
+  }
+}
+
+}  // namespace omnifleet::classifier
