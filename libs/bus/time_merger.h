@@ -71,18 +71,21 @@ class TimeOrder {
     TimeNs complete_until;  ///< everything up to and including this time has arrived
     std::uint64_t arrived = 0, rejected = 0;
     std::optional<std::uint64_t> announced;  ///< sample count of run/end
-    bool ended() const { return announced && arrived >= *announced; }
-    bool reached(TimeNs t) const { return spec.mode == StreamMode::kLive || ended() || complete_until >= t; }
+    bool live() const { return spec.mode == StreamMode::kLive; }
+    bool ended() const { return announced && (live() || arrived >= *announced); }
+    bool reached(TimeNs t) const { return live() || ended() || complete_until >= t; }
   };
   std::optional<TimeNs> candidate() const;
+  bool holdsUp(const Stream& stream, std::optional<TimeNs> time) const;
   std::optional<int> blocker() const;
-  std::vector<Step>& take(StreamRole role, TimeNs until, bool live_all, std::vector<Step>& out);
-  void sortSteps(std::vector<Step>& steps) const;
+  /// Appends the heads of `role` up to and including `until` (feedback that is live: all), popped, in order.
+  void take(StreamRole role, std::optional<TimeNs> until, std::vector<Step>& out);
 
   std::vector<Stream> streams_;
   std::optional<TimeNs> previous_;  ///< time of the last batch with a primary sample
   int blocked_by_ = -1;
   std::uint64_t blocked_arrived_ = 0;
+  TimeNs blocked_until_ = 0;
   Monotonic blocked_since_{};
 };
 
