@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "motion/avoidance.h"
+#include "motion/formation_types.h"
+#include "motion/wheeled_model.h"
+#include "options/options.h"
+
+namespace omnifleet::motion {
+
+/// Whom the robot of a rank follows (rank 0 leads), and how: the followed robot stands at distance d and at
+/// angle θ to the own heading (Choi et al. 2014 Fig. 12).
+struct Slot {
+  std::size_t followed = 0;  ///< rank
+  double distance_m = 0.0;
+  double angle_rad = 0.0;
+};
+/// Slot of rank ≥ 1. column: behind the rank before; line: abreast, alternately right and left; wedge: on the
+/// arms of a V, θ as commanded; triangle: rows of one, two, three …, equilateral with side d (θ is not used).
+Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double angle_rad);
+
+/// Place of each rank in the leader's base_link while all drive straight. Metres.
+std::vector<Eigen::Vector2d> placesOf(const FormationCommand& command, std::size_t robots);
+
+/// The robot that is followed, as the follower knows it, in the follower's base_link.
+struct Followed {
+  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
+  double heading_rad = 0.0;
+  Twist twist;        ///< its own
+  bool seen = false;  ///< in the follower's own camera; else from its published pose
+};
+
+/// Keeps a slot: the place behind the followed robot moves as a point of its body would; its velocity is fed
+/// forward and the distance to it is closed (l–φ control, Desai, Ostrowski and Kumar 2001, by a point instead
+/// of two angles).
+class FollowLaw {
+ public:
+  struct Options {
+    double gain_per_s = 0.9;        ///< 1/s, closing speed per metre of distance to the place
+    double closing_max_mps = 0.25;  ///< m/s, no faster than that
+    double near_m = 0.03;  ///< m, no turning about for errors below this while the place stands still
+
+    static Options read(const options::Section& section);
+  };
+  struct Result {
+    Eigen::Vector2d place_m;       ///< base_link
+    Eigen::Vector2d velocity_mps;  ///< wanted, base_link
+    double distance_error_m, angle_error_rad;
+  };
+
+  explicit FollowLaw(const Options& options) : options_(options) {}
+  Result wanted(const Slot& slot, const Followed& followed) const;
+
+ private:
+  Options options_;
+};
+
+/// The leader's way: waypoint after waypoint, slower while followers are out of place, still at the goal.
+class LeadLaw {
+ public:
+  struct Options {
+    double passed_m = 0.25;     ///< m, a waypoint this near is passed
+    double arrived_m = 0.05;    ///< m, the goal this near is reached
+    double slow_m = 0.5;        ///< m, the goal is approached with falling speed
+    double wait_from_m = 0.15;  ///< m, followers out of place by this slow the leader …
+    double wait_full_m = 0.60;  ///< m, … down to `wait_speed` when they are by this
+    double wait_speed = 0.25;   ///< 1, share of the speed left
+
+    static Options read(const options::Section& section);
+  };
+
+  explicit LeadLaw(const Options& options) : options_(options) {}
+  void follow(std::vector<Eigen::Vector2d> waypoints_m);
+  /// Wanted velocity in base_link; zero once the goal is reached.
+  Eigen::Vector2d wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps);
+  bool arrived() const { return next_ >= waypoints_m_.size(); }
+  std::optional<Eigen::Vector2d> waypoint() const;
+
+ private:
+  Options options_;
+  std::vector<Eigen::Vector2d> waypoints_m_;
+  std::size_t next_ = 0;
+};
+
+/// Wheel speeds' twist for a wanted velocity vector: turns towards it, drives by the share that lies ahead;
+/// `forward` is the twist of the place that is kept (its turning is fed forward). Changes are limited per
+/// step.
+Twist twistTowards(const Eigen::Vector2d& velocity_mps, const Twist& forward, const Twist& before,
+                   double dt_s, const DriveLimits& limits);
+
+}  // namespace omnifleet::motion

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "motion/avoidance.h"
+#include "motion/formation_law.h"
+#include "motion/formation_types.h"
+#include "observation/observation.h"
+#include "options/options.h"
+
+namespace omnifleet::formation {
+
+/// One robot's share of the formation (Choi et al. 2014 §IV.3, Fig. 12): the leader goes from waypoint to
+/// waypoint and turns for obstacles, a follower keeps distance d and angle θ to the robot it follows, which
+/// it sees in its own camera; where sight is lost, the published pose stands in. Once per frame; no clock, no
+/// memory of the map.
+class Formation {
+ public:
+  struct Options {
+    motion::FormationCommand
+        command;         ///< shape, distance_m, angle_rad, waypoints: what to do until told otherwise
+    std::string leader;  ///< empty: the first robot by name
+    motion::DriveLimits limits;
+    motion::FollowLaw::Options follow;
+    motion::LeadLaw::Options lead;
+    motion::Avoidance::Options avoidance;
+    double gate_m = 0.35;  ///< m, a track this near to where the followed robot should be is that robot
+    double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
+    double lost_limit_s = 2.0;      ///< s, unseen and unpublished for so long: the follower stops
+
+    static Options read(const options::Section& section);
+  };
+
+  struct Output {
+    motion::WheelCommand command;
+    motion::FormationState state;
+  };
+
+  /// `bodies`: every robot of the fleet, this one included. Throws std::runtime_error when this robot or the
+  /// leader is not among them.
+  Formation(const std::string& robot, const std::map<std::string, RobotBody>& bodies, const Options& options);
+
+  /// New orders; those of another fleet or older ones are left alone (false).
+  bool command(const motion::FormationCommand& command);
+
+  /// One frame: what this robot sees and the latest published poses of all robots (usually of the frame
+  /// before; the own one too). An invalid frame holds the robot still.
+  Output process(const Objects& objects, const std::vector<PoseEstimate>& poses);
+
+  const Options& options() const { return options_; }
+
+ private:
+  struct Known {
+    Pose2 map_from_base;
+    TimeNs acquired_ns = 0;
+    motion::Twist twist;  ///< from the latest two poses
+    std::vector<Sighting> sightings;
+  };
+
+  void learn(const std::vector<PoseEstimate>& poses);
+  std::optional<Pose2> ownPose(const Objects& objects) const;
+  std::optional<motion::Followed> followed(const Objects& objects, const std::string& name);
+  const Track* sighted(const Objects& objects, const std::string& name,
+                       const std::optional<Pose2>& published) const;
+  double worstFollowerError() const;
+  void lead(const Objects& objects, const motion::Surroundings& around, Output& output);
+  void follow(const Objects& objects, const motion::Surroundings& around, Output& output);
+  void drive(const motion::Surroundings& around, const Eigen::Vector2d& wanted_mps,
+             const motion::Twist& forward, Output& output);
+
+  std::string robot_, leader_;
+  std::map<std::string, RobotBody> bodies_;
+  std::vector<std::string> ranks_;  ///< leader first, then by name
+  Options options_;
+  motion::FollowLaw follow_;
+  motion::LeadLaw lead_;
+  motion::Avoidance avoidance_;
+  std::map<std::string, Known> known_;
+  std::optional<motion::Followed> last_followed_;
+  TimeNs last_followed_ns_ = 0;
+  Pose2 moved_since_pose_;  ///< own motion since the own published pose
+  motion::Twist commanded_;
+};
+
+}  // namespace omnifleet::formation
