@@ -65,7 +65,7 @@ void toWire(const LocalMap& from, RunClock clock, v1::LocalMap& to) {
 }
 
 bool fromWire(const v1::LocalMap& from, LocalMap& to) {
-  to.robot = from.robot();
+  to.robot = from.robot().to_string();
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.camera_height_m = from.camera_height_m();

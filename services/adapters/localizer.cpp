@@ -17,7 +17,7 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
 }
 
 bool fromWire(const v1::Pose& from, PoseEstimate& to) {
-  to.robot = from.robot();
+  to.robot = from.robot().to_string();
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.valid = from.valid();
@@ -25,7 +25,7 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   to.covariance = matrixFromWire<3>(from.covariance());
   to.sightings.resize(from.sightings().size());
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
-    to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot()};
+    to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
   return to.map_from_base.isFinite() && to.covariance.allFinite();
 }
@@ -51,11 +51,11 @@ bool fromWire(const v1::Measurement& from, std::vector<Measurement>& to) {
   for (std::size_t i = 0; i < to.size(); ++i) {
     const v1::MeasurementValue& w = from.values()[i];
     Measurement& m = to[i];
-    m.source = from.source();
+    m.source = from.source().to_string();
     m.sequence = from.header().sequence_number();
     m.acquired_ns = from.header().acquired_ns();
-    m.from = w.from_name();
-    m.to = w.to_name();
+    m.from = w.from_name().to_string();
+    m.to = w.to_name().to_string();
     m.from_ns = w.from_ns();
     m.value = {w.value()[0], w.value()[1], w.value()[2]};
     m.covariance = matrixFromWire<3>(w.covariance());

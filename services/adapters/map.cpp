@@ -48,7 +48,7 @@ void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contributio
 }
 
 bool fromWire(const v1::Contribution& from, occupancy::Contribution& to) {
-  to.robot = from.robot();
+  to.robot = from.robot().to_string();
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.camera_height_dmm = from.camera_height();
@@ -80,7 +80,7 @@ void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePos
 }
 
 bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
-  to.robot = from.robot();
+  to.robot = from.robot().to_string();
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.term = from.term();
@@ -90,7 +90,7 @@ bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
   to.theta_dmrad = from.theta();
   to.sightings.resize(from.sightings().size());
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
-    to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot()};
+    to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
   return true;
 }

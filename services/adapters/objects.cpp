@@ -53,7 +53,7 @@ void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
 }
 
 bool fromWire(const v1::Objects& from, Objects& to) {
-  to.robot = from.robot();
+  to.robot = from.robot().to_string();
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.camera_height_m = from.camera_height_m();

@@ -14,7 +14,7 @@ void RunEnds::listen(const std::string& stream, Ended ended) {
 bool RunEnds::poll() {
   bool heard = false;
   while (reader_->take(sample_)) {
-    const auto listener = listeners_.find(sample_.stream());
+    const auto listener = listeners_.find(sample_.stream().to_string());
     if (listener == listeners_.end()) continue;
     const TimeNs last = sample_.samples() == 0 ? kNothing : sample_.header().acquired_ns();
     const Ended ended = std::move(listener->second);

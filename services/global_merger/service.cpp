@@ -69,19 +69,20 @@ bool GlobalMergerService::pullSets() {
   occupancy::Contribution contribution;
   while (contributions_->take(contribution_)) {
     any = true;
-    ++sets_[contributionStream(contribution_.robot())].arrived;
-    if (contribution_.robot() == robot_) continue;  // has it since it made it
+    const std::string robot = contribution_.robot().to_string();
+    ++sets_[contributionStream(robot)].arrived;
+    if (robot == robot_) continue;  // has it since it made it
     if (adapters::fromWire(contribution_, contribution)) {
       replica_.add(contribution);
     } else {
       status().dropped();
-      status().error("a contribution of " + contribution_.robot() + " was rejected: not consistent");
+      status().error("a contribution of " + robot + " was rejected: not consistent");
     }
   }
   occupancy::KeyframePose pose;
   while (keyframe_poses_->take(keyframe_pose_)) {
     any = true;
-    const std::string& robot = keyframe_pose_.robot();
+    const std::string robot = keyframe_pose_.robot().to_string();
     ++sets_[keyframe_pose_.term() == 0 ? poseStream(robot) : correctionStream(robot)].arrived;
     if (adapters::fromWire(keyframe_pose_, pose)) replica_.add(pose);
   }

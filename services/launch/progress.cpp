@@ -51,12 +51,14 @@ void Progress::listen(int domain) {
   while (!stop_) {
     bus->wait(std::chrono::milliseconds(100));
     while (reader->take(sample)) {
-      const std::string who = sample.service() + (sample.instance().empty() ? "" : " " + sample.instance());
-      if (!sample.last_error().empty() && last_error[who] != sample.last_error()) {
-        last_error[who] = sample.last_error();
-        std::fprintf(stderr, "%s%s: %s\n", terminal ? "\r\033[K" : "", who.c_str(), sample.last_error().c_str());
+      const std::string service = sample.service().to_string(), instance = sample.instance().to_string();
+      const std::string who = instance.empty() ? service : service + " " + instance;
+      const std::string error = sample.last_error().to_string();
+      if (!error.empty() && last_error[who] != error) {
+        last_error[who] = error;
+        std::fprintf(stderr, "%s%s: %s\n", terminal ? "\r\033[K" : "", who.c_str(), error.c_str());
       }
-      if (sample.service() == "global_merger") done[sample.instance()] = sample.processed();
+      if (service == "global_merger") done[instance] = sample.processed();
     }
     std::uint64_t least = done.empty() ? 0 : UINT64_MAX;
     for (const auto& [merger, count] : done) least = std::min(least, count);

@@ -2,11 +2,13 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <variant>
 
 #include "bus/service.h"
 #include "common/frame_inlet.h"
 #include "common/inlet.h"
+#include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "local_mapper/debug_images.h"
 #include "local_mapper/local_mapper.h"
@@ -17,13 +19,14 @@ namespace omnifleet::services {
 /// One robot's frames and wheel speeds in, one local map per frame out.
 class LocalMapperService : public bus::Service {
  public:
-  LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+  /// `debug_images`: write the four pictures of Choi's Figs. 15–17 of every frame into OUT/debug/<robot>.
+  LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet, bool debug_images);
 
   std::vector<bus::Expectation> expectations() const override { return {out_.expectation()}; }
   void start() override { status().state(bus::ServiceState::kRunning); }
   bool spin() override;
   bool finished() const override { return ended_; }
-  void drain() override;
+  void drain() override { out_.end(ends_, ended_ ? "" : "stopped"); }
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
@@ -33,6 +36,7 @@ class LocalMapperService : public bus::Service {
 
   bool pull();
   void process();
+  void saveDebugImages(const cv::Mat& image);
 
   bus::ServiceContext context_;
   fleet::CameraSpec camera_;
@@ -40,12 +44,13 @@ class LocalMapperService : public bus::Service {
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
   FrameInlet frames_;
-  int frame_stream_ = -1;
+  int frame_stream_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
   local_mapper::LocalMapper mapper_;
-  std::optional<local_mapper::DebugImages> debug_;
+  std::string debug_folder_;  ///< empty: no pictures
+  LocalMap local_map_;
   v1::LocalMap sample_;
   bool ended_ = false;
 };

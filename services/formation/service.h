@@ -1,0 +1,59 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <variant>
+#include <vector>
+
+#include "bus/service.h"
+#include "common/inlet.h"
+#include "fleet/fleet.h"
+#include "formation/formation.h"
+
+namespace omnifleet::services {
+
+/// One robot's objects and the fleet's poses in, one wheel command per frame out. The one writer of
+/// wheels/command.
+class FormationService : public bus::Service {
+ public:
+  FormationService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+
+  std::vector<bus::Expectation> expectations() const override { return {command_out_.expectation()}; }
+  void start() override { status().state(bus::ServiceState::kRunning); }
+  bool spin() override;
+  bool finished() const override { return ended_; }
+  void drain() override;
+  std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
+    return merger_.waitingFor(now);
+  }
+
+ private:
+  using Payload = std::variant<std::monostate, Objects, PoseEstimate>;
+
+  bool pull();
+  void process();
+  void answer(const Objects& objects);
+  void standStill(TimeNs acquired_ns, std::uint32_t sequence);
+
+  bus::ServiceContext context_;
+  std::string robot_;
+  bus::TimeMerger<Payload> merger_;
+  bus::TimeMerger<Payload>::Batch batch_;
+  RunEnds ends_;
+  Inlet<v1::Objects, Payload> objects_;
+  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  std::unique_ptr<bus::Reader<v1::FormationCommand>> command_in_;
+  Outlet<v1::WheelCommand> command_out_;
+  std::unique_ptr<bus::Writer<v1::FormationState>> state_out_;
+  formation::Formation formation_;
+  std::map<std::string, PoseEstimate> latest_;
+  std::vector<PoseEstimate> known_;
+  v1::FormationCommand command_;
+  v1::WheelCommand speeds_;
+  v1::FormationState state_;
+  bool ended_ = false;
+};
+
+std::unique_ptr<bus::Service> makeFormation(const bus::ServiceContext& context);
+
+}  // namespace omnifleet::services

@@ -1,0 +1,122 @@
+#include "local_mapper/service.h"
+
+#include <fmt/format.h>
+
+#include "dataset/atomic_file.h"
+
+namespace omnifleet::services {
+namespace {
+
+using std::chrono::steady_clock;
+
+const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
+  const fleet::CameraSpec* camera = fleet.fisheyeOf(fleet.robot(robot).name);
+  if (!camera) throw options::Error("robot '" + robot + "' has no fisheye camera");
+  return *camera;
+}
+
+motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
+  const auto options = motion::WheelIntegrator::Options::read(fleet.service("local_mapper").child("wheels"));
+  return robot.has_wheels ? motion::WheelIntegrator(robot.body.wheel_separation_m, options) : motion::WheelIntegrator();
+}
+
+local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
+  const options::Section section = fleet.service("local_mapper");
+  section.has("wheels");
+  return local_mapper::Options::read(section);
+}
+
+}  // namespace
+
+LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet, bool debug_images)
+    : context_(context),
+      camera_(fisheye(fleet, context.options.robot)),
+      ends_(context),
+      frames_(context, camera_, ends_),
+      frame_stream_(merger_.addStream(
+          {"camera " + camera_.id, camera_.robot, 0, bus::StreamRole::kInput, streamMode(context.options)})),
+      out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
+           fleet::expectedReaders(fleet, "local_map", camera_.robot)),
+      integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
+      mapper_(lens::Camera(camera_.model), mapperOptions(fleet)) {
+  if (fleet.robot(camera_.robot).has_wheels) {
+    wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, camera_.robot), merger_, ends_,
+                    bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1, bus::StreamRole::kSide,
+                                    streamMode(context.options)});
+  }
+  if (debug_images && !context.options.out.empty()) {
+    debug_folder_ = context.options.out + "/debug/" + camera_.robot;
+    dataset::makeDirectories(debug_folder_);
+  }
+}
+
+bool LocalMapperService::pull() {
+  bool any = ends_.poll();
+  if (wheels_) {
+    any |= wheels_->pull(status(), [](const v1::WheelOdometry& wire, Payload& payload) {
+      payload = dataset::WheelRow{wire.header().acquired_ns(), wire.v_left_mps(), wire.v_right_mps()};
+      return std::isfinite(wire.v_left_mps()) && std::isfinite(wire.v_right_mps());
+    }) > 0;
+  }
+  if (merger_.wants(frame_stream_)) {
+    if (const auto frame = frames_.take(status())) {
+      merger_.push(frame_stream_, frame->header.acquired_ns, *frame);
+      any = true;
+    }
+  }
+  if (frames_.ended()) merger_.end(frame_stream_, 0);
+  return any;
+}
+
+bool LocalMapperService::spin() {
+  bool any = pull();
+  while (merger_.nextBatch(batch_)) {
+    process();
+    any = true;
+    pull();
+  }
+  if (!ended_ && merger_.finished()) {
+    out_.end(ends_);
+    ended_ = any = true;
+  }
+  return any;
+}
+
+void LocalMapperService::process() {
+  const auto begun = steady_clock::now();
+  for (const auto& item : batch_.side) {
+    const auto& row = std::get<dataset::WheelRow>(item.payload);
+    integrator_.add(row.time_ns, row.left_mps, row.right_mps);
+  }
+  const auto& view = std::get<bus::FrameView>(batch_.inputs.front().payload);
+  const cv::Mat image = asMat(view);
+  const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
+  local_map_ = mapper_.process(frame, integrator_.motionTo(frame.acquired_ns));
+  local_map_.robot = camera_.robot;
+  if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
+  if (!frames_.release(status())) {
+    local_map_.state = FrameState::kTorn;
+    local_map_.objects.clear();
+    local_map_.scan = {};
+  }
+  adapters::toWire(local_map_, runClock(context_.options), sample_);
+  out_.write(sample_, status());
+  status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
+  if (local_map_.state != FrameState::kOk) {
+    status().error(fmt::format("frame {} of camera {}: {}", local_map_.sequence, camera_.id, toString(local_map_.state)));
+  }
+}
+
+void LocalMapperService::saveDebugImages(const cv::Mat& image) {
+  const auto pictures = local_mapper::DebugImages::render(mapper_, local_map_, image);
+  for (const std::string& problem : pictures.save(fmt::format("{}/{:06d}", debug_folder_, local_map_.sequence))) {
+    status().error(problem);
+  }
+}
+
+std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context) {
+  const auto& o = context.options;
+  return std::make_unique<LocalMapperService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs), o.debug_images);
+}
+
+}  // namespace omnifleet::services
