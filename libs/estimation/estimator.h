@@ -2,7 +2,7 @@
 
 // The fleet estimator: least squares over the poses of all robots, one scale bias per wheel, obstacles as
 // support-function prisms and mutual sightings (RECIPES "Estimator"; it stands in for the odometry-only
-// localisation of Choi et al. 2014 §IV). A sliding window of keyframes is solved at every call; what leaves
+// localisation of Choi et al. 2014 §IV). A sliding window of frames is solved at every call; what leaves
 // the window is marginalised into a dense prior, so time and memory stay bounded. Pure and deterministic: one
 // thread, fixed iteration counts, no clock.
 
@@ -29,39 +29,39 @@ struct RobotSetup {
 };
 
 struct EstimatorOptions {
-  double initial_sigma_m = 0.005;        ///< m, of initial_pose, each axis
-  double initial_sigma_rad = 0.00524;    ///< rad, of initial_pose (0.3°)
-  double wheel_bias_sigma = 0.02;        ///< 1, prior of each wheel's scale error
-  int window_keyframes = 12;             ///< keyframes per robot that are re-estimated
-  int solver_iterations = 4;             ///< per call, fixed
-  double keyframe_distance_m = 0.03;     ///< m; a frame becomes a keyframe after this travel,
-  double keyframe_angle_rad = 0.05;      ///< rad; or this turn,
-  double keyframe_time_s = 1.0;          ///< s; or this time
-  bool use_landmarks = true;             ///< obstacles correct the poses
-  bool use_sightings = true;             ///< robots seen by robots correct the poses
-  double view_sigma_factor = 2.0;        ///< 1, on the σ of supports: neighbouring directions correlate
-  int view_directions = 48;              ///< directions of each view that enter the graph
-  double associate_gate_m = 0.12;        ///< m, between Steiner centres of a view and of a landmark
-  double new_landmark_m = 0.22;          ///< m, a view farther than this from all landmarks starts one
-  double new_landmark_contact_m = 1.8;   ///< m, and its contact with the floor is nearer than this,
-  double new_landmark_robot_m = 0.35;    ///< m, and it is at least this far from every robot
-  double sighting_gate_m = 0.25;         ///< m, between a view and a predicted robot
-  double sighting_rms_m = 0.05;          ///< m, rms of the fit of the known body below which a view is a robot
-  double prior_height_m = 0.15;          ///< m, height of an obstacle before it is seen from two sides
-  double prior_height_sigma_m = 0.10;    ///< m
-  double moving_mps = 0.08;              ///< m/s, objects faster than this are no landmarks
-  int max_landmarks = 64;                ///< the one unseen longest is marginalised beyond this
-  int publish_views = 6;                 ///< keyframe views before a landmark is listed
-  double gate_chi2 = 16.3;               ///< 1, χ² (3 dof, 99.9 %) of a step against the wheels: slip
-  double no_wheels_sigma_mps = 0.5;      ///< m/s, without motion: σ of the constant-velocity prior's speed
-  double no_wheels_sigma_radps = 1.0;    ///< rad/s, likewise
+  double initial_sigma_m = 0.005;       ///< m, of initial_pose, each axis
+  double initial_sigma_rad = 0.00524;   ///< rad, of initial_pose (0.3°)
+  double wheel_bias_sigma = 0.02;       ///< 1, prior of each wheel's scale error
+  int window_frames = 20;               ///< frames per robot that are re-estimated
+  int solver_iterations = 4;            ///< per call, fixed
+  double keyframe_distance_m = 0.03;    ///< m; a frame becomes a keyframe after this travel,
+  double keyframe_angle_rad = 0.05;     ///< rad; or this turn,
+  double keyframe_time_s = 1.0;         ///< s; or this time
+  bool use_landmarks = true;            ///< obstacles correct the poses
+  bool use_sightings = true;            ///< robots seen by robots correct the poses
+  double view_sigma_factor = 2.0;       ///< 1, on the σ of supports: neighbouring directions correlate
+  int view_directions = 48;             ///< directions of each view that enter the graph
+  double associate_gate_m = 0.12;       ///< m, between Steiner centres of a view and of a landmark
+  double new_landmark_m = 0.22;         ///< m, a view farther than this from all landmarks starts one
+  double new_landmark_contact_m = 1.8;  ///< m, and its contact with the floor is nearer than this,
+  double new_landmark_robot_m = 0.35;   ///< m, and it is at least this far from every robot
+  double sighting_gate_m = 0.25;        ///< m, between a view and a predicted robot
+  double sighting_rms_m = 0.05;         ///< m, rms of the fit of the known body below which a view is a robot
+  double prior_height_m = 0.15;         ///< m, height of an obstacle before it is seen from two sides
+  double prior_height_sigma_m = 0.10;   ///< m
+  double moving_mps = 0.08;             ///< m/s, objects faster than this are no landmarks
+  int max_landmarks = 64;               ///< the one unseen longest is marginalised beyond this
+  int publish_views = 6;                ///< keyframe views before a landmark is listed
+  double gate_chi2 = 16.3;              ///< 1, χ² (3 dof, 99.9 %) of a step against the wheels: slip
+  double no_wheels_sigma_mps = 0.5;     ///< m/s, without motion: σ of the constant-velocity prior's speed
+  double no_wheels_sigma_radps = 1.0;   ///< rad/s, likewise
 
   static EstimatorOptions read(const options::Section& section);
 };
 
 /// An obstacle as a prism standing on the floor, map frame.
 struct LandmarkEstimate {
-  std::uint32_t id = 0;  ///< unique in a run, in the order of first sight
+  std::uint32_t id = 0;                                ///< unique in a run, in the order of first sight
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();  ///< Steiner centre of the footprint
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
   std::vector<double> support_m;  ///< of the footprint about the centre, for directions 2πk/size(), map axes

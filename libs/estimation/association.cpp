@@ -1,0 +1,179 @@
+#include "estimation/association.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "estimation/factors.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kMergedSolidity = 0.94;  // RECIPES: below this a silhouette is several objects
+constexpr int kLeastDirections = 12;      // usable ones that still hold a position
+
+/// A pair that may belong together; sorted by distance, then by order of appearance.
+struct Candidate {
+  double distance_m;
+  std::size_t seen, other;
+  bool operator<(const Candidate& o) const {
+    return std::tie(distance_m, seen, other) < std::tie(o.distance_m, o.seen, o.other);
+  }
+};
+
+Eigen::Vector2d steinerOf(const View& view, double height_m, const Eigen::Vector2d& fallback) {
+  Eigen::Vector2d centre = fallback;
+  steinerCentre(view, height_m, centre);
+  return centre;
+}
+
+double uncertainty(const RobotNode& robot) {
+  return std::sqrt(std::max(0.0, robot.covariance.topLeftCorner<2, 2>().trace()));
+}
+
+}  // namespace
+
+std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& options) {
+  std::vector<Seen> all;
+  if (frame.state != FrameState::kOk || !(frame.camera_height_m > 0)) return all;
+  for (const Track& track : frame.tracks) {
+    if (!track.visible || track.supports.empty() || !track.position_m.allFinite()) continue;
+    Seen seen;
+    seen.track = &track;
+    seen.view = std::make_shared<const View>(
+        View::from(track, frame.scan.origin_m, frame.camera_height_m, options.view_sigma_factor));
+    if (seen.view->usable() < kLeastDirections) continue;
+    Eigen::Vector2d centre;
+    seen.mature = track.solidity >= kMergedSolidity && !track.truncated &&
+                  steinerCentre(*seen.view, options.prior_height_m, centre);
+    all.push_back(std::move(seen));
+  }
+  return all;
+}
+
+void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, std::vector<Seen>& seen) {
+  const Pose2 map_from_base = fleet.pose(observer.window.back().pose);
+  const Pose2 base_from_map = map_from_base.inverse();
+  std::vector<Candidate> candidates;
+  std::vector<PoseAt> at(fleet.robots.size());
+  for (std::size_t r = 0; r < fleet.robots.size(); ++r) {
+    RobotNode& peer = fleet.robots[r];
+    const auto known = fleet.poseAt(peer, frame.acquired_ns);
+    if (&peer == &observer || !known || peer.body->reach() <= 0) continue;
+    at[r] = *known;
+    const Pose2 base_from_peer = base_from_map * known->map_from_base;
+    const double gate =
+        fleet.options.sighting_gate_m + std::min(0.5, 3.0 * (uncertainty(peer) + uncertainty(observer)));
+    for (std::size_t s = 0; s < seen.size(); ++s) {
+      if ((seen[s].track->position_m - base_from_peer.translation()).norm() > gate + 0.5) continue;
+      const BodyFit fit =
+          fitBody(*seen[s].view, *peer.body, base_from_peer.theta_rad, base_from_peer.translation());
+      const double distance = (fit.position_m - base_from_peer.translation()).norm();
+      if (fit.rms_m < fleet.options.sighting_rms_m && distance < gate) candidates.push_back({distance, s, r});
+    }
+  }
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<bool> taken(fleet.robots.size(), false);
+  for (const Candidate& c : candidates) {
+    if (taken[c.other] || seen[c.seen].peer != nullptr) continue;
+    taken[c.other] = true;
+    seen[c.seen].peer = &fleet.robots[c.other];
+    seen[c.seen].peer_at = at[c.other];
+  }
+}
+
+void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
+  const Pose2 map_from_base = fleet.pose(observer.window.back().pose);
+  std::vector<Candidate> candidates;
+  for (std::size_t s = 0; s < seen.size(); ++s) {
+    const bool moving = seen[s].track->velocity_mps.norm() > fleet.options.moving_mps;
+    if (seen[s].peer != nullptr || !seen[s].mature || moving) continue;
+    const auto before = observer.landmark_of_track.find(seen[s].track->id);
+    for (const auto& [id, landmark] : fleet.landmarks) {
+      const Eigen::Vector2d centre =
+          steinerOf(*seen[s].view, fleet.height(landmark), seen[s].track->position_m);
+      const double distance = (map_from_base * centre - fleet.centre(landmark)).norm();
+      // A track that was this landmark before may stray a little farther.
+      const double gate = fleet.options.associate_gate_m *
+                          (before != observer.landmark_of_track.end() && before->second == id ? 1.5 : 1.0);
+      if (distance < gate) candidates.push_back({distance, s, id});
+    }
+  }
+  std::sort(candidates.begin(), candidates.end());
+  std::set<std::uint32_t> taken;
+  for (const Candidate& c : candidates) {
+    const auto id = static_cast<std::uint32_t>(c.other);
+    if (seen[c.seen].landmark != 0 || !taken.insert(id).second) continue;
+    seen[c.seen].landmark = id;
+    observer.landmark_of_track[seen[c.seen].track->id] = id;
+  }
+}
+
+namespace {
+
+bool farFromEverything(const FleetState& fleet, const RobotNode& observer, TimeNs time,
+                       const Eigen::Vector2d& centre) {
+  for (const auto& [id, landmark] : fleet.landmarks) {
+    if ((centre - fleet.centre(landmark)).norm() < fleet.options.new_landmark_m) return false;
+  }
+  for (const RobotNode& robot : fleet.robots) {
+    const auto at = fleet.poseAt(robot, time);
+    if (&robot == &observer || !at) continue;
+    if ((centre - at->map_from_base.translation()).norm() < fleet.options.new_landmark_robot_m) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
+  const Step& step = observer.window.back();
+  if (!step.keyframe) return;
+  const EstimatorOptions& o = fleet.options;
+  const Pose2 map_from_base = fleet.pose(step.pose);
+  for (Seen& s : seen) {
+    if (s.peer != nullptr || s.landmark != 0 || !s.mature || s.track->kind == ObjectKind::kRobot) continue;
+    if (s.track->velocity_mps.norm() > o.moving_mps) continue;
+    if ((s.track->contact_m - s.view->foot_m).norm() > o.new_landmark_contact_m) continue;
+    const bool measured = s.view->height_sigma_m > 0 && s.view->height_sigma_m < o.prior_height_sigma_m;
+    const double height = measured ? s.view->height_m : o.prior_height_m;
+    const double sigma = measured ? s.view->height_sigma_m : o.prior_height_sigma_m;
+    const Eigen::Vector2d centre = map_from_base * steinerOf(*s.view, height, s.track->position_m);
+    if (!farFromEverything(fleet, observer, step.time_ns, centre)) continue;
+    Landmark& landmark = fleet.addLandmark(centre, height, sigma);
+    landmark.shape->begin();
+    landmark.shape->add(*s.view, map_from_base, centre, height);
+    landmark.shape->finish();
+    s.landmark = landmark.id;
+    observer.landmark_of_track[s.track->id] = landmark.id;
+  }
+}
+
+void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& seen) {
+  const VariableId pose = observer.window.back().pose;
+  const int directions = fleet.options.view_directions;
+  for (const Seen& s : seen) {
+    ViewLink link;
+    link.observer = pose;
+    link.view = s.view;
+    link.track = s.track->id;
+    if (s.peer != nullptr) {
+      link.object = s.peer_at.pose;
+      auto cost = std::make_unique<PeerViewFactor>(s.view, s.peer->body, s.peer_at.offset, directions);
+      fleet.addViewFactor(observer, std::move(link), std::move(cost));
+    } else if (s.landmark != 0) {
+      Landmark& landmark = fleet.landmarks.at(s.landmark);
+      link.object = landmark.variable;
+      link.landmark = landmark.id;
+      auto cost = std::make_unique<LandmarkViewFactor>(s.view, landmark.shape, directions);
+      fleet.addViewFactor(observer, std::move(link), std::move(cost));
+      landmark.last_seen_ns = observer.window.back().time_ns;
+      if (!observer.window.back().keyframe) continue;
+      ++landmark.views;
+      landmark.observers.insert(observer.setup.name);
+    }
+  }
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "estimation/fleet_state.h"
+#include "observation/observation.h"
+
+namespace omnifleet::estimation {
+
+/// One silhouette of a frame, and what it is taken for.
+struct Seen {
+  const Track* track = nullptr;
+  std::shared_ptr<const View> view;
+  RobotNode* peer = nullptr;  ///< a robot, or
+  PoseAt peer_at;
+  std::uint32_t landmark = 0;  ///< an obstacle, or neither
+  bool mature = false;         ///< clean enough to found or to deny a landmark
+};
+
+/// The visible tracks of a frame that have supports, as views.
+std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& options);
+
+/// Tells which silhouettes are which robots: the known body is fitted to each; the nearest predicted peer
+/// within the gate whose fit leaves less than sighting_rms_m takes it, each robot at most once.
+void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, std::vector<Seen>& seen);
+
+/// Tells which of the rest are which landmarks, by the Steiner centre of the single view.
+void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
+
+/// Founds landmarks from silhouettes that are far from everything known (RECIPES "Estimator").
+void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
+
+/// Adds the graph's factors of all that was told.
+void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& seen);
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,325 @@
+#include "estimation/estimator.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "estimation/association.h"
+#include "estimation/factors.h"
+#include "estimation/fleet_state.h"
+#include "estimation/locating.h"
+#include "estimation/measurements.h"
+
+namespace omnifleet::estimation {
+namespace {
+constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
+constexpr int kMovedAfter = 5;            // misfits in a row after which a landmark has moved away
+constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
+constexpr int kFinalIterations = 30;
+}  // namespace
+
+class FleetEstimator::Impl {
+ public:
+  Impl(std::vector<RobotSetup> robots, const EstimatorOptions& options) : fleet(std::move(robots), options) {}
+
+  std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
+                                    const std::vector<const Measurement*>& measurements);
+  std::vector<PoseEstimate> smoothed() const;
+  void settle(int rounds);
+
+  FleetState fleet;
+
+ private:
+  struct Frame {
+    const Objects* objects;
+    RobotNode* robot;
+    bool fresh;  ///< newer than the robot's last frame
+    std::vector<Seen> seen;
+  };
+
+  std::vector<Frame> admit(const std::vector<const Objects*>& frames);
+  void locate(std::vector<Frame>& frames, TimeNs time);
+  void associate(std::vector<Frame>& frames);
+  void reweight();
+  void checkViews(std::vector<Frame>& frames);
+  void checkSteps(std::vector<Frame>& frames);
+  void noticeLoss(Frame& frame);
+  void updateCovariances();
+  void forgetLandmarks();
+  std::vector<PoseEstimate> report(const std::vector<Frame>& frames) const;
+
+  MeasurementQueue queue_;
+};
+
+std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
+                                                        const std::vector<const Objects*>& samples,
+                                                        const std::vector<const Measurement*>& measurements) {
+  std::vector<Frame> frames = admit(samples);
+  for (const Measurement* m : measurements) queue_.push(*m);
+  if (frames.empty()) return {};
+  locate(frames, time);
+  associate(frames);
+  reweight();
+  fleet.graph.solve(fleet.options.solver_iterations);
+  checkViews(frames);
+  checkSteps(frames);
+  fleet.updateShapes();
+  updateCovariances();
+  std::vector<PoseEstimate> estimates = report(frames);
+  forgetLandmarks();
+  fleet.slide();
+  return estimates;
+}
+
+std::vector<FleetEstimator::Impl::Frame> FleetEstimator::Impl::admit(
+    const std::vector<const Objects*>& samples) {
+  std::vector<Frame> frames;
+  for (const Objects* objects : samples) {
+    RobotNode* robot = fleet.find(objects->robot);
+    if (robot == nullptr) throw std::runtime_error("estimator: unknown robot '" + objects->robot + "'");
+    const bool fresh = !robot->started || objects->acquired_ns > robot->last_frame_ns;
+    frames.push_back({objects, robot, fresh, {}});
+  }
+  return frames;
+}
+
+void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
+  std::vector<const Objects*> fresh;
+  for (Frame& frame : frames) {
+    if (!frame.fresh) continue;
+    RobotNode& robot = *frame.robot;
+    if (robot.located()) {
+      if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
+      fleet.advance(robot, *frame.objects);
+    } else if (!robot.started && robot.setup.initial_pose) {
+      fleet.place(robot, *frame.objects, *robot.setup.initial_pose);
+      const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
+      const Eigen::Matrix3d covariance = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+      robot.covariance = covariance;
+      fleet.graph.addFactor(absolutePoseFactor(*robot.setup.initial_pose, covariance),
+                            {robot.window.back().pose});
+    }
+    robot.started = true;
+    robot.last_frame_ns = frame.objects->acquired_ns;
+    fresh.push_back(frame.objects);
+    frame.seen = silhouettes(*frame.objects, fleet.options);
+  }
+  queue_.attach(fleet, time, fresh);
+  for (Frame& frame : frames) {
+    if (frame.fresh && !frame.robot->located()) locateBySightings(fleet, *frame.robot, *frame.objects, fresh);
+  }
+  fleet.shareKeyframes(time);
+}
+
+void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
+  const EstimatorOptions& o = fleet.options;
+  for (Frame& frame : frames) {
+    if (!frame.fresh || !frame.robot->located()) continue;
+    if (o.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
+    if (o.use_landmarks) {
+      matchLandmarks(fleet, *frame.robot, frame.seen);
+      foundLandmarks(fleet, *frame.robot, frame.seen);
+    }
+    addViews(fleet, *frame.robot, frame.seen);
+  }
+}
+
+void FleetEstimator::Impl::reweight() {
+  for (RobotNode& robot : fleet.robots) {
+    for (Step& step : robot.window) {
+      for (ViewLink& link : step.views) {
+        if (!fleet.graph.hasFactor(link.factor)) continue;
+        const double* values[] = {fleet.graph.value(link.observer).data(),
+                                  fleet.graph.value(link.object).data()};
+        link.rms_m = link.cost->reweight(values);
+      }
+    }
+  }
+}
+
+void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
+  reweight();
+  bool removed = false;
+  for (Frame& frame : frames) {
+    if (!frame.fresh || !frame.robot->located()) continue;
+    auto& views = frame.robot->window.back().views;
+    for (auto at = views.begin(); at != views.end();) {
+      const bool misfit = at->rms_m > kMisfit_m;
+      if (at->landmark != 0) {
+        Landmark& landmark = fleet.landmarks.at(at->landmark);
+        landmark.misfits = misfit ? landmark.misfits + 1 : 0;
+      }
+      if (misfit) {
+        ++frame.robot->status.rejected_views;
+        fleet.graph.removeFactor(at->factor);
+        for (Seen& seen : frame.seen) {
+          if (seen.track->id == at->track) seen.peer = nullptr, seen.landmark = 0;
+        }
+      }
+      removed = removed || misfit;
+      at = misfit ? views.erase(at) : std::next(at);
+    }
+    noticeLoss(frame);
+  }
+  if (removed) fleet.graph.solve(fleet.options.solver_iterations);
+}
+
+void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
+  bool slipped = false;
+  for (Frame& frame : frames) {
+    RobotNode& robot = *frame.robot;
+    if (!frame.fresh || !robot.located()) continue;
+    Step& step = robot.window.back();
+    if (robot.status.state != RobotState::kLost) {
+      robot.status.state = RobotState::kOk;
+      robot.status.text.clear();
+    }
+    if (!step.wheels || step.motion == kNoFactor) continue;
+    if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
+    fleet.loosen(robot, kSlipInflation);
+    robot.status.state = RobotState::kSlipping;
+    robot.status.text = "wheels disagree with what is seen";
+    ++robot.status.slips;
+    slipped = true;
+  }
+  if (slipped) fleet.graph.solve(fleet.options.solver_iterations);
+}
+
+void FleetEstimator::Impl::noticeLoss(Frame& frame) {
+  constexpr int kFramesToLoss = 5;
+  int matched = 0, unmatched = 0;
+  for (const Seen& seen : frame.seen) {
+    const bool known =
+        seen.peer != nullptr || (seen.landmark != 0 && fleet.landmarks.at(seen.landmark).views > 1);
+    matched += known ? 1 : 0;
+    unmatched += !known && seen.mature ? 1 : 0;
+  }
+  const bool expected = fleet.expectsLandmarks(*frame.robot);
+  RobotNode& robot = *frame.robot;
+  robot.unmatched = matched == 0 && unmatched > 0 && expected ? robot.unmatched + 1 : 0;
+  if (robot.unmatched >= kFramesToLoss && robot.status.state != RobotState::kLost) {
+    robot.status.state = RobotState::kLost;
+    robot.status.text = "nothing seen fits the map: moved by hand?";
+    ++robot.status.losses;
+  } else if (robot.unmatched == 0 && robot.status.state == RobotState::kLost && matched > 0) {
+    robot.status.state = RobotState::kOk;
+    robot.status.text.clear();
+  }
+}
+
+void FleetEstimator::Impl::updateCovariances() {
+  std::vector<VariableId> newest;
+  std::vector<RobotNode*> owners;
+  for (RobotNode& robot : fleet.robots) {
+    if (!robot.located()) continue;
+    newest.push_back(robot.window.back().pose);
+    owners.push_back(&robot);
+  }
+  if (newest.empty()) return;
+  const Eigen::MatrixXd covariance = fleet.graph.covariance(newest);
+  for (std::size_t i = 0; i < owners.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(3 * i);
+    const Pose2 pose = fleet.pose(newest[i]);
+    owners[i]->covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
+  }
+}
+
+void FleetEstimator::Impl::forgetLandmarks() {
+  std::vector<std::uint32_t> gone;
+  for (const auto& [id, landmark] : fleet.landmarks) {
+    if (landmark.misfits >= kMovedAfter) gone.push_back(id);
+  }
+  for (std::uint32_t id : gone) fleet.removeLandmark(id);
+  while (static_cast<int>(fleet.landmarks.size()) > fleet.options.max_landmarks) {
+    const auto oldest = std::min_element(
+        fleet.landmarks.begin(), fleet.landmarks.end(),
+        [](const auto& a, const auto& b) { return a.second.last_seen_ns < b.second.last_seen_ns; });
+    fleet.removeLandmark(oldest->first);
+  }
+}
+
+std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) const {
+  std::vector<PoseEstimate> estimates;
+  for (const Frame& frame : frames) {
+    PoseEstimate estimate;
+    estimate.robot = frame.objects->robot;
+    estimate.acquired_ns = frame.objects->acquired_ns;
+    estimate.sequence = frame.objects->sequence;
+    const RobotNode& robot = *frame.robot;
+    estimate.valid = frame.fresh && robot.located() && robot.status.state != RobotState::kLost;
+    if (estimate.valid) {
+      estimate.map_from_base = fleet.pose(robot.window.back().pose);
+      estimate.covariance = robot.covariance;
+      for (const Seen& seen : frame.seen) {
+        if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
+      }
+    }
+    estimates.push_back(std::move(estimate));
+  }
+  return estimates;
+}
+
+std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
+  std::vector<PoseEstimate> all;
+  for (const RobotNode& robot : fleet.robots) {
+    for (const Step& step : robot.window) {
+      PoseEstimate estimate;
+      estimate.robot = robot.setup.name;
+      estimate.acquired_ns = step.time_ns;
+      estimate.sequence = step.sequence;
+      estimate.valid = true;
+      estimate.map_from_base = fleet.pose(step.pose);
+      estimate.covariance = robot.covariance;
+      all.push_back(std::move(estimate));
+    }
+  }
+  return all;
+}
+
+void FleetEstimator::Impl::settle(int rounds) {
+  for (int i = 0; i < rounds; ++i) {
+    reweight();
+    fleet.graph.solve(kFinalIterations);
+    fleet.updateShapes();
+  }
+}
+
+FleetEstimator::FleetEstimator(std::vector<RobotSetup> robots, const EstimatorOptions& options)
+    : impl_(std::make_unique<Impl>(std::move(robots), options)) {}
+FleetEstimator::~FleetEstimator() = default;
+FleetEstimator::FleetEstimator(FleetEstimator&&) noexcept = default;
+FleetEstimator& FleetEstimator::operator=(FleetEstimator&&) noexcept = default;
+
+std::vector<PoseEstimate> FleetEstimator::process(TimeNs time, const std::vector<const Objects*>& frames,
+                                                  const std::vector<const Measurement*>& measurements) {
+  return impl_->process(time, frames, measurements);
+}
+
+std::vector<PoseEstimate> FleetEstimator::finish() {
+  impl_->settle(3);
+  return impl_->smoothed();
+}
+
+std::vector<PoseEstimate> FleetEstimator::smoothed() const {
+  return impl_->smoothed();
+}
+
+std::vector<LandmarkEstimate> FleetEstimator::landmarks() const {
+  return impl_->fleet.landmarkEstimates();
+}
+
+Eigen::Vector2d FleetEstimator::wheelBias(const std::string& robot) const {
+  const RobotNode* node = impl_->fleet.find(robot);
+  if (node == nullptr) throw std::runtime_error("estimator: unknown robot '" + robot + "'");
+  return impl_->fleet.graph.value(node->bias);
+}
+
+const RobotStatus& FleetEstimator::status(const std::string& robot) const {
+  const RobotNode* node = impl_->fleet.find(robot);
+  if (node == nullptr) throw std::runtime_error("estimator: unknown robot '" + robot + "'");
+  return node->status;
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,299 @@
+#include "estimation/fleet_state.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "estimation/factors.h"
+
+namespace omnifleet::estimation {
+namespace {
+constexpr double kSecond_ns = 1e9;
+constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
+constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
+}  // namespace
+
+Pose2 fractionOf(const Pose2& motion, double fraction) {
+  const double theta = motion.theta_rad, half = 0.5 * theta;
+  // log: translation part V⁻¹·t with V the integral of the rotation.
+  const double cot = std::abs(half) < 1e-9 ? 1.0 : half / std::tan(half);
+  const Eigen::Vector2d twist(cot * motion.x_m + half * motion.y_m, -half * motion.x_m + cot * motion.y_m);
+  const double angle = fraction * theta;
+  const double a = std::abs(theta) < 1e-9 ? fraction : std::sin(angle) / theta;
+  const double b = std::abs(theta) < 1e-9 ? 0.0 : (1.0 - std::cos(angle)) / theta;
+  return {a * twist.x() - b * twist.y(), b * twist.x() + a * twist.y(), angle};
+}
+
+Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad) {
+  Eigen::Matrix3d base_from_map = Eigen::Matrix3d::Identity();
+  base_from_map.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(-theta_rad).toRotationMatrix();
+  return base_from_map * map_covariance * base_from_map.transpose();
+}
+
+FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o) : options(o) {
+  for (auto& setup : setups) {
+    RobotNode robot;
+    robot.body = std::make_shared<const Body>(setup.body);
+    robot.setup = std::move(setup);
+    robot.bias = graph.addVariable(Eigen::Vector2d::Zero());
+    graph.addFactor(priorFactor(Eigen::Vector2d::Zero(), Eigen::Vector2d::Constant(options.wheel_bias_sigma)),
+                    {robot.bias});
+    robot.status.text = "not located yet";
+    robots.push_back(std::move(robot));
+  }
+}
+
+RobotNode* FleetState::find(const std::string& name) {
+  return const_cast<RobotNode*>(static_cast<const FleetState*>(this)->find(name));
+}
+
+const RobotNode* FleetState::find(const std::string& name) const {
+  const auto at =
+      std::find_if(robots.begin(), robots.end(), [&](const auto& r) { return r.setup.name == name; });
+  return at == robots.end() ? nullptr : &*at;
+}
+
+Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const {
+  Step step;
+  step.time_ns = frame.acquired_ns;
+  step.sequence = frame.sequence;
+  const Step* previous = robot.located() ? &robot.window.back() : nullptr;
+  const Motion& motion = frame.motion;
+  step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
+  step.wheels = motion.valid && motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
+                motion.since_ns == step.since_ns;
+  if (step.wheels) {
+    step.previous_from_current = motion.previous_from_current;
+    step.motion_covariance = motion.covariance;
+    const double separation = robot.setup.body.wheel_separation_m;
+    if (separation > 0) step.bias_jacobian = arcBiasJacobian(motion.left_m, motion.right_m, separation);
+  } else if (previous != nullptr) {
+    const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
+    const double last_dt = static_cast<double>(previous->time_ns - previous->since_ns) / kSecond_ns;
+    if (previous->motion != kNoFactor && last_dt > 0) {
+      step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
+    }
+    const double way = options.no_wheels_sigma_mps * dt, turn = options.no_wheels_sigma_radps * dt;
+    step.motion_covariance = Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal();
+  }
+  step.motion_covariance.diagonal().array() += kMotionFloor;
+  return step;
+}
+
+Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame) {
+  step.pose = graph.addVariable(map_from_base.vector());
+  const Pose2 since_key = robot.last_key.inverse() * map_from_base;
+  step.keyframe =
+      robot.last_key_ns == 0 || since_key.translation().norm() >= options.keyframe_distance_m ||
+      std::abs(since_key.theta_rad) >= options.keyframe_angle_rad ||
+      static_cast<double>(frame.acquired_ns - robot.last_key_ns) >= options.keyframe_time_s * kSecond_ns;
+  if (step.keyframe) {
+    robot.last_key = map_from_base;
+    robot.last_key_ns = frame.acquired_ns;
+  }
+  robot.window.push_back(std::move(step));
+  return robot.window.back();
+}
+
+void FleetState::advance(RobotNode& robot, const Objects& frame) {
+  Step step = predictStep(robot, frame);
+  const VariableId previous = robot.window.back().pose;
+  const Eigen::Vector3d increment = step.bias_jacobian * graph.value(robot.bias);
+  const Pose2 measured = step.previous_from_current;
+  step.measured = measured;
+  step.previous_from_current = measured * Pose2{increment.x(), increment.y(), increment.z()};
+  Eigen::Matrix3d covariance =
+      composeCovariance(robot.covariance, step.previous_from_current, step.motion_covariance);
+  robot.covariance = covariance;
+  const Pose2 predicted = pose(previous) * step.previous_from_current;
+  Step& added = newStep(robot, std::move(step), predicted, frame);
+  // Unwrapped: angles in the graph run on.
+  Eigen::VectorXd& value = graph.value(added.pose);
+  value(2) = graph.value(previous)(2) + added.previous_from_current.theta_rad;
+  added.motion = graph.addFactor(motionFactor(measured, added.motion_covariance, added.bias_jacobian),
+                                 {previous, added.pose, robot.bias});
+}
+
+void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_from_base) {
+  robot.window.clear();
+  robot.last_key_ns = 0;
+  newStep(robot, predictStep(robot, frame), map_from_base, frame);
+  robot.status.state = RobotState::kOk;
+  robot.status.text.clear();
+}
+
+void FleetState::release(RobotNode& robot) {
+  std::vector<VariableId> gone;
+  for (const Step& step : robot.window) {
+    for (const ViewLink& link : step.views) graph.removeFactor(link.factor);
+    gone.push_back(step.pose);
+  }
+  robot.window.clear();
+  robot.landmark_of_track.clear();
+  robot.disagreements = robot.unmatched = 0;
+  if (!gone.empty()) graph.marginalise(gone);
+}
+
+std::optional<PoseAt> FleetState::poseAt(const RobotNode& robot, TimeNs time_ns) const {
+  if (!robot.located() || robot.window.front().since_ns > time_ns) return std::nullopt;
+  const Step& last = robot.window.back();
+  if (time_ns > last.time_ns + kExtrapolation_ns) return std::nullopt;
+  auto at = std::find_if(robot.window.begin(), robot.window.end(),
+                         [&](const Step& step) { return step.time_ns >= time_ns; });
+  PoseAt result;
+  result.extrapolated = at == robot.window.end();
+  const Step& step = result.extrapolated ? last : *at;
+  result.pose = step.pose;
+  const double span = static_cast<double>(step.time_ns - step.since_ns);
+  if (span > 0 && time_ns != step.time_ns) {
+    result.offset =
+        fractionOf(step.previous_from_current, static_cast<double>(time_ns - step.time_ns) / span);
+  }
+  result.map_from_base = pose(step.pose) * result.offset;
+  return result;
+}
+
+Landmark& FleetState::addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m) {
+  Landmark landmark;
+  landmark.id = next_landmark_++;
+  landmark.variable = graph.addVariable(Eigen::Vector3d(anchor_m.x(), anchor_m.y(), height_m));
+  Eigen::MatrixXd s(1, 3);
+  s << 0.0, 0.0, 1.0 / height_sigma_m;
+  graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(1),
+                                               std::vector<Eigen::VectorXd>{graph.value(landmark.variable)}),
+                  {landmark.variable});
+  return landmarks.emplace(landmark.id, std::move(landmark)).first->second;
+}
+
+void FleetState::removeLandmark(std::uint32_t id) {
+  const VariableId variable = landmarks.at(id).variable;
+  for (RobotNode& robot : robots) {
+    for (Step& step : robot.window) {
+      const auto of_it = [&](const ViewLink& link) { return link.landmark == id; };
+      for (const ViewLink& link : step.views) {
+        if (of_it(link)) graph.removeFactor(link.factor);
+      }
+      step.views.erase(std::remove_if(step.views.begin(), step.views.end(), of_it), step.views.end());
+    }
+    for (auto at = robot.landmark_of_track.begin(); at != robot.landmark_of_track.end();) {
+      at = at->second == id ? robot.landmark_of_track.erase(at) : std::next(at);
+    }
+  }
+  graph.marginalise({variable});
+  landmarks.erase(id);
+}
+
+Eigen::Vector2d FleetState::centre(const Landmark& landmark) const {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  const double h = height(landmark);
+  for (int m = 0; m < Shape::kDirections && !landmark.shape->empty(); ++m) {
+    const double phi = 2.0 * M_PI * m / Shape::kDirections;
+    sum += landmark.shape->support(m, h) * Eigen::Vector2d(std::cos(phi), std::sin(phi));
+  }
+  return anchor(landmark) + sum * (2.0 / Shape::kDirections);
+}
+
+void FleetState::addViewFactor(RobotNode& observer, ViewLink link, std::unique_ptr<PrismFactor> cost) {
+  link.cost = cost.get();
+  link.factor = graph.addFactor(std::move(cost), {link.observer, link.object});
+  observer.window.back().views.push_back(std::move(link));
+}
+
+void FleetState::dropViews(Step& step) {
+  for (const ViewLink& link : step.views) graph.removeFactor(link.factor);
+  step.views.clear();
+}
+
+void FleetState::shareKeyframes(TimeNs time_ns) {
+  const auto newest = [&](const RobotNode& r) { return r.located() && r.window.back().time_ns == time_ns; };
+  const bool any = std::any_of(robots.begin(), robots.end(),
+                               [&](const RobotNode& r) { return newest(r) && r.window.back().keyframe; });
+  for (RobotNode& robot : robots) {
+    if (!any || !newest(robot)) continue;
+    robot.window.back().keyframe = true;
+    robot.last_key = pose(robot.window.back().pose);
+    robot.last_key_ns = time_ns;
+  }
+}
+
+void FleetState::loosen(RobotNode& robot, double factor) {
+  Step& step = robot.window.back();
+  graph.removeFactor(step.motion);
+  step.motion_covariance *= factor;
+  const VariableId previous = robot.window[robot.window.size() - 2].pose;
+  step.motion = graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.bias_jacobian),
+                                {previous, step.pose, robot.bias});
+}
+
+bool FleetState::expectsLandmarks(const RobotNode& robot) const {
+  constexpr double kSurelySeen_m = 1.2;
+  const Eigen::Vector2d at = pose(robot.window.back().pose).translation();
+  return std::any_of(landmarks.begin(), landmarks.end(), [&](const auto& landmark) {
+    return landmark.second.views >= options.publish_views &&
+           (centre(landmark.second) - at).norm() < kSurelySeen_m;
+  });
+}
+
+void FleetState::updateShapes() {
+  for (auto& [id, landmark] : landmarks) landmark.shape->begin();
+  for (const RobotNode& robot : robots) {
+    for (const Step& step : robot.window) {
+      if (!step.keyframe) continue;
+      for (const ViewLink& link : step.views) {
+        if (link.landmark == 0) continue;
+        Landmark& landmark = landmarks.at(link.landmark);
+        landmark.shape->add(*link.view, pose(step.pose), anchor(landmark), height(landmark));
+      }
+    }
+  }
+  for (auto& [id, landmark] : landmarks) landmark.shape->finish();
+}
+
+void FleetState::freezeViews(const Step& step) {
+  for (const ViewLink& link : step.views) {
+    if (link.landmark == 0) continue;
+    Landmark& landmark = landmarks.at(link.landmark);
+    landmark.shape->freeze(*link.view, pose(step.pose), anchor(landmark), height(landmark));
+  }
+}
+
+void FleetState::slide() {
+  std::vector<VariableId> gone;
+  for (RobotNode& robot : robots) {
+    while (static_cast<int>(robot.window.size()) > options.window_frames) {
+      freezeViews(robot.window.front());
+      gone.push_back(robot.window.front().pose);
+      robot.window.pop_front();
+      robot.window.front().motion = kNoFactor;
+    }
+  }
+  if (!gone.empty()) graph.marginalise(gone);
+}
+
+std::vector<LandmarkEstimate> FleetState::landmarkEstimates() const {
+  std::vector<LandmarkEstimate> all;
+  for (const auto& [id, landmark] : landmarks) {
+    if (landmark.views < options.publish_views) continue;
+    LandmarkEstimate e;
+    e.id = id;
+    e.centre_m = centre(landmark);
+    const Eigen::MatrixXd covariance = graph.covariance({landmark.variable});
+    e.covariance = covariance.topLeftCorner<2, 2>();
+    e.height_m = height(landmark);
+    e.height_sigma_m = std::sqrt(covariance(2, 2));
+    const Eigen::Vector2d shift = anchor(landmark) - e.centre_m;
+    for (int m = 0; m < Shape::kDirections; ++m) {
+      const double phi = 2.0 * M_PI * m / Shape::kDirections;
+      e.support_m.push_back(landmark.shape->support(m, e.height_m) +
+                            shift.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));
+    }
+    e.views = landmark.views;
+    e.observers.assign(landmark.observers.begin(), landmark.observers.end());
+    all.push_back(std::move(e));
+  }
+  return all;
+}
+
+}  // namespace omnifleet::estimation

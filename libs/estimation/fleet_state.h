@@ -1,0 +1,135 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "estimation/estimator.h"
+#include "estimation/graph.h"
+#include "estimation/landmark.h"
+#include "estimation/prism_factors.h"
+#include "estimation/view.h"
+
+namespace omnifleet::estimation {
+
+/// A silhouette that takes part in the graph.
+struct ViewLink {
+  FactorId factor = kNoFactor;
+  PrismFactor* cost = nullptr;  ///< owned by the graph
+  VariableId observer = 0, object = 0;
+  std::shared_ptr<const View> view;
+  std::uint32_t landmark = 0;  ///< 0: a peer
+  std::uint32_t track = 0;
+  double rms_m = 0.0;  ///< of the last reweighting
+};
+
+/// One frame of one robot in the window.
+struct Step {
+  TimeNs time_ns = 0;
+  std::uint32_t sequence = 0;
+  VariableId pose = 0;
+  FactorId motion = kNoFactor;
+  Pose2 previous_from_current;  ///< as predicted (scale errors corrected)
+  Pose2 measured;               ///< as measured
+  Eigen::Matrix3d motion_covariance = Eigen::Matrix3d::Identity();
+  Eigen::Matrix<double, 3, 2> bias_jacobian = Eigen::Matrix<double, 3, 2>::Zero();
+  TimeNs since_ns = 0;  ///< what previous_from_current starts from
+  bool wheels = false;  ///< motion was measured
+  bool keyframe = false;
+  std::vector<ViewLink> views;
+};
+
+struct RobotNode {
+  RobotSetup setup;
+  std::shared_ptr<const Body> body;
+  VariableId bias = 0;
+  std::deque<Step> window;  ///< empty while unlocated
+  TimeNs last_frame_ns = 0;
+  bool started = false;                                  ///< a frame has come
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
+  Pose2 last_key;
+  TimeNs last_key_ns = 0;
+  int disagreements = 0;  ///< absolute measurements in a row that the gate refused
+  int unmatched = 0;      ///< frames in a row whose obstacles fit nothing that is known
+  std::map<std::uint32_t, std::uint32_t> landmark_of_track;
+  RobotStatus status;
+
+  bool located() const { return !window.empty(); }
+};
+
+/// Where a robot was at some time: a pose variable and a fixed step from it.
+struct PoseAt {
+  VariableId pose = 0;
+  Pose2 offset;  ///< pose ∘ offset is the robot's pose at the time asked for
+  Pose2 map_from_base;
+  bool extrapolated = false;
+};
+
+/// exp(f·log(motion)): a part of a motion at constant twist.
+Pose2 fractionOf(const Pose2& motion, double fraction);
+
+/// Right perturbation from a covariance over (x, y, θ) in map axes, and back.
+Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad);
+
+/// Robots, landmarks and points with their variables.
+class FleetState {
+ public:
+  FleetState(std::vector<RobotSetup> robots, const EstimatorOptions& options);
+
+  const EstimatorOptions options;
+  Graph graph;
+  std::vector<RobotNode> robots;  ///< in the order given
+  std::map<std::uint32_t, Landmark> landmarks;
+  std::map<std::string, VariableId> points;  ///< named point landmarks (range and bearing)
+
+  RobotNode* find(const std::string& name);
+  const RobotNode* find(const std::string& name) const;
+  Pose2 pose(VariableId id) const { return Pose2::fromVector(graph.value(id)); }
+
+  /// The motion of a frame as a step without variables: wheels where valid, else constant velocity.
+  Step predictStep(const RobotNode& robot, const Objects& frame) const;
+  /// A located robot's next pose.
+  void advance(RobotNode& robot, const Objects& frame);
+  /// First pose of an unlocated robot; the caller adds what locates it.
+  void place(RobotNode& robot, const Objects& frame, const Pose2& map_from_base);
+  /// Forgets where a robot is; what its frames said about others is kept.
+  void release(RobotNode& robot);
+
+  /// Nothing when the robot is unlocated or the time lies before the window or more than 0.5 s after it.
+  std::optional<PoseAt> poseAt(const RobotNode& robot, TimeNs time_ns) const;
+
+  Landmark& addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m);
+  void removeLandmark(std::uint32_t id);
+  Eigen::Vector2d anchor(const Landmark& landmark) const { return graph.value(landmark.variable).head<2>(); }
+  double height(const Landmark& landmark) const { return graph.value(landmark.variable)(2); }
+  /// Steiner centre of the footprint, map frame.
+  Eigen::Vector2d centre(const Landmark& landmark) const;
+
+  void addViewFactor(RobotNode& observer, ViewLink link, std::unique_ptr<PrismFactor> cost);
+  /// Takes the silhouettes of a frame that was no keyframe out again.
+  void dropViews(Step& step);
+  /// Makes all newest frames of this time keyframes when one is: their mutual sightings belong together.
+  void shareKeyframes(TimeNs time_ns);
+  /// Replaces the newest step's motion factor by one with a larger covariance.
+  void loosen(RobotNode& robot, double factor);
+  /// Should this robot see landmarks that others or it have seen well?
+  bool expectsLandmarks(const RobotNode& robot) const;
+  /// Shapes anew from the views of keyframes.
+  void updateShapes();
+  /// Marginalises frames beyond the window.
+  void slide();
+
+  std::vector<LandmarkEstimate> landmarkEstimates() const;
+
+ private:
+  Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);
+  void freezeViews(const Step& step);
+
+  std::uint32_t next_landmark_ = 1;
+};
+
+}  // namespace omnifleet::estimation

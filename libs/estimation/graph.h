@@ -1,0 +1,63 @@
+#pragma once
+
+#include <ceres/cost_function.h>
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace omnifleet::estimation {
+
+using VariableId = std::uint32_t;
+using FactorId = std::uint32_t;
+inline constexpr FactorId kNoFactor = 0;
+
+/// Least squares over small blocks of variables. Angles are not wrapped in the variables (factors compare
+/// them modulo 2π). Everything is kept in the order of creation, and Ceres runs on one thread with Eigen's
+/// sparse Cholesky, so equal input gives equal bits.
+class Graph {
+ public:
+  VariableId addVariable(const Eigen::VectorXd& value);
+  Eigen::VectorXd& value(VariableId id) { return variables_.at(id); }
+  const Eigen::VectorXd& value(VariableId id) const { return variables_.at(id); }
+
+  /// `cauchy` > 0: scale (in σ) of a Cauchy loss on the factor as a whole.
+  FactorId addFactor(std::unique_ptr<ceres::CostFunction> cost, std::vector<VariableId> variables,
+                     double cauchy = 0.0);
+  void removeFactor(FactorId id) { factors_.erase(id); }
+  bool hasFactor(FactorId id) const { return factors_.count(id) > 0; }
+  /// Squared norm of a factor's residual, without its loss.
+  double squaredNorm(FactorId id) const;
+
+  /// Levenberg–Marquardt, at most `iterations` steps.
+  void solve(int iterations);
+
+  /// Removes variables and every factor that touches them; what those factors say about the variables that
+  /// stay is kept as a dense prior (Schur complement at the present values).
+  void marginalise(const std::vector<VariableId>& gone);
+
+  /// Joint covariance of some variables, all others marginalised, in the order given.
+  Eigen::MatrixXd covariance(const std::vector<VariableId>& wanted) const;
+
+  std::size_t variableCount() const { return variables_.size(); }
+  std::size_t factorCount() const { return factors_.size(); }
+
+ private:
+  struct Factor {
+    std::unique_ptr<ceres::CostFunction> cost;
+    std::vector<VariableId> variables;
+    double cauchy = 0.0;
+  };
+  using Offsets = std::map<VariableId, Eigen::Index>;  ///< first row of each variable in a stacked vector
+
+  void accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h, Eigen::VectorXd& g) const;
+
+  std::map<VariableId, Eigen::VectorXd> variables_;
+  std::map<FactorId, Factor> factors_;
+  VariableId next_variable_ = 1;
+  FactorId next_factor_ = 1;
+};
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "estimation/view.h"
+#include "geometry/pose2.h"
+
+namespace omnifleet::estimation {
+
+/// The footprint of a landmark about its anchor, eliminated from the graph: given poses, every view gives the
+/// footprint's support in every direction as an affine function of the object's height h,
+///   h_P(n) = b + d − h·q,  d = n·(c − anchor), q = b/H on the far side (b > 0), 0 on the contact side,
+/// so the weighted mean over views is affine too: A(n) − h·Q(n). The graph then holds anchor and h only, and
+/// stays exactly insensitive to h along directions that were always seen from the same side.
+class Shape {
+ public:
+  static constexpr int kDirections = SupportFunction::kDirections;
+
+  /// Adds a view for good, from its final pose.
+  void freeze(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m);
+  /// Starts the estimate over from the frozen views; live views are added, then the means are formed.
+  void begin();
+  void add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m);
+  void finish();
+
+  double a(int m) const { return a_[static_cast<std::size_t>(m)]; }
+  double q(int m) const { return q_[static_cast<std::size_t>(m)]; }
+  bool known(int m) const { return weight_[static_cast<std::size_t>(m)] > 0; }
+  double support(int m, double height_m) const { return a(m) - height_m * q(m); }
+  /// All directions known?
+  bool complete() const;
+  bool empty() const { return a_.empty(); }
+
+ private:
+  struct Sums {
+    std::vector<double> w, wa, wq;
+    void reset();
+    void add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m,
+             const Shape* reference);
+  };
+  Sums frozen_, sums_;
+  std::vector<double> a_, q_, weight_;
+};
+
+/// One obstacle in the graph.
+struct Landmark {
+  std::uint32_t id = 0;
+  std::uint32_t variable = 0;  ///< (x, y of the anchor, h)
+  std::shared_ptr<Shape> shape = std::make_shared<Shape>();
+  int views = 0, misfits = 0;
+  std::set<std::string> observers;
+  std::int64_t last_seen_ns = 0;
+};
+
+}  // namespace omnifleet::estimation

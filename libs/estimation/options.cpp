@@ -1,0 +1,38 @@
+#include "estimation/estimator.h"
+
+namespace omnifleet::estimation {
+
+EstimatorOptions EstimatorOptions::read(const options::Section& section) {
+  using options::kPositive;
+  EstimatorOptions o;
+  section.read("initial_sigma_m", o.initial_sigma_m, kPositive);
+  section.read("initial_sigma_rad", o.initial_sigma_rad, kPositive);
+  section.read("wheel_bias_sigma", o.wheel_bias_sigma, {1e-6, 0.5});
+  section.read("window_frames", o.window_frames, {2, 500});
+  section.read("solver_iterations", o.solver_iterations, {1, 100});
+  section.read("keyframe_distance_m", o.keyframe_distance_m, options::kNotNegative);
+  section.read("keyframe_angle_rad", o.keyframe_angle_rad, options::kNotNegative);
+  section.read("keyframe_time_s", o.keyframe_time_s, kPositive);
+  section.read("use_landmarks", o.use_landmarks);
+  section.read("use_sightings", o.use_sightings);
+  section.read("view_sigma_factor", o.view_sigma_factor, kPositive);
+  section.read("view_directions", o.view_directions, {8, 360});
+  section.read("associate_gate_m", o.associate_gate_m, kPositive);
+  section.read("new_landmark_m", o.new_landmark_m, kPositive);
+  section.read("new_landmark_contact_m", o.new_landmark_contact_m, kPositive);
+  section.read("new_landmark_robot_m", o.new_landmark_robot_m, options::kNotNegative);
+  section.read("sighting_gate_m", o.sighting_gate_m, kPositive);
+  section.read("sighting_rms_m", o.sighting_rms_m, kPositive);
+  section.read("prior_height_m", o.prior_height_m, kPositive);
+  section.read("prior_height_sigma_m", o.prior_height_sigma_m, kPositive);
+  section.read("moving_mps", o.moving_mps, kPositive);
+  section.read("max_landmarks", o.max_landmarks, {1, 10000});
+  section.read("publish_views", o.publish_views, {1, 10000});
+  section.read("gate_chi2", o.gate_chi2, kPositive);
+  section.read("no_wheels_sigma_mps", o.no_wheels_sigma_mps, kPositive);
+  section.read("no_wheels_sigma_radps", o.no_wheels_sigma_radps, kPositive);
+  section.finish();
+  return o;
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,120 @@
+#include "estimation/prism_factors.h"
+
+#include <Eigen/Core>
+#include <cmath>
+#include <utility>
+
+namespace omnifleet::estimation {
+namespace {
+constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
+}
+
+PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions) : view_(std::move(view)) {
+  const int k = static_cast<int>(view_->b_m.size());
+  const int stride = std::max(1, k / std::max(1, directions));
+  for (int i = 0; i < k; i += stride) {
+    if (view_->sigma_m[static_cast<std::size_t>(i)] > 0) directions_.push_back(i);
+  }
+  root_weight_.assign(directions_.size(), 1.0);
+  set_num_residuals(static_cast<int>(directions_.size()));
+  *mutable_parameter_block_sizes() = {3, 3};
+}
+
+double PrismFactor::reweight(double const* const* parameters) {
+  double squares = 0.0;
+  int count = 0;
+  for (std::size_t d = 0; d < directions_.size(); ++d) {
+    const auto i = static_cast<std::size_t>(directions_[d]);
+    Prediction p;
+    root_weight_[d] = 0.0;
+    if (!predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p))
+      continue;
+    const double r = view_->b_m[i] - silhouetteFromFootprint(p.g, p.inverse_scale);
+    root_weight_[d] = 1.0 / std::sqrt(1.0 + std::pow(r / (kCauchy * view_->sigma_m[i]), 2));
+    squares += std::pow(r * (p.g < 0 ? 1.0 : p.inverse_scale), 2);
+    ++count;
+  }
+  return count > 0 ? std::sqrt(squares / count) : 0.0;
+}
+
+bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  for (std::size_t d = 0; d < directions_.size(); ++d) {
+    const auto i = static_cast<std::size_t>(directions_[d]);
+    Prediction p;
+    const bool known =
+        root_weight_[d] > 0 &&
+        predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p);
+    const double weight = known ? root_weight_[d] / view_->sigma_m[i] : 0.0;
+    residuals[d] = weight * (view_->b_m[i] - silhouetteFromFootprint(p.g, p.inverse_scale));
+    if (jacobians == nullptr) continue;
+    const double scale = p.g < 0 ? 1.0 : 1.0 / p.inverse_scale;
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (jacobians[0] != nullptr) jacobians[0][3 * d + c] = -weight * scale * p.by_first[c];
+      if (jacobians[1] != nullptr) jacobians[1][3 * d + c] = -weight * scale * p.by_second[c];
+    }
+    if (jacobians[1] != nullptr && p.g >= 0) {
+      jacobians[1][3 * d + 2] += weight * p.g * scale * scale * p.inverse_scale_by_height;
+    }
+  }
+  return true;
+}
+
+LandmarkViewFactor::LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape,
+                                       int directions)
+    : PrismFactor(std::move(view), directions), shape_(std::move(shape)) {}
+
+bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
+  const double* pose = parameters[0];
+  const double* mark = parameters[1];
+  const double psi = phi_rad + pose[2], height = mark[2];
+  const Corner c = cornerAt(psi, Shape::kDirections);
+  if (!shape_->known(c.i) || !shape_->known(c.j)) return false;
+  const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), normal(-n.y(), n.x());
+  const double cosine = std::cos(pose[2]), sine = std::sin(pose[2]);
+  const Eigen::Vector2d foot(cosine * view_->foot_m.x() - sine * view_->foot_m.y(),
+                             sine * view_->foot_m.x() + cosine * view_->foot_m.y());
+  const Eigen::Vector2d to(mark[0] - pose[0] - foot.x(), mark[1] - pose[1] - foot.y());
+  const double at_i = shape_->support(c.i, height), at_j = shape_->support(c.j, height);
+  out.g = c.wi * at_i + c.wj * at_j + n.dot(to);
+  out.by_first[0] = -n.x();
+  out.by_first[1] = -n.y();
+  out.by_first[2] = c.di * at_i + c.dj * at_j + normal.dot(to) - n.dot(Eigen::Vector2d(-foot.y(), foot.x()));
+  out.by_second[0] = n.x();
+  out.by_second[1] = n.y();
+  out.by_second[2] = -(c.wi * shape_->q(c.i) + c.wj * shape_->q(c.j));
+  out.inverse_scale = inverseScale(height, view_->camera_height_m);
+  out.inverse_scale_by_height = out.inverse_scale > kLeastInverseScale ? -1.0 / view_->camera_height_m : 0.0;
+  return true;
+}
+
+PeerViewFactor::PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Body> body,
+                               const Pose2& offset, int directions)
+    : PrismFactor(std::move(view), directions), body_(std::move(body)), offset_(offset) {}
+
+bool PeerViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
+  const double* pose = parameters[0];
+  const double* peer = parameters[1];
+  const double psi = phi_rad + pose[2];
+  const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), normal(-n.y(), n.x());
+  const auto rotated = [](double angle, const Eigen::Vector2d& v) {
+    return Eigen::Vector2d(std::cos(angle) * v.x() - std::sin(angle) * v.y(),
+                           std::sin(angle) * v.x() + std::cos(angle) * v.y());
+  };
+  const Eigen::Vector2d foot = rotated(pose[2], view_->foot_m);
+  const Eigen::Vector2d shift = rotated(peer[2], offset_.translation());
+  const Eigen::Vector2d to(peer[0] + shift.x() - pose[0] - foot.x(),
+                           peer[1] + shift.y() - pose[1] - foot.y());
+  double slope = 0.0;
+  out.g = body_->support(psi - peer[2] - offset_.theta_rad, &slope) + n.dot(to);
+  out.by_first[0] = -n.x();
+  out.by_first[1] = -n.y();
+  out.by_first[2] = slope + normal.dot(to) - n.dot(Eigen::Vector2d(-foot.y(), foot.x()));
+  out.by_second[0] = n.x();
+  out.by_second[1] = n.y();
+  out.by_second[2] = -slope + n.dot(Eigen::Vector2d(-shift.y(), shift.x()));
+  out.inverse_scale = inverseScale(body_->height(), view_->camera_height_m);
+  if (out.g >= 0 && out.inverse_scale <= kLeastInverseScale) return false;  // its top is over the horizon
+  return true;
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <ceres/cost_function.h>
+
+#include <memory>
+#include <vector>
+
+#include "estimation/landmark.h"
+#include "estimation/view.h"
+#include "geometry/pose2.h"
+
+namespace omnifleet::estimation {
+
+/// Residuals of one silhouette, direction by direction: (b − prediction)·√w / σ. Subclasses say what g is.
+/// Weights w are Cauchy's at the values last given to reweight() and fixed during a solve (iterative
+/// reweighting), so a merged or occluded part loses its vote without turning the problem non-convex.
+class PrismFactor : public ceres::CostFunction {
+ public:
+  /// Evaluates, weighs every direction anew; returns the rms of the unweighted residual of the usable ones on
+  /// the footprint's scale, metres.
+  double reweight(double const* const* parameters);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ protected:
+  /// Up to `directions` of the view's usable directions, evenly thinned.
+  PrismFactor(std::shared_ptr<const View> view, int directions);
+
+  /// g and its derivatives by the two variables (3 each), and (H − h)/H with its derivative by the second
+  /// variable's third component. False where g is unknown.
+  struct Prediction {
+    double g = 0.0;
+    double by_first[3] = {0, 0, 0}, by_second[3] = {0, 0, 0};
+    double inverse_scale = 1.0, inverse_scale_by_height = 0.0;
+  };
+  virtual bool predict(double const* const* parameters, double phi_rad, Prediction& out) const = 0;
+
+  std::shared_ptr<const View> view_;
+
+ private:
+  std::vector<int> directions_;
+  std::vector<double> root_weight_;
+};
+
+/// Variables: observer's pose, landmark (x, y, h). The shape is shared with the landmark and fixed in a
+/// solve.
+class LandmarkViewFactor final : public PrismFactor {
+ public:
+  LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape, int directions);
+
+ protected:
+  bool predict(double const* const* parameters, double phi_rad, Prediction& out) const override;
+
+ private:
+  std::shared_ptr<const Shape> shape_;
+};
+
+/// Variables: observer's pose, peer's pose (the peer stands at pose ∘ offset when it was seen).
+class PeerViewFactor final : public PrismFactor {
+ public:
+  PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Body> body, const Pose2& offset,
+                 int directions);
+
+ protected:
+  bool predict(double const* const* parameters, double phi_rad, Prediction& out) const override;
+
+ private:
+  std::shared_ptr<const Body> body_;
+  Pose2 offset_;
+};
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,147 @@
+#include "estimation/view.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::estimation {
+
+View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
+                double sigma_factor) {
+  View view;
+  view.foot_m = foot_m;
+  view.camera_height_m = camera_height_m;
+  view.height_m = track.height_m;
+  view.height_sigma_m = track.height_sigma_m;
+  const std::size_t k = std::min(track.supports.b_m.size(), track.supports.sigma_m.size());
+  view.b_m.resize(k);
+  view.sigma_m.resize(k);
+  for (std::size_t i = 0; i < k; ++i) {
+    const float b = track.supports.b_m[i], sigma = track.supports.sigma_m[i];
+    const bool good = std::isfinite(b) && std::isfinite(sigma) && sigma > 0.0F;
+    view.b_m[i] = good ? static_cast<double>(b) : 0.0;
+    view.sigma_m[i] = good ? sigma_factor * static_cast<double>(sigma) : 0.0;
+  }
+  return view;
+}
+
+int View::usable() const {
+  return static_cast<int>(std::count_if(sigma_m.begin(), sigma_m.end(), [](double s) { return s > 0; }));
+}
+
+Corner cornerAt(double angle_rad, int directions) {
+  const double step = 2.0 * M_PI / directions;
+  double turns = std::fmod(angle_rad / step, static_cast<double>(directions));
+  if (turns < 0) turns += directions;
+  const int i = static_cast<int>(turns) % directions;
+  const double beyond = (turns - std::floor(turns)) * step, inverse = 1.0 / std::sin(step);
+  return {i,
+          (i + 1) % directions,
+          std::sin(step - beyond) * inverse,
+          std::sin(beyond) * inverse,
+          -std::cos(step - beyond) * inverse,
+          std::cos(beyond) * inverse};
+}
+
+bool steinerCentre(const View& view, double height_m, Eigen::Vector2d& centre_m) {
+  const int k = static_cast<int>(view.b_m.size());
+  const int usable = view.usable();
+  if (k < 3 || usable * 10 < k * 9) return false;
+  const double inverse = inverseScale(height_m, view.camera_height_m);
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (int i = 0; i < k; ++i) {
+    if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
+    const double phi = 2.0 * M_PI * i / k;
+    sum += footprintFromSilhouette(view.b_m[static_cast<std::size_t>(i)], inverse) *
+           Eigen::Vector2d(std::cos(phi), std::sin(phi));
+  }
+  centre_m = view.foot_m + sum * (2.0 / usable);
+  return true;
+}
+
+Body::Body(const RobotBody& body) : height_m_(body.height_m) {
+  if (body.footprint_m.size() >= 3) {
+    outline_ = body.footprint_m;
+    for (const auto& p : outline_) reach_m_ = std::max(reach_m_, p.norm());
+  } else {
+    radius_m_ = reach_m_ = body.radius_m;
+  }
+}
+
+double Body::support(double angle_rad, double* slope) const {
+  if (outline_.empty()) {
+    if (slope != nullptr) *slope = 0.0;
+    return radius_m_;
+  }
+  const Eigen::Vector2d n(std::cos(angle_rad), std::sin(angle_rad));
+  double best = -std::numeric_limits<double>::infinity();
+  for (const auto& p : outline_) {
+    const double value = n.dot(p);
+    if (value <= best) continue;
+    best = value;
+    if (slope != nullptr) *slope = n.x() * p.y() - n.y() * p.x();
+  }
+  return best;
+}
+
+namespace {
+
+/// One Gauss–Newton step with Cauchy weights; returns the weighted sum of squares and count.
+struct Normal {
+  Eigen::Matrix2d h = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d g = Eigen::Vector2d::Zero();
+  double squares = 0.0, weight = 0.0;
+};
+
+Normal accumulate(const View& view, const Body& body, double orientation_rad, const Eigen::Vector2d& at) {
+  constexpr double kOutlier_m = 0.03;  // residual at which a direction counts half
+  const double inverse = inverseScale(body.height(), view.camera_height_m);
+  const int k = static_cast<int>(view.b_m.size());
+  Normal normal;
+  for (int i = 0; i < k; ++i) {
+    const double sigma = view.sigma_m[static_cast<std::size_t>(i)];
+    if (sigma <= 0) continue;
+    const double phi = 2.0 * M_PI * i / k;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    const double g = body.support(phi - orientation_rad) + n.dot(at - view.foot_m);
+    const double r = view.b_m[static_cast<std::size_t>(i)] - silhouetteFromFootprint(g, inverse);
+    const double unit = g < 0 ? 1.0 : inverse;  // residual on the scale of the footprint
+    const double w = 1.0 / (1.0 + std::pow(r * unit / kOutlier_m, 2)) * std::pow(unit / sigma, 2);
+    const double rf = r * unit;
+    normal.h += w * n * n.transpose();
+    normal.g += w * rf * n;
+    normal.squares += w * rf * rf;
+    normal.weight += w;
+  }
+  return normal;
+}
+
+}  // namespace
+
+BodyFit fitBody(const View& view, const Body& body, double orientation_rad, const Eigen::Vector2d& start_m) {
+  BodyFit fit{start_m, std::numeric_limits<double>::infinity()};
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    const Normal normal = accumulate(view, body, orientation_rad, fit.position_m);
+    if (normal.weight <= 0 || normal.h.determinant() < 1e-9 * normal.h.squaredNorm()) return fit;
+    fit.position_m += normal.h.ldlt().solve(normal.g);
+  }
+  const Normal normal = accumulate(view, body, orientation_rad, fit.position_m);
+  // Plain, not weighted: what the weights hide is what tells another shape from this one.
+  double squares = 0.0;
+  int count = 0;
+  const double inverse = inverseScale(body.height(), view.camera_height_m);
+  const int k = static_cast<int>(view.b_m.size());
+  for (int i = 0; i < k; ++i) {
+    if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
+    const double phi = 2.0 * M_PI * i / k;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    const double g = body.support(phi - orientation_rad) + n.dot(fit.position_m - view.foot_m);
+    squares += std::pow(footprintFromSilhouette(view.b_m[static_cast<std::size_t>(i)], inverse) - g, 2);
+    ++count;
+  }
+  if (count >= 8 && normal.weight > 0) fit.rms_m = std::sqrt(squares / count);
+  return fit;
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,79 @@
+#pragma once
+
+// One silhouette in one frame, and the prism that explains it (RECIPES "Footprints: support-function prism").
+// With the footprint's support h_P, camera foot c, camera height H and object height h, in direction n:
+//   g(n) = h_P(n) − n·c;  predicted silhouette support = g where g < 0 (contact side), s·g otherwise,
+//   s = H / (H − h).
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "observation/observation.h"
+
+namespace omnifleet::estimation {
+
+/// Support of a silhouette about the camera's foot, for the directions 2πk/K in base_link; usable ones only
+/// carry σ > 0. `sigma_m` already holds the factor for correlation.
+struct View {
+  Eigen::Vector2d foot_m = Eigen::Vector2d::Zero();  ///< c in base_link
+  double camera_height_m = 0.0;                      ///< H
+  std::vector<double> b_m;
+  std::vector<double> sigma_m;                  ///< 0 where unusable
+  double height_m = 0.0, height_sigma_m = 0.0;  ///< of the object as measured by flow; σ ≤ 0: unknown
+
+  static View from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
+                   double sigma_factor);
+  int usable() const;
+};
+
+/// Smallest (H − h)/H that is taken seriously: an object up to the camera's own height has no finite shadow.
+inline constexpr double kLeastInverseScale = 0.05;
+
+inline double inverseScale(double height_m, double camera_height_m) {
+  const double value = 1.0 - height_m / camera_height_m;
+  return value < kLeastInverseScale ? kLeastInverseScale : value;
+}
+
+/// Silhouette support of footprint support g about the camera's foot.
+inline double silhouetteFromFootprint(double g, double inverse_scale) {
+  return g < 0 ? g : g / inverse_scale;
+}
+/// Its inverse.
+inline double footprintFromSilhouette(double b, double inverse_scale) {
+  return b < 0 ? b : b * inverse_scale;
+}
+
+/// A support function between two grid directions is that of the corner where their half-planes meet:
+/// value = wi·v[i] + wj·v[j]; derivative by angle = di·v[i] + dj·v[j].
+struct Corner {
+  int i, j;
+  double wi, wj, di, dj;
+};
+Corner cornerAt(double angle_rad, int directions);
+
+/// Centre of a footprint from one view alone, in base_link, given the object's height: the Steiner point,
+/// (2/K)·Σ g(n)·n. False when fewer than 9 of 10 directions are usable.
+bool steinerCentre(const View& view, double height_m, Eigen::Vector2d& centre_m);
+
+/// Support of a convex body in its own frame and its derivative by angle.
+class Body {
+ public:
+  explicit Body(const RobotBody& body);
+  double support(double angle_rad, double* slope = nullptr) const;
+  double height() const { return height_m_; }
+  double reach() const { return reach_m_; }  ///< largest distance of the outline from base_link
+
+ private:
+  double radius_m_ = 0.0, height_m_ = 0.0, reach_m_ = 0.0;
+  Polygon outline_;
+};
+
+/// Position of a body of known shape and orientation in base_link that explains a view, by Gauss–Newton from
+/// `start`; rms of what remains, metres.
+struct BodyFit {
+  Eigen::Vector2d position_m;
+  double rms_m;
+};
+BodyFit fitBody(const View& view, const Body& body, double orientation_rad, const Eigen::Vector2d& start_m);
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "estimation/estimator.h"
+#include "observation/observation.h"
+
+namespace omnifleet::estimation::testing {
+
+/// A prism on the floor, in map; a circle where radius_m > 0.
+struct Prism {
+  Polygon outline_m;
+  Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
+  double radius_m = 0.0;
+  double height_m = 0.0;
+  /// Support of the footprint in map direction n.
+  double support(const Eigen::Vector2d& n) const;
+};
+
+struct SimulationOptions {
+  int robots = 3, obstacles = 6;
+  int frames = 60;
+  double period_s = 0.2;
+  double speed_mps = 0.25;
+  double wheel_bias_sigma = 0.02, wheel_noise = 0.02;  ///< 1, of the distance rolled
+  double pixel_sigma_px = 0.4;
+  double focal_px = 297.0, camera_height_m = 0.5;  ///< of an equidistant lens: noise on the floor
+  double focal_error = 0.0;                        ///< relative, of the observer's own calibration
+  double start_sigma_m = 0.0, start_sigma_rad = 0.0;
+  bool obstacles_seen = true, robots_seen = true, wheels = true;
+  double sight_m = 2.0;  ///< contact distance up to which things are seen
+};
+
+/// Exact paths and silhouettes in closed form; noise from one seed. Independent of the estimator's own
+/// formulas: silhouettes are hulls of the floor polygon and the top polygon scaled about the camera's foot.
+class FleetSimulator {
+ public:
+  FleetSimulator(const SimulationOptions& options, std::uint32_t seed);
+
+  std::vector<RobotSetup> setups() const;
+  TimeNs time(int frame) const;
+  const Pose2& truth(int robot, int frame) const;
+  const std::vector<Prism>& obstacles() const { return obstacles_; }
+  const Eigen::Vector2d& bias(int robot) const { return bias_[static_cast<std::size_t>(robot)]; }
+  static std::string name(int robot) { return "r" + std::to_string(robot + 1); }
+
+  /// The frames of all robots at one time; call in order.
+  std::vector<Objects> frames(int frame);
+  std::mt19937& random() { return random_; }
+  double gauss(double sigma) { return std::normal_distribution<double>(0.0, sigma)(random_); }
+
+  RobotBody body;
+
+ private:
+  void placeObstacles();
+  void drive();
+  Motion wheels(int robot, int frame);
+  Track see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind);
+
+  SimulationOptions options_;
+  std::mt19937 random_;
+  std::vector<Prism> obstacles_;
+  std::vector<Eigen::Vector2d> bias_;
+  std::vector<std::vector<Pose2>> truth_;
+  std::vector<std::vector<Eigen::Vector2d>> rolled_;  ///< left, right, true
+};
+
+/// Errors of one run.
+struct RunResult {
+  double mean_m = 0.0, worst_m = 0.0, mean_rad = 0.0;
+  double nees = 0.0;  ///< mean of eᵀP⁻¹e over frames and robots; 3 where consistent
+  int estimates = 0, frames = 0;
+  double landmark_m = 0.0;  ///< mean distance of published landmarks to the nearest obstacle's centroid
+  int landmarks = 0;
+};
+RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std::uint32_t seed);
+
+}  // namespace omnifleet::estimation::testing

@@ -1,0 +1,62 @@
+// Prints the errors of many seeded runs: estimation_seeds FIRST LAST. For tuning (0–99) and for reports
+// (1000–1099).
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "fleet_simulator.h"
+
+using omnifleet::estimation::EstimatorOptions;
+using namespace omnifleet::estimation::testing;
+
+int main(int argc, char** argv) {
+  const auto first = static_cast<std::uint32_t>(argc > 1 ? std::atoi(argv[1]) : 0);
+  const auto last = static_cast<std::uint32_t>(argc > 2 ? std::atoi(argv[2]) : 9);
+  struct Case {
+    const char* name;
+    std::function<void(SimulationOptions&, EstimatorOptions&)> change;
+  };
+  const std::vector<Case> cases{
+      {"wheels", [](auto& s, auto&) { s.obstacles_seen = s.robots_seen = false; }},
+      {"wheels+sightings", [](auto& s, auto&) { s.obstacles_seen = false; }},
+      {"wheels+obstacles", [](auto& s, auto&) { s.robots_seen = false; }},
+      {"all", [](auto&, auto&) {}},
+      {"no wheels", [](auto& s, auto&) { s.wheels = false; }},
+      {"sightings only", [](auto& s, auto&) { s.wheels = s.obstacles_seen = false; }},
+      {"flawed: f -0.3%, start", [](auto& s, auto&) {
+         s.focal_error = -0.003;
+         s.start_sigma_m = 0.005;
+         s.start_sigma_rad = 0.00524;
+       }}};
+  std::printf("%-24s %8s %8s %8s %8s %9s %6s %6s\n", "case", "mean cm", "worst", "deg", "NEES", "landm cm",
+              "n/run", "valid");
+  for (const Case& c : cases) {
+    if (argc > 3 && std::string(c.name).find(argv[3]) == std::string::npos) continue;
+    SimulationOptions simulation;
+    EstimatorOptions options;
+    c.change(simulation, options);
+    RunResult sum;
+    for (std::uint32_t seed = first; seed <= last; ++seed) {
+      const RunResult r = run(simulation, options, seed);
+      if (std::getenv("EACH") != nullptr)
+        std::printf("  %u: %.3f %.3f nees %.2f lm %.3f (%d)\n", seed, 100 * r.mean_m, 100 * r.worst_m, r.nees,
+                    100 * r.landmark_m, r.landmarks);
+      sum.mean_m += r.mean_m;
+      sum.worst_m = std::max(sum.worst_m, r.worst_m);
+      sum.mean_rad += r.mean_rad;
+      sum.nees += r.nees;
+      sum.landmark_m += r.landmark_m;
+      sum.landmarks += r.landmarks;
+      sum.estimates += r.estimates;
+      sum.frames += r.frames;
+    }
+    const double n = last - first + 1;
+    std::printf("%-24s %8.3f %8.3f %8.3f %8.2f %9.3f %6.2f %6.3f\n", c.name, 100 * sum.mean_m / n,
+                100 * sum.worst_m, sum.mean_rad / n * 57.2958, sum.nees / n, 100 * sum.landmark_m / n,
+                sum.landmarks / n, static_cast<double>(sum.estimates) / sum.frames);
+    std::fflush(stdout);
+  }
+}
