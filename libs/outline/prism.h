@@ -21,12 +21,11 @@ struct PrismOptions {
   int directions = 96;             ///< support directions of the fitted footprint, in map
   double noise_m = 0.001;          ///< m, added to every σ (quadrature)
   double pose_sigma_m = 0.004;     ///< m, how far a view may be shifted as a whole (its pose and its lens)
-  double huber = 2.0;              ///< σ, residuals beyond it lose weight (Cauchy)
+  double robust_sigmas = 2.0;      ///< σ, residuals beyond it lose weight (Cauchy)
   int iterations = 12;             ///< at most
-  int max_views = 48;              ///< the best ones are taken
+  int max_views = 32;              ///< the most telling ones from all sides are taken
   double max_height_share = 0.95;  ///< of the lowest camera's height: taller objects have no shadow edge
-  double min_parallax =
-      0.02;  ///< information on the height below which a given height is needed, see PrismFit
+  double max_gap_deg = 100.0;      ///< degrees without evidence beyond which an outline is open
 
   static PrismOptions read(const options::Section& section);
 };
@@ -63,9 +62,10 @@ struct PrismFit {
 /// linear in h, so the search in one dimension for the least variance between views is a linear least squares
 /// with the mean h_P(n) of each direction eliminated; it is reweighted robustly. Beyond RECIPES: each view
 /// may shift as a whole within `pose_sigma_m`, which takes up errors of pose, focal length and tilt.
-/// Directions with σ ≤ 0 are not used. One view alone says nothing about h unless `prior` does. The footprint
-/// is the polygon whose support function is nearest to the averages (half-planes intersected, their common
-/// inward bias returned).
+/// Directions with σ ≤ 0 are not used. Where the views say little about h and `prior` nothing, convexity
+/// does: at the two tangents from the foot a too great height would fold the footprint. The footprint is the
+/// polygon whose support function is nearest to the averages (half-planes intersected, their common inward
+/// bias returned).
 PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& options,
                   const HeightPrior& prior = {});
 

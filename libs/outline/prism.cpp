@@ -1,0 +1,290 @@
+#include "outline/prism.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "outline/prism_terms.h"
+
+namespace omnifleet::outline {
+namespace {
+
+using detail::Term;
+using detail::Terms;
+
+/// Neighbouring directions share supporting points and errors, so their number overstates what is known: σ is
+/// doubled (RECIPES, "double σ for correlation").
+constexpr double kCorrelation = 4.0;
+constexpr int kStartHeights = 16;
+
+class PrismSolver {
+ public:
+  PrismSolver(const Terms& terms, const PrismOptions& options, const HeightPrior& prior)
+      : terms_(terms), options_(options), prior_(prior), shift_(terms.views(), Eigen::Vector2d::Zero()) {
+    const std::size_t cells = terms.views() * static_cast<std::size_t>(terms.directions);
+    weight_.assign(cells, 0.0);
+    mean_.assign(static_cast<std::size_t>(terms.directions), 0.0);
+    max_height_ = options.max_height_share *
+                  *std::min_element(terms.camera_height_m.begin(), terms.camera_height_m.end());
+  }
+
+  void solve() {
+    height_ = startHeight();
+    medianMeans();
+    for (int i = 0; i < options_.iterations; ++i) {
+      reweight();
+      const double before = height_;
+      step();
+      updateMeans();
+      if (i > 2 && std::abs(height_ - before) < 1e-6) break;
+    }
+  }
+
+  double height() const { return height_; }
+  double heightSigma() const { return height_sigma_; }
+  void report(PrismFit& fit, std::size_t given_views) const;
+
+ private:
+  std::size_t index(std::size_t v, int k) const {
+    return v * static_cast<std::size_t>(terms_.directions) + static_cast<std::size_t>(k);
+  }
+  /// A view's value of h_P(n) at the current height and shift.
+  double value(std::size_t v, int k) const {
+    const Term& t = terms_.at(v, k);
+    return t.a - height_ * t.b + terms_.normals[static_cast<std::size_t>(k)].dot(shift_[v]);
+  }
+  double startHeight();
+  double disagreement() const;
+  void medianMeans();
+  void reweight();
+  void step();
+  void updateMeans();
+  void addDirection(int k, Eigen::MatrixXd& normal, Eigen::VectorXd& rhs) const;
+
+  const Terms& terms_;
+  const PrismOptions& options_;
+  HeightPrior prior_;
+  double height_ = 0.0, height_sigma_ = 0.0, max_height_ = 0.0;
+  std::vector<Eigen::Vector2d> shift_;
+  std::vector<double> weight_, mean_;
+};
+
+/// Sum of capped residuals about the medians at the current height, per pair that is compared.
+double PrismSolver::disagreement() const {
+  double sum = 0.0;
+  std::vector<std::pair<double, double>> values;
+  for (int k = 0; k < terms_.directions; ++k) {
+    values.clear();
+    for (std::size_t v = 0; v < terms_.views(); ++v) {
+      if (terms_.at(v, k).sigma > 0)
+        values.emplace_back(value(v, k), 1.0 / terms_.sigmaAt(v, k, height_, options_.noise_m));
+    }
+    if (values.size() < 2) continue;
+    const double median = detail::weightedMedian(values);
+    for (const auto& [h, w] : values) sum += std::min(std::abs(h - median) * w, 5.0);
+  }
+  return sum;
+}
+
+double PrismSolver::startHeight() {
+  if (prior_.sigma_m > 0) return std::clamp(prior_.height_m, 0.0, max_height_);
+  double best = 0.0, least = -1.0;
+  for (int i = 0; i < kStartHeights; ++i) {
+    height_ = max_height_ * (i + 0.5) / kStartHeights;
+    const double cost = disagreement();
+    if (least < 0 || cost < least) {
+      least = cost;
+      best = height_;
+    }
+  }
+  return best;
+}
+
+void PrismSolver::medianMeans() {
+  std::vector<std::pair<double, double>> values;
+  for (int k = 0; k < terms_.directions; ++k) {
+    values.clear();
+    for (std::size_t v = 0; v < terms_.views(); ++v) {
+      if (terms_.at(v, k).sigma > 0)
+        values.emplace_back(value(v, k), 1.0 / terms_.sigmaAt(v, k, height_, options_.noise_m));
+    }
+    mean_[static_cast<std::size_t>(k)] = detail::weightedMedian(values);
+  }
+}
+
+void PrismSolver::reweight() {
+  for (std::size_t v = 0; v < terms_.views(); ++v) {
+    for (int k = 0; k < terms_.directions; ++k) {
+      if (terms_.at(v, k).sigma <= 0) continue;
+      const double sigma = std::hypot(terms_.sigmaAt(v, k, height_, options_.noise_m), options_.pose_sigma_m);
+      const double off =
+          (value(v, k) - mean_[static_cast<std::size_t>(k)]) / (options_.robust_sigmas * sigma);
+      const double own = terms_.sigmaAt(v, k, height_, options_.noise_m);
+      weight_[index(v, k)] = 1.0 / (own * own * (1.0 + off * off));
+    }
+  }
+}
+
+void PrismSolver::addDirection(int k, Eigen::MatrixXd& normal, Eigen::VectorXd& rhs) const {
+  double w = 0.0, wa = 0.0, wb = 0.0;
+  for (std::size_t v = 0; v < terms_.views(); ++v) {
+    const double weight = weight_[index(v, k)];
+    w += weight, wa += weight * terms_.at(v, k).a, wb += weight * terms_.at(v, k).b;
+  }
+  if (w <= 0) return;
+  const double mean_a = wa / w, mean_b = wb / w;
+  const Eigen::Vector2d n = terms_.normals[static_cast<std::size_t>(k)];
+  const Eigen::Matrix2d nn = n * n.transpose();
+  for (std::size_t v = 0; v < terms_.views(); ++v) {
+    const double weight = weight_[index(v, k)];
+    if (weight <= 0) continue;
+    const double da = terms_.at(v, k).a - mean_a, db = terms_.at(v, k).b - mean_b;
+    const auto row = static_cast<Eigen::Index>(1 + 2 * v);
+    normal(0, 0) += weight * db * db;
+    rhs(0) += weight * db * da;
+    normal.block<2, 1>(row, 0) -= weight * db * n;
+    rhs.segment<2>(row) -= weight * da * n;
+    normal.block<2, 2>(row, row) += weight * nn;
+    for (std::size_t u = 0; u <= v; ++u) {
+      const double both = weight * weight_[index(u, k)] / w;
+      if (both > 0) normal.block<2, 2>(row, static_cast<Eigen::Index>(1 + 2 * u)) -= both * nn;
+    }
+  }
+}
+
+/// Height and shifts at once, with the mean of every direction eliminated.
+void PrismSolver::step() {
+  const auto size = static_cast<Eigen::Index>(1 + 2 * terms_.views());
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(size);
+  for (int k = 0; k < terms_.directions; ++k) addDirection(k, normal, rhs);
+  normal /= kCorrelation;
+  rhs /= kCorrelation;
+  const double loose = max_height_;
+  const bool known = prior_.sigma_m > 0;
+  const double prior_weight = known ? 1.0 / (prior_.sigma_m * prior_.sigma_m) : 1.0 / (loose * loose);
+  normal(0, 0) += prior_weight;
+  rhs(0) += prior_weight * (known ? prior_.height_m : height_);
+  for (Eigen::Index i = 1; i < size; ++i)
+    normal(i, i) += 1.0 / (options_.pose_sigma_m * options_.pose_sigma_m);
+  const Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower> ldlt(normal);
+  const Eigen::VectorXd solution = ldlt.solve(rhs);
+  if (!solution.allFinite()) return;
+  height_ = std::clamp(solution(0), 0.0, max_height_);
+  for (std::size_t v = 0; v < terms_.views(); ++v)
+    shift_[v] = solution.segment<2>(static_cast<Eigen::Index>(1 + 2 * v));
+  height_sigma_ = std::sqrt(std::max(ldlt.solve(Eigen::VectorXd::Unit(size, 0))(0), 0.0));
+}
+
+void PrismSolver::updateMeans() {
+  for (int k = 0; k < terms_.directions; ++k) {
+    double sum = 0.0, weighted = 0.0;
+    for (std::size_t v = 0; v < terms_.views(); ++v) {
+      sum += weight_[index(v, k)];
+      if (weight_[index(v, k)] > 0) weighted += weight_[index(v, k)] * value(v, k);
+    }
+    if (sum > 0) mean_[static_cast<std::size_t>(k)] = weighted / sum;
+  }
+}
+
+void PrismSolver::report(PrismFit& fit, std::size_t given_views) const {
+  const auto k_count = static_cast<std::size_t>(terms_.directions);
+  std::vector<double> square(given_views, 0.0), count(given_views, 0.0);
+  std::vector<double> sum(k_count, 0.0);
+  double residual = 0.0, weights = 0.0;
+  fit.evidence.assign(k_count, {});
+  for (std::size_t v = 0; v < terms_.views(); ++v) {
+    const auto given = static_cast<std::size_t>(terms_.view[v]);
+    for (int k = 0; k < terms_.directions; ++k) {
+      const double w = weight_[index(v, k)];
+      if (w <= 0) continue;
+      const double r = value(v, k) - mean_[static_cast<std::size_t>(k)];
+      residual += w * r * r, weights += w, sum[static_cast<std::size_t>(k)] += w;
+      square[given] += r * r, count[given] += 1.0;
+      const double sigma = terms_.sigmaAt(v, k, height_, options_.noise_m);
+      if (w * sigma * sigma > 0.3) ++fit.evidence[static_cast<std::size_t>(k)].views;
+    }
+  }
+  for (std::size_t k = 0; k < k_count; ++k) {
+    fit.evidence[k].support_m = mean_[k];
+    fit.evidence[k].sigma_m = sum[k] > 0 ? 1.0 / std::sqrt(sum[k]) : 0.0;
+    if (sum[k] > 0) fit.coverage += 1.0 / static_cast<double>(k_count);
+  }
+  fit.rms_m = weights > 0 ? std::sqrt(residual / weights) : 0.0;
+  fit.view_rms_m.assign(given_views, -1.0);
+  for (std::size_t v = 0; v < given_views; ++v) {
+    if (count[v] > 0) fit.view_rms_m[v] = std::sqrt(square[v] / count[v]);
+  }
+  fit.height_m = height_;
+  fit.height_sigma_m = height_sigma_;
+}
+
+/// The polygon, its Steiner point, and the evidence about it.
+void closeOutline(const PrismOptions& options, std::size_t views, PrismFit& fit) {
+  if (detail::widestGap(fit.evidence) > options.max_gap_deg * M_PI / 180.0) return;
+  fit.footprint_m = detail::polygonOf(fit.evidence);
+  if (fit.footprint_m.size() < 3) return;
+  const double count = static_cast<double>(fit.evidence.size());
+  // Taken about a vertex: the sum over evenly spread directions is exact for the shift, and small numbers
+  // stay exact.
+  const Eigen::Vector2d origin = fit.footprint_m.front();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  fit.centre_m = origin;
+  for (std::size_t k = 0; k < fit.evidence.size(); ++k) {
+    const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
+    const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
+    fit.centre_m += (2.0 / count) * (detail::supportOf(fit.footprint_m, n) - n.dot(origin)) * n;
+    covariance +=
+        4.0 / (count * count) * fit.evidence[k].sigma_m * fit.evidence[k].sigma_m * n * n.transpose();
+  }
+  const double pose_variance =
+      options.pose_sigma_m * options.pose_sigma_m / static_cast<double>(std::max<std::size_t>(views, 1));
+  fit.covariance = kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
+  for (std::size_t k = 0; k < fit.evidence.size(); ++k) {
+    const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
+    fit.evidence[k].support_m -= fit.centre_m.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+  }
+  fit.valid = true;
+}
+
+/// Where comparing says little, what the tangents of the views say.
+HeightPrior priorFromTangents(const Terms& terms, double max_height_m) {
+  double weight = 0.0, sum = 0.0;
+  for (std::size_t v = 0; v < terms.views(); ++v) {
+    const HeightPrior one = detail::heightByTangents(terms, v);
+    if (one.sigma_m <= 0) continue;
+    const double sigma = std::hypot(one.sigma_m, 0.02);
+    weight += 1.0 / (sigma * sigma);
+    sum += std::clamp(one.height_m, 0.0, max_height_m) / (sigma * sigma);
+  }
+  // Tangents are biased alike by the shape, so their number does not help below 2 cm.
+  return weight > 0 ? HeightPrior{sum / weight, std::hypot(1.0 / std::sqrt(weight), 0.02)} : HeightPrior{};
+}
+
+}  // namespace
+
+PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& options,
+                  const HeightPrior& prior) {
+  PrismFit fit;
+  const Terms all = detail::termsOf(views, options.directions, options.noise_m);
+  if (all.views() == 0) return fit;
+  const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
+  HeightPrior used = prior;
+  PrismSolver first(terms, options, used);
+  first.solve();
+  const double max_height = options.max_height_share * terms.camera_height_m.front();
+  constexpr double kVague = 0.05;  // m, σ of a height beyond which the tangents are asked
+  if (first.heightSigma() <= kVague || prior.sigma_m > 0) {
+    first.report(fit, views.size());
+  } else {
+    used = priorFromTangents(terms, max_height);
+    PrismSolver second(terms, options, used);
+    second.solve();
+    second.report(fit, views.size());
+    if (used.sigma_m <= 0) fit.height_sigma_m = 0.0;
+  }
+  closeOutline(options, terms.views(), fit);
+  return fit;
+}
+
+}  // namespace omnifleet::outline
