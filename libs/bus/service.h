@@ -33,8 +33,12 @@ struct ServiceOptions {
   std::string out;                         ///< --out DIR
   std::vector<std::string> configs;        ///< --config FILE, repeatable: overlays, later ones on top
   int domain = 0;                          ///< --domain N, default $OMNIFLEET_DOMAIN or 0
+  bool record = false;        ///< --record: sources write the run as a dataset into OUT/recording
+  bool debug_images = false;  ///< --debug-images: local_mapper draws every frame into OUT/debug
   std::string log_level = "info";          ///< --log-level
   std::chrono::seconds silence_limit{30};  ///< --silence-limit S: deterministic modes only
+  std::vector<std::string> interfaces;     ///< --interface ADDRESS, repeatable; none: loopback only
+  int max_message_bytes = 65000;           ///< --max-message-bytes N: one datagram; ≤ 1400 off-host
 };
 
 /// What a service is given at construction.
