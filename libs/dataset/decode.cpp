@@ -62,17 +62,45 @@ bool isTruncatedJpeg(const Bytes& b) {
   return true;
 }
 
-/// Decodes with the caller's memory where size and type agree. An empty Mat when it cannot be decoded.
-cv::Mat decode(const Bytes& buffer, Colour colour, const cv::Mat& target) {
+/// Hands out the caller's pixels to whoever asks for their exact size and type, other memory to others. With
+/// it the decoder starts from an empty Mat, which stays empty when it fails; a Mat that is given to
+/// cv::imdecode directly would keep the previous frame's pixels and look like success.
+class TargetAllocator : public cv::MatAllocator {
+ public:
+  explicit TargetAllocator(const cv::Mat& target) : target_(target) {}
+
+  cv::UMatData* allocate(int dims, const int* sizes, int type, void* data, std::size_t* step,
+                         cv::AccessFlag flags, cv::UMatUsageFlags usage) const override {
+    const bool fits = !data && dims == 2 && !target_.empty() && target_.isContinuous() &&
+                      sizes[0] == target_.rows && sizes[1] == target_.cols && type == target_.type();
+    if (!fits) return cv::Mat::getStdAllocator()->allocate(dims, sizes, type, data, step, flags, usage);
+    step[1] = target_.elemSize();
+    step[0] = step[1] * static_cast<std::size_t>(sizes[1]);
+    auto* u = new cv::UMatData(this);
+    u->data = u->origdata = target_.data;
+    u->size = step[0] * static_cast<std::size_t>(sizes[0]);
+    u->flags |= cv::UMatData::USER_ALLOCATED;
+    return u;
+  }
+  bool allocate(cv::UMatData* u, cv::AccessFlag, cv::UMatUsageFlags) const override { return u != nullptr; }
+  void deallocate(cv::UMatData* u) const override { delete u; }  // the pixels are the caller's
+
+ private:
+  const cv::Mat& target_;
+};
+
+/// Decodes with the caller's memory where size and type agree. False when it cannot be decoded.
+bool decode(const Bytes& buffer, Colour colour, const TargetAllocator& allocator, cv::Mat& decoded) {
   const int flags =
       (colour == Colour::kGrey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION;
-  cv::Mat header = target;  // shares the pixels; imdecode allocates anew only where size or type differ
+  decoded.allocator =
+      const_cast<TargetAllocator*>(&allocator);  // OpenCV takes a mutable pointer, calls const members
   try {
-    const cv::Mat result = cv::imdecode(buffer, flags, &header);
-    return result.empty() ? cv::Mat() : header;
+    cv::imdecode(buffer, flags, &decoded);
   } catch (const cv::Exception&) {
-    return {};
+    return false;
   }
+  return !decoded.empty();
 }
 
 }  // namespace
@@ -98,8 +126,9 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
     note = path + ": the JPEG is cut short";
     return FrameState::kUnreadable;
   }
-  const cv::Mat decoded = decode(buffer, colour, image);
-  if (decoded.empty()) {
+  const TargetAllocator allocator(image);
+  cv::Mat decoded;
+  if (!decode(buffer, colour, allocator, decoded)) {
     note = path + ": is no image that can be decoded";
     return FrameState::kUnreadable;
   }
@@ -109,7 +138,10 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
                        size.width_px, size.height_px);
     return FrameState::kWrongSize;
   }
-  if (image.empty()) image = decoded;
+  if (image.empty()) {
+    decoded.allocator = nullptr;
+    image = decoded;
+  }
   if (image.data != decoded.data) {
     note = fmt::format("{}: is {}×{}, the frame buffer {}×{}", path, decoded.cols, decoded.rows, image.cols,
                        image.rows);

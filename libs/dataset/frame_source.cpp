@@ -87,14 +87,15 @@ class VideoSource : public FrameSource {
   VideoSource(const std::string& path, Colour colour, FrameSize size, TimeNs start_ns, double fallback_fps)
       : path_(path), colour_(colour), size_(size), start_ns_(start_ns) {
     if (!fs::is_regular_file(path)) throw options::Error(path + ": no such video file");
-    if (!capture_.open(path)) throw options::Error(path + ": cannot be opened as a video");
+    if (!capture_.open(path) || !capture_.read(captured_))
+      throw options::Error(path + ": cannot be opened as a video");
     const double fps = capture_.get(cv::CAP_PROP_FPS), count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
     fps_ = fps > 0.0 && fps < 1e5 ? fps : fallback_fps;
     count_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
   }
 
   bool next(cv::Mat& image, FrameInfo& info) override {
-    if (!capture_.read(captured_)) return false;
+    if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the first one is read when opening
     info.sequence = sequence_++;
     info.time_ns = start_ns_ + static_cast<TimeNs>(std::llround(info.sequence * 1e9 / fps_));
     info.note.clear();

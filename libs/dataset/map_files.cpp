@@ -61,7 +61,8 @@ Polygon readRing(const Json& ring) {
 void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& objects) {
   MapObject object;
   object.id = index;
-  const Json properties = json.value("properties", Json::object());
+  Json properties = json.value("properties", Json::object());
+  if (!properties.is_object()) properties = Json::object();
   if (properties.contains("id") && properties["id"].is_number_integer())
     object.id = properties["id"].get<std::uint64_t>();
   object.kind = properties.value("kind", "obstacle");

@@ -1,0 +1,161 @@
+#include "dataset/dataset.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "dataset/atomic_file.h"
+#include "tests/test_data.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr const char* kDataset =
+    "format: omnifleet-dataset\nversion: 1\nrobots:\n  r2:\n    initial_pose: [1, 2, 3.5]\n"
+    "    body: {footprint_m: [[0, 0], [0, 1], [1, 1]], height_m: 0.2}\n  r1:\n"
+    "    body: {radius_m: 0.15, height_m: 0.3}\n    wheel_separation_m: 0.26\n";
+constexpr const char* kSensor =
+    "camera_model: fisheye\nprojection: equidistant\nimage_width: 64\nimage_height: 48\nfocal_px: 15\n"
+    "principal_point_px: [31.5, 23.5]\nfov_deg: 185\n";
+
+/// A data set on disk whose files a test changes one by one.
+class DatasetFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    put("dataset.yaml", kDataset);
+    put("r1/fisheye/sensor.yaml", kSensor);
+    put("r1/fisheye/data.csv", "#timestamp [ns],filename\n10,a.png\n20,b.png\n");
+  }
+  void put(const std::string& name, const std::string& text) { writeAtomic(folder_ / name, text); }
+  Dataset open() { return Dataset::open(folder_.path()); }
+  std::string refusal() {
+    try {
+      open();
+    } catch (const options::Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  test::TempFolder folder_;
+};
+
+TEST_F(DatasetFiles, RobotsSortedWithBodies) {
+  const Dataset d = open();
+  ASSERT_EQ(d.robots.size(), 2u);
+  EXPECT_EQ(d.robots[0].name, "r1");
+  EXPECT_FALSE(d.robots[0].initial_pose);
+  EXPECT_EQ(d.robots[0].body.radius_m, 0.15);
+  EXPECT_EQ(d.robots[0].body.wheel_separation_m, 0.26);
+  ASSERT_TRUE(d.robots[1].initial_pose);
+  EXPECT_NEAR(d.robots[1].initial_pose->theta_rad, 3.5 - 2 * M_PI, 1e-15);
+  EXPECT_GT(signedArea(d.robots[1].body.footprint_m), 0.0) << "turned counter-clockwise";
+  EXPECT_EQ(d.findRobot("r3"), nullptr);
+  ASSERT_NE(d.findStream("r1/fisheye"), nullptr);
+  EXPECT_EQ(d.findStream("r1/front"), nullptr);
+  EXPECT_EQ(d.findStream("r1/fisheye")->rows[1].time_ns, 20);
+  EXPECT_THAT(d.findStream("r1/fisheye")->rows[1].path, HasSubstr("r1/fisheye/data/b.png"));
+}
+
+TEST_F(DatasetFiles, BadRowsAreLeftOutAndListed) {
+  put("r1/fisheye/data.csv",
+      "#timestamp [ns],filename\n10,a.png\nnan,b.png\r\n30.5,c.png\n\n40,\n50,d.png,x\n60, e.png \n");
+  const Dataset d = open();
+  const auto& rows = d.robots[0].fisheye->rows;
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[1].path, "") << "a row that names no file is a missing frame";
+  EXPECT_EQ(rows[1].sequence, 3u) << "rejected rows keep their number";
+  EXPECT_THAT(rows[2].path, HasSubstr("data/e.png"));
+  EXPECT_THAT(d.warnings,
+              ElementsAre(HasSubstr("data.csv:3: the timestamp"), HasSubstr("data.csv:4: the timestamp"),
+                          HasSubstr("data.csv:7: expected the columns")));
+}
+
+TEST_F(DatasetFiles, WheelsRejectNonFiniteAndDisorder) {
+  put("r1/wheels/data.csv",
+      "#t,l,r\n10,0.1,0.2\n20,nan,0.2\n30,0.3,inf\n25,1,1\n24,1,1\n25,2,2\n40,-0.5,+1e-3\n");
+  const Dataset d = open();
+  const auto& wheels = d.robots[0].wheels;
+  ASSERT_EQ(wheels.size(), 3u);
+  EXPECT_EQ(wheels[1].time_ns, 25);
+  EXPECT_EQ(wheels[2].left_mps, -0.5);
+  EXPECT_EQ(wheels[2].right_mps, 1e-3);
+  EXPECT_THAT(d.warnings,
+              ElementsAre(HasSubstr(":3: wheel speeds"), HasSubstr(":4: wheel speeds"),
+                          HasSubstr(":6: time 24 is not after 25"), HasSubstr(":7: time 25 is not after")));
+}
+
+TEST_F(DatasetFiles, ObservationsAndLaser) {
+  put("r2/observations.csv", "#t,id,range,bearing\n10,7,1.5,3.5\n10,r1,2.5,-0.25\n10,,1,1\n11,8,-1,0\n");
+  put("r2/laser/data.csv", "#t,min,inc,ranges\n5,-1.57,0.01,1.0,inf,nan,0,-1,2.5\n6,0,0,1\n7,0,0.1,x\n");
+  const Dataset d = open();
+  const RobotRecording& r2 = *d.findRobot("r2");
+  ASSERT_EQ(r2.observations.size(), 2u);
+  EXPECT_NEAR(r2.observations[0].bearing_rad, 3.5 - 2 * M_PI, 1e-15);
+  EXPECT_EQ(r2.observations[1].id, "r1");
+  ASSERT_EQ(r2.laser.size(), 1u);
+  const float none = std::numeric_limits<float>::infinity();
+  EXPECT_THAT(r2.laser[0].range_m, ElementsAre(1.0f, none, none, none, none, 2.5f));
+  EXPECT_EQ(d.warnings.size(), 4u);
+}
+
+TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
+  put("ceiling/c2/sensor.yaml", kSensor);
+  put("ceiling/c2/data.csv", "1,x.jpg\n");
+  put("ceiling/c1/sensor.yaml", kSensor);
+  put("ceiling/c1/data.csv", "#nothing recorded\n");
+  put("ceiling/markers.yaml",
+      "kind: patches\nheight_m: 0.3\nteam_rgb: [20, 90, 220]\nteam_offset_m: [-0.06, 0]\n"
+      "individual_offset_m: [0.06, 0]\npatch_size_m: [0.09, 0.12]\nrobots:\n  r1: {rgb: [230, 60, 61]}\n");
+  Dataset d = open();
+  ASSERT_EQ(d.ceiling.size(), 2u);
+  EXPECT_EQ(d.ceiling[0].name, "ceiling/c1");
+  EXPECT_TRUE(d.ceiling[0].rows.empty());
+  ASSERT_TRUE(d.markers);
+  EXPECT_EQ(d.markers->kind, MarkerKind::kPatches);
+  EXPECT_EQ(d.markers->team, (Rgb{20, 90, 220}));
+  EXPECT_EQ(d.markers->robots.at("r1").individual, (Rgb{230, 60, 61}));
+  EXPECT_EQ(d.markers->patch_size_m, Eigen::Vector2d(0.09, 0.12));
+  put("ceiling/markers.yaml",
+      "kind: cover_tail_head\nheight_m: 0.3\ncover_size_m: 0.3\nhead_offset_m: [0.1, 0]\nhead_size_m: [0.05, "
+      "0.06]\n"
+      "tail_offset_m: [-0.1, 0]\ntail_size_m: 0.05\nrobots:\n"
+      "  r1: {cover_rgb: [1, 2, 3], tail_rgb: [4, 5, 6], head_rgb: [7, 8, 9]}\n");
+  d = open();
+  EXPECT_EQ(d.markers->kind, MarkerKind::kCoverTailHead);
+  EXPECT_EQ(d.markers->cover_size_m, Eigen::Vector2d(0.3, 0.3));
+  EXPECT_EQ(d.markers->robots.at("r1").head, (Rgb{7, 8, 9}));
+  EXPECT_EQ(MarkerSet::read(options::Section::parse(d.markers->toYaml(), "m")).toYaml(), d.markers->toYaml());
+}
+
+TEST_F(DatasetFiles, ErrorsNameFileLineAndWhatToDo) {
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = kDataset;
+    text.replace(text.find(from), from.size(), to);
+    put("dataset.yaml", text);
+    return refusal();
+  };
+  EXPECT_THAT(with("version: 1", "version: 2"),
+              AllOf(HasSubstr("dataset.yaml:2: version"), HasSubstr("[1, 1]")));
+  EXPECT_THAT(with("omnifleet-dataset", "euroc"), HasSubstr("dataset.yaml:1: format"));
+  EXPECT_THAT(with("wheel_separation_m: 0.26", "wheel_separation_m: -1"), HasSubstr("dataset.yaml:9"));
+  EXPECT_THAT(with("wheel_separation_m", "wheel_distance"), HasSubstr("unknown key"));
+  EXPECT_THAT(with("radius_m: 0.15", "radius_m: 0.15, footprint_m: [[0, 0], [1, 0], [1, 1]]"),
+              HasSubstr("exactly one"));
+  EXPECT_THAT(with("  r1:", "  ceiling:"), HasSubstr("not ceiling"));
+  EXPECT_THAT(with("  r1:", "  r/1:"), HasSubstr("letters"));
+  put("dataset.yaml", kDataset);
+  put("r1/fisheye/data.csv", "#timestamp [ns],filename\nx,a.png\n");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("data.csv:2: the timestamp"), HasSubstr("remove the file")));
+  std::filesystem::remove(folder_ / "r1/fisheye/data.csv");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("data.csv"), HasSubstr("cannot be read")));
+  std::filesystem::remove(folder_ / "dataset.yaml");
+  EXPECT_THAT(refusal(), HasSubstr("dataset.yaml: is missing"));
+  EXPECT_THROW(Dataset::open(folder_ / "nowhere"), options::Error);
+}
+
+}  // namespace
+}  // namespace omnifleet::dataset

@@ -1,0 +1,185 @@
+#include "dataset/frame_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "dataset/atomic_file.h"
+#include "tests/test_data.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using ::testing::HasSubstr;
+
+cv::Mat picture(int width, int height, int shade) {
+  cv::Mat image(height, width, CV_8UC3, cv::Scalar(shade, 2 * shade, 255 - shade));
+  cv::circle(image, {width / 2, height / 2}, height / 4, {10, 200, 30}, cv::FILLED);
+  return image;
+}
+
+class Frames : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    cv::imwrite(folder_ / "good.png", picture(64, 48, 20));
+    cv::imwrite(folder_ / "good.jpg", picture(64, 48, 60));
+    cv::imwrite(folder_ / "large.png", picture(65, 48, 20));
+    writeAtomic(folder_ / "empty.png", "");
+    writeAtomic(folder_ / "text.png", "this is no image");
+    for (const char* name : {"good.png", "good.jpg"}) {
+      const std::string bytes = readFile(folder_ / name);
+      writeAtomic(folder_ / (std::string("cut_") + name), bytes.substr(0, bytes.size() * 3 / 5));
+    }
+    stream_.name = "r1/fisheye";
+    stream_.camera.image_width_px = 64;
+    stream_.camera.image_height_px = 48;
+  }
+  void add(TimeNs time_ns, const std::string& name) {
+    const auto sequence = static_cast<std::uint32_t>(stream_.rows.size());
+    stream_.rows.push_back({time_ns, sequence, name.empty() ? "" : folder_ / name});
+  }
+
+  test::TempFolder folder_;
+  ImageStream stream_;
+};
+
+TEST_F(Frames, EveryRowGivesOneFrameInItsState) {
+  const std::vector<std::pair<const char*, FrameState>> files{{"good.png", FrameState::kOk},
+                                                              {"good.jpg", FrameState::kOk},
+                                                              {"nowhere.png", FrameState::kMissing},
+                                                              {"", FrameState::kMissing},
+                                                              {"empty.png", FrameState::kEmpty},
+                                                              {"text.png", FrameState::kUnreadable},
+                                                              {"cut_good.png", FrameState::kUnreadable},
+                                                              {"cut_good.jpg", FrameState::kUnreadable},
+                                                              {"large.png", FrameState::kWrongSize},
+                                                              {"good.png", FrameState::kOk}};
+  for (std::size_t i = 0; i < files.size(); ++i) add(static_cast<TimeNs>(i) + 1, files[i].first);
+  const auto source = openStream(stream_, Colour::kBgr);
+  EXPECT_EQ(source->size(), files.size());
+  cv::Mat image;
+  FrameInfo info;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    ASSERT_TRUE(source->next(image, info));
+    EXPECT_EQ(info.state, files[i].second)
+        << files[i].first << ": " << toString(info.state) << " " << info.note;
+    EXPECT_EQ(info.time_ns, static_cast<TimeNs>(i) + 1);
+    EXPECT_EQ(info.sequence, i);
+    EXPECT_EQ(info.note.empty(), info.state == FrameState::kOk);
+    EXPECT_EQ(image.size(), cv::Size(64, 48));
+  }
+  EXPECT_EQ(cv::norm(image, picture(64, 48, 20), cv::NORM_INF), 0.0) << "PNG is lossless";
+  EXPECT_FALSE(source->next(image, info));
+}
+
+TEST_F(Frames, DecodesIntoForeignMemory) {
+  add(1, "good.png");
+  add(2, "large.png");
+  add(3, "good.jpg");
+  std::vector<unsigned char> loan(64 * 48 * 3, 0);
+  cv::Mat image(48, 64, CV_8UC3, loan.data());
+  const auto source = openStream(stream_, Colour::kBgr);
+  FrameInfo info;
+  while (source->next(image, info)) EXPECT_EQ(image.data, loan.data()) << info.note;
+  const cv::Mat expected = cv::imread(folder_ / "good.jpg");
+  EXPECT_EQ(std::vector<unsigned char>(expected.datastart, expected.dataend), loan);
+}
+
+TEST_F(Frames, GreyOnDemand) {
+  add(1, "good.png");
+  cv::Mat image;
+  FrameInfo info;
+  ASSERT_TRUE(openStream(stream_, Colour::kGrey)->next(image, info));
+  EXPECT_EQ(image.type(), CV_8UC1);
+  EXPECT_EQ(cv::norm(image, cv::imread(folder_ / "good.png", cv::IMREAD_GRAYSCALE), cv::NORM_INF), 0.0);
+}
+
+TEST_F(Frames, TimeThatDoesNotAdvanceIsOutOfOrder) {
+  for (const TimeNs time_ns : {10, 30, 30, 20, 40}) add(time_ns, "good.png");
+  const auto source = openStream(stream_, Colour::kBgr);
+  cv::Mat image;
+  FrameInfo info;
+  std::vector<FrameState> states;
+  while (source->next(image, info)) states.push_back(info.state);
+  const FrameState ok = FrameState::kOk, bad = FrameState::kOutOfOrder;
+  EXPECT_THAT(states, ::testing::ElementsAre(ok, ok, bad, bad, ok));
+}
+
+TEST_F(Frames, FolderIsSortedAndItsFirstImageDecidesTheSize) {
+  const auto source = openFolder(folder_.path(), Colour::kBgr, {}, 100, 7);
+  cv::Mat image;
+  FrameInfo info;
+  std::vector<std::string> states;
+  TimeNs expected = 7;
+  while (source->next(image, info)) {
+    EXPECT_EQ(info.time_ns, expected);
+    expected += 100;
+    states.emplace_back(toString(info.state));
+  }
+  // cut_good.jpg, cut_good.png, empty.png, good.jpg, good.png, large.png, text.png
+  EXPECT_THAT(states, ::testing::ElementsAre("unreadable", "unreadable", "empty", "ok", "ok", "wrong size",
+                                             "unreadable"));
+}
+
+TEST_F(Frames, WhatCannotBeOpenedIsNamed) {
+  const auto message = [](const auto& open) {
+    try {
+      open();
+    } catch (const options::Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(message([&] { openFolder(folder_ / "nowhere", Colour::kBgr, {}, 1); }), HasSubstr("nowhere"));
+  std::filesystem::create_directory(folder_ / "bare");
+  EXPECT_THAT(message([&] { openFolder(folder_ / "bare", Colour::kBgr, {}, 1); }),
+              HasSubstr("holds no image"));
+  EXPECT_THAT(message([&] { openVideo(folder_ / "text.png", Colour::kBgr, {}); }), HasSubstr("text.png"));
+  EXPECT_THAT(message([&] { openVideo(folder_ / "none.avi", Colour::kBgr, {}); }), HasSubstr("none.avi"));
+  EXPECT_THAT(message([&] { openDevice("/dev/video97", Colour::kBgr, {}); }), HasSubstr("/dev/video97"));
+}
+
+TEST_F(Frames, VideoFileWithItsOwnRate) {
+  const std::string path = folder_ / "v.avi";
+  cv::VideoWriter writer(path, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20.0, {64, 48});
+  if (!writer.isOpened()) GTEST_SKIP() << "OpenCV cannot write video here";
+  for (int i = 0; i < 5; ++i) writer.write(picture(64, 48, 20 * i));
+  writer.release();
+  const auto source = openVideo(path, Colour::kBgr, {}, 1000);
+  cv::Mat image;
+  FrameInfo info;
+  int n = 0;
+  for (; source->next(image, info); ++n) {
+    EXPECT_EQ(info.state, FrameState::kOk) << info.note;
+    EXPECT_EQ(info.time_ns, 1000 + n * 50000000LL);
+    // JPEG moves a flat colour by a few grey levels; frames differ by 20 to 40.
+    const cv::Mat first = image.rowRange(0, 8), expected = picture(64, 48, 20 * n).rowRange(0, 8);
+    EXPECT_LT(cv::norm(first, expected, cv::NORM_L1) / (first.total() * 3.0), 8.0);
+  }
+  EXPECT_EQ(n, 5);
+  cv::Mat other;
+  ASSERT_TRUE(openVideo(path, Colour::kGrey, {32, 32})->next(other, info));
+  EXPECT_EQ(info.state, FrameState::kWrongSize);
+}
+
+TEST(OtherPeoplesFrames, FolderAndVideo) {
+  OMNIFLEET_NEEDS_DATA(folder, "fisheye_downward/real_table");
+  OMNIFLEET_NEEDS_DATA(video, "overhead/vss/robot_move.mp4");
+  cv::Mat image;
+  FrameInfo info;
+  const auto images = openFolder(folder, Colour::kBgr, {1920, 1080}, 100);
+  ASSERT_EQ(images->size(), 8u);
+  while (images->next(image, info)) EXPECT_EQ(info.state, FrameState::kOk) << info.note;
+  const auto movie = openVideo(video, Colour::kBgr, {632, 468});
+  int n = 0;
+  cv::Mat frame;
+  while (movie->next(frame, info)) n += info.state == FrameState::kOk;
+  EXPECT_EQ(n, 502);
+}
+
+}  // namespace
+}  // namespace omnifleet::dataset

@@ -1,0 +1,80 @@
+#include "dataset/trajectory_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "dataset/atomic_file.h"
+#include "tests/test_data.h"
+
+namespace omnifleet::dataset {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(Tum, RoundTripKeepsNanosecondsAndHeadings) {
+  const test::TempFolder folder;
+  std::vector<StampedPose> poses;
+  for (int i = 0; i < 50; ++i) {
+    poses.push_back({1700000000000000001 + i * 199999999LL, Pose2{0.1 * i, -0.03 * i, wrapAngle(0.37 * i)}});
+  }
+  writeTum(folder / "r1.tum", poses);
+  const std::vector<StampedPose> back = flat(readTum(folder / "r1.tum"));
+  ASSERT_EQ(back.size(), poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(back[i].time_ns, poses[i].time_ns);
+    // Nine decimals of half the angle's sine and cosine: 1e-9 each.
+    EXPECT_NEAR(wrapAngle(back[i].map_from_base.theta_rad - poses[i].map_from_base.theta_rad), 0.0, 3e-9);
+    EXPECT_NEAR(back[i].map_from_base.x_m, poses[i].map_from_base.x_m, 1e-9);
+    EXPECT_NEAR(back[i].map_from_base.y_m, poses[i].map_from_base.y_m, 1e-9);
+  }
+}
+
+TEST(Tum, TextIsTheSameForEqualPoses) {
+  EXPECT_EQ(tumText({{-1500000000, Pose2{-1e-12, 1.0, 0.0}}}),
+            "-1.500000000 0.000000000 1.000000000 0 0 0 0.000000000 1.000000000\n");
+}
+
+TEST(Tum, BadRowsAreListed) {
+  const test::TempFolder folder;
+  writeAtomic(folder / "x.tum",
+              "# comment\n1.5 1 2 3 0 0 0 2\n2 1 2 3 0 0 0\n3 nan 0 0 0 0 0 1\n4 0 0 0 0 0 0 0\n1e1 0 0 0 0 "
+              "0 0.7071 0.7071\n");
+  std::vector<std::string> warnings;
+  const auto poses = readTum(folder / "x.tum", &warnings);
+  ASSERT_EQ(poses.size(), 2u);
+  EXPECT_EQ(poses[0].time_ns, 1500000000);
+  EXPECT_NEAR(poses[0].orientation.norm(), 1.0, 1e-15);
+  EXPECT_EQ(poses[1].time_ns, 10000000000);
+  EXPECT_NEAR(poses[1].flat().map_from_base.theta_rad, M_PI / 2, 1e-12);
+  EXPECT_THAT(warnings, ::testing::ElementsAre(HasSubstr("x.tum:3: expected 8"), HasSubstr("x.tum:4:"),
+                                               HasSubstr("x.tum:5:")));
+  EXPECT_THROW(readTum(folder / "none.tum"), std::runtime_error);
+}
+
+TEST(Tum, OtherPeoplesFiles) {
+  OMNIFLEET_NEEDS_DATA(path, "trajectories_and_maps/fr2_desk_groundtruth.txt");
+  std::vector<std::string> warnings;
+  EXPECT_EQ(readTum(path, &warnings).size(), 20957u);
+  EXPECT_TRUE(warnings.empty());
+}
+
+TEST(G2o, RoundTrip) {
+  const test::TempFolder folder;
+  G2oGraph graph;
+  graph.vertices = {{0, {0, 0, 0}}, {4, {1.25, -2, 3.0}}};
+  G2oEdge edge{0, 4, {1.25, -2, 3.0}, {}};
+  edge.information << 4, 1, 0.5, 1, 5, 0.25, 0.5, 0.25, 6;
+  graph.edges = {edge};
+  writeG2o(folder / "p.g2o", graph);
+  const G2oGraph back = readG2o(folder / "p.g2o");
+  ASSERT_EQ(back.vertices.size(), 2u);
+  EXPECT_EQ(back.vertices[1].id, 4);
+  EXPECT_EQ(back.vertices[1].pose.vector(), graph.vertices[1].pose.vector());
+  ASSERT_EQ(back.edges.size(), 1u);
+  EXPECT_EQ(back.edges[0].information, edge.information);
+  writeAtomic(folder / "d.g2o", "VERTEX_SE2 0 0 0 0\nFIX 0\nVERTEX_SE2 1 2 3\n");
+  EXPECT_THROW(readG2o(folder / "d.g2o"), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace omnifleet::dataset
