@@ -16,11 +16,14 @@ std::string besideFile(const options::Section& section, const std::string& path)
 
 void readWorld(const options::Section& world, Fleet& fleet) {
   std::string arena;
+  bool randomised = false;
   world.require("arena", arena);
   world.read("seed", fleet.seed, {0, 2147483647});
-  world.read("duration_s", fleet.duration_s, options::kNotNegative);
+  world.read("randomised", randomised);
+  fleet.arena = synthetic::Arena::load(besideFile(world, arena));
+  world.read("duration_s", fleet.arena->duration_s, options::kPositive);
   world.finish();
-  fleet.arena = besideFile(world, arena);
+  if (randomised) fleet.arena = synthetic::randomised(*fleet.arena, static_cast<std::uint32_t>(fleet.seed));
 }
 
 RobotSpec readRobot(const std::string& name, const options::Section& section) {
@@ -134,7 +137,10 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
 }
 
 options::Section Fleet::service(const std::string& service_name) const {
-  options::Section section = file.child("services").child(service_name);
+  options::Section section;
+  if (arena && service_name == "formation") section = arena->formation;
+  if (arena && service_name == "world") section = arena->world;
+  section.overlay(file.child("services").child(service_name));
   section.has("host");
   return section;
 }
@@ -182,10 +188,13 @@ std::vector<std::string> Fleet::ceilingCameras() const {
   return ids;
 }
 
-bool Fleet::hasFormation() const { return !arena.empty() || (dataset.empty() && file.child("services").has("formation")); }
+bool Fleet::hasFormation() const {
+  if (arena) return !arena->formation.keys().empty();
+  return dataset.empty() && file.child("services").has("formation");
+}
 
 bool Fleet::hasWorld() const {
-  return !arena.empty() || std::any_of(robots.begin(), robots.end(), [this](const RobotSpec& robot) {
+  return arena || std::any_of(robots.begin(), robots.end(), [this](const RobotSpec& robot) {
     return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.has_laser);
   });
 }

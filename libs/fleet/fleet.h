@@ -10,6 +10,7 @@
 #include "lens/camera.h"
 #include "observation/observation.h"
 #include "options/options.h"
+#include "synthetic/arena.h"
 
 namespace omnifleet::fleet {
 
@@ -45,9 +46,8 @@ struct Fleet {
   std::vector<CameraSpec> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
   std::string dataset;  ///< folder; empty unless the run replays one
-  std::string arena;    ///< arena file; empty unless simulated
-  int seed = 1;         ///< of the arena's noise
-  double duration_s = 0.0;  ///< arena: end of the run; 0: until everybody has arrived
+  std::optional<synthetic::Arena> arena;  ///< only when simulated
+  int seed = 1;                           ///< of the arena's noise
   options::Section file;  ///< fleet file with overlays: options of services
 
   /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset folder.
@@ -55,7 +55,8 @@ struct Fleet {
   static Fleet load(const std::string& fleet_file, const std::string& dataset_folder,
                     const std::vector<std::string>& overlays);
 
-  /// Options of one service, as written under `services: {NAME: …}`; `host` is taken out.
+  /// Options of one service, as written under `services: {NAME: …}`, on top of the arena's (formation, world); `host`
+  /// is taken out.
   options::Section service(const std::string& service_name) const;
 
   const RobotSpec& robot(const std::string& robot_name) const;   ///< throws options::Error

@@ -46,7 +46,7 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   const bool maps = !instance.empty() && fleet.fisheyeOf(instance) != nullptr;
   if (topic == "camera") return 1;
   if (topic == "wheels/odometry") return maps ? 1 : 0;
-  if (topic == "wheels/command") return fleet.arena.empty() ? 0 : 1;
+  if (topic == "wheels/command") return fleet.arena ? 1 : 0;
   if (topic == "local_map") return 1;
   if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
   if (topic == "measurement") return 1;

@@ -32,7 +32,7 @@ bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& flee
   options.dataset = run.dataset;
   options.configs = run.overlays;
   options.out = run.out;
-  options.mode = fleet.arena.empty() ? bus::RunMode::kReplay : bus::RunMode::kLockstep;
+  options.mode = fleet.arena ? bus::RunMode::kLockstep : bus::RunMode::kReplay;
   const bool of_camera = process.instance.find('/') != std::string::npos;
   (of_camera ? options.camera : options.robot) = process.instance;
   return options;

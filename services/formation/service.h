@@ -33,7 +33,6 @@ class FormationService : public bus::Service {
   bool pull();
   void process();
   void answer(const Objects& objects);
-  void standStill(TimeNs acquired_ns, std::uint32_t sequence);
 
   bus::ServiceContext context_;
   std::string robot_;

@@ -20,6 +20,7 @@ void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--host", request.host, "start only this host's part");
   app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::PositiveNumber);
   app.add_option("--domain", request.domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  app.add_flag("--debug-images", request.debug_images, "draw every local map into OUT/debug");
   app.add_flag("--record", request.record, "write the run itself as a dataset into OUT/recording");
 }
 

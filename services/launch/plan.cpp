@@ -13,7 +13,7 @@ namespace omnifleet::launch {
 
 std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet) {
   if (!fleet.dataset.empty()) return "replay";
-  return !fleet.arena.empty() && !request.realtime ? "lockstep" : "live";
+  return fleet.arena && !request.realtime ? "lockstep" : "live";
 }
 
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
@@ -34,6 +34,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     add("--dataset", fleet.dataset);
     for (const std::string& overlay : request.overlays) add("--config", overlay);
     add(process.instance.find('/') == std::string::npos ? "--robot" : "--camera", process.instance);
+    if (request.debug_images) spec.argv.push_back("--debug-images");
     if (request.record) spec.argv.push_back("--record");
     spec.log_path = request.out + "/log/" + spec.name + ".log";
     spec.level = process.stage;
@@ -46,6 +47,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
 }
 
 std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
+  if (fleet.arena) return static_cast<std::uint64_t>(fleet.arena->frames());
   if (fleet.dataset.empty()) return 0;
   const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
   std::size_t frames = 0;
@@ -62,7 +64,9 @@ void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
     dataset::writeAtomic(request.out + "/log/.writable", "");
     std::size_t bytes = 0;
     for (const fleet::CameraSpec& camera : fleet.cameras) {
-      bytes += bus::frameChannelBytes(static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3);
+      bytes += bus::frameChannelBytes(
+          static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3,
+          modeOf(request, fleet) == "live" ? bus::RunMode::kLive : bus::RunMode::kReplay);
     }
     bus::requireSharedMemory(bytes);
   } catch (const std::runtime_error& error) {

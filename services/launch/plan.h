@@ -17,6 +17,7 @@ struct RunRequest {
   std::string host;        ///< only this host's part; empty: all
   double duration_s = 0.0;
   bool record = false;
+  bool debug_images = false;
   bool realtime = false;   ///< the arena by the wall clock
   int domain = 0;
 };

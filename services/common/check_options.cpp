@@ -1,0 +1,37 @@
+#include "common/check_options.h"
+
+#include "classifier/classifier.h"
+#include "formation/formation.h"
+#include "global_merger/merger.h"
+#include "local_mapper/local_mapper.h"
+#include "localizer/estimator_stage.h"
+#include "markers/patch_finder.h"
+#include "motion/wheel_integrator.h"
+#include "world/world.h"
+
+namespace omnifleet::services {
+
+void checkOptions(const fleet::Fleet& fleet) {
+  const options::Section mapper = fleet.service("local_mapper");
+  motion::WheelIntegrator::Options::read(mapper.child("wheels"));
+  local_mapper::Options::read(mapper);
+
+  classifier::Classifier::Options::read(fleet.service("classifier"));
+
+  const options::Section localizer = fleet.service("localizer");
+  estimation::EstimatorOptions::read(localizer.child("estimator"));
+  markers::FinderOptions::read(localizer.child("markers"));
+  localizer.finish();
+
+  const options::Section merger = fleet.service("global_merger");
+  global_merger::KeyframeOptions::read(merger.child("keyframes"));
+  global_merger::MergerOptions::read(merger.child("outlines"));
+  occupancy::OccupancyOptions::read(merger.child("occupancy"));
+  merger.finish();
+
+  if (fleet.hasFormation()) formation::Formation::Options::read(fleet.service("formation"));
+  if (fleet.arena) world::World::Options::read(fleet.service("world"));
+  fleet.service("camera").finish();
+}
+
+}  // namespace omnifleet::services

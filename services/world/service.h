@@ -1,0 +1,76 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "bus/service.h"
+#include "common/inlet.h"
+#include "dataset/trajectory_files.h"
+#include "dataset/writer.h"
+#include "fleet/fleet.h"
+#include "world/world.h"
+
+namespace omnifleet::services {
+
+/// The simulated arena: commands in; true poses (for its cameras) and wheel odometry out. In lockstep a step is taken
+/// when every robot has answered the frame before; by the clock (live) with the latest commands. Writes the truth to
+/// OUT/recording when the run ends.
+class ArenaWorldService : public bus::Service {
+ public:
+  ArenaWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+
+  std::vector<bus::Expectation> expectations() const override;
+  void start() override;
+  bool spin() override;
+  bool finished() const override { return ended_; }
+  void drain() override;
+  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return wake_at_; }
+  std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
+    return ended_ ? std::nullopt : merger_.waitingFor(now);
+  }
+
+ private:
+  struct Command {
+    std::size_t robot = 0;
+    motion::WheelSpeeds speeds;
+  };
+  struct RobotOutputs {
+    Outlet<v1::Truth> truth;
+    Outlet<v1::WheelOdometry> wheels;
+    std::optional<dataset::WheelsWriter> recorder;
+    std::vector<dataset::StampedPose> path;
+  };
+
+  bool pull();
+  bool answered();
+  void takeCommands();
+  void publishFrame();
+  void publishTruth(const world::World::State& state);
+  void publishWheels(const world::World::Driven& driven);
+  bool atRest();
+  void finish(const std::string& reason);
+  void saveTruth();
+
+  bus::ServiceContext context_;
+  fleet::Fleet fleet_;
+  bool realtime_;
+  world::World world_;
+  bus::TimeMerger<Command> merger_;
+  bus::TimeMerger<Command>::Batch batch_;
+  RunEnds ends_;
+  std::vector<std::unique_ptr<Inlet<v1::WheelCommand, Command>>> inlets_;
+  std::map<std::string, std::size_t> robots_;
+  std::vector<RobotOutputs> outputs_;
+  std::vector<motion::WheelSpeeds> commands_;
+  int resting_frames_ = 0;
+  std::uint32_t wheel_rows_ = 0;
+  bool moved_ = false, last_published_ = false, ended_ = false, saved_ = false;
+  std::optional<std::chrono::steady_clock::time_point> wake_at_;
+};
+
+/// The arena, or the world of a recording.
+std::unique_ptr<bus::Service> makeWorld(const bus::ServiceContext& context);
+
+}  // namespace omnifleet::services
