@@ -44,6 +44,9 @@ class Bus {
   /// From now on blocked writes and waits for matches give up soon. Async-signal-safe; wakes.
   virtual void requestStop() noexcept = 0;
   virtual bool stopping() const noexcept = 0;
+  /// Waits until every reliable reader has what was written (frames: has taken it), so that nothing is lost
+  /// when this bus goes away. False on timeout or stop.
+  virtual bool flush(std::chrono::nanoseconds timeout) = 0;
 
  protected:
   virtual std::unique_ptr<WriterPort> writerPort(const std::string& topic, const QosProfile& qos,

@@ -78,8 +78,13 @@ class FrameReader {
   virtual FrameCounters counters() const = 0;
 };
 
-/// "Frame1M", "Frame4M" or "Frame12M": the smallest class that holds so many bytes of pixels.
-/// Throws std::runtime_error above the largest.
-const char* frameClassFor(std::size_t bytes_needed);
+/// The frame types of the wire.
+struct FrameClass {
+  const char* name;      ///< "Frame1M", "Frame4M" or "Frame12M"
+  std::size_t capacity;  ///< bytes of pixels
+};
+
+/// The smallest class that holds so many bytes of pixels. Throws std::runtime_error above the largest.
+FrameClass frameClassFor(std::size_t bytes_needed);
 
 }  // namespace omnifleet::bus

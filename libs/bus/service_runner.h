@@ -22,31 +22,51 @@ int runService(int argc, char** argv, const std::string& name, const ServiceFact
 /// Publishes a service's StatusBoard.
 class StatusPublisher {
  public:
-  StatusPublisher(Bus& bus, const Topics& topics, std::string service, std::string robot);
+  StatusPublisher(Bus& bus, const Topics& topics, std::string service, std::string instance);
   /// Publishes when a second has passed, the board has changed, or `force`.
   void update(StatusBoard& board, std::chrono::steady_clock::time_point now, bool force = false);
 
  private:
-  std::string service_, robot_;
   std::unique_ptr<Writer<v1::ServiceStatus>> writer_;
+  v1::ServiceStatus sample_;
   std::chrono::steady_clock::time_point last_{};
-  std::uint32_t sequence_ = 0;
 };
+
+/// The loop of runService on any bus: expectations, start, spin and wait until the service has finished or
+/// the bus is stopping, drain, flush. Logs what goes wrong; exceptions of the service become kFailure.
+ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, StatusPublisher& publisher,
+                 spdlog::logger& log);
+
+/// Fills `options` from the command line. An exit code when there is nothing to run: help, or bad options
+/// (one line on stderr naming the option).
+std::optional<ExitCode> parseCommandLine(int argc, const char* const* argv, const std::string& name,
+                                         const std::function<void(CLI::App&)>& extend,
+                                         ServiceOptions& options);
 
 /// All stages in one process on one thread: spins each in turn until all have finished.
 class InProcessFleet {
  public:
   /// Order of spinning is order of adding; results do not depend on it.
   void add(std::string name, std::unique_ptr<Service> service);
-  /// Runs to the end: start, spin, drain in order. Throws std::runtime_error naming the stream that is waited
-  /// for when nothing moves any more, and what expectation is not met.
-  void run(const std::function<void()>& each_round = {});
-  Service& service(std::size_t index) { return *services_.at(index).second; }
+  /// Runs to the end: start, spin, drain each as it finishes. `each_round` may end the run early by returning
+  /// false (all are drained then). Throws std::runtime_error naming who waits for which stream when nothing
+  /// moves any more, and the expectation that is not met at the start.
+  void run(const std::function<bool()>& each_round = {});
+  Service& service(std::size_t index) { return *members_.at(index).service; }
 
  private:
+  struct Member {
+    std::string name;
+    std::unique_ptr<Service> service;
+    bool drained = false;
+  };
+  void start();
   bool spinRound();
+  static void drain(Member& member);
+  bool done() const;
+  void sleepOrFail();
   [[noreturn]] void failStuck();
-  std::vector<std::pair<std::string, std::unique_ptr<Service>>> services_;
+  std::vector<Member> members_;
 };
 
 }  // namespace omnifleet::bus

@@ -1,14 +1,19 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <string>
 #include <vector>
 
+#include "bus/qos.h"
+
 namespace omnifleet::bus {
 
-/// Bytes of /dev/shm that one frame writer with this history takes: (history + extra) slots of the frame
-/// class.
-std::size_t frameChannelBytes(std::size_t bytes_needed);
+/// Slots beside the history. PLATFORM: with 1 (the default) frames were overwritten behind a slow reader.
+inline constexpr int kExtraFrameSlots = 2;
+
+/// Bytes of /dev/shm that one camera takes: (history + extra) slots of its frame class.
+std::size_t frameChannelBytes(std::size_t bytes_needed, RunMode mode);
 
 /// Throws std::runtime_error naming both figures when `directory` has less than `bytes` free; a page written
 /// beyond the end would be a SIGBUS later.
@@ -16,7 +21,9 @@ void requireSharedMemory(std::size_t bytes, const std::string& directory = "/dev
 
 /// Removes `fast_datasharing_*`, `fastrtps_*` (and their locks' sem.*) files that no living process has
 /// mapped or opened: what killed processes left. Returns the removed names, sorted. Files of others that may
-/// not be removed are left; so are files of processes whose maps may not be read.
-std::vector<std::string> removeStaleSharedMemory(const std::string& directory = "/dev/shm");
+/// not be removed are left; so are those younger than
+/// `min_age`, whose maker may not have mapped them yet (0 once everybody has ended).
+std::vector<std::string> removeStaleSharedMemory(std::chrono::seconds min_age = std::chrono::seconds(1),
+                                                 const std::string& directory = "/dev/shm");
 
 }  // namespace omnifleet::bus

@@ -8,6 +8,7 @@
 namespace omnifleet::bus {
 
 /// What a service tells people about itself (topic service/status).
+/// Values of v1::ServiceState.
 enum class ServiceState : std::uint8_t {
   kStarting = 0,
   kWaiting = 1,

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace omnifleet::bus {
+
+// Partition rules of DESIGN, the same on every bus. "" is the default partition.
+
+/// {"", robot}, or {""} for a topic of no robot. Throws std::runtime_error for names with wildcards (*?[]),
+/// which DDS would take as patterns.
+std::vector<std::string> writerPartitions(const std::string& robot);
+/// {robot}, or {""}: everybody.
+std::vector<std::string> readerPartitions(const std::string& robot);
+/// {"host/<machine>"}: frames never leave the host.
+std::vector<std::string> framePartitions(const std::string& machine);
+
+}  // namespace omnifleet::bus

@@ -1,0 +1,104 @@
+#include <algorithm>
+
+#include "bus/service_runner.h"
+
+namespace omnifleet::bus {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::seconds kStatusPeriod{1};
+
+/// The state of one runLoop().
+struct Loop {
+  Bus& bus;
+  Service& service;
+  const ServiceOptions& options;
+  StatusPublisher& publisher;
+  spdlog::logger& log;
+
+  /// Sleeps until something may have changed, at most until the next status is due.
+  void idle() {
+    const auto now = Clock::now();
+    publisher.update(service.status(), now);
+    std::chrono::nanoseconds sleep = kStatusPeriod;
+    if (const auto at = service.wakeAt()) sleep = std::min<std::chrono::nanoseconds>(sleep, *at - now);
+    if (sleep > std::chrono::nanoseconds(0)) bus.wait(sleep);
+  }
+
+  /// The first expectation that is not met; nullptr when all are.
+  static const Expectation* unmet(const std::vector<Expectation>& expectations) {
+    for (const Expectation& expectation : expectations) {
+      if (!expectation.met()) return &expectation;
+    }
+    return nullptr;
+  }
+
+  ExitCode expect() {
+    if (!isDeterministic(options.mode)) return ExitCode::kOk;
+    const auto expectations = service.expectations();
+    const auto deadline = Clock::now() + options.silence_limit;
+    while (const Expectation* missing = unmet(expectations)) {
+      if (bus.stopping()) return ExitCode::kOk;
+      if (Clock::now() >= deadline) return fail("not there after " + limit() + ": " + missing->what);
+      idle();
+    }
+    return ExitCode::kOk;
+  }
+
+  ExitCode work() {
+    while (!bus.stopping() && !service.finished()) {
+      while (!bus.stopping() && service.spin()) publisher.update(service.status(), Clock::now());
+      if (bus.stopping() || service.finished()) break;
+      if (const auto silent = silentStream()) return fail("nothing for " + limit() + " from: " + *silent);
+      idle();
+    }
+    return ExitCode::kOk;
+  }
+
+  std::optional<std::string> silentStream() {
+    if (!isDeterministic(options.mode)) return std::nullopt;
+    const auto waiting = service.waitingFor(Clock::now());
+    if (!waiting || waiting->silent < options.silence_limit) return std::nullopt;
+    return waiting->name;
+  }
+
+  ExitCode fail(const std::string& why) {
+    log.error("{}", why);
+    service.status().error(why, true);
+    return ExitCode::kSilentStage;
+  }
+  std::string limit() const { return std::to_string(options.silence_limit.count()) + " s"; }
+
+  ExitCode run() {
+    service.status().state(ServiceState::kWaiting);
+    ExitCode code = expect();
+    if (code == ExitCode::kOk && !bus.stopping()) {
+      service.start();
+      service.status().state(ServiceState::kRunning);
+      code = work();
+    }
+    service.status().state(ServiceState::kStopping);
+    service.drain();
+    service.status().state(ServiceState::kFinished);
+    publisher.update(service.status(), Clock::now(), true);
+    if (!bus.flush(options.silence_limit) && !bus.stopping())
+      log.warn("some readers never took the last samples");
+    return code;
+  }
+};
+
+}  // namespace
+
+ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, StatusPublisher& publisher,
+                 spdlog::logger& log) {
+  try {
+    return Loop{bus, service, options, publisher, log}.run();
+  } catch (const std::exception& problem) {
+    log.error("{}", problem.what());
+    service.status().error(problem.what(), true);
+    publisher.update(service.status(), Clock::now(), true);
+    return ExitCode::kFailure;
+  }
+}
+
+}  // namespace omnifleet::bus

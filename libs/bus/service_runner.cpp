@@ -1,0 +1,105 @@
+#include "bus/service_runner.h"
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+
+#include "bus/dds_bus.h"
+#include "options/options.h"
+
+namespace omnifleet::bus {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::atomic<bool> signalled{false};  // handlers reach nothing but statics
+std::atomic<Bus*> signalled_bus{nullptr};
+
+void onSignal(int) {
+  signalled = true;
+  if (Bus* bus = signalled_bus) bus->requestStop();
+}
+
+/// SIGINT and SIGTERM stop the bus; made before the bus, so that none is missed.
+class StopSignals {
+ public:
+  StopSignals() {
+    signalled = false;
+    struct sigaction action {};
+    action.sa_handler = onSignal;
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, nullptr);
+    sigaction(SIGTERM, &action, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);  // a closed log must not kill a stage
+  }
+};
+
+/// While it lives, signals reach the bus.
+class SignalledBus {
+ public:
+  explicit SignalledBus(Bus& bus) {
+    signalled_bus = &bus;
+    if (signalled) bus.requestStop();
+  }
+  ~SignalledBus() { signalled_bus = nullptr; }
+};
+
+std::string instanceOf(const ServiceOptions& options) {
+  return options.camera.empty() ? options.robot : options.camera;
+}
+
+std::shared_ptr<spdlog::logger> makeLogger(const std::string& name, const ServiceOptions& options) {
+  const std::string instance = instanceOf(options);
+  auto log = std::make_shared<spdlog::logger>(instance.empty() ? name : name + " " + instance,
+                                              std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%Y-%m-%d %H:%M:%S.%e [%n] %l: %v");
+  log->set_level(spdlog::level::from_str(options.log_level));
+  log->flush_on(spdlog::level::info);
+  return log;
+}
+
+DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
+                         std::shared_ptr<spdlog::logger> log) {
+  DdsBusOptions bus;
+  bus.name = instanceOf(options).empty() ? name : name + "/" + instanceOf(options);
+  bus.domain = options.domain;
+  bus.mode = options.mode;
+  bus.write_timeout = options.silence_limit;
+  if (!options.interfaces.empty()) bus.interfaces = options.interfaces;
+  bus.max_message_bytes = static_cast<std::uint32_t>(options.max_message_bytes);
+  bus.report = [log](const std::string& line) { log->warn("{}", line); };
+  return bus;
+}
+
+int runOnDds(const std::string& name, const ServiceOptions& options, const ServiceFactory& make,
+             const std::shared_ptr<spdlog::logger>& log) {
+  const std::unique_ptr<Bus> bus = makeDdsBus(busOptions(name, options, log));
+  const SignalledBus signals(*bus);
+  const Topics topics(options.mode);
+  StatusPublisher publisher(*bus, topics, name, instanceOf(options));
+  const std::unique_ptr<Service> service = make(ServiceContext{*bus, options, topics, log});
+  return static_cast<int>(runLoop(*bus, *service, options, publisher, *log));
+}
+
+}  // namespace
+
+int runService(int argc, char** argv, const std::string& name, const ServiceFactory& make,
+               const std::function<void(CLI::App&)>& extend) {
+  const StopSignals handlers;
+  ServiceOptions options;
+  if (const auto code = parseCommandLine(argc, argv, name, extend, options)) return static_cast<int>(*code);
+  const auto log = makeLogger(name, options);
+  try {
+    return runOnDds(name, options, make, log);
+  } catch (const options::Error& problem) {
+    log->error("{}", problem.what());
+    return static_cast<int>(ExitCode::kBadOptions);
+  } catch (const std::exception& problem) {
+    log->error("{}", problem.what());
+    return static_cast<int>(ExitCode::kFailure);
+  }
+}
+
+}  // namespace omnifleet::bus
