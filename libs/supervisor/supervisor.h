@@ -5,6 +5,7 @@
 // the processes.
 
 #include <sys/types.h>
+#include <csignal>
 #include <functional>
 #include <map>
 #include <string>
@@ -30,7 +31,7 @@ struct ProcessSpec {
 };
 
 struct Options {
-  double stop_budget_s = 2.0;    ///< s, from the first SIGTERM to the last SIGKILL, all levels together
+  double stop_budget_s = 1.8;    ///< s, from the first SIGTERM to the last SIGKILL, all levels together
   double restart_delay_s = 0.1;  ///< s, before the first restart
   double restart_cap_s = 5.0;    ///< s, longest delay
   double young_s = 1.0;          ///< s; what dies younger doubles its delay, what lived longer starts over
@@ -65,9 +66,23 @@ struct RunReport {
   int exit_code() const { return failures.empty() ? 0 : 1; }
 };
 
-/// One run at a time per process: it blocks SIGINT, SIGTERM and SIGCHLD for its duration and becomes the
-/// reaper of its descendants' orphans. On return no child, grandchild in a child's process group, or adopted
-/// orphan is left.
+/// SIGINT and SIGTERM blocked in this thread and in those it starts later, for Supervisor::run to take. A
+/// program with several threads makes this first of all: a thread that does not block a signal would die of
+/// it, and the program with it. Restores the former mask.
+class StopSignals {
+ public:
+  StopSignals();
+  ~StopSignals();
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+ private:
+  sigset_t before_;
+};
+
+/// One run at a time per process. It takes SIGINT and SIGTERM for its duration (a second one kills at once)
+/// and is the reaper of its descendants' orphans. Children live in process groups of their own and die with
+/// the thread that runs this. On return no child, member of a child's group, or adopted orphan is left.
 class Supervisor {
  public:
   explicit Supervisor(const Options& options) : options_(options) {}

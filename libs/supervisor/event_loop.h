@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "supervisor/child.h"
+
+namespace omnifleet::supervisor {
+
+/// What woke the supervisor.
+struct Events {
+  int stop_signal = 0;               ///< SIGINT or SIGTERM; 0: none
+  std::vector<std::uint64_t> ended;  ///< keys of watched processes that have ended
+};
+
+/// epoll over the stop signals (signalfd, blocked already), one deadline (timerfd) and any number of pidfds.
+class EventLoop {
+ public:
+  EventLoop();
+
+  void watch(const Child& child, std::uint64_t key);
+  /// Sleeps until something happens or `deadline_s` on clock() has come.
+  Events wait(double deadline_s);
+  static double clock();  ///< monotonic seconds
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+ private:
+  Descriptor epoll_, signals_, timer_;
+};
+
+}  // namespace omnifleet::supervisor

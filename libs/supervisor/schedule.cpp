@@ -1,0 +1,19 @@
+#include "supervisor/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace omnifleet::supervisor {
+
+double Backoff::died(double lived_s) {
+  young_ = lived_s < options_.young_s ? young_ + 1 : 0;
+  const int doublings = std::max(0, std::min(young_ - 1, 60));
+  return std::min(options_.restart_cap_s, std::ldexp(options_.restart_delay_s, doublings));
+}
+
+double levelDeadline(std::size_t level_index, std::size_t levels, double budget_s) {
+  if (level_index + 1 >= levels) return budget_s;
+  return 0.5 * budget_s * static_cast<double>(level_index + 1) / static_cast<double>(levels - 1);
+}
+
+}  // namespace omnifleet::supervisor

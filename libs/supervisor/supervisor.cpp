@@ -1,0 +1,269 @@
+#include "supervisor/supervisor.h"
+
+#include <fmt/format.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+#include "supervisor/child.h"
+#include "supervisor/event_loop.h"
+#include "supervisor/log_tail.h"
+#include "supervisor/orphans.h"
+#include "supervisor/schedule.h"
+
+namespace omnifleet::supervisor {
+namespace {
+
+/// One process of the list through all its lives.
+struct Member {
+  Member(const ProcessSpec& spec_, const Options& options) : spec(spec_), backoff(options) {}
+
+  const ProcessSpec& spec;
+  Backoff backoff;
+  Child child;
+  bool running = false;
+  bool done = false;    ///< exited 0 on its own
+  bool told = false;    ///< SIGTERM sent
+  bool killed = false;  ///< SIGKILL sent
+  double started_s = 0.0;
+  double restart_s = EventLoop::kNever;
+};
+
+void check(const std::vector<ProcessSpec>& processes) {
+  std::set<std::string> names;
+  if (processes.empty()) throw options::Error("supervisor: nothing to start");
+  for (const ProcessSpec& spec : processes) {
+    if (spec.argv.empty()) throw options::Error("supervisor: process '" + spec.name + "' has no program");
+    if (!names.insert(spec.name).second)
+      throw options::Error("supervisor: two processes named '" + spec.name + "'");
+  }
+}
+
+/// One call of Supervisor::run.
+class Run {
+ public:
+  Run(const Options& options, const std::vector<ProcessSpec>& processes, const Callbacks& callbacks)
+      : options_(options), callbacks_(callbacks) {
+    members_.reserve(processes.size());
+    for (const ProcessSpec& spec : processes) {
+      members_.emplace_back(spec, options);
+      levels_.insert(spec.level);
+    }
+  }
+  ~Run() { killAll(); }
+
+  RunReport operator()() {
+    if (options_.duration_s > 0.0) end_s_ = EventLoop::clock() + options_.duration_s;
+    startAll();
+    while (!stopping_ || anyRunning()) {
+      const Events events = loop_.wait(nextDeadline());
+      for (const std::uint64_t key : events.ended) buried(members_[key]);
+      if (events.stop_signal != 0) signalled(events.stop_signal);
+      const double now_s = EventLoop::clock();
+      if (stopping_) {
+        continueStop(now_s);
+      } else {
+        restartDue(now_s);
+        if (now_s >= end_s_) stop(EndReason::kDuration, "the duration is over");
+        if (!stopping_ && finished()) stop(EndReason::kSinksDone, "all sinks are done");
+      }
+    }
+    return report_;
+  }
+
+ private:
+  void startAll() {
+    for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
+      for (Member& member : members_) {
+        if (member.spec.level == *level && !stopping_) start(member);
+      }
+    }
+  }
+
+  void start(Member& member) {
+    member.restart_s = EventLoop::kNever;
+    try {
+      member.child = spawn(member.spec);
+    } catch (const std::runtime_error& error) {
+      fail(member, std::string("did not start: ") + error.what());
+      return;
+    }
+    member.running = true;
+    member.started_s = EventLoop::clock();
+    loop_.watch(member.child, static_cast<std::uint64_t>(&member - members_.data()));
+    if (callbacks_.on_start) callbacks_.on_start(member.spec.name, member.child.pid);
+  }
+
+  void fail(Member& member, const std::string& how) {
+    report_.failures.push_back({member.spec.name, how, lastLines(member.spec.log_path, options_.log_lines)});
+    if (!stopping_) stop(EndReason::kFailure, member.spec.name + ": " + how);
+  }
+
+  void buried(Member& member) {
+    const Death death = reap(member.child);
+    kill(-member.child.pid, SIGKILL);  // what it left behind in its group
+    member.child.pidfd.reset();
+    member.running = false;
+    orphans_.reap();
+    if (callbacks_.on_exit) callbacks_.on_exit(member.spec.name, death.describe());
+    const bool well = death.exited && death.value == 0;
+    const bool obeyed = member.told && !member.killed && !death.exited && death.value == SIGTERM;
+    if (member.killed) return;  // reported when it was killed
+    if (well) {
+      member.done = !member.told;
+    } else if (stopping_) {
+      if (!obeyed) fail(member, death.describe());
+    } else {
+      revive(member, death);
+    }
+  }
+
+  void revive(Member& member, const Death& death) {
+    const double delay = member.backoff.died(EventLoop::clock() - member.started_s);
+    if (member.spec.restart == RestartPolicy::kNever) return fail(member, death.describe());
+    if (member.backoff.hopeless()) return fail(member, "died young too often, at last: " + death.describe());
+    member.restart_s = EventLoop::clock() + delay;
+    ++report_.restarts;
+    appendToLog(member.spec, fmt::format("-- {}: {}; starts again in {:.2f} s", member.spec.name,
+                                         death.describe(), delay));
+    if (callbacks_.on_restart) callbacks_.on_restart(member.spec.name, delay);
+  }
+
+  void restartDue(double now_s) {
+    for (Member& member : members_) {
+      if (!stopping_ && member.restart_s <= now_s) start(member);
+    }
+  }
+
+  /// All sinks, or where there are none all processes, have exited 0.
+  bool finished() const {
+    const bool sinks =
+        std::any_of(members_.begin(), members_.end(), [](const Member& m) { return m.spec.sink; });
+    return std::all_of(members_.begin(), members_.end(),
+                       [&](const Member& m) { return m.done || (sinks && !m.spec.sink); });
+  }
+
+  void signalled(int number) {
+    if (stopping_) {
+      killAllRunning("killed at once on a second signal");
+      return;
+    }
+    report_.signal = number;
+    stop(EndReason::kSignal, strsignal(number));
+  }
+
+  void stop(EndReason reason, const std::string& why) {
+    stopping_ = true;
+    report_.reason = reason;
+    stop_s_ = EventLoop::clock();
+    if (callbacks_.on_stop) callbacks_.on_stop(why);
+    continueStop(stop_s_);
+  }
+
+  /// Tells the next level whenever the levels before it have ended or have had their time.
+  void continueStop(double now_s) {
+    std::size_t index = 0;
+    for (const int level : levels_) {
+      tell(level);
+      const bool over = now_s >= stop_s_ + levelDeadline(index, levels_.size(), options_.stop_budget_s);
+      const bool ended = std::none_of(members_.begin(), members_.end(),
+                                      [&](const Member& m) { return m.running && m.spec.level == level; });
+      if (!ended && !over) return;
+      ++index;
+    }
+    if (now_s >= stop_s_ + options_.stop_budget_s)
+      killAllRunning(fmt::format("did not end within {} s, killed", options_.stop_budget_s));
+  }
+
+  void tell(int level) {
+    for (Member& member : members_) {
+      if (!member.running || member.told || member.spec.level != level) continue;
+      member.told = true;
+      kill(member.child.pid, SIGTERM);
+    }
+  }
+
+  void killAllRunning(const std::string& why) {
+    for (Member& member : members_) {
+      if (!member.running || member.killed) continue;
+      member.killed = true;
+      kill(-member.child.pid, SIGKILL);
+      fail(member, why);
+    }
+  }
+
+  double nextDeadline() const {
+    const double now_s = EventLoop::clock();
+    double next = stopping_ ? EventLoop::kNever : end_s_;
+    for (std::size_t i = 0; stopping_ && i < levels_.size(); ++i) {
+      const double deadline = stop_s_ + levelDeadline(i, levels_.size(), options_.stop_budget_s);
+      if (deadline > now_s) next = std::min(next, deadline);
+    }
+    for (const Member& member : members_) next = stopping_ ? next : std::min(next, member.restart_s);
+    return next;
+  }
+
+  bool anyRunning() const {
+    return std::any_of(members_.begin(), members_.end(), [](const Member& m) { return m.running; });
+  }
+
+  /// Nothing is left, whatever way the run ends.
+  void killAll() {
+    for (Member& member : members_) {
+      if (!member.running) continue;
+      kill(-member.child.pid, SIGKILL);
+      reap(member.child);
+      member.running = false;
+    }
+    orphans_.killAll();
+  }
+
+  Options options_;
+  const Callbacks& callbacks_;
+  Orphans orphans_;
+  EventLoop loop_;
+  std::vector<Member> members_;
+  std::set<int> levels_;
+  RunReport report_;
+  bool stopping_ = false;
+  double stop_s_ = 0.0, end_s_ = EventLoop::kNever;
+};
+
+}  // namespace
+
+Options Options::read(const options::Section& section) {
+  Options o;
+  section.read("stop_budget_s", o.stop_budget_s, {0.1, 60.0});
+  section.read("restart_delay_s", o.restart_delay_s, {0.01, 60.0});
+  section.read("restart_cap_s", o.restart_cap_s, {0.01, 600.0});
+  section.read("young_s", o.young_s, {0.0, 600.0});
+  section.read("restart_limit", o.restart_limit, {0, 1e6});
+  section.read("duration_s", o.duration_s, {0.0, 1e7});
+  section.read("log_lines", o.log_lines, {0, 1000});
+  section.finish();
+  return o;
+}
+
+StopSignals::StopSignals() {
+  sigset_t stops;
+  sigemptyset(&stops);
+  sigaddset(&stops, SIGINT);
+  sigaddset(&stops, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &stops, &before_);
+}
+
+StopSignals::~StopSignals() {
+  pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+}
+
+RunReport Supervisor::run(const std::vector<ProcessSpec>& processes, const Callbacks& callbacks) {
+  check(processes);
+  const StopSignals signals;
+  return Run(options_, processes, callbacks)();
+}
+
+}  // namespace omnifleet::supervisor

@@ -1,0 +1,79 @@
+#include "supervisor/schedule.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "supervisor/log_tail.h"
+
+namespace omnifleet::supervisor {
+namespace {
+
+TEST(Backoff, StartsAgainAfterATenthAndDoublesOnlyForTheYoung) {
+  Options options;
+  options.restart_limit = 0;
+  Backoff backoff(options);
+  EXPECT_DOUBLE_EQ(backoff.died(60.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.died(60.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.2);
+  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.4);
+  EXPECT_DOUBLE_EQ(backoff.died(5.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.1);
+}
+
+TEST(Backoff, NeverWaitsLongerThanTheCap) {
+  Options options;
+  options.restart_limit = 0;
+  Backoff backoff(options);
+  double longest = 0.0;
+  for (int i = 0; i < 200; ++i) longest = std::max(longest, backoff.died(0.0));
+  EXPECT_DOUBLE_EQ(longest, options.restart_cap_s);
+  EXPECT_FALSE(backoff.hopeless());
+}
+
+TEST(Backoff, GivesUpAfterTheLimit) {
+  Options options;
+  options.restart_limit = 3;
+  Backoff backoff(options);
+  backoff.died(0.1);
+  backoff.died(0.1);
+  EXPECT_FALSE(backoff.hopeless());
+  backoff.died(0.1);
+  EXPECT_TRUE(backoff.hopeless());
+  backoff.died(10.0);
+  EXPECT_FALSE(backoff.hopeless());
+}
+
+TEST(LevelDeadline, KeepsHalfOfTheBudgetForTheLast) {
+  EXPECT_DOUBLE_EQ(levelDeadline(0, 1, 2.0), 2.0);
+  EXPECT_DOUBLE_EQ(levelDeadline(0, 2, 2.0), 1.0);
+  EXPECT_DOUBLE_EQ(levelDeadline(1, 2, 2.0), 2.0);
+  EXPECT_DOUBLE_EQ(levelDeadline(0, 5, 2.0), 0.25);
+  EXPECT_DOUBLE_EQ(levelDeadline(3, 5, 2.0), 1.0);
+  EXPECT_DOUBLE_EQ(levelDeadline(4, 5, 2.0), 2.0);
+}
+
+TEST(LastLines, AreTheLast) {
+  const std::string path = testing::TempDir() + "last_lines.log";
+  {
+    std::ofstream file(path);
+    for (int i = 0; i < 100000; ++i) file << "line " << i << "\n";
+    file << "unfinished";
+  }
+  const auto lines = lastLines(path, 3);
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_EQ(lines[0], "line 99998");
+  EXPECT_EQ(lines[2], "unfinished");
+  EXPECT_TRUE(lastLines(path + ".missing", 3).empty());
+  EXPECT_TRUE(lastLines(path, 0).empty());
+}
+
+TEST(SupervisorOptions, AreBounded) {
+  EXPECT_THROW(Options::read(options::Section::parse("stop_budget_s: 0", "t")), options::Error);
+  EXPECT_THROW(Options::read(options::Section::parse("no_such: 1", "t")), options::Error);
+  EXPECT_DOUBLE_EQ(Options::read(options::Section::parse("young_s: 2.5", "t")).young_s, 2.5);
+}
+
+}  // namespace
+}  // namespace omnifleet::supervisor

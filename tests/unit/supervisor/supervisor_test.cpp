@@ -1,0 +1,343 @@
+// Real children of /bin/sh. Nothing here sleeps to be safe: children tell through files and signals, and the
+// bounds on time are those of the contract.
+
+#include "supervisor/supervisor.h"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace omnifleet::supervisor {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SupervisorTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "supervisor_XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+  void TearDown() override {
+    EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left behind";
+    EXPECT_EQ(errno, ECHILD);
+    fs::remove_all(folder_);
+  }
+
+  ProcessSpec shell(const std::string& name, const std::string& script, int level = 0) const {
+    ProcessSpec spec;
+    spec.name = name;
+    spec.argv = {"sh", "-c", script};
+    spec.env = {{"D", folder_}};
+    spec.log_path = log(name);
+    spec.level = level;
+    return spec;
+  }
+  /// Runs until told to end; says so in the file `order`.
+  ProcessSpec service(const std::string& name, int level, const std::string& at_end = "") const {
+    return shell(
+        name, "trap '" + at_end + "echo " + name + " >> $D/order; exit 0' TERM; echo up; " + kForever, level);
+  }
+  std::string log(const std::string& name) const { return folder_ + "/log/" + name + ".log"; }
+  std::string read(const std::string& path) const {
+    std::ifstream file(path);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  }
+
+  /// `wait` is interrupted by the trap; `sleep` alone would not be.
+  static constexpr const char* kForever = "while :; do sleep 1000 & wait; done";
+  std::string folder_;
+};
+
+bool alive(pid_t pid) {
+  return kill(pid, 0) == 0;
+}
+
+double secondsOf(const std::function<void()>& what) {
+  const auto begun = std::chrono::steady_clock::now();
+  what();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+}
+
+/// Sends a signal to ourselves as soon as so many processes have started (each start is reported by the
+/// supervisor).
+Callbacks signalWhenStarted(int processes, int number) {
+  Callbacks callbacks;
+  callbacks.on_start = [left = processes, number](const std::string&, pid_t) mutable {
+    if (--left == 0) kill(getpid(), number);
+  };
+  return callbacks;
+}
+
+TEST_F(SupervisorTest, EndsWhenTheSinksAreDone) {
+  auto sink = shell("sink", "exit 0", 1);
+  sink.sink = true;
+  const auto report = Supervisor({}).run({service("source", 0), sink});
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(report.restarts, 0);
+}
+
+TEST_F(SupervisorTest, WithoutSinksEndsWhenAllAreDone) {
+  const auto report = Supervisor({}).run({shell("a", "echo a > $D/a"), shell("b", "echo b > $D/b")});
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(read(folder_ + "/a") + read(folder_ + "/b"), "a\nb\n");
+}
+
+TEST_F(SupervisorTest, LogsOutputAndErrorsOfEachProcess) {
+  Supervisor({}).run({shell("talker", "echo out; echo err >&2"), shell("other", "echo other")});
+  EXPECT_EQ(read(log("talker")), "out\nerr\n");
+  EXPECT_EQ(read(log("other")), "other\n");
+}
+
+TEST_F(SupervisorTest, PassesTheEnvironmentAndNothingElse) {
+  auto spec = shell("env", "echo $EXTRA; ls /proc/self/fd | wc -l; readlink /proc/self/fd/0");
+  spec.env["EXTRA"] = "extra value";
+  const int leaked = dup(STDERR_FILENO);  // a descriptor without close-on-exec, as libraries leave them
+  Supervisor({}).run({spec});
+  close(leaked);
+  EXPECT_EQ(read(log("env")), "extra value\n4\n/dev/null\n");  // 0, 1, 2 and the folder that ls reads
+}
+
+TEST_F(SupervisorTest, StopsUpstreamFirst) {
+  for (const int number : {SIGINT, SIGTERM}) {
+    fs::remove(folder_ + "/order");
+    // Each waits for its trap to be set: it is told only after it said "up" through a fifo-less rendezvous,
+    // its log.
+    std::vector<ProcessSpec> processes{service("merger", 2), service("camera", 0), service("mapper", 1)};
+    auto last = shell("signal",
+                      "until grep -q up $D/log/merger.log && grep -q up $D/log/camera.log && "
+                      "grep -q up $D/log/mapper.log; do :; done; kill -" +
+                          std::to_string(number) + " $PPID; exit 0");
+    processes.push_back(last);
+    RunReport report;
+    EXPECT_LT(secondsOf([&] { report = Supervisor({}).run(processes); }), 2.0);
+    EXPECT_EQ(report.reason, EndReason::kSignal);
+    EXPECT_EQ(report.signal, number);
+    EXPECT_EQ(report.exit_code(), 0);
+    EXPECT_EQ(read(folder_ + "/order"), "camera\nmapper\nmerger\n");
+    fs::remove_all(folder_ + "/log");
+  }
+}
+
+TEST_F(SupervisorTest, KillsWhatDoesNotEndAndSaysWho) {
+  const auto stubborn = shell("stubborn", "trap '' TERM INT; echo stubborn up; " + std::string(kForever), 0);
+  auto ready = shell("signal",
+                     "until grep -q up $D/log/stubborn.log && grep -q up $D/log/merger.log; do :; done; "
+                     "kill -INT $PPID; exit 0",
+                     0);
+  Options options;
+  options.stop_budget_s = 0.4;
+  RunReport report;
+  const double took = secondsOf([&] {
+    report = Supervisor(options).run({stubborn, service("merger", 1), ready});
+  });
+  EXPECT_LT(took, 2.0);
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].name, "stubborn");
+  EXPECT_EQ(report.failures[0].how, "did not end within 0.4 s, killed");
+  ASSERT_EQ(report.failures[0].last_lines.size(), 1U);
+  EXPECT_EQ(report.failures[0].last_lines[0], "stubborn up");
+  EXPECT_EQ(read(folder_ + "/order"), "merger\n")
+      << "the merger must have its time although the camera hangs";
+  EXPECT_EQ(report.exit_code(), 1);
+}
+
+TEST_F(SupervisorTest, RestartsWhatWasKilled) {
+  // Kills itself in its first life, in its second it does its work.
+  auto spec = shell("phoenix", "if [ -e $D/second ]; then exit 0; fi; touch $D/second; kill -9 $$");
+  spec.sink = true;
+  std::vector<double> delays;
+  Callbacks callbacks;
+  callbacks.on_restart = [&](const std::string&, double delay_s) { delays.push_back(delay_s); };
+  RunReport report;
+  const double took = secondsOf([&] { report = Supervisor({}).run({spec}, callbacks); });
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(report.restarts, 1);
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(delays, std::vector<double>{0.1});
+  EXPECT_GE(took, 0.1);
+  EXPECT_NE(read(log("phoenix")).find("killed by signal 9 (Killed); starts again in 0.10 s"),
+            std::string::npos);
+}
+
+TEST_F(SupervisorTest, RestartsWhatSomebodyElseKilled) {
+  std::vector<pid_t> pids;
+  Callbacks callbacks;
+  callbacks.on_start = [&](const std::string& name, pid_t pid) {
+    if (name != "victim") return;
+    pids.push_back(pid);
+    kill(pids.size() == 1 ? pid : getpid(), pids.size() == 1 ? SIGKILL : SIGTERM);
+  };
+  const auto report = Supervisor({}).run({service("victim", 0), service("other", 1)}, callbacks);
+  ASSERT_EQ(pids.size(), 2U);
+  EXPECT_NE(pids[0], pids[1]);
+  EXPECT_EQ(report.restarts, 1);
+  EXPECT_EQ(report.exit_code(), 0);
+}
+
+TEST_F(SupervisorTest, GivesUpOnWhatDiesYoungTooOften) {
+  Options options;
+  options.restart_delay_s = 0.01;
+  options.restart_limit = 3;
+  const auto report = Supervisor(options).run({shell("bad", "echo no luck; exit 3"), service("good", 1)});
+  EXPECT_EQ(report.reason, EndReason::kFailure);
+  EXPECT_EQ(report.restarts, 2);
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].name, "bad");
+  EXPECT_EQ(report.failures[0].how, "died young too often, at last: exit code 3");
+  EXPECT_EQ(report.failures[0].last_lines.back(), "no luck");
+}
+
+TEST_F(SupervisorTest, AFailureThatMayNotBeMadeGoodEndsTheRun) {
+  auto spec = shell("replayed", "echo broken; exit 4");
+  spec.restart = RestartPolicy::kNever;
+  const auto report = Supervisor({}).run({spec, service("other", 1)});
+  EXPECT_EQ(report.reason, EndReason::kFailure);
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].how, "exit code 4");
+  EXPECT_EQ(report.exit_code(), 1);
+}
+
+TEST_F(SupervisorTest, AMissingProgramIsNamed) {
+  ProcessSpec spec = shell("missing", "");
+  spec.argv = {folder_ + "/no_such_program"};
+  const auto report = Supervisor({}).run({service("other", 0), spec});
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].name, "missing");
+  EXPECT_NE(report.failures[0].how.find("No such file or directory"), std::string::npos);
+}
+
+TEST_F(SupervisorTest, ALogThatCannotBeWrittenIsNamed) {
+  ProcessSpec spec = shell("mute", "exit 0");
+  spec.log_path = "/proc/no/such/place.log";
+  const auto report = Supervisor({}).run({spec});
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_NE(report.failures[0].how.find("/proc/no/such/place.log"), std::string::npos);
+}
+
+TEST_F(SupervisorTest, StopsInSuccessWhenTheDurationIsOver) {
+  Options options;
+  options.duration_s = 0.2;
+  RunReport report;
+  const double took = secondsOf([&] {
+    report = Supervisor(options).run({service("a", 0), service("b", 1)});
+  });
+  EXPECT_EQ(report.reason, EndReason::kDuration);
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_GE(took, 0.2);
+  EXPECT_LT(took, 0.2 + 2.0);
+}
+
+TEST_F(SupervisorTest, AnErrorWhileStoppingIsReported) {
+  const auto clumsy =
+      shell("clumsy", "trap 'echo could not save; exit 7' TERM; echo up; " + std::string(kForever));
+  const auto ready = shell("signal", "until grep -q up $D/log/clumsy.log; do :; done; kill -INT $PPID");
+  const auto report = Supervisor({}).run({clumsy, ready});
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].how, "exit code 7");
+  EXPECT_EQ(report.failures[0].last_lines.back(), "could not save");
+}
+
+TEST_F(SupervisorTest, LeavesNoGrandchildrenBehind) {
+  // One in the child's own group, and one that has left it: setsid makes it an orphan that only a subreaper
+  // gets.
+  const auto report = Supervisor({}).run(
+      {shell("mother", "sleep 1000 & echo $! > $D/pids; setsid sleep 1000 & echo $! >> $D/pids; exit 0")});
+  EXPECT_EQ(report.exit_code(), 0);
+  std::ifstream pids(folder_ + "/pids");
+  int count = 0;
+  for (pid_t pid = 0; pids >> pid; ++count) EXPECT_FALSE(alive(pid)) << pid;
+  EXPECT_EQ(count, 2);
+}
+
+TEST_F(SupervisorTest, ChildrenDieWithTheSupervisor) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  const pid_t supervisor = fork();
+  ASSERT_GE(supervisor, 0);
+  if (supervisor == 0) {
+    Callbacks callbacks;
+    callbacks.on_start = [&](const std::string&, pid_t pid) {
+      if (write(ends[1], &pid, sizeof(pid)) != sizeof(pid)) _exit(1);
+    };
+    ProcessSpec sleeper = shell("child", "");
+    sleeper.argv = {"sleep", "1000"};
+    Supervisor({}).run({sleeper}, callbacks);
+    _exit(0);
+  }
+  close(ends[1]);
+  pid_t child = -1;
+  ASSERT_EQ(::read(ends[0], &child, sizeof(child)), static_cast<ssize_t>(sizeof(child)));
+  const int pidfd = static_cast<int>(syscall(SYS_pidfd_open, child, 0));
+  kill(supervisor, SIGKILL);
+  waitpid(supervisor, nullptr, 0);
+  pollfd ended{pidfd, POLLIN, 0};
+  EXPECT_EQ(poll(&ended, 1, 10000), 1) << "the child outlived its supervisor";
+  close(pidfd);
+  close(ends[0]);
+}
+
+TEST_F(SupervisorTest, DoesNotTouchChildrenThatWereThereBefore) {
+  const pid_t mine = fork();
+  ASSERT_GE(mine, 0);
+  if (mine == 0) {
+    pause();
+    _exit(0);
+  }
+  Supervisor({}).run({shell("a", "exit 0")});
+  EXPECT_TRUE(alive(mine));
+  kill(mine, SIGKILL);
+  EXPECT_EQ(waitpid(mine, nullptr, 0), mine);
+}
+
+TEST_F(SupervisorTest, ASecondSignalKillsAtOnce) {
+  const auto stubborn = shell("stubborn", "trap 'kill -TERM $PPID' TERM; echo up; " + std::string(kForever));
+  const auto ready =
+      shell("signal", "until grep -q up $D/log/stubborn.log; do :; done; kill -INT $PPID; exit 0");
+  Options options;
+  options.stop_budget_s = 50.0;
+  RunReport report;
+  EXPECT_LT(secondsOf([&] { report = Supervisor(options).run({stubborn, ready}); }), 10.0);
+  ASSERT_FALSE(report.failures.empty());  // the one that signals may be among them
+  EXPECT_EQ(report.failures[0].name, "stubborn");
+  EXPECT_EQ(report.failures[0].how, "killed at once on a second signal");
+}
+
+TEST_F(SupervisorTest, GivesTheSignalMaskBack) {
+  sigset_t before, after;
+  pthread_sigmask(SIG_SETMASK, nullptr, &before);
+  Supervisor({}).run({shell("a", "exit 0")});
+  pthread_sigmask(SIG_SETMASK, nullptr, &after);
+  EXPECT_EQ(sigismember(&before, SIGINT), sigismember(&after, SIGINT));
+  EXPECT_EQ(sigismember(&before, SIGTERM), sigismember(&after, SIGTERM));
+}
+
+TEST_F(SupervisorTest, RefusesABadList) {
+  EXPECT_THROW(Supervisor({}).run({}), options::Error);
+  EXPECT_THROW(Supervisor({}).run({shell("a", "exit 0"), shell("a", "exit 0")}), options::Error);
+  ProcessSpec empty;
+  empty.name = "empty";
+  EXPECT_THROW(Supervisor({}).run({empty}), options::Error);
+}
+
+TEST_F(SupervisorTest, StandsAHundredProcesses) {
+  std::vector<ProcessSpec> processes;
+  for (int i = 0; i < 100; ++i) processes.push_back(shell("p" + std::to_string(i), "exit 0", i % 7));
+  const auto report = Supervisor({}).run(processes, signalWhenStarted(1000, SIGINT));
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(report.exit_code(), 0);
+}
+
+}  // namespace
+}  // namespace omnifleet::supervisor
