@@ -37,6 +37,7 @@ void report(const omnifleet::supervisor::RunReport& run, const std::string& out)
 
 int launch(const RunRequest& request) {
   using namespace omnifleet;
+  const supervisor::StopSignals signals;  // before any thread: one that took Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
