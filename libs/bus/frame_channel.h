@@ -64,8 +64,8 @@ class FrameReader {
  public:
   virtual ~FrameReader() = default;
 
-  /// The oldest frame; nothing while a loan is held. A frame overwritten before it could be taken comes with
-  /// state kTorn and no data.
+  /// The oldest frame; nothing while a loan is held. A frame that was overwritten before it could be taken is
+  /// counted as torn and skipped.
   virtual std::optional<FrameView> take() = 0;
   /// To be asked after the pixels were used: false when they were overwritten meanwhile (live mode); counted.
   virtual bool stillValid() = 0;

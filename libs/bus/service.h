@@ -25,17 +25,17 @@ enum class ExitCode : int {
 
 /// The command line that all services share.
 struct ServiceOptions {
-  std::string fleet;                       ///< --fleet FILE
-  std::string robot;                       ///< --robot NAME
-  std::string camera;                      ///< --camera NAME
-  RunMode mode = RunMode::kLive;           ///< --mode live|replay|lockstep
-  std::string dataset;                     ///< --dataset DIR
-  std::string out;                         ///< --out DIR
-  std::vector<std::string> configs;        ///< --config FILE, repeatable: overlays, later ones on top
-  int domain = 0;                          ///< --domain N, default $OMNIFLEET_DOMAIN or 0
-  bool record = false;        ///< --record: sources write the run as a dataset into OUT/recording
-  bool debug_images = false;  ///< --debug-images: local_mapper draws every frame into OUT/debug
-  std::string log_level = "info";          ///< --log-level
+  std::string fleet;                 ///< --fleet FILE
+  std::string robot;                 ///< --robot NAME
+  std::string camera;                ///< --camera NAME
+  RunMode mode = RunMode::kLive;     ///< --mode live|replay|lockstep
+  std::string dataset;               ///< --dataset DIR
+  std::string out;                   ///< --out DIR
+  std::vector<std::string> configs;  ///< --config FILE, repeatable: overlays, later ones on top
+  int domain = 0;                    ///< --domain N, default $OMNIFLEET_DOMAIN or 0
+  bool record = false;               ///< --record: sources write the run as a dataset into OUT/recording
+  bool debug_images = false;         ///< --debug-images: local_mapper draws every frame into OUT/debug
+  std::string log_level = "info";    ///< --log-level
   std::chrono::seconds silence_limit{30};  ///< --silence-limit S: deterministic modes only
   std::vector<std::string> interfaces;     ///< --interface ADDRESS, repeatable; none: loopback only
   int max_message_bytes = 65000;           ///< --max-message-bytes N: one datagram; ≤ 1400 off-host

@@ -1,0 +1,141 @@
+// Writers and readers of all topics but frames.
+
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+#include "bus/dds_match.h"
+#include "bus/dds_participant.h"
+#include "bus/partition.h"
+
+namespace omnifleet::bus {
+namespace {
+
+using Code = eprosima::fastrtps::types::ReturnCode_t;
+
+class DdsWriterPort : public WriterPort {
+ public:
+  DdsWriterPort(std::shared_ptr<DdsParticipant> participant, const std::string& topic, const QosProfile& qos,
+                const TypeDescriptor& type, const std::string& robot)
+      : participant_(std::move(participant)),
+        listener_(participant_->signal()),
+        name_(topic),
+        type_(type),
+        max_instances_(qos.max_instances) {
+    dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
+    writer_ = participant_->publisher(writerPartitions(robot))
+                  ->create_datawriter(dds_topic, participant_->writerQos(qos, type.idl_hash), &listener_);
+    if (writer_ == nullptr) throw std::runtime_error(topic + ": the writer cannot be made");
+    participant_->add(writer_);
+  }
+  ~DdsWriterPort() override {
+    participant_->remove(writer_);
+    writer_->set_listener(nullptr);
+    const_cast<dds::Publisher*>(writer_->get_publisher())->delete_datawriter(writer_);
+  }
+
+  bool write(const void* sample) override {
+    error_.clear();
+    if (!admit(sample)) return false;
+    const Code code = retryWrite(*participant_, [&] {
+      return writer_->write(const_cast<void*>(sample), eprosima::fastrtps::rtps::InstanceHandle_t());
+    });
+    if (code == Code::RETCODE_OK) return true;
+    error_ = name_ + ": not written: " + toString(code);
+    return false;
+  }
+  int matched() const override { return listener_.matched; }
+  bool waitForReaders(int count, std::chrono::nanoseconds timeout) override {
+    return participant_->signal().waitUntil([&] { return listener_.matched >= count; }, timeout);
+  }
+  const std::string& error() const override { return error_; }
+
+ private:
+  /// Beyond max_instances DDS would refuse for ever: no use in retrying.
+  bool admit(const void* sample) {
+    const std::string key = type_.key(sample);
+    if (keys_.count(key) > 0) return true;
+    if (static_cast<int>(keys_.size()) >= max_instances_) {
+      error_ = name_ + ": more than " + std::to_string(max_instances_) + " keys (max_instances)";
+      return false;
+    }
+    keys_.insert(key);
+    return true;
+  }
+
+  std::shared_ptr<DdsParticipant> participant_;
+  WriterMatches listener_;
+  std::string name_;
+  const TypeDescriptor& type_;
+  int max_instances_;
+  std::set<std::string> keys_;
+  dds::DataWriter* writer_ = nullptr;
+  std::string error_;
+};
+
+class DdsReaderPort : public ReaderPort {
+ public:
+  DdsReaderPort(std::shared_ptr<DdsParticipant> participant, const std::string& topic, const QosProfile& qos,
+                const TypeDescriptor& type, const std::string& robot)
+      : participant_(std::move(participant)),
+        listener_(participant_->signal()),
+        writers_(*participant_, topic, type.idl_hash),
+        leased_(qos.liveliness_lease.count() > 0) {
+    dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
+    reader_ = participant_->subscriber(readerPartitions(robot))
+                  ->create_datareader(dds_topic, participant_->readerQos(qos), &listener_);
+    if (reader_ == nullptr) throw std::runtime_error(topic + ": the reader cannot be made");
+  }
+  ~DdsReaderPort() override {
+    reader_->set_listener(nullptr);
+    const_cast<dds::Subscriber*>(reader_->get_subscriber())->delete_datareader(reader_);
+  }
+
+  bool take(void* sample, SampleInfo& info) override {
+    dds::SampleInfo dds_info;
+    while (reader_->take_next_sample(sample, &dds_info) == Code::RETCODE_OK) {
+      if (!dds_info.valid_data) continue;  // a writer went: nothing for the caller
+      const KnownWriter& writer = writers_.arrived(dds_info);
+      if (writer.stranger) continue;
+      info.writer = writer.number;
+      info.source_ns = dds_info.source_timestamp.to_ns();
+      ++received_;
+      return true;
+    }
+    return false;
+  }
+  int matched() const override { return listener_.matched; }
+  int alive() const override { return leased_ ? listener_.alive : listener_.matched; }
+  bool waitForWriters(int count, std::chrono::nanoseconds timeout) override {
+    return participant_->signal().waitUntil([&] { return listener_.matched >= count; }, timeout);
+  }
+  ReaderCounters counters() const override { return {received_, writers_.lost(), writers_.rejected()}; }
+
+ private:
+  std::shared_ptr<DdsParticipant> participant_;
+  ReaderMatches listener_;
+  KnownWriters writers_;
+  bool leased_;
+  std::uint64_t received_ = 0;
+  dds::DataReader* reader_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<WriterPort> makeDdsWriter(std::shared_ptr<DdsParticipant> participant,
+                                          const std::string& topic, const QosProfile& qos,
+                                          const TypeDescriptor& type, const std::string& robot) {
+  return std::make_unique<DdsWriterPort>(std::move(participant), topic, qos, type, robot);
+}
+
+std::unique_ptr<ReaderPort> makeDdsReader(std::shared_ptr<DdsParticipant> participant,
+                                          const std::string& topic, const QosProfile& qos,
+                                          const TypeDescriptor& type, const std::string& robot) {
+  return std::make_unique<DdsReaderPort>(std::move(participant), topic, qos, type, robot);
+}
+
+}  // namespace omnifleet::bus

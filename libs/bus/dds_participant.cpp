@@ -1,0 +1,240 @@
+#include "bus/dds_participant.h"
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "bus/shared_memory.h"
+
+namespace omnifleet::bus {
+namespace {
+
+using eprosima::fastrtps::Duration_t;
+using eprosima::fastrtps::rtps::IPLocator;
+using eprosima::fastrtps::rtps::Locator_t;
+
+const std::string kHashTag = "omnifleet.idl=";
+
+Duration_t toDuration(std::chrono::nanoseconds value) {
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(value);
+  return Duration_t(static_cast<int32_t>(seconds.count()), static_cast<uint32_t>((value - seconds).count()));
+}
+
+Locator_t udpLocator(const std::string& address, std::uint32_t port) {
+  Locator_t locator;
+  locator.kind = LOCATOR_KIND_UDPv4;
+  IPLocator::setIPv4(locator, address);
+  locator.port = port;
+  return locator;
+}
+
+/// Two buses in one process talk as two processes do: otherwise tests would see another delivery path.
+void disableIntraprocessDelivery() {
+  eprosima::fastrtps::LibrarySettingsAttributes settings;
+  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+}
+
+void setTransport(dds::DomainParticipantQos& qos, const DdsBusOptions& options) {
+  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  udp->interfaceWhiteList = options.interfaces;
+  udp->sendBufferSize = options.socket_buffer_bytes;
+  udp->receiveBufferSize = options.socket_buffer_bytes;
+  udp->maxMessageSize = options.max_message_bytes;
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(udp);
+  qos.transport().send_socket_buffer_size = options.socket_buffer_bytes;
+  qos.transport().listen_socket_buffer_size = options.socket_buffer_bytes;
+}
+
+/// Discovery by UDP on the allowed interfaces; a restarted peer re-matches in milliseconds (PLATFORM).
+void setDiscovery(dds::DomainParticipantQos& qos, const DdsBusOptions& options) {
+  auto& builtin = qos.wire_protocol().builtin;
+  builtin.discovery_config.leaseDuration = toDuration(options.lease);
+  builtin.discovery_config.leaseDuration_announcementperiod = toDuration(options.announcement);
+  for (const std::string& address : options.interfaces) {
+    builtin.metatrafficUnicastLocatorList.push_back(udpLocator(address, 0));
+  }
+  const auto port = static_cast<std::uint32_t>(7400 + 250 * options.domain);
+  builtin.metatrafficMulticastLocatorList.push_back(udpLocator("239.255.0.1", port));
+}
+
+dds::DomainParticipantQos participantQos(const DdsBusOptions& options) {
+  dds::DomainParticipantQos qos;
+  qos.name(options.name);
+  setTransport(qos, options);
+  setDiscovery(qos, options);
+  return qos;
+}
+
+template <class EndpointQos>
+void setCommon(EndpointQos& out, const QosProfile& qos) {
+  out.reliability().kind = qos.reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+  out.durability().kind =
+      qos.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+  out.history().kind = qos.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
+  out.history().depth = qos.depth;
+  auto& limits = out.resource_limits();
+  limits.max_instances = qos.max_instances;
+  limits.max_samples_per_instance = qos.max_samples_per_instance;
+  limits.max_samples = qos.maxSamples();
+  limits.allocated_samples = std::min(qos.maxSamples(), 8);
+  // Types are bounded by megabytes and use kilobytes: room as needed, reused. Data-sharing needs it in
+  // advance.
+  out.endpoint().history_memory_policy = qos.data_sharing
+                                             ? eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE
+                                             : eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
+  if (qos.data_sharing) {
+    limits.extra_samples = kExtraFrameSlots;
+    out.data_sharing().on("");
+  } else {
+    out.data_sharing().off();
+  }
+  if (qos.liveliness_lease.count() > 0) {
+    out.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
+    out.liveliness().lease_duration = toDuration(qos.liveliness_lease);
+    out.liveliness().announcement_period = toDuration(qos.liveliness_lease / 3);
+  }
+}
+
+template <class GroupQos>
+GroupQos inPartitions(GroupQos qos, const std::vector<std::string>& partitions) {
+  if (partitions == std::vector<std::string>{""}) return qos;
+  for (const std::string& partition : partitions) qos.partition().push_back(partition.c_str());
+  return qos;
+}
+
+}  // namespace
+
+DdsParticipant::DdsParticipant(DdsBusOptions options) : options_(std::move(options)) {
+  disableIntraprocessDelivery();
+  participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+      static_cast<uint32_t>(options_.domain), participantQos(options_), this, dds::StatusMask::none());
+  if (participant_ == nullptr) {
+    throw std::runtime_error("no DDS participant in domain " + std::to_string(options_.domain) + " on " +
+                             (options_.interfaces.empty() ? "any interface" : options_.interfaces.front()));
+  }
+}
+
+DdsParticipant::~DdsParticipant() {
+  participant_->set_listener(nullptr);
+  participant_->delete_contained_entities();
+  dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type) {
+  const auto known = topics_.find(name);
+  if (known != topics_.end()) {
+    if (known->second->get_type_name() == type.get_type_name()) return known->second;
+    throw std::runtime_error(name + ": already of type " + known->second->get_type_name() + ", not " +
+                             type.get_type_name());
+  }
+  type->auto_fill_type_information(false);  // other vendors reject endpoints that carry it
+  type->auto_fill_type_object(false);
+  participant_->register_type(type);
+  dds::Topic* created = participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
+  if (created == nullptr) throw std::runtime_error(name + ": the topic cannot be made");
+  return topics_[name] = created;
+}
+
+dds::Publisher* DdsParticipant::publisher(const std::vector<std::string>& partitions) {
+  dds::Publisher*& cached = publishers_[partitions];
+  if (cached == nullptr)
+    cached = participant_->create_publisher(inPartitions(dds::PublisherQos(), partitions));
+  if (cached == nullptr) throw std::runtime_error("no publisher in partition " + partitions.back());
+  return cached;
+}
+
+dds::Subscriber* DdsParticipant::subscriber(const std::vector<std::string>& partitions) {
+  dds::Subscriber*& cached = subscribers_[partitions];
+  if (cached == nullptr)
+    cached = participant_->create_subscriber(inPartitions(dds::SubscriberQos(), partitions));
+  if (cached == nullptr) throw std::runtime_error("no subscriber in partition " + partitions.back());
+  return cached;
+}
+
+dds::DataWriterQos DdsParticipant::writerQos(const QosProfile& qos, const std::string& idl_hash) const {
+  dds::DataWriterQos out;
+  setCommon(out, qos);
+  out.reliability().max_blocking_time = toDuration(std::chrono::milliseconds(100));
+  auto& times = out.reliable_writer_qos().times;
+  times.heartbeatPeriod = toDuration(options_.heartbeat);
+  times.nackResponseDelay = toDuration(std::chrono::milliseconds(1));
+  if (options_.announce_hash) {
+    const std::string text = kHashTag + hashFor(idl_hash);
+    out.user_data().data_vec(std::vector<eprosima::fastrtps::rtps::octet>(text.begin(), text.end()));
+  }
+  return out;
+}
+
+dds::DataReaderQos DdsParticipant::readerQos(const QosProfile& qos) const {
+  dds::DataReaderQos out;
+  setCommon(out, qos);
+  auto& times = out.reliable_reader_qos().times;
+  times.heartbeatResponseDelay = toDuration(std::chrono::milliseconds(1));
+  times.initialAcknackDelay = toDuration(std::chrono::milliseconds(5));
+  return out;
+}
+
+const std::string& DdsParticipant::hashFor(const std::string& type_hash) const {
+  return options_.idl_hash.empty() ? type_hash : options_.idl_hash;
+}
+
+std::string DdsParticipant::idlHashOf(const Guid& writer) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto found = hashes_.find(writer);
+  return found == hashes_.end() ? std::string() : found->second;
+}
+
+void DdsParticipant::on_publisher_discovery(dds::DomainParticipant*,
+                                            eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) {
+  using Info = eprosima::fastrtps::rtps::WriterDiscoveryInfo;
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (info.status == Info::REMOVED_WRITER) {
+    hashes_.erase(info.info.guid());
+    return;
+  }
+  const auto& data = info.info.m_qos.m_userData.data_vec();
+  const std::string text(data.begin(), data.end());
+  if (text.rfind(kHashTag, 0) == 0) hashes_[info.info.guid()] = text.substr(kHashTag.size());
+}
+
+void DdsParticipant::add(dds::DataWriter* writer) {
+  writers_.insert(writer);
+}
+
+void DdsParticipant::remove(dds::DataWriter* writer) {
+  writers_.erase(writer);
+}
+
+bool DdsParticipant::flush(std::chrono::nanoseconds timeout) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::milliseconds kSlice{20};
+  const auto start = Clock::now();
+  for (dds::DataWriter* writer : writers_) {
+    while (writer->wait_for_acknowledgments(toDuration(kSlice)) !=
+           eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK) {
+      const std::chrono::nanoseconds limit =
+          signal_.stop ? std::min<std::chrono::nanoseconds>(timeout, std::chrono::milliseconds(200))
+                       : timeout;
+      if (Clock::now() - start >= limit) return false;
+    }
+  }
+  return true;
+}
+
+const char* toString(const eprosima::fastrtps::types::ReturnCode_t& code) {
+  using Code = eprosima::fastrtps::types::ReturnCode_t;
+  if (code == Code::RETCODE_TIMEOUT) return "timeout, a reader is too slow";
+  if (code == Code::RETCODE_OUT_OF_RESOURCES) return "out of resources";
+  if (code == Code::RETCODE_PRECONDITION_NOT_MET) return "precondition not met";
+  if (code == Code::RETCODE_BAD_PARAMETER) return "bad parameter";
+  if (code == Code::RETCODE_NOT_ENABLED) return "not enabled";
+  return "refused, a history is full";
+}
+
+}  // namespace omnifleet::bus
