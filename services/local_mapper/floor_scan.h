@@ -17,7 +17,8 @@ struct ScanOptions {
   static ScanOptions read(const options::Section& section);
 };
 
-/// Range per bearing from the camera's foot: the inner edge of the nearest region, else where the visible floor ends.
+/// Range per bearing from the camera's foot: the inner edge of the nearest region, else where the visible
+/// floor ends.
 class FloorScan {
  public:
   FloorScan(const lens::Camera& camera, const ground::FloorView& view, const ScanOptions& options);
@@ -25,7 +26,8 @@ class FloorScan {
   void begin();
   /// A region in the way; label 0 for one that is no object.
   void add(const FloorContour& contour, std::uint16_t label);
-  /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever visible.
+  /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever
+  /// visible.
   void finish(Scan& scan);
 
  private:
@@ -34,7 +36,7 @@ class FloorScan {
   const lens::Camera* camera_;
   ScanOptions options_;
   std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
-  std::vector<float> floor_end_m_, floor_end_sigma_m_, begin_m_;
+  std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
   std::vector<double> nearest_m_;
   std::vector<std::uint16_t> object_;
 };

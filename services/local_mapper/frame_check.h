@@ -1,7 +1,9 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <vector>
 
+#include "ground/floor_view.h"
 #include "lens/camera.h"
 #include "observation/observation.h"
 #include "options/options.h"
@@ -17,21 +19,21 @@ struct Frame {
 };
 
 struct FrameCheckOptions {
-  double dark_level = 12.0;          ///< grey level 0–255: a median below this in the seen area is "covered"
-  double bright_level = 250.0;       ///< grey level 0–255: a pixel at or above is saturated
-  double bright_fraction = 0.6;      ///< 0–1: share of saturated pixels that makes a frame "overexposed"
-  double max_gap_s = 1.0;            ///< seconds between frames beyond which no vectors are made
-  int max_sequence_step = 1;         ///< frames: a larger step of the sequence number is a gap (≥ 1)
+  double dark_level = 12.0;      ///< grey level 0–255: a median below this in the seen area is "covered"
+  double bright_level = 250.0;   ///< grey level 0–255: a pixel at or above is saturated
+  double bright_fraction = 0.6;  ///< 0–1: share of saturated pixels that makes a frame "overexposed"
+  double max_gap_s = 1.0;        ///< seconds between frames beyond which no vectors are made
+  int max_sequence_step = 1;     ///< frames: a larger step of the sequence number is a gap (≥ 1)
   static FrameCheckOptions read(const options::Section& section);
 };
 
 /// Says whether a frame can be used and whether it follows its predecessor without a gap.
 class FrameCheck {
  public:
-  FrameCheck(const lens::CameraModel& model, const FrameCheckOptions& options);
+  FrameCheck(const lens::CameraModel& model, const ground::FloorView& view, const FrameCheckOptions& options);
 
-  /// kOk, the state the frame came with, or what is found here: kEmpty, kWrongSize (other size or pixel type than
-  /// the calibration), kOutOfOrder (not later than the last accepted frame), kDark, kOverexposed.
+  /// kOk, the state the frame came with, or what is found here: kEmpty, kWrongSize (other size or pixel type
+  /// than the calibration), kOutOfOrder (not later than the last accepted frame), kDark, kOverexposed.
   FrameState check(const Frame& frame);
 
   /// True when the frame just checked directly follows a usable one: only then are there vectors.
@@ -40,8 +42,9 @@ class FrameCheck {
  private:
   FrameState exposure(const cv::Mat& image) const;
 
-  lens::CameraModel model_;
+  cv::Size size_;
   FrameCheckOptions options_;
+  std::vector<cv::Point> samples_;
   bool has_previous_ = false, previous_usable_ = false, follows_ = false;
   TimeNs previous_ns_ = 0;
   std::uint32_t previous_sequence_ = 0;

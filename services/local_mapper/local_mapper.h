@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "flow/feature_flow.h"
+#include "ground/contour.h"
 #include "ground/ground_segmenter.h"
 #include "ground/region_connection.h"
 #include "lens/camera.h"
@@ -17,13 +18,14 @@
 namespace omnifleet::local_mapper {
 
 struct Options {
-  FrameCheckOptions check;             ///< `frame`: what counts as black, overexposed, a gap
-  ground::ViewOptions view;            ///< `view`: which pixels can show floor
-  ground::SegmenterOptions ground;     ///< `ground`: §III.2, ground removal
+  FrameCheckOptions check;               ///< `frame`: what counts as black, overexposed, a gap
+  ground::ViewOptions view;              ///< `view`: which pixels can show floor
+  ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
-  SilhouetteOptions silhouette;        ///< `silhouette`: outline, supports, which blobs are objects
-  ScanOptions scan;                    ///< `scan`
-  flow::FeatureFlowOptions flow;       ///< `flow`: §III.3 and the filter of §III.5
+  ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
+  SilhouetteOptions silhouette;          ///< `silhouette`: outline, supports, which blobs are objects
+  ScanOptions scan;                      ///< `scan`
+  flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5
   static Options read(const options::Section& section);
 };
 
@@ -38,13 +40,14 @@ class LocalMapper {
 
   /// One sample for each frame, invalid ones too (`state` says why, no objects, no scan).
   /// @param frame image BGR8 or grey, only read during the call
-  /// @param wheels motion base_link(previous) ← base_link(this frame) by odometry; `valid` false where there is none
+  /// @param wheels motion base_link(previous) ← base_link(this frame) by odometry; `valid` false where there
+  /// is none
   /// @return the local map (robot name left empty), valid until the next call
   const LocalMap& process(const Frame& frame, const Motion& wheels);
 
-  /// What the debug pictures show: blobs and contours of the last valid frame.
-  const std::vector<ground::Blob>& blobs() const;
-  const std::vector<ground::Contour>& contours() const;
+  /// What the debug pictures show: the regions of the last valid frame, before and after Algorithm 1.
+  const std::vector<ground::Blob>& labelledBlobs() const;
+  const std::vector<ground::Blob>& connectedBlobs() const;
   const lens::Camera& camera() const;
 
  private:

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "ground/contour.h"
+#include "ground/floor_view.h"
 #include "ground/labelling.h"
 #include "lens/camera.h"
 #include "observation/observation.h"
@@ -11,16 +12,17 @@
 namespace omnifleet::local_mapper {
 
 struct SilhouetteOptions {
-  double max_contact_m = 2.0;     ///< metres: a blob whose contact with the floor is farther is no object
-  double sigma_px = 0.4;          ///< pixels: σ of a contour point, used at the supporting point
-  double sigma_floor_m = 0.001;   ///< metres added to it (calibration)
-  double support_bias_px = 0.0;   ///< pixels subtracted from every support: the maximum of noisy points is too large
-  int min_area_px = 24;           ///< pixels: smaller regions are noise
+  double max_contact_m = 2.0;    ///< metres: a blob whose contact with the floor is farther is no object
+  double sigma_px = 0.4;         ///< pixels: σ of a contour point, used at the supporting point
+  double sigma_floor_m = 0.001;  ///< metres added to it (calibration)
+  double support_bias_px =
+      0.0;               ///< pixels subtracted from every support: the maximum of noisy points is too large
+  int min_area_px = 24;  ///< pixels: smaller regions are noise
   static SilhouetteOptions read(const options::Section& section);
 };
 
-/// The outline of one region carried to the floor, point by point (only contour points are corrected, never the
-/// image: Choi §III.4 with the camera's own lens in the place of eq. 6–7).
+/// The outline of one region carried to the floor, point by point (only contour points are corrected, never
+/// the image: Choi §III.4 with the camera's own lens in the place of eq. 6–7).
 struct FloorContour {
   std::vector<Eigen::Vector2d> points_m;  ///< base_link
   std::vector<Eigen::Vector2f> pixels;    ///< the pixel of each
@@ -31,7 +33,7 @@ struct FloorContour {
 /// Fills everything of an ObjectObservation but label and vectors.
 class Silhouette {
  public:
-  Silhouette(const lens::Camera& camera, const SilhouetteOptions& options);
+  Silhouette(const lens::Camera& camera, const ground::FloorView& view, const SilhouetteOptions& options);
 
   /// @return false where the region is no object: too small, too far, no floor point.
   bool measure(const ground::Blob& blob, const ground::Contour& contour, ObjectObservation& object);
@@ -44,14 +46,23 @@ class Silhouette {
   void findContact(ObjectObservation& object) const;
   void measureHull(ObjectObservation& object);
   void measureCentroid(const ground::Blob& blob, ObjectObservation& object) const;
-  void measureSupports(ObjectObservation& object) const;
-  /// Displacement on the floor along n, metres, of one pixel at a contour point.
-  double metresPerPixel(std::size_t point, const Eigen::Vector2d& n) const;
+  void measureSupports(ObjectObservation& object);
+  /// ∂floor/∂pixel at a contour point, metres per pixel.
+  Eigen::Matrix2d jacobian(const Eigen::Vector2f& pixel) const;
+
+  /// A corner of the hull with what its pixel tells.
+  struct Corner {
+    Eigen::Vector2d from_foot_m;
+    Eigen::Matrix2d metres_per_px;
+    bool cut;
+  };
 
   const lens::Camera* camera_;
+  const ground::FloorView* view_;
   SilhouetteOptions options_;
   std::vector<Eigen::Vector2d> directions_;
   FloorContour floor_;
+  std::vector<Corner> corners_;
 };
 
 }  // namespace omnifleet::local_mapper

@@ -1,0 +1,100 @@
+#include "flow/feature_flow.h"
+
+#include <cmath>
+
+namespace omnifleet::flow {
+
+FeatureFlowOptions FeatureFlowOptions::read(const options::Section& section) {
+  FeatureFlowOptions o;
+  o.harris = HarrisOptions::read(section.child("harris"));
+  o.lucas_kanade = LucasKanadeOptions::read(section.child("lucas_kanade"));
+  o.filter = VectorFilterOptions::read(section.child("filter"));
+  section.read("sigma_px", o.sigma_px, {0.01, 5.0});
+  section.finish();
+  return o;
+}
+
+FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& options)
+    : camera_(&camera),
+      options_(options),
+      harris_(options.harris),
+      lucas_kanade_(options.lucas_kanade),
+      previous_(options.lucas_kanade.levels),
+      current_(options.lucas_kanade.levels) {}
+
+void FeatureFlow::push(const cv::Mat& image) {
+  std::swap(previous_, current_);
+  has_previous_ = has_current_;
+  current_.build(image);
+  has_current_ = true;
+}
+
+double FeatureFlow::floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector2d& floor) const {
+  const Eigen::Vector2d outward = pixel.cast<double>() - camera_->model().principal_point_px;
+  const double r = outward.norm();
+  if (r < 1e-6) return options_.sigma_px * camera_->height();
+  const auto beyond = camera_->floorFromPixel(pixel.cast<double>() + outward / r);
+  const double metres = beyond ? (*beyond - floor).norm() : floor.norm();
+  return std::sqrt(2.0) * options_.sigma_px * metres;  // both ends of the vector
+}
+
+bool FeatureFlow::followCorner(const Corner& corner, const Pose2& previous_from_current, FlowVector& vector) {
+  const auto to_m = camera_->floorFromPixel(corner.pixel.cast<double>());
+  if (!to_m) return false;
+  const Eigen::Vector2d expected = previous_from_current * *to_m;
+  const auto guess = camera_->pixelFromPoint({expected.x(), expected.y(), 0.0});
+  Eigen::Vector2f from = guess ? Eigen::Vector2f(guess->cast<float>()) : corner.pixel;
+  if (!lucas_kanade_.followBothWays(current_, previous_, corner.pixel, from)) return false;
+  const auto from_m = camera_->floorFromPixel(from.cast<double>());
+  if (!from_m) return false;
+  vector.from_px = from;
+  vector.to_px = corner.pixel;
+  vector.from_m = from_m->cast<float>();
+  vector.to_m = to_m->cast<float>();
+  vector.residual_m = (*to_m - previous_from_current.inverse() * *from_m).cast<float>();
+  return true;
+}
+
+void FeatureFlow::finish(const Motion& motion, ObjectObservation& object) {
+  const Pose2 current_from_previous = motion.valid ? motion.previous_from_current.inverse() : Pose2{};
+  const Eigen::Vector2d c = camera_->foot();
+  displacements_.clear();
+  for (const auto& v : found_) {
+    const Eigen::Vector2d turned = current_from_previous.rotation() * (v.from_m.cast<double>() - c);
+    displacements_.push_back(
+        {v.to_m.cast<double>() - c - turned, floorSigma(v.to_px, v.to_m.cast<double>())});
+  }
+  kept_.clear();
+  for (const std::size_t i : filterVectors(displacements_, options_.filter)) {
+    object.vectors.push_back(found_[i]);
+    kept_.push_back(displacements_[i]);
+  }
+  if (!motion.valid) return;
+  const Height height = heightFromVectors(kept_, current_from_previous * c - c, camera_->height());
+  object.height_m = height.height_m;
+  object.height_sigma_m = height.sigma_m;
+}
+
+void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vector<std::size_t>& which,
+                        const Motion& motion, std::vector<ObjectObservation>& objects) {
+  for (auto& object : objects) {
+    object.vectors.clear();
+    object.height_m = object.height_sigma_m = 0.0;
+  }
+  if (!has_previous_) return;
+  regions_.resize(which.size());
+  for (std::size_t i = 0; i < which.size(); ++i) regions_[i] = blobs[which[i]];
+  const auto& corners = harris_.detect(current_.grey(), regions_);
+  const Pose2 own = motion.valid ? motion.previous_from_current : Pose2{};
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    found_.clear();
+    for (; next < corners.size() && corners[next].blob == i; ++next) {
+      FlowVector vector;
+      if (followCorner(corners[next], own, vector)) found_.push_back(vector);
+    }
+    finish(motion, objects[i]);
+  }
+}
+
+}  // namespace omnifleet::flow

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/labelling.h"
+#include "options/options.h"
+
+namespace omnifleet::flow {
+
+struct HarrisOptions {
+  double k = 0.04;  ///< Choi eq. 2
+  double m = 0.3;   ///< threshold as a fraction of the strongest response
+  bool per_label =
+      true;  ///< strongest of the label (dim objects keep their corners); false: of the frame, as printed
+  double sigma_px = 1.5;         ///< pixels: Gaussian window W
+  int max_per_label = 24;        ///< strongest corners kept per label
+  double min_distance_px = 5.0;  ///< pixels between the corners of a label
+  static HarrisOptions read(const options::Section& section);
+};
+
+struct Corner {
+  Eigen::Vector2f pixel;
+  float response = 0.0f;
+  std::size_t blob = 0;  ///< index into the blobs
+};
+
+/// Harris corners (Choi eq. 2) with a Gaussian window, looked for only within labelled regions.
+class Harris {
+ public:
+  explicit Harris(const HarrisOptions& options);
+
+  /// @param grey CV_8UC1. @return corners by blob, strongest first in each; valid until the next call
+  const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs);
+
+  /// O(x, y) of eq. 2 over a rectangle of the image, central differences in units of grey levels per pixel.
+  void response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
+
+ private:
+  void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect);
+  void select(const std::vector<ground::Blob>& blobs);
+  void smoothProducts(int rows, int columns);
+
+  HarrisOptions options_;
+  std::vector<float> kernel_;
+  cv::Mat1f xx_, xy_, yy_, row_, response_;
+  std::vector<Corner> candidates_, corners_;
+  std::vector<float> strongest_;
+};
+
+}  // namespace omnifleet::flow

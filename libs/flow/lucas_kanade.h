@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "flow/pyramid.h"
+#include "options/options.h"
+
+namespace omnifleet::flow {
+
+struct LucasKanadeOptions {
+  int radius_px = 6;         ///< pixels: the window is (2·radius + 1)², 2–10
+  double sigma_px = 3.5;     ///< pixels: Gaussian weights ω of eq. 5; 0: equal weights (eq. 4)
+  int levels = 4;            ///< pyramid levels, 1–6
+  int iterations = 10;       ///< per level at most
+  double epsilon_px = 0.02;  ///< pixels: a smaller step ends a level
+  double min_eigenvalue =
+      4.0;  ///< (grey levels per pixel)²: smaller eigenvalue of the weighted AᵀWA below which a point is lost
+  double max_residual = 16.0;  ///< grey levels: weighted RMS difference above which a point is lost
+  double max_return_px = 0.5;  ///< pixels: forward–backward error above which a point is lost
+  static LucasKanadeOptions read(const options::Section& section);
+};
+
+/// Pyramidal Lucas–Kanade with Gaussian weights (Choi eq. 3–5): v = (AᵀWA)⁻¹AᵀWb, iterated, coarse to fine.
+class LucasKanade {
+ public:
+  static constexpr int kMaxRadius = 10;
+
+  explicit LucasKanade(const LucasKanadeOptions& options);
+
+  /// Follows one point from one image into another; `to` holds the first guess and then the result.
+  /// @return false when it is lost (leaves the image, no texture, no match)
+  bool follow(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,
+              Eigen::Vector2f& to);
+
+  /// follow() there and back again; lost too when it does not return to where it came from.
+  bool followBothWays(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,
+                      Eigen::Vector2f& to);
+
+ private:
+  static constexpr int kMaxSide = 2 * kMaxRadius + 1;
+  using Patch = std::array<float, (kMaxSide + 2) * (kMaxSide + 2)>;
+
+  bool prepare(const cv::Mat1b& image, const Eigen::Vector2f& centre);
+  bool iterate(const cv::Mat1b& image, Eigen::Vector2f& centre, float& residual);
+
+  LucasKanadeOptions options_;
+  int side_;
+  std::array<float, kMaxSide * kMaxSide> weight_{}, template_{}, gx_{}, gy_{};
+  Patch wide_{}, patch_{};
+  float inverse_[3] = {0, 0, 0};  // of AᵀWA: xx, xy, yy
+};
+
+}  // namespace omnifleet::flow

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/floor_view.h"
+#include "ground/ground_histogram.h"
+#include "options/options.h"
+
+namespace omnifleet::ground {
+
+struct ReferenceOptions {
+  double tolerance_along =
+      0.06;  ///< fraction of the local floor brightness by which floor may be darker or lighter
+  double tolerance_across = 0.022;  ///< fraction of it by which its colour may be off at equal brightness
+  double noise_sigmas = 3.0;        ///< standard deviations of the seeds' pixel noise added to both
+  double min_share = 0.004;         ///< share of the seeds that fills a bin of the histogram
+  int smoothing_cells = 6;          ///< cells: radius of the smoothing of the reference (σ ≈ radius)
+  static ReferenceOptions read(const options::Section& section);
+};
+
+/// The colour that the floor has, or would have, at each cell: learned from the seeds' histogram and grown
+/// outward cell by cell, each accepted cell handing a slowly adapting reference on to its neighbours, so that
+/// uneven light is followed while an object's edge stops the growth (RECIPES "Fisheye → ground", 1).
+class FloorReference {
+ public:
+  FloorReference(const FloorView& view, const ReferenceOptions& options);
+
+  /// @param cell_means CV_32FC3, mean colour per cell (grey: three equal channels)
+  /// @param noise σ of one pixel of the seeds about its cell's mean, grey levels
+  /// @return false when no seed shows floor; the reference of the last frame then stays
+  bool learn(const cv::Mat3f& cell_means, double noise);
+
+  /// Floor colour per cell, defined wherever the view covers.
+  const cv::Mat3f& colour() const { return colour_; }
+  /// Per cell: 255 where the growth reached, i.e. the cell is floor all over.
+  const cv::Mat1b& grown() const { return grown_; }
+
+  /// Is p floor where the floor looks like r? `noise` in grey levels, added to both tolerances.
+  struct Test {
+    float along2, across2;  ///< squared tolerances as fractions of |r|², noise included
+  };
+  Test testFor(const cv::Vec3f& r, double noise) const;
+
+ private:
+  bool seed(const cv::Mat3f& cell_means);
+  void grow(const cv::Mat3f& cell_means, double noise);
+  void smooth(const cv::Mat3f& cell_means);
+
+  const FloorView* view_;
+  ReferenceOptions options_;
+  GroundHistogram histogram_;
+  cv::Mat3f colour_, carried_;
+  cv::Mat1b grown_;
+  cv::Mat sums_, fine_, blurred_;
+  std::vector<int> queue_;
+  std::vector<cv::Mat> pyramid_;
+};
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,109 @@
+#include "ground/floor_view.h"
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace omnifleet::ground {
+
+namespace {
+
+void checkLength(const options::Section& section, const std::string& key, const std::vector<double>& value) {
+  if (!value.empty() && value.size() != 4) section.fail(key, "needs 4 numbers or none");
+}
+
+cv::Mat1b keepRectangle(const cv::Mat1b& mask, const std::vector<double>& r) {
+  if (r.empty()) return mask;
+  cv::Mat1b kept(mask.size(), 0);
+  const cv::Rect rect = cv::Rect(cvRound(r[0]), cvRound(r[1]), cvRound(r[2]), cvRound(r[3])) &
+                        cv::Rect(0, 0, mask.cols, mask.rows);
+  if (!rect.empty()) mask(rect).copyTo(kept(rect));
+  return kept;
+}
+
+}  // namespace
+
+ViewOptions ViewOptions::read(const options::Section& section) {
+  ViewOptions o;
+  section.read("min_depression_deg", o.min_depression_deg, {0.1, 60.0});
+  section.read("mask_margin_px", o.mask_margin_px, {0.0, 100.0});
+  section.read("border_margin_px", o.border_margin_px, {1.0, 100.0});
+  section.read("seed_ring_px", o.seed_ring_px, {4.0, 1000.0});
+  section.read("seed_annulus_px", o.seed_annulus_px, options::kNotNegative);
+  section.read("seed_rectangle_px", o.seed_rectangle_px, options::kNotNegative);
+  section.read("region_px", o.region_px, options::kNotNegative);
+  checkLength(section, "seed_annulus_px", o.seed_annulus_px);
+  checkLength(section, "seed_rectangle_px", o.seed_rectangle_px);
+  checkLength(section, "region_px", o.region_px);
+  section.finish();
+  return o;
+}
+
+FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options) {
+  if (camera.height() <= 0.0) throw options::Error("camera: position_m: z must be above the floor to see it");
+  drawMask(camera, options);
+  if (cv::countNonZero(mask_) == 0) throw options::Error("camera: no pixel of it shows floor");
+  drawCells(camera, options);
+  if (cv::countNonZero(seeds_) == 0) throw options::Error("view: the seed region shows no floor");
+}
+
+void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options) {
+  const auto& model = camera.model();
+  mask_ = cv::Mat1b(model.image_height_px, model.image_width_px, std::uint8_t{0});
+  const double max_z = -std::sin(options.min_depression_deg * M_PI / 180.0);
+  const double self_px =
+      model.self_mask_radius_px > 0 ? model.self_mask_radius_px + options.mask_margin_px : 0.0;
+  for (int v = 0; v < mask_.rows; ++v) {
+    for (int u = 0; u < mask_.cols; ++u) {
+      const Eigen::Vector2d pixel(u, v);
+      if ((pixel - model.principal_point_px).norm() < self_px) continue;
+      const auto ray = camera.rayFromPixel(pixel);
+      if (ray && ray->z() <= max_z) mask_(v, u) = 255;
+    }
+  }
+  const int margin = static_cast<int>(std::ceil(options.border_margin_px));
+  const auto disc = [](int r) {
+    return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1});
+  };
+  cv::erode(mask_, mask_, disc(margin), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+  mask_ = keepRectangle(mask_, options.region_px);
+  cv::erode(mask_, border_, disc(2), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+  border_ = 255 - border_;
+}
+
+void FloorView::drawCells(const lens::Camera& camera, const ViewOptions& options) {
+  const cv::Size cells(mask_.cols / kCell, mask_.rows / kCell);
+  coverage_ = cv::Mat1b(cells, std::uint8_t{0});
+  seeds_ = cv::Mat1b(cells, std::uint8_t{0});
+  const auto& model = camera.model();
+  const auto& annulus = options.seed_annulus_px;
+  const auto& box = options.seed_rectangle_px;
+  const Eigen::Vector2d centre =
+      annulus.empty() ? model.principal_point_px : Eigen::Vector2d(annulus[0], annulus[1]);
+  const double inner = annulus.empty() ? model.self_mask_radius_px + options.mask_margin_px : annulus[2];
+  const double outer = annulus.empty() ? inner + options.seed_ring_px : annulus[3];
+  rows_.assign(static_cast<std::size_t>(cells.height), cv::Range(0, 0));
+  for (int y = 0; y < cells.height; ++y) {
+    for (int x = 0; x < cells.width; ++x) {
+      const int inside = cv::countNonZero(mask_(cv::Rect(x * kCell, y * kCell, kCell, kCell)));
+      coverage_(y, x) = inside == 0 ? 0 : inside == kCell * kCell ? 2 : 1;
+      if (inside == 0) continue;
+      auto& row = rows_[static_cast<std::size_t>(y)];
+      if (row.empty()) row.start = x;
+      row.end = x + 1;
+      const Eigen::Vector2d p((x + 0.5) * kCell - 0.5, (y + 0.5) * kCell - 0.5);
+      const double r = (p - centre).norm();
+      const bool in_box = !box.empty() && p.x() >= box[0] && p.x() < box[0] + box[2] && p.y() >= box[1] &&
+                          p.y() < box[1] + box[3];
+      const bool is_seed = box.empty() ? r >= inner && r < outer : in_box;
+      if (inside == kCell * kCell && is_seed) seeds_(y, x) = 255;
+    }
+  }
+}
+
+bool FloorView::nearBorder(float u, float v) const {
+  const int x = cvRound(u), y = cvRound(v);
+  if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return true;
+  return border_(y, x) != 0;
+}
+
+}  // namespace omnifleet::ground

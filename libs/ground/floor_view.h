@@ -1,0 +1,56 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "lens/camera.h"
+#include "options/options.h"
+
+namespace omnifleet::ground {
+
+struct ViewOptions {
+  double min_depression_deg = 2.0;  ///< degrees below the horizon down to which floor is looked for
+  double mask_margin_px = 2.0;      ///< pixels added to the robot's own mask
+  double border_margin_px =
+      2.0;  ///< pixels left out along the edge of the lens's image circle and of the image
+  double seed_ring_px =
+      40.0;  ///< pixels: width of the floor ring outside the mask that seeds the ground model
+  std::vector<double>
+      seed_annulus_px;  ///< [u, v, r_inner, r_outer]: seeds there instead of the ring; empty: ring
+  std::vector<double> seed_rectangle_px;  ///< [u, v, width, height]: seeds there instead; empty: ring
+  std::vector<double>
+      region_px;  ///< [u, v, width, height]: look only there; empty: wherever floor can be seen
+  static ViewOptions read(const options::Section& section);
+};
+
+/// Which pixels of one camera can show floor, found once from the lens. Everything is per cell of kCell ×
+/// kCell pixels first, so that the frame loop need not look at pixels.
+class FloorView {
+ public:
+  static constexpr int kCell = 4;  ///< pixels: the quarter resolution of the ground model
+
+  /// Throws options::Error when no pixel shows floor or no seed cell remains.
+  FloorView(const lens::Camera& camera, const ViewOptions& options);
+
+  cv::Size imageSize() const { return {mask_.cols, mask_.rows}; }
+  cv::Size cells() const { return {seeds_.cols, seeds_.rows}; }
+  /// Full resolution, 255 where floor may be seen, else 0.
+  const cv::Mat1b& mask() const { return mask_; }
+  /// Full resolution, 255 within 2 px of the outside of mask(): an outline there is cut, not seen.
+  bool nearBorder(float u, float v) const;
+  /// Per cell: 0 outside, 1 partly inside, 2 wholly inside.
+  const cv::Mat1b& coverage() const { return coverage_; }
+  /// Per cell: 255 where the cell seeds the ground model.
+  const cv::Mat1b& seeds() const { return seeds_; }
+  /// First and one-past-last covered cell of each row of cells.
+  const std::vector<cv::Range>& rows() const { return rows_; }
+
+ private:
+  void drawMask(const lens::Camera& camera, const ViewOptions& options);
+  void drawCells(const lens::Camera& camera, const ViewOptions& options);
+
+  cv::Mat1b mask_, border_, coverage_, seeds_;
+  std::vector<cv::Range> rows_;
+};
+
+}  // namespace omnifleet::ground

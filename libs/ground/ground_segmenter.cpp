@@ -1,0 +1,243 @@
+#include "ground/ground_segmenter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kCell = FloorView::kCell;
+constexpr int kMajority = 13;  // of the 25 pixels of a 5×5 median
+
+}  // namespace
+
+SegmenterOptions SegmenterOptions::read(const options::Section& section) {
+  SegmenterOptions o;
+  section.read("method", o.method, {"local", "histogram"});
+  section.read("histogram_share", o.histogram_share, {0.0, 0.5});
+  section.read("histogram_grow", o.histogram_grow, {0, 8});
+  section.read("opening_px", o.opening_px, {0, 50});
+  o.reference = ReferenceOptions::read(section.child("reference"));
+  section.finish();
+  return o;
+}
+
+GroundSegmenter::GroundSegmenter(const FloorView& view, const SegmenterOptions& options)
+    : view_(&view),
+      options_(options),
+      reference_(view, options.reference),
+      means_(view.cells(), cv::Vec3f(0, 0, 0)),
+      raw_(view.imageSize(), std::uint8_t{0}),
+      median_(view.imageSize(), std::uint8_t{0}),
+      objects_(view.imageSize(), std::uint8_t{0}),
+      active_(view.cells(), std::uint8_t{0}),
+      row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3),
+      column_sums_(static_cast<std::size_t>(view.imageSize().width) + 8) {}
+
+bool GroundSegmenter::segment(const cv::Mat& image) {
+  clearStrips();
+  averageCells(image);
+  const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
+  if (!found) return false;
+  despeckle();
+  return true;
+}
+
+bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
+  const double noise = seedNoise(image);
+  if (!reference_.learn(means_, noise)) return false;
+  findStrips(noise);
+  for (const auto& strip : strips_) {
+    if (image.channels() == 3)
+      classifyStrip<3>(image, strip, noise);
+    else
+      classifyStrip<1>(image, strip, noise);
+  }
+  return true;
+}
+
+bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
+  const auto binAt = [&](int y, int x) {
+    if (image.channels() == 1) {
+      const auto grey = image.at<std::uint8_t>(y, x);
+      return GroundHistogram::binOf(grey, grey, grey);
+    }
+    const auto& c = image.at<cv::Vec3b>(y, x);
+    return GroundHistogram::binOf(c[0], c[1], c[2]);
+  };
+  const auto& seeds = view_->seeds();
+  histogram_.clear();
+  for (int y = 0; y < seeds.rows * kCell; ++y)
+    for (int x = 0; x < seeds.cols * kCell; ++x)
+      if (seeds(y / kCell, x / kCell) != 0) histogram_.add(binAt(y, x));
+  if (histogram_.settle(options_.histogram_share, options_.histogram_grow, true) <= 0.0) return false;
+  reference_.learn(means_, 0.0);
+  everythingIsAStrip();
+  for (const auto& strip : strips_)
+    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
+      for (int x = strip.begin_px; x < strip.end_px; ++x)
+        raw_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 1 : 0;
+  return true;
+}
+
+void GroundSegmenter::averageCells(const cv::Mat& image) {
+  const int channels = image.channels();
+  for (int y = 0; y < means_.rows; ++y) {
+    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
+    if (range.empty()) continue;
+    const int begin = range.start * kCell * channels, end = range.end * kCell * channels;
+    const std::uint8_t* rows[kCell];
+    for (int k = 0; k < kCell; ++k) rows[k] = image.ptr<std::uint8_t>(y * kCell + k);
+    std::uint16_t* sums = row_sums_.data();
+    for (int i = begin; i < end; ++i)
+      sums[i] = static_cast<std::uint16_t>(rows[0][i] + rows[1][i] + rows[2][i] + rows[3][i]);
+    auto* means = means_.ptr<cv::Vec3f>(y);
+    constexpr float kShare = 1.0f / (kCell * kCell);
+    for (int x = range.start; x < range.end; ++x) {
+      const std::uint16_t* s = sums + x * kCell * channels;
+      if (channels == 1) {
+        means[x] = cv::Vec3f::all(static_cast<float>(s[0] + s[1] + s[2] + s[3]) * kShare);
+      } else {
+        for (int c = 0; c < 3; ++c)
+          means[x][c] = static_cast<float>(s[c] + s[c + 3] + s[c + 6] + s[c + 9]) * kShare;
+      }
+    }
+  }
+}
+
+double GroundSegmenter::seedNoise(const cv::Mat& image) const {
+  // Median over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
+  // not count.
+  const auto& seeds = view_->seeds();
+  const int channels = image.channels();
+  std::vector<float> variances;
+  for (int y = 0; y < seeds.rows; ++y) {
+    for (int x = y % 2; x < seeds.cols; x += 2) {
+      if (seeds(y, x) == 0) continue;
+      float sum2 = 0.0f;
+      for (int v = y * kCell; v < (y + 1) * kCell; ++v) {
+        const auto* row = image.ptr<std::uint8_t>(v) + x * kCell * channels;
+        for (int i = 0; i < kCell * channels; ++i) {
+          const float d = static_cast<float>(row[i]) - means_(y, x)[i % channels];
+          sum2 += d * d;
+        }
+      }
+      variances.push_back(sum2 / static_cast<float>(channels * (kCell * kCell - 1)));
+    }
+  }
+  if (variances.empty()) return 0.0;
+  const auto middle = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() / 2);
+  std::nth_element(variances.begin(), middle, variances.end());
+  return std::sqrt(static_cast<double>(*middle));
+}
+
+void GroundSegmenter::findStrips(double noise) {
+  const auto& coverage = view_->coverage();
+  const auto& colour = reference_.colour();
+  active_.setTo(0);
+  for (int y = 1; y + 1 < coverage.rows; ++y) {
+    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
+    for (int x = std::max(range.start, 1); x < std::min(range.end, coverage.cols - 1); ++x) {
+      if (coverage(y, x) == 0) continue;
+      const cv::Vec3f& r = colour(y, x);
+      const cv::Vec3f& p = means_(y, x);
+      const auto test = reference_.testFor(r, noise / kCell);
+      const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
+      if (4.0f * (gain - 1.0f) * (gain - 1.0f) <= test.along2 && 4.0f * across2 <= test.across2) continue;
+      for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x - 1, 3, std::uint8_t{1});
+    }
+  }
+  for (int y = 0; y < active_.rows; ++y) {
+    const std::uint8_t* row = active_.ptr(y);
+    for (int x = 0; x < active_.cols; ++x) {
+      if (row[x] == 0) continue;
+      int end = x;
+      while (end < active_.cols && row[end] != 0) ++end;
+      strips_.push_back({y, x * kCell, end * kCell});
+      x = end;
+    }
+  }
+}
+
+void GroundSegmenter::everythingIsAStrip() {
+  for (int y = 0; y < view_->cells().height; ++y) {
+    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
+    if (!range.empty()) strips_.push_back({y, range.start * kCell, range.end * kCell});
+  }
+}
+
+void GroundSegmenter::clearStrips() {
+  for (const auto& strip : strips_) {
+    const cv::Rect rect(strip.begin_px, strip.cell_row * kCell, strip.end_px - strip.begin_px, kCell);
+    raw_(rect).setTo(0);
+    median_(rect).setTo(0);
+    objects_(rect).setTo(0);
+  }
+  strips_.clear();
+}
+
+template <int kChannels>
+void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
+  for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
+    const cv::Vec3f& r = reference_.colour()(strip.cell_row, cx);
+    const float rr = std::max(1.0f, r.dot(r));
+    const auto test = reference_.testFor(r, noise);
+    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
+      const std::uint8_t* p = image.ptr<std::uint8_t>(y) + cx * kCell * kChannels;
+      const std::uint8_t* valid = view_->mask().ptr(y) + cx * kCell;
+      std::uint8_t* out = raw_.ptr(y) + cx * kCell;
+      for (int i = 0; i < kCell; ++i, p += kChannels) {
+        const auto b = static_cast<float>(p[0]), g = static_cast<float>(p[kChannels / 2]),
+                   red = static_cast<float>(p[kChannels - 1]);
+        const float gain = (b * r[0] + g * r[1] + red * r[2]) / rr;
+        const float across2 = (b * b + g * g + red * red) / rr - gain * gain;
+        const bool floor = (gain - 1.0f) * (gain - 1.0f) <= test.along2 && across2 <= test.across2;
+        out[i] = static_cast<std::uint8_t>(valid[i] & static_cast<std::uint8_t>(!floor));
+      }
+    }
+  }
+}
+
+void GroundSegmenter::despeckle() {
+  const int width = raw_.cols, height = raw_.rows;
+  // 5×5 median of a mask: a pixel is set where most of its neighbourhood is.
+  for (const auto& strip : strips_) {
+    const int begin = std::max(strip.begin_px, 2), end = std::min(strip.end_px, width - 2);
+    for (int y = std::max(strip.cell_row * kCell, 2); y < std::min((strip.cell_row + 1) * kCell, height - 2);
+         ++y) {
+      const std::uint8_t *a = raw_.ptr(y - 2), *b = raw_.ptr(y - 1), *c = raw_.ptr(y), *d = raw_.ptr(y + 1),
+                         *e = raw_.ptr(y + 2);
+      std::uint8_t* sums = column_sums_.data();
+      for (int x = begin - 2; x < end + 2; ++x)
+        sums[x] = static_cast<std::uint8_t>(a[x] + b[x] + c[x] + d[x] + e[x]);
+      std::uint8_t* out = median_.ptr(y);
+      for (int x = begin; x < end; ++x)
+        out[x] = sums[x - 2] + sums[x - 1] + sums[x] + sums[x + 1] + sums[x + 2] >= kMajority ? 255 : 0;
+    }
+  }
+  // The median rounds corners by a pixel; what touches it and was set before comes back.
+  for (const auto& strip : strips_) {
+    const int begin = std::max(strip.begin_px, 1), end = std::min(strip.end_px, width - 1);
+    for (int y = std::max(strip.cell_row * kCell, 1); y < std::min((strip.cell_row + 1) * kCell, height - 1);
+         ++y) {
+      const std::uint8_t *a = median_.ptr(y - 1), *b = median_.ptr(y), *c = median_.ptr(y + 1),
+                         *raw = raw_.ptr(y);
+      std::uint8_t* sums = column_sums_.data();
+      for (int x = begin - 1; x < end + 1; ++x) sums[x] = a[x] | b[x] | c[x];
+      std::uint8_t* out = objects_.ptr(y);
+      for (int x = begin; x < end; ++x) {
+        const auto near = static_cast<std::uint8_t>(sums[x - 1] | sums[x] | sums[x + 1]);
+        out[x] = static_cast<std::uint8_t>((near & (raw[x] != 0 ? 255 : 0)) | b[x]);
+      }
+    }
+  }
+  if (options_.opening_px > 0) {
+    const cv::Mat disc =
+        cv::getStructuringElement(cv::MORPH_ELLIPSE, {options_.opening_px, options_.opening_px});
+    cv::morphologyEx(objects_, objects_, cv::MORPH_OPEN, disc);
+  }
+}
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "ground/floor_reference.h"
+#include "ground/floor_view.h"
+#include "options/options.h"
+
+namespace omnifleet::ground {
+
+struct SegmenterOptions {
+  std::string method =
+      "local";  ///< "local": local floor colour; "histogram": Choi's one histogram for the image
+  ReferenceOptions reference;      ///< `reference`: for "local"
+  double histogram_share = 0.002;  ///< for "histogram": share of the seed pixels that makes a bin ground
+  int histogram_grow = 1;          ///< for "histogram": bins added around
+  int opening_px = 0;  ///< pixels: structures thinner than this are floor markings (grid lines); 0: off
+  static SegmenterOptions read(const options::Section& section);
+};
+
+/// Columns [begin, end) of one row of cells whose pixels were looked at.
+struct Strip {
+  int cell_row;
+  int begin_px, end_px;
+};
+
+/// Removes the ground (Choi §III.2) and despeckles (5×5 median). Looks at single pixels only in cells that
+/// are not plain floor; buffers live from frame to frame.
+class GroundSegmenter {
+ public:
+  GroundSegmenter(const FloorView& view, const SegmenterOptions& options);
+
+  /// @param image CV_8UC3 or CV_8UC1 of the view's size
+  /// @return false when no floor was found around the robot
+  bool segment(const cv::Mat& image);
+
+  /// 255 on what is not ground, 0 elsewhere; full resolution.
+  const cv::Mat1b& objects() const { return objects_; }
+  /// Where objects() can be non-zero, by rows of cells from top to bottom, left to right.
+  const std::vector<Strip>& strips() const { return strips_; }
+  /// Colour of the floor per cell, CV_32FC3.
+  const cv::Mat3f& floorColour() const { return reference_.colour(); }
+  /// Grey value of each cell, CV_32FC1 (mean of 4×4 pixels).
+  const cv::Mat3f& cellMeans() const { return means_; }
+
+ private:
+  bool segmentLocal(const cv::Mat& image);
+  bool segmentByHistogram(const cv::Mat& image);
+  void averageCells(const cv::Mat& image);
+  double seedNoise(const cv::Mat& image) const;
+  void findStrips(double noise);
+  void everythingIsAStrip();
+  void clearStrips();
+  template <int kChannels>
+  void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
+  void despeckle();
+
+  const FloorView* view_;
+  SegmenterOptions options_;
+  FloorReference reference_;
+  GroundHistogram histogram_;
+  cv::Mat3f means_;
+  cv::Mat1b raw_, median_, objects_, active_;
+  std::vector<Strip> strips_;
+  std::vector<std::uint16_t> row_sums_;
+  std::vector<std::uint8_t> column_sums_;
+};
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,120 @@
+#include "ground/labelling.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace omnifleet::ground {
+
+const std::vector<Blob>& Labeller::label(const cv::Mat1b& objects, const std::vector<Strip>& strips,
+                                         int min_area_px) {
+  findRuns(objects, strips);
+  joinRows();
+  collect(min_area_px);
+  return blobs_;
+}
+
+void Labeller::findRuns(const cv::Mat1b& objects, const std::vector<Strip>& strips) {
+  runs_.clear();
+  row_begin_.assign(static_cast<std::size_t>(objects.rows) + 1, 0);
+  std::size_t first = 0;
+  int row = 0;
+  while (first < strips.size()) {
+    std::size_t last = first;
+    while (last < strips.size() && strips[last].cell_row == strips[first].cell_row) ++last;
+    const int begin_row = strips[first].cell_row * FloorView::kCell;
+    while (row < begin_row) row_begin_[static_cast<std::size_t>(row++)] = static_cast<int>(runs_.size());
+    for (; row < std::min(begin_row + FloorView::kCell, objects.rows); ++row) {
+      row_begin_[static_cast<std::size_t>(row)] = static_cast<int>(runs_.size());
+      for (std::size_t s = first; s < last; ++s) {
+        const std::uint8_t* data = objects.ptr(row);
+        int x = strips[s].begin_px;
+        const int end = std::min(strips[s].end_px, objects.cols);
+        while (x < end) {
+          const auto* set =
+              static_cast<const std::uint8_t*>(std::memchr(data + x, 255, static_cast<std::size_t>(end - x)));
+          if (set == nullptr) break;
+          const int begin = static_cast<int>(set - data);
+          const auto* clear =
+              static_cast<const std::uint8_t*>(std::memchr(set, 0, static_cast<std::size_t>(end - begin)));
+          x = clear == nullptr ? end : static_cast<int>(clear - data);
+          runs_.push_back({row, begin, x});
+        }
+      }
+    }
+    first = last;
+  }
+  for (; row <= objects.rows; ++row)
+    row_begin_[static_cast<std::size_t>(row)] = static_cast<int>(runs_.size());
+}
+
+int Labeller::root(int run) {
+  while (parent_[static_cast<std::size_t>(run)] != run) {
+    auto& parent = parent_[static_cast<std::size_t>(run)];
+    parent = parent_[static_cast<std::size_t>(parent)];
+    run = parent;
+  }
+  return run;
+}
+
+void Labeller::unite(int a, int b) {
+  a = root(a);
+  b = root(b);
+  parent_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);  // the first run in reading order leads
+}
+
+void Labeller::joinRows() {
+  parent_.resize(runs_.size());
+  for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<int>(i);
+  for (std::size_t row = 1; row + 1 < row_begin_.size(); ++row) {
+    int above = row_begin_[row - 1];
+    const int above_end = row_begin_[row];
+    for (int here = row_begin_[row]; here < row_begin_[row + 1]; ++here) {
+      const Run& run = runs_[static_cast<std::size_t>(here)];
+      while (above < above_end && runs_[static_cast<std::size_t>(above)].end < run.begin) ++above;
+      for (int k = above; k < above_end && runs_[static_cast<std::size_t>(k)].begin <= run.end; ++k)
+        unite(k, here);
+    }
+  }
+}
+
+void Labeller::collect(int min_area_px) {
+  for (auto& blob : blobs_) spare_.push_back(std::move(blob));
+  blobs_.clear();
+  blob_of_root_.assign(runs_.size(), -1);
+  // Sizes first, so that specks cost no blob.
+  std::vector<int>& area = blob_of_root_;
+  for (std::size_t i = 0; i < runs_.size(); ++i) area[i] = 0;
+  for (std::size_t i = 0; i < runs_.size(); ++i)
+    area[static_cast<std::size_t>(root(static_cast<int>(i)))] += runs_[i].end - runs_[i].begin;
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    const auto lead = static_cast<std::size_t>(root(static_cast<int>(i)));
+    if (lead == i) {
+      if (area[i] < min_area_px) {
+        area[i] = -1;
+        continue;
+      }
+      Blob blob;
+      if (!spare_.empty()) {
+        blob = std::move(spare_.back());
+        spare_.pop_back();
+      }
+      blob.label = static_cast<int>(blobs_.size()) + 1;
+      blob.area_px = area[i];
+      blob.runs.clear();
+      area[i] = static_cast<int>(blobs_.size());
+      blobs_.push_back(std::move(blob));
+    }
+    if (area[lead] >= 0) blobs_[static_cast<std::size_t>(area[lead])].runs.push_back(runs_[i]);
+  }
+  for (auto& blob : blobs_) {
+    int left = blob.runs.front().begin, right = 0;
+    for (const Run& run : blob.runs) {
+      left = std::min(left, run.begin);
+      right = std::max(right, run.end);
+    }
+    const int top = blob.runs.front().row;
+    blob.rect = cv::Rect(left, top, right - left, blob.runs.back().row - top + 1);
+  }
+}
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "local_mapper/local_mapper.h"
+#include "observation/observation.h"
+
+namespace omnifleet::local_mapper {
+
+/// The four pictures of Choi's Figs. 15–17 for one frame, BGR8.
+struct DebugImages {
+  cv::Mat labels;     ///< regions with their rectangles before (thin) and after (thick) Algorithm 1
+  cv::Mat vectors;    ///< motion vectors on the fisheye image; the points are their starts
+  cv::Mat corrected;  ///< the same vectors on the floor, own motion removed in red
+  cv::Mat local_map;  ///< scan, hulls and contacts; 1 m grid, robot in the middle, its front up
+
+  /// @param mapper after process(image) gave `map`
+  static DebugImages render(const LocalMapper& mapper, const LocalMap& map, const cv::Mat& image);
+
+  /// Writes PREFIX_labels.png, PREFIX_vectors.png, PREFIX_corrected.png and PREFIX_local_map.png.
+  /// @return one line per file that could not be written
+  std::vector<std::string> save(const std::string& prefix) const;
+};
+
+}  // namespace omnifleet::local_mapper

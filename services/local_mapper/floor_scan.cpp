@@ -1,0 +1,116 @@
+#include "local_mapper/floor_scan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "geometry/pose2.h"
+
+namespace omnifleet::local_mapper {
+
+namespace {
+
+constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
+
+/// Metres on the floor of one pixel, radially, at a floor point.
+double radialMetres(const lens::Camera& camera, const Eigen::Vector2d& floor) {
+  const auto pixel = camera.pixelFromPoint({floor.x(), floor.y(), 0.0});
+  if (!pixel) return 0.0;
+  const auto beyond =
+      camera.pixelFromPoint({floor.x() + (floor - camera.foot()).normalized().x() * kMarch_m,
+                             floor.y() + (floor - camera.foot()).normalized().y() * kMarch_m, 0.0});
+  return beyond ? kMarch_m / std::max(1e-6, (*beyond - *pixel).norm()) : 0.0;
+}
+
+}  // namespace
+
+ScanOptions ScanOptions::read(const options::Section& section) {
+  ScanOptions o;
+  section.read("rays", o.rays, {8, 3600});
+  section.read("max_range_m", o.max_range_m, {0.1, 100.0});
+  section.read("sigma_px", o.sigma_px, {0.01, 20.0});
+  section.finish();
+  return o;
+}
+
+FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, const ScanOptions& options)
+    : camera_(&camera), options_(options) {
+  const auto n = static_cast<std::size_t>(options.rays);
+  nearest_m_.resize(n);
+  object_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double phi = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(n);
+    bearing_.emplace_back(std::cos(phi), std::sin(phi));
+    double begin = -1.0, end = 0.0;
+    for (double r = kMarch_m; r <= options.max_range_m + 1e-9; r += kMarch_m) {
+      const Eigen::Vector2d p = camera.foot() + r * bearing_[i];
+      const auto pixel = camera.pixelFromPoint({p.x(), p.y(), 0.0});
+      const cv::Point at = pixel ? cv::Point(cvRound(pixel->x()), cvRound(pixel->y())) : cv::Point(-1, -1);
+      const bool seen = cv::Rect({0, 0}, view.imageSize()).contains(at) && view.mask()(at) != 0;
+      if (seen && begin < 0) begin = r;
+      if (!seen && begin >= 0) break;
+      if (seen) end = r;
+    }
+    floor_begin_m_.push_back(static_cast<float>(begin));
+    floor_end_m_.push_back(static_cast<float>(end));
+    floor_end_sigma_m_.push_back(
+        static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
+  }
+}
+
+void FloorScan::begin() {
+  std::fill(nearest_m_.begin(), nearest_m_.end(), std::numeric_limits<double>::infinity());
+  std::fill(object_.begin(), object_.end(), std::uint16_t{0});
+}
+
+void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
+  for (std::size_t k = 0; k < contour.loop_begin.size(); ++k) {
+    const std::size_t begin = contour.loop_begin[k];
+    const std::size_t end =
+        k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_m.size();
+    for (std::size_t i = begin; i < end; ++i)
+      addSegment(contour.points_m[i] - camera_->foot(),
+                 contour.points_m[i + 1 < end ? i + 1 : begin] - camera_->foot(), label);
+  }
+}
+
+void FloorScan::addSegment(const Eigen::Vector2d& a, const Eigen::Vector2d& b, std::uint16_t label) {
+  const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
+  const double from = std::atan2(a.y(), a.x());
+  const double turn = wrapAngle(std::atan2(b.y(), b.x()) - from);
+  const auto first = static_cast<long>(std::ceil((from + std::min(turn, 0.0)) / step));
+  const auto last = static_cast<long>(std::floor((from + std::max(turn, 0.0)) / step));
+  const auto n = static_cast<long>(bearing_.size());
+  for (long ray = first; ray <= last; ++ray) {
+    const auto i = static_cast<std::size_t>(((ray % n) + n) % n);
+    const Eigen::Vector2d side(-bearing_[i].y(), bearing_[i].x());
+    const double da = side.dot(a), db = side.dot(b);
+    const double share = std::abs(da - db) > 1e-12 ? std::clamp(da / (da - db), 0.0, 1.0) : 0.0;
+    const double range = bearing_[i].dot(a + share * (b - a));
+    if (range <= 0.0 || range >= nearest_m_[i]) continue;
+    nearest_m_[i] = range;
+    object_[i] = label;
+  }
+}
+
+void FloorScan::finish(Scan& scan) {
+  const std::size_t n = bearing_.size();
+  scan.origin_m = camera_->foot();
+  scan.range_m.resize(n);
+  scan.sigma_m.resize(n);
+  scan.label.resize(n);
+  scan.object.assign(n, 0);
+  for (std::size_t i = 0; i < n; ++i) {
+    scan.range_m[i] = floor_end_m_[i];
+    scan.sigma_m[i] = floor_end_sigma_m_[i];
+    scan.label[i] = floor_begin_m_[i] < 0.0f ? RayLabel::kInvalid : RayLabel::kFloorEnd;
+    if (floor_begin_m_[i] < 0.0f || nearest_m_[i] > static_cast<double>(floor_end_m_[i])) continue;
+    scan.range_m[i] = static_cast<float>(nearest_m_[i]);
+    scan.sigma_m[i] = static_cast<float>(
+        options_.sigma_px * radialMetres(*camera_, camera_->foot() + nearest_m_[i] * bearing_[i]));
+    scan.label[i] = RayLabel::kUnknown;
+    scan.object[i] = object_[i];
+  }
+}
+
+}  // namespace omnifleet::local_mapper

@@ -1,0 +1,75 @@
+#include "local_mapper/frame_check.h"
+
+#include <algorithm>
+#include <array>
+
+namespace omnifleet::local_mapper {
+
+FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
+  FrameCheckOptions o;
+  section.read("dark_level", o.dark_level, {0.0, 255.0});
+  section.read("bright_level", o.bright_level, {1.0, 255.0});
+  section.read("bright_fraction", o.bright_fraction, {0.01, 1.0});
+  section.read("max_gap_s", o.max_gap_s, {0.0, 3600.0});
+  section.read("max_sequence_step", o.max_sequence_step, {1, 1000000});
+  section.finish();
+  return o;
+}
+
+FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& view,
+                       const FrameCheckOptions& options)
+    : size_(model.image_width_px, model.image_height_px), options_(options) {
+  constexpr int kStep_px = 8;  // a sixty-fourth of the pixels tells the exposure
+  for (int y = 0; y < size_.height; y += kStep_px)
+    for (int x = 0; x < size_.width; x += kStep_px)
+      if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
+}
+
+FrameState FrameCheck::check(const Frame& frame) {
+  follows_ = false;
+  const bool in_order = !has_previous_ || frame.acquired_ns > previous_ns_;
+  FrameState state = frame.state;
+  if (state == FrameState::kOk) {
+    if (frame.image.empty())
+      state = FrameState::kEmpty;
+    else if (frame.image.size() != size_ || (frame.image.type() != CV_8UC3 && frame.image.type() != CV_8UC1))
+      state = FrameState::kWrongSize;
+    else if (!in_order)
+      state = FrameState::kOutOfOrder;
+    else
+      state = exposure(frame.image);
+  }
+  if (state == FrameState::kOk && previous_usable_) {
+    const double gap_s = 1e-9 * static_cast<double>(frame.acquired_ns - previous_ns_);
+    const std::uint32_t step = frame.sequence - previous_sequence_;
+    follows_ = gap_s <= options_.max_gap_s && step >= 1 &&
+               step <= static_cast<std::uint32_t>(options_.max_sequence_step);
+  }
+  previous_usable_ = state == FrameState::kOk;
+  if (in_order) {
+    has_previous_ = true;
+    previous_ns_ = frame.acquired_ns;
+    previous_sequence_ = frame.sequence;
+  }
+  return state;
+}
+
+FrameState FrameCheck::exposure(const cv::Mat& image) const {
+  std::array<int, 256> histogram{};
+  const int channels = image.channels();
+  for (const auto& p : samples_) {
+    const std::uint8_t* c = image.ptr<std::uint8_t>(p.y) + p.x * channels;
+    ++histogram[channels == 3 ? std::max({c[0], c[1], c[2]}) : c[0]];
+  }
+  const int half = static_cast<int>(samples_.size()) / 2;
+  int below = 0, median = 0;
+  while (median < 255 && (below += histogram[static_cast<std::size_t>(median)]) <= half) ++median;
+  if (median < options_.dark_level) return FrameState::kDark;
+  int bright = 0;
+  for (int level = static_cast<int>(options_.bright_level); level < 256; ++level)
+    bright += histogram[static_cast<std::size_t>(level)];
+  const bool over = bright > options_.bright_fraction * static_cast<double>(samples_.size());
+  return over ? FrameState::kOverexposed : FrameState::kOk;
+}
+
+}  // namespace omnifleet::local_mapper

@@ -1,0 +1,145 @@
+#include "local_mapper/silhouette.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "outline/convex_hull.h"
+
+namespace omnifleet::local_mapper {
+
+SilhouetteOptions SilhouetteOptions::read(const options::Section& section) {
+  SilhouetteOptions o;
+  section.read("max_contact_m", o.max_contact_m, {0.05, 100.0});
+  section.read("sigma_px", o.sigma_px, {0.01, 20.0});
+  section.read("sigma_floor_m", o.sigma_floor_m, {0.0, 1.0});
+  section.read("support_bias_px", o.support_bias_px, {-5.0, 5.0});
+  section.read("min_area_px", o.min_area_px, {1, 1000000});
+  section.finish();
+  return o;
+}
+
+Silhouette::Silhouette(const lens::Camera& camera, const ground::FloorView& view,
+                       const SilhouetteOptions& options)
+    : camera_(&camera), view_(&view), options_(options) {
+  for (int k = 0; k < SupportFunction::kDirections; ++k) {
+    const double phi = 2.0 * M_PI * k / SupportFunction::kDirections;
+    directions_.emplace_back(std::cos(phi), std::sin(phi));
+  }
+}
+
+bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contour,
+                         ObjectObservation& object) {
+  projectToFloor(contour);
+  if (floor_.points_m.empty()) return false;
+  findContact(object);
+  if ((object.contact_m - camera_->foot()).norm() > options_.max_contact_m) return false;
+  object.rect_x_px = blob.rect.x;
+  object.rect_y_px = blob.rect.y;
+  object.rect_width_px = blob.rect.width;
+  object.rect_height_px = blob.rect.height;
+  measureHull(object);
+  if (object.hull_m.size() < 3) return false;
+  measureCentroid(blob, object);
+  measureSupports(object);
+  return true;
+}
+
+void Silhouette::projectToFloor(const ground::Contour& contour) {
+  floor_.points_m.clear();
+  floor_.pixels.clear();
+  floor_.cut.clear();
+  floor_.loop_begin.clear();
+  std::size_t loop = 0;
+  for (std::size_t i = 0; i < contour.points_px.size(); ++i) {
+    if (loop < contour.loop_begin.size() && contour.loop_begin[loop] == i) {
+      floor_.loop_begin.push_back(floor_.points_m.size());
+      ++loop;
+    }
+    const Eigen::Vector2f& pixel = contour.points_px[i];
+    const auto point = camera_->floorFromPixel(pixel.cast<double>());
+    if (!point) continue;
+    floor_.points_m.push_back(*point);
+    floor_.pixels.push_back(pixel);
+    floor_.cut.push_back(view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
+  }
+}
+
+void Silhouette::findContact(ObjectObservation& object) const {
+  const Eigen::Vector2d foot = camera_->foot();
+  double nearest = std::numeric_limits<double>::infinity();
+  object.truncated = false;
+  for (std::size_t i = 0; i < floor_.points_m.size(); ++i) {
+    object.truncated = object.truncated || floor_.cut[i] != 0;
+    const double distance = (floor_.points_m[i] - foot).squaredNorm();
+    if (distance >= nearest) continue;
+    nearest = distance;
+    object.contact_m = floor_.points_m[i];
+  }
+}
+
+void Silhouette::measureHull(ObjectObservation& object) {
+  object.hull_m = outline::convexHull(floor_.points_m);
+  double area = 0.0;
+  for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
+    const std::size_t begin = floor_.loop_begin[k];
+    const std::size_t end =
+        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    double twice = 0.0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto& a = floor_.points_m[i];
+      const auto& b = floor_.points_m[i + 1 < end ? i + 1 : begin];
+      twice += a.x() * b.y() - a.y() * b.x();
+    }
+    area += 0.5 * std::abs(twice);
+  }
+  const double hull_area = signedArea(object.hull_m);
+  object.solidity = hull_area > 0.0 ? std::min(1.0, area / hull_area) : 1.0;
+}
+
+void Silhouette::measureCentroid(const ground::Blob& blob, ObjectObservation& object) const {
+  Eigen::Vector2d sum(0.0, 0.0);
+  for (const auto& run : blob.runs) {
+    const double pixels = run.end - run.begin;
+    sum += pixels * Eigen::Vector2d(0.5 * (run.begin + run.end - 1), run.row);
+  }
+  const auto floor = camera_->floorFromPixel(sum / blob.area_px);
+  object.centroid_m = floor ? *floor : centroid(object.hull_m);
+}
+
+Eigen::Matrix2d Silhouette::jacobian(const Eigen::Vector2f& pixel) const {
+  constexpr double kStep_px = 0.5;
+  Eigen::Matrix2d j = Eigen::Matrix2d::Zero();
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::Vector2d step = kStep_px * Eigen::Vector2d::Unit(axis);
+    const auto before = camera_->floorFromPixel(pixel.cast<double>() - step);
+    const auto after = camera_->floorFromPixel(pixel.cast<double>() + step);
+    if (before && after) j.col(axis) = (*after - *before) / (2.0 * kStep_px);
+  }
+  return j;
+}
+
+void Silhouette::measureSupports(ObjectObservation& object) {
+  corners_.clear();
+  for (const auto& vertex : object.hull_m) {
+    const auto found = std::find(floor_.points_m.begin(), floor_.points_m.end(), vertex);
+    const auto i = static_cast<std::size_t>(found - floor_.points_m.begin());
+    corners_.push_back({vertex - camera_->foot(), jacobian(floor_.pixels[i]), floor_.cut[i] != 0});
+  }
+  auto& supports = object.supports;
+  supports.b_m.resize(directions_.size());
+  supports.sigma_m.resize(directions_.size());
+  for (std::size_t k = 0; k < directions_.size(); ++k) {
+    const auto& n = directions_[k];
+    const auto farthest = std::max_element(
+        corners_.begin(), corners_.end(),
+        [&](const Corner& a, const Corner& b) { return n.dot(a.from_foot_m) < n.dot(b.from_foot_m); });
+    const double metres_per_px = (farthest->metres_per_px.transpose() * n).norm();
+    supports.b_m[k] =
+        static_cast<float>(n.dot(farthest->from_foot_m) - options_.support_bias_px * metres_per_px);
+    const double sigma = std::hypot(options_.sigma_px * metres_per_px, options_.sigma_floor_m);
+    supports.sigma_m[k] = farthest->cut || metres_per_px <= 0.0 ? -1.0f : static_cast<float>(sigma);
+  }
+}
+
+}  // namespace omnifleet::local_mapper
