@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -34,7 +34,9 @@ class EstimatorStage {
  private:
   bool usable(const Measurement& measurement) const;
 
-  std::map<std::string, TimeNs> last_frame_;  ///< time of each robot's last frame; the fleet's robots only
+  std::set<std::string> robots_;
+  std::vector<const Objects*> known_;
+  std::vector<const Measurement*> usable_;
   estimation::FleetEstimator estimator_;
   std::uint64_t rejected_measurements_ = 0, rejected_frames_ = 0;
 };
