@@ -49,8 +49,9 @@ struct Arena {
   std::vector<ArenaRobot> robots;    ///< sorted by name
   std::vector<ArenaCamera> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
+  bool has_formation = false;  ///< else robots drive alone, by their waypoints or speeds
   options::Section world;      ///< for world::World::Options
-  options::Section formation;  ///< for formation::Formation::Options; empty: robots drive alone
+  options::Section formation;  ///< for formation::Formation::Options
   options::Section random;     ///< for randomise()
 
   /// Throws options::Error naming file, line, key and bound.

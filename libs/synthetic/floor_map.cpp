@@ -1,0 +1,165 @@
+#include "synthetic/floor_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "synthetic/value_noise.h"
+
+namespace omnifleet::synthetic {
+namespace {
+
+constexpr float kCellM = 0.025f;  // of the coarse grid
+constexpr float kBeyondM = 3.0f;  // coarse grid beyond the floor's edges; farther off it is continued
+constexpr float kTileM = 3.0f;    // about the period of the fine part
+
+/// Share of [low, high] that lies within half a width of a multiple of `period`.
+float lineShare(float low, float high, float period, float width) {
+  const float nearest = std::round(0.5f * (low + high) / period) * period;
+  const float overlap = std::min(high, nearest + 0.5f * width) - std::max(low, nearest - 0.5f * width);
+  return std::clamp(overlap / (high - low), 0.0f, 1.0f);
+}
+
+/// Darkening of the floor beside the solids, 1 where there is none.
+double contactShade(const Arena& arena, const std::vector<Pose2>& poses, const Eigen::Vector2d& place_m) {
+  double shade = 1.0;
+  for (std::size_t i = 0; i < arena.solids.size(); ++i) {
+    const double gap_m = std::max(0.0, arena.solids[i].distance(place_m, poses[i]));
+    shade *= 1.0 - arena.light.contact_shadow * std::exp(-gap_m / arena.light.contact_shadow_m);
+  }
+  return shade;
+}
+
+std::vector<Pose2> solidPoses(const Arena& arena, double time_s) {
+  std::vector<Pose2> poses;
+  for (std::size_t i = 0; i < arena.solids.size(); ++i)
+    poses.push_back(arena.solidAt(static_cast<int>(i), time_s));
+  return poses;
+}
+
+bool same(const std::vector<Pose2>& a, const std::vector<Pose2>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const Pose2& p, const Pose2& q) { return p.vector() == q.vector(); });
+}
+
+}  // namespace
+
+FloorMap::FloorMap(const Arena& arena, std::uint32_t seed) : seed_(hash32(seed, 0xf100)) {
+  const Eigen::Vector2f size = arena.floor.size_m.cast<float>().array() + 2.0f * kBeyondM;
+  columns_ = static_cast<int>(std::ceil(size.x() / kCellM)) + 1;
+  rows_ = static_cast<int>(std::ceil(size.y() / kCellM)) + 1;
+  origin_m_ = -0.5f * size;
+  coarse_.resize(static_cast<std::size_t>(columns_) * rows_);
+  makeTile(arena.floor);
+  makeCoarse(arena, 0.0);
+}
+
+void FloorMap::update(const Arena& arena, double time_s) {
+  if (arena.light.contact_shadow <= 0.0 || arena.moves.empty()) return;
+  if (!same(solids_, solidPoses(arena, time_s))) makeCoarse(arena, time_s);
+}
+
+void FloorMap::makeTile(const Floor& floor) {
+  has_grid_ = floor.grid_m > 0.0;
+  const float grid_m = static_cast<float>(floor.grid_m);
+  const float period_m = has_grid_ ? std::ceil(kTileM / grid_m) * grid_m : kTileM;
+  texel_m_ = period_m / static_cast<float>(tile_texels_);
+  for (int c = 0; c < 3; ++c) {
+    grid_ratio_[c] =
+        static_cast<float>(floor.grid_rgb[2 - c]) / std::max(1.0f, static_cast<float>(floor.rgb[2 - c]));
+  }
+  const float cells = std::max(1.0f, std::round(period_m / static_cast<float>(floor.grain_size_m)));
+  const auto grain = static_cast<float>(floor.grain);
+  tile_[0].resize(static_cast<std::size_t>(tile_texels_) * tile_texels_);
+  for (int y = 0; y < tile_texels_; ++y) {
+    for (int x = 0; x < tile_texels_; ++x) {
+      const float scale = cells / static_cast<float>(tile_texels_);
+      Texel& texel = tile_[0][static_cast<std::size_t>(y) * tile_texels_ + x];
+      texel.grain = 1.0f + 1.7f * grain * valueNoise(x * scale, y * scale, seed_);
+      const float x_m = static_cast<float>(x) * texel_m_, y_m = static_cast<float>(y) * texel_m_;
+      const auto width_m = static_cast<float>(floor.grid_width_m);
+      texel.grid = has_grid_ ? std::max(lineShare(x_m, x_m + texel_m_, grid_m, width_m),
+                                        lineShare(y_m, y_m + texel_m_, grid_m, width_m))
+                             : 0.0f;
+    }
+  }
+  for (int level = 1; level < kLevels; ++level) {
+    const int n = tile_texels_ >> level;
+    tile_[level].resize(static_cast<std::size_t>(n) * n);
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        const Texel* a = &tile_[level - 1][static_cast<std::size_t>(4) * y * n + 2 * x];
+        const Texel* b = a + 2 * n;
+        tile_[level][static_cast<std::size_t>(y) * n + x] = {
+            0.25f * (a[0].grain + a[1].grain + b[0].grain + b[1].grain),
+            0.25f * (a[0].grid + a[1].grid + b[0].grid + b[1].grid)};
+      }
+    }
+  }
+}
+
+void FloorMap::makeCoarse(const Arena& arena, double time_s) {
+  solids_ = solidPoses(arena, time_s);
+  const auto cloud_m = static_cast<float>(arena.floor.cloud_size_m);
+  const auto clouds = static_cast<float>(arena.floor.clouds);
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const Eigen::Vector2f place =
+          origin_m_ + kCellM * Eigen::Vector2f(static_cast<float>(column), static_cast<float>(row));
+      const Eigen::Vector2d place_m = place.cast<double>();
+      const float x = place.x() / cloud_m, y = place.y() / cloud_m;
+      const float cloud = valueNoise(x, y, seed_ + 1) + 0.5f * valueNoise(2.3f * x, 2.3f * y, seed_ + 2);
+      const Eigen::Vector2d lit_m =
+          place_m.cwiseMax(-0.5 * arena.floor.size_m).cwiseMin(0.5 * arena.floor.size_m);
+      double level = arena.light.at(lit_m, 0.0) * (1.0f + clouds * cloud);
+      if (arena.light.contact_shadow > 0.0) level *= contactShade(arena, solids_, place_m);
+      for (int c = 0; c < 3; ++c) {
+        coarse_[static_cast<std::size_t>(row) * columns_ + column][c] =
+            static_cast<float>(arena.floor.rgb[2 - c] * level);
+      }
+      coarse_[static_cast<std::size_t>(row) * columns_ + column][3] = 0.0f;
+    }
+  }
+}
+
+std::uint8_t FloorMap::levelFor(float footprint_m) const {
+  const float level = std::log2(std::max(1.0f, footprint_m / texel_m_));
+  return static_cast<std::uint8_t>(std::clamp(static_cast<int>(std::lround(level)), 0, kLevels - 1));
+}
+
+Eigen::Array4f FloorMap::coarseAt(float x_m, float y_m) const {
+  const float x = std::clamp((x_m - origin_m_.x()) / kCellM, 0.0f, static_cast<float>(columns_) - 1.001f);
+  const float y = std::clamp((y_m - origin_m_.y()) / kCellM, 0.0f, static_cast<float>(rows_) - 1.001f);
+  const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+  const float tx = x - static_cast<float>(ix), ty = y - static_cast<float>(iy);
+  const Eigen::Array4f* low = &coarse_[static_cast<std::size_t>(iy) * columns_ + ix];
+  const Eigen::Array4f* high = low + columns_;
+  return (low[0] * (1.0f - tx) + low[1] * tx) * (1.0f - ty) + (high[0] * (1.0f - tx) + high[1] * tx) * ty;
+}
+
+FloorMap::Texel FloorMap::tileAt(float x_m, float y_m, std::uint8_t level) const {
+  const int n = tile_texels_ >> level, mask = n - 1;
+  const float scale = 1.0f / (texel_m_ * static_cast<float>(1 << level));
+  // Texel i has its centre at (i + ½) texels.
+  const float x = x_m * scale - 0.5f, y = y_m * scale - 0.5f;
+  const int ix = static_cast<int>(x) - (x < 0.0f ? 1 : 0), iy = static_cast<int>(y) - (y < 0.0f ? 1 : 0);
+  const float tx = x - static_cast<float>(ix), ty = y - static_cast<float>(iy);
+  const Texel* low = &tile_[level][static_cast<std::size_t>(iy & mask) * n];
+  const Texel* high = &tile_[level][static_cast<std::size_t>((iy + 1) & mask) * n];
+  const int left = ix & mask, right = (ix + 1) & mask;
+  Texel texel;
+  texel.grain =
+      mix(mix(low[left].grain, low[right].grain, tx), mix(high[left].grain, high[right].grain, tx), ty);
+  texel.grid = has_grid_ ? mix(mix(low[left].grid, low[right].grid, tx),
+                               mix(high[left].grid, high[right].grid, tx), ty)
+                         : 0.0f;
+  return texel;
+}
+
+Eigen::Array4f FloorMap::at(float x_m, float y_m, std::uint8_t level) const {
+  const Texel texel = tileAt(x_m, y_m, level);
+  const Eigen::Array4f colour = coarseAt(x_m, y_m);
+  if (!has_grid_) return colour * texel.grain;
+  return colour * (texel.grain * (1.0f - texel.grid) + texel.grid * grid_ratio_);
+}
+
+}  // namespace omnifleet::synthetic

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <vector>
+
+#include "synthetic/arena.h"
+#include "synthetic/pixel_table.h"
+#include "synthetic/tracer.h"
+
+namespace omnifleet::synthetic {
+
+/// All solids that one camera can see (obstacles, walls, robots but its own), where they stand at one frame,
+/// and how they look from a point.
+class StageSet {
+ public:
+  /// `own_robot`: the robot that carries the camera, left out; −1: none.
+  StageSet(const Arena& arena, int own_robot, std::uint32_t seed);
+
+  /// Poses of all robots at the frame's time; parent_from_map of the camera's parent.
+  void place(const Arena& arena, double time_s, const std::vector<Pose2>& map_from_bases,
+             const Pose2& parent_from_map);
+
+  /// True where some solid may be seen inside the cone; `camera_m` in the parent frame.
+  bool mayShow(const PixelTable::Cone& cone) const;
+  /// Directions of all solids as seen from the camera; call after place().
+  void aim(const Eigen::Vector3f& camera_m);
+
+  const Tracer& tracer() const { return tracer_; }
+
+  /// A number for each face of each solid, and its colour at a point of the parent frame.
+  int faceId(int solid, int triangle) const;
+  Eigen::Array4f colour(int solid, int triangle, const Eigen::Vector3f& point_m) const;
+
+ private:
+  struct Ball {
+    int solid;
+    Eigen::Vector3f centre_m;  ///< in the solid's frame
+    float radius_m;
+  };
+  struct Aim {
+    Eigen::Vector3f direction;
+    float half_angle_rad;
+  };
+  static std::vector<SolidMesh> meshes(const Arena& arena, int own_robot);
+  void addBalls(int solid, const SolidMesh& mesh, const Eigen::Vector2d& size_m);
+
+  std::vector<SolidMesh> meshes_;
+  Tracer tracer_;
+  std::vector<int> robots_;  ///< solid = obstacles and walls first, then these robots of the arena
+  std::uint32_t seed_;
+  Light light_;
+  double time_s_ = 0.0;
+  Pose2 map_from_parent_;
+  std::vector<Pose2> map_from_solids_;
+  std::vector<Eigen::Affine3f> parent_from_solids_, solids_from_parent_;
+  std::vector<Ball> balls_;
+  std::vector<Aim> aims_;
+};
+
+}  // namespace omnifleet::synthetic
