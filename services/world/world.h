@@ -64,7 +64,8 @@ class World {
  private:
   void driveRow(int row, const std::vector<motion::WheelSpeeds>& commands);
   void driveRobot(std::size_t robot, const motion::WheelSpeeds& command, double dt_s, double time_s);
-  bool blocked(std::size_t robot, const Pose2& pose, double time_s, TimeNs time_ns);
+  /// True where the pose would take the robot deeper into something; every contact is reported.
+  bool touches(std::size_t robot, const Pose2& pose, double time_s, TimeNs time_ns);
   void report(std::size_t robot, const std::string& with, double depth_m, TimeNs time_ns);
 
   synthetic::Arena arena_;
