@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "markers/colour_table.h"
+
+namespace omnifleet::markers {
+
+/// A horizontal run of pixels of one class: columns [begin, end) of a row.
+struct Run {
+  int row = 0, begin = 0, end = 0;
+  std::uint8_t colour = 0;
+  int blob = -1;
+};
+
+/// An 8-connected region of one class.
+struct Blob {
+  std::uint8_t colour = 0;
+  int area_px = 0;
+  int left = 0, top = 0, right = 0, bottom = 0;  ///< inclusive
+};
+
+/// Run-length labelling with union–find; buffers are reused between images.
+class BlobFinder {
+ public:
+  /// Blobs of at least min_area_px in the window of a BGR image, top to bottom by their first pixel.
+  const std::vector<Blob>& find(const cv::Mat& bgr, const ColourTable& table, int min_area_px);
+
+ private:
+  void scan(const cv::Mat& bgr, const ColourTable& table);
+  void connect();
+  int root(int run);
+
+  std::vector<Run> runs_;
+  std::vector<int> row_begin_, parent_;
+  std::vector<Blob> all_, blobs_;
+};
+
+}  // namespace omnifleet::markers

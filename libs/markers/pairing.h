@@ -1,0 +1,43 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dataset/markers.h"
+#include "markers/patch_finder.h"
+#include "markers/sub_pixel.h"
+
+namespace omnifleet::markers {
+
+/// Team and individual patch taken together.
+struct Pair {
+  std::size_t team = 0, individual = 0;  ///< indices of patches
+  Detection detection;
+};
+
+/// The marker set of kind `patches` as geometry: what a pair must look like, and the pose that follows.
+class PatchPairs {
+ public:
+  PatchPairs(const dataset::MarkerSet& markers, const FinderOptions& options);
+
+  /// Colours in the order of their classes: the team, then the robots by name.
+  const std::vector<dataset::Rgb>& colours() const { return colours_; }
+  /// Area of a patch, m².
+  double area() const { return size_m_.x() * size_m_.y(); }
+
+  /// Every plausible pair, best first.
+  void find(const std::vector<Patch>& patches, std::vector<Pair>& pairs) const;
+
+ private:
+  std::optional<Pair> pair(const std::vector<Patch>& patches, std::size_t team, std::size_t individual) const;
+  bool plausibleArea(const Patch& patch) const;
+
+  FinderOptions options_;
+  std::vector<dataset::Rgb> colours_;
+  std::vector<std::string> robots_;
+  Eigen::Vector2d team_m_, individual_m_, size_m_;
+};
+
+}  // namespace omnifleet::markers
