@@ -1,0 +1,36 @@
+// evaluate OUT DATASET: compares a run with the truth of its recording. The only program that reads
+// groundtruth/.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "dataset/atomic_file.h"
+#include "evaluate/report.h"
+
+int main(int argc, char** argv) {
+  constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
+  CLI::App app(
+      "Compares a run with the truth of its recording: prints a table, writes OUT/metrics.json.\n"
+      "Exit code: 0 done, 1 a result of the run is missing or damaged or cannot be written, 2 bad input.");
+  std::string out, recording;
+  app.add_option("OUT", out, "folder of the run (--out)")->required();
+  app.add_option("DATASET", recording, "the recording, with groundtruth/")->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kBadInput;
+  }
+  try {
+    const omnifleet::evaluate::Report report = omnifleet::evaluate::evaluateRun(out, recording);
+    std::fputs(omnifleet::evaluate::table(report).c_str(), stdout);
+    omnifleet::dataset::writeAtomic(out + "/metrics.json", omnifleet::evaluate::metricsJson(report));
+    return kOk;
+  } catch (const omnifleet::options::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return kBadInput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return kFailed;
+  }
+}

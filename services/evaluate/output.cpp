@@ -1,0 +1,195 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "evaluate/report.h"
+
+namespace omnifleet::evaluate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr double kDegrees = 180.0 / M_PI;
+
+/// A number in a column; a dash where there is none.
+std::string cell(double value, int width, int decimals) {
+  return std::isfinite(value) ? fmt::format("{:>{}.{}f}", value, width, decimals)
+                              : fmt::format("{:>{}}", "-", width);
+}
+
+std::string mapTable(const Report& report) {
+  const evaluation::MapMetrics& m = *report.map;
+  std::string text =
+      fmt::format("Obstacles   found {} of {}, missed {}, false {}   recall {:.3f}, precision {:.3f}\n",
+                  m.matches.size(), m.truths, m.missed.size(), m.falsely_found.size(), m.recall, m.precision);
+  text += fmt::format("  mean error x / y                 {} / {} cm\n", cell(100.0 * m.x_error_m, 6, 2),
+                      cell(100.0 * m.y_error_m, 5, 2));
+  text += fmt::format("  overlap of footprints (IoU)      {}\n", cell(m.iou, 7, 3));
+  text += fmt::format("  error of distances between them  {} cm\n", cell(100.0 * m.distances_error_m, 6, 2));
+  text += "  true   map   dx cm   dy cm    IoU\n";
+  for (const evaluation::ObstacleMatch& match : m.matches) {
+    text += fmt::format("  {:>4}  {:>4} {} {} {}\n", report.truth[match.truth].id,
+                        report.objects[match.estimate].id, cell(100.0 * match.dx_m, 7, 2),
+                        cell(100.0 * match.dy_m, 7, 2), cell(match.iou, 6, 3));
+  }
+  for (const int i : m.missed) text += fmt::format("  {:>4}     -   missed\n", report.truth[i].id);
+  for (const int i : m.falsely_found) {
+    const Eigen::Vector2d c = centroid(report.objects[i].outline_m);
+    text += fmt::format("     -  {:>4}   false, at ({:.2f}, {:.2f}) m\n", report.objects[i].id, c.x(), c.y());
+  }
+  return text;
+}
+
+std::string pathRow(const std::string& name, const std::string& poses, const evaluation::PathMetrics& p,
+                    double ate_m, const evaluation::RelativeError& rpe) {
+  return fmt::format(
+      "  {:<10} {:>9} {} {} {} {} {} {} {} {} {}\n", name, poses, cell(100.0 * p.x_m, 6, 2),
+      cell(100.0 * p.y_m, 6, 2), cell(100.0 * p.distance_m, 9, 2), cell(100.0 * p.rmse_m, 7, 2),
+      cell(100.0 * p.max_m, 6, 2), cell(kDegrees * p.heading_rad, 10, 3), cell(100.0 * ate_m, 7, 2),
+      cell(100.0 * rpe.translation_m.rmse, 7, 3), cell(kDegrees * rpe.rotation_rad.rmse, 7, 3));
+}
+
+/// Means over the robots that have a path.
+struct Overall {
+  evaluation::PathMetrics path;
+  double ate_m = 0.0;
+  evaluation::RelativeError rpe;
+  int robots = 0;
+};
+
+Overall overall(const Report& report) {
+  Overall sum;
+  for (const RobotReport& r : report.robots) sum.robots += r.path.poses > 0;
+  if (sum.robots == 0) {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    sum.path.x_m = sum.path.y_m = sum.path.distance_m = sum.path.rmse_m = sum.path.heading_rad =
+        sum.path.max_m = nan;
+    sum.ate_m = sum.rpe.translation_m.rmse = sum.rpe.rotation_rad.rmse = nan;
+    return sum;
+  }
+  const double n = sum.robots;
+  for (const RobotReport& r : report.robots) {
+    if (r.path.poses == 0) continue;
+    sum.path.poses += r.path.poses;
+    sum.path.x_m += r.path.x_m / n;
+    sum.path.y_m += r.path.y_m / n;
+    sum.path.distance_m += r.path.distance_m / n;
+    sum.path.rmse_m += r.path.rmse_m / n;
+    sum.path.heading_rad += r.path.heading_rad / n;
+    sum.path.max_m = std::max(sum.path.max_m, r.path.max_m);
+    sum.ate_m += r.ate_m.rmse / n;
+    sum.rpe.translation_m.rmse += r.rpe.translation_m.rmse / n;
+    sum.rpe.rotation_rad.rmse += r.rpe.rotation_rad.rmse / n;
+  }
+  return sum;
+}
+
+std::string pathTable(const Report& report) {
+  std::string text =
+      "Paths          poses    x cm   y cm  dist. cm RMSE cm max cm  heading ° ATE cm  RPE cm   RPE °\n";
+  for (const RobotReport& r : report.robots) {
+    const std::string poses =
+        r.frames > 0 ? fmt::format("{}/{}", r.path.poses, r.frames) : std::to_string(r.path.poses);
+    text += pathRow(r.name, poses, r.path, r.ate_m.rmse, r.rpe);
+    if (!r.has_trajectory) text += fmt::format("  {:<10} has no trajectory in this run\n", "");
+  }
+  const Overall mean = overall(report);
+  if (report.robots.size() > 1)
+    text += pathRow("mean", std::to_string(mean.path.poses), mean.path, mean.ate_m, mean.rpe);
+  for (const RobotReport& r : report.robots) {
+    if (!r.shape_difference) continue;
+    text += fmt::format("  {:<10} places: shape difference {:.5f} over {} nodes\n", r.name,
+                        *r.shape_difference, r.places);
+  }
+  return text;
+}
+
+std::string kindTable(const evaluation::KindMetrics& kinds) {
+  return fmt::format("Kinds       F1 robots {}, obstacles {}   (per object and frame; {} phantoms)\n",
+                     cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
+}
+
+Json statistics(const evaluation::Statistics& s) {
+  return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
+          {"std", s.std},     {"min", s.min},   {"max", s.max}};
+}
+
+Json pathJson(const evaluation::PathMetrics& p) {
+  return {
+      {"poses", p.poses},   {"x_error_m", p.x_m}, {"y_error_m", p.y_m},          {"distance_m", p.distance_m},
+      {"rmse_m", p.rmse_m}, {"max_m", p.max_m},   {"heading_rad", p.heading_rad}};
+}
+
+Json mapJson(const Report& report) {
+  const evaluation::MapMetrics& m = *report.map;
+  Json matches = Json::array(), missed = Json::array(), wrong = Json::array();
+  for (const evaluation::ObstacleMatch& match : m.matches) {
+    matches.push_back({{"truth", report.truth[match.truth].id},
+                       {"object", report.objects[match.estimate].id},
+                       {"dx_m", match.dx_m},
+                       {"dy_m", match.dy_m},
+                       {"iou", match.iou}});
+  }
+  for (const int i : m.missed) missed.push_back(report.truth[i].id);
+  for (const int i : m.falsely_found) wrong.push_back(report.objects[i].id);
+  return {{"truths", m.truths},
+          {"estimates", m.estimates},
+          {"matched", m.matches.size()},
+          {"recall", m.recall},
+          {"precision", m.precision},
+          {"x_error_m", m.x_error_m},
+          {"y_error_m", m.y_error_m},
+          {"iou", m.iou},
+          {"distances_error_m", m.distances_error_m},
+          {"matches", matches},
+          {"missed", missed},
+          {"false", wrong}};
+}
+
+Json robotJson(const RobotReport& r) {
+  Json json = pathJson(r.path);
+  json["frames"] = r.frames;
+  json["outside_truth"] = r.path.outside;
+  json["ate_m"] = statistics(r.ate_m);
+  json["rpe_translation_m"] = statistics(r.rpe.translation_m);
+  json["rpe_rotation_rad"] = statistics(r.rpe.rotation_rad);
+  if (r.shape_difference) json["shape_difference"] = *r.shape_difference;
+  if (r.shape_difference) json["places"] = r.places;
+  return json;
+}
+
+Json classJson(const evaluation::ClassCounts& c) {
+  return {{"f1", c.f1()}, {"right", c.right}, {"missed", c.missed}, {"wrong", c.wrong}};
+}
+
+}  // namespace
+
+std::string table(const Report& report) {
+  std::string text;
+  if (report.map) text += mapTable(report);
+  if (!report.robots.empty()) text += pathTable(report);
+  if (report.kinds) text += kindTable(*report.kinds);
+  for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
+  return text;
+}
+
+std::string metricsJson(const Report& report) {
+  Json json{{"format", "omnifleet-metrics"}, {"version", 1}};
+  if (report.map) json["map"] = mapJson(report);
+  Json paths = Json::object();
+  for (const RobotReport& r : report.robots) paths[r.name] = robotJson(r);
+  json["paths"] = paths;
+  const Overall mean = overall(report);
+  json["paths_mean"] = pathJson(mean.path);
+  json["paths_mean"]["ate_rmse_m"] = mean.ate_m;
+  json["paths_mean"]["robots"] = mean.robots;
+  if (report.kinds) {
+    json["kinds"] = {{"robot", classJson(report.kinds->robot)},
+                     {"obstacle", classJson(report.kinds->obstacle)},
+                     {"phantoms", report.kinds->phantoms}};
+  }
+  return json.dump(2) + "\n";
+}
+
+}  // namespace omnifleet::evaluate
