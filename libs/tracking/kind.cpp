@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kMovedEvidence = 5.0, kPushedEvidence = -1.0, kStillEvidence = -1.0;
 constexpr double kFitEvidence = 3.0, kMisfitEvidence = -4.0;
-constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -3.0;
+constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
 constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
@@ -50,7 +50,7 @@ double shapeLogOdds(const BodyFit& fit, double fit_rms_m) {
 
 bool accountedFor(const Peer& peer, bool matched, const OwnMotion& own, double sight_m) {
   if (!peer.known) return false;
-  return matched || (peer.centre_m - own.odomFromBase().translation()).norm() > sight_m;
+  return matched || peer.in_blob || (peer.centre_m - own.odomFromBase().translation()).norm() > sight_m;
 }
 
 }  // namespace
@@ -148,22 +148,38 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
       const double gate = std::clamp(3.0 * sigma, 0.5 * options_.peer_gate_m, 1.5 * options_.peer_gate_m);
       const double distance = (tracks[t].filter.position() - peers[i].centre_m).norm();
       cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t)) =
-          peers[i].known ? distance / gate : 1e3;
+          peers[i].known && tracks[t].blob >= 0 ? distance / gate : 1e3;
     }
   }
   const std::vector<int> track_of = assign(cost, 1.0);
   for (TrackState& track : tracks) track.evidence.peer = -1;
-  bool all_accounted = true;
+  int missing = 0;  // robots that may be any of the objects nobody claims
   for (std::size_t i = 0; i < peers.size(); ++i) {
     if (track_of[i] >= 0) tracks[static_cast<std::size_t>(track_of[i])].evidence.peer = static_cast<int>(i);
-    all_accounted = all_accounted && accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m);
+    if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) ++missing;
   }
-  const double rate = 1.0 - std::exp(-own.step_s() / kPlaceTime_s);
+  weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
+}
+
+void KindJudge::weighPlaces(std::vector<TrackState>& tracks, int missing, double rate) const {
+  // Those nobody claims, the likeliest robots first: no more of them can be robots than robots are missing.
+  std::vector<TrackState*> unclaimed;
   for (TrackState& track : tracks) {
+    if (track.evidence.peer < 0) unclaimed.push_back(&track);
+  }
+  const auto likelihood = [](const TrackState* track) {
+    return track->evidence.shape + track->evidence.motion;
+  };
+  std::stable_sort(unclaimed.begin(), unclaimed.end(),
+                   [&](const TrackState* a, const TrackState* b) { return likelihood(a) > likelihood(b); });
+  for (TrackState& track : tracks) {
+    const auto place = std::find(unclaimed.begin(), unclaimed.end(), &track) - unclaimed.begin();
+    double target = track.evidence.peer >= 0 ? kPeerHereEvidence
+                    : place < missing        ? 0.0
+                                             : kPeersElsewhereEvidence;
     if (track.blob < 0) continue;
-    const double target = track.evidence.peer >= 0 ? kPeerHereEvidence
-                          : all_accounted          ? kPeersElsewhereEvidence
-                                                   : 0.0;
+    if (track.evidence.motion > 0.0)
+      target = std::max(0.0, target);  // a stranger: not in the fleet, yet it drives
     track.evidence.place += (track.views <= 1 ? 1.0 : rate) * (target - track.evidence.place);
   }
 }

@@ -73,7 +73,7 @@ void Peers::place(Peer& peer, const Last& last, const PoseEstimate& own, const P
   peer.known = peer.covariance.trace() < 2.0 * options_.max_sigma_m * options_.max_sigma_m;
 }
 
-const std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion) {
+std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion) {
   for (const PoseEstimate& pose : poses) remember(pose);
   for (Peer& peer : peers_) peer.known = false;
   const auto own = last_.find(own_);

@@ -27,6 +27,7 @@ struct Peer {
   double heading_rad = 0.0;                                ///< odom
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< odom axes
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
+  bool in_blob = false;  ///< what it would show lies within a blob of this frame: seen, or hidden there
 };
 
 /// Published poses (map) → places in odom now. The poses belong to the previous frame (feedback) or are
@@ -37,7 +38,7 @@ class Peers {
   Peers(const PeerOptions& options, const std::string& own, const std::map<std::string, RobotBody>& bodies);
 
   /// All other robots in the order of their names.
-  const std::vector<Peer>& predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion);
+  std::vector<Peer>& predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion);
   const std::vector<Peer>& all() const { return peers_; }
 
  private:

@@ -76,6 +76,16 @@ void PrismFilter::assumeBody(double mean_radius_m, double height_m, bool round) 
   }
 }
 
+void PrismFilter::placeAt(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps,
+                          const Eigen::Matrix2d& covariance) {
+  covariance_.topRows<4>().setZero();
+  covariance_.leftCols<4>().setZero();
+  state_.head<2>() = position_m;
+  state_.segment<2>(2) = velocity_mps;
+  covariance_.topLeftCorner<2, 2>() = covariance;
+  covariance_.diagonal().segment<2>(2).setConstant(kUnknownVelocity_mps * kUnknownVelocity_mps);
+}
+
 void PrismFilter::predict(double dt_s, bool moving, bool visible, const Eigen::Matrix2d& own_noise) {
   const double tau = !moving ? kStillVelocityDecay_s : kUnseenVelocityDecay_s;
   const double keep = moving && visible ? 1.0 : std::exp(-dt_s / tau);

@@ -54,6 +54,8 @@ class PrismFilter {
   /// Position and velocity stay, a little loosened.
   void assumeBody(double mean_radius_m, double height_m, bool round);
   void forgetShape();
+  void placeAt(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps,
+               const Eigen::Matrix2d& covariance);
 
   Eigen::Vector2d position() const { return state_.head<2>(); }
   Eigen::Vector2d velocity() const { return state_.segment<2>(2); }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <deque>
 #include <string>
 #include <vector>
@@ -37,12 +38,17 @@ struct TrackState {
   TimeNs seen_ns = 0;     ///< last of them
   double unseen_s = 0.0;  ///< since then
   bool hidden = false;    ///< unseen, but something stands before it
+  bool whole =
+      false;  ///< has been seen alone in its blob, or its body is known: its outline can be predicted
+  int alien_frames = 0;   ///< frames in a row in which its blob showed more than is known
   int blob = -1;          ///< index into this frame's objects; −1: not seen
   double age_s = 0.0;     ///< since it was first seen
   bool clean = false;     ///< this frame: alone in its blob, whole, not cut
   View view;              ///< this frame's view; directions that are not its own have σ ≤ 0
   std::deque<View> past;  ///< views of the last seconds, oldest first
-  BodyFit fit;            ///< best known body over this view
+  double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
+
+  BodyFit fit;  ///< best known body over this view
 };
 
 }  // namespace omnifleet::tracking

@@ -24,23 +24,6 @@ Eigen::Matrix2d stepNoise(const OwnMotion& own, const Eigen::Vector2d& arm_m) {
   return axes * c.topLeftCorner<2, 2>() * axes.transpose() + c(2, 2) * across * across.transpose();
 }
 
-double positionSigma(const TrackState& track) {
-  return std::sqrt(0.5 * track.filter.positionCovariance().trace());
-}
-
-void see(TrackState& track, const View& view, const ObjectObservation& object, double history_s) {
-  track.view = view;
-  track.filter.update(view);
-  if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
-  track.seen_ns = view.time_ns;
-  track.unseen_s = 0.0;
-  track.hidden = false;
-  ++track.views;
-  const auto age_s = [&](const View& v) { return static_cast<double>(view.time_ns - v.time_ns) * 1e-9; };
-  while (!track.past.empty() && age_s(track.past.front()) > history_s) track.past.pop_front();
-  if (track.past.empty() || age_s(track.past.back()) > kPastSpacing_s) track.past.push_back(view);
-}
-
 Polygon silhouette(const TrackState& track, const View& view, const Pose2& base_from_odom) {
   std::vector<outline::HalfPlane> planes;
   const Eigen::Vector2d foot = base_from_odom * view.foot_m;
@@ -107,11 +90,11 @@ void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
   }
 }
 
-void Tracker::associate(const LocalMap& local_map, const OwnMotion& own) {
+void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers) {
   lookAt(local_map, own);
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
-    const double gate = options_.gate_m + 2.0 * std::min(0.5, positionSigma(tracks_[t]));
+    const double gate = options_.gate_m + 2.0 * std::min(0.5, tracks_[t].positionSigma());
     for (std::size_t b = 0; b < views_.size(); ++b) {
       cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
           outlineDistance(views_[b], tracks_[t].filter) / gate;
@@ -123,21 +106,9 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own) {
     if (blob_of[t] >= 0) owners_[static_cast<std::size_t>(blob_of[t])].push_back(static_cast<int>(t));
   }
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
-    if (tracks_[t].blob < 0 && tracks_[t].views >= kKnown) joinSwallowing(static_cast<int>(t));
+    if (tracks_[t].blob < 0) joinSwallowing(local_map, static_cast<int>(t));
   }
-}
-
-void Tracker::joinSwallowing(int t) {
-  TrackState& track = tracks_[static_cast<std::size_t>(t)];
-  track.hidden = false;
-  for (std::size_t b = 0; b < views_.size(); ++b) {
-    if (!isSwallowed(views_[b], track.filter, options_.cut_margin_m + std::min(0.1, positionSigma(track))))
-      continue;
-    track.blob = static_cast<int>(b);
-    track.hidden = true;
-    owners_[b].push_back(t);
-    return;
-  }
+  joinPeers(peers);
 }
 
 void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
@@ -149,63 +120,57 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
     }
     const bool merged = owners_[b].size() > 1 || object.solidity < options_.merged_solidity;
     if (owners_[b].empty()) {
-      start(object, b, views_[b], own, !merged && !object.truncated);
+      start(object, b, views_[b], own, !merged);
     } else if (merged) {
       updateMerged(object, b, own);
     } else {
       TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
       track.clean = !object.truncated;
-      see(track, views_[b], object, options_.history_s);
+      track.whole = true;
+      see(track, views_[b], object);
     }
   }
   end();
 }
 
-void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const OwnMotion& own) {
-  split_owners_.clear();
-  for (const int t : owners_[b]) split_owners_.push_back(&tracks_[static_cast<std::size_t>(t)].filter);
-  const int unexplained =
-      splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
-  for (std::size_t i = 0; i < owners_[b].size(); ++i) {
-    TrackState& track = tracks_[static_cast<std::size_t>(owners_[b][i])];
-    if (usableDirections(split_[i]) >= kFewestDirections) {
-      see(track, split_[i], object, options_.history_s);
-    } else {
-      track.blob = -1;
-      track.hidden = true;
-    }
-  }
-  const bool all_known = std::all_of(owners_[b].begin(), owners_[b].end(), [&](int t) {
-    return tracks_[static_cast<std::size_t>(t)].views > kKnown;
-  });
-  if (all_known && unexplained >= 2 * kFewestDirections && object.solidity < options_.merged_solidity) {
-    start(object, b, rest_, own, false);
-  }
+PrismFilter Tracker::fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const {
+  const Eigen::Vector2d foot_in_base = own.odomFromBase().inverse() * view.foot_m;
+  const Eigen::Vector2d outward = (object.contact_m - foot_in_base).stableNormalized();
+  const Eigen::Vector2d guess = object.contact_m + options_.filter.radius_m * outward;
+  return PrismFilter(options_.filter, own.odomFromBase() * guess, view.camera_height_m);
 }
 
 void Tracker::start(const ObjectObservation& object, std::size_t b, const View& view, const OwnMotion& own,
-                    bool clean) {
-  const Eigen::Vector2d foot_in_base = own.odomFromBase().inverse() * view.foot_m;
-  const Eigen::Vector2d outward = object.contact_m - foot_in_base;
-  const double distance = outward.norm();
-  if (!object.contact_m.allFinite() || distance > options_.max_contact_m) return;
-  const Eigen::Vector2d guess =
-      object.contact_m + options_.filter.radius_m * (distance > 1e-6 ? (outward / distance).eval() : outward);
-  tracks_.emplace_back(next_id_++,
-                       PrismFilter(options_.filter, own.odomFromBase() * guess, view.camera_height_m));
+                    bool whole) {
+  if (!object.contact_m.allFinite() || object.contact_m.norm() > options_.max_contact_m) return;
+  tracks_.emplace_back(next_id_++, fresh(object, view, own));
   TrackState& track = tracks_.back();
   track.blob = static_cast<int>(b);
-  track.clean = clean;
+  track.clean = whole && !object.truncated;
+  track.whole = whole;
   track.moving = true;
   owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
-  see(track, view, object, options_.history_s);
+  see(track, view, object);
+}
+
+void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
+  track.view = view;
+  track.filter.update(view);
+  if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
+  track.seen_ns = view.time_ns;
+  track.unseen_s = 0.0;
+  track.hidden = false;
+  ++track.views;
+  const auto age_s = [&](const View& v) { return static_cast<double>(view.time_ns - v.time_ns) * 1e-9; };
+  while (!track.past.empty() && age_s(track.past.front()) > options_.history_s) track.past.pop_front();
+  if (track.past.empty() || age_s(track.past.back()) > kPastSpacing_s) track.past.push_back(view);
 }
 
 void Tracker::end() {
   const auto lost = [&](const TrackState& track) {
-    const double keep = track.views < kKnown ? options_.keep_new_s
-                        : track.hidden       ? options_.keep_hidden_s
-                                             : options_.keep_s;
+    const double keep = track.views < kKnown || !track.whole ? options_.keep_new_s
+                        : track.hidden                       ? options_.keep_hidden_s
+                                                             : options_.keep_s;
     return track.unseen_s > keep;
   };
   // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.

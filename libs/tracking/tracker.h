@@ -36,7 +36,9 @@ class Tracker {
   /// Which blob is which track: Hungarian over the typical distance between the blob's outline and the
   /// outline that the track should show from here. Tracks left over that another's blob has swallowed join
   /// it.
-  void associate(const LocalMap& local_map, const OwnMotion& own);
+  /// A peer whose published place lies within a merged blob, where no track is, starts one. Sets
+  /// Peer::in_blob.
+  void associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers);
   /// Filters take in the directions that are their own, new tracks start, lost ones end.
   void update(const LocalMap& local_map, const OwnMotion& own);
 
@@ -48,10 +50,16 @@ class Tracker {
 
  private:
   void lookAt(const LocalMap& local_map, const OwnMotion& own);
-  void joinSwallowing(int track);
+  void joinSwallowing(const LocalMap& local_map, int track);
+  void joinPeers(std::vector<Peer>& peers);
+  void startPeer(const Peer& peer, std::size_t blob);
   void updateMerged(const ObjectObservation& object, std::size_t blob, const OwnMotion& own);
+  void updateRest(const ObjectObservation& object, std::size_t blob, const OwnMotion& own, int vague,
+                  int alien);
+  PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
-             bool clean);
+             bool whole);
+  void see(TrackState& track, const View& view, const ObjectObservation& object);
   void end();
 
   TrackerOptions options_;
@@ -60,6 +68,7 @@ class Tracker {
   std::vector<View> views_;               ///< of this frame's blobs
   std::vector<std::vector<int>> owners_;  ///< tracks in each blob
   Eigen::MatrixXd cost_;
+  std::vector<int> known_owners_;
   std::vector<const PrismFilter*> split_owners_;
   std::vector<View> split_;
   View rest_;

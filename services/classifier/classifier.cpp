@@ -52,9 +52,9 @@ const Objects& Classifier::process(const LocalMap& local_map, const std::vector<
   } else {
     tracker_.unsee();
   }
-  const std::vector<tracking::Peer>& peers = peers_.predict(poses, own_motion_);
+  std::vector<tracking::Peer>& peers = peers_.predict(poses, own_motion_);
   if (seeing) {
-    tracker_.associate(local_map, own_motion_);
+    tracker_.associate(local_map, own_motion_, peers);
     tracker_.update(local_map, own_motion_);
     judge_.judge(tracker_.tracks(), peers, local_map, own_motion_);
   }

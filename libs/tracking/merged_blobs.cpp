@@ -1,0 +1,151 @@
+// The part of Tracker that deals with blobs in which several objects have run together.
+
+#include <algorithm>
+#include <cmath>
+
+#include "tracking/outline_split.h"
+#include "tracking/tracker.h"
+
+namespace omnifleet::tracking {
+namespace {
+
+constexpr int kFewestDirections = 8;
+constexpr double kAlien_m = 0.04;      // an outline this far outside of the expected one is somebody else's
+constexpr double kExplained_m = 0.02;  // a blob whose outline is as expected hides things but is cut by none
+constexpr double kMostLeeway_m = 0.10;
+constexpr double kPeerTracked_m =
+    0.25;  // a track this near to a peer's place is that peer, or stands in its way
+constexpr double kLikeRadius_m = 0.06;
+constexpr double kOverlap_m = 0.05;
+constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
+
+/// Outline that `body` at the peer's place would show lies within the blob's.
+bool isSwallowed(const View& view, const Peer& peer, double margin_m) {
+  int inside = 0, all = 0;
+  const double ratio =
+      view.camera_height_m > 0.0 ? std::max(0.03, 1.0 - peer.body.height() / view.camera_height_m) : 1.0;
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    if (!view.usable(k)) continue;
+    const double predicted = peer.body.predictedSupport(view, k, peer.centre_m, peer.heading_rad);
+    ++all;
+    inside += (predicted - view.supports.b_m[k]) * (predicted < 0.0 ? 1.0 : ratio) < margin_m ? 1 : 0;
+  }
+  return all >= kFewestDirections && inside >= 0.9 * all;
+}
+
+bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
+  const double apart = (track.filter.position() - peer.centre_m).norm();
+  return track.whole && apart < gate_m &&
+         (track.kind == ObjectKind::kRobot ||
+          std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
+}
+
+}  // namespace
+
+void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
+  TrackState& track = tracks_[static_cast<std::size_t>(t)];
+  track.hidden = false;
+  if (!track.whole) return;
+  const double margin = options_.cut_margin_m + std::min(kMostLeeway_m, track.positionSigma());
+  for (std::size_t b = 0; b < views_.size(); ++b) {
+    if (!tracking::isSwallowed(views_[b], track.filter, margin)) continue;
+    track.hidden = true;
+    const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
+    const bool explained =
+        whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
+          return outlineDistance(views_[b], tracks_[static_cast<std::size_t>(owner)].filter) < kExplained_m;
+        });
+    if (explained) return;
+    track.blob = static_cast<int>(b);
+    owners_[b].push_back(t);
+    return;
+  }
+}
+
+void Tracker::joinPeers(std::vector<Peer>& peers) {
+  for (Peer& peer : peers) {
+    peer.in_blob = false;
+    if (!peer.known) continue;
+    const double sigma = std::sqrt(0.5 * peer.covariance.trace());
+    const bool tracked = std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
+      return isPeer(track, peer, kPeerTracked_m + 2.0 * sigma);
+    });
+    for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
+      if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
+      peer.in_blob = true;
+      if (!tracked) startPeer(peer, b);
+    }
+  }
+}
+
+void Tracker::startPeer(const Peer& peer, std::size_t b) {
+  for (const int t : owners_[b]) {
+    TrackState& other = tracks_[static_cast<std::size_t>(t)];
+    const double apart = (other.filter.position() - peer.centre_m).norm();
+    // Two bodies cannot stand in one place: what seemed one object is the peer and something else.
+    if (apart < other.filter.radius() + peer.body.meanRadius() - kOverlap_m) other.whole = false;
+  }
+  PrismFilter filter(options_.filter, peer.centre_m, views_[b].camera_height_m);
+  filter.assumeBody(peer.body.meanRadius(), peer.body.height(), peer.body.round());
+  filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
+  tracks_.emplace_back(next_id_++, filter);
+  TrackState& track = tracks_.back();
+  track.blob = static_cast<int>(b);
+  track.whole = true;
+  track.moving = true;
+  owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
+}
+
+void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const OwnMotion& own) {
+  split_owners_.clear();
+  known_owners_.clear();
+  int vague = -1;  // has only ever been seen as part of a blob
+  for (const int t : owners_[b]) {
+    const TrackState& track = tracks_[static_cast<std::size_t>(t)];
+    if (!track.whole) vague = t;
+    if (!track.whole) continue;
+    known_owners_.push_back(t);
+    split_owners_.push_back(&track.filter);
+  }
+  if (known_owners_.empty()) {
+    see(tracks_[static_cast<std::size_t>(vague)], views_[b], object);
+    return;
+  }
+  const int alien = splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
+  for (std::size_t i = 0; i < known_owners_.size(); ++i) {
+    TrackState& track = tracks_[static_cast<std::size_t>(known_owners_[i])];
+    if (usableDirections(split_[i]) >= kFewestDirections) {
+      see(track, split_[i], object);
+    } else {
+      track.blob = -1;
+      track.hidden = true;
+    }
+  }
+  updateRest(object, b, own, vague, alien);
+}
+
+void Tracker::updateRest(const ObjectObservation& object, std::size_t b, const OwnMotion& own, int vague,
+                         int alien) {
+  const bool enough = alien >= 2 * kFewestDirections && object.solidity < options_.merged_solidity;
+  if (vague >= 0) {
+    TrackState& track = tracks_[static_cast<std::size_t>(vague)];
+    if (alien < kFewestDirections) {
+      track.blob = -1;
+      return;
+    }
+    track.filter = fresh(object, rest_, own);  // so far it stood for all that is in the blob
+    track.past.clear();
+    track.evidence = KindEvidence{};
+    track.whole = true;
+    see(track, rest_, object);
+    return;
+  }
+  TrackState& first = tracks_[static_cast<std::size_t>(known_owners_.front())];
+  first.alien_frames = enough ? first.alien_frames + 1 : 0;
+  if (first.alien_frames < kAlienFrames) return;
+  first.alien_frames = 0;
+  start(object, b, rest_, own, false);
+  tracks_.back().whole = true;
+}
+
+}  // namespace omnifleet::tracking
