@@ -17,6 +17,7 @@ SupportFunction::Value SupportFunction::at(double angle_rad) const {
   const std::size_t j = (i + 1) % b_m.size();
   const auto usable = [&](std::size_t n) { return std::isfinite(b_m[n]) && std::isfinite(sigma_m[n]) && sigma_m[n] > 0; };
   const double beyond = (turns - std::floor(turns)) * step;
+  if (step - beyond < 1e-9) return usable(j) ? Value{b_m[j], sigma_m[j]} : Value{kNan, kNan};
   if (beyond < 1e-9) return usable(i) ? Value{b_m[i], sigma_m[i]} : Value{kNan, kNan};
   if (!usable(i) || !usable(j)) return {kNan, kNan};
   const double b = (b_m[i] * std::sin(step - beyond) + b_m[j] * std::sin(beyond)) / std::sin(step);

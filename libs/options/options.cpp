@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <system_error>
 
 namespace omnifleet::options {
 namespace {
@@ -41,6 +43,8 @@ std::string shown(Range range) {
 Section Section::load(const std::string& path) {
   Section section;
   try {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored)) throw YAML::BadFile(path);
     section.layers_.push_back({loadMapping(YAML::LoadFile(path), path), path});
   } catch (const YAML::BadFile&) {
     throw Error(fmt::format("{}: cannot be read (does the file exist?)", path));
