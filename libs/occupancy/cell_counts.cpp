@@ -1,0 +1,203 @@
+#include "occupancy/cell_counts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+namespace omnifleet::occupancy {
+namespace {
+
+std::int32_t logOdds(double probability) {
+  return static_cast<std::int32_t>(std::lround(std::log(probability / (1.0 - probability)) * 65536.0));
+}
+
+template <typename Integer>
+void put(std::string& bytes, Integer value) {
+  auto rest = static_cast<std::uint64_t>(value);
+  for (std::size_t i = 0; i < sizeof(Integer); ++i, rest >>= 8U)
+    bytes.push_back(static_cast<char>(rest & 0xFFU));
+}
+
+bool isEmptyRow(const std::uint8_t* row) {
+  std::uint64_t words[2];
+  static_assert(sizeof(words) == kChunk);
+  std::memcpy(words, row, sizeof(words));
+  return (words[0] | words[1]) == 0;
+}
+
+}  // namespace
+
+CellCounts::CellCounts(const OccupancyOptions& options)
+    : log_hit_(logOdds(options.probability_hit)),
+      log_miss_(logOdds(options.probability_miss)),
+      log_min_(logOdds(options.clamp_min)),
+      log_max_(logOdds(options.clamp_max)),
+      resolution_dmm_(std::llround(options.resolution_m * 1e4)),
+      bucket_ns_(std::llround(options.bucket_s * 1e9)) {}
+
+std::uint64_t CellCounts::keyOf(std::int64_t x, std::int64_t y) {
+  return (static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32U) | static_cast<std::uint32_t>(y);
+}
+
+CellCounts::Chunk& CellCounts::chunkAt(std::int64_t x, std::int64_t y) {
+  auto& chunk = chunks_[keyOf(x, y)];
+  if (!chunk) {
+    chunk = std::make_unique<Chunk>();
+    chunk->x = x;
+    chunk->y = y;
+  }
+  return *chunk;
+}
+
+/// Index of the bucket's layer; a new one takes over the fold of the one before it.
+std::size_t CellCounts::layerFor(Chunk& chunk, std::int64_t bucket) {
+  auto& layers = chunk.layers;
+  std::size_t i = layers.size();
+  while (i > 0 && layers[i - 1]->bucket > bucket) --i;
+  if (i > 0 && layers[i - 1]->bucket == bucket) return i - 1;
+  auto layer = std::make_unique<Layer>();
+  layer->bucket = bucket;
+  if (i > 0) {
+    for (std::size_t c = 0; c < kCells; ++c) layer->count[c].folded = layers[i - 1]->count[c].folded;
+  }
+  layers.insert(layers.begin() + static_cast<std::ptrdiff_t>(i), std::move(layer));
+  return i;
+}
+
+void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int misses,
+                        const OnChange& changed) {
+  const auto c = static_cast<std::size_t>(cell);
+  auto& layers = chunk.layers;
+  Count& count = layers[layer]->count[c];
+  count.hits += static_cast<std::uint32_t>(hits);  // unsigned: adding −1 takes one away
+  count.misses += static_cast<std::uint32_t>(misses);
+  chunk.total[c] += static_cast<std::uint32_t>(hits + misses);
+  std::int64_t folded = layer > 0 ? layers[layer - 1]->count[c].folded : 0;
+  for (std::size_t i = layer; i < layers.size(); ++i) {
+    Count& at = layers[i]->count[c];
+    folded = std::clamp<std::int64_t>(
+        folded + std::int64_t{at.hits} * log_hit_ + std::int64_t{at.misses} * log_miss_, log_min_, log_max_);
+    if (at.folded == folded && i > layer) break;  // the later ones stay as they are
+    at.folded = static_cast<std::int32_t>(folded);
+  }
+  const bool is_known = chunk.total[c] > 0;
+  const CellClass now = !is_known                             ? CellClass::kUnknown
+                        : layers.back()->count[c].folded >= 0 ? CellClass::kOccupied
+                                                              : CellClass::kFree;
+  if (now == chunk.cell_class[c]) return;
+  if (chunk.cell_class[c] == CellClass::kUnknown) ++known_;
+  if (!is_known) --known_;
+  chunk.cell_class[c] = now;
+  changed(chunk.x * kChunk + cell % kChunk, chunk.y * kChunk + cell / kChunk, now);
+}
+
+void CellCounts::apply(const RayWindow& window, std::int64_t bucket, int sign, std::uint8_t mask_bit,
+                       const OnChange& changed) {
+  for (int j = 0; j < window.chunksAcross(); ++j) {
+    for (int i = 0; i < window.chunksAcross(); ++i) {
+      Chunk* chunk = nullptr;
+      std::size_t layer = 0;
+      for (int row = 0; row < kChunk; ++row) {
+        const std::uint8_t* marks = window.row(i, j, row);
+        if (isEmptyRow(marks)) continue;
+        for (int column = 0; column < kChunk; ++column) {
+          const std::uint8_t mark = marks[column];
+          if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || (mark & mask_bit) != 0) continue;
+          if (chunk == nullptr) {
+            chunk = &chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
+            layer = layerFor(*chunk, bucket);
+            chunk->is_digested = false;
+          }
+          const bool hit = (mark & RayWindow::kHit) != 0;
+          change(*chunk, layer, row * kChunk + column, hit ? sign : 0, hit ? 0 : sign, changed);
+        }
+      }
+    }
+  }
+}
+
+void CellCounts::exchangeMasks(const RayWindow& window, std::int64_t bucket, const OnChange& changed) {
+  constexpr std::uint8_t kBoth = RayWindow::kMaskA | RayWindow::kMaskB;
+  for (int j = 0; j < window.chunksAcross(); ++j) {
+    for (int i = 0; i < window.chunksAcross(); ++i) {
+      for (int row = 0; row < kChunk; ++row) {
+        const std::uint8_t* marks = window.row(i, j, row);
+        if (isEmptyRow(marks)) continue;
+        for (int column = 0; column < kChunk; ++column) {
+          const std::uint8_t mark = marks[column], masks = mark & kBoth;
+          if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || masks == 0 || masks == kBoth) continue;
+          Chunk& chunk = chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
+          chunk.is_digested = false;
+          const int sign = masks == RayWindow::kMaskA ? 1 : -1;
+          const bool hit = (mark & RayWindow::kHit) != 0;
+          change(chunk, layerFor(chunk, bucket), row * kChunk + column, hit ? sign : 0, hit ? 0 : sign,
+                 changed);
+        }
+      }
+    }
+  }
+}
+
+CellClass CellCounts::at(std::int64_t x, std::int64_t y) const {
+  const std::int64_t chunk_x = floorDivide(x, kChunk), chunk_y = floorDivide(y, kChunk);
+  const auto found = chunks_.find(keyOf(chunk_x, chunk_y));
+  if (found == chunks_.end()) return CellClass::kUnknown;
+  return found->second
+      ->cell_class[static_cast<std::size_t>((y - chunk_y * kChunk) * kChunk + x - chunk_x * kChunk)];
+}
+
+std::vector<const CellCounts::Chunk*> CellCounts::inOrder() const {
+  std::vector<const Chunk*> all;
+  all.reserve(chunks_.size());
+  for (const auto& [key, chunk] : chunks_) all.push_back(chunk.get());
+  std::sort(all.begin(), all.end(),
+            [](const Chunk* a, const Chunk* b) { return a->y < b->y || (a->y == b->y && a->x < b->x); });
+  return all;
+}
+
+void CellCounts::forEachKnown(const std::function<void(std::int64_t, std::int64_t, CellClass)>& visit) const {
+  for (const Chunk* chunk : inOrder()) {
+    for (int c = 0; c < kCells; ++c) {
+      const CellClass now = chunk->cell_class[static_cast<std::size_t>(c)];
+      if (now != CellClass::kUnknown)
+        visit(chunk->x * kChunk + c % kChunk, chunk->y * kChunk + c / kChunk, now);
+    }
+  }
+}
+
+/// SHA-256 of (bucket, cell, hits, misses) of all counts that are not zero; all zeros where there are none.
+Sha256 CellCounts::digestOf(const Chunk& chunk) {
+  std::string bytes;
+  for (const auto& layer : chunk.layers) {
+    for (std::size_t c = 0; c < kCells; ++c) {
+      const Count& count = layer->count[c];
+      if (count.hits == 0 && count.misses == 0) continue;
+      put(bytes, layer->bucket);
+      put(bytes, static_cast<std::uint16_t>(c));
+      put(bytes, count.hits);
+      put(bytes, count.misses);
+    }
+  }
+  return bytes.empty() ? Sha256{} : sha256(bytes);
+}
+
+Sha256 CellCounts::hash() const {
+  std::string bytes = "omnifleet-map-1";
+  put(bytes, resolution_dmm_);
+  put(bytes, bucket_ns_);
+  for (const std::int32_t parameter : {log_hit_, log_miss_, log_min_, log_max_}) put(bytes, parameter);
+  for (const Chunk* chunk : inOrder()) {
+    if (!chunk->is_digested) {
+      chunk->digest = digestOf(*chunk);
+      chunk->is_digested = true;
+    }
+    if (chunk->digest == Sha256{}) continue;
+    put(bytes, chunk->x);
+    put(bytes, chunk->y);
+    bytes.append(chunk->digest.begin(), chunk->digest.end());
+  }
+  return sha256(bytes);
+}
+
+}  // namespace omnifleet::occupancy

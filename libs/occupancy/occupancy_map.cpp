@@ -1,0 +1,298 @@
+#include "occupancy/occupancy_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+
+#include "occupancy/body_mask.h"
+#include "occupancy/cell_counts.h"
+#include "occupancy/layer_octree.h"
+#include "occupancy/ray_window.h"
+#include "occupancy/robot_paths.h"
+#include "occupancy/track_kinds.h"
+
+namespace omnifleet::occupancy {
+
+OccupancyOptions OccupancyOptions::read(const options::Section& section) {
+  OccupancyOptions o;
+  section.read("resolution_m", o.resolution_m, {0.005, 1.0});
+  section.read("max_range_m", o.max_range_m, {0.1, 30.0});
+  section.read("bucket_s", o.bucket_s, {0.01, 3600.0});
+  section.read("probability_hit", o.probability_hit, {0.501, 0.999});
+  section.read("probability_miss", o.probability_miss, {0.001, 0.499});
+  section.read("clamp_min", o.clamp_min, {0.001, 0.499});
+  section.read("clamp_max", o.clamp_max, {0.501, 0.999});
+  section.read("robot_margin_m", o.robot_margin_m, {0.0, 1.0});
+  section.read("hold_s", o.hold_s, {0.0, 60.0});
+  section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
+  section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
+  section.read("unknown_is_hit", o.unknown_is_hit);
+  if (std::abs(o.resolution_m * 1e4 - std::round(o.resolution_m * 1e4)) > 1e-6) {
+    section.fail("resolution_m", "must be a multiple of 0.0001");
+  }
+  section.finish();
+  return o;
+}
+
+class OccupancyMap::Impl {
+ public:
+  Impl(const OccupancyOptions& given, const std::map<std::string, RobotBody>& bodies)
+      : options(given),
+        resolution_dmm(static_cast<std::int32_t>(std::lround(given.resolution_m * 1e4))),
+        bucket_ns(std::llround(given.bucket_s * 1e9)),
+        cells(given),
+        octree(given.resolution_m),
+        paths(store, std::llround(given.hold_s * 1e9), std::llround(given.max_gap_s * 1e9)),
+        window(resolution_dmm, static_cast<std::int32_t>(std::lround(given.max_range_m * 1e4))),
+        default_mask(maskOf(RobotBody{})) {
+    for (const auto& [robot, body] : bodies) masks.emplace(robot, maskOf(body));
+    on_change = [this](std::int64_t x, std::int64_t y, CellClass) { changed.emplace_back(x, y); };
+  }
+
+  bool add(const Contribution& contribution);
+  bool add(const KeyframePose& pose);
+  void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given);
+
+  /// How a contribution stands in the cells; empty: not at all.
+  struct Applied {
+    std::shared_ptr<const Contribution> contribution;
+    Standing at;
+    std::vector<RayRole> roles;
+    std::vector<std::pair<std::string, Standing>> robots;  ///< those that cover cells, in order of name
+  };
+
+  OccupancyOptions options;
+  std::int32_t resolution_dmm;
+  std::int64_t bucket_ns;
+  ContributionStore store;
+  TrackKinds kinds;
+  CellCounts cells;
+  LayerOctree octree;
+  bool is_octree_stale = false;                                ///< a cell became unknown again
+  std::vector<std::pair<std::int64_t, std::int64_t>> changed;  ///< cells that changed class in this refresh
+  RobotPaths paths;
+  RayWindow window;
+  std::map<std::string, BodyMask> masks;
+  BodyMask default_mask;
+  std::map<std::pair<std::string, TimeNs>, Applied> applied;
+  CellCounts::OnChange on_change;
+  std::uint64_t class_changes = 0;
+
+  const LayerOctree& freshOctree();
+
+ private:
+  BodyMask maskOf(const RobotBody& body) const {
+    // A cell counts as under the robot when any of it is: half a diagonal more.
+    return {body, options.robot_margin_m + 0.5 * std::sqrt(2.0) * options.resolution_m,
+            options.default_radius_m};
+  }
+  const BodyMask& maskOf(const std::string& robot) const {
+    const auto found = masks.find(robot);
+    return found == masks.end() ? default_mask : found->second;
+  }
+  std::optional<Applied> wanted(const std::string& robot, TimeNs time_ns) const;
+  void refresh(const std::string& robot, TimeNs time_ns);
+  void refreshBetween(TimeNs first_ns, TimeNs last_ns);
+  void refreshAll(const std::string& robot);
+  bool bring(const std::optional<Applied>& now, Applied& old);
+  void enter(const Applied& what, int sign);
+  void writeChanged();
+  void coverAll(const Applied& what, std::uint8_t bit);
+  std::int64_t bucketOf(const Applied& what) const {
+    return floorDivide(what.contribution->acquired_ns, bucket_ns);
+  }
+};
+
+bool OccupancyMap::Impl::add(const Contribution& contribution) {
+  const auto* before = store.find(contribution.robot, contribution.acquired_ns);
+  const bool replaces = before != nullptr && before->contribution != nullptr;
+  if (!store.add(contribution)) return false;
+  if (replaces) {  // two different ones of one name: what the tracks are is gathered anew
+    kinds = kinds.rebuilt(store);
+    for (const auto& [robot, path] : store.robots()) refreshAll(robot);
+  } else if (kinds.learn(contribution)) {
+    refreshAll(contribution.robot);
+  }
+  refresh(contribution.robot, contribution.acquired_ns);
+  return true;
+}
+
+bool OccupancyMap::Impl::add(const KeyframePose& pose) {
+  if (!store.add(pose)) return false;
+  const auto [first_ns, last_ns] = paths.influence(pose.robot, pose.acquired_ns);
+  refreshBetween(first_ns, last_ns);
+  return true;
+}
+
+void OccupancyMap::Impl::judge(
+    const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given) {
+  for (const auto& robot : kinds.judge(kinds_given)) refreshAll(robot);
+}
+
+/// What the sets say about one contribution; nothing while it or its valid pose is missing.
+std::optional<OccupancyMap::Impl::Applied> OccupancyMap::Impl::wanted(const std::string& robot,
+                                                                      TimeNs time_ns) const {
+  const auto* keyframe = store.find(robot, time_ns);
+  if (keyframe == nullptr || !keyframe->contribution) return std::nullopt;
+  const auto at = standingOf(keyframe->pose);
+  if (!at) return std::nullopt;
+  Applied what;
+  what.contribution = keyframe->contribution;
+  what.at = *at;
+  what.roles = rolesOf(*keyframe->contribution, keyframe->pose->sightings, kinds, options.unknown_is_hit);
+  for (const auto& [other, path] : store.robots()) {
+    const auto standing = paths.at(other, time_ns);
+    if (standing && window.isNear(maskOf(other), *standing, *what.contribution, what.at)) {
+      what.robots.emplace_back(other, *standing);
+    }
+  }
+  return what;
+}
+
+/// Brings the cells to what the sets say about one contribution.
+void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
+  const auto now = wanted(robot, time_ns);
+  const auto found = applied.find({robot, time_ns});
+  if (found == applied.end()) {
+    if (!now) return;
+    enter(*now, 1);
+    applied.emplace(std::pair{robot, time_ns}, *now);
+  } else if (!bring(now, found->second)) {
+    applied.erase(found);
+  }
+  writeChanged();
+}
+
+/// Takes out, moves, or only exchanges what robots cover. False when nothing of it stays.
+bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) {
+  const bool same_rays =
+      now && old.contribution == now->contribution && old.at == now->at && old.roles == now->roles;
+  if (same_rays && old.robots == now->robots) return true;
+  if (same_rays) {
+    window.draw(*old.contribution, old.at, old.roles);
+    coverAll(old, RayWindow::kMaskA);
+    coverAll(*now, RayWindow::kMaskB);
+    cells.exchangeMasks(window, bucketOf(old), on_change);
+  } else {
+    enter(old, -1);
+    if (now) enter(*now, 1);
+  }
+  if (now) old = *now;
+  return now.has_value();
+}
+
+void OccupancyMap::Impl::writeChanged() {
+  for (const auto& [x, y] : changed) {
+    const CellClass now = cells.at(x, y);
+    ++class_changes;
+    if (now == CellClass::kUnknown) {
+      is_octree_stale = true;
+    } else {
+      octree.set(x, y, now);
+    }
+  }
+  changed.clear();
+}
+
+const LayerOctree& OccupancyMap::Impl::freshOctree() {
+  if (is_octree_stale) {
+    octree = LayerOctree(options.resolution_m);
+    cells.forEachKnown([this](std::int64_t x, std::int64_t y, CellClass now) { octree.set(x, y, now); });
+    is_octree_stale = false;
+  }
+  return octree;
+}
+
+void OccupancyMap::Impl::refreshBetween(TimeNs first_ns, TimeNs last_ns) {
+  for (const auto& [robot, path] : store.robots()) {
+    for (auto it = path.lower_bound(first_ns); it != path.end() && it->first <= last_ns; ++it) {
+      refresh(robot, it->first);
+    }
+  }
+}
+
+void OccupancyMap::Impl::refreshAll(const std::string& robot) {
+  const auto* path = store.find(robot);
+  if (path == nullptr) return;
+  for (const auto& [time_ns, keyframe] : *path) refresh(robot, time_ns);
+}
+
+void OccupancyMap::Impl::coverAll(const Applied& what, std::uint8_t bit) {
+  for (const auto& [robot, standing] : what.robots) window.cover(maskOf(robot), standing, bit);
+}
+
+void OccupancyMap::Impl::enter(const Applied& what, int sign) {
+  window.draw(*what.contribution, what.at, what.roles);
+  coverAll(what, RayWindow::kMaskA);
+  cells.apply(window, bucketOf(what), sign, RayWindow::kMaskA, on_change);
+}
+
+OccupancyMap::OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies)
+    : impl_(std::make_unique<Impl>(options, bodies)) {}
+OccupancyMap::~OccupancyMap() = default;
+OccupancyMap::OccupancyMap(OccupancyMap&&) noexcept = default;
+OccupancyMap& OccupancyMap::operator=(OccupancyMap&&) noexcept = default;
+
+bool OccupancyMap::add(const Contribution& contribution) {
+  return impl_->add(contribution);
+}
+bool OccupancyMap::add(const KeyframePose& pose) {
+  return impl_->add(pose);
+}
+void OccupancyMap::judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
+  impl_->judge(kinds);
+}
+const ContributionStore& OccupancyMap::store() const {
+  return impl_->store;
+}
+std::uint64_t OccupancyMap::classChanges() const {
+  return impl_->class_changes;
+}
+std::string OccupancyMap::octreeBytes() const {
+  return impl_->freshOctree().bytes();
+}
+std::array<std::uint8_t, 32> OccupancyMap::hash() const {
+  return impl_->cells.hash();
+}
+
+CellClass OccupancyMap::at(const Eigen::Vector2d& point_m) const {
+  if (!point_m.allFinite() || point_m.cwiseAbs().maxCoeff() > 1e6) return CellClass::kUnknown;
+  const Eigen::Vector2d cell = point_m / impl_->options.resolution_m;
+  return impl_->cells.at(static_cast<std::int64_t>(std::floor(cell.x())),
+                         static_cast<std::int64_t>(std::floor(cell.y())));
+}
+
+dataset::OccupancyGrid OccupancyMap::grid() const {
+  dataset::OccupancyGrid grid;
+  grid.resolution_m = impl_->options.resolution_m;
+  if (impl_->cells.known() == 0) return grid;
+  constexpr std::int64_t kFar = std::int64_t{1} << 40U;
+  std::int64_t x_low = kFar, y_low = kFar, x_high = -kFar, y_high = -kFar;
+  impl_->cells.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass) {
+    x_low = std::min(x_low, x), x_high = std::max(x_high, x);
+    y_low = std::min(y_low, y), y_high = std::max(y_high, y);
+  });
+  grid.width = static_cast<int>(x_high - x_low + 1);
+  grid.height = static_cast<int>(y_high - y_low + 1);
+  grid.origin_m = Eigen::Vector2d(static_cast<double>(x_low), static_cast<double>(y_low)) * grid.resolution_m;
+  grid.cells.assign(static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height),
+                    std::int8_t{-1});
+  impl_->cells.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass now) {
+    const auto index = static_cast<std::size_t>((y - y_low) * grid.width + (x - x_low));
+    grid.cells[index] = now == CellClass::kOccupied ? std::int8_t{100} : std::int8_t{0};
+  });
+  return grid;
+}
+
+std::string hexText(const std::array<std::uint8_t, 32>& bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const std::uint8_t byte : bytes) {
+    text += kDigits[byte >> 4U];
+    text += kDigits[byte & 15U];
+  }
+  return text;
+}
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,100 @@
+#include "occupancy/ray_window.h"
+
+#include <algorithm>
+
+namespace omnifleet::occupancy {
+
+PointDmm scanOrigin(const Contribution& contribution, const Standing& at) {
+  const PointDmm offset = rotate(directionOf(turnFromDmrad(at.theta_dmrad)), contribution.scan_origin);
+  return {at.position.x_dmm + offset.x_dmm, at.position.y_dmm + offset.y_dmm};
+}
+
+RayWindow::RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm)
+    : resolution_(resolution_dmm), max_range_(max_range_dmm) {
+  const int radius = max_range_dmm / resolution_dmm + 2;
+  chunks_ = (2 * radius + kChunk - 1) / kChunk + 1;
+  width_ = chunks_ * kChunk;
+  marks_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(width_));
+}
+
+void RayWindow::draw(const Contribution& contribution, const Standing& at,
+                     const std::vector<RayRole>& roles) {
+  std::fill(marks_.begin(), marks_.end(), std::uint8_t{0});
+  const PointDmm origin = scanOrigin(contribution, at);
+  const std::int64_t radius = max_range_ / resolution_ + 2;
+  first_x_ = floorDivide(floorDivide(origin.x_dmm, resolution_) - radius, kChunk) * kChunk;
+  first_y_ = floorDivide(floorDivide(origin.y_dmm, resolution_) - radius, kChunk) * kChunk;
+  const Turn heading = turnFromDmrad(at.theta_dmrad);
+  const auto count = static_cast<std::uint32_t>(roles.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    RayRole role = roles[i];
+    if (role == RayRole::kNone) continue;
+    std::int64_t range = contribution.range_dmm[i];
+    if (range > max_range_) {
+      range = max_range_;
+      role = RayRole::kFree;
+    }
+    const Direction d = directionOf(heading + turnOfBearing(i, count));
+    drawRay(origin,
+            {static_cast<std::int32_t>(origin.x_dmm + roundQ30(range * d.cos_q30)),
+             static_cast<std::int32_t>(origin.y_dmm + roundQ30(range * d.sin_q30))},
+            role);
+  }
+}
+
+void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, RayRole role) {
+  // Lengths from here on relative to the window, so never negative.
+  const std::int64_t left = first_x_ * resolution_, low = first_y_ * resolution_;
+  const std::int64_t x0 = from.x_dmm - left, y0 = from.y_dmm - low, x1 = to.x_dmm - left, y1 = to.y_dmm - low;
+  const std::int64_t cell_x = x0 / resolution_, cell_y = y0 / resolution_;
+  const std::int64_t dx = std::abs(x1 - x0), dy = std::abs(y1 - y0);
+  const std::int64_t steps = std::abs(x1 / resolution_ - cell_x) + std::abs(y1 / resolution_ - cell_y);
+  // Time to the next border, times dx·dy: crossing x costs (distance to it)·dy, crossing y (distance to
+  // it)·dx.
+  const std::int64_t in_x = x0 - cell_x * resolution_, in_y = y0 - cell_y * resolution_;
+  std::int64_t next_x = (x1 >= x0 ? resolution_ - in_x : in_x + 1) * dy;
+  std::int64_t next_y = (y1 >= y0 ? resolution_ - in_y : in_y + 1) * dx;
+  const std::int64_t add_x = resolution_ * dy, add_y = resolution_ * dx;
+  const std::int64_t step_x = x1 >= x0 ? 1 : -1,
+                     step_y = (y1 >= y0 ? 1 : -1) * static_cast<std::int64_t>(width_);
+  std::uint8_t* cell = &marks_[static_cast<std::size_t>(cell_y * width_ + cell_x)];
+  for (std::int64_t i = 0; i < steps; ++i) {
+    *cell |= kMiss;
+    const bool across_x = next_x < next_y;
+    cell += across_x ? step_x : step_y;
+    next_x += across_x ? add_x : 0;
+    next_y += across_x ? 0 : add_y;
+  }
+  if (role == RayRole::kHit) *cell |= kHit;
+  if (role == RayRole::kFree) *cell |= kMiss;
+}
+
+void RayWindow::cover(const BodyMask& body, const Standing& at, std::uint8_t bit) {
+  const Direction d = directionOf(turnFromDmrad(at.theta_dmrad));
+  const auto range = [&](std::int64_t centre, std::int64_t first) {
+    const std::int64_t low = floorDivide(centre - body.reachDmm(), resolution_) - first;
+    const std::int64_t high = floorDivide(centre + body.reachDmm(), resolution_) - first;
+    return std::pair{std::max<std::int64_t>(low, 0), std::min<std::int64_t>(high, width_ - 1)};
+  };
+  const auto [x_low, x_high] = range(at.position.x_dmm, first_x_);
+  const auto [y_low, y_high] = range(at.position.y_dmm, first_y_);
+  for (std::int64_t y = y_low; y <= y_high; ++y) {
+    for (std::int64_t x = x_low; x <= x_high; ++x) {
+      const PointDmm centre{
+          static_cast<std::int32_t>((first_x_ + x) * resolution_ + resolution_ / 2 - at.position.x_dmm),
+          static_cast<std::int32_t>((first_y_ + y) * resolution_ + resolution_ / 2 - at.position.y_dmm)};
+      if (body.covers(unrotate(d, centre))) marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
+    }
+  }
+}
+
+bool RayWindow::isNear(const BodyMask& body, const Standing& at, const Contribution& contribution,
+                       const Standing& of) const {
+  const PointDmm origin = scanOrigin(contribution, of);
+  const std::int64_t reach = max_range_ + 2 * resolution_ + body.reachDmm();
+  const std::int64_t dx = std::int64_t{at.position.x_dmm} - origin.x_dmm,
+                     dy = std::int64_t{at.position.y_dmm} - origin.y_dmm;
+  return std::abs(dx) <= reach && std::abs(dy) <= reach;
+}
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,93 @@
+#include "occupancy/track_kinds.h"
+
+#include <algorithm>
+
+namespace omnifleet::occupancy {
+
+bool TrackKinds::learn(const Contribution& contribution) {
+  bool changed = false;
+  for (const auto& view : contribution.views) {
+    if (view.kind == ObjectKind::kUnknown) continue;
+    const Track track{contribution.robot, static_cast<std::uint16_t>(view.track_id)};
+    const auto found = said_.find(track);
+    if (found != said_.end() && found->second.latest_ns >= contribution.acquired_ns) continue;
+    changed = changed || found == said_.end() || found->second.kind != view.kind;
+    said_[track] = {contribution.acquired_ns, view.kind};
+  }
+  return changed;
+}
+
+std::set<std::string> TrackKinds::judge(
+    const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
+  std::map<Track, ObjectKind> judged;
+  for (const auto& [name, kind] : kinds) judged[{name.first, static_cast<std::uint16_t>(name.second)}] = kind;
+  std::set<std::string> robots;
+  for (const auto* side : {&judged, &judged_}) {
+    const auto& other = side == &judged ? judged_ : judged;
+    for (const auto& [track, kind] : *side) {
+      const auto found = other.find(track);
+      if (found == other.end() || found->second != kind) robots.insert(track.first);
+    }
+  }
+  judged_ = std::move(judged);
+  return robots;
+}
+
+TrackKinds TrackKinds::rebuilt(const ContributionStore& store) const {
+  TrackKinds fresh;
+  fresh.judged_ = judged_;
+  for (const auto& [robot, path] : store.robots()) {
+    for (const auto& [time_ns, keyframe] : path) {
+      if (keyframe.contribution) fresh.learn(*keyframe.contribution);
+    }
+  }
+  return fresh;
+}
+
+ObjectKind TrackKinds::kindOf(const std::string& robot, std::uint16_t track) const {
+  const auto judged = judged_.find({robot, track});
+  if (judged != judged_.end()) return judged->second;
+  const auto said = said_.find({robot, track});
+  return said == said_.end() ? ObjectKind::kUnknown : said->second.kind;
+}
+
+namespace {
+
+RayRole roleOf(RayLabel label, ObjectKind kind, bool sighted, bool unknown_is_hit) {
+  if (label == RayLabel::kFloorEnd) return RayRole::kFree;
+  if (sighted || label == RayLabel::kRobot || kind == ObjectKind::kRobot) return RayRole::kNone;
+  if (label == RayLabel::kObstacle || kind == ObjectKind::kObstacle || unknown_is_hit) return RayRole::kHit;
+  return RayRole::kOpen;
+}
+
+}  // namespace
+
+std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector<Sighting>& sightings,
+                             const TrackKinds& kinds, bool unknown_is_hit) {
+  // Few tracks, many rays: each track is looked up once.
+  std::map<std::uint16_t, std::pair<ObjectKind, bool>> tracks;
+  const std::size_t count = std::min(contribution.range_dmm.size(), contribution.label.size());
+  std::vector<RayRole> roles(count, RayRole::kNone);
+  std::uint16_t last = 0;
+  std::pair<ObjectKind, bool> known{ObjectKind::kUnknown, false};
+  for (std::size_t i = 0; i < count; ++i) {
+    const RayLabel label = contribution.label[i];
+    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUnknown) continue;
+    const std::uint16_t track = i < contribution.object.size() ? contribution.object[i] : std::uint16_t{0};
+    if (track != last) {
+      last = track;
+      const auto [found, is_new] = tracks.try_emplace(track);
+      if (is_new && track != 0) {
+        const bool sighted = std::any_of(sightings.begin(), sightings.end(), [&](const Sighting& s) {
+          return static_cast<std::uint16_t>(s.track_id) == track;
+        });
+        found->second = {kinds.kindOf(contribution.robot, track), sighted};
+      }
+      known = found->second;
+    }
+    roles[i] = roleOf(label, known.first, known.second, unknown_is_hit);
+  }
+  return roles;
+}
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,178 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "occupancy/body_mask.h"
+#include "occupancy/contribution_store.h"
+#include "occupancy/fixed_trig.h"
+#include "occupancy/occupancy_map.h"
+#include "occupancy/robot_paths.h"
+#include "occupancy/sha256.h"
+
+namespace omnifleet::occupancy {
+namespace {
+
+TEST(FixedTrig, FollowsTheLibrarysSine) {
+  for (int angle = -70000; angle <= 70000; angle += 13) {
+    const Direction d = directionOf(turnFromDmrad(angle));
+    EXPECT_NEAR(static_cast<double>(d.cos_q30) / (1 << 30), std::cos(1e-4 * angle), 2e-7);
+    EXPECT_NEAR(static_cast<double>(d.sin_q30) / (1 << 30), std::sin(1e-4 * angle), 2e-7);
+  }
+}
+
+TEST(FixedTrig, ExactAtTheAxes) {
+  EXPECT_EQ(directionOf(0).sin_q30, 0);
+  EXPECT_EQ(directionOf(turnOfBearing(1, 2)).sin_q30, 0);
+  EXPECT_EQ(directionOf(turnOfBearing(1, 4)).cos_q30, 0);
+  EXPECT_NEAR(static_cast<double>(directionOf(turnOfBearing(3, 4)).sin_q30), -(1 << 30), 100);
+}
+
+TEST(FixedTrig, RotatesAndBack) {
+  std::mt19937 random(1);
+  std::uniform_int_distribution<std::int32_t> any(-30000, 30000);
+  for (int i = 0; i < 1000; ++i) {
+    const PointDmm p{any(random), any(random)};
+    const std::int32_t angle = any(random);
+    const Direction d = directionOf(turnFromDmrad(angle));
+    const PointDmm q = rotate(d, p);
+    const Eigen::Vector2d expected = Eigen::Rotation2Dd(1e-4 * angle) * Eigen::Vector2d(p.x_dmm, p.y_dmm);
+    EXPECT_NEAR(q.x_dmm, expected.x(), 0.51);  // rounded to the unit
+    EXPECT_NEAR(q.y_dmm, expected.y(), 0.51);
+    const PointDmm back = unrotate(d, q);
+    EXPECT_LE(std::abs(back.x_dmm - p.x_dmm), 1);
+    EXPECT_LE(std::abs(back.y_dmm - p.y_dmm), 1);
+  }
+}
+
+TEST(FixedTrig, Divisions) {
+  EXPECT_EQ(floorDivide(-1, 500), -1);
+  EXPECT_EQ(floorDivide(-500, 500), -1);
+  EXPECT_EQ(floorDivide(-501, 500), -2);
+  EXPECT_EQ(floorDivide(499, 500), 0);
+  EXPECT_EQ(integerSqrt(0), 0);
+  EXPECT_EQ(integerSqrt(99), 9);
+  EXPECT_EQ(integerSqrt(100), 10);
+}
+
+TEST(Sha256, KnownAnswers) {  // FIPS 180-4 examples
+  EXPECT_EQ(hexText(sha256("abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(hexText(sha256("")), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+}
+
+TEST(BodyMask, AgreesWithThePolygonAndItsMargin) {
+  const Polygon footprint{{-0.1, -0.12}, {0.25, -0.12}, {0.32, 0.0}, {0.25, 0.12}, {-0.1, 0.12}};
+  const BodyMask exact({0.0, footprint, 0.2, 0.2}, 0.0, 0.1), grown({0.0, footprint, 0.2, 0.2}, 0.03, 0.1);
+  std::mt19937 random(2);
+  std::uniform_int_distribution<std::int32_t> any(-4000, 4000);
+  for (int i = 0; i < 3000; ++i) {
+    const PointDmm p{any(random), any(random)};
+    EXPECT_EQ(exact.covers(p), contains(footprint, {1e-4 * p.x_dmm, 1e-4 * p.y_dmm}));
+    EXPECT_TRUE(grown.covers(p) || !exact.covers(p));
+  }
+  EXPECT_TRUE(grown.covers({-1290, 0}));
+  EXPECT_FALSE(grown.covers({-1310, 0}));
+  const BodyMask disc({0.15, {}, 0.2, 0.2}, 0.0, 0.1);
+  EXPECT_TRUE(disc.covers({0, 1500}));
+  EXPECT_FALSE(disc.covers({1100, 1100}));
+  const BodyMask unknown({0.0, {}, 0.0, 0.0}, 0.0, 0.1);
+  EXPECT_EQ(unknown.reachDmm(), 1000);
+}
+
+KeyframePose poseAt(TimeNs time_ns, std::int32_t x, std::int32_t theta) {
+  KeyframePose pose;
+  pose.robot = "r1";
+  pose.acquired_ns = time_ns;
+  pose.valid = true;
+  pose.position = {x, -x};
+  pose.theta_dmrad = theta;
+  return pose;
+}
+
+TEST(RobotPaths, InterpolatesTheShortWayRound) {
+  ContributionStore store;
+  store.add(poseAt(0, 0, 31000));
+  store.add(poseAt(1000000000, 1000, -31000));
+  store.add(poseAt(20000000000, 5000, 0));
+  const RobotPaths paths(store, 1000000000, 5000000000);
+  const auto half = paths.at("r1", 500000000);
+  ASSERT_TRUE(half);
+  EXPECT_EQ(half->position.x_dmm, 500);
+  EXPECT_EQ(half->position.y_dmm, -500);
+  EXPECT_NEAR(std::abs(wrapAngle(1e-4 * half->theta_dmrad)), M_PI, 2e-4);
+  EXPECT_EQ(paths.at("r1", 0)->theta_dmrad, 31000);
+  EXPECT_EQ(paths.at("r1", 1800000000)->position.x_dmm, 1000);  // held
+  EXPECT_FALSE(paths.at("r1", 10000000000));                    // the gap is too wide
+  EXPECT_EQ(paths.at("r1", 19500000000)->position.x_dmm, 5000);
+  EXPECT_FALSE(paths.at("r2", 0));
+}
+
+TEST(ContributionStore, KeepsTheWinnerAndCountsWhatItHolds) {
+  ContributionStore a, b;
+  const KeyframePose first = poseAt(5, 10, 0);
+  KeyframePose twin = first;  // same rank, other content: the larger bytes stay, in either order
+  twin.position.x_dmm = 20;
+  EXPECT_TRUE(a.add(first));
+  EXPECT_FALSE(a.add(first));
+  a.add(twin);
+  b.add(twin);
+  b.add(first);
+  EXPECT_EQ(a.find("r1", 5)->pose->position.x_dmm, b.find("r1", 5)->pose->position.x_dmm);
+  Contribution c;
+  c.robot = "r1";
+  c.acquired_ns = 7;
+  c.range_dmm = {1, 2};
+  a.add(c);
+  EXPECT_NE(a.held().front().digest, b.held().front().digest);
+  b.add(c);
+  ASSERT_EQ(a.held().size(), 1U);
+  EXPECT_EQ(a.held().front().digest, b.held().front().digest);
+  EXPECT_EQ(a.held().front().contributions, 1U);
+  EXPECT_EQ(a.held().front().keyframe_poses, 1U);
+  EXPECT_EQ(a.held().front().last_ns, 7);
+  EXPECT_EQ(a.contributionsBetween("r1", 0, 6).size(), 0U);
+  EXPECT_EQ(a.contributionsBetween("r1", 7, 7).size(), 1U);
+  EXPECT_EQ(a.posesBetween("r1", 0, 6).size(), 1U);
+  EXPECT_TRUE(a.posesBetween("r9", 0, 6).empty());
+}
+
+TEST(Contribution, QuantisesAndLeavesOutWhatIsNoNumber) {
+  Objects objects;
+  objects.robot = "r1";
+  objects.camera_height_m = 0.5;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  objects.scan.range_m = {1.00004F, nan, -1.0F, 1e9F};
+  objects.scan.label.assign(4, RayLabel::kObstacle);
+  objects.scan.object = {7, 7, 7, 7};
+  Track track;
+  track.id = 70001;
+  track.visible = true;
+  track.supports.b_m = {0.12345F, nan, 1.0F};
+  track.supports.sigma_m = {0.002F, 0.002F, -1.0F};
+  track.solidity = 0.9;
+  objects.tracks = {track, Track{}};
+  const Contribution c = makeContribution(objects);
+  EXPECT_EQ(c.camera_height_dmm, 5000);
+  EXPECT_EQ(c.range_dmm, (std::vector<std::int32_t>{10000, 0, 0, 0}));
+  EXPECT_EQ(c.label[1], RayLabel::kInvalid);
+  ASSERT_EQ(c.views.size(), 1U);  // the predicted track is no view
+  EXPECT_EQ(c.views[0].solidity_permille, 900);
+  EXPECT_EQ(c.views[0].sigma_dmm, (std::vector<std::uint16_t>{20, 0, 0}));
+  const SupportFunction supports = supportsOf(c.views[0]);
+  EXPECT_NEAR(supports.b_m[0], 0.1235F, 6e-5);  // half a unit
+  EXPECT_EQ(supports.sigma_m[1], 0.0F);
+
+  PoseEstimate pose;
+  pose.valid = true;
+  pose.map_from_base = {1.23456, -2.0, 7.0};
+  const KeyframePose made = makeKeyframePose(pose, 2, 3);
+  EXPECT_EQ(made.position.x_dmm, 12346);
+  EXPECT_NEAR(made.mapFromBase().theta_rad, 7.0 - 2 * M_PI, 5.1e-5);
+  EXPECT_EQ(made.term, 2U);
+  pose.map_from_base.x_m = nan;
+  EXPECT_FALSE(makeKeyframePose(pose).valid);
+}
+
+}  // namespace
+}  // namespace omnifleet::occupancy
