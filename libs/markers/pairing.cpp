@@ -5,6 +5,9 @@
 #include <tuple>
 
 namespace omnifleet::markers {
+namespace {
+constexpr double kLeastCutArea = 0.25;  // of a patch: less of it says too little
+}
 
 PatchPairs::PatchPairs(const dataset::MarkerSet& markers, const FinderOptions& options)
     : options_(options),
@@ -20,7 +23,7 @@ PatchPairs::PatchPairs(const dataset::MarkerSet& markers, const FinderOptions& o
 
 bool PatchPairs::plausibleArea(const Patch& patch) const {
   const double ratio = patch.area_m2 / area();
-  return ratio >= options_.min_area_ratio && ratio <= options_.max_area_ratio;
+  return ratio >= (patch.cut ? kLeastCutArea : options_.min_area_ratio) && ratio <= options_.max_area_ratio;
 }
 
 std::optional<Pair> PatchPairs::pair(const std::vector<Patch>& patches, std::size_t team,
@@ -28,7 +31,10 @@ std::optional<Pair> PatchPairs::pair(const std::vector<Patch>& patches, std::siz
   const Patch &a = patches[team], &b = patches[individual];
   const Eigen::Vector2d seen = b.centre_m - a.centre_m, known = individual_m_ - team_m_;
   const double deviation = seen.norm() - known.norm();
-  if (std::abs(deviation) > options_.distance_tolerance_m) return std::nullopt;
+  if (a.cut && b.cut) return std::nullopt;
+  // The centroid of a cut patch lies up to half its diagonal off.
+  const double tolerance = options_.distance_tolerance_m + (a.cut || b.cut ? 0.35 * size_m_.norm() : 0.0);
+  if (std::abs(deviation) > tolerance) return std::nullopt;
 
   Pair pair;
   pair.team = team;
@@ -54,8 +60,8 @@ std::optional<Pair> PatchPairs::pair(const std::vector<Patch>& patches, std::siz
   d.covariance.topRightCorner<2, 1>() = theta_variance * lever;
   d.covariance.bottomLeftCorner<1, 2>() = d.covariance.topRightCorner<2, 1>().transpose();
   d.covariance(2, 2) = theta_variance;
-  d.score = std::pow(deviation / options_.distance_tolerance_m, 2) +
-            std::pow(std::log(a.area_m2 / area()), 2) + std::pow(std::log(b.area_m2 / area()), 2);
+  d.score = std::pow(deviation / tolerance, 2) + std::pow(std::log(a.area_m2 / area()), 2) +
+            std::pow(std::log(b.area_m2 / area()), 2);
   return pair;
 }
 

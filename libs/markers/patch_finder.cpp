@@ -24,7 +24,7 @@ class PatchFinder final : public MarkerFinder {
         options_(options),
         height_m_(markers.height_m),
         pairs_(markers, options),
-        fit_(markers, options.pixel_sigma_px),
+        fit_(markers, options),
         table_(pairs_.colours(), {options.chroma_tolerance, options.min_brightness, options.min_saturation}) {
     if (!(markers.height_m < camera.height())) {
       throw options::Error("markers: height_m: must be below the ceiling camera");
@@ -73,11 +73,11 @@ void PatchFinder::collectPatches(const cv::Mat& bgr) {
   patches_.clear();
   const int right = bgr.cols - 1 - options_.border_px, bottom = bgr.rows - 1 - options_.border_px;
   for (const Blob& blob : blobs_.find(bgr, table_, kLeastArea_px)) {
-    if (blob.left < options_.border_px || blob.top < options_.border_px || blob.right > right ||
-        blob.bottom > bottom) {
-      continue;
-    }
-    if (auto patch = refine(bgr, table_, blob, camera_, height_m_)) patches_.push_back(*patch);
+    auto patch = refine(bgr, table_, blob, camera_, height_m_);
+    if (!patch) continue;
+    patch->cut = blob.left < options_.border_px || blob.top < options_.border_px || blob.right > right ||
+                 blob.bottom > bottom;
+    patches_.push_back(std::move(*patch));
   }
 }
 
@@ -116,7 +116,7 @@ void PatchFinder::choose(TimeNs time) {
     used.insert(pair.team);
     used.insert(pair.individual);
     Detection detection = pair.detection;
-    fit_.refine(patches_[pair.team], patches_[pair.individual], detection);
+    if (!fit_.refine(patches_[pair.team], patches_[pair.individual], detection)) continue;
     if (confirmed(detection, time)) detections_.push_back(std::move(detection));
   }
   std::sort(detections_.begin(), detections_.end(),
@@ -134,6 +134,7 @@ FinderOptions FinderOptions::read(const options::Section& section) {
   section.read("min_area_ratio", o.min_area_ratio, {0.0, 1.0});
   section.read("max_area_ratio", o.max_area_ratio, {1.0, 100.0});
   section.read("border_px", o.border_px, {0, 1000});
+  section.read("max_fit_rms", o.max_fit_rms, {0.0, 1.0});
   section.read("pixel_sigma_px", o.pixel_sigma_px, options::kPositive);
   section.read("gate_m", o.gate_m, options::kPositive);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});

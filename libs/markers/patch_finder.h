@@ -27,10 +27,12 @@ struct FinderOptions {
   double distance_tolerance_m = 0.012;  ///< m, on the distance between the two patches
   double min_area_ratio = 0.45;         ///< 1, blob area ÷ expected patch area
   double max_area_ratio = 1.8;          ///< 1
-  int border_px = 2;                    ///< blobs nearer to the image border are cut and not used
-  double pixel_sigma_px = 0.15;         ///< px, of a centroid, for the covariance
-  double gate_m = 0.30;    ///< m, a track's jump between frames beyond which it must be seen again
-  int confirm_frames = 1;  ///< detections in a row before a new robot is reported
+  int border_px = 2;          ///< a blob nearer to the image border is cut: its centroid is not trusted, only
+                              ///< the fit of its visible edges
+  double max_fit_rms = 0.25;  ///< 1, rms of the coverage left by the fit of both rectangles
+  double pixel_sigma_px = 0.15;  ///< px, of a centroid, for the covariance
+  double gate_m = 0.30;          ///< m, a track's jump between frames beyond which it must be seen again
+  int confirm_frames = 1;        ///< detections in a row before a new robot is reported
 
   static FinderOptions read(const options::Section& section);
 };

@@ -22,11 +22,11 @@ Box box(double u, double half, double blur) {
 
 }  // namespace
 
-RectangleFit::RectangleFit(const dataset::MarkerSet& markers, double pixel_sigma_px)
+RectangleFit::RectangleFit(const dataset::MarkerSet& markers, const FinderOptions& options)
     : team_m_(markers.team_offset_m),
       individual_m_(markers.individual_offset_m),
       half_m_(0.5 * markers.patch_size_m),
-      pixel_sigma_px_(pixel_sigma_px) {}
+      options_(options) {}
 
 void RectangleFit::accumulate(const Patch& patch, const Eigen::Vector2d& offset_m, const Pose2& map_from_base,
                               double blur_m, Normal& normal) const {
@@ -39,31 +39,43 @@ void RectangleFit::accumulate(const Patch& patch, const Eigen::Vector2d& offset_
     const Eigen::Vector3d jacobian(-gradient.x(), -gradient.y(),
                                    gradient.x() * in_base.y() - gradient.y() * in_base.x());
     normal.h += jacobian * jacobian.transpose();
-    normal.g += jacobian * (sample.coverage - x.value * y.value);
+    const double residual = sample.coverage - x.value * y.value;
+    normal.g += jacobian * residual;
+    normal.squares += residual * residual;
+    ++normal.count;
   }
 }
 
-void RectangleFit::refine(const Patch& team, const Patch& individual, Detection& detection) const {
+bool RectangleFit::refine(const Patch& team, const Patch& individual, Detection& detection) const {
   const double metres_per_px = 0.5 * (team.metres_per_px + individual.metres_per_px);
+  const bool cut = team.cut || individual.cut;
   Pose2 pose = detection.map_from_base;
   Normal normal;
-  for (int i = 0; i < kIterations; ++i) {
-    normal = Normal();
-    accumulate(team, team_m_, pose, kBlur_px * metres_per_px, normal);
-    accumulate(individual, individual_m_, pose, kBlur_px * metres_per_px, normal);
-    if (normal.h.determinant() <= 0) return;
-    const Eigen::Vector3d step = normal.h.ldlt().solve(normal.g);
-    pose = pose * Pose2{step.x(), step.y(), step.z()};
+  // A cut patch starts far off: coarse first.
+  for (double blur_px = cut ? 8.0 * kBlur_px : kBlur_px; blur_px >= kBlur_px; blur_px *= 0.5) {
+    for (int i = 0; i < kIterations; ++i) {
+      normal = Normal();
+      accumulate(team, team_m_, pose, blur_px * metres_per_px, normal);
+      accumulate(individual, individual_m_, pose, blur_px * metres_per_px, normal);
+      if (!(normal.h.determinant() > 0)) return false;
+      const Eigen::Vector3d step = normal.h.ldlt().solve(normal.g);
+      pose = pose * Pose2{step.x(), step.y(), step.z()};
+    }
   }
   const Pose2 change = detection.map_from_base.inverse() * pose;
-  if (!pose.isFinite() || change.translation().norm() > metres_per_px || std::abs(change.theta_rad) > 0.1)
-    return;
+  const double reach = cut ? half_m_.norm() : 1.5 * metres_per_px;
+  const double turn = cut ? 0.6 : 0.15;
+  if (!pose.isFinite() || change.translation().norm() > reach || std::abs(change.theta_rad) > turn)
+    return false;
+  if (normal.squares > options_.max_fit_rms * options_.max_fit_rms * static_cast<double>(normal.count))
+    return false;
   detection.map_from_base = pose;
   // Pixels are not independent and lenses not perfect: a floor of pixel_sigma_px on the position.
-  const double floor = std::pow(pixel_sigma_px_ * metres_per_px, 2) * 0.5;
+  const double floor = std::pow(options_.pixel_sigma_px * metres_per_px, 2) * 0.5;
   detection.covariance = kCoverageSigma * kCoverageSigma * normal.h.inverse();
   detection.covariance.diagonal() +=
       Eigen::Vector3d(floor, floor, 4.0 * floor / (individual_m_ - team_m_).squaredNorm());
+  return true;
 }
 
 }  // namespace omnifleet::markers

@@ -24,6 +24,7 @@ struct Patch {
   double area_m2 = 0.0;
   double metres_per_px = 0.0;
   Eigen::Vector3d surround_bgr{0.0, 0.0, 0.0};  ///< median colour of a ring around it
+  bool cut = false;                             ///< reaches the image's border: only a part is seen
   std::vector<Sample> samples;                  ///< the patch's pixels and those up to 2 px around
 };
 
