@@ -53,7 +53,8 @@ CameraSpec readCamera(const std::string& id, const options::Section& section) {
   CameraSpec camera;
   camera.id = id;
   const auto slash = id.find('/');
-  if (slash == std::string::npos) section.fail("", "camera '" + id + "' must be named ROBOT/fisheye, ROBOT/front or ceiling/NAME");
+  if (slash == std::string::npos)
+    section.fail("", "camera '" + id + "' must be named ROBOT/fisheye, ROBOT/front or ceiling/NAME");
   const std::string owner = id.substr(0, slash), kind = id.substr(slash + 1);
   if (owner == "ceiling") {
     camera.role = CameraRole::kCeiling;
@@ -65,7 +66,7 @@ CameraSpec readCamera(const std::string& id, const options::Section& section) {
   }
   std::string source, sensor;
   section.require("source", source, std::vector<std::string>{"folder", "video", "device"});
-  camera.source = source == "folder" ? CameraSource::kFolder
+  camera.source = source == "folder"  ? CameraSource::kFolder
                   : source == "video" ? CameraSource::kVideo
                                       : CameraSource::kDevice;
   section.require("path", camera.path);
@@ -90,7 +91,7 @@ void readOwn(Fleet& fleet) {
 }
 
 const std::vector<std::string>& serviceNames() {
-  static const std::vector<std::string> kNames{"camera",    "local_mapper", "classifier", "formation",
+  static const std::vector<std::string> kNames{"camera",        "local_mapper", "classifier", "formation",
                                                "global_merger", "localizer",    "world"};
   return kNames;
 }
@@ -98,8 +99,9 @@ const std::vector<std::string>& serviceNames() {
 void checkServices(const options::Section& services) {
   for (const std::string& name : services.keys()) {
     if (std::find(serviceNames().begin(), serviceNames().end(), name) == serviceNames().end()) {
-      services.fail(name, "is not a service; services are camera, local_mapper, classifier, formation, "
-                          "global_merger, localizer, world");
+      services.fail(name,
+                    "is not a service; services are camera, local_mapper, classifier, formation, "
+                    "global_merger, localizer, world");
     }
   }
 }
@@ -130,9 +132,12 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
   }
   readOwn(fleet);
   fleet.file.finish();
-  if (fleet.robots.empty()) throw options::Error(fleet.file.file() + ": robots: a fleet needs at least one robot");
-  std::sort(fleet.robots.begin(), fleet.robots.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  std::sort(fleet.cameras.begin(), fleet.cameras.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  if (fleet.robots.empty())
+    throw options::Error(fleet.file.file() + ": robots: a fleet needs at least one robot");
+  std::sort(fleet.robots.begin(), fleet.robots.end(),
+            [](const auto& a, const auto& b) { return a.name < b.name; });
+  std::sort(fleet.cameras.begin(), fleet.cameras.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
   return fleet;
 }
 
@@ -195,8 +200,8 @@ bool Fleet::hasFormation() const {
 
 bool Fleet::hasWorld() const {
   return arena || std::any_of(robots.begin(), robots.end(), [this](const RobotSpec& robot) {
-    return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.has_laser);
-  });
+           return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.has_laser);
+         });
 }
 
 }  // namespace omnifleet::fleet

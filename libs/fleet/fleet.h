@@ -18,12 +18,12 @@ enum class CameraRole { kFisheye, kFront, kCeiling };
 enum class CameraSource { kDataset, kFolder, kVideo, kDevice, kArena };
 
 struct CameraSpec {
-  std::string id;     ///< "r1/fisheye", "r1/front", "ceiling/c1": topic camera/<id> and the folder in a dataset
+  std::string id;  ///< "r1/fisheye", "r1/front", "ceiling/c1": topic camera/<id> and the folder in a dataset
   std::string robot;  ///< empty for a ceiling camera
   CameraRole role = CameraRole::kFisheye;
   CameraSource source = CameraSource::kDataset;
-  std::string path;     ///< folder, video file or device of the other sources
-  double rate_hz = 0.0; ///< folder: frames per second; arena: as the arena says
+  std::string path;      ///< folder, video file or device of the other sources
+  double rate_hz = 0.0;  ///< folder: frames per second; arena: as the arena says
   lens::CameraModel model;
   std::string host;
 };
@@ -45,18 +45,18 @@ struct Fleet {
   std::vector<RobotSpec> robots;    ///< sorted by name
   std::vector<CameraSpec> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
-  std::string dataset;  ///< folder; empty unless the run replays one
+  std::string dataset;                    ///< folder; empty unless the run replays one
   std::optional<synthetic::Arena> arena;  ///< only when simulated
   int seed = 1;                           ///< of the arena's noise
-  options::Section file;  ///< fleet file with overlays: options of services
+  options::Section file;                  ///< fleet file with overlays: options of services
 
-  /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset folder.
-  /// Overlays are files of the same form. Throws options::Error.
+  /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset
+  /// folder. Overlays are files of the same form. Throws options::Error.
   static Fleet load(const std::string& fleet_file, const std::string& dataset_folder,
                     const std::vector<std::string>& overlays);
 
-  /// Options of one service, as written under `services: {NAME: …}`, on top of the arena's (formation, world); `host`
-  /// is taken out.
+  /// Options of one service, as written under `services: {NAME: …}`, on top of the arena's (formation,
+  /// world); `host` is taken out.
   options::Section service(const std::string& service_name) const;
 
   const RobotSpec& robot(const std::string& robot_name) const;   ///< throws options::Error
@@ -64,11 +64,12 @@ struct Fleet {
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
   std::map<std::string, RobotBody> bodies() const;
 
-  /// Robots that map with a fisheye camera: they have local_mapper, classifier, global_merger (and formation).
+  /// Robots that map with a fisheye camera: they have local_mapper, classifier, global_merger (and
+  /// formation).
   std::vector<std::string> mappingRobots() const;
   std::vector<std::string> ceilingCameras() const;
-  bool hasFormation() const;     ///< robots are driven by this fleet
-  bool hasWorld() const;         ///< simulated, or a dataset with wheels, observations or laser
+  bool hasFormation() const;  ///< robots are driven by this fleet
+  bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser
 };
 
 /// One process of a run.
@@ -76,14 +77,14 @@ struct ProcessSpec {
   std::string service;   ///< program and service name: camera, local_mapper, …
   std::string instance;  ///< robot or camera; empty for one per fleet
   std::string host;
-  int stage = 0;         ///< stopping order: 0 (sources) first
+  int stage = 0;  ///< stopping order: 0 (sources) first
 };
 
 /// Every process that the fleet needs, upstream first; `host` empty: all of them.
 std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host = {});
 
-/// How many readers of a stream belong to the fleet; writers wait for so many before a deterministic run starts.
-/// `topic` as in the IDL table ("local_map", "camera", …), `instance` robot or camera id.
+/// How many readers of a stream belong to the fleet; writers wait for so many before a deterministic run
+/// starts. `topic` as in the IDL table ("local_map", "camera", …), `instance` robot or camera id.
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance);
 
 }  // namespace omnifleet::fleet

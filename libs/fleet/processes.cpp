@@ -18,7 +18,8 @@ std::string hostOf(const Fleet& fleet, const std::string& service, const std::st
 
 std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) {
   std::vector<ProcessSpec> all;
-  const auto add = [&](const std::string& service, const std::string& instance, const std::string& machine, int stage) {
+  const auto add = [&](const std::string& service, const std::string& instance, const std::string& machine,
+                       int stage) {
     all.push_back({service, instance, hostOf(fleet, service, machine), stage});
   };
   if (fleet.hasWorld()) add("world", "", "", kSources);
@@ -28,14 +29,16 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   const std::vector<std::string> robots = fleet.mappingRobots();
   for (const std::string& robot : robots) add("local_mapper", robot, fleet.robot(robot).host, kMappers);
   for (const std::string& robot : robots) add("classifier", robot, fleet.robot(robot).host, kClassifiers);
-  for (const std::string& camera : fleet.ceilingCameras()) add("localizer", camera, fleet.camera(camera).host, kMappers);
+  for (const std::string& camera : fleet.ceilingCameras())
+    add("localizer", camera, fleet.camera(camera).host, kMappers);
   add("localizer", "", "", kLocalizers);
   if (fleet.hasFormation()) {
     for (const std::string& robot : robots) add("formation", robot, fleet.robot(robot).host, kFormations);
   }
   for (const std::string& robot : robots) add("global_merger", robot, fleet.robot(robot).host, kMergers);
   if (!host.empty()) {
-    all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }), all.end());
+    all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }),
+              all.end());
   }
   return all;
 }
@@ -53,9 +56,10 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "pose") return 2 * robots + formations;  // every classifier and merger, every formation
   if (topic == "map/contribution" || topic == "map/keyframe_pose") return robots;
   if (topic == "world/truth") {
-    return static_cast<int>(std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [](const CameraSpec& camera) {
-      return camera.source == CameraSource::kArena && camera.role != CameraRole::kFront;
-    }));
+    return static_cast<int>(
+        std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [](const CameraSpec& camera) {
+          return camera.source == CameraSource::kArena && camera.role != CameraRole::kFront;
+        }));
   }
   return 0;
 }

@@ -4,14 +4,17 @@
 
 namespace omnifleet {
 namespace {
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
 }  // namespace
 
 double signedArea(const Polygon& polygon) {
   if (polygon.size() < 3) return 0.0;
   double twice = 0.0;
   const Eigen::Vector2d origin = polygon.front();
-  for (std::size_t i = 1; i + 1 < polygon.size(); ++i) twice += cross(polygon[i] - origin, polygon[i + 1] - origin);
+  for (std::size_t i = 1; i + 1 < polygon.size(); ++i)
+    twice += cross(polygon[i] - origin, polygon[i + 1] - origin);
   return 0.5 * twice;
 }
 
@@ -37,7 +40,8 @@ bool contains(const Polygon& polygon, const Eigen::Vector2d& point) {
   for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
     const Eigen::Vector2d &a = polygon[i], &b = polygon[j];
     const Eigen::Vector2d edge = b - a, to = point - a;
-    if (std::abs(cross(edge, to)) < 1e-15 && to.dot(edge) >= 0 && to.squaredNorm() <= edge.squaredNorm()) return true;
+    if (std::abs(cross(edge, to)) < 1e-15 && to.dot(edge) >= 0 && to.squaredNorm() <= edge.squaredNorm())
+      return true;
     if ((a.y() > point.y()) != (b.y() > point.y()) &&
         point.x() < (b.x() - a.x()) * (point.y() - a.y()) / (b.y() - a.y()) + a.x()) {
       inside = !inside;

@@ -8,7 +8,8 @@ namespace omnifleet {
 /// A simple polygon: vertices in order, the last one not repeated. Counter-clockwise unless said otherwise.
 using Polygon = std::vector<Eigen::Vector2d>;
 
-/// Signed area, positive for counter-clockwise order; square of the vertices' unit. 0 for fewer than 3 vertices.
+/// Signed area, positive for counter-clockwise order; square of the vertices' unit. 0 for fewer than 3
+/// vertices.
 double signedArea(const Polygon& polygon);
 
 /// Area centroid; the mean of the vertices where the area vanishes. Undefined (zero) for an empty polygon.

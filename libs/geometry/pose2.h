@@ -12,8 +12,8 @@ inline double wrapAngle(double angle_rad) {
   return wrapped <= -M_PI ? wrapped + 2.0 * M_PI : wrapped;
 }
 
-/// A pose or transform in the plane (SE(2)), metres and radians, REP-103: x forward, y left, θ counter-clockwise.
-/// Named `target_from_source`: `map_from_base * point_in_base` is a point in `map`, and
+/// A pose or transform in the plane (SE(2)), metres and radians, REP-103: x forward, y left, θ
+/// counter-clockwise. Named `target_from_source`: `map_from_base * point_in_base` is a point in `map`, and
 /// `map_from_base * base_from_camera` is `map_from_camera`.
 struct Pose2 {
   double x_m = 0.0;

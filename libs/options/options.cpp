@@ -21,7 +21,8 @@ YAML::Node loadMapping(const YAML::Node& node, const std::string& file) {
   return node;
 }
 
-/// The node of a key, with the place of the key itself (a value's mark is its own line, which is what people want).
+/// The node of a key, with the place of the key itself (a value's mark is its own line, which is what people
+/// want).
 YAML::Node lookUp(const YAML::Node& node, const std::string& key) {
   for (const auto& entry : node) {
     if (entry.first.IsScalar() && entry.first.Scalar() == key) return entry.second;
@@ -29,7 +30,9 @@ YAML::Node lookUp(const YAML::Node& node, const std::string& key) {
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
-std::string shown(double value) { return fmt::format("{:g}", value); }
+std::string shown(double value) {
+  return fmt::format("{:g}", value);
+}
 
 std::string shown(Range range) {
   if (range.min == kPositive.min && std::isinf(range.max)) return "must be positive";
@@ -68,7 +71,9 @@ void Section::overlay(const Section& top) {
   layers_.insert(layers_.end(), top.layers_.begin(), top.layers_.end());
 }
 
-std::string Section::name(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
+std::string Section::name(const std::string& key) const {
+  return path_.empty() ? key : path_ + "." + key;
+}
 
 const Section::Layer* Section::find(const std::string& key) const {
   for (auto layer = layers_.rbegin(); layer != layers_.rend(); ++layer) {
@@ -88,7 +93,9 @@ bool Section::has(const std::string& key) const {
   return find(key) != nullptr;
 }
 
-bool Section::isList(const std::string& key) const { return get(key).IsSequence(); }
+bool Section::isList(const std::string& key) const {
+  return get(key).IsSequence();
+}
 
 void Section::fail(const std::string& key, const std::string& problem) const {
   std::string where = file();
@@ -113,7 +120,8 @@ double Section::number(const YAML::Node& node, const std::string& key, Range all
     fail(key, fmt::format("expected a number, {}", shown(allowed)));
   }
   if (!std::isfinite(value)) fail(key, "must be a finite number");
-  if (value < allowed.min || value > allowed.max) fail(key, fmt::format("{} {}", shown(value), shown(allowed)));
+  if (value < allowed.min || value > allowed.max)
+    fail(key, fmt::format("{} {}", shown(value), shown(allowed)));
   return value;
 }
 
@@ -155,7 +163,8 @@ void Section::read(const std::string& key, std::string& value) const {
   value = node.Scalar();
 }
 
-void Section::read(const std::string& key, std::string& value, const std::vector<std::string>& allowed) const {
+void Section::read(const std::string& key, std::string& value,
+                   const std::vector<std::string>& allowed) const {
   std::string text = value;
   read(key, text);
   if (has(key) && std::find(allowed.begin(), allowed.end(), text) == allowed.end()) {
@@ -248,8 +257,8 @@ void Section::finish() const {
     for (const auto& entry : layer.node) {
       const std::string key = entry.first.Scalar();
       if (known_->count(key)) continue;
-      throw Error(fmt::format("{}: {}: unknown key; known here: {}", place(entry.first, layer.file), name(key),
-                              fmt::join(*known_, ", ")));
+      throw Error(fmt::format("{}: {}: unknown key; known here: {}", place(entry.first, layer.file),
+                              name(key), fmt::join(*known_, ", ")));
     }
   }
 }

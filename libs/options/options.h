@@ -13,7 +13,8 @@
 
 namespace omnifleet::options {
 
-/// A bad option. what() is one line: `FILE:LINE: KEY: what is wrong, what is allowed`. Programs exit with code 2.
+/// A bad option. what() is one line: `FILE:LINE: KEY: what is wrong, what is allowed`. Programs exit with
+/// code 2.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -27,8 +28,9 @@ struct Range {
 inline constexpr Range kPositive{1e-12, std::numeric_limits<double>::infinity()};
 inline constexpr Range kNotNegative{0.0, std::numeric_limits<double>::infinity()};
 
-/// A mapping in one or several layered YAML files (later layers override earlier ones, key by key). Reading a key
-/// marks it known; `finish()` reports every key that nobody read. A key that is absent leaves the default.
+/// A mapping in one or several layered YAML files (later layers override earlier ones, key by key). Reading a
+/// key marks it known; `finish()` reports every key that nobody read. A key that is absent leaves the
+/// default.
 class Section {
  public:
   Section() = default;

@@ -1,20 +1,20 @@
 #pragma once
 
 // IDL types ↔ domain types, one pair of functions per topic. Filling functions reuse the target's buffers.
-// `fromWire` returns false where a sample must not be believed (a non-finite number, an unknown enumerator); such a
-// sample is counted by the caller and never passed on as valid.
+// `fromWire` returns false where a sample must not be believed (a non-finite number, an unknown enumerator);
+// such a sample is counted by the caller and never passed on as valid.
 
 #include <string>
 
-#include "formation.h"
-#include "local_map.h"
-#include "localizer.h"
-#include "map.h"
+#include "idl/formation.h"
+#include "idl/local_map.h"
+#include "idl/localizer.h"
+#include "idl/map.h"
+#include "idl/objects.h"
+#include "idl/wheels.h"
 #include "motion/formation_types.h"
-#include "objects.h"
 #include "observation/observation.h"
 #include "occupancy/contribution.h"
-#include "wheels.h"
 
 namespace omnifleet::adapters {
 

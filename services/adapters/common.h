@@ -26,8 +26,12 @@ inline v1::Pose2 pose(const Pose2& from) {
   return to;
 }
 
-inline Eigen::Vector2d point(const v1::Point2& from) { return {from.x(), from.y()}; }
-inline Pose2 pose(const v1::Pose2& from) { return {from.x(), from.y(), from.theta()}; }
+inline Eigen::Vector2d point(const v1::Point2& from) {
+  return {from.x(), from.y()};
+}
+inline Pose2 pose(const v1::Pose2& from) {
+  return {from.x(), from.y(), from.theta()};
+}
 
 template <int N, typename Array>
 void matrixToWire(const Eigen::Matrix<double, N, N>& from, Array& to) {
@@ -45,7 +49,8 @@ Eigen::Matrix<double, N, N> matrixFromWire(const Array& from) {
   return to;
 }
 
-/// Writes at most `limit` elements of `from` (the bound of the IDL sequence) through `convert(element, target)`.
+/// Writes at most `limit` elements of `from` (the bound of the IDL sequence) through `convert(element,
+/// target)`.
 template <typename From, typename To, typename Convert>
 void sequenceToWire(const From& from, std::size_t limit, To& to, Convert convert) {
   to.resize(std::min(from.size(), limit));

@@ -48,8 +48,10 @@ bool observationFromWire(const v1::ObjectObservation& from, ObjectObservation& t
   to.height_m = from.height_m();
   to.height_sigma_m = from.height_sigma_m();
   to.vectors.resize(from.vectors().size());
-  for (std::size_t i = 0; i < to.vectors.size(); ++i) good = vectorFromWire(from.vectors()[i], to.vectors[i]) && good;
-  return good && to.centroid_m.allFinite() && to.contact_m.allFinite() && finite(to.solidity, to.height_m, to.height_sigma_m);
+  for (std::size_t i = 0; i < to.vectors.size(); ++i)
+    good = vectorFromWire(from.vectors()[i], to.vectors[i]) && good;
+  return good && to.centroid_m.allFinite() && to.contact_m.allFinite() &&
+         finite(to.solidity, to.height_m, to.height_sigma_m);
 }
 
 }  // namespace
@@ -73,7 +75,8 @@ bool fromWire(const v1::LocalMap& from, LocalMap& to) {
   good = fromWire(from.motion(), to.motion) && good;
   good = fromWire(from.scan(), to.scan) && good;
   to.objects.resize(from.objects().size());
-  for (std::size_t i = 0; i < to.objects.size(); ++i) good = observationFromWire(from.objects()[i], to.objects[i]) && good;
+  for (std::size_t i = 0; i < to.objects.size(); ++i)
+    good = observationFromWire(from.objects()[i], to.objects[i]) && good;
   return good && finite(to.camera_height_m);
 }
 

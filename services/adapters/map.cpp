@@ -4,8 +4,12 @@
 namespace omnifleet::adapters {
 namespace {
 
-std::array<std::int32_t, 2> pointToWire(const occupancy::PointDmm& from) { return {from.x_dmm, from.y_dmm}; }
-occupancy::PointDmm pointFromWire(const std::array<std::int32_t, 2>& from) { return {from[0], from[1]}; }
+std::array<std::int32_t, 2> pointToWire(const occupancy::PointDmm& from) {
+  return {from.x_dmm, from.y_dmm};
+}
+occupancy::PointDmm pointFromWire(const std::array<std::int32_t, 2>& from) {
+  return {from[0], from[1]};
+}
 
 void viewToWire(const occupancy::SupportView& from, v1::SupportView& to) {
   to.track_id(from.track_id);
@@ -42,7 +46,8 @@ void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contributio
   to.scan_origin(pointToWire(from.scan_origin));
   to.range(from.range_dmm);
   to.label().resize(from.label.size());
-  for (std::size_t i = 0; i < from.label.size(); ++i) to.label()[i] = static_cast<std::uint8_t>(from.label[i]);
+  for (std::size_t i = 0; i < from.label.size(); ++i)
+    to.label()[i] = static_cast<std::uint8_t>(from.label[i]);
   to.object(from.object);
   sequenceToWire(from.views, 64, to.views(), viewToWire);
 }

@@ -61,7 +61,8 @@ bool fromWire(const v1::Objects& from, Objects& to) {
   good = fromWire(from.motion(), to.motion) && good;
   good = fromWire(from.scan(), to.scan) && good;
   to.tracks.resize(from.tracks().size());
-  for (std::size_t i = 0; i < to.tracks.size(); ++i) good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;
+  for (std::size_t i = 0; i < to.tracks.size(); ++i)
+    good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;
   return good && finite(to.camera_height_m);
 }
 

@@ -11,8 +11,8 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
       camera_(fleet.camera(context.options.camera)),
       realtime_(context.options.mode == bus::RunMode::kLive),
       ends_(context),
-      writer_(context.bus.frameWriter(
-          camera_.id, static_cast<std::size_t>(camera_.model.image_width_px) * camera_.model.image_height_px * 3)),
+      writer_(context.bus.frameWriter(camera_.id, static_cast<std::size_t>(camera_.model.image_width_px) *
+                                                      camera_.model.image_height_px * 3)),
       renderer_(*fleet.arena, camera_.id, static_cast<std::uint32_t>(fleet.seed)),
       map_from_bases_(fleet.arena->robots.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
@@ -20,9 +20,11 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
     // All of them come from one process: waiting for the others costs nothing, live either.
     truths_.push_back(std::make_unique<Inlet<v1::Truth, TruePose>>(
         context.bus.reader(context.topics.world_truth, robot.name), merger_, ends_,
-        bus::StreamSpec{"world/truth " + robot.name, robot.name, 0, bus::StreamRole::kInput, bus::StreamMode::kLockstep}));
+        bus::StreamSpec{"world/truth " + robot.name, robot.name, 0, bus::StreamRole::kInput,
+                        bus::StreamMode::kLockstep}));
   }
-  if (context.options.record) recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
+  if (context.options.record)
+    recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
 }
 
 std::vector<bus::Expectation> ArenaCameraService::expectations() const {
@@ -34,7 +36,8 @@ bool ArenaCameraService::pull() {
   for (auto& inlet : truths_) {
     any |= inlet->pull(status(), [this](const v1::Truth& wire, TruePose& pose) {
       const auto robot = robots_.find(wire.robot().to_string());
-      pose = {robot == robots_.end() ? 0 : robot->second, wire.header().sequence_number(),
+      pose = {robot == robots_.end() ? 0 : robot->second,
+              wire.header().sequence_number(),
               {wire.map_from_base().x(), wire.map_from_base().y(), wire.map_from_base().theta()}};
       return robot != robots_.end() && pose.map_from_base.isFinite();
     }) > 0;

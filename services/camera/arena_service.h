@@ -13,8 +13,8 @@
 
 namespace omnifleet::services {
 
-/// A camera of the simulated arena: the true poses of one time in, a rendered frame out. Beside `evaluate` and the
-/// world itself the only place where truth goes.
+/// A camera of the simulated arena: the true poses of one time in, a rendered frame out. Beside `evaluate`
+/// and the world itself the only place where truth goes.
 class ArenaCameraService : public bus::Service {
  public:
   ArenaCameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

@@ -6,7 +6,8 @@ namespace omnifleet::services {
 std::unique_ptr<bus::Service> makeCamera(const bus::ServiceContext& context) {
   const auto& o = context.options;
   const fleet::Fleet fleet = fleet::Fleet::load(o.fleet, o.dataset, o.configs);
-  if (fleet.camera(o.camera).source == fleet::CameraSource::kArena) return std::make_unique<ArenaCameraService>(context, fleet);
+  if (fleet.camera(o.camera).source == fleet::CameraSource::kArena)
+    return std::make_unique<ArenaCameraService>(context, fleet);
   return std::make_unique<CameraService>(context, fleet);
 }
 

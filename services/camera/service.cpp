@@ -19,9 +19,12 @@ std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera
     }
     case fleet::CameraSource::kFolder:
       return dataset::openFolder(camera.path, colour, size, static_cast<TimeNs>(1e9 / camera.rate_hz));
-    case fleet::CameraSource::kVideo: return dataset::openVideo(camera.path, colour, size);
-    case fleet::CameraSource::kDevice: return dataset::openDevice(camera.path, colour, size);
-    case fleet::CameraSource::kArena: break;
+    case fleet::CameraSource::kVideo:
+      return dataset::openVideo(camera.path, colour, size);
+    case fleet::CameraSource::kDevice:
+      return dataset::openDevice(camera.path, colour, size);
+    case fleet::CameraSource::kArena:
+      break;
   }
   throw std::logic_error("an arena camera is rendered, not opened");
 }
@@ -39,7 +42,8 @@ CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fl
       source_(openSource(camera_, fleet)),
       writer_(context.bus.frameWriter(camera_.id, frameBytes(camera_))),
       ends_(context) {
-  if (context.options.record) recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
+  if (context.options.record)
+    recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
   header_.clock = static_cast<bus::ClockId>(context.options.mode == bus::RunMode::kLive ? 0 : 1);
 }
 
@@ -47,7 +51,9 @@ std::vector<bus::Expectation> CameraService::expectations() const {
   return {{"camera " + camera_.id + " read by its stage", [this] { return writer_->matched() >= 1; }}};
 }
 
-void CameraService::start() { status().state(bus::ServiceState::kRunning); }
+void CameraService::start() {
+  status().state(bus::ServiceState::kRunning);
+}
 
 bool CameraService::spin() {
   if (ended_) return false;
@@ -117,6 +123,8 @@ void CameraService::finish() {
   ends_.announce("camera " + camera_.id, last_ns_, samples_);
 }
 
-void CameraService::drain() { finish(); }
+void CameraService::drain() {
+  finish();
+}
 
 }  // namespace omnifleet::services

@@ -17,10 +17,11 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
       local_maps_(context.bus.reader(context.topics.local_map, context.options.robot), merger_, ends_,
                   {"local_map " + context.options.robot, context.options.robot, 0, bus::StreamRole::kInput,
                    streamMode(context.options)}),
-      out_(context.bus.writer(context.topics.objects, context.options.robot), "objects " + context.options.robot,
+      out_(context.bus.writer(context.topics.objects, context.options.robot),
+           "objects " + context.options.robot,
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
-      classifier_(classifier::Classifier::Options::read(fleet.service("classifier")), ownRobot(context, fleet),
-                  fleet.bodies()) {
+      classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
+                  ownRobot(context, fleet), fleet.bodies()) {
   for (const std::string& robot : fleet.mappingRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
@@ -68,7 +69,9 @@ void ClassifierService::process() {
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
 }
 
-void ClassifierService::drain() { out_.end(ends_, ended_ ? "" : "stopped"); }
+void ClassifierService::drain() {
+  out_.end(ends_, ended_ ? "" : "stopped");
+}
 
 std::unique_ptr<bus::Service> makeClassifier(const bus::ServiceContext& context) {
   const auto& o = context.options;

@@ -12,7 +12,8 @@
 
 namespace omnifleet::services {
 
-/// One robot's local maps in, one sample of objects per frame out; the fleet's poses of the previous frame feed back.
+/// One robot's local maps in, one sample of objects per frame out; the fleet's poses of the previous frame
+/// feed back.
 class ClassifierService : public bus::Service {
  public:
   ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

@@ -4,8 +4,8 @@
 
 namespace omnifleet::services {
 
-/// Reads every option of every service as the services themselves will. Throws options::Error for the first that is
-/// unknown, of a wrong type or out of range, so that nothing is started with a bad one.
+/// Reads every option of every service as the services themselves will. Throws options::Error for the first
+/// that is unknown, of a wrong type or out of range, so that nothing is started with a bad one.
 void checkOptions(const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::services

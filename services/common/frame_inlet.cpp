@@ -4,8 +4,8 @@ namespace omnifleet::services {
 
 FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends)
     : name_("camera " + camera.id),
-      reader_(context.bus.frameReader(
-          camera.id, static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3)) {
+      reader_(context.bus.frameReader(camera.id, static_cast<std::size_t>(camera.model.image_width_px) *
+                                                     camera.model.image_height_px * 3)) {
   ends.listen(name_, [this](TimeNs last, std::uint64_t) { end_ns_ = last; });
 }
 

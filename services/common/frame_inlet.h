@@ -15,8 +15,8 @@ class FrameInlet {
  public:
   FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends);
 
-  /// The next frame, on loan until release(); nothing while one is held or none is there. Frames that do not come
-  /// later than the last one are counted and left out.
+  /// The next frame, on loan until release(); nothing while one is held or none is there. Frames that do not
+  /// come later than the last one are counted and left out.
   std::optional<bus::FrameView> take(bus::StatusBoard& status);
   /// Gives the loan back. False: the pixels were overwritten while they were used.
   bool release(bus::StatusBoard& status);

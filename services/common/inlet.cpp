@@ -8,9 +8,12 @@ bus::StreamMode streamMode(const bus::ServiceOptions& options) {
 
 adapters::RunClock runClock(const bus::ServiceOptions& options) {
   switch (options.mode) {
-    case bus::RunMode::kReplay: return adapters::RunClock::kDataset;
-    case bus::RunMode::kLockstep: return adapters::RunClock::kSim;
-    case bus::RunMode::kLive: break;
+    case bus::RunMode::kReplay:
+      return adapters::RunClock::kDataset;
+    case bus::RunMode::kLockstep:
+      return adapters::RunClock::kSim;
+    case bus::RunMode::kLive:
+      break;
   }
   return adapters::RunClock::kSystem;
 }

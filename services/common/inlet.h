@@ -27,8 +27,9 @@ class Inlet {
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;
 
-  /// Moves all that has arrived into the merger. `convert(wire, payload)` returns false for a sample that must not
-  /// be believed; what it leaves in the payload is then passed on only if `keep_bad` says so. Returns samples taken.
+  /// Moves all that has arrived into the merger. `convert(wire, payload)` returns false for a sample that
+  /// must not be believed; what it leaves in the payload is then passed on only if `keep_bad` says so.
+  /// Returns samples taken.
   template <class Convert>
   int pull(bus::StatusBoard& status, Convert convert) {
     int taken = 0;
@@ -37,7 +38,8 @@ class Inlet {
       Payload payload;
       if (!convert(sample_, payload)) {
         status.dropped();
-        status.error(merger_.spec(stream_).name + ": a sample with a non-finite or unknown value was rejected");
+        status.error(merger_.spec(stream_).name +
+                     ": a sample with a non-finite or unknown value was rejected");
         continue;
       }
       if (!merger_.push(stream_, sample_.header().acquired_ns(), std::move(payload))) {
@@ -74,7 +76,8 @@ class Outlet {
       : writer_(std::move(writer)), name_(std::move(name)), readers_(readers) {}
 
   bus::Expectation expectation() const {
-    return {name_ + " read by " + std::to_string(readers_) + " stages", [this] { return writer_->matched() >= readers_; }};
+    return {name_ + " read by " + std::to_string(readers_) + " stages",
+            [this] { return writer_->matched() >= readers_; }};
   }
 
   /// Writes and counts; a failure goes to the status.

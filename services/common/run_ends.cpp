@@ -5,7 +5,8 @@
 namespace omnifleet::services {
 
 RunEnds::RunEnds(const bus::ServiceContext& context)
-    : reader_(context.bus.reader(context.topics.run_end)), writer_(context.bus.writer(context.topics.run_end)) {}
+    : reader_(context.bus.reader(context.topics.run_end)),
+      writer_(context.bus.writer(context.topics.run_end)) {}
 
 void RunEnds::listen(const std::string& stream, Ended ended) {
   listeners_[stream] = std::move(ended);
@@ -25,7 +26,8 @@ bool RunEnds::poll() {
   return heard;
 }
 
-void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t samples, const std::string& reason) {
+void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t samples,
+                       const std::string& reason) {
   v1::RunEnd end;
   end.stream(stream);
   adapters::fillHeader(last, 0, adapters::RunClock::kSystem, end.header());

@@ -16,14 +16,15 @@ class RunEnds {
  public:
   explicit RunEnds(const bus::ServiceContext& context);
 
-  /// `ended` is called once, when the stream's end is heard, with the time of its last sample (kNothing when there was
-  /// none) and their number.
+  /// `ended` is called once, when the stream's end is heard, with the time of its last sample (kNothing when
+  /// there was none) and their number.
   using Ended = std::function<void(TimeNs last, std::uint64_t samples)>;
   void listen(const std::string& stream, Ended ended);
   /// Takes what has arrived; true when anything was heard that someone listens for.
   bool poll();
   /// Our stream has ended. An empty reason is the regular end.
-  void announce(const std::string& stream, TimeNs last, std::uint64_t samples, const std::string& reason = {});
+  void announce(const std::string& stream, TimeNs last, std::uint64_t samples,
+                const std::string& reason = {});
 
   static constexpr TimeNs kNothing = INT64_MIN;
 

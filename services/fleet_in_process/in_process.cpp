@@ -18,15 +18,16 @@ namespace omnifleet::services {
 
 bus::ServiceFactory factoryOf(const std::string& service) {
   static const std::map<std::string, bus::ServiceFactory> kFactories{
-      {"camera", makeCamera},         {"local_mapper", makeLocalMapper}, {"classifier", makeClassifier},
-      {"localizer", makeLocalizer},   {"formation", makeFormation},      {"global_merger", makeGlobalMerger},
+      {"camera", makeCamera},       {"local_mapper", makeLocalMapper}, {"classifier", makeClassifier},
+      {"localizer", makeLocalizer}, {"formation", makeFormation},      {"global_merger", makeGlobalMerger},
       {"world", makeWorld}};
   return kFactories.at(service);
 }
 
 namespace {
 
-bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& fleet, const fleet::ProcessSpec& process) {
+bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& fleet,
+                               const fleet::ProcessSpec& process) {
   bus::ServiceOptions options;
   options.fleet = run.fleet_file;
   options.dataset = run.dataset;
@@ -42,7 +43,8 @@ bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& flee
 
 void runInProcess(const InProcessRun& run, const std::function<void(std::uint64_t)>& each_round) {
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, run.dataset, run.overlays);
-  auto log = std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
+  auto log =
+      std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
   log->set_level(spdlog::level::from_str(run.log_level));
   const auto network = bus::makeFakeNetwork();
   std::vector<std::unique_ptr<bus::Bus>> buses;  // outlive the services
@@ -60,7 +62,9 @@ void runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
     stages.add(process->service + " " + process->instance, std::move(service));
   }
   stages.run([&] {
-    if (each_round && counted) each_round(counted->status().snapshot(std::chrono::steady_clock::now()).processed);
+    if (each_round && counted)
+      each_round(counted->status().snapshot(std::chrono::steady_clock::now()).processed);
+    return true;
   });
 }
 

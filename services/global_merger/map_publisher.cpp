@@ -28,12 +28,14 @@ void outlineToWire(const dataset::MapObject& from, v1::Outline& to) {
 
 }  // namespace
 
-MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
-                           bool speaks)
-    : map_name_(map_name), replica_(replica), speaks_(speaks),
-      clock_(context.options.mode == bus::RunMode::kLive      ? adapters::RunClock::kSystem
+MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string& map_name,
+                           const std::string& replica, bool speaks)
+    : map_name_(map_name),
+      replica_(replica),
+      speaks_(speaks),
+      clock_(context.options.mode == bus::RunMode::kLive     ? adapters::RunClock::kSystem
              : context.options.mode == bus::RunMode::kReplay ? adapters::RunClock::kDataset
-                                                              : adapters::RunClock::kSim),
+                                                             : adapters::RunClock::kSim),
       hash_(context.bus.writer(context.topics.map_hash)) {
   if (!speaks) return;
   octree_ = context.bus.writer(context.topics.map_octree);

@@ -12,7 +12,8 @@ namespace omnifleet::services {
 /// The merged map on the wire: octree, grid, outlines (by the replica that speaks) and hash (by all).
 class MapPublisher {
  public:
-  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica, bool speaks);
+  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
+               bool speaks);
 
   /// Publishes when a second of data time has passed and the map has changed, or when `force`.
   void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status);

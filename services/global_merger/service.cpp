@@ -7,9 +7,15 @@ using std::chrono::steady_clock;
 
 constexpr std::size_t kMaxWaiting = 64;  // frames whose other half may still come (live)
 
-std::string contributionStream(const std::string& robot) { return "map/contribution " + robot; }
-std::string poseStream(const std::string& robot) { return "map/keyframe_pose " + robot; }
-std::string correctionStream(const std::string& robot) { return "map/keyframe_pose localizer " + robot; }
+std::string contributionStream(const std::string& robot) {
+  return "map/contribution " + robot;
+}
+std::string poseStream(const std::string& robot) {
+  return "map/keyframe_pose " + robot;
+}
+std::string correctionStream(const std::string& robot) {
+  return "map/keyframe_pose localizer " + robot;
+}
 
 }  // namespace
 
@@ -22,18 +28,21 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
       contributions_(context.bus.reader(context.topics.map_contribution)),
       keyframe_poses_(context.bus.reader(context.topics.map_keyframe_pose)),
-      contribution_out_(context.bus.writer(context.topics.map_contribution, robot_), contributionStream(robot_),
+      contribution_out_(context.bus.writer(context.topics.map_contribution, robot_),
+                        contributionStream(robot_),
                         fleet::expectedReaders(fleet, "map/contribution", robot_)),
       pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
       publisher_(context, fleet.name, robot_, speaks_),
       maker_(global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"))),
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
-               occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")), fleet.bodies()) {
+               occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
+               fleet.bodies()) {
   for (const std::string& robot : fleet.mappingRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
-        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options), false}));
+        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options),
+                        false}));
     if (robot != robot_) {
       listenTo(contributionStream(robot));
       listenTo(poseStream(robot));

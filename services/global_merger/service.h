@@ -14,9 +14,9 @@
 
 namespace omnifleet::services {
 
-/// One robot's replica of the map. From its robot's objects and poses it makes contributions for everybody; from
-/// everybody's contributions and keyframe poses it builds the map. The first robot's replica speaks: it publishes and
-/// saves the map.
+/// One robot's replica of the map. From its robot's objects and poses it makes contributions for everybody;
+/// from everybody's contributions and keyframe poses it builds the map. The first robot's replica speaks: it
+/// publishes and saves the map.
 class GlobalMergerService : public bus::Service {
  public:
   GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -63,8 +63,8 @@ class GlobalMergerService : public bus::Service {
   global_merger::ContributionMaker maker_;
   global_merger::Merger replica_;
   std::map<std::string, SetStream> sets_;
-  std::deque<Objects> waiting_objects_;      ///< whose pose has not come yet
-  std::deque<PoseEstimate> waiting_poses_;   ///< of the own robot
+  std::deque<Objects> waiting_objects_;     ///< whose pose has not come yet
+  std::deque<PoseEstimate> waiting_poses_;  ///< of the own robot
   v1::Contribution contribution_;
   v1::KeyframePose keyframe_pose_;
   bool contributed_all_ = false, ended_ = false, saved_ = false;

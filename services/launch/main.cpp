@@ -19,12 +19,16 @@ void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
   app.add_option("--host", request.host, "start only this host's part");
   app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::PositiveNumber);
-  app.add_option("--domain", request.domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  app.add_option("--domain", request.domain, "DDS domain")
+      ->check(CLI::Range(0, 232))
+      ->envname("OMNIFLEET_DOMAIN");
   app.add_flag("--debug-images", request.debug_images, "draw every local map into OUT/debug");
   app.add_flag("--record", request.record, "write the run itself as a dataset into OUT/recording");
 }
 
-std::string programFolder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
+std::string programFolder() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
+}
 
 void report(const omnifleet::supervisor::RunReport& run, const std::string& out) {
   for (const auto& failure : run.failures) {

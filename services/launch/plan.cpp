@@ -25,8 +25,13 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     std::string instance = process.instance;
     std::replace(instance.begin(), instance.end(), '/', '_');
     spec.name = instance.empty() ? process.service : process.service + "_" + instance;
-    spec.argv = {program_folder + "/omnifleet_" + process.service, "--mode", mode, "--out", request.out,
-                 "--domain", std::to_string(request.domain)};
+    spec.argv = {program_folder + "/omnifleet_" + process.service,
+                 "--mode",
+                 mode,
+                 "--out",
+                 request.out,
+                 "--domain",
+                 std::to_string(request.domain)};
     const auto add = [&](const std::string& key, const std::string& value) {
       if (!value.empty()) spec.argv.insert(spec.argv.end(), {key, value});
     };

@@ -14,11 +14,11 @@ struct RunRequest {
   std::string dataset;
   std::vector<std::string> overlays;
   std::string out;
-  std::string host;        ///< only this host's part; empty: all
+  std::string host;  ///< only this host's part; empty: all
   double duration_s = 0.0;
   bool record = false;
   bool debug_images = false;
-  bool realtime = false;   ///< the arena by the wall clock
+  bool realtime = false;  ///< the arena by the wall clock
   int domain = 0;
 };
 
@@ -32,8 +32,8 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
 /// Frames that the whole run will have per robot, the largest; 0 where it is not known.
 std::uint64_t expectedFrames(const fleet::Fleet& fleet);
 
-/// Throws options::Error before anything is started: every option of every service, enough shared memory for the
-/// frames, a run directory that can be written.
+/// Throws options::Error before anything is started: every option of every service, enough shared memory for
+/// the frames, a run directory that can be written.
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::launch

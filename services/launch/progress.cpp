@@ -19,11 +19,13 @@ std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds
   const double rate = seconds > 0 ? static_cast<double>(done) / seconds : 0.0;
   if (total == 0) return fmt::format("{} frames per robot, {:.1f} frames/s, {:.0f} s", done, rate, seconds);
   std::string line = fmt::format("{}/{} frames per robot, {:.1f} frames/s", done, total, rate);
-  if (rate > 0 && done < total) line += fmt::format(", {:.0f} s left", static_cast<double>(total - done) / rate);
+  if (rate > 0 && done < total)
+    line += fmt::format(", {:.0f} s left", static_cast<double>(total - done) / rate);
   return line;
 }
 
-Progress::Progress(int domain, std::uint64_t total) : total_(total), thread_([this, domain] { listen(domain); }) {}
+Progress::Progress(int domain, std::uint64_t total)
+    : total_(total), thread_([this, domain] { listen(domain); }) {}
 
 Progress::~Progress() {
   stop_ = true;
@@ -45,8 +47,10 @@ void Progress::listen(int domain) {
   auto printed = steady_clock::now();
   std::uint64_t shown = 0;
   const auto show = [&](const char* end) {
-    const double seconds = first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
-    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total_, seconds).c_str(), end);
+    const double seconds =
+        first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
+    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total_, seconds).c_str(),
+                 end);
   };
   while (!stop_) {
     bus->wait(std::chrono::milliseconds(100));

@@ -8,8 +8,8 @@
 
 namespace omnifleet::launch {
 
-/// Listens to service/status and prints what people want to know: a progress line on a terminal (rewritten in place)
-/// or every few seconds elsewhere, and each error once.
+/// Listens to service/status and prints what people want to know: a progress line on a terminal (rewritten in
+/// place) or every few seconds elsewhere, and each error once.
 class Progress {
  public:
   /// `total` frames per robot, 0 where unknown; `fleet_name` heads the line.

@@ -17,7 +17,8 @@ const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& r
 
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
   const auto options = motion::WheelIntegrator::Options::read(fleet.service("local_mapper").child("wheels"));
-  return robot.has_wheels ? motion::WheelIntegrator(robot.body.wheel_separation_m, options) : motion::WheelIntegrator();
+  return robot.has_wheels ? motion::WheelIntegrator(robot.body.wheel_separation_m, options)
+                          : motion::WheelIntegrator();
 }
 
 local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
@@ -28,7 +29,8 @@ local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
 
 }  // namespace
 
-LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet, bool debug_images)
+LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                                       bool debug_images)
     : context_(context),
       camera_(fisheye(fleet, context.options.robot)),
       ends_(context),
@@ -41,8 +43,8 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       mapper_(lens::Camera(camera_.model), mapperOptions(fleet)) {
   if (fleet.robot(camera_.robot).has_wheels) {
     wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, camera_.robot), merger_, ends_,
-                    bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1, bus::StreamRole::kSide,
-                                    streamMode(context.options)});
+                    bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1,
+                                    bus::StreamRole::kSide, streamMode(context.options)});
   }
   if (debug_images && !context.options.out.empty()) {
     debug_folder_ = context.options.out + "/debug/" + camera_.robot;
@@ -103,20 +105,23 @@ void LocalMapperService::process() {
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
   if (local_map_.state != FrameState::kOk) {
-    status().error(fmt::format("frame {} of camera {}: {}", local_map_.sequence, camera_.id, toString(local_map_.state)));
+    status().error(fmt::format("frame {} of camera {}: {}", local_map_.sequence, camera_.id,
+                               toString(local_map_.state)));
   }
 }
 
 void LocalMapperService::saveDebugImages(const cv::Mat& image) {
   const auto pictures = local_mapper::DebugImages::render(mapper_, local_map_, image);
-  for (const std::string& problem : pictures.save(fmt::format("{}/{:06d}", debug_folder_, local_map_.sequence))) {
+  for (const std::string& problem :
+       pictures.save(fmt::format("{}/{:06d}", debug_folder_, local_map_.sequence))) {
     status().error(problem);
   }
 }
 
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context) {
   const auto& o = context.options;
-  return std::make_unique<LocalMapperService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs), o.debug_images);
+  return std::make_unique<LocalMapperService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs),
+                                              o.debug_images);
 }
 
 }  // namespace omnifleet::services

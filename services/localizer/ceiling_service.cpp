@@ -36,7 +36,8 @@ void CeilingService::process(const bus::FrameView& frame) {
   found_.clear();
   if (state == FrameState::kOk) {
     const cv::Mat image = asMat(frame);
-    if (image.type() == CV_8UC3 && image.cols == camera_.model.image_width_px && image.rows == camera_.model.image_height_px) {
+    if (image.type() == CV_8UC3 && image.cols == camera_.model.image_width_px &&
+        image.rows == camera_.model.image_height_px) {
       found_ = front_end_.process(frame.header.acquired_ns, frame.header.sequence, image);
     } else {
       state = FrameState::kWrongSize;

@@ -13,7 +13,8 @@ constexpr std::uint32_t kTerm = 1;  // of the only estimator; mergers' own first
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
-  for (const fleet::RobotSpec& robot : fleet.robots) all.push_back({robot.name, robot.body, robot.initial_pose});
+  for (const fleet::RobotSpec& robot : fleet.robots)
+    all.push_back({robot.name, robot.body, robot.initial_pose});
   return all;
 }
 
@@ -22,17 +23,18 @@ std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
 LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       ends_(context),
-      estimator_(setups(fleet), estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))) {
+      estimator_(setups(fleet),
+                 estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))) {
   const auto mode = streamMode(context.options);
   for (const std::string& robot : fleet.mappingRobots()) {
     objects_.push_back(std::make_unique<Inlet<v1::Objects, Payload>>(
         context.bus.reader(context.topics.objects, robot), merger_, ends_,
         bus::StreamSpec{"objects " + robot, robot, 0, bus::StreamRole::kInput, mode}));
-    outputs_.emplace(
-        robot, RobotOutputs{{context.bus.writer(context.topics.pose, robot), "pose " + robot,
-                             fleet::expectedReaders(fleet, "pose", robot)},
-                            {context.bus.writer(context.topics.map_keyframe_pose, robot), "map/keyframe_pose localizer " + robot,
-                             fleet::expectedReaders(fleet, "map/keyframe_pose", robot)}});
+    outputs_.emplace(robot, RobotOutputs{{context.bus.writer(context.topics.pose, robot), "pose " + robot,
+                                          fleet::expectedReaders(fleet, "pose", robot)},
+                                         {context.bus.writer(context.topics.map_keyframe_pose, robot),
+                                          "map/keyframe_pose localizer " + robot,
+                                          fleet::expectedReaders(fleet, "map/keyframe_pose", robot)}});
   }
   for (const std::string& camera : fleet.ceilingCameras()) {
     measurements_.push_back(std::make_unique<Inlet<v1::Measurement, Payload>>(
@@ -121,7 +123,9 @@ void LocalizerService::finish(const std::string& reason) {
   }
 }
 
-void LocalizerService::drain() { finish(ended_ ? "" : "stopped"); }
+void LocalizerService::drain() {
+  finish(ended_ ? "" : "stopped");
+}
 
 std::unique_ptr<bus::Service> makeLocalizer(const bus::ServiceContext& context) {
   const auto& o = context.options;

@@ -12,8 +12,8 @@
 
 namespace omnifleet::services {
 
-/// The estimator: objects of every robot and measurements of every front end in, one pose per robot and frame out.
-/// At the end of a run it publishes the smoothed poses as corrected keyframe poses.
+/// The estimator: objects of every robot and measurements of every front end in, one pose per robot and frame
+/// out. At the end of a run it publishes the smoothed poses as corrected keyframe poses.
 class LocalizerService : public bus::Service {
  public:
   LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

@@ -16,10 +16,12 @@ DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, con
   }
   for (dataset::RobotRecording& robot : recording.robots) {
     if (robot.wheels.empty()) continue;
-    streams_.push_back(std::make_unique<WheelStream>(
-        WheelStream{robot.name, std::move(robot.wheels), 0,
-                    {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
-                     fleet::expectedReaders(fleet, "wheels/odometry", robot.name)}}));
+    streams_.push_back(std::make_unique<WheelStream>(WheelStream{
+        robot.name,
+        std::move(robot.wheels),
+        0,
+        {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
+         fleet::expectedReaders(fleet, "wheels/odometry", robot.name)}}));
   }
 }
 
@@ -50,7 +52,8 @@ bool DatasetWorldService::spin() {
     const auto begun = steady_clock::now();
     const dataset::WheelRow& row = stream->rows[stream->next];
     sample_.robot(stream->robot);
-    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(stream->next), runClock(context_.options), sample_.header());
+    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(stream->next), runClock(context_.options),
+                         sample_.header());
     sample_.v_left_mps(row.left_mps);
     sample_.v_right_mps(row.right_mps);
     stream->out.write(sample_, status());

@@ -11,7 +11,9 @@ using std::chrono::steady_clock;
 
 constexpr double kRestS = 1.0;  // all robots told to stand for so long: the run is over
 
-const synthetic::Arena& arenaOf(const fleet::Fleet& fleet) { return fleet.arena.value(); }
+const synthetic::Arena& arenaOf(const fleet::Fleet& fleet) {
+  return fleet.arena.value();
+}
 
 dataset::RobotRecording recordingOf(const synthetic::ArenaRobot& robot) {
   dataset::RobotRecording recording;
@@ -27,21 +29,24 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
     : context_(context),
       fleet_(fleet),
       realtime_(context.options.mode == bus::RunMode::kLive),
-      world_(arenaOf(fleet), world::World::Options::read(fleet.service("world")), static_cast<std::uint32_t>(fleet.seed)),
+      world_(arenaOf(fleet), world::World::Options::read(fleet.service("world")),
+             static_cast<std::uint32_t>(fleet.seed)),
       ends_(context),
       commands_(fleet.arena->robots.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
     robots_[robot.name] = outputs_.size();
-    outputs_.push_back({{context.bus.writer(context.topics.world_truth, robot.name), "world/truth " + robot.name,
-                         fleet::expectedReaders(fleet, "world/truth", robot.name)},
-                        {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
-                         fleet::expectedReaders(fleet, "wheels/odometry", robot.name)},
-                        {},
-                        {}});
+    outputs_.push_back(
+        {{context.bus.writer(context.topics.world_truth, robot.name), "world/truth " + robot.name,
+          fleet::expectedReaders(fleet, "world/truth", robot.name)},
+         {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
+          fleet::expectedReaders(fleet, "wheels/odometry", robot.name)},
+         {},
+         {}});
     if (!fleet.hasFormation()) continue;
     inlets_.push_back(std::make_unique<Inlet<v1::WheelCommand, Command>>(
         context.bus.reader(context.topics.wheels_command, robot.name), merger_, ends_,
-        bus::StreamSpec{"wheels/command " + robot.name, robot.name, 0, bus::StreamRole::kInput, streamMode(context.options)}));
+        bus::StreamSpec{"wheels/command " + robot.name, robot.name, 0, bus::StreamRole::kInput,
+                        streamMode(context.options)}));
   }
   if (context.options.record) {
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
@@ -116,7 +121,8 @@ void ArenaWorldService::publishFrame() {
   const auto begun = steady_clock::now();
   publishTruth(world_.now());
   last_published_ = world_.finished();
-  // The speeds of the interval that begins now were commanded in answer to the frame before (DESIGN, determinism).
+  // The speeds of the interval that begins now were commanded in answer to the frame before (DESIGN,
+  // determinism).
   publishWheels(world_.step(commands_));
   status().processed(steady_clock::now() - begun);
 }
@@ -125,7 +131,8 @@ void ArenaWorldService::publishTruth(const world::World::State& state) {
   v1::Truth wire;
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
     wire.robot(fleet_.arena->robots[i].name);
-    adapters::fillHeader(state.time_ns, static_cast<std::uint32_t>(state.frame), adapters::RunClock::kSim, wire.header());
+    adapters::fillHeader(state.time_ns, static_cast<std::uint32_t>(state.frame), adapters::RunClock::kSim,
+                         wire.header());
     const Pose2& pose = state.map_from_bases[i];
     wire.map_from_base().x(pose.x_m);
     wire.map_from_base().y(pose.y_m);
@@ -154,7 +161,8 @@ void ArenaWorldService::publishWheels(const world::World::Driven& driven) {
 
 bool ArenaWorldService::atRest() {
   bool still = true;
-  for (const motion::WheelSpeeds& speeds : commands_) still = still && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
+  for (const motion::WheelSpeeds& speeds : commands_)
+    still = still && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
   moved_ = moved_ || !still;
   resting_frames_ = still && moved_ ? resting_frames_ + 1 : 0;
   return resting_frames_ >= kRestS * fleet_.arena->rate_hz;

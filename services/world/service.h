@@ -14,9 +14,9 @@
 
 namespace omnifleet::services {
 
-/// The simulated arena: commands in; true poses (for its cameras) and wheel odometry out. In lockstep a step is taken
-/// when every robot has answered the frame before; by the clock (live) with the latest commands. Writes the truth to
-/// OUT/recording when the run ends.
+/// The simulated arena: commands in; true poses (for its cameras) and wheel odometry out. In lockstep a step
+/// is taken when every robot has answered the frame before; by the clock (live) with the latest commands.
+/// Writes the truth to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
   ArenaWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
