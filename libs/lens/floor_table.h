@@ -25,12 +25,14 @@ class FloorTable {
   Eigen::Vector3f ray(float u_px, float v_px) const;
 
  private:
-  Eigen::Vector3f exact(float u_px, float v_px) const;
+  Eigen::Vector4f exact(float u_px, float v_px) const;
+  Eigen::Vector4f mixed(float u_px, float v_px) const;
 
   Camera camera_;
   int step_px_, columns_, rows_;
   float inverse_step_;
-  std::vector<Eigen::Vector3f> rays_;  ///< NaN outside the field of view
+  Eigen::Vector3f position_m_;
+  std::vector<Eigen::Vector4f> rays_;  ///< x, y, z, 0 (one SSE register); NaN outside the field of view
 };
 
 }  // namespace omnifleet::lens

@@ -40,9 +40,9 @@ TEST(FloorTable, ErrsByLessThanContoursDo) {
        {downward(model(Projection::kEquidistant)), downward(model(Projection::kStereographic)),
         downward(model(Projection::kEquisolid)), downward(simulatedOcam()),
         downward(simulatedKannalaBrandt())}) {
-    const double coarse = worstError_px(m, 4, 4.0, 0.0), fine = worstError_px(m, 1, 4.0, 0.1);
-    RecordProperty("step4_px", std::to_string(coarse));
-    RecordProperty("step1_px", std::to_string(fine));
+    const double coarse = worstError_px(m, 8, 4.0, 0.0), fine = worstError_px(m, 1, 4.0, 0.1);
+    RecordProperty("step8_px_" + std::to_string(static_cast<int>(m.projection)), std::to_string(coarse));
+    RecordProperty("step1_px_" + std::to_string(static_cast<int>(m.projection)), std::to_string(fine));
     EXPECT_LT(coarse, 0.02);
     EXPECT_LT(fine, 0.002);
   }
