@@ -71,6 +71,7 @@ struct Loop {
 
   ExitCode run() {
     service.status().state(ServiceState::kWaiting);
+    publisher.update(service.status(), Clock::now());
     ExitCode code = expect();
     if (code == ExitCode::kOk && !bus.stopping()) {
       service.start();

@@ -80,6 +80,9 @@ QosProfile frameQos(RunMode mode) {
   qos.max_instances = 1;
   qos.max_samples_per_instance = qos.depth;
   qos.data_sharing = true;
+  // A data-sharing reader starts reading at the moment when it matches, later than its writer does: only a
+  // history for late joiners makes sure that the first frames of a run are not skipped.
+  qos.transient_local = isDeterministic(mode);
   return qos;
 }
 

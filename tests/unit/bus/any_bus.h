@@ -1,0 +1,88 @@
+#pragma once
+
+// Runs one test on every kind of bus: what services rely on must hold on the fake one as on DDS.
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bus/dds_bus.h"
+#include "bus/fake_bus.h"
+#include "bus/topics.h"
+
+namespace omnifleet::bus {
+
+inline constexpr std::chrono::seconds kPatience{10};  ///< events end waits; this only ends a failed test
+
+/// A domain that no other test process uses at this time.
+inline int ownDomain() {
+  return 20 + static_cast<int>(::getpid() % 200);
+}
+
+struct Participant {
+  RunMode mode = RunMode::kLockstep;
+  std::string machine = "here";
+  std::string idl_hash = {};
+  std::vector<std::string>* reports = nullptr;
+};
+
+/// Makes participants of one network: fake or DDS on loopback in a domain of its own.
+class Network {
+ public:
+  explicit Network(bool dds) : dds_(dds), fake_(makeFakeNetwork()) {}
+
+  std::unique_ptr<Bus> join(const Participant& who = {}) const {
+    Report report;
+    if (who.reports != nullptr)
+      report = [reports = who.reports](const std::string& line) { reports->push_back(line); };
+    return dds_ ? joinDds(who, report) : makeFakeBus(fake_, {who.mode, who.machine, who.idl_hash, report});
+  }
+
+ private:
+  static std::unique_ptr<Bus> joinDds(const Participant& who, const Report& report) {
+    DdsBusOptions options;
+    options.domain = ownDomain();
+    options.mode = who.mode;
+    options.machine = who.machine;
+    options.idl_hash = who.idl_hash;
+    options.report = report;
+    return makeDdsBus(options);
+  }
+  bool dds_;
+  std::shared_ptr<FakeNetwork> fake_;
+};
+
+class AnyBus : public testing::TestWithParam<const char*> {
+ protected:
+  bool onDds() const { return std::string(GetParam()) == "Dds"; }
+  Network network{onDds()};
+};
+
+/// Takes until `count` samples have come (or patience ends).
+template <class T>
+std::vector<T> receive(Bus& bus, Reader<T>& reader, std::size_t count) {
+  std::vector<T> samples;
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (samples.size() < count && std::chrono::steady_clock::now() < deadline) {
+    T sample;
+    if (reader.take(sample)) {
+      samples.push_back(sample);
+    } else {
+      bus.wait(std::chrono::seconds(1));
+    }
+  }
+  return samples;
+}
+
+inline v1::Pose poseOf(const std::string& robot, std::int64_t time_ns, double x = 0.0) {
+  v1::Pose pose;
+  pose.robot(robot);
+  pose.header().acquired_ns(time_ns);
+  pose.map_from_base().x(x);
+  return pose;
+}
+
+}  // namespace omnifleet::bus

@@ -1,0 +1,275 @@
+// What only DDS has: saturated writers, foreign vendors, processes that die, files in shared memory.
+
+#include <gmock/gmock.h>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include "bus/shared_memory.h"
+#include "tests/unit/bus/any_bus.h"
+#include "tests/unit/bus/peer_process.h"
+
+namespace omnifleet::bus {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::Ge;
+using testing::HasSubstr;
+using testing::IsSupersetOf;
+using testing::SizeIs;
+using Clock = std::chrono::steady_clock;
+
+DdsBusOptions onOwnDomain(RunMode mode = RunMode::kLockstep) {
+  DdsBusOptions options;
+  options.domain = ownDomain();
+  options.mode = mode;
+  return options;
+}
+
+TEST(DdsBus, ASaturatedWriterGivesUpAtItsTimeoutAndGoesOnWhenThereIsRoom) {
+  DdsBusOptions options = onOwnDomain();
+  options.write_timeout = milliseconds(300);
+  const auto a = makeDdsBus(options), b = makeDdsBus(options);
+  const Topics topics(RunMode::kLockstep);
+  const auto writer = a->writer(topics.pose);
+  const auto reader = b->reader(topics.pose);
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  int written = 0;
+  while (written < 1000 && writer->write(poseOf("r1", written))) ++written;
+  // Both histories hold 64 of one key; what is under way between them may add a few.
+  EXPECT_GE(written, 64);
+  EXPECT_LE(written, 2 * 64 + 8);
+  EXPECT_THAT(writer->error(), HasSubstr("not written"));
+
+  std::vector<std::int64_t> got;
+  const auto take = [&] {
+    for (const auto& pose : receive(*b, *reader, static_cast<std::size_t>(written) - got.size())) {
+      got.push_back(pose.header().acquired_ns());
+    }
+  };
+  take();
+  for (int more = 0; more < 200; ++more) {
+    while (!writer->write(poseOf("r1", written))) take();
+    ++written;
+  }
+  take();
+  ASSERT_EQ(static_cast<int>(got.size()), written) << "nothing is lost";
+  for (int k = 0; k < written; ++k) ASSERT_EQ(got[k], k);
+}
+
+TEST(DdsBus, StopEndsASaturatedWriteWithinAQuarterSecond) {
+  const auto a = makeDdsBus(onOwnDomain()), b = makeDdsBus(onOwnDomain());
+  const Topics topics(RunMode::kLockstep);
+  const auto writer = a->writer(topics.pose);
+  const auto reader = b->reader(topics.pose);
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  int written = 0;
+  Clock::time_point stopped;
+  std::thread filler([&] {
+    while (writer->write(poseOf("r1", written))) ++written;
+  });
+  while (reader->counters().received == 0) {
+    v1::Pose pose;
+    if (!reader->take(pose)) b->wait(seconds(1));
+  }
+  const auto deadline = Clock::now() + kPatience;
+  while (a->flush(milliseconds(50)))
+    ASSERT_LT(Clock::now(), deadline);  // the reader takes no more: it fills up
+  stopped = Clock::now();
+  a->requestStop();
+  filler.join();
+  // 0.2 s of retries, one attempt of 0.1 s that was under way, and a loaded machine.
+  EXPECT_LT(Clock::now() - stopped, seconds(1));
+}
+
+TEST(DdsBus, AWriterWithoutAHashIsAForeignVendorAndIsHeard) {
+  DdsBusOptions foreign = onOwnDomain();
+  foreign.announce_hash = false;
+  const auto a = makeDdsBus(foreign), b = makeDdsBus(onOwnDomain());
+  const Topics topics(RunMode::kLockstep);
+  const auto writer = a->writer(topics.pose, "r1");
+  const auto reader = b->reader(topics.pose, "r1");
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  ASSERT_TRUE(writer->write(poseOf("r1", 5)));
+  EXPECT_EQ(receive(*b, *reader, 1).size(), 1u);
+  EXPECT_EQ(reader->counters().rejected, 0u);
+}
+
+TEST(DdsBus, LargeSamplesPassSmallDatagrams) {
+  DdsBusOptions options = onOwnDomain();
+  options.max_message_bytes = 1400;
+  const auto a = makeDdsBus(options), b = makeDdsBus(options);
+  const Topics topics(RunMode::kLive);
+  const auto writer = a->writer(topics.map_grid);
+  v1::Grid grid;
+  grid.map_name("fleet");
+  grid.width(1000);
+  grid.height(1000);
+  grid.cells().resize(1000000);
+  for (std::size_t i = 0; i < grid.cells().size(); ++i)
+    grid.cells()[i] = static_cast<std::uint8_t>(i * 7 / 3);
+  ASSERT_TRUE(writer->write(grid)) << writer->error();
+  const auto late = b->reader(topics.map_grid);
+  const auto got = receive(*b, *late, 1);
+  ASSERT_EQ(got.size(), 1u);
+  EXPECT_TRUE(got[0] == grid);
+}
+
+TEST(DdsBus, LivelinessIsLostWithinItsLease) {
+  Topic<v1::Pose> election = Topics(RunMode::kLive).pose;
+  election.qos.liveliness_lease = milliseconds(500);
+  const auto b = makeDdsBus(onOwnDomain());
+  const auto reader = b->reader(election);
+  {
+    const auto a = makeDdsBus(onOwnDomain());
+    const auto writer = a->writer(election);
+    ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+    ASSERT_TRUE(writer->write(poseOf("r1", 1)));
+    while (reader->alive() < 1) ASSERT_TRUE(b->wait(kPatience));
+  }
+  while (reader->alive() > 0) ASSERT_TRUE(b->wait(kPatience));
+}
+
+std::set<std::string> sharedFrameFiles() {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator("/dev/shm")) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("fast_datasharing_", 0) == 0) names.insert(name);
+  }
+  return names;
+}
+
+std::set<std::string> without(std::set<std::string> names, const std::set<std::string>& others) {
+  for (const auto& other : others) names.erase(other);
+  return names;
+}
+
+std::optional<FrameView> next(Bus& bus, FrameReader& reader) {
+  const auto deadline = Clock::now() + kPatience;
+  while (Clock::now() < deadline) {
+    if (const auto view = reader.take()) return view;
+    bus.wait(seconds(1));
+  }
+  return std::nullopt;
+}
+
+bool isWhole(const FrameView& view) {
+  const auto value = static_cast<std::uint8_t>(view.header.sequence + 1);
+  return std::all_of(view.data, view.data + view.header.bytes(), [&](auto v) { return v == value; });
+}
+
+constexpr std::size_t kFrameBytes = 640 * 480 * 3;  // as peer.cpp sends them
+
+TEST(DdsFrames, AFrameThatIsOverwrittenWhileHeldIsNoticed) {
+  const auto a = makeDdsBus(onOwnDomain(RunMode::kLive)), b = makeDdsBus(onOwnDomain(RunMode::kLive));
+  const auto writer = a->frameWriter("cam", kFrameBytes);
+  const auto reader = b->frameReader("cam", kFrameBytes);
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  ASSERT_TRUE(reader->waitForWriters(1, kPatience));
+  FrameHeader header;
+  header.width_px = 640;
+  header.height_px = 480;
+  const auto send = [&](std::uint32_t sequence) {
+    header.sequence = sequence;
+    std::uint8_t* pixels = writer->begin(header);
+    ASSERT_NE(pixels, nullptr);
+    std::fill_n(pixels, header.bytes(), static_cast<std::uint8_t>(sequence + 1));
+    ASSERT_TRUE(writer->publish());
+  };
+  send(0);
+  const auto view = next(*b, *reader);
+  ASSERT_TRUE(view);
+  EXPECT_TRUE(isWhole(*view));
+  EXPECT_TRUE(reader->stillValid());
+  for (std::uint32_t k = 1; k <= 12; ++k) send(k);  // more than the 4 + 2 slots
+  EXPECT_FALSE(isWhole(*view)) << "else this test shows nothing";
+  EXPECT_FALSE(reader->stillValid());
+  EXPECT_FALSE(reader->stillValid());
+  reader->release();
+  EXPECT_EQ(reader->counters().torn, 1u);
+}
+
+TEST(DdsProcesses, AHeldFrameOutlivesItsKilledCamera) {
+  const auto bus = makeDdsBus(onOwnDomain());
+  const auto reader = bus->frameReader("cam", kFrameBytes);
+  Peer camera({"camera", std::to_string(ownDomain()), "3"});
+  const auto view = next(*bus, *reader);
+  ASSERT_TRUE(view);
+  camera.end(SIGKILL);
+  while (reader->matched() > 0) ASSERT_TRUE(bus->wait(kPatience));  // the lease of 3 s
+  EXPECT_TRUE(isWhole(*view));
+  EXPECT_TRUE(reader->stillValid()) << "nobody is left who could overwrite it";
+  reader->release();
+  while (const auto rest = reader->take()) reader->release();
+
+  // A successor is heard by the same reader.
+  Peer successor({"camera", std::to_string(ownDomain()), "3"});
+  const auto again = next(*bus, *reader);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->header.sequence, 0u);
+  EXPECT_TRUE(isWhole(*again));
+  reader->release();
+}
+
+TEST(DdsProcesses, AHeldFrameOutlivesItsCamerasRegularEnd) {
+  const auto bus = makeDdsBus(onOwnDomain());
+  const auto reader = bus->frameReader("cam", kFrameBytes);
+  Peer camera({"camera", std::to_string(ownDomain()), "1"});
+  const auto view = next(*bus, *reader);
+  ASSERT_TRUE(view);
+  EXPECT_EQ(camera.end(SIGTERM), 0);
+  while (reader->matched() > 0) ASSERT_TRUE(bus->wait(kPatience));
+  EXPECT_TRUE(isWhole(*view));
+  EXPECT_TRUE(reader->stillValid());
+  reader->release();
+}
+
+TEST(DdsProcesses, WhatAKilledCameraLeavesInSharedMemoryIsRemovedAndNothingElse) {
+  removeStaleSharedMemory(seconds(0));  // of earlier runs
+  const auto before = sharedFrameFiles();
+  Peer living({"camera", std::to_string(ownDomain()), "0"});
+  const auto with_living = sharedFrameFiles();
+  Peer killed({"camera", std::to_string(ownDomain()), "0"});
+  const auto with_both = sharedFrameFiles();
+  killed.end(SIGKILL);
+  // Others may work in shared memory at the same time: only what appeared between these lines is ours.
+  EXPECT_THAT(without(with_both, with_living), SizeIs(Ge(1u)));
+  const auto removed = removeStaleSharedMemory(seconds(0));
+  EXPECT_THAT(removed, IsSupersetOf(without(with_both, with_living))) << "what the killed one left";
+  EXPECT_THAT(sharedFrameFiles(), IsSupersetOf(without(with_living, before))) << "the living one's stay";
+  EXPECT_EQ(living.end(SIGTERM), 0);
+  EXPECT_THAT(without(without(with_living, before), sharedFrameFiles()), SizeIs(Ge(1u)))
+      << "a regular end cleans";
+}
+
+TEST(SharedMemory, TooLittleRoomIsSaidBeforehand) {
+  EXPECT_NO_THROW(requireSharedMemory(1));
+  EXPECT_THAT(
+      [] { requireSharedMemory(std::size_t{1} << 60); },
+      testing::ThrowsMessage<std::runtime_error>(HasSubstr("MiB free, the cameras need 1099511627777 MiB")));
+  // 8 + 2 slots of 12 MiB.
+  EXPECT_GE(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{120} << 20);
+  EXPECT_LT(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{121} << 20);
+}
+
+TEST(SharedMemory, CleaningSparesOtherNamesAndFilesInUse) {
+  const fs::path folder = fs::path(testing::TempDir()) / ("shm" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  for (const char* name : {"fast_datasharing_1", "fastrtps_2", "fastrtps_open", "other"})
+    std::ofstream(folder / name) << 1;
+  {
+    std::ifstream open(folder / "fastrtps_open");
+    EXPECT_THAT(removeStaleSharedMemory(seconds(60), folder), testing::IsEmpty()) << "too young";
+    EXPECT_THAT(removeStaleSharedMemory(seconds(0), folder),
+                testing::ElementsAre("fast_datasharing_1", "fastrtps_2"));
+  }
+  EXPECT_THAT(removeStaleSharedMemory(seconds(0), folder), testing::ElementsAre("fastrtps_open"));
+  EXPECT_TRUE(fs::exists(folder / "other"));
+  fs::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace omnifleet::bus

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace omnifleet::bus {
+
+/// The program of peer.cpp as another process; killed at the latest when this goes.
+class Peer {
+ public:
+  /// Returns when the peer has said that it is ready (or has ended).
+  explicit Peer(std::vector<std::string> arguments) {
+    start(std::move(arguments));
+    line();
+  }
+  /// For start(): does not wait for it to be ready.
+  Peer() = default;
+  void start(std::vector<std::string> arguments) {
+    int ends[2];
+    if (::pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
+    pid_ = ::fork();
+    if (pid_ == 0) run(std::move(arguments), ends[1]);
+    ::close(ends[1]);
+    output_ = ends[0];
+  }
+  ~Peer() {
+    end(SIGKILL);
+    ::close(output_);
+  }
+  Peer(const Peer&) = delete;
+  Peer& operator=(const Peer&) = delete;
+
+  /// The next line of its output; empty at the end.
+  std::string line() {
+    std::string text;
+    char c = 0;
+    while (::read(output_, &c, 1) == 1 && c != '\n') text += c;
+    return text;
+  }
+  void signal(int number) const { ::kill(pid_, number); }
+  /// Sends the signal (0: none) and waits; exit code, or −signal when it was killed.
+  int end(int number) {
+    if (pid_ <= 0) return code_;
+    if (number != 0) ::kill(pid_, number);
+    int status = 0;
+    ::waitpid(pid_, &status, 0);
+    pid_ = 0;
+    code_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+    return code_;
+  }
+
+ private:
+  [[noreturn]] static void run(std::vector<std::string> arguments, int output) {
+    ::dup2(output, STDOUT_FILENO);
+    arguments.insert(arguments.begin(), OMNIFLEET_BUS_PEER);
+    std::vector<char*> argv;
+    for (auto& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    ::execv(argv[0], argv.data());
+    ::_exit(127);
+  }
+  pid_t pid_ = 0;
+  int output_ = -1;
+  int code_ = -1;
+};
+
+}  // namespace omnifleet::bus
