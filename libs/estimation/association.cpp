@@ -22,12 +22,6 @@ struct Candidate {
   }
 };
 
-Eigen::Vector2d steinerOf(const View& view, double height_m, const Eigen::Vector2d& fallback) {
-  Eigen::Vector2d centre = fallback;
-  steinerCentre(view, height_m, centre);
-  return centre;
-}
-
 double uncertainty(const RobotNode& robot) {
   return std::sqrt(std::max(0.0, robot.covariance.topLeftCorner<2, 2>().trace()));
 }
@@ -44,9 +38,7 @@ std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& opti
     seen.view = std::make_shared<const View>(
         View::from(track, frame.scan.origin_m, frame.camera_height_m, options.view_sigma_factor));
     if (seen.view->usable() < kLeastDirections) continue;
-    Eigen::Vector2d centre;
-    seen.mature = track.solidity >= kMergedSolidity && !track.truncated &&
-                  steinerCentre(*seen.view, options.prior_height_m, centre);
+    seen.mature = track.solidity >= kMergedSolidity && !track.truncated && Footprint(*seen.view).whole;
     all.push_back(std::move(seen));
   }
   return all;
@@ -80,73 +72,7 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
     taken[c.other] = true;
     seen[c.seen].peer = &fleet.robots[c.other];
     seen[c.seen].peer_at = at[c.other];
-  }
-}
-
-void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
-  const Pose2 map_from_base = fleet.pose(observer.window.back().pose);
-  std::vector<Candidate> candidates;
-  for (std::size_t s = 0; s < seen.size(); ++s) {
-    const bool moving = seen[s].track->velocity_mps.norm() > fleet.options.moving_mps;
-    if (seen[s].peer != nullptr || !seen[s].mature || moving) continue;
-    const auto before = observer.landmark_of_track.find(seen[s].track->id);
-    for (const auto& [id, landmark] : fleet.landmarks) {
-      const Eigen::Vector2d centre =
-          steinerOf(*seen[s].view, fleet.height(landmark), seen[s].track->position_m);
-      const double distance = (map_from_base * centre - fleet.centre(landmark)).norm();
-      // A track that was this landmark before may stray a little farther.
-      const double gate = fleet.options.associate_gate_m *
-                          (before != observer.landmark_of_track.end() && before->second == id ? 1.5 : 1.0);
-      if (distance < gate) candidates.push_back({distance, s, id});
-    }
-  }
-  std::sort(candidates.begin(), candidates.end());
-  std::set<std::uint32_t> taken;
-  for (const Candidate& c : candidates) {
-    const auto id = static_cast<std::uint32_t>(c.other);
-    if (seen[c.seen].landmark != 0 || !taken.insert(id).second) continue;
-    seen[c.seen].landmark = id;
-    observer.landmark_of_track[seen[c.seen].track->id] = id;
-  }
-}
-
-namespace {
-
-bool farFromEverything(const FleetState& fleet, const RobotNode& observer, TimeNs time,
-                       const Eigen::Vector2d& centre) {
-  for (const auto& [id, landmark] : fleet.landmarks) {
-    if ((centre - fleet.centre(landmark)).norm() < fleet.options.new_landmark_m) return false;
-  }
-  for (const RobotNode& robot : fleet.robots) {
-    const auto at = fleet.poseAt(robot, time);
-    if (&robot == &observer || !at) continue;
-    if ((centre - at->map_from_base.translation()).norm() < fleet.options.new_landmark_robot_m) return false;
-  }
-  return true;
-}
-
-}  // namespace
-
-void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
-  const Step& step = observer.window.back();
-  if (!step.keyframe) return;
-  const EstimatorOptions& o = fleet.options;
-  const Pose2 map_from_base = fleet.pose(step.pose);
-  for (Seen& s : seen) {
-    if (s.peer != nullptr || s.landmark != 0 || !s.mature || s.track->kind == ObjectKind::kRobot) continue;
-    if (s.track->velocity_mps.norm() > o.moving_mps) continue;
-    if ((s.track->contact_m - s.view->foot_m).norm() > o.new_landmark_contact_m) continue;
-    const bool measured = s.view->height_sigma_m > 0 && s.view->height_sigma_m < o.prior_height_sigma_m;
-    const double height = measured ? s.view->height_m : o.prior_height_m;
-    const double sigma = measured ? s.view->height_sigma_m : o.prior_height_sigma_m;
-    const Eigen::Vector2d centre = map_from_base * steinerOf(*s.view, height, s.track->position_m);
-    if (!farFromEverything(fleet, observer, step.time_ns, centre)) continue;
-    Landmark& landmark = fleet.addLandmark(centre, height, sigma);
-    landmark.shape->begin();
-    landmark.shape->add(*s.view, map_from_base, centre, height);
-    landmark.shape->finish();
-    s.landmark = landmark.id;
-    observer.landmark_of_track[s.track->id] = landmark.id;
+    observer.object_of_track[seen[c.seen].track->id] = {0, c.other};
   }
 }
 

@@ -23,11 +23,18 @@ struct Seen {
 /// The visible tracks of a frame that have supports, as views.
 std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& options);
 
+/// Corrects a prediction that is too uncertain to associate by (no wheels, a gap): the tracks' own ids say
+/// which silhouettes were which landmarks and robots before; a rigid fit of those places the robot.
+void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
+                   const std::vector<Seen>& seen);
+
 /// Tells which silhouettes are which robots: the known body is fitted to each; the nearest predicted peer
 /// within the gate whose fit leaves less than sighting_rms_m takes it, each robot at most once.
 void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, std::vector<Seen>& seen);
 
-/// Tells which of the rest are which landmarks, by the Steiner centre of the single view.
+/// Tells which of the rest are which landmarks: Steiner centres of the single view and of the landmark, both
+/// affine in the object's height, brought together by the height that the priors allow (two views from
+/// opposite sides disagree by decimetres at a wrong height), and alike in size.
 void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
 
 /// Founds landmarks from silhouettes that are far from everything known (RECIPES "Estimator").

@@ -117,6 +117,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   const EstimatorOptions& o = fleet.options;
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
+    alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
     if (o.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
     if (o.use_landmarks) {
       matchLandmarks(fleet, *frame.robot, frame.seen);
@@ -210,19 +211,23 @@ void FleetEstimator::Impl::noticeLoss(Frame& frame) {
 }
 
 void FleetEstimator::Impl::updateCovariances() {
-  std::vector<VariableId> newest;
-  std::vector<RobotNode*> owners;
+  std::vector<VariableId> wanted;
+  for (const RobotNode& robot : fleet.robots) {
+    if (robot.located()) wanted.push_back(robot.window.back().pose);
+  }
+  for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
+  if (wanted.empty()) return;
+  const Eigen::MatrixXd covariance = fleet.graph.covariance(wanted);
+  Eigen::Index at = 0;
   for (RobotNode& robot : fleet.robots) {
     if (!robot.located()) continue;
-    newest.push_back(robot.window.back().pose);
-    owners.push_back(&robot);
+    const Pose2 pose = fleet.pose(robot.window.back().pose);
+    robot.covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
+    at += 3;
   }
-  if (newest.empty()) return;
-  const Eigen::MatrixXd covariance = fleet.graph.covariance(newest);
-  for (std::size_t i = 0; i < owners.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(3 * i);
-    const Pose2 pose = fleet.pose(newest[i]);
-    owners[i]->covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
+  for (auto& [id, landmark] : fleet.landmarks) {
+    landmark.covariance = covariance.block<3, 3>(at, at);
+    at += 3;
   }
 }
 
@@ -232,6 +237,7 @@ void FleetEstimator::Impl::forgetLandmarks() {
     if (landmark.misfits >= kMovedAfter) gone.push_back(id);
   }
   for (std::uint32_t id : gone) fleet.removeLandmark(id);
+  fleet.mergeDuplicates();
   while (static_cast<int>(fleet.landmarks.size()) > fleet.options.max_landmarks) {
     const auto oldest = std::min_element(
         fleet.landmarks.begin(), fleet.landmarks.end(),

@@ -131,7 +131,7 @@ void FleetState::release(RobotNode& robot) {
     gone.push_back(step.pose);
   }
   robot.window.clear();
-  robot.landmark_of_track.clear();
+  robot.object_of_track.clear();
   robot.disagreements = robot.unmatched = 0;
   if (!gone.empty()) graph.marginalise(gone);
 }
@@ -177,22 +177,45 @@ void FleetState::removeLandmark(std::uint32_t id) {
       }
       step.views.erase(std::remove_if(step.views.begin(), step.views.end(), of_it), step.views.end());
     }
-    for (auto at = robot.landmark_of_track.begin(); at != robot.landmark_of_track.end();) {
-      at = at->second == id ? robot.landmark_of_track.erase(at) : std::next(at);
+    for (auto at = robot.object_of_track.begin(); at != robot.object_of_track.end();) {
+      at = at->second.landmark == id ? robot.object_of_track.erase(at) : std::next(at);
     }
   }
   graph.marginalise({variable});
   landmarks.erase(id);
 }
 
-Eigen::Vector2d FleetState::centre(const Landmark& landmark) const {
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  const double h = height(landmark);
-  for (int m = 0; m < Shape::kDirections && !landmark.shape->empty(); ++m) {
-    const double phi = 2.0 * M_PI * m / Shape::kDirections;
-    sum += landmark.shape->support(m, h) * Eigen::Vector2d(std::cos(phi), std::sin(phi));
+void FleetState::mergeDuplicates() {
+  constexpr double kSame_m = 0.06, kTie_m = 0.01;
+  for (auto older = landmarks.begin(); older != landmarks.end(); ++older) {
+    for (auto younger = std::next(older); younger != landmarks.end();) {
+      const Landmark &a = older->second, &b = younger->second;
+      const Eigen::Vector2d apart = centre(b) - centre(a);
+      const double sigma = std::sqrt(a.covariance(2, 2) + b.covariance(2, 2));
+      if (apart.norm() > kSame_m || std::abs(height(a) - height(b)) > 0.02 + 3.0 * sigma) {
+        ++younger;
+        continue;
+      }
+      const Eigen::Vector2d offset = anchor(b) - anchor(a) - apart;  // between anchors when centres agree
+      Eigen::MatrixXd s = Eigen::MatrixXd::Zero(2, 6);
+      s.leftCols<2>() = -Eigen::Matrix2d::Identity() / kTie_m;
+      s.block<2, 2>(0, 3) = Eigen::Matrix2d::Identity() / kTie_m;
+      Eigen::Vector3d at = graph.value(a.variable);
+      at.head<2>() += offset;
+      graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(2),
+                                                   std::vector<Eigen::VectorXd>{graph.value(a.variable), at}),
+                      {a.variable, b.variable});
+      const std::uint32_t gone = younger->first;
+      ++younger;
+      removeLandmark(gone);
+    }
   }
-  return anchor(landmark) + sum * (2.0 / Shape::kDirections);
+}
+
+Eigen::Vector2d FleetState::centre(const Landmark& landmark) const {
+  Eigen::Vector2d at, by_height;
+  landmark.shape->centre(at, by_height);
+  return anchor(landmark) + at - height(landmark) * by_height;
 }
 
 void FleetState::addViewFactor(RobotNode& observer, ViewLink link, std::unique_ptr<PrismFactor> cost) {

@@ -43,6 +43,12 @@ struct Step {
   std::vector<ViewLink> views;
 };
 
+/// What a track was taken for the last time.
+struct Known {
+  std::uint32_t landmark = 0;  ///< 0: a robot
+  std::size_t robot = 0;       ///< index, where it is one
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -55,7 +61,7 @@ struct RobotNode {
   TimeNs last_key_ns = 0;
   int disagreements = 0;  ///< absolute measurements in a row that the gate refused
   int unmatched = 0;      ///< frames in a row whose obstacles fit nothing that is known
-  std::map<std::uint32_t, std::uint32_t> landmark_of_track;
+  std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
 
   bool located() const { return !window.empty(); }
@@ -104,6 +110,8 @@ class FleetState {
 
   Landmark& addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m);
   void removeLandmark(std::uint32_t id);
+  /// Two landmarks that stand at one place are one: their centres are tied, then the younger is marginalised.
+  void mergeDuplicates();
   Eigen::Vector2d anchor(const Landmark& landmark) const { return graph.value(landmark.variable).head<2>(); }
   double height(const Landmark& landmark) const { return graph.value(landmark.variable)(2); }
   /// Steiner centre of the footprint, map frame.

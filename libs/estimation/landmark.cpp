@@ -65,8 +65,23 @@ void Shape::finish() {
   }
 }
 
-bool Shape::complete() const {
-  return !empty() && std::all_of(weight_.begin(), weight_.end(), [](double weight) { return weight > 0; });
+void Shape::centre(Eigen::Vector2d& at, Eigen::Vector2d& by_height) const {
+  at.setZero();
+  by_height.setZero();
+  for (int m = 0; m < kDirections && !empty(); ++m) {
+    const double phi = 2.0 * M_PI * m / kDirections;
+    const Eigen::Vector2d n = Eigen::Vector2d(std::cos(phi), std::sin(phi)) * (2.0 / kDirections);
+    at += a(m) * n;
+    by_height += q(m) * n;
+  }
+}
+
+void Shape::halfWidth(double& at, double& by_height) const {
+  at = by_height = 0.0;
+  for (int m = 0; m < kDirections && !empty(); ++m) {
+    at += a(m) / kDirections;
+    by_height += q(m) / kDirections;
+  }
 }
 
 }  // namespace omnifleet::estimation

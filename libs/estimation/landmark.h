@@ -32,8 +32,10 @@ class Shape {
   double q(int m) const { return q_[static_cast<std::size_t>(m)]; }
   bool known(int m) const { return weight_[static_cast<std::size_t>(m)] > 0; }
   double support(int m, double height_m) const { return a(m) - height_m * q(m); }
-  /// All directions known?
-  bool complete() const;
+  /// Steiner centre about the anchor as an affine function of h: at − h·by_height.
+  void centre(Eigen::Vector2d& at, Eigen::Vector2d& by_height) const;
+  /// Mean over directions (half the mean width), likewise.
+  void halfWidth(double& at, double& by_height) const;
   bool empty() const { return a_.empty(); }
 
  private:
@@ -53,6 +55,7 @@ struct Landmark {
   std::uint32_t variable = 0;  ///< (x, y of the anchor, h)
   std::shared_ptr<Shape> shape = std::make_shared<Shape>();
   int views = 0, misfits = 0;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the variable, after the last solve
   std::set<std::string> observers;
   std::int64_t last_seen_ns = 0;
 };

@@ -44,20 +44,21 @@ Corner cornerAt(double angle_rad, int directions) {
           std::cos(beyond) * inverse};
 }
 
-bool steinerCentre(const View& view, double height_m, Eigen::Vector2d& centre_m) {
-  const int k = static_cast<int>(view.b_m.size());
-  const int usable = view.usable();
-  if (k < 3 || usable * 10 < k * 9) return false;
-  const double inverse = inverseScale(height_m, view.camera_height_m);
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+Footprint::Footprint(const View& view) {
+  const int k = static_cast<int>(view.b_m.size()), usable = view.usable();
+  if (k < 3 || usable == 0) return;
+  whole = usable * 10 >= k * 9;
   for (int i = 0; i < k; ++i) {
     if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
-    const double phi = 2.0 * M_PI * i / k;
-    sum += footprintFromSilhouette(view.b_m[static_cast<std::size_t>(i)], inverse) *
-           Eigen::Vector2d(std::cos(phi), std::sin(phi));
+    const double phi = 2.0 * M_PI * i / k, b = view.b_m[static_cast<std::size_t>(i)];
+    const double q = b > 0 ? b / view.camera_height_m : 0.0;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    centre_m += 2.0 / usable * b * n;
+    centre_by_height += 2.0 / usable * q * n;
+    half_width_m += b / usable;
+    half_width_by_height += q / usable;
   }
-  centre_m = view.foot_m + sum * (2.0 / usable);
-  return true;
+  centre_m += view.foot_m;
 }
 
 Body::Body(const RobotBody& body) : height_m_(body.height_m) {

@@ -51,9 +51,16 @@ struct Corner {
 };
 Corner cornerAt(double angle_rad, int directions);
 
-/// Centre of a footprint from one view alone, in base_link, given the object's height: the Steiner point,
-/// (2/K)·Σ g(n)·n. False when fewer than 9 of 10 directions are usable.
-bool steinerCentre(const View& view, double height_m, Eigen::Vector2d& centre_m);
+/// The footprint of one view alone in base_link, affine in the object's height h: Steiner centre
+/// (2/K)·Σ g(n)·n = centre − h·centre_by_height, half its mean width likewise.
+struct Footprint {
+  bool whole = false;  ///< at least 9 of 10 directions are usable
+  Eigen::Vector2d centre_m = Eigen::Vector2d::Zero(), centre_by_height = Eigen::Vector2d::Zero();
+  double half_width_m = 0.0, half_width_by_height = 0.0;
+
+  explicit Footprint(const View& view);
+  Eigen::Vector2d centre(double height_m) const { return centre_m - height_m * centre_by_height; }
+};
 
 /// Support of a convex body in its own frame and its derivative by angle.
 class Body {

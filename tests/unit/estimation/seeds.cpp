@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
     if (argc > 3 && std::string(c.name).find(argv[3]) == std::string::npos) continue;
     SimulationOptions simulation;
     EstimatorOptions options;
+    if (std::getenv("WINDOW") != nullptr) options.window_frames = std::atoi(std::getenv("WINDOW"));
     c.change(simulation, options);
     RunResult sum;
     for (std::uint32_t seed = first; seed <= last; ++seed) {
