@@ -158,6 +158,9 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
     if (track_of[i] >= 0) tracks[static_cast<std::size_t>(track_of[i])].evidence.peer = static_cast<int>(i);
     if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) ++missing;
   }
+  for (TrackState& track : tracks) {
+    if (track.blob >= 0) track.identity = track.evidence.peer;
+  }
   weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
 }
 
@@ -203,6 +206,7 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const 
                                                               : 1.0 - sure;
   if (track.kind == before) return;
   track.evidence.against = 0;
+  track.moving = track.kind != ObjectKind::kObstacle;
   const int body = e.peer >= 0 ? e.peer : e.best_body;
   if (before == ObjectKind::kRobot) track.filter.forgetShape();
   if (track.kind != ObjectKind::kRobot || body < 0 || e.shape < 0.0) return;

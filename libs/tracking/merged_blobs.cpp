@@ -17,6 +17,7 @@ constexpr double kPeerTracked_m =
     0.25;  // a track this near to a peer's place is that peer, or stands in its way
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
+constexpr int kMature = 3;       // views after which an outline can be relied on
 constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
 
 /// Outline that `body` at the peer's place would show lies within the blob's.
@@ -38,6 +39,11 @@ bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
   return track.whole && apart < gate_m &&
          (track.kind == ObjectKind::kRobot ||
           std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
+}
+
+/// Two bodies cannot stand in one place.
+bool overlap(const Eigen::Vector2d& a, double radius_a, const Eigen::Vector2d& b, double radius_b) {
+  return (a - b).norm() < radius_a + radius_b - kOverlap_m;
 }
 
 }  // namespace
@@ -81,9 +87,9 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
 void Tracker::startPeer(const Peer& peer, std::size_t b) {
   for (const int t : owners_[b]) {
     TrackState& other = tracks_[static_cast<std::size_t>(t)];
-    const double apart = (other.filter.position() - peer.centre_m).norm();
-    // Two bodies cannot stand in one place: what seemed one object is the peer and something else.
-    if (apart < other.filter.radius() + peer.body.meanRadius() - kOverlap_m) other.whole = false;
+    // What seemed one object is the peer and something else.
+    if (overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
+      other.whole = false;
   }
   PrismFilter filter(options_.filter, peer.centre_m, views_[b].camera_height_m);
   filter.assumeBody(peer.body.meanRadius(), peer.body.height(), peer.body.round());
@@ -94,6 +100,13 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
   track.whole = true;
   track.moving = true;
   owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
+}
+
+bool Tracker::showsMore(const TrackState& track, const View& view) const {
+  if (!track.whole || track.views < kMature) return false;
+  PrismFilter moved = track.filter;  // its own motion since the last frame is not taken for something new
+  moved.update(view);
+  return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
 }
 
 void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const OwnMotion& own) {
@@ -121,31 +134,50 @@ void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const
       track.hidden = true;
     }
   }
+  dissolveOverlaps(b);
   updateRest(object, b, own, vague, alien);
+}
+
+void Tracker::dissolveOverlaps(std::size_t b) {
+  for (const int i : owners_[b]) {
+    for (const int j : owners_[b]) {
+      TrackState &one = tracks_[static_cast<std::size_t>(i)], &other = tracks_[static_cast<std::size_t>(j)];
+      if (one.views <= other.views || one.dissolved || other.dissolved || !one.whole || !other.whole)
+        continue;
+      if (overlap(one.filter.position(), one.filter.radius(), other.filter.position(), other.filter.radius()))
+        other.dissolve();
+    }
+  }
 }
 
 void Tracker::updateRest(const ObjectObservation& object, std::size_t b, const OwnMotion& own, int vague,
                          int alien) {
-  const bool enough = alien >= 2 * kFewestDirections && object.solidity < options_.merged_solidity;
-  if (vague >= 0) {
-    TrackState& track = tracks_[static_cast<std::size_t>(vague)];
-    if (alien < kFewestDirections) {
-      track.blob = -1;
-      return;
-    }
-    track.filter = fresh(object, rest_, own);  // so far it stood for all that is in the blob
-    track.past.clear();
-    track.evidence = KindEvidence{};
-    track.whole = true;
-    see(track, rest_, object);
+  TrackState& first = tracks_[static_cast<std::size_t>(known_owners_.front())];
+  const bool enough = alien >= 2 * kFewestDirections;
+  first.alien_frames = enough ? first.alien_frames + 1 : 0;
+  if (vague >= 0) tracks_[static_cast<std::size_t>(vague)].dissolve();
+  if (!enough || (vague < 0 && first.alien_frames < kAlienFrames)) return;
+  PrismFilter filter = fresh(object, rest_, own);
+  filter.update(rest_);
+  const bool free = std::none_of(known_owners_.begin(), known_owners_.end(), [&](int t) {
+    const PrismFilter& other = tracks_[static_cast<std::size_t>(t)].filter;
+    return overlap(filter.position(), filter.radius(), other.position(), other.radius());
+  });
+  if (!free) return;
+  first.alien_frames = 0;
+  if (vague < 0) {
+    start(object, b, rest_, own, false);
+    tracks_.back().whole = true;
     return;
   }
-  TrackState& first = tracks_[static_cast<std::size_t>(known_owners_.front())];
-  first.alien_frames = enough ? first.alien_frames + 1 : 0;
-  if (first.alien_frames < kAlienFrames) return;
-  first.alien_frames = 0;
-  start(object, b, rest_, own, false);
-  tracks_.back().whole = true;
+  TrackState& track = tracks_[static_cast<std::size_t>(vague)];
+  track.filter = fresh(object, rest_, own);  // so far it stood for all that is in the blob
+  track.past.clear();
+  track.evidence = KindEvidence{};
+  track.whole = true;
+  track.dissolved = false;
+  track.blob = static_cast<int>(b);
+  see(track, rest_, object);
 }
 
 }  // namespace omnifleet::tracking

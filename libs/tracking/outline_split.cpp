@@ -55,6 +55,18 @@ bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {
   return all >= kFewest && inside >= kNearlyAll * all;
 }
 
+int alienDirections(const View& view, const PrismFilter& filter, double alien_m) {
+  int count = 0;
+  const double ratio = ratioOf(filter, view.camera_height_m);
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    if (!view.usable(k)) continue;
+    const double predicted = filter.predictedSupport(view, k), scale = shrink(predicted, ratio);
+    const double over = (view.supports.b_m[k] - predicted) * scale;
+    count += over > alien_m + 3.0 * scale * view.supports.sigma_m[k] ? 1 : 0;
+  }
+  return count;
+}
+
 int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,
                  double alien_m, std::vector<View>& own, View& rest) {
   own.assign(owners.size(), view);

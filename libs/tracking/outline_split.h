@@ -25,6 +25,9 @@ bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m);
 int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,
                  double alien_m, std::vector<View>& own, View& rest);
 
+/// Directions in which the outline stands out from what `filter` should show by `alien_m` + 3 σ.
+int alienDirections(const View& view, const PrismFilter& filter, double alien_m);
+
 /// Number of usable directions.
 int usableDirections(const View& view);
 

@@ -64,7 +64,7 @@ void PrismFilter::forgetShape() {
 }
 
 void PrismFilter::assumeBody(double mean_radius_m, double height_m, bool round) {
-  constexpr double kBodySigma_m = 0.005, kRatioSigma = 0.02, kLoosened_m = 0.05;
+  constexpr double kBodySigma_m = 0.003, kRatioSigma = 0.01, kLoosened_m = 0.05;
   forgetShape();
   covariance_.diagonal().head<2>().array() += kLoosened_m * kLoosened_m;
   state_[4] = mean_radius_m;

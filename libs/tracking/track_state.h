@@ -33,6 +33,7 @@ struct TrackState {
   double kind_probability = 0.0;
   KindEvidence evidence;
   bool moving = false;
+  int identity = -1;  ///< index of the peer whose published pose it has matched, while it was seen
 
   int views = 0;          ///< frames in which it was seen
   TimeNs seen_ns = 0;     ///< last of them
@@ -40,12 +41,17 @@ struct TrackState {
   bool hidden = false;    ///< unseen, but something stands before it
   bool whole =
       false;  ///< has been seen alone in its blob, or its body is known: its outline can be predicted
-  int alien_frames = 0;   ///< frames in a row in which its blob showed more than is known
-  int blob = -1;          ///< index into this frame's objects; −1: not seen
-  double age_s = 0.0;     ///< since it was first seen
-  bool clean = false;     ///< this frame: alone in its blob, whole, not cut
-  View view;              ///< this frame's view; directions that are not its own have σ ≤ 0
-  std::deque<View> past;  ///< views of the last seconds, oldest first
+  bool dissolved = false;  ///< it was several objects, which are now followed each for itself
+  int alien_frames = 0;    ///< frames in a row in which its blob showed more than is known
+  int blob = -1;           ///< index into this frame's objects; −1: not seen
+  double age_s = 0.0;      ///< since it was first seen
+  bool clean = false;      ///< this frame: alone in its blob, whole, not cut
+  View view;               ///< this frame's view; directions that are not its own have σ ≤ 0
+  std::deque<View> past;   ///< views of the last seconds, oldest first
+  void dissolve() {
+    dissolved = true;
+    blob = -1;
+  }
   double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
 
   BodyFit fit;  ///< best known body over this view

@@ -14,7 +14,10 @@ namespace {
 constexpr int kFewestDirections = 8;
 constexpr double kAlien_m = 0.04;  // an outline this far outside of the expected one is somebody else's
 constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to a displacement over a second
-constexpr int kKnown = 3;                 // views that make a track known
+constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
+constexpr double kPeerLeeway_m = 0.03;
+constexpr double kLeap_m = 0.10;
+constexpr int kKnown = 3;  // views that make a track known
 
 /// Covariance that one own step adds to the place of something at `arm_m` from the robot (odom axes).
 Eigen::Matrix2d stepNoise(const OwnMotion& own, const Eigen::Vector2d& arm_m) {
@@ -92,6 +95,7 @@ void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
 
 void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers) {
   lookAt(local_map, own);
+  followPeers(peers);
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const double gate = options_.gate_m + 2.0 * std::min(0.5, tracks_[t].positionSigma());
@@ -121,7 +125,7 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
     const bool merged = owners_[b].size() > 1 || object.solidity < options_.merged_solidity;
     if (owners_[b].empty()) {
       start(object, b, views_[b], own, !merged);
-    } else if (merged) {
+    } else if (merged || showsMore(tracks_[static_cast<std::size_t>(owners_[b].front())], views_[b])) {
       updateMerged(object, b, own);
     } else {
       TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
@@ -143,19 +147,53 @@ PrismFilter Tracker::fresh(const ObjectObservation& object, const View& view, co
 void Tracker::start(const ObjectObservation& object, std::size_t b, const View& view, const OwnMotion& own,
                     bool whole) {
   if (!object.contact_m.allFinite() || object.contact_m.norm() > options_.max_contact_m) return;
-  tracks_.emplace_back(next_id_++, fresh(object, view, own));
-  TrackState& track = tracks_.back();
+  PrismFilter filter = fresh(object, view, own);
+  PrismFilter fitted = filter;
+  fitted.update(view);
+  int t = lostAt(fitted);
+  if (t < 0) {
+    t = static_cast<int>(tracks_.size());
+    tracks_.emplace_back(next_id_++, filter);
+    tracks_.back().moving = true;
+  }
+  TrackState& track = tracks_[static_cast<std::size_t>(t)];
   track.blob = static_cast<int>(b);
   track.clean = whole && !object.truncated;
-  track.whole = whole;
-  track.moving = true;
-  owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
+  track.whole = track.whole || whole;
+  owners_[b].push_back(t);
   see(track, view, object);
+}
+
+int Tracker::lostAt(const PrismFilter& filter) const {
+  int nearest = -1;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t t = 0; t < tracks_.size(); ++t) {
+    const TrackState& track = tracks_[t];
+    const double apart = (track.filter.position() - filter.position()).norm();
+    if (track.blob >= 0 || !track.whole || track.dissolved || apart > track.filter.radius() || apart >= least)
+      continue;
+    least = apart;
+    nearest = static_cast<int>(t);
+  }
+  return nearest;
+}
+
+void Tracker::followPeers(const std::vector<Peer>& peers) {
+  for (TrackState& track : tracks_) {
+    if (track.identity < 0 || track.unseen_s < kShortlyLost_s) continue;
+    const Peer& peer = peers[static_cast<std::size_t>(track.identity)];
+    if (!peer.known) continue;
+    const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
+    track.filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance + leeway);
+  }
 }
 
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
+  const Eigen::Vector2d expected = track.filter.position();
   track.filter.update(view);
+  // A leap is a change of what is seen, not a movement: nothing is compared across it.
+  if ((track.filter.position() - expected).norm() > kLeap_m) track.past.clear();
   if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
   track.seen_ns = view.time_ns;
   track.unseen_s = 0.0;
@@ -171,7 +209,7 @@ void Tracker::end() {
     const double keep = track.views < kKnown || !track.whole ? options_.keep_new_s
                         : track.hidden                       ? options_.keep_hidden_s
                                                              : options_.keep_s;
-    return track.unseen_s > keep;
+    return track.dissolved || track.unseen_s > keep;
   };
   // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.
   std::vector<int> moved(tracks_.size(), -1);

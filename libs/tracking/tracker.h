@@ -53,13 +53,17 @@ class Tracker {
   void joinSwallowing(const LocalMap& local_map, int track);
   void joinPeers(std::vector<Peer>& peers);
   void startPeer(const Peer& peer, std::size_t blob);
+  bool showsMore(const TrackState& track, const View& view) const;
   void updateMerged(const ObjectObservation& object, std::size_t blob, const OwnMotion& own);
+  void dissolveOverlaps(std::size_t blob);
   void updateRest(const ObjectObservation& object, std::size_t blob, const OwnMotion& own, int vague,
                   int alien);
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
              bool whole);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
+  int lostAt(const PrismFilter& filter) const;
+  void followPeers(const std::vector<Peer>& peers);
   void end();
 
   TrackerOptions options_;
