@@ -59,6 +59,8 @@ class PrismSolver {
   void reweight();
   void step();
   void updateMeans();
+  void reportViews(PrismFit& fit, std::size_t given_views) const;
+  void reportDirections(PrismFit& fit) const;
   void addDirection(int k, Eigen::MatrixXd& normal, Eigen::VectorXd& rhs) const;
 
   const Terms& terms_;
@@ -187,36 +189,59 @@ void PrismSolver::updateMeans() {
   }
 }
 
-void PrismSolver::report(PrismFit& fit, std::size_t given_views) const {
-  const auto k_count = static_cast<std::size_t>(terms_.directions);
+/// Residuals per view and altogether.
+void PrismSolver::reportViews(PrismFit& fit, std::size_t given_views) const {
   std::vector<double> square(given_views, 0.0), count(given_views, 0.0);
-  std::vector<double> sum(k_count, 0.0);
-  double residual = 0.0, weights = 0.0;
-  fit.evidence.assign(k_count, {});
+  double residual = 0.0, weights = 0.0, normalised = 0.0, total = 0.0;
   for (std::size_t v = 0; v < terms_.views(); ++v) {
     const auto given = static_cast<std::size_t>(terms_.view[v]);
     for (int k = 0; k < terms_.directions; ++k) {
       const double w = weight_[index(v, k)];
       if (w <= 0) continue;
       const double r = value(v, k) - mean_[static_cast<std::size_t>(k)];
-      residual += w * r * r, weights += w, sum[static_cast<std::size_t>(k)] += w;
+      const double sigma = std::hypot(terms_.sigmaAt(v, k, height_, options_.noise_m), options_.pose_sigma_m);
+      residual += w * r * r, weights += w;
+      normalised += r * r / (sigma * sigma), total += 1.0;
       square[given] += r * r, count[given] += 1.0;
-      const double sigma = terms_.sigmaAt(v, k, height_, options_.noise_m);
-      if (w * sigma * sigma > 0.3) ++fit.evidence[static_cast<std::size_t>(k)].views;
     }
   }
-  for (std::size_t k = 0; k < k_count; ++k) {
-    fit.evidence[k].support_m = mean_[k];
-    fit.evidence[k].sigma_m = sum[k] > 0 ? 1.0 / std::sqrt(sum[k]) : 0.0;
-    if (sum[k] > 0) fit.coverage += 1.0 / static_cast<double>(k_count);
-  }
   fit.rms_m = weights > 0 ? std::sqrt(residual / weights) : 0.0;
+  fit.spread = total > 0 ? std::sqrt(normalised / total) : 0.0;
   fit.view_rms_m.assign(given_views, -1.0);
   for (std::size_t v = 0; v < given_views; ++v) {
     if (count[v] > 0) fit.view_rms_m[v] = std::sqrt(square[v] / count[v]);
   }
+}
+
+/// The averages, and how the centre would move with the height: −2/K Σ mean(b) n.
+void PrismSolver::reportDirections(PrismFit& fit) const {
+  const auto count = static_cast<double>(terms_.directions);
+  Eigen::Vector2d centre_per_height = Eigen::Vector2d::Zero();
+  for (int k = 0; k < terms_.directions; ++k) {
+    DirectionEvidence evidence;
+    double sum = 0.0, b = 0.0;
+    for (std::size_t v = 0; v < terms_.views(); ++v) {
+      const double w = weight_[index(v, k)], sigma = terms_.sigmaAt(v, k, height_, options_.noise_m);
+      sum += w;
+      b += w * terms_.at(v, k).b;
+      if (w * sigma * sigma > 0.3) ++evidence.views;
+    }
+    if (sum > 0) {
+      evidence.support_m = mean_[static_cast<std::size_t>(k)];
+      evidence.sigma_m = 1.0 / std::sqrt(sum);
+      fit.coverage += 1.0 / count;
+      centre_per_height -= (2.0 / count) * (b / sum) * terms_.normals[static_cast<std::size_t>(k)];
+    }
+    fit.evidence.push_back(evidence);
+  }
   fit.height_m = height_;
   fit.height_sigma_m = height_sigma_;
+  fit.covariance = height_sigma_ * height_sigma_ * centre_per_height * centre_per_height.transpose();
+}
+
+void PrismSolver::report(PrismFit& fit, std::size_t given_views) const {
+  reportViews(fit, given_views);
+  reportDirections(fit);
 }
 
 /// The polygon, its Steiner point, and the evidence about it.
@@ -239,7 +264,7 @@ void closeOutline(const PrismOptions& options, std::size_t views, PrismFit& fit)
   }
   const double pose_variance =
       options.pose_sigma_m * options.pose_sigma_m / static_cast<double>(std::max<std::size_t>(views, 1));
-  fit.covariance = kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
+  fit.covariance += kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
   for (std::size_t k = 0; k < fit.evidence.size(); ++k) {
     const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
     fit.evidence[k].support_m -= fit.centre_m.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle)));

@@ -47,8 +47,10 @@ struct PrismFit {
   bool valid = false;   ///< false: too few directions (an open outline) or no height
   Polygon footprint_m;  ///< map, convex, counter-clockwise
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();        ///< Steiner point, map
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  ///< of the centre
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  ///< of the centre, that of the height included
   double height_m = 0.0, height_sigma_m = 0.0;               ///< σ ≤ 0: unknown (no shadow edge seen)
+  double spread =
+      0.0;  ///< rms of residual ÷ its own σ, not reweighted: about 1 where all views show one body
   double rms_m = 0.0;     ///< of the residuals on the floor under the object, robustly weighted
   double coverage = 0.0;  ///< share of directions with evidence
   std::vector<DirectionEvidence> evidence;  ///< PrismOptions::directions of them, direction k = 2πk/K in map

@@ -48,19 +48,20 @@ class ContributionMaker {
 
 struct MergerOptions {
   outline::PrismOptions prism;
-  double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
-  double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)
-  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot (RECIPES)
-  double max_contact_m = 2.0;  ///< m, views from farther away do not shape outlines
-  double min_robot_gap_m =
-      0.20;                     ///< m, a centre nearer than this to a robot's pose at that time is that robot
-  int min_views = 2;            ///< live: views before an outline is published; the end decides by fit
-  double max_rms_m = 0.03;      ///< m, a fit worse than this is no object
+  double gate_m = 0.12;         ///< m, views of one object have their centres this near (RECIPES)
+  double min_solidity = 0.94;   ///< below it a silhouette is merged of several (RECIPES)
+  double max_contact_m = 2.0;   ///< m, views from farther away do not shape outlines
+  double robot_rms_m = 0.05;    ///< m, a known body that fits this well may be a robot (RECIPES)
+  double robot_gap_m = 0.20;    ///< m, what fits a robot's body this near its pose is that robot
+  int min_views = 3;            ///< live: views before an outline is published; the end decides by fit
+  double max_spread = 4.0;      ///< in σ, views that disagree more than this do not show one body
   double max_sigma_m = 0.05;    ///< m, a centre less certain than this is no object
   double max_free_share = 0.5;  ///< of the cells inside an outline that may be free before it has gone
 
   static MergerOptions read(const options::Section& section);
 };
+
+struct Group;
 
 /// One replica of the map (Ahmed §2: every robot holds one). All that it tells is a function of the sets it
 /// holds.
@@ -69,8 +70,9 @@ class Merger {
   Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
          const std::map<std::string, RobotBody>& bodies);
 
-  bool add(const occupancy::Contribution& contribution) { return map_.add(contribution); }
-  bool add(const occupancy::KeyframePose& pose) { return map_.add(pose); }
+  /// True when the set changed.
+  bool add(const occupancy::Contribution& contribution);
+  bool add(const occupancy::KeyframePose& pose);
   /// Every pose estimate, for the trajectories alone; invalid ones are left out.
   void addTrajectory(const PoseEstimate& pose);
 
@@ -91,12 +93,16 @@ class Merger {
   std::vector<std::string> save(const std::string& folder);
 
  private:
+  bool isObject(const Group& group) const;
+
   MergerOptions options_;
+  double resolution_m_;
   std::map<std::string, RobotBody> bodies_;
   occupancy::OccupancyMap map_;
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
   std::vector<dataset::MapObject> outlines_;
-  std::uint64_t outlines_state_ = 0;
+  std::map<std::pair<std::string, std::uint32_t>, ObjectKind> kinds_;  ///< of the tracks behind the outlines
+  bool is_stale_ = true;  ///< the sets changed since the outlines were fitted
   bool finished_ = false;
 };
 

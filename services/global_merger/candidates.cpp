@@ -1,0 +1,136 @@
+#include "global_merger/candidates.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "occupancy/robot_paths.h"
+
+namespace omnifleet::global_merger {
+namespace {
+
+using occupancy::Contribution;
+using occupancy::ContributionStore;
+using occupancy::KeyframePose;
+using occupancy::SupportView;
+
+constexpr double kPerMetre = 10000.0;
+constexpr TimeNs kHoldNs = 1'000'000'000, kMaxGapNs = 5'000'000'000;  // as the occupancy map's defaults
+
+Eigen::Vector2d metres(const occupancy::PointDmm& p) {
+  return {p.x_dmm / kPerMetre, p.y_dmm / kPerMetre};
+}
+
+struct PlacedRobot {
+  Pose2 map_from_base;
+  const RobotBody* body;
+};
+
+/// The fleet's robots but the observer, where they stood at a time.
+std::vector<PlacedRobot> othersAt(const ContributionStore& store, const occupancy::RobotPaths& paths,
+                                  const std::map<std::string, RobotBody>& bodies, const std::string& observer,
+                                  TimeNs time_ns) {
+  static const RobotBody kUnknownBody{0.15, {}, 0.2, 0.0};
+  std::vector<PlacedRobot> others;
+  for (const auto& [robot, path] : store.robots()) {
+    const auto standing = robot == observer ? std::nullopt : paths.at(robot, time_ns);
+    if (!standing) continue;
+    const Eigen::Vector2d p = metres(standing->position);
+    const auto body = bodies.find(robot);
+    others.push_back({{p.x(), p.y(), standing->theta_dmrad / kPerMetre},
+                      body == bodies.end() ? &kUnknownBody : &body->second});
+  }
+  return others;
+}
+
+Eigen::Vector2d centreOf(const PlacedRobot& robot) {
+  return robot.map_from_base * centroid(robot.body->outline());
+}
+
+/// A robot of the fleet stood there and its body explains the silhouette.
+bool isRobot(const ObjectView& view, const std::vector<PlacedRobot>& robots, const MergerOptions& options) {
+  return std::any_of(robots.begin(), robots.end(), [&](const PlacedRobot& robot) {
+    const double apart = (centreOf(robot) - view.position_m).norm();
+    if (apart > 3.0 * options.robot_gap_m) return false;
+    if (apart < 0.5 * options.robot_gap_m) return true;
+    const auto fit =
+        outline::fitBody({view.prism}, knownBody(*robot.body), options.prism, robot.map_from_base.theta_rad);
+    return fit.valid && fit.rms_m < options.robot_rms_m &&
+           (fit.map_from_body.translation() - robot.map_from_base.translation()).norm() < options.robot_gap_m;
+  });
+}
+
+ObjectView viewOf(const Contribution& contribution, const KeyframePose& pose, const SupportView& seen,
+                  const MergerOptions& options) {
+  ObjectView view;
+  view.robot = contribution.robot;
+  view.time_ns = contribution.acquired_ns;
+  view.track_id = seen.track_id;
+  view.prism.map_from_base = pose.mapFromBase();
+  view.prism.foot_m = metres(contribution.scan_origin);
+  view.prism.camera_height_m = contribution.camera_height_dmm / kPerMetre;
+  view.prism.supports = supportsOf(seen);
+  view.position_m = view.prism.map_from_base * metres(seen.position);
+  view.is_flawed = seen.truncated || seen.solidity_permille < 1000.0 * options.min_solidity;
+  if (seen.height_sigma_dmm > 0) {
+    // Told from the same silhouettes or from noisy vectors: never trusted to better than 3 cm.
+    view.height = {seen.height_dmm / kPerMetre, std::max(seen.height_sigma_dmm / kPerMetre, 0.03)};
+  }
+  return view;
+}
+
+bool isSighted(const KeyframePose& pose, std::uint32_t track_id) {
+  return std::any_of(pose.sightings.begin(), pose.sightings.end(),
+                     [&](const Sighting& sighting) { return sighting.track_id == track_id; });
+}
+
+void thin(std::vector<ObjectView>& views) {
+  if (views.size() <= kMaxViews) return;
+  std::vector<ObjectView> kept;
+  for (std::size_t i = 0; i < kMaxViews; ++i) kept.push_back(std::move(views[i * views.size() / kMaxViews]));
+  views = std::move(kept);
+}
+
+using Tracks = std::map<std::uint32_t, Candidate>;
+
+void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
+                const std::vector<PlacedRobot>& others, const MergerOptions& options, Tracks& tracks) {
+  for (const auto& seen : contribution.views) {
+    auto& candidate = tracks[seen.track_id];
+    candidate.robot = contribution.robot;
+    candidate.track_id = seen.track_id;
+    if (seen.kind != ObjectKind::kUnknown) candidate.kind = seen.kind;
+    if (isSighted(pose, seen.track_id)) continue;
+    if ((metres(seen.contact) - metres(contribution.scan_origin)).norm() > options.max_contact_m) continue;
+    ObjectView view = viewOf(contribution, pose, seen, options);
+    if (view.prism.supports.size() < 3 || view.prism.camera_height_m <= 0) continue;
+    if (!isRobot(view, others, options)) candidate.views.push_back(std::move(view));
+  }
+}
+
+}  // namespace
+
+outline::KnownBody knownBody(const RobotBody& body) {
+  return {body.outline(), body.height_m, body.footprint_m.size() < 3};
+}
+
+std::vector<Candidate> candidatesOf(const ContributionStore& store, const MergerOptions& options,
+                                    const std::map<std::string, RobotBody>& bodies) {
+  const occupancy::RobotPaths paths(store, kHoldNs, kMaxGapNs);
+  std::vector<Candidate> all;
+  for (const auto& [robot, path] : store.robots()) {
+    Tracks tracks;
+    for (const auto& [time_ns, keyframe] : path) {
+      if (!keyframe.contribution || !occupancy::standingOf(keyframe.pose)) continue;
+      const auto others = othersAt(store, paths, bodies, robot, time_ns);
+      gatherFrom(*keyframe.contribution, *keyframe.pose, others, options, tracks);
+    }
+    for (auto& [id, candidate] : tracks) {
+      if (candidate.kind == ObjectKind::kRobot || candidate.views.empty()) continue;
+      thin(candidate.views);
+      all.push_back(std::move(candidate));
+    }
+  }
+  return all;
+}
+
+}  // namespace omnifleet::global_merger

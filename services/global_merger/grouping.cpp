@@ -1,0 +1,169 @@
+#include "global_merger/grouping.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "outline/half_planes.h"
+
+namespace omnifleet::global_merger {
+namespace {
+
+using Views = std::vector<const ObjectView*>;
+
+bool isEarlier(const ObjectView* a, const ObjectView* b) {
+  return std::tie(a->time_ns, a->robot, a->track_id) < std::tie(b->time_ns, b->robot, b->track_id);
+}
+
+/// The classifier's word on the height counts once per track, however often it was said: the latest.
+outline::HeightPrior heightPrior(const Views& views) {
+  std::map<std::pair<std::string, std::uint32_t>, outline::HeightPrior> said;
+  for (const auto* view : views) {
+    if (view->height.sigma_m > 0) said[{view->robot, view->track_id}] = view->height;
+  }
+  double weight = 0.0, sum = 0.0;
+  for (const auto& [track, height] : said) {
+    const double w = 1.0 / (height.sigma_m * height.sigma_m);
+    weight += w;
+    sum += w * height.height_m;
+  }
+  return weight > 0 ? outline::HeightPrior{sum / weight, 1.0 / std::sqrt(weight)} : outline::HeightPrior{};
+}
+
+/// Flawed views only where there are no others.
+outline::PrismFit fitViews(const Views& views, const outline::PrismOptions& options) {
+  std::vector<outline::PrismView> good, flawed;
+  for (const auto* view : views) (view->is_flawed ? flawed : good).push_back(view->prism);
+  return outline::fitPrism(good.empty() ? flawed : good, options, heightPrior(views));
+}
+
+/// Fewer views while only asking whether things belong together.
+outline::PrismOptions quick(const MergerOptions& options) {
+  outline::PrismOptions quick = options.prism;
+  quick.max_views = std::min(quick.max_views, 12);
+  quick.iterations = std::min(quick.iterations, 6);
+  return quick;
+}
+
+Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options) {
+  Group group;
+  group.kind = kind;
+  group.fit = fitViews(views, options);
+  group.views = std::move(views);
+  if (group.fit.valid) {
+    group.centre_m = group.fit.centre_m;
+  } else {
+    for (const auto* view : group.views)
+      group.centre_m += view->position_m / static_cast<double>(group.views.size());
+  }
+  return group;
+}
+
+bool isOneBody(const Group& group, const MergerOptions& options) {
+  return group.fit.valid && group.fit.spread <= options.max_spread;
+}
+
+/// Halves a track in time until each piece shows one body in one place.
+void cut(const Views& views, ObjectKind kind, const MergerOptions& options, std::vector<Group>& pieces) {
+  Group whole = groupOf(views, kind, quick(options));
+  if (views.size() < 4 || !whole.fit.valid || isOneBody(whole, options)) {
+    pieces.push_back(std::move(whole));
+    return;
+  }
+  const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
+  cut({views.begin(), middle}, kind, options, pieces);
+  cut({middle, views.end()}, kind, options, pieces);
+}
+
+/// Two views of one robot at one time show two things.
+bool shareAFrame(const Group& a, const Group& b) {
+  std::set<std::pair<std::string, TimeNs>> frames;
+  for (const auto* view : a.views) frames.emplace(view->robot, view->time_ns);
+  return std::any_of(b.views.begin(), b.views.end(), [&](const ObjectView* view) {
+    return frames.count({view->robot, view->time_ns}) > 0;
+  });
+}
+
+double sigmaOf(const Group& group) {
+  return group.fit.valid ? std::sqrt(0.5 * group.fit.covariance.trace()) : 1.0;
+}
+
+bool areNear(const Group& a, const Group& b, const MergerOptions& options) {
+  const double reach = options.gate_m + std::min(2.0 * (sigmaOf(a) + sigmaOf(b)), 0.3);
+  if ((a.centre_m - b.centre_m).norm() <= reach) return true;
+  if (!a.fit.valid || !b.fit.valid) return false;
+  const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
+  return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) > 0.3 * smaller;
+}
+
+Group joined(const Group& a, const Group& b, const outline::PrismOptions& options) {
+  Views views = a.views;
+  views.insert(views.end(), b.views.begin(), b.views.end());
+  std::sort(views.begin(), views.end(), isEarlier);
+  return groupOf(std::move(views), std::max(a.kind, b.kind), options);  // obstacle over unknown
+}
+
+/// Joins the piece to the nearest group with which it makes one body; false when there is none.
+bool join(const Group& piece, const MergerOptions& options, std::vector<Group>& groups) {
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (areNear(piece, groups[i], options))
+      near.emplace_back((piece.centre_m - groups[i].centre_m).norm(), i);
+  }
+  std::sort(near.begin(), near.end());
+  for (const auto& [distance, i] : near) {
+    if (shareAFrame(piece, groups[i])) continue;
+    Group both = joined(groups[i], piece, quick(options));
+    if (!isOneBody(both, options)) continue;
+    groups[i] = std::move(both);
+    return true;
+  }
+  return false;
+}
+
+/// Of groups that hold views of one track, the one with the track's latest view is where the thing is now.
+void dropLeftPlaces(std::vector<Group>& groups) {
+  std::map<std::pair<std::string, std::uint32_t>, std::pair<TimeNs, std::size_t>> latest;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    for (const auto* view : groups[i].views) {
+      auto& entry = latest.try_emplace({view->robot, view->track_id}, view->time_ns, i).first->second;
+      if (view->time_ns > entry.first) entry = {view->time_ns, i};
+    }
+  }
+  std::vector<Group> kept;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    const TimeNs seen_ns = groups[i].views.back()->time_ns;
+    const bool has_left =
+        std::any_of(groups[i].views.begin(), groups[i].views.end(), [&](const ObjectView* view) {
+          const auto& [time_ns, where] = latest.at({view->robot, view->track_id});
+          return where != i && time_ns > seen_ns;
+        });
+    if (!has_left) kept.push_back(std::move(groups[i]));
+  }
+  groups = std::move(kept);
+}
+
+}  // namespace
+
+std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options) {
+  std::vector<Group> pieces, groups;
+  for (const auto& candidate : candidates) {
+    Views views;
+    for (const auto& view : candidate.views) views.push_back(&view);
+    cut(views, candidate.kind, options, pieces);
+  }
+  std::stable_sort(pieces.begin(), pieces.end(),
+                   [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
+  for (auto& piece : pieces) {
+    if (!join(piece, options, groups)) groups.push_back(std::move(piece));
+  }
+  dropLeftPlaces(groups);
+  for (auto& group : groups) group = groupOf(std::move(group.views), group.kind, options.prism);
+  std::sort(groups.begin(), groups.end(),
+            [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });
+  return groups;
+}
+
+}  // namespace omnifleet::global_merger

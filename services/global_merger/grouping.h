@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+#include "global_merger/candidates.h"
+#include "outline/prism.h"
+
+namespace omnifleet::global_merger {
+
+/// Views, of one robot or of several, that show one thing in one place.
+struct Group {
+  std::vector<const ObjectView*> views;  ///< in order of (time, robot, track)
+  outline::PrismFit fit;
+  ObjectKind kind = ObjectKind::kUnknown;  ///< obstacle as soon as one of its tracks is called so
+  Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
+};
+
+/// Puts views together: each track is cut in time where its views stop showing one body in one place (it was
+/// moved); the pieces of all robots are joined, surest first, where their centres are within the gate or
+/// their footprints overlap and one prism explains both; of a moved object only the latest place stays.
+/// Fitted over all views. The candidates must outlive the groups.
+std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options);
+
+}  // namespace omnifleet::global_merger

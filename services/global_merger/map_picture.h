@@ -1,0 +1,26 @@
+#pragma once
+
+#include <map>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "dataset/map_files.h"
+#include "dataset/trajectory_files.h"
+#include "observation/observation.h"
+
+namespace omnifleet::global_merger {
+
+/// What is drawn.
+struct MapPicture {
+  const dataset::OccupancyGrid& grid;
+  const std::vector<dataset::MapObject>& objects;
+  const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories;
+  const std::map<std::string, RobotBody>& bodies;
+};
+
+/// The merged map as a picture (BGR): cells, outlines with ids, the robots' ways and where they stand now,
+/// metre grid, scale bar, title and legend. About 1600 pixels on the longer side.
+cv::Mat drawMap(const MapPicture& picture);
+
+}  // namespace omnifleet::global_merger

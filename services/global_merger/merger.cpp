@@ -1,0 +1,160 @@
+#include "global_merger/merger.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "global_merger/candidates.h"
+#include "global_merger/grouping.h"
+#include "global_merger/save.h"
+#include "occupancy/robot_paths.h"
+
+namespace omnifleet::global_merger {
+
+MergerOptions MergerOptions::read(const options::Section& section) {
+  MergerOptions o;
+  o.prism = outline::PrismOptions::read(section.child("prism"));
+  section.read("gate_m", o.gate_m, {0.001, 10.0});
+  section.read("min_solidity", o.min_solidity, {0.0, 1.0});
+  section.read("robot_rms_m", o.robot_rms_m, {0.0, 1.0});
+  section.read("max_contact_m", o.max_contact_m, {0.1, 100.0});
+  section.read("robot_gap_m", o.robot_gap_m, {0.0, 10.0});
+  section.read("min_views", o.min_views, {1, 1000});
+  section.read("max_spread", o.max_spread, {0.5, 1000.0});
+  section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
+  section.read("max_free_share", o.max_free_share, {0.0, 1.0});
+  section.finish();
+  return o;
+}
+
+namespace {
+
+/// Of the cells whose centres lie inside a footprint, the share that is free.
+double freeShare(const Polygon& footprint, const occupancy::OccupancyMap& map, double resolution_m) {
+  Eigen::Vector2d low = footprint.front(), high = footprint.front();
+  for (const auto& p : footprint) low = low.cwiseMin(p), high = high.cwiseMax(p);
+  int inside = 0, free = 0;
+  for (double y = (std::floor(low.y() / resolution_m) + 0.5) * resolution_m; y < high.y();
+       y += resolution_m) {
+    for (double x = (std::floor(low.x() / resolution_m) + 0.5) * resolution_m; x < high.x();
+         x += resolution_m) {
+      if (!contains(footprint, {x, y})) continue;
+      ++inside;
+      free += map.at({x, y}) == occupancy::CellClass::kFree;
+    }
+  }
+  return inside > 0 ? static_cast<double>(free) / inside : 0.0;
+}
+
+/// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
+bool isSilentRobot(const Group& group, const MergerOptions& options,
+                   const occupancy::ContributionStore& store,
+                   const std::map<std::string, RobotBody>& bodies) {
+  std::vector<outline::PrismView> views;
+  for (const auto* view : group.views) views.push_back(view->prism);
+  return std::any_of(bodies.begin(), bodies.end(), [&](const auto& entry) {
+    const auto* path = store.find(entry.first);
+    if (path != nullptr && !path->empty()) return false;
+    const auto fit = outline::fitBody(views, knownBody(entry.second), options.prism, std::nan(""));
+    // Twice as well as the recipe asks: an obstacle may be of about a robot's size.
+    return fit.valid && fit.rms_m < 0.5 * options.robot_rms_m;
+  });
+}
+
+std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& bodies,
+                   std::set<std::uint64_t>& taken) {
+  const ObjectView& first = *group.views.front();
+  const auto place =
+      static_cast<std::uint64_t>(std::distance(bodies.begin(), bodies.lower_bound(first.robot)));
+  std::uint64_t id = (place + 1) * 1000 + first.track_id % 1000;
+  while (!taken.insert(id).second) ++id;
+  return id;
+}
+
+dataset::MapObject objectOf(const Group& group) {
+  dataset::MapObject object;
+  object.kind = "obstacle";
+  object.outline_m = group.fit.footprint_m;
+  object.centroid_m = centroid(group.fit.footprint_m);
+  object.observations = static_cast<int>(group.views.size());
+  std::set<std::string> observers;
+  for (const auto* view : group.views) observers.insert(view->robot);
+  object.observers.assign(observers.begin(), observers.end());
+  // Rounded to 0.1 mm, as everything that goes into the fit is.
+  if (group.fit.height_sigma_m > 0) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
+  return object;
+}
+
+}  // namespace
+
+Merger::Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
+               const std::map<std::string, RobotBody>& bodies)
+    : options_(options),
+      resolution_m_(occupancy_options.resolution_m),
+      bodies_(bodies),
+      map_(occupancy_options, bodies) {}
+
+bool Merger::add(const occupancy::Contribution& contribution) {
+  const bool changed = map_.add(contribution);
+  is_stale_ = is_stale_ || changed;
+  return changed;
+}
+
+bool Merger::add(const occupancy::KeyframePose& pose) {
+  const bool changed = map_.add(pose);
+  is_stale_ = is_stale_ || changed;
+  return changed;
+}
+
+void Merger::addTrajectory(const PoseEstimate& pose) {
+  if (!pose.valid || !pose.map_from_base.isFinite()) return;
+  auto& path = trajectories_[pose.robot];
+  const auto after =
+      std::upper_bound(path.begin(), path.end(), pose.acquired_ns,
+                       [](TimeNs time_ns, const dataset::StampedPose& p) { return time_ns < p.time_ns; });
+  // Causal: the first estimate of a time stays.
+  if (after != path.begin() && std::prev(after)->time_ns == pose.acquired_ns) return;
+  path.insert(after, {pose.acquired_ns, pose.map_from_base});
+}
+
+bool Merger::isObject(const Group& group) const {
+  if (!group.fit.valid || group.fit.spread > options_.max_spread) return false;
+  const Eigen::Vector2d sigma = group.fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  if (sigma.maxCoeff() > options_.max_sigma_m) return false;
+  if (!finished_ && static_cast<int>(group.views.size()) < options_.min_views) return false;
+  if (group.kind == ObjectKind::kUnknown &&
+      (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
+    return false;
+  }
+  return freeShare(group.fit.footprint_m, map_, resolution_m_) <= options_.max_free_share;
+}
+
+const std::vector<dataset::MapObject>& Merger::outlines() {
+  if (!is_stale_) return outlines_;
+  const auto candidates = candidatesOf(map_.store(), options_, bodies_);
+  outlines_.clear();
+  kinds_.clear();
+  std::set<std::uint64_t> taken;
+  for (const auto& group : groupViews(candidates, options_)) {
+    if (!isObject(group)) continue;
+    outlines_.push_back(objectOf(group));
+    outlines_.back().id = idOf(group, bodies_, taken);
+    for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
+  }
+  std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  is_stale_ = false;
+  return outlines_;
+}
+
+void Merger::finish() {
+  finished_ = is_stale_ = true;
+  map_.judge({});  // what an earlier end decided must not weigh on this one
+  outlines();
+  map_.judge(kinds_);
+}
+
+std::vector<std::string> Merger::save(const std::string& folder) {
+  return saveMap(*this, folder);
+}
+
+}  // namespace omnifleet::global_merger
