@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "tracking/outline_split.h"
 #include "tracking/tracker.h"
@@ -14,7 +15,8 @@ constexpr double kAlien_m = 0.04;      // an outline this far outside of the exp
 constexpr double kExplained_m = 0.02;  // a blob whose outline is as expected hides things but is cut by none
 constexpr double kMostLeeway_m = 0.10;
 constexpr double kPeerTracked_m =
-    0.25;  // a track this near to a peer's place is that peer, or stands in its way
+    0.25;                          // a track this near to a peer's place is that peer, or stands in its way
+constexpr double kBehind_m = 0.4;  // how well the far edge alone tells where something hidden stands
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
 constexpr int kMature = 3;       // views after which an outline can be relied on
@@ -109,7 +111,7 @@ bool Tracker::showsMore(const TrackState& track, const View& view) const {
   return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
 }
 
-void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const OwnMotion& own) {
+void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
   split_owners_.clear();
   known_owners_.clear();
   int vague = -1;  // has only ever been seen as part of a blob
@@ -135,7 +137,7 @@ void Tracker::updateMerged(const ObjectObservation& object, std::size_t b, const
     }
   }
   dissolveOverlaps(b);
-  updateRest(object, b, own, vague, alien);
+  updateRest(object, b, vague, alien);
 }
 
 void Tracker::dissolveOverlaps(std::size_t b) {
@@ -150,14 +152,13 @@ void Tracker::dissolveOverlaps(std::size_t b) {
   }
 }
 
-void Tracker::updateRest(const ObjectObservation& object, std::size_t b, const OwnMotion& own, int vague,
-                         int alien) {
+void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vague, int alien) {
   TrackState& first = tracks_[static_cast<std::size_t>(known_owners_.front())];
   const bool enough = alien >= 2 * kFewestDirections;
   first.alien_frames = enough ? first.alien_frames + 1 : 0;
   if (vague >= 0) tracks_[static_cast<std::size_t>(vague)].dissolve();
   if (!enough || (vague < 0 && first.alien_frames < kAlienFrames)) return;
-  PrismFilter filter = fresh(object, rest_, own);
+  PrismFilter filter = freshRest();
   filter.update(rest_);
   const bool free = std::none_of(known_owners_.begin(), known_owners_.end(), [&](int t) {
     const PrismFilter& other = tracks_[static_cast<std::size_t>(t)].filter;
@@ -165,19 +166,36 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, const O
   });
   if (!free) return;
   first.alien_frames = 0;
-  if (vague < 0) {
-    start(object, b, rest_, own, false);
-    tracks_.back().whole = true;
-    return;
+  const int lost = lostAt(filter);
+  const int t = lost >= 0 ? lost : vague;
+  if (t < 0) tracks_.emplace_back(next_id_++, filter);
+  TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
+  if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
+    track.filter = freshRest();
+    track.past.clear();
+    track.evidence = KindEvidence{};
+    track.dissolved = false;
   }
-  TrackState& track = tracks_[static_cast<std::size_t>(vague)];
-  track.filter = fresh(object, rest_, own);  // so far it stood for all that is in the blob
-  track.past.clear();
-  track.evidence = KindEvidence{};
   track.whole = true;
-  track.dissolved = false;
   track.blob = static_cast<int>(b);
+  if (t != vague) owners_[b].push_back(t < 0 ? static_cast<int>(tracks_.size()) - 1 : t);
   see(track, rest_, object);
+}
+
+PrismFilter Tracker::freshRest() const {
+  std::size_t farthest = 0;
+  double most = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < rest_.size(); ++k) {
+    if (!rest_.usable(k) || rest_.supports.b_m[k] <= most) continue;
+    most = rest_.supports.b_m[k];
+    farthest = k;
+  }
+  const double phi = rest_.angle(farthest), ratio = 1.0 - options_.filter.height_ratio;
+  const double distance = most < 0.0 ? most : std::max(0.0, most * ratio - options_.filter.radius_m);
+  const Eigen::Vector2d guess = rest_.foot_m + distance * Eigen::Vector2d(std::cos(phi), std::sin(phi));
+  PrismFilter filter(options_.filter, guess, rest_.camera_height_m);
+  filter.placeAt(guess, Eigen::Vector2d::Zero(), kBehind_m * kBehind_m * Eigen::Matrix2d::Identity());
+  return filter;
 }
 
 }  // namespace omnifleet::tracking

@@ -12,6 +12,15 @@ constexpr double kUnknownPosition_m = 2.0, kUnknownVelocity_mps = 0.5;
 constexpr double kStillVelocityDecay_s = 0.5;   // what stands forgets its velocity
 constexpr double kUnseenVelocityDecay_s = 2.0;  // what is not seen may have stopped
 
+/// What stands for b in the derivative by u. Its noise must not: what is seen from the far side alone has its
+/// distance and height in one line (everything may grow together), and noise in the regressor would pass for
+/// knowledge of both, frame after frame. So the predicted value is taken once the object is known well enough
+/// to have one.
+double regressor(double measured, double predicted, double ratio) {
+  constexpr double kSettled_m = 0.10;
+  return std::abs(predicted - measured) * ratio < kSettled_m ? -predicted : -measured;
+}
+
 /// Row of the measurement equation: h_P(n) as a linear function of the state, u's entry left at zero.
 PrismFilter::State footprintRow(double cos1, double sin1) {
   const double cos2 = cos1 * cos1 - sin1 * sin1, sin2 = 2.0 * cos1 * sin1;
@@ -131,6 +140,7 @@ void PrismFilter::update(const View& view, const std::vector<char>& use) {
     double variance =
         (sigma * sigma + options_.model_sigma_m * options_.model_sigma_m) * options_.correlation;
     const double residual = measured - row.dot(state_);
+    if (far) row[5] = regressor(b, (row.dot(state_) + ratio * b - foot) / ratio, ratio);
     const double expected = variance / options_.correlation + row.dot(covariance_ * row);
     const double excess = residual * residual / (expected * options_.outlier * options_.outlier);
     if (excess > 1.0) variance *= excess;

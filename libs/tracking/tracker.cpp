@@ -126,7 +126,7 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
     if (owners_[b].empty()) {
       start(object, b, views_[b], own, !merged);
     } else if (merged || showsMore(tracks_[static_cast<std::size_t>(owners_[b].front())], views_[b])) {
-      updateMerged(object, b, own);
+      updateMerged(object, b);
     } else {
       TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
       track.clean = !object.truncated;

@@ -54,10 +54,10 @@ class Tracker {
   void joinPeers(std::vector<Peer>& peers);
   void startPeer(const Peer& peer, std::size_t blob);
   bool showsMore(const TrackState& track, const View& view) const;
-  void updateMerged(const ObjectObservation& object, std::size_t blob, const OwnMotion& own);
+  void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);
-  void updateRest(const ObjectObservation& object, std::size_t blob, const OwnMotion& own, int vague,
-                  int alien);
+  void updateRest(const ObjectObservation& object, std::size_t blob, int vague, int alien);
+  PrismFilter freshRest() const;
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
              bool whole);
