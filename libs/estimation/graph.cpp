@@ -72,7 +72,8 @@ void Graph::solve(int iterations) {
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   options.num_threads = 1;
   options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-9;
+  options.function_tolerance = 1e-12;
+  options.initial_trust_region_radius = 1e8;  // as good as Gauss–Newton: starts are near
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);

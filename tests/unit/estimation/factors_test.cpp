@@ -1,0 +1,187 @@
+// Residuals against numeric derivatives and against exact zeros at the truth.
+
+#include <ceres/cost_function.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <random>
+
+#include "estimation/factors.h"
+#include "estimation/landmark.h"
+#include "estimation/prism_factors.h"
+#include "fleet_simulator.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+/// Largest difference between a factor's derivatives and central differences, relative to its largest
+/// derivative.
+double derivativeError(const ceres::CostFunction& cost, std::vector<Eigen::VectorXd> values) {
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  constexpr double kStep = 1e-7;  // small, so that the kinks of supports are not straddled
+  const int rows = cost.num_residuals();
+  std::vector<double*> blocks, outputs;
+  std::vector<RowMajor> exact;
+  for (auto& value : values) {
+    blocks.push_back(value.data());
+    exact.emplace_back(rows, value.size());
+  }
+  for (auto& jacobian : exact) outputs.push_back(jacobian.data());
+  Eigen::VectorXd r(rows), plus(rows), minus(rows);
+  cost.Evaluate(blocks.data(), r.data(), outputs.data());
+  double worst = 0.0, largest = 0.0;
+  for (std::size_t b = 0; b < values.size(); ++b) {
+    largest = std::max(largest, exact[b].cwiseAbs().maxCoeff());
+    for (Eigen::Index i = 0; i < values[b].size(); ++i) {
+      const double at = values[b](i);
+      values[b](i) = at + kStep;
+      cost.Evaluate(blocks.data(), plus.data(), nullptr);
+      values[b](i) = at - kStep;
+      cost.Evaluate(blocks.data(), minus.data(), nullptr);
+      values[b](i) = at;
+      worst = std::max(worst, (exact[b].col(i) - (plus - minus) / (2 * kStep)).cwiseAbs().maxCoeff());
+    }
+  }
+  return worst / largest;
+}
+
+Eigen::Matrix3d someCovariance() {
+  Eigen::Matrix3d root;
+  root << 0.01, 0.002, 0.0, 0.0, 0.02, 0.001, 0.0, 0.0, 0.03;
+  return root * root.transpose();
+}
+
+View viewOf(const testing::Prism& prism, const Pose2& map_from_base, const Eigen::Vector2d& foot,
+            double camera_height) {
+  View view;
+  view.foot_m = foot;
+  view.camera_height_m = camera_height;
+  const Eigen::Vector2d c = map_from_base * foot;
+  const double s = camera_height / (camera_height - prism.height_m);
+  for (int k = 0; k < 96; ++k) {
+    const double psi = 2.0 * M_PI * k / 96 + map_from_base.theta_rad;
+    const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
+    const double g = prism.support(n) - n.dot(c);
+    view.b_m.push_back(std::max(g, s * g));  // hull of the floor polygon and the scaled top
+    view.sigma_m.push_back(0.004);
+  }
+  return view;
+}
+
+testing::Prism box(double x, double y, double turn, double height) {
+  testing::Prism prism;
+  const Pose2 at{x, y, turn};
+  prism.outline_m = {at * Eigen::Vector2d(-0.15, -0.1), at * Eigen::Vector2d(0.15, -0.1),
+                     at * Eigen::Vector2d(0.15, 0.1), at * Eigen::Vector2d(-0.15, 0.1)};
+  prism.centre_m = {x, y};
+  prism.height_m = height;
+  return prism;
+}
+
+constexpr double kRounding = 1e-5;  // of differences over 1e-7 with residuals of some hundreds
+
+TEST(Factors, DerivativesAgreeWithDifferences) {
+  const Pose2 measured{0.3, -0.1, 0.4}, offset{0.05, 0.02, -0.1};
+  const Eigen::Vector3d a(1.0, 2.0, 3.0), b(1.4, 1.9, 3.3);
+  const Eigen::Matrix2d small = someCovariance().topLeftCorner<2, 2>();
+  EXPECT_LT(derivativeError(*absolutePoseFactor(measured, someCovariance(), offset), {a}), kRounding);
+  EXPECT_LT(derivativeError(*absolutePositionFactor({0.2, 0.3}, small, offset), {a}), kRounding);
+  EXPECT_LT(derivativeError(*relativePoseFactor(measured, someCovariance(), offset, measured), {a, b}),
+            kRounding);
+  EXPECT_LT(derivativeError(*motionFactor(measured, someCovariance(), arcBiasJacobian(0.1, 0.14, 0.26)),
+                            {a, b, Eigen::Vector2d(0.01, -0.02)}),
+            kRounding);
+  EXPECT_LT(derivativeError(*rangeBearingPoseFactor({0.5, 0.2}, small, offset, measured), {a, b}), kRounding);
+  EXPECT_LT(
+      derivativeError(*rangeBearingPointFactor({0.5, 0.2}, small, offset), {a, Eigen::Vector2d(1.5, 2.5)}),
+      kRounding);
+}
+
+TEST(Factors, PrismDerivativesAgreeWithDifferences) {
+  const Pose2 seen_from{0.1, 0.2, 0.7}, other{1.9, 0.1, 2.0};
+  const auto prism = box(1.0, 0.4, 0.3, 0.2);
+  const auto view = std::make_shared<const View>(viewOf(prism, seen_from, {0.03, 0.01}, 0.5));
+  auto shape = std::make_shared<Shape>();
+  const Eigen::Vector2d anchor(1.01, 0.38);
+  shape->begin();
+  shape->add(*view, seen_from, anchor, 0.2);
+  shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), other, anchor, 0.2);
+  shape->finish();
+  const LandmarkViewFactor mark(view, shape, 48);
+  // Kinks (contact to far side, corner to corner) are not hit at this generic place.
+  EXPECT_LT(
+      derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.012, 0.383, 0.21)}),
+      kRounding);
+  RobotBody body;
+  body.footprint_m = {{-0.2, -0.1}, {0.2, -0.12}, {0.18, 0.1}, {-0.2, 0.11}};
+  body.height_m = 0.2;
+  const PeerViewFactor peer(view, std::make_shared<const Body>(body), Pose2{0.02, 0.01, 0.05}, 48);
+  EXPECT_LT(derivativeError(peer, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.0, 0.41, 0.31)}),
+            kRounding);
+}
+
+TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
+  const auto prism = box(1.0, 0.4, 0.3, 0.2);
+  Shape built;
+  const Eigen::Vector2d anchor(1.0, 0.4);
+  auto shape = std::make_shared<Shape>();
+  shape->begin();
+  for (int i = 0; i < 12; ++i) {  // all sides, so that A and Q are no longer those of one view
+    const double a = i * M_PI / 6;
+    const Pose2 at{1.0 + 0.9 * std::cos(a), 0.4 + 0.9 * std::sin(a), 0.4 * i};
+    shape->add(viewOf(prism, at, {0, 0}, 0.5), at, anchor, 0.2);
+  }
+  shape->finish();
+  const Pose2 fresh{0.2, 1.1, -0.3};
+  LandmarkViewFactor factor(std::make_shared<const View>(viewOf(prism, fresh, {0.0, 0.0}, 0.5)), shape, 96);
+  const Eigen::Vector3d pose = fresh.vector(), mark(1.0, 0.4, 0.2);
+  const double* values[] = {pose.data(), mark.data()};
+  // Interpolated supports lie outside by up to edge/2 · tan(step/2) = 5 mm, only next to the four edge
+  // normals.
+  EXPECT_LT(factor.reweight(values), 0.002);
+}
+
+TEST(Factors, ArcsComposeAndTurnWithTheWheels) {
+  const Pose2 whole = arc(0.3, 0.4, 0.26), half = arc(0.15, 0.2, 0.26);
+  const Pose2 twice = half * half;  // constant curvature: two halves are the whole, exactly
+  EXPECT_NEAR(whole.x_m, twice.x_m, 1e-12);
+  EXPECT_NEAR(whole.y_m, twice.y_m, 1e-12);
+  EXPECT_NEAR(whole.theta_rad, 0.1 / 0.26, 1e-12);
+  const Eigen::Matrix<double, 3, 2> j = arcBiasJacobian(0.3, 0.4, 0.26);
+  const Pose2 biased = arc(0.3 * 1.001, 0.4 * 0.998, 0.26);
+  const Eigen::Vector3d e = j * Eigen::Vector2d(0.001, -0.002);
+  const Pose2 first_order = whole * Pose2{e.x(), e.y(), e.z()};
+  EXPECT_NEAR(biased.x_m, first_order.x_m, 5e-6);  // second order: (2e-3)² of 0.4 m
+  EXPECT_NEAR(biased.y_m, first_order.y_m, 5e-6);
+  EXPECT_NEAR(biased.theta_rad, first_order.theta_rad, 5e-6);
+}
+
+TEST(View, BodyIsFoundInItsSilhouette) {
+  RobotBody body;
+  body.radius_m = 0.15;
+  body.height_m = 0.3;
+  testing::Prism peer;
+  peer.centre_m = {0.9, -0.5};
+  peer.radius_m = 0.15;
+  peer.height_m = 0.3;
+  const View view = viewOf(peer, Pose2{}, {0.0, 0.0}, 0.5);
+  const BodyFit fit = fitBody(view, Body(body), 0.0, {1.05, -0.4});
+  EXPECT_NEAR((fit.position_m - peer.centre_m).norm(), 0.0,
+              1e-4);  // closed form: only the weights' rounding is left
+  EXPECT_LT(fit.rms_m, 1e-4);
+  const View wall = viewOf(box(0.9, -0.5, 0.2, 0.1), Pose2{}, {0.0, 0.0}, 0.5);
+  EXPECT_GT(fitBody(wall, Body(body), 0.0, {0.9, -0.5}).rms_m, 0.05);  // RECIPES: below 5 cm is a robot
+}
+
+TEST(View, FootprintOfOneViewIsExactAtTheRightHeight) {
+  const auto prism = box(0.8, 0.6, 0.5, 0.25);
+  const Footprint footprint(viewOf(prism, Pose2{}, {0.0, 0.0}, 0.5));
+  ASSERT_TRUE(footprint.whole);
+  EXPECT_LT((footprint.centre(0.25) - prism.centre_m).norm(),
+            1e-3);                                                   // 96 directions sum the integral to 1 mm
+  EXPECT_GT((footprint.centre(0.10) - prism.centre_m).norm(), 0.1);  // what a wrong height costs
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation

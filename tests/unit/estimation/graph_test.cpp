@@ -1,0 +1,83 @@
+// Marginalisation and covariance against the whole problem solved in closed form.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "estimation/factors.h"
+#include "estimation/graph.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+Eigen::VectorXd scalar(double x) {
+  return Eigen::VectorXd::Constant(1, x);
+}
+
+/// to − from = measured, σ.
+std::unique_ptr<ceres::CostFunction> difference(double measured, double sigma) {
+  Eigen::MatrixXd s(1, 2);
+  s << -1.0 / sigma, 1.0 / sigma;
+  return std::make_unique<DensePrior>(s, scalar(-measured / sigma),
+                                      std::vector<Eigen::VectorXd>{scalar(0), scalar(0)});
+}
+
+TEST(Graph, AChainHasTheMeansAndVariancesOfSums) {
+  Graph graph;
+  const auto a = graph.addVariable(scalar(5)), b = graph.addVariable(scalar(-3)),
+             c = graph.addVariable(scalar(9));
+  graph.addFactor(priorFactor(scalar(1.0), scalar(0.1)), {a});
+  graph.addFactor(difference(2.0, 0.2), {a, b});
+  graph.addFactor(difference(3.0, 0.3), {b, c});
+  graph.solve(10);
+  EXPECT_NEAR(graph.value(c)(0), 6.0, 1e-6);  // what Levenberg–Marquardt's damping leaves
+  EXPECT_NEAR(graph.covariance({c})(0, 0), 0.01 + 0.04 + 0.09, 1e-8);
+  EXPECT_NEAR(graph.covariance({b, c})(0, 1), 0.01 + 0.04, 1e-8);
+}
+
+TEST(Graph, MarginalisingLosesNothingOfALinearProblem) {
+  const auto build = [](Graph& graph, std::vector<VariableId>& v) {
+    for (int i = 0; i < 6; ++i) v.push_back(graph.addVariable(scalar(0.3 * i * i)));
+    graph.addFactor(priorFactor(scalar(1.0), scalar(0.5)), {v[0]});
+    for (int i = 0; i < 5; ++i)
+      graph.addFactor(difference(1.0 + 0.1 * i, 0.2),
+                      {v[static_cast<std::size_t>(i)], v[static_cast<std::size_t>(i + 1)]});
+    graph.addFactor(difference(2.5, 0.3), {v[0], v[3]});
+    graph.addFactor(difference(3.9, 0.4), {v[1], v[5]});
+  };
+  Graph whole, part;
+  std::vector<VariableId> v, w;
+  build(whole, v);
+  build(part, w);
+  part.marginalise({w[0], w[1]});
+  part.marginalise({w[2]});
+  EXPECT_EQ(part.variableCount(), 3U);
+  whole.solve(20);
+  part.solve(20);
+  for (std::size_t i = 3; i < 6; ++i)
+    EXPECT_NEAR(whole.value(v[i])(0), part.value(w[i])(0), 2e-6) << i;  // damping again
+  EXPECT_NEAR(whole.covariance({v[5]})(0, 0), part.covariance({w[5]})(0, 0), 1e-8);
+}
+
+TEST(Graph, AnOutlierUnderCauchyLosesItsVote) {
+  Graph graph;
+  const auto a = graph.addVariable(scalar(0));
+  for (int i = 0; i < 5; ++i) graph.addFactor(priorFactor(scalar(1.0 + 0.01 * i), scalar(0.05)), {a}, 2.0);
+  graph.addFactor(priorFactor(scalar(50.0), scalar(0.05)), {a}, 2.0);
+  graph.solve(50);
+  // Cauchy's pull of a residual of 980 σ is 4/980 σ⁻¹ against 5 σ⁻² per σ: below a tenth of a millimetre.
+  EXPECT_NEAR(graph.value(a)(0), 1.02, 1e-3);
+}
+
+TEST(Graph, AFactorWithoutVariablesThatStayVanishes) {
+  Graph graph;
+  const auto a = graph.addVariable(scalar(0)), b = graph.addVariable(scalar(1));
+  graph.addFactor(priorFactor(scalar(1.0), scalar(0.1)), {a});
+  const auto kept = graph.addFactor(priorFactor(scalar(2.0), scalar(0.1)), {b});
+  graph.marginalise({a});
+  EXPECT_EQ(graph.factorCount(), 1U);
+  EXPECT_TRUE(graph.hasFactor(kept));
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
