@@ -166,7 +166,7 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   });
   if (!free) return;
   first.alien_frames = 0;
-  const int lost = lostAt(filter);
+  const int lost = lostAt(filter, rest_);
   const int t = lost >= 0 ? lost : vague;
   if (t < 0) tracks_.emplace_back(next_id_++, filter);
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];

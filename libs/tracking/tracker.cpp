@@ -150,7 +150,7 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   PrismFilter filter = fresh(object, view, own);
   PrismFilter fitted = filter;
   fitted.update(view);
-  int t = lostAt(fitted);
+  int t = lostAt(fitted, view);
   if (t < 0) {
     t = static_cast<int>(tracks_.size());
     tracks_.emplace_back(next_id_++, filter);
@@ -164,15 +164,18 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   see(track, view, object);
 }
 
-int Tracker::lostAt(const PrismFilter& filter) const {
+int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
   int nearest = -1;
-  double least = std::numeric_limits<double>::infinity();
+  double least = 1.0;
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const TrackState& track = tracks_[t];
-    const double apart = (track.filter.position() - filter.position()).norm();
-    if (track.blob >= 0 || !track.whole || track.dissolved || apart > track.filter.radius() || apart >= least)
-      continue;
-    least = apart;
+    if (track.blob >= 0 || !track.whole || track.dissolved) continue;
+    // Either it stood in this place, or what is seen looks as it should look from here.
+    const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
+    const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
+    const double distance = std::min(apart, unlike);
+    if (distance >= least) continue;
+    least = distance;
     nearest = static_cast<int>(t);
   }
   return nearest;

@@ -62,7 +62,7 @@ class Tracker {
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
              bool whole);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
-  int lostAt(const PrismFilter& filter) const;
+  int lostAt(const PrismFilter& filter, const View& view) const;
   void followPeers(const std::vector<Peer>& peers);
   void end();
 
