@@ -68,7 +68,7 @@ bool isOneBody(const Group& group, const MergerOptions& options) {
 /// Halves a track in time until each piece shows one body in one place.
 void cut(const Views& views, ObjectKind kind, const MergerOptions& options, std::vector<Group>& pieces) {
   Group whole = groupOf(views, kind, quick(options));
-  if (views.size() < 4 || !whole.fit.valid || isOneBody(whole, options)) {
+  if (views.size() < 2 || !whole.fit.valid || isOneBody(whole, options)) {
     pieces.push_back(std::move(whole));
     return;
   }
@@ -145,6 +145,29 @@ void dropLeftPlaces(std::vector<Group>& groups) {
   groups = std::move(kept);
 }
 
+/// Fitted over all views; those that show something else after all are left out.
+Group refined(const Group& group, const MergerOptions& options) {
+  Group all = groupOf(group.views, group.kind, options.prism);
+  if (!all.fit.valid) return all;
+  Views kept;
+  for (const auto* view : all.views) {
+    outline::PrismView alone = view->prism;
+    const auto expected = outline::prismSupports(all.fit.footprint_m, all.fit.height_m, alone, 0.0,
+                                                 static_cast<int>(alone.supports.size()));
+    double sum = 0.0, count = 0.0;
+    for (std::size_t k = 0; k < expected.size(); ++k) {
+      const double sigma = alone.supports.sigma_m[k], pose = options.prism.pose_sigma_m;
+      if (!(sigma > 0)) continue;
+      const double off = expected.b_m[k] - alone.supports.b_m[k];
+      sum += off * off / (sigma * sigma + pose * pose);
+      count += 1.0;
+    }
+    if (count > 0 && sum <= count * options.max_spread * options.max_spread) kept.push_back(view);
+  }
+  if (kept.empty() || kept.size() == all.views.size()) return all;
+  return groupOf(std::move(kept), group.kind, options.prism);
+}
+
 }  // namespace
 
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options) {
@@ -160,7 +183,7 @@ std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const Me
     if (!join(piece, options, groups)) groups.push_back(std::move(piece));
   }
   dropLeftPlaces(groups);
-  for (auto& group : groups) group = groupOf(std::move(group.views), group.kind, options.prism);
+  for (auto& group : groups) group = refined(group, options);
   std::sort(groups.begin(), groups.end(),
             [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });
   return groups;

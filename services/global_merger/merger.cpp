@@ -22,28 +22,38 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("min_views", o.min_views, {1, 1000});
   section.read("max_spread", o.max_spread, {0.5, 1000.0});
   section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
-  section.read("max_free_share", o.max_free_share, {0.0, 1.0});
+  section.read("gone_after", o.gone_after, {1, 100000});
   section.finish();
   return o;
 }
 
 namespace {
 
-/// Of the cells whose centres lie inside a footprint, the share that is free.
-double freeShare(const Polygon& footprint, const occupancy::OccupancyMap& map, double resolution_m) {
-  Eigen::Vector2d low = footprint.front(), high = footprint.front();
-  for (const auto& p : footprint) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  int inside = 0, free = 0;
-  for (double y = (std::floor(low.y() / resolution_m) + 0.5) * resolution_m; y < high.y();
-       y += resolution_m) {
-    for (double x = (std::floor(low.x() / resolution_m) + 0.5) * resolution_m; x < high.x();
-         x += resolution_m) {
-      if (!contains(footprint, {x, y})) continue;
-      ++inside;
-      free += map.at({x, y}) == occupancy::CellClass::kFree;
+/// Did this contribution see beyond a point, along the ray that passes it?
+bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_from_base,
+                 const Eigen::Vector2d& point) {
+  const std::size_t rays = std::min(contribution.range_dmm.size(), contribution.label.size());
+  if (rays == 0) return false;
+  const Eigen::Vector2d foot(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
+  const Eigen::Vector2d to = map_from_base.inverse() * point - foot;
+  const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI);
+  const auto ray = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
+  constexpr double kBeyondM = 0.05;
+  return contribution.label[ray] != RayLabel::kInvalid &&
+         contribution.range_dmm[ray] * 1e-4 > to.norm() + kBeyondM;
+}
+
+/// The floor was seen through its middle in this many contributions after its last view.
+int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store) {
+  int times = 0;
+  for (const auto& [robot, path] : store.robots()) {
+    for (auto it = path.upper_bound(group.views.back()->time_ns); it != path.end(); ++it) {
+      const auto& keyframe = it->second;
+      if (!keyframe.contribution || !keyframe.pose || !keyframe.pose->valid) continue;
+      times += seesThrough(*keyframe.contribution, keyframe.pose->mapFromBase(), group.fit.centre_m);
     }
   }
-  return inside > 0 ? static_cast<double>(free) / inside : 0.0;
+  return times;
 }
 
 /// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
@@ -89,10 +99,7 @@ dataset::MapObject objectOf(const Group& group) {
 
 Merger::Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
                const std::map<std::string, RobotBody>& bodies)
-    : options_(options),
-      resolution_m_(occupancy_options.resolution_m),
-      bodies_(bodies),
-      map_(occupancy_options, bodies) {}
+    : options_(options), bodies_(bodies), map_(occupancy_options, bodies) {}
 
 bool Merger::add(const occupancy::Contribution& contribution) {
   const bool changed = map_.add(contribution);
@@ -126,7 +133,7 @@ bool Merger::isObject(const Group& group) const {
       (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
     return false;
   }
-  return freeShare(group.fit.footprint_m, map_, resolution_m_) <= options_.max_free_share;
+  return timesSeenThrough(group, map_.store()) < options_.gone_after;
 }
 
 const std::vector<dataset::MapObject>& Merger::outlines() {

@@ -48,15 +48,15 @@ class ContributionMaker {
 
 struct MergerOptions {
   outline::PrismOptions prism;
-  double gate_m = 0.12;         ///< m, views of one object have their centres this near (RECIPES)
-  double min_solidity = 0.94;   ///< below it a silhouette is merged of several (RECIPES)
-  double max_contact_m = 2.0;   ///< m, views from farther away do not shape outlines
-  double robot_rms_m = 0.05;    ///< m, a known body that fits this well may be a robot (RECIPES)
-  double robot_gap_m = 0.20;    ///< m, what fits a robot's body this near its pose is that robot
-  int min_views = 3;            ///< live: views before an outline is published; the end decides by fit
-  double max_spread = 4.0;      ///< in σ, views that disagree more than this do not show one body
-  double max_sigma_m = 0.05;    ///< m, a centre less certain than this is no object
-  double max_free_share = 0.5;  ///< of the cells inside an outline that may be free before it has gone
+  double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
+  double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)
+  double max_contact_m = 2.0;  ///< m, views from farther away do not shape outlines
+  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot (RECIPES)
+  double robot_gap_m = 0.20;   ///< m, what fits a robot's body this near its pose is that robot
+  int min_views = 3;           ///< live: views before an outline is published; the end decides by fit
+  double max_spread = 4.0;     ///< in σ, views that disagree more than this do not show one body
+  double max_sigma_m = 0.05;   ///< m, a centre less certain than this is no object
+  int gone_after = 3;  ///< contributions that later saw the floor through its middle before it has gone
 
   static MergerOptions read(const options::Section& section);
 };
@@ -96,7 +96,6 @@ class Merger {
   bool isObject(const Group& group) const;
 
   MergerOptions options_;
-  double resolution_m_;
   std::map<std::string, RobotBody> bodies_;
   occupancy::OccupancyMap map_;
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;

@@ -31,7 +31,9 @@ std::vector<std::string> saveMap(Merger& merger, const std::string& folder) {
     }
   };
   const auto& objects = merger.outlines();
-  const auto grid = merger.map().grid();
+  auto grid = merger.map().grid();
+  if (grid.width == 0)
+    grid.width = grid.height = 1, grid.cells = {-1};  // nothing known yet: one unknown cell
   attempt([&] { dataset::writeAtomic(folder + "/map.bt", merger.map().octreeBytes()); });
   attempt([&] { dataset::writeMapServer(folder + "/map", grid); });
   attempt([&] { dataset::writeObjects(folder + "/objects.geojson", objects); });
