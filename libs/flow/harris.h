@@ -11,7 +11,7 @@ namespace omnifleet::flow {
 
 struct HarrisOptions {
   double k = 0.04;  ///< Choi eq. 2
-  double m = 0.3;   ///< threshold as a fraction of the strongest response
+  double m = 0.03;  ///< threshold as a fraction of the strongest response (0.3 in the paper)
   bool per_label =
       true;  ///< strongest of the label (dim objects keep their corners); false: of the frame, as printed
   double sigma_px = 1.5;         ///< pixels: Gaussian window W

@@ -11,6 +11,27 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 constexpr int kMajority = 13;  // of the 25 pixels of a 5×5 median
 
+/// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
+/// seen at the middle of the seed region. Odd.
+int lineWidth(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options) {
+  double metres_per_px = 0.0;
+  int count = 0;
+  for (int y = 0; y < view.seeds().rows; ++y) {
+    for (int x = 0; x < view.seeds().cols; ++x) {
+      if (view.seeds()(y, x) == 0) continue;
+      const Eigen::Vector2d pixel((x + 0.5) * kCell, (y + 0.5) * kCell);
+      const auto a = camera.floorFromPixel(pixel), b = camera.floorFromPixel(pixel + Eigen::Vector2d(1, 0)),
+                 c = camera.floorFromPixel(pixel + Eigen::Vector2d(0, 1));
+      if (!a || !b || !c) continue;
+      metres_per_px += std::min((*b - *a).norm(), (*c - *a).norm());
+      ++count;
+    }
+  }
+  if (count == 0 || options.line_width_m <= 0.0) return 0;
+  const double width = std::sqrt(2.0) * options.line_width_m / (metres_per_px / count);
+  return std::min(options.max_line_px, 2 * static_cast<int>(std::ceil(0.5 * (width - 1.0))) + 1);
+}
+
 }  // namespace
 
 SegmenterOptions SegmenterOptions::read(const options::Section& section) {
@@ -18,16 +39,19 @@ SegmenterOptions SegmenterOptions::read(const options::Section& section) {
   section.read("method", o.method, {"local", "histogram"});
   section.read("histogram_share", o.histogram_share, {0.0, 0.5});
   section.read("histogram_grow", o.histogram_grow, {0, 8});
-  section.read("opening_px", o.opening_px, {0, 50});
+  section.read("line_width_m", o.line_width_m, {0.0, 0.2});
+  section.read("max_line_px", o.max_line_px, {0, 41});
   o.reference = ReferenceOptions::read(section.child("reference"));
   section.finish();
   return o;
 }
 
-GroundSegmenter::GroundSegmenter(const FloorView& view, const SegmenterOptions& options)
+GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& view,
+                                 const SegmenterOptions& options)
     : view_(&view),
       options_(options),
       reference_(view, options.reference),
+      lines_(view.imageSize(), lineWidth(camera, view, options)),
       means_(view.cells(), cv::Vec3f(0, 0, 0)),
       raw_(view.imageSize(), std::uint8_t{0}),
       median_(view.imageSize(), std::uint8_t{0}),
@@ -37,7 +61,8 @@ GroundSegmenter::GroundSegmenter(const FloorView& view, const SegmenterOptions& 
       column_sums_(static_cast<std::size_t>(view.imageSize().width) + 8) {}
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
-  clearStrips();
+  for (cv::Mat1b* mask : {&raw_, &median_, &objects_}) clearStrips(strips_, *mask);
+  strips_.clear();
   averageCells(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   if (!found) return false;
@@ -168,16 +193,6 @@ void GroundSegmenter::everythingIsAStrip() {
   }
 }
 
-void GroundSegmenter::clearStrips() {
-  for (const auto& strip : strips_) {
-    const cv::Rect rect(strip.begin_px, strip.cell_row * kCell, strip.end_px - strip.begin_px, kCell);
-    raw_(rect).setTo(0);
-    median_(rect).setTo(0);
-    objects_(rect).setTo(0);
-  }
-  strips_.clear();
-}
-
 template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
@@ -233,11 +248,7 @@ void GroundSegmenter::despeckle() {
       }
     }
   }
-  if (options_.opening_px > 0) {
-    const cv::Mat disc =
-        cv::getStructuringElement(cv::MORPH_ELLIPSE, {options_.opening_px, options_.opening_px});
-    cv::morphologyEx(objects_, objects_, cv::MORPH_OPEN, disc);
-  }
+  lines_.apply(strips_, objects_);
 }
 
 }  // namespace omnifleet::ground

@@ -6,6 +6,8 @@
 
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
+#include "ground/line_filter.h"
+#include "ground/strip.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
@@ -16,21 +18,17 @@ struct SegmenterOptions {
   ReferenceOptions reference;      ///< `reference`: for "local"
   double histogram_share = 0.002;  ///< for "histogram": share of the seed pixels that makes a bin ground
   int histogram_grow = 1;          ///< for "histogram": bins added around
-  int opening_px = 0;  ///< pixels: structures thinner than this are floor markings (grid lines); 0: off
+  double line_width_m = 0.01;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
+  int max_line_px = 9;         ///< pixels: but nothing thicker than this is taken for a marking
   static SegmenterOptions read(const options::Section& section);
-};
-
-/// Columns [begin, end) of one row of cells whose pixels were looked at.
-struct Strip {
-  int cell_row;
-  int begin_px, end_px;
 };
 
 /// Removes the ground (Choi §III.2) and despeckles (5×5 median). Looks at single pixels only in cells that
 /// are not plain floor; buffers live from frame to frame.
 class GroundSegmenter {
  public:
-  GroundSegmenter(const FloorView& view, const SegmenterOptions& options);
+  /// @param camera tells how wide a floor marking appears around the robot
+  GroundSegmenter(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
   /// @return false when no floor was found around the robot
@@ -52,7 +50,6 @@ class GroundSegmenter {
   double seedNoise(const cv::Mat& image) const;
   void findStrips(double noise);
   void everythingIsAStrip();
-  void clearStrips();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
   void despeckle();
@@ -61,6 +58,7 @@ class GroundSegmenter {
   SegmenterOptions options_;
   FloorReference reference_;
   GroundHistogram histogram_;
+  LineFilter lines_;
   cv::Mat3f means_;
   cv::Mat1b raw_, median_, objects_, active_;
   std::vector<Strip> strips_;

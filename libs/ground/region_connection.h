@@ -12,7 +12,7 @@ namespace omnifleet::ground {
 struct ConnectionOptions {
   std::string method =
       "pixels";    ///< "rectangles": Algorithm 1 as printed; "pixels": regions must be close themselves
-  int gap_px = 2;  ///< pixels between rectangles or regions that still count as "closely located"
+  int gap_px = 0;  ///< pixels between rectangles or regions that still count as "closely located"
   static ConnectionOptions read(const options::Section& section);
 };
 

@@ -23,7 +23,7 @@ struct LocalMapper::Stages {
         camera(c),
         view(camera, o.view),
         check(camera.model(), view, o.check),
-        segmenter(view, o.ground),
+        segmenter(camera, view, o.ground),
         connection(o.connection),
         tracer(view, o.contour),
         silhouette(camera, view, o.silhouette),
@@ -51,6 +51,7 @@ struct LocalMapper::Stages {
   const std::vector<ground::Blob>* labelled = nullptr;
   const std::vector<ground::Blob>* blobs = nullptr;
   std::vector<std::size_t> blob_of_object;
+  std::vector<FloorContour> contours;  // of the objects, kept for reuse of their buffers
   ground::Contour contour;
   ObjectObservation object;
   LocalMap map;
@@ -106,6 +107,8 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
       object.label = static_cast<std::uint16_t>(blob_of_object.size() + 1);
       blob_of_object.push_back(n);
       map.objects.push_back(object);
+      if (contours.size() < map.objects.size()) contours.emplace_back();
+      contours[map.objects.size() - 1] = silhouette.floorContour();
     }
     scan.add(silhouette.floorContour(), is_object ? object.label : std::uint16_t{0});
   }
@@ -120,6 +123,7 @@ const std::vector<ground::Blob>& LocalMapper::connectedBlobs() const {
   static const std::vector<ground::Blob> kNone;
   return stages_->blobs != nullptr ? *stages_->blobs : kNone;
 }
+const std::vector<FloorContour>& LocalMapper::floorContours() const { return stages_->contours; }
 const lens::Camera& LocalMapper::camera() const {
   return stages_->camera;
 }

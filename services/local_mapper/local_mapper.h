@@ -48,6 +48,8 @@ class LocalMapper {
   /// What the debug pictures show: the regions of the last valid frame, before and after Algorithm 1.
   const std::vector<ground::Blob>& labelledBlobs() const;
   const std::vector<ground::Blob>& connectedBlobs() const;
+  /// The outline on the floor of each object of the last local map, in its order.
+  const std::vector<FloorContour>& floorContours() const;
   const lens::Camera& camera() const;
 
  private:

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/strip.h"
+
+namespace omnifleet::ground {
+
+/// Takes floor markings (grid lines, joints) out of a mask: opening by a square of side `width_px`, then what
+/// was rounded off the remaining regions grows back within the mask, by half that width. A line next to an
+/// object leaves a stub of that length.
+class LineFilter {
+ public:
+  /// @param width_px structures thinner than this go (odd numbers ≥ 3; less: nothing is done)
+  LineFilter(cv::Size image, int width_px);
+
+  /// @param mask 0/255, zero outside the strips
+  void apply(const std::vector<Strip>& strips, cv::Mat1b& mask);
+
+ private:
+  template <typename Join>
+  void along(const std::vector<Strip>& strips, const cv::Mat1b& in, cv::Mat1b& out, bool rows, int radius,
+             Join join);
+  void growBack(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& core, cv::Mat1b& buffer);
+
+  int radius_;
+  cv::Mat1b a_, b_;
+};
+
+}  // namespace omnifleet::ground
