@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "outline/half_planes.h"
 #include "outline/prism_terms.h"
+#include "outline/vertices.h"
 
 namespace omnifleet::outline {
 namespace {
@@ -43,6 +45,8 @@ class PrismSolver {
   double height() const { return height_; }
   double heightSigma() const { return height_sigma_; }
   void report(PrismFit& fit, std::size_t given_views) const;
+  std::vector<SupportSample> samples(const std::vector<PrismView>& views, const Polygon& footprint,
+                                     double spread) const;
 
  private:
   std::size_t index(std::size_t v, int k) const {
@@ -244,10 +248,51 @@ void PrismSolver::report(PrismFit& fit, std::size_t given_views) const {
   reportDirections(fit);
 }
 
+/// All views' own directions at the height and shifts found, weighted by how well they agree with a
+/// footprint.
+std::vector<SupportSample> PrismSolver::samples(const std::vector<PrismView>& views, const Polygon& footprint,
+                                                double spread) const {
+  std::vector<SupportSample> all;
+  const double noise_scale = kCorrelation * std::max(1.0, spread * spread);
+  for (std::size_t v = 0; v < terms_.views(); ++v) {
+    const PrismView& view = views[static_cast<std::size_t>(terms_.view[v])];
+    const Eigen::Vector2d foot = view.map_from_base * view.foot_m + shift_[v];
+    for (std::size_t k = 0; k < view.supports.size(); ++k) {
+      const double b = view.supports.b_m[k], given = view.supports.sigma_m[k];
+      if (!(given > 0) || !std::isfinite(b) || !std::isfinite(given)) continue;
+      const double angle = view.map_from_base.theta_rad +
+                           2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.supports.size());
+      const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
+      const double scale = b > 0 ? 1.0 - height_ / view.camera_height_m : 1.0;
+      const double support = n.dot(foot) + scale * b;
+      const double sigma = std::hypot(scale * given, options_.noise_m);
+      const double off = (support - detail::supportOf(footprint, n)) /
+                         (options_.robust_sigmas * std::hypot(sigma, options_.pose_sigma_m));
+      all.push_back({angle, support, 1.0 / (sigma * sigma * noise_scale * (1.0 + off * off))});
+    }
+  }
+  return all;
+}
+
+/// Few vertices in place of many half-planes; the footprint stays where that goes wrong.
+void sharpen(const PrismSolver& solver, const std::vector<PrismView>& views, const PrismOptions& options,
+             PrismFit& fit) {
+  if (fit.footprint_m.size() < 3 || options.vertex_penalty <= 0) return;
+  for (int round = 0; round < 2; ++round) {
+    const auto samples = solver.samples(views, fit.footprint_m, fit.spread);
+    const Polygon sharp = polygonOfSamples(samples, centroid(fit.footprint_m), options.vertex_penalty);
+    constexpr double kSame = 0.6;
+    if (sharp.size() < 3 || convexIou(sharp, fit.footprint_m) < kSame) return;
+    fit.footprint_m = sharp;
+  }
+}
+
 /// The polygon, its Steiner point, and the evidence about it.
-void closeOutline(const PrismOptions& options, std::size_t views, PrismFit& fit) {
+void closeOutline(const PrismSolver& solver, const std::vector<PrismView>& given, const PrismOptions& options,
+                  std::size_t views, PrismFit& fit) {
   if (detail::widestGap(fit.evidence) > options.max_gap_deg * M_PI / 180.0) return;
   fit.footprint_m = detail::polygonOf(fit.evidence);
+  sharpen(solver, given, options, fit);
   if (fit.footprint_m.size() < 3) return;
   const double count = static_cast<double>(fit.evidence.size());
   // Taken about a vertex: the sum over evenly spread directions is exact for the shift, and small numbers
@@ -294,21 +339,21 @@ PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& optio
   const Terms all = detail::termsOf(views, options.directions, options.noise_m);
   if (all.views() == 0) return fit;
   const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
-  HeightPrior used = prior;
-  PrismSolver first(terms, options, used);
+  PrismSolver first(terms, options, prior);
   first.solve();
-  const double max_height = options.max_height_share * terms.camera_height_m.front();
   constexpr double kVague = 0.05;  // m, σ of a height beyond which the tangents are asked
   if (first.heightSigma() <= kVague || prior.sigma_m > 0) {
     first.report(fit, views.size());
-  } else {
-    used = priorFromTangents(terms, max_height);
-    PrismSolver second(terms, options, used);
-    second.solve();
-    second.report(fit, views.size());
-    if (used.sigma_m <= 0) fit.height_sigma_m = 0.0;
+    closeOutline(first, views, options, terms.views(), fit);
+    return fit;
   }
-  closeOutline(options, terms.views(), fit);
+  const double max_height = options.max_height_share * terms.camera_height_m.front();
+  const HeightPrior tangents = priorFromTangents(terms, max_height);
+  PrismSolver second(terms, options, tangents);
+  second.solve();
+  second.report(fit, views.size());
+  if (tangents.sigma_m <= 0) fit.height_sigma_m = 0.0;
+  closeOutline(second, views, options, terms.views(), fit);
   return fit;
 }
 

@@ -25,6 +25,7 @@ struct PrismOptions {
   int iterations = 12;             ///< at most
   int max_views = 32;              ///< the most telling ones from all sides are taken
   double max_height_share = 0.95;  ///< of the lowest camera's height: taller objects have no shadow edge
+  double vertex_penalty = 4.0;     ///< χ² that a vertex must save to be drawn; 0: half-planes alone
   double max_gap_deg = 100.0;      ///< degrees without evidence beyond which an outline is open
 
   static PrismOptions read(const options::Section& section);

@@ -14,6 +14,7 @@ PrismOptions PrismOptions::read(const options::Section& section) {
   section.read("iterations", o.iterations, {1, 100});
   section.read("max_views", o.max_views, {1, 500});
   section.read("max_height_share", o.max_height_share, {0.01, 0.99});
+  section.read("vertex_penalty", o.vertex_penalty, {0, 1000});
   section.read("max_gap_deg", o.max_gap_deg, {10, 170});
   section.finish();
   return o;

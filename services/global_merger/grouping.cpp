@@ -44,6 +44,7 @@ outline::PrismOptions quick(const MergerOptions& options) {
   outline::PrismOptions quick = options.prism;
   quick.max_views = std::min(quick.max_views, 12);
   quick.iterations = std::min(quick.iterations, 6);
+  quick.vertex_penalty = 0.0;
   return quick;
 }
 

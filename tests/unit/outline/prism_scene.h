@@ -4,6 +4,8 @@
 // the top, scaled about the camera's foot by H/(H − h); every direction gets noise of 0.4 px as a 960 px
 // equidistant lens has.
 
+#include <algorithm>
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -44,9 +46,10 @@ inline outline::PrismView seen(const Prism& prism, const Pose2& map_from_base, d
   std::normal_distribution<double> normal;
   for (std::size_t k = 0; k < view.supports.size(); ++k) {
     const bool shadow = view.supports.b_m[k] > 0;
-    const double sigma = floorSigma(shadow ? distance * scale : distance, camera_height_m);
+    const double sigma =
+        std::max(noise, 0.1) * floorSigma(shadow ? distance * scale : distance, camera_height_m);
     view.supports.sigma_m[k] = static_cast<float>(sigma);
-    view.supports.b_m[k] += static_cast<float>(noise * sigma * normal(random));
+    view.supports.b_m[k] += static_cast<float>(noise > 0 ? sigma * normal(random) : 0.0);
   }
   return view;
 }
