@@ -16,6 +16,7 @@ constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
 constexpr double kShortestWindow_s = 0.25;
+constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
 constexpr double kShapeViews = 8.0;     // views that the mean of the shape's evidence covers
 constexpr double kMostRms_m = 0.04;     // of a shift between two views of one object
 constexpr double kPlaceSigma_m = 0.04;  // of a track's centre beside its covariance
@@ -108,7 +109,7 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   track.moving = track.kind != ObjectKind::kObstacle || moved > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
   if (moved > std::max(options_.moved_m, 4.0 * d.sigma_m)) {
-    e.pushed = fits_none && e.motion <= 0.0 && e.touching_s < 2.0 * options_.window_s;
+    e.pushed = e.shape < kFitsClearly && e.motion <= 0.0 && e.touching_s < 2.0 * options_.window_s;
     e.motion = e.pushed ? kPushedEvidence : kMovedEvidence;
     e.still_s = 0.0;
     return;
