@@ -24,6 +24,34 @@ void readSize(const options::Section& section, const std::string& key, Eigen::Ve
   size_m = {side_m, side_m};
 }
 
+void readPatches(const options::Section& section, MarkerSet& set) {
+  readRgb(section, "team_rgb", set.team);
+  section.require("team_offset_m", set.team_offset_m);
+  section.require("individual_offset_m", set.individual_offset_m);
+  readSize(section, "patch_size_m", set.patch_size_m);
+}
+
+void readCovers(const options::Section& section, MarkerSet& set) {
+  readSize(section, "cover_size_m", set.cover_size_m);
+  section.require("head_offset_m", set.head_offset_m);
+  readSize(section, "head_size_m", set.head_size_m);
+  section.require("tail_offset_m", set.tail_offset_m);
+  readSize(section, "tail_size_m", set.tail_size_m);
+}
+
+RobotColours readColours(const options::Section& robot, bool patches) {
+  RobotColours colours;
+  if (patches) {
+    readRgb(robot, "rgb", colours.individual);
+  } else {
+    readRgb(robot, "cover_rgb", colours.cover);
+    readRgb(robot, "tail_rgb", colours.tail);
+    readRgb(robot, "head_rgb", colours.head);
+  }
+  robot.finish();
+  return colours;
+}
+
 std::string pair(const Eigen::Vector2d& v) {
   return fmt::format("[{}, {}]", v.x(), v.y());
 }
@@ -44,31 +72,9 @@ MarkerSet MarkerSet::read(const options::Section& section) {
   set.kind = kind == "patches" ? MarkerKind::kPatches : MarkerKind::kCoverTailHead;
   const bool patches = set.kind == MarkerKind::kPatches;
   section.require("height_m", set.height_m, options::kNotNegative);
-  if (patches) {
-    readRgb(section, "team_rgb", set.team);
-    section.require("team_offset_m", set.team_offset_m);
-    section.require("individual_offset_m", set.individual_offset_m);
-    readSize(section, "patch_size_m", set.patch_size_m);
-  } else {
-    readSize(section, "cover_size_m", set.cover_size_m);
-    section.require("head_offset_m", set.head_offset_m);
-    readSize(section, "head_size_m", set.head_size_m);
-    section.require("tail_offset_m", set.tail_offset_m);
-    readSize(section, "tail_size_m", set.tail_size_m);
-  }
+  patches ? readPatches(section, set) : readCovers(section, set);
   const options::Section robots = section.child("robots");
-  for (const std::string& name : robots.keys()) {
-    const options::Section robot = robots.child(name);
-    RobotColours& colours = set.robots[name];
-    if (patches) {
-      readRgb(robot, "rgb", colours.individual);
-    } else {
-      readRgb(robot, "cover_rgb", colours.cover);
-      readRgb(robot, "tail_rgb", colours.tail);
-      readRgb(robot, "head_rgb", colours.head);
-    }
-    robot.finish();
-  }
+  for (const std::string& name : robots.keys()) set.robots[name] = readColours(robots.child(name), patches);
   if (set.robots.empty()) section.fail("robots", "must name at least one robot and its colours");
   section.finish();
   return set;

@@ -8,53 +8,72 @@
 namespace omnifleet::evaluation {
 namespace {
 
-/// Rows ≤ columns, all finite. The classic algorithm with 1-based helpers: row `i` is added by the cheapest
-/// alternating path, u and v are the dual potentials.
-std::vector<int> solve(const Eigen::MatrixXd& cost) {
-  const int n = static_cast<int>(cost.rows()), m = static_cast<int>(cost.cols());
-  const double infinity = std::numeric_limits<double>::infinity();
-  std::vector<double> u(n + 1, 0.0), v(m + 1, 0.0);
-  std::vector<int> row_of(m + 1, 0), previous(m + 1, 0);
-  for (int i = 1; i <= n; ++i) {
-    row_of[0] = i;
-    int column = 0;
-    std::vector<double> slack(m + 1, infinity);
-    std::vector<bool> used(m + 1, false);
+/// Shortest augmenting paths on the reduced costs; rows ≤ columns, all finite. Rows and columns count from 1
+/// here, column 0 stands for the row that is being added.
+class Solver {
+ public:
+  explicit Solver(const Eigen::MatrixXd& cost)
+      : cost_(cost), u_(cost.rows() + 1, 0.0), v_(cost.cols() + 1, 0.0), row_of_(cost.cols() + 1, 0) {}
+
+  std::vector<int> solve() {
+    for (int row = 1; row <= cost_.rows(); ++row) add(row);
+    std::vector<int> column_of(static_cast<std::size_t>(cost_.rows()), -1);
+    for (std::size_t j = 1; j < row_of_.size(); ++j) {
+      if (row_of_[j] > 0) column_of[row_of_[j] - 1] = static_cast<int>(j) - 1;
+    }
+    return column_of;
+  }
+
+ private:
+  void add(int row) {
+    row_of_[0] = row;
+    slack_.assign(row_of_.size(), std::numeric_limits<double>::infinity());
+    previous_.assign(row_of_.size(), 0);
+    used_.assign(row_of_.size(), false);
+    std::size_t column = 0;
     do {
-      used[column] = true;
-      const int row = row_of[column];
-      int best = 0;
-      double delta = infinity;
-      for (int j = 1; j <= m; ++j) {
-        if (used[j]) continue;
-        const double reduced = cost(row - 1, j - 1) - u[row] - v[j];
-        if (reduced < slack[j]) {
-          slack[j] = reduced;
-          previous[j] = column;
-        }
-        if (slack[j] < delta) {
-          delta = slack[j];
-          best = j;
-        }
-      }
-      for (int j = 0; j <= m; ++j) {
-        if (used[j]) {
-          u[row_of[j]] += delta;
-          v[j] -= delta;
-        } else {
-          slack[j] -= delta;
-        }
-      }
-      column = best;
-    } while (row_of[column] != 0);
-    for (; column != 0; column = previous[column]) row_of[column] = row_of[previous[column]];
+      used_[column] = true;
+      column = nearestFrom(column);
+    } while (row_of_[column] != 0);
+    for (; column != 0; column = previous_[column]) row_of_[column] = row_of_[previous_[column]];
   }
-  std::vector<int> column_of(n, -1);
-  for (int j = 1; j <= m; ++j) {
-    if (row_of[j] > 0) column_of[row_of[j] - 1] = j - 1;
+
+  /// Relaxes the edges of the row that holds `column`, moves the potentials and returns the next column of
+  /// the tree.
+  std::size_t nearestFrom(std::size_t column) {
+    const int row = row_of_[column];
+    std::size_t best = 0;
+    double delta = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 1; j < row_of_.size(); ++j) {
+      if (used_[j]) continue;
+      const double reduced = cost_(row - 1, static_cast<Eigen::Index>(j) - 1) - u_[row] - v_[j];
+      if (reduced < slack_[j]) {
+        slack_[j] = reduced;
+        previous_[j] = column;
+      }
+      if (slack_[j] < delta) {
+        delta = slack_[j];
+        best = j;
+      }
+    }
+    for (std::size_t j = 0; j < row_of_.size(); ++j) {
+      if (used_[j]) {
+        u_[row_of_[j]] += delta;
+        v_[j] -= delta;
+      } else {
+        slack_[j] -= delta;
+      }
+    }
+    return best;
   }
-  return column_of;
-}
+
+  const Eigen::MatrixXd& cost_;
+  std::vector<double> u_, v_;  ///< dual potentials of rows and columns
+  std::vector<int> row_of_;    ///< row of each column, 0: free
+  std::vector<double> slack_;
+  std::vector<std::size_t> previous_;
+  std::vector<bool> used_;
+};
 
 /// Forbidden pairs get a price above any sum of allowed ones, so they are used only where nothing else is
 /// left.
@@ -81,9 +100,10 @@ std::vector<int> assign(const Eigen::MatrixXd& cost) {
   if (cost.rows() == 0 || cost.cols() == 0) return column_of;
   const Eigen::MatrixXd finite = priced(cost);
   if (cost.rows() <= cost.cols()) {
-    column_of = solve(finite);
+    column_of = Solver(finite).solve();
   } else {
-    const std::vector<int> row_of = solve(finite.transpose());
+    const Eigen::MatrixXd transposed = finite.transpose();
+    const std::vector<int> row_of = Solver(transposed).solve();
     for (std::size_t j = 0; j < row_of.size(); ++j) column_of[row_of[j]] = static_cast<int>(j);
   }
   for (std::size_t i = 0; i < column_of.size(); ++i) {

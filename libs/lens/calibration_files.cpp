@@ -30,15 +30,15 @@ struct Intrinsics {
 
 void toModel(const std::string& path, const Intrinsics& in, CameraModel& model) {
   if (in.camera_matrix.size() != 9) fail(path, "camera_matrix: must be 3×3");
-  if (in.width_px <= 0 || in.height_px <= 0) {
+  if (in.width_px > 0) model.image_width_px = in.width_px;
+  if (in.height_px > 0) model.image_height_px = in.height_px;
+  if (model.image_width_px <= 0 || model.image_height_px <= 0) {
     fail(path,
          "image_width, image_height: are missing; add them, or name this file under `calibration:` in a "
          "sensor.yaml that has them");
   }
   model.kind = in.fisheye ? CameraKind::kFisheye : CameraKind::kPinhole;
   model.projection = in.fisheye ? Projection::kKannalaBrandt : Projection::kPinhole;
-  model.image_width_px = in.width_px;
-  model.image_height_px = in.height_px;
   model.focal_px = {in.camera_matrix[0], in.camera_matrix[4]};
   model.principal_point_px = {in.camera_matrix[2], in.camera_matrix[5]};
   model.distortion = in.distortion;

@@ -46,6 +46,40 @@ void readName(const options::Section& section, const std::string& key, const std
   }
 }
 
+/// The image size and, where `calibration` names a file of OpenCV or Kalibr, its intrinsics.
+bool readCalibration(const options::Section& section, CameraModel& model) {
+  const options::Range size{1, 32768};
+  std::string file;
+  section.read("calibration", file);
+  section.read("image_width", model.image_width_px, size);
+  section.read("image_height", model.image_height_px, size);
+  if (file.empty()) {
+    if (model.image_width_px == 0) section.fail("image_width", "is required");
+    if (model.image_height_px == 0) section.fail("image_height", "is required");
+    return false;
+  }
+  const auto path = std::filesystem::path(section.file()).parent_path() / file;
+  if (!readForeignCalibration(path.string(), model)) {
+    section.fail("calibration", "must name an OpenCV or Kalibr calibration file");
+  }
+  return true;
+}
+
+void readKind(const options::Section& section, bool from_file, CameraModel& model) {
+  readName(section, "camera_model", kKinds, model.kind);
+  if (!from_file && model.kind == CameraKind::kPinhole) model.projection = Projection::kPinhole;
+  if (!from_file && model.kind == CameraKind::kCatadioptric) model.projection = Projection::kOcam;
+  if (model.kind == CameraKind::kEquirectangular) {
+    std::string ignored;
+    section.read("projection", ignored);
+    return;
+  }
+  if (!from_file && model.kind == CameraKind::kFisheye && !section.has("projection")) {
+    section.fail("projection", "is required for a fisheye lens");
+  }
+  readName(section, "projection", kProjections, model.projection);
+}
+
 void readFocal(const options::Section& section, Eigen::Vector2d& focal_px) {
   if (section.isList("focal_px")) {
     section.read("focal_px", focal_px, options::kPositive);
@@ -106,31 +140,8 @@ CameraModel CameraModel::load(const std::string& path) {
 
 CameraModel CameraModel::read(const options::Section& section) {
   CameraModel model;
-  std::string calibration;
-  section.read("calibration", calibration);
-  if (!calibration.empty()) {
-    const auto path = std::filesystem::path(section.file()).parent_path() / calibration;
-    if (!readForeignCalibration(path.string(), model)) {
-      section.fail("calibration", "must name an OpenCV or Kalibr calibration file");
-    }
-  }
-  readName(section, "camera_model", kKinds, model.kind);
-  if (calibration.empty() && model.kind == CameraKind::kPinhole) model.projection = Projection::kPinhole;
-  if (calibration.empty() && model.kind == CameraKind::kCatadioptric) model.projection = Projection::kOcam;
-  if (calibration.empty() && model.kind == CameraKind::kFisheye && !section.has("projection")) {
-    section.fail("projection", "is required for a fisheye lens");
-  }
-  if (model.kind == CameraKind::kEquirectangular) {
-    std::string ignored;
-    section.read("projection", ignored);
-  } else {
-    readName(section, "projection", kProjections, model.projection);
-  }
-  const options::Range size{1, 32768};
-  if (calibration.empty() || section.has("image_width"))
-    section.require("image_width", model.image_width_px, size);
-  if (calibration.empty() || section.has("image_height"))
-    section.require("image_height", model.image_height_px, size);
+  const bool from_file = readCalibration(section, model);
+  readKind(section, from_file, model);
   readFocal(section, model.focal_px);
   section.read("principal_point_px", model.principal_point_px);
   section.read("fov_deg", model.fov_deg, {1.0, 360.0});
@@ -139,7 +150,7 @@ CameraModel CameraModel::read(const options::Section& section) {
   section.read("rotation_rpy_deg", model.rotation_rpy_deg, {-360.0, 360.0});
   section.read("self_mask_radius_px", model.self_mask_radius_px, options::kNotNegative);
   section.finish();
-  fillDefaults(section, !calibration.empty(), model);
+  fillDefaults(section, from_file, model);
   checkLens(section, model);
   return model;
 }

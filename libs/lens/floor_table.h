@@ -13,8 +13,8 @@ namespace omnifleet::lens {
 /// the plane. Error against Camera::planeFromPixel: see tests/unit/lens/floor_table_test.cpp.
 class FloorTable {
  public:
-  /// `step_px`: distance of the lattice points (1 needs 12 bytes a pixel; 4 fits the cache and errs below
-  /// 0.02 px).
+  /// `step_px`: distance of the lattice points, 16 bytes each. The error falls with its square: 4 errs below
+  /// 0.01 px, 8 below 0.04 px (1280×960, up to 4 m, camera at 0.5 m).
   explicit FloorTable(const Camera& camera, int step_px = 4);
 
   /// Point of the plane z = plane_height_m in the parent frame, metres; NaN above the horizon, outside the

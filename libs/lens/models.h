@@ -39,7 +39,8 @@ std::string breakMessage(const CameraModel& model, double break_rad);
 /// calibrations that do not say their field of view.
 double widestFovDeg(CameraModel model);
 
-/// The intrinsics of an OpenCV FileStorage (.xml, .yml) or Kalibr camchain; false where the file is neither.
+/// The intrinsics of an OpenCV FileStorage (.xml, .yml), ROS camera_info or Kalibr camchain; false where the
+/// file is none of them. An image size that the file does not say is left as it is in `model`.
 bool readForeignCalibration(const std::string& path, CameraModel& model);
 
 }  // namespace omnifleet::lens

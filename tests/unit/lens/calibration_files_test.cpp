@@ -115,11 +115,12 @@ TEST(OpenCvFile, MayStandUnderASensorYamlThatPlacesIt) {
   const omnifleet::test::TempFolder folder;
   {
     cv::FileStorage file(folder / "c.yml", cv::FileStorage::WRITE);
-    file << "image_width" << 800 << "image_height" << 600;
     file << "camera_matrix" << cv::Mat(cv::Matx33d(250, 0, 401, 0, 251, 299, 0, 0, 1));
   }
-  const CameraModel m = CameraModel::load(
-      written(folder, "sensor.yaml", "camera_model: pinhole\ncalibration: c.yml\nposition_m: [0, 0, 2.5]\n"));
+  EXPECT_THAT(refusal(folder / "c.yml"), HasSubstr("image_width")) << "the file does not say its size";
+  const CameraModel m = CameraModel::load(written(folder, "sensor.yaml",
+                                                  "camera_model: pinhole\ncalibration: c.yml\nimage_width: "
+                                                  "800\nimage_height: 600\nposition_m: [0, 0, 2.5]\n"));
   EXPECT_EQ(m.projection, Projection::kPinhole);
   EXPECT_EQ(m.focal_px, Eigen::Vector2d(250, 251));
   EXPECT_EQ(m.position_m.z(), 2.5);
