@@ -94,7 +94,7 @@ class FakeWriterPort : public WriterPort, public FakeEndpoint {
     std::lock_guard<std::mutex> lock(network_->mutex);
     if (qos_.transient_local) {
       history_.push_back(sample);
-      if (!qos_.keep_all) keepLast(history_, key, qos_.depth);
+      keepLast(history_, key, qos_.keep_all ? qos_.max_samples_per_instance : qos_.depth);
     }
     network_->forEachPeer(
         *this, [&](FakeEndpoint& peer) { dynamic_cast<FakeReaderPort&>(peer).deliver(sample, *this); });

@@ -32,7 +32,9 @@ struct FrameView {
   const std::uint8_t* data = nullptr;
 };
 
-/// Writes the frames of one camera. The pixels are produced straight in the loan. Not thread-safe.
+/// Writes the frames of one camera. The pixels are produced straight in the loan. Not thread-safe. Where no
+/// frame may be lost, wait for the readers first: what is written before a reader has matched reaches it with
+/// the next frame only.
 class FrameWriter {
  public:
   virtual ~FrameWriter() = default;

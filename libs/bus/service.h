@@ -61,7 +61,9 @@ class Service {
  public:
   virtual ~Service() = default;
 
-  /// Waited for before start() in deterministic modes; live starts at once.
+  /// Waited for before start() in deterministic modes; live starts at once. Expect the readers of what you
+  /// write (frames above all: a camera must not start before every reader of the run has matched) and the
+  /// writers of what you read.
   virtual std::vector<Expectation> expectations() const { return {}; }
   /// Called once, when the expectations are met.
   virtual void start() = 0;

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <set>
 #include <stdexcept>
+#include <thread>
 
 #include "bus/frame_channel.h"
 #include "bus/topics.h"
@@ -63,10 +64,17 @@ std::set<std::string> filesInUse(const std::string& directory) {
   return used;
 }
 
-bool isOlder(const fs::path& file, std::chrono::seconds age) {
+/// Files of ours that nobody uses now.
+std::set<std::string> unusedFiles(const std::string& directory) {
+  std::set<std::string> names;
   std::error_code problem;
-  const auto written = fs::last_write_time(file, problem);
-  return !problem && fs::file_time_type::clock::now() - written >= age;
+  for (fs::directory_iterator it(directory, problem), end; !problem && it != end; it.increment(problem)) {
+    const std::string name = it->path().filename().string();
+    if (isOurs(name)) names.insert(name);
+  }
+  if (names.empty()) return names;
+  for (const std::string& used : filesInUse(directory)) names.erase(used);
+  return names;
 }
 
 }  // namespace
@@ -88,21 +96,17 @@ void requireSharedMemory(std::size_t bytes, const std::string& directory) {
                            " MiB: enlarge it or use fewer, smaller cameras");
 }
 
-std::vector<std::string> removeStaleSharedMemory(std::chrono::seconds min_age, const std::string& directory) {
-  std::vector<std::string> candidates;
-  std::error_code problem;
-  for (fs::directory_iterator it(directory, problem), end; !problem && it != end; it.increment(problem)) {
-    const std::string name = it->path().filename().string();
-    if (isOurs(name) && isOlder(it->path(), min_age)) candidates.push_back(name);
-  }
+std::vector<std::string> removeStaleSharedMemory(const std::string& directory) {
+  constexpr std::chrono::milliseconds kFromMakingToMapping{
+      250};  // microseconds, on a machine that is not overloaded
   std::vector<std::string> removed;
-  if (candidates.empty()) return removed;
-  const std::set<std::string> used = filesInUse(directory);
-  for (const std::string& name : candidates) {
+  const std::set<std::string> before = unusedFiles(directory);
+  if (before.empty()) return removed;
+  std::this_thread::sleep_for(kFromMakingToMapping);
+  for (const std::string& name : unusedFiles(directory)) {
     std::error_code refused;
-    if (used.count(name) == 0 && fs::remove(fs::path(directory) / name, refused)) removed.push_back(name);
+    if (before.count(name) > 0 && fs::remove(fs::path(directory) / name, refused)) removed.push_back(name);
   }
-  std::sort(removed.begin(), removed.end());
   return removed;
 }
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -20,10 +19,8 @@ std::size_t frameChannelBytes(std::size_t bytes_needed, RunMode mode);
 void requireSharedMemory(std::size_t bytes, const std::string& directory = "/dev/shm");
 
 /// Removes `fast_datasharing_*`, `fastrtps_*` (and their locks' sem.*) files that no living process has
-/// mapped or opened: what killed processes left. Returns the removed names, sorted. Files of others that may
-/// not be removed are left; so are those younger than
-/// `min_age`, whose maker may not have mapped them yet (0 once everybody has ended).
-std::vector<std::string> removeStaleSharedMemory(std::chrono::seconds min_age = std::chrono::seconds(1),
-                                                 const std::string& directory = "/dev/shm");
+/// mapped or opened: what killed processes left. Looks twice, since a file is made a moment before it is
+/// mapped. Returns the removed names, sorted. Files that may not be removed are left.
+std::vector<std::string> removeStaleSharedMemory(const std::string& directory = "/dev/shm");
 
 }  // namespace omnifleet::bus

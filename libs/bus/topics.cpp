@@ -3,11 +3,13 @@
 namespace omnifleet::bus {
 namespace {
 
-/// One sample per frame and key. Deterministic runs lose nothing; live keeps what a slow reader can still
-/// use.
+/// One sample per frame and key. Live keeps what a slow reader can still use. Deterministic runs lose
+/// nothing, not even between the moments when a reader and its writer know of each other: hence a history for
+/// late joiners.
 QosProfile stream(RunMode mode) {
   QosProfile qos;
   qos.keep_all = isDeterministic(mode);
+  qos.transient_local = isDeterministic(mode);
   qos.depth = 16;
   return qos;
 }

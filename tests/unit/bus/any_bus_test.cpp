@@ -119,7 +119,7 @@ TEST_P(AnyBus, LateJoinersGetTheLast64OfEachRobot) {
 
 TEST_P(AnyBus, LateJoinersOfVolatileTopicsGetNothingOld) {
   const auto a = network.join(), b = network.join();
-  const Topics topics(RunMode::kLockstep);
+  const Topics topics(RunMode::kLive);
   const auto writer = a->writer(topics.pose);
   const auto early = a->reader(topics.pose);
   ASSERT_TRUE(writer->waitForReaders(1, kPatience));
@@ -130,6 +130,23 @@ TEST_P(AnyBus, LateJoinersOfVolatileTopicsGetNothingOld) {
   ASSERT_TRUE(late->waitForWriters(1, kPatience));
   ASSERT_TRUE(writer->write(poseOf("r1", 2)));
   EXPECT_THAT(times(receive(*b, *late, 1)), ElementsAre(2));
+}
+
+TEST_P(AnyBus, DeterministicStreamsLoseNothingToAReaderThatIsYetToMatch) {
+  const auto a = network.join(), b = network.join();
+  const Topics topics(RunMode::kReplay);
+  const auto writer = a->writer(topics.pose, "r1");
+  for (int t = 0; t < 60; ++t) ASSERT_TRUE(writer->write(poseOf("r1", t)));
+  const auto reader = b->reader(topics.pose, "r1");
+  std::vector<std::int64_t> all(60);
+  std::iota(all.begin(), all.end(), 0);
+  EXPECT_EQ(times(receive(*b, *reader, 60)), all);
+}
+
+TEST_P(AnyBus, DeterministicStreamsGoOnWithoutAnyReader) {
+  const auto a = network.join();
+  const auto writer = a->writer(Topics(RunMode::kReplay).pose, "r1");
+  for (int t = 0; t < 200; ++t) ASSERT_TRUE(writer->write(poseOf("r1", t))) << writer->error();
 }
 
 TEST_P(AnyBus, KeepLastKeepsTheNewestOfEachRobotAndCountsTheRest) {

@@ -228,7 +228,7 @@ TEST(DdsProcesses, AHeldFrameOutlivesItsCamerasRegularEnd) {
 }
 
 TEST(DdsProcesses, WhatAKilledCameraLeavesInSharedMemoryIsRemovedAndNothingElse) {
-  removeStaleSharedMemory(seconds(0));  // of earlier runs
+  removeStaleSharedMemory();  // of earlier runs
   const auto before = sharedFrameFiles();
   Peer living({"camera", std::to_string(ownDomain()), "0"});
   const auto with_living = sharedFrameFiles();
@@ -237,7 +237,7 @@ TEST(DdsProcesses, WhatAKilledCameraLeavesInSharedMemoryIsRemovedAndNothingElse)
   killed.end(SIGKILL);
   // Others may work in shared memory at the same time: only what appeared between these lines is ours.
   EXPECT_THAT(without(with_both, with_living), SizeIs(Ge(1u)));
-  const auto removed = removeStaleSharedMemory(seconds(0));
+  const auto removed = removeStaleSharedMemory();
   EXPECT_THAT(removed, IsSupersetOf(without(with_both, with_living))) << "what the killed one left";
   EXPECT_THAT(sharedFrameFiles(), IsSupersetOf(without(with_living, before))) << "the living one's stay";
   EXPECT_EQ(living.end(SIGTERM), 0);
@@ -262,11 +262,9 @@ TEST(SharedMemory, CleaningSparesOtherNamesAndFilesInUse) {
     std::ofstream(folder / name) << 1;
   {
     std::ifstream open(folder / "fastrtps_open");
-    EXPECT_THAT(removeStaleSharedMemory(seconds(60), folder), testing::IsEmpty()) << "too young";
-    EXPECT_THAT(removeStaleSharedMemory(seconds(0), folder),
-                testing::ElementsAre("fast_datasharing_1", "fastrtps_2"));
+    EXPECT_THAT(removeStaleSharedMemory(folder), testing::ElementsAre("fast_datasharing_1", "fastrtps_2"));
   }
-  EXPECT_THAT(removeStaleSharedMemory(seconds(0), folder), testing::ElementsAre("fastrtps_open"));
+  EXPECT_THAT(removeStaleSharedMemory(folder), testing::ElementsAre("fastrtps_open"));
   EXPECT_TRUE(fs::exists(folder / "other"));
   fs::remove_all(folder);
 }

@@ -57,7 +57,8 @@ class TestService : public Service {
     answers_ = context.bus.writer(context.topics.formation_state, context.options.robot);
   }
   std::vector<Expectation> expectations() const override {
-    return {{"a writer of pose", [this] { return poses_->matched() > 0; }}};
+    return {{"a writer of pose", [this] { return poses_->matched() > 0; }},
+            {"a reader of formation/state", [this] { return answers_->matched() > 0; }}};
   }
   void start() override { sayReady(); }
   bool spin() override {
@@ -69,7 +70,8 @@ class TestService : public Service {
     answer.robot(pose.robot());
     answer.header(pose.header());
     finished_ = pose.header().sequence_number() == 99;
-    return answers_->write(answer) || !finished_;
+    if (!answers_->write(answer)) throw std::runtime_error(answers_->error());
+    return true;
   }
   bool finished() const override { return finished_; }
   void drain() override { std::cout << "drained" << std::endl; }

@@ -72,7 +72,10 @@ TEST_F(ServiceProcess, ItAnswersEverySampleAndEndsByItself) {
     pose.header().sequence_number(k);
     ASSERT_TRUE(poses->write(pose));
   }
-  EXPECT_EQ(receive(*bus, *answers, 100).size(), 100u) << "also those written just before it ended";
+  const auto got = receive(*bus, *answers, 100);
+  ASSERT_EQ(got.size(), 100u) << "the last one is " << (got.empty() ? -1 : got.back().header().acquired_ns());
+  for (int k = 0; k < 100; ++k)
+    EXPECT_EQ(got[k].header().acquired_ns(), k);  // also those just before its end
   EXPECT_EQ(peer.end(0), 0);
 }
 
