@@ -20,7 +20,7 @@ struct DdsBusOptions {
   std::uint32_t socket_buffer_bytes = 4u << 20;
   std::chrono::milliseconds lease{3000};  ///< a participant silent for so long is gone
   std::chrono::milliseconds announcement{500};
-  std::chrono::milliseconds heartbeat{20};
+  std::chrono::milliseconds heartbeat{20};         ///< 4 ms where a history keeps all
   std::chrono::milliseconds write_timeout{30000};  ///< a write() blocked by slow readers gives up after this
   std::string machine;        ///< partition of frames, host/<machine>; empty: the host's name
   std::string idl_hash;       ///< replaces the types' own hash when set (tests of the layout guard)

@@ -162,7 +162,9 @@ dds::DataWriterQos DdsParticipant::writerQos(const QosProfile& qos, const std::s
   setCommon(out, qos);
   out.reliability().max_blocking_time = toDuration(std::chrono::milliseconds(100));
   auto& times = out.reliable_writer_qos().times;
-  times.heartbeatPeriod = toDuration(options_.heartbeat);
+  // A full keep-all history waits for the acknowledgement that the next heartbeat asks for.
+  const std::chrono::milliseconds soon{4};
+  times.heartbeatPeriod = toDuration(qos.keep_all ? std::min(options_.heartbeat, soon) : options_.heartbeat);
   times.nackResponseDelay = toDuration(std::chrono::milliseconds(1));
   if (options_.announce_hash) {
     const std::string text = kHashTag + hashFor(idl_hash);

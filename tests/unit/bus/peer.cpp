@@ -43,6 +43,7 @@ int runCamera(int domain, std::uint32_t count) {
     std::fill_n(pixels, header.bytes(), static_cast<std::uint8_t>(k + 1));
     if (!writer->publish()) return 1;
   }
+  std::cout << "sent" << std::endl;
   int received = 0;
   sigwait(&stop, &received);
   return 0;
