@@ -26,8 +26,11 @@ void squareRoot(const Eigen::MatrixXd& h, const Eigen::VectorXd& g, Eigen::Matri
     root(i) = positive ? std::sqrt(d) : 0.0;
     inverse(i) = positive ? 1.0 / std::sqrt(d) : 0.0;
   }
-  Eigen::MatrixXd upper = ldlt.matrixU();
-  s = root.asDiagonal() * (upper * ldlt.transpositionsP());
+  // Not `matrixU() * transpositionsP()`: from the right Eigen applies the swaps in the other order, that is
+  // Pᵀ.
+  const Eigen::MatrixXd p = ldlt.transpositionsP() * Eigen::MatrixXd::Identity(h.rows(), h.cols());
+  const Eigen::MatrixXd upper = ldlt.matrixU();
+  s = root.asDiagonal() * (upper * p);
   Eigen::VectorXd pg = ldlt.transpositionsP() * g;
   r0 = inverse.cwiseProduct(ldlt.matrixL().solve(pg));
 }

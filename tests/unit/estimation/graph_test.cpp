@@ -59,6 +59,37 @@ TEST(Graph, MarginalisingLosesNothingOfALinearProblem) {
   EXPECT_NEAR(whole.covariance({v[5]})(0, 0), part.covariance({w[5]})(0, 0), 1e-8);
 }
 
+TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
+  // Dead reckoning of two robots: covariances of the newest poses with and without a window must agree.
+  const Eigen::Matrix3d step = Eigen::Vector3d(1e-6, 4e-7, 3e-5).asDiagonal();
+  const auto covariance = [&](std::size_t window) {
+    Graph graph;
+    const auto bias = graph.addVariable(Eigen::Vector2d::Zero());
+    graph.addFactor(priorFactor(Eigen::Vector2d::Zero(), Eigen::Vector2d(0.02, 0.02)), {bias});
+    std::vector<VariableId> poses;
+    Pose2 at{0.3, -0.2, 1.0};
+    poses.push_back(graph.addVariable(at.vector()));
+    graph.addFactor(absolutePoseFactor(at, 1e-4 * Eigen::Matrix3d::Identity()), {poses.back()});
+    for (int i = 0; i < 12; ++i) {
+      const double left = 0.05 + 0.01 * (i % 3), right = 0.06 - 0.008 * (i % 4);
+      const Pose2 motion = arc(left, right, 0.26);
+      at = at * motion;
+      const auto next = graph.addVariable(at.vector());
+      graph.value(next)(2) = graph.value(poses.back())(2) + motion.theta_rad;
+      graph.addFactor(motionFactor(motion, step, arcBiasJacobian(left, right, 0.26)),
+                      {poses.back(), next, bias});
+      poses.push_back(next);
+      if (poses.size() > window) {
+        graph.marginalise({poses.front()});
+        poses.erase(poses.begin());
+      }
+    }
+    return graph.covariance({poses.back(), bias});
+  };
+  const Eigen::MatrixXd whole = covariance(100), part = covariance(3);
+  EXPECT_LT((whole - part).cwiseAbs().maxCoeff(), 1e-6 * whole.cwiseAbs().maxCoeff());
+}
+
 TEST(Graph, AnOutlierUnderCauchyLosesItsVote) {
   Graph graph;
   const auto a = graph.addVariable(scalar(0));

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   std::printf("%-24s %8s %8s %8s %8s %9s %6s %6s\n", "case", "mean cm", "worst", "deg", "NEES", "landm cm",
               "n/run", "valid");
   for (const Case& c : cases) {
-    if (argc > 3 && std::string(c.name).find(argv[3]) == std::string::npos) continue;
+    if (argc > 3 && std::string(c.name) != argv[3]) continue;
     SimulationOptions simulation;
     EstimatorOptions options;
     if (std::getenv("WINDOW") != nullptr) options.window_frames = std::atoi(std::getenv("WINDOW"));
