@@ -124,9 +124,10 @@ void PrismFilter::predictAcrossGap(double sigma_m) {
   covariance_.diagonal().segment<2>(2).setConstant(kUnknownVelocity_mps * kUnknownVelocity_mps);
 }
 
-void PrismFilter::update(const View& view, const std::vector<char>& use) {
+double PrismFilter::update(const View& view, const std::vector<char>& use) {
   Covariance information = Covariance::Zero();
   State right = State::Zero();
+  int used = 0, outliers = 0;
   const double ratio = std::clamp(state_[5], kLeastRatio, kMostRatio);
   for (std::size_t k = 0; k < view.size(); ++k) {
     if (!view.usable(k) || (!use.empty() && !use[k])) continue;
@@ -144,6 +145,8 @@ void PrismFilter::update(const View& view, const std::vector<char>& use) {
     const double expected = variance / options_.correlation + row.dot(covariance_ * row);
     const double excess = residual * residual / (expected * options_.outlier * options_.outlier);
     if (excess > 1.0) variance *= excess;
+    outliers += excess > 1.0 ? 1 : 0;
+    ++used;
     information.selfadjointView<Eigen::Lower>().rankUpdate(row, 1.0 / variance);
     right += residual / variance * row;
   }
@@ -154,6 +157,7 @@ void PrismFilter::update(const View& view, const std::vector<char>& use) {
   state_ += covariance_ * right;
   state_[5] = std::clamp(state_[5], kLeastRatio, kMostRatio);
   state_[4] = std::max(0.01, state_[4]);
+  return used > 0 ? static_cast<double>(outliers) / used : 0.0;
 }
 
 void PrismFilter::updateHeight(double height_m, double sigma_m) {

@@ -47,7 +47,8 @@ class PrismFilter {
   /// Everything is still there but nobody knows how far the robot went meanwhile.
   void predictAcrossGap(double sigma_m);
   /// Takes in one view; only directions with `use[k]` count (all where it is empty).
-  void update(const View& view, const std::vector<char>& use = {});
+  /// Returns the share of directions that did not agree with what was known.
+  double update(const View& view, const std::vector<char>& use = {});
   /// Height measured otherwise (from the vectors' lengths).
   void updateHeight(double height_m, double sigma_m);
   /// Fixes the shape to a known body's; the harmonics stay free where it is not round, as it may turn.

@@ -17,6 +17,8 @@ constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to
 constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
 constexpr double kPeerLeeway_m = 0.03;
 constexpr double kLeap_m = 0.10;
+constexpr double kDisagreement =
+    0.5;                   // share of directions beyond 3 σ: then the shape is not what it was thought
 constexpr int kKnown = 3;  // views that make a track known
 
 /// Covariance that one own step adds to the place of something at `arm_m` from the robot (odom axes).
@@ -130,8 +132,7 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
     } else {
       TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
       track.clean = !object.truncated;
-      track.whole = true;
-      see(track, views_[b], object);
+      seeAlone(track, views_[b], object, own);
     }
   }
   end();
@@ -189,6 +190,20 @@ void Tracker::followPeers(const std::vector<Peer>& peers) {
     const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
     track.filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance + leeway);
   }
+}
+
+void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservation& object,
+                       const OwnMotion& own) {
+  PrismFilter tried = track.filter;
+  const double disagreement = tried.update(view);
+  // What it was taken for so far was several things, or part of one: it is seen alone for the first time.
+  if (!track.whole || (track.clean && disagreement > kDisagreement)) {
+    track.filter = fresh(object, view, own);
+    track.past.clear();
+    track.moving = true;
+  }
+  track.whole = true;
+  see(track, view, object);
 }
 
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {

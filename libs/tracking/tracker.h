@@ -61,6 +61,7 @@ class Tracker {
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
              bool whole);
+  void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   int lostAt(const PrismFilter& filter, const View& view) const;
   void followPeers(const std::vector<Peer>& peers);
