@@ -171,9 +171,7 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   if (t < 0) tracks_.emplace_back(next_id_++, filter);
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
   if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
-    track.filter = freshRest();
-    track.past.clear();
-    track.evidence = KindEvidence{};
+    track.startAfresh(freshRest());
     track.dissolved = false;
   }
   track.whole = true;

@@ -48,6 +48,15 @@ struct TrackState {
   bool clean = false;      ///< this frame: alone in its blob, whole, not cut
   View view;               ///< this frame's view; directions that are not its own have σ ≤ 0
   std::deque<View> past;   ///< views of the last seconds, oldest first
+  /// Only the id stays: what was known of it was known of something else.
+  void startAfresh(const PrismFilter& fresh) {
+    filter = fresh;
+    evidence = KindEvidence{};
+    kind = ObjectKind::kUnknown;
+    kind_probability = 0.0;
+    past.clear();
+    moving = true;
+  }
   void dissolve() {
     dissolved = true;
     blob = -1;

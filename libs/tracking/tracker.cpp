@@ -197,10 +197,11 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
   PrismFilter tried = track.filter;
   const double disagreement = tried.update(view);
   // What it was taken for so far was several things, or part of one: it is seen alone for the first time.
-  if (!track.whole || (track.clean && disagreement > kDisagreement)) {
-    track.filter = fresh(object, view, own);
-    track.past.clear();
-    track.moving = true;
+  const bool other_shape = track.clean && disagreement > kDisagreement;
+  if (other_shape && track.whole && track.evidence.motion > 0.0) {
+    track.filter.forgetShape();  // it drives, and has turned
+  } else if (other_shape || !track.whole) {
+    track.startAfresh(fresh(object, view, own));
   }
   track.whole = true;
   see(track, view, object);
