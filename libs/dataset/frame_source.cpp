@@ -8,6 +8,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 
 namespace omnifleet::dataset {
 namespace {
@@ -82,12 +83,17 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   return FrameState::kOk;
 }
 
+/// The one backend that fits where OpenCV has it: trying them all costs seconds and GStreamer's plugins leak.
+int backend(cv::VideoCaptureAPIs api) {
+  return cv::videoio_registry::hasBackend(api) ? api : cv::CAP_ANY;
+}
+
 class VideoSource : public FrameSource {
  public:
   VideoSource(const std::string& path, Colour colour, FrameSize size, TimeNs start_ns, double fallback_fps)
       : path_(path), colour_(colour), size_(size), start_ns_(start_ns) {
     if (!fs::is_regular_file(path)) throw options::Error(path + ": no such video file");
-    if (!capture_.open(path) || !capture_.read(captured_))
+    if (!capture_.open(path, backend(cv::CAP_FFMPEG)) || !capture_.read(captured_))
       throw options::Error(path + ": cannot be opened as a video");
     const double fps = capture_.get(cv::CAP_PROP_FPS), count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
     fps_ = fps > 0.0 && fps < 1e5 ? fps : fallback_fps;
@@ -124,7 +130,9 @@ class DeviceSource : public FrameSource {
       : device_(device), colour_(colour), size_(size) {
     const bool number =
         !device.empty() && device.size() < 4 && device.find_first_not_of("0123456789") == std::string::npos;
-    const bool opened = number ? capture_.open(std::stoi(device)) : capture_.open(device);
+    const bool local = number || device.rfind("/dev/", 0) == 0;
+    const int api = local ? backend(cv::CAP_V4L2) : static_cast<int>(cv::CAP_ANY);
+    const bool opened = number ? capture_.open(std::stoi(device), api) : capture_.open(device, api);
     if (!opened)
       throw options::Error(device + ": this camera device cannot be opened (is it connected and readable?)");
     if (size.width_px > 0) {
