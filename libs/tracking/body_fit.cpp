@@ -50,14 +50,14 @@ double BodyModel::predictedSupport(const View& view, std::size_t k, const Eigen:
   return g < 0.0 ? g : g / std::max(kLeastRatio, heightRatio(height_m_, view.camera_height_m));
 }
 
-BodyFit BodyModel::fitAt(const View& view, const std::vector<char>& use, double heading_rad) const {
+BodyFit BodyModel::fitAt(const View& view, double heading_rad) const {
   const double ratio = heightRatio(height_m_, view.camera_height_m);
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
   Eigen::Vector2d right = Eigen::Vector2d::Zero();
   double squares = 0.0, weight = 0.0;
   for (std::size_t k = 0; k < view.size(); ++k) {
     const double b = view.supports.b_m[k];
-    if (!view.usable(k) || (!use.empty() && !use[k]) || (b >= 0.0 && ratio < kLeastRatio)) continue;
+    if (!view.usable(k) || (b >= 0.0 && ratio < kLeastRatio)) continue;
     const double phi = view.angle(k), shrink = b < 0.0 ? 1.0 : ratio;
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
     const double measured = shrink * b + n.dot(view.foot_m) - support(phi - heading_rad);
@@ -78,12 +78,12 @@ BodyFit BodyModel::fitAt(const View& view, const std::vector<char>& use, double 
   return fit;
 }
 
-BodyFit BodyModel::fit(const View& view, const std::vector<char>& use) const {
+BodyFit BodyModel::fit(const View& view) const {
   if (view.supports.empty()) return {};
-  if (round_) return fitAt(view, use, 0.0);
+  if (round_) return fitAt(view, 0.0);
   BodyFit best;
   for (std::size_t k = 0; k < view.size(); ++k) {
-    const BodyFit fit = fitAt(view, use, wrapAngle(view.angle(k)));
+    const BodyFit fit = fitAt(view, wrapAngle(view.angle(k)));
     if (fit.valid && (!best.valid || fit.rms_m < best.rms_m)) best = fit;
   }
   return best;

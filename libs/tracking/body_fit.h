@@ -21,7 +21,7 @@ struct BodyFit {
 class BodyModel {
  public:
   explicit BodyModel(const RobotBody& body);
-  BodyFit fit(const View& view, const std::vector<char>& use = {}) const;
+  BodyFit fit(const View& view) const;
 
   /// Support function of the silhouette seen from `view`, direction k, for a body at `centre_m` with a
   /// heading.
@@ -35,7 +35,7 @@ class BodyModel {
 
  private:
   double support(double angle_rad) const;
-  BodyFit fitAt(const View& view, const std::vector<char>& use, double heading_rad) const;
+  BodyFit fitAt(const View& view, double heading_rad) const;
 
   std::vector<double> support_m_;  ///< of the outline about its Steiner point, in base_link
   bool round_;

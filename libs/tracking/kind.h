@@ -25,12 +25,13 @@ struct KindOptions {
 };
 
 /// Robot, obstacle or not yet known: log-odds of robot, in natural units, summed over three kinds of
-/// evidence. Shape: the best fit of any known body, averaged over clean views. Place: a peer's published pose
-/// says it stands here (robot); or every robot whose body fits is accounted for elsewhere (then it merely
-/// looks like one). Motion: it went more than 12 cm over the floor within a second. What moves on its own is
-/// a robot whatever its shape; what fits no body and moves only in touch with a robot (or with us) is an
-/// obstacle being pushed. Hysteresis: a label is given at `decide`, taken back only at `change` and after
-/// some frames.
+/// evidence. Shape: the best fit of any known body, averaged over views in which it stood alone. Place: a
+/// peer's published pose says it stands here (robot); or no more robots are missing than likelier objects are
+/// there (it merely looks like one). Motion: it went more than 12 cm over the floor within a second, by the
+/// contact side of its outline, which needs no height; once moved, a robot stays one while its shape allows
+/// it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and moves only
+/// in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at `decide`,
+/// taken back at `change` and after some frames.
 class KindJudge {
  public:
   KindJudge(const KindOptions& options, double own_radius_m)

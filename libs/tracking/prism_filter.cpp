@@ -124,13 +124,13 @@ void PrismFilter::predictAcrossGap(double sigma_m) {
   covariance_.diagonal().segment<2>(2).setConstant(kUnknownVelocity_mps * kUnknownVelocity_mps);
 }
 
-double PrismFilter::update(const View& view, const std::vector<char>& use) {
+double PrismFilter::update(const View& view) {
   Covariance information = Covariance::Zero();
   State right = State::Zero();
   int used = 0, outliers = 0;
   const double ratio = std::clamp(state_[5], kLeastRatio, kMostRatio);
   for (std::size_t k = 0; k < view.size(); ++k) {
-    if (!view.usable(k) || (!use.empty() && !use[k])) continue;
+    if (!view.usable(k)) continue;
     const double phi = view.angle(k), b = view.supports.b_m[k];
     State row = footprintRow(std::cos(phi), std::sin(phi));
     const double foot = row[0] * view.foot_m.x() + row[1] * view.foot_m.y();

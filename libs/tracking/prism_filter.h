@@ -46,9 +46,9 @@ class PrismFilter {
   void predict(double dt_s, bool moving, bool visible, const Eigen::Matrix2d& own_noise);
   /// Everything is still there but nobody knows how far the robot went meanwhile.
   void predictAcrossGap(double sigma_m);
-  /// Takes in one view; only directions with `use[k]` count (all where it is empty).
+  /// Takes in the usable directions of one view.
   /// Returns the share of directions that did not agree with what was known.
-  double update(const View& view, const std::vector<char>& use = {});
+  double update(const View& view);
   /// Height measured otherwise (from the vectors' lengths).
   void updateHeight(double height_m, double sigma_m);
   /// Fixes the shape to a known body's; the harmonics stay free where it is not round, as it may turn.

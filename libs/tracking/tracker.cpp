@@ -199,7 +199,9 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
   // What it was taken for so far was several things, or part of one: it is seen alone for the first time.
   const bool other_shape = track.clean && disagreement > kDisagreement;
   if (other_shape && track.whole && track.evidence.motion > 0.0) {
-    track.filter.forgetShape();  // it drives, and has turned
+    track.filter
+        .forgetShape();  // it drives, and has turned; or something else is here: its motion will tell again
+    track.evidence = KindEvidence{};
   } else if (other_shape || !track.whole) {
     track.startAfresh(fresh(object, view, own));
   }
