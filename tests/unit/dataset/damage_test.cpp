@@ -94,7 +94,7 @@ void neverCrashes(const std::string& name, const std::string& content, const Rea
   const test::TempFolder folder;
   std::mt19937 random(11);
   int refused = 0;
-  for (int trial = 0; trial < 400; ++trial) {
+  for (int trial = 0; trial < 150; ++trial) {
     put(folder / name, scrambled(content, random));
     try {
       read(folder / name);
