@@ -154,7 +154,9 @@ void Canvas::drawObject(const dataset::MapObject& object) {
   if (object.outline_m.size() < 3) return;
   tint(object.outline_m, kObstacle, 0.30);
   outline(object.outline_m, kObstacle, 2);
-  label("#" + std::to_string(object.id), object.centroid_m, 0.55, kInk);
+  double top = object.outline_m.front().y();
+  for (const auto& p : object.outline_m) top = std::max(top, p.y());
+  label("#" + std::to_string(object.id), {object.centroid_m.x(), top + 14.0 / scale_}, 0.5, kInk);
 }
 
 void Canvas::drawRobot(const std::string& robot, const std::vector<dataset::StampedPose>& path,
