@@ -15,7 +15,7 @@ struct ReferenceOptions {
   double tolerance_across = 0.022;  ///< fraction of it by which its colour may be off at equal brightness
   double noise_sigmas = 3.0;        ///< standard deviations of the seeds' pixel noise added to both
   double min_share = 0.004;         ///< share of the seeds that fills a bin of the histogram
-  int smoothing_cells = 6;          ///< cells: radius of the smoothing of the reference (σ ≈ radius)
+  int smoothing_cells = 5;  ///< cells of 4 px: radius of the window that smooths the reference, 1–40
   static ReferenceOptions read(const options::Section& section);
 };
 
@@ -44,17 +44,24 @@ class FloorReference {
 
  private:
   bool seed(const cv::Mat3f& cell_means);
+  float seedTexture(const cv::Mat3f& cell_means);
   void grow(const cv::Mat3f& cell_means, double noise);
+  static cv::Vec3f expect(const cv::Vec3f& reference, const cv::Vec2f& slope, int dx, int dy);
+  void sumCells(const cv::Mat3f& cell_means);
   void smooth(const cv::Mat3f& cell_means);
+  void divideByWeight(cv::Mat& sums);
 
   const FloorView* view_;
   ReferenceOptions options_;
   GroundHistogram histogram_;
-  cv::Mat3f colour_, carried_;
+  cv::Mat3f colour_;
+  cv::Mat2f slope_;  ///< relative change of the brightness per cell, x and y
   cv::Mat1b grown_;
-  cv::Mat sums_, fine_, blurred_;
-  std::vector<int> queue_;
+  cv::Mat sums_, fine_, residual_, blurred_, filler_;  ///< CV_32FC4: colour and weight, two cells a pixel
   std::vector<cv::Mat> pyramid_;
+  std::vector<int> queue_;
+  std::vector<float> steps_;
+  float texture_ = 0.0f;  ///< median step of the seeds' colour over two cells, as a share of the brightness
 };
 
 }  // namespace omnifleet::ground

@@ -9,7 +9,8 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr int kMajority = 13;  // of the 25 pixels of a 5×5 median
+constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
+constexpr int kMajority = 13;         // of the 25 pixels of a 5×5 median
 
 /// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
 /// seen at the middle of the seed region. Odd.
@@ -28,8 +29,8 @@ int lineWidth(const lens::Camera& camera, const FloorView& view, const Segmenter
     }
   }
   if (count == 0 || options.line_width_m <= 0.0) return 0;
-  const double width = std::sqrt(2.0) * options.line_width_m / (metres_per_px / count);
-  return std::min(options.max_line_px, 2 * static_cast<int>(std::ceil(0.5 * (width - 1.0))) + 1);
+  const double width = std::sqrt(2.0) * options.line_width_m / (metres_per_px / count) + kRounding_px;
+  return std::min(options.max_line_px, 2 * static_cast<int>(std::lround(0.5 * (width - 1.0))) + 1);
 }
 
 }  // namespace

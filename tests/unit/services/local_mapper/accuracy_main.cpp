@@ -8,7 +8,7 @@
 #include "dataset/frame_source.h"
 #include "local_mapper/debug_images.h"
 #include "local_mapper/local_mapper.h"
-#include "unit/services/local_mapper/silhouette_truth.h"
+#include "tests/unit/services/local_mapper/silhouette_truth.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "unit/services/local_mapper/silhouette_truth.h"
+#include "tests/unit/services/local_mapper/silhouette_truth.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,56 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "ground/line_filter.h"
+
+namespace omnifleet::ground {
+namespace {
+
+std::vector<Strip> wholeImage(const cv::Mat1b& mask) {
+  std::vector<Strip> strips;
+  for (int y = 0; y < mask.rows / FloorView::kCell; ++y) strips.push_back({y, 0, mask.cols});
+  return strips;
+}
+
+TEST(LineFilter, TakesAGridAwayAndKeepsTheBoxThatStandsOnIt) {
+  cv::Mat1b mask(240, 320, std::uint8_t{0});
+  for (int k = 20; k < 320; k += 40) cv::line(mask, {k, 10}, {k + 9, 230}, 255, 3);
+  for (int k = 20; k < 240; k += 40) cv::line(mask, {10, k}, {310, k + 7}, 255, 3);
+  cv::Mat1b box(mask.size(), std::uint8_t{0});
+  const std::vector<cv::Point> corners = {{100, 90}, {150, 105}, {135, 160}, {85, 145}};
+  cv::fillConvexPoly(box, corners, 255);
+  mask |= box;
+  LineFilter(mask.size(), 7).apply(wholeImage(mask), mask);
+  EXPECT_EQ(cv::countNonZero(box & ~mask), 0);  // corners too
+  cv::Mat1b near_box;
+  cv::dilate(box, near_box, cv::getStructuringElement(cv::MORPH_RECT, {15, 15}));
+  // Stubs: half the width grows back, and where a line leaves at an acute angle the square fits up to as much
+  // farther.
+  EXPECT_EQ(cv::countNonZero(mask & ~near_box), 0);
+}
+
+TEST(LineFilter, KeepsExactlyTheOpeningWhereNothingGrowsBack) {
+  cv::Mat1b mask(120, 160, std::uint8_t{0});
+  mask(cv::Rect(40, 40, 20, 30)).setTo(255);
+  mask(cv::Rect(80, 40, 4, 30)).setTo(255);
+  cv::Mat1b opened;
+  cv::morphologyEx(mask, opened, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {5, 5}));
+  LineFilter filter(mask.size(), 5);
+  cv::Mat1b filtered = mask.clone();
+  filter.apply(wholeImage(mask), filtered);
+  EXPECT_EQ(cv::countNonZero(filtered != opened), 0);
+  cv::Mat1b again = mask.clone();  // the buffers carry nothing over
+  filter.apply(wholeImage(mask), again);
+  EXPECT_EQ(cv::countNonZero(filtered != again), 0);
+}
+
+TEST(LineFilter, WidthOneDoesNothing) {
+  cv::Mat1b mask(40, 40, std::uint8_t{0});
+  mask(20, 20) = 255;
+  LineFilter(mask.size(), 1).apply(wholeImage(mask), mask);
+  EXPECT_EQ(cv::countNonZero(mask), 1);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground

@@ -1,0 +1,144 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "ground/ground_segmenter.h"
+#include "ground/labelling.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+struct Disc {
+  double u, v, r;
+  cv::Vec3b colour;
+};
+
+const std::vector<Disc> kDiscs = {{160, 150, 20, {40, 40, 42}},
+                                  {480, 330, 16, {30, 30, 200}},
+                                  {330, 60, 12, {200, 90, 20}},
+                                  {200, 400, 25, {60, 180, 60}}};
+
+class SegmenterTest : public ::testing::Test {
+ protected:
+  SegmenterTest() : model_(testing::fisheye()), camera_(model_), view_(camera_, ViewOptions{}) {}
+
+  void addDiscs(cv::Mat3b& image) {
+    truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
+    for (const auto& d : kDiscs) {
+      testing::drawDisc<cv::Vec3b>(image, d.u, d.v, d.r, d.colour);
+      testing::drawDisc<std::uint8_t>(truth_, d.u, d.v, d.r, 255);
+    }
+    truth_ = truth_ > 127;
+  }
+
+  /// Every disc found within a pixel all around, and nothing else.
+  void expectDiscs(const GroundSegmenter& segmenter) {
+    const auto disc = [](int r) {
+      return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1});
+    };
+    cv::Mat1b inner, outer;
+    cv::erode(truth_, inner, disc(1));
+    cv::dilate(truth_, outer, disc(2));
+    EXPECT_EQ(cv::countNonZero(inner & ~segmenter.objects()), 0);
+    EXPECT_EQ(cv::countNonZero(segmenter.objects() & ~outer), 0);
+    Labeller labeller;
+    EXPECT_EQ(labeller.label(segmenter.objects(), segmenter.strips(), 20).size(), kDiscs.size());
+  }
+
+  lens::CameraModel model_;
+  lens::Camera camera_;
+  FloorView view_;
+  cv::Mat1b truth_;
+};
+
+TEST_F(SegmenterTest, FindsObjectsWhereTheFarFloorIsAsDarkAsThey) {
+  // The floor falls to 35 % towards the rim: brighter there than the dark disc near the robot by nothing.
+  cv::Mat3b image = testing::unevenFloor(model_, 0.35, 2.0, 1);
+  addDiscs(image);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image));
+  expectDiscs(segmenter);
+}
+
+TEST_F(SegmenterTest, OneHistogramForTheWholeImageFailsThereAndWorksInEvenLight) {
+  SegmenterOptions literal;
+  literal.method = "histogram";
+  GroundSegmenter segmenter(camera_, view_, literal);
+  cv::Mat3b even = testing::unevenFloor(model_, 1.0, 2.0, 2);
+  addDiscs(even);
+  ASSERT_TRUE(segmenter.segment(even));
+  expectDiscs(segmenter);
+  cv::Mat3b uneven = testing::unevenFloor(model_, 0.35, 2.0, 1);
+  ASSERT_TRUE(segmenter.segment(uneven));
+  EXPECT_GT(cv::countNonZero(segmenter.objects()), 10000);  // the dark rim is taken for objects
+}
+
+TEST_F(SegmenterTest, BareNoisyFloorIsFloor) {
+  for (const double noise : {0.0, 2.0, 6.0}) {
+    GroundSegmenter segmenter(camera_, view_, {});
+    ASSERT_TRUE(segmenter.segment(testing::unevenFloor(model_, 0.5, noise, 3)));
+    EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0) << noise;
+  }
+}
+
+TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
+  cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
+  for (int k = 10; k < 640; k += 36) cv::line(image, {k, 0}, {k, 479}, {70, 75, 80}, 2, cv::LINE_AA);
+  for (int k = 10; k < 480; k += 36) cv::line(image, {0, k}, {639, k}, {70, 75, 80}, 2, cv::LINE_AA);
+  SegmenterOptions options;
+  options.line_width_m = 0.025;  // the anti-aliased lines are up to 4 px wide, one pixel 4 to 5 mm
+  GroundSegmenter segmenter(camera_, view_, options);
+  ASSERT_TRUE(segmenter.segment(image));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+  testing::drawDisc<cv::Vec3b>(image, 470, 330, 16, {30, 30, 200});
+  ASSERT_TRUE(segmenter.segment(image));
+  Labeller labeller;
+  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  ASSERT_EQ(blobs.size(), 1U);
+  EXPECT_NEAR(blobs[0].area_px, M_PI * 256,
+              120);  // a ring of a pixel is 100 px²; stubs of the lines the rest
+}
+
+TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
+  cv::Mat3b image = testing::unevenFloor(model_, 0.7, 2.0, 5);
+  truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
+  testing::drawDisc<cv::Vec3b>(image, 450, 240, 34, {20, 190, 210});  // fills the ring's width
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image));
+  Labeller labeller;
+  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  ASSERT_EQ(blobs.size(), 1U);
+  EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 250);
+}
+
+TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {
+  cv::Mat3b image = testing::unevenFloor(model_, 0.5, 1.5, 6);
+  const cv::Mat3b bare = image.clone();
+  addDiscs(image);
+  cv::Mat1b grey, bare_grey;
+  cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(bare, bare_grey, cv::COLOR_BGR2GRAY);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(grey));
+  expectDiscs(segmenter);
+  const cv::Mat1b first = segmenter.objects().clone();
+  ASSERT_TRUE(segmenter.segment(bare_grey));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+  ASSERT_TRUE(segmenter.segment(grey));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects() != first), 0);
+}
+
+TEST(SegmenterOptions, AreBoundedAndNamed) {
+  EXPECT_THROW(SegmenterOptions::read(options::Section::parse("method: magic", "t.yaml")), options::Error);
+  EXPECT_THROW(SegmenterOptions::read(options::Section::parse("reference: {tolerance_along: 2}", "t.yaml")),
+               options::Error);
+  EXPECT_THROW(SegmenterOptions::read(options::Section::parse("reference: {tolerance: 0.1}", "t.yaml")),
+               options::Error);
+  EXPECT_EQ(SegmenterOptions::read(options::Section::parse("{method: histogram, max_line_px: 5}", "t.yaml"))
+                .max_line_px,
+            5);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
