@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <tuple>
 
 #include "estimation/factors.h"
@@ -76,6 +77,29 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
   }
 }
 
+bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen) {
+  constexpr TimeNs kRecent_ns = 3000000000;
+  constexpr double kNear_m = 1.3;
+  int strange = 0, familiar = 0;
+  std::set<std::uint32_t> found;
+  for (const Seen& s : seen) {
+    const bool known =
+        s.peer != nullptr ||
+        (s.landmark != 0 && fleet.landmarks.at(s.landmark).seen_ns.count(robot.setup.name) > 0);
+    familiar += known ? 1 : 0;
+    strange += s.mature && s.peer == nullptr && s.landmark == 0 ? 1 : 0;
+    if (s.landmark != 0) found.insert(s.landmark);
+  }
+  const Step& step = robot.window.back();
+  const Eigen::Vector2d here = fleet.pose(step.pose).translation();
+  const auto missing = std::count_if(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
+    const auto mine = entry.second.seen_ns.find(robot.setup.name);
+    return mine != entry.second.seen_ns.end() && step.time_ns - mine->second < kRecent_ns &&
+           found.count(entry.first) == 0 && (fleet.centre(entry.second) - here).norm() < kNear_m;
+  });
+  return strange >= 2 && missing >= 2 && strange >= 2 * familiar;
+}
+
 void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& seen) {
   const VariableId pose = observer.window.back().pose;
   const int directions = fleet.options.view_directions;
@@ -95,9 +119,8 @@ void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& s
       auto cost = std::make_unique<LandmarkViewFactor>(s.view, landmark.shape, directions);
       fleet.addViewFactor(observer, std::move(link), std::move(cost));
       landmark.last_seen_ns = observer.window.back().time_ns;
-      if (!observer.window.back().keyframe) continue;
-      ++landmark.views;
-      landmark.observers.insert(observer.setup.name);
+      landmark.seen_ns[observer.setup.name] = landmark.last_seen_ns;
+      if (observer.window.back().keyframe) ++landmark.views;
     }
   }
 }

@@ -42,6 +42,7 @@ class FleetEstimator::Impl {
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
   void locate(std::vector<Frame>& frames, TimeNs time);
   void associate(std::vector<Frame>& frames);
+  void associateOne(Frame& frame);
   void reweight();
   void checkViews(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
@@ -114,17 +115,19 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
 }
 
 void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
-  const EstimatorOptions& o = fleet.options;
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
     alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
-    if (o.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
-    if (o.use_landmarks) {
-      matchLandmarks(fleet, *frame.robot, frame.seen);
-      foundLandmarks(fleet, *frame.robot, frame.seen);
-    }
+    associateOne(frame);
+    noticeLoss(frame);
+    if (fleet.options.use_landmarks) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
   }
+}
+
+void FleetEstimator::Impl::associateOne(Frame& frame) {
+  if (fleet.options.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
+  if (fleet.options.use_landmarks) matchLandmarks(fleet, *frame.robot, frame.seen);
 }
 
 void FleetEstimator::Impl::reweight() {
@@ -162,7 +165,6 @@ void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
       removed = removed || misfit;
       at = misfit ? views.erase(at) : std::next(at);
     }
-    noticeLoss(frame);
   }
   if (removed) fleet.graph.solve(fleet.options.solver_iterations);
 }
@@ -173,10 +175,8 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     RobotNode& robot = *frame.robot;
     if (!frame.fresh || !robot.located()) continue;
     Step& step = robot.window.back();
-    if (robot.status.state != RobotState::kLost) {
-      robot.status.state = RobotState::kOk;
-      robot.status.text.clear();
-    }
+    robot.status.state = robot.displaced ? RobotState::kLost : RobotState::kOk;
+    robot.status.text = robot.displaced ? "nothing seen fits the map: moved by hand?" : "";
     if (!step.wheels || step.motion == kNoFactor) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
     fleet.loosen(robot, kSlipInflation);
@@ -188,26 +188,20 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
   if (slipped) fleet.graph.solve(fleet.options.solver_iterations);
 }
 
+/// A robot moved by hand: it is placed anew by what it sees, else it has no pose until something tells.
 void FleetEstimator::Impl::noticeLoss(Frame& frame) {
-  constexpr int kFramesToLoss = 5;
-  int matched = 0, unmatched = 0;
-  for (const Seen& seen : frame.seen) {
-    const bool known =
-        seen.peer != nullptr || (seen.landmark != 0 && fleet.landmarks.at(seen.landmark).views > 1);
-    matched += known ? 1 : 0;
-    unmatched += !known && seen.mature ? 1 : 0;
-  }
-  const bool expected = fleet.expectsLandmarks(*frame.robot);
   RobotNode& robot = *frame.robot;
-  robot.unmatched = matched == 0 && unmatched > 0 && expected ? robot.unmatched + 1 : 0;
-  if (robot.unmatched >= kFramesToLoss && robot.status.state != RobotState::kLost) {
-    robot.status.state = RobotState::kLost;
-    robot.status.text = "nothing seen fits the map: moved by hand?";
-    ++robot.status.losses;
-  } else if (robot.unmatched == 0 && robot.status.state == RobotState::kLost && matched > 0) {
-    robot.status.state = RobotState::kOk;
-    robot.status.text.clear();
+  const bool displaced = isDisplaced(fleet, robot, frame.seen);
+  if (!displaced) {
+    robot.displaced = false;
+    return;
   }
+  if (!robot.displaced) ++robot.status.losses;
+  robot.displaced = true;
+  if (!locateByConstellation(fleet, robot, *frame.objects)) return;
+  robot.displaced = false;
+  for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
+  associateOne(frame);
 }
 
 void FleetEstimator::Impl::updateCovariances() {

@@ -132,7 +132,8 @@ void FleetState::release(RobotNode& robot) {
   }
   robot.window.clear();
   robot.object_of_track.clear();
-  robot.disagreements = robot.unmatched = 0;
+  robot.disagreements = 0;
+  robot.displaced = false;
   if (!gone.empty()) graph.marginalise(gone);
 }
 
@@ -250,15 +251,6 @@ void FleetState::loosen(RobotNode& robot, double factor) {
                                 {previous, step.pose, robot.bias});
 }
 
-bool FleetState::expectsLandmarks(const RobotNode& robot) const {
-  constexpr double kSurelySeen_m = 1.2;
-  const Eigen::Vector2d at = pose(robot.window.back().pose).translation();
-  return std::any_of(landmarks.begin(), landmarks.end(), [&](const auto& landmark) {
-    return landmark.second.views >= options.publish_views &&
-           (centre(landmark.second) - at).norm() < kSurelySeen_m;
-  });
-}
-
 void FleetState::updateShapes() {
   for (auto& [id, landmark] : landmarks) landmark.shape->begin();
   for (const RobotNode& robot : robots) {
@@ -313,7 +305,7 @@ std::vector<LandmarkEstimate> FleetState::landmarkEstimates() const {
                             shift.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));
     }
     e.views = landmark.views;
-    e.observers.assign(landmark.observers.begin(), landmark.observers.end());
+    for (const auto& [observer, time] : landmark.seen_ns) e.observers.push_back(observer);
     all.push_back(std::move(e));
   }
   return all;

@@ -59,8 +59,8 @@ struct RobotNode {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
   Pose2 last_key;
   TimeNs last_key_ns = 0;
-  int disagreements = 0;  ///< absolute measurements in a row that the gate refused
-  int unmatched = 0;      ///< frames in a row whose obstacles fit nothing that is known
+  int disagreements = 0;                           ///< absolute measurements in a row that the gate refused
+  bool displaced = false;                          ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
 
@@ -124,8 +124,6 @@ class FleetState {
   void shareKeyframes(TimeNs time_ns);
   /// Replaces the newest step's motion factor by one with a larger covariance.
   void loosen(RobotNode& robot, double factor);
-  /// Should this robot see landmarks that others or it have seen well?
-  bool expectsLandmarks(const RobotNode& robot) const;
   /// Shapes anew from the views of keyframes.
   void updateShapes();
   /// Marginalises frames beyond the window.

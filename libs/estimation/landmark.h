@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -56,7 +56,7 @@ struct Landmark {
   std::shared_ptr<Shape> shape = std::make_shared<Shape>();
   int views = 0, misfits = 0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the variable, after the last solve
-  std::set<std::string> observers;
+  std::map<std::string, std::int64_t> seen_ns;               ///< last time by each observer
   std::int64_t last_seen_ns = 0;
 };
 

@@ -1,6 +1,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <tuple>
 
 #include "estimation/association.h"
@@ -108,7 +109,7 @@ bool farFromEverything(const FleetState& fleet, const RobotNode& observer, const
 
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
   const Step& step = observer.window.back();
-  if (!step.keyframe) return;
+  if (!step.keyframe || isDisplaced(fleet, observer, seen)) return;
   const EstimatorOptions& o = fleet.options;
   const Pose2 map_from_base = fleet.pose(step.pose);
   for (Seen& s : seen) {

@@ -86,6 +86,58 @@ bool same(const Pose2& a, const Pose2& b) {
          std::abs(wrapAngle(a.theta_rad - b.theta_rad)) < kRival_rad;
 }
 
+/// Takes the best hypothesis when no other place is as good.
+bool placeBest(FleetState& fleet, RobotNode& lost, const Objects& frame, std::vector<Hypothesis>& hypotheses,
+               int least_matches) {
+  std::stable_sort(hypotheses.begin(), hypotheses.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    return a.matches != b.matches ? a.matches > b.matches : a.error_m < b.error_m;
+  });
+  if (hypotheses.empty() || hypotheses.front().matches < least_matches) return false;
+  const Hypothesis& best = hypotheses.front();
+  for (const Hypothesis& h : hypotheses) {
+    if (h.matches == best.matches && !same(h.map_from_base, best.map_from_base)) return false;
+  }
+  fleet.release(lost);
+  fleet.place(lost, frame, best.map_from_base);
+  const Eigen::Matrix3d covariance =
+      Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad).asDiagonal();
+  lost.covariance = covariance;
+  fleet.graph.addFactor(absolutePoseFactor(best.map_from_base, covariance), {lost.window.back().pose});
+  return true;
+}
+
+/// Something that stands still or whose place is known, and the height at which to look for it.
+struct Anchor {
+  Eigen::Vector2d place_m;
+  double height_m;
+};
+
+std::vector<Anchor> anchors(const FleetState& fleet, const RobotNode& lost, TimeNs time) {
+  std::vector<Anchor> all;
+  for (const auto& [id, landmark] : fleet.landmarks) {
+    if (landmark.views >= fleet.options.publish_views)
+      all.push_back({fleet.centre(landmark), fleet.height(landmark)});
+  }
+  for (const RobotNode& robot : fleet.robots) {
+    const auto at = fleet.poseAt(robot, time);
+    if (&robot != &lost && at && !robot.displaced)
+      all.push_back({at->map_from_base.translation(), robot.body->height()});
+  }
+  return all;
+}
+
+void scoreConstellation(const std::vector<Footprint>& seen, const std::vector<Anchor>& known, Hypothesis& h) {
+  for (const Footprint& footprint : seen) {
+    double nearest = kMatch_m;
+    for (const Anchor& anchor : known) {
+      nearest =
+          std::min(nearest, (h.map_from_base * footprint.centre(anchor.height_m) - anchor.place_m).norm());
+    }
+    h.matches += nearest < kMatch_m ? 1 : 0;
+    h.error_m += nearest;
+  }
+}
+
 }  // namespace
 
 bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
@@ -94,19 +146,37 @@ bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
   std::vector<Hypothesis> hypotheses = mutualSightings(fleet, lost, frame, frames);
   if (hypotheses.empty()) return false;
   for (Hypothesis& h : hypotheses) score(fleet, lost, frame, h);
-  std::stable_sort(hypotheses.begin(), hypotheses.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return a.matches != b.matches ? a.matches > b.matches : a.error_m < b.error_m;
-  });
-  const Hypothesis& best = hypotheses.front();
-  for (const Hypothesis& h : hypotheses) {
-    if (h.matches == best.matches && !same(h.map_from_base, best.map_from_base)) return false;
+  return placeBest(fleet, lost, frame, hypotheses, 1);
+}
+
+bool locateByConstellation(FleetState& fleet, RobotNode& lost, const Objects& frame) {
+  constexpr int kLeastMatches = 3;
+  constexpr double kLeastBase_m = 0.4;
+  std::vector<Footprint> seen;
+  for (const Seen& s : silhouettes(frame, fleet.options)) {
+    if (s.mature) seen.emplace_back(*s.view);
   }
-  fleet.place(lost, frame, best.map_from_base);
-  const Eigen::Matrix3d covariance =
-      Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad).asDiagonal();
-  lost.covariance = covariance;
-  fleet.graph.addFactor(absolutePoseFactor(best.map_from_base, covariance), {lost.window.back().pose});
-  return true;
+  const std::vector<Anchor> known = anchors(fleet, lost, frame.acquired_ns);
+  std::vector<Hypothesis> hypotheses;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (std::size_t j = i + 1; j < seen.size(); ++j) {
+      for (const Anchor& a : known) {
+        for (const Anchor& b : known) {
+          const Eigen::Vector2d from = seen[i].centre(a.height_m), to = seen[j].centre(b.height_m);
+          const Eigen::Vector2d base = to - from, map = b.place_m - a.place_m;
+          if (&a == &b || base.norm() < kLeastBase_m || std::abs(base.norm() - map.norm()) > kAgree_m)
+            continue;
+          const double theta = wrapAngle(std::atan2(map.y(), map.x()) - std::atan2(base.y(), base.x()));
+          const Eigen::Vector2d t =
+              0.5 * (a.place_m + b.place_m) - Eigen::Rotation2Dd(theta) * Eigen::Vector2d(0.5 * (from + to));
+          Hypothesis h{{t.x(), t.y(), theta}, 0, 0.0};
+          scoreConstellation(seen, known, h);
+          hypotheses.push_back(h);
+        }
+      }
+    }
+  }
+  return placeBest(fleet, lost, frame, hypotheses, kLeastMatches);
 }
 
 }  // namespace omnifleet::estimation

@@ -210,6 +210,42 @@ TEST(FleetEstimator, SlippingWheelsAreNoticedAndSurvived) {
   EXPECT_LT(worst, 0.02);
 }
 
+TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {
+  SimulationOptions options;
+  options.obstacles = 8;
+  options.robots_seen = false;
+  options.speed_mps = 0.1;
+  FleetSimulator simulator(options, 21), elsewhere(options, 21);
+  FleetEstimator estimator(simulator.setups(), {});
+  constexpr int kCarried = 25;
+  // From frame 25 on robot 1 sees what robot 2 sees: as if set down half a metre or more away, wheels still.
+  ASSERT_GT((simulator.truth(0, kCarried).translation() - simulator.truth(1, kCarried).translation()).norm(),
+            0.5);
+  int wrong = 0;
+  std::size_t landmarks = 0;
+  PoseEstimate last;
+  for (int f = 0; f < 45; ++f) {
+    auto frames = simulator.frames(f);
+    if (f >= kCarried) {
+      const Motion own = frames[0].motion;
+      frames[0] = frames[1];
+      frames[0].robot = "r1";
+      if (f == kCarried) frames[0].motion = own;
+      for (Track& track : frames[0].tracks) track.id += 500;  // its tracker has lost all it followed
+    }
+    const auto estimates = estimator.process(simulator.time(f), {&frames[0], &frames[1], &frames[2]}, {});
+    if (f == kCarried - 1) landmarks = estimator.landmarks().size();
+    if (f < kCarried) continue;
+    last = estimates[0];
+    const double error = (last.map_from_base.translation() - simulator.truth(1, f).translation()).norm();
+    wrong += last.valid && error > 0.1 ? 1 : 0;
+  }
+  EXPECT_EQ(wrong, 0);  // no frame at a wrong place is called valid
+  EXPECT_TRUE(last.valid);
+  EXPECT_EQ(estimator.status("r1").losses, 1);
+  EXPECT_LE(estimator.landmarks().size(), landmarks + 1);  // nothing was mapped twice
+}
+
 TEST(FleetEstimator, FramesOutOfOrderAreInvalidAndHarmless) {
   FleetSimulator simulator({}, 13);
   FleetEstimator estimator(simulator.setups(), {});
