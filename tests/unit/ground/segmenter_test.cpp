@@ -97,7 +97,7 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
   const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 256,
-              120);  // a ring of a pixel is 100 px²; stubs of the lines the rest
+              200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
 }
 
 TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
