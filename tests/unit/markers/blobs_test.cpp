@@ -1,0 +1,74 @@
+// Labels against OpenCV's, colours against the definition.
+
+#include "markers/blobs.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+namespace omnifleet::markers {
+namespace {
+
+const std::vector<dataset::Rgb> kColours{{20, 90, 220}, {230, 60, 60}, {60, 200, 60}};
+
+TEST(ColourTable, LightDoesNotChangeTheClassOthersHaveNone) {
+  const ColourTable table(kColours, {0.16, 40, 0.25});
+  EXPECT_EQ(table.classes(), 4U);
+  for (std::size_t c = 0; c < kColours.size(); ++c) {
+    for (const double gain : {0.4, 0.55, 0.8, 1.0}) {
+      std::uint8_t bgr[3];
+      for (std::size_t i = 0; i < 3; ++i) bgr[i] = static_cast<std::uint8_t>(kColours[c][2 - i] * gain);
+      EXPECT_EQ(table.classOf(bgr), c + 1) << c << " at " << gain;
+    }
+  }
+  const std::uint8_t grey[] = {120, 122, 121}, dark[] = {30, 10, 3}, yellow[] = {40, 200, 230};
+  EXPECT_EQ(table.classOf(grey), 0);
+  EXPECT_EQ(table.classOf(dark), 0);
+  EXPECT_EQ(table.classOf(yellow), 0);
+}
+
+TEST(BlobFinder, AgreesWithOpenCvOnRandomMasks) {
+  const ColourTable table(kColours, {0.16, 40, 0.25});
+  cv::RNG random(8);
+  BlobFinder finder;
+  for (int round = 0; round < 5; ++round) {
+    cv::Mat image(60, 83, CV_8UC3, cv::Scalar::all(128));
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        const int c = random.uniform(0, 5);
+        if (c < 3)
+          image.at<cv::Vec3b>(y, x) = {kColours[static_cast<std::size_t>(c)][2],
+                                       kColours[static_cast<std::size_t>(c)][1],
+                                       kColours[static_cast<std::size_t>(c)][0]};
+      }
+    }
+    cv::medianBlur(image, image, 3);
+    using Key = std::array<int, 6>;
+    std::vector<Key> ours, theirs;
+    for (const Blob& b : finder.find(image, table, 4)) {
+      ours.push_back({b.colour, b.area_px, b.left, b.top, b.right - b.left + 1, b.bottom - b.top + 1});
+    }
+    for (int colour = 1; colour <= 3; ++colour) {
+      cv::Mat mask(image.size(), CV_8U), labels, stats, centroids;
+      for (int y = 0; y < image.rows; ++y) {
+        for (int x = 0; x < image.cols; ++x)
+          mask.at<std::uint8_t>(y, x) = table.classOf(image.ptr(y) + 3 * x) == colour;
+      }
+      const int n = cv::connectedComponentsWithStats(mask, labels, stats, centroids, 8);
+      for (int i = 1; i < n; ++i) {
+        if (stats.at<int>(i, cv::CC_STAT_AREA) < 4) continue;
+        theirs.push_back({colour, stats.at<int>(i, cv::CC_STAT_AREA), stats.at<int>(i, cv::CC_STAT_LEFT),
+                          stats.at<int>(i, cv::CC_STAT_TOP), stats.at<int>(i, cv::CC_STAT_WIDTH),
+                          stats.at<int>(i, cv::CC_STAT_HEIGHT)});
+      }
+    }
+    std::sort(ours.begin(), ours.end());
+    std::sort(theirs.begin(), theirs.end());
+    EXPECT_EQ(ours, theirs);
+    EXPECT_GT(ours.size(), 10U);
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet::markers
