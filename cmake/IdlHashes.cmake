@@ -12,6 +12,7 @@ function(idl_text file result)
   endforeach()
   string(REGEX REPLACE "//[^\n]*" "" text "${text}")
   string(REGEX REPLACE "[ \t\r\n]+" " " text "${text}")
+  string(STRIP "${text}" text)
   set(${result} "${before}${text}" PARENT_SCOPE)
 endfunction()
 
