@@ -1,5 +1,5 @@
-// Prints how far the local mapper's support functions lie from the truth of a rendered data set, per distance.
-// Usage: local_mapper_accuracy DATASET [OPTIONS.yaml] [DEBUG_FOLDER]
+// Prints how far the local mapper's support functions lie from the truth of a rendered data set, per
+// distance. Usage: local_mapper_accuracy DATASET [OPTIONS.yaml] [DEBUG_FOLDER]
 
 #include <chrono>
 #include <cstdio>
@@ -28,8 +28,9 @@ struct Sums {
   void print(const char* name) const {
     if (n == 0) return;
     const double mean_px = px / n, mean_m = m / n;
-    std::printf("%-22s n %6d  bias %+6.3f px  spread %5.3f px   bias %+6.2f cm  spread %5.2f cm\n", name, n, mean_px,
-                std::sqrt(px2 / n - mean_px * mean_px), 100 * mean_m, 100 * std::sqrt(m2 / n - mean_m * mean_m));
+    std::printf("%-22s n %6d  bias %+6.3f px  spread %5.3f px   bias %+6.2f cm  spread %5.2f cm\n", name, n,
+                mean_px, std::sqrt(px2 / n - mean_px * mean_px), 100 * mean_m,
+                100 * std::sqrt(m2 / n - mean_m * mean_m));
   }
 };
 
@@ -41,7 +42,8 @@ double edgeDistance(const TrueObject& object, const Eigen::Vector2f& at, const l
   for (std::size_t i = 0; i < n; ++i) {
     for (int k = 0; k < 20; ++k) {  // straight edges on the floor are curves in the image
       const auto point = [&](double share) {
-        const Eigen::Vector2d x = object.silhouette_m[i] + share * (object.silhouette_m[(i + 1) % n] - object.silhouette_m[i]);
+        const Eigen::Vector2d x =
+            object.silhouette_m[i] + share * (object.silhouette_m[(i + 1) % n] - object.silhouette_m[i]);
         return camera.pixelFromPoint({x.x(), x.y(), 0.0}).value_or(Eigen::Vector2d(1e6, 1e6));
       };
       const Eigen::Vector2d a = point(k / 20.0), edge = point((k + 1) / 20.0) - a;
@@ -59,8 +61,9 @@ struct Totals {
   std::map<std::string, Sums> sums;
 };
 
-void run(const dataset::Dataset& data, const dataset::GroundTruth& truth, const dataset::RobotRecording& robot,
-         const local_mapper::Options& options, const std::string& debug, Totals& totals) {
+void run(const dataset::Dataset& data, const dataset::GroundTruth& truth,
+         const dataset::RobotRecording& robot, const local_mapper::Options& options, const std::string& debug,
+         Totals& totals) {
   const lens::Camera camera(robot.fisheye->camera);
   local_mapper::LocalMapper mapper(camera, options);
   const auto frames = dataset::openStream(*robot.fisheye, dataset::Colour::kBgr);
@@ -84,7 +87,8 @@ void run(const dataset::Dataset& data, const dataset::GroundTruth& truth, const 
     has_previous = true;
     ++totals.frames;
     if (!debug.empty())
-      local_mapper::DebugImages::render(mapper, map, frame.image).save(debug + "/" + robot.name + "_" + std::to_string(info.sequence));
+      local_mapper::DebugImages::render(mapper, map, frame.image)
+          .save(debug + "/" + robot.name + "_" + std::to_string(info.sequence));
     const auto objects = trueObjects(data, truth, robot.name, info.time_ns, camera);
     const auto matches = match(objects, map.objects);
     std::vector<int> uses(map.objects.size(), 0);
@@ -93,31 +97,37 @@ void run(const dataset::Dataset& data, const dataset::GroundTruth& truth, const 
     for (std::size_t i = 0; i < uses.size(); ++i) {
       if (uses[i] > 0) continue;
       ++totals.extra;
-      std::printf("%s frame %u: false object %d at %.2f %.2f\n", robot.name.c_str(), info.sequence, map.objects[i].label,
-                  map.objects[i].contact_m.x(), map.objects[i].contact_m.y());
+      std::printf("%s frame %u: false object %d at %.2f %.2f\n", robot.name.c_str(), info.sequence,
+                  map.objects[i].label, map.objects[i].contact_m.x(), map.objects[i].contact_m.y());
     }
     for (std::size_t i = 0; i < objects.size(); ++i) {
       if (objects[i].contact_m > 2.0) continue;
       if (matches[i] < 0) {
         ++totals.missed;
-        std::printf("%s frame %u: missed %s at %.2f m\n", robot.name.c_str(), info.sequence, objects[i].name.c_str(), objects[i].contact_m);
+        std::printf("%s frame %u: missed %s at %.2f m\n", robot.name.c_str(), info.sequence,
+                    objects[i].name.c_str(), objects[i].contact_m);
         continue;
       }
       const auto& seen = map.objects[static_cast<std::size_t>(matches[i])];
       if (uses[static_cast<std::size_t>(matches[i])] > 1 || seen.solidity < 0.94) {
         ++totals.merged;
-        std::printf("%s frame %u: merged %s at %.2f m, solidity %.3f\n", robot.name.c_str(), info.sequence, objects[i].name.c_str(), objects[i].contact_m, seen.solidity);
+        std::printf("%s frame %u: merged %s at %.2f m, solidity %.3f\n", robot.name.c_str(), info.sequence,
+                    objects[i].name.c_str(), objects[i].contact_m, seen.solidity);
         continue;
       }
       for (const auto& p : mapper.floorContours()[static_cast<std::size_t>(matches[i])].pixels)
         totals.sums[objects[i].name + " edge"].add({0.0, edgeDistance(objects[i], p, camera), false});
       char bin[64];
       for (const auto& e : supportErrors(objects[i], seen, camera)) {
-        std::snprintf(bin, sizeof bin, "%.1f m %s", 0.4 * std::floor(objects[i].contact_m / 0.4), e.far_side ? "top" : "contact");
+        std::snprintf(bin, sizeof bin, "%.1f m %s", 0.4 * std::floor(objects[i].contact_m / 0.4),
+                      e.far_side ? "top" : "contact");
         totals.sums[bin].add(e);
         totals.sums[e.far_side ? "all top" : "all contact"].add(e);
         totals.sums[objects[i].name].add(e);
-        if (std::abs(e.pixels) > 3) std::printf("%s frame %u: %s at %.2f m off by %.1f px (%s, truncated %d)\n", robot.name.c_str(), info.sequence, objects[i].name.c_str(), objects[i].contact_m, e.pixels, e.far_side ? "top" : "contact", seen.truncated);
+        if (std::abs(e.pixels) > 3)
+          std::printf("%s frame %u: %s at %.2f m off by %.1f px (%s, truncated %d)\n", robot.name.c_str(),
+                      info.sequence, objects[i].name.c_str(), objects[i].contact_m, e.pixels,
+                      e.far_side ? "top" : "contact", seen.truncated);
       }
       if (seen.height_sigma_m > 0 && !objects[i].is_robot) {
         ++totals.height_n;
@@ -140,8 +150,9 @@ int main(int argc, char** argv) {
   for (const auto& robot : data.robots)
     if (robot.fisheye) run(data, truth, robot, options, argc > 3 ? argv[3] : "", totals);
   for (const auto& [name, sums] : totals.sums) sums.print(name.c_str());
-  std::printf("%d frames, missed %d, merged %d, false %d, height error %.1f mm (%d), %.2f ms a frame\n", totals.frames,
-              totals.missed, totals.merged, totals.extra, 1000 * totals.height_error / std::max(1, totals.height_n), totals.height_n,
+  std::printf("%d frames, missed %d, merged %d, false %d, height error %.1f mm (%d), %.2f ms a frame\n",
+              totals.frames, totals.missed, totals.merged, totals.extra,
+              1000 * totals.height_error / std::max(1, totals.height_n), totals.height_n,
               totals.milliseconds / std::max(1, totals.frames));
   return 0;
 }

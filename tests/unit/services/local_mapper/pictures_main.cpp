@@ -13,7 +13,8 @@ int main(int argc, char** argv) {
   const auto model = lens::CameraModel::load(argv[1]);
   const lens::Camera camera(model);
   const auto options = local_mapper::Options::read(options::Section::load(argv[2]));
-  const auto source = dataset::openFolder(argv[3], dataset::Colour::kBgr, {model.image_width_px, model.image_height_px}, 1000000000);
+  const auto source = dataset::openFolder(argv[3], dataset::Colour::kBgr,
+                                          {model.image_width_px, model.image_height_px}, 1000000000);
   local_mapper::Frame frame;
   dataset::FrameInfo info;
   while (source->next(frame.image, info)) {
@@ -22,8 +23,10 @@ int main(int argc, char** argv) {
     frame.sequence = info.sequence;
     frame.state = info.state;
     const LocalMap& map = mapper.process(frame, {});
-    std::printf("%s: %s, %zu objects, %zu regions\n", info.note.c_str(), toString(map.state), map.objects.size(), mapper.connectedBlobs().size());
-    local_mapper::DebugImages::render(mapper, map, frame.image).save(std::string(argv[4]) + "/" + std::to_string(info.sequence));
+    std::printf("%s: %s, %zu objects, %zu regions\n", info.note.c_str(), toString(map.state),
+                map.objects.size(), mapper.connectedBlobs().size());
+    local_mapper::DebugImages::render(mapper, map, frame.image)
+        .save(std::string(argv[4]) + "/" + std::to_string(info.sequence));
   }
   return 0;
 }

@@ -8,7 +8,8 @@
 
 namespace omnifleet::local_mapper::testing {
 
-Polygon prismSilhouette(const Polygon& floor_m, double height_m, const Eigen::Vector2d& foot_m, double camera_height_m) {
+Polygon prismSilhouette(const Polygon& floor_m, double height_m, const Eigen::Vector2d& foot_m,
+                        double camera_height_m) {
   Polygon points = floor_m;
   const double s = camera_height_m / (camera_height_m - height_m);
   for (const auto& p : floor_m) points.push_back(foot_m + s * (p - foot_m));
@@ -48,7 +49,8 @@ std::vector<TrueObject> trueObjects(const dataset::Dataset& data, const dataset:
   const Pose2 base_from_map = truePose(truth, robot, time_ns).inverse();
   std::vector<TrueObject> objects;
   for (const auto& obstacle : truth.scene)
-    objects.push_back(see("obstacle " + std::to_string(obstacle.id), obstacle.outline_m, obstacle.height_m, base_from_map, camera));
+    objects.push_back(see("obstacle " + std::to_string(obstacle.id), obstacle.outline_m, obstacle.height_m,
+                          base_from_map, camera));
   for (const auto& other : data.robots) {
     if (other.name == robot) continue;
     const Pose2 map_from_other = truePose(truth, other.name, time_ns);
@@ -57,7 +59,8 @@ std::vector<TrueObject> trueObjects(const dataset::Dataset& data, const dataset:
     objects.push_back(see(other.name, outline, other.body.height_m, base_from_map, camera));
     objects.back().is_robot = true;
   }
-  std::sort(objects.begin(), objects.end(), [](const auto& a, const auto& b) { return a.contact_m < b.contact_m; });
+  std::sort(objects.begin(), objects.end(),
+            [](const auto& a, const auto& b) { return a.contact_m < b.contact_m; });
   return objects;
 }
 

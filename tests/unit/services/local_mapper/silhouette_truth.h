@@ -1,7 +1,7 @@
 #pragma once
 
-// What a perfect local mapper would see: prisms of known footprint and height from a known pose, and how far measured
-// support functions lie from that. Test code only: it reads ground truth.
+// What a perfect local mapper would see: prisms of known footprint and height from a known pose, and how far
+// measured support functions lie from that. Test code only: it reads ground truth.
 
 #include <string>
 #include <vector>
@@ -18,13 +18,14 @@ struct TrueObject {
   std::string name;
   bool is_robot = false;
   double height_m = 0.0;
-  Polygon floor_m;       ///< footprint, base_link
-  Polygon silhouette_m;  ///< footprint and the top's projection, convex hull, base_link, CCW
+  Polygon floor_m;         ///< footprint, base_link
+  Polygon silhouette_m;    ///< footprint and the top's projection, convex hull, base_link, CCW
   double contact_m = 0.0;  ///< distance of the footprint from the camera's foot
 };
 
 /// Footprint and height → silhouette on the floor: the top appears scaled about the foot by s = H/(H − h).
-Polygon prismSilhouette(const Polygon& floor_m, double height_m, const Eigen::Vector2d& foot_m, double camera_height_m);
+Polygon prismSilhouette(const Polygon& floor_m, double height_m, const Eigen::Vector2d& foot_m,
+                        double camera_height_m);
 
 /// Everything around `robot` at one time, in its base_link, nearest first.
 std::vector<TrueObject> trueObjects(const dataset::Dataset& data, const dataset::GroundTruth& truth,

@@ -1,0 +1,81 @@
+#include <gtest/gtest.h>
+
+#include "local_mapper/frame_check.h"
+#include "tests/unit/services/local_mapper/fisheye_scene.h"
+
+namespace omnifleet::local_mapper {
+namespace {
+
+class FrameCheckTest : public ::testing::Test {
+ protected:
+  FrameCheckTest()
+      : camera_(testing::fisheyeModel()), view_(camera_, {}), check_(camera_.model(), view_, {}) {}
+
+  static cv::Mat grey(int level) { return cv::Mat(480, 640, CV_8UC1, cv::Scalar(level)); }
+  FrameState stateOf(const cv::Mat& image, std::uint32_t sequence) {
+    return check_.check(testing::frameOf(image, sequence));
+  }
+
+  lens::Camera camera_;
+  ground::FloorView view_;
+  FrameCheck check_;
+};
+
+TEST_F(FrameCheckTest, SaysWhatIsWrong) {
+  EXPECT_EQ(stateOf({}, 0), FrameState::kEmpty);
+  EXPECT_EQ(stateOf(cv::Mat(480, 641, CV_8UC1, cv::Scalar(100)), 1), FrameState::kWrongSize);
+  EXPECT_EQ(stateOf(cv::Mat(480, 640, CV_32FC1, cv::Scalar(100)), 2), FrameState::kWrongSize);
+  EXPECT_EQ(stateOf(grey(3), 3), FrameState::kDark);
+  EXPECT_EQ(stateOf(grey(255), 4), FrameState::kOverexposed);
+  EXPECT_EQ(stateOf(grey(100), 5), FrameState::kOk);
+  EXPECT_EQ(stateOf(cv::Mat(480, 640, CV_8UC3, cv::Scalar(100, 90, 80)), 6), FrameState::kOk);
+  Frame torn = testing::frameOf(grey(100), 7);
+  torn.state = FrameState::kUnreadable;
+  EXPECT_EQ(check_.check(torn), FrameState::kUnreadable);
+}
+
+TEST_F(FrameCheckTest, OnlyTheFloorsPixelsCountForTheExposure) {
+  cv::Mat image = grey(255);
+  image.setTo(cv::Scalar(120), view_.mask());
+  EXPECT_EQ(stateOf(image, 0), FrameState::kOk);
+  image.setTo(cv::Scalar(0), view_.mask());
+  EXPECT_EQ(stateOf(image, 1), FrameState::kDark);
+}
+
+TEST_F(FrameCheckTest, FollowsOnlyDirectUsablePredecessors) {
+  stateOf(grey(100), 0);
+  EXPECT_FALSE(check_.follows());  // the first
+  stateOf(grey(100), 1);
+  EXPECT_TRUE(check_.follows());
+  stateOf(grey(100), 3);
+  EXPECT_FALSE(check_.follows());  // one is missing
+  stateOf(grey(100), 4);
+  EXPECT_TRUE(check_.follows());
+  stateOf(grey(2), 5);
+  EXPECT_FALSE(check_.follows());  // covered
+  stateOf(grey(100), 6);
+  EXPECT_FALSE(check_.follows());  // after the covered one
+  stateOf(grey(100), 7);
+  EXPECT_TRUE(check_.follows());
+}
+
+TEST_F(FrameCheckTest, DoubledAndLateFramesAreOutOfOrderAndBreakTheChain) {
+  stateOf(grey(100), 5);
+  EXPECT_EQ(stateOf(grey(100), 5), FrameState::kOutOfOrder);
+  EXPECT_EQ(stateOf(grey(100), 2), FrameState::kOutOfOrder);
+  EXPECT_EQ(stateOf(grey(100), 6), FrameState::kOk);
+  EXPECT_FALSE(check_.follows());
+  EXPECT_EQ(stateOf(grey(100), 7), FrameState::kOk);
+  EXPECT_TRUE(check_.follows());
+}
+
+TEST_F(FrameCheckTest, ALongPauseIsAGap) {
+  Frame first = testing::frameOf(grey(100), 0), second = testing::frameOf(grey(100), 1);
+  second.acquired_ns = first.acquired_ns + 3000000000LL;
+  check_.check(first);
+  EXPECT_EQ(check_.check(second), FrameState::kOk);
+  EXPECT_FALSE(check_.follows());
+}
+
+}  // namespace
+}  // namespace omnifleet::local_mapper

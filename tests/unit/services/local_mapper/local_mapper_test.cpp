@@ -1,0 +1,189 @@
+#include "local_mapper/local_mapper.h"
+
+#include <gtest/gtest.h>
+
+#include "local_mapper/debug_images.h"
+#include "tests/unit/services/local_mapper/fisheye_scene.h"
+#include "tests/unit/services/local_mapper/silhouette_truth.h"
+
+namespace omnifleet::local_mapper {
+namespace {
+
+using testing::box;
+using testing::Prism;
+
+class LocalMapperTest : public ::testing::Test {
+ protected:
+  LocalMapperTest() : camera_(testing::fisheyeModel()) {
+    scene_.prisms = {{box(0.9, 0.1, 0.2, 0.15, 0.4), 0.12, {40, 40, 200}},
+                     {box(-0.6, 0.9, 0.15, 0.15, 0.1), 0.2, {45, 45, 45}},
+                     {circlePolygon({0.1, -1.2}, 0.1, 48), 0.15, {60, 190, 60}},
+                     {box(-1.6, -0.7, 0.2, 0.2, 0.0), 0.1, {210, 130, 40}}};
+  }
+  testing::TrueObject truthOf(const Prism& prism, const Pose2& world_from_base) const {
+    testing::TrueObject truth;
+    for (const auto& p : prism.footprint_m) truth.floor_m.push_back(world_from_base.inverse() * p);
+    truth.silhouette_m =
+        testing::prismSilhouette(truth.floor_m, prism.height_m, camera_.foot(), camera_.height());
+    return truth;
+  }
+  static Motion motion(const Pose2& previous_from_current) {
+    Motion m;
+    m.valid = true;
+    m.previous_from_current = previous_from_current;
+    return m;
+  }
+
+  lens::Camera camera_;
+  testing::Scene scene_;
+};
+
+TEST_F(LocalMapperTest, SilhouettesLieOnTheTruth) {
+  LocalMapper mapper(camera_, {});
+  const Pose2 pose{0.02, -0.03, 0.2};
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, pose), 0), {});
+  ASSERT_EQ(map.state, FrameState::kOk);
+  ASSERT_EQ(map.objects.size(), scene_.prisms.size());
+  std::vector<testing::TrueObject> truth;
+  for (const auto& prism : scene_.prisms) truth.push_back(truthOf(prism, pose));
+  const auto matches = testing::match(truth, map.objects);
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    ASSERT_GE(matches[i], 0);
+    const auto& seen = map.objects[static_cast<std::size_t>(matches[i])];
+    double mean = 0, square = 0;
+    const auto errors = testing::supportErrors(truth[i], seen, camera_);
+    EXPECT_EQ(errors.size(), static_cast<std::size_t>(SupportFunction::kDirections));
+    for (const auto& e : errors) {
+      mean += e.pixels / static_cast<double>(errors.size());
+      square += e.pixels * e.pixels / static_cast<double>(errors.size());
+    }
+    // Corners are blunted and smooth outlines exaggerated by the maximum; each within two tenths of a pixel.
+    EXPECT_NEAR(mean, 0.0, 0.2) << i;
+    EXPECT_LT(std::sqrt(square), 0.4) << i;  // the σ that the supports claim
+    EXPECT_FALSE(seen.truncated);
+    EXPECT_GT(seen.solidity, 0.94);
+    double contact = 1e9;
+    for (const auto& p : truth[i].silhouette_m) contact = std::min(contact, p.norm());
+    EXPECT_LE(seen.contact_m.norm(), contact + 0.01);
+    EXPECT_TRUE(contains(seen.hull_m, seen.centroid_m));
+  }
+}
+
+TEST_F(LocalMapperTest, ScanEndsAtTheObjectsAndLabelsThem) {
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  ASSERT_EQ(map.scan.range_m.size(), 360U);
+  const auto truth = truthOf(scene_.prisms[2], {});
+  const double bearing = std::atan2(-1.2, 0.1);
+  const auto i = static_cast<std::size_t>(std::lround((bearing + 2 * M_PI) * 180.0 / M_PI));
+  EXPECT_EQ(map.scan.label[i], RayLabel::kUnknown);
+  EXPECT_NEAR(map.scan.range_m[i], std::hypot(0.1, 1.2) - 0.1, 0.012);
+  ASSERT_GT(map.scan.object[i], 0);
+  EXPECT_EQ(map.objects[map.scan.object[i] - 1U].label, map.scan.object[i]);
+  EXPECT_EQ(map.scan.label[45], RayLabel::kFloorEnd);
+}
+
+TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
+  LocalMapper mapper(camera_, {});
+  const Pose2 before{0, 0, 0}, step{0.05, 0.0, 0.02}, after = before * step;
+  mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, before), 0), {});
+  const LocalMap& map =
+      mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, after), 1), motion(step));
+  std::vector<testing::TrueObject> truth;
+  for (const auto& prism : scene_.prisms) truth.push_back(truthOf(prism, after));
+  const auto matches = testing::match(truth, map.objects);
+  int vectors = 0;
+  for (std::size_t i = 0; i < 3; ++i) {  // the fourth is too far for vectors to tell anything
+    ASSERT_GE(matches[i], 0);
+    const auto& seen = map.objects[static_cast<std::size_t>(matches[i])];
+    vectors += static_cast<int>(seen.vectors.size());
+    if (seen.vectors.size() < 4) continue;
+    EXPECT_NEAR(seen.height_m, scene_.prisms[i].height_m, 0.05) << i;
+  }
+  EXPECT_GE(vectors, 12);
+}
+
+TEST_F(LocalMapperTest, NoVectorsAcrossGapsAndBadFrames) {
+  const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+  const auto vectorsOf = [](const LocalMap& map) {
+    std::size_t n = 0;
+    for (const auto& o : map.objects) n += o.vectors.size();
+    return n;
+  };
+  LocalMapper mapper(camera_, {});
+  EXPECT_EQ(vectorsOf(mapper.process(testing::frameOf(image, 0), {})), 0U);
+  EXPECT_GT(vectorsOf(mapper.process(testing::frameOf(image, 1), motion({}))), 0U);
+  EXPECT_EQ(vectorsOf(mapper.process(testing::frameOf(image, 4), motion({}))), 0U);
+  const LocalMap& doubled = mapper.process(testing::frameOf(image, 4), motion({}));
+  EXPECT_EQ(doubled.state, FrameState::kOutOfOrder);
+  EXPECT_TRUE(doubled.objects.empty());
+  EXPECT_TRUE(doubled.scan.range_m.empty());
+  EXPECT_EQ(vectorsOf(mapper.process(testing::frameOf(image, 5), motion({}))), 0U);
+  EXPECT_EQ(mapper.process(testing::frameOf(image * 0.02, 6), {}).state, FrameState::kDark);
+  EXPECT_EQ(vectorsOf(mapper.process(testing::frameOf(image, 7), motion({}))), 0U);
+  EXPECT_GT(vectorsOf(mapper.process(testing::frameOf(image, 8), motion({}))), 0U);
+}
+
+TEST_F(LocalMapperTest, EqualFramesGiveEqualMaps) {
+  const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+  LocalMapper a(camera_, {}), b(camera_, {});
+  b.process(testing::frameOf(testing::renderScene({}, camera_, {}), 0), {});
+  const LocalMap first = a.process(testing::frameOf(image, 1), {});
+  const LocalMap& second = b.process(testing::frameOf(image, 1), {});
+  ASSERT_EQ(first.objects.size(), second.objects.size());
+  for (std::size_t i = 0; i < first.objects.size(); ++i)
+    EXPECT_EQ(first.objects[i].supports.b_m, second.objects[i].supports.b_m);
+  EXPECT_EQ(first.scan.range_m, second.scan.range_m);
+}
+
+TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
+  scene_.prisms = {{box(0.42, 0.0, 0.2, 0.2, 0.0), 0.1, {40, 40, 200}},
+                   {box(-2.4, 0.3, 0.3, 0.3, 0.0), 0.15, {45, 45, 45}}};
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  ASSERT_EQ(map.objects.size(), 1U);
+  EXPECT_TRUE(map.objects[0].truncated);
+  int unusable = 0;
+  for (const float sigma : map.objects[0].supports.sigma_m) unusable += sigma > 0 ? 0 : 1;
+  EXPECT_GT(unusable, 0);
+  EXPECT_LT(unusable, SupportFunction::kDirections);
+  const std::size_t towards_far = 173;  // bearing of the far box: seen, but no object
+  EXPECT_EQ(map.scan.label[towards_far], RayLabel::kUnknown);
+  EXPECT_EQ(map.scan.object[towards_far], 0);
+}
+
+TEST_F(LocalMapperTest, DebugPicturesShowTheObjects) {
+  LocalMapper mapper(camera_, {});
+  const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+  mapper.process(testing::frameOf(image, 0), {});
+  const LocalMap& map = mapper.process(testing::frameOf(image, 1), motion({}));
+  const auto pictures = DebugImages::render(mapper, map, image);
+  EXPECT_EQ(pictures.labels.size(), image.size());
+  cv::Mat1b changed;
+  cv::inRange(pictures.labels != image, cv::Scalar(0, 0, 0), cv::Scalar(0, 0, 0), changed);
+  EXPECT_GT(cv::countNonZero(changed == 0), 500);
+  EXPECT_FALSE(pictures.local_map.empty());
+  const std::string prefix = ::testing::TempDir() + "/local_mapper_debug";
+  EXPECT_TRUE(pictures.save(prefix).empty());
+  const auto problems = pictures.save("/nonexistent/folder/frame");
+  ASSERT_EQ(problems.size(), 4U);
+  EXPECT_NE(problems[0].find("/nonexistent/folder/frame_labels.png"), std::string::npos);
+}
+
+TEST(LocalMapperOptions, EveryKeyIsKnownAndBounded) {
+  const auto o =
+      Options::read(options::Section::parse("{frame: {dark_level: 5}, view: {seed_ring_px: 30}, ground: "
+                                            "{method: histogram}, connection: {method: rectangles},"
+                                            " contour: {refine: false}, silhouette: {max_contact_m: 1.5}, "
+                                            "scan: {rays: 720}, flow: {sigma_px: 0.3}}",
+                                            "t.yaml"));
+  EXPECT_EQ(o.scan.rays, 720);
+  EXPECT_EQ(o.ground.method, "histogram");
+  EXPECT_THROW(Options::read(options::Section::parse("{scans: {}}", "t.yaml")), options::Error);
+  EXPECT_THROW(Options::read(options::Section::parse("{scan: {rays: 1}}", "t.yaml")), options::Error);
+  EXPECT_THROW(Options::read(options::Section::parse("{silhouette: {max_contact_m: far}}", "t.yaml")),
+               options::Error);
+}
+
+}  // namespace
+}  // namespace omnifleet::local_mapper
