@@ -10,9 +10,12 @@ namespace omnifleet::motion {
 
 /// What a robot may do.
 struct DriveLimits {
-  double cruise_mps = 0.25;      ///< m/s, the leader's wanted speed
-  double max_mps = 0.40;         ///< m/s, nobody drives faster
-  double max_turn_radps = 1.5;   ///< rad/s
+  double cruise_mps = 0.25;     ///< m/s, the leader's wanted speed
+  double max_mps = 0.40;        ///< m/s, nobody drives faster
+  double max_turn_radps = 1.5;  ///< rad/s
+  double lead_turn_radps =
+      0.6;  ///< rad/s, the leader turns no faster, so that the outer followers can keep up
+  double turn_gain_per_s = 1.4;  ///< 1/s, turning per radian off the wanted heading
   double max_mps2 = 0.6;         ///< m/s², change of the commanded speed
   double max_turn_radps2 = 4.0;  ///< rad/s²
 
@@ -47,7 +50,7 @@ class Avoidance {
     double margin_m = 0.10;     ///< m, kept between the body and whatever stands there
     double look_ahead_m = 1.0;  ///< m, obstacles farther off do not turn the robot yet
     double braking_mps2 = 0.5;  ///< m/s², the speed stays below √(2 · braking · free distance)
-    double predict_s = 1.0;     ///< s, other robots are where their velocity takes them within this time
+    double predict_s = 1.5;     ///< s, other robots are where their velocity takes them within this time
     int headings = 72;          ///< headings tried
     double stay_weight =
         0.3;  ///< 1, cost of leaving the heading chosen before, per radian, against 1 for the wanted
@@ -66,8 +69,9 @@ class Avoidance {
   /// it).
   Result steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps, double turned_rad);
 
-  /// Free way in a direction before the body (grown by `margin_m`) touches something, up to `limit_m`.
-  double freeWay(const Surroundings& around, const Eigen::Vector2d& direction, double margin_m,
+  /// Free way along a unit vector at a speed before the body, grown by the margin, touches something; at most
+  /// `limit_m`. Other robots count where they are met within `predict_s`, both moving on as they do.
+  double freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
                  double limit_m) const;
 
   const Options& options() const { return options_; }

@@ -41,7 +41,10 @@ class FollowLaw {
   struct Options {
     double gain_per_s = 0.9;        ///< 1/s, closing speed per metre of distance to the place
     double closing_max_mps = 0.25;  ///< m/s, no faster than that
-    double near_m = 0.03;  ///< m, no turning about for errors below this while the place stands still
+    double swing_max_mps =
+        0.20;                  ///< m/s, no more of the place's swing about the followed robot is fed forward
+    double near_m = 0.04;      ///< m, out of place by less is good enough …
+    double stands_mps = 0.03;  ///< m/s, … while the place moves slower than this
 
     static Options read(const options::Section& section);
   };
@@ -85,10 +88,10 @@ class LeadLaw {
   std::size_t next_ = 0;
 };
 
-/// Wheel speeds' twist for a wanted velocity vector: turns towards it, drives by the share that lies ahead;
-/// `forward` is the twist of the place that is kept (its turning is fed forward). Changes are limited per
-/// step.
-Twist twistTowards(const Eigen::Vector2d& velocity_mps, const Twist& forward, const Twist& before,
-                   double dt_s, const DriveLimits& limits);
+/// The twist that brings a wanted velocity (base_link) about: turns towards it and drives by the share that
+/// lies ahead, backwards for slow wishes to the rear. `feed_radps` is the turning of the place that is kept.
+/// Changes against the twist commanded before are limited; zero is reached exactly.
+Twist twistTowards(const Eigen::Vector2d& velocity_mps, double feed_radps, const Twist& before, double dt_s,
+                   double max_turn_radps, const DriveLimits& limits);
 
 }  // namespace omnifleet::motion

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -28,7 +29,8 @@ class Formation {
     motion::FollowLaw::Options follow;
     motion::LeadLaw::Options lead;
     motion::Avoidance::Options avoidance;
-    double gate_m = 0.35;  ///< m, a track this near to where the followed robot should be is that robot
+    double gate_m = 0.35;        ///< m, a track this near to where the followed robot should be is that robot
+    double own_points_m = 0.10;  ///< m, scan points this near to the body of a published robot are that robot
     double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
     double lost_limit_s = 2.0;      ///< s, unseen and unpublished for so long: the follower stops
 
@@ -54,35 +56,47 @@ class Formation {
   const Options& options() const { return options_; }
 
  private:
+  /// A robot as it was last published.
   struct Known {
     Pose2 map_from_base;
     TimeNs acquired_ns = 0;
     motion::Twist twist;  ///< from the latest two poses
     std::vector<Sighting> sightings;
   };
+  struct Moved {
+    TimeNs from_ns, to_ns;
+    Pose2 from_from_to;
+  };
 
   void learn(const std::vector<PoseEstimate>& poses);
-  std::optional<Pose2> ownPose(const Objects& objects) const;
-  std::optional<motion::Followed> followed(const Objects& objects, const std::string& name);
-  const Track* sighted(const Objects& objects, const std::string& name,
-                       const std::optional<Pose2>& published) const;
-  double worstFollowerError() const;
-  void lead(const Objects& objects, const motion::Surroundings& around, Output& output);
-  void follow(const Objects& objects, const motion::Surroundings& around, Output& output);
-  void drive(const motion::Surroundings& around, const Eigen::Vector2d& wanted_mps,
-             const motion::Twist& forward, Output& output);
+  void remember(const Objects& objects);
+  /// Where a robot is now by its published pose; nothing where that is too old.
+  std::optional<Pose2> publishedNow(const std::string& robot, TimeNs now_ns) const;
+  void lookAround(const Objects& objects);
+  const Track* sighted(const Objects& objects, const Eigen::Vector2d& expected_m) const;
+  std::optional<motion::Followed> followed(const Objects& objects);
+  double worstFollower(TimeNs now_ns) const;
+  void lead(const Objects& objects, Output& output);
+  void follow(const Objects& objects, Output& output);
+  void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output);
 
   std::string robot_, leader_;
   std::map<std::string, RobotBody> bodies_;
   std::vector<std::string> ranks_;  ///< leader first, then by name
+  std::size_t rank_ = 0;
   Options options_;
   motion::FollowLaw follow_;
   motion::LeadLaw lead_;
   motion::Avoidance avoidance_;
+  motion::Surroundings around_;
   std::map<std::string, Known> known_;
-  std::optional<motion::Followed> last_followed_;
+  std::deque<Moved> moved_;  ///< own motion, frame by frame, as far back as published poses may lie
+  std::string followed_name_;
+  std::optional<motion::Followed> last_followed_;  ///< in base_link of the frame before, until updated
   TimeNs last_followed_ns_ = 0;
-  Pose2 moved_since_pose_;  ///< own motion since the own published pose
+  TimeNs frame_ns_ = 0;
+  double dt_s_ = 0.0;
+  double turned_rad_ = 0.0;
   motion::Twist commanded_;
 };
 

@@ -1,0 +1,125 @@
+#include "motion/avoidance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::motion {
+namespace {
+
+constexpr double kBlockedCostRad = 2.0;  // a heading without any free way is as bad as straying by this much
+constexpr double kStandsMps = 1e-3;
+
+Eigen::Vector2d direction(double angle_rad) {
+  return {std::cos(angle_rad), std::sin(angle_rad)};
+}
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
+/// Way along the unit vector until a disc of `reach_m` about `centre` is touched; `limit_m` where it is not.
+/// Inside the disc only the way out is free.
+double wayToDisc(const Eigen::Vector2d& unit, const Eigen::Vector2d& centre, double reach_m, double limit_m) {
+  const double along_m = unit.dot(centre), aside_m = std::abs(cross(unit, centre));
+  if (along_m <= 0.0 || aside_m >= reach_m) return limit_m;
+  return std::clamp(along_m - std::sqrt(reach_m * reach_m - aside_m * aside_m), 0.0, limit_m);
+}
+
+}  // namespace
+
+DriveLimits DriveLimits::read(const options::Section& section) {
+  DriveLimits limits;
+  section.read("cruise_mps", limits.cruise_mps, {0.01, 5.0});
+  section.read("max_mps", limits.max_mps, {0.01, 5.0});
+  section.read("max_turn_radps", limits.max_turn_radps, {0.05, 20.0});
+  section.read("lead_turn_radps", limits.lead_turn_radps, {0.05, 20.0});
+  section.read("turn_gain_per_s", limits.turn_gain_per_s, {0.05, 20.0});
+  section.read("max_mps2", limits.max_mps2, {0.01, 50.0});
+  section.read("max_turn_radps2", limits.max_turn_radps2, {0.05, 200.0});
+  section.finish();
+  if (limits.cruise_mps > limits.max_mps) section.fail("cruise_mps", "must not exceed max_mps");
+  return limits;
+}
+
+Avoidance::Options Avoidance::Options::read(const options::Section& section) {
+  Options options;
+  section.read("margin_m", options.margin_m, {0.0, 2.0});
+  section.read("look_ahead_m", options.look_ahead_m, {0.1, 10.0});
+  section.read("braking_mps2", options.braking_mps2, {0.01, 50.0});
+  section.read("predict_s", options.predict_s, {0.1, 20.0});
+  section.read("headings", options.headings, {8, 720});
+  section.read("stay_weight", options.stay_weight, {0.0, 10.0});
+  section.finish();
+  return options;
+}
+
+void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_radius_m,
+                      Surroundings& around) {
+  around.points_m.clear();
+  around.robots.clear();
+  around.radius_m = own_radius_m;
+  const Scan& scan = objects.scan;
+  const double step_rad = scan.range_m.empty() ? 0.0 : 2.0 * M_PI / static_cast<double>(scan.range_m.size());
+  for (std::size_t i = 0; i < scan.range_m.size(); ++i) {
+    const bool solid = scan.label[i] == RayLabel::kObstacle || scan.label[i] == RayLabel::kUnknown;
+    if (!solid || !std::isfinite(scan.range_m[i])) continue;
+    around.points_m.push_back(scan.origin_m + scan.range_m[i] * direction(step_rad * static_cast<double>(i)));
+  }
+  for (const Track& track : objects.tracks) {
+    if (track.kind == ObjectKind::kRobot) {
+      around.robots.push_back({track.position_m, track.velocity_mps, robot_radius_m});
+    } else if (!track.visible) {
+      around.points_m.push_back(track.position_m);
+      around.points_m.push_back(track.contact_m);
+    }
+  }
+}
+
+double Avoidance::freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
+                          double limit_m) const {
+  double free_m = limit_m;
+  const double reach_m = around.radius_m + options_.margin_m;
+  for (const Eigen::Vector2d& point : around.points_m) free_m = wayToDisc(unit, point, reach_m, free_m);
+  for (const Neighbour& robot : around.robots) {
+    // In the frame of the other robot: what counts is whether both meet within the time looked ahead.
+    const Eigen::Vector2d closing_mps = speed_mps * unit - robot.velocity_mps;
+    const double closing = closing_mps.norm();
+    if (closing < kStandsMps) continue;
+    const double limit = closing * options_.predict_s;
+    const double way_m = wayToDisc(closing_mps / closing, robot.position_m, reach_m + robot.radius_m, limit);
+    if (way_m < limit) free_m = std::min(free_m, way_m / closing * speed_mps);
+  }
+  return free_m;
+}
+
+Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps,
+                                   double turned_rad) {
+  chosen_rad_ = wrapAngle(chosen_rad_ - turned_rad);
+  const double speed_mps = wanted_mps.norm();
+  Result result;
+  if (speed_mps < kStandsMps) {
+    turning_ = false;
+    return result;
+  }
+  const double wanted_rad = std::atan2(wanted_mps.y(), wanted_mps.x());
+  double least_cost = std::numeric_limits<double>::infinity(), best_rad = wanted_rad;
+  for (int i = 0; i < options_.headings; ++i) {
+    const double heading_rad = wanted_rad + wrapAngle(2.0 * M_PI * i / options_.headings);
+    const double free_m = freeWay(around, direction(heading_rad), speed_mps, options_.look_ahead_m);
+    double cost = std::abs(wrapAngle(heading_rad - wanted_rad));
+    cost += kBlockedCostRad * (1.0 - free_m / options_.look_ahead_m);
+    if (turning_) cost += options_.stay_weight * std::abs(wrapAngle(heading_rad - chosen_rad_));
+    if (cost >= least_cost) continue;
+    least_cost = cost;
+    best_rad = heading_rad;
+    result.free_m = free_m;
+  }
+  result.turned = std::abs(wrapAngle(best_rad - wanted_rad)) > 1e-6;
+  turning_ = result.turned;
+  chosen_rad_ = wrapAngle(best_rad);
+  const double brakable_mps = std::sqrt(2.0 * options_.braking_mps2 * result.free_m);
+  result.velocity_mps = std::min(speed_mps, brakable_mps) * direction(best_rad);
+  return result;
+}
+
+}  // namespace omnifleet::motion
