@@ -8,6 +8,7 @@ namespace omnifleet::motion {
 namespace {
 
 constexpr double kBlockedCostRad = 2.0;  // a heading without any free way is as bad as straying by this much
+constexpr double kCreepM = 0.01;
 constexpr double kStandsMps = 1e-3;
 
 Eigen::Vector2d direction(double angle_rad) {
@@ -17,9 +18,12 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-/// Way along the unit vector until a disc of `reach_m` about `centre` is touched; `limit_m` where it is not.
-/// Inside the disc only the way out is free.
-double wayToDisc(const Eigen::Vector2d& unit, const Eigen::Vector2d& centre, double reach_m, double limit_m) {
+/// Way along the unit vector until a disc about `centre` is touched; `limit_m` where it is not. The disc is
+/// `widest_m`, or less for a body that is nearer already, so that it may pass or leave but not come closer;
+/// never below `least_m`.
+double wayToDisc(const Eigen::Vector2d& unit, const Eigen::Vector2d& centre, double least_m, double widest_m,
+                 double limit_m) {
+  const double reach_m = std::clamp(centre.norm() - kCreepM, least_m, widest_m);
   const double along_m = unit.dot(centre), aside_m = std::abs(cross(unit, centre));
   if (along_m <= 0.0 || aside_m >= reach_m) return limit_m;
   return std::clamp(along_m - std::sqrt(reach_m * reach_m - aside_m * aside_m), 0.0, limit_m);
@@ -44,12 +48,14 @@ DriveLimits DriveLimits::read(const options::Section& section) {
 Avoidance::Options Avoidance::Options::read(const options::Section& section) {
   Options options;
   section.read("margin_m", options.margin_m, {0.0, 2.0});
+  section.read("least_margin_m", options.least_margin_m, {0.0, 2.0});
   section.read("look_ahead_m", options.look_ahead_m, {0.1, 10.0});
   section.read("braking_mps2", options.braking_mps2, {0.01, 50.0});
   section.read("predict_s", options.predict_s, {0.1, 20.0});
   section.read("headings", options.headings, {8, 720});
   section.read("stay_weight", options.stay_weight, {0.0, 10.0});
   section.finish();
+  if (options.least_margin_m > options.margin_m) section.fail("least_margin_m", "must not exceed margin_m");
   return options;
 }
 
@@ -78,15 +84,18 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
 double Avoidance::freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
                           double limit_m) const {
   double free_m = limit_m;
-  const double reach_m = around.radius_m + options_.margin_m;
-  for (const Eigen::Vector2d& point : around.points_m) free_m = wayToDisc(unit, point, reach_m, free_m);
+  const double least_m = around.radius_m + options_.least_margin_m,
+               widest_m = around.radius_m + options_.margin_m;
+  for (const Eigen::Vector2d& point : around.points_m)
+    free_m = wayToDisc(unit, point, least_m, widest_m, free_m);
   for (const Neighbour& robot : around.robots) {
     // In the frame of the other robot: what counts is whether both meet within the time looked ahead.
     const Eigen::Vector2d closing_mps = speed_mps * unit - robot.velocity_mps;
     const double closing = closing_mps.norm();
     if (closing < kStandsMps) continue;
     const double limit = closing * options_.predict_s;
-    const double way_m = wayToDisc(closing_mps / closing, robot.position_m, reach_m + robot.radius_m, limit);
+    const double way_m = wayToDisc(closing_mps / closing, robot.position_m, least_m + robot.radius_m,
+                                   widest_m + robot.radius_m, limit);
     if (way_m < limit) free_m = std::min(free_m, way_m / closing * speed_mps);
   }
   return free_m;

@@ -47,11 +47,12 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
 class Avoidance {
  public:
   struct Options {
-    double margin_m = 0.10;     ///< m, kept between the body and whatever stands there
-    double look_ahead_m = 1.0;  ///< m, obstacles farther off do not turn the robot yet
-    double braking_mps2 = 0.5;  ///< m/s², the speed stays below √(2 · braking · free distance)
-    double predict_s = 1.5;     ///< s, other robots are where their velocity takes them within this time
-    int headings = 72;          ///< headings tried
+    double margin_m = 0.10;        ///< m, kept between the body and whatever stands there
+    double least_margin_m = 0.03;  ///< m, kept even by a body that has come nearer than margin_m already
+    double look_ahead_m = 1.0;     ///< m, obstacles farther off do not turn the robot yet
+    double braking_mps2 = 0.5;     ///< m/s², the speed stays below √(2 · braking · free distance)
+    double predict_s = 1.5;        ///< s, other robots are where their velocity takes them within this time
+    int headings = 72;             ///< headings tried
     double stay_weight =
         0.3;  ///< 1, cost of leaving the heading chosen before, per radian, against 1 for the wanted
 

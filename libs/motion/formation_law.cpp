@@ -31,8 +31,8 @@ RowPlace rowPlace(std::size_t rank) {
 }  // namespace
 
 Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double angle_rad) {
-  // Odd ranks on the right (the followed robot is seen to the left, θ > 0), even ranks on the left.
-  const double side = rank % 2 == 1 ? 1.0 : -1.0;
+  // Odd ranks on the left (the followed robot is seen to the right, θ < 0), even ranks on the right.
+  const double side = rank % 2 == 1 ? -1.0 : 1.0;
   const std::size_t before_on_side = rank <= 2 ? 0 : rank - 2;
   switch (shape) {
     case FormationShape::kColumn:
@@ -44,11 +44,12 @@ Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double an
     case FormationShape::kTriangle:
       break;
   }
-  // A place follows the one before it to its left, the leftmost of a row the one to its right.
+  // Rows are filled from the left; a place follows the one before it to its right, the rightmost the one to
+  // its left.
   const RowPlace at = rowPlace(rank);
-  const bool leftmost = at.place == at.row;
-  const std::size_t followed = at.first_of_row_before + (leftmost ? at.place - 1 : at.place);
-  return {followed, distance_m, (leftmost ? -1.0 : 1.0) * M_PI / 6.0};
+  const bool rightmost = at.place == at.row;
+  const std::size_t followed = at.first_of_row_before + (rightmost ? at.place - 1 : at.place);
+  return {followed, distance_m, (rightmost ? 1.0 : -1.0) * M_PI / 6.0};
 }
 
 std::vector<Eigen::Vector2d> placesOf(const FormationCommand& command, std::size_t robots) {
@@ -65,11 +66,25 @@ FollowLaw::Options FollowLaw::Options::read(const options::Section& section) {
   section.read("gain_per_s", options.gain_per_s, {0.01, 10.0});
   section.read("closing_max_mps", options.closing_max_mps, {0.01, 5.0});
   section.read("swing_max_mps", options.swing_max_mps, {0.0, 5.0});
+  section.read("patient_m", options.patient_m, {0.0, 10.0});
   section.read("near_m", options.near_m, {0.0, 1.0});
   section.read("stands_mps", options.stands_mps, {0.0, 1.0});
   section.finish();
   return options;
 }
+
+namespace {
+
+/// Without turning about: slower where the place lies behind, aside only by the way ahead.
+Eigen::Vector2d patient(const Eigen::Vector2d& velocity_mps, double heading_rad) {
+  const Eigen::Vector2d ahead = direction(heading_rad), left(-ahead.y(), ahead.x());
+  const double along_mps = std::max(-kBackingMps, velocity_mps.dot(ahead));
+  const double most_mps = std::max(0.0, along_mps);
+  const double aside_mps = std::clamp(velocity_mps.dot(left), -most_mps, most_mps);
+  return along_mps * ahead + aside_mps * left;
+}
+
+}  // namespace
 
 FollowLaw::Result FollowLaw::wanted(const Slot& slot, const Followed& followed) const {
   Result result;
@@ -86,8 +101,11 @@ FollowLaw::Result FollowLaw::wanted(const Slot& slot, const Followed& followed) 
   Eigen::Vector2d closing_mps = options_.gain_per_s * result.place_m;
   if (closing_mps.norm() > options_.closing_max_mps)
     closing_mps *= options_.closing_max_mps / closing_mps.norm();
+  result.velocity_mps = place_mps + closing_mps;
+  if (result.place_m.norm() < options_.patient_m)
+    result.velocity_mps = patient(result.velocity_mps, heading_rad);
   const bool settled = result.place_m.norm() < options_.near_m && place_mps.norm() < options_.stands_mps;
-  result.velocity_mps = settled ? Eigen::Vector2d::Zero() : (place_mps + closing_mps).eval();
+  if (settled) result.velocity_mps.setZero();
   return result;
 }
 

@@ -43,6 +43,7 @@ class FollowLaw {
     double closing_max_mps = 0.25;  ///< m/s, no faster than that
     double swing_max_mps =
         0.20;                  ///< m/s, no more of the place's swing about the followed robot is fed forward
+    double patient_m = 0.30;   ///< m, out of place by less: wait or sidle forward rather than turn about
     double near_m = 0.04;      ///< m, out of place by less is good enough …
     double stands_mps = 0.03;  ///< m/s, … while the place moves slower than this
 

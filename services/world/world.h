@@ -53,6 +53,10 @@ class World {
 
   const synthetic::Arena& arena() const { return arena_; }
   const State& now() const { return state_; }
+  /// True speed of a robot.
+  motion::Twist twist(std::size_t robot) const {
+    return motion::twistFromWheels(speeds_[robot], arena_.robots[robot].body.wheel_separation_m);
+  }
   /// True at and after the arena's last frame.
   bool finished() const { return state_.frame + 1 >= arena_.frames(); }
 

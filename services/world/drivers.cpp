@@ -1,0 +1,69 @@
+#include "world/drivers.h"
+
+namespace omnifleet::world {
+namespace {
+
+std::map<std::string, RobotBody> bodiesOf(const synthetic::Arena& arena) {
+  std::map<std::string, RobotBody> bodies;
+  for (const synthetic::ArenaRobot& robot : arena.robots) bodies[robot.name] = robot.body;
+  return bodies;
+}
+
+}  // namespace
+
+Drivers::Drivers(const World& world)
+    : next_(world.arena().robots.size()), commands_(next_.size()), before_(world.now().map_from_bases) {
+  const synthetic::Arena& arena = world.arena();
+  formation::Formation::Options options;
+  if (arena.has_formation) options = formation::Formation::Options::read(arena.formation);
+  for (const synthetic::ArenaRobot& robot : arena.robots) {
+    formation::Formation::Options own = options;
+    if (!arena.has_formation) {
+      own.leader = robot.name;
+      own.command.waypoints_m = robot.waypoints_m;
+      own.lead.wait_speed = 1.0;  // nobody follows
+    }
+    formations_.emplace_back(robot.name, bodiesOf(arena), own);
+  }
+}
+
+const std::vector<motion::WheelSpeeds>& Drivers::commands(const World& world) {
+  const synthetic::Arena& arena = world.arena();
+  const double time_s = static_cast<double>(world.now().time_ns - arena.start_ns) * 1e-9;
+  for (std::size_t i = 0; i < arena.robots.size(); ++i) {
+    commands_[i] = next_[i];
+    if (!arena.robots[i].speeds.empty()) {
+      commands_[i] = fromTable(arena.robots[i], time_s);
+      continue;
+    }
+    Objects objects = observe(world, i);
+    if (before_ns_ > 0) objects.motion = exactMotion(before_[i], world.now().map_from_bases[i], before_ns_);
+    const formation::Formation::Output output = formations_[i].process(objects, published_);
+    next_[i] = output.command.speeds;
+    states_[output.state.robot] = output.state;
+  }
+  before_ = world.now().map_from_bases;
+  before_ns_ = world.now().time_ns;
+  published_ = exactPoses(world);
+  return commands_;
+}
+
+bool Drivers::arrived() const {
+  for (const auto& [robot, state] : states_) {
+    if (!state.arrived && state.role != motion::FormationRole::kIdle) return false;
+  }
+  for (const motion::WheelSpeeds& speeds : next_) {
+    if (speeds.left_mps != 0.0 || speeds.right_mps != 0.0) return false;
+  }
+  return !states_.empty();
+}
+
+motion::WheelSpeeds Drivers::fromTable(const synthetic::ArenaRobot& robot, double time_s) const {
+  motion::WheelSpeeds speeds;
+  for (const Eigen::Vector3d& row : robot.speeds) {
+    if (time_s + 1e-9 >= row.x()) speeds = {row.y(), row.z()};
+  }
+  return speeds;
+}
+
+}  // namespace omnifleet::world
