@@ -52,7 +52,7 @@ struct Arena {
   bool has_formation = false;  ///< else robots drive alone, by their waypoints or speeds
   options::Section world;      ///< for world::World::Options
   options::Section formation;  ///< for formation::Formation::Options
-  options::Section random;     ///< for randomise()
+  options::Section random;     ///< for randomised()
 
   /// Throws options::Error naming file, line, key and bound.
   static Arena load(const std::string& path);
@@ -72,10 +72,5 @@ struct Arena {
 /// The rig of Choi et al. 2014 §II: fisheye 1280×960, 185°, looking down from a tube over the body's middle,
 /// half a metre above the floor; equidistant, filling the image's height.
 lens::CameraModel paperFisheye();
-
-/// The same arena with obstacles, colours, light and starts of its own for each seed: solids are drawn anew
-/// within the bounds that the arena's `random:` section sets, at least a robot's passage from one another and
-/// from the robots; goals stay reachable. Seeds give equal arenas on every machine.
-Arena randomised(const Arena& arena, std::uint32_t seed);
 
 }  // namespace omnifleet::synthetic

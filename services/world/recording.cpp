@@ -1,0 +1,83 @@
+#include "world/recording.h"
+
+#include <memory>
+
+#include "dataset/writer.h"
+#include "synthetic/renderer.h"
+#include "world/drivers.h"
+
+namespace omnifleet::world {
+namespace {
+
+struct CameraTrack {
+  synthetic::Renderer renderer;
+  dataset::ImageStreamWriter writer;
+  cv::Mat image;
+};
+
+std::vector<std::unique_ptr<CameraTrack>> openCameras(const synthetic::Arena& arena,
+                                                      const RecordingOptions& options,
+                                                      const std::string& folder) {
+  std::vector<std::unique_ptr<CameraTrack>> cameras;
+  for (const synthetic::ArenaCamera& camera : arena.cameras) {
+    if (!(camera.robot.empty() ? options.ceiling : options.cameras)) continue;
+    cameras.push_back(std::make_unique<CameraTrack>(
+        CameraTrack{synthetic::Renderer(arena, camera.id, options.seed),
+                    dataset::ImageStreamWriter(folder, camera.id, camera.model, options.extension),
+                    {}}));
+  }
+  return cameras;
+}
+
+void writeDescription(const synthetic::Arena& arena, const std::string& folder) {
+  std::vector<dataset::RobotRecording> robots;
+  for (const synthetic::ArenaRobot& robot : arena.robots) {
+    dataset::RobotRecording recording;
+    recording.name = robot.name;
+    recording.initial_pose = robot.initial_map_from_base;
+    recording.body = robot.body;
+    robots.push_back(recording);
+  }
+  dataset::writeDatasetYaml(folder, robots);
+  if (arena.markers) dataset::writeMarkers(folder, *arena.markers);
+}
+
+}  // namespace
+
+RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& options,
+                       const std::string& folder, const std::function<void(int, int)>& progress) {
+  World world(arena, options.world, options.seed);
+  Drivers drivers(world);
+  writeDescription(arena, folder);
+  auto cameras = openCameras(arena, options, folder);
+  std::vector<dataset::WheelsWriter> wheels;
+  for (const synthetic::ArenaRobot& robot : arena.robots) wheels.emplace_back(folder, robot.name);
+  std::vector<std::vector<dataset::StampedPose>> truth(arena.robots.size());
+
+  RecordingReport report;
+  while (true) {
+    const World::State state = world.now();
+    for (auto& camera : cameras) {
+      camera->renderer.render(state.frame, state.map_from_bases, camera->image);
+      camera->writer.write(state.time_ns, camera->image);
+    }
+    const World::Driven& driven = world.step(drivers.commands(world));
+    for (std::size_t i = 0; i < wheels.size(); ++i) {
+      truth[i].push_back({state.time_ns, state.map_from_bases[i]});
+      for (const dataset::WheelRow& row : driven.wheels[i]) wheels[i].write(row);
+    }
+    report.collisions.insert(report.collisions.end(), driven.collisions.begin(), driven.collisions.end());
+    report.frames = state.frame + 1;
+    report.arrived = drivers.arrived();
+    if (progress) progress(report.frames, arena.frames());
+    if (report.arrived || report.frames >= arena.frames()) break;
+  }
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    dataset::writeTruthTrajectory(folder, arena.robots[i].name, truth[i]);
+  }
+  const double end_s = static_cast<double>(report.frames - 1) / arena.rate_hz;
+  dataset::writeTruthScene(folder, arena.truthScene(end_s));
+  return report;
+}
+
+}  // namespace omnifleet::world
