@@ -1,0 +1,219 @@
+// A whole fleet of processes, seen from outside. Each scenario has its own DDS domain and waits for events.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "fleet/fleet.h"
+#include "tests/multiprocess/listener.h"
+#include "tests/multiprocess/process.h"
+
+namespace omnifleet::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::string smallFleet() {
+  return sourceDir() + "/config/fleets/small.yaml";
+}
+
+struct LiveFleet {
+  LiveFleet(const std::string& name, int domain)
+      : out(freshDir(name)),
+        shared_before(sharedMemoryFiles()),
+        launch(
+            {program("launch"), "run", smallFleet(), "--realtime", "--config",
+             sourceDir() + "/tests/multiprocess/long.yaml", "--out", out, "--domain", std::to_string(domain)},
+            out + "/launch.log"),
+        listener(domain) {}
+
+  std::string out;
+  std::vector<std::string> shared_before;
+  Process launch;
+  Listener listener;
+};
+
+std::set<std::string> instances(const std::string& fleet_file) {
+  std::set<std::string> names;
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet::Fleet::load(fleet_file, "", {}))) {
+    names.insert(process.service + " " + process.instance);
+  }
+  return names;
+}
+
+TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
+  const std::string out = freshDir("lockstep");
+  Listener listener(61);
+  auto hashes = listener.bus().reader(listener.topics().map_hash);
+  auto statuses = listener.bus().reader(listener.topics().service_status);
+  Process launch({program("launch"), "run", smallFleet(), "--out", out, "--domain", "61"},
+                 out + "/launch.log");
+  std::map<std::string, v1::MapHash> last_hash;
+  std::set<std::string> seen;
+  std::optional<int> code;
+  listener.until(
+      [&] {
+        v1::MapHash hash;
+        while (hashes->take(hash)) last_hash[hash.replica().to_string()] = hash;
+        v1::ServiceStatus status;
+        while (statuses->take(status))
+          seen.insert(status.service().to_string() + " " + status.instance().to_string());
+        code = launch.wait(0ms);
+        return code.has_value();
+      },
+      120s);
+  ASSERT_TRUE(code.has_value()) << "the run did not end\n" << launch.output();
+  EXPECT_EQ(*code, 0) << launch.output();
+  EXPECT_EQ(seen, instances(smallFleet())) << "every process tells its status";
+  ASSERT_EQ(last_hash.size(), 2u) << "one hash per replica";
+  EXPECT_EQ(last_hash["r1"].sha256(), last_hash["r2"].sha256()) << "equal sets must give equal maps";
+  EXPECT_GT(last_hash["r1"].contributions(), 2u);
+  for (const char* file :
+       {"map.bt", "map.pgm", "map.yaml", "map.png", "objects.geojson", "trajectories/r1.tum"}) {
+    EXPECT_FALSE(fileText(out + "/" + file).empty()) << file;
+  }
+  EXPECT_FALSE(nlohmann::json::parse(fileText(out + "/objects.geojson"))["features"].empty());
+}
+
+TEST(FleetProcesses, ALateSubscriberGetsTheMap) {
+  LiveFleet fleet("late", 62);
+  {
+    auto early = fleet.listener.bus().reader(fleet.listener.topics().map_grid);
+    v1::Grid grid;
+    ASSERT_TRUE(fleet.listener.untilSample<v1::Grid>(
+        *early, grid, [](const v1::Grid& g) { return g.width() > 0; }, 60s))
+        << fleet.launch.output();
+  }
+  Listener late(62);
+  auto grids = late.bus().reader(late.topics().map_grid);
+  auto outlines = late.bus().reader(late.topics().map_outlines);
+  auto octrees = late.bus().reader(late.topics().map_octree);
+  v1::Grid grid;
+  ASSERT_TRUE(late.untilSample<v1::Grid>(
+      *grids, grid, [](const v1::Grid& g) { return g.width() > 0; }, 10s));
+  EXPECT_EQ(grid.cells().size(), static_cast<std::size_t>(grid.width()) * grid.height());
+  EXPECT_THAT(grid.cells(), testing::Contains(0)) << "free floor is known";
+  v1::OctreeMap octree;
+  ASSERT_TRUE(late.untilSample<v1::OctreeMap>(
+      *octrees, octree, [](const v1::OctreeMap&) { return true; }, 10s));
+  EXPECT_EQ(std::string(octree.bt().begin(), octree.bt().begin() + 9), "# Octomap");
+  v1::Outlines objects;
+  ASSERT_TRUE(late.untilSample<v1::Outlines>(
+      *outlines, objects, [](const v1::Outlines&) { return true; }, 10s));
+}
+
+class StopSignal : public testing::TestWithParam<int> {};
+
+TEST_P(StopSignal, EndsEveryServiceAndLeavesNothing) {
+  const int domain = GetParam() == SIGINT ? 63 : 64;
+  const std::string name = GetParam() == SIGINT ? "sigint" : "sigterm";
+  std::vector<pid_t> pids;
+  {
+    LiveFleet fleet(name, domain);
+    auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
+    auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose);
+    v1::Pose pose;
+    ASSERT_TRUE(fleet.listener.untilSample<v1::Pose>(
+        *poses, pose, [](const v1::Pose& p) { return p.valid(); }, 60s))
+        << fleet.launch.output();
+    v1::ServiceStatus status;
+    std::set<std::string> seen;
+    ASSERT_TRUE(fleet.listener.until(
+        [&] {
+          while (statuses->take(status)) {
+            if (seen.insert(status.service().to_string() + " " + status.instance().to_string()).second) {
+              pids.push_back(static_cast<pid_t>(status.process_id()));
+            }
+          }
+          return seen == instances(smallFleet());
+        },
+        30s));
+    const auto sent = std::chrono::steady_clock::now();
+    fleet.launch.signal(GetParam());
+    const auto code = fleet.launch.wait(10s);
+    ASSERT_TRUE(code.has_value()) << "still running\n" << fleet.launch.output();
+    EXPECT_EQ(*code, 0) << fleet.launch.output();
+    EXPECT_LT(std::chrono::steady_clock::now() - sent, 3s) << "the budget of 2 s and the launcher's own end";
+    EXPECT_FALSE(fileText(fleet.out + "/map.bt").empty()) << "the merger drains and saves";
+    for (const pid_t pid : pids) EXPECT_FALSE(alive(pid)) << pid;
+  }
+  EXPECT_THAT(sharedMemoryFiles(), testing::Each(testing::Not(testing::HasSubstr("datasharing"))))
+      << "frames leave no shared memory behind";
+}
+INSTANTIATE_TEST_SUITE_P(Both, StopSignal, testing::Values(SIGINT, SIGTERM),
+                         [](const auto& info) { return info.param == SIGINT ? "SIGINT" : "SIGTERM"; });
+
+TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
+  LiveFleet fleet("killed", 65);
+  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
+  auto objects = fleet.listener.bus().reader(fleet.listener.topics().objects, "r1");
+  const auto classifier = [](const v1::ServiceStatus& s) {
+    return s.service().to_string() == "classifier" && s.instance().to_string() == "r1";
+  };
+  v1::Objects sample;
+  ASSERT_TRUE(fleet.listener.untilSample<v1::Objects>(
+      *objects, sample, [](const v1::Objects&) { return true; }, 60s))
+      << fleet.launch.output();
+  v1::ServiceStatus status;
+  ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(*statuses, status, classifier, 10s));
+  const auto victim = status.process_id();
+  ASSERT_EQ(kill(static_cast<pid_t>(victim), SIGKILL), 0);
+  ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(
+      *statuses, status,
+      [&](const v1::ServiceStatus& s) { return classifier(s) && s.process_id() != victim; }, 20s))
+      << fleet.launch.output();
+  const auto before = sample.header().acquired_ns();
+  ASSERT_TRUE(fleet.listener.untilSample<v1::Objects>(
+      *objects, sample,
+      [&](const v1::Objects& o) { return o.header().acquired_ns() > before + 1'000'000'000; }, 20s))
+      << "the restarted classifier publishes";
+  auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose, "r1");
+  v1::Pose pose;
+  const auto restarted = sample.header().acquired_ns();
+  EXPECT_TRUE(fleet.listener.untilSample<v1::Pose>(
+      *poses, pose, [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > restarted; },
+      20s))
+      << "the line behind it goes on";
+}
+
+TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
+  LiveFleet fleet("truth", 66);
+  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
+  std::set<std::string> running;
+  v1::ServiceStatus status;
+  ASSERT_TRUE(fleet.listener.until(
+      [&] {
+        while (statuses->take(status))
+          running.insert(status.service().to_string() + " " + status.instance().to_string());
+        return running == instances(smallFleet());
+      },
+      60s))
+      << fleet.launch.output();
+  // A writer of our own is matched by every reader of truth in the fleet, whoever it is.
+  auto truth = fleet.listener.bus().writer(fleet.listener.topics().world_truth, "r1");
+  const int cameras = static_cast<int>(std::count_if(
+      running.begin(), running.end(), [](const std::string& name) { return name.rfind("camera ", 0) == 0; }));
+  ASSERT_GT(cameras, 0);
+  EXPECT_TRUE(truth->waitForReaders(cameras, 10s));
+  EXPECT_FALSE(truth->waitForReaders(cameras + 1, 2s)) << "somebody beside the renderers reads the truth";
+}
+
+TEST(FleetProcesses, ABadOptionStartsNothing) {
+  const std::string out = freshDir("bad_option");
+  Process launch({program("launch"), "run", smallFleet(), "--config",
+                  sourceDir() + "/tests/multiprocess/bad.yaml", "--out", out + "/run", "--domain", "67"},
+                 out + "/launch.log");
+  const auto code = launch.wait(20s);
+  ASSERT_TRUE(code.has_value());
+  EXPECT_EQ(*code, 2);
+  EXPECT_THAT(launch.output(), testing::HasSubstr("bad.yaml:5:"));
+  EXPECT_THAT(launch.output(), testing::HasSubstr("services.classifier.no_such_option"));
+  EXPECT_EQ(std::count(launch.output().begin(), launch.output().end(), '\n'), 1) << launch.output();
+}
+
+}  // namespace
+}  // namespace omnifleet::test
