@@ -32,6 +32,9 @@ class FeatureFlow {
   /// Forgets the previous frame.
   void forget() { has_previous_ = has_current_ = false; }
 
+  /// Brightness of the frame pushed last.
+  const cv::Mat1b& grey() const { return current_.grey(); }
+
   /// Fills vectors and height of objects[i] from blobs[which[i]].
   /// @param motion base_link(previous) ← base_link(current); taken as identity, and no height, when not valid
   void track(const std::vector<ground::Blob>& blobs, const std::vector<std::size_t>& which,

@@ -38,26 +38,51 @@ void growTo(cv::Mat1f& m, int rows, int columns) {
 }  // namespace
 
 void Harris::smoothProducts(int rows, int columns) {
-  const int taps = static_cast<int>(kernel_.size());
+  switch (kernel_.size() / 2) {
+    case 1:
+      return smoothWith<1>(rows, columns);
+    case 2:
+      return smoothWith<2>(rows, columns);
+    case 3:
+      return smoothWith<3>(rows, columns);
+    case 4:
+      return smoothWith<4>(rows, columns);
+    case 5:
+      return smoothWith<5>(rows, columns);
+    case 6:
+      return smoothWith<6>(rows, columns);
+    case 7:
+      return smoothWith<7>(rows, columns);
+    case 8:
+      return smoothWith<8>(rows, columns);
+    case 9:
+      return smoothWith<9>(rows, columns);
+    default:
+      return smoothWith<10>(rows, columns);
+  }
+}
+
+template <int kRadius>
+void Harris::smoothWith(int rows, int columns) {
+  // Columns first, then rows; the valid part shrinks by the window and moves to the top left.
+  constexpr int kTaps = 2 * kRadius + 1;
+  float w[kTaps] = {};
+  for (std::size_t t = 0; t < kernel_.size(); ++t) w[t + (kTaps - kernel_.size()) / 2] = kernel_[t];
   for (cv::Mat1f* product : {&xx_, &xy_, &yy_}) {
-    // Columns first (contiguous rows), then rows; the valid part shrinks by the window to the top left.
-    for (int y = 0; y + taps <= rows; ++y) {
-      float* out = row_.ptr<float>(y);
-      std::fill_n(out, columns, 0.0f);
-      for (int t = 0; t < taps; ++t) {
-        const float* in = product->ptr<float>(y + t);
-        const float w = kernel_[static_cast<std::size_t>(t)];
-        for (int x = 0; x < columns; ++x) out[x] += w * in[x];
+    const std::ptrdiff_t step = static_cast<std::ptrdiff_t>(product->step1());
+    float* middle = row_.ptr<float>(0);
+    for (int y = 0; y + kTaps <= rows; ++y) {
+      const float* in = product->ptr<float>(y);
+      for (int x = 0; x < columns; ++x) {
+        float sum = w[kRadius] * in[x + kRadius * step];
+        for (int t = 0; t < kRadius; ++t) sum += w[t] * (in[x + t * step] + in[x + (kTaps - 1 - t) * step]);
+        middle[x] = sum;
       }
-    }
-    for (int y = 0; y + taps <= rows; ++y) {
-      const float* in = row_.ptr<float>(y);
       float* out = product->ptr<float>(y);
-      const int width = columns - taps + 1;
-      std::fill_n(out, width, 0.0f);
-      for (int t = 0; t < taps; ++t) {
-        const float w = kernel_[static_cast<std::size_t>(t)];
-        for (int x = 0; x < width; ++x) out[x] += w * in[x + t];
+      for (int x = 0; x + kTaps <= columns; ++x) {
+        float sum = w[kRadius] * middle[x + kRadius];
+        for (int t = 0; t < kRadius; ++t) sum += w[t] * (middle[x + t] + middle[x + kTaps - 1 - t]);
+        out[x] = sum;
       }
     }
   }

@@ -15,7 +15,7 @@ struct HarrisOptions {
   bool per_label =
       true;  ///< strongest of the label (dim objects keep their corners); false: of the frame, as printed
   double sigma_px = 1.5;         ///< pixels: Gaussian window W
-  int max_per_label = 24;        ///< strongest corners kept per label
+  int max_per_label = 20;        ///< strongest corners kept per label
   double min_distance_px = 5.0;  ///< pixels between the corners of a label
   static HarrisOptions read(const options::Section& section);
 };
@@ -41,6 +41,8 @@ class Harris {
   void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect);
   void select(const std::vector<ground::Blob>& blobs);
   void smoothProducts(int rows, int columns);
+  template <int kRadius>
+  void smoothWith(int rows, int columns);
 
   HarrisOptions options_;
   std::vector<float> kernel_;

@@ -1,5 +1,6 @@
 #include "flow/lucas_kanade.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace omnifleet::flow {
@@ -107,9 +108,9 @@ bool LucasKanade::iterate(const cv::Mat1b& image, Eigen::Vector2f& centre, float
 }
 
 bool LucasKanade::follow(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,
-                         Eigen::Vector2f& to) {
+                         Eigen::Vector2f& to, int top_level) {
   float residual = 0.0f;
-  const int top = std::min(from_image.size(), to_image.size()) - 1;
+  const int top = std::min({from_image.size() - 1, to_image.size() - 1, top_level});
   bool found = false;
   for (int level = top; level >= 0; --level) {
     const float scale = 1.0f / static_cast<float>(1 << level);
@@ -126,7 +127,7 @@ bool LucasKanade::followBothWays(const Pyramid& from_image, const Pyramid& to_im
                                  const Eigen::Vector2f& from, Eigen::Vector2f& to) {
   if (!follow(from_image, to_image, from, to)) return false;
   Eigen::Vector2f back = from;
-  if (!follow(to_image, from_image, to, back)) return false;
+  if (!follow(to_image, from_image, to, back, 0)) return false;
   return (back - from).norm() <= static_cast<float>(options_.max_return_px);
 }
 

@@ -9,9 +9,9 @@
 namespace omnifleet::flow {
 
 struct LucasKanadeOptions {
-  int radius_px = 6;         ///< pixels: the window is (2·radius + 1)², 2–10
-  double sigma_px = 3.5;     ///< pixels: Gaussian weights ω of eq. 5; 0: equal weights (eq. 4)
-  int levels = 4;            ///< pyramid levels, 1–6
+  int radius_px = 5;         ///< pixels: the window is (2·radius + 1)², 2–10
+  double sigma_px = 3.0;     ///< pixels: Gaussian weights ω of eq. 5; 0: equal weights (eq. 4)
+  int levels = 3;            ///< pyramid levels, 1–6
   int iterations = 10;       ///< per level at most
   double epsilon_px = 0.02;  ///< pixels: a smaller step ends a level
   double min_eigenvalue =
@@ -25,15 +25,17 @@ struct LucasKanadeOptions {
 class LucasKanade {
  public:
   static constexpr int kMaxRadius = 10;
+  static constexpr int kAllLevels = 100;
 
   explicit LucasKanade(const LucasKanadeOptions& options);
 
   /// Follows one point from one image into another; `to` holds the first guess and then the result.
   /// @return false when it is lost (leaves the image, no texture, no match)
   bool follow(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,
-              Eigen::Vector2f& to);
+              Eigen::Vector2f& to, int top_level = kAllLevels);
 
-  /// follow() there and back again; lost too when it does not return to where it came from.
+  /// follow() there and, at full resolution, back again; lost too when it does not return to where it came
+  /// from.
   bool followBothWays(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,
                       Eigen::Vector2f& to);
 

@@ -8,7 +8,8 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr int kJump = 4;  // cells: a floor marking (grid line, joint) up to this wide is stepped over
+constexpr int kLargeImage_px = 900;  // from this width on the model is made of blocks of 2×2 cells
+constexpr int kJump = 4;  // blocks: a floor marking (grid line, joint) up to this wide is stepped over
 // Gains of the filter that follows the floor's brightness from cell to cell: a steady slope is followed
 // without lag (an α–β filter along the way of growth), the noise of a cell's mean is halved.
 constexpr float kLevelGain = 0.5f, kSlopeGain = 0.1f;
@@ -38,6 +39,18 @@ bool isFlat(const cv::Mat3f& means, int x, int y, const cv::Vec3f& reference, co
   return across.dot(across) <= allowed && down.dot(down) <= allowed;
 }
 
+/// Sums → means; `filler` (means) counts where the sums know little. Without anything: 0.
+void divide(cv::Mat& sums, const cv::Mat* filler) {
+  for (int y = 0; y < sums.rows; ++y) {
+    auto* row = sums.ptr<cv::Vec4f>(y);
+    const auto* fill = filler != nullptr ? filler->ptr<cv::Vec4f>(y) : nullptr;
+    for (int x = 0; x < sums.cols; ++x) {
+      if (fill != nullptr) row[x] += kFillWeight * fill[x];
+      row[x] = row[x][3] > 1e-3f ? row[x] * (1.0f / row[x][3]) : cv::Vec4f(0, 0, 0, 0);
+    }
+  }
+}
+
 }  // namespace
 
 ReferenceOptions ReferenceOptions::read(const options::Section& section) {
@@ -54,62 +67,90 @@ ReferenceOptions ReferenceOptions::read(const options::Section& section) {
 FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& options)
     : view_(&view),
       options_(options),
-      colour_(view.cells(), cv::Vec3f(0, 0, 0)),
-      slope_(view.cells(), cv::Vec2f(0, 0)),
-      grown_(view.cells(), std::uint8_t{0}),
-      sums_((view.cells().height + 1) / 2, (view.cells().width + 1) / 2, CV_32FC4),
-      fine_(sums_.size(), CV_32FC4) {
-  queue_.reserve(static_cast<std::size_t>(view.cells().area()));
+      block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
+      colour_(view.cells(), cv::Vec3f(0, 0, 0)) {
+  const cv::Size blocks(view.cells().width / block_, view.cells().height / block_);
+  coverage_ = cv::Mat1b(blocks, std::uint8_t{2});
+  seeds_ = cv::Mat1b(blocks, std::uint8_t{255});
+  for (int y = 0; y < blocks.height * block_; ++y) {
+    for (int x = 0; x < blocks.width * block_; ++x) {
+      auto& covered = coverage_(y / block_, x / block_);
+      covered = std::min(covered, view.coverage()(y, x));
+      seeds_(y / block_, x / block_) &= view.seeds()(y, x);
+    }
+  }
+  means_ = cv::Mat3f(blocks, cv::Vec3f(0, 0, 0));
+  carried_ = cv::Mat3f(blocks, cv::Vec3f(0, 0, 0));
+  slope_ = cv::Mat2f(blocks, cv::Vec2f(0, 0));
+  grown_ = cv::Mat1b(blocks, std::uint8_t{0});
+  sums_.create((blocks.height + 1) / 2, (blocks.width + 1) / 2, CV_32FC4);
+  fine_.create(sums_.size(), CV_32FC4);
+  pyramid_.resize(8);
+  queue_.reserve(static_cast<std::size_t>(blocks.area()));
 }
 
 FloorReference::Test FloorReference::testFor(const cv::Vec3f& r, double noise) const {
-  const double brightness = std::max(1.0, std::sqrt(static_cast<double>(r.dot(r))));
-  const double added = options_.noise_sigmas * noise / brightness;
-  const double along = options_.tolerance_along + added, across = options_.tolerance_across + added;
-  return {static_cast<float>(along * along), static_cast<float>(across * across)};
+  const float brightness = std::sqrt(std::max(1.0f, r.dot(r)));
+  const float added = static_cast<float>(options_.noise_sigmas * noise) / brightness;
+  const float along = static_cast<float>(options_.tolerance_along) + added;
+  const float across = static_cast<float>(options_.tolerance_across) + added;
+  return {along * along, across * across};
 }
 
 bool FloorReference::learn(const cv::Mat3f& cell_means, double noise) {
-  if (!seed(cell_means)) return false;
-  grow(cell_means, noise / FloorView::kCell);
-  smooth(cell_means);
+  averageBlocks(cell_means);
+  if (!seed()) return false;
+  grow(noise / (FloorView::kCell * block_));
+  smooth();
   return true;
 }
 
-bool FloorReference::seed(const cv::Mat3f& cell_means) {
-  const auto& seeds = view_->seeds();
+void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {
+  if (block_ == 1) {
+    means_ = cell_means;  // the same pixels
+    return;
+  }
+  for (int y = 0; y < means_.rows; ++y) {
+    const auto *above = cell_means.ptr<cv::Vec3f>(2 * y), *below = cell_means.ptr<cv::Vec3f>(2 * y + 1);
+    auto* out = means_.ptr<cv::Vec3f>(y);
+    for (int x = 0; x < means_.cols; ++x)
+      out[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+  }
+}
+
+bool FloorReference::seed() {
   const auto binAt = [](const cv::Vec3f& c) {
     return GroundHistogram::binOf(cv::saturate_cast<std::uint8_t>(c[0]),
                                   cv::saturate_cast<std::uint8_t>(c[1]),
                                   cv::saturate_cast<std::uint8_t>(c[2]));
   };
   histogram_.clear();
-  for (int y = 0; y < seeds.rows; ++y)
-    for (int x = 0; x < seeds.cols; ++x)
-      if (seeds(y, x) != 0) histogram_.add(binAt(cell_means(y, x)));
+  for (int y = 0; y < seeds_.rows; ++y)
+    for (int x = 0; x < seeds_.cols; ++x)
+      if (seeds_(y, x) != 0) histogram_.add(binAt(means_(y, x)));
   if (histogram_.settle(options_.min_share, 0, false) <= 0.0) return false;
   grown_.setTo(0);
   queue_.clear();
-  for (int y = 0; y < seeds.rows; ++y) {
-    for (int x = 0; x < seeds.cols; ++x) {
-      if (seeds(y, x) == 0 || histogram_.table()[binAt(cell_means(y, x))] == 0) continue;
+  for (int y = 0; y < seeds_.rows; ++y) {
+    for (int x = 0; x < seeds_.cols; ++x) {
+      if (seeds_(y, x) == 0 || histogram_.table()[binAt(means_(y, x))] == 0) continue;
       grown_(y, x) = 255;
-      colour_(y, x) = cell_means(y, x);
+      carried_(y, x) = means_(y, x);
       slope_(y, x) = cv::Vec2f(0, 0);
-      queue_.push_back(y * seeds.cols + x);
+      queue_.push_back(y * seeds_.cols + x);
     }
   }
-  texture_ = seedTexture(cell_means);
+  texture_ = seedTexture();
   return true;
 }
 
-float FloorReference::seedTexture(const cv::Mat3f& cell_means) {
+float FloorReference::seedTexture() {
   steps_.clear();
   for (const int cell : queue_) {
     const int y = cell / grown_.cols, x = cell % grown_.cols;
     if (x + 2 >= grown_.cols || grown_(y, x + 2) == 0) continue;
-    const cv::Vec3f step = cell_means(y, x + 2) - cell_means(y, x);
-    steps_.push_back(std::sqrt(step.dot(step) / std::max(1.0f, cell_means(y, x).dot(cell_means(y, x)))));
+    const cv::Vec3f step = means_(y, x + 2) - means_(y, x);
+    steps_.push_back(std::sqrt(step.dot(step) / std::max(1.0f, means_(y, x).dot(means_(y, x)))));
   }
   if (steps_.empty()) return 0.0f;
   const auto middle = steps_.begin() + static_cast<std::ptrdiff_t>(steps_.size() / 2);
@@ -117,30 +158,29 @@ float FloorReference::seedTexture(const cv::Mat3f& cell_means) {
   return *middle;
 }
 
-void FloorReference::grow(const cv::Mat3f& cell_means, double noise) {
+void FloorReference::grow(double noise) {
   static constexpr int kSteps[8][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}, {1, 1}, {-1, 1}, {-1, -1}, {1, -1}};
-  const auto& coverage = view_->coverage();
   for (std::size_t next = 0; next < queue_.size(); ++next) {
-    const int y = queue_[next] / coverage.cols, x = queue_[next] % coverage.cols;
-    const cv::Vec3f reference = colour_(y, x);
+    const int y = queue_[next] / coverage_.cols, x = queue_[next] % coverage_.cols;
+    const cv::Vec3f reference = carried_(y, x);
     const cv::Vec2f slope = slope_(y, x);
     const Test test = testFor(reference, noise);
     const float flatness = std::sqrt(test.along2) + kTextureSigmas * texture_;
     for (const auto& step : kSteps) {
       for (int jump = 1; jump <= kJump; ++jump) {
         const int dx = step[0] * jump, dy = step[1] * jump, ny = y + dy, nx = x + dx;
-        if (ny < 0 || nx < 0 || ny >= coverage.rows || nx >= coverage.cols || coverage(ny, nx) != 2) break;
+        if (ny < 0 || nx < 0 || ny >= coverage_.rows || nx >= coverage_.cols || coverage_(ny, nx) != 2) break;
         if (grown_(ny, nx) != 0) break;
         const cv::Vec3f expected = expect(reference, slope, dx, dy);
-        const cv::Vec3f& mean = cell_means(ny, nx);
-        if (!isLike(mean, expected, test) || !isFlat(cell_means, nx, ny, expected, slope, flatness)) continue;
+        const cv::Vec3f& mean = means_(ny, nx);
+        if (!isLike(mean, expected, test) || !isFlat(means_, nx, ny, expected, slope, flatness)) continue;
         grown_(ny, nx) = 255;
-        colour_(ny, nx) = (1.0f - kLevelGain) * expected + kLevelGain * mean;
+        carried_(ny, nx) = (1.0f - kLevelGain) * expected + kLevelGain * mean;
         const float surprise = mean.dot(expected) / expected.dot(expected) - 1.0f;
         const auto along = cv::Vec2f(static_cast<float>(dx), static_cast<float>(dy)) *
                            (1.0f / static_cast<float>(dx * dx + dy * dy));
         slope_(ny, nx) = slope + kSlopeGain * surprise * along;
-        queue_.push_back(ny * coverage.cols + nx);
+        queue_.push_back(ny * coverage_.cols + nx);
         break;
       }
     }
@@ -152,18 +192,18 @@ cv::Vec3f FloorReference::expect(const cv::Vec3f& reference, const cv::Vec2f& sl
   return reference * (1.0f + std::clamp(change, -kMaxSlope, kMaxSlope));
 }
 
-void FloorReference::sumCells(const cv::Mat3f& cell_means) {
+void FloorReference::sumBlocks() {
   sums_.setTo(cv::Scalar::all(0));
   for (const int cell : queue_) {
     const int y = cell / grown_.cols, x = cell % grown_.cols;
-    const cv::Vec3f& c = cell_means(y, x);
+    const cv::Vec3f& c = means_(y, x);
     sums_.ptr<cv::Vec4f>(y / 2)[x / 2] += cv::Vec4f(c[0], c[1], c[2], 1.0f);
   }
 }
 
-void FloorReference::smooth(const cv::Mat3f& cell_means) {
+void FloorReference::smooth() {
   // Normalised convolution of the grown cells, 2×2 of them at a time; then the same of what it left over.
-  sumCells(cell_means);
+  sumBlocks();
   const int side = 2 * std::max(1, options_.smoothing_cells / 2) + 1;
   fine_.setTo(cv::Scalar::all(0));
   for (int round = 0; round < kSmoothingRounds; ++round) {
@@ -176,33 +216,27 @@ void FloorReference::smooth(const cv::Mat3f& cell_means) {
     }
     cv::blur(residual_, blurred_, {side, side}, {-1, -1}, cv::BORDER_CONSTANT);
     cv::blur(blurred_, residual_, {side, side}, {-1, -1}, cv::BORDER_CONSTANT);
-    divideByWeight(residual_);
+    if (round == 0)
+      fillAndDivide(residual_);
+    else
+      divide(residual_, nullptr);
     fine_ += residual_;
   }
-  cv::resize(fine_, blurred_, {fine_.cols * 2, fine_.rows * 2}, 0, 0, cv::INTER_LINEAR);
-  for (int y = 0; y < colour_.rows; ++y) {
+  const int scale = 2 * block_;
+  cv::resize(fine_, blurred_, {fine_.cols * scale, fine_.rows * scale}, 0, 0, cv::INTER_LINEAR);
+  for (int y = 0; y < std::min(colour_.rows, blurred_.rows); ++y) {
     const auto* row = blurred_.ptr<cv::Vec4f>(y);
-    for (int x = 0; x < colour_.cols; ++x) colour_(y, x) = cv::Vec3f(row[x][0], row[x][1], row[x][2]);
+    for (int x = 0; x < std::min(colour_.cols, blurred_.cols); ++x)
+      colour_(y, x) = cv::Vec3f(row[x][0], row[x][1], row[x][2]);
   }
 }
 
-void FloorReference::divideByWeight(cv::Mat& sums) {
+void FloorReference::fillAndDivide(cv::Mat& sums) {
   // Where the window holds hardly any floor, a coarser one fills in, level by level.
-  pyramid_.resize(8);
   for (std::size_t k = 0; k < pyramid_.size(); ++k) {
     const cv::Mat& finer = k == 0 ? sums : pyramid_[k - 1];
     cv::resize(finer, pyramid_[k], {(finer.cols + 1) / 2, (finer.rows + 1) / 2}, 0, 0, cv::INTER_AREA);
   }
-  const auto divide = [](cv::Mat& level, const cv::Mat* filler) {
-    for (int y = 0; y < level.rows; ++y) {
-      auto* row = level.ptr<cv::Vec4f>(y);
-      const auto* fill = filler != nullptr ? filler->ptr<cv::Vec4f>(y) : nullptr;
-      for (int x = 0; x < level.cols; ++x) {
-        if (fill != nullptr) row[x] += kFillWeight * fill[x];
-        row[x] = row[x][3] > 1e-9f ? row[x] * (1.0f / row[x][3]) : cv::Vec4f(0, 0, 0, 0);
-      }
-    }
-  };
   divide(pyramid_.back(), nullptr);
   for (std::size_t k = pyramid_.size(); k-- > 0;) {
     cv::Mat& finer = k == 0 ? sums : pyramid_[k - 1];

@@ -33,7 +33,8 @@ class FloorReference {
 
   /// Floor colour per cell, defined wherever the view covers.
   const cv::Mat3f& colour() const { return colour_; }
-  /// Per cell: 255 where the growth reached, i.e. the cell is floor all over.
+  /// Per block of cells (1×1, from 900 px of image width on 2×2): 255 where the growth reached, i.e. all
+  /// floor.
   const cv::Mat1b& grown() const { return grown_; }
 
   /// Is p floor where the floor looks like r? `noise` in grey levels, added to both tolerances.
@@ -43,21 +44,25 @@ class FloorReference {
   Test testFor(const cv::Vec3f& r, double noise) const;
 
  private:
-  bool seed(const cv::Mat3f& cell_means);
-  float seedTexture(const cv::Mat3f& cell_means);
-  void grow(const cv::Mat3f& cell_means, double noise);
+  void averageBlocks(const cv::Mat3f& cell_means);
+  bool seed();
+  float seedTexture();
+  void grow(double noise);
   static cv::Vec3f expect(const cv::Vec3f& reference, const cv::Vec2f& slope, int dx, int dy);
-  void sumCells(const cv::Mat3f& cell_means);
-  void smooth(const cv::Mat3f& cell_means);
-  void divideByWeight(cv::Mat& sums);
+  void sumBlocks();
+  void smooth();
+  void fillAndDivide(cv::Mat& sums);
 
   const FloorView* view_;
   ReferenceOptions options_;
   GroundHistogram histogram_;
-  cv::Mat3f colour_;
-  cv::Mat2f slope_;  ///< relative change of the brightness per cell, x and y
-  cv::Mat1b grown_;
-  cv::Mat sums_, fine_, residual_, blurred_, filler_;  ///< CV_32FC4: colour and weight, two cells a pixel
+  int block_;         ///< cells per side of a block
+  cv::Mat3f colour_;  ///< per cell
+  // Per block:
+  cv::Mat1b coverage_, seeds_, grown_;
+  cv::Mat3f means_, carried_;
+  cv::Mat2f slope_;  ///< relative change of the brightness per block, x and y
+  cv::Mat sums_, fine_, residual_, blurred_, filler_;  ///< CV_32FC4: colour and weight, 2×2 blocks a pixel
   std::vector<cv::Mat> pyramid_;
   std::vector<int> queue_;
   std::vector<float> steps_;

@@ -9,6 +9,11 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
+// Of the tolerances: a cell whose mean is nearer to floor is floor all over; one farther off, and all around
+// it too, is object all over.
+constexpr float kPlainFloor = 0.5f, kPlainObject = 3.0f;
+constexpr int kHalo = 8;  // of the squared distance from floor: √8 times weaker than the strongest neighbour
+constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 constexpr int kMajority = 13;         // of the 25 pixels of a 5×5 median
 
@@ -41,7 +46,7 @@ SegmenterOptions SegmenterOptions::read(const options::Section& section) {
   section.read("histogram_share", o.histogram_share, {0.0, 0.5});
   section.read("histogram_grow", o.histogram_grow, {0, 8});
   section.read("line_width_m", o.line_width_m, {0.0, 0.2});
-  section.read("max_line_px", o.max_line_px, {0, 41});
+  section.read("max_line_px", o.max_line_px, {0, LineFilter::kMaxWidth_px});
   o.reference = ReferenceOptions::read(section.child("reference"));
   section.finish();
   return o;
@@ -57,7 +62,9 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       raw_(view.imageSize(), std::uint8_t{0}),
       median_(view.imageSize(), std::uint8_t{0}),
       objects_(view.imageSize(), std::uint8_t{0}),
+      strongest_(view.imageSize(), std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
+      solid_(view.cells(), std::uint8_t{0}),
       row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3),
       column_sums_(static_cast<std::size_t>(view.imageSize().width) + 8) {}
 
@@ -67,6 +74,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   averageCells(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   if (!found) return false;
+  trimHalos();
   despeckle();
   return true;
 }
@@ -104,7 +112,7 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
       for (int x = strip.begin_px; x < strip.end_px; ++x)
-        raw_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 1 : 0;
+        raw_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 255 : 0;
   return true;
 }
 
@@ -137,10 +145,11 @@ double GroundSegmenter::seedNoise(const cv::Mat& image) const {
   // Median over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
   // not count.
   const auto& seeds = view_->seeds();
+  constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
   const int channels = image.channels();
   std::vector<float> variances;
   for (int y = 0; y < seeds.rows; ++y) {
-    for (int x = y % 2; x < seeds.cols; x += 2) {
+    for (int x = y % kEvery; x < seeds.cols; x += kEvery) {
       if (seeds(y, x) == 0) continue;
       float sum2 = 0.0f;
       for (int v = y * kCell; v < (y + 1) * kCell; ++v) {
@@ -160,31 +169,57 @@ double GroundSegmenter::seedNoise(const cv::Mat& image) const {
 }
 
 void GroundSegmenter::findStrips(double noise) {
-  const auto& coverage = view_->coverage();
-  const auto& colour = reference_.colour();
-  active_.setTo(0);
-  for (int y = 1; y + 1 < coverage.rows; ++y) {
-    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
-    for (int x = std::max(range.start, 1); x < std::min(range.end, coverage.cols - 1); ++x) {
-      if (coverage(y, x) == 0) continue;
-      const cv::Vec3f& r = colour(y, x);
-      const cv::Vec3f& p = means_(y, x);
-      const auto test = reference_.testFor(r, noise / kCell);
-      const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
-      if (4.0f * (gain - 1.0f) * (gain - 1.0f) <= test.along2 && 4.0f * across2 <= test.across2) continue;
-      for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x - 1, 3, std::uint8_t{1});
-    }
-  }
+  markCells(noise);
+  // Strips begin and end at multiples of kAlign_px, so that the passes over them run without remainders.
+  const int per = kAlign_px / kCell;
   for (int y = 0; y < active_.rows; ++y) {
     const std::uint8_t* row = active_.ptr(y);
     for (int x = 0; x < active_.cols; ++x) {
       if (row[x] == 0) continue;
-      int end = x;
-      while (end < active_.cols && row[end] != 0) ++end;
-      strips_.push_back({y, x * kCell, end * kCell});
-      x = end;
+      const int begin = x / per * per;
+      int end = begin + per, quiet = 0;
+      for (x = end; x < active_.cols && quiet < per; ++x) {
+        quiet = row[x] != 0 ? 0 : quiet + 1;
+        if (row[x] != 0) end = (x / per + 1) * per;
+      }
+      strips_.push_back({y, begin * kCell, std::min(end * kCell, raw_.cols)});
+      x = end - 1;
     }
   }
+}
+
+void GroundSegmenter::markCells(double noise) {
+  // Cells whose mean is not plainly floor, and their neighbours, are looked at.
+  const auto& coverage = view_->coverage();
+  active_.setTo(0);
+  for (int y = 1; y + 1 < coverage.rows; ++y) {
+    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
+    const auto* colour = reference_.colour().ptr<cv::Vec3f>(y);
+    const auto* mean = means_.ptr<cv::Vec3f>(y);
+    std::uint8_t* solid = solid_.ptr(y);
+    FloorReference::Test test{0.0f, 0.0f};
+    for (int x = std::max(range.start, 1); x < std::min(range.end, coverage.cols - 1); ++x) {
+      solid[x] = 0;
+      if (coverage(y, x) == 0) continue;
+      const cv::Vec3f &r = colour[x], &p = mean[x];
+      if (x % kCell == 0 || !(test.along2 > 0.0f))
+        test = reference_.testFor(r, noise / kCell);  // changes slowly
+      const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
+      const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
+      if (off <= kPlainFloor * kPlainFloor) continue;
+      solid[x] = off > kPlainObject * kPlainObject ? 1 : 0;
+      for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x - 1, 3, std::uint8_t{1});
+    }
+  }
+}
+
+bool GroundSegmenter::isInside(int y, int x) const {
+  if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
+  for (int dy = -1; dy <= 1; ++dy) {
+    const std::uint8_t* row = solid_.ptr(y + dy) + x;
+    if ((row[-1] & row[0] & row[1]) == 0) return false;
+  }
+  return view_->coverage()(y, x) == 2;
 }
 
 void GroundSegmenter::everythingIsAStrip() {
@@ -197,9 +232,16 @@ void GroundSegmenter::everythingIsAStrip() {
 template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
+    if (active_(strip.cell_row, cx) == 0) continue;
+    if (isInside(strip.cell_row, cx)) {
+      for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
+        std::fill_n(raw_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
+      continue;
+    }
     const cv::Vec3f& r = reference_.colour()(strip.cell_row, cx);
     const float rr = std::max(1.0f, r.dot(r));
     const auto test = reference_.testFor(r, noise);
+    const float along = 1.0f / test.along2, across = 1.0f / test.across2;
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
       const std::uint8_t* p = image.ptr<std::uint8_t>(y) + cx * kCell * kChannels;
       const std::uint8_t* valid = view_->mask().ptr(y) + cx * kCell;
@@ -209,8 +251,32 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
                    red = static_cast<float>(p[kChannels - 1]);
         const float gain = (b * r[0] + g * r[1] + red * r[2]) / rr;
         const float across2 = (b * b + g * g + red * red) / rr - gain * gain;
-        const bool floor = (gain - 1.0f) * (gain - 1.0f) <= test.along2 && across2 <= test.across2;
-        out[i] = static_cast<std::uint8_t>(valid[i] & static_cast<std::uint8_t>(!floor));
+        const float off = std::max((gain - 1.0f) * (gain - 1.0f) * along, across2 * across);
+        out[i] =
+            valid[i] != 0 && off > 1.0f ? static_cast<std::uint8_t>(std::min(off, 255.0f)) : std::uint8_t{0};
+      }
+    }
+  }
+}
+
+void GroundSegmenter::trimHalos() {
+  // Between floor and object the pixels are mixed, and a tenth of an object is "not floor" already. What is
+  // far weaker than its neighbours and next to floor belongs to the floor; else narrow gaps between objects
+  // close.
+  constexpr int kReach = 2;
+  const auto larger = [](std::uint8_t a, std::uint8_t b) { return std::max(a, b); };
+  const auto smaller = [](std::uint8_t a, std::uint8_t b) { return std::min(a, b); };
+  joinAlong<kReach>(strips_, raw_, median_, true, larger);
+  joinAlong<kReach>(strips_, median_, strongest_, false, larger);
+  joinAlong<kReach>(strips_, raw_, median_, true, smaller);
+  joinAlong<kReach>(strips_, median_, objects_, false, smaller);
+  for (const auto& strip : strips_) {
+    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
+      std::uint8_t* raw = raw_.ptr(y);
+      const std::uint8_t *strong = strongest_.ptr(y), *weak = objects_.ptr(y);
+      for (int x = strip.begin_px; x < strip.end_px; ++x) {
+        const bool halo = raw[x] < strong[x] / kHalo && weak[x] == 0;
+        raw[x] = raw[x] != 0 && !halo ? 1 : 0;
       }
     }
   }

@@ -49,9 +49,13 @@ class GroundSegmenter {
   void averageCells(const cv::Mat& image);
   double seedNoise(const cv::Mat& image) const;
   void findStrips(double noise);
+  void markCells(double noise);
+  /// The cell and all around it are plainly object.
+  bool isInside(int y, int x) const;
   void everythingIsAStrip();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
+  void trimHalos();
   void despeckle();
 
   const FloorView* view_;
@@ -60,7 +64,8 @@ class GroundSegmenter {
   GroundHistogram histogram_;
   LineFilter lines_;
   cv::Mat3f means_;
-  cv::Mat1b raw_, median_, objects_, active_;
+  cv::Mat1b raw_, median_, objects_, strongest_;
+  cv::Mat1b active_, solid_;  ///< per cell
   std::vector<Strip> strips_;
   std::vector<std::uint16_t> row_sums_;
   std::vector<std::uint8_t> column_sums_;

@@ -12,16 +12,15 @@ namespace omnifleet::ground {
 /// object leaves a stub of that length.
 class LineFilter {
  public:
-  /// @param width_px structures thinner than this go (odd numbers ≥ 3; less: nothing is done)
+  static constexpr int kMaxWidth_px = 17;
+
+  /// @param width_px structures thinner than this go (odd numbers 3–kMaxWidth_px; less: nothing is done)
   LineFilter(cv::Size image, int width_px);
 
   /// @param mask 0/255, zero outside the strips
   void apply(const std::vector<Strip>& strips, cv::Mat1b& mask);
 
  private:
-  template <typename Join>
-  void along(const std::vector<Strip>& strips, const cv::Mat1b& in, cv::Mat1b& out, bool rows, int radius,
-             Join join);
   void growBack(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& core, cv::Mat1b& buffer);
 
   int radius_;

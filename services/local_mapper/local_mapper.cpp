@@ -71,8 +71,8 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     s.map.state = FrameState::kDark;  // no floor
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
-  s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.flow.push(frame.image);       // §III.3: pyramid
+  s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.flow.track(*s.blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   return s.map;
 }
@@ -101,7 +101,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   scan.begin();
   for (std::size_t n = 0; n < blobs->size(); ++n) {
     const auto& blob = (*blobs)[n];
-    tracer.trace(image, segmenter.objects(), segmenter.floorColour(), blob, contour);
+    tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
     const bool is_object = silhouette.measure(blob, contour, object);
     if (is_object) {
       object.label = static_cast<std::uint16_t>(blob_of_object.size() + 1);
@@ -123,7 +123,9 @@ const std::vector<ground::Blob>& LocalMapper::connectedBlobs() const {
   static const std::vector<ground::Blob> kNone;
   return stages_->blobs != nullptr ? *stages_->blobs : kNone;
 }
-const std::vector<FloorContour>& LocalMapper::floorContours() const { return stages_->contours; }
+const std::vector<FloorContour>& LocalMapper::floorContours() const {
+  return stages_->contours;
+}
 const lens::Camera& LocalMapper::camera() const {
   return stages_->camera;
 }

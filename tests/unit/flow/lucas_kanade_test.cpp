@@ -65,7 +65,10 @@ Result openCvs(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& mo
 
 TEST(LucasKanade, FollowsKnownMotionAsWellAsOpenCv) {
   const testing::Texture texture(8.0, 5);
-  const LucasKanadeOptions options;
+  LucasKanadeOptions options;
+  options.radius_px = 6;
+  options.sigma_px = 3.5;
+  options.levels = 4;
   for (const Eigen::Vector2f& motion :
        {Eigen::Vector2f(0.3f, -0.6f), Eigen::Vector2f(4.25f, 2.5f), Eigen::Vector2f(-14.3f, 9.7f)}) {
     const cv::Mat1b a = texture.image(320, 240), b = texture.image(320, 240, motion.x(), motion.y());

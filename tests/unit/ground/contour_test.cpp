@@ -28,7 +28,8 @@ class ContourTest : public ::testing::Test {
     });
     Contour contour;
     const cv::Mat3f floor(view_.cells(), cv::Vec3f(160, 160, 160));
-    tracer.trace(image, mask, floor, all, contour);
+    cv::Mat1b grey = image;
+    tracer.trace({image, grey, mask, floor}, all, contour);
     return contour;
   }
 

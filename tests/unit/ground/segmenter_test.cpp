@@ -32,13 +32,13 @@ class SegmenterTest : public ::testing::Test {
     truth_ = truth_ > 127;
   }
 
-  /// Every disc found within a pixel all around, and nothing else.
+  /// Every disc found within two pixels all around, and nothing else.
   void expectDiscs(const GroundSegmenter& segmenter) {
     const auto disc = [](int r) {
       return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1});
     };
     cv::Mat1b inner, outer;
-    cv::erode(truth_, inner, disc(1));
+    cv::erode(truth_, inner, disc(2));
     cv::dilate(truth_, outer, disc(2));
     EXPECT_EQ(cv::countNonZero(inner & ~segmenter.objects()), 0);
     EXPECT_EQ(cv::countNonZero(segmenter.objects() & ~outer), 0);
