@@ -7,7 +7,10 @@
 namespace omnifleet::motion {
 namespace {
 
-constexpr double kBlockedCostRad = 2.0;  // a heading without any free way is as bad as straying by this much
+// A heading without any free way is as bad as straying by this much; one that only comes nearer than wanted,
+// by this.
+constexpr double kBlockedCostRad = 2.0;
+constexpr double kTightCostRad = 0.5;
 constexpr double kCreepM = 0.01;
 constexpr double kStandsMps = 1e-3;
 
@@ -48,6 +51,7 @@ DriveLimits DriveLimits::read(const options::Section& section) {
 Avoidance::Options Avoidance::Options::read(const options::Section& section) {
   Options options;
   section.read("margin_m", options.margin_m, {0.0, 2.0});
+  section.read("tight_margin_m", options.tight_margin_m, {0.0, 2.0});
   section.read("least_margin_m", options.least_margin_m, {0.0, 2.0});
   section.read("look_ahead_m", options.look_ahead_m, {0.1, 10.0});
   section.read("braking_mps2", options.braking_mps2, {0.01, 50.0});
@@ -55,7 +59,10 @@ Avoidance::Options Avoidance::Options::read(const options::Section& section) {
   section.read("headings", options.headings, {8, 720});
   section.read("stay_weight", options.stay_weight, {0.0, 10.0});
   section.finish();
-  if (options.least_margin_m > options.margin_m) section.fail("least_margin_m", "must not exceed margin_m");
+  if (options.tight_margin_m > options.margin_m) section.fail("tight_margin_m", "must not exceed margin_m");
+  if (options.least_margin_m > options.tight_margin_m) {
+    section.fail("least_margin_m", "must not exceed tight_margin_m");
+  }
   return options;
 }
 
@@ -82,10 +89,10 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
 }
 
 double Avoidance::freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
-                          double limit_m) const {
+                          double margin_m, double limit_m) const {
   double free_m = limit_m;
-  const double least_m = around.radius_m + options_.least_margin_m,
-               widest_m = around.radius_m + options_.margin_m;
+  const double least_m = around.radius_m + std::min(margin_m, options_.least_margin_m);
+  const double widest_m = around.radius_m + margin_m;
   for (const Eigen::Vector2d& point : around.points_m)
     free_m = wayToDisc(unit, point, least_m, widest_m, free_m);
   for (const Neighbour& robot : around.robots) {
@@ -114,9 +121,12 @@ Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vect
   double least_cost = std::numeric_limits<double>::infinity(), best_rad = wanted_rad;
   for (int i = 0; i < options_.headings; ++i) {
     const double heading_rad = wanted_rad + wrapAngle(2.0 * M_PI * i / options_.headings);
-    const double free_m = freeWay(around, direction(heading_rad), speed_mps, options_.look_ahead_m);
+    const Eigen::Vector2d unit = direction(heading_rad);
+    const double free_m = freeWay(around, unit, speed_mps, options_.tight_margin_m, options_.look_ahead_m);
+    const double wide_m = freeWay(around, unit, speed_mps, options_.margin_m, options_.look_ahead_m);
     double cost = std::abs(wrapAngle(heading_rad - wanted_rad));
     cost += kBlockedCostRad * (1.0 - free_m / options_.look_ahead_m);
+    cost += kTightCostRad * (1.0 - wide_m / options_.look_ahead_m);
     if (turning_) cost += options_.stay_weight * std::abs(wrapAngle(heading_rad - chosen_rad_));
     if (cost >= least_cost) continue;
     least_cost = cost;

@@ -47,8 +47,9 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
 class Avoidance {
  public:
   struct Options {
-    double margin_m = 0.10;        ///< m, kept between the body and whatever stands there
-    double least_margin_m = 0.03;  ///< m, kept even by a body that has come nearer than margin_m already
+    double margin_m = 0.22;  ///< m, kept where there is room: a body hides the floor close by from its camera
+    double tight_margin_m = 0.10;  ///< m, kept in passages
+    double least_margin_m = 0.04;  ///< m, kept even by a body that has come nearer already
     double look_ahead_m = 1.0;     ///< m, obstacles farther off do not turn the robot yet
     double braking_mps2 = 0.5;     ///< m/s², the speed stays below √(2 · braking · free distance)
     double predict_s = 1.5;        ///< s, other robots are where their velocity takes them within this time
@@ -72,7 +73,7 @@ class Avoidance {
 
   /// Free way along a unit vector at a speed before the body, grown by the margin, touches something; at most
   /// `limit_m`. Other robots count where they are met within `predict_s`, both moving on as they do.
-  double freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
+  double freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps, double margin_m,
                  double limit_m) const;
 
   const Options& options() const { return options_; }

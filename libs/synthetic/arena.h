@@ -73,4 +73,8 @@ struct Arena {
 /// half a metre above the floor; equidistant, filling the image's height.
 lens::CameraModel paperFisheye();
 
+/// The same arena with obstacles, colours, light and starts of its own for each seed
+/// (synthetic/randomised.h).
+Arena randomised(const Arena& arena, std::uint32_t seed);
+
 }  // namespace omnifleet::synthetic

@@ -298,8 +298,21 @@ void Formation::follow(const Objects& objects, Output& output) {
   output.state.target_m = law.place_m;
   output.state.distance_error_m = law.distance_error_m;
   output.state.angle_error_rad = law.angle_error_rad;
-  drive(law.velocity_mps, leader->twist.turn_radps, options_.limits.max_turn_radps, output);
-  output.state.arrived = law.velocity_mps.isZero();
+  const bool stands = std::abs(leader->twist.forward_mps) < options_.follow.stands_mps;
+  const bool enough = stands && nearEnough(law.place_m);
+  drive(enough ? Eigen::Vector2d::Zero() : law.velocity_mps, leader->twist.turn_radps,
+        options_.limits.max_turn_radps, output);
+  output.state.arrived = stands && commanded_.forward_mps == 0.0 && commanded_.turn_radps == 0.0;
+}
+
+/// Where something is in the way of a place that is not far off.
+bool Formation::nearEnough(const Eigen::Vector2d& place_m) const {
+  const double way_m = place_m.norm();
+  if (way_m > options_.follow.patient_m || way_m < options_.follow.near_m)
+    return way_m < options_.follow.near_m;
+  const motion::Avoidance::Options& avoidance = options_.avoidance;
+  return avoidance_.freeWay(around_, place_m / way_m, options_.follow.closing_max_mps, avoidance.margin_m,
+                            way_m) < way_m;
 }
 
 void Formation::drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps,

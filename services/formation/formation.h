@@ -78,6 +78,7 @@ class Formation {
   double worstFollower(TimeNs now_ns) const;
   void lead(const Objects& objects, Output& output);
   void follow(const Objects& objects, Output& output);
+  bool nearEnough(const Eigen::Vector2d& place_m) const;
   void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output);
 
   std::string robot_, leader_;
