@@ -21,8 +21,9 @@ constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
 
 /// Bilinear sample of channel c; NaN outside.
 float sample(const cv::Mat& image, int channels, int c, float u, float v) {
-  const int x = static_cast<int>(std::floor(u)), y = static_cast<int>(std::floor(v));
-  if (x < 0 || y < 0 || x + 1 >= image.cols || y + 1 >= image.rows) return NAN;
+  if (!(u >= 0.0f && v >= 0.0f)) return NAN;
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  if (x + 1 >= image.cols || y + 1 >= image.rows) return NAN;
   const std::uint8_t* top = image.ptr<std::uint8_t>(y) + x * channels + c;
   const std::uint8_t* bottom = image.ptr<std::uint8_t>(y + 1) + x * channels + c;
   const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);

@@ -11,7 +11,7 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 // Of the tolerances: a cell whose mean is nearer to floor is floor all over; one farther off, and all around
 // it too, is object all over.
-constexpr float kPlainFloor = 0.5f, kPlainObject = 3.0f;
+constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
 constexpr int kHalo = 8;  // of the squared distance from floor: √8 times weaker than the strongest neighbour
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
@@ -200,7 +200,7 @@ void GroundSegmenter::markCells(double noise) {
     FloorReference::Test test{0.0f, 0.0f};
     for (int x = std::max(range.start, 1); x < std::min(range.end, coverage.cols - 1); ++x) {
       solid[x] = 0;
-      if (coverage(y, x) == 0) continue;
+      if (coverage(y, x) != 2) continue;  // cut cells show other things too; their neighbours speak for them
       const cv::Vec3f &r = colour[x], &p = mean[x];
       if (x % kCell == 0 || !(test.along2 > 0.0f))
         test = reference_.testFor(r, noise / kCell);  // changes slowly

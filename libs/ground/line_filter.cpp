@@ -8,12 +8,8 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 
-std::uint8_t both(std::uint8_t a, std::uint8_t b) {
-  return static_cast<std::uint8_t>(a & b);
-}
-std::uint8_t either(std::uint8_t a, std::uint8_t b) {
-  return static_cast<std::uint8_t>(a | b);
-}
+constexpr auto both = [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a & b); };
+constexpr auto either = [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); };
 
 template <int kRadius>
 void open(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& buffer, cv::Mat1b& opened) {

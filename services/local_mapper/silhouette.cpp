@@ -21,7 +21,7 @@ SilhouetteOptions SilhouetteOptions::read(const options::Section& section) {
 
 Silhouette::Silhouette(const lens::Camera& camera, const ground::FloorView& view,
                        const SilhouetteOptions& options)
-    : camera_(&camera), view_(&view), options_(options) {
+    : camera_(&camera), view_(&view), floor_table_(camera), options_(options) {
   for (int k = 0; k < SupportFunction::kDirections; ++k) {
     const double phi = 2.0 * M_PI * k / SupportFunction::kDirections;
     directions_.emplace_back(std::cos(phi), std::sin(phi));
@@ -57,9 +57,9 @@ void Silhouette::projectToFloor(const ground::Contour& contour) {
       ++loop;
     }
     const Eigen::Vector2f& pixel = contour.points_px[i];
-    const auto point = camera_->floorFromPixel(pixel.cast<double>());
-    if (!point) continue;
-    floor_.points_m.push_back(*point);
+    const Eigen::Vector2f point = floor_table_.at(pixel.x(), pixel.y());
+    if (!point.allFinite()) continue;
+    floor_.points_m.push_back(point.cast<double>());
     floor_.pixels.push_back(pixel);
     floor_.cut.push_back(view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
   }

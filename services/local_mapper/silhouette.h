@@ -6,6 +6,7 @@
 #include "ground/floor_view.h"
 #include "ground/labelling.h"
 #include "lens/camera.h"
+#include "lens/floor_table.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -59,6 +60,7 @@ class Silhouette {
 
   const lens::Camera* camera_;
   const ground::FloorView* view_;
+  lens::FloorTable floor_table_;
   SilhouetteOptions options_;
   std::vector<Eigen::Vector2d> directions_;
   FloorContour floor_;
