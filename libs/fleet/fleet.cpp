@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "fleet/sources.h"
+#include "synthetic/randomised.h"
 
 namespace omnifleet::fleet {
 namespace {
@@ -20,6 +21,7 @@ void readWorld(const options::Section& world, Fleet& fleet) {
   world.require("arena", arena);
   world.read("seed", fleet.seed, {0, 2147483647});
   world.read("randomised", randomised);
+  world.read("end_at_rest", fleet.end_at_rest);
   fleet.arena = synthetic::Arena::load(besideFile(world, arena));
   world.read("duration_s", fleet.arena->duration_s, options::kPositive);
   world.finish();

@@ -48,6 +48,7 @@ struct Fleet {
   std::string dataset;                    ///< folder; empty unless the run replays one
   std::optional<synthetic::Arena> arena;  ///< only when simulated
   int seed = 1;                           ///< of the arena's noise
+  bool end_at_rest = true;  ///< arena: the run is over when every robot has been told to stand for a second
   options::Section file;                  ///< fleet file with overlays: options of services
 
   /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset

@@ -86,7 +86,7 @@ bool ArenaWorldService::spin() {
   if (ended_) return false;
   bool any = pull();
   if (!answered()) return any;
-  if (last_published_ || atRest()) {
+  if (last_published_ || (fleet_.end_at_rest && atRest())) {
     finish("");
     ended_ = true;
   } else {
