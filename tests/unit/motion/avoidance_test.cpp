@@ -1,0 +1,113 @@
+#include "motion/avoidance.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace omnifleet::motion {
+namespace {
+
+double headingOf(const Eigen::Vector2d& v) {
+  return std::atan2(v.y(), v.x());
+}
+
+Surroundings wallAhead(double x_m, double from_y_m, double to_y_m) {
+  Surroundings around;
+  for (double y = from_y_m; y <= to_y_m; y += 0.02) around.points_m.emplace_back(x_m, y);
+  return around;
+}
+
+TEST(Avoidance, NothingThereNothingChanged) {
+  Avoidance avoidance({});
+  const auto result = avoidance.steer({}, {0.2, 0.1}, 0.0);
+  EXPECT_FALSE(result.turned);
+  EXPECT_LT((result.velocity_mps - Eigen::Vector2d(0.2, 0.1)).norm(), 1e-12);
+  EXPECT_EQ(avoidance.steer(wallAhead(0.3, -0.2, 0.2), Eigen::Vector2d::Zero(), 0.0).velocity_mps.norm(),
+            0.0);
+}
+
+TEST(Avoidance, FreeWayToAPointAndPastIt) {
+  Avoidance::Options options;
+  options.least_margin_m = 0.0;
+  const Avoidance avoidance(options);
+  Surroundings around;
+  around.radius_m = 0.15;
+  around.points_m = {{1.0, 0.0}};
+  // Straight at it: the centre may come up to radius + margin.
+  EXPECT_NEAR(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 0.75, 1e-12);
+  around.points_m = {{1.0, 0.15}};
+  EXPECT_NEAR(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 1.0 - 0.2, 1e-12);  // 3-4-5: √(0.25² − 0.15²)
+  around.points_m = {{1.0, 0.26}, {-0.3, 0.0}};
+  EXPECT_EQ(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 2.0);
+}
+
+TEST(Avoidance, TurnsToTheNearerSideAndStaysThere) {
+  Avoidance avoidance({});
+  const Surroundings around = wallAhead(0.7, -0.5, 0.2);  // the left end is nearer
+  const auto first = avoidance.steer(around, {0.25, 0.0}, 0.0);
+  EXPECT_TRUE(first.turned);
+  EXPECT_GT(headingOf(first.velocity_mps), 0.2);
+  // Now the middle is a little on the left: without a memory it would turn to the right.
+  const auto second = avoidance.steer(wallAhead(0.7, -0.34, 0.36), {0.25, 0.0}, 0.0);
+  EXPECT_GT(headingOf(second.velocity_mps), 0.0);
+  Avoidance fresh({});
+  EXPECT_LT(headingOf(fresh.steer(wallAhead(0.7, -0.34, 0.36), {0.25, 0.0}, 0.0).velocity_mps), 0.0);
+}
+
+TEST(Avoidance, SlowsSoThatItCanBrake) {
+  Avoidance::Options options;
+  options.headings = 8;
+  Avoidance avoidance(options);
+  Surroundings around;  // a closed ring: nowhere to go
+  for (int i = 0; i < 360; ++i) {
+    around.points_m.push_back(0.28 * Eigen::Vector2d(std::cos(i * M_PI / 180), std::sin(i * M_PI / 180)));
+  }
+  const auto result = avoidance.steer(around, {0.4, 0.0}, 0.0);
+  EXPECT_LE(result.velocity_mps.norm(), std::sqrt(2.0 * options.braking_mps2 * result.free_m) + 1e-12);
+  EXPECT_LT(result.free_m, 0.05);
+}
+
+TEST(Avoidance, SqueezesOutOfAMarginButNotIntoThings) {
+  Avoidance avoidance({});
+  Surroundings around;
+  around.radius_m = 0.15;
+  around.points_m = {{0.0, 0.20}};                                     // nearer than any margin, on the left
+  EXPECT_GT(avoidance.freeWay(around, {1, 0}, 0.2, 0.10, 1.0), 0.99);  // along it
+  EXPECT_LT(avoidance.freeWay(around, {0, 1}, 0.2, 0.10, 1.0), 0.02);  // towards it
+  EXPECT_GT(avoidance.freeWay(around, {0, -1}, 0.2, 0.10, 1.0), 0.99);
+}
+
+TEST(Avoidance, RobotsDrivingAlongAreNoObstacle) {
+  Avoidance avoidance({});
+  Surroundings around;
+  around.robots = {{{0.6, 0.0}, {0.25, 0.0}, 0.15}};
+  EXPECT_FALSE(avoidance.steer(around, {0.25, 0.0}, 0.0).turned);
+  around.robots[0].velocity_mps = {-0.25, 0.0};  // head on
+  EXPECT_TRUE(avoidance.steer(around, {0.25, 0.0}, 0.0).turned);
+}
+
+TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
+  Objects objects;
+  objects.scan.origin_m = {0.1, 0.0};
+  objects.scan.range_m = {1.0f, 2.0f, 3.0f, 4.0f};
+  objects.scan.sigma_m = {0, 0, 0, 0};
+  objects.scan.label = {RayLabel::kObstacle, RayLabel::kFloorEnd, RayLabel::kUnknown, RayLabel::kRobot};
+  Track robot;
+  robot.kind = ObjectKind::kRobot;
+  robot.position_m = {0.0, -4.0};
+  Track hidden;
+  hidden.kind = ObjectKind::kObstacle;
+  hidden.position_m = {5.0, 5.0};
+  objects.tracks = {robot, hidden};
+  Surroundings around;
+  surroundingsFrom(objects, 0.15, 0.2, around);
+  ASSERT_EQ(around.robots.size(), 1u);
+  EXPECT_EQ(around.robots[0].radius_m, 0.2);
+  ASSERT_GE(around.points_m.size(), 3u);
+  EXPECT_LT((around.points_m[0] - Eigen::Vector2d(1.1, 0.0)).norm(), 1e-6);
+  EXPECT_LT((around.points_m[1] - Eigen::Vector2d(-2.9, 0.0)).norm(), 1e-6);
+  EXPECT_EQ(around.points_m[2], hidden.position_m);
+}
+
+}  // namespace
+}  // namespace omnifleet::motion
