@@ -68,6 +68,7 @@ Section Section::parse(const std::string& text, const std::string& name) {
 }
 
 void Section::overlay(const Section& top) {
+  if (layers_.empty()) path_ = top.path_;
   layers_.insert(layers_.end(), top.layers_.begin(), top.layers_.end());
 }
 
