@@ -1,0 +1,125 @@
+// Formation in the simulated world, without cameras: perfect tracks and scans, commands one frame late.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "synthetic/randomised.h"
+#include "world/drivers.h"
+
+namespace omnifleet::world {
+namespace {
+
+synthetic::Arena arena(const std::string& formation, const std::string& more = "") {
+  return synthetic::Arena::read(options::Section::parse(R"(
+frames: {rate_hz: 5, duration_s: 60}
+floor: {size_m: [7, 4.4]}
+robots:
+  r1: {initial_pose: [-2.4, 0.0, 0.0]}
+  r2: {initial_pose: [-3.0, 0.42, 0.0]}
+  r3: {initial_pose: [-3.0, -0.42, 0.0]}
+random: {obstacles: [5, 8]}
+)" + formation + more,
+                                                        "arena.yaml"));
+}
+
+const char* const kWedge =
+    "formation: {shape: wedge, distance_m: 0.75, angle_rad: 0.6, waypoints: [[-0.6, -0.15], [2.5, 0.15]]}\n";
+
+struct Outcome {
+  bool arrived = false;
+  std::size_t collisions = 0;
+  double goal_error_m = 0.0;
+};
+
+Outcome drive(const synthetic::Arena& the_arena, std::uint32_t seed) {
+  World world(the_arena, {}, seed);
+  Drivers drivers(world);
+  Outcome run;
+  while (!world.finished() && !drivers.arrived())
+    run.collisions += world.step(drivers.commands(world)).collisions.size();
+  run.arrived = drivers.arrived();
+  run.goal_error_m = (world.now().map_from_bases[0].translation() - Eigen::Vector2d(2.5, 0.15)).norm();
+  return run;
+}
+
+TEST(ClosedLoop, TwentyArenasWithObstacles) {
+  for (std::uint32_t seed = 1000; seed < 1020; ++seed) {
+    const Outcome run = drive(synthetic::randomised(arena(kWedge), seed), seed);
+    EXPECT_TRUE(run.arrived) << seed;
+    EXPECT_EQ(run.collisions, 0u) << seed;
+    EXPECT_LT(run.goal_error_m, 0.08) << seed;
+  }
+}
+
+class SteadyShapes : public testing::TestWithParam<const char*> {};
+
+TEST_P(SteadyShapes, StraightOnTheErrorIsSmall) {
+  // 5 m straight on from a formation that is not yet in place; the last half of the way counts.
+  const std::string orders =
+      std::string("formation: {shape: ") + GetParam() +
+      ", distance_m: 0.8, angle_rad: 0.6, waypoints: [[3.2, 0.0]], limits: {cruise_mps: 0.2}}\n";
+  World world(arena(orders), {}, 3);
+  Drivers drivers(world);
+  double squares = 0.0;
+  int n = 0;
+  while (!world.finished() && !drivers.arrived()) {
+    world.step(drivers.commands(world));
+    const double leader_x_m = world.now().map_from_bases[0].x_m;
+    if (leader_x_m < 0.0 || leader_x_m > 2.4) continue;
+    for (const char* follower : {"r2", "r3"}) {
+      const motion::FormationState& state = drivers.states().at(follower);
+      squares += state.target_m.squaredNorm();
+      ++n;
+    }
+  }
+  ASSERT_GT(n, 50);
+  EXPECT_TRUE(drivers.arrived());
+  // Issue 3 asks for 3 cm RMS with real cameras; with perfect tracks the law itself must stay well below.
+  RecordProperty("rms_mm", std::to_string(1e3 * std::sqrt(squares / n)));
+  EXPECT_LT(std::sqrt(squares / n), 0.015) << GetParam();
+}
+
+INSTANTIATE_TEST_SUITE_P(All, SteadyShapes, testing::Values("line", "column", "wedge", "triangle"),
+                         [](const auto& shape) { return std::string(shape.param); });
+
+TEST(ClosedLoop, TheLeaderTurnsForAnObstacleAndTheOthersTurnToo) {
+  const synthetic::Arena blocked =
+      arena(kWedge, "obstacles:\n  - {kind: cylinder, pose: [0.6, 0.0, 0], radius_m: 0.15, height_m: 0.2}\n");
+  World world(blocked, {}, 1);
+  Drivers drivers(world);
+  bool leader_avoided = false;
+  std::size_t collisions = 0;
+  double leader_aside_m = 0.0;
+  while (!world.finished() && !drivers.arrived()) {
+    collisions += world.step(drivers.commands(world)).collisions.size();
+    leader_avoided = leader_avoided || drivers.states().at("r1").avoiding;
+    const Pose2& leader = world.now().map_from_bases[0];
+    if (std::abs(leader.x_m - 0.6) < 0.05) leader_aside_m = std::abs(leader.y_m);
+  }
+  EXPECT_TRUE(drivers.arrived());
+  EXPECT_TRUE(leader_avoided);
+  EXPECT_EQ(collisions, 0u);
+  EXPECT_GT(leader_aside_m, 0.30);
+}
+
+TEST(ClosedLoop, RobotsWithoutAFormationDriveTheirOwnWays) {
+  const synthetic::Arena alone = synthetic::Arena::read(options::Section::parse(R"(
+frames: {rate_hz: 5, duration_s: 30}
+robots:
+  r1: {initial_pose: [0, 0, 0], waypoints: [[1.0, 0.5]]}
+  r2: {initial_pose: [0, 1.5, 0], waypoints: [[-1.0, 1.5]]}
+  r3: {initial_pose: [0, -1.5, 0], speeds: [0, 0.1, 0.1, 2, 0, 0]}
+)",
+                                                                                "alone.yaml"));
+  World world(alone, {}, 1);
+  Drivers drivers(world);
+  while (!world.finished()) world.step(drivers.commands(world));
+  const auto& poses = world.now().map_from_bases;
+  EXPECT_LT((poses[0].translation() - Eigen::Vector2d(1.0, 0.5)).norm(), 0.08);
+  EXPECT_LT((poses[1].translation() - Eigen::Vector2d(-1.0, 1.5)).norm(), 0.08);
+  EXPECT_NEAR(poses[2].x_m, 0.2, 0.02);
+}
+
+}  // namespace
+}  // namespace omnifleet::world
