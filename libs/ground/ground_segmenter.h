@@ -36,11 +36,11 @@ class GroundSegmenter {
 
   /// 255 on what is not ground, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }
-  /// Where objects() can be non-zero, by rows of cells from top to bottom, left to right.
+  /// Outside of these objects() is 0; by rows of cells from top to bottom, left to right.
   const std::vector<Strip>& strips() const { return strips_; }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
-  /// Grey value of each cell, CV_32FC1 (mean of 4×4 pixels).
+  /// Mean colour of each cell, CV_32FC3 (grey: three equal channels).
   const cv::Mat3f& cellMeans() const { return means_; }
 
  private:
