@@ -145,7 +145,7 @@ TEST_P(StopSignal, EndsEveryServiceAndLeavesNothing) {
       << "frames leave no shared memory behind";
 }
 INSTANTIATE_TEST_SUITE_P(Both, StopSignal, testing::Values(SIGINT, SIGTERM),
-                         [](const auto& info) { return info.param == SIGINT ? "SIGINT" : "SIGTERM"; });
+                         [](const auto& test) { return test.param == SIGINT ? "SIGINT" : "SIGTERM"; });
 
 TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   LiveFleet fleet("killed", 65);
@@ -212,7 +212,8 @@ TEST(FleetProcesses, ABadOptionStartsNothing) {
   EXPECT_EQ(*code, 2);
   EXPECT_THAT(launch.output(), testing::HasSubstr("bad.yaml:5:"));
   EXPECT_THAT(launch.output(), testing::HasSubstr("services.classifier.no_such_option"));
-  EXPECT_EQ(std::count(launch.output().begin(), launch.output().end(), '\n'), 1) << launch.output();
+  const std::string text = launch.output();
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
 }
 
 }  // namespace

@@ -78,12 +78,15 @@ std::string sourceDir() {
   return environment("OMNIFLEET_SOURCE_DIR");
 }
 
-std::string program(const std::string& name) {
-  return environment("OMNIFLEET_BINARY_DIR") + "/bin/omnifleet_" + name;
-}
+namespace {
+/// Tests lie in BUILD/tests, programs in BUILD/bin.
+fs::path buildDir() { return fs::read_symlink("/proc/self/exe").parent_path().parent_path(); }
+}  // namespace
+
+std::string program(const std::string& name) { return (buildDir() / "bin" / ("omnifleet_" + name)).string(); }
 
 std::string freshDir(const std::string& name) {
-  const fs::path folder = fs::path(environment("OMNIFLEET_BINARY_DIR")) / "Testing" / "runs" / name;
+  const fs::path folder = buildDir() / "Testing" / "runs" / name;
   fs::remove_all(folder);
   fs::create_directories(folder);
   return folder.string();
