@@ -40,7 +40,12 @@ function(omnifleet_test name)
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
+  # Whole fleets look at the host's shared memory and want its cores: one at a time.
+  set(serial)
+  if(NOT ARG_LABELS STREQUAL "unit")
+    set(serial RUN_SERIAL TRUE)
+  endif()
   gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_MODE PRE_TEST
-    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
+    PROPERTIES ${serial} TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
       ENVIRONMENT "OMNIFLEET_SOURCE_DIR=${CMAKE_SOURCE_DIR};OMNIFLEET_BINARY_DIR=${CMAKE_BINARY_DIR}")
 endfunction()
