@@ -85,6 +85,8 @@ fs::path buildDir() { return fs::read_symlink("/proc/self/exe").parent_path().pa
 
 std::string program(const std::string& name) { return (buildDir() / "bin" / ("omnifleet_" + name)).string(); }
 
+std::string testProgram(const std::string& name) { return (buildDir() / "tests" / name).string(); }
+
 std::string freshDir(const std::string& name) {
   const fs::path folder = buildDir() / "Testing" / "runs" / name;
   fs::remove_all(folder);

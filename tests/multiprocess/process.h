@@ -34,6 +34,7 @@ class Process {
 
 std::string sourceDir();                        ///< of the project
 std::string program(const std::string& name);   ///< bin/omnifleet_<name>
+std::string testProgram(const std::string& name);  ///< beside this test
 std::string freshDir(const std::string& name);  ///< empty folder below the build's test output
 std::vector<std::string> sharedMemoryFiles();   ///< DDS files in /dev/shm
 bool alive(pid_t pid);

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "tests/benchmark/measure.h"
+#include "tests/benchmark/scenes.h"
+
+namespace omnifleet::bench {
+
+// One per source file. Scenes and plan outlive the run of the benchmarks.
+void registerLocalMapper(Scenes& scenes, const Plan& plan);
+void registerMap(const Plan& plan);
+void registerStages(Scenes& scenes, const Plan& plan);
+void registerImages(Scenes& scenes, const Plan& plan);
+void registerTransport(const Plan& plan);
+void registerFleet(Scenes& scenes, const Plan& plan);
+
+}  // namespace omnifleet::bench

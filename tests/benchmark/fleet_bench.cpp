@@ -1,0 +1,240 @@
+// Three robots at 10 Hz, live: from the moment a camera hands its frame over until a replica of the map, in
+// another process, has changed by it. Local mappers, classifiers, localizer and mergers are the real programs;
+// cameras (frames preloaded) and wheels are played here, and one more replica listens here, so that both
+// moments are read from one clock.
+
+#include <chrono>
+#include <cstring>
+#include <map>
+#include <optional>
+
+#include "adapters/adapters.h"
+#include "bus/dds_bus.h"
+#include "bus/topics.h"
+#include "fleet/fleet.h"
+#include "occupancy/occupancy_map.h"
+#include "tests/benchmark/benchmarks.h"
+#include "tests/multiprocess/process.h"
+
+namespace omnifleet::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kDomain = 94;
+constexpr int kWarmUpSteps = 30;  // 3 s: everybody has matched, buffers have grown
+constexpr auto kPatience = std::chrono::seconds(30);
+
+/// The programs of the fleet but for sources and formation.
+class Programs {
+ public:
+  explicit Programs(const fleet::Fleet& fleet) : folder_(test::freshDir("frame_to_map")) {
+    for (const fleet::ProcessSpec& spec : fleet::processes(fleet)) {
+      if (spec.service == "camera" || spec.service == "world" || spec.service == "formation") continue;
+      if (spec.service == "localizer" && !spec.instance.empty()) continue;  // no ceiling camera here
+      start(spec);
+    }
+  }
+
+ private:
+  void start(const fleet::ProcessSpec& spec) {
+    std::vector<std::string> argv{test::program(spec.service), "--mode", "live", "--fleet",
+                                  benchmarkFile("fleet.yaml"), "--domain", std::to_string(kDomain)};
+    if (!spec.instance.empty()) argv.insert(argv.end(), {"--robot", spec.instance});
+    all_.push_back(
+        std::make_unique<test::Process>(argv, folder_ + "/" + spec.service + "_" + spec.instance + ".log"));
+  }
+  std::string folder_;
+  std::vector<std::unique_ptr<test::Process>> all_;
+};
+
+bus::DdsBusOptions busOptions() {
+  bus::DdsBusOptions options;
+  options.name = "benchmark";
+  options.domain = kDomain;
+  return options;
+}
+
+/// Cameras and wheels of every robot, from the recording.
+class Sources {
+ public:
+  Sources(bus::Bus& bus, const bus::Topics& topics, const Recording& recording) : recording_(recording) {
+    for (std::size_t r = 0; r < recording.robots().size(); ++r) {
+      const std::string& name = recording.robots()[r];
+      cameras_.push_back(bus.frameWriter(name + "/fisheye", recording.image(r, 0).total() * 3));
+      wheels_.push_back(bus.writer(topics.wheels_odometry, name));
+    }
+  }
+
+  bool matched() {
+    bool all = true;
+    for (auto& camera : cameras_) all = all && camera->waitForReaders(1, kPatience);
+    for (auto& wheels : wheels_) all = all && wheels->waitForReaders(1, kPatience);
+    return all;
+  }
+
+  /// The frames of a step into the loans; what the wheels say from its time on.
+  bool prepare(int step) {
+    bus::FrameHeader header;
+    header.acquired_ns = recording_.time(step);
+    header.sequence = static_cast<std::uint32_t>(step);
+    for (std::size_t r = 0; r < cameras_.size(); ++r) {
+      const cv::Mat3b& image = recording_.image(r, step);
+      header.width_px = image.cols;
+      header.height_px = image.rows;
+      std::uint8_t* loan = cameras_[r]->begin(header);
+      if (!loan) return false;
+      std::memcpy(loan, image.data, header.bytes());
+    }
+    return true;
+  }
+
+  /// The cameras of all robots go off together, which is the hardest case. `at` is called just before each.
+  template <class At>
+  bool publish(int step, const At& at) {
+    bool good = true;
+    for (std::size_t r = 0; r < cameras_.size(); ++r) {
+      at(recording_.robots()[r]);
+      good = cameras_[r]->publish() && good;
+    }
+    for (std::size_t r = 0; r < wheels_.size(); ++r) good = publishWheels(r, step) && good;
+    return good;
+  }
+
+ private:
+  bool publishWheels(std::size_t robot, int step) {
+    const dataset::WheelRow row = recording_.wheels(robot, step);
+    v1::WheelOdometry wire;
+    wire.robot(recording_.robots()[robot]);
+    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(step), adapters::RunClock::kSystem,
+                         wire.header());
+    wire.v_left_mps(row.left_mps);
+    wire.v_right_mps(row.right_mps);
+    return wheels_[robot]->write(wire);
+  }
+
+  const Recording& recording_;
+  std::vector<std::unique_ptr<bus::FrameWriter>> cameras_;
+  std::vector<std::unique_ptr<bus::Writer<v1::WheelOdometry>>> wheels_;
+};
+
+/// The map as any robot's merger holds it.
+class Replica {
+ public:
+  Replica(bus::Bus& bus, const bus::Topics& topics, const fleet::Fleet& fleet)
+      : contributions_(bus.reader(topics.map_contribution)),
+        poses_(bus.reader(topics.map_keyframe_pose)),
+        map_(occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
+             fleet.bodies()) {}
+
+  using Name = std::pair<std::string, TimeNs>;
+  /// Takes what has arrived; `changed` is called for each keyframe that is now in the map.
+  template <class Changed>
+  void pull(const Changed& changed) {
+    while (contributions_->take(contribution_wire_)) {
+      if (adapters::fromWire(contribution_wire_, contribution_) && map_.add(contribution_))
+        settle({contribution_.robot, contribution_.acquired_ns}, changed);
+    }
+    while (poses_->take(pose_wire_)) {
+      if (adapters::fromWire(pose_wire_, pose_) && map_.add(pose_))
+        settle({pose_.robot, pose_.acquired_ns}, changed);
+    }
+  }
+  const occupancy::OccupancyMap& map() const { return map_; }
+
+ private:
+  template <class Changed>
+  void settle(const Name& name, const Changed& changed) {
+    const auto* keyframe = map_.store().find(name.first, name.second);
+    if (keyframe && keyframe->contribution && keyframe->pose && keyframe->pose->valid) changed(name);
+  }
+
+  std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
+  std::unique_ptr<bus::Reader<v1::KeyframePose>> poses_;
+  v1::Contribution contribution_wire_;
+  v1::KeyframePose pose_wire_;
+  occupancy::Contribution contribution_;
+  occupancy::KeyframePose pose_;
+  occupancy::OccupancyMap map_;
+};
+
+/// One step: frames out at their time, then the map watched until the next.
+class Run {
+ public:
+  Run(Sources& sources, Replica& replica, bus::Bus& bus, std::chrono::nanoseconds period)
+      : sources_(sources), replica_(replica), bus_(bus), period_(period), next_(Clock::now()) {}
+
+  bool step(int step, TimeNs time, std::vector<double>& latencies_ms) {
+    const bool prepared = sources_.prepare(step);
+    watch(latencies_ms);
+    next_ += period_;
+    const bool good = prepared && sources_.publish(step, [&](const std::string& robot) {
+      sent_[{robot, time}] = Clock::now();
+    });
+    return good;
+  }
+  /// Until the next frames are due.
+  void watch(std::vector<double>& latencies_ms) {
+    const auto changed = [&](const Replica::Name& name) {
+      const auto sent = sent_.find(name);
+      if (sent == sent_.end()) return;
+      latencies_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - sent->second).count());
+      sent_.erase(sent);
+    };
+    for (auto left = next_ - Clock::now(); left > left.zero(); left = next_ - Clock::now()) {
+      replica_.pull(changed);
+      bus_.wait(left);
+    }
+    replica_.pull(changed);
+  }
+
+ private:
+  Sources& sources_;
+  Replica& replica_;
+  bus::Bus& bus_;
+  std::chrono::nanoseconds period_;
+  Clock::time_point next_;
+  std::map<Replica::Name, Clock::time_point> sent_;
+};
+
+void frameToMap(benchmark::State& state, const Recording& recording) {
+  const fleet::Fleet fleet = fleet::Fleet::load(benchmarkFile("fleet.yaml"), "", {});
+  const bus::Topics topics(bus::RunMode::kLive);
+  const auto dds = bus::makeDdsBus(busOptions());
+  Sources sources(*dds, topics, recording);
+  Replica replica(*dds, topics, fleet);
+  const Programs programs(fleet);
+  if (!sources.matched()) return state.SkipWithError("the programs of the fleet did not come up");
+  std::vector<double> latencies_ms;
+  Run run(sources, replica, *dds, std::chrono::nanoseconds(recording.arena().periodNs()));
+  bool good = true;
+  int step = 0;
+  for (; step < kWarmUpSteps; ++step) good = run.step(step, recording.time(step), latencies_ms) && good;
+  latencies_ms.clear();
+  const auto changes_before = replica.map().classChanges();
+  for (auto _ : state) {
+    const std::size_t before = latencies_ms.size();
+    good = run.step(step, recording.time(step), latencies_ms) && good;
+    ++step;
+    state.SetIterationTime(before < latencies_ms.size() ? 1e-3 * latencies_ms.back() : 0.0);
+  }
+  run.watch(latencies_ms);
+  if (!good) state.SkipWithError("a frame could not be sent");
+  if (latencies_ms.size() < static_cast<std::size_t>(state.iterations()) / 2)
+    state.SkipWithError("frames do not become part of the map");
+  reportPercentiles(latencies_ms, state);
+  state.counters["keyframes"] = static_cast<double>(latencies_ms.size());
+  state.counters["cells_changed"] = static_cast<double>(replica.map().classChanges() - changes_before);
+}
+
+}  // namespace
+
+void registerFleet(Scenes& scenes, const Plan& plan) {
+  benchmark::RegisterBenchmark("fleet/frame_to_map",
+                               [&scenes](benchmark::State& state) { frameToMap(state, scenes.typical()); })
+      ->Iterations(plan.smoke ? 20 : 300)
+      ->UseManualTime()
+      ->Unit(benchmark::kMillisecond);
+}
+
+}  // namespace omnifleet::bench

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "dataset/dataset.h"
+#include "observation/observation.h"
+#include "synthetic/arena.h"
+
+namespace omnifleet::bench {
+
+/// A drive through an arena, rendered before anything is timed. Played forward and backward in turn, so that
+/// it may last as long as a benchmark wants: step i shows frame frameOf(i), and the wheels turn backward
+/// where it runs backward.
+class Recording {
+ public:
+  /// Renders `frames` frames after `skipped` ones. `all_robots` false: the first robot's camera only.
+  Recording(const std::string& arena_file, int skipped, int frames, bool all_robots, bool ceiling);
+
+  const synthetic::Arena& arena() const { return arena_; }
+  const std::vector<std::string>& robots() const { return robots_; }
+  int frameOf(int step) const;
+  TimeNs time(int step) const { return arena_.start_ns + step * arena_.periodNs(); }
+  const cv::Mat3b& image(std::size_t robot, int step) const {
+    return images_[robot][static_cast<std::size_t>(frameOf(step))];
+  }
+  /// What the wheels report from this step's time on, until the next step.
+  dataset::WheelRow wheels(std::size_t robot, int step) const;
+  Pose2 truth(std::size_t robot, int step) const;
+  /// The truth of a step as the localizer would publish it.
+  std::vector<PoseEstimate> poses(int step) const;
+  const cv::Mat3b& ceiling(int step) const { return ceiling_[static_cast<std::size_t>(frameOf(step))]; }
+
+ private:
+  synthetic::Arena arena_;
+  std::vector<std::string> robots_;
+  std::vector<std::vector<cv::Mat3b>> images_;
+  std::vector<std::vector<dataset::WheelRow>> wheels_;
+  std::vector<std::vector<Pose2>> truth_;  ///< per frame
+  std::vector<cv::Mat3b> ceiling_;
+};
+
+/// The recordings that benchmarks share, rendered when first asked for.
+class Scenes {
+ public:
+  explicit Scenes(bool small) : frames_(small ? 4 : 40) {}
+  const Recording& typical();
+  const Recording& cluttered();
+
+ private:
+  int frames_;
+  std::unique_ptr<Recording> typical_, cluttered_;
+};
+
+/// A file of this folder.
+std::string benchmarkFile(const std::string& name);
+
+}  // namespace omnifleet::bench

@@ -1,0 +1,108 @@
+// The stages behind the local mapper, each on what it gets to see in the typical room.
+
+#include "classifier/classifier.h"
+#include "estimation/estimator.h"
+#include "formation/formation.h"
+#include "tests/benchmark/benchmarks.h"
+#include "tests/benchmark/line.h"
+
+namespace omnifleet::bench {
+namespace {
+
+std::map<std::string, RobotBody> bodiesOf(const Recording& recording) {
+  std::map<std::string, RobotBody> bodies;
+  for (const synthetic::ArenaRobot& robot : recording.arena().robots) bodies[robot.name] = robot.body;
+  return bodies;
+}
+
+void classify(benchmark::State& state, const Recording& recording, const Line& line) {
+  classifier::Classifier classifier({}, recording.robots().front(), bodiesOf(recording));
+  Samples samples(state);
+  std::vector<PoseEstimate> poses;
+  double tracks = 0;
+  int step = 0;
+  for (auto _ : state) {
+    const LocalMap& local_map = line.local_maps[static_cast<std::size_t>(step)].front();
+    const double begun = threadCpuMs();
+    const Objects& objects = classifier.process(local_map, poses);
+    samples.add(threadCpuMs() - begun);
+    tracks += static_cast<double>(objects.tracks.size());
+    poses = recording.poses(step++);
+  }
+  samples.report();
+  state.counters["tracks"] = benchmark::Counter(tracks, benchmark::Counter::kAvgIterations);
+}
+
+estimation::FleetEstimator makeEstimator(const Recording& recording, bool batch) {
+  std::vector<estimation::RobotSetup> setups;
+  for (const synthetic::ArenaRobot& robot : recording.arena().robots)
+    setups.push_back({robot.name, robot.body, recording.truth(setups.size(), 0)});
+  estimation::EstimatorOptions options;
+  if (batch) options.window_frames = 1 << 20;  // nothing is ever marginalised: the whole run is solved anew
+  return estimation::FleetEstimator(setups, options);
+}
+
+/// All robots' frames of one time. `batch`: the peer.
+void estimate(benchmark::State& state, const Recording& recording, const Line& line, bool batch) {
+  estimation::FleetEstimator estimator = makeEstimator(recording, batch);
+  Samples samples(state);
+  std::vector<const Objects*> frames;
+  double error_m = 0;
+  int step = 0;
+  for (auto _ : state) {
+    frames.clear();
+    for (const Objects& objects : line.objects[static_cast<std::size_t>(step)]) frames.push_back(&objects);
+    const double begun = threadCpuMs();
+    const auto poses = estimator.process(recording.time(step), frames, {});
+    samples.add(threadCpuMs() - begun);
+    for (std::size_t r = 0; r < poses.size(); ++r) {
+      error_m += (poses[r].map_from_base.translation() - recording.truth(r, step).translation()).norm() /
+                 static_cast<double>(poses.size());
+    }
+    ++step;
+  }
+  samples.report();
+  error_m /= step;
+  state.counters["error_mm"] = 1e3 * error_m;
+  // Both must do their work: wheels alone are off by more than this after some metres.
+  if (error_m > 0.02) state.SkipWithError("the estimates are more than 2 cm off");
+}
+
+void follow(benchmark::State& state, const Recording& recording, const Line& line) {
+  const auto options = formation::Formation::Options::read(recording.arena().formation);
+  formation::Formation formation(recording.robots()[1], bodiesOf(recording), options);
+  Samples samples(state);
+  std::vector<PoseEstimate> poses;
+  int step = 0;
+  for (auto _ : state) {
+    const Objects& objects = line.objects[static_cast<std::size_t>(step)][1];
+    const double begun = threadCpuMs();
+    benchmark::DoNotOptimize(formation.process(objects, poses));
+    samples.add(threadCpuMs() - begun);
+    poses = recording.poses(step++);
+  }
+  samples.report();
+}
+
+}  // namespace
+
+void registerStages(Scenes& scenes, const Plan& plan) {
+  const int steps = plan.iterations(160);
+  const auto line = std::make_shared<std::unique_ptr<Line>>();
+  const auto add = [&, line](const char* name, auto run) {
+    benchmark::RegisterBenchmark(name, [&scenes, line, steps, run](benchmark::State& state) {
+      if (!*line) *line = std::make_unique<Line>(scenes.typical(), steps);
+      run(state, scenes.typical(), **line);
+    })
+        ->Iterations(steps)
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond);
+  };
+  using State = benchmark::State;
+  add("classifier/frame", classify);
+  add("estimator/frame", [](State& s, const Recording& r, const Line& l) { estimate(s, r, l, false); });
+  add("estimator/frame/batch", [](State& s, const Recording& r, const Line& l) { estimate(s, r, l, true); });
+  add("formation/frame", follow);
+}
+
+}  // namespace omnifleet::bench

@@ -1,0 +1,101 @@
+#include "tests/benchmark/summary.h"
+
+#include <fmt/format.h>
+
+namespace omnifleet::bench {
+namespace {
+
+/// A line of the table: a counter of ours, of a peer's benchmark, and what it must come to.
+struct Row {
+  const char* title;
+  const char* benchmark;
+  const char* counter = "p50_ms";
+  const char* peer = nullptr;       ///< its counter of the same name; null: none
+  const char* peer_title = "";
+  double most = -1;                 ///< budget; negative: none
+  double least_ratio = 0;           ///< peer ÷ ours; 0: none
+};
+
+const Row kRows[] = {
+    {"local mapper, typical, p50 ms", "local_mapper/typical", "p50_ms", "local_mapper/typical/naive", "naive",
+     5.0, 13.0},
+    {"local mapper, typical, p99 ms", "local_mapper/typical", "p99_ms", "local_mapper/typical/naive", "naive",
+     8.0},
+    {"local mapper, cluttered, p50 ms", "local_mapper/cluttered", "p50_ms", "local_mapper/cluttered/naive",
+     "naive"},
+    {"local mapper, cluttered, p99 ms", "local_mapper/cluttered", "p99_ms", "local_mapper/cluttered/naive",
+     "naive", 12.0},
+    {"page faults of 400 frames, typical", "local_mapper/typical", "minor_faults", nullptr, "", 0},
+    {"heap growth of 400 frames, typical, bytes", "local_mapper/typical", "heap_bytes", nullptr, "", 0},
+    {"page faults of 400 frames, cluttered", "local_mapper/cluttered", "minor_faults", nullptr, "", 0},
+    {"heap growth of 400 frames, cluttered, bytes", "local_mapper/cluttered", "heap_bytes", nullptr, "", 0},
+    {"merging a 360-ray scan, p50 ms", "map/scan", "p50_ms", "map/scan/octomap", "insertPointCloud", 0.25,
+     10.0},
+    {"classifier, one frame, p50 ms", "classifier/frame"},
+    {"estimator, three frames, p50 ms", "estimator/frame", "p50_ms", "estimator/frame/batch", "whole batch"},
+    {"formation, one frame, p50 ms", "formation/frame"},
+    {"colour patches, full, p50 ms", "patches/full", "p50_ms", "patches/hsv", "HSV + inRange", 2.5},
+    {"colour patches, tracked, p50 ms", "patches/tracked", "p50_ms", "patches/hsv", "HSV + inRange", 0.6},
+    {"lens: points forward, p50 ms", "lens/points", "p50_ms", "lens/remap", "image backward"},
+    {"frame transport, 1.2 MB, p50 ms", "frames/1.2MB/loan", "p50_ms", "frames/1.2MB/udp", "UDP"},
+    {"frame transport, 1.2 MB, p50 ms", "frames/1.2MB/loan", "p50_ms", "frames/1.2MB/shm", "shared memory"},
+    {"frame transport, 3.7 MB, p50 ms", "frames/3.7MB/loan", "p50_ms", "frames/3.7MB/udp", "UDP", 0.3},
+    {"frame transport, 3.7 MB, p50 ms", "frames/3.7MB/loan", "p50_ms", "frames/3.7MB/shm", "shared memory",
+     0.3},
+    {"frame transport, 3.7 MB, p99 ms", "frames/3.7MB/loan", "p99_ms", "frames/3.7MB/udp", "UDP", 2.0},
+    {"frame to map change, p50 ms", "fleet/frame_to_map", "p50_ms", nullptr, "", 20.0},
+    {"frame to map change, p99 ms", "fleet/frame_to_map", "p99_ms", nullptr, "", 50.0},
+};
+
+std::string number(double value) {
+  return fmt::format(value != 0 && value < 0.1 ? "{:.4f}" : value < 10 ? "{:.3g}" : "{:.0f}", value);
+}
+
+std::string budget(const Row& row) {
+  std::string text;
+  if (row.most >= 0) text = "<= " + number(row.most);
+  if (row.least_ratio > 0) text += fmt::format("{}{:.0f} x", text.empty() ? ">= " : ", >= ", row.least_ratio);
+  return text;
+}
+
+}  // namespace
+
+void Summary::ReportRuns(const std::vector<Run>& runs) {
+  ConsoleReporter::ReportRuns(runs);
+  for (const Run& run : runs) {
+    const std::string& name = run.run_name.function_name;
+    if (run.error_occurred) {
+      errors_.push_back(name + ": " + run.error_message);
+      counters_.erase(name);
+      continue;
+    }
+    if (run.run_type != Run::RT_Iteration) continue;
+    for (const auto& [key, counter] : run.counters) counters_[name][key] = counter.value;
+  }
+}
+
+const double* Summary::counter(const std::string& benchmark, const std::string& name) const {
+  const auto run = counters_.find(benchmark);
+  if (run == counters_.end()) return nullptr;
+  const auto found = run->second.find(name);
+  return found == run->second.end() ? nullptr : &found->second;
+}
+
+void Summary::printTable(std::FILE* out) const {
+  fmt::print(out, "\n{:<45} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", "", "ours", "peer", "", "ratio", "budget",
+             "reached");
+  for (const Row& row : kRows) {
+    const double* ours = counter(row.benchmark, row.counter);
+    if (!ours) continue;
+    const double* peer = row.peer ? counter(row.peer, row.counter) : nullptr;
+    const double ratio = peer && *ours > 0 ? *peer / *ours : 0.0;
+    const bool has_budget = row.most >= 0 || row.least_ratio > 0;
+    const bool reached = (row.most < 0 || *ours <= row.most) && (!peer || ratio >= row.least_ratio);
+    fmt::print(out, "{:<45} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", row.title, number(*ours),
+               peer ? number(*peer) : "", row.peer_title, peer ? fmt::format("{:.1f}", ratio) : "", budget(row),
+               has_budget ? (reached ? "yes" : "NO") : "");
+  }
+  for (const std::string& error : errors_) fmt::print(out, "FAILED {}\n", error);
+}
+
+}  // namespace omnifleet::bench

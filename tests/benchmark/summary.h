@@ -1,0 +1,31 @@
+#pragma once
+
+#include <benchmark/benchmark.h>
+
+#include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace omnifleet::bench {
+
+/// Google Benchmark's console, which also remembers the counters for a table at the end.
+class Summary : public benchmark::ConsoleReporter {
+ public:
+  Summary() : ConsoleReporter(OO_Tabular) {}
+  void ReportRuns(const std::vector<Run>& runs) override;
+
+  /// Benchmark, ours, peer, ratio, budget (DESIGN, "Where it must end up"), whether it is reached. Rows whose
+  /// benchmark did not run are left out.
+  void printTable(std::FILE* out) const;
+  bool failed() const { return !errors_.empty(); }
+
+ private:
+  /// Nothing where it did not run or failed.
+  const double* counter(const std::string& benchmark, const std::string& name) const;
+
+  std::map<std::string, std::map<std::string, double>> counters_;
+  std::vector<std::string> errors_;
+};
+
+}  // namespace omnifleet::bench

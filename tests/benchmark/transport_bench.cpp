@@ -1,0 +1,128 @@
+// A frame from one process to another, 30 times a second: from the moment the finished frame is handed over
+// until the reader has it. Ours lies in the loan and is read where it lies; the peers are copied.
+
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <thread>
+
+#include "bus/dds_bus.h"
+#include "tests/benchmark/benchmarks.h"
+#include "tests/benchmark/raw_frames.h"
+#include "tests/multiprocess/process.h"
+
+namespace omnifleet::bench {
+namespace {
+
+constexpr int kDomain = 93, kTimeout_s = 20;
+constexpr auto kPeriod = std::chrono::nanoseconds(1'000'000'000 / 30);
+constexpr int kWarmUp = 12;  // frames until every slot has been written and read once
+
+struct Size {
+  const char* name;
+  int width, height;
+  std::size_t bytes() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3; }
+};
+const Size kSizes[] = {{"1.2MB", 736, 552}, {"3.7MB", 1280, 960}};
+
+/// The reading process and its answers.
+class ReaderProcess {
+ public:
+  ReaderProcess(const std::string& kind, std::size_t bytes, int count) {
+    const std::string command = "exec '" + test::testProgram("omnifleet_bench_reader") + "' " + kind + " " +
+                                std::to_string(kDomain) + " " + std::to_string(bytes) + " " +
+                                std::to_string(count);
+    answers_ = popen(command.c_str(), "r");
+  }
+  ~ReaderProcess() {
+    if (answers_) pclose(answers_);
+  }
+  ReaderProcess(const ReaderProcess&) = delete;
+  ReaderProcess& operator=(const ReaderProcess&) = delete;
+
+  /// Latency of the next frame; false when it did not arrive whole.
+  bool answer(double& latency_ms) {
+    int intact = 0;
+    return answers_ && std::fscanf(answers_, "%lf %d", &latency_ms, &intact) == 2 && intact == 1;
+  }
+
+ private:
+  std::FILE* answers_ = nullptr;
+};
+
+/// Hands frame n over, filled with n; false when that failed.
+using Send = std::function<bool(int n)>;
+
+void run(benchmark::State& state, ReaderProcess& reader, const Send& send) {
+  Samples samples(state);
+  auto next = std::chrono::steady_clock::now();
+  int n = 0;
+  const auto one = [&](double& latency_ms) {
+    std::this_thread::sleep_until(next += kPeriod);
+    if (send(n++) && reader.answer(latency_ms)) return true;
+    state.SkipWithError("a frame did not arrive whole");
+    return false;
+  };
+  double latency_ms = 0;
+  while (n < kWarmUp) {
+    if (!one(latency_ms)) break;
+  }
+  for (auto _ : state) {
+    if (!one(latency_ms)) break;
+    samples.add(latency_ms);
+  }
+  samples.report();
+}
+
+void loan(benchmark::State& state, const Size& size) {
+  ReaderProcess reader("loan", size.bytes(), kWarmUp + static_cast<int>(state.max_iterations));
+  bus::DdsBusOptions options;
+  options.domain = kDomain;
+  options.mode = bus::RunMode::kReplay;  // reliable, as the peers
+  const auto dds = bus::makeDdsBus(options);
+  const auto writer = dds->frameWriter("bench", size.bytes());
+  if (!writer->waitForReaders(1, std::chrono::seconds(kTimeout_s))) return state.SkipWithError("no reader");
+  bus::FrameHeader header;
+  header.width_px = size.width;
+  header.height_px = size.height;
+  run(state, reader, [&](int n) {
+    std::uint8_t* pixels = writer->begin(header);
+    if (!pixels) return false;
+    std::memset(pixels, n & 255, size.bytes());
+    header.sequence = static_cast<std::uint32_t>(n);
+    header.acquired_ns = hostNs();
+    writer->amend(header);
+    return writer->publish();
+  });
+}
+
+void raw(benchmark::State& state, const Size& size, RawTransport transport) {
+  const char* kind = transport == RawTransport::kUdp ? "udp" : "shm";
+  ReaderProcess reader(kind, size.bytes(), kWarmUp + static_cast<int>(state.max_iterations));
+  RawFrameWriter writer(transport, kDomain, size.bytes());
+  if (!writer.waitForReader(kTimeout_s)) return state.SkipWithError("no reader");
+  run(state, reader, [&](int n) {
+    std::memset(writer.pixels(), n & 255, size.bytes());
+    return writer.write(hostNs());
+  });
+}
+
+}  // namespace
+
+void registerTransport(const Plan& plan) {
+  for (const Size& size : kSizes) {
+    const auto add = [&](const char* kind, const std::function<void(benchmark::State&)>& body) {
+      const std::string name = std::string("frames/") + size.name + "/" + kind;
+      benchmark::RegisterBenchmark(name.c_str(), [body](benchmark::State& state) { body(state); })
+          ->Iterations(plan.iterations(300))
+          ->UseManualTime()
+          ->Unit(benchmark::kMillisecond);
+    };
+    add("loan", [&size](benchmark::State& state) { loan(state, size); });
+    add("udp", [&size](benchmark::State& state) { raw(state, size, RawTransport::kUdp); });
+    add("shm", [&size](benchmark::State& state) { raw(state, size, RawTransport::kSharedMemory); });
+  }
+}
+
+}  // namespace omnifleet::bench
