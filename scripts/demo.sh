@@ -15,6 +15,6 @@ while [ $# -gt 0 ]; do
 done
 
 "$root/scripts/setup.sh"
-"$bin/omnifleet_launch" run "$root/config/fleets/demo.yaml" --out "$out" --record-truth "${realtime[@]}"
-"$bin/omnifleet_evaluate" "$out" "$out/truth"
+"$bin/omnifleet_launch" run "$root/config/fleets/demo.yaml" --out "$out" "${realtime[@]}"
+"$bin/omnifleet_evaluate" "$out" "$out/recording"
 say "the map: $out/map.png"

@@ -28,6 +28,7 @@ bool InProcessFleet::spinRound() {
   for (Member& member : members_) {
     if (member.drained) continue;
     while (member.service->spin()) moved = true;
+    tellProblems(member);
     if (!member.service->finished()) continue;
     drain(member);
     moved = true;
@@ -37,8 +38,14 @@ bool InProcessFleet::spinRound() {
 
 void InProcessFleet::drain(Member& member) {
   member.service->drain();
+  tellProblems(member);
   member.service->status().state(ServiceState::kFinished);
   member.drained = true;
+}
+
+void InProcessFleet::tellProblems(Member& member) {
+  if (!on_problem_) return;
+  for (const std::string& problem : member.service->status().takeProblems()) on_problem_(member.name, problem);
 }
 
 bool InProcessFleet::done() const {

@@ -16,10 +16,16 @@ struct Loop {
   StatusPublisher& publisher;
   spdlog::logger& log;
 
+  /// Tells people: the log every problem, the status topic where things stand.
+  void tell(bool force = false) {
+    for (const std::string& problem : service.status().takeProblems()) log.warn("{}", problem);
+    publisher.update(service.status(), Clock::now(), force);
+  }
+
   /// Sleeps until something may have changed, at most until the next status is due.
   void idle() {
+    tell();
     const auto now = Clock::now();
-    publisher.update(service.status(), now);
     std::chrono::nanoseconds sleep = kStatusPeriod;
     if (const auto at = service.wakeAt()) sleep = std::min<std::chrono::nanoseconds>(sleep, *at - now);
     if (sleep > std::chrono::nanoseconds(0)) bus.wait(sleep);
@@ -47,7 +53,7 @@ struct Loop {
 
   ExitCode work() {
     while (!bus.stopping() && !service.finished()) {
-      while (!bus.stopping() && service.spin()) publisher.update(service.status(), Clock::now());
+      while (!bus.stopping() && service.spin()) tell();
       if (bus.stopping() || service.finished()) break;
       if (const auto silent = silentStream()) return fail("nothing for " + limit() + " from: " + *silent);
       idle();
@@ -63,15 +69,17 @@ struct Loop {
   }
 
   ExitCode fail(const std::string& why) {
+    tell();
     log.error("{}", why);
     service.status().error(why, true);
+    [[maybe_unused]] const auto logged = service.status().takeProblems();
     return ExitCode::kSilentStage;
   }
   std::string limit() const { return std::to_string(options.silence_limit.count()) + " s"; }
 
   ExitCode run() {
     service.status().state(ServiceState::kWaiting);
-    publisher.update(service.status(), Clock::now());
+    tell();
     ExitCode code = expect();
     if (code == ExitCode::kOk && !bus.stopping()) {
       service.start();
@@ -81,7 +89,7 @@ struct Loop {
     service.status().state(ServiceState::kStopping);
     service.drain();
     service.status().state(ServiceState::kFinished);
-    publisher.update(service.status(), Clock::now(), true);
+    tell(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
       log.warn("some readers never took the last samples");
     return code;

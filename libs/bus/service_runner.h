@@ -52,6 +52,10 @@ class InProcessFleet {
   /// false (all are drained then). Throws std::runtime_error naming who waits for which stream when nothing
   /// moves any more, and the expectation that is not met at the start.
   void run(const std::function<bool()>& each_round = {});
+  /// Told every problem that a service tells its status, as its own process would log it.
+  void onProblem(std::function<void(const std::string& service, const std::string& problem)> listener) {
+    on_problem_ = std::move(listener);
+  }
   Service& service(std::size_t index) { return *members_.at(index).service; }
 
  private:
@@ -62,11 +66,13 @@ class InProcessFleet {
   };
   void start();
   bool spinRound();
-  static void drain(Member& member);
+  void drain(Member& member);
+  void tellProblems(Member& member);
   bool done() const;
   void sleepOrFail();
   [[noreturn]] void failStuck();
   std::vector<Member> members_;
+  std::function<void(const std::string&, const std::string&)> on_problem_;
 };
 
 }  // namespace omnifleet::bus

@@ -6,6 +6,7 @@ namespace omnifleet::bus {
 namespace {
 
 constexpr std::size_t kWindow = 1024;  ///< latencies kept
+constexpr std::size_t kProblemsKept = 64;
 
 double quantile(std::vector<float>& values, double q) {
   if (values.empty()) return 0.0;
@@ -60,6 +61,21 @@ void StatusBoard::error(const std::string& text, bool degrades) {
   changed_ = changed_ || text != last_error_ || degrades != degraded_;
   last_error_ = text;
   degraded_ = degrades;
+  if (text == last_problem_) return;
+  last_problem_ = text;
+  if (problems_.size() < kProblemsKept) {
+    problems_.push_back(text);
+  } else {
+    ++problems_left_out_;
+  }
+}
+
+std::vector<std::string> StatusBoard::takeProblems() {
+  std::vector<std::string> taken;
+  taken.swap(problems_);
+  if (problems_left_out_ > 0) taken.push_back("and " + std::to_string(problems_left_out_) + " more");
+  problems_left_out_ = 0;
+  return taken;
 }
 
 void StatusBoard::clearError() {

@@ -36,6 +36,9 @@ class StatusBoard {
   /// until clearError() when `degrades`.
   void error(const std::string& text, bool degrades = false);
   void clearError();
+  /// The problems told by error() since the last call, oldest first, a repeated one once: for the log, which
+  /// must not lose those that a later one replaced. At most 64; the last line then says how many more.
+  std::vector<std::string> takeProblems();
 
   struct Snapshot {
     ServiceState state = ServiceState::kStarting;
@@ -54,6 +57,9 @@ class StatusBoard {
   bool degraded_ = false;
   bool changed_ = true;
   std::string last_error_;
+  std::vector<std::string> problems_;  ///< not yet taken
+  std::string last_problem_;
+  std::size_t problems_left_out_ = 0;
   std::uint64_t processed_ = 0, invalid_ = 0, drops_ = 0, expected_ = 0, processed_before_ = 0;
   Clock::time_point since_{};
   std::vector<float> latency_ms_;  ///< ring

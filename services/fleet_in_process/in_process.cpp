@@ -61,6 +61,9 @@ void runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
     if (process->service == "global_merger") counted = service.get();
     stages.add(process->service + " " + process->instance, std::move(service));
   }
+  stages.onProblem([&](const std::string& service, const std::string& problem) {
+    log->warn("{}: {}", service, problem);
+  });
   stages.run([&] {
     if (each_round && counted)
       each_round(counted->status().snapshot(std::chrono::steady_clock::now()).processed);

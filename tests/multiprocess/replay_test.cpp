@@ -1,0 +1,160 @@
+// Recordings through processes and through one process: the same bytes; damaged recordings: told, counted,
+// survived.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/multiprocess/process.h"
+
+namespace omnifleet::test {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+/// A recording of the small arena, made once by the project's own tool.
+const std::string& recording() {
+  static const std::string folder = [] {
+    const std::string out = freshDir("recording");
+    Process make({program("make_recording"), sourceDir() + "/config/arenas/small.yaml", "--seed", "3",
+                  "--out", out + "/data"},
+                 out + "/log");
+    if (make.wait(120s) != std::optional<int>(0))
+      throw std::runtime_error("make_recording failed: " + make.output());
+    return out + "/data";
+  }();
+  return folder;
+}
+
+std::map<std::string, std::string> results(const std::string& out) {
+  std::map<std::string, std::string> files;
+  for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
+    files[part] = fileText(out + "/" + part);
+  for (const char* folder : {"trajectories", "places"}) {
+    if (!fs::exists(out + "/" + folder)) continue;
+    for (const auto& entry : fs::directory_iterator(out + "/" + folder)) {
+      files[std::string(folder) + "/" + entry.path().filename().string()] = fileText(entry.path().string());
+    }
+  }
+  return files;
+}
+
+std::string replay(const std::string& dataset, const std::string& name, int domain, int expected_code = 0) {
+  const std::string out = freshDir(name);
+  Process launch({program("launch"), "replay", dataset, "--out", out, "--domain", std::to_string(domain)},
+                 out + ".log");
+  const auto code = launch.wait(120s);
+  EXPECT_EQ(code, std::optional<int>(expected_code)) << launch.output();
+  return out;
+}
+
+std::string inProcess(const std::string& dataset, const std::string& name) {
+  const std::string out = freshDir(name);
+  Process run({program("fleet_in_process"), "--dataset", dataset, "--out", out}, out + ".log");
+  EXPECT_EQ(run.wait(120s), std::optional<int>(0)) << run.output();
+  return out;
+}
+
+std::string copyOfRecording(const std::string& name) {
+  const std::string copy = freshDir(name);
+  fs::copy(recording(), copy, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  return copy;
+}
+
+int rows(const std::string& text) {
+  return static_cast<int>(std::count(text.begin(), text.end(), '\n'));
+}
+
+std::vector<fs::path> images(const std::string& folder) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder)) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+TEST(Replay, TwiceGivesTheSameBytesAndOneProcessGivesThemToo) {
+  const auto first = results(replay(recording(), "replay_1", 71));
+  const auto second = results(replay(recording(), "replay_2", 72));
+  const auto one = results(inProcess(recording(), "replay_in_process"));
+  EXPECT_GE(first.size(), 6u);
+  for (const auto& [file, bytes] : first) {
+    EXPECT_FALSE(bytes.empty()) << file;
+    EXPECT_TRUE(second.at(file) == bytes) << file << " differs between two replays";
+    EXPECT_TRUE(one.at(file) == bytes) << file << " differs between processes and one process";
+  }
+}
+
+TEST(Replay, DoesNotWriteToTheRecording) {
+  std::map<std::string, fs::file_time_type> before;
+  for (const auto& entry : fs::recursive_directory_iterator(recording()))
+    before[entry.path()] = entry.last_write_time();
+  inProcess(recording(), "read_only");
+  for (const auto& entry : fs::recursive_directory_iterator(recording())) {
+    ASSERT_TRUE(before.count(entry.path())) << entry.path() << " is new";
+    EXPECT_EQ(before[entry.path()], entry.last_write_time()) << entry.path();
+  }
+}
+
+TEST(Replay, DamagedFramesAreReportedAndSkipped) {
+  const std::string data = copyOfRecording("damaged");
+  const auto files = images(data + "/r1/fisheye/data");
+  ASSERT_GE(files.size(), 8u);
+  fs::remove(files[2]);                                    // missing
+  fs::resize_file(files[3], fs::file_size(files[3]) / 2);  // cut
+  fs::resize_file(files[4], 0);                            // empty
+  fs::copy_file(images(data + "/ceiling/c1/data").front(), files[5],
+                fs::copy_options::overwrite_existing);  // another camera's size
+  const std::string out = replay(data, "damaged_run", 73);
+  const std::string log =
+      fileText(out + "/log/camera_r1_fisheye.log") + fileText(out + "/log/local_mapper_r1.log");
+  EXPECT_THAT(log, testing::HasSubstr(files[2].filename().string()));
+  EXPECT_THAT(log, testing::HasSubstr(files[3].filename().string()));
+  const std::string whole = inProcess(recording(), "undamaged_run");
+  EXPECT_EQ(rows(fileText(out + "/trajectories/r1.tum")), rows(fileText(whole + "/trajectories/r1.tum")))
+      << "one pose per frame, damaged or not";
+  const auto found = nlohmann::json::parse(fileText(out + "/objects.geojson"))["features"].size();
+  const auto expected = nlohmann::json::parse(fileText(whole + "/objects.geojson"))["features"].size();
+  EXPECT_EQ(found, expected) << "four damaged frames cost no object";
+}
+
+TEST(Replay, ARecordingThatIsNoneIsNamed) {
+  const std::string out = freshDir("no_recording");
+  Process launch(
+      {program("launch"), "replay", out + "/nothing_here", "--out", out + "/run", "--domain", "74"},
+      out + "/log");
+  EXPECT_EQ(launch.wait(20s), std::optional<int>(2));
+  EXPECT_THAT(launch.output(), testing::HasSubstr("nothing_here"));
+}
+
+TEST(Replay, AnOutputThatCannotBeWrittenIsNamedBeforeAnythingStarts) {
+  const std::string out = freshDir("no_output");
+  std::ofstream(out + "/file") << "in the way";
+  Process launch({program("launch"), "replay", recording(), "--out", out + "/file/run", "--domain", "75"},
+                 out + "/log");
+  EXPECT_EQ(launch.wait(20s), std::optional<int>(2));
+  EXPECT_THAT(launch.output(), testing::HasSubstr(out + "/file"));
+}
+
+/// A renderer that is not the project's: bounds are those that the project promises for this recording.
+TEST(Replay, AForeignRecordingIsMappedToTwoCentimetres) {
+  const std::string data = testDataDir() + "/rendered_sample";
+  if (testDataDir().empty() || !fs::exists(data)) GTEST_SKIP() << "no rendered_sample on this machine";
+  const std::string out = replay(data, "rendered_sample", 76);
+  Process evaluate({program("evaluate"), out, data}, out + "/evaluate.log");
+  ASSERT_EQ(evaluate.wait(30s), std::optional<int>(0)) << evaluate.output();
+  const auto metrics = nlohmann::json::parse(fileText(out + "/metrics.json"));
+  const auto& map = metrics["map"];
+  EXPECT_TRUE(map["missed"].empty()) << evaluate.output();
+  EXPECT_TRUE(map["false"].empty()) << evaluate.output();
+  EXPECT_LE(map["x_error_m"], 0.02);
+  EXPECT_LE(map["y_error_m"], 0.02);
+  EXPECT_EQ(metrics["paths"].size(), 3u);
+  for (const auto& path : metrics["paths"]) EXPECT_LE(path["distance_m"], 0.04) << evaluate.output();
+}
+
+}  // namespace
+}  // namespace omnifleet::test
