@@ -5,7 +5,7 @@
 namespace omnifleet::bench {
 namespace {
 
-constexpr double kNear_m = 1.2;   // contact with the floor: nearer objects lie on the plan for the most part
+constexpr double kNear_m = 1.2;  // contact with the floor: nearer objects lie on the plan for the most part
 constexpr int kLargeArea_px = 1500;  // 240 cm²
 
 std::vector<cv::Point> onPlan(const Polygon& polygon, const NaiveMapper& naive) {
@@ -42,7 +42,8 @@ Agreement compare(const LocalMap& ours, const NaiveMapper& naive,
     if (2 * cv::countNonZero(one & theirs) >= area) ++agreement.found;
   }
   const Eigen::Vector2d foot = naive.remap().planFromFloor(ours.scan.origin_m);
-  const double near_px = (naive.remap().planFromFloor(ours.scan.origin_m + Eigen::Vector2d(kNear_m, 0)) - foot).norm();
+  const double near_px =
+      (naive.remap().planFromFloor(ours.scan.origin_m + Eigen::Vector2d(kNear_m, 0)) - foot).norm();
   for (const auto& region : regions) {
     if (region.area_px < kLargeArea_px) continue;
     if (nearest(region, {cvRound(foot.x()), cvRound(foot.y())}) > near_px) continue;

@@ -1,8 +1,9 @@
 // Three robots at 10 Hz, live: from the moment a camera hands its frame over until a replica of the map, in
-// another process, has changed by it. Local mappers, classifiers, localizer and mergers are the real programs;
-// cameras (frames preloaded) and wheels are played here, and one more replica listens here, so that both
-// moments are read from one clock.
+// another process, has changed by it. Local mappers, classifiers, localizer and mergers are the real
+// programs; cameras (frames preloaded) and wheels are played here, and one more replica listens here, so that
+// both moments are read from one clock.
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <map>
@@ -38,8 +39,9 @@ class Programs {
 
  private:
   void start(const fleet::ProcessSpec& spec) {
-    std::vector<std::string> argv{test::program(spec.service), "--mode", "live", "--fleet",
-                                  benchmarkFile("fleet.yaml"), "--domain", std::to_string(kDomain)};
+    std::vector<std::string> argv{
+        test::program(spec.service), "--mode", "live", "--fleet", benchmarkFile("fleet.yaml"), "--domain",
+        std::to_string(kDomain)};
     if (!spec.instance.empty()) argv.insert(argv.end(), {"--robot", spec.instance});
     all_.push_back(
         std::make_unique<test::Process>(argv, folder_ + "/" + spec.service + "_" + spec.instance + ".log"));
@@ -140,7 +142,6 @@ class Replica {
         settle({pose_.robot, pose_.acquired_ns}, changed);
     }
   }
-  const occupancy::OccupancyMap& map() const { return map_; }
 
  private:
   template <class Changed>
@@ -158,13 +159,50 @@ class Replica {
   occupancy::OccupancyMap map_;
 };
 
+/// When each robot's sample of each stage was heard here.
+class Stages {
+ public:
+  Stages(bus::Bus& bus, const bus::Topics& topics)
+      : local_maps_(bus.reader(topics.local_map)),
+        objects_(bus.reader(topics.objects)),
+        poses_(bus.reader(topics.pose)) {}
+
+  /// `heard(stage, robot, time)` for all that has arrived.
+  template <class Heard>
+  void pull(const Heard& heard) {
+    while (local_maps_->take(local_map_)) heard("local_map", name(local_map_));
+    while (objects_->take(sample_)) heard("objects", name(sample_));
+    while (poses_->take(pose_)) heard("pose", name(pose_));
+  }
+
+ private:
+  template <class Wire>
+  static Replica::Name name(const Wire& wire) {
+    return {wire.robot().to_string(), wire.header().acquired_ns()};
+  }
+  std::unique_ptr<bus::Reader<v1::LocalMap>> local_maps_;
+  std::unique_ptr<bus::Reader<v1::Objects>> objects_;
+  std::unique_ptr<bus::Reader<v1::Pose>> poses_;
+  v1::LocalMap local_map_;
+  v1::Objects sample_;
+  v1::Pose pose_;
+};
+
+using Latencies = std::map<std::string, std::vector<double>>;  ///< by stage, ms since the frame; "map" too
+
 /// One step: frames out at their time, then the map watched until the next.
 class Run {
  public:
-  Run(Sources& sources, Replica& replica, bus::Bus& bus, std::chrono::nanoseconds period)
-      : sources_(sources), replica_(replica), bus_(bus), period_(period), next_(Clock::now()) {}
+  /// `stages`: may be null; listening to them costs their writers some time.
+  Run(Sources& sources, Replica& replica, Stages* stages, bus::Bus& bus, std::chrono::nanoseconds period)
+      : sources_(sources),
+        replica_(replica),
+        stages_(stages),
+        bus_(bus),
+        period_(period),
+        next_(Clock::now()) {}
 
-  bool step(int step, TimeNs time, std::vector<double>& latencies_ms) {
+  bool step(int step, TimeNs time, Latencies& latencies_ms) {
     const bool prepared = sources_.prepare(step);
     watch(latencies_ms);
     next_ += period_;
@@ -174,67 +212,87 @@ class Run {
     return good;
   }
   /// Until the next frames are due.
-  void watch(std::vector<double>& latencies_ms) {
-    const auto changed = [&](const Replica::Name& name) {
+  void watch(Latencies& latencies_ms) {
+    const auto heard = [&](const char* stage, const Replica::Name& name) {
       const auto sent = sent_.find(name);
       if (sent == sent_.end()) return;
-      latencies_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - sent->second).count());
-      sent_.erase(sent);
+      latencies_ms[stage].push_back(
+          std::chrono::duration<double, std::milli>(Clock::now() - sent->second).count());
+    };
+    const auto pull = [&] {
+      if (stages_) stages_->pull(heard);
+      replica_.pull([&](const Replica::Name& name) { heard("map", name); });
     };
     for (auto left = next_ - Clock::now(); left > left.zero(); left = next_ - Clock::now()) {
-      replica_.pull(changed);
+      pull();
       bus_.wait(left);
     }
-    replica_.pull(changed);
+    pull();
   }
 
  private:
   Sources& sources_;
   Replica& replica_;
+  Stages* stages_;
   bus::Bus& bus_;
   std::chrono::nanoseconds period_;
   Clock::time_point next_;
   std::map<Replica::Name, Clock::time_point> sent_;
 };
 
-void frameToMap(benchmark::State& state, const Recording& recording) {
+void report(Latencies& latencies_ms, benchmark::State& state) {
+  reportPercentiles(latencies_ms["map"], state);
+  state.counters["keyframes"] = static_cast<double>(latencies_ms["map"].size());
+  for (auto& [stage, ms] : latencies_ms) {
+    std::sort(ms.begin(), ms.end());
+    state.counters[stage + "_ms"] = percentile(ms, 0.5);
+  }
+}
+
+void frameToMap(benchmark::State& state, const Recording& recording, bool listen_to_stages) {
   const fleet::Fleet fleet = fleet::Fleet::load(benchmarkFile("fleet.yaml"), "", {});
   const bus::Topics topics(bus::RunMode::kLive);
   const auto dds = bus::makeDdsBus(busOptions());
   Sources sources(*dds, topics, recording);
   Replica replica(*dds, topics, fleet);
+  std::optional<Stages> stages;
+  if (listen_to_stages) stages.emplace(*dds, topics);
   const Programs programs(fleet);
   if (!sources.matched()) return state.SkipWithError("the programs of the fleet did not come up");
-  std::vector<double> latencies_ms;
-  Run run(sources, replica, *dds, std::chrono::nanoseconds(recording.arena().periodNs()));
+  Latencies latencies_ms;
+  Run run(sources, replica, stages ? &*stages : nullptr, *dds,
+          std::chrono::nanoseconds(recording.arena().periodNs()));
   bool good = true;
   int step = 0;
   for (; step < kWarmUpSteps; ++step) good = run.step(step, recording.time(step), latencies_ms) && good;
   latencies_ms.clear();
-  const auto changes_before = replica.map().classChanges();
   for (auto _ : state) {
-    const std::size_t before = latencies_ms.size();
     good = run.step(step, recording.time(step), latencies_ms) && good;
+    const auto& all = latencies_ms["map"];
+    state.SetIterationTime(all.empty() ? 0.0 : 1e-3 * all.back());
     ++step;
-    state.SetIterationTime(before < latencies_ms.size() ? 1e-3 * latencies_ms.back() : 0.0);
   }
   run.watch(latencies_ms);
   if (!good) state.SkipWithError("a frame could not be sent");
-  if (latencies_ms.size() < static_cast<std::size_t>(state.iterations()) / 2)
+  if (latencies_ms["map"].size() < static_cast<std::size_t>(state.iterations()) / 2)
     state.SkipWithError("frames do not become part of the map");
-  reportPercentiles(latencies_ms, state);
-  state.counters["keyframes"] = static_cast<double>(latencies_ms.size());
-  state.counters["cells_changed"] = static_cast<double>(replica.map().classChanges() - changes_before);
+  report(latencies_ms, state);
 }
 
 }  // namespace
 
 void registerFleet(Scenes& scenes, const Plan& plan) {
-  benchmark::RegisterBenchmark("fleet/frame_to_map",
-                               [&scenes](benchmark::State& state) { frameToMap(state, scenes.typical()); })
-      ->Iterations(plan.smoke ? 20 : 300)
-      ->UseManualTime()
-      ->Unit(benchmark::kMillisecond);
+  const auto add = [&](const char* name, bool stages, int iterations) {
+    benchmark::RegisterBenchmark(name,
+                                 [&scenes, stages](benchmark::State& state) {
+                                   guarded(state, [&] { frameToMap(state, scenes.typical(), stages); });
+                                 })
+        ->Iterations(plan.smoke ? 20 : iterations)
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond);
+  };
+  add("fleet/frame_to_map", false, 300);
+  add("fleet/frame_to_map/stages", true, 100);
 }
 
 }  // namespace omnifleet::bench

@@ -44,7 +44,8 @@ Eigen::Vector2d FloorRemap::planFromFloor(const Eigen::Vector2d& point_m) const 
 }
 
 Eigen::Vector2d FloorRemap::floorFromPlan(const Eigen::Vector2d& pixel) const {
-  return foot_m_ + kMetresPerPixel * Eigen::Vector2d((kHeight - 1) / 2.0 - pixel.y(), (kWidth - 1) / 2.0 - pixel.x());
+  return foot_m_ +
+         kMetresPerPixel * Eigen::Vector2d((kHeight - 1) / 2.0 - pixel.y(), (kWidth - 1) / 2.0 - pixel.x());
 }
 
 }  // namespace omnifleet::bench

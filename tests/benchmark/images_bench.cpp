@@ -7,8 +7,8 @@
 #include "local_mapper/local_mapper.h"
 #include "markers/patch_finder.h"
 #include "tests/benchmark/benchmarks.h"
-#include "tests/benchmark/hsv_finder.h"
 #include "tests/benchmark/floor_remap.h"
+#include "tests/benchmark/hsv_finder.h"
 
 namespace omnifleet::bench {
 namespace {
@@ -32,7 +32,8 @@ void findPatches(benchmark::State& state, const Recording& recording, bool track
     samples.add(threadCpuMs() - begun);
     if (found.size() != recording.robots().size()) state.SkipWithError("a robot was not found");
     for (std::size_t r = 0; r < found.size(); ++r) {
-      const double error_m = (found[r].map_from_base.translation() - recording.truth(r, step).translation()).norm();
+      const double error_m =
+          (found[r].map_from_base.translation() - recording.truth(r, step).translation()).norm();
       if (error_m > 0.01) state.SkipWithError("a robot was found at a wrong place");
     }
     ++step;
@@ -67,7 +68,8 @@ std::vector<Eigen::Vector2f> pointsOf(const Recording& recording, const lens::Ca
   std::vector<Eigen::Vector2f> points;
   for (int step = 0; step < 2; ++step) {
     const LocalMap& local_map = mapper.process(
-        {recording.time(step), static_cast<std::uint32_t>(step), FrameState::kOk, recording.image(0, step)}, {});
+        {recording.time(step), static_cast<std::uint32_t>(step), FrameState::kOk, recording.image(0, step)},
+        {});
     if (step == 0) continue;
     for (const auto& object : local_map.objects) {
       for (const auto& vector : object.vectors) {
@@ -133,7 +135,8 @@ void backward(benchmark::State& state, const Recording& recording) {
 void registerImages(Scenes& scenes, const Plan& plan) {
   const int iterations = plan.iterations(120);
   const auto add = [&](const char* name, auto run) {
-    benchmark::RegisterBenchmark(name, [&scenes, run](benchmark::State& state) { run(state, scenes.typical()); })
+    benchmark::RegisterBenchmark(name,
+                                 [&scenes, run](benchmark::State& state) { run(state, scenes.typical()); })
         ->Iterations(iterations)
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);

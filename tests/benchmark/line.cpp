@@ -19,8 +19,9 @@ Line::Line(const Recording& recording, int steps)
     std::vector<PoseEstimate> poses;
     for (int step = 0; step < steps; ++step) {
       const TimeNs now = recording.time(step);
-      LocalMap local_map = mapper.process(
-          {now, static_cast<std::uint32_t>(step), FrameState::kOk, recording.image(r, step)}, wheels.motionTo(now));
+      LocalMap local_map =
+          mapper.process({now, static_cast<std::uint32_t>(step), FrameState::kOk, recording.image(r, step)},
+                         wheels.motionTo(now));
       local_map.robot = name;
       const dataset::WheelRow row = recording.wheels(r, step);
       wheels.add(row.time_ns, row.left_mps, row.right_mps);

@@ -20,7 +20,8 @@ constexpr double kMaxRange_m = 5.0, kResolution_m = 0.05;
 struct Column {
   double x, y, radius;
 };
-const Column kColumns[] = {{1.5, 1.0, 0.2}, {-1.2, 1.6, 0.15}, {0.4, -1.8, 0.25}, {-2.5, -1.1, 0.2}, {3.0, -0.4, 0.15}};
+const Column kColumns[] = {
+    {1.5, 1.0, 0.2}, {-1.2, 1.6, 0.15}, {0.4, -1.8, 0.25}, {-2.5, -1.1, 0.2}, {3.0, -0.4, 0.15}};
 
 double rangeTo(double x, double y, double bearing) {
   const double c = std::cos(bearing), s = std::sin(bearing);

@@ -3,6 +3,7 @@
 #include <benchmark/benchmark.h>
 
 #include <cstdint>
+#include <exception>
 #include <vector>
 
 namespace omnifleet::bench {
@@ -25,6 +26,8 @@ void reportPercentiles(std::vector<double> ms, benchmark::State& state);
 class Samples {
  public:
   explicit Samples(benchmark::State& state) : state_(state) {}
+  /// Room for all iterations, so that measuring the heap does not measure this.
+  void reserve() { ms_.reserve(static_cast<std::size_t>(state_.max_iterations)); }
   /// One iteration's time; also Google Benchmark's (manual time).
   void add(double ms);
   void report() { reportPercentiles(ms_, state_); }
@@ -33,6 +36,16 @@ class Samples {
   benchmark::State& state_;
   std::vector<double> ms_;
 };
+
+/// Runs a benchmark's body; an exception is that benchmark's error, not the end of all.
+template <class Body>
+void guarded(benchmark::State& state, const Body& body) {
+  try {
+    body();
+  } catch (const std::exception& problem) {
+    state.SkipWithError(problem.what());
+  }
+}
 
 /// Value at a share 0–1 of sorted samples, nearest rank; 0 where there are none.
 double percentile(const std::vector<double>& sorted, double share);

@@ -20,7 +20,7 @@ class NaiveMapper {
   struct Region {
     int label = 0;
     int area_px = 0;
-    std::vector<cv::Point> hull;         ///< pixels of the plan
+    std::vector<cv::Point> hull;                ///< pixels of the plan
     std::vector<Eigen::Vector2d> from_m, to_m;  ///< its corners in the frame before and now, base_link
   };
   const std::vector<Region>& process(const cv::Mat3b& bgr);

@@ -130,14 +130,17 @@ bool RawFrameWriter::write(std::int64_t stamp_ns) {
   v1::FrameInfo& info = impl_->frame->info();
   info.acquired_ns_high(static_cast<std::uint32_t>(static_cast<std::uint64_t>(stamp_ns) >> 32));
   info.acquired_ns_low(static_cast<std::uint32_t>(stamp_ns));
-  return impl_->writer->write(impl_->frame->sample());
+  constexpr int kTries = 50;  // a full history takes the frame as soon as one is acknowledged; 0.1 s each
+  for (int n = 0; n < kTries; ++n) {
+    if (impl_->writer->write(impl_->frame->sample())) return true;
+  }
+  return false;
 }
 
 bool RawFrameWriter::waitForReader(int seconds) {
   dds::PublicationMatchedStatus status;
   impl_->writer->get_publication_matched_status(status);
-  return status.current_count > 0 ||
-         waitFor(*impl_->writer, dds::StatusMask::publication_matched(), seconds);
+  return status.current_count > 0 || waitFor(*impl_->writer, dds::StatusMask::publication_matched(), seconds);
 }
 
 struct RawFrameReader::Impl : End {
@@ -150,8 +153,8 @@ RawFrameReader::RawFrameReader(RawTransport transport, int domain, std::size_t b
     : impl_(std::make_unique<Impl>(transport, domain, bytes)) {
   dds::DataReaderQos qos;
   setCommon(qos);
-  impl_->reader =
-      impl_->participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)->create_datareader(impl_->topic, qos);
+  impl_->reader = impl_->participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
+                      ->create_datareader(impl_->topic, qos);
   if (impl_->reader == nullptr) throw std::runtime_error("no raw frame reader");
 }
 RawFrameReader::~RawFrameReader() = default;

@@ -1,5 +1,7 @@
 #include "tests/benchmark/scenes.h"
 
+#include <algorithm>
+
 #include "synthetic/renderer.h"
 #include "world/drivers.h"
 
@@ -45,10 +47,8 @@ Recording::Recording(const std::string& arena_file, int skipped, int frames, boo
 }
 
 int Recording::frameOf(int step) const {
-  const int last = static_cast<int>(truth_.front().size()) - 1;
-  if (last == 0) return 0;
-  const int phase = step % (2 * last);
-  return phase <= last ? phase : 2 * last - phase;
+  const int phase = step % round();
+  return std::min(phase, round() - phase);
 }
 
 dataset::WheelRow Recording::wheels(std::size_t robot, int step) const {

@@ -22,6 +22,8 @@ class Recording {
   const synthetic::Arena& arena() const { return arena_; }
   const std::vector<std::string>& robots() const { return robots_; }
   int frameOf(int step) const;
+  /// Steps after which everything comes again: forward and back.
+  int round() const { return 2 * (static_cast<int>(truth_.front().size()) - 1); }
   TimeNs time(int step) const { return arena_.start_ns + step * arena_.periodNs(); }
   const cv::Mat3b& image(std::size_t robot, int step) const {
     return images_[robot][static_cast<std::size_t>(frameOf(step))];
@@ -46,6 +48,8 @@ class Recording {
 class Scenes {
  public:
   explicit Scenes(bool small) : frames_(small ? 4 : 40) {}
+  /// Recording::round() of all of them.
+  int round() const { return 2 * (frames_ - 1); }
   const Recording& typical();
   const Recording& cluttered();
 

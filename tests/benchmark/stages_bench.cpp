@@ -90,10 +90,11 @@ void registerStages(Scenes& scenes, const Plan& plan) {
   const int steps = plan.iterations(160);
   const auto line = std::make_shared<std::unique_ptr<Line>>();
   const auto add = [&, line](const char* name, auto run) {
-    benchmark::RegisterBenchmark(name, [&scenes, line, steps, run](benchmark::State& state) {
-      if (!*line) *line = std::make_unique<Line>(scenes.typical(), steps);
-      run(state, scenes.typical(), **line);
-    })
+    benchmark::RegisterBenchmark(name,
+                                 [&scenes, line, steps, run](benchmark::State& state) {
+                                   if (!*line) *line = std::make_unique<Line>(scenes.typical(), steps);
+                                   run(state, scenes.typical(), **line);
+                                 })
         ->Iterations(steps)
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);

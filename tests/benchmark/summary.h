@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,11 @@ class Summary : public benchmark::ConsoleReporter {
   bool failed() const { return !errors_.empty(); }
 
  private:
-  /// Nothing where it did not run or failed.
-  const double* counter(const std::string& benchmark, const std::string& name) const;
+  /// Median over repetitions; nothing where it did not run or failed.
+  std::optional<double> counter(const std::string& benchmark, const std::string& name) const;
 
-  std::map<std::string, std::map<std::string, double>> counters_;
+  std::map<std::string, std::map<std::string, std::vector<double>>>
+      counters_;  ///< benchmark, counter, repetition
   std::vector<std::string> errors_;
 };
 

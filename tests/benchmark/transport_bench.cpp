@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <string>
 #include <thread>
 
 #include "bus/dds_bus.h"
@@ -41,10 +42,12 @@ class ReaderProcess {
   ReaderProcess(const ReaderProcess&) = delete;
   ReaderProcess& operator=(const ReaderProcess&) = delete;
 
-  /// Latency of the next frame; false when it did not arrive whole.
-  bool answer(double& latency_ms) {
+  /// Latency of the next frame; empty when it arrived whole, else what happened.
+  std::string answer(double& latency_ms) {
     int intact = 0;
-    return answers_ && std::fscanf(answers_, "%lf %d", &latency_ms, &intact) == 2 && intact == 1;
+    if (!answers_ || std::fscanf(answers_, "%lf %d", &latency_ms, &intact) != 2)
+      return "a frame did not arrive";
+    return intact == 1 ? "" : "a frame did not arrive whole";
   }
 
  private:
@@ -60,9 +63,9 @@ void run(benchmark::State& state, ReaderProcess& reader, const Send& send) {
   int n = 0;
   const auto one = [&](double& latency_ms) {
     std::this_thread::sleep_until(next += kPeriod);
-    if (send(n++) && reader.answer(latency_ms)) return true;
-    state.SkipWithError("a frame did not arrive whole");
-    return false;
+    const std::string problem = send(n++) ? reader.answer(latency_ms) : "a frame was not sent";
+    if (!problem.empty()) state.SkipWithError(problem.c_str());
+    return problem.empty();
   };
   double latency_ms = 0;
   while (n < kWarmUp) {
@@ -114,7 +117,8 @@ void registerTransport(const Plan& plan) {
   for (const Size& size : kSizes) {
     const auto add = [&](const char* kind, const std::function<void(benchmark::State&)>& body) {
       const std::string name = std::string("frames/") + size.name + "/" + kind;
-      benchmark::RegisterBenchmark(name.c_str(), [body](benchmark::State& state) { body(state); })
+      benchmark::RegisterBenchmark(name.c_str(),
+                                   [body](benchmark::State& state) { guarded(state, [&] { body(state); }); })
           ->Iterations(plan.iterations(300))
           ->UseManualTime()
           ->Unit(benchmark::kMillisecond);
