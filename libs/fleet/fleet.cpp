@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "fleet/names.h"
 #include "fleet/sources.h"
 #include "synthetic/randomised.h"
 
@@ -140,6 +141,7 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
             [](const auto& a, const auto& b) { return a.name < b.name; });
   std::sort(fleet.cameras.begin(), fleet.cameras.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
+  checkNames(fleet);
   return fleet;
 }
 

@@ -1,0 +1,195 @@
+// Fleet files: what they give, which processes follow, and what is refused with which words.
+
+#include "fleet/fleet.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace omnifleet::fleet {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr const char* kSensor =
+    "camera_model: fisheye\nprojection: equidistant\nimage_width: 640\nimage_height: 480\n"
+    "focal_px: 150\nprincipal_point_px: [319.5, 239.5]\nfov_deg: 185\nposition_m: [0, 0, 0.5]\n";
+
+constexpr const char* kRobots =
+    "robots:\n"
+    "  r2: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26, wheels: true, host: pc2}\n"
+    "  r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26, initial_pose: [1, 2, 0.5], "
+    "host: pc1}\n";
+
+constexpr const char* kCameras =
+    "cameras:\n"
+    "  r1/fisheye: {source: folder, path: pictures, sensor: sensor.yaml, rate_hz: 4, host: pc1}\n"
+    "  r2/fisheye: {source: device, path: /dev/video0, sensor: sensor.yaml, host: pc2}\n";
+
+class FleetFile : public testing::Test {
+ protected:
+  FleetFile() : folder_(fs::temp_directory_path() / ("omnifleet_fleet_" + std::to_string(::getpid()))) {
+    fs::create_directories(folder_);
+    write("sensor.yaml", kSensor);
+  }
+  ~FleetFile() override { fs::remove_all(folder_); }
+
+  std::string write(const std::string& name, const std::string& text) {
+    const fs::path path = folder_ / name;
+    std::ofstream(path) << text;
+    return path;
+  }
+  Fleet load(const std::string& text, const std::vector<std::string>& overlays = {}) {
+    return Fleet::load(write("fleet.yaml", text), "", overlays);
+  }
+  std::string problemOf(const std::string& text, const std::vector<std::string>& overlays = {}) {
+    try {
+      load(text, overlays);
+    } catch (const options::Error& error) {
+      return error.what();
+    }
+    return "nothing";
+  }
+
+  fs::path folder_;
+};
+
+std::vector<std::string> names(const std::vector<ProcessSpec>& processes) {
+  std::vector<std::string> all;
+  for (const ProcessSpec& p : processes)
+    all.push_back(p.service + (p.instance.empty() ? "" : " " + p.instance));
+  return all;
+}
+
+TEST_F(FleetFile, GivesRobotsAndCamerasInOrder) {
+  const Fleet fleet = load(std::string(kRobots) + kCameras);
+  ASSERT_EQ(fleet.robots.size(), 2u);
+  EXPECT_EQ(fleet.robots[0].name, "r1");
+  EXPECT_EQ(fleet.robots[0].initial_pose->theta_rad, 0.5);
+  EXPECT_FALSE(fleet.robots[0].has_wheels);
+  EXPECT_TRUE(fleet.robots[1].has_wheels);
+  EXPECT_FALSE(fleet.robots[1].initial_pose);
+  EXPECT_EQ(fleet.camera("r1/fisheye").path, (folder_ / "pictures").string()) << "beside the fleet file";
+  EXPECT_EQ(fleet.camera("r1/fisheye").rate_hz, 4.0);
+  EXPECT_EQ(fleet.camera("r2/fisheye").path, "/dev/video0");
+  EXPECT_EQ(fleet.mappingRobots(), (std::vector<std::string>{"r1", "r2"}));
+}
+
+TEST_F(FleetFile, ProcessesFollowUpstreamFirst) {
+  const Fleet fleet = load(std::string(kRobots) + kCameras);
+  EXPECT_EQ(names(processes(fleet)),
+            (std::vector<std::string>{"camera r1/fisheye", "camera r2/fisheye", "local_mapper r1",
+                                      "local_mapper r2", "classifier r1", "classifier r2", "localizer",
+                                      "global_merger r1", "global_merger r2"}));
+  EXPECT_EQ(names(processes(fleet, "pc2")), (std::vector<std::string>{"camera r2/fisheye", "local_mapper r2",
+                                                                      "classifier r2", "global_merger r2"}));
+}
+
+/// Independent count of who reads what: from the processes, by the table of idl/README.md.
+TEST_F(FleetFile, ExpectedReadersAreTheProcessesThatReadThem) {
+  for (const std::string& more : {std::string(), std::string("services: {formation: {}}\n")}) {
+    const Fleet fleet = load(std::string(kRobots) + kCameras + more);
+    std::map<std::string, int> of;
+    for (const ProcessSpec& process : processes(fleet)) ++of[process.service];
+    EXPECT_EQ(expectedReaders(fleet, "pose", "r1"), of["classifier"] + of["global_merger"] + of["formation"]);
+    EXPECT_EQ(expectedReaders(fleet, "map/contribution", "r1"), of["global_merger"]);
+    EXPECT_EQ(expectedReaders(fleet, "objects", "r1"), 2 + (of["formation"] > 0 ? 1 : 0));
+    EXPECT_EQ(expectedReaders(fleet, "local_map", "r1"), 1);
+  }
+}
+
+TEST_F(FleetFile, AnOverlayWinsKeyByKey) {
+  const std::string overlay = write("overlay.yaml", "robots: {r1: {body: {height_m: 0.5}}}\nname: other\n");
+  const Fleet fleet = load(std::string("name: lab\n") + kRobots + kCameras, {overlay});
+  EXPECT_EQ(fleet.name, "other");
+  EXPECT_EQ(fleet.robot("r1").body.height_m, 0.5);
+  EXPECT_EQ(fleet.robot("r1").body.radius_m, 0.15);
+  EXPECT_EQ(fleet.robot("r2").body.height_m, 0.3);
+}
+
+TEST_F(FleetFile, ServiceOptionsAreThoseOfTheFile) {
+  const Fleet fleet =
+      load(std::string(kRobots) + kCameras + "services: {classifier: {anything: 3, host: pc9}}\n");
+  const options::Section section = fleet.service("classifier");
+  EXPECT_EQ(section.keys(), (std::vector<std::string>{"anything", "host"}));
+  for (const ProcessSpec& process : processes(fleet)) {
+    EXPECT_EQ(process.host == "pc9", process.service == "classifier") << process.service;
+  }
+}
+
+struct Refused {
+  const char* what;
+  std::string text;
+  std::string names_line, names_problem;
+};
+
+TEST_F(FleetFile, MistakesAreNamedWithFileLineKeyAndBound) {
+  const std::string good = std::string(kRobots) + kCameras;
+  const std::vector<Refused> cases{
+      {"unknown key", good + "robot: {}\n", "fleet.yaml:7", "robot"},
+      {"unknown service", good + "services: {local_maper: {}}\n", "fleet.yaml:7", "local_maper"},
+      {"wrong type",
+       std::string("robots: {r1: {body: {radius_m: wide, height_m: 1}, wheel_separation_m: 1}}\n"),
+       "fleet.yaml:1", "radius_m"},
+      {"out of range",
+       std::string("robots:\n  r1: {body: {radius_m: 1, height_m: 1}, wheel_separation_m: -1}\n"),
+       "fleet.yaml:2", "wheel_separation_m"},
+      {"missing", std::string("robots:\n  r1: {body: {radius_m: 1, height_m: 1}}\n"), "fleet.yaml:2",
+       "wheel_separation_m"},
+      {"two shapes", std::string("robots:\n  r1: {body: {height_m: 1}, wheel_separation_m: 1}\n"),
+       "fleet.yaml:2", "either radius_m or footprint_m"},
+      {"camera of nobody", good + "  fisheye: {source: folder, path: p, sensor: sensor.yaml}\n",
+       "fleet.yaml:7", "ROBOT/fisheye"},
+      {"no such source",
+       std::string(kRobots) + "cameras:\n  r1/fisheye: {source: film, path: p, sensor: s}\n", "fleet.yaml:5",
+       "folder, video, device"},
+      {"rate",
+       std::string(kRobots) +
+           "cameras:\n  r1/fisheye: {source: folder, path: p, sensor: sensor.yaml, rate_hz: 0}\n",
+       "fleet.yaml:5", "rate_hz"},
+  };
+  for (const Refused& c : cases) {
+    const std::string problem = problemOf(c.text);
+    EXPECT_THAT(problem, HasSubstr(c.names_line)) << c.what;
+    EXPECT_THAT(problem, HasSubstr(c.names_problem)) << c.what;
+    EXPECT_EQ(problem.find('\n'), std::string::npos) << c.what << ": one line, not " << problem;
+  }
+}
+
+TEST_F(FleetFile, NamesThatTheWireCannotCarryAreRefused) {
+  const auto robot = [](const std::string& name) {
+    return "robots: {\"" + name + "\": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}}\n";
+  };
+  EXPECT_EQ(load(robot(std::string(32, 'a'))).robots[0].name.size(), 32u);
+  EXPECT_THAT(problemOf(robot(std::string(33, 'a'))), HasSubstr("33 characters, allowed are 1 to 32"));
+  EXPECT_THAT(problemOf(robot("r*")), HasSubstr("'r*'"));  // a DDS partition pattern
+  EXPECT_THAT(problemOf(robot("a/b")), HasSubstr("'a/b'"));
+  EXPECT_THAT(problemOf(robot("r1") + "name: a fleet\n"), HasSubstr("'a fleet'"));
+  EXPECT_THAT(problemOf("name: nobody\n"), HasSubstr("at least one robot"));
+  std::string many = "robots:\n";
+  for (int i = 0; i < 33; ++i)
+    many += "  r" + std::to_string(i) + ": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}\n";
+  EXPECT_THAT(problemOf(many), HasSubstr("there are 33, allowed are 1 to 32"));
+}
+
+TEST_F(FleetFile, EveryFleetThatComesWithTheProjectLoads) {
+  const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
+  ASSERT_TRUE(source) << "run through ctest";
+  int fleets = 0;
+  for (const auto& entry : fs::directory_iterator(fs::path(source) / "config/fleets")) {
+    if (entry.path().extension() != ".yaml") continue;
+    ++fleets;
+    const Fleet fleet = Fleet::load(entry.path(), "", {});
+    EXPECT_TRUE(fleet.arena) << entry.path();
+    EXPECT_FALSE(processes(fleet).empty()) << entry.path();
+  }
+  EXPECT_GE(fleets, 2);
+}
+
+}  // namespace
+}  // namespace omnifleet::fleet
