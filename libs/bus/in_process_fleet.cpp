@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <stdexcept>
 #include <thread>
 
@@ -55,7 +56,7 @@ bool InProcessFleet::done() const {
   return true;
 }
 
-void InProcessFleet::run(const std::function<bool()>& each_round) {
+bool InProcessFleet::run(const std::function<bool()>& each_round) {
   start();
   while (!done()) {
     const bool moved = spinRound();
@@ -65,6 +66,8 @@ void InProcessFleet::run(const std::function<bool()>& each_round) {
   for (Member& member : members_) {
     if (!member.drained) drain(member);
   }
+  return std::all_of(members_.begin(), members_.end(),
+                     [](const Member& member) { return member.service->saved(); });
 }
 
 /// Nothing moved: either somebody has a timer, or nothing will ever move again.

@@ -92,7 +92,7 @@ struct Loop {
     tell(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
       log.warn("some readers never took the last samples");
-    return code;
+    return code == ExitCode::kOk && !service.saved() ? ExitCode::kFailure : code;
   }
 };
 

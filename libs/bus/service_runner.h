@@ -50,8 +50,9 @@ class InProcessFleet {
   void add(std::string name, std::unique_ptr<Service> service);
   /// Runs to the end: start, spin, drain each as it finishes. `each_round` may end the run early by returning
   /// false (all are drained then). Throws std::runtime_error naming who waits for which stream when nothing
-  /// moves any more, and the expectation that is not met at the start.
-  void run(const std::function<bool()>& each_round = {});
+  /// moves any more, and the expectation that is not met at the start. False: a service could not save
+  /// what it should have.
+  bool run(const std::function<bool()>& each_round = {});
   /// Told every problem that a service tells its status, as its own process would log it.
   void onProblem(std::function<void(const std::string& service, const std::string& problem)> listener) {
     on_problem_ = std::move(listener);

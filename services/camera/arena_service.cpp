@@ -24,7 +24,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
                         bus::StreamMode::kLockstep}));
   }
   if (context.options.record)
-    recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
+    recorder_.open(context.options.out + "/recording", camera_.id, camera_.model);
 }
 
 std::vector<bus::Expectation> ArenaCameraService::expectations() const {
@@ -84,7 +84,8 @@ bool ArenaCameraService::render() {
   }
   cv::Mat image(header_.height_px, header_.width_px, CV_8UC3, loan);
   renderer_.render(static_cast<int>(header_.sequence), map_from_bases_, image);
-  if (recorder_) recorder_->write(header_.acquired_ns, image);
+  recorder_.write(status(),
+                  [&](dataset::ImageStreamWriter& r) { r.write(header_.acquired_ns, image); });
   pending_ = false;
   if (!writer_->publish()) {
     status().dropped();

@@ -7,6 +7,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/side_output.h"
 #include "dataset/writer.h"
 #include "fleet/fleet.h"
 #include "synthetic/renderer.h"
@@ -47,7 +48,7 @@ class ArenaCameraService : public bus::Service {
   RunEnds ends_;
   std::vector<std::unique_ptr<Inlet<v1::Truth, TruePose>>> truths_;
   std::unique_ptr<bus::FrameWriter> writer_;
-  std::optional<dataset::ImageStreamWriter> recorder_;
+  SideOutput<dataset::ImageStreamWriter> recorder_;
   synthetic::Renderer renderer_;
   std::vector<Pose2> map_from_bases_;
   bus::FrameHeader header_;

@@ -43,7 +43,7 @@ CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fl
       writer_(context.bus.frameWriter(camera_.id, frameBytes(camera_))),
       ends_(context) {
   if (context.options.record)
-    recorder_.emplace(context.options.out + "/recording", camera_.id, camera_.model);
+    recorder_.open(context.options.out + "/recording", camera_.id, camera_.model);
   header_.clock = static_cast<bus::ClockId>(context.options.mode == bus::RunMode::kLive ? 0 : 1);
 }
 
@@ -84,8 +84,9 @@ bool CameraService::decode() {
   header_.sequence = info.sequence;
   header_.state = info.state;
   if (info.state != FrameState::kOk) status().error(info.note);
-  if (recorder_ && info.state == FrameState::kOk) recorder_->write(info.time_ns, image);
-  if (recorder_ && info.state != FrameState::kOk) recorder_->writeMissing(info.time_ns);
+  recorder_.write(status(), [&](dataset::ImageStreamWriter& recorder) {
+    info.state == FrameState::kOk ? recorder.write(info.time_ns, image) : recorder.writeMissing(info.time_ns);
+  });
   writer_->amend(header_);
   decoded_ = true;
   return true;

@@ -5,6 +5,7 @@
 
 #include "bus/service.h"
 #include "common/run_ends.h"
+#include "common/side_output.h"
 #include "dataset/frame_source.h"
 #include "dataset/writer.h"
 #include "fleet/fleet.h"
@@ -36,7 +37,7 @@ class CameraService : public bus::Service {
   bool paced_;
   std::unique_ptr<dataset::FrameSource> source_;
   std::unique_ptr<bus::FrameWriter> writer_;
-  std::optional<dataset::ImageStreamWriter> recorder_;
+  SideOutput<dataset::ImageStreamWriter> recorder_;
   RunEnds ends_;
   bus::FrameHeader header_;
   bool decoded_ = false;  ///< a frame lies in the open loan

@@ -22,7 +22,7 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
                   ownRobot(context, fleet), fleet.bodies()) {
-  if (!context.options.out.empty()) tracks_.emplace(context.options.out, context.options.robot);
+  if (!context.options.out.empty()) tracks_.open(context.options.out, context.options.robot);
   for (const std::string& robot : fleet.mappingRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
@@ -67,7 +67,7 @@ void ClassifierService::process() {
   const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known_);
   adapters::toWire(objects, runClock(context_.options), sample_);
   out_.write(sample_, status());
-  if (tracks_) tracks_->write(objects);
+  tracks_.write(status(), [&](dataset::TracksWriter& tracks) { tracks.write(objects); });
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
 }
 

@@ -8,6 +8,7 @@
 #include "bus/service.h"
 #include "classifier/classifier.h"
 #include "common/inlet.h"
+#include "common/side_output.h"
 #include "dataset/track_files.h"
 #include "fleet/fleet.h"
 
@@ -42,7 +43,7 @@ class ClassifierService : public bus::Service {
   std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
   Outlet<v1::Objects> out_;
   classifier::Classifier classifier_;
-  std::optional<dataset::TracksWriter> tracks_;  ///< what `evaluate` scores robots against obstacles by
+  SideOutput<dataset::TracksWriter> tracks_;    ///< what `evaluate` scores robots against obstacles by
   std::map<std::string, PoseEstimate> latest_;  ///< per robot
   std::vector<PoseEstimate> known_;
   v1::Objects sample_;

@@ -41,7 +41,7 @@ bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& flee
 
 }  // namespace
 
-void runInProcess(const InProcessRun& run, const std::function<void(std::uint64_t)>& each_round) {
+bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_t)>& each_round) {
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, run.dataset, run.overlays);
   auto log =
       std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
@@ -63,8 +63,9 @@ void runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
   }
   stages.onProblem([&](const std::string& service, const std::string& problem) {
     log->warn("{}: {}", service, problem);
+    if (run.on_problem) run.on_problem(service, problem);
   });
-  stages.run([&] {
+  return stages.run([&] {
     if (each_round && counted)
       each_round(counted->status().snapshot(std::chrono::steady_clock::now()).processed);
     return true;

@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(omnifleet::bus::ExitCode::kBadOptions);
   }
   try {
-    omnifleet::services::runInProcess(run);
+    if (!omnifleet::services::runInProcess(run)) return static_cast<int>(omnifleet::bus::ExitCode::kFailure);
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return static_cast<int>(omnifleet::bus::ExitCode::kBadOptions);

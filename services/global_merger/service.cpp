@@ -176,8 +176,7 @@ void GlobalMergerService::save() {
   saved_ = true;
   for (const std::string& problem : replica_.save(context_.options.out)) {
     status().error(problem, true);
-    context_.log->error("{}", problem);
-    saved_ = false;
+    save_failed_ = true;
   }
 }
 

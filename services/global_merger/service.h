@@ -26,6 +26,7 @@ class GlobalMergerService : public bus::Service {
   bool spin() override;
   bool finished() const override { return ended_; }
   void drain() override;
+  bool saved() const override { return !save_failed_; }
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
@@ -67,7 +68,7 @@ class GlobalMergerService : public bus::Service {
   std::deque<PoseEstimate> waiting_poses_;  ///< of the own robot
   v1::Contribution contribution_;
   v1::KeyframePose keyframe_pose_;
-  bool contributed_all_ = false, ended_ = false, saved_ = false;
+  bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
 };
 
 std::unique_ptr<bus::Service> makeGlobalMerger(const bus::ServiceContext& context);

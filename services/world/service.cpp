@@ -50,7 +50,7 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
   }
   if (context.options.record) {
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      outputs_[i].recorder.emplace(context.options.out + "/recording", fleet.arena->robots[i].name);
+      outputs_[i].recorder.open(context.options.out + "/recording", fleet.arena->robots[i].name);
     }
   }
   status().expected(static_cast<std::uint64_t>(fleet.arena->frames()));
@@ -151,7 +151,7 @@ void ArenaWorldService::publishWheels(const world::World::Driven& driven) {
       wire.v_left_mps(row.left_mps);
       wire.v_right_mps(row.right_mps);
       outputs_[i].wheels.write(wire, status());
-      if (outputs_[i].recorder) outputs_[i].recorder->write(row);
+      outputs_[i].recorder.write(status(), [&](dataset::WheelsWriter& wheels) { wheels.write(row); });
     }
   }
   for (const world::World::Collision& collision : driven.collisions) {

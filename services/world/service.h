@@ -7,6 +7,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/side_output.h"
 #include "dataset/trajectory_files.h"
 #include "dataset/writer.h"
 #include "fleet/fleet.h"
@@ -39,7 +40,7 @@ class ArenaWorldService : public bus::Service {
   struct RobotOutputs {
     Outlet<v1::Truth> truth;
     Outlet<v1::WheelOdometry> wheels;
-    std::optional<dataset::WheelsWriter> recorder;
+    SideOutput<dataset::WheelsWriter> recorder;
     std::vector<dataset::StampedPose> path;
   };
 

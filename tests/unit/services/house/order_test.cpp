@@ -94,19 +94,6 @@ TEST(Layering, EveryLibraryFolderIsInTheOrder) {
   }
 }
 
-TEST(Layering, OnlyTheBusKnowsDds) {
-  std::size_t in_bus = 0;
-  for (const fs::path& file : sources(root() / "libs")) {
-    const bool bus = file.string().find("/libs/bus/") != std::string::npos;
-    for (const std::string& include : includes(file)) {
-      if (!isDds(include)) continue;
-      if (bus) ++in_bus;
-      EXPECT_TRUE(bus) << file << " includes " << include;
-    }
-  }
-  EXPECT_GT(in_bus, 5u) << "the sources were not found";
-}
-
 /// A stage's logic is what its own library is made of (services/<stage>/CMakeLists.txt); the bus comes in
 /// service.h, above it.
 TEST(Layering, AStagesLogicKnowsNeitherBusNorWireTypes) {

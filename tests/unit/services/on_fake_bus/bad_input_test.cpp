@@ -1,0 +1,130 @@
+// What a neighbour should never send: told, counted, never passed on; the stage goes on.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "tests/unit/services/on_fake_bus/stage_bench.h"
+
+namespace omnifleet {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int kWidth = 480, kHeight = 360;  // of the small arena's fisheye
+constexpr TimeNs kPeriod = 200'000'000;
+
+/// The local mapper of r1, its camera and its wheels.
+class LocalMapperStage : public testing::Test {
+ protected:
+  LocalMapperStage()
+      : bench_("local_mapper", "r1"),
+        camera_(bench_.bus().frameWriter("r1/fisheye", kWidth * kHeight * 3)),
+        wheels_(bench_.bus().writer(bench_.topics.wheels_odometry, "r1")),
+        maps_(bench_.bus().reader(bench_.topics.local_map, "r1")) {}
+
+  void sendWheels(TimeNs time, double left, double right) {
+    v1::WheelOdometry sample;
+    sample.robot("r1");
+    sample.header().acquired_ns(time);
+    sample.v_left_mps(left);
+    sample.v_right_mps(right);
+    ASSERT_TRUE(wheels_->write(sample));
+  }
+  void sendFrame(std::uint32_t index, int width, int height, FrameState state = FrameState::kOk) {
+    bus::FrameHeader header;
+    header.acquired_ns = index * kPeriod;
+    header.sequence = index;
+    header.width_px = width;
+    header.height_px = height;
+    header.state = state;
+    std::uint8_t* loan = camera_->begin(header);
+    ASSERT_NE(loan, nullptr);
+    std::memset(loan, 120, header.bytes());
+    ASSERT_TRUE(camera_->publish());
+  }
+  /// One frame in, the stage's one answer out.
+  v1::FrameState answerTo(std::uint32_t index, int width, int height, FrameState state = FrameState::kOk) {
+    sendFrame(index, width, height, state);
+    sendWheels(index * kPeriod, 0.1, 0.1);
+    bench_.spin();
+    v1::LocalMap answer;
+    EXPECT_TRUE(maps_->take(answer)) << "every frame has an answer";
+    EXPECT_EQ(answer.header().sequence_number(), index);
+    EXPECT_TRUE(answer.state() == v1::FrameState::FRAME_OK || answer.objects().empty());
+    v1::LocalMap none;
+    EXPECT_FALSE(maps_->take(none)) << "and only one";
+    return answer.state();
+  }
+
+  test::StageBench bench_;
+  std::unique_ptr<bus::FrameWriter> camera_;
+  std::unique_ptr<bus::Writer<v1::WheelOdometry>> wheels_;
+  std::unique_ptr<bus::Reader<v1::LocalMap>> maps_;
+};
+
+TEST_F(LocalMapperStage, AFrameOfAnotherSizeThanItsCalibrationIsRejectedAndCounted) {
+  EXPECT_EQ(answerTo(0, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(answerTo(1, kWidth / 2, kHeight), v1::FrameState::FRAME_WRONG_SIZE);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("frame 1 of camera r1/fisheye"));
+  EXPECT_EQ(bench_.status().invalid, 1u);
+  EXPECT_EQ(answerTo(2, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(bench_.status().invalid, 1u);
+  EXPECT_EQ(bench_.status().processed, 3u);
+}
+
+TEST_F(LocalMapperStage, AnEmptyFrameIsRejectedAndCounted) {
+  EXPECT_EQ(answerTo(0, 0, 0), v1::FrameState::FRAME_EMPTY);
+  EXPECT_EQ(bench_.status().invalid, 1u);
+}
+
+TEST_F(LocalMapperStage, WhatTheCameraCouldNotReadStaysUnread) {
+  EXPECT_EQ(answerTo(0, kWidth, kHeight, FrameState::kMissing), v1::FrameState::FRAME_MISSING);
+  EXPECT_EQ(answerTo(1, kWidth, kHeight, FrameState::kUnreadable), v1::FrameState::FRAME_UNREADABLE);
+  EXPECT_EQ(bench_.status().invalid, 2u);
+}
+
+TEST_F(LocalMapperStage, WheelSpeedsThatAreNoNumbersAreRejectedAndCounted) {
+  EXPECT_EQ(answerTo(0, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  sendWheels(kPeriod / 2, std::numeric_limits<double>::quiet_NaN(), 0.1);
+  sendWheels(kPeriod / 2 + 1, 0.1, std::numeric_limits<double>::infinity());
+  bench_.spin();
+  EXPECT_EQ(bench_.status().drops, 2u);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("wheels/odometry r1"));
+  sendFrame(1, kWidth, kHeight);
+  sendWheels(kPeriod, 0.1, 0.1);
+  bench_.spin();
+  v1::LocalMap answer;
+  ASSERT_TRUE(maps_->take(answer));
+  // 0.1 m/s for 0.2 s straight ahead: the bad samples left no trace.
+  EXPECT_TRUE(answer.motion().valid());
+  EXPECT_NEAR(answer.motion().left_m(), 0.02, 1e-9);
+  EXPECT_NEAR(answer.motion().right_m(), 0.02, 1e-9);
+}
+
+/// The classifier of r1 fed with a local map that holds a number which is none.
+TEST(ClassifierStage, AnObjectWithoutAPlaceIsNotPassedOn) {
+  test::StageBench bench("classifier", "r1");
+  auto maps = bench.bus().writer(bench.topics.local_map, "r1");
+  auto objects = bench.bus().reader(bench.topics.objects, "r1");
+  v1::LocalMap map;
+  map.robot("r1");
+  map.state(v1::FrameState::FRAME_OK);
+  map.camera_height_m(0.5);
+  map.objects().resize(1);
+  map.objects()[0].centroid().x(std::numeric_limits<double>::quiet_NaN());
+  ASSERT_TRUE(maps->write(map));
+  bench.spin();
+  EXPECT_EQ(bench.status().drops, 1u);
+  EXPECT_THAT(bench.status().last_error, HasSubstr("local_map r1"));
+  v1::Objects out;
+  while (objects->take(out)) {
+    for (const auto& object : out.tracks()) EXPECT_TRUE(std::isfinite(object.position().x()));
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet
