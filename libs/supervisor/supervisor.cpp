@@ -29,6 +29,7 @@ struct Member {
   bool done = false;    ///< exited 0 on its own
   bool told = false;    ///< SIGTERM sent
   bool killed = false;  ///< SIGKILL sent
+  int starts = 0;
   double started_s = 0.0;
   double restart_s = EventLoop::kNever;
 };
@@ -93,6 +94,7 @@ class Run {
       return;
     }
     member.running = true;
+    ++member.starts;
     member.started_s = EventLoop::clock();
     loop_.watch(member.child, static_cast<std::uint64_t>(&member - members_.data()));
     if (callbacks_.on_start) callbacks_.on_start(member.spec.name, member.child.pid);
@@ -124,7 +126,8 @@ class Run {
 
   void revive(Member& member, const Death& death) {
     const double delay = member.backoff.died(EventLoop::clock() - member.started_s);
-    if (member.spec.restart == RestartPolicy::kNever) return fail(member, death.describe());
+    const bool refuses = member.starts == 1 && death.exited && death.value == member.spec.refusal_code;
+    if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, death.describe());
     if (member.backoff.hopeless()) return fail(member, "died young too often, at last: " + death.describe());
     member.restart_s = EventLoop::clock() + delay;
     ++report_.restarts;

@@ -27,6 +27,9 @@ struct ProcessSpec {
   std::string log_path;                    ///< stdout and stderr, appended; empty: inherited
   int level = 0;  ///< place in the line: started in descending, stopped in ascending order
   RestartPolicy restart = RestartPolicy::kOnFailure;
+  /// Exit code by which a process says on its first start that it never will run (bad options): not started
+  /// again, the run ends. 0: there is none.
+  int refusal_code = 0;
   bool sink = false;  ///< the run ends when every sink has exited 0 on its own
 };
 

@@ -1,6 +1,7 @@
 #include "camera/service.h"
 
 #include "adapters/adapters.h"
+#include "camera/source.h"
 
 namespace omnifleet::services {
 namespace {
@@ -8,26 +9,6 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr auto kSlotRetry = std::chrono::microseconds(500);
-
-std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
-  const dataset::FrameSize size{camera.model.image_width_px, camera.model.image_height_px};
-  const auto colour = dataset::Colour::kBgr;
-  switch (camera.source) {
-    case fleet::CameraSource::kDataset: {
-      const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
-      return dataset::openStream(*recording.findStream(camera.id), colour);
-    }
-    case fleet::CameraSource::kFolder:
-      return dataset::openFolder(camera.path, colour, size, static_cast<TimeNs>(1e9 / camera.rate_hz));
-    case fleet::CameraSource::kVideo:
-      return dataset::openVideo(camera.path, colour, size);
-    case fleet::CameraSource::kDevice:
-      return dataset::openDevice(camera.path, colour, size);
-    case fleet::CameraSource::kArena:
-      break;
-  }
-  throw std::logic_error("an arena camera is rendered, not opened");
-}
 
 std::size_t frameBytes(const fleet::CameraSpec& camera) {
   return static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3;

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "bus/service.h"
 #include "bus/shared_memory.h"
+#include "camera/source.h"
 #include "common/check_options.h"
 #include "dataset/atomic_file.h"
 #include "dataset/dataset.h"
@@ -46,6 +48,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     spec.sink = process.service == "global_merger";
     // Where nothing may be lost a lost process is the end of the run; live, the fleet goes on without it.
     spec.restart = mode == "live" ? supervisor::RestartPolicy::kOnFailure : supervisor::RestartPolicy::kNever;
+    spec.refusal_code = static_cast<int>(bus::ExitCode::kBadOptions);
     specs.push_back(std::move(spec));
   }
   return specs;
@@ -64,6 +67,9 @@ std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
 
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   services::checkOptions(fleet);
+  for (const fleet::CameraSpec& camera : fleet.cameras) {
+    if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
+  }
   try {
     dataset::makeDirectories(request.out + "/log");
     dataset::writeAtomic(request.out + "/log/.writable", "");

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
 #include <signal.h>
 
 #include <algorithm>
@@ -214,6 +217,27 @@ TEST(FleetProcesses, ABadOptionStartsNothing) {
   EXPECT_THAT(launch.output(), testing::HasSubstr("services.classifier.no_such_option"));
   const std::string text = launch.output();
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
+}
+
+TEST(FleetProcesses, ACameraThatCannotBeOpenedStartsNothing) {
+  const std::string out = freshDir("bad_source");
+  std::ofstream(out + "/sensor.yaml")
+      << "camera_model: fisheye\nprojection: equidistant\nimage_width: 640\nimage_height: 480\n"
+         "focal_px: 150\nprincipal_point_px: [319.5, 239.5]\nfov_deg: 185\nposition_m: [0, 0, 0.5]\n";
+  const std::map<std::string, std::string> sources{{"folder", "no_such_folder"},
+                                                   {"video", "no_such_film.mp4"},
+                                                   {"device", "/dev/no_such_camera"}};
+  for (const auto& [source, path] : sources) {
+    std::ofstream(out + "/fleet.yaml")
+        << "robots: {r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26}}\n"
+        << "cameras: {r1/fisheye: {source: " << source << ", path: " << path << ", sensor: sensor.yaml}}\n";
+    Process launch({program("launch"), "run", out + "/fleet.yaml", "--out", out + "/run", "--domain", "68"},
+                   out + "/launch.log");
+    EXPECT_EQ(launch.wait(20s), std::optional<int>(2)) << launch.output();
+    EXPECT_THAT(launch.output(), testing::HasSubstr("cameras.r1/fisheye"));
+    EXPECT_THAT(launch.output(), testing::HasSubstr(path));
+    EXPECT_FALSE(std::filesystem::exists(out + "/run/log/camera_r1_fisheye.log")) << "nothing was started";
+  }
 }
 
 }  // namespace

@@ -339,5 +339,28 @@ TEST_F(SupervisorTest, StandsAHundredProcesses) {
   EXPECT_EQ(report.exit_code(), 0);
 }
 
+TEST_F(SupervisorTest, WhatRefusesToRunIsNotStartedAgain) {
+  ProcessSpec refusing = shell("refusing", "echo x >> $D/starts; exit 2");
+  refusing.refusal_code = 2;
+  const RunReport report = Supervisor({}).run({refusing, service("other", 1)});
+  EXPECT_EQ(report.reason, EndReason::kFailure);
+  ASSERT_EQ(report.failures.size(), 1u);
+  EXPECT_EQ(report.failures[0].how, "exit code 2");
+  EXPECT_EQ(report.restarts, 0);
+  EXPECT_EQ(read(folder_ + "/starts"), "x\n");
+}
+
+/// A camera that was unplugged cannot be opened for a while either: it has run before, so it is tried again.
+TEST_F(SupervisorTest, WhatHasRunBeforeIsStartedAgainThoughItRefuses) {
+  ProcessSpec flaky = shell("flaky",
+                            "echo x >> $D/starts; n=$(wc -l < $D/starts); [ $n = 1 ] && exit 1; "
+                            "[ $n = 2 ] && exit 2; exit 0");
+  flaky.refusal_code = 2;
+  flaky.sink = true;
+  const RunReport report = Supervisor({}).run({flaky});
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(report.restarts, 2);
+}
+
 }  // namespace
 }  // namespace omnifleet::supervisor

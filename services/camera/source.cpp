@@ -1,0 +1,36 @@
+#include "camera/source.h"
+
+#include "dataset/dataset.h"
+
+namespace omnifleet::services {
+
+std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
+  const dataset::FrameSize size{camera.model.image_width_px, camera.model.image_height_px};
+  const auto colour = dataset::Colour::kBgr;
+  switch (camera.source) {
+    case fleet::CameraSource::kDataset: {
+      const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
+      return dataset::openStream(*recording.findStream(camera.id), colour);
+    }
+    case fleet::CameraSource::kFolder:
+      return dataset::openFolder(camera.path, colour, size, static_cast<TimeNs>(1e9 / camera.rate_hz));
+    case fleet::CameraSource::kVideo:
+      return dataset::openVideo(camera.path, colour, size);
+    case fleet::CameraSource::kDevice:
+      return dataset::openDevice(camera.path, colour, size);
+    case fleet::CameraSource::kArena:
+      break;
+  }
+  throw std::logic_error("an arena camera is rendered, not opened");
+}
+
+void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
+  if (camera.source == fleet::CameraSource::kArena || camera.source == fleet::CameraSource::kDataset) return;
+  try {
+    openSource(camera, fleet);
+  } catch (const options::Error& error) {
+    throw options::Error(fleet.file.file() + ": cameras." + camera.id + ": " + error.what());
+  }
+}
+
+}  // namespace omnifleet::services
