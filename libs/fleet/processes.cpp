@@ -54,6 +54,7 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
   if (topic == "measurement") return 1;
   if (topic == "pose") return 2 * robots + formations;  // every classifier and merger, every formation
+  if (topic == "formation/state") return std::max(0, formations - 1);  // every other formation
   if (topic == "map/contribution" || topic == "map/keyframe_pose") return robots;
   if (topic == "world/truth") {
     return static_cast<int>(

@@ -13,6 +13,8 @@ constexpr double kBlockedCostRad = 2.0;
 constexpr double kTightCostRad = 0.5;
 constexpr double kCreepM = 0.01;
 constexpr double kStandsMps = 1e-3;
+constexpr double kUnseenRadiusM = 0.08;  // of an obstacle that is remembered but not seen
+constexpr int kUnseenPoints = 8;
 
 Eigen::Vector2d direction(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
@@ -82,8 +84,12 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
     if (track.kind == ObjectKind::kRobot) {
       around.robots.push_back({track.position_m, track.velocity_mps, robot_radius_m});
     } else if (!track.visible) {
+      // Out of sight only its place is known.
       around.points_m.push_back(track.position_m);
-      around.points_m.push_back(track.contact_m);
+      for (int i = 0; i < kUnseenPoints; ++i) {
+        around.points_m.push_back(track.position_m +
+                                  kUnseenRadiusM * direction(2.0 * M_PI * i / kUnseenPoints));
+      }
     }
   }
 }

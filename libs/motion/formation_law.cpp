@@ -86,26 +86,29 @@ Eigen::Vector2d patient(const Eigen::Vector2d& velocity_mps, double heading_rad)
 
 }  // namespace
 
-FollowLaw::Result FollowLaw::wanted(const Slot& slot, const Followed& followed) const {
-  Result result;
+Place FollowLaw::place(const Slot& slot, const Followed& followed) const {
   const double heading_rad = followed.heading_rad;
   const Eigen::Vector2d arm_m = -slot.distance_m * direction(heading_rad + slot.angle_rad);
-  result.place_m = followed.position_m + arm_m;
+  Eigen::Vector2d swing_mps = followed.twist.turn_radps * Eigen::Vector2d(-arm_m.y(), arm_m.x());
+  if (swing_mps.norm() > options_.swing_max_mps) swing_mps *= options_.swing_max_mps / swing_mps.norm();
+  return {followed.position_m + arm_m, followed.twist.forward_mps * direction(heading_rad) + swing_mps,
+          heading_rad};
+}
+
+FollowLaw::Result FollowLaw::wanted(const Slot& slot, const Followed& followed, const Place& place) const {
+  Result result;
+  result.place_m = place.position_m;
   result.distance_error_m = followed.position_m.norm() - slot.distance_m;
   result.angle_error_rad =
       wrapAngle(std::atan2(followed.position_m.y(), followed.position_m.x()) - slot.angle_rad);
-
-  Eigen::Vector2d swing_mps = followed.twist.turn_radps * Eigen::Vector2d(-arm_m.y(), arm_m.x());
-  if (swing_mps.norm() > options_.swing_max_mps) swing_mps *= options_.swing_max_mps / swing_mps.norm();
-  const Eigen::Vector2d place_mps = followed.twist.forward_mps * direction(heading_rad) + swing_mps;
   Eigen::Vector2d closing_mps = options_.gain_per_s * result.place_m;
   if (closing_mps.norm() > options_.closing_max_mps)
     closing_mps *= options_.closing_max_mps / closing_mps.norm();
-  result.velocity_mps = place_mps + closing_mps;
-  if (result.place_m.norm() < options_.patient_m)
-    result.velocity_mps = patient(result.velocity_mps, heading_rad);
-  const bool settled = result.place_m.norm() < options_.near_m && place_mps.norm() < options_.stands_mps;
-  if (settled) result.velocity_mps.setZero();
+  result.velocity_mps = place.velocity_mps + closing_mps;
+  const bool stands = place.velocity_mps.norm() < options_.stands_mps;
+  if (!stands && result.place_m.norm() < options_.patient_m)
+    result.velocity_mps = patient(result.velocity_mps, place.heading_rad);
+  if (stands && result.place_m.norm() < options_.near_m) result.velocity_mps.setZero();
   return result;
 }
 
@@ -131,13 +134,16 @@ std::optional<Eigen::Vector2d> LeadLaw::waypoint() const {
   return arrived() ? std::nullopt : std::optional<Eigen::Vector2d>(waypoints_m_[next_]);
 }
 
-Eigen::Vector2d LeadLaw::wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps) {
-  const Eigen::Vector2d here_m = map_from_base.translation();
+void LeadLaw::passed(const Eigen::Vector2d& here_m) {
   while (!arrived()) {
     const bool goal = next_ + 1 == waypoints_m_.size();
     if ((waypoints_m_[next_] - here_m).norm() > (goal ? options_.arrived_m : options_.passed_m)) break;
     ++next_;
   }
+}
+
+Eigen::Vector2d LeadLaw::wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps) {
+  passed(map_from_base.translation());
   if (arrived()) return Eigen::Vector2d::Zero();
   const Eigen::Vector2d way_m = map_from_base.inverse() * waypoints_m_[next_];
   double speed_mps = cruise_mps;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <vector>
@@ -33,6 +34,13 @@ struct Followed {
   bool seen = false;  ///< in the follower's own camera; else from its published pose
 };
 
+/// A place to keep and how it moves, in the follower's base_link.
+struct Place {
+  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
+  Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();
+  double heading_rad = 0.0;  ///< of the way that it takes
+};
+
 /// Keeps a slot: the place behind the followed robot moves as a point of its body would; its velocity is fed
 /// forward and the distance to it is closed (l–φ control, Desai, Ostrowski and Kumar 2001, by a point instead
 /// of two angles).
@@ -43,7 +51,7 @@ class FollowLaw {
     double closing_max_mps = 0.25;  ///< m/s, no faster than that
     double swing_max_mps =
         0.20;                  ///< m/s, no more of the place's swing about the followed robot is fed forward
-    double patient_m = 0.30;   ///< m, out of place by less: wait or sidle forward rather than turn about
+    double patient_m = 0.50;   ///< m, out of place by less: wait or sidle forward rather than turn about
     double near_m = 0.04;      ///< m, out of place by less is good enough …
     double stands_mps = 0.03;  ///< m/s, … while the place moves slower than this
 
@@ -56,7 +64,13 @@ class FollowLaw {
   };
 
   explicit FollowLaw(const Options& options) : options_(options) {}
-  Result wanted(const Slot& slot, const Followed& followed) const;
+  /// The slot's place as a point of the followed robot's body.
+  Place place(const Slot& slot, const Followed& followed) const;
+  /// To keep that place, or another one (narrow passages) where given.
+  Result wanted(const Slot& slot, const Followed& followed) const {
+    return wanted(slot, followed, place(slot, followed));
+  }
+  Result wanted(const Slot& slot, const Followed& followed, const Place& place) const;
 
  private:
   Options options_;
@@ -80,6 +94,11 @@ class LeadLaw {
   void follow(std::vector<Eigen::Vector2d> waypoints_m);
   /// Wanted velocity in base_link; zero once the goal is reached.
   Eigen::Vector2d wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps);
+  /// Notes what has been passed without driving: every robot does, for it may have to lead one day.
+  void passed(const Eigen::Vector2d& here_m);
+  /// Others know of a later waypoint already.
+  void skipTo(std::size_t next) { next_ = std::clamp(next, next_, waypoints_m_.size()); }
+  std::size_t next() const { return next_; }
   bool arrived() const { return next_ >= waypoints_m_.size(); }
   std::optional<Eigen::Vector2d> waypoint() const;
 

@@ -27,9 +27,11 @@ struct FormationCommand {
   TimeNs acquired_ns = 0;
   std::uint32_t sequence = 0;
   FormationShape shape = FormationShape::kWedge;
-  double distance_m = 0.8;                   ///< d: to the centre of the object that is followed
-  double angle_rad = 0.6;                    ///< θ: between that object and the own heading
-  std::vector<Eigen::Vector2d> waypoints_m;  ///< map; the last one is the goal
+  double distance_m = 0.8;  ///< d: to the centre of the object that is followed
+  double angle_rad = 0.6;   ///< θ: between that object and the own heading
+  std::vector<Eigen::Vector2d>
+      waypoints_m;    ///< map; the last one is the goal; empty: on along the way ordered before
+  bool halt = false;  ///< stand where you are until the next command
 };
 
 /// What each robot answers, one per frame.
@@ -44,6 +46,10 @@ struct FormationState {
   Eigen::Vector2d target_m = Eigen::Vector2d::Zero();  ///< place to keep, or waypoint; base_link
   bool avoiding = false;
   bool arrived = false;
+  std::uint32_t term = 0;           ///< of the leader that this robot obeys; grows with every succession
+  std::uint32_t next_waypoint = 0;  ///< index of the one the leader is heading for
+  TimeNs command_ns = 0;            ///< header time of the command in force; 0: the fleet file's
+  double narrowing = 0.0;  ///< 0: at its commanded place; 1: drawn in to the trail of the robot it follows
 };
 
 /// Wanted wheel speeds of one robot, in answer to the frame at `acquired_ns`.

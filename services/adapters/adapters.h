@@ -33,6 +33,12 @@ bool fromWire(const v1::Objects& from, Objects& to);
 void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Pose& to);
 bool fromWire(const v1::Pose& from, PoseEstimate& to);
 
+void toWire(const motion::FormationCommand& from, RunClock clock, v1::FormationCommand& to);
+bool fromWire(const v1::FormationCommand& from, motion::FormationCommand& to);
+
+void toWire(const motion::FormationState& from, RunClock clock, v1::FormationState& to);
+bool fromWire(const v1::FormationState& from, motion::FormationState& to);
+
 /// One front end's sample: every measurement of one time (maybe none).
 void toWire(const std::string& source, TimeNs acquired_ns, std::uint32_t sequence, FrameState state,
             const std::vector<Measurement>& from, RunClock clock, v1::Measurement& to);

@@ -1,15 +1,18 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "formation/fleet_view.h"
 #include "motion/avoidance.h"
 #include "motion/formation_law.h"
 #include "motion/formation_types.h"
+#include "motion/narrowing.h"
+#include "motion/succession.h"
+#include "motion/trail.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -17,8 +20,8 @@ namespace omnifleet::formation {
 
 /// One robot's share of the formation (Choi et al. 2014 §IV.3, Fig. 12): the leader goes from waypoint to
 /// waypoint and turns for obstacles, a follower keeps distance d and angle θ to the robot it follows, which
-/// it sees in its own camera; where sight is lost, the published pose stands in. Once per frame; no clock, no
-/// memory of the map.
+/// it sees in its own camera; where sight is lost, the published pose stands in. Beyond the paper: followers
+/// draw in where the passage is narrow, and a lost leader is succeeded. Once per frame; no clock.
 class Formation {
  public:
   struct Options {
@@ -29,6 +32,8 @@ class Formation {
     motion::FollowLaw::Options follow;
     motion::LeadLaw::Options lead;
     motion::Avoidance::Options avoidance;
+    motion::Narrowing::Options narrowing;
+    motion::Succession::Options succession;
     double gate_m = 0.35;        ///< m, a track this near to where the followed robot should be is that robot
     double own_points_m = 0.10;  ///< m, scan points this near to the body of a published robot are that robot
     double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
@@ -46,55 +51,46 @@ class Formation {
   /// leader is not among them.
   Formation(const std::string& robot, const std::map<std::string, RobotBody>& bodies, const Options& options);
 
-  /// New orders; those of another fleet or older ones are left alone (false).
+  /// New orders; those of another fleet, and any but the latest, are left alone (false).
   bool command(const motion::FormationCommand& command);
 
-  /// One frame: what this robot sees and the latest published poses of all robots (usually of the frame
-  /// before; the own one too). An invalid frame holds the robot still.
-  Output process(const Objects& objects, const std::vector<PoseEstimate>& poses);
+  /// One frame: what this robot sees, the latest published poses of all robots (usually of the frame before;
+  /// the own one too), and what the others said of themselves since. An invalid frame holds the robot still.
+  Output process(const Objects& objects, const std::vector<PoseEstimate>& poses,
+                 const std::vector<motion::FormationState>& states = {});
 
   const Options& options() const { return options_; }
 
  private:
-  /// A robot as it was last published.
-  struct Known {
-    Pose2 map_from_base;
-    TimeNs acquired_ns = 0;
-    motion::Twist twist;  ///< from the latest two poses
-    std::vector<Sighting> sightings;
-  };
-  struct Moved {
-    TimeNs from_ns, to_ns;
-    Pose2 from_from_to;
-  };
-
-  void learn(const std::vector<PoseEstimate>& poses);
   void remember(const Objects& objects);
-  /// Where a robot is now by its published pose; nothing where that is too old.
-  std::optional<Pose2> publishedNow(const std::string& robot, TimeNs now_ns) const;
+  void obey(const std::vector<motion::FormationState>& states, TimeNs now_ns);
   void lookAround(const Objects& objects);
   const Track* sighted(const Objects& objects, const Eigen::Vector2d& expected_m) const;
-  std::optional<motion::Followed> followed(const Objects& objects);
+  std::optional<motion::Followed> byPublishedPose(TimeNs now_ns) const;
+  motion::Followed byItsWay(const Track& track) const;
+  std::optional<motion::Followed> followed(const Objects& objects, const motion::Slot& slot);
+  void forgetOther(const std::string& followed_name);
   double worstFollower(TimeNs now_ns) const;
   void lead(const Objects& objects, Output& output);
   void follow(const Objects& objects, Output& output);
   bool nearEnough(const Eigen::Vector2d& place_m) const;
   void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output);
 
-  std::string robot_, leader_;
+  std::string robot_;
   std::map<std::string, RobotBody> bodies_;
-  std::vector<std::string> ranks_;  ///< leader first, then by name
-  std::size_t rank_ = 0;
   Options options_;
+  motion::Succession succession_;
+  std::size_t rank_ = 0;
   motion::FollowLaw follow_;
   motion::LeadLaw lead_;
   motion::Avoidance avoidance_;
+  motion::Narrowing narrowing_;
   motion::Surroundings around_;
-  std::map<std::string, Known> known_;
-  std::deque<Moved> moved_;  ///< own motion, frame by frame, as far back as published poses may lie
+  FleetView fleet_;
   std::string followed_name_;
   std::optional<motion::Followed> last_followed_;  ///< in base_link of the frame before, until updated
   TimeNs last_followed_ns_ = 0;
+  motion::Trail trail_;  ///< of the followed robot
   TimeNs frame_ns_ = 0;
   double dt_s_ = 0.0;
   double turned_rad_ = 0.0;

@@ -1,34 +1,16 @@
 #include "formation/service.h"
 
-#include "adapters/common.h"
+#include "adapters/adapters.h"
 
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
 
-motion::FormationCommand commandFromWire(const v1::FormationCommand& wire) {
-  motion::FormationCommand command;
-  command.fleet = wire.fleet().to_string();
-  command.acquired_ns = wire.header().acquired_ns();
-  command.sequence = wire.header().sequence_number();
-  command.shape = static_cast<motion::FormationShape>(wire.shape());
-  command.distance_m = wire.distance_m();
-  command.angle_rad = wire.angle_rad();
-  for (const v1::Point2& point : wire.waypoints()) command.waypoints_m.push_back(adapters::point(point));
-  return command;
-}
-
-void stateToWire(const motion::FormationState& from, adapters::RunClock clock, v1::FormationState& to) {
-  to.robot(from.robot);
-  adapters::fillHeader(from.acquired_ns, from.sequence, clock, to.header());
-  to.role(static_cast<v1::FormationRole>(from.role));
-  to.leader(from.leader);
-  to.distance_error_m(from.distance_error_m);
-  to.angle_error_rad(from.angle_error_rad);
-  to.target(adapters::point(from.target_m));
-  to.avoiding(from.avoiding);
-  to.arrived(from.arrived);
+formation::Formation::Options optionsOf(const fleet::Fleet& fleet) {
+  auto options = formation::Formation::Options::read(fleet.service("formation"));
+  options.command.fleet = fleet.name;
+  return options;
 }
 
 }  // namespace
@@ -42,12 +24,19 @@ FormationService::FormationService(const bus::ServiceContext& context, const fle
       command_in_(context.bus.reader(context.topics.formation_command)),
       command_out_(context.bus.writer(context.topics.wheels_command, robot_), "wheels/command " + robot_,
                    fleet::expectedReaders(fleet, "wheels/command", robot_)),
-      state_out_(context.bus.writer(context.topics.formation_state, robot_)),
-      formation_(robot_, fleet.bodies(), formation::Formation::Options::read(fleet.service("formation"))) {
+      command_repeat_(context.bus.writer(context.topics.formation_command)),
+      state_out_(context.bus.writer(context.topics.formation_state, robot_), "formation/state " + robot_,
+                 fleet::expectedReaders(fleet, "formation/state", robot_)),
+      formation_(robot_, fleet.bodies(), optionsOf(fleet)) {
   for (const std::string& robot : fleet.mappingRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
         bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback, streamMode(context.options)}));
+    if (robot == robot_) continue;
+    states_.push_back(std::make_unique<Inlet<v1::FormationState, Payload>>(
+        context.bus.reader(context.topics.formation_state, robot), merger_, ends_,
+        bus::StreamSpec{"formation/state " + robot, robot, 2, bus::StreamRole::kFeedback,
+                        streamMode(context.options)}));
   }
 }
 
@@ -55,14 +44,15 @@ bool FormationService::pull() {
   bool any = ends_.poll();
   while (command_in_->take(command_)) {
     any = true;
-    const motion::FormationCommand command = commandFromWire(command_);
-    bool finite = adapters::finite(command.distance_m, command.angle_rad) && command.distance_m > 0;
-    for (const Eigen::Vector2d& waypoint : command.waypoints_m) finite = finite && waypoint.allFinite();
-    if (!finite) {
+    motion::FormationCommand command;
+    if (!adapters::fromWire(command_, command)) {
       status().dropped();
-      status().error("formation/command: rejected, a number is not finite or the distance not positive");
-    } else {
-      formation_.command(command);
+      status().error(
+          "formation/command: rejected, a number is not finite, the distance not positive or the shape "
+          "unknown");
+    } else if (formation_.command(command)) {
+      // Whoever starts later learns it from us.
+      if (!command_repeat_->write(command_)) status().error("formation/command: " + command_repeat_->error());
     }
   }
   any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
@@ -71,6 +61,11 @@ bool FormationService::pull() {
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
       return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
+    }) > 0;
+  }
+  for (auto& inlet : states_) {
+    any |= inlet->pull(status(), [](const v1::FormationState& wire, Payload& payload) {
+      return adapters::fromWire(wire, payload.emplace<motion::FormationState>());
     }) > 0;
   }
   return any;
@@ -84,6 +79,7 @@ bool FormationService::spin() {
   }
   if (!ended_ && merger_.finished()) {
     command_out_.end(ends_);
+    state_out_.end(ends_);
     ended_ = any = true;
   }
   return any;
@@ -91,9 +87,13 @@ bool FormationService::spin() {
 
 void FormationService::process() {
   const auto begun = steady_clock::now();
+  heard_.clear();
   for (auto& item : batch_.feedback) {
-    auto& pose = std::get<PoseEstimate>(item.payload);
-    latest_[pose.robot] = pose;
+    if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) {
+      latest_[pose->robot] = *pose;
+    } else {
+      heard_.push_back(std::get<motion::FormationState>(item.payload));
+    }
   }
   known_.clear();
   for (const auto& [robot, pose] : latest_) known_.push_back(pose);
@@ -103,15 +103,15 @@ void FormationService::process() {
 }
 
 void FormationService::answer(const Objects& objects) {
-  const formation::Formation::Output output = formation_.process(objects, known_);
+  const formation::Formation::Output output = formation_.process(objects, known_, heard_);
   const auto clock = runClock(context_.options);
   speeds_.robot(robot_);
   adapters::fillHeader(objects.acquired_ns, objects.sequence, clock, speeds_.header());
   speeds_.v_left_mps(output.command.speeds.left_mps);
   speeds_.v_right_mps(output.command.speeds.right_mps);
   command_out_.write(speeds_, status());
-  stateToWire(output.state, clock, state_);
-  if (!state_out_->write(state_)) status().error("formation/state: " + state_out_->error());
+  adapters::toWire(output.state, clock, state_);
+  state_out_.write(state_, status());
 }
 
 void FormationService::drain() {
@@ -124,6 +124,7 @@ void FormationService::drain() {
     command_out_.write(speeds_, status());
   }
   command_out_.end(ends_, ended_ ? "" : "stopped");
+  state_out_.end(ends_, ended_ ? "" : "stopped");
 }
 
 std::unique_ptr<bus::Service> makeFormation(const bus::ServiceContext& context) {

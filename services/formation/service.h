@@ -12,13 +12,15 @@
 
 namespace omnifleet::services {
 
-/// One robot's objects and the fleet's poses in, one wheel command per frame out. The one writer of
-/// wheels/command.
+/// One robot's objects, the fleet's poses and the other formations' states in, one wheel command per frame
+/// out. The one writer of wheels/command.
 class FormationService : public bus::Service {
  public:
   FormationService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
 
-  std::vector<bus::Expectation> expectations() const override { return {command_out_.expectation()}; }
+  std::vector<bus::Expectation> expectations() const override {
+    return {command_out_.expectation(), state_out_.expectation()};
+  }
   void start() override { status().state(bus::ServiceState::kRunning); }
   bool spin() override;
   bool finished() const override { return ended_; }
@@ -28,7 +30,7 @@ class FormationService : public bus::Service {
   }
 
  private:
-  using Payload = std::variant<std::monostate, Objects, PoseEstimate>;
+  using Payload = std::variant<std::monostate, Objects, PoseEstimate, motion::FormationState>;
 
   bool pull();
   void process();
@@ -41,12 +43,15 @@ class FormationService : public bus::Service {
   RunEnds ends_;
   Inlet<v1::Objects, Payload> objects_;
   std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  std::vector<std::unique_ptr<Inlet<v1::FormationState, Payload>>> states_;
   std::unique_ptr<bus::Reader<v1::FormationCommand>> command_in_;
   Outlet<v1::WheelCommand> command_out_;
-  std::unique_ptr<bus::Writer<v1::FormationState>> state_out_;
+  std::unique_ptr<bus::Writer<v1::FormationCommand>> command_repeat_;
+  Outlet<v1::FormationState> state_out_;
   formation::Formation formation_;
   std::map<std::string, PoseEstimate> latest_;
   std::vector<PoseEstimate> known_;
+  std::vector<motion::FormationState> heard_;
   v1::FormationCommand command_;
   v1::WheelCommand speeds_;
   v1::FormationState state_;

@@ -38,10 +38,12 @@ const std::vector<motion::WheelSpeeds>& Drivers::commands(const World& world) {
     }
     Objects objects = observe(world, i);
     if (before_ns_ > 0) objects.motion = exactMotion(before_[i], world.now().map_from_bases[i], before_ns_);
-    const formation::Formation::Output output = formations_[i].process(objects, published_);
+    const formation::Formation::Output output = formations_[i].process(objects, published_, heard_);
     next_[i] = output.command.speeds;
     states_[output.state.robot] = output.state;
   }
+  heard_.clear();
+  for (const auto& [robot, state] : states_) heard_.push_back(state);
   before_ = world.now().map_from_bases;
   before_ns_ = world.now().time_ns;
   published_ = exactPoses(world);

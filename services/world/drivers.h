@@ -33,6 +33,7 @@ class Drivers {
   std::vector<motion::WheelSpeeds> next_, commands_;
   std::vector<Pose2> before_;
   std::vector<PoseEstimate> published_;
+  std::vector<motion::FormationState> heard_;
   TimeNs before_ns_ = 0;
   std::map<std::string, motion::FormationState> states_;
 };

@@ -177,6 +177,75 @@ TEST(Formation, OrdersOfOtherFleetsAndOldOnesAreLeftAlone) {
   EXPECT_FALSE(formation.command(command));
 }
 
+motion::FormationCommand orderAt(TimeNs time_ns, motion::FormationShape shape) {
+  motion::FormationCommand command;
+  command.acquired_ns = time_ns;
+  command.shape = shape;
+  command.distance_m = 0.6;
+  return command;
+}
+
+TEST(Formation, ACommandWithoutWaypointsKeepsTheWay) {
+  Formation formation("r1", threeBodies(), columnOrders());
+  EXPECT_TRUE(formation.command(orderAt(5, motion::FormationShape::kLine)));
+  EXPECT_FALSE(formation.command(orderAt(5, motion::FormationShape::kWedge))) << "the same one again";
+  const auto output = formation.process(frame(1), {pose("r1", 0, {})});
+  EXPECT_GT(forward(output), 0.05);
+  EXPECT_NEAR(output.state.target_m.x(), 5.0, 1e-9);
+  EXPECT_EQ(output.state.command_ns, 5);
+}
+
+TEST(Formation, HaltStandsUntilTheNextCommand) {
+  Formation formation("r1", threeBodies(), columnOrders());
+  motion::FormationCommand halt = orderAt(5, motion::FormationShape::kLine);
+  halt.halt = true;
+  EXPECT_TRUE(formation.command(halt));
+  EXPECT_EQ(forward(formation.process(frame(1), {pose("r1", 0, {})})), 0.0);
+  EXPECT_TRUE(formation.command(orderAt(6, motion::FormationShape::kLine)));
+  EXPECT_GT(forward(formation.process(frame(2), {pose("r1", 1, {})})), 0.05);
+}
+
+/// What the leader r1 says of itself.
+motion::FormationState stateOf(const std::string& robot, int number, const std::string& leader,
+                               std::uint32_t term, std::uint32_t next_waypoint) {
+  motion::FormationState state;
+  state.robot = robot;
+  state.acquired_ns = 1'000'000'000 + number * kPeriod;
+  state.role = robot == leader ? motion::FormationRole::kLeader : motion::FormationRole::kFollower;
+  state.leader = leader;
+  state.term = term;
+  state.next_waypoint = next_waypoint;
+  return state;
+}
+
+TEST(Formation, ASuccessorGoesOnWhereTheLostLeaderWas) {
+  Formation::Options options = columnOrders();
+  options.command.waypoints_m = {{1.0, 0.0}, {1.0, 5.0}};
+  Formation formation("r2", threeBodies(), options);
+  Formation::Output output;
+  for (int i = 0; i < 30; ++i) {
+    std::vector<PoseEstimate> poses{pose("r2", i - 1, {})};
+    std::vector<motion::FormationState> states{
+        stateOf("r3", i - 1, output.state.leader, output.state.term, 0)};
+    if (i < 10) {
+      poses.push_back(pose("r1", i - 1, {0.9, 0.0, 0.5 * M_PI}));
+      states.push_back(stateOf("r1", i - 1, "r1", 0, 1));  // has passed the first waypoint
+    }
+    Objects standing = frame(i);
+    standing.motion.valid = true;
+    standing.motion.since_ns = standing.acquired_ns - kPeriod;
+    output = formation.process(standing, poses, states);
+    if (i == 15) {
+      EXPECT_EQ(output.state.leader, "r1") << "a second of silence is no loss yet";
+    }
+  }
+  EXPECT_EQ(output.state.role, motion::FormationRole::kLeader);
+  EXPECT_EQ(output.state.leader, "r2");
+  EXPECT_EQ(output.state.term, 1u);
+  EXPECT_EQ(output.state.next_waypoint, 1u);
+  EXPECT_LT((output.state.target_m - Eigen::Vector2d(1.0, 5.0)).norm(), 1e-9);
+}
+
 TEST(Formation, OptionsAreBounded) {
   const auto read = [](const std::string& text) {
     return Formation::Options::read(options::Section::parse(text, "formation.yaml"));

@@ -1,0 +1,107 @@
+// Tells a running fleet its formation: shape, distance, angle, way.
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <map>
+
+#include "bus/dds_bus.h"
+#include "bus/service.h"
+#include "command/command_sender.h"
+
+namespace {
+
+using omnifleet::services::CommandRequest;
+
+struct CommandLine {
+  std::string fleet;
+  std::vector<std::string> overlays;
+  int domain = 0;
+  double wait_s = 5.0;
+  CommandRequest request;
+};
+
+Eigen::Vector2d pointOf(const std::string& text) {
+  Eigen::Vector2d point;
+  int used = 0;
+  const bool two = std::sscanf(text.c_str(), "%lf,%lf%n", &point.x(), &point.y(), &used) == 2;
+  if (!two || used != static_cast<int>(text.size()) || !point.allFinite())
+    throw CLI::ValidationError("--waypoints", "'" + text + "' is not X,Y in metres");
+  return point;
+}
+
+void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
+  using omnifleet::motion::FormationShape;
+  const std::map<std::string, FormationShape> shapes{{"line", FormationShape::kLine},
+                                                     {"column", FormationShape::kColumn},
+                                                     {"wedge", FormationShape::kWedge},
+                                                     {"triangle", FormationShape::kTriangle}};
+  FormationShape shape = FormationShape::kWedge;
+  double distance_m = 0.0, angle_rad = 0.0;
+  std::vector<std::string> waypoints;
+  app.add_option("fleet", line.fleet, "fleet file of the running fleet")->required();
+  app.add_option("--config", line.overlays, "option overlay, as the fleet was started with");
+  auto* with_shape = app.add_option("--shape", shape, "line, column, wedge or triangle")
+                         ->transform(CLI::CheckedTransformer(shapes, CLI::ignore_case));
+  auto* with_distance = app.add_option("--distance", distance_m, "d, metres to the robot that is followed")
+                            ->check(CLI::Range(0.1, 20.0));
+  auto* with_angle = app.add_option("--angle", angle_rad, "θ, radians between it and the own heading")
+                         ->check(CLI::Range(0.0, 3.2));
+  app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")->expected(1, 64);
+  app.add_flag("--halt", line.request.halt, "stand until the next command");
+  app.add_option("--wait", line.wait_s, "seconds to wait until every robot obeys")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--domain", line.domain, "DDS domain")
+      ->check(CLI::Range(0, 232))
+      ->envname("OMNIFLEET_DOMAIN");
+  app.parse(argc, argv);
+  if (with_shape->count() > 0) line.request.shape = shape;
+  if (with_distance->count() > 0) line.request.distance_m = distance_m;
+  if (with_angle->count() > 0) line.request.angle_rad = angle_rad;
+  for (const std::string& waypoint : waypoints) line.request.waypoints_m.push_back(pointOf(waypoint));
+}
+
+int send(const CommandLine& line) {
+  using namespace omnifleet;
+  const fleet::Fleet fleet = fleet::Fleet::load(line.fleet, {}, line.overlays);
+  if (!fleet.hasFormation()) throw options::Error(line.fleet + ": this fleet has no formation");
+  bus::DdsBusOptions options;
+  options.name = "omnifleet_command";
+  options.domain = line.domain;
+  const auto bus = bus::makeDdsBus(options);
+  services::CommandSender sender(*bus, bus::Topics(bus::RunMode::kLive), fleet);
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const bool obeyed = sender.send(line.request, std::chrono::nanoseconds(now).count(),
+                                  std::chrono::milliseconds(static_cast<int>(1e3 * line.wait_s)));
+  const auto& sent = sender.sent();
+  if (obeyed) {
+    std::printf("%s: %s, d %.2f m, angle %.2f rad%s\n", fleet.name.c_str(), motion::toString(sent.shape),
+                sent.distance_m, sent.angle_rad, sent.halt ? ", halted" : "");
+    return static_cast<int>(bus::ExitCode::kOk);
+  }
+  for (const std::string& robot : sender.missing())
+    std::fprintf(stderr, "no answer from the formation of %s\n", robot.c_str());
+  return static_cast<int>(bus::ExitCode::kFailure);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using omnifleet::bus::ExitCode;
+  CLI::App app{"Tells a running fleet its formation; what is not given stays as it is"};
+  CommandLine line;
+  try {
+    parse(app, argc, argv, line);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::kBadOptions);
+  }
+  try {
+    return send(line);
+  } catch (const omnifleet::options::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return static_cast<int>(ExitCode::kBadOptions);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "omnifleet_command: %s\n", error.what());
+    return static_cast<int>(ExitCode::kFailure);
+  }
+}
