@@ -1,6 +1,7 @@
 /* A stranger: Cyclone DDS, C, types from its own idlc. Reads objects, pose and map/grid of a running fleet and prints
- * one line per sample with every field, so that a test can compare them with what was written.
- * usage: cyclone_subscriber DOMAIN SECONDS */
+ * one line per sample with every field, so that a test can compare them with what was written. Ends when it has so many
+ * of each; exit code 1 when it has not after so many seconds.
+ * usage: cyclone_subscriber DOMAIN SECONDS OBJECTS POSES GRIDS */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -106,19 +107,23 @@ static dds_entity_t make_reader(dds_entity_t participant, const dds_topic_descri
   return reader;
 }
 
-static void drain(dds_entity_t reader, print_sample print) {
+static int drain(dds_entity_t reader, print_sample print) {
   void *samples[64] = {NULL};
   dds_sample_info_t infos[64];
   const int n = dds_take(reader, samples, infos, 64, 64);
+  int printed = 0;
   for (int i = 0; i < n; ++i) {
-    if (infos[i].valid_data) print(samples[i]);
+    if (!infos[i].valid_data) continue;
+    print(samples[i]);
+    ++printed;
   }
   if (n > 0) dds_return_loan(reader, samples, n);
   fflush(stdout);
+  return printed;
 }
 
 int main(int argc, char **argv) {
-  if (argc != 3) return 2;
+  if (argc != 6) return 2;
   const dds_entity_t participant = dds_create_participant((dds_domainid_t)atoi(argv[1]), NULL, NULL);
   if (participant < 0) return 1;
   const dds_entity_t objects = make_reader(participant, &omnifleet_v1_Objects_desc, "omnifleet/objects", 0);
@@ -131,12 +136,14 @@ int main(int argc, char **argv) {
     dds_set_status_mask(readers[i], DDS_DATA_AVAILABLE_STATUS);
     dds_waitset_attach(set, readers[i], (dds_attach_t)i);
   }
+  int wanted[3];
+  for (int i = 0; i < 3; ++i) wanted[i] = atoi(argv[3 + i]);
   const dds_time_t end = dds_time() + DDS_SECS(atoi(argv[2]));
-  while (dds_time() < end) {
+  while ((wanted[0] > 0 || wanted[1] > 0 || wanted[2] > 0) && dds_time() < end) {
     dds_attach_t ready[3];
     const int n = dds_waitset_wait_until(set, ready, 3, end);
-    for (int i = 0; i < n; ++i) drain(readers[ready[i]], printers[ready[i]]);
+    for (int i = 0; i < n; ++i) wanted[ready[i]] -= drain(readers[ready[i]], printers[ready[i]]);
   }
   dds_delete(participant);
-  return 0;
+  return wanted[0] > 0 || wanted[1] > 0 || wanted[2] > 0;
 }
