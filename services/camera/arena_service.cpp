@@ -13,6 +13,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
       ends_(context),
       writer_(context.bus.frameWriter(camera_.id, static_cast<std::size_t>(camera_.model.image_width_px) *
                                                       camera_.model.image_height_px * 3)),
+      preview_(context, camera_.id),
       renderer_(*fleet.arena, camera_.id, static_cast<std::uint32_t>(fleet.seed)),
       map_from_bases_(fleet.arena->robots.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
@@ -84,6 +85,7 @@ bool ArenaCameraService::render() {
   }
   cv::Mat image(header_.height_px, header_.width_px, CV_8UC3, loan);
   renderer_.render(static_cast<int>(header_.sequence), map_from_bases_, image);
+  preview_.offer(header_.acquired_ns, image, status());
   recorder_.write(status(),
                   [&](dataset::ImageStreamWriter& r) { r.write(header_.acquired_ns, image); });
   pending_ = false;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "bus/service.h"
+#include "camera/preview.h"
 #include "common/inlet.h"
 #include "common/side_output.h"
 #include "dataset/writer.h"
@@ -49,6 +50,7 @@ class ArenaCameraService : public bus::Service {
   std::vector<std::unique_ptr<Inlet<v1::Truth, TruePose>>> truths_;
   std::unique_ptr<bus::FrameWriter> writer_;
   SideOutput<dataset::ImageStreamWriter> recorder_;
+  Preview preview_;
   synthetic::Renderer renderer_;
   std::vector<Pose2> map_from_bases_;
   bus::FrameHeader header_;

@@ -22,6 +22,7 @@ CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fl
       paced_(context.options.mode == bus::RunMode::kLive && camera_.source != fleet::CameraSource::kDevice),
       source_(openSource(camera_, fleet)),
       writer_(context.bus.frameWriter(camera_.id, frameBytes(camera_))),
+      preview_(context, camera_.id),
       ends_(context) {
   if (context.options.record)
     recorder_.open(context.options.out + "/recording", camera_.id, camera_.model);
@@ -65,6 +66,7 @@ bool CameraService::decode() {
   header_.sequence = info.sequence;
   header_.state = info.state;
   if (info.state != FrameState::kOk) status().error(info.note);
+  if (info.state == FrameState::kOk) preview_.offer(info.time_ns, image, status());
   recorder_.write(status(), [&](dataset::ImageStreamWriter& recorder) {
     info.state == FrameState::kOk ? recorder.write(info.time_ns, image) : recorder.writeMissing(info.time_ns);
   });

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "bus/service.h"
+#include "camera/preview.h"
 #include "common/run_ends.h"
 #include "common/side_output.h"
 #include "dataset/frame_source.h"
@@ -38,6 +39,7 @@ class CameraService : public bus::Service {
   std::unique_ptr<dataset::FrameSource> source_;
   std::unique_ptr<bus::FrameWriter> writer_;
   SideOutput<dataset::ImageStreamWriter> recorder_;
+  Preview preview_;
   RunEnds ends_;
   bus::FrameHeader header_;
   bool decoded_ = false;  ///< a frame lies in the open loan
