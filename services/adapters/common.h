@@ -6,6 +6,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "adapters/adapters.h"
 #include "idl/common.h"
 #include "observation/observation.h"
 
@@ -78,5 +79,26 @@ void toWire(const SupportFunction& from, v1::Supports& to);
 void fromWire(const v1::Supports& from, SupportFunction& to);
 void toWire(const Polygon& from, std::vector<v1::Point2>& to);
 bool fromWire(const std::vector<v1::Point2>& from, Polygon& to);
+
+/// What a frame's local map and its objects have in common: all but the objects.
+template <typename Frame, typename Wire>
+void frameToWire(const Frame& from, RunClock clock, Wire& to) {
+  to.robot(from.robot);
+  fillHeader(from.acquired_ns, from.sequence, clock, to.header());
+  to.state(static_cast<v1::FrameState>(from.state));
+  to.camera_height_m(from.camera_height_m);
+  toWire(from.motion, to.motion());
+  toWire(from.scan, to.scan());
+}
+template <typename Wire, typename Frame>
+bool frameFromWire(const Wire& from, Frame& to) {
+  to.robot = from.robot().to_string();
+  to.acquired_ns = from.header().acquired_ns();
+  to.sequence = from.header().sequence_number();
+  to.camera_height_m = from.camera_height_m();
+  bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
+  good = fromWire(from.motion(), to.motion) && good;
+  return fromWire(from.scan(), to.scan) && good && finite(to.camera_height_m);
+}
 
 }  // namespace omnifleet::adapters

@@ -57,27 +57,16 @@ bool observationFromWire(const v1::ObjectObservation& from, ObjectObservation& t
 }  // namespace
 
 void toWire(const LocalMap& from, RunClock clock, v1::LocalMap& to) {
-  to.robot(from.robot);
-  fillHeader(from.acquired_ns, from.sequence, clock, to.header());
-  to.state(static_cast<v1::FrameState>(from.state));
-  to.camera_height_m(from.camera_height_m);
-  toWire(from.motion, to.motion());
+  frameToWire(from, clock, to);
   sequenceToWire(from.objects, 64, to.objects(), observationToWire);
-  toWire(from.scan, to.scan());
 }
 
 bool fromWire(const v1::LocalMap& from, LocalMap& to) {
-  to.robot = from.robot().to_string();
-  to.acquired_ns = from.header().acquired_ns();
-  to.sequence = from.header().sequence_number();
-  to.camera_height_m = from.camera_height_m();
-  bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
-  good = fromWire(from.motion(), to.motion) && good;
-  good = fromWire(from.scan(), to.scan) && good;
+  bool good = frameFromWire(from, to);
   to.objects.resize(from.objects().size());
   for (std::size_t i = 0; i < to.objects.size(); ++i)
     good = observationFromWire(from.objects()[i], to.objects[i]) && good;
-  return good && finite(to.camera_height_m);
+  return good;
 }
 
 }  // namespace omnifleet::adapters

@@ -43,27 +43,16 @@ bool trackFromWire(const v1::Track& from, Track& to) {
 }  // namespace
 
 void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
-  to.robot(from.robot);
-  fillHeader(from.acquired_ns, from.sequence, clock, to.header());
-  to.state(static_cast<v1::FrameState>(from.state));
-  to.camera_height_m(from.camera_height_m);
-  toWire(from.motion, to.motion());
+  frameToWire(from, clock, to);
   sequenceToWire(from.tracks, 64, to.tracks(), trackToWire);
-  toWire(from.scan, to.scan());
 }
 
 bool fromWire(const v1::Objects& from, Objects& to) {
-  to.robot = from.robot().to_string();
-  to.acquired_ns = from.header().acquired_ns();
-  to.sequence = from.header().sequence_number();
-  to.camera_height_m = from.camera_height_m();
-  bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
-  good = fromWire(from.motion(), to.motion) && good;
-  good = fromWire(from.scan(), to.scan) && good;
+  bool good = frameFromWire(from, to);
   to.tracks.resize(from.tracks().size());
   for (std::size_t i = 0; i < to.tracks.size(); ++i)
     good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;
-  return good && finite(to.camera_height_m);
+  return good;
 }
 
 }  // namespace omnifleet::adapters
