@@ -75,6 +75,9 @@ void fromWire(const v1::Supports& from, SupportFunction& to) {
   to.b_m = from.b_m();
   to.sigma_m = from.sigma_m();
   to.sigma_m.resize(to.b_m.size(), 0.0F);
+  for (std::size_t k = 0; k < to.b_m.size(); ++k) {
+    if (!finite(to.b_m[k], to.sigma_m[k])) to.b_m[k] = to.sigma_m[k] = 0.0F;  // not to be used
+  }
 }
 
 void toWire(const Polygon& from, std::vector<v1::Point2>& to) {

@@ -1,0 +1,316 @@
+// Domain types over the wire and back: every field, each with a value of its own; numbers that are none are
+// refused wherever they stand.
+
+#include "adapters/adapters.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace omnifleet::adapters {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
+
+/// A new value at every call, exactly representable as a float.
+struct Counter {
+  double next() { return value_ += 0.25; }
+  float nextF() { return static_cast<float>(next()); }
+  Eigen::Vector2d point() { return {next(), next()}; }
+  Eigen::Vector2f pointF() { return {nextF(), nextF()}; }
+  Pose2 pose() { return {next(), next(), 0.001 * next()}; }
+  template <int N>
+  Eigen::Matrix<double, N, N> matrix() {
+    Eigen::Matrix<double, N, N> m;
+    for (int r = 0; r < N; ++r) {
+      for (int c = 0; c < N; ++c) m(r, c) = next();
+    }
+    return m;
+  }
+
+ private:
+  double value_ = 1.0;
+};
+
+Motion someMotion(Counter& n) {
+  Motion m;
+  m.valid = true;
+  m.since_ns = 123456789012345;
+  m.previous_from_current = n.pose();
+  m.covariance = n.matrix<3>();
+  m.left_m = n.next();
+  m.right_m = n.next();
+  return m;
+}
+
+Scan someScan(Counter& n) {
+  Scan s;
+  s.origin_m = n.point();
+  for (int i = 0; i < 5; ++i) {
+    s.range_m.push_back(n.nextF());
+    s.sigma_m.push_back(n.nextF());
+    s.label.push_back(static_cast<RayLabel>(i));
+    s.object.push_back(static_cast<std::uint16_t>(100 + i));
+  }
+  return s;
+}
+
+SupportFunction someSupports(Counter& n) {
+  SupportFunction s;
+  for (int i = 0; i < 8; ++i) {
+    s.b_m.push_back(n.nextF());
+    s.sigma_m.push_back(n.nextF());
+  }
+  return s;
+}
+
+ObjectObservation someObservation(Counter& n) {
+  ObjectObservation o;
+  o.label = 7;
+  o.rect_x_px = 11, o.rect_y_px = 12, o.rect_width_px = 13, o.rect_height_px = 14;
+  o.hull_m = {n.point(), n.point(), n.point()};
+  o.centroid_m = n.point();
+  o.contact_m = n.point();
+  o.supports = someSupports(n);
+  o.solidity = n.next();
+  o.truncated = true;
+  o.height_m = n.next();
+  o.height_sigma_m = n.next();
+  o.vectors.push_back({n.pointF(), n.pointF(), n.pointF(), n.pointF(), n.pointF()});
+  return o;
+}
+
+Track someTrack(Counter& n) {
+  Track t;
+  t.id = 4000000000u;
+  t.kind = ObjectKind::kRobot;
+  t.kind_probability = 0.75;
+  t.visible = true;
+  t.position_m = n.point();
+  t.velocity_mps = n.point();
+  t.covariance = n.matrix<2>();
+  t.contact_m = n.point();
+  t.hull_m = {n.point(), n.point(), n.point(), n.point()};
+  t.supports = someSupports(n);
+  t.solidity = n.next();
+  t.truncated = true;
+  t.height_m = n.next();
+  t.height_sigma_m = n.next();
+  return t;
+}
+
+template <class Frame>
+Frame someFrame(Counter& n) {
+  Frame f;
+  f.robot = "r1";
+  f.acquired_ns = 987654321098765;
+  f.sequence = 42;
+  f.state = FrameState::kDark;
+  f.camera_height_m = n.next();
+  f.motion = someMotion(n);
+  f.scan = someScan(n);
+  return f;
+}
+
+void expectEqual(const Motion& a, const Motion& b) {
+  EXPECT_EQ(a.valid, b.valid);
+  EXPECT_EQ(a.since_ns, b.since_ns);
+  EXPECT_EQ(a.previous_from_current.vector(), b.previous_from_current.vector());
+  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.left_m, b.left_m);
+  EXPECT_EQ(a.right_m, b.right_m);
+}
+
+void expectEqual(const Scan& a, const Scan& b) {
+  EXPECT_EQ(a.origin_m, b.origin_m);
+  EXPECT_EQ(a.range_m, b.range_m);
+  EXPECT_EQ(a.sigma_m, b.sigma_m);
+  EXPECT_EQ(a.label, b.label);
+  EXPECT_EQ(a.object, b.object);
+}
+
+void expectEqual(const SupportFunction& a, const SupportFunction& b) {
+  EXPECT_EQ(a.b_m, b.b_m);
+  EXPECT_EQ(a.sigma_m, b.sigma_m);
+}
+
+template <class Frame>
+void expectEqualFrames(const Frame& a, const Frame& b) {
+  EXPECT_EQ(a.robot, b.robot);
+  EXPECT_EQ(a.acquired_ns, b.acquired_ns);
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.state, b.state);
+  EXPECT_EQ(a.camera_height_m, b.camera_height_m);
+  expectEqual(a.motion, b.motion);
+  expectEqual(a.scan, b.scan);
+}
+
+TEST(Adapters, ALocalMapComesBackWhole) {
+  Counter n;
+  auto map = someFrame<LocalMap>(n);
+  map.objects = {someObservation(n)};
+  v1::LocalMap wire;
+  toWire(map, RunClock::kDataset, wire);
+  EXPECT_EQ(wire.header().clock(), v1::Clock::CLOCK_DATASET);
+  LocalMap back;
+  ASSERT_TRUE(fromWire(wire, back));
+  expectEqualFrames(map, back);
+  ASSERT_EQ(back.objects.size(), 1u);
+  const ObjectObservation &a = map.objects[0], &b = back.objects[0];
+  EXPECT_EQ(a.label, b.label);
+  EXPECT_EQ(a.rect_x_px, b.rect_x_px);
+  EXPECT_EQ(a.rect_y_px, b.rect_y_px);
+  EXPECT_EQ(a.rect_width_px, b.rect_width_px);
+  EXPECT_EQ(a.rect_height_px, b.rect_height_px);
+  EXPECT_EQ(a.hull_m, b.hull_m);
+  EXPECT_EQ(a.centroid_m, b.centroid_m);
+  EXPECT_EQ(a.contact_m, b.contact_m);
+  expectEqual(a.supports, b.supports);
+  EXPECT_EQ(a.solidity, b.solidity);
+  EXPECT_EQ(a.truncated, b.truncated);
+  EXPECT_EQ(a.height_m, b.height_m);
+  EXPECT_EQ(a.height_sigma_m, b.height_sigma_m);
+  ASSERT_EQ(b.vectors.size(), 1u);
+  EXPECT_EQ(a.vectors[0].from_px, b.vectors[0].from_px);
+  EXPECT_EQ(a.vectors[0].to_px, b.vectors[0].to_px);
+  EXPECT_EQ(a.vectors[0].from_m, b.vectors[0].from_m);
+  EXPECT_EQ(a.vectors[0].to_m, b.vectors[0].to_m);
+  EXPECT_EQ(a.vectors[0].residual_m, b.vectors[0].residual_m);
+}
+
+TEST(Adapters, ObjectsComeBackWhole) {
+  Counter n;
+  auto objects = someFrame<Objects>(n);
+  objects.tracks = {someTrack(n), someTrack(n)};
+  v1::Objects wire;
+  toWire(objects, RunClock::kSim, wire);
+  Objects back;
+  ASSERT_TRUE(fromWire(wire, back));
+  expectEqualFrames(objects, back);
+  ASSERT_EQ(back.tracks.size(), 2u);
+  for (int i = 0; i < 2; ++i) {
+    const Track &a = objects.tracks[i], &b = back.tracks[i];
+    EXPECT_EQ(a.id, b.id);
+    EXPECT_EQ(a.kind, b.kind);
+    EXPECT_EQ(a.kind_probability, b.kind_probability);
+    EXPECT_EQ(a.visible, b.visible);
+    EXPECT_EQ(a.position_m, b.position_m);
+    EXPECT_EQ(a.velocity_mps, b.velocity_mps);
+    EXPECT_EQ(a.covariance, b.covariance);
+    EXPECT_EQ(a.contact_m, b.contact_m);
+    EXPECT_EQ(a.hull_m, b.hull_m);
+    expectEqual(a.supports, b.supports);
+    EXPECT_EQ(a.solidity, b.solidity);
+    EXPECT_EQ(a.truncated, b.truncated);
+    EXPECT_EQ(a.height_m, b.height_m);
+    EXPECT_EQ(a.height_sigma_m, b.height_sigma_m);
+  }
+}
+
+TEST(Adapters, APoseComesBackWhole) {
+  Counter n;
+  PoseEstimate pose;
+  pose.robot = "r2";
+  pose.acquired_ns = 5;
+  pose.sequence = 6;
+  pose.valid = true;
+  pose.map_from_base = n.pose();
+  pose.covariance = n.matrix<3>();
+  pose.sightings = {{9, "r1"}, {10, "r3"}};
+  v1::Pose wire;
+  toWire(pose, RunClock::kSystem, 3, wire);
+  EXPECT_EQ(wire.term(), 3u);
+  PoseEstimate back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(back.robot, pose.robot);
+  EXPECT_EQ(back.acquired_ns, pose.acquired_ns);
+  EXPECT_EQ(back.sequence, pose.sequence);
+  EXPECT_EQ(back.valid, pose.valid);
+  EXPECT_EQ(back.map_from_base.vector(), pose.map_from_base.vector());
+  EXPECT_EQ(back.covariance, pose.covariance);
+  ASSERT_EQ(back.sightings.size(), 2u);
+  EXPECT_EQ(back.sightings[1].track_id, 10u);
+  EXPECT_EQ(back.sightings[1].robot, "r3");
+}
+
+TEST(Adapters, ContributionsComeBackToTheLastByte) {
+  Counter n;
+  auto objects = someFrame<Objects>(n);
+  objects.state = FrameState::kOk;
+  objects.tracks = {someTrack(n)};
+  const auto contribution = occupancy::makeContribution(objects);
+  v1::Contribution wire;
+  toWire(contribution, RunClock::kDataset, wire);
+  occupancy::Contribution back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(occupancy::canonicalBytes(back), occupancy::canonicalBytes(contribution));
+  EXPECT_GT(occupancy::canonicalBytes(contribution).size(), 100u);
+
+  PoseEstimate pose;
+  pose.robot = "r2";
+  pose.acquired_ns = 77;
+  pose.valid = true;
+  pose.map_from_base = n.pose();
+  pose.sightings = {{9, "r1"}};
+  const auto keyframe = occupancy::makeKeyframePose(pose, 2, 3);
+  v1::KeyframePose keyframe_wire;
+  toWire(keyframe, RunClock::kDataset, keyframe_wire);
+  occupancy::KeyframePose keyframe_back;
+  ASSERT_TRUE(fromWire(keyframe_wire, keyframe_back));
+  EXPECT_EQ(occupancy::canonicalBytes(keyframe_back), occupancy::canonicalBytes(keyframe));
+}
+
+TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
+  Counter n;
+  auto map = someFrame<LocalMap>(n);
+  map.objects = {someObservation(n)};
+  v1::LocalMap good;
+  toWire(map, RunClock::kDataset, good);
+  LocalMap back;
+  ASSERT_TRUE(fromWire(good, back));
+  const std::vector<std::function<void(v1::LocalMap&)>> damages{
+      [](auto& w) { w.camera_height_m(kNan); },
+      [](auto& w) { w.motion().previous_from_current().x(kNan); },
+      [](auto& w) { w.motion().previous_from_current().theta(std::numeric_limits<double>::infinity()); },
+      [](auto& w) { w.motion().covariance()[4] = kNan; },
+      [](auto& w) { w.motion().left_m(kNan); },
+      [](auto& w) { w.scan().origin().y(kNan); },
+      [](auto& w) { w.scan().range_m()[2] = kNanF; },
+      [](auto& w) { w.scan().label()[2] = 200; },
+      [](auto& w) { w.scan().sigma_m().resize(1); },
+      [](auto& w) { w.objects()[0].centroid().x(kNan); },
+      [](auto& w) { w.objects()[0].contact().y(kNan); },
+      [](auto& w) { w.objects()[0].hull()[1].x(kNan); },
+      [](auto& w) { w.objects()[0].solidity(kNanF); },
+      [](auto& w) { w.objects()[0].height_m(kNanF); },
+      [](auto& w) { w.objects()[0].vectors()[0].to_m()[0] = kNanF; },
+      [](auto& w) { w.state(static_cast<v1::FrameState>(99)); },
+  };
+  for (std::size_t i = 0; i < damages.size(); ++i) {
+    v1::LocalMap damaged = good;
+    damages[i](damaged);
+    EXPECT_FALSE(fromWire(damaged, back)) << "damage " << i;
+  }
+  // A direction that is no number cannot be used; the others can.
+  v1::LocalMap direction = good;
+  direction.objects()[0].support().b_m()[3] = kNanF;
+  ASSERT_TRUE(fromWire(direction, back));
+  EXPECT_LE(back.objects[0].supports.sigma_m[3], 0.0);
+  EXPECT_GT(back.objects[0].supports.sigma_m[4], 0.0);
+}
+
+/// What no bound of the wire can hold is cut, not written past its end.
+TEST(Adapters, MoreObjectsThanTheWireHoldsAreCut) {
+  Counter n;
+  auto map = someFrame<LocalMap>(n);
+  map.objects.assign(80, someObservation(n));
+  v1::LocalMap wire;
+  toWire(map, RunClock::kDataset, wire);
+  EXPECT_EQ(wire.objects().size(), 64u);
+}
+
+}  // namespace
+}  // namespace omnifleet::adapters
