@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <signal.h>
 #include <filesystem>
 #include <fstream>
-#include <signal.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -205,6 +205,43 @@ TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
   EXPECT_FALSE(truth->waitForReaders(cameras + 1, 2s)) << "somebody beside the renderers reads the truth";
 }
 
+/// What people see of a running fleet: everybody, at work.
+TEST(FleetProcesses, StatusShowsEveryServiceAtWork) {
+  LiveFleet fleet("status", 69);
+  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
+  std::set<std::string> running;
+  const auto expected = instances(smallFleet());
+  ASSERT_TRUE(fleet.listener.until(
+      [&] {
+        v1::ServiceStatus s;
+        while (statuses->take(s)) {
+          if (s.processed() > 0 || s.service() == "world")
+            running.insert(s.service().to_string() + " " + s.instance().to_string());
+        }
+        return running == expected;
+      },
+      30s));
+  Process status({program("status"), "--once", "--domain", "69"}, fleet.out + "/status.txt");
+  EXPECT_EQ(status.wait(20s), std::optional<int>(0)) << status.output();
+  std::istringstream lines(status.output());
+  std::set<std::string> shown;
+  for (std::string line; std::getline(lines, line);) {
+    const auto state = line.find("  running");
+    if (state == std::string::npos) continue;
+    std::string who = line.substr(0, line.find("  "));
+    if (who.find(' ') == std::string::npos) who += " ";
+    shown.insert(who);
+  }
+  EXPECT_EQ(shown, expected) << status.output();
+}
+
+TEST(FleetProcesses, StatusSaysWhereThereIsNoFleet) {
+  Process status({program("status"), "--once", "--wait", "0.3", "--domain", "70"},
+                 freshDir("no_fleet") + "/out");
+  EXPECT_EQ(status.wait(20s), std::optional<int>(1));
+  EXPECT_THAT(status.output(), testing::HasSubstr("no fleet on domain 70"));
+}
+
 TEST(FleetProcesses, ABadOptionStartsNothing) {
   const std::string out = freshDir("bad_option");
   Process launch({program("launch"), "run", smallFleet(), "--config",
@@ -224,9 +261,8 @@ TEST(FleetProcesses, ACameraThatCannotBeOpenedStartsNothing) {
   std::ofstream(out + "/sensor.yaml")
       << "camera_model: fisheye\nprojection: equidistant\nimage_width: 640\nimage_height: 480\n"
          "focal_px: 150\nprincipal_point_px: [319.5, 239.5]\nfov_deg: 185\nposition_m: [0, 0, 0.5]\n";
-  const std::map<std::string, std::string> sources{{"folder", "no_such_folder"},
-                                                   {"video", "no_such_film.mp4"},
-                                                   {"device", "/dev/no_such_camera"}};
+  const std::map<std::string, std::string> sources{
+      {"folder", "no_such_folder"}, {"video", "no_such_film.mp4"}, {"device", "/dev/no_such_camera"}};
   for (const auto& [source, path] : sources) {
     std::ofstream(out + "/fleet.yaml")
         << "robots: {r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26}}\n"

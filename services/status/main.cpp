@@ -1,0 +1,70 @@
+// How every service of a running fleet is: a table that renews itself, or one look.
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+#include "bus/dds_bus.h"
+#include "bus/topics.h"
+#include "status/table.h"
+
+namespace {
+
+using omnifleet::status::Table;
+using Clock = Table::Clock;
+
+void takeAll(omnifleet::bus::Reader<omnifleet::v1::ServiceStatus>& reader, Table& table) {
+  omnifleet::v1::ServiceStatus sample;
+  while (reader.take(sample)) table.put(sample, Clock::now());
+}
+
+int look(int domain, bool once, double wait_s) {
+  omnifleet::bus::DdsBusOptions options;
+  options.name = "omnifleet_status";
+  options.domain = domain;
+  const auto bus = omnifleet::bus::makeDdsBus(options);
+  const auto reader = bus->reader(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).service_status);
+  const bool terminal = isatty(STDOUT_FILENO) == 1;
+  const auto end =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
+  Table table;
+  auto shown = Clock::now();
+  while (!once || Clock::now() < end) {
+    bus->wait(std::chrono::milliseconds(200));
+    takeAll(*reader, table);
+    if (once || Clock::now() - shown < std::chrono::seconds(1)) continue;
+    shown = Clock::now();
+    std::printf("%s%s%s", terminal ? "\033[H\033[J" : "", table.text(shown).c_str(), terminal ? "" : "\n");
+    std::fflush(stdout);
+  }
+  if (table.size() == 0) {
+    std::fprintf(stderr, "no fleet on domain %d\n", domain);
+    return 1;
+  }
+  std::fputs(table.text(Clock::now()).c_str(), stdout);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Shows how every service of a running fleet is"};
+  int domain = 0;
+  bool once = false;
+  double wait_s = 2.5;
+  app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  app.add_flag("--once", once, "print one table and end; exit code 1 when there is no fleet");
+  app.add_option("--wait", wait_s, "with --once: seconds to listen")->check(CLI::PositiveNumber);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    return look(domain, once, wait_s);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "status: %s\n", error.what());
+    return 1;
+  }
+}
