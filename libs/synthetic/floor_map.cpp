@@ -61,6 +61,8 @@ void FloorMap::update(const Arena& arena, double time_s) {
 void FloorMap::makeTile(const Floor& floor) {
   has_grid_ = floor.grid_m > 0.0;
   const float grid_m = static_cast<float>(floor.grid_m);
+  grid_m_ = grid_m;
+  tile_variation_ = static_cast<float>(floor.tile_variation);
   const float period_m = has_grid_ ? std::ceil(kTileM / grid_m) * grid_m : kTileM;
   texel_m_ = period_m / static_cast<float>(tile_texels_);
   for (int c = 0; c < 3; ++c) {
@@ -159,7 +161,14 @@ Eigen::Array4f FloorMap::at(float x_m, float y_m, std::uint8_t level) const {
   const Texel texel = tileAt(x_m, y_m, level);
   const Eigen::Array4f colour = coarseAt(x_m, y_m);
   if (!has_grid_) return colour * texel.grain;
-  return colour * (texel.grain * (1.0f - texel.grid) + texel.grid * grid_ratio_);
+  const float field = tile_variation_ > 0.0f ? fieldAt(x_m, y_m) : 1.0f;
+  return colour * (field * texel.grain * (1.0f - texel.grid) + texel.grid * grid_ratio_);
+}
+
+float FloorMap::fieldAt(float x_m, float y_m) const {
+  const auto column = static_cast<std::int32_t>(std::floor(x_m / grid_m_));
+  const auto row = static_cast<std::int32_t>(std::floor(y_m / grid_m_));
+  return 1.0f + tile_variation_ * latticeValue(column, row, 0, seed_ + 3);
 }
 
 }  // namespace omnifleet::synthetic

@@ -23,7 +23,7 @@ class FloorMap {
   /// Version of the tile whose texels match a pixel that covers so much floor.
   std::uint8_t levelFor(float footprint_m) const;
 
-  /// Blue, green, red (and 0) in grey levels, bilinear.
+  /// Blue, green, red (and 0) in grey levels, bilinear, without shadows thrown by the sun.
   Eigen::Array4f at(float x_m, float y_m, std::uint8_t level) const;
 
  private:
@@ -35,11 +35,14 @@ class FloorMap {
   void makeCoarse(const Arena& arena, double time_s);
   Eigen::Array4f coarseAt(float x_m, float y_m) const;
   Texel tileAt(float x_m, float y_m, std::uint8_t level) const;
+  /// Factor of the field between grid lines that holds a place.
+  float fieldAt(float x_m, float y_m) const;
 
   std::uint32_t seed_;
   int tile_texels_ = 1024;
   float texel_m_ = 0.003f;
   bool has_grid_ = false;
+  float grid_m_ = 0.0f, tile_variation_ = 0.0f;
   Eigen::Array4f grid_ratio_ = Eigen::Array4f::Ones();  ///< colour of a line over that of the floor
   std::vector<Texel> tile_[kLevels];
   int columns_ = 0, rows_ = 0;

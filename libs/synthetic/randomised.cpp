@@ -4,6 +4,8 @@
 #include <cmath>
 #include <random>
 
+#include "synthetic/value_noise.h"
+
 namespace omnifleet::synthetic {
 namespace {
 
@@ -172,6 +174,30 @@ void placeObstacles(const Randomisation& options, Dice& dice, Arena& arena) {
   arena.moves.clear();
 }
 
+/// Of the floor's hue, brighter or darker, or a little more colourful.
+Rgb floorLike(const Rgb& floor, Dice& dice) {
+  const double gain = dice.in(0.8, 1.2);
+  return rgbOf(floor[0] * gain * dice.in(0.95, 1.05), floor[1] * gain * dice.in(0.95, 1.05),
+               floor[2] * gain * dice.in(0.95, 1.05));
+}
+
+/// What older seeds did not have, drawn from dice of its own so that they stay as they were.
+void changeMore(const Randomisation& options, std::uint32_t seed, Arena& arena) {
+  Dice dice(hash32(seed, 0x7113));
+  arena.light.cast_shadow = std::max(arena.light.cast_shadow, dice.in(0.0, options.cast_shadow));
+  if (options.tile_m.y() > 0.0) {
+    arena.floor.grid_m = dice.in(options.tile_m);
+    arena.floor.grid_width_m = dice.in(options.tile_line_m);
+    const double gain = 1.0 + dice.in(-1.0, 0.5) * options.tile_line_contrast;
+    const Rgb& rgb = arena.floor.rgb;
+    arena.floor.grid_rgb = rgbOf(rgb[0] * gain, rgb[1] * gain, rgb[2] * gain);
+    arena.floor.tile_variation = dice.in(0.0, options.tile_variation);
+  }
+  for (Solid& solid : arena.solids) {
+    if (!solid.wall && dice.in(0, 1) < options.floor_like_share) solid.rgb = floorLike(arena.floor.rgb, dice);
+  }
+}
+
 void changeLooks(const Randomisation& options, Dice& dice, Arena& arena) {
   const double level = dice.in(options.floor_level), tint = options.floor_tint;
   arena.floor.rgb = rgbOf(level * (1 + dice.in(-tint, tint)), level * (1 + dice.in(-tint, tint)),
@@ -211,7 +237,13 @@ Randomisation Randomisation::read(const options::Section& section) {
   section.read("light_gradient_per_m", options.light_gradient_per_m, {0.0, 1.0});
   section.read("light_spot", options.light_spot, {0.0, 1.0});
   section.read("contact_shadow", options.contact_shadow, {0.0, 1.0});
+  section.read("cast_shadow", options.cast_shadow, {0.0, 1.0});
+  section.read("tile_m", options.tile_m, {0.0, 10.0});
+  section.read("tile_line_m", options.tile_line_m, {0.0005, 0.5});
+  section.read("tile_line_contrast", options.tile_line_contrast, {0.0, 0.95});
+  section.read("tile_variation", options.tile_variation, {0.0, 0.5});
   section.read("noise", options.noise, {0.0, 50.0});
+  section.read("floor_like_share", options.floor_like_share, {0.0, 1.0});
   section.read("dull_share", options.dull_share, {0.0, 1.0});
   section.finish();
   return options;
@@ -229,6 +261,7 @@ Arena randomised(const Arena& arena, std::uint32_t seed) {
   }
   placeObstacles(options, dice, changed);
   changeLooks(options, dice, changed);
+  changeMore(options, seed, changed);
   return changed;
 }
 

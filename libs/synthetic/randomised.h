@@ -21,12 +21,18 @@ struct Randomisation {
   double floor_tint = 0.10;              ///< 1, of a floor's colour channels against their mean
   Eigen::Vector2d clouds{0.01, 0.08};    ///< 1
   Eigen::Vector2d grain{0.01, 0.06};     ///< 1
-  Eigen::Vector2d light_level{0.70, 1.10};  ///< 1
-  double light_gradient_per_m = 0.06;       ///< 1/m, at most, in any direction
-  double light_spot = 0.25;                 ///< 1, brightest spot
-  double contact_shadow = 0.30;             ///< 1, darkest
-  Eigen::Vector2d noise{1.0, 2.5};          ///< grey levels
-  double dull_share = 0.15;                 ///< 1, obstacles of a greyish colour (not that of the floor)
+  Eigen::Vector2d light_level{0.70, 1.10};     ///< 1
+  double light_gradient_per_m = 0.06;          ///< 1/m, at most, in any direction
+  double light_spot = 0.25;                    ///< 1, brightest spot
+  double contact_shadow = 0.30;                ///< 1, darkest
+  double cast_shadow = 0.0;                    ///< 1, darkest
+  Eigen::Vector2d tile_m{0.0, 0.0};            ///< m, distance of the grid lines; 0: as the arena has them
+  Eigen::Vector2d tile_line_m{0.0015, 0.004};  ///< m, their width
+  double tile_line_contrast = 0.45;  ///< 1, lines are darker or lighter than the floor by up to this
+  double tile_variation = 0.0;       ///< 1, at most, of the fields between them
+  Eigen::Vector2d noise{1.0, 2.5};   ///< grey levels
+  double dull_share = 0.15;          ///< 1, obstacles of a greyish colour (not that of the floor)
+  double floor_like_share = 0.0;     ///< 1, obstacles of the floor's colour, up to a fifth off it
 
   static Randomisation read(const options::Section& section);
 };

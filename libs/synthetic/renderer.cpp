@@ -8,6 +8,7 @@
 #include "synthetic/own_body.h"
 #include "synthetic/pixel_table.h"
 #include "synthetic/sensor.h"
+#include "synthetic/shadows.h"
 #include "synthetic/stage_set.h"
 #include "synthetic/value_noise.h"
 
@@ -35,6 +36,7 @@ struct Renderer::Impl {
   Impl(const Arena& the_arena, const std::string& camera_id, std::uint32_t the_seed);
 
   void drawBackdrop(const Pose2& map_from_parent);
+  Eigen::Array4f floorAt(std::size_t pixel, const Eigen::Vector2f& place_m) const;
   Eigen::Array4f backdropAt(std::size_t pixel, const Pose2& map_from_parent) const;
   void put(std::size_t pixel, const Eigen::Array4f& bgr);
   void findTiles();
@@ -52,6 +54,7 @@ struct Renderer::Impl {
   lens::Camera camera;
   PixelTable pixels;
   FloorMap floor;
+  Shadows shadows;
   StageSet stage;
   Sensor sensor;
   std::vector<OwnPixel> own;
@@ -75,6 +78,7 @@ Renderer::Impl::Impl(const Arena& the_arena, const std::string& camera_id, std::
       camera(spec.model),
       pixels(camera),
       floor(the_arena, the_seed),
+      shadows(arena),
       stage(the_arena, own_robot, the_seed),
       sensor(the_arena.image),
       own(ownBodyPixels(the_arena, own_robot, camera, pixels, the_seed)),
@@ -113,14 +117,19 @@ void Renderer::Impl::put(std::size_t pixel, const Eigen::Array4f& bgr) {
   for (int c = 0; c < 3; ++c) out[c] = static_cast<std::uint16_t>(scaled[c]);
 }
 
+Eigen::Array4f Renderer::Impl::floorAt(std::size_t pixel, const Eigen::Vector2f& place_m) const {
+  const Eigen::Array4f lit = floor.at(place_m.x(), place_m.y(), level[pixel]);
+  return shadows.any() ? (lit * shadows.at(place_m)).eval() : lit;
+}
+
 Eigen::Array4f Renderer::Impl::backdropAt(std::size_t pixel, const Pose2& map_from_parent) const {
   if (pixels.backdrop[pixel] != Backdrop::kFloor) return kSkyBgr;
   const Eigen::Vector2d place_m = map_from_parent * pixels.floor_m[pixel].cast<double>();
-  return floor.at(static_cast<float>(place_m.x()), static_cast<float>(place_m.y()), level[pixel]);
+  return floorAt(pixel, place_m.cast<float>());
 }
 
 void Renderer::Impl::drawBackdrop(const Pose2& map_from_parent) {
-  const bool still = own_robot < 0 && arena.light.flicker == 0.0 && arena.moves.empty();
+  const bool still = own_robot < 0 && arena.light.flicker == 0.0 && arena.moves.empty() && !shadows.any();
   if (still && !still_backdrop.empty()) {
     still_backdrop.copyTo(light);
     return;
@@ -135,7 +144,7 @@ void Renderer::Impl::drawBackdrop(const Pose2& map_from_parent) {
       continue;
     }
     const Eigen::Vector2f& p = pixels.floor_m[i];
-    put(i, floor.at(c * p.x() - s * p.y() + x_m, s * p.x() + c * p.y() + y_m, level[i]));
+    put(i, floorAt(i, {c * p.x() - s * p.y() + x_m, s * p.x() + c * p.y() + y_m}));
   }
   if (still) still_backdrop = light.clone();
 }
@@ -267,6 +276,7 @@ void Renderer::render(int frame, const std::vector<Pose2>& map_from_bases, cv::M
       im.own_robot < 0 ? Pose2{} : map_from_bases[static_cast<std::size_t>(im.own_robot)];
   im.flicker = static_cast<float>(im.arena.light.at({0.0, 0.0}, time_s) / im.arena.light.at({0.0, 0.0}, 0.0));
   im.floor.update(im.arena, time_s);
+  im.shadows.place(time_s, map_from_bases);
   im.stage.place(im.arena, time_s, map_from_bases, map_from_parent.inverse());
   im.stage.aim(im.eye_m);
 

@@ -29,6 +29,7 @@ Floor Floor::read(const options::Section& section) {
   section.read("grid_m", floor.grid_m, {0.0, 10.0});
   section.read("grid_width_m", floor.grid_width_m, {0.0005, 0.5});
   readRgb(section, "grid_rgb", floor.grid_rgb);
+  section.read("tile_variation", floor.tile_variation, {0.0, 0.5});
   section.finish();
   return floor;
 }
@@ -46,6 +47,9 @@ Light Light::read(const options::Section& section) {
   section.read("sun", light.sun, {-10.0, 10.0});
   section.read("contact_shadow", light.contact_shadow, {0.0, 1.0});
   section.read("contact_shadow_m", light.contact_shadow_m, {0.005, 1.0});
+  section.read("cast_shadow", light.cast_shadow, {0.0, 1.0});
+  section.read("cast_softness", light.cast_softness, {0.01, 2.0});
+  if (light.cast_shadow > 0.0 && light.sun.z() <= 0.0) section.fail("sun", "must shine from above");
   if (light.sun.norm() < 1e-6) section.fail("sun", "must not be zero");
   section.finish();
   return light;

@@ -26,6 +26,7 @@ struct Floor {
   double grid_m = 0.0;               ///< m, distance of the grid lines; 0: none
   double grid_width_m = 0.003;       ///< m
   Rgb grid_rgb{90, 90, 95};
+  double tile_variation = 0.0;  ///< 1, the fields between grid lines are darker or lighter by up to this
 
   static Floor read(const options::Section& section);
 };
@@ -43,6 +44,8 @@ struct Light {
   Eigen::Vector3d sun{0.4, 0.3, 1.0};  ///< direction towards the lamp
   double contact_shadow = 0.0;         ///< 1, darkening of the floor beside an obstacle
   double contact_shadow_m = 0.08;      ///< m, its reach
+  double cast_shadow = 0.0;     ///< 1, darkening of the floor where obstacles and robots keep `sun` off
+  double cast_softness = 0.15;  ///< 1, width of a shadow's rim per distance that it was thrown
 
   /// Brightness over a place of the floor at a time, never below 0.05.
   double at(const Eigen::Vector2d& place_m, double time_s) const;
