@@ -12,12 +12,15 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   const cv::Mat1b& objects = frame.objects;
   contour.points_px.clear();
   contour.loop_begin.clear();
+  contour.beside.clear();
+  if (blob.runs.empty()) return;
+  const std::uint8_t own = objects(blob.runs.front().row, blob.runs.front().begin);
   for (const Run& run : blob.runs) {
     if (visited_(run.row, run.begin) != 0) continue;
     bool has_above = false;  // a piece of the region starts with a run that has nothing above it
     if (run.row > 0)
       for (int x = std::max(run.begin - 1, 0); x < std::min(run.end + 1, objects.cols) && !has_above; ++x)
-        has_above = objects(run.row - 1, x) != 0;
+        has_above = objects(run.row - 1, x) == own;
     if (!has_above) followLoop(objects, {run.begin, run.row}, contour);
   }
   for (const auto& p : marked_) visited_(p) = 0;
@@ -25,16 +28,21 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   for (std::size_t k = 0; k < contour.loop_begin.size(); ++k) {
     const std::size_t end =
         k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_px.size();
-    refiner_.refine(frame, contour.points_px.data() + contour.loop_begin[k], end - contour.loop_begin[k]);
+    refiner_.refine(frame, contour.points_px.data() + contour.loop_begin[k],
+                    contour.beside.data() + contour.loop_begin[k], end - contour.loop_begin[k]);
   }
 }
 
 void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contour& contour) {
+  const std::uint8_t own = objects(start);
   // Walks along the pixel edges, the region on the right hand: direction 0 east, 1 south, 2 west, 3 north;
   // `pixel` is the region's pixel beside the edge.
   static constexpr int kAhead[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
   const auto isObject = [&](int x, int y) {
-    return x >= 0 && y >= 0 && x < objects.cols && y < objects.rows && objects(y, x) != 0;
+    return x >= 0 && y >= 0 && x < objects.cols && y < objects.rows && objects(y, x) == own;
+  };
+  const auto valueAt = [&](int x, int y) {
+    return x >= 0 && y >= 0 && x < objects.cols && y < objects.rows ? objects(y, x) : std::uint8_t{0};
   };
   const std::size_t begin = contour.points_px.size();
   cv::Point pixel = start;
@@ -45,6 +53,7 @@ void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contou
     const int left_x = ahead[1], left_y = -ahead[0];  // unit step to the left of the walk
     contour.points_px.emplace_back(static_cast<float>(pixel.x) + 0.5f * static_cast<float>(left_x),
                                    static_cast<float>(pixel.y) + 0.5f * static_cast<float>(left_y));
+    contour.beside.push_back(valueAt(pixel.x + left_x, pixel.y + left_y));
     if (direction == 0) twice_area -= 2.0 * (pixel.y - 0.5);
     if (direction == 2) twice_area += 2.0 * (pixel.y + 0.5);
     if (direction == 3) {
@@ -62,10 +71,12 @@ void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contou
       direction = (direction + 1) % 4;
     }
   } while (pixel != start || direction != 0);
-  if (twice_area <= 0.0)
-    contour.points_px.resize(begin);  // the border of a hole
-  else
+  if (twice_area <= 0.0) {  // the border of a hole
+    contour.points_px.resize(begin);
+    contour.beside.resize(begin);
+  } else {
     contour.loop_begin.push_back(begin);
+  }
 }
 
 }  // namespace omnifleet::ground

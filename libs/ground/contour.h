@@ -16,6 +16,7 @@ struct Contour {
   std::vector<Eigen::Vector2f> points_px;
   std::vector<std::size_t> loop_begin;  ///< index of each loop's first point; the region on the right-hand
                                         ///< side when seen with v down, i.e. clockwise on the screen
+  std::vector<std::uint8_t> beside;  ///< per point: the mask's value on the other side, 0 where that is floor
 };
 
 /// Traces and refines outlines.

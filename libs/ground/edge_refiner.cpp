@@ -4,6 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "ground/look.h"
+
 namespace omnifleet::ground {
 
 namespace {
@@ -12,6 +14,8 @@ const cv::Vec3f kLuma(0.114f, 0.587f, 0.299f);  // B, G, R (BT.601, as JPEG keep
 constexpr float kLumaShare =
     0.4f;  // of the contrast: from here on brightness alone is used, chroma being blurred
 constexpr float kBeyond_px = 0.5f;    // behind the search: there the object's own brightness is taken
+constexpr float kSameLight = 0.04f;   // of the brightness: within it the reference serves
+constexpr float kSameHue = 0.06f;     // of the brightness, by which the floor's colour may be off in shadow
 constexpr float kStep_px = 0.5f;      // between the samples along the normal
 constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
 constexpr std::size_t kSide = 5;      // points to each side of a corner that its lines are fitted to
@@ -37,6 +41,17 @@ cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
   cv::Vec3f colour;
   for (int c = 0; c < 3; ++c) colour[c] = sample(image, channels, channels == 3 ? c : 0, p.x(), p.y());
   return colour;
+}
+
+/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
+/// else the reference, which has less noise.
+cv::Vec3f floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p, const Eigen::Vector2f& inward,
+                      const cv::Vec3f& reference) {
+  const cv::Vec3f seen = 0.5f * (colourAt(frame.image, p) + colourAt(frame.image, p - inward));
+  const float rr = std::max(1.0f, reference.dot(reference));
+  const float gain = seen.dot(reference) / rr, across2 = seen.dot(seen) / rr - gain * gain;
+  const bool in_other_light = gain > kDeepestShade && gain < 1.0f - kSameLight;  // false for NaN
+  return in_other_light && across2 < kSameHue * kSameHue * gain * gain ? seen : reference;
 }
 
 float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
@@ -82,16 +97,18 @@ ContourOptions ContourOptions::read(const options::Section& section) {
   return o;
 }
 
-void EdgeRefiner::refine(const ContourFrame& frame, Eigen::Vector2f* points, std::size_t n) {
+void EdgeRefiner::refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside,
+                         std::size_t n) {
   if (!options_.refine || n < 2 * kTangent + 1) return;
-  findEdges(frame, points, n);
+  findEdges(frame, points, beside, n);
   smoothed_ = found_;
   if (options_.smooth) smooth();
   std::copy(smoothed_.begin(), smoothed_.end(), points);
   if (options_.sharpen && n >= 4 * kSide) sharpen(points);
 }
 
-void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, std::size_t n) {
+void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* points,
+                            const std::uint8_t* beside, std::size_t n) {
   found_.assign(points, points + n);
   is_found_.assign(n, 0);
   for (std::size_t i = 0; i < n; ++i) {
@@ -99,16 +116,18 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
     const float length = along.norm();
     if (length < 1e-3f || view_->nearBorder(points[i].x(), points[i].y())) continue;
     const Eigen::Vector2f inward(-along.y() / length, along.x() / length);
-    is_found_[i] = findEdge(frame, inward, found_[i]) ? 1 : 0;
+    is_found_[i] = findEdge(frame, inward, beside[i] == 0, found_[i]) ? 1 : 0;
   }
 }
 
-bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward,
+bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
                            Eigen::Vector2f& point) const {
   const Eigen::Vector2f p = point;
   const int cx = std::clamp(static_cast<int>(p.x() + 0.5f) / FloorView::kCell, 0, frame.floor.cols - 1);
   const int cy = std::clamp(static_cast<int>(p.y() + 0.5f) / FloorView::kCell, 0, frame.floor.rows - 1);
-  const cv::Vec3f outside = frame.floor(cy, cx);
+  const Eigen::Vector2f out = p - (static_cast<float>(options_.search_px) + kBeyond_px) * inward;
+  const cv::Vec3f outside =
+      floor_beside ? floorBeside(frame, out, inward, frame.floor(cy, cx)) : colourAt(frame.image, out);
   auto search = static_cast<float>(options_.search_px);
   cv::Vec3f contrast = colourAt(frame.image, p + (search + kBeyond_px) * inward) - outside;
   const bool by_luma = std::abs(contrast.dot(kLuma)) >= kLumaShare * std::sqrt(contrast.dot(contrast));

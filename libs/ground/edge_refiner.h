@@ -34,11 +34,14 @@ class EdgeRefiner {
   EdgeRefiner(const FloorView& view, const ContourOptions& options) : view_(&view), options_(options) {}
 
   /// Moves the n points of one closed loop, the region on the right-hand side when walked (v down).
-  void refine(const ContourFrame& frame, Eigen::Vector2f* points, std::size_t n);
+  /// @param beside per point, not 0 where another thing, no floor, lies on the other side
+  void refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside, std::size_t n);
 
  private:
-  void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, std::size_t n);
-  bool findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, Eigen::Vector2f& point) const;
+  void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
+                 std::size_t n);
+  bool findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
+                Eigen::Vector2f& point) const;
   void smooth();
   void sharpen(Eigen::Vector2f* points) const;
 

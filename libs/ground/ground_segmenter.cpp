@@ -12,10 +12,10 @@ constexpr int kCell = FloorView::kCell;
 // Of the tolerances: a cell whose mean is nearer to floor is floor all over; one farther off, and all around
 // it too, is object all over.
 constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
-constexpr int kHalo = 8;  // of the squared distance from floor: √8 times weaker than the strongest neighbour
+// Of the squared tolerance of hue: beyond it a pixel has another hue than the floor in any light.
+constexpr float kOtherHue = 2.0f;
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
-constexpr int kMajority = 13;         // of the 25 pixels of a 5×5 median
 
 /// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
 /// seen at the middle of the seed region. Odd.
@@ -38,6 +38,11 @@ int lineWidth(const lens::Camera& camera, const FloorView& view, const Segmenter
   return std::min(options.max_line_px, 2 * static_cast<int>(std::lround(0.5 * (width - 1.0))) + 1);
 }
 
+/// @param across2 squared difference of hue as a multiple of its tolerance
+Look lookOf(float gain, float across2) {
+  return across2 > kOtherHue ? kColourLook : greyLook(gain);
+}
+
 }  // namespace
 
 SegmenterOptions SegmenterOptions::read(const options::Section& section) {
@@ -45,6 +50,7 @@ SegmenterOptions SegmenterOptions::read(const options::Section& section) {
   section.read("method", o.method, {"local", "histogram"});
   section.read("histogram_share", o.histogram_share, {0.0, 0.5});
   section.read("histogram_grow", o.histogram_grow, {0, 8});
+  section.read("shadows", o.shadows);
   section.read("line_width_m", o.line_width_m, {0.0, 0.2});
   section.read("max_line_px", o.max_line_px, {0, LineFilter::kMaxWidth_px});
   o.reference = ReferenceOptions::read(section.child("reference"));
@@ -60,22 +66,27 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       lines_(view.imageSize(), lineWidth(camera, view, options)),
       means_(view.cells(), cv::Vec3f(0, 0, 0)),
       raw_(view.imageSize(), std::uint8_t{0}),
-      median_(view.imageSize(), std::uint8_t{0}),
+      looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
-      strongest_(view.imageSize(), std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
       row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3),
-      column_sums_(static_cast<std::size_t>(view.imageSize().width) + 8) {}
+      despeckler_(view.imageSize()),
+      shade_(view.imageSize()) {}
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
-  for (cv::Mat1b* mask : {&raw_, &median_, &objects_}) clearStrips(strips_, *mask);
+  for (cv::Mat1b* mask : {&raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
+  despeckler_.clear(strips_);
+  shade_.clear(strips_);
   strips_.clear();
   averageCells(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   if (!found) return false;
-  trimHalos();
-  despeckle();
+  despeckler_.trimHalos(strips_, raw_, objects_);
+  despeckler_.clean(strips_, raw_, objects_);
+  lines_.apply(strips_, objects_);
+  if (options_.shadows && options_.method == "local" && image.channels() == 3)
+    shade_.apply(strips_, {image, reference_.colour()}, looks_, raw_, despeckler_, objects_);
   return true;
 }
 
@@ -207,7 +218,7 @@ void GroundSegmenter::markCells(double noise) {
       const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
       const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
       if (off <= kPlainFloor * kPlainFloor) continue;
-      solid[x] = off > kPlainObject * kPlainObject ? 1 : 0;
+      solid[x] = off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
       for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x - 1, 3, std::uint8_t{1});
     }
   }
@@ -217,7 +228,7 @@ bool GroundSegmenter::isInside(int y, int x) const {
   if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
   for (int dy = -1; dy <= 1; ++dy) {
     const std::uint8_t* row = solid_.ptr(y + dy) + x;
-    if ((row[-1] & row[0] & row[1]) == 0) return false;
+    if (row[-1] == 0 || row[0] == 0 || row[1] == 0) return false;
   }
   return view_->coverage()(y, x) == 2;
 }
@@ -234,8 +245,10 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
     if (isInside(strip.cell_row, cx)) {
-      for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
+      for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
         std::fill_n(raw_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
+        std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
+      }
       continue;
     }
     const cv::Vec3f& r = reference_.colour()(strip.cell_row, cx);
@@ -246,6 +259,7 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
       const std::uint8_t* p = image.ptr<std::uint8_t>(y) + cx * kCell * kChannels;
       const std::uint8_t* valid = view_->mask().ptr(y) + cx * kCell;
       std::uint8_t* out = raw_.ptr(y) + cx * kCell;
+      Look* look = looks_.ptr(y) + cx * kCell;
       for (int i = 0; i < kCell; ++i, p += kChannels) {
         const auto b = static_cast<float>(p[0]), g = static_cast<float>(p[kChannels / 2]),
                    red = static_cast<float>(p[kChannels - 1]);
@@ -254,68 +268,10 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
         const float off = std::max((gain - 1.0f) * (gain - 1.0f) * along, across2 * across);
         out[i] =
             valid[i] != 0 && off > 1.0f ? static_cast<std::uint8_t>(std::min(off, 255.0f)) : std::uint8_t{0};
+        look[i] = out[i] != 0 ? lookOf(gain, across2 * across) : kFloorLook;
       }
     }
   }
-}
-
-void GroundSegmenter::trimHalos() {
-  // Between floor and object the pixels are mixed, and a tenth of an object is "not floor" already. What is
-  // far weaker than its neighbours and next to floor belongs to the floor; else narrow gaps between objects
-  // close.
-  constexpr int kReach = 2;
-  const auto larger = [](std::uint8_t a, std::uint8_t b) { return std::max(a, b); };
-  const auto smaller = [](std::uint8_t a, std::uint8_t b) { return std::min(a, b); };
-  joinAlong<kReach>(strips_, raw_, median_, true, larger);
-  joinAlong<kReach>(strips_, median_, strongest_, false, larger);
-  joinAlong<kReach>(strips_, raw_, median_, true, smaller);
-  joinAlong<kReach>(strips_, median_, objects_, false, smaller);
-  for (const auto& strip : strips_) {
-    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-      std::uint8_t* raw = raw_.ptr(y);
-      const std::uint8_t *strong = strongest_.ptr(y), *weak = objects_.ptr(y);
-      for (int x = strip.begin_px; x < strip.end_px; ++x) {
-        const bool halo = raw[x] < strong[x] / kHalo && weak[x] == 0;
-        raw[x] = raw[x] != 0 && !halo ? 1 : 0;
-      }
-    }
-  }
-}
-
-void GroundSegmenter::despeckle() {
-  const int width = raw_.cols, height = raw_.rows;
-  // 5×5 median of a mask: a pixel is set where most of its neighbourhood is.
-  for (const auto& strip : strips_) {
-    const int begin = std::max(strip.begin_px, 2), end = std::min(strip.end_px, width - 2);
-    for (int y = std::max(strip.cell_row * kCell, 2); y < std::min((strip.cell_row + 1) * kCell, height - 2);
-         ++y) {
-      const std::uint8_t *a = raw_.ptr(y - 2), *b = raw_.ptr(y - 1), *c = raw_.ptr(y), *d = raw_.ptr(y + 1),
-                         *e = raw_.ptr(y + 2);
-      std::uint8_t* sums = column_sums_.data();
-      for (int x = begin - 2; x < end + 2; ++x)
-        sums[x] = static_cast<std::uint8_t>(a[x] + b[x] + c[x] + d[x] + e[x]);
-      std::uint8_t* out = median_.ptr(y);
-      for (int x = begin; x < end; ++x)
-        out[x] = sums[x - 2] + sums[x - 1] + sums[x] + sums[x + 1] + sums[x + 2] >= kMajority ? 255 : 0;
-    }
-  }
-  // The median rounds corners by a pixel; what touches it and was set before comes back.
-  for (const auto& strip : strips_) {
-    const int begin = std::max(strip.begin_px, 1), end = std::min(strip.end_px, width - 1);
-    for (int y = std::max(strip.cell_row * kCell, 1); y < std::min((strip.cell_row + 1) * kCell, height - 1);
-         ++y) {
-      const std::uint8_t *a = median_.ptr(y - 1), *b = median_.ptr(y), *c = median_.ptr(y + 1),
-                         *raw = raw_.ptr(y);
-      std::uint8_t* sums = column_sums_.data();
-      for (int x = begin - 1; x < end + 1; ++x) sums[x] = a[x] | b[x] | c[x];
-      std::uint8_t* out = objects_.ptr(y);
-      for (int x = begin; x < end; ++x) {
-        const auto near = static_cast<std::uint8_t>(sums[x - 1] | sums[x] | sums[x + 1]);
-        out[x] = static_cast<std::uint8_t>((near & (raw[x] != 0 ? 255 : 0)) | b[x]);
-      }
-    }
-  }
-  lines_.apply(strips_, objects_);
 }
 
 }  // namespace omnifleet::ground

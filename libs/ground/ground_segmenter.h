@@ -4,9 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "ground/despeckler.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
 #include "ground/line_filter.h"
+#include "ground/shade_filter.h"
 #include "ground/strip.h"
 #include "options/options.h"
 
@@ -19,6 +21,7 @@ struct SegmenterOptions {
   double histogram_share = 0.002;  ///< for "histogram": share of the seed pixels that makes a bin ground
   int histogram_grow = 1;          ///< for "histogram": bins added around
   double line_width_m = 0.006;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
+  bool shadows = true;          ///< for "local", colour images: shadows are ground
   int max_line_px = 9;          ///< pixels: but nothing thicker than this is taken for a marking
   static SegmenterOptions read(const options::Section& section);
 };
@@ -55,8 +58,6 @@ class GroundSegmenter {
   void everythingIsAStrip();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
-  void trimHalos();
-  void despeckle();
 
   const FloorView* view_;
   SegmenterOptions options_;
@@ -64,11 +65,13 @@ class GroundSegmenter {
   GroundHistogram histogram_;
   LineFilter lines_;
   cv::Mat3f means_;
-  cv::Mat1b raw_, median_, objects_, strongest_;
-  cv::Mat1b active_, solid_;  ///< per cell
+  cv::Mat1b raw_, looks_, objects_;
+  cv::Mat1b active_;  ///< per cell: looked at
+  cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
   std::vector<Strip> strips_;
   std::vector<std::uint16_t> row_sums_;
-  std::vector<std::uint8_t> column_sums_;
+  Despeckler despeckler_;
+  ShadeFilter shade_;
 };
 
 }  // namespace omnifleet::ground

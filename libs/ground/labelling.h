@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/ground_segmenter.h"
+#include "ground/strip.h"
 
 namespace omnifleet::ground {
 

@@ -9,6 +9,7 @@ Options Options::read(const options::Section& section) {
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
   o.connection = ground::ConnectionOptions::read(section.child("connection"));
   o.contour = ground::ContourOptions::read(section.child("contour"));
+  o.split = ground::SplitOptions::read(section.child("split"));
   o.silhouette = SilhouetteOptions::read(section.child("silhouette"));
   o.scan = ScanOptions::read(section.child("scan"));
   o.flow = flow::FeatureFlowOptions::read(section.child("flow"));
@@ -26,6 +27,7 @@ struct LocalMapper::Stages {
         segmenter(camera, view, o.ground),
         connection(o.connection),
         tracer(view, o.contour),
+        splitter(view.imageSize(), o.split),
         silhouette(camera, view, o.silhouette),
         scan(camera, view, o.scan),
         flow(camera, o.flow) {}
@@ -35,6 +37,8 @@ struct LocalMapper::Stages {
   void begin(const Frame& frame, const Motion& wheels);
   bool findRegions(const cv::Mat& image);
   void measureObjects(const cv::Mat& image);
+  bool measureParts(const cv::Mat& image, const ground::Blob& blob);
+  void keep(bool is_object, const ground::Blob& blob);
 
   Options options;
   lens::Camera camera;
@@ -44,13 +48,18 @@ struct LocalMapper::Stages {
   ground::Labeller labeller;
   ground::RegionConnection connection;
   ground::ContourTracer tracer;
+  ground::BlobSplitter splitter;
   Silhouette silhouette;
   FloorScan scan;
   flow::FeatureFlow flow;
 
   const std::vector<ground::Blob>* labelled = nullptr;
   const std::vector<ground::Blob>* blobs = nullptr;
+  std::vector<ground::Blob> object_blobs;  // region of each object; may be more than there are objects
   std::vector<std::size_t> blob_of_object;
+  std::vector<ground::Contour> part_contours;
+  std::vector<double> part_contact_m;
+  std::vector<bool> hides;
   std::vector<FloorContour> contours;  // of the objects, kept for reuse of their buffers
   ground::Contour contour;
   ObjectObservation object;
@@ -73,7 +82,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   if (s.map.state != FrameState::kOk) return s.map;
   s.flow.push(frame.image);       // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
-  s.flow.track(*s.blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
+  s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   return s.map;
 }
 
@@ -99,20 +108,47 @@ bool LocalMapper::Stages::findRegions(const cv::Mat& image) {
 void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   blob_of_object.clear();
   scan.begin();
-  for (std::size_t n = 0; n < blobs->size(); ++n) {
-    const auto& blob = (*blobs)[n];
+  for (const ground::Blob& blob : *blobs) {
     tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
-    const bool is_object = silhouette.measure(blob, contour, object);
-    if (is_object) {
-      object.label = static_cast<std::uint16_t>(blob_of_object.size() + 1);
-      blob_of_object.push_back(n);
-      map.objects.push_back(object);
-      if (contours.size() < map.objects.size()) contours.emplace_back();
-      contours[map.objects.size() - 1] = silhouette.floorContour();
-    }
-    scan.add(silhouette.floorContour(), is_object ? object.label : std::uint16_t{0});
+    const bool is_object = silhouette.measure(blob, contour, {}, object);
+    if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
+    keep(is_object, blob);
   }
   scan.finish(map.scan);
+}
+
+/// A region that shows several things, each for itself: of two that meet the one with the nearer contact
+/// stands in front, and the outline between them is its own. False where it is one thing.
+bool LocalMapper::Stages::measureParts(const cv::Mat& image, const ground::Blob& blob) {
+  const auto& parts = splitter.split(image, blob);
+  if (parts.empty()) return false;
+  part_contact_m.assign(parts.size() + 1, 0.0);
+  if (part_contours.size() < parts.size()) part_contours.resize(parts.size());
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    tracer.trace({image, flow.grey(), splitter.mask(), segmenter.floorColour()}, parts[i], part_contours[i]);
+    part_contact_m[i + 1] = silhouette.contactDistance(part_contours[i]);
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    hides.assign(parts.size() + 1, false);
+    for (std::size_t k = 1; k <= parts.size(); ++k) hides[k] = part_contact_m[k] < part_contact_m[i + 1];
+    keep(silhouette.measure(parts[i], part_contours[i], hides, object), parts[i]);
+  }
+  return true;
+}
+
+/// What was just measured becomes an object, or merely stands in the way of the scan.
+void LocalMapper::Stages::keep(bool is_object, const ground::Blob& blob) {
+  if (is_object) {
+    const std::size_t n = map.objects.size();
+    object.label = static_cast<std::uint16_t>(n + 1);
+    blob_of_object.push_back(n);
+    map.objects.push_back(object);
+    if (contours.size() <= n) contours.emplace_back();
+    contours[n] = silhouette.floorContour();
+    if (object_blobs.size() <= n) object_blobs.emplace_back();
+    object_blobs[n] = blob;
+  }
+  scan.add(silhouette.floorContour(), is_object ? object.label : std::uint16_t{0});
 }
 
 const std::vector<ground::Blob>& LocalMapper::labelledBlobs() const {

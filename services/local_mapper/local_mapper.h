@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "flow/feature_flow.h"
+#include "ground/blob_splitter.h"
 #include "ground/contour.h"
 #include "ground/ground_segmenter.h"
 #include "ground/region_connection.h"
@@ -23,6 +24,7 @@ struct Options {
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
   ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
+  ground::SplitOptions split;            ///< `split`: things one before the other
   SilhouetteOptions silhouette;          ///< `silhouette`: outline, supports, which blobs are objects
   ScanOptions scan;                      ///< `scan`
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5

@@ -8,6 +8,12 @@
 
 namespace omnifleet::local_mapper {
 
+namespace {
+
+constexpr std::size_t kNearHidden = 3;  // points of an outline to each side
+
+}  // namespace
+
 SilhouetteOptions SilhouetteOptions::read(const options::Section& section) {
   SilhouetteOptions o;
   section.read("max_contact_m", o.max_contact_m, {0.05, 100.0});
@@ -29,8 +35,8 @@ Silhouette::Silhouette(const lens::Camera& camera, const ground::FloorView& view
 }
 
 bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contour,
-                         ObjectObservation& object) {
-  projectToFloor(contour);
+                         const std::vector<bool>& hides, ObjectObservation& object) {
+  projectToFloor(contour, hides);
   if (floor_.points_m.empty()) return false;
   findContact(object);
   if ((object.contact_m - camera_->foot()).norm() > options_.max_contact_m) return false;
@@ -45,23 +51,45 @@ bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contou
   return true;
 }
 
-void Silhouette::projectToFloor(const ground::Contour& contour) {
+double Silhouette::contactDistance(const ground::Contour& contour) const {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < contour.points_px.size(); ++i) {
+    if (contour.beside[i] != 0) continue;
+    const Eigen::Vector2f point = floor_table_.at(contour.points_px[i].x(), contour.points_px[i].y());
+    if (point.allFinite()) nearest = std::min(nearest, (point.cast<double>() - camera_->foot()).norm());
+  }
+  return nearest;
+}
+
+void Silhouette::projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides) {
+  const auto isHidden = [&](std::size_t begin, std::size_t end, std::size_t i) {
+    // The points next to the border between two things are of neither.
+    for (std::size_t k = 0; k <= 2 * kNearHidden && !hides.empty(); ++k) {
+      const std::size_t at = begin + (i - begin + end - begin + k - kNearHidden) % (end - begin);
+      if (hides[contour.beside[at]]) return true;
+    }
+    return false;
+  };
+  is_hidden_ = false;
   floor_.points_m.clear();
   floor_.pixels.clear();
   floor_.cut.clear();
   floor_.loop_begin.clear();
-  std::size_t loop = 0;
+  std::size_t loop = 0, loop_end = 0;
   for (std::size_t i = 0; i < contour.points_px.size(); ++i) {
     if (loop < contour.loop_begin.size() && contour.loop_begin[loop] == i) {
       floor_.loop_begin.push_back(floor_.points_m.size());
       ++loop;
+      loop_end = loop < contour.loop_begin.size() ? contour.loop_begin[loop] : contour.points_px.size();
     }
     const Eigen::Vector2f& pixel = contour.points_px[i];
     const Eigen::Vector2f point = floor_table_.at(pixel.x(), pixel.y());
     if (!point.allFinite()) continue;
     floor_.points_m.push_back(point.cast<double>());
     floor_.pixels.push_back(pixel);
-    floor_.cut.push_back(view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
+    const bool hidden = !hides.empty() && isHidden(contour.loop_begin[loop - 1], loop_end, i);
+    is_hidden_ = is_hidden_ || hidden;
+    floor_.cut.push_back(hidden || view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
   }
 }
 
@@ -94,7 +122,8 @@ void Silhouette::measureHull(ObjectObservation& object) {
     area += 0.5 * std::abs(twice);
   }
   const double hull_area = signedArea(object.hull_m);
-  object.solidity = hull_area > 0.0 ? std::min(1.0, area / hull_area) : 1.0;
+  // What stands before it bites into its outline: that does not make it several things.
+  object.solidity = hull_area > 0.0 && !is_hidden_ ? std::min(1.0, area / hull_area) : 1.0;
 }
 
 void Silhouette::measureCentroid(const ground::Blob& blob, ObjectObservation& object) const {

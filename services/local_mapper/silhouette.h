@@ -27,8 +27,8 @@ struct SilhouetteOptions {
 struct FloorContour {
   std::vector<Eigen::Vector2d> points_m;  ///< base_link
   std::vector<Eigen::Vector2f> pixels;    ///< the pixel of each
-  std::vector<std::uint8_t> cut;          ///< 1: on the border of the valid image or of the self mask
-  std::vector<std::size_t> loop_begin;    ///< first point of each closed loop
+  std::vector<std::uint8_t> cut;  ///< 1: on the border of the valid image, of the self mask, or hidden beyond
+  std::vector<std::size_t> loop_begin;  ///< first point of each closed loop
 };
 
 /// Fills everything of an ObjectObservation but label and vectors.
@@ -36,14 +36,21 @@ class Silhouette {
  public:
   Silhouette(const lens::Camera& camera, const ground::FloorView& view, const SilhouetteOptions& options);
 
+  /// @param hides per value of Contour::beside, whether what lies there stands before this region: its
+  /// outline
+  ///   there is not its own; empty: nothing does
   /// @return false where the region is no object: too small, too far, no floor point.
-  bool measure(const ground::Blob& blob, const ground::Contour& contour, ObjectObservation& object);
+  bool measure(const ground::Blob& blob, const ground::Contour& contour, const std::vector<bool>& hides,
+               ObjectObservation& object);
+  /// Distance from the camera's foot to the nearest point of an outline that borders on floor, metres;
+  /// infinite where there is none.
+  double contactDistance(const ground::Contour& contour) const;
 
   /// The floor contour of the last measure(); empty where nothing of it lies on the floor.
   const FloorContour& floorContour() const { return floor_; }
 
  private:
-  void projectToFloor(const ground::Contour& contour);
+  void projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides);
   void findContact(ObjectObservation& object) const;
   void measureHull(ObjectObservation& object);
   void measureCentroid(const ground::Blob& blob, ObjectObservation& object) const;
@@ -64,6 +71,7 @@ class Silhouette {
   SilhouetteOptions options_;
   std::vector<Eigen::Vector2d> directions_;
   FloorContour floor_;
+  bool is_hidden_ = false;  ///< something stands before the region
   std::vector<Corner> corners_;
 };
 

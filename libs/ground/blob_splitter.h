@@ -1,0 +1,76 @@
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/labelling.h"
+#include "options/options.h"
+
+namespace omnifleet::ground {
+
+struct SplitOptions {
+  bool enabled = true;
+  double max_solidity =
+      0.965;                 ///< 1, silhouettes less convex than this may be several things (RECIPES: 0.94)
+  double hue_step = 0.11;    ///< 1, distance of (r, g)/(r + g + b) between the colours of two things
+  double min_share = 0.08;   ///< 1, of the region's area, that a thing must have
+  int min_area_px = 40;      ///< pixels, likewise
+  double min_gain = 0.5;     ///< 1, share of the region\'s concavity that must be gone between the parts
+  double min_outline = 0.2;  ///< 1, of its own outline, that must border on the floor: else it is a mark
+  static SplitOptions read(const options::Section& section);
+};
+
+/// Takes a region apart that shows several things one before the other, by their colours: chromaticity does
+/// not change with light and shade. Only what has an outline of its own towards the floor is a thing; marks
+/// and labels stay with what they are on.
+class BlobSplitter {
+ public:
+  BlobSplitter(cv::Size image, const SplitOptions& options);
+
+  /// @param image BGR8; grey images are never split
+  /// @return the parts, none where the region is one thing; valid until the next call
+  const std::vector<Blob>& split(const cv::Mat& image, const Blob& blob);
+
+  /// Each pixel of a part holds 1 + its index, everything else 0; until the next call.
+  const cv::Mat1b& mask() const { return mask_; }
+
+ private:
+  static constexpr int kBins = 32;
+  static constexpr int kMaxColours = 4;
+  struct Colour {  ///< share of red and of green
+    float r, g;
+  };
+
+  void gather(const cv::Mat& image, const Blob& blob);
+  void findColours(int area);
+  void assign();
+  void takeMajority();
+  void findPieces();
+  void growPiece(cv::Point start);
+  void mergeSmall(int area);
+  bool mergeOne(int area);
+  void write(const Blob& blob);
+  bool isMoreConvex(const Blob& blob);
+  double hullArea(const Blob& blob);
+  void clearMask();
+
+  SplitOptions options_;
+  cv::Mat1b mask_;
+  cv::Rect rect_;                     ///< of the region
+  cv::Mat1b inside_, class_, spare_;  ///< of the rectangle; classes from 1 on
+  cv::Mat2f chroma_;                  ///< of the rectangle
+  std::array<int, kBins * kBins> histogram_{};
+  std::vector<Colour> colours_;
+  cv::Mat1i piece_;  ///< of the rectangle, from 1 on
+  struct Piece {
+    int area = 0, outside = 0;  ///< pixels, edges towards what is not of the region
+    std::vector<int> shared;    ///< edges towards each piece
+  };
+  std::vector<Piece> pieces_;
+  std::vector<cv::Point> stack_;
+  std::vector<cv::Point2f> corners_, hull_;
+  std::vector<Blob> parts_;
+};
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/strip.h"
+
+namespace omnifleet::ground {
+
+/// Cleans a mask: mixed pixels along outlines go back to the floor, 5×5 median, corners regrown. Buffers are
+/// reused.
+class Despeckler {
+ public:
+  explicit Despeckler(cv::Size image);
+
+  /// @param strength how much "not floor" each pixel is (0: floor); becomes 0/1 without the halos: what is
+  /// far
+  ///   weaker than its neighbours and next to floor is a mixed pixel, else narrow gaps between objects close
+  /// @param scratch overwritten on the strips
+  void trimHalos(const std::vector<Strip>& strips, cv::Mat1b& strength, cv::Mat1b& scratch);
+
+  /// @param raw 0 or not; @param cleaned 0/255: most of the 5×5 neighbourhood set, and what touches that and
+  ///   was set before (the median rounds corners by a pixel)
+  void clean(const std::vector<Strip>& strips, const cv::Mat1b& raw, cv::Mat1b& cleaned);
+
+  /// Sets the buffers to 0 on the strips of the frame before.
+  void clear(const std::vector<Strip>& strips) { clearStrips(strips, median_); }
+
+ private:
+  void takeMedian(const std::vector<Strip>& strips, const cv::Mat1b& raw);
+
+  cv::Mat1b median_, strongest_;
+  std::vector<std::uint8_t> column_sums_;
+};
+
+}  // namespace omnifleet::ground

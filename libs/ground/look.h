@@ -1,0 +1,29 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+namespace omnifleet::ground {
+
+/// What a pixel that is not floor looks like beside the floor there, in one byte: 0 floor, 1 another hue than
+/// the floor's, else the floor's hue at another brightness: 2 + 100 × brightness ÷ the floor's, at most 255.
+using Look = std::uint8_t;
+inline constexpr Look kFloorLook = 0, kColourLook = 1;
+/// Least share of the floor's light that a shadow leaves.
+inline constexpr float kDeepestShade = 0.40f;
+
+inline Look greyLook(float gain) {
+  return static_cast<Look>(2.0f + std::min(253.0f, 100.0f * gain));
+}
+inline bool isGrey(Look look) {
+  return look > kColourLook;
+}
+inline float gainOf(Look look) {
+  return 0.01f * (static_cast<float>(look) - 2.0f);
+}
+/// The floor in less light, for all that one pixel can tell.
+inline bool isShade(Look look) {
+  return isGrey(look) && gainOf(look) >= kDeepestShade && gainOf(look) < 1.0f;
+}
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,131 @@
+#include "ground/shade_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kCell = FloorView::kCell;
+constexpr int kMinRegion_px = 12;       // smaller ones are noise, whatever they are
+constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make no thing
+constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
+constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
+constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
+constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
+
+float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
+  x = std::clamp(x, 0, frame.image.cols - 1);
+  y = std::clamp(y, 0, frame.image.rows - 1);
+  const auto& p = frame.image.at<cv::Vec3b>(y, x);
+  const cv::Vec3f& r =
+      frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
+  const float rr = std::max(1.0f, r.dot(r));
+  return (static_cast<float>(p[0]) * r[0] + static_cast<float>(p[1]) * r[1] +
+          static_cast<float>(p[2]) * r[2]) /
+         rr;
+}
+
+/// Mean over three pixels across the step's direction.
+float meanGain(const ShadeFilter::Frame& frame, int x, int y, int across_x, int across_y) {
+  return (gainAt(frame, x, y) + gainAt(frame, x + across_x, y + across_y) +
+          gainAt(frame, x - across_x, y - across_y)) /
+         3.0f;
+}
+
+}  // namespace
+
+ShadeFilter::ShadeFilter(cv::Size image) : bare_(image, std::uint8_t{0}), core_(image, std::uint8_t{0}) {}
+
+void ShadeFilter::clear(const std::vector<Strip>& strips) {
+  clearStrips(strips, bare_);
+  clearStrips(strips, core_);
+}
+
+ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
+  Census census;
+  for (const Run& run : blob.runs) {
+    const Look* row = looks.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x) {
+      if (row[x] == kColourLook) ++census.coloured;
+      if (!isGrey(row[x])) continue;
+      const float gain = gainOf(row[x]);
+      if (isShade(row[x])) {
+        ++census.shaded;
+        census.shaded_gain += gain;
+      } else if (gain < 1.0f) {
+        ++census.dark;
+        census.dark_gain += gain;
+      } else {
+        ++census.bright;
+      }
+    }
+  }
+  census.shaded_gain /= static_cast<float>(std::max(1, census.shaded));
+  census.dark_gain /= static_cast<float>(std::max(1, census.dark));
+  return census;
+}
+
+bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  float depth = 0.0f;
+  int grey = 0;
+  for (const Run& run : blob.runs) {
+    for (int x = run.begin; x < run.end; ++x) {
+      if (!isGrey(looks(run.row, x))) continue;
+      depth += std::abs(gainOf(looks(run.row, x)) - 1.0f);
+      ++grey;
+    }
+  }
+  depth /= static_cast<float>(std::max(1, grey));
+  int sharp = 0, count = 0;
+  for (const Run& run : blob.runs) {
+    for (const int x : {run.begin, run.end - 1}) {
+      const float across =
+          meanGain(frame, x + kStep_px, run.row, 0, 1) - meanGain(frame, x - kStep_px, run.row, 0, 1);
+      const float down =
+          meanGain(frame, x, run.row + kStep_px, 1, 0) - meanGain(frame, x, run.row - kStep_px, 1, 0);
+      sharp += std::max(std::abs(across), std::abs(down)) >= kSharpShare * depth ? 1 : 0;
+      ++count;
+    }
+  }
+  return 2 * sharp > count;
+}
+
+ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
+                                        const cv::Mat1b& looks) {
+  const int core = c.coloured + c.dark + c.bright;
+  const bool has_core =
+      core >= kMinCore_px && static_cast<float>(core) >= kMinCoreShare * static_cast<float>(blob.area_px);
+  if (!has_core || 2 * c.bright > blob.area_px) {
+    const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
+    return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
+  }
+  if (c.shaded == 0) return Verdict::kKeep;
+  if (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain) return Verdict::kKeepCore;
+  return Verdict::kKeep;
+}
+
+void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
+                        const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
+  for (const auto& strip : strips) {
+    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
+      const std::uint8_t *mask = raw.ptr(y), *look = looks.ptr(y);
+      std::uint8_t* bare = bare_.ptr(y);
+      for (int x = strip.begin_px; x < strip.end_px; ++x) bare[x] = mask[x] != 0 && !isShade(look[x]) ? 1 : 0;
+    }
+  }
+  despeckler.clean(strips, bare_, core_);
+  for (const Blob& blob : labeller_.label(objects, strips, kMinRegion_px)) {
+    const Verdict verdict = judge(blob, count(blob, looks), frame, looks);
+    if (verdict == Verdict::kKeep) continue;
+    for (const Run& run : blob.runs) {
+      std::uint8_t* to = objects.ptr(run.row);
+      const std::uint8_t* core = core_.ptr(run.row);
+      for (int x = run.begin; x < run.end; ++x)
+        to[x] = verdict == Verdict::kDrop ? std::uint8_t{0} : static_cast<std::uint8_t>(to[x] & core[x]);
+    }
+  }
+}
+
+}  // namespace omnifleet::ground

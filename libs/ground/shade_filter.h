@@ -1,0 +1,52 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/despeckler.h"
+#include "ground/labelling.h"
+#include "ground/look.h"
+#include "ground/strip.h"
+
+namespace omnifleet::ground {
+
+/// Takes shadows and patches of light out of a mask of what is not floor. One pixel of the floor's hue,
+/// darker than the floor, may be shadow or a grey thing; the region decides:
+///  - where it is mostly of other hues, or much darker still, the pixels that are merely shaded floor are the
+///    thing's shadow (at its foot or thrown) and go;
+///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
+///    when its brightness fades into the floor's.
+class ShadeFilter {
+ public:
+  explicit ShadeFilter(cv::Size image);
+
+  /// What is asked about brightness where the outline of a grey region lies.
+  struct Frame {
+    const cv::Mat& image;    ///< BGR8
+    const cv::Mat3f& floor;  ///< floor colour per cell
+  };
+
+  /// @param looks of the pixels, 0 outside the strips; @param raw 0/1, not yet despeckled
+  /// @param objects the despeckled mask, 0/255; changed
+  void apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
+             const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects);
+
+  void clear(const std::vector<Strip>& strips);
+
+ private:
+  /// Pixels of a region by their looks.
+  struct Census {
+    int coloured = 0, dark = 0, shaded = 0, bright = 0;
+    float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
+  };
+  enum class Verdict { kKeep, kKeepCore, kDrop };
+
+  static Census count(const Blob& blob, const cv::Mat1b& looks);
+  static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+
+  cv::Mat1b bare_, core_;  ///< raw without shade; the same despeckled
+  Labeller labeller_;
+};
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,108 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "ground/blob_splitter.h"
+
+namespace omnifleet::ground {
+namespace {
+
+const cv::Scalar kRed(30, 40, 190), kBlue(180, 80, 30), kYellow(30, 190, 210);
+
+class BlobSplitterTest : public ::testing::Test {
+ protected:
+  BlobSplitterTest() : image_(200, 200, cv::Vec3b(150, 160, 170)), covered_(200, 200, std::uint8_t{0}) {}
+
+  void draw(const cv::Rect& rect, const cv::Scalar& colour) {
+    cv::rectangle(image_, rect, colour, cv::FILLED);
+    cv::rectangle(covered_, rect, 255, cv::FILLED);
+  }
+  /// Brightness that varies over the surfaces by a third, noise of 3 grey levels.
+  void roughen() {
+    std::mt19937 random(5);
+    std::normal_distribution<double> noise(0.0, 3.0);
+    for (int y = 0; y < image_.rows; ++y) {
+      for (int x = 0; x < image_.cols; ++x) {
+        const double light = 1.0 + 0.33 * std::sin(0.2 * x) * std::sin(0.3 * y);
+        for (int c = 0; c < 3; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * light + noise(random));
+      }
+    }
+  }
+  Blob whole() const {
+    Blob blob;
+    blob.label = 7;
+    blob.area_px = cv::countNonZero(covered_);
+    blob.rect = cv::boundingRect(covered_);
+    for (int y = 0; y < covered_.rows; ++y) {
+      for (int x = 0; x < covered_.cols;) {
+        const int begin = x;
+        while (x < covered_.cols && covered_(y, x) != 0) ++x;
+        if (x > begin) blob.runs.push_back({y, begin, x});
+        ++x;
+      }
+    }
+    return blob;
+  }
+
+  cv::Mat3b image_;
+  cv::Mat1b covered_;
+};
+
+TEST_F(BlobSplitterTest, TwoThingsOfTwoColoursComeApartWhereTheirColoursMeet) {
+  draw({60, 40, 50, 40}, kBlue);
+  draw({90, 70, 40, 50}, kRed);  // in front
+  roughen();
+  BlobSplitter splitter(image_.size(), {});
+  const auto& parts = splitter.split(image_, whole());
+  ASSERT_EQ(parts.size(), 2U);
+  const Blob& blue = parts[0].rect.y < parts[1].rect.y ? parts[0] : parts[1];
+  const Blob& red = parts[0].rect.y < parts[1].rect.y ? parts[1] : parts[0];
+  EXPECT_NEAR(blue.area_px, 50 * 40 - 20 * 10, 60);  // a pixel along the 30 px where they meet, corners
+  EXPECT_NEAR(red.area_px, 40 * 50, 60);
+  EXPECT_EQ(red.label, 7);
+  EXPECT_EQ(cv::countNonZero(splitter.mask()), whole().area_px);
+  EXPECT_NE(splitter.mask()(45, 65), splitter.mask()(110, 120));
+  EXPECT_EQ(splitter.mask()(5, 5), 0);
+}
+
+TEST_F(BlobSplitterTest, MarksOnOneThingAreNoThings) {
+  draw({60, 40, 60, 60}, kRed);
+  cv::rectangle(image_, cv::Rect(75, 55, 30, 20), kYellow, cv::FILLED);  // within
+  cv::rectangle(image_, cv::Rect(60, 85, 60, 15), kBlue, cv::FILLED);    // a stripe to the edge
+  roughen();
+  BlobSplitter splitter(image_.size(), {});
+  EXPECT_TRUE(splitter.split(image_, whole()).empty());
+  EXPECT_EQ(cv::countNonZero(splitter.mask()), 0);
+}
+
+TEST_F(BlobSplitterTest, OneColourStaysOneWhateverItsShape) {
+  draw({60, 40, 50, 40}, kBlue);
+  draw({90, 70, 40, 50}, kBlue);
+  roughen();
+  BlobSplitter splitter(image_.size(), {});
+  EXPECT_TRUE(splitter.split(image_, whole()).empty());
+}
+
+TEST_F(BlobSplitterTest, OneRegionLeavesNoTraceInTheNext) {
+  draw({60, 40, 50, 40}, kBlue);
+  draw({90, 70, 40, 50}, kRed);
+  BlobSplitter splitter(image_.size(), {});
+  const auto first = splitter.split(image_, whole());
+  const cv::Mat1b mask = splitter.mask().clone();
+  Blob tiny;
+  tiny.area_px = 1;
+  EXPECT_TRUE(splitter.split(image_, tiny).empty());
+  EXPECT_EQ(cv::countNonZero(splitter.mask()), 0);
+  EXPECT_EQ(splitter.split(image_, whole()).size(), first.size());
+  EXPECT_EQ(cv::countNonZero(splitter.mask() != mask), 0);
+}
+
+TEST(SplitOptions, AreBounded) {
+  EXPECT_THROW(SplitOptions::read(options::Section::parse("max_solidity: 1.5", "t.yaml")), options::Error);
+  EXPECT_EQ(SplitOptions::read(options::Section::parse("enabled: false", "t.yaml")).enabled, false);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground

@@ -1,0 +1,85 @@
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <opencv2/imgproc.hpp>
+
+#include "ground/ground_segmenter.h"
+#include "ground/labelling.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+/// A floor with light that falls off, in which places can be shaded.
+class ShadeFilterTest : public ::testing::Test {
+ protected:
+  ShadeFilterTest()
+      : model_(testing::fisheye()),
+        camera_(model_),
+        view_(camera_, ViewOptions{}),
+        image_(testing::unevenFloor(model_, 0.7, 1.5, 11)) {}
+
+  /// Multiplies every pixel by the share of light at its distance from a place.
+  void shade(double u, double v, const std::function<double(double)>& light) {
+    for (int y = 0; y < image_.rows; ++y) {
+      for (int x = 0; x < image_.cols; ++x) {
+        const double share = light(std::hypot(x - u, y - v));
+        for (int c = 0; c < 3; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * share);
+      }
+    }
+  }
+
+  std::vector<Blob> blobs(const SegmenterOptions& options = {}) {
+    GroundSegmenter segmenter(camera_, view_, options);
+    EXPECT_TRUE(segmenter.segment(image_));
+    Labeller labeller;
+    return labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  }
+
+  lens::CameraModel model_;
+  lens::Camera camera_;
+  FloorView view_;
+  cv::Mat3b image_;
+};
+
+/// Outline of a disc of radius r, a pixel and a half wide: what rounding may add or take.
+double ring(double r) {
+  return 1.5 * 2.0 * M_PI * r;
+}
+
+TEST_F(ShadeFilterTest, TheDarkFloorAtAThingsFootIsFloor) {
+  shade(480, 330, [](double d) { return d < 16 ? 1.0 : 1.0 - 0.35 * std::exp(-(d - 16) / 12.0); });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 330, 16, {30, 30, 190});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, M_PI * 256, ring(16));
+  SegmenterOptions without;
+  without.shadows = false;
+  EXPECT_GT(blobs(without)[0].area_px, M_PI * 256 + 2 * ring(16));  // there was something to take away
+}
+
+TEST_F(ShadeFilterTest, AThrownShadowWithASharpRimIsFloorBesideSomethingBlack) {
+  shade(500, 318, [](double d) { return d < 18 ? 0.6 : 1.0; });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 330, 16, {22, 20, 20});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, M_PI * 256, ring(16));
+}
+
+TEST_F(ShadeFilterTest, AStainOfSoftShadeOrLightIsFloor) {
+  shade(480, 330, [](double d) { return 1.0 - 0.30 * std::exp(-d * d / (2.0 * 14 * 14)); });
+  shade(160, 330, [](double d) { return 1.0 + 0.25 * std::exp(-d * d / (2.0 * 14 * 14)); });
+  EXPECT_TRUE(blobs().empty());
+}
+
+TEST_F(ShadeFilterTest, AGreyThingOfTheFloorsHueStays) {
+  testing::drawDisc<cv::Vec3b>(image_, 480, 330, 16, {82, 88, 95});
+  testing::drawDisc<cv::Vec3b>(image_, 160, 330, 16, {190, 205, 220});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 2U);
+  for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 256, ring(16));
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
