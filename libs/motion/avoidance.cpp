@@ -15,6 +15,7 @@ constexpr double kCreepM = 0.01;
 constexpr double kStandsMps = 1e-3;
 constexpr double kUnseenRadiusM = 0.08;  // of an obstacle that is remembered but not seen
 constexpr int kUnseenPoints = 8;
+constexpr double kKnownPlaceM = 0.15;  // σ beyond which a remembered place is no reason to turn
 
 Eigen::Vector2d direction(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
@@ -83,7 +84,7 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
   for (const Track& track : objects.tracks) {
     if (track.kind == ObjectKind::kRobot) {
       around.robots.push_back({track.position_m, track.velocity_mps, robot_radius_m});
-    } else if (!track.visible) {
+    } else if (!track.visible && track.covariance.trace() < kKnownPlaceM * kKnownPlaceM) {
       // Out of sight only its place is known.
       around.points_m.push_back(track.position_m);
       for (int i = 0; i < kUnseenPoints; ++i) {

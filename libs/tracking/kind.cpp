@@ -15,7 +15,10 @@ constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
 constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
+constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
+constexpr int kMovedFrames = 3;             // of a thing in a blob with others, whose outline may be theirs
 constexpr double kShortestWindow_s = 0.25;
+constexpr double kTrackedShare = 0.5;   // of what the outline went that the track must have gone
 constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
 constexpr double kShapeViews = 8.0;     // views that the mean of the shape's evidence covers
 constexpr double kMostRms_m = 0.04;     // of a shift between two views of one object
@@ -30,15 +33,18 @@ double probability(double log_odds) {
 }
 
 /// Longest trustworthy displacement within the window; invalid where the track is too young or not to be
-/// seen.
-Displacement displacementWithin(const TrackState& track, double window_s) {
+/// seen. `tracked_m`: how far the track has gone in its direction meanwhile.
+Displacement displacementWithin(const TrackState& track, double window_s, double& tracked_m) {
+  tracked_m = 0.0;
   if (track.blob < 0) return {};
-  for (const View& then : track.past) {
-    const double age = seconds(track.view.time_ns, then.time_ns);
+  for (const TrackState::Past& then : track.past) {
+    const double age = seconds(track.view.time_ns, then.view.time_ns);
     if (age > window_s + 0.05) continue;
     if (age < kShortestWindow_s) break;
-    const Displacement d = contactDisplacement(then, track.view);
-    if (d.valid && d.rms_m < kMostRms_m) return d;
+    const Displacement d = contactDisplacement(then.view, track.view);
+    if (!d.valid || d.rms_m >= kMostRms_m) continue;
+    tracked_m = (track.filter.position() - then.centre_m).dot(d.moved_m.stableNormalized());
+    return d;
   }
   return {};
 }
@@ -103,20 +109,28 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
                             const OwnMotion& own) const {
   KindEvidence& e = track.evidence;
   e.touching_s = touchesRobot(track, tracks, own) ? 0.0 : e.touching_s + own.step_s();
-  const Displacement d = displacementWithin(track, options_.window_s);
+  // What has never been seen alone has no outline of its own: what changes there may be anybody's.
+  if (!track.whole) return;
+  double tracked_m = 0.0;
+  const Displacement d = displacementWithin(track, options_.window_s, tracked_m);
   if (!d.valid) return;
   const double moved = d.moved_m.norm();
   track.moving = track.kind != ObjectKind::kObstacle || moved > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
-  if (moved > std::max(options_.moved_m, 4.0 * d.sigma_m)) {
+  // An outline that changes while its object stays is cut differently, it has not moved.
+  const bool went = tracked_m > kTrackedShare * moved;
+  if (went && moved > std::max(options_.moved_m, 4.0 * d.sigma_m)) {
+    if (++e.moved_frames < (track.clean ? 1 : kMovedFrames)) return;
     e.pushed = e.shape < kFitsClearly && e.motion <= 0.0 && e.touching_s < 2.0 * options_.window_s;
     e.motion = e.pushed ? kPushedEvidence : kMovedEvidence;
     e.still_s = 0.0;
     return;
   }
+  e.moved_frames = 0;
   if (moved > options_.still_m) return;
   e.still_s += own.step_s();
-  if (e.motion > 0.0 && fits_none) e.motion *= std::exp(-own.step_s() / kForgetMotion_s);
+  const double forget_s = e.shape_views > 0 ? kForgetMotion_s : kForgetShapeless_s;
+  if (e.motion > 0.0 && (fits_none || e.shape_views == 0)) e.motion *= std::exp(-own.step_s() / forget_s);
   if (e.motion <= 0.0 && e.still_s > options_.window_s) e.motion = kStillEvidence;
 }
 

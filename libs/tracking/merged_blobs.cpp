@@ -87,21 +87,29 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
 }
 
 void Tracker::startPeer(const Peer& peer, std::size_t b) {
+  int vague = -1;
   for (const int t : owners_[b]) {
     TrackState& other = tracks_[static_cast<std::size_t>(t)];
+    if (!overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
+      continue;
     // What seemed one object is the peer and something else.
-    if (overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
-      other.whole = false;
+    if (!other.whole) vague = t;
+    other.whole = false;
   }
   PrismFilter filter(options_.filter, peer.centre_m, views_[b].camera_height_m);
   filter.assumeBody(peer.body.meanRadius(), peer.body.height(), peer.body.round());
   filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
-  tracks_.emplace_back(next_id_++, filter);
-  TrackState& track = tracks_.back();
+  if (vague >= 0) {  // it stood for the peer all along; the rest gets a track of its own
+    tracks_[static_cast<std::size_t>(vague)].startAfresh(filter);
+  } else {
+    vague = static_cast<int>(tracks_.size());
+    tracks_.emplace_back(next_id_++, filter);
+    owners_[b].push_back(vague);
+  }
+  TrackState& track = tracks_[static_cast<std::size_t>(vague)];
   track.blob = static_cast<int>(b);
   track.whole = true;
   track.moving = true;
-  owners_[b].push_back(static_cast<int>(tracks_.size()) - 1);
 }
 
 bool Tracker::showsMore(const TrackState& track, const View& view) const {

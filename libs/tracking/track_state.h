@@ -20,6 +20,7 @@ struct KindEvidence {
   int against = 0;          ///< frames in a row that speak for renaming
   double still_s = 0.0;     ///< how long it has stood, seconds
   double touching_s = 1e9;  ///< since it last stood against a robot, seconds
+  int moved_frames = 0;     ///< frames in a row in which it moved
   bool pushed = false;      ///< its motion is put down to a robot beside it
 };
 
@@ -41,13 +42,20 @@ struct TrackState {
   bool hidden = false;    ///< unseen, but something stands before it
   bool whole =
       false;  ///< has been seen alone in its blob, or its body is known: its outline can be predicted
+  bool located =
+      false;  ///< its place has become known; a far edge that stands out of a blob does not tell it
   bool dissolved = false;  ///< it was several objects, which are now followed each for itself
   int alien_frames = 0;    ///< frames in a row in which its blob showed more than is known
   int blob = -1;           ///< index into this frame's objects; −1: not seen
   double age_s = 0.0;      ///< since it was first seen
   bool clean = false;      ///< this frame: alone in its blob, whole, not cut
   View view;               ///< this frame's view; directions that are not its own have σ ≤ 0
-  std::deque<View> past;   ///< views of the last seconds, oldest first
+  /// A view of the last seconds, and where the object was then thought to be (odom).
+  struct Past {
+    View view;
+    Eigen::Vector2d centre_m;
+  };
+  std::deque<Past> past;  ///< oldest first
   /// Only the id stays: what was known of it was known of something else.
   void startAfresh(const PrismFilter& fresh) {
     filter = fresh;

@@ -53,6 +53,9 @@ TrackerOptions TrackerOptions::read(const options::Section& section) {
   section.read("keep_new_s", o.keep_new_s, {0.0, 600.0});
   section.read("max_contact_m", o.max_contact_m, {0.1, 100.0});
   section.read("gap_sigma_m", o.gap_sigma_m, {0.0, 10.0});
+  section.read("locate_sigma_m", o.locate_sigma_m, {0.001, 10.0});
+  section.read("lose_sigma_m", o.lose_sigma_m, {0.001, 10.0});
+  if (o.lose_sigma_m < o.locate_sigma_m) section.fail("lose_sigma_m", "must not be below locate_sigma_m");
   section.read("history_s", o.history_s, {1.0, 30.0});
   section.finish();
   return o;
@@ -212,17 +215,20 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
   const Eigen::Vector2d expected = track.filter.position();
-  track.filter.update(view);
+  const double disagreement = track.filter.update(view);
   // A leap is a change of what is seen, not a movement: nothing is compared across it.
   if ((track.filter.position() - expected).norm() > kLeap_m) track.past.clear();
   if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
+  track.located = disagreement < kDisagreement &&
+                  track.positionSigma() <= (track.located ? options_.lose_sigma_m : options_.locate_sigma_m);
   track.seen_ns = view.time_ns;
   track.unseen_s = 0.0;
   track.hidden = false;
   ++track.views;
   const auto age_s = [&](const View& v) { return static_cast<double>(view.time_ns - v.time_ns) * 1e-9; };
-  while (!track.past.empty() && age_s(track.past.front()) > options_.history_s) track.past.pop_front();
-  if (track.past.empty() || age_s(track.past.back()) > kPastSpacing_s) track.past.push_back(view);
+  while (!track.past.empty() && age_s(track.past.front().view) > options_.history_s) track.past.pop_front();
+  if (track.past.empty() || age_s(track.past.back().view) > kPastSpacing_s)
+    track.past.push_back({view, track.filter.position()});
 }
 
 void Tracker::end() {
@@ -267,13 +273,13 @@ void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector
     published.id = track.id;
     published.kind = track.kind;
     published.kind_probability = track.kind_probability;
-    published.visible = track.blob >= 0;
+    published.visible = isShown(track);
     published.position_m = base_from_odom * track.filter.position();
     published.velocity_mps = axes * track.filter.velocity();
     published.covariance = axes * track.filter.positionCovariance() * axes.transpose();
     published.height_m = track.filter.height();
     published.height_sigma_m = track.filter.heightSigma();
-    published.supports = track.view.supports;
+    published.supports = published.visible ? track.view.supports : SupportFunction{};
     published.hull_m.clear();
     published.contact_m.setZero();
     published.solidity = 1.0;

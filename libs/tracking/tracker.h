@@ -19,6 +19,8 @@ struct TrackerOptions {
   double keep_new_s = 0.5;        ///< s, likewise if it was seen fewer than three times
   double max_contact_m = 4.0;     ///< m, blobs farther away start no track
   double gap_sigma_m = 0.3;       ///< m, how far the robot may have gone across a gap
+  double locate_sigma_m = 0.08;   ///< m, σ of the place from which what was never alone is shown …
+  double lose_sigma_m = 0.15;     ///< m, … and beyond which it is no longer
   double history_s = 3.0;         ///< s, views kept for the motion over the floor
 
   static TrackerOptions read(const options::Section& section);
@@ -64,6 +66,7 @@ class Tracker {
   void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   int lostAt(const PrismFilter& filter, const View& view) const;
+  bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
   void followPeers(const std::vector<Peer>& peers);
   void end();
 
