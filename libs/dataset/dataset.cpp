@@ -114,6 +114,8 @@ Dataset Dataset::open(const std::string& folder) {
   dataset.ceiling = readCeiling(folder, dataset.warnings);
   const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
   if (fs::exists(markers)) dataset.markers = MarkerSet::load(markers.string());
+  const fs::path landmarks = fs::path(folder) / "landmarks.yaml";
+  if (fs::exists(landmarks)) dataset.landmarks = readLandmarks(landmarks.string());
   return dataset;
 }
 

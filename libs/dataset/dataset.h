@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/landmarks.h"
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
 #include "lens/camera.h"
@@ -63,9 +64,10 @@ struct Dataset {
   std::vector<RobotRecording> robots;  ///< sorted by name
   std::vector<ImageStream> ceiling;    ///< sorted by name
   std::optional<MarkerSet> markers;
+  std::vector<Landmark> landmarks;    ///< surveyed ones (landmarks.yaml), by name
   std::vector<std::string> warnings;  ///< one line per rejected row: FILE:LINE: why
 
-  /// Reads dataset.yaml, sensor.yaml, markers.yaml and all csv files. Throws options::Error for a bad YAML
+  /// Reads dataset.yaml, sensor.yaml, markers.yaml, landmarks.yaml and all csv files. Throws options::Error for a bad YAML
   /// file, a missing folder or file, a csv without a single good row where rows are; the message names file,
   /// line and what to do. Rows with non-finite or malformed numbers are left out and listed in `warnings`.
   static Dataset open(const std::string& folder);

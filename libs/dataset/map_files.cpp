@@ -34,6 +34,7 @@ Json feature(const MapObject& object) {
   Json properties;
   properties["id"] = object.id;
   properties["kind"] = object.kind;
+  if (!object.name.empty()) properties["name"] = object.name;
   properties["centroid"] = point(object.centroid_m);
   properties["observations"] = object.observations;
   properties["observers"] = object.observers;
@@ -66,6 +67,7 @@ void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& ob
   if (properties.contains("id") && properties["id"].is_number_integer())
     object.id = properties["id"].get<std::uint64_t>();
   object.kind = properties.value("kind", "obstacle");
+  if (properties.contains("name") && properties["name"].is_string()) object.name = properties["name"];
   object.observations = properties.value("observations", 0);
   object.observers = properties.value("observers", std::vector<std::string>());
   object.height_m = properties.value("height_m", 0.0);

@@ -13,6 +13,7 @@ namespace omnifleet::dataset {
 struct MapObject {
   std::uint64_t id = 0;
   std::string kind = "obstacle";  ///< obstacle | robot
+  std::string name;               ///< of a named landmark; empty: not written
   Polygon outline_m;              ///< counter-clockwise, last vertex not repeated
   Eigen::Vector2d centroid_m = Eigen::Vector2d::Zero();
   int observations = 0;

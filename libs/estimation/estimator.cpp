@@ -11,12 +11,14 @@
 #include "estimation/fleet_state.h"
 #include "estimation/locating.h"
 #include "estimation/measurements.h"
+#include "estimation/point_alignment.h"
 
 namespace omnifleet::estimation {
 namespace {
 constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
 constexpr int kMovedAfter = 5;            // misfits in a row after which a landmark has moved away
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
+constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 }  // namespace
 
@@ -28,6 +30,12 @@ class FleetEstimator::Impl {
                                     const std::vector<const Measurement*>& measurements);
   std::vector<PoseEstimate> smoothed() const;
   void settle(int rounds);
+
+  RobotNode& node(const std::string& robot) {
+    RobotNode* found = fleet.find(robot);
+    if (found == nullptr) throw std::runtime_error("estimator: unknown robot '" + robot + "'");
+    return *found;
+  }
 
   FleetState fleet;
 
@@ -41,6 +49,7 @@ class FleetEstimator::Impl {
 
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
   void locate(std::vector<Frame>& frames, TimeNs time);
+  void placeInitially(RobotNode& robot, const Objects& frame);
   void associate(std::vector<Frame>& frames);
   void associateOne(Frame& frame);
   void reweight();
@@ -49,6 +58,7 @@ class FleetEstimator::Impl {
   void noticeLoss(Frame& frame);
   void updateCovariances();
   void forgetLandmarks();
+  void forgetPoints();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames) const;
 
   MeasurementQueue queue_;
@@ -71,6 +81,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   std::vector<PoseEstimate> estimates = report(frames);
   forgetLandmarks();
   fleet.slide();
+  fleet.forgetWheels();
   return estimates;
 }
 
@@ -95,13 +106,9 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       fleet.advance(robot, *frame.objects);
     } else if (!robot.started && robot.setup.initial_pose) {
-      fleet.place(robot, *frame.objects, *robot.setup.initial_pose);
-      const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
-      const Eigen::Matrix3d covariance = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
-      robot.covariance = covariance;
-      fleet.graph.addFactor(absolutePoseFactor(*robot.setup.initial_pose, covariance),
-                            {robot.window.back().pose});
+      placeInitially(robot, *frame.objects);
     }
+    if (!robot.located()) advanceScout(fleet, robot, *frame.objects);
     robot.started = true;
     robot.last_frame_ns = frame.objects->acquired_ns;
     fresh.push_back(frame.objects);
@@ -109,9 +116,28 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
   }
   queue_.attach(fleet, time, fresh);
   for (Frame& frame : frames) {
-    if (frame.fresh && !frame.robot->located()) locateBySightings(fleet, *frame.robot, *frame.objects, fresh);
+    if (!frame.fresh || frame.robot->located()) continue;
+    if (!locateByPoints(fleet, *frame.robot, *frame.objects))
+      locateBySightings(fleet, *frame.robot, *frame.objects, fresh);
   }
   fleet.shareKeyframes(time);
+}
+
+/// The initial pose is that of the first frame, or of the first row of the wheels where they come earlier.
+void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame) {
+  Pose2 map_from_base = *robot.setup.initial_pose;
+  const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
+  Eigen::Matrix3d covariance = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+  WheelLog::Motion way;
+  if (robot.log && !robot.log->empty() &&
+      robot.log->between(robot.log->firstTime(), frame.acquired_ns, robot.setup.body.wheel_separation_m,
+                         fleet.graph.value(robot.wheels), way)) {
+    covariance = composeCovariance(covariance, way.previous_from_current, way.covariance);
+    map_from_base = map_from_base * way.previous_from_current;
+  }
+  fleet.place(robot, frame, map_from_base);
+  robot.covariance = covariance;
+  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose});
 }
 
 void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
@@ -175,8 +201,9 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     RobotNode& robot = *frame.robot;
     if (!frame.fresh || !robot.located()) continue;
     Step& step = robot.window.back();
-    robot.status.state = robot.displaced ? RobotState::kLost : RobotState::kOk;
-    robot.status.text = robot.displaced ? "nothing seen fits the map: moved by hand?" : "";
+    const bool lost = robot.displaced || robot.refusals >= kDoubts;
+    robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
+    robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : "";
     if (!step.wheels || step.motion == kNoFactor) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
     fleet.loosen(robot, kSlipInflation);
@@ -210,6 +237,7 @@ void FleetEstimator::Impl::updateCovariances() {
     if (robot.located()) wanted.push_back(robot.window.back().pose);
   }
   for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
+  for (const auto& [name, point] : fleet.points) wanted.push_back(point.variable);
   if (wanted.empty()) return;
   const Eigen::MatrixXd covariance = fleet.graph.covariance(wanted);
   Eigen::Index at = 0;
@@ -223,6 +251,10 @@ void FleetEstimator::Impl::updateCovariances() {
     landmark.covariance = covariance.block<3, 3>(at, at);
     at += 3;
   }
+  for (auto& [name, point] : fleet.points) {
+    point.covariance = covariance.block<2, 2>(at, at);
+    at += 2;
+  }
 }
 
 void FleetEstimator::Impl::forgetLandmarks() {
@@ -232,11 +264,25 @@ void FleetEstimator::Impl::forgetLandmarks() {
   }
   for (std::uint32_t id : gone) fleet.removeLandmark(id);
   fleet.mergeDuplicates();
+  forgetPoints();
   while (static_cast<int>(fleet.landmarks.size()) > fleet.options.max_landmarks) {
     const auto oldest = std::min_element(
         fleet.landmarks.begin(), fleet.landmarks.end(),
         [](const auto& a, const auto& b) { return a.second.last_seen_ns < b.second.last_seen_ns; });
     fleet.removeLandmark(oldest->first);
+  }
+}
+
+void FleetEstimator::Impl::forgetPoints() {
+  while (static_cast<int>(fleet.points.size()) > fleet.options.max_landmarks) {
+    auto oldest = fleet.points.end();
+    for (auto at = fleet.points.begin(); at != fleet.points.end(); ++at) {
+      if (at->second.surveyed) continue;
+      if (oldest == fleet.points.end() || at->second.last_seen_ns < oldest->second.last_seen_ns) oldest = at;
+    }
+    if (oldest == fleet.points.end()) return;
+    fleet.graph.marginalise({oldest->second.variable});
+    fleet.points.erase(oldest);
   }
 }
 
@@ -310,16 +356,31 @@ std::vector<LandmarkEstimate> FleetEstimator::landmarks() const {
   return impl_->fleet.landmarkEstimates();
 }
 
-Eigen::Vector2d FleetEstimator::wheelBias(const std::string& robot) const {
-  const RobotNode* node = impl_->fleet.find(robot);
-  if (node == nullptr) throw std::runtime_error("estimator: unknown robot '" + robot + "'");
-  return impl_->fleet.graph.value(node->bias);
+void FleetEstimator::addWheels(const std::string& robot, TimeNs time_ns, double left_mps, double right_mps) {
+  impl_->fleet.addWheels(impl_->node(robot), time_ns, left_mps, right_mps);
+}
+
+std::vector<PointEstimate> FleetEstimator::points() const {
+  std::vector<PointEstimate> all;
+  for (const auto& [name, point] : impl_->fleet.points) {
+    all.push_back(
+        {name, impl_->fleet.graph.value(point.variable), point.covariance, point.surveyed, point.views});
+  }
+  return all;
+}
+
+WheelModel FleetEstimator::wheelModel(const std::string& robot) const {
+  return impl_->fleet.graph.value(impl_->node(robot).wheels);
+}
+
+Eigen::Vector4d FleetEstimator::detectorModel(const std::string& robot) const {
+  const RobotNode& node = impl_->node(robot);
+  if (node.detector == 0) return DetectorModel::Zero();
+  return impl_->fleet.graph.value(node.detector);
 }
 
 const RobotStatus& FleetEstimator::status(const std::string& robot) const {
-  const RobotNode* node = impl_->fleet.find(robot);
-  if (node == nullptr) throw std::runtime_error("estimator: unknown robot '" + robot + "'");
-  return node->status;
+  return impl_->node(robot).status;
 }
 
 }  // namespace omnifleet::estimation

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "estimation/wheel_log.h"
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
 #include "observation/observation.h"
@@ -26,6 +27,16 @@ struct RobotSetup {
   RobotBody body;
   std::optional<Pose2> initial_pose;  ///< map_from_base at its first frame; without it the robot is unlocated
                                       ///< until an absolute measurement or a sighting locates it
+};
+
+/// Priors of what is estimated of a detector of ranges and bearings (DetectorModel, factors.h).
+struct DetectorOptions {
+  double bearing_bias_sigma_rad = 0.02;  ///< rad
+  double focal_sigma = 0.03;             ///< 1, relative error of its focal length
+  double range_scale_sigma = 0.04;       ///< 1
+  double obliqueness_sigma = 0.8;        ///< 1: 0 measures range, 1 depth along the axis
+
+  static DetectorOptions read(const options::Section& section);
 };
 
 struct EstimatorOptions {
@@ -55,6 +66,8 @@ struct EstimatorOptions {
   double gate_chi2 = 16.3;              ///< 1, χ² (3 dof, 99.9 %) of a step against the wheels: slip
   double no_wheels_sigma_mps = 0.5;     ///< m/s, without motion: σ of the constant-velocity prior's speed
   double no_wheels_sigma_radps = 1.0;   ///< rad/s, likewise
+  WheelLogOptions wheel_log;            ///< of robots whose wheels the estimator integrates itself
+  DetectorOptions detector;
 
   static EstimatorOptions read(const options::Section& section);
 };
@@ -68,6 +81,15 @@ struct LandmarkEstimate {
   double height_m = 0.0, height_sigma_m = 0.0;
   int views = 0;                       ///< keyframe views it rests on
   std::vector<std::string> observers;  ///< sorted
+};
+
+/// A named landmark of range and bearing measurements, map frame.
+struct PointEstimate {
+  std::string name;
+  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
+  bool surveyed = false;  ///< its place was given
+  int views = 0;
 };
 
 enum class RobotState : std::uint8_t { kUnlocated, kOk, kSlipping, kLost };
@@ -94,6 +116,11 @@ class FleetEstimator {
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
 
+  /// Wheel speeds of a robot whose frames carry no motion: the estimator integrates them itself, between any
+  /// two times, and estimates scale, turn and delay. Rows up to a time come before the frames of that time.
+  /// Throws std::runtime_error for an unknown robot.
+  void addWheels(const std::string& robot, TimeNs time_ns, double left_mps, double right_mps);
+
   /// Solves to convergence at the end of a run and returns smoothed() of it.
   std::vector<PoseEstimate> finish();
 
@@ -104,8 +131,14 @@ class FleetEstimator {
   /// Obstacles with at least publish_views views, by id.
   std::vector<LandmarkEstimate> landmarks() const;
 
+  /// Named landmarks, by name.
+  std::vector<PointEstimate> points() const;
+
   /// Scale errors of the wheels (left, right): true distance = measured · (1 + bias).
-  Eigen::Vector2d wheelBias(const std::string& robot) const;
+  Eigen::Vector2d wheelBias(const std::string& robot) const { return wheelModel(robot).head<2>(); }
+  WheelModel wheelModel(const std::string& robot) const;
+  /// Zero for a robot that has measured no range and bearing.
+  Eigen::Vector4d detectorModel(const std::string& robot) const;
   const RobotStatus& status(const std::string& robot) const;
 
  private:

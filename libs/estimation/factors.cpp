@@ -3,6 +3,7 @@
 #include <ceres/autodiff_cost_function.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -93,10 +94,12 @@ struct RelativePose {
 struct MotionError {
   Pose2 measured;
   Eigen::Matrix3d w;
-  Eigen::Matrix<double, 3, 2> b;
+  WheelJacobian b;
+  WheelModel at;
   template <typename T>
-  bool operator()(const T* from, const T* to, const T* bias, T* r) const {
-    const Vec3<T> increment = b.cast<T>() * Vec2<T>(bias[0], bias[1]);
+  bool operator()(const T* from, const T* to, const T* model, T* r) const {
+    const Eigen::Map<const Eigen::Matrix<T, 4, 1>> e(model);
+    const Vec3<T> increment = b.cast<T>() * (e - at.cast<T>());
     const Vec2<T> t = rotate<T>(T(measured.theta_rad), Vec2<T>(increment.head(2)));
     const Vec3<T> m(T(measured.x_m) + t.x(), T(measured.y_m) + t.y(), T(measured.theta_rad) + increment.z());
     const Vec3<T> rel = relative<T>(Vec3<T>(from[0], from[1], from[2]), Vec3<T>(to[0], to[1], to[2]));
@@ -112,29 +115,34 @@ struct RangeBearing {
   Eigen::Matrix2d w;
 
   template <typename T>
-  void evaluate(const T* from, const Vec2<T>& target, T* r) const {
+  void evaluate(const T* from, const Vec2<T>& target, const T* detector, T* r) const {
     using std::atan2;
+    using std::cos;
+    using std::sin;
     using std::sqrt;
     const Vec3<T> pose = compose<T>(from, from_offset);
     const Vec2<T> d = rotate<T>(-pose.z(), Vec2<T>(target - pose.head(2)));
     const T range = sqrt(d.squaredNorm() + T(1e-12));
     Eigen::Map<Vec2<T>> out(r);
-    out = w.cast<T>() * Vec2<T>(range - T(measured.x()), wrapped<T>(atan2(d.y(), d.x()) - T(measured.y())));
+    const T beta = atan2(d.y(), d.x());
+    const T seen_range = range * (T(1.0) + detector[2] - detector[3] * (T(1.0) - cos(beta)));
+    const T seen_beta = beta + detector[0] + detector[1] * T(0.5) * sin(T(2.0) * beta);
+    out = w.cast<T>() * Vec2<T>(seen_range - T(measured.x()), wrapped<T>(seen_beta - T(measured.y())));
   }
 };
 
 struct RangeBearingPose : RangeBearing {
   template <typename T>
-  bool operator()(const T* from, const T* to, T* r) const {
-    evaluate<T>(from, Vec2<T>(compose<T>(to, to_offset).head(2)), r);
+  bool operator()(const T* from, const T* to, const T* detector, T* r) const {
+    evaluate<T>(from, Vec2<T>(compose<T>(to, to_offset).head(2)), detector, r);
     return true;
   }
 };
 
 struct RangeBearingPoint : RangeBearing {
   template <typename T>
-  bool operator()(const T* from, const T* point, T* r) const {
-    evaluate<T>(from, Vec2<T>(point[0], point[1]), r);
+  bool operator()(const T* from, const T* point, const T* detector, T* r) const {
+    evaluate<T>(from, Vec2<T>(point[0], point[1]), detector, r);
     return true;
   }
 };
@@ -193,22 +201,29 @@ std::unique_ptr<ceres::CostFunction> relativePoseFactor(const Pose2& measured,
 }
 
 std::unique_ptr<ceres::CostFunction> motionFactor(const Pose2& measured, const Eigen::Matrix3d& covariance,
-                                                  const Eigen::Matrix<double, 3, 2>& bias_jacobian) {
-  return automatic<3, 3, 3, 2>(MotionError{measured, whitener<3>(covariance), bias_jacobian});
+                                                  const WheelJacobian& by_model, const WheelModel& at) {
+  return automatic<3, 3, 3, 4>(MotionError{measured, whitener<3>(covariance), by_model, at});
+}
+
+Eigen::Vector2d corrected(const Eigen::Vector2d& range_bearing, const DetectorModel& model) {
+  double beta = range_bearing.y() - model(0);
+  for (int i = 0; i < 5; ++i) beta = range_bearing.y() - model(0) - model(1) * 0.5 * std::sin(2.0 * beta);
+  const double scale = 1.0 + model(2) - model(3) * (1.0 - std::cos(beta));
+  return {range_bearing.x() / std::max(0.1, scale), beta};
 }
 
 std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const Eigen::Vector2d& range_bearing,
                                                             const Eigen::Matrix2d& covariance,
                                                             const Pose2& from_offset,
                                                             const Pose2& to_offset) {
-  return automatic<2, 3, 3>(
+  return automatic<2, 3, 3, 4>(
       RangeBearingPose{{range_bearing, from_offset, to_offset, whitener<2>(covariance)}});
 }
 
 std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const Eigen::Vector2d& range_bearing,
                                                              const Eigen::Matrix2d& covariance,
                                                              const Pose2& from_offset) {
-  return automatic<2, 3, 2>(RangeBearingPoint{{range_bearing, from_offset, {}, whitener<2>(covariance)}});
+  return automatic<2, 3, 2, 4>(RangeBearingPoint{{range_bearing, from_offset, {}, whitener<2>(covariance)}});
 }
 
 Pose2 arc(double left_m, double right_m, double wheel_separation_m) {

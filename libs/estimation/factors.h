@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "estimation/wheel_log.h"
 #include "geometry/pose2.h"
 
 namespace omnifleet::estimation {
@@ -45,16 +46,28 @@ std::unique_ptr<ceres::CostFunction> relativePoseFactor(const Pose2& measured,
                                                         const Pose2& from_offset = {},
                                                         const Pose2& to_offset = {});
 
-/// Motion between two frames of one robot with the wheels' scale errors (e_l, e_r): the measured motion is
-/// followed by the increment B·e in its end frame. Variables: previous pose, current pose, bias.
+/// Motion between two frames of one robot whose wheels err by the model e: the motion measured with the model
+/// `at` is followed by the increment B·(e − at) in its end frame. Variables: previous pose, current pose,
+/// wheel model.
 std::unique_ptr<ceres::CostFunction> motionFactor(const Pose2& measured, const Eigen::Matrix3d& covariance,
-                                                  const Eigen::Matrix<double, 3, 2>& bias_jacobian);
+                                                  const WheelJacobian& by_model,
+                                                  const WheelModel& at = WheelModel::Zero());
 
-/// Range and bearing of a target from a pose. Variables: from, target (pose, its x and y count).
+/// How a detector of ranges and bearings errs: (bearing bias β₀ rad, focal error ε, range scale k,
+/// obliqueness κ). A target at true range r and bearing β is measured at
+///   range r·(1 + k − κ·(1 − cos β)),  bearing β + β₀ + ε·½·sin 2β.
+/// κ = 1 where the "range" is the depth along the camera's axis, as from the height of a marker in a picture;
+/// ε is first order in the focal length's relative error, tan β′ = (1 + ε)·tan β.
+using DetectorModel = Eigen::Vector4d;
+
+/// True range and bearing of what was measured, by fixed-point iteration.
+Eigen::Vector2d corrected(const Eigen::Vector2d& range_bearing, const DetectorModel& model);
+
+/// Range and bearing of a target from a pose. Variables: from, target (pose, its x and y count), detector.
 std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const Eigen::Vector2d& range_bearing,
                                                             const Eigen::Matrix2d& covariance,
                                                             const Pose2& from_offset, const Pose2& to_offset);
-/// The same to a point. Variables: from, point (x, y).
+/// The same to a point. Variables: from, point (x, y), detector.
 std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const Eigen::Vector2d& range_bearing,
                                                              const Eigen::Matrix2d& covariance,
                                                              const Pose2& from_offset);

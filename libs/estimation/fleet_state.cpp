@@ -37,9 +37,10 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
-    robot.bias = graph.addVariable(Eigen::Vector2d::Zero());
-    graph.addFactor(priorFactor(Eigen::Vector2d::Zero(), Eigen::Vector2d::Constant(options.wheel_bias_sigma)),
-                    {robot.bias});
+    robot.wheels = graph.addVariable(WheelModel::Zero());
+    // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
+    const Eigen::Vector4d sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3);
+    robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
     robot.status.text = "not located yet";
     robots.push_back(std::move(robot));
   }
@@ -55,6 +56,34 @@ const RobotNode* FleetState::find(const std::string& name) const {
   return at == robots.end() ? nullptr : &*at;
 }
 
+void FleetState::addWheels(RobotNode& robot, TimeNs time_ns, double left_mps, double right_mps) {
+  if (!robot.log) {
+    const WheelLogOptions& o = options.wheel_log;
+    robot.log.emplace(o);
+    graph.removeFactor(robot.wheels_prior);
+    const Eigen::Vector4d sigma(o.scale_sigma, o.scale_sigma, o.turn_sigma, o.delay_sigma_s);
+    robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
+  }
+  robot.log->add(time_ns, left_mps, right_mps);
+}
+
+void FleetState::forgetWheels() {
+  constexpr TimeNs kLargestDelay_ns = 3000000000;
+  for (RobotNode& robot : robots) {
+    if (robot.log && robot.started) robot.log->forgetBefore(robot.last_frame_ns - kLargestDelay_ns);
+  }
+}
+
+VariableId FleetState::detector(RobotNode& robot) {
+  if (robot.detector != 0) return robot.detector;
+  robot.detector = graph.addVariable(DetectorModel::Zero());
+  const DetectorOptions& o = options.detector;
+  graph.addFactor(priorFactor(DetectorModel::Zero(), DetectorModel(o.bearing_bias_sigma_rad, o.focal_sigma,
+                                                                   o.range_scale_sigma, o.obliqueness_sigma)),
+                  {robot.detector});
+  return robot.detector;
+}
+
 Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const {
   Step step;
   step.time_ns = frame.acquired_ns;
@@ -68,7 +97,10 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     step.previous_from_current = motion.previous_from_current;
     step.motion_covariance = motion.covariance;
     const double separation = robot.setup.body.wheel_separation_m;
-    if (separation > 0) step.bias_jacobian = arcBiasJacobian(motion.left_m, motion.right_m, separation);
+    if (separation > 0)
+      step.by_model.leftCols<2>() = arcBiasJacobian(motion.left_m, motion.right_m, separation);
+  } else if (previous != nullptr && fromLog(robot, step)) {
+    step.wheels = true;
   } else if (previous != nullptr) {
     const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
     const double last_dt = static_cast<double>(previous->time_ns - previous->since_ns) / kSecond_ns;
@@ -80,6 +112,31 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
   return step;
+}
+
+bool FleetState::fromLog(const RobotNode& robot, Step& step) const {
+  if (!robot.log) return false;
+  step.model = graph.value(robot.wheels);
+  WheelLog::Motion motion;
+  if (!robot.log->between(step.since_ns, step.time_ns, robot.setup.body.wheel_separation_m, step.model,
+                          motion))
+    return false;
+  step.previous_from_current = motion.previous_from_current;
+  step.motion_covariance = motion.covariance;
+  step.by_model = motion.jacobian;
+  return true;
+}
+
+bool FleetState::motionBetween(const RobotNode& robot, TimeNs from_ns, const Objects& frame,
+                               Pose2& motion) const {
+  Step step;
+  step.since_ns = from_ns;
+  step.time_ns = frame.acquired_ns;
+  const Motion& own = frame.motion;
+  const bool measured = own.valid && own.since_ns == from_ns && own.previous_from_current.isFinite();
+  if (!measured && !fromLog(robot, step)) return false;
+  motion = measured ? own.previous_from_current : step.previous_from_current;
+  return true;
 }
 
 Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame) {
@@ -100,7 +157,7 @@ Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_bas
 void FleetState::advance(RobotNode& robot, const Objects& frame) {
   Step step = predictStep(robot, frame);
   const VariableId previous = robot.window.back().pose;
-  const Eigen::Vector3d increment = step.bias_jacobian * graph.value(robot.bias);
+  const Eigen::Vector3d increment = step.by_model * (graph.value(robot.wheels) - step.model);
   const Pose2 measured = step.previous_from_current;
   step.measured = measured;
   step.previous_from_current = measured * Pose2{increment.x(), increment.y(), increment.z()};
@@ -112,13 +169,16 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   // Unwrapped: angles in the graph run on.
   Eigen::VectorXd& value = graph.value(added.pose);
   value(2) = graph.value(previous)(2) + added.previous_from_current.theta_rad;
-  added.motion = graph.addFactor(motionFactor(measured, added.motion_covariance, added.bias_jacobian),
-                                 {previous, added.pose, robot.bias});
+  added.motion = graph.addFactor(motionFactor(measured, added.motion_covariance, added.by_model, added.model),
+                                 {previous, added.pose, robot.wheels});
 }
 
 void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_from_base) {
   robot.window.clear();
   robot.last_key_ns = 0;
+  robot.scout.reset();
+  robot.refusals = 0;
+  robot.refused.clear();
   newStep(robot, predictStep(robot, frame), map_from_base, frame);
   robot.status.state = RobotState::kOk;
   robot.status.text.clear();
@@ -247,8 +307,9 @@ void FleetState::loosen(RobotNode& robot, double factor) {
   graph.removeFactor(step.motion);
   step.motion_covariance *= factor;
   const VariableId previous = robot.window[robot.window.size() - 2].pose;
-  step.motion = graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.bias_jacobian),
-                                {previous, step.pose, robot.bias});
+  step.motion =
+      graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.by_model, step.model),
+                      {previous, step.pose, robot.wheels});
 }
 
 void FleetState::updateShapes() {

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "estimation/landmark.h"
 #include "estimation/prism_factors.h"
 #include "estimation/view.h"
+#include "estimation/wheel_log.h"
 
 namespace omnifleet::estimation {
 
@@ -36,9 +38,10 @@ struct Step {
   Pose2 previous_from_current;  ///< as predicted (scale errors corrected)
   Pose2 measured;               ///< as measured
   Eigen::Matrix3d motion_covariance = Eigen::Matrix3d::Identity();
-  Eigen::Matrix<double, 3, 2> bias_jacobian = Eigen::Matrix<double, 3, 2>::Zero();
-  TimeNs since_ns = 0;  ///< what previous_from_current starts from
-  bool wheels = false;  ///< motion was measured
+  WheelJacobian by_model = WheelJacobian::Zero();  ///< derivative of `measured` by the wheel model …
+  WheelModel model = WheelModel::Zero();           ///< … with which it was measured
+  TimeNs since_ns = 0;                             ///< what previous_from_current starts from
+  bool wheels = false;                             ///< motion was measured
   bool keyframe = false;
   std::vector<ViewLink> views;
 };
@@ -49,10 +52,26 @@ struct Known {
   std::size_t robot = 0;       ///< index, where it is one
 };
 
+/// A place in a scout's frame and the same in map.
+struct ScoutPair {
+  TimeNs time_ns = 0;
+  Eigen::Vector2d in_local = Eigen::Vector2d::Zero(), in_map = Eigen::Vector2d::Zero();
+};
+
+/// What a robot without a pose knows: its way in a frame of its own, and what ties that to the map.
+struct Scout {
+  TimeNs time_ns = 0;
+  Pose2 local_from_base;
+  std::deque<ScoutPair> pairs;
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
-  VariableId bias = 0;
+  VariableId wheels = 0;    ///< WheelModel
+  VariableId detector = 0;  ///< DetectorModel; 0 until it has measured a range and bearing
+  FactorId wheels_prior = kNoFactor;
+  std::optional<WheelLog> log;
   std::deque<Step> window;  ///< empty while unlocated
   TimeNs last_frame_ns = 0;
   bool started = false;                                  ///< a frame has come
@@ -60,11 +79,23 @@ struct RobotNode {
   Pose2 last_key;
   TimeNs last_key_ns = 0;
   int disagreements = 0;                           ///< absolute measurements in a row that the gate refused
+  int refusals = 0;                                ///< ranges and bearings in a row that the gate refused
+  std::set<std::string> refused;                   ///< of which things
+  std::optional<Scout> scout;                      ///< while unlocated
   bool displaced = false;                          ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
 
   bool located() const { return !window.empty(); }
+};
+
+/// A named landmark of range and bearing measurements.
+struct Point {
+  VariableId variable = 0;  ///< (x, y)
+  bool surveyed = false;    ///< its place was given
+  int views = 0;
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  ///< after the last solve
+  TimeNs last_seen_ns = 0;
 };
 
 /// Where a robot was at some time: a pose variable and a fixed step from it.
@@ -90,14 +121,23 @@ class FleetState {
   Graph graph;
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
-  std::map<std::string, VariableId> points;  ///< named point landmarks (range and bearing)
+  std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)
 
   RobotNode* find(const std::string& name);
   const RobotNode* find(const std::string& name) const;
   Pose2 pose(VariableId id) const { return Pose2::fromVector(graph.value(id)); }
 
+  /// A row of a robot's wheels where no stage before the estimator integrates them.
+  void addWheels(RobotNode& robot, TimeNs time_ns, double left_mps, double right_mps);
+  /// Rows that no step will ask for.
+  void forgetWheels();
+  /// The variable of the robot's detector, made at its first use.
+  VariableId detector(RobotNode& robot);
+
   /// The motion of a frame as a step without variables: wheels where valid, else constant velocity.
   Step predictStep(const RobotNode& robot, const Objects& frame) const;
+  /// The motion from a time to a frame, of the frame itself or from the log; false where nothing tells.
+  bool motionBetween(const RobotNode& robot, TimeNs from_ns, const Objects& frame, Pose2& motion) const;
   /// A located robot's next pose.
   void advance(RobotNode& robot, const Objects& frame);
   /// First pose of an unlocated robot; the caller adds what locates it.
@@ -132,6 +172,8 @@ class FleetState {
   std::vector<LandmarkEstimate> landmarkEstimates() const;
 
  private:
+  /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
+  bool fromLog(const RobotNode& robot, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);
   void freezeViews(const Step& step);
 

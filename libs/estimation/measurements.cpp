@@ -6,14 +6,20 @@
 #include <utility>
 
 #include "estimation/factors.h"
+#include "estimation/point_alignment.h"
 
 namespace omnifleet::estimation {
 namespace {
 
 constexpr TimeNs kPatience_ns = 2000000000;
-constexpr double kCauchy = 3.0;  // σ at which a measurement as a whole counts half
-constexpr int kKidnapped = 3;    // absolute poses in a row, all refused, that move a robot
-constexpr double kGate = 25.0;   // χ² of an absolute pose against the prediction (3 dof, 1.5e-5)
+constexpr double kCauchy = 3.0;       // σ at which a measurement as a whole counts half
+constexpr int kKidnapped = 3;         // absolute poses in a row, all refused, that move a robot
+constexpr double kGate = 25.0;        // χ² of an absolute pose against the prediction (3 dof, 1.5e-5)
+constexpr double kRangeCauchy = 2.0;  // likewise, of ranges and bearings
+constexpr double kRangeGate = 20.0;   // χ² of a range and bearing against the prediction (2 dof, 5e-5)
+constexpr double kRangeSlack_m = 0.08, kRangeSlack = 0.05,
+                 kBearingSlack_rad = 0.04;  // σ of detectors' models
+constexpr int kDisplaced = 8;  // ranges and bearings in a row, all refused, that tell a robot was moved
 constexpr double kSlack_m2 = 4e-4, kSlack_rad2 = 3e-4;  // (2 cm)², (1°)²: models are never exact
 
 const Objects* frameOf(const std::vector<const Objects*>& frames, const std::string& robot) {
@@ -28,6 +34,45 @@ double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement&
   covariance.diagonal() += Eigen::Vector3d(kSlack_m2, kSlack_m2, kSlack_rad2);
   const Eigen::Vector3d e = difference.vector();
   return e.dot(covariance.ldlt().solve(e));
+}
+
+Eigen::Vector2d inBase(const FleetState& fleet, const RobotNode& robot, const Measurement& m) {
+  const DetectorModel model =
+      robot.detector == 0 ? DetectorModel::Zero() : DetectorModel(fleet.graph.value(robot.detector));
+  const Eigen::Vector2d polar = corrected(m.value.head<2>(), model);
+  return {polar.x() * std::cos(polar.y()), polar.x() * std::sin(polar.y())};
+}
+
+/// The gate of a range and bearing against what is predicted; a robot none of whose sightings pass for a
+/// while has been moved, and is located anew.
+bool plausible(FleetState& fleet, const Measurement& m, RobotNode& robot, const PoseAt& from,
+               const Eigen::Vector2d& target_m, const Eigen::Matrix2d& target_covariance) {
+  const Eigen::Vector2d expected = from.map_from_base.inverse() * target_m;
+  const double range = std::max(0.05, expected.norm());
+  const Eigen::Vector2d along = expected / range, across(-along.y(), along.x());
+  const Eigen::Vector2d off = inBase(fleet, robot, m) - expected;
+  Eigen::Matrix<double, 2, 3> by_pose;
+  by_pose << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-expected.y(), expected.x());
+  const Eigen::Matrix2d base_from_map = from.map_from_base.rotation().transpose();
+  Eigen::Matrix2d covariance = by_pose * robot.covariance * by_pose.transpose() +
+                               base_from_map * target_covariance * base_from_map.transpose();
+  const double along_m = kRangeSlack_m + kRangeSlack * range, across_m = kBearingSlack_rad * range;
+  covariance += (along_m * along_m + m.covariance(0, 0)) * along * along.transpose() +
+                (across_m * across_m + range * range * m.covariance(1, 1)) * across * across.transpose();
+  if (off.dot(covariance.ldlt().solve(off)) <= kRangeGate) {
+    robot.refusals = 0;
+    robot.refused.clear();
+    return true;
+  }
+  ++robot.refusals;
+  robot.refused.insert(m.to);
+  if (robot.refusals >= kDisplaced && robot.refused.size() >= 2) {
+    fleet.release(robot);
+    robot.status.state = RobotState::kLost;
+    robot.status.text = "nothing seen fits the map: moved by hand?";
+    ++robot.status.losses;
+  }
+  return false;
 }
 
 }  // namespace
@@ -67,10 +112,13 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
   const Eigen::Matrix2d position_covariance = m.covariance.topLeftCorner<2, 2>();
   if (robot == nullptr) {  // a known landmark
     if (m.kind != MeasurementKind::kPosition) return Outcome::kRejected;
-    auto [at, fresh] = fleet.points.try_emplace(m.to, 0);
-    if (fresh) at->second = fleet.graph.addVariable(m.value.head<2>());
+    Point& point = fleet.points[m.to];
+    if (point.surveyed) return Outcome::kRejected;  // nothing counts twice
+    if (point.variable == 0) point.variable = fleet.graph.addVariable(m.value.head<2>());
+    point.surveyed = true;
+    point.covariance = position_covariance;
     const Eigen::Vector2d sigma = position_covariance.diagonal().cwiseSqrt();
-    fleet.graph.addFactor(priorFactor(m.value.head<2>(), sigma), {at->second});
+    fleet.graph.addFactor(priorFactor(m.value.head<2>(), sigma), {point.variable});
     return Outcome::kDone;
   }
   const bool whole = m.kind == MeasurementKind::kAbsolutePose;
@@ -108,37 +156,71 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
 }
 
 MeasurementQueue::Outcome MeasurementQueue::attachRelative(FleetState& fleet, const Measurement& m) {
-  const RobotNode* from = fleet.find(m.from);
-  const RobotNode* to = fleet.find(m.to);
+  RobotNode* from = fleet.find(m.from);
+  RobotNode* to = fleet.find(m.to);
   const bool range_bearing = m.kind == MeasurementKind::kRangeBearing;
   if (from == nullptr || (to == nullptr && !range_bearing)) return Outcome::kRejected;
   const TimeNs from_ns = range_bearing && m.from_ns == 0 ? m.acquired_ns : m.from_ns;
+  if (range_bearing && attachToScout(fleet, m, from_ns, *from, to)) return Outcome::kDone;
   if (!from->located() || from->window.back().time_ns < from_ns) return Outcome::kWait;
   const auto from_at = fleet.poseAt(*from, from_ns);
   if (!from_at) return Outcome::kRejected;
-  if (to == nullptr) return attachToPoint(fleet, m, *from_at);
+  if (to == nullptr) return attachToPoint(fleet, m, *from, *from_at);
   if (!to->located() || to->window.back().time_ns < m.acquired_ns) return Outcome::kWait;
   const auto to_at = fleet.poseAt(*to, m.acquired_ns);
   if (!to_at || to_at->pose == from_at->pose) return Outcome::kRejected;
-  auto factor = range_bearing ? rangeBearingPoseFactor(m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(),
-                                                       from_at->offset, to_at->offset)
-                              : relativePoseFactor(Pose2::fromVector(m.value), m.covariance, from_at->offset,
-                                                   to_at->offset);
-  fleet.graph.addFactor(std::move(factor), {from_at->pose, to_at->pose}, kCauchy);
+  if (!range_bearing) {
+    fleet.graph.addFactor(
+        relativePoseFactor(Pose2::fromVector(m.value), m.covariance, from_at->offset, to_at->offset),
+        {from_at->pose, to_at->pose}, kCauchy);
+    return Outcome::kDone;
+  }
+  const Eigen::Matrix2d rotation = to_at->map_from_base.rotation();
+  const Eigen::Matrix2d covariance = rotation * to->covariance.topLeftCorner<2, 2>() * rotation.transpose();
+  if (!plausible(fleet, m, *from, *from_at, to_at->map_from_base.translation(), covariance))
+    return Outcome::kRejected;
+  fleet.graph.addFactor(rangeBearingPoseFactor(m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(),
+                                               from_at->offset, to_at->offset),
+                        {from_at->pose, to_at->pose, fleet.detector(*from)}, kRangeCauchy);
   return Outcome::kDone;
 }
 
 MeasurementQueue::Outcome MeasurementQueue::attachToPoint(FleetState& fleet, const Measurement& m,
-                                                          const PoseAt& from) {
-  auto [at, fresh] = fleet.points.try_emplace(m.to, 0);
-  if (fresh) {
-    const Eigen::Vector2d in_base(m.value.x() * std::cos(m.value.y()), m.value.x() * std::sin(m.value.y()));
-    at->second = fleet.graph.addVariable(from.map_from_base * in_base);
+                                                          RobotNode& robot, const PoseAt& from) {
+  const VariableId detector = fleet.detector(robot);
+  auto at = fleet.points.find(m.to);
+  if (at == fleet.points.end()) {
+    if (robot.refusals > 0) return Outcome::kRejected;  // founds nothing while its place is in doubt
+    at = fleet.points.emplace(m.to, Point{}).first;
+    at->second.variable = fleet.graph.addVariable(from.map_from_base * inBase(fleet, robot, m));
+  } else if (!plausible(fleet, m, robot, from, fleet.graph.value(at->second.variable),
+                        at->second.covariance)) {
+    return Outcome::kRejected;
   }
+  ++at->second.views;
+  at->second.last_seen_ns = m.acquired_ns;
   fleet.graph.addFactor(
       rangeBearingPointFactor(m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(), from.offset),
-      {from.pose, at->second}, kCauchy);
+      {from.pose, at->second.variable, detector}, kRangeCauchy);
   return Outcome::kDone;
+}
+
+bool MeasurementQueue::attachToScout(const FleetState& fleet, const Measurement& m, TimeNs from_ns,
+                                     RobotNode& from, RobotNode* to) {
+  if (!from.located()) {
+    if (!from.scout || from.scout->time_ns != from_ns) return false;
+    const Eigen::Vector2d seen = from.scout->local_from_base * inBase(fleet, from, m);
+    const auto point = fleet.points.find(m.to);
+    const auto peer = to == nullptr ? std::nullopt : fleet.poseAt(*to, m.acquired_ns);
+    if (peer) addScoutPair(from, seen, peer->map_from_base.translation());
+    if (point != fleet.points.end()) addScoutPair(from, seen, fleet.graph.value(point->second.variable));
+    return true;
+  }
+  if (to == nullptr || to->located() || !to->scout || to->scout->time_ns != m.acquired_ns) return false;
+  if (const auto at = fleet.poseAt(from, from_ns)) {
+    addScoutPair(*to, to->scout->local_from_base.translation(), at->map_from_base * inBase(fleet, from, m));
+  }
+  return true;
 }
 
 }  // namespace omnifleet::estimation

@@ -25,7 +25,11 @@ class MeasurementQueue {
   Outcome attachAbsolute(FleetState& fleet, const Measurement& measurement,
                          const std::vector<const Objects*>& frames);
   Outcome attachRelative(FleetState& fleet, const Measurement& measurement);
-  Outcome attachToPoint(FleetState& fleet, const Measurement& measurement, const PoseAt& from);
+  Outcome attachToPoint(FleetState& fleet, const Measurement& measurement, RobotNode& robot,
+                        const PoseAt& from);
+  /// Ranges and bearings from or of a robot that has no pose yet tell where it may be; true when taken so.
+  bool attachToScout(const FleetState& fleet, const Measurement& measurement, TimeNs from_ns, RobotNode& from,
+                     RobotNode* to);
 
   std::deque<Measurement> waiting_;
 };

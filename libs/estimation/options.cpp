@@ -2,6 +2,16 @@
 
 namespace omnifleet::estimation {
 
+DetectorOptions DetectorOptions::read(const options::Section& section) {
+  DetectorOptions o;
+  section.read("bearing_bias_sigma_rad", o.bearing_bias_sigma_rad, {1e-6, 1.0});
+  section.read("focal_sigma", o.focal_sigma, {1e-6, 0.5});
+  section.read("range_scale_sigma", o.range_scale_sigma, {1e-6, 0.5});
+  section.read("obliqueness_sigma", o.obliqueness_sigma, {1e-6, 2.0});
+  section.finish();
+  return o;
+}
+
 EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   using options::kPositive;
   EstimatorOptions o;
@@ -31,6 +41,8 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   section.read("gate_chi2", o.gate_chi2, kPositive);
   section.read("no_wheels_sigma_mps", o.no_wheels_sigma_mps, kPositive);
   section.read("no_wheels_sigma_radps", o.no_wheels_sigma_radps, kPositive);
+  o.wheel_log = WheelLogOptions::read(section.child("wheel_log"));
+  o.detector = DetectorOptions::read(section.child("detector"));
   section.finish();
   return o;
 }

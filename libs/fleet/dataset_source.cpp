@@ -28,6 +28,7 @@ void addDataset(Fleet& fleet) {
   }
   for (const dataset::ImageStream& stream : recording.ceiling) addCamera(stream, "", CameraRole::kCeiling);
   fleet.markers = recording.markers;
+  fleet.landmarks = recording.landmarks;
 }
 
 }  // namespace omnifleet::fleet

@@ -90,6 +90,9 @@ void readOwn(Fleet& fleet) {
   for (const std::string& id : cameras.keys()) fleet.cameras.push_back(readCamera(id, cameras.child(id)));
   std::string markers;
   fleet.file.read("markers", markers);
+  std::string landmarks;
+  fleet.file.read("landmarks", landmarks);
+  if (!landmarks.empty()) fleet.landmarks = dataset::readLandmarks(besideFile(fleet.file, landmarks));
   if (!markers.empty()) fleet.markers = dataset::MarkerSet::load(besideFile(fleet.file, markers));
 }
 
@@ -185,6 +188,22 @@ std::vector<std::string> Fleet::mappingRobots() const {
   std::vector<std::string> names;
   for (const RobotSpec& robot : robots) {
     if (fisheyeOf(robot.name)) names.push_back(robot.name);
+  }
+  return names;
+}
+
+std::vector<std::string> Fleet::observingRobots() const {
+  std::vector<std::string> names;
+  for (const RobotSpec& robot : robots) {
+    if (!fisheyeOf(robot.name) && robot.has_observations) names.push_back(robot.name);
+  }
+  return names;
+}
+
+std::vector<std::string> Fleet::locatedRobots() const {
+  std::vector<std::string> names;
+  for (const RobotSpec& robot : robots) {
+    if (fisheyeOf(robot.name) || robot.has_observations) names.push_back(robot.name);
   }
   return names;
 }

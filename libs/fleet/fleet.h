@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/landmarks.h"
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
 #include "lens/camera.h"
@@ -45,6 +46,7 @@ struct Fleet {
   std::vector<RobotSpec> robots;    ///< sorted by name
   std::vector<CameraSpec> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
+  std::vector<dataset::Landmark> landmarks;  ///< surveyed ones, of the dataset or of the file `landmarks`
   std::string dataset;                    ///< folder; empty unless the run replays one
   std::optional<synthetic::Arena> arena;  ///< only when simulated
   int seed = 1;                           ///< of the arena's noise
@@ -68,6 +70,11 @@ struct Fleet {
   /// Robots that map with a fisheye camera: they have local_mapper, classifier, global_merger (and
   /// formation).
   std::vector<std::string> mappingRobots() const;
+  /// Robots without a fisheye camera that report ranges and bearings instead of images: the localizer makes
+  /// their frames, they have a global_merger.
+  std::vector<std::string> observingRobots() const;
+  /// Both kinds, by name: those that get a pose per frame and hold a replica of the map.
+  std::vector<std::string> locatedRobots() const;
   std::vector<std::string> ceilingCameras() const;
   bool hasFormation() const;  ///< robots are driven by this fleet
   bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser

@@ -35,7 +35,8 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   if (fleet.hasFormation()) {
     for (const std::string& robot : robots) add("formation", robot, fleet.robot(robot).host, kFormations);
   }
-  for (const std::string& robot : robots) add("global_merger", robot, fleet.robot(robot).host, kMergers);
+  for (const std::string& robot : fleet.locatedRobots())
+    add("global_merger", robot, fleet.robot(robot).host, kMergers);
   if (!host.empty()) {
     all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }),
               all.end());
@@ -45,17 +46,23 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
 
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance) {
   const int robots = static_cast<int>(fleet.mappingRobots().size());
+  const int located = static_cast<int>(fleet.locatedRobots().size());
   const int formations = fleet.hasFormation() ? robots : 0;
   const bool maps = !instance.empty() && fleet.fisheyeOf(instance) != nullptr;
   if (topic == "camera") return 1;
-  if (topic == "wheels/odometry") return maps ? 1 : 0;
+  const std::vector<std::string> observing = fleet.observingRobots();
+  const bool observes = std::find(observing.begin(), observing.end(), instance) != observing.end();
+  if (topic == "wheels/odometry") return maps || observes ? 1 : 0;  // its local mapper or the localizer
   if (topic == "wheels/command") return fleet.arena ? 1 : 0;
   if (topic == "local_map") return 1;
+  if (topic == "objects" && observes) return 1;                       // made by the estimator: merger
   if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
   if (topic == "measurement") return 1;
-  if (topic == "pose") return 2 * robots + formations;  // every classifier and merger, every formation
+  if (topic == "pose") {  // every merger; of robots with a camera every classifier and formation
+    return located + (maps ? robots + formations : 0);
+  }
   if (topic == "formation/state") return std::max(0, formations - 1);  // every other formation
-  if (topic == "map/contribution" || topic == "map/keyframe_pose") return robots;
+  if (topic == "map/contribution" || topic == "map/keyframe_pose") return located;
   if (topic == "world/truth") {
     return static_cast<int>(
         std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [](const CameraSpec& camera) {

@@ -107,6 +107,7 @@ struct Track {
   double solidity = 1.0;
   bool truncated = false;
   double height_m = 0.0, height_sigma_m = 0.0;
+  std::string name;  ///< of a landmark that can be told from all others; else empty
 };
 
 struct Objects {

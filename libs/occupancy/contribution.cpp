@@ -33,6 +33,7 @@ SupportView makeView(const Track& track) {
   view.track_id = track.id;
   view.kind = track.kind;
   view.truncated = track.truncated;
+  view.name = track.name;
   const double solidity = std::isfinite(track.solidity) ? std::clamp(track.solidity, 0.0, 1.0) : 0.0;
   view.solidity_permille = static_cast<std::uint16_t>(std::lround(1000.0 * solidity));
   if (!quantise(track.position_m, view.position)) view.position = {};
@@ -146,7 +147,7 @@ std::string canonicalBytes(const Contribution& c) {
     for (const auto b : view.b_dmm) bytes.put(b);
     bytes.put(static_cast<std::uint32_t>(view.sigma_dmm.size()));
     for (const auto sigma : view.sigma_dmm) bytes.put(sigma);
-    bytes.put(view.height_dmm).put(view.height_sigma_dmm);
+    bytes.put(view.height_dmm).put(view.height_sigma_dmm).put(view.name);
   }
   return bytes.take();
 }

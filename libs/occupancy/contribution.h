@@ -30,6 +30,7 @@ struct SupportView {
   std::vector<std::uint16_t> sigma_dmm;  ///< 0: direction not to be used
   std::int32_t height_dmm = 0;
   std::uint16_t height_sigma_dmm = 0;  ///< 0: unknown
+  std::string name;                    ///< of a landmark that can be told from all others; else empty
 };
 
 /// What one keyframe saw, base_link. Robot and time name it; it is never changed afterwards.

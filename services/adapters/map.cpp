@@ -22,6 +22,7 @@ void viewToWire(const occupancy::SupportView& from, v1::SupportView& to) {
   to.sigma(from.sigma_dmm);
   to.height(from.height_dmm);
   to.height_sigma(from.height_sigma_dmm);
+  to.name(from.name);
 }
 
 bool viewFromWire(const v1::SupportView& from, occupancy::SupportView& to) {
@@ -34,6 +35,7 @@ bool viewFromWire(const v1::SupportView& from, occupancy::SupportView& to) {
   to.sigma_dmm = from.sigma();
   to.height_dmm = from.height();
   to.height_sigma_dmm = from.height_sigma();
+  to.name = from.name().to_string();
   return enumFromWire(from.kind(), ObjectKind::kRobot, to.kind) && to.b_dmm.size() == to.sigma_dmm.size();
 }
 

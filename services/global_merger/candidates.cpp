@@ -95,6 +95,7 @@ using Tracks = std::map<std::uint32_t, Candidate>;
 void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
                 const std::vector<PlacedRobot>& others, const MergerOptions& options, Tracks& tracks) {
   for (const auto& seen : contribution.views) {
+    if (!seen.name.empty()) continue;  // named_landmarks.h
     auto& candidate = tracks[seen.track_id];
     candidate.robot = contribution.robot;
     candidate.track_id = seen.track_id;
@@ -121,6 +122,10 @@ std::vector<Candidate> candidatesOf(const ContributionStore& store, const Merger
     Tracks tracks;
     for (const auto& [time_ns, keyframe] : path) {
       if (!keyframe.contribution || !occupancy::standingOf(keyframe.pose)) continue;
+      if (std::all_of(keyframe.contribution->views.begin(), keyframe.contribution->views.end(),
+                      [](const SupportView& view) { return !view.name.empty(); })) {
+        continue;
+      }
       const auto others = othersAt(store, paths, bodies, robot, time_ns);
       gatherFrom(*keyframe.contribution, *keyframe.pose, others, options, tracks);
     }

@@ -6,6 +6,7 @@
 
 #include "global_merger/candidates.h"
 #include "global_merger/grouping.h"
+#include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
 #include "occupancy/robot_paths.h"
 
@@ -147,6 +148,10 @@ const std::vector<dataset::MapObject>& Merger::outlines() {
     outlines_.push_back(objectOf(group));
     outlines_.back().id = idOf(group, bodies_, taken);
     for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
+  }
+  for (dataset::MapObject& landmark : namedLandmarks(map_.store(), options_.min_views)) {
+    while (!taken.insert(landmark.id).second) ++landmark.id;
+    outlines_.push_back(std::move(landmark));
   }
   std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   is_stale_ = false;

@@ -22,7 +22,7 @@ std::string correctionStream(const std::string& robot) {
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       robot_(fleet.robot(context.options.robot).name),
-      speaks_(fleet.mappingRobots().front() == robot_),
+      speaks_(fleet.locatedRobots().front() == robot_),
       ends_(context),
       objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
                {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
@@ -38,7 +38,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
-  for (const std::string& robot : fleet.mappingRobots()) {
+  for (const std::string& robot : fleet.locatedRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
         bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options),

@@ -22,6 +22,11 @@ class EstimatorStage {
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
 
+  /// See FleetEstimator::addWheels.
+  void addWheels(const std::string& robot, TimeNs time, double left_mps, double right_mps) {
+    estimator_.addWheels(robot, time, left_mps, right_mps);
+  }
+
   /// End of the run: the last solve. Returns the revised poses of the frames still in the window.
   std::vector<PoseEstimate> finish() { return estimator_.finish(); }
 

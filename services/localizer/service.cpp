@@ -13,8 +13,34 @@ constexpr std::uint32_t kTerm = 1;  // of the only estimator; mergers' own first
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
-  for (const fleet::RobotSpec& robot : fleet.robots)
+  bool tied = !fleet.ceilingCameras().empty() || !fleet.landmarks.empty();
+  for (const fleet::RobotSpec& robot : fleet.robots) {
     all.push_back({robot.name, robot.body, robot.initial_pose});
+    tied = tied || robot.initial_pose;
+  }
+  // Nothing says where `map` is: it is the first robot's first base_link.
+  const std::vector<std::string> located = fleet.locatedRobots();
+  for (auto& setup : all) {
+    if (!tied && !located.empty() && setup.name == located.front()) setup.initial_pose = Pose2{};
+  }
+  return all;
+}
+
+std::set<std::string> asSet(const std::vector<std::string>& names) {
+  return {names.begin(), names.end()};
+}
+
+std::vector<Measurement> surveyed(const fleet::Fleet& fleet) {
+  std::vector<Measurement> all;
+  for (const dataset::Landmark& landmark : fleet.landmarks) {
+    Measurement m;
+    m.source = "landmarks";
+    m.kind = MeasurementKind::kPosition;
+    m.to = landmark.name;
+    m.value << landmark.position_m, 0.0;
+    m.covariance = landmark.sigma_m * landmark.sigma_m * Eigen::Matrix3d::Identity();
+    all.push_back(std::move(m));
+  }
   return all;
 }
 
@@ -24,22 +50,67 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
     : context_(context),
       ends_(context),
       estimator_(setups(fleet),
-                 estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))) {
-  const auto mode = streamMode(context.options);
+                 estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
+      observation_frames_(
+          asSet(fleet.observingRobots()),
+          localizer::ObservationOptions::read(fleet.service("localizer").child("observations"))),
+      surveyed_(surveyed(fleet)) {
+  for (const fleet::RobotSpec& robot : fleet.robots) names_.insert(robot.name);
+  readCameras(fleet);
+  readMeasurements(fleet);
+  readObservers(fleet);
+}
+
+void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& robot) {
+  const auto readers = [&](const char* topic) { return fleet::expectedReaders(fleet, topic, robot); };
+  RobotOutputs outputs{{context_.bus.writer(context_.topics.pose, robot), "pose " + robot, readers("pose")},
+                       {context_.bus.writer(context_.topics.map_keyframe_pose, robot),
+                        "map/keyframe_pose localizer " + robot, readers("map/keyframe_pose")},
+                       {}};
+  if (!fleet.fisheyeOf(robot)) {
+    outputs.objects.emplace(context_.bus.writer(context_.topics.objects, robot), "objects " + robot,
+                            readers("objects"));
+  }
+  outputs_.emplace(robot, std::move(outputs));
+}
+
+void LocalizerService::readCameras(const fleet::Fleet& fleet) {
   for (const std::string& robot : fleet.mappingRobots()) {
     objects_.push_back(std::make_unique<Inlet<v1::Objects, Payload>>(
-        context.bus.reader(context.topics.objects, robot), merger_, ends_,
-        bus::StreamSpec{"objects " + robot, robot, 0, bus::StreamRole::kInput, mode}));
-    outputs_.emplace(robot, RobotOutputs{{context.bus.writer(context.topics.pose, robot), "pose " + robot,
-                                          fleet::expectedReaders(fleet, "pose", robot)},
-                                         {context.bus.writer(context.topics.map_keyframe_pose, robot),
-                                          "map/keyframe_pose localizer " + robot,
-                                          fleet::expectedReaders(fleet, "map/keyframe_pose", robot)}});
+        context_.bus.reader(context_.topics.objects, robot), merger_, ends_,
+        bus::StreamSpec{"objects " + robot, robot, 0, bus::StreamRole::kInput,
+                        streamMode(context_.options)}));
+    addOutputs(fleet, robot);
   }
-  for (const std::string& camera : fleet.ceilingCameras()) {
+}
+
+void LocalizerService::readMeasurements(const fleet::Fleet& fleet) {
+  std::vector<std::string> sources = fleet.ceilingCameras();
+  for (const std::string& robot : fleet.mappingRobots()) {
+    if (fleet.robot(robot).has_observations) sources.push_back("observations/" + robot);
+  }
+  for (const std::string& source : sources) {
     measurements_.push_back(std::make_unique<Inlet<v1::Measurement, Payload>>(
-        context.bus.reader(context.topics.measurement, camera), merger_, ends_,
-        bus::StreamSpec{"measurement " + camera, camera, 1, bus::StreamRole::kInput, mode, false}));
+        context_.bus.reader(context_.topics.measurement, source), merger_, ends_,
+        bus::StreamSpec{"measurement " + source, source, 1, bus::StreamRole::kInput,
+                        streamMode(context_.options), false}));
+  }
+}
+
+void LocalizerService::readObservers(const fleet::Fleet& fleet) {
+  const auto mode = streamMode(context_.options);
+  for (const std::string& robot : fleet.observingRobots()) {
+    const std::string source = "observations/" + robot;
+    reports_.push_back(std::make_unique<Inlet<v1::Measurement, Payload>>(
+        context_.bus.reader(context_.topics.measurement, source), merger_, ends_,
+        bus::StreamSpec{"measurement " + source, robot, 0, bus::StreamRole::kInput, mode}));
+    if (fleet.robot(robot).has_wheels) {
+      wheels_.push_back(std::make_unique<Inlet<v1::WheelOdometry, Payload>>(
+          context_.bus.reader(context_.topics.wheels_odometry, robot), merger_, ends_,
+          bus::StreamSpec{"wheels/odometry " + robot, robot, 2, bus::StreamRole::kSide, mode}));
+      robot_of_wheels_[wheels_.back()->stream()] = robot;
+    }
+    addOutputs(fleet, robot);
   }
 }
 
@@ -48,6 +119,7 @@ std::vector<bus::Expectation> LocalizerService::expectations() const {
   for (const auto& [robot, outputs] : outputs_) {
     all.push_back(outputs.pose.expectation());
     all.push_back(outputs.correction.expectation());
+    if (outputs.objects) all.push_back(outputs.objects->expectation());
   }
   return all;
 }
@@ -62,6 +134,21 @@ bool LocalizerService::pull() {
   for (auto& inlet : measurements_) {
     any |= inlet->pull(status(), [](const v1::Measurement& wire, Payload& payload) {
       return adapters::fromWire(wire, payload.emplace<Measurements>().values);
+    }) > 0;
+  }
+  for (auto& inlet : reports_) {
+    any |= inlet->pull(status(), [](const v1::Measurement& wire, Payload& payload) {
+      Report& report = payload.emplace<Report>();
+      const std::string source = wire.source().to_string();
+      report.robot = source.substr(source.find('/') + 1);
+      report.sequence = wire.header().sequence_number();
+      return adapters::fromWire(wire, report.values);
+    }) > 0;
+  }
+  for (auto& inlet : wheels_) {
+    any |= inlet->pull(status(), [](const v1::WheelOdometry& wire, Payload& payload) {
+      payload = dataset::WheelRow{wire.header().acquired_ns(), wire.v_left_mps(), wire.v_right_mps()};
+      return std::isfinite(wire.v_left_mps()) && std::isfinite(wire.v_right_mps());
     }) > 0;
   }
   return any;
@@ -81,29 +168,52 @@ bool LocalizerService::spin() {
   return any;
 }
 
+void LocalizerService::takeWheels() {
+  for (const auto& item : batch_.side) {
+    const auto& row = std::get<dataset::WheelRow>(item.payload);
+    estimator_.addWheels(robot_of_wheels_.at(item.stream), row.time_ns, row.left_mps, row.right_mps);
+  }
+}
+
 void LocalizerService::process() {
   const auto begun = steady_clock::now();
+  takeWheels();
   frames_.clear();
   values_.clear();
+  reported_.clear();
+  for (const Measurement& landmark : surveyed_) values_.push_back(&landmark);
   for (const auto& item : batch_.inputs) {
+    const auto* measured = std::get_if<Measurements>(&item.payload);
+    const auto* report = std::get_if<Report>(&item.payload);
     if (const auto* objects = std::get_if<Objects>(&item.payload)) frames_.push_back(objects);
-    if (const auto* measured = std::get_if<Measurements>(&item.payload)) {
-      for (const Measurement& value : measured->values) values_.push_back(&value);
-    }
+    if (report != nullptr) reported_.push_back(report);
+    if (measured == nullptr && report == nullptr) continue;
+    for (const Measurement& value : measured != nullptr ? measured->values : report->values)
+      values_.push_back(&value);
   }
+  const std::size_t published = frames_.size() + reported_.size();
+  for (const Objects& frame : observation_frames_.framesAt(batch_.time, reported_)) frames_.push_back(&frame);
   const std::uint64_t rejected = estimator_.rejectedMeasurements() + estimator_.rejectedFrames();
-  publishPoses(estimator_.process(batch_.time, frames_, values_));
+  const std::vector<PoseEstimate> poses = estimator_.process(batch_.time, frames_, values_);
+  // Frames beyond these are of robots that were seen but reported nothing themselves.
+  for (std::size_t i = 0; i < published; ++i) publishPose(poses[i]);
+  for (const Report* report : reported_) publishObjects(*report);
+  surveyed_.clear();
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
 }
 
-void LocalizerService::publishPoses(const std::vector<PoseEstimate>& poses) {
-  for (const PoseEstimate& pose : poses) {
-    adapters::toWire(pose, runClock(context_.options), kTerm, sample_);
-    outputs_.at(pose.robot).pose.write(sample_, status());
-    const std::string text = estimator_.status(pose.robot);
-    if (!text.empty()) status().error(pose.robot + ": " + text);
-  }
+void LocalizerService::publishPose(const PoseEstimate& pose) {
+  adapters::toWire(pose, runClock(context_.options), kTerm, sample_);
+  outputs_.at(pose.robot).pose.write(sample_, status());
+  const std::string text = estimator_.status(pose.robot);
+  if (!text.empty()) status().error(pose.robot + ": " + text);
+}
+
+void LocalizerService::publishObjects(const Report& report) {
+  const Objects objects = observation_frames_.objectsOf(report, batch_.time, estimator_.estimator(), names_);
+  adapters::toWire(objects, runClock(context_.options), objects_sample_);
+  outputs_.at(report.robot).objects->write(objects_sample_, status());
 }
 
 void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses) {
@@ -120,6 +230,7 @@ void LocalizerService::finish(const std::string& reason) {
   for (auto& [robot, outputs] : outputs_) {
     outputs.pose.end(ends_, reason);
     outputs.correction.end(ends_, reason);
+    if (outputs.objects) outputs.objects->end(ends_, reason);
   }
 }
 

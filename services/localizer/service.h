@@ -2,18 +2,24 @@
 
 #include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <variant>
 #include <vector>
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "localizer/estimator_stage.h"
+#include "localizer/observation_frames.h"
 
 namespace omnifleet::services {
 
 /// The estimator: objects of every robot and measurements of every front end in, one pose per robot and frame
-/// out. At the end of a run it publishes the smoothed poses as corrected keyframe poses.
+/// out. For robots without a camera that report ranges and bearings it also integrates the wheels, makes
+/// their frames and publishes the landmarks they see as their objects. At the end of a run it publishes the
+/// smoothed poses as corrected keyframe poses.
 class LocalizerService : public bus::Service {
  public:
   LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -31,15 +37,24 @@ class LocalizerService : public bus::Service {
   struct Measurements {
     std::vector<Measurement> values;
   };
-  using Payload = std::variant<std::monostate, Objects, Measurements>;
+  using Report = localizer::ObservationFrames::Report;
+  using Payload = std::variant<std::monostate, Objects, Measurements, Report, dataset::WheelRow>;
   struct RobotOutputs {
     Outlet<v1::Pose> pose;
     Outlet<v1::KeyframePose> correction;
+    std::optional<Outlet<v1::Objects>> objects;  ///< of a robot without a camera
   };
+
+  void readCameras(const fleet::Fleet& fleet);
+  void readMeasurements(const fleet::Fleet& fleet);
+  void readObservers(const fleet::Fleet& fleet);
+  void addOutputs(const fleet::Fleet& fleet, const std::string& robot);
 
   bool pull();
   void process();
-  void publishPoses(const std::vector<PoseEstimate>& poses);
+  void takeWheels();
+  void publishPose(const PoseEstimate& pose);
+  void publishObjects(const Report& report);
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 
@@ -48,12 +63,19 @@ class LocalizerService : public bus::Service {
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
   std::vector<std::unique_ptr<Inlet<v1::Objects, Payload>>> objects_;
-  std::vector<std::unique_ptr<Inlet<v1::Measurement, Payload>>> measurements_;
+  std::vector<std::unique_ptr<Inlet<v1::Measurement, Payload>>> measurements_, reports_;
+  std::vector<std::unique_ptr<Inlet<v1::WheelOdometry, Payload>>> wheels_;
+  std::map<int, std::string> robot_of_wheels_;  ///< by stream
   std::map<std::string, RobotOutputs> outputs_;
   localizer::EstimatorStage estimator_;
+  localizer::ObservationFrames observation_frames_;
+  std::vector<Measurement> surveyed_;  ///< landmarks whose place is known, told once
+  std::set<std::string> names_;        ///< of all robots
+  std::vector<const Report*> reported_;
   std::vector<const Objects*> frames_;
   std::vector<const Measurement*> values_;
   v1::Pose sample_;
+  v1::Objects objects_sample_;
   std::uint32_t revision_ = 0;
   bool ended_ = false;
 };

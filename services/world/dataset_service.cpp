@@ -1,10 +1,96 @@
 #include "world/dataset_service.h"
 
+#include <algorithm>
+#include <cmath>
+
+#include "dataset/observation_rows.h"
+
 namespace omnifleet::services {
 namespace {
 using std::chrono::steady_clock;
 constexpr int kRowsPerSpin = 64;
+constexpr std::size_t kMostValues = 64;  // of one sample on the wire
 }  // namespace
+
+/// One stream of the recording and its writer.
+class DatasetWorldService::Stream {
+ public:
+  virtual ~Stream() = default;
+  virtual bool done() const = 0;
+  virtual TimeNs time() const = 0;  ///< of the next sample
+  virtual void write(bus::StatusBoard& status) = 0;
+  virtual void end(RunEnds& ends, const std::string& reason) = 0;
+  virtual bus::Expectation expectation() const = 0;
+};
+
+class DatasetWorldService::WheelStream final : public Stream {
+ public:
+  WheelStream(const bus::ServiceContext& context, const fleet::Fleet& fleet, dataset::RobotRecording& robot)
+      : rows_(std::move(robot.wheels)),
+        clock_(runClock(context.options)),
+        out_(context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
+             fleet::expectedReaders(fleet, "wheels/odometry", robot.name)) {
+    sample_.robot(robot.name);
+  }
+  bool done() const override { return next_ == rows_.size(); }
+  TimeNs time() const override { return rows_[next_].time_ns; }
+  void write(bus::StatusBoard& status) override {
+    const dataset::WheelRow& row = rows_[next_];
+    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(next_++), clock_, sample_.header());
+    sample_.v_left_mps(row.left_mps);
+    sample_.v_right_mps(row.right_mps);
+    out_.write(sample_, status);
+  }
+  void end(RunEnds& ends, const std::string& reason) override { out_.end(ends, reason); }
+  bus::Expectation expectation() const override { return out_.expectation(); }
+
+ private:
+  std::vector<dataset::WheelRow> rows_;
+  adapters::RunClock clock_;
+  Outlet<v1::WheelOdometry> out_;
+  v1::WheelOdometry sample_;
+  std::size_t next_ = 0;
+};
+
+class DatasetWorldService::ObservationStream final : public Stream {
+ public:
+  ObservationStream(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                    dataset::RobotRecording& robot)
+      : robot_(robot.name),
+        rows_(std::move(robot.observations)),
+        noise_(dataset::ObservationNoise::read(fleet.service("world").child("observations"))),
+        clock_(runClock(context.options)),
+        out_(context.bus.writer(context.topics.measurement, "observations/" + robot.name),
+             "measurement observations/" + robot.name,
+             fleet::expectedReaders(fleet, "measurement", "observations/" + robot.name)) {}
+  bool done() const override { return next_ == rows_.size(); }
+  TimeNs time() const override { return rows_[next_].time_ns; }
+  void write(bus::StatusBoard& status) override {
+    std::size_t end = next_ + 1;
+    while (end < rows_.size() && rows_[end].time_ns == time()) ++end;
+    if (end - next_ > kMostValues) {
+      status.dropped();
+      status.error(robot_ + ": more than 64 observations at one time, the rest is left out");
+    }
+    const auto values =
+        dataset::measurementsOf(robot_, &rows_[next_], std::min(end - next_, kMostValues), noise_);
+    adapters::toWire("observations/" + robot_, time(), sequence_++, FrameState::kOk, values, clock_, sample_);
+    out_.write(sample_, status);
+    next_ = end;
+  }
+  void end(RunEnds& ends, const std::string& reason) override { out_.end(ends, reason); }
+  bus::Expectation expectation() const override { return out_.expectation(); }
+
+ private:
+  std::string robot_;
+  std::vector<dataset::RangeBearingRow> rows_;
+  dataset::ObservationNoise noise_;
+  adapters::RunClock clock_;
+  Outlet<v1::Measurement> out_;
+  v1::Measurement sample_;
+  std::size_t next_ = 0;
+  std::uint32_t sequence_ = 0;
+};
 
 DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context), ends_(context) {
@@ -15,27 +101,24 @@ DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, con
     context.log->warn("{}", warning);
   }
   for (dataset::RobotRecording& robot : recording.robots) {
-    if (robot.wheels.empty()) continue;
-    streams_.push_back(std::make_unique<WheelStream>(WheelStream{
-        robot.name,
-        std::move(robot.wheels),
-        0,
-        {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
-         fleet::expectedReaders(fleet, "wheels/odometry", robot.name)}}));
+    if (!robot.wheels.empty()) streams_.push_back(std::make_unique<WheelStream>(context, fleet, robot));
+    if (!robot.observations.empty())
+      streams_.push_back(std::make_unique<ObservationStream>(context, fleet, robot));
   }
 }
 
+DatasetWorldService::~DatasetWorldService() = default;
+
 std::vector<bus::Expectation> DatasetWorldService::expectations() const {
   std::vector<bus::Expectation> all;
-  for (const auto& stream : streams_) all.push_back(stream->out.expectation());
+  for (const auto& stream : streams_) all.push_back(stream->expectation());
   return all;
 }
 
-DatasetWorldService::WheelStream* DatasetWorldService::earliest() {
-  WheelStream* first = nullptr;
+DatasetWorldService::Stream* DatasetWorldService::earliest() {
+  Stream* first = nullptr;
   for (auto& stream : streams_) {
-    if (stream->next == stream->rows.size()) continue;
-    if (!first || stream->rows[stream->next].time_ns < first->rows[first->next].time_ns) first = stream.get();
+    if (!stream->done() && (!first || stream->time() < first->time())) first = stream.get();
   }
   return first;
 }
@@ -43,28 +126,21 @@ DatasetWorldService::WheelStream* DatasetWorldService::earliest() {
 bool DatasetWorldService::spin() {
   if (ended_) return false;
   for (int i = 0; i < kRowsPerSpin; ++i) {
-    WheelStream* stream = earliest();
+    Stream* stream = earliest();
     if (!stream) {
       finish("");
       ended_ = true;
       return true;
     }
     const auto begun = steady_clock::now();
-    const dataset::WheelRow& row = stream->rows[stream->next];
-    sample_.robot(stream->robot);
-    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(stream->next), runClock(context_.options),
-                         sample_.header());
-    sample_.v_left_mps(row.left_mps);
-    sample_.v_right_mps(row.right_mps);
-    stream->out.write(sample_, status());
-    ++stream->next;
+    stream->write(status());
     status().processed(steady_clock::now() - begun);
   }
   return true;
 }
 
 void DatasetWorldService::finish(const std::string& reason) {
-  for (auto& stream : streams_) stream->out.end(ends_, reason);
+  for (auto& stream : streams_) stream->end(ends_, reason);
 }
 
 }  // namespace omnifleet::services

@@ -10,10 +10,13 @@
 
 namespace omnifleet::services {
 
-/// Plays what a recording holds beside images: wheel speeds. Nothing is lost: writers wait for their readers.
+/// Plays what a recording holds beside images: wheel speeds, ranges and bearings. Nothing is lost: writers
+/// wait for their readers. One thread plays all streams, always the earliest row next: a reader that needs
+/// several streams up to some time gets them, so none can wait for another.
 class DatasetWorldService : public bus::Service {
  public:
   DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+  ~DatasetWorldService() override;
 
   std::vector<bus::Expectation> expectations() const override;
   void start() override { status().state(bus::ServiceState::kRunning); }
@@ -22,19 +25,15 @@ class DatasetWorldService : public bus::Service {
   void drain() override { finish(ended_ ? "" : "stopped"); }
 
  private:
-  struct WheelStream {
-    std::string robot;
-    std::vector<dataset::WheelRow> rows;
-    std::size_t next = 0;
-    Outlet<v1::WheelOdometry> out;
-  };
-  WheelStream* earliest();
+  class Stream;
+  class WheelStream;
+  class ObservationStream;
+  Stream* earliest();
   void finish(const std::string& reason);
 
   bus::ServiceContext context_;
   RunEnds ends_;
-  std::vector<std::unique_ptr<WheelStream>> streams_;
-  v1::WheelOdometry sample_;
+  std::vector<std::unique_ptr<Stream>> streams_;
   bool ended_ = false;
 };
 

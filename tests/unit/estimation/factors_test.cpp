@@ -89,13 +89,18 @@ TEST(Factors, DerivativesAgreeWithDifferences) {
   EXPECT_LT(derivativeError(*absolutePositionFactor({0.2, 0.3}, small, offset), {a}), kRounding);
   EXPECT_LT(derivativeError(*relativePoseFactor(measured, someCovariance(), offset, measured), {a, b}),
             kRounding);
-  EXPECT_LT(derivativeError(*motionFactor(measured, someCovariance(), arcBiasJacobian(0.1, 0.14, 0.26)),
-                            {a, b, Eigen::Vector2d(0.01, -0.02)}),
+  WheelJacobian by_model;
+  by_model << arcBiasJacobian(0.1, 0.14, 0.26), Eigen::Vector3d(0.01, 0.1, 0.15),
+      Eigen::Vector3d(0.1, 0.0, -0.2);
+  const Eigen::Vector4d model(0.01, -0.02, 0.03, 0.1), detector(0.02, 0.03, -0.04, 0.9);
+  EXPECT_LT(derivativeError(*motionFactor(measured, someCovariance(), by_model, WheelModel::Constant(0.01)),
+                            {a, b, model}),
             kRounding);
-  EXPECT_LT(derivativeError(*rangeBearingPoseFactor({0.5, 0.2}, small, offset, measured), {a, b}), kRounding);
-  EXPECT_LT(
-      derivativeError(*rangeBearingPointFactor({0.5, 0.2}, small, offset), {a, Eigen::Vector2d(1.5, 2.5)}),
-      kRounding);
+  EXPECT_LT(derivativeError(*rangeBearingPoseFactor({0.5, 0.2}, small, offset, measured), {a, b, detector}),
+            kRounding);
+  EXPECT_LT(derivativeError(*rangeBearingPointFactor({0.5, 0.2}, small, offset),
+                            {a, Eigen::Vector2d(1.5, 2.5), detector}),
+            kRounding);
 }
 
 TEST(Factors, PrismDerivativesAgreeWithDifferences) {

@@ -64,8 +64,8 @@ TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
   const Eigen::Matrix3d step = Eigen::Vector3d(1e-6, 4e-7, 3e-5).asDiagonal();
   const auto covariance = [&](std::size_t window) {
     Graph graph;
-    const auto bias = graph.addVariable(Eigen::Vector2d::Zero());
-    graph.addFactor(priorFactor(Eigen::Vector2d::Zero(), Eigen::Vector2d(0.02, 0.02)), {bias});
+    const auto bias = graph.addVariable(WheelModel::Zero());
+    graph.addFactor(priorFactor(WheelModel::Zero(), WheelModel(0.02, 0.02, 1e-3, 1e-3)), {bias});
     std::vector<VariableId> poses;
     Pose2 at{0.3, -0.2, 1.0};
     poses.push_back(graph.addVariable(at.vector()));
@@ -76,8 +76,9 @@ TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
       at = at * motion;
       const auto next = graph.addVariable(at.vector());
       graph.value(next)(2) = graph.value(poses.back())(2) + motion.theta_rad;
-      graph.addFactor(motionFactor(motion, step, arcBiasJacobian(left, right, 0.26)),
-                      {poses.back(), next, bias});
+      WheelJacobian by_model = WheelJacobian::Zero();
+      by_model.leftCols<2>() = arcBiasJacobian(left, right, 0.26);
+      graph.addFactor(motionFactor(motion, step, by_model), {poses.back(), next, bias});
       poses.push_back(next);
       if (poses.size() > window) {
         graph.marginalise({poses.front()});

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "estimation/fleet_state.h"
+
+namespace omnifleet::estimation {
+
+/// A robot without a pose follows its own wheels in a frame of its own. Takes its scout to the time of a new
+/// frame; starts afresh where the motion is not known.
+void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame);
+
+/// Something whose place in map is known was seen at a place of the scout's frame, or the scout itself was
+/// seen from a place known.
+void addScoutPair(RobotNode& lost, const Eigen::Vector2d& in_local, const Eigen::Vector2d& in_map);
+
+/// Places a robot where what it has seen of named things, and who has seen it, agrees: the rigid motion that
+/// most pairs of the last 30 s support. Needs at least five pairs, most of them agreeing, far enough apart to
+/// tell the heading.
+bool locateByPoints(FleetState& fleet, RobotNode& lost, const Objects& frame);
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,128 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "dataset/ground_truth.h"
+#include "evaluation/trajectory_metrics.h"
+#include "observed_fleet.h"
+#include "observed_run.h"
+
+namespace omnifleet::localizer::testing {
+namespace {
+
+double worst(const ObservedRun& run, const ObservedFleet& fleet, const std::string& robot,
+             double from_s = 0.0) {
+  double largest = 0.0;
+  const auto& truth = fleet.truth.at(robot);
+  for (const auto& pose : run.trajectories.at(robot)) {
+    Pose2 exact;
+    if (static_cast<double>(pose.time_ns - truth.front().time_ns) * 1e-9 < from_s) continue;
+    if (!evaluation::poseAt(truth, pose.time_ns, 1'000'000'000, exact)) continue;
+    largest = std::max(largest, (pose.map_from_base.translation() - exact.translation()).norm());
+  }
+  return largest;
+}
+
+double meanError(const ObservedRun& run, const ObservedFleet& fleet) {
+  double sum = 0.0;
+  for (const auto& [name, path] : run.trajectories)
+    sum += evaluation::comparePaths(fleet.truth.at(name), path).distance_m;
+  return sum / static_cast<double>(run.trajectories.size());
+}
+
+double landmarkError(const ObservedRun& run, const ObservedFleet& fleet) {
+  double sum = 0.0;
+  for (const auto& point : run.points) {
+    for (const auto& landmark : fleet.recording.landmarks) {
+      if (landmark.name == point.name) sum += (landmark.position_m - point.position_m).norm();
+    }
+  }
+  return sum / static_cast<double>(run.points.size());
+}
+
+ObservedRun runOf(const ObservedFleet& fleet, bool survey) {
+  ObservedRunOptions options;
+  options.survey = survey;
+  return runObserved(fleet.recording, options, fleet.truth);
+}
+
+TEST(ObservedFleet, IsLocatedConsistentlyOverSeeds) {
+  // NEES of three degrees of freedom: 3 on average where the covariance is true. Errors of successive poses
+  // hang together: of 30 s and 3 robots about 20 are independent, of four seeds 80, whose mean lies within
+  // 3 ± 2.6·√(6/80) = 2.3 … 3.7 in 99 % of the cases. The walk of the position that the estimator assumes and
+  // the simulation has not makes it smaller.
+  for (const bool survey : {true, false}) {
+    double nees = 0.0, error = 0.0;
+    int runs = 0;
+    for (std::uint32_t seed = 1000; seed < 1004; ++seed) {
+      ObservedFleetOptions options;
+      options.duration_s = 30.0;
+      const ObservedFleet fleet(options, seed);
+      const ObservedRun run = runOf(fleet, survey);
+      error += meanError(run, fleet) / 4.0;
+      for (const auto& [name, value] : run.nees) nees += value, ++runs;
+    }
+    nees /= runs;
+    std::printf("%s landmarks: mean %.3f m, NEES %.2f\n", survey ? "known" : "unknown", error, nees);
+    EXPECT_GT(nees, 1.0);
+    EXPECT_LT(nees, 3.7);
+    EXPECT_LT(error, survey ? 0.05 : 0.08);  // a range errs by 4 cm + 2 % at up to 4 m
+  }
+}
+
+TEST(ObservedFleet, WhatTheSensorsDoWrongIsEstimated) {
+  ObservedFleetOptions options;
+  options.delay_s = 0.2;
+  options.obliqueness = 1.0;
+  options.bearing_bias_rad = -0.03;
+  options.outliers = 0.02;
+  const ObservedFleet fleet(options, 1005);
+  const ObservedRun run = runOf(fleet, true);
+  for (const auto& [name, detector] : run.detectors) {
+    EXPECT_NEAR(detector(0), -0.03, 0.01)
+        << name;                                 // a hundred bearings of 0.015 rad, and the heading's share
+    EXPECT_NEAR(detector(3), 1.0, 0.2) << name;  // (1 − cos 0.5) is 0.12: 2 cm of 4 m are 0.04 of it
+    EXPECT_NEAR(run.wheels.at(name)(3), 0.2, 0.1) << name;
+  }
+  EXPECT_LT(meanError(run, fleet), 0.08);
+}
+
+TEST(ObservedFleet, FindsItsPlaceWithoutBeingTold) {
+  ObservedFleetOptions options;
+  options.initial_poses = false;
+  const ObservedFleet fleet(options, 1006);
+  const ObservedRun run = runOf(fleet, true);
+  ASSERT_EQ(run.trajectories.size(), 3U);
+  for (const auto& [name, path] : run.trajectories) {
+    EXPECT_GT(path.size(), 100U) << name;  // of 240 reports some before there is enough to go by
+    EXPECT_LT(worst(run, fleet, name), 0.6) << name;
+    EXPECT_LT(worst(run, fleet, name, 30.0), 0.2) << name;
+  }
+}
+
+TEST(ObservedFleet, ACarriedRobotSaysSoAndSmearsNothing) {
+  ObservedFleetOptions options;
+  const ObservedFleet undisturbed(options, 1007);
+  options.kidnapped_s = 30.0;
+  const ObservedFleet fleet(options, 1007);
+  const ObservedRun run = runOf(fleet, false);
+  EXPECT_EQ(run.status.at("r1").losses, 1);
+  EXPECT_EQ(run.status.at("r2").losses, 0);
+  EXPECT_EQ(run.status.at("r3").losses, 0);
+  EXPECT_EQ(run.status.at("r1").state, estimation::RobotState::kOk);  // it found itself again
+  // The map is as good as if nothing had happened.
+  EXPECT_LT(landmarkError(run, fleet), landmarkError(runOf(undisturbed, false), undisturbed) + 0.03);
+  EXPECT_LT(worst(run, fleet, "r1", 45.0), 0.4);
+  int wrong = 0;
+  for (const auto& pose : run.trajectories.at("r1")) {
+    Pose2 exact;
+    evaluation::poseAt(fleet.truth.at("r1"), pose.time_ns, 1'000'000'000, exact);
+    wrong += (pose.map_from_base.translation() - exact.translation()).norm() > 1.0 ? 1 : 0;
+  }
+  EXPECT_LE(wrong, 8);  // two seconds until three sightings in a row have been refused
+}
+
+}  // namespace
+}  // namespace omnifleet::localizer::testing

@@ -1,0 +1,83 @@
+// Prints what the estimator makes of a recording of wheels, ranges and bearings, beside dead reckoning:
+// observed_study DATASET [OPTIONS.yaml] [seconds]. The dataset's landmarks.yaml, where there is one, is used.
+// DATASET may be simulate:SEED (landmarks unknown) or surveyed:SEED.
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+
+#include "dataset/ground_truth.h"
+#include "evaluation/trajectory_metrics.h"
+#include "observed_fleet.h"
+#include "observed_run.h"
+
+int main(int argc, char** argv) {
+  using namespace omnifleet;
+  if (argc < 2) return 2;
+  dataset::Dataset recording;
+  dataset::GroundTruth truth;
+  const std::string source = argv[1];
+  if (const auto colon = source.find(':'); colon != std::string::npos) {
+    const auto seed = static_cast<std::uint32_t>(std::atoi(source.c_str() + colon + 1));
+    const localizer::testing::ObservedFleet fleet({}, seed);
+    recording = fleet.recording;
+    truth.trajectories = fleet.truth;
+    truth.scene = fleet.scene;
+    if (source.compare(0, colon, "simulate") == 0) recording.landmarks.clear();
+  } else {
+    recording = dataset::Dataset::open(source);
+    truth = dataset::GroundTruth::load(source);
+  }
+  localizer::testing::ObservedRunOptions options;
+  options.survey = !recording.landmarks.empty();
+  if (argc > 2 && argv[2][0] != '\0')
+    options.estimator = estimation::EstimatorOptions::read(options::Section::load(argv[2]));
+  if (argc > 3) options.until_s = std::atof(argv[3]);
+  const auto begun = std::chrono::steady_clock::now();
+  const auto run = localizer::testing::runObserved(recording, options, truth.trajectories);
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  // One rigid motion for the whole fleet: the frame is free where no landmark is surveyed.
+  std::vector<dataset::StampedPose3> from, to;
+  for (const auto& [name, path] : run.trajectories) {
+    for (const auto& pose : path) {
+      Pose2 exact;
+      if (!evaluation::poseAt(truth.trajectories.at(name), pose.time_ns, 1'000'000'000, exact)) continue;
+      from.push_back(evaluation::lift(pose));
+      to.push_back(evaluation::lift(dataset::StampedPose{pose.time_ns, exact}));
+    }
+  }
+  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
+  const Pose2 aligned{fit.translation.x(), fit.translation.y(),
+                      std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
+  double mean = 0.0, mean_aligned = 0.0;
+  for (const auto& [name, path] : run.trajectories) {
+    auto moved = path;
+    for (auto& pose : moved) pose.map_from_base = aligned * pose.map_from_base;
+    const auto plain = evaluation::comparePaths(truth.trajectories.at(name), path);
+    const auto free = evaluation::comparePaths(truth.trajectories.at(name), moved);
+    const auto& w = run.wheels.at(name);
+    const auto& d = run.detectors.at(name);
+    const auto& s = run.status.at(name);
+    std::printf(
+        "%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f  NEES %.2f (%.1f %.1f "
+        "%.1f) | wheels "
+        "%.3f %.3f %.3f %.3f | detector %.4f %.4f %.4f %.3f | slips %d losses %d rejected %d\n",
+        name.c_str(), plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m,
+        plain.heading_rad, run.nees.at(name), run.parts.at(name)(0), run.parts.at(name)(1),
+        run.parts.at(name)(2), w(0), w(1), w(2), w(3), d(0), d(1), d(2), d(3), s.slips, s.losses,
+        s.rejected_measurements);
+    mean += plain.distance_m / static_cast<double>(run.trajectories.size());
+    mean_aligned += free.distance_m / static_cast<double>(run.trajectories.size());
+  }
+  double landmarks = 0.0;
+  int found = 0;
+  for (const auto& point : run.points) {
+    for (const auto& object : truth.scene) {
+      if (object.name != point.name) continue;
+      landmarks += (aligned * point.position_m - object.centroid_m).norm();
+      ++found;
+    }
+  }
+  std::printf("mean %.4f m, aligned %.4f m; landmarks %d of %zu, mean %.4f m (aligned); %.1f s\n", mean,
+              mean_aligned, found, truth.scene.size(), landmarks / std::max(1, found), took);
+}
