@@ -13,16 +13,22 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Compares a run with the truth of its recording: prints a table, writes OUT/metrics.json.\n"
       "Exit code: 0 done, 1 a result of the run is missing or damaged or cannot be written, 2 bad input.");
-  std::string out, recording;
+  std::string out, recording, align = "none";
   app.add_option("OUT", out, "folder of the run (--out)")->required();
   app.add_option("DATASET", recording, "the recording, with groundtruth/")->required();
+  app.add_option("--align", align,
+                 "none, or fleet: first move the run as a whole onto the truth (a run whose frame is free)")
+      ->check(CLI::IsMember({"none", "fleet"}))
+      ->default_val("none");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kBadInput;
   }
   try {
-    const omnifleet::evaluate::Report report = omnifleet::evaluate::evaluateRun(out, recording);
+    const omnifleet::evaluate::Report report = omnifleet::evaluate::evaluateRun(
+        out, recording,
+        align == "fleet" ? omnifleet::evaluate::Frame::kFree : omnifleet::evaluate::Frame::kSame);
     std::fputs(omnifleet::evaluate::table(report).c_str(), stdout);
     omnifleet::dataset::writeAtomic(out + "/metrics.json", omnifleet::evaluate::metricsJson(report));
     return kOk;

@@ -95,6 +95,12 @@ std::string pathTable(const Report& report) {
     if (!r.has_trajectory) text += fmt::format("  {:<10} has no trajectory in this run\n", "");
   }
   const Overall mean = overall(report);
+  for (const RobotReport& r : report.robots) {
+    if (!r.dead_reckoning || r.dead_reckoning->poses == 0) continue;
+    text += fmt::format("  {:<10} wheels alone {} cm, RMSE {} cm\n", r.name,
+                        cell(100.0 * r.dead_reckoning->distance_m, 9, 2),
+                        cell(100.0 * r.dead_reckoning->rmse_m, 9, 2));
+  }
   if (report.robots.size() > 1)
     text += pathRow("mean", std::to_string(mean.path.poses), mean.path, mean.ate_m, mean.rpe);
   for (const RobotReport& r : report.robots) {
@@ -154,6 +160,7 @@ Json robotJson(const RobotReport& r) {
   json["ate_m"] = statistics(r.ate_m);
   json["rpe_translation_m"] = statistics(r.rpe.translation_m);
   json["rpe_rotation_rad"] = statistics(r.rpe.rotation_rad);
+  if (r.dead_reckoning) json["dead_reckoning"] = pathJson(*r.dead_reckoning);
   if (r.shape_difference) json["shape_difference"] = *r.shape_difference;
   if (r.shape_difference) json["places"] = r.places;
   return json;
@@ -168,6 +175,17 @@ Json classJson(const evaluation::ClassCounts& c) {
 std::string table(const Report& report) {
   std::string text;
   if (report.map) text += mapTable(report);
+  if (report.landmarks) {
+    text +=
+        fmt::format("Landmarks   found {} of {}, mean error {} cm, largest {} cm\n", report.landmarks->found,
+                    report.landmarks->truths, cell(100.0 * report.landmarks->mean_m, 5, 2),
+                    cell(100.0 * report.landmarks->max_m, 5, 2));
+  }
+  if (report.truth_from_map) {
+    const Pose2& moved = *report.truth_from_map;
+    text += fmt::format("Frame       the run was moved onto the truth by ({:.3f}, {:.3f}) m, {:.2f}°\n",
+                        moved.x_m, moved.y_m, kDegrees * moved.theta_rad);
+  }
   if (!report.robots.empty()) text += pathTable(report);
   if (report.kinds) text += kindTable(*report.kinds);
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
@@ -177,6 +195,16 @@ std::string table(const Report& report) {
 std::string metricsJson(const Report& report) {
   Json json{{"format", "omnifleet-metrics"}, {"version", 1}};
   if (report.map) json["map"] = mapJson(report);
+  if (report.landmarks) {
+    json["landmarks"] = {{"truths", report.landmarks->truths},
+                         {"found", report.landmarks->found},
+                         {"mean_m", report.landmarks->mean_m},
+                         {"max_m", report.landmarks->max_m}};
+  }
+  if (report.truth_from_map) {
+    const Eigen::Vector3d moved = report.truth_from_map->vector();
+    json["truth_from_map"] = {moved.x(), moved.y(), moved.z()};
+  }
   Json paths = Json::object();
   for (const RobotReport& r : report.robots) paths[r.name] = robotJson(r);
   json["paths"] = paths;

@@ -2,12 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <set>
 #include <stdexcept>
 
 #include "dataset/dataset.h"
 #include "dataset/ground_truth.h"
 #include "evaluation/shape.h"
+#include "motion/wheel_integrator.h"
 
 namespace omnifleet::evaluate {
 namespace {
@@ -49,16 +53,109 @@ void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
   if (got.size() > 1) report.shape_difference = evaluation::shapeDifference(got, expected);
 }
 
+/// Frames, else times of observations.
+int expectedPoses(const dataset::RobotRecording* robot) {
+  if (const dataset::ImageStream* stream = frames(robot)) return static_cast<int>(stream->rows.size());
+  std::set<TimeNs> times;
+  if (robot) {
+    for (const auto& row : robot->observations) times.insert(row.time_ns);
+  }
+  return static_cast<int>(times.size());
+}
+
+/// Where the wheels alone put the robot at the times of the estimates, from the truth at the first of them.
+std::vector<StampedPose> deadReckoning(const dataset::RobotRecording& robot,
+                                       const std::vector<StampedPose>& truth,
+                                       const std::vector<StampedPose>& estimate) {
+  std::vector<StampedPose> path;
+  StampedPose at;
+  motion::WheelIntegrator::Options options;
+  options.hold_limit_s = 1e6;  // a row holds until the next
+  motion::WheelIntegrator wheels(robot.body.wheel_separation_m, options);
+  for (const dataset::WheelRow& row : robot.wheels) wheels.add(row.time_ns, row.left_mps, row.right_mps);
+  for (const StampedPose& pose : estimate) {
+    if (path.empty()) {
+      if (robot.wheels.front().time_ns > pose.time_ns ||
+          !evaluation::poseAt(truth, pose.time_ns, kMaxGap_ns, at.map_from_base))
+        continue;
+      wheels.motionTo(pose.time_ns);
+    } else {
+      at.map_from_base = at.map_from_base * wheels.motionTo(pose.time_ns).previous_from_current;
+    }
+    at.time_ns = pose.time_ns;
+    path.push_back(at);
+  }
+  return path;
+}
+
+std::vector<StampedPose> readEstimate(const fs::path& out, const std::string& name,
+                                      std::vector<std::string>* warnings) {
+  const fs::path path = out / "trajectories" / (name + ".tum");
+  if (!fs::exists(path)) return {};
+  return dataset::flat(dataset::readTum(path.string(), warnings));
+}
+
+/// The rigid motion that brings all trajectories of a run together onto the truth (least squares).
+Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
+  std::vector<dataset::StampedPose3> from, to;
+  for (const auto& [name, poses] : truth.trajectories) {
+    for (const StampedPose& pose : readEstimate(out, name, nullptr)) {
+      StampedPose exact{pose.time_ns, {}};
+      if (!evaluation::poseAt(poses, pose.time_ns, kMaxGap_ns, exact.map_from_base)) continue;
+      from.push_back(evaluation::lift(pose));
+      to.push_back(evaluation::lift(exact));
+    }
+  }
+  if (from.empty()) return {};
+  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
+  return {fit.translation.x(), fit.translation.y(), std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
+}
+
+/// Takes the named objects out of both lists and compares them.
+std::optional<LandmarkReport> compareLandmarks(Report& report) {
+  LandmarkReport landmarks;
+  for (const dataset::MapObject& object : report.truth) {
+    if (object.name.empty()) continue;
+    ++landmarks.truths;
+    for (const dataset::MapObject& found : report.objects) {
+      if (found.name != object.name) continue;
+      const double off_m = (found.centroid_m - object.centroid_m).norm();
+      ++landmarks.found;
+      landmarks.mean_m += off_m;
+      landmarks.max_m = std::max(landmarks.max_m, off_m);
+    }
+  }
+  if (landmarks.truths == 0) return std::nullopt;
+  landmarks.mean_m /= std::max(1, landmarks.found);
+  const auto named = [](const dataset::MapObject& object) { return !object.name.empty(); };
+  report.truth.erase(std::remove_if(report.truth.begin(), report.truth.end(), named), report.truth.end());
+  report.objects.erase(std::remove_if(report.objects.begin(), report.objects.end(), named),
+                       report.objects.end());
+  return landmarks;
+}
+
+void moveObjects(const Pose2& truth_from_map, std::vector<dataset::MapObject>& objects) {
+  for (dataset::MapObject& object : objects) {
+    object.centroid_m = truth_from_map * object.centroid_m;
+    for (Eigen::Vector2d& vertex : object.outline_m) vertex = truth_from_map * vertex;
+  }
+}
+
 RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording, const std::string& name,
-                         const std::vector<StampedPose>& truth, std::vector<std::string>& warnings) {
+                         const std::vector<StampedPose>& truth, const Pose2& truth_from_map,
+                         std::vector<std::string>& warnings) {
   RobotReport report;
   report.name = name;
-  const dataset::ImageStream* stream = frames(recording.findRobot(name));
-  report.frames = stream ? static_cast<int>(stream->rows.size()) : 0;
-  std::vector<StampedPose> estimate;
-  const fs::path path = out / "trajectories" / (name + ".tum");
-  report.has_trajectory = fs::exists(path);
-  if (report.has_trajectory) estimate = dataset::flat(dataset::readTum(path.string(), &warnings));
+  const dataset::RobotRecording* robot = recording.findRobot(name);
+  const dataset::ImageStream* stream = frames(robot);
+  report.frames = expectedPoses(robot);
+  report.has_trajectory = fs::exists(out / "trajectories" / (name + ".tum"));
+  std::vector<StampedPose> estimate = readEstimate(out, name, &warnings);
+  for (StampedPose& pose : estimate) pose.map_from_base = truth_from_map * pose.map_from_base;
+  if (robot && !robot->wheels.empty() && robot->body.wheel_separation_m > 0.0 && !truth.empty()) {
+    report.dead_reckoning =
+        evaluation::comparePaths(truth, deadReckoning(*robot, truth, estimate), kMaxGap_ns);
+  }
   report.path = evaluation::comparePaths(truth, estimate, kMaxGap_ns);
   const auto pairs = evaluation::associate(evaluation::lift(truth), evaluation::lift(estimate));
   report.ate_m = evaluation::absoluteTrajectoryError(pairs, evaluation::Alignment::kSe2);
@@ -83,12 +180,13 @@ std::optional<evaluation::KindMetrics> compareTracks(const fs::path& out, const 
 
 }  // namespace
 
-Report evaluateRun(const std::string& out, const std::string& dataset_folder) {
+Report evaluateRun(const std::string& out, const std::string& dataset_folder, Frame frame) {
   if (!fs::is_directory(out)) throw options::Error(out + ": no such folder; give the --out folder of a run");
   const dataset::Dataset recording = dataset::Dataset::open(dataset_folder);
   const dataset::GroundTruth truth = loadTruth(dataset_folder);
   Report report;
   report.warnings = recording.warnings;
+  if (frame == Frame::kFree) report.truth_from_map = fleetAlignment(out, truth);
   if (truth.has_scene) {
     const fs::path path = fs::path(out) / "objects.geojson";
     if (!fs::exists(path)) {
@@ -97,10 +195,14 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder) {
     }
     report.truth = truth.scene;
     report.objects = dataset::readObjects(path.string());
-    report.map = evaluation::compareMaps(report.truth, report.objects, {});
+    moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
+    report.landmarks = compareLandmarks(report);
+    if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
+      report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
   for (const auto& [name, poses] : truth.trajectories) {
-    report.robots.push_back(compareRobot(out, recording, name, poses, report.warnings));
+    report.robots.push_back(
+        compareRobot(out, recording, name, poses, report.truth_from_map.value_or(Pose2{}), report.warnings));
   }
   report.kinds = compareTracks(out, truth, report.warnings);
   return report;
