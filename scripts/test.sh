@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Everything: installs, builds, runs all tests, ends with ctest's summary and what was skipped.
-# usage: scripts/test.sh [ctest options]
+# usage: scripts/test.sh [ctest options]; the slow studies run only when asked for: scripts/test.sh -L slow
 . "$(dirname "$0")/common.sh"
 
 "$root/scripts/setup.sh" --with-tests
@@ -8,7 +8,8 @@ export OMNIFLEET_DATA="${OMNIFLEET_DATA:-$root/../shared/data}"
 log="$build/Testing/test.log"
 mkdir -p "$(dirname "$log")"
 status=0
-ctest --test-dir "$build" --output-on-failure -j 2 "$@" | tee "$log" || status=$?
+case " $* " in *" -L "*) which=() ;; *) which=(-LE slow) ;; esac
+ctest --test-dir "$build" --output-on-failure -j 2 "${which[@]}" "$@" | tee "$log" || status=$?
 
 skipped=$(grep -cE '\*\*\*Skipped' "$log" || true)
 if [ "$skipped" -gt 0 ]; then
