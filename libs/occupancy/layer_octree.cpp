@@ -2,6 +2,8 @@
 
 #include <octomap/OcTree.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <sstream>
 #include <string>
@@ -20,12 +22,25 @@ LayerOctree::LayerOctree(LayerOctree&&) noexcept = default;
 LayerOctree& LayerOctree::operator=(LayerOctree&&) noexcept = default;
 
 void LayerOctree::set(std::int64_t x, std::int64_t y, CellClass now) {
+  setVoxel(x, y, 0, now);
+}
+
+LayerOctree LayerOctree::withColumns(const std::vector<Column>& columns) const {
+  LayerOctree copy(tree_->octree.getResolution());
+  copy.tree_ = std::make_unique<Tree>(*tree_);
+  for (const Column& column : columns)
+    for (std::int64_t z = 0; z < column.levels; ++z)
+      copy.setVoxel(column.x, column.y, z, CellClass::kOccupied);
+  return copy;
+}
+
+void LayerOctree::setVoxel(std::int64_t x, std::int64_t y, std::int64_t z, CellClass now) {
   constexpr std::int64_t kCentre = 32768;
-  if (x < -kCentre || x >= kCentre || y < -kCentre || y >= kCentre) return;
+  if (x < -kCentre || x >= kCentre || y < -kCentre || y >= kCentre || z < 0 || z >= kCentre) return;
   auto& octree = tree_->octree;
   const octomap::OcTreeKey key(static_cast<octomap::key_type>(x + kCentre),
                                static_cast<octomap::key_type>(y + kCentre),
-                               static_cast<octomap::key_type>(kCentre));
+                               static_cast<octomap::key_type>(z + kCentre));
   const float value =
       now == CellClass::kOccupied ? octree.getClampingThresMaxLog() : octree.getClampingThresMinLog();
   octree.setNodeValue(key, value, true);  // inner nodes are not asked and not written
@@ -62,6 +77,29 @@ std::string LayerOctree::bytes() const {
   std::string bytes = header.str();
   if (octree.getRoot() != nullptr) putNode(octree, octree.getRoot(), bytes);
   return bytes;
+}
+
+std::vector<LayerOctree::Column> columnsOf(const std::vector<dataset::MapObject>& objects,
+                                           double resolution_m) {
+  constexpr double kMostCells = 400.0;  // per side; wider ones are no objects
+  std::vector<LayerOctree::Column> columns;
+  for (const dataset::MapObject& object : objects) {
+    if (!(object.height_m > 0.0) || object.outline_m.size() < 3) continue;
+    Eigen::Vector2d low = object.outline_m.front(), high = low;
+    for (const Eigen::Vector2d& p : object.outline_m) low = low.cwiseMin(p), high = high.cwiseMax(p);
+    if (!low.allFinite() || !high.allFinite() || (high - low).maxCoeff() > kMostCells * resolution_m)
+      continue;
+    const auto levels = std::max<std::int64_t>(1, std::llround(object.height_m / resolution_m));
+    const auto cellOf = [&](double v) { return static_cast<std::int64_t>(std::floor(v / resolution_m)); };
+    for (std::int64_t y = cellOf(low.y()); y <= cellOf(high.y()); ++y) {
+      for (std::int64_t x = cellOf(low.x()); x <= cellOf(high.x()); ++x) {
+        const Eigen::Vector2d middle_m =
+            resolution_m * (Eigen::Vector2d(static_cast<double>(x), static_cast<double>(y)).array() + 0.5);
+        if (contains(object.outline_m, middle_m)) columns.push_back({x, y, levels});
+      }
+    }
+  }
+  return columns;
 }
 
 }  // namespace omnifleet::occupancy

@@ -249,8 +249,10 @@ const ContributionStore& OccupancyMap::store() const {
 std::uint64_t OccupancyMap::classChanges() const {
   return impl_->class_changes;
 }
-std::string OccupancyMap::octreeBytes() const {
-  return impl_->freshOctree().bytes();
+std::string OccupancyMap::octreeBytes(const std::vector<dataset::MapObject>& objects) const {
+  const auto columns = columnsOf(objects, impl_->options.resolution_m);
+  const LayerOctree& ground = impl_->freshOctree();
+  return columns.empty() ? ground.bytes() : ground.withColumns(columns).bytes();
 }
 std::array<std::uint8_t, 32> OccupancyMap::hash() const {
   return impl_->cells.hash();

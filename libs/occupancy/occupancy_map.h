@@ -60,8 +60,10 @@ class OccupancyMap {
   CellClass at(const Eigen::Vector2d& point_m) const;
   /// Bounding grid of all known cells (−1 unknown, 0 free, 100 occupied); width 0 when nothing is known.
   dataset::OccupancyGrid grid() const;
-  /// OctoMap's binary format (.bt): one layer of voxels at 0 ≤ z < resolution; equal maps give equal bytes.
-  std::string octreeBytes() const;
+  /// OctoMap's binary format (.bt): one layer of voxels at 0 ≤ z < resolution, and over every cell whose
+  /// middle lies in an object's footprint voxels up to its height; equal maps and objects give equal bytes.
+  /// Objects of unknown height (≤ 0) have no column.
+  std::string octreeBytes(const std::vector<dataset::MapObject>& objects = {}) const;
   /// SHA-256 over the parameters and, for every chunk in order of its key, the SHA-256 of its (cell, bucket,
   /// hits, misses) in order. Only chunks that changed are hashed anew.
   std::array<std::uint8_t, 32> hash() const;

@@ -1,6 +1,7 @@
 #include "global_merger/map_publisher.h"
 
 #include "adapters/common.h"
+#include "global_merger/save.h"
 
 namespace omnifleet::services {
 namespace {
@@ -56,7 +57,7 @@ void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force,
 
 void MapPublisher::publishMap(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status) {
   const dataset::OccupancyGrid cells = merger.map().grid();
-  const std::string bt = merger.map().octreeBytes();
+  const std::string bt = global_merger::octreeBytes(merger);
 
   v1::OctreeMap octree;
   octree.map_name(map_name_);

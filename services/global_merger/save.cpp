@@ -21,6 +21,10 @@ void writePicture(const std::string& path, const MapPicture& picture) {
 
 }  // namespace
 
+std::string octreeBytes(Merger& merger) {
+  return merger.map().octreeBytes(merger.outlines());
+}
+
 std::vector<std::string> saveMap(Merger& merger, const std::string& folder) {
   std::vector<std::string> problems;
   const auto attempt = [&](const std::function<void()>& write) {
@@ -34,7 +38,7 @@ std::vector<std::string> saveMap(Merger& merger, const std::string& folder) {
   auto grid = merger.map().grid();
   if (grid.width == 0)
     grid.width = grid.height = 1, grid.cells = {-1};  // nothing known yet: one unknown cell
-  attempt([&] { dataset::writeAtomic(folder + "/map.bt", merger.map().octreeBytes()); });
+  attempt([&] { dataset::writeAtomic(folder + "/map.bt", octreeBytes(merger)); });
   attempt([&] { dataset::writeMapServer(folder + "/map", grid); });
   attempt([&] { dataset::writeObjects(folder + "/objects.geojson", objects); });
   for (const auto& [robot, path] : merger.trajectories()) {

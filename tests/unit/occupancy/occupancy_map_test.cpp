@@ -353,6 +353,32 @@ TEST(OccupancyMap, OctreeFileIsReadByOctomap) {
   EXPECT_EQ(again.str(), bytes);  // byte for byte what OctoMap itself writes
 }
 
+TEST(OccupancyMap, ObjectsStandAsColumnsInTheOctree) {
+  auto sim = threeRobots();
+  const OccupancyMap map = build(record(sim, 0.0, 1.0), sim.bodies());
+  dataset::MapObject box, flat;
+  box.outline_m = {{0.0, 0.0}, {0.30, 0.0}, {0.30, 0.20}, {0.0, 0.20}};
+  box.height_m = 0.21;
+  flat.outline_m = {{1.0, 0.0}, {1.30, 0.0}, {1.30, 0.20}, {1.0, 0.20}};  // of unknown height
+  std::istringstream in(map.octreeBytes({box, flat}), std::ios::binary);
+  octomap::OcTree tree(0.1);
+  ASSERT_TRUE(tree.readBinary(in));
+  // 6 × 4 cells of 5 cm, four levels of which reach up to 20 cm: the fifth would end 4 cm above the box.
+  int above_ground = 0;
+  for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
+    if (leaf.getZ() < 0.05) continue;
+    ++above_ground;
+    EXPECT_TRUE(tree.isNodeOccupied(*leaf));
+    EXPECT_TRUE(contains(box.outline_m, {leaf.getX(), leaf.getY()})) << leaf.getX() << " " << leaf.getY();
+    EXPECT_LT(leaf.getZ(), box.height_m);
+  }
+  EXPECT_EQ(above_ground, 6 * 4 * 3);
+  const std::string before = map.octreeBytes();
+  EXPECT_EQ(map.octreeBytes({flat}), before);
+  EXPECT_NE(map.octreeBytes({box}), before);
+  EXPECT_EQ(map.octreeBytes(), before);
+}
+
 TEST(OccupancyMap, FootprintsOfOtherShapesTurnWithTheRobot) {
   // A long robot stands across r1's view, said to be an obstacle; only its turned footprint hides it.
   std::vector<SimRobot> robots{{"r1", [](double) { return Pose2{0, 0, 0}; }}};
