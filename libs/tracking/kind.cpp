@@ -17,6 +17,7 @@ constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
 constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
 constexpr int kMovedFrames = 3;             // of a thing in a blob with others, whose outline may be theirs
+constexpr double kStrangerStands_s = 1.0;   // who is not of the fleet is a robot while it drives
 constexpr double kShortestWindow_s = 0.25;
 constexpr double kTrackedShare = 0.5;   // of what the outline went that the track must have gone
 constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
@@ -196,6 +197,10 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, int missing, double
                     : place < missing        ? 0.0
                                              : kPeersElsewhereEvidence;
     if (track.blob < 0) continue;
+    // All of the fleet are elsewhere, and it stands: once moved for another reason.
+    const bool nobody = track.evidence.peer < 0 && missing == 0;
+    if (nobody && track.evidence.still_s > kStrangerStands_s)
+      track.evidence.motion = std::min(0.0, track.evidence.motion);
     if (track.evidence.motion > 0.0)
       target = std::max(0.0, target);  // a stranger: not in the fleet, yet it drives
     track.evidence.place += (track.views <= 1 ? 1.0 : rate) * (target - track.evidence.place);
