@@ -1,6 +1,7 @@
 #include "bus/service_runner.h"
 
 #include <spdlog/sinks/stdout_sinks.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -17,6 +18,24 @@ using Clock = std::chrono::steady_clock;
 std::atomic<bool> signalled{false};  // handlers reach nothing but statics
 std::atomic<Bus*> signalled_bus{nullptr};
 
+std::atomic<int> last_word{-1};   // exit code, once everything is written
+std::atomic<bool> parked{false};  // a thread of the middleware was stopped short of ending the process
+
+/// Fast DDS 2.9 asserts in its discovery thread when a participant leaves in the very moment in which its
+/// lease runs out (PDP::check_remote_participant_liveliness), which on a busy machine happens while a fleet
+/// stops. A service that has written everything ends with its own exit code; one that was told to stop parks
+/// that thread and goes on to save. At any other time the process dies, and the supervisor decides.
+void onAbort(int) {
+  if (last_word >= 0) _exit(last_word);
+  const bool main_thread = ::syscall(SYS_gettid) == ::getpid();
+  if (!signalled || main_thread) {
+    std::signal(SIGABRT, SIG_DFL);
+    return;
+  }
+  parked = true;
+  for (;;) ::pause();
+}
+
 void onSignal(int) {
   signalled = true;
   if (Bus* bus = signalled_bus) bus->requestStop();
@@ -27,11 +46,13 @@ class StopSignals {
  public:
   StopSignals() {
     signalled = false;
+    last_word = -1;
     struct sigaction action {};
     action.sa_handler = onSignal;
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
+    std::signal(SIGABRT, onAbort);
     std::signal(SIGPIPE, SIG_IGN);  // a closed log must not kill a stage
   }
 };
@@ -67,6 +88,8 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
   bus.domain = options.domain;
   bus.mode = options.mode;
   bus.write_timeout = options.silence_limit;
+  // Where nothing may be lost a busy machine must not look like a dead stage.
+  if (isDeterministic(options.mode)) bus.lease = options.silence_limit;
   if (!options.interfaces.empty()) bus.interfaces = options.interfaces;
   bus.max_message_bytes = static_cast<std::uint32_t>(options.max_message_bytes);
   bus.report = [log](const std::string& line) { log->warn("{}", line); };
@@ -80,7 +103,9 @@ int runOnDds(const std::string& name, const ServiceOptions& options, const Servi
   const Topics topics(options.mode);
   StatusPublisher publisher(*bus, topics, name, instanceOf(options));
   const std::unique_ptr<Service> service = make(ServiceContext{*bus, options, topics, log});
-  return static_cast<int>(runLoop(*bus, *service, options, publisher, *log));
+  last_word = static_cast<int>(runLoop(*bus, *service, options, publisher, *log));
+  if (parked) _exit(last_word);
+  return last_word;
 }
 
 }  // namespace

@@ -27,6 +27,9 @@ struct ImageStream {
   std::vector<ImageRow> rows;
 };
 
+/// Faster than any robot of this kind; a speed beyond it is a broken number.
+constexpr double kMaxWheelSpeedMps = 20.0;
+
 struct WheelRow {
   TimeNs time_ns = 0;
   double left_mps = 0.0, right_mps = 0.0;  ///< held until the next row

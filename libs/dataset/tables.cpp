@@ -1,6 +1,7 @@
 // The csv files of a dataset: image lists, wheels, observations, laser.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -70,6 +71,9 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
     if (!parseTime(fields[0], row.time_ns)) return kBadTime;
     if (!parseNumber(fields[1], row.left_mps) || !parseNumber(fields[2], row.right_mps)) {
       return "wheel speeds must be finite numbers";
+    }
+    if (std::max(std::abs(row.left_mps), std::abs(row.right_mps)) > kMaxWheelSpeedMps) {
+      return fmt::format("wheel speeds must lie within ±{} m/s", kMaxWheelSpeedMps);
     }
     if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
     rows.push_back(row);

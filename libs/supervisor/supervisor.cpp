@@ -152,6 +152,8 @@ class Run {
 
   void signalled(int number) {
     if (stopping_) {
+      // One press of a key may arrive twice, to the process and to its group.
+      if (EventLoop::clock() - stop_s_ < options_.one_press_s) return;
       killAllRunning("killed at once on a second signal");
       return;
     }
@@ -179,7 +181,10 @@ class Run {
       ++index;
     }
     if (now_s >= stop_s_ + options_.stop_budget_s)
-      killAllRunning(fmt::format("did not end within {} s, killed", options_.stop_budget_s));
+      killAllRunning(fmt::format("did not end within {} s, killed", options_.stop_budget_s), false);
+    if (now_s >= stop_s_ + options_.stop_budget_s + options_.sink_grace_s)
+      killAllRunning(
+          fmt::format("did not end within {} s, killed", options_.stop_budget_s + options_.sink_grace_s));
   }
 
   void tell(int level) {
@@ -190,9 +195,9 @@ class Run {
     }
   }
 
-  void killAllRunning(const std::string& why) {
+  void killAllRunning(const std::string& why, bool sinks = true) {
     for (Member& member : members_) {
-      if (!member.running || member.killed) continue;
+      if (!member.running || member.killed || (member.spec.sink && !sinks)) continue;
       member.killed = true;
       kill(-member.child.pid, SIGKILL);
       fail(member, why);
@@ -206,6 +211,8 @@ class Run {
       const double deadline = stop_s_ + levelDeadline(i, levels_.size(), options_.stop_budget_s);
       if (deadline > now_s) next = std::min(next, deadline);
     }
+    const double last = stop_s_ + options_.stop_budget_s + options_.sink_grace_s;
+    if (stopping_ && last > now_s) next = std::min(next, last);
     for (const Member& member : members_) next = stopping_ ? next : std::min(next, member.restart_s);
     return next;
   }
@@ -241,6 +248,8 @@ class Run {
 Options Options::read(const options::Section& section) {
   Options o;
   section.read("stop_budget_s", o.stop_budget_s, {0.1, 60.0});
+  section.read("sink_grace_s", o.sink_grace_s, {0.0, 600.0});
+  section.read("one_press_s", o.one_press_s, {0.0, 10.0});
   section.read("restart_delay_s", o.restart_delay_s, {0.01, 60.0});
   section.read("restart_cap_s", o.restart_cap_s, {0.01, 600.0});
   section.read("young_s", o.young_s, {0.0, 600.0});

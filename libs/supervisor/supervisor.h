@@ -35,6 +35,8 @@ struct ProcessSpec {
 
 struct Options {
   double stop_budget_s = 1.8;    ///< s, from the first SIGTERM to the last SIGKILL, all levels together
+  double sink_grace_s = 8.0;     ///< s beyond stop_budget_s that a sink has to save before it is killed
+  double one_press_s = 0.5;      ///< s; a second signal within this is the first one's echo
   double restart_delay_s = 0.1;  ///< s, before the first restart
   double restart_cap_s = 5.0;    ///< s, longest delay
   double young_s = 1.0;          ///< s; what dies younger doubles its delay, what lived longer starts over
@@ -83,7 +85,7 @@ class StopSignals {
   sigset_t before_;
 };
 
-/// One run at a time per process. It takes SIGINT and SIGTERM for its duration (a second one kills at once)
+/// One run at a time per process. It takes SIGINT and SIGTERM for its duration (a second one, later than Options::one_press_s, kills at once)
 /// and is the reaper of its descendants' orphans. Children live in process groups of their own and die with
 /// the thread that runs this. On return no child, member of a child's group, or adopted orphan is left.
 class Supervisor {

@@ -2,9 +2,12 @@
 
 // IDL types ↔ domain types, one pair of functions per topic. Filling functions reuse the target's buffers.
 // `fromWire` returns false where a sample must not be believed (a non-finite number, an unknown enumerator);
-// such a sample is counted by the caller and never passed on as valid.
+// such a sample is counted by the caller and never passed on as valid; what it leaves behind is an invalid
+// one of the same robot and time, which keeps the place in the line.
 
 #include <string>
+
+#include "dataset/dataset.h"
 
 #include "idl/formation.h"
 #include "idl/local_map.h"
@@ -29,6 +32,9 @@ bool fromWire(const v1::LocalMap& from, LocalMap& to);
 
 void toWire(const Objects& from, RunClock clock, v1::Objects& to);
 bool fromWire(const v1::Objects& from, Objects& to);
+
+/// Also refused: speeds beyond dataset::kMaxWheelSpeedMps, which no robot of this kind has.
+bool fromWire(const v1::WheelOdometry& from, dataset::WheelRow& to);
 
 void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Pose& to);
 bool fromWire(const v1::Pose& from, PoseEstimate& to);

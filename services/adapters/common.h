@@ -90,6 +90,17 @@ void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   toWire(from.motion, to.motion());
   toWire(from.scan, to.scan());
 }
+/// What is left of a frame that must not be believed: who and when.
+template <typename Frame>
+bool invalidFrame(Frame& frame) {
+  Frame left;
+  left.robot = frame.robot;
+  left.acquired_ns = frame.acquired_ns;
+  left.sequence = frame.sequence;
+  left.state = FrameState::kNonFinite;
+  frame = std::move(left);
+  return false;
+}
 template <typename Wire, typename Frame>
 bool frameFromWire(const Wire& from, Frame& to) {
   to.robot = from.robot().to_string();

@@ -66,7 +66,7 @@ bool fromWire(const v1::LocalMap& from, LocalMap& to) {
   to.objects.resize(from.objects().size());
   for (std::size_t i = 0; i < to.objects.size(); ++i)
     good = observationFromWire(from.objects()[i], to.objects[i]) && good;
-  return good;
+  return good || invalidFrame(to);
 }
 
 }  // namespace omnifleet::adapters

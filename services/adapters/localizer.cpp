@@ -27,7 +27,12 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
-  return to.map_from_base.isFinite() && to.covariance.allFinite();
+  if (to.map_from_base.isFinite() && to.covariance.allFinite()) return true;
+  to.valid = false;
+  to.map_from_base = Pose2();
+  to.covariance.setIdentity();
+  to.sightings.clear();
+  return false;
 }
 
 void toWire(const std::string& source, TimeNs acquired_ns, std::uint32_t sequence, FrameState state,

@@ -44,6 +44,12 @@ bool trackFromWire(const v1::Track& from, Track& to) {
 
 }  // namespace
 
+bool fromWire(const v1::WheelOdometry& from, dataset::WheelRow& to) {
+  to = {from.header().acquired_ns(), from.v_left_mps(), from.v_right_mps()};
+  return std::abs(to.left_mps) <= dataset::kMaxWheelSpeedMps &&
+         std::abs(to.right_mps) <= dataset::kMaxWheelSpeedMps;  // false for NaN, too
+}
+
 void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
   frameToWire(from, clock, to);
   sequenceToWire(from.tracks, 64, to.tracks(), trackToWire);
@@ -54,7 +60,7 @@ bool fromWire(const v1::Objects& from, Objects& to) {
   to.tracks.resize(from.tracks().size());
   for (std::size_t i = 0; i < to.tracks.size(); ++i)
     good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;
-  return good;
+  return good || invalidFrame(to);
 }
 
 }  // namespace omnifleet::adapters

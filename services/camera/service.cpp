@@ -8,6 +8,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
+constexpr auto kReaderRetry = std::chrono::milliseconds(20);
 constexpr auto kSlotRetry = std::chrono::microseconds(500);
 
 std::size_t frameBytes(const fleet::CameraSpec& camera) {
@@ -78,6 +79,10 @@ bool CameraService::decode() {
 bool CameraService::due() {
   if (!paced_) return true;
   const auto now = steady_clock::now();
+  if (samples_ == 0 && writer_->matched() == 0) {  // a folder's first picture is worth waiting for
+    wake_at_ = now + kReaderRetry;
+    return false;
+  }
   if (samples_ == 0) {
     first_frame_ns_ = header_.acquired_ns;
     first_sent_ = now;

@@ -33,7 +33,7 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
 bool ClassifierService::pull() {
   bool any = ends_.poll();
   any |= local_maps_.pull(status(), [](const v1::LocalMap& wire, Payload& payload) {
-    return adapters::fromWire(wire, payload.emplace<LocalMap>());
+    return orInvalid(adapters::fromWire(wire, payload.emplace<LocalMap>()));
   }) > 0;
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {

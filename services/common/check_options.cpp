@@ -11,9 +11,40 @@
 #include "motion/wheel_integrator.h"
 #include "world/world.h"
 
+#include <filesystem>
+
 namespace omnifleet::services {
+namespace {
+
+/// The lens must be invertible and the camera see floor, as its stage will find.
+void checkCameras(const fleet::Fleet& fleet) {
+  const options::Section mapper = fleet.service("local_mapper");
+  mapper.child("wheels");
+  const auto options = local_mapper::Options::read(mapper);
+  for (const fleet::CameraSpec& camera : fleet.cameras) {
+    try {
+      const lens::Camera lens(camera.model);
+      if (camera.role == fleet::CameraRole::kFisheye) local_mapper::LocalMapper(lens, options);
+    } catch (const std::runtime_error& error) {
+      throw options::Error("camera " + camera.id + ": " + error.what());
+    }
+  }
+}
+
+}  // namespace
+
+void checkOutput(const fleet::Fleet& fleet, const std::string& out) {
+  if (fleet.dataset.empty() || out.empty()) return;
+  const auto recording = std::filesystem::weakly_canonical(fleet.dataset);
+  const auto run = std::filesystem::weakly_canonical(out);
+  const auto [end, at] = std::mismatch(recording.begin(), recording.end(), run.begin(), run.end());
+  if (end != recording.end()) return;
+  throw options::Error("--out " + out + " lies in the recording " + fleet.dataset +
+                       ", which is never written to");
+}
 
 void checkOptions(const fleet::Fleet& fleet) {
+  checkCameras(fleet);
   const options::Section mapper = fleet.service("local_mapper");
   motion::WheelIntegrator::Options::read(mapper.child("wheels"));
   local_mapper::Options::read(mapper);

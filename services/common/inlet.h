@@ -12,6 +12,20 @@
 
 namespace omnifleet::services {
 
+/// What became of a sample: taken; not to be believed, but its place in the line is kept by an invalid one;
+/// or thrown away.
+enum class Taken { kGood, kInvalid, kRejected };
+inline Taken asTaken(Taken taken) {
+  return taken;
+}
+inline Taken asTaken(bool good) {
+  return good ? Taken::kGood : Taken::kRejected;
+}
+/// For the samples of which a stage owes its readers one per frame: adapters leave an invalid one behind.
+inline Taken orInvalid(bool good) {
+  return good ? Taken::kGood : Taken::kInvalid;
+}
+
 /// One input of a stage: a reader, its stream in the stage's TimeMerger and its end. `Wire` has a header().
 template <class Wire, class Payload>
 class Inlet {
@@ -27,21 +41,21 @@ class Inlet {
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;
 
-  /// Moves all that has arrived into the merger. `convert(wire, payload)` returns false for a sample that
-  /// must not be believed; what it leaves in the payload is then passed on only if `keep_bad` says so.
-  /// Returns samples taken.
+  /// Moves all that has arrived into the merger. `convert(wire, payload)` says what became of a sample (or
+  /// true, false: good, rejected); all but the good ones are counted and told. Returns samples taken.
   template <class Convert>
   int pull(bus::StatusBoard& status, Convert convert) {
     int taken = 0;
     while (reader_->take(sample_)) {
       ++taken;
       Payload payload;
-      if (!convert(sample_, payload)) {
+      const Taken as = asTaken(convert(sample_, payload));
+      if (as != Taken::kGood) {
         status.dropped();
         status.error(merger_.spec(stream_).name +
                      ": a sample with a non-finite or unknown value was rejected");
-        continue;
       }
+      if (as == Taken::kRejected) continue;
       if (!merger_.push(stream_, sample_.header().acquired_ns(), std::move(payload))) {
         status.dropped();
         status.error(merger_.spec(stream_).name + ": a sample out of order was rejected");

@@ -56,11 +56,11 @@ bool FormationService::pull() {
     }
   }
   any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
-    return adapters::fromWire(wire, payload.emplace<Objects>());
+    return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
   }) > 0;
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
-      return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
+      return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;
   }
   for (auto& inlet : states_) {

@@ -1,9 +1,13 @@
 #include "global_merger/service.h"
 
+#include <filesystem>
+
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kSavePeriod{10};
 
 constexpr std::size_t kMaxWaiting = 64;  // frames whose other half may still come (live)
 
@@ -63,11 +67,11 @@ std::vector<bus::Expectation> GlobalMergerService::expectations() const {
 bool GlobalMergerService::pull() {
   bool any = ends_.poll();
   any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
-    return adapters::fromWire(wire, payload.emplace<Objects>());
+    return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
   }) > 0;
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
-      return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
+      return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;
   }
   return pullSets() || any;
@@ -141,6 +145,7 @@ void GlobalMergerService::process() {
   }
   contribute();
   publisher_.update(replica_, batch_.time, false, status());
+  if (context_.options.mode == bus::RunMode::kLive) saveNowAndThen();
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
 }
 
@@ -171,13 +176,30 @@ void GlobalMergerService::contribute() {
   while (waiting_poses_.size() > kMaxWaiting) waiting_poses_.pop_front();
 }
 
+/// Live, a run may end by a power cut: what was mapped until a little before is on the disk.
+void GlobalMergerService::saveNowAndThen() {
+  const auto now = steady_clock::now();
+  if (now - saved_at_ < kSavePeriod) return;
+  saved_at_ = now;
+  save();
+  saved_ = false;
+}
+
 void GlobalMergerService::save() {
   if (saved_ || !speaks_ || context_.options.out.empty()) return;
   saved_ = true;
-  for (const std::string& problem : replica_.save(context_.options.out)) {
+  save_failed_ = false;
+  const std::vector<std::string> problems = replica_.save(context_.options.out);
+  if (problems.empty()) return;
+  save_failed_ = true;
+  std::string files;
+  for (const std::string& problem : problems) {
     status().error(problem, true);
-    save_failed_ = true;
+    const std::string path = problem.substr(0, problem.find(": "));
+    files += (files.empty() ? "" : ", ") + std::filesystem::path(path).filename().string();
   }
+  status().error(
+      "not saved: " + files + " (" + problems.front().substr(problems.front().rfind(": ") + 2) + ")", true);
 }
 
 void GlobalMergerService::drain() {
@@ -187,8 +209,13 @@ void GlobalMergerService::drain() {
   pull();
   while (merger_.nextBatch(batch_)) process();
   replica_.finish();
+  // Saved before it is told: whoever stops a fleet wants its map above all.
+  if (replica_.map().store().robots().empty()) {
+    status().error("nothing was mapped, so no map is saved");
+  } else {
+    save();
+  }
   publisher_.update(replica_, batch_.time, true, status());
-  save();
 }
 
 std::unique_ptr<bus::Service> makeGlobalMerger(const bus::ServiceContext& context) {

@@ -47,6 +47,7 @@ class GlobalMergerService : public bus::Service {
   bool setsComplete() const;
   void listenTo(const std::string& stream);
   void save();
+  void saveNowAndThen();
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -69,6 +70,7 @@ class GlobalMergerService : public bus::Service {
   v1::Contribution contribution_;
   v1::KeyframePose keyframe_pose_;
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
+  std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };
 
 std::unique_ptr<bus::Service> makeGlobalMerger(const bus::ServiceContext& context);

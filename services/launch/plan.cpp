@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "bus/service.h"
 #include "bus/shared_memory.h"
@@ -47,7 +48,9 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     spec.level = process.stage;
     spec.sink = process.service == "global_merger";
     // Where nothing may be lost a lost process is the end of the run; live, the fleet goes on without it.
-    spec.restart = mode == "live" ? supervisor::RestartPolicy::kOnFailure : supervisor::RestartPolicy::kNever;
+    // A simulated world that dies takes its time and places along: there is nothing to go on with.
+    spec.restart = mode == "live" && process.service != "world" ? supervisor::RestartPolicy::kOnFailure
+                                                                : supervisor::RestartPolicy::kNever;
     spec.refusal_code = static_cast<int>(bus::ExitCode::kBadOptions);
     specs.push_back(std::move(spec));
   }
@@ -67,18 +70,24 @@ std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
 
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   services::checkOptions(fleet);
+  services::checkOutput(fleet, request.out);
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
+  }
+  std::size_t bytes = 0;
+  const bus::RunMode mode = modeOf(request, fleet) == "live" ? bus::RunMode::kLive : bus::RunMode::kReplay;
+  for (const fleet::CameraSpec& camera : fleet.cameras) {
+    try {
+      bytes += bus::frameChannelBytes(
+          static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3, mode);
+    } catch (const std::runtime_error& error) {
+      throw options::Error("camera " + camera.id + ": " + error.what());
+    }
   }
   try {
     dataset::makeDirectories(request.out + "/log");
     dataset::writeAtomic(request.out + "/log/.writable", "");
-    std::size_t bytes = 0;
-    for (const fleet::CameraSpec& camera : fleet.cameras) {
-      bytes += bus::frameChannelBytes(
-          static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3,
-          modeOf(request, fleet) == "live" ? bus::RunMode::kLive : bus::RunMode::kReplay);
-    }
+    std::filesystem::remove(request.out + "/log/.writable");
     bus::requireSharedMemory(bytes);
   } catch (const std::runtime_error& error) {
     throw options::Error(error.what());

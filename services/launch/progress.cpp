@@ -16,9 +16,12 @@ namespace omnifleet::launch {
 using std::chrono::steady_clock;
 
 std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds) {
-  const double rate = seconds > 0 ? static_cast<double>(done) / seconds : 0.0;
-  if (total == 0) return fmt::format("{} frames per robot, {:.1f} frames/s, {:.0f} s", done, rate, seconds);
-  std::string line = fmt::format("{}/{} frames per robot, {:.1f} frames/s", done, total, rate);
+  // Over less than a second a rate says nothing.
+  const double rate = seconds >= 1.0 ? static_cast<double>(done) / seconds : 0.0;
+  std::string line = total == 0 ? fmt::format("{} frames per robot", done)
+                                : fmt::format("{}/{} frames per robot", done, total);
+  if (rate > 0) line += fmt::format(", {:.1f} frames/s", rate);
+  if (total == 0) return line + fmt::format(", {:.0f} s", seconds);
   if (rate > 0 && done < total)
     line += fmt::format(", {:.0f} s left", static_cast<double>(total - done) / rate);
   return line;
@@ -36,6 +39,7 @@ void Progress::listen(int domain) {
   bus::DdsBusOptions options;
   options.name = "omnifleet_launch";
   options.domain = domain;
+  options.lease = std::chrono::seconds(30);  // a busy machine must not make the fleet think that it has gone
   const auto bus = bus::makeDdsBus(options);
   auto reader = bus->reader(bus::Topics(bus::RunMode::kLive).service_status);
   const bool terminal = isatty(STDERR_FILENO) == 1;

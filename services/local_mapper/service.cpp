@@ -56,8 +56,7 @@ bool LocalMapperService::pull() {
   bool any = ends_.poll();
   if (wheels_) {
     any |= wheels_->pull(status(), [](const v1::WheelOdometry& wire, Payload& payload) {
-      payload = dataset::WheelRow{wire.header().acquired_ns(), wire.v_left_mps(), wire.v_right_mps()};
-      return std::isfinite(wire.v_left_mps()) && std::isfinite(wire.v_right_mps());
+      return adapters::fromWire(wire, payload.emplace<dataset::WheelRow>());
     }) > 0;
   }
   if (merger_.wants(frame_stream_)) {

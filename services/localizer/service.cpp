@@ -128,7 +128,7 @@ bool LocalizerService::pull() {
   bool any = ends_.poll();
   for (auto& inlet : objects_) {
     any |= inlet->pull(status(), [](const v1::Objects& wire, Payload& payload) {
-      return adapters::fromWire(wire, payload.emplace<Objects>());
+      return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
     }) > 0;
   }
   for (auto& inlet : measurements_) {
@@ -147,8 +147,7 @@ bool LocalizerService::pull() {
   }
   for (auto& inlet : wheels_) {
     any |= inlet->pull(status(), [](const v1::WheelOdometry& wire, Payload& payload) {
-      payload = dataset::WheelRow{wire.header().acquired_ns(), wire.v_left_mps(), wire.v_right_mps()};
-      return std::isfinite(wire.v_left_mps()) && std::isfinite(wire.v_right_mps());
+      return adapters::fromWire(wire, payload.emplace<dataset::WheelRow>());
     }) > 0;
   }
   return any;

@@ -130,6 +130,17 @@ TEST(Replay, ARecordingThatIsNoneIsNamed) {
   EXPECT_THAT(launch.output(), testing::HasSubstr("nothing_here"));
 }
 
+TEST(Replay, TheRecordingItselfIsNoPlaceForTheRun) {
+  const std::string data = copyOfRecording("own_place");
+  for (const std::string& out : {data, data + "/run", data + "/r1/../run"}) {
+    Process launch({program("launch"), "replay", data, "--out", out, "--domain", "77"}, data + ".log");
+    EXPECT_EQ(launch.wait(20s), std::optional<int>(2)) << launch.output();
+    EXPECT_THAT(launch.output(), testing::HasSubstr("lies in the recording"));
+  }
+  EXPECT_FALSE(fs::exists(data + "/log"));
+  EXPECT_FALSE(fs::exists(data + "/run"));
+}
+
 TEST(Replay, AnOutputThatCannotBeWrittenIsNamedBeforeAnythingStarts) {
   const std::string out = freshDir("no_output");
   std::ofstream(out + "/file") << "in the way";

@@ -307,6 +307,7 @@ TEST_F(SupervisorTest, ASecondSignalKillsAtOnce) {
       shell("signal", "until grep -q up $D/log/stubborn.log; do :; done; kill -INT $PPID; exit 0");
   Options options;
   options.stop_budget_s = 50.0;
+  options.one_press_s = 0.0;
   RunReport report;
   EXPECT_LT(secondsOf([&] { report = Supervisor(options).run({stubborn, ready}); }), 10.0);
   ASSERT_FALSE(report.failures.empty());  // the one that signals may be among them
@@ -360,6 +361,36 @@ TEST_F(SupervisorTest, WhatHasRunBeforeIsStartedAgainThoughItRefuses) {
   const RunReport report = Supervisor({}).run({flaky});
   EXPECT_EQ(report.reason, EndReason::kSinksDone);
   EXPECT_EQ(report.restarts, 2);
+}
+
+/// The map is saved by the sink: it is not killed with the others when the machine is busy.
+TEST_F(SupervisorTest, ASinkHasItsGraceBeyondTheBudget) {
+  Options options;
+  options.stop_budget_s = 0.2;
+  options.sink_grace_s = 20.0;
+  // It ends only after the stubborn one was killed for its delay: later than the budget.
+  auto stubborn = shell("stubborn", "trap '' TERM; echo $$ > $D/pid; " + std::string(kForever), 0);
+  auto sink = shell("sink",
+                    "trap 'while kill -0 $(cat $D/pid) 2>/dev/null; do sleep 0.01; done; "
+                    "echo saved > $D/map; exit 0' TERM; echo up; " +
+                        std::string(kForever),
+                    1);
+  sink.sink = true;
+  auto ready = shell(
+      "signal", "until [ -s $D/pid ] && grep -q up $D/log/sink.log; do :; done; kill -INT $PPID; exit 0", 0);
+  const RunReport report = Supervisor(options).run({stubborn, sink, ready});
+  ASSERT_EQ(report.failures.size(), 1u);
+  EXPECT_EQ(report.failures[0].name, "stubborn");
+  EXPECT_EQ(read(folder_ + "/map"), "saved\n");
+}
+
+TEST_F(SupervisorTest, OnePressThatArrivesTwiceIsOnePress) {
+  auto ready =
+      shell("signal",
+            "until grep -q up $D/log/merger.log; do :; done; kill -INT $PPID; kill -TERM $PPID; exit 0", 0);
+  const RunReport report = Supervisor({}).run({service("merger", 1, "echo saved > $D/map; "), ready});
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(read(folder_ + "/map"), "saved\n");
 }
 
 }  // namespace
