@@ -42,6 +42,9 @@ struct CameraModel {
   Eigen::Vector3d position_m{0.0, 0.0, 0.0};  ///< in base_link (ceiling: in map)
   Eigen::Vector3d rotation_rpy_deg{0.0, 0.0, 0.0};
   double self_mask_radius_px = 0.0;
+  /// Of the calibration that gave these numbers, over all its corners; 0 where unknown. Informs, nothing uses
+  /// it.
+  double reprojection_rms_px = 0.0;
 
   /// Optical axes (x right, y down, z forward) in the parent frame: Rz(y)·Ry(p)·Rx(r)·R0; R0 looks straight
   /// down, image right u → −y, image down v → −x.

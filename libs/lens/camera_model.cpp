@@ -149,6 +149,7 @@ CameraModel CameraModel::read(const options::Section& section) {
   section.read("position_m", model.position_m);
   section.read("rotation_rpy_deg", model.rotation_rpy_deg, {-360.0, 360.0});
   section.read("self_mask_radius_px", model.self_mask_radius_px, options::kNotNegative);
+  section.read("reprojection_rms_px", model.reprojection_rms_px, options::kNotNegative);
   section.finish();
   fillDefaults(section, from_file, model);
   checkLens(section, model);
@@ -166,7 +167,9 @@ std::string CameraModel::toYaml() const {
   text += fmt::format("position_m: [{}, {}, {}]\n", position_m.x(), position_m.y(), position_m.z());
   text += fmt::format("rotation_rpy_deg: [{}, {}, {}]\n", rotation_rpy_deg.x(), rotation_rpy_deg.y(),
                       rotation_rpy_deg.z());
-  return text + fmt::format("self_mask_radius_px: {}\n", self_mask_radius_px);
+  text += fmt::format("self_mask_radius_px: {}\n", self_mask_radius_px);
+  if (reprojection_rms_px > 0.0) text += fmt::format("reprojection_rms_px: {}\n", reprojection_rms_px);
+  return text;
 }
 
 double widestFovDeg(CameraModel model) {

@@ -72,6 +72,38 @@ TEST(Refusal, PinholeRefusesPointsBeyondItsMonotonicRange) {
   EXPECT_FALSE(lens->rayFromPixel(m.principal_point_px + Eigen::Vector2d(edge_px + 0.1, 0.0)));
 }
 
+// The break may lie beyond 90°: ρ' = 1 − 3 a θ² vanishes at 100°, for 92.5° it does not matter.
+TEST(Refusal, KannalaBrandtThatBreaksBeyondNinetyDegrees) {
+  const double break_rad = 100.0 * kDeg;
+  CameraModel m = model(Projection::kKannalaBrandt, 2.0 * 99.9);
+  m.distortion = {-1.0 / (3.0 * break_rad * break_rad), 0.0, 0.0, 0.0};
+  EXPECT_EQ(refusal(m), "");
+  m.fov_deg = 185.0;
+  EXPECT_EQ(refusal(m), "");
+  const auto lens = Lens::make(m);
+  const auto pixel = lens->pixelFromRay(rayAt(92.5 * kDeg, 0.4));
+  ASSERT_TRUE(pixel);
+  EXPECT_LT((*lens->rayFromPixel(*pixel) - rayAt(92.5 * kDeg, 0.4)).norm(), 1e-12);
+  m.fov_deg = 201.0;
+  EXPECT_NEAR(namedAngle(refusal(m)), 100.0, 0.01);
+}
+
+// z(ρ) = 300 − b ρ³: θ' ∝ z − ρ z' = 300 + 2 b ρ³ > 0 for ever, θ tends to 180°. With + c ρ⁴ it turns back
+// where 300 + 2 b ρ³ − 3 c ρ⁴ = 0, here beyond 90°.
+TEST(Refusal, OcamThatBreaksBeyondNinetyDegrees) {
+  CameraModel m = simulatedOcam(185.0);
+  const double b = 2e-5, c = 2e-8;
+  m.distortion = {-300.0, 0.0, 0.0, b, -c, 1.0, 0.0, 0.0};
+  double rho = 0.0;
+  while (300.0 + 2.0 * b * rho * rho * rho - 3.0 * c * std::pow(rho, 4) > 0.0) rho += 1e-3;
+  const double break_deg = std::atan2(rho, 300.0 - b * rho * rho * rho + c * std::pow(rho, 4)) / kDeg;
+  ASSERT_GT(break_deg, 92.5);
+  m.fov_deg = 2.0 * (break_deg - 0.1);
+  EXPECT_EQ(refusal(m), "");
+  m.fov_deg = 2.0 * (break_deg + 0.5);
+  EXPECT_NEAR(namedAngle(refusal(m)), break_deg, 0.05);
+}
+
 TEST(Refusal, NumbersOfTheWrongKind) {
   CameraModel m = model(Projection::kEquidistant);
   m.focal_px = {0.0, 100.0};

@@ -98,7 +98,11 @@ TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
   Track hidden;
   hidden.kind = ObjectKind::kObstacle;
   hidden.position_m = {5.0, 5.0};
-  objects.tracks = {robot, hidden};
+  hidden.covariance = 1e-4 * Eigen::Matrix2d::Identity();
+  Track somewhere = hidden;  // out of sight, and nobody knows where: nothing to steer by
+  somewhere.position_m = {-5.0, 5.0};
+  somewhere.covariance = Eigen::Matrix2d::Identity();
+  objects.tracks = {robot, hidden, somewhere};
   Surroundings around;
   surroundingsFrom(objects, 0.15, 0.2, around);
   ASSERT_EQ(around.robots.size(), 1u);
@@ -107,6 +111,7 @@ TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
   EXPECT_LT((around.points_m[0] - Eigen::Vector2d(1.1, 0.0)).norm(), 1e-6);
   EXPECT_LT((around.points_m[1] - Eigen::Vector2d(-2.9, 0.0)).norm(), 1e-6);
   EXPECT_EQ(around.points_m[2], hidden.position_m);
+  for (const auto& point : around.points_m) EXPECT_GT((point - somewhere.position_m).norm(), 1.0);
 }
 
 }  // namespace
