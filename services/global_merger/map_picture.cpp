@@ -123,7 +123,9 @@ void Canvas::drawCells() {
                                    static_cast<std::size_t>(x)];
       if (cell < 0) continue;
       const Eigen::Vector2d corner = grid.origin_m + grid.resolution_m * Eigen::Vector2d(x, y);
-      const cv::Point2d a = pixel(corner), b = pixel(corner + Eigen::Vector2d::Constant(grid.resolution_m));
+      // The far corner is the next cell's corner to the last bit: no gap between them.
+      const Eigen::Vector2d next = grid.origin_m + grid.resolution_m * Eigen::Vector2d(x + 1, y + 1);
+      const cv::Point2d a = pixel(corner), b = pixel(next);
       const cv::Rect box(cv::Point(cvRound(a.x), cvRound(b.y)), cv::Point(cvRound(b.x), cvRound(a.y)));
       image_(box & cv::Rect({}, image_.size())).setTo(cell >= 50 ? kOccupied : kFree);
     }
