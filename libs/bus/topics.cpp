@@ -14,9 +14,11 @@ QosProfile stream(RunMode mode) {
   return qos;
 }
 
-/// A history that late joiners get, 64 per robot at both ends.
-QosProfile journal() {
+/// A history that late joiners get, 64 per robot at both ends. Deterministic runs wait for their readers instead
+/// of letting a burst (the corrections at the end of a long run) push out what nobody has read.
+QosProfile journal(RunMode mode) {
   QosProfile qos;
+  qos.keep_all = isDeterministic(mode);
   qos.transient_local = true;
   qos.depth = 64;
   return qos;
@@ -57,9 +59,9 @@ Topics::Topics(RunMode mode)
       objects{"omnifleet/objects", stream(mode)},
       measurement{"omnifleet/measurement", stream(mode)},
       pose{"omnifleet/pose", stream(mode)},
-      place{"omnifleet/place", journal()},
-      map_contribution{"omnifleet/map/contribution", journal()},
-      map_keyframe_pose{"omnifleet/map/keyframe_pose", journal()},
+      place{"omnifleet/place", journal(mode)},
+      map_contribution{"omnifleet/map/contribution", journal(mode)},
+      map_keyframe_pose{"omnifleet/map/keyframe_pose", journal(mode)},
       map_have{"omnifleet/map/have", lastWord()},
       map_octree{"omnifleet/map/octree", latest(4)},
       map_grid{"omnifleet/map/grid", latest(4)},

@@ -143,6 +143,30 @@ TEST_P(AnyBus, DeterministicStreamsLoseNothingToAReaderThatIsYetToMatch) {
   EXPECT_EQ(times(receive(*b, *reader, 60)), all);
 }
 
+/// The corrections at the end of a long run: many more of one robot than the history holds, all at once.
+TEST_P(AnyBus, ABurstLosesNothingWhereNothingMayBeLost) {
+  const auto a = network.join(), b = network.join();
+  const Topics topics(RunMode::kReplay);
+  const auto writer = a->writer(topics.map_keyframe_pose, "r1");
+  const auto reader = b->reader(topics.map_keyframe_pose);
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  constexpr int kBurst = 500;
+  bool written = true;
+  std::thread burst([&] {
+    v1::KeyframePose pose;
+    pose.robot("r1");
+    for (int t = 0; t < kBurst; ++t) {
+      pose.header().acquired_ns(t);
+      written = writer->write(pose) && written;
+    }
+  });
+  const auto got = receive(*b, *reader, kBurst);
+  burst.join();
+  EXPECT_TRUE(written) << writer->error();
+  ASSERT_EQ(got.size(), static_cast<std::size_t>(kBurst));
+  for (int t = 0; t < kBurst; ++t) EXPECT_EQ(got[static_cast<std::size_t>(t)].header().acquired_ns(), t);
+}
+
 TEST_P(AnyBus, DeterministicStreamsGoOnWithoutAnyReader) {
   const auto a = network.join();
   const auto writer = a->writer(Topics(RunMode::kReplay).pose, "r1");
