@@ -55,7 +55,10 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
     row.sequence = sequence++;
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
     if (!parseTime(fields[0], row.time_ns)) return kBadTime;
-    if (!fields[1].empty()) row.path = (base / "data" / std::string(fields[1])).string();
+    const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
+    if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
+      return "the file '" + file.string() + "' lies outside of the folder data";
+    if (!file.empty()) row.path = (base / "data" / file).string();
     stream.rows.push_back(std::move(row));
     return {};
   });

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <system_error>
 
 namespace omnifleet::options {
@@ -13,6 +14,25 @@ namespace {
 std::string place(const YAML::Node& node, const std::string& file) {
   const YAML::Mark mark = node.Mark();
   return mark.is_null() ? file : fmt::format("{}:{}", file, mark.line + 1);
+}
+
+/// YAML 1.2 (3.2.1.1) asks for unique keys; yaml-cpp keeps both and answers with the first.
+void refuseDoubledKeys(const YAML::Node& node, const std::string& file) {
+  if (!node.IsMap() && !node.IsSequence()) return;
+  std::map<std::string, int> line_of;
+  for (const auto& entry : node) {
+    if (!node.IsMap()) {
+      refuseDoubledKeys(entry, file);
+      continue;
+    }
+    refuseDoubledKeys(entry.second, file);
+    if (!entry.first.IsScalar()) continue;
+    const auto [first, fresh] = line_of.emplace(entry.first.Scalar(), entry.first.Mark().line + 1);
+    if (!fresh) {
+      throw Error(fmt::format("{}: {}: the key stands twice (first in line {}); keep one",
+                              place(entry.first, file), first->first, first->second));
+    }
+  }
 }
 
 YAML::Node loadMapping(const YAML::Node& node, const std::string& file) {
@@ -49,6 +69,7 @@ Section Section::load(const std::string& path) {
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored)) throw YAML::BadFile(path);
     section.layers_.push_back({loadMapping(YAML::LoadFile(path), path), path});
+    refuseDoubledKeys(section.layers_.back().node, path);
   } catch (const YAML::BadFile&) {
     throw Error(fmt::format("{}: cannot be read (does the file exist?)", path));
   } catch (const YAML::ParserException& error) {
@@ -61,6 +82,7 @@ Section Section::parse(const std::string& text, const std::string& name) {
   Section section;
   try {
     section.layers_.push_back({loadMapping(YAML::Load(text), name), name});
+    refuseDoubledKeys(section.layers_.back().node, name);
   } catch (const YAML::ParserException& error) {
     throw Error(fmt::format("{}:{}: not valid YAML: {}", name, error.mark.line + 1, error.msg));
   }

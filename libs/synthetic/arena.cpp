@@ -1,5 +1,7 @@
 #include "synthetic/arena.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -34,12 +36,22 @@ RobotBody readBody(const options::Section& section) {
   return body;
 }
 
-ArenaRobot readRobot(const options::Section& section, const std::string& name) {
+/// `floor_m`: extent of the floor, its middle is the origin.
+ArenaRobot readRobot(const options::Section& section, const std::string& name,
+                     const Eigen::Vector2d& floor_m) {
   ArenaRobot robot;
   robot.name = name;
   robot.body = paperBody();
   if (!section.has("initial_pose")) section.fail("initial_pose", "is required: [x m, y m, heading rad]");
   readPose(section, "initial_pose", robot.initial_map_from_base);
+  const Eigen::Vector2d start_m = robot.initial_map_from_base.translation();
+  if ((start_m.cwiseAbs() - 0.5 * floor_m).maxCoeff() > 0.0) {
+    section.fail("initial_pose",
+                 fmt::format("({:g}, {:g}) is not on the floor, x within [{:g}, {:g}], y within "
+                             "[{:g}, {:g}] m",
+                             start_m.x(), start_m.y(), -0.5 * floor_m.x(), 0.5 * floor_m.x(),
+                             -0.5 * floor_m.y(), 0.5 * floor_m.y()));
+  }
   if (section.has("body")) robot.body = readBody(section.child("body"));
   readRgb(section, "rgb", robot.rgb);
   section.read("texture", robot.texture, {0.0, 0.9});
@@ -155,7 +167,9 @@ Arena Arena::read(const options::Section& section) {
   readMoves(section, arena);
   if (section.has("walls")) addWalls(section.child("walls"), arena.floor.size_m, arena.solids);
   const options::Section robots = section.child("robots");
-  for (const std::string& name : robots.keys()) arena.robots.push_back(readRobot(robots.child(name), name));
+  for (const std::string& name : robots.keys()) {
+    arena.robots.push_back(readRobot(robots.child(name), name, arena.floor.size_m));
+  }
   if (arena.robots.empty()) section.fail("robots", "must name at least one robot");
   std::sort(arena.robots.begin(), arena.robots.end(),
             [](const ArenaRobot& a, const ArenaRobot& b) { return a.name < b.name; });

@@ -36,13 +36,13 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
                                                      {"column", FormationShape::kColumn},
                                                      {"wedge", FormationShape::kWedge},
                                                      {"triangle", FormationShape::kTriangle}};
-  FormationShape shape = FormationShape::kWedge;
+  std::string shape;
   double distance_m = 0.0, angle_rad = 0.0;
   std::vector<std::string> waypoints;
   app.add_option("fleet", line.fleet, "fleet file of the running fleet")->required();
   app.add_option("--config", line.overlays, "option overlay, as the fleet was started with");
   auto* with_shape = app.add_option("--shape", shape, "line, column, wedge or triangle")
-                         ->transform(CLI::CheckedTransformer(shapes, CLI::ignore_case));
+                         ->check(CLI::IsMember({"line", "column", "wedge", "triangle"}));
   auto* with_distance = app.add_option("--distance", distance_m, "d, metres to the robot that is followed")
                             ->check(CLI::Range(0.1, 20.0));
   auto* with_angle = app.add_option("--angle", angle_rad, "θ, radians between it and the own heading")
@@ -50,12 +50,12 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")->expected(1, 64);
   app.add_flag("--halt", line.request.halt, "stand until the next command");
   app.add_option("--wait", line.wait_s, "seconds to wait until every robot obeys")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.1, 3600.0));
   app.add_option("--domain", line.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
   app.parse(argc, argv);
-  if (with_shape->count() > 0) line.request.shape = shape;
+  if (with_shape->count() > 0) line.request.shape = shapes.at(shape);
   if (with_distance->count() > 0) line.request.distance_m = distance_m;
   if (with_angle->count() > 0) line.request.angle_rad = angle_rad;
   for (const std::string& waypoint : waypoints) line.request.waypoints_m.push_back(pointOf(waypoint));

@@ -10,6 +10,7 @@ namespace omnifleet::evaluate {
 namespace {
 
 using Json = nlohmann::ordered_json;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a dash
 constexpr double kDegrees = 180.0 / M_PI;
 
 /// A number in a column; a dash where there is none.
@@ -20,9 +21,10 @@ std::string cell(double value, int width, int decimals) {
 
 std::string mapTable(const Report& report) {
   const evaluation::MapMetrics& m = *report.map;
-  std::string text =
-      fmt::format("Obstacles   found {} of {}, missed {}, false {}   recall {:.3f}, precision {:.3f}\n",
-                  m.matches.size(), m.truths, m.missed.size(), m.falsely_found.size(), m.recall, m.precision);
+  std::string text = fmt::format(
+      "Obstacles   found {} of {}, missed {}, false {}   recall {}, precision {}\n", m.matches.size(),
+      m.truths, m.missed.size(), m.falsely_found.size(), cell(m.truths > 0 ? m.recall : kNone, 5, 3),
+      cell(m.estimates > 0 ? m.precision : kNone, 5, 3));
   text += fmt::format("  mean error x / y                 {} / {} cm\n", cell(100.0 * m.x_error_m, 6, 2),
                       cell(100.0 * m.y_error_m, 5, 2));
   text += fmt::format("  overlap of footprints (IoU)      {}\n", cell(m.iou, 7, 3));
@@ -62,10 +64,9 @@ Overall overall(const Report& report) {
   Overall sum;
   for (const RobotReport& r : report.robots) sum.robots += r.path.poses > 0;
   if (sum.robots == 0) {
-    const double nan = std::numeric_limits<double>::quiet_NaN();
     sum.path.x_m = sum.path.y_m = sum.path.distance_m = sum.path.rmse_m = sum.path.heading_rad =
-        sum.path.max_m = nan;
-    sum.ate_m = sum.rpe.translation_m.rmse = sum.rpe.rotation_rad.rmse = nan;
+        sum.path.max_m = kNone;
+    sum.ate_m = sum.rpe.translation_m.rmse = sum.rpe.rotation_rad.rmse = kNone;
     return sum;
   }
   const double n = sum.robots;

@@ -61,12 +61,21 @@ class Canvas {
   void text(const std::string& words, cv::Point at, double size, const cv::Scalar& colour, int weight = 1) {
     cv::putText(image_, words, at, kFont, size, colour, weight, cv::LINE_AA);
   }
-  /// Centred on a point, with a halo so that it can be read on anything.
+  /// Centred on a point, or beside it where another label stands; with a halo, to be read on anything.
   void label(const std::string& words, const Eigen::Vector2d& at, double size, const cv::Scalar& colour) {
     int base = 0;
     const cv::Size box = cv::getTextSize(words, kFont, size, 1, &base);
     const cv::Point2d centre = pixel(at);
-    const cv::Point from(cvRound(centre.x - 0.5 * box.width), cvRound(centre.y + 0.5 * box.height));
+    cv::Rect place(cvRound(centre.x - 0.5 * box.width), cvRound(centre.y - 0.5 * box.height), box.width,
+                   box.height);
+    const cv::Rect wanted = place;
+    const auto taken = [&](const cv::Rect& other) { return (other & place).area() > 0; };
+    for (const cv::Point& step : {cv::Point(0, -1), {1, 0}, {-1, 0}, {0, 1}, {1, -1}, {-1, -1}}) {
+      if (std::none_of(labels_.begin(), labels_.end(), taken)) break;
+      place = wanted + cv::Point(step.x * (box.width + 4), step.y * (box.height + 4));
+    }
+    labels_.push_back(place);
+    const cv::Point from(place.x, place.y + place.height);
     text(words, from, size, kPaper, 4);
     text(words, from, size, colour, 1);
   }
@@ -95,6 +104,7 @@ class Canvas {
 
   const MapPicture& picture_;
   cv::Mat image_;
+  std::vector<cv::Rect> labels_;  // where words stand
   Eigen::Vector2d low_{1e9, 1e9}, high_{-1e9, -1e9};
   double scale_ = 1.0, left_ = 0.0;
 };
@@ -217,12 +227,15 @@ void Canvas::drawScaleBar() {
 
 void Canvas::drawLegend() {
   int x = kSide;
-  const int y = image_.rows - 40;
+  int y = image_.rows - 52;
+  const int scale_bar = image_.cols - kSide - 340;  // its longest begins here
   const auto entry = [&](const std::string& words, const cv::Scalar& fill, const cv::Scalar& edge) {
+    const int width = 40 + cv::getTextSize(words, kFont, 0.5, 1, nullptr).width;
+    if (x > kSide && x + width > scale_bar) x = kSide, y += 22;
     cv::rectangle(image_, {x, y}, {x + 18, y + 14}, fill, cv::FILLED);
     cv::rectangle(image_, {x, y}, {x + 18, y + 14}, edge, 1, cv::LINE_AA);
     text(words, {x + 26, y + 13}, 0.5, kInk);
-    x += 40 + cv::getTextSize(words, kFont, 0.5, 1, nullptr).width;
+    x += width;
   };
   entry("free", kFree, kFaint);
   entry("occupied", kOccupied, kOccupied);

@@ -18,7 +18,7 @@ using omnifleet::launch::RunRequest;
 void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
   app.add_option("--host", request.host, "start only this host's part");
-  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::PositiveNumber);
+  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::Range(0.1, 1e9));
   app.add_option("--domain", request.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "bus/service.h"
 #include "bus/shared_memory.h"
@@ -68,7 +69,24 @@ std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
   return frames;
 }
 
+namespace {
+
+/// A host that no part of the fleet is on would start nothing.
+void checkHost(const std::string& host, const fleet::Fleet& fleet) {
+  if (host.empty()) return;
+  std::set<std::string> hosts;
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet, {})) hosts.insert(process.host);
+  if (hosts.count(host)) return;
+  hosts.erase("");
+  throw options::Error(fmt::format(
+      "--host {}: nothing of this fleet runs there; {}", host,
+      hosts.empty() ? "its file names no hosts" : fmt::format("its hosts are {}", fmt::join(hosts, ", "))));
+}
+
+}  // namespace
+
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
+  checkHost(request.host, fleet);
   services::checkOptions(fleet);
   services::checkOutput(fleet, request.out);
   for (const fleet::CameraSpec& camera : fleet.cameras) {

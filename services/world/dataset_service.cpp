@@ -98,7 +98,6 @@ DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, con
   for (const std::string& warning : recording.warnings) {
     status().dropped();
     status().error(warning);
-    context.log->warn("{}", warning);
   }
   for (dataset::RobotRecording& robot : recording.robots) {
     if (!robot.wheels.empty()) streams_.push_back(std::make_unique<WheelStream>(context, fleet, robot));

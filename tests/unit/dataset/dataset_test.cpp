@@ -74,6 +74,16 @@ TEST_F(DatasetFiles, BadRowsAreLeftOutAndListed) {
                           HasSubstr("data.csv:7: expected the columns")));
 }
 
+TEST_F(DatasetFiles, FilesOutsideOfTheFolderAreNotFollowed) {
+  put("r1/fisheye/data.csv", "10,a.png\n20,../../../secret.png\n30,/etc/secret.png\n40,x/../b.png\n");
+  const Dataset dataset = open();
+  const std::vector<ImageRow>& rows = dataset.robots[0].fisheye->rows;
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_THAT(rows[1].path, HasSubstr("data/b.png"));
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("data.csv:2: the file '../../../secret.png'"),
+                                            HasSubstr("data.csv:3: the file '/etc/secret.png'")));
+}
+
 TEST_F(DatasetFiles, WheelsRejectNonFiniteAndDisorder) {
   put("r1/wheels/data.csv",
       "#t,l,r\n10,0.1,0.2\n20,nan,0.2\n30,0.3,inf\n25,1,1\n24,1,1\n25,2,2\n40,-0.5,+1e-3\n");

@@ -142,6 +142,14 @@ TEST(Section, ListsOfMappings) {
   EXPECT_TRUE(s.list("absent").empty());
 }
 
+TEST(Section, AKeyThatStandsTwiceIsRefused) {
+  EXPECT_THAT(failure([&] { parse("a: 1\nb: 2\na: 3\n"); }),
+              AllOf(StartsWith("f.yaml:3: a:"), HasSubstr("first in line 1")));
+  EXPECT_THAT(failure([&] { parse("top:\n  - {x: 1}\n  - {x: 1, y: 2, x: 3}\n"); }),
+              StartsWith("f.yaml:3: x:"));
+  EXPECT_EQ(failure([&] { parse("top:\n  - {x: 1}\n  - {x: 2}\nother: {x: 3}\n"); }), "");
+}
+
 TEST(Section, FilesThatAreNoMapping) {
   const test::TempFolder folder;
   EXPECT_THAT(failure([&] { Section::load(folder / "none.yaml"); }),

@@ -10,6 +10,7 @@
 namespace omnifleet::synthetic {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 const char* const kSmall = R"(name: test
@@ -81,6 +82,8 @@ TEST(Arena, ErrorsNameFileLineAndKey) {
   EXPECT_THAT(errorOf(replaced("kind: cylinder", "kind: sphere")), HasSubstr("arena.yaml:7"));
   EXPECT_THAT(errorOf(replaced("rgb: [1, 2, 3]", "rgb: [1, 2, 300]")), HasSubstr("rgb"));
   EXPECT_THAT(errorOf(replaced("initial_pose: [0, 0, 3.0], ", "")), HasSubstr("initial_pose"));
+  EXPECT_THAT(errorOf(replaced("initial_pose: [0, 0, 3.0]", "initial_pose: [0, 99, 3.0]")),
+              AllOf(HasSubstr("initial_pose"), HasSubstr("not on the floor")));
   EXPECT_THAT(errorOf(replaced("[0.1, 0.1], [-0.1, 0.1]]", "[0.1, -0.1]]")), HasSubstr("footprint_m"));
   EXPECT_THAT(errorOf("name: empty\n"), HasSubstr("robots"));
   EXPECT_THAT(errorOf(std::string(kSmall) + "wind: 3\n"), HasSubstr("wind"));
