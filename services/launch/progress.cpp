@@ -1,12 +1,18 @@
 #include "launch/progress.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <map>
 #include <optional>
+#include <system_error>
 
 #include "bus/dds_bus.h"
 #include "bus/topics.h"
@@ -27,15 +33,15 @@ std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds
   return line;
 }
 
-Progress::Progress(int domain, std::uint64_t total)
-    : total_(total), thread_([this, domain] { listen(domain); }) {}
+namespace {
 
-Progress::~Progress() {
-  stop_ = true;
-  thread_.join();
+bool closed(int pipe_end) {
+  pollfd state{pipe_end, POLLIN, 0};
+  return poll(&state, 1, 0) > 0;
 }
 
-void Progress::listen(int domain) {
+/// Until `stop` is closed at its other end.
+void listen(int domain, std::uint64_t total, int stop) {
   bus::DdsBusOptions options;
   options.name = "omnifleet_launch";
   options.domain = domain;
@@ -53,10 +59,10 @@ void Progress::listen(int domain) {
   const auto show = [&](const char* end) {
     const double seconds =
         first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
-    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total_, seconds).c_str(),
+    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total, seconds).c_str(),
                  end);
   };
-  while (!stop_) {
+  while (!closed(stop)) {
     bus->wait(std::chrono::milliseconds(100));
     while (reader->take(sample)) {
       const std::string service = sample.service().to_string(), instance = sample.instance().to_string();
@@ -79,6 +85,41 @@ void Progress::listen(int domain) {
     shown = std::max(shown, least);
   }
   if (shown > 0) show("\n");
+}
+
+}  // namespace
+
+Progress::Progress(int domain, std::uint64_t total) {
+  int ends[2] = {-1, -1};
+  if (pipe2(ends, O_CLOEXEC) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
+  listener_ = fork();
+  if (listener_ < 0) {
+    const int error = errno;
+    for (const int end : ends) close(end);
+    throw std::system_error(error, std::generic_category(), "fork");
+  }
+  if (listener_ == 0) {
+    close(ends[1]);
+    try {
+      listen(domain, total, ends[0]);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "no progress is shown: %s\n", error.what());
+    }
+    std::fflush(nullptr);
+    _exit(0);
+  }
+  close(ends[0]);
+  stop_ = ends[1];
+}
+
+Progress::~Progress() {
+  close(stop_);
+  int status = 0;
+  while (waitpid(listener_, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (WIFSIGNALED(status))
+    std::fprintf(stderr, "the progress line was lost (signal %d); the run was not touched\n",
+                 WTERMSIG(status));
 }
 
 }  // namespace omnifleet::launch

@@ -1,29 +1,27 @@
 #pragma once
 
-#include <atomic>
+#include <sys/types.h>
+
 #include <cstdint>
-#include <map>
 #include <string>
-#include <thread>
 
 namespace omnifleet::launch {
 
 /// Listens to service/status and prints what people want to know: a progress line on a terminal (rewritten in
-/// place) or every few seconds elsewhere, and each error once.
+/// place) or every few seconds elsewhere, and each error once. A process of its own: a launcher that takes no
+/// part in DDS keeps its fleet whatever happens there.
 class Progress {
  public:
-  /// `total` frames per robot, 0 where unknown; `fleet_name` heads the line.
+  /// `total` frames per robot, 0 where unknown. Forks: to be made while the program has one thread. Throws
+  /// std::system_error.
   Progress(int domain, std::uint64_t total);
-  ~Progress();
+  ~Progress();  ///< the last line is printed before it returns
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
  private:
-  void listen(int domain);
-
-  std::uint64_t total_;
-  std::atomic<bool> stop_{false};
-  std::thread thread_;
+  pid_t listener_ = -1;
+  int stop_ = -1;  // the listener ends when this end of its pipe is closed
 };
 
 /// "  120/250 frames, 14.2 frames/s, 9 s left".
