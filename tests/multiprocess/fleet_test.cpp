@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -39,6 +40,16 @@ struct LiveFleet {
   Process launch;
   Listener listener;
 };
+
+/// The kernel's name of a program has 15 characters; 0 where there is no such child.
+pid_t childNamed(pid_t parent, const std::string& name) {
+  const std::string proc = "/proc/" + std::to_string(parent);
+  std::istringstream children(fileText(proc + "/task/" + std::to_string(parent) + "/children"));
+  for (pid_t child = 0; children >> child;) {
+    if (fileText("/proc/" + std::to_string(child) + "/comm") == name + "\n") return child;
+  }
+  return 0;
+}
 
 std::set<std::string> instances(const std::string& fleet_file) {
   std::set<std::string> names;
@@ -181,6 +192,18 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
       *poses, pose, [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > restarted; },
       20s))
       << "the line behind it goes on";
+
+  // Nor does a run hang on the process that shows its progress.
+  const pid_t progress = childNamed(fleet.launch.pid(), "omnifleet_launc");
+  ASSERT_GT(progress, 0);
+  ASSERT_EQ(kill(progress, SIGKILL), 0);
+  const auto killed = pose.header().acquired_ns();
+  EXPECT_TRUE(fleet.listener.untilSample<v1::Pose>(
+      *poses, pose,
+      [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > killed + 500'000'000; }, 20s));
+  fleet.launch.signal(SIGINT);
+  EXPECT_EQ(fleet.launch.wait(20s), 0) << fleet.launch.output();
+  EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress line was lost (signal 9)"));
 }
 
 TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
