@@ -19,6 +19,10 @@ void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
   app.add_option("--host", request.host, "start only this host's part");
   app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::Range(0.1, 1e9));
+  app.add_option("--stop-within", request.stop_within_s, "seconds that all processes have to end when asked")
+      ->check(CLI::Range(0.1, 600.0))
+      ->envname("OMNIFLEET_STOP_WITHIN")
+      ->capture_default_str();
   app.add_option("--domain", request.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
@@ -47,6 +51,7 @@ int launch(const RunRequest& request) {
   launch::checkBeforeStart(request, fleet);
   supervisor::Options options;
   options.duration_s = request.duration_s;
+  options.stop_budget_s = request.stop_within_s;
   const auto processes = launch::plan(request, fleet, programFolder());
   std::fprintf(stderr, "starting %zu processes (%s); logs in %s/log\n", processes.size(),
                launch::modeOf(request, fleet).c_str(), request.out.c_str());

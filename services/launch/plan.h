@@ -16,6 +16,7 @@ struct RunRequest {
   std::string out;
   std::string host;  ///< only this host's part; empty: all
   double duration_s = 0.0;
+  double stop_within_s = 1.8;  ///< s, from the first signal to the last process killed; the merger may save
   bool record = false;
   bool debug_images = false;
   bool realtime = false;  ///< the arena by the wall clock
