@@ -46,14 +46,14 @@ void drawSnapshots(const SeedData& data, const std::string& path) {
   }
   if (pictures.empty()) return;
   const auto row = [&](std::size_t begin) {
-    const auto end = std::min(begin + 3, pictures.size());
-    return beside({pictures.begin() + static_cast<std::ptrdiff_t>(begin), pictures.begin() + static_cast<std::ptrdiff_t>(end)},
-                  {captions.begin() + static_cast<std::ptrdiff_t>(begin), captions.begin() + static_cast<std::ptrdiff_t>(end)});
+    const auto from = static_cast<std::ptrdiff_t>(begin),
+               to = static_cast<std::ptrdiff_t>(std::min(begin + 3, pictures.size()));
+    return beside(std::vector<cv::Mat>(pictures.begin() + from, pictures.begin() + to),
+                  std::vector<std::string>(captions.begin() + from, captions.begin() + to));
   };
   std::vector<cv::Mat> rows;
   for (std::size_t i = 0; i < pictures.size(); i += 3) rows.push_back(row(i));
-  cv::Mat all = stacked(rows), half;
-  save(path, all);
+  save(path, stacked(rows));
 }
 
 /// Fig. 21: the paths.
@@ -203,7 +203,8 @@ cv::Mat drawTeamPlot(const std::vector<SeedResult>& results, const std::vector<s
   for (const std::string& method : shown) {
     if (top > 0.0) break;
     for (const int n : sizes) {
-      for (const double v : columnOf(results, method, n).*part) axes.high.y() = std::max(axes.high.y(), 1.15 * v);
+      const TeamColumn column = columnOf(results, method, n);
+      for (const double v : column.*part) axes.high.y() = std::max(axes.high.y(), 1.15 * v);
     }
   }
   Plot plot(axes, {620, 480});
@@ -212,7 +213,8 @@ cv::Mat drawTeamPlot(const std::vector<SeedResult>& results, const std::vector<s
     const cv::Scalar colour = literal ? ink::kOrange : ink::kBlue;
     std::vector<Eigen::Vector2d> means;
     for (const int n : sizes) {
-      const auto values = columnOf(results, method, n).*part;
+      const TeamColumn column = columnOf(results, method, n);
+      const auto& values = column.*part;
       if (values.empty()) continue;
       const auto [least, most] = std::minmax_element(values.begin(), values.end());
       const double x = n + (shown.size() < 2 ? 0.0 : literal ? -0.04 : 0.04);

@@ -6,6 +6,7 @@
 
 #include "dataset/atomic_file.h"
 #include "figures.h"
+#include "options/options.h"
 #include "seed_run.h"
 #include "table.h"
 

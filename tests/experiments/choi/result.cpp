@@ -23,8 +23,9 @@ Json toJson(const MapScore& s) {
 }
 
 MapScore mapScore(const Json& json) {
-  return {json.at("truths"),      json.at("told"),         json.at("found"),
-          json.at("paired"),      number(json.at("x_m")),  number(json.at("y_m")),
+  const auto count = [&](const char* key) { return json.at(key).get<int>(); };
+  return {count("truths"),          count("told"),           count("found"),
+          count("paired"),          number(json.at("x_m")),  number(json.at("y_m")),
           number(json.at("distances_m")), number(json.at("iou"))};
 }
 
@@ -34,7 +35,7 @@ Json toJson(const PathScore& s) {
 }
 
 PathScore pathScore(const Json& json) {
-  return {json.at("poses"), number(json.at("x_m")), number(json.at("y_m")), number(json.at("distance_m")),
+  return {json.at("poses").get<int>(), number(json.at("x_m")), number(json.at("y_m")), number(json.at("distance_m")),
           number(json.at("heading_rad"))};
 }
 
@@ -53,11 +54,13 @@ SeedResult SeedResult::load(const std::string& path) {
   try {
     const Json json = Json::parse(file);
     SeedResult result;
-    result.seed = json.at("seed");
-    result.settings = json.at("settings");
+    result.seed = json.at("seed").get<std::uint32_t>();
+    result.settings = json.at("settings").get<std::string>();
     for (const auto& [key, value] : json.at("maps").items()) result.maps[key] = mapScore(value);
-    for (const Json& team : json.at("teams"))
-      result.teams.push_back({team.at("method"), team.at("robots"), mapScore(team.at("map"))});
+    for (const Json& team : json.at("teams")) {
+      result.teams.push_back({team.at("method").get<std::string>(), team.at("robots").get<int>(),
+                              mapScore(team.at("map"))});
+    }
     for (const auto& [key, value] : json.at("paths").items()) result.paths[key] = pathScore(value);
     for (const auto& [key, value] : json.at("paths_ceiling").items())
       result.paths_ceiling[key] = pathScore(value);

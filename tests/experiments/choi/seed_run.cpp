@@ -126,14 +126,14 @@ class Experiment {
     return arena;
   }
 
-  std::string record(const synthetic::Arena& arena, const std::string& name, bool ceiling) {
+  std::string record(const synthetic::Arena& room, const std::string& name, bool ceiling) {
     say_("recording " + name);
     world::RecordingOptions how;
     how.seed = options_.seed;
     how.ceiling = ceiling;
-    how.world = world::World::Options::read(arena.world);
+    how.world = world::World::Options::read(room.world);
     const std::string folder = (work() / name).string();
-    world::record(arena, how, folder);
+    world::record(room, how, folder);
     return folder;
   }
 

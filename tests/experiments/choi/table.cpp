@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <set>
+#include <tuple>
 
 namespace omnifleet::choi {
 namespace {
@@ -113,7 +114,10 @@ std::string tableOne(const std::vector<SeedResult>& results) {
   const auto line = [&](const std::string& what, const std::string& value) {
     text += fmt::format("  {:<62} {:>8}\n", what, value);
   };
-  const auto mean = [&](const Value& value) { return fmt::format("{:.2f}", over(results, value).mean); };
+  const auto mean = [&](const Value& value) {
+    const Spread spread = over(results, value);
+    return spread.seeds > 0 ? fmt::format("{:.2f}", spread.mean) : std::string("-");
+  };
   line("the paper's method, as the paper reports it", "7.32");
   line("the paper's method here (literal), against the ceiling tracker", mean(againstCeiling("literal", distance)));
   line("ours, against the ceiling tracker", mean(againstCeiling("ours", distance)));
