@@ -40,13 +40,19 @@ double FeatureFlow::floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector
 
 bool FeatureFlow::followCorner(const Corner& corner, const Pose2& previous_from_current, FlowVector& vector) {
   const auto to_m = camera_->floorFromPixel(corner.pixel.cast<double>());
-  if (!to_m) return false;
+  if (!to_m) {
+    ++rejected_;
+    return false;
+  }
   const Eigen::Vector2d expected = previous_from_current * *to_m;
   const auto guess = camera_->pixelFromPoint({expected.x(), expected.y(), 0.0});
   Eigen::Vector2f from = guess ? Eigen::Vector2f(guess->cast<float>()) : corner.pixel;
   if (!lucas_kanade_.followBothWays(current_, previous_, corner.pixel, from)) return false;
   const auto from_m = camera_->floorFromPixel(from.cast<double>());
-  if (!from_m) return false;
+  if (!from_m) {
+    ++rejected_;
+    return false;
+  }
   vector.from_px = from;
   vector.to_px = corner.pixel;
   vector.from_m = from_m->cast<float>();

@@ -32,6 +32,10 @@ class FeatureFlow {
   /// Forgets the previous frame.
   void forget() { has_previous_ = has_current_ = false; }
 
+  /// Followed points that the lens has no floor for (r ≥ F in Choi eq. 7) since forgetRejected().
+  std::size_t rejected() const { return rejected_; }
+  void forgetRejected() { rejected_ = 0; }
+
   /// Brightness of the frame pushed last.
   const cv::Mat1b& grey() const { return current_.grey(); }
 
@@ -50,6 +54,7 @@ class FeatureFlow {
   Harris harris_;
   LucasKanade lucas_kanade_;
   Pyramid previous_, current_;
+  std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;
   std::vector<ground::Blob> regions_;
   std::vector<FlowVector> found_;

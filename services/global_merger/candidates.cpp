@@ -90,6 +90,11 @@ void thin(std::vector<ObjectView>& views) {
   views = std::move(kept);
 }
 
+bool isObserver(const std::string& robot, const MergerOptions& options) {
+  return options.observers.empty() ||
+         std::find(options.observers.begin(), options.observers.end(), robot) != options.observers.end();
+}
+
 using Tracks = std::map<std::uint32_t, Candidate>;
 
 void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
@@ -119,6 +124,7 @@ std::vector<Candidate> candidatesOf(const ContributionStore& store, const Merger
   const occupancy::RobotPaths paths(store, kHoldNs, kMaxGapNs);
   std::vector<Candidate> all;
   for (const auto& [robot, path] : store.robots()) {
+    if (!isObserver(robot, options)) continue;
     Tracks tracks;
     for (const auto& [time_ns, keyframe] : path) {
       if (!keyframe.contribution || !occupancy::standingOf(keyframe.pose)) continue;

@@ -6,6 +6,7 @@
 
 #include "global_merger/candidates.h"
 #include "global_merger/grouping.h"
+#include "global_merger/hull_overlay.h"
 #include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
 #include "occupancy/robot_paths.h"
@@ -14,6 +15,9 @@ namespace omnifleet::global_merger {
 
 MergerOptions MergerOptions::read(const options::Section& section) {
   MergerOptions o;
+  section.read("method", o.method, std::vector<std::string>{"prism", "hull"});
+  section.read("hull_share", o.hull_share, {0.0, 1.0});
+  section.read("observers", o.observers);
   o.prism = outline::PrismOptions::read(section.child("prism"));
   section.read("gate_m", o.gate_m, {0.001, 10.0});
   section.read("min_solidity", o.min_solidity, {0.0, 1.0});
@@ -143,7 +147,9 @@ const std::vector<dataset::MapObject>& Merger::outlines() {
   outlines_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
-  for (const auto& group : groupViews(candidates, options_)) {
+  const auto groups =
+      options_.method == "hull" ? overlayHulls(candidates, options_) : groupViews(candidates, options_);
+  for (const auto& group : groups) {
     if (!isObject(group)) continue;
     outlines_.push_back(objectOf(group));
     outlines_.back().id = idOf(group, bodies_, taken);

@@ -47,6 +47,9 @@ class ContributionMaker {
 };
 
 struct MergerOptions {
+  std::string method = "prism";  ///< prism: fitted over all views | hull: Choi §IV.4, hulls overlaid
+  double hull_share = 0.5;       ///< 1, "hull": of the views of a thing that must cover what is kept
+  std::vector<std::string> observers;  ///< robots whose views shape the outlines; empty: all
   outline::PrismOptions prism;
   double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
   double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)

@@ -6,6 +6,7 @@ Options Options::read(const options::Section& section) {
   Options o;
   o.check = FrameCheckOptions::read(section.child("frame"));
   o.view = ground::ViewOptions::read(section.child("view"));
+  o.lens = lens::CorrectionOptions::read(section.child("lens"));
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
   o.connection = ground::ConnectionOptions::read(section.child("connection"));
   o.contour = ground::ContourOptions::read(section.child("contour"));
@@ -22,15 +23,16 @@ struct LocalMapper::Stages {
   Stages(const lens::Camera& c, const Options& o)
       : options(o),
         camera(c),
+        correction(lens::correctionCamera(c, o.lens)),
         view(camera, o.view),
         check(camera.model(), view, o.check),
         segmenter(camera, view, o.ground),
         connection(o.connection),
         tracer(view, o.contour),
         splitter(view.imageSize(), o.split),
-        silhouette(camera, view, o.silhouette),
-        scan(camera, view, o.scan),
-        flow(camera, o.flow) {}
+        silhouette(correction, view, o.silhouette),
+        scan(correction, view, o.scan),
+        flow(correction, o.flow) {}
   Stages(const Stages&) = delete;  // the steps refer to camera and view
   Stages& operator=(const Stages&) = delete;
 
@@ -42,6 +44,7 @@ struct LocalMapper::Stages {
 
   Options options;
   lens::Camera camera;
+  lens::Camera correction;  // §III.4: of single points
   ground::FloorView view;
   FrameCheck check;
   ground::GroundSegmenter segmenter;
@@ -83,6 +86,9 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   s.flow.push(frame.image);       // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
+  if (s.options.silhouette.outline == "features") {
+    for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
+  }
   return s.map;
 }
 
@@ -92,6 +98,8 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   map.camera_height_m = camera.height();
   map.motion = wheels;
   map.objects.clear();
+  silhouette.forgetRejected();
+  flow.forgetRejected();
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
   map.scan.label.clear();
@@ -164,6 +172,9 @@ const std::vector<FloorContour>& LocalMapper::floorContours() const {
 }
 const lens::Camera& LocalMapper::camera() const {
   return stages_->camera;
+}
+std::size_t LocalMapper::rejectedPoints() const {
+  return stages_->silhouette.rejected() + stages_->flow.rejected();
 }
 
 }  // namespace omnifleet::local_mapper

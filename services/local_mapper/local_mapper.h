@@ -10,6 +10,7 @@
 #include "ground/ground_segmenter.h"
 #include "ground/region_connection.h"
 #include "lens/camera.h"
+#include "lens/correction.h"
 #include "local_mapper/floor_scan.h"
 #include "local_mapper/frame_check.h"
 #include "local_mapper/silhouette.h"
@@ -21,6 +22,7 @@ namespace omnifleet::local_mapper {
 struct Options {
   FrameCheckOptions check;               ///< `frame`: what counts as black, overexposed, a gap
   ground::ViewOptions view;              ///< `view`: which pixels can show floor
+  lens::CorrectionOptions lens;          ///< `lens`: §III.4, which lens carries points to the floor
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
   ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
@@ -53,6 +55,9 @@ class LocalMapper {
   /// The outline on the floor of each object of the last local map, in its order.
   const std::vector<FloorContour>& floorContours() const;
   const lens::Camera& camera() const;
+  /// Points of the last frame (of outlines and vectors) that the correcting lens gives no floor for (Choi
+  /// eq. 7: r ≥ F); they are left out.
+  std::size_t rejectedPoints() const;
 
  private:
   struct Stages;

@@ -16,6 +16,7 @@ constexpr std::size_t kNearHidden = 3;  // points of an outline to each side
 
 SilhouetteOptions SilhouetteOptions::read(const options::Section& section) {
   SilhouetteOptions o;
+  section.read("outline", o.outline, std::vector<std::string>{"contour", "features"});
   section.read("max_contact_m", o.max_contact_m, {0.05, 100.0});
   section.read("sigma_px", o.sigma_px, {0.01, 20.0});
   section.read("sigma_floor_m", o.sigma_floor_m, {0.0, 1.0});
@@ -84,7 +85,10 @@ void Silhouette::projectToFloor(const ground::Contour& contour, const std::vecto
     }
     const Eigen::Vector2f& pixel = contour.points_px[i];
     const Eigen::Vector2f point = floor_table_.at(pixel.x(), pixel.y());
-    if (!point.allFinite()) continue;
+    if (!point.allFinite()) {
+      ++rejected_;
+      continue;
+    }
     floor_.points_m.push_back(point.cast<double>());
     floor_.pixels.push_back(pixel);
     const bool hidden = !hides.empty() && isHidden(contour.loop_begin[loop - 1], loop_end, i);
@@ -155,6 +159,26 @@ void Silhouette::measureSupports(ObjectObservation& object) {
     const auto i = static_cast<std::size_t>(found - floor_.points_m.begin());
     corners_.push_back({vertex - camera_->foot(), jacobian(floor_.pixels[i]), floor_.cut[i] != 0});
   }
+  supportsFromCorners(object);
+}
+
+void Silhouette::measureFeatures(ObjectObservation& object) {
+  Polygon ends;
+  for (const FlowVector& vector : object.vectors) ends.push_back(vector.to_m.cast<double>());
+  Polygon hull = outline::convexHull(ends);
+  if (hull.size() < 3) return;
+  object.hull_m = std::move(hull);
+  object.solidity = 1.0;
+  corners_.clear();
+  for (const auto& vertex : object.hull_m) {
+    const auto found = std::find(ends.begin(), ends.end(), vertex);
+    const FlowVector& vector = object.vectors[static_cast<std::size_t>(found - ends.begin())];
+    corners_.push_back({vertex - camera_->foot(), jacobian(vector.to_px), false});
+  }
+  supportsFromCorners(object);
+}
+
+void Silhouette::supportsFromCorners(ObjectObservation& object) {
   auto& supports = object.supports;
   supports.b_m.resize(directions_.size());
   supports.sigma_m.resize(directions_.size());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "ground/contour.h"
@@ -13,6 +14,7 @@
 namespace omnifleet::local_mapper {
 
 struct SilhouetteOptions {
+  std::string outline = "contour";  ///< contour | features: hull of the vectors' ends, as Choi §III.5
   double max_contact_m = 2.0;    ///< metres: a blob whose contact with the floor is farther is no object
   double sigma_px = 0.4;         ///< pixels: σ of a contour point, used at the supporting point
   double sigma_floor_m = 0.001;  ///< metres added to it (calibration)
@@ -46,6 +48,14 @@ class Silhouette {
   /// infinite where there is none.
   double contactDistance(const ground::Contour& contour) const;
 
+  /// Choi §III.5: hull and supports from the outermost feature points, the ends of the object's vectors.
+  /// Where there are fewer than three of them those of the outline stay.
+  void measureFeatures(ObjectObservation& object);
+
+  /// Points that the lens has no floor for (r ≥ F in Choi eq. 7) since forgetRejected().
+  std::size_t rejected() const { return rejected_; }
+  void forgetRejected() { rejected_ = 0; }
+
   /// The floor contour of the last measure(); empty where nothing of it lies on the floor.
   const FloorContour& floorContour() const { return floor_; }
 
@@ -55,6 +65,7 @@ class Silhouette {
   void measureHull(ObjectObservation& object);
   void measureCentroid(const ground::Blob& blob, ObjectObservation& object) const;
   void measureSupports(ObjectObservation& object);
+  void supportsFromCorners(ObjectObservation& object);
   /// ∂floor/∂pixel at a contour point, metres per pixel.
   Eigen::Matrix2d jacobian(const Eigen::Vector2f& pixel) const;
 
@@ -71,6 +82,7 @@ class Silhouette {
   SilhouetteOptions options_;
   std::vector<Eigen::Vector2d> directions_;
   FloorContour floor_;
+  std::size_t rejected_ = 0;
   bool is_hidden_ = false;  ///< something stands before the region
   std::vector<Corner> corners_;
 };

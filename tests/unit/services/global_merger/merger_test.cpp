@@ -71,8 +71,9 @@ Sets record(FleetSim& sim, double from_s, double to_s, double step_s = 0.2) {
   return sets;
 }
 
-Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies) {
-  Merger merger({}, {}, bodies);
+Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies,
+              const MergerOptions& options = {}) {
+  Merger merger(options, {}, bodies);
   for (const auto& c : sets.contributions) merger.add(c);
   for (const auto& p : sets.poses) merger.add(p);
   return merger;
@@ -386,11 +387,95 @@ TEST_F(Saving, AnEmptyMapIsSavedToo) {
   EXPECT_TRUE(dataset::readObjects((folder_ / "objects.geojson").string()).empty());
 }
 
+MergerOptions hulls(double share, std::vector<std::string> observers = {}) {
+  MergerOptions options;
+  options.method = "hull";
+  options.hull_share = share;
+  options.observers = std::move(observers);
+  return options;
+}
+
+/// Of each thing the object whose outline covers most of it.
+const MapObject* covering(const std::vector<MapObject>& objects, const Polygon& footprint) {
+  const MapObject* best = nullptr;
+  double most = 0.0;
+  for (const auto& object : objects) {
+    const double shared = outline::area(outline::intersect({object.outline_m}, {footprint}));
+    if (shared > most) best = &object, most = shared;
+  }
+  return best;
+}
+
+double areaOf(const std::vector<MapObject>& objects, const Polygon& footprint) {
+  const MapObject* object = covering(objects, footprint);
+  return object ? signedArea(object->outline_m) : 0.0;
+}
+
+TEST(Merger, HullsLaidOverOneAnotherCoverTheFootprintsAndTheShadowsOfTheirTops) {
+  auto sim = arena({}, 11);
+  const Sets sets = record(sim, 0.0, 4.0);
+  Merger literal = merged(sets, sim.bodies(), hulls(0.5)), ours = merged(sets, sim.bodies());
+  literal.finish();
+  ours.finish();
+  EXPECT_EQ(literal.outlines().size(), sim.things().size());
+  for (const auto& thing : sim.things()) {
+    const MapObject* hull = covering(literal.outlines(), thing.footprint_m);
+    const MapObject* fit = covering(ours.outlines(), thing.footprint_m);
+    ASSERT_TRUE(hull && fit);
+    const double area = signedArea(thing.footprint_m);
+    // Every exact silhouette holds the footprint, so what any share of them holds does; 0.1 mm is quantised.
+    EXPECT_GT(outline::area(outline::intersect({hull->outline_m}, {thing.footprint_m})), 0.99 * area);
+    EXPECT_GT(signedArea(hull->outline_m), 1.05 * area);
+    EXPECT_LT(hull->height_m, 1e-9);  // the paper tells no height
+    const Eigen::Vector2d truth = centroid(thing.footprint_m);
+    EXPECT_LT((fit->centroid_m - truth).norm(), (hull->centroid_m - truth).norm());
+  }
+}
+
+TEST(Merger, TheMoreHullsMustAgreeTheSmallerTheOverlay) {
+  auto sim = arena({}, 12);
+  const Sets sets = record(sim, 0.0, 4.0);
+  Merger all = merged(sets, sim.bodies(), hulls(0.0)), half = merged(sets, sim.bodies(), hulls(0.5)),
+         common = merged(sets, sim.bodies(), hulls(1.0)),
+         one = merged(sets, sim.bodies(), hulls(1.0, {"r1"}));
+  for (Merger* merger : {&all, &half, &common, &one}) merger->finish();
+  for (const auto& thing : sim.things()) {
+    const double united = areaOf(all.outlines(), thing.footprint_m),
+                 most = areaOf(half.outlines(), thing.footprint_m),
+                 shared = areaOf(common.outlines(), thing.footprint_m);
+    EXPECT_GT(united, most);
+    EXPECT_GT(most, shared);
+    EXPECT_GT(shared, 0.99 * signedArea(thing.footprint_m));
+  }
+  // §IV.4: other robots' maps cut away what one robot cannot see behind things.
+  double by_one = 0.0, by_all = 0.0;
+  for (const auto& thing : sim.things()) {
+    if (areaOf(one.outlines(), thing.footprint_m) == 0.0) continue;  // out of its sight
+    by_one += areaOf(one.outlines(), thing.footprint_m);
+    by_all += areaOf(common.outlines(), thing.footprint_m);
+  }
+  EXPECT_GT(by_one, by_all);
+}
+
+TEST(Merger, OnlyNamedObserversShapeTheOutlinesAndRobotsStayOut) {
+  auto sim = arena(noisy(), 13);
+  MergerOptions options;
+  options.observers = {"r2"};
+  Merger merger = merged(record(sim, 0.0, 4.0), sim.bodies(), options);
+  merger.finish();
+  ASSERT_FALSE(merger.outlines().empty());
+  for (const auto& object : merger.outlines()) EXPECT_THAT(object.observers, ::testing::ElementsAre("r2"));
+  EXPECT_EQ(score(merger.outlines(), sim.things()).extra, 0);
+}
+
 TEST(MergerOptions, ReadAndBounded) {
   const auto o =
       MergerOptions::read(options::Section::parse("gate_m: 0.2\nprism: {directions: 48}\n", "o.yaml"));
   EXPECT_DOUBLE_EQ(o.gate_m, 0.2);
   EXPECT_EQ(o.prism.directions, 48);
+  EXPECT_EQ(MergerOptions::read(options::Section::parse("method: hull\n", "o.yaml")).method, "hull");
+  EXPECT_THROW(MergerOptions::read(options::Section::parse("method: circle\n", "o.yaml")), options::Error);
+  EXPECT_THROW(MergerOptions::read(options::Section::parse("hull_share: 1.1\n", "o.yaml")), options::Error);
   EXPECT_THROW(MergerOptions::read(options::Section::parse("gate: 0.2\n", "o.yaml")), options::Error);
   EXPECT_THROW(MergerOptions::read(options::Section::parse("min_views: 0\n", "o.yaml")), options::Error);
   EXPECT_THROW(KeyframeOptions::read(options::Section::parse("distance_m: -1\n", "o.yaml")), options::Error);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include "local_mapper/debug_images.h"
 #include "tests/unit/services/local_mapper/fisheye_scene.h"
 #include "tests/unit/services/local_mapper/silhouette_truth.h"
@@ -152,6 +154,53 @@ TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
   EXPECT_EQ(map.scan.object[towards_far], 0);
 }
 
+TEST_F(LocalMapperTest, PointsBeyondFOfEquationSevenAreLeftOutAndCounted) {
+  Options options;
+  options.lens.projection = "orthographic";
+  // F so that the floor at 1 m lies just beyond it: of four things the near half of one remains.
+  const Eigen::Vector2d at_1m = *camera_.pixelFromPoint({1.0, 0.0, 0.0});
+  options.lens.focal_px = (at_1m - camera_.model().principal_point_px).norm();
+  LocalMapper literal(camera_, options), ours(camera_, {});
+  const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    const LocalMap& map = literal.process(testing::frameOf(image, i), motion({}));
+    ours.process(testing::frameOf(image, i), motion({}));
+    EXPECT_LT(map.objects.size(), scene_.prisms.size());
+    for (const auto& object : map.objects) {
+      for (const auto& p : object.hull_m) EXPECT_TRUE(p.allFinite());
+      for (const float b : object.supports.b_m) EXPECT_TRUE(std::isfinite(b));
+    }
+  }
+  EXPECT_GT(literal.rejectedPoints(), 100U);
+  EXPECT_EQ(ours.rejectedPoints(), 0U);
+}
+
+TEST_F(LocalMapperTest, HullsOfFeaturesAreThoseOfTheVectorsEnds) {
+  Options options;
+  options.silhouette.outline = "features";
+  LocalMapper mapper(camera_, options);
+  mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  const Pose2 step{0.05, 0.0, 0.02};
+  const LocalMap& map =
+      mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, step), 1), motion(step));
+  int checked = 0;
+  for (const auto& object : map.objects) {
+    if (object.vectors.size() < 3) continue;
+    ++checked;
+    std::vector<cv::Point2f> ends, hull;
+    for (const auto& v : object.vectors) ends.emplace_back(v.to_m.x(), v.to_m.y());
+    cv::convexHull(ends, hull);
+    EXPECT_NEAR(signedArea(object.hull_m), cv::contourArea(hull), 1e-6) << object.label;
+    for (std::size_t k = 0; k < object.supports.size(); ++k) {
+      const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(object.supports.size());
+      double b = -1e9;
+      for (const auto& p : hull) b = std::max(b, p.x * std::cos(phi) + p.y * std::sin(phi));
+      EXPECT_NEAR(object.supports.b_m[k], b, 1e-5);  // float
+    }
+  }
+  EXPECT_GE(checked, 2);
+}
+
 TEST_F(LocalMapperTest, DebugPicturesShowTheObjects) {
   LocalMapper mapper(camera_, {});
   const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
@@ -174,11 +223,16 @@ TEST(LocalMapperOptions, EveryKeyIsKnownAndBounded) {
   const auto o =
       Options::read(options::Section::parse("{frame: {dark_level: 5}, view: {seed_ring_px: 30}, ground: "
                                             "{method: histogram}, connection: {method: rectangles},"
-                                            " contour: {refine: false}, silhouette: {max_contact_m: 1.5}, "
+                                            " contour: {refine: false}, lens: {projection: orthographic},"
+                                            " silhouette: {max_contact_m: 1.5, outline: features}, "
                                             "scan: {rays: 720}, flow: {sigma_px: 0.3}}",
                                             "t.yaml"));
   EXPECT_EQ(o.scan.rays, 720);
   EXPECT_EQ(o.ground.method, "histogram");
+  EXPECT_EQ(o.lens.projection, "orthographic");
+  EXPECT_EQ(o.silhouette.outline, "features");
+  EXPECT_THROW(Options::read(options::Section::parse("{lens: {projection: pinhole}}", "t.yaml")),
+               options::Error);
   EXPECT_THROW(Options::read(options::Section::parse("{scans: {}}", "t.yaml")), options::Error);
   EXPECT_THROW(Options::read(options::Section::parse("{scan: {rays: 1}}", "t.yaml")), options::Error);
   EXPECT_THROW(Options::read(options::Section::parse("{silhouette: {max_contact_m: far}}", "t.yaml")),

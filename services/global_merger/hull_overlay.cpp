@@ -1,0 +1,133 @@
+#include "global_merger/hull_overlay.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <tuple>
+
+#include "outline/half_planes.h"
+#include "outline/polygon_set.h"
+
+namespace omnifleet::global_merger {
+namespace {
+
+constexpr double kSharedPart = 1.0 / 3.0;
+
+struct PlacedHull {
+  const ObjectView* view;
+  Polygon hull_m;
+};
+
+/// Views that go together, with the hull that stands for them when more are asked for.
+struct Pile {
+  std::vector<PlacedHull> hulls;
+  ObjectKind kind = ObjectKind::kUnknown;
+  Polygon outline_m;
+};
+
+bool isEarlier(const PlacedHull& a, const PlacedHull& b) {
+  return std::tie(a.view->time_ns, a.view->robot, a.view->track_id) <
+         std::tie(b.view->time_ns, b.view->robot, b.view->track_id);
+}
+
+Polygon overlaid(const std::vector<PlacedHull>& hulls, double share) {
+  const std::size_t n = std::min(hulls.size(), kMaxHulls);
+  std::vector<std::vector<Polygon>> maps;
+  for (std::size_t i = 0; i < n; ++i) maps.push_back({hulls[i * hulls.size() / n].hull_m});
+  // Where they do not all meet, what most of them cover.
+  for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0; --votes) {
+    const auto regions = outline::overlay(maps, votes);
+    const auto largest =
+        std::max_element(regions.begin(), regions.end(),
+                         [](const auto& a, const auto& b) { return a.area() < b.area(); });
+    if (largest != regions.end()) return largest->outer;
+  }
+  return {};
+}
+
+double sharedPart(const Polygon& a, const Polygon& b) {
+  const double smaller = std::min(signedArea(a), signedArea(b));
+  return smaller > 0.0 ? outline::convexIntersectionArea(a, b) / smaller : 0.0;
+}
+
+bool overlaps(const Pile& a, const Pile& b) {
+  return std::any_of(a.hulls.begin(), a.hulls.end(), [&](const PlacedHull& x) {
+    return std::any_of(b.hulls.begin(), b.hulls.end(),
+                       [&](const PlacedHull& y) { return sharedPart(x.hull_m, y.hull_m) >= kSharedPart; });
+  });
+}
+
+/// One pile per track, its views thinned: a track is one thing to the robot that follows it.
+std::vector<Pile> pilesOf(const std::vector<Candidate>& candidates) {
+  std::vector<Pile> piles;
+  for (const Candidate& candidate : candidates) {
+    Pile pile;
+    pile.kind = candidate.kind;
+    const std::size_t n = std::min(candidate.views.size(), kMaxHulls);
+    for (std::size_t i = 0; i < n; ++i) {
+      const ObjectView& view = candidate.views[i * candidate.views.size() / n];
+      Polygon hull = hullOf(view);
+      if (hull.size() >= 3) pile.hulls.push_back({&view, std::move(hull)});
+    }
+    if (!pile.hulls.empty()) piles.push_back(std::move(pile));
+  }
+  return piles;
+}
+
+void joinOverlapping(std::vector<Pile>& piles) {
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (std::size_t i = 0; i < piles.size() && !changed; ++i) {
+      for (std::size_t k = i + 1; k < piles.size() && !changed; ++k) {
+        if (!overlaps(piles[i], piles[k])) continue;
+        piles[i].hulls.insert(piles[i].hulls.end(), piles[k].hulls.begin(), piles[k].hulls.end());
+        piles[i].kind = std::max(piles[i].kind, piles[k].kind);
+        piles.erase(piles.begin() + static_cast<std::ptrdiff_t>(k));
+        changed = true;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Polygon hullOf(const ObjectView& view) {
+  const auto& b = view.prism.supports.b_m;
+  const Pose2& map_from_base = view.prism.map_from_base;
+  const Eigen::Vector2d foot = map_from_base * view.prism.foot_m;
+  std::vector<outline::HalfPlane> planes;
+  for (std::size_t k = 0; k < b.size(); ++k) {
+    const double phi = map_from_base.theta_rad + 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(b.size());
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    if (std::isfinite(b[k])) planes.push_back({n, static_cast<double>(b[k]) + n.dot(foot)});
+  }
+  constexpr double kOpen_m = 100.0;
+  Polygon hull = outline::intersectHalfPlanes(planes, kOpen_m);
+  const bool open = std::any_of(hull.begin(), hull.end(), [](const Eigen::Vector2d& p) {
+    return p.cwiseAbs().maxCoeff() > 0.999 * kOpen_m;
+  });
+  return open ? Polygon{} : hull;
+}
+
+std::vector<Group> overlayHulls(const std::vector<Candidate>& candidates, const MergerOptions& options) {
+  std::vector<Pile> piles = pilesOf(candidates);
+  joinOverlapping(piles);
+  std::vector<Group> groups;
+  for (Pile& pile : piles) {
+    std::sort(pile.hulls.begin(), pile.hulls.end(), isEarlier);
+    Group group;
+    group.kind = pile.kind;
+    for (const PlacedHull& hull : pile.hulls) group.views.push_back(hull.view);
+    group.fit.footprint_m = overlaid(pile.hulls, options.hull_share);
+    group.fit.valid = group.fit.footprint_m.size() >= 3;
+    group.fit.covariance.setZero();
+    if (group.fit.valid) group.centre_m = group.fit.centre_m = centroid(group.fit.footprint_m);
+    groups.push_back(std::move(group));
+  }
+  std::sort(groups.begin(), groups.end(), [](const Group& a, const Group& b) {
+    return isEarlier({a.views.front(), {}}, {b.views.front(), {}});
+  });
+  return groups;
+}
+
+}  // namespace omnifleet::global_merger
