@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "outline/half_planes.h"
+#include "outline/plain_shape.h"
 #include "outline/prism_terms.h"
 #include "outline/vertices.h"
 
@@ -287,31 +288,72 @@ void sharpen(const PrismSolver& solver, const std::vector<PrismView>& views, con
   }
 }
 
-/// The polygon, its Steiner point, and the evidence about it.
-void closeOutline(const PrismSolver& solver, const std::vector<PrismView>& given, const PrismOptions& options,
-                  std::size_t views, PrismFit& fit) {
-  if (detail::widestGap(fit.evidence) > options.max_gap_deg * M_PI / 180.0) return;
-  fit.footprint_m = detail::polygonOf(fit.evidence);
-  sharpen(solver, given, options, fit);
-  if (fit.footprint_m.size() < 3) return;
-  const double count = static_cast<double>(fit.evidence.size());
-  // Taken about a vertex: the sum over evenly spread directions is exact for the shift, and small numbers
-  // stay exact.
-  const Eigen::Vector2d origin = fit.footprint_m.front();
+/// A rectangle or a disc in place of the free outline where it explains the views as well for its fewer
+/// numbers; and where the free outline is open, when it is certain by itself. True when it was taken.
+bool simplify(const detail::PlainProblem& problem, const PrismOptions& options, PrismFit& fit) {
+  constexpr double kSure_m = 0.03;
+  if (!options.plain_shapes || options.vertex_penalty <= 0) return false;
+  const detail::PlainFit plain = detail::fitPlainShape(problem, options, fit.height_m);
+  if (!plain.valid) return false;
+  const double price = 0.5 * options.vertex_penalty;
+  if (fit.footprint_m.size() >= 3) {
+    const double free = detail::costOfOutline(problem, options, fit.footprint_m, fit.height_m) +
+                        price * (2.0 * static_cast<double>(fit.footprint_m.size()) + 1.0);
+    if (plain.cost + price * plain.parameters > free) return false;
+  } else if (std::sqrt(plain.covariance.trace()) > kSure_m || plain.size_sigma_m > kSure_m ||
+             fit.coverage < options.min_coverage) {
+    return false;
+  }
+  fit.footprint_m = plain.outline_m;
+  fit.height_m = plain.height_m;
+  fit.height_sigma_m = plain.height_sigma_m;
+  fit.covariance = plain.covariance;
+  return true;
+}
+
+/// Steiner point of a polygon by the directions of the evidence. Taken about a vertex: the sum over evenly
+/// spread directions is exact for the shift, and small numbers stay exact.
+Eigen::Vector2d steinerPointOf(const Polygon& polygon, std::size_t directions) {
+  const auto count = static_cast<double>(directions);
+  const Eigen::Vector2d origin = polygon.front();
+  Eigen::Vector2d centre = origin;
+  for (std::size_t k = 0; k < directions; ++k) {
+    const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
+    const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
+    centre += (2.0 / count) * (detail::supportOf(polygon, n) - n.dot(origin)) * n;
+  }
+  return centre;
+}
+
+/// Covariance of the centre that the directions' own noise and the views' poses give.
+Eigen::Matrix2d centreCovariance(const PrismFit& fit, const PrismOptions& options, std::size_t views) {
+  const auto count = static_cast<double>(fit.evidence.size());
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
-  fit.centre_m = origin;
   for (std::size_t k = 0; k < fit.evidence.size(); ++k) {
     const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
     const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
-    fit.centre_m += (2.0 / count) * (detail::supportOf(fit.footprint_m, n) - n.dot(origin)) * n;
     covariance +=
         4.0 / (count * count) * fit.evidence[k].sigma_m * fit.evidence[k].sigma_m * n * n.transpose();
   }
   const double pose_variance =
       options.pose_sigma_m * options.pose_sigma_m / static_cast<double>(std::max<std::size_t>(views, 1));
-  fit.covariance += kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
+  return kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
+}
+
+/// The polygon, its Steiner point, and the evidence about it.
+void closeOutline(const PrismSolver& solver, const std::vector<PrismView>& given, const PrismOptions& options,
+                  const detail::PlainProblem& problem, PrismFit& fit) {
+  if (detail::widestGap(fit.evidence) <= options.max_gap_deg * M_PI / 180.0) {
+    fit.footprint_m = detail::polygonOf(fit.evidence);
+    sharpen(solver, given, options, fit);
+  }
+  if (!simplify(problem, options, fit)) {
+    if (fit.footprint_m.size() < 3) return;
+    fit.covariance += centreCovariance(fit, options, problem.camera_height_m.size());
+  }
+  fit.centre_m = steinerPointOf(fit.footprint_m, fit.evidence.size());
   for (std::size_t k = 0; k < fit.evidence.size(); ++k) {
-    const double angle = 2.0 * M_PI * static_cast<double>(k) / count;
+    const double angle = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(fit.evidence.size());
     fit.evidence[k].support_m -= fit.centre_m.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle)));
   }
   fit.valid = true;
@@ -339,21 +381,23 @@ PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& optio
   const Terms all = detail::termsOf(views, options.directions, options.noise_m);
   if (all.views() == 0) return fit;
   const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
+  const double max_height = options.max_height_share *
+                            *std::min_element(terms.camera_height_m.begin(), terms.camera_height_m.end());
+  const detail::PlainProblem problem = detail::plainProblem(views, terms.view, max_height, prior);
   PrismSolver first(terms, options, prior);
   first.solve();
   constexpr double kVague = 0.05;  // m, σ of a height beyond which the tangents are asked
   if (first.heightSigma() <= kVague || prior.sigma_m > 0) {
     first.report(fit, views.size());
-    closeOutline(first, views, options, terms.views(), fit);
+    closeOutline(first, views, options, problem, fit);
     return fit;
   }
-  const double max_height = options.max_height_share * terms.camera_height_m.front();
   const HeightPrior tangents = priorFromTangents(terms, max_height);
   PrismSolver second(terms, options, tangents);
   second.solve();
   second.report(fit, views.size());
   if (tangents.sigma_m <= 0) fit.height_sigma_m = 0.0;
-  closeOutline(second, views, options, terms.views(), fit);
+  closeOutline(second, views, options, problem, fit);
   return fit;
 }
 

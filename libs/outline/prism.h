@@ -26,7 +26,9 @@ struct PrismOptions {
   int max_views = 32;              ///< the most telling ones from all sides are taken
   double max_height_share = 0.95;  ///< of the lowest camera's height: taller objects have no shadow edge
   double vertex_penalty = 4.0;     ///< χ² that a vertex must save to be drawn; 0: half-planes alone
-  double max_gap_deg = 100.0;      ///< degrees without evidence beyond which an outline is open
+  double max_gap_deg = 100.0;      ///< degrees without evidence beyond which a free outline is open
+  bool plain_shapes = true;        ///< a rectangle or a disc is preferred where it explains the views as well
+  double min_coverage = 0.5;  ///< share of directions with evidence from which one closes an open outline
 
   static PrismOptions read(const options::Section& section);
 };
@@ -68,7 +70,8 @@ struct PrismFit {
 /// Directions with σ ≤ 0 are not used. Where the views say little about h and `prior` nothing, convexity
 /// does: at the two tangents from the foot a too great height would fold the footprint. The footprint is the
 /// polygon whose support function is nearest to the averages (half-planes intersected, their common inward
-/// bias returned).
+/// bias returned); or, where that explains the views as well (robust χ² plus `vertex_penalty`/2 per number),
+/// a rectangle or a disc with its own height (plain_shape.h).
 PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& options,
                   const HeightPrior& prior = {});
 

@@ -16,6 +16,8 @@ PrismOptions PrismOptions::read(const options::Section& section) {
   section.read("max_height_share", o.max_height_share, {0.01, 0.99});
   section.read("vertex_penalty", o.vertex_penalty, {0, 1000});
   section.read("max_gap_deg", o.max_gap_deg, {10, 170});
+  section.read("plain_shapes", o.plain_shapes);
+  section.read("min_coverage", o.min_coverage, {0.1, 1.0});
   section.finish();
   return o;
 }
