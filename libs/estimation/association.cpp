@@ -29,15 +29,18 @@ double uncertainty(const RobotNode& robot) {
 
 }  // namespace
 
-std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& options) {
+std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
   std::vector<Seen> all;
+  const RobotNode* robot = fleet.find(frame.robot);
+  const CameraError error = robot == nullptr ? CameraError::Zero() : fleet.cameraError(*robot);
   if (frame.state != FrameState::kOk || !(frame.camera_height_m > 0)) return all;
   for (const Track& track : frame.tracks) {
     if (!track.visible || track.supports.empty() || !track.position_m.allFinite()) continue;
     Seen seen;
     seen.track = &track;
-    seen.view = std::make_shared<const View>(
-        View::from(track, frame.scan.origin_m, frame.camera_height_m, options.view_sigma_factor));
+    seen.view = std::make_shared<View>(
+        View::from(track, frame.scan.origin_m, frame.camera_height_m, fleet.options.view_sigma_factor));
+    seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
     seen.mature = track.solidity >= kMergedSolidity && !track.truncated && Footprint(*seen.view).whole;
     all.push_back(std::move(seen));

@@ -13,15 +13,15 @@ namespace omnifleet::estimation {
 /// One silhouette of a frame, and what it is taken for.
 struct Seen {
   const Track* track = nullptr;
-  std::shared_ptr<const View> view;
+  std::shared_ptr<View> view;
   RobotNode* peer = nullptr;  ///< a robot, or
   PoseAt peer_at;
   std::uint32_t landmark = 0;  ///< an obstacle, or neither
   bool mature = false;         ///< clean enough to found or to deny a landmark
 };
 
-/// The visible tracks of a frame that have supports, as views.
-std::vector<Seen> silhouettes(const Objects& frame, const EstimatorOptions& options);
+/// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.
+std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame);
 
 /// Corrects a prediction that is too uncertain to associate by (no wheels, a gap): the tracks' own ids say
 /// which silhouettes were which landmarks and robots before; a rigid fit of those places the robot.

@@ -112,7 +112,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     robot.started = true;
     robot.last_frame_ns = frame.objects->acquired_ns;
     fresh.push_back(frame.objects);
-    frame.seen = silhouettes(*frame.objects, fleet.options);
+    frame.seen = silhouettes(fleet, *frame.objects);
   }
   queue_.attach(fleet, time, fresh);
   for (Frame& frame : frames) {
@@ -161,8 +161,10 @@ void FleetEstimator::Impl::reweight() {
     for (Step& step : robot.window) {
       for (ViewLink& link : step.views) {
         if (!fleet.graph.hasFactor(link.factor)) continue;
+        link.view->assume(fleet.cameraError(robot));
         const double* values[] = {fleet.graph.value(link.observer).data(),
-                                  fleet.graph.value(link.object).data()};
+                                  fleet.graph.value(link.object).data(),
+                                  fleet.graph.value(link.camera).data()};
         link.rms_m = link.cost->reweight(values);
       }
     }
@@ -249,7 +251,7 @@ void FleetEstimator::Impl::updateCovariances() {
   }
   for (auto& [id, landmark] : fleet.landmarks) {
     landmark.covariance = covariance.block<3, 3>(at, at);
-    at += 3;
+    at += 4;
   }
   for (auto& [name, point] : fleet.points) {
     point.covariance = covariance.block<2, 2>(at, at);
@@ -377,6 +379,10 @@ Eigen::Vector4d FleetEstimator::detectorModel(const std::string& robot) const {
   const RobotNode& node = impl_->node(robot);
   if (node.detector == 0) return DetectorModel::Zero();
   return impl_->fleet.graph.value(node.detector);
+}
+
+Eigen::Vector4d FleetEstimator::cameraError(const std::string& robot) const {
+  return impl_->fleet.cameraError(impl_->node(robot));
 }
 
 const RobotStatus& FleetEstimator::status(const std::string& robot) const {

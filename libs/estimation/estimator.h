@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "estimation/camera_error.h"
 #include "estimation/wheel_log.h"
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
@@ -68,6 +69,7 @@ struct EstimatorOptions {
   double no_wheels_sigma_radps = 1.0;   ///< rad/s, likewise
   WheelLogOptions wheel_log;            ///< of robots whose wheels the estimator integrates itself
   DetectorOptions detector;
+  CameraOptions camera;
 
   static EstimatorOptions read(const options::Section& section);
 };
@@ -139,6 +141,8 @@ class FleetEstimator {
   WheelModel wheelModel(const std::string& robot) const;
   /// Zero for a robot that has measured no range and bearing.
   Eigen::Vector4d detectorModel(const std::string& robot) const;
+  /// Of the robot's camera against its calibration; zero for a robot that has seen nothing.
+  CameraError cameraError(const std::string& robot) const;
   const RobotStatus& status(const std::string& robot) const;
 
  private:

@@ -11,6 +11,7 @@
 namespace omnifleet::estimation {
 namespace {
 constexpr double kSecond_ns = 1e9;
+constexpr double kTurnSigma_rad = 0.2;           // of a landmark's frame: free, but held where it is round
 constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
 constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
 }  // namespace
@@ -82,6 +83,17 @@ VariableId FleetState::detector(RobotNode& robot) {
                                                                    o.range_scale_sigma, o.obliqueness_sigma)),
                   {robot.detector});
   return robot.detector;
+}
+
+VariableId FleetState::camera(RobotNode& robot) {
+  if (robot.camera != 0) return robot.camera;
+  robot.camera = graph.addVariable(CameraError::Zero());
+  graph.addFactor(priorFactor(CameraError::Zero(), options.camera.sigma()), {robot.camera});
+  return robot.camera;
+}
+
+CameraError FleetState::cameraError(const RobotNode& robot) const {
+  return robot.camera == 0 ? CameraError::Zero() : CameraError(graph.value(robot.camera));
 }
 
 Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const {
@@ -219,10 +231,11 @@ std::optional<PoseAt> FleetState::poseAt(const RobotNode& robot, TimeNs time_ns)
 Landmark& FleetState::addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m) {
   Landmark landmark;
   landmark.id = next_landmark_++;
-  landmark.variable = graph.addVariable(Eigen::Vector3d(anchor_m.x(), anchor_m.y(), height_m));
-  Eigen::MatrixXd s(1, 3);
-  s << 0.0, 0.0, 1.0 / height_sigma_m;
-  graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(1),
+  landmark.variable = graph.addVariable(Eigen::Vector4d(anchor_m.x(), anchor_m.y(), height_m, 0.0));
+  Eigen::MatrixXd s = Eigen::MatrixXd::Zero(2, 4);
+  s(0, 2) = 1.0 / height_sigma_m;
+  s(1, 3) = 1.0 / kTurnSigma_rad;
+  graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(2),
                                                std::vector<Eigen::VectorXd>{graph.value(landmark.variable)}),
                   {landmark.variable});
   return landmarks.emplace(landmark.id, std::move(landmark)).first->second;
@@ -257,11 +270,13 @@ void FleetState::mergeDuplicates() {
         ++younger;
         continue;
       }
-      const Eigen::Vector2d offset = anchor(b) - anchor(a) - apart;  // between anchors when centres agree
-      Eigen::MatrixXd s = Eigen::MatrixXd::Zero(2, 6);
+      // Between the origins when the centres agree.
+      const Eigen::Vector2d offset =
+          mapFromLandmark(b).translation() - mapFromLandmark(a).translation() - apart;
+      Eigen::MatrixXd s = Eigen::MatrixXd::Zero(2, 8);
       s.leftCols<2>() = -Eigen::Matrix2d::Identity() / kTie_m;
-      s.block<2, 2>(0, 3) = Eigen::Matrix2d::Identity() / kTie_m;
-      Eigen::Vector3d at = graph.value(a.variable);
+      s.block<2, 2>(0, 4) = Eigen::Matrix2d::Identity() / kTie_m;
+      Eigen::Vector4d at = graph.value(a.variable);
       at.head<2>() += offset;
       graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(2),
                                                    std::vector<Eigen::VectorXd>{graph.value(a.variable), at}),
@@ -273,15 +288,21 @@ void FleetState::mergeDuplicates() {
   }
 }
 
+Pose2 FleetState::mapFromLandmark(const Landmark& landmark) const {
+  const Eigen::VectorXd& value = graph.value(landmark.variable);
+  return {value(0), value(1), value(3)};
+}
+
 Eigen::Vector2d FleetState::centre(const Landmark& landmark) const {
   Eigen::Vector2d at, by_height;
   landmark.shape->centre(at, by_height);
-  return anchor(landmark) + at - height(landmark) * by_height;
+  return mapFromLandmark(landmark) * Eigen::Vector2d(at - height(landmark) * by_height);
 }
 
 void FleetState::addViewFactor(RobotNode& observer, ViewLink link, std::unique_ptr<PrismFactor> cost) {
   link.cost = cost.get();
-  link.factor = graph.addFactor(std::move(cost), {link.observer, link.object});
+  link.camera = camera(observer);
+  link.factor = graph.addFactor(std::move(cost), {link.observer, link.object, link.camera});
   observer.window.back().views.push_back(std::move(link));
 }
 
@@ -320,7 +341,8 @@ void FleetState::updateShapes() {
       for (const ViewLink& link : step.views) {
         if (link.landmark == 0) continue;
         Landmark& landmark = landmarks.at(link.landmark);
-        landmark.shape->add(*link.view, pose(step.pose), anchor(landmark), height(landmark));
+        landmark.shape->add(*link.view, mapFromLandmark(landmark).inverse() * pose(step.pose),
+                            height(landmark));
       }
     }
   }
@@ -331,7 +353,8 @@ void FleetState::freezeViews(const Step& step) {
   for (const ViewLink& link : step.views) {
     if (link.landmark == 0) continue;
     Landmark& landmark = landmarks.at(link.landmark);
-    landmark.shape->freeze(*link.view, pose(step.pose), anchor(landmark), height(landmark));
+    landmark.shape->freeze(*link.view, mapFromLandmark(landmark).inverse() * pose(step.pose),
+                           height(landmark));
   }
 }
 
@@ -359,10 +382,13 @@ std::vector<LandmarkEstimate> FleetState::landmarkEstimates() const {
     e.covariance = covariance.topLeftCorner<2, 2>();
     e.height_m = height(landmark);
     e.height_sigma_m = std::sqrt(covariance(2, 2));
-    const Eigen::Vector2d shift = anchor(landmark) - e.centre_m;
+    const Pose2 frame = mapFromLandmark(landmark);
+    const Eigen::Vector2d shift = frame.translation() - e.centre_m;
     for (int m = 0; m < Shape::kDirections; ++m) {
       const double phi = 2.0 * M_PI * m / Shape::kDirections;
-      e.support_m.push_back(landmark.shape->support(m, e.height_m) +
+      const Corner c = cornerAt(phi - frame.theta_rad, Shape::kDirections);
+      e.support_m.push_back(c.wi * landmark.shape->support(c.i, e.height_m) +
+                            c.wj * landmark.shape->support(c.j, e.height_m) +
                             shift.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));
     }
     e.views = landmark.views;

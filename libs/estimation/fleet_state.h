@@ -22,8 +22,8 @@ namespace omnifleet::estimation {
 struct ViewLink {
   FactorId factor = kNoFactor;
   PrismFactor* cost = nullptr;  ///< owned by the graph
-  VariableId observer = 0, object = 0;
-  std::shared_ptr<const View> view;
+  VariableId observer = 0, object = 0, camera = 0;
+  std::shared_ptr<View> view;
   std::uint32_t landmark = 0;  ///< 0: a peer
   std::uint32_t track = 0;
   double rms_m = 0.0;  ///< of the last reweighting
@@ -70,6 +70,7 @@ struct RobotNode {
   std::shared_ptr<const Body> body;
   VariableId wheels = 0;    ///< WheelModel
   VariableId detector = 0;  ///< DetectorModel; 0 until it has measured a range and bearing
+  VariableId camera = 0;    ///< CameraError; 0 until it has seen something
   FactorId wheels_prior = kNoFactor;
   std::optional<WheelLog> log;
   std::deque<Step> window;  ///< empty while unlocated
@@ -133,6 +134,9 @@ class FleetState {
   void forgetWheels();
   /// The variable of the robot's detector, made at its first use.
   VariableId detector(RobotNode& robot);
+  /// Likewise of its camera.
+  VariableId camera(RobotNode& robot);
+  CameraError cameraError(const RobotNode& robot) const;
 
   /// The motion of a frame as a step without variables: wheels where valid, else constant velocity.
   Step predictStep(const RobotNode& robot, const Objects& frame) const;
@@ -152,7 +156,7 @@ class FleetState {
   void removeLandmark(std::uint32_t id);
   /// Two landmarks that stand at one place are one: their centres are tied, then the younger is marginalised.
   void mergeDuplicates();
-  Eigen::Vector2d anchor(const Landmark& landmark) const { return graph.value(landmark.variable).head<2>(); }
+  Pose2 mapFromLandmark(const Landmark& landmark) const;
   double height(const Landmark& landmark) const { return graph.value(landmark.variable)(2); }
   /// Steiner centre of the footprint, map frame.
   Eigen::Vector2d centre(const Landmark& landmark) const;

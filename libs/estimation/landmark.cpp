@@ -11,23 +11,23 @@ void Shape::Sums::reset() {
   wq.assign(kDirections, 0.0);
 }
 
-void Shape::Sums::add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor,
-                      double height_m, const Shape* reference) {
+void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double height_m,
+                      const Shape* reference) {
   constexpr double kOutlier_m = 0.02;  // deviation from the present shape at which a view counts half
   if (w.empty()) reset();
   const int k = static_cast<int>(view.b_m.size());
   if (k < 3) return;
-  const Eigen::Vector2d from_anchor = map_from_base * view.foot_m - anchor;
+  const Eigen::Vector2d foot = landmark_from_base * view.foot_m;
   const double inverse = inverseScale(height_m, view.camera_height_m);
   for (int m = 0; m < kDirections; ++m) {
     const auto at = static_cast<std::size_t>(m);
     const double phi = 2.0 * M_PI * m / kDirections;
-    const Corner corner = cornerAt(phi - map_from_base.theta_rad, k);
+    const Corner corner = cornerAt(phi - landmark_from_base.theta_rad, k);
     const auto i = static_cast<std::size_t>(corner.i), j = static_cast<std::size_t>(corner.j);
     if (view.sigma_m[i] <= 0 || view.sigma_m[j] <= 0) continue;
     const double b = corner.wi * view.b_m[i] + corner.wj * view.b_m[j];
     const double sigma = std::max(view.sigma_m[i], view.sigma_m[j]) * (b > 0 ? inverse : 1.0);
-    const double a = b + std::cos(phi) * from_anchor.x() + std::sin(phi) * from_anchor.y();
+    const double a = b + std::cos(phi) * foot.x() + std::sin(phi) * foot.y();
     const double q = b > 0 ? b / view.camera_height_m : 0.0;
     double weight = 1.0 / (sigma * sigma);
     if (reference != nullptr && reference->known(m)) {
@@ -39,9 +39,8 @@ void Shape::Sums::add(const View& view, const Pose2& map_from_base, const Eigen:
   }
 }
 
-void Shape::freeze(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor,
-                   double height_m) {
-  frozen_.add(view, map_from_base, anchor, height_m, empty() ? nullptr : this);
+void Shape::freeze(const View& view, const Pose2& landmark_from_base, double height_m) {
+  frozen_.add(view, landmark_from_base, height_m, empty() ? nullptr : this);
 }
 
 void Shape::begin() {
@@ -49,9 +48,8 @@ void Shape::begin() {
   sums_ = frozen_;
 }
 
-void Shape::add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor,
-                double height_m) {
-  sums_.add(view, map_from_base, anchor, height_m, empty() ? nullptr : this);
+void Shape::add(const View& view, const Pose2& landmark_from_base, double height_m) {
+  sums_.add(view, landmark_from_base, height_m, empty() ? nullptr : this);
 }
 
 void Shape::finish() {

@@ -12,27 +12,28 @@
 
 namespace omnifleet::estimation {
 
-/// The footprint of a landmark about its anchor, eliminated from the graph: given poses, every view gives the
+/// The footprint of a landmark in its own frame, eliminated from the graph: given poses, every view gives the
 /// footprint's support in every direction as an affine function of the object's height h,
-///   h_P(n) = b + d − h·q,  d = n·(c − anchor), q = b/H on the far side (b > 0), 0 on the contact side,
-/// so the weighted mean over views is affine too: A(n) − h·Q(n). The graph then holds anchor and h only, and
-/// stays exactly insensitive to h along directions that were always seen from the same side.
+///   h_P(n) = b + d − h·q,  d = n·c, q = b/H on the far side (b > 0), 0 on the contact side,
+/// so the weighted mean over views is affine too: A(n) − h·Q(n). The graph then holds that frame and h only,
+/// and stays exactly insensitive to h along directions that were always seen from the same side. The frame
+/// turns as well as moves: a shape that was made of views says nothing of where north is.
 class Shape {
  public:
   static constexpr int kDirections = SupportFunction::kDirections;
 
   /// Adds a view for good, from its final pose.
-  void freeze(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m);
+  void freeze(const View& view, const Pose2& landmark_from_base, double height_m);
   /// Starts the estimate over from the frozen views; live views are added, then the means are formed.
   void begin();
-  void add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m);
+  void add(const View& view, const Pose2& landmark_from_base, double height_m);
   void finish();
 
   double a(int m) const { return a_[static_cast<std::size_t>(m)]; }
   double q(int m) const { return q_[static_cast<std::size_t>(m)]; }
   bool known(int m) const { return weight_[static_cast<std::size_t>(m)] > 0; }
   double support(int m, double height_m) const { return a(m) - height_m * q(m); }
-  /// Steiner centre about the anchor as an affine function of h: at − h·by_height.
+  /// Steiner centre in the landmark's frame as an affine function of h: at − h·by_height.
   void centre(Eigen::Vector2d& at, Eigen::Vector2d& by_height) const;
   /// Mean over directions (half the mean width), likewise.
   void halfWidth(double& at, double& by_height) const;
@@ -42,8 +43,7 @@ class Shape {
   struct Sums {
     std::vector<double> w, wa, wq;
     void reset();
-    void add(const View& view, const Pose2& map_from_base, const Eigen::Vector2d& anchor, double height_m,
-             const Shape* reference);
+    void add(const View& view, const Pose2& landmark_from_base, double height_m, const Shape* reference);
   };
   Sums frozen_, sums_;
   std::vector<double> a_, q_, weight_;
@@ -52,10 +52,10 @@ class Shape {
 /// One obstacle in the graph.
 struct Landmark {
   std::uint32_t id = 0;
-  std::uint32_t variable = 0;  ///< (x, y of the anchor, h)
+  std::uint32_t variable = 0;  ///< (x, y, h, turn): map_from_landmark and the height
   std::shared_ptr<Shape> shape = std::make_shared<Shape>();
   int views = 0, misfits = 0;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the variable, after the last solve
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of x, y, h, after the last solve
   std::map<std::string, std::int64_t> seen_ns;               ///< last time by each observer
   std::int64_t last_seen_ns = 0;
 };

@@ -24,9 +24,10 @@ Match match(const FleetState& fleet, const Landmark& landmark, const View& view,
             const Pose2& map_from_base) {
   Eigen::Vector2d mark_at, mark_by_height;
   landmark.shape->centre(mark_at, mark_by_height);
-  const Eigen::Matrix2d rotation = map_from_base.rotation();
-  const Eigen::Vector2d apart = map_from_base * footprint.centre_m - fleet.anchor(landmark) - mark_at;
-  const Eigen::Vector2d slope = rotation * footprint.centre_by_height - mark_by_height;
+  const Pose2 map_from_mark = fleet.mapFromLandmark(landmark);
+  const Eigen::Vector2d apart = map_from_base * footprint.centre_m - map_from_mark * mark_at;
+  const Eigen::Vector2d slope =
+      map_from_base.rotation() * footprint.centre_by_height - map_from_mark.rotation() * mark_by_height;
   // Least squares in h: (apart − h·slope)/σ and the two priors.
   const double known = fleet.height(landmark), variance = landmark.covariance(2, 2) + 1e-4;
   double h = known, weight = slope.squaredNorm() / (kPlace_m * kPlace_m) + 1.0 / variance;
@@ -124,7 +125,7 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
     Landmark& landmark = fleet.addLandmark(centre, height, sigma);
     landmark.covariance = Eigen::Vector3d(1e-4, 1e-4, sigma * sigma).asDiagonal();
     landmark.shape->begin();
-    landmark.shape->add(*s.view, map_from_base, centre, height);
+    landmark.shape->add(*s.view, fleet.mapFromLandmark(landmark).inverse() * map_from_base, height);
     landmark.shape->finish();
     s.landmark = landmark.id;
     observer.object_of_track[s.track->id] = {landmark.id, 0};

@@ -22,11 +22,11 @@ struct Hypothesis {
 };
 
 /// Positions in the frame's base_link where a round-ish body of this size may stand.
-std::vector<Eigen::Vector2d> bodies(const Objects& frame, const Body& body, const EstimatorOptions& options) {
+std::vector<Eigen::Vector2d> bodies(const FleetState& fleet, const Objects& frame, const Body& body) {
   std::vector<Eigen::Vector2d> found;
-  for (const Seen& seen : silhouettes(frame, options)) {
+  for (const Seen& seen : silhouettes(fleet, frame)) {
     const BodyFit fit = fitBody(*seen.view, body, 0.0, seen.track->position_m);
-    if (fit.rms_m < options.sighting_rms_m) found.push_back(fit.position_m);
+    if (fit.rms_m < fleet.options.sighting_rms_m) found.push_back(fit.position_m);
   }
   return found;
 }
@@ -67,10 +67,10 @@ std::vector<Hypothesis> mutualSightings(const FleetState& fleet, const RobotNode
     const RobotNode* witness = fleet.find(other->robot);
     if (witness == &lost || witness == nullptr || !witness->located()) continue;
     const Pose2 map_from_witness = fleet.pose(witness->window.back().pose);
-    for (const Eigen::Vector2d& p_in_witness : bodies(*other, *lost.body, fleet.options)) {
+    for (const Eigen::Vector2d& p_in_witness : bodies(fleet, *other, *lost.body)) {
       const Eigen::Vector2d p = map_from_witness * p_in_witness;
       if (taken(fleet, lost, frame.acquired_ns, p)) continue;
-      for (const Eigen::Vector2d& q : bodies(frame, *witness->body, fleet.options)) {
+      for (const Eigen::Vector2d& q : bodies(fleet, frame, *witness->body)) {
         if (std::abs(q.norm() - p_in_witness.norm()) > kAgree_m) continue;
         const Eigen::Vector2d back = map_from_witness.translation() - p;
         const double theta = std::atan2(back.y(), back.x()) - std::atan2(q.y(), q.x());
@@ -153,7 +153,7 @@ bool locateByConstellation(FleetState& fleet, RobotNode& lost, const Objects& fr
   constexpr int kLeastMatches = 3;
   constexpr double kLeastBase_m = 0.4;
   std::vector<Footprint> seen;
-  for (const Seen& s : silhouettes(frame, fleet.options)) {
+  for (const Seen& s : silhouettes(fleet, frame)) {
     if (s.mature) seen.emplace_back(*s.view);
   }
   const std::vector<Anchor> known = anchors(fleet, lost, frame.acquired_ns);

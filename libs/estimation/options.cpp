@@ -43,6 +43,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   section.read("no_wheels_sigma_radps", o.no_wheels_sigma_radps, kPositive);
   o.wheel_log = WheelLogOptions::read(section.child("wheel_log"));
   o.detector = DetectorOptions::read(section.child("detector"));
+  o.camera = CameraOptions::read(section.child("camera"));
   section.finish();
   return o;
 }

@@ -9,7 +9,8 @@ namespace {
 constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
 }
 
-PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions) : view_(std::move(view)) {
+PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int object_size)
+    : view_(std::move(view)) {
   const int k = static_cast<int>(view_->b_m.size());
   const int stride = std::max(1, k / std::max(1, directions));
   for (int i = 0; i < k; i += stride) {
@@ -17,27 +18,33 @@ PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions) : vie
   }
   root_weight_.assign(directions_.size(), 1.0);
   set_num_residuals(static_cast<int>(directions_.size()));
-  *mutable_parameter_block_sizes() = {3, 3};
+  *mutable_parameter_block_sizes() = {3, object_size, 4};
 }
 
 double PrismFactor::reweight(double const* const* parameters) {
   double squares = 0.0;
   int count = 0;
+  const Eigen::Map<const CameraError> error(parameters[2]);
+  const double camera_height_m = view_->cameraHeight(error);
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
     Prediction p;
     root_weight_[d] = 0.0;
     if (!predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p))
       continue;
-    const double r = view_->b_m[i] - silhouetteFromFootprint(p.g, p.inverse_scale);
+    const double inverse = inverseScale(p.height_m, camera_height_m);
+    if (p.g >= 0 && !p.height_is_third && inverse <= kLeastInverseScale) continue;  // top over the horizon
+    const double r = view_->seenWithout(i, error) - silhouetteFromFootprint(p.g, inverse);
     root_weight_[d] = 1.0 / std::sqrt(1.0 + std::pow(r / (kCauchy * view_->sigma_m[i]), 2));
-    squares += std::pow(r * (p.g < 0 ? 1.0 : p.inverse_scale), 2);
+    squares += std::pow(r * (p.g < 0 ? 1.0 : inverse), 2);
     ++count;
   }
   return count > 0 ? std::sqrt(squares / count) : 0.0;
 }
 
 bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  const Eigen::Map<const CameraError> error(parameters[2]);
+  const double camera_height_m = view_->cameraHeight(error);
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
     Prediction p;
@@ -45,29 +52,43 @@ bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, d
         root_weight_[d] > 0 &&
         predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p);
     const double weight = known ? root_weight_[d] / view_->sigma_m[i] : 0.0;
-    residuals[d] = weight * (view_->b_m[i] - silhouetteFromFootprint(p.g, p.inverse_scale));
-    if (jacobians == nullptr) continue;
-    const double scale = p.g < 0 ? 1.0 : 1.0 / p.inverse_scale;
-    for (std::size_t c = 0; c < 3; ++c) {
-      if (jacobians[0] != nullptr) jacobians[0][3 * d + c] = -weight * scale * p.by_first[c];
-      if (jacobians[1] != nullptr) jacobians[1][3 * d + c] = -weight * scale * p.by_second[c];
-    }
-    if (jacobians[1] != nullptr && p.g >= 0) {
-      jacobians[1][3 * d + 2] += weight * p.g * scale * scale * p.inverse_scale_by_height;
-    }
+    residuals[d] = weight * (view_->seenWithout(i, error) -
+                             silhouetteFromFootprint(p.g, inverseScale(p.height_m, camera_height_m)));
+    if (jacobians != nullptr) differentiate(d, p, weight, camera_height_m, jacobians);
   }
   return true;
 }
 
+void PrismFactor::differentiate(std::size_t row, const Prediction& p, double weight, double camera_height_m,
+                                double** jacobians) const {
+  const double inverse = inverseScale(p.height_m, camera_height_m), scale = p.g < 0 ? 1.0 : 1.0 / inverse;
+  const auto objects = static_cast<std::size_t>(parameter_block_sizes()[1]);
+  for (std::size_t c = 0; c < 3 && jacobians[0] != nullptr; ++c)
+    jacobians[0][3 * row + c] = -weight * scale * p.by_first[c];
+  for (std::size_t c = 0; c < objects && jacobians[1] != nullptr; ++c)
+    jacobians[1][objects * row + c] = -weight * scale * p.by_second[c];
+  // The far side is g/(1 − h/H): its derivative by (1 − h/H) times that of this by h and by H.
+  const bool shadow = p.g >= 0 && inverse > kLeastInverseScale;
+  const double by_inverse = shadow ? weight * p.g * scale * scale : 0.0;
+  if (jacobians[1] != nullptr && p.height_is_third)
+    jacobians[1][objects * row + 2] -= by_inverse / camera_height_m;
+  if (jacobians[2] == nullptr) return;
+  const CameraError& by_error = view_->by_error[static_cast<std::size_t>(directions_[row])];
+  for (std::size_t c = 0; c < 4; ++c)
+    jacobians[2][4 * row + c] = -weight * by_error(static_cast<Eigen::Index>(c));
+  jacobians[2][4 * row + 1] -=
+      by_inverse * p.height_m / (camera_height_m * camera_height_m) * view_->seen_camera_height_m;
+}
+
 LandmarkViewFactor::LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape,
                                        int directions)
-    : PrismFactor(std::move(view), directions), shape_(std::move(shape)) {}
+    : PrismFactor(std::move(view), directions, 4), shape_(std::move(shape)) {}
 
 bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
   const double* pose = parameters[0];
   const double* mark = parameters[1];
   const double psi = phi_rad + pose[2], height = mark[2];
-  const Corner c = cornerAt(psi, Shape::kDirections);
+  const Corner c = cornerAt(psi - mark[3], Shape::kDirections);
   if (!shape_->known(c.i) || !shape_->known(c.j)) return false;
   const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), normal(-n.y(), n.x());
   const double cosine = std::cos(pose[2]), sine = std::sin(pose[2]);
@@ -82,14 +103,15 @@ bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad
   out.by_second[0] = n.x();
   out.by_second[1] = n.y();
   out.by_second[2] = -(c.wi * shape_->q(c.i) + c.wj * shape_->q(c.j));
-  out.inverse_scale = inverseScale(height, view_->camera_height_m);
-  out.inverse_scale_by_height = out.inverse_scale > kLeastInverseScale ? -1.0 / view_->camera_height_m : 0.0;
+  out.by_second[3] = -(c.di * at_i + c.dj * at_j);
+  out.height_m = height;
+  out.height_is_third = true;
   return true;
 }
 
 PeerViewFactor::PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Body> body,
                                const Pose2& offset, int directions)
-    : PrismFactor(std::move(view), directions), body_(std::move(body)), offset_(offset) {}
+    : PrismFactor(std::move(view), directions, 3), body_(std::move(body)), offset_(offset) {}
 
 bool PeerViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
   const double* pose = parameters[0];
@@ -112,8 +134,7 @@ bool PeerViewFactor::predict(double const* const* parameters, double phi_rad, Pr
   out.by_second[0] = n.x();
   out.by_second[1] = n.y();
   out.by_second[2] = -slope + n.dot(Eigen::Vector2d(-shift.y(), shift.x()));
-  out.inverse_scale = inverseScale(body_->height(), view_->camera_height_m);
-  if (out.g >= 0 && out.inverse_scale <= kLeastInverseScale) return false;  // its top is over the horizon
+  out.height_m = body_->height();
   return true;
 }
 

@@ -22,27 +22,31 @@ class PrismFactor : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  protected:
-  /// Up to `directions` of the view's usable directions, evenly thinned.
-  PrismFactor(std::shared_ptr<const View> view, int directions);
+  /// Up to `directions` of the view's usable directions, evenly thinned; the second variable's size.
+  PrismFactor(std::shared_ptr<const View> view, int directions, int object_size);
 
-  /// g and its derivatives by the two variables (3 each), and (H − h)/H with its derivative by the second
-  /// variable's third component. False where g is unknown.
+  /// g and its derivatives by the first two variables, and the height of what is seen. False where g is
+  /// unknown.
   struct Prediction {
     double g = 0.0;
-    double by_first[3] = {0, 0, 0}, by_second[3] = {0, 0, 0};
-    double inverse_scale = 1.0, inverse_scale_by_height = 0.0;
+    double by_first[3] = {0, 0, 0}, by_second[4] = {0, 0, 0, 0};
+    double height_m = 0.0;
+    bool height_is_third = false;  ///< component of the second variable
   };
   virtual bool predict(double const* const* parameters, double phi_rad, Prediction& out) const = 0;
 
   std::shared_ptr<const View> view_;
 
  private:
+  void differentiate(std::size_t row, const Prediction& p, double weight, double camera_height_m,
+                     double** jacobians) const;
+
   std::vector<int> directions_;
   std::vector<double> root_weight_;
 };
 
-/// Variables: observer's pose, landmark (x, y, h). The shape is shared with the landmark and fixed in a
-/// solve.
+/// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error. The shape, in the landmark's
+/// own axes, is shared with the landmark and fixed in a solve.
 class LandmarkViewFactor final : public PrismFactor {
  public:
   LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape, int directions);
@@ -54,7 +58,8 @@ class LandmarkViewFactor final : public PrismFactor {
   std::shared_ptr<const Shape> shape_;
 };
 
-/// Variables: observer's pose, peer's pose (the peer stands at pose ∘ offset when it was seen).
+/// Variables: observer's pose, peer's pose (the peer stands at pose ∘ offset when it was seen), observer's
+/// camera error.
 class PeerViewFactor final : public PrismFactor {
  public:
   PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Body> body, const Pose2& offset,

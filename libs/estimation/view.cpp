@@ -23,7 +23,35 @@ View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera
     view.b_m[i] = good ? static_cast<double>(b) : 0.0;
     view.sigma_m[i] = good ? sigma_factor * static_cast<double>(sigma) : 0.0;
   }
+  view.seen_b_m = view.b_m;
+  view.seen_camera_height_m = camera_height_m;
+  view.by_error.assign(k, CameraError::Zero());
+  for (std::size_t i = 0; i < k; ++i) {
+    if (view.sigma_m[i] > 0) view.by_error[i] = view.derivativeAt(i);
+  }
   return view;
+}
+
+/// The silhouette's point that supports a direction is where its half-plane meets the neighbours': b·n + b′·n⊥.
+CameraError View::derivativeAt(std::size_t direction) const {
+  const std::size_t k = seen_b_m.size(), before = (direction + k - 1) % k, after = (direction + 1) % k;
+  const double step = 2.0 * M_PI / static_cast<double>(k), b = seen_b_m[direction];
+  double slope = 0.0;
+  int sides = 0;
+  if (sigma_m[after] > 0) slope += (seen_b_m[after] - b * std::cos(step)) / std::sin(step), ++sides;
+  if (sigma_m[before] > 0) slope += (b * std::cos(step) - seen_b_m[before]) / std::sin(step), ++sides;
+  slope /= std::max(1, sides);
+  const double phi = step * static_cast<double>(direction);
+  const Eigen::Vector2d n(std::cos(phi), std::sin(phi)), across(-n.y(), n.x());
+  return (n.transpose() * cameraField(b * n + slope * across, seen_camera_height_m)).transpose();
+}
+
+void View::assume(const CameraError& other) {
+  error = other;
+  camera_height_m = cameraHeight(other);
+  for (std::size_t i = 0; i < b_m.size(); ++i) {
+    if (sigma_m[i] > 0) b_m[i] = seen_b_m[i] - by_error[i].dot(other);
+  }
 }
 
 int View::usable() const {

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "estimation/camera_error.h"
 #include "observation/observation.h"
 
 namespace omnifleet::estimation {
@@ -21,9 +22,27 @@ struct View {
   std::vector<double> sigma_m;                  ///< 0 where unusable
   double height_m = 0.0, height_sigma_m = 0.0;  ///< of the object as measured by flow; σ ≤ 0: unknown
 
+  // The same as seen, and what the camera's error does to it; b_m and camera_height_m are what is left when
+  // `error` is taken off.
+  std::vector<double> seen_b_m;
+  double seen_camera_height_m = 0.0;
+  std::vector<CameraError> by_error;  ///< derivative of b as seen, direction by direction
+  CameraError error = CameraError::Zero();
+
   static View from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
                    double sigma_factor);
   int usable() const;
+
+  /// Takes another error of the camera off what was seen.
+  void assume(const CameraError& other);
+  /// b of a direction, and the camera's height, when another error is taken off.
+  double seenWithout(std::size_t direction, const CameraError& other) const {
+    return b_m[direction] - by_error[direction].dot(other - error);
+  }
+  double cameraHeight(const CameraError& other) const { return seen_camera_height_m * (1.0 - other(1)); }
+
+ private:
+  CameraError derivativeAt(std::size_t direction) const;
 };
 
 /// Smallest (H − h)/H that is taken seriously: an object up to the camera's own height has no finite shadow.

@@ -54,19 +54,18 @@ Eigen::Matrix3d someCovariance() {
 
 View viewOf(const testing::Prism& prism, const Pose2& map_from_base, const Eigen::Vector2d& foot,
             double camera_height) {
-  View view;
-  view.foot_m = foot;
-  view.camera_height_m = camera_height;
+  Track track;
   const Eigen::Vector2d c = map_from_base * foot;
   const double s = camera_height / (camera_height - prism.height_m);
   for (int k = 0; k < 96; ++k) {
     const double psi = 2.0 * M_PI * k / 96 + map_from_base.theta_rad;
     const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
     const double g = prism.support(n) - n.dot(c);
-    view.b_m.push_back(std::max(g, s * g));  // hull of the floor polygon and the scaled top
-    view.sigma_m.push_back(0.004);
+    // Hull of the floor polygon and the scaled top.
+    track.supports.b_m.push_back(static_cast<float>(std::max(g, s * g)));
+    track.supports.sigma_m.push_back(0.004F);
   }
-  return view;
+  return View::from(track, foot, camera_height, 1.0);
 }
 
 testing::Prism box(double x, double y, double turn, double height) {
@@ -108,40 +107,42 @@ TEST(Factors, PrismDerivativesAgreeWithDifferences) {
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
   const auto view = std::make_shared<const View>(viewOf(prism, seen_from, {0.03, 0.01}, 0.5));
   auto shape = std::make_shared<Shape>();
-  const Eigen::Vector2d anchor(1.01, 0.38);
+  const Pose2 landmark_from_map = Pose2{1.01, 0.38, 0.05}.inverse();
   shape->begin();
-  shape->add(*view, seen_from, anchor, 0.2);
-  shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), other, anchor, 0.2);
+  shape->add(*view, landmark_from_map * seen_from, 0.2);
+  shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), landmark_from_map * other, 0.2);
   shape->finish();
+  const Eigen::Vector4d camera(0.003, -0.006, 0.004, -0.002);
   const LandmarkViewFactor mark(view, shape, 48);
   // Kinks (contact to far side, corner to corner) are not hit at this generic place.
-  EXPECT_LT(
-      derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.012, 0.383, 0.21)}),
-      kRounding);
+  EXPECT_LT(derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012),
+                                   Eigen::Vector4d(1.012, 0.383, 0.21, 0.057), camera}),
+            kRounding);
   RobotBody body;
   body.footprint_m = {{-0.2, -0.1}, {0.2, -0.12}, {0.18, 0.1}, {-0.2, 0.11}};
   body.height_m = 0.2;
   const PeerViewFactor peer(view, std::make_shared<const Body>(body), Pose2{0.02, 0.01, 0.05}, 48);
-  EXPECT_LT(derivativeError(peer, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.0, 0.41, 0.31)}),
+  EXPECT_LT(derivativeError(
+                peer, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.0, 0.41, 0.31), camera}),
             kRounding);
 }
 
 TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
-  Shape built;
-  const Eigen::Vector2d anchor(1.0, 0.4);
+  const Pose2 map_from_landmark{1.0, 0.4, 0.3};
   auto shape = std::make_shared<Shape>();
   shape->begin();
   for (int i = 0; i < 12; ++i) {  // all sides, so that A and Q are no longer those of one view
     const double a = i * M_PI / 6;
     const Pose2 at{1.0 + 0.9 * std::cos(a), 0.4 + 0.9 * std::sin(a), 0.4 * i};
-    shape->add(viewOf(prism, at, {0, 0}, 0.5), at, anchor, 0.2);
+    shape->add(viewOf(prism, at, {0, 0}, 0.5), map_from_landmark.inverse() * at, 0.2);
   }
   shape->finish();
   const Pose2 fresh{0.2, 1.1, -0.3};
   LandmarkViewFactor factor(std::make_shared<const View>(viewOf(prism, fresh, {0.0, 0.0}, 0.5)), shape, 96);
-  const Eigen::Vector3d pose = fresh.vector(), mark(1.0, 0.4, 0.2);
-  const double* values[] = {pose.data(), mark.data()};
+  const Eigen::Vector3d pose = fresh.vector();
+  const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3), camera = Eigen::Vector4d::Zero();
+  const double* values[] = {pose.data(), mark.data(), camera.data()};
   // Interpolated supports lie outside by up to edge/2 · tan(step/2) = 5 mm, only next to the four edge
   // normals.
   EXPECT_LT(factor.reweight(values), 0.002);

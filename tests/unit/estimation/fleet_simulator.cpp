@@ -1,6 +1,7 @@
 #include "fleet_simulator.h"
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -10,6 +11,7 @@ namespace omnifleet::estimation::testing {
 namespace {
 
 constexpr double kSeparation_m = 0.26;
+constexpr int kCircle = 240;  // corners of a round body: 0.013 mm of 15 cm
 
 /// White noise over K directions, smoothed so that neighbours share their error as they share contour points.
 std::vector<double> correlatedNoise(std::mt19937& random, int k) {
@@ -38,13 +40,20 @@ double Prism::support(const Eigen::Vector2d& n) const {
 }
 
 FleetSimulator::FleetSimulator(const SimulationOptions& options, std::uint32_t seed)
-    : options_(options), random_(seed) {
+    : options_(options), seed_(seed), random_(seed) {
   body.radius_m = 0.15;
   body.height_m = 0.3;
   body.wheel_separation_m = kSeparation_m;
   for (int r = 0; r < options_.robots; ++r) {
     const double left = gauss(options_.wheel_bias_sigma);
     bias_.emplace_back(left, gauss(options_.wheel_bias_sigma));
+  }
+  std::mt19937 calibration(seed + 77);
+  std::normal_distribution<double> unit(0.0, 1.0);
+  for (int r = 0; r < options_.robots; ++r) {
+    Eigen::Vector4d error;
+    for (int i = 0; i < 4; ++i) error(i) = options_.camera_sigma(i) * unit(calibration);
+    camera_.push_back(error);
   }
   placeObstacles();
   drive();
@@ -108,7 +117,7 @@ void FleetSimulator::drive() {
 
 std::vector<RobotSetup> FleetSimulator::setups() const {
   std::vector<RobotSetup> all;
-  std::mt19937 start(12345);
+  std::mt19937 start(seed_ + 12345);
   for (int r = 0; r < options_.robots; ++r) {
     RobotSetup setup;
     setup.name = name(r);
@@ -153,6 +162,20 @@ Motion FleetSimulator::wheels(int robot, int frame) {
   return motion;
 }
 
+/// Where the calibrated camera puts what the real one sees at a point of the floor, both from its foot.
+Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& floor_m) const {
+  const Eigen::Vector4d& error = cameraError(robot);
+  const Eigen::Vector3d ray = Eigen::Vector3d(floor_m.x(), floor_m.y(), -options_.camera_height_m).normalized();
+  const Eigen::Matrix3d calibrated_from_real = (Eigen::AngleAxisd(error(3), Eigen::Vector3d::UnitY()) *
+                                                Eigen::AngleAxisd(error(2), Eigen::Vector3d::UnitX()))
+                                                   .toRotationMatrix();
+  const double real = std::acos(-ray.z()), believed = real / (1.0 + error(0));
+  const Eigen::Vector2d away = ray.head<2>().normalized();
+  const Eigen::Vector3d bent(away.x() * std::sin(believed), away.y() * std::sin(believed), -std::cos(believed));
+  const Eigen::Vector3d seen = calibrated_from_real * bent;
+  return options_.camera_height_m * (1.0 + error(1)) / -seen.z() * seen.head<2>();
+}
+
 Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind) {
   constexpr int kDirections = SupportFunction::kDirections;
   const Pose2& at = truth(robot, frame);
@@ -164,20 +187,32 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
   track.kind_probability = 0.9;
   const std::vector<double> noise = correlatedNoise(random_, kDirections);
   double nearest = 1e9;
+  std::vector<Eigen::Vector2d> seen;  // of the floor and the top outline, base_link
+  seen.assign(prism.outline_m.begin(), prism.outline_m.end());
+  for (int i = 0; prism.radius_m > 0 && i < kCircle; ++i) {
+    const double phi = 2.0 * M_PI * i / kCircle;
+    seen.emplace_back(prism.centre_m + prism.radius_m * Eigen::Vector2d(std::cos(phi), std::sin(phi)));
+  }
+  const std::size_t corners = seen.size();
+  for (std::size_t i = 0; i < corners; ++i) {
+    const Eigen::Vector2d floor = at.inverse() * seen[i];
+    seen[i] = throughCamera(robot, floor);
+    seen.push_back(throughCamera(robot, s * floor));
+  }
   for (int k = 0; k < kDirections; ++k) {
     const double phi = 2.0 * M_PI * k / kDirections, psi = phi + at.theta_rad;
     const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
     const double g = prism.support(n) - n.dot(at.translation());
-    const double b = std::max(g, s * g);  // hull of the floor polygon and the top seen from the foot
+    double b = -1e9;
+    for (const auto& p : seen) b = std::max(b, p.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));
     nearest = std::min(nearest, std::abs(g));
     // The supporting point's distance: along n at least |b|; across, the footprint's own bearing.
     const double across = Eigen::Vector2d(-n.y(), n.x()).dot(prism.centre_m - at.translation());
     const double rho2 = b * b + across * across * (g > 0 ? s * s : 1.0);
     const double per_px = (h_camera * h_camera + rho2) / h_camera / options_.focal_px;
     const double sigma = options_.pixel_sigma_px * per_px + 0.001;
-    const double scale = 1.0 + options_.focal_error;
     const double noise_m = options_.pixel_sigma_px * per_px * noise[static_cast<std::size_t>(k)];
-    track.supports.b_m.push_back(static_cast<float>(b * scale + noise_m));
+    track.supports.b_m.push_back(static_cast<float>(b + noise_m));
     track.supports.sigma_m.push_back(static_cast<float>(sigma));
   }
   track.position_m = at.inverse() * prism.centre_m;
@@ -193,7 +228,7 @@ std::vector<Objects> FleetSimulator::frames(int frame) {
     objects.robot = name(r);
     objects.acquired_ns = time(frame);
     objects.sequence = static_cast<std::uint32_t>(frame);
-    objects.camera_height_m = options_.camera_height_m;
+    objects.camera_height_m = options_.camera_height_m * (1.0 + cameraError(r)(1));
     objects.motion = wheels(r, frame);
     const Eigen::Vector2d here = truth(r, frame).translation();
     for (std::size_t o = 0; o < obstacles_.size() && options_.obstacles_seen; ++o) {
@@ -237,6 +272,7 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
       result.worst_m = std::max(result.worst_m, distance);
       result.mean_rad += std::abs(e.theta_rad);
       result.nees += e.vector().dot(estimates[r].covariance.ldlt().solve(e.vector()));
+      result.heading_nees += e.theta_rad * e.theta_rad / estimates[r].covariance(2, 2);
       ++result.estimates;
     }
   }
@@ -244,6 +280,12 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
   result.mean_m /= n;
   result.mean_rad /= n;
   result.nees /= n;
+  result.heading_nees /= n;
+  for (int r = 0; r < simulation.robots; ++r) {
+    const Eigen::Vector4d off = estimator.cameraError(FleetSimulator::name(r)) - simulator.cameraError(r);
+    result.camera += off.cwiseAbs2() / simulation.robots;
+  }
+  result.camera = result.camera.cwiseSqrt();
   for (const LandmarkEstimate& landmark : estimator.landmarks()) {
     double nearest = 1e9;
     for (const Prism& prism : simulator.obstacles()) {

@@ -28,14 +28,16 @@ struct SimulationOptions {
   double wheel_bias_sigma = 0.02, wheel_noise = 0.02;  ///< 1, of the distance rolled
   double pixel_sigma_px = 0.4;
   double focal_px = 297.0, camera_height_m = 0.5;  ///< of an equidistant lens: noise on the floor
-  double focal_error = 0.0;                        ///< relative, of the observer's own calibration
+  /// Of every robot's calibration, drawn per robot: focal length and height (relative), roll and pitch (rad).
+  Eigen::Vector4d camera_sigma = Eigen::Vector4d::Zero();
   double start_sigma_m = 0.0, start_sigma_rad = 0.0;
   bool obstacles_seen = true, robots_seen = true, wheels = true;
   double sight_m = 2.0;  ///< contact distance up to which things are seen
 };
 
-/// Exact paths and silhouettes in closed form; noise from one seed. Independent of the estimator's own
-/// formulas: silhouettes are hulls of the floor polygon and the top polygon scaled about the camera's foot.
+/// Exact paths and silhouettes; noise from one seed. Independent of the estimator's own formulas: silhouettes
+/// are hulls of the floor polygon and the top polygon scaled about the camera's foot, and each of their points
+/// goes by its ray through the real camera and back to the floor by the calibrated one.
 class FleetSimulator {
  public:
   FleetSimulator(const SimulationOptions& options, std::uint32_t seed);
@@ -45,6 +47,8 @@ class FleetSimulator {
   const Pose2& truth(int robot, int frame) const;
   const std::vector<Prism>& obstacles() const { return obstacles_; }
   const Eigen::Vector2d& bias(int robot) const { return bias_[static_cast<std::size_t>(robot)]; }
+  /// Calibration minus truth.
+  const Eigen::Vector4d& cameraError(int robot) const { return camera_[static_cast<std::size_t>(robot)]; }
   static std::string name(int robot) { return "r" + std::to_string(robot + 1); }
 
   /// The frames of all robots at one time; call in order.
@@ -58,12 +62,15 @@ class FleetSimulator {
   void placeObstacles();
   void drive();
   Motion wheels(int robot, int frame);
+  Eigen::Vector2d throughCamera(int robot, const Eigen::Vector2d& floor_m) const;
   Track see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind);
 
   SimulationOptions options_;
+  std::uint32_t seed_;
   std::mt19937 random_;
   std::vector<Prism> obstacles_;
   std::vector<Eigen::Vector2d> bias_;
+  std::vector<Eigen::Vector4d> camera_;
   std::vector<std::vector<Pose2>> truth_;
   std::vector<std::vector<Eigen::Vector2d>> rolled_;  ///< left, right, true
 };
@@ -73,6 +80,8 @@ struct RunResult {
   double mean_m = 0.0, worst_m = 0.0, mean_rad = 0.0;
   double nees = 0.0;  ///< mean of eᵀP⁻¹e over frames and robots; 3 where consistent
   int estimates = 0, frames = 0;
+  double heading_nees = 0.0;  ///< of the heading alone; 1 where consistent
+  Eigen::Vector4d camera = Eigen::Vector4d::Zero();  ///< rms of the errors of the cameras' estimates
   double landmark_m = 0.0;  ///< mean distance of published landmarks to the nearest obstacle's centroid
   int landmarks = 0;
 };

@@ -57,6 +57,16 @@ TEST_F(Program, PrintsTheTableAndWritesMetrics) {
   EXPECT_THAT(dataset::readFile(out_ / "metrics.json"), HasSubstr("\"recall\": 1.0"));
 }
 
+TEST_F(Program, AlignsARunWhoseFrameIsFreeAndRefusesOtherAlignments) {
+  const Outcome aligned = run(out_.path() + " " + recording_ + " --align fleet");
+  EXPECT_EQ(aligned.code, 0) << aligned.output;
+  EXPECT_THAT(aligned.output, HasSubstr("moved onto the truth by (0.000, 0.000) m"));
+  EXPECT_EQ(run(out_.path() + " " + recording_ + " --align none").code, 0);
+  const Outcome unknown = run(out_.path() + " " + recording_ + " --align robots");
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_THAT(unknown.output, HasSubstr("--align"));
+}
+
 TEST_F(Program, BadInputIsExitCodeTwo) {
   EXPECT_EQ(run("").code, 2);
   EXPECT_EQ(run("--unknown " + out_.path() + " " + recording_).code, 2);

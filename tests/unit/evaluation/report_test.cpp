@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "dataset/atomic_file.h"
@@ -100,6 +101,118 @@ TEST_F(Evaluate, WhatIsMissingIsNamed) {
   EXPECT_THROW(evaluateRun(folder_ / "nowhere", recording_), options::Error);
   std::filesystem::remove_all(recording_ + "/groundtruth");
   EXPECT_THROW(evaluateRun(out_, recording_), options::Error);
+}
+
+/// Two robots on arcs, wheels that say so exactly, three named landmarks; the run has all of it in a frame of
+/// its own.
+class FreeFrame : public ::testing::Test {
+ protected:
+  static constexpr double kSpeed_mps = 0.2, kTurn_radps = 0.1, kSeparation_m = 0.3;
+  const Pose2 map_from_truth{0.7, -1.3, 2.1};
+
+  static Pose2 truth(const Pose2& start, double t) {
+    const double a = kTurn_radps * t, r = kSpeed_mps / kTurn_radps;
+    return start * Pose2{r * std::sin(a), r * (1.0 - std::cos(a)), a};
+  }
+  static dataset::MapObject landmark(std::uint64_t id, const std::string& name, const Eigen::Vector2d& at) {
+    dataset::MapObject object = box(id, at.x(), at.y());
+    object.name = name;
+    return object;
+  }
+
+  void SetUp() override {
+    std::vector<dataset::RobotRecording> robots;
+    for (const auto& [name, start] : starts_) {
+      dataset::RobotRecording robot;
+      robot.name = name;
+      robot.body.wheel_separation_m = kSeparation_m;
+      robots.push_back(robot);
+      std::vector<dataset::StampedPose> exact, run;
+      dataset::WheelsWriter wheels(recording_, name);
+      dataset::ObservationsWriter observations(recording_, name);
+      for (int i = 0; i <= 100; ++i) {
+        const TimeNs time = i * 100'000'000LL;
+        exact.push_back({time, truth(start, 0.1 * i)});
+        run.push_back({time, map_from_truth * exact.back().map_from_base});
+        const double half_mps = 0.5 * kTurn_radps * kSeparation_m;
+        wheels.write({time, kSpeed_mps - half_mps, kSpeed_mps + half_mps});
+        observations.write({time, "a", 1.0, 0.0});
+      }
+      dataset::writeTruthTrajectory(recording_, name, exact);
+      dataset::writeTum(out_ + "/trajectories/" + name + ".tum", run);
+    }
+    dataset::writeDatasetYaml(recording_, robots);
+    std::vector<dataset::MapObject> scene, found;
+    for (const auto& [name, at] : places_) {
+      scene.push_back(landmark(scene.size(), name, at));
+      found.push_back(landmark(10 + found.size(), name, map_from_truth * at));
+    }
+    found[1].centroid_m += Eigen::Vector2d(0.03, 0.04);
+    found.erase(found.begin());
+    found.push_back(landmark(20, "stranger", {5, 5}));
+    dataset::writeTruthScene(recording_, scene);
+    dataset::writeObjects(out_ + "/objects.geojson", found);
+  }
+
+  const std::vector<std::pair<std::string, Pose2>> starts_{{"r1", {0, 0, 0}}, {"r2", {1, -1, 1.5}}};
+  const std::vector<std::pair<std::string, Eigen::Vector2d>> places_{
+      {"a", {1, 1}}, {"b", {-2, 0}}, {"c", {0, 3}}};
+  test::TempFolder folder_;
+  const std::string recording_ = folder_ / "recording", out_ = folder_ / "out";
+};
+
+TEST_F(FreeFrame, OneRigidMotionBringsTheWholeRunOntoTheTruth) {
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  ASSERT_TRUE(report.truth_from_map);
+  const Pose2 back = *report.truth_from_map * map_from_truth;
+  EXPECT_LT(back.translation().norm(), 1e-7);  // files hold nine decimals
+  EXPECT_LT(std::abs(back.theta_rad), 1e-7);
+  ASSERT_EQ(report.robots.size(), 2u);
+  for (const RobotReport& robot : report.robots) {
+    EXPECT_EQ(robot.path.poses, 101);
+    EXPECT_LT(robot.path.max_m, 1e-7) << robot.name;
+    EXPECT_LT(robot.path.heading_rad, 1e-7) << robot.name;
+  }
+  EXPECT_THAT(table(report), HasSubstr("the run was moved onto the truth"));
+  EXPECT_NEAR(nlohmann::json::parse(metricsJson(report))["truth_from_map"][2].get<double>(),
+              -map_from_truth.theta_rad, 1e-6);
+}
+
+TEST_F(FreeFrame, WithoutTheMotionItsErrorsAreThoseOfTheFrame) {
+  const Report report = evaluateRun(out_, recording_);
+  EXPECT_FALSE(report.truth_from_map);
+  EXPECT_GT(report.robots[0].path.distance_m, 1.0);
+}
+
+TEST_F(FreeFrame, OneMotionForAllHidesNoErrorBetweenTheRobots) {
+  std::vector<dataset::StampedPose> off;
+  for (const auto& pose : dataset::flat(dataset::readTum(out_ + "/trajectories/r2.tum")))
+    off.push_back({pose.time_ns, Pose2{0.2, 0, 0} * pose.map_from_base});
+  dataset::writeTum(out_ + "/trajectories/r2.tum", off);
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  double sum_m = 0.0;
+  for (const RobotReport& robot : report.robots) sum_m += robot.path.distance_m;
+  EXPECT_GT(sum_m, 0.1);  // of 20 cm between them, a turn of the whole may hide a part
+}
+
+TEST_F(FreeFrame, LandmarksAreMatchedByName) {
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  ASSERT_TRUE(report.landmarks);
+  EXPECT_EQ(report.landmarks->truths, 3);
+  EXPECT_EQ(report.landmarks->found, 2);  // "a" is missing
+  EXPECT_NEAR(report.landmarks->max_m, 0.05, 1e-6);
+  EXPECT_NEAR(report.landmarks->mean_m, 0.025, 1e-6);
+  EXPECT_THAT(table(report), HasSubstr("found 2 of 3"));
+}
+
+TEST_F(FreeFrame, ExactWheelsAloneGiveTheTruth) {
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  for (const RobotReport& robot : report.robots) {
+    ASSERT_TRUE(robot.dead_reckoning) << robot.name;
+    EXPECT_EQ(robot.dead_reckoning->poses, 101);
+    EXPECT_LT(robot.dead_reckoning->max_m, 1e-6);  // arcs are integrated exactly
+  }
+  EXPECT_THAT(table(report), HasSubstr("wheels alone"));
 }
 
 TEST(EvaluateSample, TruthAgainstItselfIsPerfect) {

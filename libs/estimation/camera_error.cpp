@@ -1,0 +1,34 @@
+#include "estimation/camera_error.h"
+
+#include <cmath>
+
+namespace omnifleet::estimation {
+
+CameraOptions CameraOptions::read(const options::Section& section) {
+  CameraOptions o;
+  section.read("estimate", o.estimate);
+  section.read("focal_sigma", o.focal_sigma, {1e-6, 0.2});
+  section.read("height_sigma", o.height_sigma, {1e-6, 0.2});
+  section.read("tilt_sigma_rad", o.tilt_sigma_rad, {1e-6, 0.2});
+  section.finish();
+  return o;
+}
+
+CameraError CameraOptions::sigma() const {
+  if (!estimate) return CameraError::Constant(1e-9);
+  return {focal_sigma, height_sigma, tilt_sigma_rad, tilt_sigma_rad};
+}
+
+Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m) {
+  const double rho = p_m.norm(), u = rho / camera_height_m;
+  // H·(1 + u²)·atan(u)/ρ, whose limit at the foot is 1.
+  const double radial = u > 1e-6 ? (1.0 + u * u) * std::atan(u) / u : 1.0;
+  Eigen::Matrix<double, 2, 4> field;
+  field.col(0) = -radial * p_m;
+  field.col(1) = p_m;
+  field.col(2) = Eigen::Vector2d(0.0, camera_height_m) + p_m * (p_m.y() / camera_height_m);
+  field.col(3) = -(Eigen::Vector2d(camera_height_m, 0.0) + p_m * (p_m.x() / camera_height_m));
+  return field;
+}
+
+}  // namespace omnifleet::estimation

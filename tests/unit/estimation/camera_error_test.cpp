@@ -1,0 +1,111 @@
+// Errors of a calibration against the project's own lenses: a point of the floor goes through the real camera
+// to a pixel, and by the calibrated camera back to the floor.
+#include "estimation/camera_error.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "estimation/view.h"
+#include "lens/camera.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kHeight_m = 0.5;
+
+lens::CameraModel camera(lens::Projection projection) {
+  lens::CameraModel model;
+  model.projection = projection;
+  model.image_width_px = model.image_height_px = 480;
+  model.focal_px = {150.0, 150.0};
+  model.principal_point_px = {239.5, 239.5};
+  model.fov_deg = 170.0;
+  model.position_m = {0.0, 0.0, kHeight_m};
+  return model;
+}
+
+/// As calibrated: true value plus error.
+lens::CameraModel wrong(lens::CameraModel model, const CameraError& error) {
+  model.focal_px *= 1.0 + error(0);
+  model.position_m.z() *= 1.0 + error(1);
+  model.rotation_rpy_deg.x() += error(2) * 180.0 / M_PI;
+  model.rotation_rpy_deg.y() += error(3) * 180.0 / M_PI;
+  return model;
+}
+
+Eigen::Vector2d seen(const lens::Camera& real, const lens::Camera& calibrated, const Eigen::Vector2d& floor_m) {
+  const auto pixel = real.pixelFromPoint({floor_m.x(), floor_m.y(), 0.0});
+  return calibrated.floorFromPixel(*pixel).value();
+}
+
+TEST(CameraError, TheFieldIsThatOfRealLenses) {
+  struct Case {
+    lens::Projection projection;
+    double tolerance;  ///< of the displacement; the field is that of the equidistant lens
+  };
+  for (const Case& c : {Case{lens::Projection::kEquidistant, 0.02}, Case{lens::Projection::kEquisolid, 0.16},
+                        Case{lens::Projection::kStereographic, 0.28}}) {
+    const lens::Camera real(camera(c.projection));
+    for (int i = 0; i < 4; ++i) {
+      CameraError error = CameraError::Zero();
+      error(i) = 0.002;
+      const lens::Camera calibrated(wrong(camera(c.projection), error));
+      for (double rho = 0.2; rho < 1.3; rho += 0.25) {
+        for (double bearing = 0.1; bearing < 6.3; bearing += 0.7) {
+          const Eigen::Vector2d p = rho * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
+          const Eigen::Vector2d moved = seen(real, calibrated, p) - p;
+          const Eigen::Vector2d expected = cameraField(p, kHeight_m) * error;
+          const double tolerance = (i == 0 ? c.tolerance : 0.02) * moved.norm() + 1e-5;
+          EXPECT_LT((moved - expected).norm(), tolerance) << "component " << i << " at " << p.transpose();
+        }
+      }
+    }
+  }
+}
+
+/// The support of what a wrong camera sees of a box minus that of the box itself.
+TEST(CameraError, AViewLosesIt) {
+  const CameraError error(0.003, -0.004, 0.003, -0.0035);
+  const lens::Camera real(camera(lens::Projection::kEquidistant));
+  const lens::Camera calibrated(wrong(camera(lens::Projection::kEquidistant), error));
+  Track exact, wrongly;
+  for (int k = 0; k < 96; ++k) {
+    const Eigen::Vector2d n(std::cos(2.0 * M_PI * k / 96), std::sin(2.0 * M_PI * k / 96));
+    double b = -1e9, b_wrong = -1e9;
+    for (int j = 0; j < 360; ++j) {  // a round thing
+      const double a = j * M_PI / 180.0;
+      const Eigen::Vector2d p(0.8 + 0.3 * std::cos(a), -0.4 + 0.2 * std::sin(a));
+      b = std::max(b, n.dot(p));
+      b_wrong = std::max(b_wrong, n.dot(seen(real, calibrated, p)));
+    }
+    exact.supports.b_m.push_back(static_cast<float>(b));
+    wrongly.supports.b_m.push_back(static_cast<float>(b_wrong));
+    exact.supports.sigma_m.push_back(0.002F);
+    wrongly.supports.sigma_m.push_back(0.002F);
+  }
+  View view = View::from(wrongly, {0, 0}, kHeight_m * (1.0 + error(1)), 1.0);
+  double before = 0.0, after = 0.0;
+  for (std::size_t k = 0; k < 96; ++k)
+    before = std::max(before, std::abs(view.b_m[k] - static_cast<double>(exact.supports.b_m[k])));
+  view.assume(error);
+  for (std::size_t k = 0; k < 96; ++k)
+    after = std::max(after, std::abs(view.b_m[k] - static_cast<double>(exact.supports.b_m[k])));
+  EXPECT_GT(before, 0.005);
+  EXPECT_LT(after, 0.05 * before);  // second order, and the corner of two half-planes is not the very point
+  EXPECT_NEAR(view.camera_height_m, kHeight_m, 1e-4 * kHeight_m);
+  view.assume(CameraError::Zero());
+  for (std::size_t k = 0; k < 96; ++k)
+    EXPECT_EQ(view.b_m[k], static_cast<double>(wrongly.supports.b_m[k]));
+}
+
+TEST(CameraOptions, ReadsAndRefuses) {
+  const auto good = options::Section::parse("focal_sigma: 0.01\nestimate: false\n", "t.yaml");
+  EXPECT_EQ(CameraOptions::read(good).focal_sigma, 0.01);
+  EXPECT_LT(CameraOptions::read(good).sigma().maxCoeff(), 1e-8);
+  EXPECT_THROW(CameraOptions::read(options::Section::parse("focal_sigma: 0\n", "t.yaml")), options::Error);
+  EXPECT_THROW(CameraOptions::read(options::Section::parse("focus: 1\n", "t.yaml")), options::Error);
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation

@@ -1,0 +1,147 @@
+#include "estimation/wheel_log.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+
+#include "estimation/factors.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kSeparation_m = 0.3;
+constexpr TimeNs kRow_ns = 20'000'000;
+
+TimeNs at(double seconds) {
+  return static_cast<TimeNs>(std::llround(seconds * 1e9));
+}
+
+/// Constant speeds from 0 to 10 s.
+WheelLog driven(double left_mps, double right_mps, const WheelLogOptions& options = {}) {
+  WheelLog log(options);
+  for (int i = 0; i <= 500; ++i) EXPECT_TRUE(log.add(i * kRow_ns, left_mps, right_mps));
+  return log;
+}
+
+WheelLog::Motion moved(const WheelLog& log, double from_s, double to_s,
+                       const WheelModel& model = WheelModel::Zero()) {
+  WheelLog::Motion motion;
+  EXPECT_TRUE(log.between(at(from_s), at(to_s), kSeparation_m, model, motion)) << from_s << " … " << to_s;
+  return motion;
+}
+
+/// On a circle: v, ω for t.
+Pose2 circle(double left_mps, double right_mps, double t, double separation_m = kSeparation_m) {
+  const double v = 0.5 * (left_mps + right_mps), w = (right_mps - left_mps) / separation_m;
+  return {v / w * std::sin(w * t), v / w * (1.0 - std::cos(w * t)), wrapAngle(w * t)};
+}
+
+void expectNear(const Pose2& got, const Pose2& expected, double tolerance) {
+  EXPECT_NEAR(got.x_m, expected.x_m, tolerance);
+  EXPECT_NEAR(got.y_m, expected.y_m, tolerance);
+  EXPECT_NEAR(wrapAngle(got.theta_rad - expected.theta_rad), 0.0, tolerance);
+}
+
+TEST(WheelLog, ConstantSpeedsGiveAnArcBetweenAnyTwoTimes) {
+  const WheelLog log = driven(0.1, 0.25);
+  for (const auto& [from, to] : {std::pair{0.0, 1.0}, {1.003, 4.5017}, {9.99, 10.7}}) {
+    expectNear(moved(log, from, to).previous_from_current, circle(0.1, 0.25, to - from), 1e-9);
+  }
+}
+
+TEST(WheelLog, MotionsInARowMakeTheWhole) {
+  WheelLog log({});
+  for (int i = 0; i < 100; ++i) log.add(i * kRow_ns, 0.2 + 0.1 * std::sin(0.1 * i), 0.2 - 0.002 * i);
+  const Pose2 parts = moved(log, 0.101, 0.777).previous_from_current * moved(log, 0.777, 1.5).previous_from_current;
+  expectNear(parts, moved(log, 0.101, 1.5).previous_from_current, 1e-12);
+}
+
+TEST(WheelLog, TheModelScalesWheelsAndTurnAndShiftsTime) {
+  const WheelLog log = driven(0.1, 0.25);
+  expectNear(moved(log, 1, 3, {0.04, -0.02, 0, 0}).previous_from_current, circle(0.104, 0.245, 2), 1e-9);
+  expectNear(moved(log, 1, 3, {0, 0, 0.1, 0}).previous_from_current,
+             circle(0.1, 0.25, 2, kSeparation_m / 1.1), 1e-9);
+  WheelLog changing({});
+  for (int i = 0; i < 300; ++i) changing.add(i * kRow_ns, 0.001 * i, 0.3 - 0.001 * i);
+  expectNear(moved(changing, 2.0, 3.1, {0, 0, 0, 0.4}).previous_from_current,
+             moved(changing, 1.6, 2.7).previous_from_current, 1e-12);
+}
+
+TEST(WheelLog, DerivativesByTheWheelsAreThoseOfTheArc) {
+  const WheelLog log = driven(0.1, 0.25);
+  const WheelJacobian got = moved(log, 1, 3).jacobian;
+  EXPECT_TRUE(got.leftCols<2>().isApprox(arcBiasJacobian(0.2, 0.5, kSeparation_m), 1e-5)) << got;
+  // At constant speeds a delay changes nothing; a turn's error ε turns by ε·ω·t.
+  EXPECT_LT(got.col(3).norm(), 1e-9);
+  EXPECT_NEAR(got(2, 2), 0.5 * 2.0, 1e-6);
+}
+
+TEST(WheelLog, AStraightWayIsUncertainAsItsWalksSay) {
+  WheelLogOptions options;
+  const Eigen::Matrix3d covariance = moved(driven(0.2, 0.2, options), 0, 4).covariance;
+  const double t = 4.0, way = 0.2 * t;
+  EXPECT_NEAR(covariance(0, 0), options.way_walk * options.way_walk * t, 1e-9);
+  EXPECT_NEAR(covariance(2, 2), options.turn_walk * options.turn_walk * t, 1e-9);
+  // A heading that walks moves the end sideways: ∫(v·s)²q ds = q·way²·t/3. Rows of 20 ms of 4 s make 1 %.
+  const double side = options.side_walk * options.side_walk * t + covariance(2, 2) * way * way / 3.0;
+  EXPECT_NEAR(covariance(1, 1), side, 0.01 * side);
+  EXPECT_NEAR(covariance(1, 2), 0.5 * way * covariance(2, 2), 0.01 * way * covariance(2, 2));
+}
+
+TEST(WheelLog, ARobotThatStandsIsWhereItWas) {
+  const WheelLog::Motion motion = moved(driven(0, 0), 0, 4);
+  expectNear(motion.previous_from_current, {}, 1e-15);
+  EXPECT_EQ(motion.covariance.norm(), 0.0);
+}
+
+TEST(WheelLog, TurningIsLessCertainThanDrivingStraight) {
+  EXPECT_GT(moved(driven(-0.2, 0.2), 0, 1).covariance(2, 2), 4.0 * moved(driven(0.2, 0.2), 0, 1).covariance(2, 2));
+}
+
+TEST(WheelLog, NoMotionWhereNoRowSaysIt) {
+  WheelLog log({});
+  WheelLog::Motion motion;
+  EXPECT_FALSE(log.between(0, 1, kSeparation_m, WheelModel::Zero(), motion));
+  log.add(at(1), 0.1, 0.1);
+  log.add(at(2), 0.1, 0.1);
+  log.add(at(5), 0.1, 0.1);  // a gap longer than a row holds (2 s)
+  const auto says = [&](double from, double to) {
+    return log.between(at(from), at(to), kSeparation_m, WheelModel::Zero(), motion);
+  };
+  EXPECT_FALSE(says(0.9, 1.5));
+  EXPECT_TRUE(says(1.0, 2.0));
+  EXPECT_TRUE(says(1.0, 3.9));
+  EXPECT_FALSE(says(1.0, 4.5));
+  EXPECT_FALSE(says(2.5, 6.0));
+  EXPECT_TRUE(says(5.0, 6.9));
+  EXPECT_FALSE(says(5.0, 7.1));
+  EXPECT_FALSE(says(2.0, 2.0));
+  EXPECT_FALSE(log.between(at(1), at(2), 0.0, WheelModel::Zero(), motion));
+}
+
+TEST(WheelLog, RefusesBrokenNumbersAndTimesThatDoNotGrow) {
+  WheelLog log({});
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(log.add(0, kNan, 0.1));
+  EXPECT_FALSE(log.add(0, 0.1, std::numeric_limits<double>::infinity()));
+  EXPECT_TRUE(log.empty());
+  EXPECT_TRUE(log.add(10, 0.1, 0.1));
+  EXPECT_FALSE(log.add(10, 0.2, 0.2));
+  EXPECT_FALSE(log.add(9, 0.2, 0.2));
+  EXPECT_EQ(log.firstTime(), 10);
+}
+
+TEST(WheelLog, ForgetsWhatIsNeededNoMoreAndKeepsTheRowInForce) {
+  WheelLog log = driven(0.1, 0.25);
+  const Pose2 before = moved(log, 5.01, 6).previous_from_current;
+  log.forgetBefore(at(5.01));
+  EXPECT_EQ(log.firstTime(), at(5.0));
+  expectNear(moved(log, 5.01, 6).previous_from_current, before, 0.0);
+  WheelLog::Motion motion;
+  EXPECT_FALSE(log.between(at(4.9), at(6), kSeparation_m, WheelModel::Zero(), motion));
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
