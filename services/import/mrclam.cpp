@@ -75,8 +75,7 @@ class Importer {
     for (const auto& [subject, values] : barcodes) subject_of_[static_cast<int>(values[0])] = subject;
     std::vector<dataset::RobotRecording> robots;
     for (const auto& [subject, barcode] : barcodes) {
-      if (fs::exists(folder_ / fmt::format("Robot{}_Odometry.dat", subject)))
-        robots.push_back(robot(subject));
+      if (isRobot(subject)) robots.push_back(robot(subject));
     }
     if (robots.empty()) throw options::Error(folder_.string() + ": holds no Robot1_Odometry.dat");
     report_.robots = static_cast<int>(robots.size());
@@ -87,6 +86,10 @@ class Importer {
   }
 
  private:
+  bool isRobot(int subject) const {
+    return fs::exists(folder_ / fmt::format("Robot{}_Odometry.dat", subject));
+  }
+
   dataset::RobotRecording robot(int subject) {
     dataset::RobotRecording robot;
     robot.name = fmt::format("r{}", subject);
@@ -127,8 +130,7 @@ class Importer {
       if (seen == subject_of_.end()) {
         ++report_.unknown_barcodes;
       } else {
-        id = landmarks_.count(seen->second) > 0 ? std::to_string(seen->second)
-                                                : fmt::format("r{}", seen->second);
+        id = isRobot(seen->second) ? fmt::format("r{}", seen->second) : std::to_string(seen->second);
       }
       writer.write({row.time_ns, id, row.values[1], row.values[2]});
       ++report_.observations;
