@@ -51,7 +51,6 @@ class FeatureFlow {
   LucasKanade lucas_kanade_;
   Pyramid previous_, current_;
   bool has_previous_ = false, has_current_ = false;
-  std::vector<ground::Blob> regions_;
   std::vector<FlowVector> found_;
   std::vector<Displacement> displacements_, kept_;
 };
