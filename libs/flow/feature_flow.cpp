@@ -88,9 +88,7 @@ void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vecto
     object.height_m = object.height_sigma_m = 0.0;
   }
   if (!has_previous_) return;
-  regions_.resize(which.size());
-  for (std::size_t i = 0; i < which.size(); ++i) regions_[i] = blobs[which[i]];
-  const auto& corners = harris_.detect(current_.grey(), regions_);
+  const auto& corners = harris_.detect(current_.grey(), blobs, which);
   const Pose2 own = motion.valid ? motion.previous_from_current : Pose2{};
   std::size_t next = 0;
   for (std::size_t i = 0; i < objects.size(); ++i) {

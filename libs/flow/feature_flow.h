@@ -56,7 +56,6 @@ class FeatureFlow {
   Pyramid previous_, current_;
   std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;
-  std::vector<ground::Blob> regions_;
   std::vector<FlowVector> found_;
   std::vector<Displacement> displacements_, kept_;
 };

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
+
+#include "geometry/wide.h"
 
 namespace omnifleet::flow {
 
@@ -35,114 +38,143 @@ void growTo(cv::Mat1f& m, int rows, int columns) {
   if (m.rows < rows || m.cols < columns) m.create(std::max(m.rows, rows), std::max(m.cols, columns));
 }
 
-}  // namespace
-
-void Harris::smoothProducts(int rows, int columns) {
-  switch (kernel_.size() / 2) {
-    case 1:
-      return smoothWith<1>(rows, columns);
-    case 2:
-      return smoothWith<2>(rows, columns);
-    case 3:
-      return smoothWith<3>(rows, columns);
-    case 4:
-      return smoothWith<4>(rows, columns);
-    case 5:
-      return smoothWith<5>(rows, columns);
-    case 6:
-      return smoothWith<6>(rows, columns);
-    case 7:
-      return smoothWith<7>(rows, columns);
-    case 8:
-      return smoothWith<8>(rows, columns);
-    case 9:
-      return smoothWith<9>(rows, columns);
-    default:
-      return smoothWith<10>(rows, columns);
+/// Products of the central differences over n pixels of a row of the image.
+OMNIFLEET_WIDE void differentiate(const std::uint8_t* above, const std::uint8_t* here,
+                                  const std::uint8_t* below, int n, float* xx, float* xy, float* yy) {
+#pragma GCC ivdep
+  for (int x = 0; x < n; ++x) {
+    const float dx = 0.5f * static_cast<float>(here[x + 1] - here[x - 1]);
+    const float dy = 0.5f * static_cast<float>(below[x] - above[x]);
+    xx[x] = dx * dx;
+    xy[x] = dx * dy;
+    yy[x] = dy * dy;
   }
 }
 
+/// Σ w[t] · in[x + t · step] over 2·kRadius + 1 taps, w symmetric.
 template <int kRadius>
-void Harris::smoothWith(int rows, int columns) {
-  // Columns first, then rows; the valid part shrinks by the window and moves to the top left.
-  constexpr int kTaps = 2 * kRadius + 1;
-  float w[kTaps] = {};
-  for (std::size_t t = 0; t < kernel_.size(); ++t) w[t + (kTaps - kernel_.size()) / 2] = kernel_[t];
-  for (cv::Mat1f* product : {&xx_, &xy_, &yy_}) {
-    const std::ptrdiff_t step = static_cast<std::ptrdiff_t>(product->step1());
-    float* middle = row_.ptr<float>(0);
-    for (int y = 0; y + kTaps <= rows; ++y) {
-      const float* in = product->ptr<float>(y);
-      for (int x = 0; x < columns; ++x) {
-        float sum = w[kRadius] * in[x + kRadius * step];
-        for (int t = 0; t < kRadius; ++t) sum += w[t] * (in[x + t * step] + in[x + (kTaps - 1 - t) * step]);
-        middle[x] = sum;
-      }
-      float* out = product->ptr<float>(y);
-      for (int x = 0; x + kTaps <= columns; ++x) {
-        float sum = w[kRadius] * middle[x + kRadius];
-        for (int t = 0; t < kRadius; ++t) sum += w[t] * (middle[x + t] + middle[x + kTaps - 1 - t]);
-        out[x] = sum;
-      }
-    }
+inline __attribute__((always_inline)) void smoothAlong(const float* w, const float* in, std::ptrdiff_t step,
+                                                       int n, float* out) {
+#pragma GCC ivdep
+  for (int x = 0; x < n; ++x) {
+    float sum = w[kRadius] * in[x + kRadius * step];
+    for (int t = 0; t < kRadius; ++t) sum += w[t] * (in[x + t * step] + in[x + (2 * kRadius - t) * step]);
+    out[x] = sum;
   }
 }
+
+/// Columns first, then rows; the valid part shrinks by the window and moves to the top left.
+template <int kRadius>
+inline __attribute__((always_inline)) void smoothBothWays(const float* weights, cv::Mat1f& product, int rows,
+                                                          int columns, float* middle) {
+  float w[kRadius + 1];
+  std::copy(weights, weights + kRadius + 1, w);
+  const auto step = static_cast<std::ptrdiff_t>(product.step1());
+  for (int y = 0; y + 2 * kRadius < rows; ++y) {
+    float* row = product.ptr<float>(y);
+    smoothAlong<kRadius>(w, row, step, columns, middle);
+    smoothAlong<kRadius>(w, middle, 1, columns - 2 * kRadius, row);
+  }
+}
+
+OMNIFLEET_WIDE void smoothProduct(const float* weights, int radius, cv::Mat1f& product, int rows, int columns,
+                                  float* middle) {
+  switch (radius) {
+    case 1:
+      return smoothBothWays<1>(weights, product, rows, columns, middle);
+    case 2:
+      return smoothBothWays<2>(weights, product, rows, columns, middle);
+    case 3:
+      return smoothBothWays<3>(weights, product, rows, columns, middle);
+    case 4:
+      return smoothBothWays<4>(weights, product, rows, columns, middle);
+    case 5:
+      return smoothBothWays<5>(weights, product, rows, columns, middle);
+    case 6:
+      return smoothBothWays<6>(weights, product, rows, columns, middle);
+    case 7:
+      return smoothBothWays<7>(weights, product, rows, columns, middle);
+    case 8:
+      return smoothBothWays<8>(weights, product, rows, columns, middle);
+    case 9:
+      return smoothBothWays<9>(weights, product, rows, columns, middle);
+    default:
+      return smoothBothWays<10>(weights, product, rows, columns, middle);
+  }
+}
+
+/// O(x, y) of eq. 2.
+OMNIFLEET_WIDE void combine(const float* xx, const float* xy, const float* yy, float k, int n, float* out) {
+#pragma GCC ivdep
+  for (int x = 0; x < n; ++x) {
+    const float trace = xx[x] + yy[x];
+    out[x] = xx[x] * yy[x] - xy[x] * xy[x] - k * trace * trace;
+  }
+}
+
+/// 1 where the response is positive and a maximum of its 3×3 neighbourhood (the first of equal ones), else 0.
+OMNIFLEET_WIDE void findPeaks(const float* above, const float* here, const float* below, int begin, int end,
+                              int* peaks) {
+#pragma GCC ivdep
+  for (int x = begin; x < end; ++x) {
+    const float r = here[x];
+    const int above_all = (r > above[x - 1]) & (r > above[x]) & (r > above[x + 1]) & (r > here[x - 1]);
+    const int below_none = (r >= below[x - 1]) & (r >= below[x]) & (r >= below[x + 1]) & (r >= here[x + 1]);
+    peaks[x] = above_all & below_none & (r > 0.0f);
+  }
+}
+
+}  // namespace
 
 void Harris::response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response) {
   const int radius = static_cast<int>(kernel_.size()) / 2;
   const int rows = rect.height + 2 * radius, columns = rect.width + 2 * radius;
   for (cv::Mat1f* m : {&xx_, &xy_, &yy_, &row_}) growTo(*m, rows, columns);
   growTo(response, rect.height, rect.width);
+  const int u0 = rect.x - radius;
+  const int first = std::max(0, 1 - u0), last = std::min(columns, grey.cols - 1 - u0);
   for (int y = 0; y < rows; ++y) {
-    const int v = std::clamp(rect.y + y - radius, 1, grey.rows - 2);
-    const std::uint8_t *above = grey.ptr(v - 1), *here = grey.ptr(v), *below = grey.ptr(v + 1);
+    const int v = std::clamp(rect.y + y - radius, 1, grey.rows - 2), u = u0 + first;
     float *xx = xx_.ptr<float>(y), *xy = xy_.ptr<float>(y), *yy = yy_.ptr<float>(y);
-    const int u0 = rect.x - radius;
-    const int first = std::max(0, 1 - u0), last = std::min(columns, grey.cols - 1 - u0);
-    for (int x = first; x < last; ++x) {
-      const int u = u0 + x;
-      const float dx = 0.5f * static_cast<float>(here[u + 1] - here[u - 1]);
-      const float dy = 0.5f * static_cast<float>(below[u] - above[u]);
-      xx[x] = dx * dx;
-      xy[x] = dx * dy;
-      yy[x] = dy * dy;
-    }
+    differentiate(grey.ptr(v - 1) + u, grey.ptr(v) + u, grey.ptr(v + 1) + u, last - first, xx + first,
+                  xy + first, yy + first);
     for (float* product : {xx, xy, yy}) {
       std::fill(product, product + first, 0.0f);
       std::fill(product + last, product + columns, 0.0f);
     }
   }
-  smoothProducts(rows, columns);
-  const auto k = static_cast<float>(options_.k);
+  for (cv::Mat1f* product : {&xx_, &xy_, &yy_})
+    smoothProduct(kernel_.data(), radius, *product, rows, columns, row_.ptr<float>(0));
   for (int y = 0; y < rect.height; ++y) {
-    const float *xx = xx_.ptr<float>(y), *xy = xy_.ptr<float>(y), *yy = yy_.ptr<float>(y);
-    float* out = response.ptr<float>(y);
-    for (int x = 0; x < rect.width; ++x) {
-      const float trace = xx[x] + yy[x];
-      out[x] = xx[x] * yy[x] - xy[x] * xy[x] - k * trace * trace;
-    }
+    combine(xx_.ptr<float>(y), xy_.ptr<float>(y), yy_.ptr<float>(y), static_cast<float>(options_.k),
+            rect.width, response.ptr<float>(y));
   }
 }
 
 void Harris::candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect) {
+  const std::size_t first = candidates_.size();
+  peaks_.resize(std::max(peaks_.size(), static_cast<std::size_t>(rect.width)));
   for (const auto& run : blob.runs) {
-    const int y = run.row - rect.y;
+    const int y = run.row - rect.y, begin = run.begin - rect.x, end = run.end - rect.x;
     if (y < 1 || y + 1 >= rect.height) continue;
-    const float *above = response_.ptr<float>(y - 1), *here = response_.ptr<float>(y),
-                *below = response_.ptr<float>(y + 1);
-    for (int x = run.begin - rect.x; x < run.end - rect.x; ++x) {
-      const float r = here[x];
-      if (r <= 0.0f || r <= here[x - 1] || r < here[x + 1]) continue;
-      if (r <= above[x - 1] || r <= above[x] || r <= above[x + 1]) continue;
-      if (r < below[x - 1] || r < below[x] || r < below[x + 1]) continue;
+    const float* here = response_.ptr<float>(y);
+    findPeaks(response_.ptr<float>(y - 1), here, response_.ptr<float>(y + 1), begin, end, peaks_.data());
+    for (int x = begin; x < end; ++x) {
+      if (peaks_[static_cast<std::size_t>(x)] == 0) continue;
       candidates_.push_back(
-          {Eigen::Vector2f(static_cast<float>(x + rect.x), static_cast<float>(run.row)), r, index});
-      strongest_[index] = std::max(strongest_[index], r);
+          {Eigen::Vector2f(static_cast<float>(x + rect.x), static_cast<float>(run.row)), here[x], index});
+      strongest_[index] = std::max(strongest_[index], here[x]);
     }
   }
+  if (!options_.per_label) return;
+  const float threshold = static_cast<float>(options_.m) * strongest_[index];
+  const auto begin = candidates_.begin() + static_cast<std::ptrdiff_t>(first);
+  candidates_.erase(
+      std::remove_if(begin, candidates_.end(), [&](const Corner& c) { return c.response < threshold; }),
+      candidates_.end());
 }
 
-void Harris::select(const std::vector<ground::Blob>& blobs) {
+void Harris::select(std::size_t blobs) {
   const float frame_strongest =
       strongest_.empty() ? 0.0f : *std::max_element(strongest_.begin(), strongest_.end());
   std::sort(candidates_.begin(), candidates_.end(), [](const Corner& a, const Corner& b) {
@@ -151,7 +183,7 @@ void Harris::select(const std::vector<ground::Blob>& blobs) {
   });
   const auto distance = static_cast<float>(options_.min_distance_px);
   std::size_t next = 0;
-  for (std::size_t blob = 0; blob < blobs.size(); ++blob) {
+  for (std::size_t blob = 0; blob < blobs; ++blob) {
     const std::size_t begin = corners_.size();
     const float strongest = options_.per_label ? strongest_[blob] : frame_strongest;
     const float threshold = static_cast<float>(options_.m) * strongest;
@@ -168,18 +200,26 @@ void Harris::select(const std::vector<ground::Blob>& blobs) {
 }
 
 const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs) {
+  all_.resize(blobs.size());
+  std::iota(all_.begin(), all_.end(), std::size_t{0});
+  return detect(grey, blobs, all_);
+}
+
+const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs,
+                                          const std::vector<std::size_t>& which) {
   candidates_.clear();
   corners_.clear();
-  strongest_.assign(blobs.size(), 0.0f);
+  strongest_.assign(which.size(), 0.0f);
   const cv::Rect image(0, 0, grey.cols, grey.rows);
-  for (std::size_t n = 0; n < blobs.size(); ++n) {
-    const cv::Rect& r = blobs[n].rect;
+  for (std::size_t n = 0; n < which.size(); ++n) {
+    const ground::Blob& blob = blobs[which[n]];
+    const cv::Rect& r = blob.rect;
     if (r.x < 1 || r.y < 1 || r.x + r.width >= grey.cols || r.y + r.height >= grey.rows) continue;
     const cv::Rect rect = cv::Rect(r.x - 1, r.y - 1, r.width + 2, r.height + 2) & image;
     response(grey, rect, response_);
-    candidates(blobs[n], n, rect);
+    candidates(blob, n, rect);
   }
-  select(blobs);
+  select(which.size());
   return corners_;
 }
 

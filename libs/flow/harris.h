@@ -33,22 +33,24 @@ class Harris {
 
   /// @param grey CV_8UC1. @return corners by blob, strongest first in each; valid until the next call
   const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs);
+  /// Likewise in blobs[which[i]]; the corners' `blob` is i.
+  const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs,
+                                    const std::vector<std::size_t>& which);
 
   /// O(x, y) of eq. 2 over a rectangle of the image, central differences in units of grey levels per pixel.
   void response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
 
  private:
   void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect);
-  void select(const std::vector<ground::Blob>& blobs);
-  void smoothProducts(int rows, int columns);
-  template <int kRadius>
-  void smoothWith(int rows, int columns);
+  void select(std::size_t blobs);
 
   HarrisOptions options_;
   std::vector<float> kernel_;
   cv::Mat1f xx_, xy_, yy_, row_, response_;
+  std::vector<int> peaks_;  ///< of a row
   std::vector<Corner> candidates_, corners_;
   std::vector<float> strongest_;
+  std::vector<std::size_t> all_;
 };
 
 }  // namespace omnifleet::flow

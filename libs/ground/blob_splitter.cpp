@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
+
+#include "geometry/wide.h"
 
 namespace omnifleet::ground {
 
@@ -10,6 +13,60 @@ namespace {
 
 const cv::Point kAround[4] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
 constexpr int kMaxPieces = 200;  // more is texture
+
+/// Sums of 3×3 pixels; rows of interleaved colours with one pixel of margin to each side.
+OMNIFLEET_WIDE void sumNine(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below,
+                            int width, std::uint16_t* sums) {
+#pragma GCC ivdep
+  for (int i = 0; i < 3 * (width + 2); ++i)
+    sums[i] = static_cast<std::uint16_t>(above[i] + here[i] + below[i]);
+#pragma GCC ivdep
+  for (int i = 0; i < 3 * width; ++i)
+    sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + 3] + sums[i + 6]);
+}
+
+/// The commonest class of the 5×5 neighbourhood, a pixel's own among equals. Rows of classes with two pixels
+/// of margin to each side; n sums per class are scratch.
+OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, int classes,
+                                  std::uint8_t* scratch, std::uint8_t* counts, std::uint8_t* out) {
+  const std::uint8_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4];
+  const std::uint8_t* own = c + 2;
+  std::uint8_t* own_count = counts + (classes + 1) * width;
+  for (int k = 1; k <= classes; ++k) {
+    const auto which = static_cast<std::uint8_t>(k);
+#pragma GCC ivdep
+    for (int x = 0; x < width + 4; ++x) {
+      scratch[x] = static_cast<std::uint8_t>((a[x] == which) + (b[x] == which) + (c[x] == which) +
+                                             (d[x] == which) + (e[x] == which));
+    }
+    std::uint8_t* count = counts + k * width;
+#pragma GCC ivdep
+    for (int x = 0; x < width; ++x) {
+      count[x] = static_cast<std::uint8_t>(scratch[x] + scratch[x + 1] + scratch[x + 2] + scratch[x + 3] +
+                                           scratch[x + 4]);
+      own_count[x] = own[x] == which ? count[x] : own_count[x];
+    }
+  }
+#pragma GCC ivdep
+  for (int x = 0; x < width; ++x) out[x] = own[x];
+  for (int k = 1; k <= classes; ++k) {
+    const auto which = static_cast<std::uint8_t>(k);
+    const std::uint8_t* count = counts + k * width;
+#pragma GCC ivdep
+    for (int x = 0; x < width; ++x) {
+      const bool more = (count[x] > own_count[x]) & (own[x] != 0);
+      out[x] = more ? which : out[x];
+      own_count[x] = more ? count[x] : own_count[x];
+    }
+  }
+}
+
+/// A matrix of that size over storage that only ever grows.
+template <typename T>
+void shape(cv::Size size, std::vector<T>& storage, cv::Mat_<T>& mat) {
+  storage.resize(std::max(storage.size(), static_cast<std::size_t>(size.area())));
+  mat = cv::Mat_<T>(size.height, size.width, storage.data());
+}
 
 bool contains(const cv::Mat& mat, cv::Point p) {
   return p.x >= 0 && p.y >= 0 && p.x < mat.cols && p.y < mat.rows;
@@ -80,25 +137,29 @@ bool BlobSplitter::isMoreConvex(const Blob& blob) {
 
 /// Chromaticity of the mean over the 3×3 pixels that belong to the region.
 void BlobSplitter::gather(const cv::Mat& image, const Blob& blob) {
-  inside_.create(rect_.size());
+  shape(rect_.size(), inside_store_, inside_);
+  shape(rect_.size(), chroma_store_, chroma_);
+  shape({3 * (rect_.width + 2), rect_.height + 2}, masked_store_, masked_);
   inside_.setTo(0);
-  chroma_.create(rect_.size());
-  for (const Run& run : blob.runs)
-    std::fill(inside_.ptr(run.row - rect_.y) + run.begin - rect_.x,
-              inside_.ptr(run.row - rect_.y) + run.end - rect_.x, std::uint8_t{1});
+  masked_.setTo(0);
+  sums_.resize(static_cast<std::size_t>(masked_.cols));
+  for (const Run& run : blob.runs) {
+    const int y = run.row - rect_.y, x = run.begin - rect_.x;
+    const auto length = static_cast<std::size_t>(run.end - run.begin);
+    std::memset(inside_.ptr(y) + x, 1, length);
+    std::memcpy(masked_.ptr(y + 1) + 3 * (x + 1), image.ptr(run.row) + 3 * run.begin, 3 * length);
+  }
+  int summed = -1;
   for (const Run& run : blob.runs) {
     const int y = run.row - rect_.y;
+    if (y != summed)
+      sumNine(masked_.ptr(y), masked_.ptr(y + 1), masked_.ptr(y + 2), rect_.width, sums_.data());
+    summed = y;
+    cv::Vec2f* chroma = chroma_.ptr<cv::Vec2f>(y);
     for (int x = run.begin - rect_.x; x < run.end - rect_.x; ++x) {
-      int b = 0, g = 0, r = 0;
-      for (int dy = std::max(-1, -y); dy <= 1 && y + dy < rect_.height; ++dy) {
-        for (int dx = std::max(-1, -x); dx <= 1 && x + dx < rect_.width; ++dx) {
-          if (inside_(y + dy, x + dx) == 0) continue;
-          const auto& p = image.at<cv::Vec3b>(rect_.y + y + dy, rect_.x + x + dx);
-          b += p[0], g += p[1], r += p[2];
-        }
-      }
-      const float sum = static_cast<float>(std::max(1, b + g + r));
-      chroma_(y, x) = cv::Vec2f(static_cast<float>(r) / sum, static_cast<float>(g) / sum);
+      const std::uint16_t* c = sums_.data() + 3 * x;
+      const float sum = static_cast<float>(std::max(1, c[0] + c[1] + c[2]));
+      chroma[x] = cv::Vec2f(static_cast<float>(c[2]) / sum, static_cast<float>(c[1]) / sum);
     }
   }
 }
@@ -145,7 +206,7 @@ void BlobSplitter::findColours(int area) {
 }
 
 void BlobSplitter::assign() {
-  class_.create(rect_.size());
+  shape(rect_.size(), class_store_, class_);
   for (int y = 0; y < rect_.height; ++y) {
     for (int x = 0; x < rect_.width; ++x) {
       class_(y, x) = 0;
@@ -164,30 +225,32 @@ void BlobSplitter::assign() {
 /// Each pixel takes the commonest class of its 5×5 neighbourhood, its own among equals: mixed pixels along
 /// outlines have colours of their own.
 void BlobSplitter::takeMajority() {
-  class_.copyTo(spare_);
+  constexpr int kReach = 2;
+  shape({rect_.width + 2 * kReach, rect_.height + 2 * kReach}, spare_store_, spare_);
+  spare_.setTo(0);
+  class_.copyTo(spare_(cv::Rect(kReach, kReach, rect_.width, rect_.height)));
+  const auto width = static_cast<std::size_t>(rect_.width);
+  line_.resize(width + 2 * kReach);
+  counts_.assign((kMaxColours + 2) * width, 0);
   for (int y = 0; y < rect_.height; ++y) {
-    for (int x = 0; x < rect_.width; ++x) {
-      if (class_(y, x) == 0) continue;
-      int count[kMaxColours + 1] = {};
-      for (int v = std::max(0, y - 2); v <= std::min(rect_.height - 1, y + 2); ++v)
-        for (int u = std::max(0, x - 2); u <= std::min(rect_.width - 1, x + 2); ++u) ++count[spare_(v, u)];
-      std::uint8_t best = spare_(y, x);
-      for (std::uint8_t k = 1; k <= kMaxColours; ++k)
-        if (count[k] > count[best]) best = k;
-      class_(y, x) = best;
-    }
+    const std::uint8_t* rows[2 * kReach + 1];
+    for (int k = 0; k <= 2 * kReach; ++k) rows[k] = spare_.ptr(y + k);
+    takeCommonest(rows, rect_.width, static_cast<int>(colours_.size()), line_.data(), counts_.data(),
+                  class_.ptr(y));
   }
 }
 
 void BlobSplitter::findPieces() {
-  piece_.create(rect_.size());
+  shape(rect_.size(), piece_store_, piece_);
   piece_.setTo(0);
   pieces_.assign(1, Piece{});
   for (int y = 0; y < rect_.height; ++y)
     for (int x = 0; x < rect_.width; ++x)
       if (class_(y, x) != 0 && piece_(y, x) == 0) growPiece({x, y});
-  for (Piece& piece : pieces_) piece.shared.assign(pieces_.size(), 0);
+  joined_.resize(pieces_.size());
+  for (std::size_t i = 0; i < joined_.size(); ++i) joined_[i] = i;
   if (pieces_.size() > kMaxPieces) return;
+  shared_.assign(pieces_.size() * pieces_.size(), 0);
   for (int y = 0; y < rect_.height; ++y) {
     for (int x = 0; x < rect_.width; ++x) {
       if (piece_(y, x) == 0) continue;
@@ -196,7 +259,9 @@ void BlobSplitter::findPieces() {
         const cv::Point p = cv::Point(x, y) + step;
         const int other = contains(piece_, p) ? piece_(p) : 0;
         if (other == 0) ++own.outside;
-        if (other != 0 && other != piece_(y, x)) ++own.shared[static_cast<std::size_t>(other)];
+        if (other == 0 || other == piece_(y, x)) continue;
+        ++shared(static_cast<std::size_t>(piece_(y, x)), static_cast<std::size_t>(other));
+        ++own.shared;
       }
     }
   }
@@ -226,29 +291,30 @@ bool BlobSplitter::mergeOne(int area) {
   std::size_t which = 0;
   for (std::size_t i = 1; i < pieces_.size(); ++i) {
     const Piece& piece = pieces_[i];
-    int shared = 0;
-    for (const int n : piece.shared) shared += n;
-    if (piece.area == 0 || shared == 0) continue;
+    if (piece.area == 0 || piece.shared == 0) continue;
     const bool thing =
-        piece.area >= least && piece.outside >= options_.min_outline * (piece.outside + shared);
+        piece.area >= least && piece.outside >= options_.min_outline * (piece.outside + piece.shared);
     if (!thing && (which == 0 || piece.area < pieces_[which].area)) which = i;
   }
   if (which == 0) return false;
   Piece& piece = pieces_[which];
-  const auto into = static_cast<std::size_t>(std::max_element(piece.shared.begin(), piece.shared.end()) -
-                                             piece.shared.begin());
+  const auto edges = shared_.begin() + static_cast<std::ptrdiff_t>(which * pieces_.size());
+  const auto into = static_cast<std::size_t>(
+      std::max_element(edges, edges + static_cast<std::ptrdiff_t>(pieces_.size())) - edges);
   Piece& other = pieces_[into];
   other.area += piece.area;
   other.outside += piece.outside;
+  other.shared += piece.shared - 2 * shared(which, into);
   for (std::size_t k = 1; k < pieces_.size(); ++k) {
     if (k == into || k == which) continue;
-    other.shared[k] += piece.shared[k];
-    pieces_[k].shared[into] += pieces_[k].shared[which];
-    pieces_[k].shared[which] = 0;
+    shared(into, k) += shared(which, k);
+    shared(k, into) += shared(k, which);
+    shared(k, which) = 0;
   }
-  other.shared[which] = 0;
-  piece = Piece{0, 0, std::vector<int>(pieces_.size(), 0)};
-  piece_.setTo(static_cast<int>(into), piece_ == static_cast<int>(which));
+  shared(into, which) = 0;
+  std::fill(edges, edges + static_cast<std::ptrdiff_t>(pieces_.size()), 0);
+  piece = Piece{};
+  joined_[which] = into;
   return true;
 }
 
@@ -274,12 +340,17 @@ void BlobSplitter::write(const Blob& blob) {
     parts_.clear();
     return;
   }
+  for (std::size_t i = 1; i < pieces_.size(); ++i) {
+    std::size_t into = i;
+    while (joined_[into] != into) into = joined_[into];
+    part_of[i] = part_of[into];
+  }
   for (const Run& run : blob.runs) {
     const int* row = piece_.ptr<int>(run.row - rect_.y) - rect_.x;
     for (int x = run.begin; x < run.end;) {
-      int end = x;
-      while (end < run.end && row[end] == row[x]) ++end;
       const int part = part_of[static_cast<std::size_t>(row[x])];
+      int end = x + 1;
+      while (end < run.end && part_of[static_cast<std::size_t>(row[end])] == part) ++end;
       Blob& to = parts_[static_cast<std::size_t>(part)];
       const cv::Rect here(x, run.row, end - x, 1);
       to.rect = to.runs.empty() ? here : to.rect | here;

@@ -57,17 +57,27 @@ class BlobSplitter {
 
   SplitOptions options_;
   cv::Mat1b mask_;
-  cv::Rect rect_;                     ///< of the region
-  cv::Mat1b inside_, class_, spare_;  ///< of the rectangle; classes from 1 on
-  cv::Mat2f chroma_;                  ///< of the rectangle
+  cv::Rect rect_;                    ///< of the region
+  cv::Mat1b inside_, class_;         ///< of the rectangle; classes from 1 on
+  cv::Mat1b masked_, spare_;         ///< with a margin: the region's pixels, else 0; classes
+  std::vector<std::uint16_t> sums_;  ///< of a row
+  std::vector<std::uint8_t> line_, counts_;
+  cv::Mat2f chroma_;  ///< of the rectangle
   std::array<int, kBins * kBins> histogram_{};
   std::vector<Colour> colours_;
   cv::Mat1i piece_;  ///< of the rectangle, from 1 on
   struct Piece {
     int area = 0, outside = 0;  ///< pixels, edges towards what is not of the region
-    std::vector<int> shared;    ///< edges towards each piece
+    int shared = 0;             ///< edges towards other pieces
   };
+  int& shared(std::size_t piece, std::size_t other) { return shared_[piece * pieces_.size() + other]; }
   std::vector<Piece> pieces_;
+  std::vector<int> shared_;          ///< edges between each two of them
+  std::vector<std::size_t> joined_;  ///< the piece that each has been merged into; itself: none
+  // What the matrices above lie in.
+  std::vector<std::uint8_t> inside_store_, class_store_, masked_store_, spare_store_;
+  std::vector<cv::Vec2f> chroma_store_;
+  std::vector<int> piece_store_;
   std::vector<cv::Point> stack_;
   std::vector<cv::Point2f> corners_, hull_;
   std::vector<Blob> parts_;

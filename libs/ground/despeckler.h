@@ -27,8 +27,6 @@ class Despeckler {
   void clear(const std::vector<Strip>& strips) { clearStrips(strips, median_); }
 
  private:
-  void takeMedian(const std::vector<Strip>& strips, const cv::Mat1b& raw);
-
   cv::Mat1b median_, strongest_;
   std::vector<std::uint8_t> column_sums_;
 };

@@ -23,31 +23,46 @@ constexpr std::size_t kSkip = 2;      // points next to a corner that are rounde
 constexpr float kMinTurn = 0.64f;     // sine of the turn (40°) from which a corner may be one
 constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
 
-/// Bilinear sample of channel c; NaN outside.
-float sample(const cv::Mat& image, int channels, int c, float u, float v) {
-  if (!(u >= 0.0f && v >= 0.0f)) return NAN;
+/// Bilinear samples of all channels. `kChecked`: false outside of the image; else only for what is inside.
+template <bool kChecked, int kChannels>
+bool sampleAll(const cv::Mat& image, float u, float v, float (&out)[kChannels]) {
+  if (kChecked && !(u >= 0.0f && v >= 0.0f)) return false;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
-  if (x + 1 >= image.cols || y + 1 >= image.rows) return NAN;
-  const std::uint8_t* top = image.ptr<std::uint8_t>(y) + x * channels + c;
-  const std::uint8_t* bottom = image.ptr<std::uint8_t>(y + 1) + x * channels + c;
+  if (kChecked && (x + 1 >= image.cols || y + 1 >= image.rows)) return false;
+  const std::uint8_t *top = image.ptr(y) + x * kChannels, *bottom = image.ptr(y + 1) + x * kChannels;
   const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
-  const float above = static_cast<float>(top[0]) + fu * static_cast<float>(top[channels] - top[0]);
-  const float below = static_cast<float>(bottom[0]) + fu * static_cast<float>(bottom[channels] - bottom[0]);
-  return above + fv * (below - above);
+  for (int c = 0; c < kChannels; ++c) {
+    const float above = static_cast<float>(top[c]) + fu * static_cast<float>(top[c + kChannels] - top[c]);
+    const float below =
+        static_cast<float>(bottom[c]) + fu * static_cast<float>(bottom[c + kChannels] - bottom[c]);
+    out[c] = above + fv * (below - above);
+  }
+  return true;
 }
 
+/// NaN outside.
+template <bool kChecked>
+float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
+  float value[1] = {NAN};
+  sampleAll<kChecked, 1>(grey, p.x(), p.y(), value);
+  return value[0];
+}
+
+template <bool kChecked>
 cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
-  const int channels = image.channels();
-  cv::Vec3f colour;
-  for (int c = 0; c < 3; ++c) colour[c] = sample(image, channels, channels == 3 ? c : 0, p.x(), p.y());
-  return colour;
+  if (image.channels() != 3) return cv::Vec3f::all(greyAt<kChecked>(image, p));
+  float value[3] = {NAN, NAN, NAN};
+  sampleAll<kChecked, 3>(image, p.x(), p.y(), value);
+  return {value[0], value[1], value[2]};
 }
 
 /// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
 /// else the reference, which has less noise.
+template <bool kChecked>
 cv::Vec3f floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p, const Eigen::Vector2f& inward,
                       const cv::Vec3f& reference) {
-  const cv::Vec3f seen = 0.5f * (colourAt(frame.image, p) + colourAt(frame.image, p - inward));
+  const cv::Vec3f seen =
+      0.5f * (colourAt<kChecked>(frame.image, p) + colourAt<kChecked>(frame.image, p - inward));
   const float rr = std::max(1.0f, reference.dot(reference));
   const float gain = seen.dot(reference) / rr, across2 = seen.dot(seen) / rr - gain * gain;
   const bool in_other_light = gain > kDeepestShade && gain < 1.0f - kSameLight;  // false for NaN
@@ -58,6 +73,11 @@ float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
+/// An index below 2n into a closed loop of n points.
+std::size_t wrapped(std::size_t i, std::size_t n) {
+  return i < n ? i : i - n;
+}
+
 struct Line {
   Eigen::Vector2f middle, direction;
 };
@@ -65,11 +85,11 @@ struct Line {
 /// Total least squares through points[(first + k) mod n], k < count.
 Line fitLine(const std::vector<Eigen::Vector2f>& points, std::size_t first, std::size_t count) {
   Eigen::Vector2f mean(0, 0);
-  for (std::size_t k = 0; k < count; ++k) mean += points[(first + k) % points.size()];
+  for (std::size_t k = 0; k < count; ++k) mean += points[wrapped(first + k, points.size())];
   mean /= static_cast<float>(count);
   float xx = 0, xy = 0, yy = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    const Eigen::Vector2f d = points[(first + k) % points.size()] - mean;
+    const Eigen::Vector2f d = points[wrapped(first + k, points.size())] - mean;
     xx += d.x() * d.x();
     xy += d.x() * d.y();
     yy += d.y() * d.y();
@@ -111,29 +131,39 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
                             const std::uint8_t* beside, std::size_t n) {
   found_.assign(points, points + n);
   is_found_.assign(n, 0);
+  // How far from a point the brightness is asked for.
+  const float reach = std::max(2.0f * static_cast<float>(options_.search_px),
+                               static_cast<float>(options_.search_px) + kBeyond_px + 1.0f);
+  const auto right = static_cast<float>(frame.image.cols - 1),
+             bottom = static_cast<float>(frame.image.rows - 1);
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector2f along = points[(i + kTangent) % n] - points[(i + n - kTangent) % n];
+    const Eigen::Vector2f p = points[i];
+    const Eigen::Vector2f along = points[wrapped(i + kTangent, n)] - points[wrapped(i + n - kTangent, n)];
     const float length = along.norm();
-    if (length < 1e-3f || view_->nearBorder(points[i].x(), points[i].y())) continue;
+    if (length < 1e-3f || view_->nearBorder(p.x(), p.y())) continue;
     const Eigen::Vector2f inward(-along.y() / length, along.x() / length);
-    is_found_[i] = findEdge(frame, inward, beside[i] == 0, found_[i]) ? 1 : 0;
+    const bool whole = p.x() > reach && p.y() > reach && p.x() + reach < right && p.y() + reach < bottom;
+    const bool found = whole ? findEdge<false>(frame, inward, beside[i] == 0, found_[i])
+                             : findEdge<true>(frame, inward, beside[i] == 0, found_[i]);
+    is_found_[i] = found ? 1 : 0;
   }
 }
 
+template <bool kChecked>
 bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
                            Eigen::Vector2f& point) const {
   const Eigen::Vector2f p = point;
   const int cx = std::clamp(static_cast<int>(p.x() + 0.5f) / FloorView::kCell, 0, frame.floor.cols - 1);
   const int cy = std::clamp(static_cast<int>(p.y() + 0.5f) / FloorView::kCell, 0, frame.floor.rows - 1);
   const Eigen::Vector2f out = p - (static_cast<float>(options_.search_px) + kBeyond_px) * inward;
-  const cv::Vec3f outside =
-      floor_beside ? floorBeside(frame, out, inward, frame.floor(cy, cx)) : colourAt(frame.image, out);
+  const cv::Vec3f outside = floor_beside ? floorBeside<kChecked>(frame, out, inward, frame.floor(cy, cx))
+                                         : colourAt<kChecked>(frame.image, out);
   auto search = static_cast<float>(options_.search_px);
-  cv::Vec3f contrast = colourAt(frame.image, p + (search + kBeyond_px) * inward) - outside;
+  cv::Vec3f contrast = colourAt<kChecked>(frame.image, p + (search + kBeyond_px) * inward) - outside;
   const bool by_luma = std::abs(contrast.dot(kLuma)) >= kLumaShare * std::sqrt(contrast.dot(contrast));
   if (!by_luma) {  // colour is blurred over twice the pixels
     search *= 2.0f;
-    contrast = colourAt(frame.image, p + search * inward) - outside;
+    contrast = colourAt<kChecked>(frame.image, p + search * inward) - outside;
   }
   const float strength = std::sqrt(contrast.dot(contrast));
   if (!(strength > 0.0f)) return false;
@@ -144,7 +174,7 @@ bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inw
   for (float s = -search; s <= search + 0.01f; s += kStep_px) {
     const Eigen::Vector2f at = p + s * inward;
     const float value =
-        by_luma ? sample(frame.grey, 1, 0, at.x(), at.y()) : colourAt(frame.image, at).dot(weight);
+        by_luma ? greyAt<kChecked>(frame.grey, at) : colourAt<kChecked>(frame.image, at).dot(weight);
     const float share = (value - zero) / total;
     if (share >= 0.5f) {
       if (!(s > -search)) return false;
@@ -161,23 +191,22 @@ void EdgeRefiner::smooth() {
   static constexpr float kWeight[7] = {-2.0f / 21, 3.0f / 21, 6.0f / 21, 7.0f / 21,
                                        6.0f / 21,  3.0f / 21, -2.0f / 21};
   const std::size_t n = found_.size();
+  std::size_t row = 0;  // consecutive points that were found, up to i + 3
+  for (std::size_t k = 0; k < 6; ++k) row = is_found_[wrapped(n - 3 + k, n)] != 0 ? row + 1 : 0;
   for (std::size_t i = 0; i < n; ++i) {
+    row = is_found_[wrapped(i + 3, n)] != 0 ? row + 1 : 0;
+    if (row < 7) continue;
     Eigen::Vector2f sum(0, 0);
-    bool whole = true;
-    for (std::size_t k = 0; k < 7; ++k) {
-      const std::size_t at = (i + n - 3 + k) % n;
-      whole = whole && is_found_[at] != 0;
-      sum += kWeight[k] * found_[at];
-    }
-    if (whole) smoothed_[i] = sum;
+    for (std::size_t k = 0; k < 7; ++k) sum += kWeight[k] * found_[wrapped(wrapped(i + n - 3, n) + k, n)];
+    smoothed_[i] = sum;
   }
 }
 
 void EdgeRefiner::sharpen(Eigen::Vector2f* points) const {
   const std::size_t n = found_.size();
   const auto turnAt = [&](std::size_t i) {
-    const Eigen::Vector2f in = smoothed_[i] - smoothed_[(i + n - 5) % n],
-                          out = smoothed_[(i + 5) % n] - smoothed_[i];
+    const Eigen::Vector2f in = smoothed_[i] - smoothed_[wrapped(i + n - 5, n)],
+                          out = smoothed_[wrapped(i + 5, n)] - smoothed_[i];
     return cross(in, out) / std::max(1e-6f, in.norm() * out.norm());
   };
   for (std::size_t i = 0; i < n; ++i) {
@@ -185,10 +214,10 @@ void EdgeRefiner::sharpen(Eigen::Vector2f* points) const {
     if (turn < kMinTurn || is_found_[i] == 0) continue;  // only corners that stick out count for a hull
     bool sharpest = true;
     for (std::size_t k = 1; k <= 4 && sharpest; ++k)
-      sharpest = turnAt((i + k) % n) <= turn && turnAt((i + n - k) % n) < turn;
+      sharpest = turnAt(wrapped(i + k, n)) <= turn && turnAt(wrapped(i + n - k, n)) < turn;
     if (!sharpest) continue;
-    const Line before = fitLine(found_, i + n - kSkip - kSide + 1, kSide),
-               after = fitLine(found_, i + kSkip, kSide);
+    const Line before = fitLine(found_, wrapped(i + n - kSkip - kSide + 1, n), kSide),
+               after = fitLine(found_, wrapped(i + kSkip, n), kSide);
     const auto corner = intersection(before, after);
     if (corner && (*corner - smoothed_[i]).norm() <= kMaxDepth_px) points[i] = *corner;
   }

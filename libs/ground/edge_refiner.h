@@ -40,6 +40,8 @@ class EdgeRefiner {
  private:
   void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
                  std::size_t n);
+  /// `kChecked`: parts of the search may lie outside of the image.
+  template <bool kChecked>
   bool findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
                 Eigen::Vector2f& point) const;
   void smooth();

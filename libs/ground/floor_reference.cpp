@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
+
+#include "geometry/wide.h"
 
 namespace omnifleet::ground {
 
@@ -37,6 +40,31 @@ bool isFlat(const cv::Mat3f& means, int x, int y, const cv::Vec3f& reference, co
   const cv::Vec3f down = means(y + 1, x) - means(y - 1, x) - 2.0f * slope[1] * reference;
   const float allowed = allowed_share * allowed_share * reference.dot(reference);
   return across.dot(across) <= allowed && down.dot(down) <= allowed;
+}
+
+/// All eight neighbours are set; `row_step` bytes between rows.
+bool isEnclosed(const std::uint8_t* at, std::ptrdiff_t row_step) {
+  const auto three = [](const std::uint8_t* p) { return p[0] & p[1] & p[2]; };
+  return (three(at - row_step - 1) & at[-1] & at[1] & three(at + row_step - 1)) != 0;
+}
+
+/// out[i] = scale · Σ in[i + k · step], k < count.
+OMNIFLEET_WIDE void sumAlong(const float* in, std::ptrdiff_t step, int count, float scale, int n,
+                             float* out) {
+  for (int i = 0; i < n; ++i) out[i] = in[i];
+  for (int k = 1; k < count; ++k) {
+    const float* next = in + k * step;
+#pragma GCC ivdep
+    for (int i = 0; i < n; ++i) out[i] += next[i];
+  }
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) out[i] *= scale;
+}
+
+OMNIFLEET_WIDE void mix(const float* a, const float* b, float share, int n, float* out) {
+  const float rest = 1.0f - share;
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) out[i] = rest * a[i] + share * b[i];
 }
 
 /// Sums → means; `filler` (means) counts where the sums know little. Without anything: 0.
@@ -87,6 +115,15 @@ FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& op
   fine_.create(sums_.size(), CV_32FC4);
   pyramid_.resize(8);
   queue_.reserve(static_cast<std::size_t>(blocks.area()));
+  for (int y = 0; y < blocks.height; ++y)
+    for (int x = 0; x < blocks.width; ++x)
+      if (seeds_(y, x) != 0) seed_blocks_.push_back(y * blocks.width + x);
+  closed_ = cv::Mat1b(blocks.height + 2 * kJump, blocks.width + 2 * kJump, std::uint8_t{1});
+  for (int y = 0; y < blocks.height; ++y)
+    for (int x = 0; x < blocks.width; ++x) closed_(y + kJump, x + kJump) = coverage_(y, x) != 2 ? 1 : 0;
+  radius_ = std::max(1, options_.smoothing_cells / 2);
+  framed_ = cv::Mat1f(sums_.rows + 2 * radius_, 4 * (sums_.cols + 2 * radius_), 0.0f);
+  summed_.create(framed_.rows, 4 * sums_.cols);
 }
 
 FloorReference::Test FloorReference::testFor(const cv::Vec3f& r, double noise) const {
@@ -111,10 +148,10 @@ void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {
     return;
   }
   for (int y = 0; y < means_.rows; ++y) {
-    const auto *above = cell_means.ptr<cv::Vec3f>(2 * y), *below = cell_means.ptr<cv::Vec3f>(2 * y + 1);
-    auto* out = means_.ptr<cv::Vec3f>(y);
-    for (int x = 0; x < means_.cols; ++x)
-      out[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+    const auto *above = cell_means.ptr<float>(2 * y), *below = cell_means.ptr<float>(2 * y + 1);
+    auto* out = means_.ptr<float>(y);
+    for (int i = 0; i < 3 * means_.cols; i += 3, above += 6, below += 6)
+      for (int c = 0; c < 3; ++c) out[i + c] = 0.25f * (above[c] + above[c + 3] + below[c] + below[c + 3]);
   }
 }
 
@@ -125,20 +162,20 @@ bool FloorReference::seed() {
                                   cv::saturate_cast<std::uint8_t>(c[2]));
   };
   histogram_.clear();
-  for (int y = 0; y < seeds_.rows; ++y)
-    for (int x = 0; x < seeds_.cols; ++x)
-      if (seeds_(y, x) != 0) histogram_.add(binAt(means_(y, x)));
+  const auto* means = means_.ptr<cv::Vec3f>();
+  for (const int block : seed_blocks_) histogram_.add(binAt(means[block]));
   if (histogram_.settle(options_.min_share, 0, false) <= 0.0) return false;
   grown_.setTo(0);
+  closed_.copyTo(stop_);
   queue_.clear();
-  for (int y = 0; y < seeds_.rows; ++y) {
-    for (int x = 0; x < seeds_.cols; ++x) {
-      if (seeds_(y, x) == 0 || histogram_.table()[binAt(means_(y, x))] == 0) continue;
-      grown_(y, x) = 255;
-      carried_(y, x) = means_(y, x);
-      slope_(y, x) = cv::Vec2f(0, 0);
-      queue_.push_back(y * seeds_.cols + x);
-    }
+  for (const int block : seed_blocks_) {
+    if (histogram_.table()[binAt(means[block])] == 0) continue;
+    const int y = block / grown_.cols, x = block % grown_.cols;
+    grown_(y, x) = 255;
+    stop_(y + kJump, x + kJump) = 1;
+    carried_(y, x) = means[block];
+    slope_(y, x) = cv::Vec2f(0, 0);
+    queue_.push_back(block);
   }
   texture_ = seedTexture();
   return true;
@@ -162,6 +199,7 @@ void FloorReference::grow(double noise) {
   static constexpr int kSteps[8][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}, {1, 1}, {-1, 1}, {-1, -1}, {1, -1}};
   for (std::size_t next = 0; next < queue_.size(); ++next) {
     const int y = queue_[next] / coverage_.cols, x = queue_[next] % coverage_.cols;
+    if (isEnclosed(stop_.ptr(y + kJump) + x + kJump, static_cast<std::ptrdiff_t>(stop_.step1()))) continue;
     const cv::Vec3f reference = carried_(y, x);
     const cv::Vec2f slope = slope_(y, x);
     const Test test = testFor(reference, noise);
@@ -169,12 +207,12 @@ void FloorReference::grow(double noise) {
     for (const auto& step : kSteps) {
       for (int jump = 1; jump <= kJump; ++jump) {
         const int dx = step[0] * jump, dy = step[1] * jump, ny = y + dy, nx = x + dx;
-        if (ny < 0 || nx < 0 || ny >= coverage_.rows || nx >= coverage_.cols || coverage_(ny, nx) != 2) break;
-        if (grown_(ny, nx) != 0) break;
+        if (stop_(ny + kJump, nx + kJump) != 0) break;
         const cv::Vec3f expected = expect(reference, slope, dx, dy);
         const cv::Vec3f& mean = means_(ny, nx);
         if (!isLike(mean, expected, test) || !isFlat(means_, nx, ny, expected, slope, flatness)) continue;
         grown_(ny, nx) = 255;
+        stop_(ny + kJump, nx + kJump) = 1;
         carried_(ny, nx) = (1.0f - kLevelGain) * expected + kLevelGain * mean;
         const float surprise = mean.dot(expected) / expected.dot(expected) - 1.0f;
         const auto along = cv::Vec2f(static_cast<float>(dx), static_cast<float>(dy)) *
@@ -204,30 +242,68 @@ void FloorReference::sumBlocks() {
 void FloorReference::smooth() {
   // Normalised convolution of the grown cells, 2×2 of them at a time; then the same of what it left over.
   sumBlocks();
-  const int side = 2 * std::max(1, options_.smoothing_cells / 2) + 1;
   fine_.setTo(cv::Scalar::all(0));
+  residual_.create(sums_.size(), CV_32FC4);
   for (int round = 0; round < kSmoothingRounds; ++round) {
-    sums_.copyTo(residual_);
-    for (int y = 0; y < sums_.rows && round > 0; ++y) {
-      auto* rest = residual_.ptr<cv::Vec4f>(y);
-      const auto* have = fine_.ptr<cv::Vec4f>(y);
-      for (int x = 0; x < sums_.cols; ++x)
-        for (int c = 0; c < 3; ++c) rest[x][c] -= have[x][c] * rest[x][3];
+    for (int y = 0; y < sums_.rows; ++y) {
+      const auto *sum = sums_.ptr<cv::Vec4f>(y), *have = fine_.ptr<cv::Vec4f>(y);
+      auto* rest = framed_.ptr<cv::Vec4f>(y + radius_) + radius_;
+      for (int x = 0; x < sums_.cols; ++x) {
+        const float weight = sum[x][3];
+        rest[x] = cv::Vec4f(sum[x][0] - have[x][0] * weight, sum[x][1] - have[x][1] * weight,
+                            sum[x][2] - have[x][2] * weight, weight);
+      }
     }
-    cv::blur(residual_, blurred_, {side, side}, {-1, -1}, cv::BORDER_CONSTANT);
-    cv::blur(blurred_, residual_, {side, side}, {-1, -1}, cv::BORDER_CONSTANT);
+    blurTwice();
     if (round == 0)
       fillAndDivide(residual_);
     else
       divide(residual_, nullptr);
     fine_ += residual_;
   }
+  spread();
+}
+
+/// framed_ → residual_, each time the mean over a square of side 2·radius_ + 1, zeros beyond the edge.
+void FloorReference::blurTwice() {
+  const int side = 2 * radius_ + 1, n = 4 * sums_.cols;
+  const float scale = 1.0f / static_cast<float>(side * side);
+  for (int pass = 0; pass < 2; ++pass) {
+    for (int y = 0; y < framed_.rows; ++y)
+      sumAlong(framed_.ptr<float>(y), 4, side, 1.0f, n, summed_.ptr<float>(y));
+    for (int y = 0; y < sums_.rows; ++y) {
+      float* to = pass == 0 ? framed_.ptr<float>(y + radius_) + 4 * radius_ : residual_.ptr<float>(y);
+      sumAlong(summed_.ptr<float>(y), static_cast<std::ptrdiff_t>(summed_.step1()), side, scale, n, to);
+    }
+  }
+}
+
+FloorReference::Between FloorReference::between(int fine, int scale, int coarse_size) {
+  const float at = (static_cast<float>(fine) + 0.5f) / static_cast<float>(scale) - 0.5f;
+  const int first = std::clamp(static_cast<int>(std::floor(at)), 0, coarse_size - 1);
+  return {first, std::min(first + 1, coarse_size - 1),
+          std::clamp(at - static_cast<float>(first), 0.0f, 1.0f)};
+}
+
+/// fine_ → colour_, bilinearly.
+void FloorReference::spread() {
   const int scale = 2 * block_;
-  cv::resize(fine_, blurred_, {fine_.cols * scale, fine_.rows * scale}, 0, 0, cv::INTER_LINEAR);
-  for (int y = 0; y < std::min(colour_.rows, blurred_.rows); ++y) {
-    const auto* row = blurred_.ptr<cv::Vec4f>(y);
-    for (int x = 0; x < std::min(colour_.cols, blurred_.cols); ++x)
-      colour_(y, x) = cv::Vec3f(row[x][0], row[x][1], row[x][2]);
+  wide_.create(fine_.rows, colour_.cols);
+  if (columns_.empty())
+    for (int x = 0; x < colour_.cols; ++x) columns_.push_back(between(x, scale, fine_.cols));
+  for (int y = 0; y < fine_.rows; ++y) {
+    const auto* row = fine_.ptr<cv::Vec4f>(y);
+    auto* to = wide_.ptr<cv::Vec3f>(y);
+    for (int x = 0; x < colour_.cols; ++x) {
+      const Between& at = columns_[static_cast<std::size_t>(x)];
+      const cv::Vec4f &a = row[at.first], &b = row[at.second];
+      for (int c = 0; c < 3; ++c) to[x][c] = (1.0f - at.share) * a[c] + at.share * b[c];
+    }
+  }
+  for (int y = 0; y < colour_.rows; ++y) {
+    const Between rows = between(y, scale, fine_.rows);
+    mix(wide_.ptr<float>(rows.first), wide_.ptr<float>(rows.second), rows.share, 3 * colour_.cols,
+        colour_.ptr<float>(y));
   }
 }
 

@@ -51,6 +51,14 @@ class FloorReference {
   static cv::Vec3f expect(const cv::Vec3f& reference, const cv::Vec2f& slope, int dx, int dy);
   void sumBlocks();
   void smooth();
+  void blurTwice();
+  /// Where the middle of a fine pixel lies between the middles of coarse ones, `scale` times as large.
+  struct Between {
+    int first, second;
+    float share;  ///< of the second
+  };
+  static Between between(int fine, int scale, int coarse_size);
+  void spread();
   void fillAndDivide(cv::Mat& sums);
 
   const FloorView* view_;
@@ -60,9 +68,15 @@ class FloorReference {
   cv::Mat3f colour_;  ///< per cell
   // Per block:
   cv::Mat1b coverage_, seeds_, grown_;
+  cv::Mat1b closed_, stop_;  ///< with a margin: 1 where growth never gets to; and where it has been
+  std::vector<int> seed_blocks_;
   cv::Mat3f means_, carried_;
-  cv::Mat2f slope_;  ///< relative change of the brightness per block, x and y
-  cv::Mat sums_, fine_, residual_, blurred_, filler_;  ///< CV_32FC4: colour and weight, 2×2 blocks a pixel
+  cv::Mat2f slope_;                          ///< relative change of the brightness per block, x and y
+  cv::Mat sums_, fine_, residual_, filler_;  ///< CV_32FC4: colour and weight, 2×2 blocks a pixel
+  int radius_ = 1;                           ///< of the smoothing, in those pixels
+  cv::Mat1f framed_, summed_;                ///< four floats a pixel; with a margin of zeros
+  std::vector<Between> columns_;             ///< of colour_ in fine_
+  cv::Mat3f wide_;                           ///< rows as of fine_, columns as of colour_
   std::vector<cv::Mat> pyramid_;
   std::vector<int> queue_;
   std::vector<float> steps_;

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <cstring>
+#include <opencv2/core/hal/intrin.hpp>
+
+#include "geometry/wide.h"
 
 namespace omnifleet::ground {
 
@@ -15,6 +18,7 @@ constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
 // Of the squared tolerance of hue: beyond it a pixel has another hue than the floor in any light.
 constexpr float kOtherHue = 2.0f;
 constexpr int kAlign_px = 16;
+constexpr int kLanes = 4;             // cells that are looked at together
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
 /// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
@@ -36,6 +40,60 @@ int lineWidth(const lens::Camera& camera, const FloorView& view, const Segmenter
   if (count == 0 || options.line_width_m <= 0.0) return 0;
   const double width = std::sqrt(2.0) * options.line_width_m / (metres_per_px / count) + kRounding_px;
   return std::min(options.max_line_px, 2 * static_cast<int>(std::lround(0.5 * (width - 1.0))) + 1);
+}
+
+/// Sums of each column's kCell pixels, then of kCell columns: that of cell x at sums[x · kCell · channels +
+/// c].
+OMNIFLEET_WIDE void sumCells(const cv::Mat& image, int top, int begin, int end, int channels,
+                             std::uint16_t* sums) {
+  static_assert(kCell == 4);
+  const std::uint8_t *a = image.ptr(top), *b = image.ptr(top + 1), *c = image.ptr(top + 2),
+                     *d = image.ptr(top + 3);
+#pragma GCC ivdep
+  for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(a[i] + b[i] + c[i] + d[i]);
+  for (int step = channels; step <= 2 * channels; step += channels) {
+#pragma GCC ivdep
+    for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + step]);
+  }
+}
+
+struct CellPixels {
+  cv::v_uint8x16 blue, green, red;  ///< row by row
+};
+template <int kChannels>
+CellPixels loadCell(const cv::Mat& image, int x, int y) {
+  std::uint8_t pixels[kCell * kCell * kChannels];
+  for (int k = 0; k < kCell; ++k)
+    std::memcpy(pixels + k * kCell * kChannels, image.ptr(y + k) + x * kChannels, kCell * kChannels);
+  CellPixels cell;
+  if constexpr (kChannels == 3) {
+    cv::v_load_deinterleave(pixels, cell.blue, cell.green, cell.red);
+  } else {
+    cell.blue = cell.green = cell.red = cv::v_load(pixels);
+  }
+  return cell;
+}
+
+struct Floats {
+  cv::v_float32x4 row[kCell];
+};
+Floats widen(const cv::v_uint8x16& bytes) {
+  cv::v_uint16x8 half[2];
+  cv::v_uint32x4 word[kCell];
+  cv::v_expand(bytes, half[0], half[1]);
+  cv::v_expand(half[0], word[0], word[1]);
+  cv::v_expand(half[1], word[2], word[3]);
+  Floats all;
+  for (int k = 0; k < kCell; ++k) all.row[k] = cv::v_cvt_f32(cv::v_reinterpret_as_s32(word[k]));
+  return all;
+}
+cv::v_uint8x16 narrow(const cv::v_int32x4 (&word)[kCell]) {
+  return cv::v_pack_u(cv::v_pack(word[0], word[1]), cv::v_pack(word[2], word[3]));
+}
+void store(const cv::v_uint8x16& bytes, int x, int y, cv::Mat1b& mask) {
+  std::uint8_t pixels[kCell * kCell];
+  cv::v_store(pixels, bytes);
+  for (int k = 0; k < kCell; ++k) std::memcpy(mask.ptr(y + k) + x, pixels + k * kCell, kCell);
 }
 
 /// @param across2 squared difference of hue as a multiple of its tolerance
@@ -70,9 +128,14 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       objects_(view.imageSize(), std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
-      row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3),
+      row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3 + 8),
       despeckler_(view.imageSize()),
-      shade_(view.imageSize()) {}
+      shade_(view.imageSize()) {
+  constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
+  for (int y = 0; y < view.seeds().rows; ++y)
+    for (int x = y % kEvery; x < view.seeds().cols; x += kEvery)
+      if (view.seeds()(y, x) != 0) noise_cells_.emplace_back(x, y);
+}
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
   for (cv::Mat1b* mask : {&raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
@@ -132,50 +195,41 @@ void GroundSegmenter::averageCells(const cv::Mat& image) {
   for (int y = 0; y < means_.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
     if (range.empty()) continue;
-    const int begin = range.start * kCell * channels, end = range.end * kCell * channels;
-    const std::uint8_t* rows[kCell];
-    for (int k = 0; k < kCell; ++k) rows[k] = image.ptr<std::uint8_t>(y * kCell + k);
-    std::uint16_t* sums = row_sums_.data();
-    for (int i = begin; i < end; ++i)
-      sums[i] = static_cast<std::uint16_t>(rows[0][i] + rows[1][i] + rows[2][i] + rows[3][i]);
+    sumCells(image, y * kCell, range.start * kCell * channels, range.end * kCell * channels, channels,
+             row_sums_.data());
     auto* means = means_.ptr<cv::Vec3f>(y);
     constexpr float kShare = 1.0f / (kCell * kCell);
     for (int x = range.start; x < range.end; ++x) {
-      const std::uint16_t* s = sums + x * kCell * channels;
-      if (channels == 1) {
-        means[x] = cv::Vec3f::all(static_cast<float>(s[0] + s[1] + s[2] + s[3]) * kShare);
-      } else {
-        for (int c = 0; c < 3; ++c)
-          means[x][c] = static_cast<float>(s[c] + s[c + 3] + s[c + 6] + s[c + 9]) * kShare;
-      }
+      const std::uint16_t* s = row_sums_.data() + x * kCell * channels;
+      for (int c = 0; c < 3; ++c) means[x][c] = static_cast<float>(s[channels == 3 ? c : 0]) * kShare;
     }
   }
 }
 
-double GroundSegmenter::seedNoise(const cv::Mat& image) const {
+double GroundSegmenter::seedNoise(const cv::Mat& image) {
   // Median over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
   // not count.
-  const auto& seeds = view_->seeds();
-  constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
+  constexpr int kPixels = kCell * kCell;
   const int channels = image.channels();
-  std::vector<float> variances;
-  for (int y = 0; y < seeds.rows; ++y) {
-    for (int x = y % kEvery; x < seeds.cols; x += kEvery) {
-      if (seeds(y, x) == 0) continue;
-      float sum2 = 0.0f;
-      for (int v = y * kCell; v < (y + 1) * kCell; ++v) {
-        const auto* row = image.ptr<std::uint8_t>(v) + x * kCell * channels;
-        for (int i = 0; i < kCell * channels; ++i) {
-          const float d = static_cast<float>(row[i]) - means_(y, x)[i % channels];
-          sum2 += d * d;
+  variances_.clear();
+  for (const cv::Point& cell : noise_cells_) {
+    int sum[3] = {}, squares[3] = {};
+    for (int y = cell.y * kCell; y < (cell.y + 1) * kCell; ++y) {
+      const auto* row = image.ptr<std::uint8_t>(y) + cell.x * kCell * channels;
+      for (int x = 0; x < kCell; ++x, row += channels) {
+        for (int c = 0; c < channels; ++c) {
+          sum[c] += row[c];
+          squares[c] += row[c] * row[c];
         }
       }
-      variances.push_back(sum2 / static_cast<float>(channels * (kCell * kCell - 1)));
     }
+    int spread = 0;  // times kPixels
+    for (int c = 0; c < channels; ++c) spread += kPixels * squares[c] - sum[c] * sum[c];
+    variances_.push_back(static_cast<float>(spread) / static_cast<float>(kPixels * channels * (kPixels - 1)));
   }
-  if (variances.empty()) return 0.0;
-  const auto middle = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() / 2);
-  std::nth_element(variances.begin(), middle, variances.end());
+  if (variances_.empty()) return 0.0;
+  const auto middle = variances_.begin() + static_cast<std::ptrdiff_t>(variances_.size() / 2);
+  std::nth_element(variances_.begin(), middle, variances_.end());
   return std::sqrt(static_cast<double>(*middle));
 }
 
@@ -205,23 +259,48 @@ void GroundSegmenter::markCells(double noise) {
   active_.setTo(0);
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
-    const auto* colour = reference_.colour().ptr<cv::Vec3f>(y);
-    const auto* mean = means_.ptr<cv::Vec3f>(y);
-    std::uint8_t* solid = solid_.ptr(y);
-    FloorReference::Test test{0.0f, 0.0f};
-    for (int x = std::max(range.start, 1); x < std::min(range.end, coverage.cols - 1); ++x) {
-      solid[x] = 0;
-      if (coverage(y, x) != 2) continue;  // cut cells show other things too; their neighbours speak for them
-      const cv::Vec3f &r = colour[x], &p = mean[x];
-      if (x % kCell == 0 || !(test.along2 > 0.0f))
-        test = reference_.testFor(r, noise / kCell);  // changes slowly
-      const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
-      const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
-      if (off <= kPlainFloor * kPlainFloor) continue;
-      solid[x] = off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
-      for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x - 1, 3, std::uint8_t{1});
+    const int first = std::max(range.start, 1), last = std::min(range.end, coverage.cols - 1);
+    if (first >= last) continue;
+    std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
+    for (int x = first; x < last; x += kLanes) {
+      x = std::min(x, coverage.cols - kLanes);  // the last ones are perhaps looked at twice
+      int off = cellsOffFloor(x, y, noise);
+      for (int k = 0; off != 0; ++k, off >>= 1) {
+        // Cut cells show other things too; their neighbours speak for them.
+        if ((off & 1) == 0 || x + k < first || x + k >= last || coverage(y, x + k) != 2) continue;
+        solid_(y, x + k) = lookOfCell(x + k, y, noise);
+        for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x + k - 1, 3, std::uint8_t{1});
+      }
     }
   }
+}
+
+/// Bit k: the mean of cell x + k is farther from the floor's colour than kPlainFloor of the tolerances.
+int GroundSegmenter::cellsOffFloor(int x, int y, double noise) const {
+  // With g = p·r, R = |r|² the tests of FloorReference::testFor() multiplied out, free of divisions:
+  // |g − R| > share · (along · R + noise · |r|), |p|² R − g² > (share · (across · R + noise · |r|))².
+  using cv::v_float32x4;
+  v_float32x4 p[3], r[3];
+  cv::v_load_deinterleave(means_.ptr<float>(y) + 3 * x, p[0], p[1], p[2]);
+  cv::v_load_deinterleave(reference_.colour().ptr<float>(y) + 3 * x, r[0], r[1], r[2]);
+  const v_float32x4 rr = cv::v_max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], cv::v_setall_f32(1.0f));
+  const v_float32x4 pr = p[0] * r[0] + p[1] * r[1] + p[2] * r[2],
+                    pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+  const auto share = [](double v) { return cv::v_setall_f32(kPlainFloor * static_cast<float>(v)); };
+  const auto& o = options_.reference;
+  const v_float32x4 added = share(o.noise_sigmas * noise / kCell) * cv::v_sqrt(rr);
+  const v_float32x4 along = share(o.tolerance_along) * rr + added,
+                    across = share(o.tolerance_across) * rr + added;
+  return cv::v_signmask((cv::v_abs(pr - rr) > along) | (pp * rr - pr * pr > across * across));
+}
+
+/// What the cell is where it is object all over, kFloorLook where it may be mixed.
+Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
+  const cv::Vec3f &r = reference_.colour()(y, x), &p = means_(y, x);
+  const FloorReference::Test test = reference_.testFor(r, noise / kCell);
+  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
+  const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
+  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
 
 bool GroundSegmenter::isInside(int y, int x) const {
@@ -244,34 +323,42 @@ template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
-    if (isInside(strip.cell_row, cx)) {
-      for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-        std::fill_n(raw_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
-        std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
-      }
+    if (!isInside(strip.cell_row, cx)) {
+      classifyCell<kChannels>(image, cx, strip.cell_row, noise);
       continue;
     }
-    const cv::Vec3f& r = reference_.colour()(strip.cell_row, cx);
-    const float rr = std::max(1.0f, r.dot(r));
-    const auto test = reference_.testFor(r, noise);
-    const float along = 1.0f / test.along2, across = 1.0f / test.across2;
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-      const std::uint8_t* p = image.ptr<std::uint8_t>(y) + cx * kCell * kChannels;
-      const std::uint8_t* valid = view_->mask().ptr(y) + cx * kCell;
-      std::uint8_t* out = raw_.ptr(y) + cx * kCell;
-      Look* look = looks_.ptr(y) + cx * kCell;
-      for (int i = 0; i < kCell; ++i, p += kChannels) {
-        const auto b = static_cast<float>(p[0]), g = static_cast<float>(p[kChannels / 2]),
-                   red = static_cast<float>(p[kChannels - 1]);
-        const float gain = (b * r[0] + g * r[1] + red * r[2]) / rr;
-        const float across2 = (b * b + g * g + red * red) / rr - gain * gain;
-        const float off = std::max((gain - 1.0f) * (gain - 1.0f) * along, across2 * across);
-        out[i] =
-            valid[i] != 0 && off > 1.0f ? static_cast<std::uint8_t>(std::min(off, 255.0f)) : std::uint8_t{0};
-        look[i] = out[i] != 0 ? lookOf(gain, across2 * across) : kFloorLook;
-      }
+      std::fill_n(raw_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
+      std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
     }
   }
+}
+
+template <int kChannels>
+void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise) {
+  using cv::v_float32x4;
+  const auto all = [](float v) { return cv::v_setall_f32(v); };
+  const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
+  const auto test = reference_.testFor(r, noise);
+  const v_float32x4 r0 = all(r[0]), r1 = all(r[1]), r2 = all(r[2]), rr = all(std::max(1.0f, r.dot(r)));
+  const v_float32x4 along = all(1.0f / test.along2), across = all(1.0f / test.across2), one = all(1.0f);
+  const CellPixels pixels = loadCell<kChannels>(image, cell_x * kCell, cell_y * kCell);
+  const Floats blue = widen(pixels.blue), green = widen(pixels.green), red = widen(pixels.red);
+  cv::v_int32x4 strength[kCell], look[kCell];
+  for (int k = 0; k < kCell; ++k) {
+    const v_float32x4 b = blue.row[k], g = green.row[k], c = red.row[k];
+    const v_float32x4 gain = (b * r0 + g * r1 + c * r2) / rr;
+    const v_float32x4 hue = ((b * b + g * g + c * c) / rr - gain * gain) * across;
+    const v_float32x4 off = cv::v_max((gain - one) * (gain - one) * along, hue);
+    const cv::v_int32x4 is_off = cv::v_reinterpret_as_s32(off > one),
+                        has_hue = cv::v_reinterpret_as_s32(hue > all(kOtherHue));
+    strength[k] = cv::v_trunc(cv::v_min(off, all(255.0f))) & is_off;
+    const cv::v_int32x4 grey = cv::v_trunc(all(2.0f) + cv::v_min(all(253.0f), all(100.0f) * gain));
+    look[k] = cv::v_select(has_hue, cv::v_setall_s32(kColourLook), grey) & is_off;
+  }
+  const cv::v_uint8x16 valid = loadCell<1>(view_->mask(), cell_x * kCell, cell_y * kCell).blue;
+  store(narrow(strength) & valid, cell_x * kCell, cell_y * kCell, raw_);
+  store(narrow(look) & valid, cell_x * kCell, cell_y * kCell, looks_);
 }
 
 }  // namespace omnifleet::ground

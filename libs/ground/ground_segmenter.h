@@ -50,14 +50,18 @@ class GroundSegmenter {
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
   void averageCells(const cv::Mat& image);
-  double seedNoise(const cv::Mat& image) const;
+  double seedNoise(const cv::Mat& image);
   void findStrips(double noise);
   void markCells(double noise);
+  int cellsOffFloor(int x, int y, double noise) const;
+  Look lookOfCell(int x, int y, double noise) const;
   /// The cell and all around it are plainly object.
   bool isInside(int y, int x) const;
   void everythingIsAStrip();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
+  template <int kChannels>
+  void classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise);
 
   const FloorView* view_;
   SegmenterOptions options_;
@@ -70,6 +74,8 @@ class GroundSegmenter {
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
   std::vector<Strip> strips_;
   std::vector<std::uint16_t> row_sums_;
+  std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
+  std::vector<float> variances_;
   Despeckler despeckler_;
   ShadeFilter shade_;
 };

@@ -5,6 +5,27 @@
 
 namespace omnifleet::ground {
 
+Blob BlobPool::take() {
+  Blob blob;
+  if (!spare_.empty()) {
+    blob = std::move(spare_.back());
+    spare_.pop_back();
+  }
+  blob.runs.clear();
+  blob.runs.reserve(most_runs_);
+  return blob;
+}
+
+void BlobPool::give(Blob&& blob) {
+  while (most_runs_ < blob.runs.size()) most_runs_ *= 2;
+  spare_.push_back(std::move(blob));
+}
+
+void BlobPool::give(std::vector<Blob>& blobs) {
+  for (Blob& blob : blobs) give(std::move(blob));
+  blobs.clear();
+}
+
 const std::vector<Blob>& Labeller::label(const cv::Mat1b& objects, const std::vector<Strip>& strips,
                                          int min_area_px) {
   findRuns(objects, strips);
@@ -78,8 +99,7 @@ void Labeller::joinRows() {
 }
 
 void Labeller::collect(int min_area_px) {
-  for (auto& blob : blobs_) spare_.push_back(std::move(blob));
-  blobs_.clear();
+  pool_.give(blobs_);
   blob_of_root_.assign(runs_.size(), -1);
   // Sizes first, so that specks cost no blob.
   std::vector<int>& area = blob_of_root_;
@@ -93,14 +113,9 @@ void Labeller::collect(int min_area_px) {
         area[i] = -1;
         continue;
       }
-      Blob blob;
-      if (!spare_.empty()) {
-        blob = std::move(spare_.back());
-        spare_.pop_back();
-      }
+      Blob blob = pool_.take();
       blob.label = static_cast<int>(blobs_.size()) + 1;
       blob.area_px = area[i];
-      blob.runs.clear();
       area[i] = static_cast<int>(blobs_.size());
       blobs_.push_back(std::move(blob));
     }

@@ -22,6 +22,21 @@ struct Blob {
   std::vector<Run> runs;
 };
 
+/// Regions whose buffers are used again, each as large as the largest has been: which buffer serves which
+/// region does not matter, and nothing grows once the fullest frame has been seen.
+class BlobPool {
+ public:
+  /// Without runs.
+  Blob take();
+  void give(Blob&& blob);
+  /// All of them; `blobs` is empty then.
+  void give(std::vector<Blob>& blobs);
+
+ private:
+  std::vector<Blob> spare_;
+  std::size_t most_runs_ = 64;
+};
+
 /// Connected components (8 neighbours) by runs and union-find; only the strips are scanned. Labels by first
 /// pixel in reading order.
 class Labeller {
@@ -39,7 +54,7 @@ class Labeller {
   std::vector<Run> runs_;
   std::vector<int> row_begin_, parent_, blob_of_root_;
   std::vector<Blob> blobs_;
-  std::vector<Blob> spare_;
+  BlobPool pool_;
 };
 
 }  // namespace omnifleet::ground

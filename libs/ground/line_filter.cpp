@@ -2,43 +2,34 @@
 
 #include <algorithm>
 
+#include "geometry/wide.h"
+#include "ground/strip_joins.h"
+
 namespace omnifleet::ground {
 
 namespace {
 
 constexpr int kCell = FloorView::kCell;
 
-constexpr auto both = [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a & b); };
-constexpr auto either = [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); };
-
-template <int kRadius>
-void open(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& buffer, cv::Mat1b& opened) {
-  joinAlong<kRadius>(strips, mask, buffer, true, both);
-  joinAlong<kRadius>(strips, buffer, opened, false, both);
-  joinAlong<kRadius>(strips, opened, buffer, true, either);
-  joinAlong<kRadius>(strips, buffer, opened, false, either);
-}
-
-/// The opening by a square of any side, built from the fixed ones.
+/// Masks are 0 or 255, so that the smallest is "all" and the largest "any".
 void open(const std::vector<Strip>& strips, const cv::Mat1b& mask, int radius, cv::Mat1b& buffer,
           cv::Mat1b& opened) {
-  switch (radius) {
-    case 1:
-      return open<1>(strips, mask, buffer, opened);
-    case 2:
-      return open<2>(strips, mask, buffer, opened);
-    case 3:
-      return open<3>(strips, mask, buffer, opened);
-    case 4:
-      return open<4>(strips, mask, buffer, opened);
-    case 5:
-      return open<5>(strips, mask, buffer, opened);
-    case 6:
-      return open<6>(strips, mask, buffer, opened);
-    case 7:
-      return open<7>(strips, mask, buffer, opened);
-    default:
-      return open<8>(strips, mask, buffer, opened);
+  smallestAlong(Along::kRows, radius, strips, mask, buffer);
+  smallestAlong(Along::kColumns, radius, strips, buffer, opened);
+  largestAlong(Along::kRows, radius, strips, opened, buffer);
+  largestAlong(Along::kColumns, radius, strips, buffer, opened);
+}
+
+OMNIFLEET_WIDE void keepWithin(const Strip* strips, std::size_t count, const cv::Mat1b& allowed,
+                               cv::Mat1b& mask) {
+  for (const Strip* strip = strips; strip != strips + count; ++strip) {
+    const int begin = strip->begin_px, end = strip->end_px, top = strip->cell_row * kCell;
+    for (int y = top; y < top + kCell; ++y) {
+      const std::uint8_t* keep = allowed.ptr(y);
+      std::uint8_t* to = mask.ptr(y);
+#pragma GCC ivdep
+      for (int x = begin; x < end; ++x) to[x] = static_cast<std::uint8_t>(to[x] & keep[x]);
+    }
   }
 }
 
@@ -52,15 +43,9 @@ LineFilter::LineFilter(cv::Size image, int width_px)
 void LineFilter::growBack(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& core,
                           cv::Mat1b& buffer) {
   for (int step = 0; step < radius_; ++step) {
-    joinAlong<1>(strips, core, buffer, true, either);
-    joinAlong<1>(strips, buffer, core, false, either);
-    for (const auto& strip : strips) {
-      for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-        const std::uint8_t* allowed = mask.ptr(y);
-        std::uint8_t* to = core.ptr(y);
-        for (int x = strip.begin_px; x < strip.end_px; ++x) to[x] = both(to[x], allowed[x]);
-      }
-    }
+    largestAlong(Along::kRows, 1, strips, core, buffer);
+    largestAlong(Along::kColumns, 1, strips, buffer, core);
+    keepWithin(strips.data(), strips.size(), mask, core);
   }
 }
 

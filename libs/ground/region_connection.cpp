@@ -37,7 +37,15 @@ bool RegionConnection::close(const Blob& a, const Blob& b) const {
 }
 
 const std::vector<Blob>& RegionConnection::connect(const std::vector<Blob>& blobs) {
-  blobs_ = blobs;
+  pool_.give(blobs_);
+  for (const Blob& blob : blobs) {
+    Blob copy = pool_.take();
+    copy.label = blob.label;
+    copy.rect = blob.rect;
+    copy.area_px = blob.area_px;
+    copy.runs.assign(blob.runs.begin(), blob.runs.end());
+    blobs_.push_back(std::move(copy));
+  }
   const auto byRow = [](const Run& a, const Run& b) {
     return std::tie(a.row, a.begin) < std::tie(b.row, b.begin);
   };
@@ -55,6 +63,7 @@ const std::vector<Blob>& RegionConnection::connect(const std::vector<Blob>& blob
         std::inplace_merge(runs.begin(), runs.begin() + middle, runs.end(), byRow);
         blobs_[n].rect |= blobs_[m].rect;
         blobs_[n].area_px += blobs_[m].area_px;
+        pool_.give(std::move(blobs_[m]));
         blobs_.erase(blobs_.begin() + static_cast<std::ptrdiff_t>(m));
         changed = true;
       }

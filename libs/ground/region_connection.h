@@ -32,6 +32,7 @@ class RegionConnection {
 
   ConnectionOptions options_;
   std::vector<Blob> blobs_;
+  BlobPool pool_;
 };
 
 /// Smallest number of background pixels between two regions along rows or columns (0: they touch), or more

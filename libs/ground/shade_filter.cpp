@@ -1,7 +1,10 @@
 #include "ground/shade_filter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "geometry/wide.h"
 
 namespace omnifleet::ground {
 
@@ -14,6 +17,34 @@ constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
+
+/// The looks that isShade() holds for are consecutive.
+struct ShadeLooks {
+  Look first = 255, last = 0;
+  ShadeLooks() {
+    for (int look = 0; look < 256; ++look) {
+      if (!isShade(static_cast<Look>(look))) continue;
+      first = std::min(first, static_cast<Look>(look));
+      last = static_cast<Look>(look);
+    }
+  }
+};
+
+/// bare = 1 where the mask is set by something that is no shade, else 0.
+OMNIFLEET_WIDE void takeShadeOut(const Strip* strips, std::size_t count, const ShadeLooks& shade,
+                                 const cv::Mat1b& mask, const cv::Mat1b& looks, cv::Mat1b& bare) {
+  const Look first = shade.first, last = shade.last;
+  for (const Strip* strip = strips; strip != strips + count; ++strip) {
+    const int begin = strip->begin_px, end = strip->end_px, top = strip->cell_row * kCell;
+    for (int y = top; y < top + kCell; ++y) {
+      const std::uint8_t *set = mask.ptr(y), *look = looks.ptr(y);
+      std::uint8_t* to = bare.ptr(y);
+#pragma GCC ivdep
+      for (int x = begin; x < end; ++x)
+        to[x] = (set[x] != 0) & !((look[x] >= first) & (look[x] <= last)) ? 1 : 0;
+    }
+  }
+}
 
 float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
   x = std::clamp(x, 0, frame.image.cols - 1);
@@ -44,22 +75,26 @@ void ShadeFilter::clear(const std::vector<Strip>& strips) {
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
-  Census census;
+  std::array<int, 256> pixels{};  // of each look
   for (const Run& run : blob.runs) {
     const Look* row = looks.ptr(run.row);
-    for (int x = run.begin; x < run.end; ++x) {
-      if (row[x] == kColourLook) ++census.coloured;
-      if (!isGrey(row[x])) continue;
-      const float gain = gainOf(row[x]);
-      if (isShade(row[x])) {
-        ++census.shaded;
-        census.shaded_gain += gain;
-      } else if (gain < 1.0f) {
-        ++census.dark;
-        census.dark_gain += gain;
-      } else {
-        ++census.bright;
-      }
+    for (int x = run.begin; x < run.end; ++x) ++pixels[row[x]];
+  }
+  Census census;
+  census.coloured = pixels[kColourLook];
+  for (int i = 0; i < 256; ++i) {
+    const auto look = static_cast<Look>(i);
+    const int n = pixels[look];
+    if (n == 0 || !isGrey(look)) continue;
+    const float gain = gainOf(look);
+    if (isShade(look)) {
+      census.shaded += n;
+      census.shaded_gain += static_cast<float>(n) * gain;
+    } else if (gain < 1.0f) {
+      census.dark += n;
+      census.dark_gain += static_cast<float>(n) * gain;
+    } else {
+      census.bright += n;
     }
   }
   census.shaded_gain /= static_cast<float>(std::max(1, census.shaded));
@@ -108,13 +143,8 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
 
 void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
                         const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
-  for (const auto& strip : strips) {
-    for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-      const std::uint8_t *mask = raw.ptr(y), *look = looks.ptr(y);
-      std::uint8_t* bare = bare_.ptr(y);
-      for (int x = strip.begin_px; x < strip.end_px; ++x) bare[x] = mask[x] != 0 && !isShade(look[x]) ? 1 : 0;
-    }
-  }
+  static const ShadeLooks kShade;
+  takeShadeOut(strips.data(), strips.size(), kShade, raw, looks, bare_);
   despeckler.clean(strips, bare_, core_);
   for (const Blob& blob : labeller_.label(objects, strips, kMinRegion_px)) {
     const Verdict verdict = judge(blob, count(blob, looks), frame, looks);

@@ -68,16 +68,23 @@ void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
     const std::size_t begin = contour.loop_begin[k];
     const std::size_t end =
         k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_m.size();
-    for (std::size_t i = begin; i < end; ++i)
-      addSegment(contour.points_m[i] - camera_->foot(),
-                 contour.points_m[i + 1 < end ? i + 1 : begin] - camera_->foot(), label);
+    if (begin == end) continue;
+    Eigen::Vector2d a = contour.points_m[end - 1] - camera_->foot();
+    double bearing = std::atan2(a.y(), a.x());
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector2d b = contour.points_m[i] - camera_->foot();
+      const double next = std::atan2(b.y(), b.x());
+      addSegment(a, bearing, b, next, label);
+      a = b;
+      bearing = next;
+    }
   }
 }
 
-void FloorScan::addSegment(const Eigen::Vector2d& a, const Eigen::Vector2d& b, std::uint16_t label) {
+void FloorScan::addSegment(const Eigen::Vector2d& a, double from, const Eigen::Vector2d& b, double to,
+                           std::uint16_t label) {
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
-  const double from = std::atan2(a.y(), a.x());
-  const double turn = wrapAngle(std::atan2(b.y(), b.x()) - from);
+  const double turn = std::abs(to - from) < M_PI ? to - from : wrapAngle(to - from);
   const auto first = static_cast<long>(std::ceil((from + std::min(turn, 0.0)) / step));
   const auto last = static_cast<long>(std::floor((from + std::max(turn, 0.0)) / step));
   const auto n = static_cast<long>(bearing_.size());

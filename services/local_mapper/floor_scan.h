@@ -31,7 +31,9 @@ class FloorScan {
   void finish(Scan& scan);
 
  private:
-  void addSegment(const Eigen::Vector2d& a, const Eigen::Vector2d& b, std::uint16_t label);
+  /// From a, seen at bearing `from`, to b at bearing `to`.
+  void addSegment(const Eigen::Vector2d& a, double from, const Eigen::Vector2d& b, double to,
+                  std::uint16_t label);
 
   const lens::Camera* camera_;
   ScanOptions options_;

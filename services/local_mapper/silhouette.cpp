@@ -184,12 +184,16 @@ void Silhouette::supportsFromCorners(ObjectObservation& object) {
   supports.sigma_m.resize(directions_.size());
   for (std::size_t k = 0; k < directions_.size(); ++k) {
     const auto& n = directions_[k];
-    const auto farthest = std::max_element(
-        corners_.begin(), corners_.end(),
-        [&](const Corner& a, const Corner& b) { return n.dot(a.from_foot_m) < n.dot(b.from_foot_m); });
+    const Corner* farthest = &corners_.front();
+    double reach = n.dot(farthest->from_foot_m);
+    for (const Corner& corner : corners_) {
+      const double here = n.dot(corner.from_foot_m);
+      if (here <= reach) continue;
+      reach = here;
+      farthest = &corner;
+    }
     const double metres_per_px = (farthest->metres_per_px.transpose() * n).norm();
-    supports.b_m[k] =
-        static_cast<float>(n.dot(farthest->from_foot_m) - options_.support_bias_px * metres_per_px);
+    supports.b_m[k] = static_cast<float>(reach - options_.support_bias_px * metres_per_px);
     const double sigma = std::hypot(options_.sigma_px * metres_per_px, options_.sigma_floor_m);
     supports.sigma_m[k] = farthest->cut || metres_per_px <= 0.0 ? -1.0f : static_cast<float>(sigma);
   }

@@ -1,0 +1,11 @@
+#pragma once
+
+// OMNIFLEET_WIDE before a function's definition compiles it twice, for every processor and for those with
+// AVX2; which one runs is settled when the program is loaded. No fused multiply-add: both give the same bits.
+// For loops over many pixels that the compiler vectorises; what they call must be inlined (always_inline).
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define OMNIFLEET_WIDE __attribute__((target_clones("default", "avx2")))
+#else
+#define OMNIFLEET_WIDE
+#endif
