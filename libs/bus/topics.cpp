@@ -55,6 +55,7 @@ Topics::Topics(RunMode mode)
     : camera_preview{"omnifleet/camera_preview", preview()},
       wheels_odometry{"omnifleet/wheels/odometry", stream(mode)},
       wheels_command{"omnifleet/wheels/command", stream(mode)},
+      laser{"omnifleet/laser", stream(mode)},
       local_map{"omnifleet/local_map", stream(mode)},
       objects{"omnifleet/objects", stream(mode)},
       measurement{"omnifleet/measurement", stream(mode)},

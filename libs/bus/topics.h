@@ -8,6 +8,7 @@
 #include "bus/type_descriptor.h"
 #include "idl/camera.h"
 #include "idl/formation.h"
+#include "idl/laser.h"
 #include "idl/local_map.h"
 #include "idl/localizer.h"
 #include "idl/map.h"
@@ -25,6 +26,7 @@ struct Topics {
   Topic<v1::CameraPreview> camera_preview;        ///< key camera; best effort
   Topic<v1::WheelOdometry> wheels_odometry;       ///< per robot
   Topic<v1::WheelCommand> wheels_command;         ///< per robot
+  Topic<v1::LaserScan> laser;                     ///< per robot
   Topic<v1::LocalMap> local_map;                  ///< per robot
   Topic<v1::Objects> objects;                     ///< per robot
   Topic<v1::Measurement> measurement;             ///< key source
@@ -55,6 +57,8 @@ template <>
 const TypeDescriptor& describe<v1::WheelOdometry>();
 template <>
 const TypeDescriptor& describe<v1::WheelCommand>();
+template <>
+const TypeDescriptor& describe<v1::LaserScan>();
 template <>
 const TypeDescriptor& describe<v1::LocalMap>();
 template <>

@@ -8,6 +8,7 @@
 #include "idl/cameraPubSubTypes.h"
 #include "idl/formationPubSubTypes.h"
 #include "idl/hashes.h"
+#include "idl/laserPubSubTypes.h"
 #include "idl/local_mapPubSubTypes.h"
 #include "idl/localizerPubSubTypes.h"
 #include "idl/mapPubSubTypes.h"
@@ -56,6 +57,11 @@ const TypeDescriptor& describe<v1::WheelOdometry>() {
 template <>
 const TypeDescriptor& describe<v1::WheelCommand>() {
   static const TypeDescriptor type = make<v1::WheelCommandPubSubType>(v1::kWheelsHash);
+  return type;
+}
+template <>
+const TypeDescriptor& describe<v1::LaserScan>() {
+  static const TypeDescriptor type = make<v1::LaserScanPubSubType>(v1::kLaserHash);
   return type;
 }
 template <>

@@ -83,6 +83,8 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   }
   if (const auto path = base / "laser" / "data.csv"; fs::exists(path))
     robot.laser = readLaser(path.string(), warnings);
+  if (const auto path = base / "laser" / "sensor.yaml"; fs::exists(path))
+    robot.laser_sensor = LaserSensor::load(path.string());
 }
 
 std::vector<ImageStream> readCeiling(const std::string& folder, std::vector<std::string>& warnings) {

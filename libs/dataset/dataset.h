@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dataset/landmarks.h"
+#include "dataset/laser.h"
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
 #include "lens/camera.h"
@@ -42,14 +43,6 @@ struct RangeBearingRow {
   double range_m = 0.0, bearing_rad = 0.0;
 };
 
-/// A laser scan in base_link: beam i at angle_min + i·increment. A beam without echo is +inf (0, negative,
-/// NaN and "inf" in the file all mean that).
-struct LaserRow {
-  TimeNs time_ns = 0;
-  double angle_min_rad = 0.0, angle_increment_rad = 0.0;
-  std::vector<float> range_m;
-};
-
 struct RobotRecording {
   std::string name;
   std::optional<Pose2> initial_pose;  ///< map_from_base at the first time
@@ -58,6 +51,7 @@ struct RobotRecording {
   std::vector<WheelRow> wheels;               ///< strictly increasing in time
   std::vector<RangeBearingRow> observations;  ///< not decreasing in time
   std::vector<LaserRow> laser;                ///< strictly increasing in time
+  LaserSensor laser_sensor;                   ///< the default where laser/sensor.yaml is missing
 };
 
 /// Everything of a recording that the pipeline may see; images are only listed (see frame_source.h), truth is

@@ -115,8 +115,7 @@ std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string
       return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");
     }
     if (!parseTime(fields[0], row.time_ns)) return kBadTime;
-    if (!parseNumber(fields[1], row.angle_min_rad) || !parseNumber(fields[2], row.angle_increment_rad) ||
-        row.angle_increment_rad == 0.0) {
+    if (!parseNumber(fields[1], row.angle_min_rad) || !parseNumber(fields[2], row.angle_increment_rad)) {
       return "angle_min and angle_increment must be finite numbers, the increment not 0";
     }
     row.range_m.reserve(fields.size() - 3);
@@ -125,6 +124,8 @@ std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string
       if (!parseRange(fields[i], range_m)) return fmt::format("range {} is not a number", i - 3);
       row.range_m.push_back(range_m);
     }
+    const std::size_t beams = rows.empty() ? 0 : rows.front().range_m.size();
+    if (std::string problem = problemOf(row, beams); !problem.empty()) return problem;
     if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
     rows.push_back(std::move(row));
     return {};

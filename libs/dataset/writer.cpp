@@ -104,9 +104,11 @@ void ObservationsWriter::write(const RangeBearingRow& row) {
   csv_.row(fmt::format("{},{},{},{}", row.time_ns, row.id, row.range_m, row.bearing_rad));
 }
 
-LaserWriter::LaserWriter(const std::string& folder, const std::string& robot)
+LaserWriter::LaserWriter(const std::string& folder, const std::string& robot, const LaserSensor& sensor)
     : csv_(folder + "/" + robot + "/laser/data.csv",
-           "#timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]...") {}
+           "#timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]...") {
+  writeAtomic(folder + "/" + robot + "/laser/sensor.yaml", sensor.toYaml());
+}
 
 void LaserWriter::write(const LaserRow& row) {
   csv_.row(fmt::format("{},{},{},{}", row.time_ns, row.angle_min_rad, row.angle_increment_rad,

@@ -67,10 +67,10 @@ class ObservationsWriter {
   CsvWriter csv_;
 };
 
-/// <folder>/<robot>/laser/data.csv
+/// <folder>/<robot>/laser/sensor.yaml and data.csv
 class LaserWriter {
  public:
-  LaserWriter(const std::string& folder, const std::string& robot);
+  LaserWriter(const std::string& folder, const std::string& robot, const LaserSensor& sensor = {});
   void write(const LaserRow& row);
 
  private:

@@ -33,7 +33,7 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
   std::vector<Seen> all;
   const RobotNode* robot = fleet.find(frame.robot);
   const CameraError error = robot == nullptr ? CameraError::Zero() : fleet.cameraError(*robot);
-  if (frame.state != FrameState::kOk || !(frame.camera_height_m > 0)) return all;
+  if (frame.state != FrameState::kOk || !(frame.camera_height_m >= 0)) return all;
   for (const Track& track : frame.tracks) {
     if (!track.visible || track.supports.empty() || !track.position_m.allFinite()) continue;
     Seen seen;

@@ -20,6 +20,7 @@ CameraError CameraOptions::sigma() const {
 }
 
 Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m) {
+  if (!(camera_height_m > 0)) return Eigen::Matrix<double, 2, 4>::Zero();  // a laser has none of these
   const double rho = p_m.norm(), u = rho / camera_height_m;
   // H·(1 + u²)·atan(u)/ρ, whose limit at the foot is 1.
   const double radial = u > 1e-6 ? (1.0 + u * u) * std::atan(u) / u : 1.0;

@@ -31,7 +31,7 @@ struct CameraOptions {
 ///   focal  −ε·H·(1 + u²)·atan(u)·p/ρ      (θ′ = θ·(1 − ε), ρ = H·tan θ)
 ///   height  η·p                           (H′ = H·(1 + η))
 ///   tilt    H·t + p·(p·t)/H               (the ray (p, −H) turned about the base's axes)
-/// The tops of things are seen by the same rays, so it holds for whole silhouettes.
+/// The tops of things are seen by the same rays, so it holds for whole silhouettes. Zero for a laser (H = 0).
 Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m);
 
 }  // namespace omnifleet::estimation

@@ -28,7 +28,7 @@ void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double 
     const double b = corner.wi * view.b_m[i] + corner.wj * view.b_m[j];
     const double sigma = std::max(view.sigma_m[i], view.sigma_m[j]) * (b > 0 ? inverse : 1.0);
     const double a = b + std::cos(phi) * foot.x() + std::sin(phi) * foot.y();
-    const double q = b > 0 ? b / view.camera_height_m : 0.0;
+    const double q = b > 0 && view.camera_height_m > 0 ? b / view.camera_height_m : 0.0;
     double weight = 1.0 / (sigma * sigma);
     if (reference != nullptr && reference->known(m)) {
       weight /= 1.0 + std::pow((a - height_m * q - reference->support(m, height_m)) / kOutlier_m, 2);
@@ -63,7 +63,26 @@ void Shape::finish() {
   }
 }
 
+bool Shape::partly(Eigen::Vector2d& at, Eigen::Vector2d& by_height, double& width,
+                   double& width_by_height) const {
+  const auto known_ones = std::count_if(weight_.begin(), weight_.end(), [](double w) { return w > 0; });
+  if (empty() || known_ones * 10 >= kDirections * 9) return false;
+  PartialOutline outline;
+  Eigen::Vector3d sums = Eigen::Vector3d::Zero(), sums_by_height = Eigen::Vector3d::Zero();
+  for (int m = 0; m < kDirections; ++m) {
+    if (!known(m)) continue;
+    const double phi = 2.0 * M_PI * m / kDirections;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    outline.add(n);
+    sums += a(m) * PartialOutline::row(n);
+    sums_by_height += q(m) * PartialOutline::row(n);
+  }
+  return outline.solve(sums, at, width) && outline.solve(sums_by_height, by_height, width_by_height);
+}
+
 void Shape::centre(Eigen::Vector2d& at, Eigen::Vector2d& by_height) const {
+  double width = 0.0, width_by_height = 0.0;
+  if (partly(at, by_height, width, width_by_height)) return;
   at.setZero();
   by_height.setZero();
   for (int m = 0; m < kDirections && !empty(); ++m) {
@@ -75,6 +94,8 @@ void Shape::centre(Eigen::Vector2d& at, Eigen::Vector2d& by_height) const {
 }
 
 void Shape::halfWidth(double& at, double& by_height) const {
+  Eigen::Vector2d centre, centre_by_height;
+  if (partly(centre, centre_by_height, at, by_height)) return;
   at = by_height = 0.0;
   for (int m = 0; m < kDirections && !empty(); ++m) {
     at += a(m) / kDirections;

@@ -40,6 +40,8 @@ class Shape {
   bool empty() const { return a_.empty(); }
 
  private:
+  /// Centre and half width where less than nine tenths of the outline are known; false where they are.
+  bool partly(Eigen::Vector2d& at, Eigen::Vector2d& by_height, double& width, double& width_by_height) const;
   struct Sums {
     std::vector<double> w, wa, wq;
     void reset();

@@ -37,7 +37,8 @@ Match match(const FleetState& fleet, const Landmark& landmark, const View& view,
     weight += 1.0 / own;
     rhs += view.height_m / own;
   }
-  h = std::clamp(rhs / weight, 0.0, 0.95 * view.camera_height_m);
+  h = rhs / weight;
+  if (view.camera_height_m > 0) h = std::clamp(h, 0.0, 0.95 * view.camera_height_m);
   double width, width_by_height;
   landmark.shape->halfWidth(width, width_by_height);
   width -= h * width_by_height;

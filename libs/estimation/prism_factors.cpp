@@ -68,14 +68,15 @@ void PrismFactor::differentiate(std::size_t row, const Prediction& p, double wei
   for (std::size_t c = 0; c < objects && jacobians[1] != nullptr; ++c)
     jacobians[1][objects * row + c] = -weight * scale * p.by_second[c];
   // The far side is g/(1 − h/H): its derivative by (1 − h/H) times that of this by h and by H.
-  const bool shadow = p.g >= 0 && inverse > kLeastInverseScale;
+  const bool shadow = p.g >= 0 && inverse > kLeastInverseScale && camera_height_m > 0;
   const double by_inverse = shadow ? weight * p.g * scale * scale : 0.0;
   if (jacobians[1] != nullptr && p.height_is_third)
-    jacobians[1][objects * row + 2] -= by_inverse / camera_height_m;
+    jacobians[1][objects * row + 2] -= shadow ? by_inverse / camera_height_m : 0.0;
   if (jacobians[2] == nullptr) return;
   const CameraError& by_error = view_->by_error[static_cast<std::size_t>(directions_[row])];
   for (std::size_t c = 0; c < 4; ++c)
     jacobians[2][4 * row + c] = -weight * by_error(static_cast<Eigen::Index>(c));
+  if (!shadow) return;
   jacobians[2][4 * row + 1] -=
       by_inverse * p.height_m / (camera_height_m * camera_height_m) * view_->seen_camera_height_m;
 }

@@ -72,9 +72,42 @@ Corner cornerAt(double angle_rad, int directions) {
           std::cos(beyond) * inverse};
 }
 
+void PartialOutline::add(const Eigen::Vector2d& n) {
+  normal_ += row(n) * row(n).transpose();
+}
+
+bool PartialOutline::solve(const Eigen::Vector3d& sums, Eigen::Vector2d& centre, double& half_width) const {
+  constexpr double kLeastDeterminant = 1e-4;  // per row; 0.25 for a whole turn, 0.0067 for a third
+  const double rows = normal_(0, 0);
+  if (!(rows > 0) || normal_.determinant() < kLeastDeterminant * rows * rows * rows) return false;
+  const Eigen::Vector3d solution = normal_.ldlt().solve(sums);
+  half_width = solution(0);
+  centre = solution.tail<2>();
+  return true;
+}
+
+void Footprint::fitFacingSides(const View& view) {
+  PartialOutline outline;
+  Eigen::Vector3d sums = Eigen::Vector3d::Zero();
+  const int k = static_cast<int>(view.b_m.size());
+  for (int i = 0; i < k; ++i) {
+    if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
+    const double phi = 2.0 * M_PI * i / k;
+    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
+    outline.add(n);
+    sums += view.b_m[static_cast<std::size_t>(i)] * PartialOutline::row(n);
+  }
+  whole = outline.solve(sums, centre_m, half_width_m) && view.usable() * 3 >= k && half_width_m > 0;
+  centre_m += view.foot_m;
+}
+
 Footprint::Footprint(const View& view) {
   const int k = static_cast<int>(view.b_m.size()), usable = view.usable();
   if (k < 3 || usable == 0) return;
+  if (!(view.camera_height_m > 0)) {
+    fitFacingSides(view);
+    return;
+  }
   whole = usable * 10 >= k * 9;
   for (int i = 0; i < k; ++i) {
     if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;

@@ -17,7 +17,7 @@ namespace omnifleet::estimation {
 /// carry σ > 0. `sigma_m` already holds the factor for correlation.
 struct View {
   Eigen::Vector2d foot_m = Eigen::Vector2d::Zero();  ///< c in base_link
-  double camera_height_m = 0.0;                      ///< H
+  double camera_height_m = 0.0;                      ///< H; 0: a laser, whose silhouette is the footprint
   std::vector<double> b_m;
   std::vector<double> sigma_m;                  ///< 0 where unusable
   double height_m = 0.0, height_sigma_m = 0.0;  ///< of the object as measured by flow; σ ≤ 0: unknown
@@ -48,7 +48,9 @@ struct View {
 /// Smallest (H − h)/H that is taken seriously: an object up to the camera's own height has no finite shadow.
 inline constexpr double kLeastInverseScale = 0.05;
 
+/// 1 for a laser (H = 0), which does not look over the top of things.
 inline double inverseScale(double height_m, double camera_height_m) {
+  if (!(camera_height_m > 0)) return 1.0;
   const double value = 1.0 - height_m / camera_height_m;
   return value < kLeastInverseScale ? kLeastInverseScale : value;
 }
@@ -70,15 +72,31 @@ struct Corner {
 };
 Corner cornerAt(double angle_rad, int directions);
 
+/// Least squares of h(n) ≈ w + n·p over the directions that are known: Steiner point p and half mean width w of a
+/// footprint of which a part is known (exact where all directions are).
+class PartialOutline {
+ public:
+  void add(const Eigen::Vector2d& n);
+  /// False where the directions span too little to tell width from place.
+  bool solve(const Eigen::Vector3d& sums, Eigen::Vector2d& centre, double& half_width) const;
+  static Eigen::Vector3d row(const Eigen::Vector2d& n) { return {1.0, n.x(), n.y()}; }
+
+ private:
+  Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
+};
+
 /// The footprint of one view alone in base_link, affine in the object's height h: Steiner centre
 /// (2/K)·Σ g(n)·n = centre − h·centre_by_height, half its mean width likewise.
 struct Footprint {
-  bool whole = false;  ///< at least 9 of 10 directions are usable
+  bool whole = false;  ///< enough is usable: 9 of 10 directions; of a laser, which sees facing sides only, a third
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero(), centre_by_height = Eigen::Vector2d::Zero();
   double half_width_m = 0.0, half_width_by_height = 0.0;
 
   explicit Footprint(const View& view);
   Eigen::Vector2d centre(double height_m) const { return centre_m - height_m * centre_by_height; }
+
+ private:
+  void fitFacingSides(const View& view);
 };
 
 /// Support of a convex body in its own frame and its derivative by angle.

@@ -10,6 +10,7 @@ void addArena(Fleet& fleet) {
     robot.initial_pose = simulated.initial_map_from_base;
     robot.body = simulated.body;
     robot.has_wheels = true;
+    if (arena.laser) robot.laser = arena.laser->sensor;
     fleet.robots.push_back(robot);
   }
   for (const synthetic::ArenaCamera& simulated : arena.cameras) {

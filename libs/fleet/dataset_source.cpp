@@ -21,7 +21,7 @@ void addDataset(Fleet& fleet) {
     robot.body = recorded.body;
     robot.has_wheels = !recorded.wheels.empty();
     robot.has_observations = !recorded.observations.empty();
-    robot.has_laser = !recorded.laser.empty();
+    if (!recorded.laser.empty()) robot.laser = recorded.laser_sensor;
     fleet.robots.push_back(robot);
     if (recorded.fisheye) addCamera(*recorded.fisheye, robot.name, CameraRole::kFisheye);
     if (recorded.front) addCamera(*recorded.front, robot.name, CameraRole::kFront);

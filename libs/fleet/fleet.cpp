@@ -48,6 +48,9 @@ RobotSpec readRobot(const std::string& name, const options::Section& section) {
   section.require("wheel_separation_m", robot.body.wheel_separation_m, options::kPositive);
   section.read("host", robot.host);
   section.read("wheels", robot.has_wheels);
+  std::string laser;
+  section.read("laser", laser);
+  if (!laser.empty()) robot.laser = dataset::LaserSensor::load(besideFile(section, laser));
   section.finish();
   return robot;
 }
@@ -184,10 +187,15 @@ std::map<std::string, RobotBody> Fleet::bodies() const {
   return all;
 }
 
+bool Fleet::maps(const std::string& robot_name) const {
+  const auto has_laser = [&](const RobotSpec& robot) { return robot.name == robot_name && robot.laser; };
+  return fisheyeOf(robot_name) != nullptr || std::any_of(robots.begin(), robots.end(), has_laser);
+}
+
 std::vector<std::string> Fleet::mappingRobots() const {
   std::vector<std::string> names;
   for (const RobotSpec& robot : robots) {
-    if (fisheyeOf(robot.name)) names.push_back(robot.name);
+    if (maps(robot.name)) names.push_back(robot.name);
   }
   return names;
 }
@@ -195,7 +203,7 @@ std::vector<std::string> Fleet::mappingRobots() const {
 std::vector<std::string> Fleet::observingRobots() const {
   std::vector<std::string> names;
   for (const RobotSpec& robot : robots) {
-    if (!fisheyeOf(robot.name) && robot.has_observations) names.push_back(robot.name);
+    if (!maps(robot.name) && robot.has_observations) names.push_back(robot.name);
   }
   return names;
 }
@@ -203,7 +211,7 @@ std::vector<std::string> Fleet::observingRobots() const {
 std::vector<std::string> Fleet::locatedRobots() const {
   std::vector<std::string> names;
   for (const RobotSpec& robot : robots) {
-    if (fisheyeOf(robot.name) || robot.has_observations) names.push_back(robot.name);
+    if (maps(robot.name) || robot.has_observations) names.push_back(robot.name);
   }
   return names;
 }
@@ -223,7 +231,7 @@ bool Fleet::hasFormation() const {
 
 bool Fleet::hasWorld() const {
   return arena || std::any_of(robots.begin(), robots.end(), [this](const RobotSpec& robot) {
-           return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.has_laser);
+           return !dataset.empty() && (robot.has_wheels || robot.has_observations || robot.laser);
          });
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dataset/landmarks.h"
+#include "dataset/laser.h"
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
 #include "lens/camera.h"
@@ -35,7 +36,7 @@ struct RobotSpec {
   RobotBody body;
   bool has_wheels = false;        ///< someone publishes wheels/odometry
   bool has_observations = false;  ///< range/bearing instead of images
-  bool has_laser = false;
+  std::optional<dataset::LaserSensor> laser;  ///< someone publishes laser
   std::string host;
 };
 
@@ -67,10 +68,11 @@ struct Fleet {
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
   std::map<std::string, RobotBody> bodies() const;
 
-  /// Robots that map with a fisheye camera: they have local_mapper, classifier, global_merger (and
+  /// Robots that map with a fisheye camera or a laser: they have local_mapper, classifier, global_merger (and
   /// formation).
   std::vector<std::string> mappingRobots() const;
-  /// Robots without a fisheye camera that report ranges and bearings instead of images: the localizer makes
+  bool maps(const std::string& robot_name) const;  ///< one of them
+  /// Robots with neither that report ranges and bearings instead of images: the localizer makes
   /// their frames, they have a global_merger.
   std::vector<std::string> observingRobots() const;
   /// Both kinds, by name: those that get a pose per frame and hold a replica of the map.

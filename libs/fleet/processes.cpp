@@ -48,13 +48,13 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   const int robots = static_cast<int>(fleet.mappingRobots().size());
   const int located = static_cast<int>(fleet.locatedRobots().size());
   const int formations = fleet.hasFormation() ? robots : 0;
-  const bool maps = !instance.empty() && fleet.fisheyeOf(instance) != nullptr;
+  const bool maps = !instance.empty() && fleet.maps(instance);
   if (topic == "camera") return 1;
   const std::vector<std::string> observing = fleet.observingRobots();
   const bool observes = std::find(observing.begin(), observing.end(), instance) != observing.end();
   if (topic == "wheels/odometry") return maps || observes ? 1 : 0;  // its local mapper or the localizer
   if (topic == "wheels/command") return fleet.arena ? 1 : 0;
-  if (topic == "local_map") return 1;
+  if (topic == "local_map" || topic == "laser") return 1;
   if (topic == "objects" && observes) return 1;                       // made by the estimator: merger
   if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
   if (topic == "measurement") return 1;

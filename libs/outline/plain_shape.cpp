@@ -229,7 +229,8 @@ PlainProblem plainProblem(const std::vector<PrismView>& views, const std::vector
       const double angle = view.map_from_base.theta_rad +
                            2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.supports.size());
       const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
-      problem.samples.push_back({number, n, n.dot(foot) + b, std::max(b, 0.0) / view.camera_height_m, sigma});
+      const double q = view.camera_height_m > 0 ? std::max(b, 0.0) / view.camera_height_m : 0.0;
+      problem.samples.push_back({number, n, n.dot(foot) + b, q, sigma});
     }
     problem.camera_height_m.push_back(view.camera_height_m);
   }

@@ -27,8 +27,8 @@ class PrismSolver {
     const std::size_t cells = terms.views() * static_cast<std::size_t>(terms.directions);
     weight_.assign(cells, 0.0);
     mean_.assign(static_cast<std::size_t>(terms.directions), 0.0);
-    max_height_ = options.max_height_share *
-                  *std::min_element(terms.camera_height_m.begin(), terms.camera_height_m.end());
+    max_height_ = options.max_height_share * detail::lowestCamera(terms);
+    flat_ = !(max_height_ > 0);
   }
 
   void solve() {
@@ -71,6 +71,7 @@ class PrismSolver {
   const Terms& terms_;
   const PrismOptions& options_;
   HeightPrior prior_;
+  bool flat_ = true;  ///< lasers only: nothing tells the height, it stays 0
   double height_ = 0.0, height_sigma_ = 0.0, max_height_ = 0.0;
   std::vector<Eigen::Vector2d> shift_;
   std::vector<double> weight_, mean_;
@@ -94,6 +95,7 @@ double PrismSolver::disagreement() const {
 }
 
 double PrismSolver::startHeight() {
+  if (flat_) return 0.0;
   if (prior_.sigma_m > 0) return std::clamp(prior_.height_m, 0.0, max_height_);
   double best = 0.0, least = -1.0;
   for (int i = 0; i < kStartHeights; ++i) {
@@ -167,7 +169,7 @@ void PrismSolver::step() {
   for (int k = 0; k < terms_.directions; ++k) addDirection(k, normal, rhs);
   normal /= kCorrelation;
   rhs /= kCorrelation;
-  const double loose = max_height_;
+  const double loose = flat_ ? 1.0 : max_height_;
   const bool known = prior_.sigma_m > 0;
   const double prior_weight = known ? 1.0 / (prior_.sigma_m * prior_.sigma_m) : 1.0 / (loose * loose);
   normal(0, 0) += prior_weight;
@@ -180,6 +182,7 @@ void PrismSolver::step() {
   height_ = std::clamp(solution(0), 0.0, max_height_);
   for (std::size_t v = 0; v < terms_.views(); ++v)
     shift_[v] = solution.segment<2>(static_cast<Eigen::Index>(1 + 2 * v));
+  if (flat_) return;
   height_sigma_ = std::sqrt(std::max(ldlt.solve(Eigen::VectorXd::Unit(size, 0))(0), 0.0));
 }
 
@@ -264,7 +267,7 @@ std::vector<SupportSample> PrismSolver::samples(const std::vector<PrismView>& vi
       const double angle = view.map_from_base.theta_rad +
                            2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.supports.size());
       const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
-      const double scale = b > 0 ? 1.0 - height_ / view.camera_height_m : 1.0;
+      const double scale = b > 0 && view.camera_height_m > 0 ? 1.0 - height_ / view.camera_height_m : 1.0;
       const double support = n.dot(foot) + scale * b;
       const double sigma = std::hypot(scale * given, options_.noise_m);
       const double off = (support - detail::supportOf(footprint, n)) /
@@ -381,8 +384,7 @@ PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& optio
   const Terms all = detail::termsOf(views, options.directions, options.noise_m);
   if (all.views() == 0) return fit;
   const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
-  const double max_height = options.max_height_share *
-                            *std::min_element(terms.camera_height_m.begin(), terms.camera_height_m.end());
+  const double max_height = options.max_height_share * detail::lowestCamera(terms);
   const detail::PlainProblem problem = detail::plainProblem(views, terms.view, max_height, prior);
   PrismSolver first(terms, options, prior);
   first.solve();

@@ -13,7 +13,7 @@ namespace omnifleet::outline {
 struct PrismView {
   Pose2 map_from_base;
   Eigen::Vector2d foot_m = Eigen::Vector2d::Zero();  ///< foot of the camera, base_link
-  double camera_height_m = 0.0;                      ///< H
+  double camera_height_m = 0.0;                      ///< H; 0: a laser, which sees the footprint itself
   SupportFunction supports;                          ///< about the foot, directions in base_link
 };
 

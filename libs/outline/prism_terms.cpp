@@ -10,7 +10,7 @@ namespace omnifleet::outline::detail {
 namespace {
 
 bool isUsable(const PrismView& view) {
-  return view.supports.size() >= 3 && view.camera_height_m > 0 && view.map_from_base.isFinite() &&
+  return view.supports.size() >= 3 && view.camera_height_m >= 0 && view.map_from_base.isFinite() &&
          view.foot_m.allFinite();
 }
 
@@ -22,7 +22,7 @@ void appendView(const PrismView& view, int index, double noise_m, Terms& terms) 
     Term term;
     if (std::isfinite(value.b_m)) {
       term.a = terms.normals[static_cast<std::size_t>(k)].dot(foot) + value.b_m;
-      term.b = std::max(value.b_m, 0.0) / view.camera_height_m;
+      term.b = view.camera_height_m > 0 ? std::max(value.b_m, 0.0) / view.camera_height_m : 0.0;
       term.sigma = std::max(value.sigma_m, 0.1 * noise_m);
     }
     terms.term.push_back(term);
@@ -33,14 +33,16 @@ void appendView(const PrismView& view, int index, double noise_m, Terms& terms) 
 
 /// Sector of the camera's foot as seen from the middle of its silhouette, and the view's information.
 std::pair<int, double> sectorAndScore(const Terms& terms, std::size_t v, int sectors) {
-  Eigen::Vector2d away = Eigen::Vector2d::Zero();
+  Eigen::Vector2d away = Eigen::Vector2d::Zero(), facing = Eigen::Vector2d::Zero();
   double score = 0.0;
   for (int k = 0; k < terms.directions; ++k) {
     const Term& term = terms.at(v, k);
     if (term.sigma <= 0) continue;
     score += 1.0 / (term.sigma * term.sigma);
     if (term.b > 0) away += term.b * terms.normals[static_cast<std::size_t>(k)];
+    facing += terms.normals[static_cast<std::size_t>(k)];
   }
+  if (!(terms.camera_height_m[v] > 0)) away = -facing;  // a laser: only the sides that face it are known
   const double turn = (std::atan2(away.y(), away.x()) + M_PI) / (2.0 * M_PI);
   return {std::min(static_cast<int>(turn * sectors), sectors - 1), score};
 }
@@ -51,6 +53,14 @@ double Terms::sigmaAt(std::size_t v, int k, double height_m, double noise_m) con
   const Term& t = at(v, k);
   const double scale = t.b > 0 ? std::max(1.0 - height_m / camera_height_m[v], 0.05) : 1.0;
   return std::hypot(t.sigma * scale, noise_m);
+}
+
+double lowestCamera(const Terms& terms) {
+  double lowest = 0.0;
+  for (const double height_m : terms.camera_height_m) {
+    if (height_m > 0 && (lowest <= 0 || height_m < lowest)) lowest = height_m;
+  }
+  return lowest;
 }
 
 Terms termsOf(const std::vector<PrismView>& views, int directions, double noise_m) {

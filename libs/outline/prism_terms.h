@@ -29,6 +29,9 @@ struct Terms {
   double sigmaAt(std::size_t v, int k, double height_m, double noise_m) const;
 };
 
+/// Height of the lowest camera; 0 where all views are lasers'.
+double lowestCamera(const Terms& terms);
+
 /// Views without supports, without height or with a non-finite pose are left out.
 Terms termsOf(const std::vector<PrismView>& views, int directions, double noise_m);
 

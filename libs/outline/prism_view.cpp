@@ -47,7 +47,8 @@ bool steinerPoint(const PrismView& view, double height_m, Eigen::Vector2d& centr
 SupportFunction prismSupports(const Polygon& footprint_m, double height_m, const PrismView& view,
                               double sigma_m, int directions) {
   const Pose2 base_from_map = view.map_from_base.inverse();
-  const double scale = view.camera_height_m / (view.camera_height_m - height_m);
+  const double scale =
+      view.camera_height_m > 0 ? view.camera_height_m / (view.camera_height_m - height_m) : 1.0;
   Polygon silhouette;
   for (const auto& p : footprint_m) {
     const Eigen::Vector2d in_base = base_from_map * p;

@@ -107,6 +107,7 @@ void readCameras(const options::Section& section, Arena& arena) {
   lens::CameraModel eye = paperFisheye();
   if (rigs.has("fisheye")) eye = lens::CameraModel::read(rigs.child("fisheye"));
   if (rigs.has("front")) front = lens::CameraModel::read(rigs.child("front"));
+  if (rigs.has("laser")) arena.laser = ArenaLaser::read(rigs.child("laser"));
   rigs.finish();
   for (const ArenaRobot& robot : arena.robots) {
     if (fisheye) arena.cameras.push_back({robot.name + "/fisheye", robot.name, eye});

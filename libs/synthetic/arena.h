@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/laser.h"
 #include "lens/camera.h"
 #include "observation/observation.h"
 #include "synthetic/scene.h"
@@ -28,6 +29,15 @@ struct ArenaCamera {
   lens::CameraModel model;
 };
 
+/// The laser that every robot carries.
+struct ArenaLaser {
+  dataset::LaserSensor sensor;
+  int beams = 360;         ///< of one scan
+  double fov_deg = 360.0;  ///< about the scanner's zero direction; beams part it evenly, a whole turn without doubling
+
+  static ArenaLaser read(const options::Section& section);
+};
+
 /// From `at_s` on the obstacle moves to a new place, straight and evenly within `within_s`.
 struct ObstacleMove {
   int obstacle = 0;  ///< index in `solids`
@@ -48,6 +58,7 @@ struct Arena {
   std::vector<ObstacleMove> moves;   ///< sorted by time
   std::vector<ArenaRobot> robots;    ///< sorted by name
   std::vector<ArenaCamera> cameras;  ///< sorted by id
+  std::optional<ArenaLaser> laser;   ///< scans once per frame
   std::optional<dataset::MarkerSet> markers;
   bool has_formation = false;  ///< else robots drive alone, by their waypoints or speeds
   options::Section world;      ///< for world::World::Options

@@ -10,6 +10,7 @@
 #include "dataset/dataset.h"
 
 #include "idl/formation.h"
+#include "idl/laser.h"
 #include "idl/local_map.h"
 #include "idl/localizer.h"
 #include "idl/map.h"
@@ -35,6 +36,12 @@ bool fromWire(const v1::Objects& from, Objects& to);
 
 /// Also refused: speeds beyond dataset::kMaxWheelSpeedMps, which no robot of this kind has.
 bool fromWire(const v1::WheelOdometry& from, dataset::WheelRow& to);
+
+/// `range_max_m` as in the scanner's sensor.yaml.
+void toWire(const dataset::LaserRow& from, const std::string& robot, std::uint32_t sequence, double range_max_m,
+            RunClock clock, v1::LaserScan& to);
+/// Also refused: what dataset::problemOf finds in a single scan; no ranges are left of it.
+bool fromWire(const v1::LaserScan& from, dataset::LaserRow& to);
 
 void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Pose& to);
 bool fromWire(const v1::Pose& from, PoseEstimate& to);

@@ -89,6 +89,7 @@ void Classifier::labelScan(const LocalMap& local_map) {
     const std::uint16_t label = scan.object[i];
     scan.object[i] = 0;
     if (scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd) continue;
+    if (scan.label[i] == RayLabel::kObstacle && label == 0) continue;  // a wall, as a laser knows it
     scan.label[i] = RayLabel::kUnknown;
     const auto hit = std::find_if(local_map.objects.begin(), local_map.objects.end(),
                                   [&](const ObjectObservation& object) { return object.label == label; });

@@ -3,6 +3,7 @@
 #include "classifier/classifier.h"
 #include "dataset/observation_rows.h"
 #include "formation/formation.h"
+#include "laser/laser_mapper.h"
 #include "global_merger/merger.h"
 #include "local_mapper/local_mapper.h"
 #include "localizer/estimator_stage.h"
@@ -20,6 +21,8 @@ namespace {
 void checkCameras(const fleet::Fleet& fleet) {
   const options::Section mapper = fleet.service("local_mapper");
   mapper.child("wheels");
+  mapper.child("laser");
+  mapper.has("laser_age_s");
   const auto options = local_mapper::Options::read(mapper);
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     try {
@@ -47,6 +50,9 @@ void checkOptions(const fleet::Fleet& fleet) {
   checkCameras(fleet);
   const options::Section mapper = fleet.service("local_mapper");
   motion::WheelIntegrator::Options::read(mapper.child("wheels"));
+  laser::Options::read(mapper.child("laser"));
+  double laser_age_s = 0.0;
+  mapper.read("laser_age_s", laser_age_s, {0.0, 1.0});
   local_mapper::Options::read(mapper);
 
   classifier::Classifier::Options::read(fleet.service("classifier"));

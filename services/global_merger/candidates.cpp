@@ -108,7 +108,7 @@ void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
     if (isSighted(pose, seen.track_id)) continue;
     if ((metres(seen.contact) - metres(contribution.scan_origin)).norm() > options.max_contact_m) continue;
     ObjectView view = viewOf(contribution, pose, seen, options);
-    if (view.prism.supports.size() < 3 || view.prism.camera_height_m <= 0) continue;
+    if (view.prism.supports.size() < 3 || view.prism.camera_height_m < 0) continue;
     if (!isRobot(view, others, options)) candidate.views.push_back(std::move(view));
   }
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "dataset/atomic_file.h"
+#include "laser/join.h"
 
 namespace omnifleet::services {
 namespace {
@@ -15,19 +16,27 @@ const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& r
   return *camera;
 }
 
+local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
+  const options::Section section = fleet.service("local_mapper");
+  section.has("wheels");
+  section.has("laser");
+  section.has("laser_age_s");
+  return local_mapper::Options::read(section);
+}
+
+double laserAge(const fleet::Fleet& fleet) {
+  double age_s = 0.02;
+  fleet.service("local_mapper").read("laser_age_s", age_s, {0.0, 1.0});
+  return age_s;
+}
+
+}  // namespace
+
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
   const auto options = motion::WheelIntegrator::Options::read(fleet.service("local_mapper").child("wheels"));
   return robot.has_wheels ? motion::WheelIntegrator(robot.body.wheel_separation_m, options)
                           : motion::WheelIntegrator();
 }
-
-local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
-  const options::Section section = fleet.service("local_mapper");
-  section.has("wheels");
-  return local_mapper::Options::read(section);
-}
-
-}  // namespace
 
 LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
                                        bool debug_images)
@@ -40,7 +49,14 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
-      mapper_(lens::Camera(camera_.model), mapperOptions(fleet)) {
+      mapper_(lens::Camera(camera_.model), mapperOptions(fleet)),
+      laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
+  if (const auto& sensor = fleet.robot(camera_.robot).laser) {
+    laser_.emplace(*sensor, laserOptions(fleet));
+    scans_.emplace(context.bus.reader(context.topics.laser, camera_.robot), merger_, ends_,
+                   bus::StreamSpec{"laser " + camera_.robot, camera_.robot, 2, bus::StreamRole::kInput,
+                                   streamMode(context.options), false});
+  }
   if (fleet.robot(camera_.robot).has_wheels) {
     wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, camera_.robot), merger_, ends_,
                     bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1,
@@ -59,6 +75,11 @@ bool LocalMapperService::pull() {
       return adapters::fromWire(wire, payload.emplace<dataset::WheelRow>());
     }) > 0;
   }
+  if (scans_) {
+    any |= scans_->pull(status(), [](const v1::LaserScan& wire, Payload& payload) {
+      return takeScan(wire, payload.emplace<LaserInput>());
+    }) > 0;
+  }
   if (merger_.wants(frame_stream_)) {
     if (const auto frame = frames_.take(status())) {
       merger_.push(frame_stream_, frame->header.acquired_ns, *frame);
@@ -72,7 +93,10 @@ bool LocalMapperService::pull() {
 bool LocalMapperService::spin() {
   bool any = pull();
   while (merger_.nextBatch(batch_)) {
-    process();
+    takeBeside();
+    for (const auto& item : batch_.inputs) {
+      if (const auto* view = std::get_if<bus::FrameView>(&item.payload)) process(*view);
+    }
     any = true;
     pull();
   }
@@ -83,17 +107,25 @@ bool LocalMapperService::spin() {
   return any;
 }
 
-void LocalMapperService::process() {
-  const auto begun = steady_clock::now();
+/// What came beside the frames: wheel rows, and the scan of this moment.
+void LocalMapperService::takeBeside() {
   for (const auto& item : batch_.side) {
     const auto& row = std::get<dataset::WheelRow>(item.payload);
     integrator_.add(row.time_ns, row.left_mps, row.right_mps);
   }
-  const auto& view = std::get<bus::FrameView>(batch_.inputs.front().payload);
+  for (const auto& item : batch_.inputs) {
+    if (const auto* scan = std::get_if<LaserInput>(&item.payload)) scan_ = *scan;
+  }
+}
+
+void LocalMapperService::process(const bus::FrameView& view) {
+  const auto begun = steady_clock::now();
   const cv::Mat image = asMat(view);
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
   local_map_ = mapper_.process(frame, integrator_.motionTo(frame.acquired_ns));
   local_map_.robot = camera_.robot;
+  if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
+    laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {
     local_map_.state = FrameState::kTorn;
@@ -119,8 +151,10 @@ void LocalMapperService::saveDebugImages(const cv::Mat& image) {
 
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context) {
   const auto& o = context.options;
-  return std::make_unique<LocalMapperService>(context, fleet::Fleet::load(o.fleet, o.dataset, o.configs),
-                                              o.debug_images);
+  const fleet::Fleet fleet = fleet::Fleet::load(o.fleet, o.dataset, o.configs);
+  if (!fleet.fisheyeOf(o.robot) && fleet.robot(o.robot).laser)
+    return std::make_unique<LaserMapperService>(context, fleet);
+  return std::make_unique<LocalMapperService>(context, fleet, o.debug_images);
 }
 
 }  // namespace omnifleet::services

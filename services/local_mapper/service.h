@@ -11,12 +11,15 @@
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "local_mapper/debug_images.h"
+#include "local_mapper/laser_service.h"
 #include "local_mapper/local_mapper.h"
 #include "motion/wheel_integrator.h"
 
 namespace omnifleet::services {
 
-/// One robot's frames and wheel speeds in, one local map per frame out.
+/// One robot's frames and wheel speeds in, one local map per frame out. Where the robot has a laser, too, the scan of
+/// the frame's moment (at most `services: {local_mapper: {laser_age_s}}` before it) takes the place of the camera's rays
+/// (laser/join.h).
 class LocalMapperService : public bus::Service {
  public:
   /// `debug_images`: write the four pictures of Choi's Figs. 15–17 of every frame into OUT/debug/<robot>.
@@ -32,10 +35,11 @@ class LocalMapperService : public bus::Service {
   }
 
  private:
-  using Payload = std::variant<std::monostate, bus::FrameView, dataset::WheelRow>;
+  using Payload = std::variant<std::monostate, bus::FrameView, dataset::WheelRow, LaserInput>;
 
   bool pull();
-  void process();
+  void takeBeside();
+  void process(const bus::FrameView& view);
   void saveDebugImages(const cv::Mat& image);
 
   bus::ServiceContext context_;
@@ -46,15 +50,20 @@ class LocalMapperService : public bus::Service {
   FrameInlet frames_;
   int frame_stream_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
+  std::optional<Inlet<v1::LaserScan, Payload>> scans_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
   local_mapper::LocalMapper mapper_;
+  std::optional<laser::LaserMapper> laser_;
+  TimeNs laser_age_ns_;
+  std::optional<LaserInput> scan_;  ///< the latest
   std::string debug_folder_;  ///< empty: no pictures
   LocalMap local_map_;
   v1::LocalMap sample_;
   bool ended_ = false;
 };
 
+/// By the robot's fisheye camera; by its laser where it has none.
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context);
 
 }  // namespace omnifleet::services

@@ -67,7 +67,7 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
                        {context_.bus.writer(context_.topics.map_keyframe_pose, robot),
                         "map/keyframe_pose localizer " + robot, readers("map/keyframe_pose")},
                        {}};
-  if (!fleet.fisheyeOf(robot)) {
+  if (!fleet.maps(robot)) {
     outputs.objects.emplace(context_.bus.writer(context_.topics.objects, robot), "objects " + robot,
                             readers("objects"));
   }

@@ -52,6 +52,35 @@ class DatasetWorldService::WheelStream final : public Stream {
   std::size_t next_ = 0;
 };
 
+class DatasetWorldService::LaserStream final : public Stream {
+ public:
+  LaserStream(const bus::ServiceContext& context, const fleet::Fleet& fleet, dataset::RobotRecording& robot)
+      : robot_(robot.name),
+        range_max_m_(robot.laser_sensor.range_max_m),
+        rows_(std::move(robot.laser)),
+        clock_(runClock(context.options)),
+        out_(context.bus.writer(context.topics.laser, robot.name), "laser " + robot.name,
+             fleet::expectedReaders(fleet, "laser", robot.name)) {}
+  bool done() const override { return next_ == rows_.size(); }
+  TimeNs time() const override { return rows_[next_].time_ns; }
+  void write(bus::StatusBoard& status) override {
+    adapters::toWire(rows_[next_], robot_, static_cast<std::uint32_t>(next_), range_max_m_, clock_, sample_);
+    out_.write(sample_, status);
+    ++next_;
+  }
+  void end(RunEnds& ends, const std::string& reason) override { out_.end(ends, reason); }
+  bus::Expectation expectation() const override { return out_.expectation(); }
+
+ private:
+  std::string robot_;
+  double range_max_m_;
+  std::vector<dataset::LaserRow> rows_;
+  adapters::RunClock clock_;
+  Outlet<v1::LaserScan> out_;
+  v1::LaserScan sample_;
+  std::size_t next_ = 0;
+};
+
 class DatasetWorldService::ObservationStream final : public Stream {
  public:
   ObservationStream(const bus::ServiceContext& context, const fleet::Fleet& fleet,
@@ -101,6 +130,7 @@ DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, con
   }
   for (dataset::RobotRecording& robot : recording.robots) {
     if (!robot.wheels.empty()) streams_.push_back(std::make_unique<WheelStream>(context, fleet, robot));
+    if (!robot.laser.empty()) streams_.push_back(std::make_unique<LaserStream>(context, fleet, robot));
     if (!robot.observations.empty())
       streams_.push_back(std::make_unique<ObservationStream>(context, fleet, robot));
   }

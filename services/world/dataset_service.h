@@ -10,7 +10,7 @@
 
 namespace omnifleet::services {
 
-/// Plays what a recording holds beside images: wheel speeds, ranges and bearings. Nothing is lost: writers
+/// Plays what a recording holds beside images: wheel speeds, laser scans, ranges and bearings. Nothing is lost: writers
 /// wait for their readers. One thread plays all streams, always the earliest row next: a reader that needs
 /// several streams up to some time gets them, so none can wait for another.
 class DatasetWorldService : public bus::Service {
@@ -27,6 +27,7 @@ class DatasetWorldService : public bus::Service {
  private:
   class Stream;
   class WheelStream;
+  class LaserStream;
   class ObservationStream;
   Stream* earliest();
   void finish(const std::string& reason);

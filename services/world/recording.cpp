@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "dataset/writer.h"
+#include "synthetic/laser_scanner.h"
 #include "synthetic/renderer.h"
 #include "world/drivers.h"
 
@@ -29,6 +30,21 @@ std::vector<std::unique_ptr<CameraTrack>> openCameras(const synthetic::Arena& ar
   return cameras;
 }
 
+struct LaserTrack {
+  synthetic::LaserScanner scanner;
+  dataset::LaserWriter writer;
+};
+
+std::vector<LaserTrack> openLasers(const synthetic::Arena& arena, std::uint32_t seed, const std::string& folder) {
+  std::vector<LaserTrack> lasers;
+  if (!arena.laser) return lasers;
+  for (const synthetic::ArenaRobot& robot : arena.robots) {
+    lasers.push_back({synthetic::LaserScanner(arena, robot.name, seed),
+                      dataset::LaserWriter(folder, robot.name, arena.laser->sensor)});
+  }
+  return lasers;
+}
+
 void writeDescription(const synthetic::Arena& arena, const std::string& folder) {
   std::vector<dataset::RobotRecording> robots;
   for (const synthetic::ArenaRobot& robot : arena.robots) {
@@ -50,6 +66,7 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
   Drivers drivers(world);
   writeDescription(arena, folder);
   auto cameras = openCameras(arena, options, folder);
+  auto lasers = openLasers(arena, options.seed, folder);
   std::vector<dataset::WheelsWriter> wheels;
   for (const synthetic::ArenaRobot& robot : arena.robots) wheels.emplace_back(folder, robot.name);
   std::vector<std::vector<dataset::StampedPose>> truth(arena.robots.size());
@@ -61,6 +78,7 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
       camera->renderer.render(state.frame, state.map_from_bases, camera->image);
       camera->writer.write(state.time_ns, camera->image);
     }
+    for (LaserTrack& laser : lasers) laser.writer.write(laser.scanner.scan(state.frame, state.map_from_bases));
     const World::Driven& driven = world.step(drivers.commands(world));
     for (std::size_t i = 0; i < wheels.size(); ++i) {
       truth[i].push_back({state.time_ns, state.map_from_bases[i]});

@@ -24,7 +24,7 @@ struct RecordingReport {
   std::vector<World::Collision> collisions;
 };
 
-/// Drives an arena (world/drivers.h) and writes it as a complete dataset: every camera, wheels, markers,
+/// Drives an arena (world/drivers.h) and writes it as a complete dataset: every camera, laser and wheel, markers,
 /// truth. Ends when all have arrived or at the arena's duration. `progress(frame, frames)` is called after
 /// each frame. Throws std::runtime_error where something cannot be written, options::Error for a wrong arena.
 RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& options,

@@ -42,7 +42,8 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
          {context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
           fleet::expectedReaders(fleet, "wheels/odometry", robot.name)},
          {},
-         {}});
+         {},
+         makeLaser(robot.name)});
     if (!fleet.hasFormation()) continue;
     inlets_.push_back(std::make_unique<Inlet<v1::WheelCommand, Command>>(
         context.bus.reader(context.topics.wheels_command, robot.name), merger_, ends_,
@@ -57,11 +58,24 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
   status().expected(static_cast<std::uint64_t>(fleet.arena->frames()));
 }
 
+std::unique_ptr<ArenaWorldService::Laser> ArenaWorldService::makeLaser(const std::string& robot) {
+  if (!fleet_.arena->laser) return nullptr;
+  auto laser = std::unique_ptr<Laser>(
+      new Laser{{context_.bus.writer(context_.topics.laser, robot), "laser " + robot,
+                 fleet::expectedReaders(fleet_, "laser", robot)},
+                {},
+                synthetic::LaserScanner(*fleet_.arena, robot, static_cast<std::uint32_t>(fleet_.seed))});
+  if (context_.options.record)
+    laser->recorder.open(context_.options.out + "/recording", robot, fleet_.arena->laser->sensor);
+  return laser;
+}
+
 std::vector<bus::Expectation> ArenaWorldService::expectations() const {
   std::vector<bus::Expectation> all;
   for (const RobotOutputs& outputs : outputs_) {
     all.push_back(outputs.truth.expectation());
     all.push_back(outputs.wheels.expectation());
+    if (outputs.laser) all.push_back(outputs.laser->out.expectation());
   }
   return all;
 }
@@ -135,6 +149,7 @@ const std::vector<motion::WheelSpeeds>& ArenaWorldService::heldCommands() {
 void ArenaWorldService::publishFrame() {
   const auto begun = steady_clock::now();
   publishTruth(world_.now());
+  publishScans(world_.now());
   last_published_ = world_.finished();
   // The speeds of the interval that begins now were commanded in answer to the frame before (DESIGN,
   // determinism).
@@ -154,6 +169,18 @@ void ArenaWorldService::publishTruth(const world::World::State& state) {
     wire.map_from_base().theta(pose.theta_rad);
     outputs_[i].truth.write(wire, status());
     outputs_[i].path.push_back({state.time_ns, pose});
+  }
+}
+
+void ArenaWorldService::publishScans(const world::World::State& state) {
+  v1::LaserScan wire;
+  for (std::size_t i = 0; i < outputs_.size() && fleet_.arena->laser; ++i) {
+    Laser& laser = *outputs_[i].laser;
+    const dataset::LaserRow& row = laser.scanner.scan(state.frame, state.map_from_bases);
+    adapters::toWire(row, fleet_.arena->robots[i].name, static_cast<std::uint32_t>(state.frame),
+                     fleet_.arena->laser->sensor.range_max_m, adapters::RunClock::kSim, wire);
+    laser.out.write(wire, status());
+    laser.recorder.write(status(), [&](dataset::LaserWriter& writer) { writer.write(row); });
   }
 }
 
@@ -187,6 +214,7 @@ void ArenaWorldService::finish(const std::string& reason) {
   for (RobotOutputs& outputs : outputs_) {
     outputs.truth.end(ends_, reason);
     outputs.wheels.end(ends_, reason);
+    if (outputs.laser) outputs.laser->out.end(ends_, reason);
   }
   saveTruth();
 }

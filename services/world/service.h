@@ -11,13 +11,14 @@
 #include "dataset/trajectory_files.h"
 #include "dataset/writer.h"
 #include "fleet/fleet.h"
+#include "synthetic/laser_scanner.h"
 #include "world/world.h"
 
 namespace omnifleet::services {
 
-/// The simulated arena: commands in; true poses (for its cameras) and wheel odometry out. In lockstep a step
-/// is taken when every robot has answered the frame before; by the clock (live) with the latest commands,
-/// where a robot that has not been told anything for `command_hold_s` stands, as every base does.
+/// The simulated arena: commands in; true poses (for its cameras), laser scans and wheel odometry out. In
+/// lockstep a step is taken when every robot has answered the frame before; by the clock (live) with the latest
+/// commands, where a robot that has not been told anything for `command_hold_s` stands, as every base does.
 /// Writes the truth to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
@@ -38,19 +39,27 @@ class ArenaWorldService : public bus::Service {
     std::size_t robot = 0;
     motion::WheelSpeeds speeds;
   };
+  struct Laser {
+    Outlet<v1::LaserScan> out;
+    SideOutput<dataset::LaserWriter> recorder;
+    synthetic::LaserScanner scanner;
+  };
   struct RobotOutputs {
     Outlet<v1::Truth> truth;
     Outlet<v1::WheelOdometry> wheels;
     SideOutput<dataset::WheelsWriter> recorder;
     std::vector<dataset::StampedPose> path;
+    std::unique_ptr<Laser> laser;  ///< where the arena has one
   };
 
+  std::unique_ptr<Laser> makeLaser(const std::string& robot);
   bool pull();
   bool answered();
   void takeCommands();
   const std::vector<motion::WheelSpeeds>& heldCommands();
   void publishFrame();
   void publishTruth(const world::World::State& state);
+  void publishScans(const world::World::State& state);
   void publishWheels(const world::World::Driven& driven);
   bool atRest();
   void finish(const std::string& reason);

@@ -46,6 +46,7 @@ TEST_P(EveryMode, TopicsCarryThePrefixAndOnlyDeterministicRunsKeepAll) {
   };
   stream(topics.wheels_odometry);
   stream(topics.wheels_command);
+  stream(topics.laser);
   stream(topics.local_map);
   stream(topics.objects);
   stream(topics.measurement);

@@ -11,16 +11,19 @@
 
 namespace omnifleet::test {
 
-/// One stage of config/fleets/small.yaml on the fake bus; the test plays its neighbours.
+/// One stage of config/fleets/small.yaml, or of another fleet file, on the fake bus; the test plays its neighbours.
 class StageBench {
  public:
-  explicit StageBench(const std::string& service, const std::string& robot, const std::string& out = {})
+  explicit StageBench(const std::string& service, const std::string& robot, const std::string& out = {},
+                      const std::string& fleet = {})
       : network_(bus::makeFakeNetwork()),
         theirs_(bus::makeFakeBus(network_, {})),
         mine_(bus::makeFakeBus(network_, {})),
         topics(bus::RunMode::kLockstep) {
     bus::ServiceOptions options;
-    options.fleet = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
+    options.fleet = fleet;
+    if (fleet.empty())
+      options.fleet = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
     options.robot = robot;
     options.out = out;
     options.mode = bus::RunMode::kLockstep;

@@ -1,0 +1,86 @@
+#include "local_mapper/laser_service.h"
+
+#include <fmt/format.h>
+
+namespace omnifleet::services {
+namespace {
+
+using std::chrono::steady_clock;
+
+const dataset::LaserSensor& sensorOf(const fleet::Fleet& fleet, const std::string& robot) {
+  const auto& laser = fleet.robot(robot).laser;
+  if (!laser) throw options::Error("robot '" + robot + "' has no laser");
+  return *laser;
+}
+
+}  // namespace
+
+laser::Options laserOptions(const fleet::Fleet& fleet) {
+  return laser::Options::read(fleet.service("local_mapper").child("laser"));
+}
+
+Taken takeScan(const v1::LaserScan& wire, LaserInput& scan) {
+  scan.sequence = wire.header().sequence_number();
+  return orInvalid(adapters::fromWire(wire, scan.row));
+}
+
+LaserMapperService::LaserMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+    : context_(context),
+      robot_(context.options.robot),
+      ends_(context),
+      scans_(context.bus.reader(context.topics.laser, robot_), merger_, ends_,
+             {"laser " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
+      out_(context.bus.writer(context.topics.local_map, robot_), "local_map " + robot_,
+           fleet::expectedReaders(fleet, "local_map", robot_)),
+      integrator_(makeIntegrator(fleet, fleet.robot(robot_))),
+      mapper_(sensorOf(fleet, robot_), laserOptions(fleet)) {
+  if (!fleet.robot(robot_).has_wheels) return;
+  wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, robot_), merger_, ends_,
+                  bus::StreamSpec{"wheels/odometry " + robot_, robot_, 1, bus::StreamRole::kSide,
+                                  streamMode(context.options)});
+}
+
+bool LaserMapperService::pull() {
+  bool any = ends_.poll();
+  if (wheels_) {
+    any |= wheels_->pull(status(), [](const v1::WheelOdometry& wire, Payload& payload) {
+      return adapters::fromWire(wire, payload.emplace<dataset::WheelRow>());
+    }) > 0;
+  }
+  any |= scans_.pull(status(), [](const v1::LaserScan& wire, Payload& payload) {
+    return takeScan(wire, payload.emplace<LaserInput>());
+  }) > 0;
+  return any;
+}
+
+bool LaserMapperService::spin() {
+  bool any = pull();
+  while (merger_.nextBatch(batch_)) {
+    process();
+    any = true;
+  }
+  if (!ended_ && merger_.finished()) {
+    out_.end(ends_);
+    ended_ = any = true;
+  }
+  return any;
+}
+
+void LaserMapperService::process() {
+  const auto begun = steady_clock::now();
+  for (const auto& item : batch_.side) {
+    const auto& row = std::get<dataset::WheelRow>(item.payload);
+    integrator_.add(row.time_ns, row.left_mps, row.right_mps);
+  }
+  const LaserInput& scan = std::get<LaserInput>(batch_.inputs.front().payload);
+  local_map_ = mapper_.process(scan.row, scan.sequence, integrator_.motionTo(scan.row.time_ns));
+  local_map_.robot = robot_;
+  adapters::toWire(local_map_, runClock(context_.options), sample_);
+  out_.write(sample_, status());
+  const bool good = local_map_.state == FrameState::kOk;
+  status().processed(steady_clock::now() - begun, good);
+  if (!good)
+    status().error(fmt::format("scan {} of laser {}: {}", scan.sequence, robot_, toString(local_map_.state)));
+}
+
+}  // namespace omnifleet::services

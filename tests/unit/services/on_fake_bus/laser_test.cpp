@@ -1,0 +1,227 @@
+// A robot with a laser and no camera: its local mapper fed by a scanner, good and bad; and a whole fleet of such
+// robots over a recording made in the arena.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <octomap/OcTree.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <sstream>
+
+#include "dataset/map_files.h"
+#include "dataset/trajectory_files.h"
+#include "tests/unit/services/on_fake_bus/stage_bench.h"
+#include "world/recording.h"
+
+namespace omnifleet {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr TimeNs kPeriod = 200'000'000;
+constexpr std::size_t kBeams = 360;
+
+class Folder {
+ public:
+  explicit Folder(const std::string& name)
+      : path_(fs::temp_directory_path() / (name + "_" + std::to_string(::getpid()))) {
+    fs::remove_all(path_);
+    fs::create_directories(path_);
+  }
+  ~Folder() { fs::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  fs::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  fs::path path_;
+};
+
+std::string fleetFile(const Folder& folder) {
+  std::ofstream(folder / "laser.yaml") << "position_m: [0, 0, 0.1]\nrange_max_m: 5\nrange_sigma_m: 0.005\n";
+  std::ofstream(folder / "fleet.yaml")
+      << "robots: {r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26, wheels: true, "
+         "laser: laser.yaml}}\n";
+  return folder / "fleet.yaml";
+}
+
+/// The local mapper of r1, its scanner and its wheels.
+class LaserStage : public testing::Test {
+ protected:
+  LaserStage()
+      : folder_("omnifleet_laser_stage"),
+        bench_("local_mapper", "r1", {}, fleetFile(folder_)),
+        scans_(bench_.bus().writer(bench_.topics.laser, "r1")),
+        wheels_(bench_.bus().writer(bench_.topics.wheels_odometry, "r1")),
+        maps_(bench_.bus().reader(bench_.topics.local_map, "r1")) {}
+
+  /// A disc of 15 cm straight ahead, 1 m away.
+  v1::LaserScan scan(std::uint32_t index) const {
+    v1::LaserScan sample;
+    sample.robot("r1");
+    sample.header().acquired_ns(index * kPeriod);
+    sample.header().sequence_number(index);
+    sample.angle_min_rad(-M_PI);
+    sample.angle_increment_rad(2.0 * M_PI / kBeams);
+    sample.range_max_m(5.0f);
+    for (std::size_t i = 0; i < kBeams; ++i) {
+      const double bearing = -M_PI + 2.0 * M_PI * static_cast<double>(i) / kBeams;
+      const double half = 0.15 * 0.15 - std::sin(bearing) * std::sin(bearing);
+      const bool hit = half > 0.0 && std::cos(bearing) > 0.0;
+      sample.range_m().push_back(hit ? static_cast<float>(std::cos(bearing) - std::sqrt(half))
+                                     : std::numeric_limits<float>::infinity());
+    }
+    return sample;
+  }
+  void sendWheels(TimeNs time) {
+    v1::WheelOdometry sample;
+    sample.robot("r1");
+    sample.header().acquired_ns(time);
+    sample.v_left_mps(0.1);
+    sample.v_right_mps(0.1);
+    ASSERT_TRUE(wheels_->write(sample));
+  }
+  /// One scan in, the stage's one answer out.
+  v1::LocalMap answerTo(const v1::LaserScan& sample) {
+    EXPECT_TRUE(scans_->write(sample));
+    sendWheels(sample.header().acquired_ns());
+    bench_.spin();
+    v1::LocalMap answer, none;
+    EXPECT_TRUE(maps_->take(answer)) << "every scan has an answer";
+    EXPECT_FALSE(maps_->take(none)) << "and only one";
+    EXPECT_EQ(answer.header().sequence_number(), sample.header().sequence_number());
+    return answer;
+  }
+
+  Folder folder_;
+  test::StageBench bench_;
+  std::unique_ptr<bus::Writer<v1::LaserScan>> scans_;
+  std::unique_ptr<bus::Writer<v1::WheelOdometry>> wheels_;
+  std::unique_ptr<bus::Reader<v1::LocalMap>> maps_;
+};
+
+TEST_F(LaserStage, AScanBecomesALocalMap) {
+  answerTo(scan(0));
+  const v1::LocalMap map = answerTo(scan(1));
+  EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(map.camera_height_m(), 0.0);
+  EXPECT_TRUE(map.motion().valid());
+  EXPECT_NEAR(map.motion().previous_from_current().x(), 0.02, 1e-9);  // 0.1 m/s for 0.2 s
+  ASSERT_EQ(map.objects().size(), 1u);
+  EXPECT_NEAR(map.objects()[0].contact().x(), 0.85, 1e-3);
+  ASSERT_EQ(map.scan().range_m().size(), kBeams);
+  EXPECT_NEAR(map.scan().range_m()[0], 0.85, 1e-3);
+  EXPECT_EQ(map.scan().range_m()[180], 5.0f) << "free as far as the scanner reaches";
+}
+
+TEST_F(LaserStage, ImpossibleScansAreRejectedAndCountedAndTheStageGoesOn) {
+  EXPECT_EQ(answerTo(scan(0)).state(), v1::FrameState::FRAME_OK);
+  std::uint32_t index = 0;
+  const auto spoilt = [&](auto&& spoil) {
+    v1::LaserScan sample = scan(++index);
+    spoil(sample);
+    const v1::LocalMap map = answerTo(sample);
+    EXPECT_TRUE(map.objects().empty() && map.scan().range_m().empty());
+    EXPECT_EQ(bench_.status().invalid, index);
+    EXPECT_THAT(bench_.status().last_error, HasSubstr("scan " + std::to_string(index) + " of laser r1"));
+    return map.state();
+  };
+  EXPECT_EQ(spoilt([](auto& s) { s.range_m()[7] = std::nanf(""); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(spoilt([](auto& s) { s.range_m()[7] = -0.5f; }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(spoilt([](auto& s) { s.angle_increment_rad(0.0); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(spoilt([](auto& s) { s.angle_min_rad(std::nan("")); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(spoilt([](auto& s) { s.range_max_m(-1.0f); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(spoilt([](auto& s) { s.range_m().clear(); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(bench_.status().drops, 6u);
+  EXPECT_EQ(spoilt([](auto& s) { s.range_m().pop_back(); }), v1::FrameState::FRAME_WRONG_SIZE);
+  EXPECT_EQ(answerTo(scan(++index)).state(), v1::FrameState::FRAME_OK);
+}
+
+TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
+  answerTo(scan(2));
+  ASSERT_TRUE(scans_->write(scan(1)));
+  ASSERT_TRUE(scans_->write(scan(2)));
+  bench_.spin();
+  v1::LocalMap none;
+  EXPECT_FALSE(maps_->take(none));
+  EXPECT_EQ(bench_.status().drops, 2u);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("laser r1: a sample out of order"));
+}
+
+/// Two robots drive past three obstacles within walls, each once round them.
+synthetic::Arena arena() {
+  return synthetic::Arena::read(options::Section::parse(R"(
+name: lasers
+frames: {rate_hz: 5, duration_s: 30}
+floor: {size_m: [4.0, 3.2]}
+obstacles:
+  - {kind: box, pose: [0.0, 0.0, 0.4], size_m: [0.30, 0.20], height_m: 0.18}
+  - {kind: cylinder, pose: [0.7, 0.1, 0], radius_m: 0.12, height_m: 0.20}
+walls: {height_m: 0.3}
+robots:
+  r1: {initial_pose: [-1.20, 0.75, 0.0], waypoints: [[1.30, 0.75]]}
+  r2: {initial_pose: [-1.20, -0.75, 0.0], waypoints: [[1.30, -0.75]]}
+rigs:
+  laser: {beams: 720, position_m: [0.02, 0, 0.08], range_max_m: 5.0, range_sigma_m: 0.005}
+)",
+                                                        "lasers.yaml"));
+}
+
+std::map<std::string, std::string> resultsOf(const fs::path& out) {
+  std::map<std::string, std::string> files;
+  for (const char* name : {"objects.geojson", "map.bt", "trajectories/r1.tum", "trajectories/r2.tum"}) {
+    std::ostringstream text;
+    text << std::ifstream(out / name, std::ios::binary).rdbuf();
+    files[name] = text.str();
+  }
+  return files;
+}
+
+TEST(LaserFleet, ARecordingOfScansBecomesAMapTwiceTheSame) {
+  const Folder folder("omnifleet_laser_fleet");
+  const synthetic::Arena scene = arena();
+  world::RecordingOptions options;
+  options.world = world::World::Options::read(scene.world);
+  world::record(scene, options, folder / "recording");
+  services::InProcessRun run;
+  run.dataset = folder / "recording";
+  run.out = folder / "one";
+  ASSERT_TRUE(services::runInProcess(run));
+
+  const auto found = dataset::readObjects(folder / "one/objects.geojson");
+  const auto truth = scene.truthScene(0.0);
+  ASSERT_EQ(found.size(), truth.size()) << "nothing missed, nothing false: walls and robots are no obstacles";
+  for (const auto& object : truth) {
+    double nearest = 1.0;
+    for (const auto& seen : found) nearest = std::min(nearest, (seen.centroid_m - object.centroid_m).norm());
+    EXPECT_LT(nearest, 0.02) << "each side is known to half a centimetre, the paths to a centimetre";
+  }
+  for (const std::string robot : {"r1", "r2"}) {
+    const auto path = dataset::readTum((folder / ("one/trajectories/" + robot + ".tum")).string());
+    const auto true_path = dataset::readTum((folder / ("recording/groundtruth/" + robot + ".tum")).string());
+    ASSERT_EQ(path.size(), true_path.size()) << "a row per scan";
+    const Eigen::Vector2d off = (path.back().position_m - true_path.back().position_m).head<2>();
+    EXPECT_LT(off.norm(), 0.05) << robot;
+  }
+  const octomap::OcTree tree((folder / "one/map.bt").string());
+  const auto occupied = [&](double x, double y) {
+    const auto* node = tree.search(x, y, 0.0);
+    return node == nullptr ? -1 : tree.isNodeOccupied(node) ? 1 : 0;
+  };
+  EXPECT_EQ(occupied(-0.6, 0.4), 0) << "open floor";
+  EXPECT_EQ(occupied(0.7, 0.23), 1) << "the near side of the cylinder";
+  EXPECT_EQ(occupied(-0.6, 1.62), 1) << "a wall";
+
+  run.out = folder / "two";
+  ASSERT_TRUE(services::runInProcess(run));
+  EXPECT_EQ(resultsOf(folder / "one"), resultsOf(folder / "two"));
+}
+
+}  // namespace
+}  // namespace omnifleet
