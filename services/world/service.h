@@ -17,9 +17,9 @@
 namespace omnifleet::services {
 
 /// The simulated arena: commands in; true poses (for its cameras), laser scans and wheel odometry out. In
-/// lockstep a step is taken when every robot has answered the frame before; by the clock (live) with the latest
-/// commands, where a robot that has not been told anything for `command_hold_s` stands, as every base does.
-/// Writes the truth to OUT/recording when the run ends.
+/// lockstep a step is taken when every robot has answered the frame before; by the clock (live) with the
+/// latest commands, where a robot that has not been told anything for `command_hold_s` stands, as every base
+/// does. Writes the truth to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
   ArenaWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
