@@ -125,7 +125,8 @@ cv::Mat drawFormation(const SeedData& data) {
   const auto& leader_path = truth.trajectories.begin()->second;
   const TimeNs time_ns = leader_path[leader_path.size() * 3 / 5].time_ns;
   const auto robots = robotsAt(data.moving, run, time_ns);
-  Bounds bounds = roomOf(truth.scene, robots);
+  Bounds bounds;
+  for (const auto& robot : robots) bounds.add(robot.pose.translation(), 1.1);
   Plot plot = mapPlot("formation while driving: d and theta of the followers, seen from the leader", bounds,
                       {1200, 860});
   for (const auto& object : dataset::readObjects(run + "/objects.geojson")) {
@@ -143,7 +144,7 @@ cv::Mat drawFormation(const SeedData& data) {
     plot.line({from, to}, {ink::kBlack, 1, false, false, ""});
     plot.words(fmt::format("d {:.2f} m, theta {:.0f} deg", in_leader.norm(),
                            kDegrees * std::atan2(in_leader.y(), in_leader.x())),
-               0.5 * (from + to), ink::kBlack, i == 1 ? 16 : -16, 0.45);
+               to, ink::kBlack, in_leader.y() > 0.0 ? 74 : -74, 0.5);
   }
   for (std::size_t i = 0; i < robots.size(); ++i) {
     std::vector<Eigen::Vector2d> way;
@@ -166,6 +167,7 @@ cv::Mat drawOverlay(const SeedData& data, const std::string& method, const std::
   Plot plot = mapPlot(title, roomOf(scene, robots));
   for (std::size_t i = 0; i < views.size(); ++i) {
     for (const auto& object : views[i].map.objects) {
+      if (!hasOutline(object)) continue;
       const Polygon hull = placed(robots[i].pose, object.hull_m);
       plot.area(hull, ink::robot(i), 0.18);
       plot.line(hull, {ink::robot(i), 1, false, true, "hulls of " + views[i].robot});

@@ -20,7 +20,7 @@ void pair(const std::string& path, const std::string& what, Picture picture, con
 /// Figs. 15–17: labels, vectors, corrected vectors, local map.
 cv::Mat four(const LocalView& view) {
   return stacked({beside({connectedPicture(view), vectorPicture(view)},
-                         {view.robot + ": labelling", "motion vectors over 5 cm"}),
+                         {view.robot + ": labelling", "motion vectors, 3x"}),
                   beside({correctedPicture(view), hullPicture(view)}, {"corrected motion vectors", "local map"})});
 }
 
@@ -44,7 +44,7 @@ void drawLocalFigures(const SeedData& data, const std::string& folder) {
   const std::string to = folder + "/";
   pair(to + "fig04_labelling.png", "labels before Algorithm 1", labelPicture, literal[0], ours[0]);
   pair(to + "fig05_connection.png", "regions after Algorithm 1", connectedPicture, literal[0], ours[0]);
-  pair(to + "fig06_vectors.png", "motion vectors over 5 cm", vectorPicture, literal[0], ours[0]);
+  pair(to + "fig06_vectors.png", "motion vectors over 5 cm, 3 times as long", vectorPicture, literal[0], ours[0]);
   pair(to + "fig08_corrected.png", "corrected vectors", correctedPicture, literal[0], ours[0]);
   pair(to + "fig09_hulls.png", "convex hulls", hullPicture, literal[0], ours[0]);
   drawRoom(data.fixed_ceiling, to + "fig14_static_room.png");

@@ -129,7 +129,7 @@ cv::Mat drawErrors(const std::vector<ErrorTrace>& traces, const std::string& tit
     if (!trace.t_s.empty()) end = std::max(end, trace.t_s.back());
   }
   axes.low = {0.0, -1.15 * most};
-  axes.high = {end, 1.15 * most};
+  axes.high = {1.14 * end, 1.15 * most};  // the legend has a place of its own
   Plot plot(axes, {860, 420});
   plot.line({{0.0, 0.0}, {end, 0.0}}, {ink::kGrey, 1, false, false, ""});
   for (std::size_t i = 0; i < traces.size(); ++i) {

@@ -88,7 +88,7 @@ void Plot::remember(const std::string& name, const cv::Scalar& colour, int kind)
 void Plot::drawGrid() {
   for (int axis = 0; axis < 2; ++axis) {
     const double low = axes_.low[axis], high = axes_.high[axis];
-    const double step = tickStep(high - low, (axis == 0 ? frame_.width : frame_.height) / 90.0);
+    const double step = tickStep(high - low, axis == 0 ? frame_.width / 90.0 : frame_.height / 50.0);
     for (double v = std::ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) {
       Eigen::Vector2d at = axes_.low;
       at[axis] = v;
@@ -207,7 +207,7 @@ void Plot::drawLegend() {
   int width = 0;
   for (const Entry& entry : legend_) width = std::max(width, sizeOf(entry.name, 0.45).width);
   const int line = 20;
-  const cv::Rect box(frame_.br().x - width - 58, frame_.y + 8, width + 50,
+  const cv::Rect box(frame_.br().x - width - 56, frame_.y + 6, width + 50,
                      line * static_cast<int>(legend_.size()) + 10);
   cv::Mat under = image_(box & cv::Rect({}, image_.size()));
   under = 0.15 * under + 0.85 * cv::Mat(under.size(), under.type(), ink::kPaper);
