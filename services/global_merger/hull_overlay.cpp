@@ -46,11 +46,11 @@ Polygon overlaid(const std::vector<PlacedHull>& hulls, double share) {
   std::vector<std::vector<Polygon>> maps;
   for (std::size_t i = 0; i < n; ++i) maps.push_back({hulls[i * hulls.size() / n].hull_m});
   // Where they do not all meet, what most of them cover.
-  for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0; --votes) {
+  for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0;
+       --votes) {
     const auto regions = outline::overlay(maps, votes);
-    const auto largest =
-        std::max_element(regions.begin(), regions.end(),
-                         [](const auto& a, const auto& b) { return a.area() < b.area(); });
+    const auto largest = std::max_element(regions.begin(), regions.end(),
+                                          [](const auto& a, const auto& b) { return a.area() < b.area(); });
     if (largest != regions.end()) return largest->outer;
   }
   return {};
@@ -107,7 +107,8 @@ Polygon hullOf(const ObjectView& view) {
   const Eigen::Vector2d foot = map_from_base * view.prism.foot_m;
   std::vector<outline::HalfPlane> planes;
   for (std::size_t k = 0; k < b.size(); ++k) {
-    const double phi = map_from_base.theta_rad + 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(b.size());
+    const double phi =
+        map_from_base.theta_rad + 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(b.size());
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
     if (std::isfinite(b[k])) planes.push_back({n, static_cast<double>(b[k]) + n.dot(foot)});
   }

@@ -79,6 +79,9 @@ bool LocalMapperService::spin() {
   if (!ended_ && merger_.finished()) {
     out_.end(ends_);
     ended_ = any = true;
+    if (rejected_points_ > 0)
+      context_.log->info("{}: {} points lay beyond the lens' image of the floor (Choi eq. 7: r >= F)",
+                         camera_.id, rejected_points_);
   }
   return any;
 }
@@ -94,6 +97,7 @@ void LocalMapperService::process() {
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
   local_map_ = mapper_.process(frame, integrator_.motionTo(frame.acquired_ns));
   local_map_.robot = camera_.robot;
+  rejected_points_ += mapper_.rejectedPoints();
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {
     local_map_.state = FrameState::kTorn;

@@ -14,7 +14,7 @@ namespace omnifleet::choi {
 namespace {
 
 constexpr float kDrawnLonger = 3.0f;  // 5 cm are few pixels
-constexpr double kReach_m = 2.2;  // from the robot to the edge of the floor pictures
+constexpr double kReach_m = 2.2;      // from the robot to the edge of the floor pictures
 
 LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot) {
   const options::Section section = fleet.service("local_mapper");
@@ -31,7 +31,8 @@ LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot
   for (std::size_t i = 0; i <= last && source->next(view.image, info); ++i) {
     if (i != 0 && i != last) continue;
     const std::uint32_t sequence = i == 0 ? 0 : 1;  // the frames between are left out, not lost
-    view.map = mapper.process({info.time_ns, sequence, info.state, view.image}, wheels.motionTo(info.time_ns));
+    view.map =
+        mapper.process({info.time_ns, sequence, info.state, view.image}, wheels.motionTo(info.time_ns));
   }
   view.labelled = mapper.labelledBlobs();
   view.connected = mapper.connectedBlobs();
@@ -48,7 +49,8 @@ void tint(cv::Mat& image, const ground::Blob& blob, const cv::Scalar& colour) {
   for (const ground::Run& run : blob.runs) {
     auto* row = image.ptr<cv::Vec3b>(run.row);
     for (int x = run.begin; x < run.end; ++x) {
-      for (int c = 0; c < 3; ++c) row[x][c] = cv::saturate_cast<std::uint8_t>(0.25 * row[x][c] + 0.75 * colour[c]);
+      for (int c = 0; c < 3; ++c)
+        row[x][c] = cv::saturate_cast<std::uint8_t>(0.25 * row[x][c] + 0.75 * colour[c]);
     }
   }
 }
@@ -121,7 +123,8 @@ cv::Mat vectorPicture(const LocalView& view) {
   for (const ObjectObservation& object : view.map.objects) {
     for (const FlowVector& v : object.vectors) {
       const Eigen::Vector2f tip = v.from_px + kDrawnLonger * (v.to_px - v.from_px);
-      const cv::Point from(cvRound(v.from_px.x()), cvRound(v.from_px.y())), to(cvRound(tip.x()), cvRound(tip.y()));
+      const cv::Point from(cvRound(v.from_px.x()), cvRound(v.from_px.y())),
+          to(cvRound(tip.x()), cvRound(tip.y()));
       cv::arrowedLine(picture, from, to, {30, 30, 255}, width + 1, cv::LINE_AA, 0, 0.3);
       cv::circle(picture, from, width + 1, {0, 230, 255}, cv::FILLED, cv::LINE_AA);
     }
@@ -148,7 +151,8 @@ cv::Mat hullPicture(const LocalView& view) {
   const auto& objects = view.map.objects;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const ObjectObservation& object = objects[i];
-    for (const FlowVector& v : object.vectors) plot.dot(v.to_m.cast<double>(), ink::kGrey, 2, "feature points");
+    for (const FlowVector& v : object.vectors)
+      plot.dot(v.to_m.cast<double>(), ink::kGrey, 2, "feature points");
     plot.dot(object.contact_m, ink::kBlack, 4, "nearest point (contact)");
     if (!hasOutline(object)) continue;
     plot.area(object.hull_m, ink::label(i), 0.25);
