@@ -10,7 +10,7 @@ namespace omnifleet::lens {
 /// Which lens carries points of an image to the floor: the sensor's own, or that of Choi et al. 2014, §III.4.
 struct CorrectionOptions {
   std::string projection = "sensor";  ///< sensor | orthographic (eq. 6–7 in the place of the sensor's lens)
-  double focal_px = 0.0;     ///< pixels, F of eq. 6–7; 0: the one that fits the sensor's lens best on the floor
+  double focal_px = 0.0;  ///< pixels, F of eq. 6–7; 0: the one that fits the sensor's lens best on the floor
   double fit_range_m = 1.5;  ///< metres, floor up to here is fitted
 
   static CorrectionOptions read(const options::Section& section);

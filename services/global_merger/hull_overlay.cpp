@@ -11,50 +11,54 @@
 namespace omnifleet::global_merger {
 namespace {
 
-constexpr double kSharedPart = 1.0 / 3.0;
+constexpr double kSharedPart = 0.1;
 
 struct PlacedHull {
   const ObjectView* view;
   Polygon hull_m;
 };
 
-/// Views that go together, with the hull that stands for them when more are asked for.
+/// Views that go together.
 struct Pile {
   std::vector<PlacedHull> hulls;
   ObjectKind kind = ObjectKind::kUnknown;
-  Polygon outline_m;
+  Polygon common_m;  ///< convex: what its hulls share, those left out that share nothing with the rest
 };
+
+/// The intersection of two convex polygons.
+Polygon shared(const Polygon& a, const Polygon& b) {
+  Polygon rest = a;
+  for (std::size_t i = 0; i < b.size() && rest.size() >= 3; ++i) {
+    const Eigen::Vector2d along = b[(i + 1) % b.size()] - b[i], outward(along.y(), -along.x());
+    rest = outline::clip(rest, {outward, outward.dot(b[i])});
+  }
+  return rest.size() >= 3 ? rest : Polygon{};
+}
 
 bool isEarlier(const PlacedHull& a, const PlacedHull& b) {
   return std::tie(a.view->time_ns, a.view->robot, a.view->track_id) <
          std::tie(b.view->time_ns, b.view->robot, b.view->track_id);
 }
 
+/// Hulls robot by robot, so that the few that are taken are of all of them.
 Polygon overlaid(const std::vector<PlacedHull>& hulls, double share) {
   const std::size_t n = std::min(hulls.size(), kMaxHulls);
   std::vector<std::vector<Polygon>> maps;
   for (std::size_t i = 0; i < n; ++i) maps.push_back({hulls[i * hulls.size() / n].hull_m});
   // Where they do not all meet, what most of them cover.
-  for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0; --votes) {
+  for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0;
+       --votes) {
     const auto regions = outline::overlay(maps, votes);
-    const auto largest =
-        std::max_element(regions.begin(), regions.end(),
-                         [](const auto& a, const auto& b) { return a.area() < b.area(); });
+    const auto largest = std::max_element(regions.begin(), regions.end(),
+                                          [](const auto& a, const auto& b) { return a.area() < b.area(); });
     if (largest != regions.end()) return largest->outer;
   }
   return {};
 }
 
-double sharedPart(const Polygon& a, const Polygon& b) {
-  const double smaller = std::min(signedArea(a), signedArea(b));
-  return smaller > 0.0 ? outline::convexIntersectionArea(a, b) / smaller : 0.0;
-}
-
 bool overlaps(const Pile& a, const Pile& b) {
-  return std::any_of(a.hulls.begin(), a.hulls.end(), [&](const PlacedHull& x) {
-    return std::any_of(b.hulls.begin(), b.hulls.end(),
-                       [&](const PlacedHull& y) { return sharedPart(x.hull_m, y.hull_m) >= kSharedPart; });
-  });
+  const double smaller = std::min(signedArea(a.common_m), signedArea(b.common_m));
+  return smaller > 0.0 && outline::convexIntersectionArea(a.common_m, b.common_m) >= kSharedPart * smaller;
 }
 
 /// One pile per track, its views thinned: a track is one thing to the robot that follows it.
@@ -67,7 +71,10 @@ std::vector<Pile> pilesOf(const std::vector<Candidate>& candidates) {
     for (std::size_t i = 0; i < n; ++i) {
       const ObjectView& view = candidate.views[i * candidate.views.size() / n];
       Polygon hull = hullOf(view);
-      if (hull.size() >= 3) pile.hulls.push_back({&view, std::move(hull)});
+      if (hull.size() < 3) continue;
+      const Polygon common = pile.hulls.empty() ? hull : shared(pile.common_m, hull);
+      if (!common.empty()) pile.common_m = common;
+      pile.hulls.push_back({&view, std::move(hull)});
     }
     if (!pile.hulls.empty()) piles.push_back(std::move(pile));
   }
@@ -82,6 +89,7 @@ void joinOverlapping(std::vector<Pile>& piles) {
         if (!overlaps(piles[i], piles[k])) continue;
         piles[i].hulls.insert(piles[i].hulls.end(), piles[k].hulls.begin(), piles[k].hulls.end());
         piles[i].kind = std::max(piles[i].kind, piles[k].kind);
+        piles[i].common_m = shared(piles[i].common_m, piles[k].common_m);
         piles.erase(piles.begin() + static_cast<std::ptrdiff_t>(k));
         changed = true;
       }
@@ -93,11 +101,14 @@ void joinOverlapping(std::vector<Pile>& piles) {
 
 Polygon hullOf(const ObjectView& view) {
   const auto& b = view.prism.supports.b_m;
+  const auto& sigma = view.prism.supports.sigma_m;
+  if (std::none_of(sigma.begin(), sigma.end(), [](float s) { return s > 0.0f; })) return {};
   const Pose2& map_from_base = view.prism.map_from_base;
   const Eigen::Vector2d foot = map_from_base * view.prism.foot_m;
   std::vector<outline::HalfPlane> planes;
   for (std::size_t k = 0; k < b.size(); ++k) {
-    const double phi = map_from_base.theta_rad + 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(b.size());
+    const double phi =
+        map_from_base.theta_rad + 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(b.size());
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
     if (std::isfinite(b[k])) planes.push_back({n, static_cast<double>(b[k]) + n.dot(foot)});
   }
@@ -114,11 +125,11 @@ std::vector<Group> overlayHulls(const std::vector<Candidate>& candidates, const 
   joinOverlapping(piles);
   std::vector<Group> groups;
   for (Pile& pile : piles) {
-    std::sort(pile.hulls.begin(), pile.hulls.end(), isEarlier);
     Group group;
     group.kind = pile.kind;
-    for (const PlacedHull& hull : pile.hulls) group.views.push_back(hull.view);
     group.fit.footprint_m = overlaid(pile.hulls, options.hull_share);
+    std::sort(pile.hulls.begin(), pile.hulls.end(), isEarlier);
+    for (const PlacedHull& hull : pile.hulls) group.views.push_back(hull.view);
     group.fit.valid = group.fit.footprint_m.size() >= 3;
     group.fit.covariance.setZero();
     if (group.fit.valid) group.centre_m = group.fit.centre_m = centroid(group.fit.footprint_m);

@@ -103,6 +103,9 @@ bool LocalMapperService::spin() {
   if (!ended_ && merger_.finished()) {
     out_.end(ends_);
     ended_ = any = true;
+    if (rejected_points_ > 0)
+      context_.log->info("{}: {} points lay beyond the lens' image of the floor (Choi eq. 7: r >= F)",
+                         camera_.id, rejected_points_);
   }
   return any;
 }
@@ -126,6 +129,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   local_map_.robot = camera_.robot;
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
+  rejected_points_ += mapper_.rejectedPoints();
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {
     local_map_.state = FrameState::kTorn;

@@ -60,6 +60,7 @@ class LocalMapperService : public bus::Service {
   std::string debug_folder_;  ///< empty: no pictures
   LocalMap local_map_;
   v1::LocalMap sample_;
+  std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
   bool ended_ = false;
 };
 

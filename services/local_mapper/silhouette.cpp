@@ -166,7 +166,10 @@ void Silhouette::measureFeatures(ObjectObservation& object) {
   Polygon ends;
   for (const FlowVector& vector : object.vectors) ends.push_back(vector.to_m.cast<double>());
   Polygon hull = outline::convexHull(ends);
-  if (hull.size() < 3) return;
+  if (hull.size() < 3) {
+    std::fill(object.supports.sigma_m.begin(), object.supports.sigma_m.end(), -1.0f);
+    return;
+  }
   object.hull_m = std::move(hull);
   object.solidity = 1.0;
   corners_.clear();

@@ -49,7 +49,7 @@ class Silhouette {
   double contactDistance(const ground::Contour& contour) const;
 
   /// Choi §III.5: hull and supports from the outermost feature points, the ends of the object's vectors.
-  /// Where there are fewer than three of them those of the outline stay.
+  /// Where there are fewer than three of them the object has no outline: none of its supports is usable.
   void measureFeatures(ObjectObservation& object);
 
   /// Points that the lens has no floor for (r ≥ F in Choi eq. 7) since forgetRejected().

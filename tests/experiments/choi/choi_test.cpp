@@ -84,7 +84,7 @@ TEST(ChoiExperiment, OneSmallSeedFromEndToEnd) {
   const MapScore& literal = result.maps.at("literal");
   ASSERT_GT(literal.paired, 0);
   EXPECT_GT(std::hypot(literal.x_m, literal.y_m), std::hypot(ours.x_m, ours.y_m));
-  EXPECT_EQ(result.teams.size(), 2U * 7U);  // three robots: seven teams, two methods
+  EXPECT_EQ(result.teams.size(), 2U * 7U);           // three robots: seven teams, two methods
   EXPECT_EQ(result.paths.at("ours").poses, 3 * 11);  // two seconds at 5 Hz
   EXPECT_LT(result.paths.at("ours").distance_m, 0.02);
   EXPECT_EQ(result.paths.at("ceiling").poses, 3 * 11);
@@ -93,8 +93,8 @@ TEST(ChoiExperiment, OneSmallSeedFromEndToEnd) {
 
   for (const char* name :
        {"fig04_labelling", "fig05_connection", "fig06_vectors", "fig08_corrected", "fig09_hulls",
-        "fig11_information", "fig12_formation", "fig13_global_map", "fig14_static_room", "fig15_r1", "fig16_r2",
-        "fig17_r3", "fig18_static_map", "fig20_snapshots", "fig21_paths", "fig22_path_errors"}) {
+        "fig11_information", "fig12_formation", "fig13_global_map", "fig14_static_room", "fig15_r1",
+        "fig16_r2", "fig17_r3", "fig18_static_map", "fig20_snapshots", "fig21_paths", "fig22_path_errors"}) {
     const cv::Mat picture = cv::imread(options.figures + "/" + name + ".png");
     ASSERT_FALSE(picture.empty()) << name;
     cv::Scalar mean, deviation;

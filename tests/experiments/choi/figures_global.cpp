@@ -6,8 +6,8 @@
 #include "dataset/ground_truth.h"
 #include "dataset/map_files.h"
 #include "dataset/track_files.h"
-#include "fleet/fleet.h"
 #include "figures.h"
+#include "fleet/fleet.h"
 #include "local_view.h"
 
 namespace omnifleet::choi {
@@ -70,7 +70,8 @@ void drawRobots(Plot& plot, const std::vector<StandingRobot>& robots) {
 }
 
 void drawTruth(Plot& plot, const std::vector<dataset::MapObject>& scene) {
-  for (const auto& object : scene) plot.line(object.outline_m, {ink::kBlack, 1, true, true, "true footprint"});
+  for (const auto& object : scene)
+    plot.line(object.outline_m, {ink::kBlack, 1, true, true, "true footprint"});
 }
 
 Bounds roomOf(const std::vector<dataset::MapObject>& scene, const std::vector<StandingRobot>& robots) {
@@ -108,12 +109,16 @@ cv::Mat drawInformation(const SeedData& data, const std::string& method, const s
     const bool is_robot = row.kind == ObjectKind::kRobot, is_known = row.kind != ObjectKind::kUnknown;
     const cv::Scalar colour = !is_known ? ink::kGrey : is_robot ? ink::kBlue : ink::kOrange;
     plot.line({self.pose.translation(), at}, {ink::kFaint * 0.85, 1, false, false, ""});
-    plot.dot(at, colour, 6, !is_known ? "centre O of something unknown" : is_robot ? "centre O of a robot" : "centre O of an obstacle");
+    plot.dot(at, colour, 6,
+             !is_known  ? "centre O of something unknown"
+             : is_robot ? "centre O of a robot"
+                        : "centre O of an obstacle");
     plot.words(fmt::format("{:.2f} m, {:.0f} deg", row.position_m.norm(),
                            kDegrees * std::atan2(row.position_m.y(), row.position_m.x())),
                at, colour, 14, 0.42);
   }
-  plot.body(placed(self.pose, self.body.outline()), self.pose.translation(), self.pose.theta_rad, ink::kBlack);
+  plot.body(placed(self.pose, self.body.outline()), self.pose.translation(), self.pose.theta_rad,
+            ink::kBlack);
   plot.words(self.name, self.pose.translation(), ink::kBlack, -28);
   return plot.image();
 }
@@ -125,7 +130,8 @@ cv::Mat drawFormation(const SeedData& data) {
   const auto& leader_path = truth.trajectories.begin()->second;
   const TimeNs time_ns = leader_path[leader_path.size() * 3 / 5].time_ns;
   const auto robots = robotsAt(data.moving, run, time_ns);
-  Bounds bounds = roomOf(truth.scene, robots);
+  Bounds bounds;
+  for (const auto& robot : robots) bounds.add(robot.pose.translation(), 1.1);
   Plot plot = mapPlot("formation while driving: d and theta of the followers, seen from the leader", bounds,
                       {1200, 860});
   for (const auto& object : dataset::readObjects(run + "/objects.geojson")) {
@@ -143,11 +149,12 @@ cv::Mat drawFormation(const SeedData& data) {
     plot.line({from, to}, {ink::kBlack, 1, false, false, ""});
     plot.words(fmt::format("d {:.2f} m, theta {:.0f} deg", in_leader.norm(),
                            kDegrees * std::atan2(in_leader.y(), in_leader.x())),
-               0.5 * (from + to), ink::kBlack, i == 1 ? 16 : -16, 0.45);
+               to, ink::kBlack, in_leader.y() > 0.0 ? 74 : -74, 0.5);
   }
   for (std::size_t i = 0; i < robots.size(); ++i) {
     std::vector<Eigen::Vector2d> way;
-    for (const auto& pose : dataset::flat(dataset::readTum(run + "/trajectories/" + robots[i].name + ".tum"))) {
+    for (const auto& pose :
+         dataset::flat(dataset::readTum(run + "/trajectories/" + robots[i].name + ".tum"))) {
       if (pose.time_ns <= time_ns) way.push_back(pose.map_from_base.translation());
     }
     plot.line(way, {ink::robot(i), 2, false, false, "way of " + robots[i].name});
@@ -166,6 +173,7 @@ cv::Mat drawOverlay(const SeedData& data, const std::string& method, const std::
   Plot plot = mapPlot(title, roomOf(scene, robots));
   for (std::size_t i = 0; i < views.size(); ++i) {
     for (const auto& object : views[i].map.objects) {
+      if (!hasOutline(object)) continue;
       const Polygon hull = placed(robots[i].pose, object.hull_m);
       plot.area(hull, ink::robot(i), 0.18);
       plot.line(hull, {ink::robot(i), 1, false, true, "hulls of " + views[i].robot});

@@ -21,8 +21,8 @@ const char* nameOf(const std::string& method) {
 Paths pathsOf(const SeedData& data, const std::string& method) {
   Paths paths;
   for (const auto& [robot, truth] : dataset::GroundTruth::load(data.moving).trajectories)
-    paths[robot] = dataset::flat(
-        dataset::readTum(data.moving_runs.at(method) + "/trajectories/" + robot + ".tum"));
+    paths[robot] =
+        dataset::flat(dataset::readTum(data.moving_runs.at(method) + "/trajectories/" + robot + ".tum"));
   return paths;
 }
 
@@ -42,7 +42,8 @@ void drawSnapshots(const SeedData& data, const std::string& path) {
     const std::size_t wanted = pictures.size() * (n - 1) / (kMoments - 1);
     if (i < wanted || pictures.size() >= kMoments) continue;
     pictures.push_back(image.clone());
-    captions.push_back(fmt::format("t = {:.1f} s", 1e-9 * static_cast<double>(info.time_ns - stream.rows.front().time_ns)));
+    captions.push_back(
+        fmt::format("t = {:.1f} s", 1e-9 * static_cast<double>(info.time_ns - stream.rows.front().time_ns)));
   }
   if (pictures.empty()) return;
   const auto row = [&](std::size_t begin) {
@@ -129,7 +130,7 @@ cv::Mat drawErrors(const std::vector<ErrorTrace>& traces, const std::string& tit
     if (!trace.t_s.empty()) end = std::max(end, trace.t_s.back());
   }
   axes.low = {0.0, -1.15 * most};
-  axes.high = {end, 1.15 * most};
+  axes.high = {1.14 * end, 1.15 * most};  // the legend has a place of its own
   Plot plot(axes, {860, 420});
   plot.line({{0.0, 0.0}, {end, 0.0}}, {ink::kGrey, 1, false, false, ""});
   for (std::size_t i = 0; i < traces.size(); ++i) {
@@ -244,8 +245,8 @@ void drawTeams(const std::vector<SeedResult>& results, const std::string& path) 
   const std::vector<std::string> both{"literal", "ours"};
   save(path, stacked({beside({drawTeamPlot(results, {"ours"}, sizes, "error of the places, ours", "cm",
                                            &TeamColumn::error_cm, 0.0),
-                              drawTeamPlot(results, {"literal"}, sizes, "error of the places, as printed", "cm",
-                                           &TeamColumn::error_cm, 0.0)},
+                              drawTeamPlot(results, {"literal"}, sizes, "error of the places, as printed",
+                                           "cm", &TeamColumn::error_cm, 0.0)},
                              {}),
                       beside({drawTeamPlot(results, both, sizes, "overlap of the footprints", "IoU",
                                            &TeamColumn::iou, 1.05),

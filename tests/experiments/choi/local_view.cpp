@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 
 #include "dataset/frame_source.h"
@@ -12,7 +13,8 @@
 namespace omnifleet::choi {
 namespace {
 
-constexpr double kReach_m = 2.2;  // from the robot to the edge of the floor pictures
+constexpr float kDrawnLonger = 3.0f;  // 5 cm are few pixels
+constexpr double kReach_m = 2.2;      // from the robot to the edge of the floor pictures
 
 LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot) {
   const options::Section section = fleet.service("local_mapper");
@@ -29,7 +31,8 @@ LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot
   for (std::size_t i = 0; i <= last && source->next(view.image, info); ++i) {
     if (i != 0 && i != last) continue;
     const std::uint32_t sequence = i == 0 ? 0 : 1;  // the frames between are left out, not lost
-    view.map = mapper.process({info.time_ns, sequence, info.state, view.image}, wheels.motionTo(info.time_ns));
+    view.map =
+        mapper.process({info.time_ns, sequence, info.state, view.image}, wheels.motionTo(info.time_ns));
   }
   view.labelled = mapper.labelledBlobs();
   view.connected = mapper.connectedBlobs();
@@ -46,7 +49,8 @@ void tint(cv::Mat& image, const ground::Blob& blob, const cv::Scalar& colour) {
   for (const ground::Run& run : blob.runs) {
     auto* row = image.ptr<cv::Vec3b>(run.row);
     for (int x = run.begin; x < run.end; ++x) {
-      for (int c = 0; c < 3; ++c) row[x][c] = cv::saturate_cast<std::uint8_t>(0.25 * row[x][c] + 0.75 * colour[c]);
+      for (int c = 0; c < 3; ++c)
+        row[x][c] = cv::saturate_cast<std::uint8_t>(0.25 * row[x][c] + 0.75 * colour[c]);
     }
   }
 }
@@ -89,6 +93,11 @@ std::vector<LocalView> localViews(const std::string& recording, const std::vecto
   return views;
 }
 
+bool hasOutline(const ObjectObservation& object) {
+  const auto& sigma = object.supports.sigma_m;
+  return std::any_of(sigma.begin(), sigma.end(), [](float s) { return s > 0.0f; });
+}
+
 cv::Mat labelPicture(const LocalView& view) {
   cv::Mat picture = faded(view.image);
   for (std::size_t i = 0; i < view.labelled.size(); ++i) tint(picture, view.labelled[i], ink::label(i));
@@ -113,9 +122,10 @@ cv::Mat vectorPicture(const LocalView& view) {
   const int width = std::max(1, picture.rows / 480);
   for (const ObjectObservation& object : view.map.objects) {
     for (const FlowVector& v : object.vectors) {
+      const Eigen::Vector2f tip = v.from_px + kDrawnLonger * (v.to_px - v.from_px);
       const cv::Point from(cvRound(v.from_px.x()), cvRound(v.from_px.y())),
-          to(cvRound(v.to_px.x()), cvRound(v.to_px.y()));
-      cv::arrowedLine(picture, from, to, {30, 30, 255}, width, cv::LINE_AA, 0, 0.35);
+          to(cvRound(tip.x()), cvRound(tip.y()));
+      cv::arrowedLine(picture, from, to, {30, 30, 255}, width + 1, cv::LINE_AA, 0, 0.3);
       cv::circle(picture, from, width + 1, {0, 230, 255}, cv::FILLED, cv::LINE_AA);
     }
   }
@@ -141,13 +151,15 @@ cv::Mat hullPicture(const LocalView& view) {
   const auto& objects = view.map.objects;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const ObjectObservation& object = objects[i];
-    for (const FlowVector& v : object.vectors) plot.dot(v.to_m.cast<double>(), ink::kGrey, 2, "feature points");
-    plot.area(object.hull_m, ink::label(i), 0.25);
-    plot.line(object.hull_m, {ink::label(i), 2, false, true, i == 0 ? "convex hull" : ""});
+    for (const FlowVector& v : object.vectors)
+      plot.dot(v.to_m.cast<double>(), ink::kGrey, 2, "feature points");
     plot.dot(object.contact_m, ink::kBlack, 4, "nearest point (contact)");
+    if (!hasOutline(object)) continue;
+    plot.area(object.hull_m, ink::label(i), 0.25);
+    plot.line(object.hull_m, {ink::label(i), 2, false, true, "convex hull"});
   }
   for (const ObjectObservation& object : objects)
-    plot.words(std::to_string(object.label), centroid(object.hull_m), ink::kBlack);
+    plot.words(std::to_string(object.label), object.contact_m, ink::kBlack, 14);
   plot.body(view.body.outline(), {0.0, 0.0}, 0.0, ink::kBlack);
   return plot.image();
 }

@@ -22,6 +22,9 @@ struct LocalView {
 /// All robots of a recording, with the options of the data set and `overlays` on top.
 std::vector<LocalView> localViews(const std::string& recording, const std::vector<std::string>& overlays);
 
+/// False for a region of too few feature points (Choi §III.5).
+bool hasOutline(const ObjectObservation& object);
+
 /// Figs. 4–6, 8, 9: the square around the image circle, or base_link in metres.
 cv::Mat labelPicture(const LocalView& view);
 cv::Mat connectedPicture(const LocalView& view);

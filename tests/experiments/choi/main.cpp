@@ -1,4 +1,5 @@
-// Choi et al. 2014, §V: `seed` runs one seed's arenas, `report` prints the tables of all and draws their figures.
+// Choi et al. 2014, §V: `seed` runs one seed's arenas, `report` prints the tables of all and draws their
+// figures.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>

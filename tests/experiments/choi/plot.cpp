@@ -81,14 +81,15 @@ cv::Point Plot::fine(const Eigen::Vector2d& at) const {
 
 void Plot::remember(const std::string& name, const cv::Scalar& colour, int kind) {
   if (name.empty()) return;
-  const bool known = std::any_of(legend_.begin(), legend_.end(), [&](const Entry& e) { return e.name == name; });
+  const bool known =
+      std::any_of(legend_.begin(), legend_.end(), [&](const Entry& e) { return e.name == name; });
   if (!known) legend_.push_back({name, colour, kind});
 }
 
 void Plot::drawGrid() {
   for (int axis = 0; axis < 2; ++axis) {
     const double low = axes_.low[axis], high = axes_.high[axis];
-    const double step = tickStep(high - low, (axis == 0 ? frame_.width : frame_.height) / 90.0);
+    const double step = tickStep(high - low, axis == 0 ? frame_.width / 90.0 : frame_.height / 50.0);
     for (double v = std::ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) {
       Eigen::Vector2d at = axes_.low;
       at[axis] = v;
@@ -117,7 +118,8 @@ void Plot::line(const std::vector<Eigen::Vector2d>& points, const Line& line) {
     const Eigen::Vector2d a = pixel(points[i]), b = pixel(points[(i + 1) % n]);
     const double length = (b - a).norm();
     if (!line.dashed) {
-      cv::line(inside, fine(points[i]), fine(points[(i + 1) % n]), line.colour, line.width, cv::LINE_AA, kShift);
+      cv::line(inside, fine(points[i]), fine(points[(i + 1) % n]), line.colour, line.width, cv::LINE_AA,
+               kShift);
       continue;
     }
     constexpr double kDash_px = 7.0;
@@ -128,7 +130,8 @@ void Plot::line(const std::vector<Eigen::Vector2d>& points, const Line& line) {
         const Eigen::Vector2d p = points[i] + (points[(i + 1) % n] - points[i]) * (along / length);
         return fine(p);
       };
-      if (phase < kDash_px) cv::line(inside, at(s), at(s + step), line.colour, line.width, cv::LINE_AA, kShift);
+      if (phase < kDash_px)
+        cv::line(inside, at(s), at(s + step), line.colour, line.width, cv::LINE_AA, kShift);
       s += step;
     }
     walked += length;
@@ -167,7 +170,8 @@ void Plot::arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to, const L
   std::vector<cv::Point> points;
   for (const Eigen::Vector2d& p : {b, Eigen::Vector2d(b - head * unit + 0.45 * head * side),
                                    Eigen::Vector2d(b - head * unit - 0.45 * head * side)}) {
-    points.emplace_back(cvRound((p.x() - frame_.x) * (1 << kShift)), cvRound((p.y() - frame_.y) * (1 << kShift)));
+    points.emplace_back(cvRound((p.x() - frame_.x) * (1 << kShift)),
+                        cvRound((p.y() - frame_.y) * (1 << kShift)));
   }
   cv::fillPoly(inside, std::vector<std::vector<cv::Point>>{points}, line.colour, cv::LINE_AA, kShift);
 }
@@ -207,7 +211,7 @@ void Plot::drawLegend() {
   int width = 0;
   for (const Entry& entry : legend_) width = std::max(width, sizeOf(entry.name, 0.45).width);
   const int line = 20;
-  const cv::Rect box(frame_.br().x - width - 58, frame_.y + 8, width + 50,
+  const cv::Rect box(frame_.br().x - width - 56, frame_.y + 6, width + 50,
                      line * static_cast<int>(legend_.size()) + 10);
   cv::Mat under = image_(box & cv::Rect({}, image_.size()));
   under = 0.15 * under + 0.85 * cv::Mat(under.size(), under.type(), ink::kPaper);

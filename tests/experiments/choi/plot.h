@@ -11,9 +11,9 @@ namespace omnifleet::choi {
 
 /// Colours that differ on white, also for the colour-blind (Okabe & Ito), BGR.
 namespace ink {
-inline const cv::Scalar kBlack(50, 42, 36), kGrey(150, 145, 140), kFaint(226, 222, 218), kPaper(255, 255, 255),
-    kBlue(178, 114, 0), kGreen(115, 158, 0), kOrange(0, 94, 213), kPurple(167, 121, 204), kSky(233, 180, 86),
-    kYellow(0, 159, 230);
+inline const cv::Scalar kBlack(50, 42, 36), kGrey(150, 145, 140), kFaint(226, 222, 218),
+    kPaper(255, 255, 255), kBlue(178, 114, 0), kGreen(115, 158, 0), kOrange(0, 94, 213),
+    kPurple(167, 121, 204), kSky(233, 180, 86), kYellow(0, 159, 230);
 /// Of the i-th robot, by name.
 cv::Scalar robot(std::size_t i);
 /// Of the i-th label, 0, 1, …

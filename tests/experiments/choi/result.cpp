@@ -18,25 +18,34 @@ double number(const Json& json) {
 }
 
 Json toJson(const MapScore& s) {
-  return {{"truths", s.truths}, {"told", s.told}, {"found", s.found}, {"paired", s.paired}, {"x_m", s.x_m},
-          {"y_m", s.y_m},       {"distances_m", s.distances_m},       {"iou", s.iou}};
+  return {{"truths", s.truths},           {"told", s.told}, {"found", s.found},
+          {"paired", s.paired},           {"x_m", s.x_m},   {"y_m", s.y_m},
+          {"distances_m", s.distances_m}, {"iou", s.iou}};
 }
 
 MapScore mapScore(const Json& json) {
   const auto count = [&](const char* key) { return json.at(key).get<int>(); };
-  return {count("truths"),          count("told"),           count("found"),
-          count("paired"),          number(json.at("x_m")),  number(json.at("y_m")),
-          number(json.at("distances_m")), number(json.at("iou"))};
+  return {count("truths"),
+          count("told"),
+          count("found"),
+          count("paired"),
+          number(json.at("x_m")),
+          number(json.at("y_m")),
+          number(json.at("distances_m")),
+          number(json.at("iou"))};
 }
 
 Json toJson(const PathScore& s) {
-  return {{"poses", s.poses}, {"x_m", s.x_m}, {"y_m", s.y_m}, {"distance_m", s.distance_m},
+  return {{"poses", s.poses},
+          {"x_m", s.x_m},
+          {"y_m", s.y_m},
+          {"distance_m", s.distance_m},
           {"heading_rad", s.heading_rad}};
 }
 
 PathScore pathScore(const Json& json) {
-  return {json.at("poses").get<int>(), number(json.at("x_m")), number(json.at("y_m")), number(json.at("distance_m")),
-          number(json.at("heading_rad"))};
+  return {json.at("poses").get<int>(), number(json.at("x_m")), number(json.at("y_m")),
+          number(json.at("distance_m")), number(json.at("heading_rad"))};
 }
 
 template <typename T>
@@ -58,8 +67,8 @@ SeedResult SeedResult::load(const std::string& path) {
     result.settings = json.at("settings").get<std::string>();
     for (const auto& [key, value] : json.at("maps").items()) result.maps[key] = mapScore(value);
     for (const Json& team : json.at("teams")) {
-      result.teams.push_back({team.at("method").get<std::string>(), team.at("robots").get<int>(),
-                              mapScore(team.at("map"))});
+      result.teams.push_back(
+          {team.at("method").get<std::string>(), team.at("robots").get<int>(), mapScore(team.at("map"))});
     }
     for (const auto& [key, value] : json.at("paths").items()) result.paths[key] = pathScore(value);
     for (const auto& [key, value] : json.at("paths_ceiling").items())

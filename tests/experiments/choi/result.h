@@ -10,12 +10,12 @@ namespace omnifleet::choi {
 /// One map against the truth. Errors are over pairs of things within 0.5 m of one another, whatever their
 /// shapes: the house's own gate (15 cm, IoU 0.3) would leave the worst of a method out of its mean.
 struct MapScore {
-  int truths = 0, told = 0;        ///< obstacles there are; objects of the map
-  int found = 0;                   ///< by the house's gate
-  int paired = 0;                  ///< within 0.5 m
-  double x_m = 0.0, y_m = 0.0;     ///< mean |error| of the centroids of the pairs
-  double distances_m = 0.0;        ///< mean |error| of the distances between them (the paper's own measure)
-  double iou = 0.0;                ///< mean over the pairs
+  int truths = 0, told = 0;     ///< obstacles there are; objects of the map
+  int found = 0;                ///< by the house's gate
+  int paired = 0;               ///< within 0.5 m
+  double x_m = 0.0, y_m = 0.0;  ///< mean |error| of the centroids of the pairs
+  double distances_m = 0.0;     ///< mean |error| of the distances between them (the paper's own measure)
+  double iou = 0.0;             ///< mean over the pairs
 };
 
 /// Paths of all robots against a reference, unaligned; means over all frames.

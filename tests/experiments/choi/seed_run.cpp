@@ -120,8 +120,8 @@ class Experiment {
   fs::path work() const { return fs::path(options_.folder) / "work"; }
 
   synthetic::Arena arena(const std::string& name) const {
-    auto arena = synthetic::randomised(
-        synthetic::Arena::load(options_.config + "/arenas/" + name + ".yaml"), options_.seed);
+    auto arena = synthetic::randomised(synthetic::Arena::load(options_.config + "/arenas/" + name + ".yaml"),
+                                       options_.seed);
     scaleImages(options_.image_scale, arena);
     return arena;
   }
@@ -148,8 +148,9 @@ class Experiment {
     if (method == "literal") run.overlays.push_back(data_.overlay);
     if (!observers.empty()) {
       const std::string file = run.out + ".yaml";
-      dataset::writeAtomic(file, fmt::format("services: {{global_merger: {{outlines: {{observers: [{}]}}}}}}\n",
-                                             fmt::join(observers, ", ")));
+      dataset::writeAtomic(file,
+                           fmt::format("services: {{global_merger: {{outlines: {{observers: [{}]}}}}}}\n",
+                                       fmt::join(observers, ", ")));
       run.overlays.push_back(file);
     }
     if (!services::runInProcess(run)) throw std::runtime_error(run.out + ": the map could not be saved");
@@ -157,8 +158,7 @@ class Experiment {
   }
 
   MapScore mapScore(const std::string& recording, const std::string& run) const {
-    return score(dataset::GroundTruth::load(recording).scene,
-                 dataset::readObjects(run + "/objects.geojson"));
+    return score(dataset::GroundTruth::load(recording).scene, dataset::readObjects(run + "/objects.geojson"));
   }
 
   void staticExperiment() {

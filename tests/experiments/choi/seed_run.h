@@ -30,8 +30,8 @@ struct SeedData {
   std::string fixed, moving;                  ///< recordings of §V.1 and §V.2, robots alone
   std::string fixed_ceiling, moving_ceiling;  ///< their ceiling cameras; empty: none
   std::map<std::string, std::string> fixed_runs, moving_runs;  ///< by method
-  std::string overlay;                      ///< config/papers/choi.yaml
-  Paths ceiling;                            ///< what the ceiling tracker says
+  std::string overlay;                                         ///< config/papers/choi.yaml
+  Paths ceiling;                                               ///< what the ceiling tracker says
 };
 
 /// Names everything that the result depends on.

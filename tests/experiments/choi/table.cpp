@@ -43,8 +43,8 @@ Value againstCeiling(const std::string& key, const std::function<double(const Pa
 std::string cell(const Spread& spread, int decimals) {
   if (spread.seeds == 0) return fmt::format("{:>26}", "-");
   return fmt::format("{:>8.{}f} {:>17}", spread.mean, decimals,
-                     fmt::format("({:.{}f}, {:.{}f}-{:.{}f})", spread.deviation, decimals, spread.least, decimals,
-                                 spread.most, decimals));
+                     fmt::format("({:.{}f}, {:.{}f}-{:.{}f})", spread.deviation, decimals, spread.least,
+                                 decimals, spread.most, decimals));
 }
 
 std::string row(const std::string& what, const std::string& paper, const std::vector<SeedResult>& results,
@@ -53,31 +53,47 @@ std::string row(const std::string& what, const std::string& paper, const std::ve
                      cell(over(results, ours), decimals));
 }
 
-double x(const MapScore& s) { return 100.0 * s.x_m; }
-double y(const MapScore& s) { return 100.0 * s.y_m; }
-double distances(const MapScore& s) { return 100.0 * s.distances_m; }
-double overlap(const MapScore& s) { return s.iou; }
-double found(const MapScore& s) { return s.truths > 0 ? 100.0 * s.found / s.truths : std::nan(""); }
-double surplus(const MapScore& s) { return s.told - s.found; }
+double x(const MapScore& s) {
+  return 100.0 * s.x_m;
+}
+double y(const MapScore& s) {
+  return 100.0 * s.y_m;
+}
+double distances(const MapScore& s) {
+  return 100.0 * s.distances_m;
+}
+double overlap(const MapScore& s) {
+  return s.iou;
+}
+double found(const MapScore& s) {
+  return s.truths > 0 ? 100.0 * s.found / s.truths : std::nan("");
+}
+double surplus(const MapScore& s) {
+  return s.told - s.found;
+}
 
 std::string mapRows(const std::vector<SeedResult>& results, const std::string& suffix, bool paper) {
   const auto line = [&](const std::string& what, const std::string& printed, double (*part)(const MapScore&),
                         int decimals = 2) {
-    return row(what, paper ? printed : "-", results, ofMap("literal" + suffix, part), ofMap("ours" + suffix, part),
-               decimals);
+    return row(what, paper ? printed : "-", results, ofMap("literal" + suffix, part),
+               ofMap("ours" + suffix, part), decimals);
   };
   return line("x error of places, cm", "2.23", x) + line("y error of places, cm", "1.49", y) +
-         line("error of distances between them, cm", "-", distances) + line("overlap of footprints, IoU", "-", overlap) +
-         line("found (15 cm, IoU 0.3), %", "-", found, 0) + line("objects too many", "-", surplus, 1);
+         line("error of distances between them, cm", "-", distances) +
+         line("overlap of footprints, IoU", "-", overlap) + line("found (15 cm, IoU 0.3), %", "-", found, 0) +
+         line("objects too many", "-", surplus, 1);
 }
 
 std::string pathRows(const std::vector<SeedResult>& results, bool ceiling) {
-  const auto line = [&](const std::string& what, const std::string& printed, double (*part)(const PathScore&)) {
+  const auto line = [&](const std::string& what, const std::string& printed,
+                        double (*part)(const PathScore&)) {
     return row(what, printed, results, ceiling ? againstCeiling("literal", part) : ofPath("literal", part),
                ceiling ? againstCeiling("ours", part) : ofPath("ours", part));
   };
-  return line("x error of paths, cm", ceiling ? "5.65" : "-", [](const PathScore& s) { return 100.0 * s.x_m; }) +
-         line("y error of paths, cm", ceiling ? "4.50" : "-", [](const PathScore& s) { return 100.0 * s.y_m; }) +
+  return line("x error of paths, cm", ceiling ? "5.65" : "-",
+              [](const PathScore& s) { return 100.0 * s.x_m; }) +
+         line("y error of paths, cm", ceiling ? "4.50" : "-",
+              [](const PathScore& s) { return 100.0 * s.y_m; }) +
          line("distance error, cm", ceiling ? "7.32" : "-",
               [](const PathScore& s) { return 100.0 * s.distance_m; }) +
          line("heading error, deg", "-", [](const PathScore& s) { return kDegrees * s.heading_rad; });
@@ -100,10 +116,11 @@ std::string teamRows(const std::vector<SeedResult>& results) {
       };
     };
     const auto line = [&](const std::string& what, double (*part)(const MapScore&), int decimals = 2) {
-      return row(fmt::format("{} robot{}: {}", n, n == 1 ? "" : "s", what), "-", results, mean("literal", part),
-                 mean("ours", part), decimals);
+      return row(fmt::format("{} robot{}: {}", n, n == 1 ? "" : "s", what), "-", results,
+                 mean("literal", part), mean("ours", part), decimals);
     };
-    text += line("x error, cm", x) + line("y error, cm", y) + line("IoU", overlap) + line("found, %", found, 0);
+    text +=
+        line("x error, cm", x) + line("y error, cm", y) + line("IoU", overlap) + line("found, %", found, 0);
   }
   return text;
 }
@@ -119,7 +136,8 @@ std::string tableOne(const std::vector<SeedResult>& results) {
     return spread.seeds > 0 ? fmt::format("{:.2f}", spread.mean) : std::string("-");
   };
   line("the paper's method, as the paper reports it", "7.32");
-  line("the paper's method here (literal), against the ceiling tracker", mean(againstCeiling("literal", distance)));
+  line("the paper's method here (literal), against the ceiling tracker",
+       mean(againstCeiling("literal", distance)));
   line("ours, against the ceiling tracker", mean(againstCeiling("ours", distance)));
   line("ours, against the exact truth", mean(ofPath("ours", distance)));
   line("wheels alone, exactly integrated, against the exact truth", mean(ofPath("wheels", distance)));
@@ -158,15 +176,17 @@ Spread Spread::of(const std::vector<double>& values) {
 std::string report(const std::vector<SeedResult>& results) {
   std::string text = fmt::format(
       "Choi et al. 2014, redone over {} seeds ({} to {}).\n"
-      "literal: as printed (config/papers/choi.yaml). Mean over the seeds (standard deviation, least-most).\n\n",
+      "literal: as printed (config/papers/choi.yaml). Mean over the seeds (standard deviation, "
+      "least-most).\n\n",
       results.size(), results.front().seed, results.back().seed);
   const std::string head = fmt::format("  {:<42} {:>7} {:>26} {:>26}\n", "", "paper", "literal", "ours");
   text += "V.1 Static: three robots drive 5 cm; places of things within 0.5 m of a true one\n" + head +
           mapRows(results, "", true);
-  text += "\nV.1 with the lens that eq. 6-7 describe (orthographic, 180 deg) in the place of the 185 deg one\n" + head +
-          mapRows(results, " orthographic", false);
-  text += "\nV.2 Dynamic: paths of three robots in formation against the ceiling tracker, as in the paper\n" + head +
-          pathRows(results, true);
+  text +=
+      "\nV.1 with the lens that eq. 6-7 describe (orthographic, 180 deg) in the place of the 185 deg one\n" +
+      head + mapRows(results, " orthographic", false);
+  text += "\nV.2 Dynamic: paths of three robots in formation against the ceiling tracker, as in the paper\n" +
+          head + pathRows(results, true);
   text += "\nV.2 against the exact truth\n" + head + pathRows(results, false);
   const auto ceiling = [&](double scale, double PathScore::*part) {
     return over(results, ofPath("ceiling", [=](const PathScore& s) { return scale * (s.*part); }));
@@ -178,8 +198,11 @@ std::string report(const std::vector<SeedResult>& results) {
   text += "\nV.2 The map that the drive leaves\n" + head;
   for (const auto& [what, part, decimals] :
        std::vector<std::tuple<std::string, double (*)(const MapScore&), int>>{
-           {"x error of places, cm", x, 2}, {"y error of places, cm", y, 2}, {"overlap of footprints, IoU", overlap, 2},
-           {"found (15 cm, IoU 0.3), %", found, 0}, {"objects too many", surplus, 1}})
+           {"x error of places, cm", x, 2},
+           {"y error of places, cm", y, 2},
+           {"overlap of footprints, IoU", overlap, 2},
+           {"found (15 cm, IoU 0.3), %", found, 0},
+           {"objects too many", surplus, 1}})
     text += row(what, "-", results, ofMap("dynamic literal", part), ofMap("dynamic ours", part), decimals);
   text += "\nIV.2 Robots told from obstacles, F1 per object and frame\n" + head;
   for (const std::string where : {"static", "dynamic"}) {
@@ -194,7 +217,9 @@ std::string report(const std::vector<SeedResult>& results) {
 }
 
 std::string summary(const SeedResult& result) {
-  const auto cm = [](double m) { return std::isfinite(m) ? fmt::format("{:.2f}", 100.0 * m) : std::string("-"); };
+  const auto cm = [](double m) {
+    return std::isfinite(m) ? fmt::format("{:.2f}", 100.0 * m) : std::string("-");
+  };
   const auto map = [&](const std::string& key) {
     const auto found_at = result.maps.find(key);
     return found_at == result.maps.end() ? std::string("-")
@@ -204,8 +229,8 @@ std::string summary(const SeedResult& result) {
     const auto found_at = result.paths.find(key);
     return found_at == result.paths.end() ? std::string("-") : cm(found_at->second.distance_m);
   };
-  return fmt::format("static x/y {} literal, {} ours; path {} literal, {} ours (cm)", map("literal"), map("ours"),
-                     path("literal"), path("ours"));
+  return fmt::format("static x/y {} literal, {} ours; path {} literal, {} ours (cm)", map("literal"),
+                     map("ours"), path("literal"), path("ours"));
 }
 
 }  // namespace omnifleet::choi

@@ -76,7 +76,7 @@ TEST(Correction, TheFitIsBetterThanItsNeighboursAndNeverExact) {
     return std::sqrt(sum / 30.0);
   };
   const double fitted = fittedFocalPx(sensor, 1.5);
-  EXPECT_LT(error(fitted), error(297.0));         // F taken from the sensor's lens
+  EXPECT_LT(error(fitted), error(297.0));           // F taken from the sensor's lens
   EXPECT_LT(error(fitted), error(297.0 * M_PI_2));  // F where the image circle ends
   EXPECT_LT(error(fitted), error(1.03 * fitted));
   EXPECT_LT(error(fitted), error(0.97 * fitted));

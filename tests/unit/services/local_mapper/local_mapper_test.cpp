@@ -185,11 +185,15 @@ TEST_F(LocalMapperTest, HullsOfFeaturesAreThoseOfTheVectorsEnds) {
       mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, step), 1), motion(step));
   int checked = 0;
   for (const auto& object : map.objects) {
-    if (object.vectors.size() < 3) continue;
+    if (object.vectors.size() < 3) {
+      for (const float sigma : object.supports.sigma_m) EXPECT_LE(sigma, 0.0f);
+      continue;
+    }
     ++checked;
     std::vector<cv::Point2f> ends, hull;
     for (const auto& v : object.vectors) ends.emplace_back(v.to_m.x(), v.to_m.y());
     cv::convexHull(ends, hull);
+    if (hull.size() < 3) continue;
     EXPECT_NEAR(signedArea(object.hull_m), cv::contourArea(hull), 1e-6) << object.label;
     for (std::size_t k = 0; k < object.supports.size(); ++k) {
       const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(object.supports.size());
