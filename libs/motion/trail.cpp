@@ -10,12 +10,17 @@ constexpr std::size_t kMost = 200;
 
 }  // namespace
 
-void Trail::moved(const Pose2& previous_from_current) {
-  const Pose2 current_from_previous = previous_from_current.inverse();
-  for (Eigen::Vector2d& place_m : places_m_) place_m = current_from_previous * place_m;
+void Trail::stands(const Pose2& map_from_base) {
+  if (!in_map_) {
+    const Pose2 map_from_frame = map_from_base * frame_from_base_.inverse();
+    for (Eigen::Vector2d& place_m : places_m_) place_m = map_from_frame * place_m;
+  }
+  in_map_ = true;
+  frame_from_base_ = map_from_base;
 }
 
-void Trail::add(const Eigen::Vector2d& place_m) {
+void Trail::add(const Eigen::Vector2d& place_in_base_m) {
+  const Eigen::Vector2d place_m = frame_from_base_ * place_in_base_m;
   // The newest place moves on until it is far enough from the one before.
   if (places_m_.size() > 1 && (places_m_[0] - places_m_[1]).norm() < kSpacingM) places_m_.pop_front();
   places_m_.push_front(place_m);
@@ -23,9 +28,11 @@ void Trail::add(const Eigen::Vector2d& place_m) {
 }
 
 Trail::Spot Trail::at(double back_m, double heading_rad) const {
+  const Pose2 base_from_frame = frame_from_base_.inverse();
+  const double known_rad = heading_rad + frame_from_base_.theta_rad;
   Spot spot{Eigen::Vector2d::Zero(), {std::cos(heading_rad), std::sin(heading_rad)}};
   if (places_m_.empty()) return spot;
-  spot.place_m = places_m_.front();
+  spot = {places_m_.front(), {std::cos(known_rad), std::sin(known_rad)}};
   double left_m = back_m;
   for (std::size_t i = 0; i + 1 < places_m_.size(); ++i) {
     const Eigen::Vector2d way_m = places_m_[i] - places_m_[i + 1];
@@ -36,7 +43,7 @@ Trail::Spot Trail::at(double back_m, double heading_rad) const {
     spot.place_m = places_m_[i + 1];
   }
   spot.place_m -= left_m * spot.ahead;
-  return spot;
+  return {base_from_frame * spot.place_m, base_from_frame.rotation() * spot.ahead};
 }
 
 double Trail::length_m() const {

@@ -24,6 +24,7 @@ void FleetView::moved(TimeNs from_ns, TimeNs to_ns, const Pose2& from_from_to) {
 void FleetView::learn(const std::vector<PoseEstimate>& poses) {
   for (const PoseEstimate& pose : poses) {
     if (!pose.valid || !pose.map_from_base.isFinite()) continue;
+    if (!others_ && pose.robot != robot_) continue;
     const auto [entry, is_new] = known_.try_emplace(pose.robot);
     Known& known = entry->second;
     const double dt_s = seconds(known.acquired_ns, pose.acquired_ns);
@@ -37,7 +38,7 @@ void FleetView::learn(const std::vector<PoseEstimate>& poses) {
     }
     known.map_from_base = pose.map_from_base;
     known.acquired_ns = pose.acquired_ns;
-    known.sightings = pose.sightings;
+    if (others_) known.sightings = pose.sightings;
   }
 }
 

@@ -12,11 +12,12 @@
 namespace omnifleet::formation {
 
 /// Where the robots of the fleet are now, by what they have published: poses are a frame old or older, so
-/// each is carried on, the others' by their speed, the own one by the own motion since.
+/// each is carried on, the others' by their speed, the own one by the own motion since. Where others do not
+/// count, only the own pose is learned.
 class FleetView {
  public:
-  FleetView(const std::string& robot, double pose_age_limit_s)
-      : robot_(robot), pose_age_limit_s_(pose_age_limit_s) {}
+  FleetView(const std::string& robot, double pose_age_limit_s, bool others)
+      : robot_(robot), pose_age_limit_s_(pose_age_limit_s), others_(others) {}
 
   /// The own motion between two frames.
   void moved(TimeNs from_ns, TimeNs to_ns, const Pose2& from_from_to);
@@ -42,6 +43,7 @@ class FleetView {
 
   std::string robot_;
   double pose_age_limit_s_;
+  bool others_;
   std::map<std::string, Known> known_;
   std::deque<Moved> moved_;  ///< frame by frame, as far back as published poses may lie
 };

@@ -57,6 +57,7 @@ Formation::Options Formation::Options::read(const options::Section& section) {
   options.succession = motion::Succession::Options::read(section.child("succession"));
   section.read("gate_m", options.gate_m, {0.01, 5.0});
   section.read("own_points_m", options.own_points_m, {0.0, 2.0});
+  section.read("published_poses", options.published_poses);
   section.read("pose_age_limit_s", options.pose_age_limit_s, options::kPositive);
   section.read("lost_limit_s", options.lost_limit_s, options::kPositive);
   section.finish();
@@ -73,7 +74,7 @@ Formation::Formation(const std::string& robot, const std::map<std::string, Robot
       lead_(options.lead),
       avoidance_(options.avoidance),
       narrowing_(options.narrowing),
-      fleet_(robot, options.pose_age_limit_s) {
+      fleet_(robot, options.pose_age_limit_s, options.published_poses) {
   lead_.follow(options.command.waypoints_m);
 }
 
@@ -96,6 +97,7 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
                                      const std::vector<motion::FormationState>& states) {
   remember(objects);
   fleet_.learn(poses);
+  if (const auto own = fleet_.now(robot_, objects.acquired_ns)) trail_.stands(*own);
   obey(states, objects.acquired_ns);
   Output output;
   output.command = {robot_, objects.acquired_ns, objects.sequence, {}};

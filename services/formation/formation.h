@@ -36,6 +36,7 @@ class Formation {
     motion::Succession::Options succession;
     double gate_m = 0.35;        ///< m, a track this near to where the followed robot should be is that robot
     double own_points_m = 0.10;  ///< m, scan points this near to the body of a published robot are that robot
+    bool published_poses = true;    ///< false: others are known by the own camera alone, as in the paper
     double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
     double lost_limit_s = 2.0;      ///< s, unseen and unpublished for so long: the follower stops
 
