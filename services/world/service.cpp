@@ -29,10 +29,11 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
     : context_(context),
       fleet_(fleet),
       realtime_(context.options.mode == bus::RunMode::kLive),
-      world_(arenaOf(fleet), world::World::Options::read(fleet.service("world")),
-             static_cast<std::uint32_t>(fleet.seed)),
+      options_(world::World::Options::read(fleet.service("world"))),
+      world_(arenaOf(fleet), options_, static_cast<std::uint32_t>(fleet.seed)),
       ends_(context),
-      commands_(fleet.arena->robots.size()) {
+      commands_(fleet.arena->robots.size()),
+      commanded_ns_(commands_.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
     robots_[robot.name] = outputs_.size();
     outputs_.push_back(
@@ -113,8 +114,22 @@ bool ArenaWorldService::answered() {
 
 void ArenaWorldService::takeCommands() {
   while (merger_.nextBatch(batch_)) {
-    for (const auto& item : batch_.inputs) commands_[item.payload.robot] = item.payload.speeds;
+    for (const auto& item : batch_.inputs) {
+      commands_[item.payload.robot] = item.payload.speeds;
+      commanded_ns_[item.payload.robot] = item.time;
+    }
   }
+}
+
+/// What the bases do now: in lockstep as they were told for this very frame.
+const std::vector<motion::WheelSpeeds>& ArenaWorldService::heldCommands() {
+  if (!realtime_) return commands_;
+  const auto hold_ns = static_cast<TimeNs>(options_.command_hold_s * 1e9);
+  held_ = commands_;
+  for (std::size_t i = 0; i < held_.size(); ++i) {
+    if (world_.now().time_ns - commanded_ns_[i] > hold_ns) held_[i] = {};
+  }
+  return held_;
 }
 
 void ArenaWorldService::publishFrame() {
@@ -123,7 +138,7 @@ void ArenaWorldService::publishFrame() {
   last_published_ = world_.finished();
   // The speeds of the interval that begins now were commanded in answer to the frame before (DESIGN,
   // determinism).
-  publishWheels(world_.step(commands_));
+  publishWheels(world_.step(heldCommands()));
   status().processed(steady_clock::now() - begun);
 }
 

@@ -16,7 +16,8 @@
 namespace omnifleet::services {
 
 /// The simulated arena: commands in; true poses (for its cameras) and wheel odometry out. In lockstep a step
-/// is taken when every robot has answered the frame before; by the clock (live) with the latest commands.
+/// is taken when every robot has answered the frame before; by the clock (live) with the latest commands,
+/// where a robot that has not been told anything for `command_hold_s` stands, as every base does.
 /// Writes the truth to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
@@ -47,6 +48,7 @@ class ArenaWorldService : public bus::Service {
   bool pull();
   bool answered();
   void takeCommands();
+  const std::vector<motion::WheelSpeeds>& heldCommands();
   void publishFrame();
   void publishTruth(const world::World::State& state);
   void publishWheels(const world::World::Driven& driven);
@@ -57,6 +59,7 @@ class ArenaWorldService : public bus::Service {
   bus::ServiceContext context_;
   fleet::Fleet fleet_;
   bool realtime_;
+  world::World::Options options_;
   world::World world_;
   bus::TimeMerger<Command> merger_;
   bus::TimeMerger<Command>::Batch batch_;
@@ -64,7 +67,8 @@ class ArenaWorldService : public bus::Service {
   std::vector<std::unique_ptr<Inlet<v1::WheelCommand, Command>>> inlets_;
   std::map<std::string, std::size_t> robots_;
   std::vector<RobotOutputs> outputs_;
-  std::vector<motion::WheelSpeeds> commands_;
+  std::vector<motion::WheelSpeeds> commands_, held_;
+  std::vector<TimeNs> commanded_ns_;
   int resting_frames_ = 0;
   std::uint32_t wheel_rows_ = 0;
   bool moved_ = false, last_published_ = false, ended_ = false, saved_ = false;

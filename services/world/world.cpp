@@ -40,6 +40,7 @@ World::Options World::Options::read(const options::Section& section) {
   section.read("slip", options.slip, {0.0, 1.0});
   section.read("rows_per_frame", options.rows_per_frame, {1, 100});
   section.read("inner_steps", options.inner_steps, {1, 1000});
+  section.read("command_hold_s", options.command_hold_s, options::kPositive);
   section.read("collisions_stop", options.collisions_stop);
   section.finish();
   return options;

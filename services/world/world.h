@@ -24,6 +24,7 @@ class World {
     double slip = 0.0;          ///< 1, σ of the true path's change per step against what the wheels rolled
     int rows_per_frame = 1;     ///< wheel reports between two frames
     int inner_steps = 20;       ///< integration steps per report
+    double command_hold_s = 1.0;  ///< s, live: who hears no command for longer stands
     bool collisions_stop = true;  ///< a robot that touches something stands still instead of passing through
 
     static Options read(const options::Section& section);

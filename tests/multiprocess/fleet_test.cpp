@@ -26,13 +26,13 @@ std::string smallFleet() {
 }
 
 struct LiveFleet {
-  LiveFleet(const std::string& name, int domain)
+  LiveFleet(const std::string& name, int domain, const std::string& config = "long")
       : out(freshDir(name)),
         shared_before(sharedMemoryFiles()),
-        launch(
-            {program("launch"), "run", smallFleet(), "--realtime", "--config",
-             sourceDir() + "/tests/multiprocess/long.yaml", "--out", out, "--domain", std::to_string(domain)},
-            out + "/launch.log"),
+        launch({program("launch"), "run", smallFleet(), "--realtime", "--config",
+                sourceDir() + "/tests/multiprocess/" + config + ".yaml", "--out", out, "--domain",
+                std::to_string(domain)},
+               out + "/launch.log"),
         listener(domain) {}
 
   std::string out;
@@ -211,6 +211,93 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   fleet.launch.signal(SIGINT);
   EXPECT_EQ(fleet.launch.wait(20s), 0) << fleet.launch.output();
   EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress line was lost (signal 9)"));
+}
+
+/// Who leads by what r1 and r2 say, and the processes of r1's formation.
+class Leadership {
+ public:
+  explicit Leadership(Listener& listener)
+      : statuses_(listener.bus().reader(listener.topics().service_status)),
+        states_(listener.bus().reader(listener.topics().formation_state)) {}
+  /// Takes in all that has come.
+  void hear() {
+    v1::ServiceStatus status;
+    while (statuses_->take(status)) {
+      if (status.service() == "formation" && status.instance() == "r1")
+        pid = static_cast<pid_t>(status.process_id());
+    }
+    v1::FormationState state;
+    while (states_->take(state)) said[state.robot().to_string()] = state;
+  }
+  bool obeys(const std::string& robot, const std::string& leader) const {
+    const auto state = said.find(robot);
+    return state != said.end() && state->second.leader() == leader;
+  }
+
+  pid_t pid = 0;  ///< of r1's formation, the latest
+  std::map<std::string, v1::FormationState> said;
+
+ private:
+  std::unique_ptr<bus::Reader<v1::ServiceStatus>> statuses_;
+  std::unique_ptr<bus::Reader<v1::FormationState>> states_;
+};
+
+/// The leader's formation dies, again and again, so that each restart comes later than the one before: the
+/// other robot takes over and drives, the lost one stands, and follows once it is back.
+TEST(FleetProcesses, ALostLeaderIsSucceeded) {
+  LiveFleet fleet("succession", 71, "slow_leader");
+  Leadership leadership(fleet.listener);
+  auto truths = fleet.listener.bus().reader(fleet.listener.topics().world_truth, "r1");
+  auto commands = fleet.listener.bus().reader(fleet.listener.topics().wheels_command, "r2");
+  ASSERT_TRUE(fleet.listener.until(
+      [&] {
+        leadership.hear();
+        return leadership.pid > 0 && leadership.obeys("r2", "r1") && leadership.obeys("r1", "r1");
+      },
+      60s))
+      << fleet.launch.output();
+  std::set<pid_t> killed;
+  const auto killAgain = [&] {
+    leadership.hear();
+    if (killed.insert(leadership.pid).second) kill(leadership.pid, SIGKILL);
+  };
+  ASSERT_TRUE(fleet.listener.until(
+      [&] {
+        killAgain();
+        return leadership.obeys("r2", "r2");
+      },
+      60s))
+      << fleet.launch.output();
+  EXPECT_GE(leadership.said["r2"].term(), 1u);
+  EXPECT_EQ(leadership.said["r2"].role(), v1::FormationRole::ROLE_LEADER);
+  v1::Truth truth;
+  double x_m = NAN;
+  EXPECT_TRUE(fleet.listener.until(
+      [&] {
+        killAgain();
+        bool stands = false;
+        while (truths->take(truth)) {
+          stands = truth.map_from_base().x() == x_m;
+          x_m = truth.map_from_base().x();
+        }
+        return stands;
+      },
+      15s))
+      << "a robot that nobody steers stands";
+  v1::WheelCommand command;
+  EXPECT_TRUE(fleet.listener.untilSample<v1::WheelCommand>(
+      *commands, command, [](const v1::WheelCommand& c) { return c.v_left_mps() + c.v_right_mps() > 0.05; },
+      20s))
+      << "the new leader drives";
+  EXPECT_TRUE(fleet.listener.until(
+      [&] {
+        leadership.hear();
+        return leadership.obeys("r1", "r2") && leadership.said["r1"].term() >= 1;
+      },
+      30s))
+      << "who comes back follows\n"
+      << fleet.launch.output();
+  EXPECT_EQ(leadership.said["r1"].role(), v1::FormationRole::ROLE_FOLLOWER);
 }
 
 TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
