@@ -12,6 +12,7 @@ namespace {
 constexpr double kMovedEvidence = 5.0, kPushedEvidence = -1.0, kStillEvidence = -1.0;
 constexpr double kFitEvidence = 3.0, kMisfitEvidence = -4.0;
 constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
+constexpr double kAstray_m = 1.0;     // a published place farther off is no longer this object's
 constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
@@ -169,10 +170,10 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
   }
   const std::vector<int> track_of = assign(cost, 1.0);
   for (TrackState& track : tracks) track.evidence.peer = -1;
-  int missing = 0;  // robots that may be any of the objects nobody claims
+  std::vector<const Peer*> missing;  // robots that may be one of the objects nobody claims
   for (std::size_t i = 0; i < peers.size(); ++i) {
     if (track_of[i] >= 0) tracks[static_cast<std::size_t>(track_of[i])].evidence.peer = static_cast<int>(i);
-    if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) ++missing;
+    if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) missing.push_back(&peers[i]);
   }
   for (TrackState& track : tracks) {
     if (track.blob >= 0) track.identity = track.evidence.peer;
@@ -180,7 +181,8 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
   weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
 }
 
-void KindJudge::weighPlaces(std::vector<TrackState>& tracks, int missing, double rate) const {
+void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
+                            double rate) const {
   // Those nobody claims, the likeliest robots first: no more of them can be robots than robots are missing.
   std::vector<TrackState*> unclaimed;
   for (TrackState& track : tracks) {
@@ -191,14 +193,20 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, int missing, double
   };
   std::stable_sort(unclaimed.begin(), unclaimed.end(),
                    [&](const TrackState* a, const TrackState* b) { return likelihood(a) > likelihood(b); });
+  // Who publishes a place can only be what stands near it.
+  const auto missingAt = [&](const TrackState& track) {
+    return std::count_if(missing.begin(), missing.end(), [&](const Peer* peer) {
+      return !peer->known || (peer->centre_m - track.filter.position()).norm() < kAstray_m;
+    });
+  };
   for (TrackState& track : tracks) {
     const auto place = std::find(unclaimed.begin(), unclaimed.end(), &track) - unclaimed.begin();
-    double target = track.evidence.peer >= 0 ? kPeerHereEvidence
-                    : place < missing        ? 0.0
-                                             : kPeersElsewhereEvidence;
+    double target = track.evidence.peer >= 0   ? kPeerHereEvidence
+                    : place < missingAt(track) ? 0.0
+                                               : kPeersElsewhereEvidence;
     if (track.blob < 0) continue;
     // All of the fleet are elsewhere, and it stands: once moved for another reason.
-    const bool nobody = track.evidence.peer < 0 && missing == 0;
+    const bool nobody = track.evidence.peer < 0 && missingAt(track) == 0;
     if (nobody && track.evidence.still_s > kStrangerStands_s)
       track.evidence.motion = std::min(0.0, track.evidence.motion);
     if (track.evidence.motion > 0.0)

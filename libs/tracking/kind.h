@@ -26,12 +26,12 @@ struct KindOptions {
 
 /// Robot, obstacle or not yet known: log-odds of robot, in natural units, summed over three kinds of
 /// evidence. Shape: the best fit of any known body, averaged over views in which it stood alone. Place: a
-/// peer's published pose says it stands here (robot); or no more robots are missing than likelier objects are
-/// there (it merely looks like one). Motion: it went more than 12 cm over the floor within a second, by the
-/// contact side of its outline, which needs no height; once moved, a robot stays one while its shape allows
-/// it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and moves only
-/// in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at `decide`,
-/// taken back at `change` and after some frames.
+/// peer's published pose says it stands here (robot); or no more robots are missing hereabouts than likelier
+/// objects are there (it merely looks like one). Motion: it went more than 12 cm over the floor within a
+/// second, by the contact side of its outline, which needs no height; once moved, a robot stays one while its
+/// shape allows it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and
+/// moves only in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at
+/// `decide`, taken back at `change` and after some frames.
 class KindJudge {
  public:
   KindJudge(const KindOptions& options, double own_radius_m)
@@ -46,7 +46,8 @@ class KindJudge {
   void judgeShape(TrackState& track, const std::vector<Peer>& peers, const OwnMotion& own) const;
   void judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
                    const OwnMotion& own) const;
-  void weighPlaces(std::vector<TrackState>& tracks, int missing, double rate) const;
+  void weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
+                   double rate) const;
   void settle(TrackState& track, const std::vector<Peer>& peers) const;
   void settleByVectors(TrackState& track, const LocalMap& local_map) const;
   bool touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,

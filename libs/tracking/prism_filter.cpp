@@ -171,6 +171,15 @@ void PrismFilter::updateHeight(double height_m, double sigma_m) {
   state_[5] = std::clamp(state_[5], kLeastRatio, kMostRatio);
 }
 
+void PrismFilter::updatePosition(const Eigen::Vector2d& position_m, const Eigen::Matrix2d& covariance) {
+  const Eigen::Matrix<double, kStates, 2> columns = covariance_.leftCols<2>();
+  const Eigen::Matrix2d innovation = positionCovariance() + covariance;
+  const Eigen::Matrix<double, kStates, 2> gain = columns * innovation.inverse();
+  state_ += gain * (position_m - position());
+  covariance_ -= gain * columns.transpose();
+  state_[5] = std::clamp(state_[5], kLeastRatio, kMostRatio);
+}
+
 double PrismFilter::height() const {
   return camera_height_m_ > 0.0 ? (1.0 - state_[5]) * camera_height_m_ : 0.0;
 }

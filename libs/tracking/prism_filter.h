@@ -51,6 +51,8 @@ class PrismFilter {
   double update(const View& view);
   /// Height measured otherwise (from the vectors' lengths).
   void updateHeight(double height_m, double sigma_m);
+  /// Place told otherwise.
+  void updatePosition(const Eigen::Vector2d& position_m, const Eigen::Matrix2d& covariance);
   /// Fixes the shape to a known body's; the harmonics stay free where it is not round, as it may turn.
   /// Position and velocity stay, a little loosened.
   void assumeBody(double mean_radius_m, double height_m, bool round);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <deque>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,12 @@ struct TrackState {
   KindEvidence evidence;
   bool moving = false;
   int identity = -1;  ///< index of the peer whose published pose it has matched, while it was seen
+  /// Where that peer says it is now (odom); speaks where the own outline does not, in a blob with others.
+  struct Published {
+    Eigen::Vector2d centre_m;
+    Eigen::Matrix2d covariance;
+  };
+  std::optional<Published> published;
 
   int views = 0;          ///< frames in which it was seen
   TimeNs seen_ns = 0;     ///< last of them
@@ -72,6 +79,18 @@ struct TrackState {
   double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
 
   BodyFit fit;  ///< best known body over this view
+  /// What stood in one blob with this and was given up: should it stand out again, it is the same thing.
+  struct Companion {
+    std::uint32_t id;
+    KindEvidence evidence;
+    ObjectKind kind;
+    double kind_probability;
+    TimeNs given_up_ns;
+  };
+  std::optional<Companion> companion;
+  void remember(const TrackState& other) {
+    companion = Companion{other.id, other.evidence, other.kind, other.kind_probability, seen_ns};
+  }
 };
 
 }  // namespace omnifleet::tracking

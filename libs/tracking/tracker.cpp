@@ -56,6 +56,7 @@ TrackerOptions TrackerOptions::read(const options::Section& section) {
   section.read("locate_sigma_m", o.locate_sigma_m, {0.001, 10.0});
   section.read("lose_sigma_m", o.lose_sigma_m, {0.001, 10.0});
   if (o.lose_sigma_m < o.locate_sigma_m) section.fail("lose_sigma_m", "must not be below locate_sigma_m");
+  section.read("composite_m", o.composite_m, {0.01, 10.0});
   section.read("history_s", o.history_s, {1.0, 30.0});
   section.finish();
   return o;
@@ -187,11 +188,14 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
 
 void Tracker::followPeers(const std::vector<Peer>& peers) {
   for (TrackState& track : tracks_) {
-    if (track.identity < 0 || track.unseen_s < kShortlyLost_s) continue;
+    track.published.reset();
+    if (track.identity < 0) continue;
     const Peer& peer = peers[static_cast<std::size_t>(track.identity)];
     if (!peer.known) continue;
     const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
-    track.filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance + leeway);
+    track.published = TrackState::Published{peer.centre_m, peer.covariance + leeway};
+    if (track.unseen_s >= kShortlyLost_s)
+      track.filter.placeAt(peer.centre_m, peer.velocity_mps, track.published->covariance);
   }
 }
 
@@ -219,7 +223,10 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
   // A leap is a change of what is seen, not a movement: nothing is compared across it.
   if ((track.filter.position() - expected).norm() > kLeap_m) track.past.clear();
   if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
-  track.located = disagreement < kDisagreement &&
+  const bool several =
+      !track.whole && object.solidity < options_.merged_solidity &&
+      track.filter.radius() > options_.composite_m;  // the middle of them is no thing's place
+  track.located = disagreement < kDisagreement && !several &&
                   track.positionSigma() <= (track.located ? options_.lose_sigma_m : options_.locate_sigma_m);
   track.seen_ns = view.time_ns;
   track.unseen_s = 0.0;

@@ -21,6 +21,7 @@ struct TrackerOptions {
   double gap_sigma_m = 0.3;       ///< m, how far the robot may have gone across a gap
   double locate_sigma_m = 0.08;   ///< m, σ of the place from which what was never alone is shown …
   double lose_sigma_m = 0.15;     ///< m, … and beyond which it is no longer
+  double composite_m = 0.30;      ///< m, mean radius from which it is several things if it is not convex
   double history_s = 3.0;         ///< s, views kept for the motion over the floor
 
   static TrackerOptions read(const options::Section& section);
@@ -59,6 +60,7 @@ class Tracker {
   void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);
   void updateRest(const ObjectObservation& object, std::size_t blob, int vague, int alien);
+  void addBeside(int owner, const PrismFilter& filter);
   PrismFilter freshRest() const;
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,

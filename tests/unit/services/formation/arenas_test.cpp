@@ -1,7 +1,7 @@
 // Whole fleets with rendered cameras, every stage, in seeded arenas: each run reaches its goal, nothing is
-// touched, the formation is regained after an obstacle. Judged by the truth that the world writes, with
-// geometry of its own. OMNIFLEET_ARENAS=FIRST:LAST chooses the seeds; by default three of them, all hundred
-// in the slow set.
+// touched, the formation is regained after an obstacle, and kept to 3 cm where nothing disturbs. Judged by
+// the truth that the world writes, with geometry of its own. OMNIFLEET_ARENAS=FIRST:LAST chooses the seeds of
+// the arenas, which take turns in the four shapes; by default two of them, all hundred in the slow set.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,6 +12,8 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <string>
 
 #include "dataset/ground_truth.h"
 #include "fleet_in_process/in_process.h"
@@ -25,6 +27,7 @@ namespace fs = std::filesystem;
 
 constexpr double kRadiusM = 0.15;   // the demo's robots
 constexpr double kInPlaceM = 0.15;  // half a body out of place is out of formation
+constexpr int kSteadySeeds = 1;
 constexpr double kNearM =
     0.45;  // an obstacle so near to a robot or its place disturbs: body, margin, reserve
 
@@ -86,44 +89,127 @@ Outcome judge(const dataset::GroundTruth& truth, const motion::FormationCommand&
   return outcome;
 }
 
+/// RMS of a follower's distance from its place beside the leader while that is on its last two metres at full
+/// speed.
+double steadyRms(const dataset::GroundTruth& truth, const motion::FormationCommand& orders,
+                 std::size_t follower) {
+  std::vector<const std::vector<dataset::StampedPose>*> paths;
+  for (const auto& [robot, path] : truth.trajectories) paths.push_back(&path);
+  const Eigen::Vector2d place_m = motion::placesOf(orders, paths.size())[follower];
+  double squares = 0.0;
+  int n = 0;
+  for (std::size_t f = 0; f < paths[0]->size(); ++f) {
+    const Pose2& leader = (*paths[0])[f].map_from_base;
+    const double left_m = (orders.waypoints_m.back() - leader.translation()).norm();
+    if (left_m < 0.6 || left_m > 2.6) continue;
+    squares += ((*paths[follower])[f].map_from_base.translation() - leader * place_m).squaredNorm();
+    ++n;
+  }
+  EXPECT_GT(n, 30);
+  return std::sqrt(squares / n);
+}
+
 std::pair<int, int> seeds() {
-  int first = 1000, last = 1002;
+  int first = 1000, last = 1001;
   if (const char* wanted = std::getenv("OMNIFLEET_ARENAS")) std::sscanf(wanted, "%d:%d", &first, &last);
   return {first, last};
 }
 
-Outcome drive(int seed) {
+const char* const kShapes[] = {"line", "column", "wedge", "triangle"};
+
+/// One run of a fleet: its truth and its orders.
+struct Driven {
+  dataset::GroundTruth truth;
+  motion::FormationCommand orders;
+};
+
+/// `files`: by name, into a folder of their own; one is overlay.yaml, fleet.yaml stands in for the demo's.
+Driven drive(const std::map<std::string, std::string>& files) {
   const fs::path folder = fs::path(testing::TempDir()) / ("omnifleet_arena_" + std::to_string(::getpid()));
   fs::create_directories(folder);
-  const std::string overlay = (folder / "seed.yaml").string();
-  std::ofstream(overlay) << "world: {seed: " << seed << ", randomised: true}\n";
+  for (const auto& [name, text] : files) std::ofstream(folder / name) << text;
   InProcessRun run;
-  run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/demo.yaml";
-  run.overlays = {overlay};
+  run.fleet_file = files.count("fleet.yaml")
+                       ? (folder / "fleet.yaml").string()
+                       : std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/demo.yaml";
+  run.overlays = {(folder / "overlay.yaml").string()};
   run.out = (folder / "out").string();
   run.log_level = "off";
   runInProcess(run);
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, {}, run.overlays);
-  const auto orders = formation::Formation::Options::read(fleet.service("formation")).command;
-  const Outcome outcome = judge(dataset::GroundTruth::load(run.out + "/recording"), orders);
+  const Driven driven{dataset::GroundTruth::load(run.out + "/recording"),
+                      formation::Formation::Options::read(fleet.service("formation")).command};
   fs::remove_all(folder);
+  return driven;
+}
+
+Outcome driveArena(int seed, const std::string& shape, const std::string& more = "") {
+  const Driven run = drive(
+      {{"overlay.yaml", "world: {seed: " + std::to_string(seed) +
+                            ", randomised: true}\nservices: {formation: {shape: " + shape + more + "}}\n"}});
+  const Outcome outcome = judge(run.truth, run.orders);
+  std::printf(
+      "arena %d %s%s: %5.1f s, goal %4.1f cm, gap to obstacles %4.1f cm, between robots %4.1f cm, regained "
+      "in "
+      "%.1f s\n",
+      seed, shape.c_str(), more.c_str(), outcome.seconds, 1e2 * outcome.goal_m, 1e2 * outcome.gap_m,
+      1e2 * outcome.robots_m, outcome.regain_s);
+  std::fflush(stdout);
+  EXPECT_LT(outcome.goal_m, 0.08) << seed;  // arrived_m is 5 cm by its own estimate, then it brakes
+  EXPECT_GT(outcome.gap_m, 0.0) << seed;
+  EXPECT_GT(outcome.robots_m, 0.0) << seed;
   return outcome;
 }
 
 TEST(Arenas, GoalReachedNothingTouchedFormationRegained) {
   const auto [first, last] = seeds();
-  for (int seed = first; seed <= last; ++seed) {
-    const Outcome run = drive(seed);
-    std::printf(
-        "arena %d: %5.1f s, goal %4.1f cm, gap to obstacles %4.1f cm, between robots %4.1f cm, regained in "
-        "%.1f s\n",
-        seed, run.seconds, 1e2 * run.goal_m, 1e2 * run.gap_m, 1e2 * run.robots_m, run.regain_s);
-    EXPECT_LT(run.goal_m, 0.08) << seed;  // arrived_m is 5 cm by its own estimate, then it brakes
-    EXPECT_GT(run.gap_m, 0.0) << seed;
-    EXPECT_GT(run.robots_m, 0.0) << seed;
-    EXPECT_LE(run.regain_s, 10.0) << seed;  // issue 3, point 6
-  }
+  for (int seed = first; seed <= last; ++seed)
+    EXPECT_LE(driveArena(seed, kShapes[seed % 4]).regain_s, 10.0) << seed;  // issue 3, point 6
 }
+
+/// The paper's own way: followers know of the others only what their cameras see.
+TEST(Arenas, LikewiseByTheirOwnCamerasAlone) {
+  EXPECT_LE(driveArena(1002, "wedge", ", published_poses: false").regain_s, 10.0);
+}
+
+class SteadyWithCameras : public testing::TestWithParam<const char*> {};
+
+const char* const kStraight = R"(
+frames: {rate_hz: 5, duration_s: 40}
+floor: {size_m: [8.0, 5.0], clouds: 0.05, grain: 0.04}
+obstacles:
+  - {kind: box, pose: [-1.9, 1.45, 0.3], size_m: [0.34, 0.22], height_m: 0.20, rgb: [190, 52, 40]}
+  - {kind: cylinder, pose: [-1.2, -1.40, 0], radius_m: 0.13, height_m: 0.24, rgb: [40, 78, 170]}
+  - {kind: box, pose: [-0.1, 1.50, 0.8], size_m: [0.24, 0.24], height_m: 0.16, rgb: [214, 160, 30]}
+  - {kind: cylinder, pose: [0.6, -1.45, 0], radius_m: 0.15, height_m: 0.18, rgb: [44, 140, 70]}
+  - {kind: box, pose: [1.6, 1.45, -0.4], size_m: [0.40, 0.18], height_m: 0.14, rgb: [150, 60, 150]}
+  - {kind: box, pose: [2.3, -1.40, 0.1], size_m: [0.20, 0.30], height_m: 0.22, rgb: [30, 120, 130]}
+robots:
+  r1: {initial_pose: [-2.40, 0.00, 0.0]}
+  r2: {initial_pose: [-3.00, 0.42, 0.0]}
+  r3: {initial_pose: [-3.00, -0.42, 0.0]}
+formation: {shape: SHAPE, distance_m: 0.75, angle_rad: 0.6, waypoints: [[2.6, 0.0]]}
+)";
+
+TEST_P(SteadyWithCameras, StraightOnTheErrorIsSmall) {
+  std::string arena = kStraight;
+  arena.replace(arena.find("SHAPE"), 5, GetParam());
+  double most_m = 0.0;
+  for (int seed = 1000; seed < 1000 + kSteadySeeds; ++seed) {
+    const Driven run = drive({{"arena.yaml", arena},
+                              {"fleet.yaml", "name: straight\nworld: {arena: arena.yaml}\n"},
+                              {"overlay.yaml", "world: {seed: " + std::to_string(seed) + "}\n"}});
+    for (std::size_t follower = 1; follower < 3; ++follower) {
+      const double rms_m = steadyRms(run.truth, run.orders, follower);
+      std::printf("%s %d: r%zu %.2f cm RMS\n", GetParam(), seed, follower + 1, 1e2 * rms_m);
+      most_m = std::max(most_m, rms_m);
+    }
+  }
+  EXPECT_LE(most_m, 0.03);  // issue 3, point 6
+}
+
+INSTANTIATE_TEST_SUITE_P(All, SteadyWithCameras, testing::ValuesIn(kShapes),
+                         [](const auto& shape) { return std::string(shape.param); });
 
 }  // namespace
 }  // namespace omnifleet::services
