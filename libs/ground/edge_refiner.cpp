@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core/hal/intrin.hpp>
 #include <optional>
 
 #include "ground/look.h"
@@ -48,9 +49,27 @@ float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
   return value[0];
 }
 
+/// The three channels at once; reads one byte beyond the pixels it needs.
+cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  const auto load = [](const std::uint8_t* pixel) {
+    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(pixel)));
+  };
+  const std::uint8_t *top = image.ptr(y) + 3 * x, *bottom = image.ptr(y + 1) + 3 * x;
+  const cv::v_float32x4 fu = cv::v_setall_f32(u - static_cast<float>(x)),
+                        fv = cv::v_setall_f32(v - static_cast<float>(y));
+  const cv::v_float32x4 left = load(top), left_below = load(bottom);
+  const cv::v_float32x4 above = left + fu * (load(top + 3) - left),
+                        below = left_below + fu * (load(bottom + 3) - left_below);
+  float value[4];
+  cv::v_store(value, above + fv * (below - above));
+  return {value[0], value[1], value[2]};
+}
+
 template <bool kChecked>
 cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
   if (image.channels() != 3) return cv::Vec3f::all(greyAt<kChecked>(image, p));
+  if (!kChecked) return colourInside(image, p.x(), p.y());
   float value[3] = {NAN, NAN, NAN};
   sampleAll<kChecked, 3>(image, p.x(), p.y(), value);
   return {value[0], value[1], value[2]};

@@ -4,21 +4,68 @@
 
 namespace omnifleet::markers {
 
+/// Windows that overlap or touch become one.
+void BlobFinder::separate(const std::vector<cv::Rect>& windows) {
+  windows_.clear();
+  for (cv::Rect window : windows) {
+    if (window.empty()) continue;
+    for (std::size_t i = 0; i < windows_.size();) {
+      const cv::Rect& other = windows_[i];
+      const cv::Rect grown(other.x - 1, other.y - 1, other.width + 2, other.height + 2);
+      if ((grown & window).empty()) {
+        ++i;
+        continue;
+      }
+      window |= other;
+      windows_.erase(windows_.begin() + static_cast<std::ptrdiff_t>(i));
+      i = 0;
+    }
+    windows_.push_back(window);
+  }
+  std::sort(windows_.begin(), windows_.end(), [](const cv::Rect& a, const cv::Rect& b) { return a.x < b.x; });
+}
+
 void BlobFinder::scan(const cv::Mat& bgr, const ColourTable& table) {
   runs_.clear();
   row_begin_.assign(1, 0);
   for (int y = 0; y < bgr.rows; ++y) {
-    const std::uint8_t* pixel = bgr.ptr<std::uint8_t>(y);
-    std::uint8_t current = 0;
-    for (int x = 0; x < bgr.cols; ++x, pixel += 3) {
-      const std::uint8_t colour = table.classOf(pixel);
-      if (colour == current) continue;
-      if (current != 0) runs_.back().end = x;
-      if (colour != 0) runs_.push_back({y, x, bgr.cols, colour, -1});
-      current = colour;
+    for (const cv::Rect& window : windows_) {
+      if (y >= window.y && y < window.y + window.height)
+        scanRow(bgr, table, y, window.x, window.x + window.width);
     }
     row_begin_.push_back(static_cast<int>(runs_.size()));
   }
+}
+
+void BlobFinder::scanRow(const cv::Mat& bgr, const ColourTable& table, int y, int begin, int end) {
+  const std::uint8_t* row = bgr.ptr<std::uint8_t>(y);
+  std::uint8_t current = 0;
+  for (int x = begin; x < end;) {
+    const bool is_block = x + ColourTable::kBlock <= end;
+    const int block_end = is_block ? x + ColourTable::kBlock : end;
+    if (is_block && current == 0 && !table.mayHaveColour(row + 3 * x)) {
+      x = block_end;
+      continue;
+    }
+    for (; x < block_end; ++x) {
+      const std::uint8_t colour = table.classOf(row + 3 * x);
+      if (colour == current) continue;
+      if (current != 0) runs_.back().end = x;
+      if (colour != 0) runs_.push_back({y, x, end, colour, -1});
+      current = colour;
+    }
+  }
+}
+
+bool BlobFinder::isWhole(const Blob& blob, cv::Size image) const {
+  for (const cv::Rect& window : windows_) {
+    if (!window.contains({blob.left, blob.top})) continue;
+    const int right = window.x + window.width, bottom = window.y + window.height;
+    return (blob.left > window.x || window.x == 0) && (blob.top > window.y || window.y == 0) &&
+           (blob.right + 1 < right || right == image.width) &&
+           (blob.bottom + 1 < bottom || bottom == image.height);
+  }
+  return false;
 }
 
 int BlobFinder::root(int run) {
@@ -48,6 +95,12 @@ void BlobFinder::connect() {
 }
 
 const std::vector<Blob>& BlobFinder::find(const cv::Mat& bgr, const ColourTable& table, int min_area_px) {
+  return find(bgr, table, min_area_px, {cv::Rect({0, 0}, bgr.size())});
+}
+
+const std::vector<Blob>& BlobFinder::find(const cv::Mat& bgr, const ColourTable& table, int min_area_px,
+                                          const std::vector<cv::Rect>& windows) {
+  separate(windows);
   scan(bgr, table);
   connect();
   all_.clear();
@@ -68,7 +121,7 @@ const std::vector<Blob>& BlobFinder::find(const cv::Mat& bgr, const ColourTable&
   }
   blobs_.clear();
   std::copy_if(all_.begin(), all_.end(), std::back_inserter(blobs_),
-               [&](const Blob& blob) { return blob.area_px >= min_area_px; });
+               [&](const Blob& blob) { return blob.area_px >= min_area_px && isWhole(blob, bgr.size()); });
   return blobs_;
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <opencv2/core/hal/intrin.hpp>
 
 namespace omnifleet::markers {
 namespace {
@@ -29,7 +30,26 @@ ColourTable::ColourTable(const std::vector<dataset::Rgb>& colours, const ColourO
       nearest = distance;
       table_[static_cast<std::size_t>(index)] = static_cast<std::uint8_t>(i + 1);
     }
+    if (table_[static_cast<std::size_t>(index)] == 0) continue;
+    const auto [darkest, brightest] = std::minmax({index & 31, (index >> 5) & 31, index >> 10});
+    least_brightest_ = std::min(least_brightest_, brightest);
+    greatest_share_ = std::max(greatest_share_, (kWhole * darkest + brightest - 1) / std::max(1, brightest));
   }
+}
+
+bool ColourTable::mayHaveColour(const std::uint8_t* bgr) const {
+  cv::v_uint8x16 blue, green, red;
+  cv::v_load_deinterleave(bgr, blue, green, red);
+  cv::v_uint16x8 darkest[2], brightest[2];
+  cv::v_expand(cv::v_min(cv::v_min(blue, green), red), darkest[0], darkest[1]);
+  cv::v_expand(cv::v_max(cv::v_max(blue, green), red), brightest[0], brightest[1]);
+  const auto share = cv::v_setall_u16(static_cast<std::uint16_t>(greatest_share_)),
+             least = cv::v_setall_u16(static_cast<std::uint16_t>(least_brightest_));
+  const auto possible = [&](const cv::v_uint16x8& dark, const cv::v_uint16x8& bright) {
+    const cv::v_uint16x8 low = cv::v_shr<3>(dark), high = cv::v_shr<3>(bright);
+    return (cv::v_mul_wrap(low, cv::v_setall_u16(kWhole)) <= cv::v_mul_wrap(high, share)) & (high >= least);
+  };
+  return cv::v_check_any(possible(darkest[0], brightest[0]) | possible(darkest[1], brightest[1]));
 }
 
 }  // namespace omnifleet::markers

@@ -25,10 +25,17 @@ class ColourTable {
     return table_[static_cast<std::size_t>((bgr[0] >> 3) << 10 | (bgr[1] >> 3) << 5 | (bgr[2] >> 3))];
   }
   std::size_t classes() const { return colours_ + 1; }
+  /// False only where none of kBlock consecutive pixels has a class: the quick look at floor.
+  static constexpr int kBlock = 16;
+  bool mayHaveColour(const std::uint8_t* bgr) const;
 
  private:
   std::array<std::uint8_t, 32768> table_{};
   std::size_t colours_ = 0;
+  // Of all steps that have a class: least brightest channel, greatest darkest channel ÷ brightest, rounded
+  // up.
+  static constexpr int kWhole = 256;
+  int least_brightest_ = 32, greatest_share_ = 0;
 };
 
 }  // namespace omnifleet::markers

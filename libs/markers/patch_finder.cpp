@@ -25,6 +25,9 @@ class PatchFinder final : public MarkerFinder {
         height_m_(markers.height_m),
         pairs_(markers, options),
         fit_(markers, options),
+        reach_m_(std::max(markers.team_offset_m.norm(), markers.individual_offset_m.norm()) +
+                 0.5 * markers.patch_size_m.norm()),
+        robots_(markers.robots.size()),
         table_(pairs_.colours(), {options.chroma_tolerance, options.min_brightness, options.min_saturation}) {
     if (!(markers.height_m < camera.height())) {
       throw options::Error("markers: height_m: must be below the ceiling camera");
@@ -36,10 +39,15 @@ class PatchFinder final : public MarkerFinder {
         bgr.rows != camera_.model().image_height_px) {
       throw std::runtime_error("markers: the image is not BGR or not of the camera's size");
     }
-    collectPatches(bgr);
-    pairs_.find(patches_, candidates_);
-    preferContinuity(time);
-    choose(time);
+    // In the whole image now and then, while a robot of the set may come from anywhere, and at once where one
+    // is not found near its last place.
+    if (++since_search_ >= options_.search_every_frames || !windowsAround(bgr.size()) ||
+        !search(bgr, time, windows_)) {
+      windows_.assign(1, cv::Rect({0, 0}, bgr.size()));
+      search(bgr, time, windows_);
+      since_search_ = 0;
+    }
+    report(time);
     return detections_;
   }
 
@@ -50,9 +58,12 @@ class PatchFinder final : public MarkerFinder {
     int seen = 0;  ///< frames in a row
   };
 
-  void collectPatches(const cv::Mat& bgr);
+  bool windowsAround(cv::Size image);
+  bool search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows);
+  void collectPatches(const cv::Mat& bgr, const std::vector<cv::Rect>& windows);
   void preferContinuity(TimeNs time);
-  void choose(TimeNs time);
+  void choose();
+  void report(TimeNs time);
   bool confirmed(const Detection& detection, TimeNs time);
 
   lens::Camera camera_;
@@ -60,19 +71,60 @@ class PatchFinder final : public MarkerFinder {
   double height_m_;
   PatchPairs pairs_;
   RectangleFit fit_;
+  double reach_m_;      ///< from base_link to the farthest corner of a patch
+  std::size_t robots_;  ///< of the marker set
   ColourTable table_;
   BlobFinder blobs_;
+  int since_search_ = 1 << 20;  ///< frames since the whole image was searched
+  std::vector<cv::Rect> windows_;
   std::vector<Patch> patches_;
   std::vector<Pair> candidates_;
   std::vector<Detection> detections_;
   std::map<std::string, Trail> trails_;
+  TimeNs last_ns_ = 0;  ///< of the frame before
 };
 
-void PatchFinder::collectPatches(const cv::Mat& bgr) {
+/// Where the robots can be now. False unless the last frame showed all of them.
+bool PatchFinder::windowsAround(cv::Size image) {
+  constexpr int kMargin_px = 8;  // what sub-pixel refinement looks at around a patch
+  windows_.clear();
+  const double reach = reach_m_ + options_.window_m;
+  for (const auto& [robot, trail] : trails_) {
+    if (trail.time_ns != last_ns_) continue;
+    cv::Rect window;
+    for (const double dx : {-reach, reach}) {
+      for (const double dy : {-reach, reach}) {
+        const Eigen::Vector2d corner = trail.pose.translation() + Eigen::Vector2d(dx, dy);
+        const auto pixel = camera_.pixelFromPoint({corner.x(), corner.y(), height_m_});
+        if (!pixel) return false;
+        const cv::Rect here(cvFloor(pixel->x()) - kMargin_px, cvFloor(pixel->y()) - kMargin_px,
+                            2 * kMargin_px + 1, 2 * kMargin_px + 1);
+        window = window.empty() ? here : window | here;
+      }
+    }
+    windows_.push_back(window & cv::Rect({0, 0}, image));
+  }
+  return windows_.size() == robots_ && robots_ > 0;
+}
+
+/// Detections in the windows. False where one of the robots seen in the last frame is not among them.
+bool PatchFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows) {
+  collectPatches(bgr, windows);
+  pairs_.find(patches_, candidates_);
+  preferContinuity(time);
+  choose();
+  return std::all_of(trails_.begin(), trails_.end(), [&](const auto& trail) {
+    return trail.second.time_ns != last_ns_ ||
+           std::any_of(detections_.begin(), detections_.end(),
+                       [&](const Detection& d) { return d.robot == trail.first; });
+  });
+}
+
+void PatchFinder::collectPatches(const cv::Mat& bgr, const std::vector<cv::Rect>& windows) {
   constexpr int kLeastArea_px = 6;
   patches_.clear();
   const int right = bgr.cols - 1 - options_.border_px, bottom = bgr.rows - 1 - options_.border_px;
-  for (const Blob& blob : blobs_.find(bgr, table_, kLeastArea_px)) {
+  for (const Blob& blob : blobs_.find(bgr, table_, kLeastArea_px, windows)) {
     auto patch = refine(bgr, table_, blob, camera_, height_m_);
     if (!patch) continue;
     patch->cut = blob.left < options_.border_px || blob.top < options_.border_px || blob.right > right ||
@@ -106,7 +158,7 @@ bool PatchFinder::confirmed(const Detection& detection, TimeNs time) {
   return trail.seen >= options_.confirm_frames && !jumped;
 }
 
-void PatchFinder::choose(TimeNs time) {
+void PatchFinder::choose() {
   std::set<std::size_t> used;
   std::set<std::string> robots;
   detections_.clear();
@@ -116,9 +168,16 @@ void PatchFinder::choose(TimeNs time) {
     used.insert(pair.team);
     used.insert(pair.individual);
     Detection detection = pair.detection;
-    if (!fit_.refine(patches_[pair.team], patches_[pair.individual], detection)) continue;
-    if (confirmed(detection, time)) detections_.push_back(std::move(detection));
+    if (fit_.refine(patches_[pair.team], patches_[pair.individual], detection))
+      detections_.push_back(std::move(detection));
   }
+}
+
+void PatchFinder::report(TimeNs time) {
+  detections_.erase(std::remove_if(detections_.begin(), detections_.end(),
+                                   [&](const Detection& d) { return !confirmed(d, time); }),
+                    detections_.end());
+  last_ns_ = time;
   std::sort(detections_.begin(), detections_.end(),
             [](const Detection& a, const Detection& b) { return a.robot < b.robot; });
 }
@@ -138,6 +197,8 @@ FinderOptions FinderOptions::read(const options::Section& section) {
   section.read("pixel_sigma_px", o.pixel_sigma_px, options::kPositive);
   section.read("gate_m", o.gate_m, options::kPositive);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});
+  section.read("search_every_frames", o.search_every_frames, {1, 1000});
+  section.read("window_m", o.window_m, options::kPositive);
   section.finish();
   return o;
 }

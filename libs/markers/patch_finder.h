@@ -33,6 +33,9 @@ struct FinderOptions {
   double pixel_sigma_px = 0.15;  ///< px, of a centroid, for the covariance
   double gate_m = 0.30;          ///< m, a track's jump between frames beyond which it must be seen again
   int confirm_frames = 1;        ///< detections in a row before a new robot is reported
+  int search_every_frames = 5;   ///< frames: how often the whole image is searched while all robots of the
+                                 ///< set are found near where they were; 1: always
+  double window_m = 0.20;        ///< m, how far a robot may have moved between two frames to be found there
 
   static FinderOptions read(const options::Section& section);
 };

@@ -1,23 +1,55 @@
 #include "markers/rectangle_fit.h"
 
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 
 namespace omnifleet::markers {
 namespace {
 
 constexpr int kIterations = 5;
+constexpr double kSettled = 1e-7;       // metres and radians: a smaller step ends the iteration
 constexpr double kBlur_px = 0.45;       // σ of a camera's point spread with the pixel's own width
 constexpr double kCoverageSigma = 0.1;  // of one pixel's coverage: colour noise and compression
+
+/// Standard normal distribution and density from a table, to 1e-8.
+class NormalTable {
+ public:
+  NormalTable() {
+    for (int i = 0; i <= kNodes; ++i) {
+      const double t = static_cast<double>(i) / kPerUnit - kReach;
+      nodes_[static_cast<std::size_t>(i)] = {0.5 + 0.5 * std::erf(t * M_SQRT1_2),
+                                             std::exp(-0.5 * t * t) / std::sqrt(2.0 * M_PI)};
+    }
+  }
+  struct Value {
+    double distribution, density;
+  };
+  Value at(double t) const {
+    if (!(t > -kReach)) return {0.0, 0.0};
+    if (t >= kReach) return {1.0, 0.0};
+    const int i = static_cast<int>((t + kReach) * kPerUnit + 0.5);
+    const double node = static_cast<double>(i) / kPerUnit - kReach, d = t - node;
+    const Value& v = nodes_[static_cast<std::size_t>(i)];
+    // Taylor: the derivatives of the density are the density times Hermite's polynomials.
+    const double h2 = node * node - 1.0, h3 = node * (node * node - 3.0);
+    return {v.distribution + v.density * d * (1.0 - d * (node / 2.0 - d * h2 / 6.0)),
+            v.density * (1.0 - d * (node - d * (h2 / 2.0 - d * h3 / 6.0)))};
+  }
+
+ private:
+  static constexpr int kReach = 6, kPerUnit = 32, kNodes = 2 * kReach * kPerUnit;
+  std::array<Value, kNodes + 1> nodes_{};
+};
 
 /// Part of a blurred interval [−half, half] at u, and its derivative.
 struct Box {
   double value, slope;
 };
 Box box(double u, double half, double blur) {
-  const double a = (u + half) / blur, b = (u - half) / blur;
-  return {0.5 * (std::erf(a * M_SQRT1_2) - std::erf(b * M_SQRT1_2)),
-          (std::exp(-0.5 * a * a) - std::exp(-0.5 * b * b)) / (blur * std::sqrt(2.0 * M_PI))};
+  static const NormalTable kNormal;
+  const auto a = kNormal.at((u + half) / blur), b = kNormal.at((u - half) / blur);
+  return {a.distribution - b.distribution, (a.density - b.density) / blur};
 }
 
 }  // namespace
@@ -34,15 +66,16 @@ void RectangleFit::accumulate(const Patch& patch, const Eigen::Vector2d& offset_
   for (const Sample& sample : patch.samples) {
     const Eigen::Vector2d in_base = base_from_map * sample.place_m, in_patch = in_base - offset_m;
     const Box x = box(in_patch.x(), half_m_.x(), blur_m), y = box(in_patch.y(), half_m_.y(), blur_m);
+    const double residual = sample.coverage - x.value * y.value;
+    normal.squares += residual * residual;
+    ++normal.count;
     const Eigen::Vector2d gradient(x.slope * y.value, x.value * y.slope);
+    if (gradient.isZero(0.0)) continue;  // well inside or outside
     // A right perturbation (dx, dy, dθ) of the pose moves the sample by the opposite in base_link.
     const Eigen::Vector3d jacobian(-gradient.x(), -gradient.y(),
                                    gradient.x() * in_base.y() - gradient.y() * in_base.x());
     normal.h += jacobian * jacobian.transpose();
-    const double residual = sample.coverage - x.value * y.value;
     normal.g += jacobian * residual;
-    normal.squares += residual * residual;
-    ++normal.count;
   }
 }
 
@@ -60,6 +93,7 @@ bool RectangleFit::refine(const Patch& team, const Patch& individual, Detection&
       if (!(normal.h.determinant() > 0)) return false;
       const Eigen::Vector3d step = normal.h.ldlt().solve(normal.g);
       pose = pose * Pose2{step.x(), step.y(), step.z()};
+      if (step.cwiseAbs().maxCoeff() < kSettled) break;
     }
   }
   const Pose2 change = detection.map_from_base.inverse() * pose;

@@ -42,20 +42,89 @@ Window windowOf(const cv::Mat& bgr, const ColourTable& table, const Blob& blob) 
   w.width = std::min(bgr.cols - 1, blob.right + kRing_px) - w.left + 1;
   w.height = std::min(bgr.rows - 1, blob.bottom + kRing_px) - w.top + 1;
   w.distance.assign(static_cast<std::size_t>(w.width * w.height), kRing_px + 1);
+  const auto at = [&](int x, int y) -> int& {
+    return w.distance[static_cast<std::size_t>((y - w.top) * w.width + x - w.left)];
+  };
   for (int y = blob.top; y <= blob.bottom; ++y) {
     const std::uint8_t* row = bgr.ptr<std::uint8_t>(y);
-    for (int x = blob.left; x <= blob.right; ++x) {
-      if (table.classOf(row + 3 * x) != blob.colour) continue;
-      for (int v = std::max(w.top, y - kRing_px); v <= std::min(w.top + w.height - 1, y + kRing_px); ++v) {
-        for (int u = std::max(w.left, x - kRing_px); u <= std::min(w.left + w.width - 1, x + kRing_px); ++u) {
-          int& d = w.distance[static_cast<std::size_t>((v - w.top) * w.width + u - w.left)];
-          d = std::min(d, std::max(std::abs(u - x), std::abs(v - y)));
-        }
+    for (int x = blob.left; x <= blob.right; ++x)
+      if (table.classOf(row + 3 * x) == blob.colour) at(x, y) = 0;
+  }
+  // Once down and once up again: exact for the chessboard distance.
+  const int right = w.left + w.width - 1, bottom = w.top + w.height - 1;
+  const auto spread = [&](int x, int y, int step) {  // from the row before and the pixel before
+    int& d = at(x, y);
+    const int row = y - step;
+    for (int u = std::max(w.left, x - 1); row >= w.top && row <= bottom && u <= std::min(right, x + 1); ++u)
+      d = std::min(d, at(u, row) + 1);
+    if (x - step >= w.left && x - step <= right) d = std::min(d, at(x - step, y) + 1);
+  };
+  for (int y = w.top; y <= bottom; ++y)
+    for (int x = w.left; x <= right; ++x) spread(x, y, 1);
+  for (int y = bottom; y >= w.top; --y)
+    for (int x = right; x >= w.left; --x) spread(x, y, -1);
+  return w;
+}
+
+/// The plane under a window, bicubic between 4 × 4 pixels at which the lens is asked: a patch is small beside
+/// the focal length, so that this errs by micrometres.
+class PlaneUnder {
+ public:
+  /// False where the plane is not seen all over the window.
+  bool cover(const lens::Camera& camera, double height_m, const Window& w) {
+    for (int k = 0; k < kNodes; ++k) {
+      u_[k] = w.left + (w.width - 0.5) * k / (kNodes - 1) - 0.25;
+      v_[k] = w.top + (w.height - 0.5) * k / (kNodes - 1) - 0.25;
+    }
+    for (int j = 0; j < kNodes; ++j) {
+      for (int i = 0; i < kNodes; ++i) {
+        const auto point = camera.planeFromPixel({u_[i], v_[j]}, height_m);
+        if (!point) return false;
+        nodes_[j][i] = *point;
+      }
+    }
+    return true;
+  }
+  void setRow(double v) {
+    const Weights at = weights(v_, v);
+    for (int i = 0; i < kNodes; ++i) {
+      row_[i].setZero();
+      down_[i].setZero();
+      for (int j = 0; j < kNodes; ++j) {
+        row_[i] += at.value[j] * nodes_[j][i];
+        down_[i] += at.slope[j] * nodes_[j][i];
       }
     }
   }
-  return w;
-}
+  /// Of the row set last: the point, and the area of the pixel on the plane, m².
+  void at(double u, Eigen::Vector2d& point, double& area) const {
+    const Weights w = weights(u_, u);
+    Eigen::Vector2d right(0.0, 0.0), down(0.0, 0.0);
+    point.setZero();
+    for (int i = 0; i < kNodes; ++i) {
+      point += w.value[i] * row_[i];
+      right += w.slope[i] * row_[i];
+      down += w.value[i] * down_[i];
+    }
+    area = std::abs(right.x() * down.y() - right.y() * down.x());
+  }
+
+ private:
+  static constexpr int kNodes = 4;
+  struct Weights {
+    double value[kNodes], slope[kNodes];
+  };
+  /// Lagrange's polynomials and their derivatives, nodes at equal distances.
+  static Weights weights(const double (&nodes)[kNodes], double at) {
+    const double scale = 1.0 / (nodes[1] - nodes[0]), t = (at - nodes[0]) * scale;
+    const double a = t, b = t - 1.0, c = t - 2.0, d = t - 3.0;
+    return {{-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0},
+            {-scale * (c * d + b * d + b * c) / 6.0, scale * (c * d + a * d + a * c) / 2.0,
+             -scale * (b * d + a * d + a * b) / 2.0, scale * (b * c + a * c + a * b) / 6.0}};
+  }
+  double u_[kNodes], v_[kNodes];
+  Eigen::Vector2d nodes_[kNodes][kNodes], row_[kNodes], down_[kNodes];
+};
 
 }  // namespace
 
@@ -76,28 +145,28 @@ std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const 
   const Eigen::Vector3d axis = own - around;
   if (axis.norm() < 20.0) return std::nullopt;
 
+  PlaneUnder plane;
+  if (!plane.cover(camera, plane_height_m, window)) return std::nullopt;
   Patch patch;
   patch.colour = blob.colour;
   patch.surround_bgr = around;
+  patch.samples.reserve(window.distance.size());
   double coverage = 0.0;
   Eigen::Vector2d sum_px(0.0, 0.0), sum_m(0.0, 0.0);
   for (int y = window.top; y < window.top + window.height; ++y) {
+    plane.setRow(y);
     for (int x = window.left; x < window.left + window.width; ++x) {
       if (window.at(x, y) > kReach_px) continue;
       const double share = (colourAt(bgr, x, y) - around).dot(axis) / axis.squaredNorm();
-      const Eigen::Vector2d pixel(x, y);
-      const auto here = camera.planeFromPixel(pixel, plane_height_m);
-      const auto right = camera.planeFromPixel(pixel + Eigen::Vector2d(0.5, 0.0), plane_height_m);
-      const auto down = camera.planeFromPixel(pixel + Eigen::Vector2d(0.0, 0.5), plane_height_m);
-      if (!here || !right || !down) return std::nullopt;
-      patch.samples.push_back({*here, std::clamp(share, 0.0, 1.0)});
+      Eigen::Vector2d here;
+      double area = 0.0;
+      plane.at(x, here, area);
+      patch.samples.push_back({here, std::clamp(share, 0.0, 1.0)});
       const double alpha = share < 0.08 ? 0.0 : std::min(share, 1.0);  // noise of the surroundings stays out
-      const Eigen::Vector2d a = *right - *here, b = *down - *here;
-      const double area = 4.0 * std::abs(a.x() * b.y() - a.y() * b.x());
       coverage += alpha;
-      sum_px += alpha * pixel;
+      sum_px += alpha * Eigen::Vector2d(x, y);
       patch.area_m2 += alpha * area;
-      sum_m += alpha * area * *here;
+      sum_m += alpha * area * here;
     }
   }
   patch.centre_px = sum_px / coverage;

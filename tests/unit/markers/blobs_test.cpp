@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <opencv2/imgproc.hpp>
 
 namespace omnifleet::markers {
@@ -68,6 +69,58 @@ TEST(BlobFinder, AgreesWithOpenCvOnRandomMasks) {
     EXPECT_EQ(ours, theirs);
     EXPECT_GT(ours.size(), 10U);
   }
+}
+
+TEST(BlobFinder, WindowsShowTheBlobsOfTheWholeImageThatLieWithin) {
+  const ColourTable table(kColours, {0.16, 40, 0.25});
+  cv::RNG random(4);
+  cv::Mat image(120, 200, CV_8UC3, cv::Scalar::all(128));
+  for (int i = 0; i < 60; ++i) {
+    const auto& c = kColours[static_cast<std::size_t>(random.uniform(0, 3))];
+    cv::ellipse(image, {random.uniform(0, 200), random.uniform(0, 120)},
+                {random.uniform(2, 9), random.uniform(2, 9)}, random.uniform(0, 180), 0, 360,
+                cv::Scalar(c[2], c[1], c[0]), cv::FILLED);
+  }
+  const std::vector<cv::Rect> windows{{10, 15, 60, 40}, {50, 30, 70, 50}, {150, 0, 50, 120}, {3, 90, 41, 20}};
+  using Key = std::array<int, 6>;
+  const auto keys = [](const std::vector<Blob>& blobs) {
+    std::vector<Key> all;
+    for (const Blob& b : blobs) all.push_back({b.colour, b.area_px, b.left, b.top, b.right, b.bottom});
+    std::sort(all.begin(), all.end());
+    return all;
+  };
+  BlobFinder finder;
+  // The first two overlap: one window. Beyond the image's border nothing goes on.
+  const std::vector<cv::Rect> apart{windows[0] | windows[1], windows[2], windows[3]};
+  std::vector<Blob> within;
+  for (const Blob& b : finder.find(image, table, 4)) {
+    const bool inside = std::any_of(apart.begin(), apart.end(), [&](const cv::Rect& w) {
+      return (b.left > w.x || w.x == 0) && (b.top > w.y || w.y == 0) && b.left >= w.x && b.top >= w.y &&
+             (b.right + 1 < w.br().x || w.br().x == 200) && (b.bottom + 1 < w.br().y || w.br().y == 120) &&
+             b.right < w.br().x && b.bottom < w.br().y;
+    });
+    if (inside) within.push_back(b);
+  }
+  const auto expected = keys(within);
+  EXPECT_EQ(keys(finder.find(image, table, 4, windows)), expected);
+  EXPECT_GT(expected.size(), 5U);
+}
+
+TEST(ColourTable, NoColourIsOverlookedByTheQuickLook) {
+  const ColourTable table(kColours, {0.16, 40, 0.25});
+  std::uint8_t pixels[3 * ColourTable::kBlock];
+  int coloured = 0, skipped = 0;
+  for (int colour = 0; colour < 1 << 15; ++colour) {
+    for (int i = 0; i < ColourTable::kBlock; ++i) pixels[3 * i] = pixels[3 * i + 1] = pixels[3 * i + 2] = 120;
+    std::uint8_t* one = pixels + 3 * (colour % ColourTable::kBlock);
+    for (int c = 0; c < 3; ++c) one[c] = static_cast<std::uint8_t>((colour >> 5 * c & 31) * 8 + colour % 8);
+    const bool may = table.mayHaveColour(pixels);
+    coloured += table.classOf(one) != 0 ? 1 : 0;
+    skipped += may ? 0 : 1;
+    ASSERT_TRUE(may || table.classOf(one) == 0) << colour;
+  }
+  EXPECT_GT(coloured, 100);
+  EXPECT_GT(skipped, 5000);  // grey and near it
 }
 
 }  // namespace

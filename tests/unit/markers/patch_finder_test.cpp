@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <random>
+#include <string>
 
 #include "painted_robots.h"
 
@@ -131,6 +134,41 @@ TEST(PatchFinder, CovarianceFitsTheErrors) {
   // 3 would be exact; the floor for lenses that are not perfect keeps it below, over-confidence would be
   // above.
   EXPECT_LT(nees, 3.5);
+}
+
+/// Robots on their way in frame k: r3 comes at frame 3, r2 is carried away at frame 6, r1 is gone from 11 on.
+std::map<std::string, Pose2> robotsAt(int k) {
+  std::map<std::string, Pose2> robots;
+  if (k < 11) robots["r1"] = {0.3 + 0.4 * std::cos(0.2 * k), -0.3 + 0.4 * std::sin(0.2 * k), 0.2 * k};
+  robots["r2"] = {k < 6 ? -0.6 + 0.05 * k : 1.0, 0.6, 0.1};
+  if (k >= 3) robots["r3"] = {-0.7, -0.7 + 0.03 * k, 1.0};
+  return robots;
+}
+
+TEST(PatchFinder, NearTheLastPlacesIsFoundExactlyWhatTheWholeImageShows) {
+  const auto set = patchSet();
+  FinderOptions everywhere, near_by;
+  everywhere.search_every_frames = 1;
+  near_by.search_every_frames = 4;
+  const lens::Camera camera(ceilingCamera());
+  const auto whole = MarkerFinder::make(camera, set, everywhere),
+             tracked = MarkerFinder::make(camera, set, near_by);
+  std::size_t compared = 0;
+  for (int k = 0; k < 14; ++k) {
+    Painter painter(ceilingCamera());
+    for (const auto& [robot, pose] : robotsAt(k)) painter.robot(set, robot, pose);
+    const cv::Mat image = painter.image(0.8, 3.0);
+    const auto expected = whole->find(image, k * 100000000LL);
+    const auto& found = tracked->find(image, k * 100000000LL);
+    ASSERT_EQ(found.size(), expected.size()) << k;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      EXPECT_EQ(found[i].robot, expected[i].robot);
+      EXPECT_EQ(found[i].map_from_base.vector(), expected[i].map_from_base.vector()) << k;
+      EXPECT_EQ(found[i].covariance, expected[i].covariance) << k;
+    }
+    compared += found.size();
+  }
+  EXPECT_GT(compared, 30U);
 }
 
 TEST(PatchFinder, RefusesWhatItCannotDo) {
