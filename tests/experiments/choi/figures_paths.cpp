@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "dataset/frame_source.h"
@@ -32,6 +33,7 @@ void drawSnapshots(const SeedData& data, const std::string& path) {
   if (recording.ceiling.empty()) return;
   const dataset::ImageStream& stream = recording.ceiling.front();
   constexpr std::size_t kMoments = 6;
+  constexpr int kSnapshot_px = 600;  // wide
   const std::size_t n = stream.rows.size();
   std::vector<cv::Mat> pictures;
   std::vector<std::string> captions;
@@ -41,7 +43,9 @@ void drawSnapshots(const SeedData& data, const std::string& path) {
   for (std::size_t i = 0; i < n && source->next(image, info); ++i) {
     const std::size_t wanted = pictures.size() * (n - 1) / (kMoments - 1);
     if (i < wanted || pictures.size() >= kMoments) continue;
-    pictures.push_back(image.clone());
+    cv::Mat small;
+    cv::resize(image, small, {kSnapshot_px, image.rows * kSnapshot_px / image.cols}, 0, 0, cv::INTER_AREA);
+    pictures.push_back(small);
     captions.push_back(
         fmt::format("t = {:.1f} s", 1e-9 * static_cast<double>(info.time_ns - stream.rows.front().time_ns)));
   }
