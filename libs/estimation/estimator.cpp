@@ -45,6 +45,7 @@ class FleetEstimator::Impl {
     RobotNode* robot;
     bool fresh;  ///< newer than the robot's last frame
     std::vector<Seen> seen;
+    bool placed_anew = false;  ///< by what it sees, after it was carried away
   };
 
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
@@ -92,7 +93,7 @@ std::vector<FleetEstimator::Impl::Frame> FleetEstimator::Impl::admit(
     RobotNode* robot = fleet.find(objects->robot);
     if (robot == nullptr) throw std::runtime_error("estimator: unknown robot '" + objects->robot + "'");
     const bool fresh = !robot->started || objects->acquired_ns > robot->last_frame_ns;
-    frames.push_back({objects, robot, fresh, {}});
+    frames.push_back({objects, robot, fresh, {}, false});
   }
   return frames;
 }
@@ -206,6 +207,7 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     const bool lost = robot.displaced || robot.refusals >= kDoubts;
     robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
     robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : "";
+    if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
     if (!step.wheels || step.motion == kNoFactor) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
     fleet.loosen(robot, kSlipInflation);
@@ -229,6 +231,7 @@ void FleetEstimator::Impl::noticeLoss(Frame& frame) {
   robot.displaced = true;
   if (!locateByConstellation(fleet, robot, *frame.objects)) return;
   robot.displaced = false;
+  frame.placed_anew = true;
   for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
   associateOne(frame);
 }

@@ -45,8 +45,8 @@ class PrismFactor : public ceres::CostFunction {
   std::vector<double> root_weight_;
 };
 
-/// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error. The shape, in the landmark's
-/// own axes, is shared with the landmark and fixed in a solve.
+/// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error. The shape, in the
+/// landmark's own axes, is shared with the landmark and fixed in a solve.
 class LandmarkViewFactor final : public PrismFactor {
  public:
   LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape, int directions);

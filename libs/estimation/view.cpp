@@ -32,7 +32,8 @@ View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera
   return view;
 }
 
-/// The silhouette's point that supports a direction is where its half-plane meets the neighbours': b·n + b′·n⊥.
+/// The silhouette's point that supports a direction is where its half-plane meets the neighbours': b·n +
+/// b′·n⊥.
 CameraError View::derivativeAt(std::size_t direction) const {
   const std::size_t k = seen_b_m.size(), before = (direction + k - 1) % k, after = (direction + 1) % k;
   const double step = 2.0 * M_PI / static_cast<double>(k), b = seen_b_m[direction];

@@ -34,7 +34,8 @@ lens::CameraModel wrong(lens::CameraModel model, const CameraError& error) {
   return model;
 }
 
-Eigen::Vector2d seen(const lens::Camera& real, const lens::Camera& calibrated, const Eigen::Vector2d& floor_m) {
+Eigen::Vector2d seen(const lens::Camera& real, const lens::Camera& calibrated,
+                     const Eigen::Vector2d& floor_m) {
   const auto pixel = real.pixelFromPoint({floor_m.x(), floor_m.y(), 0.0});
   return calibrated.floorFromPixel(*pixel).value();
 }
@@ -95,8 +96,7 @@ TEST(CameraError, AViewLosesIt) {
   EXPECT_LT(after, 0.05 * before);  // second order, and the corner of two half-planes is not the very point
   EXPECT_NEAR(view.camera_height_m, kHeight_m, 1e-4 * kHeight_m);
   view.assume(CameraError::Zero());
-  for (std::size_t k = 0; k < 96; ++k)
-    EXPECT_EQ(view.b_m[k], static_cast<double>(wrongly.supports.b_m[k]));
+  for (std::size_t k = 0; k < 96; ++k) EXPECT_EQ(view.b_m[k], static_cast<double>(wrongly.supports.b_m[k]));
 }
 
 TEST(CameraOptions, ReadsAndRefuses) {

@@ -73,8 +73,8 @@ TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {
   as_calibrated.camera.estimate = false;
   const RunResult suffered = average(flawed, as_calibrated), estimated = average(flawed);
   EXPECT_LT(estimated.mean_m, 0.7 * suffered.mean_m);
-  // Nearer the truth than the calibration: focal length and tilt. (The height is told by the wheels' scale and
-  // by the fleet's bodies only.)
+  // Nearer the truth than the calibration: focal length and tilt. (The height is told by the wheels' scale
+  // and by the fleet's bodies only.)
   EXPECT_LT(estimated.camera(0), 0.7 * suffered.camera(0));
   EXPECT_LT(estimated.camera(2), 0.7 * suffered.camera(2));
   EXPECT_LT(estimated.camera(3), 0.7 * suffered.camera(3));

@@ -165,13 +165,15 @@ Motion FleetSimulator::wheels(int robot, int frame) {
 /// Where the calibrated camera puts what the real one sees at a point of the floor, both from its foot.
 Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& floor_m) const {
   const Eigen::Vector4d& error = cameraError(robot);
-  const Eigen::Vector3d ray = Eigen::Vector3d(floor_m.x(), floor_m.y(), -options_.camera_height_m).normalized();
+  const Eigen::Vector3d ray =
+      Eigen::Vector3d(floor_m.x(), floor_m.y(), -options_.camera_height_m).normalized();
   const Eigen::Matrix3d calibrated_from_real = (Eigen::AngleAxisd(error(3), Eigen::Vector3d::UnitY()) *
                                                 Eigen::AngleAxisd(error(2), Eigen::Vector3d::UnitX()))
                                                    .toRotationMatrix();
   const double real = std::acos(-ray.z()), believed = real / (1.0 + error(0));
   const Eigen::Vector2d away = ray.head<2>().normalized();
-  const Eigen::Vector3d bent(away.x() * std::sin(believed), away.y() * std::sin(believed), -std::cos(believed));
+  const Eigen::Vector3d bent(away.x() * std::sin(believed), away.y() * std::sin(believed),
+                             -std::cos(believed));
   const Eigen::Vector3d seen = calibrated_from_real * bent;
   return options_.camera_height_m * (1.0 + error(1)) / -seen.z() * seen.head<2>();
 }

@@ -36,8 +36,8 @@ struct SimulationOptions {
 };
 
 /// Exact paths and silhouettes; noise from one seed. Independent of the estimator's own formulas: silhouettes
-/// are hulls of the floor polygon and the top polygon scaled about the camera's foot, and each of their points
-/// goes by its ray through the real camera and back to the floor by the calibrated one.
+/// are hulls of the floor polygon and the top polygon scaled about the camera's foot, and each of their
+/// points goes by its ray through the real camera and back to the floor by the calibrated one.
 class FleetSimulator {
  public:
   FleetSimulator(const SimulationOptions& options, std::uint32_t seed);
@@ -80,7 +80,7 @@ struct RunResult {
   double mean_m = 0.0, worst_m = 0.0, mean_rad = 0.0;
   double nees = 0.0;  ///< mean of eᵀP⁻¹e over frames and robots; 3 where consistent
   int estimates = 0, frames = 0;
-  double heading_nees = 0.0;  ///< of the heading alone; 1 where consistent
+  double heading_nees = 0.0;                         ///< of the heading alone; 1 where consistent
   Eigen::Vector4d camera = Eigen::Vector4d::Zero();  ///< rms of the errors of the cameras' estimates
   double landmark_m = 0.0;  ///< mean distance of published landmarks to the nearest obstacle's centroid
   int landmarks = 0;

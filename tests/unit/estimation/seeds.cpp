@@ -43,8 +43,8 @@ int main(int argc, char** argv) {
          unsureStart(s);
          s.camera_sigma = kFlaw;
        }}};
-  std::printf("%-24s %8s %8s %8s %8s %8s %9s %6s %6s  %s\n", "case", "mean cm", "worst", "deg", "NEES", "heading",
-              "landm cm", "n/run", "valid", "camera rms (1e-3)");
+  std::printf("%-24s %8s %8s %8s %8s %8s %9s %6s %6s  %s\n", "case", "mean cm", "worst", "deg", "NEES",
+              "heading", "landm cm", "n/run", "valid", "camera rms (1e-3)");
   for (const Case& c : cases) {
     if (argc > 3 && std::string(c.name) != argv[3]) continue;
     SimulationOptions simulation;

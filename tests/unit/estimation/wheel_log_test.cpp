@@ -54,7 +54,8 @@ TEST(WheelLog, ConstantSpeedsGiveAnArcBetweenAnyTwoTimes) {
 TEST(WheelLog, MotionsInARowMakeTheWhole) {
   WheelLog log({});
   for (int i = 0; i < 100; ++i) log.add(i * kRow_ns, 0.2 + 0.1 * std::sin(0.1 * i), 0.2 - 0.002 * i);
-  const Pose2 parts = moved(log, 0.101, 0.777).previous_from_current * moved(log, 0.777, 1.5).previous_from_current;
+  const Pose2 parts =
+      moved(log, 0.101, 0.777).previous_from_current * moved(log, 0.777, 1.5).previous_from_current;
   expectNear(parts, moved(log, 0.101, 1.5).previous_from_current, 1e-12);
 }
 
@@ -97,7 +98,8 @@ TEST(WheelLog, ARobotThatStandsIsWhereItWas) {
 }
 
 TEST(WheelLog, TurningIsLessCertainThanDrivingStraight) {
-  EXPECT_GT(moved(driven(-0.2, 0.2), 0, 1).covariance(2, 2), 4.0 * moved(driven(0.2, 0.2), 0, 1).covariance(2, 2));
+  EXPECT_GT(moved(driven(-0.2, 0.2), 0, 1).covariance(2, 2),
+            4.0 * moved(driven(0.2, 0.2), 0, 1).covariance(2, 2));
 }
 
 TEST(WheelLog, NoMotionWhereNoRowSaysIt) {

@@ -1,0 +1,140 @@
+// Real robots, other people's data (MRCLAM, Leung et al., IJRR 2011): imported, replayed by processes and by
+// one process to the same bytes, evaluated against motion capture. OMNIFLEET_MRCLAM_S: seconds of it that are
+// used (120 where it is not set: until all have been located); 0: all, in the slow set.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/multiprocess/process.h"
+#include "tests/test_data.h"
+
+namespace omnifleet::test {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 3000s;  // of the whole, on a machine that has other things to do
+
+double secondsUsed() {
+  const char* text = std::getenv("OMNIFLEET_MRCLAM_S");
+  return text != nullptr ? std::atof(text) : 120.0;
+}
+
+/// Seconds or nanoseconds in a row's first field; 0 for a comment.
+double secondsOf(const std::string& row) {
+  const double number = std::strtod(row.c_str(), nullptr);
+  return number > 1e15 ? 1e-9 * number : number;
+}
+
+void cutFile(const fs::path& path, double until_s) {
+  std::istringstream all(fileText(path.string()));
+  std::ofstream kept(path);
+  for (std::string row; std::getline(all, row);) {
+    if (secondsOf(row) <= until_s) kept << row << '\n';
+  }
+}
+
+/// Leaves the first seconds of a dataset, counted from the first row of any robot's wheels.
+void cut(const std::string& dataset, double seconds) {
+  double first_s = 1e300;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(dataset)) {
+    const std::string extension = entry.path().extension().string();
+    if (extension == ".csv" || extension == ".tum") files.push_back(entry.path());
+    if (entry.path().filename() != "data.csv") continue;
+    std::ifstream rows(entry.path());
+    std::string row;
+    std::getline(rows, row);
+    if (std::getline(rows, row)) first_s = std::min(first_s, secondsOf(row));
+  }
+  for (const fs::path& file : files) cutFile(file, first_s + seconds);
+}
+
+std::string imported(const std::string& name, const std::vector<std::string>& flags) {
+  const std::string out = freshDir(name);
+  std::vector<std::string> command{program("import_mrclam"), dataPath("mrclam/MRCLAM_Dataset7.tar.gz"),
+                                   out + "/data"};
+  command.insert(command.end(), flags.begin(), flags.end());
+  Process import(command, out + "/import.log");
+  EXPECT_EQ(import.wait(120s), std::optional<int>(0)) << import.output();
+  EXPECT_THAT(import.output(), testing::HasSubstr("5 robots, 15 landmarks"));
+  if (secondsUsed() > 0) cut(out + "/data", secondsUsed());
+  return out;
+}
+
+std::map<std::string, std::string> resultsOf(const std::string& out) {
+  std::map<std::string, std::string> files;
+  for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
+    files[part] = fileText(out + "/" + part);
+  for (const auto& entry : fs::directory_iterator(out + "/trajectories"))
+    files[entry.path().filename().string()] = fileText(entry.path().string());
+  return files;
+}
+
+/// Replays by processes and in one, expects the same bytes, and returns the metrics of the processes' run.
+nlohmann::json replayed(const std::string& folder, int domain, const std::vector<std::string>& align) {
+  const std::string data = folder + "/data", out = folder + "/processes", one = folder + "/in_process";
+  const fs::path build = fs::path(program("launch")).parent_path().parent_path();
+  Process replay({"/bin/bash", sourceDir() + "/scripts/replay.sh", data, "--out", out, "--domain",
+                  std::to_string(domain)},
+                 folder + "/replay.log", {{"OMNIFLEET_BUILD_DIR", build.string()}});
+  EXPECT_EQ(replay.wait(kPatience), std::optional<int>(0)) << replay.output();
+  Process alone({program("fleet_in_process"), "--dataset", data, "--out", one}, folder + "/in_process.log");
+  EXPECT_EQ(alone.wait(kPatience), std::optional<int>(0)) << alone.output();
+  const auto by_processes = resultsOf(out), in_process = resultsOf(one);
+  EXPECT_EQ(by_processes.size(), 9u);
+  for (const auto& [file, bytes] : by_processes) {
+    EXPECT_FALSE(bytes.empty()) << file;
+    EXPECT_TRUE(in_process.at(file) == bytes) << file << " differs between processes and one process";
+  }
+  std::vector<std::string> command{program("evaluate"), out, data};
+  command.insert(command.end(), align.begin(), align.end());
+  Process evaluate(command, folder + "/evaluate.log");
+  EXPECT_EQ(evaluate.wait(60s), std::optional<int>(0)) << evaluate.output();
+  std::printf("%s\n", evaluate.output().c_str());
+  return nlohmann::json::parse(fileText(out + "/metrics.json"));
+}
+
+double deadReckoning(const nlohmann::json& metrics) {
+  double sum_m = 0.0;
+  for (const auto& path : metrics["paths"]) sum_m += path["dead_reckoning"]["distance_m"].get<double>();
+  return sum_m / static_cast<double>(metrics["paths"].size());
+}
+
+void expectAllRobots(const nlohmann::json& metrics) {
+  ASSERT_EQ(metrics["paths"].size(), 5u);
+  for (const auto& [name, path] : metrics["paths"].items()) EXPECT_GT(path["poses"], 0) << name;
+}
+
+TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
+  OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
+  const auto metrics = replayed(imported("mrclam_surveyed", {"--survey"}), 86, {});
+  expectAllRobots(metrics);
+  const double mean_m = metrics["paths_mean"]["distance_m"], wheels_m = deadReckoning(metrics);
+  std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
+  EXPECT_LE(mean_m, 0.10);
+  EXPECT_LT(mean_m, wheels_m);
+  EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm: they stay where they were put
+}
+
+TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
+  OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
+  const auto metrics = replayed(imported("mrclam_unknown", {}), 87, {"--align", "fleet"});
+  expectAllRobots(metrics);
+  const double mean_m = metrics["paths_mean"]["distance_m"], wheels_m = deadReckoning(metrics);
+  std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
+  EXPECT_LE(mean_m, 0.15);
+  EXPECT_LT(mean_m, wheels_m);
+  // After two minutes some landmarks have been seen once or twice only.
+  EXPECT_LE(metrics["landmarks"]["mean_m"], secondsUsed() > 0 ? 0.30 : 0.20);
+}
+
+}  // namespace
+}  // namespace omnifleet::test

@@ -1,0 +1,141 @@
+#include "recorded_line.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+
+#include "classifier/classifier.h"
+#include "local_mapper/local_mapper.h"
+#include "localizer/ceiling_front_end.h"
+#include "motion/wheel_integrator.h"
+
+namespace omnifleet::localizer::testing {
+namespace {
+
+struct Eyes {
+  const dataset::RobotRecording* recording;
+  std::unique_ptr<local_mapper::LocalMapper> mapper;
+  std::unique_ptr<classifier::Classifier> classifier;
+  motion::WheelIntegrator wheels;
+};
+
+std::vector<Eyes> openEyes(const dataset::Dataset& data) {
+  std::map<std::string, RobotBody> bodies;
+  for (const auto& robot : data.robots) bodies[robot.name] = robot.body;
+  std::vector<Eyes> eyes;
+  for (const auto& robot : data.robots) {
+    Eyes e;
+    e.recording = &robot;
+    e.mapper = std::make_unique<local_mapper::LocalMapper>(lens::Camera(robot.fisheye->camera),
+                                                           local_mapper::Options());
+    e.classifier =
+        std::make_unique<classifier::Classifier>(classifier::Classifier::Options(), robot.name, bodies);
+    e.wheels = motion::WheelIntegrator(robot.body.wheel_separation_m, {});
+    for (const auto& row : robot.wheels) e.wheels.add(row.time_ns, row.left_mps, row.right_mps);
+    eyes.push_back(std::move(e));
+  }
+  return eyes;
+}
+
+Objects look(Eyes& eyes, const dataset::ImageRow& row, const std::vector<PoseEstimate>& previous) {
+  local_mapper::Frame frame;
+  frame.acquired_ns = row.time_ns;
+  frame.sequence = row.sequence;
+  frame.image = cv::imread(row.path);
+  LocalMap map = eyes.mapper->process(frame, eyes.wheels.motionTo(row.time_ns));
+  map.robot = eyes.recording->name;
+  return eyes.classifier->process(map, previous);
+}
+
+/// The estimator with a judge beside it.
+class Judged {
+ public:
+  Judged(const dataset::Dataset& data, const estimation::EstimatorOptions& options, const Truth& truth)
+      : stage_(setups(data), options), truth_(truth) {}
+
+  const std::vector<PoseEstimate>& process(const RecordedTime& time) {
+    std::vector<const Objects*> frames;
+    std::vector<const Measurement*> measurements;
+    for (const auto& objects : time.frames) frames.push_back(&objects);
+    for (const auto& m : time.measurements) measurements.push_back(&m);
+    poses_ = stage_.process(frames.front()->acquired_ns, frames, measurements);
+    for (const auto& pose : poses_) compare(pose);
+    return poses_;
+  }
+
+  RecordedRun finish() {
+    stage_.finish();
+    const double n = std::max(1, run_.poses);
+    run_.mean_m /= n;
+    run_.nees /= n;
+    run_.heading_nees /= n;
+    run_.landmarks = stage_.estimator().landmarks();
+    for (const auto& [robot, path] : truth_) run_.cameras[robot] = stage_.estimator().cameraError(robot);
+    return run_;
+  }
+
+ private:
+  static std::vector<estimation::RobotSetup> setups(const dataset::Dataset& data) {
+    std::vector<estimation::RobotSetup> all;
+    for (const auto& robot : data.robots) all.push_back({robot.name, robot.body, robot.initial_pose});
+    return all;
+  }
+
+  void compare(const PoseEstimate& pose) {
+    const auto& path = truth_.at(pose.robot);
+    const auto exact =
+        std::find_if(path.begin(), path.end(), [&](const auto& p) { return p.time_ns == pose.acquired_ns; });
+    if (exact == path.end()) return;
+    if (!pose.valid) {
+      ++run_.invalid;
+      return;
+    }
+    const Pose2 e = pose.map_from_base.inverse() * exact->map_from_base;
+    run_.mean_m += e.translation().norm();
+    run_.worst_m = std::max(run_.worst_m, e.translation().norm());
+    run_.worst_rad = std::max(run_.worst_rad, std::abs(e.theta_rad));
+    run_.nees += e.vector().dot(pose.covariance.ldlt().solve(e.vector()));
+    run_.heading_nees += e.theta_rad * e.theta_rad / pose.covariance(2, 2);
+    ++run_.poses;
+  }
+
+  EstimatorStage stage_;
+  const Truth& truth_;
+  std::vector<PoseEstimate> poses_;
+  RecordedRun run_;
+};
+
+}  // namespace
+
+RecordedRun runRecorded(const dataset::Dataset& data, const estimation::EstimatorOptions& options,
+                        bool ceiling, const Truth& truth, std::vector<RecordedTime>* times) {
+  Judged estimator(data, options, truth);
+  std::vector<Eyes> eyes = openEyes(data);
+  std::vector<CeilingFrontEnd> front_ends;
+  for (const auto& stream : data.ceiling)
+    front_ends.emplace_back(stream.name, stream.camera, *data.markers, markers::FinderOptions());
+  std::vector<PoseEstimate> poses;
+  for (std::size_t f = 0; f < data.robots[0].fisheye->rows.size(); ++f) {
+    RecordedTime time;
+    for (Eyes& e : eyes) time.frames.push_back(look(e, e.recording->fisheye->rows[f], poses));
+    for (std::size_t c = 0; c < front_ends.size() && ceiling; ++c) {
+      const auto& row = data.ceiling[c].rows[f];
+      const auto found = front_ends[c].process(row.time_ns, row.sequence, cv::imread(row.path));
+      time.measurements.insert(time.measurements.end(), found.begin(), found.end());
+    }
+    poses = estimator.process(time);
+    if (times != nullptr) times->push_back(std::move(time));
+  }
+  return estimator.finish();
+}
+
+RecordedRun runFrames(const dataset::Dataset& data, const std::vector<RecordedTime>& times,
+                      const estimation::EstimatorOptions& options, const Truth& truth) {
+  Judged estimator(data, options, truth);
+  for (const RecordedTime& time : times) estimator.process(time);
+  return estimator.finish();
+}
+
+}  // namespace omnifleet::localizer::testing
