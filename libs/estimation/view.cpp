@@ -59,18 +59,33 @@ int View::usable() const {
   return static_cast<int>(std::count_if(sigma_m.begin(), sigma_m.end(), [](double s) { return s > 0; }));
 }
 
-Corner cornerAt(double angle_rad, int directions) {
+namespace {
+
+struct Grid {
+  double step_rad, cotangent, inverse_sine;  ///< between two directions
+};
+Grid gridOf(int directions) {
   const double step = 2.0 * M_PI / directions;
-  double turns = std::fmod(angle_rad / step, static_cast<double>(directions));
-  if (turns < 0) turns += directions;
+  return {step, std::cos(step) / std::sin(step), 1.0 / std::sin(step)};
+}
+
+}  // namespace
+
+Corner cornerAt(double angle_rad, int directions) {
+  // Asked for at every residual of a solve: one pair of sine and cosine, the rest by the addition theorems.
+  static const Grid kUsual = gridOf(SupportFunction::kDirections);
+  const Grid grid = directions == SupportFunction::kDirections ? kUsual : gridOf(directions);
+  double turns = angle_rad / grid.step_rad;
+  turns -= directions * std::floor(turns / directions);
   const int i = static_cast<int>(turns) % directions;
-  const double beyond = (turns - std::floor(turns)) * step, inverse = 1.0 / std::sin(step);
+  const double beyond = (turns - std::floor(turns)) * grid.step_rad;
+  const double sine = std::sin(beyond), cosine = std::cos(beyond);
   return {i,
           (i + 1) % directions,
-          std::sin(step - beyond) * inverse,
-          std::sin(beyond) * inverse,
-          -std::cos(step - beyond) * inverse,
-          std::cos(beyond) * inverse};
+          cosine - grid.cotangent * sine,
+          sine * grid.inverse_sine,
+          -grid.cotangent * cosine - sine,
+          cosine * grid.inverse_sine};
 }
 
 void PartialOutline::add(const Eigen::Vector2d& n) {

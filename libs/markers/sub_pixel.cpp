@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -16,16 +17,29 @@ Eigen::Vector3d colourAt(const cv::Mat& bgr, int x, int y) {
   return {1.0 * p[0], 1.0 * p[1], 1.0 * p[2]};
 }
 
-Eigen::Vector3d median(std::vector<Eigen::Vector3d>& colours) {
-  Eigen::Vector3d result;
-  const auto middle = colours.begin() + static_cast<std::ptrdiff_t>(colours.size() / 2);
-  for (int c = 0; c < 3; ++c) {
-    std::nth_element(colours.begin(), middle, colours.end(),
-                     [c](const auto& a, const auto& b) { return a[c] < b[c]; });
-    result[c] = (*middle)[c];
+/// Colours seen, for their median per channel.
+class Colours {
+ public:
+  void add(const cv::Mat& bgr, int x, int y) {
+    const std::uint8_t* p = bgr.ptr<std::uint8_t>(y) + 3 * x;
+    for (std::size_t c = 0; c < 3; ++c) ++pixels_[c][p[c]];
+    ++count_;
   }
-  return result;
-}
+  bool empty() const { return count_ == 0; }
+  Eigen::Vector3d median() const {
+    Eigen::Vector3d result;
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::size_t level = 0;
+      for (int below = pixels_[c][0]; below <= count_ / 2; below += pixels_[c][level]) ++level;
+      result[static_cast<Eigen::Index>(c)] = static_cast<double>(level);
+    }
+    return result;
+  }
+
+ private:
+  std::array<std::array<int, 256>, 3> pixels_{};
+  int count_ = 0;
+};
 
 /// The blob's box with a margin; distance (chessboard) of every pixel to the blob's class, up to the margin.
 struct Window {
@@ -131,17 +145,17 @@ class PlaneUnder {
 std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const Blob& blob,
                             const lens::Camera& camera, double plane_height_m) {
   const Window window = windowOf(bgr, table, blob);
-  std::vector<Eigen::Vector3d> inside, outside;
+  Colours inside, outside;
   for (int y = window.top; y < window.top + window.height; ++y) {
     for (int x = window.left; x < window.left + window.width; ++x) {
       const int d = window.at(x, y);
       const bool other = table.classOf(bgr.ptr<std::uint8_t>(y) + 3 * x) != 0;
-      if (d == 0) inside.push_back(colourAt(bgr, x, y));
-      if (d > kReach_px && d <= kRing_px && !other) outside.push_back(colourAt(bgr, x, y));
+      if (d == 0) inside.add(bgr, x, y);
+      if (d > kReach_px && d <= kRing_px && !other) outside.add(bgr, x, y);
     }
   }
   if (inside.empty() || outside.empty()) return std::nullopt;
-  const Eigen::Vector3d own = median(inside), around = median(outside);
+  const Eigen::Vector3d own = inside.median(), around = outside.median();
   const Eigen::Vector3d axis = own - around;
   if (axis.norm() < 20.0) return std::nullopt;
 

@@ -67,6 +67,7 @@ struct LocalMapper::Stages {
   ground::Contour contour;
   ObjectObservation object;
   LocalMap map;
+  std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
 };
 
 LocalMapper::LocalMapper(const lens::Camera& camera, const Options& options)
@@ -97,7 +98,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   map.sequence = frame.sequence;
   map.camera_height_m = camera.height();
   map.motion = wheels;
-  map.objects.clear();
+  for (; !map.objects.empty(); map.objects.pop_back()) spare_objects.push_back(std::move(map.objects.back()));
   silhouette.forgetRejected();
   flow.forgetRejected();
   map.scan.range_m.clear();
@@ -150,7 +151,10 @@ void LocalMapper::Stages::keep(bool is_object, const ground::Blob& blob) {
     const std::size_t n = map.objects.size();
     object.label = static_cast<std::uint16_t>(n + 1);
     blob_of_object.push_back(n);
-    map.objects.push_back(object);
+    if (spare_objects.empty()) spare_objects.emplace_back();
+    map.objects.push_back(std::move(spare_objects.back()));
+    spare_objects.pop_back();
+    map.objects.back() = object;
     if (contours.size() <= n) contours.emplace_back();
     contours[n] = silhouette.floorContour();
     if (object_blobs.size() <= n) object_blobs.emplace_back();
