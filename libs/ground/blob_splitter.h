@@ -52,13 +52,15 @@ class BlobSplitter {
   bool mergeOne(int area);
   void write(const Blob& blob);
   bool isMoreConvex(const Blob& blob);
-  double hullArea(const Blob& blob);
+  void paintHull(const Blob& blob);
+  int countNotches() const;
   void clearMask();
 
   SplitOptions options_;
   cv::Mat1b mask_;
   cv::Rect rect_;                     ///< of the region
   cv::Mat1b inside_, class_, spare_;  ///< of the rectangle; classes from 1 on
+  cv::Mat1b canvas_;                  ///< of the rectangle, 1 within a hull
   cv::Mat2f chroma_;                  ///< of the rectangle
   std::array<int, kBins * kBins> histogram_{};
   std::vector<Colour> colours_;
@@ -69,7 +71,7 @@ class BlobSplitter {
   };
   std::vector<Piece> pieces_;
   std::vector<cv::Point> stack_;
-  std::vector<cv::Point2f> corners_, hull_;
+  std::vector<cv::Point> corners_, hull_;  ///< of the rectangle
   std::vector<Blob> parts_;
 };
 

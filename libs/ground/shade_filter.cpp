@@ -11,6 +11,8 @@ constexpr int kCell = FloorView::kCell;
 constexpr int kMinRegion_px = 12;       // smaller ones are noise, whatever they are
 constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make no thing
 constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
+constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the floor's own pattern
+constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
@@ -41,6 +43,7 @@ ShadeFilter::ShadeFilter(cv::Size image) : bare_(image, std::uint8_t{0}), core_(
 void ShadeFilter::clear(const std::vector<Strip>& strips) {
   clearStrips(strips, bare_);
   clearStrips(strips, core_);
+  undecided_.clear();
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
@@ -51,6 +54,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
       if (row[x] == kColourLook) ++census.coloured;
       if (!isGrey(row[x])) continue;
       const float gain = gainOf(row[x]);
+      if (isFaint(row[x])) ++census.faint;
       if (isShade(row[x])) {
         ++census.shaded;
         census.shaded_gain += gain;
@@ -94,6 +98,8 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
 
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
                                         const cv::Mat1b& looks) {
+  if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
+    return Verdict::kUndecided;
   const int core = c.coloured + c.dark + c.bright;
   const bool has_core =
       core >= kMinCore_px && static_cast<float>(core) >= kMinCoreShare * static_cast<float>(blob.area_px);
@@ -101,9 +107,10 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
     return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
   }
-  if (c.shaded == 0) return Verdict::kKeep;
-  if (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain) return Verdict::kKeepCore;
-  return Verdict::kKeep;
+  const bool fringed = static_cast<float>(c.faint) > kFaintFringe * static_cast<float>(blob.area_px);
+  if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
+    return Verdict::kKeepCore;
+  return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }
 
 void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
@@ -112,18 +119,25 @@ void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, co
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
       const std::uint8_t *mask = raw.ptr(y), *look = looks.ptr(y);
       std::uint8_t* bare = bare_.ptr(y);
-      for (int x = strip.begin_px; x < strip.end_px; ++x) bare[x] = mask[x] != 0 && !isShade(look[x]) ? 1 : 0;
+      for (int x = strip.begin_px; x < strip.end_px; ++x)
+        bare[x] = mask[x] != 0 && !isShade(look[x]) && !isFaint(look[x]) ? 1 : 0;
     }
   }
   despeckler.clean(strips, bare_, core_);
   for (const Blob& blob : labeller_.label(objects, strips, kMinRegion_px)) {
     const Verdict verdict = judge(blob, count(blob, looks), frame, looks);
     if (verdict == Verdict::kKeep) continue;
+    if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
     for (const Run& run : blob.runs) {
       std::uint8_t* to = objects.ptr(run.row);
       const std::uint8_t* core = core_.ptr(run.row);
-      for (int x = run.begin; x < run.end; ++x)
-        to[x] = verdict == Verdict::kDrop ? std::uint8_t{0} : static_cast<std::uint8_t>(to[x] & core[x]);
+      const Look* look = looks.ptr(run.row);
+      for (int x = run.begin; x < run.end; ++x) {
+        const bool stays = verdict == Verdict::kKeepCore   ? core[x] != 0
+                           : verdict == Verdict::kKeepFirm ? !isFaint(look[x])
+                                                           : false;
+        if (!stays) to[x] = 0;
+      }
     }
   }
 }
