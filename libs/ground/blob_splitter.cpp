@@ -10,6 +10,7 @@ namespace {
 
 const cv::Point kAround[4] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
 constexpr int kMaxPieces = 200;  // more is texture
+constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inward in the image, and rounding
 
 bool contains(const cv::Mat& mat, cv::Point p) {
   return p.x >= 0 && p.y >= 0 && p.x < mat.cols && p.y < mat.rows;
@@ -83,9 +84,10 @@ bool BlobSplitter::isMoreConvex(const Blob& blob) {
   for (const Blob& part : parts_) paintHull(part);
   const int left = countNotches();
   paintHull(blob);
-  const int notches = countNotches();
-  return notches >= 0.5 * (1.0 - options_.max_solidity) * (notches + blob.area_px) &&
-         notches - left >= options_.min_gain * notches;
+  const double bow = kBow_px * cv::arcLength(hull_, true);
+  const double notches = countNotches() - bow, still = std::max(0.0, left - bow);
+  return notches >= 0.5 * (1.0 - options_.max_solidity) * blob.area_px &&
+         notches - still >= options_.min_gain * notches;
 }
 
 /// Chromaticity of the mean over the 3×3 pixels that belong to the region.
