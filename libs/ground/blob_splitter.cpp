@@ -13,6 +13,7 @@ namespace {
 
 const cv::Point kAround[4] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
 constexpr int kMaxPieces = 200;  // more is texture
+constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inward in the image, and rounding
 
 /// Sums of 3×3 pixels; rows of interleaved colours with one pixel of margin to each side.
 OMNIFLEET_WIDE void sumNine(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below,
@@ -113,26 +114,37 @@ void BlobSplitter::clearMask() {
   parts_.clear();
 }
 
-double BlobSplitter::hullArea(const Blob& blob) {
+/// Adds the hull of a region to the canvas.
+void BlobSplitter::paintHull(const Blob& blob) {
   corners_.clear();
   for (const Run& run : blob.runs) {
-    for (const int row : {run.row, run.row + 1}) {
-      corners_.emplace_back(static_cast<float>(run.begin), static_cast<float>(row));
-      corners_.emplace_back(static_cast<float>(run.end), static_cast<float>(row));
-    }
+    corners_.emplace_back(run.begin - rect_.x, run.row - rect_.y);
+    corners_.emplace_back(run.end - 1 - rect_.x, run.row - rect_.y);
   }
   cv::convexHull(corners_, hull_);
-  return cv::contourArea(hull_);
+  cv::fillConvexPoly(canvas_, hull_, 1);
+}
+
+/// Pixels of the canvas that are not of the region.
+int BlobSplitter::countNotches() const {
+  int count = 0;
+  for (int y = 0; y < rect_.height; ++y)
+    for (int x = 0; x < rect_.width; ++x) count += canvas_(y, x) != 0 && inside_(y, x) == 0 ? 1 : 0;
+  return count;
 }
 
 /// Things that stand before one another leave notches where their outlines meet; marks on one thing do not.
+/// Where one part bites into another it stands before it: that is no notch.
 bool BlobSplitter::isMoreConvex(const Blob& blob) {
-  double parts = 0.0;
-  for (const Blob& part : parts_) parts += hullArea(part);
-  const double whole = hullArea(blob);
-  const double notches = whole - blob.area_px;
-  return notches >= 0.5 * (1.0 - options_.max_solidity) * whole &&
-         whole - parts >= options_.min_gain * notches;
+  shape(rect_.size(), canvas_store_, canvas_);
+  canvas_.setTo(0);
+  for (const Blob& part : parts_) paintHull(part);
+  const int left = countNotches();
+  paintHull(blob);
+  const double bow = kBow_px * cv::arcLength(hull_, true);
+  const double notches = countNotches() - bow, still = std::max(0.0, left - bow);
+  return notches >= 0.5 * (1.0 - options_.max_solidity) * blob.area_px &&
+         notches - still >= options_.min_gain * notches;
 }
 
 /// Chromaticity of the mean over the 3×3 pixels that belong to the region.

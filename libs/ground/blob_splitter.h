@@ -52,13 +52,15 @@ class BlobSplitter {
   bool mergeOne(int area);
   void write(const Blob& blob);
   bool isMoreConvex(const Blob& blob);
-  double hullArea(const Blob& blob);
+  void paintHull(const Blob& blob);
+  int countNotches() const;
   void clearMask();
 
   SplitOptions options_;
   cv::Mat1b mask_;
   cv::Rect rect_;                    ///< of the region
   cv::Mat1b inside_, class_;         ///< of the rectangle; classes from 1 on
+  cv::Mat1b canvas_;                 ///< of the rectangle, 1 within a hull
   cv::Mat1b masked_, spare_;         ///< with a margin: the region's pixels, else 0; classes
   std::vector<std::uint16_t> sums_;  ///< of a row
   std::vector<std::uint8_t> line_, counts_;
@@ -75,11 +77,11 @@ class BlobSplitter {
   std::vector<int> shared_;          ///< edges between each two of them
   std::vector<std::size_t> joined_;  ///< the piece that each has been merged into; itself: none
   // What the matrices above lie in.
-  std::vector<std::uint8_t> inside_store_, class_store_, masked_store_, spare_store_;
+  std::vector<std::uint8_t> inside_store_, class_store_, masked_store_, spare_store_, canvas_store_;
   std::vector<cv::Vec2f> chroma_store_;
   std::vector<int> piece_store_;
   std::vector<cv::Point> stack_;
-  std::vector<cv::Point2f> corners_, hull_;
+  std::vector<cv::Point> corners_, hull_;  ///< of the rectangle
   std::vector<Blob> parts_;
 };
 

@@ -16,6 +16,8 @@ constexpr float kLumaShare =
     0.4f;  // of the contrast: from here on brightness alone is used, chroma being blurred
 constexpr float kBeyond_px = 0.5f;    // behind the search: there the object's own brightness is taken
 constexpr float kSameLight = 0.04f;   // of the brightness: within it the reference serves
+constexpr float kDeepLight = 0.12f;   // likewise, from which it lies in a shadow that grows darker inward
+constexpr float kHueShare = 0.3f;     // of the contrast, from which the hue alone tells the edge there
 constexpr float kSameHue = 0.06f;     // of the brightness, by which the floor's colour may be off in shadow
 constexpr float kStep_px = 0.5f;      // between the samples along the normal
 constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
@@ -75,17 +77,23 @@ cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
   return {value[0], value[1], value[2]};
 }
 
+struct FloorBeside {
+  cv::Vec3f colour;
+  bool in_shadow;  ///< clearly
+};
+
 /// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
 /// else the reference, which has less noise.
 template <bool kChecked>
-cv::Vec3f floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p, const Eigen::Vector2f& inward,
-                      const cv::Vec3f& reference) {
+FloorBeside floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p, const Eigen::Vector2f& inward,
+                        const cv::Vec3f& reference) {
   const cv::Vec3f seen =
       0.5f * (colourAt<kChecked>(frame.image, p) + colourAt<kChecked>(frame.image, p - inward));
   const float rr = std::max(1.0f, reference.dot(reference));
   const float gain = seen.dot(reference) / rr, across2 = seen.dot(seen) / rr - gain * gain;
   const bool in_other_light = gain > kDeepestShade && gain < 1.0f - kSameLight;  // false for NaN
-  return in_other_light && across2 < kSameHue * kSameHue * gain * gain ? seen : reference;
+  if (!in_other_light || across2 >= kSameHue * kSameHue * gain * gain) return {reference, false};
+  return {seen, gain < 1.0f - kDeepLight};
 }
 
 float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
@@ -175,14 +183,24 @@ bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inw
   const int cx = std::clamp(static_cast<int>(p.x() + 0.5f) / FloorView::kCell, 0, frame.floor.cols - 1);
   const int cy = std::clamp(static_cast<int>(p.y() + 0.5f) / FloorView::kCell, 0, frame.floor.rows - 1);
   const Eigen::Vector2f out = p - (static_cast<float>(options_.search_px) + kBeyond_px) * inward;
-  const cv::Vec3f outside = floor_beside ? floorBeside<kChecked>(frame, out, inward, frame.floor(cy, cx))
-                                         : colourAt<kChecked>(frame.image, out);
+  const cv::Vec3f& reference = frame.floor(cy, cx);
+  const FloorBeside beside = floor_beside ? floorBeside<kChecked>(frame, out, inward, reference)
+                                          : FloorBeside{colourAt<kChecked>(frame.image, out), false};
+  const cv::Vec3f& outside = beside.colour;
   auto search = static_cast<float>(options_.search_px);
   cv::Vec3f contrast = colourAt<kChecked>(frame.image, p + (search + kBeyond_px) * inward) - outside;
-  const bool by_luma = std::abs(contrast.dot(kLuma)) >= kLumaShare * std::sqrt(contrast.dot(contrast));
+  // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
+  const auto hueOf = [&](const cv::Vec3f& c) {
+    return c - c.dot(reference) / std::max(1.0f, reference.dot(reference)) * reference;
+  };
+  const cv::Vec3f hue = beside.in_shadow ? hueOf(contrast) : cv::Vec3f(0, 0, 0);
+  const float whole = std::sqrt(contrast.dot(contrast)), in_hue = std::sqrt(hue.dot(hue));
+  const bool by_hue = in_hue >= std::max(kHueShare * whole, static_cast<float>(options_.min_contrast));
+  const bool by_luma = !by_hue && std::abs(contrast.dot(kLuma)) >= kLumaShare * whole;
   if (!by_luma) {  // colour is blurred over twice the pixels
     search *= 2.0f;
     contrast = colourAt<kChecked>(frame.image, p + search * inward) - outside;
+    if (by_hue) contrast = hueOf(contrast);
   }
   const float strength = std::sqrt(contrast.dot(contrast));
   if (!(strength > 0.0f)) return false;

@@ -41,6 +41,8 @@ class GroundSegmenter {
   const cv::Mat1b& objects() const { return objects_; }
   /// Outside of these objects() is 0; by rows of cells from top to bottom, left to right.
   const std::vector<Strip>& strips() const { return strips_; }
+  /// Regions that may be floor or a thing of its colour; not in objects().
+  const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
   /// Mean colour of each cell, CV_32FC3 (grey: three equal channels).

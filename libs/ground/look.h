@@ -21,6 +21,12 @@ inline bool isGrey(Look look) {
 inline float gainOf(Look look) {
   return 0.01f * (static_cast<float>(look) - 2.0f);
 }
+/// Brightness by which the floor's own pattern (tiles, worn places) differs from place to place, as a share.
+inline constexpr float kFaintContrast = 0.17f;
+/// The floor's hue at nearly its brightness: a pattern of the floor, or a thing of its colour.
+inline bool isFaint(Look look) {
+  return isGrey(look) && gainOf(look) > 1.0f - kFaintContrast && gainOf(look) < 1.0f + kFaintContrast;
+}
 /// The floor in less light, for all that one pixel can tell.
 inline bool isShade(Look look) {
   return isGrey(look) && gainOf(look) >= kDeepestShade && gainOf(look) < 1.0f;

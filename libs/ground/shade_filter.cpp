@@ -14,26 +14,28 @@ constexpr int kCell = FloorView::kCell;
 constexpr int kMinRegion_px = 12;       // smaller ones are noise, whatever they are
 constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make no thing
 constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
+constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the floor's own pattern
+constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
-/// The looks that isShade() holds for are consecutive.
-struct ShadeLooks {
+/// The looks of a floor in shadow or with a faint pattern are consecutive.
+struct FloorLooks {
   Look first = 255, last = 0;
-  ShadeLooks() {
+  FloorLooks() {
     for (int look = 0; look < 256; ++look) {
-      if (!isShade(static_cast<Look>(look))) continue;
+      if (!isShade(static_cast<Look>(look)) && !isFaint(static_cast<Look>(look))) continue;
       first = std::min(first, static_cast<Look>(look));
       last = static_cast<Look>(look);
     }
   }
 };
 
-/// bare = 1 where the mask is set by something that is no shade, else 0.
-OMNIFLEET_WIDE void takeShadeOut(const Strip* strips, std::size_t count, const ShadeLooks& shade,
+/// bare = 1 where the mask is set by something that is neither shade nor a faint pattern, else 0.
+OMNIFLEET_WIDE void takeFloorOut(const Strip* strips, std::size_t count, const FloorLooks& floor,
                                  const cv::Mat1b& mask, const cv::Mat1b& looks, cv::Mat1b& bare) {
-  const Look first = shade.first, last = shade.last;
+  const Look first = floor.first, last = floor.last;
   for (const Strip* strip = strips; strip != strips + count; ++strip) {
     const int begin = strip->begin_px, end = strip->end_px, top = strip->cell_row * kCell;
     for (int y = top; y < top + kCell; ++y) {
@@ -72,6 +74,7 @@ ShadeFilter::ShadeFilter(cv::Size image) : bare_(image, std::uint8_t{0}), core_(
 void ShadeFilter::clear(const std::vector<Strip>& strips) {
   clearStrips(strips, bare_);
   clearStrips(strips, core_);
+  undecided_.clear();
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
@@ -87,6 +90,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
     const int n = pixels[look];
     if (n == 0 || !isGrey(look)) continue;
     const float gain = gainOf(look);
+    if (isFaint(look)) census.faint += n;
     if (isShade(look)) {
       census.shaded += n;
       census.shaded_gain += static_cast<float>(n) * gain;
@@ -129,6 +133,8 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
 
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
                                         const cv::Mat1b& looks) {
+  if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
+    return Verdict::kUndecided;
   const int core = c.coloured + c.dark + c.bright;
   const bool has_core =
       core >= kMinCore_px && static_cast<float>(core) >= kMinCoreShare * static_cast<float>(blob.area_px);
@@ -136,24 +142,31 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
     return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
   }
-  if (c.shaded == 0) return Verdict::kKeep;
-  if (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain) return Verdict::kKeepCore;
-  return Verdict::kKeep;
+  const bool fringed = static_cast<float>(c.faint) > kFaintFringe * static_cast<float>(blob.area_px);
+  if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
+    return Verdict::kKeepCore;
+  return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }
 
 void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
                         const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
-  static const ShadeLooks kShade;
-  takeShadeOut(strips.data(), strips.size(), kShade, raw, looks, bare_);
+  static const FloorLooks kFloorLooks;
+  takeFloorOut(strips.data(), strips.size(), kFloorLooks, raw, looks, bare_);
   despeckler.clean(strips, bare_, core_);
   for (const Blob& blob : labeller_.label(objects, strips, kMinRegion_px)) {
     const Verdict verdict = judge(blob, count(blob, looks), frame, looks);
     if (verdict == Verdict::kKeep) continue;
+    if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
     for (const Run& run : blob.runs) {
       std::uint8_t* to = objects.ptr(run.row);
       const std::uint8_t* core = core_.ptr(run.row);
-      for (int x = run.begin; x < run.end; ++x)
-        to[x] = verdict == Verdict::kDrop ? std::uint8_t{0} : static_cast<std::uint8_t>(to[x] & core[x]);
+      const Look* look = looks.ptr(run.row);
+      for (int x = run.begin; x < run.end; ++x) {
+        const bool stays = verdict == Verdict::kKeepCore   ? core[x] != 0
+                           : verdict == Verdict::kKeepFirm ? !isFaint(look[x])
+                                                           : false;
+        if (!stays) to[x] = 0;
+      }
     }
   }
 }

@@ -15,7 +15,10 @@ namespace omnifleet::ground {
 ///  - where it is mostly of other hues, or much darker still, the pixels that are merely shaded floor are the
 ///    thing's shadow (at its foot or thrown) and go;
 ///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
-///    when its brightness fades into the floor's.
+///    when its brightness fades into the floor's;
+///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes
+///  too,
+///    but is kept as undecided(): a thing of just that colour would look the same.
 class ShadeFilter {
  public:
   explicit ShadeFilter(cv::Size image);
@@ -33,13 +36,17 @@ class ShadeFilter {
 
   void clear(const std::vector<Strip>& strips);
 
+  /// Regions of the last apply() that may be floor or a thing of its colour.
+  const std::vector<Blob>& undecided() const { return undecided_; }
+
  private:
   /// Pixels of a region by their looks.
   struct Census {
     int coloured = 0, dark = 0, shaded = 0, bright = 0;
+    int faint = 0;                               ///< of the shaded and bright ones
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
   };
-  enum class Verdict { kKeep, kKeepCore, kDrop };
+  enum class Verdict { kKeep, kKeepFirm, kKeepCore, kDrop, kUndecided };
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
@@ -47,6 +54,7 @@ class ShadeFilter {
 
   cv::Mat1b bare_, core_;  ///< raw without shade; the same despeckled
   Labeller labeller_;
+  std::vector<Blob> undecided_;
 };
 
 }  // namespace omnifleet::ground

@@ -169,6 +169,33 @@ Group refined(const Group& group, const MergerOptions& options) {
   return groupOf(std::move(kept), group.kind, options.prism);
 }
 
+bool shareAPlace(const Group& a, const Group& b) {
+  constexpr double kShared = 0.4;  // of the smaller footprint
+  if (!a.fit.valid || !b.fit.valid) return false;
+  const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
+  return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) > kShared * smaller;
+}
+
+/// Two bodies cannot stand in one place: what the quick fits kept apart is joined where the full one explains
+/// all views, else the one that fewer views show is dropped.
+void settleOverlaps(const MergerOptions& options, std::vector<Group>& groups) {
+  std::stable_sort(groups.begin(), groups.end(),
+                   [](const Group& a, const Group& b) { return a.views.size() > b.views.size(); });
+  std::vector<Group> kept;
+  for (Group& group : groups) {
+    const auto other =
+        std::find_if(kept.begin(), kept.end(), [&](const Group& known) { return shareAPlace(known, group); });
+    if (other == kept.end()) {
+      kept.push_back(std::move(group));
+      continue;
+    }
+    if (shareAFrame(*other, group)) continue;
+    Group both = joined(*other, group, options.prism);
+    if (isOneBody(both, options)) *other = std::move(both);
+  }
+  groups = std::move(kept);
+}
+
 }  // namespace
 
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options) {
@@ -185,6 +212,7 @@ std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const Me
   }
   dropLeftPlaces(groups);
   for (auto& group : groups) group = refined(group, options);
+  settleOverlaps(options, groups);
   std::sort(groups.begin(), groups.end(),
             [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });
   return groups;

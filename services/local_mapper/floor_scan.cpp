@@ -37,6 +37,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
     : camera_(&camera), options_(options) {
   const auto n = static_cast<std::size_t>(options.rays);
   nearest_m_.resize(n);
+  undecided_m_.resize(n);
   object_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double phi = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(n);
@@ -60,6 +61,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
 
 void FloorScan::begin() {
   std::fill(nearest_m_.begin(), nearest_m_.end(), std::numeric_limits<double>::infinity());
+  std::fill(undecided_m_.begin(), undecided_m_.end(), std::numeric_limits<double>::infinity());
   std::fill(object_.begin(), object_.end(), std::uint16_t{0});
 }
 
@@ -77,6 +79,21 @@ void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
       addSegment(a, bearing, b, next, label);
       a = b;
       bearing = next;
+    }
+  }
+}
+
+void FloorScan::addUndecided(const ground::Blob& blob) {
+  const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
+  const auto n = static_cast<long>(bearing_.size());
+  for (const ground::Run& run : blob.runs) {
+    for (int x = run.begin; x < run.end; ++x) {
+      const auto floor = camera_->floorFromPixel({x, run.row});
+      if (!floor) continue;
+      const Eigen::Vector2d at = *floor - camera_->foot();
+      const long ray = std::lround(std::atan2(at.y(), at.x()) / step);
+      double& nearest = undecided_m_[static_cast<std::size_t>(((ray % n) + n) % n)];
+      nearest = std::min(nearest, at.norm());
     }
   }
 }
@@ -111,10 +128,12 @@ void FloorScan::finish(Scan& scan) {
     scan.range_m[i] = floor_end_m_[i];
     scan.sigma_m[i] = floor_end_sigma_m_[i];
     scan.label[i] = floor_begin_m_[i] < 0.0f ? RayLabel::kInvalid : RayLabel::kFloorEnd;
-    if (floor_begin_m_[i] < 0.0f || nearest_m_[i] > static_cast<double>(floor_end_m_[i])) continue;
-    scan.range_m[i] = static_cast<float>(nearest_m_[i]);
-    scan.sigma_m[i] = static_cast<float>(
-        options_.sigma_px * radialMetres(*camera_, camera_->foot() + nearest_m_[i] * bearing_[i]));
+    const double range = std::min(nearest_m_[i], undecided_m_[i]);
+    if (floor_begin_m_[i] < 0.0f || range > static_cast<double>(floor_end_m_[i])) continue;
+    scan.range_m[i] = static_cast<float>(range);
+    scan.sigma_m[i] =
+        static_cast<float>(options_.sigma_px * radialMetres(*camera_, camera_->foot() + range * bearing_[i]));
+    if (range < nearest_m_[i]) continue;  // floor up to there
     scan.label[i] = RayLabel::kUnknown;
     scan.object[i] = object_[i];
   }

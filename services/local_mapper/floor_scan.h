@@ -26,6 +26,8 @@ class FloorScan {
   void begin();
   /// A region in the way; label 0 for one that is no object.
   void add(const FloorContour& contour, std::uint16_t label);
+  /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond.
+  void addUndecided(const ground::Blob& blob);
   /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever
   /// visible.
   void finish(Scan& scan);
@@ -39,7 +41,7 @@ class FloorScan {
   ScanOptions options_;
   std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
-  std::vector<double> nearest_m_;
+  std::vector<double> nearest_m_, undecided_m_;
   std::vector<std::uint16_t> object_;
 };
 

@@ -11,6 +11,7 @@ Options Options::read(const options::Section& section) {
   o.connection = ground::ConnectionOptions::read(section.child("connection"));
   o.contour = ground::ContourOptions::read(section.child("contour"));
   o.split = ground::SplitOptions::read(section.child("split"));
+  o.notches = ground::NotchOptions::read(section.child("notches"));
   o.silhouette = SilhouetteOptions::read(section.child("silhouette"));
   o.scan = ScanOptions::read(section.child("scan"));
   o.flow = flow::FeatureFlowOptions::read(section.child("flow"));
@@ -30,6 +31,7 @@ struct LocalMapper::Stages {
         connection(o.connection),
         tracer(view, o.contour),
         splitter(view.imageSize(), o.split),
+        notches(view, o.notches),
         silhouette(correction, view, o.silhouette),
         scan(correction, view, o.scan),
         flow(correction, o.flow) {}
@@ -40,6 +42,7 @@ struct LocalMapper::Stages {
   bool findRegions(const cv::Mat& image);
   void measureObjects(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
+  void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
   void keep(bool is_object, const ground::Blob& blob);
 
   Options options;
@@ -52,6 +55,7 @@ struct LocalMapper::Stages {
   ground::RegionConnection connection;
   ground::ContourTracer tracer;
   ground::BlobSplitter splitter;
+  ground::NotchSplitter notches;
   Silhouette silhouette;
   FloorScan scan;
   flow::FeatureFlow flow;
@@ -123,26 +127,34 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
   }
+  for (const ground::Blob& blob : segmenter.undecided()) scan.addUndecided(blob);
   scan.finish(map.scan);
 }
 
-/// A region that shows several things, each for itself: of two that meet the one with the nearer contact
-/// stands in front, and the outline between them is its own. False where it is one thing.
+/// A region that shows several things, each for itself. False where it is one thing.
 bool LocalMapper::Stages::measureParts(const cv::Mat& image, const ground::Blob& blob) {
-  const auto& parts = splitter.split(image, blob);
-  if (parts.empty()) return false;
-  part_contact_m.assign(parts.size() + 1, 0.0);
-  if (part_contours.size() < parts.size()) part_contours.resize(parts.size());
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    tracer.trace({image, flow.grey(), splitter.mask(), segmenter.floorColour()}, parts[i], part_contours[i]);
-    part_contact_m[i + 1] = silhouette.contactDistance(part_contours[i]);
+  const auto* parts = &splitter.split(image, blob);
+  const bool by_colour = !parts->empty();
+  if (!by_colour) parts = &notches.split(blob, contour);
+  if (parts->empty()) return false;
+  const cv::Mat1b& mask = by_colour ? splitter.mask() : notches.mask();
+  part_contact_m.assign(parts->size(), 0.0);
+  if (part_contours.size() < parts->size()) part_contours.resize(parts->size());
+  for (std::size_t i = 0; i < parts->size(); ++i) {
+    tracer.trace({image, flow.grey(), mask, segmenter.floorColour()}, (*parts)[i], part_contours[i]);
+    part_contact_m[i] = silhouette.contactDistance(part_contours[i]);
   }
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    hides.assign(parts.size() + 1, false);
-    for (std::size_t k = 1; k <= parts.size(); ++k) hides[k] = part_contact_m[k] < part_contact_m[i + 1];
-    keep(silhouette.measure(parts[i], part_contours[i], hides, object), parts[i]);
-  }
+  for (std::size_t i = 0; i < parts->size(); ++i) measurePart(*parts, i, by_colour);
   return true;
+}
+
+/// Of two colours that meet, the one with the nearer contact stands in front, and the outline between them is
+/// its own; a chord between notches is nobody's.
+void LocalMapper::Stages::measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour) {
+  hides.assign(parts.size() + 1, false);
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    hides[k + 1] = k != i && (!by_colour || part_contact_m[k] < part_contact_m[i]);
+  keep(silhouette.measure(parts[i], part_contours[i], hides, object), parts[i]);
 }
 
 /// What was just measured becomes an object, or merely stands in the way of the scan.

@@ -8,6 +8,7 @@
 #include "ground/blob_splitter.h"
 #include "ground/contour.h"
 #include "ground/ground_segmenter.h"
+#include "ground/notch_splitter.h"
 #include "ground/region_connection.h"
 #include "lens/camera.h"
 #include "lens/correction.h"
@@ -26,7 +27,8 @@ struct Options {
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
   ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
-  ground::SplitOptions split;            ///< `split`: things one before the other
+  ground::SplitOptions split;            ///< `split`: things one before the other, by their colours
+  ground::NotchOptions notches;          ///< `notches`: things of one colour, by their outline
   SilhouetteOptions silhouette;          ///< `silhouette`: outline, supports, which blobs are objects
   ScanOptions scan;                      ///< `scan`
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5

@@ -67,6 +67,17 @@ TEST_F(BlobSplitterTest, TwoThingsOfTwoColoursComeApartWhereTheirColoursMeet) {
   EXPECT_EQ(splitter.mask()(5, 5), 0);
 }
 
+TEST_F(BlobSplitterTest, WhatStandsBehindMayBeBittenInto) {
+  draw({70, 90, 60, 30}, kRed);
+  draw({80, 60, 40, 45}, kBlue);  // in front, deep into the other
+  roughen();
+  BlobSplitter splitter(image_.size(), {});
+  const auto& parts = splitter.split(image_, whole());
+  ASSERT_EQ(parts.size(), 2U);
+  EXPECT_NEAR(std::max(parts[0].area_px, parts[1].area_px), 40 * 45, 80);
+  EXPECT_NEAR(std::min(parts[0].area_px, parts[1].area_px), 60 * 30 - 40 * 15, 80);
+}
+
 TEST_F(BlobSplitterTest, MarksOnOneThingAreNoThings) {
   draw({60, 40, 60, 60}, kRed);
   cv::rectangle(image_, cv::Rect(75, 55, 30, 20), kYellow, cv::FILLED);  // within

@@ -81,5 +81,30 @@ TEST_F(ShadeFilterTest, AGreyThingOfTheFloorsHueStays) {
   for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 256, ring(16));
 }
 
+/// A tile a tenth lighter or darker than the rest, sharp-edged: floor or a thing of its colour, nobody can
+/// tell.
+TEST_F(ShadeFilterTest, ATileAShadeOffIsUndecidedAndNoThing) {
+  shade(480, 330, [](double d) { return d < 18 ? 0.88 : 1.0; });
+  shade(160, 330, [](double d) { return d < 18 ? 1.12 : 1.0; });
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+  ASSERT_EQ(segmenter.undecided().size(), 2U);
+  for (const Blob& blob : segmenter.undecided()) EXPECT_NEAR(blob.area_px, M_PI * 18 * 18, ring(18));
+  const cv::Mat3b plain = testing::unevenFloor(model_, 0.7, 1.5, 11);
+  ASSERT_TRUE(segmenter.segment(plain));
+  EXPECT_TRUE(segmenter.undecided().empty());  // nothing is left over from the frame before
+}
+
+TEST_F(ShadeFilterTest, ATileThatTouchesAThingIsNotPartOfIt) {
+  shade(505, 330, [](double d) { return d < 16 ? 1.13 : 1.0; });
+  shade(160, 305, [](double d) { return d < 16 ? 0.87 : 1.0; });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 330, 16, {30, 30, 190});
+  testing::drawDisc<cv::Vec3b>(image_, 160, 330, 16, {22, 20, 20});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 2U);
+  for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 256, ring(16));
+}
+
 }  // namespace
 }  // namespace omnifleet::ground

@@ -53,6 +53,27 @@ TEST_F(FloorScanTest, FreeFloorEndsWhereItIsTrusted) {
   EXPECT_NEAR(scan.sigma_m[10], expected, 0.05 * expected);
 }
 
+TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
+  ground::Blob blob;  // a patch of 20 × 20 px ahead
+  const auto pixel = camera_.pixelFromPoint({1.2, 0.0, 0.0});
+  ASSERT_TRUE(pixel);
+  const int u = static_cast<int>(pixel->x()), v = static_cast<int>(pixel->y());
+  for (int row = v - 10; row < v + 10; ++row) blob.runs.push_back({row, u - 10, u + 10});
+  Scan scan;
+  scan_.begin();
+  scan_.addUndecided(blob);
+  scan_.finish(scan);
+  const auto nearest = camera_.floorFromPixel({u, v + 9});
+  ASSERT_TRUE(nearest);
+  EXPECT_EQ(scan.label[0], RayLabel::kFloorEnd);
+  EXPECT_NEAR(scan.range_m[0], nearest->norm(), 0.002);  // the ray passes within half a pixel
+  EXPECT_EQ(scan.object[0], 0);
+  EXPECT_NEAR(scan.range_m[180], 2.5, 0.011);
+  scan_.begin();
+  scan_.finish(scan);
+  EXPECT_NEAR(scan.range_m[0], 2.5, 0.011);
+}
+
 TEST_F(FloorScanTest, HitsTheNearestEdgeOfEachBearing) {
   const Polygon front = testing::box(1.0, 0.3, 0.3, 0.2, 0.5), behind = testing::box(1.7, 0.4, 0.4, 0.4, 0.0),
                 across = testing::box(-0.9, 0.0, 0.2, 0.5, 0.1);  // over ±π
