@@ -124,8 +124,9 @@ bool join(const Group& piece, const MergerOptions& options, std::vector<Group>& 
   for (const auto& [distance, i] : near) {
     if (shareAFrame(piece, groups[i])) continue;
     Group both = joined(groups[i], piece, quick(options));
-    // Both were seen from one side (by lasers): an outline that stays open may be a plain shape.
-    if (!both.fit.valid) both = joined(groups[i], piece, options.prism);
+    // Seen from one side by lasers: an outline that stays open may be a plain shape.
+    if (!both.fit.valid && both.views.front()->prism.camera_height_m <= 0.0)
+      both = joined(groups[i], piece, options.prism);
     if (!isOneBody(both, options)) continue;
     groups[i] = std::move(both);
     return true;
