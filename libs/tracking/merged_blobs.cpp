@@ -43,6 +43,12 @@ bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
           std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
 }
 
+/// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and sides that
+/// were not seen before are no other thing.
+bool isLaser(const View& view) {
+  return view.camera_height_m <= 0.0;
+}
+
 /// Two bodies cannot stand in one place.
 bool overlap(const Eigen::Vector2d& a, double radius_a, const Eigen::Vector2d& b, double radius_b) {
   return (a - b).norm() < radius_a + radius_b - kOverlap_m;
@@ -58,6 +64,7 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
   for (std::size_t b = 0; b < views_.size(); ++b) {
     if (!tracking::isSwallowed(views_[b], track.filter, margin)) continue;
     track.hidden = true;
+    if (isLaser(views_[b])) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
     const bool explained =
         whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
@@ -81,7 +88,7 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
     for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
       if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
       peer.in_blob = true;
-      if (!tracked) startPeer(peer, b);
+      if (!tracked && !isLaser(views_[b])) startPeer(peer, b);
     }
   }
 }
@@ -113,7 +120,7 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
 }
 
 bool Tracker::showsMore(const TrackState& track, const View& view) const {
-  if (!track.whole || track.views < kMature) return false;
+  if (!track.whole || track.views < kMature || isLaser(view)) return false;
   PrismFilter moved = track.filter;  // its own motion since the last frame is not taken for something new
   moved.update(view);
   return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;

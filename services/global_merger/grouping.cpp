@@ -78,12 +78,19 @@ void cut(const Views& views, ObjectKind kind, const MergerOptions& options, std:
   cut({middle, views.end()}, kind, options, pieces);
 }
 
-/// Two views of one robot at one time show two things.
+/// What something nearer cuts in two for a laser.
+bool maybePart(const ObjectView& view) {
+  return view.is_flawed && view.prism.camera_height_m <= 0.0;
+}
+
+/// Two views of one robot at one time show two things, unless they may be parts of one.
 bool shareAFrame(const Group& a, const Group& b) {
   std::set<std::pair<std::string, TimeNs>> frames;
-  for (const auto* view : a.views) frames.emplace(view->robot, view->time_ns);
+  for (const auto* view : a.views) {
+    if (!maybePart(*view)) frames.emplace(view->robot, view->time_ns);
+  }
   return std::any_of(b.views.begin(), b.views.end(), [&](const ObjectView* view) {
-    return frames.count({view->robot, view->time_ns}) > 0;
+    return !maybePart(*view) && frames.count({view->robot, view->time_ns}) > 0;
   });
 }
 
@@ -117,6 +124,9 @@ bool join(const Group& piece, const MergerOptions& options, std::vector<Group>& 
   for (const auto& [distance, i] : near) {
     if (shareAFrame(piece, groups[i])) continue;
     Group both = joined(groups[i], piece, quick(options));
+    // Seen from one side by lasers: an outline that stays open may be a plain shape.
+    if (!both.fit.valid && both.views.front()->prism.camera_height_m <= 0.0)
+      both = joined(groups[i], piece, options.prism);
     if (!isOneBody(both, options)) continue;
     groups[i] = std::move(both);
     return true;

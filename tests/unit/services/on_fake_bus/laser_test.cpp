@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -43,20 +44,27 @@ class Folder {
   fs::path path_;
 };
 
-std::string fleetFile(const Folder& folder) {
+constexpr int kWidth = 480, kHeight = 360;
+
+/// `camera`: a fisheye beside the laser.
+std::string fleetFile(const Folder& folder, bool camera = false) {
   std::ofstream(folder / "laser.yaml") << "position_m: [0, 0, 0.1]\nrange_max_m: 5\nrange_sigma_m: 0.005\n";
   std::ofstream(folder / "fleet.yaml")
       << "robots: {r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26, wheels: true, "
-         "laser: laser.yaml}}\n";
+         "laser: laser.yaml}}\n"
+      << (camera ? "cameras: {r1/fisheye: {source: folder, path: ., sensor: fisheye.yaml}}\n" : "");
+  std::ofstream(folder / "fisheye.yaml")
+      << "camera_model: fisheye\nprojection: equidistant\nimage_width: 480\nimage_height: 360\nfocal_px: 111.494\n"
+         "principal_point_px: [239.5, 179.5]\nfov_deg: 185\nposition_m: [0, 0, 0.5]\nself_mask_radius_px: 75\n";
   return folder / "fleet.yaml";
 }
 
 /// The local mapper of r1, its scanner and its wheels.
 class LaserStage : public testing::Test {
  protected:
-  LaserStage()
+  explicit LaserStage(bool camera = false)
       : folder_("omnifleet_laser_stage"),
-        bench_("local_mapper", "r1", {}, fleetFile(folder_)),
+        bench_("local_mapper", "r1", {}, fleetFile(folder_, camera)),
         scans_(bench_.bus().writer(bench_.topics.laser, "r1")),
         wheels_(bench_.bus().writer(bench_.topics.wheels_odometry, "r1")),
         maps_(bench_.bus().reader(bench_.topics.local_map, "r1")) {}
@@ -152,6 +160,61 @@ TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
   EXPECT_FALSE(maps_->take(none));
   EXPECT_EQ(bench_.status().drops, 2u);
   EXPECT_THAT(bench_.status().last_error, HasSubstr("laser r1: a sample out of order"));
+}
+
+/// The same robot with a camera, too, that sees nothing but floor.
+class LaserBesideCamera : public LaserStage {
+ protected:
+  LaserBesideCamera()
+      : LaserStage(true), camera_(bench_.bus().frameWriter("r1/fisheye", kWidth * kHeight * 3)) {}
+
+  void sendFrame(std::uint32_t index) {
+    bus::FrameHeader header;
+    header.acquired_ns = index * kPeriod;
+    header.sequence = index;
+    header.width_px = kWidth;
+    header.height_px = kHeight;
+    std::uint8_t* loan = camera_->begin(header);
+    ASSERT_NE(loan, nullptr);
+    std::memset(loan, 120, header.bytes());
+    ASSERT_TRUE(camera_->publish());
+  }
+  /// The answer to a frame and to a scan that is `age` older.
+  v1::LocalMap answerTo(std::uint32_t index, TimeNs age) {
+    v1::LaserScan older = scan(index);
+    older.header().acquired_ns(index * kPeriod - age);
+    EXPECT_TRUE(scans_->write(older));
+    sendFrame(index);
+    sendWheels(index * kPeriod);
+    v1::LaserScan next = scan(index);  // lockstep waits until it knows that no other scan comes before the frame
+    next.header().acquired_ns(index * kPeriod + 1);
+    if (age > 0) {
+      EXPECT_TRUE(scans_->write(next));
+    }
+    bench_.spin();
+    v1::LocalMap answer, none;
+    EXPECT_TRUE(maps_->take(answer));
+    EXPECT_FALSE(maps_->take(none)) << "scans alone make no local map";
+    return answer;
+  }
+
+  std::unique_ptr<bus::FrameWriter> camera_;
+};
+
+TEST_F(LaserBesideCamera, TheScanOfTheMomentJoinsTheCameras) {
+  const v1::LocalMap map = answerTo(1, 0);
+  EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
+  EXPECT_NEAR(map.camera_height_m(), 0.5, 1e-9) << "the camera's local map";
+  EXPECT_NEAR(map.scan().range_m()[0], 0.85, 2e-3);
+  EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kUnknown));
+  EXPECT_EQ(map.scan().label()[180], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
+  EXPECT_LT(map.scan().range_m()[180], 4.0f) << "as far as the camera sees floor";
+}
+
+TEST_F(LaserBesideCamera, AnOlderScanDoesNot) {
+  const v1::LocalMap map = answerTo(1, kPeriod / 2);
+  EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
 }
 
 /// Two robots drive past three obstacles within walls, each once round them.
