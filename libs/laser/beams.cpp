@@ -8,7 +8,8 @@ namespace {
 
 Echo echoOf(float range_m, const dataset::LaserSensor& sensor) {
   const bool reach_known = sensor.range_max_m > 0.0;
-  const bool none = !std::isfinite(range_m) || range_m <= 0.0f || (reach_known && range_m > sensor.range_max_m);
+  const bool none =
+      !std::isfinite(range_m) || range_m <= 0.0f || (reach_known && range_m > sensor.range_max_m);
   if (none) return reach_known ? Echo::kNone : Echo::kBlind;
   return range_m < sensor.range_min_m ? Echo::kBlind : Echo::kHit;
 }

@@ -37,15 +37,18 @@ double lineSigma(const Piece& piece, double range_sigma_m) {
   return 2.0 * range_sigma_m / std::sqrt(static_cast<double>(piece.count()));
 }
 
-/// The end of a face: half a beam beyond the last echo, where on average it ends; at that echo where it is hidden.
-Vertex endOf(const Beam& beam, const Piece& piece, double spacing_rad, bool after, bool hidden, double range_sigma_m) {
+/// The end of a face: half a beam beyond the last echo, where on average it ends; at that echo where it is
+/// hidden.
+Vertex endOf(const Beam& beam, const Piece& piece, double spacing_rad, bool after, bool hidden,
+             double range_sigma_m) {
   constexpr double kGrazing = 0.17;  // sine of 10°: flatter faces are not prolonged
   const Eigen::Vector2d on_line = piece.mean_m + piece.along * piece.along.dot(beam.point_m - piece.mean_m);
   const Eigen::Vector2d ray = unit(beam.bearing_rad + (after ? 0.5 : -0.5) * spacing_rad);
   const double sine = std::abs(cross(ray, piece.along));
   Vertex end{on_line, lineSigma(piece, range_sigma_m), piece.along,
              beam.range_m * spacing_rad / std::max(sine, kGrazing) / std::sqrt(12.0)};
-  if (!hidden && sine >= kGrazing) end.at = ray * (cross(piece.mean_m, piece.along) / cross(ray, piece.along));
+  if (!hidden && sine >= kGrazing)
+    end.at = ray * (cross(piece.mean_m, piece.along) / cross(ray, piece.along));
   return end;
 }
 
@@ -60,8 +63,8 @@ void chainVertices(const Beams& beams, const Segment& segment, const std::vector
     const double sigma = std::max(lineSigma(a, range_sigma_m), lineSigma(b, range_sigma_m)) / angle;
     vertices.push_back({corner(beams, segment, a, b), sigma, Eigen::Vector2d::Zero(), 0.0});
   }
-  vertices.push_back(endOf(beams.at(segment.first + segment.count - 1), pieces.back(), beams.spacing_rad, true,
-                           segment.hidden_after, range_sigma_m));
+  vertices.push_back(endOf(beams.at(segment.first + segment.count - 1), pieces.back(), beams.spacing_rad,
+                           true, segment.hidden_after, range_sigma_m));
 }
 
 /// Supports of the chain's vertices, usable where the supporting one faces the scanner and is no hidden end.
@@ -75,7 +78,8 @@ void chainSupports(const std::vector<Vertex>& vertices, const Segment& segment, 
     for (std::size_t i = 1; i < vertices.size(); ++i) {
       if (n.dot(vertices[i].at) > n.dot(vertices[best].at)) best = i;
     }
-    if ((best == 0 && segment.hidden_before) || (best + 1 == vertices.size() && segment.hidden_after)) continue;
+    if ((best == 0 && segment.hidden_before) || (best + 1 == vertices.size() && segment.hidden_after))
+      continue;
     const Vertex& v = vertices[best];
     const double along = n.dot(v.along) * v.along_sigma_m;
     supports.b_m[static_cast<std::size_t>(k)] = static_cast<float>(n.dot(v.at));
@@ -84,8 +88,8 @@ void chainSupports(const std::vector<Vertex>& vertices, const Segment& segment, 
   }
 }
 
-/// Gauss–Newton on the distances from the circle, from Kåsa's algebraic fit (1976). Nothing where the echoes are no
-/// arc that bulges towards the scanner.
+/// Gauss–Newton on the distances from the circle, from Kåsa's algebraic fit (1976). Nothing where the echoes
+/// are no arc that bulges towards the scanner.
 std::optional<Circle> fitCircle(const Beams& beams, const Segment& segment, double max_radius_m) {
   constexpr double kLeastRadius_m = 0.02;
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -141,12 +145,14 @@ void circleSupports(const Circle& circle, const Beams& beams, const Segment& seg
     const Eigen::Vector3d by(n.x(), n.y(), 1.0);
     const double variance = range_sigma_m * range_sigma_m * by.dot(circle.covariance_per_variance * by);
     supports.b_m[static_cast<std::size_t>(k)] = static_cast<float>(b);
-    supports.sigma_m[static_cast<std::size_t>(k)] = static_cast<float>(std::sqrt(floor_m * floor_m + variance));
+    supports.sigma_m[static_cast<std::size_t>(k)] =
+        static_cast<float>(std::sqrt(floor_m * floor_m + variance));
   }
 }
 
 /// The arc between its first and last echo.
-void arcOutline(const Circle& circle, const Beams& beams, const Segment& segment, std::vector<Eigen::Vector2d>& out) {
+void arcOutline(const Circle& circle, const Beams& beams, const Segment& segment,
+                std::vector<Eigen::Vector2d>& out) {
   constexpr int kPoints = 12;
   const Eigen::Vector2d a = beams.at(segment.first).point_m - circle.centre;
   const Eigen::Vector2d b = beams.at(segment.first + segment.count - 1).point_m - circle.centre;
@@ -169,8 +175,8 @@ Eigen::Vector2d nearestOf(const std::vector<Eigen::Vector2d>& outline) {
 
 }  // namespace
 
-void facingSide(const Beams& beams, const Segment& segment, const std::vector<Piece>& pieces, double range_sigma_m,
-                const FacingSideOptions& options, FacingSide& side) {
+void facingSide(const Beams& beams, const Segment& segment, const std::vector<Piece>& pieces,
+                double range_sigma_m, const FacingSideOptions& options, FacingSide& side) {
   std::vector<Vertex> vertices;
   chainVertices(beams, segment, pieces, range_sigma_m, vertices);
   side.supports.b_m.assign(kDirections, 0.0f);

@@ -7,14 +7,14 @@
 
 namespace omnifleet::laser {
 
-/// What one scan tells of one convex thing: the side that faces the scanner. All from the scanner, in the axes of
-/// base_link.
+/// What one scan tells of one convex thing: the side that faces the scanner. All from the scanner, in the
+/// axes of base_link.
 struct FacingSide {
   std::vector<Eigen::Vector2d> outline_m;  ///< fitted, with growing bearing
   Eigen::Vector2d nearest_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();  ///< of the echoes
   double length_m = 0.0;                             ///< between its ends
-  bool round = false;                                ///< an arc explains the echoes better than straight faces
+  bool round = false;        ///< an arc explains the echoes better than straight faces
   SupportFunction supports;  ///< b(n) about the scanner; σ 0 where the side that faces it does not tell
 };
 
@@ -26,12 +26,12 @@ struct FacingSideOptions {
 /// Fits corners and faces (line_chain.h) and a circle, and takes what explains the echoes better by Schwarz's
 /// criterion (χ² + ln N per parameter).
 ///
-/// A footprint's support h_P(n) about the scanner, b(n) = h_P(n) − n·c, is told exactly where the scanner lies
-/// beyond the supporting line, b(n) ≤ 0: there the supporting point faces it. That is the contact side of the prism
-/// (RECIPES, "support-function prism"), whose height no laser sees and which does not matter there. With the
-/// tangents' bearings θ₀ < θ₁ these are the directions from θ₁ + 90° to θ₀ + 270°. Where something nearer hides an
-/// end, directions supported by that end are left out.
-void facingSide(const Beams& beams, const Segment& segment, const std::vector<Piece>& pieces, double range_sigma_m,
-                const FacingSideOptions& options, FacingSide& side);
+/// A footprint's support h_P(n) about the scanner, b(n) = h_P(n) − n·c, is told exactly where the scanner
+/// lies beyond the supporting line, b(n) ≤ 0: there the supporting point faces it. That is the contact side
+/// of the prism (RECIPES, "support-function prism"), whose height no laser sees and which does not matter
+/// there. With the tangents' bearings θ₀ < θ₁ these are the directions from θ₁ + 90° to θ₀ + 270°. Where
+/// something nearer hides an end, directions supported by that end are left out.
+void facingSide(const Beams& beams, const Segment& segment, const std::vector<Piece>& pieces,
+                double range_sigma_m, const FacingSideOptions& options, FacingSide& side);
 
 }  // namespace omnifleet::laser

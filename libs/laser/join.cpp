@@ -29,8 +29,9 @@ void join(const LocalMap& by_laser, Scan& camera) {
   for (std::size_t i = 0; i < echoes; ++i) {
     if (!isEcho(laser.label[i])) continue;
     const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(echoes);
-    const Eigen::Vector2d from_foot = laser.origin_m - camera.origin_m +
-                                      laser.range_m[i] * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
+    const Eigen::Vector2d from_foot =
+        laser.origin_m - camera.origin_m +
+        laser.range_m[i] * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
     const double turns = std::atan2(from_foot.y(), from_foot.x()) / (2.0 * M_PI) + 1.0;
     Nearest& at = nearest[static_cast<std::size_t>(std::lround(turns * static_cast<double>(rays))) % rays];
     if (from_foot.norm() < at.range_m) at = {from_foot.norm(), i};

@@ -25,7 +25,8 @@ Options Options::read(const options::Section& section) {
   return o;
 }
 
-const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t sequence, const Motion& wheels) {
+const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t sequence,
+                                     const Motion& wheels) {
   map_.acquired_ns = row.time_ns;
   map_.sequence = sequence;
   map_.camera_height_m = 0.0;
@@ -121,8 +122,8 @@ void LaserMapper::fillScan() {
   resample(beams_, label_, object_, sensor_.range_sigma_m, map_.scan);
 }
 
-void resample(const Beams& beams, const std::vector<RayLabel>& label, const std::vector<std::uint16_t>& object,
-              double range_sigma_m, Scan& scan) {
+void resample(const Beams& beams, const std::vector<RayLabel>& label,
+              const std::vector<std::uint16_t>& object, double range_sigma_m, Scan& scan) {
   const std::size_t rays = scan.range_m.size(), n = beams.size();
   scan.range_m.assign(rays, 0.0f);
   scan.sigma_m.assign(rays, static_cast<float>(range_sigma_m));

@@ -11,9 +11,10 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 }
 
 /// Splits at the beam farthest from the chord until all lie within the tolerance.
-void split(const Beams& beams, const Segment& segment, std::size_t first, std::size_t last, double tolerance_m,
-           std::vector<Piece>& pieces) {
-  const Eigen::Vector2d a = beams.at(segment.first + first).point_m, b = beams.at(segment.first + last).point_m;
+void split(const Beams& beams, const Segment& segment, std::size_t first, std::size_t last,
+           double tolerance_m, std::vector<Piece>& pieces) {
+  const Eigen::Vector2d a = beams.at(segment.first + first).point_m,
+                        b = beams.at(segment.first + last).point_m;
   const Eigen::Vector2d along = (b - a).stableNormalized();
   std::size_t farthest = first;
   double most = tolerance_m;
@@ -39,7 +40,8 @@ void split(const Beams& beams, const Segment& segment, std::size_t first, std::s
 void fit(const Beams& beams, const Segment& segment, Piece& piece) {
   const auto n = static_cast<double>(piece.count());
   piece.mean_m.setZero();
-  for (std::size_t i = piece.first; i <= piece.last; ++i) piece.mean_m += beams.at(segment.first + i).point_m / n;
+  for (std::size_t i = piece.first; i <= piece.last; ++i)
+    piece.mean_m += beams.at(segment.first + i).point_m / n;
   double xx = 0.0, xy = 0.0, yy = 0.0;
   for (std::size_t i = piece.first; i <= piece.last; ++i) {
     const Eigen::Vector2d d = beams.at(segment.first + i).point_m - piece.mean_m;
@@ -56,7 +58,8 @@ void fit(const Beams& beams, const Segment& segment, Piece& piece) {
   piece.squares_m2 = std::max(0.0, xx + yy - most);
 }
 
-/// Pieces of two beams carry no line of their own beside longer ones: their beams go to the neighbours' corner.
+/// Pieces of two beams carry no line of their own beside longer ones: their beams go to the neighbours'
+/// corner.
 void dropShort(std::vector<Piece>& pieces) {
   for (std::size_t i = 1; i + 1 < pieces.size();) {
     if (pieces[i].count() > 2) {
@@ -93,7 +96,8 @@ Eigen::Vector2d corner(const Beams& beams, const Segment& segment, const Piece& 
   constexpr double kFar_m = 0.05;     // … and how far it may be from the beam that both share
   const Eigen::Vector2d shared = beams.at(segment.first + before.last).point_m;
   const double sine = cross(before.along, after.along);
-  const double reach = std::abs(sine) < kParallel ? 0.0 : cross(after.mean_m - before.mean_m, after.along) / sine;
+  const double reach =
+      std::abs(sine) < kParallel ? 0.0 : cross(after.mean_m - before.mean_m, after.along) / sine;
   const Eigen::Vector2d crossing = before.mean_m + reach * before.along;
   if (std::abs(sine) < kParallel || (crossing - shared).norm() > kFar_m) {
     const Eigen::Vector2d on_first = before.mean_m + before.along * before.along.dot(shared - before.mean_m);

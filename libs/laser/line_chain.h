@@ -7,7 +7,8 @@
 
 namespace omnifleet::laser {
 
-/// Straight pieces of a surface: `first` … `last` count from the segment's first beam, neighbours share a beam.
+/// Straight pieces of a surface: `first` … `last` count from the segment's first beam, neighbours share a
+/// beam.
 struct Piece {
   std::size_t first = 0, last = 0;
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
@@ -17,13 +18,13 @@ struct Piece {
   std::size_t count() const { return last - first + 1; }
 };
 
-/// Split and merge (iterative end point fit; Nguyen et al. 2005, "A comparison of line extraction algorithms using
-/// 2D laser rangefinder for indoor mobile robotics"), each piece then fitted by total least squares.
+/// Split and merge (iterative end point fit; Nguyen et al. 2005, "A comparison of line extraction algorithms
+/// using 2D laser rangefinder for indoor mobile robotics"), each piece then fitted by total least squares.
 /// @param tolerance_m distance from the chord at which a piece is split
 void lineChain(const Beams& beams, const Segment& segment, double tolerance_m, std::vector<Piece>& pieces);
 
-/// Angle by which the chain turns away from the scanner's side between two pieces, radians: > 0 where the surface
-/// bulges towards the scanner, as convex things do, < 0 in a hollow.
+/// Angle by which the chain turns away from the scanner's side between two pieces, radians: > 0 where the
+/// surface bulges towards the scanner, as convex things do, < 0 in a hollow.
 double bulge(const Piece& before, const Piece& after);
 
 /// σ of that angle from the noise of the echoes, radians.

@@ -7,11 +7,13 @@ namespace omnifleet::laser {
 namespace {
 
 /// One surface from beam `a` to its neighbour `b`.
-bool together(const Beam& a, const Beam& b, double spacing_rad, double range_sigma_m, const SegmentOptions& o) {
+bool together(const Beam& a, const Beam& b, double spacing_rad, double range_sigma_m,
+              const SegmentOptions& o) {
   if (a.echo != Echo::kHit || b.echo != Echo::kHit) return false;
   const double grazing = std::max(o.grazing_deg * M_PI / 180.0, 1.5 * spacing_rad);
-  const double reach = std::min(a.range_m, b.range_m) * std::sin(spacing_rad) / std::sin(grazing - spacing_rad) +
-                       o.jump_sigmas * range_sigma_m;
+  const double reach =
+      std::min(a.range_m, b.range_m) * std::sin(spacing_rad) / std::sin(grazing - spacing_rad) +
+      o.jump_sigmas * range_sigma_m;
   return (a.point_m - b.point_m).norm() <= reach;
 }
 
@@ -31,7 +33,8 @@ SegmentOptions SegmentOptions::read(const options::Section& section) {
   return o;
 }
 
-void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& options, std::vector<Segment>& out) {
+void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& options,
+              std::vector<Segment>& out) {
   out.clear();
   const std::size_t n = beams.size();
   const auto linked = [&](std::size_t i) {  // beam i with the one before it

@@ -16,13 +16,15 @@ struct SegmentOptions {
 /// Beams that hit one surface: `first`, … `first + count − 1` (Beams::at).
 struct Segment {
   std::size_t first = 0, count = 0;
-  /// Whether something nearer (or the end of the field of view) hides what lies beyond its first and last beam.
+  /// Whether something nearer (or the end of the field of view) hides what lies beyond its first and last
+  /// beam.
   bool hidden_before = false, hidden_after = false;
 };
 
-/// Cuts a scan where ranges jump: the adaptive breakpoint detector of Borges & Aldon 2004, "Line extraction in 2D
-/// range images for mobile robotics", eq. 4: neighbours belong together within
-/// D = r·sin Δφ / sin(λ − Δφ) + k·σ, r the nearer range, Δφ the beams' spacing.
-void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& options, std::vector<Segment>& out);
+/// Cuts a scan where ranges jump: the adaptive breakpoint detector of Borges & Aldon 2004, "Line extraction
+/// in 2D range images for mobile robotics", eq. 4: neighbours belong together within D = r·sin Δφ / sin(λ −
+/// Δφ) + k·σ, r the nearer range, Δφ the beams' spacing.
+void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& options,
+              std::vector<Segment>& out);
 
 }  // namespace omnifleet::laser

@@ -25,7 +25,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
                         bus::StreamMode::kLockstep}));
   }
   if (context.options.record)
-    recorder_.open(context.options.out + "/recording", camera_.id, camera_.model);
+    recorder_.open(status(), context.options.out + "/recording", camera_.id, camera_.model);
 }
 
 std::vector<bus::Expectation> ArenaCameraService::expectations() const {
@@ -86,8 +86,7 @@ bool ArenaCameraService::render() {
   cv::Mat image(header_.height_px, header_.width_px, CV_8UC3, loan);
   renderer_.render(static_cast<int>(header_.sequence), map_from_bases_, image);
   preview_.offer(header_.acquired_ns, image, status());
-  recorder_.write(status(),
-                  [&](dataset::ImageStreamWriter& r) { r.write(header_.acquired_ns, image); });
+  recorder_.write(status(), [&](dataset::ImageStreamWriter& r) { r.write(header_.acquired_ns, image); });
   pending_ = false;
   if (!writer_->publish()) {
     status().dropped();

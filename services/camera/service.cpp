@@ -26,7 +26,7 @@ CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fl
       preview_(context, camera_.id),
       ends_(context) {
   if (context.options.record)
-    recorder_.open(context.options.out + "/recording", camera_.id, camera_.model);
+    recorder_.open(status(), context.options.out + "/recording", camera_.id, camera_.model);
   header_.clock = static_cast<bus::ClockId>(context.options.mode == bus::RunMode::kLive ? 0 : 1);
 }
 

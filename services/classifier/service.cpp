@@ -22,7 +22,7 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
                   ownRobot(context, fleet), fleet.bodies()) {
-  if (!context.options.out.empty()) tracks_.open(context.options.out, context.options.robot);
+  if (!context.options.out.empty()) tracks_.open(status(), context.options.out, context.options.robot);
   for (const std::string& robot : fleet.mappingRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,

@@ -8,14 +8,18 @@
 
 namespace omnifleet::services {
 
-/// A file that a stage writes beside its work (a recording, what it took each track for). When it can no
-/// longer be written (disk full) the status says so once and the stage goes on without it.
+/// A file that a stage writes beside its work (a recording, what it took each track for). When it cannot be
+/// written, from the start or any more (disk full), the status says so once and the stage goes on without it.
 template <class Writer>
 class SideOutput {
  public:
   template <class... Arguments>
-  void open(Arguments&&... arguments) {
-    writer_.emplace(std::forward<Arguments>(arguments)...);
+  void open(bus::StatusBoard& status, Arguments&&... arguments) {
+    try {
+      writer_.emplace(std::forward<Arguments>(arguments)...);
+    } catch (const std::runtime_error& problem) {
+      status.error(problem.what(), true);
+    }
   }
   template <class Write>
   void write(bus::StatusBoard& status, Write&& write) {

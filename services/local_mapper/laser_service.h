@@ -18,8 +18,8 @@ struct LaserInput {
   std::uint32_t sequence = 0;
 };
 
-/// The local mapper of a robot without a fisheye camera: its laser scans and wheel speeds in, one local map per scan
-/// out.
+/// The local mapper of a robot without a fisheye camera: its laser scans and wheel speeds in, one local map
+/// per scan out.
 class LaserMapperService : public bus::Service {
  public:
   LaserMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

@@ -17,9 +17,9 @@
 
 namespace omnifleet::services {
 
-/// One robot's frames and wheel speeds in, one local map per frame out. Where the robot has a laser, too, the scan of
-/// the frame's moment (at most `services: {local_mapper: {laser_age_s}}` before it) takes the place of the camera's rays
-/// (laser/join.h).
+/// One robot's frames and wheel speeds in, one local map per frame out. Where the robot has a laser, too, the
+/// scan of the frame's moment (at most `services: {local_mapper: {laser_age_s}}` before it) takes the place
+/// of the camera's rays (laser/join.h).
 class LocalMapperService : public bus::Service {
  public:
   /// `debug_images`: write the four pictures of Choi's Figs. 15–17 of every frame into OUT/debug/<robot>.
@@ -57,7 +57,7 @@ class LocalMapperService : public bus::Service {
   std::optional<laser::LaserMapper> laser_;
   TimeNs laser_age_ns_;
   std::optional<LaserInput> scan_;  ///< the latest
-  std::string debug_folder_;  ///< empty: no pictures
+  std::string debug_folder_;        ///< empty: no pictures
   LocalMap local_map_;
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for

@@ -52,7 +52,7 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
   }
   if (context.options.record) {
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      outputs_[i].recorder.open(context.options.out + "/recording", fleet.arena->robots[i].name);
+      outputs_[i].recorder.open(status(), context.options.out + "/recording", fleet.arena->robots[i].name);
     }
   }
   status().expected(static_cast<std::uint64_t>(fleet.arena->frames()));
@@ -66,7 +66,7 @@ std::unique_ptr<ArenaWorldService::Laser> ArenaWorldService::makeLaser(const std
                 {},
                 synthetic::LaserScanner(*fleet_.arena, robot, static_cast<std::uint32_t>(fleet_.seed))});
   if (context_.options.record)
-    laser->recorder.open(context_.options.out + "/recording", robot, fleet_.arena->laser->sensor);
+    laser->recorder.open(status(), context_.options.out + "/recording", robot, fleet_.arena->laser->sensor);
   return laser;
 }
 

@@ -181,6 +181,10 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
       << fleet.launch.output();
   v1::ServiceStatus status;
   ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(*statuses, status, classifier, 10s));
+  Process second({program("launch"), "run", smallFleet(), "--out", freshDir("second"), "--domain", "65"},
+                 fleet.out + "/second.log");
+  EXPECT_EQ(second.wait(20s), 2) << "two fleets on one domain would hear each other";
+  EXPECT_THAT(second.output(), testing::HasSubstr("DDS domain 65"));
   const auto victim = status.process_id();
   ASSERT_EQ(kill(static_cast<pid_t>(victim), SIGKILL), 0);
   ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(

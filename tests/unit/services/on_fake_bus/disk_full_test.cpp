@@ -82,5 +82,23 @@ TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
   fs::remove_all(out);
 }
 
+TEST(DiskFull, ARowFileThatCannotBeMadeIsGivenUpAndTheMapIsSaved) {
+  const fs::path out = fs::temp_directory_path() / ("omnifleet_no_rows_" + std::to_string(::getpid()));
+  fs::create_directories(out);
+  std::ofstream(out / "tracks") << "a file where the folder would be";
+  services::InProcessRun run;
+  run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
+  run.out = out;
+  run.log_level = "off";
+  std::string told;
+  run.on_problem = [&](const std::string& service, const std::string& problem) {
+    told += service + ": " + problem + "\n";
+  };
+  EXPECT_TRUE(services::runInProcess(run));
+  EXPECT_THAT(told, HasSubstr("tracks: cannot be"));
+  EXPECT_FALSE(mapFiles(out).at("map.bt").empty());
+  fs::remove_all(out);
+}
+
 }  // namespace
 }  // namespace omnifleet
