@@ -53,7 +53,8 @@ static void print_track(const omnifleet_v1_Track *t) {
   printf(" %" PRIu32, t->hull._length);
   for (uint32_t i = 0; i < t->hull._length; ++i) print_point(&t->hull._buffer[i]);
   print_supports(&t->support);
-  printf(" %.9g %d %.9g %.9g", (double)t->solidity, (int)t->truncated, (double)t->height_m, (double)t->height_sigma_m);
+  printf(" %.9g %d %.9g %.9g '%s'", (double)t->solidity, (int)t->truncated, (double)t->height_m, (double)t->height_sigma_m,
+         t->name);
 }
 
 static void print_objects(const omnifleet_v1_Objects *o) {

@@ -69,8 +69,8 @@ void put(Line& line, const v1::Track& t) {
   for (const v1::Point2& p : t.hull()) line.point(p);
   line.floats(t.support().b_m());
   line.floats(t.support().sigma_m());
-  line.put(" %.9g %d %.9g %.9g", static_cast<double>(t.solidity()), t.truncated(),
-           static_cast<double>(t.height_m()), static_cast<double>(t.height_sigma_m()));
+  line.put(" %.9g %d %.9g %.9g '%s'", static_cast<double>(t.solidity()), t.truncated(),
+           static_cast<double>(t.height_m()), static_cast<double>(t.height_sigma_m()), t.name().c_str());
 }
 
 std::string lineOf(const v1::Objects& o) {
