@@ -1,5 +1,7 @@
 #include "camera/source.h"
 
+#include <filesystem>
+
 #include "dataset/dataset.h"
 
 namespace omnifleet::services {
@@ -25,7 +27,14 @@ std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera
 }
 
 void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
-  if (camera.source == fleet::CameraSource::kArena || camera.source == fleet::CameraSource::kDataset) return;
+  if (camera.source == fleet::CameraSource::kArena) return;
+  if (camera.source == fleet::CameraSource::kDataset) {
+    const auto images = std::filesystem::path(fleet.dataset) / camera.id / "data";
+    if (!std::filesystem::is_directory(images))
+      throw options::Error(images.string() + ": no such folder; the images of " + camera.id +
+                           " belong there");
+    return;
+  }
   try {
     openSource(camera, fleet);
   } catch (const options::Error& error) {

@@ -121,6 +121,16 @@ TEST(Replay, DamagedFramesAreReportedAndSkipped) {
   EXPECT_EQ(found, expected) << "four damaged frames cost no object";
 }
 
+TEST(Replay, AFolderOfImagesThatIsNotThereIsNamedAndNothingStarts) {
+  const std::string data = copyOfRecording("without_images");
+  fs::remove_all(data + "/r2/fisheye/data");
+  const std::string out = freshDir("without_images_run");
+  Process launch({program("launch"), "replay", data, "--out", out, "--domain", "78"}, out + "/launch.log");
+  EXPECT_EQ(launch.wait(30s), 2);
+  EXPECT_THAT(launch.output(), testing::HasSubstr("r2/fisheye/data: no such folder"));
+  EXPECT_FALSE(fs::exists(out + "/log"));
+}
+
 TEST(Replay, ARecordingThatIsNoneIsNamed) {
   const std::string out = freshDir("no_recording");
   Process launch(
