@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
 #include <optional>
 
@@ -55,7 +56,9 @@ float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
 cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const auto load = [](const std::uint8_t* pixel) {
-    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(pixel)));
+    alignas(4) std::uint8_t four[4];  // v_load_expand_q reads them as one int
+    std::memcpy(four, pixel, sizeof four);
+    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(four)));
   };
   const std::uint8_t *top = image.ptr(y) + 3 * x, *bottom = image.ptr(y + 1) + 3 * x;
   const cv::v_float32x4 fu = cv::v_setall_f32(u - static_cast<float>(x)),
