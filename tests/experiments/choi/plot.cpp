@@ -40,6 +40,27 @@ std::string number(double value, double step) {
   return text;
 }
 
+/// The place of that size along the sides of the frame where the least is drawn; the upper right one of equals.
+cv::Rect emptiest(const cv::Mat& image, const cv::Rect& frame, cv::Size size) {
+  constexpr int kMargin_px = 6, kDrawn = 190;  // the grid is lighter than anything drawn
+  const int right = frame.br().x - size.width - kMargin_px, bottom = frame.br().y - size.height - kMargin_px;
+  const int left = frame.x + kMargin_px, top = frame.y + kMargin_px, middle = (top + bottom) / 2;
+  cv::Rect best;
+  int least = image.rows * image.cols + 1;
+  for (const cv::Point& at : {cv::Point(right, top), cv::Point(right, bottom), cv::Point(right, middle),
+                              cv::Point(left, top), cv::Point(left, bottom), cv::Point(left, middle)}) {
+    const cv::Rect place = cv::Rect(at, size) & cv::Rect({}, image.size());
+    cv::Mat empty;
+    cv::inRange(image(place), cv::Scalar::all(kDrawn), cv::Scalar::all(255), empty);
+    const int ink = place.area() - cv::countNonZero(empty);
+    if (ink < least) {
+      least = ink;
+      best = place;
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 cv::Scalar ink::robot(std::size_t i) {
@@ -211,9 +232,8 @@ void Plot::drawLegend() {
   int width = 0;
   for (const Entry& entry : legend_) width = std::max(width, sizeOf(entry.name, 0.45).width);
   const int line = 20;
-  const cv::Rect box(frame_.br().x - width - 56, frame_.y + 6, width + 50,
-                     line * static_cast<int>(legend_.size()) + 10);
-  cv::Mat under = image_(box & cv::Rect({}, image_.size()));
+  const cv::Rect box = emptiest(image_, frame_, {width + 50, line * static_cast<int>(legend_.size()) + 10});
+  cv::Mat under = image_(box);
   under = 0.15 * under + 0.85 * cv::Mat(under.size(), under.type(), ink::kPaper);
   cv::rectangle(image_, box, ink::kGrey, 1);
   int y = box.y + 18;
