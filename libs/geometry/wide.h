@@ -9,3 +9,10 @@
 #else
 #define OMNIFLEET_WIDE
 #endif
+
+// For the small functions that such loops call: they must become part of each version.
+#if defined(__GNUC__)
+#define OMNIFLEET_INLINE inline __attribute__((always_inline))
+#else
+#define OMNIFLEET_INLINE inline
+#endif

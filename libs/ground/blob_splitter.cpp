@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "geometry/wide.h"
@@ -11,7 +12,7 @@ namespace omnifleet::ground {
 
 namespace {
 
-const cv::Point kAround[4] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+constexpr int kSpare = 16;       // elements behind a row that vectors may reach
 constexpr int kMaxPieces = 200;  // more is texture
 constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inward in the image, and rounding
 
@@ -62,15 +63,65 @@ OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, in
   }
 }
 
+/// Shares of red and of green in n sums of interleaved colours; reads and writes up to a whole vector more.
+void takeShares(const std::uint16_t* sums, int n, float* red, float* green) {
+  constexpr int kLanes = 8;
+  const auto half = [](const cv::v_uint32x4& v) { return cv::v_cvt_f32(cv::v_reinterpret_as_s32(v)); };
+  const cv::v_float32x4 one = cv::v_setall_f32(1.0f);
+  for (int x = 0; x < n; x += kLanes) {
+    cv::v_uint16x8 b, g, r;
+    cv::v_load_deinterleave(sums + 3 * x, b, g, r);
+    cv::v_uint32x4 all[2], greens[2], reds[2];
+    cv::v_expand(b + g + r, all[0], all[1]);
+    cv::v_expand(g, greens[0], greens[1]);
+    cv::v_expand(r, reds[0], reds[1]);
+    for (int k = 0; k < 2; ++k) {
+      const cv::v_float32x4 sum = cv::v_max(half(all[k]), one);
+      cv::v_store(red + x + 4 * k, half(reds[k]) / sum);
+      cv::v_store(green + x + 4 * k, half(greens[k]) / sum);
+    }
+  }
+}
+
+/// The nearest of the colours to each of n pixels, from 1 on; the first among equals.
+OMNIFLEET_WIDE void takeNearest(const float* red, const float* green, int n, const float* reds,
+                                const float* greens, int colours, float* nearest, std::int32_t* which,
+                                std::uint8_t* out) {
+  for (int k = 0; k < colours; ++k) {
+    const float r = reds[k], g = greens[k];
+#pragma GCC ivdep
+    for (int x = 0; x < n; ++x) {
+      const float dr = red[x] - r, dg = green[x] - g, distance = dr * dr + dg * dg;
+      const bool nearer = (k == 0) | (distance < nearest[x]);
+      which[x] = nearer ? k + 1 : which[x];
+      nearest[x] = nearer ? distance : nearest[x];
+    }
+  }
+#pragma GCC ivdep
+  for (int x = 0; x < n; ++x) out[x] = static_cast<std::uint8_t>(which[x]);
+}
+
+/// Bins of a histogram of two shares, `bins` to a side.
+OMNIFLEET_WIDE void takeBins(const float* red, const float* green, int n, int bins, std::int32_t* out) {
+#pragma GCC ivdep
+  for (int x = 0; x < n; ++x) {
+    const auto r = static_cast<std::int32_t>(red[x] * static_cast<float>(bins)),
+               g = static_cast<std::int32_t>(green[x] * static_cast<float>(bins));
+    out[x] = (r < bins ? r : bins - 1) * bins + (g < bins ? g : bins - 1);
+  }
+}
+
+OMNIFLEET_WIDE int countOutside(const std::uint8_t* canvas, const std::uint8_t* inside, int n) {
+  int count = 0;
+  for (int x = 0; x < n; ++x) count += (canvas[x] != 0) & (inside[x] == 0) ? 1 : 0;
+  return count;
+}
+
 /// A matrix of that size over storage that only ever grows.
 template <typename T>
 void shape(cv::Size size, std::vector<T>& storage, cv::Mat_<T>& mat) {
   storage.resize(std::max(storage.size(), static_cast<std::size_t>(size.area())));
   mat = cv::Mat_<T>(size.height, size.width, storage.data());
-}
-
-bool contains(const cv::Mat& mat, cv::Point p) {
-  return p.x >= 0 && p.y >= 0 && p.x < mat.cols && p.y < mat.rows;
 }
 
 }  // namespace
@@ -98,7 +149,7 @@ const std::vector<Blob>& BlobSplitter::split(const cv::Mat& image, const Blob& b
   gather(image, blob);
   findColours(blob.area_px);
   if (colours_.size() < 2) return parts_;
-  assign();
+  assign(blob);
   takeMajority();
   findPieces();
   mergeSmall(blob.area_px);
@@ -128,8 +179,7 @@ void BlobSplitter::paintHull(const Blob& blob) {
 /// Pixels of the canvas that are not of the region.
 int BlobSplitter::countNotches() const {
   int count = 0;
-  for (int y = 0; y < rect_.height; ++y)
-    for (int x = 0; x < rect_.width; ++x) count += canvas_(y, x) != 0 && inside_(y, x) == 0 ? 1 : 0;
+  for (int y = 0; y < rect_.height; ++y) count += countOutside(canvas_.ptr(y), inside_.ptr(y), rect_.width);
   return count;
 }
 
@@ -149,12 +199,16 @@ bool BlobSplitter::isMoreConvex(const Blob& blob) {
 
 /// Chromaticity of the mean over the 3×3 pixels that belong to the region.
 void BlobSplitter::gather(const cv::Mat& image, const Blob& blob) {
+  const int stride = rect_.width + kSpare;
   shape(rect_.size(), inside_store_, inside_);
-  shape(rect_.size(), chroma_store_, chroma_);
+  shape({stride, rect_.height}, red_store_, red_);
+  shape({stride, rect_.height}, green_store_, green_);
   shape({3 * (rect_.width + 2), rect_.height + 2}, masked_store_, masked_);
   inside_.setTo(0);
   masked_.setTo(0);
-  sums_.resize(static_cast<std::size_t>(masked_.cols));
+  sums_.resize(static_cast<std::size_t>(masked_.cols + 3 * kSpare));
+  bins_.resize(static_cast<std::size_t>(stride));
+  histogram_.fill(0);
   for (const Run& run : blob.runs) {
     const int y = run.row - rect_.y, x = run.begin - rect_.x;
     const auto length = static_cast<std::size_t>(run.end - run.begin);
@@ -163,74 +217,66 @@ void BlobSplitter::gather(const cv::Mat& image, const Blob& blob) {
   }
   int summed = -1;
   for (const Run& run : blob.runs) {
-    const int y = run.row - rect_.y;
-    if (y != summed)
+    const int y = run.row - rect_.y, x = run.begin - rect_.x, n = run.end - run.begin;
+    if (y != summed) {
       sumNine(masked_.ptr(y), masked_.ptr(y + 1), masked_.ptr(y + 2), rect_.width, sums_.data());
-    summed = y;
-    cv::Vec2f* chroma = chroma_.ptr<cv::Vec2f>(y);
-    for (int x = run.begin - rect_.x; x < run.end - rect_.x; ++x) {
-      const std::uint16_t* c = sums_.data() + 3 * x;
-      const float sum = static_cast<float>(std::max(1, c[0] + c[1] + c[2]));
-      chroma[x] = cv::Vec2f(static_cast<float>(c[2]) / sum, static_cast<float>(c[1]) / sum);
+      takeShares(sums_.data(), rect_.width, red_.ptr<float>(y), green_.ptr<float>(y));
     }
+    summed = y;
+    takeBins(red_.ptr<float>(y) + x, green_.ptr<float>(y) + x, n, kBins, bins_.data());
+    for (int i = 0; i < n; ++i) ++histogram_[static_cast<std::size_t>(bins_[static_cast<std::size_t>(i)])];
   }
 }
 
 /// Modes of the histogram of chromaticities, the fullest first.
 void BlobSplitter::findColours(int area) {
-  histogram_.fill(0);
-  const auto bin = [](float v) { return std::min(kBins - 1, static_cast<int>(v * kBins)); };
-  for (int y = 0; y < rect_.height; ++y)
-    for (int x = 0; x < rect_.width; ++x)
-      if (inside_(y, x) != 0)
-        ++histogram_[static_cast<std::size_t>(bin(chroma_(y, x)[0]) * kBins + bin(chroma_(y, x)[1]))];
+  modes_.clear();
+  for (int i = 1; i + 1 < kBins; ++i) {
+    for (int j = 1; j + 1 < kBins; ++j) {
+      int count = 0;
+      float r = 0, g = 0;
+      for (int di = -1; di <= 1; ++di) {
+        for (int dj = -1; dj <= 1; ++dj) {
+          const int n = histogram_[static_cast<std::size_t>((i + di) * kBins + j + dj)];
+          count += n;
+          r += static_cast<float>(n) * (static_cast<float>(i + di) + 0.5f) / kBins;
+          g += static_cast<float>(n) * (static_cast<float>(j + dj) + 0.5f) / kBins;
+        }
+      }
+      if (count > 0)
+        modes_.push_back({count, {r / static_cast<float>(count), g / static_cast<float>(count)}});
+    }
+  }
   const int least = std::max(options_.min_area_px, static_cast<int>(options_.min_share * area)) / 2;
   const auto step = static_cast<float>(options_.hue_step);
   colours_.clear();
   while (static_cast<int>(colours_.size()) < kMaxColours) {
-    int best = 0;
-    Colour colour{0, 0};
-    for (int i = 1; i + 1 < kBins; ++i) {
-      for (int j = 1; j + 1 < kBins; ++j) {
-        int count = 0;
-        float r = 0, g = 0;
-        for (int di = -1; di <= 1; ++di) {
-          for (int dj = -1; dj <= 1; ++dj) {
-            const int n = histogram_[static_cast<std::size_t>((i + di) * kBins + j + dj)];
-            count += n;
-            r += static_cast<float>(n) * (static_cast<float>(i + di) + 0.5f) / kBins;
-            g += static_cast<float>(n) * (static_cast<float>(j + dj) + 0.5f) / kBins;
-          }
-        }
-        if (count <= best) continue;
-        const Colour here{r / static_cast<float>(count), g / static_cast<float>(count)};
-        const bool taken = std::any_of(colours_.begin(), colours_.end(), [&](const Colour& c) {
-          return std::hypot(c.r - here.r, c.g - here.g) < step;
-        });
-        if (taken) continue;
-        best = count;
-        colour = here;
-      }
+    const Mode* best = nullptr;
+    for (const Mode& mode : modes_) {
+      if (best != nullptr && mode.count <= best->count) continue;
+      const bool taken = std::any_of(colours_.begin(), colours_.end(), [&](const Colour& c) {
+        return std::hypot(c.r - mode.colour.r, c.g - mode.colour.g) < step;
+      });
+      if (!taken) best = &mode;
     }
-    if (best < least) return;
-    colours_.push_back(colour);
+    if (best == nullptr || best->count < least) return;
+    colours_.push_back(best->colour);
   }
 }
 
-void BlobSplitter::assign() {
+void BlobSplitter::assign(const Blob& blob) {
   shape(rect_.size(), class_store_, class_);
-  for (int y = 0; y < rect_.height; ++y) {
-    for (int x = 0; x < rect_.width; ++x) {
-      class_(y, x) = 0;
-      if (inside_(y, x) == 0) continue;
-      float nearest = 1e9f;
-      for (std::size_t k = 0; k < colours_.size(); ++k) {
-        const float dr = chroma_(y, x)[0] - colours_[k].r, dg = chroma_(y, x)[1] - colours_[k].g;
-        if (dr * dr + dg * dg >= nearest) continue;
-        nearest = dr * dr + dg * dg;
-        class_(y, x) = static_cast<std::uint8_t>(k + 1);
-      }
-    }
+  class_.setTo(0);
+  float reds[kMaxColours], greens[kMaxColours];
+  for (std::size_t k = 0; k < colours_.size(); ++k) {
+    reds[k] = colours_[k].r;
+    greens[k] = colours_[k].g;
+  }
+  nearest_.resize(static_cast<std::size_t>(rect_.width));
+  for (const Run& run : blob.runs) {
+    const int y = run.row - rect_.y, x = run.begin - rect_.x;
+    takeNearest(red_.ptr<float>(y) + x, green_.ptr<float>(y) + x, run.end - run.begin, reds, greens,
+                static_cast<int>(colours_.size()), nearest_.data(), bins_.data(), class_.ptr(y) + x);
   }
 }
 
@@ -252,49 +298,82 @@ void BlobSplitter::takeMajority() {
   }
 }
 
-void BlobSplitter::findPieces() {
-  shape(rect_.size(), piece_store_, piece_);
-  piece_.setTo(0);
-  pieces_.assign(1, Piece{});
-  for (int y = 0; y < rect_.height; ++y)
-    for (int x = 0; x < rect_.width; ++x)
-      if (class_(y, x) != 0 && piece_(y, x) == 0) growPiece({x, y});
-  joined_.resize(pieces_.size());
-  for (std::size_t i = 0; i < joined_.size(); ++i) joined_[i] = i;
-  if (pieces_.size() > kMaxPieces) return;
-  shared_.assign(pieces_.size() * pieces_.size(), 0);
+/// Runs of one class in each row of the rectangle.
+void BlobSplitter::findRuns() {
+  runs_.clear();
+  row_begin_.clear();
   for (int y = 0; y < rect_.height; ++y) {
-    for (int x = 0; x < rect_.width; ++x) {
-      if (piece_(y, x) == 0) continue;
-      Piece& own = pieces_[static_cast<std::size_t>(piece_(y, x))];
-      for (const cv::Point& step : kAround) {
-        const cv::Point p = cv::Point(x, y) + step;
-        const int other = contains(piece_, p) ? piece_(p) : 0;
-        if (other == 0) ++own.outside;
-        if (other == 0 || other == piece_(y, x)) continue;
-        ++shared(static_cast<std::size_t>(piece_(y, x)), static_cast<std::size_t>(other));
-        ++own.shared;
-      }
+    row_begin_.push_back(runs_.size());
+    const std::uint8_t* row = class_.ptr(y);
+    for (int x = 0; x < rect_.width;) {
+      int end = x + 1;
+      while (end < rect_.width && row[end] == row[x]) ++end;
+      if (row[x] != 0) runs_.push_back({x, end, runs_.size(), row[x]});
+      x = end;
+    }
+  }
+  row_begin_.push_back(runs_.size());
+}
+
+/// Calls visit(above, below, pixels) for each two runs of neighbouring rows that lie above one another.
+template <typename Visit>
+void BlobSplitter::forTouchingRows(Visit visit) {
+  for (std::size_t row = 1; row + 1 < row_begin_.size(); ++row) {
+    std::size_t above = row_begin_[row - 1];
+    for (std::size_t here = row_begin_[row]; here < row_begin_[row + 1]; ++here) {
+      while (above < row_begin_[row] && runs_[above].end <= runs_[here].begin) ++above;
+      for (std::size_t k = above; k < row_begin_[row] && runs_[k].begin < runs_[here].end; ++k)
+        visit(k, here, std::min(runs_[k].end, runs_[here].end) - std::max(runs_[k].begin, runs_[here].begin));
     }
   }
 }
 
-void BlobSplitter::growPiece(cv::Point start) {
-  const int id = static_cast<int>(pieces_.size());
-  pieces_.emplace_back();
-  piece_(start) = id;
-  stack_.assign(1, start);
-  while (!stack_.empty()) {
-    const cv::Point at = stack_.back();
-    stack_.pop_back();
-    ++pieces_.back().area;
-    for (const cv::Point& step : kAround) {
-      const cv::Point p = at + step;
-      if (!contains(piece_, p) || piece_(p) != 0 || class_(p) != class_(at)) continue;
-      piece_(p) = id;
-      stack_.push_back(p);
+std::size_t BlobSplitter::leader(std::size_t run) {
+  for (; runs_[run].piece != run; run = runs_[run].piece) runs_[run].piece = runs_[runs_[run].piece].piece;
+  return run;
+}
+
+/// Connected pixels (4 neighbours) of one class; numbered by their first pixel in reading order.
+void BlobSplitter::findPieces() {
+  findRuns();
+  forTouchingRows([&](std::size_t above, std::size_t below, int) {
+    if (runs_[above].colour != runs_[below].colour) return;
+    const std::size_t a = leader(above), b = leader(below);
+    runs_[std::max(a, b)].piece = std::min(a, b);
+  });
+  for (std::size_t i = 0; i < runs_.size(); ++i) runs_[i].piece = leader(i);
+  pieces_.assign(1, Piece{});
+  for (std::size_t i = 0; i < runs_.size(); ++i) {  // a leader comes before those that it leads
+    if (runs_[i].piece == i) {
+      runs_[i].piece = pieces_.size();
+      pieces_.emplace_back();
+    } else {
+      runs_[i].piece = runs_[runs_[i].piece].piece;
     }
+    pieces_[runs_[i].piece].area += runs_[i].end - runs_[i].begin;
   }
+  joined_.resize(pieces_.size());
+  for (std::size_t i = 0; i < joined_.size(); ++i) joined_[i] = i;
+  if (pieces_.size() <= kMaxPieces) measureBorders();
+}
+
+/// Every pixel has four edges; those that no pixel of the region lies behind are outside.
+void BlobSplitter::measureBorders() {
+  shared_.assign(pieces_.size() * pieces_.size(), 0);
+  const auto meet = [&](std::size_t a, std::size_t b, int edges) {
+    for (const std::size_t piece : {a, b}) pieces_[piece].outside -= edges;
+    if (a == b) return;
+    shared(a, b) += edges;
+    shared(b, a) += edges;
+    for (const std::size_t piece : {a, b}) pieces_[piece].shared += edges;
+  };
+  for (const ClassRun& run : runs_) pieces_[run.piece].outside += 2 * (run.end - run.begin) + 2;
+  forTouchingRows([&](std::size_t above, std::size_t below, int edges) {
+    meet(runs_[above].piece, runs_[below].piece, edges);
+  });
+  for (std::size_t row = 0; row + 1 < row_begin_.size(); ++row)
+    for (std::size_t i = row_begin_[row] + 1; i < row_begin_[row + 1]; ++i)
+      if (runs_[i - 1].end == runs_[i].begin) meet(runs_[i - 1].piece, runs_[i].piece, 1);
 }
 
 /// The smallest piece that is no thing joins the neighbour with which it shares most; false when all are.
@@ -357,20 +436,27 @@ void BlobSplitter::write(const Blob& blob) {
     while (joined_[into] != into) into = joined_[into];
     part_of[i] = part_of[into];
   }
-  for (const Run& run : blob.runs) {
-    const int* row = piece_.ptr<int>(run.row - rect_.y) - rect_.x;
-    for (int x = run.begin; x < run.end;) {
-      const int part = part_of[static_cast<std::size_t>(row[x])];
-      int end = x + 1;
-      while (end < run.end && part_of[static_cast<std::size_t>(row[end])] == part) ++end;
-      Blob& to = parts_[static_cast<std::size_t>(part)];
-      const cv::Rect here(x, run.row, end - x, 1);
-      to.rect = to.runs.empty() ? here : to.rect | here;
-      to.runs.push_back({run.row, x, end});
-      std::fill(mask_.ptr(run.row) + x, mask_.ptr(run.row) + end, static_cast<std::uint8_t>(part + 1));
-      x = end;
+  for (int y = 0; y < rect_.height; ++y) {
+    const auto row = static_cast<std::size_t>(y);
+    for (std::size_t i = row_begin_[row]; i < row_begin_[row + 1];) {
+      const int part = part_of[runs_[i].piece];
+      const int begin = runs_[i].begin + rect_.x;
+      int end = runs_[i].end + rect_.x;
+      for (++i; i < row_begin_[row + 1] && runs_[i].begin + rect_.x == end && part_of[runs_[i].piece] == part;
+           ++i)
+        end = runs_[i].end + rect_.x;
+      addRun({y + rect_.y, begin, end}, static_cast<std::size_t>(part));
     }
   }
+}
+
+void BlobSplitter::addRun(const Run& run, std::size_t part) {
+  Blob& to = parts_[part];
+  const cv::Rect here(run.begin, run.row, run.end - run.begin, 1);
+  to.rect = to.runs.empty() ? here : to.rect | here;
+  to.runs.push_back(run);
+  std::fill(mask_.ptr(run.row) + run.begin, mask_.ptr(run.row) + run.end,
+            static_cast<std::uint8_t>(part + 1));
 }
 
 }  // namespace omnifleet::ground

@@ -44,10 +44,15 @@ class BlobSplitter {
 
   void gather(const cv::Mat& image, const Blob& blob);
   void findColours(int area);
-  void assign();
+  void assign(const Blob& blob);
   void takeMajority();
   void findPieces();
-  void growPiece(cv::Point start);
+  void findRuns();
+  template <typename Visit>
+  void forTouchingRows(Visit visit);
+  std::size_t leader(std::size_t run);
+  void measureBorders();
+  void addRun(const Run& run, std::size_t part);
   void mergeSmall(int area);
   bool mergeOne(int area);
   void write(const Blob& blob);
@@ -64,10 +69,23 @@ class BlobSplitter {
   cv::Mat1b masked_, spare_;         ///< with a margin: the region's pixels, else 0; classes
   std::vector<std::uint16_t> sums_;  ///< of a row
   std::vector<std::uint8_t> line_, counts_;
-  cv::Mat2f chroma_;  ///< of the rectangle
+  cv::Mat1f red_, green_;  ///< shares; of the rectangle
+  std::vector<std::int32_t> bins_;
+  std::vector<float> nearest_;  ///< squared distances of a row
   std::array<int, kBins * kBins> histogram_{};
+  struct Mode {
+    int count;  ///< pixels in a bin and around
+    Colour colour;
+  };
+  std::vector<Mode> modes_;
   std::vector<Colour> colours_;
-  cv::Mat1i piece_;  ///< of the rectangle, from 1 on
+  struct ClassRun {
+    int begin, end;
+    std::size_t piece;  ///< while they are being found: a run of the same piece before it, or itself
+    std::uint8_t colour;
+  };
+  std::vector<ClassRun> runs_;
+  std::vector<std::size_t> row_begin_;
   struct Piece {
     int area = 0, outside = 0;  ///< pixels, edges towards what is not of the region
     int shared = 0;             ///< edges towards other pieces
@@ -78,9 +96,7 @@ class BlobSplitter {
   std::vector<std::size_t> joined_;  ///< the piece that each has been merged into; itself: none
   // What the matrices above lie in.
   std::vector<std::uint8_t> inside_store_, class_store_, masked_store_, spare_store_, canvas_store_;
-  std::vector<cv::Vec2f> chroma_store_;
-  std::vector<int> piece_store_;
-  std::vector<cv::Point> stack_;
+  std::vector<float> red_store_, green_store_;
   std::vector<cv::Point> corners_, hull_;  ///< of the rectangle
   std::vector<Blob> parts_;
 };

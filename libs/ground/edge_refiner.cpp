@@ -6,6 +6,7 @@
 #include <opencv2/core/hal/intrin.hpp>
 #include <optional>
 
+#include "geometry/wide.h"
 #include "ground/look.h"
 
 namespace omnifleet::ground {
@@ -29,7 +30,7 @@ constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
 
 /// Bilinear samples of all channels. `kChecked`: false outside of the image; else only for what is inside.
 template <bool kChecked, int kChannels>
-bool sampleAll(const cv::Mat& image, float u, float v, float (&out)[kChannels]) {
+OMNIFLEET_INLINE bool sampleAll(const cv::Mat& image, float u, float v, float (&out)[kChannels]) {
   if (kChecked && !(u >= 0.0f && v >= 0.0f)) return false;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   if (kChecked && (x + 1 >= image.cols || y + 1 >= image.rows)) return false;
@@ -46,14 +47,14 @@ bool sampleAll(const cv::Mat& image, float u, float v, float (&out)[kChannels]) 
 
 /// NaN outside.
 template <bool kChecked>
-float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
+OMNIFLEET_INLINE float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
   float value[1] = {NAN};
   sampleAll<kChecked, 1>(grey, p.x(), p.y(), value);
   return value[0];
 }
 
 /// The three channels at once; reads one byte beyond the pixels it needs.
-cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
+OMNIFLEET_INLINE cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const auto load = [](const std::uint8_t* pixel) {
     alignas(4) std::uint8_t four[4];  // v_load_expand_q reads them as one int
@@ -72,7 +73,7 @@ cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
 }
 
 template <bool kChecked>
-cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
+OMNIFLEET_INLINE cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
   if (image.channels() != 3) return cv::Vec3f::all(greyAt<kChecked>(image, p));
   if (!kChecked) return colourInside(image, p.x(), p.y());
   float value[3] = {NAN, NAN, NAN};
@@ -88,8 +89,8 @@ struct FloorBeside {
 /// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
 /// else the reference, which has less noise.
 template <bool kChecked>
-FloorBeside floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p, const Eigen::Vector2f& inward,
-                        const cv::Vec3f& reference) {
+OMNIFLEET_INLINE FloorBeside floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p,
+                                         const Eigen::Vector2f& inward, const cv::Vec3f& reference) {
   const cv::Vec3f seen =
       0.5f * (colourAt<kChecked>(frame.image, p) + colourAt<kChecked>(frame.image, p - inward));
   const float rr = std::max(1.0f, reference.dot(reference));
