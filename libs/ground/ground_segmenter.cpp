@@ -4,8 +4,10 @@
 #include <cmath>
 #include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
+#include <type_traits>
 
 #include "geometry/wide.h"
+#include "ground/cell_test.h"
 
 namespace omnifleet::ground {
 
@@ -55,45 +57,6 @@ OMNIFLEET_WIDE void sumCells(const cv::Mat& image, int top, int begin, int end, 
 #pragma GCC ivdep
     for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + step]);
   }
-}
-
-struct CellPixels {
-  cv::v_uint8x16 blue, green, red;  ///< row by row
-};
-template <int kChannels>
-CellPixels loadCell(const cv::Mat& image, int x, int y) {
-  std::uint8_t pixels[kCell * kCell * kChannels];
-  for (int k = 0; k < kCell; ++k)
-    std::memcpy(pixels + k * kCell * kChannels, image.ptr(y + k) + x * kChannels, kCell * kChannels);
-  CellPixels cell;
-  if constexpr (kChannels == 3) {
-    cv::v_load_deinterleave(pixels, cell.blue, cell.green, cell.red);
-  } else {
-    cell.blue = cell.green = cell.red = cv::v_load(pixels);
-  }
-  return cell;
-}
-
-struct Floats {
-  cv::v_float32x4 row[kCell];
-};
-Floats widen(const cv::v_uint8x16& bytes) {
-  cv::v_uint16x8 half[2];
-  cv::v_uint32x4 word[kCell];
-  cv::v_expand(bytes, half[0], half[1]);
-  cv::v_expand(half[0], word[0], word[1]);
-  cv::v_expand(half[1], word[2], word[3]);
-  Floats all;
-  for (int k = 0; k < kCell; ++k) all.row[k] = cv::v_cvt_f32(cv::v_reinterpret_as_s32(word[k]));
-  return all;
-}
-cv::v_uint8x16 narrow(const cv::v_int32x4 (&word)[kCell]) {
-  return cv::v_pack_u(cv::v_pack(word[0], word[1]), cv::v_pack(word[2], word[3]));
-}
-void store(const cv::v_uint8x16& bytes, int x, int y, cv::Mat1b& mask) {
-  std::uint8_t pixels[kCell * kCell];
-  cv::v_store(pixels, bytes);
-  for (int k = 0; k < kCell; ++k) std::memcpy(mask.ptr(y + k) + x, pixels + k * kCell, kCell);
 }
 
 /// @param across2 squared difference of hue as a multiple of its tolerance
@@ -336,29 +299,27 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
 
 template <int kChannels>
 void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise) {
-  using cv::v_float32x4;
-  const auto all = [](float v) { return cv::v_setall_f32(v); };
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
-  const auto test = reference_.testFor(r, noise);
-  const v_float32x4 r0 = all(r[0]), r1 = all(r[1]), r2 = all(r[2]), rr = all(std::max(1.0f, r.dot(r)));
-  const v_float32x4 along = all(1.0f / test.along2), across = all(1.0f / test.across2), one = all(1.0f);
-  const CellPixels pixels = loadCell<kChannels>(image, cell_x * kCell, cell_y * kCell);
-  const Floats blue = widen(pixels.blue), green = widen(pixels.green), red = widen(pixels.red);
-  cv::v_int32x4 strength[kCell], look[kCell];
-  for (int k = 0; k < kCell; ++k) {
-    const v_float32x4 b = blue.row[k], g = green.row[k], c = red.row[k];
-    const v_float32x4 gain = (b * r0 + g * r1 + c * r2) / rr;
-    const v_float32x4 hue = ((b * b + g * g + c * c) / rr - gain * gain) * across;
-    const v_float32x4 off = cv::v_max((gain - one) * (gain - one) * along, hue);
-    const cv::v_int32x4 is_off = cv::v_reinterpret_as_s32(off > one),
-                        has_hue = cv::v_reinterpret_as_s32(hue > all(kOtherHue));
-    strength[k] = cv::v_trunc(cv::v_min(off, all(255.0f))) & is_off;
-    const cv::v_int32x4 grey = cv::v_trunc(all(2.0f) + cv::v_min(all(253.0f), all(100.0f) * gain));
-    look[k] = cv::v_select(has_hue, cv::v_setall_s32(kColourLook), grey) & is_off;
+  const FloorReference::Test limits = reference_.testFor(r, noise);
+  const CellTest test{
+      r[0], r[1], r[2], std::max(1.0f, r.dot(r)), 1.0f / limits.along2, 1.0f / limits.across2, kOtherHue};
+  const int x = cell_x * kCell, y = cell_y * kCell;
+  const auto at = [&](auto& mask) {
+    return CellBytes<std::remove_pointer_t<decltype(mask.ptr(y))>>{mask.ptr(y) + x,
+                                                                   static_cast<std::ptrdiff_t>(mask.step[0])};
+  };
+  const CellBytes<const std::uint8_t> valid = at(view_->mask());
+  CellBytes<const std::uint8_t> pixels{image.ptr(y) + x * kChannels,
+                                       static_cast<std::ptrdiff_t>(image.step[0])};
+  std::uint8_t copy[kCell * 16];
+  if (kChannels == 3 && x + kCell + 2 > image.cols) {  // else read beyond the image's end
+    for (int k = 0; k < kCell; ++k) std::memcpy(copy + k * 16, image.ptr(y + k) + x * 3, kCell * 3);
+    pixels = {copy, 16};
   }
-  const cv::v_uint8x16 valid = loadCell<1>(view_->mask(), cell_x * kCell, cell_y * kCell).blue;
-  store(narrow(strength) & valid, cell_x * kCell, cell_y * kCell, raw_);
-  store(narrow(look) & valid, cell_x * kCell, cell_y * kCell, looks_);
+  if constexpr (kChannels == 3)
+    testColourCell(pixels, test, valid, at(raw_), at(looks_));
+  else
+    testGreyCell(pixels, test, valid, at(raw_), at(looks_));
 }
 
 }  // namespace omnifleet::ground

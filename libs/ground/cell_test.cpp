@@ -1,0 +1,93 @@
+#include "ground/cell_test.h"
+
+#include "geometry/lanes.h"
+#include "ground/look.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+using lanes::Floats;
+using lanes::Ints;
+using Sixteen = std::uint8_t __attribute__((vector_size(16)));
+using ThirtyTwo = std::uint8_t __attribute__((vector_size(32)));
+
+/// Two rows of four pixels.
+struct EightPixels {
+  Floats blue, green, red;
+};
+
+OMNIFLEET_INLINE EightPixels loadColours(const std::uint8_t* upper, const std::uint8_t* lower) {
+  const auto a = lanes::load<Sixteen>(upper), b = lanes::load<Sixteen>(lower);
+  const ThirtyTwo both =
+      __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20,
+                              21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31);
+  // Each pixel and one byte more into one number.
+  const ThirtyTwo spread =
+      __builtin_shufflevector(both, both, 0, 1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12, 16, 17, 18, 19,
+                              19, 20, 21, 22, 22, 23, 24, 25, 25, 26, 27, 28);
+  const Ints pixel = lanes::load<Ints>(&spread);
+  return {lanes::floats(pixel & 255), lanes::floats((pixel >> 8) & 255), lanes::floats((pixel >> 16) & 255)};
+}
+
+OMNIFLEET_INLINE EightPixels loadGreys(const std::uint8_t* upper, const std::uint8_t* lower) {
+  std::uint8_t eight[8];
+  std::memcpy(eight, upper, 4);
+  std::memcpy(eight + 4, lower, 4);
+  const Floats grey = lanes::floatsFromBytes(eight);
+  return {grey, grey, grey};
+}
+
+/// The low bytes of four numbers each, where `valid` holds.
+OMNIFLEET_INLINE void storeFours(const Ints& values, const std::uint8_t* const (&valid)[2],
+                                 std::uint8_t* const (&rows)[2]) {
+  const auto bytes = lanes::load<ThirtyTwo>(&values);
+  const ThirtyTwo low =
+      __builtin_shufflevector(bytes, bytes, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 16, 20, 24,
+                              28, 16, 20, 24, 28, 16, 20, 24, 28, 16, 20, 24, 28);
+  const auto fours = lanes::load<Ints>(&low);
+  for (int k = 0; k < 2; ++k) {
+    std::int32_t mask = 0;
+    std::memcpy(&mask, valid[k], 4);
+    const std::int32_t four = fours[4 * k] & mask;
+    std::memcpy(rows[k], &four, 4);
+  }
+}
+
+template <typename Load>
+OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pixels, const CellTest& t,
+                               CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
+                               CellBytes<std::uint8_t> looks) {
+  for (int k = 0; k < 4; k += 2) {
+    const auto [b, g, r] =
+        loadPixels(pixels.first + k * pixels.row_step, pixels.first + (k + 1) * pixels.row_step);
+    const Floats gain = (b * t.blue + g * t.green + r * t.red) / t.squared;
+    const Floats hue = ((b * b + g * g + r * r) / t.squared - gain * gain) * t.across;
+    const Floats off = lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue);
+    const Ints is_off = off > 1.0f;
+    const Ints has_hue = hue > t.other_hue;
+    const Ints grey = lanes::truncated(2.0f + lanes::smaller(lanes::all(253.0f), 100.0f * gain));
+    const Ints look = ((has_hue & kColourLook) | (~has_hue & grey)) & is_off;
+    const Ints strong = lanes::truncated(lanes::smaller(off, lanes::all(255.0f))) & is_off;
+    const auto rowOf = [k](const auto& cell, int row) { return cell.first + (k + row) * cell.row_step; };
+    const std::uint8_t* const counts[2] = {rowOf(valid, 0), rowOf(valid, 1)};
+    storeFours(strong, counts, {rowOf(strength, 0), rowOf(strength, 1)});
+    storeFours(look, counts, {rowOf(looks, 0), rowOf(looks, 1)});
+  }
+}
+
+}  // namespace
+
+OMNIFLEET_WIDE void testColourCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
+                                   CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
+                                   CellBytes<std::uint8_t> looks) {
+  testCell(loadColours, pixels, test, valid, strength, looks);
+}
+
+OMNIFLEET_WIDE void testGreyCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
+                                 CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
+                                 CellBytes<std::uint8_t> looks) {
+  testCell(loadGreys, pixels, test, valid, strength, looks);
+}
+
+}  // namespace omnifleet::ground
