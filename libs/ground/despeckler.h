@@ -13,11 +13,10 @@ class Despeckler {
  public:
   explicit Despeckler(cv::Size image);
 
-  /// @param strength how much "not floor" each pixel is (0: floor); becomes 0/1 without the halos: what is
-  /// far
-  ///   weaker than its neighbours and next to floor is a mixed pixel, else narrow gaps between objects close
-  /// @param scratch overwritten on the strips
-  void trimHalos(const std::vector<Strip>& strips, cv::Mat1b& strength, cv::Mat1b& scratch);
+  /// @param strength how much "not floor" each pixel is (0: floor)
+  /// @param raw 0/1, without the halos: what is far weaker than its neighbours and next to floor is a mixed
+  ///   pixel, else narrow gaps between objects close
+  static void trimHalos(const std::vector<Strip>& strips, const cv::Mat1b& strength, cv::Mat1b& raw);
 
   /// @param raw 0 or not; @param cleaned 0/255: most of the 5×5 neighbourhood set, and what touches that and
   ///   was set before (the median rounds corners by a pixel)
@@ -27,8 +26,7 @@ class Despeckler {
   void clear(const std::vector<Strip>& strips) { clearStrips(strips, median_); }
 
  private:
-  cv::Mat1b median_, strongest_;
-  std::vector<std::uint8_t> column_sums_;
+  cv::Mat1b median_;
 };
 
 }  // namespace omnifleet::ground

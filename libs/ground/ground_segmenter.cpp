@@ -86,6 +86,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       reference_(view, options.reference),
       lines_(view.imageSize(), lineWidth(camera, view, options)),
       means_(view.cells(), cv::Vec3f(0, 0, 0)),
+      strength_(view.imageSize(), std::uint8_t{0}),
       raw_(view.imageSize(), std::uint8_t{0}),
       looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
@@ -101,14 +102,14 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
 }
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
-  for (cv::Mat1b* mask : {&raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
+  for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
   despeckler_.clear(strips_);
   shade_.clear(strips_);
   strips_.clear();
   averageCells(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   if (!found) return false;
-  despeckler_.trimHalos(strips_, raw_, objects_);
+  Despeckler::trimHalos(strips_, strength_, raw_);
   despeckler_.clean(strips_, raw_, objects_);
   lines_.apply(strips_, objects_);
   if (options_.shadows && options_.method == "local" && image.channels() == 3)
@@ -149,7 +150,7 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
       for (int x = strip.begin_px; x < strip.end_px; ++x)
-        raw_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 255 : 0;
+        strength_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 255 : 0;
   return true;
 }
 
@@ -291,7 +292,7 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
       continue;
     }
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-      std::fill_n(raw_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
+      std::fill_n(strength_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
       std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
     }
   }
@@ -317,9 +318,9 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
     pixels = {copy, 16};
   }
   if constexpr (kChannels == 3)
-    testColourCell(pixels, test, valid, at(raw_), at(looks_));
+    testColourCell(pixels, test, valid, at(strength_), at(looks_));
   else
-    testGreyCell(pixels, test, valid, at(raw_), at(looks_));
+    testGreyCell(pixels, test, valid, at(strength_), at(looks_));
 }
 
 }  // namespace omnifleet::ground

@@ -71,7 +71,7 @@ class GroundSegmenter {
   GroundHistogram histogram_;
   LineFilter lines_;
   cv::Mat3f means_;
-  cv::Mat1b raw_, looks_, objects_;
+  cv::Mat1b strength_, raw_, looks_, objects_;
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
   std::vector<Strip> strips_;

@@ -21,8 +21,6 @@ class LineFilter {
   void apply(const std::vector<Strip>& strips, cv::Mat1b& mask);
 
  private:
-  void growBack(const std::vector<Strip>& strips, const cv::Mat1b& mask, cv::Mat1b& core, cv::Mat1b& buffer);
-
   int radius_;
   cv::Mat1b a_, b_;
 };

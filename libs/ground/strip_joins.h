@@ -6,15 +6,15 @@
 
 namespace omnifleet::ground {
 
-enum class Along { kRows, kColumns };
 inline constexpr int kMaxJoin = 8;  ///< largest radius of the functions below
 
-/// out = largest of the 2·radius + 1 neighbours along rows or columns (each pixel's own included), on the
-/// strips; out is left alone within `radius` of the image's edge. `in` and `out` are different masks.
-void largestAlong(Along along, int radius, const std::vector<Strip>& strips, const cv::Mat1b& in,
-                  cv::Mat1b& out);
+/// out = largest of the square of side 2·radius + 1 around each pixel, on the strips; out is left alone
+/// within `radius` of the image's edge. `in` and `out` are different masks of one size and step.
+void largestAround(int radius, const std::vector<Strip>& strips, const cv::Mat1b& in, cv::Mat1b& out);
 /// Likewise the smallest.
-void smallestAlong(Along along, int radius, const std::vector<Strip>& strips, const cv::Mat1b& in,
-                   cv::Mat1b& out);
+void smallestAround(int radius, const std::vector<Strip>& strips, const cv::Mat1b& in, cv::Mat1b& out);
+/// A step of growth: largestAround(1), where `within` is 255, else 0. `within` may be `out`.
+void growWithin(const std::vector<Strip>& strips, const cv::Mat1b& in, const cv::Mat1b& within,
+                cv::Mat1b& out);
 
 }  // namespace omnifleet::ground

@@ -20,31 +20,46 @@ cv::Mat1b defined(const std::vector<Strip>& strips, int radius, cv::Size size) {
   return where & inner;
 }
 
-TEST(StripJoins, AreDilationAndErosionByLinesOnTheStripsAndNothingElsewhere) {
-  const cv::Size size(96, 64);
-  cv::Mat1b image(size);
-  cv::RNG random(3);
-  random.fill(image, cv::RNG::UNIFORM, 0, 256);
-  const std::vector<Strip> strips = {{0, 0, 96}, {3, 16, 48}, {3, 64, 96}, {4, 32, 80}, {15, 0, 96}};
+constexpr std::uint8_t kUntouched = 77;
+
+struct Noise {
+  cv::Size size{96, 64};
+  cv::Mat1b image{size};
+  std::vector<Strip> strips = {{0, 0, 96}, {3, 16, 48}, {3, 64, 96}, {4, 32, 80}, {7, 48, 64}, {15, 0, 96}};
+  Noise() { cv::RNG(3).fill(image, cv::RNG::UNIFORM, 0, 256); }
+};
+
+TEST(StripJoins, AreDilationAndErosionBySquaresOnTheStripsAndNothingElsewhere) {
+  const Noise noise;
   for (int radius = 1; radius <= kMaxJoin; ++radius) {
-    for (const Along along : {Along::kRows, Along::kColumns}) {
-      const int length = 2 * radius + 1;
-      const cv::Mat line(along == Along::kRows ? cv::Size(length, 1) : cv::Size(1, length), CV_8U, 1.0);
-      cv::Mat1b largest, smallest;
-      cv::dilate(image, largest, line);
-      cv::erode(image, smallest, line);
-      const cv::Mat1b where = defined(strips, radius, size);
-      constexpr std::uint8_t kUntouched = 77;
-      largest.setTo(kUntouched, ~where);
-      smallest.setTo(kUntouched, ~where);
-      cv::Mat1b out(size, kUntouched);
-      largestAlong(along, radius, strips, image, out);
-      EXPECT_EQ(cv::countNonZero(out != largest), 0) << radius;
-      out.setTo(kUntouched);
-      smallestAlong(along, radius, strips, image, out);
-      EXPECT_EQ(cv::countNonZero(out != smallest), 0) << radius;
-    }
+    const cv::Mat square(2 * radius + 1, 2 * radius + 1, CV_8U, 1.0);
+    cv::Mat1b largest, smallest;
+    cv::dilate(noise.image, largest, square);
+    cv::erode(noise.image, smallest, square);
+    const cv::Mat1b where = defined(noise.strips, radius, noise.size);
+    largest.setTo(kUntouched, ~where);
+    smallest.setTo(kUntouched, ~where);
+    cv::Mat1b out(noise.size, kUntouched);
+    largestAround(radius, noise.strips, noise.image, out);
+    EXPECT_EQ(cv::countNonZero(out != largest), 0) << radius;
+    out.setTo(kUntouched);
+    smallestAround(radius, noise.strips, noise.image, out);
+    EXPECT_EQ(cv::countNonZero(out != smallest), 0) << radius;
   }
+}
+
+TEST(StripJoins, GrowsByOnePixelWithinAMaskEvenOntoTheMaskItself) {
+  const Noise noise;
+  cv::Mat1b core = noise.image > 240, within = noise.image > 120, expected;
+  cv::dilate(core, expected, cv::Mat(3, 3, CV_8U, 1.0));
+  expected &= within;
+  const cv::Mat1b where = defined(noise.strips, 1, noise.size);
+  cv::Mat1b out(noise.size, kUntouched);
+  growWithin(noise.strips, core, within, out);
+  EXPECT_EQ(cv::countNonZero((out != expected) & where), 0);
+  EXPECT_EQ(cv::countNonZero((out != kUntouched) & ~where), 0);
+  growWithin(noise.strips, core, within, within);
+  EXPECT_EQ(cv::countNonZero((within != expected) & where), 0);
 }
 
 TEST(StripJoins, ClearedStripsAreZeroAndNothingElseIs) {
