@@ -28,6 +28,8 @@ class FleetEstimator::Impl {
 
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
+  void refine();
+  bool refineDue() const;
   std::vector<PoseEstimate> smoothed() const;
   void settle(int rounds);
 
@@ -54,15 +56,19 @@ class FleetEstimator::Impl {
   void associate(std::vector<Frame>& frames);
   void associateOne(Frame& frame);
   void reweight();
+  void reweight(RobotNode& robot, Step& step);
+  void solveNewest(std::vector<Frame>& frames);
   void checkViews(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
   void noticeLoss(Frame& frame);
   void updateCovariances();
+  void condense();
   void forgetLandmarks();
   void forgetPoints();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames) const;
 
   MeasurementQueue queue_;
+  bool whole_ = false;  ///< the newest frames went through a solve of the whole window already
 };
 
 std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
@@ -71,19 +77,75 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   std::vector<Frame> frames = admit(samples);
   for (const Measurement* m : measurements) queue_.push(*m);
   if (frames.empty()) return {};
+  const auto unrefined = [](const Frame& frame) { return frame.fresh && frame.robot->unrefined; };
+  if (std::any_of(frames.begin(), frames.end(), unrefined)) refine();
   locate(frames, time);
   associate(frames);
-  reweight();
-  fleet.graph.solve(fleet.options.solver_iterations);
+  solveNewest(frames);
   checkViews(frames);
   checkSteps(frames);
-  fleet.updateShapes();
   updateCovariances();
-  std::vector<PoseEstimate> estimates = report(frames);
+  for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
+  return report(frames);
+}
+
+/// By the new frames and what the window says, condensed; by the whole window where that does not apply.
+void FleetEstimator::Impl::solveNewest(std::vector<Frame>& frames) {
+  for (Frame& frame : frames) {
+    if (frame.fresh && frame.robot->located()) reweight(*frame.robot, frame.robot->window.back());
+  }
+  if (fleet.graph.solveNewest(fleet.options.solver_iterations)) {
+    whole_ = false;
+    return;
+  }
+  reweight();
+  fleet.graph.solve(fleet.options.solver_iterations);
+  whole_ = true;
+}
+
+void FleetEstimator::Impl::refine() {
+  if (!whole_) {
+    reweight();
+    fleet.graph.solve(fleet.options.solver_iterations);
+  }
+  whole_ = false;
+  fleet.updateShapes();
   forgetLandmarks();
   fleet.slide();
   fleet.forgetWheels();
-  return estimates;
+  condense();
+  for (RobotNode& robot : fleet.robots) robot.unrefined = false;
+}
+
+bool FleetEstimator::Impl::refineDue() const {
+  constexpr TimeNs kSending_ns = 500000000;  // a robot that was silent for longer is not waited for
+  TimeNs newest = 0;
+  for (const RobotNode& robot : fleet.robots) newest = std::max(newest, robot.last_frame_ns);
+  bool any = false;
+  for (const RobotNode& robot : fleet.robots) {
+    any = any || robot.unrefined;
+    if (robot.started && !robot.unrefined && newest - robot.last_frame_ns <= kSending_ns) return false;
+  }
+  return any;
+}
+
+/// What the window says of all that new frames can touch. Views of frames that were no keyframes are left
+/// out: they go with the robot's next frame.
+void FleetEstimator::Impl::condense() {
+  std::vector<VariableId> kept;
+  std::vector<FactorId> without;
+  for (const RobotNode& robot : fleet.robots) {
+    kept.push_back(robot.wheels);
+    if (robot.detector != 0) kept.push_back(robot.detector);
+    if (robot.camera != 0) kept.push_back(robot.camera);
+    if (!robot.located()) continue;
+    kept.push_back(robot.window.back().pose);
+    if (robot.window.back().keyframe) continue;
+    for (const ViewLink& link : robot.window.back().views) without.push_back(link.factor);
+  }
+  for (const auto& [id, landmark] : fleet.landmarks) kept.push_back(landmark.variable);
+  for (const auto& [name, point] : fleet.points) kept.push_back(point.variable);
+  fleet.graph.condense(kept, without);
 }
 
 std::vector<FleetEstimator::Impl::Frame> FleetEstimator::Impl::admit(
@@ -159,24 +221,25 @@ void FleetEstimator::Impl::associateOne(Frame& frame) {
 
 void FleetEstimator::Impl::reweight() {
   for (RobotNode& robot : fleet.robots) {
-    for (Step& step : robot.window) {
-      for (ViewLink& link : step.views) {
-        if (!fleet.graph.hasFactor(link.factor)) continue;
-        link.view->assume(fleet.cameraError(robot));
-        const double* values[] = {fleet.graph.value(link.observer).data(),
-                                  fleet.graph.value(link.object).data(),
-                                  fleet.graph.value(link.camera).data()};
-        link.rms_m = link.cost->reweight(values);
-      }
-    }
+    for (Step& step : robot.window) reweight(robot, step);
+  }
+}
+
+void FleetEstimator::Impl::reweight(RobotNode& robot, Step& step) {
+  for (ViewLink& link : step.views) {
+    if (!fleet.graph.hasFactor(link.factor)) continue;
+    link.view->assume(fleet.cameraError(robot));
+    const double* values[] = {fleet.graph.value(link.observer).data(), fleet.graph.value(link.object).data(),
+                              fleet.graph.value(link.camera).data()};
+    link.rms_m = link.cost->reweight(values);
   }
 }
 
 void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
-  reweight();
   bool removed = false;
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
+    reweight(*frame.robot, frame.robot->window.back());
     auto& views = frame.robot->window.back().views;
     for (auto at = views.begin(); at != views.end();) {
       const bool misfit = at->rms_m > kMisfit_m;
@@ -195,7 +258,7 @@ void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
       at = misfit ? views.erase(at) : std::next(at);
     }
   }
-  if (removed) fleet.graph.solve(fleet.options.solver_iterations);
+  if (removed) solveNewest(frames);
 }
 
 void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
@@ -216,7 +279,7 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     ++robot.status.slips;
     slipped = true;
   }
-  if (slipped) fleet.graph.solve(fleet.options.solver_iterations);
+  if (slipped) solveNewest(frames);
 }
 
 /// A robot moved by hand: it is placed anew by what it sees, else it has no pose until something tells.
@@ -244,7 +307,8 @@ void FleetEstimator::Impl::updateCovariances() {
   for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
   for (const auto& [name, point] : fleet.points) wanted.push_back(point.variable);
   if (wanted.empty()) return;
-  const Eigen::MatrixXd covariance = fleet.graph.covariance(wanted);
+  const Eigen::MatrixXd covariance =
+      whole_ ? fleet.graph.covariance(wanted) : fleet.graph.newestCovariance(wanted);
   Eigen::Index at = 0;
   for (RobotNode& robot : fleet.robots) {
     if (!robot.located()) continue;
@@ -346,6 +410,14 @@ FleetEstimator& FleetEstimator::operator=(FleetEstimator&&) noexcept = default;
 std::vector<PoseEstimate> FleetEstimator::process(TimeNs time, const std::vector<const Objects*>& frames,
                                                   const std::vector<const Measurement*>& measurements) {
   return impl_->process(time, frames, measurements);
+}
+
+void FleetEstimator::refine() {
+  impl_->refine();
+}
+
+bool FleetEstimator::refineDue() const {
+  return impl_->refineDue();
 }
 
 std::vector<PoseEstimate> FleetEstimator::finish() {

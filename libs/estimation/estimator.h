@@ -2,8 +2,9 @@
 
 // The fleet estimator: least squares over the poses of all robots, one scale bias per wheel, obstacles as
 // support-function prisms and mutual sightings (RECIPES "Estimator"; it stands in for the odometry-only
-// localisation of Choi et al. 2014 §IV). A sliding window of frames is solved at every call; what leaves
-// the window is marginalised into a dense prior, so time and memory stay bounded. Pure and deterministic: one
+// localisation of Choi et al. 2014 §IV). A sliding window of frames is solved after every round of frames;
+// what leaves the window is marginalised into a dense prior, so time and memory stay bounded; new frames
+// are placed at once by what the window says about the present, condensed. Pure and deterministic: one
 // thread, fixed iteration counts, no clock.
 
 #include <Eigen/Core>
@@ -117,6 +118,13 @@ class FleetEstimator {
   /// frame names an unknown robot.
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
+
+  /// The rest of the work, for the time after the poses have been handed on: solves the whole window anew,
+  /// forms the obstacles' shapes, lets old frames go. process() itself works by what this left behind and the
+  /// new frames alone, and calls it first where a robot's last frame has not been through it.
+  void refine();
+  /// Every robot that is still sending has a frame that has not been through refine().
+  bool refineDue() const;
 
   /// Wheel speeds of a robot whose frames carry no motion: the estimator integrates them itself, between any
   /// two times, and estimates scale, turn and delay. Rows up to a time come before the frames of that time.

@@ -75,6 +75,7 @@ struct RobotNode {
   std::optional<WheelLog> log;
   std::deque<Step> window;  ///< empty while unlocated
   TimeNs last_frame_ns = 0;
+  bool unrefined = false;                                ///< its newest frame is not in the last whole solve
   bool started = false;                                  ///< a frame has come
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
   Pose2 last_key;

@@ -5,13 +5,14 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <utility>
 
 #include "estimation/factors.h"
 
 namespace omnifleet::estimation {
 namespace {
+
+constexpr double kLoose = 1e-9;  // information of variables that nobody constrains yet
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -48,6 +49,12 @@ FactorId Graph::addFactor(std::unique_ptr<ceres::CostFunction> cost, std::vector
   return next_factor_++;
 }
 
+void Graph::removeFactor(FactorId id) {
+  if (id < condensed_.first_factor && condensed_.without.count(id) == 0 && hasFactor(id))
+    condensed_.valid = false;
+  factors_.erase(id);
+}
+
 double Graph::squaredNorm(FactorId id) const {
   const Factor& factor = factors_.at(id);
   std::vector<const double*> blocks;
@@ -82,8 +89,8 @@ void Graph::solve(int iterations) {
   ceres::Solve(options, &problem, &summary);
 }
 
-void Graph::accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h,
-                       Eigen::VectorXd& g) const {
+double Graph::accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h,
+                         Eigen::VectorXd& g) const {
   const int rows = factor.cost->num_residuals();
   const std::size_t blocks = factor.variables.size();
   std::vector<RowMajor> jacobians(blocks);
@@ -97,8 +104,8 @@ void Graph::accumulate(const Factor& factor, const Offsets& offsets, Eigen::Matr
   }
   Eigen::VectorXd r(rows);
   factor.cost->Evaluate(values.data(), r.data(), outputs.data());
-  const double weight =
-      factor.cauchy > 0 ? 1.0 / (1.0 + r.squaredNorm() / (factor.cauchy * factor.cauchy)) : 1.0;
+  const double squares = r.squaredNorm(), scale = factor.cauchy * factor.cauchy;
+  const double weight = factor.cauchy > 0 ? 1.0 / (1.0 + squares / scale) : 1.0;
   for (std::size_t i = 0; i < blocks; ++i) {
     const Eigen::Index at = offsets.at(factor.variables[i]), size = jacobians[i].cols();
     g.segment(at, size) += weight * jacobians[i].transpose() * r;
@@ -107,10 +114,12 @@ void Graph::accumulate(const Factor& factor, const Offsets& offsets, Eigen::Matr
       h.block(at, to, size, jacobians[j].cols()) += weight * jacobians[i].transpose() * jacobians[j];
     }
   }
+  return 0.5 * (factor.cauchy > 0 ? scale * std::log1p(squares / scale) : squares);
 }
 
 void Graph::marginalise(const std::vector<VariableId>& gone) {
   const std::set<VariableId> leaving(gone.begin(), gone.end());
+  condensed_.valid = false;
   std::vector<FactorId> touching;
   std::set<VariableId> connected;
   for (const auto& [id, factor] : factors_) {
@@ -165,7 +174,7 @@ Eigen::MatrixXd Graph::covariance(const std::vector<VariableId>& wanted) const {
   Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd g = Eigen::VectorXd::Zero(size);
   for (const auto& [id, factor] : factors_) accumulate(factor, offsets, h, g);
-  h.diagonal().array() += 1e-9;  // variables nobody constrains yet
+  h.diagonal().array() += kLoose;
   Eigen::Index columns = 0;
   for (VariableId v : wanted) columns += variables_.at(v).size();
   Eigen::MatrixXd selection = Eigen::MatrixXd::Zero(size, columns);
@@ -174,6 +183,124 @@ Eigen::MatrixXd Graph::covariance(const std::vector<VariableId>& wanted) const {
     for (Eigen::Index i = 0; i < variables_.at(v).size(); ++i) selection(offsets.at(v) + i, column++) = 1.0;
   }
   return selection.transpose() * h.llt().solve(selection);
+}
+
+void Graph::condense(const std::vector<VariableId>& kept, const std::vector<FactorId>& without) {
+  condensed_.kept = kept;
+  condensed_.without = {without.begin(), without.end()};
+  condensed_.first_factor = next_factor_;
+  condensed_.first_variable = next_variable_;
+  const std::set<VariableId> staying(kept.begin(), kept.end());
+  Offsets offsets;
+  Eigen::Index out = 0;
+  for (const auto& [id, value] : variables_) {
+    if (staying.count(id) > 0) continue;
+    offsets[id] = out;
+    out += value.size();
+  }
+  Eigen::Index size = out;
+  for (VariableId v : kept) {
+    offsets[v] = size;
+    size += variables_.at(v).size();
+  }
+  const Eigen::Index in = size - out;
+  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd g = Eigen::VectorXd::Zero(size);
+  for (const auto& [id, factor] : factors_) {
+    if (condensed_.without.count(id) == 0) accumulate(factor, offsets, h, g);
+  }
+  h.diagonal().array() += kLoose;
+  const Eigen::LLT<Eigen::MatrixXd> llt(h.topLeftCorner(out, out));
+  condensed_.valid = llt.info() == Eigen::Success;
+  if (!condensed_.valid) return;
+  const Eigen::MatrixXd half = llt.matrixL().solve(h.topRightCorner(out, in));
+  const Eigen::VectorXd half_g = llt.matrixL().solve(g.head(out));
+  condensed_.h = h.bottomRightCorner(in, in);
+  condensed_.h.noalias() -= half.transpose() * half;
+  condensed_.g = g.tail(in) - half.transpose() * half_g;
+  condensed_.at.resize(in);
+  for (VariableId v : kept)
+    condensed_.at.segment(offsets.at(v) - out, variables_.at(v).size()) = variables_.at(v);
+}
+
+/// Rows of the variables that solveNewest() moves, those kept first; false where it does not apply.
+bool Graph::newestVariables() {
+  if (!condensed_.valid) return false;
+  newest_offsets_.clear();
+  Eigen::Index size = 0;
+  for (VariableId v : condensed_.kept) {
+    newest_offsets_[v] = size;
+    size += variables_.at(v).size();
+  }
+  for (auto at = variables_.lower_bound(condensed_.first_variable); at != variables_.end(); ++at) {
+    newest_offsets_[at->first] = size;
+    size += at->second.size();
+  }
+  newest_x_.resize(size);
+  for (const auto& [id, row] : newest_offsets_)
+    newest_x_.segment(row, variables_.at(id).size()) = variables_.at(id);
+  return std::all_of(factors_.lower_bound(condensed_.first_factor), factors_.end(),
+                     [this](const auto& entry) {
+                       const auto& v = entry.second.variables;
+                       return std::all_of(v.begin(), v.end(),
+                                          [this](VariableId id) { return newest_offsets_.count(id) > 0; });
+                     });
+}
+
+/// Normal equations at the present values; returns the cost.
+double Graph::accumulateNewest() {
+  const Eigen::Index kept = condensed_.at.size(), size = newest_x_.size();
+  newest_h_.setZero(size, size);
+  newest_g_.setZero(size);
+  Eigen::VectorXd change(kept);
+  for (VariableId v : condensed_.kept) {
+    const Eigen::Index row = newest_offsets_.at(v), n = variables_.at(v).size();
+    change.segment(row, n) = variables_.at(v) - condensed_.at.segment(row, n);
+  }
+  newest_h_.topLeftCorner(kept, kept) = condensed_.h;
+  const Eigen::VectorXd by_change = condensed_.h * change;
+  newest_g_.head(kept) = condensed_.g + by_change;
+  double cost = change.dot(condensed_.g + 0.5 * by_change);
+  for (auto at = factors_.lower_bound(condensed_.first_factor); at != factors_.end(); ++at)
+    cost += accumulate(at->second, newest_offsets_, newest_h_, newest_g_);
+  newest_h_.diagonal().array() += kLoose;
+  return cost;
+}
+
+void Graph::setNewest(const Eigen::VectorXd& x) {
+  for (const auto& [id, row] : newest_offsets_) {
+    Eigen::VectorXd& value = variables_.at(id);
+    value = x.segment(row, value.size());
+  }
+}
+
+bool Graph::solveNewest(int iterations) {
+  if (!newestVariables()) return false;
+  const Eigen::VectorXd start = newest_x_;
+  const double before = accumulateNewest();
+  double cost = before;
+  for (int i = 0; i < iterations && std::isfinite(cost); ++i) {
+    const Eigen::LLT<Eigen::MatrixXd> llt(newest_h_);
+    if (llt.info() != Eigen::Success) break;
+    newest_x_ -= llt.solve(newest_g_);
+    setNewest(newest_x_);
+    cost = accumulateNewest();
+  }
+  if (cost <= before + 1e-9 * (1.0 + std::abs(before))) return true;
+  setNewest(start);
+  return false;
+}
+
+Eigen::MatrixXd Graph::newestCovariance(const std::vector<VariableId>& wanted) const {
+  Eigen::Index columns = 0;
+  for (VariableId v : wanted) columns += variables_.at(v).size();
+  Eigen::MatrixXd selection = Eigen::MatrixXd::Zero(newest_h_.rows(), columns);
+  Eigen::Index column = 0;
+  for (VariableId v : wanted) {
+    for (Eigen::Index i = 0; i < variables_.at(v).size(); ++i)
+      selection(newest_offsets_.at(v) + i, column++) = 1.0;
+  }
+  return selection.transpose() * newest_h_.llt().solve(selection);
 }
 
 }  // namespace omnifleet::estimation

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <vector>
 
 namespace omnifleet::estimation {
@@ -26,7 +27,7 @@ class Graph {
   /// `cauchy` > 0: scale (in σ) of a Cauchy loss on the factor as a whole.
   FactorId addFactor(std::unique_ptr<ceres::CostFunction> cost, std::vector<VariableId> variables,
                      double cauchy = 0.0);
-  void removeFactor(FactorId id) { factors_.erase(id); }
+  void removeFactor(FactorId id);
   bool hasFactor(FactorId id) const { return factors_.count(id) > 0; }
   /// Squared norm of a factor's residual, without its loss.
   double squaredNorm(FactorId id) const;
@@ -41,6 +42,17 @@ class Graph {
   /// Joint covariance of some variables, all others marginalised, in the order given.
   Eigen::MatrixXd covariance(const std::vector<VariableId>& wanted) const;
 
+  /// Remembers what all factors but `without` say about `kept`, linearised at the present values, everything
+  /// else marginalised. The graph itself stays as it is.
+  void condense(const std::vector<VariableId>& kept, const std::vector<FactorId>& without);
+  /// Gauss–Newton over the kept variables and those that came since, by what was remembered and the factors
+  /// that came since: to first order solve() itself, at the price of the new factors alone. False, and
+  /// nothing changed, where it does not apply: nothing is remembered, some of it has been taken back or
+  /// marginalised since, a new factor touches another variable, or the steps do not descend.
+  bool solveNewest(int iterations);
+  /// covariance() as of the last successful solveNewest(), of variables that it moved.
+  Eigen::MatrixXd newestCovariance(const std::vector<VariableId>& wanted) const;
+
   std::size_t variableCount() const { return variables_.size(); }
   std::size_t factorCount() const { return factors_.size(); }
 
@@ -51,11 +63,30 @@ class Graph {
     double cauchy = 0.0;
   };
   using Offsets = std::map<VariableId, Eigen::Index>;  ///< first row of each variable in a stacked vector
+  /// ½·dᵀ·h·d + gᵀ·d of the change d from `at`; newer factors and variables have ids from those given on.
+  struct Condensed {
+    bool valid = false;
+    std::vector<VariableId> kept;
+    std::set<FactorId> without;
+    FactorId first_factor = 0;
+    VariableId first_variable = 0;
+    Eigen::MatrixXd h;
+    Eigen::VectorXd g, at;
+  };
 
-  void accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h, Eigen::VectorXd& g) const;
+  /// Adds to h and g; returns the factor's cost.
+  double accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h,
+                    Eigen::VectorXd& g) const;
+  bool newestVariables();
+  double accumulateNewest();
+  void setNewest(const Eigen::VectorXd& x);
 
   std::map<VariableId, Eigen::VectorXd> variables_;
   std::map<FactorId, Factor> factors_;
+  Condensed condensed_;
+  Offsets newest_offsets_;  ///< of the last solveNewest()
+  Eigen::MatrixXd newest_h_;
+  Eigen::VectorXd newest_g_, newest_x_;
   VariableId next_variable_ = 1;
   FactorId next_factor_ = 1;
 };

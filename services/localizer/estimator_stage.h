@@ -27,6 +27,10 @@ class EstimatorStage {
     estimator_.addWheels(robot, time, left_mps, right_mps);
   }
 
+  /// See FleetEstimator: the work that can wait until the poses are published, and whether it is time for it.
+  void refine() { estimator_.refine(); }
+  bool refineDue() const { return estimator_.refineDue(); }
+
   /// End of the run: the last solve. Returns the revised poses of the frames still in the window.
   std::vector<PoseEstimate> finish() { return estimator_.finish(); }
 

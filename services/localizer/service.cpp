@@ -200,6 +200,7 @@ void LocalizerService::process() {
   surveyed_.clear();
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
+  if (estimator_.refineDue()) estimator_.refine();
 }
 
 void LocalizerService::publishPose(const PoseEstimate& pose) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -106,6 +107,46 @@ TEST(FleetEstimator, TwoRunsAreEqualToTheBit) {
       }
     }
   }
+}
+
+TEST(FleetEstimator, PosesAtOnceAreThoseOfTheWholeWindow) {
+  FleetSimulator simulator({}, 8);
+  FleetEstimator estimator(simulator.setups(), {});
+  EXPECT_FALSE(estimator.refineDue());
+  double worst = 0.0;
+  for (int f = 0; f < 40; ++f) {
+    const auto frames = simulator.frames(f);
+    const auto at_once = estimator.process(simulator.time(f), pointers(frames), {});
+    EXPECT_TRUE(estimator.refineDue());
+    estimator.refine();
+    EXPECT_FALSE(estimator.refineDue());
+    for (const PoseEstimate& whole : estimator.smoothed()) {
+      if (whole.acquired_ns != simulator.time(f) || f < 10) continue;  // few landmarks are well known before
+      const auto same = std::find_if(at_once.begin(), at_once.end(),
+                                     [&](const PoseEstimate& e) { return e.robot == whole.robot; });
+      const Pose2 apart = same->map_from_base.inverse() * whole.map_from_base;
+      worst = std::max(worst, apart.vector().dot(same->covariance.ldlt().solve(apart.vector())));
+    }
+  }
+  // Weights of the older views move with the whole solve, within what the estimate itself leaves open.
+  EXPECT_LT(worst, 1.0);
+  EXPECT_GT(worst, 0.0);
+}
+
+TEST(FleetEstimator, RefiningLateChangesNothing) {
+  std::vector<Pose2> poses[2];
+  for (int late = 0; late < 2; ++late) {
+    FleetSimulator simulator({}, 9);
+    FleetEstimator estimator(simulator.setups(), {});
+    for (int f = 0; f < 30; ++f) {
+      const auto frames = simulator.frames(f);
+      for (const auto& e : estimator.process(simulator.time(f), pointers(frames), {}))
+        poses[late].push_back(e.map_from_base);
+      if (late == 0) estimator.refine();
+    }
+  }
+  for (std::size_t i = 0; i < poses[0].size(); ++i)
+    EXPECT_EQ(poses[0][i].vector(), poses[1][i].vector()) << i;
 }
 
 TEST(FleetEstimator, SightingsNameTheRobots) {

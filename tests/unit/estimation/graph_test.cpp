@@ -101,6 +101,59 @@ TEST(Graph, AnOutlierUnderCauchyLosesItsVote) {
   EXPECT_NEAR(graph.value(a)(0), 1.02, 1e-3);
 }
 
+/// A chain of numbers, the last two kept when the rest is condensed; then one more comes.
+struct Chain {
+  Graph graph;
+  std::vector<VariableId> v;
+  FactorId old = kNoFactor, left_out = kNoFactor;
+  Chain() {
+    for (int i = 0; i < 5; ++i) v.push_back(graph.addVariable(scalar(0.3 * i * i)));
+    graph.addFactor(priorFactor(scalar(1.0), scalar(0.5)), {v[0]});
+    for (std::size_t i = 0; i < 4; ++i) old = graph.addFactor(difference(1.0, 0.2), {v[i], v[i + 1]});
+    graph.addFactor(difference(2.5, 0.3), {v[0], v[3]});
+    left_out = graph.addFactor(priorFactor(scalar(9.0), scalar(0.1)), {v[4]});
+  }
+  void condense() { graph.condense({v[3], v[4]}, {left_out}); }
+  void extend() {
+    graph.removeFactor(left_out);
+    v.push_back(graph.addVariable(scalar(-2.0)));
+    graph.addFactor(difference(0.7, 0.2), {v[4], v[5]});
+    graph.addFactor(priorFactor(scalar(6.0), scalar(0.3)), {v[5]});
+    graph.addFactor(difference(1.6, 0.3), {v[3], v[5]});
+  }
+};
+
+TEST(Graph, TheNewestBySolvingWhatWasCondensedIsTheNewestOfTheWhole) {
+  Chain whole, quick;
+  quick.condense();
+  whole.extend();
+  quick.extend();
+  whole.graph.solve(20);
+  ASSERT_TRUE(quick.graph.solveNewest(1));
+  for (std::size_t i = 3; i < 6; ++i)
+    EXPECT_NEAR(whole.graph.value(whole.v[i])(0), quick.graph.value(quick.v[i])(0), 2e-6) << i;  // damping
+  EXPECT_EQ(quick.graph.value(quick.v[0])(0), 0.0);  // waits for solve()
+  const Eigen::MatrixXd expected = whole.graph.covariance({whole.v[5], whole.v[3]});
+  EXPECT_LT((expected - quick.graph.newestCovariance({quick.v[5], quick.v[3]})).norm(), 1e-8);
+}
+
+TEST(Graph, WhatWasCondensedIsNotAskedOnceItHasChanged) {
+  Chain none, taken_back, outside, marginalised;
+  none.extend();
+  EXPECT_FALSE(none.graph.solveNewest(3));
+  for (Chain* chain : {&taken_back, &outside, &marginalised}) {
+    chain->condense();
+    chain->extend();
+  }
+  taken_back.graph.removeFactor(taken_back.old);
+  EXPECT_FALSE(taken_back.graph.solveNewest(3));
+  outside.graph.addFactor(difference(4.0, 0.3), {outside.v[1], outside.v[5]});
+  EXPECT_FALSE(outside.graph.solveNewest(3));
+  marginalised.graph.marginalise({marginalised.v[0]});
+  EXPECT_FALSE(marginalised.graph.solveNewest(3));
+  EXPECT_EQ(marginalised.graph.value(marginalised.v[5])(0), -2.0);
+}
+
 TEST(Graph, AFactorWithoutVariablesThatStayVanishes) {
   Graph graph;
   const auto a = graph.addVariable(scalar(0)), b = graph.addVariable(scalar(1));
