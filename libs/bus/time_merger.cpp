@@ -10,6 +10,7 @@ int TimeOrder::add(StreamSpec spec) {
   Stream stream;
   stream.spec = std::move(spec);
   stream.complete_until = std::numeric_limits<TimeNs>::min();
+  stream.promised_last = stream.promised_until = stream.complete_until;
   streams_.push_back(std::move(stream));
   return static_cast<int>(streams_.size()) - 1;
 }
@@ -21,7 +22,7 @@ bool TimeOrder::push(int index, TimeNs time) {
     ++stream.rejected;
     return false;
   }
-  stream.complete_until = time;
+  stream.complete_until = time >= stream.promised_last ? std::max(time, stream.promised_until) : time;
   stream.queue.push_back(time);
   return true;
 }
@@ -29,6 +30,14 @@ bool TimeOrder::push(int index, TimeNs time) {
 void TimeOrder::advance(int index, TimeNs watermark) {
   Stream& stream = streams_.at(index);
   stream.complete_until = std::max(stream.complete_until, watermark);
+}
+
+void TimeOrder::promise(int index, TimeNs last, TimeNs until) {
+  Stream& stream = streams_.at(index);
+  if (stream.live() || until <= stream.promised_until) return;
+  stream.promised_last = last;
+  stream.promised_until = until;
+  if (stream.complete_until >= last) advance(index, until);
 }
 
 void TimeOrder::end(int index, std::uint64_t sample_count) {

@@ -55,6 +55,7 @@ class TimeOrder {
   int add(StreamSpec spec);
   bool push(int stream, TimeNs time);
   void advance(int stream, TimeNs watermark);
+  void promise(int stream, TimeNs last, TimeNs until);
   void end(int stream, std::uint64_t sample_count);
   bool wants(int stream) const;
   /// The next batch's time; feedback, side rows and inputs in the order in which they are to be taken.
@@ -68,7 +69,8 @@ class TimeOrder {
   struct Stream {
     StreamSpec spec;
     std::deque<TimeNs> queue;
-    TimeNs complete_until;  ///< everything up to and including this time has arrived
+    TimeNs complete_until;                 ///< everything up to and including this time has arrived
+    TimeNs promised_last, promised_until;  ///< the newest promise whose last sample has not arrived
     std::uint64_t arrived = 0, rejected = 0;
     std::optional<std::uint64_t> announced;  ///< sample count of run/end
     bool live() const { return spec.mode == StreamMode::kLive; }
@@ -129,6 +131,9 @@ class TimeMerger {
   }
   /// Watermark: all samples of the stream up to and including this time have been pushed, or will never come.
   void advance(int stream, TimeNs watermark) { order_.advance(stream, watermark); }
+  /// A watermark that may overtake the samples: after the one at `last`, which may still be on its way, none
+  /// up to and including `until` will come. The newest promise counts; live streams take none.
+  void promise(int stream, TimeNs last, TimeNs until) { order_.promise(stream, last, until); }
   /// From run/end, which may overtake the samples: the stream ends once so many have arrived.
   void end(int stream, std::uint64_t sample_count) { order_.end(stream, sample_count); }
   /// One-loan rule of frame streams: pull one frame only when this says so.

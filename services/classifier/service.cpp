@@ -17,17 +17,13 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
       local_maps_(context.bus.reader(context.topics.local_map, context.options.robot), merger_, ends_,
                   {"local_map " + context.options.robot, context.options.robot, 0, bus::StreamRole::kInput,
                    streamMode(context.options)}),
+      poses_(context, fleet, merger_, ends_),
       out_(context.bus.writer(context.topics.objects, context.options.robot),
            "objects " + context.options.robot,
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
                   ownRobot(context, fleet), fleet.bodies()) {
   if (!context.options.out.empty()) tracks_.open(status(), context.options.out, context.options.robot);
-  for (const std::string& robot : fleet.mappingRobots()) {
-    poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
-        context.bus.reader(context.topics.pose, robot), merger_, ends_,
-        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback, streamMode(context.options)}));
-  }
 }
 
 bool ClassifierService::pull() {
@@ -35,11 +31,7 @@ bool ClassifierService::pull() {
   any |= local_maps_.pull(status(), [](const v1::LocalMap& wire, Payload& payload) {
     return orInvalid(adapters::fromWire(wire, payload.emplace<LocalMap>()));
   }) > 0;
-  for (auto& inlet : poses_) {
-    any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
-      return adapters::fromWire(wire, payload.emplace<PoseEstimate>());
-    }) > 0;
-  }
+  any |= poses_.pull(status());
   return any;
 }
 
@@ -58,13 +50,8 @@ bool ClassifierService::spin() {
 
 void ClassifierService::process() {
   const auto begun = steady_clock::now();
-  for (auto& item : batch_.feedback) {
-    auto& pose = std::get<PoseEstimate>(item.payload);
-    latest_[pose.robot] = pose;
-  }
-  known_.clear();
-  for (const auto& [robot, pose] : latest_) known_.push_back(pose);
-  const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known_);
+  const std::vector<PoseEstimate>& known = poses_.take(batch_.feedback);
+  const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known);
   adapters::toWire(objects, runClock(context_.options), sample_);
   out_.write(sample_, status());
   tracks_.write(status(), [&](dataset::TracksWriter& tracks) { tracks.write(objects); });

@@ -1,13 +1,12 @@
 #pragma once
 
-#include <map>
 #include <memory>
 #include <variant>
-#include <vector>
 
 #include "bus/service.h"
 #include "classifier/classifier.h"
 #include "common/inlet.h"
+#include "common/pose_feedback.h"
 #include "common/side_output.h"
 #include "dataset/track_files.h"
 #include "fleet/fleet.h"
@@ -40,12 +39,10 @@ class ClassifierService : public bus::Service {
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
   Inlet<v1::LocalMap, Payload> local_maps_;
-  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  PoseFeedback<Payload> poses_;
   Outlet<v1::Objects> out_;
   classifier::Classifier classifier_;
-  SideOutput<dataset::TracksWriter> tracks_;    ///< what `evaluate` scores robots against obstacles by
-  std::map<std::string, PoseEstimate> latest_;  ///< per robot
-  std::vector<PoseEstimate> known_;
+  SideOutput<dataset::TracksWriter> tracks_;  ///< what `evaluate` scores robots against obstacles by
   v1::Objects sample_;
   bool ended_ = false;
 };

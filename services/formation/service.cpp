@@ -21,6 +21,7 @@ FormationService::FormationService(const bus::ServiceContext& context, const fle
       ends_(context),
       objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
                {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
+      poses_(context, fleet, merger_, ends_),
       command_in_(context.bus.reader(context.topics.formation_command)),
       command_out_(context.bus.writer(context.topics.wheels_command, robot_), "wheels/command " + robot_,
                    fleet::expectedReaders(fleet, "wheels/command", robot_)),
@@ -29,9 +30,6 @@ FormationService::FormationService(const bus::ServiceContext& context, const fle
                  fleet::expectedReaders(fleet, "formation/state", robot_)),
       formation_(robot_, fleet.bodies(), optionsOf(fleet)) {
   for (const std::string& robot : fleet.mappingRobots()) {
-    poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
-        context.bus.reader(context.topics.pose, robot), merger_, ends_,
-        bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback, streamMode(context.options)}));
     if (robot == robot_) continue;
     states_.push_back(std::make_unique<Inlet<v1::FormationState, Payload>>(
         context.bus.reader(context.topics.formation_state, robot), merger_, ends_,
@@ -58,11 +56,7 @@ bool FormationService::pull() {
   any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
     return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
   }) > 0;
-  for (auto& inlet : poses_) {
-    any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
-      return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
-    }) > 0;
-  }
+  any |= poses_.pull(status());
   for (auto& inlet : states_) {
     any |= inlet->pull(status(), [](const v1::FormationState& wire, Payload& payload) {
       return adapters::fromWire(wire, payload.emplace<motion::FormationState>());
@@ -89,21 +83,16 @@ void FormationService::process() {
   const auto begun = steady_clock::now();
   heard_.clear();
   for (auto& item : batch_.feedback) {
-    if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) {
-      latest_[pose->robot] = *pose;
-    } else {
-      heard_.push_back(std::get<motion::FormationState>(item.payload));
-    }
+    if (const auto* state = std::get_if<motion::FormationState>(&item.payload)) heard_.push_back(*state);
   }
-  known_.clear();
-  for (const auto& [robot, pose] : latest_) known_.push_back(pose);
+  const std::vector<PoseEstimate>& known = poses_.take(batch_.feedback);
   const auto& objects = std::get<Objects>(batch_.inputs.front().payload);
-  answer(objects);
+  answer(objects, known);
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
 }
 
-void FormationService::answer(const Objects& objects) {
-  const formation::Formation::Output output = formation_.process(objects, known_, heard_);
+void FormationService::answer(const Objects& objects, const std::vector<PoseEstimate>& known) {
+  const formation::Formation::Output output = formation_.process(objects, known, heard_);
   const auto clock = runClock(context_.options);
   speeds_.robot(robot_);
   adapters::fillHeader(objects.acquired_ns, objects.sequence, clock, speeds_.header());

@@ -7,6 +7,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/pose_feedback.h"
 #include "fleet/fleet.h"
 #include "formation/formation.h"
 
@@ -34,7 +35,7 @@ class FormationService : public bus::Service {
 
   bool pull();
   void process();
-  void answer(const Objects& objects);
+  void answer(const Objects& objects, const std::vector<PoseEstimate>& known);
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -42,15 +43,13 @@ class FormationService : public bus::Service {
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
   Inlet<v1::Objects, Payload> objects_;
-  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  PoseFeedback<Payload> poses_;
   std::vector<std::unique_ptr<Inlet<v1::FormationState, Payload>>> states_;
   std::unique_ptr<bus::Reader<v1::FormationCommand>> command_in_;
   Outlet<v1::WheelCommand> command_out_;
   std::unique_ptr<bus::Writer<v1::FormationCommand>> command_repeat_;
   Outlet<v1::FormationState> state_out_;
   formation::Formation formation_;
-  std::map<std::string, PoseEstimate> latest_;
-  std::vector<PoseEstimate> known_;
   std::vector<motion::FormationState> heard_;
   v1::FormationCommand command_;
   v1::WheelCommand speeds_;

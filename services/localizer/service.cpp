@@ -72,6 +72,7 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
                             readers("objects"));
   }
   outputs_.emplace(robot, std::move(outputs));
+  last_ns_[robot] = RunEnds::kNothing;
 }
 
 void LocalizerService::readCameras(const fleet::Fleet& fleet) {
@@ -194,6 +195,7 @@ void LocalizerService::process() {
   for (const Objects& frame : observation_frames_.framesAt(batch_.time, reported_)) frames_.push_back(&frame);
   const std::uint64_t rejected = estimator_.rejectedMeasurements() + estimator_.rejectedFrames();
   const std::vector<PoseEstimate> poses = estimator_.process(batch_.time, frames_, values_);
+  tellPublished(published, poses);
   // Frames beyond these are of robots that were seen but reported nothing themselves.
   for (std::size_t i = 0; i < published; ++i) publishPose(poses[i]);
   for (const Report* report : reported_) publishObjects(*report);
@@ -203,8 +205,20 @@ void LocalizerService::process() {
   if (estimator_.refineDue()) estimator_.refine();
 }
 
+/// In order of time nothing else up to this batch will come; whoever needs all poses up to then is told so.
+void LocalizerService::tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses) {
+  if (!bus::isDeterministic(context_.options.mode)) return;
+  for (std::size_t i = 0; i < published; ++i) last_ns_[poses[i].robot] = batch_.time;
+  sample_.published().clear();
+  for (const auto& [robot, last_ns] : last_ns_) {
+    v1::PublishedPose& entry = sample_.published().emplace_back();
+    entry.robot(robot);
+    entry.last_ns(last_ns);
+  }
+}
+
 void LocalizerService::publishPose(const PoseEstimate& pose) {
-  adapters::toWire(pose, runClock(context_.options), kTerm, sample_);
+  adapters::toWire(pose, runClock(context_.options), kTerm, sample_);  // leaves `published` as it is
   outputs_.at(pose.robot).pose.write(sample_, status());
   const std::string text = estimator_.status(pose.robot);
   if (!text.empty()) status().error(pose.robot + ": " + text);

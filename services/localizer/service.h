@@ -54,6 +54,7 @@ class LocalizerService : public bus::Service {
   void process();
   void takeWheels();
   void publishPose(const PoseEstimate& pose);
+  void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
@@ -74,6 +75,7 @@ class LocalizerService : public bus::Service {
   std::vector<const Report*> reported_;
   std::vector<const Objects*> frames_;
   std::vector<const Measurement*> values_;
+  std::map<std::string, TimeNs> last_ns_;  ///< of the poses published, this batch's included; not when live
   v1::Pose sample_;
   v1::Objects objects_sample_;
   std::uint32_t revision_ = 0;

@@ -77,7 +77,10 @@ static void print_pose(const omnifleet_v1_Pose *p) {
   for (uint32_t i = 0; i < p->sightings._length; ++i) {
     printf(" %" PRIu32 " %s", p->sightings._buffer[i].track_id, p->sightings._buffer[i].robot);
   }
-  printf(" %" PRIu32 "\n", p->term);
+  printf(" %" PRIu32 " %" PRIu32, p->term, p->published._length);
+  for (uint32_t i = 0; i < p->published._length; ++i)
+    printf(" %s %" PRId64, p->published._buffer[i].robot, p->published._buffer[i].last_ns);
+  printf("\n");
 }
 
 static void print_grid(const omnifleet_v1_Grid *g) {

@@ -54,7 +54,9 @@ std::string lineOf(const v1::Pose& p) {
   line.doubles(p.covariance());
   line.put(" %zu", p.sightings().size());
   for (const v1::Sighting& s : p.sightings()) line.put(" %u %s", s.track_id(), s.robot().c_str());
-  line.put(" %u", p.term());
+  line.put(" %u %zu", p.term(), p.published().size());
+  for (const v1::PublishedPose& other : p.published())
+    line.put(" %s %lld", other.robot().c_str(), static_cast<long long>(other.last_ns()));
   return line.text();
 }
 

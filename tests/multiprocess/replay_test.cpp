@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <sstream>
 
 #include "tests/multiprocess/process.h"
 
@@ -86,6 +87,34 @@ TEST(Replay, TwiceGivesTheSameBytesAndOneProcessGivesThemToo) {
     EXPECT_FALSE(bytes.empty()) << file;
     EXPECT_TRUE(second.at(file) == bytes) << file << " differs between two replays";
     EXPECT_TRUE(one.at(file) == bytes) << file << " differs between processes and one process";
+  }
+}
+
+/// The rows of a file, every `without`-th but the first left out, times moved.
+void rewriteRows(const std::string& path, std::int64_t by_ns, int without = 0) {
+  std::istringstream rows(fileText(path));
+  std::string text;
+  int n = 0;
+  for (std::string row; std::getline(rows, row);) {
+    const bool header = row.empty() || row[0] == '#';
+    if (!header && without > 0 && ++n % without == 0) continue;
+    const std::size_t end = row.find(',');
+    text += header ? row : std::to_string(std::stoll(row.substr(0, end)) + by_ns) + row.substr(end);
+    text += '\n';
+  }
+  std::ofstream(path) << text;
+}
+
+TEST(Replay, RobotsWhoseFramesFallBetweenEachOthersOrAreMissingAreReplayed) {
+  const std::string data = copyOfRecording("asynchronous");
+  rewriteRows(data + "/r1/fisheye/data.csv", 0, 4);
+  rewriteRows(data + "/r2/fisheye/data.csv", 37'000'000);
+  rewriteRows(data + "/r2/wheels/data.csv", 37'000'000);
+  const std::string out = replay(data, "asynchronous_run", 79);
+  EXPECT_EQ(results(out), results(inProcess(data, "asynchronous_in_process")));
+  for (const std::string robot : {"r1", "r2"}) {
+    const int frames = rows(fileText(data + "/" + robot + "/fisheye/data.csv")) - 1;
+    EXPECT_EQ(rows(fileText(out + "/trajectories/" + robot + ".tum")), frames) << robot;
   }
 }
 

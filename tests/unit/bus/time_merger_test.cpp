@@ -183,6 +183,37 @@ TEST(TimeMerger, FeedbackThatEndedOrHasAWatermarkHoldsNobodyUp) {
   EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10", "20: | | a@20"));
 }
 
+TEST(TimeMerger, APromiseCountsOnceItsLastSampleIsThere) {
+  Merger merger;
+  const int a = merger.addStream(input("r1"));
+  const int own = merger.addStream(with(input("r1"), StreamRole::kFeedback));
+  const int other = merger.addStream(with(input("r2"), StreamRole::kFeedback));
+  const int none = merger.addStream(with(input("r3"), StreamRole::kFeedback));
+  merger.push(a, 10, "a");
+  merger.push(a, 20, "a");
+  EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10"));
+  merger.push(own, 10, "p1");
+  merger.promise(none, INT64_MIN, 10);
+  merger.promise(other, 7, 10);
+  EXPECT_THAT(drain(merger), IsEmpty()) << "r2's pose of 7 is still on its way";
+  merger.push(other, 7, "p2");
+  EXPECT_THAT(drain(merger), ElementsAre("20: p2@7 p1@10 | | a@20")) << "and its next is later than 10";
+  EXPECT_TRUE(merger.push(other, 17, "p2"));
+}
+
+TEST(TimeMerger, OfTwoPromisesTheNewerCountsInWhateverOrderTheyArrive) {
+  Merger merger;
+  const int a = merger.addStream(input("r1"));
+  const int other = merger.addStream(with(input("r2"), StreamRole::kFeedback));
+  for (const TimeNs t : {10, 20, 30}) merger.push(a, t, "a");
+  merger.promise(other, 17, 20);
+  merger.promise(other, 7, 10);
+  merger.push(other, 7, "p");
+  EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10"));
+  merger.push(other, 17, "p");
+  EXPECT_THAT(drain(merger), ElementsAre("20: p@7 | | a@20", "30: p@17 | | a@30"));
+}
+
 TEST(TimeMerger, FeedbackFollowsThePrimaryStreamOnly) {
   Merger merger;
   const int frame = merger.addStream(input("r1"));

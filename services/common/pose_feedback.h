@@ -1,0 +1,66 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/inlet.h"
+#include "fleet/fleet.h"
+
+namespace omnifleet::services {
+
+/// The fleet's poses of the previous frame, fed back into an earlier stage. Robots' cameras need not be
+/// synchronous: what a pose says of the others' (`published`) keeps this stage from waiting for a frame that
+/// the estimator in its turn cannot take before this stage has moved on. Estimators that do not say it serve
+/// robots with common frame times only.
+template <class Payload>
+class PoseFeedback {
+ public:
+  PoseFeedback(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+               bus::TimeMerger<Payload>& merger, RunEnds& ends)
+      : merger_(merger) {
+    for (const std::string& robot : fleet.mappingRobots()) {
+      poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
+          context.bus.reader(context.topics.pose, robot), merger, ends,
+          bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback,
+                          streamMode(context.options)}));
+      stream_of_[robot] = poses_.back()->stream();
+    }
+  }
+
+  /// Moves all that has arrived into the merger. True when anything had.
+  bool pull(bus::StatusBoard& status) {
+    bool any = false;
+    for (auto& inlet : poses_) {
+      any |= inlet->pull(status, [this](const v1::Pose& wire, Payload& payload) {
+        for (const v1::PublishedPose& other : wire.published()) {
+          const auto stream = stream_of_.find(other.robot().to_string());
+          if (stream != stream_of_.end())
+            merger_.promise(stream->second, other.last_ns(), wire.header().acquired_ns());
+        }
+        return orInvalid(adapters::fromWire(wire, payload.template emplace<PoseEstimate>()));
+      }) > 0;
+    }
+    return any;
+  }
+
+  /// The newest pose of every robot, this batch's included.
+  const std::vector<PoseEstimate>& take(std::vector<typename bus::TimeMerger<Payload>::Item>& feedback) {
+    for (auto& item : feedback) {
+      if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) latest_[pose->robot] = *pose;
+    }
+    known_.clear();
+    for (const auto& [robot, pose] : latest_) known_.push_back(pose);
+    return known_;
+  }
+
+ private:
+  bus::TimeMerger<Payload>& merger_;
+  std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  std::map<std::string, int> stream_of_;
+  std::map<std::string, PoseEstimate> latest_;
+  std::vector<PoseEstimate> known_;
+};
+
+}  // namespace omnifleet::services
