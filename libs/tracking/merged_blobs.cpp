@@ -19,6 +19,7 @@ constexpr double kPeerTracked_m =
 constexpr double kBehind_m = 0.4;  // how well the far edge alone tells where something hidden stands
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
+constexpr double kAstraySigmas = 3.0;
 constexpr int kMature = 3;       // views after which an outline can be relied on
 constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
 
@@ -43,10 +44,16 @@ bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
           std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
 }
 
-/// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and sides that
-/// were not seen before are no other thing.
+/// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and
+/// sides that were not seen before are no other thing.
 bool isLaser(const View& view) {
   return view.camera_height_m <= 0.0;
+}
+
+/// A robot does not leave the place that it publishes.
+bool isAstray(const PrismFilter& filter, const TrackState::Published& published) {
+  const double sigma = std::sqrt(0.5 * published.covariance.trace());
+  return (filter.position() - published.centre_m).norm() > kAstraySigmas * sigma;
 }
 
 /// Two bodies cannot stand in one place.
@@ -119,10 +126,20 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
   track.moving = true;
 }
 
+/// What is left of a merged outline for `track` may be the edge of something behind or before it.
+bool Tracker::isOwn(const TrackState& track, const View& view) const {
+  if (!track.published) return true;
+  PrismFilter tried = track.filter;
+  tried.update(view);
+  return !isAstray(tried, *track.published);
+}
+
 bool Tracker::showsMore(const TrackState& track, const View& view) const {
-  if (!track.whole || track.views < kMature || isLaser(view)) return false;
+  if (!track.whole || (track.views < kMature && !track.published) || isLaser(view)) return false;
   PrismFilter moved = track.filter;  // its own motion since the last frame is not taken for something new
+  if (track.published) moved.updatePosition(track.published->centre_m, track.published->covariance);
   moved.update(view);
+  if (track.published && isAstray(moved, *track.published)) return true;
   return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
 }
 
@@ -146,7 +163,7 @@ void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
   const int alien = splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
   for (std::size_t i = 0; i < known_owners_.size(); ++i) {
     TrackState& track = tracks_[static_cast<std::size_t>(known_owners_[i])];
-    if (usableDirections(split_[i]) >= kFewestDirections) {
+    if (usableDirections(split_[i]) >= kFewestDirections && isOwn(track, split_[i])) {
       see(track, split_[i], object);
     } else {
       track.blob = -1;

@@ -17,6 +17,7 @@ constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to
 constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
 constexpr double kPeerLeeway_m = 0.03;
 constexpr double kLeap_m = 0.10;
+constexpr double kMostSigma_m = 0.5;  // of a place, in the search for its blob
 constexpr double kDisagreement =
     0.5;                   // share of directions beyond 3 σ: then the shape is not what it was thought
 constexpr int kKnown = 3;  // views that make a track known
@@ -104,10 +105,13 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
   followPeers(peers);
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
-    const double gate = options_.gate_m + 2.0 * std::min(0.5, tracks_[t].positionSigma());
+    const double sigma = std::min(kMostSigma_m, tracks_[t].positionSigma());
+    const double gate = options_.gate_m + 2.0 * sigma, dearest = options_.gate_m + 3.0 * kMostSigma_m;
     for (std::size_t b = 0; b < views_.size(); ++b) {
+      const double distance = outlineDistance(views_[b], tracks_[t].filter);
+      // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
       cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
-          outlineDistance(views_[b], tracks_[t].filter) / gate;
+          distance < gate ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
     }
   }
   const std::vector<int> blob_of = assign(cost_, 1.0);
@@ -240,9 +244,11 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
 
 void Tracker::end() {
   const auto lost = [&](const TrackState& track) {
-    const double keep = track.views < kKnown || !track.whole ? options_.keep_new_s
-                        : track.hidden                       ? options_.keep_hidden_s
-                                                             : options_.keep_s;
+    // What was seen in one piece but for a moment is there, at the edge of what can be seen.
+    const bool fleeting = track.views < kKnown && track.evidence.shape_views == 0;
+    const double keep = fleeting || !track.whole ? options_.keep_new_s
+                        : track.hidden           ? options_.keep_hidden_s
+                                                 : options_.keep_s;
     return track.dissolved || track.unseen_s > keep;
   };
   // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.

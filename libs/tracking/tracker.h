@@ -56,6 +56,7 @@ class Tracker {
   void joinSwallowing(const LocalMap& local_map, int track);
   void joinPeers(std::vector<Peer>& peers);
   void startPeer(const Peer& peer, std::size_t blob);
+  bool isOwn(const TrackState& track, const View& view) const;
   bool showsMore(const TrackState& track, const View& view) const;
   void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);

@@ -23,6 +23,8 @@ constexpr double kApart_m = 0.40;       // between obstacles
 constexpr double kBeside_m = 1.3;       // none is farther from every robot's way
 constexpr double kPoseSigma_m = 0.005;  // of the localizer's estimates
 constexpr double kPoseSigmaRad = 0.005;
+constexpr double kNearest_m = 0.35;  // between two robots' middles
+constexpr unsigned kAnew = 100000;   // to the seed, where starts are thrown again
 constexpr int kTries = 4000;
 
 const char* const kRoom = R"(
@@ -48,9 +50,14 @@ class Room {
  public:
   Room(const Scenario& scenario, unsigned seed) : scenario_(scenario), seed_(seed), dice_(seed) {
     const std::string text = std::string(kRoom) + "robots:\n" + scenario.robots;
-    arena = synthetic::randomised(synthetic::Arena::read(options::Section::parse(text, scenario.name)), seed);
-    driveThrough();
+    const synthetic::Arena house = synthetic::Arena::read(options::Section::parse(text, scenario.name));
+    for (unsigned thrown = seed; paths_.empty() || closest() < kNearest_m; thrown += kAnew) {
+      arena = synthetic::randomised(house, thrown);
+      arena.duration_s = scenario.duration_s;
+      driveThrough();
+    }
     if (!scenario.pushed_by.empty()) addPushed();
+    for (const Pose2& screen : scenario.screens) addScreen(screen);
     addObstacles();
   }
   synthetic::Arena arena;
@@ -59,6 +66,7 @@ class Room {
   double in(double low, double high) { return low + (high - low) * (dice_() / 4294967295.0); }
 
   void driveThrough() {
+    paths_.clear();
     world::World world(arena, unstopped(), seed_);
     world::Drivers drivers(world);
     for (bool more = true; more;) {
@@ -66,6 +74,18 @@ class Room {
       more = !world.finished();
       if (more) world.step(drivers.commands(world));
     }
+  }
+
+  /// Any two robots' middles, at any time: nobody drives through anybody.
+  double closest() const {
+    double least_m = INFINITY;
+    for (const auto& poses : paths_) {
+      for (std::size_t i = 0; i < poses.size(); ++i) {
+        for (std::size_t j = 0; j < i; ++j)
+          least_m = std::min(least_m, (poses[i].translation() - poses[j].translation()).norm());
+      }
+    }
+    return least_m;
   }
 
   /// A box before the pusher's bow that goes as the pusher goes.
@@ -83,6 +103,16 @@ class Room {
       arena.moves.push_back(
           {0, static_cast<double>(f) / arena.rate_hz, 1.0 / arena.rate_hz, paths_[f + 1][pusher] * ahead});
     }
+  }
+
+  /// A box nearly as high as the cameras, which hides whatever passes behind it.
+  void addScreen(const Pose2& screen) {
+    synthetic::Solid box;
+    box.size_m = {in(0.12, 0.20), in(0.40, 0.60)};
+    box.height_m = in(0.38, 0.44);
+    box.rgb = {static_cast<std::uint8_t>(in(20, 220)), 120, 60};
+    box.map_from_solid = screen * Pose2{in(-0.05, 0.05), in(-0.1, 0.1), in(-0.2, 0.2)};
+    arena.solids.push_back(box);
   }
 
   bool isBesideTheWay(const Eigen::Vector2d& place_m, double reach_m) const {
@@ -289,49 +319,7 @@ class Run {
   Score score_;
 };
 
-std::string robot(const std::string& name, const std::string& pose, const std::string& speeds) {
-  return "  " + name + ": {initial_pose: [" + pose + "], speeds: [" + speeds + "]}\n";
-}
-
 }  // namespace
-
-std::vector<Scenario> scenarios() {
-  const std::string on = "0, 0.2, 0.2", wait = "0, 0, 0";
-  const auto wedge = [](const std::string& first, const std::string& second, const std::string& third) {
-    return robot("r1", "-1.2, 0, 0", first) + robot("r2", "-1.8, 0.5, 0", second) +
-           robot("r3", "-1.8, -0.5, 0", third);
-  };
-  const std::string stop = "0, 0.2, 0.2, 4, 0, 0, 8, 0.2, 0.2";
-  return {
-      {"straight", wedge(on, on, on), {}, "", 0.0},
-      {"turning",
-       robot("r1", "0, -0.6, 0", "0, 0.16, 0.24") + robot("r2", "-1.0, 0.7, 1.0", "0, -0.08, 0.08") +
-           robot("r3", "1.2, 0.8, -2.0", "0, 0.22, 0.14"),
-       {},
-       "",
-       0.0},
-      {"stopping", wedge(stop, stop, stop), {}, "", 0.0},
-      {"one_stopped", wedge(on, "0, 0.2, 0.2, 4, 0, 0", on), {}, "", 0.0},
-      {"standing_since_start",
-       robot("r1", "-1.4, -0.5, 0", on) + robot("r2", "0.2, 0.2, 0.5", wait) +
-           robot("r3", "1.4, 0.9, 3.1", on),
-       {},
-       "",
-       0.0},
-      {"pushed",
-       robot("r1", "-1.4, 0, 0", "0, 0, 0, 3, 0.2, 0.2, 9, 0, 0") + robot("r2", "-0.8, 0.9, 0", on) +
-           robot("r3", "0.5, -0.9, 1.5", wait),
-       {},
-       "r1",
-       0.0},
-      {"silent_stranger",
-       robot("r1", "-1.0, -0.7, 0.3", on) + robot("r2", "1.2, -0.6, 2.0", wait) +
-           robot("r3", "0.9, 0.9, -2.6", "0, 0.1, 0.14") + robot("x1", "-1.3, 0.8, -0.2", "0, 0.25, 0.22"),
-       {"x1"},
-       "",
-       1.5},
-  };
-}
 
 Score& Score::operator+=(const Score& other) {
   robots += other.robots;

@@ -17,11 +17,16 @@ struct Scenario {
   std::set<std::string> foreign;  ///< robots of nobody's fleet, without a camera, that publish nothing
   std::string pushed_by;          ///< the robot that pushes a box along, from the moment it drives
   double warm_up_s = 0.0;         ///< not counted: before a stranger has moved nobody can know
+  double duration_s = 12.0;
+  std::vector<Pose2> screens{};  ///< boxes that hide a robot behind them, ± some centimetres
 };
 
 /// Everybody straight on, turning, stopping and going on, one stopping, one standing since the start, a box
 /// pushed along, a stranger that drives by.
 std::vector<Scenario> scenarios();
+/// Turning in place, stop and go, a long stop, two strangers, a robot and a stranger behind a box for
+/// seconds.
+std::vector<Scenario> moreScenarios();
 
 /// Per visible track and frame, as `evaluate` counts it.
 struct Score {
