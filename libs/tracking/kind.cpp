@@ -222,10 +222,15 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const 
   const ObjectKind leaning = p >= 0.5 ? ObjectKind::kRobot : ObjectKind::kObstacle;
   const double sure = std::max(p, 1.0 - p);
   const ObjectKind before = track.kind;
+  // Of a robot's shape where none of the fleet can be, and just come in sight: its motion will tell.
+  const bool stranger =
+      e.shape > kFitsClearly && e.place < 0.0 && e.motion == 0.0 && track.age_s < options_.window_s;
   if (track.kind == ObjectKind::kUnknown) {
-    if (sure >= options_.decide) track.kind = leaning;
+    if (sure >= options_.decide && !stranger) track.kind = leaning;
   } else if (leaning != track.kind && sure >= options_.change) {
-    if (++track.evidence.against >= options_.change_frames) track.kind = leaning;
+    // What is seen in one piece to drive needs no second look.
+    const bool drives = leaning == ObjectKind::kRobot && e.motion > 0.0 && track.clean;
+    if (++track.evidence.against >= options_.change_frames || drives) track.kind = leaning;
   } else {
     track.evidence.against = 0;
   }

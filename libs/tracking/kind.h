@@ -31,7 +31,9 @@ struct KindOptions {
 /// second, by the contact side of its outline, which needs no height; once moved, a robot stays one while its
 /// shape allows it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and
 /// moves only in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at
-/// `decide`, taken back at `change` and after some frames.
+/// `decide`, taken back at `change` and after some frames, at once for what is seen in one piece to drive.
+/// What has the shape of a robot where none of the fleet can be stays undecided until its motion had time to
+/// tell.
 class KindJudge {
  public:
   KindJudge(const KindOptions& options, double own_radius_m)
