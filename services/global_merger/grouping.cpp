@@ -208,20 +208,29 @@ void settleOverlaps(const MergerOptions& options, std::vector<Group>& groups) {
 
 }  // namespace
 
-std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options) {
+std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
+                              const Meanwhile& meanwhile) {
+  const auto pause = [&] {
+    if (meanwhile) meanwhile();
+  };
   std::vector<Group> pieces, groups;
   for (const auto& candidate : candidates) {
     Views views;
     for (const auto& view : candidate.views) views.push_back(&view);
     cut(views, candidate.kind, options, pieces);
+    pause();
   }
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
   for (auto& piece : pieces) {
     if (!join(piece, options, groups)) groups.push_back(std::move(piece));
+    pause();
   }
   dropLeftPlaces(groups);
-  for (auto& group : groups) group = refined(group, options);
+  for (auto& group : groups) {
+    group = refined(group, options);
+    pause();
+  }
   settleOverlaps(options, groups);
   std::sort(groups.begin(), groups.end(),
             [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });

@@ -1,7 +1,6 @@
 #include "global_merger/map_publisher.h"
 
 #include "adapters/common.h"
-#include "global_merger/save.h"
 
 namespace omnifleet::services {
 namespace {
@@ -44,20 +43,26 @@ MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string
   outlines_ = context.bus.writer(context.topics.map_outlines);
 }
 
-void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status) {
+void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
+                          const global_merger::Meanwhile& meanwhile) {
+  if (fitting_) return;
   if (!force && last_ns_ != INT64_MIN && now - last_ns_ < kPeriodNs) return;
   last_ns_ = now;
-  const auto hash = merger.map().hash();
-  if (!force && hash == last_hash_) return;
-  last_hash_ = hash;
+  if (!force && merger.map().hash() == last_hash_) return;
+  if (speaks_) {
+    fitting_ = true;
+    merger.outlines(meanwhile);
+    fitting_ = false;
+  }
+  last_hash_ = merger.map().hash();
   ++sequence_;
   if (speaks_) publishMap(merger, now, status);
   publishHash(merger, now, status);
 }
 
-void MapPublisher::publishMap(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status) {
+void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status) {
   const dataset::OccupancyGrid cells = merger.map().grid();
-  const std::string bt = global_merger::octreeBytes(merger);
+  const std::string bt = merger.map().octreeBytes(merger.lastOutlines());
 
   v1::OctreeMap octree;
   octree.map_name(map_name_);
@@ -82,7 +87,7 @@ void MapPublisher::publishMap(global_merger::Merger& merger, TimeNs now, bus::St
   outlines.map_name(map_name_);
   adapters::fillHeader(now, sequence_, clock_, outlines.header());
   outlines.term(kTerm);
-  adapters::sequenceToWire(merger.outlines(), kMaxOutlines, outlines.objects(), outlineToWire);
+  adapters::sequenceToWire(merger.lastOutlines(), kMaxOutlines, outlines.objects(), outlineToWire);
   put(*outlines_, outlines, status);
 }
 

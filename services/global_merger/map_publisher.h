@@ -15,11 +15,13 @@ class MapPublisher {
   MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
                bool speaks);
 
-  /// Publishes when a second of data time has passed and the map has changed, or when `force`.
-  void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status);
+  /// Publishes when a second of data time has passed and the map has changed, or when `force`. `meanwhile`
+  /// may add to the map and call this again.
+  void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
+              const global_merger::Meanwhile& meanwhile = {});
 
  private:
-  void publishMap(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
+  void publishMap(const global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
   void publishHash(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
 
   std::string map_name_, replica_;
@@ -31,6 +33,7 @@ class MapPublisher {
   std::unique_ptr<bus::Writer<v1::MapHash>> hash_;
   std::uint32_t sequence_ = 0;
   TimeNs last_ns_ = INT64_MIN;
+  bool fitting_ = false;
   std::array<std::uint8_t, 32> last_hash_{};
 };
 

@@ -141,14 +141,15 @@ bool Merger::isObject(const Group& group) const {
   return timesSeenThrough(group, map_.store()) < options_.gone_after;
 }
 
-const std::vector<dataset::MapObject>& Merger::outlines() {
+const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
+  is_stale_ = false;
   const auto candidates = candidatesOf(map_.store(), options_, bodies_);
   outlines_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
-  const auto groups =
-      options_.method == "hull" ? overlayHulls(candidates, options_) : groupViews(candidates, options_);
+  const auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
+                                                : groupViews(candidates, options_, meanwhile);
   for (const auto& group : groups) {
     if (!isObject(group)) continue;
     outlines_.push_back(objectOf(group));
@@ -160,7 +161,6 @@ const std::vector<dataset::MapObject>& Merger::outlines() {
     outlines_.push_back(std::move(landmark));
   }
   std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
-  is_stale_ = false;
   return outlines_;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -47,8 +48,8 @@ class ContributionMaker {
 };
 
 struct MergerOptions {
-  std::string method = "prism";  ///< prism: fitted over all views | hull: Choi §IV.4, hulls overlaid
-  double hull_share = 0.5;       ///< 1, "hull": of the views of a thing that must cover what is kept
+  std::string method = "prism";        ///< prism: fitted over all views | hull: Choi §IV.4, hulls overlaid
+  double hull_share = 0.5;             ///< 1, "hull": of the views of a thing that must cover what is kept
   std::vector<std::string> observers;  ///< robots whose views shape the outlines; empty: all
   outline::PrismOptions prism;
   double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
@@ -65,6 +66,9 @@ struct MergerOptions {
 };
 
 struct Group;
+
+/// What is done between the fits of outlines, which together take longer than a frame may wait.
+using Meanwhile = std::function<void()>;
 
 /// One replica of the map (Ahmed §2: every robot holds one). All that it tells is a function of the sets it
 /// holds.
@@ -85,8 +89,11 @@ class Merger {
     return trajectories_;
   }
 
-  /// Obstacles fitted over all views held, in order of id; fitted anew only when the sets changed.
-  const std::vector<dataset::MapObject>& outlines();
+  /// Obstacles fitted over all views held, in order of id; fitted anew only when the sets changed. What
+  /// `meanwhile` adds to the sets is for the next time.
+  const std::vector<dataset::MapObject>& outlines(const Meanwhile& meanwhile = {});
+  /// As they were fitted last.
+  const std::vector<dataset::MapObject>& lastOutlines() const { return outlines_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 

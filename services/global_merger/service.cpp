@@ -144,9 +144,19 @@ void GlobalMergerService::process() {
     }
   }
   contribute();
-  publisher_.update(replica_, batch_.time, false, status());
-  if (context_.options.mode == bus::RunMode::kLive) saveNowAndThen();
+  const bool live = context_.options.mode == bus::RunMode::kLive;
+  publisher_.update(replica_, batch_.time, false, status(), live ? meanwhile_ : global_merger::Meanwhile{});
+  if (live && !pausing_) saveNowAndThen();
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
+}
+
+/// Live, the fits of the outlines hold no frame up.
+void GlobalMergerService::pause() {
+  if (pausing_) return;
+  pausing_ = true;
+  pull();
+  while (merger_.nextBatch(batch_)) process();
+  pausing_ = false;
 }
 
 void GlobalMergerService::contribute() {

@@ -43,6 +43,7 @@ class GlobalMergerService : public bus::Service {
   bool pull();
   bool pullSets();
   void process();
+  void pause();
   void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
@@ -69,6 +70,8 @@ class GlobalMergerService : public bus::Service {
   std::deque<PoseEstimate> waiting_poses_;  ///< of the own robot
   v1::Contribution contribution_;
   v1::KeyframePose keyframe_pose_;
+  const global_merger::Meanwhile meanwhile_ = [this] { pause(); };
+  bool pausing_ = false;  ///< between two fits
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };

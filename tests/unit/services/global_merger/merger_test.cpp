@@ -153,6 +153,37 @@ TEST(Merger, OutlinesAreAFunctionOfTheSets) {
   }
 }
 
+TEST(Merger, WhatComesBetweenTheFitsIsForTheNextTime) {
+  FleetSim sim = arena(noisy(), 9);
+  const Sets first = record(sim, 0.0, 3.0), later = record(sim, 3.0, 4.0);
+  Merger paused = merged(first, sim.bodies()), straight = merged(first, sim.bodies());
+  std::size_t pauses = 0;
+  const auto add_one = [&] {
+    if (pauses < later.poses.size()) {
+      paused.add(later.contributions[pauses]);
+      paused.add(later.poses[pauses]);
+    }
+    ++pauses;
+  };
+  const auto equal = [](const std::vector<MapObject>& a, const std::vector<MapObject>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const MapObject& x, const MapObject& y) {
+      return x.id == y.id && x.outline_m == y.outline_m && x.observations == y.observations;
+    });
+  };
+  const std::vector<MapObject> before = paused.outlines(add_one);
+  EXPECT_FALSE(before.empty());
+  EXPECT_TRUE(equal(before, straight.outlines()));
+  EXPECT_TRUE(equal(before, paused.lastOutlines()));
+  ASSERT_GE(pauses, later.poses.size());  // a pause between any two fits
+  for (std::size_t i = 0; i < later.poses.size(); ++i) {
+    straight.add(later.contributions[i]);
+    straight.add(later.poses[i]);
+  }
+  const std::vector<MapObject> after = paused.outlines();
+  EXPECT_TRUE(equal(after, straight.outlines()));
+  EXPECT_FALSE(equal(after, before));
+}
+
 TEST(Merger, RobotsAreNoObstaclesWhateverTheClassifierSays) {
   for (const ObjectKind kind : {ObjectKind::kObstacle, ObjectKind::kUnknown}) {
     SimOptions options = noisy();
