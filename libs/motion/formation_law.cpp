@@ -52,6 +52,11 @@ Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double an
   return {followed, distance_m, (rightmost ? 1.0 : -1.0) * M_PI / 6.0};
 }
 
+bool isQueue(const Slot& slot) {
+  constexpr double kStraight = 0.02;  // sine of θ
+  return std::abs(std::sin(slot.angle_rad)) < kStraight && std::cos(slot.angle_rad) > 0.0;
+}
+
 std::vector<Eigen::Vector2d> placesOf(const FormationCommand& command, std::size_t robots) {
   std::vector<Eigen::Vector2d> places(robots, Eigen::Vector2d::Zero());
   for (std::size_t rank = 1; rank < robots; ++rank) {

@@ -23,6 +23,9 @@ struct Slot {
 /// arms of a V, θ as commanded; triangle: rows of one, two, three …, equilateral with side d (θ is not used).
 Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double angle_rad);
 
+/// Straight behind: a queue anyway, whatever its heading a column goes where the robot before has gone.
+bool isQueue(const Slot& slot);
+
 /// Place of each rank in the leader's base_link while all drive straight. Metres.
 std::vector<Eigen::Vector2d> placesOf(const FormationCommand& command, std::size_t robots);
 

@@ -6,15 +6,9 @@
 namespace omnifleet::motion {
 namespace {
 
-constexpr int kSteps = 10;          // narrowings tried
-constexpr double kStraight = 0.02;  // sine of θ
+constexpr int kSteps = 10;  // narrowings tried
 constexpr double kLookSpacingM = 0.15;
 constexpr double kQueueFirst = 2.0;  // queueing is complete when half drawn in: only then do sides come close
-
-/// Straight behind: a queue anyway, whatever its heading a column goes where the robot before has gone.
-bool isQueue(const Slot& slot) {
-  return std::abs(std::sin(slot.angle_rad)) < kStraight && std::cos(slot.angle_rad) > 0.0;
-}
 
 }  // namespace
 

@@ -199,8 +199,16 @@ double Formation::worstFollower(TimeNs now_ns) const {
   for (std::size_t rank = 1; rank < ranks.size(); ++rank) {
     const auto other = fleet_.now(ranks[rank], now_ns);
     if (!other) continue;
-    // In its place, or drawn in towards the queue behind the robot that it follows.
     const motion::Slot slot = motion::slotOf(orders.shape, rank, orders.distance_m, orders.angle_rad);
+    if (motion::isQueue(slot)) {
+      // On the way of the robot before: out of place only as far as it has fallen back. To wait for the queue
+      // to be straight would hold it up, for it straightens by going on.
+      const auto before = fleet_.now(ranks[slot.followed], now_ns);
+      if (before)
+        worst_m = std::max(worst_m, (other->translation() - before->translation()).norm() - slot.distance_m);
+      continue;
+    }
+    // In its place, or drawn in towards the queue behind the robot that it follows.
     const Eigen::Vector2d queue_m =
         places[slot.followed] - Eigen::Vector2d(narrowing_.queueLength(slot, rank), 0.0);
     worst_m = std::max(worst_m, toSegment(own->inverse() * other->translation(), places[rank], queue_m));
