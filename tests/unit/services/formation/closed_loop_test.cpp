@@ -112,6 +112,35 @@ TEST(ClosedLoop, TheLeaderTurnsForAnObstacleAndTheOthersTurnToo) {
   EXPECT_GT(leader_aside_m, 0.30);
 }
 
+TEST(ClosedLoop, AColumnIsStraightAgainAsSoonAsTheLastHasPassedTheBend) {
+  const synthetic::Arena bend = synthetic::Arena::read(options::Section::parse(R"(
+frames: {rate_hz: 5, duration_s: 60}
+floor: {size_m: [7, 6]}
+robots:
+  r1: {initial_pose: [-1.5, -2.0, 0.0]}
+  r2: {initial_pose: [-2.2, -2.0, 0.0]}
+  r3: {initial_pose: [-2.9, -2.0, 0.0]}
+formation: {shape: column, distance_m: 0.7, waypoints: [[1.0, -2.0], [1.0, 2.5]], limits: {cruise_mps: 0.2}}
+)",
+                                                                               "bend.yaml"));
+  World world(bend, {}, 1);
+  Drivers drivers(world);
+  double turned_s = 0.0, straight_s = 0.0, now_s = 0.0;
+  while (!world.finished() && !drivers.arrived()) {
+    world.step(drivers.commands(world));
+    now_s += 0.2;
+    const auto& poses = world.now().map_from_bases;
+    if (turned_s == 0.0 && poses[0].theta_rad > 1.4) turned_s = now_s;
+    const double out_m = (poses[0].inverse() * poses[2].translation() - Eigen::Vector2d(-1.4, 0.0)).norm();
+    if (out_m > 0.15) straight_s = now_s;
+  }
+  EXPECT_TRUE(drivers.arrived());
+  ASSERT_GT(turned_s, 0.0);
+  RecordProperty("seconds", std::to_string(straight_s - turned_s));
+  // The last is two distances back on the way: 7 s at 0.2 m/s; two more for the rounding of the bend.
+  EXPECT_LT(straight_s - turned_s, 9.0);
+}
+
 TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
   // 80 cm between two walls: two robots of 30 cm abreast would touch them.
   const synthetic::Arena door = arena(kWedge, R"(obstacles:
