@@ -17,8 +17,9 @@ constexpr int kJump = 4;  // blocks: a floor marking (grid line, joint) up to th
 // without lag (an α–β filter along the way of growth), the noise of a cell's mean is halved.
 constexpr float kLevelGain = 0.5f, kSlopeGain = 0.1f;
 constexpr float kTextureSigmas =
-    2.0f;                           // of the floor's own texture, added to the step that counts as an edge
-constexpr float kMaxSlope = 0.15f;  // of the brightness, per cell
+    2.0f;                             // of the floor's own texture, added to the step that counts as an edge
+constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
+constexpr float kMaxSlope = 0.15f;    // of the brightness, per cell
 constexpr int kSmoothingRounds =
     3;  // each takes most of the bias away that slopes and one-sided windows leave
 constexpr float kFillWeight =
@@ -156,13 +157,16 @@ void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {
 }
 
 bool FloorReference::seed() {
-  const auto binAt = [](const cv::Vec3f& c) {
-    return GroundHistogram::binOf(cv::saturate_cast<std::uint8_t>(c[0]),
-                                  cv::saturate_cast<std::uint8_t>(c[1]),
-                                  cv::saturate_cast<std::uint8_t>(c[2]));
+  const auto* means = means_.ptr<cv::Vec3f>();
+  // The bins are as wide in the dark as the differences of brightness there are small: without this, things
+  // in the ring and the floor would fill bins that touch.
+  const float gain = brighten();
+  const auto binAt = [gain](const cv::Vec3f& c) {
+    return GroundHistogram::binOf(cv::saturate_cast<std::uint8_t>(gain * c[0]),
+                                  cv::saturate_cast<std::uint8_t>(gain * c[1]),
+                                  cv::saturate_cast<std::uint8_t>(gain * c[2]));
   };
   histogram_.clear();
-  const auto* means = means_.ptr<cv::Vec3f>();
   for (const int block : seed_blocks_) histogram_.add(binAt(means[block]));
   if (histogram_.settle(options_.min_share, 0, false) <= 0.0) return false;
   grown_.setTo(0);
@@ -179,6 +183,17 @@ bool FloorReference::seed() {
   }
   texture_ = seedTexture();
   return true;
+}
+
+/// What makes the middle one of the seeds as bright as kSeedLevel; never darker than it is.
+float FloorReference::brighten() {
+  steps_.clear();
+  const auto* means = means_.ptr<cv::Vec3f>();
+  for (const int block : seed_blocks_)
+    steps_.push_back(std::max({means[block][0], means[block][1], means[block][2]}));
+  const auto middle = steps_.begin() + static_cast<std::ptrdiff_t>(steps_.size() / 2);
+  std::nth_element(steps_.begin(), middle, steps_.end());
+  return std::max(1.0f, kSeedLevel / std::max(1.0f, *middle));
 }
 
 float FloorReference::seedTexture() {
@@ -203,7 +218,9 @@ void FloorReference::grow(double noise) {
     const cv::Vec3f reference = carried_(y, x);
     const cv::Vec2f slope = slope_(y, x);
     const Test test = testFor(reference, noise);
-    const float flatness = std::sqrt(test.along2) + kTextureSigmas * texture_;
+    // The texture measured holds the noise.
+    const float flatness = std::max(std::sqrt(test.along2),
+                                    static_cast<float>(options_.tolerance_along) + kTextureSigmas * texture_);
     for (const auto& step : kSteps) {
       for (int jump = 1; jump <= kJump; ++jump) {
         const int dx = step[0] * jump, dy = step[1] * jump, ny = y + dy, nx = x + dx;

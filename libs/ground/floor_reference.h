@@ -46,6 +46,7 @@ class FloorReference {
  private:
   void averageBlocks(const cv::Mat3f& cell_means);
   bool seed();
+  float brighten();
   float seedTexture();
   void grow(double noise);
   static cv::Vec3f expect(const cv::Vec3f& reference, const cv::Vec2f& slope, int dx, int dy);

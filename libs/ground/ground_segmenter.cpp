@@ -19,6 +19,10 @@ constexpr int kCell = FloorView::kCell;
 constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
 // Of the squared tolerance of hue: beyond it a pixel has another hue than the floor in any light.
 constexpr float kOtherHue = 2.0f;
+// Share of the brightness that the tolerated noise makes up, from which pixels are averaged with their
+// neighbours first: else the tolerances would hide things in the dark.
+constexpr double kDrowning = 0.08;
+constexpr double kSmoothing = 3.0;  // what that divides the noise by
 constexpr int kAlign_px = 16;
 constexpr int kLanes = 4;             // cells that are looked at together
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
@@ -56,6 +60,29 @@ OMNIFLEET_WIDE void sumCells(const cv::Mat& image, int top, int begin, int end, 
   for (int step = channels; step <= 2 * channels; step += channels) {
 #pragma GCC ivdep
     for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + step]);
+  }
+}
+
+constexpr int kCopyRow = 16;  // bytes of a row of a copied cell: what a test may read
+
+/// Each pixel of a cell the mean of the 3×3 around it, in rows of kCopyRow.
+template <int kChannels>
+void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
+  constexpr int kRow = (kCell + 2) * kChannels;
+  std::uint16_t sums[kCell][kRow] = {};
+  const int left = std::clamp(x - 1, 0, image.cols - kCell - 2), shift = (x - 1 - left) * kChannels;
+  for (int k = -1; k <= kCell; ++k) {
+    const std::uint8_t* row = image.ptr(std::clamp(y + k, 0, image.rows - 1)) + left * kChannels;
+    for (int j = std::max(0, k - 1); j <= std::min(kCell - 1, k + 1); ++j)
+      for (int i = 0; i < kRow; ++i) sums[j][i] = static_cast<std::uint16_t>(sums[j][i] + row[i]);
+  }
+  for (int j = 0; j < kCell; ++j) {
+    for (int i = 0; i < kCell * kChannels; ++i) {
+      const int channel = i % kChannels, last = kRow - kChannels + channel;
+      int sum = 0;
+      for (int k = 0; k < 3; ++k) sum += sums[j][std::clamp(i + shift + k * kChannels, channel, last)];
+      smoothed[j * kCopyRow + i] = static_cast<std::uint8_t>((sum + 4) / 9);
+    }
   }
 }
 
@@ -258,6 +285,20 @@ int GroundSegmenter::cellsOffFloor(int x, int y, double noise) const {
   return cv::v_signmask((cv::v_abs(pr - rr) > along) | (pp * rr - pr * pr > across * across));
 }
 
+/// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes
+/// quickly it may be off by what it changes over a cell, which the noise no longer covers.
+FloorReference::Test GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
+  const cv::Mat3f& floor = reference_.colour();
+  const cv::Vec3f& r = floor(y, x);
+  const cv::Vec3f across = floor(y, std::min(x + 1, floor.cols - 1)) - floor(y, std::max(x - 1, 0)),
+                  down = floor(std::min(y + 1, floor.rows - 1), x) - floor(std::max(y - 1, 0), x);
+  const float slope = 0.5f * std::sqrt((across.dot(across) + down.dot(down)) / std::max(1.0f, r.dot(r)));
+  FloorReference::Test test = reference_.testFor(r, noise / kSmoothing);
+  const float along = std::sqrt(test.along2) + slope;
+  test.along2 = along * along;
+  return test;
+}
+
 /// What the cell is where it is object all over, kFloorLook where it may be mixed.
 Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
   const cv::Vec3f &r = reference_.colour()(y, x), &p = means_(y, x);
@@ -301,7 +342,9 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
 template <int kChannels>
 void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise) {
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
-  const FloorReference::Test limits = reference_.testFor(r, noise);
+  const bool drowns = options_.reference.noise_sigmas * noise > kDrowning * std::sqrt(r.dot(r));
+  const FloorReference::Test limits =
+      drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
   const CellTest test{
       r[0], r[1], r[2], std::max(1.0f, r.dot(r)), 1.0f / limits.along2, 1.0f / limits.across2, kOtherHue};
   const int x = cell_x * kCell, y = cell_y * kCell;
@@ -312,10 +355,13 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
   const CellBytes<const std::uint8_t> valid = at(view_->mask());
   CellBytes<const std::uint8_t> pixels{image.ptr(y) + x * kChannels,
                                        static_cast<std::ptrdiff_t>(image.step[0])};
-  std::uint8_t copy[kCell * 16];
-  if (kChannels == 3 && x + kCell + 2 > image.cols) {  // else read beyond the image's end
-    for (int k = 0; k < kCell; ++k) std::memcpy(copy + k * 16, image.ptr(y + k) + x * 3, kCell * 3);
-    pixels = {copy, 16};
+  std::uint8_t copy[kCell * kCopyRow];
+  if (drowns) {
+    smoothCell<kChannels>(image, x, y, copy);
+    pixels = {copy, kCopyRow};
+  } else if (kChannels == 3 && x + kCell + 2 > image.cols) {  // else read beyond the image's end
+    for (int k = 0; k < kCell; ++k) std::memcpy(copy + k * kCopyRow, image.ptr(y + k) + x * 3, kCell * 3);
+    pixels = {copy, kCopyRow};
   }
   if constexpr (kChannels == 3)
     testColourCell(pixels, test, valid, at(strength_), at(looks_));

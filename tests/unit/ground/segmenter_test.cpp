@@ -79,6 +79,8 @@ TEST_F(SegmenterTest, BareNoisyFloorIsFloor) {
     GroundSegmenter segmenter(camera_, view_, {});
     ASSERT_TRUE(segmenter.segment(testing::unevenFloor(model_, 0.5, noise, 3)));
     EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0) << noise;
+    ASSERT_TRUE(segmenter.segment(testing::dimFloor(model_, 24.0, 0.6 * noise, 3)));
+    EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0) << noise;
   }
 }
 
@@ -110,6 +112,38 @@ TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
   const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 250);
+}
+
+TEST_F(SegmenterTest, AnObjectInTheSeedRingOfADimRoomStaysAnObject) {
+  // A green thing and the floor differ by a few grey levels there, and blur fills the levels between.
+  cv::Mat3b image = testing::dimFloor(model_, 24.0, 0.0, 8);
+  testing::drawDisc<cv::Vec3b>(image, 450, 240, 34, {10, 32, 12});
+  const cv::Mat3b noisy = testing::withNoise(testing::blurred(image, 2.0), 2.5, 9);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(noisy));
+  Labeller labeller;
+  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  ASSERT_EQ(blobs.size(), 1U);
+  EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 350);  // a rim of 1.6 px
+}
+
+TEST_F(SegmenterTest, ThingsThatHardlyStandOutOfTheNoiseOfADimRoomAreWhole) {
+  // 3 σ of a pixel's noise are a third of the floor's brightness, as much as the discs differ from it.
+  cv::Mat3b image = testing::dimFloor(model_, 24.0, 0.0, 10);
+  truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
+  const std::vector<Disc> discs = {{160, 150, 20, {14, 15, 16}}, {480, 330, 16, {12, 16, 34}}};
+  for (const auto& d : discs) {
+    testing::drawDisc<cv::Vec3b>(image, d.u, d.v, d.r, d.colour);
+    testing::drawDisc<std::uint8_t>(truth_, d.u, d.v, d.r, 255);
+  }
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(testing::withNoise(image, 3.0, 11)));
+  Labeller labeller;
+  EXPECT_EQ(labeller.label(segmenter.objects(), segmenter.strips(), 20).size(), discs.size());
+  const cv::Mat1b truth = truth_ > 127;
+  const int common = cv::countNonZero(truth & segmenter.objects()),
+            either = cv::countNonZero(truth | segmenter.objects());
+  EXPECT_GT(common, 0.85 * either);  // a rim of a pixel around discs of 16 and 20: 0.89
 }
 
 TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "ground/floor_view.h"
@@ -39,6 +40,30 @@ inline cv::Mat3b unevenFloor(const lens::CameraModel& model, double far_share, d
     }
   }
   return image;
+}
+
+/// A copy with noise (σ in grey levels) on each channel of each pixel.
+inline cv::Mat3b withNoise(const cv::Mat3b& image, double noise, unsigned seed) {
+  cv::Mat3b noisy = image.clone();
+  std::mt19937 random(seed);
+  std::normal_distribution<double> gauss(0.0, 1.0);
+  for (auto& pixel : noisy)
+    for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(pixel[c] + noise * gauss(random));
+  return noisy;
+}
+
+/// The same floor in little light: grey `level` in the middle.
+inline cv::Mat3b dimFloor(const lens::CameraModel& model, double level, double noise, unsigned seed) {
+  cv::Mat3b image = unevenFloor(model, 0.7, 0.0, seed);
+  for (auto& pixel : image)
+    for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(pixel[c] * level / 160.0);
+  return withNoise(image, noise, seed);
+}
+
+inline cv::Mat3b blurred(const cv::Mat3b& image, double sigma_px) {
+  cv::Mat3b out;
+  cv::GaussianBlur(image, out, {}, sigma_px);
+  return out;
 }
 
 /// Anti-aliased filled disc: each pixel by its covered share (8×8 samples).
