@@ -21,6 +21,7 @@ Options Options::read(const options::Section& section) {
   section.read("max_size_m", o.max_size_m, {0.05, 100.0});
   section.read("max_contact_m", o.max_contact_m, {0.1, 100.0});
   section.read("min_beams", o.min_beams, {3, 1000});
+  section.read("match", o.match);
   section.finish();
   return o;
 }
@@ -34,8 +35,15 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
   map_.objects.clear();
   map_.scan = Scan{};
   map_.state = check(row);
-  if (map_.state != FrameState::kOk) return map_;
+  if (map_.state != FrameState::kOk) {
+    matcher_.forget();
+    return map_;
+  }
   beams_.set(row, sensor_);
+  if (options_.match) {
+    map_.motion =
+        matcher_.refine(beams_, sensor_.baseFromLaser().translation(), sensor_.range_sigma_m, wheels);
+  }
   label_.assign(beams_.size(), RayLabel::kUnknown);
   object_.assign(beams_.size(), 0);
   segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // where ranges jump

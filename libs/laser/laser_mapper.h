@@ -4,6 +4,7 @@
 
 #include "dataset/laser.h"
 #include "laser/facing_side.h"
+#include "laser/scan_match.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -17,13 +18,15 @@ struct Options {
   double max_size_m = 1.2;     ///< m, longer things are walls: in the scan, no objects
   double max_contact_m = 3.0;  ///< m, things farther away are no objects
   int min_beams = 4;           ///< echoes that make an object
+  bool match = true;           ///< the wheels' motion is corrected by what stands
   static Options read(const options::Section& section);
 };
 
 /// A laser in the camera's place (Choi et al. 2014, future work): one scan in, one local map out, of the same
 /// form, so that classifier, localizer and merger need not know. Differences: `camera_height_m` is 0 (nothing
 /// is seen over the top of things, their height stays unknown), objects have no pixels and no vectors, their
-/// hull and supports are those of the side that faces the scanner. Pure: no DDS, no clock, no thread.
+/// hull and supports are those of the side that faces the scanner; the motion is the wheels', corrected by
+/// matching the scan with the one before (`match`). Pure: no DDS, no clock, no thread.
 class LaserMapper {
  public:
   LaserMapper(const dataset::LaserSensor& sensor, const Options& options)
@@ -50,6 +53,7 @@ class LaserMapper {
   std::vector<Segment> segments_, convex_;
   std::vector<Piece> pieces_;
   FacingSide side_;
+  ScanMatcher matcher_;
   std::vector<RayLabel> label_;  ///< per beam
   std::vector<std::uint16_t> object_;
   LocalMap map_;

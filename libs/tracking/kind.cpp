@@ -222,9 +222,10 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const 
   const ObjectKind leaning = p >= 0.5 ? ObjectKind::kRobot : ObjectKind::kObstacle;
   const double sure = std::max(p, 1.0 - p);
   const ObjectKind before = track.kind;
-  // Of a robot's shape where none of the fleet can be, and just come in sight: its motion will tell.
-  const bool stranger =
-      e.shape > kFitsClearly && e.place < 0.0 && e.motion == 0.0 && track.age_s < options_.window_s;
+  // Of a robot's shape where none of the fleet can be, and just come in sight: its motion will tell. One side
+  // of it, which is all that a laser sees, is no shape to wait for.
+  const bool stranger = e.shape > kFitsClearly && e.place < 0.0 && e.motion == 0.0 &&
+                        track.age_s < options_.window_s && track.view.camera_height_m > 0.0;
   if (track.kind == ObjectKind::kUnknown) {
     if (sure >= options_.decide && !stranger) track.kind = leaning;
   } else if (leaning != track.kind && sure >= options_.change) {
