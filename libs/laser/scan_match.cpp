@@ -15,6 +15,7 @@ constexpr double kUneven_m = 0.003;                    // of surfaces, beside th
 constexpr double kWheels_m = 0.03, kWheelsRad = 0.06;  // what wheels may miss within a step
 constexpr double kLeast_m = 0.001, kLeastRad = 0.001;  // nothing is known better
 constexpr int kIterations = 10, kFewest = 30;
+constexpr double kCauchySigmas = 3.0;
 constexpr double kFirst_m = 0.30, kThen_m = 0.10;  // how far the same surface may seem off
 constexpr int kFirstIterations = 4;
 
@@ -32,7 +33,7 @@ void ScanMatcher::fitLines() {
     Line line;
     bool one = true;
     for (int k = -kAside; k <= kAside && one; ++k) {
-      const Beam& beam = before_.at(i + n + static_cast<std::size_t>(k + kAside) - kAside);
+      const Beam& beam = before_.at(i + n - kAside + static_cast<std::size_t>(k + kAside));
       one = beam.echo == Echo::kHit &&
             std::abs(beam.range_m - before_.at(i).range_m) < kFlat * before_.at(i).range_m;
       line.at += beam.point_m / (2.0 * kAside + 1.0);
@@ -66,44 +67,55 @@ const ScanMatcher::Line* ScanMatcher::nearest(const Eigen::Vector2d& point_m, do
   return best;
 }
 
+int ScanMatcher::gather(const Beams& scan, const Eigen::Vector2d& origin_m, double variance,
+                        const Pose2& pose, double within_m, Normal& normal) const {
+  const Eigen::Matrix2d axes = pose.rotation();
+  int count = 0;
+  for (const Beam& beam : scan.beam) {
+    if (beam.echo != Echo::kHit) continue;
+    const Eigen::Vector2d now = beam.point_m + origin_m, then = pose * now - origin_m;
+    const Line* line = nearest(then, within_m);
+    if (line == nullptr) continue;
+    const Eigen::Vector2d n = axes.transpose() * line->normal;
+    const Eigen::Vector3d row(n.x(), n.y(), n.dot(Eigen::Vector2d(-now.y(), now.x())));
+    const double residual = line->normal.dot(line->at - then);
+    const double misfit = residual * residual / (kCauchySigmas * kCauchySigmas * variance);
+    const double weight = 1.0 / (variance * kCorrelation * (1.0 + misfit));
+    normal.information += weight * row * row.transpose();
+    normal.gradient += weight * residual * row;
+    ++count;
+  }
+  return count;
+}
+
+Motion ScanMatcher::match(const Beams& scan, const Eigen::Vector2d& origin_m, double range_sigma_m,
+                          const Motion& wheels) const {
+  const double variance = range_sigma_m * range_sigma_m + kUneven_m * kUneven_m;
+  const Eigen::Vector3d missed(kWheels_m * kWheels_m, kWheels_m * kWheels_m, kWheelsRad * kWheelsRad);
+  const Eigen::Matrix3d prior = (wheels.covariance + Eigen::Matrix3d(missed.asDiagonal())).inverse();
+  const Pose2 from_wheels = wheels.previous_from_current.inverse();
+  Pose2 pose = wheels.previous_from_current;
+  Normal normal;
+  int count = 0;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    normal = {prior, -prior * (from_wheels * pose).vector()};
+    count = gather(scan, origin_m, variance, pose, iteration < kFirstIterations ? kFirst_m : kThen_m, normal);
+    pose = right(pose, normal.information.ldlt().solve(normal.gradient));
+  }
+  if (count < kFewest || !pose.isFinite()) return wheels;
+  const Eigen::Vector3d least(kLeast_m * kLeast_m, kLeast_m * kLeast_m, kLeastRad * kLeastRad);
+  Motion motion = wheels;
+  motion.previous_from_current = pose;
+  motion.covariance = normal.information.inverse() + Eigen::Matrix3d(least.asDiagonal());
+  return motion;
+}
+
 Motion ScanMatcher::refine(const Beams& scan, const Eigen::Vector2d& origin_m, double range_sigma_m,
                            const Motion& wheels) {
   Motion motion = wheels;
   if (wheels.valid && !before_.beam.empty()) {
     fitLines();
-    const double variance = range_sigma_m * range_sigma_m + kUneven_m * kUneven_m;
-    const Eigen::Vector3d missed(kWheels_m * kWheels_m, kWheels_m * kWheels_m, kWheelsRad * kWheelsRad);
-    const Eigen::Matrix3d prior = (wheels.covariance + Eigen::Matrix3d(missed.asDiagonal())).inverse();
-    Pose2 pose = wheels.previous_from_current;
-    Eigen::Matrix3d information = prior;
-    int count = 0;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      const Eigen::Matrix2d axes = pose.rotation();
-      const Eigen::Vector3d off = (wheels.previous_from_current.inverse() * pose).vector();
-      information = prior;
-      Eigen::Vector3d gradient = -prior * off;
-      count = 0;
-      for (const Beam& beam : scan.beam) {
-        if (beam.echo != Echo::kHit) continue;
-        const Eigen::Vector2d now = beam.point_m + origin_m, then = pose * now - origin_m;
-        const Line* line = nearest(then, iteration < kFirstIterations ? kFirst_m : kThen_m);
-        if (line == nullptr) continue;
-        const Eigen::Vector2d n = axes.transpose() * line->normal;
-        const Eigen::Vector3d row(n.x(), n.y(), n.dot(Eigen::Vector2d(-now.y(), now.x())));
-        const double residual = line->normal.dot(line->at - then);
-        const double weight =
-            1.0 / (variance * kCorrelation * (1.0 + residual * residual / (9.0 * variance)));
-        information += weight * row * row.transpose();
-        gradient += weight * residual * row;
-        ++count;
-      }
-      pose = right(pose, information.ldlt().solve(gradient));
-    }
-    if (count >= kFewest && pose.isFinite()) {
-      const Eigen::Vector3d least(kLeast_m * kLeast_m, kLeast_m * kLeast_m, kLeastRad * kLeastRad);
-      motion.previous_from_current = pose;
-      motion.covariance = information.inverse() + Eigen::Matrix3d(least.asDiagonal());
-    }
+    motion = match(scan, origin_m, range_sigma_m, wheels);
   }
   before_ = scan;
   return motion;

@@ -23,7 +23,16 @@ class ScanMatcher {
     Eigen::Vector2d at = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::Zero();
     bool valid = false;
   };
+  /// Normal equations of a step (x, y, θ) in the current base_link.
+  struct Normal {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  };
   void fitLines();
+  int gather(const Beams& scan, const Eigen::Vector2d& origin_m, double variance, const Pose2& pose,
+             double within_m, Normal& normal) const;
+  Motion match(const Beams& scan, const Eigen::Vector2d& origin_m, double range_sigma_m,
+               const Motion& wheels) const;
   const Line* nearest(const Eigen::Vector2d& point_m, double within_m) const;
 
   Beams before_;
