@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <set>
 
 #include "global_merger/candidates.h"
@@ -27,6 +28,7 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("min_views", o.min_views, {1, 1000});
   section.read("max_spread", o.max_spread, {0.5, 1000.0});
   section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
+  section.read("flat_m", o.flat_m, {0.0, 1.0});
   section.read("gone_after", o.gone_after, {1, 100000});
   section.finish();
   return o;
@@ -48,17 +50,30 @@ bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_f
          contribution.range_dmm[ray] * 1e-4 > to.norm() + kBeyondM;
 }
 
-/// The floor was seen through its middle in this many contributions after its last view.
-int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store) {
+/// The floor was seen through its middle in this many contributions after a time.
+int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns) {
   int times = 0;
   for (const auto& [robot, path] : store.robots()) {
-    for (auto it = path.upper_bound(group.views.back()->time_ns); it != path.end(); ++it) {
+    for (auto it = path.upper_bound(after_ns); it != path.end(); ++it) {
       const auto& keyframe = it->second;
       if (!keyframe.contribution || !keyframe.pose || !keyframe.pose->valid) continue;
       times += seesThrough(*keyframe.contribution, keyframe.pose->mapFromBase(), group.fit.centre_m);
     }
   }
   return times;
+}
+
+/// It has gone; or it was seen so rarely, and the floor in its place as often, that it was never there.
+bool isContradicted(const Group& group, const MergerOptions& options,
+                    const occupancy::ContributionStore& store) {
+  const int seen = static_cast<int>(group.views.size());
+  if (seen < options.gone_after && timesSeenThrough(group, store, INT64_MIN) >= seen) return true;
+  return timesSeenThrough(group, store, group.views.back()->time_ns) >= options.gone_after;
+}
+
+/// No higher than a mark on the floor, as far as can be told.
+bool isFlat(const Group& group, const MergerOptions& options) {
+  return group.fit.height_sigma_m > 0 && group.fit.height_m + group.fit.height_sigma_m < options.flat_m;
 }
 
 /// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
@@ -138,7 +153,7 @@ bool Merger::isObject(const Group& group) const {
       (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
     return false;
   }
-  return timesSeenThrough(group, map_.store()) < options_.gone_after;
+  return !isFlat(group, options_) && !isContradicted(group, options_, map_.store());
 }
 
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {

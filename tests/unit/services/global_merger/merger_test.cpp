@@ -260,6 +260,48 @@ TEST(Merger, MergedSilhouettesDoNotBendOutlines) {
   EXPECT_GT(s.iou, 0.88);
 }
 
+TEST(Merger, AMarkOnTheFloorIsNoObstacle) {
+  auto things = fiveObstacles();
+  things.push_back({boxPolygon({0.3, 0.35}, 0.35, 0.25, 0.2), 0.002});
+  FleetSim sim = arena(noisy(), 21, things);
+  const Sets sets = record(sim, 0.0, 3.0);
+  Merger merger = merged(sets, sim.bodies());
+  merger.finish();
+  const Score s = score(merger.outlines(), fiveObstacles());
+  EXPECT_EQ(s.missed, 0);
+  EXPECT_EQ(s.extra, 0);
+  MergerOptions all;
+  all.flat_m = 0.0;
+  Merger without = merged(sets, sim.bodies(), all);
+  without.finish();
+  EXPECT_EQ(score(without.outlines(), things).matched, 6);  // there was something to leave out
+}
+
+TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
+  FleetSim sim = arena(noisy(), 22);
+  auto things = fiveObstacles();
+  things.push_back({boxPolygon({0.3, 0.35}, 0.25, 0.25, 0.2), 0.15});
+  FleetSim haunted = arena(noisy(), 22, things);
+  const Sets truth = record(sim, 0.0, 3.0), ghost = record(haunted, 1.0, 1.1);
+  Sets sets = ghost;
+  for (std::size_t i = 0; i < truth.contributions.size(); ++i) {
+    const auto& c = truth.contributions[i];
+    const bool replaced =
+        std::any_of(ghost.contributions.begin(), ghost.contributions.end(),
+                    [&](const auto& g) { return g.robot == c.robot && g.acquired_ns == c.acquired_ns; });
+    if (replaced) continue;
+    sets.contributions.push_back(c);
+    sets.poses.push_back(truth.poses[i]);
+  }
+  Merger merger = merged(sets, sim.bodies());
+  merger.finish();
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
+  Merger alone = merged(ghost, sim.bodies());
+  alone.finish();
+  EXPECT_EQ(score(alone.outlines(), things).matched, 6);  // nobody says otherwise
+}
+
 TEST(Merger, TrackIdsThatChangeDoNotDoubleObjects) {
   auto sim = arena(noisy(), 11);
   Sets sets = record(sim, 0.0, 6.0);
