@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/lanes.h"
+
 namespace omnifleet::flow {
 
 LucasKanadeOptions LucasKanadeOptions::read(const options::Section& section) {
@@ -21,22 +23,90 @@ LucasKanadeOptions LucasKanadeOptions::read(const options::Section& section) {
 
 namespace {
 
-/// Bilinear window of side × side pixels around a centre; false where it leaves the image.
-bool sampleWindow(const cv::Mat1b& image, const Eigen::Vector2f& centre, int side, float* out) {
-  const float left = centre.x() - 0.5f * static_cast<float>(side - 1);
-  const float top = centre.y() - 0.5f * static_cast<float>(side - 1);
-  if (!(left >= 0.0f && top >= 0.0f)) return false;
-  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
-  if (x0 + side >= image.cols || y0 + side >= image.rows) return false;
-  const float fx = left - static_cast<float>(x0), fy = top - static_cast<float>(y0);
-  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
-  for (int y = 0; y < side; ++y, out += side) {
-    const std::uint8_t *a = image.ptr(y0 + y) + x0, *b = image.ptr(y0 + y + 1) + x0;
-    for (int x = 0; x < side; ++x)
-      out[x] = w00 * static_cast<float>(a[x]) + w01 * static_cast<float>(a[x + 1]) +
-               w10 * static_cast<float>(b[x]) + w11 * static_cast<float>(b[x + 1]);
+using lanes::Floats;
+
+constexpr int roundedUp(int n) {
+  return (n + lanes::kLanes - 1) / lanes::kLanes * lanes::kLanes;
+}
+
+/// A window of side × side pixels anywhere between the pixels; rows are rounded up to whole vectors, what is
+/// too much has no meaning.
+struct Window {
+  const std::uint8_t* first;  ///< the pixel at its top left or the one before
+  std::ptrdiff_t step;
+  float w00, w01, w10, w11;  ///< bilinear
+};
+
+/// Eight pixels of a window.
+OMNIFLEET_INLINE Floats sample(const Window& window, int x, int y) {
+  const std::uint8_t *a = window.first + y * window.step + x, *b = a + window.step;
+  return window.w00 * lanes::floatsFromBytes(a) + window.w01 * lanes::floatsFromBytes(a + 1) +
+         window.w10 * lanes::floatsFromBytes(b) + window.w11 * lanes::floatsFromBytes(b + 1);
+}
+
+OMNIFLEET_WIDE void copyWindow(const Window& window, int side, float* out) {
+  const int columns = roundedUp(side);
+  for (int y = 0; y < side; ++y)
+    for (int x = 0; x < columns; x += lanes::kLanes, out += lanes::kLanes)
+      lanes::store(sample(window, x, y), out);
+}
+
+/// Gradients of `wide`, which has a margin of one pixel: weighted ones, the pixels themselves and the sums of
+/// AᵀWA.
+OMNIFLEET_WIDE void differentiate(const float* wide, int side, const float* weight, float* pixels, float* gx,
+                                  float* gy, float (&sums)[3]) {
+  const int columns = roundedUp(side), step = roundedUp(side + 2);
+  Floats xx{}, xy{}, yy{};
+  for (int y = 0; y < side; ++y) {
+    const float* row = wide + (y + 1) * step + 1;
+    for (int x = 0; x < columns; x += lanes::kLanes) {
+      const int i = y * columns + x;
+      const auto at = [row, x](int offset) { return lanes::load<Floats>(row + x + offset); };
+      const Floats dx = 0.5f * (at(1) - at(-1)), dy = 0.5f * (at(step) - at(-step));
+      const auto w = lanes::load<Floats>(weight + i);  // 0 beyond the window
+      const Floats wx = dx * w, wy = dy * w;
+      lanes::store(at(0), pixels + i);
+      lanes::store(wx, gx + i);
+      lanes::store(wy, gy + i);
+      xx += wx * dx;
+      xy += wx * dy;
+      yy += wy * dy;
+    }
   }
-  return true;
+  sums[0] = lanes::sum(xx);
+  sums[1] = lanes::sum(xy);
+  sums[2] = lanes::sum(yy);
+}
+
+/// Σ a·(pixels − window), Σ b·(pixels − window).
+OMNIFLEET_WIDE Eigen::Vector2f correlate(const Window& window, int side, const float* pixels, const float* a,
+                                         const float* b) {
+  const int columns = roundedUp(side);
+  Floats sum_a{}, sum_b{};
+  for (int y = 0, i = 0; y < side; ++y) {
+    for (int x = 0; x < columns; x += lanes::kLanes, i += lanes::kLanes) {
+      const Floats d = lanes::load<Floats>(pixels + i) - sample(window, x, y);
+      sum_a += lanes::load<Floats>(a + i) * d;
+      sum_b += lanes::load<Floats>(b + i) * d;
+    }
+  }
+  return {lanes::sum(sum_a), lanes::sum(sum_b)};
+}
+
+/// Weighted standard deviation of the differences: light may change between frames.
+OMNIFLEET_WIDE float spread(const Window& window, int side, const float* pixels, const float* weight) {
+  const int columns = roundedUp(side);
+  Floats mean{}, square{};
+  for (int y = 0, i = 0; y < side; ++y) {
+    for (int x = 0; x < columns; x += lanes::kLanes, i += lanes::kLanes) {
+      const Floats d = lanes::load<Floats>(pixels + i) - sample(window, x, y);
+      const Floats weighted = lanes::load<Floats>(weight + i) * d;
+      mean += weighted;
+      square += weighted * d;
+    }
+  }
+  const float m = lanes::sum(mean);
+  return std::sqrt(std::max(0.0f, lanes::sum(square) - m * m));
 }
 
 }  // namespace
@@ -50,28 +120,39 @@ LucasKanade::LucasKanade(const LucasKanadeOptions& options)
   for (int y = -r; y <= r; ++y)
     for (int x = -r; x <= r; ++x) sum += weight(x, y);
   std::size_t i = 0;
-  for (int y = -r; y <= r; ++y)
+  for (int y = -r; y <= r; ++y, i += static_cast<std::size_t>(roundedUp(side_) - side_))
     for (int x = -r; x <= r; ++x) weight_[i++] = static_cast<float>(weight(x, y) / sum);
+}
+
+/// Calls use(window) for the window around a centre; false where it leaves the image.
+template <typename Use>
+bool LucasKanade::withWindow(const cv::Mat1b& image, const Eigen::Vector2f& centre, int side, Use use) {
+  const float left = centre.x() - 0.5f * static_cast<float>(side - 1);
+  const float top = centre.y() - 0.5f * static_cast<float>(side - 1);
+  if (!(left >= 0.0f && top >= 0.0f)) return false;
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  if (x0 + side >= image.cols || y0 + side >= image.rows) return false;
+  const float fx = left - static_cast<float>(x0), fy = top - static_cast<float>(y0);
+  Window window{image.ptr(y0) + x0,  static_cast<std::ptrdiff_t>(image.step1()),
+                (1 - fx) * (1 - fy), fx * (1 - fy),
+                (1 - fx) * fy,       fx * fy};
+  if (x0 + roundedUp(side) >= image.cols) {  // the vectors would reach beyond the image's last row
+    for (int y = 0; y <= side; ++y)
+      std::copy_n(image.ptr(y0 + y) + x0, side + 1, edge_.data() + y * kEdgeStep);
+    window.first = edge_.data();
+    window.step = kEdgeStep;
+  }
+  use(window);
+  return true;
 }
 
 bool LucasKanade::prepare(const cv::Mat1b& image, const Eigen::Vector2f& centre) {
   const int wide = side_ + 2;
-  if (!sampleWindow(image, centre, wide, wide_.data())) return false;
-  float xx = 0, xy = 0, yy = 0;
-  for (int y = 0; y < side_; ++y) {
-    const float* c = wide_.data() + (y + 1) * wide + 1;
-    for (int x = 0; x < side_; ++x) {
-      const int i = y * side_ + x;
-      const auto k = static_cast<std::size_t>(i);
-      const float dx = 0.5f * (c[x + 1] - c[x - 1]), dy = 0.5f * (c[x + wide] - c[x - wide]);
-      template_[k] = c[x];
-      gx_[k] = dx * weight_[k];
-      gy_[k] = dy * weight_[k];
-      xx += gx_[k] * dx;
-      xy += gx_[k] * dy;
-      yy += gy_[k] * dy;
-    }
-  }
+  const auto copy = [&](const Window& window) { copyWindow(window, wide, wide_.data()); };
+  if (!withWindow(image, centre, wide, copy)) return false;
+  float sums[3];
+  differentiate(wide_.data(), side_, weight_.data(), template_.data(), gx_.data(), gy_.data(), sums);
+  const auto [xx, xy, yy] = sums;
   const float determinant = xx * yy - xy * xy;
   const float smaller = 0.5f * (xx + yy - std::sqrt((xx - yy) * (xx - yy) + 4.0f * xy * xy));
   if (smaller < static_cast<float>(options_.min_eigenvalue) || determinant <= 0.0f) return false;
@@ -83,28 +164,20 @@ bool LucasKanade::prepare(const cv::Mat1b& image, const Eigen::Vector2f& centre)
 
 bool LucasKanade::iterate(const cv::Mat1b& image, Eigen::Vector2f& centre, float& residual) {
   const auto epsilon2 = static_cast<float>(options_.epsilon_px * options_.epsilon_px);
-  const auto n = static_cast<std::size_t>(side_ * side_);
+  Eigen::Vector2f b;
+  const auto compare = [&](const Window& window) {
+    b = correlate(window, side_, template_.data(), gx_.data(), gy_.data());
+  };
   for (int k = 0; k < options_.iterations; ++k) {
-    if (!sampleWindow(image, centre, side_, patch_.data())) return false;
-    float bx = 0, by = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      const float d = template_[i] - patch_[i];
-      bx += gx_[i] * d;
-      by += gy_[i] * d;
-    }
-    const Eigen::Vector2f step(inverse_[0] * bx + inverse_[1] * by, inverse_[1] * bx + inverse_[2] * by);
+    if (!withWindow(image, centre, side_, compare)) return false;
+    const Eigen::Vector2f step(inverse_[0] * b.x() + inverse_[1] * b.y(),
+                               inverse_[1] * b.x() + inverse_[2] * b.y());
     centre += step;
     if (step.squaredNorm() < epsilon2) break;
   }
-  float sum = 0, mean = 0;
-  if (!sampleWindow(image, centre, side_, patch_.data())) return false;
-  for (std::size_t i = 0; i < n; ++i) mean += weight_[i] * (template_[i] - patch_[i]);
-  for (std::size_t i = 0; i < n; ++i) {
-    const float d = template_[i] - patch_[i] - mean;  // light may change between frames
-    sum += weight_[i] * d * d;
-  }
-  residual = std::sqrt(sum);
-  return true;
+  return withWindow(image, centre, side_, [&](const Window& window) {
+    residual = spread(window, side_, template_.data(), weight_.data());
+  });
 }
 
 bool LucasKanade::follow(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,

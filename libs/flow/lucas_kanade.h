@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstdint>
 
 #include "flow/pyramid.h"
 #include "options/options.h"
@@ -41,16 +42,20 @@ class LucasKanade {
 
  private:
   static constexpr int kMaxSide = 2 * kMaxRadius + 1;
-  using Patch = std::array<float, (kMaxSide + 2) * (kMaxSide + 2)>;
+  static constexpr int kMaxColumns = 24;  ///< of a window, and of one with a margin: whole vectors
+  static constexpr int kEdgeStep = kMaxColumns + 8;
+  using Patch = std::array<float, kMaxColumns*(kMaxSide + 2) + 8>;
 
   bool prepare(const cv::Mat1b& image, const Eigen::Vector2f& centre);
   bool iterate(const cv::Mat1b& image, Eigen::Vector2f& centre, float& residual);
+  template <typename Use>
+  bool withWindow(const cv::Mat1b& image, const Eigen::Vector2f& centre, int side, Use use);
 
   LucasKanadeOptions options_;
   int side_;
-  std::array<float, kMaxSide * kMaxSide> weight_{}, template_{}, gx_{}, gy_{};
-  Patch wide_{}, patch_{};
-  float inverse_[3] = {0, 0, 0};  // of AᵀWA: xx, xy, yy
+  Patch weight_{}, template_{}, gx_{}, gy_{}, wide_{};
+  std::array<std::uint8_t, kEdgeStep*(kMaxSide + 3)> edge_{};  ///< pixels of a window at the image's edge
+  float inverse_[3] = {0, 0, 0};                               // of AᵀWA: xx, xy, yy
 };
 
 }  // namespace omnifleet::flow

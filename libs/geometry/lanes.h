@@ -14,7 +14,6 @@ namespace omnifleet::lanes {
 inline constexpr int kLanes = 8;
 using Floats = float __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(32)));
-using Bytes = std::uint8_t __attribute__((vector_size(8)));
 
 template <typename Vector>
 OMNIFLEET_INLINE Vector load(const void* from) {
@@ -34,7 +33,19 @@ OMNIFLEET_INLINE Floats floats(const Ints& v) {
 }
 /// Eight bytes as numbers.
 OMNIFLEET_INLINE Floats floatsFromBytes(const std::uint8_t* from) {
-  return __builtin_convertvector(load<Bytes>(from), Floats);
+  // By unpacking: compilers take a conversion of bytes to floats apart into single numbers.
+  using Bytes = std::uint8_t __attribute__((vector_size(16)));
+  using Shorts = std::uint16_t __attribute__((vector_size(16)));
+  using Four = std::int32_t __attribute__((vector_size(16)));
+  using Long = std::uint64_t __attribute__((vector_size(16)));
+  const Long half = {load<std::uint64_t>(from), 0};
+  const auto bytes = load<Bytes>(&half);
+  const Bytes wide =
+      __builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+  const auto shorts = load<Shorts>(&wide);
+  const Shorts low = __builtin_shufflevector(shorts, Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11),
+               high = __builtin_shufflevector(shorts, Shorts{}, 4, 12, 5, 13, 6, 14, 7, 15);
+  return floats(__builtin_shufflevector(load<Four>(&low), load<Four>(&high), 0, 1, 2, 3, 4, 5, 6, 7));
 }
 /// Towards zero.
 OMNIFLEET_INLINE Ints truncated(const Floats& v) {

@@ -100,10 +100,4 @@ void FloorView::drawCells(const lens::Camera& camera, const ViewOptions& options
   }
 }
 
-bool FloorView::nearBorder(float u, float v) const {
-  const int x = cvRound(u), y = cvRound(v);
-  if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return true;
-  return border_(y, x) != 0;
-}
-
 }  // namespace omnifleet::ground

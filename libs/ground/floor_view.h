@@ -37,7 +37,11 @@ class FloorView {
   /// Full resolution, 255 where floor may be seen, else 0.
   const cv::Mat1b& mask() const { return mask_; }
   /// Full resolution, 255 within 2 px of the outside of mask(): an outline there is cut, not seen.
-  bool nearBorder(float u, float v) const;
+  bool nearBorder(float u, float v) const {
+    const int x = cvRound(u), y = cvRound(v);
+    if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return true;
+    return border_(y, x) != 0;
+  }
   /// Per cell: 0 outside, 1 partly inside, 2 wholly inside.
   const cv::Mat1b& coverage() const { return coverage_; }
   /// Per cell: 255 where the cell seeds the ground model.

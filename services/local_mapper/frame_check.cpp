@@ -19,7 +19,7 @@ FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
 FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& view,
                        const FrameCheckOptions& options)
     : size_(model.image_width_px, model.image_height_px), options_(options) {
-  constexpr int kStep_px = 8;  // a sixty-fourth of the pixels tells the exposure
+  constexpr int kStep_px = 16;  // a few thousand pixels tell the exposure
   for (int y = 0; y < size_.height; y += kStep_px)
     for (int x = 0; x < size_.width; x += kStep_px)
       if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);

@@ -110,8 +110,35 @@ void Silhouette::findContact(ObjectObservation& object) const {
   }
 }
 
+/// Leaves out what lies within a triangle of two other points and the middle of all: it is no corner of the
+/// hull. Exact, as whatever is doubtful stays.
+void Silhouette::findOutermost() {
+  constexpr double kDoubt_m2 = 1e-12;  // far above the rounding of an area
+  Eigen::Vector2d middle(0.0, 0.0);
+  for (const Eigen::Vector2d& p : floor_.points_m) middle += p;
+  middle /= static_cast<double>(floor_.points_m.size());
+  const auto area = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
+    return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+  };
+  const auto isWithin = [&](std::size_t i, std::size_t before, std::size_t after) {
+    const auto &p = floor_.points_m[i], &a = floor_.points_m[before], &b = floor_.points_m[after];
+    const double sign = area(a, b, middle) > 0.0 ? 1.0 : -1.0;
+    return sign * area(a, b, p) > kDoubt_m2 && sign * area(b, middle, p) > kDoubt_m2 &&
+           sign * area(middle, a, p) > kDoubt_m2;
+  };
+  outermost_.clear();
+  for (std::size_t i = 0; i < floor_.points_m.size(); ++i) {
+    while (outermost_.size() >= 2 && isWithin(outermost_.back(), outermost_[outermost_.size() - 2], i))
+      outermost_.pop_back();
+    outermost_.push_back(i);
+  }
+  outermost_m_.clear();
+  for (const std::size_t i : outermost_) outermost_m_.push_back(floor_.points_m[i]);
+}
+
 void Silhouette::measureHull(ObjectObservation& object) {
-  const Polygon hull = outline::convexHull(floor_.points_m);
+  findOutermost();
+  const Polygon hull = outline::convexHull(outermost_m_);
   object.hull_m.assign(hull.begin(), hull.end());
   double area = 0.0;
   for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
@@ -165,8 +192,8 @@ Eigen::Matrix2d Silhouette::jacobian(const Eigen::Vector2f& pixel) const {
 void Silhouette::measureSupports(ObjectObservation& object) {
   corners_.clear();
   for (const auto& vertex : object.hull_m) {
-    const auto found = std::find(floor_.points_m.begin(), floor_.points_m.end(), vertex);
-    const auto i = static_cast<std::size_t>(found - floor_.points_m.begin());
+    const auto found = std::find(outermost_m_.begin(), outermost_m_.end(), vertex);
+    const std::size_t i = outermost_[static_cast<std::size_t>(found - outermost_m_.begin())];
     corners_.push_back({vertex - camera_->foot(), jacobian(floor_.pixels[i]), floor_.cut[i] != 0});
   }
   supportsFromCorners(object);

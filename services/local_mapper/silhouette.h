@@ -63,6 +63,7 @@ class Silhouette {
   void projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides);
   void findContact(ObjectObservation& object) const;
   void measureHull(ObjectObservation& object);
+  void findOutermost();
   void measureCentroid(const ground::Blob& blob, ObjectObservation& object) const;
   void measureSupports(ObjectObservation& object);
   void supportsFromCorners(ObjectObservation& object);
@@ -82,6 +83,8 @@ class Silhouette {
   SilhouetteOptions options_;
   std::vector<Eigen::Vector2d> directions_;
   FloorContour floor_;
+  std::vector<std::size_t> outermost_;  ///< points of it that may be corners of its hull
+  Polygon outermost_m_;
   std::size_t rejected_ = 0;
   bool is_hidden_ = false;  ///< something stands before the region
   std::vector<Corner> corners_;
