@@ -7,6 +7,7 @@ namespace omnifleet::bench {
 namespace {
 
 constexpr int kMinArea_px = 200, kMaxCorners = 500;
+constexpr double kMaxReturn_px = 0.5;  // forward–backward error, as ours
 
 }  // namespace
 
@@ -37,8 +38,15 @@ void NaiveMapper::follow() {
   cv::goodFeaturesToTrack(grey_, corners_, kMaxCorners, 0.01, 5, cv::noArray(), 3, true, 0.04);
   followed_.assign(corners_.size(), 0);
   if (!previous_grey_.empty() && !corners_.empty()) {
-    cv::calcOpticalFlowPyrLK(grey_, previous_grey_, corners_, previous_corners_, followed_, error_,
-                             cv::Size(21, 21), 3);
+    const cv::Size window(21, 21);
+    cv::calcOpticalFlowPyrLK(grey_, previous_grey_, corners_, previous_corners_, followed_, error_, window,
+                             3);
+    cv::calcOpticalFlowPyrLK(previous_grey_, grey_, previous_corners_, returned_, returned_well_, error_,
+                             window, 3);
+    for (std::size_t i = 0; i < corners_.size(); ++i) {
+      const bool back = returned_well_[i] != 0 && cv::norm(returned_[i] - corners_[i]) <= kMaxReturn_px;
+      followed_[i] = followed_[i] != 0 && back ? 1 : 0;
+    }
   }
   grey_.copyTo(previous_grey_);
 }

@@ -11,8 +11,9 @@ namespace omnifleet::bench {
 
 /// The local mapper as one would write it first, with OpenCV at every step: the whole frame is mapped back to
 /// the floor plane (maps computed once), ground by back-projection of its histogram, connected components,
-/// Harris corners over the whole frame, pyramidal Lucas–Kanade, a hull for every region. It finds the objects
-/// that ours finds (fairness.h counts), though less exactly.
+/// Harris corners over the whole frame, pyramidal Lucas–Kanade there and back (what does not return is
+/// dropped, as in ours), a hull for every region. It finds the objects that ours finds (fairness.h counts),
+/// though less exactly: no sub-pixel outline, no supports, no scan, no filter of the vectors by label.
 class NaiveMapper {
  public:
   explicit NaiveMapper(const lens::Camera& camera) : remap_(camera) {}
@@ -41,8 +42,8 @@ class NaiveMapper {
   cv::Mat1b ground_, objects_, grey_, previous_grey_;
   cv::Mat histogram_, statistics_, centroids_;
   cv::Mat1i labels_;
-  std::vector<cv::Point2f> corners_, previous_corners_;
-  std::vector<unsigned char> followed_;
+  std::vector<cv::Point2f> corners_, previous_corners_, returned_;
+  std::vector<unsigned char> followed_, returned_well_;
   std::vector<float> error_;
   std::vector<Region> regions_;
 };
