@@ -44,9 +44,13 @@ class Colours {
 /// The blob's box with a margin; distance (chessboard) of every pixel to the blob's class, up to the margin.
 struct Window {
   int left, top, width, height;
-  std::vector<int> distance;
+  std::vector<int> distance;  ///< with a frame of one pixel
 
-  int at(int x, int y) const { return distance[static_cast<std::size_t>((y - top) * width + x - left)]; }
+  int step() const { return width + 2; }
+  std::size_t indexOf(int x, int y) const {
+    return static_cast<std::size_t>((y - top + 1) * step() + x - left + 1);
+  }
+  int at(int x, int y) const { return distance[indexOf(x, y)]; }
 };
 
 Window windowOf(const cv::Mat& bgr, const ColourTable& table, const Blob& blob) {
@@ -55,28 +59,26 @@ Window windowOf(const cv::Mat& bgr, const ColourTable& table, const Blob& blob) 
   w.top = std::max(0, blob.top - kRing_px);
   w.width = std::min(bgr.cols - 1, blob.right + kRing_px) - w.left + 1;
   w.height = std::min(bgr.rows - 1, blob.bottom + kRing_px) - w.top + 1;
-  w.distance.assign(static_cast<std::size_t>(w.width * w.height), kRing_px + 1);
-  const auto at = [&](int x, int y) -> int& {
-    return w.distance[static_cast<std::size_t>((y - w.top) * w.width + x - w.left)];
-  };
+  w.distance.assign(static_cast<std::size_t>(w.step() * (w.height + 2)), kRing_px + 1);
   for (int y = blob.top; y <= blob.bottom; ++y) {
     const std::uint8_t* row = bgr.ptr<std::uint8_t>(y);
-    for (int x = blob.left; x <= blob.right; ++x)
-      if (table.classOf(row + 3 * x) == blob.colour) at(x, y) = 0;
+    int* to = w.distance.data() + w.indexOf(blob.left, y);
+    for (int x = blob.left; x <= blob.right; ++x, ++to)
+      if (table.classOf(row + 3 * x) == blob.colour) *to = 0;
   }
   // Once down and once up again: exact for the chessboard distance.
-  const int right = w.left + w.width - 1, bottom = w.top + w.height - 1;
-  const auto spread = [&](int x, int y, int step) {  // from the row before and the pixel before
-    int& d = at(x, y);
-    const int row = y - step;
-    for (int u = std::max(w.left, x - 1); row >= w.top && row <= bottom && u <= std::min(right, x + 1); ++u)
-      d = std::min(d, at(u, row) + 1);
-    if (x - step >= w.left && x - step <= right) d = std::min(d, at(x - step, y) + 1);
+  const int step = w.step();
+  const auto spread = [](int* at, int row, int pixel) {  // offsets of the row before and the pixel before
+    *at = std::min({*at, at[row - 1] + 1, at[row] + 1, at[row + 1] + 1, at[pixel] + 1});
   };
-  for (int y = w.top; y <= bottom; ++y)
-    for (int x = w.left; x <= right; ++x) spread(x, y, 1);
-  for (int y = bottom; y >= w.top; --y)
-    for (int x = right; x >= w.left; --x) spread(x, y, -1);
+  for (int y = 0; y < w.height; ++y) {
+    int* row = w.distance.data() + (y + 1) * step + 1;
+    for (int x = 0; x < w.width; ++x) spread(row + x, -step, -1);
+  }
+  for (int y = w.height; y-- > 0;) {
+    int* row = w.distance.data() + (y + 1) * step + 1;
+    for (int x = w.width; x-- > 0;) spread(row + x, step, 1);
+  }
   return w;
 }
 
@@ -97,6 +99,9 @@ class PlaneUnder {
         nodes_[j][i] = *point;
       }
     }
+    left_ = w.left;
+    columns_.clear();
+    for (int x = 0; x < w.width; ++x) columns_.push_back(weights(u_, w.left + x));
     return true;
   }
   void setRow(double v) {
@@ -110,9 +115,9 @@ class PlaneUnder {
       }
     }
   }
-  /// Of the row set last: the point, and the area of the pixel on the plane, m².
-  void at(double u, Eigen::Vector2d& point, double& area) const {
-    const Weights w = weights(u_, u);
+  /// Of the row set last: the point under column u, and the area of the pixel on the plane, m².
+  void at(int u, Eigen::Vector2d& point, double& area) const {
+    const Weights& w = columns_[static_cast<std::size_t>(u - left_)];
     Eigen::Vector2d right(0.0, 0.0), down(0.0, 0.0);
     point.setZero();
     for (int i = 0; i < kNodes; ++i) {
@@ -136,6 +141,8 @@ class PlaneUnder {
             {-scale * (c * d + b * d + b * c) / 6.0, scale * (c * d + a * d + a * c) / 2.0,
              -scale * (b * d + a * d + a * b) / 2.0, scale * (b * c + a * c + a * b) / 6.0}};
   }
+  int left_ = 0;
+  std::vector<Weights> columns_;
   double u_[kNodes], v_[kNodes];
   Eigen::Vector2d nodes_[kNodes][kNodes], row_[kNodes], down_[kNodes];
 };
@@ -159,6 +166,7 @@ std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const 
   const Eigen::Vector3d axis = own - around;
   if (axis.norm() < 20.0) return std::nullopt;
 
+  const double contrast2 = axis.squaredNorm();
   PlaneUnder plane;
   if (!plane.cover(camera, plane_height_m, window)) return std::nullopt;
   Patch patch;
@@ -171,7 +179,7 @@ std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const 
     plane.setRow(y);
     for (int x = window.left; x < window.left + window.width; ++x) {
       if (window.at(x, y) > kReach_px) continue;
-      const double share = (colourAt(bgr, x, y) - around).dot(axis) / axis.squaredNorm();
+      const double share = (colourAt(bgr, x, y) - around).dot(axis) / contrast2;
       Eigen::Vector2d here;
       double area = 0.0;
       plane.at(x, here, area);
