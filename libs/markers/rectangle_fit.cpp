@@ -8,7 +8,8 @@ namespace omnifleet::markers {
 namespace {
 
 constexpr int kIterations = 5;
-constexpr double kSettled = 1e-7;       // metres and radians: a smaller step ends the iteration
+constexpr double kSettled =
+    1e-5;  // metres and radians: a smaller step ends the iteration, the next is far below 1 µm
 constexpr double kBlur_px = 0.45;       // σ of a camera's point spread with the pixel's own width
 constexpr double kCoverageSigma = 0.1;  // of one pixel's coverage: colour noise and compression
 
