@@ -12,15 +12,19 @@
 namespace omnifleet::estimation {
 
 /// (focal length ε 1, height over the floor η 1, roll rad, pitch rad): calibrated value minus true one; ε and
-/// η relative to the true one.
-using CameraError = Eigen::Vector4d;
+/// η relative to the true one. Then how far outlines are seen too large all round, rad of the ray's angle:
+/// blur, compression and a tone curve move every contour by a part of a pixel, which would otherwise be taken
+/// for a wrong height or focal length.
+using CameraError = Eigen::Matrix<double, 5, 1>;
+constexpr int kCameraErrors = CameraError::RowsAtCompileTime;
 
 /// Priors: what calibrations are worth.
 struct CameraOptions {
-  bool estimate = true;            ///< false: cameras are as their calibrations say
-  double focal_sigma = 0.003;      ///< 1, relative
-  double height_sigma = 0.002;     ///< 1, relative; outlines half a millimetre too large look like as much
-  double tilt_sigma_rad = 0.0035;  ///< rad, roll and pitch each (0.2°)
+  bool estimate = true;              ///< false: cameras are as their calibrations say
+  double focal_sigma = 0.003;        ///< 1, relative
+  double height_sigma = 0.001;       ///< 1, relative; outlines a little too large look much like it
+  double tilt_sigma_rad = 0.0035;    ///< rad, roll and pitch each (0.2°)
+  double contour_sigma_rad = 0.002;  ///< rad, 0.3 pixels at 640 × 480: sharp, blurred, compressed
 
   static CameraOptions read(const options::Section& section);
   CameraError sigma() const;
@@ -33,5 +37,10 @@ struct CameraOptions {
 ///   tilt    H·t + p·(p·t)/H               (the ray (p, −H) turned about the base's axes)
 /// The tops of things are seen by the same rays, so it holds for whole silhouettes. Zero for a laser (H = 0).
 Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m);
+
+/// By how much the tangent with unit normal n, which touches an outline at p, moves out where the outline is
+/// seen too large by 1 rad: |Jᵀ·n|, J the floor by the angles, H·(1 + u²) along p and H·u/atan(u) across.
+/// Metres per radian; zero for a laser.
+double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, double camera_height_m);
 
 }  // namespace omnifleet::estimation

@@ -456,7 +456,7 @@ Eigen::Vector4d FleetEstimator::detectorModel(const std::string& robot) const {
   return impl_->fleet.graph.value(node.detector);
 }
 
-Eigen::Vector4d FleetEstimator::cameraError(const std::string& robot) const {
+CameraError FleetEstimator::cameraError(const std::string& robot) const {
   return impl_->fleet.cameraError(impl_->node(robot));
 }
 

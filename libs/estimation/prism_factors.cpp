@@ -18,7 +18,7 @@ PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int o
   }
   root_weight_.assign(directions_.size(), 1.0);
   set_num_residuals(static_cast<int>(directions_.size()));
-  *mutable_parameter_block_sizes() = {3, object_size, 4};
+  *mutable_parameter_block_sizes() = {3, object_size, kCameraErrors};
 }
 
 double PrismFactor::reweight(double const* const* parameters) {
@@ -74,10 +74,11 @@ void PrismFactor::differentiate(std::size_t row, const Prediction& p, double wei
     jacobians[1][objects * row + 2] -= shadow ? by_inverse / camera_height_m : 0.0;
   if (jacobians[2] == nullptr) return;
   const CameraError& by_error = view_->by_error[static_cast<std::size_t>(directions_[row])];
-  for (std::size_t c = 0; c < 4; ++c)
-    jacobians[2][4 * row + c] = -weight * by_error(static_cast<Eigen::Index>(c));
+  constexpr std::size_t kErrors = kCameraErrors;
+  for (std::size_t c = 0; c < kErrors; ++c)
+    jacobians[2][kErrors * row + c] = -weight * by_error(static_cast<Eigen::Index>(c));
   if (!shadow) return;
-  jacobians[2][4 * row + 1] -=
+  jacobians[2][kErrors * row + 1] -=
       by_inverse * p.height_m / (camera_height_m * camera_height_m) * view_->seen_camera_height_m;
 }
 

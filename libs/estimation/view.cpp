@@ -44,7 +44,11 @@ CameraError View::derivativeAt(std::size_t direction) const {
   slope /= std::max(1, sides);
   const double phi = step * static_cast<double>(direction);
   const Eigen::Vector2d n(std::cos(phi), std::sin(phi)), across(-n.y(), n.x());
-  return (n.transpose() * cameraField(b * n + slope * across, seen_camera_height_m)).transpose();
+  const Eigen::Vector2d p = b * n + slope * across;
+  CameraError derivative;
+  derivative << (n.transpose() * cameraField(p, seen_camera_height_m)).transpose(),
+      contourField(p, n, seen_camera_height_m);
+  return derivative;
 }
 
 void View::assume(const CameraError& other) {

@@ -112,7 +112,8 @@ TEST(Factors, PrismDerivativesAgreeWithDifferences) {
   shape->add(*view, landmark_from_map * seen_from, 0.2);
   shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), landmark_from_map * other, 0.2);
   shape->finish();
-  const Eigen::Vector4d camera(0.003, -0.006, 0.004, -0.002);
+  CameraError camera;
+  camera << 0.003, -0.006, 0.004, -0.002, 0.001;
   const LandmarkViewFactor mark(view, shape, 48);
   // Kinks (contact to far side, corner to corner) are not hit at this generic place.
   EXPECT_LT(derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012),
@@ -141,7 +142,8 @@ TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   const Pose2 fresh{0.2, 1.1, -0.3};
   LandmarkViewFactor factor(std::make_shared<const View>(viewOf(prism, fresh, {0.0, 0.0}, 0.5)), shape, 96);
   const Eigen::Vector3d pose = fresh.vector();
-  const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3), camera = Eigen::Vector4d::Zero();
+  const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3);
+  const CameraError camera = CameraError::Zero();
   const double* values[] = {pose.data(), mark.data(), camera.data()};
   // Interpolated supports lie outside by up to edge/2 · tan(step/2) = 5 mm, only next to the four edge
   // normals.

@@ -284,7 +284,7 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
   result.nees /= n;
   result.heading_nees /= n;
   for (int r = 0; r < simulation.robots; ++r) {
-    const Eigen::Vector4d off = estimator.cameraError(FleetSimulator::name(r)) - simulator.cameraError(r);
+    const Eigen::Vector4d off = estimator.cameraError(FleetSimulator::name(r)).head<4>() - simulator.cameraError(r);
     result.camera += off.cwiseAbs2() / simulation.robots;
   }
   result.camera = result.camera.cwiseSqrt();
