@@ -21,7 +21,7 @@ constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
 constexpr float kOtherHue = 2.0f;
 // Share of the brightness that the tolerated noise makes up, from which pixels are averaged with their
 // neighbours first: else the tolerances would hide things in the dark.
-constexpr double kDrowning = 0.08;
+constexpr double kDrowning = 0.12;
 constexpr double kSmoothing = 3.0;  // what that divides the noise by
 constexpr int kAlign_px = 16;
 constexpr int kLanes = 4;             // cells that are looked at together
