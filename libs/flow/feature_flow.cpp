@@ -9,6 +9,7 @@ FeatureFlowOptions FeatureFlowOptions::read(const options::Section& section) {
   o.harris = HarrisOptions::read(section.child("harris"));
   o.lucas_kanade = LucasKanadeOptions::read(section.child("lucas_kanade"));
   o.filter = VectorFilterOptions::read(section.child("filter"));
+  o.points = PointOptions::read(section.child("points"));
   section.read("sigma_px", o.sigma_px, {0.01, 5.0});
   section.finish();
   return o;
@@ -19,6 +20,7 @@ FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& o
       options_(options),
       harris_(options.harris),
       lucas_kanade_(options.lucas_kanade),
+      points_(camera, options.points, options.sigma_px),
       previous_(options.lucas_kanade.levels),
       current_(options.lucas_kanade.levels) {}
 
@@ -72,6 +74,7 @@ void FeatureFlow::finish(const Motion& motion, ObjectObservation& object) {
   }
   kept_.clear();
   for (const std::size_t i : filterVectors(displacements_, options_.filter)) {
+    points_.follow(found_[i].from_px, found_[i].to_px);
     object.vectors.push_back(found_[i]);
     kept_.push_back(displacements_[i]);
   }
@@ -89,6 +92,7 @@ void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vecto
   }
   if (!has_previous_) return;
   const auto& corners = harris_.detect(current_.grey(), blobs, which);
+  points_.advance(motion);
   const Pose2 own = motion.valid ? motion.previous_from_current : Pose2{};
   std::size_t next = 0;
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -99,6 +103,9 @@ void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vecto
     }
     finish(motion, objects[i]);
   }
+  auto point = points_.points().begin();
+  for (auto& object : objects)
+    for (FlowVector& vector : object.vectors) vector.point = *point++;
 }
 
 }  // namespace omnifleet::flow

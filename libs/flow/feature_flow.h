@@ -4,6 +4,7 @@
 
 #include "flow/harris.h"
 #include "flow/lucas_kanade.h"
+#include "flow/point_tracks.h"
 #include "flow/vector_filter.h"
 #include "ground/labelling.h"
 #include "lens/camera.h"
@@ -15,6 +16,7 @@ struct FeatureFlowOptions {
   HarrisOptions harris;             ///< `harris`
   LucasKanadeOptions lucas_kanade;  ///< `lucas_kanade`
   VectorFilterOptions filter;       ///< `filter`
+  PointOptions points;              ///< `points`
   double sigma_px = 0.15;           ///< pixels: σ of one followed point, for the noise on the floor
   static FeatureFlowOptions read(const options::Section& section);
 };
@@ -30,7 +32,10 @@ class FeatureFlow {
   /// Takes the next frame; the one before becomes the previous.
   void push(const cv::Mat& image);
   /// Forgets the previous frame.
-  void forget() { has_previous_ = has_current_ = false; }
+  void forget() {
+    has_previous_ = has_current_ = false;
+    points_.forget();
+  }
 
   /// Followed points that the lens has no floor for (r ≥ F in Choi eq. 7) since forgetRejected().
   std::size_t rejected() const { return rejected_; }
@@ -39,7 +44,7 @@ class FeatureFlow {
   /// Brightness of the frame pushed last.
   const cv::Mat1b& grey() const { return current_.grey(); }
 
-  /// Fills vectors and height of objects[i] from blobs[which[i]].
+  /// Fills vectors (with their points in space) and height of objects[i] from blobs[which[i]].
   /// @param motion base_link(previous) ← base_link(current); taken as identity, and no height, when not valid
   void track(const std::vector<ground::Blob>& blobs, const std::vector<std::size_t>& which,
              const Motion& motion, std::vector<ObjectObservation>& objects);
@@ -53,6 +58,7 @@ class FeatureFlow {
   FeatureFlowOptions options_;
   Harris harris_;
   LucasKanade lucas_kanade_;
+  PointTracks points_;
   Pyramid previous_, current_;
   std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;

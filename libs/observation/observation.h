@@ -40,11 +40,18 @@ struct Motion {
   double left_m = 0.0, right_m = 0.0;  ///< distance rolled by each wheel, metres (0 when there are no wheels)
 };
 
+/// A point of a thing's surface in space.
+struct ScenePoint {
+  Eigen::Vector3f point_m = Eigen::Vector3f::Zero();  ///< base_link, z its height over the floor
+  float sigma_m = 0.0f;  ///< along the line of sight, where it is least certain; ≤ 0: the point is not known
+};
+
 /// One feature point followed by Lucas–Kanade, corrected to the floor (Choi eq. 6–7 with the camera's own lens).
 struct FlowVector {
   Eigen::Vector2f from_px, to_px;  ///< previous and current frame
   Eigen::Vector2f from_m, to_m;    ///< on the floor, each in its own frame's base_link
   Eigen::Vector2f residual_m;      ///< to_m minus from_m moved by the robot's own motion: zero for floor points
+  ScenePoint point;                ///< where it is, from its displacement since it was first followed
 };
 
 /// One labelled region of one frame.
@@ -107,6 +114,7 @@ struct Track {
   double solidity = 1.0;
   bool truncated = false;
   double height_m = 0.0, height_sigma_m = 0.0;
+  std::vector<ScenePoint> points;  ///< of its surface, told in this frame
   std::string name;  ///< of a landmark that can be told from all others; else empty
 };
 

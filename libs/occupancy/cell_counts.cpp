@@ -5,19 +5,10 @@
 #include <cstring>
 #include <string>
 
+#include "occupancy/log_odds.h"
+
 namespace omnifleet::occupancy {
 namespace {
-
-std::int32_t logOdds(double probability) {
-  return static_cast<std::int32_t>(std::lround(std::log(probability / (1.0 - probability)) * 65536.0));
-}
-
-template <typename Integer>
-void put(std::string& bytes, Integer value) {
-  auto rest = static_cast<std::uint64_t>(value);
-  for (std::size_t i = 0; i < sizeof(Integer); ++i, rest >>= 8U)
-    bytes.push_back(static_cast<char>(rest & 0xFFU));
-}
 
 bool isEmptyRow(const std::uint8_t* row) {
   std::uint64_t words[2];
@@ -173,10 +164,10 @@ Sha256 CellCounts::digestOf(const Chunk& chunk) {
     for (std::size_t c = 0; c < kCells; ++c) {
       const Count& count = layer->count[c];
       if (count.hits == 0 && count.misses == 0) continue;
-      put(bytes, layer->bucket);
-      put(bytes, static_cast<std::uint16_t>(c));
-      put(bytes, count.hits);
-      put(bytes, count.misses);
+      putBytes(bytes, layer->bucket);
+      putBytes(bytes, static_cast<std::uint16_t>(c));
+      putBytes(bytes, count.hits);
+      putBytes(bytes, count.misses);
     }
   }
   return bytes.empty() ? Sha256{} : sha256(bytes);
@@ -184,17 +175,17 @@ Sha256 CellCounts::digestOf(const Chunk& chunk) {
 
 Sha256 CellCounts::hash() const {
   std::string bytes = "omnifleet-map-1";
-  put(bytes, resolution_dmm_);
-  put(bytes, bucket_ns_);
-  for (const std::int32_t parameter : {log_hit_, log_miss_, log_min_, log_max_}) put(bytes, parameter);
+  putBytes(bytes, resolution_dmm_);
+  putBytes(bytes, bucket_ns_);
+  for (const std::int32_t parameter : {log_hit_, log_miss_, log_min_, log_max_}) putBytes(bytes, parameter);
   for (const Chunk* chunk : inOrder()) {
     if (!chunk->is_digested) {
       chunk->digest = digestOf(*chunk);
       chunk->is_digested = true;
     }
     if (chunk->digest == Sha256{}) continue;
-    put(bytes, chunk->x);
-    put(bytes, chunk->y);
+    putBytes(bytes, chunk->x);
+    putBytes(bytes, chunk->y);
     bytes.append(chunk->digest.begin(), chunk->digest.end());
   }
   return sha256(bytes);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace omnifleet::occupancy {
 namespace {
@@ -62,6 +63,34 @@ void quantiseScan(const Scan& scan, Contribution& out) {
   }
 }
 
+/// False where it lies beyond what 16 bits hold.
+bool quantise(const ScenePoint& from, std::uint32_t track_id, SurfacePoint& to) {
+  std::int16_t dmm[3];
+  for (int i = 0; i < 3; ++i) {
+    const double value = std::round(double{from.point_m[i]} * kPerMetre);
+    if (!(std::abs(value) <= 32767.0)) return false;
+    dmm[i] = static_cast<std::int16_t>(value);
+  }
+  to = {static_cast<std::uint16_t>(track_id), dmm[0], dmm[1], dmm[2], quantiseSigma(from.sigma_m)};
+  return to.sigma_dmm > 0;
+}
+
+std::vector<SurfacePoint> surestPoints(const std::vector<Track>& tracks) {
+  std::vector<SurfacePoint> points;
+  SurfacePoint quantised;
+  for (const auto& track : tracks) {
+    if (!track.visible || track.kind == ObjectKind::kRobot) continue;
+    for (const auto& point : track.points)
+      if (quantise(point, track.id, quantised)) points.push_back(quantised);
+  }
+  std::sort(points.begin(), points.end(), [](const SurfacePoint& a, const SurfacePoint& b) {
+    return std::tie(a.sigma_dmm, a.track, a.x_dmm, a.y_dmm, a.z_dmm) <
+           std::tie(b.sigma_dmm, b.track, b.x_dmm, b.y_dmm, b.z_dmm);
+  });
+  if (points.size() > Contribution::kMaxPoints) points.resize(Contribution::kMaxPoints);
+  return points;
+}
+
 class Bytes {
  public:
   template <typename Integer>
@@ -99,6 +128,7 @@ Contribution makeContribution(const Objects& objects) {
   for (const auto& track : objects.tracks) {
     if (track.visible) out.views.push_back(makeView(track));
   }
+  out.points = surestPoints(objects.tracks);
   return out;
 }
 
@@ -149,6 +179,9 @@ std::string canonicalBytes(const Contribution& c) {
     for (const auto sigma : view.sigma_dmm) bytes.put(sigma);
     bytes.put(view.height_dmm).put(view.height_sigma_dmm).put(view.name);
   }
+  bytes.put(static_cast<std::uint32_t>(c.points.size()));
+  for (const auto& point : c.points)
+    bytes.put(point.track).put(point.x_dmm).put(point.y_dmm).put(point.z_dmm).put(point.sigma_dmm);
   return bytes.take();
 }
 

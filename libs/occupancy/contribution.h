@@ -33,6 +33,13 @@ struct SupportView {
   std::string name;                    ///< of a landmark that can be told from all others; else empty
 };
 
+/// A point of a thing's surface, base_link; 16 bits reach 3.2 m.
+struct SurfacePoint {
+  std::uint16_t track = 0;  ///< id (low 16 bits) of the thing
+  std::int16_t x_dmm = 0, y_dmm = 0, z_dmm = 0;
+  std::uint16_t sigma_dmm = 0;  ///< along the line of sight
+};
+
 /// What one keyframe saw, base_link. Robot and time name it; it is never changed afterwards.
 struct Contribution {
   std::string robot;
@@ -44,6 +51,8 @@ struct Contribution {
   std::vector<RayLabel> label;
   std::vector<std::uint16_t> object;  ///< track id (low 16 bits), 0: none
   std::vector<SupportView> views;
+  std::vector<SurfacePoint> points;  ///< at most kMaxPoints, the surest first; of nothing known to be a robot
+  static constexpr std::size_t kMaxPoints = 64;
 };
 
 /// Where the robot's contribution of that time stands. The highest (term, revision) wins.

@@ -25,12 +25,14 @@ void LayerOctree::set(std::int64_t x, std::int64_t y, CellClass now) {
   setVoxel(x, y, 0, now);
 }
 
-LayerOctree LayerOctree::withColumns(const std::vector<Column>& columns) const {
+LayerOctree LayerOctree::with(const std::vector<Column>& columns,
+                              const std::vector<VoxelKey>& voxels) const {
   LayerOctree copy(tree_->octree.getResolution());
   copy.tree_ = std::make_unique<Tree>(*tree_);
   for (const Column& column : columns)
     for (std::int64_t z = 0; z < column.levels; ++z)
       copy.setVoxel(column.x, column.y, z, CellClass::kOccupied);
+  for (const VoxelKey& key : voxels) copy.setVoxel(key.x, key.y, key.z, CellClass::kOccupied);
   return copy;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "occupancy/occupancy_map.h"
+#include "occupancy/voxel_counts.h"
 
 namespace omnifleet::occupancy {
 
@@ -27,8 +28,8 @@ class LayerOctree {
   /// OctoMap 1.9.7's deleteNode aborts where it empties a branch, so a cell that becomes unknown again needs
   /// a new tree.
   void set(std::int64_t x, std::int64_t y, CellClass now);
-  /// A copy with the voxels of level 0 to levels − 1 over these cells occupied.
-  LayerOctree withColumns(const std::vector<Column>& columns) const;
+  /// A copy with the voxels of level 0 to levels − 1 over these cells and the voxels occupied.
+  LayerOctree with(const std::vector<Column>& columns, const std::vector<VoxelKey>& voxels) const;
   /// The .bt file. Leaves hold one of two values, so equal cells give equal bytes.
   std::string bytes() const;
 

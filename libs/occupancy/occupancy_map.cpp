@@ -11,6 +11,7 @@
 #include "occupancy/ray_window.h"
 #include "occupancy/robot_paths.h"
 #include "occupancy/track_kinds.h"
+#include "occupancy/voxel_counts.h"
 
 namespace omnifleet::occupancy {
 
@@ -28,6 +29,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
   section.read("unknown_is_hit", o.unknown_is_hit);
+  section.read("least_point_hits", o.least_point_hits, {1, 1000});
   if (std::abs(o.resolution_m * 1e4 - std::round(o.resolution_m * 1e4)) > 1e-6) {
     section.fail("resolution_m", "must be a multiple of 0.0001");
   }
@@ -42,6 +44,7 @@ class OccupancyMap::Impl {
         resolution_dmm(static_cast<std::int32_t>(std::lround(given.resolution_m * 1e4))),
         bucket_ns(std::llround(given.bucket_s * 1e9)),
         cells(given),
+        voxels(given),
         octree(given.resolution_m),
         paths(store, std::llround(given.hold_s * 1e9), std::llround(given.max_gap_s * 1e9)),
         window(resolution_dmm, static_cast<std::int32_t>(std::lround(given.max_range_m * 1e4))),
@@ -54,20 +57,13 @@ class OccupancyMap::Impl {
   bool add(const KeyframePose& pose);
   void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given);
 
-  /// How a contribution stands in the cells; empty: not at all.
-  struct Applied {
-    std::shared_ptr<const Contribution> contribution;
-    Standing at;
-    std::vector<RayRole> roles;
-    std::vector<std::pair<std::string, Standing>> robots;  ///< those that cover cells, in order of name
-  };
-
   OccupancyOptions options;
   std::int32_t resolution_dmm;
   std::int64_t bucket_ns;
   ContributionStore store;
   TrackKinds kinds;
   CellCounts cells;
+  VoxelCounts voxels;
   LayerOctree octree;
   bool is_octree_stale = false;                                ///< a cell became unknown again
   std::vector<std::pair<std::int64_t, std::int64_t>> changed;  ///< cells that changed class in this refresh
@@ -75,7 +71,7 @@ class OccupancyMap::Impl {
   RayWindow window;
   std::map<std::string, BodyMask> masks;
   BodyMask default_mask;
-  std::map<std::pair<std::string, TimeNs>, Applied> applied;
+  AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
 
@@ -95,6 +91,7 @@ class OccupancyMap::Impl {
   void refresh(const std::string& robot, TimeNs time_ns);
   void refreshBetween(TimeNs first_ns, TimeNs last_ns);
   void refreshAll(const std::string& robot);
+  void placePoints(const std::vector<Sighting>& sightings, Applied& what) const;
   bool bring(const std::optional<Applied>& now, Applied& old);
   void enter(const Applied& what, int sign);
   void writeChanged();
@@ -131,8 +128,7 @@ void OccupancyMap::Impl::judge(
 }
 
 /// What the sets say about one contribution; nothing while it or its valid pose is missing.
-std::optional<OccupancyMap::Impl::Applied> OccupancyMap::Impl::wanted(const std::string& robot,
-                                                                      TimeNs time_ns) const {
+std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, TimeNs time_ns) const {
   const auto* keyframe = store.find(robot, time_ns);
   if (keyframe == nullptr || !keyframe->contribution) return std::nullopt;
   const auto at = standingOf(keyframe->pose);
@@ -147,7 +143,33 @@ std::optional<OccupancyMap::Impl::Applied> OccupancyMap::Impl::wanted(const std:
       what.robots.emplace_back(other, *standing);
     }
   }
+  placePoints(keyframe->pose->sightings, what);
   return what;
+}
+
+/// The voxels of its points: of what is known to be no robot, and not where a robot stood.
+void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, Applied& what) const {
+  VoxelKey key{};
+  for (const SurfacePoint& point : what.contribution->points) {
+    const ObjectKind kind = kinds.kindOf(what.contribution->robot, point.track);
+    const bool sighted = std::any_of(sightings.begin(), sightings.end(), [&](const Sighting& s) {
+      return static_cast<std::uint16_t>(s.track_id) == point.track;
+    });
+    if (sighted || kind == ObjectKind::kRobot || (kind == ObjectKind::kUnknown && !options.unknown_is_hit))
+      continue;
+    if (!voxels.keyOf(point, *what.contribution, what.at, key)) continue;
+    const auto middle = [&](std::int64_t cell) {
+      return static_cast<std::int32_t>(cell * resolution_dmm + resolution_dmm / 2);
+    };
+    const bool covered = std::any_of(what.robots.begin(), what.robots.end(), [&](const auto& entry) {
+      const Standing& at = entry.second;
+      const PointDmm from_robot{middle(key.x) - at.position.x_dmm, middle(key.y) - at.position.y_dmm};
+      return maskOf(entry.first).covers(unrotate(directionOf(turnFromDmrad(at.theta_dmrad)), from_robot));
+    });
+    if (!covered) what.voxels.push_back(key);
+  }
+  std::sort(what.voxels.begin(), what.voxels.end());
+  what.voxels.erase(std::unique(what.voxels.begin(), what.voxels.end()), what.voxels.end());
 }
 
 /// Brings the cells to what the sets say about one contribution.
@@ -157,6 +179,7 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
   if (found == applied.end()) {
     if (!now) return;
     enter(*now, 1);
+    voxels.apply(*now, 1, applied, nullptr);
     applied.emplace(std::pair{robot, time_ns}, *now);
   } else if (!bring(now, found->second)) {
     applied.erase(found);
@@ -168,7 +191,14 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
 bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) {
   const bool same_rays =
       now && old.contribution == now->contribution && old.at == now->at && old.roles == now->roles;
-  if (same_rays && old.robots == now->robots) return true;
+  if (!same_rays || old.voxels != now->voxels) {
+    voxels.apply(old, -1, applied, &old);
+    if (now) voxels.apply(*now, 1, applied, &old);
+  }
+  if (same_rays && old.robots == now->robots) {
+    old.voxels = now->voxels;
+    return true;
+  }
   if (same_rays) {
     window.draw(*old.contribution, old.at, old.roles);
     coverAll(old, RayWindow::kMaskA);
@@ -252,10 +282,13 @@ std::uint64_t OccupancyMap::classChanges() const {
 std::string OccupancyMap::octreeBytes(const std::vector<dataset::MapObject>& objects) const {
   const auto columns = columnsOf(objects, impl_->options.resolution_m);
   const LayerOctree& ground = impl_->freshOctree();
-  return columns.empty() ? ground.bytes() : ground.withColumns(columns).bytes();
+  const auto points = impl_->voxels.occupied();
+  return columns.empty() && points.empty() ? ground.bytes() : ground.with(columns, points).bytes();
 }
 std::array<std::uint8_t, 32> OccupancyMap::hash() const {
-  return impl_->cells.hash();
+  const Sha256 cells = impl_->cells.hash();
+  if (impl_->voxels.empty()) return cells;
+  return sha256(std::string(cells.begin(), cells.end()) + impl_->voxels.canonicalBytes());
 }
 
 CellClass OccupancyMap::at(const Eigen::Vector2d& point_m) const {

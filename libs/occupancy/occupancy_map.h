@@ -28,6 +28,7 @@ struct OccupancyOptions {
   double max_gap_s = 5.0;          ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots whose body is not given
   bool unknown_is_hit = false;     ///< do rays at things not yet told from robots mark a cell?
+  int least_point_hits = 2;        ///< contributions that saw a point in a voxel before it counts
 
   static OccupancyOptions read(const options::Section& section);
 };
@@ -61,11 +62,13 @@ class OccupancyMap {
   /// Bounding grid of all known cells (−1 unknown, 0 free, 100 occupied); width 0 when nothing is known.
   dataset::OccupancyGrid grid() const;
   /// OctoMap's binary format (.bt): one layer of voxels at 0 ≤ z < resolution, and over every cell whose
-  /// middle lies in an object's footprint voxels up to its height; equal maps and objects give equal bytes.
-  /// Objects of unknown height (≤ 0) have no column.
+  /// middle lies in an object's footprint voxels up to its height; above the layer also the voxels that hold
+  /// points of things (voxel_counts.h). Equal maps and objects give equal bytes. Objects of unknown height
+  /// (≤ 0) have no column.
   std::string octreeBytes(const std::vector<dataset::MapObject>& objects = {}) const;
   /// SHA-256 over the parameters and, for every chunk in order of its key, the SHA-256 of its (cell, bucket,
-  /// hits, misses) in order. Only chunks that changed are hashed anew.
+  /// hits, misses) in order; where there are voxels with points, over that and theirs. Only chunks that
+  /// changed are hashed anew.
   std::array<std::uint8_t, 32> hash() const;
   /// Cells whose class changed since construction: work done on the octree.
   std::uint64_t classChanges() const;

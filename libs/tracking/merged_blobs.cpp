@@ -11,6 +11,7 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewestDirections = 8;
+constexpr std::size_t kMaxPoints = 64;  // of one object, as its topic holds
 constexpr double kAlien_m = 0.04;      // an outline this far outside of the expected one is somebody else's
 constexpr double kExplained_m = 0.02;  // a blob whose outline is as expected hides things but is cut by none
 constexpr double kMostLeeway_m = 0.10;
@@ -245,6 +246,21 @@ PrismFilter Tracker::freshRest() const {
   PrismFilter filter(options_.filter, guess, rest_.camera_height_m);
   filter.placeAt(guess, Eigen::Vector2d::Zero(), kBehind_m * kBehind_m * Eigen::Matrix2d::Identity());
   return filter;
+}
+
+/// Points of a blob's surface to the object that is nearest; those of what is not shown are left out.
+void Tracker::writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const {
+  const std::size_t blobs = std::min(local_map.objects.size(), owners_.size());
+  for (std::size_t blob = 0; blob < blobs; ++blob) {
+    for (const FlowVector& vector : local_map.objects[blob].vectors) {
+      if (!(vector.point.sigma_m > 0.0F)) continue;
+      const Eigen::Vector2d place_m = vector.point.point_m.head<2>().cast<double>();
+      const TrackState* owner = trackAt(blob, own.odomFromBase() * place_m);
+      if (owner == nullptr || !isShown(*owner)) continue;
+      auto& points = out[static_cast<std::size_t>(owner - tracks_.data())].points;
+      if (points.size() < kMaxPoints) points.push_back(vector.point);
+    }
+  }
 }
 
 }  // namespace omnifleet::tracking

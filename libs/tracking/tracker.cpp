@@ -293,6 +293,7 @@ void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector
     published.height_m = track.filter.height();
     published.height_sigma_m = track.filter.heightSigma();
     published.supports = published.visible ? track.view.supports : SupportFunction{};
+    published.points.clear();
     published.hull_m.clear();
     published.contact_m.setZero();
     published.solidity = 1.0;
@@ -306,6 +307,7 @@ void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector
     published.hull_m =
         owners_[blob].size() > 1 ? silhouette(track, views_[blob], base_from_odom) : object.hull_m;
   }
+  writePoints(local_map, own, out);
 }
 
 }  // namespace omnifleet::tracking

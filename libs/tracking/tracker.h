@@ -68,6 +68,7 @@ class Tracker {
              bool whole);
   void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
+  void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
   int lostAt(const PrismFilter& filter, const View& view) const;
   bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
   void followPeers(const std::vector<Peer>& peers);

@@ -21,6 +21,17 @@ void fillHeader(TimeNs acquired_ns, std::uint32_t sequence, RunClock clock, v1::
   header.sequence_number(sequence);
 }
 
+void toWire(const ScenePoint& from, v1::ScenePoint& to) {
+  to.position_m({from.point_m.x(), from.point_m.y(), from.point_m.z()});
+  to.sigma_m(from.sigma_m);
+}
+
+bool fromWire(const v1::ScenePoint& from, ScenePoint& to) {
+  to.point_m = {from.position_m()[0], from.position_m()[1], from.position_m()[2]};
+  to.sigma_m = from.sigma_m();
+  return to.point_m.allFinite() && finite(to.sigma_m);
+}
+
 void toWire(const Motion& from, v1::Motion& to) {
   to.valid(from.valid);
   to.since_ns(from.since_ns);

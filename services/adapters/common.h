@@ -71,6 +71,8 @@ bool enumFromWire(std::uint32_t from, Enum last, Enum& to) {
   return true;
 }
 
+void toWire(const ScenePoint& from, v1::ScenePoint& to);
+bool fromWire(const v1::ScenePoint& from, ScenePoint& to);
 void toWire(const Motion& from, v1::Motion& to);
 bool fromWire(const v1::Motion& from, Motion& to);
 void toWire(const Scan& from, v1::Scan& to);

@@ -39,6 +39,12 @@ bool viewFromWire(const v1::SupportView& from, occupancy::SupportView& to) {
   return enumFromWire(from.kind(), ObjectKind::kRobot, to.kind) && to.b_dmm.size() == to.sigma_dmm.size();
 }
 
+void surfacePointToWire(const occupancy::SurfacePoint& from, v1::SurfacePoint& to) {
+  to.track(from.track);
+  to.position({from.x_dmm, from.y_dmm, from.z_dmm});
+  to.sigma(from.sigma_dmm);
+}
+
 }  // namespace
 
 void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contribution& to) {
@@ -52,6 +58,7 @@ void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contributio
     to.label()[i] = static_cast<std::uint8_t>(from.label[i]);
   to.object(from.object);
   sequenceToWire(from.views, 64, to.views(), viewToWire);
+  sequenceToWire(from.points, occupancy::Contribution::kMaxPoints, to.points(), surfacePointToWire);
 }
 
 bool fromWire(const v1::Contribution& from, occupancy::Contribution& to) {
@@ -69,6 +76,11 @@ bool fromWire(const v1::Contribution& from, occupancy::Contribution& to) {
   }
   to.views.resize(from.views().size());
   for (std::size_t i = 0; i < to.views.size(); ++i) good = viewFromWire(from.views()[i], to.views[i]) && good;
+  to.points.clear();
+  for (const auto& point : from.points()) {
+    const auto& [x, y, z] = point.position();
+    to.points.push_back({point.track(), x, y, z, point.sigma()});
+  }
   return good;
 }
 

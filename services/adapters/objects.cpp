@@ -19,6 +19,7 @@ void trackToWire(const Track& from, v1::Track& to) {
   to.truncated(from.truncated);
   to.height_m(static_cast<float>(from.height_m));
   to.height_sigma_m(static_cast<float>(from.height_sigma_m));
+  sequenceToWire(from.points, 64, to.points(), [](const ScenePoint& p, v1::ScenePoint& w) { toWire(p, w); });
   to.name(from.name);
 }
 
@@ -37,6 +38,8 @@ bool trackFromWire(const v1::Track& from, Track& to) {
   to.truncated = from.truncated();
   to.height_m = from.height_m();
   to.height_sigma_m = from.height_sigma_m();
+  to.points.resize(from.points().size());
+  for (std::size_t i = 0; i < to.points.size(); ++i) good = fromWire(from.points()[i], to.points[i]) && good;
   to.name = from.name().to_string();
   return good && to.position_m.allFinite() && to.velocity_mps.allFinite() && to.covariance.allFinite() &&
          to.contact_m.allFinite() && finite(to.solidity, to.height_m, to.height_sigma_m, to.kind_probability);

@@ -55,6 +55,12 @@ static void print_track(const omnifleet_v1_Track *t) {
   print_supports(&t->support);
   printf(" %.9g %d %.9g %.9g '%s'", (double)t->solidity, (int)t->truncated, (double)t->height_m, (double)t->height_sigma_m,
          t->name);
+  printf(" %" PRIu32, t->points._length);
+  for (uint32_t i = 0; i < t->points._length; ++i) {
+    const omnifleet_v1_ScenePoint *p = &t->points._buffer[i];
+    printf(" %.9g %.9g %.9g %.9g", (double)p->position_m[0], (double)p->position_m[1], (double)p->position_m[2],
+           (double)p->sigma_m);
+  }
 }
 
 static void print_objects(const omnifleet_v1_Objects *o) {

@@ -73,6 +73,11 @@ void put(Line& line, const v1::Track& t) {
   line.floats(t.support().sigma_m());
   line.put(" %.9g %d %.9g %.9g '%s'", static_cast<double>(t.solidity()), t.truncated(),
            static_cast<double>(t.height_m()), static_cast<double>(t.height_sigma_m()), t.name().c_str());
+  line.put(" %zu", t.points().size());
+  for (const v1::ScenePoint& p : t.points()) {
+    for (const float x : p.position_m()) line.put(" %.9g", static_cast<double>(x));
+    line.put(" %.9g", static_cast<double>(p.sigma_m()));
+  }
 }
 
 std::string lineOf(const v1::Objects& o) {

@@ -58,6 +58,10 @@ Scan someScan(Counter& n) {
   return s;
 }
 
+ScenePoint somePoint(Counter& n) {
+  return {{n.nextF(), n.nextF(), n.nextF()}, n.nextF()};
+}
+
 SupportFunction someSupports(Counter& n) {
   SupportFunction s;
   for (int i = 0; i < 8; ++i) {
@@ -79,7 +83,7 @@ ObjectObservation someObservation(Counter& n) {
   o.truncated = true;
   o.height_m = n.next();
   o.height_sigma_m = n.next();
-  o.vectors.push_back({n.pointF(), n.pointF(), n.pointF(), n.pointF(), n.pointF()});
+  o.vectors.push_back({n.pointF(), n.pointF(), n.pointF(), n.pointF(), n.pointF(), somePoint(n)});
   return o;
 }
 
@@ -99,6 +103,7 @@ Track someTrack(Counter& n) {
   t.truncated = true;
   t.height_m = n.next();
   t.height_sigma_m = n.next();
+  t.points = {somePoint(n), somePoint(n)};
   return t;
 }
 
@@ -130,6 +135,11 @@ void expectEqual(const Scan& a, const Scan& b) {
   EXPECT_EQ(a.sigma_m, b.sigma_m);
   EXPECT_EQ(a.label, b.label);
   EXPECT_EQ(a.object, b.object);
+}
+
+void expectEqual(const ScenePoint& a, const ScenePoint& b) {
+  EXPECT_EQ(a.point_m, b.point_m);
+  EXPECT_EQ(a.sigma_m, b.sigma_m);
 }
 
 void expectEqual(const SupportFunction& a, const SupportFunction& b) {
@@ -179,6 +189,7 @@ TEST(Adapters, ALocalMapComesBackWhole) {
   EXPECT_EQ(a.vectors[0].from_m, b.vectors[0].from_m);
   EXPECT_EQ(a.vectors[0].to_m, b.vectors[0].to_m);
   EXPECT_EQ(a.vectors[0].residual_m, b.vectors[0].residual_m);
+  expectEqual(a.vectors[0].point, b.vectors[0].point);
 }
 
 TEST(Adapters, ObjectsComeBackWhole) {
@@ -207,6 +218,8 @@ TEST(Adapters, ObjectsComeBackWhole) {
     EXPECT_EQ(a.truncated, b.truncated);
     EXPECT_EQ(a.height_m, b.height_m);
     EXPECT_EQ(a.height_sigma_m, b.height_sigma_m);
+    ASSERT_EQ(b.points.size(), 2u);
+    for (int k = 0; k < 2; ++k) expectEqual(a.points[k], b.points[k]);
   }
 }
 
@@ -241,7 +254,10 @@ TEST(Adapters, ContributionsComeBackToTheLastByte) {
   auto objects = someFrame<Objects>(n);
   objects.state = FrameState::kOk;
   objects.tracks = {someTrack(n)};
+  objects.tracks[0].kind = ObjectKind::kObstacle;
+  objects.tracks[0].points = {{{0.5f, -1.25f, 0.125f}, 0.02f}, {{0.5f, -1.5f, 0.25f}, 0.01f}};
   const auto contribution = occupancy::makeContribution(objects);
+  ASSERT_EQ(contribution.points.size(), 2u);
   v1::Contribution wire;
   toWire(contribution, RunClock::kDataset, wire);
   occupancy::Contribution back;
@@ -287,6 +303,8 @@ TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
       [](auto& w) { w.objects()[0].solidity(kNanF); },
       [](auto& w) { w.objects()[0].height_m(kNanF); },
       [](auto& w) { w.objects()[0].vectors()[0].to_m()[0] = kNanF; },
+      [](auto& w) { w.objects()[0].vectors()[0].point().position_m()[2] = kNanF; },
+      [](auto& w) { w.objects()[0].vectors()[0].point().sigma_m(kNanF); },
       [](auto& w) { w.state(static_cast<v1::FrameState>(99)); },
   };
   for (std::size_t i = 0; i < damages.size(); ++i) {
