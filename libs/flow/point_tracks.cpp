@@ -85,7 +85,8 @@ bool PointTracks::find(const Eigen::Vector2f& from_px, Eigen::Vector2f& last_px,
     nearest = apart;
     found = i;
   }
-  if (found == last_.size() || last_[found].frames >= options_.max_frames) return false;
+  if (found == last_.size() || last_[found].frames == 0 || last_[found].frames >= options_.max_frames)
+    return false;
   last_px = last_pixels_[found];
   track = last_[found];
   return true;
@@ -94,7 +95,8 @@ bool PointTracks::find(const Eigen::Vector2f& from_px, Eigen::Vector2f& last_px,
 void PointTracks::follow(const Eigen::Vector2f& from_px, const Eigen::Vector2f& to_px) {
   Track track;
   Eigen::Vector2f last_px = from_px;
-  if (is_placed_ && !find(from_px, last_px, track) && sightOf(from_px, places_[0], track.first)) track.frames = 1;
+  if (is_placed_ && !find(from_px, last_px, track) && sightOf(from_px, places_[0], track.first))
+    track.frames = 1;
   // The corner was found anew; the feature goes on from where it was, by the way the corner went.
   const Eigen::Vector2f pixel = to_px + last_px - from_px;
   if (track.frames > 0) track.frames = sightOf(pixel, places_[1], track.now) ? track.frames + 1 : 0;
@@ -115,7 +117,8 @@ const std::vector<ScenePoint>& PointTracks::points() {
 double PointTracks::noiseOf(const Track& track, double range_ratio) const {
   const double first = sigma_px_ * track.first.rad_per_px;
   const double now = sigma_px_ * track.now.rad_per_px * range_ratio;
-  const double drift = options_.drift_px * track.now.rad_per_px * std::sqrt(static_cast<double>(track.frames - 1));
+  const double drift =
+      options_.drift_px * track.now.rad_per_px * std::sqrt(static_cast<double>(track.frames - 1));
   return std::sqrt(first * first + now * now + drift * drift);
 }
 

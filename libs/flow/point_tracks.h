@@ -10,14 +10,14 @@
 namespace omnifleet::flow {
 
 struct PointOptions {
-  double max_sigma_m = 0.05;     ///< metres along the line of sight: points less certain are not told
+  double max_sigma_m = 0.05;      ///< metres along the line of sight: points less certain are not told
   double min_parallax_deg = 2.0;  ///< degrees between the two lines of sight
-  double gate_px = 1.5;          ///< pixels: a feature followed back to this near its last place is the same
-  double sigmas = 3.0;           ///< σ by which two lines of sight may pass each other: else the thing moves
-  double drift_px = 0.05;        ///< pixels: σ that every frame adds to the place of a followed feature
+  double gate_px = 1.5;           ///< pixels: a feature followed back to this near its last place is the same
+  double sigmas = 3.0;     ///< σ by which two lines of sight may pass each other: else the thing moves
+  double drift_px = 0.05;  ///< pixels: σ that every frame adds to the place of a followed feature
   double baseline_sigma = 0.014;  ///< 1: lasting scale error of the way that the wheels tell
   double turn_sigma_radpm = 0.1;  ///< rad/m: lasting error of the turn that a wheel tells, per metre rolled
-  int max_frames = 30;           ///< frames that a feature is followed before it starts anew
+  int max_frames = 30;            ///< frames that a feature is followed before it starts anew
   static PointOptions read(const options::Section& section);
 };
 
@@ -48,7 +48,7 @@ class PointTracks {
   /// Where the robot stands in `odom`, its own path since forget().
   struct Place {
     Pose2 odom_from_base;
-    double variance_m2 = 0.0, variance_rad2 = 0.0;             ///< of the path until there, without what lasts
+    double variance_m2 = 0.0, variance_rad2 = 0.0;       ///< of the path until there, without what lasts
     Eigen::Vector2d rolled_m = Eigen::Vector2d::Zero();  ///< by both wheels until there
   };
   /// A line of sight in `odom`.
@@ -74,11 +74,11 @@ class PointTracks {
   const lens::Camera* camera_;
   PointOptions options_;
   double sigma_px_;
-  Place places_[2];                                          ///< in the frame before, and in this one
+  Place places_[2];                                       ///< in the frame before, and in this one
   Eigen::Vector2d turn_radpm_ = Eigen::Vector2d::Zero();  ///< learned: that each wheel tells too little
   Eigen::Matrix2d turn_covariance_;
   double turn_sigma_rad_ = 0.0;                             ///< of the last step
-  bool is_placed_ = false;                                   ///< the motion from the frame before is known
+  bool is_placed_ = false;                                  ///< the motion from the frame before is known
   std::vector<Eigen::Vector2f> last_pixels_, next_pixels_;  ///< in the frame before, and in this one
   std::vector<Track> last_, next_;
   struct Constraint {

@@ -25,8 +25,7 @@ void LayerOctree::set(std::int64_t x, std::int64_t y, CellClass now) {
   setVoxel(x, y, 0, now);
 }
 
-LayerOctree LayerOctree::with(const std::vector<Column>& columns,
-                              const std::vector<VoxelKey>& voxels) const {
+LayerOctree LayerOctree::with(const std::vector<Column>& columns, const std::vector<VoxelKey>& voxels) const {
   LayerOctree copy(tree_->octree.getResolution());
   copy.tree_ = std::make_unique<Tree>(*tree_);
   for (const Column& column : columns)

@@ -116,9 +116,8 @@ void VoxelCounts::apply(const Applied& what, int sign, const AppliedSet& all, co
     if (hit || seesThrough(eye, what, key))
       change(voxel->second, bucketOf(what), hit ? sign : 0, hit ? 0 : sign);
     const auto& counts = voxel->second;
-    const bool any = sign > 0 || !hit || std::any_of(counts.begin(), counts.end(), [](const Count& c) {
-                       return c.hits > 0;
-                     });
+    const bool any = sign > 0 || !hit ||
+                     std::any_of(counts.begin(), counts.end(), [](const Count& c) { return c.hits > 0; });
     voxel = any ? std::next(voxel) : voxels_.erase(voxel);
   }
 }

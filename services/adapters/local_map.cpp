@@ -16,8 +16,10 @@ void vectorToWire(const FlowVector& from, v1::FlowVector& to) {
 
 bool vectorFromWire(const v1::FlowVector& from, FlowVector& to) {
   const auto get = [](const std::array<float, 2>& w) { return Eigen::Vector2f(w[0], w[1]); };
-  to = {get(from.from_px()), get(from.to_px()), get(from.from_m()), get(from.to_m()), get(from.residual_m()), {}};
-  return fromWire(from.point(), to.point) && to.from_m.allFinite() && to.to_m.allFinite() && to.residual_m.allFinite();
+  to = {get(from.from_px()), get(from.to_px()),      get(from.from_m()),
+        get(from.to_m()),    get(from.residual_m()), {}};
+  return fromWire(from.point(), to.point) && to.from_m.allFinite() && to.to_m.allFinite() &&
+         to.residual_m.allFinite();
 }
 
 void observationToWire(const ObjectObservation& from, v1::ObjectObservation& to) {

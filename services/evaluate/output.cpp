@@ -176,6 +176,13 @@ Json classJson(const evaluation::ClassCounts& c) {
 std::string table(const Report& report) {
   std::string text;
   if (report.map) text += mapTable(report);
+  if (report.space) {
+    text += fmt::format(
+        "Space       {} voxels above the floor, outside of true things: median {}, 90 % within {}, most {} "
+        "cm\n",
+        report.space->points, cell(100.0 * report.space->median_m, 4, 1),
+        cell(100.0 * report.space->share90_m, 4, 1), cell(100.0 * report.space->max_m, 4, 1));
+  }
   if (report.landmarks) {
     text +=
         fmt::format("Landmarks   found {} of {}, mean error {} cm, largest {} cm\n", report.landmarks->found,
@@ -196,6 +203,12 @@ std::string table(const Report& report) {
 std::string metricsJson(const Report& report) {
   Json json{{"format", "omnifleet-metrics"}, {"version", 1}};
   if (report.map) json["map"] = mapJson(report);
+  if (report.space) {
+    json["space"] = {{"voxels", report.space->points},
+                     {"outside_median_m", report.space->median_m},
+                     {"outside_90_m", report.space->share90_m},
+                     {"outside_max_m", report.space->max_m}};
+  }
   if (report.landmarks) {
     json["landmarks"] = {{"truths", report.landmarks->truths},
                          {"found", report.landmarks->found},

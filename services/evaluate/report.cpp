@@ -12,6 +12,7 @@
 #include "dataset/ground_truth.h"
 #include "evaluation/shape.h"
 #include "motion/wheel_integrator.h"
+#include "occupancy/octree_file.h"
 
 namespace omnifleet::evaluate {
 namespace {
@@ -178,6 +179,18 @@ std::optional<evaluation::KindMetrics> compareTracks(const fs::path& out, const 
   return sum;
 }
 
+/// What stands in the run's map above the floor; nothing without a map.bt or heights in the scene.
+std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
+                                                     const std::vector<dataset::MapObject>& scene,
+                                                     const Pose2& truth_from_map) {
+  if (!fs::exists(map)) return std::nullopt;
+  auto voxels = occupancy::voxelsAboveFloor(map.string());
+  for (Eigen::Vector3d& voxel : voxels) voxel.head<2>() = truth_from_map * Eigen::Vector2d(voxel.head<2>());
+  const auto metrics = evaluation::compareSolids(scene, voxels);
+  if (metrics.points == 0) return std::nullopt;
+  return metrics;
+}
+
 }  // namespace
 
 Report evaluateRun(const std::string& out, const std::string& dataset_folder, Frame frame) {
@@ -196,6 +209,8 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     report.truth = truth.scene;
     report.objects = dataset::readObjects(path.string());
     moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
+    report.space =
+        compareSpace(fs::path(out) / "map.bt", truth.scene, report.truth_from_map.value_or(Pose2{}));
     report.landmarks = compareLandmarks(report);
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});

@@ -6,6 +6,7 @@
 
 #include "evaluation/classification.h"
 #include "evaluation/map_metrics.h"
+#include "evaluation/solid_metrics.h"
 #include "evaluation/trajectory_metrics.h"
 
 namespace omnifleet::evaluate {
@@ -32,8 +33,10 @@ struct LandmarkReport {
 struct Report {
   std::vector<dataset::MapObject> truth, objects;
   std::optional<evaluation::MapMetrics> map;  ///< where the recording has scene.geojson
-  std::optional<LandmarkReport> landmarks;    ///< where the scene names any; they do not count in `map`
-  std::optional<Pose2> truth_from_map;        ///< applied to the run before comparing
+  std::optional<evaluation::SolidMetrics>
+      space;                                ///< voxels of map.bt above the floor, where the scene has heights
+  std::optional<LandmarkReport> landmarks;  ///< where the scene names any; they do not count in `map`
+  std::optional<Pose2> truth_from_map;      ///< applied to the run before comparing
   std::vector<RobotReport> robots;
   std::optional<evaluation::KindMetrics> kinds;  ///< where the run has tracks/<robot>.csv
   std::vector<std::string> warnings;

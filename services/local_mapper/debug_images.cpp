@@ -1,6 +1,7 @@
 #include "local_mapper/debug_images.h"
 
 #include <cmath>
+#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -108,6 +109,37 @@ cv::Mat drawCorrected(const LocalMap& map) {
   return picture;
 }
 
+/// Blue on the floor over green to red at the camera's height.
+cv::Scalar heightColour(double share) {
+  const auto ramp = [&](double middle) {
+    return 255.0 * std::min(1.0, std::max(0.0, 1.5 - std::abs(4.0 * share - middle)));
+  };
+  return {ramp(1.0), ramp(2.0), ramp(3.0)};
+}
+
+/// Points of surfaces where they stand, heights as colours.
+void drawPoints(const LocalMap& map, cv::Mat& picture) {
+  constexpr int kBar_px = 200, kLeft_px = 20, kTop_px = 30;
+  for (const auto& o : map.objects) {
+    for (const auto& v : o.vectors) {
+      if (!(v.point.sigma_m > 0)) continue;
+      const cv::Point at = toPicture(Eigen::Vector2d(v.point.point_m.head<2>().cast<double>()));
+      cv::circle(picture, at, 5, heightColour(v.point.point_m.z() / map.camera_height_m), cv::FILLED,
+                 cv::LINE_AA);
+      cv::circle(picture, at, 5, kInk, 1, cv::LINE_AA);
+    }
+  }
+  for (int i = 0; i < kBar_px; ++i) {
+    const int y = kTop_px + kBar_px - 1 - i;
+    cv::line(picture, {kLeft_px, y}, {kLeft_px + 14, y}, heightColour(static_cast<double>(i) / kBar_px), 1);
+  }
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f m", map.camera_height_m);
+  cv::putText(picture, text, {kLeft_px, kTop_px - 8}, cv::FONT_HERSHEY_SIMPLEX, 0.5, kInk, 1, cv::LINE_AA);
+  cv::putText(picture, "0", {kLeft_px, kTop_px + kBar_px + 16}, cv::FONT_HERSHEY_SIMPLEX, 0.5, kInk, 1,
+              cv::LINE_AA);
+}
+
 cv::Mat drawLocalMap(const LocalMap& map) {
   cv::Mat picture = emptyFloor();
   const std::size_t rays = map.scan.range_m.size();
@@ -130,6 +162,7 @@ cv::Mat drawLocalMap(const LocalMap& map) {
   for (std::size_t i = 0; i < rays; ++i)
     if (map.scan.label[i] == RayLabel::kUnknown)
       cv::circle(picture, toPicture(seen[i]), 2, kRed, cv::FILLED, cv::LINE_AA);
+  drawPoints(map, picture);
   drawRobot(picture);
   return picture;
 }

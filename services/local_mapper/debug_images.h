@@ -14,7 +14,8 @@ struct DebugImages {
   cv::Mat labels;     ///< regions with their rectangles before (thin) and after (thick) Algorithm 1
   cv::Mat vectors;    ///< motion vectors on the fisheye image; the points are their starts
   cv::Mat corrected;  ///< the same vectors on the floor, own motion removed in red
-  cv::Mat local_map;  ///< scan, hulls and contacts; 1 m grid, robot in the middle, its front up
+  cv::Mat local_map;  ///< scan, hulls, contacts, points in space coloured by height; 1 m grid, robot in the
+                      ///< middle, its front up
 
   /// @param mapper after process(image) gave `map`
   static DebugImages render(const LocalMapper& mapper, const LocalMap& map, const cv::Mat& image);

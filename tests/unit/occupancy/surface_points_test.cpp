@@ -1,4 +1,5 @@
-// Points of surfaces in the map: where they stand, that they vanish, and that the order of things does not matter.
+// Points of surfaces in the map: where they stand, that they vanish, and that the order of things does not
+// matter.
 
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
@@ -40,12 +41,11 @@ void addPoints(const Polygon& footprint, double height_m, const Pose2& map_from_
   for (int i = 0; i < 8; ++i) {
     const std::size_t edge = random() % footprint.size();
     const Eigen::Vector2d a = footprint[edge], b = footprint[(edge + 1) % footprint.size()];
-    const Eigen::Vector2d p =
-        map_from_base.inverse() * (a + unit(random) * (b - a)) +
-        0.02 * Eigen::Vector2d(unit(random) - 0.5, unit(random) - 0.5);
-    points.push_back({{static_cast<float>(p.x()), static_cast<float>(p.y()),
-                       static_cast<float>(height_m * unit(random))},
-                      0.01f});
+    const Eigen::Vector2d p = map_from_base.inverse() * (a + unit(random) * (b - a)) +
+                              0.02 * Eigen::Vector2d(unit(random) - 0.5, unit(random) - 0.5);
+    points.push_back(
+        {{static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(height_m * unit(random))},
+         0.01f});
   }
 }
 
@@ -81,7 +81,8 @@ std::vector<Eigen::Vector3d> voxelsOf(const OccupancyMap& map) {
   tree.expand();
   std::vector<Eigen::Vector3d> middles;
   for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf)
-    if (leaf.getZ() > 0.05 && tree.isNodeOccupied(*leaf)) middles.emplace_back(leaf.getX(), leaf.getY(), leaf.getZ());
+    if (leaf.getZ() > 0.05 && tree.isNodeOccupied(*leaf))
+      middles.emplace_back(leaf.getX(), leaf.getY(), leaf.getZ());
   return middles;
 }
 
@@ -189,8 +190,8 @@ TEST(SurfacePoints, OfWhatTurnsOutToBeARobotAreTakenOut) {
   EXPECT_FALSE(voxelsOf(map).empty());
 }
 
-/// One point, later views that see the floor up to one range all around: the voxel goes where its middle would
-/// hide floor that is seen.
+/// One point, later views that see the floor up to one range all around: the voxel goes where its middle
+/// would hide floor that is seen.
 TEST(SurfacePoints, GoWhereTheFloorBehindThemIsSeen) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -227,7 +228,8 @@ TEST(SurfacePoints, GoWhereTheFloorBehindThemIsSeen) {
       objects.scan.label.assign(360, RayLabel::kFloorEnd);
       objects.scan.object.assign(360, 0);
     }
-    const Eigen::Vector2d p = pose.map_from_base * Eigen::Vector2d(track.points[0].point_m.head<2>().cast<double>());
+    const Eigen::Vector2d p =
+        pose.map_from_base * Eigen::Vector2d(track.points[0].point_m.head<2>().cast<double>());
     const Eigen::Vector3d middle = 0.05 * (Eigen::Vector3d(p.x(), p.y(), z) / 0.05).array().floor().matrix() +
                                    Eigen::Vector3d::Constant(0.025);
     const double hidden =
@@ -246,7 +248,8 @@ TEST(SurfacePoints, TheSurestAreTold) {
   Track track;
   track.id = 70001;  // 16 bits go on
   track.visible = true;
-  for (int i = 0; i < 100; ++i) track.points.push_back({{1.0f, 0.01f * i, 0.2f}, 0.001f * static_cast<float>(1 + (i * 37) % 100)});
+  for (int i = 0; i < 100; ++i)
+    track.points.push_back({{1.0f, 0.01f * i, 0.2f}, 0.001f * static_cast<float>(1 + (i * 37) % 100)});
   track.points.push_back({{4.0f, 0.0f, 0.2f}, 0.0005f});  // farther than 16 bits reach
   track.points.push_back({{1.0f, 0.0f, 0.2f}, 0.0f});     // not known
   objects.tracks = {track};

@@ -240,8 +240,31 @@ TEST_F(ClassifierInput, AnInvalidFrameKeepsTheTracksUnseen) {
     for (const Track& track : objects.tracks) {
       EXPECT_FALSE(track.visible);
       EXPECT_TRUE(track.supports.empty());
+      EXPECT_TRUE(track.points.empty());
     }
   }
+}
+
+TEST_F(ClassifierInput, PointsGoToTheTrackThatTheyLieOn) {
+  Classifier classifier = make();
+  int told = 0;
+  for (int i = 0; i < 4; ++i) {
+    LocalMap map = next();
+    for (auto& object : map.objects) {
+      FlowVector known, unknown;
+      known.point.point_m << object.contact_m.cast<float>(), 0.1F;
+      known.point.sigma_m = 0.01F;
+      object.vectors = {known, unknown};
+    }
+    for (const Track& track : classifier.process(map, {}).tracks) {
+      if (!track.visible) continue;
+      ASSERT_EQ(track.points.size(), 1U);
+      EXPECT_EQ(track.points[0].point_m.head<2>(), track.contact_m.cast<float>());
+      EXPECT_EQ(track.points[0].sigma_m, 0.01F);
+      ++told;
+    }
+  }
+  EXPECT_GE(told, 12);
 }
 
 TEST_F(ClassifierInput, IdsAreNeverUsedTwice) {

@@ -1,6 +1,6 @@
-// Prints how far the local mapper's points of surfaces lie from the true surfaces of a rendered data set, with
-// the motion as the wheels tell it, or as it was. Usage: local_mapper_points DATASET [OPTIONS.yaml] [ROWS.csv]
-// [truth]
+// Prints how far the local mapper's points of surfaces lie from the true surfaces of a rendered data set,
+// with the motion as the wheels tell it, or as it was. Usage: local_mapper_points DATASET [OPTIONS.yaml]
+// [ROWS.csv] [truth]
 
 #include <algorithm>
 #include <chrono>
@@ -8,6 +8,7 @@
 #include <map>
 
 #include "dataset/frame_source.h"
+#include "evaluation/solid_metrics.h"
 #include "local_mapper/local_mapper.h"
 #include "motion/wheel_integrator.h"
 #include "tests/unit/services/local_mapper/silhouette_truth.h"
@@ -27,10 +28,11 @@ struct Errors {
       return 100.0 * away_m[static_cast<std::size_t>(share * static_cast<double>(away_m.size() - 1))];
     };
     const auto far = std::count_if(away_m.begin(), away_m.end(), [](double m) { return m > 0.05; });
-    std::printf("%-22s n %6zu  median %5.2f cm  90 %% %5.2f cm  99 %% %6.2f cm  beyond 5 cm %4.1f %%  sigmas %4.2f\n",
-                name.c_str(), away_m.size(), at(0.5), at(0.9), at(0.99),
-                100.0 * static_cast<double>(far) / static_cast<double>(away_m.size()),
-                std::sqrt(squares / static_cast<double>(away_m.size())));
+    std::printf(
+        "%-22s n %6zu  median %5.2f cm  90 %% %5.2f cm  99 %% %6.2f cm  beyond 5 cm %4.1f %%  sigmas %4.2f\n",
+        name.c_str(), away_m.size(), at(0.5), at(0.9), at(0.99),
+        100.0 * static_cast<double>(far) / static_cast<double>(away_m.size()),
+        std::sqrt(squares / static_cast<double>(away_m.size())));
   }
 };
 
@@ -45,7 +47,8 @@ void judge(const ScenePoint& point, const std::vector<TrueObject>& objects, Tota
   const TrueObject* nearest = nullptr;
   double least = 1e9;
   for (const auto& object : objects) {
-    const double away = surfaceDistance(object.floor_m, object.height_m, point.point_m.cast<double>());
+    const double away =
+        evaluation::surfaceDistance(object.floor_m, object.height_m, point.point_m.cast<double>());
     if (std::abs(away) >= std::abs(least)) continue;
     least = away;
     nearest = &object;
@@ -108,16 +111,18 @@ int main(int argc, char** argv) {
   const auto data = dataset::Dataset::open(argv[1]);
   const auto truth = dataset::GroundTruth::load(argv[1]);
   const auto options =
-      local_mapper::Options::read(argc > 2 && argv[2][0] != '\0' ? options::Section::load(argv[2]) : options::Section::parse("{}", "none"));
+      local_mapper::Options::read(argc > 2 && argv[2][0] != '\0' ? options::Section::load(argv[2])
+                                                                 : options::Section::parse("{}", "none"));
   const bool by_truth = argc > 4 && std::string(argv[4]) == "truth";
   Totals totals;
   if (argc > 3 && argv[3][0] != '\0') totals.rows = std::fopen(argv[3], "w");
   for (const auto& robot : data.robots) run(data, truth, robot, options, by_truth, totals);
   for (auto& [name, errors] : totals.errors) errors.print(name);
-  std::printf("%d frames, %.1f vectors and %.1f points of obstacles in a frame, %d points at robots, %.2f ms\n",
-              totals.frames, static_cast<double>(totals.vectors) / totals.frames,
-              static_cast<double>(totals.errors["all"].away_m.size()) / totals.frames, totals.of_robots,
-              totals.milliseconds / totals.frames);
+  std::printf(
+      "%d frames, %.1f vectors and %.1f points of obstacles in a frame, %d points at robots, %.2f ms\n",
+      totals.frames, static_cast<double>(totals.vectors) / totals.frames,
+      static_cast<double>(totals.errors["all"].away_m.size()) / totals.frames, totals.of_robots,
+      totals.milliseconds / totals.frames);
   if (totals.rows != nullptr) std::fclose(totals.rows);
   return 0;
 }

@@ -110,17 +110,4 @@ std::vector<SupportError> supportErrors(const TrueObject& truth, const ObjectObs
   return errors;
 }
 
-double surfaceDistance(const Polygon& footprint_m, double height_m, const Eigen::Vector3d& point_m) {
-  const Eigen::Vector2d p = point_m.head<2>();
-  double side = 1e9;
-  for (std::size_t i = 0; i < footprint_m.size(); ++i) {
-    const Eigen::Vector2d a = footprint_m[i], edge = footprint_m[(i + 1) % footprint_m.size()] - a;
-    const double share = std::min(1.0, std::max(0.0, (p - a).dot(edge) / edge.squaredNorm()));
-    side = std::min(side, (p - a - share * edge).norm());
-  }
-  const double over = point_m.z() - height_m;
-  if (contains(footprint_m, p)) return over > 0 ? over : -std::min(side, -over);
-  return over > 0 ? std::hypot(side, over) : side;
-}
-
 }  // namespace omnifleet::local_mapper::testing

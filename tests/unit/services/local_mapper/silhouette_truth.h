@@ -44,7 +44,4 @@ struct SupportError {
 std::vector<SupportError> supportErrors(const TrueObject& truth, const ObjectObservation& seen,
                                         const lens::Camera& camera);
 
-/// Distance of a point from the surface of an upright prism, metres, negative inside.
-double surfaceDistance(const Polygon& footprint_m, double height_m, const Eigen::Vector3d& point_m);
-
 }  // namespace omnifleet::local_mapper::testing
