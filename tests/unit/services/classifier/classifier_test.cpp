@@ -251,7 +251,9 @@ TEST_F(ClassifierInput, PointsGoToTheTrackThatTheyLieOn) {
   for (int i = 0; i < 4; ++i) {
     LocalMap map = next();
     for (auto& object : map.objects) {
-      FlowVector known, unknown;
+      const Eigen::Vector2f zero = Eigen::Vector2f::Zero();
+      const FlowVector unknown{zero, zero, zero, zero, zero, {}};
+      FlowVector known = unknown;
       known.point.point_m << object.contact_m.cast<float>(), 0.1F;
       known.point.sigma_m = 0.01F;
       object.vectors = {known, unknown};
