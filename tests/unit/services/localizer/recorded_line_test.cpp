@@ -52,7 +52,7 @@ TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
   double sign = 1.0;
   for (auto& robot : data_.robots) {
     auto& camera = robot.fisheye->camera;
-    const estimation::CameraError error = sign * estimation::CameraError(0.005, 0.02, 0.006, -0.005);
+    const estimation::CameraError error = sign * (estimation::CameraError() << 0.005, 0.02, 0.006, -0.005, 0.0).finished();
     camera.focal_px *= 1.0 + error(0);
     camera.position_m.z() *= 1.0 + error(1);
     camera.rotation_rpy_deg.x() += error(2) * 180.0 / M_PI;
