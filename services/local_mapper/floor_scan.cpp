@@ -83,7 +83,8 @@ void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
   }
 }
 
-void FloorScan::addUndecided(const ground::Blob& blob) {
+double FloorScan::addUndecided(const ground::Blob& blob) {
+  double nearest_m = std::numeric_limits<double>::infinity();
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
   const auto n = static_cast<long>(bearing_.size());
   for (const ground::Run& run : blob.runs) {
@@ -94,8 +95,10 @@ void FloorScan::addUndecided(const ground::Blob& blob) {
       const long ray = std::lround(std::atan2(at.y(), at.x()) / step);
       double& nearest = undecided_m_[static_cast<std::size_t>(((ray % n) + n) % n)];
       nearest = std::min(nearest, at.norm());
+      nearest_m = std::min(nearest_m, at.norm());
     }
   }
+  return nearest_m;
 }
 
 void FloorScan::addSegment(const Eigen::Vector2d& a, double from, const Eigen::Vector2d& b, double to,

@@ -26,8 +26,9 @@ class FloorScan {
   void begin();
   /// A region in the way; label 0 for one that is no object.
   void add(const FloorContour& contour, std::uint16_t label);
-  /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond.
-  void addUndecided(const ground::Blob& blob);
+  /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns its
+  /// distance from the camera's foot, metres; infinite where none of it is on the floor.
+  double addUndecided(const ground::Blob& blob);
   /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever
   /// visible.
   void finish(Scan& scan);

@@ -70,6 +70,7 @@ struct LocalMapper::Stages {
   std::vector<FloorContour> contours;  // of the objects, kept for reuse of their buffers
   ground::Contour contour;
   ObjectObservation object;
+  int undecided = 0;
   LocalMap map;
   std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
 };
@@ -105,6 +106,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   for (; !map.objects.empty(); map.objects.pop_back()) spare_objects.push_back(std::move(map.objects.back()));
   silhouette.forgetRejected();
   flow.forgetRejected();
+  undecided = 0;
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
   map.scan.label.clear();
@@ -127,7 +129,8 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
   }
-  for (const ground::Blob& blob : segmenter.undecided()) scan.addUndecided(blob);
+  for (const ground::Blob& blob : segmenter.undecided())
+    undecided += scan.addUndecided(blob) <= options.silhouette.max_contact_m ? 1 : 0;
   scan.finish(map.scan);
 }
 
@@ -191,6 +194,10 @@ const lens::Camera& LocalMapper::camera() const {
 }
 std::size_t LocalMapper::rejectedPoints() const {
   return stages_->silhouette.rejected() + stages_->flow.rejected();
+}
+
+int LocalMapper::undecided() const {
+  return stages_->undecided;
 }
 
 }  // namespace omnifleet::local_mapper

@@ -60,6 +60,9 @@ class LocalMapper {
   /// Points of the last frame (of outlines and vectors) that the correcting lens gives no floor for (Choi
   /// eq. 7: r ≥ F); they are left out.
   std::size_t rejectedPoints() const;
+  /// Regions of the last frame within the reach of objects that may be things of the floor's colour or a part
+  /// of its pattern: none of `objects`, the scan ends at them. Whoever answers for missed things must know.
+  int undecided() const;
 
  private:
   struct Stages;

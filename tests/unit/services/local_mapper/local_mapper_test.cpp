@@ -138,6 +138,23 @@ TEST_F(LocalMapperTest, EqualFramesGiveEqualMaps) {
   EXPECT_EQ(first.scan.range_m, second.scan.range_m);
 }
 
+TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
+  // A disc of a tenth less brightness, sharp-edged, at that distance ahead.
+  LocalMapper mapper(camera_, {});
+  scene_.prisms.clear();
+  const auto undecided = [&](double distance_m) {
+    cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+    const auto pixel = camera_.pixelFromPoint({distance_m, 0.0, 0.0});
+    if (distance_m > 0)
+      cv::circle(image, cv::Point2d(pixel->x(), pixel->y()), 14, {132, 141, 150}, cv::FILLED);
+    mapper.process(testing::frameOf(image, 0), {});
+    return mapper.undecided();
+  };
+  EXPECT_EQ(undecided(1.0), 1);
+  EXPECT_EQ(undecided(0.0), 0);
+  EXPECT_EQ(undecided(3.2), 0) << "beyond the reach of objects";
+}
+
 TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
   scene_.prisms = {{box(0.42, 0.0, 0.2, 0.2, 0.0), 0.1, {40, 40, 200}},
                    {box(-2.4, 0.3, 0.3, 0.3, 0.0), 0.15, {45, 45, 45}}};
