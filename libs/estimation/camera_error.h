@@ -22,7 +22,7 @@ constexpr int kCameraErrors = CameraError::RowsAtCompileTime;
 struct CameraOptions {
   bool estimate = true;              ///< false: cameras are as their calibrations say
   double focal_sigma = 0.003;        ///< 1, relative
-  double height_sigma = 0.001;       ///< 1, relative; outlines a little too large look much like it
+  double height_sigma = 0.002;       ///< 1, relative; outlines a little too large look much like it
   double tilt_sigma_rad = 0.0035;    ///< rad, roll and pitch each (0.2°)
   double contour_sigma_rad = 0.002;  ///< rad, 0.3 pixels at 640 × 480: sharp, blurred, compressed
 
