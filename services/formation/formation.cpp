@@ -174,11 +174,15 @@ void Formation::lookAround(const Objects& objects) {
     const Eigen::Vector2d place_m = base_from_other.translation();
     const double reach_m = reach(body);
     auto& robots = around_.robots;
-    const bool seen = std::any_of(robots.begin(), robots.end(), [&](const motion::Neighbour& neighbour) {
+    const auto seen = std::find_if(robots.begin(), robots.end(), [&](const motion::Neighbour& neighbour) {
       return (neighbour.position_m - place_m).norm() < options_.gate_m;
     });
     const Eigen::Vector2d velocity_mps = base_from_other.rotation().col(0) * fleet_.twist(name).forward_mps;
-    if (!seen) robots.push_back({place_m, velocity_mps, reach_m});
+    // The fleet knows better how it drives than a glance at its blob, which may join others for a frame.
+    if (seen != robots.end())
+      seen->velocity_mps = velocity_mps;
+    else
+      robots.push_back({place_m, velocity_mps, reach_m});
     // What was taken for something unknown at a robot's published place is that robot.
     auto& points = around_.points_m;
     points.erase(std::remove_if(points.begin(), points.end(),

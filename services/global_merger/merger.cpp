@@ -63,11 +63,14 @@ int timesSeenThrough(const Group& group, const occupancy::ContributionStore& sto
   return times;
 }
 
-/// It has gone; or it was seen so rarely, and the floor in its place as often, that it was never there.
+/// It has gone; or it was seen so rarely, and the floor in its place as often, that it was never there (which
+/// the overlay as printed, §IV.4, does not ask).
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   const int seen = static_cast<int>(group.views.size());
-  if (seen < options.gone_after && timesSeenThrough(group, store, INT64_MIN) >= seen) return true;
+  if (options.method != "hull" && seen < options.gone_after &&
+      timesSeenThrough(group, store, INT64_MIN) >= seen)
+    return true;
   return timesSeenThrough(group, store, group.views.back()->time_ns) >= options.gone_after;
 }
 

@@ -10,6 +10,8 @@ namespace {
 
 using std::chrono::steady_clock;
 
+constexpr int kLastingFrames = 10;  // what is undecided for so long is told
+
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
   const fleet::CameraSpec* camera = fleet.fisheyeOf(fleet.robot(robot).name);
   if (!camera) throw options::Error("robot '" + robot + "' has no fisheye camera");
@@ -130,12 +132,12 @@ void LocalMapperService::process(const bus::FrameView& view) {
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
   rejected_points_ += mapper_.rejectedPoints();
-  if (mapper_.undecided() > 0) {
-    status().error(
-        fmt::format("camera {}: something nearly of the floor's colour may be a thing or a pattern; it is "
-                    "left out of the map and "
-                    "nothing behind it counts as seen",
-                    camera_.id));
+  undecided_frames_ = mapper_.undecided() > 0 ? undecided_frames_ + 1 : 0;
+  if (undecided_frames_ == kLastingFrames) {
+    status().error(fmt::format(
+        "camera {}: something nearly of the floor's colour may be a thing or a pattern; it is left out of "
+        "the map and nothing behind it counts as seen",
+        camera_.id));
   }
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {

@@ -61,6 +61,7 @@ class LocalMapperService : public bus::Service {
   LocalMap local_map_;
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
+  int undecided_frames_ = 0;         ///< in a row
   bool ended_ = false;
 };
 
