@@ -1,0 +1,138 @@
+// What becomes a keyframe, and the files of a map.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "dataset/atomic_file.h"
+#include "merger_scenes.h"
+
+namespace omnifleet::global_merger {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace testing;  // NOLINT
+
+// --- keyframes ---
+
+omnifleet::testing::FleetSim::Frame frameAt(double t, double x) {
+  FleetSim sim({}, {{"r1", [x](double) { return Pose2{x, 0, 0}; }}}, {});
+  return sim.at(t).front();
+}
+
+TEST(ContributionMaker, ChoosesKeyframesByDistanceAndTime) {
+  ContributionMaker maker({0.10, 0.2, 1.0, 0.15});
+  const auto make = [&](double t, double x) {
+    const auto frame = frameAt(t, x);
+    return maker.make(frame.objects, frame.pose).has_value();
+  };
+  EXPECT_TRUE(make(0.0, 0.0));
+  EXPECT_FALSE(make(0.1, 0.5));   // too soon
+  EXPECT_FALSE(make(0.3, 0.05));  // not far enough
+  EXPECT_TRUE(make(0.4, 0.12));
+  EXPECT_FALSE(make(0.4, 0.9));  // the same time again
+  EXPECT_FALSE(make(1.3, 0.12));
+  EXPECT_TRUE(make(1.5, 0.12));  // standing still
+}
+
+TEST(ContributionMaker, LeavesOutInvalidSamples) {
+  ContributionMaker maker({});
+  auto frame = frameAt(0.0, 0.0);
+  frame.objects.state = FrameState::kDark;
+  EXPECT_FALSE(maker.make(frame.objects, frame.pose));
+  frame.objects.state = FrameState::kOk;
+  frame.pose.valid = false;
+  EXPECT_FALSE(maker.make(frame.objects, frame.pose));
+  frame.pose.valid = true;
+  frame.pose.map_from_base.x_m = std::nan("");
+  EXPECT_FALSE(maker.make(frame.objects, frame.pose));
+  frame.pose.map_from_base.x_m = 1.0;
+  frame.pose.acquired_ns += 1;
+  EXPECT_FALSE(maker.make(frame.objects, frame.pose));
+  frame.pose.acquired_ns -= 1;
+  const auto made = maker.make(frame.objects, frame.pose);
+  ASSERT_TRUE(made);
+  EXPECT_EQ(made->pose.position.x_dmm, 10000);
+  EXPECT_EQ(made->contribution.range_dmm.size(), 360U);
+}
+
+// --- saving ---
+
+class Saving : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("omnifleet-merger-" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Merger full(unsigned seed) {
+    auto sim = arena(noisy(), seed);
+    Merger merger = merged(record(sim, 0.0, 8.0), sim.bodies());
+    for (double t = 0.0; t < 8.0; t += 0.2) {
+      for (const auto& frame : sim.at(t)) merger.addTrajectory(frame.pose);
+    }
+    merger.finish();
+    return merger;
+  }
+  std::map<std::string, std::string> contents(const fs::path& folder) const {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.is_regular_file())
+        all[fs::relative(entry.path(), folder).string()] = dataset::readFile(entry.path().string());
+    }
+    return all;
+  }
+  fs::path folder_;
+};
+
+TEST_F(Saving, EverythingIsThereAndReadable) {
+  Merger merger = full(14);
+  EXPECT_TRUE(merger.save(folder_.string()).empty());
+  EXPECT_EQ(dataset::readObjects((folder_ / "objects.geojson").string()).size(), 5U);
+  EXPECT_EQ(dataset::readMapServer((folder_ / "map.yaml").string()).cells, merger.map().grid().cells);
+  EXPECT_EQ(dataset::readTum((folder_ / "trajectories/r2.tum").string()).size(), 40U);
+  EXPECT_EQ(dataset::readFile((folder_ / "map.bt").string()), merger.map().octreeBytes(merger.outlines()));
+  const cv::Mat picture = cv::imread((folder_ / "map.png").string());
+  EXPECT_GT(picture.cols, 800);
+  EXPECT_LT(picture.cols, 2000);
+  if (const char* keep = std::getenv("OMNIFLEET_KEEP_PICTURE"))
+    fs::copy_file(folder_ / "map.png", keep, fs::copy_options::overwrite_existing);
+}
+
+TEST_F(Saving, TwoRunsAreIdenticalByteForByte) {
+  Merger a = full(15), b = full(15);
+  ASSERT_TRUE(a.save((folder_ / "a").string()).empty());
+  ASSERT_TRUE(b.save((folder_ / "b").string()).empty());
+  EXPECT_EQ(contents(folder_ / "a"), contents(folder_ / "b"));
+}
+
+TEST_F(Saving, WhatCannotBeWrittenIsToldAndTheOldFileStays) {
+  Merger merger = full(16);
+  ASSERT_TRUE(merger.save(folder_.string()).empty());
+  const auto before = contents(folder_);
+  fs::remove(folder_ / "map.bt");
+  fs::create_directory(folder_ / "map.bt");  // cannot be replaced by a file
+  std::ofstream(folder_ / "map.bt" / "x") << "x";
+  const auto problems = merger.save(folder_.string());
+  ASSERT_EQ(problems.size(), 1U);
+  EXPECT_NE(problems.front().find("map.bt"), std::string::npos);
+  auto after = contents(folder_);
+  EXPECT_EQ(after.at("objects.geojson"), before.at("objects.geojson"));
+  EXPECT_EQ(after.at("map.png"), before.at("map.png"));
+}
+
+TEST_F(Saving, AnEmptyMapIsSavedToo) {
+  Merger merger({}, {}, {});
+  merger.finish();
+  EXPECT_THAT(merger.save(folder_.string()), ::testing::IsEmpty());
+  EXPECT_TRUE(dataset::readObjects((folder_ / "objects.geojson").string()).empty());
+}
+
+}  // namespace
+}  // namespace omnifleet::global_merger
