@@ -190,6 +190,11 @@ void Merger::finish() {
 }
 
 std::vector<std::string> Merger::save(const std::string& folder) {
+  outlines();
+  return saveMap(*this, folder);
+}
+
+std::vector<std::string> Merger::saveAsFitted(const std::string& folder) const {
   return saveMap(*this, folder);
 }
 

@@ -102,6 +102,8 @@ class Merger {
   /// at all. Returns one line per file that could not be written (the old one is then untouched); empty: all
   /// is saved.
   std::vector<std::string> save(const std::string& folder);
+  /// The same with the outlines as last fitted: live, where a fit of all would hold frames up.
+  std::vector<std::string> saveAsFitted(const std::string& folder) const;
 
  private:
   bool isObject(const Group& group) const;

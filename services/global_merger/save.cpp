@@ -21,11 +21,7 @@ void writePicture(const std::string& path, const MapPicture& picture) {
 
 }  // namespace
 
-std::string octreeBytes(Merger& merger) {
-  return merger.map().octreeBytes(merger.outlines());
-}
-
-std::vector<std::string> saveMap(Merger& merger, const std::string& folder) {
+std::vector<std::string> saveMap(const Merger& merger, const std::string& folder) {
   std::vector<std::string> problems;
   const auto attempt = [&](const std::function<void()>& write) {
     try {
@@ -34,11 +30,11 @@ std::vector<std::string> saveMap(Merger& merger, const std::string& folder) {
       problems.emplace_back(problem.what());
     }
   };
-  const auto& objects = merger.outlines();
+  const auto& objects = merger.lastOutlines();
   auto grid = merger.map().grid();
   if (grid.width == 0)
     grid.width = grid.height = 1, grid.cells = {-1};  // nothing known yet: one unknown cell
-  attempt([&] { dataset::writeAtomic(folder + "/map.bt", octreeBytes(merger)); });
+  attempt([&] { dataset::writeAtomic(folder + "/map.bt", merger.map().octreeBytes(objects)); });
   attempt([&] { dataset::writeMapServer(folder + "/map", grid); });
   attempt([&] { dataset::writeObjects(folder + "/objects.geojson", objects); });
   for (const auto& [robot, path] : merger.trajectories()) {

@@ -145,9 +145,9 @@ void GlobalMergerService::process() {
   }
   contribute();
   const bool live = context_.options.mode == bus::RunMode::kLive;
+  if (own_frame) status().processed(steady_clock::now() - begun, valid);
   publisher_.update(replica_, batch_.time, false, status(), live ? meanwhile_ : global_merger::Meanwhile{});
   if (live && !pausing_) saveNowAndThen();
-  if (own_frame) status().processed(steady_clock::now() - begun, valid);
 }
 
 /// Live, the fits of the outlines hold no frame up.
@@ -191,15 +191,16 @@ void GlobalMergerService::saveNowAndThen() {
   const auto now = steady_clock::now();
   if (now - saved_at_ < kSavePeriod) return;
   saved_at_ = now;
-  save();
+  save(true);
   saved_ = false;
 }
 
-void GlobalMergerService::save() {
+void GlobalMergerService::save(bool as_fitted) {
   if (saved_ || !speaks_ || context_.options.out.empty()) return;
   saved_ = true;
   save_failed_ = false;
-  const std::vector<std::string> problems = replica_.save(context_.options.out);
+  const std::string& out = context_.options.out;
+  const std::vector<std::string> problems = as_fitted ? replica_.saveAsFitted(out) : replica_.save(out);
   if (problems.empty()) return;
   save_failed_ = true;
   std::string files;

@@ -47,7 +47,7 @@ class GlobalMergerService : public bus::Service {
   void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
-  void save();
+  void save(bool as_fitted = false);
   void saveNowAndThen();
 
   bus::ServiceContext context_;
