@@ -81,6 +81,16 @@ TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {
   EXPECT_LT(estimated.camera(3), 0.7 * suffered.camera(3));
 }
 
+TEST(FleetPaths, OutlinesSeenTooLargeAreNotTakenForAWrongCamera) {
+  SimulationOptions swollen;
+  swollen.too_large_rad = 0.002;  // 0.3 pixels at 640 × 480
+  EstimatorOptions blind;
+  blind.camera.contour_sigma_rad = 1e-7;
+  const RunResult suffered = average(swollen, blind), estimated = average(swollen);
+  EXPECT_LT(estimated.mean_m, 0.8 * suffered.mean_m);
+  EXPECT_LT(estimated.camera(0), 0.5 * suffered.camera(0)) << "focal length, which is exact";
+}
+
 std::vector<const Objects*> pointers(const std::vector<Objects>& frames) {
   std::vector<const Objects*> all;
   for (const Objects& frame : frames) all.push_back(&frame);

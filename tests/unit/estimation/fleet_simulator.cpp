@@ -178,6 +178,26 @@ Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& 
   return options_.camera_height_m * (1.0 + error(1)) / -seen.z() * seen.head<2>();
 }
 
+namespace {
+
+/// Every point on the floor becomes a circle about it in the image of an equidistant lens of focal length 1.
+void swell(std::vector<Eigen::Vector2d>& points, double by_rad, double height_m) {
+  constexpr int kAround = 64;
+  std::vector<Eigen::Vector2d> swollen;
+  for (const Eigen::Vector2d& p : points) {
+    const Eigen::Vector2d pixel = std::atan(p.norm() / height_m) * p.normalized();
+    for (int i = 0; i < kAround; ++i) {
+      const double a = 2.0 * M_PI * i / kAround;
+      const Eigen::Vector2d at = pixel + by_rad * Eigen::Vector2d(std::cos(a), std::sin(a));
+      if (at.norm() < 0.5 * M_PI - 0.01)
+        swollen.emplace_back(height_m * std::tan(at.norm()) * at.normalized());
+    }
+  }
+  points = std::move(swollen);
+}
+
+}  // namespace
+
 Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind) {
   constexpr int kDirections = SupportFunction::kDirections;
   const Pose2& at = truth(robot, frame);
@@ -201,6 +221,7 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
     seen[i] = throughCamera(robot, floor);
     seen.push_back(throughCamera(robot, s * floor));
   }
+  if (options_.too_large_rad > 0) swell(seen, options_.too_large_rad, h_camera);
   for (int k = 0; k < kDirections; ++k) {
     const double phi = 2.0 * M_PI * k / kDirections, psi = phi + at.theta_rad;
     const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
@@ -284,7 +305,8 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
   result.nees /= n;
   result.heading_nees /= n;
   for (int r = 0; r < simulation.robots; ++r) {
-    const Eigen::Vector4d off = estimator.cameraError(FleetSimulator::name(r)).head<4>() - simulator.cameraError(r);
+    const Eigen::Vector4d off =
+        estimator.cameraError(FleetSimulator::name(r)).head<4>() - simulator.cameraError(r);
     result.camera += off.cwiseAbs2() / simulation.robots;
   }
   result.camera = result.camera.cwiseSqrt();

@@ -30,6 +30,7 @@ struct SimulationOptions {
   double focal_px = 297.0, camera_height_m = 0.5;  ///< of an equidistant lens: noise on the floor
   /// Of every robot's calibration, drawn per robot: focal length and height (relative), roll and pitch (rad).
   Eigen::Vector4d camera_sigma = Eigen::Vector4d::Zero();
+  double too_large_rad = 0.0;  ///< by how much every outline is seen too large, all round, at the camera
   double start_sigma_m = 0.0, start_sigma_rad = 0.0;
   bool obstacles_seen = true, robots_seen = true, wheels = true;
   double sight_m = 2.0;  ///< contact distance up to which things are seen
