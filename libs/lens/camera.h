@@ -70,7 +70,7 @@ class Lens {
   virtual std::optional<Eigen::Vector3d> rayFromPixel(const Eigen::Vector2d& pixel) const = 0;
 
   /// Throws options::Error (naming the angle where it breaks) when the projection cannot be inverted over the
-  /// field of view.
+  /// field of view; only an orthographic one is cut at 90° instead, where it has no image (Choi eq. 7).
   static std::unique_ptr<const Lens> make(const CameraModel& model);
 };
 

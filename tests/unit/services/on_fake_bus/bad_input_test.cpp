@@ -44,6 +44,7 @@ class LocalMapperStage : public testing::Test {
     std::uint8_t* loan = camera_->begin(header);
     ASSERT_NE(loan, nullptr);
     std::memset(loan, 120, header.bytes());
+    for (int v = 0; stain_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 106, 3 * 22);
     ASSERT_TRUE(camera_->publish());
   }
   /// One frame in, the stage's one answer out.
@@ -60,6 +61,7 @@ class LocalMapperStage : public testing::Test {
     return answer.state();
   }
 
+  bool stain_ = false;  ///< a square a tenth darker than the floor, in reach
   test::StageBench bench_;
   std::unique_ptr<bus::FrameWriter> camera_;
   std::unique_ptr<bus::Writer<v1::WheelOdometry>> wheels_;
@@ -74,6 +76,19 @@ TEST_F(LocalMapperStage, AFrameOfAnotherSizeThanItsCalibrationIsRejectedAndCount
   EXPECT_EQ(answerTo(2, kWidth, kHeight), v1::FrameState::FRAME_OK);
   EXPECT_EQ(bench_.status().invalid, 1u);
   EXPECT_EQ(bench_.status().processed, 3u);
+}
+
+TEST_F(LocalMapperStage, WhatMayBeAThingOfTheFloorsColourIsToldWhenItLasts) {
+  std::uint32_t index = 0;
+  stain_ = true;
+  for (; index < 9; ++index) ASSERT_EQ(answerTo(index, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  stain_ = false;
+  ASSERT_EQ(answerTo(index++, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(bench_.status().last_error, "") << "it was gone after nine frames";
+  stain_ = true;
+  for (int i = 0; i < 10; ++i) ASSERT_EQ(answerTo(index++, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_THAT(bench_.status().last_error,
+              HasSubstr("camera r1/fisheye: something nearly of the floor's colour"));
 }
 
 TEST_F(LocalMapperStage, AnEmptyFrameIsRejectedAndCounted) {
