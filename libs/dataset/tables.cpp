@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <limits>
 
 #include "dataset/csv.h"
@@ -40,6 +41,17 @@ bool parseRange(std::string_view field, float& range_m) {
   return text == "inf" || text == "+inf" || text == "Inf" || text == "nan" || text == "NaN" || text == "-nan";
 }
 
+/// A recorded table: that it is empty is worth a warning, for whoever needs it will wait in vain.
+void readRecorded(const std::string& path, std::vector<std::string>& warnings,
+                  const std::function<std::string(const Fields&)>& row) {
+  bool any = false;
+  readRows(path, ',', warnings, [&](const Fields& fields) {
+    any = true;
+    return row(fields);
+  });
+  if (!any) warnings.push_back(path + ": holds no row");
+}
+
 }  // namespace
 
 ImageStream readImageStream(const std::string& folder, const std::string& name,
@@ -50,7 +62,7 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
   const fs::path base = fs::path(folder) / name;
   stream.camera = lens::CameraModel::load((base / "sensor.yaml").string());
   std::uint32_t sequence = 0;
-  readRows((base / "data.csv").string(), ',', warnings, [&](const Fields& fields) -> std::string {
+  readRecorded((base / "data.csv").string(), warnings, [&](const Fields& fields) -> std::string {
     ImageRow row;
     row.sequence = sequence++;
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
@@ -68,7 +80,7 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
 std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<WheelRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+  readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     WheelRow row;
     if (fields.size() != 3) return columns(fields.size(), "timestamp [ns],v_left [m s^-1],v_right [m s^-1]");
     if (!parseTime(fields[0], row.time_ns)) return kBadTime;
@@ -88,7 +100,7 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
 std::vector<RangeBearingRow> readObservations(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<RangeBearingRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+  readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     RangeBearingRow row;
     if (fields.size() != 4) return columns(fields.size(), "timestamp [ns],id,range [m],bearing [rad]");
     if (!parseTime(fields[0], row.time_ns)) return kBadTime;
@@ -109,7 +121,7 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, std::vect
 std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<LaserRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  readRows(path, ',', warnings, [&](const Fields& fields) -> std::string {
+  readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     LaserRow row;
     if (fields.size() < 4) {
       return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");

@@ -112,6 +112,14 @@ TEST_F(DatasetFiles, ObservationsAndLaser) {
   EXPECT_EQ(d.warnings.size(), 4u);
 }
 
+TEST_F(DatasetFiles, TablesWithoutARowAreToldOf) {
+  put("r1/fisheye/data.csv", "#timestamp [ns],filename\n");
+  put("r1/wheels/data.csv", "");
+  const Dataset d = open();
+  EXPECT_THAT(d.warnings, ElementsAre(HasSubstr("r1/fisheye/data.csv: holds no row"),
+                                      HasSubstr("r1/wheels/data.csv: holds no row")));
+}
+
 TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
   put("ceiling/c2/sensor.yaml", kSensor);
   put("ceiling/c2/data.csv", "1,x.jpg\n");
