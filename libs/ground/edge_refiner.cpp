@@ -27,6 +27,7 @@ constexpr std::size_t kSide = 5;      // points to each side of a corner that it
 constexpr std::size_t kSkip = 2;      // points next to a corner that are rounded
 constexpr float kMinTurn = 0.64f;     // sine of the turn (40°) from which a corner may be one
 constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
+constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // deepestRounding()
 
 /// Bilinear samples of all channels. `kChecked`: false outside of the image; else only for what is inside.
 template <bool kChecked, int kChannels>
@@ -113,7 +114,7 @@ struct Line {
   Eigen::Vector2f middle, direction;
 };
 
-/// Total least squares through points[(first + k) mod n], k < count.
+/// Total least squares through points[(first + k) mod n], k < count; its direction is that of the walk.
 Line fitLine(const std::vector<Eigen::Vector2f>& points, std::size_t first, std::size_t count) {
   Eigen::Vector2f mean(0, 0);
   for (std::size_t k = 0; k < count; ++k) mean += points[wrapped(first + k, points.size())];
@@ -126,13 +127,29 @@ Line fitLine(const std::vector<Eigen::Vector2f>& points, std::size_t first, std:
     yy += d.y() * d.y();
   }
   const float angle = 0.5f * std::atan2(2.0f * xy, xx - yy);
-  return {mean, {std::cos(angle), std::sin(angle)}};
+  const Eigen::Vector2f direction(std::cos(angle), std::sin(angle));
+  const Eigen::Vector2f walk =
+      points[wrapped(first + count - 1, points.size())] - points[wrapped(first, points.size())];
+  return {mean, direction.dot(walk) < 0.0f ? Eigen::Vector2f(-direction) : direction};
 }
 
 std::optional<Eigen::Vector2f> intersection(const Line& a, const Line& b) {
   const float turn = cross(a.direction, b.direction);
   if (std::abs(turn) < 0.5f * kMinTurn) return std::nullopt;
   return a.middle + cross(b.middle - a.middle, b.direction) / turn * a.direction;
+}
+
+/// Radians by which the walk turns from one line to the other; both directions agree with it.
+float turnBetween(const Line& before, const Line& after) {
+  return std::acos(std::clamp(before.direction.dot(after.direction), -1.0f, 1.0f));
+}
+
+/// How far pixels and smoothing round a true corner off, about as a circle of kRounding_px would. What lies
+/// deeper is a narrow end (the rim of a cylinder seen from aside) and has no corner there.
+float deepestRounding(float turn_rad) {
+  const float depth =
+      kEvenDepth_px + kRounding_px * (1.0f / std::max(0.1f, std::cos(0.5f * turn_rad)) - 1.0f);
+  return std::min(kMaxDepth_px, depth);
 }
 
 }  // namespace
@@ -260,7 +277,8 @@ void EdgeRefiner::sharpen(Eigen::Vector2f* points) const {
     const Line before = fitLine(found_, wrapped(i + n - kSkip - kSide + 1, n), kSide),
                after = fitLine(found_, wrapped(i + kSkip, n), kSide);
     const auto corner = intersection(before, after);
-    if (corner && (*corner - smoothed_[i]).norm() <= kMaxDepth_px) points[i] = *corner;
+    if (corner && (*corner - smoothed_[i]).norm() <= deepestRounding(turnBetween(before, after)))
+      points[i] = *corner;
   }
 }
 

@@ -46,6 +46,41 @@ class ContourTest : public ::testing::Test {
     return 0.5 * twice;
   }
 
+  /// A dark shape on a light floor, every pixel the mean of 16 × 16 samples.
+  template <typename Inside>
+  static cv::Mat1b drawn(const Inside& isInside) {
+    constexpr int kSub = 16;
+    cv::Mat1b image(480, 640, std::uint8_t{160});
+    for (int y = 200; y < 320; ++y) {
+      for (int x = 90; x < 210; ++x) {
+        int inside = 0;
+        for (int k = 0; k < kSub * kSub; ++k)
+          inside +=
+              isInside(Eigen::Vector2d(x + (k % kSub + 0.5) / kSub - 0.5, y + (k / kSub + 0.5) / kSub - 0.5));
+        image(y, x) = cv::saturate_cast<std::uint8_t>(160.0 - 130.0 * inside / (kSub * kSub));
+      }
+    }
+    return image;
+  }
+
+  /// Mean and worst difference of the outline's support function from the true one, pixels, positive: too far
+  /// out.
+  template <typename Support>
+  std::pair<double, double> supportError(const cv::Mat1b& image, const Eigen::Vector2d& middle,
+                                         const Support& support) {
+    const Contour contour = trace(image, cv::abs(image - 160) > 10, true);
+    double mean = 0.0, worst = 0.0;
+    constexpr int kDirections = 96;
+    for (int k = 0; k < kDirections; ++k) {
+      const Eigen::Vector2d n(std::cos(2.0 * M_PI * k / kDirections), std::sin(2.0 * M_PI * k / kDirections));
+      double reach = -1e9;
+      for (const auto& p : contour.points_px) reach = std::max(reach, n.dot(p.cast<double>() - middle));
+      mean += (reach - support(n)) / kDirections;
+      if (std::abs(reach - support(n)) > std::abs(worst)) worst = reach - support(n);
+    }
+    return {mean, worst};
+  }
+
   lens::Camera camera_;
   FloorView view_;
 };
@@ -110,6 +145,39 @@ TEST_F(ContourTest, RefinementFindsTheEdgeOfADiscToAFewHundredthsOfAPixel) {
     // Box-filtered pixels interpolated linearly and a polygonal normal leave a few hundredths.
     EXPECT_NEAR(statistics(fine).first, 0.0, 0.06) << level;
     EXPECT_LT(statistics(fine).second, 0.12) << level;
+  }
+}
+
+TEST_F(ContourTest, CornersAreGivenBackToAFewTenthsOfAPixel) {
+  const Eigen::Vector2d middle(150.2, 260.4), half(28.0, 19.0);
+  for (const double turn : {0.2, 0.5, 0.9, 1.3}) {
+    const Eigen::Matrix2d axes = Eigen::Rotation2Dd(turn).toRotationMatrix();
+    const cv::Mat1b image = drawn([&](const Eigen::Vector2d& p) {
+      const Eigen::Vector2d q = (axes.transpose() * (p - middle)).cwiseAbs();
+      return q.x() < half.x() && q.y() < half.y();
+    });
+    const auto [mean, worst] = supportError(
+        image, middle, [&](const Eigen::Vector2d& n) { return half.dot((axes.transpose() * n).cwiseAbs()); });
+    EXPECT_NEAR(mean, 0.0, 0.1) << turn;
+    EXPECT_NEAR(worst, 0.0, 0.35) << turn;
+  }
+}
+
+TEST_F(ContourTest, NarrowRoundEndsAreNotMadeCorners) {
+  const Eigen::Vector2d middle(150.2, 260.4);
+  for (const double narrow : {6.0, 9.0, 13.0}) {  // radii of 1 to 5 px at the ends
+    const Eigen::Vector2d half(34.0, narrow);
+    for (const double turn : {0.2, 0.5, 0.9, 1.3}) {
+      const Eigen::Matrix2d axes = Eigen::Rotation2Dd(turn).toRotationMatrix();
+      const cv::Mat1b image = drawn([&](const Eigen::Vector2d& p) {
+        return (axes.transpose() * (p - middle)).cwiseQuotient(half).squaredNorm() < 1.0;
+      });
+      const auto [mean, worst] = supportError(image, middle, [&](const Eigen::Vector2d& n) {
+        return (axes.transpose() * n).cwiseProduct(half).norm();
+      });
+      EXPECT_NEAR(mean, 0.0, 0.1) << narrow << " " << turn;
+      EXPECT_NEAR(worst, 0.0, 0.35) << narrow << " " << turn;
+    }
   }
 }
 
