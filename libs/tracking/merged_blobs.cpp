@@ -67,7 +67,8 @@ bool overlap(const Eigen::Vector2d& a, double radius_a, const Eigen::Vector2d& b
 void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
   track.hidden = false;
-  if (!track.whole) return;
+  // What was seen but for a moment may have been a piece of what it is seen in now.
+  if (!track.whole || (track.views < kMature && !track.published)) return;
   const double margin = options_.cut_margin_m + std::min(kMostLeeway_m, track.positionSigma());
   for (std::size_t b = 0; b < views_.size(); ++b) {
     if (!tracking::isSwallowed(views_[b], track.filter, margin)) continue;

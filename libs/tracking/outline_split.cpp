@@ -89,7 +89,10 @@ int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners
     const bool usable = view.usable(k);
     const double over = (view.supports.b_m[k] - best) * scale;
     const bool alien = usable && over > alien_m + 3.0 * scale * view.supports.sigma_m[k];
-    const bool clear = (best - second) * scale > margin_m;
+    // Where the next outline explains what is seen, this one is not there: it stands behind, or has left.
+    const double under = (best - view.supports.b_m[k]) * scale;
+    const bool withdrawn = under > std::abs(second - view.supports.b_m[k]) * scale;
+    const bool clear = (best - second) * scale > margin_m && !withdrawn;
     for (std::size_t i = 0; i < owners.size(); ++i) {
       if (alien || !clear || i != winner) own[i].supports.sigma_m[k] = -1.0F;
     }

@@ -242,6 +242,16 @@ TEST_F(TwoInOne, EachGetsItsOwnDirections) {
   EXPECT_GT(usableDirections(own[1]), 10);
 }
 
+TEST_F(TwoInOne, WhoHasLeftGetsNoneOfTheOthersOutline) {
+  const PrismFilter near = knownAt(near_, 0.3), gone = knownAt(far_, 0.2);
+  std::vector<View> own;
+  View rest;
+  EXPECT_EQ(
+      splitOutline(seen(circlePolygon(near_, 0.15, 96), 0.3, {}), {&near, &gone}, 0.02, 0.04, own, rest), 0);
+  EXPECT_EQ(usableDirections(own[1]), 0);
+  EXPECT_GT(usableDirections(own[0]), 20);
+}
+
 TEST_F(TwoInOne, WhatNobodyExplainsIsTheRest) {
   const PrismFilter near = knownAt(near_, 0.3);
   std::vector<View> own;
