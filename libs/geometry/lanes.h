@@ -4,6 +4,7 @@
 // processor has AVX2, two elsewhere, with the same bits. Arithmetic and comparisons work element by element;
 // a comparison gives all bits set or none.
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -56,6 +57,20 @@ OMNIFLEET_INLINE Floats larger(const Floats& a, const Floats& b) {
 }
 OMNIFLEET_INLINE Floats smaller(const Floats& a, const Floats& b) {
   return a < b ? a : b;
+}
+OMNIFLEET_INLINE Floats magnitude(const Floats& v) {
+  return v < 0.0f ? -v : v;
+}
+OMNIFLEET_INLINE Floats squareRoot(const Floats& v) {
+  Floats root;
+  for (int k = 0; k < kLanes; ++k) root[k] = std::sqrt(v[k]);
+  return root;
+}
+/// Of a comparison's result: true in any lane.
+OMNIFLEET_INLINE bool any(const Ints& v) {
+  using Longs = std::int64_t __attribute__((vector_size(32)));
+  const auto longs = load<Longs>(&v);
+  return ((longs[0] | longs[1]) | (longs[2] | longs[3])) != 0;
 }
 /// In a fixed order, the same everywhere.
 OMNIFLEET_INLINE float sum(const Floats& v) {

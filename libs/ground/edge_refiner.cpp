@@ -2,104 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <opencv2/core/hal/intrin.hpp>
 #include <optional>
-
-#include "geometry/wide.h"
-#include "ground/look.h"
 
 namespace omnifleet::ground {
 
 namespace {
 
-const cv::Vec3f kLuma(0.114f, 0.587f, 0.299f);  // B, G, R (BT.601, as JPEG keeps it at full resolution)
-constexpr float kLumaShare =
-    0.4f;  // of the contrast: from here on brightness alone is used, chroma being blurred
-constexpr float kBeyond_px = 0.5f;    // behind the search: there the object's own brightness is taken
-constexpr float kSameLight = 0.04f;   // of the brightness: within it the reference serves
-constexpr float kDeepLight = 0.12f;   // likewise, from which it lies in a shadow that grows darker inward
-constexpr float kHueShare = 0.3f;     // of the contrast, from which the hue alone tells the edge there
-constexpr float kSameHue = 0.06f;     // of the brightness, by which the floor's colour may be off in shadow
-constexpr float kStep_px = 0.5f;      // between the samples along the normal
 constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
 constexpr std::size_t kSide = 5;      // points to each side of a corner that its lines are fitted to
 constexpr std::size_t kSkip = 2;      // points next to a corner that are rounded
 constexpr float kMinTurn = 0.64f;     // sine of the turn (40°) from which a corner may be one
 constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
 constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // deepestRounding()
-
-/// Bilinear samples of all channels. `kChecked`: false outside of the image; else only for what is inside.
-template <bool kChecked, int kChannels>
-OMNIFLEET_INLINE bool sampleAll(const cv::Mat& image, float u, float v, float (&out)[kChannels]) {
-  if (kChecked && !(u >= 0.0f && v >= 0.0f)) return false;
-  const int x = static_cast<int>(u), y = static_cast<int>(v);
-  if (kChecked && (x + 1 >= image.cols || y + 1 >= image.rows)) return false;
-  const std::uint8_t *top = image.ptr(y) + x * kChannels, *bottom = image.ptr(y + 1) + x * kChannels;
-  const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
-  for (int c = 0; c < kChannels; ++c) {
-    const float above = static_cast<float>(top[c]) + fu * static_cast<float>(top[c + kChannels] - top[c]);
-    const float below =
-        static_cast<float>(bottom[c]) + fu * static_cast<float>(bottom[c + kChannels] - bottom[c]);
-    out[c] = above + fv * (below - above);
-  }
-  return true;
-}
-
-/// NaN outside.
-template <bool kChecked>
-OMNIFLEET_INLINE float greyAt(const cv::Mat& grey, const Eigen::Vector2f& p) {
-  float value[1] = {NAN};
-  sampleAll<kChecked, 1>(grey, p.x(), p.y(), value);
-  return value[0];
-}
-
-/// The three channels at once; reads one byte beyond the pixels it needs.
-OMNIFLEET_INLINE cv::Vec3f colourInside(const cv::Mat& image, float u, float v) {
-  const int x = static_cast<int>(u), y = static_cast<int>(v);
-  const auto load = [](const std::uint8_t* pixel) {
-    alignas(4) std::uint8_t four[4];  // v_load_expand_q reads them as one int
-    std::memcpy(four, pixel, sizeof four);
-    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(four)));
-  };
-  const std::uint8_t *top = image.ptr(y) + 3 * x, *bottom = image.ptr(y + 1) + 3 * x;
-  const cv::v_float32x4 fu = cv::v_setall_f32(u - static_cast<float>(x)),
-                        fv = cv::v_setall_f32(v - static_cast<float>(y));
-  const cv::v_float32x4 left = load(top), left_below = load(bottom);
-  const cv::v_float32x4 above = left + fu * (load(top + 3) - left),
-                        below = left_below + fu * (load(bottom + 3) - left_below);
-  float value[4];
-  cv::v_store(value, above + fv * (below - above));
-  return {value[0], value[1], value[2]};
-}
-
-template <bool kChecked>
-OMNIFLEET_INLINE cv::Vec3f colourAt(const cv::Mat& image, const Eigen::Vector2f& p) {
-  if (image.channels() != 3) return cv::Vec3f::all(greyAt<kChecked>(image, p));
-  if (!kChecked) return colourInside(image, p.x(), p.y());
-  float value[3] = {NAN, NAN, NAN};
-  sampleAll<kChecked, 3>(image, p.x(), p.y(), value);
-  return {value[0], value[1], value[2]};
-}
-
-struct FloorBeside {
-  cv::Vec3f colour;
-  bool in_shadow;  ///< clearly
-};
-
-/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
-/// else the reference, which has less noise.
-template <bool kChecked>
-OMNIFLEET_INLINE FloorBeside floorBeside(const ContourFrame& frame, const Eigen::Vector2f& p,
-                                         const Eigen::Vector2f& inward, const cv::Vec3f& reference) {
-  const cv::Vec3f seen =
-      0.5f * (colourAt<kChecked>(frame.image, p) + colourAt<kChecked>(frame.image, p - inward));
-  const float rr = std::max(1.0f, reference.dot(reference));
-  const float gain = seen.dot(reference) / rr, across2 = seen.dot(seen) / rr - gain * gain;
-  const bool in_other_light = gain > kDeepestShade && gain < 1.0f - kSameLight;  // false for NaN
-  if (!in_other_light || across2 >= kSameHue * kSameHue * gain * gain) return {reference, false};
-  return {seen, gain < 1.0f - kDeepLight};
-}
 
 float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
   return a.x() * b.y() - a.y() * b.x();
@@ -179,69 +93,40 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
                             const std::uint8_t* beside, std::size_t n) {
   found_.assign(points, points + n);
   is_found_.assign(n, 0);
-  // How far from a point the brightness is asked for.
-  const float reach = std::max(2.0f * static_cast<float>(options_.search_px),
-                               static_cast<float>(options_.search_px) + kBeyond_px + 1.0f);
-  const auto right = static_cast<float>(frame.image.cols - 1),
-             bottom = static_cast<float>(frame.image.rows - 1);
+  std::size_t which[EightEdges::kCount];
+  int count = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector2f p = points[i];
+    const Eigen::Vector2f& p = points[i];
+    if (view_->nearBorder(p.x(), p.y())) continue;
     const Eigen::Vector2f along = points[wrapped(i + kTangent, n)] - points[wrapped(i + n - kTangent, n)];
-    const float length = along.norm();
-    if (length < 1e-3f || view_->nearBorder(p.x(), p.y())) continue;
-    const Eigen::Vector2f inward(-along.y() / length, along.x() / length);
-    const bool whole = p.x() > reach && p.y() > reach && p.x() + reach < right && p.y() + reach < bottom;
-    const bool found = whole ? findEdge<false>(frame, inward, beside[i] == 0, found_[i])
-                             : findEdge<true>(frame, inward, beside[i] == 0, found_[i]);
-    is_found_[i] = found ? 1 : 0;
+    which[count] = i;
+    put(frame.floor, p, along, beside[i], count++);
+    if (count == EightEdges::kCount) count = takeEdges(frame, which, count);
   }
+  if (count > 0) takeEdges(frame, which, count);
 }
 
-template <bool kChecked>
-bool EdgeRefiner::findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
-                           Eigen::Vector2f& point) const {
-  const Eigen::Vector2f p = point;
-  const int cx = std::clamp(static_cast<int>(p.x() + 0.5f) / FloorView::kCell, 0, frame.floor.cols - 1);
-  const int cy = std::clamp(static_cast<int>(p.y() + 0.5f) / FloorView::kCell, 0, frame.floor.rows - 1);
-  const Eigen::Vector2f out = p - (static_cast<float>(options_.search_px) + kBeyond_px) * inward;
-  const cv::Vec3f& reference = frame.floor(cy, cx);
-  const FloorBeside beside = floor_beside ? floorBeside<kChecked>(frame, out, inward, reference)
-                                          : FloorBeside{colourAt<kChecked>(frame.image, out), false};
-  const cv::Vec3f& outside = beside.colour;
-  auto search = static_cast<float>(options_.search_px);
-  cv::Vec3f contrast = colourAt<kChecked>(frame.image, p + (search + kBeyond_px) * inward) - outside;
-  // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
-  const auto hueOf = [&](const cv::Vec3f& c) {
-    return c - c.dot(reference) / std::max(1.0f, reference.dot(reference)) * reference;
-  };
-  const cv::Vec3f hue = beside.in_shadow ? hueOf(contrast) : cv::Vec3f(0, 0, 0);
-  const float whole = std::sqrt(contrast.dot(contrast)), in_hue = std::sqrt(hue.dot(hue));
-  const bool by_hue = in_hue >= std::max(kHueShare * whole, static_cast<float>(options_.min_contrast));
-  const bool by_luma = !by_hue && std::abs(contrast.dot(kLuma)) >= kLumaShare * whole;
-  if (!by_luma) {  // colour is blurred over twice the pixels
-    search *= 2.0f;
-    contrast = colourAt<kChecked>(frame.image, p + search * inward) - outside;
-    if (by_hue) contrast = hueOf(contrast);
+void EdgeRefiner::put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Eigen::Vector2f& along,
+                      std::uint8_t beside, int lane) {
+  edges_.x_px[lane] = p.x();
+  edges_.y_px[lane] = p.y();
+  edges_.along_x[lane] = along.x();
+  edges_.along_y[lane] = along.y();
+  edges_.beside[lane] = beside;
+  const int cx = std::clamp(static_cast<int>(p.x() + 0.5f) / FloorView::kCell, 0, floor.cols - 1);
+  const int cy = std::clamp(static_cast<int>(p.y() + 0.5f) / FloorView::kCell, 0, floor.rows - 1);
+  for (int c = 0; c < 3; ++c) edges_.floor[c][lane] = floor(cy, cx)[c];
+}
+
+/// Lanes beyond `count` hold points of before. Returns 0: how many are left.
+int EdgeRefiner::takeEdges(const ContourFrame& frame, const std::size_t* which, int count) {
+  ground::findEdges(frame, options_, edges_);
+  for (int k = 0; k < count; ++k) {
+    if (edges_.found[k] == 0) continue;
+    found_[which[k]] = {edges_.x_px[k], edges_.y_px[k]};
+    is_found_[which[k]] = 1;
   }
-  const float strength = std::sqrt(contrast.dot(contrast));
-  if (!(strength > 0.0f)) return false;
-  const cv::Vec3f weight = by_luma ? kLuma : contrast * (1.0f / strength);
-  const float total = contrast.dot(weight), zero = outside.dot(weight);
-  if (std::abs(total) < static_cast<float>(options_.min_contrast)) return false;
-  float before = 0.0f;
-  for (float s = -search; s <= search + 0.01f; s += kStep_px) {
-    const Eigen::Vector2f at = p + s * inward;
-    const float value =
-        by_luma ? greyAt<kChecked>(frame.grey, at) : colourAt<kChecked>(frame.image, at).dot(weight);
-    const float share = (value - zero) / total;
-    if (share >= 0.5f) {
-      if (!(s > -search)) return false;
-      point = p + (s - (share - 0.5f) / std::max(share - before, 1e-6f) * kStep_px) * inward;
-      return true;
-    }
-    before = share;
-  }
-  return false;
+  return 0;
 }
 
 void EdgeRefiner::smooth() {

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/edge_search.h"
 #include "ground/floor_view.h"
 #include "options/options.h"
 
@@ -40,10 +41,9 @@ class EdgeRefiner {
  private:
   void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
                  std::size_t n);
-  /// `kChecked`: parts of the search may lie outside of the image.
-  template <bool kChecked>
-  bool findEdge(const ContourFrame& frame, const Eigen::Vector2f& inward, bool floor_beside,
-                Eigen::Vector2f& point) const;
+  void put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Eigen::Vector2f& along,
+           std::uint8_t beside, int lane);
+  int takeEdges(const ContourFrame& frame, const std::size_t* which, int count);
   void smooth();
   void sharpen(Eigen::Vector2f* points) const;
 
@@ -51,6 +51,7 @@ class EdgeRefiner {
   ContourOptions options_;
   std::vector<Eigen::Vector2f> found_, smoothed_;
   std::vector<std::uint8_t> is_found_;
+  EightEdges edges_{};
 };
 
 }  // namespace omnifleet::ground

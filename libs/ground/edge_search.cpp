@@ -1,0 +1,212 @@
+#include "ground/edge_search.h"
+
+#include <cmath>
+
+#include "ground/edge_refiner.h"
+#include "ground/look.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+using lanes::Floats;
+using lanes::Ints;
+
+constexpr float kLumaShare =
+    0.4f;  // of the contrast: from here on brightness alone is used, chroma being blurred
+constexpr float kBeyond_px = 0.5f;   // behind the search: there the object's own brightness is taken
+constexpr float kSameLight = 0.04f;  // of the brightness: within it the reference serves
+constexpr float kDeepLight = 0.12f;  // likewise, from which it lies in a shadow that grows darker inward
+constexpr float kHueShare = 0.3f;    // of the contrast, from which the hue alone tells the edge there
+constexpr float kSameHue = 0.06f;    // of the brightness, by which the floor's colour may be off in shadow
+constexpr float kStep_px = 0.5f;     // between the samples along the normal
+
+struct Colours {
+  Floats blue, green, red;
+};
+
+OMNIFLEET_INLINE Colours operator-(const Colours& a, const Colours& b) {
+  return {a.blue - b.blue, a.green - b.green, a.red - b.red};
+}
+OMNIFLEET_INLINE Colours operator*(const Floats& a, const Colours& c) {
+  return {a * c.blue, a * c.green, a * c.red};
+}
+OMNIFLEET_INLINE Floats dot(const Colours& a, const Colours& b) {
+  return a.blue * b.blue + a.green * b.green + a.red * b.red;
+}
+OMNIFLEET_INLINE Floats length(const Colours& c) {
+  return lanes::squareRoot(dot(c, c));
+}
+OMNIFLEET_INLINE Colours choose(const Ints& which, const Colours& a, const Colours& b) {
+  return {which ? a.blue : b.blue, which ? a.green : b.green, which ? a.red : b.red};
+}
+
+/// BT.601, as JPEG keeps it at full resolution.
+OMNIFLEET_INLINE Colours luma() {
+  return {lanes::all(0.114f), lanes::all(0.587f), lanes::all(0.299f)};
+}
+
+/// Places between pixels, with the four around each.
+struct Places {
+  std::int32_t offset[lanes::kLanes];  ///< bytes to the one at the top left
+  Ints inside;                         ///< all four lie in the image
+  Floats right, down;                  ///< from the one at the top left
+
+  OMNIFLEET_INLINE Places(const cv::Mat& image, int channels, const Floats& u, const Floats& v) {
+    inside = (u >= 0.0f) & (v >= 0.0f) & (u < static_cast<float>(image.cols - 1)) &
+             (v < static_cast<float>(image.rows - 1));
+    const Floats within_u = inside ? u : Floats{}, within_v = inside ? v : Floats{};
+    const Ints x = lanes::truncated(within_u), y = lanes::truncated(within_v);
+    right = within_u - lanes::floats(x);
+    down = within_v - lanes::floats(y);
+    lanes::store(y * static_cast<std::int32_t>(image.step[0]) + x * channels, offset);
+  }
+  /// Bilinear; NaN outside. The corners as numbers: top left, top right, bottom left, bottom right.
+  OMNIFLEET_INLINE Floats mix(const Ints& a, const Ints& b, const Ints& c, const Ints& d) const {
+    const Floats above = lanes::floats(a) + right * lanes::floats(b - a);
+    const Floats below = lanes::floats(c) + right * lanes::floats(d - c);
+    return inside ? above + down * (below - above) : lanes::all(NAN);
+  }
+};
+
+OMNIFLEET_INLINE std::int32_t bytesAt(const std::uint8_t* from, std::size_t count) {
+  std::int32_t bytes = 0;
+  std::memcpy(&bytes, from, count);
+  return bytes;
+}
+
+OMNIFLEET_INLINE Floats greysAt(const cv::Mat& grey, const Floats& u, const Floats& v) {
+  const Places at(grey, 1, u, v);
+  std::int32_t pixels[lanes::kLanes];
+  for (int k = 0; k < lanes::kLanes; ++k) {
+    const std::uint8_t* top = grey.data + at.offset[k];
+    pixels[k] = bytesAt(top, 2) | bytesAt(top + grey.step[0], 2) << 16;
+  }
+  const auto four = lanes::load<Ints>(pixels);
+  return at.mix(four & 255, (four >> 8) & 255, (four >> 16) & 255, (four >> 24) & 255);
+}
+
+OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const Floats& v) {
+  if (image.channels() != 3) {
+    const Floats grey = greysAt(image, u, v);
+    return {grey, grey, grey};
+  }
+  const Places at(image, 3, u, v);
+  // Six bytes of each row in two numbers: B G R b, and R b g r.
+  std::int32_t bytes[4][lanes::kLanes];
+  for (int k = 0; k < lanes::kLanes; ++k) {
+    const std::uint8_t *top = image.data + at.offset[k], *bottom = top + image.step[0];
+    bytes[0][k] = bytesAt(top, 4);
+    bytes[1][k] = bytesAt(top + 2, 4);
+    bytes[2][k] = bytesAt(bottom, 4);
+    bytes[3][k] = bytesAt(bottom + 2, 4);
+  }
+  const auto top = lanes::load<Ints>(bytes[0]), top_end = lanes::load<Ints>(bytes[1]);
+  const auto bottom = lanes::load<Ints>(bytes[2]), bottom_end = lanes::load<Ints>(bytes[3]);
+  return {at.mix(top & 255, (top_end >> 8) & 255, bottom & 255, (bottom_end >> 8) & 255),
+          at.mix((top >> 8) & 255, (top_end >> 16) & 255, (bottom >> 8) & 255, (bottom_end >> 16) & 255),
+          at.mix((top >> 16) & 255, (top_end >> 24) & 255, (bottom >> 16) & 255, (bottom_end >> 24) & 255)};
+}
+
+struct Normals {
+  Floats x, y;        ///< where they begin
+  Floats in_x, in_y;  ///< unit vectors into the region
+  OMNIFLEET_INLINE Floats u(float s) const { return x + s * in_x; }
+  OMNIFLEET_INLINE Floats v(float s) const { return y + s * in_y; }
+};
+
+struct Beside {
+  Colours colour;
+  Ints in_shadow;  ///< clearly
+};
+
+/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
+/// else the reference, which has less noise. Where no floor is, what is there.
+OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
+                                   const Colours& reference, const Ints& no_floor) {
+  const Floats u = n.u(-out_px), v = n.v(-out_px);
+  const Colours there = coloursAt(image, u, v), beyond = coloursAt(image, u - n.in_x, v - n.in_y);
+  const Colours seen = {0.5f * (there.blue + beyond.blue), 0.5f * (there.green + beyond.green),
+                        0.5f * (there.red + beyond.red)};
+  const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
+  const Floats gain = dot(seen, reference) / rr, across2 = dot(seen, seen) / rr - gain * gain;
+  const Ints in_other_light = (gain > kDeepestShade) & (gain < 1.0f - kSameLight) &  // false for NaN
+                              (across2 < kSameHue * kSameHue * gain * gain);
+  return {choose(no_floor, there, choose(in_other_light, seen, reference)),
+          ~no_floor & in_other_light & (gain < 1.0f - kDeepLight)};
+}
+
+/// Walks along the normals until half the way between floor and object is reached.
+struct Walk {
+  Ints open;  ///< still looked for
+  Ints found{};
+  Floats before{};  ///< share of the way at the last sample
+  Floats shift{};   ///< of the edge along the normal
+
+  /// @param share of the way at s
+  OMNIFLEET_INLINE void see(const Floats& share, float s, bool first) {
+    const Ints reached = open & (share >= 0.5f);
+    open &= ~reached;
+    if (!first) {
+      const Floats way = lanes::larger(share - before, lanes::all(1e-6f));
+      shift = reached ? s - (share - 0.5f) / way * kStep_px : shift;
+      found |= reached;
+    }
+    before = share;
+  }
+};
+
+OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& options, EightEdges& edges) {
+  const auto along_x = lanes::load<Floats>(edges.along_x), along_y = lanes::load<Floats>(edges.along_y);
+  const Floats along = lanes::squareRoot(along_x * along_x + along_y * along_y);
+  const Normals n{lanes::load<Floats>(edges.x_px), lanes::load<Floats>(edges.y_px), -along_y / along,
+                  along_x / along};
+  const Colours reference = {lanes::load<Floats>(edges.floor[0]), lanes::load<Floats>(edges.floor[1]),
+                             lanes::load<Floats>(edges.floor[2])};
+  const auto search = static_cast<float>(options.search_px), least = static_cast<float>(options.min_contrast);
+  const Beside beside =
+      lookBeside(frame.image, n, search + kBeyond_px, reference, lanes::load<Ints>(edges.beside) != 0);
+  const Colours& outside = beside.colour;
+  const auto contrastAt = [&](float s) { return coloursAt(frame.image, n.u(s), n.v(s)) - outside; };
+  const Colours near = contrastAt(search + kBeyond_px);
+  // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
+  const auto hueOf = [&](const Colours& c) {
+    const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
+    return c - dot(c, reference) / rr * reference;
+  };
+  const Floats whole = length(near), in_luma = dot(near, luma());
+  const Ints by_hue =
+      beside.in_shadow & (length(hueOf(near)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
+  const Ints by_luma = ~by_hue & (lanes::magnitude(in_luma) >= kLumaShare * whole);
+  const Ints usable = along >= 1e-3f;
+
+  Walk walk{usable & by_luma & (lanes::magnitude(in_luma) >= least)};
+  if (lanes::any(walk.open)) {
+    const Floats zero = dot(outside, luma());
+    for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
+      walk.see((greysAt(frame.grey, n.u(s), n.v(s)) - zero) / in_luma, s, s == -search);
+  }
+  const Ints left = usable & ~by_luma;
+  if (lanes::any(left)) {  // colour is blurred over twice the pixels
+    const float far = 2.0f * search;
+    const Colours all = contrastAt(far), contrast = choose(by_hue, hueOf(all), all);
+    const Floats strength = length(contrast);
+    const Colours weight = (1.0f / strength) * contrast;
+    const Floats total = dot(contrast, weight), zero = dot(outside, weight);
+    walk.open = left & (strength > 0.0f) & (lanes::magnitude(total) >= least);
+    walk.before = Floats{};
+    for (float s = -far; s <= far + 0.01f && lanes::any(walk.open); s += kStep_px)
+      walk.see((dot(coloursAt(frame.image, n.u(s), n.v(s)), weight) - zero) / total, s, s == -far);
+  }
+  lanes::store(walk.found ? n.x + walk.shift * n.in_x : n.x, edges.x_px);
+  lanes::store(walk.found ? n.y + walk.shift * n.in_y : n.y, edges.y_px);
+  lanes::store(walk.found, edges.found);
+}
+
+}  // namespace
+
+OMNIFLEET_WIDE void findEdges(const ContourFrame& frame, const ContourOptions& options, EightEdges& edges) {
+  find(frame, options, edges);
+}
+
+}  // namespace omnifleet::ground
