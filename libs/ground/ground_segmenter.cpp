@@ -287,13 +287,13 @@ int GroundSegmenter::cellsOffFloor(int x, int y, double noise) const {
 
 /// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes
 /// quickly it may be off by what it changes over a cell, which the noise no longer covers.
-FloorReference::Test GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
+FloorTest GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
   const cv::Mat3f& floor = reference_.colour();
   const cv::Vec3f& r = floor(y, x);
   const cv::Vec3f across = floor(y, std::min(x + 1, floor.cols - 1)) - floor(y, std::max(x - 1, 0)),
                   down = floor(std::min(y + 1, floor.rows - 1), x) - floor(std::max(y - 1, 0), x);
   const float slope = 0.5f * std::sqrt((across.dot(across) + down.dot(down)) / std::max(1.0f, r.dot(r)));
-  FloorReference::Test test = reference_.testFor(r, noise / kSmoothing);
+  FloorTest test = reference_.testFor(r, noise / kSmoothing);
   const float along = std::sqrt(test.along2) + slope;
   test.along2 = along * along;
   return test;
@@ -302,7 +302,7 @@ FloorReference::Test GroundSegmenter::testOfSmoothed(int x, int y, double noise)
 /// What the cell is where it is object all over, kFloorLook where it may be mixed.
 Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
   const cv::Vec3f &r = reference_.colour()(y, x), &p = means_(y, x);
-  const FloorReference::Test test = reference_.testFor(r, noise / kCell);
+  const FloorTest test = reference_.testFor(r, noise / kCell);
   const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
   return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
@@ -343,8 +343,7 @@ template <int kChannels>
 void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise) {
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
   const bool drowns = options_.reference.noise_sigmas * noise > kDrowning * std::sqrt(r.dot(r));
-  const FloorReference::Test limits =
-      drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
+  const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
   const CellTest test{
       r[0], r[1], r[2], std::max(1.0f, r.dot(r)), 1.0f / limits.along2, 1.0f / limits.across2, kOtherHue};
   const int x = cell_x * kCell, y = cell_y * kCell;

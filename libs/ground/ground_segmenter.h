@@ -57,7 +57,7 @@ class GroundSegmenter {
   void markCells(double noise);
   int cellsOffFloor(int x, int y, double noise) const;
   Look lookOfCell(int x, int y, double noise) const;
-  FloorReference::Test testOfSmoothed(int x, int y, double noise) const;
+  FloorTest testOfSmoothed(int x, int y, double noise) const;
   /// The cell and all around it are plainly object.
   bool isInside(int y, int x) const;
   void everythingIsAStrip();

@@ -1,0 +1,169 @@
+#include "ground/floor_growth.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace omnifleet::ground {
+
+namespace {
+
+// Gains of the filter that follows the floor's brightness from block to block: a steady slope is followed
+// without lag (an α–β filter along the way of growth), the noise of a block's mean is halved.
+constexpr float kLevelGain = 0.5f, kSlopeGain = 0.1f;
+constexpr float kTextureSigmas =
+    2.0f;                             // of the floor's own texture, added to the step that counts as an edge
+constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
+constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
+constexpr std::uint8_t kClosed = 1,
+                       kGrown = 3;  // where growth stops: no floor can be seen; it has been there
+constexpr int kSteps = 8;
+constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
+
+float dot(const float* a, const float* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/// |after − before − change · colour|²: what a slope of brightness leaves of the step over two blocks.
+float leftOfStep(const float* after, const float* before, float change, const float* colour) {
+  float left[3];
+  for (int c = 0; c < 3; ++c) left[c] = after[c] - before[c] - change * colour[c];
+  return dot(left, left);
+}
+
+/// Growth stops at all eight neighbours.
+bool isEnclosed(const std::uint8_t* at, std::ptrdiff_t row_step) {
+  const auto three = [](const std::uint8_t* p) { return p[0] & p[1] & p[2]; };
+  return (three(at - row_step - 1) & at[-1] & at[1] & three(at + row_step - 1)) != 0;
+}
+
+float medianOf(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+FloorTest FloorTolerance::testFor(const cv::Vec3f& r, double noise) const {
+  const float brightness = std::sqrt(std::max(1.0f, r.dot(r)));
+  const float added = static_cast<float>(noise_sigmas * noise) / brightness;
+  const float a = static_cast<float>(along) + added, b = static_cast<float>(across) + added;
+  return {a * a, b * b};
+}
+
+FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
+                         double min_share)
+    : tolerance_(tolerance),
+      min_share_(min_share),
+      stride_(coverage.cols + 2 * kJump),
+      closed_(coverage.rows + 2 * kJump, stride_, kClosed),
+      framed_means_(closed_.size(), cv::Vec3f(0, 0, 0)),
+      means_(framed_means_(cv::Rect(kJump, kJump, coverage.cols, coverage.rows))),
+      handed_(closed_.total()) {
+  for (int y = 0; y < coverage.rows; ++y) {
+    for (int x = 0; x < coverage.cols; ++x) {
+      // Whether the outermost are flat cannot be told.
+      const bool inner = x > 0 && y > 0 && x + 1 < coverage.cols && y + 1 < coverage.rows;
+      if (inner && coverage(y, x) == 2) closed_(y + kJump, x + kJump) = 0;
+      if (seeds(y, x) != 0) seeds_.push_back((y + kJump) * stride_ + x + kJump);
+    }
+  }
+  queue_.reserve(coverage.total());
+}
+
+bool FloorGrowth::grow(double noise) {
+  if (!seed()) return false;
+  for (std::size_t next = 0; next < queue_.size(); ++next) growFrom(queue_[next], noise);
+  return true;
+}
+
+bool FloorGrowth::seed() {
+  const auto* means = framed_means_.ptr<cv::Vec3f>();
+  // The bins are as wide in the dark as the differences of brightness there are small: without this, things
+  // in the ring and the floor would fill bins that touch.
+  const float gain = brighten();
+  const auto binAt = [gain](const cv::Vec3f& c) {
+    return GroundHistogram::binOf(cv::saturate_cast<std::uint8_t>(gain * c[0]),
+                                  cv::saturate_cast<std::uint8_t>(gain * c[1]),
+                                  cv::saturate_cast<std::uint8_t>(gain * c[2]));
+  };
+  histogram_.clear();
+  for (const int block : seeds_) histogram_.add(binAt(means[block]));
+  if (histogram_.settle(min_share_, 0, false) <= 0.0) return false;
+  closed_.copyTo(stop_);
+  queue_.clear();
+  for (const int block : seeds_) {
+    if (histogram_.table()[binAt(means[block])] == 0) continue;
+    const cv::Vec3f& mean = means[block];
+    stop_.data[block] = kGrown;
+    handed_[static_cast<std::size_t>(block)] = {{mean[0], mean[1], mean[2]}, {0.0f, 0.0f}};
+    queue_.push_back(block);
+  }
+  texture_ = seedTexture();
+  return true;
+}
+
+/// What makes the middle one of the seeds as bright as kSeedLevel; never darker than it is.
+float FloorGrowth::brighten() {
+  sorted_.clear();
+  const auto* means = framed_means_.ptr<cv::Vec3f>();
+  for (const int block : seeds_)
+    sorted_.push_back(std::max({means[block][0], means[block][1], means[block][2]}));
+  return std::max(1.0f, kSeedLevel / std::max(1.0f, medianOf(sorted_)));
+}
+
+float FloorGrowth::seedTexture() {
+  sorted_.clear();
+  const auto* means = framed_means_.ptr<cv::Vec3f>();
+  for (const int block : queue_) {
+    if (stop_.data[block + 2] != kGrown) continue;
+    const cv::Vec3f step = means[block + 2] - means[block];
+    sorted_.push_back(std::sqrt(step.dot(step) / std::max(1.0f, means[block].dot(means[block]))));
+  }
+  return sorted_.empty() ? 0.0f : medianOf(sorted_);
+}
+
+void FloorGrowth::growFrom(int at, double noise) {
+  const std::uint8_t* stop = stop_.data;
+  if (isEnclosed(stop + at, stride_)) return;
+  const Handed from = handed_[static_cast<std::size_t>(at)];
+  const FloorTest test = tolerance_.testFor({from.colour[0], from.colour[1], from.colour[2]}, noise);
+  // The texture measured holds the noise.
+  const float flatness =
+      std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
+  for (int step = 0; step < kSteps; ++step) {
+    const int offset = kStepY[step] * stride_ + kStepX[step];
+    for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
+      if (accept(to, from, test, flatness, step, jump)) break;
+  }
+}
+
+/// Takes a block in when it is like the floor expected there and no edge runs through it: its neighbours on
+/// both sides differ by no more than the slope explains. Without the latter the growth would climb onto
+/// objects over the blocks that their edges cut by and by.
+bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, float flatness, int step,
+                         int jump) {
+  const float* mean = framed_means_.ptr<float>() + 3 * to;
+  const auto dx = static_cast<float>(kStepX[step] * jump), dy = static_cast<float>(kStepY[step] * jump);
+  const float change = from.slope[0] * dx + from.slope[1] * dy;
+  const float brighter = 1.0f + std::clamp(change, -kMaxSlope, kMaxSlope);
+  float expected[3];
+  for (int c = 0; c < 3; ++c) expected[c] = from.colour[c] * brighter;
+  const float rr = dot(expected, expected), gain = dot(mean, expected) / rr, surprise = gain - 1.0f;
+  if (!(surprise * surprise <= test.along2)) return false;
+  if (!(dot(mean, mean) / rr - gain * gain <= test.across2)) return false;
+  const float allowed = flatness * flatness * rr;
+  const std::ptrdiff_t below = 3 * stride_;
+  if (!(leftOfStep(mean + 3, mean - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
+  if (!(leftOfStep(mean + below, mean - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
+  stop_.data[to] = kGrown;
+  Handed& handed = handed_[static_cast<std::size_t>(to)];
+  for (int c = 0; c < 3; ++c) handed.colour[c] = (1.0f - kLevelGain) * expected[c] + kLevelGain * mean[c];
+  const float share = 1.0f / (dx * dx + dy * dy), steeper = kSlopeGain * surprise;
+  handed.slope[0] = from.slope[0] + steeper * (dx * share);
+  handed.slope[1] = from.slope[1] + steeper * (dy * share);
+  queue_.push_back(to);
+  return true;
+}
+
+}  // namespace omnifleet::ground

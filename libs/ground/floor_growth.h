@@ -1,0 +1,70 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/ground_histogram.h"
+
+namespace omnifleet::ground {
+
+/// Squared tolerances of what passes for floor, as fractions of the floor colour's |r|².
+struct FloorTest {
+  float along2, across2;
+};
+
+/// What the floor's colour may be off by: shares of its brightness, and grey levels of noise added to both.
+struct FloorTolerance {
+  double along, across;
+  double noise_sigmas;
+  FloorTest testFor(const cv::Vec3f& r, double noise) const;
+};
+
+/// The blocks of an image that show floor: grown outward from seeds, each accepted block handing a slowly
+/// adapting colour and slope of brightness on to its neighbours, so that uneven light is followed while an
+/// object's edge stops the growth; markings up to a few blocks wide are stepped over.
+class FloorGrowth {
+ public:
+  /// @param coverage per block, 2 where all of it may show floor. @param seeds per block, not 0 for a seed
+  /// @param min_share of the seeds that fills a bin of their histogram
+  FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
+              double min_share);
+  FloorGrowth(const FloorGrowth&) = delete;  // means_ looks into framed_means_
+  FloorGrowth& operator=(const FloorGrowth&) = delete;
+
+  /// To be filled before grow(): mean colour per block.
+  cv::Mat3f& means() { return means_; }
+  /// @param noise σ of one block's mean. @return false when no seed shows floor
+  bool grow(double noise);
+  /// Calls visit(y, x) for each block that the growth reached, in its order.
+  template <typename Visit>
+  void forGrown(Visit visit) const {
+    for (const int at : queue_) visit(at / stride_ - kJump, at % stride_ - kJump);
+  }
+
+ private:
+  static constexpr int kJump = 4;  ///< blocks: a marking (grid line, joint) up to this wide is stepped over
+  /// What a block hands on.
+  struct Handed {
+    float colour[3];
+    float slope[2];  ///< relative change of the brightness per block, x and y
+  };
+  bool seed();
+  float brighten();
+  float seedTexture();
+  void growFrom(int at, double noise);
+  bool accept(int to, const Handed& from, const FloorTest& test, float flatness, int step, int jump);
+
+  FloorTolerance tolerance_;
+  double min_share_;
+  GroundHistogram histogram_;
+  // Blocks are counted in a frame of kJump closed ones to each side, so that nothing asks where the edge is.
+  int stride_;
+  cv::Mat1b closed_, stop_;  ///< not 0 where growth never gets to; and where it has been
+  cv::Mat3f framed_means_, means_;
+  std::vector<Handed> handed_;
+  std::vector<int> seeds_, queue_;
+  std::vector<float> sorted_;
+  float texture_ = 0.0f;  ///< median step of the seeds' colour over two blocks, as a share of the brightness
+};
+
+}  // namespace omnifleet::ground
