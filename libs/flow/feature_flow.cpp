@@ -24,10 +24,10 @@ FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& o
       previous_(options.lucas_kanade.levels),
       current_(options.lucas_kanade.levels) {}
 
-void FeatureFlow::push(const cv::Mat& image) {
+void FeatureFlow::push() {
   std::swap(previous_, current_);
   has_previous_ = has_current_;
-  current_.build(image);
+  current_.build();
   has_current_ = true;
 }
 

@@ -29,8 +29,11 @@ class FeatureFlow {
  public:
   FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& options);
 
-  /// Takes the next frame; the one before becomes the previous.
-  void push(const cv::Mat& image);
+  /// Where the next frame's brightness is to be put, CV_8UC1; nothing looks there before
+  /// push().
+  cv::Mat1b& next() { return previous_.base(); }
+  /// Takes the next frame from there; the one before becomes the previous.
+  void push();
   /// Forgets the previous frame.
   void forget() {
     has_previous_ = has_current_ = false;

@@ -58,6 +58,10 @@ void Pyramid::build(const cv::Mat& image) {
     cv::cvtColor(image, levels_[0], cv::COLOR_BGR2GRAY);
   else
     image.copyTo(levels_[0]);
+  build();
+}
+
+void Pyramid::build() {
   for (std::size_t k = 1; k < levels_.size(); ++k) halve(levels_[k - 1], levels_[k]);
 }
 

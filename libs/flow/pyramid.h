@@ -14,6 +14,9 @@ class Pyramid {
 
   /// @param image CV_8UC3 (BGR) or CV_8UC1; copied
   void build(const cv::Mat& image);
+  /// Likewise from what base() holds: brightness, CV_8UC1.
+  void build();
+  cv::Mat1b& base() { return levels_.front(); }
   int size() const { return static_cast<int>(levels_.size()); }
   const cv::Mat1b& level(int k) const { return levels_[static_cast<std::size_t>(k)]; }
   const cv::Mat1b& grey() const { return levels_.front(); }

@@ -16,6 +16,10 @@ inline constexpr int kLanes = 8;
 using Floats = float __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(32)));
 
+/// Half as many.
+using FourFloats = float __attribute__((vector_size(16)));
+using FourShorts = std::uint16_t __attribute__((vector_size(8)));
+
 template <typename Vector>
 OMNIFLEET_INLINE Vector load(const void* from) {
   Vector v;
@@ -47,6 +51,14 @@ OMNIFLEET_INLINE Floats floatsFromBytes(const std::uint8_t* from) {
   const Shorts low = __builtin_shufflevector(shorts, Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11),
                high = __builtin_shufflevector(shorts, Shorts{}, 4, 12, 5, 13, 6, 14, 7, 15);
   return floats(__builtin_shufflevector(load<Four>(&low), load<Four>(&high), 0, 1, 2, 3, 4, 5, 6, 7));
+}
+OMNIFLEET_INLINE FourFloats floats(const FourShorts& v) {
+  using Shorts = std::uint16_t __attribute__((vector_size(16)));
+  using Four = std::int32_t __attribute__((vector_size(16)));
+  using Long = std::uint64_t __attribute__((vector_size(16)));
+  const Long half = {load<std::uint64_t>(&v), 0};
+  const Shorts wide = __builtin_shufflevector(load<Shorts>(&half), Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11);
+  return __builtin_convertvector(load<Four>(&wide), FourFloats);
 }
 /// Towards zero.
 OMNIFLEET_INLINE Ints truncated(const Floats& v) {

@@ -48,21 +48,6 @@ int lineWidth(const lens::Camera& camera, const FloorView& view, const Segmenter
   return std::min(options.max_line_px, 2 * static_cast<int>(std::lround(0.5 * (width - 1.0))) + 1);
 }
 
-/// Sums of each column's kCell pixels, then of kCell columns: that of cell x at sums[x · kCell · channels +
-/// c].
-OMNIFLEET_WIDE void sumCells(const cv::Mat& image, int top, int begin, int end, int channels,
-                             std::uint16_t* sums) {
-  static_assert(kCell == 4);
-  const std::uint8_t *a = image.ptr(top), *b = image.ptr(top + 1), *c = image.ptr(top + 2),
-                     *d = image.ptr(top + 3);
-#pragma GCC ivdep
-  for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(a[i] + b[i] + c[i] + d[i]);
-  for (int step = channels; step <= 2 * channels; step += channels) {
-#pragma GCC ivdep
-    for (int i = begin; i < end; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + step]);
-  }
-}
-
 constexpr int kCopyRow = 16;  // bytes of a row of a copied cell: what a test may read
 
 /// Each pixel of a cell the mean of the 3×3 around it, in rows of kCopyRow.
@@ -112,14 +97,13 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       options_(options),
       reference_(view, options.reference),
       lines_(view.imageSize(), lineWidth(camera, view, options)),
-      means_(view.cells(), cv::Vec3f(0, 0, 0)),
+      cells_(view),
       strength_(view.imageSize(), std::uint8_t{0}),
       raw_(view.imageSize(), std::uint8_t{0}),
       looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
-      row_sums_(static_cast<std::size_t>(view.imageSize().width) * 3 + 8),
       despeckler_(view.imageSize()),
       shade_(view.imageSize()) {
   constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
@@ -128,12 +112,12 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       if (view.seeds()(y, x) != 0) noise_cells_.emplace_back(x, y);
 }
 
-bool GroundSegmenter::segment(const cv::Mat& image) {
+bool GroundSegmenter::segment(const cv::Mat& image, cv::Mat1b* grey) {
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
   despeckler_.clear(strips_);
   shade_.clear(strips_);
   strips_.clear();
-  averageCells(image);
+  cells_.read(image, grey);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   if (!found) return false;
   Despeckler::trimHalos(strips_, strength_, raw_);
@@ -146,7 +130,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const double noise = seedNoise(image);
-  if (!reference_.learn(means_, noise)) return false;
+  if (!reference_.learn(cells_.means(), noise)) return false;
   findStrips(noise);
   for (const auto& strip : strips_) {
     if (image.channels() == 3)
@@ -172,29 +156,13 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
     for (int x = 0; x < seeds.cols * kCell; ++x)
       if (seeds(y / kCell, x / kCell) != 0) histogram_.add(binAt(y, x));
   if (histogram_.settle(options_.histogram_share, options_.histogram_grow, true) <= 0.0) return false;
-  reference_.learn(means_, 0.0);
+  reference_.learn(cells_.means(), 0.0);
   everythingIsAStrip();
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
       for (int x = strip.begin_px; x < strip.end_px; ++x)
         strength_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 255 : 0;
   return true;
-}
-
-void GroundSegmenter::averageCells(const cv::Mat& image) {
-  const int channels = image.channels();
-  for (int y = 0; y < means_.rows; ++y) {
-    const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
-    if (range.empty()) continue;
-    sumCells(image, y * kCell, range.start * kCell * channels, range.end * kCell * channels, channels,
-             row_sums_.data());
-    auto* means = means_.ptr<cv::Vec3f>(y);
-    constexpr float kShare = 1.0f / (kCell * kCell);
-    for (int x = range.start; x < range.end; ++x) {
-      const std::uint16_t* s = row_sums_.data() + x * kCell * channels;
-      for (int c = 0; c < 3; ++c) means[x][c] = static_cast<float>(s[channels == 3 ? c : 0]) * kShare;
-    }
-  }
 }
 
 double GroundSegmenter::seedNoise(const cv::Mat& image) {
@@ -272,7 +240,7 @@ int GroundSegmenter::cellsOffFloor(int x, int y, double noise) const {
   // |g − R| > share · (along · R + noise · |r|), |p|² R − g² > (share · (across · R + noise · |r|))².
   using cv::v_float32x4;
   v_float32x4 p[3], r[3];
-  cv::v_load_deinterleave(means_.ptr<float>(y) + 3 * x, p[0], p[1], p[2]);
+  cv::v_load_deinterleave(cells_.means().ptr<float>(y) + 3 * x, p[0], p[1], p[2]);
   cv::v_load_deinterleave(reference_.colour().ptr<float>(y) + 3 * x, r[0], r[1], r[2]);
   const v_float32x4 rr = cv::v_max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], cv::v_setall_f32(1.0f));
   const v_float32x4 pr = p[0] * r[0] + p[1] * r[1] + p[2] * r[2],
@@ -301,7 +269,7 @@ FloorTest GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
 
 /// What the cell is where it is object all over, kFloorLook where it may be mixed.
 Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
-  const cv::Vec3f &r = reference_.colour()(y, x), &p = means_(y, x);
+  const cv::Vec3f &r = reference_.colour()(y, x), &p = cells_.means()(y, x);
   const FloorTest test = reference_.testFor(r, noise / kCell);
   const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);

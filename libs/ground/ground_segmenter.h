@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "ground/cell_means.h"
 #include "ground/despeckler.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
@@ -34,8 +35,9 @@ class GroundSegmenter {
   GroundSegmenter(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
+  /// @param grey where not null, receives the image's brightness (BT.601) by the way, CV_8UC1
   /// @return false when no floor was found around the robot
-  bool segment(const cv::Mat& image);
+  bool segment(const cv::Mat& image, cv::Mat1b* grey = nullptr);
 
   /// 255 on what is not ground, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }
@@ -46,12 +48,11 @@ class GroundSegmenter {
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
   /// Mean colour of each cell, CV_32FC3 (grey: three equal channels).
-  const cv::Mat3f& cellMeans() const { return means_; }
+  const cv::Mat3f& cellMeans() const { return cells_.means(); }
 
  private:
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
-  void averageCells(const cv::Mat& image);
   double seedNoise(const cv::Mat& image);
   void findStrips(double noise);
   void markCells(double noise);
@@ -71,12 +72,11 @@ class GroundSegmenter {
   FloorReference reference_;
   GroundHistogram histogram_;
   LineFilter lines_;
-  cv::Mat3f means_;
+  CellMeans cells_;
   cv::Mat1b strength_, raw_, looks_, objects_;
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
   std::vector<Strip> strips_;
-  std::vector<std::uint16_t> row_sums_;
   std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
   std::vector<float> variances_;
   Despeckler despeckler_;

@@ -89,7 +89,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     s.map.state = FrameState::kDark;  // no floor
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
-  s.flow.push(frame.image);       // §III.3: pyramid
+  s.flow.push();                  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
@@ -114,7 +114,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
 }
 
 bool LocalMapper::Stages::findRegions(const cv::Mat& image) {
-  if (!segmenter.segment(image)) return false;  // §III.2: ground removed by its histogram
+  if (!segmenter.segment(image, &flow.next())) return false;  // §III.2: ground removed by its histogram
   labelled = &labeller.label(segmenter.objects(), segmenter.strips(), options.silhouette.min_area_px);
   blobs = &connection.connect(*labelled);  // Algorithm 1
   return true;

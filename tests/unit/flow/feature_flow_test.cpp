@@ -32,6 +32,11 @@ cv::Mat1b planeSeen(const lens::Camera& camera, const Pose2& world_from_base, do
   return image;
 }
 
+void push(const cv::Mat1b& image, FeatureFlow& flow) {
+  image.copyTo(flow.next());
+  flow.push();
+}
+
 ground::Blob region(int x, int y, int width, int height) {
   ground::Blob blob;
   blob.rect = {x, y, width, height};
@@ -46,9 +51,9 @@ class FeatureFlowTest : public ::testing::Test {
   std::vector<ObjectObservation> track(double height_m, const Motion& told, bool forget = false) {
     FeatureFlow flow(camera_, {});
     const Pose2 before{0.3, -0.2, 0.4}, after = before * moved_;
-    flow.push(planeSeen(camera_, before, height_m, texture_));
+    push(planeSeen(camera_, before, height_m, texture_), flow);
     if (forget) flow.forget();
-    flow.push(planeSeen(camera_, after, height_m, texture_));
+    push(planeSeen(camera_, after, height_m, texture_), flow);
     std::vector<ObjectObservation> objects(2);
     flow.track({region(0, 0, 1, 1), region(380, 150, 60, 60), region(180, 280, 70, 50)}, {1, 2}, told,
                objects);
