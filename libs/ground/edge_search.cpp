@@ -69,21 +69,22 @@ struct Places {
   }
 };
 
-OMNIFLEET_INLINE std::int32_t bytesAt(const std::uint8_t* from, std::size_t count) {
-  std::int32_t bytes = 0;
-  std::memcpy(&bytes, from, count);
-  return bytes;
+/// `kBytes` bytes from eight places, as numbers. One by one into a vector: a vector read back from memory
+/// where single numbers have just been written would wait for them.
+template <int kBytes>
+OMNIFLEET_INLINE Ints gather(const std::uint8_t* base, const std::int32_t (&offset)[lanes::kLanes]) {
+  const auto at = [&](int k) {
+    std::int32_t bytes = 0;
+    std::memcpy(&bytes, base + offset[k], kBytes);
+    return bytes;
+  };
+  return Ints{at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)};
 }
 
 OMNIFLEET_INLINE Floats greysAt(const cv::Mat& grey, const Floats& u, const Floats& v) {
   const Places at(grey, 1, u, v);
-  std::int32_t pixels[lanes::kLanes];
-  for (int k = 0; k < lanes::kLanes; ++k) {
-    const std::uint8_t* top = grey.data + at.offset[k];
-    pixels[k] = bytesAt(top, 2) | bytesAt(top + grey.step[0], 2) << 16;
-  }
-  const auto four = lanes::load<Ints>(pixels);
-  return at.mix(four & 255, (four >> 8) & 255, (four >> 16) & 255, (four >> 24) & 255);
+  const Ints top = gather<2>(grey.data, at.offset), bottom = gather<2>(grey.data + grey.step[0], at.offset);
+  return at.mix(top & 255, top >> 8, bottom & 255, bottom >> 8);
 }
 
 OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const Floats& v) {
@@ -93,16 +94,9 @@ OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const 
   }
   const Places at(image, 3, u, v);
   // Six bytes of each row in two numbers: B G R b, and R b g r.
-  std::int32_t bytes[4][lanes::kLanes];
-  for (int k = 0; k < lanes::kLanes; ++k) {
-    const std::uint8_t *top = image.data + at.offset[k], *bottom = top + image.step[0];
-    bytes[0][k] = bytesAt(top, 4);
-    bytes[1][k] = bytesAt(top + 2, 4);
-    bytes[2][k] = bytesAt(bottom, 4);
-    bytes[3][k] = bytesAt(bottom + 2, 4);
-  }
-  const auto top = lanes::load<Ints>(bytes[0]), top_end = lanes::load<Ints>(bytes[1]);
-  const auto bottom = lanes::load<Ints>(bytes[2]), bottom_end = lanes::load<Ints>(bytes[3]);
+  const std::uint8_t* below = image.data + image.step[0];
+  const Ints top = gather<4>(image.data, at.offset), top_end = gather<4>(image.data + 2, at.offset),
+             bottom = gather<4>(below, at.offset), bottom_end = gather<4>(below + 2, at.offset);
   return {at.mix(top & 255, (top_end >> 8) & 255, bottom & 255, (bottom_end >> 8) & 255),
           at.mix((top >> 8) & 255, (top_end >> 16) & 255, (bottom >> 8) & 255, (bottom_end >> 16) & 255),
           at.mix((top >> 16) & 255, (top_end >> 24) & 255, (bottom >> 16) & 255, (bottom_end >> 24) & 255)};
