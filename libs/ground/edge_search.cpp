@@ -41,6 +41,12 @@ OMNIFLEET_INLINE Colours choose(const Ints& which, const Colours& a, const Colou
   return {which ? a.blue : b.blue, which ? a.green : b.green, which ? a.red : b.red};
 }
 
+/// What of a colour is not the reference in another light.
+OMNIFLEET_INLINE Colours hueOf(const Colours& c, const Colours& reference) {
+  const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
+  return c - dot(c, reference) / rr * reference;
+}
+
 /// BT.601, as JPEG keeps it at full resolution.
 OMNIFLEET_INLINE Colours luma() {
   return {lanes::all(0.114f), lanes::all(0.587f), lanes::all(0.299f)};
@@ -107,6 +113,12 @@ struct Normals {
   Floats in_x, in_y;  ///< unit vectors into the region
   OMNIFLEET_INLINE Floats u(float s) const { return x + s * in_x; }
   OMNIFLEET_INLINE Floats v(float s) const { return y + s * in_y; }
+  OMNIFLEET_INLINE Floats greysAt(const cv::Mat& grey, float s) const {
+    return ground::greysAt(grey, u(s), v(s));
+  }
+  OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, float s) const {
+    return ground::coloursAt(image, u(s), v(s));
+  }
 };
 
 struct Beside {
@@ -161,16 +173,11 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   const Beside beside =
       lookBeside(frame.image, n, search + kBeyond_px, reference, lanes::load<Ints>(edges.beside) != 0);
   const Colours& outside = beside.colour;
-  const auto contrastAt = [&](float s) { return coloursAt(frame.image, n.u(s), n.v(s)) - outside; };
-  const Colours near = contrastAt(search + kBeyond_px);
+  const Colours near = n.coloursAt(frame.image, search + kBeyond_px) - outside;
   // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
-  const auto hueOf = [&](const Colours& c) {
-    const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
-    return c - dot(c, reference) / rr * reference;
-  };
   const Floats whole = length(near), in_luma = dot(near, luma());
-  const Ints by_hue =
-      beside.in_shadow & (length(hueOf(near)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
+  const Ints by_hue = beside.in_shadow &
+                      (length(hueOf(near, reference)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
   const Ints by_luma = ~by_hue & (lanes::magnitude(in_luma) >= kLumaShare * whole);
   const Ints usable = along >= 1e-3f;
 
@@ -178,19 +185,20 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   if (lanes::any(walk.open)) {
     const Floats zero = dot(outside, luma());
     for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see((greysAt(frame.grey, n.u(s), n.v(s)) - zero) / in_luma, s, s == -search);
+      walk.see((n.greysAt(frame.grey, s) - zero) / in_luma, s, s == -search);
   }
   const Ints left = usable & ~by_luma;
   if (lanes::any(left)) {  // colour is blurred over twice the pixels
     const float far = 2.0f * search;
-    const Colours all = contrastAt(far), contrast = choose(by_hue, hueOf(all), all);
+    const Colours all = n.coloursAt(frame.image, far) - outside,
+                  contrast = choose(by_hue, hueOf(all, reference), all);
     const Floats strength = length(contrast);
     const Colours weight = (1.0f / strength) * contrast;
     const Floats total = dot(contrast, weight), zero = dot(outside, weight);
     walk.open = left & (strength > 0.0f) & (lanes::magnitude(total) >= least);
     walk.before = Floats{};
     for (float s = -far; s <= far + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see((dot(coloursAt(frame.image, n.u(s), n.v(s)), weight) - zero) / total, s, s == -far);
+      walk.see((dot(n.coloursAt(frame.image, s), weight) - zero) / total, s, s == -far);
   }
   lanes::store(walk.found ? n.x + walk.shift * n.in_x : n.x, edges.x_px);
   lanes::store(walk.found ? n.y + walk.shift * n.in_y : n.y, edges.y_px);

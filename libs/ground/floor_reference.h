@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ground/floor_growth.h"
+#include "ground/floor_smoothing.h"
 #include "ground/floor_view.h"
 #include "options/options.h"
 
@@ -20,7 +21,7 @@ struct ReferenceOptions {
 };
 
 /// The colour that the floor has, or would have, at each cell: learned from the seeds' histogram, grown
-/// outward from them (FloorGrowth) and smoothed (RECIPES "Fisheye → ground", 1).
+/// outward from them (FloorGrowth) and smoothed (FloorSmoothing; RECIPES "Fisheye → ground", 1).
 class FloorReference {
  public:
   FloorReference(const FloorView& view, const ReferenceOptions& options);
@@ -31,35 +32,18 @@ class FloorReference {
   bool learn(const cv::Mat3f& cell_means, double noise);
 
   /// Floor colour per cell, defined wherever the view covers.
-  const cv::Mat3f& colour() const { return colour_; }
+  const cv::Mat3f& colour() const { return smoothing_.colour(); }
   /// Is p floor where the floor looks like r? `noise` in grey levels, added to both tolerances.
   FloorTest testFor(const cv::Vec3f& r, double noise) const { return tolerance_.testFor(r, noise); }
 
  private:
   void averageBlocks(const cv::Mat3f& cell_means);
-  void sumBlocks();
-  void smooth();
-  void blurTwice();
-  /// Where the middle of a fine pixel lies between the middles of coarse ones, `scale` times as large.
-  struct Between {
-    int first, second;
-    float share;  ///< of the second
-  };
-  static Between between(int fine, int scale, int coarse_size);
-  void spread();
-  void fillAndDivide(cv::Mat& sums);
 
   ReferenceOptions options_;
   FloorTolerance tolerance_;
   int block_;  ///< cells per side of a block
   FloorGrowth growth_;
-  cv::Mat3f colour_;                         ///< per cell
-  cv::Mat sums_, fine_, residual_, filler_;  ///< CV_32FC4: colour and weight, 2×2 blocks a pixel
-  int radius_ = 1;                           ///< of the smoothing, in those pixels
-  cv::Mat1f framed_, summed_;                ///< four floats a pixel; with a margin of zeros
-  std::vector<Between> columns_;             ///< of colour_ in fine_
-  cv::Mat3f wide_;                           ///< rows as of fine_, columns as of colour_
-  std::vector<cv::Mat> pyramid_;
+  FloorSmoothing smoothing_;
 };
 
 }  // namespace omnifleet::ground

@@ -1,0 +1,169 @@
+#include "ground/floor_smoothing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "geometry/lanes.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kRounds = 3;  // each takes most of the bias away that slopes and one-sided windows leave
+constexpr float kFillWeight =
+    0.02f;                       // weight of the coarser level: only counts where the finer one knows little
+constexpr int kUsualWindow = 5;  // pixels
+
+using lanes::FourFloats;  // colour and weight
+
+/// Of n pixels' sums what the means found so far do not explain.
+OMNIFLEET_WIDE void takeRest(const float* sums, const float* have, int n, float* rest) {
+  for (int i = 0; i < 4 * n; i += 4) {
+    const auto sum = lanes::load<FourFloats>(sums + i);
+    FourFloats mean = lanes::load<FourFloats>(have + i);
+    mean[3] = 0.0f;  // the weight stays
+    lanes::store(sum - mean * sum[3], rest + i);
+  }
+}
+
+/// out[i] = scale · Σ in[i + k · step], k < count.
+template <int kCount>
+OMNIFLEET_INLINE void sumWindow(const float* in, std::ptrdiff_t step, int count, float scale, int n,
+                                float* out) {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) {
+    float sum = in[i];
+    for (int k = 1; k < (kCount > 0 ? kCount : count); ++k) sum += in[i + k * step];
+    out[i] = sum * scale;
+  }
+}
+
+OMNIFLEET_WIDE void sumAlong(const float* in, std::ptrdiff_t step, int count, float scale, int n,
+                             float* out) {
+  if (count == kUsualWindow)
+    sumWindow<kUsualWindow>(in, step, count, scale, n, out);
+  else
+    sumWindow<0>(in, step, count, scale, n, out);
+}
+
+OMNIFLEET_WIDE void mix(const float* a, const float* b, float share, int n, float* out) {
+  const float rest = 1.0f - share;
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) out[i] = rest * a[i] + share * b[i];
+}
+
+/// Sums of n pixels → means; `filler` (means, or null) counts where the sums know little. Without anything:
+/// 0.
+OMNIFLEET_WIDE void divide(const float* filler, int n, float* sums) {
+  for (int i = 0; i < 4 * n; i += 4) {
+    auto sum = lanes::load<FourFloats>(sums + i);
+    if (filler != nullptr) sum += kFillWeight * lanes::load<FourFloats>(filler + i);
+    lanes::store(sum[3] > 1e-3f ? sum * (1.0f / sum[3]) : FourFloats{}, sums + i);
+  }
+}
+
+void divide(const cv::Mat* filler, cv::Mat& sums) {
+  for (int y = 0; y < sums.rows; ++y)
+    divide(filler != nullptr ? filler->ptr<float>(y) : nullptr, sums.cols, sums.ptr<float>(y));
+}
+
+}  // namespace
+
+FloorSmoothing::FloorSmoothing(cv::Size blocks, cv::Size cells, int per_block, int window_cells)
+    : scale_(2 * per_block),
+      radius_(std::max(1, window_cells / 2)),
+      sums_((blocks.height + 1) / 2, (blocks.width + 1) / 2),
+      fine_(sums_.size()),
+      residual_(sums_.size()),
+      framed_(sums_.rows + 2 * radius_, 4 * (sums_.cols + 2 * radius_), 0.0f),
+      summed_(framed_.rows, 4 * sums_.cols),
+      pyramid_(8),
+      wide_(sums_.rows, cells.width),
+      colour_(cells, cv::Vec3f(0, 0, 0)) {
+  for (int x = 0; x < cells.width; ++x) columns_.push_back(between(x, scale_, fine_.cols));
+  for (int y = 0; y < cells.height; ++y) rows_.push_back(between(y, scale_, fine_.rows));
+}
+
+FloorSmoothing::Between FloorSmoothing::between(int cell, int scale, int coarse_size) {
+  const float at = (static_cast<float>(cell) + 0.5f) / static_cast<float>(scale) - 0.5f;
+  const int first = std::clamp(static_cast<int>(std::floor(at)), 0, coarse_size - 1);
+  return {first, std::min(first + 1, coarse_size - 1),
+          std::clamp(at - static_cast<float>(first), 0.0f, 1.0f)};
+}
+
+const cv::Mat3f& FloorSmoothing::smooth(FloorGrowth& growth) {
+  sumBlocks(growth);
+  fine_.setTo(0);
+  for (int round = 0; round < kRounds; ++round) {
+    for (int y = 0; y < sums_.rows; ++y)
+      takeRest(sums_.ptr<float>(y), fine_.ptr<float>(y), sums_.cols,
+               framed_.ptr<float>(y + radius_) + 4 * radius_);
+    blurTwice();
+    if (round == 0)
+      fillAndDivide();
+    else
+      divide(nullptr, residual_);
+    fine_ += residual_;
+  }
+  spread();
+  return colour_;
+}
+
+void FloorSmoothing::sumBlocks(FloorGrowth& growth) {
+  sums_.setTo(0);
+  const cv::Mat3f& means = growth.means();
+  growth.forGrown([&](int y, int x) {
+    const cv::Vec3f& c = means(y, x);
+    sums_(y / 2, x / 2) += cv::Vec4f(c[0], c[1], c[2], 1.0f);
+  });
+}
+
+/// framed_ → residual_, each time the mean over a square of side 2·radius_ + 1, zeros beyond the edge.
+void FloorSmoothing::blurTwice() {
+  const int side = 2 * radius_ + 1, n = 4 * sums_.cols;
+  const float scale = 1.0f / static_cast<float>(side * side);
+  for (int pass = 0; pass < 2; ++pass) {
+    for (int y = 0; y < framed_.rows; ++y)
+      sumAlong(framed_.ptr<float>(y), 4, side, 1.0f, n, summed_.ptr<float>(y));
+    for (int y = 0; y < sums_.rows; ++y) {
+      float* to = pass == 0 ? framed_.ptr<float>(y + radius_) + 4 * radius_ : residual_.ptr<float>(y);
+      sumAlong(summed_.ptr<float>(y), static_cast<std::ptrdiff_t>(summed_.step1()), side, scale, n, to);
+    }
+  }
+}
+
+/// Where the window holds hardly any floor, a coarser one fills in, level by level.
+void FloorSmoothing::fillAndDivide() {
+  for (std::size_t k = 0; k < pyramid_.size(); ++k) {
+    const cv::Mat& finer = k == 0 ? residual_ : pyramid_[k - 1];
+    cv::resize(finer, pyramid_[k], {(finer.cols + 1) / 2, (finer.rows + 1) / 2}, 0, 0, cv::INTER_AREA);
+  }
+  divide(nullptr, pyramid_.back());
+  for (std::size_t k = pyramid_.size(); k-- > 0;) {
+    cv::Mat& finer = k == 0 ? residual_ : pyramid_[k - 1];
+    cv::resize(pyramid_[k], filler_, finer.size(), 0, 0, cv::INTER_LINEAR);
+    divide(&filler_, finer);
+  }
+}
+
+/// fine_ → colour_, bilinearly.
+void FloorSmoothing::spread() {
+  for (int y = 0; y < fine_.rows; ++y) {
+    const float* row = fine_.ptr<float>(y);
+    auto* to = wide_.ptr<cv::Vec3f>(y);
+    for (std::size_t x = 0; x < columns_.size(); ++x) {
+      const Between& at = columns_[x];
+      const FourFloats mixed = (1.0f - at.share) * lanes::load<FourFloats>(row + 4 * at.first) +
+                               at.share * lanes::load<FourFloats>(row + 4 * at.second);
+      to[x] = {mixed[0], mixed[1], mixed[2]};
+    }
+  }
+  for (int y = 0; y < colour_.rows; ++y) {
+    const Between& at = rows_[static_cast<std::size_t>(y)];
+    mix(wide_.ptr<float>(at.first), wide_.ptr<float>(at.second), at.share, 3 * colour_.cols,
+        colour_.ptr<float>(y));
+  }
+}
+
+}  // namespace omnifleet::ground
