@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <opencv2/core/hal/intrin.hpp>
 #include <type_traits>
 
-#include "geometry/wide.h"
 #include "ground/cell_test.h"
+#include "ground/off_cells.h"
 
 namespace omnifleet::ground {
 
@@ -24,7 +23,6 @@ constexpr float kOtherHue = 2.0f;
 constexpr double kDrowning = 0.12;
 constexpr double kSmoothing = 3.0;  // what that divides the noise by
 constexpr int kAlign_px = 16;
-constexpr int kLanes = 4;             // cells that are looked at together
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
 /// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
@@ -71,6 +69,13 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
   }
 }
 
+/// The first x of [begin, end) with a mark; end where there is none.
+int nextMark(const std::uint8_t* row, int begin, int end) {
+  const auto* mark =
+      static_cast<const std::uint8_t*>(std::memchr(row + begin, 1, static_cast<std::size_t>(end - begin)));
+  return mark == nullptr ? end : static_cast<int>(mark - row);
+}
+
 /// @param across2 squared difference of hue as a multiple of its tolerance
 Look lookOf(float gain, float across2) {
   return across2 > kOtherHue ? kColourLook : greyLook(gain);
@@ -102,6 +107,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       raw_(view.imageSize(), std::uint8_t{0}),
       looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
+      off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
       despeckler_(view.imageSize()),
@@ -198,8 +204,7 @@ void GroundSegmenter::findStrips(double noise) {
   const int per = kAlign_px / kCell;
   for (int y = 0; y < active_.rows; ++y) {
     const std::uint8_t* row = active_.ptr(y);
-    for (int x = 0; x < active_.cols; ++x) {
-      if (row[x] == 0) continue;
+    for (int x = nextMark(row, 0, active_.cols); x < active_.cols; x = nextMark(row, x, active_.cols)) {
       const int begin = x / per * per;
       int end = begin + per, quiet = 0;
       for (x = end; x < active_.cols && quiet < per; ++x) {
@@ -207,50 +212,36 @@ void GroundSegmenter::findStrips(double noise) {
         if (row[x] != 0) end = (x / per + 1) * per;
       }
       strips_.push_back({y, begin * kCell, std::min(end * kCell, raw_.cols)});
-      x = end - 1;
+      x = end;
     }
   }
 }
 
+/// Cells whose mean is not plainly floor, and their neighbours, are looked at.
 void GroundSegmenter::markCells(double noise) {
-  // Cells whose mean is not plainly floor, and their neighbours, are looked at.
   const auto& coverage = view_->coverage();
-  active_.setTo(0);
+  const auto& o = options_.reference;
+  const auto share = [](double v) { return kPlainFloor * static_cast<float>(v); };
+  const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
+                     share(o.noise_sigmas * noise / kCell)};
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
     const int first = std::max(range.start, 1), last = std::min(range.end, coverage.cols - 1);
     if (first >= last) continue;
+    std::uint8_t* off = off_.ptr(y + 1) + 1;
+    findOff(cells_.means().ptr<float>(y) + 3 * first, reference_.colour().ptr<float>(y) + 3 * first,
+            last - first, test, off + first);
     std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
-    for (int x = first; x < last; x += kLanes) {
-      x = std::min(x, coverage.cols - kLanes);  // the last ones are perhaps looked at twice
-      int off = cellsOffFloor(x, y, noise);
-      for (int k = 0; off != 0; ++k, off >>= 1) {
-        // Cut cells show other things too; their neighbours speak for them.
-        if ((off & 1) == 0 || x + k < first || x + k >= last || coverage(y, x + k) != 2) continue;
-        solid_(y, x + k) = lookOfCell(x + k, y, noise);
-        for (int dy = -1; dy <= 1; ++dy) std::fill_n(active_.ptr(y + dy) + x + k - 1, 3, std::uint8_t{1});
-      }
+    for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
+      // Cut cells show other things too; their neighbours speak for them.
+      if (coverage(y, x) == 2)
+        solid_(y, x) = lookOfCell(x, y, noise);
+      else
+        off[x] = 0;
     }
   }
-}
-
-/// Bit k: the mean of cell x + k is farther from the floor's colour than kPlainFloor of the tolerances.
-int GroundSegmenter::cellsOffFloor(int x, int y, double noise) const {
-  // With g = p·r, R = |r|² the tests of FloorReference::testFor() multiplied out, free of divisions:
-  // |g − R| > share · (along · R + noise · |r|), |p|² R − g² > (share · (across · R + noise · |r|))².
-  using cv::v_float32x4;
-  v_float32x4 p[3], r[3];
-  cv::v_load_deinterleave(cells_.means().ptr<float>(y) + 3 * x, p[0], p[1], p[2]);
-  cv::v_load_deinterleave(reference_.colour().ptr<float>(y) + 3 * x, r[0], r[1], r[2]);
-  const v_float32x4 rr = cv::v_max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], cv::v_setall_f32(1.0f));
-  const v_float32x4 pr = p[0] * r[0] + p[1] * r[1] + p[2] * r[2],
-                    pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
-  const auto share = [](double v) { return cv::v_setall_f32(kPlainFloor * static_cast<float>(v)); };
-  const auto& o = options_.reference;
-  const v_float32x4 added = share(o.noise_sigmas * noise / kCell) * cv::v_sqrt(rr);
-  const v_float32x4 along = share(o.tolerance_along) * rr + added,
-                    across = share(o.tolerance_across) * rr + added;
-  return cv::v_signmask((cv::v_abs(pr - rr) > along) | (pp * rr - pr * pr > across * across));
+  for (int y = 0; y < active_.rows; ++y)
+    spreadMarks(off_.ptr(y), off_.ptr(y + 1), off_.ptr(y + 2), active_.cols, active_.ptr(y));
 }
 
 /// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes

@@ -56,7 +56,6 @@ class GroundSegmenter {
   double seedNoise(const cv::Mat& image);
   void findStrips(double noise);
   void markCells(double noise);
-  int cellsOffFloor(int x, int y, double noise) const;
   Look lookOfCell(int x, int y, double noise) const;
   FloorTest testOfSmoothed(int x, int y, double noise) const;
   /// The cell and all around it are plainly object.
@@ -74,6 +73,7 @@ class GroundSegmenter {
   LineFilter lines_;
   CellMeans cells_;
   cv::Mat1b strength_, raw_, looks_, objects_;
+  cv::Mat1b off_;     ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
   std::vector<Strip> strips_;

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+
+namespace omnifleet::ground {
+
+/// Tolerances of FloorTolerance for the mean of a cell, multiplied out, so that no cell needs a division:
+/// with g = p·r and R = |r|², p is off the floor colour r where |g − R| > along · R + added · |r| or |p|² R −
+/// g² > (across · R + added · |r|)².
+struct OffTest {
+  float along, across, added;
+};
+
+/// off[i] = 1 where the i-th of n means is off the floor, else 0; three numbers a cell.
+void findOff(const float* means, const float* floor, int n, const OffTest& test, std::uint8_t* off);
+
+/// out[x] = 1 where any of the 3×3 around x is 1, else 0; n + 2 bytes of each row, from x − 1 on.
+void spreadMarks(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below, int n,
+                 std::uint8_t* out);
+
+}  // namespace omnifleet::ground
