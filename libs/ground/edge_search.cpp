@@ -20,6 +20,9 @@ constexpr float kDeepLight = 0.12f;  // likewise, from which it lies in a shadow
 constexpr float kHueShare = 0.3f;    // of the contrast, from which the hue alone tells the edge there
 constexpr float kSameHue = 0.06f;    // of the brightness, by which the floor's colour may be off in shadow
 constexpr float kStep_px = 0.5f;     // between the samples along the normal
+constexpr int kAround = 8;           // samples about an edge, the two outermost at each side beyond what
+                                     // pixels and a sharp lens blur
+constexpr float kMaxShift = 0.3f;    // of the contrast, by which what lies near may be off
 
 struct Colours {
   Floats blue, green, red;
@@ -111,12 +114,12 @@ OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const 
 struct Normals {
   Floats x, y;        ///< where they begin
   Floats in_x, in_y;  ///< unit vectors into the region
-  OMNIFLEET_INLINE Floats u(float s) const { return x + s * in_x; }
-  OMNIFLEET_INLINE Floats v(float s) const { return y + s * in_y; }
-  OMNIFLEET_INLINE Floats greysAt(const cv::Mat& grey, float s) const {
+  OMNIFLEET_INLINE Floats u(const Floats& s) const { return x + s * in_x; }
+  OMNIFLEET_INLINE Floats v(const Floats& s) const { return y + s * in_y; }
+  OMNIFLEET_INLINE Floats greysAt(const cv::Mat& grey, const Floats& s) const {
     return ground::greysAt(grey, u(s), v(s));
   }
-  OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, float s) const {
+  OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& s) const {
     return ground::coloursAt(image, u(s), v(s));
   }
 };
@@ -130,7 +133,7 @@ struct Beside {
 /// else the reference, which has less noise. Where no floor is, what is there.
 OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
                                    const Colours& reference, const Ints& no_floor) {
-  const Floats u = n.u(-out_px), v = n.v(-out_px);
+  const Floats out = lanes::all(-out_px), u = n.u(out), v = n.v(out);
   const Colours there = coloursAt(image, u, v), beyond = coloursAt(image, u - n.in_x, v - n.in_y);
   const Colours seen = {0.5f * (there.blue + beyond.blue), 0.5f * (there.green + beyond.green),
                         0.5f * (there.red + beyond.red)};
@@ -142,25 +145,61 @@ OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float
           ~no_floor & in_other_light & (gain < 1.0f - kDeepLight)};
 }
 
-/// Walks along the normals until half the way between floor and object is reached.
+/// Walks along the normals until a share of the way between floor and object is reached.
 struct Walk {
   Ints open;  ///< still looked for
+  Floats level = lanes::all(0.5f);
   Ints found{};
   Floats before{};  ///< share of the way at the last sample
   Floats shift{};   ///< of the edge along the normal
 
   /// @param share of the way at s
-  OMNIFLEET_INLINE void see(const Floats& share, float s, bool first) {
-    const Ints reached = open & (share >= 0.5f);
+  OMNIFLEET_INLINE void see(const Floats& share, const Floats& s, bool first) {
+    const Ints reached = open & (share >= level);
     open &= ~reached;
     if (!first) {
       const Floats way = lanes::larger(share - before, lanes::all(1e-6f));
-      shift = reached ? s - (share - 0.5f) / way * kStep_px : shift;
+      shift = reached ? s - (share - level) / way * kStep_px : shift;
       found |= reached;
     }
     before = share;
   }
 };
+
+/// Share of the way between floor and object at s along the normals: of brightness, …
+struct LumaShare {
+  const cv::Mat& grey;
+  const Normals& normals;
+  Floats zero, total;
+  OMNIFLEET_INLINE Floats at(const Floats& s) const { return (normals.greysAt(grey, s) - zero) / total; }
+};
+
+/// … or of a mixture of the channels.
+struct ColourShare {
+  const cv::Mat& image;
+  const Normals& normals;
+  Colours weight;
+  Floats zero, total;
+  OMNIFLEET_INLINE Floats at(const Floats& s) const {
+    return (dot(normals.coloursAt(image, s), weight) - zero) / total;
+  }
+};
+
+/// Edges anew between what lies next to them on both sides: a shadow or a tile on the floor, one face of the
+/// thing. Both sides, so that a blur, which is the same on both, changes nothing.
+template <typename Share>
+OMNIFLEET_INLINE void settle(const Share& of, const Ints& which, Walk& walk) {
+  Floats share[kAround], s[kAround];
+  for (int k = 0; k < kAround; ++k) {
+    s[k] = walk.shift + kStep_px * (static_cast<float>(k) - 0.5f * (kAround - 1));
+    share[k] = of.at(s[k]);
+  }
+  Walk again{which & walk.found};
+  again.level = 0.25f * (share[0] + share[1] + share[kAround - 2] + share[kAround - 1]);
+  again.open &= lanes::magnitude(again.level - 0.5f) < kMaxShift;  // false for NaN
+  for (int k = 1; k < kAround; ++k) again.see(share[k], s[k], k == 1);
+  walk.shift = again.found ? again.shift : walk.shift;
+}
 
 OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& options, EightEdges& edges) {
   const auto along_x = lanes::load<Floats>(edges.along_x), along_y = lanes::load<Floats>(edges.along_y);
@@ -173,7 +212,7 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   const Beside beside =
       lookBeside(frame.image, n, search + kBeyond_px, reference, lanes::load<Ints>(edges.beside) != 0);
   const Colours& outside = beside.colour;
-  const Colours near = n.coloursAt(frame.image, search + kBeyond_px) - outside;
+  const Colours near = n.coloursAt(frame.image, lanes::all(search + kBeyond_px)) - outside;
   // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
   const Floats whole = length(near), in_luma = dot(near, luma());
   const Ints by_hue = beside.in_shadow &
@@ -183,22 +222,24 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
 
   Walk walk{usable & by_luma & (lanes::magnitude(in_luma) >= least)};
   if (lanes::any(walk.open)) {
-    const Floats zero = dot(outside, luma());
+    const LumaShare share{frame.grey, n, dot(outside, luma()), in_luma};
     for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see((n.greysAt(frame.grey, s) - zero) / in_luma, s, s == -search);
+      walk.see(share.at(lanes::all(s)), lanes::all(s), s == -search);
+    settle(share, by_luma, walk);
   }
   const Ints left = usable & ~by_luma;
   if (lanes::any(left)) {  // colour is blurred over twice the pixels
     const float far = 2.0f * search;
-    const Colours all = n.coloursAt(frame.image, far) - outside,
+    const Colours all = n.coloursAt(frame.image, lanes::all(far)) - outside,
                   contrast = choose(by_hue, hueOf(all, reference), all);
     const Floats strength = length(contrast);
     const Colours weight = (1.0f / strength) * contrast;
-    const Floats total = dot(contrast, weight), zero = dot(outside, weight);
-    walk.open = left & (strength > 0.0f) & (lanes::magnitude(total) >= least);
+    const ColourShare share{frame.image, n, weight, dot(outside, weight), dot(contrast, weight)};
+    walk.open = left & (strength > 0.0f) & (lanes::magnitude(share.total) >= least);
     walk.before = Floats{};
     for (float s = -far; s <= far + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see((dot(n.coloursAt(frame.image, s), weight) - zero) / total, s, s == -far);
+      walk.see(share.at(lanes::all(s)), lanes::all(s), s == -far);
+    settle(share, left & ~by_hue, walk);
   }
   lanes::store(walk.found ? n.x + walk.shift * n.in_x : n.x, edges.x_px);
   lanes::store(walk.found ? n.y + walk.shift * n.in_y : n.y, edges.y_px);
