@@ -56,6 +56,7 @@ std::size_t CellCounts::layerFor(Chunk& chunk, std::int64_t bucket) {
   return i;
 }
 
+/// Adds to a cell's counts in one bucket, and folds anew from there on.
 void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int misses,
                         const OnChange& changed) {
   const auto c = static_cast<std::size_t>(cell);
@@ -64,46 +65,78 @@ void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int
   count.hits += static_cast<std::uint32_t>(hits);  // unsigned: adding −1 takes one away
   count.misses += static_cast<std::uint32_t>(misses);
   chunk.total[c] += static_cast<std::uint32_t>(hits + misses);
-  std::int64_t folded = layer > 0 ? layers[layer - 1]->count[c].folded : 0;
-  for (std::size_t i = layer; i < layers.size(); ++i) {
-    Count& at = layers[i]->count[c];
-    folded = std::clamp<std::int64_t>(
-        folded + std::int64_t{at.hits} * log_hit_ + std::int64_t{at.misses} * log_miss_, log_min_, log_max_);
-    if (at.folded == folded && i > layer) break;  // the later ones stay as they are
-    at.folded = static_cast<std::int32_t>(folded);
+  std::int32_t folded = folding(layer > 0 ? layers[layer - 1]->count[c].folded : 0, count);
+  count.folded = folded;
+  for (std::size_t i = layer + 1; i < layers.size(); ++i) {
+    Count& later = layers[i]->count[c];
+    folded = folding(folded, later);
+    if (later.folded == folded) break;  // those behind it stay as they are
+    later.folded = folded;
   }
   const bool is_known = chunk.total[c] > 0;
   const CellClass now = !is_known                             ? CellClass::kUnknown
                         : layers.back()->count[c].folded >= 0 ? CellClass::kOccupied
                                                               : CellClass::kFree;
-  if (now == chunk.cell_class[c]) return;
-  if (chunk.cell_class[c] == CellClass::kUnknown) ++known_;
-  if (!is_known) --known_;
-  chunk.cell_class[c] = now;
+  if (now != chunk.cell_class[c]) setClass(chunk, cell, now, changed);
+}
+
+void CellCounts::setClass(Chunk& chunk, int cell, CellClass now, const OnChange& changed) {
+  CellClass& kept = chunk.cell_class[static_cast<std::size_t>(cell)];
+  if (kept == CellClass::kUnknown) ++known_;
+  if (now == CellClass::kUnknown) --known_;
+  kept = now;
   changed(chunk.x * kChunk + cell % kChunk, chunk.y * kChunk + cell / kChunk, now);
+}
+
+/// Adds to a cell's counts in the newest bucket, the usual case: nothing behind it is folded anew.
+inline void CellCounts::changeNewest(Chunk& chunk, Count* counts, const Count* before, int cell, int hits,
+                                     int misses, const OnChange& changed) {
+  const auto c = static_cast<std::size_t>(cell);
+  Count count = counts[c];
+  count.hits += static_cast<std::uint32_t>(hits);
+  count.misses += static_cast<std::uint32_t>(misses);
+  count.folded = folding(before[c].folded, count);
+  counts[c] = count;
+  const std::uint32_t total = chunk.total[c] + static_cast<std::uint32_t>(hits + misses);
+  chunk.total[c] = total;
+  const CellClass now = total == 0          ? CellClass::kUnknown
+                        : count.folded >= 0 ? CellClass::kOccupied
+                                            : CellClass::kFree;
+  if (now != chunk.cell_class[c]) setClass(chunk, cell, now, changed);
 }
 
 void CellCounts::apply(const RayWindow& window, std::int64_t bucket, int sign, std::uint8_t mask_bit,
                        const OnChange& changed) {
-  for (int j = 0; j < window.chunksAcross(); ++j) {
-    for (int i = 0; i < window.chunksAcross(); ++i) {
-      Chunk* chunk = nullptr;
-      std::size_t layer = 0;
-      for (int row = 0; row < kChunk; ++row) {
-        const std::uint8_t* marks = window.row(i, j, row);
-        if (isEmptyRow(marks)) continue;
-        for (int column = 0; column < kChunk; ++column) {
-          const std::uint8_t mark = marks[column];
-          if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || (mark & mask_bit) != 0) continue;
-          if (chunk == nullptr) {
-            chunk = &chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
-            layer = layerFor(*chunk, bucket);
-            chunk->is_digested = false;
-          }
-          const bool hit = (mark & RayWindow::kHit) != 0;
-          change(*chunk, layer, row * kChunk + column, hit ? sign : 0, hit ? 0 : sign, changed);
-        }
+  for (int j = 0; j < window.chunksAcross(); ++j)
+    for (int i = 0; i < window.chunksAcross(); ++i) applyChunk(window, i, j, bucket, sign, mask_bit, changed);
+}
+
+void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t bucket, int sign,
+                            std::uint8_t mask_bit, const OnChange& changed) {
+  static const Layer kNothing{};
+  Chunk* chunk = nullptr;
+  std::size_t layer = 0;
+  Count* newest = nullptr;  // counts of the bucket, where it is the newest
+  const Count* before = kNothing.count.data();
+  for (int row = 0; row < kChunk; ++row) {
+    const std::uint8_t* marks = window.row(i, j, row);
+    if (isEmptyRow(marks)) continue;
+    for (int column = 0; column < kChunk; ++column) {
+      const std::uint8_t mark = marks[column];
+      if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || (mark & mask_bit) != 0) continue;
+      if (chunk == nullptr) {
+        chunk = &chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
+        layer = layerFor(*chunk, bucket);
+        chunk->is_digested = false;
+        if (layer + 1 == chunk->layers.size()) newest = chunk->layers[layer]->count.data();
+        if (layer > 0) before = chunk->layers[layer - 1]->count.data();
       }
+      const bool hit = (mark & RayWindow::kHit) != 0;
+      const int cell = row * kChunk + column, hits = hit ? sign : 0, misses = hit ? 0 : sign;
+      if (newest != nullptr)
+        changeNewest(*chunk, newest, before, cell, hits, misses, changed);
+      else
+        change(*chunk, layer, cell, hits, misses, changed);
     }
   }
 }

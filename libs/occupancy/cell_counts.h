@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -58,6 +59,17 @@ class CellCounts {
   Chunk& chunkAt(std::int64_t x, std::int64_t y);
   std::size_t layerFor(Chunk& chunk, std::int64_t bucket);
   void change(Chunk& chunk, std::size_t layer, int cell, int hits, int misses, const OnChange& changed);
+  void changeNewest(Chunk& chunk, Count* counts, const Count* before, int cell, int hits, int misses,
+                    const OnChange& changed);
+  void applyChunk(const RayWindow& window, int i, int j, std::int64_t bucket, int sign, std::uint8_t mask_bit,
+                  const OnChange& changed);
+  void setClass(Chunk& chunk, int cell, CellClass now, const OnChange& changed);
+  /// The fold up to and including a bucket, from that of the one before.
+  std::int32_t folding(std::int32_t before, const Count& count) const {
+    const std::int64_t sum =
+        before + std::int64_t{count.hits} * log_hit_ + std::int64_t{count.misses} * log_miss_;
+    return static_cast<std::int32_t>(std::clamp<std::int64_t>(sum, log_min_, log_max_));
+  }
   std::vector<const Chunk*> inOrder() const;
   static Sha256 digestOf(const Chunk& chunk);
 

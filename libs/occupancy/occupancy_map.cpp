@@ -178,9 +178,9 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
   const auto found = applied.find({robot, time_ns});
   if (found == applied.end()) {
     if (!now) return;
-    enter(*now, 1);
-    voxels.apply(*now, 1, applied, nullptr);
-    applied.emplace(std::pair{robot, time_ns}, *now);
+    const Applied& what = applied.emplace(std::pair{robot, time_ns}, *now).first->second;
+    enter(what, 1);
+    voxels.add(what);
   } else if (!bring(now, found->second)) {
     applied.erase(found);
   }
@@ -191,25 +191,23 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
 bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) {
   const bool same_rays =
       now && old.contribution == now->contribution && old.at == now->at && old.roles == now->roles;
-  if (!same_rays || old.voxels != now->voxels) {
-    voxels.apply(old, -1, applied, &old);
-    if (now) voxels.apply(*now, 1, applied, &old);
-  }
-  if (same_rays && old.robots == now->robots) {
-    old.voxels = now->voxels;
-    return true;
-  }
-  if (same_rays) {
+  const bool same_robots = same_rays && old.robots == now->robots;
+  const bool same_points = same_rays && old.voxels == now->voxels;
+  if (same_robots && same_points) return true;
+  if (!same_points) voxels.remove(old);
+  if (!same_rays) {
+    enter(old, -1);
+    if (now) enter(*now, 1);
+  } else if (!same_robots) {
     window.draw(*old.contribution, old.at, old.roles);
     coverAll(old, RayWindow::kMaskA);
     coverAll(*now, RayWindow::kMaskB);
     cells.exchangeMasks(window, bucketOf(old), on_change);
-  } else {
-    enter(old, -1);
-    if (now) enter(*now, 1);
   }
-  if (now) old = *now;
-  return now.has_value();
+  if (!now) return false;
+  old = *now;
+  if (!same_points) voxels.add(old);
+  return true;
 }
 
 void OccupancyMap::Impl::writeChanged() {

@@ -17,14 +17,7 @@ VoxelCounts::VoxelCounts(const OccupancyOptions& options)
       log_max_(logOdds(options.clamp_max)),
       least_hits_(options.least_point_hits) {}
 
-/// Where a contribution looks from.
-struct VoxelCounts::Eye {
-  PointDmm foot;  ///< map
-  std::int64_t height_dmm;
-  Direction heading;
-};
-
-VoxelCounts::Eye VoxelCounts::eyeOf(const Applied& what) const {
+VoxelCounts::Eye VoxelCounts::eyeOf(const Applied& what) {
   return {scanOrigin(*what.contribution, what.at), what.contribution->camera_height_dmm,
           directionOf(turnFromDmrad(what.at.theta_dmrad))};
 }
@@ -43,29 +36,10 @@ bool VoxelCounts::keyOf(const SurfacePoint& point, const Contribution& contribut
   return true;
 }
 
-/// The last of `rays` bearings 2πi/n that is not beyond the direction of a vector that is not zero.
-std::size_t VoxelCounts::rayBefore(const PointDmm& to, std::size_t rays) const {
-  if (bearings_.size() != rays) {
-    bearings_.clear();
-    for (std::uint32_t i = 0; i < rays; ++i)
-      bearings_.push_back(directionOf(turnOfBearing(i, static_cast<std::uint32_t>(rays))));
-  }
-  const bool low = to.y_dmm < 0 || (to.y_dmm == 0 && to.x_dmm < 0);  // in the second half of the turn
-  const auto isBeyond = [&](std::size_t i) {
-    const Direction& d = bearings_[i];
-    if ((2 * i >= rays) != low) return !low;
-    return d.cos_q30 * to.y_dmm - d.sin_q30 * to.x_dmm < 0;
-  };
-  std::size_t first = 0, last = rays;  // bearing 0 never is
-  while (last - first > 1) {
-    const std::size_t middle = (first + last) / 2;
-    (isBeyond(middle) ? last : first) = middle;
-  }
-  return first;
-}
-
 /// The floor that the voxel's middle would hide was seen, by the rays on both sides of it.
-bool VoxelCounts::seesThrough(const Eye& eye, const Applied& what, const VoxelKey& key) const {
+bool VoxelCounts::seesThrough(const Looker& looker, const VoxelKey& key) const {
+  const Eye& eye = looker.eye;
+  const Applied& what = *looker.what;
   const std::int64_t half = resolution_dmm_ / 2;
   const std::int64_t below = eye.height_dmm - (key.z * resolution_dmm_ + half);
   const std::int64_t x = key.x * resolution_dmm_ + half - eye.foot.x_dmm,
@@ -78,7 +52,8 @@ bool VoxelCounts::seesThrough(const Eye& eye, const Applied& what, const VoxelKe
       unrotate(eye.heading, {static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)});
   const std::size_t rays = what.roles.size();
   if (rays == 0) return false;
-  const std::size_t before = rayBefore(in_base, rays);
+  if (bearings_.size() != rays) bearings_ = Bearings(rays);
+  const std::size_t before = bearings_.before(in_base);
   for (const std::size_t i : {before, (before + 1) % rays}) {
     if (what.roles[i] == RayRole::kNone || what.contribution->range_dmm[i] <= hidden) return false;
   }
@@ -94,26 +69,51 @@ void VoxelCounts::change(Counts& counts, std::int64_t bucket, int hits, int miss
   if (at->hits == 0 && at->misses == 0) counts.erase(at);
 }
 
-void VoxelCounts::create(const VoxelKey& key, const AppliedSet& all, const Applied* but) {
+void VoxelCounts::create(const VoxelKey& key) {
   const auto [voxel, is_new] = voxels_.try_emplace(key);
   if (!is_new) return;
-  for (const auto& [name, other] : all) {
-    if (&other != but && seesThrough(eyeOf(other), other, key)) change(voxel->second, bucketOf(other), 0, 1);
+  const std::int64_t half = resolution_dmm_ / 2;
+  const auto [column, row] = tileOf(key.x * resolution_dmm_ + half, key.y * resolution_dmm_ + half);
+  for (std::int64_t x = column - 1; x <= column + 1; ++x) {
+    for (auto tile = lookers_.lower_bound({x, row - 1});
+         tile != lookers_.end() && tile->first <= Tile{x, row + 1}; ++tile) {
+      for (const Looker& looker : tile->second)
+        if (seesThrough(looker, key)) change(voxel->second, bucketOf(*looker.what), 0, 1);
+    }
   }
 }
 
-void VoxelCounts::apply(const Applied& what, int sign, const AppliedSet& all, const Applied* but) {
-  if (sign > 0) {
-    for (const VoxelKey& key : what.voxels) create(key, all, but);
-  }
-  const Eye eye = eyeOf(what);
+void VoxelCounts::add(const Applied& what) {
+  for (const VoxelKey& key : what.voxels) create(key);
+  const Looker looker{&what, eyeOf(what)};
+  count(looker, 1);
+  lookers_[tileOf(looker.eye.foot.x_dmm, looker.eye.foot.y_dmm)].push_back(looker);
+}
+
+void VoxelCounts::remove(const Applied& what) {
+  const Looker looker{&what, eyeOf(what)};
+  auto& here = lookers_[tileOf(looker.eye.foot.x_dmm, looker.eye.foot.y_dmm)];
+  const auto found =
+      std::find_if(here.begin(), here.end(), [&](const Looker& other) { return other.what == &what; });
+  if (found != here.end()) here.erase(found);
+  count(looker, -1);
+}
+
+/// Adds (`sign` +1) or takes out (−1) its hits and misses.
+void VoxelCounts::count(const Looker& looker, int sign) {
+  const Applied& what = *looker.what;
   const auto reach = static_cast<std::int32_t>(max_range_dmm_ / resolution_dmm_ + 1);
-  const auto column = static_cast<std::int32_t>(floorDivide(eye.foot.x_dmm, resolution_dmm_));
-  auto voxel = voxels_.lower_bound({column - reach, INT32_MIN, INT32_MIN});
+  const auto column = static_cast<std::int32_t>(floorDivide(looker.eye.foot.x_dmm, resolution_dmm_)),
+             row = static_cast<std::int32_t>(floorDivide(looker.eye.foot.y_dmm, resolution_dmm_));
+  auto voxel = voxels_.lower_bound({column - reach, row - reach, INT32_MIN});
   while (voxel != voxels_.end() && voxel->first.x <= column + reach) {
     const VoxelKey& key = voxel->first;
+    if (std::abs(key.y - row) > reach) {  // on to where the rows within reach begin
+      voxel = voxels_.lower_bound({key.y < row ? key.x : key.x + 1, row - reach, INT32_MIN});
+      continue;
+    }
     const bool hit = std::binary_search(what.voxels.begin(), what.voxels.end(), key);
-    if (hit || seesThrough(eye, what, key))
+    if (hit || seesThrough(looker, key))
       change(voxel->second, bucketOf(what), hit ? sign : 0, hit ? 0 : sign);
     const auto& counts = voxel->second;
     const bool any = sign > 0 || !hit ||

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "occupancy/bearings.h"
 #include "occupancy/body_mask.h"
 #include "occupancy/contribution.h"
 #include "occupancy/fixed_trig.h"
@@ -41,14 +42,15 @@ using AppliedSet = std::map<std::pair<std::string, TimeNs>, Applied>;
 /// where one of its points lies, else a miss where it sees through: where the floor is seen at the place that
 /// the voxel would hide. Hits and misses are folded as the cells' are (CellCounts), so a moved box's points
 /// vanish. A function of the set of contributions that are applied: a voxel is kept while any of them has a
-/// point in it, and has the misses of all of them, whenever it came to be known.
+/// point in it, and has the misses of all of them, whenever it came to be known. A contribution costs what it
+/// can see: the voxels within its range, and for each that is new the contributions that stand within range.
 class VoxelCounts {
  public:
   explicit VoxelCounts(const OccupancyOptions& options);
 
-  /// Adds (`sign` +1) or takes out (−1) one contribution; `all` are those applied besides, and `but` is not
-  /// counted among them.
-  void apply(const Applied& what, int sign, const AppliedSet& all, const Applied* but);
+  /// Adds a contribution; it stays where it is and as it is until it is removed.
+  void add(const Applied& what);
+  void remove(const Applied& what);
   /// Voxels that are occupied, in order.
   std::vector<VoxelKey> occupied() const;
   bool empty() const { return voxels_.empty(); }
@@ -65,13 +67,26 @@ class VoxelCounts {
     std::int32_t hits, misses;
   };
   using Counts = std::vector<Count>;  ///< in order of bucket, none empty
-  struct Eye;
+  /// Where a contribution looks from.
+  struct Eye {
+    PointDmm foot;  ///< map
+    std::int64_t height_dmm;
+    Direction heading;
+  };
+  struct Looker {
+    const Applied* what;
+    Eye eye;
+  };
+  using Tile = std::pair<std::int64_t, std::int64_t>;  ///< squares as wide as rays reach
 
   static void change(Counts& counts, std::int64_t bucket, int hits, int misses);
-  void create(const VoxelKey& key, const AppliedSet& all, const Applied* but);
-  Eye eyeOf(const Applied& what) const;
-  bool seesThrough(const Eye& eye, const Applied& what, const VoxelKey& key) const;
-  std::size_t rayBefore(const PointDmm& to, std::size_t rays) const;
+  void create(const VoxelKey& key);
+  void count(const Looker& looker, int sign);
+  static Eye eyeOf(const Applied& what);
+  Tile tileOf(std::int64_t x_dmm, std::int64_t y_dmm) const {
+    return {floorDivide(x_dmm, max_range_dmm_), floorDivide(y_dmm, max_range_dmm_)};
+  }
+  bool seesThrough(const Looker& looker, const VoxelKey& key) const;
   std::int64_t bucketOf(const Applied& what) const {
     return floorDivide(what.contribution->acquired_ns, bucket_ns_);
   }
@@ -80,7 +95,8 @@ class VoxelCounts {
   std::int32_t log_hit_, log_miss_, log_min_, log_max_;
   std::int32_t least_hits_;
   std::map<VoxelKey, Counts> voxels_;
-  mutable std::vector<Direction> bearings_;  ///< of a scan with as many rays as the last one
+  std::map<Tile, std::vector<Looker>> lookers_;  ///< by where they stand
+  mutable Bearings bearings_;                    ///< of a scan with as many rays as the last one
 };
 
 }  // namespace omnifleet::occupancy

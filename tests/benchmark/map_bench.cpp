@@ -1,9 +1,11 @@
-// A 360-ray scan into the map: ours (integer counts, octree written where a cell changes class) against
-// OctoMap's insertPointCloud, both ending with the same map.
+// A 360-ray scan with 64 points in space into the map, as robots send them: ours (integer counts, octree
+// written where a cell changes class) against OctoMap's insertPointCloud, both ending with the same map. The
+// robot drives about in one room for long, so that a cost that grows with the run would show.
 
 #include <octomap/OcTree.h>
 
 #include <cmath>
+#include <random>
 
 #include "occupancy/occupancy_map.h"
 #include "tests/benchmark/benchmarks.h"
@@ -36,23 +38,77 @@ double rangeTo(double x, double y, double bearing) {
   return range;
 }
 
+/// What cameras follow in the room: places on the surfaces of the columns and along the walls.
+struct Feature {
+  double x, y, z;
+  std::uint16_t track;  ///< of the thing
+};
+
+std::vector<Feature> featuresOf(std::mt19937& random) {
+  std::uniform_real_distribution<double> turn(-M_PI, M_PI), height(0.06, 0.45), share(0.0, 1.0);
+  constexpr int kPerColumn = 80, kPerWall = 60;
+  std::vector<Feature> features;
+  std::uint16_t track = 0;
+  for (const Column& column : kColumns) {
+    ++track;
+    for (int k = 0; k < kPerColumn; ++k) {
+      const double a = turn(random);
+      features.push_back({column.x + column.radius * std::cos(a), column.y + column.radius * std::sin(a),
+                          height(random), track});
+    }
+  }
+  for (const double side : {-1.0, 1.0}) {
+    ++track;
+    for (int k = 0; k < kPerWall; ++k)
+      features.push_back({4.4 * (2 * share(random) - 1), side * 3.4, height(random), track});
+    ++track;
+    for (int k = 0; k < kPerWall; ++k)
+      features.push_back({side * 4.4, 3.4 * (2 * share(random) - 1), height(random), track});
+  }
+  return features;
+}
+
+constexpr double kCameraHeight_m = 0.5;
+constexpr double kFeatureRange_m = 3.0;  // 16 bits of tenths of a millimetre reach 3.2 m
+constexpr int kTracks = 9;
+
 /// One scan for each of the two.
 struct Scans {
   explicit Scans(int count) {
-    for (int i = 0; i < count; ++i) add(i, 0.02 * i - 0.01 * count, 0.3 * std::sin(0.02 * i), 0.01 * i);
+    const auto features = featuresOf(random_);
+    for (int i = 0; i < count; ++i)
+      add(i, 1.9 * std::sin(0.02 * i), 0.55 * std::sin(0.0262 * i), 0.01 * i, features);
   }
-  void add(int index, double x, double y, double theta) {
+
+  std::vector<Contribution> contributions;
+  std::vector<KeyframePose> poses;
+  std::vector<octomap::Pointcloud> clouds;  ///< ends of the rays, in the layer
+  std::vector<octomap::point3d> origins;
+  std::vector<octomap::Pointcloud> points;  ///< in space
+  std::vector<octomap::point3d> cameras;
+
+ private:
+  void add(int index, double x, double y, double theta, const std::vector<Feature>& features) {
     KeyframePose pose;
     pose.robot = "r1";
     pose.acquired_ns = index * 200'000'000LL;
     pose.valid = true;
     pose.position = {static_cast<int>(std::lround(x * 1e4)), static_cast<int>(std::lround(y * 1e4))};
-    pose.theta_dmrad = static_cast<int>(std::lround(theta * 1e4));
+    pose.theta_dmrad = static_cast<int>(std::lround(std::remainder(theta, 2 * M_PI) * 1e4));
     Contribution contribution;
     contribution.robot = pose.robot;
     contribution.acquired_ns = pose.acquired_ns;
-    octomap::Pointcloud cloud;
+    contribution.camera_height_dmm = static_cast<int>(kCameraHeight_m * 1e4);
     const Pose2 map_from_base = pose.mapFromBase();
+    addRays(map_from_base, contribution);
+    addViews(contribution);
+    addPoints(map_from_base, features, contribution);
+    contributions.push_back(contribution);
+    poses.push_back(pose);
+  }
+
+  void addRays(const Pose2& map_from_base, Contribution& contribution) {
+    octomap::Pointcloud cloud;
     for (int k = 0; k < kRays; ++k) {
       const double bearing = map_from_base.theta_rad + 2 * M_PI * k / kRays;
       const double range = rangeTo(map_from_base.x_m, map_from_base.y_m, bearing);
@@ -62,15 +118,53 @@ struct Scans {
       cloud.push_back(static_cast<float>(map_from_base.x_m + range * std::cos(bearing)),
                       static_cast<float>(map_from_base.y_m + range * std::sin(bearing)), kResolution_m / 2);
     }
-    contributions.push_back(contribution);
-    poses.push_back(pose);
     clouds.push_back(cloud);
     origins.emplace_back(map_from_base.x_m, map_from_base.y_m, kResolution_m / 2);
   }
-  std::vector<Contribution> contributions;
-  std::vector<KeyframePose> poses;
-  std::vector<octomap::Pointcloud> clouds;
-  std::vector<octomap::point3d> origins;
+
+  /// The things that the points are of, each with an outline.
+  static void addViews(Contribution& contribution) {
+    for (std::uint32_t track = 1; track <= kTracks; ++track) {
+      SupportView view;
+      view.track_id = track;
+      view.kind = ObjectKind::kObstacle;
+      view.b_dmm.assign(SupportFunction::kDirections, 12345);
+      view.sigma_dmm.assign(SupportFunction::kDirections, 30);
+      contribution.views.push_back(view);
+    }
+  }
+
+  /// The nearest of the features that nothing hides, seen a little beside where they are.
+  void addPoints(const Pose2& map_from_base, const std::vector<Feature>& features,
+                 Contribution& contribution) {
+    std::vector<std::pair<double, const Feature*>> seen;
+    for (const Feature& feature : features) {
+      const double dx = feature.x - map_from_base.x_m, dy = feature.y - map_from_base.y_m;
+      const double away = std::hypot(dx, dy);
+      constexpr double kSurface_m = 0.02;
+      if (away < kFeatureRange_m &&
+          away < rangeTo(map_from_base.x_m, map_from_base.y_m, std::atan2(dy, dx)) + kSurface_m)
+        seen.emplace_back(away, &feature);
+    }
+    std::sort(seen.begin(), seen.end());
+    if (seen.size() > Contribution::kMaxPoints) seen.resize(Contribution::kMaxPoints);
+    octomap::Pointcloud cloud;
+    std::normal_distribution<double> error;
+    for (const auto& [away, feature] : seen) {
+      const double off = 1.0 + (0.005 / away + 0.005) * error(random_);  // along the line of sight
+      const double x = map_from_base.x_m + off * (feature->x - map_from_base.x_m),
+                   y = map_from_base.y_m + off * (feature->y - map_from_base.y_m),
+                   z = kCameraHeight_m + off * (feature->z - kCameraHeight_m);
+      const Eigen::Vector2d in_base = map_from_base.inverse() * Eigen::Vector2d(x, y);
+      const auto dmm = [](double m) { return static_cast<std::int16_t>(std::lround(m * 1e4)); };
+      contribution.points.push_back({feature->track, dmm(in_base.x()), dmm(in_base.y()), dmm(z), 100});
+      cloud.push_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
+    }
+    points.push_back(cloud);
+    cameras.emplace_back(map_from_base.x_m, map_from_base.y_m, kCameraHeight_m);
+  }
+
+  std::mt19937 random_{7};
 };
 
 OccupancyMap emptyMap() {
@@ -80,33 +174,52 @@ OccupancyMap emptyMap() {
   return OccupancyMap(options, {{"r1", {0.15, {}, 0.3, 0.3}}});
 }
 
+/// What a scan costs at the beginning and at the end of the run.
+void reportQuarters(const std::vector<double>& costs_ms, benchmark::State& state) {
+  const auto middle = [](auto begin, auto end) {
+    std::vector<double> some(begin, end);
+    std::sort(some.begin(), some.end());
+    return percentile(some, 0.5);
+  };
+  const auto quarter = static_cast<std::ptrdiff_t>(costs_ms.size() / 4);
+  state.counters["first_quarter_ms"] = middle(costs_ms.begin(), costs_ms.begin() + quarter);
+  state.counters["last_quarter_ms"] = middle(costs_ms.end() - quarter, costs_ms.end());
+}
+
 void ours(benchmark::State& state) {
   const Scans scans(static_cast<int>(state.max_iterations));
   OccupancyMap map = emptyMap();
   Samples samples(state);
+  std::vector<double> costs;
   std::size_t i = 0;
   for (auto _ : state) {
     const double begun = threadCpuMs();
     map.add(scans.contributions[i]);
     map.add(scans.poses[i]);
-    samples.add(threadCpuMs() - begun);
+    costs.push_back(threadCpuMs() - begun);
+    samples.add(costs.back());
     ++i;
   }
   samples.report();
+  reportQuarters(costs, state);
 }
 
 void insertPointCloud(benchmark::State& state) {
   const Scans scans(static_cast<int>(state.max_iterations));
   octomap::OcTree tree(kResolution_m);
   Samples samples(state);
+  std::vector<double> costs;
   std::size_t i = 0;
   for (auto _ : state) {
     const double begun = threadCpuMs();
     tree.insertPointCloud(scans.clouds[i], scans.origins[i], kMaxRange_m);
-    samples.add(threadCpuMs() - begun);
+    tree.insertPointCloud(scans.points[i], scans.cameras[i], kMaxRange_m);
+    costs.push_back(threadCpuMs() - begun);
+    samples.add(costs.back());
     ++i;
   }
   samples.report();
+  reportQuarters(costs, state);
 }
 
 /// Same scans, same map: at least 97 % of the cells known to both are of the same class (rays graze cells
@@ -120,6 +233,7 @@ void sameMap(benchmark::State& state) {
     map.add(scans.contributions[i]);
     map.add(scans.poses[i]);
     tree.insertPointCloud(scans.clouds[i], scans.origins[i], kMaxRange_m);
+    tree.insertPointCloud(scans.points[i], scans.cameras[i], kMaxRange_m);
     ++i;
   }
   int both = 0, equal = 0, one = 0;
@@ -142,12 +256,13 @@ void sameMap(benchmark::State& state) {
 }  // namespace
 
 void registerMap(const Plan& plan) {
+  constexpr int kScans = 2000;  // 400 s at five a second
   benchmark::RegisterBenchmark("map/scan", ours)
-      ->Iterations(plan.iterations(400))
+      ->Iterations(plan.iterations(kScans))
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);
   benchmark::RegisterBenchmark("map/scan/octomap", insertPointCloud)
-      ->Iterations(plan.iterations(400))
+      ->Iterations(plan.iterations(kScans))
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);
   benchmark::RegisterBenchmark("map/scan/same_map", sameMap)

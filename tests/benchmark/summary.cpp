@@ -34,6 +34,8 @@ const Row kRows[] = {
     {"heap growth of 390 frames, cluttered, bytes", "local_mapper/cluttered", "heap_bytes", nullptr, "", 0},
     {"merging a 360-ray scan, p50 ms", "map/scan", "p50_ms", "map/scan/octomap", "insertPointCloud", 0.25,
      10.0},
+    {"merging the last 500 of 2000 scans, p50 ms", "map/scan", "last_quarter_ms", "map/scan/octomap",
+     "insertPointCloud", 0.25, 10.0},
     {"classifier, one frame, p50 ms", "classifier/frame"},
     {"estimator, three frames, p50 ms", "estimator/frame", "p50_ms", "estimator/frame/batch", "whole batch"},
     {"formation, one frame, p50 ms", "formation/frame"},
