@@ -27,6 +27,11 @@ inline constexpr float kFaintContrast = 0.17f;
 inline bool isFaint(Look look) {
   return isGrey(look) && gainOf(look) > 1.0f - kFaintContrast && gainOf(look) < 1.0f + kFaintContrast;
 }
+/// The same on a floor that is known to have a pattern.
+inline constexpr float kPatternContrast = 0.24f;
+inline bool isOfPattern(Look look) {
+  return isGrey(look) && gainOf(look) > 1.0f - kPatternContrast && gainOf(look) < 1.0f + kPatternContrast;
+}
 /// The floor in less light, for all that one pixel can tell.
 inline bool isShade(Look look) {
   return isGrey(look) && gainOf(look) >= kDeepestShade && gainOf(look) < 1.0f;

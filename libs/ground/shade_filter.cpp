@@ -16,6 +16,7 @@ constexpr int kMinRegion_px = 12;       // smaller ones are noise, whatever they
 constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make no thing
 constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
 constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the floor's own pattern
+constexpr int kPatternRegions = 3;      // that many faint ones at once are a pattern
 constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
@@ -104,6 +105,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
     if (n == 0 || !isGrey(look)) continue;
     const float gain = gainOf(look);
     if (isFaint(look)) census.faint += n;
+    if (isOfPattern(look)) census.patterned += n;
     if (isShade(look)) {
       census.shaded += n;
       census.shaded_gain += static_cast<float>(n) * gain;
@@ -166,23 +168,41 @@ void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, co
   static const FloorLooks kFloorLooks;
   takeFloorOut(strips.data(), strips.size(), kFloorLooks, raw, looks, bare_);
   despeckler.clean(strips, bare_, core_);
-  for (const Blob& blob : labeller_.label(objects, strips, kMinRegion_px)) {
-    const Verdict verdict = judge(blob, count(blob, looks), frame, looks);
-    if (verdict == Verdict::kKeep) continue;
-    if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
-    for (const Run& run : blob.runs) {
-      std::uint8_t* to = objects.ptr(run.row);
-      const std::uint8_t* core = core_.ptr(run.row);
-      const Look* look = looks.ptr(run.row);
-      const auto n = static_cast<std::size_t>(run.end - run.begin);
-      if (verdict == Verdict::kKeepCore) {
-        keepWithin(core + run.begin, n, to + run.begin);
-      } else if (verdict == Verdict::kKeepFirm) {
-        for (int x = run.begin; x < run.end; ++x)
-          if (isFaint(look[x])) to[x] = 0;
-      } else {
-        std::memset(to + run.begin, 0, n);
-      }
+  const std::vector<Blob>& blobs = labeller_.label(objects, strips, kMinRegion_px);
+  judgeAll(blobs, frame, looks);
+  for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, looks, objects);
+}
+
+void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks) {
+  judged_.clear();
+  int faint = 0;
+  for (const Blob& blob : blobs) {
+    const Census census = count(blob, looks);
+    const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
+    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least});
+    faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
+  }
+  if (faint < kPatternRegions) return;
+  for (Judged& judged : judged_) {
+    if (judged.as_pattern && judged.verdict != Verdict::kDrop) judged.verdict = Verdict::kUndecided;
+  }
+}
+
+void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects) {
+  if (verdict == Verdict::kKeep) return;
+  if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
+  for (const Run& run : blob.runs) {
+    std::uint8_t* to = objects.ptr(run.row);
+    const std::uint8_t* core = core_.ptr(run.row);
+    const Look* look = looks.ptr(run.row);
+    const auto n = static_cast<std::size_t>(run.end - run.begin);
+    if (verdict == Verdict::kKeepCore) {
+      keepWithin(core + run.begin, n, to + run.begin);
+    } else if (verdict == Verdict::kKeepFirm) {
+      for (int x = run.begin; x < run.end; ++x)
+        if (isFaint(look[x])) to[x] = 0;
+    } else {
+      std::memset(to + run.begin, 0, n);
     }
   }
 }

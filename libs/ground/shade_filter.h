@@ -18,7 +18,9 @@ namespace omnifleet::ground {
 ///    when its brightness fades into the floor's;
 ///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes
 ///  too,
-///    but is kept as undecided(): a thing of just that colour would look the same.
+///    but is kept as undecided(): a thing of just that colour would look the same;
+///  - where several such regions show that the floor has a pattern, what differs little more is of it as
+///  well.
 class ShadeFilter {
  public:
   explicit ShadeFilter(cv::Size image);
@@ -44,16 +46,24 @@ class ShadeFilter {
   struct Census {
     int coloured = 0, dark = 0, shaded = 0, bright = 0;
     int faint = 0;                               ///< of the shaded and bright ones
+    int patterned = 0;                           ///< the faint ones and those hardly less so
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
   };
   enum class Verdict { kKeep, kKeepFirm, kKeepCore, kDrop, kUndecided };
+  struct Judged {
+    Verdict verdict;
+    bool as_pattern;  ///< goes where the floor has a pattern
+  };
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
+  void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
+  void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   cv::Mat1b bare_, core_;  ///< raw without shade; the same despeckled
   Labeller labeller_;
+  std::vector<Judged> judged_;
   std::vector<Blob> undecided_;
 };
 

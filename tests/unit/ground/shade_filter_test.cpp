@@ -96,6 +96,23 @@ TEST_F(ShadeFilterTest, ATileAShadeOffIsUndecidedAndNoThing) {
   EXPECT_TRUE(segmenter.undecided().empty());  // nothing is left over from the frame before
 }
 
+/// A fifth lighter, sharp-edged: a grey thing, unless the floor shows a pattern that is hardly weaker.
+TEST_F(ShadeFilterTest, WhatIsALittleStrongerThanTheFloorsPatternIsOfIt) {
+  shade(440, 340, [](double d) { return d < 14 ? 1.2 : 1.0; });
+  EXPECT_EQ(blobs().size(), 1U);
+  shade(190, 330, [](double d) { return d < 12 ? 0.87 : 1.0; });
+  shade(240, 390, [](double d) { return d < 12 ? 1.12 : 1.0; });
+  EXPECT_EQ(blobs().size(), 1U);  // two may be chance
+  shade(190, 190, [](double d) { return d < 12 ? 1.13 : 1.0; });
+  EXPECT_EQ(blobs().size(), 0U);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(segmenter.undecided().size(), 4U);  // and it is told
+  testing::drawDisc<cv::Vec3b>(image_, 440, 200, 16, {30, 30, 190});
+  testing::drawDisc<cv::Vec3b>(image_, 480, 260, 16, {22, 20, 20});
+  EXPECT_EQ(blobs().size(), 2U);  // things that are nothing like the floor stay
+}
+
 TEST_F(ShadeFilterTest, ATileThatTouchesAThingIsNotPartOfIt) {
   shade(505, 330, [](double d) { return d < 16 ? 1.13 : 1.0; });
   shade(160, 305, [](double d) { return d < 16 ? 0.87 : 1.0; });
