@@ -41,12 +41,9 @@ void BlobFinder::scanRow(const cv::Mat& bgr, const ColourTable& table, int y, in
   const std::uint8_t* row = bgr.ptr<std::uint8_t>(y);
   std::uint8_t current = 0;
   for (int x = begin; x < end;) {
-    const bool is_block = x + ColourTable::kBlock <= end;
-    const int block_end = is_block ? x + ColourTable::kBlock : end;
-    if (is_block && current == 0 && !table.mayHaveColour(row + 3 * x)) {
-      x = block_end;
-      continue;
-    }
+    if (current == 0)
+      x += ColourTable::kBlock * table.blocksWithout(row + 3 * x, (end - x) / ColourTable::kBlock);
+    const int block_end = std::min(x + ColourTable::kBlock, end);
     for (; x < block_end; ++x) {
       const std::uint8_t colour = table.classOf(row + 3 * x);
       if (colour == current) continue;

@@ -37,19 +37,22 @@ ColourTable::ColourTable(const std::vector<dataset::Rgb>& colours, const ColourO
   }
 }
 
-bool ColourTable::mayHaveColour(const std::uint8_t* bgr) const {
-  cv::v_uint8x16 blue, green, red;
-  cv::v_load_deinterleave(bgr, blue, green, red);
-  cv::v_uint16x8 darkest[2], brightest[2];
-  cv::v_expand(cv::v_min(cv::v_min(blue, green), red), darkest[0], darkest[1]);
-  cv::v_expand(cv::v_max(cv::v_max(blue, green), red), brightest[0], brightest[1]);
+int ColourTable::blocksWithout(const std::uint8_t* bgr, int blocks) const {
   const auto share = cv::v_setall_u16(static_cast<std::uint16_t>(greatest_share_)),
              least = cv::v_setall_u16(static_cast<std::uint16_t>(least_brightest_));
   const auto possible = [&](const cv::v_uint16x8& dark, const cv::v_uint16x8& bright) {
     const cv::v_uint16x8 low = cv::v_shr<3>(dark), high = cv::v_shr<3>(bright);
     return (cv::v_mul_wrap(low, cv::v_setall_u16(kWhole)) <= cv::v_mul_wrap(high, share)) & (high >= least);
   };
-  return cv::v_check_any(possible(darkest[0], brightest[0]) | possible(darkest[1], brightest[1]));
+  for (int k = 0; k < blocks; ++k, bgr += 3 * kBlock) {
+    cv::v_uint8x16 blue, green, red;
+    cv::v_load_deinterleave(bgr, blue, green, red);
+    cv::v_uint16x8 darkest[2], brightest[2];
+    cv::v_expand(cv::v_min(cv::v_min(blue, green), red), darkest[0], darkest[1]);
+    cv::v_expand(cv::v_max(cv::v_max(blue, green), red), brightest[0], brightest[1]);
+    if (cv::v_check_any(possible(darkest[0], brightest[0]) | possible(darkest[1], brightest[1]))) return k;
+  }
+  return blocks;
 }
 
 }  // namespace omnifleet::markers

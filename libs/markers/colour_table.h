@@ -25,9 +25,10 @@ class ColourTable {
     return table_[static_cast<std::size_t>((bgr[0] >> 3) << 10 | (bgr[1] >> 3) << 5 | (bgr[2] >> 3))];
   }
   std::size_t classes() const { return colours_ + 1; }
-  /// False only where none of kBlock consecutive pixels has a class: the quick look at floor.
+  /// How many of the first blocks of kBlock pixels in a row surely have no class in them: the quick look at
+  /// floor.
   static constexpr int kBlock = 16;
-  bool mayHaveColour(const std::uint8_t* bgr) const;
+  int blocksWithout(const std::uint8_t* bgr, int blocks) const;
 
  private:
   std::array<std::uint8_t, 32768> table_{};

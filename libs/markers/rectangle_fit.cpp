@@ -23,6 +23,7 @@ class NormalTable {
                                              std::exp(-0.5 * t * t) / std::sqrt(2.0 * M_PI)};
     }
   }
+  static constexpr int kReach = 6;  ///< beyond it the distribution is 0 or 1
   struct Value {
     double distribution, density;
   };
@@ -39,18 +40,17 @@ class NormalTable {
   }
 
  private:
-  static constexpr int kReach = 6, kPerUnit = 32, kNodes = 2 * kReach * kPerUnit;
+  static constexpr int kPerUnit = 32, kNodes = 2 * kReach * kPerUnit;
   std::array<Value, kNodes + 1> nodes_{};
 };
 
-/// Part of a blurred interval [−half, half] at u, and its derivative.
+/// Part of a blurred interval [−half, half] at u, and its derivative; `sharpness` is 1 ÷ the blur's σ.
 struct Box {
   double value, slope;
 };
-Box box(double u, double half, double blur) {
-  static const NormalTable kNormal;
-  const auto a = kNormal.at((u + half) / blur), b = kNormal.at((u - half) / blur);
-  return {a.distribution - b.distribution, (a.density - b.density) / blur};
+Box box(const NormalTable& normal, double u, double half, double sharpness) {
+  const auto a = normal.at((u + half) * sharpness), b = normal.at((u - half) * sharpness);
+  return {a.distribution - b.distribution, (a.density - b.density) * sharpness};
 }
 
 }  // namespace
@@ -63,15 +63,24 @@ RectangleFit::RectangleFit(const dataset::MarkerSet& markers, const FinderOption
 
 void RectangleFit::accumulate(const Patch& patch, const Eigen::Vector2d& offset_m, const Pose2& map_from_base,
                               double blur_m, Normal& normal) const {
-  const Pose2 base_from_map = map_from_base.inverse();
+  static const NormalTable kNormal;
+  const Eigen::Matrix2d turn = map_from_base.rotation().transpose();
+  const Eigen::Vector2d from = map_from_base.translation();
+  const double sharpness = 1.0 / blur_m;
+  const Eigen::Vector2d well_inside = half_m_.array() - NormalTable::kReach * blur_m;
   for (const Sample& sample : patch.samples) {
-    const Eigen::Vector2d in_base = base_from_map * sample.place_m, in_patch = in_base - offset_m;
-    const Box x = box(in_patch.x(), half_m_.x(), blur_m), y = box(in_patch.y(), half_m_.y(), blur_m);
+    const Eigen::Vector2d in_base = turn * (sample.place_m - from), in_patch = in_base - offset_m;
+    ++normal.count;
+    if (std::abs(in_patch.x()) < well_inside.x() && std::abs(in_patch.y()) < well_inside.y()) {
+      normal.squares += (sample.coverage - 1.0) * (sample.coverage - 1.0);
+      continue;
+    }
+    const Box x = box(kNormal, in_patch.x(), half_m_.x(), sharpness),
+              y = box(kNormal, in_patch.y(), half_m_.y(), sharpness);
     const double residual = sample.coverage - x.value * y.value;
     normal.squares += residual * residual;
-    ++normal.count;
     const Eigen::Vector2d gradient(x.slope * y.value, x.value * y.slope);
-    if (gradient.isZero(0.0)) continue;  // well inside or outside
+    if (gradient.isZero(0.0)) continue;  // well outside
     // A right perturbation (dx, dy, dθ) of the pose moves the sample by the opposite in base_link.
     const Eigen::Vector3d jacobian(-gradient.x(), -gradient.y(),
                                    gradient.x() * in_base.y() - gradient.y() * in_base.x());
