@@ -51,6 +51,13 @@ Agreement compare(const LocalMap& ours, const NaiveMapper& naive,
     const cv::Mat1b mask = naive.labels() == region.label;
     if (2 * cv::countNonZero(mask & all) >= region.area_px) ++agreement.known;
   }
+  constexpr double kAlike_m = 0.1;
+  for (std::size_t i = 0; i < ours.scan.range_m.size() && ours.scan.range_m.size() == naive.scan().size();
+       ++i) {
+    if (ours.scan.label[i] != RayLabel::kUnknown || ours.scan.range_m[i] > kNear_m) continue;
+    ++agreement.rays;
+    if (std::abs(ours.scan.range_m[i] - naive.scan()[i]) < kAlike_m) ++agreement.alike;
+  }
   return agreement;
 }
 

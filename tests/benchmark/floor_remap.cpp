@@ -6,7 +6,6 @@ namespace omnifleet::bench {
 namespace {
 
 constexpr int kWidth = 1280, kHeight = 960;  // as many pixels as the frame
-constexpr double kMetresPerPixel = 0.004;
 constexpr double kSeedInner_m = 0.30, kSeedOuter_m = 0.45;
 const cv::Scalar kOutside(255, 0, 255);
 

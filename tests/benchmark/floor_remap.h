@@ -11,6 +11,8 @@ namespace omnifleet::bench {
 /// every pixel of the plan a place in the frame, computed once.
 class FloorRemap {
  public:
+  static constexpr double kMetresPerPixel = 0.004;
+
   explicit FloorRemap(const lens::Camera& camera);
 
   void apply(const cv::Mat3b& frame, cv::Mat3b& plan) const;

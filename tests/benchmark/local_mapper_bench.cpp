@@ -22,11 +22,14 @@ class Feeder {
         mapper_(camera_, local_mapper::Options{}) {}
 
   const lens::Camera& camera() const { return camera_; }
+  /// Of the frame prepared last.
+  const cv::Mat3b& image() const { return image_; }
+  const Pose2& motion() const { return motion_.previous_from_current; }
   /// All that happens before the stage itself.
   void prepare(int step) {
     if (step > 0) add(step - 1);
-    frame_ = {recording_.time(step), static_cast<std::uint32_t>(step), FrameState::kOk,
-              recording_.image(0, step)};
+    image_ = recording_.image(0, step);
+    frame_ = {recording_.time(step), static_cast<std::uint32_t>(step), FrameState::kOk, image_};
     motion_ = wheels_.motionTo(frame_.acquired_ns);
   }
   const LocalMap& process() { return mapper_.process(frame_, motion_); }
@@ -40,6 +43,7 @@ class Feeder {
   lens::Camera camera_;
   motion::WheelIntegrator wheels_;
   local_mapper::LocalMapper mapper_;
+  cv::Mat3b image_;
   local_mapper::Frame frame_;
   Motion motion_;
 };
@@ -74,16 +78,19 @@ void ours(benchmark::State& state, const Recording& recording) {
 }
 
 void naive(benchmark::State& state, const Recording& recording) {
-  NaiveMapper mapper(lens::Camera(recording.arena().camera(recording.robots().front() + "/fisheye").model));
-  mapper.process(recording.image(0, 0));
-  mapper.process(recording.image(0, 1));
+  Feeder feeder(recording);
+  NaiveMapper mapper(feeder.camera());
+  for (int first : {0, 1}) {
+    feeder.prepare(first);
+    mapper.process(feeder.image(), feeder.motion());
+  }
   Samples samples(state);
   double regions = 0, vectors = 0;
   int step = 2;
   for (auto _ : state) {
-    const cv::Mat3b& image = recording.image(0, step++);
+    feeder.prepare(step++);
     const double begun = threadCpuMs();
-    const auto& found = mapper.process(image);
+    const auto& found = mapper.process(feeder.image(), feeder.motion());
     samples.add(threadCpuMs() - begun);
     regions += static_cast<double>(found.size());
     for (const auto& region : found) vectors += static_cast<double>(region.to_m.size());
@@ -101,18 +108,23 @@ void agreement(benchmark::State& state, const Recording& recording, double least
   int step = 0;
   for (auto _ : state) {
     feeder.prepare(step);
-    const auto& regions = mapper.process(recording.image(0, step++));
+    const auto& regions = mapper.process(feeder.image(), feeder.motion());
+    ++step;
     const Agreement one = compare(feeder.process(), mapper, regions);
     sum.objects += one.objects;
     sum.found += one.found;
     sum.regions += one.regions;
     sum.known += one.known;
+    sum.rays += one.rays;
+    sum.alike += one.alike;
   }
   state.counters["found"] = static_cast<double>(sum.found) / std::max(1, sum.objects);
   state.counters["known"] = static_cast<double>(sum.known) / std::max(1, sum.regions);
+  state.counters["scan_alike"] = static_cast<double>(sum.alike) / std::max(1, sum.rays);
   state.counters["objects"] = sum.objects;
   if (sum.objects == 0) state.SkipWithError("our local mapper found nothing near");
   if (sum.found < least * sum.objects) state.SkipWithError("the naive mapper misses objects that ours finds");
+  if (sum.rays == 0 || sum.alike < least * sum.rays) state.SkipWithError("the scans differ");
   if (sum.known < least * sum.regions)
     state.SkipWithError("our mapper misses objects that the naive one finds");
 }

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "geometry/pose2.h"
 #include "lens/camera.h"
 #include "tests/benchmark/floor_remap.h"
 
@@ -11,20 +12,29 @@ namespace omnifleet::bench {
 
 /// The local mapper as one would write it first, with OpenCV at every step: the whole frame is mapped back to
 /// the floor plane (maps computed once), ground by back-projection of its histogram, connected components,
-/// Harris corners over the whole frame, pyramidal Lucas–Kanade there and back (what does not return is
-/// dropped, as in ours), a hull for every region. It finds the objects that ours finds (fairness.h counts),
-/// though less exactly: no sub-pixel outline, no supports, no scan, no filter of the vectors by label.
+/// Harris responses over the whole frame, of which corners are taken where there are objects, pyramidal
+/// Lucas–Kanade there and back (what does not return is dropped, as in ours), own motion taken out and
+/// vectors filtered per region by direction and length, a hull for every region, and a scan: the objects'
+/// mask along 360 bearings. It finds the objects that ours finds (fairness.h counts), though less exactly: no
+/// sub-pixel outline, no supports, no points in space, the scan ends with the plan.
 class NaiveMapper {
  public:
-  explicit NaiveMapper(const lens::Camera& camera) : remap_(camera) {}
+  static constexpr int kRays = 360;
+
+  explicit NaiveMapper(const lens::Camera& camera);
 
   struct Region {
     int label = 0;
     int area_px = 0;
     std::vector<cv::Point> hull;                ///< pixels of the plan
+    std::vector<Eigen::Vector2d> hull_m;        ///< base_link
     std::vector<Eigen::Vector2d> from_m, to_m;  ///< its corners in the frame before and now, base_link
   };
-  const std::vector<Region>& process(const cv::Mat3b& bgr);
+  /// @param previous_from_current how the robot moved, by its wheels
+  const std::vector<Region>& process(const cv::Mat3b& bgr, const Pose2& previous_from_current);
+  /// Distance from the camera's foot to the first object along bearing 2πi/kRays, metres; that to the plan's
+  /// edge where there is none.
+  const std::vector<double>& scan() const { return scan_m_; }
 
   const FloorRemap& remap() const { return remap_; }
   const cv::Mat3b& plan() const { return plan_; }
@@ -36,6 +46,8 @@ class NaiveMapper {
   void follow();
   void makeRegions();
   void sortCorners(const std::vector<int>& region_of);
+  static void filter(const Pose2& previous_from_current, Region& region);
+  void makeScan();
 
   FloorRemap remap_;
   cv::Mat3b plan_, hsv_;
@@ -46,6 +58,9 @@ class NaiveMapper {
   std::vector<unsigned char> followed_, returned_well_;
   std::vector<float> error_;
   std::vector<Region> regions_;
+  cv::Mat polar_map_, polar_fraction_;  ///< places on the plan along the bearings
+  cv::Mat1b polar_;
+  std::vector<double> scan_m_;
 };
 
 }  // namespace omnifleet::bench
