@@ -54,7 +54,7 @@ struct MergerOptions {
   outline::PrismOptions prism;
   double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
   double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)
-  double max_contact_m = 2.0;  ///< m, views from farther away do not shape outlines
+  double max_contact_m = 2.8;  ///< m, views from farther away do not shape outlines
   double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot (RECIPES)
   double robot_gap_m = 0.20;   ///< m, what fits a robot's body this near its pose is that robot
   int min_views = 3;           ///< live: views before an outline is published; the end decides by fit

@@ -18,6 +18,9 @@ SilhouetteOptions SilhouetteOptions::read(const options::Section& section) {
   SilhouetteOptions o;
   section.read("outline", o.outline, std::vector<std::string>{"contour", "features"});
   section.read("max_contact_m", o.max_contact_m, {0.05, 100.0});
+  section.read("far_contact_m", o.far_contact_m, {0.0, 100.0});
+  section.read("far_solidity", o.far_solidity, {0.0, 1.0});
+  section.read("far_area_px", o.far_area_px, {1, 1000000});
   section.read("sigma_px", o.sigma_px, {0.01, 20.0});
   section.read("sigma_floor_m", o.sigma_floor_m, {0.0, 1.0});
   section.read("support_bias_px", o.support_bias_px, {-5.0, 5.0});
@@ -40,13 +43,18 @@ bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contou
   projectToFloor(contour, hides);
   if (floor_.points_m.empty()) return false;
   findContact(object);
-  if ((object.contact_m - camera_->foot()).norm() > options_.max_contact_m) return false;
+  const double contact_m = (object.contact_m - camera_->foot()).norm();
+  if (contact_m > std::max(options_.max_contact_m, options_.far_contact_m)) return false;
   object.rect_x_px = blob.rect.x;
   object.rect_y_px = blob.rect.y;
   object.rect_width_px = blob.rect.width;
   object.rect_height_px = blob.rect.height;
   measureHull(object);
   if (object.hull_m.size() < 3) return false;
+  // Far away a few pixels of the floor's pattern are as large as a thing, but ragged.
+  if (contact_m > options_.max_contact_m &&
+      (object.truncated || object.solidity < options_.far_solidity || blob.area_px < options_.far_area_px))
+    return false;
   measureCentroid(blob, object);
   measureSupports(object);
   return true;

@@ -15,9 +15,12 @@ namespace omnifleet::local_mapper {
 
 struct SilhouetteOptions {
   std::string outline = "contour";  ///< contour | features: hull of the vectors' ends, as Choi §III.5
-  double max_contact_m = 2.0;       ///< metres: a blob whose contact with the floor is farther is no object
-  double sigma_px = 0.4;            ///< pixels: σ of a contour point, used at the supporting point
-  double sigma_floor_m = 0.001;     ///< metres added to it (calibration)
+  double max_contact_m = 2.0;    ///< metres: a blob whose contact with the floor is farther is no object …
+  double far_contact_m = 2.8;    ///< metres: … unless it is nearer than this and of one clear shape:
+  double far_solidity = 0.95;    ///< 1: whole, as convex as this
+  int far_area_px = 60;          ///< pixels: and as large
+  double sigma_px = 0.4;         ///< pixels: σ of a contour point, used at the supporting point
+  double sigma_floor_m = 0.001;  ///< metres added to it (calibration)
   double support_bias_px =
       0.0;               ///< pixels subtracted from every support: the maximum of noisy points is too large
   int min_area_px = 24;  ///< pixels: smaller regions are noise
