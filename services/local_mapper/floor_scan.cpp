@@ -57,6 +57,18 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
     floor_end_sigma_m_.push_back(
         static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
   }
+  findSectors();
+}
+
+/// Per sector a ray that is surely not beyond where it begins: one more, rounding does not matter.
+void FloorScan::findSectors() {
+  first_.resize(kSectors);
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    const double along = 4.0 * static_cast<double>(k) / kSectors, quarter = std::floor(along);
+    const double angle = 0.5 * M_PI * quarter + std::atan2(along - quarter, 1.0 - along + quarter);
+    const double ray = std::floor(angle / (2.0 * M_PI) * static_cast<double>(bearing_.size()));
+    first_[k] = static_cast<std::size_t>(std::max(0.0, ray - 1.0));
+  }
 }
 
 void FloorScan::begin() {
@@ -72,15 +84,35 @@ void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
         k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_m.size();
     if (begin == end) continue;
     Eigen::Vector2d a = contour.points_m[end - 1] - camera_->foot();
-    double bearing = std::atan2(a.y(), a.x());
+    std::size_t before = rayBefore(a);
     for (std::size_t i = begin; i < end; ++i) {
       const Eigen::Vector2d b = contour.points_m[i] - camera_->foot();
-      const double next = std::atan2(b.y(), b.x());
-      addSegment(a, bearing, b, next, label);
+      const std::size_t next = rayBefore(b);
+      if (next != before) addSegment(a, before, b, next, label);
       a = b;
-      bearing = next;
+      before = next;
     }
   }
+}
+
+/// Sectors are even along the square |x| + |y| = 1.
+std::size_t FloorScan::sectorOf(const Eigen::Vector2d& to) {
+  const double x = to.x(), y = to.y(), sum = std::abs(x) + std::abs(y);
+  if (!(sum > 0.0)) return 0;
+  const double along = y >= 0 ? (x > 0 ? y / sum : 1.0 - x / sum) : (x < 0 ? 2.0 - y / sum : 3.0 + x / sum);
+  return std::min(kSectors - 1, static_cast<std::size_t>(along * (kSectors / 4.0)));
+}
+
+/// The last ray that a direction does not lie before.
+std::size_t FloorScan::rayBefore(const Eigen::Vector2d& to) const {
+  const auto isBefore = [&](std::size_t ray) {
+    const Eigen::Vector2d& d = bearing_[ray];
+    return d.x() * to.y() - d.y() * to.x() < 0.0;
+  };
+  const std::size_t n = bearing_.size();
+  std::size_t ray = first_[sectorOf(to)];
+  while (ray + 1 < n && !isBefore(ray + 1)) ++ray;
+  return ray;
 }
 
 double FloorScan::addUndecided(const ground::Blob& blob) {
@@ -101,22 +133,20 @@ double FloorScan::addUndecided(const ground::Blob& blob) {
   return nearest_m;
 }
 
-void FloorScan::addSegment(const Eigen::Vector2d& a, double from, const Eigen::Vector2d& b, double to,
-                           std::uint16_t label) {
-  const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
-  const double turn = std::abs(to - from) < M_PI ? to - from : wrapAngle(to - from);
-  const auto first = static_cast<long>(std::ceil((from + std::min(turn, 0.0)) / step));
-  const auto last = static_cast<long>(std::floor((from + std::max(turn, 0.0)) / step));
-  const auto n = static_cast<long>(bearing_.size());
-  for (long ray = first; ray <= last; ++ray) {
-    const auto i = static_cast<std::size_t>(((ray % n) + n) % n);
-    const Eigen::Vector2d side(-bearing_[i].y(), bearing_[i].x());
+/// The rays from one end of a segment to the other, the shorter way around.
+void FloorScan::addSegment(const Eigen::Vector2d& a, std::size_t before_a, const Eigen::Vector2d& b,
+                           std::size_t before_b, std::uint16_t label) {
+  const bool left = a.x() * b.y() - a.y() * b.x() > 0.0;
+  const std::size_t n = bearing_.size(), from = left ? before_a : before_b, to = left ? before_b : before_a;
+  for (std::size_t ray = from; ray != to;) {
+    ray = ray + 1 < n ? ray + 1 : 0;
+    const Eigen::Vector2d side(-bearing_[ray].y(), bearing_[ray].x());
     const double da = side.dot(a), db = side.dot(b);
     const double share = std::abs(da - db) > 1e-12 ? std::clamp(da / (da - db), 0.0, 1.0) : 0.0;
-    const double range = bearing_[i].dot(a + share * (b - a));
-    if (range <= 0.0 || range >= nearest_m_[i]) continue;
-    nearest_m_[i] = range;
-    object_[i] = label;
+    const double range = bearing_[ray].dot(a + share * (b - a));
+    if (range <= 0.0 || range >= nearest_m_[ray]) continue;
+    nearest_m_[ray] = range;
+    object_[ray] = label;
   }
 }
 

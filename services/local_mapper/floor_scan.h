@@ -34,13 +34,17 @@ class FloorScan {
   void finish(Scan& scan);
 
  private:
-  /// From a, seen at bearing `from`, to b at bearing `to`.
-  void addSegment(const Eigen::Vector2d& a, double from, const Eigen::Vector2d& b, double to,
-                  std::uint16_t label);
+  static constexpr std::size_t kSectors = 512;  ///< of a turn; so many that one holds few rays
+  static std::size_t sectorOf(const Eigen::Vector2d& to);
+  void findSectors();
+  std::size_t rayBefore(const Eigen::Vector2d& to) const;
+  void addSegment(const Eigen::Vector2d& a, std::size_t before_a, const Eigen::Vector2d& b,
+                  std::size_t before_b, std::uint16_t label);
 
   const lens::Camera* camera_;
   ScanOptions options_;
   std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
+  std::vector<std::size_t> first_;        ///< per sector, a ray before its beginning
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
   std::vector<double> nearest_m_, undecided_m_;
   std::vector<std::uint16_t> object_;

@@ -230,16 +230,26 @@ void Silhouette::supportsFromCorners(ObjectObservation& object) {
   auto& supports = object.supports;
   supports.b_m.resize(directions_.size());
   supports.sigma_m.resize(directions_.size());
+  // The corners go around as the directions do: the farthest in one is at or behind that of the one before.
+  std::size_t at = 0;
+  double reach = directions_.front().dot(corners_.front().from_foot_m);
+  for (std::size_t i = 1; i < corners_.size(); ++i) {
+    const double here = directions_.front().dot(corners_[i].from_foot_m);
+    if (here <= reach) continue;
+    reach = here;
+    at = i;
+  }
   for (std::size_t k = 0; k < directions_.size(); ++k) {
     const auto& n = directions_[k];
-    const Corner* farthest = &corners_.front();
-    double reach = n.dot(farthest->from_foot_m);
-    for (const Corner& corner : corners_) {
-      const double here = n.dot(corner.from_foot_m);
-      if (here <= reach) continue;
+    reach = n.dot(corners_[at].from_foot_m);
+    for (std::size_t step = 1; step < corners_.size(); ++step) {
+      const std::size_t next = at + 1 < corners_.size() ? at + 1 : 0;
+      const double here = n.dot(corners_[next].from_foot_m);
+      if (here <= reach) break;
       reach = here;
-      farthest = &corner;
+      at = next;
     }
+    const Corner* farthest = &corners_[at];
     const double metres_per_px = (farthest->metres_per_px.transpose() * n).norm();
     supports.b_m[k] = static_cast<float>(reach - options_.support_bias_px * metres_per_px);
     const double sigma = std::hypot(options_.sigma_px * metres_per_px, options_.sigma_floor_m);
