@@ -41,13 +41,15 @@ class DdsWriterPort : public WriterPort {
   bool write(const void* sample) override {
     error_.clear();
     if (!admit(sample)) return false;
-    const Code code = retryWrite(*participant_, [&] {
+    const auto attempt = [&] {
       return writer_->write(const_cast<void*>(sample), eprosima::fastrtps::rtps::InstanceHandle_t());
-    });
+    };
+    const Code code = retryWrite(*participant_, attempt, while_full_);
     if (code == Code::RETCODE_OK) return true;
     error_ = name_ + ": not written: " + toString(code);
     return false;
   }
+  void whileFull(std::function<void()> action) override { while_full_ = std::move(action); }
   int matched() const override { return listener_.matched; }
   bool waitForReaders(int count, std::chrono::nanoseconds timeout) override {
     return participant_->signal().waitUntil([&] { return listener_.matched >= count; }, timeout);
@@ -74,6 +76,7 @@ class DdsWriterPort : public WriterPort {
   int max_instances_;
   std::set<std::string> keys_;
   dds::DataWriter* writer_ = nullptr;
+  std::function<void()> while_full_ = [] {};
   std::string error_;
 };
 

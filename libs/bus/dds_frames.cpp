@@ -116,8 +116,8 @@ class DdsFrameWriter : public FrameWriter {
       error_ = name_ + ": publish without begin";
       return false;
     }
-    const Code code = retryWrite(
-        *participant_, [&] { return writer_->write(open_, eprosima::fastrtps::rtps::InstanceHandle_t()); });
+    const auto attempt = [&] { return writer_->write(open_, eprosima::fastrtps::rtps::InstanceHandle_t()); };
+    const Code code = retryWrite(*participant_, attempt, [] {});
     if (code != Code::RETCODE_OK) {
       error_ = name_ + ": not written: " + toString(code);
       abandon();

@@ -160,12 +160,15 @@ dds::Subscriber* DdsParticipant::subscriber(const std::vector<std::string>& part
 dds::DataWriterQos DdsParticipant::writerQos(const QosProfile& qos, const std::string& idl_hash) const {
   dds::DataWriterQos out;
   setCommon(out, qos);
-  out.reliability().max_blocking_time = toDuration(std::chrono::milliseconds(100));
+  out.reliability().max_blocking_time = toDuration(std::chrono::milliseconds(20));
   auto& times = out.reliable_writer_qos().times;
   // A full keep-all history waits for the acknowledgement that the next heartbeat asks for.
   const std::chrono::milliseconds soon{4};
   times.heartbeatPeriod = toDuration(qos.keep_all ? std::min(options_.heartbeat, soon) : options_.heartbeat);
-  times.nackResponseDelay = toDuration(std::chrono::milliseconds(1));
+  // A reader whose history is full rejects, and asks again at every heartbeat, until it has time to take: all 64
+  // samples that wait are sent again each time, so not more often than a reader that has caught up would notice.
+  const bool resent_in_full = qos.keep_all && !qos.data_sharing;
+  times.nackResponseDelay = toDuration(std::chrono::milliseconds(resent_in_full ? 10 : 1));
   if (options_.announce_hash) {
     const std::string text = kHashTag + hashFor(idl_hash);
     out.user_data().data_vec(std::vector<eprosima::fastrtps::rtps::octet>(text.begin(), text.end()));

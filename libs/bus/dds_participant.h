@@ -70,9 +70,11 @@ class DdsParticipant : public dds::DomainParticipantListener {
 };
 
 /// Retries `attempt` while it says that there is no room yet, until the write timeout, or 0.2 s once
-/// stopping. Returns the last code. Each attempt blocks for up to the writer's max_blocking_time.
-template <class Attempt>
-eprosima::fastrtps::types::ReturnCode_t retryWrite(DdsParticipant& participant, const Attempt& attempt) {
+/// stopping; `meanwhile()` in between. Returns the last code. Each attempt blocks for up to the writer's
+/// max_blocking_time.
+template <class Attempt, class Meanwhile>
+eprosima::fastrtps::types::ReturnCode_t retryWrite(DdsParticipant& participant, const Attempt& attempt,
+                                                   const Meanwhile& meanwhile) {
   using Code = eprosima::fastrtps::types::ReturnCode_t;
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
@@ -83,6 +85,7 @@ eprosima::fastrtps::types::ReturnCode_t retryWrite(DdsParticipant& participant, 
     const std::chrono::milliseconds limit =
         participant.signal().stop ? std::chrono::milliseconds(200) : participant.options().write_timeout;
     if (!full || Clock::now() - start >= limit) return code;
+    meanwhile();
   }
 }
 

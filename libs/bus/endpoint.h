@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,6 +27,7 @@ class WriterPort {
  public:
   virtual ~WriterPort() = default;
   virtual bool write(const void* sample) = 0;
+  virtual void whileFull(std::function<void()>) {}  // where writes never wait
   virtual int matched() const = 0;
   virtual bool waitForReaders(int count, std::chrono::nanoseconds timeout) = 0;
   virtual const std::string& error() const = 0;
@@ -50,6 +52,9 @@ class Writer {
   /// Puts a copy on the bus. A full keep-all history is retried until the bus's write timeout, or for 0.2 s
   /// once the bus is stopping. False: not written, error() tells why.
   [[nodiscard]] bool write(const T& sample) { return port_->write(&sample); }
+  /// Done again and again while a write waits for room. Stages that write to one another in a ring must take
+  /// here what the others write, or all wait for ever; nothing may be written here.
+  void whileFull(std::function<void()> action) { port_->whileFull(std::move(action)); }
 
   /// Readers matched now.
   int matched() const { return port_->matched(); }

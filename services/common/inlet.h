@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -93,6 +94,9 @@ class Outlet {
     return {name_ + " read by " + std::to_string(readers_) + " stages",
             [this] { return writer_->matched() >= readers_; }};
   }
+
+  /// Of a stage that its readers write to in turn: done while a write waits for them (bus::Writer::whileFull).
+  void whileFull(std::function<void()> action) { writer_->whileFull(std::move(action)); }
 
   /// Writes and counts; a failure goes to the status.
   bool write(const Wire& sample, bus::StatusBoard& status) {

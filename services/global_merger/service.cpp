@@ -42,6 +42,9 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
+  // Replicas write to one another: one that stopped reading while it waits would keep the others waiting.
+  contribution_out_.whileFull([this] { pullSets(); });
+  pose_out_.whileFull([this] { pullSets(); });
   for (const std::string& robot : fleet.locatedRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
@@ -174,10 +177,10 @@ void GlobalMergerService::contribute() {
     if (auto made = maker_.make(objects, pose)) {
       replica_.add(made->contribution);
       replica_.add(made->pose);
-      adapters::toWire(made->contribution, runClock(context_.options), contribution_);
-      adapters::toWire(made->pose, runClock(context_.options), keyframe_pose_);
-      contribution_out_.write(contribution_, status());
-      pose_out_.write(keyframe_pose_, status());
+      adapters::toWire(made->contribution, runClock(context_.options), own_contribution_);
+      adapters::toWire(made->pose, runClock(context_.options), own_keyframe_pose_);
+      contribution_out_.write(own_contribution_, status());
+      pose_out_.write(own_keyframe_pose_, status());
     }
     waiting_objects_.pop_front();
     waiting_poses_.pop_front();

@@ -68,8 +68,8 @@ class GlobalMergerService : public bus::Service {
   std::map<std::string, SetStream> sets_;
   std::deque<Objects> waiting_objects_;     ///< whose pose has not come yet
   std::deque<PoseEstimate> waiting_poses_;  ///< of the own robot
-  v1::Contribution contribution_;
-  v1::KeyframePose keyframe_pose_;
+  v1::Contribution contribution_, own_contribution_;  ///< as taken; as written
+  v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
   const global_merger::Meanwhile meanwhile_ = [this] { pause(); };
   bool pausing_ = false;  ///< between two fits
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;

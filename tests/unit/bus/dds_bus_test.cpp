@@ -60,6 +60,52 @@ TEST(DdsBus, ASaturatedWriterGivesUpAtItsTimeoutAndGoesOnWhenThereIsRoom) {
   for (int k = 0; k < written; ++k) ASSERT_EQ(got[k], k);
 }
 
+// Replicas of the map do so: each writes more than both histories hold before it reads what the other wrote.
+TEST(DdsBus, TwoThatWriteToOneAnotherDoNotWaitForEver) {
+  constexpr int kSamples = 1000;
+  const Topics topics(RunMode::kReplay);
+  struct Side {
+    std::string name, other;
+    std::unique_ptr<Bus> bus = {};
+    std::unique_ptr<Writer<v1::KeyframePose>> writer = {};
+    std::unique_ptr<Reader<v1::KeyframePose>> reader = {};
+    std::vector<std::int64_t> got = {};
+    int written = 0;
+  };
+  Side sides[2] = {{"r1", "r2"}, {"r2", "r1"}};
+  for (Side& side : sides) {
+    DdsBusOptions options = onOwnDomain(RunMode::kReplay);
+    options.write_timeout = seconds(5);
+    side.bus = makeDdsBus(options);
+    side.writer = side.bus->writer(topics.map_keyframe_pose, side.name);
+    side.reader = side.bus->reader(topics.map_keyframe_pose, side.other);
+  }
+  const auto run = [&](Side& side) {
+    const auto take = [&side] {
+      for (v1::KeyframePose pose; side.reader->take(pose);) side.got.push_back(pose.header().acquired_ns());
+    };
+    side.writer->whileFull(take);
+    v1::KeyframePose pose;
+    pose.robot(side.name);
+    for (pose.header().acquired_ns(0); side.written < kSamples; ++side.written) {
+      if (!side.writer->write(pose)) return;
+      pose.header().acquired_ns(side.written + 1);
+    }
+    const auto deadline = Clock::now() + kPatience;
+    for (take(); side.got.size() < kSamples && Clock::now() < deadline; take()) side.bus->wait(seconds(1));
+  };
+  for (Side& side : sides) ASSERT_TRUE(side.writer->waitForReaders(1, kPatience));
+  std::thread other([&] { run(sides[1]); });
+  run(sides[0]);
+  other.join();
+  for (const Side& side : sides) {
+    EXPECT_EQ(side.written, kSamples) << side.name << ": " << side.writer->error();
+    ASSERT_THAT(side.got, SizeIs(kSamples)) << "written to " << side.name;
+    const std::set<std::int64_t> different(side.got.begin(), side.got.end());  // a map's set needs no order
+    EXPECT_THAT(different, SizeIs(kSamples)) << "written to " << side.name;
+  }
+}
+
 TEST(DdsBus, StopEndsASaturatedWriteWithinAQuarterSecond) {
   const auto a = makeDdsBus(onOwnDomain()), b = makeDdsBus(onOwnDomain());
   const Topics topics(RunMode::kLockstep);
