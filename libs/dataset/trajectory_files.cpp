@@ -105,6 +105,32 @@ std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses) {
   return result;
 }
 
+void writeCovariances(const std::string& path, const std::vector<StampedCovariance>& rows) {
+  std::string text = "#timestamp [ns],xx [m^2],xy [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2]\n";
+  for (const StampedCovariance& row : rows) {
+    const Eigen::Matrix3d& c = row.covariance;
+    text += fmt::format("{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g}\n", row.time_ns, c(0, 0), c(0, 1),
+                        c(0, 2), c(1, 1), c(1, 2), c(2, 2));
+  }
+  writeAtomic(path, text);
+}
+
+std::vector<StampedCovariance> readCovariances(const std::string& path, std::vector<std::string>* warnings) {
+  std::vector<StampedCovariance> rows;
+  std::vector<std::string> local;
+  readRows(path, ',', warnings ? *warnings : local, [&](const Fields& fields) -> std::string {
+    StampedCovariance row;
+    double v[6];
+    if (fields.empty() || !parseTime(fields[0], row.time_ns))
+      return "the timestamp must be whole nanoseconds";
+    if (!numbers(fields, 1, 6, v)) return "expected 6 numbers of a covariance after the timestamp";
+    row.covariance << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
+    rows.push_back(row);
+    return {};
+  });
+  return rows;
+}
+
 void writeG2o(const std::string& path, const G2oGraph& graph) {
   std::string text;
   const auto pose = [](const Pose2& p) {

@@ -15,6 +15,12 @@ struct StampedPose {
   Pose2 map_from_base;
 };
 
+/// How far a pose may be wrong: of the right perturbation (x, y, θ in the robot's own base_link; m, rad).
+struct StampedCovariance {
+  TimeNs time_ns = 0;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
 /// A row of a TUM file in full: `timestamp[s] tx ty tz qx qy qz qw`.
 struct StampedPose3 {
   TimeNs time_ns = 0;
@@ -35,6 +41,13 @@ void writeTum(const std::string& path, const std::vector<StampedPose>& poses);
 /// unreadable.
 std::vector<StampedPose3> readTum(const std::string& path, std::vector<std::string>* warnings = nullptr);
 std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses);
+
+/// Covariances of a trajectory, which TUM has no room for: a row per pose, "#timestamp [ns],xx [m^2],xy
+/// [m^2], xt [m rad],yy [m^2],yt [m rad],tt [rad^2]". Atomic. Throws std::runtime_error.
+void writeCovariances(const std::string& path, const std::vector<StampedCovariance>& rows);
+/// Damaged rows are left out and listed in `warnings`. Throws std::runtime_error when unreadable.
+std::vector<StampedCovariance> readCovariances(const std::string& path,
+                                               std::vector<std::string>* warnings = nullptr);
 
 /// g2o: VERTEX_SE2 id x y θ, EDGE_SE2 from to x y θ and the upper triangle of the information matrix.
 struct G2oVertex {

@@ -112,6 +112,34 @@ std::string pathTable(const Report& report) {
   return text;
 }
 
+/// Robots whose poses carry covariances, then all of them together.
+std::vector<std::pair<std::string, evaluation::Consistency>> consistencies(const Report& report) {
+  std::vector<std::pair<std::string, evaluation::Consistency>> rows;
+  std::vector<evaluation::Consistency> robots;
+  for (const RobotReport& r : report.robots) {
+    if (!r.consistency) continue;
+    rows.emplace_back(r.name, *r.consistency);
+    robots.push_back(*r.consistency);
+  }
+  if (!rows.empty()) rows.emplace_back("all", evaluation::pooled(robots));
+  return rows;
+}
+
+std::string consistencyTable(const Report& report) {
+  const auto rows = consistencies(report);
+  if (rows.empty()) return {};
+  std::string text =
+      "Covariances    NEES   of samples: 95 % bounds   worth, independent: 95 % bounds   within 95 %\n";
+  for (const auto& [name, c] : rows) {
+    const char* verdict = c.consistent() ? "" : c.mean > c.bounds.upper ? "  over-confident" : "  too modest";
+    text += fmt::format("  {:<10} {} {:>11}: {} – {} {:>19.0f}: {} – {} {} %{}\n", name, cell(c.mean, 6, 2),
+                        c.samples, cell(c.strict.lower, 4, 2), cell(c.strict.upper, 4, 2), c.independent,
+                        cell(c.bounds.lower, 4, 2), cell(c.bounds.upper, 5, 2), cell(100.0 * c.inside, 11, 1),
+                        verdict);
+  }
+  return text;
+}
+
 std::string kindTable(const evaluation::KindMetrics& kinds) {
   return fmt::format("Kinds       F1 robots {}, obstacles {}   (per object and frame; {} phantoms)\n",
                      cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
@@ -126,6 +154,16 @@ Json pathJson(const evaluation::PathMetrics& p) {
   return {
       {"poses", p.poses},   {"x_error_m", p.x_m}, {"y_error_m", p.y_m},          {"distance_m", p.distance_m},
       {"rmse_m", p.rmse_m}, {"max_m", p.max_m},   {"heading_rad", p.heading_rad}};
+}
+
+Json consistencyJson(const evaluation::Consistency& c) {
+  return {{"nees_mean", c.mean},
+          {"samples", c.samples},
+          {"bounds_95", {c.strict.lower, c.strict.upper}},
+          {"independent_samples", c.independent},
+          {"independent_bounds_95", {c.bounds.lower, c.bounds.upper}},
+          {"consistent", c.consistent()},
+          {"inside_95", c.inside}};
 }
 
 Json mapJson(const Report& report) {
@@ -161,6 +199,7 @@ Json robotJson(const RobotReport& r) {
   json["ate_m"] = statistics(r.ate_m);
   json["rpe_translation_m"] = statistics(r.rpe.translation_m);
   json["rpe_rotation_rad"] = statistics(r.rpe.rotation_rad);
+  if (r.consistency) json["consistency"] = consistencyJson(*r.consistency);
   if (r.dead_reckoning) json["dead_reckoning"] = pathJson(*r.dead_reckoning);
   if (r.shape_difference) json["shape_difference"] = *r.shape_difference;
   if (r.shape_difference) json["places"] = r.places;
@@ -194,7 +233,7 @@ std::string table(const Report& report) {
     text += fmt::format("Frame       the run was moved onto the truth by ({:.3f}, {:.3f}) m, {:.2f}°\n",
                         moved.x_m, moved.y_m, kDegrees * moved.theta_rad);
   }
-  if (!report.robots.empty()) text += pathTable(report);
+  if (!report.robots.empty()) text += pathTable(report) + consistencyTable(report);
   if (report.kinds) text += kindTable(*report.kinds);
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   return text;
@@ -226,6 +265,8 @@ std::string metricsJson(const Report& report) {
   json["paths_mean"] = pathJson(mean.path);
   json["paths_mean"]["ate_rmse_m"] = mean.ate_m;
   json["paths_mean"]["robots"] = mean.robots;
+  if (const auto rows = consistencies(report); !rows.empty())
+    json["paths_mean"]["consistency"] = consistencyJson(rows.back().second);
   if (report.kinds) {
     json["kinds"] = {{"robot", classJson(report.kinds->robot)},
                      {"obstacle", classJson(report.kinds->obstacle)},

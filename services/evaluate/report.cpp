@@ -158,6 +158,12 @@ RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording,
         evaluation::comparePaths(truth, deadReckoning(*robot, truth, estimate), kMaxGap_ns);
   }
   report.path = evaluation::comparePaths(truth, estimate, kMaxGap_ns);
+  const fs::path covariances = out / "covariances" / (name + ".csv");
+  if (fs::exists(covariances)) {
+    const auto consistency = evaluation::checkConsistency(
+        truth, estimate, dataset::readCovariances(covariances.string(), &warnings), kMaxGap_ns);
+    if (consistency.samples > 0) report.consistency = consistency;
+  }
   const auto pairs = evaluation::associate(evaluation::lift(truth), evaluation::lift(estimate));
   report.ate_m = evaluation::absoluteTrajectoryError(pairs, evaluation::Alignment::kSe2);
   report.rpe = evaluation::relativePoseError(pairs);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "evaluation/classification.h"
+#include "evaluation/consistency.h"
 #include "evaluation/map_metrics.h"
 #include "evaluation/solid_metrics.h"
 #include "evaluation/trajectory_metrics.h"
@@ -17,9 +18,11 @@ struct RobotReport {
   int frames = 0;                ///< frames the recording has for it; 0 where that is unknown
   evaluation::PathMetrics path;  ///< unaligned, unless asked for
   std::optional<evaluation::PathMetrics>
-      dead_reckoning;                      ///< of the wheels alone, from the first estimate's truth
-  evaluation::Statistics ate_m;            ///< evo's APE, translation, SE(2) alignment
-  evaluation::RelativeError rpe;           ///< evo's RPE, delta 1 frame
+      dead_reckoning;             ///< of the wheels alone, from the first estimate's truth
+  evaluation::Statistics ate_m;   ///< evo's APE, translation, SE(2) alignment
+  evaluation::RelativeError rpe;  ///< evo's RPE, delta 1 frame
+  std::optional<evaluation::Consistency>
+      consistency;  ///< where OUT/covariances/<robot>.csv is there and poses have truth
   std::optional<double> shape_difference;  ///< μ of OUT/places/<robot>.g2o
   int places = 0;                          ///< its nodes with truth
 };

@@ -89,6 +89,10 @@ class Merger {
   const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories() const {
     return trajectories_;
   }
+  /// Of the trajectories' poses, row by row.
+  const std::map<std::string, std::vector<dataset::StampedCovariance>>& covariances() const {
+    return covariances_;
+  }
 
   /// Obstacles fitted over all views held, in order of id; fitted anew only when the sets changed. What
   /// `meanwhile` adds to the sets is for the next time.
@@ -98,8 +102,8 @@ class Merger {
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 
-  /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum, each whole or not
-  /// at all. Returns one line per file that could not be written (the old one is then untouched); empty: all
+  /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum and
+  /// covariances/<robot>.csv, each whole or not at all. Returns one line per file that could not be written (the old one is then untouched); empty: all
   /// is saved.
   std::vector<std::string> save(const std::string& folder);
   /// The same with the outlines as last fitted: live, where a fit of all would hold frames up.
@@ -112,6 +116,7 @@ class Merger {
   std::map<std::string, RobotBody> bodies_;
   occupancy::OccupancyMap map_;
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
+  std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
   std::vector<dataset::MapObject> outlines_;
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind> kinds_;  ///< of the tracks behind the outlines
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted

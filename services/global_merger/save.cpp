@@ -42,6 +42,11 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
       dataset::writeTum(folder + "/trajectories/" + name + ".tum", poses);
     });
   }
+  for (const auto& [robot, rows] : merger.covariances()) {
+    attempt([&, &name = robot, &covariances = rows] {
+      dataset::writeCovariances(folder + "/covariances/" + name + ".csv", covariances);
+    });
+  }
   attempt([&] {
     writePicture(folder + "/map.png", {grid, objects, merger.trajectories(), merger.bodies()});
   });

@@ -91,6 +91,23 @@ TEST_F(Evaluate, TableAndJsonSayTheSame) {
   EXPECT_EQ(json["kinds"]["obstacle"]["f1"], 1.0);
 }
 
+TEST_F(Evaluate, CovariancesAreComparedWithTheErrors) {
+  EXPECT_FALSE(evaluateRun(out_, recording_).robots[0].consistency) << "the run tells no covariances";
+  EXPECT_EQ(metricsJson(evaluateRun(out_, recording_)).find("nees"), std::string::npos);
+  std::vector<dataset::StampedCovariance> rows;
+  for (int i = 0; i < 10; ++i)
+    rows.push_back({i * 100, Eigen::Vector3d(kShift_m, kShift_m, 0.01).cwiseAbs2().asDiagonal()});
+  dataset::writeCovariances(out_ + "/covariances/r1.csv", rows);
+  const Report report = evaluateRun(out_, recording_);
+  ASSERT_TRUE(report.robots[0].consistency);
+  EXPECT_EQ(report.robots[0].consistency->samples, 10);
+  EXPECT_NEAR(report.robots[0].consistency->mean, 1.0, 1e-6) << "off by one σ in one direction";
+  const auto json = nlohmann::json::parse(metricsJson(report));
+  EXPECT_NEAR(json["paths"]["r1"]["consistency"]["nees_mean"].get<double>(), 1.0, 1e-6);
+  EXPECT_EQ(json["paths_mean"]["consistency"]["samples"], 10);
+  EXPECT_THAT(table(report), HasSubstr("NEES"));
+}
+
 TEST_F(Evaluate, WhatIsMissingIsNamed) {
   std::filesystem::remove(out_ + "/trajectories/r1.tum");
   const Report report = evaluateRun(out_, recording_);

@@ -1,0 +1,115 @@
+// Normalised errors against drawn ones, whose distribution is known, and against tables of χ².
+
+#include "evaluation/consistency.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <random>
+
+namespace omnifleet::evaluation {
+namespace {
+
+using dataset::StampedCovariance;
+using dataset::StampedPose;
+
+/// Poses on a circle whose errors in base_link are drawn from root · rootᵀ times factor², each resembling the
+/// one before by `memory`.
+struct Drawn {
+  std::vector<StampedPose> truth, estimate;
+  std::vector<StampedCovariance> covariances;
+
+  Drawn(unsigned seed, int count, double factor, double memory) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    Eigen::Matrix3d root;
+    root << 0.03, 0.0, 0.0, 0.01, 0.02, 0.0, -0.004, 0.006, 0.01;
+    Eigen::Vector3d e = Eigen::Vector3d::Zero();
+    for (int i = 0; i < count; ++i) {
+      const TimeNs time_ns = 100'000'000LL * i;
+      const double angle = 0.05 * i;
+      const Pose2 exact{std::cos(angle), std::sin(angle), wrapAngle(angle + M_PI_2)};
+      Eigen::Vector3d fresh;
+      for (double& value : fresh) value = normal(random);
+      e = i == 0 ? fresh : Eigen::Vector3d(memory * e + std::sqrt(1.0 - memory * memory) * fresh);
+      truth.push_back({time_ns, exact});
+      estimate.push_back({time_ns, exact * Pose2::fromVector(factor * root * e).inverse()});
+      covariances.push_back({time_ns, root * root.transpose()});
+    }
+  }
+  Consistency check() const { return checkConsistency(truth, estimate, covariances); }
+};
+
+bool within(double value, const Consistency::Bounds& bounds) {
+  return value >= bounds.lower && value <= bounds.upper;
+}
+
+TEST(ChiSquare, QuantilesAreThoseOfTheTables) {
+  EXPECT_NEAR(chiSquareQuantile(3, 1.6449), 7.815, 0.08);
+  EXPECT_NEAR(chiSquareQuantile(10, 1.9600), 20.483, 0.1);
+  EXPECT_NEAR(chiSquareQuantile(10, -1.9600), 3.247, 0.05);
+  EXPECT_NEAR(chiSquareQuantile(300, 1.9600), 349.87, 0.2);
+  EXPECT_NEAR(chiSquareQuantile(300, -1.9600), 253.91, 0.2);
+}
+
+TEST(Consistency, TrueCovariancesAreConsistentInNineteenOfTwentyRuns) {
+  int consistent = 0, strictly = 0;
+  double mean = 0.0, inside = 0.0;
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    const Consistency c = Drawn(seed, 400, 1.0, 0.0).check();
+    ASSERT_EQ(c.samples, 400);
+    consistent += c.consistent() ? 1 : 0;
+    strictly += within(c.mean, c.strict) ? 1 : 0;
+    mean += c.mean / 100;
+    inside += c.inside / 100;
+  }
+  EXPECT_NEAR(mean, 3.0, 0.05);  // 40000 samples: σ 0.012
+  EXPECT_NEAR(inside, 0.95, 0.005);
+  EXPECT_GE(strictly, 88);  // 95 expected; binomial σ 2.2
+  EXPECT_GE(consistent, strictly);
+}
+
+TEST(Consistency, ErrorsTwiceAsLargeAsSaidAreOverConfidentHalfAsLargeTooModest) {
+  const Consistency large = Drawn(1, 400, 2.0, 0.0).check(), small = Drawn(1, 400, 0.5, 0.0).check();
+  EXPECT_NEAR(large.mean, 12.0, 1.0);
+  EXPECT_GT(large.mean, large.bounds.upper);
+  EXPECT_LT(small.mean, small.bounds.lower);
+}
+
+// With a memory of 0.9 the ε resemble one another by 0.81: n samples are worth n·(1 − 0.81)/(1 + 0.81).
+TEST(Consistency, ErrorsThatResembleOneAnotherAreWorthFewerSamples) {
+  int consistent = 0, strictly = 0;
+  double independent = 0.0;
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    const Consistency c = Drawn(seed, 400, 1.0, 0.9).check();
+    independent += c.independent / 100;
+    consistent += c.consistent() ? 1 : 0;
+    strictly += within(c.mean, c.strict) ? 1 : 0;
+  }
+  EXPECT_NEAR(independent, 400.0 * 0.19 / 1.81, 10.0);
+  EXPECT_GE(consistent, 85);
+  EXPECT_LT(strictly, 70) << "bounds of independent samples are too narrow here";
+}
+
+TEST(Consistency, OnlyPosesWithTruthAndCovarianceCount) {
+  Drawn drawn(3, 50, 1.0, 0.0);
+  drawn.covariances.erase(drawn.covariances.begin() + 10, drawn.covariances.begin() + 15);
+  drawn.truth.resize(40);
+  EXPECT_EQ(drawn.check().samples, 35);
+  drawn.truth.clear();
+  EXPECT_EQ(drawn.check().samples, 0);
+  EXPECT_TRUE(std::isnan(drawn.check().mean));
+  EXPECT_FALSE(drawn.check().consistent());
+}
+
+TEST(Consistency, RobotsArePooledBySamples) {
+  const Consistency a = Drawn(4, 100, 1.0, 0.0).check(), b = Drawn(5, 300, 2.0, 0.0).check();
+  const Consistency all = pooled({a, {}, b});
+  EXPECT_EQ(all.samples, 400);
+  EXPECT_NEAR(all.mean, (100 * a.mean + 300 * b.mean) / 400, 1e-9);
+  EXPECT_LT(all.strict.upper - all.strict.lower, b.strict.upper - b.strict.lower);
+}
+
+}  // namespace
+}  // namespace omnifleet::evaluation
