@@ -450,7 +450,7 @@ WheelModel FleetEstimator::wheelModel(const std::string& robot) const {
   return impl_->fleet.graph.value(impl_->node(robot).wheels);
 }
 
-Eigen::Vector4d FleetEstimator::detectorModel(const std::string& robot) const {
+DetectorModel FleetEstimator::detectorModel(const std::string& robot) const {
   const RobotNode& node = impl_->node(robot);
   if (node.detector == 0) return DetectorModel::Zero();
   return impl_->fleet.graph.value(node.detector);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "estimation/camera_error.h"
+#include "estimation/detector_model.h"
 #include "estimation/wheel_log.h"
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
@@ -29,16 +30,6 @@ struct RobotSetup {
   RobotBody body;
   std::optional<Pose2> initial_pose;  ///< map_from_base at its first frame; without it the robot is unlocated
                                       ///< until an absolute measurement or a sighting locates it
-};
-
-/// Priors of what is estimated of a detector of ranges and bearings (DetectorModel, factors.h).
-struct DetectorOptions {
-  double bearing_bias_sigma_rad = 0.02;  ///< rad
-  double focal_sigma = 0.03;             ///< 1, relative error of its focal length
-  double range_scale_sigma = 0.04;       ///< 1
-  double obliqueness_sigma = 0.8;        ///< 1: 0 measures range, 1 depth along the axis
-
-  static DetectorOptions read(const options::Section& section);
 };
 
 struct EstimatorOptions {
@@ -148,7 +139,7 @@ class FleetEstimator {
   Eigen::Vector2d wheelBias(const std::string& robot) const { return wheelModel(robot).head<2>(); }
   WheelModel wheelModel(const std::string& robot) const;
   /// Zero for a robot that has measured no range and bearing.
-  Eigen::Vector4d detectorModel(const std::string& robot) const;
+  DetectorModel detectorModel(const std::string& robot) const;
   /// Of the robot's camera against its calibration; zero for a robot that has seen nothing.
   CameraError cameraError(const std::string& robot) const;
   const RobotStatus& status(const std::string& robot) const;

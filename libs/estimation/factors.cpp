@@ -98,7 +98,7 @@ struct MotionError {
   WheelModel at;
   template <typename T>
   bool operator()(const T* from, const T* to, const T* model, T* r) const {
-    const Eigen::Map<const Eigen::Matrix<T, 4, 1>> e(model);
+    const Eigen::Map<const Eigen::Matrix<T, 5, 1>> e(model);
     const Vec3<T> increment = b.cast<T>() * (e - at.cast<T>());
     const Vec2<T> t = rotate<T>(T(measured.theta_rad), Vec2<T>(increment.head(2)));
     const Vec3<T> m(T(measured.x_m) + t.x(), T(measured.y_m) + t.y(), T(measured.theta_rad) + increment.z());
@@ -110,8 +110,8 @@ struct MotionError {
 };
 
 struct RangeBearing {
-  Eigen::Vector2d measured;
-  Pose2 from_offset, to_offset;
+  RangeBearingSight sight;
+  Pose2 to_offset;
   Eigen::Matrix2d w;
 
   template <typename T>
@@ -120,14 +120,19 @@ struct RangeBearing {
     using std::cos;
     using std::sin;
     using std::sqrt;
-    const Vec3<T> pose = compose<T>(from, from_offset);
-    const Vec2<T> d = rotate<T>(-pose.z(), Vec2<T>(target - pose.head(2)));
+    const Vec3<T> at = compose<T>(from, sight.from_offset);
+    // First order in the lag: a twist of 1 rad/s and 0.3 m/s for 0.1 s leaves 1.5 mm.
+    const Vec3<T> back = -detector[5] * sight.twist.cast<T>();
+    const Vec2<T> in_base = rotate<T>(-at.z(), Vec2<T>(target - at.head(2)));
+    const Vec2<T> then = rotate<T>(-back.z(), Vec2<T>(in_base - back.head(2)));
+    const Vec2<T> d = then - Vec2<T>(detector[6], detector[7]);
     const T range = sqrt(d.squaredNorm() + T(1e-12));
     Eigen::Map<Vec2<T>> out(r);
     const T beta = atan2(d.y(), d.x());
-    const T seen_range = range * (T(1.0) + detector[2] - detector[3] * (T(1.0) - cos(beta)));
+    const T seen_range = range * (T(1.0) + detector[2] - detector[3] * (T(1.0) - cos(beta - detector[4])));
     const T seen_beta = beta + detector[0] + detector[1] * T(0.5) * sin(T(2.0) * beta);
-    out = w.cast<T>() * Vec2<T>(seen_range - T(measured.x()), wrapped<T>(seen_beta - T(measured.y())));
+    out = w.cast<T>() * Vec2<T>(seen_range - T(sight.range_bearing.x()),
+                                wrapped<T>(seen_beta - T(sight.range_bearing.y())));
   }
 };
 
@@ -202,28 +207,24 @@ std::unique_ptr<ceres::CostFunction> relativePoseFactor(const Pose2& measured,
 
 std::unique_ptr<ceres::CostFunction> motionFactor(const Pose2& measured, const Eigen::Matrix3d& covariance,
                                                   const WheelJacobian& by_model, const WheelModel& at) {
-  return automatic<3, 3, 3, 4>(MotionError{measured, whitener<3>(covariance), by_model, at});
+  return automatic<3, 3, 3, 5>(MotionError{measured, whitener<3>(covariance), by_model, at});
 }
 
-Eigen::Vector2d corrected(const Eigen::Vector2d& range_bearing, const DetectorModel& model) {
+Eigen::Vector2d seenAt(const Eigen::Vector2d& range_bearing, const DetectorModel& model) {
   double beta = range_bearing.y() - model(0);
   for (int i = 0; i < 5; ++i) beta = range_bearing.y() - model(0) - model(1) * 0.5 * std::sin(2.0 * beta);
-  const double scale = 1.0 + model(2) - model(3) * (1.0 - std::cos(beta));
-  return {range_bearing.x() / std::max(0.1, scale), beta};
+  const double scale = 1.0 + model(2) - model(3) * (1.0 - std::cos(beta - model(4)));
+  const double range_m = range_bearing.x() / std::max(0.1, scale);
+  return model.tail<2>() + range_m * Eigen::Vector2d(std::cos(beta), std::sin(beta));
 }
 
-std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const Eigen::Vector2d& range_bearing,
-                                                            const Eigen::Matrix2d& covariance,
-                                                            const Pose2& from_offset,
+std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const RangeBearingSight& sight,
                                                             const Pose2& to_offset) {
-  return automatic<2, 3, 3, 4>(
-      RangeBearingPose{{range_bearing, from_offset, to_offset, whitener<2>(covariance)}});
+  return automatic<2, 3, 3, 8>(RangeBearingPose{{sight, to_offset, whitener<2>(sight.covariance)}});
 }
 
-std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const Eigen::Vector2d& range_bearing,
-                                                             const Eigen::Matrix2d& covariance,
-                                                             const Pose2& from_offset) {
-  return automatic<2, 3, 2, 4>(RangeBearingPoint{{range_bearing, from_offset, {}, whitener<2>(covariance)}});
+std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const RangeBearingSight& sight) {
+  return automatic<2, 3, 2, 8>(RangeBearingPoint{{sight, {}, whitener<2>(sight.covariance)}});
 }
 
 Pose2 arc(double left_m, double right_m, double wheel_separation_m) {

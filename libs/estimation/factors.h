@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "estimation/detector_model.h"
 #include "estimation/wheel_log.h"
 #include "geometry/pose2.h"
 
@@ -53,24 +54,18 @@ std::unique_ptr<ceres::CostFunction> motionFactor(const Pose2& measured, const E
                                                   const WheelJacobian& by_model,
                                                   const WheelModel& at = WheelModel::Zero());
 
-/// How a detector of ranges and bearings errs: (bearing bias β₀ rad, focal error ε, range scale k,
-/// obliqueness κ). A target at true range r and bearing β is measured at
-///   range r·(1 + k − κ·(1 − cos β)),  bearing β + β₀ + ε·½·sin 2β.
-/// κ = 1 where the "range" is the depth along the camera's axis, as from the height of a marker in a picture;
-/// ε is first order in the focal length's relative error, tan β′ = (1 + ε)·tan β.
-using DetectorModel = Eigen::Vector4d;
-
-/// True range and bearing of what was measured, by fixed-point iteration.
-Eigen::Vector2d corrected(const Eigen::Vector2d& range_bearing, const DetectorModel& model);
-
-/// Range and bearing of a target from a pose. Variables: from, target (pose, its x and y count), detector.
-std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const Eigen::Vector2d& range_bearing,
-                                                            const Eigen::Matrix2d& covariance,
-                                                            const Pose2& from_offset, const Pose2& to_offset);
-/// The same to a point. Variables: from, point (x, y), detector.
-std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const Eigen::Vector2d& range_bearing,
-                                                             const Eigen::Matrix2d& covariance,
-                                                             const Pose2& from_offset);
+/// A range and bearing: where the observer stands at its time, and how it moves (per second, base_link).
+struct RangeBearingSight {
+  Eigen::Vector2d range_bearing;
+  Eigen::Matrix2d covariance;
+  Pose2 from_offset;  ///< of the observer from its pose variable
+  Eigen::Vector3d twist = Eigen::Vector3d::Zero();
+};
+/// Of another robot, which is taken to stand still for the lag. Variables: from, target, detector.
+std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const RangeBearingSight& sight,
+                                                            const Pose2& to_offset);
+/// Of a point. Variables: from, point (x, y), detector.
+std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const RangeBearingSight& sight);
 
 /// Arc of a differential drive (Choi et al. 2014 eq. 1, integrated exactly over the step).
 Pose2 arc(double left_m, double right_m, double wheel_separation_m);

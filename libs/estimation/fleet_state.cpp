@@ -40,7 +40,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     robot.setup = std::move(setup);
     robot.wheels = graph.addVariable(WheelModel::Zero());
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
-    const Eigen::Vector4d sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3);
+    const WheelModel sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3, 1e-3);
     robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
     robot.status.text = "not located yet";
     robots.push_back(std::move(robot));
@@ -62,7 +62,7 @@ void FleetState::addWheels(RobotNode& robot, TimeNs time_ns, double left_mps, do
     const WheelLogOptions& o = options.wheel_log;
     robot.log.emplace(o);
     graph.removeFactor(robot.wheels_prior);
-    const Eigen::Vector4d sigma(o.scale_sigma, o.scale_sigma, o.turn_sigma, o.delay_sigma_s);
+    const WheelModel sigma(o.scale_sigma, o.scale_sigma, o.turn_sigma, o.delay_sigma_s, o.crab_sigma_rad);
     robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
   }
   robot.log->add(time_ns, left_mps, right_mps);
@@ -79,9 +79,10 @@ VariableId FleetState::detector(RobotNode& robot) {
   if (robot.detector != 0) return robot.detector;
   robot.detector = graph.addVariable(DetectorModel::Zero());
   const DetectorOptions& o = options.detector;
-  graph.addFactor(priorFactor(DetectorModel::Zero(), DetectorModel(o.bearing_bias_sigma_rad, o.focal_sigma,
-                                                                   o.range_scale_sigma, o.obliqueness_sigma)),
-                  {robot.detector});
+  DetectorModel sigma;
+  sigma << o.bearing_bias_sigma_rad, o.focal_sigma, o.range_scale_sigma, o.obliqueness_sigma,
+      o.axis_sigma_rad, o.lag_sigma_s, o.place_sigma_m, o.place_sigma_m;
+  graph.addFactor(priorFactor(DetectorModel::Zero(), sigma), {robot.detector});
   return robot.detector;
 }
 
@@ -226,6 +227,21 @@ std::optional<PoseAt> FleetState::poseAt(const RobotNode& robot, TimeNs time_ns)
   }
   result.map_from_base = pose(step.pose) * result.offset;
   return result;
+}
+
+Eigen::Vector3d FleetState::twistAt(const RobotNode& robot, TimeNs time_ns) const {
+  constexpr TimeNs kSpan_ns = 200000000;
+  WheelLog::Motion motion;
+  if (robot.log && robot.log->between(time_ns - kSpan_ns, time_ns, robot.setup.body.wheel_separation_m,
+                                      graph.value(robot.wheels), motion))
+    return motion.previous_from_current.vector() * (kSecond_ns / static_cast<double>(kSpan_ns));
+  if (!robot.located()) return Eigen::Vector3d::Zero();
+  const auto at = std::find_if(robot.window.begin(), std::prev(robot.window.end()),
+                               [&](const Step& step) { return step.time_ns >= time_ns; });
+  const auto span = static_cast<double>(at->time_ns - at->since_ns);
+  return at->motion == kNoFactor || span <= 0
+             ? Eigen::Vector3d::Zero()
+             : Eigen::Vector3d(at->previous_from_current.vector() * (kSecond_ns / span));
 }
 
 Landmark& FleetState::addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m) {

@@ -56,6 +56,7 @@ struct Known {
 struct ScoutPair {
   TimeNs time_ns = 0;
   Eigen::Vector2d in_local = Eigen::Vector2d::Zero(), in_map = Eigen::Vector2d::Zero();
+  double map_variance_m2 = 0.0;  ///< of in_map, each axis
 };
 
 /// What a robot without a pose knows: its way in a frame of its own, and what ties that to the map.
@@ -152,6 +153,9 @@ class FleetState {
 
   /// Nothing when the robot is unlocated or the time lies before the window or more than 0.5 s after it.
   std::optional<PoseAt> poseAt(const RobotNode& robot, TimeNs time_ns) const;
+
+  /// How a located robot moves at a time in its window: m/s, m/s, rad/s in its base_link.
+  Eigen::Vector3d twistAt(const RobotNode& robot, TimeNs time_ns) const;
 
   Landmark& addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m);
   void removeLandmark(std::uint32_t id);

@@ -39,8 +39,12 @@ double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement&
 Eigen::Vector2d inBase(const FleetState& fleet, const RobotNode& robot, const Measurement& m) {
   const DetectorModel model =
       robot.detector == 0 ? DetectorModel::Zero() : DetectorModel(fleet.graph.value(robot.detector));
-  const Eigen::Vector2d polar = corrected(m.value.head<2>(), model);
-  return {polar.x() * std::cos(polar.y()), polar.x() * std::sin(polar.y())};
+  return seenAt(m.value.head<2>(), model);
+}
+
+/// Of a robot's newest position, in its own axes.
+Eigen::Matrix2d placeCovariance(const RobotNode& robot) {
+  return robot.covariance.topLeftCorner<2, 2>();
 }
 
 /// The gate of a range and bearing against what is predicted; a robot none of whose sightings pass for a
@@ -179,8 +183,9 @@ MeasurementQueue::Outcome MeasurementQueue::attachRelative(FleetState& fleet, co
   const Eigen::Matrix2d covariance = rotation * to->covariance.topLeftCorner<2, 2>() * rotation.transpose();
   if (!plausible(fleet, m, *from, *from_at, to_at->map_from_base.translation(), covariance))
     return Outcome::kRejected;
-  fleet.graph.addFactor(rangeBearingPoseFactor(m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(),
-                                               from_at->offset, to_at->offset),
+  const RangeBearingSight sight{m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(), from_at->offset,
+                                fleet.twistAt(*from, from_ns)};
+  fleet.graph.addFactor(rangeBearingPoseFactor(sight, to_at->offset),
                         {from_at->pose, to_at->pose, fleet.detector(*from)}, kRangeCauchy);
   return Outcome::kDone;
 }
@@ -199,9 +204,10 @@ MeasurementQueue::Outcome MeasurementQueue::attachToPoint(FleetState& fleet, con
   }
   ++at->second.views;
   at->second.last_seen_ns = m.acquired_ns;
-  fleet.graph.addFactor(
-      rangeBearingPointFactor(m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(), from.offset),
-      {from.pose, at->second.variable, detector}, kRangeCauchy);
+  const RangeBearingSight sight{m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(), from.offset,
+                                fleet.twistAt(robot, m.from_ns == 0 ? m.acquired_ns : m.from_ns)};
+  fleet.graph.addFactor(rangeBearingPointFactor(sight), {from.pose, at->second.variable, detector},
+                        kRangeCauchy);
   return Outcome::kDone;
 }
 
@@ -212,13 +218,18 @@ bool MeasurementQueue::attachToScout(const FleetState& fleet, const Measurement&
     const Eigen::Vector2d seen = from.scout->local_from_base * inBase(fleet, from, m);
     const auto point = fleet.points.find(m.to);
     const auto peer = to == nullptr ? std::nullopt : fleet.poseAt(*to, m.acquired_ns);
-    if (peer) addScoutPair(from, seen, peer->map_from_base.translation());
-    if (point != fleet.points.end()) addScoutPair(from, seen, fleet.graph.value(point->second.variable));
+    if (peer) addScoutPair(from, seen, peer->map_from_base.translation(), placeCovariance(*to));
+    if (point != fleet.points.end())
+      addScoutPair(from, seen, fleet.graph.value(point->second.variable), point->second.covariance);
     return true;
   }
   if (to == nullptr || to->located() || !to->scout || to->scout->time_ns != m.acquired_ns) return false;
   if (const auto at = fleet.poseAt(from, from_ns)) {
-    addScoutPair(*to, to->scout->local_from_base.translation(), at->map_from_base * inBase(fleet, from, m));
+    const Eigen::Vector2d seen = inBase(fleet, from, m);
+    Eigen::Matrix<double, 2, 3> by_pose;
+    by_pose << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-seen.y(), seen.x());
+    addScoutPair(*to, to->scout->local_from_base.translation(), at->map_from_base * seen,
+                 by_pose * from.covariance * by_pose.transpose());
   }
   return true;
 }

@@ -8,6 +8,9 @@ DetectorOptions DetectorOptions::read(const options::Section& section) {
   section.read("focal_sigma", o.focal_sigma, {1e-6, 0.5});
   section.read("range_scale_sigma", o.range_scale_sigma, {1e-6, 0.5});
   section.read("obliqueness_sigma", o.obliqueness_sigma, {1e-6, 2.0});
+  section.read("axis_sigma_rad", o.axis_sigma_rad, {1e-6, 1.0});
+  section.read("lag_sigma_s", o.lag_sigma_s, {1e-6, 1.0});
+  section.read("place_sigma_m", o.place_sigma_m, {1e-6, 1.0});
   section.finish();
   return o;
 }

@@ -17,7 +17,7 @@ constexpr double kAgree_m = 0.35;     // a single range is uncertain by a tenth 
 constexpr double kBase_m = 0.5;       // two places nearer than this do not tell a heading
 constexpr double kPlace_m = 0.2;      // σ of one pair
 constexpr double kHeading_rad = 0.1;  // largest σ of the heading that is accepted
-constexpr double kSigma_m = 0.15;     // of the placed pose; measurements sharpen it at once
+constexpr double kSame_m = 0.1;       // places in map nearer than this are of one thing
 
 using Pairs = std::deque<ScoutPair>;
 
@@ -45,13 +45,20 @@ std::vector<std::size_t> supporters(const Pairs& pairs, const Pose2& map_from_lo
   return all;
 }
 
-/// Root of the summed squares of the distances from the middle: σ of a pair over it is σ of the heading.
-double spread(const Pairs& pairs, const std::vector<std::size_t>& chosen) {
-  Eigen::Vector2d mean(0, 0);
-  for (const std::size_t i : chosen) mean += pairs[i].in_local / static_cast<double>(chosen.size());
-  double sum = 0.0;
-  for (const std::size_t i : chosen) sum += (pairs[i].in_local - mean).squaredNorm();
-  return std::sqrt(sum);
+/// How well the pairs chosen tell the pose (right perturbation). What is wrong with a sight of a thing is
+/// wrong with its next one: the sights of one thing together count as one.
+Eigen::Matrix3d information(const Pairs& pairs, const std::vector<std::size_t>& chosen,
+                            const Pose2& base_from_local) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const std::size_t i : chosen) {
+    int sights = 0;
+    for (const std::size_t j : chosen) sights += (pairs[i].in_map - pairs[j].in_map).norm() < kSame_m ? 1 : 0;
+    const Eigen::Vector2d p = base_from_local * pairs[i].in_local;
+    Eigen::Matrix<double, 2, 3> by_pose;
+    by_pose << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-p.y(), p.x());
+    sum += by_pose.transpose() * by_pose / ((kPlace_m * kPlace_m + pairs[i].map_variance_m2) * sights);
+  }
+  return sum;
 }
 
 std::vector<std::size_t> consensus(const Pairs& pairs) {
@@ -84,8 +91,9 @@ void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame
     scout.pairs.pop_front();
 }
 
-void addScoutPair(RobotNode& lost, const Eigen::Vector2d& in_local, const Eigen::Vector2d& in_map) {
-  lost.scout->pairs.push_back({lost.scout->time_ns, in_local, in_map});
+void addScoutPair(RobotNode& lost, const Eigen::Vector2d& in_local, const Eigen::Vector2d& in_map,
+                  const Eigen::Matrix2d& map_covariance) {
+  lost.scout->pairs.push_back({lost.scout->time_ns, in_local, in_map, 0.5 * map_covariance.trace()});
   if (lost.scout->pairs.size() > kMostPairs) lost.scout->pairs.pop_front();
 }
 
@@ -99,13 +107,14 @@ bool locateByPoints(FleetState& fleet, RobotNode& lost, const Objects& frame) {
   if (agree.size() < kLeastPairs ||
       static_cast<double>(agree.size()) < kShare * static_cast<double>(pairs.size()))
     return false;
-  const double heading_sigma = kPlace_m / spread(pairs, agree);
-  if (heading_sigma > kHeading_rad) return false;
-  const Pose2 map_from_base = rigid(pairs, agree) * lost.scout->local_from_base;
+  const Pose2& local_from_base = lost.scout->local_from_base;
+  const Eigen::Matrix3d told = information(pairs, agree, local_from_base.inverse());
+  const Eigen::LLT<Eigen::Matrix3d> root(told);
+  if (root.info() != Eigen::Success) return false;
+  const Eigen::Matrix3d covariance = root.solve(Eigen::Matrix3d::Identity());
+  if (!(covariance(2, 2) <= kHeading_rad * kHeading_rad)) return false;
+  const Pose2 map_from_base = rigid(pairs, agree) * local_from_base;
   fleet.place(lost, frame, map_from_base);
-  const double rad = heading_sigma + 0.5 * kHeading_rad;
-  const Eigen::Matrix3d covariance =
-      Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, rad * rad).asDiagonal();
   lost.covariance = covariance;
   fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {lost.window.back().pose});
   return true;

@@ -1,5 +1,6 @@
 #include "estimation/wheel_log.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -31,6 +32,7 @@ WheelLogOptions WheelLogOptions::read(const options::Section& section) {
   section.read("scale_sigma", o.scale_sigma, {1e-6, 0.5});
   section.read("turn_sigma", o.turn_sigma, {1e-6, 0.5});
   section.read("delay_sigma_s", o.delay_sigma_s, {1e-6, 2.0});
+  section.read("crab_sigma_rad", o.crab_sigma_rad, {1e-6, 0.5});
   section.read("way_walk", o.way_walk, {1e-6, 10.0});
   section.read("way_walk_turning", o.way_walk_turning, {0.0, 10.0});
   section.read("side_walk", o.side_walk, {1e-6, 10.0});
@@ -80,7 +82,9 @@ Pose2 WheelLog::integrate(TimeNs from_ns, TimeNs to_ns, double separation_m, con
     if (dt_s <= 0) continue;
     const double left_m = rows_[i].left_mps * (1.0 + model(0)) * dt_s;
     const double right_m = rows_[i].right_mps * (1.0 + model(1)) * dt_s;
-    const Pose2 step = arc(left_m, right_m, separation_m / (1.0 + model(2)));
+    const Pose2 straight = arc(left_m, right_m, separation_m / (1.0 + model(2)));
+    const Eigen::Vector2d way_m = Eigen::Rotation2Dd(model(4)) * straight.translation();
+    const Pose2 step{way_m.x(), way_m.y(), straight.theta_rad};
     previous_from_current = previous_from_current * step;
     if (covariance == nullptr) continue;
     const double speed_mps = 0.5 * std::abs(left_m + right_m) / dt_s;
@@ -102,8 +106,8 @@ bool WheelLog::between(TimeNs from_ns, TimeNs to_ns, double separation_m, const 
   motion.covariance.setZero();
   motion.previous_from_current = integrate(from_ns, to_ns, separation_m, model, &motion.covariance);
   const Pose2 back = motion.previous_from_current.inverse();
-  const Eigen::Vector4d step(1e-4, 1e-4, 1e-4, 0.02);
-  for (int i = 0; i < 4; ++i) {
+  const WheelModel step(1e-4, 1e-4, 1e-4, 0.02, 1e-4);
+  for (int i = 0; i < 5; ++i) {
     WheelModel more = model, less = model;
     more(i) += step(i);
     less(i) -= step(i);

@@ -11,9 +11,11 @@
 namespace omnifleet::estimation {
 
 /// What is estimated of a robot's wheels: relative errors of the left wheel, the right wheel and the turn
-/// (the separation), and by how many seconds the motion lags the log. True = measured · (1 + error).
-using WheelModel = Eigen::Vector4d;
-using WheelJacobian = Eigen::Matrix<double, 3, 4>;
+/// (the separation), by how many seconds the motion lags the log, and by how many radians the way that it
+/// drives leaves base_link's x axis to the left (an axle never stands exactly across it). True = measured ·
+/// (1 + error).
+using WheelModel = Eigen::Matrix<double, 5, 1>;
+using WheelJacobian = Eigen::Matrix<double, 3, 5>;
 
 /// How a log of wheel speeds errs beyond its WheelModel. Real bases err most while they turn; at standstill
 /// next to nothing.
@@ -21,6 +23,7 @@ struct WheelLogOptions {
   double scale_sigma = 0.05;        ///< 1, prior of each wheel's relative error
   double turn_sigma = 0.10;         ///< 1, prior of the turn's relative error
   double delay_sigma_s = 0.15;      ///< s, prior of the lag
+  double crab_sigma_rad = 0.01;     ///< rad, prior of the angle between the way and the x axis
   double way_walk = 0.008;          ///< m/√s, random walk of the way while driving
   double way_walk_turning = 0.1;    ///< m/√s per rad/s of turning, added to it
   double side_walk = 0.003;         ///< m/√s, sideways

@@ -89,13 +89,12 @@ Objects ObservationFrames::objectsOf(const Report& report, TimeNs time,
   objects.scan.sigma_m.assign(kRays, 0.0F);
   objects.scan.label.assign(kRays, RayLabel::kInvalid);
   objects.scan.object.assign(kRays, 0);
-  const Eigen::Vector4d detector = estimator.detectorModel(report.robot);
+  const estimation::DetectorModel detector = estimator.detectorModel(report.robot);
   for (const Measurement& value : report.values) {
     if (value.kind != MeasurementKind::kRangeBearing || fleet.count(value.to) > 0) continue;
-    const Eigen::Vector2d polar = estimation::corrected(value.value.head<2>(), detector);
-    if (!(polar.x() > options_.landmark_radius_m)) continue;
-    objects.tracks.push_back(
-        landmark(report.robot, value, polar.x() * Eigen::Vector2d(std::cos(polar.y()), std::sin(polar.y()))));
+    const Eigen::Vector2d at_m = estimation::seenAt(value.value.head<2>(), detector);
+    if (!(at_m.norm() > options_.landmark_radius_m)) continue;
+    objects.tracks.push_back(landmark(report.robot, value, at_m));
     drawRay(objects.tracks.back(), options_.landmark_radius_m, objects.scan);
   }
   return objects;

@@ -90,16 +90,42 @@ TEST(Factors, DerivativesAgreeWithDifferences) {
             kRounding);
   WheelJacobian by_model;
   by_model << arcBiasJacobian(0.1, 0.14, 0.26), Eigen::Vector3d(0.01, 0.1, 0.15),
-      Eigen::Vector3d(0.1, 0.0, -0.2);
-  const Eigen::Vector4d model(0.01, -0.02, 0.03, 0.1), detector(0.02, 0.03, -0.04, 0.9);
+      Eigen::Vector3d(0.1, 0.0, -0.2), Eigen::Vector3d(-0.05, 0.1, 0.0);
+  WheelModel model;
+  model << 0.01, -0.02, 0.03, 0.1, 0.02;
   EXPECT_LT(derivativeError(*motionFactor(measured, someCovariance(), by_model, WheelModel::Constant(0.01)),
                             {a, b, model}),
             kRounding);
-  EXPECT_LT(derivativeError(*rangeBearingPoseFactor({0.5, 0.2}, small, offset, measured), {a, b, detector}),
+  DetectorModel detector;
+  detector << 0.02, 0.03, -0.04, 0.9, 0.05, 0.08, 0.06, -0.02;
+  const RangeBearingSight sight{{0.5, 0.2}, small, offset, {0.2, 0.01, -0.5}};
+  EXPECT_LT(derivativeError(*rangeBearingPoseFactor(sight, measured), {a, b, detector}), kRounding);
+  EXPECT_LT(derivativeError(*rangeBearingPointFactor(sight), {a, Eigen::Vector2d(1.5, 2.5), detector}),
             kRounding);
-  EXPECT_LT(derivativeError(*rangeBearingPointFactor({0.5, 0.2}, small, offset),
-                            {a, Eigen::Vector2d(1.5, 2.5), detector}),
-            kRounding);
+}
+
+// What a detector with every flaw tells, worked out by poses alone; seenAt() undoes it.
+TEST(Factors, ARangeAndBearingIsWhatTheFlawedDetectorTells) {
+  DetectorModel detector;
+  detector << 0.02, 0.03, -0.04, 0.9, 0.05, 0.08, 0.06, -0.02;
+  const Pose2 at{1.0, 2.0, 0.6};
+  const Eigen::Vector3d twist(0.2, 0.0, -0.5);
+  const Eigen::Vector2d target(3.1, 3.0);
+  const double turned = twist.z() * detector(5);
+  const Pose2 then =
+      at *
+      arc(twist.x() * detector(5) - 0.13 * turned, twist.x() * detector(5) + 0.13 * turned, 0.26).inverse();
+  const Eigen::Vector2d d = then.inverse() * target - detector.tail<2>();
+  const double range = d.norm(), beta = std::atan2(d.y(), d.x());
+  const Eigen::Vector2d told(range * (1.0 - 0.04 - 0.9 * (1.0 - std::cos(beta - 0.05))),
+                             beta + 0.02 + 0.015 * std::sin(2.0 * beta));
+  const auto factor = rangeBearingPointFactor({told, Eigen::Matrix2d::Identity(), {}, twist});
+  const Eigen::Vector3d pose = at.vector();
+  const double* parameters[] = {pose.data(), target.data(), detector.data()};
+  Eigen::Vector2d residual;
+  ASSERT_TRUE(factor->Evaluate(parameters, residual.data(), nullptr));
+  EXPECT_LT(residual.norm(), 5e-4);  // first order in the lag: ½·0.08²·0.2·0.5 m and what it turns
+  EXPECT_LT((then * seenAt(told, detector) - target).norm(), 1e-9);
 }
 
 TEST(Factors, PrismDerivativesAgreeWithDifferences) {

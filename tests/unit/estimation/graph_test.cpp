@@ -65,7 +65,7 @@ TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
   const auto covariance = [&](std::size_t window) {
     Graph graph;
     const auto bias = graph.addVariable(WheelModel::Zero());
-    graph.addFactor(priorFactor(WheelModel::Zero(), WheelModel(0.02, 0.02, 1e-3, 1e-3)), {bias});
+    graph.addFactor(priorFactor(WheelModel::Zero(), WheelModel(0.02, 0.02, 1e-3, 1e-3, 1e-3)), {bias});
     std::vector<VariableId> poses;
     Pose2 at{0.3, -0.2, 1.0};
     poses.push_back(graph.addVariable(at.vector()));

@@ -61,13 +61,21 @@ TEST(WheelLog, MotionsInARowMakeTheWhole) {
 
 TEST(WheelLog, TheModelScalesWheelsAndTurnAndShiftsTime) {
   const WheelLog log = driven(0.1, 0.25);
-  expectNear(moved(log, 1, 3, {0.04, -0.02, 0, 0}).previous_from_current, circle(0.104, 0.245, 2), 1e-9);
-  expectNear(moved(log, 1, 3, {0, 0, 0.1, 0}).previous_from_current,
+  expectNear(moved(log, 1, 3, {0.04, -0.02, 0, 0, 0}).previous_from_current, circle(0.104, 0.245, 2), 1e-9);
+  expectNear(moved(log, 1, 3, {0, 0, 0.1, 0, 0}).previous_from_current,
              circle(0.1, 0.25, 2, kSeparation_m / 1.1), 1e-9);
   WheelLog changing({});
   for (int i = 0; i < 300; ++i) changing.add(i * kRow_ns, 0.001 * i, 0.3 - 0.001 * i);
-  expectNear(moved(changing, 2.0, 3.1, {0, 0, 0, 0.4}).previous_from_current,
+  expectNear(moved(changing, 2.0, 3.1, {0, 0, 0, 0.4, 0}).previous_from_current,
              moved(changing, 1.6, 2.7).previous_from_current, 1e-12);
+}
+
+// An axle that does not stand across base_link's x axis: the same arc, driven as seen from a turned frame.
+TEST(WheelLog, AnAxleThatStandsAskewTurnsTheWayNotTheHeading) {
+  const WheelLog log = driven(0.1, 0.25);
+  const double crab = 0.05;
+  const Pose2 turned = Pose2{0, 0, crab} * circle(0.1, 0.25, 2) * Pose2{0, 0, -crab};
+  expectNear(moved(log, 1, 3, {0, 0, 0, 0, crab}).previous_from_current, turned, 1e-9);
 }
 
 TEST(WheelLog, DerivativesByTheWheelsAreThoseOfTheArc) {

@@ -74,13 +74,13 @@ ObservedFleet::ObservedFleet(const ObservedFleetOptions& o, std::uint32_t seed) 
       // Robots report at times of their own.
       if ((tick + 2 * static_cast<int>(r)) % per_report != 0 || tick < per_report) continue;
       const auto report = [&](const std::string& id, const Eigen::Vector2d& target) {
-        const Eigen::Vector2d at = drivers[r].pose.inverse() * target;
+        const Eigen::Vector2d at = drivers[r].pose.inverse() * target - Eigen::Vector2d(o.place_m, 0.0);
         const double beta = std::atan2(at.y(), at.x()), range = at.norm();
         if (range > o.sight_m || std::abs(beta) > o.half_view_rad || range < 0.3) return;
-        const double seen = range * (1.0 - o.obliqueness * (1.0 - std::cos(beta)));
+        const double seen = range * (1.0 - o.obliqueness * (1.0 - std::cos(beta - o.axis_rad)));
         const bool wrong = uniform(0.0, 1.0) < o.outliers;
         const auto other = static_cast<std::size_t>(uniform(0.0, o.landmarks - 0.001));
-        robot.observations.push_back({timeAt(now), wrong ? recording.landmarks[other].name : id,
+        robot.observations.push_back({timeAt(now + o.lag_s), wrong ? recording.landmarks[other].name : id,
                                       seen + gauss(o.range_sigma_m + o.range_sigma_per_m * range),
                                       beta + o.bearing_bias_rad + gauss(o.bearing_sigma_rad)});
       };

@@ -23,6 +23,9 @@ struct ObservedFleetOptions {
   double turn_walk = 0.013, turn_walk_turning = 0.13;  ///< rad/√s and per rad/s: what the wheels do not tell
   double delay_s = 0.0;                                ///< by how much the motion lags the wheels' log
   double obliqueness = 0.0;                            ///< 1: the detector measures depth, not range
+  double axis_rad = 0.0;       ///< where its axis points, to which that depth is measured
+  double place_m = 0.0;        ///< how far in front of base_link it stands
+  double lag_s = 0.0;          ///< by how much it tells later what it saw
   double bearing_bias_rad = 0.0;
   double outliers = 0.0;  ///< share of observations with a wrong landmark's name
   bool initial_poses = true;

@@ -87,6 +87,7 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (!poses[i].valid) continue;
       run.trajectories[poses[i].robot].push_back({time, poses[i].map_from_base});
+      run.covariances[poses[i].robot].push_back({time, poses[i].covariance});
       Pose2 exact;
       const auto path = truth.find(poses[i].robot);
       if (path == truth.end() || !evaluation::poseAt(path->second, time, 1'000'000'000, exact)) continue;

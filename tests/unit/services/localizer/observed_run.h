@@ -15,10 +15,11 @@ namespace omnifleet::localizer::testing {
 struct ObservedRun {
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories;  ///< causal
   std::map<std::string, double> nees;                                     ///< mean of eᵀP⁻¹e, with truth
+  std::map<std::string, std::vector<dataset::StampedCovariance>> covariances;  ///< of the trajectories
   std::map<std::string, Eigen::Vector3d> parts;  ///< mean of e²/P of each of along, across, heading
   std::vector<estimation::PointEstimate> points;
   std::map<std::string, estimation::WheelModel> wheels;
-  std::map<std::string, Eigen::Vector4d> detectors;
+  std::map<std::string, estimation::DetectorModel> detectors;
   std::map<std::string, estimation::RobotStatus> status;
 };
 

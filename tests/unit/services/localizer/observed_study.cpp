@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "dataset/ground_truth.h"
+#include "evaluation/consistency.h"
 #include "evaluation/trajectory_metrics.h"
 #include "observed_fleet.h"
 #include "observed_run.h"
@@ -50,6 +51,7 @@ int main(int argc, char** argv) {
   const Pose2 aligned{fit.translation.x(), fit.translation.y(),
                       std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
   double mean = 0.0, mean_aligned = 0.0;
+  std::vector<evaluation::Consistency> all;
   for (const auto& [name, path] : run.trajectories) {
     auto moved = path;
     for (auto& pose : moved) pose.map_from_base = aligned * pose.map_from_base;
@@ -58,14 +60,18 @@ int main(int argc, char** argv) {
     const auto& w = run.wheels.at(name);
     const auto& d = run.detectors.at(name);
     const auto& s = run.status.at(name);
-    std::printf(
-        "%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f  NEES %.2f (%.1f %.1f "
-        "%.1f) | wheels "
-        "%.3f %.3f %.3f %.3f | detector %.4f %.4f %.4f %.3f | slips %d losses %d rejected %d\n",
-        name.c_str(), plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m,
-        plain.heading_rad, run.nees.at(name), run.parts.at(name)(0), run.parts.at(name)(1),
-        run.parts.at(name)(2), w(0), w(1), w(2), w(3), d(0), d(1), d(2), d(3), s.slips, s.losses,
-        s.rejected_measurements);
+    const Eigen::Vector3d parts = run.parts.count(name) > 0 ? run.parts.at(name) : Eigen::Vector3d::Zero();
+    const auto nees =
+        evaluation::checkConsistency(truth.trajectories.at(name), path, run.covariances.at(name));
+    std::printf("%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f\n", name.c_str(),
+                plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m, plain.heading_rad);
+    std::printf("   NEES %.2f (%.1f %.1f %.1f), %.2f to %.2f of %.0f, %.1f %% inside\n", nees.mean, parts(0),
+                parts(1), parts(2), nees.bounds.lower, nees.bounds.upper, nees.independent,
+                100 * nees.inside);
+    std::printf("   wheels %.3f %.3f %.3f %.3f %.4f | detector %.4f %.4f %.4f %.3f %.4f %.3f %.3f %.3f\n",
+                w(0), w(1), w(2), w(3), w(4), d(0), d(1), d(2), d(3), d(4), d(5), d(6), d(7));
+    std::printf("   slips %d losses %d rejected %d\n", s.slips, s.losses, s.rejected_measurements);
+    all.push_back(nees);
     mean += plain.distance_m / static_cast<double>(run.trajectories.size());
     mean_aligned += free.distance_m / static_cast<double>(run.trajectories.size());
   }
@@ -78,6 +84,9 @@ int main(int argc, char** argv) {
       ++found;
     }
   }
+  const evaluation::Consistency fleet_nees = evaluation::pooled(all);
+  std::printf("NEES %.2f, %.2f to %.2f of %.0f, %.1f %% inside\n", fleet_nees.mean, fleet_nees.bounds.lower,
+              fleet_nees.bounds.upper, fleet_nees.independent, 100 * fleet_nees.inside);
   std::printf("mean %.4f m, aligned %.4f m; landmarks %d of %zu, mean %.4f m (aligned); %.1f s\n", mean,
               mean_aligned, found, truth.scene.size(), landmarks / std::max(1, found), took);
 }
