@@ -5,6 +5,7 @@ namespace omnifleet::local_mapper {
 Options Options::read(const options::Section& section) {
   Options o;
   o.check = FrameCheckOptions::read(section.child("frame"));
+  o.faults = FaultOptions::read(section.child("faults"));
   o.view = ground::ViewOptions::read(section.child("view"));
   o.lens = lens::CorrectionOptions::read(section.child("lens"));
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
@@ -27,6 +28,8 @@ struct LocalMapper::Stages {
         correction(lens::correctionCamera(c, o.lens)),
         view(camera, o.view),
         check(camera.model(), view, o.check),
+        freeze(view, o.faults),
+        cover(o.faults),
         segmenter(camera, view, o.ground),
         connection(o.connection),
         tracer(view, o.contour),
@@ -40,6 +43,8 @@ struct LocalMapper::Stages {
 
   void begin(const Frame& frame, const Motion& wheels);
   bool findRegions(const cv::Mat& image);
+  void discard();
+  cv::Vec3f floorAround() const;
   void measureObjects(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
@@ -50,6 +55,8 @@ struct LocalMapper::Stages {
   lens::Camera correction;  // §III.4: of single points
   ground::FloorView view;
   FrameCheck check;
+  FreezeCheck freeze;
+  CoverCheck cover;
   ground::GroundSegmenter segmenter;
   ground::Labeller labeller;
   ground::RegionConnection connection;
@@ -71,6 +78,7 @@ struct LocalMapper::Stages {
   ground::Contour contour;
   ObjectObservation object;
   int undecided = 0;
+  const char* fault = "";
   LocalMap map;
   std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
 };
@@ -85,17 +93,42 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   Stages& s = *stages_;
   s.begin(frame, wheels);
   s.map.state = s.check.check(frame);
+  if (s.map.state == FrameState::kOk && s.freeze.isFrozen(frame.image, wheels)) {
+    s.map.state = FrameState::kOutOfOrder;  // an old picture with a new time
+    s.fault = "the picture stays the same while the wheels turn";
+  }
   if (s.map.state == FrameState::kOk && !s.findRegions(frame.image))
     s.map.state = FrameState::kDark;  // no floor
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
   s.flow.push();                  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
+  s.freeze.saw(s.map.objects.size());
+  if (s.cover.isCovered(s.map.objects.size(), s.floorAround(), wheels)) {
+    s.discard();
+    return s.map;
+  }
   s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
     for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
   }
   return s.map;
+}
+
+/// Nothing of what a covered camera shows is true.
+void LocalMapper::Stages::discard() {
+  map.state = FrameState::kDark;
+  fault = "all things vanished as the floor changed its colour: covered";
+  flow.forget();
+  map.scan.range_m.clear();
+  map.scan.sigma_m.clear();
+  map.scan.label.clear();
+  map.scan.object.clear();
+}
+
+cv::Vec3f LocalMapper::Stages::floorAround() const {
+  const cv::Scalar mean = cv::mean(segmenter.cellMeans(), view.seeds());
+  return {static_cast<float>(mean[0]), static_cast<float>(mean[1]), static_cast<float>(mean[2])};
 }
 
 void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
@@ -107,6 +140,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   silhouette.forgetRejected();
   flow.forgetRejected();
   undecided = 0;
+  fault = "";
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
   map.scan.label.clear();
@@ -198,6 +232,10 @@ std::size_t LocalMapper::rejectedPoints() const {
 
 int LocalMapper::undecided() const {
   return stages_->undecided;
+}
+
+const char* LocalMapper::fault() const {
+  return stages_->fault;
 }
 
 }  // namespace omnifleet::local_mapper

@@ -12,6 +12,7 @@
 #include "ground/region_connection.h"
 #include "lens/camera.h"
 #include "lens/correction.h"
+#include "local_mapper/camera_faults.h"
 #include "local_mapper/floor_scan.h"
 #include "local_mapper/frame_check.h"
 #include "local_mapper/silhouette.h"
@@ -22,6 +23,7 @@ namespace omnifleet::local_mapper {
 
 struct Options {
   FrameCheckOptions check;               ///< `frame`: what counts as black, overexposed, a gap
+  FaultOptions faults;                   ///< `faults`: a frozen or a covered camera
   ground::ViewOptions view;              ///< `view`: which pixels can show floor
   lens::CorrectionOptions lens;          ///< `lens`: §III.4, which lens carries points to the floor
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
@@ -63,6 +65,8 @@ class LocalMapper {
   /// Regions of the last frame within the reach of objects that may be things of the floor's colour or a part
   /// of its pattern: none of `objects`, the scan ends at them. Whoever answers for missed things must know.
   int undecided() const;
+  /// Why the last frame was not used, where its state alone does not say it; else empty.
+  const char* fault() const;
 
  private:
   struct Stages;

@@ -149,8 +149,9 @@ void LocalMapperService::process(const bus::FrameView& view) {
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
   if (local_map_.state != FrameState::kOk) {
-    status().error(fmt::format("frame {} of camera {}: {}", local_map_.sequence, camera_.id,
-                               toString(local_map_.state)));
+    const std::string fault = mapper_.fault();
+    status().error(fmt::format("frame {} of camera {}: {}{}{}", local_map_.sequence, camera_.id,
+                               toString(local_map_.state), fault.empty() ? "" : ", ", fault));
   }
 }
 

@@ -45,6 +45,8 @@ class LocalMapperStage : public testing::Test {
     ASSERT_NE(loan, nullptr);
     std::memset(loan, 120, header.bytes());
     for (int v = 0; stain_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 106, 3 * 22);
+    for (int v = 0; thing_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 20, 3 * 22);
+    if (is_covered_) std::memset(loan, 70, header.bytes());
     ASSERT_TRUE(camera_->publish());
   }
   /// One frame in, the stage's one answer out.
@@ -61,7 +63,9 @@ class LocalMapperStage : public testing::Test {
     return answer.state();
   }
 
-  bool stain_ = false;  ///< a square a tenth darker than the floor, in reach
+  bool thing_ = false;       ///< a dark square there
+  bool is_covered_ = false;  ///< by something grey
+  bool stain_ = false;       ///< a square a tenth darker than the floor, in reach
   test::StageBench bench_;
   std::unique_ptr<bus::FrameWriter> camera_;
   std::unique_ptr<bus::Writer<v1::WheelOdometry>> wheels_;
@@ -89,6 +93,32 @@ TEST_F(LocalMapperStage, WhatMayBeAThingOfTheFloorsColourIsToldWhenItLasts) {
   for (int i = 0; i < 10; ++i) ASSERT_EQ(answerTo(index++, kWidth, kHeight), v1::FrameState::FRAME_OK);
   EXPECT_THAT(bench_.status().last_error,
               HasSubstr("camera r1/fisheye: something nearly of the floor's colour"));
+}
+
+/// The wheels roll 2 cm from frame to frame.
+TEST_F(LocalMapperStage, ThePictureOfAFrozenCameraIsNotUsedAndCounted) {
+  thing_ = true;
+  EXPECT_EQ(answerTo(0, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(answerTo(1, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(answerTo(2, kWidth, kHeight), v1::FrameState::FRAME_OUT_OF_ORDER);
+  EXPECT_EQ(answerTo(3, kWidth, kHeight), v1::FrameState::FRAME_OUT_OF_ORDER);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("the picture stays the same while the wheels turn"));
+  EXPECT_EQ(bench_.status().invalid, 2u);
+  stain_ = true;
+  thing_ = false;
+  EXPECT_EQ(answerTo(4, kWidth, kHeight), v1::FrameState::FRAME_OK);
+}
+
+TEST_F(LocalMapperStage, ACoveredCameraIsToldAndClearsNothing) {
+  thing_ = true;
+  EXPECT_EQ(answerTo(0, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  is_covered_ = true;
+  EXPECT_EQ(answerTo(1, kWidth, kHeight), v1::FrameState::FRAME_DARK);
+  EXPECT_EQ(answerTo(2, kWidth, kHeight), v1::FrameState::FRAME_DARK);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("covered"));
+  EXPECT_EQ(bench_.status().invalid, 2u);
+  is_covered_ = false;
+  EXPECT_EQ(answerTo(3, kWidth, kHeight), v1::FrameState::FRAME_OK);
 }
 
 TEST_F(LocalMapperStage, AnEmptyFrameIsRejectedAndCounted) {

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/floor_view.h"
+#include "observation/observation.h"
+#include "options/options.h"
+
+namespace omnifleet::local_mapper {
+
+struct FaultOptions {
+  double frozen_m =
+      0.03;  ///< metres rolled under one and the same picture of things that makes it frozen; 0: off
+  double frozen_rad = 0.06;   ///< radians turned, likewise
+  double cover_step = 0.12;   ///< 1, of the floor's colour from one frame to the next …; 0: off
+  double cover_gone_m = 0.5;  ///< metres after which what a covered camera saw before may be out of sight
+  static FaultOptions read(const options::Section& section);
+};
+
+/// A camera that gives the same picture for ever, with new times. A robot that stands sees the same, and one
+/// that drives over a bare floor may, in a recording without noise: only a picture that shows things, and
+/// stays exactly the same while the wheels turn, is an old one.
+class FreezeCheck {
+ public:
+  FreezeCheck(const ground::FloorView& view, const FaultOptions& options);
+
+  /// @param wheels since the frame before
+  bool isFrozen(const cv::Mat& image, const Motion& wheels);
+  /// How many things the frame just checked shows.
+  void saw(std::size_t objects) { shows_things_ = objects > 0; }
+
+ private:
+  std::uint64_t fingerprintOf(const cv::Mat& image) const;
+
+  FaultOptions options_;
+  std::vector<cv::Point> samples_;
+  std::uint64_t fingerprint_ = 0;
+  bool shows_things_ = false;  ///< the picture of that fingerprint
+  double rolled_m_ = 0.0, turned_rad_ = 0.0;
+};
+
+/// A lens covered by something of one colour looks like a bare floor. But then all things vanish in the very
+/// frame in which the floor changes its colour. It ends when things are seen again, when the floor's colour
+/// is back, or when the robot has driven so far that what it saw before need not be there.
+class CoverCheck {
+ public:
+  explicit CoverCheck(const FaultOptions& options) : options_(options) {}
+
+  /// @param floor mean colour around the robot, @param wheels since the frame before; frames that cannot be
+  /// used otherwise are left out.
+  bool isCovered(std::size_t objects, const cv::Vec3f& floor, const Motion& wheels);
+
+ private:
+  bool differs(const cv::Vec3f& floor) const;
+
+  FaultOptions options_;
+  bool covered_ = false;
+  std::size_t objects_ = 0;  ///< of the last frame that was not covered
+  cv::Vec3f floor_{0, 0, 0};
+  double rolled_m_ = 0.0;
+};
+
+}  // namespace omnifleet::local_mapper

@@ -1,0 +1,108 @@
+#include "local_mapper/camera_faults.h"
+
+#include <gtest/gtest.h>
+
+#include "local_mapper/local_mapper.h"
+#include "tests/unit/services/local_mapper/fisheye_scene.h"
+
+namespace omnifleet::local_mapper {
+namespace {
+
+using testing::box;
+
+Motion rolled(double metres, double turn_rad = 0.0) {
+  Motion motion;
+  motion.valid = true;
+  motion.previous_from_current = {metres, 0.0, turn_rad};
+  return motion;
+}
+
+class CameraFaults : public ::testing::Test {
+ protected:
+  CameraFaults() : camera_(testing::fisheyeModel()), mapper_(camera_, {}) {
+    scene_.prisms = {{box(0.9, 0.1, 0.2, 0.15, 0.4), 0.12, {40, 40, 200}}};
+  }
+  cv::Mat picture(const Pose2& pose = {}) { return testing::renderScene(scene_, camera_, pose); }
+  cv::Mat covered(const cv::Vec3b& colour = {90, 85, 80}) {
+    testing::Scene cover;
+    cover.floor = colour;
+    cover.seed = sequence_;
+    return testing::renderScene(cover, camera_, {});
+  }
+  FrameState see(const cv::Mat& image, const Motion& wheels) {
+    return mapper_.process(testing::frameOf(image, sequence_++), wheels).state;
+  }
+
+  lens::Camera camera_;
+  testing::Scene scene_;
+  LocalMapper mapper_;
+  std::uint32_t sequence_ = 0;
+};
+
+TEST_F(CameraFaults, OnePictureForEverWhileTheWheelsTurnIsAnOldOne) {
+  const cv::Mat image = picture();
+  EXPECT_EQ(see(image, {}), FrameState::kOk);
+  EXPECT_EQ(see(image, rolled(0.02)), FrameState::kOk) << "too little to tell";
+  EXPECT_EQ(see(image, rolled(0.02)), FrameState::kOutOfOrder);
+  EXPECT_STRNE(mapper_.fault(), "");
+  EXPECT_EQ(see(image, rolled(0.0)), FrameState::kOutOfOrder) << "standing does not make it new";
+  EXPECT_EQ(see(picture({0.05, 0.0, 0.0}), rolled(0.01)), FrameState::kOk);
+  EXPECT_STREQ(mapper_.fault(), "");
+  const cv::Mat turned = picture({0.05, 0.0, 0.1});
+  EXPECT_EQ(see(turned, rolled(0.0, 0.1)), FrameState::kOk);
+  EXPECT_EQ(see(turned, rolled(0.0, 0.1)), FrameState::kOutOfOrder);
+}
+
+TEST_F(CameraFaults, WhoStandsSeesTheSameRightly) {
+  const cv::Mat image = picture();
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(image, rolled(0.0)), FrameState::kOk);
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(image, {}), FrameState::kOk) << "nobody knows of a motion";
+}
+
+TEST_F(CameraFaults, ABareFloorMayLookTheSameEverywhere) {
+  scene_.prisms.clear();
+  const cv::Mat image = picture();
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(see(image, rolled(0.1)), FrameState::kOk);
+}
+
+TEST_F(CameraFaults, ACoverOfOneColourIsNoFloor) {
+  EXPECT_EQ(see(picture(), {}), FrameState::kOk);
+  EXPECT_EQ(see(covered(), rolled(0.02)), FrameState::kDark);
+  EXPECT_STRNE(mapper_.fault(), "");
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(see(covered(), rolled(0.02)), FrameState::kDark);
+    const LocalMap& map = mapper_.process(testing::frameOf(covered(), sequence_++), rolled(0.0));
+    EXPECT_TRUE(map.scan.range_m.empty());
+  }
+  EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.02)), FrameState::kOk) << "the thing is back";
+  EXPECT_EQ(mapper_.process(testing::frameOf(picture({0.1, 0.0, 0.0}), sequence_++), {}).objects.size(), 1U);
+}
+
+TEST_F(CameraFaults, ItEndsWhereTheFloorIsBackOrTheRobotFarAway) {
+  scene_.prisms[0].footprint_m = box(1.6, 0.1, 0.2, 0.15, 0.4);
+  EXPECT_EQ(see(picture(), {}), FrameState::kOk);
+  EXPECT_EQ(see(covered(), {}), FrameState::kDark);
+  EXPECT_EQ(see(covered(scene_.floor), rolled(0.1)), FrameState::kOk) << "bare floor as it was";
+  EXPECT_EQ(see(picture(), {}), FrameState::kOk);
+  EXPECT_EQ(see(covered(), {}), FrameState::kDark);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(see(covered(), rolled(0.11)), FrameState::kDark);
+  EXPECT_EQ(see(covered(), rolled(0.11)), FrameState::kOk) << "another floor, then";
+}
+
+TEST_F(CameraFaults, NeitherAnotherLightNorAThingTakenAwayIsACover) {
+  EXPECT_EQ(see(picture(), {}), FrameState::kOk);
+  EXPECT_EQ(see(picture() * 0.7, {}), FrameState::kOk) << "the light changed, the thing stands";
+  EXPECT_EQ(see(covered({105, 112, 119}), {}), FrameState::kOk) << "the thing left, the floor stayed";
+  EXPECT_EQ(see(covered({60, 65, 70}), {}), FrameState::kOk) << "nothing stood there before";
+}
+
+TEST(FaultOptions, AreBoundedAndSwitchedOff) {
+  EXPECT_THROW(FaultOptions::read(options::Section::parse("{cover_step: -1}", "t.yaml")), options::Error);
+  const auto off = FaultOptions::read(options::Section::parse("{cover_step: 0, frozen_m: 0}", "t.yaml"));
+  CoverCheck cover(off);
+  EXPECT_FALSE(cover.isCovered(3, {100, 100, 100}, {}));
+  EXPECT_FALSE(cover.isCovered(0, {50, 50, 50}, {}));
+}
+
+}  // namespace
+}  // namespace omnifleet::local_mapper
