@@ -189,6 +189,7 @@ struct ColourShare {
 /// thing. Both sides, so that a blur, which is the same on both, changes nothing.
 template <typename Share>
 OMNIFLEET_INLINE void settle(const Share& of, const Ints& which, Walk& walk) {
+  if (!lanes::any(which & walk.found)) return;
   Floats share[kAround], s[kAround];
   for (int k = 0; k < kAround; ++k) {
     s[k] = walk.shift + kStep_px * (static_cast<float>(k) - 0.5f * (kAround - 1));
@@ -197,7 +198,7 @@ OMNIFLEET_INLINE void settle(const Share& of, const Ints& which, Walk& walk) {
   Walk again{which & walk.found};
   again.level = 0.25f * (share[0] + share[1] + share[kAround - 2] + share[kAround - 1]);
   again.open &= lanes::magnitude(again.level - 0.5f) < kMaxShift;  // false for NaN
-  for (int k = 1; k < kAround; ++k) again.see(share[k], s[k], k == 1);
+  for (int k = 1; k < kAround && lanes::any(again.open); ++k) again.see(share[k], s[k], k == 1);
   walk.shift = again.found ? again.shift : walk.shift;
 }
 
