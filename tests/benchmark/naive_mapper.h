@@ -16,8 +16,8 @@ namespace omnifleet::bench {
 /// Lucas–Kanade there and back (what does not return is dropped, as in ours), own motion taken out and
 /// vectors filtered per region by direction and length, a hull for every region, and a scan: the objects'
 /// mask along 360 bearings. It finds the objects that ours finds (fairness.h counts), though less exactly: no
-/// sub-pixel outline, no supports, no points in space; objects and scan end with the plan, which has as many pixels as the
-/// frame, while ours go on.
+/// sub-pixel outline, no supports, no points in space; objects and scan end with the plan, which has as many
+/// pixels as the frame, while ours go on.
 class NaiveMapper {
  public:
   static constexpr int kRays = 360;
