@@ -121,7 +121,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
 bool GroundSegmenter::segment(const cv::Mat& image, cv::Mat1b* grey) {
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
   despeckler_.clear(strips_);
-  shade_.clear(strips_);
+  shade_.clear();
   strips_.clear();
   cells_.read(image, grey);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);

@@ -79,9 +79,10 @@ float meanGain(const ShadeFilter::Frame& frame, int x, int y, int across_x, int 
 
 ShadeFilter::ShadeFilter(cv::Size image) : bare_(image, std::uint8_t{0}), core_(image, std::uint8_t{0}) {}
 
-void ShadeFilter::clear(const std::vector<Strip>& strips) {
-  clearStrips(strips, bare_);
-  clearStrips(strips, core_);
+void ShadeFilter::clear() {
+  clearStrips(core_strips_, bare_);
+  clearStrips(core_strips_, core_);
+  core_strips_.clear();
   undecided_.clear();
 }
 
@@ -166,11 +167,28 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
 void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
                         const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
   static const FloorLooks kFloorLooks;
-  takeFloorOut(strips.data(), strips.size(), kFloorLooks, raw, looks, bare_);
-  despeckler.clean(strips, bare_, core_);
   const std::vector<Blob>& blobs = labeller_.label(objects, strips, kMinRegion_px);
   judgeAll(blobs, frame, looks);
+  findCoreStrips(strips, blobs);
+  takeFloorOut(core_strips_.data(), core_strips_.size(), kFloorLooks, raw, looks, bare_);
+  despeckler.clean(core_strips_, bare_, core_);
   for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, looks, objects);
+}
+
+/// The strips around the regions of which only the core stays, with what despeckling looks at beside them.
+void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs) {
+  core_rects_.clear();
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    const cv::Rect& r = blobs[i].rect;
+    if (judged_[i].verdict == Verdict::kKeepCore)
+      core_rects_.emplace_back(r.x - kCell, r.y - kCell, r.width + 2 * kCell, r.height + 2 * kCell);
+  }
+  core_strips_.clear();
+  for (const Strip& strip : strips) {
+    const cv::Rect here(strip.begin_px, strip.cell_row * kCell, strip.end_px - strip.begin_px, kCell);
+    const auto meets = [&](const cv::Rect& rect) { return !(rect & here).empty(); };
+    if (std::any_of(core_rects_.begin(), core_rects_.end(), meets)) core_strips_.push_back(strip);
+  }
 }
 
 void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks) {

@@ -36,7 +36,7 @@ class ShadeFilter {
   void apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
              const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects);
 
-  void clear(const std::vector<Strip>& strips);
+  void clear();
 
   /// Regions of the last apply() that may be floor or a thing of its colour.
   const std::vector<Blob>& undecided() const { return undecided_; }
@@ -56,12 +56,15 @@ class ShadeFilter {
   };
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
+  void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
-  cv::Mat1b bare_, core_;  ///< raw without shade; the same despeckled
+  std::vector<cv::Rect> core_rects_;
+  std::vector<Strip> core_strips_;  ///< outside of these bare_ and core_ are 0
+  cv::Mat1b bare_, core_;           ///< raw without shade; the same despeckled
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;
