@@ -80,6 +80,24 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
   }
 }
 
+namespace {
+
+/// A whole thing where none is known: neither a splinter of one nor one that is only seen amiss.
+bool isStrange(const FleetState& fleet, const RobotNode& robot, const Seen& seen) {
+  constexpr double kSplinter_m = 0.03;  // half of its mean width
+  if (!seen.mature || seen.peer != nullptr || seen.landmark != 0) return false;
+  const Footprint footprint(*seen.view);
+  const double height_m = std::max(0.0, seen.track->height_m);
+  if (footprint.half_width_m - height_m * footprint.half_width_by_height < kSplinter_m) return false;
+  const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
+  return std::none_of(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
+    const Eigen::Vector2d at = map_from_base * footprint.centre(fleet.height(entry.second));
+    return (fleet.centre(entry.second) - at).norm() < fleet.options.new_landmark_m;
+  });
+}
+
+}  // namespace
+
 bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen) {
   constexpr TimeNs kRecent_ns = 3000000000;
   constexpr double kNear_m = 1.3;
@@ -90,7 +108,7 @@ bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vec
         s.peer != nullptr ||
         (s.landmark != 0 && fleet.landmarks.at(s.landmark).seen_ns.count(robot.setup.name) > 0);
     familiar += known ? 1 : 0;
-    strange += s.mature && s.peer == nullptr && s.landmark == 0 ? 1 : 0;
+    strange += isStrange(fleet, robot, s) ? 1 : 0;
     if (s.landmark != 0) found.insert(s.landmark);
   }
   const Step& step = robot.window.back();

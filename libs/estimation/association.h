@@ -41,7 +41,8 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
 
 /// True where a robot cannot be where it is predicted: it sees at least two whole objects, none of them
-/// known, while at least two landmarks that it saw within 3 s should stand around it.
+/// known nor in a known one's place, while at least two landmarks that it saw within 3 s should stand around
+/// it.
 bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen);
 
 /// Adds the graph's factors of all that was told.

@@ -315,6 +315,38 @@ TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) 
   EXPECT_LE(estimator.landmarks().size(), landmarks + 1);  // nothing was mapped twice
 }
 
+TEST(FleetEstimator, AFrameOfSplintersAndSwollenOutlinesIsNoRobotCarriedAway) {
+  SimulationOptions options;
+  options.obstacles = 8;
+  options.robots_seen = false;
+  options.speed_mps = 0.1;
+  FleetSimulator simulator(options, 21);
+  FleetEstimator estimator(simulator.setups(), {});
+  for (int f = 0; f < 30; ++f) {
+    auto frames = simulator.frames(f);
+    if (f == 25) {  // badly segmented: all things swollen by 12 cm, two slivers where nothing stands
+      for (Track& track : frames[0].tracks) {
+        for (float& b : track.supports.b_m) b += 0.12f;
+        track.id += 500;
+      }
+      ASSERT_GE(frames[0].tracks.size(), 2U);
+      for (const double bearing : {0.3, 2.0}) {
+        Track sliver = frames[0].tracks.front();
+        sliver.id = 900 + static_cast<std::uint32_t>(10 * bearing);
+        const auto count = static_cast<double>(sliver.supports.b_m.size());
+        for (std::size_t k = 0; k < sliver.supports.b_m.size(); ++k)
+          sliver.supports.b_m[k] =
+              static_cast<float>(0.5 * std::cos(2.0 * M_PI * static_cast<double>(k) / count - bearing));
+        sliver.position_m = 0.5 * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
+        frames[0].tracks.push_back(sliver);
+      }
+    }
+    const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
+    EXPECT_TRUE(estimates[0].valid) << f;
+  }
+  EXPECT_EQ(estimator.status("r1").losses, 0);
+}
+
 TEST(FleetEstimator, FramesOutOfOrderAreInvalidAndHarmless) {
   FleetSimulator simulator({}, 13);
   FleetEstimator estimator(simulator.setups(), {});
