@@ -17,8 +17,10 @@ namespace omnifleet::estimation {
 /// from β₀ and the way that the wheels drive.
 using DetectorModel = Eigen::Matrix<double, 8, 1>;
 
-/// Where that was seen which was measured, in base_link as it stood then; by fixed-point iteration.
-Eigen::Vector2d seenAt(const Eigen::Vector2d& range_bearing, const DetectorModel& model);
+/// Where that stands which was measured, in base_link at the time given, of a base that moves so (m/s, m/s,
+/// rad/s); by fixed-point iteration, first order in the lag.
+Eigen::Vector2d seenAt(const Eigen::Vector2d& range_bearing, const DetectorModel& model,
+                       const Eigen::Vector3d& twist = Eigen::Vector3d::Zero());
 
 /// Priors of what is estimated of a detector of ranges and bearings (DetectorModel).
 struct DetectorOptions {

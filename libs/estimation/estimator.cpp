@@ -456,6 +456,11 @@ DetectorModel FleetEstimator::detectorModel(const std::string& robot) const {
   return impl_->fleet.graph.value(node.detector);
 }
 
+Eigen::Vector2d FleetEstimator::seenFrom(const std::string& robot, TimeNs time_ns,
+                                         const Eigen::Vector2d& range_bearing) const {
+  return impl_->fleet.seenFrom(impl_->node(robot), time_ns, range_bearing);
+}
+
 CameraError FleetEstimator::cameraError(const std::string& robot) const {
   return impl_->fleet.cameraError(impl_->node(robot));
 }

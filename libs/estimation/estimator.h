@@ -140,6 +140,10 @@ class FleetEstimator {
   WheelModel wheelModel(const std::string& robot) const;
   /// Zero for a robot that has measured no range and bearing.
   DetectorModel detectorModel(const std::string& robot) const;
+  /// Where that stands of which a robot's detector told at a time that is still in its window, in its
+  /// base_link then: (range, bearing) without the detector's errors as they are estimated now.
+  Eigen::Vector2d seenFrom(const std::string& robot, TimeNs time_ns,
+                           const Eigen::Vector2d& range_bearing) const;
   /// Of the robot's camera against its calibration; zero for a robot that has seen nothing.
   CameraError cameraError(const std::string& robot) const;
   const RobotStatus& status(const std::string& robot) const;

@@ -210,12 +210,15 @@ std::unique_ptr<ceres::CostFunction> motionFactor(const Pose2& measured, const E
   return automatic<3, 3, 3, 5>(MotionError{measured, whitener<3>(covariance), by_model, at});
 }
 
-Eigen::Vector2d seenAt(const Eigen::Vector2d& range_bearing, const DetectorModel& model) {
+Eigen::Vector2d seenAt(const Eigen::Vector2d& range_bearing, const DetectorModel& model,
+                       const Eigen::Vector3d& twist) {
   double beta = range_bearing.y() - model(0);
   for (int i = 0; i < 5; ++i) beta = range_bearing.y() - model(0) - model(1) * 0.5 * std::sin(2.0 * beta);
   const double scale = 1.0 + model(2) - model(3) * (1.0 - std::cos(beta - model(4)));
   const double range_m = range_bearing.x() / std::max(0.1, scale);
-  return model.tail<2>() + range_m * Eigen::Vector2d(std::cos(beta), std::sin(beta));
+  const Eigen::Vector2d then = model.tail<2>() + range_m * Eigen::Vector2d(std::cos(beta), std::sin(beta));
+  const Eigen::Vector3d back = -model(5) * twist;
+  return rotate<double>(back.z(), then) + back.head<2>();
 }
 
 std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const RangeBearingSight& sight,

@@ -244,6 +244,12 @@ Eigen::Vector3d FleetState::twistAt(const RobotNode& robot, TimeNs time_ns) cons
              : Eigen::Vector3d(at->previous_from_current.vector() * (kSecond_ns / span));
 }
 
+Eigen::Vector2d FleetState::seenFrom(const RobotNode& robot, TimeNs time_ns,
+                                     const Eigen::Vector2d& range_bearing) const {
+  if (robot.detector == 0) return seenAt(range_bearing, DetectorModel::Zero());
+  return seenAt(range_bearing, graph.value(robot.detector), twistAt(robot, time_ns));
+}
+
 Landmark& FleetState::addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m) {
   Landmark landmark;
   landmark.id = next_landmark_++;

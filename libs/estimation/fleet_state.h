@@ -156,6 +156,9 @@ class FleetState {
 
   /// How a located robot moves at a time in its window: m/s, m/s, rad/s in its base_link.
   Eigen::Vector3d twistAt(const RobotNode& robot, TimeNs time_ns) const;
+  /// Where that stands of which a robot's detector tells at a time, in its base_link then.
+  Eigen::Vector2d seenFrom(const RobotNode& robot, TimeNs time_ns,
+                           const Eigen::Vector2d& range_bearing) const;
 
   Landmark& addLandmark(const Eigen::Vector2d& anchor_m, double height_m, double height_sigma_m);
   void removeLandmark(std::uint32_t id);

@@ -36,10 +36,9 @@ double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement&
   return e.dot(covariance.ldlt().solve(e));
 }
 
+/// In base_link at the time of the measurement.
 Eigen::Vector2d inBase(const FleetState& fleet, const RobotNode& robot, const Measurement& m) {
-  const DetectorModel model =
-      robot.detector == 0 ? DetectorModel::Zero() : DetectorModel(fleet.graph.value(robot.detector));
-  return seenAt(m.value.head<2>(), model);
+  return fleet.seenFrom(robot, m.from_ns == 0 ? m.acquired_ns : m.from_ns, m.value.head<2>());
 }
 
 /// Of a robot's newest position, in its own axes.

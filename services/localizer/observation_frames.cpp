@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "estimation/factors.h"
-
 namespace omnifleet::localizer {
 namespace {
 
@@ -89,10 +87,9 @@ Objects ObservationFrames::objectsOf(const Report& report, TimeNs time,
   objects.scan.sigma_m.assign(kRays, 0.0F);
   objects.scan.label.assign(kRays, RayLabel::kInvalid);
   objects.scan.object.assign(kRays, 0);
-  const estimation::DetectorModel detector = estimator.detectorModel(report.robot);
   for (const Measurement& value : report.values) {
     if (value.kind != MeasurementKind::kRangeBearing || fleet.count(value.to) > 0) continue;
-    const Eigen::Vector2d at_m = estimation::seenAt(value.value.head<2>(), detector);
+    const Eigen::Vector2d at_m = estimator.seenFrom(report.robot, time, value.value.head<2>());
     if (!(at_m.norm() > options_.landmark_radius_m)) continue;
     objects.tracks.push_back(landmark(report.robot, value, at_m));
     drawRay(objects.tracks.back(), options_.landmark_radius_m, objects.scan);

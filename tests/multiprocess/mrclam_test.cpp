@@ -73,8 +73,10 @@ std::map<std::string, std::string> resultsOf(const std::string& out) {
   std::map<std::string, std::string> files;
   for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
     files[part] = fileText(out + "/" + part);
-  for (const auto& entry : fs::directory_iterator(out + "/trajectories"))
-    files[entry.path().filename().string()] = fileText(entry.path().string());
+  for (const char* folder : {"/trajectories", "/covariances"}) {
+    for (const auto& entry : fs::directory_iterator(out + folder))
+      files[entry.path().filename().string()] = fileText(entry.path().string());
+  }
   return files;
 }
 
@@ -89,7 +91,7 @@ nlohmann::json replayed(const std::string& folder, int domain, const std::vector
   Process alone({program("fleet_in_process"), "--dataset", data, "--out", one}, folder + "/in_process.log");
   EXPECT_EQ(alone.wait(kPatience), std::optional<int>(0)) << alone.output();
   const auto by_processes = resultsOf(out), in_process = resultsOf(one);
-  EXPECT_EQ(by_processes.size(), 9u);
+  EXPECT_EQ(by_processes.size(), 14u);
   for (const auto& [file, bytes] : by_processes) {
     EXPECT_FALSE(bytes.empty()) << file;
     EXPECT_TRUE(in_process.at(file) == bytes) << file << " differs between processes and one process";
@@ -121,6 +123,8 @@ TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.10);
   EXPECT_LT(mean_m, wheels_m);
+  // 3 is right; one camera's bearings wander for seconds, which the model does not know of.
+  EXPECT_LE(metrics["paths_mean"]["consistency"]["nees_mean"], 5.0);
   EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm: they stay where they were put
 }
 

@@ -126,6 +126,7 @@ TEST(Factors, ARangeAndBearingIsWhatTheFlawedDetectorTells) {
   ASSERT_TRUE(factor->Evaluate(parameters, residual.data(), nullptr));
   EXPECT_LT(residual.norm(), 5e-4);  // first order in the lag: ½·0.08²·0.2·0.5 m and what it turns
   EXPECT_LT((then * seenAt(told, detector) - target).norm(), 1e-9);
+  EXPECT_LT((at * seenAt(told, detector, twist) - target).norm(), 2e-3);  // likewise, ½·(0.08·0.5)²·2 m
 }
 
 TEST(Factors, PrismDerivativesAgreeWithDifferences) {
