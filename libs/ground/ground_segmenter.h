@@ -21,7 +21,7 @@ struct SegmenterOptions {
   ReferenceOptions reference;      ///< `reference`: for "local"
   double histogram_share = 0.002;  ///< for "histogram": share of the seed pixels that makes a bin ground
   int histogram_grow = 1;          ///< for "histogram": bins added around
-  double line_width_m = 0.006;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
+  double line_width_m = 0.020;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
   bool shadows = true;          ///< for "local", colour images: shadows are ground
   int max_line_px = 9;          ///< pixels: but nothing thicker than this is taken for a marking
   static SegmenterOptions read(const options::Section& section);
