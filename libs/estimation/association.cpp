@@ -11,8 +11,9 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kMergedSolidity = 0.94;  // RECIPES: below this a silhouette is several objects
-constexpr int kLeastDirections = 12;      // usable ones that still hold a position
+constexpr double kMergedSolidity = 0.94;    // RECIPES: below this a silhouette is several objects
+constexpr int kLeastDirections = 12;        // usable ones that still hold a position
+constexpr double kFarthestContact_m = 1.9;  // beyond it a camera's own errors outweigh what a view tells
 
 /// A pair that may belong together; sorted by distance, then by order of appearance.
 struct Candidate {
@@ -36,6 +37,8 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
   if (frame.state != FrameState::kOk || !(frame.camera_height_m >= 0)) return all;
   for (const Track& track : frame.tracks) {
     if (!track.visible || track.supports.empty() || !track.position_m.allFinite()) continue;
+    const bool is_far = (track.contact_m - frame.scan.origin_m).norm() > kFarthestContact_m;
+    if (is_far && frame.camera_height_m > 0) continue;
     Seen seen;
     seen.track = &track;
     seen.view = std::make_shared<View>(
@@ -85,6 +88,7 @@ namespace {
 /// A whole thing where none is known: neither a splinter of one nor one that is only seen amiss.
 bool isStrange(const FleetState& fleet, const RobotNode& robot, const Seen& seen) {
   constexpr double kSplinter_m = 0.03;  // half of its mean width
+  constexpr double kSamePlace_m = 0.05;
   if (!seen.mature || seen.peer != nullptr || seen.landmark != 0) return false;
   const Footprint footprint(*seen.view);
   const double height_m = std::max(0.0, seen.track->height_m);
@@ -92,7 +96,7 @@ bool isStrange(const FleetState& fleet, const RobotNode& robot, const Seen& seen
   const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
   return std::none_of(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
     const Eigen::Vector2d at = map_from_base * footprint.centre(fleet.height(entry.second));
-    return (fleet.centre(entry.second) - at).norm() < fleet.options.new_landmark_m;
+    return (fleet.centre(entry.second) - at).norm() < kSamePlace_m;
   });
 }
 
