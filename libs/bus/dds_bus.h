@@ -16,7 +16,7 @@ struct DdsBusOptions {
   int domain = 0;                                       ///< DDS domain id, 0..232
   RunMode mode = RunMode::kLive;                        ///< decides the frames' history
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< addresses that may be used; others hear nothing
-  std::uint32_t max_message_bytes = 65000;  ///< of one datagram; ≤ 1400 off-host (PLATFORM: packet loss)
+  std::uint32_t max_message_bytes = 65000;              ///< of one datagram; ≤ 1400 off-host (packet loss)
   std::uint32_t socket_buffer_bytes = 4u << 20;
   std::chrono::milliseconds lease{3000};  ///< a participant silent for so long is gone
   std::chrono::milliseconds announcement{500};

@@ -1,4 +1,5 @@
-// Frames: data-sharing, written into a loan, read in place (PLATFORM: 0.2 ms where a socket takes 1.5).
+// Frames: data-sharing, written into a loan, read in place (docs/methods.md: 0.2 ms where a socket
+// takes 1.5).
 
 #include <stdexcept>
 
@@ -43,7 +44,7 @@ FrameHeader decode(const v1::FrameInfo& info) {
 
 /// What the reader takes instead of a copy of the frame: where it lies. DDS's own loans are not used:
 /// returning one whose writer is gone is undefined, and they hold the slot no longer than a plain take does
-/// (PLATFORM).
+/// (docs/methods.md, "DDS as measured").
 struct FrameSlice {
   SharedSegments* segments = nullptr;
   const std::uint8_t* theirs = nullptr;  ///< in the mapping of DDS: gone with the writer

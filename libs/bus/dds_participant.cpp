@@ -51,7 +51,8 @@ void setTransport(dds::DomainParticipantQos& qos, const DdsBusOptions& options) 
   qos.transport().listen_socket_buffer_size = options.socket_buffer_bytes;
 }
 
-/// Discovery by UDP on the allowed interfaces; a restarted peer re-matches in milliseconds (PLATFORM).
+/// Discovery by UDP on the allowed interfaces; a restarted peer re-matches in milliseconds (docs/methods.md,
+/// "DDS as measured").
 void setDiscovery(dds::DomainParticipantQos& qos, const DdsBusOptions& options) {
   auto& builtin = qos.wire_protocol().builtin;
   builtin.discovery_config.leaseDuration = toDuration(options.lease);

@@ -1,6 +1,7 @@
 #pragma once
 
-// Inside of DdsBus: one Fast DDS participant with its caches, and the settings that PLATFORM.md found.
+// Inside of DdsBus: one Fast DDS participant with its caches, and the settings of docs/methods.md, "DDS as
+// measured".
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>

@@ -5,7 +5,7 @@
 
 namespace omnifleet::bus {
 
-// Partition rules of DESIGN, the same on every bus. "" is the default partition.
+// Partition rules of idl/README.md, the same on every bus. "" is the default partition.
 
 /// {"", robot}, or {""} for a topic of no robot. Throws std::runtime_error for names with wildcards (*?[]),
 /// which DDS would take as patterns.

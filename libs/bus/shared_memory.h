@@ -8,7 +8,7 @@
 
 namespace omnifleet::bus {
 
-/// Slots beside the history. PLATFORM: with 1 (the default) frames were overwritten behind a slow reader.
+/// Slots beside the history. With 1 (the default) frames were overwritten behind a slow reader.
 inline constexpr int kExtraFrameSlots = 2;
 
 /// Bytes of /dev/shm that one camera takes: (history + extra) slots of its frame class.

@@ -1,7 +1,7 @@
 #pragma once
 
-// The one owner of determinism (DESIGN, "Determinism"): ordering, watermarks, previous-frame feedback, the
-// one-loan rule and the end of streams. No DDS here.
+// The one owner of determinism (CONTRIBUTING, "Determinism"): ordering, watermarks, previous-frame feedback,
+// the one-loan rule and the end of streams. No DDS here.
 
 #include <chrono>
 #include <cstdint>

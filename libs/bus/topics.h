@@ -1,6 +1,6 @@
 #pragma once
 
-// Every topic of the project in one table (DESIGN, "Data flow"). Names carry the prefix omnifleet/.
+// Every topic of the project in one table (idl/README.md). Names carry the prefix omnifleet/.
 
 #include <string>
 

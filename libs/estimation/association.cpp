@@ -11,7 +11,7 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kMergedSolidity = 0.94;    // RECIPES: below this a silhouette is several objects
+constexpr double kMergedSolidity = 0.94;    // below this a silhouette is several objects
 constexpr int kLeastDirections = 12;        // usable ones that still hold a position
 constexpr double kFarthestContact_m = 1.9;  // beyond it a camera's own errors outweigh what a view tells
 

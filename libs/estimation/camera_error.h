@@ -1,9 +1,9 @@
 #pragma once
 
 // How a camera that looks at the floor errs against its calibration, and what that does to what it sees on
-// the floor (RECIPES "Estimator": focal length and tilt are estimated where observable). The lens itself is
-// not asked: its focal error is taken as that of an equidistant one, which is 10 % (equisolid) to 20 %
-// (stereographic) off at 65°, of an error that is small itself.
+// the floor (docs/methods.md, "Estimator": focal length and tilt are estimated where observable). The lens
+// itself is not asked: its focal error is taken as that of an equidistant one, which is 10 % (equisolid) to
+// 20 % (stereographic) off at 65°, of an error that is small itself.
 
 #include <Eigen/Core>
 

@@ -1,10 +1,10 @@
 #pragma once
 
 // The fleet estimator: least squares over the poses of all robots, one scale bias per wheel, obstacles as
-// support-function prisms and mutual sightings (RECIPES "Estimator"; it stands in for the odometry-only
-// localisation of Choi et al. 2014 §IV). A sliding window of frames is solved after every round of frames;
-// what leaves the window is marginalised into a dense prior, so time and memory stay bounded; new frames
-// are placed at once by what the window says about the present, condensed. Pure and deterministic: one
+// support-function prisms and mutual sightings (docs/methods.md, "Estimator"; it stands in for the
+// odometry-only localisation of Choi et al. 2014 §IV). A sliding window of frames is solved after every round
+// of frames; what leaves the window is marginalised into a dense prior, so time and memory stay bounded; new
+// frames are placed at once by what the window says about the present, condensed. Pure and deterministic: one
 // thread, fixed iteration counts, no clock.
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
 #pragma once
 
-// One silhouette in one frame, and the prism that explains it (RECIPES "Footprints: support-function prism").
+// One silhouette in one frame, and the prism that explains it (docs/methods.md, "Support-function prism").
 // With the footprint's support h_P, camera foot c, camera height H and object height h, in direction n:
 //   g(n) = h_P(n) − n·c;  predicted silhouette support = g where g < 0 (contact side), s·g otherwise,
 //   s = H / (H − h).
@@ -72,8 +72,8 @@ struct Corner {
 };
 Corner cornerAt(double angle_rad, int directions);
 
-/// Least squares of h(n) ≈ w + n·p over the directions that are known: Steiner point p and half mean width w of a
-/// footprint of which a part is known (exact where all directions are).
+/// Least squares of h(n) ≈ w + n·p over the directions that are known: Steiner point p and half mean width w
+/// of a footprint of which a part is known (exact where all directions are).
 class PartialOutline {
  public:
   void add(const Eigen::Vector2d& n);
@@ -88,7 +88,8 @@ class PartialOutline {
 /// The footprint of one view alone in base_link, affine in the object's height h: Steiner centre
 /// (2/K)·Σ g(n)·n = centre − h·centre_by_height, half its mean width likewise.
 struct Footprint {
-  bool whole = false;  ///< enough is usable: 9 of 10 directions; of a laser, which sees facing sides only, a third
+  bool whole =
+      false;  ///< enough is usable: 9 of 10 directions; of a laser, which sees facing sides only, a third
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero(), centre_by_height = Eigen::Vector2d::Zero();
   double half_width_m = 0.0, half_width_by_height = 0.0;
 

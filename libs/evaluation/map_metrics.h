@@ -20,8 +20,8 @@ struct ObstacleMatch {
   double iou = 0.0;
 };
 
-/// DESIGN "Metrics": Hungarian matching by centroid within the gate among pairs that overlap enough, no
-/// alignment. Means over the matches; NaN where there is none (distances error: fewer than two).
+/// docs/methods.md, "Metrics": Hungarian matching by centroid within the gate among pairs that overlap
+/// enough, no alignment. Means over the matches; NaN where there is none (distances error: fewer than two).
 struct MapMetrics {
   int truths = 0, estimates = 0;
   std::vector<ObstacleMatch> matches;

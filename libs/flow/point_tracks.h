@@ -21,15 +21,16 @@ struct PointOptions {
   static PointOptions read(const options::Section& section);
 };
 
-/// Features followed over many frames, and where their points are. DESIGN on Choi §III: after removing the
-/// rotation a static point at height h, seen from height H, moves on the floor by −t·H/(H − h), so the
-/// displacement's length gives h. Here the same in space, for any lens and rays at or above the horizon too:
-/// the line of sight of now and that of the oldest frame in which the feature was seen meet at the point
-/// (least squares along the present one), the motion between them is the robot's own. What does not meet
-/// within its noise moves. σ along the line of sight from pixels, drift, and the covariance of the motion.
-/// Wheels know the turn too badly for that (2 % of one wheel are 1° in 20 cm). What they err by per metre
-/// rolled is learned: features of standing things lie in the plane of both lines of sight and the way between
-/// them (the epipolar constraint, robust least squares in each frame, a Kalman filter over the frames).
+/// Features followed over many frames, and where their points are. docs/methods.md on Choi §IV.2: after
+/// removing the rotation a static point at height h, seen from height H, moves on the floor by −t·H/(H − h),
+/// so the displacement's length gives h. Here the same in space, for any lens and rays at or above the
+/// horizon too: the line of sight of now and that of the oldest frame in which the feature was seen meet at
+/// the point (least squares along the present one), the motion between them is the robot's own. What does not
+/// meet within its noise moves. σ along the line of sight from pixels, drift, and the covariance of the
+/// motion. Wheels know the turn too badly for that (2 % of one wheel are 1° in 20 cm). What they err by per
+/// metre rolled is learned: features of standing things lie in the plane of both lines of sight and the way
+/// between them (the epipolar constraint, robust least squares in each frame, a Kalman filter over the
+/// frames).
 class PointTracks {
  public:
   /// @param camera must outlive this

@@ -12,7 +12,7 @@ namespace omnifleet::ground {
 struct SplitOptions {
   bool enabled = true;
   double max_solidity =
-      0.965;                 ///< 1, silhouettes less convex than this may be several things (RECIPES: 0.94)
+      0.965;  ///< 1, silhouettes less convex than this may be several things (as one polygon: 0.94)
   double hue_step = 0.11;    ///< 1, distance of (r, g)/(r + g + b) between the colours of two things
   double min_share = 0.08;   ///< 1, of the region's area, that a thing must have
   int min_area_px = 40;      ///< pixels, likewise

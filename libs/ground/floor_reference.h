@@ -21,7 +21,7 @@ struct ReferenceOptions {
 };
 
 /// The colour that the floor has, or would have, at each cell: learned from the seeds' histogram, grown
-/// outward from them (FloorGrowth) and smoothed (FloorSmoothing; RECIPES "Fisheye → ground", 1).
+/// outward from them (FloorGrowth) and smoothed (FloorSmoothing; docs/methods.md, "Floor and contours").
 class FloorReference {
  public:
   FloorReference(const FloorView& view, const ReferenceOptions& options);

@@ -28,9 +28,9 @@ struct FacingSideOptions {
 ///
 /// A footprint's support h_P(n) about the scanner, b(n) = h_P(n) − n·c, is told exactly where the scanner
 /// lies beyond the supporting line, b(n) ≤ 0: there the supporting point faces it. That is the contact side
-/// of the prism (RECIPES, "support-function prism"), whose height no laser sees and which does not matter
-/// there. With the tangents' bearings θ₀ < θ₁ these are the directions from θ₁ + 90° to θ₀ + 270°. Where
-/// something nearer hides an end, directions supported by that end are left out.
+/// of the prism (docs/methods.md, "Support-function prism"), whose height no laser sees and which does not
+/// matter there. With the tangents' bearings θ₀ < θ₁ these are the directions from θ₁ + 90° to θ₀ + 270°.
+/// Where something nearer hides an end, directions supported by that end are left out.
 void facingSide(const Beams& beams, const Segment& segment, const std::vector<Piece>& pieces,
                 double range_sigma_m, const FacingSideOptions& options, FacingSide& side);
 

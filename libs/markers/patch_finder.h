@@ -3,7 +3,7 @@
 // Robots from their colour patches in a ceiling image (Choi et al. 2014 §V.2, Fig. 19: the team patch is the
 // position, the line to the individual patch the heading). Departures from the paper: chroma normalised by
 // the brightest channel instead of fixed RGB, pairs checked in metres on the plane of the markers, parallax
-// corrected by their height, the position taken from both patches (RECIPES "Ceiling patches").
+// corrected by their height, the position taken from both patches (docs/methods.md, "Ceiling patches").
 
 #include <Eigen/Core>
 #include <cstdint>

@@ -21,7 +21,7 @@ enum class Integration {
 };
 
 /// Choi et al. 2014 eq. 1: v = (v_r + v_l)/2, dθ/dt = (v_r − v_l)/L (the paper prints v without its factor;
-/// DESIGN settles it).
+/// docs/methods.md, "Reading Choi").
 Twist twistFromWheels(const WheelSpeeds& wheels, double wheel_separation_m);
 WheelSpeeds wheelsFromTwist(const Twist& twist, double wheel_separation_m);
 

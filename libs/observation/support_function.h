@@ -9,8 +9,8 @@
 namespace omnifleet {
 
 /// Support function of the convex hull of a blob's silhouette, projected to the floor: for K directions
-/// n_k = (cos φ_k, sin φ_k), φ_k = 2πk/K measured in base_link, b_k = max over the silhouette of n_k · (x − c),
-/// x and c in base_link, c the foot of the camera. Metres. (RECIPES "support-function prism".)
+/// n_k = (cos φ_k, sin φ_k), φ_k = 2πk/K measured in base_link, b_k = max over the silhouette of n_k · (x −
+/// c), x and c in base_link, c the foot of the camera. Metres. (docs/methods.md, "Support-function prism".)
 struct SupportFunction {
   /// Directions used by every stage of this project; any K ≥ 3 is read correctly.
   static constexpr int kDirections = 96;
@@ -21,8 +21,9 @@ struct SupportFunction {
   bool empty() const { return b_m.empty(); }
   std::size_t size() const { return b_m.size(); }
 
-  /// Value in any direction. Between two directions it is the support of the corner of their half-planes: exact
-  /// where one vertex supports both. σ is the larger of the neighbours'; NaN b where a neighbour is unusable.
+  /// Value in any direction. Between two directions it is the support of the corner of their half-planes:
+  /// exact where one vertex supports both. σ is the larger of the neighbours'; NaN b where a neighbour is
+  /// unusable.
   struct Value {
     double b_m;
     double sigma_m;

@@ -16,7 +16,7 @@ using detail::Term;
 using detail::Terms;
 
 /// Neighbouring directions share supporting points and errors, so their number overstates what is known: σ is
-/// doubled (RECIPES, "double σ for correlation").
+/// doubled (docs/methods.md, "Support-function prism").
 constexpr double kCorrelation = 4.0;
 constexpr int kStartHeights = 16;
 

@@ -60,12 +60,13 @@ struct PrismFit {
   std::vector<double> view_rms_m;  ///< per given view, unweighted: an outlier shows; −1 where not used
 };
 
-/// Footprint and height from several views (RECIPES, "support-function prism"). With c the foot of the camera
-/// in map, g(n) = h_P(n) − n·c, s = H/(H − h): a view's support is b(n) = g where g < 0 (contact side), s·g
-/// otherwise (the shadow of the top). With 1/s = 1 − h/H every usable direction of every view gives
+/// Footprint and height from several views (docs/methods.md, "Support-function prism"). With c the foot of
+/// the camera in map, g(n) = h_P(n) − n·c, s = H/(H − h): a view's support is b(n) = g where g < 0 (contact
+/// side), s·g otherwise (the shadow of the top). With 1/s = 1 − h/H every usable direction of every view
+/// gives
 ///     h_P(n) = n·c + b(n) − h·max(b(n), 0)/H,
 /// linear in h, so the search in one dimension for the least variance between views is a linear least squares
-/// with the mean h_P(n) of each direction eliminated; it is reweighted robustly. Beyond RECIPES: each view
+/// with the mean h_P(n) of each direction eliminated; it is reweighted robustly. Moreover each view
 /// may shift as a whole within `pose_sigma_m`, which takes up errors of pose, focal length and tilt.
 /// Directions with σ ≤ 0 are not used. Where the views say little about h and `prior` nothing, convexity
 /// does: at the two tangents from the foot a too great height would fold the footprint. The footprint is the
@@ -85,12 +86,12 @@ struct KnownBody {
 struct BodyFit {
   bool valid = false;
   Pose2 map_from_body;
-  double rms_m = 0.0;  ///< on the floor under the body; RECIPES: < 5 cm is a robot
+  double rms_m = 0.0;  ///< on the floor under the body; < 5 cm is a robot
 };
 
-/// Position (and heading unless round) of a known body that best explains the views: RECIPES, "the same model
-/// with the known body, solving position only". `guess_heading_rad` is tried first where given (finite), else
-/// all round.
+/// Position (and heading unless round) of a known body that best explains the views: the same model
+/// with the known body, solving position only (docs/methods.md, "Known bodies"). `guess_heading_rad` is tried
+/// first where given (finite), else all round.
 BodyFit fitBody(const std::vector<PrismView>& views, const KnownBody& body, const PrismOptions& options,
                 double guess_heading_rad);
 

@@ -15,9 +15,9 @@ struct BodyFit {
   double arc = 0.0;    ///< share of directions that were usable
 };
 
-/// The support-function prism with everything known but the place (RECIPES, "Robots: the same model with the
-/// known body, solving position only; rms < 5 cm is a robot"): closed form for round bodies, and per heading
-/// (grid of the support directions) for the others. The body's tables are made once.
+/// The support-function prism with everything known but the place (docs/methods.md, "Known bodies": the same
+/// model with the known body, solving position only; rms < 5 cm is a robot): closed form for round bodies,
+/// and per heading (grid of the support directions) for the others. The body's tables are made once.
 class BodyModel {
  public:
   explicit BodyModel(const RobotBody& body);

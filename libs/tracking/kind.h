@@ -10,8 +10,8 @@ namespace omnifleet::tracking {
 
 struct KindOptions {
   std::string method = "ours";  ///< ours | choi (vectors only)
-  double fit_rms_m = 0.05;      ///< m, a known body that fits better is a robot (RECIPES)
-  double moved_m = 0.12;        ///< m over the floor within `window_s` (RECIPES)
+  double fit_rms_m = 0.05;      ///< m, a known body that fits better is a robot
+  double moved_m = 0.12;        ///< m over the floor within `window_s`
   double window_s = 1.0;        ///< s
   double still_m = 0.04;        ///< m over the floor within `window_s`: it stands
   double peer_gate_m = 0.25;    ///< m, a published pose this near (or within 3 σ) is this object

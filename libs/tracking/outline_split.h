@@ -17,9 +17,9 @@ double outlineDistance(const View& view, const PrismFilter& filter);
 bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m);
 
 /// One blob, several objects: which directions of its outline belong to whom. A direction is an object's own
-/// where its predicted outline stands out from every other's by `margin_m` (RECIPES "Merged blobs": keep a
-/// direction only where its supporting point lies off the cut), and where nothing unknown stands out farther
-/// still
+/// where its predicted outline stands out from every other's by `margin_m` (docs/methods.md, "Merged blobs":
+/// keep a direction only where its supporting point lies off the cut), and where nothing unknown stands out
+/// farther still
 /// (`alien_m` + 3 σ). `own[i]` is the view with σ = −1 in all other directions; `rest` likewise with the
 /// directions that none explains. Returns the number of directions in `rest`.
 int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,

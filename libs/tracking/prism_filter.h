@@ -29,7 +29,7 @@ struct PrismFilterOptions {
 /// foot c
 ///   h_P(n) = ρ + Σ_m α_m cos mφ + β_m sin mφ + n·p,
 ///   b < 0 (contact side):  b + n·c = h_P(n)           b ≥ 0 (far side):  u·b + n·c = h_P(n)
-/// (RECIPES, "support-function prism"), both linear in the state given b: a Kalman filter without
+/// (docs/methods.md, "Support-function prism"), both linear in the state given b: a Kalman filter without
 /// linearisation. Height comes from parallax between views and from the expectation that things are about as
 /// deep as wide; cut directions simply carry no information.
 class PrismFilter {

@@ -12,7 +12,7 @@ namespace omnifleet::tracking {
 struct TrackerOptions {
   PrismFilterOptions filter;
   double gate_m = 0.25;           ///< m, typical distance of outlines beyond which a blob is another object
-  double merged_solidity = 0.94;  ///< 1, below it a blob is not one convex object (RECIPES)
+  double merged_solidity = 0.94;  ///< 1, below it a blob is not one convex object
   double cut_margin_m = 0.02;     ///< m, how far an outline must stand out to be this object's own
   double keep_s = 5.0;            ///< s, an unseen object is carried on
   double keep_hidden_s = 15.0;    ///< s, likewise while something stands before it

@@ -15,7 +15,8 @@ struct VectorMotion {
 
 /// A static point at height h shows −t·H/(H−h) on the floor after rotation is removed, t the camera's
 /// translation; with t's own −1 taken out, the residual is −t·λ with λ = h/(H−h) ≥ 0. Whatever has a part
-/// across t, or goes with t, moves (DESIGN on Choi §IV.2). `tolerance_m`: noise of one vector on the floor.
+/// across t, or goes with t, moves (docs/methods.md, "Robot or obstacle"). `tolerance_m`: noise of one vector
+/// on the floor.
 VectorMotion vectorMotion(const ObjectObservation& object, const Motion& motion,
                           const Eigen::Vector2d& foot_m, double tolerance_m);
 

@@ -31,8 +31,8 @@ struct Displacement {
 };
 
 /// Displacement from the contact side alone (b < 0 in both views): there the silhouette is the footprint
-/// itself, whatever its height (RECIPES, prism: the prediction is g where g < 0), so that h_P,now(n) −
-/// h_P,then(n) = n·Δ is linear and needs no height. Directions where either view is unusable are left out;
+/// itself, whatever its height (docs/methods.md, prism: the prediction is g where g < 0), so that h_P,now(n)
+/// − h_P,then(n) = n·Δ is linear and needs no height. Directions where either view is unusable are left out;
 /// invalid with fewer than 12.
 Displacement contactDisplacement(const View& then, const View& now);
 

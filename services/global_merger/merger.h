@@ -52,10 +52,10 @@ struct MergerOptions {
   double hull_share = 0.5;             ///< 1, "hull": of the views of a thing that must cover what is kept
   std::vector<std::string> observers;  ///< robots whose views shape the outlines; empty: all
   outline::PrismOptions prism;
-  double gate_m = 0.12;        ///< m, views of one object have their centres this near (RECIPES)
-  double min_solidity = 0.94;  ///< below it a silhouette is merged of several (RECIPES)
+  double gate_m = 0.12;        ///< m, views of one object have their centres this near
+  double min_solidity = 0.94;  ///< below it a silhouette is merged of several
   double max_contact_m = 2.8;  ///< m, views from farther away do not shape outlines
-  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot (RECIPES)
+  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot
   double robot_gap_m = 0.20;   ///< m, what fits a robot's body this near its pose is that robot
   int min_views = 3;           ///< live: views before an outline is published; the end decides by fit
   double max_spread = 4.0;     ///< in σ, views that disagree more than this do not show one body
@@ -103,8 +103,8 @@ class Merger {
   void finish();
 
   /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum and
-  /// covariances/<robot>.csv, each whole or not at all. Returns one line per file that could not be written (the old one is then untouched); empty: all
-  /// is saved.
+  /// covariances/<robot>.csv, each whole or not at all. Returns one line per file that could not be written
+  /// (the old one is then untouched); empty: all is saved.
   std::vector<std::string> save(const std::string& folder);
   /// The same with the outlines as last fitted: live, where a fit of all would hold frames up.
   std::vector<std::string> saveAsFitted(const std::string& folder) const;

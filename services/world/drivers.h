@@ -12,7 +12,7 @@ namespace omnifleet::world {
 
 /// Drives the robots of an arena without any camera, for recordings, experiments and tests: in formation
 /// where the arena has one, else each by its own waypoints or blindly by its table of speeds. The commands
-/// answer the frame before, as in a run with all stages (DESIGN, determinism).
+/// answer the frame before, as in a run with all stages (CONTRIBUTING, "Determinism").
 class Drivers {
  public:
   /// Throws options::Error when the arena's `formation:` is wrong.

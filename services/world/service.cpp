@@ -151,8 +151,8 @@ void ArenaWorldService::publishFrame() {
   publishTruth(world_.now());
   publishScans(world_.now());
   last_published_ = world_.finished();
-  // The speeds of the interval that begins now were commanded in answer to the frame before (DESIGN,
-  // determinism).
+  // The speeds of the interval that begins now were commanded in answer to the frame before (CONTRIBUTING,
+  // "Determinism").
   publishWheels(world_.step(heldCommands()));
   status().processed(steady_clock::now() - begun);
 }

@@ -16,8 +16,8 @@ class Summary : public benchmark::ConsoleReporter {
   Summary() : ConsoleReporter(OO_Tabular) {}
   void ReportRuns(const std::vector<Run>& runs) override;
 
-  /// Benchmark, ours, peer, ratio, budget (DESIGN, "Where it must end up"), whether it is reached. Rows whose
-  /// benchmark did not run are left out.
+  /// Benchmark, ours, peer, ratio, budget (docs/methods.md, "What it must reach"), whether it is reached.
+  /// Rows whose benchmark did not run are left out.
   void printTable(std::FILE* out) const;
   bool failed() const { return !errors_.empty(); }
 

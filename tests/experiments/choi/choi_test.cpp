@@ -80,7 +80,7 @@ TEST(ChoiExperiment, OneSmallSeedFromEndToEnd) {
 
   const MapScore& ours = result.maps.at("ours");
   EXPECT_EQ(ours.found, ours.truths);
-  EXPECT_LT(std::hypot(ours.x_m, ours.y_m), 0.02);  // half of the pixels: twice DESIGN's 0.3 cm and some
+  EXPECT_LT(std::hypot(ours.x_m, ours.y_m), 0.02);  // half of the pixels: twice the 0.3 cm asked and some
   const MapScore& literal = result.maps.at("literal");
   ASSERT_GT(literal.paired, 0);
   EXPECT_GT(std::hypot(literal.x_m, literal.y_m), std::hypot(ours.x_m, ours.y_m));

@@ -45,7 +45,7 @@ TEST(FleetPaths, WheelsAloneGiveCentimetresObstaclesAndSightingsMillimetres) {
   wheels.obstacles_seen = wheels.robots_seen = false;
   const RunResult alone = average(wheels), all = average({});
   EXPECT_GT(alone.mean_m, 0.02);  // 2 % of scale error per wheel
-  EXPECT_LE(all.mean_m, 0.005);   // the issue; RECIPES: 0.19 cm
+  EXPECT_LE(all.mean_m, 0.005);   // 0.19 cm in a prototype
   EXPECT_LE(all.landmark_m, 0.005);
   EXPECT_EQ(all.estimates, all.frames);
   // 3 for a consistent estimate; doubled σ for correlation pulls it down, three seeds scatter it.
@@ -64,7 +64,7 @@ TEST(FleetPaths, AWrongStartAndFlawedCamerasAreSurvived) {
   flawed.camera_sigma = kFlaw;
   flawed.start_sigma_m = 0.005;
   flawed.start_sigma_rad = 0.00524;
-  EXPECT_LE(average(flawed).mean_m, 0.02);  // DESIGN: flawed ≤ 3 cm
+  EXPECT_LE(average(flawed).mean_m, 0.02);  // asked: flawed ≤ 3 cm
 }
 
 TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {

@@ -206,7 +206,7 @@ TEST(View, BodyIsFoundInItsSilhouette) {
               1e-4);  // closed form: only the weights' rounding is left
   EXPECT_LT(fit.rms_m, 1e-4);
   const View wall = viewOf(box(0.9, -0.5, 0.2, 0.1), Pose2{}, {0.0, 0.0}, 0.5);
-  EXPECT_GT(fitBody(wall, Body(body), 0.0, {0.9, -0.5}).rms_m, 0.05);  // RECIPES: below 5 cm is a robot
+  EXPECT_GT(fitBody(wall, Body(body), 0.0, {0.9, -0.5}).rms_m, 0.05);  // below 5 cm is a robot
 }
 
 TEST(View, FootprintOfOneViewIsExactAtTheRightHeight) {

@@ -87,7 +87,7 @@ TEST_F(Program, DamagedOrMissingResultsAreExitCodeOne) {
   EXPECT_FALSE(fs::exists(out_ / "metrics.json"));
 }
 
-// DESIGN: truth is never read by the pipeline, only by evaluate.
+// docs/methods.md: truth is never read by the pipeline, only by evaluate.
 TEST(GroundTruthHeader, IsIncludedByEvaluateAndTestsOnly) {
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
   ASSERT_NE(source, nullptr) << "ctest names the source folder";

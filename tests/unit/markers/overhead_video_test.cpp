@@ -122,8 +122,8 @@ TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
   ASSERT_EQ(film.frames, 502);
   ASSERT_EQ(film.trails.size(), 3U);
 
-  // Never moved: `pink` stands free, `red` at the left edge, half of its red patch beyond the image. DESIGN
-  // asks for 0.25 px RMS of parked real robots; around frame 110 the whole picture jerks by 2 px, which is in
+  // Never moved: `pink` stands free, `red` at the left edge, half of its red patch beyond the image. Asked
+  // are 0.25 px RMS of parked real robots; around frame 110 the whole picture jerks by 2 px, which is in
   // it.
   for (const char* parked : {"pink", "red"}) {
     const Trail& trail = film.trails.at(parked);

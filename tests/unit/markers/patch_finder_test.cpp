@@ -46,8 +46,8 @@ Worst scatter(const lens::CameraModel& model, double gain, double noise, int cou
 TEST(PatchFinder, CleanImagesAreMeasuredToAFractionOfAMillimetre) {
   const Worst worst = scatter(ceilingCamera(), 1.0, 0.0, 20);
   EXPECT_EQ(worst.found, 20);
-  EXPECT_LT(worst.m, 0.0005);                 // DESIGN: ≤ 1 mm; one pixel is 6.6 mm
-  EXPECT_LT(worst.rad, 0.15 * M_PI / 180.0);  // DESIGN: ≤ 0.2°
+  EXPECT_LT(worst.m, 0.0005);                 // asked: ≤ 1 mm; one pixel is 6.6 mm
+  EXPECT_LT(worst.rad, 0.15 * M_PI / 180.0);  // asked: ≤ 0.2°
 }
 
 TEST(PatchFinder, TiltedDistortedDimAndNoisy) {
@@ -56,7 +56,7 @@ TEST(PatchFinder, TiltedDistortedDimAndNoisy) {
   hard.distortion = {-0.12, 0.03, 0.0005, -0.0005, 0.0};
   const Worst worst = scatter(hard, 0.55, 5.0, 20);
   EXPECT_EQ(worst.found, 20);
-  EXPECT_LT(worst.m, 0.0025);  // DESIGN, hard scene
+  EXPECT_LT(worst.m, 0.0025);  // asked in the hard scene
   EXPECT_LT(worst.rad, 0.7 * M_PI / 180.0);
 }
 
@@ -108,7 +108,7 @@ TEST(PatchFinder, AMarkerCutByTheBorderIsMeasuredByItsVisibleEdgesOrNotAtAll) {
     for (const Detection& d : finder->find(painter.image(), 0)) {
       found_cut += truth.y_m + 0.06 + 0.045 > 2.004 ? 1 : 0;
       const Pose2 e = truth.inverse() * d.map_from_base;
-      EXPECT_LT(e.translation().norm(), 0.002) << truth.y_m;  // RECIPES: 8 mm and 7° if it were not treated
+      EXPECT_LT(e.translation().norm(), 0.002) << truth.y_m;  // 8 mm and 7° if it were not treated
       EXPECT_LT(std::abs(e.theta_rad), 1.0 * M_PI / 180.0) << truth.y_m;
     }
   }

@@ -57,7 +57,7 @@ TEST(Prism, ThreeRobotsReachTheFiguresOfTheRecipe) {
       ASSERT_TRUE(fit.valid);
       const double one = (centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm();
       const double iou = convexIou(fit.footprint_m, prism.footprint_m);
-      EXPECT_LT(one, 0.004);  // the worst of 30; RECIPES gives means
+      EXPECT_LT(one, 0.004);  // the worst of 30
       EXPECT_GT(iou, 0.92);
       error += one, overlap += iou, height += std::abs(fit.height_m - prism.height_m);
       ++count;
@@ -68,9 +68,9 @@ TEST(Prism, ThreeRobotsReachTheFiguresOfTheRecipe) {
   RecordProperty("height_mm", std::to_string(1000 * height / count));
   std::cout << "mean centroid " << 100 * error / count << " cm, IoU " << overlap / count << ", height "
             << 1000 * height / count << " mm\n";
-  EXPECT_LT(error / count, 0.0010);  // RECIPES: centroids to 0.1 cm
-  EXPECT_GT(overlap / count, 0.97);  // RECIPES: IoU 0.94
-  EXPECT_LT(height / count, 0.003);  // RECIPES: heights to 3 mm
+  EXPECT_LT(error / count, 0.0010);  // docs/methods.md: centroids to 0.1 cm
+  EXPECT_GT(overlap / count, 0.97);  // docs/methods.md: IoU 0.94
+  EXPECT_LT(height / count, 0.003);  // docs/methods.md: heights to 3 mm
 }
 
 TEST(Prism, OneViewPerRobotIsEnough) {
@@ -196,7 +196,7 @@ TEST(Prism, FlawedCalibrationDegradesGently) {
     overlap += convexIou(fit.footprint_m, prism.footprint_m) / 6;
   }
   std::cout << "flawed: mean centroid " << 100 * error << " cm, IoU " << overlap << "\n";
-  EXPECT_LT(error, 0.010);  // DESIGN: ≤ 1.0 cm
+  EXPECT_LT(error, 0.010);  // asked: ≤ 1.0 cm
   EXPECT_GT(overlap, 0.85);
 }
 
@@ -284,7 +284,7 @@ TEST(Body, ABoxOfOtherSizeIsNoRobot) {
   const Prism crate{box({0.7, -0.4}, 0.6, 0.3, 0.3), 0.2};
   const BodyFit fit = fitBody(testing::views(crate, 2, 2, random), body, {}, 0.0);
   ASSERT_TRUE(fit.valid);
-  EXPECT_GT(fit.rms_m, 0.05);  // RECIPES: rms < 5 cm is a robot
+  EXPECT_GT(fit.rms_m, 0.05);  // docs/methods.md: rms < 5 cm is a robot
 }
 
 TEST(Body, HeadingOfALongRobot) {

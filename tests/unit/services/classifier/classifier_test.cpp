@@ -43,8 +43,8 @@ void roam(Scene& scene, int, std::mt19937& rng) {
   scene.steerClear(0.3, rng);
 }
 
-/// F1 ≥ 0.98 is DESIGN's figure. Ids change only where two things that have always been one blob come apart,
-/// or one turns up from behind another: at most one in `runs` robots' runs.
+/// F1 ≥ 0.98 is what docs/methods.md asks. Ids change only where two things that have always been one blob
+/// come apart, or one turns up from behind another: at most one in `runs` robots' runs.
 void expectRight(const Score& score) {
   const auto [first, last] = seeds();
   const int runs = 3 * static_cast<int>(last - first + 1);

@@ -132,7 +132,7 @@ class Recorded : public testing::Test {
 
 TEST_F(Recorded, RobotsAreToldWithPoses) {
   const Count count = replay(true);
-  EXPECT_GE(count.f1(), 0.98);  // DESIGN's figure
+  EXPECT_GE(count.f1(), 0.98);  // docs/methods.md
   EXPECT_EQ(count.switches, 0);
   EXPECT_GT(count.right, 20);
 }

@@ -48,8 +48,8 @@ std::vector<Scenario> wanted() {
 
 class RenderedScenes : public testing::TestWithParam<Scenario> {};
 
-/// DESIGN's figure. Ids may change where two things that have always been one blob come apart: at most once
-/// in three robots' runs.
+/// The figure of docs/methods.md. Ids may change where two things that have always been one blob come apart:
+/// at most once in three robots' runs.
 TEST_P(RenderedScenes, RobotsAndObstaclesAreTold) {
   const Score score = runAll(GetParam());
   const auto [first, last] = seeds();

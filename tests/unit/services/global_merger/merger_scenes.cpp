@@ -62,7 +62,7 @@ Score score(const std::vector<MapObject>& objects, const std::vector<SimThing>& 
   std::vector<bool> used(objects.size(), false);
   for (const auto& thing : truth) {
     std::size_t best = objects.size();
-    double least = 0.15;  // DESIGN's gate
+    double least = 0.15;  // as evaluate matches
     for (std::size_t i = 0; i < objects.size(); ++i) {
       const double apart = (objects[i].centroid_m - centroid(thing.footprint_m)).norm();
       if (!used[i] && apart < least) best = i, least = apart;

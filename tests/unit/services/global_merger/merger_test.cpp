@@ -30,8 +30,8 @@ TEST(Merger, FindsAllObstaclesAndNothingElse) {
     EXPECT_EQ(s.missed, 0);
     EXPECT_EQ(s.extra, 0);
     EXPECT_LT(s.error_m,
-              0.002);        // DESIGN: ≤ 0.3 cm per axis with exact calibration, vision's errors included
-    EXPECT_GT(s.iou, 0.95);  // DESIGN: ≥ 0.90
+              0.002);        // asked: ≤ 0.3 cm per axis with exact calibration, vision's errors included
+    EXPECT_GT(s.iou, 0.95);  // asked: ≥ 0.90
     EXPECT_LT(s.height_m, 0.005);
   }
 }

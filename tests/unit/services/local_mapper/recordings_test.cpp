@@ -54,7 +54,7 @@ TEST(Recordings, EveryObstacleAndRobotOfTheRenderedSampleIsFoundAndNothingElse) 
   }
   EXPECT_EQ(frames, 51);
   ASSERT_GT(contact_n, 5000);
-  // What RECIPES.md asks of outlines.
+  // What is asked of outlines.
   EXPECT_NEAR(contact_px / contact_n, 0.0, 0.1);
   EXPECT_NEAR(top_px / top_n, 0.0, 0.2);
 }

@@ -77,7 +77,7 @@ TEST(CeilingFrontEnd, GivesOneAbsolutePosePerRobotInMap) {
     EXPECT_EQ(m.acquired_ns, 12345);
     EXPECT_EQ(m.sequence, 6U);
     const Pose2 e = truth[i]->inverse() * Pose2::fromVector(m.value);
-    EXPECT_LT(e.translation().norm(), 0.001);  // DESIGN: clean images ≤ 1 mm …
+    EXPECT_LT(e.translation().norm(), 0.001);  // clean images ≤ 1 mm …
     EXPECT_LT(std::abs(e.theta_rad), 0.0035);  // … and 0.2°
     EXPECT_GT(m.covariance.determinant(), 0.0);
   }
