@@ -15,7 +15,7 @@ struct KindOptions {
   double window_s = 1.0;        ///< s
   double still_m = 0.04;        ///< m over the floor within `window_s`: it stands
   double peer_gate_m = 0.25;    ///< m, a published pose this near (or within 3 σ) is this object
-  double shape_range_m = 2.5;   ///< m, contact farther away tells no shape
+  double shape_range_m = 3.2;   ///< m, contact farther away tells no shape
   double push_gap_m = 0.08;     ///< m, what moves this close to a robot may be pushed by it
   double decide = 0.80;         ///< probability from which an undecided object is named
   double change = 0.90;         ///< probability from which a named object is renamed
