@@ -3,6 +3,7 @@
 # usage: scripts/test.sh [ctest options]; the slow studies run only when asked for: scripts/test.sh -L slow
 . "$(dirname "$0")/common.sh"
 
+case "${1:-}" in -h|--help) sed -n '2,3p' "$0" | cut -c3-; exit 0 ;; esac
 "$root/scripts/setup.sh" --with-tests
 export OMNIFLEET_DATA="${OMNIFLEET_DATA:-$root/../shared/data}"
 log="$build/Testing/test.log"
