@@ -102,6 +102,16 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
               200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
 }
 
+TEST_F(SegmenterTest, GridLinesOfACentimetreAreFloorUnasked) {
+  cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
+  // Anti-aliased: up to 3 px, 12 to 15 mm near the robot, more where they cross.
+  for (int k = 10; k < 640; k += 72) cv::line(image, {k, 0}, {k + 40, 479}, {70, 75, 80}, 1, cv::LINE_AA);
+  for (int k = 10; k < 480; k += 72) cv::line(image, {0, k}, {639, k + 40}, {70, 75, 80}, 1, cv::LINE_AA);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+}
+
 TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.7, 2.0, 5);
   truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
