@@ -183,10 +183,10 @@ TEST_F(LocalMapperTest, BeyondTwoMetresOnlyWhatHasOneClearShapeIsAnObject) {
   scene_.prisms = {{box(2.4, 0.1, 0.3, 0.3, 0.4), 0.2, {40, 40, 200}}};
   EXPECT_EQ(objectsWith({}), 1U);
   EXPECT_EQ(objectsWith(without), 0U);
-  // A ragged one of the same size there, as a worn place of the floor is; near by it is taken.
-  for (const double away : {2.3, 1.3}) {
-    scene_.prisms = {{box(away, 0.1, 0.08, 0.5, 0.0), 0.01, {40, 40, 200}},
-                     {box(away + 0.2, -0.1, 0.4, 0.08, 0.0), 0.01, {40, 40, 200}}};
+  // A ragged one there, large enough, as a worn place of the floor is; near by it is taken.
+  for (const double away : {2.15, 1.3}) {
+    scene_.prisms = {{box(away, 0.1, 0.2, 1.2, 0.0), 0.01, {40, 40, 200}},
+                     {box(away + 0.4, -0.4, 0.8, 0.2, 0.0), 0.01, {40, 40, 200}}};
     EXPECT_EQ(objectsWith({}) > 0, away < 2.0) << away;
   }
   scene_.prisms = {{box(3.4, 0.1, 0.3, 0.3, 0.4), 0.2, {40, 40, 200}}};
