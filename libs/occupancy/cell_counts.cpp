@@ -20,10 +20,8 @@ bool isEmptyRow(const std::uint8_t* row) {
 }  // namespace
 
 CellCounts::CellCounts(const OccupancyOptions& options)
-    : log_hit_(logOdds(options.probability_hit)),
-      log_miss_(logOdds(options.probability_miss)),
-      log_min_(logOdds(options.clamp_min)),
-      log_max_(logOdds(options.clamp_max)),
+    : fold_{logOdds(options.probability_hit), logOdds(options.probability_miss), logOdds(options.clamp_min),
+            logOdds(options.clamp_max)},
       resolution_dmm_(std::llround(options.resolution_m * 1e4)),
       bucket_ns_(std::llround(options.bucket_s * 1e9)) {}
 
@@ -41,68 +39,43 @@ CellCounts::Chunk& CellCounts::chunkAt(std::int64_t x, std::int64_t y) {
   return *chunk;
 }
 
-/// Index of the bucket's layer; a new one takes over the fold of the one before it.
-std::size_t CellCounts::layerFor(Chunk& chunk, std::int64_t bucket) {
-  auto& layers = chunk.layers;
-  std::size_t i = layers.size();
-  while (i > 0 && layers[i - 1]->bucket > bucket) --i;
-  if (i > 0 && layers[i - 1]->bucket == bucket) return i - 1;
-  auto layer = std::make_unique<Layer>();
-  layer->bucket = bucket;
-  if (i > 0) {
-    for (std::size_t c = 0; c < kCells; ++c) layer->count[c].folded = layers[i - 1]->count[c].folded;
-  }
-  layers.insert(layers.begin() + static_cast<std::ptrdiff_t>(i), std::move(layer));
-  return i;
-}
-
-/// Adds to a cell's counts in one bucket, and folds anew from there on.
-void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int misses,
-                        const OnChange& changed) {
-  const auto c = static_cast<std::size_t>(cell);
-  auto& layers = chunk.layers;
-  Count& count = layers[layer]->count[c];
-  count.hits += static_cast<std::uint32_t>(hits);  // unsigned: adding −1 takes one away
-  count.misses += static_cast<std::uint32_t>(misses);
-  chunk.total[c] += static_cast<std::uint32_t>(hits + misses);
-  std::int32_t folded = folding(layer > 0 ? layers[layer - 1]->count[c].folded : 0, count);
-  count.folded = folded;
-  for (std::size_t i = layer + 1; i < layers.size(); ++i) {
-    Count& later = layers[i]->count[c];
-    folded = folding(folded, later);
-    if (later.folded == folded) break;  // those behind it stay as they are
-    later.folded = folded;
-  }
-  const bool is_known = chunk.total[c] > 0;
-  const CellClass now = !is_known                             ? CellClass::kUnknown
-                        : layers.back()->count[c].folded >= 0 ? CellClass::kOccupied
-                                                              : CellClass::kFree;
-  if (now != chunk.cell_class[c]) setClass(chunk, cell, now, changed);
-}
-
-void CellCounts::setClass(Chunk& chunk, int cell, CellClass now, const OnChange& changed) {
-  CellClass& kept = chunk.cell_class[static_cast<std::size_t>(cell)];
+void CellCounts::setClass(Chunk& chunk, std::size_t cell, CellClass now, const OnChange& changed) {
+  CellClass& kept = chunk.cell_class[cell];
   if (kept == CellClass::kUnknown) ++known_;
   if (now == CellClass::kUnknown) --known_;
   kept = now;
-  changed(chunk.x * kChunk + cell % kChunk, chunk.y * kChunk + cell / kChunk, now);
+  const auto c = static_cast<std::int64_t>(cell);
+  changed(chunk.x * kChunk + c % kChunk, chunk.y * kChunk + c / kChunk, now);
+}
+
+/// What a cell is after some marks were added to it.
+inline void CellCounts::classify(Chunk& chunk, std::size_t cell, int marks, std::int32_t folded,
+                                 const OnChange& changed) {
+  const std::uint32_t total = chunk.total[cell] + static_cast<std::uint32_t>(marks);
+  chunk.total[cell] = total;
+  const CellClass now = total == 0    ? CellClass::kUnknown
+                        : folded >= 0 ? CellClass::kOccupied
+                                      : CellClass::kFree;
+  if (now != chunk.cell_class[cell]) setClass(chunk, cell, now, changed);
+}
+
+/// Adds to a cell's counts in one bucket.
+void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int misses,
+                        const OnChange& changed) {
+  const auto c = static_cast<std::size_t>(cell);
+  classify(chunk, c, hits + misses, chunk.counts.add(layer, c, hits, misses, fold_), changed);
 }
 
 /// Adds to a cell's counts in the newest bucket, the usual case: nothing behind it is folded anew.
-inline void CellCounts::changeNewest(Chunk& chunk, Count* counts, const Count* before, int cell, int hits,
-                                     int misses, const OnChange& changed) {
+inline void CellCounts::changeNewest(Chunk& chunk, CellChunk::Counts& counts, const CellChunk::Counts& before,
+                                     int cell, int hits, int misses, const OnChange& changed) {
   const auto c = static_cast<std::size_t>(cell);
-  Count count = counts[c];
+  CellChunk::Count count = counts[c];
   count.hits += static_cast<std::uint32_t>(hits);
   count.misses += static_cast<std::uint32_t>(misses);
-  count.folded = folding(before[c].folded, count);
+  count.folded = fold_(before[c].folded, count.hits, count.misses);
   counts[c] = count;
-  const std::uint32_t total = chunk.total[c] + static_cast<std::uint32_t>(hits + misses);
-  chunk.total[c] = total;
-  const CellClass now = total == 0          ? CellClass::kUnknown
-                        : count.folded >= 0 ? CellClass::kOccupied
-                                            : CellClass::kFree;
-  if (now != chunk.cell_class[c]) setClass(chunk, cell, now, changed);
+  classify(chunk, c, hits + misses, count.folded, changed);
 }
 
 void CellCounts::apply(const RayWindow& window, std::int64_t bucket, int sign, std::uint8_t mask_bit,
@@ -113,11 +86,10 @@ void CellCounts::apply(const RayWindow& window, std::int64_t bucket, int sign, s
 
 void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t bucket, int sign,
                             std::uint8_t mask_bit, const OnChange& changed) {
-  static const Layer kNothing{};
   Chunk* chunk = nullptr;
   std::size_t layer = 0;
-  Count* newest = nullptr;  // counts of the bucket, where it is the newest
-  const Count* before = kNothing.count.data();
+  CellChunk::Counts* newest = nullptr;  // of the bucket, where it is the newest
+  const CellChunk::Counts* before = nullptr;
   for (int row = 0; row < kChunk; ++row) {
     const std::uint8_t* marks = window.row(i, j, row);
     if (isEmptyRow(marks)) continue;
@@ -126,15 +98,15 @@ void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t 
       if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || (mark & mask_bit) != 0) continue;
       if (chunk == nullptr) {
         chunk = &chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
-        layer = layerFor(*chunk, bucket);
-        chunk->is_digested = false;
-        if (layer + 1 == chunk->layers.size()) newest = chunk->layers[layer]->count.data();
-        if (layer > 0) before = chunk->layers[layer - 1]->count.data();
+        layer = chunk->counts.layerFor(bucket, fold_);
+        chunk->counts.touch(layer);
+        before = &chunk->counts.before(layer);
+        if (chunk->counts.isNewest(layer)) newest = &chunk->counts.counts(layer);
       }
       const bool hit = (mark & RayWindow::kHit) != 0;
       const int cell = row * kChunk + column, hits = hit ? sign : 0, misses = hit ? 0 : sign;
       if (newest != nullptr)
-        changeNewest(*chunk, newest, before, cell, hits, misses, changed);
+        changeNewest(*chunk, *newest, *before, cell, hits, misses, changed);
       else
         change(*chunk, layer, cell, hits, misses, changed);
     }
@@ -152,11 +124,10 @@ void CellCounts::exchangeMasks(const RayWindow& window, std::int64_t bucket, con
           const std::uint8_t mark = marks[column], masks = mark & kBoth;
           if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || masks == 0 || masks == kBoth) continue;
           Chunk& chunk = chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
-          chunk.is_digested = false;
           const int sign = masks == RayWindow::kMaskA ? 1 : -1;
           const bool hit = (mark & RayWindow::kHit) != 0;
-          change(chunk, layerFor(chunk, bucket), row * kChunk + column, hit ? sign : 0, hit ? 0 : sign,
-                 changed);
+          change(chunk, chunk.counts.layerFor(bucket, fold_), row * kChunk + column, hit ? sign : 0,
+                 hit ? 0 : sign, changed);
         }
       }
     }
@@ -171,8 +142,8 @@ CellClass CellCounts::at(std::int64_t x, std::int64_t y) const {
       ->cell_class[static_cast<std::size_t>((y - chunk_y * kChunk) * kChunk + x - chunk_x * kChunk)];
 }
 
-std::vector<const CellCounts::Chunk*> CellCounts::inOrder() const {
-  std::vector<const Chunk*> all;
+std::vector<CellCounts::Chunk*> CellCounts::inOrder() const {
+  std::vector<Chunk*> all;
   all.reserve(chunks_.size());
   for (const auto& [key, chunk] : chunks_) all.push_back(chunk.get());
   std::sort(all.begin(), all.end(),
@@ -182,7 +153,7 @@ std::vector<const CellCounts::Chunk*> CellCounts::inOrder() const {
 
 void CellCounts::forEachKnown(const std::function<void(std::int64_t, std::int64_t, CellClass)>& visit) const {
   for (const Chunk* chunk : inOrder()) {
-    for (int c = 0; c < kCells; ++c) {
+    for (int c = 0; c < kChunk * kChunk; ++c) {
       const CellClass now = chunk->cell_class[static_cast<std::size_t>(c)];
       if (now != CellClass::kUnknown)
         visit(chunk->x * kChunk + c % kChunk, chunk->y * kChunk + c / kChunk, now);
@@ -190,36 +161,18 @@ void CellCounts::forEachKnown(const std::function<void(std::int64_t, std::int64_
   }
 }
 
-/// SHA-256 of (bucket, cell, hits, misses) of all counts that are not zero; all zeros where there are none.
-Sha256 CellCounts::digestOf(const Chunk& chunk) {
-  std::string bytes;
-  for (const auto& layer : chunk.layers) {
-    for (std::size_t c = 0; c < kCells; ++c) {
-      const Count& count = layer->count[c];
-      if (count.hits == 0 && count.misses == 0) continue;
-      putBytes(bytes, layer->bucket);
-      putBytes(bytes, static_cast<std::uint16_t>(c));
-      putBytes(bytes, count.hits);
-      putBytes(bytes, count.misses);
-    }
-  }
-  return bytes.empty() ? Sha256{} : sha256(bytes);
-}
-
 Sha256 CellCounts::hash() const {
-  std::string bytes = "omnifleet-map-1";
+  std::string bytes = "omnifleet-map-2";
   putBytes(bytes, resolution_dmm_);
   putBytes(bytes, bucket_ns_);
-  for (const std::int32_t parameter : {log_hit_, log_miss_, log_min_, log_max_}) putBytes(bytes, parameter);
-  for (const Chunk* chunk : inOrder()) {
-    if (!chunk->is_digested) {
-      chunk->digest = digestOf(*chunk);
-      chunk->is_digested = true;
-    }
-    if (chunk->digest == Sha256{}) continue;
+  for (const std::int32_t parameter : {fold_.hit, fold_.miss, fold_.min, fold_.max})
+    putBytes(bytes, parameter);
+  for (Chunk* chunk : inOrder()) {
+    const Sha256 digest = chunk->counts.digest();
+    if (digest == Sha256{}) continue;
     putBytes(bytes, chunk->x);
     putBytes(bytes, chunk->y);
-    bytes.append(chunk->digest.begin(), chunk->digest.end());
+    bytes.append(digest.begin(), digest.end());
   }
   return sha256(bytes);
 }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "global_merger/merger.h"
@@ -10,27 +11,55 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   section.read("rotation_rad", o.rotation_rad, {0.0, 6.3});
   section.read("interval_s", o.interval_s, {0.0, 3600.0});
   section.read("min_interval_s", o.min_interval_s, {0.0, 3600.0});
+  section.read("at_rest_share", o.at_rest_share, {0.0, 1.0});
+  section.read("at_rest_s", o.at_rest_s, {0.0, 3600.0});
   section.finish();
   return o;
+}
+
+/// Something came, went, moved or is of another kind than in the last keyframe of a robot that stands.
+bool ContributionMaker::seesOthers(const Objects& objects) const {
+  std::size_t visible = 0;
+  for (const Track& track : objects.tracks) {
+    if (!track.visible) continue;
+    ++visible;
+    const bool same = std::any_of(last_things_.begin(), last_things_.end(), [&](const Thing& thing) {
+      return thing.track_id == track.id && thing.kind == track.kind &&
+             (thing.position_m - track.position_m).norm() < options_.distance_m;
+    });
+    if (!same) return true;
+  }
+  return visible != last_things_.size();
+}
+
+bool ContributionMaker::isDue(const Objects& objects, const Pose2& map_from_base) {
+  constexpr double kSeconds = 1e-9;
+  const double passed_s = static_cast<double>(objects.acquired_ns - last_ns_) * kSeconds;
+  const Pose2 way = last_map_from_base_.inverse() * map_from_base;
+  const bool moved =
+      way.translation().norm() >= options_.distance_m || std::abs(way.theta_rad) >= options_.rotation_rad;
+  if (moved || seesOthers(objects)) news_ns_ = objects.acquired_ns;
+  const double at_rest_s = static_cast<double>(objects.acquired_ns - news_ns_) * kSeconds;
+  const double wait_s =
+      std::max(options_.interval_s, std::min(options_.at_rest_s, options_.at_rest_share * at_rest_s));
+  return passed_s >= (moved ? options_.min_interval_s : std::max(options_.min_interval_s, wait_s));
 }
 
 std::optional<ContributionMaker::Made> ContributionMaker::make(const Objects& objects,
                                                                const PoseEstimate& pose) {
   if (objects.state != FrameState::kOk || !pose.valid || !pose.map_from_base.isFinite()) return std::nullopt;
   if (objects.acquired_ns != pose.acquired_ns || objects.robot != pose.robot) return std::nullopt;
-  if (any_) {
-    if (objects.acquired_ns <= last_ns_) return std::nullopt;
-    const double passed_s = static_cast<double>(objects.acquired_ns - last_ns_) * 1e-9;
-    const Pose2 way = last_map_from_base_.inverse() * pose.map_from_base;
-    const bool moved =
-        way.translation().norm() >= options_.distance_m || std::abs(way.theta_rad) >= options_.rotation_rad;
-    if (passed_s < options_.min_interval_s || (!moved && passed_s < options_.interval_s)) return std::nullopt;
-  }
+  if (any_ && (objects.acquired_ns <= last_ns_ || !isDue(objects, pose.map_from_base))) return std::nullopt;
   Made made{occupancy::makeContribution(objects), occupancy::makeKeyframePose(pose)};
   if (!made.pose.valid) return std::nullopt;
+  if (!any_) news_ns_ = objects.acquired_ns;
   any_ = true;
   last_ns_ = objects.acquired_ns;
   last_map_from_base_ = pose.map_from_base;
+  last_things_.clear();
+  for (const Track& track : objects.tracks) {
+    if (track.visible) last_things_.push_back({track.id, track.kind, track.position_m});
+  }
   return made;
 }
 

@@ -23,11 +23,14 @@ struct KeyframeOptions {
   double rotation_rad = 0.05;    ///< rad turned since the last keyframe
   double interval_s = 0.5;       ///< s, a standing robot gives one this often
   double min_interval_s = 0.15;  ///< s, never more often (traffic)
+  double at_rest_share = 0.1;    ///< 1, of the time since anything was new: standing, not sooner than this …
+  double at_rest_s = 10.0;       ///< s, … but this often
 
   static KeyframeOptions read(const options::Section& section);
 };
 
 /// Which of one robot's frames are keyframes, and what they give. Choi §IV.4's local map to be overlaid.
+/// Contributions are kept for ever, so a robot that stands and sees nothing new gives them ever more rarely.
 class ContributionMaker {
  public:
   explicit ContributionMaker(const KeyframeOptions& options) : options_(options) {}
@@ -41,10 +44,21 @@ class ContributionMaker {
   std::optional<Made> make(const Objects& objects, const PoseEstimate& pose);
 
  private:
+  /// A thing that the last keyframe saw.
+  struct Thing {
+    std::uint32_t track_id = 0;
+    ObjectKind kind = ObjectKind::kUnknown;
+    Eigen::Vector2d position_m = Eigen::Vector2d::Zero();  ///< base_link
+  };
+  bool seesOthers(const Objects& objects) const;
+  bool isDue(const Objects& objects, const Pose2& map_from_base);
+
   KeyframeOptions options_;
   bool any_ = false;
   TimeNs last_ns_ = 0;
+  TimeNs news_ns_ = 0;  ///< when the robot moved, or something else than before was seen
   Pose2 last_map_from_base_;
+  std::vector<Thing> last_things_;
 };
 
 struct MergerOptions {

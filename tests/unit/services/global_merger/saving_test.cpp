@@ -40,6 +40,41 @@ TEST(ContributionMaker, ChoosesKeyframesByDistanceAndTime) {
   EXPECT_TRUE(make(1.5, 0.12));  // standing still
 }
 
+TEST(ContributionMaker, ARobotThatStandsForHoursFillsNoMemoryAndStillTellsWhatIsNew) {
+  ContributionMaker maker({});
+  const auto standing = frameAt(0.0, 0.0);
+  const auto make = [&](double t, const std::vector<Track>& tracks) {
+    Objects objects = standing.objects;
+    PoseEstimate pose = standing.pose;
+    objects.acquired_ns = pose.acquired_ns = standing.objects.acquired_ns + static_cast<TimeNs>(t * 1e9);
+    objects.tracks = tracks;
+    return maker.make(objects, pose).has_value();
+  };
+  Track box;
+  box.id = 1;
+  box.visible = true;
+  box.position_m = {1.0, 0.0};
+  int first_minute = 0, second_hour = 0;
+  for (double t = 0; t < 7200; t += 0.25) {
+    const int made = make(t, {box}) ? 1 : 0;
+    first_minute += t < 60 ? made : 0;
+    second_hour += t >= 3600 ? made : 0;
+  }
+  EXPECT_GE(first_minute, 20);
+  EXPECT_LE(second_hour, 360 + 1);  // one in 10 s
+  // What comes, moves, is known to be something else, or goes is told at once, and again soon after.
+  Track second = box, moved = box, known = box;
+  second.id = 2;
+  moved.position_m.x() += 0.1;
+  known.kind = ObjectKind::kObstacle;
+  double t = 7200;
+  for (const auto& tracks : {std::vector<Track>{box, second}, {box}, {moved}, {box}, {known}, {}}) {
+    t += 9.75;
+    EXPECT_TRUE(make(t, tracks)) << t;
+    EXPECT_TRUE(make(t + 0.5, tracks)) << t;
+  }
+}
+
 TEST(ContributionMaker, LeavesOutInvalidSamples) {
   ContributionMaker maker({});
   auto frame = frameAt(0.0, 0.0);
