@@ -5,14 +5,24 @@ namespace omnifleet::services {
 FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends)
     : name_("camera " + camera.id),
       reader_(context.bus.frameReader(camera.id, static_cast<std::size_t>(camera.model.image_width_px) *
-                                                     camera.model.image_height_px * 3)) {
-  ends.listen(name_, [this](TimeNs last, std::uint64_t) { end_ns_ = last; });
+                                                     camera.model.image_height_px * 3)),
+      may_lose_(context.options.mode == bus::RunMode::kLive) {
+  ends.listen(name_, [this](TimeNs last, std::uint64_t) {
+    end_ns_ = last;
+    last_heard_ = std::chrono::steady_clock::now();
+  });
+}
+
+bool FrameInlet::ended() const {
+  if (!end_ns_ || reader_->holding()) return false;
+  return last_ns_ >= *end_ns_ || (may_lose_ && std::chrono::steady_clock::now() - last_heard_ >= kGrace);
 }
 
 std::optional<bus::FrameView> FrameInlet::take(bus::StatusBoard& status) {
   while (auto frame = reader_->take()) {
     if (frame->header.acquired_ns > last_ns_) {
       last_ns_ = frame->header.acquired_ns;
+      last_heard_ = std::chrono::steady_clock::now();
       return frame;
     }
     reader_->release();

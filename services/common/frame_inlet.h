@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
@@ -20,14 +21,19 @@ class FrameInlet {
   std::optional<bus::FrameView> take(bus::StatusBoard& status);
   /// Gives the loan back. False: the pixels were overwritten while they were used.
   bool release(bus::StatusBoard& status);
-  /// The camera has said its last word and everything was taken.
-  bool ended() const { return end_ns_ && last_ns_ >= *end_ns_ && !reader_->holding(); }
+  /// The camera has said its last word and everything was taken. Live, the last frames may have been
+  /// overwritten before they could be: what has not come within kGrace after that word is lost.
+  bool ended() const;
+
+  static constexpr std::chrono::milliseconds kGrace{500};
 
  private:
   std::string name_;
   std::unique_ptr<bus::FrameReader> reader_;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
+  bool may_lose_;
+  std::chrono::steady_clock::time_point last_heard_{};  ///< of the camera: a frame or its end
 };
 
 /// The pixels without a copy: CV_8UC1 or CV_8UC3; empty where there are none.

@@ -80,7 +80,8 @@ int main(int argc, char** argv) {
   auto* run = app.add_subcommand("run", "a fleet file");
   run->add_option("fleet", request.fleet_file, "fleet file")->required();
   run->add_option("--out", request.out, "run directory")->default_val("out/run");
-  run->add_flag("--realtime", request.realtime, "the arena by the wall clock");
+  run->add_flag("--realtime", request.realtime,
+                "the arena, folders of pictures and videos by the wall clock");
   addCommon(*run, request);
   auto* replay = app.add_subcommand("replay", "a recording, as fast as it goes, no frame lost");
   replay->add_option("dataset", request.dataset, "dataset folder")->required();

@@ -15,8 +15,24 @@
 
 namespace omnifleet::launch {
 
+namespace {
+
+/// Everything that goes in lies on disk already.
+bool isRecorded(const fleet::Fleet& fleet) {
+  if (!fleet.dataset.empty()) return true;
+  const bool on_disk =
+      std::all_of(fleet.cameras.begin(), fleet.cameras.end(), [](const fleet::CameraSpec& camera) {
+        return camera.source == fleet::CameraSource::kFolder || camera.source == fleet::CameraSource::kVideo;
+      });
+  return !fleet.cameras.empty() && on_disk &&
+         std::none_of(fleet.robots.begin(), fleet.robots.end(),
+                      [](const fleet::RobotSpec& robot) { return robot.has_wheels || robot.laser; });
+}
+
+}  // namespace
+
 std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet) {
-  if (!fleet.dataset.empty()) return "replay";
+  if (isRecorded(fleet) && (!fleet.dataset.empty() || !request.realtime)) return "replay";
   return fleet.arena && !request.realtime ? "lockstep" : "live";
 }
 

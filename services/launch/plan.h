@@ -19,11 +19,12 @@ struct RunRequest {
   double stop_within_s = 1.8;  ///< s, from the first signal to the last process killed; the merger may save
   bool record = false;
   bool debug_images = false;
-  bool realtime = false;  ///< the arena by the wall clock
+  bool realtime = false;  ///< the arena, folders and videos by the wall clock
   int domain = 0;
 };
 
-/// "replay", "lockstep" or "live".
+/// "replay" of what lies on disk (a recording; folders of pictures and videos unless --realtime is asked),
+/// "lockstep" or "live".
 std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 
 /// One entry per process of the fleet on this host. `program_folder` holds the service programs.

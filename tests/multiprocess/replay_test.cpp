@@ -118,6 +118,33 @@ TEST(Replay, RobotsWhoseFramesFallBetweenEachOthersOrAreMissingAreReplayed) {
   }
 }
 
+TEST(Replay, FoldersOfPicturesAreReadToTheEndAndNoneIsLost) {
+  const std::string folder = freshDir("folders");
+  std::ofstream fleet(folder + "/fleet.yaml");
+  fleet << "robots:\n";
+  const std::string body = "body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26";
+  fleet << "  r1: {initial_pose: [-0.4, 0, 0], " << body << "}\n";
+  fleet << "  r2: {initial_pose: [-1.1, 0.05, 0], " << body << "}\ncameras:\n";
+  constexpr int kPictures = 40;  // of robots that stand
+  for (const std::string robot : {"r1", "r2"}) {
+    const std::string camera = recording() + "/" + robot + "/fisheye", pictures = folder + "/" + robot;
+    fs::create_directories(pictures);
+    for (int i = 0; i < kPictures; ++i)
+      fs::copy_file(images(camera + "/data").front(), pictures + "/" + std::to_string(100 + i) + ".png");
+    // Far more a second than can be mapped: at this pace a live run would lose most of them.
+    fleet << "  " << robot << "/fisheye: {source: folder, rate_hz: 1000, path: " << pictures
+          << ", sensor: " << camera << "/sensor.yaml}\n";
+  }
+  fleet.close();
+  const std::string out = folder + "/out";
+  Process launch({program("launch"), "run", folder + "/fleet.yaml", "--out", out, "--domain", "74"},
+                 folder + "/launch.log");
+  ASSERT_EQ(launch.wait(120s), std::optional<int>(0)) << launch.output();
+  for (const char* robot : {"r1", "r2"})
+    EXPECT_EQ(rows(fileText(out + "/trajectories/" + robot + ".tum")), kPictures) << robot;
+  EXPECT_THAT(launch.output(), testing::HasSubstr("replay"));
+}
+
 TEST(Replay, DoesNotWriteToTheRecording) {
   std::map<std::string, fs::file_time_type> before;
   for (const auto& entry : fs::recursive_directory_iterator(recording()))
