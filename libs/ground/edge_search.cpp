@@ -19,6 +19,11 @@ constexpr float kSameLight = 0.04f;  // of the brightness: within it the referen
 constexpr float kDeepLight = 0.12f;  // likewise, from which it lies in a shadow that grows darker inward
 constexpr float kHueShare = 0.3f;    // of the contrast, from which the hue alone tells the edge there
 constexpr float kSameHue = 0.06f;    // of the brightness, by which the floor's colour may be off in shadow
+constexpr float kHueNoise = 0.02f;   // of the reference's brightness, added to that
+constexpr float kNext_px = 1.5f;     // outside of the outline: what is mixed at the edge has ended
+constexpr float kWithin_px = 0.5f;   // inside of an edge: there a thing has begun to show its hue, …
+constexpr float kFloorsHue = 0.4f;   // … more than this share of it,
+constexpr float kLeastHue = 0.1f;    // if its hue is off the floor's by this share of the floor's brightness
 constexpr float kStep_px = 0.5f;     // between the samples along the normal
 constexpr int kAround = 8;           // samples about an edge, the two outermost at each side beyond what
                                      // pixels and a sharp lens blur
@@ -124,25 +129,45 @@ struct Normals {
   }
 };
 
+/// Share of the reference's brightness of what has its hue, else 1. Darker than a shadow, it may be anything.
+OMNIFLEET_INLINE Floats lightOf(const Colours& seen, const Colours& reference) {
+  const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
+  const Floats gain = dot(seen, reference) / rr, across2 = dot(seen, seen) / rr - gain * gain;
+  const Floats off = kSameHue * gain + kHueNoise;
+  const Ints is_floor = (gain > kDeepestShade) & (across2 < off * off);  // false for NaN
+  return is_floor ? gain : lanes::all(1.0f);
+}
+
 struct Beside {
   Colours colour;
   Ints in_shadow;  ///< clearly
 };
 
-/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow);
-/// else the reference, which has less noise. Where no floor is, what is there.
+/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow,
+/// which may be narrower than what is searched); else the reference, which has less noise. Where no floor is,
+/// what is there.
 OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
                                    const Colours& reference, const Ints& no_floor) {
-  const Floats out = lanes::all(-out_px), u = n.u(out), v = n.v(out);
-  const Colours there = coloursAt(image, u, v), beyond = coloursAt(image, u - n.in_x, v - n.in_y);
+  const auto outside = [&](float px) { return n.coloursAt(image, lanes::all(-px)); };
+  const Colours there = outside(out_px), beyond = outside(out_px + 1.0f), next = outside(kNext_px);
   const Colours seen = {0.5f * (there.blue + beyond.blue), 0.5f * (there.green + beyond.green),
                         0.5f * (there.red + beyond.red)};
-  const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
-  const Floats gain = dot(seen, reference) / rr, across2 = dot(seen, seen) / rr - gain * gain;
-  const Ints in_other_light = (gain > kDeepestShade) & (gain < 1.0f - kSameLight) &  // false for NaN
-                              (across2 < kSameHue * kSameHue * gain * gain);
-  return {choose(no_floor, there, choose(in_other_light, seen, reference)),
-          ~no_floor & in_other_light & (gain < 1.0f - kDeepLight)};
+  const Floats light = lightOf(seen, reference);
+  const Ints is_wide = light < 1.0f - kDeepLight;
+  const Ints is_narrow = ~is_wide & (lightOf(next, reference) < 1.0f - kDeepLight);
+  const Colours floor = choose(light < 1.0f - kSameLight, seen, reference);
+  return {choose(no_floor, there, choose(is_narrow, next, floor)), ~no_floor & (is_wide | is_narrow)};
+}
+
+/// Just inside of an edge in brightness the floor's hue goes on: it is the edge of a narrow shadow.
+/// @param inside beyond the edge, the thing
+OMNIFLEET_INLINE Ints isShadowsEdge(const cv::Mat& image, const Normals& n, const Floats& edge,
+                                    const Colours& inside, const Colours& reference, float least) {
+  const Colours hue = hueOf(inside, reference);
+  const Floats hue2 = dot(hue, hue);
+  const Floats share = dot(hueOf(n.coloursAt(image, edge + kWithin_px), reference), hue) / hue2;
+  const Ints tells = (hue2 >= least * least) & (hue2 >= kLeastHue * kLeastHue * dot(reference, reference));
+  return tells & (share < kFloorsHue);
 }
 
 /// Walks along the normals until a share of the way between floor and object is reached.
@@ -210,15 +235,15 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   const Colours reference = {lanes::load<Floats>(edges.floor[0]), lanes::load<Floats>(edges.floor[1]),
                              lanes::load<Floats>(edges.floor[2])};
   const auto search = static_cast<float>(options.search_px), least = static_cast<float>(options.min_contrast);
-  const Beside beside =
-      lookBeside(frame.image, n, search + kBeyond_px, reference, lanes::load<Ints>(edges.beside) != 0);
+  const Ints is_thing = lanes::load<Ints>(edges.beside) != 0;
+  const Beside beside = lookBeside(frame.image, n, search + kBeyond_px, reference, is_thing);
   const Colours& outside = beside.colour;
-  const Colours near = n.coloursAt(frame.image, lanes::all(search + kBeyond_px)) - outside;
+  const Colours inside = n.coloursAt(frame.image, lanes::all(search + kBeyond_px)), near = inside - outside;
   // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
   const Floats whole = length(near), in_luma = dot(near, luma());
-  const Ints by_hue = beside.in_shadow &
-                      (length(hueOf(near, reference)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
-  const Ints by_luma = ~by_hue & (lanes::magnitude(in_luma) >= kLumaShare * whole);
+  Ints by_hue = beside.in_shadow &
+                (length(hueOf(near, reference)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
+  Ints by_luma = ~by_hue & (lanes::magnitude(in_luma) >= kLumaShare * whole);
   const Ints usable = along >= 1e-3f;
 
   Walk walk{usable & by_luma & (lanes::magnitude(in_luma) >= least)};
@@ -227,6 +252,11 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
     for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
       walk.see(share.at(lanes::all(s)), lanes::all(s), s == -search);
     settle(share, by_luma, walk);
+    const Ints not_its =
+        walk.found & ~is_thing & isShadowsEdge(frame.image, n, walk.shift, inside, reference, least);
+    by_hue |= not_its;
+    by_luma &= ~not_its;
+    walk.found &= ~not_its;
   }
   const Ints left = usable & ~by_luma;
   if (lanes::any(left)) {  // colour is blurred over twice the pixels

@@ -269,9 +269,11 @@ Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
 
 bool GroundSegmenter::isInside(int y, int x) const {
   if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
+  const bool shade = isShade(solid_(y, x));  // the border of a thing's shadow is found pixel by pixel
   for (int dy = -1; dy <= 1; ++dy) {
-    const std::uint8_t* row = solid_.ptr(y + dy) + x;
-    if (row[-1] == 0 || row[0] == 0 || row[1] == 0) return false;
+    const Look* row = solid_.ptr(y + dy) + x;
+    for (int dx = -1; dx <= 1; ++dx)
+      if (row[dx] == 0 || isShade(row[dx]) != shade) return false;
   }
   return view_->coverage()(y, x) == 2;
 }

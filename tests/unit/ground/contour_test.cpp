@@ -29,7 +29,11 @@ class ContourTest : public ::testing::Test {
     });
     Contour contour;
     const cv::Mat3f floor(view_.cells(), cv::Vec3f(160, 160, 160));
-    cv::Mat1b grey = image;
+    cv::Mat1b grey;
+    if (image.channels() == 3)
+      cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
+    else
+      grey = image;
     tracer.trace({image, grey, mask, floor}, all, contour);
     return contour;
   }
@@ -173,6 +177,23 @@ TEST_F(ContourTest, TheShadowOnTheFloorBesideAThingIsNotPartOfIt) {
           (std::hypot(p.x() - 150.3, p.y() - 260.7) - 24.4) / static_cast<double>(contour.points_px.size());
     // Halfway between thing and plain floor lies 0.32, 0.33 and 0.16 px too far out.
     EXPECT_NEAR(mean, 0.0, most_px) << reach_px;
+  }
+}
+
+/// A thrown shadow of which only a narrow rim shows before the thing, hardly lighter than the thing itself.
+TEST_F(ContourTest, ANarrowShadowBesideAThingOfAnotherHueIsNotPartOfIt) {
+  for (const double width_px : {1.0, 1.5, 2.5}) {
+    cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
+    testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4 + width_px, {80, 80, 80});
+    testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, {50, 75, 30});
+    cv::Mat1b mask(image.size(), std::uint8_t{0});
+    testing::drawDisc<std::uint8_t>(mask, 150.3, 260.7, 24.4, 255);
+    const Contour contour = trace(image, mask > 0, true);
+    double mean = 0.0;
+    for (const auto& p : contour.points_px)
+      mean +=
+          (std::hypot(p.x() - 150.3, p.y() - 260.7) - 24.4) / static_cast<double>(contour.points_px.size());
+    EXPECT_NEAR(mean, 0.0, 0.1) << width_px;  // by brightness alone most of the shadow's width
   }
 }
 

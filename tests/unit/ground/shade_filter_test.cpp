@@ -67,6 +67,27 @@ TEST_F(ShadeFilterTest, AThrownShadowWithASharpRimIsFloorBesideSomethingBlack) {
   EXPECT_NEAR(found[0].area_px, M_PI * 256, ring(16));
 }
 
+/// Where a thing meets its shadow, both are far from the floor: which pixel is whose is asked all the same.
+TEST_F(ShadeFilterTest, NoCellOfADeepShadowGoesWithTheThingThatThrowsIt) {
+  const std::vector<cv::Point2d> places = {{480.2, 330.7}, {161.6, 331.1}, {479.9, 150.4}, {162.3, 151.8}};
+  for (const cv::Point2d& at : places) shade(at.x, at.y, [](double d) { return d < 44 ? 0.5 : 1.0; });
+  for (const cv::Point2d& at : places) testing::drawDisc<cv::Vec3b>(image_, at.x, at.y, 26, {110, 40, 50});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), places.size());
+  double farthest = 0.0;
+  for (const Blob& blob : found) {
+    for (const ground::Run& run : blob.runs) {
+      for (const int x : {run.begin, run.end - 1}) {
+        double nearest = 1e9;
+        for (const cv::Point2d& at : places)
+          nearest = std::min(nearest, std::hypot(x - at.x, run.row - at.y));
+        farthest = std::max(farthest, nearest);
+      }
+    }
+  }
+  EXPECT_LT(farthest, 26.0 + 1.0);  // of a pixel that the rim cuts
+}
+
 TEST_F(ShadeFilterTest, AStainOfSoftShadeOrLightIsFloor) {
   shade(480, 330, [](double d) { return 1.0 - 0.30 * std::exp(-d * d / (2.0 * 14 * 14)); });
   shade(160, 330, [](double d) { return 1.0 + 0.25 * std::exp(-d * d / (2.0 * 14 * 14)); });
