@@ -16,8 +16,8 @@ constexpr int kCell = FloorView::kCell;
 // Of the tolerances: a cell whose mean is nearer to floor is floor all over; one farther off, and all around
 // it too, is object all over.
 constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
-// Of the squared tolerance of hue: beyond it a pixel has another hue than the floor in any light.
-constexpr float kOtherHue = 2.0f;
+// Share of the floor's brightness by which cells differ that show the same, a thing or its shadow.
+constexpr float kAlike = 0.2f;
 // Share of the brightness that the tolerated noise makes up, from which pixels are averaged with their
 // neighbours first: else the tolerances would hide things in the dark.
 constexpr double kDrowning = 0.12;
@@ -130,12 +130,19 @@ bool GroundSegmenter::segment(const cv::Mat& image, cv::Mat1b* grey) {
   despeckler_.clean(strips_, raw_, objects_);
   lines_.apply(strips_, objects_);
   if (options_.shadows && options_.method == "local" && image.channels() == 3)
-    shade_.apply(strips_, {image, reference_.colour()}, looks_, raw_, despeckler_, objects_);
+    shade_.apply(strips_, shadeFrame(image), looks_, raw_, despeckler_, objects_);
   return true;
+}
+
+ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
+  const auto& o = options_.reference;
+  return {image, reference_.colour(), static_cast<float>(o.tolerance_across),
+          static_cast<float>(o.noise_sigmas * noise_)};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const double noise = seedNoise(image);
+  noise_ = noise;
   if (!reference_.learn(cells_.means(), noise)) return false;
   findStrips(noise);
   for (const auto& strip : strips_) {
@@ -269,13 +276,19 @@ Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
 
 bool GroundSegmenter::isInside(int y, int x) const {
   if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
-  const bool shade = isShade(solid_(y, x));  // the border of a thing's shadow is found pixel by pixel
+  Look least = 255, most = kFloorLook;
+  bool any_shade = false;
   for (int dy = -1; dy <= 1; ++dy) {
     const Look* row = solid_.ptr(y + dy) + x;
-    for (int dx = -1; dx <= 1; ++dx)
-      if (row[dx] == 0 || isShade(row[dx]) != shade) return false;
+    for (int dx = -1; dx <= 1; ++dx) {
+      least = std::min(least, row[dx]);
+      most = std::max(most, row[dx]);
+      any_shade = any_shade || isShade(row[dx]);
+    }
   }
-  return view_->coverage()(y, x) == 2;
+  if (least == kFloorLook || view_->coverage()(y, x) != 2) return false;
+  // The border between a thing and its shadow is found pixel by pixel.
+  return !any_shade || (isGrey(least) && gainOf(most) - gainOf(least) < kAlike);
 }
 
 void GroundSegmenter::everythingIsAStrip() {

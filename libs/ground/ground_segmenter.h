@@ -54,6 +54,7 @@ class GroundSegmenter {
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
   double seedNoise(const cv::Mat& image);
+  ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
   void findStrips(double noise);
   void markCells(double noise);
   Look lookOfCell(int x, int y, double noise) const;
@@ -68,6 +69,7 @@ class GroundSegmenter {
 
   const FloorView* view_;
   SegmenterOptions options_;
+  double noise_ = 0.0;  ///< of the last frame's seeds, grey levels
   FloorReference reference_;
   GroundHistogram histogram_;
   LineFilter lines_;

@@ -12,6 +12,9 @@ inline constexpr Look kFloorLook = 0, kColourLook = 1;
 /// Least share of the floor's light that a shadow leaves.
 inline constexpr float kDeepestShade = 0.40f;
 
+/// Of the squared tolerance of hue: beyond it something has another hue than the floor in any light.
+inline constexpr float kOtherHue = 2.0f;
+
 inline Look greyLook(float gain) {
   return static_cast<Look>(2.0f + std::min(253.0f, 100.0f * gain));
 }

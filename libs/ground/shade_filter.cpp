@@ -19,35 +19,76 @@ constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the
 constexpr int kPatternRegions = 3;      // that many faint ones at once are a pattern
 constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
+constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightness that parting it in two
+                                     // explains, from which it is of two kinds (a Gaussian: 0.64)
+constexpr int kAround_px = 2;        // to each side of a pixel, what is averaged for its hue
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
-/// The looks of a floor in shadow or with a faint pattern are consecutive.
-struct FloorLooks {
-  Look first = 255, last = 0;
-  FloorLooks() {
-    for (int look = 0; look < 256; ++look) {
-      if (!isShade(static_cast<Look>(look)) && !isFaint(static_cast<Look>(look))) continue;
-      first = std::min(first, static_cast<Look>(look));
-      last = static_cast<Look>(look);
-    }
-  }
-};
-
-/// bare = 1 where the mask is set by something that is neither shade nor a faint pattern, else 0.
-OMNIFLEET_WIDE void takeFloorOut(const Strip* strips, std::size_t count, const FloorLooks& floor,
-                                 const cv::Mat1b& mask, const cv::Mat1b& looks, cv::Mat1b& bare) {
-  const Look first = floor.first, last = floor.last;
-  for (const Strip* strip = strips; strip != strips + count; ++strip) {
-    const int begin = strip->begin_px, end = strip->end_px, top = strip->cell_row * kCell;
-    for (int y = top; y < top + kCell; ++y) {
-      const std::uint8_t *set = mask.ptr(y), *look = looks.ptr(y);
-      std::uint8_t* to = bare.ptr(y);
+/// bare = 1 where the mask is set within a region by what is neither shade (of its own limit) nor a faint
+/// pattern, else 0.
+OMNIFLEET_WIDE void takeFloorOut(const Blob& blob, Look first, Look last, const cv::Mat1b& mask,
+                                 const cv::Mat1b& looks, cv::Mat1b& bare) {
+  for (const Run& run : blob.runs) {
+    const std::uint8_t *set = mask.ptr(run.row), *look = looks.ptr(run.row);
+    std::uint8_t* to = bare.ptr(run.row);
 #pragma GCC ivdep
-      for (int x = begin; x < end; ++x)
-        to[x] = (set[x] != 0) & !((look[x] >= first) & (look[x] <= last)) ? 1 : 0;
+    for (int x = run.begin; x < run.end; ++x)
+      to[x] = (set[x] != 0) & !((look[x] >= first) & (look[x] <= last)) ? 1 : 0;
+  }
+}
+
+/// Where looks below 1.0 of the floor's light part best in two kinds (Otsu 1979); kFloorLook where they are
+/// one.
+Look partingOf(const std::array<int, 256>& pixels) {
+  constexpr int kFirst = kColourLook + 1, kEnd = kFirst + 100;
+  double n = 0.0, sum = 0.0, squares = 0.0;
+  for (int i = kFirst; i < kEnd; ++i) {
+    n += pixels[i];
+    sum += static_cast<double>(i) * pixels[i];
+    squares += static_cast<double>(i) * i * pixels[i];
+  }
+  const double variance = squares - sum * sum / std::max(1.0, n);
+  double below = 0.0, sum_below = 0.0, best = kTwoKinds * variance;
+  Look parting = kFloorLook;
+  for (int i = kFirst; i + 1 < kEnd; ++i) {
+    below += pixels[i];
+    sum_below += static_cast<double>(i) * pixels[i];
+    if (below <= 0.0 || below >= n) continue;
+    const double apart = sum_below / below - (sum - sum_below) / (n - below);
+    const double between = below * (n - below) / n * apart * apart;
+    if (between <= best) continue;
+    best = between;
+    parting = static_cast<Look>(i + 1);
+  }
+  return parting;
+}
+
+const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
+  return frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
+}
+
+/// What a region shows around a pixel has another hue than the floor, where the noise would hide it in a
+/// single pixel.
+bool hasOtherHue(const ShadeFilter::Frame& frame, const cv::Mat1b& raw, const cv::Mat1b& core, int x, int y) {
+  const cv::Vec3f& r = floorAt(frame, x, y);
+  const float rr = std::max(1.0f, r.dot(r)), noise = frame.noise / std::sqrt(rr);
+  if (noise < frame.hue_tolerance) return false;
+  int sum[3] = {}, count = 0;
+  for (int v = std::max(0, y - kAround_px); v <= std::min(raw.rows - 1, y + kAround_px); ++v) {
+    const std::uint8_t *set = raw.ptr(v), *known = core.ptr(v);
+    const auto* row = frame.image.ptr<cv::Vec3b>(v);
+    for (int u = std::max(0, x - kAround_px); u <= std::min(raw.cols - 1, x + kAround_px); ++u) {
+      if (set[u] == 0 || known[u] == 1) continue;
+      ++count;
+      for (int c = 0; c < 3; ++c) sum[c] += row[u][c];
     }
   }
+  const float share = 1.0f / static_cast<float>(std::max(1, count));
+  const cv::Vec3f mean(share * static_cast<float>(sum[0]), share * static_cast<float>(sum[1]),
+                       share * static_cast<float>(sum[2]));
+  const float gain = mean.dot(r) / rr, limit = frame.hue_tolerance + noise * std::sqrt(share);
+  return mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
 }
 
 /// Masks of 0 and 255.
@@ -60,8 +101,7 @@ float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
   x = std::clamp(x, 0, frame.image.cols - 1);
   y = std::clamp(y, 0, frame.image.rows - 1);
   const auto& p = frame.image.at<cv::Vec3b>(y, x);
-  const cv::Vec3f& r =
-      frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
+  const cv::Vec3f& r = floorAt(frame, x, y);
   const float rr = std::max(1.0f, r.dot(r));
   return (static_cast<float>(p[0]) * r[0] + static_cast<float>(p[1]) * r[1] +
           static_cast<float>(p[2]) * r[2]) /
@@ -100,6 +140,9 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] += others[i];
   Census census;
   census.coloured = pixels[kColourLook];
+  census.shade_limit = greyLook(kDeepestShade);
+  const Look parting = partingOf(pixels);
+  if (parting != kFloorLook && 2 * census.coloured < blob.area_px) census.shade_limit = parting;
   for (int i = 0; i < 256; ++i) {
     const auto look = static_cast<Look>(i);
     const int n = pixels[look];
@@ -107,7 +150,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
     const float gain = gainOf(look);
     if (isFaint(look)) census.faint += n;
     if (isOfPattern(look)) census.patterned += n;
-    if (isShade(look)) {
+    if (look >= census.shade_limit && gain < 1.0f) {
       census.shaded += n;
       census.shaded_gain += static_cast<float>(n) * gain;
     } else if (gain < 1.0f) {
@@ -166,13 +209,33 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
 
 void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
                         const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
-  static const FloorLooks kFloorLooks;
   const std::vector<Blob>& blobs = labeller_.label(objects, strips, kMinRegion_px);
   judgeAll(blobs, frame, looks);
   findCoreStrips(strips, blobs);
-  takeFloorOut(core_strips_.data(), core_strips_.size(), kFloorLooks, raw, looks, bare_);
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    if (judged_[i].verdict == Verdict::kKeepCore) {
+      takeFloorOut(blobs[i], judged_[i].shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
+      giveHuedBack(blobs[i], frame, raw);
+    }
+  }
   despeckler.clean(core_strips_, bare_, core_);
   for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, looks, objects);
+}
+
+/// Where the noise hides the hue of single pixels, those whose surroundings have another hue than the floor
+/// are no shade.
+void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& raw) {
+  constexpr std::uint8_t kFound = 2;
+  for (const Run& run : blob.runs) {
+    std::uint8_t* bare = bare_.ptr(run.row);
+    const std::uint8_t* set = raw.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x)
+      if (bare[x] == 0 && set[x] != 0 && hasOtherHue(frame, raw, bare_, x, run.row)) bare[x] = kFound;
+  }
+  for (const Run& run : blob.runs) {
+    std::uint8_t* bare = bare_.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x) bare[x] = bare[x] != 0 ? 1 : 0;
+  }
 }
 
 /// The strips around the regions of which only the core stays, with what despeckling looks at beside them.
@@ -197,7 +260,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   for (const Blob& blob : blobs) {
     const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
-    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least});
+    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least, census.shade_limit});
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
   }
   if (faint < kPatternRegions) return;

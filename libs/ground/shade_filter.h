@@ -29,6 +29,8 @@ class ShadeFilter {
   struct Frame {
     const cv::Mat& image;    ///< BGR8
     const cv::Mat3f& floor;  ///< floor colour per cell
+    float hue_tolerance;     ///< share of the floor's brightness by which its hue may be off
+    float noise;             ///< grey levels tolerated beside it in a single pixel
   };
 
   /// @param looks of the pixels, 0 outside the strips; @param raw 0/1, not yet despeckled
@@ -48,15 +50,18 @@ class ShadeFilter {
     int faint = 0;                               ///< of the shaded and bright ones
     int patterned = 0;                           ///< the faint ones and those hardly less so
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
+    Look shade_limit = kFloorLook;               ///< from which grey is taken for shade
   };
   enum class Verdict { kKeep, kKeepFirm, kKeepCore, kDrop, kUndecided };
   struct Judged {
     Verdict verdict;
     bool as_pattern;  ///< goes where the floor has a pattern
+    Look shade_limit;
   };
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
   void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
+  void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& raw);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);

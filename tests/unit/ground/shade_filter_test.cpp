@@ -88,6 +88,36 @@ TEST_F(ShadeFilterTest, NoCellOfADeepShadowGoesWithTheThingThatThrowsIt) {
   EXPECT_LT(farthest, 26.0 + 1.0);  // of a pixel that the rim cuts
 }
 
+/// Neither is so dark that it could not be the other: what tells them apart is that they are of two kinds.
+TEST_F(ShadeFilterTest, AGreyThingAsDarkAsShadowsMayBeIsToldFromItsOwn) {
+  shade(480, 330, [](double d) { return d < 19 ? 0.78 : d < 36 ? 0.78 + 0.013 * (d - 19) : 1.0; });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 330, 17, {46, 50, 53});
+  testing::drawDisc<cv::Vec3b>(image_, 483, 327, 8, {38, 41, 44});  // it is not even
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, M_PI * 17 * 17, ring(17));
+}
+
+/// The hue of a dark thing on a dark floor drowns in the noise of single pixels; half of them could be shade.
+TEST_F(ShadeFilterTest, ADarkThingOnADarkFloorIsWhole) {
+  for (auto& pixel : image_) pixel = cv::Vec3b(47, 55, 64);
+  std::mt19937 random(5);
+  std::normal_distribution<double> gauss(0.0, 0.1);
+  const std::vector<cv::Point2d> places = {{480, 330}, {160, 330}, {480, 150}, {160, 150}};
+  for (int y = 0; y < image_.rows; y += 3) {
+    for (int x = 0; x < image_.cols; x += 3) {  // spots of brightness
+      const double light = 0.45 + gauss(random);
+      for (const cv::Point2d& at : places)
+        if (std::hypot(x - at.x, y - at.y) < 26)
+          cv::rectangle(image_, {x, y, 3, 3}, cv::Scalar(62 * light, 55 * light, 55 * light), cv::FILLED);
+    }
+  }
+  image_ = testing::withNoise(image_, 2.0, 3);
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), places.size());
+  for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 26 * 26, 2 * ring(26));
+}
+
 TEST_F(ShadeFilterTest, AStainOfSoftShadeOrLightIsFloor) {
   shade(480, 330, [](double d) { return 1.0 - 0.30 * std::exp(-d * d / (2.0 * 14 * 14)); });
   shade(160, 330, [](double d) { return 1.0 + 0.25 * std::exp(-d * d / (2.0 * 14 * 14)); });
