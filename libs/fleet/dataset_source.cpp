@@ -1,7 +1,18 @@
+#include <fmt/format.h>
+
 #include "dataset/dataset.h"
 #include "fleet/sources.h"
 
 namespace omnifleet::fleet {
+
+void requireAboveFloor(const CameraSpec& camera, const std::string& sensor_file) {
+  const double height_m = camera.model.position_m.z();
+  if (camera.role != CameraRole::kFisheye || height_m > 0.0) return;
+  throw options::Error(
+      fmt::format("{}: position_m: its third number is the camera's height above the floor, "
+                  "metres; it is {} and must be greater than 0",
+                  sensor_file, height_m));
+}
 
 void addDataset(Fleet& fleet) {
   const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
@@ -12,6 +23,7 @@ void addDataset(Fleet& fleet) {
     camera.role = role;
     camera.source = CameraSource::kDataset;
     camera.model = stream.camera;
+    requireAboveFloor(camera, fleet.dataset + "/" + stream.name + "/sensor.yaml");
     fleet.cameras.push_back(camera);
   };
   for (const dataset::RobotRecording& recorded : recording.robots) {

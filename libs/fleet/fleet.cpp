@@ -79,6 +79,7 @@ CameraSpec readCamera(const std::string& id, const options::Section& section) {
   if (camera.source != CameraSource::kDevice) camera.path = besideFile(section, camera.path);
   section.require("sensor", sensor);
   camera.model = lens::CameraModel::load(besideFile(section, sensor));
+  requireAboveFloor(camera, besideFile(section, sensor));
   camera.rate_hz = 10.0;
   section.read("rate_hz", camera.rate_hz, {0.01, 1000.0});
   section.read("host", camera.host);

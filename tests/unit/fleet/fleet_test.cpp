@@ -176,5 +176,13 @@ TEST_F(FleetFile, NamesThatTheWireCannotCarryAreRefused) {
   EXPECT_THAT(problemOf(many), HasSubstr("there are 33, allowed are 1 to 32"));
 }
 
+TEST_F(FleetFile, ACameraThatSeesNoFloorIsToldByItsFileAndKey) {
+  std::string sensor(kSensor);
+  sensor.erase(sensor.find("position_m"));
+  write("sensor.yaml", sensor);
+  EXPECT_THAT(problemOf(std::string(kRobots) + kCameras),
+              testing::AllOf(HasSubstr("sensor.yaml: position_m"), HasSubstr("greater than 0")));
+}
+
 }  // namespace
 }  // namespace omnifleet::fleet
