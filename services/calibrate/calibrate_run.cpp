@@ -7,6 +7,7 @@
 #include <array>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
 #include <utility>
 
 #include "dataset/atomic_file.h"
@@ -60,6 +61,27 @@ Search findBoards(const Options& options, const std::function<void(const std::st
   return search;
 }
 
+/// Throws where no lens was found that explains the corners, with the image that fits worst.
+void checkError(const Options& options, const Search& search, const calibration::Calibration& found) {
+  const double rms_px = found.model.reprojection_rms_px;
+  if (rms_px <= options.max_rms_px) return;
+  const auto lens = lens::Lens::make(found.model);
+  std::string worst;
+  double worst_px = -1.0;
+  for (std::size_t v = 0; v < search.views.size(); ++v) {
+    const double px =
+        calibration::reprojectionRms_px(*lens, options.board, search.views[v], found.camera_from_board[v]);
+    if (px <= worst_px) continue;
+    worst_px = px;
+    worst = search.views[v].name;
+  }
+  throw std::runtime_error(fmt::format(
+      "reprojection error {:.1f} px RMS, more than {:g} (--max_rms_px): nothing written; worst is {} with {:.1f} px. "
+      "Try another --projection (kannala_brandt and ocam fit most lenses), check that --board counts inner corners, "
+      "leave images out by --match",
+      rms_px, options.max_rms_px, worst, worst_px));
+}
+
 }  // namespace
 
 lens::Projection projectionFromName(const std::string& name) {
@@ -93,6 +115,7 @@ Report run(const Options& options, const std::function<void(const std::string&, 
                                            found.camera_from_board);
   };
   found.model.reprojection_rms_px = measured(found.model);
+  checkError(options, search, found);
   const std::string head = fmt::format(
       "# Calibrated with {} of {} images of a board of {}x{} inner corners, {} m squares.\n"
       "# The outermost corner lay {:.1f}° from the axis; beyond it the model extrapolates.\n"

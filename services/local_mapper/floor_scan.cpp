@@ -43,6 +43,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
     const double phi = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(n);
     bearing_.emplace_back(std::cos(phi), std::sin(phi));
     double begin = -1.0, end = 0.0;
+    step_begin_.push_back(steps_.size());
     for (double r = kMarch_m; r <= options.max_range_m + 1e-9; r += kMarch_m) {
       const Eigen::Vector2d p = camera.foot() + r * bearing_[i];
       const auto pixel = camera.pixelFromPoint({p.x(), p.y(), 0.0});
@@ -51,12 +52,14 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
       if (seen && begin < 0) begin = r;
       if (!seen && begin >= 0) break;
       if (seen) end = r;
+      if (seen) steps_.push_back({static_cast<std::int16_t>(at.x), static_cast<std::int16_t>(at.y)});
     }
     floor_begin_m_.push_back(static_cast<float>(begin));
     floor_end_m_.push_back(static_cast<float>(end));
     floor_end_sigma_m_.push_back(
         static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
   }
+  step_begin_.push_back(steps_.size());
   findSectors();
 }
 
@@ -115,6 +118,21 @@ std::size_t FloorScan::rayBefore(const Eigen::Vector2d& to) const {
   return ray;
 }
 
+void FloorScan::addAll(const cv::Mat1b& objects) {
+  for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
+    for (std::size_t k = step_begin_[ray]; k < step_begin_[ray + 1]; ++k) {
+      if (objects(steps_[k].v, steps_[k].u) == 0) continue;
+      const double range =
+          static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(k - step_begin_[ray]);
+      if (range < nearest_m_[ray] - kMarch_m) {  // else a contour tells it better
+        nearest_m_[ray] = range;
+        object_[ray] = 0;
+      }
+      break;
+    }
+  }
+}
+
 double FloorScan::addUndecided(const ground::Blob& blob) {
   double nearest_m = std::numeric_limits<double>::infinity();
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
@@ -157,6 +175,7 @@ void FloorScan::finish(Scan& scan) {
   scan.sigma_m.resize(n);
   scan.label.resize(n);
   scan.object.assign(n, 0);
+  shares_.clear();
   for (std::size_t i = 0; i < n; ++i) {
     scan.range_m[i] = floor_end_m_[i];
     scan.sigma_m[i] = floor_end_sigma_m_[i];
@@ -170,6 +189,11 @@ void FloorScan::finish(Scan& scan) {
     scan.label[i] = RayLabel::kUnknown;
     scan.object[i] = object_[i];
   }
+  for (std::size_t i = 0; i < n; ++i)
+    if (floor_begin_m_[i] >= 0.0f) shares_.push_back(scan.range_m[i] / floor_end_m_[i]);
+  const auto middle = shares_.begin() + static_cast<std::ptrdiff_t>(shares_.size() / 2);
+  if (!shares_.empty()) std::nth_element(shares_.begin(), middle, shares_.end());
+  free_share_ = shares_.empty() ? 0.0 : static_cast<double>(*middle);
 }
 
 }  // namespace omnifleet::local_mapper

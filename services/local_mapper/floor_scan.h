@@ -26,6 +26,12 @@ class FloorScan {
   void begin();
   /// A region in the way; label 0 for one that is no object.
   void add(const FloorContour& contour, std::uint16_t label);
+  /// All in a mask (0: nothing) that stands in the way, where a region closes around the robot: its contour
+  /// is the far side of it.
+  void addAll(const cv::Mat1b& objects);
+  /// Share of the visible floor's depth that is free, the middle one of all bearings that see floor; since
+  /// finish().
+  double freeShare() const { return free_share_; }
   /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns its
   /// distance from the camera's foot, metres; infinite where none of it is on the floor.
   double addUndecided(const ground::Blob& blob);
@@ -48,6 +54,13 @@ class FloorScan {
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
   std::vector<double> nearest_m_, undecided_m_;
   std::vector<std::uint16_t> object_;
+  struct Step {
+    std::int16_t u, v;
+  };
+  std::vector<Step> steps_;              ///< pixels of the visible floor along the bearings, kMarch_m apart
+  std::vector<std::size_t> step_begin_;  ///< of each bearing; one more for the end
+  std::vector<float> shares_;
+  double free_share_ = 1.0;
 };
 
 }  // namespace omnifleet::local_mapper

@@ -157,12 +157,15 @@ bool LocalMapper::Stages::findRegions(const cv::Mat& image) {
 void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   blob_of_object.clear();
   scan.begin();
+  bool closed = false;
   for (const ground::Blob& blob : *blobs) {
     tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object);
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
+    closed = closed || silhouette.isAround();
   }
+  if (closed) scan.addAll(segmenter.objects());
   for (const ground::Blob& blob : segmenter.undecided())
     undecided += scan.addUndecided(blob) <= options.silhouette.max_contact_m ? 1 : 0;
   scan.finish(map.scan);
@@ -232,6 +235,10 @@ std::size_t LocalMapper::rejectedPoints() const {
 
 int LocalMapper::undecided() const {
   return stages_->undecided;
+}
+
+double LocalMapper::freeShare() const {
+  return stages_->scan.freeShare();
 }
 
 const char* LocalMapper::fault() const {

@@ -65,6 +65,9 @@ class LocalMapper {
   /// Regions of the last frame within the reach of objects that may be things of the floor's colour or a part
   /// of its pattern: none of `objects`, the scan ends at them. Whoever answers for missed things must know.
   int undecided() const;
+  /// Share of the visible floor's depth that was free in the last valid frame, the middle one of all
+  /// bearings.
+  double freeShare() const;
   /// Why the last frame was not used, where its state alone does not say it; else empty.
   const char* fault() const;
 

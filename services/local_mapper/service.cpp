@@ -10,7 +10,8 @@ namespace {
 
 using std::chrono::steady_clock;
 
-constexpr int kLastingFrames = 10;  // what is undecided for so long is told
+constexpr int kLastingFrames = 10;    // what is undecided, or shut in, for so long is told
+constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
   const fleet::CameraSpec* camera = fleet.fisheyeOf(fleet.robot(robot).name);
@@ -138,6 +139,15 @@ void LocalMapperService::process(const bus::FrameView& view) {
         "camera {}: something nearly of the floor's colour may be a thing or a pattern; it is left out of "
         "the map and nothing behind it counts as seen",
         camera_.id));
+  }
+  const bool hemmed_in = local_map_.state == FrameState::kOk && mapper_.freeShare() < kLittleFloor;
+  hemmed_in_frames_ = hemmed_in ? hemmed_in_frames_ + 1 : 0;
+  if (hemmed_in_frames_ == kLastingFrames) {
+    status().error(
+        fmt::format("camera {}: hardly any floor is seen around the robot: things stand close on all sides, "
+                    "or its own body is "
+                    "taken for the floor (self_mask_radius_px of its sensor.yaml is {:g})",
+                    camera_.id, camera_.model.self_mask_radius_px));
   }
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {

@@ -62,6 +62,7 @@ class LocalMapperService : public bus::Service {
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
   int undecided_frames_ = 0;         ///< in a row
+  int hemmed_in_frames_ = 0;         ///< in a row that show hardly any floor
   bool ended_ = false;
 };
 

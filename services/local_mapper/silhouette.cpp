@@ -41,7 +41,8 @@ Silhouette::Silhouette(const lens::Camera& camera, const ground::FloorView& view
 bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contour,
                          const std::vector<bool>& hides, ObjectObservation& object) {
   projectToFloor(contour, hides);
-  if (floor_.points_m.empty()) return false;
+  is_around_ = closesAroundFoot();
+  if (floor_.points_m.empty() || is_around_) return false;
   findContact(object);
   const double contact_m = (object.contact_m - camera_->foot()).norm();
   if (contact_m > std::max(options_.max_contact_m, options_.far_contact_m)) return false;
@@ -103,6 +104,24 @@ void Silhouette::projectToFloor(const ground::Contour& contour, const std::vecto
     is_hidden_ = is_hidden_ || hidden;
     floor_.cut.push_back(hidden || view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
   }
+}
+
+/// By the crossings of the contour with a ray from there.
+bool Silhouette::closesAroundFoot() const {
+  const Eigen::Vector2d foot = camera_->foot();
+  bool inside = false;
+  for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
+    const std::size_t begin = floor_.loop_begin[k];
+    const std::size_t end =
+        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector2d a = floor_.points_m[i] - foot,
+                            b = floor_.points_m[i + 1 < end ? i + 1 : begin] - foot;
+      if ((a.y() > 0.0) == (b.y() > 0.0)) continue;
+      if (a.x() + (b.x() - a.x()) * a.y() / (a.y() - b.y()) > 0.0) inside = !inside;
+    }
+  }
+  return inside;
 }
 
 void Silhouette::findContact(ObjectObservation& object) const {

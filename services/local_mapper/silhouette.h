@@ -44,9 +44,13 @@ class Silhouette {
   /// @param hides per value of Contour::beside, whether what lies there stands before this region: its
   /// outline
   ///   there is not its own; empty: nothing does
-  /// @return false where the region is no object: too small, too far, no floor point.
+  /// @return false where the region is no object: too small, too far, no floor point, closed around the
+  /// robot.
   bool measure(const ground::Blob& blob, const ground::Contour& contour, const std::vector<bool>& hides,
                ObjectObservation& object);
+  /// The region of the last measure() closes around the camera's foot, as a room's walls do: its contour is
+  /// that of its far side.
+  bool isAround() const { return is_around_; }
   /// Distance from the camera's foot to the nearest point of an outline that borders on floor, metres;
   /// infinite where there is none.
   double contactDistance(const ground::Contour& contour) const;
@@ -64,6 +68,7 @@ class Silhouette {
 
  private:
   void projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides);
+  bool closesAroundFoot() const;
   void findContact(ObjectObservation& object) const;
   void measureHull(ObjectObservation& object);
   void findOutermost();
@@ -89,6 +94,7 @@ class Silhouette {
   std::vector<std::size_t> outermost_;  ///< points of it that may be corners of its hull
   Polygon outermost_m_;
   std::size_t rejected_ = 0;
+  bool is_around_ = false;
   bool is_hidden_ = false;  ///< something stands before the region
   std::vector<Corner> corners_;
 };

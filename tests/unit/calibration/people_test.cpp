@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "calibrate/calibrate_run.h"
 #include "tests/test_data.h"
 
@@ -51,6 +53,28 @@ TEST_P(RealLenses, Second) {
 
 INSTANTIATE_TEST_SUITE_P(Models, RealLenses,
                          ::testing::Values(lens::Projection::kKannalaBrandt, lens::Projection::kOcam));
+
+TEST(PeoplesBoards, ALensThatDoesNotExplainTheCornersIsNotWritten) {
+  OMNIFLEET_NEEDS_DATA(path, "ocamcalib_fisheye");
+  const omnifleet::test::TempFolder folder;
+  Options options;
+  options.images = path;
+  options.match = "Fisheye1_*";
+  options.board = calibration::Board::parse("6x8", 0.0325);
+  options.projection = lens::Projection::kStereographic;
+  options.out = folder / "sensor.yaml";
+  try {
+    run(options, [](const std::string&, bool) {});
+    FAIL() << "no error";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("--max_rms_px"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("--projection"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(options.out));
+  options.max_rms_px = 1000.0;
+  EXPECT_GT(run(options, [](const std::string&, bool) {}).total_rms_px, 2.0);
+  EXPECT_TRUE(std::filesystem::exists(options.out));
+}
 
 TEST(PeoplesBoards, BadInputIsNamed) {
   const omnifleet::test::TempFolder folder;

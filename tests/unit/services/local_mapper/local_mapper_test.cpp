@@ -85,6 +85,40 @@ TEST_F(LocalMapperTest, ScanEndsAtTheObjectsAndLabelsThem) {
   EXPECT_EQ(map.scan.label[45], RayLabel::kFloorEnd);
 }
 
+/// One region that closes around the robot: the scan ends at its near side, and it is no object.
+TEST_F(LocalMapperTest, ScanEndsAtTheWallsOfARoom) {
+  scene_.prisms.clear();
+  for (int side = 0; side < 4; ++side) {
+    const double turn = 0.5 * M_PI * side;
+    scene_.prisms.push_back(
+        {box(1.3 * std::cos(turn), 1.3 * std::sin(turn), 0.1, 2.7, turn), 0.25, {60, 90, 190}});
+  }
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  ASSERT_EQ(map.state, FrameState::kOk);
+  EXPECT_TRUE(map.objects.empty());
+  for (std::size_t i = 0; i < 360; ++i) {
+    const double bearing = static_cast<double>(i) * M_PI / 180.0;
+    const double wall_m = 1.25 / std::max(std::abs(std::cos(bearing)), std::abs(std::sin(bearing)));
+    EXPECT_EQ(map.scan.label[i], RayLabel::kUnknown) << i;
+    EXPECT_NEAR(map.scan.range_m[i], wall_m, 0.04) << i;  // of a pixel, 1 to 3 cm
+  }
+  EXPECT_NEAR(mapper.freeShare(), 0.55, 0.05);
+}
+
+TEST_F(LocalMapperTest, ABodyThatIsTakenForTheFloorLeavesHardlyAny) {
+  cv::Mat3b image = testing::renderScene(scene_, camera_, {});
+  const Eigen::Vector2d& middle = camera_.model().principal_point_px;
+  cv::circle(image, {cvRound(middle.x()), cvRound(middle.y())}, 95, cv::Scalar(40, 40, 45), cv::FILLED);
+  lens::CameraModel unmasked = camera_.model();
+  unmasked.self_mask_radius_px = 0.0;
+  LocalMapper seeing(camera_, {}), blind(lens::Camera(unmasked), {});
+  ASSERT_EQ(seeing.process(testing::frameOf(image, 0), {}).state, FrameState::kOk);
+  EXPECT_GT(seeing.freeShare(), 0.9);
+  ASSERT_EQ(blind.process(testing::frameOf(image, 0), {}).state, FrameState::kOk);
+  EXPECT_LT(blind.freeShare(), 0.2);
+}
+
 TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
   LocalMapper mapper(camera_, {});
   const Pose2 before{0, 0, 0}, step{0.05, 0.0, 0.02}, after = before * step;

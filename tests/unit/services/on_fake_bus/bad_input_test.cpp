@@ -46,8 +46,19 @@ class LocalMapperStage : public testing::Test {
     std::memset(loan, 120, header.bytes());
     for (int v = 0; stain_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 106, 3 * 22);
     for (int v = 0; thing_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 20, 3 * 22);
+    for (int v = 0; shut_in_ && v < height; ++v)
+      for (int u = 0; u < width; ++u) paintAround(u, v, loan + 3 * (v * width + u));
     if (is_covered_) std::memset(loan, 70, header.bytes());
     ASSERT_TRUE(camera_->publish());
+  }
+  /// Six colours around a narrow strip of floor.
+  static void paintAround(int u, int v, std::uint8_t* pixel) {
+    const double x = u - 0.5 * (kWidth - 1), y = v - 0.5 * (kHeight - 1);
+    if (std::hypot(x, y) < 86.0) return;
+    const int sector = static_cast<int>(6.0 * (std::atan2(y, x) + M_PI) / (2.0 * M_PI + 1e-9));
+    const std::uint8_t colours[6][3] = {{20, 20, 200},  {20, 200, 20},  {200, 20, 20},
+                                        {20, 200, 200}, {200, 20, 200}, {10, 10, 10}};
+    std::memcpy(pixel, colours[sector], 3);
   }
   /// One frame in, the stage's one answer out.
   v1::FrameState answerTo(std::uint32_t index, int width, int height, FrameState state = FrameState::kOk) {
@@ -64,6 +75,7 @@ class LocalMapperStage : public testing::Test {
   }
 
   bool thing_ = false;       ///< a dark square there
+  bool shut_in_ = false;     ///< things on all sides
   bool is_covered_ = false;  ///< by something grey
   bool stain_ = false;       ///< a square a tenth darker than the floor, in reach
   test::StageBench bench_;
@@ -93,6 +105,15 @@ TEST_F(LocalMapperStage, WhatMayBeAThingOfTheFloorsColourIsToldWhenItLasts) {
   for (int i = 0; i < 10; ++i) ASSERT_EQ(answerTo(index++, kWidth, kHeight), v1::FrameState::FRAME_OK);
   EXPECT_THAT(bench_.status().last_error,
               HasSubstr("camera r1/fisheye: something nearly of the floor's colour"));
+}
+
+TEST_F(LocalMapperStage, WhoSeesHardlyAnyFloorSaysSoWhenItLasts) {
+  shut_in_ = true;
+  for (std::uint32_t index = 0; index < 9; ++index) answerTo(index, kWidth, kHeight);
+  EXPECT_EQ(bench_.status().last_error, "");
+  answerTo(9, kWidth, kHeight);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("camera r1/fisheye: hardly any floor is seen"));
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("self_mask_radius_px"));
 }
 
 /// The wheels roll 2 cm from frame to frame.
