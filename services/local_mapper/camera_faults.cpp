@@ -9,7 +9,6 @@ FaultOptions FaultOptions::read(const options::Section& section) {
   section.read("frozen_m", o.frozen_m, {0.0, 100.0});
   section.read("frozen_rad", o.frozen_rad, {0.001, 100.0});
   section.read("cover_step", o.cover_step, {0.0, 10.0});
-  section.read("cover_gone_m", o.cover_gone_m, {0.0, 100.0});
   section.finish();
   return o;
 }
@@ -53,15 +52,9 @@ bool CoverCheck::differs(const cv::Vec3f& floor) const {
   return cv::norm(floor - floor_) > options_.cover_step * cv::norm(floor_);
 }
 
-bool CoverCheck::isCovered(std::size_t objects, const cv::Vec3f& floor, const Motion& wheels) {
+bool CoverCheck::isCovered(std::size_t objects, const cv::Vec3f& floor) {
   if (options_.cover_step <= 0.0) return false;
-  if (covered_) {
-    if (wheels.valid) rolled_m_ += wheels.previous_from_current.translation().norm();
-    covered_ = objects == 0 && differs(floor) && rolled_m_ < options_.cover_gone_m;
-  } else if (objects == 0 && objects_ > 0 && differs(floor)) {
-    covered_ = true;
-    rolled_m_ = 0.0;
-  }
+  covered_ = objects == 0 && (covered_ || objects_ > 0) && differs(floor);
   if (!covered_) {
     objects_ = objects;
     floor_ = floor;

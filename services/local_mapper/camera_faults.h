@@ -13,9 +13,8 @@ namespace omnifleet::local_mapper {
 struct FaultOptions {
   double frozen_m =
       0.03;  ///< metres rolled under one and the same picture of things that makes it frozen; 0: off
-  double frozen_rad = 0.06;   ///< radians turned, likewise
-  double cover_step = 0.12;   ///< 1, of the floor's colour from one frame to the next …; 0: off
-  double cover_gone_m = 0.5;  ///< metres after which what a covered camera saw before may be out of sight
+  double frozen_rad = 0.06;  ///< radians turned, likewise
+  double cover_step = 0.12;  ///< 1, of the floor's colour from one frame to the next …; 0: off
   static FaultOptions read(const options::Section& section);
 };
 
@@ -42,15 +41,15 @@ class FreezeCheck {
 };
 
 /// A lens covered by something of one colour looks like a bare floor. But then all things vanish in the very
-/// frame in which the floor changes its colour. It ends when things are seen again, when the floor's colour
-/// is back, or when the robot has driven so far that what it saw before need not be there.
+/// frame in which the floor changes its colour. It ends when things are seen again or when the floor's colour
+/// is back, however far the robot drives: a cover that stays must not clear the map, and another floor shows
+/// a thing before long.
 class CoverCheck {
  public:
   explicit CoverCheck(const FaultOptions& options) : options_(options) {}
 
-  /// @param floor mean colour around the robot, @param wheels since the frame before; frames that cannot be
-  /// used otherwise are left out.
-  bool isCovered(std::size_t objects, const cv::Vec3f& floor, const Motion& wheels);
+  /// @param floor mean colour around the robot; frames that cannot be used otherwise are left out.
+  bool isCovered(std::size_t objects, const cv::Vec3f& floor);
 
  private:
   bool differs(const cv::Vec3f& floor) const;
@@ -59,7 +58,6 @@ class CoverCheck {
   bool covered_ = false;
   std::size_t objects_ = 0;  ///< of the last frame that was not covered
   cv::Vec3f floor_{0, 0, 0};
-  double rolled_m_ = 0.0;
 };
 
 }  // namespace omnifleet::local_mapper

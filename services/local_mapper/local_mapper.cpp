@@ -104,7 +104,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   s.flow.push();                  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.freeze.saw(s.map.objects.size());
-  if (s.cover.isCovered(s.map.objects.size(), s.floorAround(), wheels)) {
+  if (s.cover.isCovered(s.map.objects.size(), s.floorAround())) {
     s.discard();
     return s.map;
   }
