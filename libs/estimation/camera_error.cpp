@@ -1,5 +1,6 @@
 #include "estimation/camera_error.h"
 
+#include <Eigen/Dense>
 #include <cmath>
 
 namespace omnifleet::estimation {
@@ -22,28 +23,24 @@ CameraError CameraOptions::sigma() const {
   return sigma;
 }
 
-Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m) {
-  if (!(camera_height_m > 0)) return Eigen::Matrix<double, 2, 4>::Zero();  // a laser has none of these
-  const double rho = p_m.norm(), u = rho / camera_height_m;
-  // H·(1 + u²)·atan(u)/ρ, whose limit at the foot is 1.
-  const double radial = u > 1e-6 ? (1.0 + u * u) * std::atan(u) / u : 1.0;
-  Eigen::Matrix<double, 2, 4> field;
-  field.col(0) = -radial * p_m;
-  field.col(1) = p_m;
-  field.col(2) = Eigen::Vector2d(0.0, camera_height_m) + p_m * (p_m.y() / camera_height_m);
-  field.col(3) = -(Eigen::Vector2d(camera_height_m, 0.0) + p_m * (p_m.x() / camera_height_m));
-  return field;
+Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
+                              const CameraOptions& options) {
+  if (!options.estimate) return Eigen::Vector4d::Zero();
+  const Eigen::Vector4d mean = error.head<4>();
+  const Eigen::LLT<Eigen::Matrix4d> after(covariance.topLeftCorner<4, 4>());
+  if (after.info() != Eigen::Success) return Eigen::Vector4d::Zero();
+  // ln of the densities of zero: with the prior, with what was seen.
+  const double before_ln = -options.sigma().head<4>().array().log().sum();
+  const double after_ln =
+      -after.matrixLLT().diagonal().array().log().sum() - 0.5 * after.matrixL().solve(mean).squaredNorm();
+  return mean / (1.0 + std::exp(after_ln - before_ln));
 }
 
-double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, double camera_height_m) {
-  if (!(camera_height_m > 0)) return 0.0;
-  const double rho = p_m.norm(), u = rho / camera_height_m;
-  if (u < 1e-6) return camera_height_m;
-  const Eigen::Vector2d along = p_m / rho;
-  const double radial = normal.dot(along) * camera_height_m * (1.0 + u * u);
-  const double across =
-      (along.x() * normal.y() - along.y() * normal.x()) * camera_height_m * u / std::atan(u);
-  return std::hypot(radial, across);
+double displacement(const Eigen::Vector4d& error) {
+  constexpr double kDistance = 3.0;
+  const Eigen::Matrix<double, 2, 4> along = cameraField({kDistance, 0.0}, 1.0);
+  return std::abs(along(0, 0) * error(0)) + std::abs(along(0, 1) * error(1)) +
+         (1.0 + kDistance * kDistance) * error.tail<2>().norm();
 }
 
 }  // namespace omnifleet::estimation

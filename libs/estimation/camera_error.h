@@ -1,22 +1,12 @@
 #pragma once
 
-// How a camera that looks at the floor errs against its calibration, and what that does to what it sees on
-// the floor (docs/methods.md, "Estimator": focal length and tilt are estimated where observable). The lens
-// itself is not asked: its focal error is taken as that of an equidistant one, which is 10 % (equisolid) to
-// 20 % (stereographic) off at 65°, of an error that is small itself.
-
-#include <Eigen/Core>
-
+#include "observation/camera_error.h"
 #include "options/options.h"
 
 namespace omnifleet::estimation {
 
-/// (focal length ε 1, height over the floor η 1, roll rad, pitch rad): calibrated value minus true one; ε and
-/// η relative to the true one. Then how far outlines are seen too large all round, rad of the ray's angle:
-/// blur, compression and a tone curve move every contour by a part of a pixel, which would otherwise be taken
-/// for a wrong height or focal length.
-using CameraError = Eigen::Matrix<double, 5, 1>;
-constexpr int kCameraErrors = CameraError::RowsAtCompileTime;
+using omnifleet::CameraError;
+using CameraCovariance = Eigen::Matrix<double, kCameraErrors, kCameraErrors>;
 
 /// Priors: what calibrations are worth.
 struct CameraOptions {
@@ -30,17 +20,17 @@ struct CameraOptions {
   CameraError sigma() const;
 };
 
-/// A point p of the floor, from the camera's foot in base_link, is seen at p + field(p)·error. First order,
-/// with ρ = |p|, u = ρ/H and t = (−pitch, roll):
-///   focal  −ε·H·(1 + u²)·atan(u)·p/ρ      (θ′ = θ·(1 − ε), ρ = H·tan θ)
-///   height  η·p                           (H′ = H·(1 + η))
-///   tilt    H·t + p·(p·t)/H               (the ray (p, −H) turned about the base's axes)
-/// The tops of things are seen by the same rays, so it holds for whole silhouettes. Zero for a laser (H = 0).
-Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m);
+/// What of an estimated error must be believed of the camera: focal length, height, roll, pitch. A calibration
+/// is right or it errs as its prior says, each as likely before anything is seen; the estimate, which takes
+/// the second for granted, counts by the probability of it afterwards. That of a right one shows in the
+/// estimate itself: how much less than before zero is expected (the density ratio of Savage and Dickey; Dickey
+/// 1971). So what is told of a well calibrated camera is zero within its noise, and of another the estimate.
+/// How large outlines are seen is a nuisance of both.
+Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
+                              const CameraOptions& options);
 
-/// By how much the tangent with unit normal n, which touches an outline at p, moves out where the outline is
-/// seen too large by 1 rad: |Jᵀ·n|, J the floor by the angles, H·(1 + u²) along p and H·u/atan(u) across.
-/// Metres per radian; zero for a laser.
-double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, double camera_height_m);
+/// Larger by how much two errors displace things differently as seen from the camera: metres per metre of its
+/// height, of a point three heights away, at most.
+double displacement(const Eigen::Vector4d& error);
 
 }  // namespace omnifleet::estimation

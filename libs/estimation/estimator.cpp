@@ -20,6 +20,7 @@ constexpr int kMovedAfter = 5;            // misfits in a row after which a land
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
+constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
 }  // namespace
 
 class FleetEstimator::Impl {
@@ -62,12 +63,14 @@ class FleetEstimator::Impl {
   void checkSteps(std::vector<Frame>& frames);
   void noticeLoss(Frame& frame);
   void updateCovariances();
+  void tellCamera(RobotNode& robot, const CameraCovariance& covariance) const;
   void condense();
   void forgetLandmarks();
   void forgetPoints();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames) const;
 
   MeasurementQueue queue_;
+  bool settled_ = false;  ///< at the end of a run
   bool whole_ = false;  ///< the newest frames went through a solve of the whole window already
 };
 
@@ -306,6 +309,9 @@ void FleetEstimator::Impl::updateCovariances() {
   }
   for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
   for (const auto& [name, point] : fleet.points) wanted.push_back(point.variable);
+  for (const RobotNode& robot : fleet.robots) {
+    if (robot.camera != 0) wanted.push_back(robot.camera);
+  }
   if (wanted.empty()) return;
   const Eigen::MatrixXd covariance =
       whole_ ? fleet.graph.covariance(wanted) : fleet.graph.newestCovariance(wanted);
@@ -324,6 +330,17 @@ void FleetEstimator::Impl::updateCovariances() {
     point.covariance = covariance.block<2, 2>(at, at);
     at += 2;
   }
+  for (RobotNode& robot : fleet.robots) {
+    if (robot.camera == 0) continue;
+    tellCamera(robot, covariance.block<kCameraErrors, kCameraErrors>(at, at));
+    at += kCameraErrors;
+  }
+}
+
+/// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
+void FleetEstimator::Impl::tellCamera(RobotNode& robot, const CameraCovariance& covariance) const {
+  const Eigen::Vector4d now = believedError(fleet.cameraError(robot), covariance, fleet.options.camera);
+  if (settled_ || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
 }
 
 void FleetEstimator::Impl::forgetLandmarks() {
@@ -367,6 +384,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
       estimate.covariance = robot.covariance;
+      estimate.camera_error = robot.camera_told;
       for (const Seen& seen : frame.seen) {
         if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
       }
@@ -387,6 +405,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
       estimate.valid = true;
       estimate.map_from_base = fleet.pose(step.pose);
       estimate.covariance = robot.covariance;
+      estimate.camera_error = robot.camera_told;
       all.push_back(std::move(estimate));
     }
   }
@@ -399,6 +418,8 @@ void FleetEstimator::Impl::settle(int rounds) {
     fleet.graph.solve(kFinalIterations);
     fleet.updateShapes();
   }
+  settled_ = whole_ = true;
+  updateCovariances();
 }
 
 FleetEstimator::FleetEstimator(std::vector<RobotSetup> robots, const EstimatorOptions& options)

@@ -32,23 +32,12 @@ View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera
   return view;
 }
 
-/// The silhouette's point that supports a direction is where its half-plane meets the neighbours': b·n +
-/// b′·n⊥.
 CameraError View::derivativeAt(std::size_t direction) const {
-  const std::size_t k = seen_b_m.size(), before = (direction + k - 1) % k, after = (direction + 1) % k;
-  const double step = 2.0 * M_PI / static_cast<double>(k), b = seen_b_m[direction];
-  double slope = 0.0;
-  int sides = 0;
-  if (sigma_m[after] > 0) slope += (seen_b_m[after] - b * std::cos(step)) / std::sin(step), ++sides;
-  if (sigma_m[before] > 0) slope += (b * std::cos(step) - seen_b_m[before]) / std::sin(step), ++sides;
-  slope /= std::max(1, sides);
-  const double phi = step * static_cast<double>(direction);
-  const Eigen::Vector2d n(std::cos(phi), std::sin(phi)), across(-n.y(), n.x());
-  const Eigen::Vector2d p = b * n + slope * across;
-  CameraError derivative;
-  derivative << (n.transpose() * cameraField(p, seen_camera_height_m)).transpose(),
-      contourField(p, n, seen_camera_height_m);
-  return derivative;
+  const std::size_t k = seen_b_m.size();
+  const auto seen = [&](std::size_t i) { return sigma_m[i] > 0 ? seen_b_m[i] : std::nan(""); };
+  return supportByCameraError(
+      {seen((direction + k - 1) % k), seen_b_m[direction], seen((direction + 1) % k)}, direction, k,
+      seen_camera_height_m);
 }
 
 void View::assume(const CameraError& other) {

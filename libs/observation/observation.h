@@ -142,6 +142,9 @@ struct PoseEstimate {
   Pose2 map_from_base;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< x, y, θ; right perturbation
   std::vector<Sighting> sightings;  ///< which of this robot's tracks are which robots
+  /// How the robot's camera errs as far as it must be believed: the first four of a CameraError
+  /// (camera_error.h); zero where the calibration holds.
+  Eigen::Vector4d camera_error = Eigen::Vector4d::Zero();
 };
 
 enum class MeasurementKind : std::uint8_t {

@@ -29,6 +29,12 @@ std::uint16_t quantiseSigma(double sigma_m) {
   return static_cast<std::uint16_t>(std::clamp(std::round(sigma_m * kPerMetre), 1.0, 65535.0));
 }
 
+/// Millionths; 0 where it is not finite or no error of a calibration any more.
+std::int32_t quantiseError(double error) {
+  constexpr double kMost = 0.2;
+  return std::abs(error) <= kMost ? static_cast<std::int32_t>(std::lround(error * 1e6)) : 0;
+}
+
 SupportView makeView(const Track& track) {
   SupportView view;
   view.track_id = track.id;
@@ -140,6 +146,8 @@ KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term, std:
   out.term = term;
   out.revision = revision;
   out.sightings = pose.sightings;
+  for (std::size_t i = 0; i < out.camera_error.size(); ++i)
+    out.camera_error[i] = quantiseError(pose.camera_error(static_cast<Eigen::Index>(i)));
   out.valid =
       pose.valid && pose.map_from_base.isFinite() && quantise(pose.map_from_base.translation(), out.position);
   if (out.valid)
@@ -191,6 +199,7 @@ std::string canonicalBytes(const KeyframePose& p) {
   bytes.put(static_cast<std::uint8_t>(p.valid)).put(p.position).put(p.theta_dmrad);
   bytes.put(static_cast<std::uint32_t>(p.sightings.size()));
   for (const auto& sighting : p.sightings) bytes.put(sighting.track_id).put(sighting.robot);
+  for (const std::int32_t error : p.camera_error) bytes.put(error);
   return bytes.take();
 }
 

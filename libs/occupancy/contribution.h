@@ -55,6 +55,9 @@ struct Contribution {
   static constexpr std::size_t kMaxPoints = 64;
 };
 
+/// Focal length, height, roll and pitch as in PoseEstimate::camera_error, in millionths.
+using CameraErrorPpm = std::array<std::int32_t, 4>;
+
 /// Where the robot's contribution of that time stands. The highest (term, revision) wins.
 struct KeyframePose {
   std::string robot;
@@ -65,6 +68,7 @@ struct KeyframePose {
   PointDmm position;             ///< map
   std::int32_t theta_dmrad = 0;  ///< map
   std::vector<Sighting> sightings;
+  CameraErrorPpm camera_error{};  ///< of the robot's camera; that of its latest valid pose holds
 
   Pose2 mapFromBase() const;
 };

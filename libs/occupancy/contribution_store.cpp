@@ -1,8 +1,21 @@
 #include "occupancy/contribution_store.h"
 
+#include <algorithm>
 #include <tuple>
 
+#include "occupancy/camera_correction.h"
+#include "occupancy/robot_paths.h"
+
 namespace omnifleet::occupancy {
+namespace {
+
+std::shared_ptr<const Contribution> without(const std::shared_ptr<const Contribution>& seen,
+                                            const CameraErrorPpm& error) {
+  if (error == CameraErrorPpm{}) return seen;
+  return std::make_shared<const Contribution>(withoutCameraError(*seen, error));
+}
+
+}  // namespace
 
 bool ContributionStore::add(const Contribution& contribution) {
   auto& keyframe = robots_[contribution.robot][contribution.acquired_ns];
@@ -10,6 +23,7 @@ bool ContributionStore::add(const Contribution& contribution) {
   if (keyframe.contribution && bytes <= canonicalBytes(*keyframe.contribution)) return false;
   if (!keyframe.contribution) ++contributions_;
   keyframe.contribution = std::make_shared<const Contribution>(contribution);
+  keyframe.seen = without(keyframe.contribution, cameraError(contribution.robot));
   keyframe.contribution_digest = digest(bytes);
   return true;
 }
@@ -26,7 +40,25 @@ bool ContributionStore::add(const KeyframePose& pose) {
   }
   held.pose = pose;
   held.pose_digest = digest(bytes);
+  correctAnew(pose.robot);
   return true;
+}
+
+CameraErrorPpm ContributionStore::cameraError(const std::string& robot) const {
+  const auto found = errors_.find(robot);
+  return found == errors_.end() ? CameraErrorPpm{} : found->second;
+}
+
+void ContributionStore::correctAnew(const std::string& robot) {
+  Path& path = robots_.at(robot);
+  const auto latest = std::find_if(path.rbegin(), path.rend(),
+                                   [](const auto& entry) { return standingOf(entry.second.pose).has_value(); });
+  const CameraErrorPpm error = latest == path.rend() ? CameraErrorPpm{} : latest->second.pose->camera_error;
+  if (error == cameraError(robot)) return;
+  errors_[robot] = error;
+  for (auto& [time_ns, keyframe] : path) {
+    if (keyframe.contribution) keyframe.seen = without(keyframe.contribution, error);
+  }
 }
 
 const ContributionStore::Path* ContributionStore::find(const std::string& robot) const {

@@ -22,11 +22,13 @@ struct Held {
 
 /// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
 /// idempotent and commutative: of two different contributions with one name the one with the larger bytes
-/// stays; of two poses the highest (term, revision), then the larger bytes.
+/// stays; of two poses the highest (term, revision), then the larger bytes. Contributions are held as they came
+/// and beside it as they are to be used: without what the camera's error did to them.
 class ContributionStore {
  public:
   struct Keyframe {
     std::shared_ptr<const Contribution> contribution;  ///< null until it arrives
+    std::shared_ptr<const Contribution> seen;          ///< the same without the camera's error: what to use
     std::optional<KeyframePose> pose;                  ///< empty until it arrives
     std::uint64_t contribution_digest = 0, pose_digest = 0;
   };
@@ -35,6 +37,9 @@ class ContributionStore {
   /// True when the set changed.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
+
+  /// What a robot's latest valid pose says of its camera; all its contributions are seen without it.
+  CameraErrorPpm cameraError(const std::string& robot) const;
 
   const std::map<std::string, Path>& robots() const { return robots_; }
   const Path* find(const std::string& robot) const;
@@ -50,7 +55,10 @@ class ContributionStore {
   std::vector<KeyframePose> posesBetween(const std::string& robot, TimeNs first_ns, TimeNs last_ns) const;
 
  private:
+  void correctAnew(const std::string& robot);
+
   std::map<std::string, Path> robots_;
+  std::map<std::string, CameraErrorPpm> errors_;  ///< taken off what is `seen`; none: zero
   std::size_t contributions_ = 0, poses_ = 0;
 };
 

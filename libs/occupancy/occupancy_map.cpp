@@ -116,7 +116,9 @@ bool OccupancyMap::Impl::add(const Contribution& contribution) {
 }
 
 bool OccupancyMap::Impl::add(const KeyframePose& pose) {
+  const CameraErrorPpm before = store.cameraError(pose.robot);
   if (!store.add(pose)) return false;
+  if (store.cameraError(pose.robot) != before) refreshAll(pose.robot);
   const auto [first_ns, last_ns] = paths.influence(pose.robot, pose.acquired_ns);
   refreshBetween(first_ns, last_ns);
   return true;
@@ -134,7 +136,7 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
   const auto at = standingOf(keyframe->pose);
   if (!at) return std::nullopt;
   Applied what;
-  what.contribution = keyframe->contribution;
+  what.contribution = keyframe->seen;
   what.at = *at;
   what.roles = rolesOf(*keyframe->contribution, keyframe->pose->sightings, kinds, options.unknown_is_hit);
   for (const auto& [other, path] : store.robots()) {

@@ -14,6 +14,8 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
     w.robot(s.robot);
   });
   to.term(term);
+  const Eigen::Vector4d& e = from.camera_error;
+  to.camera_error({e(0), e(1), e(2), e(3)});
 }
 
 bool fromWire(const v1::Pose& from, PoseEstimate& to) {
@@ -27,8 +29,10 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
-  if (to.map_from_base.isFinite() && to.covariance.allFinite()) return true;
+  to.camera_error = Eigen::Map<const Eigen::Vector4d>(from.camera_error().data());
+  if (to.map_from_base.isFinite() && to.covariance.allFinite() && to.camera_error.allFinite()) return true;
   to.valid = false;
+  to.camera_error.setZero();
   to.map_from_base = Pose2();
   to.covariance.setIdentity();
   to.sightings.clear();

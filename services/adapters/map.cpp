@@ -96,6 +96,7 @@ void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePos
     w.track_id(s.track_id);
     w.robot(s.robot);
   });
+  to.camera_error(from.camera_error);
 }
 
 bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
@@ -111,6 +112,7 @@ bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
+  to.camera_error = from.camera_error();
   return true;
 }
 

@@ -127,13 +127,13 @@ std::vector<Candidate> candidatesOf(const ContributionStore& store, const Merger
     if (!isObserver(robot, options)) continue;
     Tracks tracks;
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.contribution || !occupancy::standingOf(keyframe.pose)) continue;
-      if (std::all_of(keyframe.contribution->views.begin(), keyframe.contribution->views.end(),
+      if (!keyframe.seen || !occupancy::standingOf(keyframe.pose)) continue;
+      if (std::all_of(keyframe.seen->views.begin(), keyframe.seen->views.end(),
                       [](const SupportView& view) { return !view.name.empty(); })) {
         continue;
       }
       const auto others = othersAt(store, paths, bodies, robot, time_ns);
-      gatherFrom(*keyframe.contribution, *keyframe.pose, others, options, tracks);
+      gatherFrom(*keyframe.seen, *keyframe.pose, others, options, tracks);
     }
     for (auto& [id, candidate] : tracks) {
       if (candidate.kind == ObjectKind::kRobot || candidate.views.empty()) continue;

@@ -56,8 +56,8 @@ int timesSeenThrough(const Group& group, const occupancy::ContributionStore& sto
   for (const auto& [robot, path] : store.robots()) {
     for (auto it = path.upper_bound(after_ns); it != path.end(); ++it) {
       const auto& keyframe = it->second;
-      if (!keyframe.contribution || !keyframe.pose || !keyframe.pose->valid) continue;
-      times += seesThrough(*keyframe.contribution, keyframe.pose->mapFromBase(), group.fit.centre_m);
+      if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
+      times += seesThrough(*keyframe.seen, keyframe.pose->mapFromBase(), group.fit.centre_m);
     }
   }
   return times;

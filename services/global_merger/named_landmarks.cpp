@@ -73,10 +73,10 @@ std::map<std::string, NamedViews> gather(const occupancy::ContributionStore& sto
   std::map<std::string, NamedViews> all;
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.contribution || !occupancy::standingOf(keyframe.pose)) continue;
+      if (!keyframe.seen || !occupancy::standingOf(keyframe.pose)) continue;
       const Pose2 map_from_base = keyframe.pose->mapFromBase();
-      for (const occupancy::SupportView& seen : keyframe.contribution->views) {
-        if (!seen.name.empty()) addView(*keyframe.contribution, map_from_base, seen, all[seen.name]);
+      for (const occupancy::SupportView& seen : keyframe.seen->views) {
+        if (!seen.name.empty()) addView(*keyframe.seen, map_from_base, seen, all[seen.name]);
       }
     }
   }

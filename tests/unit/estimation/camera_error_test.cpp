@@ -122,6 +122,37 @@ TEST(CameraError, AViewLosesIt) {
   for (std::size_t k = 0; k < 96; ++k) EXPECT_EQ(view.b_m[k], static_cast<double>(wrongly.supports.b_m[k]));
 }
 
+/// Against Bayes' rule on the likelihoods: a measurement of the error with a known noise, of a camera that is
+/// right or errs as the prior says.
+TEST(CameraError, ItIsBelievedAsOftenAsTheCalibrationIsWrong) {
+  using Matrix = Eigen::Matrix4d;
+  const CameraOptions options;
+  const Eigen::Vector4d prior_sigma = options.sigma().head<4>();
+  const Matrix prior = prior_sigma.cwiseAbs2().asDiagonal();
+  Matrix noise = Eigen::Vector4d(1e-3, 2e-3, 8e-4, 6e-4).cwiseAbs2().asDiagonal();
+  noise(0, 1) = noise(1, 0) = -1.2e-6;
+  const auto density = [](const Eigen::Vector4d& x, const Matrix& covariance) {
+    return std::exp(-0.5 * x.dot(covariance.inverse() * x)) / std::sqrt(covariance.determinant());
+  };
+  for (const double scale : {0.0, 0.3, 0.8, 1.0, 1.3, 3.0}) {
+    const Eigen::Vector4d measured = scale * Eigen::Vector4d(0.002, -0.001, 0.002, -0.0015);
+    const Matrix after = (prior.inverse() + noise.inverse()).inverse();
+    CameraError mean = CameraError::Zero();
+    mean.head<4>() = after * noise.inverse() * measured;
+    mean(4) = 0.01;  // a nuisance
+    CameraCovariance covariance = CameraCovariance::Identity();
+    covariance.topLeftCorner<4, 4>() = after;
+    const double errs = density(measured, prior + noise), is_right = density(measured, noise);
+    const Eigen::Vector4d expected = errs / (errs + is_right) * mean.head<4>();
+    EXPECT_LT((believedError(mean, covariance, options) - expected).norm(), 1e-9) << scale;
+    if (scale == 0.3) EXPECT_LT(expected.norm(), 0.05 * mean.head<4>().norm());
+    if (scale == 3.0) EXPECT_GT(expected.norm(), 0.95 * mean.head<4>().norm());
+  }
+  CameraOptions as_calibrated;
+  as_calibrated.estimate = false;
+  EXPECT_EQ(believedError(CameraError::Ones(), CameraCovariance::Identity(), as_calibrated).norm(), 0.0);
+}
+
 TEST(CameraOptions, ReadsAndRefuses) {
   const auto good = options::Section::parse("focal_sigma: 0.01\nestimate: false\n", "t.yaml");
   EXPECT_EQ(CameraOptions::read(good).focal_sigma, 0.01);

@@ -22,6 +22,12 @@ constexpr std::uint32_t kFirstSeed = 1000, kSeeds = 3;  // estimation_seeds runs
 /// Of calibrations: 0.3 % of the focal length, 2 mm of the height, 0.2° of roll and pitch.
 const Eigen::Vector4d kFlaw(0.003, 0.004, 0.0035, 0.0035);
 
+std::vector<const Objects*> pointers(const std::vector<Objects>& frames) {
+  std::vector<const Objects*> all;
+  for (const Objects& frame : frames) all.push_back(&frame);
+  return all;
+}
+
 RunResult average(const SimulationOptions& simulation, const EstimatorOptions& options = {}) {
   RunResult sum;
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
@@ -81,6 +87,30 @@ TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {
   EXPECT_LT(estimated.camera(3), 0.7 * suffered.camera(3));
 }
 
+/// What the poses say of the cameras: the error itself where there is one, (nearly) nothing where there is none.
+TEST(FleetPaths, WhatIsToldOfACameraIsItsErrorAndNothingOfAGoodOne) {
+  SimulationOptions flawed;
+  flawed.camera_sigma = Eigen::Vector4d(0.006, 0.0, 0.007, 0.007);
+  const auto told = [](const SimulationOptions& simulation, bool off_truth) {
+    FleetSimulator simulator(simulation, kFirstSeed);
+    FleetEstimator estimator(simulator.setups(), {});
+    for (int i = 0; i < simulation.frames; ++i) {
+      const auto frames = simulator.frames(i);
+      estimator.process(simulator.time(i), pointers(frames), {});
+    }
+    double sum = 0.0;
+    for (const PoseEstimate& pose : estimator.finish()) {
+      const int robot = pose.robot.back() - '1';
+      Eigen::Vector4d error = pose.camera_error;
+      if (off_truth) error -= simulator.cameraError(robot);
+      sum = std::max(sum, error.cwiseProduct(Eigen::Vector4d(1, 0, 1, 1)).norm());
+    }
+    return sum;
+  };
+  EXPECT_LT(told(flawed, true), 0.0015);
+  EXPECT_LT(told({}, false), 0.0005);
+}
+
 TEST(FleetPaths, OutlinesSeenTooLargeAreNotTakenForAWrongCamera) {
   SimulationOptions swollen;
   swollen.too_large_rad = 0.002;  // 0.3 pixels at 640 × 480
@@ -89,12 +119,6 @@ TEST(FleetPaths, OutlinesSeenTooLargeAreNotTakenForAWrongCamera) {
   const RunResult suffered = average(swollen, blind), estimated = average(swollen);
   EXPECT_LT(estimated.mean_m, 0.8 * suffered.mean_m);
   EXPECT_LT(estimated.camera(0), 0.5 * suffered.camera(0)) << "focal length, which is exact";
-}
-
-std::vector<const Objects*> pointers(const std::vector<Objects>& frames) {
-  std::vector<const Objects*> all;
-  for (const Objects& frame : frames) all.push_back(&frame);
-  return all;
 }
 
 TEST(FleetEstimator, TwoRunsAreEqualToTheBit) {

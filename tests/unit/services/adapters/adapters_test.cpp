@@ -233,6 +233,7 @@ TEST(Adapters, APoseComesBackWhole) {
   pose.map_from_base = n.pose();
   pose.covariance = n.matrix<3>();
   pose.sightings = {{9, "r1"}, {10, "r3"}};
+  pose.camera_error = {0.001, -0.002, 0.003, -0.004};
   v1::Pose wire;
   toWire(pose, RunClock::kSystem, 3, wire);
   EXPECT_EQ(wire.term(), 3u);
@@ -244,6 +245,7 @@ TEST(Adapters, APoseComesBackWhole) {
   EXPECT_EQ(back.valid, pose.valid);
   EXPECT_EQ(back.map_from_base.vector(), pose.map_from_base.vector());
   EXPECT_EQ(back.covariance, pose.covariance);
+  EXPECT_EQ(back.camera_error, pose.camera_error);
   ASSERT_EQ(back.sightings.size(), 2u);
   EXPECT_EQ(back.sightings[1].track_id, 10u);
   EXPECT_EQ(back.sightings[1].robot, "r3");
@@ -271,12 +273,14 @@ TEST(Adapters, ContributionsComeBackToTheLastByte) {
   pose.valid = true;
   pose.map_from_base = n.pose();
   pose.sightings = {{9, "r1"}};
+  pose.camera_error = {0.001, -0.002, 0.003, -0.004};
   const auto keyframe = occupancy::makeKeyframePose(pose, 2, 3);
   v1::KeyframePose keyframe_wire;
   toWire(keyframe, RunClock::kDataset, keyframe_wire);
   occupancy::KeyframePose keyframe_back;
   ASSERT_TRUE(fromWire(keyframe_wire, keyframe_back));
   EXPECT_EQ(occupancy::canonicalBytes(keyframe_back), occupancy::canonicalBytes(keyframe));
+  EXPECT_EQ(keyframe_back.camera_error, (occupancy::CameraErrorPpm{1000, -2000, 3000, -4000}));
 }
 
 TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
