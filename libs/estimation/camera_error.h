@@ -20,12 +20,12 @@ struct CameraOptions {
   CameraError sigma() const;
 };
 
-/// What of an estimated error must be believed of the camera: focal length, height, roll, pitch. A calibration
-/// is right or it errs as its prior says, each as likely before anything is seen; the estimate, which takes
-/// the second for granted, counts by the probability of it afterwards. That of a right one shows in the
-/// estimate itself: how much less than before zero is expected (the density ratio of Savage and Dickey; Dickey
-/// 1971). So what is told of a well calibrated camera is zero within its noise, and of another the estimate.
-/// How large outlines are seen is a nuisance of both.
+/// What of an estimated error must be believed of the camera: focal length, height, roll, pitch. A
+/// calibration is right or it errs as its prior says, each as likely before anything is seen; the estimate,
+/// which takes the second for granted, counts by the probability of it afterwards. That of a right one shows
+/// in the estimate itself: how much less than before zero is expected (the density ratio of Savage and
+/// Dickey; Dickey 1971). So what is told of a well calibrated camera is zero within its noise, and of another
+/// the estimate. How large outlines are seen is a nuisance of both.
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options);
 

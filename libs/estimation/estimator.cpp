@@ -71,7 +71,7 @@ class FleetEstimator::Impl {
 
   MeasurementQueue queue_;
   bool settled_ = false;  ///< at the end of a run
-  bool whole_ = false;  ///< the newest frames went through a solve of the whole window already
+  bool whole_ = false;    ///< the newest frames went through a solve of the whole window already
 };
 
 std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,

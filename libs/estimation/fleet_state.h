@@ -76,9 +76,9 @@ struct RobotNode {
   std::optional<WheelLog> log;
   std::deque<Step> window;  ///< empty while unlocated
   TimeNs last_frame_ns = 0;
-  bool unrefined = false;                                ///< its newest frame is not in the last whole solve
-  bool started = false;                                  ///< a frame has come
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
+  bool unrefined = false;                                 ///< its newest frame is not in the last whole solve
+  bool started = false;                                   ///< a frame has come
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();   ///< of the newest pose, right perturbation
   Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error
   Pose2 last_key;
   TimeNs last_key_ns = 0;

@@ -35,9 +35,8 @@ View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera
 CameraError View::derivativeAt(std::size_t direction) const {
   const std::size_t k = seen_b_m.size();
   const auto seen = [&](std::size_t i) { return sigma_m[i] > 0 ? seen_b_m[i] : std::nan(""); };
-  return supportByCameraError(
-      {seen((direction + k - 1) % k), seen_b_m[direction], seen((direction + 1) % k)}, direction, k,
-      seen_camera_height_m);
+  return supportByCameraError({seen((direction + k - 1) % k), seen_b_m[direction], seen((direction + 1) % k)},
+                              direction, k, seen_camera_height_m);
 }
 
 void View::assume(const CameraError& other) {

@@ -51,8 +51,9 @@ CameraErrorPpm ContributionStore::cameraError(const std::string& robot) const {
 
 void ContributionStore::correctAnew(const std::string& robot) {
   Path& path = robots_.at(robot);
-  const auto latest = std::find_if(path.rbegin(), path.rend(),
-                                   [](const auto& entry) { return standingOf(entry.second.pose).has_value(); });
+  const auto latest = std::find_if(path.rbegin(), path.rend(), [](const auto& entry) {
+    return standingOf(entry.second.pose).has_value();
+  });
   const CameraErrorPpm error = latest == path.rend() ? CameraErrorPpm{} : latest->second.pose->camera_error;
   if (error == cameraError(robot)) return;
   errors_[robot] = error;

@@ -22,8 +22,8 @@ struct Held {
 
 /// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
 /// idempotent and commutative: of two different contributions with one name the one with the larger bytes
-/// stays; of two poses the highest (term, revision), then the larger bytes. Contributions are held as they came
-/// and beside it as they are to be used: without what the camera's error did to them.
+/// stays; of two poses the highest (term, revision), then the larger bytes. Contributions are held as they
+/// came and beside it as they are to be used: without what the camera's error did to them.
 class ContributionStore {
  public:
   struct Keyframe {

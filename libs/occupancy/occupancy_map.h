@@ -40,11 +40,10 @@ enum class CellClass : std::uint8_t { kUnknown = 0, kFree = 1, kOccupied = 2 };
 /// traversed in integers (Amanatides & Woo 1987); every contribution counts once per cell, a hit outweighs
 /// misses. Counts in time buckets are folded in order of time through OctoMap's clamped log-odds (Hornung et
 /// al. 2013, eq. 2–4), so a moved box vanishes; the OctoMap octree is written only where a cell changes
-/// class. A changed pose, or another error of the robot's camera, takes contributions out exactly and puts them
-/// back. Robots never enter: rays at a
-/// robot (by label, by sighting, or by what its track is known to be at any time) and cells under a robot's
-/// footprint at that time (poses interpolated between keyframes) are left out, and taken out when that is
-/// learned later. Not for threads.
+/// class. A changed pose, or another error of the robot's camera, takes contributions out exactly and puts
+/// them back. Robots never enter: rays at a robot (by label, by sighting, or by what its track is known to be
+/// at any time) and cells under a robot's footprint at that time (poses interpolated between keyframes) are
+/// left out, and taken out when that is learned later. Not for threads.
 class OccupancyMap {
  public:
   OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies);

@@ -216,7 +216,8 @@ TEST(Replay, AnOutputThatCannotBeWrittenIsNamedBeforeAnythingStarts) {
   EXPECT_THAT(launch.output(), testing::HasSubstr(out + "/file"));
 }
 
-/// Every camera of a recording calibrated a hundredth too long and half a degree askew. Nobody tells the fleet.
+/// Every camera of a recording calibrated a hundredth too long and half a degree askew. Nobody tells the
+/// fleet.
 std::string wronglyCalibrated(const std::string& name) {
   const std::string data = copyOfRecording(name);
   fs::remove_all(data + "/ceiling");
@@ -225,7 +226,8 @@ std::string wronglyCalibrated(const std::string& name) {
     std::istringstream lines(fileText(path));
     std::string text;
     for (std::string line; std::getline(lines, line);) {
-      if (line.rfind("focal_px:", 0) == 0) line = "focal_px: 112.60894";  // 111.494 in config/arenas/small.yaml
+      if (line.rfind("focal_px:", 0) == 0)
+        line = "focal_px: 112.60894";  // 111.494 in config/arenas/small.yaml
       if (line.rfind("rotation_rpy_deg:", 0) == 0) line = "rotation_rpy_deg: [0.4, -0.3, 0]";
       text += line + "\n";
     }

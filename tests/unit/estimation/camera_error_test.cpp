@@ -145,8 +145,12 @@ TEST(CameraError, ItIsBelievedAsOftenAsTheCalibrationIsWrong) {
     const double errs = density(measured, prior + noise), is_right = density(measured, noise);
     const Eigen::Vector4d expected = errs / (errs + is_right) * mean.head<4>();
     EXPECT_LT((believedError(mean, covariance, options) - expected).norm(), 1e-9) << scale;
-    if (scale == 0.3) EXPECT_LT(expected.norm(), 0.05 * mean.head<4>().norm());
-    if (scale == 3.0) EXPECT_GT(expected.norm(), 0.95 * mean.head<4>().norm());
+    if (scale == 0.3) {
+      EXPECT_LT(expected.norm(), 0.05 * mean.head<4>().norm());
+    }
+    if (scale == 3.0) {
+      EXPECT_GT(expected.norm(), 0.95 * mean.head<4>().norm());
+    }
   }
   CameraOptions as_calibrated;
   as_calibrated.estimate = false;

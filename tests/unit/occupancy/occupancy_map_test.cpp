@@ -95,7 +95,8 @@ TEST(OccupancyMap, CorrectedPosesGiveTheMapBuiltFromScratch) {
       pose.position.x_dmm += static_cast<std::int32_t>(normal(random));
       pose.theta_dmrad += static_cast<std::int32_t>(normal(random));
       pose.valid = random() % 10 != 0;
-      if (random() % 4 == 0) pose.camera_error = {static_cast<std::int32_t>(normal(random)) * 10, 0, 2000, -900};
+      if (random() % 4 == 0)
+        pose.camera_error = {static_cast<std::int32_t>(normal(random)) * 10, 0, 2000, -900};
       if (pose.valid && random() % 4 == 0)
         pose.sightings.push_back({1U + static_cast<std::uint32_t>(random() % 3), "x"});
       corrected.poses[i] = pose;
