@@ -21,8 +21,8 @@ constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels 
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightness that parting it in two
                                      // explains, from which it is of two kinds (a Gaussian: 0.64)
-constexpr float kDrowned = 2.0f;     // of the tolerance of hue, from which noise hides the hue of a pixel
 constexpr int kAround_px = 2;        // to each side of a pixel, what is averaged for its hue
+constexpr int kLeastAround = 8;      // pixels of those: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
@@ -74,7 +74,7 @@ const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
 bool hasOtherHue(const ShadeFilter::Frame& frame, const cv::Mat1b& raw, const cv::Mat1b& core, int x, int y) {
   const cv::Vec3f& r = floorAt(frame, x, y);
   const float rr = std::max(1.0f, r.dot(r)), noise = frame.noise / std::sqrt(rr);
-  if (noise < kDrowned * frame.hue_tolerance) return false;
+  if (noise < frame.hue_tolerance) return false;
   int sum[3] = {}, count = 0;
   for (int v = std::max(0, y - kAround_px); v <= std::min(raw.rows - 1, y + kAround_px); ++v) {
     const std::uint8_t *set = raw.ptr(v), *known = core.ptr(v);
@@ -85,7 +85,8 @@ bool hasOtherHue(const ShadeFilter::Frame& frame, const cv::Mat1b& raw, const cv
       for (int c = 0; c < 3; ++c) sum[c] += row[u][c];
     }
   }
-  const float share = 1.0f / static_cast<float>(std::max(1, count));
+  if (count < kLeastAround) return false;
+  const float share = 1.0f / static_cast<float>(count);
   const cv::Vec3f mean(share * static_cast<float>(sum[0]), share * static_cast<float>(sum[1]),
                        share * static_cast<float>(sum[2]));
   const float gain = mean.dot(r) / rr, limit = frame.hue_tolerance + noise * std::sqrt(share);

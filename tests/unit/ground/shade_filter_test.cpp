@@ -118,6 +118,34 @@ TEST_F(ShadeFilterTest, ADarkThingOnADarkFloorIsWhole) {
   for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 26 * 26, 2 * ring(26));
 }
 
+/// Of hardly another hue than the floor, some of it darker than shadows are, some not.
+TEST_F(ShadeFilterTest, AThingOfNearlyTheFloorsHueIsWhole) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> gauss(0.0, 0.06);
+  const std::vector<cv::Point2d> places = {{480, 330}, {160, 330}, {480, 150}, {160, 150}};
+  for (int y = 0; y < image_.rows; y += 4) {
+    for (int x = 0; x < image_.cols; x += 4) {
+      const double light = 0.42 + gauss(random);
+      for (const cv::Point2d& at : places)
+        if (std::hypot(x - at.x, y - at.y) < 22)
+          cv::rectangle(image_, {x, y, 4, 4}, cv::Scalar(126 * light + 8, 136 * light, 146 * light - 8),
+                        cv::FILLED);
+    }
+  }
+  image_ = testing::withNoise(image_, 1.5, 3);
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), places.size());
+  for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, M_PI * 22 * 22, 1.5 * ring(22));
+}
+
+/// Things with a gap of shade between them, which is mixed with the hue of both, stay two.
+TEST_F(ShadeFilterTest, ANarrowGapInShadeIsNoThing) {
+  shade(480, 330, [](double d) { return d < 50 ? 0.7 : 1.0; });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 308, 19, {30, 30, 150});
+  testing::drawDisc<cv::Vec3b>(image_, 480, 350, 19, {30, 30, 150});
+  EXPECT_EQ(blobs().size(), 2U);
+}
+
 TEST_F(ShadeFilterTest, AStainOfSoftShadeOrLightIsFloor) {
   shade(480, 330, [](double d) { return 1.0 - 0.30 * std::exp(-d * d / (2.0 * 14 * 14)); });
   shade(160, 330, [](double d) { return 1.0 + 0.25 * std::exp(-d * d / (2.0 * 14 * 14)); });
