@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "geometry/wide.h"
 
@@ -93,6 +94,12 @@ bool hasOtherHue(const ShadeFilter::Frame& frame, const cv::Mat1b& raw, const cv
   return mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
 }
 
+/// So many pixels of a region that are no shade make a thing.
+bool isCore(int pixels, const Blob& blob) {
+  return pixels >= kMinCore_px &&
+         static_cast<float>(pixels) >= kMinCoreShare * static_cast<float>(blob.area_px);
+}
+
 /// Masks of 0 and 255.
 OMNIFLEET_WIDE void keepWithin(const std::uint8_t* allowed, std::size_t n, std::uint8_t* mask) {
 #pragma GCC ivdep
@@ -143,8 +150,12 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
   Census census;
   census.coloured = pixels[kColourLook];
   census.shade_limit = greyLook(kDeepestShade);
-  const Look parting = partingOf(pixels);
-  if (parting != kFloorLook && 2 * census.coloured < blob.area_px) census.shade_limit = parting;
+  // What no shadow is as dark as must be there, or two kinds of floor would make a thing.
+  const int darkest =
+      std::accumulate(pixels.begin() + kColourLook + 1, pixels.begin() + census.shade_limit, 0);
+  const Look parting =
+      isCore(darkest, blob) && 2 * census.coloured < blob.area_px ? partingOf(pixels) : kFloorLook;
+  if (parting != kFloorLook) census.shade_limit = parting;
   for (int i = 0; i < 256; ++i) {
     const auto look = static_cast<Look>(i);
     const int n = pixels[look];
@@ -197,8 +208,7 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
     return Verdict::kUndecided;
   const int core = c.coloured + c.dark + c.bright;
-  const bool has_core =
-      core >= kMinCore_px && static_cast<float>(core) >= kMinCoreShare * static_cast<float>(blob.area_px);
+  const bool has_core = isCore(core, blob);
   if (!has_core || 2 * c.bright > blob.area_px) {
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
     return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;

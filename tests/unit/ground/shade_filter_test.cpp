@@ -192,6 +192,17 @@ TEST_F(ShadeFilterTest, WhatIsALittleStrongerThanTheFloorsPatternIsOfIt) {
   EXPECT_EQ(blobs().size(), 2U);  // things that are nothing like the floor stay
 }
 
+/// A stain of soft shade around a deeper one is of two kinds, both of them floor.
+TEST_F(ShadeFilterTest, TwoKindsOfShadeMakeNoThing) {
+  shade(480, 330, [](double d) {
+    const auto ramp = [d](double begin, double end) {
+      return std::clamp((d - begin) / (end - begin), 0.0, 1.0);
+    };
+    return 0.5 + 0.28 * ramp(12, 21) + 0.22 * ramp(24, 42);
+  });
+  EXPECT_TRUE(blobs().empty());
+}
+
 TEST_F(ShadeFilterTest, ATileThatTouchesAThingIsNotPartOfIt) {
   shade(505, 330, [](double d) { return d < 16 ? 1.13 : 1.0; });
   shade(160, 305, [](double d) { return d < 16 ? 0.87 : 1.0; });
