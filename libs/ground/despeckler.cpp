@@ -1,5 +1,6 @@
 #include "ground/despeckler.h"
 
+#include "ground/bit_ops.h"
 #include "ground/strip_kernels.h"
 
 namespace omnifleet::ground {
@@ -7,8 +8,7 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kHalo = 8;  // of the squared distance from floor: √8 times weaker than the strongest neighbour
-constexpr int kHaloReach = 2, kMedianReach = 2;
-constexpr int kMajority = 13;  // of the 25 pixels of a 5×5 median
+constexpr int kHaloReach = 2;
 
 /// 1 where a pixel is set and no halo, else 0.
 struct HaloKernel {
@@ -32,61 +32,12 @@ struct HaloKernel {
   }
 };
 
-struct MedianKernel {
-  const std::uint8_t* mask;
-  std::uint8_t* median;
-  std::ptrdiff_t step;
-
-  template <int kRows, int kColumns>
-  OMNIFLEET_INLINE void run(std::ptrdiff_t at) const {
-    std::uint8_t count[kRows][kColumns];
-    joinSquares<Sum, kMedianReach>(mask + at, step, count);
-    for (int y = 0; y < kRows; ++y) {
-      std::uint8_t* to = median + at + y * step;
-      for (int x = 0; x < kColumns; ++x) to[x] = count[y][x] >= kMajority ? 255 : 0;
-    }
-  }
-};
-
-struct RegrowKernel {
-  const std::uint8_t *raw, *median;
-  std::uint8_t* cleaned;
-  std::ptrdiff_t step;
-
-  template <int kRows, int kColumns>
-  OMNIFLEET_INLINE void run(std::ptrdiff_t at) const {
-    std::uint8_t near[kRows][kColumns];
-    joinSquares<Largest, 1>(median + at, step, near);
-    for (int y = 0; y < kRows; ++y) {
-      const std::uint8_t *mask = raw + at + y * step, *own = median + at + y * step;
-      std::uint8_t* to = cleaned + at + y * step;
-      for (int x = 0; x < kColumns; ++x) {
-        const std::uint8_t set = mask[x] != 0 ? 255 : 0;
-        to[x] = static_cast<std::uint8_t>((near[y][x] & set) | own[x]);
-      }
-    }
-  }
-};
-
 OMNIFLEET_WIDE void dropHalos(const Strip* strips, std::size_t count, const MaskLayout& layout,
                               const std::uint8_t* strength, std::uint8_t* raw) {
   overStrips(strips, count, layout, kHaloReach, HaloKernel{strength, raw, layout.step});
 }
 
-OMNIFLEET_WIDE void takeMedian(const Strip* strips, std::size_t count, const MaskLayout& layout,
-                               const std::uint8_t* mask, std::uint8_t* median) {
-  overStrips(strips, count, layout, kMedianReach, MedianKernel{mask, median, layout.step});
-}
-
-OMNIFLEET_WIDE void regrowCorners(const Strip* strips, std::size_t count, const MaskLayout& layout,
-                                  const std::uint8_t* raw, const std::uint8_t* median,
-                                  std::uint8_t* cleaned) {
-  overStrips(strips, count, layout, 1, RegrowKernel{raw, median, cleaned, layout.step});
-}
-
 }  // namespace
-
-Despeckler::Despeckler(cv::Size image) : median_(image, std::uint8_t{0}) {}
 
 void Despeckler::trimHalos(const std::vector<Strip>& strips, const cv::Mat1b& strength, cv::Mat1b& raw) {
   const MaskLayout layout(raw);
@@ -101,10 +52,10 @@ void Despeckler::trimHalos(const std::vector<Strip>& strips, const cv::Mat1b& st
   dropHalos(strips.data(), strips.size(), layout, strength.data, raw.data);
 }
 
-void Despeckler::clean(const std::vector<Strip>& strips, const cv::Mat1b& raw, cv::Mat1b& cleaned) {
-  const MaskLayout layout(raw);
-  takeMedian(strips.data(), strips.size(), layout, raw.data, median_.data);
-  regrowCorners(strips.data(), strips.size(), layout, raw.data, median_.data, cleaned.data);
+void Despeckler::clean(const BitArea& area, const BitMask& raw, BitMask& cleaned) {
+  takeMedian(area, raw, median_);
+  regrowCorners(area, raw, median_, cleaned);
+  clear(area, median_);
 }
 
 }  // namespace omnifleet::ground

@@ -53,7 +53,14 @@ FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& op
       tolerance_{options.tolerance_along, options.tolerance_across, options.noise_sigmas},
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
       growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share),
-      smoothing_(growth_.means().size(), view.cells(), block_, options.smoothing_cells) {}
+      smoothing_(growth_.means().size(), view, block_, options.smoothing_cells) {
+  constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
+  const std::vector<cv::Range> cells = view.rowsWithin(kMargin);
+  for (int y = 0; y < growth_.means().rows; ++y) {
+    const cv::Range& row = cells[static_cast<std::size_t>(y * block_)];
+    asked_.emplace_back(row.start / block_, std::min(growth_.means().cols, (row.end + block_ - 1) / block_));
+  }
+}
 
 bool FloorReference::learn(const cv::Mat3f& cell_means, double noise) {
   averageBlocks(cell_means);
@@ -68,9 +75,13 @@ void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {
     cell_means.copyTo(means);
     return;
   }
-  for (int y = 0; y < means.rows; ++y)
-    averageFours(cell_means.ptr<float>(2 * y), cell_means.ptr<float>(2 * y + 1), means.cols,
-                 means.ptr<float>(y));
+  for (int y = 0; y < means.rows; ++y) {
+    const cv::Range& columns = asked_[static_cast<std::size_t>(y)];
+    if (columns.empty()) continue;
+    averageFours(cell_means.ptr<float>(2 * y) + 6 * columns.start,
+                 cell_means.ptr<float>(2 * y + 1) + 6 * columns.start, columns.size(),
+                 means.ptr<float>(y) + 3 * columns.start);
+  }
 }
 
 }  // namespace omnifleet::ground

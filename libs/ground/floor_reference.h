@@ -41,7 +41,8 @@ class FloorReference {
 
   ReferenceOptions options_;
   FloorTolerance tolerance_;
-  int block_;  ///< cells per side of a block
+  int block_;                     ///< cells per side of a block
+  std::vector<cv::Range> asked_;  ///< blocks of each row that the view or its neighbours lie in
   FloorGrowth growth_;
   FloorSmoothing smoothing_;
 };

@@ -14,6 +14,7 @@ constexpr int kRounds = 3;  // each takes most of the bias away that slopes and 
 constexpr float kFillWeight =
     0.02f;                       // weight of the coarser level: only counts where the finer one knows little
 constexpr int kUsualWindow = 5;  // pixels
+constexpr int kMargin = 3;       // cells around the view that its pixels' neighbours may lie in
 
 using lanes::FourFloats;  // colour and weight
 
@@ -70,7 +71,7 @@ void divide(const cv::Mat* filler, cv::Mat& sums) {
 
 }  // namespace
 
-FloorSmoothing::FloorSmoothing(cv::Size blocks, cv::Size cells, int per_block, int window_cells)
+FloorSmoothing::FloorSmoothing(cv::Size blocks, const FloorView& view, int per_block, int window_cells)
     : scale_(2 * per_block),
       radius_(std::max(1, window_cells / 2)),
       sums_((blocks.height + 1) / 2, (blocks.width + 1) / 2),
@@ -79,8 +80,10 @@ FloorSmoothing::FloorSmoothing(cv::Size blocks, cv::Size cells, int per_block, i
       framed_(sums_.rows + 2 * radius_, 4 * (sums_.cols + 2 * radius_), 0.0f),
       summed_(framed_.rows, 4 * sums_.cols),
       pyramid_(8),
-      wide_(sums_.rows, cells.width),
-      colour_(cells, cv::Vec3f(0, 0, 0)) {
+      asked_(view.rowsWithin(kMargin)),
+      wide_(sums_.rows, view.cells().width),
+      colour_(view.cells(), cv::Vec3f(0, 0, 0)) {
+  const cv::Size cells = view.cells();
   for (int x = 0; x < cells.width; ++x) columns_.push_back(between(x, scale_, fine_.cols));
   for (int y = 0; y < cells.height; ++y) rows_.push_back(between(y, scale_, fine_.rows));
 }
@@ -161,8 +164,10 @@ void FloorSmoothing::spread() {
   }
   for (int y = 0; y < colour_.rows; ++y) {
     const Between& at = rows_[static_cast<std::size_t>(y)];
-    mix(wide_.ptr<float>(at.first), wide_.ptr<float>(at.second), at.share, 3 * colour_.cols,
-        colour_.ptr<float>(y));
+    const cv::Range& columns = asked_[static_cast<std::size_t>(y)];
+    const int first = 3 * columns.start;
+    mix(wide_.ptr<float>(at.first) + first, wide_.ptr<float>(at.second) + first, at.share, 3 * columns.size(),
+        colour_.ptr<float>(y) + first);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ground/floor_growth.h"
+#include "ground/floor_view.h"
 
 namespace omnifleet::ground {
 
@@ -11,11 +12,11 @@ namespace omnifleet::ground {
 /// them at a time, then the same of what it left over; where hardly any floor is near, from farther off.
 class FloorSmoothing {
  public:
-  /// @param blocks of the growth. @param cells of the result, `per_block` along each side of a block
+  /// @param blocks of the growth, `per_block` cells of the view to each side
   /// @param window_cells side of the window that smooths
-  FloorSmoothing(cv::Size blocks, cv::Size cells, int per_block, int window_cells);
+  FloorSmoothing(cv::Size blocks, const FloorView& view, int per_block, int window_cells);
 
-  /// @return CV_32FC3 per cell, valid until the next call
+  /// @return CV_32FC3 per cell of the view and around it, elsewhere 0; valid until the next call
   const cv::Mat3f& smooth(FloorGrowth& growth);
   const cv::Mat3f& colour() const { return colour_; }
 
@@ -38,6 +39,7 @@ class FloorSmoothing {
   cv::Mat1f framed_, summed_;    ///< four floats a pixel; with a margin of zeros
   std::vector<cv::Mat> pyramid_;
   std::vector<Between> columns_, rows_;  ///< of colour_ in fine_
+  std::vector<cv::Range> asked_;         ///< columns of each row of colour_
   cv::Mat3f wide_;                       ///< rows as of fine_, columns as of colour_
   cv::Mat3f colour_;
 };

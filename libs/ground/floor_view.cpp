@@ -43,7 +43,8 @@ FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options) {
   drawMask(camera, options);
   if (cv::countNonZero(mask_) == 0) throw options::Error("camera: no pixel of it shows floor");
   drawCells(camera, options);
-  if (cv::countNonZero(seeds_) == 0) throw options::Error("view: the seed region shows no floor");
+  cv::findNonZero(seeds_, seed_cells_);
+  if (seed_cells_.empty()) throw options::Error("view: the seed region shows no floor");
 }
 
 void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options) {
@@ -98,6 +99,22 @@ void FloorView::drawCells(const lens::Camera& camera, const ViewOptions& options
       if (inside == kCell * kCell && is_seed) seeds_(y, x) = 255;
     }
   }
+}
+
+std::vector<cv::Range> FloorView::rowsWithin(int margin_cells) const {
+  const int last = seeds_.rows - 1;
+  std::vector<cv::Range> wider(rows_.size(), cv::Range(0, 0));
+  for (int y = 0; y <= last; ++y) {
+    cv::Range& to = wider[static_cast<std::size_t>(y)];
+    for (int k = std::max(0, y - margin_cells); k <= std::min(last, y + margin_cells); ++k) {
+      const cv::Range& row = rows_[static_cast<std::size_t>(k)];
+      if (row.empty()) continue;
+      const cv::Range here(std::max(0, row.start - margin_cells),
+                           std::min(seeds_.cols, row.end + margin_cells));
+      to = to.empty() ? here : cv::Range(std::min(to.start, here.start), std::max(to.end, here.end));
+    }
+  }
+  return wider;
 }
 
 }  // namespace omnifleet::ground

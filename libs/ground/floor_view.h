@@ -46,14 +46,19 @@ class FloorView {
   const cv::Mat1b& coverage() const { return coverage_; }
   /// Per cell: 255 where the cell seeds the ground model.
   const cv::Mat1b& seeds() const { return seeds_; }
+  /// These cells, at least one.
+  const std::vector<cv::Point>& seedCells() const { return seed_cells_; }
   /// First and one-past-last covered cell of each row of cells.
   const std::vector<cv::Range>& rows() const { return rows_; }
+  /// The same of the view with a margin around it.
+  std::vector<cv::Range> rowsWithin(int margin_cells) const;
 
  private:
   void drawMask(const lens::Camera& camera, const ViewOptions& options);
   void drawCells(const lens::Camera& camera, const ViewOptions& options);
 
   cv::Mat1b mask_, border_, coverage_, seeds_;
+  std::vector<cv::Point> seed_cells_;
   std::vector<cv::Range> rows_;
 };
 

@@ -110,6 +110,9 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
+      area_(view.imageSize()),
+      raw_bits_(view.imageSize()),
+      bits_(view.imageSize()),
       despeckler_(view.imageSize()),
       shade_(view.imageSize()) {
   constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
@@ -119,18 +122,25 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
 }
 
 bool GroundSegmenter::segment(const cv::Mat& image, cv::Mat1b* grey) {
-  for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(strips_, *mask);
-  despeckler_.clear(strips_);
-  shade_.clear();
+  last_strips_.swap(strips_);
   strips_.clear();
   cells_.read(image, grey);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
-  if (!found) return false;
+  for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
+  shade_.clear();
+  area_.cover(strips_);
+  if (!found) {
+    for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(last_strips_, *mask);
+    return false;
+  }
   Despeckler::trimHalos(strips_, strength_, raw_);
-  despeckler_.clean(strips_, raw_, objects_);
-  lines_.apply(strips_, objects_);
+  pack(strips_, raw_, raw_bits_);
+  despeckler_.clean(area_, raw_bits_, bits_);
+  lines_.apply(area_, bits_);
   if (options_.shadows && options_.method == "local" && image.channels() == 3)
-    shade_.apply(strips_, shadeFrame(image), looks_, raw_, despeckler_, objects_);
+    shade_.apply(strips_, area_, shadeFrame(image), looks_, raw_, despeckler_, bits_);
+  clearStrips(last_strips_, objects_);
+  unpack(strips_, bits_, objects_);
   return true;
 }
 
@@ -145,6 +155,8 @@ bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   noise_ = noise;
   if (!reference_.learn(cells_.means(), noise)) return false;
   findStrips(noise);
+  // Only now, as what is cleared is mostly what is written next: memory that is touched once.
+  for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
   for (const auto& strip : strips_) {
     if (image.channels() == 3)
       classifyStrip<3>(image, strip, noise);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "ground/bit_mask.h"
 #include "ground/cell_means.h"
 #include "ground/despeckler.h"
 #include "ground/floor_reference.h"
@@ -41,8 +42,10 @@ class GroundSegmenter {
 
   /// 255 on what is not ground, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }
-  /// Outside of these objects() is 0; by rows of cells from top to bottom, left to right.
-  const std::vector<Strip>& strips() const { return strips_; }
+  /// The same, one bit a pixel.
+  const BitMask& bits() const { return bits_; }
+  /// Outside of it objects() is 0.
+  const BitArea& area() const { return area_; }
   /// Regions that may be floor or a thing of its colour; not in objects().
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Colour of the floor per cell, CV_32FC3.
@@ -78,7 +81,10 @@ class GroundSegmenter {
   cv::Mat1b off_;     ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
-  std::vector<Strip> strips_;
+  std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
+  std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
+  BitArea area_;                    ///< of the strips
+  BitMask raw_bits_, bits_;
   std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
   std::vector<float> variances_;
   Despeckler despeckler_;

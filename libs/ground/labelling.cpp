@@ -1,7 +1,6 @@
 #include "ground/labelling.h"
 
 #include <algorithm>
-#include <cstring>
 
 namespace omnifleet::ground {
 
@@ -26,46 +25,45 @@ void BlobPool::give(std::vector<Blob>& blobs) {
   blobs.clear();
 }
 
-const std::vector<Blob>& Labeller::label(const cv::Mat1b& objects, const std::vector<Strip>& strips,
-                                         int min_area_px) {
-  findRuns(objects, strips);
+const std::vector<Blob>& Labeller::label(const BitMask& objects, const BitArea& area, int min_area_px) {
+  findRuns(objects, area);
   joinRows();
   collect(min_area_px);
   return blobs_;
 }
 
-void Labeller::findRuns(const cv::Mat1b& objects, const std::vector<Strip>& strips) {
+void Labeller::findRuns(const BitMask& objects, const BitArea& area) {
   runs_.clear();
-  row_begin_.assign(static_cast<std::size_t>(objects.rows) + 1, 0);
-  std::size_t first = 0;
+  row_begin_.assign(static_cast<std::size_t>(objects.image().height) + 1, 0);
   int row = 0;
-  while (first < strips.size()) {
-    std::size_t last = first;
-    while (last < strips.size() && strips[last].cell_row == strips[first].cell_row) ++last;
-    const int begin_row = strips[first].cell_row * FloorView::kCell;
-    while (row < begin_row) row_begin_[static_cast<std::size_t>(row++)] = static_cast<int>(runs_.size());
-    for (; row < std::min(begin_row + FloorView::kCell, objects.rows); ++row) {
-      row_begin_[static_cast<std::size_t>(row)] = static_cast<int>(runs_.size());
-      for (std::size_t s = first; s < last; ++s) {
-        const std::uint8_t* data = objects.ptr(row);
-        int x = strips[s].begin_px;
-        const int end = std::min(strips[s].end_px, objects.cols);
-        while (x < end) {
-          const auto* set =
-              static_cast<const std::uint8_t*>(std::memchr(data + x, 255, static_cast<std::size_t>(end - x)));
-          if (set == nullptr) break;
-          const int begin = static_cast<int>(set - data);
-          const auto* clear =
-              static_cast<const std::uint8_t*>(std::memchr(set, 0, static_cast<std::size_t>(end - begin)));
-          x = clear == nullptr ? end : static_cast<int>(clear - data);
-          runs_.push_back({row, begin, x});
-        }
-      }
+  const auto beginRow = [&] { row_begin_[static_cast<std::size_t>(row++)] = static_cast<int>(runs_.size()); };
+  const auto& spans = area.spans();
+  for (std::size_t first = 0, last = 0; first < spans.size(); first = last) {
+    while (last < spans.size() && spans[last].cell_row == spans[first].cell_row) ++last;
+    const int top = spans[first].cell_row * FloorView::kCell;
+    while (row < top) beginRow();
+    while (row < top + FloorView::kCell) {
+      const int y = row;
+      beginRow();
+      for (std::size_t k = first; k < last; ++k) findRunsOf(objects.row(y), y, spans[k]);
     }
-    first = last;
   }
-  for (; row <= objects.rows; ++row)
-    row_begin_[static_cast<std::size_t>(row)] = static_cast<int>(runs_.size());
+  while (row <= objects.image().height) beginRow();
+}
+
+void Labeller::findRunsOf(const BitMask::Word* words, int row, const BitArea::Span& span) {
+  BitMask::Word before = 0;  // the last bit of the word before
+  int begin = -1;            // of the run that is open
+  for (int k = span.begin; k < span.end; ++k) {
+    BitMask::Word changes = words[k] ^ (words[k] << 1 | before);
+    before = words[k] >> (BitMask::kBits - 1);
+    for (; changes != 0; changes &= changes - 1) {
+      const int x = k * BitMask::kBits + __builtin_ctzll(changes);
+      if (begin >= 0) runs_.push_back({row, begin, x});
+      begin = begin >= 0 ? -1 : x;
+    }
+  }
+  if (begin >= 0) runs_.push_back({row, begin, span.end * BitMask::kBits});
 }
 
 int Labeller::root(int run) {

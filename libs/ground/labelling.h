@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/strip.h"
+#include "ground/bit_mask.h"
 
 namespace omnifleet::ground {
 
@@ -37,15 +37,16 @@ class BlobPool {
   std::size_t most_runs_ = 64;
 };
 
-/// Connected components (8 neighbours) by runs and union-find; only the strips are scanned. Labels by first
+/// Connected components (8 neighbours) by runs and union-find; only the area is scanned. Labels by first
 /// pixel in reading order.
 class Labeller {
  public:
   /// @return the regions with at least min_area_px pixels; valid until the next call
-  const std::vector<Blob>& label(const cv::Mat1b& objects, const std::vector<Strip>& strips, int min_area_px);
+  const std::vector<Blob>& label(const BitMask& objects, const BitArea& area, int min_area_px);
 
  private:
-  void findRuns(const cv::Mat1b& objects, const std::vector<Strip>& strips);
+  void findRuns(const BitMask& objects, const BitArea& area);
+  void findRunsOf(const BitMask::Word* words, int row, const BitArea::Span& span);
   void joinRows();
   int root(int run);
   void unite(int a, int b);

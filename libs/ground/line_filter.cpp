@@ -3,25 +3,24 @@
 #include <algorithm>
 #include <utility>
 
-#include "ground/strip_joins.h"
+#include "ground/bit_ops.h"
 
 namespace omnifleet::ground {
 
 LineFilter::LineFilter(cv::Size image, int width_px)
-    : radius_(std::min(width_px / 2, kMaxWidth_px / 2)),
-      a_(image, std::uint8_t{0}),
-      b_(image, std::uint8_t{0}) {}
+    : radius_(std::min(width_px / 2, kMaxWidth_px / 2)), a_(image), b_(image) {
+  static_assert(kMaxWidth_px / 2 <= kMaxReach);
+}
 
-void LineFilter::apply(const std::vector<Strip>& strips, cv::Mat1b& mask) {
+void LineFilter::apply(const BitArea& area, BitMask& mask) {
   if (radius_ < 1) return;
-  // Masks are 0 or 255, so that the smallest is "all" and the largest "any".
-  smallestAround(radius_, strips, mask, a_);
-  largestAround(radius_, strips, a_, b_);
-  cv::Mat1b *core = &b_, *grown = &a_;
-  for (int step = 1; step < radius_; ++step, std::swap(core, grown)) growWithin(strips, *core, mask, *grown);
-  growWithin(strips, *core, mask, mask);
-  clearStrips(strips, a_);
-  clearStrips(strips, b_);
+  erode(area, radius_, mask, a_);
+  dilate(area, radius_, a_, b_);
+  BitMask *core = &b_, *grown = &a_;
+  for (int step = 1; step < radius_; ++step, std::swap(core, grown)) growWithin(area, *core, mask, *grown);
+  growWithin(area, *core, mask, mask);
+  clear(area, a_);
+  clear(area, b_);
 }
 
 }  // namespace omnifleet::ground

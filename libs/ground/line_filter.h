@@ -1,9 +1,8 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-#include <vector>
 
-#include "ground/strip.h"
+#include "ground/bit_mask.h"
 
 namespace omnifleet::ground {
 
@@ -17,12 +16,12 @@ class LineFilter {
   /// @param width_px structures thinner than this go (odd numbers 3–kMaxWidth_px; less: nothing is done)
   LineFilter(cv::Size image, int width_px);
 
-  /// @param mask 0/255, zero outside the strips
-  void apply(const std::vector<Strip>& strips, cv::Mat1b& mask);
+  /// @param mask not set outside the area
+  void apply(const BitArea& area, BitMask& mask);
 
  private:
   int radius_;
-  cv::Mat1b a_, b_;
+  BitMask a_, b_;
 };
 
 }  // namespace omnifleet::ground

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <numeric>
 
 #include "geometry/wide.h"
@@ -100,12 +99,6 @@ bool isCore(int pixels, const Blob& blob) {
          static_cast<float>(pixels) >= kMinCoreShare * static_cast<float>(blob.area_px);
 }
 
-/// Masks of 0 and 255.
-OMNIFLEET_WIDE void keepWithin(const std::uint8_t* allowed, std::size_t n, std::uint8_t* mask) {
-#pragma GCC ivdep
-  for (std::size_t x = 0; x < n; ++x) mask[x] = static_cast<std::uint8_t>(mask[x] & allowed[x]);
-}
-
 float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
   x = std::clamp(x, 0, frame.image.cols - 1);
   y = std::clamp(y, 0, frame.image.rows - 1);
@@ -126,12 +119,10 @@ float meanGain(const ShadeFilter::Frame& frame, int x, int y, int across_x, int 
 
 }  // namespace
 
-ShadeFilter::ShadeFilter(cv::Size image) : bare_(image, std::uint8_t{0}), core_(image, std::uint8_t{0}) {}
-
 void ShadeFilter::clear() {
   clearStrips(core_strips_, bare_);
-  clearStrips(core_strips_, core_);
-  core_strips_.clear();
+  ground::clear(core_area_, bare_bits_);
+  ground::clear(core_area_, core_);
   undecided_.clear();
 }
 
@@ -219,18 +210,21 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }
 
-void ShadeFilter::apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
-                        const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects) {
-  const std::vector<Blob>& blobs = labeller_.label(objects, strips, kMinRegion_px);
+void ShadeFilter::apply(const std::vector<Strip>& strips, const BitArea& area, const Frame& frame,
+                        const cv::Mat1b& looks, const cv::Mat1b& raw, Despeckler& despeckler,
+                        BitMask& objects) {
+  const std::vector<Blob>& blobs = labeller_.label(objects, area, kMinRegion_px);
   judgeAll(blobs, frame, looks);
   findCoreStrips(strips, blobs);
+  core_area_.cover(core_strips_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     if (judged_[i].verdict == Verdict::kKeepCore) {
       takeFloorOut(blobs[i], judged_[i].shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
       giveHuedBack(blobs[i], frame, raw);
     }
   }
-  despeckler.clean(core_strips_, bare_, core_);
+  pack(core_strips_, bare_, bare_bits_);
+  despeckler.clean(core_area_, bare_bits_, core_);
   for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, looks, objects);
 }
 
@@ -281,21 +275,18 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   }
 }
 
-void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects) {
+void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects) {
   if (verdict == Verdict::kKeep) return;
   if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
   for (const Run& run : blob.runs) {
-    std::uint8_t* to = objects.ptr(run.row);
-    const std::uint8_t* core = core_.ptr(run.row);
-    const Look* look = looks.ptr(run.row);
-    const auto n = static_cast<std::size_t>(run.end - run.begin);
     if (verdict == Verdict::kKeepCore) {
-      keepWithin(core + run.begin, n, to + run.begin);
+      objects.keep(run.row, run.begin, run.end, core_);
     } else if (verdict == Verdict::kKeepFirm) {
+      const Look* look = looks.ptr(run.row);
       for (int x = run.begin; x < run.end; ++x)
-        if (isFaint(look[x])) to[x] = 0;
+        if (isFaint(look[x])) objects.clear(run.row, x, x + 1);
     } else {
-      std::memset(to + run.begin, 0, n);
+      objects.clear(run.row, run.begin, run.end);
     }
   }
 }

@@ -3,6 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/bit_mask.h"
 #include "ground/despeckler.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
@@ -23,7 +24,8 @@ namespace omnifleet::ground {
 ///  well.
 class ShadeFilter {
  public:
-  explicit ShadeFilter(cv::Size image);
+  explicit ShadeFilter(cv::Size image)
+      : bare_(image, std::uint8_t{0}), core_area_(image), bare_bits_(image), core_(image) {}
 
   /// What is asked about brightness where the outline of a grey region lies.
   struct Frame {
@@ -33,10 +35,10 @@ class ShadeFilter {
     float noise;             ///< grey levels tolerated beside it in a single pixel
   };
 
-  /// @param looks of the pixels, 0 outside the strips; @param raw 0/1, not yet despeckled
-  /// @param objects the despeckled mask, 0/255; changed
-  void apply(const std::vector<Strip>& strips, const Frame& frame, const cv::Mat1b& looks,
-             const cv::Mat1b& raw, Despeckler& despeckler, cv::Mat1b& objects);
+  /// @param area of the strips; @param looks of the pixels, 0 outside the strips
+  /// @param raw 0/1, not yet despeckled; @param objects the despeckled mask; changed
+  void apply(const std::vector<Strip>& strips, const BitArea& area, const Frame& frame,
+             const cv::Mat1b& looks, const cv::Mat1b& raw, Despeckler& despeckler, BitMask& objects);
 
   void clear();
 
@@ -63,13 +65,15 @@ class ShadeFilter {
   void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
   void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& raw);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
-  void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, cv::Mat1b& objects);
+  void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   std::vector<cv::Rect> core_rects_;
-  std::vector<Strip> core_strips_;  ///< outside of these bare_ and core_ are 0
-  cv::Mat1b bare_, core_;           ///< raw without shade; the same despeckled
+  std::vector<Strip> core_strips_;
+  cv::Mat1b bare_;            ///< raw without shade; 0 outside the core strips
+  BitArea core_area_;         ///< of them: outside of it these are 0
+  BitMask bare_bits_, core_;  ///< bare_; the same despeckled
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;

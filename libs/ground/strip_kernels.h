@@ -49,12 +49,6 @@ struct Largest {
 struct Smallest {
   static OMNIFLEET_INLINE std::uint8_t of(std::uint8_t a, std::uint8_t b) { return a < b ? a : b; }
 };
-struct Sum {
-  static OMNIFLEET_INLINE std::uint8_t of(std::uint8_t a, std::uint8_t b) {
-    return static_cast<std::uint8_t>(a + b);
-  }
-};
-
 /// out[y][x] = Join over the square of side 2·kRadius + 1 around from[y · step + x].
 template <typename Join, int kRadius, int kRows, int kColumns>
 OMNIFLEET_INLINE void joinSquares(const std::uint8_t* from, std::ptrdiff_t step,

@@ -1,6 +1,7 @@
 #include "local_mapper/camera_faults.h"
 
 #include <cmath>
+#include <cstring>
 
 namespace omnifleet::local_mapper {
 
@@ -13,28 +14,33 @@ FaultOptions FaultOptions::read(const options::Section& section) {
   return o;
 }
 
-FreezeCheck::FreezeCheck(const ground::FloorView& view, const FaultOptions& options) : options_(options) {
-  constexpr int kStep_px = 8;
-  for (int y = kStep_px / 2; y < view.imageSize().height; y += kStep_px)
-    for (int x = kStep_px / 2; x < view.imageSize().width; x += kStep_px)
-      if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
-}
+FreezeCheck::FreezeCheck(const ground::FloorView& view, const FaultOptions& options)
+    : options_(options), rows_(view.rows()) {}
 
-std::uint64_t FreezeCheck::fingerprintOf(const cv::Mat& image) const {
-  std::uint64_t hash = 14695981039346656037U;  // FNV-1a
-  const int channels = image.channels();
-  for (const cv::Point& p : samples_) {
-    const std::uint8_t* pixel = image.ptr<std::uint8_t>(p.y) + p.x * channels;
-    std::uint64_t value = 0;
-    for (int c = 0; c < channels; ++c) value = value << 8 | pixel[c];
-    hash = (hash ^ value) * 1099511628211U;
+/// Of every other row of cells.
+std::uint64_t FreezeCheck::fingerprintOf(const cv::Mat3f& means) const {
+  // FNV-1a, in four parts: one multiplication need not wait for the other.
+  constexpr std::uint64_t kPrime = 1099511628211U;
+  std::uint64_t a = 14695981039346656037U, b = 1, c = 2, d = 3;
+  for (std::size_t y = 0; y < rows_.size(); y += 2) {
+    const cv::Vec3f* cell = means.ptr<cv::Vec3f>(static_cast<int>(y)) + rows_[y].start;
+    for (int left = rows_[y].size(); left >= 8; left -= 8, cell += 8) {
+      std::uint64_t words[12];
+      std::memcpy(words, cell, sizeof words);
+      for (std::size_t k = 0; k < 12; k += 4) {
+        a = (a ^ words[k]) * kPrime;
+        b = (b ^ words[k + 1]) * kPrime;
+        c = (c ^ words[k + 2]) * kPrime;
+        d = (d ^ words[k + 3]) * kPrime;
+      }
+    }
   }
-  return hash;
+  return (((a * kPrime ^ b) * kPrime ^ c) * kPrime ^ d) * kPrime;
 }
 
-bool FreezeCheck::isFrozen(const cv::Mat& image, const Motion& wheels) {
+bool FreezeCheck::isFrozen(const cv::Mat3f& means, const Motion& wheels) {
   if (options_.frozen_m <= 0.0) return false;
-  const std::uint64_t fingerprint = fingerprintOf(image);
+  const std::uint64_t fingerprint = fingerprintOf(means);
   if (fingerprint != fingerprint_) {
     fingerprint_ = fingerprint;
     rolled_m_ = turned_rad_ = 0.0;

@@ -25,16 +25,16 @@ class FreezeCheck {
  public:
   FreezeCheck(const ground::FloorView& view, const FaultOptions& options);
 
-  /// @param wheels since the frame before
-  bool isFrozen(const cv::Mat& image, const Motion& wheels);
+  /// @param means of the picture's cells, by which it is known again; @param wheels since the frame before
+  bool isFrozen(const cv::Mat3f& means, const Motion& wheels);
   /// How many things the frame just checked shows.
   void saw(std::size_t objects) { shows_things_ = objects > 0; }
 
  private:
-  std::uint64_t fingerprintOf(const cv::Mat& image) const;
+  std::uint64_t fingerprintOf(const cv::Mat3f& means) const;
 
   FaultOptions options_;
-  std::vector<cv::Point> samples_;
+  std::vector<cv::Range> rows_;  ///< cells looked at
   std::uint64_t fingerprint_ = 0;
   bool shows_things_ = false;  ///< the picture of that fingerprint
   double rolled_m_ = 0.0, turned_rad_ = 0.0;

@@ -42,7 +42,7 @@ struct LocalMapper::Stages {
   Stages& operator=(const Stages&) = delete;
 
   void begin(const Frame& frame, const Motion& wheels);
-  bool findRegions(const cv::Mat& image);
+  FrameState findRegions(const cv::Mat& image, const Motion& wheels);
   void discard();
   cv::Vec3f floorAround() const;
   void measureObjects(const cv::Mat& image);
@@ -93,12 +93,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   Stages& s = *stages_;
   s.begin(frame, wheels);
   s.map.state = s.check.check(frame);
-  if (s.map.state == FrameState::kOk && s.freeze.isFrozen(frame.image, wheels)) {
-    s.map.state = FrameState::kOutOfOrder;  // an old picture with a new time
-    s.fault = "the picture stays the same while the wheels turn";
-  }
-  if (s.map.state == FrameState::kOk && !s.findRegions(frame.image))
-    s.map.state = FrameState::kDark;  // no floor
+  if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
   s.flow.push();                  // §III.3: pyramid
@@ -127,8 +122,9 @@ void LocalMapper::Stages::discard() {
 }
 
 cv::Vec3f LocalMapper::Stages::floorAround() const {
-  const cv::Scalar mean = cv::mean(segmenter.cellMeans(), view.seeds());
-  return {static_cast<float>(mean[0]), static_cast<float>(mean[1]), static_cast<float>(mean[2])};
+  cv::Vec3d sum(0, 0, 0);
+  for (const cv::Point& cell : view.seedCells()) sum += cv::Vec3d(segmenter.cellMeans()(cell));
+  return cv::Vec3f(sum / static_cast<double>(view.seedCells().size()));
 }
 
 void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
@@ -147,11 +143,16 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   map.scan.object.clear();
 }
 
-bool LocalMapper::Stages::findRegions(const cv::Mat& image) {
-  if (!segmenter.segment(image, &flow.next())) return false;  // §III.2: ground removed by its histogram
-  labelled = &labeller.label(segmenter.objects(), segmenter.strips(), options.silhouette.min_area_px);
+FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& wheels) {
+  const bool has_floor = segmenter.segment(image, &flow.next());  // §III.2: ground removed by its histogram
+  if (freeze.isFrozen(segmenter.cellMeans(), wheels)) {
+    fault = "the picture stays the same while the wheels turn";
+    return FrameState::kOutOfOrder;  // an old picture with a new time
+  }
+  if (!has_floor) return FrameState::kDark;
+  labelled = &labeller.label(segmenter.bits(), segmenter.area(), options.silhouette.min_area_px);
   blobs = &connection.connect(*labelled);  // Algorithm 1
-  return true;
+  return FrameState::kOk;
 }
 
 void LocalMapper::Stages::measureObjects(const cv::Mat& image) {

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground/contour.h"
+#include "tests/unit/ground/bits.h"
 #include "tests/unit/ground/synthetic_floor.h"
 
 namespace omnifleet::ground {
@@ -18,11 +19,10 @@ class ContourTest : public ::testing::Test {
     ContourOptions options;
     options.refine = refine;
     ContourTracer tracer(view_, options);
-    std::vector<Strip> strips;
-    for (int y = 0; y < mask.rows / FloorView::kCell; ++y) strips.push_back({y, 0, mask.cols});
+    const testing::Bits bits(mask);
     Labeller labeller;
     Blob all;
-    for (const auto& blob : labeller.label(mask, strips, 1))
+    for (const auto& blob : labeller.label(bits.mask, bits.area, 1))
       all.runs.insert(all.runs.end(), blob.runs.begin(), blob.runs.end());
     std::sort(all.runs.begin(), all.runs.end(), [](const ground::Run& a, const ground::Run& b) {
       return std::tie(a.row, a.begin) < std::tie(b.row, b.begin);

@@ -4,20 +4,16 @@
 #include <random>
 
 #include "ground/labelling.h"
+#include "tests/unit/ground/bits.h"
 
 namespace omnifleet::ground {
 namespace {
 
-std::vector<Strip> wholeImage(const cv::Mat1b& mask) {
-  std::vector<Strip> strips;
-  for (int y = 0; y < mask.rows / FloorView::kCell; ++y) strips.push_back({y, 0, mask.cols});
-  return strips;
-}
-
 /// OpenCV's labels are the reference: every blob must be exactly one of its components.
 void compareWithOpenCv(const cv::Mat1b& mask, int min_area) {
   Labeller labeller;
-  const auto& blobs = labeller.label(mask, wholeImage(mask), min_area);
+  const testing::Bits bits(mask);
+  const auto& blobs = labeller.label(bits.mask, bits.area, min_area);
   cv::Mat labels, stats, centroids;
   const int n = cv::connectedComponentsWithStats(mask, labels, stats, centroids, 8, CV_32S);
   int expected = 0;
@@ -41,8 +37,8 @@ void compareWithOpenCv(const cv::Mat1b& mask, int min_area) {
 
 TEST(Labeller, AgreesWithOpenCvOnNoiseOfEveryDensity) {
   std::mt19937 random(7);
-  for (const double density : {0.05, 0.3, 0.45, 0.6, 0.95}) {
-    cv::Mat1b mask(96, 128);
+  for (const double density : {0.05, 0.3, 0.45, 0.6, 0.95, 1.0}) {
+    cv::Mat1b mask(96, 328);
     std::bernoulli_distribution set(density);
     for (auto& p : mask) p = set(random) ? 255 : 0;
     compareWithOpenCv(mask, 1);
@@ -61,11 +57,12 @@ TEST(Labeller, AgreesWithOpenCvOnShapesThatMeetLate) {
 TEST(Labeller, LooksOnlyAtTheStrips) {
   cv::Mat1b mask(40, 40, std::uint8_t{255});
   Labeller labeller;
-  const auto& blobs = labeller.label(mask, {{2, 8, 16}, {3, 8, 12}, {8, 0, 4}}, 1);
+  const testing::Bits bits(mask, {{2, 8, 16}, {3, 8, 12}, {8, 0, 4}}), none(mask, {});
+  const auto& blobs = labeller.label(bits.mask, bits.area, 1);
   ASSERT_EQ(blobs.size(), 2U);
   EXPECT_EQ(blobs[0].area_px, 4 * 8 + 4 * 4);
   EXPECT_EQ(blobs[1].rect, cv::Rect(0, 32, 4, 4));
-  EXPECT_TRUE(labeller.label(mask, {}, 1).empty());
+  EXPECT_TRUE(labeller.label(none.mask, none.area, 1).empty());
 }
 
 }  // namespace

@@ -3,14 +3,15 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground/line_filter.h"
+#include "tests/unit/ground/bits.h"
 
 namespace omnifleet::ground {
 namespace {
 
-std::vector<Strip> wholeImage(const cv::Mat1b& mask) {
-  std::vector<Strip> strips;
-  for (int y = 0; y < mask.rows / FloorView::kCell; ++y) strips.push_back({y, 0, mask.cols});
-  return strips;
+cv::Mat1b filtered(const cv::Mat1b& mask, LineFilter& filter) {
+  testing::Bits bits(mask);
+  filter.apply(bits.area, bits.mask);
+  return testing::Bits::bytesOf(bits.mask);
 }
 
 TEST(LineFilter, TakesAGridAwayAndKeepsTheBoxThatStandsOnIt) {
@@ -21,7 +22,8 @@ TEST(LineFilter, TakesAGridAwayAndKeepsTheBoxThatStandsOnIt) {
   const std::vector<cv::Point> corners = {{100, 90}, {150, 105}, {135, 160}, {85, 145}};
   cv::fillConvexPoly(box, corners, 255);
   mask |= box;
-  LineFilter(mask.size(), 7).apply(wholeImage(mask), mask);
+  LineFilter filter(mask.size(), 7);
+  mask = filtered(mask, filter);
   EXPECT_EQ(cv::countNonZero(box & ~mask), 0);  // corners too
   cv::Mat1b near_box;
   cv::dilate(box, near_box, cv::getStructuringElement(cv::MORPH_RECT, {15, 15}));
@@ -37,19 +39,16 @@ TEST(LineFilter, KeepsExactlyTheOpeningWhereNothingGrowsBack) {
   cv::Mat1b opened;
   cv::morphologyEx(mask, opened, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {5, 5}));
   LineFilter filter(mask.size(), 5);
-  cv::Mat1b filtered = mask.clone();
-  filter.apply(wholeImage(mask), filtered);
-  EXPECT_EQ(cv::countNonZero(filtered != opened), 0);
-  cv::Mat1b again = mask.clone();  // the buffers carry nothing over
-  filter.apply(wholeImage(mask), again);
-  EXPECT_EQ(cv::countNonZero(filtered != again), 0);
+  EXPECT_EQ(cv::countNonZero(filtered(mask, filter) != opened), 0);
+  // The buffers carry nothing over.
+  EXPECT_EQ(cv::countNonZero(filtered(mask, filter) != opened), 0);
 }
 
 TEST(LineFilter, WidthOneDoesNothing) {
   cv::Mat1b mask(40, 40, std::uint8_t{0});
   mask(20, 20) = 255;
-  LineFilter(mask.size(), 1).apply(wholeImage(mask), mask);
-  EXPECT_EQ(cv::countNonZero(mask), 1);
+  LineFilter filter(mask.size(), 1);
+  EXPECT_EQ(cv::countNonZero(filtered(mask, filter)), 1);
 }
 
 }  // namespace

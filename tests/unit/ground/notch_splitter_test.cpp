@@ -3,6 +3,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground/notch_splitter.h"
+#include "tests/unit/ground/bits.h"
 #include "tests/unit/ground/synthetic_floor.h"
 
 namespace omnifleet::ground {
@@ -27,9 +28,8 @@ class NotchSplitterTest : public ::testing::Test {
   void box(const cv::Rect& rect) { cv::rectangle(covered_, rect, 255, cv::FILLED); }
 
   const std::vector<Blob>& split() {
-    std::vector<Strip> strips;
-    for (int y = 0; y < covered_.rows / FloorView::kCell; ++y) strips.push_back({y, 0, covered_.cols});
-    const auto& blobs = labeller_.label(covered_, strips, 1);
+    const testing::Bits bits(covered_);
+    const auto& blobs = labeller_.label(bits.mask, bits.area, 1);
     EXPECT_EQ(blobs.size(), 1U);
     blob_ = blobs.front();
     const cv::Mat3f floor(view_.cells(), cv::Vec3f(160, 160, 160));

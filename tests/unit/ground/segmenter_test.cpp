@@ -43,7 +43,7 @@ class SegmenterTest : public ::testing::Test {
     EXPECT_EQ(cv::countNonZero(inner & ~segmenter.objects()), 0);
     EXPECT_EQ(cv::countNonZero(segmenter.objects() & ~outer), 0);
     Labeller labeller;
-    EXPECT_EQ(labeller.label(segmenter.objects(), segmenter.strips(), 20).size(), kDiscs.size());
+    EXPECT_EQ(labeller.label(segmenter.bits(), segmenter.area(), 20).size(), kDiscs.size());
   }
 
   lens::CameraModel model_;
@@ -96,7 +96,7 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
   testing::drawDisc<cv::Vec3b>(image, 470, 330, 16, {30, 30, 200});
   ASSERT_TRUE(segmenter.segment(image));
   Labeller labeller;
-  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  const auto& blobs = labeller.label(segmenter.bits(), segmenter.area(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 256,
               200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
@@ -119,7 +119,7 @@ TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
   GroundSegmenter segmenter(camera_, view_, {});
   ASSERT_TRUE(segmenter.segment(image));
   Labeller labeller;
-  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  const auto& blobs = labeller.label(segmenter.bits(), segmenter.area(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 250);
 }
@@ -132,7 +132,7 @@ TEST_F(SegmenterTest, AnObjectInTheSeedRingOfADimRoomStaysAnObject) {
   GroundSegmenter segmenter(camera_, view_, {});
   ASSERT_TRUE(segmenter.segment(noisy));
   Labeller labeller;
-  const auto& blobs = labeller.label(segmenter.objects(), segmenter.strips(), 20);
+  const auto& blobs = labeller.label(segmenter.bits(), segmenter.area(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 350);  // a rim of 1.6 px
 }
@@ -149,7 +149,7 @@ TEST_F(SegmenterTest, ThingsThatHardlyStandOutOfTheNoiseOfADimRoomAreWhole) {
   GroundSegmenter segmenter(camera_, view_, {});
   ASSERT_TRUE(segmenter.segment(testing::withNoise(image, 3.0, 11)));
   Labeller labeller;
-  EXPECT_EQ(labeller.label(segmenter.objects(), segmenter.strips(), 20).size(), discs.size());
+  EXPECT_EQ(labeller.label(segmenter.bits(), segmenter.area(), 20).size(), discs.size());
   const cv::Mat1b truth = truth_ > 127;
   const int common = cv::countNonZero(truth & segmenter.objects()),
             either = cv::countNonZero(truth | segmenter.objects());

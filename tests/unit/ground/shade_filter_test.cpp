@@ -34,7 +34,7 @@ class ShadeFilterTest : public ::testing::Test {
     GroundSegmenter segmenter(camera_, view_, options);
     EXPECT_TRUE(segmenter.segment(image_));
     Labeller labeller;
-    return labeller.label(segmenter.objects(), segmenter.strips(), 20);
+    return labeller.label(segmenter.bits(), segmenter.area(), 20);
   }
 
   lens::CameraModel model_;
