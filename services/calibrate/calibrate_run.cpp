@@ -22,7 +22,8 @@ std::vector<std::filesystem::path> imagesIn(const Options& options) {
     std::string extension = entry.path().extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
                    [](unsigned char c) { return std::tolower(c); });
-    const bool image = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".bmp";
+    const bool image =
+        extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".bmp";
     const std::string name = entry.path().filename().string();
     if (image && ::fnmatch(options.match.c_str(), name.c_str(), 0) == 0) images.push_back(entry.path());
   }
@@ -47,9 +48,9 @@ Search findBoards(const Options& options, const std::function<void(const std::st
     if (grey.empty()) throw options::Error(fmt::format("{}: cannot be read as an image", path.string()));
     if (search.size.empty()) search.size = grey.size();
     if (grey.size() != search.size) {
-      throw options::Error(fmt::format("{}: is {}×{}, the images before are {}×{}; one camera at a time (--match)",
-                                       path.string(), grey.cols, grey.rows, search.size.width,
-                                       search.size.height));
+      throw options::Error(
+          fmt::format("{}: is {}×{}, the images before are {}×{}; one camera at a time (--match)",
+                      path.string(), grey.cols, grey.rows, search.size.width, search.size.height));
     }
     auto corners = calibration::findBoard(grey, options.board);
     progress(name, corners.has_value());
@@ -75,11 +76,13 @@ void checkError(const Options& options, const Search& search, const calibration:
     worst_px = px;
     worst = search.views[v].name;
   }
-  throw std::runtime_error(fmt::format(
-      "reprojection error {:.1f} px RMS, more than {:g} (--max_rms_px): nothing written; worst is {} with {:.1f} px. "
-      "Try another --projection (kannala_brandt and ocam fit most lenses), check that --board counts inner corners, "
-      "leave images out by --match",
-      rms_px, options.max_rms_px, worst, worst_px));
+  throw std::runtime_error(
+      fmt::format("reprojection error {:.1f} px RMS, more than {:g} (--max_rms_px): nothing written; worst "
+                  "is {} with {:.1f} px. "
+                  "Try another --projection (kannala_brandt and ocam fit most lenses), check that --board "
+                  "counts inner corners, "
+                  "leave images out by --match",
+                  rms_px, options.max_rms_px, worst, worst_px));
 }
 
 }  // namespace
@@ -129,8 +132,8 @@ Report run(const Options& options, const std::function<void(const std::string&, 
   const auto lens = lens::Lens::make(report.model);
   for (std::size_t v = 0; v < search.views.size(); ++v) {
     report.used.push_back(search.views[v].name);
-    report.rms_px.push_back(calibration::reprojectionRms_px(*lens, options.board, search.views[v],
-                                                            found.camera_from_board[v]));
+    report.rms_px.push_back(
+        calibration::reprojectionRms_px(*lens, options.board, search.views[v], found.camera_from_board[v]));
   }
   report.without_board = search.without_board;
   report.total_rms_px = measured(report.model);
@@ -143,9 +146,10 @@ std::string table(const Report& report) {
   for (std::size_t i = 0; i < report.used.size(); ++i)
     text += fmt::format("{:<40} {:6.3f} px\n", report.used[i], report.rms_px[i]);
   for (const std::string& name : report.without_board) text += fmt::format("{:<40} no board found\n", name);
-  text += fmt::format("{} of {} images used, reprojection error {:.3f} px RMS, corners up to {:.1f}° from the axis\n",
-                      report.used.size(), report.used.size() + report.without_board.size(),
-                      report.total_rms_px, report.outermost_deg);
+  text += fmt::format(
+      "{} of {} images used, reprojection error {:.3f} px RMS, corners up to {:.1f}° from the axis\n",
+      report.used.size(), report.used.size() + report.without_board.size(), report.total_rms_px,
+      report.outermost_deg);
   return text;
 }
 

@@ -1,4 +1,5 @@
-// calibrate IMAGES_DIR --board COLSxROWS --square_m S --out sensor.yaml: a lens from pictures of a chessboard.
+// calibrate IMAGES_DIR --board COLSxROWS --square_m S --out sensor.yaml: a lens from pictures of a
+// chessboard.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -10,7 +11,8 @@ int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
   CLI::App app(
       "Calibrates a lens from pictures of a chessboard, writes sensor.yaml with its reprojection error.\n"
-      "Exit code: 0 done, 1 the board was found too seldom, the error is too large or the file cannot be written, 2 bad "
+      "Exit code: 0 done, 1 the board was found too seldom, the error is too large or the file cannot be "
+      "written, 2 bad "
       "input.");
   omnifleet::calibrate::Options options;
   std::string board, projection = "kannala_brandt";
@@ -26,7 +28,8 @@ int main(int argc, char** argv) {
   app.add_option("--fov_deg", options.fov_deg,
                  "full angle that the lens must serve (default: what the corners covered and a tenth more)")
       ->check(CLI::Range(1.0, 360.0));
-  app.add_option("--max_rms_px", options.max_rms_px, "nothing is written where the reprojection error is larger")
+  app.add_option("--max_rms_px", options.max_rms_px,
+                 "nothing is written where the reprojection error is larger")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();
   try {

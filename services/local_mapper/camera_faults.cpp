@@ -60,12 +60,12 @@ bool CoverCheck::differs(const cv::Vec3f& floor) const {
 
 bool CoverCheck::isCovered(std::size_t objects, const cv::Vec3f& floor) {
   if (options_.cover_step <= 0.0) return false;
-  covered_ = objects == 0 && (covered_ || objects_ > 0) && differs(floor);
-  if (!covered_) {
+  const bool covered = objects == 0 && objects_ > 0 && differs(floor);
+  if (!covered) {
     objects_ = objects;
     floor_ = floor;
   }
-  return covered_;
+  return covered;
 }
 
 }  // namespace omnifleet::local_mapper

@@ -55,7 +55,6 @@ class CoverCheck {
   bool differs(const cv::Vec3f& floor) const;
 
   FaultOptions options_;
-  bool covered_ = false;
   std::size_t objects_ = 0;  ///< of the last frame that was not covered
   cv::Vec3f floor_{0, 0, 0};
 };
