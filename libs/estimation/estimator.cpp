@@ -20,6 +20,7 @@ constexpr int kMovedAfter = 5;            // misfits in a row after which a land
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
+constexpr double kStartCauchy = 3.0;  // σ at which a start as it was told counts half
 constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
 }  // namespace
 
@@ -203,7 +204,7 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   }
   fleet.place(robot, frame, map_from_base);
   robot.covariance = covariance;
-  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose});
+  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose}, kStartCauchy);
 }
 
 void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
