@@ -12,6 +12,8 @@
 #include "estimation/locating.h"
 #include "estimation/measurements.h"
 #include "estimation/point_alignment.h"
+#include "estimation/starts.h"
+#include "estimation/told.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -68,7 +70,7 @@ class FleetEstimator::Impl {
   void condense();
   void forgetLandmarks();
   void forgetPoints();
-  std::vector<PoseEstimate> report(const std::vector<Frame>& frames) const;
+  std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
   MeasurementQueue queue_;
   bool settled_ = false;  ///< at the end of a run
@@ -115,6 +117,7 @@ void FleetEstimator::Impl::refine() {
   whole_ = false;
   fleet.updateShapes();
   forgetLandmarks();
+  reviseTold(fleet, false);
   fleet.slide();
   fleet.forgetWheels();
   condense();
@@ -204,10 +207,19 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   }
   fleet.place(robot, frame, map_from_base);
   robot.covariance = covariance;
+  robot.start.told = map_from_base;
+  robot.start.pose = robot.window.back().pose;
   fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose}, kStartCauchy);
 }
 
 void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
+  std::vector<Sight> sights;
+  for (Frame& frame : frames) {
+    if (frame.fresh && frame.robot->located()) sights.push_back({frame.robot, frame.objects, &frame.seen});
+  }
+  for (RobotNode* robot : checkStarts(fleet, sights)) {
+    for (Frame& frame : frames) frame.placed_anew = frame.placed_anew || frame.robot == robot;
+  }
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
     alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
@@ -373,14 +385,14 @@ void FleetEstimator::Impl::forgetPoints() {
   }
 }
 
-std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) const {
+std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {
   std::vector<PoseEstimate> estimates;
   for (const Frame& frame : frames) {
     PoseEstimate estimate;
     estimate.robot = frame.objects->robot;
     estimate.acquired_ns = frame.objects->acquired_ns;
     estimate.sequence = frame.objects->sequence;
-    const RobotNode& robot = *frame.robot;
+    RobotNode& robot = *frame.robot;
     estimate.valid = frame.fresh && robot.located() && robot.status.state != RobotState::kLost;
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
@@ -389,6 +401,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
       for (const Seen& seen : frame.seen) {
         if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
       }
+      noteTold(robot, estimate);
     }
     estimates.push_back(std::move(estimate));
   }
@@ -421,6 +434,15 @@ void FleetEstimator::Impl::settle(int rounds) {
   }
   settled_ = whole_ = true;
   updateCovariances();
+  reviseTold(fleet, true);
+}
+
+std::vector<PoseEstimate> FleetEstimator::takeRevised() {
+  return std::exchange(impl_->fleet.revised, {});
+}
+
+std::vector<std::string> FleetEstimator::takeFindings() {
+  return std::exchange(impl_->fleet.findings, {});
 }
 
 FleetEstimator::FleetEstimator(std::vector<RobotSetup> robots, const EstimatorOptions& options)

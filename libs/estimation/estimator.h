@@ -92,7 +92,7 @@ enum class RobotState : std::uint8_t { kUnlocated, kOk, kSlipping, kLost };
 struct RobotStatus {
   RobotState state = RobotState::kUnlocated;
   std::string text;  ///< one line, empty when ok
-  int slips = 0, losses = 0, rejected_measurements = 0, rejected_views = 0;
+  int slips = 0, losses = 0, rejected_measurements = 0, rejected_views = 0, wrong_starts = 0;
 };
 
 class FleetEstimator {
@@ -128,6 +128,13 @@ class FleetEstimator {
   /// Revised estimates of the frames that are still in the window, by robot then time. Frames that have left
   /// it keep the last value given here.
   std::vector<PoseEstimate> smoothed() const;
+
+  /// Frames that have left the window, or will be in no window again, and whose poses have turned out to be
+  /// others than process() gave, by more than a map is exact to; each time since the last call.
+  std::vector<PoseEstimate> takeRevised();
+  /// What has been found wrong with what was told of the fleet (a robot's start), a line for people each;
+  /// since the last call.
+  std::vector<std::string> takeFindings();
 
   /// Obstacles with at least publish_views views, by id.
   std::vector<LandmarkEstimate> landmarks() const;

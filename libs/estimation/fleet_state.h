@@ -43,6 +43,7 @@ struct Step {
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
   bool keyframe = false;
+  std::optional<Pose2> told;  ///< what was reported of it
   std::vector<ViewLink> views;
 };
 
@@ -66,6 +67,26 @@ struct Scout {
   std::deque<ScoutPair> pairs;
 };
 
+/// A place elsewhere that a robot may have started at, and how much of what was seen speaks for it.
+struct OtherStart {
+  Pose2 moved;         ///< from where the robot is said to be, in map (from the left)
+  double score = 0.0;  ///< sum over frames of things that agree, less those that are missing
+};
+
+/// How a robot's start as it was told agrees with what is seen since.
+struct Start {
+  Pose2 told;             ///< map_from_base of the first frame
+  VariableId pose = 0;    ///< 0: it was not told, or has been placed anew since
+  Pose2 moved;            ///< by how much everything is now beside where it was said to be (from the left)
+  int agreed = 0;         ///< frames that agree with others
+  int doubted = 0, refuted = 0;  ///< frames of those since that show nothing of the others; the contrary
+  double claim_score = 0.0;      ///< over these
+  std::vector<OtherStart> elsewhere;
+  std::vector<PoseEstimate> history;  ///< all that was told, while nothing has confirmed the start
+  VariableId anchor = 0;              ///< where it was placed anew last, until that is final, …
+  Pose2 anchored;                     ///< … and the place then
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -86,6 +107,7 @@ struct RobotNode {
   int refusals = 0;                                ///< ranges and bearings in a row that the gate refused
   std::set<std::string> refused;                   ///< of which things
   std::optional<Scout> scout;                      ///< while unlocated
+  Start start;
   bool displaced = false;                          ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
@@ -126,6 +148,9 @@ class FleetState {
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)
+  bool tied = false;                    ///< something from outside tells where the map is
+  std::vector<PoseEstimate> revised;    ///< frames that turned out to lie elsewhere than was told
+  std::vector<std::string> findings;    ///< what was found wrong with what was told, a line each
 
   RobotNode* find(const std::string& name);
   const RobotNode* find(const std::string& name) const;

@@ -124,6 +124,7 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
     fleet.graph.addFactor(priorFactor(m.value.head<2>(), sigma), {point.variable});
     return Outcome::kDone;
   }
+  fleet.tied = true;
   const bool whole = m.kind == MeasurementKind::kAbsolutePose;
   const Pose2 measured = Pose2::fromVector(m.value);
   const Objects* frame = frameOf(frames, m.to);
@@ -201,6 +202,7 @@ MeasurementQueue::Outcome MeasurementQueue::attachToPoint(FleetState& fleet, con
                         at->second.covariance)) {
     return Outcome::kRejected;
   }
+  fleet.tied = fleet.tied || at->second.surveyed;
   ++at->second.views;
   at->second.last_seen_ns = m.acquired_ns;
   const RangeBearingSight sight{m.value.head<2>(), m.covariance.topLeftCorner<2, 2>(), from.offset,

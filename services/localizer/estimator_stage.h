@@ -34,6 +34,10 @@ class EstimatorStage {
   /// End of the run: the last solve. Returns the revised poses of the frames still in the window.
   std::vector<PoseEstimate> finish() { return estimator_.finish(); }
 
+  /// See FleetEstimator.
+  std::vector<PoseEstimate> takeRevised() { return estimator_.takeRevised(); }
+  std::vector<std::string> takeFindings() { return estimator_.takeFindings(); }
+
   const estimation::FleetEstimator& estimator() const { return estimator_; }
   std::uint64_t rejectedMeasurements() const { return rejected_measurements_; }
   std::uint64_t rejectedFrames() const { return rejected_frames_; }

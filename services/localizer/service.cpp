@@ -161,7 +161,9 @@ bool LocalizerService::spin() {
     any = true;
   }
   if (!ended_ && merger_.finished()) {
-    publishCorrections(estimator_.finish());
+    const std::vector<PoseEstimate> last = estimator_.finish();
+    tellFindings();
+    publishCorrections(last);
     finish("");
     ended_ = any = true;
   }
@@ -203,6 +205,13 @@ void LocalizerService::process() {
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
   if (estimator_.refineDue()) estimator_.refine();
+  tellFindings();
+}
+
+void LocalizerService::tellFindings() {
+  for (const std::string& finding : estimator_.takeFindings()) status().error(finding);
+  const std::vector<PoseEstimate> revised = estimator_.takeRevised();
+  if (!revised.empty()) publishCorrections(revised);
 }
 
 /// In order of time nothing else up to this batch will come; whoever needs all poses up to then is told so.

@@ -56,6 +56,7 @@ class LocalizerService : public bus::Service {
   void publishPose(const PoseEstimate& pose);
   void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
+  void tellFindings();
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 

@@ -1,0 +1,84 @@
+#include "estimation/told.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimation/starts.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kRevise_m = 0.01, kRevise_rad = 0.01;  // what a map is exact to
+constexpr double kWrong = 6.0;                          // σ of the prior beyond which a start was wrong
+constexpr std::size_t kMostHistory = 3000;              // frames: ten minutes at 5 Hz
+
+bool isWrong(const FleetState& fleet, const Start& start) {
+  const Pose2 by = start.told.inverse() * start.moved * start.told;
+  const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
+  return std::hypot(by.translation().norm() / m, by.theta_rad / rad) > kWrong;
+}
+
+void conclude(FleetState& fleet, RobotNode& robot) {
+  Start& start = robot.start;
+  start.pose = start.anchor = 0;
+  if (!isWrong(fleet, start)) return;
+  ++robot.status.wrong_starts;
+  fleet.findings.push_back(robot.setup.name + ": " + tellMoved(start.moved, start.told));
+}
+
+/// `front`: the oldest pose of the window, about to leave it.
+void concludeStart(FleetState& fleet, RobotNode& robot, const Step& front, bool leaves) {
+  Start& start = robot.start;
+  if (start.pose != 0 && front.pose == start.pose) {
+    start.moved = fleet.pose(start.pose) * start.told.inverse();
+    if (leaves) conclude(fleet, robot);
+  }
+  if (start.anchor == 0 || front.pose != start.anchor || !leaves) return;
+  const Pose2 rest = fleet.pose(start.anchor) * start.anchored.inverse();
+  start.moved = rest * start.moved;
+  for (PoseEstimate& told : start.history) {
+    if (told.acquired_ns >= front.time_ns) break;
+    told.map_from_base = rest * told.map_from_base;
+    fleet.revised.push_back(told);
+  }
+  conclude(fleet, robot);
+}
+
+void revise(FleetState& fleet, const RobotNode& robot, const Step& step) {
+  if (!step.told) return;
+  const Pose2 off = step.told->inverse() * fleet.pose(step.pose);
+  if (off.translation().norm() < kRevise_m && std::abs(off.theta_rad) < kRevise_rad) return;
+  PoseEstimate estimate;
+  estimate.robot = robot.setup.name;
+  estimate.acquired_ns = step.time_ns;
+  estimate.sequence = step.sequence;
+  estimate.valid = true;
+  estimate.map_from_base = fleet.pose(step.pose);
+  estimate.covariance = robot.covariance;
+  estimate.camera_error = robot.camera_told;
+  fleet.revised.push_back(std::move(estimate));
+}
+
+}  // namespace
+
+void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
+  robot.window.back().told = estimate.map_from_base;
+  Start& start = robot.start;
+  if (isConfirmed(start) && start.anchor == 0) {
+    start.history.clear();
+  } else if (start.history.size() < kMostHistory) {
+    start.history.push_back(estimate);
+  }
+}
+
+void reviseTold(FleetState& fleet, bool last) {
+  for (RobotNode& robot : fleet.robots) {
+    const auto kept = static_cast<std::size_t>(fleet.options.window_frames);
+    const std::size_t leaving = last ? robot.window.size() : robot.window.size() - std::min(robot.window.size(), kept);
+    if (!robot.located()) continue;
+    concludeStart(fleet, robot, robot.window.front(), leaving > 0);
+    for (std::size_t i = 0; i < leaving && !last; ++i) revise(fleet, robot, robot.window[i]);
+  }
+}
+
+}  // namespace omnifleet::estimation
