@@ -18,12 +18,11 @@
 namespace omnifleet::estimation {
 namespace {
 constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
-constexpr int kMovedAfter = 5;            // misfits in a row after which a landmark has moved away
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 constexpr double kStartCauchy = 3.0;  // σ at which a start as it was told counts half
-constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
+constexpr double kToldAnew = 0.003;   // heights of the camera, displaced 3 of them away: told anew beyond it
 }  // namespace
 
 class FleetEstimator::Impl {
@@ -68,8 +67,6 @@ class FleetEstimator::Impl {
   void updateCovariances();
   void tellCamera(RobotNode& robot, const CameraCovariance& covariance) const;
   void condense();
-  void forgetLandmarks();
-  void forgetPoints();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
   MeasurementQueue queue_;
@@ -116,7 +113,7 @@ void FleetEstimator::Impl::refine() {
   }
   whole_ = false;
   fleet.updateShapes();
-  forgetLandmarks();
+  fleet.forgetLandmarks();
   reviseTold(fleet, false);
   fleet.slide();
   fleet.forgetWheels();
@@ -209,17 +206,18 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   robot.covariance = covariance;
   robot.start.told = map_from_base;
   robot.start.pose = robot.window.back().pose;
-  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose}, kStartCauchy);
+  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose},
+                        kStartCauchy);
 }
 
 void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
-  std::vector<Sight> sights;
+  std::vector<RobotNode*> fresh;
   for (Frame& frame : frames) {
-    if (frame.fresh && frame.robot->located()) sights.push_back({frame.robot, frame.objects, &frame.seen});
+    if (!frame.fresh || !frame.robot->located()) continue;
+    noteSight(*frame.robot, frame.objects->acquired_ns, frame.seen);
+    fresh.push_back(frame.robot);
   }
-  for (RobotNode* robot : checkStarts(fleet, sights)) {
-    for (Frame& frame : frames) frame.placed_anew = frame.placed_anew || frame.robot == robot;
-  }
+  checkStarts(fleet, fresh);
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
     alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
@@ -283,9 +281,10 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     RobotNode& robot = *frame.robot;
     if (!frame.fresh || !robot.located()) continue;
     Step& step = robot.window.back();
-    const bool lost = robot.displaced || robot.refusals >= kDoubts;
+    const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
     robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
     robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : "";
+    if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
     if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
     if (!step.wheels || step.motion == kNoFactor) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
@@ -354,35 +353,6 @@ void FleetEstimator::Impl::updateCovariances() {
 void FleetEstimator::Impl::tellCamera(RobotNode& robot, const CameraCovariance& covariance) const {
   const Eigen::Vector4d now = believedError(fleet.cameraError(robot), covariance, fleet.options.camera);
   if (settled_ || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
-}
-
-void FleetEstimator::Impl::forgetLandmarks() {
-  std::vector<std::uint32_t> gone;
-  for (const auto& [id, landmark] : fleet.landmarks) {
-    if (landmark.misfits >= kMovedAfter) gone.push_back(id);
-  }
-  for (std::uint32_t id : gone) fleet.removeLandmark(id);
-  fleet.mergeDuplicates();
-  forgetPoints();
-  while (static_cast<int>(fleet.landmarks.size()) > fleet.options.max_landmarks) {
-    const auto oldest = std::min_element(
-        fleet.landmarks.begin(), fleet.landmarks.end(),
-        [](const auto& a, const auto& b) { return a.second.last_seen_ns < b.second.last_seen_ns; });
-    fleet.removeLandmark(oldest->first);
-  }
-}
-
-void FleetEstimator::Impl::forgetPoints() {
-  while (static_cast<int>(fleet.points.size()) > fleet.options.max_landmarks) {
-    auto oldest = fleet.points.end();
-    for (auto at = fleet.points.begin(); at != fleet.points.end(); ++at) {
-      if (at->second.surveyed) continue;
-      if (oldest == fleet.points.end() || at->second.last_seen_ns < oldest->second.last_seen_ns) oldest = at;
-    }
-    if (oldest == fleet.points.end()) return;
-    fleet.graph.marginalise({oldest->second.variable});
-    fleet.points.erase(oldest);
-  }
 }
 
 std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {

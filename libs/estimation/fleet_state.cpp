@@ -13,6 +13,7 @@ namespace {
 constexpr double kSecond_ns = 1e9;
 constexpr double kTurnSigma_rad = 0.2;           // of a landmark's frame: free, but held where it is round
 constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
+constexpr int kMovedAfter = 5;                   // misfits in a row after which a landmark has moved away
 constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
 }  // namespace
 
@@ -307,6 +308,35 @@ void FleetState::mergeDuplicates() {
       ++younger;
       removeLandmark(gone);
     }
+  }
+}
+
+void FleetState::forgetLandmarks() {
+  std::vector<std::uint32_t> gone;
+  for (const auto& [id, landmark] : landmarks) {
+    if (landmark.misfits >= kMovedAfter) gone.push_back(id);
+  }
+  for (std::uint32_t id : gone) removeLandmark(id);
+  mergeDuplicates();
+  forgetPoints();
+  while (static_cast<int>(landmarks.size()) > options.max_landmarks) {
+    const auto oldest = std::min_element(
+        landmarks.begin(), landmarks.end(),
+        [](const auto& a, const auto& b) { return a.second.last_seen_ns < b.second.last_seen_ns; });
+    removeLandmark(oldest->first);
+  }
+}
+
+void FleetState::forgetPoints() {
+  while (static_cast<int>(points.size()) > options.max_landmarks) {
+    auto oldest = points.end();
+    for (auto at = points.begin(); at != points.end(); ++at) {
+      if (at->second.surveyed) continue;
+      if (oldest == points.end() || at->second.last_seen_ns < oldest->second.last_seen_ns) oldest = at;
+    }
+    if (oldest == points.end()) return;
+    graph.marginalise({oldest->second.variable});
+    points.erase(oldest);
   }
 }
 

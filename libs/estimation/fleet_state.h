@@ -75,16 +75,26 @@ struct OtherStart {
 
 /// How a robot's start as it was told agrees with what is seen since.
 struct Start {
-  Pose2 told;             ///< map_from_base of the first frame
-  VariableId pose = 0;    ///< 0: it was not told, or has been placed anew since
-  Pose2 moved;            ///< by how much everything is now beside where it was said to be (from the left)
-  int agreed = 0;         ///< frames that agree with others
-  int doubted = 0, refuted = 0;  ///< frames of those since that show nothing of the others; the contrary
-  double claim_score = 0.0;      ///< over these
+  std::optional<Pose2> told;  ///< map_from_base of the first frame
+  VariableId pose = 0;        ///< of that frame, while it is in the window
+  Pose2 moved;     ///< by how much everything is now beside where it was said to be (from the left)
+  int agreed = 0;  ///< frames that agree with others
+  int doubts = 0;  ///< frames in a row that do not, and of late …
+  double doubted = 0.0, refuted = 0.0;  ///< … those that show nothing of the others, and the contrary
+  double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;
+  bool contradicted = false;          ///< for long, and no other place is sure
   std::vector<PoseEstimate> history;  ///< all that was told, while nothing has confirmed the start
   VariableId anchor = 0;              ///< where it was placed anew last, until that is final, …
   Pose2 anchored;                     ///< … and the place then
+};
+
+/// A silhouette of a robot's newest frame.
+struct Glimpse {
+  Eigen::Vector2d position_m;  ///< of its track, base_link
+  std::shared_ptr<const View> view;
+  Footprint footprint;
+  bool mature;  ///< clean enough to deny something
 };
 
 struct RobotNode {
@@ -103,12 +113,15 @@ struct RobotNode {
   Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error
   Pose2 last_key;
   TimeNs last_key_ns = 0;
-  int disagreements = 0;                           ///< absolute measurements in a row that the gate refused
-  int refusals = 0;                                ///< ranges and bearings in a row that the gate refused
-  std::set<std::string> refused;                   ///< of which things
-  std::optional<Scout> scout;                      ///< while unlocated
+  int disagreements = 0;          ///< absolute measurements in a row that the gate refused
+  int refusals = 0;               ///< ranges and bearings in a row that the gate refused
+  std::set<std::string> refused;  ///< of which things
+  std::optional<Scout> scout;     ///< while unlocated
   Start start;
-  bool displaced = false;                          ///< it sees nothing of what should be there
+  TimeNs sight_ns = 0;  ///< of what it saw last
+  std::vector<Glimpse> sight;
+  double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
+  bool displaced = false;   ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
 
@@ -190,6 +203,8 @@ class FleetState {
   void removeLandmark(std::uint32_t id);
   /// Two landmarks that stand at one place are one: their centres are tied, then the younger is marginalised.
   void mergeDuplicates();
+  /// Landmarks that have moved away, duplicates, and the oldest of too many.
+  void forgetLandmarks();
   Pose2 mapFromLandmark(const Landmark& landmark) const;
   double height(const Landmark& landmark) const { return graph.value(landmark.variable)(2); }
   /// Steiner centre of the footprint, map frame.
@@ -210,6 +225,7 @@ class FleetState {
   std::vector<LandmarkEstimate> landmarkEstimates() const;
 
  private:
+  void forgetPoints();
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);

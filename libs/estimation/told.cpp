@@ -13,7 +13,7 @@ constexpr double kWrong = 6.0;                          // σ of the prior beyon
 constexpr std::size_t kMostHistory = 3000;              // frames: ten minutes at 5 Hz
 
 bool isWrong(const FleetState& fleet, const Start& start) {
-  const Pose2 by = start.told.inverse() * start.moved * start.told;
+  const Pose2 by = start.told->inverse() * start.moved * *start.told;
   const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
   return std::hypot(by.translation().norm() / m, by.theta_rad / rad) > kWrong;
 }
@@ -21,16 +21,20 @@ bool isWrong(const FleetState& fleet, const Start& start) {
 void conclude(FleetState& fleet, RobotNode& robot) {
   Start& start = robot.start;
   start.pose = start.anchor = 0;
-  if (!isWrong(fleet, start)) return;
+  if (!start.told || !isWrong(fleet, start)) return;
   ++robot.status.wrong_starts;
-  fleet.findings.push_back(robot.setup.name + ": " + tellMoved(start.moved, start.told));
+  const auto right = std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
+    return &other != &robot && other.start.told && !isWrong(fleet, other.start);
+  });
+  fleet.findings.push_back(robot.setup.name + ": " + tellMoved(start.moved, *start.told) +
+                           (right > 1 ? "" : ", unless the other robot did"));
 }
 
 /// `front`: the oldest pose of the window, about to leave it.
 void concludeStart(FleetState& fleet, RobotNode& robot, const Step& front, bool leaves) {
   Start& start = robot.start;
   if (start.pose != 0 && front.pose == start.pose) {
-    start.moved = fleet.pose(start.pose) * start.told.inverse();
+    start.moved = fleet.pose(start.pose) * start.told->inverse();
     if (leaves) conclude(fleet, robot);
   }
   if (start.anchor == 0 || front.pose != start.anchor || !leaves) return;
@@ -74,9 +78,13 @@ void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
 void reviseTold(FleetState& fleet, bool last) {
   for (RobotNode& robot : fleet.robots) {
     const auto kept = static_cast<std::size_t>(fleet.options.window_frames);
-    const std::size_t leaving = last ? robot.window.size() : robot.window.size() - std::min(robot.window.size(), kept);
+    const std::size_t leaving =
+        last ? robot.window.size() : robot.window.size() - std::min(robot.window.size(), kept);
     if (!robot.located()) continue;
     concludeStart(fleet, robot, robot.window.front(), leaving > 0);
+    if (last && isRefuted(robot.start))
+      fleet.findings.push_back(robot.setup.name +
+                               ": what it sees and is seen by contradicts its initial_pose");
     for (std::size_t i = 0; i < leaving && !last; ++i) revise(fleet, robot, robot.window[i]);
   }
 }

@@ -18,17 +18,21 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-/// A recording of the small arena, made once by the project's own tool.
+/// A recording of the small arena by the project's own tool.
+std::string record(const std::string& name, const std::vector<std::string>& more = {}) {
+  const std::string out = freshDir(name);
+  std::vector<std::string> command{program("make_recording"), sourceDir() + "/config/arenas/small.yaml",
+                                   "--seed", "3", "--out", out + "/data"};
+  command.insert(command.end(), more.begin(), more.end());
+  Process make(command, out + "/log");
+  if (make.wait(120s) != std::optional<int>(0))
+    throw std::runtime_error("make_recording failed: " + make.output());
+  return out + "/data";
+}
+
+/// Made once.
 const std::string& recording() {
-  static const std::string folder = [] {
-    const std::string out = freshDir("recording");
-    Process make({program("make_recording"), sourceDir() + "/config/arenas/small.yaml", "--seed", "3",
-                  "--out", out + "/data"},
-                 out + "/log");
-    if (make.wait(120s) != std::optional<int>(0))
-      throw std::runtime_error("make_recording failed: " + make.output());
-    return out + "/data";
-  }();
+  static const std::string folder = record("recording");
   return folder;
 }
 
@@ -116,6 +120,25 @@ TEST(Replay, RobotsWhoseFramesFallBetweenEachOthersOrAreMissingAreReplayed) {
     const int frames = rows(fileText(data + "/" + robot + "/fisheye/data.csv")) - 1;
     EXPECT_EQ(rows(fileText(out + "/trajectories/" + robot + ".tum")), frames) << robot;
   }
+}
+
+/// The robots' starts are all that says where they are, and one of them is wrong; their frames are never of
+/// one time.
+TEST(Replay, AStartThatIsFarOffIsToldAndDoesNotDoubleTheMap) {
+  const std::string data = record("far_off", {"--no-ceiling"});
+  rewriteRows(data + "/r2/fisheye/data.csv", 37'000'000);
+  rewriteRows(data + "/r2/wheels/data.csv", 37'000'000);
+  const std::string right = inProcess(data, "far_off_right");
+  std::string text = fileText(data + "/dataset.yaml");
+  const std::size_t r2 = text.find("r2:"), from = text.find('[', r2), to = text.find(']', r2);
+  text.replace(from, to - from + 1, "[-1.35, 0.40, 0.35]");  // 0.43 m and 20 degrees beside
+  std::ofstream(data + "/dataset.yaml") << text;
+  const std::string out = replay(data, "far_off_run", 80);
+  EXPECT_EQ(results(out), results(inProcess(data, "far_off_in_process")));
+  EXPECT_THAT(fileText(out + "/log/localizer.log"), testing::HasSubstr("beside its initial_pose"));
+  const auto found = nlohmann::json::parse(fileText(out + "/objects.geojson"))["features"];
+  const auto expected = nlohmann::json::parse(fileText(right + "/objects.geojson"))["features"];
+  EXPECT_EQ(found.size(), expected.size());
 }
 
 TEST(Replay, FoldersOfPicturesAreReadToTheEndAndNoneIsLost) {

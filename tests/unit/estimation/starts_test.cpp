@@ -1,0 +1,149 @@
+// Starts that are not where they were said to be, over seeded runs of the simulator with exact truth.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "fleet_simulator.h"
+
+namespace omnifleet::estimation::testing {
+namespace {
+
+constexpr std::uint32_t kFirstSeed = 40, kSeeds = 3;
+
+/// In its base_link; by as much the robots themselves are large.
+const Pose2 kFarOff{0.3, -0.25, 0.35};
+
+/// Robots that see something of each other from the beginning.
+SimulationOptions crowded() {
+  SimulationOptions options;
+  options.obstacles = 10;
+  options.sight_m = 2.5;
+  options.frames = 22;
+  return options;
+}
+
+struct Outcome {
+  double worst_m = 0.0, worst_rad = 0.0;  ///< of the poses of the last second
+  double between_m = 0.0;                 ///< likewise, of the others' places as the first robot has them
+  int valid = 0;                          ///< of these poses
+  std::vector<std::string> findings;
+  std::map<std::string, std::map<TimeNs, Pose2>> revised;  ///< the last word on each frame
+  std::vector<RobotStatus> status;
+  int landmarks = 0;
+};
+
+/// `wrong`: by robot, what its initial_pose is wrong by (in its base_link).
+Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std::map<int, Pose2>& wrong) {
+  FleetSimulator simulator(options, seed);
+  auto setups = simulator.setups();
+  for (const auto& [robot, by] : wrong) {
+    auto& start = setups[static_cast<std::size_t>(robot)].initial_pose;
+    start = *start * by;
+  }
+  for (auto& setup : setups) {
+    if (!options.robots_seen)
+      setup.body.radius_m = 0.0, setup.body.footprint_m.clear();  // nobody knows how they look
+  }
+  FleetEstimator estimator(setups, {});
+  Outcome outcome;
+  for (int f = 0; f < options.frames; ++f) {
+    const std::vector<Objects> frames = simulator.frames(f);
+    std::vector<const Objects*> pointers;
+    for (const Objects& frame : frames) pointers.push_back(&frame);
+    const auto estimates = estimator.process(simulator.time(f), pointers, {});
+    if (estimator.refineDue()) estimator.refine();
+    for (const PoseEstimate& e : estimator.takeRevised())
+      outcome.revised[e.robot][e.acquired_ns] = e.map_from_base;
+    if (f < options.frames - 5) continue;
+    for (std::size_t r = 0; r < estimates.size(); ++r) {
+      if (!estimates[r].valid) continue;
+      const Pose2 between = estimates[0].map_from_base.inverse() * estimates[r].map_from_base;
+      const Pose2 truly = simulator.truth(0, f).inverse() * simulator.truth(static_cast<int>(r), f);
+      outcome.between_m = std::max(outcome.between_m, (between.translation() - truly.translation()).norm());
+      ++outcome.valid;
+      const Pose2 off = simulator.truth(static_cast<int>(r), f).inverse() * estimates[r].map_from_base;
+      outcome.worst_m = std::max(outcome.worst_m, off.translation().norm());
+      outcome.worst_rad = std::max(outcome.worst_rad, std::abs(wrapAngle(off.theta_rad)));
+    }
+  }
+  estimator.finish();
+  for (const PoseEstimate& e : estimator.takeRevised())
+    outcome.revised[e.robot][e.acquired_ns] = e.map_from_base;
+  outcome.findings = estimator.takeFindings();
+  for (const RobotSetup& setup : setups) outcome.status.push_back(estimator.status(setup.name));
+  outcome.landmarks = static_cast<int>(estimator.landmarks().size());
+  return outcome;
+}
+
+void expectFound(const Outcome& outcome, const std::string& robot, std::uint32_t seed) {
+  EXPECT_LT(outcome.worst_m, 0.02) << "seed " << seed;
+  EXPECT_LT(outcome.worst_rad, 0.02) << "seed " << seed;
+  ASSERT_EQ(outcome.findings.size(), 1U) << "seed " << seed;
+  EXPECT_EQ(outcome.findings.front().substr(0, robot.size() + 1), robot + ":") << outcome.findings.front();
+}
+
+TEST(Starts, ARobotThatStartedElsewhereIsPlacedWhereItIs) {
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+    const int robot = static_cast<int>(seed % 3);  // the first one too
+    const Outcome outcome = runWith(crowded(), seed, {{robot, kFarOff}});
+    expectFound(outcome, FleetSimulator::name(robot), seed);
+    EXPECT_EQ(outcome.valid, 15);
+    EXPECT_EQ(outcome.status[static_cast<std::size_t>(robot)].wrong_starts, 1);
+  }
+}
+
+TEST(Starts, OneThatIsCentimetresWrongMovesTheRobotNotTheMap) {
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed)
+    expectFound(runWith(crowded(), seed, {{1, Pose2{0.08, 0.04, 0.06}}}), "r2", seed);
+}
+
+TEST(Starts, WhatWasToldBeforeIsToldAnew) {
+  const SimulationOptions options = crowded();
+  const Outcome outcome = runWith(options, kFirstSeed, {{1, kFarOff}});
+  const FleetSimulator simulator(options, kFirstSeed);
+  ASSERT_EQ(outcome.revised.count("r2"), 1U);
+  const auto& revised = outcome.revised.at("r2");
+  ASSERT_EQ(revised.count(simulator.time(0)), 1U) << "the first frame";
+  for (int f = 0; f < 2; ++f) {
+    const auto found = revised.find(simulator.time(f));
+    ASSERT_NE(found, revised.end()) << "frame " << f;
+    EXPECT_LT((found->second.translation() - simulator.truth(1, f).translation()).norm(), 0.03) << f;
+  }
+}
+
+TEST(Starts, RobotsThatNeverSeeEachOtherAgreeByWhatBothSee) {
+  SimulationOptions apart = crowded();
+  apart.robots = 2;
+  apart.robots_seen = false;
+  apart.obstacles = 14;
+  apart.sight_m = 3.5;  // enough of what they see is the same
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+    const Outcome right = runWith(apart, seed, {}), wrong = runWith(apart, seed, {{1, kFarOff}});
+    EXPECT_LT(wrong.between_m, 0.03) << "seed " << seed;
+    EXPECT_EQ(wrong.findings.size(), 1U) << "seed " << seed;
+    EXPECT_LE(wrong.landmarks, right.landmarks + 1) << "seed " << seed << ": the map is not doubled";
+  }
+}
+
+TEST(Starts, RightOnesAreLeftAlone) {
+  SimulationOptions few = crowded();  // that have little to do with each other
+  few.obstacles = 14;
+  few.sight_m = 0.9;
+  SimulationOptions unsure = crowded();
+  unsure.start_sigma_m = 0.005;
+  unsure.start_sigma_rad = 0.00524;
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+    for (const SimulationOptions& options : {crowded(), few, unsure}) {
+      const Outcome outcome = runWith(options, seed, {});
+      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front();
+      EXPECT_EQ(outcome.valid, 15);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation::testing
