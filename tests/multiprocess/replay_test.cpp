@@ -21,8 +21,12 @@ using namespace std::chrono_literals;
 /// A recording of the small arena by the project's own tool.
 std::string record(const std::string& name, const std::vector<std::string>& more = {}) {
   const std::string out = freshDir(name);
-  std::vector<std::string> command{program("make_recording"), sourceDir() + "/config/arenas/small.yaml",
-                                   "--seed", "3", "--out", out + "/data"};
+  std::vector<std::string> command{program("make_recording"),
+                                   sourceDir() + "/config/arenas/small.yaml",
+                                   "--seed",
+                                   "3",
+                                   "--out",
+                                   out + "/data"};
   command.insert(command.end(), more.begin(), more.end());
   Process make(command, out + "/log");
   if (make.wait(120s) != std::optional<int>(0))
