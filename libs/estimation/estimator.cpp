@@ -386,7 +386,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
       estimate.robot = robot.setup.name;
       estimate.acquired_ns = step.time_ns;
       estimate.sequence = step.sequence;
-      estimate.valid = true;
+      estimate.valid = !robot.start.contradicted;
       estimate.map_from_base = fleet.pose(step.pose);
       estimate.covariance = robot.covariance;
       estimate.camera_error = robot.camera_told;

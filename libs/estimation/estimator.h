@@ -125,12 +125,14 @@ class FleetEstimator {
   /// Solves to convergence at the end of a run and returns smoothed() of it.
   std::vector<PoseEstimate> finish();
 
-  /// Revised estimates of the frames that are still in the window, by robot then time. Frames that have left
+  /// Revised estimates of the frames that are still in the window, by robot then time (`valid` is false where
+  /// what is seen contradicts them). Frames that have left
   /// it keep the last value given here.
   std::vector<PoseEstimate> smoothed() const;
 
   /// Frames that have left the window, or will be in no window again, and whose poses have turned out to be
-  /// others than process() gave, by more than a map is exact to; each time since the last call.
+  /// others than process() gave, by more than a map is exact to; each time since the last call. `valid` is
+  /// false where nothing holds of what was told.
   std::vector<PoseEstimate> takeRevised();
   /// What has been found wrong with what was told of the fleet (a robot's start), a line for people each;
   /// since the last call.

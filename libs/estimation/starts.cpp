@@ -8,6 +8,7 @@
 
 #include "estimation/agreement.h"
 #include "estimation/factors.h"
+#include "estimation/told.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -72,16 +73,18 @@ void age(Start& start) {
   for (OtherStart& other : start.elsewhere) other.score *= kMemory;
 }
 
-void weigh(const FleetState& fleet, RobotNode& robot) {
+void weigh(FleetState& fleet, RobotNode& robot) {
   Start& start = robot.start;
   const Surroundings around = Surroundings::of(fleet, robot);
   const Agreement here = agreementAt(fleet, around, fleet.pose(robot.window.back().pose));
   if (here.matches >= 2 && here.matches >= 2 * here.misses) {
     ++start.agreed;
+    if (start.contradicted)
+      fleet.revised.insert(fleet.revised.end(), start.history.begin(), start.history.end());
     forgetDoubts(start);
     return;
   }
-  const bool refuted = here.misses >= 2 && here.misses > here.matches;
+  const bool refuted = here.misses > here.matches;
   if (!refuted && here.matches > 0) return;
   if (++start.doubts > kSeldom && start.doubts % kEvery != 0) return;
   age(start);
@@ -195,7 +198,8 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh) {
     if (!start.told || isConfirmed(start) || robot->sight.empty()) continue;
     weigh(fleet, *robot);
     // Of all robots that contradict each other the first is believed.
-    start.contradicted = start.doubts >= kLong && isRefuted(start) && robot != &fleet.robots.front();
+    if (!start.contradicted && start.doubts >= kLong && isRefuted(start) && robot != &fleet.robots.front())
+      withdraw(fleet, *robot);
     const OtherStart* other = decided(start);
     if (other == nullptr || other->score / start.doubted < most) continue;
     most = other->score / start.doubted;

@@ -65,6 +65,14 @@ void revise(FleetState& fleet, const RobotNode& robot, const Step& step) {
 
 }  // namespace
 
+void withdraw(FleetState& fleet, RobotNode& robot) {
+  robot.start.contradicted = true;
+  for (PoseEstimate told : robot.start.history) {
+    told.valid = false;
+    fleet.revised.push_back(std::move(told));
+  }
+}
+
 void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
   robot.window.back().told = estimate.map_from_base;
   Start& start = robot.start;
@@ -82,6 +90,7 @@ void reviseTold(FleetState& fleet, bool last) {
         last ? robot.window.size() : robot.window.size() - std::min(robot.window.size(), kept);
     if (!robot.located()) continue;
     concludeStart(fleet, robot, robot.window.front(), leaving > 0);
+    if (last && isRefuted(robot.start) && &robot != &fleet.robots.front()) withdraw(fleet, robot);
     if (last && isRefuted(robot.start))
       fleet.findings.push_back(robot.setup.name +
                                ": what it sees and is seen by contradicts its initial_pose");

@@ -243,7 +243,6 @@ void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses
   ++revision_;
   v1::KeyframePose wire;
   for (const PoseEstimate& pose : poses) {
-    if (!pose.valid) continue;
     adapters::toWire(occupancy::makeKeyframePose(pose, kTerm, revision_), runClock(context_.options), wire);
     outputs_.at(pose.robot).correction.write(wire, status());
   }
