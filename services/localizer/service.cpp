@@ -1,6 +1,9 @@
 #include "localizer/service.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "localizer/ceiling_service.h"
 
@@ -9,6 +12,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
+constexpr std::size_t kRevisedAtOnce = 20;
 constexpr std::uint32_t kTerm = 1;  // of the only estimator; mergers' own first guesses have term 0
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
@@ -162,7 +166,7 @@ bool LocalizerService::spin() {
   }
   if (!ended_ && merger_.finished()) {
     const std::vector<PoseEstimate> last = estimator_.finish();
-    tellFindings();
+    tellFindings(std::numeric_limits<std::size_t>::max());
     publishCorrections(last);
     finish("");
     ended_ = any = true;
@@ -205,13 +209,18 @@ void LocalizerService::process() {
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
   if (estimator_.refineDue()) estimator_.refine();
-  tellFindings();
+  tellFindings(kRevisedAtOnce);
 }
 
-void LocalizerService::tellFindings() {
+/// Revised poses go a few at a time: live, a reader holds 64.
+void LocalizerService::tellFindings(std::size_t at_most) {
   for (const std::string& finding : estimator_.takeFindings()) status().error(finding);
-  const std::vector<PoseEstimate> revised = estimator_.takeRevised();
-  if (!revised.empty()) publishCorrections(revised);
+  for (PoseEstimate& pose : estimator_.takeRevised()) revised_.push_back(std::move(pose));
+  const std::size_t now = std::min(revised_.size(), at_most);
+  if (now == 0) return;
+  const auto end = revised_.begin() + static_cast<std::ptrdiff_t>(now);
+  publishCorrections({revised_.begin(), end});
+  revised_.erase(revised_.begin(), end);
 }
 
 /// In order of time nothing else up to this batch will come; whoever needs all poses up to then is told so.

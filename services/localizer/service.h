@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -17,9 +18,10 @@
 namespace omnifleet::services {
 
 /// The estimator: objects of every robot and measurements of every front end in, one pose per robot and frame
-/// out. For robots without a camera that report ranges and bearings it also integrates the wheels, makes
-/// their frames and publishes the landmarks they see as their objects. At the end of a run it publishes the
-/// smoothed poses as corrected keyframe poses.
+/// out; frames whose poses have become others are corrected (`map/keyframe_pose`), and what is found wrong
+/// with what was told of the fleet is said once. For robots without a camera that report ranges and bearings
+/// it also integrates the wheels, makes their frames and publishes the landmarks they see as their objects.
+/// At the end of a run it publishes the smoothed poses as corrected keyframe poses.
 class LocalizerService : public bus::Service {
  public:
   LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -56,7 +58,7 @@ class LocalizerService : public bus::Service {
   void publishPose(const PoseEstimate& pose);
   void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
-  void tellFindings();
+  void tellFindings(std::size_t at_most);
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 
@@ -79,6 +81,7 @@ class LocalizerService : public bus::Service {
   std::map<std::string, TimeNs> last_ns_;  ///< of the poses published, this batch's included; not when live
   v1::Pose sample_;
   v1::Objects objects_sample_;
+  std::deque<PoseEstimate> revised_;  ///< not published yet
   std::uint32_t revision_ = 0;
   bool ended_ = false;
 };
