@@ -1,8 +1,16 @@
 #include "flow/feature_flow.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace omnifleet::flow {
+
+namespace {
+
+// Around a region: its outline is looked for there, and it may have moved that much more than is expected.
+constexpr int kSlack_px = 16;
+
+}  // namespace
 
 FeatureFlowOptions FeatureFlowOptions::read(const options::Section& section) {
   FeatureFlowOptions o;
@@ -24,11 +32,36 @@ FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& o
       previous_(options.lucas_kanade.levels),
       current_(options.lucas_kanade.levels) {}
 
-void FeatureFlow::push() {
+void FeatureFlow::push(const cv::Mat& image, const std::vector<ground::Blob>& regions) {
   std::swap(previous_, current_);
+  std::swap(previous_seen_, current_seen_);
   has_previous_ = has_current_;
-  current_.build();
   has_current_ = true;
+  const cv::Rect frame(0, 0, image.cols, image.rows);
+  const int levels = current_.size(), reach_px = lucas_kanade_.reach_px(levels) + Pyramid::lossOf(levels);
+  const auto around = [&](const cv::Rect& r, int by) {
+    return cv::Rect(r.x - by, r.y - by, r.width + 2 * by, r.height + 2 * by) & frame;
+  };
+  built_.clear();
+  current_seen_.clear();
+  int area = 0;
+  for (const ground::Blob& region : regions) {
+    current_seen_.push_back(around(region.rect, kSlack_px));
+    built_.push_back(around(region.rect, kSlack_px + reach_px));
+    area += built_.back().area();
+  }
+  if (area >= frame.area()) {
+    current_seen_.assign(1, frame);
+    built_.assign(1, frame);
+  }
+  current_.build(image, built_);
+}
+
+bool FeatureFlow::wasSeen(const Eigen::Vector2f& pixel) const {
+  const cv::Point2f at(pixel.x(), pixel.y());
+  return std::any_of(previous_seen_.begin(), previous_seen_.end(), [&](const cv::Rect& rect) {
+    return cv::Rect2f(rect).contains(at);
+  });
 }
 
 double FeatureFlow::floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector2d& floor) const {
@@ -49,6 +82,7 @@ bool FeatureFlow::followCorner(const Corner& corner, const Pose2& previous_from_
   const Eigen::Vector2d expected = previous_from_current * *to_m;
   const auto guess = camera_->pixelFromPoint({expected.x(), expected.y(), 0.0});
   Eigen::Vector2f from = guess ? Eigen::Vector2f(guess->cast<float>()) : corner.pixel;
+  if (!wasSeen(from)) return false;
   if (!lucas_kanade_.followBothWays(current_, previous_, corner.pixel, from)) return false;
   const auto from_m = camera_->floorFromPixel(from.cast<double>());
   if (!from_m) {

@@ -29,11 +29,10 @@ class FeatureFlow {
  public:
   FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& options);
 
-  /// Where the next frame's brightness is to be put, CV_8UC1; nothing looks there before
-  /// push().
-  cv::Mat1b& next() { return previous_.base(); }
-  /// Takes the next frame from there; the one before becomes the previous.
-  void push();
+  /// Takes the next frame; the one before becomes the previous. Only around its regions is it looked at: what
+  /// had no region near it in the frame before is not followed.
+  /// @param image CV_8UC3 (BGR) or CV_8UC1; copied there
+  void push(const cv::Mat& image, const std::vector<ground::Blob>& regions);
   /// Forgets the previous frame.
   void forget() {
     has_previous_ = has_current_ = false;
@@ -44,7 +43,7 @@ class FeatureFlow {
   std::size_t rejected() const { return rejected_; }
   void forgetRejected() { rejected_ = 0; }
 
-  /// Brightness of the frame pushed last.
+  /// Brightness of the frame pushed last, in its regions and well around them.
   const cv::Mat1b& grey() const { return current_.grey(); }
 
   /// Fills vectors (with their points in space) and height of objects[i] from blobs[which[i]].
@@ -53,6 +52,7 @@ class FeatureFlow {
              const Motion& motion, std::vector<ObjectObservation>& objects);
 
  private:
+  bool wasSeen(const Eigen::Vector2f& pixel) const;
   bool followCorner(const Corner& corner, const Pose2& previous_from_current, FlowVector& vector);
   double floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector2d& floor) const;
   void finish(const Motion& motion, ObjectObservation& object);
@@ -63,6 +63,8 @@ class FeatureFlow {
   LucasKanade lucas_kanade_;
   PointTracks points_;
   Pyramid previous_, current_;
+  std::vector<cv::Rect> previous_seen_, current_seen_;  ///< pixels from which points can be followed
+  std::vector<cv::Rect> built_;
   std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;
   std::vector<FlowVector> found_;

@@ -30,6 +30,9 @@ class LucasKanade {
 
   explicit LucasKanade(const LucasKanadeOptions& options);
 
+  /// Pixels around a point that are looked at, where the pyramids have so many levels.
+  int reach_px(int levels) const { return (options_.radius_px + 2) << (levels - 1); }
+
   /// Follows one point from one image into another; `to` holds the first guess and then the result.
   /// @return false when it is lost (leaves the image, no texture, no match)
   bool follow(const Pyramid& from_image, const Pyramid& to_image, const Eigen::Vector2f& from,

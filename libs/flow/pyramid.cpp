@@ -1,5 +1,6 @@
 #include "flow/pyramid.h"
 
+#include <algorithm>
 #include <array>
 #include <opencv2/imgproc.hpp>
 
@@ -16,19 +17,24 @@ int mirrored(int i, int size) {
   return i < 0 ? -i : i >= size ? 2 * size - 2 - i : i;
 }
 
-/// Pixels 2x to `even`, 2x + 1 to `odd`, x from −1 to one behind the last.
-OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, std::uint8_t* even, std::uint8_t* odd) {
-  const int pairs = width / 2, half = (width + 1) / 2;
+/// Pixels 2 (first + x) to `even`, those behind them to `odd`, x from −1 to n.
+OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, int first, int n, std::uint8_t* even,
+                             std::uint8_t* odd) {
+  const std::uint8_t* from = in + 2 * first;
+  const int pairs = std::min(n, width / 2 - first);
 #pragma GCC ivdep
   for (int x = 0; x < pairs; ++x) {
-    even[x] = in[2 * x];
-    odd[x] = in[2 * x + 1];
+    even[x] = from[2 * x];
+    odd[x] = from[2 * x + 1];
   }
-  if (half > pairs) even[pairs] = in[width - 1];
-  odd[-1] = odd[0];
-  even[-1] = in[2];
-  odd[pairs] = in[mirrored(2 * pairs + 1, width)];
-  even[half] = in[mirrored(2 * half, width)];
+  const auto at = [in, width](int x) { return in[mirrored(x, width)]; };
+  if (pairs < n) {
+    even[pairs] = at(2 * (first + pairs));
+    odd[pairs] = at(2 * (first + pairs) + 1);
+  }
+  even[-1] = at(2 * first - 2);
+  odd[-1] = at(2 * first - 1);
+  even[n] = at(2 * (first + n));
 }
 
 /// 1 4 6 4 1 along the row, at every other pixel.
@@ -51,42 +57,64 @@ OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& row
   }
 }
 
+/// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the border.
+cv::Range halved(int begin, int end, int size) {
+  return {begin == 0 ? 0 : (begin + 3) / 2, end == size ? (size + 1) / 2 : (end - 1) / 2};
+}
+
 }  // namespace
 
 void Pyramid::build(const cv::Mat& image) {
-  if (image.channels() == 3)
-    cv::cvtColor(image, levels_[0], cv::COLOR_BGR2GRAY);
-  else
-    image.copyTo(levels_[0]);
-  build();
+  build(image, {{0, 0, image.cols, image.rows}});
 }
 
-void Pyramid::build() {
-  for (std::size_t k = 1; k < levels_.size(); ++k) halve(levels_[k - 1], levels_[k]);
+void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where) {
+  create(image.size());
+  for (cv::Rect rect : where) {
+    if (rect.empty()) continue;
+    cv::Mat1b base = levels_[0](rect);
+    if (image.channels() == 3)
+      cv::cvtColor(image(rect), base, cv::COLOR_BGR2GRAY);
+    else
+      image(rect).copyTo(base);
+    for (std::size_t k = 1; k < levels_.size() && !rect.empty(); ++k)
+      rect = halve(levels_[k - 1], rect, levels_[k]);
+  }
 }
 
-void Pyramid::halve(const cv::Mat1b& fine, cv::Mat1b& coarse) {
+void Pyramid::create(cv::Size size) {
+  for (cv::Mat1b& level : levels_) {
+    if (level.size() != size) level = cv::Mat1b::zeros(size);
+    size = {(size.width + 1) / 2, (size.height + 1) / 2};
+  }
+}
+
+/// @param where of the fine level. @return of the coarse one what is new
+cv::Rect Pyramid::halve(const cv::Mat1b& fine, const cv::Rect& where, cv::Mat1b& coarse) {
   if (fine.cols < 4 || fine.rows < 4) {
     cv::pyrDown(fine, coarse);
-    return;
+    return {0, 0, coarse.cols, coarse.rows};
   }
-  coarse.create((fine.rows + 1) / 2, (fine.cols + 1) / 2);
-  const int half = coarse.cols;
-  even_.resize(static_cast<std::size_t>(half + 2 * kMargin));
+  const cv::Range columns = halved(where.x, where.x + where.width, fine.cols),
+                  lines = halved(where.y, where.y + where.height, fine.rows);
+  if (columns.size() <= 0 || lines.size() <= 0) return {};
+  const int n = columns.size();
+  even_.resize(std::max(even_.size(), static_cast<std::size_t>(n + 2 * kMargin)));
   odd_.resize(even_.size());
-  rows_.resize(static_cast<std::size_t>(5 * half));
-  const auto smoothed = [&](int y) { return rows_.data() + y % 5 * half; };
-  int next = 0;  // first row that is not smoothed yet
-  for (int y = 0; y < coarse.rows; ++y) {
+  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(5 * n)));
+  const auto smoothed = [&](int y) { return rows_.data() + y % 5 * n; };
+  int next = std::max(0, 2 * lines.start - 2);  // first row that is not smoothed yet
+  for (int y = lines.start; y < lines.end; ++y) {
     for (; next <= std::min(2 * y + 2, fine.rows - 1); ++next) {
-      splitRow(fine.ptr(next), fine.cols, even_.data() + kMargin, odd_.data() + kMargin);
-      smoothRow(even_.data() + kMargin, odd_.data() + kMargin, half, smoothed(next));
+      splitRow(fine.ptr(next), fine.cols, columns.start, n, even_.data() + kMargin, odd_.data() + kMargin);
+      smoothRow(even_.data() + kMargin, odd_.data() + kMargin, n, smoothed(next));
     }
     std::array<const std::uint16_t*, 5> rows{};
     for (int k = 0; k < 5; ++k)
       rows[static_cast<std::size_t>(k)] = smoothed(mirrored(2 * y + k - 2, fine.rows));
-    smoothColumns(rows, half, coarse.ptr(y));
+    smoothColumns(rows, n, coarse.ptr(y) + columns.start);
   }
+  return {columns.start, lines.start, n, lines.size()};
 }
 
 }  // namespace omnifleet::flow

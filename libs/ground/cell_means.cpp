@@ -1,7 +1,6 @@
 #include "ground/cell_means.h"
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
 
 #include "geometry/lanes.h"
 
@@ -11,8 +10,7 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 constexpr float kShare = 1.0f / (kCell * kCell);
-constexpr int kSpare = 8;     // numbers behind the columns that vectors may read
-constexpr int kBand_px = 32;  // rows that the caches near the processor hold while they are read twice
+constexpr int kSpare = 8;  // numbers behind the columns that vectors may read
 
 /// Sums of four rows of n bytes.
 OMNIFLEET_WIDE void sumColumns(const std::uint8_t* top, std::ptrdiff_t row_step, int n, std::uint16_t* sums) {
@@ -50,19 +48,8 @@ CellMeans::CellMeans(const FloorView& view)
       means_(view.cells(), cv::Vec3f(0, 0, 0)),
       columns_(static_cast<std::size_t>(3 * view.imageSize().width + kSpare)) {}
 
-void CellMeans::read(const cv::Mat& image, cv::Mat1b* grey) {
-  if (grey != nullptr) grey->create(image.size());
-  for (int top = 0; top < image.rows; top += kBand_px) {
-    const cv::Range band(top, std::min(top + kBand_px, image.rows));
-    if (grey != nullptr) {
-      cv::Mat1b to = grey->rowRange(band);
-      if (image.channels() == 3)
-        cv::cvtColor(image.rowRange(band), to, cv::COLOR_BGR2GRAY);
-      else
-        image.rowRange(band).copyTo(to);
-    }
-    for (int y = top / kCell; y < std::min(band.end / kCell, means_.rows); ++y) average(image, y);
-  }
+void CellMeans::read(const cv::Mat& image) {
+  for (int y = 0; y < means_.rows; ++y) average(image, y);
 }
 
 void CellMeans::average(const cv::Mat& image, int cell_row) {

@@ -14,8 +14,7 @@ class CellMeans {
   explicit CellMeans(const FloorView& view);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
-  /// @param grey where not null, receives its brightness (BT.601), CV_8UC1
-  void read(const cv::Mat& image, cv::Mat1b* grey);
+  void read(const cv::Mat& image);
   /// Mean colour of each cell that the view covers, CV_32FC3 (grey: three equal channels); elsewhere 0.
   const cv::Mat3f& means() const { return means_; }
 

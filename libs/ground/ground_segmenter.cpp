@@ -121,10 +121,10 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       if (view.seeds()(y, x) != 0) noise_cells_.emplace_back(x, y);
 }
 
-bool GroundSegmenter::segment(const cv::Mat& image, cv::Mat1b* grey) {
+bool GroundSegmenter::segment(const cv::Mat& image) {
   last_strips_.swap(strips_);
   strips_.clear();
-  cells_.read(image, grey);
+  cells_.read(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();

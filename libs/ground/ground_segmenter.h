@@ -36,9 +36,8 @@ class GroundSegmenter {
   GroundSegmenter(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
-  /// @param grey where not null, receives the image's brightness (BT.601) by the way, CV_8UC1
   /// @return false when no floor was found around the robot
-  bool segment(const cv::Mat& image, cv::Mat1b* grey = nullptr);
+  bool segment(const cv::Mat& image);
 
   /// 255 on what is not ground, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }

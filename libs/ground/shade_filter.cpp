@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include "geometry/wide.h"
@@ -21,22 +22,40 @@ constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels 
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightness that parting it in two
                                      // explains, from which it is of two kinds (a Gaussian: 0.64)
-constexpr int kAround_px = 2;        // to each side of a pixel, what is averaged for its hue
-constexpr int kLeastAround = 8;      // pixels of those: fewer are what is mixed along an outline
+constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
-/// bare = 1 where the mask is set within a region by what is neither shade (of its own limit) nor a faint
-/// pattern, else 0.
-OMNIFLEET_WIDE void takeFloorOut(const Blob& blob, Look first, Look last, const cv::Mat1b& mask,
-                                 const cv::Mat1b& looks, cv::Mat1b& bare) {
+// What a pixel of a region is: bit 0 where it is of the core.
+constexpr std::uint8_t kCore = 1, kShade = HueWindow::kCounts, kHued = kShade | kCore;
+
+/// Where the mask is set within a region: kShade for shade (of its own limit) and a faint pattern, else kCore.
+OMNIFLEET_WIDE void partShade(const Blob& blob, Look first, Look last, const cv::Mat1b& mask,
+                              const cv::Mat1b& looks, cv::Mat1b& marks) {
   for (const Run& run : blob.runs) {
     const std::uint8_t *set = mask.ptr(run.row), *look = looks.ptr(run.row);
-    std::uint8_t* to = bare.ptr(run.row);
+    std::uint8_t* to = marks.ptr(run.row);
 #pragma GCC ivdep
-    for (int x = run.begin; x < run.end; ++x)
-      to[x] = (set[x] != 0) & !((look[x] >= first) & (look[x] <= last)) ? 1 : 0;
+    for (int x = run.begin; x < run.end; ++x) {
+      const std::uint8_t mark = (look[x] >= first) & (look[x] <= last) ? kShade : kCore;
+      to[x] = set[x] != 0 ? mark : 0;
+    }
   }
+}
+
+/// Leaves 1 for the core, 0 for the rest.
+OMNIFLEET_WIDE void keepCore(const Blob& blob, cv::Mat1b& marks) {
+  for (const Run& run : blob.runs) {
+    std::uint8_t* mark = marks.ptr(run.row);
+#pragma GCC ivdep
+    for (int x = run.begin; x < run.end; ++x) mark[x] &= kCore;
+  }
+}
+
+/// The first x of [begin, end) with that mark; end where there is none.
+int nextMark(const std::uint8_t* row, int begin, int end, std::uint8_t mark) {
+  const void* found = std::memchr(row + begin, mark, static_cast<std::size_t>(end - begin));
+  return found == nullptr ? end : static_cast<int>(static_cast<const std::uint8_t*>(found) - row);
 }
 
 /// Where looks below 1.0 of the floor's light part best in two kinds (Otsu 1979); kFloorLook where they are
@@ -69,29 +88,27 @@ const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
   return frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
 }
 
-/// What a region shows around a pixel has another hue than the floor, where the noise would hide it in a
-/// single pixel.
-bool hasOtherHue(const ShadeFilter::Frame& frame, const cv::Mat1b& raw, const cv::Mat1b& core, int x, int y) {
-  const cv::Vec3f& r = floorAt(frame, x, y);
-  const float rr = std::max(1.0f, r.dot(r)), noise = frame.noise / std::sqrt(rr);
-  if (noise < frame.hue_tolerance) return false;
-  int sum[3] = {}, count = 0;
-  for (int v = std::max(0, y - kAround_px); v <= std::min(raw.rows - 1, y + kAround_px); ++v) {
-    const std::uint8_t *set = raw.ptr(v), *known = core.ptr(v);
-    const auto* row = frame.image.ptr<cv::Vec3b>(v);
-    for (int u = std::max(0, x - kAround_px); u <= std::min(raw.cols - 1, x + kAround_px); ++u) {
-      if (set[u] == 0 || known[u] == 1) continue;
-      ++count;
-      for (int c = 0; c < 3; ++c) sum[c] += row[u][c];
-    }
+/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, where the noise
+/// would hide that in the single pixel.
+struct HueTest {
+  cv::Vec3f floor;
+  float rr, noise, tolerance;
+
+  HueTest(const ShadeFilter::Frame& frame, int x, int y) : floor(floorAt(frame, x, y)) {
+    rr = std::max(1.0f, floor.dot(floor));
+    noise = frame.noise / std::sqrt(rr);
+    tolerance = frame.hue_tolerance;
   }
-  if (count < kLeastAround) return false;
-  const float share = 1.0f / static_cast<float>(count);
-  const cv::Vec3f mean(share * static_cast<float>(sum[0]), share * static_cast<float>(sum[1]),
-                       share * static_cast<float>(sum[2]));
-  const float gain = mean.dot(r) / rr, limit = frame.hue_tolerance + noise * std::sqrt(share);
-  return mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
-}
+  bool isNeeded() const { return noise >= tolerance; }
+  bool operator()(HueWindow::Sum around) const {
+    const int count = HueWindow::count(around);
+    if (count < kLeastAround) return false;
+    const cv::Vec3f mean = HueWindow::mean(around);
+    const float gain = mean.dot(floor) / rr;
+    const float limit = tolerance + noise * std::sqrt(1.0f / static_cast<float>(count));
+    return mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
+  }
+};
 
 /// So many pixels of a region that are no shade make a thing.
 bool isCore(int pixels, const Blob& blob) {
@@ -219,8 +236,9 @@ void ShadeFilter::apply(const std::vector<Strip>& strips, const BitArea& area, c
   core_area_.cover(core_strips_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     if (judged_[i].verdict == Verdict::kKeepCore) {
-      takeFloorOut(blobs[i], judged_[i].shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
-      giveHuedBack(blobs[i], frame, raw);
+      partShade(blobs[i], judged_[i].shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
+      giveHuedBack(blobs[i], frame);
+      keepCore(blobs[i], bare_);
     }
   }
   pack(core_strips_, bare_, bare_bits_);
@@ -230,17 +248,27 @@ void ShadeFilter::apply(const std::vector<Strip>& strips, const BitArea& area, c
 
 /// Where the noise hides the hue of single pixels, those whose surroundings have another hue than the floor
 /// are no shade.
-void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& raw) {
-  constexpr std::uint8_t kFound = 2;
+void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame) {
+  around_.begin();
   for (const Run& run : blob.runs) {
-    std::uint8_t* bare = bare_.ptr(run.row);
-    const std::uint8_t* set = raw.ptr(run.row);
-    for (int x = run.begin; x < run.end; ++x)
-      if (bare[x] == 0 && set[x] != 0 && hasOtherHue(frame, raw, bare_, x, run.row)) bare[x] = kFound;
+    const std::uint8_t* mark = bare_.ptr(run.row);
+    const auto next = [&](int x) { return nextMark(mark, x, run.end, kShade); };
+    for (int begin = next(run.begin), end; begin < run.end; begin = next(end)) {
+      for (end = begin + 1; end < run.end && mark[end] == kShade;) ++end;
+      giveHuedBack({run.row, begin, end}, frame);
+    }
   }
-  for (const Run& run : blob.runs) {
-    std::uint8_t* bare = bare_.ptr(run.row);
-    for (int x = run.begin; x < run.end; ++x) bare[x] = bare[x] != 0 ? 1 : 0;
+}
+
+/// @param shade nothing else
+void ShadeFilter::giveHuedBack(const Run& shade, const Frame& frame) {
+  for (int begin = shade.begin, end; begin < shade.end; begin = end) {
+    end = std::min(shade.end, (begin / kCell + 1) * kCell);  // cell by cell, as the floor's colour
+    const HueTest hasOtherHue(frame, begin, shade.row);
+    if (!hasOtherHue.isNeeded()) continue;
+    std::uint8_t* mark = bare_.ptr(shade.row);
+    around_.slide({shade.row, begin, end}, frame.image, bare_,
+                  [&](int x, HueWindow::Sum around) { mark[x] = hasOtherHue(around) ? kHued : kShade; });
   }
 }
 

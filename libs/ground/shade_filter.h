@@ -5,6 +5,7 @@
 
 #include "ground/bit_mask.h"
 #include "ground/despeckler.h"
+#include "ground/hue_window.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
 #include "ground/strip.h"
@@ -25,7 +26,11 @@ namespace omnifleet::ground {
 class ShadeFilter {
  public:
   explicit ShadeFilter(cv::Size image)
-      : bare_(image, std::uint8_t{0}), core_area_(image), bare_bits_(image), core_(image) {}
+      : bare_(image, std::uint8_t{0}),
+        core_area_(image),
+        bare_bits_(image),
+        core_(image),
+        around_(image.width) {}
 
   /// What is asked about brightness where the outline of a grey region lies.
   struct Frame {
@@ -63,7 +68,8 @@ class ShadeFilter {
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
   void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
-  void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& raw);
+  void giveHuedBack(const Blob& blob, const Frame& frame);
+  void giveHuedBack(const Run& shade, const Frame& frame);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
@@ -74,6 +80,7 @@ class ShadeFilter {
   cv::Mat1b bare_;            ///< raw without shade; 0 outside the core strips
   BitArea core_area_;         ///< of them: outside of it these are 0
   BitMask bare_bits_, core_;  ///< bare_; the same despeckled
+  HueWindow around_;
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;

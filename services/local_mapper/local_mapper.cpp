@@ -96,8 +96,8 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
-  s.flow.push();                  // §III.3: pyramid
-  s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
+  s.flow.push(frame.image, *s.blobs);  // §III.3: pyramid
+  s.measureObjects(frame.image);       // §III.4–5: outline on the floor, hull, scan
   s.freeze.saw(s.map.objects.size());
   if (s.cover.isCovered(s.map.objects.size(), s.floorAround())) {
     s.discard();
@@ -144,7 +144,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
 }
 
 FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& wheels) {
-  const bool has_floor = segmenter.segment(image, &flow.next());  // §III.2: ground removed by its histogram
+  const bool has_floor = segmenter.segment(image);  // §III.2: ground removed by its histogram
   if (freeze.isFrozen(segmenter.cellMeans(), wheels)) {
     fault = "the picture stays the same while the wheels turn";
     return FrameState::kOutOfOrder;  // an old picture with a new time

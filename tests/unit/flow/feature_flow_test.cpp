@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "flow/feature_flow.h"
 #include "tests/unit/flow/texture.h"
 
@@ -32,11 +34,6 @@ cv::Mat1b planeSeen(const lens::Camera& camera, const Pose2& world_from_base, do
   return image;
 }
 
-void push(const cv::Mat1b& image, FeatureFlow& flow) {
-  image.copyTo(flow.next());
-  flow.push();
-}
-
 ground::Blob region(int x, int y, int width, int height) {
   ground::Blob blob;
   blob.rect = {x, y, width, height};
@@ -51,12 +48,13 @@ class FeatureFlowTest : public ::testing::Test {
   std::vector<ObjectObservation> track(double height_m, const Motion& told, bool forget = false) {
     FeatureFlow flow(camera_, {});
     const Pose2 before{0.3, -0.2, 0.4}, after = before * moved_;
-    push(planeSeen(camera_, before, height_m, texture_), flow);
+    const std::vector<ground::Blob> regions{region(0, 0, 1, 1), region(380, 150, 60, 60),
+                                            region(180, 280, 70, 50)};
+    flow.push(planeSeen(camera_, before, height_m, texture_), first_regions_.value_or(regions));
     if (forget) flow.forget();
-    push(planeSeen(camera_, after, height_m, texture_), flow);
+    flow.push(planeSeen(camera_, after, height_m, texture_), regions);
     std::vector<ObjectObservation> objects(2);
-    flow.track({region(0, 0, 1, 1), region(380, 150, 60, 60), region(180, 280, 70, 50)}, {1, 2}, told,
-               objects);
+    flow.track(regions, {1, 2}, told, objects);
     return objects;
   }
   Motion truth() const {
@@ -69,6 +67,7 @@ class FeatureFlowTest : public ::testing::Test {
   lens::Camera camera_;
   testing::Texture texture_;
   Pose2 moved_{0.045, 0.004, 0.06};
+  std::optional<std::vector<ground::Blob>> first_regions_;  ///< of the frame before, if others
 };
 
 TEST_F(FeatureFlowTest, FloorPointsLeaveNoResidual) {
@@ -110,6 +109,24 @@ TEST_F(FeatureFlowTest, WithoutOdometryThereAreVectorsButNoHeight) {
 
 TEST_F(FeatureFlowTest, NothingAcrossAGap) {
   for (const auto& object : track(0.0, truth(), true)) EXPECT_TRUE(object.vectors.empty());
+}
+
+TEST_F(FeatureFlowTest, WhatHadNoRegionBeforeIsNotFollowed) {
+  first_regions_ = {region(180, 280, 70, 50)};
+  const auto objects = track(0.0, truth());
+  EXPECT_TRUE(objects[0].vectors.empty());
+  EXPECT_GE(objects[1].vectors.size(), 8U);
+}
+
+TEST_F(FeatureFlowTest, ManyRegionsAroundAThingChangeNothing) {
+  const auto expected = track(0.1, truth());
+  first_regions_ = std::vector<ground::Blob>(40, region(100, 100, 400, 300));  // more than all of the frame
+  const auto objects = track(0.1, truth());
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    ASSERT_EQ(objects[i].vectors.size(), expected[i].vectors.size());
+    for (std::size_t k = 0; k < objects[i].vectors.size(); ++k)
+      EXPECT_EQ(objects[i].vectors[k].from_px, expected[i].vectors[k].from_px);
+  }
 }
 
 TEST(FeatureFlowOptions, NestedKeysAreRead) {

@@ -25,5 +25,39 @@ TEST(Pyramid, IsOpenCvsBitByBitAtEvenAndOddSizes) {
   }
 }
 
+TEST(Pyramid, OfSomeRectanglesIsThatOfTheWholeThere) {
+  cv::RNG random(6);
+  constexpr int kLevels = 3;
+  const int loss = Pyramid::lossOf(kLevels);
+  for (const cv::Size size : {cv::Size(320, 240), cv::Size(323, 201)}) {
+    cv::Mat3b image(size);
+    random.fill(image, cv::RNG::UNIFORM, 0, 256);
+    Pyramid whole(kLevels), some(kLevels);
+    whole.build(image);
+    const cv::Rect frame(cv::Point(0, 0), size);
+    for (int k = 0; k < 40; ++k) {
+      cv::Rect rect(random.uniform(-20, size.width - 20), random.uniform(-20, size.height - 20),
+                    random.uniform(2 * loss + 1, 150), random.uniform(2 * loss + 1, 150));
+      rect &= frame;
+      some.build(cv::Mat3b::zeros(size));
+      some.build(image, {rect, {0, 0, 0, 0}});
+      for (int level = 0; level < kLevels; ++level) {
+        const cv::Mat1b& expected = whole.level(level);
+        for (int y = 0; y < expected.rows; ++y) {
+          for (int x = 0; x < expected.cols; ++x) {
+            const cv::Point at(x << level, y << level);
+            const auto within = [](int p, int begin, int end, int limit, int by) {
+              return p >= (begin == 0 ? 0 : begin + by) && p < (end == limit ? limit : end - by);
+            };
+            if (!within(at.x, rect.x, rect.x + rect.width, size.width, loss)) continue;
+            if (!within(at.y, rect.y, rect.y + rect.height, size.height, loss)) continue;
+            ASSERT_EQ(some.level(level)(y, x), expected(y, x)) << rect << " level " << level << " " << at;
+          }
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace omnifleet::flow
