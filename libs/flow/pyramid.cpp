@@ -10,6 +10,7 @@ namespace omnifleet::flow {
 
 namespace {
 
+constexpr int kChunk = 32;
 constexpr int kMargin = 1;  // entries beside a row's even and odd pixels, for those beyond the border
 
 /// The border's pixels come again behind it, without the outermost (BORDER_REFLECT_101).
@@ -22,11 +23,11 @@ OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, int first, int n
                              std::uint8_t* odd) {
   const std::uint8_t* from = in + 2 * first;
   const int pairs = std::min(n, width / 2 - first);
-#pragma GCC ivdep
-  for (int x = 0; x < pairs; ++x) {
-    even[x] = from[2 * x];
-    odd[x] = from[2 * x + 1];
-  }
+  inChunks<kChunk>(
+      0, pairs, [=](int x) __attribute__((always_inline)) {
+        even[x] = from[2 * x];
+        odd[x] = from[2 * x + 1];
+      });
   const auto at = [in, width](int x) { return in[mirrored(x, width)]; };
   if (pairs < n) {
     even[pairs] = at(2 * (first + pairs));
@@ -38,23 +39,24 @@ OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, int first, int n
 }
 
 /// 1 4 6 4 1 along the row, at every other pixel.
-OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd, int half,
+OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd, int n,
                               std::uint16_t* out) {
-#pragma GCC ivdep
-  for (int x = 0; x < half; ++x) {
-    out[x] = static_cast<std::uint16_t>(even[x - 1] + even[x + 1] + 4 * (odd[x - 1] + odd[x]) + 6 * even[x]);
-  }
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        out[x] =
+            static_cast<std::uint16_t>(even[x - 1] + even[x + 1] + 4 * (odd[x - 1] + odd[x]) + 6 * even[x]);
+      });
 }
 
 /// The same over five such rows; the sum of all weights is 256.
-OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& rows, int half,
+OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& rows, int n,
                                   std::uint8_t* out) {
   const std::uint16_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4];
-#pragma GCC ivdep
-  for (int x = 0; x < half; ++x) {
-    const auto sum = static_cast<std::uint16_t>(a[x] + e[x] + 4 * (b[x] + d[x]) + 6 * c[x] + 128);
-    out[x] = static_cast<std::uint8_t>(sum >> 8);
-  }
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const auto sum = static_cast<std::uint16_t>(a[x] + e[x] + 4 * (b[x] + d[x]) + 6 * c[x] + 128);
+        out[x] = static_cast<std::uint8_t>(sum >> 8);
+      });
 }
 
 /// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the border.

@@ -16,3 +16,27 @@
 #else
 #define OMNIFLEET_INLINE inline
 #endif
+
+namespace omnifleet {
+
+/// Calls each(x) for all x of [begin, end), kChunk at a time so that they become vectors, without a remainder
+/// of single ones: the last chunk takes again what the one before has had. So each(x) must depend on nothing
+/// that another one writes, and give the same when called twice. Short ranges go one by one.
+template <int kChunk, typename Each>
+OMNIFLEET_INLINE void inChunks(int begin, int end, Each each) {
+  const auto chunkAt = [&each](int first) __attribute__((always_inline)) {
+#pragma GCC ivdep
+    for (int k = 0; k < kChunk; ++k) each(first + k);
+  };
+  if (end - begin < kChunk) {
+    if constexpr (kChunk > 8)
+      inChunks<kChunk / 2>(begin, end, each);
+    else
+      for (int x = begin; x < end; ++x) each(x);
+    return;
+  }
+  for (int x = begin; x < end - kChunk; x += kChunk) chunkAt(x);
+  chunkAt(end - kChunk);
+}
+
+}  // namespace omnifleet

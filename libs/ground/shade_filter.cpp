@@ -29,17 +29,19 @@ constexpr float kSharpShare = 0.5f;  // of the region's difference from the floo
 // What a pixel of a region is: bit 0 where it is of the core.
 constexpr std::uint8_t kCore = 1, kShade = HueWindow::kCounts, kHued = kShade | kCore;
 
+constexpr int kChunk_px = 32;
+
 /// Where the mask is set within a region: kShade for shade (of its own limit) and a faint pattern, else kCore.
 OMNIFLEET_WIDE void partShade(const Blob& blob, Look first, Look last, const cv::Mat1b& mask,
                               const cv::Mat1b& looks, cv::Mat1b& marks) {
   for (const Run& run : blob.runs) {
     const std::uint8_t *set = mask.ptr(run.row), *look = looks.ptr(run.row);
     std::uint8_t* to = marks.ptr(run.row);
-#pragma GCC ivdep
-    for (int x = run.begin; x < run.end; ++x) {
-      const std::uint8_t mark = (look[x] >= first) & (look[x] <= last) ? kShade : kCore;
-      to[x] = set[x] != 0 ? mark : 0;
-    }
+    inChunks<kChunk_px>(
+        run.begin, run.end, [=](int x) __attribute__((always_inline)) {
+          const std::uint8_t mark = (look[x] >= first) & (look[x] <= last) ? kShade : kCore;
+          to[x] = set[x] != 0 ? mark : 0;
+        });
   }
 }
 
@@ -47,8 +49,8 @@ OMNIFLEET_WIDE void partShade(const Blob& blob, Look first, Look last, const cv:
 OMNIFLEET_WIDE void keepCore(const Blob& blob, cv::Mat1b& marks) {
   for (const Run& run : blob.runs) {
     std::uint8_t* mark = marks.ptr(run.row);
-#pragma GCC ivdep
-    for (int x = run.begin; x < run.end; ++x) mark[x] &= kCore;
+    inChunks<kChunk_px>(
+        run.begin, run.end, [=](int x) __attribute__((always_inline)) { mark[x] &= kCore; });
   }
 }
 
