@@ -34,6 +34,15 @@ Harris::Harris(const HarrisOptions& options) : options_(options) {
 
 namespace {
 
+constexpr int kChunk = 16;
+
+/// From the least to the last column of both; what is empty counts nothing.
+cv::Range joined(const cv::Range& a, const cv::Range& b) {
+  if (a.empty()) return b;
+  if (b.empty()) return a;
+  return {std::min(a.start, b.start), std::max(a.end, b.end)};
+}
+
 void growTo(cv::Mat1f& m, int rows, int columns) {
   if (m.rows < rows || m.cols < columns) m.create(std::max(m.rows, rows), std::max(m.cols, columns));
 }
@@ -41,113 +50,150 @@ void growTo(cv::Mat1f& m, int rows, int columns) {
 /// Products of the central differences over n pixels of a row of the image.
 OMNIFLEET_WIDE void differentiate(const std::uint8_t* above, const std::uint8_t* here,
                                   const std::uint8_t* below, int n, float* xx, float* xy, float* yy) {
-#pragma GCC ivdep
-  for (int x = 0; x < n; ++x) {
-    const float dx = 0.5f * static_cast<float>(here[x + 1] - here[x - 1]);
-    const float dy = 0.5f * static_cast<float>(below[x] - above[x]);
-    xx[x] = dx * dx;
-    xy[x] = dx * dy;
-    yy[x] = dy * dy;
-  }
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const float dx = 0.5f * static_cast<float>(here[x + 1] - here[x - 1]);
+        const float dy = 0.5f * static_cast<float>(below[x] - above[x]);
+        xx[x] = dx * dx;
+        xy[x] = dx * dy;
+        yy[x] = dy * dy;
+      });
 }
 
 /// Σ w[t] · in[x + t · step] over 2·kRadius + 1 taps, w symmetric.
 template <int kRadius>
 inline __attribute__((always_inline)) void smoothAlong(const float* w, const float* in, std::ptrdiff_t step,
                                                        int n, float* out) {
-#pragma GCC ivdep
-  for (int x = 0; x < n; ++x) {
-    float sum = w[kRadius] * in[x + kRadius * step];
-    for (int t = 0; t < kRadius; ++t) sum += w[t] * (in[x + t * step] + in[x + (2 * kRadius - t) * step]);
-    out[x] = sum;
-  }
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        float sum = w[kRadius] * in[x + kRadius * step];
+        for (int t = 0; t < kRadius; ++t) sum += w[t] * (in[x + t * step] + in[x + (2 * kRadius - t) * step]);
+        out[x] = sum;
+      });
 }
 
-/// Columns first, then rows; the valid part shrinks by the window and moves to the top left.
+/// Columns first, then rows; what is valid shrinks by the window and moves to the top left.
+/// @param spans columns of each row of the result that are asked for
 template <int kRadius>
-inline __attribute__((always_inline)) void smoothBothWays(const float* weights, cv::Mat1f& product, int rows,
-                                                          int columns, float* middle) {
+inline __attribute__((always_inline)) void smoothBothWays(const float* weights, cv::Mat1f& product,
+                                                          const std::vector<cv::Range>& spans,
+                                                          float* middle) {
   float w[kRadius + 1];
   std::copy(weights, weights + kRadius + 1, w);
   const auto step = static_cast<std::ptrdiff_t>(product.step1());
-  for (int y = 0; y + 2 * kRadius < rows; ++y) {
-    float* row = product.ptr<float>(y);
-    smoothAlong<kRadius>(w, row, step, columns, middle);
-    smoothAlong<kRadius>(w, middle, 1, columns - 2 * kRadius, row);
+  int y = 0;
+  for (const cv::Range& span : spans) {
+    float* row = product.ptr<float>(y++) + span.start;
+    if (span.empty()) continue;
+    smoothAlong<kRadius>(w, row, step, span.size() + 2 * kRadius, middle);
+    smoothAlong<kRadius>(w, middle, 1, span.size(), row);
   }
 }
 
-OMNIFLEET_WIDE void smoothProduct(const float* weights, int radius, cv::Mat1f& product, int rows, int columns,
-                                  float* middle) {
+OMNIFLEET_WIDE void smoothProduct(const float* weights, int radius, cv::Mat1f& product,
+                                  const std::vector<cv::Range>& spans, float* middle) {
   switch (radius) {
     case 1:
-      return smoothBothWays<1>(weights, product, rows, columns, middle);
+      return smoothBothWays<1>(weights, product, spans, middle);
     case 2:
-      return smoothBothWays<2>(weights, product, rows, columns, middle);
+      return smoothBothWays<2>(weights, product, spans, middle);
     case 3:
-      return smoothBothWays<3>(weights, product, rows, columns, middle);
+      return smoothBothWays<3>(weights, product, spans, middle);
     case 4:
-      return smoothBothWays<4>(weights, product, rows, columns, middle);
+      return smoothBothWays<4>(weights, product, spans, middle);
     case 5:
-      return smoothBothWays<5>(weights, product, rows, columns, middle);
+      return smoothBothWays<5>(weights, product, spans, middle);
     case 6:
-      return smoothBothWays<6>(weights, product, rows, columns, middle);
+      return smoothBothWays<6>(weights, product, spans, middle);
     case 7:
-      return smoothBothWays<7>(weights, product, rows, columns, middle);
+      return smoothBothWays<7>(weights, product, spans, middle);
     case 8:
-      return smoothBothWays<8>(weights, product, rows, columns, middle);
+      return smoothBothWays<8>(weights, product, spans, middle);
     case 9:
-      return smoothBothWays<9>(weights, product, rows, columns, middle);
+      return smoothBothWays<9>(weights, product, spans, middle);
     default:
-      return smoothBothWays<10>(weights, product, rows, columns, middle);
+      return smoothBothWays<10>(weights, product, spans, middle);
   }
 }
 
 /// O(x, y) of eq. 2.
 OMNIFLEET_WIDE void combine(const float* xx, const float* xy, const float* yy, float k, int n, float* out) {
-#pragma GCC ivdep
-  for (int x = 0; x < n; ++x) {
-    const float trace = xx[x] + yy[x];
-    out[x] = xx[x] * yy[x] - xy[x] * xy[x] - k * trace * trace;
-  }
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const float trace = xx[x] + yy[x];
+        out[x] = xx[x] * yy[x] - xy[x] * xy[x] - k * trace * trace;
+      });
 }
 
 /// 1 where the response is positive and a maximum of its 3×3 neighbourhood (the first of equal ones), else 0.
 OMNIFLEET_WIDE void findPeaks(const float* above, const float* here, const float* below, int begin, int end,
                               int* peaks) {
-#pragma GCC ivdep
-  for (int x = begin; x < end; ++x) {
-    const float r = here[x];
-    const int above_all = (r > above[x - 1]) & (r > above[x]) & (r > above[x + 1]) & (r > here[x - 1]);
-    const int below_none = (r >= below[x - 1]) & (r >= below[x]) & (r >= below[x + 1]) & (r >= here[x + 1]);
-    peaks[x] = above_all & below_none & (r > 0.0f);
-  }
+  inChunks<kChunk>(
+      begin, end, [=](int x) __attribute__((always_inline)) {
+        const float r = here[x];
+        const int above_all = (r > above[x - 1]) & (r > above[x]) & (r > above[x + 1]) & (r > here[x - 1]);
+        const int below_none =
+            (r >= below[x - 1]) & (r >= below[x]) & (r >= below[x + 1]) & (r >= here[x + 1]);
+        peaks[x] = above_all & below_none & (r > 0.0f);
+      });
 }
 
 }  // namespace
 
 void Harris::response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response) {
+  spans_.assign(static_cast<std::size_t>(rect.height), {0, rect.width});
+  respond(grey, rect, response);
+}
+
+/// Of the rectangle's columns those next to which a peak may be: of the blob, and one pixel around it.
+void Harris::findSpans(const ground::Blob& blob, const cv::Rect& rect) {
+  spans_.assign(static_cast<std::size_t>(rect.height), {0, 0});
+  for (const ground::Run& run : blob.runs) {
+    const cv::Range columns(std::max(0, run.begin - 1 - rect.x),
+                            std::min(rect.width, run.end + 1 - rect.x));
+    const int row = run.row - rect.y;
+    for (int y = std::max(0, row - 1); y <= std::min(rect.height - 1, row + 1); ++y) {
+      cv::Range& span = spans_[static_cast<std::size_t>(y)];
+      span = joined(span, columns);
+    }
+  }
+}
+
+/// In the spans; elsewhere `response` holds anything.
+void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response) {
   const int radius = static_cast<int>(kernel_.size()) / 2;
   const int rows = rect.height + 2 * radius, columns = rect.width + 2 * radius;
   for (cv::Mat1f* m : {&xx_, &xy_, &yy_, &row_}) growTo(*m, rows, columns);
   growTo(response, rect.height, rect.width);
-  const int u0 = rect.x - radius;
-  const int first = std::max(0, 1 - u0), last = std::min(columns, grey.cols - 1 - u0);
   for (int y = 0; y < rows; ++y) {
-    const int v = std::clamp(rect.y + y - radius, 1, grey.rows - 2), u = u0 + first;
-    float *xx = xx_.ptr<float>(y), *xy = xy_.ptr<float>(y), *yy = yy_.ptr<float>(y);
-    differentiate(grey.ptr(v - 1) + u, grey.ptr(v) + u, grey.ptr(v + 1) + u, last - first, xx + first,
-                  xy + first, yy + first);
-    for (float* product : {xx, xy, yy}) {
-      std::fill(product, product + first, 0.0f);
-      std::fill(product + last, product + columns, 0.0f);
-    }
+    cv::Range span(0, 0);
+    for (int k = std::max(0, y - 2 * radius); k <= std::min(y, rect.height - 1); ++k)
+      span = joined(span, spans_[static_cast<std::size_t>(k)]);
+    if (!span.empty()) takeProducts(grey, rect, y, {span.start, span.end + 2 * radius});
   }
   for (cv::Mat1f* product : {&xx_, &xy_, &yy_})
-    smoothProduct(kernel_.data(), radius, *product, rows, columns, row_.ptr<float>(0));
+    smoothProduct(kernel_.data(), radius, *product, spans_, row_.ptr<float>(0));
   for (int y = 0; y < rect.height; ++y) {
-    combine(xx_.ptr<float>(y), xy_.ptr<float>(y), yy_.ptr<float>(y), static_cast<float>(options_.k),
-            rect.width, response.ptr<float>(y));
+    const cv::Range& span = spans_[static_cast<std::size_t>(y)];
+    const auto at = [y, &span](cv::Mat1f& m) { return m.ptr<float>(y) + span.start; };
+    if (!span.empty())
+      combine(at(xx_), at(xy_), at(yy_), static_cast<float>(options_.k), span.size(), at(response));
+  }
+}
+
+/// Of the row y of the rectangle with the window's radius around it, in some of its columns; beyond the
+/// image's edge rows come again and columns are 0.
+void Harris::takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int y, const cv::Range& columns) {
+  const int radius = static_cast<int>(kernel_.size()) / 2, u0 = rect.x - radius;
+  const int first = std::clamp(1 - u0, columns.start, columns.end),
+            last = std::clamp(grey.cols - 1 - u0, first, columns.end);
+  const int v = std::clamp(rect.y + y - radius, 1, grey.rows - 2), u = u0 + first;
+  float *xx = xx_.ptr<float>(y), *xy = xy_.ptr<float>(y), *yy = yy_.ptr<float>(y);
+  differentiate(grey.ptr(v - 1) + u, grey.ptr(v) + u, grey.ptr(v + 1) + u, last - first, xx + first,
+                xy + first, yy + first);
+  for (float* product : {xx, xy, yy}) {
+    std::fill(product + columns.start, product + first, 0.0f);
+    std::fill(product + last, product + columns.end, 0.0f);
   }
 }
 
@@ -216,7 +262,8 @@ const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const std::vect
     const cv::Rect& r = blob.rect;
     if (r.x < 1 || r.y < 1 || r.x + r.width >= grey.cols || r.y + r.height >= grey.rows) continue;
     const cv::Rect rect = cv::Rect(r.x - 1, r.y - 1, r.width + 2, r.height + 2) & image;
-    response(grey, rect, response_);
+    findSpans(blob, rect);
+    respond(grey, rect, response_);
     candidates(blob, n, rect);
   }
   select(which.size());

@@ -41,12 +41,16 @@ class Harris {
   void response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
 
  private:
+  void findSpans(const ground::Blob& blob, const cv::Rect& rect);
+  void respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
+  void takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int y, const cv::Range& columns);
   void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect);
   void select(std::size_t blobs);
 
   HarrisOptions options_;
   std::vector<float> kernel_;
   cv::Mat1f xx_, xy_, yy_, row_, response_;
+  std::vector<cv::Range> spans_;  ///< of each row of a rectangle: columns where the response is asked for
   std::vector<int> peaks_;  ///< of a row
   std::vector<Corner> candidates_, corners_;
   std::vector<float> strongest_;

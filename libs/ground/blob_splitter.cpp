@@ -12,6 +12,7 @@ namespace omnifleet::ground {
 
 namespace {
 
+constexpr int kChunk = 32;
 constexpr int kSpare = 16;       // elements behind a row that vectors may reach
 constexpr int kMaxPieces = 200;  // more is texture
 constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inward in the image, and rounding
@@ -19,9 +20,10 @@ constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inw
 /// Sums of 3×3 pixels; rows of interleaved colours with one pixel of margin to each side.
 OMNIFLEET_WIDE void sumNine(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below,
                             int width, std::uint16_t* sums) {
-#pragma GCC ivdep
-  for (int i = 0; i < 3 * (width + 2); ++i)
-    sums[i] = static_cast<std::uint16_t>(above[i] + here[i] + below[i]);
+  inChunks<kChunk>(
+      0, 3 * (width + 2), [=](int i) __attribute__((always_inline)) {
+        sums[i] = static_cast<std::uint16_t>(above[i] + here[i] + below[i]);
+      });
 #pragma GCC ivdep
   for (int i = 0; i < 3 * width; ++i)
     sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + 3] + sums[i + 6]);
@@ -36,30 +38,29 @@ OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, in
   std::uint8_t* own_count = counts + (classes + 1) * width;
   for (int k = 1; k <= classes; ++k) {
     const auto which = static_cast<std::uint8_t>(k);
-#pragma GCC ivdep
-    for (int x = 0; x < width + 4; ++x) {
-      scratch[x] = static_cast<std::uint8_t>((a[x] == which) + (b[x] == which) + (c[x] == which) +
-                                             (d[x] == which) + (e[x] == which));
-    }
+    inChunks<kChunk>(
+        0, width + 4, [=](int x) __attribute__((always_inline)) {
+          scratch[x] = static_cast<std::uint8_t>((a[x] == which) + (b[x] == which) + (c[x] == which) +
+                                                 (d[x] == which) + (e[x] == which));
+        });
     std::uint8_t* count = counts + k * width;
-#pragma GCC ivdep
-    for (int x = 0; x < width; ++x) {
-      count[x] = static_cast<std::uint8_t>(scratch[x] + scratch[x + 1] + scratch[x + 2] + scratch[x + 3] +
-                                           scratch[x + 4]);
-      own_count[x] = own[x] == which ? count[x] : own_count[x];
-    }
+    inChunks<kChunk>(
+        0, width, [=](int x) __attribute__((always_inline)) {
+          count[x] = static_cast<std::uint8_t>(scratch[x] + scratch[x + 1] + scratch[x + 2] +
+                                               scratch[x + 3] + scratch[x + 4]);
+          own_count[x] = own[x] == which ? count[x] : own_count[x];
+        });
   }
-#pragma GCC ivdep
-  for (int x = 0; x < width; ++x) out[x] = own[x];
+  std::copy(own, own + width, out);
   for (int k = 1; k <= classes; ++k) {
     const auto which = static_cast<std::uint8_t>(k);
     const std::uint8_t* count = counts + k * width;
-#pragma GCC ivdep
-    for (int x = 0; x < width; ++x) {
-      const bool more = (count[x] > own_count[x]) & (own[x] != 0);
-      out[x] = more ? which : out[x];
-      own_count[x] = more ? count[x] : own_count[x];
-    }
+    inChunks<kChunk>(
+        0, width, [=](int x) __attribute__((always_inline)) {
+          const bool more = (count[x] > own_count[x]) & (own[x] != 0);
+          out[x] = more ? which : out[x];
+          own_count[x] = more ? count[x] : own_count[x];
+        });
   }
 }
 

@@ -81,11 +81,20 @@ FloorSmoothing::FloorSmoothing(cv::Size blocks, const FloorView& view, int per_b
       summed_(framed_.rows, 4 * sums_.cols),
       pyramid_(8),
       asked_(view.rowsWithin(kMargin)),
+      asked_wide_(static_cast<std::size_t>(sums_.rows)),
       wide_(sums_.rows, view.cells().width),
       colour_(view.cells(), cv::Vec3f(0, 0, 0)) {
   const cv::Size cells = view.cells();
   for (int x = 0; x < cells.width; ++x) columns_.push_back(between(x, scale_, fine_.cols));
-  for (int y = 0; y < cells.height; ++y) rows_.push_back(between(y, scale_, fine_.rows));
+  for (int y = 0; y < cells.height; ++y) {
+    rows_.push_back(between(y, scale_, fine_.rows));
+    for (const int row : {rows_.back().first, rows_.back().second}) {
+      cv::Range& wide = asked_wide_[static_cast<std::size_t>(row)];
+      const cv::Range& here = asked_[static_cast<std::size_t>(y)];
+      if (here.empty()) continue;
+      wide = wide.empty() ? here : cv::Range(std::min(wide.start, here.start), std::max(wide.end, here.end));
+    }
+  }
 }
 
 FloorSmoothing::Between FloorSmoothing::between(int cell, int scale, int coarse_size) {
@@ -153,14 +162,10 @@ void FloorSmoothing::fillAndDivide() {
 /// fine_ → colour_, bilinearly.
 void FloorSmoothing::spread() {
   for (int y = 0; y < fine_.rows; ++y) {
-    const float* row = fine_.ptr<float>(y);
-    auto* to = wide_.ptr<cv::Vec3f>(y);
-    for (std::size_t x = 0; x < columns_.size(); ++x) {
-      const Between& at = columns_[x];
-      const FourFloats mixed = (1.0f - at.share) * lanes::load<FourFloats>(row + 4 * at.first) +
-                               at.share * lanes::load<FourFloats>(row + 4 * at.second);
-      to[x] = {mixed[0], mixed[1], mixed[2]};
-    }
+    const cv::Range& columns = asked_wide_[static_cast<std::size_t>(y)];
+    if (!columns.empty())
+      mixColumns(fine_.ptr<float>(y), columns_.data() + columns.start, columns.size(),
+                 wide_.ptr<float>(y) + 3 * columns.start);
   }
   for (int y = 0; y < colour_.rows; ++y) {
     const Between& at = rows_[static_cast<std::size_t>(y)];
@@ -169,6 +174,19 @@ void FloorSmoothing::spread() {
     mix(wide_.ptr<float>(at.first) + first, wide_.ptr<float>(at.second) + first, at.share, 3 * columns.size(),
         colour_.ptr<float>(y) + first);
   }
+}
+
+/// n > 0 colours between those of a row with weights.
+OMNIFLEET_WIDE void FloorSmoothing::mixColumns(const float* row, const Between* between, int n, float* out) {
+  const auto at = [=](int x) __attribute__((always_inline)) {
+    const Between& b = between[x];
+    return (1.0f - b.share) * lanes::load<FourFloats>(row + 4 * b.first) +
+           b.share * lanes::load<FourFloats>(row + 4 * b.second);
+  };
+  // A colour is stored with a number too many, which the next one overwrites.
+  for (int x = 0; x < n - 1; ++x) lanes::store(at(x), out + 3 * x);
+  const FourFloats last = at(n - 1);
+  for (int c = 0; c < 3; ++c) out[3 * (n - 1) + c] = last[c];
 }
 
 }  // namespace omnifleet::ground

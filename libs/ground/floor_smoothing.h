@@ -31,6 +31,7 @@ class FloorSmoothing {
   void blurTwice();
   void fillAndDivide();
   void spread();
+  static void mixColumns(const float* row, const Between* between, int n, float* out);
 
   int scale_;                    ///< cells per side of a pixel of sums_
   int radius_;                   ///< of the window, in those pixels
@@ -40,6 +41,7 @@ class FloorSmoothing {
   std::vector<cv::Mat> pyramid_;
   std::vector<Between> columns_, rows_;  ///< of colour_ in fine_
   std::vector<cv::Range> asked_;         ///< columns of each row of colour_
+  std::vector<cv::Range> asked_wide_;    ///< likewise of wide_
   cv::Mat3f wide_;                       ///< rows as of fine_, columns as of colour_
   cv::Mat3f colour_;
 };

@@ -287,18 +287,20 @@ Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
 }
 
 bool GroundSegmenter::isInside(int y, int x) const {
+  if (solid_(y, x) == kFloorLook) return false;  // most of those asked
   if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
+  if (view_->coverage()(y, x) != 2) return false;
   Look least = 255, most = kFloorLook;
   bool any_shade = false;
   for (int dy = -1; dy <= 1; ++dy) {
     const Look* row = solid_.ptr(y + dy) + x;
     for (int dx = -1; dx <= 1; ++dx) {
+      if (row[dx] == kFloorLook) return false;
       least = std::min(least, row[dx]);
       most = std::max(most, row[dx]);
       any_shade = any_shade || isShade(row[dx]);
     }
   }
-  if (least == kFloorLook || view_->coverage()(y, x) != 2) return false;
   // The border between a thing and its shadow is found pixel by pixel.
   return !any_shade || (isGrey(least) && gainOf(most) - gainOf(least) < kAlike);
 }
