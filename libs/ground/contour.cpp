@@ -5,6 +5,12 @@
 
 namespace omnifleet::ground {
 
+namespace {
+
+constexpr std::size_t kPlenty = 300;  // points of a loop, from which every other one is enough
+
+}  // namespace
+
 ContourTracer::ContourTracer(const FloorView& view, const ContourOptions& options)
     : refiner_(view, options), visited_(view.imageSize(), std::uint8_t{0}) {}
 
@@ -13,6 +19,7 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   contour.points_px.clear();
   contour.loop_begin.clear();
   contour.beside.clear();
+  is_thinned_.clear();
   if (blob.runs.empty()) return;
   const std::uint8_t own = objects(blob.runs.front().row, blob.runs.front().begin);
   for (const Run& run : blob.runs) {
@@ -29,7 +36,8 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
     const std::size_t end =
         k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_px.size();
     refiner_.refine(frame, contour.points_px.data() + contour.loop_begin[k],
-                    contour.beside.data() + contour.loop_begin[k], end - contour.loop_begin[k]);
+                    contour.beside.data() + contour.loop_begin[k], end - contour.loop_begin[k],
+                    is_thinned_[k]);
   }
 }
 
@@ -76,7 +84,21 @@ void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contou
     contour.beside.resize(begin);
   } else {
     contour.loop_begin.push_back(begin);
+    is_thinned_.push_back(thin(begin, contour));
   }
+}
+
+/// A large thing's outline has more points than its supports and its lines can use.
+bool ContourTracer::thin(std::size_t begin, Contour& contour) {
+  const std::size_t n = contour.points_px.size() - begin;
+  if (n < kPlenty) return false;
+  for (std::size_t i = 0; 2 * i < n; ++i) {
+    contour.points_px[begin + i] = contour.points_px[begin + 2 * i];
+    contour.beside[begin + i] = contour.beside[begin + 2 * i];
+  }
+  contour.points_px.resize(begin + (n + 1) / 2);
+  contour.beside.resize(begin + (n + 1) / 2);
+  return true;
 }
 
 }  // namespace omnifleet::ground

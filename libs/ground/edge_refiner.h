@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -27,6 +28,14 @@ struct ContourFrame {
   const cv::Mat3f& floor;    ///< floor colour per cell
 };
 
+/// Points of an outline that belong together.
+struct PointReach {
+  std::size_t tangent;  ///< to each side, that give the tangent
+  std::size_t smooth;   ///< to each side, that a point is smoothed with
+  std::size_t side;     ///< to each side of a corner, that its lines are fitted to
+  std::size_t skip;     ///< next to a corner, that are rounded
+};
+
 /// Sub-pixel outline from the chain of midpoints between a region's pixels and the floor's. The mask alone is
 /// up to half a pixel too large where the contrast is high, as one covered tenth of a pixel makes it "not
 /// floor".
@@ -36,7 +45,9 @@ class EdgeRefiner {
 
   /// Moves the n points of one closed loop, the region on the right-hand side when walked (v down).
   /// @param beside per point, not 0 where another thing, no floor, lies on the other side
-  void refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside, std::size_t n);
+  /// @param is_sparse every other midpoint only
+  void refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside, std::size_t n,
+              bool is_sparse);
 
  private:
   void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
@@ -45,10 +56,13 @@ class EdgeRefiner {
            std::uint8_t beside, int lane);
   int takeEdges(const ContourFrame& frame, const std::size_t* which, int count);
   void smooth();
+  template <std::size_t kCount>
+  void smoothWith(const std::array<float, kCount>& weights);
   void sharpen(Eigen::Vector2f* points) const;
 
   const FloorView* view_;
   ContourOptions options_;
+  PointReach reach_{};
   std::vector<Eigen::Vector2f> found_, smoothed_;
   std::vector<std::uint8_t> is_found_;
   EightEdges edges_{};
