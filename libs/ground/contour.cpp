@@ -7,7 +7,7 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr std::size_t kPlenty = 300;  // points of a loop, from which every other one is enough
+constexpr std::size_t kPlenty = 180;  // points of a loop, from which every other one is enough
 
 }  // namespace
 
