@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/lanes.h"
+
 namespace omnifleet::ground {
 
 namespace {
@@ -19,14 +21,17 @@ constexpr std::uint8_t kClosed = 1,
 constexpr int kSteps = 8;
 constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
 
-float dot(const float* a, const float* b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+using lanes::FourFloats;  // a colour, and what comes behind it
+
+float dot(const FourFloats& a, const FourFloats& b) {
+  const FourFloats products = a * b;
+  return products[0] + products[1] + products[2];
 }
 
 /// |after − before − change · colour|²: what a slope of brightness leaves of the step over two blocks.
-float leftOfStep(const float* after, const float* before, float change, const float* colour) {
-  float left[3];
-  for (int c = 0; c < 3; ++c) left[c] = after[c] - before[c] - change * colour[c];
+float leftOfStep(const float* after, const float* before, float change, const FourFloats& colour) {
+  const FourFloats left =
+      lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before) - change * colour;
   return dot(left, left);
 }
 
@@ -99,7 +104,7 @@ bool FloorGrowth::seed() {
     if (histogram_.table()[binAt(means[block])] == 0) continue;
     const cv::Vec3f& mean = means[block];
     stop_.data[block] = kGrown;
-    handed_[static_cast<std::size_t>(block)] = {{mean[0], mean[1], mean[2]}, {0.0f, 0.0f}};
+    handed_[static_cast<std::size_t>(block)] = {{mean[0], mean[1], mean[2], 0.0f}, {0.0f, 0.0f}};
     queue_.push_back(block);
   }
   texture_ = seedTexture();
@@ -148,22 +153,23 @@ void FloorGrowth::growFrom(int at, double noise) {
 /// objects over the blocks that their edges cut by and by.
 bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, float flatness, int step,
                          int jump) {
-  const float* mean = framed_means_.ptr<float>() + 3 * to;
+  const float* at = framed_means_.ptr<float>() + 3 * to;
+  const auto mean = lanes::load<FourFloats>(at);
   const auto dx = static_cast<float>(kStepX[step] * jump), dy = static_cast<float>(kStepY[step] * jump);
   const float change = from.slope[0] * dx + from.slope[1] * dy;
-  const float brighter = 1.0f + std::clamp(change, -kMaxSlope, kMaxSlope);
-  float expected[3];
-  for (int c = 0; c < 3; ++c) expected[c] = from.colour[c] * brighter;
-  const float rr = dot(expected, expected), gain = dot(mean, expected) / rr, surprise = gain - 1.0f;
+  const FourFloats expected =
+      (1.0f + std::clamp(change, -kMaxSlope, kMaxSlope)) * lanes::load<FourFloats>(from.colour);
+  const float share_of_rr = 1.0f / dot(expected, expected), gain = dot(mean, expected) * share_of_rr,
+              surprise = gain - 1.0f;
   if (!(surprise * surprise <= test.along2)) return false;
-  if (!(dot(mean, mean) / rr - gain * gain <= test.across2)) return false;
-  const float allowed = flatness * flatness * rr;
+  if (!(dot(mean, mean) * share_of_rr - gain * gain <= test.across2)) return false;
+  const float allowed = flatness * flatness / share_of_rr;
   const std::ptrdiff_t below = 3 * stride_;
-  if (!(leftOfStep(mean + 3, mean - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
-  if (!(leftOfStep(mean + below, mean - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
+  if (!(leftOfStep(at + 3, at - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
+  if (!(leftOfStep(at + below, at - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
   stop_.data[to] = kGrown;
   Handed& handed = handed_[static_cast<std::size_t>(to)];
-  for (int c = 0; c < 3; ++c) handed.colour[c] = (1.0f - kLevelGain) * expected[c] + kLevelGain * mean[c];
+  lanes::store((1.0f - kLevelGain) * expected + kLevelGain * mean, handed.colour);
   const float share = 1.0f / (dx * dx + dy * dy), steeper = kSlopeGain * surprise;
   handed.slope[0] = from.slope[0] + steeper * (dx * share);
   handed.slope[1] = from.slope[1] + steeper * (dy * share);

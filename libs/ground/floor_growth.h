@@ -45,7 +45,7 @@ class FloorGrowth {
   static constexpr int kJump = 4;  ///< blocks: a marking (grid line, joint) up to this wide is stepped over
   /// What a block hands on.
   struct Handed {
-    float colour[3];
+    float colour[4];  ///< the last one has no meaning
     float slope[2];  ///< relative change of the brightness per block, x and y
   };
   bool seed();

@@ -71,6 +71,7 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
 
 /// The first x of [begin, end) with a mark; end where there is none.
 int nextMark(const std::uint8_t* row, int begin, int end) {
+  if (begin < end && row[begin] == 1) return begin;  // most of them lie side by side
   const auto* mark =
       static_cast<const std::uint8_t*>(std::memchr(row + begin, 1, static_cast<std::size_t>(end - begin)));
   return mark == nullptr ? end : static_cast<int>(mark - row);
