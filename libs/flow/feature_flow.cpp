@@ -59,9 +59,8 @@ void FeatureFlow::push(const cv::Mat& image, const std::vector<ground::Blob>& re
 
 bool FeatureFlow::wasSeen(const Eigen::Vector2f& pixel) const {
   const cv::Point2f at(pixel.x(), pixel.y());
-  return std::any_of(previous_seen_.begin(), previous_seen_.end(), [&](const cv::Rect& rect) {
-    return cv::Rect2f(rect).contains(at);
-  });
+  return std::any_of(previous_seen_.begin(), previous_seen_.end(),
+                     [&](const cv::Rect& rect) { return cv::Rect2f(rect).contains(at); });
 }
 
 double FeatureFlow::floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector2d& floor) const {

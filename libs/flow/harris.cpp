@@ -149,8 +149,7 @@ void Harris::response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& re
 void Harris::findSpans(const ground::Blob& blob, const cv::Rect& rect) {
   spans_.assign(static_cast<std::size_t>(rect.height), {0, 0});
   for (const ground::Run& run : blob.runs) {
-    const cv::Range columns(std::max(0, run.begin - 1 - rect.x),
-                            std::min(rect.width, run.end + 1 - rect.x));
+    const cv::Range columns(std::max(0, run.begin - 1 - rect.x), std::min(rect.width, run.end + 1 - rect.x));
     const int row = run.row - rect.y;
     for (int y = std::max(0, row - 1); y <= std::min(rect.height - 1, row + 1); ++y) {
       cv::Range& span = spans_[static_cast<std::size_t>(y)];

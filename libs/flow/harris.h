@@ -51,7 +51,7 @@ class Harris {
   std::vector<float> kernel_;
   cv::Mat1f xx_, xy_, yy_, row_, response_;
   std::vector<cv::Range> spans_;  ///< of each row of a rectangle: columns where the response is asked for
-  std::vector<int> peaks_;  ///< of a row
+  std::vector<int> peaks_;        ///< of a row
   std::vector<Corner> candidates_, corners_;
   std::vector<float> strongest_;
   std::vector<std::size_t> all_;

@@ -39,8 +39,7 @@ OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, int first, int n
 }
 
 /// 1 4 6 4 1 along the row, at every other pixel.
-OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd, int n,
-                              std::uint16_t* out) {
+OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd, int n, std::uint16_t* out) {
   inChunks<kChunk>(
       0, n, [=](int x) __attribute__((always_inline)) {
         out[x] =
@@ -49,8 +48,7 @@ OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd,
 }
 
 /// The same over five such rows; the sum of all weights is 256.
-OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& rows, int n,
-                                  std::uint8_t* out) {
+OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& rows, int n, std::uint8_t* out) {
   const std::uint16_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4];
   inChunks<kChunk>(
       0, n, [=](int x) __attribute__((always_inline)) {
@@ -59,7 +57,8 @@ OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& row
       });
 }
 
-/// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the border.
+/// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the
+/// border.
 cv::Range halved(int begin, int end, int size) {
   return {begin == 0 ? 0 : (begin + 3) / 2, end == size ? (size + 1) / 2 : (end - 1) / 2};
 }

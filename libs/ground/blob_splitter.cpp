@@ -46,8 +46,8 @@ OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, in
     std::uint8_t* count = counts + k * width;
     inChunks<kChunk>(
         0, width, [=](int x) __attribute__((always_inline)) {
-          count[x] = static_cast<std::uint8_t>(scratch[x] + scratch[x + 1] + scratch[x + 2] +
-                                               scratch[x + 3] + scratch[x + 4]);
+          count[x] = static_cast<std::uint8_t>(scratch[x] + scratch[x + 1] + scratch[x + 2] + scratch[x + 3] +
+                                               scratch[x + 4]);
           own_count[x] = own[x] == which ? count[x] : own_count[x];
         });
   }

@@ -5,12 +5,6 @@
 
 namespace omnifleet::ground {
 
-namespace {
-
-constexpr std::size_t kPlenty = 180;  // points of a loop, from which every other one is enough
-
-}  // namespace
-
 ContourTracer::ContourTracer(const FloorView& view, const ContourOptions& options)
     : refiner_(view, options), visited_(view.imageSize(), std::uint8_t{0}) {}
 
@@ -19,7 +13,6 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   contour.points_px.clear();
   contour.loop_begin.clear();
   contour.beside.clear();
-  is_thinned_.clear();
   if (blob.runs.empty()) return;
   const std::uint8_t own = objects(blob.runs.front().row, blob.runs.front().begin);
   for (const Run& run : blob.runs) {
@@ -32,13 +25,25 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   }
   for (const auto& p : marked_) visited_(p) = 0;
   marked_.clear();
+  refine(frame, contour);
+}
+
+void ContourTracer::refine(const ContourFrame& frame, Contour& contour) {
+  std::size_t kept = 0;
   for (std::size_t k = 0; k < contour.loop_begin.size(); ++k) {
+    const std::size_t begin = contour.loop_begin[k];
     const std::size_t end =
         k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_px.size();
-    refiner_.refine(frame, contour.points_px.data() + contour.loop_begin[k],
-                    contour.beside.data() + contour.loop_begin[k], end - contour.loop_begin[k],
-                    is_thinned_[k]);
+    Eigen::Vector2f* points = contour.points_px.data();
+    std::uint8_t* beside = contour.beside.data();
+    const std::size_t count = refiner_.refine(frame, points + begin, beside + begin, end - begin);
+    std::copy_n(points + begin, count, points + kept);
+    std::copy_n(beside + begin, count, beside + kept);
+    contour.loop_begin[k] = kept;
+    kept += count;
   }
+  contour.points_px.resize(kept);
+  contour.beside.resize(kept);
 }
 
 void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contour& contour) {
@@ -84,21 +89,7 @@ void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contou
     contour.beside.resize(begin);
   } else {
     contour.loop_begin.push_back(begin);
-    is_thinned_.push_back(thin(begin, contour));
   }
-}
-
-/// A large thing's outline has more points than its supports and its lines can use.
-bool ContourTracer::thin(std::size_t begin, Contour& contour) {
-  const std::size_t n = contour.points_px.size() - begin;
-  if (n < kPlenty) return false;
-  for (std::size_t i = 0; 2 * i < n; ++i) {
-    contour.points_px[begin + i] = contour.points_px[begin + 2 * i];
-    contour.beside[begin + i] = contour.beside[begin + 2 * i];
-  }
-  contour.points_px.resize(begin + (n + 1) / 2);
-  contour.beside.resize(begin + (n + 1) / 2);
-  return true;
 }
 
 }  // namespace omnifleet::ground

@@ -28,10 +28,9 @@ class ContourTracer {
 
  private:
   void followLoop(const cv::Mat1b& objects, cv::Point start, Contour& contour);
-  static bool thin(std::size_t begin, Contour& contour);
+  void refine(const ContourFrame& frame, Contour& contour);
 
   EdgeRefiner refiner_;
-  std::vector<bool> is_thinned_;  ///< per loop
   cv::Mat1b visited_;
   std::vector<cv::Point> marked_;
 };

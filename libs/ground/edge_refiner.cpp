@@ -8,6 +8,12 @@ namespace omnifleet::ground {
 
 namespace {
 
+constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
+constexpr std::size_t kSide = 5;      // points to each side of a corner that its lines are fitted to
+constexpr std::size_t kSkip = 2;      // points next to a corner that are rounded
+constexpr std::size_t kPlenty = 180;  // points of an outline, from which its straight parts need every other
+constexpr std::size_t kBend = 6;      // points to each side between which …
+constexpr float kMaxBend = 0.35f;     // … a straight part turns by less than this (sine): pixels make steps
 constexpr float kMinTurn = 0.64f;     // sine of the turn (40°) from which a corner may be one
 constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
 constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // deepestRounding()
@@ -15,9 +21,6 @@ constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // deepestRounding()
 float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
-
-// About as many pixels either way.
-constexpr PointReach kDense{3, 3, 5, 2}, kSparse{2, 2, 3, 1};
 
 /// An index below 2n into a closed loop of n points.
 std::size_t wrapped(std::size_t i, std::size_t n) {
@@ -79,15 +82,37 @@ ContourOptions ContourOptions::read(const options::Section& section) {
   return o;
 }
 
-void EdgeRefiner::refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside,
-                         std::size_t n, bool is_sparse) {
-  reach_ = is_sparse ? kSparse : kDense;
-  if (!options_.refine || n < 2 * reach_.tangent + 1) return;
+std::size_t EdgeRefiner::refine(const ContourFrame& frame, Eigen::Vector2f* points, std::uint8_t* beside,
+                                std::size_t n) {
+  if (!options_.refine || n < 2 * kTangent + 1) return n;
+  findSkipped(points, n);
   findEdges(frame, points, beside, n);
+  fillSkipped();
   smoothed_ = found_;
   if (options_.smooth) smooth();
   std::copy(smoothed_.begin(), smoothed_.end(), points);
-  if (options_.sharpen && n >= 4 * reach_.side) sharpen(points);
+  if (options_.sharpen && n >= 4 * kSide) sharpen(points);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (is_skipped_[i] != 0) continue;
+    points[kept] = points[i];
+    beside[kept++] = beside[i];
+  }
+  return kept;
+}
+
+/// Every other point of the straight parts of a large outline: its neighbours tell as much.
+void EdgeRefiner::findSkipped(const Eigen::Vector2f* points, std::size_t n) {
+  is_skipped_.assign(n, 0);
+  if (n < kPlenty) return;
+  for (std::size_t i = 1; i < n; i += 2) {
+    const Eigen::Vector2f in = points[i] - points[wrapped(i + n - kBend, n)],
+                          out = points[wrapped(i + kBend, n)] - points[i];
+    const float turn = cross(in, out);
+    const bool straight =
+        in.dot(out) > 0.0f && turn * turn < kMaxBend * kMaxBend * in.squaredNorm() * out.squaredNorm();
+    is_skipped_[i] = straight ? 1 : 0;
+  }
 }
 
 void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* points,
@@ -98,13 +123,24 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
   int count = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const Eigen::Vector2f& p = points[i];
-    if (view_->nearBorder(p.x(), p.y())) continue;
-    const Eigen::Vector2f along = points[wrapped(i + reach_.tangent, n)] - points[wrapped(i + n - reach_.tangent, n)];
+    if (is_skipped_[i] != 0 || view_->nearBorder(p.x(), p.y())) continue;
+    const Eigen::Vector2f along = points[wrapped(i + kTangent, n)] - points[wrapped(i + n - kTangent, n)];
     which[count] = i;
     put(frame.floor, p, along, beside[i], count++);
     if (count == EightEdges::kCount) count = takeEdges(frame, which, count);
   }
   if (count > 0) takeEdges(frame, which, count);
+}
+
+/// Halfway between the edges on both sides, where both were found.
+void EdgeRefiner::fillSkipped() {
+  const std::size_t n = found_.size();
+  for (std::size_t i = 1; i < n; i += 2) {
+    const std::size_t before = i - 1, after = wrapped(i + 1, n);
+    if (is_skipped_[i] == 0 || is_found_[before] == 0 || is_found_[after] == 0) continue;
+    found_[i] = 0.5f * (found_[before] + found_[after]);
+    is_found_[i] = 1;
+  }
 }
 
 void EdgeRefiner::put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Eigen::Vector2f& along,
@@ -131,29 +167,17 @@ int EdgeRefiner::takeEdges(const ContourFrame& frame, const std::size_t* which, 
 }
 
 void EdgeRefiner::smooth() {
-  // Savitzky–Golay, second order over seven or five points: keeps straight lines and curvature, halves the
-  // noise.
-  static constexpr std::array<float, 7> kSeven{-2.0f / 21, 3.0f / 21, 6.0f / 21, 7.0f / 21,
-                                               6.0f / 21,  3.0f / 21, -2.0f / 21};
-  static constexpr std::array<float, 5> kFive{-3.0f / 35, 12.0f / 35, 17.0f / 35, 12.0f / 35, -3.0f / 35};
-  if (reach_.smooth == 3)
-    smoothWith(kSeven);
-  else
-    smoothWith(kFive);
-}
-
-template <std::size_t kCount>
-void EdgeRefiner::smoothWith(const std::array<float, kCount>& weights) {
-  constexpr std::size_t kHalf = kCount / 2;
+  // Savitzky–Golay, second order over seven points: keeps straight lines and curvature, halves the noise.
+  static constexpr float kWeight[7] = {-2.0f / 21, 3.0f / 21, 6.0f / 21, 7.0f / 21,
+                                       6.0f / 21,  3.0f / 21, -2.0f / 21};
   const std::size_t n = found_.size();
-  std::size_t row = 0;  // consecutive points that were found, up to i + kHalf
-  for (std::size_t k = 0; k + 1 < kCount; ++k) row = is_found_[wrapped(n - kHalf + k, n)] != 0 ? row + 1 : 0;
+  std::size_t row = 0;  // consecutive points that were found, up to i + 3
+  for (std::size_t k = 0; k < 6; ++k) row = is_found_[wrapped(n - 3 + k, n)] != 0 ? row + 1 : 0;
   for (std::size_t i = 0; i < n; ++i) {
-    row = is_found_[wrapped(i + kHalf, n)] != 0 ? row + 1 : 0;
-    if (row < kCount) continue;
+    row = is_found_[wrapped(i + 3, n)] != 0 ? row + 1 : 0;
+    if (row < 7) continue;
     Eigen::Vector2f sum(0, 0);
-    for (std::size_t k = 0; k < kCount; ++k)
-      sum += weights[k] * found_[wrapped(wrapped(i + n - kHalf, n) + k, n)];
+    for (std::size_t k = 0; k < 7; ++k) sum += kWeight[k] * found_[wrapped(wrapped(i + n - 3, n) + k, n)];
     smoothed_[i] = sum;
   }
 }
@@ -161,19 +185,19 @@ void EdgeRefiner::smoothWith(const std::array<float, kCount>& weights) {
 void EdgeRefiner::sharpen(Eigen::Vector2f* points) const {
   const std::size_t n = found_.size();
   const auto turnAt = [&](std::size_t i) {
-    const Eigen::Vector2f in = smoothed_[i] - smoothed_[wrapped(i + n - reach_.side, n)],
-                          out = smoothed_[wrapped(i + reach_.side, n)] - smoothed_[i];
+    const Eigen::Vector2f in = smoothed_[i] - smoothed_[wrapped(i + n - 5, n)],
+                          out = smoothed_[wrapped(i + 5, n)] - smoothed_[i];
     return cross(in, out) / std::max(1e-6f, in.norm() * out.norm());
   };
   for (std::size_t i = 0; i < n; ++i) {
     const float turn = turnAt(i);
     if (turn < kMinTurn || is_found_[i] == 0) continue;  // only corners that stick out count for a hull
     bool sharpest = true;
-    for (std::size_t k = 1; k < reach_.side && sharpest; ++k)
+    for (std::size_t k = 1; k <= 4 && sharpest; ++k)
       sharpest = turnAt(wrapped(i + k, n)) <= turn && turnAt(wrapped(i + n - k, n)) < turn;
     if (!sharpest) continue;
-    const Line before = fitLine(found_, wrapped(i + n - reach_.skip - reach_.side + 1, n), reach_.side),
-               after = fitLine(found_, wrapped(i + reach_.skip, n), reach_.side);
+    const Line before = fitLine(found_, wrapped(i + n - kSkip - kSide + 1, n), kSide),
+               after = fitLine(found_, wrapped(i + kSkip, n), kSide);
     const auto corner = intersection(before, after);
     if (corner && (*corner - smoothed_[i]).norm() <= deepestRounding(turnBetween(before, after)))
       points[i] = *corner;

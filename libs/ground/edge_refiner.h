@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -28,14 +27,6 @@ struct ContourFrame {
   const cv::Mat3f& floor;    ///< floor colour per cell
 };
 
-/// Points of an outline that belong together.
-struct PointReach {
-  std::size_t tangent;  ///< to each side, that give the tangent
-  std::size_t smooth;   ///< to each side, that a point is smoothed with
-  std::size_t side;     ///< to each side of a corner, that its lines are fitted to
-  std::size_t skip;     ///< next to a corner, that are rounded
-};
-
 /// Sub-pixel outline from the chain of midpoints between a region's pixels and the floor's. The mask alone is
 /// up to half a pixel too large where the contrast is high, as one covered tenth of a pixel makes it "not
 /// floor".
@@ -43,28 +34,27 @@ class EdgeRefiner {
  public:
   EdgeRefiner(const FloorView& view, const ContourOptions& options) : view_(&view), options_(options) {}
 
-  /// Moves the n points of one closed loop, the region on the right-hand side when walked (v down).
+  /// Moves the n points of one closed loop, the region on the right-hand side when walked (v down), and
+  /// leaves out some of the straight parts of a large one.
   /// @param beside per point, not 0 where another thing, no floor, lies on the other side
-  /// @param is_sparse every other midpoint only
-  void refine(const ContourFrame& frame, Eigen::Vector2f* points, const std::uint8_t* beside, std::size_t n,
-              bool is_sparse);
+  /// @return how many points are left, with what is beside them
+  std::size_t refine(const ContourFrame& frame, Eigen::Vector2f* points, std::uint8_t* beside, std::size_t n);
 
  private:
+  void findSkipped(const Eigen::Vector2f* points, std::size_t n);
+  void fillSkipped();
   void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
                  std::size_t n);
   void put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Eigen::Vector2f& along,
            std::uint8_t beside, int lane);
   int takeEdges(const ContourFrame& frame, const std::size_t* which, int count);
   void smooth();
-  template <std::size_t kCount>
-  void smoothWith(const std::array<float, kCount>& weights);
   void sharpen(Eigen::Vector2f* points) const;
 
   const FloorView* view_;
   ContourOptions options_;
-  PointReach reach_{};
   std::vector<Eigen::Vector2f> found_, smoothed_;
-  std::vector<std::uint8_t> is_found_;
+  std::vector<std::uint8_t> is_found_, is_skipped_;
   EightEdges edges_{};
 };
 

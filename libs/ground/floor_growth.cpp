@@ -30,8 +30,7 @@ float dot(const FourFloats& a, const FourFloats& b) {
 
 /// |after − before − change · colour|²: what a slope of brightness leaves of the step over two blocks.
 float leftOfStep(const float* after, const float* before, float change, const FourFloats& colour) {
-  const FourFloats left =
-      lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before) - change * colour;
+  const FourFloats left = lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before) - change * colour;
   return dot(left, left);
 }
 

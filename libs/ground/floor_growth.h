@@ -46,7 +46,7 @@ class FloorGrowth {
   /// What a block hands on.
   struct Handed {
     float colour[4];  ///< the last one has no meaning
-    float slope[2];  ///< relative change of the brightness per block, x and y
+    float slope[2];   ///< relative change of the brightness per block, x and y
   };
   bool seed();
   float brighten();

@@ -31,7 +31,8 @@ constexpr std::uint8_t kCore = 1, kShade = HueWindow::kCounts, kHued = kShade | 
 
 constexpr int kChunk_px = 32;
 
-/// Where the mask is set within a region: kShade for shade (of its own limit) and a faint pattern, else kCore.
+/// Where the mask is set within a region: kShade for shade (of its own limit) and a faint pattern, else
+/// kCore.
 OMNIFLEET_WIDE void partShade(const Blob& blob, Look first, Look last, const cv::Mat1b& mask,
                               const cv::Mat1b& looks, cv::Mat1b& marks) {
   for (const Run& run : blob.runs) {
@@ -90,8 +91,8 @@ const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
   return frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
 }
 
-/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, where the noise
-/// would hide that in the single pixel.
+/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, where the
+/// noise would hide that in the single pixel.
 struct HueTest {
   cv::Vec3f floor;
   float rr, noise, tolerance;
