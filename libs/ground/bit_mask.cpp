@@ -50,6 +50,10 @@ void BitMask::clear(int y, int begin, int end) {
   change(y, begin, end, [](Word& word, int, Word which) { word &= ~which; });
 }
 
+void BitMask::set(int y, int begin, int end) {
+  change(y, begin, end, [](Word& word, int, Word which) { word |= which; });
+}
+
 void BitMask::keep(int y, int begin, int end, const BitMask& other) {
   const Word* kept = other.row(y);
   change(y, begin, end, [kept](Word& word, int k, Word which) { word &= kept[k] | ~which; });

@@ -28,6 +28,7 @@ class BitMask {
 
   /// Clears columns [begin, end) of a row.
   void clear(int y, int begin, int end);
+  void set(int y, int begin, int end);
   /// Clears what is not in `other`, likewise.
   void keep(int y, int begin, int end, const BitMask& other);
 

@@ -115,7 +115,8 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
       despeckler_(view.imageSize()),
-      shade_(view.imageSize()) {
+      shade_(view.imageSize()),
+      completer_(camera, view.imageSize()) {
   constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
   for (int y = 0; y < view.seeds().rows; ++y)
     for (int x = y % kEvery; x < view.seeds().cols; x += kEvery)
@@ -138,11 +139,33 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   pack(strips_, raw_, raw_bits_);
   despeckler_.clean(area_, raw_bits_, bits_);
   lines_.apply(area_, bits_);
-  if (options_.shadows && options_.method == "local" && image.channels() == 3)
+  if (options_.shadows && options_.method == "local" && image.channels() == 3) {
     shade_.apply(strips_, area_, shadeFrame(image), looks_, raw_, despeckler_, bits_);
+    completeSides(image);
+  }
   clearStrips(last_strips_, objects_);
   unpack(strips_, bits_, objects_);
   return true;
+}
+
+/// The strips then hold what is found; beyond those of before all masks are 0.
+void GroundSegmenter::completeSides(const cv::Mat& image) {
+  const ShadeFilter::Frame frame = shadeFrame(image);
+  bool any = false;
+  for (const Blob* side : shade_.sides()) {
+    const std::vector<Run>& whole = completer_.complete({frame, view_->mask(), looks_}, *side);
+    if (whole.empty()) continue;
+    for (const Run& run : side->runs) bits_.clear(run.row, run.begin, run.end);
+    for (const Run& run : whole) {
+      bits_.set(run.row, run.begin, run.end);
+      for (int x = run.begin / kCell; x * kCell < run.end; ++x) active_(run.row / kCell, x) = 1;
+    }
+    any = true;
+  }
+  if (!any) return;
+  strips_.clear();
+  gatherStrips();
+  area_.cover(strips_);
 }
 
 ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
@@ -220,6 +243,10 @@ double GroundSegmenter::seedNoise(const cv::Mat& image) {
 
 void GroundSegmenter::findStrips(double noise) {
   markCells(noise);
+  gatherStrips();
+}
+
+void GroundSegmenter::gatherStrips() {
   // Strips begin and end at multiples of kAlign_px, so that the passes over them run without remainders.
   const int per = kAlign_px / kCell;
   for (int y = 0; y < active_.rows; ++y) {

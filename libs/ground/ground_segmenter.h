@@ -11,6 +11,7 @@
 #include "ground/floor_view.h"
 #include "ground/line_filter.h"
 #include "ground/shade_filter.h"
+#include "ground/side_completer.h"
 #include "ground/strip.h"
 #include "options/options.h"
 
@@ -58,6 +59,8 @@ class GroundSegmenter {
   double seedNoise(const cv::Mat& image);
   ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
   void findStrips(double noise);
+  void gatherStrips();
+  void completeSides(const cv::Mat& image);
   void markCells(double noise);
   Look lookOfCell(int x, int y, double noise) const;
   FloorTest testOfSmoothed(int x, int y, double noise) const;
@@ -88,6 +91,7 @@ class GroundSegmenter {
   std::vector<float> variances_;
   Despeckler despeckler_;
   ShadeFilter shade_;
+  SideCompleter completer_;
 };
 
 }  // namespace omnifleet::ground

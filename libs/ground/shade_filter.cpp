@@ -24,6 +24,8 @@ constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightne
                                      // explains, from which it is of two kinds (a Gaussian: 0.64)
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
+constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: shadows get deep in more
+constexpr float kSharpSide = 0.45f;  // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
 // What a pixel of a region is: bit 0 where it is of the core.
@@ -144,6 +146,7 @@ void ShadeFilter::clear() {
   ground::clear(core_area_, bare_bits_);
   ground::clear(core_area_, core_);
   undecided_.clear();
+  sides_.clear();
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
@@ -214,17 +217,55 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
   return 2 * sharp > count;
 }
 
+/// The shaded part of a region ends at the floor as a side in the shade does, in a step, not as shadows fade.
+bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  float depth = 0.0f;
+  int shaded = 0;
+  for (const Run& run : blob.runs) {
+    for (int x = run.begin; x < run.end; ++x) {
+      const Look look = looks(run.row, x);
+      if (!isShade(look) || isFaint(look)) continue;
+      depth += 1.0f - gainOf(look);
+      ++shaded;
+    }
+  }
+  depth /= static_cast<float>(std::max(1, shaded));
+  int sharp = 0, count = 0;
+  for (const Run& run : blob.runs) {
+    for (const int inward : {1, -1}) {
+      const int x = inward > 0 ? run.begin : run.end - 1;
+      const int within = std::clamp(x + kStep_px * inward, run.begin, run.end - 1);
+      if (!isShade(looks(run.row, x)) || !isShade(looks(run.row, within))) continue;
+      const float across = meanGain(frame, x + kStepAtSide_px, run.row, 0, 1) -
+                           meanGain(frame, x - kStepAtSide_px, run.row, 0, 1);
+      const float down = meanGain(frame, x, run.row + kStepAtSide_px, 1, 0) -
+                         meanGain(frame, x, run.row - kStepAtSide_px, 1, 0);
+      sharp += std::hypot(across, down) >= kSharpShare * depth ? 1 : 0;
+      ++count;
+    }
+  }
+  return static_cast<float>(sharp) >= kSharpSide * static_cast<float>(count);
+}
+
+/// Mostly of the floor's hue and in less light, and nothing of it is plainly a thing.
+bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
+  return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
+}
+
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
                                         const cv::Mat1b& looks) {
   if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
     return Verdict::kUndecided;
   const int core = c.coloured + c.dark + c.bright;
   const bool has_core = isCore(core, blob);
+  const bool fringed = static_cast<float>(c.faint) > kFaintFringe * static_cast<float>(blob.area_px);
+  const bool side = isSide(blob, c);
   if (!has_core || 2 * c.bright > blob.area_px) {
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
-    return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
+    if (all_light && !isSharp(blob, frame, looks)) return Verdict::kDrop;
+    return side && fringed ? Verdict::kKeepFirm : Verdict::kKeep;
   }
-  const bool fringed = static_cast<float>(c.faint) > kFaintFringe * static_cast<float>(blob.area_px);
+  if (side && endsSharply(blob, frame, looks)) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
     return Verdict::kKeepCore;
   return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
@@ -297,12 +338,17 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   for (const Blob& blob : blobs) {
     const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
-    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least, census.shade_limit});
+    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least, isSide(blob, census),
+                       census.shade_limit});
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
   }
-  if (faint < kPatternRegions) return;
   for (Judged& judged : judged_) {
-    if (judged.as_pattern && judged.verdict != Verdict::kDrop) judged.verdict = Verdict::kUndecided;
+    if (faint >= kPatternRegions && judged.as_pattern && judged.verdict != Verdict::kDrop)
+      judged.verdict = Verdict::kUndecided;
+  }
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    const bool stays = judged_[i].verdict == Verdict::kKeep || judged_[i].verdict == Verdict::kKeepFirm;
+    if (stays && judged_[i].is_side) sides_.push_back(&blobs[i]);
   }
 }
 

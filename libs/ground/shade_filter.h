@@ -18,6 +18,9 @@ namespace omnifleet::ground {
 ///    thing's shadow (at its foot or thrown) and go;
 ///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
 ///    when its brightness fades into the floor's;
+///  - where all of it has the floor's hue but some of it more light than the floor has, it is a thing of
+///  nearly the
+///    floor's colour with its side in the shade where the shade ends in a step; else a light thing's shadow;
 ///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes
 ///  too,
 ///    but is kept as undecided(): a thing of just that colour would look the same;
@@ -49,6 +52,9 @@ class ShadeFilter {
 
   /// Regions of the last apply() that may be floor or a thing of its colour.
   const std::vector<Blob>& undecided() const { return undecided_; }
+  /// Regions of the last apply() that stay and are mostly in less light than the floor, of nearly its hue:
+  /// sides of things whose tops may be as bright as the floor.
+  const std::vector<const Blob*>& sides() const { return sides_; }
 
  private:
   /// Pixels of a region by their looks.
@@ -63,6 +69,7 @@ class ShadeFilter {
   struct Judged {
     Verdict verdict;
     bool as_pattern;  ///< goes where the floor has a pattern
+    bool is_side;     ///< isSide()
     Look shade_limit;
   };
 
@@ -73,6 +80,8 @@ class ShadeFilter {
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  static bool isSide(const Blob& blob, const Census& census);
+  static bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   std::vector<cv::Rect> core_rects_;
@@ -84,6 +93,7 @@ class ShadeFilter {
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;
+  std::vector<const Blob*> sides_;
 };
 
 }  // namespace omnifleet::ground

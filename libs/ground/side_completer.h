@@ -1,0 +1,73 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/labelling.h"
+#include "ground/look.h"
+#include "ground/shade_filter.h"
+#include "lens/camera.h"
+
+namespace omnifleet::ground {
+
+/// Completes things of nearly the floor's colour. Their sides lie in less light than the floor and are
+/// regions of their own; tops and sides in full light differ from the floor by a few hundredths, which no
+/// single pixel tells. Three things do, of means of 5×5 pixels beside the region:
+///  - the hue of the side: all faces of one thing have it, in any light;
+///  - more light than on the floor: no shadow has it;
+///  - what lies right behind the side. Verticals run away from the camera's foot, so every bearing of the
+///  side
+///    meets the top there (docs/methods.md, "Support-function prism"); the median over all bearings tells its
+///    colour from the floor's to less than a hundredth, and the top goes on while that colour does.
+/// The region grows by them from pixel to pixel. What it becomes counts only where it is convex, as the
+/// silhouette of an upright convex thing is.
+class SideCompleter {
+ public:
+  SideCompleter(const lens::Camera& camera, cv::Size image);
+
+  struct Frame {
+    const ShadeFilter::Frame& shade;
+    const cv::Mat1b& view;   ///< not 0 where floor may be seen
+    const cv::Mat1b& looks;  ///< of the pixels
+  };
+  /// @param side a region in less light than the floor and of nearly its hue
+  /// @return the pixels of the whole thing, by rows, valid until the next call; empty where there is none
+  const std::vector<Run>& complete(const Frame& frame, const Blob& side);
+
+ private:
+  /// Of the side, pixels from the foot; far < near where it has none.
+  struct Bearing {
+    float near_px, far_px;
+    float end_px;  ///< of the top behind
+  };
+  int bearingAt(float x, float y) const;
+  bool measureSide(const Frame& frame, const Blob& side);
+  void learnTop(const Frame& frame);
+  void addTop(const Frame& frame);
+  float endOfTop(const Frame& frame, std::size_t k) const;
+  cv::Point pixelAt(std::size_t k, float radius) const;
+  bool isLike(const Frame& frame, int x, int y) const;
+  cv::Vec3f colourAt(const Frame& frame, int x, int y) const;
+  void grow(const Frame& frame);
+  bool takeConvex(const Frame& frame);
+  void take(const cv::Mat1b& mask);
+  static bool isOther(const Frame& frame, const cv::Point& at);
+
+  cv::Size size_;  ///< of the whole cells
+  cv::Point2f foot_px_;
+  cv::Rect around_;                  ///< the region, with as much beside it as it may grow
+  cv::Mat3f means_;                  ///< of 5×5 pixels, in around_
+  cv::Mat1b grown_, before_, firm_;  ///< in around_: 255 where the thing is; before it grew; without fringe
+  cv::Point2f ahead_;                ///< from the foot to the region
+  float step_rad_ = 0.0f;            ///< of the bearings, which begin half their number before `ahead_`
+  std::vector<Bearing> bearings_;
+  cv::Vec3f side_hue_, top_;  ///< top_: off the floor as whitened
+  bool has_hue_ = false, has_top_ = false;
+  std::vector<float> channel_[3], ends_;
+  std::vector<cv::Point> outline_;
+  std::vector<std::size_t> used_;
+  std::vector<cv::Point> queue_;
+  std::vector<Run> runs_;
+};
+
+}  // namespace omnifleet::ground

@@ -1,0 +1,132 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "ground/ground_segmenter.h"
+#include "ground/labelling.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+/// Shares of the floor's colour, by channel.
+using Paint = cv::Vec3d;
+
+/// A box on a floor, drawn face by face through the lens: each face is the floor's own pixels in another
+/// light and of a little other hue, so that its noise is that of the floor.
+class SideCompleterTest : public ::testing::Test {
+ protected:
+  static constexpr double kHeight_m = 0.2;
+  SideCompleterTest()
+      : model_(testing::fisheye()),
+        camera_(model_),
+        view_(camera_, ViewOptions{}),
+        image_(testing::unevenFloor(model_, 0.8, 2.0, 21)),
+        truth_(image_.size(), std::uint8_t{0}) {}
+
+  /// The image of a polygon in space, its edges as curved as the lens makes them.
+  cv::Mat1b maskOf(const std::vector<Eigen::Vector3d>& corners) const {
+    constexpr int kSteps = 16;
+    std::vector<cv::Point> outline;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      for (int k = 0; k < kSteps; ++k) {
+        const Eigen::Vector3d& next = corners[(i + 1) % corners.size()];
+        const auto pixel = camera_.pixelFromPoint(corners[i] + (next - corners[i]) * k / kSteps);
+        EXPECT_TRUE(pixel);
+        if (pixel) outline.emplace_back(cvRound(pixel->x()), cvRound(pixel->y()));
+      }
+    }
+    cv::Mat1b mask(image_.size(), std::uint8_t{0});
+    cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{outline}, cv::Scalar(255));
+    return mask;
+  }
+
+  void paint(const cv::Mat1b& mask, const Paint& shares) {
+    for (int y = 0; y < image_.rows; ++y)
+      for (int x = 0; x < image_.cols; ++x)
+        for (int c = 0; c < 3 && mask(y, x) != 0; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * shares[c]);
+    truth_ |= mask;
+  }
+
+  /// A box ahead of the robot, 18 cm wide, its front across.
+  void drawBox(const Paint& front, const Paint& top) {
+    const double near = 0.80, far = 0.98, half = 0.09, h = kHeight_m;
+    paint(maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}}), top);
+    cv::Mat1b side = maskOf({{near, -half, 0}, {near, half, 0}, {near, half, h}, {near, -half, h}});
+    side &= ~truth_;
+    paint(side, front);
+  }
+
+  std::vector<Blob> blobs() {
+    GroundSegmenter segmenter(camera_, view_, {});
+    EXPECT_TRUE(segmenter.segment(image_));
+    objects_ = segmenter.objects().clone();
+    Labeller labeller;
+    return labeller.label(segmenter.bits(), segmenter.area(), 20);
+  }
+
+  /// One region, and that the whole box: two pixels of its outline are what the lens' noise may cost.
+  void expectTheBox() {
+    EXPECT_EQ(blobs().size(), 1U);
+    const cv::Mat1b disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
+    cv::Mat1b inner, outer;
+    cv::erode(truth_, inner, disc);
+    cv::dilate(truth_, outer, disc);
+    EXPECT_EQ(cv::countNonZero(objects_ & ~outer), 0);
+    EXPECT_LE(cv::countNonZero(inner & ~objects_), 0.02 * cv::countNonZero(inner));
+  }
+
+  lens::CameraModel model_;
+  lens::Camera camera_;
+  FloorView view_;
+  cv::Mat3b image_;
+  cv::Mat1b truth_, objects_;
+};
+
+TEST_F(SideCompleterTest, ATopAsBrightAsTheFloorIsTakenInByItsHue) {
+  drawBox({0.68, 0.65, 0.62}, {1.04, 1.0, 0.96});
+  expectTheBox();
+}
+
+TEST_F(SideCompleterTest, ATopOfTheFloorsHueIsTakenInByItsLight) {
+  drawBox({0.65, 0.65, 0.65}, {1.08, 1.08, 1.08});
+  expectTheBox();
+}
+
+TEST_F(SideCompleterTest, ALightTopAndItsSideInTheShadeAreOneThing) {
+  drawBox({0.74, 0.74, 0.74}, {1.3, 1.3, 1.3});
+  expectTheBox();
+}
+
+TEST_F(SideCompleterTest, ATopOfLittleLessLightIsTakenIn) {
+  drawBox({0.68, 0.65, 0.62}, {0.98, 0.94, 0.90});
+  expectTheBox();
+}
+
+TEST_F(SideCompleterTest, WhereNothingLiesBehindASideNothingIsTakenIn) {
+  drawBox({0.65, 0.65, 0.65}, {1.0, 1.0, 1.0});
+  const cv::Mat1b side =
+      maskOf({{0.8, -0.09, 0}, {0.8, 0.09, 0}, {0.8, 0.09, kHeight_m}, {0.8, -0.09, kHeight_m}});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, cv::countNonZero(side), 0.12 * cv::countNonZero(side));  // a pixel all around
+}
+
+TEST_F(SideCompleterTest, TheSoftShadowOfALightThingIsNoSide) {
+  // Larger than the thing, and fading out as far as it lies deep.
+  const double r = 10;
+  for (int y = 0; y < image_.rows; ++y) {
+    for (int x = 0; x < image_.cols; ++x) {
+      const double share = 1.0 - 0.5 * std::exp(-0.5 * std::pow(std::hypot(x - 466.0, y - 330.0) / 11.0, 2));
+      for (int c = 0; c < 3; ++c) image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * share);
+    }
+  }
+  testing::drawDisc<cv::Vec3b>(image_, 482, 330, r, {225, 238, 252});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, M_PI * r * r, 1.5 * 2.0 * M_PI * r);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
