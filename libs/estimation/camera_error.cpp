@@ -1,7 +1,9 @@
 #include "estimation/camera_error.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 namespace omnifleet::estimation {
 
@@ -34,6 +36,38 @@ Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& 
   const double after_ln =
       -after.matrixLLT().diagonal().array().log().sum() - 0.5 * after.matrixL().solve(mean).squaredNorm();
   return mean / (1.0 + std::exp(after_ln - before_ln));
+}
+
+std::string tellError(const CameraError& error, const CameraCovariance& covariance,
+                      const CameraOptions& options) {
+  constexpr double kSignificant = 5.0;
+  const CameraCovariance information = covariance.inverse();
+  const CameraCovariance prior = options.sigma().cwiseAbs2().cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<CameraCovariance> seen(information - prior);
+  if (!options.estimate || !(seen.eigenvalues().minCoeff() > 0)) return {};
+  const CameraCovariance by_sight =
+      seen.eigenvectors() * seen.eigenvalues().cwiseInverse().asDiagonal() * seen.eigenvectors().transpose();
+  const CameraError estimate = by_sight * (information * error);
+  struct Quantity {
+    const char* name;
+    double scale;
+    const char* unit;
+  };
+  constexpr double kDegrees = 180.0 / M_PI;
+  const Quantity quantities[] = {{"focal length", 100.0, " %"},
+                                 {"height", 100.0, " %"},
+                                 {"roll", kDegrees, " degrees"},
+                                 {"pitch", kDegrees, " degrees"}};
+  std::string text;
+  for (int i = 0; i < 4; ++i) {
+    const double sigma = std::sqrt(by_sight(i, i));
+    if (!(std::abs(estimate(i)) > kSignificant * sigma)) continue;
+    char part[96];
+    std::snprintf(part, sizeof part, "%s%s %+.2f ± %.2f%s", text.empty() ? "" : ", ", quantities[i].name,
+                  quantities[i].scale * estimate(i), quantities[i].scale * sigma, quantities[i].unit);
+    text += part;
+  }
+  return text;
 }
 
 double displacement(const Eigen::Vector4d& error) {

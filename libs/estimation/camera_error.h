@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "observation/camera_error.h"
 #include "options/options.h"
 
@@ -28,6 +30,12 @@ struct CameraOptions {
 /// the estimate. How large outlines are seen is a nuisance of both.
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options);
+
+/// In words, what is significantly wrong with a camera (more than 5 σ, for it is asked often), each as the
+/// calibration's value minus the true one ± σ; empty where nothing is. By what was seen alone: the prior,
+/// which an error that is worth telling contradicts, is taken out of the estimate.
+std::string tellError(const CameraError& error, const CameraCovariance& covariance,
+                      const CameraOptions& options);
 
 /// Larger by how much two errors displace things differently as seen from the camera: metres per metre of its
 /// height, of a point three heights away, at most.

@@ -65,7 +65,8 @@ class FleetEstimator::Impl {
   void checkSteps(std::vector<Frame>& frames);
   void noticeLoss(Frame& frame);
   void updateCovariances();
-  void tellCamera(RobotNode& robot, const CameraCovariance& covariance) const;
+  void tellCamera(RobotNode& robot, const CameraCovariance& covariance);
+  void tellPeople(RobotNode& robot, const CameraCovariance& covariance);
   void condense();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
@@ -350,9 +351,21 @@ void FleetEstimator::Impl::updateCovariances() {
 }
 
 /// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
-void FleetEstimator::Impl::tellCamera(RobotNode& robot, const CameraCovariance& covariance) const {
+void FleetEstimator::Impl::tellCamera(RobotNode& robot, const CameraCovariance& covariance) {
   const Eigen::Vector4d now = believedError(fleet.cameraError(robot), covariance, fleet.options.camera);
   if (settled_ || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
+  if (displacement(robot.camera_told) > kToldAnew) tellPeople(robot, covariance);
+}
+
+/// So that the calibration can be mended: again as it becomes surer, and at the end.
+void FleetEstimator::Impl::tellPeople(RobotNode& robot, const CameraCovariance& covariance) {
+  constexpr double kSurer = 0.5;
+  const double variance = covariance.diagonal().head<4>().sum();
+  if (!settled_ && robot.camera_said > 0 && variance > kSurer * kSurer * robot.camera_said) return;
+  const std::string what = tellError(fleet.cameraError(robot), covariance, fleet.options.camera);
+  if (what.empty()) return;
+  robot.camera_said = variance;
+  fleet.findings.push_back(robot.setup.name + ": its camera's calibration minus what is seen: " + what);
 }
 
 std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {

@@ -134,7 +134,8 @@ class FleetEstimator {
   /// others than process() gave, by more than a map is exact to; each time since the last call. `valid` is
   /// false where nothing holds of what was told.
   std::vector<PoseEstimate> takeRevised();
-  /// What has been found wrong with what was told of the fleet (a robot's start), a line for people each;
+  /// What has been found wrong with what was told of the fleet (a robot's start, a calibration), a line for
+  /// people each;
   /// since the last call.
   std::vector<std::string> takeFindings();
 

@@ -111,6 +111,7 @@ struct RobotNode {
   bool started = false;                                   ///< a frame has come
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();   ///< of the newest pose, right perturbation
   Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error
+  double camera_said = 0.0;  ///< sum of the variances with which people were told of it last
   Pose2 last_key;
   TimeNs last_key_ns = 0;
   int disagreements = 0;          ///< absolute measurements in a row that the gate refused

@@ -157,6 +157,29 @@ TEST(CameraError, ItIsBelievedAsOftenAsTheCalibrationIsWrong) {
   EXPECT_EQ(believedError(CameraError::Ones(), CameraCovariance::Identity(), as_calibrated).norm(), 0.0);
 }
 
+/// A quantity that was measured as m ± s beside the prior: m ± s is what people are told, not what the prior
+/// makes of it, and nothing where m is not far from zero.
+TEST(TellError, SaysWhatWasSeenWithoutThePrior) {
+  const CameraOptions options;
+  const CameraError prior = options.sigma();
+  CameraError seen, noise;
+  seen << 0.012, 0.0002, -0.02, 0.0004, 0.001;
+  noise << 0.001, 0.001, 0.002, 0.001, 0.001;
+  CameraError mean;
+  CameraCovariance covariance = CameraCovariance::Zero();
+  for (int i = 0; i < kCameraErrors; ++i) {
+    const double by_seeing = 1.0 / (noise(i) * noise(i)),
+                 information = by_seeing + 1.0 / (prior(i) * prior(i));
+    covariance(i, i) = 1.0 / information;
+    mean(i) = by_seeing * seen(i) / information;
+  }
+  EXPECT_EQ(tellError(mean, covariance, options), "focal length +1.20 ± 0.10 %, roll -1.15 ± 0.11 degrees");
+  EXPECT_EQ(tellError(0.1 * mean, covariance, options), "");
+  CameraOptions as_calibrated;
+  as_calibrated.estimate = false;
+  EXPECT_EQ(tellError(mean, covariance, as_calibrated), "");
+}
+
 TEST(CameraOptions, ReadsAndRefuses) {
   const auto good = options::Section::parse("focal_sigma: 0.01\nestimate: false\n", "t.yaml");
   EXPECT_EQ(CameraOptions::read(good).focal_sigma, 0.01);
