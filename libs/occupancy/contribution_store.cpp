@@ -40,7 +40,7 @@ bool ContributionStore::add(const KeyframePose& pose) {
   }
   held.pose = pose;
   held.pose_digest = digest(bytes);
-  correctAnew(pose.robot);
+  noteCameraError(pose.robot);
   return true;
 }
 
@@ -49,17 +49,35 @@ CameraErrorPpm ContributionStore::cameraError(const std::string& robot) const {
   return found == errors_.end() ? CameraErrorPpm{} : found->second;
 }
 
-void ContributionStore::correctAnew(const std::string& robot) {
-  Path& path = robots_.at(robot);
+void ContributionStore::noteCameraError(const std::string& robot) {
+  const Path& path = robots_.at(robot);
   const auto latest = std::find_if(path.rbegin(), path.rend(), [](const auto& entry) {
     return standingOf(entry.second.pose).has_value();
   });
   const CameraErrorPpm error = latest == path.rend() ? CameraErrorPpm{} : latest->second.pose->camera_error;
   if (error == cameraError(robot)) return;
   errors_[robot] = error;
-  for (auto& [time_ns, keyframe] : path) {
-    if (keyframe.contribution) keyframe.seen = without(keyframe.contribution, error);
+  behind_[robot] = path.begin()->first;
+}
+
+std::vector<std::pair<std::string, TimeNs>> ContributionStore::correctNext(std::size_t at_most) {
+  std::vector<std::pair<std::string, TimeNs>> done;
+  while (!behind_.empty() && done.size() < at_most) {
+    const std::string robot = behind_.begin()->first;
+    Path& path = robots_.at(robot);
+    auto at = path.lower_bound(behind_.begin()->second);
+    for (; at != path.end() && done.size() < at_most; ++at) {
+      if (!at->second.contribution) continue;
+      at->second.seen = without(at->second.contribution, cameraError(robot));
+      done.emplace_back(robot, at->first);
+    }
+    if (at == path.end()) {
+      behind_.erase(robot);
+    } else {
+      behind_[robot] = at->first;
+    }
   }
+  return done;
 }
 
 const ContributionStore::Path* ContributionStore::find(const std::string& robot) const {

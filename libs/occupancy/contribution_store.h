@@ -23,7 +23,8 @@ struct Held {
 /// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
 /// idempotent and commutative: of two different contributions with one name the one with the larger bytes
 /// stays; of two poses the highest (term, revision), then the larger bytes. Contributions are held as they
-/// came and beside it as they are to be used: without what the camera's error did to them.
+/// came and beside it as they are to be used: without what the camera's error did to them (of which there may
+/// be many, so that they are not all corrected at once).
 class ContributionStore {
  public:
   struct Keyframe {
@@ -38,8 +39,11 @@ class ContributionStore {
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
 
-  /// What a robot's latest valid pose says of its camera; all its contributions are seen without it.
+  /// What a robot's latest valid pose says of its camera; all its contributions are seen without it …
   CameraErrorPpm cameraError(const std::string& robot) const;
+  /// … once this has been called often enough after it changed: the next contributions that still have to be
+  /// corrected anew, in order of robot and time, at most so many.
+  std::vector<std::pair<std::string, TimeNs>> correctNext(std::size_t at_most);
 
   const std::map<std::string, Path>& robots() const { return robots_; }
   const Path* find(const std::string& robot) const;
@@ -55,10 +59,11 @@ class ContributionStore {
   std::vector<KeyframePose> posesBetween(const std::string& robot, TimeNs first_ns, TimeNs last_ns) const;
 
  private:
-  void correctAnew(const std::string& robot);
+  void noteCameraError(const std::string& robot);
 
   std::map<std::string, Path> robots_;
-  std::map<std::string, CameraErrorPpm> errors_;  ///< taken off what is `seen`; none: zero
+  std::map<std::string, CameraErrorPpm> errors_;  ///< to be taken off what is `seen`; none: zero
+  std::map<std::string, TimeNs> behind_;          ///< from there on that has not been done yet
   std::size_t contributions_ = 0, poses_ = 0;
 };
 

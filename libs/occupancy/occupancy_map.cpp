@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <set>
 
@@ -37,6 +38,8 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   return o;
 }
 
+constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+
 class OccupancyMap::Impl {
  public:
   Impl(const OccupancyOptions& given, const std::map<std::string, RobotBody>& bodies)
@@ -55,6 +58,7 @@ class OccupancyMap::Impl {
 
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
+  bool correct(std::size_t at_most);
   void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given);
 
   OccupancyOptions options;
@@ -74,6 +78,7 @@ class OccupancyMap::Impl {
   AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
+  std::size_t at_once = kAll;  ///< contributions to be put anew with each pose
 
   const LayerOctree& freshOctree();
 
@@ -115,10 +120,15 @@ bool OccupancyMap::Impl::add(const Contribution& contribution) {
   return true;
 }
 
+bool OccupancyMap::Impl::correct(std::size_t at_most) {
+  const auto corrected = store.correctNext(at_most);
+  for (const auto& [robot, time_ns] : corrected) refresh(robot, time_ns);
+  return !corrected.empty();
+}
+
 bool OccupancyMap::Impl::add(const KeyframePose& pose) {
-  const CameraErrorPpm before = store.cameraError(pose.robot);
   if (!store.add(pose)) return false;
-  if (store.cameraError(pose.robot) != before) refreshAll(pose.robot);
+  correct(at_once);
   const auto [first_ns, last_ns] = paths.influence(pose.robot, pose.acquired_ns);
   refreshBetween(first_ns, last_ns);
   return true;
@@ -126,6 +136,7 @@ bool OccupancyMap::Impl::add(const KeyframePose& pose) {
 
 void OccupancyMap::Impl::judge(
     const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given) {
+  correct(kAll);
   for (const auto& robot : kinds.judge(kinds_given)) refreshAll(robot);
 }
 
@@ -269,6 +280,12 @@ bool OccupancyMap::add(const Contribution& contribution) {
 }
 bool OccupancyMap::add(const KeyframePose& pose) {
   return impl_->add(pose);
+}
+void OccupancyMap::correctAtOnce(std::size_t contributions) {
+  impl_->at_once = contributions;
+}
+bool OccupancyMap::correctSome() {
+  return impl_->correct(impl_->at_once);
 }
 void OccupancyMap::judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
   impl_->judge(kinds);

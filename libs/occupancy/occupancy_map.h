@@ -54,7 +54,12 @@ class OccupancyMap {
   /// True when the set changed. A contribution enters the cells once its valid pose is there.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
-  /// Kinds of (robot, track) beyond what the contributions themselves say.
+  /// Contributions that have to be put anew because more is known of a robot's camera: so many with each pose
+  /// that is added (all, unless told otherwise) …
+  void correctAtOnce(std::size_t contributions);
+  /// … and with each of these; false where there are none. Of a map that has grown for long they are many.
+  bool correctSome();
+  /// Kinds of (robot, track) beyond what the contributions themselves say. Leaves nothing to be put anew.
   void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
 
   const ContributionStore& store() const;

@@ -23,8 +23,8 @@ struct KeyframeOptions {
   double rotation_rad = 0.05;    ///< rad turned since the last keyframe
   double interval_s = 0.5;       ///< s, a standing robot gives one this often
   double min_interval_s = 0.15;  ///< s, never more often (traffic)
-  double at_rest_share = 0.1;    ///< 1, of the time since anything was new: standing, not sooner than this …
-  double at_rest_s = 10.0;       ///< s, … but this often
+  double at_rest_share = 0.1;  ///< 1, of the time since anything was new: standing, not sooner than this …
+  double at_rest_s = 10.0;     ///< s, … but this often
 
   static KeyframeOptions read(const options::Section& section);
 };
@@ -95,6 +95,10 @@ class Merger {
   /// True when the set changed.
   bool add(const occupancy::Contribution& contribution);
   bool add(const occupancy::KeyframePose& pose);
+  /// Live: what another error of a camera changes is put anew a few contributions at a time, with each pose
+  /// and each call of correctSome(), so that no frame is held up.
+  void correctAtOnce(std::size_t contributions) { map_.correctAtOnce(contributions); }
+  void correctSome() { is_stale_ = map_.correctSome() || is_stale_; }
   /// Every pose estimate, for the trajectories alone; invalid ones are left out.
   void addTrajectory(const PoseEstimate& pose);
 

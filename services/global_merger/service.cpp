@@ -9,7 +9,8 @@ using std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kSavePeriod{10};
 
-constexpr std::size_t kMaxWaiting = 64;  // frames whose other half may still come (live)
+constexpr std::size_t kCorrectedAtOnce = 8;  // contributions: 2 ms
+constexpr std::size_t kMaxWaiting = 64;      // frames whose other half may still come (live)
 
 std::string contributionStream(const std::string& robot) {
   return "map/contribution " + robot;
@@ -43,6 +44,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
   // Replicas write to one another: one that stopped reading while it waits would keep the others waiting.
+  if (context.options.mode == bus::RunMode::kLive) replica_.correctAtOnce(kCorrectedAtOnce);
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
   for (const std::string& robot : fleet.locatedRobots()) {
@@ -148,6 +150,7 @@ void GlobalMergerService::process() {
   }
   contribute();
   const bool live = context_.options.mode == bus::RunMode::kLive;
+  if (live) replica_.correctSome();
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
   publisher_.update(replica_, batch_.time, false, status(), live ? meanwhile_ : global_merger::Meanwhile{});
   if (live && !pausing_) saveNowAndThen();

@@ -9,6 +9,7 @@
 
 #include "lens/camera.h"
 #include "occupancy/contribution_store.h"
+#include "occupancy/occupancy_map.h"
 
 namespace omnifleet::occupancy {
 namespace {
@@ -164,11 +165,42 @@ TEST(CameraCorrection, TheLatestPoseSpeaksForAllContributionsInAnyOrder) {
     for (const std::size_t i : order) {
       i < poses.size() ? store.add(poses[i]) : store.add(early);
     }
+    store.correctNext(10);
     ASSERT_EQ(canonicalBytes(*store.find("r1", 5)->seen), expected);
     ASSERT_EQ(store.cameraError("r1"), kError);
     // Others are sent what was seen, whose camera they know as well.
     ASSERT_EQ(canonicalBytes(store.contributionsBetween("r1", 5, 5).front()), canonicalBytes(early));
   } while (std::next_permutation(order.begin(), order.end()));
+}
+
+/// A map that takes its time is the same map in the end, whatever the errors were in between, and never does
+/// more at once than it was told to.
+TEST(CameraCorrection, AFewAtATimeComeToTheSame) {
+  constexpr int kContributions = 20;
+  constexpr std::size_t kAtOnce = 3;
+  OccupancyMap at_once({}, {}), slowly({}, {});
+  slowly.correctAtOnce(kAtOnce);
+  ContributionStore store;
+  for (int i = 0; i < kContributions; ++i) {
+    Contribution c = contribution(kError);
+    c.acquired_ns = 5 + i * 1'000'000'000LL;
+    const KeyframePose pose = poseAt(c.acquired_ns, i < 15   ? CameraErrorPpm{}
+                                                    : i < 17 ? CameraErrorPpm{900, 0, 0, 0}
+                                                             : kError);
+    for (OccupancyMap* map : {&at_once, &slowly}) {
+      map->add(c);
+      map->add(pose);
+    }
+    store.add(c);
+    store.add(pose);
+  }
+  EXPECT_NE(slowly.hash(), at_once.hash());
+  int calls = 0;
+  while (slowly.correctSome()) ++calls;
+  EXPECT_GE(calls, 2);
+  EXPECT_EQ(slowly.hash(), at_once.hash());
+  EXPECT_FALSE(at_once.correctSome());
+  EXPECT_EQ(store.correctNext(kAtOnce).size(), kAtOnce);
 }
 
 }  // namespace
