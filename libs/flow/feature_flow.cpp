@@ -124,7 +124,8 @@ void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vecto
     object.height_m = object.height_sigma_m = 0.0;
   }
   if (!has_previous_) return;
-  const auto& corners = harris_.detect(current_.grey(), blobs, which);
+  const auto& corners =
+      harris_.detect(current_.grey(), current_.size() > 1 ? current_.level(1) : cv::Mat1b(), blobs, which);
   points_.advance(motion);
   const Pose2 own = motion.valid ? motion.previous_from_current : Pose2{};
   std::size_t next = 0;

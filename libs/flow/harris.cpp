@@ -17,19 +17,27 @@ HarrisOptions HarrisOptions::read(const options::Section& section) {
   section.read("sigma_px", o.sigma_px, {0.5, 5.0});
   section.read("max_per_label", o.max_per_label, {1, 1000});
   section.read("min_distance_px", o.min_distance_px, {1.0, 100.0});
+  section.read("halve_from_px", o.halve_from_px, {0, 100000000});
   section.finish();
   return o;
 }
 
-Harris::Harris(const HarrisOptions& options) : options_(options) {
-  const int radius = static_cast<int>(std::ceil(2.0 * options.sigma_px));
+Harris::Harris(const HarrisOptions& options)
+    : options_(options),
+      kernel_(gaussian(options.sigma_px)),
+      half_kernel_(gaussian(0.5 * options.sigma_px)) {}
+
+std::vector<float> Harris::gaussian(double sigma_px) {
+  const int radius = static_cast<int>(std::ceil(2.0 * sigma_px));
+  std::vector<float> weights;
   double sum = 0.0;
   for (int i = -radius; i <= radius; ++i) {
-    const double w = std::exp(-0.5 * i * i / (options.sigma_px * options.sigma_px));
-    kernel_.push_back(static_cast<float>(w));
+    const double w = std::exp(-0.5 * i * i / (sigma_px * sigma_px));
+    weights.push_back(static_cast<float>(w));
     sum += w;
   }
-  for (float& w : kernel_) w = static_cast<float>(w / sum);
+  for (float& w : weights) w = static_cast<float>(w / sum);
+  return weights;
 }
 
 namespace {
@@ -142,7 +150,7 @@ OMNIFLEET_WIDE void findPeaks(const float* above, const float* here, const float
 
 void Harris::response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response) {
   spans_.assign(static_cast<std::size_t>(rect.height), {0, rect.width});
-  respond(grey, rect, response);
+  respond(grey, rect, kernel_, response);
 }
 
 /// Of the rectangle's columns those next to which a peak may be: of the blob, and one pixel around it.
@@ -159,8 +167,9 @@ void Harris::findSpans(const ground::Blob& blob, const cv::Rect& rect) {
 }
 
 /// In the spans; elsewhere `response` holds anything.
-void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response) {
-  const int radius = static_cast<int>(kernel_.size()) / 2;
+void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, const std::vector<float>& kernel,
+                     cv::Mat1f& response) {
+  const int radius = static_cast<int>(kernel.size()) / 2;
   const int rows = rect.height + 2 * radius, columns = rect.width + 2 * radius;
   for (cv::Mat1f* m : {&xx_, &xy_, &yy_, &row_}) growTo(*m, rows, columns);
   growTo(response, rect.height, rect.width);
@@ -168,10 +177,10 @@ void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& res
     cv::Range span(0, 0);
     for (int k = std::max(0, y - 2 * radius); k <= std::min(y, rect.height - 1); ++k)
       span = joined(span, spans_[static_cast<std::size_t>(k)]);
-    if (!span.empty()) takeProducts(grey, rect, y, {span.start, span.end + 2 * radius});
+    if (!span.empty()) takeProducts(grey, rect, radius, y, {span.start, span.end + 2 * radius});
   }
   for (cv::Mat1f* product : {&xx_, &xy_, &yy_})
-    smoothProduct(kernel_.data(), radius, *product, spans_, row_.ptr<float>(0));
+    smoothProduct(kernel.data(), radius, *product, spans_, row_.ptr<float>(0));
   for (int y = 0; y < rect.height; ++y) {
     const cv::Range& span = spans_[static_cast<std::size_t>(y)];
     const auto at = [y, &span](cv::Mat1f& m) { return m.ptr<float>(y) + span.start; };
@@ -182,8 +191,9 @@ void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& res
 
 /// Of the row y of the rectangle with the window's radius around it, in some of its columns; beyond the
 /// image's edge rows come again and columns are 0.
-void Harris::takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int y, const cv::Range& columns) {
-  const int radius = static_cast<int>(kernel_.size()) / 2, u0 = rect.x - radius;
+void Harris::takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int radius, int y,
+                          const cv::Range& columns) {
+  const int u0 = rect.x - radius;
   const int first = std::clamp(1 - u0, columns.start, columns.end),
             last = std::clamp(grey.cols - 1 - u0, first, columns.end);
   const int v = std::clamp(rect.y + y - radius, 1, grey.rows - 2), u = u0 + first;
@@ -196,7 +206,7 @@ void Harris::takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int y, co
   }
 }
 
-void Harris::candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect) {
+void Harris::candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect, int scale) {
   const std::size_t first = candidates_.size();
   peaks_.resize(std::max(peaks_.size(), static_cast<std::size_t>(rect.width)));
   for (const auto& run : blob.runs) {
@@ -206,8 +216,9 @@ void Harris::candidates(const ground::Blob& blob, std::size_t index, const cv::R
     findPeaks(response_.ptr<float>(y - 1), here, response_.ptr<float>(y + 1), begin, end, peaks_.data());
     for (int x = begin; x < end; ++x) {
       if (peaks_[static_cast<std::size_t>(x)] == 0) continue;
-      candidates_.push_back(
-          {Eigen::Vector2f(static_cast<float>(x + rect.x), static_cast<float>(run.row)), here[x], index});
+      const Eigen::Vector2f pixel(static_cast<float>(scale * (x + rect.x)),
+                                  static_cast<float>(scale * run.row));
+      candidates_.push_back({pixel, here[x], index});
       strongest_[index] = std::max(strongest_[index], here[x]);
     }
   }
@@ -247,26 +258,49 @@ void Harris::select(std::size_t blobs) {
 const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs) {
   all_.resize(blobs.size());
   std::iota(all_.begin(), all_.end(), std::size_t{0});
-  return detect(grey, blobs, all_);
+  return detect(grey, cv::Mat1b(), blobs, all_);
 }
 
-const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs,
+const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const cv::Mat1b& half,
+                                          const std::vector<ground::Blob>& blobs,
                                           const std::vector<std::size_t>& which) {
   candidates_.clear();
   corners_.clear();
   strongest_.assign(which.size(), 0.0f);
-  const cv::Rect image(0, 0, grey.cols, grey.rows);
+  const bool halve = !half.empty() && options_.per_label && options_.halve_from_px > 0;
   for (std::size_t n = 0; n < which.size(); ++n) {
     const ground::Blob& blob = blobs[which[n]];
-    const cv::Rect& r = blob.rect;
-    if (r.x < 1 || r.y < 1 || r.x + r.width >= grey.cols || r.y + r.height >= grey.rows) continue;
-    const cv::Rect rect = cv::Rect(r.x - 1, r.y - 1, r.width + 2, r.height + 2) & image;
-    findSpans(blob, rect);
-    respond(grey, rect, response_);
-    candidates(blob, n, rect);
+    if (halve && blob.area_px >= options_.halve_from_px)
+      findIn(half, halved(blob), n, 2);
+    else
+      findIn(grey, blob, n, 1);
   }
   select(which.size());
   return corners_;
+}
+
+/// The pixels that are a region's at half the resolution, where pixel x lies on 2x.
+const ground::Blob& Harris::halved(const ground::Blob& blob) {
+  halved_.runs.clear();
+  for (const ground::Run& run : blob.runs) {
+    const ground::Run half{run.row / 2, (run.begin + 1) / 2, (run.end + 1) / 2};
+    if (run.row % 2 == 0 && half.begin < half.end) halved_.runs.push_back(half);
+  }
+  const cv::Rect& r = blob.rect;
+  const cv::Point first((r.x + 1) / 2, (r.y + 1) / 2);
+  halved_.rect = {first, cv::Point((r.x + r.width + 1) / 2, (r.y + r.height + 1) / 2)};
+  return halved_;
+}
+
+/// @param scale pixels of the full resolution to one of `grey`
+void Harris::findIn(const cv::Mat1b& grey, const ground::Blob& blob, std::size_t index, int scale) {
+  const cv::Rect& r = blob.rect;
+  if (r.x < 1 || r.y < 1 || r.x + r.width >= grey.cols || r.y + r.height >= grey.rows) return;
+  const cv::Rect rect =
+      cv::Rect(r.x - 1, r.y - 1, r.width + 2, r.height + 2) & cv::Rect(0, 0, grey.cols, grey.rows);
+  findSpans(blob, rect);
+  respond(grey, rect, scale == 1 ? kernel_ : half_kernel_, response_);
+  candidates(blob, index, rect, scale);
 }
 
 }  // namespace omnifleet::flow

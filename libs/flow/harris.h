@@ -17,6 +17,8 @@ struct HarrisOptions {
   double sigma_px = 1.5;         ///< pixels: Gaussian window W
   int max_per_label = 20;        ///< strongest corners kept per label
   double min_distance_px = 5.0;  ///< pixels between the corners of a label
+  int halve_from_px = 4000;      ///< pixels of a label from which half the resolution does (it shows more
+                                 ///< corners than are kept); 0: never. Only with per_label
   static HarrisOptions read(const options::Section& section);
 };
 
@@ -34,7 +36,9 @@ class Harris {
   /// @param grey CV_8UC1. @return corners by blob, strongest first in each; valid until the next call
   const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs);
   /// Likewise in blobs[which[i]]; the corners' `blob` is i.
-  const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs,
+  /// @param half the image at half its size (cv::pyrDown), for large blobs; or empty
+  const std::vector<Corner>& detect(const cv::Mat1b& grey, const cv::Mat1b& half,
+                                    const std::vector<ground::Blob>& blobs,
                                     const std::vector<std::size_t>& which);
 
   /// O(x, y) of eq. 2 over a rectangle of the image, central differences in units of grey levels per pixel.
@@ -42,16 +46,21 @@ class Harris {
 
  private:
   void findSpans(const ground::Blob& blob, const cv::Rect& rect);
-  void respond(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
-  void takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int y, const cv::Range& columns);
-  void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect);
+  static std::vector<float> gaussian(double sigma_px);
+  void respond(const cv::Mat1b& grey, const cv::Rect& rect, const std::vector<float>& kernel,
+               cv::Mat1f& response);
+  void takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int radius, int y, const cv::Range& columns);
+  void findIn(const cv::Mat1b& grey, const ground::Blob& blob, std::size_t index, int scale);
+  const ground::Blob& halved(const ground::Blob& blob);
+  void candidates(const ground::Blob& blob, std::size_t index, const cv::Rect& rect, int scale);
   void select(std::size_t blobs);
 
   HarrisOptions options_;
-  std::vector<float> kernel_;
+  std::vector<float> kernel_, half_kernel_;  ///< W
   cv::Mat1f xx_, xy_, yy_, row_, response_;
   std::vector<cv::Range> spans_;  ///< of each row of a rectangle: columns where the response is asked for
   std::vector<int> peaks_;        ///< of a row
+  ground::Blob halved_;
   std::vector<Corner> candidates_, corners_;
   std::vector<float> strongest_;
   std::vector<std::size_t> all_;

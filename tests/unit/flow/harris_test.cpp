@@ -72,6 +72,31 @@ TEST(Harris, FindsTheCornersOfAChessboardLikeOpenCvsBoxWeightedDetector) {
   }
 }
 
+TEST(Harris, LargeRegionsAreSearchedAtHalfTheResolution) {
+  cv::Mat1b board(160, 160), half;
+  for (int y = 0; y < 160; ++y)
+    for (int x = 0; x < 160; ++x) board(y, x) = ((x / 20) + (y / 20)) % 2 != 0 ? 200 : 60;
+  cv::pyrDown(board, half);
+  Harris harris(HarrisOptions{});
+  const std::vector<ground::Blob> regions{block(11, 11, 139, 139), block(14, 14, 52, 52)};
+  const std::vector<Corner> whole = harris.detect(board, regions);
+  const std::vector<Corner> found = harris.detect(board, half, regions, {0, 1});
+  const auto inFirst = [](const std::vector<Corner>& corners) {
+    return std::count_if(corners.begin(), corners.end(), [](const Corner& c) { return c.blob == 0; });
+  };
+  EXPECT_EQ(inFirst(found), 20);
+  for (const Corner& corner : found) {
+    for (const float at : {corner.pixel.x(), corner.pixel.y()}) {
+      const float off = std::remainder(at - 19.5f, 20.0f);  // between two pixels
+      EXPECT_LE(std::abs(off), 1.5f) << corner.pixel.transpose();
+      if (corner.blob == 0) EXPECT_EQ(std::fmod(at, 2.0f), 0.0f);
+    }
+  }
+  // The small one is as it always was.
+  ASSERT_EQ(found.size() - 20U, whole.size() - 20U);
+  for (std::size_t i = 20; i < found.size(); ++i) EXPECT_EQ(found[i].pixel, whole[i].pixel);
+}
+
 TEST(Harris, LooksOnlyInTheLabelledRegions) {
   const cv::Mat1b grey = testing::Texture(6.0, 2).image(160, 120);
   Harris harris(HarrisOptions{});
