@@ -89,7 +89,9 @@ TEST(Harris, LargeRegionsAreSearchedAtHalfTheResolution) {
     for (const float at : {corner.pixel.x(), corner.pixel.y()}) {
       const float off = std::remainder(at - 19.5f, 20.0f);  // between two pixels
       EXPECT_LE(std::abs(off), 1.5f) << corner.pixel.transpose();
-      if (corner.blob == 0) EXPECT_EQ(std::fmod(at, 2.0f), 0.0f);
+      if (corner.blob == 0) {
+        EXPECT_EQ(std::fmod(at, 2.0f), 0.0f);
+      }
     }
   }
   // The small one is as it always was.
