@@ -18,7 +18,9 @@ constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make n
 constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
 constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the floor's own pattern
 constexpr int kPatternRegions = 3;      // that many faint ones at once are a pattern
-constexpr float kFaintFringe = 0.06f;   // of a region, from which faint pixels are more than its mixed edge
+constexpr float kTileShare =
+    0.4f;  // of a region is little off the floor, from which it may be tiles and joints
+constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightness that parting it in two
                                      // explains, from which it is of two kinds (a Gaussian: 0.64)
@@ -247,6 +249,13 @@ bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Ma
   return static_cast<float>(sharp) >= kSharpSide * static_cast<float>(count);
 }
 
+/// May be pieces of tiles with joints between them: of the floor's hue, and much of it of nearly its
+/// brightness.
+bool ShadeFilter::isTile(const Blob& blob, const Census& c) {
+  const auto share = static_cast<float>(c.patterned) / static_cast<float>(blob.area_px);
+  return share >= kTileShare && !isCore(c.coloured + c.dark, blob);
+}
+
 /// Mostly of the floor's hue and in less light, and nothing of it is plainly a thing.
 bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
   return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
@@ -334,17 +343,20 @@ void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::ve
 
 void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks) {
   judged_.clear();
-  int faint = 0;
+  int faint = 0, tiles = 0;
   for (const Blob& blob : blobs) {
     const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
-    judged_.push_back({judge(blob, census, frame, looks), census.patterned > least, isSide(blob, census),
-                       census.shade_limit});
+    const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
+    judged_.push_back(
+        {judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile, census.shade_limit});
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
+    tiles += as_tile && !as_pattern ? 1 : 0;
   }
   for (Judged& judged : judged_) {
-    if (faint >= kPatternRegions && judged.as_pattern && judged.verdict != Verdict::kDrop)
-      judged.verdict = Verdict::kUndecided;
+    const bool of_floor =
+        (faint >= kPatternRegions && judged.as_pattern) || (tiles >= kPatternRegions && judged.as_tile);
+    if (of_floor && judged.verdict != Verdict::kDrop) judged.verdict = Verdict::kUndecided;
   }
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const bool stays = judged_[i].verdict == Verdict::kKeep || judged_[i].verdict == Verdict::kKeepFirm;

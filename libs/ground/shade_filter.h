@@ -24,6 +24,8 @@ namespace omnifleet::ground {
 ///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes
 ///  too,
 ///    but is kept as undecided(): a thing of just that colour would look the same;
+///  - where several regions mix what is so near to the floor with shade, as tiles and their joints do, they
+///  go likewise;
 ///  - where several such regions show that the floor has a pattern, what differs little more is of it as
 ///  well.
 class ShadeFilter {
@@ -70,6 +72,7 @@ class ShadeFilter {
     Verdict verdict;
     bool as_pattern;  ///< goes where the floor has a pattern
     bool is_side;     ///< isSide()
+    bool as_tile;     ///< isTile()
     Look shade_limit;
   };
 
@@ -80,6 +83,7 @@ class ShadeFilter {
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
   static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
   static bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);

@@ -192,6 +192,28 @@ TEST_F(ShadeFilterTest, WhatIsALittleStrongerThanTheFloorsPatternIsOfIt) {
   EXPECT_EQ(blobs().size(), 2U);  // things that are nothing like the floor stay
 }
 
+/// Tiles lighter than the rest with a dark joint through them: neither is a thing for itself, and several at
+/// once are the floor's. The joint is darker than tiles are, so that no such region is faint as a whole.
+TEST_F(ShadeFilterTest, PiecesOfTilesWithDarkJointsAreFloor) {
+  const auto tile = [this](double u, double v) {
+    shade(u, v, [](double d) { return d < 13 ? 1.14 : 1.0; });
+    for (int y = static_cast<int>(v) - 12; y <= static_cast<int>(v) + 12; ++y)
+      for (int x = static_cast<int>(u) - 3; x <= static_cast<int>(u) + 3; ++x)
+        for (int c = 0; c < 3; ++c) image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(0.52 * image_(y, x)[c]);
+  };
+  tile(440, 340);
+  tile(190, 330);
+  EXPECT_EQ(blobs().size(), 2U);  // two may be things
+  tile(190, 190);
+  tile(440, 190);
+  EXPECT_EQ(blobs().size(), 0U);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(segmenter.undecided().size(), 4U);
+  testing::drawDisc<cv::Vec3b>(image_, 480, 260, 16, {22, 20, 20});
+  EXPECT_EQ(blobs().size(), 1U);  // a dark thing among them stays
+}
+
 /// A stain of soft shade around a deeper one is of two kinds, both of them floor.
 TEST_F(ShadeFilterTest, TwoKindsOfShadeMakeNoThing) {
   shade(480, 330, [](double d) {
