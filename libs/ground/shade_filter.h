@@ -18,16 +18,14 @@ namespace omnifleet::ground {
 ///    thing's shadow (at its foot or thrown) and go;
 ///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
 ///    when its brightness fades into the floor's;
-///  - where all of it has the floor's hue but some of it more light than the floor has, it is a thing of
-///  nearly the
-///    floor's colour with its side in the shade where the shade ends in a step; else a light thing's shadow;
-///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes
-///  too,
+///  - where all of it has the floor's hue, but some of it is lighter than the floor, it is a thing of nearly
+///    the floor's colour with its side in the shade, if the shade ends in a step; else a light thing's
+///    shadow;
+///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes,
 ///    but is kept as undecided(): a thing of just that colour would look the same;
-///  - where several regions mix what is so near to the floor with shade, as tiles and their joints do, they
-///  go likewise;
-///  - where several such regions show that the floor has a pattern, what differs little more is of it as
-///  well.
+///  - where several such regions show that the floor has a pattern, what differs little more is of it too;
+///  - so are regions that mix what is so near to the floor with shade, where there are several: tiles and
+///    their joints.
 class ShadeFilter {
  public:
   explicit ShadeFilter(cv::Size image)
