@@ -78,7 +78,7 @@ void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
   Start& start = robot.start;
   if (isConfirmed(start) && start.anchor == 0) {
     start.history.clear();
-  } else if (start.history.size() < kMostHistory) {
+  } else if (start.told && start.history.size() < kMostHistory) {
     start.history.push_back(estimate);
   }
 }
