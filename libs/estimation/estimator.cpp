@@ -21,7 +21,7 @@ constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that 
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
-constexpr double kStartCauchy = 3.0;  // σ at which a start as it was told counts half
+constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
 constexpr double kToldAnew = 0.003;   // heights of the camera, displaced 3 of them away: told anew beyond it
 }  // namespace
 
