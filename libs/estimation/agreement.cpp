@@ -27,8 +27,20 @@ bool isBody(const FleetState& fleet, const Glimpse& seen, const RobotNode& robot
          (fit.position_m - base_from_robot.translation()).norm() < kMatch_m;
 }
 
+/// Where a wall, or what stands nearer, runs into a thing it is not seen, but it is not missing either.
+bool seesFloorAt(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
+  const Scan& scan = robot.scan;
+  if (scan.range_m.empty()) return true;
+  const Eigen::Vector2d to = in_base_m - scan.origin_m;
+  const auto rays = static_cast<double>(scan.range_m.size());
+  const double turn = wrapAngle(std::atan2(to.y(), to.x())) / (2.0 * M_PI);
+  const auto ray = static_cast<std::size_t>(std::lround((turn < 0.0 ? turn + 1.0 : turn) * rays));
+  return scan.range_m[ray % scan.range_m.size()] > to.norm();
+}
+
 bool isEmptyAround(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
-  return std::none_of(robot.sight.begin(), robot.sight.end(),
+  return seesFloorAt(robot, in_base_m) &&
+         std::none_of(robot.sight.begin(), robot.sight.end(),
                       [&](const Glimpse& s) { return (s.position_m - in_base_m).norm() < kEmpty_m; });
 }
 

@@ -215,7 +215,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   std::vector<RobotNode*> fresh;
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
-    noteSight(*frame.robot, frame.objects->acquired_ns, frame.seen);
+    noteSight(*frame.robot, *frame.objects, frame.seen);
     fresh.push_back(frame.robot);
   }
   checkStarts(fleet, fresh);

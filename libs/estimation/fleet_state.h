@@ -121,6 +121,7 @@ struct RobotNode {
   Start start;
   TimeNs sight_ns = 0;  ///< of what it saw last
   std::vector<Glimpse> sight;
+  Scan scan;  ///< of that frame: how far floor is seen
   double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
   bool displaced = false;   ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id

@@ -181,8 +181,9 @@ void moveMap(FleetState& fleet) {
 
 }  // namespace
 
-void noteSight(RobotNode& robot, TimeNs time_ns, const std::vector<Seen>& seen) {
-  robot.sight_ns = time_ns;
+void noteSight(RobotNode& robot, const Objects& frame, const std::vector<Seen>& seen) {
+  robot.sight_ns = frame.acquired_ns;
+  robot.scan = frame.scan;
   robot.sight.clear();
   for (const Seen& s : seen)
     robot.sight.push_back({s.track->position_m, s.view, Footprint(*s.view), s.mature});

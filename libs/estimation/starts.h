@@ -9,7 +9,7 @@
 namespace omnifleet::estimation {
 
 /// Remembers what a robot sees in its newest frame.
-void noteSight(RobotNode& robot, TimeNs time_ns, const std::vector<Seen>& seen);
+void noteSight(RobotNode& robot, const Objects& frame, const std::vector<Seen>& seen);
 
 /// Asks of every robot of these that nothing has confirmed yet whether it started where it is said to have:
 /// do the others see the things that it sees, and it theirs, and they one another? Where more is missing than

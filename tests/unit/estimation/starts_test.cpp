@@ -37,7 +37,22 @@ struct Outcome {
 };
 
 /// `wrong`: by robot, what its initial_pose is wrong by (in its base_link).
-Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std::map<int, Pose2>& wrong) {
+/// What a robot may see and tell of it.
+enum class View { kAll, kFew, kFewBeforeAWall };
+
+Objects as(View view, Objects frame) {
+  if (view == View::kAll) return frame;
+  const std::uint32_t own = static_cast<unsigned char>(frame.robot.back()) % 3;  // each others
+  const auto isLost = [own](const Track& track) { return track.id % 3 != own; };
+  frame.tracks.erase(std::remove_if(frame.tracks.begin(), frame.tracks.end(), isLost), frame.tracks.end());
+  constexpr std::size_t kRays = 36;
+  frame.scan.range_m.assign(kRays, view == View::kFew ? 2.5f : 0.3f);
+  frame.scan.label.assign(kRays, view == View::kFew ? RayLabel::kFloorEnd : RayLabel::kUnknown);
+  return frame;
+}
+
+Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std::map<int, Pose2>& wrong,
+                View view = View::kAll) {
   FleetSimulator simulator(options, seed);
   auto setups = simulator.setups();
   for (const auto& [robot, by] : wrong) {
@@ -51,7 +66,8 @@ Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std:
   FleetEstimator estimator(setups, {});
   Outcome outcome;
   for (int f = 0; f < options.frames; ++f) {
-    const std::vector<Objects> frames = simulator.frames(f);
+    std::vector<Objects> frames;
+    for (const Objects& frame : simulator.frames(f)) frames.push_back(as(view, frame));
     std::vector<const Objects*> pointers;
     for (const Objects& frame : frames) pointers.push_back(&frame);
     const auto estimates = estimator.process(simulator.time(f), pointers, {});
@@ -118,6 +134,19 @@ TEST(Starts, WhatWasToldBeforeIsToldAnew) {
     ASSERT_NE(found, revised.end()) << "frame " << f;
     EXPECT_LT((found->second.translation() - simulator.truth(1, f).translation()).norm(), 0.03) << f;
   }
+}
+
+TEST(Starts, WhatAWallSwallowsIsNotMissing) {
+  int contradicted = 0;
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+    const Outcome before_a_wall = runWith(crowded(), seed, {}, View::kFewBeforeAWall);
+    EXPECT_EQ(before_a_wall.valid, 15) << "seed " << seed;
+    EXPECT_TRUE(before_a_wall.findings.empty()) << "seed " << seed;
+    // On open floor robots that see as little of what the others see have started elsewhere.
+    const Outcome on_open_floor = runWith(crowded(), seed, {}, View::kFew);
+    contradicted += on_open_floor.findings.empty() && on_open_floor.valid == 15 ? 0 : 1;
+  }
+  EXPECT_GT(contradicted, 0) << "nothing was to be seen at all";
 }
 
 TEST(Starts, RobotsThatNeverSeeEachOtherAgreeByWhatBothSee) {
