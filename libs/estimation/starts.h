@@ -24,8 +24,12 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh);
 /// Enough has agreed with it: the start of a robot is asked about no more.
 bool isConfirmed(const Start& start);
 
-/// The others contradict it.
+/// More of it is missing than is found.
 bool isRefuted(const Start& start);
+
+/// Likewise, hardly anything is found, and most robots fare better (else it is the pictures, not their
+/// starts): it is not believed any more.
+bool isContradicted(const FleetState& fleet, const RobotNode& robot);
 
 /// In words, what is wrong with a start.
 std::string tellMoved(const Pose2& moved, const Pose2& told);

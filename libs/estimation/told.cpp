@@ -90,8 +90,8 @@ void reviseTold(FleetState& fleet, bool last) {
         last ? robot.window.size() : robot.window.size() - std::min(robot.window.size(), kept);
     if (!robot.located()) continue;
     concludeStart(fleet, robot, robot.window.front(), leaving > 0);
-    if (last && isRefuted(robot.start) && &robot != &fleet.robots.front()) withdraw(fleet, robot);
-    if (last && isRefuted(robot.start))
+    if (last && isContradicted(fleet, robot) && &robot != &fleet.robots.front()) withdraw(fleet, robot);
+    if (last && isContradicted(fleet, robot))
       fleet.findings.push_back(robot.setup.name +
                                ": what it sees and is seen by contradicts its initial_pose");
     for (std::size_t i = 0; i < leaving && !last; ++i) revise(fleet, robot, robot.window[i]);

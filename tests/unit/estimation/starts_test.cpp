@@ -136,17 +136,15 @@ TEST(Starts, WhatWasToldBeforeIsToldAnew) {
   }
 }
 
-TEST(Starts, WhatAWallSwallowsIsNotMissing) {
-  int contradicted = 0;
+/// Bad pictures, or walls that swallow what stands before them: each robot misses much that the others see.
+TEST(Starts, RobotsThatAllSeeLittleAreBelieved) {
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
-    const Outcome before_a_wall = runWith(crowded(), seed, {}, View::kFewBeforeAWall);
-    EXPECT_EQ(before_a_wall.valid, 15) << "seed " << seed;
-    EXPECT_TRUE(before_a_wall.findings.empty()) << "seed " << seed;
-    // On open floor robots that see as little of what the others see have started elsewhere.
-    const Outcome on_open_floor = runWith(crowded(), seed, {}, View::kFew);
-    contradicted += on_open_floor.findings.empty() && on_open_floor.valid == 15 ? 0 : 1;
+    for (const View view : {View::kFew, View::kFewBeforeAWall}) {
+      const Outcome outcome = runWith(crowded(), seed, {}, view);
+      EXPECT_EQ(outcome.valid, 15) << "seed " << seed;
+      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front();
+    }
   }
-  EXPECT_GT(contradicted, 0) << "nothing was to be seen at all";
 }
 
 TEST(Starts, RobotsThatNeverSeeEachOtherAgreeByWhatBothSee) {
