@@ -81,7 +81,6 @@ struct Start {
   int agreed = 0;  ///< frames that agree with others
   int doubts = 0;  ///< frames in a row that do not, and of late …
   double doubted = 0.0, refuted = 0.0;  ///< … those that show nothing of the others, and the contrary
-  double matched = 0.0;                 ///< things found in these
   double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;
   bool contradicted = false;          ///< for long, and no other place is sure

@@ -21,9 +21,7 @@ constexpr int kSeldom = 20, kEvery = 5;          // … and after which only eve
 constexpr double kMemory = 0.8;                  // of the score, from frame to frame
 constexpr double kRefuted = 2.0, kUnseen = 3.0;  // score per frame of the other place, by kind of doubt …
 constexpr double kLead = 3.0, kRivalLead = 1.0;  // … and before that of the start, of any other
-constexpr double kChance = 0.34;  // things per frame that match a wrong start by chance; where pictures are
-                                  // so bad that many things are missing, what is seen matches all the same
-constexpr double kAlike = 2.0;    // things that the same error of another robot is worth
+constexpr double kAlike = 2.0;                   // things that the same error of another robot is worth
 constexpr double kPerMetre = 0.5, kPerRadian = 0.5;   // things by which wrong starts are rarer
 constexpr double kOwn_m = 0.25;                       // what stands so near a robot is that robot
 constexpr double kSigma_m = 0.05, kSigma_rad = 0.05;  // of the placed pose; views sharpen it at once
@@ -62,7 +60,7 @@ void weighElsewhere(const FleetState& fleet, RobotNode& robot, const std::vector
 
 void forgetDoubts(Start& start) {
   start.doubts = 0;
-  start.doubted = start.refuted = start.matched = start.claim_score = 0.0;
+  start.doubted = start.refuted = start.claim_score = 0.0;
   start.elsewhere.clear();
   start.contradicted = false;
 }
@@ -71,7 +69,6 @@ void forgetDoubts(Start& start) {
 void age(Start& start) {
   start.doubted *= kMemory;
   start.refuted *= kMemory;
-  start.matched *= kMemory;
   start.claim_score *= kMemory;
   for (OtherStart& other : start.elsewhere) other.score *= kMemory;
 }
@@ -93,7 +90,6 @@ void weigh(FleetState& fleet, RobotNode& robot) {
   age(start);
   start.doubted += 1.0;
   start.refuted += refuted ? 1.0 : 0.0;
-  start.matched += here.matches;
   start.claim_score += here.score();
   weighElsewhere(fleet, robot, otherPlaces(fleet, around));
 }
@@ -228,8 +224,7 @@ bool isRefuted(const Start& start) {
 }
 
 bool isContradicted(const FleetState& fleet, const RobotNode& robot) {
-  const Start& start = robot.start;
-  if (!isRefuted(start) || start.matched >= kChance * start.doubted) return false;
+  if (!isRefuted(robot.start)) return false;
   const auto many = [&](bool refuted) {
     return std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
       return other.located() && isRefuted(other.start) == refuted;

@@ -27,7 +27,7 @@ bool isConfirmed(const Start& start);
 /// More of it is missing than is found.
 bool isRefuted(const Start& start);
 
-/// Likewise, hardly anything is found, and most robots fare better (else it is the pictures, not their
+/// Likewise, and most robots fare better (else it is the pictures, not their
 /// starts): it is not believed any more.
 bool isContradicted(const FleetState& fleet, const RobotNode& robot);
 
