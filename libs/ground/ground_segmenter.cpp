@@ -1,12 +1,12 @@
 #include "ground/ground_segmenter.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <type_traits>
 
 #include "ground/cell_test.h"
+#include "ground/off_cells.h"
 
 namespace omnifleet::ground {
 
@@ -69,19 +69,6 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
   }
 }
 
-constexpr std::size_t kAhead = 8;  // strips, of which the pixels are asked for before they are needed
-
-/// The frame is larger than the processor's near memory.
-void prefetch(const cv::Mat& image, const Strip& strip) {
-  constexpr int kLine = 64;  // bytes
-  const int pixel = image.channels();
-  for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
-    const std::uint8_t* row = image.ptr(y);
-    for (int at = strip.begin_px * pixel; at < strip.end_px * pixel + kLine; at += kLine)
-      __builtin_prefetch(row + at);
-  }
-}
-
 /// The first x of [begin, end) with a mark; end where there is none.
 int nextMark(const std::uint8_t* row, int begin, int end) {
   if (begin < end && row[begin] == 1) return begin;  // most of them lie side by side
@@ -124,7 +111,6 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
-      around_(static_cast<std::size_t>(view.cells().width), kMixed),
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
@@ -195,12 +181,11 @@ bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
-  for (std::size_t i = 0; i < strips_.size(); ++i) {
-    if (i + kAhead < strips_.size()) prefetch(image, strips_[i + kAhead]);
+  for (const auto& strip : strips_) {
     if (image.channels() == 3)
-      classifyStrip<3>(image, strips_[i], noise);
+      classifyStrip<3>(image, strip, noise);
     else
-      classifyStrip<1>(image, strips_[i], noise);
+      classifyStrip<1>(image, strip, noise);
   }
   return true;
 }
@@ -329,32 +314,23 @@ Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
   return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
 
-/// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.
-void GroundSegmenter::findInside(const Strip& strip) {
-  const int y = strip.cell_row, begin = strip.begin_px / kCell, end = strip.end_px / kCell;
-  std::fill(around_.begin() + begin, around_.begin() + end, kMixed);
-  if (y < 1 || y + 1 >= solid_.rows) return;
-  const int first = std::max(begin, 1), last = std::min(end, solid_.cols - 1);
-  if (first >= last) return;
-  const auto row = [&](int k) { return solid_.ptr(y + k) + first - 1; };
-  lookAround(row(-1), row(0), row(1), last - first, around_.data() + first);
-  for (int x = first; x < last; ++x) {
-    Around& around = around_[static_cast<std::size_t>(x)];
-    if (view_->coverage()(y, x) != 2 || (around == kSomeShade && !isOneKind(y, x))) around = kMixed;
-  }
-}
-
-/// The border between a thing and its shadow is found pixel by pixel.
-bool GroundSegmenter::isOneKind(int y, int x) const {
+bool GroundSegmenter::isInside(int y, int x) const {
+  if (solid_(y, x) == kFloorLook) return false;  // most of those asked
+  if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
+  if (view_->coverage()(y, x) != 2) return false;
   Look least = 255, most = kFloorLook;
+  bool any_shade = false;
   for (int dy = -1; dy <= 1; ++dy) {
     const Look* row = solid_.ptr(y + dy) + x;
     for (int dx = -1; dx <= 1; ++dx) {
+      if (row[dx] == kFloorLook) return false;
       least = std::min(least, row[dx]);
       most = std::max(most, row[dx]);
+      any_shade = any_shade || isShade(row[dx]);
     }
   }
-  return isGrey(least) && gainOf(most) - gainOf(least) < kAlike;
+  // The border between a thing and its shadow is found pixel by pixel.
+  return !any_shade || (isGrey(least) && gainOf(most) - gainOf(least) < kAlike);
 }
 
 void GroundSegmenter::everythingIsAStrip() {
@@ -366,10 +342,9 @@ void GroundSegmenter::everythingIsAStrip() {
 
 template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
-  findInside(strip);
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
-    if (around_[static_cast<std::size_t>(cx)] == kMixed) {
+    if (!isInside(strip.cell_row, cx)) {
       classifyCell<kChannels>(image, cx, strip.cell_row, noise);
       continue;
     }
@@ -392,10 +367,7 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
     return CellBytes<std::remove_pointer_t<decltype(mask.ptr(y))>>{mask.ptr(y) + x,
                                                                    static_cast<std::ptrdiff_t>(mask.step[0])};
   };
-  static constexpr std::array<std::uint8_t, kCell> kAllValid{255, 255, 255, 255};
-  const CellBytes<const std::uint8_t> valid = view_->coverage()(cell_y, cell_x) == 2
-                                                  ? CellBytes<const std::uint8_t>{kAllValid.data(), 0}
-                                                  : at(view_->mask());
+  const CellBytes<const std::uint8_t> valid = at(view_->mask());
   CellBytes<const std::uint8_t> pixels{image.ptr(y) + x * kChannels,
                                        static_cast<std::ptrdiff_t>(image.step[0])};
   std::uint8_t copy[kCell * kCopyRow];

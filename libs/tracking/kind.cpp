@@ -97,8 +97,10 @@ void KindJudge::judge(std::vector<TrackState>& tracks, const std::vector<Peer>& 
 
 bool KindJudge::touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,
                              const OwnMotion& own) const {
+  // How deep it is behind its near side is the least known of it.
+  const double doubt_m = track.positionSigma() + track.filter.radiusSigma();
   const auto gap = [&](const Eigen::Vector2d& centre, double radius) {
-    return (track.filter.position() - centre).norm() - radius - track.filter.radius();
+    return (track.filter.position() - centre).norm() - radius - track.filter.radius() - doubt_m;
   };
   if (gap(own.odomFromBase().translation(), own_radius_m_) < options_.push_gap_m) return true;
   return std::any_of(tracks.begin(), tracks.end(), [&](const TrackState& other) {

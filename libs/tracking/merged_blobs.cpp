@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kFewestDirections = 8;
 constexpr std::size_t kMaxPoints = 64;  // of one object, as its topic holds
-constexpr double kAlien_m = 0.04;      // an outline this far outside of the expected one is somebody else's
-constexpr double kExplained_m = 0.02;  // a blob whose outline is as expected hides things but is cut by none
+constexpr double kAlien_m = 0.04;       // an outline this far outside of the expected one is somebody else's
+constexpr double kExplained_m = 0.02;   // a blob whose outline is as expected hides things but is cut by none
 constexpr double kMostLeeway_m = 0.10;
 constexpr double kPeerTracked_m =
     0.25;                          // a track this near to a peer's place is that peer, or stands in its way
@@ -62,6 +62,12 @@ bool overlap(const Eigen::Vector2d& a, double radius_a, const Eigen::Vector2d& b
   return (a - b).norm() < radius_a + radius_b - kOverlap_m;
 }
 
+bool overlap(const PrismFilter& a, const PrismFilter& b) {
+  const Eigen::Vector2d across = b.position() - a.position();
+  const double bearing = std::atan2(across.y(), across.x());
+  return overlap(a.position(), a.reach(bearing), b.position(), b.reach(bearing + M_PI));
+}
+
 }  // namespace
 
 void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
@@ -106,6 +112,7 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
   int vague = -1;
   for (const int t : owners_[b]) {
     TrackState& other = tracks_[static_cast<std::size_t>(t)];
+    other.outline.forget();  // the peer may have been in what was remembered
     if (!overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
       continue;
     // What seemed one object is the peer and something else.
@@ -145,21 +152,34 @@ bool Tracker::showsMore(const TrackState& track, const View& view) const {
   return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
 }
 
-void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
+/// Who is known in the blob. What has only ever been seen as part of one is so if it was the blob before
+/// anybody came: then it shows what it showed.
+void Tracker::findOwners(std::size_t b, int& vague) {
   split_owners_.clear();
   known_owners_.clear();
-  int vague = -1;  // has only ever been seen as part of a blob
+  vague = -1;
+  const bool several = owners_[b].size() > 1;
   for (const int t : owners_[b]) {
     TrackState& track = tracks_[static_cast<std::size_t>(t)];
-    if (!track.whole) vague = t;
-    if (!track.whole) continue;
+    const bool remembered = several && track.views >= kMature && track.outline.isGood(views_[b]);
+    if (!track.whole && !remembered) {
+      vague = t;
+      continue;
+    }
     // What is left of an outline may be its neighbour's: a robot does not leave the place that it publishes.
     if (track.published) track.filter.updatePosition(track.published->centre_m, track.published->covariance);
     known_owners_.push_back(t);
-    split_owners_.push_back(&track.filter);
+    split_owners_.push_back({&track.filter, remembered ? &track.outline : nullptr});
   }
+}
+
+void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
+  int vague = -1;
+  findOwners(b, vague);
   if (known_owners_.empty()) {
-    see(tracks_[static_cast<std::size_t>(vague)], views_[b], object);
+    TrackState& track = tracks_[static_cast<std::size_t>(vague)];
+    see(track, views_[b], object);
+    track.outline.add(track.view, track.filter);
     return;
   }
   const int alien = splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
@@ -182,9 +202,7 @@ void Tracker::dissolveOverlaps(std::size_t b) {
       TrackState &one = tracks_[static_cast<std::size_t>(i)], &other = tracks_[static_cast<std::size_t>(j)];
       if (one.views <= other.views || one.dissolved || other.dissolved || !one.whole || !other.whole)
         continue;
-      if (!overlap(one.filter.position(), one.filter.radius(), other.filter.position(),
-                   other.filter.radius()))
-        continue;
+      if (!overlap(one.filter, other.filter)) continue;
       other.dissolve();
       one.remember(other);
     }
@@ -196,12 +214,13 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   const bool enough = alien >= 2 * kFewestDirections;
   first.alien_frames = enough ? first.alien_frames + 1 : 0;
   if (vague >= 0) tracks_[static_cast<std::size_t>(vague)].dissolve();
+  if (!enough && owners_[b].size() == 1 && first.blob >= 0) first.outline.add(first.view, first.filter);
   if (!enough || (vague < 0 && first.alien_frames < kAlienFrames)) return;
   PrismFilter filter = freshRest();
   filter.update(rest_);
   const bool free = std::none_of(known_owners_.begin(), known_owners_.end(), [&](int t) {
-    const PrismFilter& other = tracks_[static_cast<std::size_t>(t)].filter;
-    return overlap(filter.position(), filter.radius(), other.position(), other.radius());
+    const TrackState& other = tracks_[static_cast<std::size_t>(t)];
+    return other.whole && overlap(filter, other.filter);
   });
   if (!free) return;
   first.alien_frames = 0;

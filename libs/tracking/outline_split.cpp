@@ -67,8 +67,8 @@ int alienDirections(const View& view, const PrismFilter& filter, double alien_m)
   return count;
 }
 
-int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners, double margin_m,
-                 double alien_m, std::vector<View>& own, View& rest) {
+int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double margin_m, double alien_m,
+                 std::vector<View>& own, View& rest) {
   own.assign(owners.size(), view);
   rest = view;
   int unexplained = 0;
@@ -76,7 +76,7 @@ int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners
     double best = -std::numeric_limits<double>::infinity(), second = best;
     std::size_t winner = 0;
     for (std::size_t i = 0; i < owners.size(); ++i) {
-      const double predicted = owners[i]->predictedSupport(view, k);
+      const double predicted = owners[i].expectedSupport(view, k);
       if (predicted > best) {
         second = best;
         best = predicted;
@@ -85,7 +85,7 @@ int splitOutline(const View& view, const std::vector<const PrismFilter*>& owners
         second = std::max(second, predicted);
       }
     }
-    const double scale = shrink(best, ratioOf(*owners[winner], view.camera_height_m));
+    const double scale = shrink(best, ratioOf(*owners[winner].filter, view.camera_height_m));
     const bool usable = view.usable(k);
     const double over = (view.supports.b_m[k] - best) * scale;
     const bool alien = usable && over > alien_m + 3.0 * scale * view.supports.sigma_m[k];

@@ -180,6 +180,12 @@ void PrismFilter::updatePosition(const Eigen::Vector2d& position_m, const Eigen:
   state_[5] = std::clamp(state_[5], kLeastRatio, kMostRatio);
 }
 
+double PrismFilter::reach(double angle_rad) const {
+  State row = footprintRow(std::cos(angle_rad), std::sin(angle_rad));
+  row.head<4>().setZero();
+  return row.dot(state_);
+}
+
 double PrismFilter::height() const {
   return camera_height_m_ > 0.0 ? (1.0 - state_[5]) * camera_height_m_ : 0.0;
 }
@@ -188,10 +194,9 @@ double PrismFilter::heightSigma() const {
   return camera_height_m_ > 0.0 ? std::sqrt(covariance_(5, 5)) * camera_height_m_ : 0.0;
 }
 
-double PrismFilter::predictedSupport(const View& view, std::size_t k) const {
-  const double phi = view.angle(k);
-  const State row = footprintRow(std::cos(phi), std::sin(phi));
-  const double g = row.dot(state_) - row.head<2>().dot(view.foot_m);
+double PrismFilter::predictedSupport(const Eigen::Vector2d& foot_m, double angle_rad) const {
+  const State row = footprintRow(std::cos(angle_rad), std::sin(angle_rad));
+  const double g = row.dot(state_) - row.head<2>().dot(foot_m);
   return g < 0.0 ? g : g / std::clamp(state_[5], kLeastRatio, kMostRatio);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 #include "options/options.h"
 #include "tracking/view.h"
@@ -64,11 +65,18 @@ class PrismFilter {
   Eigen::Vector2d velocity() const { return state_.segment<2>(2); }
   Eigen::Matrix2d positionCovariance() const { return covariance_.topLeftCorner<2, 2>(); }
   double radius() const { return state_[4]; }
+  /// Support of the footprint about its centre in a direction of odom, metres.
+  double reach(double angle_rad) const;
+  double radiusSigma() const { return std::sqrt(covariance_(4, 4)); }
   double height() const;       ///< metres
   double heightSigma() const;  ///< metres
 
   /// Support function that the camera of `view` should see (relative to its foot), direction k.
-  double predictedSupport(const View& view, std::size_t k) const;
+  double predictedSupport(const View& view, std::size_t k) const {
+    return predictedSupport(view.foot_m, view.angle(k));
+  }
+  /// Likewise from `foot_m`, in a direction of odom.
+  double predictedSupport(const Eigen::Vector2d& foot_m, double angle_rad) const;
   /// The footprint as a polygon in odom, counter-clockwise.
   Polygon footprint(int vertices) const;
 

@@ -8,6 +8,7 @@
 
 #include "tracking/body_fit.h"
 #include "tracking/prism_filter.h"
+#include "tracking/remembered_outline.h"
 #include "tracking/view.h"
 
 namespace omnifleet::tracking {
@@ -62,7 +63,10 @@ struct TrackState {
     View view;
     Eigen::Vector2d centre_m;
   };
-  std::deque<Past> past;  ///< oldest first
+  std::deque<Past> past;                                  ///< oldest first
+  RememberedOutline outline;                              ///< of its blob while that was all its own
+  Eigen::Vector2d last_seen_m = Eigen::Vector2d::Zero();  ///< odom; where it stood when last seen …
+  double last_speed_mps = 0.0;                            ///< … and how fast it was
   /// Only the id stays: what was known of it was known of something else.
   void startAfresh(const PrismFilter& fresh) {
     filter = fresh;

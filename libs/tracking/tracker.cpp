@@ -17,7 +17,14 @@ constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to
 constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
 constexpr double kPeerLeeway_m = 0.03;
 constexpr double kLeap_m = 0.10;
-constexpr double kMostSigma_m = 0.5;  // of a place, in the search for its blob
+constexpr double kMostSigma_m = 0.5;   // of a place, in the search for its blob
+constexpr double kDriving_mps = 0.05;  // of what goes on behind something …
+constexpr double kFaster = 1.5;        // … at no more than so many times its speed …
+constexpr double kMost_m = 0.2;        // … and comes out no farther than this beyond it,
+constexpr double kAlikeSigmas = 2.0;   // as wide and high as it was,
+constexpr double kAlike_m = 0.01;      // which the prism leaves uncertain by this
+constexpr double kSettingOut_s = 0.5, kSetOut_m = 0.015, kOnePiece_m = 0.01;
+constexpr double kLoosened_m = 0.05;
 constexpr double kDisagreement =
     0.5;                   // share of directions beyond 3 σ: then the shape is not what it was thought
 constexpr int kKnown = 3;  // views that make a track known
@@ -39,6 +46,31 @@ Polygon silhouette(const TrackState& track, const View& view, const Pose2& base_
     planes.push_back({n, track.filter.predictedSupport(view, k) + n.dot(foot)});
   }
   return outline::intersectHalfPlanes(planes, 100.0);
+}
+
+/// Share of the way that `track`, driving when it was last seen, may have gone since, at which there stands
+/// now what has its shape; infinity where that has another, or `track` stood.
+double wayOn(const TrackState& track, const PrismFilter& seen) {
+  if (track.published || track.last_speed_mps < kDriving_mps) return INFINITY;
+  const auto alike = [](double a, double b, double sigma) { return std::abs(a - b) < kAlikeSigmas * sigma; };
+  const double radius_sigma = std::hypot(track.filter.radiusSigma(), seen.radiusSigma());
+  const double height_sigma = std::hypot(track.filter.heightSigma(), seen.heightSigma());
+  if (!alike(track.filter.radius(), seen.radius(), radius_sigma + kAlike_m) ||
+      !alike(track.filter.height(), seen.height(), height_sigma + kAlike_m))
+    return INFINITY;
+  const double most_m = kFaster * track.last_speed_mps * track.unseen_s + kMost_m;
+  return (track.last_seen_m - seen.position()).norm() / most_m;
+}
+
+/// What stood until now does so no more: its contact side has gone on as one piece. A filter that holds it to
+/// its place would take that for outliers, and who pushes it would soon stand where it is thought to be.
+bool setsOut(const TrackState& track) {
+  for (auto then = track.past.rbegin(); then != track.past.rend(); ++then) {
+    if (static_cast<double>(track.view.time_ns - then->view.time_ns) > 1e9 * kSettingOut_s) return false;
+    const Displacement d = contactDisplacement(then->view, track.view);
+    if (d.valid && d.rms_m < kOnePiece_m && d.moved_m.norm() > kSetOut_m + d.sigma_m) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -114,15 +146,34 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
           distance < gate ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
     }
   }
-  const std::vector<int> blob_of = assign(cost_, 1.0);
-  for (std::size_t t = 0; t < tracks_.size(); ++t) {
-    tracks_[t].blob = blob_of[t];
-    if (blob_of[t] >= 0) owners_[static_cast<std::size_t>(blob_of[t])].push_back(static_cast<int>(t));
-  }
+  assignBlobs();
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     if (tracks_[t].blob < 0) joinSwallowing(local_map, static_cast<int>(t));
   }
   joinPeers(peers);
+}
+
+/// First those whose place is known, then the others: who may be anywhere takes nobody's blob.
+void Tracker::assignBlobs() {
+  const auto isVague = [&](std::size_t t) { return tracks_[t].positionSigma() > options_.lose_sigma_m; };
+  Eigen::MatrixXd cost(cost_.rows(), cost_.cols());
+  for (const bool vague : {false, true}) {
+    cost.setConstant(std::numeric_limits<double>::infinity());
+    for (std::size_t t = 0; t < tracks_.size(); ++t) {
+      if (isVague(t) == vague)
+        cost.row(static_cast<Eigen::Index>(t)) = cost_.row(static_cast<Eigen::Index>(t));
+    }
+    for (std::size_t b = 0; b < owners_.size(); ++b) {
+      if (!owners_[b].empty())
+        cost.col(static_cast<Eigen::Index>(b)).setConstant(std::numeric_limits<double>::infinity());
+    }
+    const std::vector<int> blob_of = assign(cost, 1.0);
+    for (std::size_t t = 0; t < tracks_.size(); ++t) {
+      if (blob_of[t] < 0) continue;
+      tracks_[t].blob = blob_of[t];
+      owners_[static_cast<std::size_t>(blob_of[t])].push_back(static_cast<int>(t));
+    }
+  }
 }
 
 void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
@@ -179,10 +230,11 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const TrackState& track = tracks_[t];
     if (track.blob >= 0 || !track.whole || track.dissolved) continue;
-    // Either it stood in this place, or what is seen looks as it should look from here.
+    // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
+    // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
     const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
-    const double distance = std::min(apart, unlike);
+    const double distance = std::min({apart, unlike, wayOn(track, filter)});
     if (distance >= least) continue;
     least = distance;
     nearest = static_cast<int>(t);
@@ -218,10 +270,17 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
   }
   track.whole = true;
   see(track, view, object);
+  track.outline.add(track.view, track.filter);
 }
 
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
+  if (!track.moving && setsOut(track)) {
+    track.moving = true;
+    track.filter.placeAt(
+        track.filter.position(), Eigen::Vector2d::Zero(),
+        track.filter.positionCovariance() + kLoosened_m * kLoosened_m * Eigen::Matrix2d::Identity());
+  }
   const Eigen::Vector2d expected = track.filter.position();
   const double disagreement = track.filter.update(view);
   // A leap is a change of what is seen, not a movement: nothing is compared across it.
@@ -232,6 +291,8 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
       track.filter.radius() > options_.composite_m;  // the middle of them is no thing's place
   track.located = disagreement < kDisagreement && !several &&
                   track.positionSigma() <= (track.located ? options_.lose_sigma_m : options_.locate_sigma_m);
+  track.last_seen_m = track.filter.position();
+  track.last_speed_mps = track.filter.velocity().norm();
   track.seen_ns = view.time_ns;
   track.unseen_s = 0.0;
   track.hidden = false;

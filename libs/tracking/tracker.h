@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "tracking/outline_split.h"
 #include "tracking/own_motion.h"
 #include "tracking/peers.h"
 #include "tracking/track_state.h"
@@ -53,11 +54,13 @@ class Tracker {
 
  private:
   void lookAt(const LocalMap& local_map, const OwnMotion& own);
+  void assignBlobs();
   void joinSwallowing(const LocalMap& local_map, int track);
   void joinPeers(std::vector<Peer>& peers);
   void startPeer(const Peer& peer, std::size_t blob);
   bool isOwn(const TrackState& track, const View& view) const;
   bool showsMore(const TrackState& track, const View& view) const;
+  void findOwners(std::size_t blob, int& vague);
   void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);
   void updateRest(const ObjectObservation& object, std::size_t blob, int vague, int alien);
@@ -81,7 +84,7 @@ class Tracker {
   std::vector<std::vector<int>> owners_;  ///< tracks in each blob
   Eigen::MatrixXd cost_;
   std::vector<int> known_owners_;
-  std::vector<const PrismFilter*> split_owners_;
+  std::vector<BlobOwner> split_owners_;
   std::vector<View> split_;
   View rest_;
 };

@@ -10,6 +10,7 @@
 #include "tracking/body_fit.h"
 #include "tracking/outline_split.h"
 #include "tracking/prism_filter.h"
+#include "tracking/remembered_outline.h"
 #include "tracking/view.h"
 
 namespace omnifleet::tracking {
@@ -226,7 +227,7 @@ TEST_F(TwoInOne, EachGetsItsOwnDirections) {
   const PrismFilter near = knownAt(near_, 0.3), far = knownAt(far_, 0.2);
   std::vector<View> own;
   View rest;
-  EXPECT_EQ(splitOutline(both(), {&near, &far}, 0.02, 0.04, own, rest), 0);
+  EXPECT_EQ(splitOutline(both(), {{&near, nullptr}, {&far, nullptr}}, 0.02, 0.04, own, rest), 0);
   const View alone_near = seen(circlePolygon(near_, 0.15, 96), 0.3, {}),
              alone_far = seen(circlePolygon(far_, 0.15, 96), 0.2, {});
   for (std::size_t k = 0; k < own[0].size(); ++k) {
@@ -246,17 +247,66 @@ TEST_F(TwoInOne, WhoHasLeftGetsNoneOfTheOthersOutline) {
   const PrismFilter near = knownAt(near_, 0.3), gone = knownAt(far_, 0.2);
   std::vector<View> own;
   View rest;
-  EXPECT_EQ(
-      splitOutline(seen(circlePolygon(near_, 0.15, 96), 0.3, {}), {&near, &gone}, 0.02, 0.04, own, rest), 0);
+  EXPECT_EQ(splitOutline(seen(circlePolygon(near_, 0.15, 96), 0.3, {}), {{&near, nullptr}, {&gone, nullptr}},
+                         0.02, 0.04, own, rest),
+            0);
   EXPECT_EQ(usableDirections(own[1]), 0);
   EXPECT_GT(usableDirections(own[0]), 20);
+}
+
+/// A thing that stands out behind another belongs to that one's outline, once it was seen so.
+TEST_F(TwoInOne, WhatWasThereBeforeIsNotTheNewcomers) {
+  const PrismFilter near = knownAt(near_, 0.3);
+  PrismFilter behind = knownAt(far_ + Eigen::Vector2d(0.02, 0.0), 0.2);
+  RememberedOutline outline;
+  EXPECT_FALSE(outline.isGood(both()));
+  outline.add(both(), near);
+  std::vector<View> own;
+  View rest;
+  splitOutline(both(), {{&near, nullptr}, {&behind, nullptr}}, 0.02, 0.04, own, rest);
+  EXPECT_GT(usableDirections(own[1]), 10);
+  EXPECT_EQ(splitOutline(both(), {{&near, &outline}, {&behind, nullptr}}, 0.02, 0.04, own, rest), 0);
+  EXPECT_EQ(usableDirections(own[1]), 0);
+  EXPECT_GT(usableDirections(own[0]), 40);
+}
+
+/// Where it stood out once and does so no more, both outlines are known.
+TEST_F(TwoInOne, AnOutlineIsRememberedAsItIsAndAsItWasAtMost) {
+  const PrismFilter near = knownAt(near_, 0.3);
+  RememberedOutline outline;
+  outline.add(both(), near);
+  const View alone = seen(circlePolygon(near_, 0.15, 96), 0.3, {});
+  outline.add(alone, near);
+  for (std::size_t k = 0; k < alone.size(); ++k) {
+    EXPECT_NEAR(outline.expectedSupport(alone, k, near), alone.supports.b_m[k], 1e-5);
+    EXPECT_NEAR(outline.expectedSupport(both(), k, near), both().supports.b_m[k], 1e-5);
+  }
+  View elsewhere = alone;
+  elsewhere.foot_m += Eigen::Vector2d(0.2, 0.0);
+  EXPECT_FALSE(outline.isGood(elsewhere));
+  outline.forget();
+  EXPECT_FALSE(outline.isGood(alone));
+}
+
+TEST(PrismFilter, ReachesAsFarAsItsFootprint) {
+  PrismFilter filter({}, {0.9, 0.0}, kCameraHeight_m);
+  const Polygon box = boxAt({0.9, 0.0}, 0.2, 0.4, 0.0);
+  for (const double y : {-1.2, -0.6, 0.0, 0.6, 1.2}) {
+    for (const double x : {-0.2, 2.0}) {
+      View view = seen(box, 0.1, Pose2{x, y, 0.0});
+      filter.update(view);
+    }
+  }
+  // Four harmonics draw no corners, and it is taken to be rather round.
+  EXPECT_NEAR(filter.reach(0.0), 0.1, 0.03);
+  EXPECT_NEAR(filter.reach(0.5 * M_PI), 0.2, 0.03);
 }
 
 TEST_F(TwoInOne, WhatNobodyExplainsIsTheRest) {
   const PrismFilter near = knownAt(near_, 0.3);
   std::vector<View> own;
   View rest;
-  const int unexplained = splitOutline(both(), {&near}, 0.02, 0.04, own, rest);
+  const int unexplained = splitOutline(both(), {{&near, nullptr}}, 0.02, 0.04, own, rest);
   EXPECT_GT(unexplained, 8);
   EXPECT_EQ(unexplained, usableDirections(rest));
   EXPECT_EQ(alienDirections(both(), near, 0.04), unexplained);

@@ -60,6 +60,18 @@ TEST_P(RenderedScenes, RobotsAndObstaclesAreTold) {
   EXPECT_LE(score.switches, static_cast<int>(last - first + 1));
 }
 
+/// Who publishes nothing passes behind a high box: it is nowhere to be seen meanwhile, not at the box's edge,
+/// and comes out as who it was.
+TEST(HiddenStranger, ComesOutAsWhoItWas) {
+  const std::vector<Scenario> all = moreScenarios();
+  const auto hidden =
+      std::find_if(all.begin(), all.end(), [](const auto& s) { return s.name == "hidden_stranger"; });
+  ASSERT_NE(hidden, all.end());
+  const Score score = run(*hidden, 1001);
+  EXPECT_GE(score.robots.f1(), 0.98);
+  EXPECT_EQ(score.switches, 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(All, RenderedScenes, testing::ValuesIn(wanted()),
                          [](const auto& scenario) { return scenario.param.name; });
 
