@@ -417,6 +417,10 @@ void BlobSplitter::mergeSmall(int area) {
   }
   while (mergeOne(area)) {
   }
+  // What touches nothing that it could join (the region hangs together over a corner, or was connected) is too
+  // small to be a thing by itself.
+  for (Piece& piece : pieces_)
+    if (piece.area < options_.min_area_px && piece.shared == 0) piece.area = 0;
 }
 
 void BlobSplitter::write(const Blob& blob) {
@@ -446,7 +450,7 @@ void BlobSplitter::write(const Blob& blob) {
       for (++i; i < row_begin_[row + 1] && runs_[i].begin + rect_.x == end && part_of[runs_[i].piece] == part;
            ++i)
         end = runs_[i].end + rect_.x;
-      addRun({y + rect_.y, begin, end}, static_cast<std::size_t>(part));
+      if (part >= 0) addRun({y + rect_.y, begin, end}, static_cast<std::size_t>(part));
     }
   }
 }

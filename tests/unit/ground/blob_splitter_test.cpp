@@ -67,6 +67,19 @@ TEST_F(BlobSplitterTest, TwoThingsOfTwoColoursComeApartWhereTheirColoursMeet) {
   EXPECT_EQ(splitter.mask()(5, 5), 0);
 }
 
+TEST_F(BlobSplitterTest, SpecksThatTouchOverACornerAreNoThings) {
+  draw({60, 40, 50, 40}, kBlue);
+  draw({90, 70, 40, 50}, kRed);
+  draw({59, 39, 1, 1}, kBlue);
+  draw({130, 120, 1, 1}, kRed);
+  draw({131, 121, 2, 1}, kYellow);
+  roughen();
+  BlobSplitter splitter(image_.size(), {});
+  const auto& parts = splitter.split(image_, whole());
+  ASSERT_EQ(parts.size(), 2U);
+  for (const Blob& part : parts) EXPECT_GT(part.area_px, 1000);
+}
+
 TEST_F(BlobSplitterTest, WhatStandsBehindMayBeBittenInto) {
   draw({70, 90, 60, 30}, kRed);
   draw({80, 60, 40, 45}, kBlue);  // in front, deep into the other
