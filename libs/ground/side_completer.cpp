@@ -9,15 +9,16 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr int kPatch_px = 5;
+constexpr int kPatch_px = 2 * PatchSums::kRadius_px + 1;
 constexpr int kMinSide_px = 24;     // fewer tell no hue
 constexpr float kSide = 0.9f;       // of the floor's light: more is no side in the shade
 constexpr float kHue = 0.012f;      // share of the brightness by which a hue differs from the floor's
 constexpr float kBrighter = 0.05f;  // of the floor's light, above which something is no floor
 constexpr float kOther = 0.5f;      // of the floor's light, below which something is another thing
 constexpr float kMinSolid = 0.88f;  // share of its hull that a thing fills
-constexpr float kMaxReach = 0.75f;  // of the region's size that it grows to each side …
+constexpr float kMaxReach = 1.5f;   // of the region's size that it grows to each side …
 constexpr int kMinReach_px = 12;    // … and at least
+constexpr int kEdge_px = 4;         // so near to where it is looked for nothing ends by itself
 // A top's colour is taken so far behind the side's end, which is mixed, and over so many pixels; how many
 // bearings and pixels of them are enough.
 constexpr int kBehind_px = 3, kDepth_px = 3;
@@ -28,6 +29,8 @@ constexpr std::uint8_t kGrown = 255, kAsked = 1;
 // What counts as much of brightness and of hue, as shares of the floor's brightness; and how much of both
 // together.
 constexpr float kSameBright = 0.03f, kSameHue = 0.007f, kTold2 = 3.0f;
+// Of what the noise may do to the mean of a patch, from which a colour tells most patches from the floor's.
+constexpr float kSharpEnough = 0.67f;
 
 float medianOf(std::vector<float>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -53,10 +56,10 @@ cv::Vec3f whitened(const cv::Vec3f& off) {
 
 SideCompleter::SideCompleter(const lens::Camera& camera, cv::Size image)
     : size_(image.width / kCell * kCell, image.height / kCell * kCell),
-      means_(image),
-      grown_(image),
-      before_(image),
-      firm_(image) {
+      sums_(image),
+      grown_(image, std::uint8_t{0}),
+      whole_(image, std::uint8_t{0}),
+      convex_(image) {
   const Eigen::Vector2d foot = camera.foot();
   const auto pixel = camera.pixelFromPoint({foot.x(), foot.y(), 0.0});
   foot_px_ =
@@ -69,31 +72,58 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   const int reach =
       std::max(kMinReach_px,
                static_cast<int>(kMaxReach * static_cast<float>(std::max(side.rect.width, side.rect.height))));
-  around_ = cv::Rect(side.rect.x - reach, side.rect.y - reach, side.rect.width + 2 * reach,
-                     side.rect.height + 2 * reach) &
-            cv::Rect({0, 0}, size_);
-  cv::Mat3f means = means_(around_);
-  cv::boxFilter(frame.shade.image(around_), means, CV_32F, cv::Size(kPatch_px, kPatch_px));
+  lookAround(side.rect, reach);
+  sums_.read(frame.shade.image, around_);
   if (!measureSide(frame, side)) return runs_;
-  cv::Mat1b grown = grown_(around_);
-  grown = std::uint8_t{0};
-  for (const Run& run : side.runs)
-    std::fill(grown_.ptr(run.row) + run.begin, grown_.ptr(run.row) + run.end, kGrown);
+  for (int y = around_.y; y < around_.y + around_.height; ++y)
+    std::fill_n(grown_.ptr(y) + around_.x, around_.width, std::uint8_t{0});
+  box_ = side.rect & around_;
+  for (const Run& run : side.runs) {
+    if (run.row < around_.y || run.row >= around_.y + around_.height) continue;
+    std::uint8_t* row = grown_.ptr(run.row);
+    std::fill(row + std::max(run.begin, around_.x), row + std::min(run.end, around_.x + around_.width),
+              kGrown);
+  }
   learnTop(frame);
   if (has_top_) addTop(frame);
+  hull_.clear();
+  if (has_top_) keepConvex();
   grow(frame);
-  if (!takeConvex(frame) && has_top_) take(before_);
+  keepConvex();
+  if (!hull_.empty()) take(frame.view);
   return runs_;
+}
+
+/// The region and `reach` pixels to each side of it, as far as there are means.
+void SideCompleter::lookAround(const cv::Rect& region, int reach) {
+  constexpr int kMargin = PatchSums::kRadius_px;
+  const cv::Rect usable(kMargin, kMargin, size_.width - 2 * kMargin, size_.height - 2 * kMargin);
+  const cv::Rect all(region.x - reach, region.y - reach, region.width + 2 * reach, region.height + 2 * reach);
+  around_ = all & usable;
+  const int left = around_.x == all.x ? kEdge_px : 0, top = around_.y == all.y ? kEdge_px : 0,
+            right = around_.br().x == all.br().x ? kEdge_px : 0,
+            bottom = around_.br().y == all.br().y ? kEdge_px : 0;
+  free_ = cv::Rect(around_.x + left, around_.y + top, around_.width - left - right,
+                   around_.height - top - bottom);
 }
 
 /// Colour around a pixel ÷ the floor's there, less 1.
 cv::Vec3f SideCompleter::colourAt(const Frame& frame, int x, int y) const {
   const cv::Mat3f& floor = frame.shade.floor;
-  const cv::Vec3f &p = means_(y, x),
-                  &r = floor(std::min(y / kCell, floor.rows - 1), std::min(x / kCell, floor.cols - 1));
+  const cv::Vec3f p = sums_.mean(x, y);
+  const cv::Vec3f& r = floor(std::min(y / kCell, floor.rows - 1), std::min(x / kCell, floor.cols - 1));
   cv::Vec3f off;
   for (int c = 0; c < 3; ++c) off[c] = p[c] / std::max(1.0f, r[c]) - 1.0f;
   return off;
+}
+
+/// What the noise may do to the mean of a patch, as a share of the floor's brightness in the region.
+float SideCompleter::noiseAt(const Frame& frame, const cv::Rect& region) {
+  const cv::Mat3f& floor = frame.shade.floor;
+  const cv::Point middle = (region.tl() + region.br()) / 2;
+  const cv::Vec3f& r =
+      floor(std::min(middle.y / kCell, floor.rows - 1), std::min(middle.x / kCell, floor.cols - 1));
+  return 3.0f * frame.shade.noise / (kPatch_px * std::max(1.0f, r[0] + r[1] + r[2]));
 }
 
 int SideCompleter::bearingAt(float x, float y) const {
@@ -109,6 +139,7 @@ bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
   const auto distance = std::max(1.0f, static_cast<float>(cv::norm(ahead_)));
   const float size = std::hypot(rect.width, rect.height);
   step_rad_ = 1.0f / distance;
+  noise_ = noiseAt(frame, side.rect);
   const auto half = static_cast<std::size_t>(std::ceil(std::atan2(size, distance) / step_rad_));
   bearings_.assign(2 * half + 1, {1e9f, -1.0f, -1.0f});
   side_hue_ = cv::Vec3f::all(0.0f);
@@ -116,20 +147,21 @@ bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
   for (const Run& run : side.runs) {
     for (int x = run.begin; x < run.end; ++x) {
       const Look look = frame.looks(run.row, x);
-      if (!isGrey(look) || gainOf(look) > kSide) continue;
+      if (!isGrey(look) || gainOf(look) > kSide || !around_.contains({x, run.row})) continue;
       side_hue_ += hueOf(colourAt(frame, x, run.row));
       ++count;
       const cv::Point2f at(static_cast<float>(x), static_cast<float>(run.row));
       const int k = bearingAt(at.x, at.y);
       if (k < 0 || k >= static_cast<int>(bearings_.size())) continue;
       Bearing& bearing = bearings_[static_cast<std::size_t>(k)];
-      const auto radius = static_cast<float>(cv::norm(at - foot_px_));
+      const float radius = std::sqrt((at - foot_px_).dot(at - foot_px_));
       bearing.near_px = std::min(bearing.near_px, radius);
       bearing.far_px = std::max(bearing.far_px, radius);
     }
   }
   side_hue_ *= 1.0f / static_cast<float>(std::max(1, count));
-  has_hue_ = side_hue_.dot(side_hue_) > kHue * kHue;
+  const float told = std::max(kHue, noise_);
+  has_hue_ = side_hue_.dot(side_hue_) > told * told;
   return count >= kMinSide_px;
 }
 
@@ -156,7 +188,8 @@ void SideCompleter::learnTop(const Frame& frame) {
   // In less light and of the floor's hue it may be the thing's shadow; of another hue, another thing.
   if (!hued && brightOf(off) < kSameBright) return;
   if (hued && side2 > kSameHue * kSameHue && !(alike > 0.0f && alike * alike > 0.25f * hue2 * side2)) return;
-  has_top_ = top_.dot(top_) > kTold2;
+  const float told = kSharpEnough * noise_ / kSameHue;
+  has_top_ = top_.dot(top_) > std::max(kTold2, told * told);
 }
 
 cv::Point SideCompleter::pixelAt(std::size_t k, float radius) const {
@@ -165,15 +198,17 @@ cv::Point SideCompleter::pixelAt(std::size_t k, float radius) const {
   return {cvRound(foot_px_.x + radius * std::cos(angle)), cvRound(foot_px_.y + radius * std::sin(angle))};
 }
 
-/// How far the top goes on a bearing: while what is seen is nearer to its colour than to the floor's.
+/// How far the top goes on a bearing: while what is seen is nearer to its colour than to the floor's. Where
+/// that has no end there is no top.
 float SideCompleter::endOfTop(const Frame& frame, std::size_t k) const {
   const Bearing& bearing = bearings_[k];
   const float most = bearing.far_px + kLongest * (bearing.far_px - bearing.near_px) + kLonger_px;
   float end = bearing.far_px;
   int misses = 0;
-  for (float radius = bearing.far_px + 1.0f; radius < most && misses <= kMaxMisses; radius += 1.0f) {
+  for (float radius = bearing.far_px + 1.0f; misses <= kMaxMisses; radius += 1.0f) {
     const cv::Point at = pixelAt(k, radius);
-    if (!around_.contains(at) || frame.view(at) == 0) break;
+    if (radius >= most || !around_.contains(at)) return bearing.far_px;
+    if (frame.view(at) == 0) break;
     const bool is_top =
         !isOther(frame, at) && whitened(colourAt(frame, at.x, at.y)).dot(top_) > 0.5f * top_.dot(top_);
     misses = is_top ? 0 : misses + 1;
@@ -205,10 +240,7 @@ void SideCompleter::addTop(const Frame& frame) {
       ends_.push_back(bearings_[used_[j]].end_px);
     outline_.push_back(pixelAt(used_[i], medianOf(ends_)));
   }
-  for (cv::Point& point : outline_) point -= around_.tl();
-  cv::Mat1b grown = grown_(around_);
-  cv::fillPoly(grown, std::vector<std::vector<cv::Point>>{outline_}, cv::Scalar(kGrown));
-  cv::bitwise_and(grown, frame.view(around_), grown);
+  box_ |= paint(outline_, frame.view, grown_);
 }
 
 /// What is plainly a thing of another colour.
@@ -225,13 +257,20 @@ bool SideCompleter::isLike(const Frame& frame, int x, int y) const {
   return has_hue_ && hueOf(off).dot(side_hue_) > 0.5f * side_hue_.dot(side_hue_);
 }
 
+bool SideCompleter::isRim(const cv::Point& at) const {
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx)
+      if (const cv::Point next(at.x + dx, at.y + dy); around_.contains(next) && grown_(next) != kGrown)
+        return true;
+  return false;
+}
+
 void SideCompleter::grow(const Frame& frame) {
-  cv::Mat1b grown = grown_(around_);
-  grown.copyTo(before_(around_));
   queue_.clear();
-  for (int y = around_.y; y < around_.y + around_.height; ++y)
-    for (int x = around_.x; x < around_.x + around_.width; ++x)
-      if (grown_(y, x) == kGrown) queue_.emplace_back(x, y);
+  for (int y = box_.y; y < box_.y + box_.height; ++y)
+    for (int x = box_.x; x < box_.x + box_.width; ++x)
+      if (grown_(y, x) == kGrown && isRim({x, y})) queue_.emplace_back(x, y);
+  cv::Point first = box_.tl(), end = box_.br();
   for (std::size_t i = 0; i < queue_.size(); ++i) {
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dx = -1; dx <= 1; ++dx) {
@@ -241,42 +280,49 @@ void SideCompleter::grow(const Frame& frame) {
         if (!isLike(frame, at.x, at.y)) continue;
         grown_(at) = kGrown;
         queue_.push_back(at);
+        first = {std::min(first.x, at.x), std::min(first.y, at.y)};
+        end = {std::max(end.x, at.x + 1), std::max(end.y, at.y + 1)};
       }
     }
   }
-  cv::threshold(grown, grown, kAsked, kGrown, cv::THRESH_BINARY);
+  box_ = cv::Rect(first, end);
 }
 
-/// The hull of what was grown, without its fringe, where it fills it.
-bool SideCompleter::takeConvex(const Frame& frame) {
-  cv::Mat1b firm = firm_(around_);
-  cv::morphologyEx(grown_(around_), firm, cv::MORPH_OPEN, cv::Mat1b::ones(kPatch_px, kPatch_px));
-  std::vector<std::vector<cv::Point>> contours;
-  cv::findContours(firm, contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
-  double most = 0.0;
-  const std::vector<cv::Point>* largest = nullptr;
-  for (const auto& contour : contours) {
-    const double area = cv::contourArea(contour);
-    if (area <= most) continue;
-    most = area;
-    largest = &contour;
-  }
-  if (largest == nullptr) return false;
-  std::vector<cv::Point> hull;
-  cv::convexHull(*largest, hull);
-  if (most < static_cast<double>(kMinSolid) * cv::contourArea(hull)) return false;
-  firm = std::uint8_t{0};
-  cv::fillConvexPoly(firm, hull, cv::Scalar(kGrown));
-  cv::bitwise_and(firm, frame.view(around_), firm);
-  take(firm_);
-  return true;
+/// The hull of what has grown, without its fringe, where that fills it and ends by itself.
+void SideCompleter::keepConvex() {
+  constexpr int kMargin = PatchSums::kRadius_px;
+  const cv::Rect within(box_.x - kMargin, box_.y - kMargin, box_.width + 2 * kMargin,
+                        box_.height + 2 * kMargin);
+  if (!convex_.find(grown_, within & around_, kMinSolid)) return;
+  const std::vector<cv::Point>& hull = convex_.hull();
+  const auto isFree = [this](const cv::Point& point) { return free_.contains(point); };
+  if (std::all_of(hull.begin(), hull.end(), isFree)) hull_ = hull;
 }
 
-void SideCompleter::take(const cv::Mat1b& mask) {
-  for (int y = around_.y; y < around_.y + around_.height; ++y) {
-    const std::uint8_t* row = mask.ptr(y);
-    const std::uint8_t* const stop = row + around_.x + around_.width;
-    for (const auto* begin = std::find(row + around_.x, stop, kGrown); begin != stop;) {
+/// Sets a polygon's pixels, as far as they lie in the view.
+/// @return the rectangle they lie in
+cv::Rect SideCompleter::paint(const std::vector<cv::Point>& polygon, const cv::Mat1b& view,
+                              cv::Mat1b& mask) const {
+  cv::Mat1b part = mask(around_);
+  const cv::Point* points = polygon.data();
+  const int count = static_cast<int>(polygon.size());
+  cv::fillPoly(part, &points, &count, 1, cv::Scalar(kGrown), cv::LINE_8, 0, -around_.tl());
+  const cv::Rect box = cv::boundingRect(polygon) & around_;
+  for (int y = box.y; y < box.y + box.height; ++y)
+    for (int x = box.x; x < box.x + box.width; ++x)
+      if (view(y, x) == 0) mask(y, x) = 0;
+  return box;
+}
+
+void SideCompleter::take(const cv::Mat1b& view) {
+  const cv::Rect box = cv::boundingRect(hull_) & around_;
+  for (int y = box.y; y < box.y + box.height; ++y)
+    std::fill_n(whole_.ptr(y) + box.x, box.width, std::uint8_t{0});
+  paint(hull_, view, whole_);
+  for (int y = box.y; y < box.y + box.height; ++y) {
+    const std::uint8_t* row = whole_.ptr(y);
+    const std::uint8_t* const stop = row + box.x + box.width;
+    for (const auto* begin = std::find(row + box.x, stop, kGrown); begin != stop;) {
       const auto* end = std::find(begin, stop, std::uint8_t{0});
       runs_.push_back({y, static_cast<int>(begin - row), static_cast<int>(end - row)});
       begin = std::find(end, stop, kGrown);

@@ -3,8 +3,10 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/convex_part.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
+#include "ground/patch_sums.h"
 #include "ground/shade_filter.h"
 #include "lens/camera.h"
 
@@ -19,8 +21,9 @@ namespace omnifleet::ground {
 ///  side
 ///    meets the top there (docs/methods.md, "Support-function prism"); the median over all bearings tells its
 ///    colour from the floor's to less than a hundredth, and the top goes on while that colour does.
-/// The region grows by them from pixel to pixel. What it becomes counts only where it is convex, as the
-/// silhouette of an upright convex thing is.
+/// The region grows by them from pixel to pixel; all of them must be more than noise. What it becomes counts
+/// only where it is convex, as the silhouette of an upright convex thing is, and ends by itself: what goes on
+/// as far as it is looked for is floor.
 class SideCompleter {
  public:
   SideCompleter(const lens::Camera& camera, cv::Size image);
@@ -41,6 +44,8 @@ class SideCompleter {
     float end_px;  ///< of the top behind
   };
   int bearingAt(float x, float y) const;
+  void lookAround(const cv::Rect& region, int reach);
+  static float noiseAt(const Frame& frame, const cv::Rect& region);
   bool measureSide(const Frame& frame, const Blob& side);
   void learnTop(const Frame& frame);
   void addTop(const Frame& frame);
@@ -48,25 +53,31 @@ class SideCompleter {
   cv::Point pixelAt(std::size_t k, float radius) const;
   bool isLike(const Frame& frame, int x, int y) const;
   cv::Vec3f colourAt(const Frame& frame, int x, int y) const;
+  bool isRim(const cv::Point& at) const;
   void grow(const Frame& frame);
-  bool takeConvex(const Frame& frame);
-  void take(const cv::Mat1b& mask);
+  void keepConvex();
+  cv::Rect paint(const std::vector<cv::Point>& polygon, const cv::Mat1b& view, cv::Mat1b& mask) const;
+  void take(const cv::Mat1b& view);
   static bool isOther(const Frame& frame, const cv::Point& at);
 
   cv::Size size_;  ///< of the whole cells
   cv::Point2f foot_px_;
-  cv::Rect around_;                  ///< the region, with as much beside it as it may grow
-  cv::Mat3f means_;                  ///< of 5×5 pixels, in around_
-  cv::Mat1b grown_, before_, firm_;  ///< in around_: 255 where the thing is; before it grew; without fringe
-  cv::Point2f ahead_;                ///< from the foot to the region
-  float step_rad_ = 0.0f;            ///< of the bearings, which begin half their number before `ahead_`
+  cv::Rect around_;          ///< the region, with as much beside it as it may grow
+  cv::Rect free_;            ///< of it, without its edges, but for those that are the image's
+  cv::Rect box_;             ///< what has grown
+  PatchSums sums_;           ///< in around_
+  cv::Mat1b grown_, whole_;  ///< in around_: 255 where the thing is; what is taken
+  cv::Point2f ahead_;        ///< from the foot to the region
+  float step_rad_ = 0.0f;    ///< of the bearings, which begin half their number before `ahead_`
   std::vector<Bearing> bearings_;
   cv::Vec3f side_hue_, top_;  ///< top_: off the floor as whitened
+  float noise_ = 0.0f;        ///< of means, as a share of the floor's brightness
   bool has_hue_ = false, has_top_ = false;
   std::vector<float> channel_[3], ends_;
-  std::vector<cv::Point> outline_;
+  std::vector<cv::Point> outline_, hull_;
   std::vector<std::size_t> used_;
   std::vector<cv::Point> queue_;
+  ConvexPart convex_;
   std::vector<Run> runs_;
 };
 

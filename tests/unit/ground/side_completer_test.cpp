@@ -128,5 +128,74 @@ TEST_F(SideCompleterTest, TheSoftShadowOfALightThingIsNoSide) {
   EXPECT_NEAR(found[0].area_px, M_PI * r * r, 1.5 * 2.0 * M_PI * r);
 }
 
+/// The completer by itself, on a floor of one colour that is told to it.
+class CompletionTest : public SideCompleterTest {
+ protected:
+  static constexpr double kFloor = 150.0;
+  CompletionTest() : floor_(view_.cells(), cv::Vec3f::all(kFloor)), looks_(image_.size(), kFloorLook) {
+    image_.setTo(cv::Scalar::all(kFloor));
+  }
+
+  /// A dark strip of 30×10 pixels beyond the robot's front, and around it as far as told what is so much
+  /// brighter.
+  Blob drawStrip(int spread_px, double brighter) {
+    const cv::Rect strip(460, 320, 10, 30);
+    const cv::Rect area(strip.x, strip.y - spread_px, strip.width + spread_px, strip.height + 2 * spread_px);
+    image_(area).setTo(cv::Scalar::all(kFloor * brighter));
+    image_(strip).setTo(cv::Scalar::all(kFloor * 0.65));
+    looks_(strip).setTo(greyLook(0.65f));
+    Blob blob;
+    blob.rect = strip;
+    blob.area_px = strip.area();
+    for (int y = strip.y; y < strip.y + strip.height; ++y)
+      blob.runs.push_back({y, strip.x, strip.x + strip.width});
+    return blob;
+  }
+
+  int complete(SideCompleter& completer, const Blob& side, float noise) {
+    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise};
+    int area = 0;
+    for (const ground::Run& run : completer.complete({shade, view_.mask(), looks_}, side))
+      area += run.end - run.begin;
+    return area;
+  }
+
+  cv::Mat3f floor_;
+  cv::Mat1b looks_;
+};
+
+TEST_F(CompletionTest, WhatEndsByItselfIsTakenIn) {
+  SideCompleter completer(camera_, image_.size());
+  const Blob side = drawStrip(8, 1.08);
+  EXPECT_NEAR(complete(completer, side, 1.0f), 18 * 46, 100);  // its corners are cut by the 5×5 means
+}
+
+TEST_F(CompletionTest, WhatGoesOnAsFarAsItIsLookedForIsFloor) {
+  SideCompleter completer(camera_, image_.size());
+  const Blob side = drawStrip(90, 1.08);
+  EXPECT_LE(complete(completer, side, 1.0f), 1.3 * side.area_px);
+}
+
+TEST_F(CompletionTest, WhatWasCompletedBeforeChangesNothing) {
+  SideCompleter used(camera_, image_.size()), fresh(camera_, image_.size());
+  for (const int spread_px : {90, 24, 60}) complete(used, drawStrip(spread_px, 1.08), 1.0f);
+  image_.setTo(cv::Scalar::all(kFloor));
+  const Blob side = drawStrip(8, 1.08);
+  EXPECT_EQ(complete(used, side, 1.0f), complete(fresh, side, 1.0f));
+}
+
+TEST_F(CompletionTest, AHueThatTheNoiseMayMakeIsNone) {
+  SideCompleter completer(camera_, image_.size());
+  const Blob side = drawStrip(8, 1.0);
+  for (int y = 300; y < 380; ++y) {
+    for (int x = 440; x < 500; ++x) {
+      image_(y, x)[0] = cv::saturate_cast<std::uint8_t>(image_(y, x)[0] * 0.984);
+      image_(y, x)[2] = cv::saturate_cast<std::uint8_t>(image_(y, x)[2] * 1.016);
+    }
+  }
+  EXPECT_GE(complete(completer, side, 1.0f), 1.5 * side.area_px);
+  EXPECT_LE(complete(completer, side, 30.0f), 1.3 * side.area_px);
+}
+
 }  // namespace
 }  // namespace omnifleet::ground
