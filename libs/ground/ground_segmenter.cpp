@@ -171,7 +171,7 @@ void GroundSegmenter::completeSides(const cv::Mat& image) {
 ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
   const auto& o = options_.reference;
   return {image, reference_.colour(), static_cast<float>(o.tolerance_across),
-          static_cast<float>(o.noise_sigmas * noise_)};
+          static_cast<float>(o.noise_sigmas * noise_), completer_.foot()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {

@@ -30,6 +30,10 @@ constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: sh
 constexpr float kSharpSide = 0.45f;  // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
+constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
+constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
+constexpr float kNone_px = 1e9f;
+
 // What a pixel of a region is: bit 0 where it is of the core.
 constexpr std::uint8_t kCore = 1, kShade = HueWindow::kCounts, kHued = kShade | kCore;
 
@@ -121,6 +125,21 @@ struct HueTest {
 bool isCore(int pixels, const Blob& blob) {
   return pixels >= kMinCore_px &&
          static_cast<float>(pixels) >= kMinCoreShare * static_cast<float>(blob.area_px);
+}
+
+/// Bearings beside others get what these have.
+void spreadOver(std::vector<float>& bearings) {
+  const auto spread = [](auto begin, auto end) {
+    int since = kBeside_px;
+    float last = kNone_px;
+    for (auto at = begin; at != end; ++at) {
+      since = *at != kNone_px ? 0 : since + 1;
+      if (since == 0) last = *at;
+      if (since > 0 && since <= kBeside_px) *at = last;
+    }
+  };
+  spread(bearings.begin(), bearings.end());
+  spread(bearings.rbegin(), bearings.rend());
 }
 
 float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
@@ -261,6 +280,37 @@ bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
   return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
 }
 
+/// Most of the shade lies before the core on the core's own bearings or at its foot.
+bool ShadeFilter::liesBefore(const Blob& blob, const Census& c, const Frame& frame, const cv::Mat1b& looks) {
+  const cv::Point2f ahead = 0.5f * cv::Point2f(blob.rect.tl() + blob.rect.br()) - frame.foot_px;
+  const float distance = std::sqrt(ahead.dot(ahead));
+  const float size = std::hypot(static_cast<float>(blob.rect.width), static_cast<float>(blob.rect.height));
+  if (distance <= size) return false;
+  const auto half = static_cast<int>(std::ceil(2.0f * size));
+  nearest_px_.assign(static_cast<std::size_t>(2 * half + 1), kNone_px);
+  const auto forPixels = [&](auto visit) {
+    for (const Run& run : blob.runs) {
+      for (int x = run.begin; x < run.end; ++x) {
+        const cv::Point2f to =
+            cv::Point2f(static_cast<float>(x), static_cast<float>(run.row)) - frame.foot_px;
+        const auto k = static_cast<int>(std::lround(distance * ahead.cross(to) / ahead.dot(to)));
+        visit(looks(run.row, x), nearest_px_[static_cast<std::size_t>(std::clamp(k, -half, half) + half)],
+              to.dot(to));
+      }
+    }
+  };
+  forPixels([&](Look look, float& nearest, float radius2) {
+    if (look == kColourLook || (isGrey(look) && look < c.shade_limit)) nearest = std::min(nearest, radius2);
+  });
+  spreadOver(nearest_px_);
+  int before = 0;
+  forPixels([&](Look look, float& nearest, float radius2) {
+    before +=
+        look >= c.shade_limit && gainOf(look) < 1.0f && nearest != kNone_px && radius2 < nearest ? 1 : 0;
+  });
+  return static_cast<float>(before) >= kMostBefore * static_cast<float>(c.shaded);
+}
+
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
                                         const cv::Mat1b& looks) {
   if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
@@ -276,6 +326,8 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   }
   if (side && endsSharply(blob, frame, looks)) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
+    return Verdict::kKeepCore;
+  if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
     return Verdict::kKeepCore;
   return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }

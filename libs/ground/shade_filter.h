@@ -16,6 +16,8 @@ namespace omnifleet::ground {
 /// darker than the floor, may be shadow or a grey thing; the region decides:
 ///  - where it is mostly of other hues, or much darker still, the pixels that are merely shaded floor are the
 ///    thing's shadow (at its foot or thrown) and go;
+///  - so does what lies before the darker part of a region of two kinds of the floor's hue, seen from the
+///    camera's foot: a top lies behind its sides;
 ///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
 ///    when its brightness fades into the floor's;
 ///  - where all of it has the floor's hue, but some of it is lighter than the floor, it is a thing of nearly
@@ -41,6 +43,7 @@ class ShadeFilter {
     const cv::Mat3f& floor;  ///< floor colour per cell
     float hue_tolerance;     ///< share of the floor's brightness by which its hue may be off
     float noise;             ///< grey levels tolerated beside it in a single pixel
+    cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
   };
 
   /// @param area of the strips; @param looks of the pixels, 0 outside the strips
@@ -80,10 +83,11 @@ class ShadeFilter {
   void giveHuedBack(const Run& shade, const Frame& frame);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
-  static Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
   static bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  bool liesBefore(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   std::vector<cv::Rect> core_rects_;
@@ -92,6 +96,7 @@ class ShadeFilter {
   BitArea core_area_;         ///< of them: outside of it these are 0
   BitMask bare_bits_, core_;  ///< bare_; the same despeckled
   HueWindow around_;
+  std::vector<float> nearest_px_;  ///< of a region's core, by bearings
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;

@@ -37,6 +37,9 @@ class SideCompleter {
   /// @return the pixels of the whole thing, by rows, valid until the next call; empty where there is none
   const std::vector<Run>& complete(const Frame& frame, const Blob& side);
 
+  /// The camera's, pixels.
+  const cv::Point2f& foot() const { return foot_px_; }
+
  private:
   /// Of the side, pixels from the foot; far < near where it has none.
   struct Bearing {

@@ -128,6 +128,23 @@ TEST_F(SideCompleterTest, TheSoftShadowOfALightThingIsNoSide) {
   EXPECT_NEAR(found[0].area_px, M_PI * r * r, 1.5 * 2.0 * M_PI * r);
 }
 
+TEST_F(SideCompleterTest, TheShadowBeforeADarkThingIsNoneOfIt) {
+  drawBox({0.39, 0.39, 0.39}, {0.44, 0.44, 0.44});
+  const cv::Mat1b box = truth_.clone();
+  for (int i = 0; i < 5; ++i) {
+    const double end = 0.80 - 0.012 * i, begin = end - 0.012, share = 0.68 + 0.04 * i;
+    paint(maskOf({{begin, -0.1, 0}, {begin, 0.1, 0}, {end, 0.1, 0}, {end, -0.1, 0}}) & ~truth_,
+          {share, share, share});
+  }
+  truth_ = box;
+  expectTheBox();
+}
+
+TEST_F(SideCompleterTest, ALightTopOfADarkThingIsOfIt) {
+  drawBox({0.38, 0.38, 0.38}, {0.68, 0.68, 0.68});
+  expectTheBox();
+}
+
 /// The completer by itself, on a floor of one colour that is told to it.
 class CompletionTest : public SideCompleterTest {
  protected:
@@ -153,7 +170,7 @@ class CompletionTest : public SideCompleterTest {
   }
 
   int complete(SideCompleter& completer, const Blob& side, float noise) {
-    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise};
+    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise, completer.foot()};
     int area = 0;
     for (const ground::Run& run : completer.complete({shade, view_.mask(), looks_}, side))
       area += run.end - run.begin;
