@@ -13,11 +13,12 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr int kMinRegion_px = 12;       // smaller ones are noise, whatever they are
-constexpr int kMinCore_px = 16;         // fewer pixels that are no shade make no thing
-constexpr float kMinCoreShare = 0.08f;  // of the region, likewise
-constexpr float kFaintShare = 0.75f;    // of a region, from which it may be the floor's own pattern
-constexpr int kPatternRegions = 3;      // that many faint ones at once are a pattern
+constexpr int kMinRegion_px = 12;         // smaller ones are noise, whatever they are
+constexpr int kMinCore_px = 16;           // fewer pixels that are no shade make no thing
+constexpr float kMinCoreShare = 0.08f;    // of the region, likewise
+constexpr float kFaintShare = 0.75f;      // of a region, from which it may be the floor's own pattern
+constexpr int kPatternRegions = 3;        // that many faint ones at once are a pattern
+constexpr int kStrongPatternRegions = 4;  // that many of a pattern's contrast, faint ones among them, too
 constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
@@ -395,7 +396,7 @@ void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::ve
 
 void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks) {
   judged_.clear();
-  int faint = 0, tiles = 0;
+  int faint = 0, patterned = 0, tiles = 0;
   for (const Blob& blob : blobs) {
     const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
@@ -403,11 +404,12 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     judged_.push_back(
         {judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile, census.shade_limit});
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
+    patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;
   }
+  const bool has_pattern = faint >= kPatternRegions || patterned >= kStrongPatternRegions;
   for (Judged& judged : judged_) {
-    const bool of_floor =
-        (faint >= kPatternRegions && judged.as_pattern) || (tiles >= kPatternRegions && judged.as_tile);
+    const bool of_floor = (has_pattern && judged.as_pattern) || (tiles >= kPatternRegions && judged.as_tile);
     if (of_floor && judged.verdict != Verdict::kDrop) judged.verdict = Verdict::kUndecided;
   }
   for (std::size_t i = 0; i < blobs.size(); ++i) {

@@ -192,6 +192,19 @@ TEST_F(ShadeFilterTest, WhatIsALittleStrongerThanTheFloorsPatternIsOfIt) {
   EXPECT_EQ(blobs().size(), 2U);  // things that are nothing like the floor stay
 }
 
+TEST_F(ShadeFilterTest, SeveralRegionsOfAPatternsContrastAreThePattern) {
+  shade(440, 340, [](double d) { return d < 14 ? 1.2 : 1.0; });
+  shade(190, 330, [](double d) { return d < 12 ? 0.79 : 1.0; });
+  shade(240, 390, [](double d) { return d < 12 ? 0.79 : 1.0; });
+  EXPECT_EQ(blobs().size(), 3U);  // may be things
+  shade(190, 190, [](double d) { return d < 12 ? 1.2 : 1.0; });
+  testing::drawDisc<cv::Vec3b>(image_, 480, 260, 16, {22, 20, 20});
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(segmenter.undecided().size(), 4U);
+  EXPECT_EQ(blobs().size(), 1U);
+}
+
 /// Tiles lighter than the rest with a dark joint through them: neither is a thing for itself, and several at
 /// once are the floor's. The joint is darker than tiles are, so that no such region is faint as a whole.
 TEST_F(ShadeFilterTest, PiecesOfTilesWithDarkJointsAreFloor) {
