@@ -11,6 +11,7 @@ constexpr std::chrono::seconds kSavePeriod{10};
 
 constexpr std::size_t kCorrectedAtOnce = 8;  // contributions: 2 ms
 constexpr std::size_t kMaxWaiting = 64;      // frames whose other half may still come (live)
+constexpr TimeNs kSilentNs = 500'000'000;    // without a frame of its own, after which a robot waits for none
 
 std::string contributionStream(const std::string& robot) {
   return "map/contribution " + robot;
@@ -148,12 +149,19 @@ void GlobalMergerService::process() {
       if (pose->robot == robot_) waiting_poses_.push_back(std::move(*pose));
     }
   }
-  contribute();
   const bool live = context_.options.mode == bus::RunMode::kLive;
+  const bool contributed = contribute();
   if (live) replica_.correctSome();
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
+  if (live && !hasTime(contributed)) return;
   publisher_.update(replica_, batch_.time, false, status(), live ? meanwhile_ : global_merger::Meanwhile{});
   if (live && !pausing_) saveNowAndThen();
+}
+
+/// Live, what takes long is begun when the own frame has been contributed: until the next one nobody waits.
+bool GlobalMergerService::hasTime(bool contributed) {
+  if (contributed) contributed_ns_ = batch_.time;
+  return contributed || batch_.time - contributed_ns_ >= kSilentNs;
 }
 
 /// Live, the fits of the outlines hold no frame up.
@@ -165,7 +173,9 @@ void GlobalMergerService::pause() {
   pausing_ = false;
 }
 
-void GlobalMergerService::contribute() {
+/// @return whether a frame has both its halves now
+bool GlobalMergerService::contribute() {
+  bool any = false;
   while (!waiting_objects_.empty() && !waiting_poses_.empty()) {
     const Objects& objects = waiting_objects_.front();
     const PoseEstimate& pose = waiting_poses_.front();
@@ -177,6 +187,7 @@ void GlobalMergerService::contribute() {
       waiting_poses_.pop_front();
       continue;
     }
+    any = true;
     if (auto made = maker_.make(objects, pose)) {
       replica_.add(made->contribution);
       replica_.add(made->pose);
@@ -190,6 +201,7 @@ void GlobalMergerService::contribute() {
   }
   while (waiting_objects_.size() > kMaxWaiting) waiting_objects_.pop_front();
   while (waiting_poses_.size() > kMaxWaiting) waiting_poses_.pop_front();
+  return any;
 }
 
 /// Live, a run may end by a power cut: what was mapped until a little before is on the disk.

@@ -44,7 +44,8 @@ class GlobalMergerService : public bus::Service {
   bool pullSets();
   void process();
   void pause();
-  void contribute();
+  bool contribute();
+  bool hasTime(bool contributed);
   bool setsComplete() const;
   void listenTo(const std::string& stream);
   void save(bool as_fitted = false);
@@ -66,12 +67,13 @@ class GlobalMergerService : public bus::Service {
   global_merger::ContributionMaker maker_;
   global_merger::Merger replica_;
   std::map<std::string, SetStream> sets_;
-  std::deque<Objects> waiting_objects_;     ///< whose pose has not come yet
-  std::deque<PoseEstimate> waiting_poses_;  ///< of the own robot
+  std::deque<Objects> waiting_objects_;               ///< whose pose has not come yet
+  std::deque<PoseEstimate> waiting_poses_;            ///< of the own robot
   v1::Contribution contribution_, own_contribution_;  ///< as taken; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
   const global_merger::Meanwhile meanwhile_ = [this] { pause(); };
-  bool pausing_ = false;  ///< between two fits
+  bool pausing_ = false;       ///< between two fits
+  TimeNs contributed_ns_ = 0;  ///< time of the last batch that made an own frame whole
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };

@@ -120,14 +120,16 @@ class Sources {
   std::vector<std::unique_ptr<bus::Writer<v1::WheelOdometry>>> wheels_;
 };
 
-/// The map as any robot's merger holds it.
+/// The map as any robot's merger holds it, live.
 class Replica {
  public:
   Replica(bus::Bus& bus, const bus::Topics& topics, const fleet::Fleet& fleet)
       : contributions_(bus.reader(topics.map_contribution)),
         poses_(bus.reader(topics.map_keyframe_pose)),
         map_(occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
-             fleet.bodies()) {}
+             fleet.bodies()) {
+    map_.correctAtOnce(kCorrectedAtOnce);
+  }
 
   using Name = std::pair<std::string, TimeNs>;
   /// Takes what has arrived; `changed` is called for each keyframe that is now in the map.
@@ -141,6 +143,7 @@ class Replica {
       if (adapters::fromWire(pose_wire_, pose_) && map_.add(pose_))
         settle({pose_.robot, pose_.acquired_ns}, changed);
     }
+    map_.correctSome();
   }
 
  private:
@@ -149,6 +152,8 @@ class Replica {
     const auto* keyframe = map_.store().find(name.first, name.second);
     if (keyframe && keyframe->contribution && keyframe->pose && keyframe->pose->valid) changed(name);
   }
+
+  static constexpr std::size_t kCorrectedAtOnce = 8;  // as the mergers
 
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> poses_;

@@ -11,22 +11,23 @@
 
 namespace omnifleet::test {
 
-/// One stage of config/fleets/small.yaml, or of another fleet file, on the fake bus; the test plays its neighbours.
+/// One stage of config/fleets/small.yaml, or of another fleet file, on the fake bus; the test plays its
+/// neighbours.
 class StageBench {
  public:
   explicit StageBench(const std::string& service, const std::string& robot, const std::string& out = {},
-                      const std::string& fleet = {})
+                      const std::string& fleet = {}, bus::RunMode mode = bus::RunMode::kLockstep)
       : network_(bus::makeFakeNetwork()),
         theirs_(bus::makeFakeBus(network_, {})),
         mine_(bus::makeFakeBus(network_, {})),
-        topics(bus::RunMode::kLockstep) {
+        topics(mode) {
     bus::ServiceOptions options;
     options.fleet = fleet;
     if (fleet.empty())
       options.fleet = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
     options.robot = robot;
     options.out = out;
-    options.mode = bus::RunMode::kLockstep;
+    options.mode = mode;
     auto log = std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>());
     stage_ = services::factoryOf(service)({*theirs_, options, topics, log});
     stage_->start();

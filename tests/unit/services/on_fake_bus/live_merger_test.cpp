@@ -1,0 +1,91 @@
+// When the replica that speaks publishes the map, live.
+
+#include <gtest/gtest.h>
+
+#include "adapters/adapters.h"
+#include "tests/unit/services/on_fake_bus/stage_bench.h"
+
+namespace omnifleet {
+namespace {
+
+constexpr TimeNs kStep = 400'000'000;
+
+/// The first robot's merger; its classifier, its localizer and the other robot are played.
+class LiveMerger : public testing::Test {
+ protected:
+  void objects(int step) {
+    Objects seen;
+    seen.robot = "r1";
+    seen.acquired_ns = step * kStep;
+    seen.sequence = static_cast<std::uint32_t>(step);
+    seen.scan.range_m.assign(360, 1.5F);
+    seen.scan.sigma_m.assign(360, 0.01F);
+    seen.scan.label.assign(360, RayLabel::kObstacle);
+    seen.scan.object.assign(360, 0);
+    v1::Objects wire;
+    adapters::toWire(seen, adapters::RunClock::kSystem, wire);
+    ASSERT_TRUE(objects_->write(wire));
+    bench_.spin();
+  }
+  void pose(const std::string& robot, int step) {
+    PoseEstimate estimate;
+    estimate.robot = robot;
+    estimate.acquired_ns = step * kStep;
+    estimate.sequence = static_cast<std::uint32_t>(step);
+    estimate.valid = true;
+    estimate.map_from_base = {0.1 * step, robot == "r1" ? 0.0 : 1.0, 0.0};  // far enough for a keyframe
+    estimate.covariance = Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal();
+    v1::Pose wire;
+    adapters::toWire(estimate, adapters::RunClock::kSystem, 0, wire);
+    ASSERT_TRUE((robot == "r1" ? pose_ : other_pose_)->write(wire));
+    bench_.spin();
+  }
+  template <class Wire>
+  int taken(bus::Reader<Wire>& reader) {
+    Wire wire;
+    int count = 0;
+    while (reader.take(wire)) ++count;
+    return count;
+  }
+  int maps() { return taken(*grid_); }
+  int contributions() { return taken(*contributions_); }
+
+  test::StageBench bench_{"global_merger", "r1", "", "", bus::RunMode::kLive};
+  std::unique_ptr<bus::Writer<v1::Objects>> objects_ = bench_.bus().writer(bench_.topics.objects, "r1");
+  std::unique_ptr<bus::Writer<v1::Pose>> pose_ = bench_.bus().writer(bench_.topics.pose, "r1"),
+                                         other_pose_ = bench_.bus().writer(bench_.topics.pose, "r2");
+  std::unique_ptr<bus::Reader<v1::Grid>> grid_ = bench_.bus().reader(bench_.topics.map_grid);
+  std::unique_ptr<bus::Reader<v1::Contribution>> contributions_ =
+      bench_.bus().reader(bench_.topics.map_contribution);
+};
+
+TEST_F(LiveMerger, PublishesWhatTakesLongWhenTheOwnFrameIsInTheMap) {
+  int published = 0;
+  for (int step = 1; step <= 12; ++step) {
+    pose("r2", step);  // the others may be ahead
+    objects(step);
+    if (step > 1) {
+      EXPECT_EQ(maps(), 0) << step;  // its pose is still to come
+    }
+    pose("r1", step);
+    EXPECT_EQ(contributions(), 1) << step;
+    published += maps();
+  }
+  EXPECT_EQ(published, 4);  // every 1.2 s
+}
+
+TEST_F(LiveMerger, PublishesWithoutFramesOfItsOwn) {
+  for (int step = 1; step <= 2; ++step) {
+    objects(step);
+    pose("r1", step);
+  }
+  EXPECT_EQ(contributions(), 2);
+  maps();      // without what the second one saw
+  objects(3);  // the localizer is lost: no pose of r1 comes any more
+  EXPECT_EQ(maps(), 0);
+  pose("r2", 4);
+  EXPECT_EQ(maps(), 1);
+}
+
+}  // namespace
+}  // namespace omnifleet
