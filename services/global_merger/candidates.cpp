@@ -97,11 +97,24 @@ bool isObserver(const std::string& robot, const MergerOptions& options) {
 
 using Tracks = std::map<std::uint32_t, Candidate>;
 
-void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
-                const std::vector<PlacedRobot>& others, const MergerOptions& options, Tracks& tracks) {
+/// A view that may be of a robot.
+struct Doubtful {
+  ObjectView view;
+  std::size_t others;  ///< which of Gathered::others stood there at its time
+};
+
+/// What one robot's part of the store says: nothing more is asked of the store, which may grow from then on.
+struct Gathered {
+  Tracks tracks;  ///< without views yet
+  std::vector<std::vector<PlacedRobot>> others;
+  std::vector<Doubtful> views;
+};
+
+void gatherFrom(const Contribution& contribution, const KeyframePose& pose, const MergerOptions& options,
+                Gathered& all) {
   for (const auto& seen : contribution.views) {
     if (!seen.name.empty()) continue;  // named_landmarks.h
-    auto& candidate = tracks[seen.track_id];
+    auto& candidate = all.tracks[seen.track_id];
     candidate.robot = contribution.robot;
     candidate.track_id = seen.track_id;
     if (seen.kind != ObjectKind::kUnknown) candidate.kind = seen.kind;
@@ -109,8 +122,28 @@ void gatherFrom(const Contribution& contribution, const KeyframePose& pose,
     if ((metres(seen.contact) - metres(contribution.scan_origin)).norm() > options.max_contact_m) continue;
     ObjectView view = viewOf(contribution, pose, seen, options);
     if (view.prism.supports.size() < 3 || view.prism.camera_height_m < 0) continue;
-    if (!isRobot(view, others, options)) candidate.views.push_back(std::move(view));
+    all.views.push_back({std::move(view), all.others.size() - 1});
   }
+}
+
+std::vector<Candidate> sorted(std::vector<Gathered>& gathered, const MergerOptions& options,
+                              const Meanwhile& meanwhile) {
+  constexpr std::size_t kAtOnce = 16;  // views: less than one fit of an outline
+  std::vector<Candidate> candidates;
+  for (Gathered& all : gathered) {
+    for (std::size_t i = 0; i < all.views.size(); ++i) {
+      if (meanwhile && i % kAtOnce == 0) meanwhile();
+      auto& [view, others] = all.views[i];
+      if (!isRobot(view, all.others[others], options))
+        all.tracks.at(view.track_id).views.push_back(std::move(view));
+    }
+    for (auto& [id, candidate] : all.tracks) {
+      if (candidate.kind == ObjectKind::kRobot || candidate.views.empty()) continue;
+      thin(candidate.views);
+      candidates.push_back(std::move(candidate));
+    }
+  }
+  return candidates;
 }
 
 }  // namespace
@@ -120,28 +153,24 @@ outline::KnownBody knownBody(const RobotBody& body) {
 }
 
 std::vector<Candidate> candidatesOf(const ContributionStore& store, const MergerOptions& options,
-                                    const std::map<std::string, RobotBody>& bodies) {
+                                    const std::map<std::string, RobotBody>& bodies,
+                                    const Meanwhile& meanwhile) {
   const occupancy::RobotPaths paths(store, kHoldNs, kMaxGapNs);
-  std::vector<Candidate> all;
+  std::vector<Gathered> gathered;
   for (const auto& [robot, path] : store.robots()) {
     if (!isObserver(robot, options)) continue;
-    Tracks tracks;
+    Gathered& all = gathered.emplace_back();
     for (const auto& [time_ns, keyframe] : path) {
       if (!keyframe.seen || !occupancy::standingOf(keyframe.pose)) continue;
       if (std::all_of(keyframe.seen->views.begin(), keyframe.seen->views.end(),
                       [](const SupportView& view) { return !view.name.empty(); })) {
         continue;
       }
-      const auto others = othersAt(store, paths, bodies, robot, time_ns);
-      gatherFrom(*keyframe.seen, *keyframe.pose, others, options, tracks);
-    }
-    for (auto& [id, candidate] : tracks) {
-      if (candidate.kind == ObjectKind::kRobot || candidate.views.empty()) continue;
-      thin(candidate.views);
-      all.push_back(std::move(candidate));
+      all.others.push_back(othersAt(store, paths, bodies, robot, time_ns));
+      gatherFrom(*keyframe.seen, *keyframe.pose, options, all);
     }
   }
-  return all;
+  return sorted(gathered, options, meanwhile);
 }
 
 }  // namespace omnifleet::global_merger

@@ -48,7 +48,10 @@ outline::PrismOptions quick(const MergerOptions& options) {
   return quick;
 }
 
-Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options) {
+/// All fits go through it.
+Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options,
+              const Meanwhile& meanwhile) {
+  if (meanwhile) meanwhile();
   Group group;
   group.kind = kind;
   group.fit = fitViews(views, options);
@@ -67,15 +70,16 @@ bool isOneBody(const Group& group, const MergerOptions& options) {
 }
 
 /// Halves a track in time until each piece shows one body in one place.
-void cut(const Views& views, ObjectKind kind, const MergerOptions& options, std::vector<Group>& pieces) {
-  Group whole = groupOf(views, kind, quick(options));
+void cut(const Views& views, ObjectKind kind, const MergerOptions& options, const Meanwhile& meanwhile,
+         std::vector<Group>& pieces) {
+  Group whole = groupOf(views, kind, quick(options), meanwhile);
   if (views.size() < 2 || !whole.fit.valid || isOneBody(whole, options)) {
     pieces.push_back(std::move(whole));
     return;
   }
   const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
-  cut({views.begin(), middle}, kind, options, pieces);
-  cut({middle, views.end()}, kind, options, pieces);
+  cut({views.begin(), middle}, kind, options, meanwhile, pieces);
+  cut({middle, views.end()}, kind, options, meanwhile, pieces);
 }
 
 /// What something nearer cuts in two for a laser.
@@ -106,15 +110,17 @@ bool areNear(const Group& a, const Group& b, const MergerOptions& options) {
   return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) > 0.3 * smaller;
 }
 
-Group joined(const Group& a, const Group& b, const outline::PrismOptions& options) {
+Group joined(const Group& a, const Group& b, const outline::PrismOptions& options,
+             const Meanwhile& meanwhile) {
   Views views = a.views;
   views.insert(views.end(), b.views.begin(), b.views.end());
   std::sort(views.begin(), views.end(), isEarlier);
-  return groupOf(std::move(views), std::max(a.kind, b.kind), options);  // obstacle over unknown
+  return groupOf(std::move(views), std::max(a.kind, b.kind), options, meanwhile);  // obstacle over unknown
 }
 
 /// Joins the piece to the nearest group with which it makes one body; false when there is none.
-bool join(const Group& piece, const MergerOptions& options, std::vector<Group>& groups) {
+bool join(const Group& piece, const MergerOptions& options, const Meanwhile& meanwhile,
+          std::vector<Group>& groups) {
   std::vector<std::pair<double, std::size_t>> near;
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (areNear(piece, groups[i], options))
@@ -123,10 +129,10 @@ bool join(const Group& piece, const MergerOptions& options, std::vector<Group>& 
   std::sort(near.begin(), near.end());
   for (const auto& [distance, i] : near) {
     if (shareAFrame(piece, groups[i])) continue;
-    Group both = joined(groups[i], piece, quick(options));
+    Group both = joined(groups[i], piece, quick(options), meanwhile);
     // Seen from one side by lasers: an outline that stays open may be a plain shape.
     if (!both.fit.valid && both.views.front()->prism.camera_height_m <= 0.0)
-      both = joined(groups[i], piece, options.prism);
+      both = joined(groups[i], piece, options.prism, meanwhile);
     if (!isOneBody(both, options)) continue;
     groups[i] = std::move(both);
     return true;
@@ -157,8 +163,8 @@ void dropLeftPlaces(std::vector<Group>& groups) {
 }
 
 /// Fitted over all views; those that show something else after all are left out.
-Group refined(const Group& group, const MergerOptions& options) {
-  Group all = groupOf(group.views, group.kind, options.prism);
+Group refined(const Group& group, const MergerOptions& options, const Meanwhile& meanwhile) {
+  Group all = groupOf(group.views, group.kind, options.prism, meanwhile);
   if (!all.fit.valid) return all;
   Views kept;
   for (const auto* view : all.views) {
@@ -176,7 +182,7 @@ Group refined(const Group& group, const MergerOptions& options) {
     if (count > 0 && sum <= count * options.max_spread * options.max_spread) kept.push_back(view);
   }
   if (kept.empty() || kept.size() == all.views.size()) return all;
-  return groupOf(std::move(kept), group.kind, options.prism);
+  return groupOf(std::move(kept), group.kind, options.prism, meanwhile);
 }
 
 bool shareAPlace(const Group& a, const Group& b) {
@@ -188,7 +194,7 @@ bool shareAPlace(const Group& a, const Group& b) {
 
 /// Two bodies cannot stand in one place: what the quick fits kept apart is joined where the full one explains
 /// all views, else the one that fewer views show is dropped.
-void settleOverlaps(const MergerOptions& options, std::vector<Group>& groups) {
+void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, std::vector<Group>& groups) {
   std::stable_sort(groups.begin(), groups.end(),
                    [](const Group& a, const Group& b) { return a.views.size() > b.views.size(); });
   std::vector<Group> kept;
@@ -200,7 +206,7 @@ void settleOverlaps(const MergerOptions& options, std::vector<Group>& groups) {
       continue;
     }
     if (shareAFrame(*other, group)) continue;
-    Group both = joined(*other, group, options.prism);
+    Group both = joined(*other, group, options.prism, meanwhile);
     if (isOneBody(both, options)) *other = std::move(both);
   }
   groups = std::move(kept);
@@ -210,28 +216,20 @@ void settleOverlaps(const MergerOptions& options, std::vector<Group>& groups) {
 
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
                               const Meanwhile& meanwhile) {
-  const auto pause = [&] {
-    if (meanwhile) meanwhile();
-  };
   std::vector<Group> pieces, groups;
   for (const auto& candidate : candidates) {
     Views views;
     for (const auto& view : candidate.views) views.push_back(&view);
-    cut(views, candidate.kind, options, pieces);
-    pause();
+    cut(views, candidate.kind, options, meanwhile, pieces);
   }
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
   for (auto& piece : pieces) {
-    if (!join(piece, options, groups)) groups.push_back(std::move(piece));
-    pause();
+    if (!join(piece, options, meanwhile, groups)) groups.push_back(std::move(piece));
   }
   dropLeftPlaces(groups);
-  for (auto& group : groups) {
-    group = refined(group, options);
-    pause();
-  }
-  settleOverlaps(options, groups);
+  for (auto& group : groups) group = refined(group, options, meanwhile);
+  settleOverlaps(options, meanwhile, groups);
   std::sort(groups.begin(), groups.end(),
             [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });
   return groups;

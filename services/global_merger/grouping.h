@@ -19,7 +19,7 @@ struct Group {
 /// moved); the pieces of all robots are joined, surest first, where their centres are within the gate or
 /// their footprints overlap and one prism explains both; of a moved object only the latest place stays.
 /// Fitted over all views; of two that then stand in one place, never seen in one frame, the one with more
-/// views stays. The candidates must outlive the groups. `meanwhile` is called between the fits.
+/// views stays. The candidates must outlive the groups. `meanwhile` is called before each fit.
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
                               const Meanwhile& meanwhile = {});
 

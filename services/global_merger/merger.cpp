@@ -164,7 +164,7 @@ bool Merger::isObject(const Group& group) const {
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
-  const auto candidates = candidatesOf(map_.store(), options_, bodies_);
+  const auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
