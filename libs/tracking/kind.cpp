@@ -92,7 +92,7 @@ void KindJudge::judge(std::vector<TrackState>& tracks, const std::vector<Peer>& 
     judgeShape(track, peers, own);
   }
   judgePlaces(tracks, peers, own);
-  for (TrackState& track : tracks) settle(track, peers);
+  for (TrackState& track : tracks) settle(track, peers, own.step_s());
 }
 
 bool KindJudge::touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,
@@ -217,7 +217,7 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<c
   }
 }
 
-void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const {
+void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers, double step_s) const {
   if (track.blob < 0) return;
   const KindEvidence& e = track.evidence;
   const double p = probability(e.shape + e.place + e.motion);
@@ -230,18 +230,24 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers) const 
                         track.age_s < options_.window_s && track.view.camera_height_m > 0.0;
   if (track.kind == ObjectKind::kUnknown) {
     if (sure >= options_.decide && !stranger) track.kind = leaning;
-  } else if (leaning != track.kind && sure >= options_.change) {
-    // What is seen in one piece to drive needs no second look.
+  } else if (leaning != track.kind && sure >= options_.decide) {
+    // What is seen in one piece to drive needs no second look; what is less sure may speak for a while.
     const bool drives = leaning == ObjectKind::kRobot && e.motion > 0.0 && track.clean;
-    if (++track.evidence.against >= options_.change_frames || drives) track.kind = leaning;
+    track.evidence.against += sure >= options_.change ? 1 : 0;
+    track.evidence.against_s += step_s;
+    if (track.evidence.against >= options_.change_frames || (drives && sure >= options_.change) ||
+        track.evidence.against_s > options_.window_s)
+      track.kind = leaning;
   } else {
     track.evidence.against = 0;
+    track.evidence.against_s = 0.0;
   }
   track.kind_probability = track.kind == ObjectKind::kUnknown ? 0.0
                            : track.kind == leaning            ? sure
                                                               : 1.0 - sure;
   if (track.kind == before) return;
   track.evidence.against = 0;
+  track.evidence.against_s = 0.0;
   track.moving = track.kind != ObjectKind::kObstacle;
   const int body = e.peer >= 0 ? e.peer : e.best_body;
   if (before == ObjectKind::kRobot) track.filter.forgetShape();

@@ -20,6 +20,7 @@ struct KindEvidence {
   int best_body = -1;       ///< index of the peer whose body fits best
   int peer = -1;            ///< index of the peer whose published pose matches
   int against = 0;          ///< frames in a row that speak for renaming
+  double against_s = 0.0;   ///< how long they and less sure ones have
   double still_s = 0.0;     ///< how long it has stood, seconds
   double touching_s = 1e9;  ///< since it last stood against a robot, seconds
   int moved_frames = 0;     ///< frames in a row in which it moved
