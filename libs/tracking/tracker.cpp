@@ -307,8 +307,10 @@ void Tracker::end() {
   const auto lost = [&](const TrackState& track) {
     // What was seen in one piece but for a moment is there, at the edge of what can be seen.
     const bool fleeting = track.views < kKnown && track.evidence.shape_views == 0;
+    // What stands is where it was.
+    const bool stands = track.kind == ObjectKind::kObstacle && !track.moving;
     const double keep = fleeting || !track.whole ? options_.keep_new_s
-                        : track.hidden           ? options_.keep_hidden_s
+                        : track.hidden || stands ? options_.keep_hidden_s
                                                  : options_.keep_s;
     return track.dissolved || track.unseen_s > keep;
   };
