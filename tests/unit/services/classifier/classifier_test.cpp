@@ -155,6 +155,18 @@ TEST(Classifier, KeepsIdsThroughTwoSecondsOfLoss) {
   EXPECT_EQ(score.obstacles_as_robots, 0);
 }
 
+/// What stands is where it was, however long nobody saw it.
+TEST(Classifier, KeepsIdsOfWhatStandsThroughTenSecondsOfLoss) {
+  Scenario scenario{"obstacles lost for 10 s", 140, apart};
+  scenario.drive = [](Scene& scene, int, std::mt19937&) {
+    for (std::size_t i = 0; i < 3; ++i) scene.bodies[i].w_radps = 0.6;
+  };
+  scenario.lost = [](std::size_t body, int frame) { return frame >= 25 && frame < 125 && body >= 3; };
+  const Score score = runAll(scenario);
+  EXPECT_EQ(score.switches, 0);
+  EXPECT_GT(score.obstacles_right, 0);
+}
+
 /// One robot pushes a box: the box moves, and is an obstacle still.
 TEST(Classifier, APushedBoxIsAMovingObstacle) {
   Scenario scenario{"pushed", 60, [](std::mt19937& rng) {
