@@ -1,6 +1,7 @@
 #include "ground/ground_segmenter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <type_traits>
@@ -66,6 +67,19 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
       for (int k = 0; k < 3; ++k) sum += sums[j][std::clamp(i + shift + k * kChannels, channel, last)];
       smoothed[j * kCopyRow + i] = static_cast<std::uint8_t>((sum + 4) / 9);
     }
+  }
+}
+
+constexpr std::size_t kAhead = 8;  // strips, of which the pixels are asked for before they are needed
+
+/// The frame is larger than the processor's near memory.
+void prefetch(const cv::Mat& image, const Strip& strip) {
+  constexpr int kLine = 64;  // bytes
+  const int pixel = image.channels();
+  for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
+    const std::uint8_t* row = image.ptr(y);
+    for (int at = strip.begin_px * pixel; at < strip.end_px * pixel + kLine; at += kLine)
+      __builtin_prefetch(row + at);
   }
 }
 
@@ -181,11 +195,12 @@ bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
-  for (const auto& strip : strips_) {
+  for (std::size_t i = 0; i < strips_.size(); ++i) {
+    if (i + kAhead < strips_.size()) prefetch(image, strips_[i + kAhead]);
     if (image.channels() == 3)
-      classifyStrip<3>(image, strip, noise);
+      classifyStrip<3>(image, strips_[i], noise);
     else
-      classifyStrip<1>(image, strip, noise);
+      classifyStrip<1>(image, strips_[i], noise);
   }
   return true;
 }
@@ -367,7 +382,10 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
     return CellBytes<std::remove_pointer_t<decltype(mask.ptr(y))>>{mask.ptr(y) + x,
                                                                    static_cast<std::ptrdiff_t>(mask.step[0])};
   };
-  const CellBytes<const std::uint8_t> valid = at(view_->mask());
+  static constexpr std::array<std::uint8_t, kCell> kAllValid{255, 255, 255, 255};
+  const CellBytes<const std::uint8_t> valid = view_->coverage()(cell_y, cell_x) == 2
+                                                  ? CellBytes<const std::uint8_t>{kAllValid.data(), 0}
+                                                  : at(view_->mask());
   CellBytes<const std::uint8_t> pixels{image.ptr(y) + x * kChannels,
                                        static_cast<std::ptrdiff_t>(image.step[0])};
   std::uint8_t copy[kCell * kCopyRow];
