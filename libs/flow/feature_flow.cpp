@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ground/floor_view.h"
+
 namespace omnifleet::flow {
 
 namespace {
 
 // Around a region: its outline is looked for there, and it may have moved that much more than is expected.
 constexpr int kSlack_px = 16;
+static_assert(CellColours::kSide == ground::FloorView::kCell);
 
 }  // namespace
 
@@ -32,29 +35,39 @@ FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& o
       previous_(options.lucas_kanade.levels),
       current_(options.lucas_kanade.levels) {}
 
-void FeatureFlow::push(const cv::Mat& image, const std::vector<ground::Blob>& regions) {
+/// Pixels around a point that are needed for so many levels of the pyramid.
+int FeatureFlow::reach(int levels) const {
+  return lucas_kanade_.reach_px(levels) + Pyramid::lossOf(levels);
+}
+
+void FeatureFlow::push(const cv::Mat& image, const CellColours& cells,
+                       const std::vector<ground::Blob>& regions) {
   std::swap(previous_, current_);
   std::swap(previous_seen_, current_seen_);
   has_previous_ = has_current_;
   has_current_ = true;
   const cv::Rect frame(0, 0, image.cols, image.rows);
-  const int levels = current_.size(), reach_px = lucas_kanade_.reach_px(levels) + Pyramid::lossOf(levels);
+  const int coarsest_px = reach(current_.size()),
+            reach_px = reach(std::min(current_.size(), Pyramid::kCellLevel));
   const auto around = [&](const cv::Rect& r, int by) {
     return cv::Rect(r.x - by, r.y - by, r.width + 2 * by, r.height + 2 * by) & frame;
   };
   built_.clear();
+  built_coarsely_.clear();
   current_seen_.clear();
   int area = 0;
   for (const ground::Blob& region : regions) {
     current_seen_.push_back(around(region.rect, kSlack_px));
     built_.push_back(around(region.rect, kSlack_px + reach_px));
+    built_coarsely_.push_back(around(region.rect, kSlack_px + coarsest_px));
     area += built_.back().area();
   }
   if (area >= frame.area()) {
     current_seen_.assign(1, frame);
     built_.assign(1, frame);
+    built_coarsely_.assign(1, frame);
   }
-  current_.build(image, built_);
+  current_.build(image, built_, cells, built_coarsely_);
 }
 
 bool FeatureFlow::wasSeen(const Eigen::Vector2f& pixel) const {

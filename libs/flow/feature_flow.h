@@ -32,7 +32,8 @@ class FeatureFlow {
   /// Takes the next frame; the one before becomes the previous. Only around its regions is it looked at: what
   /// had no region near it in the frame before is not followed.
   /// @param image CV_8UC3 (BGR) or CV_8UC1; copied there
-  void push(const cv::Mat& image, const std::vector<ground::Blob>& regions);
+  /// @param cells of the image, for its coarse levels
+  void push(const cv::Mat& image, const CellColours& cells, const std::vector<ground::Blob>& regions);
   /// Forgets the previous frame.
   void forget() {
     has_previous_ = has_current_ = false;
@@ -52,6 +53,7 @@ class FeatureFlow {
              const Motion& motion, std::vector<ObjectObservation>& objects);
 
  private:
+  int reach(int levels) const;
   bool wasSeen(const Eigen::Vector2f& pixel) const;
   bool followCorner(const Corner& corner, const Pose2& previous_from_current, FlowVector& vector);
   double floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector2d& floor) const;
@@ -64,7 +66,7 @@ class FeatureFlow {
   PointTracks points_;
   Pyramid previous_, current_;
   std::vector<cv::Rect> previous_seen_, current_seen_;  ///< pixels from which points can be followed
-  std::vector<cv::Rect> built_;
+  std::vector<cv::Rect> built_, built_coarsely_;
   std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;
   std::vector<FlowVector> found_;

@@ -189,9 +189,11 @@ bool LucasKanade::follow(const Pyramid& from_image, const Pyramid& to_image, con
     const float scale = 1.0f / static_cast<float>(1 << level);
     // A coarse level may lie too near the border or have no texture; then the finer one starts from the
     // guess.
-    Eigen::Vector2f guess = to * scale;
-    found = prepare(from_image.level(level), from * scale) && iterate(to_image.level(level), guess, residual);
-    if (found) to = guess / scale;
+    const Eigen::Array2f offset = Eigen::Array2f::Constant(to_image.offset_px(level));
+    const Eigen::Vector2f begin = (from.array() - from_image.offset_px(level)) * scale;
+    Eigen::Vector2f guess = (to.array() - offset) * scale;
+    found = prepare(from_image.level(level), begin) && iterate(to_image.level(level), guess, residual);
+    if (found) to = guess.array() / scale + offset;
   }
   return found && residual <= static_cast<float>(options_.max_residual) && to.allFinite();
 }

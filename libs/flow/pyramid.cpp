@@ -57,6 +57,15 @@ OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& row
       });
 }
 
+/// Brightness of n colours, BGR: BT.601, as cv::cvtColor weighs.
+OMNIFLEET_WIDE void takeGreys(const float* colours, int n, std::uint8_t* greys) {
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const float* c = colours + 3 * x;
+        greys[x] = static_cast<std::uint8_t>(0.114f * c[0] + 0.587f * c[1] + 0.299f * c[2] + 0.5f);
+      });
+}
+
 /// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the
 /// border.
 cv::Range halved(int begin, int end, int size) {
@@ -70,7 +79,47 @@ void Pyramid::build(const cv::Mat& image) {
 }
 
 void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where) {
+  of_cells_ = false;
   create(image.size());
+  build(image, where, levels_.size());
+}
+
+void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, const CellColours& cells,
+                    const std::vector<cv::Rect>& around) {
+  of_cells_ = levels_.size() > kCellLevel && !cells.means.empty();
+  if (!of_cells_) return build(image, around);
+  create(image.size());
+  build(image, where, kCellLevel);
+  for (const cv::Rect& rect : around) {
+    cv::Rect taken = takeCells(cells, rect);
+    for (std::size_t k = kCellLevel + 1; k < levels_.size() && !taken.empty(); ++k)
+      taken = halve(levels_[k - 1], taken, levels_[k]);
+  }
+}
+
+/// Beyond the cells known the outermost come again: an edge there would stand still, whatever moves.
+/// @param around of the finest level. @return of the cells' level what is new
+cv::Rect Pyramid::takeCells(const CellColours& cells, const cv::Rect& around) {
+  constexpr int kSide = CellColours::kSide;
+  cv::Mat1b& level = levels_[kCellLevel];
+  const cv::Point first(around.x / kSide, around.y / kSide),
+      behind((around.x + around.width + kSide - 1) / kSide, (around.y + around.height + kSide - 1) / kSide);
+  const cv::Rect rect = cv::Rect(first, behind) & cv::Rect({0, 0}, level.size());
+  const int right = rect.x + rect.width;
+  for (int y = rect.y; y < rect.y + rect.height; ++y) {
+    const int row = std::min(y, cells.means.rows - 1);
+    const cv::Range& known = cells.known[static_cast<std::size_t>(row)];
+    std::uint8_t* to = level.ptr(y);
+    const int begin = std::clamp(known.start, rect.x, right), end = std::clamp(known.end, begin, right);
+    takeGreys(cells.means.ptr<float>(row) + 3 * begin, end - begin, to + begin);
+    std::fill(to + rect.x, to + begin, begin < end ? to[begin] : std::uint8_t{0});
+    std::fill(to + end, to + right, begin < end ? to[end - 1] : std::uint8_t{0});
+  }
+  return rect;
+}
+
+/// The first of the levels.
+void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, std::size_t levels) {
   for (cv::Rect rect : where) {
     if (rect.empty()) continue;
     cv::Mat1b base = levels_[0](rect);
@@ -78,8 +127,7 @@ void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where) {
       cv::cvtColor(image(rect), base, cv::COLOR_BGR2GRAY);
     else
       image(rect).copyTo(base);
-    for (std::size_t k = 1; k < levels_.size() && !rect.empty(); ++k)
-      rect = halve(levels_[k - 1], rect, levels_[k]);
+    for (std::size_t k = 1; k < levels && !rect.empty(); ++k) rect = halve(levels_[k - 1], rect, levels_[k]);
   }
 }
 

@@ -96,8 +96,8 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
-  s.flow.push(frame.image, *s.blobs);  // §III.3: pyramid
-  s.measureObjects(frame.image);       // §III.4–5: outline on the floor, hull, scan
+  s.flow.push(frame.image, {s.segmenter.cellMeans(), s.view.rows()}, *s.blobs);  // §III.3: pyramid
+  s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.freeze.saw(s.map.objects.size());
   if (s.cover.isCovered(s.map.objects.size(), s.floorAround())) {
     s.discard();

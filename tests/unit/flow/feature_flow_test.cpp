@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "flow/feature_flow.h"
+#include "tests/unit/flow/cells.h"
 #include "tests/unit/flow/texture.h"
 
 namespace omnifleet::flow {
@@ -50,12 +51,16 @@ class FeatureFlowTest : public ::testing::Test {
     const Pose2 before{0.3, -0.2, 0.4}, after = before * moved_;
     const std::vector<ground::Blob> regions{region(0, 0, 1, 1), region(380, 150, 60, 60),
                                             region(180, 280, 70, 50)};
-    flow.push(planeSeen(camera_, before, height_m, texture_), first_regions_.value_or(regions));
+    push(flow, planeSeen(camera_, before, height_m, texture_), first_regions_.value_or(regions));
     if (forget) flow.forget();
-    flow.push(planeSeen(camera_, after, height_m, texture_), regions);
+    push(flow, planeSeen(camera_, after, height_m, texture_), regions);
     std::vector<ObjectObservation> objects(2);
     flow.track(regions, {1, 2}, told, objects);
     return objects;
+  }
+  static void push(FeatureFlow& flow, const cv::Mat1b& image, const std::vector<ground::Blob>& regions) {
+    const testing::Cells cells(image);
+    flow.push(image, cells.colours(), regions);
   }
   Motion truth() const {
     Motion motion;

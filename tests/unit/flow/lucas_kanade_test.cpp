@@ -3,6 +3,7 @@
 #include <opencv2/video/tracking.hpp>
 
 #include "flow/lucas_kanade.h"
+#include "tests/unit/flow/cells.h"
 #include "tests/unit/flow/texture.h"
 
 namespace omnifleet::flow {
@@ -78,6 +79,35 @@ TEST(LucasKanade, FollowsKnownMotionAsWellAsOpenCv) {
     EXPECT_LT(mine.rms, 0.04) << motion.transpose();  // 8-bit rounding, and the last step may be 0.02 px
     EXPECT_LT(mine.rms, 1.5 * reference.rms + 0.005) << motion.transpose();
   }
+}
+
+/// As far as with the levels smoothed all the way.
+TEST(LucasKanade, FollowsFarMotionByTheCells) {
+  const testing::Texture texture(8.0, 5);
+  LucasKanadeOptions options;
+  const Eigen::Vector2f motion(-14.3f, 9.7f);
+  const cv::Mat1b a = texture.image(320, 240), b = texture.image(320, 240, motion.x(), motion.y());
+  const std::vector<cv::Rect> all{{0, 0, a.cols, a.rows}};
+  const testing::Cells of_a(a), of_b(b);
+  Pyramid from(options.levels), to(options.levels), fine_from(2), fine_to(2);
+  from.build(a, all, of_a.colours(), all);
+  to.build(b, all, of_b.colours(), all);
+  fine_from.build(a);
+  fine_to.build(b);
+  LucasKanade tracker(options);
+  int points = 0, lost = 0, lost_without = 0;
+  for (const auto& p : lattice(a, 60)) {
+    ++points;
+    Eigen::Vector2f q = p;
+    lost += tracker.followBothWays(from, to, p, q) && (q - p - motion).norm() < 0.2f ? 0 : 1;
+    q = p;
+    lost_without +=
+        tracker.followBothWays(fine_from, fine_to, p, q) && (q - p - motion).norm() < 0.2f ? 0 : 1;
+  }
+  const Result smoothed = ours(a, b, motion, options);
+  EXPECT_LE(lost, smoothed.lost + 2);
+  EXPECT_LT(lost, points / 4);
+  EXPECT_GT(lost_without, points / 2);
 }
 
 TEST(LucasKanade, AGuessReplacesThePyramid) {

@@ -4,6 +4,8 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "tests/unit/flow/cells.h"
+
 namespace omnifleet::flow {
 namespace {
 
@@ -57,6 +59,46 @@ TEST(Pyramid, OfSomeRectanglesIsThatOfTheWholeThere) {
       }
     }
   }
+}
+
+/// Cells that are a plane of brightness: what a level holds tells where its pixels lie.
+TEST(Pyramid, CoarseLevelsOfCellsLieWhereTheySay) {
+  const auto brightness = [](float x, float y) { return 20.0f + 0.5f * x + 0.3f * y; };
+  cv::Mat3b image(200, 300);
+  for (int y = 0; y < image.rows; ++y)
+    for (int x = 0; x < image.cols; ++x)
+      image(y, x) = cv::Vec3b::all(
+          cv::saturate_cast<std::uint8_t>(brightness(static_cast<float>(x), static_cast<float>(y))));
+  const testing::Cells cells(image);
+  const std::vector<cv::Rect> all{{0, 0, image.cols, image.rows}};
+  Pyramid pyramid(4), smoothed(4);
+  pyramid.build(image, all, cells.colours(), all);
+  smoothed.build(image);
+  for (int level = 0; level < pyramid.size(); ++level) {
+    const cv::Mat1b& pixels = pyramid.level(level);
+    ASSERT_EQ(pixels.size(), smoothed.level(level).size());
+    if (level < Pyramid::kCellLevel) {
+      EXPECT_EQ(cv::countNonZero(pixels != smoothed.level(level)), 0);
+    }
+    const auto scale = static_cast<float>(1 << level);
+    const auto place = [&](int i) { return static_cast<float>(i) * scale + pyramid.offset_px(level); };
+    for (int y = 2; y + 2 < pixels.rows; ++y)
+      for (int x = 2; x + 2 < pixels.cols; ++x)
+        ASSERT_NEAR(pixels(y, x), brightness(place(x), place(y)), 1.01) << level;  // rounded twice
+  }
+}
+
+TEST(Pyramid, BeyondTheCellsKnownTheOutermostComeAgain) {
+  const cv::Mat3b image(64, 96, cv::Vec3b(100, 100, 100));
+  testing::Cells cells(image);
+  for (cv::Range& row : cells.known()) row = {5, 20};
+  const cv::Mat3f& means = cells.colours().means;
+  cv::Mat3f(means).colRange(0, 5).setTo(0);
+  cv::Mat3f(means).colRange(20, means.cols).setTo(0);
+  const std::vector<cv::Rect> all{{0, 0, image.cols, image.rows}};
+  Pyramid pyramid(3);
+  pyramid.build(image, all, cells.colours(), all);
+  EXPECT_EQ(cv::countNonZero(pyramid.level(2) != 100), 0);
 }
 
 }  // namespace
