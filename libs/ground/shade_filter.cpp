@@ -368,14 +368,23 @@ void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame) {
 
 /// @param shade nothing else
 void ShadeFilter::giveHuedBack(const Run& shade, const Frame& frame) {
-  for (int begin = shade.begin, end; begin < shade.end; begin = end) {
-    end = std::min(shade.end, (begin / kCell + 1) * kCell);  // cell by cell, as the floor's colour
-    const HueTest hasOtherHue(frame, begin, shade.row);
-    if (!hasOtherHue.isNeeded()) continue;
-    std::uint8_t* mark = bare_.ptr(shade.row);
-    around_.slide({shade.row, begin, end}, frame.image, bare_,
-                  [&](int x, HueWindow::Sum around) { mark[x] = hasOtherHue(around) ? kHued : kShade; });
+  const auto nextCell = [](int x) { return (x / kCell + 1) * kCell; };  // the floor's colour is one there
+  int begin = shade.begin;
+  HueTest hasOtherHue(frame, begin, shade.row);
+  while (!hasOtherHue.isNeeded()) {
+    begin = nextCell(begin);
+    if (begin >= shade.end) return;
+    hasOtherHue = HueTest(frame, begin, shade.row);
   }
+  std::uint8_t* mark = bare_.ptr(shade.row);
+  int end = nextCell(begin);
+  around_.slide({shade.row, begin, shade.end}, frame.image, bare_, [&](int x, HueWindow::Sum around) {
+    if (x == end) {
+      hasOtherHue = HueTest(frame, x, shade.row);
+      end += kCell;
+    }
+    if (hasOtherHue.isNeeded() && hasOtherHue(around)) mark[x] = kHued;
+  });
 }
 
 /// The strips around the regions of which only the core stays, with what despeckling looks at beside them.
