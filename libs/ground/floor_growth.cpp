@@ -23,24 +23,32 @@ constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0,
 
 using lanes::FourFloats;  // a colour, and what comes behind it
 
-float dot(const FourFloats& a, const FourFloats& b) {
+OMNIFLEET_INLINE float dot(const FourFloats& a, const FourFloats& b) {
   const FourFloats products = a * b;
   return products[0] + products[1] + products[2];
 }
 
 /// |after − before − change · colour|²: what a slope of brightness leaves of the step over two blocks.
-float leftOfStep(const float* after, const float* before, float change, const FourFloats& colour) {
+OMNIFLEET_INLINE float leftOfStep(const float* after, const float* before, float change,
+                                  const FourFloats& colour) {
   const FourFloats left = lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before) - change * colour;
   return dot(left, left);
 }
 
 /// Bit k: growth may go on in the direction of step k. One look at all, as a branch for each costs more.
-unsigned openSteps(const std::uint8_t* at, std::ptrdiff_t row_step) {
+OMNIFLEET_INLINE unsigned openSteps(const std::uint8_t* at, std::ptrdiff_t row_step) {
   const std::uint8_t *above = at - row_step, *below = at + row_step;
   const unsigned closed = (at[1] & 1u) | (below[0] & 1u) << 1 | (at[-1] & 1u) << 2 | (above[0] & 1u) << 3 |
                           (below[1] & 1u) << 4 | (below[-1] & 1u) << 5 | (above[-1] & 1u) << 6 |
                           (above[1] & 1u) << 7;
   return closed ^ 255u;
+}
+
+/// @param rr |r|². @param noise grey levels
+OMNIFLEET_INLINE FloorTest testAt(float rr, double along, double across, double noise) {
+  const float added = static_cast<float>(noise) / std::sqrt(rr);
+  const float a = static_cast<float>(along) + added, b = static_cast<float>(across) + added;
+  return {a * a, b * b};
 }
 
 float medianOf(std::vector<float>& values) {
@@ -52,10 +60,7 @@ float medianOf(std::vector<float>& values) {
 }  // namespace
 
 FloorTest FloorTolerance::testFor(const cv::Vec3f& r, double noise) const {
-  const float brightness = std::sqrt(std::max(1.0f, r.dot(r)));
-  const float added = static_cast<float>(noise_sigmas * noise) / brightness;
-  const float a = static_cast<float>(along) + added, b = static_cast<float>(across) + added;
-  return {a * a, b * b};
+  return testAt(std::max(1.0f, r.dot(r)), along, across, noise_sigmas * noise);
 }
 
 FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
@@ -76,12 +81,6 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
     }
   }
   queue_.reserve(coverage.total());
-}
-
-bool FloorGrowth::grow(double noise) {
-  if (!seed()) return false;
-  for (std::size_t next = 0; next < queue_.size(); ++next) growFrom(queue_[next], noise);
-  return true;
 }
 
 bool FloorGrowth::seed() {
@@ -130,28 +129,11 @@ float FloorGrowth::seedTexture() {
   return sorted_.empty() ? 0.0f : medianOf(sorted_);
 }
 
-void FloorGrowth::growFrom(int at, double noise) {
-  const std::uint8_t* stop = stop_.data;
-  unsigned open = openSteps(stop + at, stride_);
-  if (open == 0) return;
-  const Handed from = handed_[static_cast<std::size_t>(at)];
-  const FloorTest test = tolerance_.testFor({from.colour[0], from.colour[1], from.colour[2]}, noise);
-  // The texture measured holds the noise.
-  const float flatness =
-      std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
-  for (; open != 0; open &= open - 1) {
-    const int step = __builtin_ctz(open);
-    const int offset = kStepY[step] * stride_ + kStepX[step];
-    for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
-      if (accept(to, from, test, flatness, step, jump)) break;
-  }
-}
-
 /// Takes a block in when it is like the floor expected there and no edge runs through it: its neighbours on
 /// both sides differ by no more than the slope explains. Without the latter the growth would climb onto
 /// objects over the blocks that their edges cut by and by.
-bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, float flatness, int step,
-                         int jump) {
+OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, float flatness,
+                                          int step, int jump) {
   const float* at = framed_means_.ptr<float>() + 3 * to;
   const auto mean = lanes::load<FourFloats>(at);
   const auto dx = static_cast<float>(kStepX[step] * jump), dy = static_cast<float>(kStepY[step] * jump);
@@ -174,6 +156,35 @@ bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, floa
   handed.slope[1] = from.slope[1] + steeper * (dy * share);
   queue_.push_back(to);
   return true;
+}
+
+OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, double noise) {
+  const std::uint8_t* stop = stop_.data;
+  unsigned open = openSteps(stop + at, stride_);
+  if (open == 0) return;
+  const Handed from = handed_[static_cast<std::size_t>(at)];
+  const auto colour = lanes::load<FourFloats>(from.colour);
+  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour)), tolerance_.along, tolerance_.across,
+                                tolerance_.noise_sigmas * noise);
+  // The texture measured holds the noise.
+  const float flatness =
+      std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
+  for (; open != 0; open &= open - 1) {
+    const int step = __builtin_ctz(open);
+    const int offset = kStepY[step] * stride_ + kStepX[step];
+    for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
+      if (accept(to, from, test, flatness, step, jump)) break;
+  }
+}
+
+bool FloorGrowth::grow(double noise) {
+  if (!seed()) return false;
+  growAll(noise);
+  return true;
+}
+
+OMNIFLEET_WIDE void FloorGrowth::growAll(double noise) {
+  for (std::size_t next = 0; next < queue_.size(); ++next) growFrom(queue_[next], noise);
 }
 
 }  // namespace omnifleet::ground

@@ -51,6 +51,7 @@ class FloorGrowth {
   bool seed();
   float brighten();
   float seedTexture();
+  void growAll(double noise);
   void growFrom(int at, double noise);
   bool accept(int to, const Handed& from, const FloorTest& test, float flatness, int step, int jump);
 
