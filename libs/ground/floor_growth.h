@@ -33,13 +33,15 @@ class FloorGrowth {
 
   /// To be filled before grow(): mean colour per block.
   cv::Mat3f& means() { return means_; }
+  const cv::Mat3f& means() const { return means_; }
   /// @param noise σ of one block's mean. @return false when no seed shows floor
   bool grow(double noise);
-  /// Calls visit(y, x) for each block that the growth reached, in its order.
-  template <typename Visit>
-  void forGrown(Visit visit) const {
-    for (const int at : queue_) visit(at / stride_ - kJump, at % stride_ - kJump);
-  }
+  /// The blocks that the growth reached, in its order, by their number.
+  const std::vector<int>& grown() const { return queue_; }
+  int numberOf(int y, int x) const { return (y + kJump) * stride_ + x + kJump; }
+  int numbers() const { return static_cast<int>(framed_means_.total()); }
+  /// Mean colours by the blocks' numbers, three floats each and one more that may be read.
+  const float* meansByNumber() const { return framed_means_.ptr<float>(); }
 
  private:
   static constexpr int kJump = 4;  ///< blocks: a marking (grid line, joint) up to this wide is stepped over

@@ -53,7 +53,7 @@ FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& op
       tolerance_{options.tolerance_along, options.tolerance_across, options.noise_sigmas},
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
       growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share),
-      smoothing_(growth_.means().size(), view, block_, options.smoothing_cells) {
+      smoothing_(growth_, view, block_, options.smoothing_cells) {
   constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
   const std::vector<cv::Range> cells = view.rowsWithin(kMargin);
   for (int y = 0; y < growth_.means().rows; ++y) {

@@ -71,10 +71,12 @@ void divide(const cv::Mat* filler, cv::Mat& sums) {
 
 }  // namespace
 
-FloorSmoothing::FloorSmoothing(cv::Size blocks, const FloorView& view, int per_block, int window_cells)
+FloorSmoothing::FloorSmoothing(const FloorGrowth& growth, const FloorView& view, int per_block,
+                               int window_cells)
     : scale_(2 * per_block),
       radius_(std::max(1, window_cells / 2)),
-      sums_((blocks.height + 1) / 2, (blocks.width + 1) / 2),
+      sum_of_(static_cast<std::size_t>(growth.numbers()), 0),
+      sums_((growth.means().rows + 1) / 2, (growth.means().cols + 1) / 2),
       fine_(sums_.size()),
       residual_(sums_.size()),
       framed_(sums_.rows + 2 * radius_, 4 * (sums_.cols + 2 * radius_), 0.0f),
@@ -84,6 +86,9 @@ FloorSmoothing::FloorSmoothing(cv::Size blocks, const FloorView& view, int per_b
       asked_wide_(static_cast<std::size_t>(sums_.rows)),
       wide_(sums_.rows, view.cells().width),
       colour_(view.cells(), cv::Vec3f(0, 0, 0)) {
+  for (int y = 0; y < growth.means().rows; ++y)
+    for (int x = 0; x < growth.means().cols; ++x)
+      sum_of_[static_cast<std::size_t>(growth.numberOf(y, x))] = y / 2 * sums_.cols + x / 2;
   const cv::Size cells = view.cells();
   for (int x = 0; x < cells.width; ++x) columns_.push_back(between(x, scale_, fine_.cols));
   for (int y = 0; y < cells.height; ++y) {
@@ -104,7 +109,7 @@ FloorSmoothing::Between FloorSmoothing::between(int cell, int scale, int coarse_
           std::clamp(at - static_cast<float>(first), 0.0f, 1.0f)};
 }
 
-const cv::Mat3f& FloorSmoothing::smooth(FloorGrowth& growth) {
+const cv::Mat3f& FloorSmoothing::smooth(const FloorGrowth& growth) {
   sumBlocks(growth);
   fine_.setTo(0);
   for (int round = 0; round < kRounds; ++round) {
@@ -122,13 +127,15 @@ const cv::Mat3f& FloorSmoothing::smooth(FloorGrowth& growth) {
   return colour_;
 }
 
-void FloorSmoothing::sumBlocks(FloorGrowth& growth) {
+void FloorSmoothing::sumBlocks(const FloorGrowth& growth) {
   sums_.setTo(0);
-  const cv::Mat3f& means = growth.means();
-  growth.forGrown([&](int y, int x) {
-    const cv::Vec3f& c = means(y, x);
-    sums_(y / 2, x / 2) += cv::Vec4f(c[0], c[1], c[2], 1.0f);
-  });
+  const float* means = growth.meansByNumber();
+  for (const int block : growth.grown()) {
+    auto mean = lanes::load<FourFloats>(means + 3 * block);
+    mean[3] = 1.0f;
+    float* sum = sums_.ptr<float>() + 4 * sum_of_[static_cast<std::size_t>(block)];
+    lanes::store(lanes::load<FourFloats>(sum) + mean, sum);
+  }
 }
 
 /// framed_ → residual_, each time the mean over a square of side 2·radius_ + 1, zeros beyond the edge.

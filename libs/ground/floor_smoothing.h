@@ -12,12 +12,12 @@ namespace omnifleet::ground {
 /// them at a time, then the same of what it left over; where hardly any floor is near, from farther off.
 class FloorSmoothing {
  public:
-  /// @param blocks of the growth, `per_block` cells of the view to each side
+  /// @param growth whose blocks have `per_block` cells of the view to each side
   /// @param window_cells side of the window that smooths
-  FloorSmoothing(cv::Size blocks, const FloorView& view, int per_block, int window_cells);
+  FloorSmoothing(const FloorGrowth& growth, const FloorView& view, int per_block, int window_cells);
 
   /// @return CV_32FC3 per cell of the view and around it, elsewhere 0; valid until the next call
-  const cv::Mat3f& smooth(FloorGrowth& growth);
+  const cv::Mat3f& smooth(const FloorGrowth& growth);
   const cv::Mat3f& colour() const { return colour_; }
 
  private:
@@ -27,7 +27,7 @@ class FloorSmoothing {
     float share;  ///< of the second
   };
   static Between between(int cell, int scale, int coarse_size);
-  void sumBlocks(FloorGrowth& growth);
+  void sumBlocks(const FloorGrowth& growth);
   void blurTwice();
   void fillAndDivide();
   void spread();
@@ -35,6 +35,7 @@ class FloorSmoothing {
 
   int scale_;                    ///< cells per side of a pixel of sums_
   int radius_;                   ///< of the window, in those pixels
+  std::vector<int> sum_of_;      ///< of each block's number: where in sums_ it counts
   cv::Mat4f sums_, fine_;        ///< colour and weight, 2×2 blocks a pixel; means of what was taken so far
   cv::Mat4f residual_, filler_;  ///< means of what is left
   cv::Mat1f framed_, summed_;    ///< four floats a pixel; with a margin of zeros
