@@ -7,7 +7,6 @@
 #include <type_traits>
 
 #include "ground/cell_test.h"
-#include "ground/off_cells.h"
 
 namespace omnifleet::ground {
 
@@ -125,6 +124,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
+      around_(static_cast<std::size_t>(view.cells().width), kMixed),
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
@@ -329,23 +329,32 @@ Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
   return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
 
-bool GroundSegmenter::isInside(int y, int x) const {
-  if (solid_(y, x) == kFloorLook) return false;  // most of those asked
-  if (y < 1 || x < 1 || y + 1 >= solid_.rows || x + 1 >= solid_.cols) return false;
-  if (view_->coverage()(y, x) != 2) return false;
+/// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.
+void GroundSegmenter::findInside(const Strip& strip) {
+  const int y = strip.cell_row, begin = strip.begin_px / kCell, end = strip.end_px / kCell;
+  std::fill(around_.begin() + begin, around_.begin() + end, kMixed);
+  if (y < 1 || y + 1 >= solid_.rows) return;
+  const int first = std::max(begin, 1), last = std::min(end, solid_.cols - 1);
+  if (first >= last) return;
+  const auto row = [&](int k) { return solid_.ptr(y + k) + first - 1; };
+  lookAround(row(-1), row(0), row(1), last - first, around_.data() + first);
+  for (int x = first; x < last; ++x) {
+    Around& around = around_[static_cast<std::size_t>(x)];
+    if (view_->coverage()(y, x) != 2 || (around == kSomeShade && !isOneKind(y, x))) around = kMixed;
+  }
+}
+
+/// The border between a thing and its shadow is found pixel by pixel.
+bool GroundSegmenter::isOneKind(int y, int x) const {
   Look least = 255, most = kFloorLook;
-  bool any_shade = false;
   for (int dy = -1; dy <= 1; ++dy) {
     const Look* row = solid_.ptr(y + dy) + x;
     for (int dx = -1; dx <= 1; ++dx) {
-      if (row[dx] == kFloorLook) return false;
       least = std::min(least, row[dx]);
       most = std::max(most, row[dx]);
-      any_shade = any_shade || isShade(row[dx]);
     }
   }
-  // The border between a thing and its shadow is found pixel by pixel.
-  return !any_shade || (isGrey(least) && gainOf(most) - gainOf(least) < kAlike);
+  return isGrey(least) && gainOf(most) - gainOf(least) < kAlike;
 }
 
 void GroundSegmenter::everythingIsAStrip() {
@@ -357,9 +366,10 @@ void GroundSegmenter::everythingIsAStrip() {
 
 template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
+  findInside(strip);
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
-    if (!isInside(strip.cell_row, cx)) {
+    if (around_[static_cast<std::size_t>(cx)] == kMixed) {
       classifyCell<kChannels>(image, cx, strip.cell_row, noise);
       continue;
     }

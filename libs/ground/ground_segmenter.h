@@ -10,6 +10,7 @@
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
 #include "ground/line_filter.h"
+#include "ground/off_cells.h"
 #include "ground/shade_filter.h"
 #include "ground/side_completer.h"
 #include "ground/strip.h"
@@ -64,8 +65,8 @@ class GroundSegmenter {
   void markCells(double noise);
   Look lookOfCell(int x, int y, double noise) const;
   FloorTest testOfSmoothed(int x, int y, double noise) const;
-  /// The cell and all around it are plainly object.
-  bool isInside(int y, int x) const;
+  void findInside(const Strip& strip);
+  bool isOneKind(int y, int x) const;
   void everythingIsAStrip();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
@@ -83,6 +84,7 @@ class GroundSegmenter {
   cv::Mat1b off_;     ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
+  std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
   BitArea area_;                    ///< of the strips

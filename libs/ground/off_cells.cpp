@@ -1,10 +1,15 @@
 #include "ground/off_cells.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "geometry/wide.h"
 
 namespace omnifleet::ground {
+
+namespace {
+constexpr int kChunk = 32;
+}
 
 OMNIFLEET_WIDE void findOff(const float* means, const float* floor, int n, const OffTest& test,
                             std::uint8_t* off) {
@@ -17,6 +22,47 @@ OMNIFLEET_WIDE void findOff(const float* means, const float* floor, int n, const
     const float noise = added * std::sqrt(rr), hue = across * rr + noise;
     off[i] = (std::abs(pr - rr) > along * rr + noise) | (pp * rr - pr * pr > hue * hue) ? 1 : 0;
   }
+}
+
+namespace {
+
+/// From `first` to `last`: isShade().
+struct ShadeLooks {
+  Look first = 255, last = kFloorLook;
+  ShadeLooks() {
+    for (int look = 0; look < 256; ++look) {
+      if (!isShade(static_cast<Look>(look))) continue;
+      first = std::min(first, static_cast<Look>(look));
+      last = std::max(last, static_cast<Look>(look));
+    }
+  }
+};
+
+constexpr std::uint8_t kHole = 1, kShade = 2;
+
+OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* below, int n, Look first,
+                               Look last, Around* out) {
+  const auto marksOf = [ first, last ](const Look* row, int x) __attribute__((always_inline)) {
+    const auto of = [ first, last ](Look look) __attribute__((always_inline)) {
+      return static_cast<std::uint8_t>((look == kFloorLook ? kHole : 0) |
+                                       ((look >= first) & (look <= last) ? kShade : 0));
+    };
+    return static_cast<std::uint8_t>(of(row[x]) | of(row[x + 1]) | of(row[x + 2]));
+  };
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const auto marks =
+            static_cast<std::uint8_t>(marksOf(above, x) | marksOf(here, x) | marksOf(below, x));
+        const Around whole = (marks & kShade) != 0 ? kSomeShade : kAllOfThing;
+        out[x] = (marks & kHole) != 0 ? kMixed : whole;
+      });
+}
+
+}  // namespace
+
+void lookAround(const Look* above, const Look* here, const Look* below, int n, Around* out) {
+  static const ShadeLooks kShadeLooks;
+  lookAround(above, here, below, n, kShadeLooks.first, kShadeLooks.last, out);
 }
 
 OMNIFLEET_WIDE void spreadMarks(const std::uint8_t* above, const std::uint8_t* here,

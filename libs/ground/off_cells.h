@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "ground/look.h"
+
 namespace omnifleet::ground {
 
 /// Tolerances of FloorTolerance for the mean of a cell, multiplied out, so that no cell needs a division:
@@ -17,5 +19,14 @@ void findOff(const float* means, const float* floor, int n, const OffTest& test,
 /// out[x] = 1 where any of the 3×3 around x is 1, else 0; n + 2 bytes of each row, from x − 1 on.
 void spreadMarks(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below, int n,
                  std::uint8_t* out);
+
+/// What the 3×3 cells around one show that are object all over.
+enum Around : std::uint8_t {
+  kMixed,       ///< not all of them are
+  kAllOfThing,  ///< they are, none of them looks like a shadow
+  kSomeShade,   ///< they are, some of them look like a shadow
+};
+/// out[x] for n cells; n + 2 Looks of each row, from x − 1 on: kFloorLook where a cell may be mixed.
+void lookAround(const Look* above, const Look* here, const Look* below, int n, Around* out);
 
 }  // namespace omnifleet::ground
