@@ -17,6 +17,7 @@ constexpr float kBrighter = 0.05f;  // of the floor's light, above which somethi
 constexpr float kOther = 0.5f;      // of the floor's light, below which something is another thing
 constexpr float kMinSolid = 0.88f;  // share of its hull that a thing fills
 constexpr float kMaxReach = 1.5f;   // of the region's size that it grows to each side …
+constexpr double kMinMore = 1.1;    // of the side's area, that the whole has at least
 constexpr int kMinReach_px = 12;    // … and at least
 constexpr int kEdge_px = 4;         // so near to where it is looked for nothing ends by itself
 // A top's colour is taken so far behind the side's end, which is mixed, and over so many pixels; how many
@@ -90,7 +91,8 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   if (has_top_) keepConvex();
   grow(frame);
   keepConvex();
-  if (!hull_.empty()) take(frame.view);
+  if (!hull_.empty() && cv::contourArea(hull_) > kMinMore * static_cast<double>(side.area_px))
+    take(frame.view);
   return runs_;
 }
 
