@@ -134,6 +134,7 @@ void FeatureFlow::track(const std::vector<ground::Blob>& blobs, const std::vecto
                         const Motion& motion, std::vector<ObjectObservation>& objects) {
   for (auto& object : objects) {
     object.vectors.clear();
+    object.vectors.reserve(static_cast<std::size_t>(options_.harris.max_per_label));
     object.height_m = object.height_sigma_m = 0.0;
   }
   if (!has_previous_) return;
