@@ -152,6 +152,33 @@ struct RangeBearingPoint : RangeBearing {
   }
 };
 
+struct PlaceInBase {
+  Eigen::Vector2d in_base, in_other;
+  double sigma_m;
+
+  template <typename T>
+  void evaluate(const T* from, const Vec2<T>& target, T* r) const {
+    Eigen::Map<Vec2<T>> out(r);
+    out = (rotate<T>(-from[2], Vec2<T>(target - Vec2<T>(from[0], from[1]))) - in_base.cast<T>()) / T(sigma_m);
+  }
+};
+
+struct PointInBase : PlaceInBase {
+  template <typename T>
+  bool operator()(const T* from, const T* point, T* r) const {
+    evaluate<T>(from, Vec2<T>(point[0], point[1]), r);
+    return true;
+  }
+};
+
+struct OthersPlaceInBase : PlaceInBase {
+  template <typename T>
+  bool operator()(const T* from, const T* other, T* r) const {
+    evaluate<T>(from, Vec2<T>(compose<T>(other, Pose2{in_other.x(), in_other.y(), 0.0}).head(2)), r);
+    return true;
+  }
+};
+
 template <int... Sizes, typename F>
 std::unique_ptr<ceres::CostFunction> automatic(F functor) {
   return std::make_unique<ceres::AutoDiffCostFunction<F, Sizes...>>(new F(std::move(functor)));
@@ -228,6 +255,15 @@ std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const RangeBearingSi
 
 std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const RangeBearingSight& sight) {
   return automatic<2, 3, 2, 8>(RangeBearingPoint{{sight, {}, whitener<2>(sight.covariance)}});
+}
+
+std::unique_ptr<ceres::CostFunction> pointInBaseFactor(const Eigen::Vector2d& in_base, double sigma_m) {
+  return automatic<2, 3, 2>(PointInBase{{in_base, Eigen::Vector2d::Zero(), sigma_m}});
+}
+
+std::unique_ptr<ceres::CostFunction> placeInBaseFactor(const Eigen::Vector2d& in_base, double sigma_m,
+                                                       const Eigen::Vector2d& in_other) {
+  return automatic<2, 3, 3>(OthersPlaceInBase{{in_base, in_other, sigma_m}});
 }
 
 Pose2 arc(double left_m, double right_m, double wheel_separation_m) {

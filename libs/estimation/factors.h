@@ -67,6 +67,13 @@ std::unique_ptr<ceres::CostFunction> rangeBearingPoseFactor(const RangeBearingSi
 /// Of a point. Variables: from, point (x, y), detector.
 std::unique_ptr<ceres::CostFunction> rangeBearingPointFactor(const RangeBearingSight& sight);
 
+/// A place in an observer's base_link, each axis as exact as `sigma_m`, where a point stands. Variables:
+/// observer, point (x, y).
+std::unique_ptr<ceres::CostFunction> pointInBaseFactor(const Eigen::Vector2d& in_base, double sigma_m);
+/// Likewise, where the place `in_other` of another's base_link lies. Variables: observer, other.
+std::unique_ptr<ceres::CostFunction> placeInBaseFactor(const Eigen::Vector2d& in_base, double sigma_m,
+                                                       const Eigen::Vector2d& in_other);
+
 /// Arc of a differential drive (Choi et al. 2014 eq. 1, integrated exactly over the step).
 Pose2 arc(double left_m, double right_m, double wheel_separation_m);
 /// Increment in the arc's end frame per relative error of each wheel.

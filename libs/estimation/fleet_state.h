@@ -56,6 +56,7 @@ struct Known {
 /// A place in a scout's frame and the same in map.
 struct ScoutPair {
   TimeNs time_ns = 0;
+  std::string of;  ///< the point or the robot that is there, or that has seen the scout there
   Eigen::Vector2d in_local = Eigen::Vector2d::Zero(), in_map = Eigen::Vector2d::Zero();
   double map_variance_m2 = 0.0;  ///< of in_map, each axis
 };

@@ -219,9 +219,9 @@ bool MeasurementQueue::attachToScout(const FleetState& fleet, const Measurement&
     const Eigen::Vector2d seen = from.scout->local_from_base * inBase(fleet, from, m);
     const auto point = fleet.points.find(m.to);
     const auto peer = to == nullptr ? std::nullopt : fleet.poseAt(*to, m.acquired_ns);
-    if (peer) addScoutPair(from, seen, peer->map_from_base.translation(), placeCovariance(*to));
+    if (peer) addScoutPair(from, m.to, seen, peer->map_from_base.translation(), placeCovariance(*to));
     if (point != fleet.points.end())
-      addScoutPair(from, seen, fleet.graph.value(point->second.variable), point->second.covariance);
+      addScoutPair(from, m.to, seen, fleet.graph.value(point->second.variable), point->second.covariance);
     return true;
   }
   if (to == nullptr || to->located() || !to->scout || to->scout->time_ns != m.acquired_ns) return false;
@@ -229,7 +229,7 @@ bool MeasurementQueue::attachToScout(const FleetState& fleet, const Measurement&
     const Eigen::Vector2d seen = inBase(fleet, from, m);
     Eigen::Matrix<double, 2, 3> by_pose;
     by_pose << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-seen.y(), seen.x());
-    addScoutPair(*to, to->scout->local_from_base.translation(), at->map_from_base * seen,
+    addScoutPair(*to, m.from, to->scout->local_from_base.translation(), at->map_from_base * seen,
                  by_pose * from.covariance * by_pose.transpose());
   }
   return true;

@@ -45,18 +45,24 @@ std::vector<std::size_t> supporters(const Pairs& pairs, const Pose2& map_from_lo
   return all;
 }
 
-/// How well the pairs chosen tell the pose (right perturbation). What is wrong with a sight of a thing is
-/// wrong with its next one: the sights of one thing together count as one.
+/// What is wrong with a sight of a thing is wrong with its next one: the sights of one thing together count as
+/// one.
+double sights(const Pairs& pairs, const std::vector<std::size_t>& chosen, const ScoutPair& one) {
+  return static_cast<double>(std::count_if(chosen.begin(), chosen.end(), [&](std::size_t j) {
+    return (one.in_map - pairs[j].in_map).norm() < kSame_m;
+  }));
+}
+
+/// How well the pairs chosen tell the pose (right perturbation).
 Eigen::Matrix3d information(const Pairs& pairs, const std::vector<std::size_t>& chosen,
                             const Pose2& base_from_local) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (const std::size_t i : chosen) {
-    int sights = 0;
-    for (const std::size_t j : chosen) sights += (pairs[i].in_map - pairs[j].in_map).norm() < kSame_m ? 1 : 0;
     const Eigen::Vector2d p = base_from_local * pairs[i].in_local;
     Eigen::Matrix<double, 2, 3> by_pose;
     by_pose << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-p.y(), p.x());
-    sum += by_pose.transpose() * by_pose / ((kPlace_m * kPlace_m + pairs[i].map_variance_m2) * sights);
+    const double variance_m2 = kPlace_m * kPlace_m + pairs[i].map_variance_m2;
+    sum += by_pose.transpose() * by_pose / (variance_m2 * sights(pairs, chosen, pairs[i]));
   }
   return sum;
 }
@@ -75,6 +81,26 @@ std::vector<std::size_t> consensus(const Pairs& pairs) {
   return best;
 }
 
+/// Ties a robot just placed to what the pairs chosen are of. What lies some time back is taken as a place
+/// beside the robot that was there then: its way since is short against kPlace_m.
+void tie(FleetState& fleet, RobotNode& placed, const Pairs& pairs, const std::vector<std::size_t>& chosen,
+         const Pose2& base_from_local) {
+  const VariableId pose = placed.window.back().pose;
+  for (const std::size_t i : chosen) {
+    const Eigen::Vector2d in_base = base_from_local * pairs[i].in_local;
+    const double sigma_m = kPlace_m * std::sqrt(sights(pairs, chosen, pairs[i]));
+    const auto point = fleet.points.find(pairs[i].of);
+    const RobotNode* peer = fleet.find(pairs[i].of);
+    if (point != fleet.points.end()) {
+      fleet.graph.addFactor(pointInBaseFactor(in_base, sigma_m), {pose, point->second.variable});
+    } else if (peer != nullptr && peer->located()) {
+      const VariableId other = peer->window.back().pose;
+      const Eigen::Vector2d in_other = fleet.pose(other).inverse() * pairs[i].in_map;
+      fleet.graph.addFactor(placeInBaseFactor(in_base, sigma_m, in_other), {pose, other});
+    }
+  }
+}
+
 }  // namespace
 
 void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame) {
@@ -91,9 +117,9 @@ void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame
     scout.pairs.pop_front();
 }
 
-void addScoutPair(RobotNode& lost, const Eigen::Vector2d& in_local, const Eigen::Vector2d& in_map,
-                  const Eigen::Matrix2d& map_covariance) {
-  lost.scout->pairs.push_back({lost.scout->time_ns, in_local, in_map, 0.5 * map_covariance.trace()});
+void addScoutPair(RobotNode& lost, const std::string& of, const Eigen::Vector2d& in_local,
+                  const Eigen::Vector2d& in_map, const Eigen::Matrix2d& map_covariance) {
+  lost.scout->pairs.push_back({lost.scout->time_ns, of, in_local, in_map, 0.5 * map_covariance.trace()});
   if (lost.scout->pairs.size() > kMostPairs) lost.scout->pairs.pop_front();
 }
 
@@ -113,10 +139,10 @@ bool locateByPoints(FleetState& fleet, RobotNode& lost, const Objects& frame) {
   if (root.info() != Eigen::Success) return false;
   const Eigen::Matrix3d covariance = root.solve(Eigen::Matrix3d::Identity());
   if (!(covariance(2, 2) <= kHeading_rad * kHeading_rad)) return false;
-  const Pose2 map_from_base = rigid(pairs, agree) * local_from_base;
-  fleet.place(lost, frame, map_from_base);
+  const Scout scout = *lost.scout;  // place() lets it go
+  fleet.place(lost, frame, rigid(scout.pairs, agree) * scout.local_from_base);
   lost.covariance = covariance;
-  fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {lost.window.back().pose});
+  tie(fleet, lost, scout.pairs, agree, scout.local_from_base.inverse());
   return true;
 }
 
