@@ -10,10 +10,12 @@
 #include "estimation/factors.h"
 #include "estimation/fleet_state.h"
 #include "estimation/locating.h"
+#include "estimation/map_frame.h"
 #include "estimation/measurements.h"
 #include "estimation/point_alignment.h"
 #include "estimation/starts.h"
 #include "estimation/told.h"
+#include "estimation/uncertainty.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -22,7 +24,6 @@ constexpr double kSlipInflation = 100.0;  // of the covariance of a step that th
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
-constexpr double kToldAnew = 0.003;   // heights of the camera, displaced 3 of them away: told anew beyond it
 }  // namespace
 
 class FleetEstimator::Impl {
@@ -64,9 +65,6 @@ class FleetEstimator::Impl {
   void checkViews(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
   void noticeLoss(Frame& frame);
-  void updateCovariances();
-  void tellCamera(RobotNode& robot, const CameraCovariance& covariance);
-  void tellPeople(RobotNode& robot, const CameraCovariance& covariance);
   void condense();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
@@ -88,7 +86,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   solveNewest(frames);
   checkViews(frames);
   checkSteps(frames);
-  updateCovariances();
+  updateUncertainty(fleet, whole_, settled_);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
   return report(frames);
 }
@@ -114,10 +112,12 @@ void FleetEstimator::Impl::refine() {
   }
   whole_ = false;
   fleet.updateShapes();
+  releaseFrame(fleet);
   fleet.forgetLandmarks();
   reviseTold(fleet, false);
   fleet.slide();
   fleet.forgetWheels();
+  holdFrame(fleet);
   condense();
   for (RobotNode& robot : fleet.robots) robot.unrefined = false;
 }
@@ -207,6 +207,10 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   robot.covariance = covariance;
   robot.start.told = map_from_base;
   robot.start.pose = robot.window.back().pose;
+  if (robot.setup.founds_map) {
+    foundMap(fleet, robot.window.back().pose, map_from_base, covariance);
+    return;
+  }
   fleet.graph.addFactor(absolutePoseFactor(map_from_base, covariance), {robot.window.back().pose},
                         kStartCauchy);
 }
@@ -315,59 +319,6 @@ void FleetEstimator::Impl::noticeLoss(Frame& frame) {
   associateOne(frame);
 }
 
-void FleetEstimator::Impl::updateCovariances() {
-  std::vector<VariableId> wanted;
-  for (const RobotNode& robot : fleet.robots) {
-    if (robot.located()) wanted.push_back(robot.window.back().pose);
-  }
-  for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
-  for (const auto& [name, point] : fleet.points) wanted.push_back(point.variable);
-  for (const RobotNode& robot : fleet.robots) {
-    if (robot.camera != 0) wanted.push_back(robot.camera);
-  }
-  if (wanted.empty()) return;
-  const Eigen::MatrixXd covariance =
-      whole_ ? fleet.graph.covariance(wanted) : fleet.graph.newestCovariance(wanted);
-  Eigen::Index at = 0;
-  for (RobotNode& robot : fleet.robots) {
-    if (!robot.located()) continue;
-    const Pose2 pose = fleet.pose(robot.window.back().pose);
-    robot.covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
-    at += 3;
-  }
-  for (auto& [id, landmark] : fleet.landmarks) {
-    landmark.covariance = covariance.block<3, 3>(at, at);
-    at += 4;
-  }
-  for (auto& [name, point] : fleet.points) {
-    point.covariance = covariance.block<2, 2>(at, at);
-    at += 2;
-  }
-  for (RobotNode& robot : fleet.robots) {
-    if (robot.camera == 0) continue;
-    tellCamera(robot, covariance.block<kCameraErrors, kCameraErrors>(at, at));
-    at += kCameraErrors;
-  }
-}
-
-/// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
-void FleetEstimator::Impl::tellCamera(RobotNode& robot, const CameraCovariance& covariance) {
-  const Eigen::Vector4d now = believedError(fleet.cameraError(robot), covariance, fleet.options.camera);
-  if (settled_ || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
-  if (displacement(robot.camera_told) > kToldAnew) tellPeople(robot, covariance);
-}
-
-/// So that the calibration can be mended: again as it becomes surer, and at the end.
-void FleetEstimator::Impl::tellPeople(RobotNode& robot, const CameraCovariance& covariance) {
-  constexpr double kSurer = 0.5;
-  const double variance = covariance.diagonal().head<4>().sum();
-  if (!settled_ && robot.camera_said > 0 && variance > kSurer * kSurer * robot.camera_said) return;
-  const std::string what = tellError(fleet.cameraError(robot), covariance, fleet.options.camera);
-  if (what.empty()) return;
-  robot.camera_said = variance;
-  fleet.findings.push_back(robot.setup.name + ": its camera's calibration minus what is seen: " + what);
-}
-
 std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {
   std::vector<PoseEstimate> estimates;
   for (const Frame& frame : frames) {
@@ -416,7 +367,7 @@ void FleetEstimator::Impl::settle(int rounds) {
     fleet.updateShapes();
   }
   settled_ = whole_ = true;
-  updateCovariances();
+  updateUncertainty(fleet, whole_, settled_);
   reviseTold(fleet, true);
 }
 

@@ -30,6 +30,7 @@ struct RobotSetup {
   RobotBody body;
   std::optional<Pose2> initial_pose;  ///< map_from_base at its first frame; without it the robot is unlocated
                                       ///< until an absolute measurement or a sighting locates it
+  bool founds_map = false;  ///< nobody has told where it starts: `map` is made so that initial_pose holds
 };
 
 struct EstimatorOptions {

@@ -194,18 +194,35 @@ DensePrior::DensePrior(Eigen::MatrixXd s, Eigen::VectorXd r0, std::vector<Eigen:
 
 bool DensePrior::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::VectorXd change(s_.cols());
   Eigen::Index column = 0;
   for (std::size_t i = 0; i < at_.size(); ++i) {
     const Eigen::Index size = at_[i].size();
-    change.segment(column, size) = Eigen::Map<const Eigen::VectorXd>(parameters[i], size) - at_[i];
     if (jacobians != nullptr && jacobians[i] != nullptr) {
       Eigen::Map<RowMajor>(jacobians[i], s_.rows(), size) = s_.middleCols(column, size);
     }
     column += size;
   }
-  Eigen::Map<Eigen::VectorXd>(residuals, s_.rows()) = s_ * change + r0_;
+  Eigen::Map<Eigen::VectorXd>(residuals, s_.rows()) = s_ * change(parameters) + r0_;
   return true;
+}
+
+Eigen::VectorXd DensePrior::change(const double* const* parameters) const {
+  Eigen::VectorXd change(s_.cols());
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < at_.size(); ++i) {
+    const Eigen::Index size = at_[i].size();
+    change.segment(row, size) = Eigen::Map<const Eigen::VectorXd>(parameters[i], size) - at_[i];
+    row += size;
+  }
+  return change;
+}
+
+void DensePrior::relinearise(std::vector<Eigen::VectorXd> at, Eigen::MatrixXd s) {
+  std::vector<const double*> values;
+  for (const Eigen::VectorXd& block : at) values.push_back(block.data());
+  r0_ += s_ * change(values.data());
+  s_ = std::move(s);
+  at_ = std::move(at);
 }
 
 std::unique_ptr<ceres::CostFunction> priorFactor(const Eigen::VectorXd& value, const Eigen::VectorXd& sigma) {

@@ -21,7 +21,13 @@ class DensePrior : public ceres::CostFunction {
   DensePrior(Eigen::MatrixXd s, Eigen::VectorXd r0, std::vector<Eigen::VectorXd> at);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
+  const Eigen::MatrixXd& s() const { return s_; }
+  const std::vector<Eigen::VectorXd>& at() const { return at_; }
+  /// The same residual at other values, and from there on with another S.
+  void relinearise(std::vector<Eigen::VectorXd> at, Eigen::MatrixXd s);
+
  private:
+  Eigen::VectorXd change(const double* const* parameters) const;
   Eigen::MatrixXd s_;
   Eigen::VectorXd r0_;
   std::vector<Eigen::VectorXd> at_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "estimation/factors.h"
+#include "estimation/map_frame.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -79,6 +80,7 @@ void FleetState::forgetWheels() {
 VariableId FleetState::detector(RobotNode& robot) {
   if (robot.detector != 0) return robot.detector;
   robot.detector = graph.addVariable(DetectorModel::Zero());
+  graph.setMotions(commonMotions);  // of a map that is made of ranges and bearings nobody may know the turn
   const DetectorOptions& o = options.detector;
   DetectorModel sigma;
   sigma << o.bearing_bias_sigma_rad, o.focal_sigma, o.range_scale_sigma, o.obliqueness_sigma,

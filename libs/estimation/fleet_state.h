@@ -122,7 +122,7 @@ struct RobotNode {
   Start start;
   TimeNs sight_ns = 0;  ///< of what it saw last
   std::vector<Glimpse> sight;
-  Scan scan;  ///< of that frame: how far floor is seen
+  Scan scan;                ///< of that frame: how far floor is seen
   double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
   bool displaced = false;   ///< it sees nothing of what should be there
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
@@ -154,6 +154,13 @@ Pose2 fractionOf(const Pose2& motion, double fraction);
 /// Right perturbation from a covariance over (x, y, θ) in map axes, and back.
 Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad);
 
+/// What holds `map` where nothing from outside does (map_frame.h).
+struct MapFrame {
+  VariableId start = 0;            ///< map_from_start of the robot that founded it; 0: none did
+  FactorId by_start = kNoFactor;   ///< holds it at that start, or …
+  FactorId by_points = kNoFactor;  ///< … at the named points
+};
+
 /// Robots, landmarks and points with their variables.
 class FleetState {
  public:
@@ -165,8 +172,9 @@ class FleetState {
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)
   bool tied = false;                    ///< something from outside tells where the map is
-  std::vector<PoseEstimate> revised;    ///< frames that turned out to lie elsewhere than was told
-  std::vector<std::string> findings;    ///< what was found wrong with what was told, a line each
+  MapFrame map_frame;
+  std::vector<PoseEstimate> revised;  ///< frames that turned out to lie elsewhere than was told
+  std::vector<std::string> findings;  ///< what was found wrong with what was told, a line each
 
   RobotNode* find(const std::string& name);
   const RobotNode* find(const std::string& name) const;

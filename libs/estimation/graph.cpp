@@ -117,6 +117,30 @@ double Graph::accumulate(const Factor& factor, const Offsets& offsets, Eigen::Ma
   return 0.5 * (factor.cauchy > 0 ? scale * std::log1p(squares / scale) : squares);
 }
 
+/// Where a dense prior is linearised anew, its S is changed as little as makes S·G(now) = S·G(then), G the
+/// motions: what it says of them stays.
+void Graph::keepUnmeasured(const Factor& factor) {
+  auto* prior = dynamic_cast<DensePrior*>(factor.cost.get());
+  if (prior == nullptr || !motions_) return;
+  std::vector<Eigen::VectorXd> at;
+  for (VariableId v : factor.variables) at.push_back(variables_.at(v));
+  Eigen::MatrixXd then, now;
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    const Eigen::MatrixXd g = motions_(at[i]);
+    if (g.rows() > 0 && now.rows() == 0) then = now = Eigen::MatrixXd::Zero(prior->s().cols(), g.cols());
+    if (g.rows() > 0) {
+      now.middleRows(row, g.rows()) = g;
+      then.middleRows(row, g.rows()) = motions_(prior->at()[i]);
+    }
+    row += at[i].size();
+  }
+  if (now.rows() == 0) return;
+  const Eigen::MatrixXd normal = now.transpose() * now;
+  const Eigen::MatrixXd inverse = normal.completeOrthogonalDecomposition().solve(now.transpose());
+  prior->relinearise(std::move(at), prior->s() - prior->s() * (now - then) * inverse);
+}
+
 void Graph::marginalise(const std::vector<VariableId>& gone) {
   const std::set<VariableId> leaving(gone.begin(), gone.end());
   condensed_.valid = false;
@@ -145,7 +169,10 @@ void Graph::marginalise(const std::vector<VariableId>& gone) {
   }
   Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd g = Eigen::VectorXd::Zero(size);
-  for (FactorId id : touching) accumulate(factors_.at(id), offsets, h, g);
+  for (FactorId id : touching) {
+    keepUnmeasured(factors_.at(id));
+    accumulate(factors_.at(id), offsets, h, g);
+  }
   for (FactorId id : touching) factors_.erase(id);
   const Eigen::Index in = size - out;
   if (in > 0) {

@@ -4,9 +4,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
+#include <utility>
 #include <vector>
 
 namespace omnifleet::estimation {
@@ -23,6 +25,14 @@ class Graph {
   VariableId addVariable(const Eigen::VectorXd& value);
   Eigen::VectorXd& value(VariableId id) { return variables_.at(id); }
   const Eigen::VectorXd& value(VariableId id) const { return variables_.at(id); }
+
+  /// Derivatives of a variable's value by motions of everything together, a column each; no rows where it
+  /// does not move. What is marginalised says of these motions, wherever it is linearised later, what it said
+  /// where it was linearised first. Else the turn of everything, which no measurement between things tells,
+  /// is learned from the changes of the linearisation alone (observability constraints: Huang, Mourikis,
+  /// Roumeliotis 2010).
+  using Motions = std::function<Eigen::MatrixXd(const Eigen::VectorXd&)>;
+  void setMotions(Motions motions) { motions_ = std::move(motions); }
 
   /// `cauchy` > 0: scale (in σ) of a Cauchy loss on the factor as a whole.
   FactorId addFactor(std::unique_ptr<ceres::CostFunction> cost, std::vector<VariableId> variables,
@@ -77,12 +87,14 @@ class Graph {
   /// Adds to h and g; returns the factor's cost.
   double accumulate(const Factor& factor, const Offsets& offsets, Eigen::MatrixXd& h,
                     Eigen::VectorXd& g) const;
+  void keepUnmeasured(const Factor& factor);
   bool newestVariables();
   double accumulateNewest();
   void setNewest(const Eigen::VectorXd& x);
 
   std::map<VariableId, Eigen::VectorXd> variables_;
   std::map<FactorId, Factor> factors_;
+  Motions motions_;
   Condensed condensed_;
   Offsets newest_offsets_;  ///< of the last solveNewest()
   Eigen::MatrixXd newest_h_;

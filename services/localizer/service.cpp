@@ -25,7 +25,10 @@ std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   // Nothing says where `map` is: it is the first robot's first base_link.
   const std::vector<std::string> located = fleet.locatedRobots();
   for (auto& setup : all) {
-    if (!tied && !located.empty() && setup.name == located.front()) setup.initial_pose = Pose2{};
+    if (!tied && !located.empty() && setup.name == located.front()) {
+      setup.initial_pose = Pose2{};
+      setup.founds_map = true;
+    }
   }
   return all;
 }

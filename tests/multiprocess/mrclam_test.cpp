@@ -123,7 +123,7 @@ TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.10);
   EXPECT_LT(mean_m, wheels_m);
-  // 3 is right; one camera's bearings wander for seconds, which the model does not know of.
+  // 3 is right; the true heading of one robot wanders by 1.5° against its own course (docs/methods.md).
   EXPECT_LE(metrics["paths_mean"]["consistency"]["nees_mean"], 5.0);
   EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm: they stay where they were put
 }

@@ -56,7 +56,10 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
     names.insert(robot.name);
     tied = tied || robot.initial_pose;
   }
-  if (!tied) setups.front().initial_pose = Pose2{};
+  if (!tied) {
+    setups.front().initial_pose = Pose2{};
+    setups.front().founds_map = true;
+  }
   EstimatorStage stage(setups, options.estimator);
   ObservationFrames frames(names, {});
   std::vector<Measurement> survey = options.survey ? surveyed(recording) : std::vector<Measurement>{};

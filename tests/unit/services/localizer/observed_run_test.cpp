@@ -33,6 +33,24 @@ double meanError(const ObservedRun& run, const ObservedFleet& fleet) {
   return sum / static_cast<double>(run.trajectories.size());
 }
 
+/// Mean distance to the truth after the run as a whole was moved onto it.
+double alignedError(const ObservedRun& run, const ObservedFleet& fleet) {
+  std::vector<dataset::StampedPose3> from, to;
+  for (const auto& [name, path] : run.trajectories) {
+    for (const auto& pose : path) {
+      Pose2 exact;
+      if (!evaluation::poseAt(fleet.truth.at(name), pose.time_ns, 1'000'000'000, exact)) continue;
+      from.push_back(evaluation::lift(pose));
+      to.push_back(evaluation::lift(dataset::StampedPose{pose.time_ns, exact}));
+    }
+  }
+  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < from.size(); ++i)
+    sum += (fit.rotation * from[i].position_m + fit.translation - to[i].position_m).norm();
+  return sum / static_cast<double>(from.size());
+}
+
 double landmarkError(const ObservedRun& run, const ObservedFleet& fleet) {
   double sum = 0.0;
   for (const auto& point : run.points) {
@@ -134,6 +152,48 @@ TEST(ObservedFleet, FindsItsPlaceWithoutBeingTold) {
     EXPECT_LT(worst(run, fleet, name), 0.6) << name;
     EXPECT_LT(worst(run, fleet, name, 30.0), 0.2) << name;
   }
+}
+
+double largestHeadingSigma(const ObservedRun& run) {
+  double largest = 0.0;
+  for (const auto& [name, covariances] : run.covariances)
+    largest = std::max(largest, std::sqrt(covariances.back().covariance(2, 2)));
+  return largest;
+}
+
+double smallestHeadingSigma(const ObservedRun& run) {
+  double smallest = 1e9;
+  for (const auto& [name, covariances] : run.covariances)
+    smallest = std::min(smallest, std::sqrt(covariances.back().covariance(2, 2)));
+  return smallest;
+}
+
+// One robot is told where it starts, its heading hardly; the others find themselves by the landmarks that it
+// has found. That tells them where they are beside these, and nobody where north is: told as places in map it
+// would, each time a little, wrongly and for good.
+TEST(ObservedFleet, WhoIsPlacedByAnothersLandmarksMakesNobodySurer) {
+  ObservedFleet fleet({}, 1011);
+  for (std::size_t i = 1; i < fleet.recording.robots.size(); ++i)
+    fleet.recording.robots[i].initial_pose.reset();
+  ObservedRunOptions options;
+  options.estimator.initial_sigma_rad = 0.2;
+  const ObservedRun run = runObserved(fleet.recording, options, fleet.truth);
+  ASSERT_EQ(run.covariances.size(), 3U);
+  // What turns everything is learned from nothing; 0.05 where linearising anew or being placed teaches it.
+  EXPECT_GT(smallestHeadingSigma(run), 0.13);
+}
+
+// Nobody is told where he starts: map is where its points are, as surely as these stand to one another.
+TEST(ObservedFleet, AMapThatNobodyPlacedIsHeldByItsPoints) {
+  ObservedFleetOptions fleet_options;
+  fleet_options.initial_poses = false;
+  const ObservedFleet fleet(fleet_options, 1017);
+  ObservedRunOptions options;
+  options.estimator.initial_sigma_rad = 0.2;
+  const ObservedRun run = runObserved(fleet.recording, options, fleet.truth);
+  ASSERT_EQ(run.covariances.size(), 3U);
+  EXPECT_LT(largestHeadingSigma(run), 0.05);
+  EXPECT_LT(alignedError(run, fleet), 0.06);  // a range errs by 4 cm + 2 % at up to 4 m
 }
 
 TEST(ObservedFleet, ACarriedRobotSaysSoAndSmearsNothing) {
