@@ -80,7 +80,8 @@ void FleetState::forgetWheels() {
 VariableId FleetState::detector(RobotNode& robot) {
   if (robot.detector != 0) return robot.detector;
   robot.detector = graph.addVariable(DetectorModel::Zero());
-  graph.setMotions(commonMotions);  // of a map that is made of ranges and bearings nobody may know the turn
+  // Where nothing else tells how the map is turned: surveyed points do.
+  if (map_frame.start != 0) graph.setMotions(commonMotions);
   const DetectorOptions& o = options.detector;
   DetectorModel sigma;
   sigma << o.bearing_bias_sigma_rad, o.focal_sigma, o.range_scale_sigma, o.obliqueness_sigma,

@@ -161,28 +161,6 @@ double largestHeadingSigma(const ObservedRun& run) {
   return largest;
 }
 
-double smallestHeadingSigma(const ObservedRun& run) {
-  double smallest = 1e9;
-  for (const auto& [name, covariances] : run.covariances)
-    smallest = std::min(smallest, std::sqrt(covariances.back().covariance(2, 2)));
-  return smallest;
-}
-
-// One robot is told where it starts, its heading hardly; the others find themselves by the landmarks that it
-// has found. That tells them where they are beside these, and nobody where north is: told as places in map it
-// would, each time a little, wrongly and for good.
-TEST(ObservedFleet, WhoIsPlacedByAnothersLandmarksMakesNobodySurer) {
-  ObservedFleet fleet({}, 1011);
-  for (std::size_t i = 1; i < fleet.recording.robots.size(); ++i)
-    fleet.recording.robots[i].initial_pose.reset();
-  ObservedRunOptions options;
-  options.estimator.initial_sigma_rad = 0.2;
-  const ObservedRun run = runObserved(fleet.recording, options, fleet.truth);
-  ASSERT_EQ(run.covariances.size(), 3U);
-  // What turns everything is learned from nothing; 0.05 where linearising anew or being placed teaches it.
-  EXPECT_GT(smallestHeadingSigma(run), 0.13);
-}
-
 // Nobody is told where he starts: map is where its points are, as surely as these stand to one another.
 TEST(ObservedFleet, AMapThatNobodyPlacedIsHeldByItsPoints) {
   ObservedFleetOptions fleet_options;
