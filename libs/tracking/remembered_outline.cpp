@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace omnifleet::tracking {
 namespace {
@@ -11,19 +12,19 @@ constexpr double kSameSight_m = 0.10;
 }  // namespace
 
 void RememberedOutline::add(const View& view, const PrismFilter& filter) {
-  SupportFunction outermost = view.supports;
+  next_ = view.supports;
   if (isGood(view)) {
     for (std::size_t k = 0; k < view.size(); ++k) {
       const double before = fromHere(outermost_, view, k, filter);
-      if (!std::isfinite(before) || (view.usable(k) && outermost.b_m[k] >= before)) continue;
-      outermost.b_m[k] = static_cast<float>(before);
-      outermost.sigma_m[k] = view.usable(k) ? view.supports.sigma_m[k] : 1.0F;
+      if (!std::isfinite(before) || (view.usable(k) && next_.b_m[k] >= before)) continue;
+      next_.b_m[k] = static_cast<float>(before);
+      next_.sigma_m[k] = view.usable(k) ? view.supports.sigma_m[k] : 1.0F;
     }
   } else {
     origin_m_ = view.foot_m;
   }
   last_ = view;
-  outermost_ = std::move(outermost);
+  std::swap(outermost_, next_);
 }
 
 bool RememberedOutline::isGood(const View& view) const {

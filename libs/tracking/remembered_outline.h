@@ -27,6 +27,7 @@ class RememberedOutline {
   Eigen::Vector2d origin_m_ = Eigen::Vector2d::Zero();  ///< foot of the camera when it started, odom
   View last_;
   SupportFunction outermost_;  ///< of all so far, as from the last place
+  SupportFunction next_;       ///< what that becomes
 };
 
 }  // namespace omnifleet::tracking

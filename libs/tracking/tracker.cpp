@@ -156,18 +156,18 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
 /// First those whose place is known, then the others: who may be anywhere takes nobody's blob.
 void Tracker::assignBlobs() {
   const auto isVague = [&](std::size_t t) { return tracks_[t].positionSigma() > options_.lose_sigma_m; };
-  Eigen::MatrixXd cost(cost_.rows(), cost_.cols());
+  open_cost_.resize(cost_.rows(), cost_.cols());
   for (const bool vague : {false, true}) {
-    cost.setConstant(std::numeric_limits<double>::infinity());
+    open_cost_.setConstant(std::numeric_limits<double>::infinity());
     for (std::size_t t = 0; t < tracks_.size(); ++t) {
       if (isVague(t) == vague)
-        cost.row(static_cast<Eigen::Index>(t)) = cost_.row(static_cast<Eigen::Index>(t));
+        open_cost_.row(static_cast<Eigen::Index>(t)) = cost_.row(static_cast<Eigen::Index>(t));
     }
     for (std::size_t b = 0; b < owners_.size(); ++b) {
       if (!owners_[b].empty())
-        cost.col(static_cast<Eigen::Index>(b)).setConstant(std::numeric_limits<double>::infinity());
+        open_cost_.col(static_cast<Eigen::Index>(b)).setConstant(std::numeric_limits<double>::infinity());
     }
-    const std::vector<int> blob_of = assign(cost, 1.0);
+    const std::vector<int> blob_of = assign(open_cost_, 1.0);
     for (std::size_t t = 0; t < tracks_.size(); ++t) {
       if (blob_of[t] < 0) continue;
       tracks_[t].blob = blob_of[t];

@@ -82,7 +82,7 @@ class Tracker {
   std::uint32_t next_id_ = 1;
   std::vector<View> views_;               ///< of this frame's blobs
   std::vector<std::vector<int>> owners_;  ///< tracks in each blob
-  Eigen::MatrixXd cost_;
+  Eigen::MatrixXd cost_, open_cost_;
   std::vector<int> known_owners_;
   std::vector<BlobOwner> split_owners_;
   std::vector<View> split_;
