@@ -45,8 +45,8 @@ std::vector<std::size_t> supporters(const Pairs& pairs, const Pose2& map_from_lo
   return all;
 }
 
-/// What is wrong with a sight of a thing is wrong with its next one: the sights of one thing together count as
-/// one.
+/// What is wrong with a sight of a thing is wrong with its next one: the sights of one thing together count
+/// as one.
 double sights(const Pairs& pairs, const std::vector<std::size_t>& chosen, const ScoutPair& one) {
   return static_cast<double>(std::count_if(chosen.begin(), chosen.end(), [&](std::size_t j) {
     return (one.in_map - pairs[j].in_map).norm() < kSame_m;

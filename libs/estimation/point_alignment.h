@@ -10,8 +10,8 @@ void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame
 
 /// Something whose place in map is known was seen at a place of the scout's frame, or the scout itself was
 /// seen from a place known, as well as `map_covariance` says. `of`: the point or robot that was seen or saw.
-void addScoutPair(RobotNode& lost, const std::string& of, const Eigen::Vector2d& in_local, const Eigen::Vector2d& in_map,
-                  const Eigen::Matrix2d& map_covariance);
+void addScoutPair(RobotNode& lost, const std::string& of, const Eigen::Vector2d& in_local,
+                  const Eigen::Vector2d& in_map, const Eigen::Matrix2d& map_covariance);
 
 /// Places a robot where what it has seen of named things, and who has seen it, agrees: the rigid motion that
 /// most pairs of the last 30 s support. Needs at least five pairs, most of them agreeing, far enough apart to

@@ -417,8 +417,8 @@ void BlobSplitter::mergeSmall(int area) {
   }
   while (mergeOne(area)) {
   }
-  // What touches nothing that it could join (the region hangs together over a corner, or was connected) is too
-  // small to be a thing by itself.
+  // What touches nothing that it could join (the region hangs together over a corner, or was connected) is
+  // too small to be a thing by itself.
   for (Piece& piece : pieces_)
     if (piece.area < options_.min_area_px && piece.shared == 0) piece.area = 0;
 }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 constexpr float kShare = 1.0f / (kCell * kCell);
-constexpr int kLine = 64;   // bytes of a line of the cache
+constexpr int kLine = 64;  // bytes of a line of the cache
 constexpr int kSpare = 8;  // numbers behind the columns that vectors may read
 
 /// Sums of four rows of n bytes.

@@ -25,7 +25,8 @@ namespace omnifleet::ground {
 ///    shadow;
 ///  - where nearly all of it differs from the floor by less than floors differ from tile to tile, it goes,
 ///    but is kept as undecided(): a thing of just that colour would look the same;
-///  - where several such regions, or some more of a little more contrast, show that the floor has a pattern, what differs little more is of it too;
+///  - where several such regions, or some more of a little more contrast, show that the floor has a pattern,
+///  what differs little more is of it too;
 ///  - so are regions that mix what is so near to the floor with shade, where there are several: tiles and
 ///    their joints.
 class ShadeFilter {

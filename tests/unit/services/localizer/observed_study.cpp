@@ -61,9 +61,8 @@ int main(int argc, char** argv) {
     const auto& d = run.detectors.at(name);
     const auto& s = run.status.at(name);
     const Eigen::Vector3d parts = run.parts.count(name) > 0 ? run.parts.at(name) : Eigen::Vector3d::Zero();
-    const auto nees =
-        evaluation::checkConsistency(truth.trajectories.at(name), options.survey ? path : moved,
-                                     run.covariances.at(name));
+    const auto nees = evaluation::checkConsistency(truth.trajectories.at(name), options.survey ? path : moved,
+                                                   run.covariances.at(name));
     std::printf("%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f\n", name.c_str(),
                 plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m, plain.heading_rad);
     std::printf("   NEES %.2f (%.1f %.1f %.1f), %.2f to %.2f of %.0f, %.1f %% inside\n", nees.mean, parts(0),
