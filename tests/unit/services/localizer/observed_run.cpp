@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "dataset/observation_rows.h"
@@ -110,6 +111,21 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
     run.status[name] = stage.estimator().status(name);
   }
   return run;
+}
+
+Pose2 alignToTruth(const ObservedRun& run,
+                   const std::map<std::string, std::vector<dataset::StampedPose>>& truth) {
+  std::vector<dataset::StampedPose3> from, to;
+  for (const auto& [name, path] : run.trajectories) {
+    for (const auto& pose : path) {
+      Pose2 exact;
+      if (!evaluation::poseAt(truth.at(name), pose.time_ns, 1'000'000'000, exact)) continue;
+      from.push_back(evaluation::lift(pose));
+      to.push_back(evaluation::lift(dataset::StampedPose{pose.time_ns, exact}));
+    }
+  }
+  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
+  return {fit.translation.x(), fit.translation.y(), std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
 }
 
 }  // namespace omnifleet::localizer::testing

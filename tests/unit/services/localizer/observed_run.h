@@ -33,4 +33,9 @@ struct ObservedRunOptions {
 ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOptions& options,
                         const std::map<std::string, std::vector<dataset::StampedPose>>& truth);
 
+/// One rigid motion of the whole fleet onto the truth: the frame is free where no landmark is surveyed.
+/// @return truth_from_map
+Pose2 alignToTruth(const ObservedRun& run,
+                   const std::map<std::string, std::vector<dataset::StampedPose>>& truth);
+
 }  // namespace omnifleet::localizer::testing

@@ -34,21 +34,12 @@ double meanError(const ObservedRun& run, const ObservedFleet& fleet) {
 }
 
 /// Mean distance to the truth after the run as a whole was moved onto it.
-double alignedError(const ObservedRun& run, const ObservedFleet& fleet) {
-  std::vector<dataset::StampedPose3> from, to;
-  for (const auto& [name, path] : run.trajectories) {
-    for (const auto& pose : path) {
-      Pose2 exact;
-      if (!evaluation::poseAt(fleet.truth.at(name), pose.time_ns, 1'000'000'000, exact)) continue;
-      from.push_back(evaluation::lift(pose));
-      to.push_back(evaluation::lift(dataset::StampedPose{pose.time_ns, exact}));
-    }
+double alignedError(ObservedRun run, const ObservedFleet& fleet) {
+  const Pose2 truth_from_map = alignToTruth(run, fleet.truth);
+  for (auto& [name, path] : run.trajectories) {
+    for (auto& pose : path) pose.map_from_base = truth_from_map * pose.map_from_base;
   }
-  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < from.size(); ++i)
-    sum += (fit.rotation * from[i].position_m + fit.translation - to[i].position_m).norm();
-  return sum / static_cast<double>(from.size());
+  return meanError(run, fleet);
 }
 
 double landmarkError(const ObservedRun& run, const ObservedFleet& fleet) {

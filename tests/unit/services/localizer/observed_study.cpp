@@ -37,19 +37,7 @@ int main(int argc, char** argv) {
   const auto begun = std::chrono::steady_clock::now();
   const auto run = localizer::testing::runObserved(recording, options, truth.trajectories);
   const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  // One rigid motion for the whole fleet: the frame is free where no landmark is surveyed.
-  std::vector<dataset::StampedPose3> from, to;
-  for (const auto& [name, path] : run.trajectories) {
-    for (const auto& pose : path) {
-      Pose2 exact;
-      if (!evaluation::poseAt(truth.trajectories.at(name), pose.time_ns, 1'000'000'000, exact)) continue;
-      from.push_back(evaluation::lift(pose));
-      to.push_back(evaluation::lift(dataset::StampedPose{pose.time_ns, exact}));
-    }
-  }
-  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
-  const Pose2 aligned{fit.translation.x(), fit.translation.y(),
-                      std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
+  const Pose2 aligned = localizer::testing::alignToTruth(run, truth.trajectories);
   double mean = 0.0, mean_aligned = 0.0;
   std::vector<evaluation::Consistency> all;
   for (const auto& [name, path] : run.trajectories) {
