@@ -16,7 +16,7 @@ struct TrackerOptions {
   double merged_solidity = 0.94;  ///< 1, below it a blob is not one convex object
   double cut_margin_m = 0.02;     ///< m, how far an outline must stand out to be this object's own
   double keep_s = 5.0;            ///< s, an unseen object is carried on
-  double keep_hidden_s = 15.0;    ///< s, likewise while something stands before it
+  double keep_hidden_s = 15.0;    ///< s, likewise while something stands before it, and what stands itself
   double keep_new_s = 0.5;        ///< s, likewise if it was seen fewer than three times
   double max_contact_m = 4.0;     ///< m, blobs farther away start no track
   double gap_sigma_m = 0.3;       ///< m, how far the robot may have gone across a gap
