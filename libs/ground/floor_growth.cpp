@@ -64,9 +64,10 @@ FloorTest FloorTolerance::testFor(const cv::Vec3f& r, double noise) const {
 }
 
 FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
-                         double min_share)
+                         double min_share, bool all_modes)
     : tolerance_(tolerance),
       min_share_(min_share),
+      all_modes_(all_modes),
       stride_(coverage.cols + 2 * kJump),
       closed_(coverage.rows + 2 * kJump, stride_, kClosed),
       framed_means_(closed_.size(), cv::Vec3f(0, 0, 0)),
@@ -95,7 +96,7 @@ bool FloorGrowth::seed() {
   };
   histogram_.clear();
   for (const int block : seeds_) histogram_.add(binAt(means[block]));
-  if (histogram_.settle(min_share_, 0, false) <= 0.0) return false;
+  if (histogram_.settle(min_share_, 0, all_modes_) <= 0.0) return false;
   closed_.copyTo(stop_);
   queue_.clear();
   for (const int block : seeds_) {

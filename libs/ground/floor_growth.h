@@ -26,8 +26,9 @@ class FloorGrowth {
  public:
   /// @param coverage per block, 2 where all of it may show floor. @param seeds per block, not 0 for a seed
   /// @param min_share of the seeds that fills a bin of their histogram
+  /// @param all_modes whether all that fill bins are seeds, not only the commonest of them
   FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
-              double min_share);
+              double min_share, bool all_modes = false);
   FloorGrowth(const FloorGrowth&) = delete;  // means_ looks into framed_means_
   FloorGrowth& operator=(const FloorGrowth&) = delete;
 
@@ -59,6 +60,7 @@ class FloorGrowth {
 
   FloorTolerance tolerance_;
   double min_share_;
+  bool all_modes_;
   GroundHistogram histogram_;
   // Blocks are counted in a frame of kJump closed ones to each side, so that nothing asks where the edge is.
   int stride_;

@@ -52,7 +52,8 @@ FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& op
     : options_(options),
       tolerance_{options.tolerance_along, options.tolerance_across, options.noise_sigmas},
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
-      growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share),
+      growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
+              options.all_modes),
       smoothing_(growth_, view, block_, options.smoothing_cells) {
   constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
   const std::vector<cv::Range> cells = view.rowsWithin(kMargin);

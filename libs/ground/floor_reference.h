@@ -16,6 +16,7 @@ struct ReferenceOptions {
   double tolerance_across = 0.022;  ///< fraction of it by which its colour may be off at equal brightness
   double noise_sigmas = 3.0;        ///< standard deviations of the seeds' pixel noise added to both
   double min_share = 0.004;         ///< share of the seeds that fills a bin of the histogram
+  bool all_modes = false;           ///< of the seeds' colours all, not only the commonest (walls; no key)
   int smoothing_cells = 5;  ///< cells of 4 px: radius of the window that smooths the reference, 1–40
   static ReferenceOptions read(const options::Section& section);
 };

@@ -47,6 +47,37 @@ FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options) {
   if (seed_cells_.empty()) throw options::Error("view: the seed region shows no floor");
 }
 
+std::unique_ptr<FloorView> FloorView::upward(const lens::Camera& camera) {
+  ViewOptions options;
+  options.min_depression_deg = -90.0;
+  std::unique_ptr<FloorView> view(new FloorView());
+  view->drawMask(camera, options);
+  view->drawCells(camera, options);
+  view->seedHorizon(camera);
+  return view->seed_cells_.empty() ? nullptr : std::move(view);
+}
+
+/// The outermost cells, as far as they show hardly less than the horizon: what is lower than the camera is
+/// only there where it is far away.
+void FloorView::seedHorizon(const lens::Camera& camera) {
+  constexpr int kCells = 3;
+  constexpr double kBelow_rad = 8.0 * M_PI / 180.0;
+  cv::Mat1b inner;
+  cv::erode(coverage_ != 0, inner, cv::Mat1b::ones(2 * kCells + 1, 2 * kCells + 1), {-1, -1}, 1,
+            cv::BORDER_CONSTANT, cv::Scalar(0));
+  seeds_.setTo(0);
+  seed_cells_.clear();
+  for (int y = 0; y < seeds_.rows; ++y) {
+    for (int x = 0; x < seeds_.cols; ++x) {
+      if (coverage_(y, x) != 2 || inner(y, x) != 0) continue;
+      const auto ray = camera.rayFromPixel({(x + 0.5) * kCell - 0.5, (y + 0.5) * kCell - 0.5});
+      if (!ray || ray->z() < -std::sin(kBelow_rad)) continue;
+      seeds_(y, x) = 255;
+      seed_cells_.emplace_back(x, y);
+    }
+  }
+}
+
 void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options) {
   const auto& model = camera.model();
   mask_ = cv::Mat1b(model.image_height_px, model.image_width_px, std::uint8_t{0});

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -32,6 +33,10 @@ class FloorView {
   /// Throws options::Error when no pixel shows floor or no seed cell remains.
   FloorView(const lens::Camera& camera, const ViewOptions& options);
 
+  /// The view of what stands up to the horizon and beyond, a room's walls: as far up as the lens sees, seeds
+  /// along the end of it. None where the image holds nothing of the horizon.
+  static std::unique_ptr<FloorView> upward(const lens::Camera& camera);
+
   cv::Size imageSize() const { return {mask_.cols, mask_.rows}; }
   cv::Size cells() const { return {seeds_.cols, seeds_.rows}; }
   /// Full resolution, 255 where floor may be seen, else 0.
@@ -54,6 +59,8 @@ class FloorView {
   std::vector<cv::Range> rowsWithin(int margin_cells) const;
 
  private:
+  FloorView() = default;
+  void seedHorizon(const lens::Camera& camera);
   void drawMask(const lens::Camera& camera, const ViewOptions& options);
   void drawCells(const lens::Camera& camera, const ViewOptions& options);
 

@@ -182,6 +182,14 @@ void GroundSegmenter::completeSides(const cv::Mat& image) {
   area_.cover(strips_);
 }
 
+void GroundSegmenter::keepOf(const Blob& region, const BitMask& kept, std::uint8_t other) {
+  for (const Run& run : region.runs) {
+    std::uint8_t* row = objects_.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x)
+      if (!kept.at(x, run.row)) row[x] = other;
+  }
+}
+
 ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
   const auto& o = options_.reference;
   return {image, reference_.colour(), static_cast<float>(o.tolerance_across),

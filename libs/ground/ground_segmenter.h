@@ -47,6 +47,8 @@ class GroundSegmenter {
   const BitMask& bits() const { return bits_; }
   /// Outside of it objects() is 0.
   const BitArea& area() const { return area_; }
+  /// Of a region of objects() what is not in `kept` gets another value.
+  void keepOf(const Blob& region, const BitMask& kept, std::uint8_t other);
   /// Regions that may be floor or a thing of its colour; not in objects().
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Colour of the floor per cell, CV_32FC3.

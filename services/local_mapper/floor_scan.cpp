@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
 
+constexpr double kWalls_m = 4.0;  // up to here it is looked where walls stand
+
 /// Metres on the floor of one pixel, radially, at a floor point.
 double radialMetres(const lens::Camera& camera, const Eigen::Vector2d& floor) {
   const auto pixel = camera.pixelFromPoint({floor.x(), floor.y(), 0.0});
@@ -44,14 +46,14 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
     bearing_.emplace_back(std::cos(phi), std::sin(phi));
     double begin = -1.0, end = 0.0;
     step_begin_.push_back(steps_.size());
-    for (double r = kMarch_m; r <= options.max_range_m + 1e-9; r += kMarch_m) {
+    for (double r = kMarch_m; r <= std::max(options.max_range_m, kWalls_m) + 1e-9; r += kMarch_m) {
       const Eigen::Vector2d p = camera.foot() + r * bearing_[i];
       const auto pixel = camera.pixelFromPoint({p.x(), p.y(), 0.0});
       const cv::Point at = pixel ? cv::Point(cvRound(pixel->x()), cvRound(pixel->y())) : cv::Point(-1, -1);
       const bool seen = cv::Rect({0, 0}, view.imageSize()).contains(at) && view.mask()(at) != 0;
       if (seen && begin < 0) begin = r;
       if (!seen && begin >= 0) break;
-      if (seen) end = r;
+      if (seen && r <= options.max_range_m + 1e-9) end = r;
       if (seen) steps_.push_back({static_cast<std::int16_t>(at.x), static_cast<std::int16_t>(at.y)});
     }
     floor_begin_m_.push_back(static_cast<float>(begin));
@@ -131,6 +133,46 @@ void FloorScan::addAll(const cv::Mat1b& objects) {
       break;
     }
   }
+}
+
+void FloorScan::findWalls(const cv::Mat1b& objects, std::uint8_t wall) {
+  wall_m_.assign(bearing_.size(), std::numeric_limits<double>::infinity());
+  for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
+    const std::size_t begin = step_begin_[ray], end = step_begin_[ray + 1];
+    std::size_t k = begin;
+    while (k < end && objects(steps_[k].v, steps_[k].u) == 0) ++k;
+    if (begin < end && (k == end || objects(steps_[k].v, steps_[k].u) == wall))
+      wall_m_[ray] = static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(k - begin);
+  }
+}
+
+std::optional<Eigen::Vector2d> FloorScan::wallBeside(long ray, long step) const {
+  const auto n = static_cast<long>(bearing_.size());
+  for (long k = 1; k <= n / 8; ++k) {
+    const auto at = static_cast<std::size_t>((((ray + k * step) % n) + n) % n);
+    if (std::isfinite(wall_m_[at])) return wall_m_[at] * bearing_[at];
+  }
+  return std::nullopt;
+}
+
+bool FloorScan::isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d& contact_m) const {
+  constexpr double kBefore_m = 0.04, kBefore_px = 2.5;
+  const Eigen::Vector2d at = contact_m - camera_->foot();
+  const double step = 2.0 * M_PI / static_cast<double>(bearing_.size()), bearing = std::atan2(at.y(), at.x());
+  double right = 0.0, left = 0.0;  // of the contact's bearing
+  for (const Eigen::Vector2d& p : contour.points_m) {
+    const Eigen::Vector2d to = p - camera_->foot();
+    const double beside = wrapAngle(std::atan2(to.y(), to.x()) - bearing);
+    right = std::min(right, beside);
+    left = std::max(left, beside);
+  }
+  const auto a = wallBeside(std::lround(std::floor((bearing + right) / step)), -1),
+             b = wallBeside(std::lround(std::ceil((bearing + left) / step)), 1);
+  if (!a && !b) return false;
+  const double before = std::max(kBefore_m, kBefore_px * radialMetres(*camera_, contact_m));
+  if (!a || !b) return at.norm() + before < (a ? *a : *b).norm();
+  const Eigen::Vector2d along = (*b - *a).normalized(), away(along.y(), -along.x());
+  return away.dot(*a - at) >= before;
 }
 
 double FloorScan::addUndecided(const ground::Blob& blob) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "ground/floor_view.h"
@@ -29,6 +30,13 @@ class FloorScan {
   /// All in a mask (0: nothing) that stands in the way, where a region closes around the robot: its contour
   /// is the far side of it.
   void addAll(const cv::Mat1b& objects);
+  /// Where walls stand on the floor, or the floor ends that is looked at, by a mask that has `wall` on them
+  /// and other values on what else is in the way.
+  void findWalls(const cv::Mat1b& objects, std::uint8_t wall);
+  /// Does it stand before the walls, as they go on to both sides of it? What is on a wall or is a part of it,
+  /// a door, a skirting, touches the floor where they do. False where neither wall nor free floor is seen
+  /// beside it.
+  bool isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d& contact_m) const;
   /// Share of the visible floor's depth that is free, the middle one of all bearings that see floor; since
   /// finish().
   double freeShare() const { return free_share_; }
@@ -43,6 +51,8 @@ class FloorScan {
   static constexpr std::size_t kSectors = 512;  ///< of a turn; so many that one holds few rays
   static std::size_t sectorOf(const Eigen::Vector2d& to);
   void findSectors();
+  /// The end of the nearest wall from a ray on, to one side; nothing within reach.
+  std::optional<Eigen::Vector2d> wallBeside(long ray, long step) const;
   std::size_t rayBefore(const Eigen::Vector2d& to) const;
   void addSegment(const Eigen::Vector2d& a, std::size_t before_a, const Eigen::Vector2d& b,
                   std::size_t before_b, std::uint16_t label);
@@ -52,7 +62,7 @@ class FloorScan {
   std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
   std::vector<std::size_t> first_;        ///< per sector, a ray before its beginning
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
-  std::vector<double> nearest_m_, undecided_m_;
+  std::vector<double> nearest_m_, undecided_m_, wall_m_;
   std::vector<std::uint16_t> object_;
   struct Step {
     std::int16_t u, v;

@@ -9,6 +9,7 @@ Options Options::read(const options::Section& section) {
   o.view = ground::ViewOptions::read(section.child("view"));
   o.lens = lens::CorrectionOptions::read(section.child("lens"));
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
+  o.walls = ground::WallOptions::read(section.child("walls"));
   o.connection = ground::ConnectionOptions::read(section.child("connection"));
   o.contour = ground::ContourOptions::read(section.child("contour"));
   o.split = ground::SplitOptions::read(section.child("split"));
@@ -31,6 +32,7 @@ struct LocalMapper::Stages {
         freeze(view, o.faults),
         cover(o.faults),
         segmenter(camera, view, o.ground),
+        walls(camera, view, o.walls, o.ground),
         connection(o.connection),
         tracer(view, o.contour),
         splitter(view.imageSize(), o.split),
@@ -59,6 +61,7 @@ struct LocalMapper::Stages {
   CoverCheck cover;
   ground::GroundSegmenter segmenter;
   ground::Labeller labeller;
+  ground::WallFinder walls;
   ground::RegionConnection connection;
   ground::ContourTracer tracer;
   ground::BlobSplitter splitter;
@@ -78,6 +81,7 @@ struct LocalMapper::Stages {
   ground::Contour contour;
   ObjectObservation object;
   int undecided = 0;
+  bool has_walls = false;
   const char* fault = "";
   LocalMap map;
   std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
@@ -151,6 +155,8 @@ FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& 
   }
   if (!has_floor) return FrameState::kDark;
   labelled = &labeller.label(segmenter.bits(), segmenter.area(), options.silhouette.min_area_px);
+  has_walls = walls.find(image, *labelled, options.silhouette.min_area_px, segmenter);
+  if (has_walls) labelled = &walls.regions();
   blobs = &connection.connect(*labelled);  // Algorithm 1
   return FrameState::kOk;
 }
@@ -158,10 +164,12 @@ FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& 
 void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   blob_of_object.clear();
   scan.begin();
-  bool closed = false;
+  bool closed = has_walls;
+  if (has_walls) scan.findWalls(segmenter.objects(), ground::WallFinder::kWall);
   for (const ground::Blob& blob : *blobs) {
     tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
-    const bool is_object = silhouette.measure(blob, contour, {}, object);
+    const bool is_object = silhouette.measure(blob, contour, {}, object) &&
+                           (!has_walls || scan.isBeforeWalls(silhouette.floorContour(), object.contact_m));
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
     closed = closed || silhouette.isAround();

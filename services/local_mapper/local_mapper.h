@@ -10,6 +10,7 @@
 #include "ground/ground_segmenter.h"
 #include "ground/notch_splitter.h"
 #include "ground/region_connection.h"
+#include "ground/wall_finder.h"
 #include "lens/camera.h"
 #include "lens/correction.h"
 #include "local_mapper/camera_faults.h"
@@ -27,6 +28,7 @@ struct Options {
   ground::ViewOptions view;              ///< `view`: which pixels can show floor
   lens::CorrectionOptions lens;          ///< `lens`: §III.4, which lens carries points to the floor
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
+  ground::WallOptions walls;             ///< `walls`: a room's walls, and what stands before them
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
   ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
   ground::SplitOptions split;            ///< `split`: things one before the other, by their colours

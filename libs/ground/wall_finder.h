@@ -1,0 +1,54 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/bit_mask.h"
+#include "ground/floor_view.h"
+#include "ground/ground_segmenter.h"
+#include "ground/labelling.h"
+#include "options/options.h"
+
+namespace omnifleet::ground {
+
+struct WallOptions {
+  bool enabled = true;
+  double min_arc_deg = 60.0;  ///< degrees of the horizon that a region must reach up to
+  static WallOptions read(const options::Section& section);
+};
+
+/// Walls, and what stands before them. Whatever is lower than the camera ends below the horizon; a region
+/// that reaches it over a wide arc is the room's walls, with all that covers their foot in the picture. Their
+/// colours are those at and above the horizon, where nothing else is; from there they are followed down as
+/// the floor is from the robot outward (GroundSegmenter, its seeds along the horizon). What is neither floor
+/// nor wall stands before a wall, or is a part of it: FloorScan::beforeWalls() tells.
+class WallFinder {
+ public:
+  static constexpr std::uint8_t kWall = 1;  ///< value of walls in masks in which things have 255
+
+  /// @param options of the floor: the same tolerances hold for walls
+  WallFinder(const lens::Camera& camera, const FloorView& floor_view, const WallOptions& options,
+             const SegmenterOptions& ground);
+
+  /// @param image as `floor` has segmented it @param regions of `floor`, as labelled
+  /// @return whether any of them is a wall; then walls have kWall in the mask of `floor`, and regions() holds
+  /// all else
+  bool find(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px, GroundSegmenter& floor);
+  const std::vector<Blob>& regions() const { return *regions_; }
+
+ private:
+  bool isWall(const Blob& region);
+
+  WallOptions options_;
+  std::unique_ptr<FloorView> view_;  ///< up to the end of the lens, seeds along the horizon; none: no horizon
+  std::unique_ptr<GroundSegmenter> segmenter_;
+  cv::Mat1b sectors_;  ///< per cell along the horizon: 1 + its sector; else 0
+  std::vector<std::uint8_t> reached_;
+  std::vector<const Blob*> walls_;
+  BitMask before_, eroded_, things_;
+  Labeller labeller_;
+  const std::vector<Blob>* regions_ = nullptr;
+};
+
+}  // namespace omnifleet::ground

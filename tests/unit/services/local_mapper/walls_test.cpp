@@ -1,0 +1,135 @@
+// Rooms whose walls are higher than the camera, rendered: in the picture they swallow what stands before
+// them.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "local_mapper/local_mapper.h"
+#include "synthetic/renderer.h"
+
+namespace omnifleet::local_mapper {
+namespace {
+
+class Walls : public ::testing::Test {
+ protected:
+  /// @param more keys of the room, obstacles among them
+  static synthetic::Arena room(const std::string& more) {
+    return synthetic::Arena::read(options::Section::parse(R"(
+frames: {rate_hz: 5, duration_s: 1}
+floor: {size_m: [4.4, 3.6], grain: 0.04}
+image: {noise: 1.5, shot_noise: 0.06}
+robots: {r1: {initial_pose: [0, 0, 0]}}
+rigs:
+  fisheye: {camera_model: fisheye, projection: equidistant, image_width: 640, image_height: 480, focal_px: 148.65932,
+            principal_point_px: [319.5, 239.5], fov_deg: 185, position_m: [0, 0, 0.5], self_mask_radius_px: 99}
+)" + more,
+                                                          "room.yaml"));
+  }
+  static cv::Mat pictureOf(const synthetic::Arena& arena) {
+    synthetic::Renderer renderer(arena, arena.cameras.front().id, 3);
+    cv::Mat image;
+    renderer.render(0, {Pose2{}}, image);
+    return image;
+  }
+  static LocalMap mapOf(const synthetic::Arena& arena, const cv::Mat& image, const Options& options = {}) {
+    LocalMapper mapper(lens::Camera(arena.cameras.front().model), options);
+    Frame frame;
+    frame.acquired_ns = arena.frameTimeNs(0);
+    frame.image = image;
+    return mapper.process(frame, {});
+  }
+  /// Objects whose contact lies within 6 cm, two pixels there, of an obstacle's edge.
+  static std::size_t objectsAt(const synthetic::Solid& solid, const LocalMap& map) {
+    return static_cast<std::size_t>(
+        std::count_if(map.objects.begin(), map.objects.end(), [&](const ObjectObservation& object) {
+          return std::abs(solid.distance(object.contact_m, solid.map_from_solid)) < 0.06;
+        }));
+  }
+};
+
+// One beside another, in a corner, of a robot's size and colour: all of them reach the wall in the picture.
+const char* const kThings = R"(
+obstacles:
+  - {kind: box, pose: [1.5, 0.2, 0.3], size_m: [0.30, 0.22], height_m: 0.20, rgb: [190, 52, 40]}
+  - {kind: cylinder, pose: [0.2, 1.2, 0], radius_m: 0.14, height_m: 0.24, rgb: [40, 78, 170]}
+  - {kind: box, pose: [-1.5, 1.1, 0.8], size_m: [0.24, 0.24], height_m: 0.22, rgb: [44, 140, 70]}
+  - {kind: cylinder, pose: [-0.9, -0.8, 0], radius_m: 0.15, height_m: 0.30, rgb: [38, 38, 42]}
+  - {kind: box, pose: [0.8, -1.25, 0.1], size_m: [0.20, 0.20], height_m: 0.16, rgb: [150, 60, 150]}
+)";
+
+TEST_F(Walls, WhatStandsBeforeThemIsSeen) {
+  for (const char* walls :
+       {"walls: {height_m: 2.4, rgb: [112, 104, 88]}", "walls: {height_m: 0.8, texture: 0.3}",
+        "walls: {height_m: 1.0, rgb: [108, 193, 196]}"}) {
+    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    const cv::Mat image = pictureOf(arena);
+    const LocalMap map = mapOf(arena, image);
+    EXPECT_EQ(map.objects.size(), 5U) << walls;
+    for (const synthetic::Solid& solid : arena.solids) {
+      if (solid.wall) continue;
+      EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
+    }
+    for (const ObjectObservation& object : map.objects) EXPECT_GT(object.solidity, 0.94) << walls;
+    Options without;
+    without.walls.enabled = false;
+    EXPECT_LT(mapOf(arena, image, without).objects.size(), 5U) << walls;
+  }
+}
+
+TEST_F(Walls, TheScanEndsAtThemAsBefore) {
+  const synthetic::Arena arena = room(std::string(kThings) + "walls: {height_m: 1.0, rgb: [112, 104, 88]}");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  for (const std::size_t bearing_deg : {55U, 105U, 180U, 250U, 350U}) {  // nothing stands there
+    const double bearing = static_cast<double>(bearing_deg) * M_PI / 180.0;
+    const double wall_m = std::min(2.2 / std::max(1e-9, std::abs(std::cos(bearing))),
+                                   1.8 / std::max(1e-9, std::abs(std::sin(bearing))));
+    EXPECT_EQ(map.scan.label[bearing_deg], RayLabel::kUnknown) << bearing_deg;
+    EXPECT_EQ(map.scan.object[bearing_deg], 0) << bearing_deg;
+    // A pixel and a half radially: 5 to 10 cm.
+    EXPECT_NEAR(map.scan.range_m[bearing_deg], wall_m, 1.5 * (0.25 + wall_m * wall_m) / 0.5 / 148.7)
+        << bearing_deg;
+  }
+  EXPECT_GT(map.scan.object[8], 0) << "the red box";
+}
+
+/// Doors and skirtings touch the floor where the wall does.
+TEST_F(Walls, WhatIsAPartOfThemIsNoThing) {
+  const synthetic::Arena arena = room(R"(
+obstacles:
+  - {kind: box, pose: [2.19, 0.3, 0], size_m: [0.02, 0.7], height_m: 0.42, rgb: [120, 70, 30]}
+  - {kind: box, pose: [-0.5, 1.79, 0], size_m: [0.5, 0.02], height_m: 0.30, rgb: [200, 200, 210]}
+  - {kind: box, pose: [0.2, -1.65, 0], size_m: [0.4, 0.3], height_m: 0.20, rgb: [150, 60, 150]}
+walls: {height_m: 1.0, rgb: [108, 193, 196]}
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  ASSERT_EQ(map.objects.size(), 1U);
+  EXPECT_EQ(objectsAt(arena.solids[2], map), 1U) << "a box that stands against the wall is one";
+}
+
+/// What is higher than the camera, but no room's walls, stays a thing.
+TEST_F(Walls, APillarIsAThing) {
+  const synthetic::Arena arena = room(R"(
+obstacles: [{kind: cylinder, pose: [0.9, 0.3, 0], radius_m: 0.15, height_m: 0.9, rgb: [40, 78, 170]}]
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  ASSERT_EQ(map.objects.size(), 1U);
+  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+}
+
+TEST_F(Walls, GreyPicturesHaveThemToo) {
+  const synthetic::Arena arena = room(std::string(kThings) + "walls: {height_m: 1.0, rgb: [120, 120, 120]}");
+  cv::Mat grey;
+  cv::cvtColor(pictureOf(arena), grey, cv::COLOR_BGR2GRAY);
+  const LocalMap map = mapOf(arena, grey);
+  EXPECT_GE(map.objects.size(), 3U);
+  for (const ObjectObservation& object : map.objects) {
+    EXPECT_TRUE(std::any_of(arena.solids.begin(), arena.solids.end(), [&](const synthetic::Solid& solid) {
+      return !solid.wall && std::abs(solid.distance(object.contact_m, solid.map_from_solid)) < 0.06;
+    })) << object.contact_m.transpose();
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet::local_mapper
