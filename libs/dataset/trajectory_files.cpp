@@ -106,11 +106,11 @@ std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses) {
 }
 
 void writeCovariances(const std::string& path, const std::vector<StampedCovariance>& rows) {
-  std::string text = "#timestamp [ns],xx [m^2],xy [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2]\n";
+  std::string text = "#timestamp [ns],xx [m^2],xy [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2],datum\n";
   for (const StampedCovariance& row : rows) {
     const Eigen::Matrix3d& c = row.covariance;
-    text += fmt::format("{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g}\n", row.time_ns, c(0, 0), c(0, 1),
-                        c(0, 2), c(1, 1), c(1, 2), c(2, 2));
+    text += fmt::format("{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{}\n", row.time_ns, c(0, 0), c(0, 1),
+                        c(0, 2), c(1, 1), c(1, 2), c(2, 2), row.datum);
   }
   writeAtomic(path, text);
 }
@@ -120,10 +120,12 @@ std::vector<StampedCovariance> readCovariances(const std::string& path, std::vec
   std::vector<std::string> local;
   readRows(path, ',', warnings ? *warnings : local, [&](const Fields& fields) -> std::string {
     StampedCovariance row;
-    double v[6];
+    double v[7];
     if (fields.empty() || !parseTime(fields[0], row.time_ns))
       return "the timestamp must be whole nanoseconds";
-    if (!numbers(fields, 1, 6, v)) return "expected 6 numbers of a covariance after the timestamp";
+    if (!numbers(fields, 1, 7, v) || v[6] < 0 || v[6] > 4e9)
+      return "expected 6 numbers of a covariance and its datum after the timestamp";
+    row.datum = static_cast<std::uint32_t>(v[6]);
     row.covariance << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
     rows.push_back(row);
     return {};

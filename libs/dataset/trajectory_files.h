@@ -19,6 +19,7 @@ struct StampedPose {
 struct StampedCovariance {
   TimeNs time_ns = 0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  std::uint32_t datum = 0;  ///< what it is against (PoseEstimate::datum)
 };
 
 /// A row of a TUM file in full: `timestamp[s] tx ty tz qx qy qz qw`.
@@ -43,7 +44,7 @@ std::vector<StampedPose3> readTum(const std::string& path, std::vector<std::stri
 std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses);
 
 /// Covariances of a trajectory, which TUM has no room for: a row per pose, "#timestamp [ns],xx [m^2],xy
-/// [m^2], xt [m rad],yy [m^2],yt [m rad],tt [rad^2]". Atomic. Throws std::runtime_error.
+/// [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2],datum". Atomic. Throws std::runtime_error.
 void writeCovariances(const std::string& path, const std::vector<StampedCovariance>& rows);
 /// Damaged rows are left out and listed in `warnings`. Throws std::runtime_error when unreadable.
 std::vector<StampedCovariance> readCovariances(const std::string& path,

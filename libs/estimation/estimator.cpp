@@ -342,6 +342,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
   return estimates;
 }
 
+      estimate.datum = fleet.map_frame.datum;
 std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
   std::vector<PoseEstimate> all;
   for (const RobotNode& robot : fleet.robots) {
@@ -364,6 +365,7 @@ void FleetEstimator::Impl::settle(int rounds) {
   for (int i = 0; i < rounds; ++i) {
     reweight();
     fleet.graph.solve(kFinalIterations);
+      estimate.datum = fleet.map_frame.datum;
     fleet.updateShapes();
   }
   settled_ = whole_ = true;

@@ -160,6 +160,7 @@ struct MapFrame {
   FactorId by_start = kNoFactor;   ///< holds it at that start, or …
   FactorId by_points = kNoFactor;  ///< … at the named points
 };
+  std::uint32_t datum = 0;         ///< counts what has held it; 0: it is where it was told to be
 
 /// Robots, landmarks and points with their variables.
 class FleetState {

@@ -71,6 +71,7 @@ void foundMap(FleetState& fleet, VariableId pose, const Pose2& start_from_base,
   frame.by_start = fleet.graph.addFactor(
       priorFactor(Eigen::Vector3d::Zero(), Eigen::Vector3d::Constant(kExact)), {frame.start});
   fleet.graph.addFactor(relativePoseFactor(start_from_base, covariance), {frame.start, pose});
+  ++frame.datum;
 }
 
 void releaseFrame(FleetState& fleet) {
@@ -86,9 +87,13 @@ void holdFrame(FleetState& fleet) {
   if (!holds && frame.by_start == kNoFactor) {  // all but forgotten: where the start is now, it stays
     const Eigen::VectorXd at = fleet.graph.value(frame.start);
     frame.by_start = fleet.graph.addFactor(priorFactor(at, Eigen::Vector3d::Constant(kExact)), {frame.start});
+    ++frame.datum;
   }
   if (!holds) return;
-  if (frame.by_start != kNoFactor) fleet.graph.removeFactor(frame.by_start);
+  if (frame.by_start != kNoFactor) {
+    fleet.graph.removeFactor(frame.by_start);
+    ++frame.datum;
+  }
   frame.by_start = kNoFactor;
   std::vector<VariableId> variables = network.variables;
   frame.by_points = fleet.graph.addFactor(innerConstraints(std::move(network)), std::move(variables));

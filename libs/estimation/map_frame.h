@@ -10,6 +10,8 @@ namespace omnifleet::estimation {
 // three named points are known, the frame is held by them: it is where they as a whole are thought to be (the
 // datum of a free network by inner constraints; Baarda 1973, Triggs et al. 2000, §9). What is learned
 // later of the start moves the start, not the map, and covariances are those against the points as a whole.
+// What they are against goes with them (PoseEstimate::datum): errors against the start and errors against the
+// points are not alike, and can be compared with the truth only after each was brought onto it.
 
 /// Derivatives of a variable by a shift of everything along x and y of map and a turn about its origin; empty
 /// where these do not move it. Poses, points and landmarks are told by their sizes.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <vector>
 
 #include "dataset/trajectory_files.h"
@@ -14,9 +16,10 @@ struct Consistency {
     double lower = 0.0, upper = 0.0;
   };
   int samples = 0;
-  double mean = 0.0;    ///< NEES; NaN without samples
-  double inside = 0.0;  ///< share of single samples below χ²₃(95 %) = 7.815; 0.95 is right
-  Bounds strict;        ///< 95 % of means of so many independent samples lie between
+  double mean = 0.0;      ///< NEES; NaN without samples
+  double position = 0.0;  ///< likewise of x and y alone: 2 is right, whatever the truth's headings are worth
+  double inside = 0.0;    ///< share of single samples below χ²₃(95 %) = 7.815; 0.95 is right
+  Bounds strict;          ///< 95 % of means of so many independent samples lie between
   /// Errors of successive poses resemble one another: how many independent samples these are worth, samples
   /// over 1 + 2·Σρ², ρ the autocorrelation of the whitened errors (that of ε is its square where errors are
   /// normal), summed over lags until it is not positive. A bias that lasts makes it one.
@@ -26,12 +29,24 @@ struct Consistency {
   bool consistent() const { return mean >= bounds.lower && mean <= bounds.upper; }
 };
 
-/// Poses are matched with covariances by their times; those without either or without truth do not count.
-/// Truth as in poseAt().
-Consistency checkConsistency(const std::vector<dataset::StampedPose>& truth,
-                             const std::vector<dataset::StampedPose>& estimate,
-                             const std::vector<dataset::StampedCovariance>& covariances,
-                             TimeNs max_gap_ns = 1'000'000'000);
+/// One robot's path. Poses are matched with covariances by their times; those without either or without truth
+/// do not count. Truth as in poseAt().
+struct ToldPath {
+  std::vector<dataset::StampedPose> truth, estimate;
+  std::vector<dataset::StampedCovariance> covariances;
+  TimeNs max_gap_ns = 1'000'000'000;
+};
+
+/// Where `map` lies in the truth, by what the covariances are against (StampedCovariance::datum).
+using DatumPlaces = std::map<std::uint32_t, Pose2>;
+
+/// Of runs that nobody told where `map` is: for each datum the rigid motion of all robots together after
+/// which the sum of their ε is least. What is against one datum says nothing of where another lies in the
+/// truth. Of the 3 degrees of freedom of each sample it takes 3 in all from each datum.
+DatumPlaces placeData(const std::vector<ToldPath>& fleet);
+
+/// `places`: where the poses are moved first; a datum that it lacks lies where the truth does.
+Consistency checkConsistency(const ToldPath& path, const DatumPlaces& places = {});
 
 /// All robots together.
 Consistency pooled(const std::vector<Consistency>& robots);

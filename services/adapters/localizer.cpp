@@ -16,6 +16,7 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
   to.term(term);
   const Eigen::Vector4d& e = from.camera_error;
   to.camera_error({e(0), e(1), e(2), e(3)});
+  to.datum(from.datum);
 }
 
 bool fromWire(const v1::Pose& from, PoseEstimate& to) {
@@ -25,6 +26,7 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   to.valid = from.valid();
   to.map_from_base = pose(from.map_from_base());
   to.covariance = matrixFromWire<3>(from.covariance());
+  to.datum = from.datum();
   to.sightings.resize(from.sightings().size());
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};

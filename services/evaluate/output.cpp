@@ -129,13 +129,13 @@ std::string consistencyTable(const Report& report) {
   const auto rows = consistencies(report);
   if (rows.empty()) return {};
   std::string text =
-      "Covariances    NEES   of samples: 95 % bounds   worth, independent: 95 % bounds   within 95 %\n";
+      "Covariances    NEES  x, y   of samples: 95 % bounds   worth, independent: 95 % bounds   within 95 %\n";
   for (const auto& [name, c] : rows) {
     const char* verdict = c.consistent() ? "" : c.mean > c.bounds.upper ? "  over-confident" : "  too modest";
-    text += fmt::format("  {:<10} {} {:>11}: {} – {} {:>19.0f}: {} – {} {} %{}\n", name, cell(c.mean, 6, 2),
-                        c.samples, cell(c.strict.lower, 4, 2), cell(c.strict.upper, 4, 2), c.independent,
-                        cell(c.bounds.lower, 4, 2), cell(c.bounds.upper, 5, 2), cell(100.0 * c.inside, 11, 1),
-                        verdict);
+    text += fmt::format("  {:<10} {} {} {:>11}: {} – {} {:>19.0f}: {} – {} {} %{}\n", name,
+                        cell(c.mean, 6, 2), cell(c.position, 5, 2), c.samples, cell(c.strict.lower, 4, 2),
+                        cell(c.strict.upper, 4, 2), c.independent, cell(c.bounds.lower, 4, 2),
+                        cell(c.bounds.upper, 5, 2), cell(100.0 * c.inside, 11, 1), verdict);
   }
   return text;
 }
@@ -158,6 +158,7 @@ Json pathJson(const evaluation::PathMetrics& p) {
 
 Json consistencyJson(const evaluation::Consistency& c) {
   return {{"nees_mean", c.mean},
+          {"nees_position", c.position},
           {"samples", c.samples},
           {"bounds_95", {c.strict.lower, c.strict.upper}},
           {"independent_samples", c.independent},

@@ -142,6 +142,24 @@ void moveObjects(const Pose2& truth_from_map, std::vector<dataset::MapObject>& o
   }
 }
 
+/// Nothing where the run tells no covariances.
+std::optional<evaluation::ToldPath> toldPath(const fs::path& out, const std::string& name,
+                                             const std::vector<StampedPose>& truth,
+                                             std::vector<std::string>* warnings) {
+  const fs::path path = out / "covariances" / (name + ".csv");
+  if (!fs::exists(path)) return std::nullopt;
+  return evaluation::ToldPath{truth, readEstimate(out, name, nullptr),
+                              dataset::readCovariances(path.string(), warnings), kMaxGap_ns};
+}
+
+evaluation::DatumPlaces placesOf(const fs::path& out, const dataset::GroundTruth& truth) {
+  std::vector<evaluation::ToldPath> fleet;
+  for (const auto& [name, poses] : truth.trajectories) {
+    if (auto told = toldPath(out, name, poses, nullptr)) fleet.push_back(std::move(*told));
+  }
+  return evaluation::placeData(fleet);
+}
+
 RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording, const std::string& name,
                          const std::vector<StampedPose>& truth, const Pose2& truth_from_map,
                          std::vector<std::string>& warnings) {
@@ -158,12 +176,6 @@ RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording,
         evaluation::comparePaths(truth, deadReckoning(*robot, truth, estimate), kMaxGap_ns);
   }
   report.path = evaluation::comparePaths(truth, estimate, kMaxGap_ns);
-  const fs::path covariances = out / "covariances" / (name + ".csv");
-  if (fs::exists(covariances)) {
-    const auto consistency = evaluation::checkConsistency(
-        truth, estimate, dataset::readCovariances(covariances.string(), &warnings), kMaxGap_ns);
-    if (consistency.samples > 0) report.consistency = consistency;
-  }
   const auto pairs = evaluation::associate(evaluation::lift(truth), evaluation::lift(estimate));
   report.ate_m = evaluation::absoluteTrajectoryError(pairs, evaluation::Alignment::kSe2);
   report.rpe = evaluation::relativePoseError(pairs);
@@ -221,9 +233,14 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
+  const auto places = frame == Frame::kFree ? placesOf(out, truth) : evaluation::DatumPlaces{};
   for (const auto& [name, poses] : truth.trajectories) {
     report.robots.push_back(
         compareRobot(out, recording, name, poses, report.truth_from_map.value_or(Pose2{}), report.warnings));
+    const auto told = toldPath(out, name, poses, &report.warnings);
+    if (!told) continue;
+    const auto consistency = evaluation::checkConsistency(*told, places);
+    if (consistency.samples > 0) report.robots.back().consistency = consistency;
   }
   report.kinds = compareTracks(out, truth, report.warnings);
   return report;

@@ -145,7 +145,8 @@ void Merger::addTrajectory(const PoseEstimate& pose) {
   // Causal: the first estimate of a time stays.
   if (after != path.begin() && std::prev(after)->time_ns == pose.acquired_ns) return;
   auto& covariances = covariances_[pose.robot];
-  covariances.insert(covariances.begin() + (after - path.begin()), {pose.acquired_ns, pose.covariance});
+  covariances.insert(covariances.begin() + (after - path.begin()),
+                     {pose.acquired_ns, pose.covariance, pose.datum});
   path.insert(after, {pose.acquired_ns, pose.map_from_base});
 }
 

@@ -136,6 +136,8 @@ TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.15);
   EXPECT_LT(mean_m, wheels_m);
+  // Each pose against what its covariance is against: the first ones the start, then the points.
+  EXPECT_LE(metrics["paths_mean"]["consistency"]["nees_mean"], 5.0);
   // After two minutes some landmarks have been seen once or twice only.
   EXPECT_LE(metrics["landmarks"]["mean_m"], secondsUsed() > 0 ? 0.30 : 0.20);
 }

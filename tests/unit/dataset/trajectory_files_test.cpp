@@ -33,16 +33,19 @@ TEST(Covariances, SurviveAFileAndDamagedRowsAreTold) {
   const test::TempFolder folder;
   Eigen::Matrix3d covariance;
   covariance << 1e-4, 2e-6, -3e-6, 2e-6, 4e-4, 5e-6, -3e-6, 5e-6, 9e-4;
-  writeCovariances(folder / "r1.csv", {{1'500'000'000'123'456'789, covariance}, {7, 2.0 * covariance}});
+  writeCovariances(folder / "r1.csv", {{1'500'000'000'123'456'789, covariance, 2}, {7, 2.0 * covariance}});
   const auto rows = readCovariances(folder / "r1.csv");
   ASSERT_EQ(rows.size(), 2u);
   EXPECT_EQ(rows[0].time_ns, 1'500'000'000'123'456'789);
   EXPECT_LT((rows[0].covariance - covariance).norm(), 1e-12);
   EXPECT_LT((rows[1].covariance - 2.0 * covariance).norm(), 1e-12);
+  EXPECT_EQ(rows[0].datum, 2u);
+  EXPECT_EQ(rows[1].datum, 0u);
   std::vector<std::string> warnings;
-  writeAtomic(folder / "damaged.csv", "#t\n1,1,0,0,1,0,1\n2,1,0,nan,1,0,1\nx,1,0,0,1,0,1\n3,1,0\n");
+  writeAtomic(folder / "damaged.csv",
+              "#t\n1,1,0,0,1,0,1,0\n2,1,0,nan,1,0,1,0\nx,1,0,0,1,0,1,0\n3,1,0\n4,1,0,0,1,0,1,-1\n");
   EXPECT_EQ(readCovariances(folder / "damaged.csv", &warnings).size(), 1u);
-  EXPECT_EQ(warnings.size(), 3u);
+  EXPECT_EQ(warnings.size(), 4u);
 }
 
 TEST(Tum, TextIsTheSameForEqualPoses) {

@@ -212,6 +212,29 @@ TEST_F(FreeFrame, OneMotionForAllHidesNoErrorBetweenTheRobots) {
   EXPECT_GT(sum_m, 0.1);  // of 20 cm between them, a turn of the whole may hide a part
 }
 
+// The first twenty poses are against something that lies elsewhere than the rest.
+TEST_F(FreeFrame, CovariancesAreComparedWhereTheirDatumLies) {
+  for (const auto& start : starts_) {
+    const std::string trajectory = out_ + "/trajectories/" + start.first + ".tum";
+    auto poses = dataset::flat(dataset::readTum(trajectory));
+    std::vector<dataset::StampedCovariance> rows;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      if (i < 20) poses[i].map_from_base = Pose2{0.5, 0.2, 0.3} * poses[i].map_from_base;
+      rows.push_back({poses[i].time_ns, 1e-4 * Eigen::Matrix3d::Identity(), i < 20 ? 1u : 2u});
+    }
+    dataset::writeTum(trajectory, poses);
+    dataset::writeCovariances(out_ + "/covariances/" + start.first + ".csv", rows);
+  }
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  for (const RobotReport& robot : report.robots) {
+    ASSERT_TRUE(robot.consistency);
+    EXPECT_LT(robot.consistency->mean, 1e-6);
+    EXPECT_GT(robot.path.max_m, 0.3) << "paths are those in the one frame of the run";
+  }
+  const Report same = evaluateRun(out_, recording_, Frame::kSame);
+  EXPECT_GT(same.robots[0].consistency->mean, 100.0) << "who was told where map is, moves nothing";
+}
+
 TEST_F(FreeFrame, LandmarksAreMatchedByName) {
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   ASSERT_TRUE(report.landmarks);

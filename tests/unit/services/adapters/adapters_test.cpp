@@ -234,6 +234,7 @@ TEST(Adapters, APoseComesBackWhole) {
   pose.covariance = n.matrix<3>();
   pose.sightings = {{9, "r1"}, {10, "r3"}};
   pose.camera_error = {0.001, -0.002, 0.003, -0.004};
+  pose.datum = 2;
   v1::Pose wire;
   toWire(pose, RunClock::kSystem, 3, wire);
   EXPECT_EQ(wire.term(), 3u);
@@ -246,6 +247,7 @@ TEST(Adapters, APoseComesBackWhole) {
   EXPECT_EQ(back.map_from_base.vector(), pose.map_from_base.vector());
   EXPECT_EQ(back.covariance, pose.covariance);
   EXPECT_EQ(back.camera_error, pose.camera_error);
+  EXPECT_EQ(back.datum, 2u);
   ASSERT_EQ(back.sightings.size(), 2u);
   EXPECT_EQ(back.sightings[1].track_id, 10u);
   EXPECT_EQ(back.sightings[1].robot, "r3");

@@ -91,7 +91,7 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (!poses[i].valid) continue;
       run.trajectories[poses[i].robot].push_back({time, poses[i].map_from_base});
-      run.covariances[poses[i].robot].push_back({time, poses[i].covariance});
+      run.covariances[poses[i].robot].push_back({time, poses[i].covariance, poses[i].datum});
       Pose2 exact;
       const auto path = truth.find(poses[i].robot);
       if (path == truth.end() || !evaluation::poseAt(path->second, time, 1'000'000'000, exact)) continue;
@@ -101,6 +101,7 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
       parts += e.cwiseAbs2().cwiseQuotient(poses[i].covariance.diagonal());
       ++counted[poses[i].robot];
     }
+    if (stage.refineDue()) stage.refine();
   }
   for (auto& [robot, sum] : run.nees) sum /= counted[robot];
   for (auto& [robot, sum] : run.parts) sum /= counted[robot];

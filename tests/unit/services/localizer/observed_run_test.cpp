@@ -120,7 +120,7 @@ TEST(ObservedFleet, ACameraThatLooksAsideTurnsNoHeading) {
       heading += evaluation::comparePaths(fleet.truth.at(name), path).heading_rad / 9.0;
       taken_for_exact +=
           evaluation::comparePaths(fleet.truth.at(name), exact.trajectories.at(name)).heading_rad / 9.0;
-      all.push_back(evaluation::checkConsistency(fleet.truth.at(name), path, run.covariances.at(name)));
+      all.push_back(evaluation::checkConsistency({fleet.truth.at(name), path, run.covariances.at(name)}));
     }
   }
   const evaluation::Consistency consistency = evaluation::pooled(all);
@@ -161,6 +161,8 @@ TEST(ObservedFleet, AMapThatNobodyPlacedIsHeldByItsPoints) {
   options.estimator.initial_sigma_rad = 0.2;
   const ObservedRun run = runObserved(fleet.recording, options, fleet.truth);
   ASSERT_EQ(run.covariances.size(), 3U);
+  EXPECT_EQ(run.covariances.at("r1").front().datum, 1U) << "its own start";
+  for (const auto& entry : run.covariances) EXPECT_EQ(entry.second.back().datum, 2U) << "the points";
   EXPECT_LT(largestHeadingSigma(run), 0.05);
   EXPECT_LT(alignedError(run, fleet), 0.06);  // a range errs by 4 cm + 2 % at up to 4 m
 }

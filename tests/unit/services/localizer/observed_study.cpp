@@ -38,6 +38,13 @@ int main(int argc, char** argv) {
   const auto run = localizer::testing::runObserved(recording, options, truth.trajectories);
   const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   const Pose2 aligned = localizer::testing::alignToTruth(run, truth.trajectories);
+  const auto told = [&](const std::string& name) {
+    return evaluation::ToldPath{truth.trajectories.at(name), run.trajectories.at(name),
+                                run.covariances.at(name)};
+  };
+  std::vector<evaluation::ToldPath> fleet;
+  for (const auto& entry : run.trajectories) fleet.push_back(told(entry.first));
+  const auto places = options.survey ? evaluation::DatumPlaces{} : evaluation::placeData(fleet);
   double mean = 0.0, mean_aligned = 0.0;
   std::vector<evaluation::Consistency> all;
   for (const auto& [name, path] : run.trajectories) {
@@ -49,13 +56,12 @@ int main(int argc, char** argv) {
     const auto& d = run.detectors.at(name);
     const auto& s = run.status.at(name);
     const Eigen::Vector3d parts = run.parts.count(name) > 0 ? run.parts.at(name) : Eigen::Vector3d::Zero();
-    const auto nees = evaluation::checkConsistency(truth.trajectories.at(name), options.survey ? path : moved,
-                                                   run.covariances.at(name));
+    const auto nees = evaluation::checkConsistency(told(name), places);
     std::printf("%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f\n", name.c_str(),
                 plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m, plain.heading_rad);
-    std::printf("   NEES %.2f (%.1f %.1f %.1f), %.2f to %.2f of %.0f, %.1f %% inside\n", nees.mean, parts(0),
-                parts(1), parts(2), nees.bounds.lower, nees.bounds.upper, nees.independent,
-                100 * nees.inside);
+    std::printf("   NEES %.2f, x y %.2f (%.1f %.1f %.1f), %.2f to %.2f of %.0f, %.1f %% inside\n", nees.mean,
+                nees.position, parts(0), parts(1), parts(2), nees.bounds.lower, nees.bounds.upper,
+                nees.independent, 100 * nees.inside);
     std::printf("   wheels %.3f %.3f %.3f %.3f %.4f | detector %.4f %.4f %.4f %.3f %.4f %.3f %.3f %.3f\n",
                 w(0), w(1), w(2), w(3), w(4), d(0), d(1), d(2), d(3), d(4), d(5), d(6), d(7));
     std::printf("   slips %d losses %d rejected %d\n", s.slips, s.losses, s.rejected_measurements);
@@ -73,8 +79,9 @@ int main(int argc, char** argv) {
     }
   }
   const evaluation::Consistency fleet_nees = evaluation::pooled(all);
-  std::printf("NEES %.2f, %.2f to %.2f of %.0f, %.1f %% inside\n", fleet_nees.mean, fleet_nees.bounds.lower,
-              fleet_nees.bounds.upper, fleet_nees.independent, 100 * fleet_nees.inside);
+  std::printf("NEES %.2f, x y %.2f, %.2f to %.2f of %.0f, %.1f %% inside\n", fleet_nees.mean,
+              fleet_nees.position, fleet_nees.bounds.lower, fleet_nees.bounds.upper, fleet_nees.independent,
+              100 * fleet_nees.inside);
   std::printf("mean %.4f m, aligned %.4f m; landmarks %d of %zu, mean %.4f m (aligned); %.1f s\n", mean,
               mean_aligned, found, truth.scene.size(), landmarks / std::max(1, found), took);
 }
