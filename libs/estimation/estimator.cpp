@@ -199,7 +199,7 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   WheelLog::Motion way;
   if (robot.log && !robot.log->empty() &&
       robot.log->between(robot.log->firstTime(), frame.acquired_ns, robot.setup.body.wheel_separation_m,
-                         fleet.graph.value(robot.wheels), way)) {
+                         fleet.graph.value(robot.wheels), robot.delay_sigma_s, way)) {
     covariance = composeCovariance(covariance, way.previous_from_current, way.covariance);
     map_from_base = map_from_base * way.previous_from_current;
   }

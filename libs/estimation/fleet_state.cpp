@@ -63,6 +63,7 @@ void FleetState::addWheels(RobotNode& robot, TimeNs time_ns, double left_mps, do
   if (!robot.log) {
     const WheelLogOptions& o = options.wheel_log;
     robot.log.emplace(o);
+    robot.delay_sigma_s = o.delay_sigma_s;
     graph.removeFactor(robot.wheels_prior);
     const WheelModel sigma(o.scale_sigma, o.scale_sigma, o.turn_sigma, o.delay_sigma_s, o.crab_sigma_rad);
     robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
@@ -136,7 +137,7 @@ bool FleetState::fromLog(const RobotNode& robot, Step& step) const {
   step.model = graph.value(robot.wheels);
   WheelLog::Motion motion;
   if (!robot.log->between(step.since_ns, step.time_ns, robot.setup.body.wheel_separation_m, step.model,
-                          motion))
+                          robot.delay_sigma_s, motion))
     return false;
   step.previous_from_current = motion.previous_from_current;
   step.motion_covariance = motion.covariance;
@@ -237,7 +238,7 @@ Eigen::Vector3d FleetState::twistAt(const RobotNode& robot, TimeNs time_ns) cons
   constexpr TimeNs kSpan_ns = 200000000;
   WheelLog::Motion motion;
   if (robot.log && robot.log->between(time_ns - kSpan_ns, time_ns, robot.setup.body.wheel_separation_m,
-                                      graph.value(robot.wheels), motion))
+                                      graph.value(robot.wheels), 0.0, motion))
     return motion.previous_from_current.vector() * (kSecond_ns / static_cast<double>(kSpan_ns));
   if (!robot.located()) return Eigen::Vector3d::Zero();
   const auto at = std::find_if(robot.window.begin(), std::prev(robot.window.end()),

@@ -106,7 +106,8 @@ struct RobotNode {
   VariableId camera = 0;    ///< CameraError; 0 until it has seen something
   FactorId wheels_prior = kNoFactor;
   std::optional<WheelLog> log;
-  std::deque<Step> window;  ///< empty while unlocated
+  double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
+  std::deque<Step> window;     ///< empty while unlocated
   TimeNs last_frame_ns = 0;
   bool unrefined = false;                                 ///< its newest frame is not in the last whole solve
   bool started = false;                                   ///< a frame has come
@@ -159,8 +160,8 @@ struct MapFrame {
   VariableId start = 0;            ///< map_from_start of the robot that founded it; 0: none did
   FactorId by_start = kNoFactor;   ///< holds it at that start, or …
   FactorId by_points = kNoFactor;  ///< … at the named points
-};
   std::uint32_t datum = 0;         ///< counts what has held it; 0: it is where it was told to be
+};
 
 /// Robots, landmarks and points with their variables.
 class FleetState {

@@ -1,11 +1,13 @@
 #include "estimation/uncertainty.h"
 
+#include <cmath>
 #include <string>
 #include <vector>
 
 namespace omnifleet::estimation {
 namespace {
 
+constexpr Eigen::Index kDelay = 3;   // of a WheelModel
 constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
 
 /// So that the calibration can be mended: again as it becomes surer, and at the end.
@@ -38,6 +40,9 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
   for (const RobotNode& robot : fleet.robots) {
     if (robot.camera != 0) wanted.push_back(robot.camera);
   }
+  for (const RobotNode& robot : fleet.robots) {
+    if (robot.log) wanted.push_back(robot.wheels);
+  }
   if (wanted.empty()) return;
   const Eigen::MatrixXd covariance =
       whole ? fleet.graph.covariance(wanted) : fleet.graph.newestCovariance(wanted);
@@ -60,6 +65,11 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
     if (robot.camera == 0) continue;
     tellCamera(fleet, robot, covariance.block<kCameraErrors, kCameraErrors>(at, at), settled);
     at += kCameraErrors;
+  }
+  for (RobotNode& robot : fleet.robots) {
+    if (!robot.log) continue;
+    robot.delay_sigma_s = std::sqrt(covariance(at + kDelay, at + kDelay));
+    at += WheelModel::RowsAtCompileTime;
   }
 }
 

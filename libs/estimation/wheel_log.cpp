@@ -10,6 +10,7 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr double kSecondsPerNs = 1e-9;
+constexpr int kDelay = 3;                                     // of a WheelModel
 constexpr double kDriving_mps = 0.02, kTurning_radps = 0.05;  // above this the walks are whole
 
 /// Takes a right perturbation from the source frame of `step` to its end frame.
@@ -101,21 +102,30 @@ Pose2 WheelLog::integrate(TimeNs from_ns, TimeNs to_ns, double separation_m, con
 }
 
 bool WheelLog::between(TimeNs from_ns, TimeNs to_ns, double separation_m, const WheelModel& model,
-                       Motion& motion) const {
+                       double delay_sigma_s, Motion& motion) const {
+  constexpr double kLeastStep_s = 0.02;
   if (!(separation_m > 0) || to_ns <= from_ns || !covers(from_ns, to_ns)) return false;
   motion.covariance.setZero();
   motion.previous_from_current = integrate(from_ns, to_ns, separation_m, model, &motion.covariance);
   const Pose2 back = motion.previous_from_current.inverse();
-  const WheelModel step(1e-4, 1e-4, 1e-4, 0.02, 1e-4);
+  const auto increment = [&](const WheelModel& other) {
+    return (back * integrate(from_ns, to_ns, separation_m, other, nullptr)).vector();
+  };
+  const double apart_s = std::sqrt(3.0) * delay_sigma_s;
+  const WheelModel step(1e-4, 1e-4, 1e-4, std::max(kLeastStep_s, apart_s), 1e-4);
   for (int i = 0; i < 5; ++i) {
     WheelModel more = model, less = model;
     more(i) += step(i);
     less(i) -= step(i);
-    const Pose2 up = back * integrate(from_ns, to_ns, separation_m, more, nullptr);
-    const Pose2 down = back * integrate(from_ns, to_ns, separation_m, less, nullptr);
-    motion.jacobian.col(i) =
-        Eigen::Vector3d(up.x_m - down.x_m, up.y_m - down.y_m, wrapAngle(up.theta_rad - down.theta_rad)) /
-        (2.0 * step(i));
+    const Eigen::Vector3d up = increment(more), down = increment(less);
+    motion.jacobian.col(i) = (up - down) / (2.0 * step(i));
+    if (i != kDelay) continue;
+    // Of a line it is zero; its mean is a sixth, its variance 1/18. Speeds change in steps: what they bend
+    // grows with the points' distance.
+    const Eigen::Vector3d bend = (up + down) * std::min(1.0, apart_s / kLeastStep_s);
+    motion.covariance += bend * bend.transpose() / 18.0;
+    const Eigen::Vector3d mean = bend / 6.0;
+    motion.previous_from_current = motion.previous_from_current * Pose2::fromVector(mean);
   }
   return true;
 }

@@ -50,9 +50,12 @@ class WheelLog {
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< right perturbation
     WheelJacobian jacobian = WheelJacobian::Zero();        ///< increment in the end frame by the model
   };
-  /// False where some part of the interval has no row in force.
+  /// False where some part of the interval has no row in force. The motion is no straight line in the delay:
+  /// what a robot did half a second ago says nothing of what it does now. So it is linearised over all delays
+  /// that `delay_sigma_s` leaves (statistical linear regression by Gauss–Hermite points, Särkkä 2013, §5.4),
+  /// and what no line through them says goes into the covariance.
   bool between(TimeNs from_ns, TimeNs to_ns, double wheel_separation_m, const WheelModel& model,
-               Motion& motion) const;
+               double delay_sigma_s, Motion& motion) const;
 
   /// Rows that end before this time are needed no more.
   void forgetBefore(TimeNs time_ns);

@@ -28,7 +28,8 @@ WheelLog driven(double left_mps, double right_mps, const WheelLogOptions& option
 WheelLog::Motion moved(const WheelLog& log, double from_s, double to_s,
                        const WheelModel& model = WheelModel::Zero()) {
   WheelLog::Motion motion;
-  EXPECT_TRUE(log.between(at(from_s), at(to_s), kSeparation_m, model, motion)) << from_s << " … " << to_s;
+  EXPECT_TRUE(log.between(at(from_s), at(to_s), kSeparation_m, model, 0.0, motion))
+      << from_s << " … " << to_s;
   return motion;
 }
 
@@ -113,12 +114,12 @@ TEST(WheelLog, TurningIsLessCertainThanDrivingStraight) {
 TEST(WheelLog, NoMotionWhereNoRowSaysIt) {
   WheelLog log({});
   WheelLog::Motion motion;
-  EXPECT_FALSE(log.between(0, 1, kSeparation_m, WheelModel::Zero(), motion));
+  EXPECT_FALSE(log.between(0, 1, kSeparation_m, WheelModel::Zero(), 0.0, motion));
   log.add(at(1), 0.1, 0.1);
   log.add(at(2), 0.1, 0.1);
   log.add(at(5), 0.1, 0.1);  // a gap longer than a row holds (2 s)
   const auto says = [&](double from, double to) {
-    return log.between(at(from), at(to), kSeparation_m, WheelModel::Zero(), motion);
+    return log.between(at(from), at(to), kSeparation_m, WheelModel::Zero(), 0.0, motion);
   };
   EXPECT_FALSE(says(0.9, 1.5));
   EXPECT_TRUE(says(1.0, 2.0));
@@ -128,7 +129,7 @@ TEST(WheelLog, NoMotionWhereNoRowSaysIt) {
   EXPECT_TRUE(says(5.0, 6.9));
   EXPECT_FALSE(says(5.0, 7.1));
   EXPECT_FALSE(says(2.0, 2.0));
-  EXPECT_FALSE(log.between(at(1), at(2), 0.0, WheelModel::Zero(), motion));
+  EXPECT_FALSE(log.between(at(1), at(2), 0.0, WheelModel::Zero(), 0.0, motion));
 }
 
 TEST(WheelLog, RefusesBrokenNumbersAndTimesThatDoNotGrow) {
@@ -150,7 +151,46 @@ TEST(WheelLog, ForgetsWhatIsNeededNoMoreAndKeepsTheRowInForce) {
   EXPECT_EQ(log.firstTime(), at(5.0));
   expectNear(moved(log, 5.01, 6).previous_from_current, before, 0.0);
   WheelLog::Motion motion;
-  EXPECT_FALSE(log.between(at(4.9), at(6), kSeparation_m, WheelModel::Zero(), motion));
+  EXPECT_FALSE(log.between(at(4.9), at(6), kSeparation_m, WheelModel::Zero(), 0.0, motion));
+}
+
+/// Turns on the spot at 1 rad/s, but for the second after 5 s.
+WheelLog stopping() {
+  WheelLog log({});
+  for (int i = 0; i <= 500; ++i) {
+    const double half_mps = i >= 250 && i < 300 ? 0.0 : 0.5 * kSeparation_m;
+    log.add(i * kRow_ns, -half_mps, half_mps);
+  }
+  return log;
+}
+
+// At the moment it stops a line through delays of ±20 ms says that it turned by a radian more a second ago
+// per second of delay, without end; what it did is known only as far as it did it.
+TEST(WheelLog, WhatNoLineInTheDelaySaysIsNotClaimed) {
+  const WheelLog log = stopping();
+  const auto turnOf = [&](double delay_s) {
+    return moved(log, 5.0, 5.3, WheelModel(0, 0, 0, delay_s, 0)).previous_from_current.theta_rad;
+  };
+  for (const double sigma_s : {0.0, 0.05, 0.3}) {
+    WheelLog::Motion motion;
+    ASSERT_TRUE(log.between(at(5.0), at(5.3), kSeparation_m, WheelModel::Zero(), sigma_s, motion));
+    // Mean, slope and remainder of the turn over delays drawn from their distribution, by quadrature.
+    double mean = 0.0, slope = 0.0, square = 0.0, sum = 0.0;
+    for (int k = -400; k <= 400 && sigma_s > 0; ++k) {
+      const double z = 0.01 * k, w = std::exp(-0.5 * z * z), turn = turnOf(sigma_s * z);
+      sum += w, mean += w * turn, slope += w * turn * z, square += w * turn * turn;
+    }
+    if (sigma_s == 0.0) {
+      EXPECT_NEAR(motion.jacobian(2, 3), 0.5, 1e-6) << "half of 1 rad/s: it stops on one side alone";
+      continue;
+    }
+    mean /= sum, slope /= sum, square /= sum;
+    const double rest = std::sqrt(square - mean * mean - slope * slope);
+    // Three points of a kinked curve against all of it.
+    EXPECT_NEAR(motion.previous_from_current.theta_rad, mean, 0.3 * sigma_s);
+    EXPECT_NEAR(motion.jacobian(2, 3), slope / sigma_s, 0.15);
+    EXPECT_GT(std::sqrt(motion.covariance(2, 2)), 0.5 * rest);
+  }
 }
 
 }  // namespace
