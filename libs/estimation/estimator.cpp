@@ -52,6 +52,7 @@ class FleetEstimator::Impl {
     bool fresh;  ///< newer than the robot's last frame
     std::vector<Seen> seen;
     bool placed_anew = false;  ///< by what it sees, after it was carried away
+    bool slipped = false;      ///< its wheels disagree with what is seen
   };
 
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
@@ -63,6 +64,7 @@ class FleetEstimator::Impl {
   void reweight(RobotNode& robot, Step& step);
   void solveNewest(std::vector<Frame>& frames);
   void checkViews(std::vector<Frame>& frames);
+  static void noteStates(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
   void noticeLoss(Frame& frame);
   void condense();
@@ -84,8 +86,10 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   locate(frames, time);
   associate(frames);
   solveNewest(frames);
+  noteStates(frames);
+  checkSteps(frames);  // before views are held against poses that slipping wheels hold where they are not, …
   checkViews(frames);
-  checkSteps(frames);
+  checkSteps(frames);  // … and where a wrong view hid it
   updateUncertainty(fleet, whole_, settled_);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
   return report(frames);
@@ -280,26 +284,33 @@ void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
   if (removed) solveNewest(frames);
 }
 
-void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
-  bool slipped = false;
+void FleetEstimator::Impl::noteStates(std::vector<Frame>& frames) {
   for (Frame& frame : frames) {
     RobotNode& robot = *frame.robot;
     if (!frame.fresh || !robot.located()) continue;
-    Step& step = robot.window.back();
     const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
     robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
     robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : "";
     if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
     if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
+  }
+}
+
+void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
+  bool any = false;
+  for (Frame& frame : frames) {
+    RobotNode& robot = *frame.robot;
+    if (!frame.fresh || frame.slipped || !robot.located()) continue;
+    Step& step = robot.window.back();
     if (!step.wheels || step.motion == kNoFactor) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
     fleet.loosen(robot, kSlipInflation);
     robot.status.state = RobotState::kSlipping;
     robot.status.text = "wheels disagree with what is seen";
     ++robot.status.slips;
-    slipped = true;
+    any = frame.slipped = true;
   }
-  if (slipped) solveNewest(frames);
+  if (any) solveNewest(frames);
 }
 
 /// A robot moved by hand: it is placed anew by what it sees, else it has no pose until something tells.
@@ -331,6 +342,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
       estimate.covariance = robot.covariance;
+      estimate.datum = fleet.map_frame.datum;
       estimate.camera_error = robot.camera_told;
       for (const Seen& seen : frame.seen) {
         if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
@@ -342,7 +354,6 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
   return estimates;
 }
 
-      estimate.datum = fleet.map_frame.datum;
 std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
   std::vector<PoseEstimate> all;
   for (const RobotNode& robot : fleet.robots) {
@@ -354,6 +365,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
       estimate.valid = !robot.start.contradicted;
       estimate.map_from_base = fleet.pose(step.pose);
       estimate.covariance = robot.covariance;
+      estimate.datum = fleet.map_frame.datum;
       estimate.camera_error = robot.camera_told;
       all.push_back(std::move(estimate));
     }
@@ -365,7 +377,6 @@ void FleetEstimator::Impl::settle(int rounds) {
   for (int i = 0; i < rounds; ++i) {
     reweight();
     fleet.graph.solve(kFinalIterations);
-      estimate.datum = fleet.map_frame.datum;
     fleet.updateShapes();
   }
   settled_ = whole_ = true;

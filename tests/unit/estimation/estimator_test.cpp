@@ -320,6 +320,49 @@ TEST(FleetEstimator, SlippingWheelsAreNoticedAndSurvived) {
   EXPECT_LT(worst, 0.02);
 }
 
+/// All robots slip by 6 cm in one frame: the largest error from then on, how many were told.
+struct Slips {
+  double worst_m = 0.0;
+  int told = 0, told_wrongly = 0;
+};
+Slips slipping(std::uint32_t seed) {
+  FleetSimulator simulator({}, seed);
+  FleetEstimator estimator(simulator.setups(), {});
+  Slips slips;
+  for (int f = 0; f < 30; ++f) {
+    auto frames = simulator.frames(f);
+    for (Objects& frame : frames) {
+      if (f != 20) continue;
+      frame.motion.previous_from_current = frame.motion.previous_from_current * Pose2{0.06, 0.0, 0.1};
+    }
+    const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
+    for (int r = 0; r < 3; ++r) {
+      const bool told = estimator.status(FleetSimulator::name(r)).state == RobotState::kSlipping;
+      (f == 20 ? slips.told : slips.told_wrongly) += told ? 1 : 0;
+      const Pose2& exact = simulator.truth(r, f);
+      const Eigen::Vector2d off = estimates[static_cast<std::size_t>(r)].map_from_base.translation();
+      if (f >= 20) slips.worst_m = std::max(slips.worst_m, (off - exact.translation()).norm());
+    }
+  }
+  return slips;
+}
+
+// A slip as large as what makes a view no view of a thing: the wheels must be doubted before the views are.
+TEST(FleetEstimator, WheelsAreDoubtedBeforeWhatIsSeen) {
+  double mean_m = 0.0;
+  int told = 0, told_wrongly = 0;
+  for (std::uint32_t seed = 1000; seed < 1005; ++seed) {
+    const Slips slips = slipping(seed);
+    mean_m += slips.worst_m / 5.0;
+    told += slips.told;
+    told_wrongly += slips.told_wrongly;
+  }
+  std::printf("worst of a run %.2f cm on average, %d of 15 told\n", 100.0 * mean_m, told);
+  EXPECT_GE(told, 14);  // one may have nothing in sight
+  EXPECT_EQ(told_wrongly, 0);
+  EXPECT_LT(mean_m, 0.03);  // half of the slip: what is left where hardly anything is in sight
+}
+
 TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {
   SimulationOptions options;
   options.obstacles = 8;
