@@ -5,7 +5,7 @@
 // For loops over many pixels that the compiler vectorises; what they call must be inlined (always_inline).
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
     !defined(__SANITIZE_THREAD__)
-#define OMNIFLEET_WIDE __attribute__((target_clones("default", "avx2")))
+#define OMNIFLEET_WIDE __attribute__((target_clones("default", "avx2", "arch=x86-64-v4")))
 #else
 #define OMNIFLEET_WIDE
 #endif
