@@ -148,7 +148,8 @@ struct Beside {
 /// what is there.
 OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
                                    const Colours& reference, const Ints& no_floor) {
-  const auto outside = [&](float px) { return n.coloursAt(image, lanes::all(-px)); };
+  const auto outside = [&](float px)
+                           __attribute__((always_inline)) { return n.coloursAt(image, lanes::all(-px)); };
   const Colours there = outside(out_px), beyond = outside(out_px + 1.0f), next = outside(kNext_px);
   const Colours seen = {0.5f * (there.blue + beyond.blue), 0.5f * (there.green + beyond.green),
                         0.5f * (there.red + beyond.red)};

@@ -172,17 +172,19 @@ void ShadeFilter::clear() {
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
-  std::array<int, 256> pixels{}, others{};  // of each look; in two parts, as equal looks wait for each other
+  // Of each look; in four parts, as equal looks, which lie side by side, wait for each other.
+  constexpr int kParts = 4;
+  std::array<std::array<int, 256>, kParts> parts{};
   for (const Run& run : blob.runs) {
     const Look* row = looks.ptr(run.row);
     int x = run.begin;
-    for (; x + 1 < run.end; x += 2) {
-      ++pixels[row[x]];
-      ++others[row[x + 1]];
-    }
-    if (x < run.end) ++pixels[row[x]];
+    for (; x + kParts <= run.end; x += kParts)
+      for (int k = 0; k < kParts; ++k) ++parts[k][row[x + k]];
+    for (; x < run.end; ++x) ++parts[0][row[x]];
   }
-  for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] += others[i];
+  std::array<int, 256>& pixels = parts[0];
+  for (int k = 1; k < kParts; ++k)
+    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] += parts[k][i];
   Census census;
   census.coloured = pixels[kColourLook];
   census.shade_limit = greyLook(kDeepestShade);
