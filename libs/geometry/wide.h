@@ -1,7 +1,8 @@
 #pragma once
 
-// OMNIFLEET_WIDE before a function's definition compiles it twice, for every processor and for those with
-// AVX2; which one runs is settled when the program is loaded. No fused multiply-add: both give the same bits.
+// OMNIFLEET_WIDE before a function's definition compiles it three times: for every processor, with AVX2 and
+// with AVX-512; which one runs is settled when the program is loaded. Without fused multiply-add (a library
+// with such functions is compiled with -ffp-contract=off): all give the same bits.
 // For loops over many pixels that the compiler vectorises; what they call must be inlined (always_inline).
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
     !defined(__SANITIZE_THREAD__)
