@@ -7,7 +7,6 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr Eigen::Index kDelay = 3;   // of a WheelModel
 constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
 
 /// So that the calibration can be mended: again as it becomes surer, and at the end.

@@ -10,7 +10,6 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr double kSecondsPerNs = 1e-9;
-constexpr int kDelay = 3;                                     // of a WheelModel
 constexpr double kDriving_mps = 0.02, kTurning_radps = 0.05;  // above this the walks are whole
 
 /// Takes a right perturbation from the source frame of `step` to its end frame.
@@ -73,7 +72,7 @@ bool WheelLog::covers(TimeNs from_ns, TimeNs to_ns) const {
 
 Pose2 WheelLog::integrate(TimeNs from_ns, TimeNs to_ns, double separation_m, const WheelModel& model,
                           Eigen::Matrix3d* covariance) const {
-  const TimeNs begin_ns = delayed(from_ns, model(3)), end_ns = delayed(to_ns, model(3));
+  const TimeNs begin_ns = delayed(from_ns, model(kDelay)), end_ns = delayed(to_ns, model(kDelay));
   Pose2 previous_from_current;
   for (std::size_t i = rowAt(begin_ns); i < rows_.size() && (i == 0 || rows_[i].time_ns < end_ns); ++i) {
     // What lies before the first row moves as the first row says: a delay about to be learned looks there.

@@ -15,6 +15,7 @@ namespace omnifleet::estimation {
 /// drives leaves base_link's x axis to the left (an axle never stands exactly across it). True = measured ·
 /// (1 + error).
 using WheelModel = Eigen::Matrix<double, 5, 1>;
+inline constexpr Eigen::Index kDelay = 3;  ///< row of the lag
 using WheelJacobian = Eigen::Matrix<double, 3, 5>;
 
 /// How a log of wheel speeds errs beyond its WheelModel. Real bases err most while they turn; at standstill
