@@ -94,6 +94,56 @@ TEST_F(Walls, TheScanEndsAtThemAsBefore) {
   EXPECT_GT(map.scan.object[8], 0) << "the red box";
 }
 
+TEST_F(Walls, WhatStandsFreelyIsStillSeen) {
+  const synthetic::Arena arena = room(std::string(kThings) + R"(
+  - {kind: box, pose: [0.55, 0.45, 0.3], size_m: [0.16, 0.16], height_m: 0.08, rgb: [190, 52, 40]}
+walls: {height_m: 1.0, rgb: [112, 104, 88]}
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  EXPECT_EQ(map.objects.size(), 6U);
+  EXPECT_EQ(objectsAt(arena.solids[5], map), 1U);
+}
+
+TEST_F(Walls, EachMayHaveAColourOfItsOwn) {
+  const synthetic::Arena arena = room(std::string(kThings) + R"(
+  - {kind: box, pose: [2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [60, 90, 140]}
+  - {kind: box, pose: [-2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [205, 200, 120]}
+  - {kind: box, pose: [0, 1.85, 0], size_m: [4.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
+  - {kind: box, pose: [0, -1.85, 0], size_m: [4.4, 0.1], height_m: 1.2, rgb: [90, 150, 100]}
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  EXPECT_EQ(map.objects.size(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(objectsAt(arena.solids[i], map), 1U) << i;
+}
+
+/// Farther than the scan ranges, where things are still seen.
+TEST_F(Walls, FarOnesHaveThingsBeforeThem) {
+  const synthetic::Arena arena = room(R"(
+obstacles:
+  - {kind: box, pose: [2.55, 0.2, 0.3], size_m: [0.30, 0.30], height_m: 0.30, rgb: [190, 52, 40]}
+  - {kind: cylinder, pose: [0.2, 1.2, 0], radius_m: 0.14, height_m: 0.24, rgb: [40, 78, 170]}
+  - {kind: box, pose: [3.15, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [112, 104, 88]}
+  - {kind: box, pose: [-2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [112, 104, 88]}
+  - {kind: box, pose: [0.5, 1.85, 0], size_m: [5.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
+  - {kind: box, pose: [0.5, -1.85, 0], size_m: [5.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  EXPECT_EQ(map.objects.size(), 2U);
+  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+}
+
+/// It hides where the wall ends: on one side of it only is there any.
+TEST_F(Walls, AtTheEndOfOneStandsAThing) {
+  const synthetic::Arena arena = room(R"(
+obstacles:
+  - {kind: box, pose: [1.45, 1.3, 0.73], size_m: [0.30, 0.30], height_m: 0.25, rgb: [190, 52, 40]}
+  - {kind: box, pose: [2.25, -0.2, 0], size_m: [0.1, 4.4], height_m: 1.2, rgb: [112, 104, 88]}
+)");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  ASSERT_EQ(map.objects.size(), 1U);
+  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+}
+
 /// Doors and skirtings touch the floor where the wall does.
 TEST_F(Walls, WhatIsAPartOfThemIsNoThing) {
   const synthetic::Arena arena = room(R"(
