@@ -40,6 +40,13 @@ rigs:
     frame.image = image;
     return mapper.process(frame, {});
   }
+  /// Of the room's `objects` things, which are all that is seen, the first is one.
+  static void expectFirstIsSeen(const std::string& more, std::size_t objects) {
+    const synthetic::Arena arena = room(more);
+    const LocalMap map = mapOf(arena, pictureOf(arena));
+    EXPECT_EQ(map.objects.size(), objects);
+    EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+  }
   /// Objects whose contact lies within 6 cm, two pixels there, of an obstacle's edge.
   static std::size_t objectsAt(const synthetic::Solid& solid, const LocalMap& map) {
     return static_cast<std::size_t>(
@@ -118,7 +125,7 @@ TEST_F(Walls, EachMayHaveAColourOfItsOwn) {
 
 /// Farther than the scan ranges, where things are still seen.
 TEST_F(Walls, FarOnesHaveThingsBeforeThem) {
-  const synthetic::Arena arena = room(R"(
+  expectFirstIsSeen(R"(
 obstacles:
   - {kind: box, pose: [2.55, 0.2, 0.3], size_m: [0.30, 0.30], height_m: 0.30, rgb: [190, 52, 40]}
   - {kind: cylinder, pose: [0.2, 1.2, 0], radius_m: 0.14, height_m: 0.24, rgb: [40, 78, 170]}
@@ -126,22 +133,18 @@ obstacles:
   - {kind: box, pose: [-2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [112, 104, 88]}
   - {kind: box, pose: [0.5, 1.85, 0], size_m: [5.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
   - {kind: box, pose: [0.5, -1.85, 0], size_m: [5.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
-)");
-  const LocalMap map = mapOf(arena, pictureOf(arena));
-  EXPECT_EQ(map.objects.size(), 2U);
-  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+)",
+                    2U);
 }
 
 /// It hides where the wall ends: on one side of it only is there any.
 TEST_F(Walls, AtTheEndOfOneStandsAThing) {
-  const synthetic::Arena arena = room(R"(
+  expectFirstIsSeen(R"(
 obstacles:
   - {kind: box, pose: [1.45, 1.3, 0.73], size_m: [0.30, 0.30], height_m: 0.25, rgb: [190, 52, 40]}
   - {kind: box, pose: [2.25, -0.2, 0], size_m: [0.1, 4.4], height_m: 1.2, rgb: [112, 104, 88]}
-)");
-  const LocalMap map = mapOf(arena, pictureOf(arena));
-  ASSERT_EQ(map.objects.size(), 1U);
-  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+)",
+                    1U);
 }
 
 /// Doors and skirtings touch the floor where the wall does.
@@ -160,12 +163,10 @@ walls: {height_m: 1.0, rgb: [108, 193, 196]}
 
 /// What is higher than the camera, but no room's walls, stays a thing.
 TEST_F(Walls, APillarIsAThing) {
-  const synthetic::Arena arena = room(R"(
+  expectFirstIsSeen(R"(
 obstacles: [{kind: cylinder, pose: [0.9, 0.3, 0], radius_m: 0.15, height_m: 0.9, rgb: [40, 78, 170]}]
-)");
-  const LocalMap map = mapOf(arena, pictureOf(arena));
-  ASSERT_EQ(map.objects.size(), 1U);
-  EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
+)",
+                    1U);
 }
 
 TEST_F(Walls, GreyPicturesHaveThemToo) {
