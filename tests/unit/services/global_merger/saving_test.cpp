@@ -126,6 +126,26 @@ class Saving : public ::testing::Test {
   fs::path folder_;
 };
 
+TEST_F(Saving, HowFarAPoseMayBeWrongIsSavedWithWhatThatIsAgainst) {
+  Merger merger = full(14);
+  PoseEstimate pose;
+  pose.robot = "r9";
+  pose.valid = true;
+  for (const std::uint32_t datum : {1U, 2U}) {
+    pose.acquired_ns = datum * 1'000'000'000;
+    pose.covariance = datum * 1e-4 * Eigen::Matrix3d::Identity();
+    pose.datum = datum;
+    merger.addTrajectory(pose);
+  }
+  EXPECT_TRUE(merger.save(folder_.string()).empty());
+  const auto rows = dataset::readCovariances((folder_ / "covariances/r9.csv").string(), nullptr);
+  ASSERT_EQ(rows.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(rows[i].datum, i + 1);
+    EXPECT_NEAR(rows[i].covariance(1, 1), static_cast<double>(i + 1) * 1e-4, 1e-12);
+  }
+}
+
 TEST_F(Saving, EverythingIsThereAndReadable) {
   Merger merger = full(14);
   EXPECT_TRUE(merger.save(folder_.string()).empty());
