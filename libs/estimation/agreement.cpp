@@ -81,16 +81,6 @@ void weighSeen(const FleetState& fleet, const Surroundings& around, const Pose2&
   }
 }
 
-/// Places in base_link where a body of this kind may stand.
-std::vector<Eigen::Vector2d> bodies(const FleetState& fleet, const RobotNode& observer, const Body& body) {
-  std::vector<Eigen::Vector2d> all;
-  for (const Glimpse& s : observer.sight) {
-    const BodyFit fit = fitBody(*s.view, body, 0.0, s.position_m);
-    if (fit.rms_m < kBodyShare * fleet.options.sighting_rms_m) all.push_back(fit.position_m);
-  }
-  return all;
-}
-
 void addMutual(const FleetState& fleet, const Surroundings& around, std::vector<Hypothesis>& hypotheses) {
   for (const Company& other : around.others) {
     const auto of_other = bodies(fleet, *around.robot, *other.robot->body);
@@ -200,6 +190,19 @@ std::vector<Hypothesis> otherPlaces(const FleetState& fleet, const Surroundings&
     if (!known && h.agreement.score() > 0) distinct.push_back(h);
   }
   return distinct;
+}
+
+std::vector<Eigen::Vector2d> bodies(const FleetState& fleet, const RobotNode& observer, const Body& body) {
+  std::vector<Eigen::Vector2d> all;
+  for (const Glimpse& s : observer.sight) {
+    const BodyFit fit = fitBody(*s.view, body, 0.0, s.position_m);
+    if (fit.rms_m < kBodyShare * fleet.options.sighting_rms_m) all.push_back(fit.position_m);
+  }
+  return all;
+}
+
+bool isMissing(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
+  return inPlainSight(robot, in_base_m) && isEmptyAround(robot, in_base_m);
 }
 
 bool areSame(const Pose2& a, const Pose2& b) {

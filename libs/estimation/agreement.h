@@ -46,8 +46,14 @@ struct Hypothesis {
 
 /// Other places where more agrees than is missing, the best first, each once: two robots that see each
 /// other's body agree in distance, so position and heading follow (as locateBySightings); pairs of things
-/// seen are at the distance of pairs of things known (as locateByConstellation).
+/// seen are at the distance of pairs of things known (as lookAround).
 std::vector<Hypothesis> otherPlaces(const FleetState& fleet, const Surroundings& around);
+
+/// Places in the observer's base_link where it sees what may be a body of this kind.
+std::vector<Eigen::Vector2d> bodies(const FleetState& fleet, const RobotNode& observer, const Body& body);
+
+/// Nothing is seen near a place in plain sight, and the floor there is: what should stand there is missing.
+bool isMissing(const RobotNode& robot, const Eigen::Vector2d& in_base_m);
 
 /// Places so near one another that nothing tells them apart before everything is estimated together.
 bool areSame(const Pose2& a, const Pose2& b);

@@ -59,7 +59,7 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
   for (std::size_t r = 0; r < fleet.robots.size(); ++r) {
     RobotNode& peer = fleet.robots[r];
     const auto known = fleet.poseAt(peer, frame.acquired_ns);
-    if (&peer == &observer || !known || peer.body->reach() <= 0) continue;
+    if (&peer == &observer || !known || peer.displaced || peer.body->reach() <= 0) continue;
     at[r] = *known;
     const Pose2 base_from_peer = base_from_map * known->map_from_base;
     const double gate =
@@ -115,11 +115,10 @@ bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vec
     strange += isStrange(fleet, robot, s) ? 1 : 0;
     if (s.landmark != 0) found.insert(s.landmark);
   }
-  const Step& step = robot.window.back();
-  const Eigen::Vector2d here = fleet.pose(step.pose).translation();
+  const Eigen::Vector2d here = fleet.pose(robot.window.back().pose).translation();
   const auto missing = std::count_if(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
     const auto mine = entry.second.seen_ns.find(robot.setup.name);
-    return mine != entry.second.seen_ns.end() && step.time_ns - mine->second < kRecent_ns &&
+    return mine != entry.second.seen_ns.end() && robot.seeing_ns - mine->second < kRecent_ns &&
            found.count(entry.first) == 0 && (fleet.centre(entry.second) - here).norm() < kNear_m;
   });
   return strange >= 2 && missing >= 2 && strange >= 2 * familiar;

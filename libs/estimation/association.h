@@ -23,6 +23,10 @@ struct Seen {
 /// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.
 std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame);
 
+/// Rigid motion that takes points `from` to `to` (least squares); with one pair the heading stays.
+Pose2 rigidMotion(const std::vector<Eigen::Vector2d>& from, const std::vector<Eigen::Vector2d>& to,
+                  double heading_rad);
+
 /// Corrects a prediction that is too uncertain to associate by (no wheels, a gap): the tracks' own ids say
 /// which silhouettes were which landmarks and robots before; a rigid fit of those places the robot.
 void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
@@ -41,8 +45,8 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
 
 /// True where a robot cannot be where it is predicted: it sees at least two whole objects, none of them
-/// known nor in a known one's place, while at least two landmarks that it saw within 3 s should stand around
-/// it.
+/// known nor in a known one's place, while at least two landmarks that it saw within the last 3 s in which it
+/// saw should stand around it.
 bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen);
 
 /// Adds the graph's factors of all that was told.

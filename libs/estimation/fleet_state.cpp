@@ -115,6 +115,9 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     step.previous_from_current = motion.previous_from_current;
     step.motion_covariance = motion.covariance;
     const double separation = robot.setup.body.wheel_separation_m;
+    step.rolled_m = std::max(std::abs(motion.left_m), std::abs(motion.right_m));
+    step.rolled_rad =
+        separation > 0 ? (std::abs(motion.left_m) + std::abs(motion.right_m)) / separation : 0.0;
     if (separation > 0)
       step.by_model.leftCols<2>() = arcBiasJacobian(motion.left_m, motion.right_m, separation);
   } else if (previous != nullptr && fromLog(robot, step)) {
@@ -129,6 +132,13 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     step.motion_covariance = Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal();
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
+  step.own_covariance = step.motion_covariance;
+  if (frame.state != FrameState::kOk && previous != nullptr) {
+    const double unseen_s = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
+    const double m = options.carried_m, rad = options.carried_rad;
+    step.motion_covariance.diagonal() +=
+        options.carried_per_s * unseen_s * Eigen::Vector3d(m * m, m * m, rad * rad);
+  }
   return step;
 }
 
@@ -379,10 +389,10 @@ void FleetState::shareKeyframes(TimeNs time_ns) {
   }
 }
 
-void FleetState::loosen(RobotNode& robot, double factor) {
+void FleetState::loosen(RobotNode& robot, const Eigen::Matrix3d& covariance) {
   Step& step = robot.window.back();
   graph.removeFactor(step.motion);
-  step.motion_covariance *= factor;
+  step.motion_covariance = covariance;
   const VariableId previous = robot.window[robot.window.size() - 2].pose;
   step.motion =
       graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.by_model, step.model),

@@ -38,10 +38,12 @@ struct Step {
   Pose2 previous_from_current;  ///< as predicted (scale errors corrected)
   Pose2 measured;               ///< as measured
   Eigen::Matrix3d motion_covariance = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d own_covariance = Eigen::Matrix3d::Identity();  ///< of it without what people may do unseen
   WheelJacobian by_model = WheelJacobian::Zero();  ///< derivative of `measured` by the wheel model …
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
+  double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
   std::optional<Pose2> told;  ///< what was reported of it
   std::vector<ViewLink> views;
@@ -98,6 +100,14 @@ struct Glimpse {
   bool mature;  ///< clean enough to deny something
 };
 
+/// The way of a robot that sees nothing, by its motion alone.
+struct Unseen {
+  Pose2 map_from_base;                                   ///< when it saw last
+  Pose2 way;                                             ///< since
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of both, right perturbation
+  double rolled_m = 0.0, turned_rad = 0.0;               ///< sums of the way's steps
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -126,6 +136,10 @@ struct RobotNode {
   Scan scan;                ///< of that frame: how far floor is seen
   double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
   bool displaced = false;   ///< it sees nothing of what should be there
+  double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last
+  int unsure = 0;  ///< it has seen nothing for a while; frames in which it may find that it was carried away
+  TimeNs seeing_ns = 0;                            ///< when it could see last
+  std::optional<Unseen> unseen;                    ///< while it sees nothing or has not been found since
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
   RobotStatus status;
 
@@ -229,7 +243,7 @@ class FleetState {
   /// Makes all newest frames of this time keyframes when one is: their mutual sightings belong together.
   void shareKeyframes(TimeNs time_ns);
   /// Replaces the newest step's motion factor by one with a larger covariance.
-  void loosen(RobotNode& robot, double factor);
+  void loosen(RobotNode& robot, const Eigen::Matrix3d& covariance);
   /// Shapes anew from the views of keyframes.
   void updateShapes();
   /// Marginalises frames beyond the window.

@@ -111,7 +111,7 @@ bool farFromEverything(const FleetState& fleet, const RobotNode& observer, const
 
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
   const Step& step = observer.window.back();
-  if (!step.keyframe || isDisplaced(fleet, observer, seen)) return;
+  if (!step.keyframe || observer.unsure > 0 || observer.displaced) return;
   const EstimatorOptions& o = fleet.options;
   const Pose2 map_from_base = fleet.pose(step.pose);
   for (Seen& s : seen) {
@@ -133,11 +133,8 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   }
 }
 
-namespace {
-
-/// Rigid motion that takes points `from` to `to` (least squares); with one pair the heading stays.
-Pose2 rigid(const std::vector<Eigen::Vector2d>& from, const std::vector<Eigen::Vector2d>& to,
-            double heading_rad) {
+Pose2 rigidMotion(const std::vector<Eigen::Vector2d>& from, const std::vector<Eigen::Vector2d>& to,
+                  double heading_rad) {
   Eigen::Vector2d from_mean(0, 0), to_mean(0, 0);
   const double n = static_cast<double>(from.size());
   for (std::size_t i = 0; i < from.size(); ++i) from_mean += from[i] / n, to_mean += to[i] / n;
@@ -151,8 +148,6 @@ Pose2 rigid(const std::vector<Eigen::Vector2d>& from, const std::vector<Eigen::V
   const Eigen::Vector2d t = to_mean - Eigen::Rotation2Dd(theta) * from_mean;
   return {t.x(), t.y(), theta};
 }
-
-}  // namespace
 
 void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
                    const std::vector<Seen>& seen) {
@@ -180,7 +175,7 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
   }
   if (in_base.empty()) return;
   Eigen::VectorXd& value = fleet.graph.value(step.pose);
-  const Pose2 placed = rigid(in_base, in_map, value(2));
+  const Pose2 placed = rigidMotion(in_base, in_map, value(2));
   for (std::size_t i = 0; i < in_base.size(); ++i) {
     if ((placed * in_base[i] - in_map[i]).norm() > kAgree_m) return;
   }

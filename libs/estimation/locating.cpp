@@ -106,38 +106,6 @@ bool placeBest(FleetState& fleet, RobotNode& lost, const Objects& frame, std::ve
   return true;
 }
 
-/// Something that stands still or whose place is known, and the height at which to look for it.
-struct Anchor {
-  Eigen::Vector2d place_m;
-  double height_m;
-};
-
-std::vector<Anchor> anchors(const FleetState& fleet, const RobotNode& lost, TimeNs time) {
-  std::vector<Anchor> all;
-  for (const auto& [id, landmark] : fleet.landmarks) {
-    if (landmark.views >= fleet.options.publish_views)
-      all.push_back({fleet.centre(landmark), fleet.height(landmark)});
-  }
-  for (const RobotNode& robot : fleet.robots) {
-    const auto at = fleet.poseAt(robot, time);
-    if (&robot != &lost && at && !robot.displaced)
-      all.push_back({at->map_from_base.translation(), robot.body->height()});
-  }
-  return all;
-}
-
-void scoreConstellation(const std::vector<Footprint>& seen, const std::vector<Anchor>& known, Hypothesis& h) {
-  for (const Footprint& footprint : seen) {
-    double nearest = kMatch_m;
-    for (const Anchor& anchor : known) {
-      nearest =
-          std::min(nearest, (h.map_from_base * footprint.centre(anchor.height_m) - anchor.place_m).norm());
-    }
-    h.matches += nearest < kMatch_m ? 1 : 0;
-    h.error_m += nearest;
-  }
-}
-
 }  // namespace
 
 bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
@@ -147,36 +115,6 @@ bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
   if (hypotheses.empty()) return false;
   for (Hypothesis& h : hypotheses) score(fleet, lost, frame, h);
   return placeBest(fleet, lost, frame, hypotheses, 1);
-}
-
-bool locateByConstellation(FleetState& fleet, RobotNode& lost, const Objects& frame) {
-  constexpr int kLeastMatches = 3;
-  constexpr double kLeastBase_m = 0.4;
-  std::vector<Footprint> seen;
-  for (const Seen& s : silhouettes(fleet, frame)) {
-    if (s.mature) seen.emplace_back(*s.view);
-  }
-  const std::vector<Anchor> known = anchors(fleet, lost, frame.acquired_ns);
-  std::vector<Hypothesis> hypotheses;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    for (std::size_t j = i + 1; j < seen.size(); ++j) {
-      for (const Anchor& a : known) {
-        for (const Anchor& b : known) {
-          const Eigen::Vector2d from = seen[i].centre(a.height_m), to = seen[j].centre(b.height_m);
-          const Eigen::Vector2d base = to - from, map = b.place_m - a.place_m;
-          if (&a == &b || base.norm() < kLeastBase_m || std::abs(base.norm() - map.norm()) > kAgree_m)
-            continue;
-          const double theta = wrapAngle(std::atan2(map.y(), map.x()) - std::atan2(base.y(), base.x()));
-          const Eigen::Vector2d t =
-              0.5 * (a.place_m + b.place_m) - Eigen::Rotation2Dd(theta) * Eigen::Vector2d(0.5 * (from + to));
-          Hypothesis h{{t.x(), t.y(), theta}, 0, 0.0};
-          scoreConstellation(seen, known, h);
-          hypotheses.push_back(h);
-        }
-      }
-    }
-  }
-  return placeBest(fleet, lost, frame, hypotheses, kLeastMatches);
 }
 
 }  // namespace omnifleet::estimation

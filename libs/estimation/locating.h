@@ -14,9 +14,4 @@ namespace omnifleet::estimation {
 bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
                        const std::vector<const Objects*>& frames);
 
-/// Places a robot anew by what stands around it: pairs of its silhouettes against pairs of landmarks and
-/// robots at the same distance, scored and taken likewise, with at least three matches. `lost` may be located
-/// (wrongly).
-bool locateByConstellation(FleetState& fleet, RobotNode& lost, const Objects& frame);
-
 }  // namespace omnifleet::estimation

@@ -36,6 +36,9 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   section.read("new_landmark_robot_m", o.new_landmark_robot_m, options::kNotNegative);
   section.read("sighting_gate_m", o.sighting_gate_m, kPositive);
   section.read("sighting_rms_m", o.sighting_rms_m, kPositive);
+  section.read("carried_per_s", o.carried_per_s, options::kNotNegative);
+  section.read("carried_m", o.carried_m, options::kNotNegative);
+  section.read("carried_rad", o.carried_rad, options::kNotNegative);
   section.read("prior_height_m", o.prior_height_m, kPositive);
   section.read("prior_height_sigma_m", o.prior_height_sigma_m, kPositive);
   section.read("moving_mps", o.moving_mps, kPositive);

@@ -111,6 +111,13 @@ void FleetSimulator::drive() {
       const double forward = stop ? 0.0 : way;
       rolled_[r].emplace_back(forward - half, forward + half);
       at = at * arc(forward - half, forward + half, kSeparation_m);
+      if (r != 0 || options_.moved_at == 0 || f + 1 != options_.moved_at) continue;
+      const Pose2 before = at;
+      do {
+        const double to = heading(random_);
+        at = before * Pose2{options_.moved_m * std::cos(to), options_.moved_m * std::sin(to), 0.0};
+        at.theta_rad = wrapAngle(at.theta_rad + options_.moved_rad);
+      } while (blocked(at, static_cast<std::size_t>(f + 1)));
     }
   }
 }

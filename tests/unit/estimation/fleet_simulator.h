@@ -33,7 +33,9 @@ struct SimulationOptions {
   double too_large_rad = 0.0;  ///< by how much every outline is seen too large, all round, at the camera
   double start_sigma_m = 0.0, start_sigma_rad = 0.0;
   bool obstacles_seen = true, robots_seen = true, wheels = true;
-  double sight_m = 2.0;  ///< contact distance up to which things are seen
+  int moved_at = 0;                       ///< frame at which r1 has been moved by hand (0: never), …
+  double moved_m = 0.0, moved_rad = 0.0;  ///< … and how far from where its wheels would have it
+  double sight_m = 2.0;                   ///< contact distance up to which things are seen
 };
 
 /// Exact paths and silhouettes; noise from one seed. Independent of the estimator's own formulas: silhouettes

@@ -1,0 +1,99 @@
+// Robots that wheels or people deceive, over seeded runs of the simulator with exact truth.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "trouble.h"
+
+namespace omnifleet::estimation::testing {
+namespace {
+
+constexpr std::uint32_t kFirstSeed = 1000, kSeeds = 4;  // estimation_troubles runs all of 1000–1099
+
+TroubleResult sumOf(const Trouble& trouble) {
+  TroubleResult sum;
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+    const TroubleResult r = run(trouble, {}, seed);
+    sum.troubled += r.troubled;
+    sum.told += r.told;
+    sum.by_hand += r.by_hand;
+    sum.told_wrongly += r.told_wrongly;
+    sum.worst_m = std::max(sum.worst_m, r.worst_m);
+    sum.false_landmarks += r.false_landmarks;
+  }
+  return sum;
+}
+
+Trouble inTheDark() {
+  Trouble trouble;
+  trouble.dark_frames = 15;
+  return trouble;
+}
+
+// 20 cm: nearer than what is another thing, farther than what is the same one.
+TEST(Jumps, ARobotCarriedInTheDarkIsToldAndPlacedAnew) {
+  Trouble carried = inTheDark();
+  carried.moved_m = 0.2;
+  carried.turned_rad = 0.17;
+  const TroubleResult result = sumOf(carried);
+  EXPECT_EQ(result.told, result.troubled);
+  EXPECT_LT(result.worst_m, 0.03);  // starts are wrong by 5 mm and 0.3°
+  EXPECT_EQ(result.false_landmarks, 0);
+}
+
+TEST(Jumps, OneThatNobodyCarriedIsNotTold) {
+  const TroubleResult result = sumOf(inTheDark());
+  EXPECT_EQ(result.by_hand, 0);
+  EXPECT_LT(result.worst_m, 0.03);
+}
+
+TEST(Jumps, ARobotCarriedBeforeEverybodysEyesIsPlacedAnew) {
+  Trouble carried;
+  carried.moved_m = 0.2;
+  carried.turned_rad = 0.17;
+  const TroubleResult result = sumOf(carried);
+  EXPECT_EQ(result.told, result.troubled);
+  EXPECT_LT(result.worst_m, 0.03);
+  EXPECT_EQ(result.false_landmarks, 0);
+}
+
+TEST(Jumps, AWheelThatSpinsForASecondIsNoHand) {
+  Trouble spins;
+  spins.spin_frames = 5;
+  const TroubleResult result = sumOf(spins);
+  EXPECT_EQ(result.told, result.troubled);
+  EXPECT_EQ(result.by_hand, 0);
+  EXPECT_LT(result.worst_m, 0.04);
+  EXPECT_EQ(result.false_landmarks, 0);
+}
+
+TEST(Jumps, SlipsLargerThanTheGateOfWhatIsSeenAreSlips) {
+  for (const double slip_m : {0.12, 0.20}) {
+    Trouble slips;
+    slips.slip_m = slip_m;
+    const TroubleResult result = sumOf(slips);
+    EXPECT_EQ(result.told, result.troubled) << slip_m;
+    EXPECT_EQ(result.by_hand, 0) << slip_m;
+    EXPECT_LT(result.worst_m, 0.03) << slip_m;
+  }
+}
+
+TEST(Jumps, WhoSeesNothingIsNotSure) {
+  FleetSimulator simulator({}, kFirstSeed);
+  FleetEstimator estimator(simulator.setups(), {});
+  double before_m = 0.0, after_m = 0.0;
+  for (int f = 0; f < 50; ++f) {
+    std::vector<Objects> frames = simulator.frames(f);
+    frames.resize(1);
+    if (f >= 25) frames[0].state = FrameState::kDark, frames[0].tracks.clear();
+    const auto poses = estimator.process(simulator.time(f), {&frames[0]}, {});
+    (f < 25 ? before_m : after_m) = std::sqrt(poses[0].covariance.topLeftCorner<2, 2>().trace());
+  }
+  // 5 s of a thousandth a second that it is carried 0.42 m.
+  EXPECT_GT(after_m, std::hypot(before_m, std::sqrt(0.005) * 0.42));
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation::testing
