@@ -21,6 +21,8 @@ constexpr double kBehind_m = 0.4;  // how well the far edge alone tells where so
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
 constexpr double kAstraySigmas = 3.0;
+constexpr double kForeign = 0.5;  // share of directions beyond 3 σ: then the outline is not its own
+constexpr double kGrown_m = 0.05;
 constexpr int kMature = 3;       // views after which an outline can be relied on
 constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
 
@@ -81,10 +83,10 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
     track.hidden = true;
     if (isLaser(views_[b])) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
-    const bool explained =
-        whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
-          return outlineDistance(views_[b], tracks_[static_cast<std::size_t>(owner)].filter) < kExplained_m;
-        });
+    const bool explained = whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
+                             const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
+                             return outlineDistance(views_[b], filter, options_.gate_m).mean_m < kExplained_m;
+                           });
     if (explained) return;
     track.blob = static_cast<int>(b);
     owners_[b].push_back(t);
@@ -115,14 +117,15 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
     other.outline.forget();  // the peer may have been in what was remembered
     if (!overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
       continue;
-    // What seemed one object is the peer and something else.
-    if (!other.whole) vague = t;
+    // What seemed one object is the peer and something else; its id goes to whom it stood nearer to.
+    const bool stood_for_peer = (other.filter.position() - peer.centre_m).norm() < peer.body.meanRadius();
+    if (!other.whole && stood_for_peer) vague = t;
     other.whole = false;
   }
   PrismFilter filter(options_.filter, peer.centre_m, views_[b].camera_height_m);
   filter.assumeBody(peer.body.meanRadius(), peer.body.height(), peer.body.round());
   filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
-  if (vague >= 0) {  // it stood for the peer all along; the rest gets a track of its own
+  if (vague >= 0) {  // the rest, if any, gets a track of its own
     tracks_[static_cast<std::size_t>(vague)].startAfresh(filter);
   } else {
     vague = static_cast<int>(tracks_.size());
@@ -135,12 +138,18 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
   track.moving = true;
 }
 
-/// What is left of a merged outline for `track` may be the edge of something behind or before it.
+/// What is left of a merged outline for `track` may be the edge of something behind or before it: then it
+/// pulls a robot off the place that it publishes, and anything else off where it was or out of its shape.
 bool Tracker::isOwn(const TrackState& track, const View& view) const {
-  if (!track.published) return true;
-  PrismFilter tried = track.filter;
-  tried.update(view);
-  return !isAstray(tried, *track.published);
+  if (!track.published && track.views < kMature) return true;
+  const PrismFilter& before = track.filter;
+  PrismFilter tried = before;
+  const double disagreement = tried.update(view);
+  if (track.published) return !isAstray(tried, *track.published);
+  const double leap_m = (tried.position() - before.position()).norm();
+  const double grown_m = std::abs(tried.radius() - before.radius());
+  return disagreement < kForeign && leap_m <= kAstraySigmas * track.positionSigma() &&
+         grown_m <= kAstraySigmas * before.radiusSigma() + kGrown_m;
 }
 
 bool Tracker::showsMore(const TrackState& track, const View& view) const {

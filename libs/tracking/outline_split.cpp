@@ -28,19 +28,22 @@ int usableDirections(const View& view) {
   return count;
 }
 
-double outlineDistance(const View& view, const PrismFilter& filter) {
+OutlineDistance outlineDistance(const View& view, const PrismFilter& filter, double most_m) {
   std::array<double, kMost> differences;
   std::size_t count = 0;
+  double sum = 0.0;
   const double ratio = ratioOf(filter, view.camera_height_m);
   for (std::size_t k = 0; k < view.size() && count < kMost; ++k) {
     if (!view.usable(k)) continue;
     const double b = view.supports.b_m[k];
-    differences[count++] = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
+    const double difference = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
+    sum += std::min(difference, most_m);
+    differences[count++] = difference;
   }
-  if (count < kFewest) return std::numeric_limits<double>::infinity();
+  if (count < kFewest) return {};
   const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(count / 2);
   std::nth_element(differences.begin(), middle, differences.begin() + static_cast<std::ptrdiff_t>(count));
-  return *middle;
+  return {*middle, sum / static_cast<double>(count)};
 }
 
 bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {

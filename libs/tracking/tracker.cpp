@@ -16,6 +16,7 @@ constexpr double kAlien_m = 0.04;  // an outline this far outside of the expecte
 constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to a displacement over a second
 constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
 constexpr double kPeerLeeway_m = 0.03;
+constexpr double kPeerGate_m = 0.1;  // of the outline of a known body in a known place
 constexpr double kLeap_m = 0.10;
 constexpr double kMostSigma_m = 0.5;   // of a place, in the search for its blob
 constexpr double kDriving_mps = 0.05;  // of what goes on behind something …
@@ -25,6 +26,7 @@ constexpr double kAlikeSigmas = 2.0;   // as wide and high as it was,
 constexpr double kAlike_m = 0.01;      // which the prism leaves uncertain by this
 constexpr double kSettingOut_s = 0.5, kSetOut_m = 0.015, kOnePiece_m = 0.01;
 constexpr double kLoosened_m = 0.05;
+constexpr double kCut_m = 0.1;  // between pieces of one thing
 constexpr double kDisagreement =
     0.5;                   // share of directions beyond 3 σ: then the shape is not what it was thought
 constexpr int kKnown = 3;  // views that make a track known
@@ -71,6 +73,12 @@ bool setsOut(const TrackState& track) {
     if (d.valid && d.rms_m < kOnePiece_m && d.moved_m.norm() > kSetOut_m + d.sigma_m) return true;
   }
   return false;
+}
+
+/// What stands is not where it stood. Of what is seen from its far side only, against the own hull, nothing
+/// else tells that it is pushed.
+bool isOff(PrismFilter filter, const View& view) {
+  return filter.update(view) > kDisagreement;
 }
 
 }  // namespace
@@ -138,12 +146,14 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const double sigma = std::min(kMostSigma_m, tracks_[t].positionSigma());
-    const double gate = options_.gate_m + 2.0 * sigma, dearest = options_.gate_m + 3.0 * kMostSigma_m;
+    const double gate = (tracks_[t].published ? kPeerGate_m : options_.gate_m) + 2.0 * sigma,
+                 dearest = options_.gate_m + 3.0 * kMostSigma_m;
     for (std::size_t b = 0; b < views_.size(); ++b) {
-      const double distance = outlineDistance(views_[b], tracks_[t].filter);
+      const OutlineDistance distance = outlineDistance(views_[b], tracks_[t].filter, options_.gate_m);
       // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
       cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
-          distance < gate ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
+          distance.median_m < gate ? (distance.mean_m + sigma) / dearest
+                                   : std::numeric_limits<double>::infinity();
     }
   }
   assignBlobs();
@@ -210,6 +220,7 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   PrismFilter filter = fresh(object, view, own);
   PrismFilter fitted = filter;
   fitted.update(view);
+  if (object.truncated && isPieceOfKnown(fitted)) return;
   int t = lostAt(fitted, view);
   if (t < 0) {
     t = static_cast<int>(tracks_.size());
@@ -224,6 +235,16 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   see(track, view, object);
 }
 
+/// What the edge of the view, or the own hull, cuts off from something that is seen beside it, and has never
+/// been seen whole.
+bool Tracker::isPieceOfKnown(const PrismFilter& piece) const {
+  return std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
+    if (track.blob < 0 || track.whole || track.dissolved) return false;
+    const double apart_m = (piece.position() - track.filter.position()).norm();
+    return apart_m < piece.radius() + track.filter.radius() + kCut_m;
+  });
+}
+
 int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
   int nearest = -1;
   double least = 1.0;
@@ -233,7 +254,7 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
     // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
     // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
-    const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
+    const double unlike = outlineDistance(view, track.filter, options_.gate_m).median_m / options_.gate_m;
     const double distance = std::min({apart, unlike, wayOn(track, filter)});
     if (distance >= least) continue;
     least = distance;
@@ -275,7 +296,7 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
 
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
-  if (!track.moving && setsOut(track)) {
+  if (!track.moving && (setsOut(track) || isOff(track.filter, view))) {
     track.moving = true;
     track.filter.placeAt(
         track.filter.position(), Eigen::Vector2d::Zero(),

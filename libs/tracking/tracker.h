@@ -72,6 +72,7 @@ class Tracker {
   void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
+  bool isPieceOfKnown(const PrismFilter& piece) const;
   int lostAt(const PrismFilter& filter, const View& view) const;
   bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
   void followPeers(const std::vector<Peer>& peers);
