@@ -91,6 +91,29 @@ TEST(PushedBox, IsItselfAndNoRobot) {
   }
 }
 
+/// Its own pusher sees no more than two ends of it, one blob or two.
+TEST(PushedBox, IsOneThingToItsPusher) {
+  EXPECT_EQ(runOne("pushed", 21).switches, 0);
+}
+
+/// It and a robot that stands before it are one blob until the robot's pose comes.
+TEST(PushedBox, KeepsItsIdWhenTheOtherIsKnown) {
+  EXPECT_EQ(runOne("pushed", 23).switches, 0);
+}
+
+/// Behind a robot, before things that stand behind: what is left of the blob's outline is theirs. Seed 21:
+/// the robot keeps its id too. 23: a sliver of it is seen at a time.
+class SilentStranger : public testing::TestWithParam<unsigned> {};
+
+TEST_P(SilentStranger, IsNotPulledAwayByWhatStandsBehind) {
+  const Score score = runOne("silent_stranger", GetParam());
+  const int most = GetParam() == 23 ? 2 : 0;
+  EXPECT_LE(score.robots.wrong, most);
+  EXPECT_LE(score.switches, most);
+}
+
+INSTANTIATE_TEST_SUITE_P(Behind, SilentStranger, testing::Values(21U, 22U, 23U));
+
 INSTANTIATE_TEST_SUITE_P(All, RenderedScenes, testing::ValuesIn(wanted()),
                          [](const auto& scenario) { return scenario.param.name; });
 
