@@ -235,7 +235,7 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   first.alien_frames = 0;
   const int lost = lostAt(filter, rest_);
   const int t = lost >= 0 ? lost : vague;
-  if (t < 0) addBeside(known_owners_.front(), filter);
+  if (t < 0) addTrack(filter, rest_.time_ns, known_owners_.front());
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
   if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
     track.startAfresh(freshRest());
@@ -245,20 +245,6 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   track.blob = static_cast<int>(b);
   if (t != vague) owners_[b].push_back(t < 0 ? static_cast<int>(tracks_.size()) - 1 : t);
   see(track, rest_, object);
-}
-
-/// A new track; what was given up beside that one not long ago goes on.
-void Tracker::addBeside(int owner, const PrismFilter& filter) {
-  std::optional<TrackState::Companion> companion;
-  std::swap(companion, tracks_[static_cast<std::size_t>(owner)].companion);
-  const TimeNs now_ns = rest_.time_ns;
-  const bool goes_on =
-      companion && static_cast<double>(now_ns - companion->given_up_ns) < 1e9 * options_.keep_s;
-  tracks_.emplace_back(goes_on ? companion->id : next_id_++, filter);
-  if (!goes_on) return;
-  tracks_.back().evidence = companion->evidence;
-  tracks_.back().kind = companion->kind;
-  tracks_.back().kind_probability = companion->kind_probability;
 }
 
 PrismFilter Tracker::freshRest() const {

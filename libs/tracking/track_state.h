@@ -90,11 +90,13 @@ struct TrackState {
     KindEvidence evidence;
     ObjectKind kind;
     double kind_probability;
+    Eigen::Vector2d place_m;  ///< odom
     TimeNs given_up_ns;
   };
   std::optional<Companion> companion;
   void remember(const TrackState& other) {
-    companion = Companion{other.id, other.evidence, other.kind, other.kind_probability, seen_ns};
+    companion = Companion{
+        other.id, other.evidence, other.kind, other.kind_probability, other.filter.position(), seen_ns};
   }
 };
 

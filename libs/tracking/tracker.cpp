@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "outline/half_planes.h"
 #include "tracking/assignment.h"
@@ -224,7 +225,7 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   int t = lostAt(fitted, view);
   if (t < 0) {
     t = static_cast<int>(tracks_.size());
-    tracks_.emplace_back(next_id_++, filter);
+    addTrack(filter, view.time_ns, givenUpAt(fitted));
     tracks_.back().moving = true;
   }
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
@@ -233,6 +234,27 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   track.whole = track.whole || whole;
   owners_[b].push_back(t);
   see(track, view, object);
+}
+
+/// The track beside which something was given up there; −1: none.
+int Tracker::givenUpAt(const PrismFilter& filter) const {
+  const auto beside = std::find_if(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
+    return track.companion && (track.companion->place_m - filter.position()).norm() < options_.gate_m;
+  });
+  return beside == tracks_.end() ? -1 : static_cast<int>(beside - tracks_.begin());
+}
+
+/// What was given up beside `owner` (−1: nobody) not long ago goes on.
+void Tracker::addTrack(const PrismFilter& filter, TimeNs now_ns, int owner) {
+  std::optional<TrackState::Companion> companion;
+  if (owner >= 0) std::swap(companion, tracks_[static_cast<std::size_t>(owner)].companion);
+  const bool goes_on =
+      companion && static_cast<double>(now_ns - companion->given_up_ns) < 1e9 * options_.keep_s;
+  tracks_.emplace_back(goes_on ? companion->id : next_id_++, filter);
+  if (!goes_on) return;
+  tracks_.back().evidence = companion->evidence;
+  tracks_.back().kind = companion->kind;
+  tracks_.back().kind_probability = companion->kind_probability;
 }
 
 /// What the edge of the view, or the own hull, cuts off from something that is seen beside it, and has never

@@ -64,7 +64,7 @@ class Tracker {
   void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);
   void updateRest(const ObjectObservation& object, std::size_t blob, int vague, int alien);
-  void addBeside(int owner, const PrismFilter& filter);
+  void addTrack(const PrismFilter& filter, TimeNs now_ns, int owner);
   PrismFilter freshRest() const;
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
@@ -72,6 +72,7 @@ class Tracker {
   void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
+  int givenUpAt(const PrismFilter& filter) const;
   bool isPieceOfKnown(const PrismFilter& piece) const;
   int lostAt(const PrismFilter& filter, const View& view) const;
   bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
