@@ -1,5 +1,6 @@
 #include "ground/floor_view.h"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -27,6 +28,7 @@ ViewOptions ViewOptions::read(const options::Section& section) {
   section.read("min_depression_deg", o.min_depression_deg, {0.1, 60.0});
   section.read("mask_margin_px", o.mask_margin_px, {0.0, 100.0});
   section.read("border_margin_px", o.border_margin_px, {1.0, 100.0});
+  section.read("cut_reach_px", o.cut_reach_px, {2.0, 100.0});
   section.read("seed_ring_px", o.seed_ring_px, {4.0, 1000.0});
   section.read("seed_annulus_px", o.seed_annulus_px, options::kNotNegative);
   section.read("seed_rectangle_px", o.seed_rectangle_px, options::kNotNegative);
@@ -98,8 +100,14 @@ void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options)
   };
   cv::erode(mask_, mask_, disc(margin), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
   mask_ = keepRectangle(mask_, options.region_px);
-  cv::erode(mask_, border_, disc(2), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
-  border_ = 255 - border_;
+  border_ = cv::Mat1b(mask_.size(), kBorder);
+  const auto setInside = [&](int reach_px, std::uint8_t value) {
+    cv::Mat1b inside;
+    cv::erode(mask_, inside, disc(reach_px), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+    border_.setTo(value, inside);
+  };
+  setInside(2, kCutReach);
+  setInside(std::max(2, static_cast<int>(std::ceil(options.cut_reach_px))), 0);
 }
 
 void FloorView::drawCells(const lens::Camera& camera, const ViewOptions& options) {

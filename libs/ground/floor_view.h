@@ -13,7 +13,9 @@ struct ViewOptions {
   double min_depression_deg = 2.0;  ///< degrees below the horizon down to which floor is looked for
   double mask_margin_px = 2.0;      ///< pixels added to the robot's own mask
   double border_margin_px =
-      2.0;  ///< pixels left out along the edge of the lens's image circle and of the image
+      2.0;                     ///< pixels left out along the edge of the lens's image circle and of the image
+  double cut_reach_px = 11.0;  ///< pixels: a region that the edge of the view cuts is shaped by filters as
+                               ///< far from there: thin as a marking where it tapers, rounded where it ends
   double seed_ring_px =
       40.0;  ///< pixels: width of the floor ring outside the mask that seeds the ground model
   std::vector<double>
@@ -41,12 +43,10 @@ class FloorView {
   cv::Size cells() const { return {seeds_.cols, seeds_.rows}; }
   /// Full resolution, 255 where floor may be seen, else 0.
   const cv::Mat1b& mask() const { return mask_; }
-  /// Full resolution, 255 within 2 px of the outside of mask(): an outline there is cut, not seen.
-  bool nearBorder(float u, float v) const {
-    const int x = cvRound(u), y = cvRound(v);
-    if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return true;
-    return border_(y, x) != 0;
-  }
+  /// Within 2 px of the outside of mask(): an outline there is cut, not seen.
+  bool nearBorder(float u, float v) const { return borderAt(u, v) > kCutReach; }
+  /// As near to the outside of mask() as `cut_reach_px`: there an outline that is cut ends too early.
+  bool nearCut(float u, float v) const { return borderAt(u, v) > 0; }
   /// Per cell: 0 outside, 1 partly inside, 2 wholly inside.
   const cv::Mat1b& coverage() const { return coverage_; }
   /// Per cell: 255 where the cell seeds the ground model.
@@ -63,6 +63,13 @@ class FloorView {
   void seedHorizon(const lens::Camera& camera);
   void drawMask(const lens::Camera& camera, const ViewOptions& options);
   void drawCells(const lens::Camera& camera, const ViewOptions& options);
+
+  static constexpr std::uint8_t kCutReach = 1, kBorder = 2;  // of border_
+  std::uint8_t borderAt(float u, float v) const {
+    const int x = cvRound(u), y = cvRound(v);
+    if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return kBorder;
+    return border_(y, x);
+  }
 
   cv::Mat1b mask_, border_, coverage_, seeds_;
   std::vector<cv::Point> seed_cells_;

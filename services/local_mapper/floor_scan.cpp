@@ -53,8 +53,14 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
       const bool seen = cv::Rect({0, 0}, view.imageSize()).contains(at) && view.mask()(at) != 0;
       if (seen && begin < 0) begin = r;
       if (!seen && begin >= 0) break;
-      if (seen && r <= options.max_range_m + 1e-9) end = r;
+      // Of a thing that the edge of the view cuts, nothing may be left there: no floor is seen for sure.
+      const bool sure = seen && !view.nearCut(static_cast<float>(at.x), static_cast<float>(at.y));
+      if (sure && r <= options.max_range_m + 1e-9) end = r;
       if (seen) steps_.push_back({static_cast<std::int16_t>(at.x), static_cast<std::int16_t>(at.y)});
+    }
+    if (end < begin) {
+      begin = -1.0;
+      steps_.resize(step_begin_.back());
     }
     floor_begin_m_.push_back(static_cast<float>(begin));
     floor_end_m_.push_back(static_cast<float>(end));

@@ -72,6 +72,7 @@ double Silhouette::contactDistance(const ground::Contour& contour) const {
 }
 
 void Silhouette::projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides) {
+  bool is_cut = false;
   const auto isHidden = [&](std::size_t begin, std::size_t end, std::size_t i) {
     // The points next to the border between two things are of neither.
     for (std::size_t k = 0; k <= 2 * kNearHidden && !hides.empty(); ++k) {
@@ -102,8 +103,13 @@ void Silhouette::projectToFloor(const ground::Contour& contour, const std::vecto
     floor_.pixels.push_back(pixel);
     const bool hidden = !hides.empty() && isHidden(contour.loop_begin[loop - 1], loop_end, i);
     is_hidden_ = is_hidden_ || hidden;
-    floor_.cut.push_back(hidden || view_->nearBorder(pixel.x(), pixel.y()) ? 1 : 0);
+    const bool cut = view_->nearBorder(pixel.x(), pixel.y());
+    is_cut = is_cut || cut;
+    floor_.cut.push_back(hidden || cut ? 1 : 0);
   }
+  // What is wholly seen ends where it seems to, however near to the edge of the view.
+  for (std::size_t i = 0; i < floor_.cut.size() && is_cut; ++i)
+    if (view_->nearCut(floor_.pixels[i].x(), floor_.pixels[i].y())) floor_.cut[i] = 1;
 }
 
 /// By the crossings of the contour with a ray from there.

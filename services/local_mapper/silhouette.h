@@ -32,7 +32,8 @@ struct SilhouetteOptions {
 struct FloorContour {
   std::vector<Eigen::Vector2d> points_m;  ///< base_link
   std::vector<Eigen::Vector2f> pixels;    ///< the pixel of each
-  std::vector<std::uint8_t> cut;  ///< 1: on the border of the valid image, of the self mask, or hidden beyond
+  std::vector<std::uint8_t>
+      cut;  ///< 1: cut by the edge of the valid image or the self mask, or hidden beyond
   std::vector<std::size_t> loop_begin;  ///< first point of each closed loop
 };
 

@@ -53,6 +53,24 @@ TEST_F(FloorScanTest, FreeFloorEndsWhereItIsTrusted) {
   EXPECT_NEAR(scan.sigma_m[10], expected, 0.05 * expected);
 }
 
+/// A narrow lens: a thing that stands at the edge of its view is not seen there, but in the way.
+TEST_F(FloorScanTest, NoFloorIsSeenForSureAtTheEdgeOfTheView) {
+  lens::CameraModel model = camera_.model();
+  model.fov_deg = 140.0;
+  const lens::Camera narrow(model);
+  const ground::ViewOptions options;
+  FloorScan scan(narrow, ground::FloorView(narrow, options), {});
+  Scan seen;
+  scan.begin();
+  scan.finish(seen);
+  const double edge_px = 148.66 * 70.0 * M_PI / 180.0 - options.border_margin_px;
+  const double sure_m = 0.5 * std::tan((edge_px - options.cut_reach_px) / 148.66);
+  for (std::size_t i = 0; i < 360; ++i) {
+    EXPECT_EQ(seen.label[i], RayLabel::kFloorEnd) << i;
+    EXPECT_NEAR(seen.range_m[i], sure_m, 0.03) << i;  // of a pixel, 2 cm
+  }
+}
+
 TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   ground::Blob blob;  // a patch of 20 × 20 px ahead
   const auto pixel = camera_.pixelFromPoint({1.2, 0.0, 0.0});

@@ -189,6 +189,34 @@ TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
   EXPECT_EQ(undecided(3.2), 0) << "beyond the reach of objects";
 }
 
+/// A box comes in over the edge of a narrow lens, at all angles: whatever support is given as seen is that of
+/// the whole box, not of the part in view.
+TEST_F(LocalMapperTest, WhatTheEdgeOfANarrowLensCutsIsSeenAsFarAsItIs) {
+  lens::CameraModel model = camera_.model();
+  model.fov_deg = 140.0;
+  const lens::Camera narrow(model);
+  int cut = 0, given = 0;
+  for (int k = 0; k < 24; ++k) {
+    scene_.prisms = {{box(0.75 + 0.03 * k, 0.0, 0.24, 0.3, 0.27 * k), 0.16, {40, 40, 200}}};
+    LocalMapper mapper(narrow, {});
+    const Pose2 pose{0.0, 0.0, 0.4 * k};
+    const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, narrow, pose), 0), {});
+    if (map.objects.empty()) continue;  // a sliver
+    ASSERT_EQ(map.objects.size(), 1U) << k;
+    cut += map.objects[0].truncated ? 1 : 0;
+    const auto expected =
+        SupportFunction::of(truthOf(scene_.prisms[0], pose).silhouette_m, narrow.foot(), 1.0);
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      const float sigma = map.objects[0].supports.sigma_m[i];
+      if (!(sigma > 0.0f)) continue;
+      ++given;
+      EXPECT_NEAR(map.objects[0].supports.b_m[i], expected.b_m[i], 4.0f * sigma) << k << ' ' << i;
+    }
+  }
+  EXPECT_GE(cut, 15);
+  EXPECT_GE(given, 300);
+}
+
 TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
   scene_.prisms = {{box(0.42, 0.0, 0.2, 0.2, 0.0), 0.1, {40, 40, 200}},
                    {box(-2.4, 0.3, 0.3, 0.3, 0.0), 0.15, {45, 45, 45}}};
