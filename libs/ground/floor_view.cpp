@@ -40,9 +40,9 @@ ViewOptions ViewOptions::read(const options::Section& section) {
   return o;
 }
 
-FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options) {
+FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
   if (camera.height() <= 0.0) throw options::Error("camera: position_m: z must be above the floor to see it");
-  drawMask(camera, options);
+  drawMask(camera, options, covered);
   if (cv::countNonZero(mask_) == 0) throw options::Error("camera: no pixel of it shows floor");
   drawCells(camera, options);
   cv::findNonZero(seeds_, seed_cells_);
@@ -53,7 +53,7 @@ std::unique_ptr<FloorView> FloorView::upward(const lens::Camera& camera) {
   ViewOptions options;
   options.min_depression_deg = -90.0;
   std::unique_ptr<FloorView> view(new FloorView());
-  view->drawMask(camera, options);
+  view->drawMask(camera, options, {});
   view->drawCells(camera, options);
   view->seedHorizon(camera);
   return view->seed_cells_.empty() ? nullptr : std::move(view);
@@ -80,7 +80,7 @@ void FloorView::seedHorizon(const lens::Camera& camera) {
   }
 }
 
-void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options) {
+void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
   const auto& model = camera.model();
   mask_ = cv::Mat1b(model.image_height_px, model.image_width_px, std::uint8_t{0});
   const double max_z = -std::sin(options.min_depression_deg * M_PI / 180.0);
@@ -100,6 +100,7 @@ void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options)
   };
   cv::erode(mask_, mask_, disc(margin), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
   mask_ = keepRectangle(mask_, options.region_px);
+  if (!covered.empty()) mask_.setTo(0, covered);
   border_ = cv::Mat1b(mask_.size(), kBorder);
   const auto setInside = [&](int reach_px, std::uint8_t value) {
     cv::Mat1b inside;

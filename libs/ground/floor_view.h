@@ -32,8 +32,9 @@ class FloorView {
  public:
   static constexpr int kCell = 4;  ///< pixels: the quarter resolution of the ground model
 
+  /// @param covered not 0 on pixels that show nothing of the world; empty: none
   /// Throws options::Error when no pixel shows floor or no seed cell remains.
-  FloorView(const lens::Camera& camera, const ViewOptions& options);
+  FloorView(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered = {});
 
   /// The view of what stands up to the horizon and beyond, a room's walls: as far up as the lens sees, seeds
   /// along the end of it. None where the image holds nothing of the horizon.
@@ -61,7 +62,7 @@ class FloorView {
  private:
   FloorView() = default;
   void seedHorizon(const lens::Camera& camera);
-  void drawMask(const lens::Camera& camera, const ViewOptions& options);
+  void drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered);
   void drawCells(const lens::Camera& camera, const ViewOptions& options);
 
   static constexpr std::uint8_t kCutReach = 1, kBorder = 2;  // of border_

@@ -25,6 +25,12 @@ FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& 
       if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
 }
 
+void FrameCheck::resume(const FrameCheck& before) {
+  has_previous_ = before.has_previous_;
+  previous_ns_ = before.previous_ns_;
+  previous_sequence_ = before.previous_sequence_;
+}
+
 FrameState FrameCheck::check(const Frame& frame) {
   follows_ = false;
   const bool in_order = !has_previous_ || frame.acquired_ns > previous_ns_;
@@ -32,7 +38,7 @@ FrameState FrameCheck::check(const Frame& frame) {
   if (state == FrameState::kOk) {
     if (frame.image.empty())
       state = FrameState::kEmpty;
-    else if (frame.image.size() != size_ || (frame.image.type() != CV_8UC3 && frame.image.type() != CV_8UC1))
+    else if (!fits(frame.image))
       state = FrameState::kWrongSize;
     else if (!in_order)
       state = FrameState::kOutOfOrder;

@@ -38,6 +38,12 @@ class FrameCheck {
 
   /// True when the frame just checked directly follows a usable one: only then are there vectors.
   bool follows() const { return follows_; }
+  /// Of the camera's size and a type that is read here.
+  bool fits(const cv::Mat& image) const {
+    return image.size() == size_ && (image.type() == CV_8UC3 || image.type() == CV_8UC1);
+  }
+  /// Goes on where another check of the same camera was, with a gap.
+  void resume(const FrameCheck& before);
 
  private:
   FrameState exposure(const cv::Mat& image) const;

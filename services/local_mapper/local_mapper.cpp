@@ -6,6 +6,7 @@ Options Options::read(const options::Section& section) {
   Options o;
   o.check = FrameCheckOptions::read(section.child("frame"));
   o.faults = FaultOptions::read(section.child("faults"));
+  o.cover = ViewCoverOptions::read(section.child("cover"));
   o.view = ground::ViewOptions::read(section.child("view"));
   o.lens = lens::CorrectionOptions::read(section.child("lens"));
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
@@ -23,11 +24,11 @@ Options Options::read(const options::Section& section) {
 
 /// The steps of §III in their order, with the buffers that live from frame to frame.
 struct LocalMapper::Stages {
-  Stages(const lens::Camera& c, const Options& o)
+  Stages(const lens::Camera& c, const Options& o, const cv::Mat1b& covered)
       : options(o),
         camera(c),
         correction(lens::correctionCamera(c, o.lens)),
-        view(camera, o.view),
+        view(camera, o.view, covered),
         check(camera.model(), view, o.check),
         freeze(view, o.faults),
         cover(o.faults),
@@ -88,15 +89,33 @@ struct LocalMapper::Stages {
 };
 
 LocalMapper::LocalMapper(const lens::Camera& camera, const Options& options)
-    : stages_(std::make_unique<Stages>(camera, options)) {}
+    : stages_(std::make_unique<Stages>(camera, options, cv::Mat1b())), cover_(stages_->view, options.cover) {}
 LocalMapper::~LocalMapper() = default;
 LocalMapper::LocalMapper(LocalMapper&&) noexcept = default;
 LocalMapper& LocalMapper::operator=(LocalMapper&&) noexcept = default;
 
+/// What is covered lies outside of the view from now on, or no more.
+void LocalMapper::startAnew() {
+  try {
+    auto next = std::make_unique<Stages>(stages_->camera, stages_->options, cover_.mask());
+    next->check.resume(stages_->check);
+    stages_ = std::move(next);
+    is_blind_ = false;
+  } catch (const options::Error&) {
+    is_blind_ = true;
+  }
+}
+
 const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
+  if (frame.state == FrameState::kOk && stages_->check.fits(frame.image) && cover_.look(frame.image, wheels))
+    startAnew();
   Stages& s = *stages_;
   s.begin(frame, wheels);
   s.map.state = s.check.check(frame);
+  if (s.map.state == FrameState::kOk && is_blind_) {
+    s.map.state = FrameState::kDark;
+    s.fault = "covered where the floor is learned";
+  }
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
@@ -248,6 +267,10 @@ int LocalMapper::undecided() const {
 
 double LocalMapper::freeShare() const {
   return stages_->scan.freeShare();
+}
+
+double LocalMapper::coveredShare() const {
+  return cover_.share();
 }
 
 const char* LocalMapper::fault() const {

@@ -17,6 +17,7 @@
 #include "local_mapper/floor_scan.h"
 #include "local_mapper/frame_check.h"
 #include "local_mapper/silhouette.h"
+#include "local_mapper/view_cover.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -25,6 +26,7 @@ namespace omnifleet::local_mapper {
 struct Options {
   FrameCheckOptions check;               ///< `frame`: what counts as black, overexposed, a gap
   FaultOptions faults;                   ///< `faults`: a frozen or a covered camera
+  ViewCoverOptions cover;                ///< `cover`: a part of the view that is covered
   ground::ViewOptions view;              ///< `view`: which pixels can show floor
   lens::CorrectionOptions lens;          ///< `lens`: §III.4, which lens carries points to the floor
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
@@ -70,12 +72,19 @@ class LocalMapper {
   /// Share of the visible floor's depth that was free in the last valid frame, the middle one of all
   /// bearings.
   double freeShare() const;
+  /// Share of the view that shows nothing of the world; it is left out as what lies beyond the view's edge
+  /// is.
+  double coveredShare() const;
   /// Why the last frame was not used, where its state alone does not say it; else empty.
   const char* fault() const;
 
  private:
+  void startAnew();
+
   struct Stages;
   std::unique_ptr<Stages> stages_;
+  ViewCover cover_;
+  bool is_blind_ = false;  ///< nothing is left to learn the floor from
 };
 
 }  // namespace omnifleet::local_mapper

@@ -133,6 +133,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
   rejected_points_ += mapper_.rejectedPoints();
+  tellCover();
   undecided_frames_ = mapper_.undecided() > 0 ? undecided_frames_ + 1 : 0;
   if (undecided_frames_ == kLastingFrames) {
     status().error(fmt::format(
@@ -163,6 +164,19 @@ void LocalMapperService::process(const bus::FrameView& view) {
     status().error(fmt::format("frame {} of camera {}: {}{}{}", local_map_.sequence, camera_.id,
                                toString(local_map_.state), fault.empty() ? "" : ", ", fault));
   }
+}
+
+void LocalMapperService::tellCover() {
+  const double share = mapper_.coveredShare();
+  if (share > 0.0 && share != told_cover_) {
+    status().error(fmt::format(
+        "camera {}: {:.0f} % of its view are covered from frame {} on: they are left out, the rest goes on",
+        camera_.id, 100.0 * share, local_map_.sequence));
+  }
+  if (share == 0.0 && told_cover_ > 0.0) {
+    context_.log->info("camera {}: its view is free again from frame {} on", camera_.id, local_map_.sequence);
+  }
+  told_cover_ = share;
 }
 
 void LocalMapperService::saveDebugImages(const cv::Mat& image) {

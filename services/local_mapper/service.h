@@ -40,6 +40,7 @@ class LocalMapperService : public bus::Service {
   bool pull();
   void takeBeside();
   void process(const bus::FrameView& view);
+  void tellCover();
   void saveDebugImages(const cv::Mat& image);
 
   bus::ServiceContext context_;
@@ -62,6 +63,7 @@ class LocalMapperService : public bus::Service {
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
   int undecided_frames_ = 0;         ///< in a row
+  double told_cover_ = 0.0;          ///< share of the view
   int hemmed_in_frames_ = 0;         ///< in a row that show hardly any floor
   bool ended_ = false;
 };

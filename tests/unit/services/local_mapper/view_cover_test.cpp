@@ -1,0 +1,106 @@
+#include "local_mapper/view_cover.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "local_mapper/local_mapper.h"
+#include "tests/unit/services/local_mapper/fisheye_scene.h"
+
+namespace omnifleet::local_mapper {
+namespace {
+
+using testing::box;
+
+/// A robot that drives on over a floor with a pattern, past a box; a part of its view may be covered.
+class ViewCovers : public ::testing::Test {
+ protected:
+  ViewCovers() : camera_(testing::fisheyeModel()), mapper_(camera_, {}) {
+    scene_.prisms = {{box(1.2, 0.9, 0.2, 0.15, 0.4), 0.12, {40, 40, 200}}};
+  }
+  /// @param edge_px the picture is covered from there on to the right; the robot sees its right side there
+  const LocalMap& see(int edge_px, int grey, double step_m = 0.05) {
+    if (sequence_ > 0) x_m_ += step_m;
+    cv::Mat3b image = testing::renderScene(scene_, camera_, {x_m_, 0.0, 0.0}, 1);
+    pattern(image);
+    if (edge_px < image.cols)
+      image(cv::Rect(edge_px, 0, image.cols - edge_px, image.rows)).setTo(cv::Scalar(grey, grey, grey));
+    Motion wheels;
+    wheels.valid = sequence_ > 0;
+    wheels.previous_from_current = {step_m, 0.0, 0.0};
+    return mapper_.process(testing::frameOf(image, sequence_++), wheels);
+  }
+  /// Clouds of the floor's brightness, as it is where the robot stands.
+  void pattern(cv::Mat3b& image) const {
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        const auto floor = camera_.floorFromPixel({u, v});
+        if (!floor || floor->norm() > 4.0) continue;
+        const double cloud = std::sin(7.0 * (floor->x() + x_m_)) * std::cos(6.0 * floor->y());
+        for (int c = 0; c < 3; ++c)
+          image(v, u)[c] = cv::saturate_cast<std::uint8_t>(image(v, u)[c] + 6.0 * cloud);
+      }
+    }
+  }
+
+  static constexpr int kHalf = 330, kThird = 400, kNothing = 640;
+  lens::Camera camera_;
+  testing::Scene scene_;
+  LocalMapper mapper_;
+  double x_m_ = 0.0;
+  std::uint32_t sequence_ = 0;
+};
+
+/// Bearings −150° to −30° are the robot's right; its left is at +90°.
+void expectNothingSeenToTheRight(const LocalMap& map) {
+  for (int bearing = 230; bearing <= 310; ++bearing)
+    EXPECT_EQ(map.scan.label[static_cast<std::size_t>(bearing)], RayLabel::kInvalid) << bearing;
+  EXPECT_NE(map.scan.label[90], RayLabel::kInvalid);
+  ASSERT_EQ(map.objects.size(), 1U);
+  EXPECT_GT(map.objects[0].contact_m.y(), 0.5);
+}
+
+TEST_F(ViewCovers, ABlackHalfIsToldInTheFirstFrame) {
+  const LocalMap& map = see(kHalf, 3);
+  ASSERT_EQ(map.state, FrameState::kOk);
+  EXPECT_NEAR(mapper_.coveredShare(), 0.5, 0.1);
+  expectNothingSeenToTheRight(map);
+}
+
+TEST_F(ViewCovers, AGreyPartThatComesUpIsToldAtOnceAndWhenItIsGone) {
+  see(kNothing, 0);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0);
+  const LocalMap& map = see(kThird, 100);
+  EXPECT_NEAR(mapper_.coveredShare(), 0.3, 0.1);
+  expectNothingSeenToTheRight(map);
+  for (int k = 0; k < 3; ++k) see(kThird, 100);
+  EXPECT_NEAR(mapper_.coveredShare(), 0.3, 0.1);
+  const LocalMap& free = see(kNothing, 0);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0);
+  EXPECT_EQ(free.scan.label[270], RayLabel::kFloorEnd);
+}
+
+TEST_F(ViewCovers, AGreyPartThatIsThereFromTheBeginningIsToldAfterAMetre) {
+  for (int k = 0; k < 8; ++k) see(kThird, 100, 0.1);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0) << "may be a wall";
+  for (int k = 0; k < 5; ++k) see(kThird, 100, 0.1);
+  EXPECT_NEAR(mapper_.coveredShare(), 0.3, 0.1);
+}
+
+TEST_F(ViewCovers, WhoStandsBesideSomethingGreyIsNotCovered) {
+  for (int k = 0; k < 20; ++k) see(kThird, 100, 0.0);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0);
+}
+
+/// A plain wall to the right, higher than the camera; the room's end comes nearer.
+TEST_F(ViewCovers, AWallThatOneDrivesAlongIsNoCover) {
+  scene_.prisms.push_back({box(0.0, -1.0, 5.0, 0.1, 0.0), 0.45, {90, 85, 80}});
+  scene_.prisms.push_back({box(2.5, 0.0, 0.1, 2.1, 0.0), 0.45, {90, 85, 80}});
+  for (int k = 0; k < 16; ++k) {
+    see(kNothing, 0, 0.1);
+    EXPECT_EQ(mapper_.coveredShare(), 0.0) << k;
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet::local_mapper
