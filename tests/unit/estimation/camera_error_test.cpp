@@ -173,11 +173,31 @@ TEST(TellError, SaysWhatWasSeenWithoutThePrior) {
     covariance(i, i) = 1.0 / information;
     mean(i) = by_seeing * seen(i) / information;
   }
-  EXPECT_EQ(tellError(mean, covariance, options), "focal length +1.20 ± 0.10 %, roll -1.15 ± 0.11 degrees");
+  EXPECT_EQ(tellError(mean, covariance, options), "focal length +1.20 ± 0.11 %, roll -1.15 ± 0.12 degrees");
   EXPECT_EQ(tellError(0.1 * mean, covariance, options), "");
   CameraOptions as_calibrated;
   as_calibrated.estimate = false;
   EXPECT_EQ(tellError(mean, covariance, as_calibrated), "");
+}
+
+/// However many outlines agree: by a tenth of a pixel they may all be wrong, and the camera is not.
+TEST(TellError, AccusesNoCameraOfATenthOfAPixel) {
+  const auto told = [](double focal, double pitch_rad) {
+    const CameraOptions options;
+    const double seen = 1e-10, prior_focal = std::pow(options.focal_sigma, 2),
+                 prior_tilt = std::pow(options.tilt_sigma_rad, 2);
+    CameraError mean = CameraError::Zero();
+    mean(0) = focal / (1.0 + seen / prior_focal);
+    mean(3) = pitch_rad / (1.0 + seen / prior_tilt);
+    CameraCovariance covariance = CameraCovariance::Zero();
+    for (int i = 0; i < kCameraErrors; ++i)
+      covariance(i, i) = 1.0 / (1.0 / seen + 1.0 / std::pow(options.sigma()(i), 2));
+    return tellError(mean, covariance, options);
+  };
+  EXPECT_EQ(told(0.002, 0.0), "");
+  EXPECT_EQ(told(0.0, 0.0015), "");
+  EXPECT_EQ(told(0.003, 0.0), "focal length +0.30 ± 0.05 %");
+  EXPECT_EQ(told(0.0, 0.0035), "pitch +0.20 ± 0.02 degrees");
 }
 
 TEST(CameraOptions, ReadsAndRefuses) {
