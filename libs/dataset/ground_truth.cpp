@@ -23,6 +23,12 @@ GroundTruth GroundTruth::load(const std::string& dataset_folder) {
     truth.scene = readObjects((folder / "scene.geojson").string());
     truth.has_scene = true;
   }
+  const fs::path room = folder / "room.geojson";
+  if (fs::exists(room)) {
+    const std::vector<MapObject> outlines = readObjects(room.string());
+    if (outlines.size() != 1) throw std::runtime_error(room.string() + ": must hold one polygon");
+    truth.room = outlines.front().outline_m;
+  }
   return truth;
 }
 

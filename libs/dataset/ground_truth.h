@@ -14,8 +14,9 @@ struct GroundTruth {
   std::map<std::string, std::vector<StampedPose>> trajectories;  ///< robot → map_from_base over time
   std::vector<MapObject> scene;
   bool has_scene = false;
+  Polygon room;  ///< inner side of its walls; empty: not known
 
-  /// Reads groundtruth/<robot>.tum and groundtruth/scene.geojson, each optional. Throws std::runtime_error
+  /// Reads groundtruth/<robot>.tum, scene.geojson and room.geojson, each optional. Throws std::runtime_error
   /// when the folder is missing or a file is malformed.
   static GroundTruth load(const std::string& dataset_folder);
 };

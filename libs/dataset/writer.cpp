@@ -124,4 +124,13 @@ void writeTruthScene(const std::string& folder, const std::vector<MapObject>& sc
   writeObjects(folder + "/groundtruth/scene.geojson", scene);
 }
 
+void writeTruthRoom(const std::string& folder, const Polygon& room) {
+  if (room.empty()) return;
+  MapObject outline;
+  outline.kind = "room";
+  outline.outline_m = room;
+  outline.centroid_m = centroid(room);
+  writeObjects(folder + "/groundtruth/room.geojson", {outline});
+}
+
 }  // namespace omnifleet::dataset

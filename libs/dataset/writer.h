@@ -77,9 +77,10 @@ class LaserWriter {
   CsvWriter csv_;
 };
 
-/// groundtruth/<robot>.tum and groundtruth/scene.geojson, written whole.
+/// groundtruth/<robot>.tum, scene.geojson and room.geojson (none for an empty room), written whole.
 void writeTruthTrajectory(const std::string& folder, const std::string& robot,
                           const std::vector<StampedPose>& poses);
 void writeTruthScene(const std::string& folder, const std::vector<MapObject>& scene);
+void writeTruthRoom(const std::string& folder, const Polygon& room);
 
 }  // namespace omnifleet::dataset

@@ -230,4 +230,10 @@ std::vector<dataset::MapObject> Arena::truthScene(double time_s) const {
   return scene;
 }
 
+Polygon Arena::truthRoom() const {
+  if (std::none_of(solids.begin(), solids.end(), [](const Solid& solid) { return solid.wall; })) return {};
+  const double x = 0.5 * floor.size_m.x(), y = 0.5 * floor.size_m.y();
+  return {{-x, -y}, {x, -y}, {x, y}, {-x, y}};
+}
+
 }  // namespace omnifleet::synthetic

@@ -32,8 +32,9 @@ struct ArenaCamera {
 /// The laser that every robot carries.
 struct ArenaLaser {
   dataset::LaserSensor sensor;
-  int beams = 360;         ///< of one scan
-  double fov_deg = 360.0;  ///< about the scanner's zero direction; beams part it evenly, a whole turn without doubling
+  int beams = 360;  ///< of one scan
+  double fov_deg =
+      360.0;  ///< about the scanner's zero direction; beams part it evenly, a whole turn without doubling
 
   static ArenaLaser read(const options::Section& section);
 };
@@ -78,6 +79,8 @@ struct Arena {
   Pose2 solidAt(int solid, double time_s) const;
   /// Truth for scene.geojson: obstacles (no walls) as they stand at a time.
   std::vector<dataset::MapObject> truthScene(double time_s) const;
+  /// Truth for room.geojson: the inner side of the walls around the floor; empty where there are none.
+  Polygon truthRoom() const;
 };
 
 /// The rig of Choi et al. 2014 §II: fisheye 1280×960, 185°, looking down from a tube over the body's middle,

@@ -145,6 +145,20 @@ std::string kindTable(const evaluation::KindMetrics& kinds) {
                      cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
 }
 
+std::string freeSpaceTable(const evaluation::FreeSpaceMetrics& free) {
+  return fmt::format(
+      "Free        {} m², of it in obstacles {}, behind walls {} m²; walls occupied along {} %\n",
+      cell(free.free_m2, 6, 2), cell(free.in_obstacles_m2, 5, 3), cell(free.outside_m2.value_or(kNone), 6, 2),
+      cell(100.0 * free.walls_found.value_or(kNone), 5, 1));
+}
+
+Json freeSpaceJson(const evaluation::FreeSpaceMetrics& free) {
+  return {{"free_m2", free.free_m2},
+          {"in_obstacles_m2", free.in_obstacles_m2},
+          {"behind_walls_m2", free.outside_m2.value_or(kNone)},
+          {"walls_found", free.walls_found.value_or(kNone)}};
+}
+
 Json statistics(const evaluation::Statistics& s) {
   return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
           {"std", s.std},     {"min", s.min},   {"max", s.max}};
@@ -223,6 +237,7 @@ std::string table(const Report& report) {
         report.space->points, cell(100.0 * report.space->median_m, 4, 1),
         cell(100.0 * report.space->share90_m, 4, 1), cell(100.0 * report.space->max_m, 4, 1));
   }
+  if (report.free_space) text += freeSpaceTable(*report.free_space);
   if (report.landmarks) {
     text +=
         fmt::format("Landmarks   found {} of {}, mean error {} cm, largest {} cm\n", report.landmarks->found,
@@ -249,6 +264,7 @@ std::string metricsJson(const Report& report) {
                      {"outside_90_m", report.space->share90_m},
                      {"outside_max_m", report.space->max_m}};
   }
+  if (report.free_space) json["free_space"] = freeSpaceJson(*report.free_space);
   if (report.landmarks) {
     json["landmarks"] = {{"truths", report.landmarks->truths},
                          {"found", report.landmarks->found},

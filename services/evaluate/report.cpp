@@ -209,6 +209,15 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
+/// What the run's grid calls free; nothing without a grid.
+std::optional<evaluation::FreeSpaceMetrics> compareGrid(const fs::path& map,
+                                                        const dataset::GroundTruth& truth,
+                                                        const Pose2& truth_from_map) {
+  if (!fs::exists(map)) return std::nullopt;
+  return evaluation::compareFreeSpace(dataset::readMapServer(map.string()), truth_from_map, truth.scene,
+                                      truth.room);
+}
+
 }  // namespace
 
 Report evaluateRun(const std::string& out, const std::string& dataset_folder, Frame frame) {
@@ -229,6 +238,8 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
     report.space =
         compareSpace(fs::path(out) / "map.bt", truth.scene, report.truth_from_map.value_or(Pose2{}));
+    report.free_space =
+        compareGrid(fs::path(out) / "map.yaml", truth, report.truth_from_map.value_or(Pose2{}));
     report.landmarks = compareLandmarks(report);
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});

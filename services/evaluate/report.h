@@ -6,6 +6,7 @@
 
 #include "evaluation/classification.h"
 #include "evaluation/consistency.h"
+#include "evaluation/free_space.h"
 #include "evaluation/map_metrics.h"
 #include "evaluation/solid_metrics.h"
 #include "evaluation/trajectory_metrics.h"
@@ -37,7 +38,8 @@ struct Report {
   std::vector<dataset::MapObject> truth, objects;
   std::optional<evaluation::MapMetrics> map;  ///< where the recording has scene.geojson
   std::optional<evaluation::SolidMetrics>
-      space;                                ///< voxels of map.bt above the floor, where the scene has heights
+      space;  ///< voxels of map.bt above the floor, where the scene has heights
+  std::optional<evaluation::FreeSpaceMetrics> free_space;  ///< of map.yaml, where there is scene.geojson
   std::optional<LandmarkReport> landmarks;  ///< where the scene names any; they do not count in `map`
   std::optional<Pose2> truth_from_map;      ///< applied to the run before comparing
   std::vector<RobotReport> robots;

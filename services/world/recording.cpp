@@ -35,7 +35,8 @@ struct LaserTrack {
   dataset::LaserWriter writer;
 };
 
-std::vector<LaserTrack> openLasers(const synthetic::Arena& arena, std::uint32_t seed, const std::string& folder) {
+std::vector<LaserTrack> openLasers(const synthetic::Arena& arena, std::uint32_t seed,
+                                   const std::string& folder) {
   std::vector<LaserTrack> lasers;
   if (!arena.laser) return lasers;
   for (const synthetic::ArenaRobot& robot : arena.robots) {
@@ -78,7 +79,8 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
       camera->renderer.render(state.frame, state.map_from_bases, camera->image);
       camera->writer.write(state.time_ns, camera->image);
     }
-    for (LaserTrack& laser : lasers) laser.writer.write(laser.scanner.scan(state.frame, state.map_from_bases));
+    for (LaserTrack& laser : lasers)
+      laser.writer.write(laser.scanner.scan(state.frame, state.map_from_bases));
     const World::Driven& driven = world.step(drivers.commands(world));
     for (std::size_t i = 0; i < wheels.size(); ++i) {
       truth[i].push_back({state.time_ns, state.map_from_bases[i]});
@@ -95,6 +97,7 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
   }
   const double end_s = static_cast<double>(report.frames - 1) / arena.rate_hz;
   dataset::writeTruthScene(folder, arena.truthScene(end_s));
+  dataset::writeTruthRoom(folder, arena.truthRoom());
   return report;
 }
 

@@ -232,6 +232,7 @@ void ArenaWorldService::saveTruth() {
     dataset::writeDatasetYaml(folder, robots);
     const double seconds = 1e-9 * static_cast<double>(world_.now().time_ns - fleet_.arena->start_ns);
     dataset::writeTruthScene(folder, fleet_.arena->truthScene(seconds));
+    dataset::writeTruthRoom(folder, fleet_.arena->truthRoom());
     if (fleet_.markers) dataset::writeMarkers(folder, *fleet_.markers);
   } catch (const std::runtime_error& error) {
     status().error(error.what(), true);

@@ -77,6 +77,11 @@ TEST(Writer, TruthStandsApart) {
   EXPECT_EQ(truth.trajectories.at("r1")[0].map_from_base.x_m, 1.0);
   EXPECT_TRUE(truth.has_scene);
   EXPECT_EQ(truth.scene.at(0).outline_m, box.outline_m);
+  EXPECT_TRUE(truth.room.empty());
+  writeTruthRoom(folder.path(), box.outline_m);
+  EXPECT_EQ(GroundTruth::load(folder.path()).room, box.outline_m);
+  writeObjects(folder.path() + "/groundtruth/room.geojson", {box, box});
+  EXPECT_THROW(GroundTruth::load(folder.path()), std::runtime_error);
 }
 
 TEST(Writer, UnwritableFolderIsReported) {

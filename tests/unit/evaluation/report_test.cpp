@@ -108,6 +108,23 @@ TEST_F(Evaluate, CovariancesAreComparedWithTheErrors) {
   EXPECT_THAT(table(report), HasSubstr("NEES"));
 }
 
+TEST_F(Evaluate, FreeSpaceBehindWallsIsTold) {
+  EXPECT_FALSE(evaluateRun(out_, recording_).free_space) << "the run has no grid";
+  dataset::OccupancyGrid grid;
+  grid.width = grid.height = 100;
+  grid.origin_m = {-2.5, -2.5};
+  grid.cells.assign(10000, 0);
+  dataset::writeMapServer(out_ + "/map", grid);
+  EXPECT_FALSE(evaluateRun(out_, recording_).free_space->outside_m2) << "no room is known";
+  dataset::writeTruthRoom(recording_, {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}});
+  const Report report = evaluateRun(out_, recording_);
+  EXPECT_NEAR(report.free_space->outside_m2.value(), 25.0 - 16.0, 1e-9);
+  EXPECT_NEAR(report.free_space->in_obstacles_m2, 2 * 0.04, 1e-9) << "two boxes of 20 cm, cells of 5";
+  const auto json = nlohmann::json::parse(metricsJson(report));
+  EXPECT_NEAR(json["free_space"]["behind_walls_m2"].get<double>(), 9.0, 1e-9);
+  EXPECT_THAT(table(report), HasSubstr("behind walls   9.00 m²"));
+}
+
 TEST_F(Evaluate, WhatIsMissingIsNamed) {
   std::filesystem::remove(out_ + "/trajectories/r1.tum");
   const Report report = evaluateRun(out_, recording_);

@@ -107,6 +107,11 @@ TEST(Arena, TruthHoldsObstaclesButNoWalls) {
   EXPECT_EQ(scene[1].height_m, 0.3);
 }
 
+TEST(Arena, ItsWallsAreItsRoom) {
+  EXPECT_NEAR(signedArea(parse(kSmall).truthRoom()), 4.0 * 3.0, 1e-12);
+  EXPECT_TRUE(parse(replaced("walls: {height_m: 0.4, thickness_m: 0.1}", "")).truthRoom().empty());
+}
+
 TEST(Solid, DistanceIsThatToItsOutline) {
   const Arena arena = parse(kSmall);
   for (int solid = 0; solid < 2; ++solid) {
