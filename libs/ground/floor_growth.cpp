@@ -12,12 +12,14 @@ namespace {
 // Gains of the filter that follows the floor's brightness from block to block: a steady slope is followed
 // without lag (an α–β filter along the way of growth), the noise of a block's mean is halved.
 constexpr float kLevelGain = 0.5f, kSlopeGain = 0.1f;
+// Where something beyond the floor is near it in colour, that adapts more slowly: else a few blocks that are
+// mixed of both, or chance, would turn one into the other.
+constexpr float kNear = 8.0f;  // tolerances
+constexpr float kHueGain = 0.1f;
 constexpr float kTextureSigmas =
     2.0f;                             // of the floor's own texture, added to the step that counts as an edge
 constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
 constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
-constexpr std::uint8_t kClosed = 1,
-                       kGrown = 3;  // where growth stops: no floor can be seen; it has been there
 constexpr int kSteps = 8;
 constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
 
@@ -106,8 +108,27 @@ bool FloorGrowth::seed() {
     handed_[static_cast<std::size_t>(block)] = {{mean[0], mean[1], mean[2], 0.0f}, {0.0f, 0.0f}};
     queue_.push_back(block);
   }
+  dropBeyond();
   texture_ = seedTexture();
-  return true;
+  return !queue_.empty();
+}
+
+/// Near a wall the ring of the seeds holds some of it.
+void FloorGrowth::dropBeyond() {
+  if (beyond_.empty()) return;
+  const float* means = framed_means_.ptr<float>();
+  const auto meanOf = [means](int block) { return lanes::load<FourFloats>(means + 3 * block); };
+  const auto isBeyond = [&](int block) {
+    if (hueGain(block, meanOf(block), lanes::load<FourFloats>(&of_seeds_)) >= 0.0f) return false;
+    stop_.data[block] = closed_.data[block];
+    return true;
+  };
+  for (int pass = 0; pass < 2 && !queue_.empty(); ++pass) {
+    FourFloats sum{};
+    for (const int block : queue_) sum += meanOf(block);
+    lanes::store(sum / static_cast<float>(queue_.size()), &of_seeds_);
+    if (pass == 0) queue_.erase(std::remove_if(queue_.begin(), queue_.end(), isBeyond), queue_.end());
+  }
 }
 
 /// What makes the middle one of the seeds as bright as kSeedLevel; never darker than it is.
@@ -130,6 +151,36 @@ float FloorGrowth::seedTexture() {
   return sorted_.empty() ? 0.0f : medianOf(sorted_);
 }
 
+void FloorGrowth::lookBeyond(const cv::Mat1b& sectors) {
+  sector_ = cv::Mat1b(closed_.size(), std::uint8_t{0});
+  sectors.copyTo(sector_(cv::Rect(kJump, kJump, sectors.cols, sectors.rows)));
+}
+
+/// Squared differences of p from r in multiples of the tolerances.
+template <typename Colour>
+OMNIFLEET_INLINE FloorTest FloorGrowth::offOf(const Colour& p, const Colour& r) const {
+  const auto along = static_cast<float>(tolerance_.along), across = static_cast<float>(tolerance_.across);
+  const float share = 1.0f / dot(r, r), gain = dot(p, r) * share, darker = (gain - 1.0f) / along;
+  return {darker * darker, (dot(p, p) * share - gain * gain) / (across * across)};
+}
+
+/// By how much of a block's difference in hue that is adapted which it hands on; negative where it is of what
+/// is beyond. What is textured differs from itself in brightness, less in hue: where that tells, it alone is
+/// asked, against the seeds, so that no chain of likenesses leads from one to the other.
+template <typename Colour>
+OMNIFLEET_INLINE float FloorGrowth::hueGain(int at, const Colour& mean, const Colour& expected) const {
+  const auto beyond = lanes::load<FourFloats>(&beyond_[sector_.data[at]]);
+  if (!(beyond[0] >= 0.0f)) return kLevelGain;
+  const auto seeds = lanes::load<FourFloats>(&of_seeds_);
+  const FloorTest apart = offOf(beyond, expected), hues = offOf(beyond, seeds);
+  if (apart.along2 + hues.across2 > kNear * kNear) return kLevelGain;
+  const FloorTest to = offOf(mean, beyond);
+  if (hues.across2 > 1.0f) return to.across2 < offOf(mean, seeds).across2 ? -1.0f : kHueGain;
+  const FloorTest from = offOf(mean, expected);
+  const bool is_beyond = apart.along2 > 1.0f && to.along2 + to.across2 < from.along2 + from.across2;
+  return is_beyond ? -1.0f : kHueGain;
+}
+
 /// Takes a block in when it is like the floor expected there and no edge runs through it: its neighbours on
 /// both sides differ by no more than the slope explains. Without the latter the growth would climb onto
 /// objects over the blocks that their edges cut by and by.
@@ -149,9 +200,12 @@ OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const Floo
   const std::ptrdiff_t below = 3 * stride_;
   if (!(leftOfStep(at + 3, at - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
   if (!(leftOfStep(at + below, at - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
+  const float hue_gain = beyond_.empty() ? kLevelGain : hueGain(to, mean, expected);
+  if (hue_gain < 0.0f) return false;
   stop_.data[to] = kGrown;
   Handed& handed = handed_[static_cast<std::size_t>(to)];
-  lanes::store((1.0f - kLevelGain) * expected + kLevelGain * mean, handed.colour);
+  const float level = 1.0f + (kLevelGain - hue_gain) * surprise;
+  lanes::store((level - hue_gain) * expected + hue_gain * mean, handed.colour);
   const float share = 1.0f / (dx * dx + dy * dy), steeper = kSlopeGain * surprise;
   handed.slope[0] = from.slope[0] + steeper * (dx * share);
   handed.slope[1] = from.slope[1] + steeper * (dy * share);
@@ -178,7 +232,9 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, double noise) {
   }
 }
 
-bool FloorGrowth::grow(double noise) {
+bool FloorGrowth::grow(double noise, const std::vector<cv::Vec4f>& beyond) {
+  beyond_.clear();
+  if (!sector_.empty()) beyond_.assign(beyond.begin(), beyond.end());
   if (!seed()) return false;
   growAll(noise);
   return true;

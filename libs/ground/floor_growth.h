@@ -21,7 +21,8 @@ struct FloorTolerance {
 
 /// The blocks of an image that show floor: grown outward from seeds, each accepted block handing a slowly
 /// adapting colour and slope of brightness on to its neighbours, so that uneven light is followed while an
-/// object's edge stops the growth; markings up to a few blocks wide are stepped over.
+/// object's edge stops the growth; markings up to a few blocks wide are stepped over. What is more like
+/// that which is seen above the horizon beyond it, is of it.
 class FloorGrowth {
  public:
   /// @param coverage per block, 2 where all of it may show floor. @param seeds per block, not 0 for a seed
@@ -35,8 +36,12 @@ class FloorGrowth {
   /// To be filled before grow(): mean colour per block.
   cv::Mat3f& means() { return means_; }
   const cv::Mat3f& means() const { return means_; }
-  /// @param noise σ of one block's mean. @return false when no seed shows floor
-  bool grow(double noise);
+  /// @param sectors per block the number of its colour in what grow() is given; 0 where there is none
+  void lookBeyond(const cv::Mat1b& sectors);
+  /// @param noise σ of one block's mean @param beyond colours that are no floor's (Horizon::colours())
+  /// @return false when no seed shows floor
+  bool grow(double noise, const std::vector<cv::Vec4f>& beyond = {});
+  bool isGrown(int y, int x) const { return stop_.data[numberOf(y, x)] == kGrown; }
   /// The blocks that the growth reached, in its order, by their number.
   const std::vector<int>& grown() const { return queue_; }
   int numberOf(int y, int x) const { return (y + kJump) * stride_ + x + kJump; }
@@ -45,6 +50,8 @@ class FloorGrowth {
   const float* meansByNumber() const { return framed_means_.ptr<float>(); }
 
  private:
+  static constexpr std::uint8_t kClosed = 1,
+                                kGrown = 3;  ///< where growth stops: no floor can be seen; it has been there
   static constexpr int kJump = 4;  ///< blocks: a marking (grid line, joint) up to this wide is stepped over
   /// What a block hands on.
   struct Handed {
@@ -52,10 +59,15 @@ class FloorGrowth {
     float slope[2];   ///< relative change of the brightness per block, x and y
   };
   bool seed();
+  void dropBeyond();
   float brighten();
   float seedTexture();
   void growAll(double noise);
   void growFrom(int at, double noise);
+  template <typename Colour>
+  FloorTest offOf(const Colour& p, const Colour& r) const;
+  template <typename Colour>
+  float hueGain(int at, const Colour& mean, const Colour& expected) const;
   bool accept(int to, const Handed& from, const FloorTest& test, float flatness, int step, int jump);
 
   FloorTolerance tolerance_;
@@ -65,6 +77,9 @@ class FloorGrowth {
   // Blocks are counted in a frame of kJump closed ones to each side, so that nothing asks where the edge is.
   int stride_;
   cv::Mat1b closed_, stop_;  ///< not 0 where growth never gets to; and where it has been
+  cv::Mat1b sector_;         ///< by number, once there are any
+  std::vector<cv::Vec4f> beyond_;
+  cv::Vec4f of_seeds_;  ///< mean colour of the seeds that show floor, while there is anything beyond
   cv::Mat3f framed_means_, means_;
   std::vector<Handed> handed_;
   std::vector<int> seeds_, queue_;

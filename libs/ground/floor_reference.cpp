@@ -63,9 +63,19 @@ FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& op
   }
 }
 
-bool FloorReference::learn(const cv::Mat3f& cell_means, double noise) {
+void FloorReference::lookBeyond(const cv::Mat1b& sectors) {
+  growth_.lookBeyond(leastOf(sectors, block_));
+}
+
+bool FloorReference::isGrown(int y, int x) const {
+  y /= block_;
+  x /= block_;
+  return y < growth_.means().rows && x < growth_.means().cols && growth_.isGrown(y, x);
+}
+
+bool FloorReference::learn(const cv::Mat3f& cell_means, double noise, const std::vector<cv::Vec4f>& beyond) {
   averageBlocks(cell_means);
-  if (!growth_.grow(noise / (FloorView::kCell * block_))) return false;
+  if (!growth_.grow(noise / (FloorView::kCell * block_), beyond)) return false;
   smoothing_.smooth(growth_);
   return true;
 }

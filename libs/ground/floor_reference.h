@@ -29,8 +29,14 @@ class FloorReference {
 
   /// @param cell_means CV_32FC3, mean colour per cell (grey: three equal channels)
   /// @param noise σ of one pixel of the seeds about its cell's mean, grey levels
+  /// @param beyond colours that are no floor's, by lookBeyond()'s sectors
   /// @return false when no seed shows floor; the reference of the last frame then stays
-  bool learn(const cv::Mat3f& cell_means, double noise);
+  bool learn(const cv::Mat3f& cell_means, double noise, const std::vector<cv::Vec4f>& beyond = {});
+  /// @param sectors per cell, see FloorGrowth
+  void lookBeyond(const cv::Mat1b& sectors);
+  int blockSize() const { return block_ * FloorView::kCell; }  ///< pixels
+  /// Has the growth got to that cell?
+  bool isGrown(int y, int x) const;
 
   /// Floor colour per cell, defined wherever the view covers.
   const cv::Mat3f& colour() const { return smoothing_.colour(); }

@@ -69,6 +69,7 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
   }
 }
 
+const std::vector<cv::Vec4f> kNothingBeyond;
 constexpr std::size_t kAhead = 8;  // strips, of which the pixels are asked for before they are needed
 
 /// The frame is larger than the processor's near memory.
@@ -131,6 +132,10 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       despeckler_(view.imageSize()),
       shade_(view.imageSize()),
       completer_(camera, view.imageSize()) {
+  if (options.method == "local" && !options.reference.all_modes) {
+    horizon_ = std::make_unique<Horizon>(camera, view);
+    reference_.lookBeyond(horizon_->sectors());
+  }
   constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
   for (int y = 0; y < view.seeds().rows; ++y)
     for (int x = y % kEvery; x < view.seeds().cols; x += kEvery)
@@ -199,7 +204,8 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const double noise = seedNoise(image);
   noise_ = noise;
-  if (!reference_.learn(cells_.means(), noise)) return false;
+  if (horizon_) horizon_->read(image);
+  if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);

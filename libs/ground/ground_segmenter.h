@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "ground/despeckler.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
+#include "ground/horizon.h"
 #include "ground/line_filter.h"
 #include "ground/off_cells.h"
 #include "ground/shade_filter.h"
@@ -53,6 +55,12 @@ class GroundSegmenter {
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
+  /// Is the cell floor that joins the seeds, by the last frame's local colours?
+  bool isGrown(int y, int x) const { return reference_.isGrown(y, x); }
+  /// Pixels, of the blocks that it goes by.
+  int blockSize() const { return reference_.blockSize(); }
+  /// As the last frame shows it; none for walls, which reach up to it.
+  const Horizon* horizon() const { return horizon_.get(); }
   /// Mean colour of each cell, CV_32FC3 (grey: three equal channels).
   const cv::Mat3f& cellMeans() const { return cells_.means(); }
 
@@ -79,6 +87,7 @@ class GroundSegmenter {
   SegmenterOptions options_;
   double noise_ = 0.0;  ///< of the last frame's seeds, grey levels
   FloorReference reference_;
+  std::unique_ptr<Horizon> horizon_;
   GroundHistogram histogram_;
   LineFilter lines_;
   CellMeans cells_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "ground/bit_ops.h"
 
@@ -10,13 +11,24 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr int kSectors = 72;
+constexpr int kSectors = Horizon::kSectors;
 constexpr double kRimDepression_deg =
     6.0;  // where the view of the floor ends for its horizon, not for the image
 constexpr double kWallTexture =
-    1.6;                     // times as much as the floor may a wall differ from its colour around: it is
-                             // seen under steep angles, from near, and nobody chose it to be plain
+    1.6;                         // times as much as the floor may a wall differ from its colour around: it is
+                                 // seen under steep angles, from near, and nobody chose it to be plain
+constexpr int kLeastShare = 20;  // of a region is wall, where walls are a part of it: one in so many pixels
+constexpr int kNear = 3;         // cells from what the growth got to: it stops that far before edges
 constexpr int kEdge_px = 1;  // half as wide as what is mixed of floor and wall where they meet, rounded down
+
+// By so much of the brightness may a wall differ below the horizon from what it is above, in brightness and
+// in colour at equal brightness: it is textured, and these are means of few pixels.
+constexpr float kAlikeAlong = 0.15f, kAlikeAcross = 0.04f;
+
+bool isAlike(const cv::Vec3f& p, const cv::Vec3f& r) {
+  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr;
+  return std::abs(gain - 1.0f) <= kAlikeAlong && p.dot(p) / rr - gain * gain <= kAlikeAcross * kAlikeAcross;
+}
 
 SegmenterOptions wallOptions(SegmenterOptions o) {
   o.method = "local";
@@ -42,9 +54,11 @@ WallFinder::WallFinder(const lens::Camera& camera, const FloorView& floor_view, 
                        const SegmenterOptions& ground)
     : options_(options),
       sectors_(floor_view.cells(), std::uint8_t{0}),
+      kinds_(floor_view.cells(), std::uint8_t{kNeither}),
       before_(floor_view.imageSize()),
       eroded_(floor_view.imageSize()),
       things_(floor_view.imageSize()) {
+  queue_.reserve(kinds_.total());
   if (options.enabled) view_ = FloorView::upward(camera);
   if (!view_) return;
   const cv::Mat1b& coverage = floor_view.coverage();
@@ -64,15 +78,87 @@ WallFinder::WallFinder(const lens::Camera& camera, const FloorView& floor_view, 
 }
 
 bool WallFinder::isWall(const Blob& region) {
-  reached_.assign(kSectors + 1, 0);
+  reached_.assign(Horizon::kSectors + 1, 0);
   for (const Run& run : region.runs) {
     if (run.row / kCell >= sectors_.rows) continue;
     const std::uint8_t* sectors = sectors_.ptr(run.row / kCell);
     const int last = std::min(sectors_.cols - 1, (run.end - 1) / kCell);
     for (int x = run.begin / kCell; x <= last; ++x) reached_[sectors[x]] = 1;
   }
-  const auto count = std::count(reached_.begin() + 1, reached_.end(), std::uint8_t{1});
-  return 360.0 * static_cast<double>(count) >= options_.min_arc_deg * kSectors;
+  return isWide(static_cast<int>(std::count(reached_.begin() + 1, reached_.end(), std::uint8_t{1})));
+}
+
+/// Sectors where below the horizon the same is seen as above it and the floor's growth did not get there. The
+/// cells are left in queue_.
+int WallFinder::countWallSectors(const GroundSegmenter& floor) {
+  queue_.clear();
+  if (floor.horizon() == nullptr) return 0;
+  int count = 0;
+  for (int sector = 1; sector <= Horizon::kSectors; ++sector) {
+    const cv::Vec4f& above = floor.horizon()->colours()[static_cast<std::size_t>(sector)];
+    const std::vector<cv::Point>& edge = floor.horizon()->edge(sector);
+    const auto isFloor = [&](const cv::Point& cell) { return floor.isGrown(cell.y, cell.x); };
+    if (above[0] < 0.0f || std::any_of(edge.begin(), edge.end(), isFloor)) continue;
+    const std::size_t before = queue_.size();
+    for (const cv::Point& cell : edge)
+      if (isAlike(floor.cellMeans()(cell), {above[0], above[1], above[2]})) queue_.push_back(cell);
+    count += queue_.size() > before ? 1 : 0;
+  }
+  return count;
+}
+
+/// What hangs together with the cells of queue_ by the walls' growth and is not the floor's.
+void WallFinder::growDown(const GroundSegmenter& floor) {
+  for (int y = 0; y < kinds_.rows; ++y)
+    for (int x = 0; x < kinds_.cols; ++x) kinds_(y, x) = floor.isGrown(y, x) ? kFloorGrown : kNeither;
+  const auto isWall = [&](const cv::Point& cell) {
+    return kinds_(cell) == kNeither && floor.horizon()->sectors()(cell) != 0 &&
+           segmenter_->isGrown(cell.y, cell.x);
+  };
+  std::size_t kept = 0;
+  for (const cv::Point& cell : queue_) {
+    if (!isWall(cell)) continue;
+    kinds_(cell) = kWallGrown;
+    queue_[kept++] = cell;
+  }
+  queue_.resize(kept);
+  for (std::size_t next = 0; next < queue_.size(); ++next) {
+    for (const cv::Point& step : {cv::Point(1, 0), cv::Point(0, 1), cv::Point(-1, 0), cv::Point(0, -1)}) {
+      const cv::Point cell = queue_[next] + step;
+      if (!cv::Rect({0, 0}, kinds_.size()).contains(cell) || !isWall(cell)) continue;
+      kinds_(cell) = kWallGrown;
+      queue_.push_back(cell);
+    }
+  }
+}
+
+/// What is like a wall, but far from what was followed down from the horizon, is the shade of a thing.
+void WallFinder::freeShade(GroundSegmenter& floor) {
+  if (queue_.empty()) return;
+  cv::dilate(kinds_ == kWallGrown, near_, cv::Mat1b::ones(2 * kNear + 1, 2 * kNear + 1));
+  BitMask& near = eroded_;
+  for (const Blob* wall : walls_) {
+    for (const Run& run : wall->runs) {
+      near.clear(run.row, run.begin, run.end);
+      const std::uint8_t* cells = near_.ptr(std::min(run.row / kCell, near_.rows - 1));
+      for (int x = run.begin; x < run.end; ++x) {
+        const bool kept = things_.at(x, run.row) || cells[std::min(x / kCell, near_.cols - 1)] != 0;
+        if (kept) near.set(run.row, x, x + 1);
+      }
+    }
+    floor.keepOf(*wall, near, kShade);
+  }
+}
+
+/// Some of it is what the walls' growth got to.
+bool WallFinder::isGrown(const Blob& region) const {
+  int grown = 0;
+  for (const Run& run : region.runs) {
+    const int row = std::min(run.row / kCell, kinds_.rows - 1);
+    for (int x = run.begin; x < run.end; ++x)
+      grown += kinds_(row, std::min(x / kCell, kinds_.cols - 1)) == kWallGrown ? 1 : 0;
+  }
+  return kLeastShare * grown > region.area_px;
 }
 
 bool WallFinder::find(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
@@ -81,7 +167,11 @@ bool WallFinder::find(const cv::Mat& image, const std::vector<Blob>& regions, in
   if (!segmenter_) return false;
   for (const Blob& region : regions)
     if (isWall(region)) walls_.push_back(&region);
-  if (walls_.empty() || !segmenter_->segment(image)) return false;
+  const int sectors = countWallSectors(floor);
+  if ((walls_.empty() && !isWide(sectors)) || !segmenter_->segment(image)) return false;
+  growDown(floor);
+  for (const Blob& region : regions)
+    if (isGrown(region) && !isWall(region)) walls_.push_back(&region);
   const BitArea& area = floor.area();
   clear(area, before_);
   for (const Blob* wall : walls_) {
@@ -93,6 +183,7 @@ bool WallFinder::find(const cv::Mat& image, const std::vector<Blob>& regions, in
   erode(area, kEdge_px, before_, eroded_);
   dilate(area, kEdge_px, eroded_, things_);
   for (const Blob* wall : walls_) floor.keepOf(*wall, things_, kWall);
+  freeShade(floor);
   for (const Blob& region : regions) {
     if (std::find(walls_.begin(), walls_.end(), &region) != walls_.end()) continue;
     for (const Run& run : region.runs) things_.set(run.row, run.begin, run.end);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "geometry/pose2.h"
+#include "ground/wall_finder.h"
 
 namespace omnifleet::local_mapper {
 
@@ -12,7 +13,22 @@ namespace {
 
 constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
 
-constexpr double kWalls_m = 4.0;  // up to here it is looked where walls stand
+constexpr double kWalls_m = 4.0;    // up to here it is looked where walls stand
+constexpr std::size_t kEdge = 200;  // steps before a wall's growth within which its foot is looked for
+
+std::uint8_t kindAt(const FloorScan::Room& room, int u, int v) {
+  const int x = u / ground::FloorView::kCell, y = v / ground::FloorView::kCell;
+  return y < room.kinds.rows && x < room.kinds.cols ? room.kinds(y, x) : std::uint8_t{0};
+}
+
+bool isInTheWay(std::uint8_t object) {
+  return object != 0 && object != ground::WallFinder::kShade;
+}
+
+cv::Vec3f pixelAt(const cv::Mat& image, int u, int v) {
+  if (image.channels() == 3) return image.at<cv::Vec3b>(v, u);
+  return cv::Vec3f::all(image.at<std::uint8_t>(v, u));
+}
 
 /// Metres on the floor of one pixel, radially, at a floor point.
 double radialMetres(const lens::Camera& camera, const Eigen::Vector2d& floor) {
@@ -41,6 +57,8 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
   nearest_m_.resize(n);
   undecided_m_.resize(n);
   object_.resize(n);
+  meets_wall_.resize(n);
+  ends_at_wall_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double phi = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(n);
     bearing_.emplace_back(std::cos(phi), std::sin(phi));
@@ -68,6 +86,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
         static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
   }
   step_begin_.push_back(steps_.size());
+  along_.reserve(steps_.size() / bearing_.size() + 1);
   findSectors();
 }
 
@@ -86,6 +105,7 @@ void FloorScan::begin() {
   std::fill(nearest_m_.begin(), nearest_m_.end(), std::numeric_limits<double>::infinity());
   std::fill(undecided_m_.begin(), undecided_m_.end(), std::numeric_limits<double>::infinity());
   std::fill(object_.begin(), object_.end(), std::uint16_t{0});
+  std::fill(ends_at_wall_.begin(), ends_at_wall_.end(), std::uint8_t{0});
 }
 
 void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
@@ -129,7 +149,7 @@ std::size_t FloorScan::rayBefore(const Eigen::Vector2d& to) const {
 void FloorScan::addAll(const cv::Mat1b& objects) {
   for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
     for (std::size_t k = step_begin_[ray]; k < step_begin_[ray + 1]; ++k) {
-      if (objects(steps_[k].v, steps_[k].u) == 0) continue;
+      if (!isInTheWay(objects(steps_[k].v, steps_[k].u))) continue;
       const double range =
           static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(k - step_begin_[ray]);
       if (range < nearest_m_[ray] - kMarch_m) {  // else a contour tells it better
@@ -141,14 +161,64 @@ void FloorScan::addAll(const cv::Mat1b& objects) {
   }
 }
 
-void FloorScan::findWalls(const cv::Mat1b& objects, std::uint8_t wall) {
+double FloorScan::rangeAt(std::size_t ray, std::size_t step) const {
+  return static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(step - step_begin_[ray]);
+}
+
+void FloorScan::findWalls(const Room& room) {
   wall_m_.assign(bearing_.size(), std::numeric_limits<double>::infinity());
   for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
     const std::size_t begin = step_begin_[ray], end = step_begin_[ray + 1];
+    const auto valueAt = [&](std::size_t k) { return room.objects(steps_[k].v, steps_[k].u); };
+    const auto isGrown = [&](std::size_t k) {
+      return kindAt(room, steps_[k].u, steps_[k].v) == ground::WallFinder::kWallGrown;
+    };
     std::size_t k = begin;
-    while (k < end && objects(steps_[k].v, steps_[k].u) == 0) ++k;
-    if (begin < end && (k == end || objects(steps_[k].v, steps_[k].u) == wall))
-      wall_m_[ray] = static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(k - begin);
+    while (k < end && !isInTheWay(valueAt(k)) && !isGrown(k)) ++k;
+    const bool is_grown = k < end && !isInTheWay(valueAt(k));
+    meets_wall_[ray] = k < end && (is_grown || valueAt(k) == ground::WallFinder::kWall) ? 1 : 0;
+    if (is_grown) k = footOfWall(ray, k, room);
+    if (begin < end && (k == end || meets_wall_[ray] != 0)) wall_m_[ray] = rangeAt(ray, k);
+  }
+}
+
+/// Behind the last cell that is surely floor and before that of a step, which is surely wall, or little
+/// behind: where the colours are parted best in two (least squares), as shadows at its foot fade and its
+/// texture evens out. The floor's growth stops some blocks before the edge, the walls' may have gone over it.
+std::size_t FloorScan::footOfWall(std::size_t ray, std::size_t step, const Room& room) {
+  constexpr std::size_t kStops = 3;  // blocks before an edge
+  std::size_t first = step;
+  while (first > step_begin_[ray] && step - first < kEdge &&
+         kindAt(room, steps_[first].u, steps_[first].v) != ground::WallFinder::kFloorGrown)
+    --first;
+  along_.clear();
+  cv::Vec3f sum(0, 0, 0);
+  const std::size_t reach = kStops * static_cast<std::size_t>(room.block_px);
+  for (std::size_t k = first; k < step_begin_[ray + 1] && (k <= step || along_.size() < reach); ++k) {
+    if (k > first && steps_[k].u == steps_[k - 1].u && steps_[k].v == steps_[k - 1].v) continue;
+    along_.push_back({k, sum});
+    sum += pixelAt(room.image, steps_[k].u, steps_[k].v);
+  }
+  const auto n = static_cast<float>(along_.size());
+  float best = 0.0f;
+  std::size_t foot = step;
+  for (std::size_t i = 1; i < along_.size(); ++i) {
+    const auto before = static_cast<float>(i), after = n - before;
+    const cv::Vec3f apart = along_[i].sum_before / before - (sum - along_[i].sum_before) / after;
+    const float between = before * after * apart.dot(apart);
+    if (between <= best) continue;
+    best = between;
+    foot = along_[i].step;
+  }
+  return foot;
+}
+
+void FloorScan::addWalls() {
+  for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
+    if (meets_wall_[ray] == 0 || wall_m_[ray] > nearest_m_[ray]) continue;
+    nearest_m_[ray] = wall_m_[ray];
+    object_[ray] = 0;
+    ends_at_wall_[ray] = 1;
   }
 }
 
@@ -234,7 +304,7 @@ void FloorScan::finish(Scan& scan) {
     scan.sigma_m[i] =
         static_cast<float>(options_.sigma_px * radialMetres(*camera_, camera_->foot() + range * bearing_[i]));
     if (range < nearest_m_[i]) continue;  // floor up to there
-    scan.label[i] = RayLabel::kUnknown;
+    scan.label[i] = ends_at_wall_[i] != 0 ? RayLabel::kObstacle : RayLabel::kUnknown;
     scan.object[i] = object_[i];
   }
   for (std::size_t i = 0; i < n; ++i)

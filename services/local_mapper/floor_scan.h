@@ -30,9 +30,17 @@ class FloorScan {
   /// All in a mask (0: nothing) that stands in the way, where a region closes around the robot: its contour
   /// is the far side of it.
   void addAll(const cv::Mat1b& objects);
-  /// Where walls stand on the floor, or the floor ends that is looked at, by a mask that has `wall` on them
-  /// and other values on what else is in the way.
-  void findWalls(const cv::Mat1b& objects, std::uint8_t wall);
+  /// Where walls stand on the floor, or the floor ends that is looked at.
+  struct Room {
+    const cv::Mat& image;
+    const cv::Mat1b& objects;  ///< WallFinder::kWall on walls that are regions, other values on what else
+                               ///< is in the way
+    const cv::Mat1b& kinds;    ///< per cell, WallFinder::Kind
+    int block_px;              ///< of the growth
+  };
+  void findWalls(const Room& room);
+  /// Ends rays at them.
+  void addWalls();
   /// Does it stand before the walls, as they go on to both sides of it? What is on a wall or is a part of it,
   /// a door, a skirting, touches the floor where they do. False where neither wall nor free floor is seen
   /// beside it.
@@ -43,12 +51,14 @@ class FloorScan {
   /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns its
   /// distance from the camera's foot, metres; infinite where none of it is on the floor.
   double addUndecided(const ground::Blob& blob);
-  /// Ranges, σ and labels: kFloorEnd or kUnknown (something stands there), kInvalid where no floor is ever
-  /// visible.
+  /// Ranges, σ and labels: kFloorEnd, kObstacle (a wall) or kUnknown (something stands there), kInvalid where
+  /// no floor is ever visible.
   void finish(Scan& scan);
 
  private:
   static constexpr std::size_t kSectors = 512;  ///< of a turn; so many that one holds few rays
+  double rangeAt(std::size_t ray, std::size_t step) const;
+  std::size_t footOfWall(std::size_t ray, std::size_t step, const Room& room);
   static std::size_t sectorOf(const Eigen::Vector2d& to);
   void findSectors();
   /// The end of the nearest wall from a ray on, to one side; nothing within reach.
@@ -64,10 +74,16 @@ class FloorScan {
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
   std::vector<double> nearest_m_, undecided_m_, wall_m_;
   std::vector<std::uint16_t> object_;
+  std::vector<std::uint8_t> meets_wall_, ends_at_wall_;
   struct Step {
     std::int16_t u, v;
   };
-  std::vector<Step> steps_;              ///< pixels of the visible floor along the bearings, kMarch_m apart
+  std::vector<Step> steps_;  ///< pixels of the visible floor along the bearings, kMarch_m apart
+  struct Seen {
+    std::size_t step;
+    cv::Vec3f sum_before;  ///< of the colours of those before
+  };
+  std::vector<Seen> along_;              ///< a ray
   std::vector<std::size_t> step_begin_;  ///< of each bearing; one more for the end
   std::vector<float> shares_;
   double free_share_ = 1.0;

@@ -184,7 +184,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   blob_of_object.clear();
   scan.begin();
   bool closed = has_walls;
-  if (has_walls) scan.findWalls(segmenter.objects(), ground::WallFinder::kWall);
+  if (has_walls) scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize()});
   for (const ground::Blob& blob : *blobs) {
     tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&
@@ -194,6 +194,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
     closed = closed || silhouette.isAround();
   }
   if (closed) scan.addAll(segmenter.objects());
+  if (has_walls) scan.addWalls();
   for (const ground::Blob& blob : segmenter.undecided())
     undecided += scan.addUndecided(blob) <= options.silhouette.max_contact_m ? 1 : 0;
   scan.finish(map.scan);
