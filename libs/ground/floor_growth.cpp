@@ -113,22 +113,36 @@ bool FloorGrowth::seed() {
   return !queue_.empty();
 }
 
-/// Near a wall the ring of the seeds holds some of it.
+/// Near a wall the ring of the seeds holds some of it. What is beyond and far from all seeds in colour is not
+/// asked about any more.
 void FloorGrowth::dropBeyond() {
   if (beyond_.empty()) return;
   const float* means = framed_means_.ptr<float>();
   const auto meanOf = [means](int block) { return lanes::load<FourFloats>(means + 3 * block); };
-  const auto isBeyond = [&](int block) {
-    if (hueGain(block, meanOf(block), lanes::load<FourFloats>(&of_seeds_)) >= 0.0f) return false;
-    stop_.data[block] = closed_.data[block];
-    return true;
-  };
-  for (int pass = 0; pass < 2 && !queue_.empty(); ++pass) {
+  const auto meanOfSeeds = [&] {
     FourFloats sum{};
     for (const int block : queue_) sum += meanOf(block);
     lanes::store(sum / static_cast<float>(queue_.size()), &of_seeds_);
-    if (pass == 0) queue_.erase(std::remove_if(queue_.begin(), queue_.end(), isBeyond), queue_.end());
+    return lanes::load<FourFloats>(&of_seeds_);
+  };
+  const FourFloats seeds = meanOfSeeds();
+  bool any_near = false;
+  for (cv::Vec4f& colour : beyond_) {
+    const FloorTest apart = offOf(lanes::load<FourFloats>(&colour), seeds);
+    if (apart.along2 + apart.across2 > kNear * kNear) colour[0] = -1.0f;
+    any_near = any_near || colour[0] >= 0.0f;
   }
+  if (!any_near) {
+    beyond_.clear();
+    return;
+  }
+  const auto isBeyond = [&](int block) {
+    if (hueGain(block, meanOf(block), seeds) >= 0.0f) return false;
+    stop_.data[block] = closed_.data[block];
+    return true;
+  };
+  queue_.erase(std::remove_if(queue_.begin(), queue_.end(), isBeyond), queue_.end());
+  if (!queue_.empty()) meanOfSeeds();
 }
 
 /// What makes the middle one of the seeds as bright as kSeedLevel; never darker than it is.
