@@ -23,8 +23,9 @@ namespace {
 constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
-constexpr int kUnsureFrames = 10;  // that a robot which saw nothing takes to find that it was carried away
-constexpr int kDoubts = 3;         // refused ranges and bearings in a row: no pose to be trusted
+constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
+constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
+constexpr int kDoubts = 3;           // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
 }  // namespace
@@ -68,6 +69,7 @@ class FleetEstimator::Impl {
   void placeInitially(RobotNode& robot, const Objects& frame);
   void associate(std::vector<Frame>& frames);
   void associateOne(Frame& frame);
+  static void noteObserved(std::vector<Frame>& frames);
   void reweight();
   void reweight(RobotNode& robot, Step& step);
   void solveNewest(std::vector<Frame>& frames);
@@ -191,6 +193,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       fleet.advance(robot, *frame.objects);
+      ++robot.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
       placeInitially(robot, *frame.objects);
     }
@@ -258,6 +261,31 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
     if (frame.sees()) noticeLoss(frame);
     if (fleet.options.use_landmarks) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
+  }
+  noteObserved(frames);
+}
+
+/// Who sees two things that stand, or robots whose motion is known (one tells no heading, but that sees it
+/// too): robots that see each other alone drift together.
+void FleetEstimator::Impl::noteObserved(std::vector<Frame>& frames) {
+  const auto known = [](const RobotNode& r) {
+    return r.located() && !r.displaced && (r.unobserved == 0 || r.window.back().wheels);
+  };
+  const auto sees = [&](const RobotNode& from, const RobotNode& to) {
+    return std::any_of(frames.begin(), frames.end(), [&](const Frame& frame) {
+      return frame.robot == &from && std::any_of(frame.seen.begin(), frame.seen.end(),
+                                                 [&](const Seen& seen) { return seen.peer == &to; });
+    });
+  };
+  for (std::size_t i = 0; i < frames.size(); ++i) {  // one tells another
+    for (Frame& frame : frames) {
+      int told = 0;
+      for (const Seen& seen : frame.seen) {
+        if (seen.landmark != 0) ++told;
+        if (seen.peer != nullptr && known(*seen.peer)) told += sees(*seen.peer, *frame.robot) ? 2 : 1;
+      }
+      if (told >= 2) frame.robot->unobserved = 0;
+    }
   }
 }
 
@@ -374,7 +402,10 @@ void FleetEstimator::Impl::noticeJump(Frame& frame, bool peers) {
 /// What it sees is nothing then: it neither moves the map nor is it put there.
 void FleetEstimator::Impl::noticeLoss(Frame& frame) {
   RobotNode& robot = *frame.robot;
-  const bool displaced = !frame.settled && (frame.unfamiliar || isDisplaced(fleet, robot, frame.seen));
+  // No line through a pose holds when its heading may be anything.
+  const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
+  const bool displaced =
+      !frame.settled && (adrift || frame.unfamiliar || isDisplaced(fleet, robot, frame.seen));
   if (displaced && !robot.displaced) ++robot.status.losses;
   robot.displaced = displaced;
   if (!displaced) return;

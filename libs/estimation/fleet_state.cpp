@@ -8,6 +8,7 @@
 
 #include "estimation/factors.h"
 #include "estimation/map_frame.h"
+#include "geometry/twist.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -19,10 +20,8 @@ constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motio
 }  // namespace
 
 Pose2 fractionOf(const Pose2& motion, double fraction) {
-  const double theta = motion.theta_rad, half = 0.5 * theta;
-  // log: translation part V⁻¹·t with V the integral of the rotation.
-  const double cot = std::abs(half) < 1e-9 ? 1.0 : half / std::tan(half);
-  const Eigen::Vector2d twist(cot * motion.x_m + half * motion.y_m, -half * motion.x_m + cot * motion.y_m);
+  const double theta = motion.theta_rad;
+  const Eigen::Vector3d twist = logarithm(motion);
   const double angle = fraction * theta;
   const double a = std::abs(theta) < 1e-9 ? fraction : std::sin(angle) / theta;
   const double b = std::abs(theta) < 1e-9 ? 0.0 : (1.0 - std::cos(angle)) / theta;
@@ -129,7 +128,10 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
       step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
     }
     const double way = options.no_wheels_sigma_mps * dt, turn = options.no_wheels_sigma_radps * dt;
-    step.motion_covariance = Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal();
+    // While nothing tells, a wrong speed stays wrong: σ grows with time, not with its root.
+    const double longer = 2.0 * robot.unobserved + 1.0;
+    step.motion_covariance =
+        longer * Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal().toDenseMatrix();
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
   step.own_covariance = step.motion_covariance;
@@ -206,6 +208,7 @@ void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_
   robot.last_key_ns = 0;
   robot.scout.reset();
   robot.refusals = 0;
+  robot.unobserved = 0;
   robot.refused.clear();
   newStep(robot, predictStep(robot, frame), map_from_base, frame);
   robot.status.state = RobotState::kOk;

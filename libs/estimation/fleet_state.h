@@ -136,6 +136,7 @@ struct RobotNode {
   Scan scan;                ///< of that frame: how far floor is seen
   double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
   bool displaced = false;   ///< it sees nothing of what should be there
+  int unobserved = 0;       ///< frames since it has seen enough whose place or motion is known
   double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last
   int unsure = 0;  ///< it has seen nothing for a while; frames in which it may find that it was carried away
   TimeNs seeing_ns = 0;                            ///< when it could see last

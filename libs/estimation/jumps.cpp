@@ -178,8 +178,10 @@ class Search {
   bool isNear(const Pose2& map_from_base) const {
     const Pose2 by = here_.inverse() * map_from_base;
     const bool unseen = robot_.unsure > 0;
-    return by.translation().norm() < (unseen ? kUnseen_m : kSlip_m) &&
-           std::abs(wrapAngle(by.theta_rad)) < (unseen ? kUnseen_rad : kSlip_rad);
+    const Eigen::Vector3d sigma = robot_.covariance.diagonal().cwiseSqrt();
+    const double reach_m = std::max(unseen ? kUnseen_m : kSlip_m, 3.0 * sigma.head<2>().maxCoeff());
+    const double reach_rad = std::max(unseen ? kUnseen_rad : kSlip_rad, 3.0 * sigma.z());
+    return by.translation().norm() < reach_m && std::abs(wrapAngle(by.theta_rad)) < reach_rad;
   }
 
   Pose2 rigid(const std::vector<Match>& matches) const {

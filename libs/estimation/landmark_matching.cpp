@@ -151,7 +151,7 @@ Pose2 rigidMotion(const std::vector<Eigen::Vector2d>& from, const std::vector<Ei
 
 void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
                    const std::vector<Seen>& seen) {
-  constexpr double kSure_m = 0.05, kArm_m = 1.5, kAgree_m = 0.10;
+  constexpr double kSure_m = 0.05, kArm_m = 1.5, kAgree_m = 0.10, kOneTells_rad = 0.3;
   const double spread = std::sqrt(observer.covariance.topLeftCorner<2, 2>().trace()) +
                         kArm_m * std::sqrt(observer.covariance(2, 2));
   Step& step = observer.window.back();
@@ -173,7 +173,8 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
       in_map.push_back(at->map_from_base.translation());
     }
   }
-  if (in_base.empty()) return;
+  // One thing tells no heading.
+  if (in_base.empty() || (in_base.size() < 2 && std::sqrt(observer.covariance(2, 2)) > kOneTells_rad)) return;
   Eigen::VectorXd& value = fleet.graph.value(step.pose);
   const Pose2 placed = rigidMotion(in_base, in_map, value(2));
   for (std::size_t i = 0; i < in_base.size(); ++i) {

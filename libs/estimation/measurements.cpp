@@ -84,7 +84,12 @@ void MeasurementQueue::attach(FleetState& fleet, TimeNs time, const std::vector<
   std::deque<Measurement> still;
   for (const Measurement& measurement : waiting_) {
     const Outcome outcome = attachOne(fleet, measurement, frames);
-    if (outcome == Outcome::kDone) continue;
+    if (outcome == Outcome::kDone) {
+      for (const std::string* name : {&measurement.from, &measurement.to}) {
+        if (RobotNode* robot = fleet.find(*name)) robot->unobserved = 0;
+      }
+      continue;
+    }
     const bool old = time - measurement.acquired_ns > kPatience_ns;
     if (outcome == Outcome::kWait && !old) {
       still.push_back(measurement);

@@ -66,6 +66,21 @@ TEST(FleetPaths, SightingsAloneImproveOnWheels) {
   EXPECT_LT(average(sightings).mean_m, 0.5 * average(wheels).mean_m);
 }
 
+// Bounds of six runs of three robots each, every run's errors worth about one sample: 3 ± 1.2.
+TEST(FleetPaths, CovariancesHoldWhateverIsMissing) {
+  constexpr std::uint32_t kRuns = 6;
+  SimulationOptions wheels, no_wheels, sightings;
+  wheels.obstacles_seen = wheels.robots_seen = false;
+  no_wheels.wheels = false;
+  sightings.wheels = sightings.obstacles_seen = false;
+  for (const SimulationOptions& options : {wheels, no_wheels, sightings}) {
+    double nees = 0.0;
+    for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kRuns; ++seed)
+      nees += run(options, {}, seed).nees / kRuns;
+    EXPECT_LT(nees, 4.2);
+  }
+}
+
 TEST(FleetPaths, AWrongStartAndFlawedCamerasAreSurvived) {
   SimulationOptions flawed;
   flawed.camera_sigma = kFlaw;
