@@ -83,10 +83,10 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
     track.hidden = true;
     if (isLaser(views_[b])) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
-    const bool explained = whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
-                             const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
-                             return outlineDistance(views_[b], filter, options_.gate_m).mean_m < kExplained_m;
-                           });
+    const bool explained =
+        whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
+          return outlineDistance(views_[b], tracks_[static_cast<std::size_t>(owner)].filter) < kExplained_m;
+        });
     if (explained) return;
     track.blob = static_cast<int>(b);
     owners_[b].push_back(t);

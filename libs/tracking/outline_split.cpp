@@ -28,22 +28,19 @@ int usableDirections(const View& view) {
   return count;
 }
 
-OutlineDistance outlineDistance(const View& view, const PrismFilter& filter, double most_m) {
+double outlineDistance(const View& view, const PrismFilter& filter) {
   std::array<double, kMost> differences;
   std::size_t count = 0;
-  double sum = 0.0;
   const double ratio = ratioOf(filter, view.camera_height_m);
   for (std::size_t k = 0; k < view.size() && count < kMost; ++k) {
     if (!view.usable(k)) continue;
     const double b = view.supports.b_m[k];
-    const double difference = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
-    sum += std::min(difference, most_m);
-    differences[count++] = difference;
+    differences[count++] = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
   }
-  if (count < kFewest) return {};
+  if (count < kFewest) return std::numeric_limits<double>::infinity();
   const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(count / 2);
   std::nth_element(differences.begin(), middle, differences.begin() + static_cast<std::ptrdiff_t>(count));
-  return {*middle, sum / static_cast<double>(count)};
+  return *middle;
 }
 
 bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "tracking/prism_filter.h"
@@ -9,17 +8,10 @@
 
 namespace omnifleet::tracking {
 
-/// Between the outline that an object should show and the one seen, over the usable directions, metres on the
-/// floor under the object; infinity with fewer than 8 of them.
-struct OutlineDistance {
-  /// A blob that has run together with another on one side still compares well on the rest.
-  double median_m = std::numeric_limits<double>::infinity();
-  /// Each direction at most so much: tells who explains all of a blob from who explains its far side only.
-  double mean_m = std::numeric_limits<double>::infinity();
-};
-
-/// @param most_m of one direction, in the mean
-OutlineDistance outlineDistance(const View& view, const PrismFilter& filter, double most_m);
+/// Typical (median over the usable directions) distance between the outline that `filter` should show and the
+/// one seen, metres on the floor under the object; infinity with fewer than 8 usable directions. A blob that
+/// has run together with another on one side still compares well on the rest.
+double outlineDistance(const View& view, const PrismFilter& filter);
 
 /// True when nearly everything that `filter` should show lies within the seen outline: it may be hidden in
 /// it.

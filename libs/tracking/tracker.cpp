@@ -150,11 +150,10 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
     const double gate = (tracks_[t].published ? kPeerGate_m : options_.gate_m) + 2.0 * sigma,
                  dearest = options_.gate_m + 3.0 * kMostSigma_m;
     for (std::size_t b = 0; b < views_.size(); ++b) {
-      const OutlineDistance distance = outlineDistance(views_[b], tracks_[t].filter, options_.gate_m);
+      const double distance = outlineDistance(views_[b], tracks_[t].filter);
       // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
       cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
-          distance.median_m < gate ? (distance.mean_m + sigma) / dearest
-                                   : std::numeric_limits<double>::infinity();
+          distance < gate ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
     }
   }
   assignBlobs();
@@ -276,7 +275,7 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
     // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
     // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
-    const double unlike = outlineDistance(view, track.filter, options_.gate_m).median_m / options_.gate_m;
+    const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
     const double distance = std::min({apart, unlike, wayOn(track, filter)});
     if (distance >= least) continue;
     least = distance;
