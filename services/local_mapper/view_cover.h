@@ -14,8 +14,8 @@ namespace omnifleet::local_mapper {
 struct ViewCoverOptions {
   double min_share = 0.08;    ///< 1, of the view that a cover hides at least; 0: off
   double max_share = 0.70;    ///< 1, … and at most: beyond that nothing tells cover from world
-  double black_level = 12;    ///< grey levels: nothing in a lit room is as dark and as large …
-  double black_share = 0.15;  ///< 1, … and also darker than this share of the view's median
+  double black_level = 6;     ///< grey levels: no thing in a lit room is as dark …
+  double black_share = 0.05;  ///< 1, … and also darker than this share of the view's median
   double moved_m = 1.0;       ///< metres driven under one and the same plain part of the view, or …
   double turned_rad = 0.6;    ///< radians turned, until it is known to be none of the world
   static ViewCoverOptions read(const options::Section& section);
