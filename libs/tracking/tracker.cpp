@@ -17,7 +17,7 @@ constexpr double kAlien_m = 0.04;  // an outline this far outside of the expecte
 constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to a displacement over a second
 constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
 constexpr double kPeerLeeway_m = 0.03;
-constexpr double kPeerGate_m = 0.1;  // of the outline of a known body in a known place
+constexpr double kPeerGate_m = 0.15;  // of the outline of a known body in a known place
 constexpr double kLeap_m = 0.10;
 constexpr double kMostSigma_m = 0.5;   // of a place, in the search for its blob
 constexpr double kDriving_mps = 0.05;  // of what goes on behind something …
@@ -317,7 +317,7 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
 
 void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
-  if (!track.moving && (setsOut(track) || isOff(track.filter, view))) {
+  if (!track.moving && (setsOut(track) || (!track.whole && isOff(track.filter, view)))) {
     track.moving = true;
     track.filter.placeAt(
         track.filter.position(), Eigen::Vector2d::Zero(),
