@@ -16,16 +16,14 @@
 #include "estimation/point_alignment.h"
 #include "estimation/starts.h"
 #include "estimation/told.h"
+#include "estimation/troubles.h"
 #include "estimation/uncertainty.h"
 
 namespace omnifleet::estimation {
 namespace {
 constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
-constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
-constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
-constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
-constexpr int kDoubts = 3;           // refused ranges and bearings in a row: no pose to be trusted
+constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
 }  // namespace
@@ -50,19 +48,7 @@ class FleetEstimator::Impl {
   FleetState fleet;
 
  private:
-  struct Frame {
-    const Objects* objects;
-    RobotNode* robot;
-    bool fresh;  ///< newer than the robot's last frame
-    std::vector<Seen> seen;
-    bool placed_anew = false;  ///< by what it sees, after it was carried away
-    bool slipped = false;      ///< its wheels disagree with what is seen
-    bool unfamiliar = false;   ///< of what it sees nothing is known, and what is known is not seen
-    bool settled = false;      ///< it is where its motion has put it, or has been put elsewhere
-
-    bool isPlaced() const { return fresh && robot->located(); }
-    bool sees() const { return objects->state == FrameState::kOk; }
-  };
+  using Frame = RobotFrame;
 
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
   void locate(std::vector<Frame>& frames, TimeNs time);
@@ -76,12 +62,6 @@ class FleetEstimator::Impl {
   void checkViews(std::vector<Frame>& frames);
   static void noteStates(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
-  void noticeJumps(std::vector<Frame>& frames);
-  void noticeJump(Frame& frame, bool peers);
-  void noticeLoss(Frame& frame);
-  void jump(Frame& frame, const Pose2& map_from_base);
-  void noticeCarried(std::vector<Frame>& frames);
-  static void tellSlip(Frame& frame);
   void condense();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
@@ -104,7 +84,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   checkSteps(frames);  // before views are held against poses that slipping wheels hold where they are not, …
   checkViews(frames);
   checkSteps(frames);  // … and where a wrong view hid it
-  noticeCarried(frames);
+  noticeCarried(fleet, frames);
   noteStates(frames);
   updateUncertainty(fleet, whole_, settled_);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
@@ -254,11 +234,11 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
     frame.robot->unsettled_m += frame.robot->window.back().rolled_m;
     frame.robot->unsettled_rad += frame.robot->window.back().rolled_rad;
   }
-  noticeJumps(frames);
+  noticeJumps(fleet, frames);
   for (Frame& frame : frames) {
     if (!frame.isPlaced()) continue;
     associateOne(frame);
-    if (frame.sees()) noticeLoss(frame);
+    if (frame.sees()) noticeLoss(fleet, frame);
     if (fleet.options.use_landmarks) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
   }
@@ -364,89 +344,6 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     any = true;
   }
   if (any) solveNewest(frames);
-}
-
-/// First by what stands still: where all robots slip at once, none tells where another is.
-void FleetEstimator::Impl::noticeJumps(std::vector<Frame>& frames) {
-  for (const bool peers : {false, true}) {
-    for (Frame& frame : frames) {
-      if (frame.isPlaced() && frame.sees() && !frame.settled) noticeJump(frame, peers);
-    }
-  }
-  for (Frame& frame : frames) {
-    if (!frame.isPlaced()) continue;
-    RobotNode& robot = *frame.robot;
-    if (!frame.sees()) {
-      robot.unsure = kUnsureFrames;
-      continue;
-    }
-    if (frame.settled) robot.unsettled_m = robot.unsettled_rad = 0.0;
-    robot.unsure = frame.settled ? 0 : std::max(0, robot.unsure - 1);
-    robot.seeing_ns = frame.objects->acquired_ns;
-  }
-}
-
-/// A robot that is not where its motion has put it is placed anew by what it sees.
-void FleetEstimator::Impl::noticeJump(Frame& frame, bool peers) {
-  RobotNode& robot = *frame.robot;
-  if (robot.window.back().motion == kNoFactor) return;
-  const Whereabouts at = lookAround(fleet, robot, frame.seen, peers);
-  if (at.elsewhere) {
-    jump(frame, *at.elsewhere);
-    return;
-  }
-  frame.settled = at.fit();
-  frame.unfamiliar = robot.unsure > 0 && at.matches == 0 && at.things > 0 && at.missing > 0;
-}
-
-/// What it sees is nothing then: it neither moves the map nor is it put there.
-void FleetEstimator::Impl::noticeLoss(Frame& frame) {
-  RobotNode& robot = *frame.robot;
-  // No line through a pose holds when its heading may be anything.
-  const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
-  const bool displaced =
-      !frame.settled && (adrift || frame.unfamiliar || isDisplaced(fleet, robot, frame.seen));
-  if (displaced && !robot.displaced) ++robot.status.losses;
-  robot.displaced = displaced;
-  if (!displaced) return;
-  robot.object_of_track.clear();
-  for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
-}
-
-void FleetEstimator::Impl::jump(Frame& frame, const Pose2& map_from_base) {
-  RobotNode& robot = *frame.robot;
-  const Step& step = robot.window.back();
-  const Pose2 by = fleet.pose(step.pose).inverse() * map_from_base;
-  const bool slipped = !robot.unseen && !robot.displaced && step.wheels &&
-                       by.translation().norm() < robot.unsettled_m + kSlip_m &&
-                       std::abs(wrapAngle(by.theta_rad)) < robot.unsettled_rad + kSlip_rad;
-  const bool told = (step.wheels && !robot.unseen) || robot.displaced;
-  jumpTo(fleet, robot, map_from_base);
-  frame.settled = true;
-  if (told && slipped) tellSlip(frame);
-  if (told && !slipped && !robot.displaced) ++robot.status.losses;
-  frame.placed_anew = told && !slipped;
-  robot.displaced = false;
-}
-
-/// What a robot or others see after it has seen nothing tells that it was carried away meanwhile.
-void FleetEstimator::Impl::noticeCarried(std::vector<Frame>& frames) {
-  for (Frame& frame : frames) {
-    RobotNode& robot = *frame.robot;
-    if (!frame.isPlaced() || !robot.unseen) continue;
-    if (wasCarried(fleet, robot)) {
-      if (!frame.placed_anew) ++robot.status.losses;
-      frame.placed_anew = true;
-      robot.unseen.reset();
-    } else if (frame.sees() && robot.unsure == 0) {
-      robot.unseen.reset();
-    }
-  }
-}
-
-void FleetEstimator::Impl::tellSlip(Frame& frame) {
-  frame.slipped = true;
-  ++frame.robot->status.slips;
 }
 
 std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {

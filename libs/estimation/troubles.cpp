@@ -1,0 +1,97 @@
+#include "estimation/troubles.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimation/jumps.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
+constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
+constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
+
+void jump(FleetState& fleet, RobotFrame& frame, const Pose2& map_from_base) {
+  RobotNode& robot = *frame.robot;
+  const Step& step = robot.window.back();
+  const Pose2 by = fleet.pose(step.pose).inverse() * map_from_base;
+  const bool slipped = !robot.unseen && !robot.displaced && step.wheels &&
+                       by.translation().norm() < robot.unsettled_m + kSlip_m &&
+                       std::abs(wrapAngle(by.theta_rad)) < robot.unsettled_rad + kSlip_rad;
+  const bool told = (step.wheels && !robot.unseen) || robot.displaced;
+  jumpTo(fleet, robot, map_from_base);
+  frame.settled = true;
+  if (told && slipped) tellSlip(frame);
+  if (told && !slipped && !robot.displaced) ++robot.status.losses;
+  frame.placed_anew = told && !slipped;
+  robot.displaced = false;
+}
+
+/// A robot that is not where its motion has put it is placed anew by what it sees.
+void noticeJump(FleetState& fleet, RobotFrame& frame, bool peers) {
+  RobotNode& robot = *frame.robot;
+  if (robot.window.back().motion == kNoFactor) return;
+  const Whereabouts at = lookAround(fleet, robot, frame.seen, peers);
+  if (at.elsewhere) {
+    jump(fleet, frame, *at.elsewhere);
+    return;
+  }
+  frame.settled = at.fit();
+  frame.unfamiliar = robot.unsure > 0 && at.matches == 0 && at.things > 0 && at.missing > 0;
+}
+
+}  // namespace
+
+void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
+  for (const bool peers : {false, true}) {
+    for (RobotFrame& frame : frames) {
+      if (frame.isPlaced() && frame.sees() && !frame.settled) noticeJump(fleet, frame, peers);
+    }
+  }
+  for (RobotFrame& frame : frames) {
+    if (!frame.isPlaced()) continue;
+    RobotNode& robot = *frame.robot;
+    if (!frame.sees()) {
+      robot.unsure = kUnsureFrames;
+      continue;
+    }
+    if (frame.settled) robot.unsettled_m = robot.unsettled_rad = 0.0;
+    robot.unsure = frame.settled ? 0 : std::max(0, robot.unsure - 1);
+    robot.seeing_ns = frame.objects->acquired_ns;
+  }
+}
+
+void noticeLoss(FleetState& fleet, RobotFrame& frame) {
+  RobotNode& robot = *frame.robot;
+  // No line through a pose holds when its heading may be anything.
+  const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
+  const bool displaced =
+      !frame.settled && (adrift || frame.unfamiliar || isDisplaced(fleet, robot, frame.seen));
+  if (displaced && !robot.displaced) ++robot.status.losses;
+  robot.displaced = displaced;
+  if (!displaced) return;
+  robot.object_of_track.clear();
+  for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
+}
+
+void noticeCarried(FleetState& fleet, std::vector<RobotFrame>& frames) {
+  for (RobotFrame& frame : frames) {
+    RobotNode& robot = *frame.robot;
+    if (!frame.isPlaced() || !robot.unseen) continue;
+    if (wasCarried(fleet, robot)) {
+      if (!frame.placed_anew) ++robot.status.losses;
+      frame.placed_anew = true;
+      robot.unseen.reset();
+    } else if (frame.sees() && robot.unsure == 0) {
+      robot.unseen.reset();
+    }
+  }
+}
+
+void tellSlip(RobotFrame& frame) {
+  frame.slipped = true;
+  ++frame.robot->status.slips;
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <vector>
+
+#include "estimation/association.h"
+#include "estimation/fleet_state.h"
+
+namespace omnifleet::estimation {
+
+/// A robot's part of a moment.
+struct RobotFrame {
+  const Objects* objects;
+  RobotNode* robot;
+  bool fresh;  ///< newer than the robot's last frame
+  std::vector<Seen> seen;
+  bool placed_anew = false;  ///< by what it sees, after it was carried away
+  bool slipped = false;      ///< its wheels disagree with what is seen
+  bool unfamiliar = false;   ///< of what it sees nothing is known, and what is known is not seen
+  bool settled = false;      ///< it is where its motion has put it, or has been put elsewhere
+
+  bool isPlaced() const { return fresh && robot->located(); }
+  bool sees() const { return objects->state == FrameState::kOk; }
+};
+
+/// Places anew, by what it sees, every robot that is not where its motion has put it.
+/// First by what stands still: where all robots slip at once, none tells where another is.
+void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames);
+
+/// Whether a robot is nowhere that it knows. What it sees is nothing then: it neither moves the map nor is it
+/// put there.
+void noticeLoss(FleetState& fleet, RobotFrame& frame);
+
+/// What a robot or others see after it has seen nothing tells that it was carried away meanwhile.
+void noticeCarried(FleetState& fleet, std::vector<RobotFrame>& frames);
+
+/// The wheels have rolled what the robot has not gone.
+void tellSlip(RobotFrame& frame);
+
+}  // namespace omnifleet::estimation
