@@ -1,6 +1,6 @@
 // The other process of the transport benchmark: takes frames, answers each on standard output with its
 // latency.
-//   omnifleet_bench_reader loan|udp|shm DOMAIN BYTES COUNT
+//   omnifleet_bench_reader live|replay|udp|shm DOMAIN BYTES COUNT
 
 #include <chrono>
 #include <cstdio>
@@ -30,12 +30,21 @@ void answer(double latency_ms, bool good) {
   std::fflush(stdout);
 }
 
-int readLoans(int domain, std::size_t bytes, int count) {
+/// The writer knows of this reader before this reader knows of it, and what is written in between is lost
+/// where nothing is repeated.
+void tellReady() {
+  std::puts("ready");
+  std::fflush(stdout);
+}
+
+int readLoans(bus::RunMode mode, int domain, std::size_t bytes, int count) {
   bus::DdsBusOptions options;
   options.domain = domain;
-  options.mode = bus::RunMode::kReplay;
+  options.mode = mode;
   const auto dds = bus::makeDdsBus(options);
   const auto reader = dds->frameReader("bench", bytes);
+  if (!reader->waitForWriters(1, std::chrono::seconds(kTimeout_s))) return 1;
+  tellReady();
   for (int n = 0; n < count; ++n) {
     auto frame = reader->take();
     while (!frame) {
@@ -51,6 +60,7 @@ int readLoans(int domain, std::size_t bytes, int count) {
 
 int readRaw(RawTransport transport, int domain, std::size_t bytes, int count) {
   RawFrameReader reader(transport, domain, bytes);
+  tellReady();  // reliable
   for (int n = 0; n < count; ++n) {
     std::int64_t stamp_ns = 0;
     const std::uint8_t* pixels = nullptr;
@@ -69,6 +79,7 @@ int main(int argc, char** argv) {
   const std::string kind = argv[1];
   const int domain = std::atoi(argv[2]), count = std::atoi(argv[4]);
   const auto bytes = static_cast<std::size_t>(std::atoll(argv[3]));
-  if (kind == "loan") return readLoans(domain, bytes, count);
+  if (kind == "live") return readLoans(omnifleet::bus::RunMode::kLive, domain, bytes, count);
+  if (kind == "replay") return readLoans(omnifleet::bus::RunMode::kReplay, domain, bytes, count);
   return readRaw(kind == "udp" ? RawTransport::kUdp : RawTransport::kSharedMemory, domain, bytes, count);
 }
