@@ -1,0 +1,111 @@
+#include "ground/horizon.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ground/floor_growth.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+double degreesOf(const lens::CameraModel& model, int x, int y) {  // equidistant: r = f·θ; 90 at the horizon
+  const double r = std::hypot(x - model.principal_point_px.x(), y - model.principal_point_px.y());
+  return r / model.focal_px.x() * 180.0 / M_PI;
+}
+
+TEST(Horizon, ReadsWhatIsSeenAboveItByBearing) {
+  const auto model = testing::fisheye();
+  const lens::Camera camera(model);
+  const FloorView view(camera, ViewOptions{});
+  Horizon horizon(camera, view);
+  cv::Mat3b image(480, 640, cv::Vec3b(10, 20, 30));
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      if (degreesOf(model, x, y) < 90.2) continue;
+      image(y, x) = x < 320 ? cv::Vec3b(200, 100, 50) : cv::Vec3b(90, 60, 120);
+    }
+  }
+  horizon.read(image);
+  int left = 0, right = 0;
+  for (int y = 0; y < view.cells().height; ++y) {
+    for (int x = 0; x < view.cells().width; ++x) {
+      const int sector = horizon.sectors()(y, x);
+      ASSERT_EQ(sector == 0, view.coverage()(y, x) == 0);
+      if (sector == 0 || std::abs(4 * x + 1.5 - 319.5) < 40) continue;  // sectors that hold both
+      const cv::Vec4f& seen = horizon.colours()[static_cast<std::size_t>(sector)];
+      if (seen[0] < 0.0f) continue;  // the image ends before the horizon
+      const cv::Vec3b expected = 4 * x < 320 ? cv::Vec3b(200, 100, 50) : cv::Vec3b(90, 60, 120);
+      for (int c = 0; c < 3; ++c) ASSERT_NEAR(seen[c], expected[c], 0.01) << x << " " << y;
+      (4 * x < 320 ? left : right) += 1;
+    }
+  }
+  EXPECT_GT(left, 1000);
+  EXPECT_GT(right, 1000);
+}
+
+TEST(Horizon, SeesNothingWhereTheLensEndsBelowIt) {
+  auto model = testing::fisheye();
+  model.fov_deg = 160.0;
+  const lens::Camera camera(model);
+  const FloorView view(camera, ViewOptions{});
+  Horizon horizon(camera, view);
+  horizon.read(cv::Mat3b(480, 640, cv::Vec3b(200, 100, 50)));
+  for (const cv::Vec4f& seen : horizon.colours()) EXPECT_LT(seen[0], 0.0f);
+}
+
+/// Floor all over but for a wall on the left, nearly of its colour, that some of the seeds lie on too.
+class BesideAWall : public ::testing::Test {
+ protected:
+  static constexpr int kSize = 60, kWallEnds = 22;  // blocks
+
+  static bool isSeed(int y, int x) { return std::abs(std::hypot(x - 30, y - 30) - 10.0) < 2.5; }
+  static bool isWall(int x) { return x < kWallEnds; }
+  /// How many of the wall's, and of the floor's blocks the growth takes for floor.
+  struct Grown {
+    int wall = 0, floor = 0;
+  };
+  static Grown grow(const cv::Vec3f& wall, bool look_beyond) {
+    const cv::Mat1b coverage(kSize, kSize, std::uint8_t{2});
+    cv::Mat1b seeds(kSize, kSize, std::uint8_t{0}), sectors(kSize, kSize, std::uint8_t{2});
+    for (int y = 0; y < kSize; ++y)
+      for (int x = 0; x < kSize; ++x) {
+        seeds(y, x) = isSeed(y, x) ? 255 : 0;
+        if (isWall(x)) sectors(y, x) = 1;
+      }
+    FloorGrowth growth(coverage, seeds, {0.08, 0.03, 3.0}, 0.002);
+    for (int y = 0; y < kSize; ++y)
+      for (int x = 0; x < kSize; ++x) growth.means()(y, x) = isWall(x) ? wall : kFloor;
+    growth.lookBeyond(sectors);
+    const cv::Vec4f none = cv::Vec4f::all(-1.0f);
+    const std::vector<cv::Vec4f> beyond{none, {wall[0], wall[1], wall[2], 0.0f}, none};
+    EXPECT_TRUE(growth.grow(0.5, look_beyond ? beyond : std::vector<cv::Vec4f>(3, none)));
+    Grown grown;
+    for (int y = 1; y + 1 < kSize; ++y)
+      for (int x = 1; x + 1 < kSize; ++x)
+        (isWall(x) ? grown.wall : grown.floor) += growth.isGrown(y, x) ? 1 : 0;
+    return grown;
+  }
+  static inline const cv::Vec3f kFloor{150, 166, 170};
+};
+
+TEST_F(BesideAWall, SeedsOnItAreNone) {
+  const cv::Vec3f wall(150, 154, 178);  // in a bin beside the floor's: its seeds are taken for floor
+  const Grown without = grow(wall, false), with = grow(wall, true);
+  EXPECT_GT(without.wall, 1000) << "else the wall is not taken for floor anyway";
+  EXPECT_EQ(with.wall, 0);
+  EXPECT_GE(with.floor, without.floor);
+}
+
+TEST_F(BesideAWall, OneOfQuiteAnotherColourChangesNothing) {
+  const cv::Vec3f wall(60, 90, 200);
+  const Grown without = grow(wall, false), with = grow(wall, true);
+  EXPECT_EQ(without.wall, 0);
+  EXPECT_EQ(with.wall, 0);
+  EXPECT_EQ(with.floor, without.floor);
+  EXPECT_GT(with.floor, 2000);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
