@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "ground/floor_growth.h"
@@ -66,7 +67,8 @@ class BesideAWall : public ::testing::Test {
   struct Grown {
     int wall = 0, floor = 0;
   };
-  static Grown grow(const cv::Vec3f& wall, bool look_beyond) {
+  /// @param blend blocks in which the floor turns into the wall
+  static Grown grow(const cv::Vec3f& wall, bool look_beyond, int blend = 0) {
     const cv::Mat1b coverage(kSize, kSize, std::uint8_t{2});
     cv::Mat1b seeds(kSize, kSize, std::uint8_t{0}), sectors(kSize, kSize, std::uint8_t{2});
     for (int y = 0; y < kSize; ++y)
@@ -76,7 +78,7 @@ class BesideAWall : public ::testing::Test {
       }
     FloorGrowth growth(coverage, seeds, {0.08, 0.03, 3.0}, 0.002);
     for (int y = 0; y < kSize; ++y)
-      for (int x = 0; x < kSize; ++x) growth.means()(y, x) = isWall(x) ? wall : kFloor;
+      for (int x = 0; x < kSize; ++x) growth.means()(y, x) = blended(wall, kWallEnds - x, blend);
     growth.lookBeyond(sectors);
     const cv::Vec4f none = cv::Vec4f::all(-1.0f);
     const std::vector<cv::Vec4f> beyond{none, {wall[0], wall[1], wall[2], 0.0f}, none};
@@ -87,6 +89,11 @@ class BesideAWall : public ::testing::Test {
         (isWall(x) ? grown.wall : grown.floor) += growth.isGrown(y, x) ? 1 : 0;
     return grown;
   }
+  static cv::Vec3f blended(const cv::Vec3f& wall, int into, int blend) {
+    const float share =
+        std::clamp(static_cast<float>(into) / static_cast<float>(std::max(1, blend)), 0.0f, 1.0f);
+    return share * wall + (1.0f - share) * kFloor;
+  }
   static inline const cv::Vec3f kFloor{150, 166, 170};
 };
 
@@ -96,6 +103,15 @@ TEST_F(BesideAWall, SeedsOnItAreNone) {
   EXPECT_GT(without.wall, 1000) << "else the wall is not taken for floor anyway";
   EXPECT_EQ(with.wall, 0);
   EXPECT_GE(with.floor, without.floor);
+}
+
+TEST_F(BesideAWall, NoChainOfLikenessesLeadsOntoIt) {
+  for (const cv::Vec3f& wall : {cv::Vec3f(150, 140, 180), cv::Vec3f(150, 156, 174)}) {
+    const Grown without = grow(wall, false, 10), with = grow(wall, true, 10);
+    EXPECT_GT(without.wall, 1000) << "else the chain breaks anyway";
+    EXPECT_LT(with.wall, 7 * kSize) << "half of the way from one to the other, and a little";
+    EXPECT_GT(with.floor, 2000);
+  }
 }
 
 TEST_F(BesideAWall, OneOfQuiteAnotherColourChangesNothing) {
