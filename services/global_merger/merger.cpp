@@ -113,8 +113,10 @@ dataset::MapObject objectOf(const Group& group) {
   std::set<std::string> observers;
   for (const auto* view : group.views) observers.insert(view->robot);
   object.observers.assign(observers.begin(), observers.end());
+  constexpr double kVague_m = 0.05;  // else it is mostly what is thought of things before their top is seen
   // Rounded to 0.1 mm, as everything that goes into the fit is.
-  if (group.fit.height_sigma_m > 0) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
+  const bool is_told = group.fit.height_sigma_m > 0 && group.fit.height_sigma_m < kVague_m;
+  if (is_told) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
   return object;
 }
 

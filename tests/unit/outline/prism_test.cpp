@@ -175,6 +175,33 @@ TEST(Prism, WhatIsHiddenOfABoxIsCompleted) {
   EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.90);
 }
 
+/// The side that faces the camera: the top is out of the lens's view, or higher than the camera.
+PrismView contactSide(PrismView view) {
+  for (std::size_t k = 0; k < view.supports.size(); ++k)
+    if (view.supports.b_m[k] >= 0.0F) view.supports.sigma_m[k] = -1.0F;
+  return view;
+}
+
+PrismView lookAlongX(const Prism& prism) {
+  PrismView view;
+  view.camera_height_m = 0.5;
+  view.supports = outline::prismSupports(prism.footprint_m, prism.height_m, view, 0.002);
+  return contactSide(view);
+}
+
+TEST(Prism, WhoseTopIsNotSeenIsCompletedFromOneSide) {
+  const outline::HeightPrior vague{0.25, 0.125};
+  for (const Prism& prism :
+       {Prism{circlePolygon({0.9, 0.1}, 0.14, 96), 0.4}, Prism{box({0.8, 0.0}, 0.24, 0.18, 0.6), 0.4}}) {
+    const PrismFit fit = fitPrism({lookAlongX(prism)}, {}, vague);
+    ASSERT_TRUE(fit.valid);
+    EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.97);  // the supports are without noise
+    EXPECT_GT(fit.height_sigma_m, 0.05);                             // nothing told it
+  }
+  // Of one face nobody knows how deep the thing is.
+  EXPECT_FALSE(fitPrism({lookAlongX({box({0.8, 0.0}, 0.24, 0.18, 0.0), 0.4})}, {}, vague).valid);
+}
+
 TEST(Prism, FlawedCalibrationDegradesGently) {
   // Focal length 0.3 % off scales every distance by about that; tilt of 0.2° moves a point at 1 m by 0.2°·(H²
   // + d²)/H.

@@ -182,6 +182,31 @@ TEST(Merger, AMarkOnTheFloorIsNoObstacle) {
   EXPECT_EQ(score(without.outlines(), things).matched, 6);  // there was something to leave out
 }
 
+TEST(Merger, AHeightThatNothingToldIsUnknown) {
+  FleetSim sim({{circlePolygon({0.8, 0.1}, 0.14, 48), 0.4}}, {SimRobot{"r1", [](double) { return Pose2{}; }}},
+               {});
+  Sets sets;
+  ContributionMaker maker({});
+  for (const double t : {0.0, 0.5, 1.0}) {
+    auto frame = sim.at(t).front();
+    Track& track = frame.objects.tracks.front();
+    for (std::size_t k = 0; k < track.supports.size(); ++k)  // its top is beyond the edge of the view
+      if (track.supports.b_m[k] >= 0.0F) track.supports.sigma_m[k] = -1.0F;
+    track.truncated = true;
+    track.height_m = 0.25;  // what is thought of things that were not seen whole yet
+    track.height_sigma_m = 0.125;
+    const auto made = maker.make(frame.objects, frame.pose);
+    ASSERT_TRUE(made);
+    sets.contributions.push_back(made->contribution);
+    sets.poses.push_back(made->pose);
+  }
+  Merger merger = merged(sets, sim.bodies());
+  merger.finish();
+  ASSERT_EQ(merger.outlines().size(), 1U);
+  EXPECT_LE(merger.outlines().front().height_m, 0.0);
+  EXPECT_LT((merger.outlines().front().centroid_m - Eigen::Vector2d(0.8, 0.1)).norm(), 0.01);
+}
+
 TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
   FleetSim sim = arena(noisy(), 22);
   auto things = fiveObstacles();
