@@ -34,6 +34,9 @@ constexpr float kSharpShare = 0.5f;  // of the region's difference from the floo
 constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
 constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
 constexpr float kNone_px = 1e9f;
+constexpr int kMinFoot_px = 48;      // pixels of a shadow at a foot: fewer are what is mixed along an outline
+constexpr float kFading = 0.25f;     // of that shadow is hardly darker than the floor
+constexpr float kLeastFace = 0.02f;  // of a region, else it is no face of the thing
 
 // What a pixel of a region is: bit 0 where it is of the core.
 constexpr std::uint8_t kCore = 1, kShade = HueWindow::kCounts, kHued = kShade | kCore;
@@ -141,6 +144,10 @@ void spreadOver(std::vector<float>& bearings) {
   };
   spread(bearings.begin(), bearings.end());
   spread(bearings.rbegin(), bearings.rend());
+}
+
+bool isOfShade(Look look, Look shade_limit) {
+  return look >= shade_limit && gainOf(look) < 1.0f;
 }
 
 float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
@@ -283,35 +290,92 @@ bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
   return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
 }
 
+/// The core's nearest pixel by bearings, in nearest_px_; those right beside the core have its own.
+/// @return false where the region is too near for that
+bool ShadeFilter::findNearest(const Blob& blob, Look shade_limit, const Frame& frame,
+                              const cv::Mat1b& looks) {
+  constexpr float kNear = 0.6f;  // at half the size and less, part of it lies to the other side
+  ahead_ = 0.5f * cv::Point2f(blob.rect.tl() + blob.rect.br()) - frame.foot_px;
+  const float size = std::hypot(static_cast<float>(blob.rect.width), static_cast<float>(blob.rect.height));
+  if (std::sqrt(ahead_.dot(ahead_)) <= kNear * size) return false;
+  const auto half = static_cast<std::size_t>(std::ceil(2.0f * size));
+  nearest_px_.assign(2 * half + 1, kNone_px);
+  forBearings(blob, frame, looks, [&](Look look, std::size_t k, float radius2, const cv::Point&) {
+    if (look == kColourLook || (isGrey(look) && look < shade_limit))
+      nearest_px_[k] = std::min(nearest_px_[k], radius2);
+  });
+  const auto isCore = [](float px) { return px != kNone_px; };
+  core_begin_ = static_cast<std::size_t>(std::find_if(nearest_px_.begin(), nearest_px_.end(), isCore) -
+                                         nearest_px_.begin());
+  core_end_ = static_cast<std::size_t>(nearest_px_.rend() -
+                                       std::find_if(nearest_px_.rbegin(), nearest_px_.rend(), isCore));
+  spreadOver(nearest_px_);
+  return core_begin_ < core_end_;
+}
+
+template <typename Visit>
+void ShadeFilter::forBearings(const Blob& blob, const Frame& frame, const cv::Mat1b& looks, Visit visit) {
+  const float distance = std::sqrt(ahead_.dot(ahead_));
+  const auto half = static_cast<int>(nearest_px_.size() / 2);
+  for (const Run& run : blob.runs) {
+    for (int x = run.begin; x < run.end; ++x) {
+      const cv::Point2f to = cv::Point2f(static_cast<float>(x), static_cast<float>(run.row)) - frame.foot_px;
+      const auto k = static_cast<int>(std::lround(distance * ahead_.cross(to) / ahead_.dot(to)));
+      visit(looks(run.row, x), static_cast<std::size_t>(std::clamp(k, -half, half) + half), to.dot(to),
+            cv::Point(x, run.row));
+    }
+  }
+}
+
 /// Most of the shade lies before the core on the core's own bearings or at its foot.
 bool ShadeFilter::liesBefore(const Blob& blob, const Census& c, const Frame& frame, const cv::Mat1b& looks) {
-  const cv::Point2f ahead = 0.5f * cv::Point2f(blob.rect.tl() + blob.rect.br()) - frame.foot_px;
-  const float distance = std::sqrt(ahead.dot(ahead));
-  const float size = std::hypot(static_cast<float>(blob.rect.width), static_cast<float>(blob.rect.height));
-  if (distance <= size) return false;
-  const auto half = static_cast<int>(std::ceil(2.0f * size));
-  nearest_px_.assign(static_cast<std::size_t>(2 * half + 1), kNone_px);
-  const auto forPixels = [&](auto visit) {
-    for (const Run& run : blob.runs) {
-      for (int x = run.begin; x < run.end; ++x) {
-        const cv::Point2f to =
-            cv::Point2f(static_cast<float>(x), static_cast<float>(run.row)) - frame.foot_px;
-        const auto k = static_cast<int>(std::lround(distance * ahead.cross(to) / ahead.dot(to)));
-        visit(looks(run.row, x), nearest_px_[static_cast<std::size_t>(std::clamp(k, -half, half) + half)],
-              to.dot(to));
-      }
-    }
-  };
-  forPixels([&](Look look, float& nearest, float radius2) {
-    if (look == kColourLook || (isGrey(look) && look < c.shade_limit)) nearest = std::min(nearest, radius2);
-  });
-  spreadOver(nearest_px_);
+  if (!findNearest(blob, c.shade_limit, frame, looks)) return false;
   int before = 0;
-  forPixels([&](Look look, float& nearest, float radius2) {
+  forBearings(blob, frame, looks, [&](Look look, std::size_t k, float radius2, const cv::Point&) {
     before +=
-        look >= c.shade_limit && gainOf(look) < 1.0f && nearest != kNone_px && radius2 < nearest ? 1 : 0;
+        isOfShade(look, c.shade_limit) && nearest_px_[k] != kNone_px && radius2 < nearest_px_[k] ? 1 : 0;
   });
   return static_cast<float>(before) >= kMostBefore * static_cast<float>(c.shaded);
+}
+
+/// Where shade lies that has that bearing and distance.
+ShadeFilter::Place ShadeFilter::placeOf(std::size_t k, float radius2) const {
+  if (k < core_begin_) return kToOneSide;
+  if (k >= core_end_) return kToTheOther;
+  return radius2 < nearest_px_[k] ? kBefore : kWithin;
+}
+
+/// Around the core its own shadow gets to the floor's brightness by degrees, as no side of a thing does.
+bool ShadeFilter::findFading(const Blob& blob, const Census& c, const Frame& frame, const cv::Mat1b& looks) {
+  fades_.fill(false);
+  if (c.patterned < kMinFoot_px || !findNearest(blob, c.shade_limit, frame, looks)) return false;
+  std::array<int, kPlaces> all{}, light{};
+  forBearings(blob, frame, looks, [&](Look look, std::size_t k, float radius2, const cv::Point&) {
+    if (!isOfShade(look, c.shade_limit)) return;
+    const Place place = placeOf(k, radius2);
+    ++all[place];
+    light[place] += isOfPattern(look) ? 1 : 0;
+  });
+  const auto fades = [&](Place place) {
+    return static_cast<float>(light[place]) >= kFading * static_cast<float>(all[place]);
+  };
+  const int face = std::max(kMinFoot_px, static_cast<int>(kLeastFace * static_cast<float>(blob.area_px)));
+  for (const Place place : {kBefore, kToOneSide, kToTheOther})
+    fades_[place] = all[place] < face || fades(place);
+  if (!fades_[kBefore]) fades_.fill(false);
+  fades_[kWithin] = fades_[kBefore] && !fades(kWithin);  // its top, and beside its edges some shadow
+  return fades_[kBefore];
+}
+
+/// Of the marks of shade those stay that lie where it fades.
+void ShadeFilter::keepFading(const Blob& blob, const Judged& judged, const Frame& frame,
+                             const cv::Mat1b& looks) {
+  if (!findNearest(blob, judged.shade_limit, frame, looks)) return;
+  forBearings(blob, frame, looks, [&](Look look, std::size_t k, float radius2, const cv::Point& at) {
+    const Place place = placeOf(k, radius2);
+    const bool goes = judged.fades[place] && (place != kWithin || isOfPattern(look));
+    if (bare_(at) == kShade && !goes) bare_(at) = kHued;
+  });
 }
 
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
@@ -332,6 +396,8 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
     return Verdict::kKeepCore;
   if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
     return Verdict::kKeepCore;
+  if (isCore(c.dark, blob) && 2 * c.coloured < blob.area_px && findFading(blob, c, frame, looks))
+    return Verdict::kKeepUnfading;
   return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }
 
@@ -343,9 +409,11 @@ void ShadeFilter::apply(const std::vector<Strip>& strips, const BitArea& area, c
   findCoreStrips(strips, blobs);
   core_area_.cover(core_strips_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
-    if (judged_[i].verdict == Verdict::kKeepCore) {
-      partShade(blobs[i], judged_[i].shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
+    const Judged& judged = judged_[i];
+    if (keepsCore(judged.verdict)) {
+      partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
       giveHuedBack(blobs[i], frame);
+      if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
       keepCore(blobs[i], bare_);
     }
   }
@@ -394,7 +462,7 @@ void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::ve
   core_rects_.clear();
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const cv::Rect& r = blobs[i].rect;
-    if (judged_[i].verdict == Verdict::kKeepCore)
+    if (keepsCore(judged_[i].verdict))
       core_rects_.emplace_back(r.x - kCell, r.y - kCell, r.width + 2 * kCell, r.height + 2 * kCell);
   }
   core_strips_.clear();
@@ -412,8 +480,8 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
-    judged_.push_back(
-        {judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile, census.shade_limit});
+    judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
+                       census.shade_limit, fades_});
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
     patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;
@@ -433,7 +501,7 @@ void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& l
   if (verdict == Verdict::kKeep) return;
   if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
   for (const Run& run : blob.runs) {
-    if (verdict == Verdict::kKeepCore) {
+    if (keepsCore(verdict)) {
       objects.keep(run.row, run.begin, run.end, core_);
     } else if (verdict == Verdict::kKeepFirm) {
       const Look* look = looks.ptr(run.row);

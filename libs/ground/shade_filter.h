@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -18,6 +19,8 @@ namespace omnifleet::ground {
 ///    thing's shadow (at its foot or thrown) and go;
 ///  - so does what lies before the darker part of a region of two kinds of the floor's hue, seen from the
 ///    camera's foot: a top lies behind its sides;
+///  - of a grey thing whose top is as light as shade may be, what lies before its dark side goes where it
+///  fades into the floor's brightness;
 ///  - where all of it has the floor's hue, it stays when its outline is sharp, as a grey thing's is, and goes
 ///    when its brightness fades into the floor's;
 ///  - where all of it has the floor's hue, but some of it is lighter than the floor, it is a thing of nearly
@@ -69,13 +72,19 @@ class ShadeFilter {
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
     Look shade_limit = kFloorLook;               ///< from which grey is taken for shade
   };
-  enum class Verdict { kKeep, kKeepFirm, kKeepCore, kDrop, kUndecided };
+  enum class Verdict { kKeep, kKeepFirm, kKeepCore, kKeepUnfading, kDrop, kUndecided };
+  static bool keepsCore(Verdict verdict) {
+    return verdict == Verdict::kKeepCore || verdict == Verdict::kKeepUnfading;
+  }
+  /// Of shade, seen from the camera's foot: before the core; beside it; behind where it begins.
+  enum Place : std::uint8_t { kBefore, kToOneSide, kToTheOther, kWithin, kPlaces };
   struct Judged {
     Verdict verdict;
     bool as_pattern;  ///< goes where the floor has a pattern
     bool is_side;     ///< isSide()
     bool as_tile;     ///< isTile()
     Look shade_limit;
+    std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
   };
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
@@ -88,7 +97,13 @@ class ShadeFilter {
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
   static bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  bool findNearest(const Blob& blob, Look shade_limit, const Frame& frame, const cv::Mat1b& looks);
+  template <typename Visit>
+  void forBearings(const Blob& blob, const Frame& frame, const cv::Mat1b& looks, Visit visit);
   bool liesBefore(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  Place placeOf(std::size_t bearing, float radius_px2) const;
+  bool findFading(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  void keepFading(const Blob& blob, const Judged& judged, const Frame& frame, const cv::Mat1b& looks);
   static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   std::vector<cv::Rect> core_rects_;
@@ -97,7 +112,10 @@ class ShadeFilter {
   BitArea core_area_;         ///< of them: outside of it these are 0
   BitMask bare_bits_, core_;  ///< bare_; the same despeckled
   HueWindow around_;
-  std::vector<float> nearest_px_;  ///< of a region's core, by bearings
+  cv::Point2f ahead_;                          ///< from the camera's foot to the region
+  std::vector<float> nearest_px_;              ///< of the region's core, by bearings; squared
+  std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
+  std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
   Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;

@@ -98,6 +98,49 @@ TEST_F(ShadeFilterTest, AGreyThingAsDarkAsShadowsMayBeIsToldFromItsOwn) {
   EXPECT_NEAR(found[0].area_px, M_PI * 17 * 17, ring(17));
 }
 
+/// A box of the floor's hue, to the right of the camera: its side, and behind that its top. Verticals lead
+/// away.
+struct GreyBox {
+  static constexpr int kBegin = 464, kTop = 494, kEnd = 522;
+  static double halfWidth(int x) { return 0.24 * (x - 319.5); }
+  static double beside(int x, int y) { return std::abs(y - 239.5) - halfWidth(std::max(x, kBegin)); }
+  /// Pixels from it, before it and beside it.
+  static double distance(int x, int y) {
+    return std::hypot(std::max(kBegin - x, 0), std::max(beside(x, y), 0.0));
+  }
+  static void draw(cv::Mat3b& image, double side, double top) {
+    for (int y = 0; y < image.rows; ++y)
+      for (int x = kBegin; x < kEnd; ++x)
+        if (beside(x, y) <= 0.0) dim(image(y, x), x < kTop ? side : top);
+  }
+  static void dim(cv::Vec3b& pixel, double light) {
+    for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(pixel[c] * light);
+  }
+  static constexpr double kArea_px = 0.24 * (kEnd - kBegin) * (kEnd + kBegin - 2 * 319.5);
+  static constexpr double kRing_px = 1.5 * 2 * (kEnd - kBegin + 82);
+};
+
+/// Side darker, top lighter than a shadow may be: the shadow at its foot is before the side and beside it.
+TEST_F(ShadeFilterTest, TheShadowAtTheFootOfAGreyBoxWithALightTopIsFloor) {
+  for (int y = 0; y < image_.rows; ++y) {
+    for (int x = 0; x < GreyBox::kEnd; ++x) {
+      const double d = GreyBox::distance(x, y);
+      if (d > 0.0) GreyBox::dim(image_(y, x), std::min(1.0, 0.6 + 0.03 * d));
+    }
+  }
+  GreyBox::draw(image_, 0.32, 0.46);
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, GreyBox::kArea_px, GreyBox::kRing_px);
+}
+
+TEST_F(ShadeFilterTest, ALightSideBeforeADarkTopIsOfTheThing) {
+  GreyBox::draw(image_, 0.58, 0.30);
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].area_px, GreyBox::kArea_px, GreyBox::kRing_px);
+}
+
 /// The hue of a dark thing on a dark floor drowns in the noise of single pixels; half of them could be shade.
 TEST_F(ShadeFilterTest, ADarkThingOnADarkFloorIsWhole) {
   for (auto& pixel : image_) pixel = cv::Vec3b(47, 55, 64);
