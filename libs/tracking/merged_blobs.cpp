@@ -23,6 +23,7 @@ constexpr double kOverlap_m = 0.05;
 constexpr double kAstraySigmas = 3.0;
 constexpr double kForeign = 0.5;  // share of directions beyond 3 σ: then the outline is not its own
 constexpr double kGrown_m = 0.05;
+constexpr double kFarEdge_m = 0.05;
 constexpr int kMature = 3;       // views after which an outline can be relied on
 constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
 
@@ -129,7 +130,7 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
     tracks_[static_cast<std::size_t>(vague)].startAfresh(filter);
   } else {
     vague = static_cast<int>(tracks_.size());
-    tracks_.emplace_back(next_id_++, filter);
+    addTrack(filter, views_[b].time_ns);
     owners_[b].push_back(vague);
   }
   TrackState& track = tracks_[static_cast<std::size_t>(vague)];
@@ -147,8 +148,11 @@ bool Tracker::isOwn(const TrackState& track, const View& view) const {
   const double disagreement = tried.update(view);
   if (track.published) return !isAstray(tried, *track.published);
   const double leap_m = (tried.position() - before.position()).norm();
+  // A far edge alone may always be that of something behind it.
+  const double most_m =
+      std::min(kAstraySigmas * track.positionSigma(), showsContact(view) ? INFINITY : kFarEdge_m);
   const double grown_m = std::abs(tried.radius() - before.radius());
-  return disagreement < kForeign && leap_m <= kAstraySigmas * track.positionSigma() &&
+  return disagreement < kForeign && leap_m <= most_m &&
          grown_m <= kAstraySigmas * before.radiusSigma() + kGrown_m;
 }
 
@@ -212,8 +216,8 @@ void Tracker::dissolveOverlaps(std::size_t b) {
       if (one.views <= other.views || one.dissolved || other.dissolved || !one.whole || !other.whole)
         continue;
       if (!overlap(one.filter, other.filter)) continue;
+      given_up_.add(other);
       other.dissolve();
-      one.remember(other);
     }
   }
 }
@@ -235,7 +239,7 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   first.alien_frames = 0;
   const int lost = lostAt(filter, rest_);
   const int t = lost >= 0 ? lost : vague;
-  if (t < 0) addTrack(filter, rest_.time_ns, known_owners_.front());
+  if (t < 0) addTrack(filter, rest_.time_ns);
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
   if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
     track.startAfresh(freshRest());

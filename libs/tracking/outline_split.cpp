@@ -8,8 +8,10 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewest = 8;
+constexpr int kFewestContact = 4;
 constexpr double kNearlyAll = 0.9;
-constexpr std::size_t kMost = 512;  // directions beyond this many are not needed for a median
+constexpr double kModelSigma_m = 0.008;  // as the filter's: what the model leaves out
+constexpr std::size_t kMost = 512;       // directions beyond this many are not needed for a median
 
 /// Metres on the far side of the outline → metres under the object's far edge.
 double shrink(double b, double height_ratio) {
@@ -28,19 +30,34 @@ int usableDirections(const View& view) {
   return count;
 }
 
+bool showsContact(const View& view) {
+  int count = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) count += view.usable(k) && view.supports.b_m[k] < 0.0 ? 1 : 0;
+  return count >= kFewestContact;
+}
+
 double outlineDistance(const View& view, const PrismFilter& filter) {
-  std::array<double, kMost> differences;
+  struct Difference {
+    double away_m, weight;
+  };
+  std::array<Difference, kMost> differences;
   std::size_t count = 0;
+  double half = 0.0;
   const double ratio = ratioOf(filter, view.camera_height_m);
   for (std::size_t k = 0; k < view.size() && count < kMost; ++k) {
     if (!view.usable(k)) continue;
-    const double b = view.supports.b_m[k];
-    differences[count++] = std::abs(filter.predictedSupport(view, k) - b) * shrink(b, ratio);
+    const double b = view.supports.b_m[k], scale = shrink(b, ratio);
+    const double weight = 1.0 / (kModelSigma_m + scale * view.supports.sigma_m[k]);
+    differences[count++] = {std::abs(filter.predictedSupport(view, k) - b) * scale, weight};
+    half += 0.5 * weight;
   }
   if (count < kFewest) return std::numeric_limits<double>::infinity();
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(differences.begin(), middle, differences.begin() + static_cast<std::ptrdiff_t>(count));
-  return *middle;
+  std::sort(differences.begin(), differences.begin() + static_cast<std::ptrdiff_t>(count),
+            [](const Difference& a, const Difference& b) { return a.away_m < b.away_m; });
+  std::size_t middle = 0;
+  for (double below = differences[0].weight; below < half && middle + 1 < count;)
+    below += differences[++middle].weight;
+  return differences[middle].away_m;
 }
 
 bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {

@@ -8,9 +8,10 @@
 
 namespace omnifleet::tracking {
 
-/// Typical (median over the usable directions) distance between the outline that `filter` should show and the
-/// one seen, metres on the floor under the object; infinity with fewer than 8 usable directions. A blob that
-/// has run together with another on one side still compares well on the rest.
+/// Typical distance between the outline that `filter` should show and the one seen, metres on the floor under
+/// the object: the median over the usable directions, each weighing 1/σ, as one corner far behind supports
+/// many of them and tells little; infinity with fewer than 8. A blob that has run together with another on
+/// one side still compares well on the rest.
 double outlineDistance(const View& view, const PrismFilter& filter);
 
 /// True when nearly everything that `filter` should show lies within the seen outline: it may be hidden in
@@ -39,6 +40,9 @@ int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double 
 
 /// Directions in which the outline stands out from what `filter` should show by `alien_m` + 3 σ.
 int alienDirections(const View& view, const PrismFilter& filter, double alien_m);
+
+/// Whether enough directions show where it stands on the floor, not how far its top reaches.
+bool showsContact(const View& view);
 
 /// Number of usable directions.
 int usableDirections(const View& view);

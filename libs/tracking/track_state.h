@@ -67,7 +67,7 @@ struct TrackState {
   std::deque<Past> past;                                  ///< oldest first
   RememberedOutline outline;                              ///< of its blob while that was all its own
   Eigen::Vector2d last_seen_m = Eigen::Vector2d::Zero();  ///< odom; where it stood when last seen …
-  double last_speed_mps = 0.0;                            ///< … and how fast it was
+  double last_speed_mps = 0.0;  ///< … and how fast it was when last seen in one piece
   /// Only the id stays: what was known of it was known of something else.
   void startAfresh(const PrismFilter& fresh) {
     filter = fresh;
@@ -84,20 +84,6 @@ struct TrackState {
   double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
 
   BodyFit fit;  ///< best known body over this view
-  /// What stood in one blob with this and was given up: should it stand out again, it is the same thing.
-  struct Companion {
-    std::uint32_t id;
-    KindEvidence evidence;
-    ObjectKind kind;
-    double kind_probability;
-    Eigen::Vector2d place_m;  ///< odom
-    TimeNs given_up_ns;
-  };
-  std::optional<Companion> companion;
-  void remember(const TrackState& other) {
-    companion = Companion{
-        other.id, other.evidence, other.kind, other.kind_probability, other.filter.position(), seen_ns};
-  }
 };
 
 }  // namespace omnifleet::tracking

@@ -19,18 +19,14 @@ constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is bette
 constexpr double kPeerLeeway_m = 0.03;
 constexpr double kPeerGate_m = 0.15;  // of the outline of a known body in a known place
 constexpr double kLeap_m = 0.10;
-constexpr double kMostSigma_m = 0.5;   // of a place, in the search for its blob
-constexpr double kDriving_mps = 0.05;  // of what goes on behind something …
-constexpr double kFaster = 1.5;        // … at no more than so many times its speed …
-constexpr double kMost_m = 0.2;        // … and comes out no farther than this beyond it,
-constexpr double kAlikeSigmas = 2.0;   // as wide and high as it was,
-constexpr double kAlike_m = 0.01;      // which the prism leaves uncertain by this
+constexpr double kMostSigma_m = 0.5;  // of a place, in the search for its blob
 constexpr double kSettingOut_s = 0.5, kSetOut_m = 0.015, kOnePiece_m = 0.01;
 constexpr double kLoosened_m = 0.05;
 constexpr double kCut_m = 0.1;  // between pieces of one thing
 constexpr double kDisagreement =
-    0.5;                   // share of directions beyond 3 σ: then the shape is not what it was thought
-constexpr int kKnown = 3;  // views that make a track known
+    0.5;  // share of directions beyond 3 σ: then the shape is not what it was thought
+constexpr double kUnlike_m = 0.05;  // likewise an outline that stays so far from what should be seen
+constexpr int kKnown = 3;           // views that make a track known
 
 /// Covariance that one own step adds to the place of something at `arm_m` from the robot (odom axes).
 Eigen::Matrix2d stepNoise(const OwnMotion& own, const Eigen::Vector2d& arm_m) {
@@ -51,18 +47,10 @@ Polygon silhouette(const TrackState& track, const View& view, const Pose2& base_
   return outline::intersectHalfPlanes(planes, 100.0);
 }
 
-/// Share of the way that `track`, driving when it was last seen, may have gone since, at which there stands
-/// now what has its shape; infinity where that has another, or `track` stood.
-double wayOn(const TrackState& track, const PrismFilter& seen) {
-  if (track.published || track.last_speed_mps < kDriving_mps) return INFINITY;
-  const auto alike = [](double a, double b, double sigma) { return std::abs(a - b) < kAlikeSigmas * sigma; };
-  const double radius_sigma = std::hypot(track.filter.radiusSigma(), seen.radiusSigma());
-  const double height_sigma = std::hypot(track.filter.heightSigma(), seen.heightSigma());
-  if (!alike(track.filter.radius(), seen.radius(), radius_sigma + kAlike_m) ||
-      !alike(track.filter.height(), seen.height(), height_sigma + kAlike_m))
-    return INFINITY;
-  const double most_m = kFaster * track.last_speed_mps * track.unseen_s + kMost_m;
-  return (track.last_seen_m - seen.position()).norm() / most_m;
+/// How far outside of the footprint a point of odom lies, metres.
+double beyond(const PrismFilter& filter, const Eigen::Vector2d& point) {
+  const Eigen::Vector2d away = point - filter.position();
+  return away.norm() - filter.reach(std::atan2(away.y(), away.x()));
 }
 
 /// What stood until now does so no more: its contact side has gone on as one piece. A filter that holds it to
@@ -105,6 +93,7 @@ TrackerOptions TrackerOptions::read(const options::Section& section) {
 }
 
 void Tracker::predict(const OwnMotion& own, bool continuous) {
+  if (!continuous) given_up_.forget();
   for (TrackState& track : tracks_) {
     const Eigen::Vector2d arm = track.filter.position() - own.odomFromBase().translation();
     track.filter.predict(own.step_s(), track.moving, track.blob >= 0, stepNoise(own, arm));
@@ -151,9 +140,13 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
                  dearest = options_.gate_m + 3.0 * kMostSigma_m;
     for (std::size_t b = 0; b < views_.size(); ++b) {
       const double distance = outlineDistance(views_[b], tracks_[t].filter);
+      const Eigen::Vector2d contact = own.odomFromBase() * local_map.objects[b].contact_m;
+      // What touches the floor far before it is somebody else, who may hide it.
+      const bool hides =
+          contact.allFinite() && beyond(tracks_[t].filter, contact) > options_.gate_m + 2.0 * sigma;
       // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
       cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
-          distance < gate ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
+          distance < gate && !hides ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
     }
   }
   assignBlobs();
@@ -222,38 +215,49 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
   fitted.update(view);
   if (object.truncated && isPieceOfKnown(fitted)) return;
   int t = lostAt(fitted, view);
-  if (t < 0) {
+  const bool found = t >= 0;
+  if (!found) {
     t = static_cast<int>(tracks_.size());
-    addTrack(filter, view.time_ns, givenUpAt(fitted));
+    addTrack(fitted, view.time_ns);
+    tracks_.back().filter = filter;
     tracks_.back().moving = true;
   }
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
   track.blob = static_cast<int>(b);
   track.clean = whole && !object.truncated;
-  track.whole = track.whole || whole;
   owners_[b].push_back(t);
+  if (found && whole) {
+    seeAlone(track, view, object, own);
+    return;
+  }
+  track.whole = track.whole || whole;
   see(track, view, object);
 }
 
-/// The track beside which something was given up there; −1: none.
-int Tracker::givenUpAt(const PrismFilter& filter) const {
-  const auto beside = std::find_if(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
-    return track.companion && (track.companion->place_m - filter.position()).norm() < options_.gate_m;
-  });
-  return beside == tracks_.end() ? -1 : static_cast<int>(beside - tracks_.begin());
+/// Who publishes a place there keeps the id he had, what was given up there not long ago goes on.
+void Tracker::addTrack(const PrismFilter& filter, TimeNs now_ns) {
+  if (const auto id = idOfPeerAt(filter.position())) {
+    tracks_.emplace_back(*id, filter);
+    return;
+  }
+  const auto before = given_up_.take(filter, options_.gate_m, now_ns, options_.keep_hidden_s);
+  tracks_.emplace_back(before ? before->id : next_id_++, filter);
+  if (!before) return;
+  tracks_.back().evidence = before->evidence;
+  tracks_.back().kind = before->kind;
+  tracks_.back().kind_probability = before->kind_probability;
 }
 
-/// What was given up beside `owner` (−1: nobody) not long ago goes on.
-void Tracker::addTrack(const PrismFilter& filter, TimeNs now_ns, int owner) {
-  std::optional<TrackState::Companion> companion;
-  if (owner >= 0) std::swap(companion, tracks_[static_cast<std::size_t>(owner)].companion);
-  const bool goes_on =
-      companion && static_cast<double>(now_ns - companion->given_up_ns) < 1e9 * options_.keep_s;
-  tracks_.emplace_back(goes_on ? companion->id : next_id_++, filter);
-  if (!goes_on) return;
-  tracks_.back().evidence = companion->evidence;
-  tracks_.back().kind = companion->kind;
-  tracks_.back().kind_probability = companion->kind_probability;
+std::optional<std::uint32_t> Tracker::idOfPeerAt(const Eigen::Vector2d& place_m) const {
+  for (const KnownPeer& peer : known_peers_) {
+    if (!peer.known || peer.id == 0 || isFollowed(peer.id)) continue;
+    if ((peer.centre_m - place_m).norm() < kPeerGate_m + 2.0 * peer.sigma_m) return peer.id;
+  }
+  return std::nullopt;
+}
+
+bool Tracker::isFollowed(std::uint32_t id) const {
+  return std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) { return track.id == id; });
 }
 
 /// What the edge of the view, or the own hull, cuts off from something that is seen beside it, and has never
@@ -276,7 +280,10 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
     // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
     const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
-    const double distance = std::min({apart, unlike, wayOn(track, filter)});
+    const double way = track.published ? INFINITY
+                                       : wayOn(track.filter, track.last_seen_m, track.last_speed_mps,
+                                               track.unseen_s, filter);
+    const double distance = std::min({apart, unlike, way});
     if (distance >= least) continue;
     least = distance;
     nearest = static_cast<int>(t);
@@ -285,9 +292,17 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
 }
 
 void Tracker::followPeers(const std::vector<Peer>& peers) {
+  known_peers_.resize(peers.size());
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    known_peers_[i].known = peers[i].known;
+    known_peers_[i].centre_m = peers[i].centre_m;
+    known_peers_[i].sigma_m = std::sqrt(0.5 * peers[i].covariance.trace());
+  }
   for (TrackState& track : tracks_) {
     track.published.reset();
     if (track.identity < 0) continue;
+    if (track.kind == ObjectKind::kRobot)
+      known_peers_[static_cast<std::size_t>(track.identity)].id = track.id;
     const Peer& peer = peers[static_cast<std::size_t>(track.identity)];
     if (!peer.known) continue;
     const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
@@ -302,7 +317,8 @@ void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservat
   PrismFilter tried = track.filter;
   const double disagreement = tried.update(view);
   // What it was taken for so far was several things, or part of one: it is seen alone for the first time.
-  const bool other_shape = track.clean && disagreement > kDisagreement;
+  const bool other_shape =
+      track.clean && (disagreement > kDisagreement || outlineDistance(view, tried) > kUnlike_m);
   if (other_shape && track.whole && track.evidence.motion > 0.0) {
     track.filter
         .forgetShape();  // it drives, and has turned; or something else is here: its motion will tell again
@@ -331,10 +347,13 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
   const bool several =
       !track.whole && object.solidity < options_.merged_solidity &&
       track.filter.radius() > options_.composite_m;  // the middle of them is no thing's place
-  track.located = disagreement < kDisagreement && !several &&
+  // Of what stands behind others in one blob a far edge alone tells no place, however long it is looked at.
+  const bool behind = owners_[static_cast<std::size_t>(track.blob)].size() > 1;
+  const bool told = track.located || track.published || !behind || showsContact(view);
+  track.located = disagreement < kDisagreement && !several && told &&
                   track.positionSigma() <= (track.located ? options_.lose_sigma_m : options_.locate_sigma_m);
   track.last_seen_m = track.filter.position();
-  track.last_speed_mps = track.filter.velocity().norm();
+  if (track.clean || track.evidence.shape_views == 0) track.last_speed_mps = track.filter.velocity().norm();
   track.seen_ns = view.time_ns;
   track.unseen_s = 0.0;
   track.hidden = false;
@@ -359,6 +378,10 @@ void Tracker::end() {
   // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.
   std::vector<int> moved(tracks_.size(), -1);
   int kept = 0;
+  for (const TrackState& track : tracks_) {
+    if (lost(track) && !track.dissolved && (track.whole || track.located) && track.views > 0)
+      given_up_.add(track);
+  }
   for (std::size_t t = 0; t < tracks_.size(); ++t) moved[t] = lost(tracks_[t]) ? -1 : kept++;
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), lost), tracks_.end());
   for (std::vector<int>& owners : owners_) {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "tracking/given_up.h"
 #include "tracking/outline_split.h"
 #include "tracking/own_motion.h"
 #include "tracking/peers.h"
@@ -64,7 +65,9 @@ class Tracker {
   void updateMerged(const ObjectObservation& object, std::size_t blob);
   void dissolveOverlaps(std::size_t blob);
   void updateRest(const ObjectObservation& object, std::size_t blob, int vague, int alien);
-  void addTrack(const PrismFilter& filter, TimeNs now_ns, int owner);
+  void addTrack(const PrismFilter& filter, TimeNs now_ns);
+  std::optional<std::uint32_t> idOfPeerAt(const Eigen::Vector2d& place_m) const;
+  bool isFollowed(std::uint32_t id) const;
   PrismFilter freshRest() const;
   PrismFilter fresh(const ObjectObservation& object, const View& view, const OwnMotion& own) const;
   void start(const ObjectObservation& object, std::size_t blob, const View& view, const OwnMotion& own,
@@ -72,7 +75,6 @@ class Tracker {
   void seeAlone(TrackState& track, const View& view, const ObjectObservation& object, const OwnMotion& own);
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
-  int givenUpAt(const PrismFilter& filter) const;
   bool isPieceOfKnown(const PrismFilter& piece) const;
   int lostAt(const PrismFilter& filter, const View& view) const;
   bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
@@ -81,6 +83,15 @@ class Tracker {
 
   TrackerOptions options_;
   std::vector<TrackState> tracks_;
+  GivenUp given_up_;
+  /// Where each peer says it is, and the id that it had; 0: none yet.
+  struct KnownPeer {
+    std::uint32_t id = 0;
+    bool known = false;
+    Eigen::Vector2d centre_m;  ///< odom
+    double sigma_m;
+  };
+  std::vector<KnownPeer> known_peers_;
   std::uint32_t next_id_ = 1;
   std::vector<View> views_;               ///< of this frame's blobs
   std::vector<std::vector<int>> owners_;  ///< tracks in each blob

@@ -318,5 +318,22 @@ TEST_F(TwoInOne, AMergedBlobIsStillNearItsMembers) {
   EXPECT_FALSE(isSwallowed(both(), knownAt({1.0, 1.0}, 0.2), 0.02));
 }
 
+/// A thing far behind makes one corner that supports half of the directions; it is known to σ of its own.
+TEST_F(TwoInOne, WhatIsFarBehindOutweighsNobodysNearSide) {
+  View view = seen(circlePolygon(near_, 0.15, 96), 0.3, {});
+  const Eigen::Vector2d corner(6.0, 1.5);
+  int pulled = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    const double b = corner.dot(Eigen::Vector2d(std::cos(view.angle(k)), std::sin(view.angle(k))));
+    if (view.supports.b_m[k] < -0.3) view.supports.sigma_m[k] = -1.0F;  // most of its foot is hidden
+    if (b <= view.supports.b_m[k]) continue;
+    view.supports.b_m[k] = static_cast<float>(b);
+    view.supports.sigma_m[k] = 0.2F;
+    ++pulled;
+  }
+  EXPECT_GT(2 * pulled, usableDirections(view));
+  EXPECT_LT(outlineDistance(view, knownAt(near_, 0.3)), 0.01);
+}
+
 }  // namespace
 }  // namespace omnifleet::tracking

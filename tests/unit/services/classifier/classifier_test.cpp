@@ -155,6 +155,21 @@ TEST(Classifier, KeepsIdsThroughTwoSecondsOfLoss) {
   EXPECT_EQ(score.obstacles_as_robots, 0);
 }
 
+/// Who publishes where it is remains who it was, wherever it drove unseen and however long.
+TEST(Classifier, KeepsIdsOfRobotsThatPublish) {
+  Scenario scenario{"robots lost for 7 s", 110, apart};
+  scenario.drive = [](Scene& scene, int frame, std::mt19937&) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      scene.bodies[i].v_mps = frame >= 25 && frame < 85 ? 0.15 : 0.0;
+      scene.bodies[i].w_radps = 0.1;
+    }
+  };
+  scenario.lost = [](std::size_t body, int frame) { return frame >= 20 && frame < 90 && body < 3; };
+  const Score score = runAll(scenario);
+  EXPECT_EQ(score.switches, 0);
+  EXPECT_GT(score.robots_right, 0);
+}
+
 /// What stands is where it was, however long nobody saw it.
 TEST(Classifier, KeepsIdsOfWhatStandsThroughTenSecondsOfLoss) {
   Scenario scenario{"obstacles lost for 10 s", 140, apart};
