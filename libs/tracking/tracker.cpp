@@ -139,14 +139,14 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
     const double gate = (tracks_[t].published ? kPeerGate_m : options_.gate_m) + 2.0 * sigma,
                  dearest = options_.gate_m + 3.0 * kMostSigma_m;
     for (std::size_t b = 0; b < views_.size(); ++b) {
-      const double distance = outlineDistance(views_[b], tracks_[t].filter);
-      const Eigen::Vector2d contact = own.odomFromBase() * local_map.objects[b].contact_m;
+      double& cost = cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b));
+      cost = std::numeric_limits<double>::infinity();
       // What touches the floor far before it is somebody else, who may hide it.
-      const bool hides =
-          contact.allFinite() && beyond(tracks_[t].filter, contact) > options_.gate_m + 2.0 * sigma;
+      const Eigen::Vector2d contact = own.odomFromBase() * local_map.objects[b].contact_m;
+      if (contact.allFinite() && beyond(tracks_[t].filter, contact) > options_.gate_m + 2.0 * sigma) continue;
+      const double distance = outlineDistance(views_[b], tracks_[t].filter);
       // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
-      cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b)) =
-          distance < gate && !hides ? (distance + sigma) / dearest : std::numeric_limits<double>::infinity();
+      if (distance < gate) cost = (distance + sigma) / dearest;
     }
   }
   assignBlobs();
