@@ -16,8 +16,9 @@ constexpr double kAlien_m = 0.04;       // an outline this far outside of the ex
 constexpr double kExplained_m = 0.02;   // a blob whose outline is as expected hides things but is cut by none
 constexpr double kMostLeeway_m = 0.10;
 constexpr double kPeerTracked_m =
-    0.25;                          // a track this near to a peer's place is that peer, or stands in its way
-constexpr double kBehind_m = 0.4;  // how well the far edge alone tells where something hidden stands
+    0.25;  // a track this near to a peer's place is that peer, or stands in its way
+constexpr double kPeerAside_m = 0.08;  // a track this far from it may be that peer and more
+constexpr double kBehind_m = 0.4;      // how well the far edge alone tells where something hidden stands
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
 constexpr double kAstraySigmas = 3.0;
@@ -46,6 +47,18 @@ bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
   return track.whole && apart < gate_m &&
          (track.kind == ObjectKind::kRobot ||
           std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
+}
+
+/// Something touches the floor clearly before `body` at the peer's place: the blob is not the peer alone.
+bool hasMoreBefore(const View& view, const Peer& peer, double sigma_m) {
+  int before = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    if (!view.usable(k)) continue;
+    const double predicted = peer.body.predictedSupport(view, k, peer.centre_m, peer.heading_rad);
+    const double margin_m = kAlien_m + 3.0 * view.supports.sigma_m[k] + 2.0 * sigma_m;
+    before += predicted < 0.0 && view.supports.b_m[k] - predicted > margin_m ? 1 : 0;
+  }
+  return before >= 2 * kFewestDirections;
 }
 
 /// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and
@@ -84,10 +97,11 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
     track.hidden = true;
     if (isLaser(views_[b])) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
-    const bool explained =
-        whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
-          return outlineDistance(views_[b], tracks_[static_cast<std::size_t>(owner)].filter) < kExplained_m;
-        });
+    const bool explained = whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
+                             const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
+                             return outlineDistance(views_[b], filter) < kExplained_m &&
+                                    alienDirections(views_[b], filter, kAlien_m) < kFewestDirections;
+                           });
     if (explained) return;
     track.blob = static_cast<int>(b);
     owners_[b].push_back(t);
@@ -101,7 +115,10 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
     if (!peer.known) continue;
     const double sigma = std::sqrt(0.5 * peer.covariance.trace());
     const bool tracked = std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
-      return isPeer(track, peer, kPeerTracked_m + 2.0 * sigma);
+      if (!isPeer(track, peer, kPeerTracked_m + 2.0 * sigma)) return false;
+      if (track.blob < 0 || owners_[static_cast<std::size_t>(track.blob)].size() > 1) return true;
+      const bool aside = (track.filter.position() - peer.centre_m).norm() > kPeerAside_m + 2.0 * sigma;
+      return !aside || !hasMoreBefore(views_[static_cast<std::size_t>(track.blob)], peer, sigma);
     });
     for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
       if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;

@@ -125,6 +125,17 @@ TEST(PushedBox, IsSeenAnewWhereItsBlobWasTwo) {
   EXPECT_LE(score.switches, 1);
 }
 
+/// Pushed before anybody has seen them apart: one blob, whose middle is not far from where the pusher says
+/// that it is. From the first pose of the pusher on they are two. Seed 3: a blob is explained by one of them
+/// only where nothing stands out of it.
+TEST(PushedBox, IsNotItsPusherFromTheFirstPoseOn) {
+  for (const unsigned seed : {3U, 17U}) {
+    const Score score = runOne("pushed", seed);
+    EXPECT_EQ(score.robots.wrong, 0) << "seed " << seed;
+    EXPECT_EQ(score.switches, 0) << "seed " << seed;
+  }
+}
+
 /// Behind a robot, before things that stand behind: what is left of the blob's outline is theirs. Seed 5:
 /// hidden for a while before, it may have gone anywhere. 21: the robot keeps its id too. 23: a sliver of it
 /// is seen at a time. 29: one corner far behind supports half of the directions.
