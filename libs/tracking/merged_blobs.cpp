@@ -17,7 +17,8 @@ constexpr double kExplained_m = 0.02;   // a blob whose outline is as expected h
 constexpr double kMostLeeway_m = 0.10;
 constexpr double kPeerTracked_m =
     0.25;  // a track this near to a peer's place is that peer, or stands in its way
-constexpr double kPeerAside_m = 0.08;  // a track this far from it may be that peer and more
+constexpr double kPeerAside_m = 0.08;  // a track this far from it may be that peer and more …
+constexpr double kPeerWidth_m = 0.02;  // … or one that differs by this
 constexpr double kBehind_m = 0.4;      // how well the far edge alone tells where something hidden stands
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
@@ -59,6 +60,14 @@ bool hasMoreBefore(const View& view, const Peer& peer, double sigma_m) {
     before += predicted < 0.0 && view.supports.b_m[k] - predicted > margin_m ? 1 : 0;
   }
   return before >= 2 * kFewestDirections;
+}
+
+/// It is neither where the peer says it is, nor known to be as wide as it.
+bool isMoreThan(const TrackState& track, const Peer& peer, double sigma_m) {
+  const double wider_m = std::abs(track.filter.radius() - peer.body.meanRadius());
+  if (track.kind == ObjectKind::kRobot && wider_m < kPeerWidth_m) return false;
+  const double apart_m = (track.filter.position() - peer.centre_m).norm();
+  return apart_m > kPeerAside_m + 2.0 * sigma_m || wider_m > kPeerWidth_m + 2.0 * track.filter.radiusSigma();
 }
 
 /// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and
@@ -117,8 +126,8 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
     const bool tracked = std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
       if (!isPeer(track, peer, kPeerTracked_m + 2.0 * sigma)) return false;
       if (track.blob < 0 || owners_[static_cast<std::size_t>(track.blob)].size() > 1) return true;
-      const bool aside = (track.filter.position() - peer.centre_m).norm() > kPeerAside_m + 2.0 * sigma;
-      return !aside || !hasMoreBefore(views_[static_cast<std::size_t>(track.blob)], peer, sigma);
+      return !isMoreThan(track, peer, sigma) ||
+             !hasMoreBefore(views_[static_cast<std::size_t>(track.blob)], peer, sigma);
     });
     for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
       if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
@@ -233,7 +242,6 @@ void Tracker::dissolveOverlaps(std::size_t b) {
       if (one.views <= other.views || one.dissolved || other.dissolved || !one.whole || !other.whole)
         continue;
       if (!overlap(one.filter, other.filter)) continue;
-      given_up_.add(other);
       other.dissolve();
     }
   }

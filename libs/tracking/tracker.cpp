@@ -379,8 +379,7 @@ void Tracker::end() {
   std::vector<int> moved(tracks_.size(), -1);
   int kept = 0;
   for (const TrackState& track : tracks_) {
-    if (lost(track) && !track.dissolved && (track.whole || track.located) && track.views > 0)
-      given_up_.add(track);
+    if (lost(track) && (track.whole || track.located) && track.views > 0) given_up_.add(track);
   }
   for (std::size_t t = 0; t < tracks_.size(); ++t) moved[t] = lost(tracks_[t]) ? -1 : kept++;
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), lost), tracks_.end());
