@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "geometry/wide.h"
+#include "ground/parting.h"
 
 namespace omnifleet::ground {
 
@@ -23,8 +24,6 @@ constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
-constexpr float kTwoKinds = 0.8f;    // share of a region's variance of brightness that parting it in two
-                                     // explains, from which it is of two kinds (a Gaussian: 0.64)
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: shadows get deep in more
@@ -71,32 +70,6 @@ OMNIFLEET_WIDE void keepCore(const Blob& blob, cv::Mat1b& marks) {
 int nextMark(const std::uint8_t* row, int begin, int end, std::uint8_t mark) {
   const void* found = std::memchr(row + begin, mark, static_cast<std::size_t>(end - begin));
   return found == nullptr ? end : static_cast<int>(static_cast<const std::uint8_t*>(found) - row);
-}
-
-/// Where looks below 1.0 of the floor's light part best in two kinds (Otsu 1979); kFloorLook where they are
-/// one.
-Look partingOf(const std::array<int, 256>& pixels) {
-  constexpr int kFirst = kColourLook + 1, kEnd = kFirst + 100;
-  double n = 0.0, sum = 0.0, squares = 0.0;
-  for (int i = kFirst; i < kEnd; ++i) {
-    n += pixels[i];
-    sum += static_cast<double>(i) * pixels[i];
-    squares += static_cast<double>(i) * i * pixels[i];
-  }
-  const double variance = squares - sum * sum / std::max(1.0, n);
-  double below = 0.0, sum_below = 0.0, best = kTwoKinds * variance;
-  Look parting = kFloorLook;
-  for (int i = kFirst; i + 1 < kEnd; ++i) {
-    below += pixels[i];
-    sum_below += static_cast<double>(i) * pixels[i];
-    if (below <= 0.0 || below >= n) continue;
-    const double apart = sum_below / below - (sum - sum_below) / (n - below);
-    const double between = below * (n - below) / n * apart * apart;
-    if (between <= best) continue;
-    best = between;
-    parting = static_cast<Look>(i + 1);
-  }
-  return parting;
 }
 
 const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
