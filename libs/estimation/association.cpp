@@ -134,11 +134,13 @@ void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& s
     link.track = s.track->id;
     if (s.peer != nullptr) {
       link.object = s.peer_at.pose;
+      link.size = fleet.size(*s.peer);
       auto cost = std::make_unique<PeerViewFactor>(s.view, s.peer->body, s.peer_at.offset, directions);
       fleet.addViewFactor(observer, std::move(link), std::move(cost));
     } else if (s.landmark != 0) {
       Landmark& landmark = fleet.landmarks.at(s.landmark);
       link.object = landmark.variable;
+      link.size = landmark.size;
       link.landmark = landmark.id;
       auto cost = std::make_unique<LandmarkViewFactor>(s.view, landmark.shape, directions);
       fleet.addViewFactor(observer, std::move(link), std::move(cost));

@@ -143,12 +143,16 @@ void FleetEstimator::Impl::condense() {
     kept.push_back(robot.wheels);
     if (robot.detector != 0) kept.push_back(robot.detector);
     if (robot.camera != 0) kept.push_back(robot.camera);
+    if (robot.size != 0) kept.push_back(robot.size);
     if (!robot.located()) continue;
     kept.push_back(robot.window.back().pose);
     if (robot.window.back().keyframe) continue;
     for (const ViewLink& link : robot.window.back().views) without.push_back(link.factor);
   }
-  for (const auto& [id, landmark] : fleet.landmarks) kept.push_back(landmark.variable);
+  for (const auto& [id, landmark] : fleet.landmarks) {
+    kept.push_back(landmark.variable);
+    kept.push_back(landmark.size);
+  }
   for (const auto& [name, point] : fleet.points) kept.push_back(point.variable);
   fleet.graph.condense(kept, without);
 }
@@ -285,7 +289,7 @@ void FleetEstimator::Impl::reweight(RobotNode& robot, Step& step) {
     if (!fleet.graph.hasFactor(link.factor)) continue;
     link.view->assume(fleet.cameraError(robot));
     const double* values[] = {fleet.graph.value(link.observer).data(), fleet.graph.value(link.object).data(),
-                              fleet.graph.value(link.camera).data()};
+                              fleet.graph.value(link.camera).data(), fleet.graph.value(link.size).data()};
     link.rms_m = link.cost->reweight(values);
   }
 }

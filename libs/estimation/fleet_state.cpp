@@ -14,9 +14,11 @@ namespace omnifleet::estimation {
 namespace {
 constexpr double kSecond_ns = 1e9;
 constexpr double kTurnSigma_rad = 0.2;           // of a landmark's frame: free, but held where it is round
+constexpr double kSizeSigma = 0.1;               // 1, of a landmark's size: as free
 constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
 constexpr int kMovedAfter = 5;                   // misfits in a row after which a landmark has moved away
 constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
+const Eigen::VectorXd kWhole = Eigen::VectorXd::Ones(1);  // a size that is as it was said to be
 }  // namespace
 
 Pose2 fractionOf(const Pose2& motion, double fraction) {
@@ -95,6 +97,13 @@ VariableId FleetState::camera(RobotNode& robot) {
   robot.camera = graph.addVariable(CameraError::Zero());
   graph.addFactor(priorFactor(CameraError::Zero(), options.camera.sigma()), {robot.camera});
   return robot.camera;
+}
+
+VariableId FleetState::size(RobotNode& robot) {
+  if (robot.size != 0) return robot.size;
+  robot.size = graph.addVariable(kWhole);
+  graph.addFactor(priorFactor(kWhole, Eigen::VectorXd::Constant(1, options.body_sigma)), {robot.size});
+  return robot.size;
 }
 
 CameraError FleetState::cameraError(const RobotNode& robot) const {
@@ -278,11 +287,13 @@ Landmark& FleetState::addLandmark(const Eigen::Vector2d& anchor_m, double height
   graph.addFactor(std::make_unique<DensePrior>(s, Eigen::VectorXd::Zero(2),
                                                std::vector<Eigen::VectorXd>{graph.value(landmark.variable)}),
                   {landmark.variable});
+  landmark.size = graph.addVariable(kWhole);
+  graph.addFactor(priorFactor(kWhole, Eigen::VectorXd::Constant(1, kSizeSigma)), {landmark.size});
   return landmarks.emplace(landmark.id, std::move(landmark)).first->second;
 }
 
 void FleetState::removeLandmark(std::uint32_t id) {
-  const VariableId variable = landmarks.at(id).variable;
+  const VariableId variable = landmarks.at(id).variable, size = landmarks.at(id).size;
   for (RobotNode& robot : robots) {
     for (Step& step : robot.window) {
       const auto of_it = [&](const ViewLink& link) { return link.landmark == id; };
@@ -295,7 +306,7 @@ void FleetState::removeLandmark(std::uint32_t id) {
       at = at->second.landmark == id ? robot.object_of_track.erase(at) : std::next(at);
     }
   }
-  graph.marginalise({variable});
+  graph.marginalise({variable, size});
   landmarks.erase(id);
 }
 
@@ -371,7 +382,7 @@ Eigen::Vector2d FleetState::centre(const Landmark& landmark) const {
 void FleetState::addViewFactor(RobotNode& observer, ViewLink link, std::unique_ptr<PrismFactor> cost) {
   link.cost = cost.get();
   link.camera = camera(observer);
-  link.factor = graph.addFactor(std::move(cost), {link.observer, link.object, link.camera});
+  link.factor = graph.addFactor(std::move(cost), {link.observer, link.object, link.camera, link.size});
   observer.window.back().views.push_back(std::move(link));
 }
 
@@ -403,7 +414,7 @@ void FleetState::loosen(RobotNode& robot, const Eigen::Matrix3d& covariance) {
 }
 
 void FleetState::updateShapes() {
-  for (auto& [id, landmark] : landmarks) landmark.shape->begin();
+  for (auto& [id, landmark] : landmarks) landmark.shape->begin(size(landmark));
   for (const RobotNode& robot : robots) {
     for (const Step& step : robot.window) {
       if (!step.keyframe) continue;
@@ -423,7 +434,7 @@ void FleetState::freezeViews(const Step& step) {
     if (link.landmark == 0) continue;
     Landmark& landmark = landmarks.at(link.landmark);
     landmark.shape->freeze(*link.view, mapFromLandmark(landmark).inverse() * pose(step.pose),
-                           height(landmark));
+                           height(landmark), size(landmark));
   }
 }
 

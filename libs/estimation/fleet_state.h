@@ -22,7 +22,7 @@ namespace omnifleet::estimation {
 struct ViewLink {
   FactorId factor = kNoFactor;
   PrismFactor* cost = nullptr;  ///< owned by the graph
-  VariableId observer = 0, object = 0, camera = 0;
+  VariableId observer = 0, object = 0, camera = 0, size = 0;
   std::shared_ptr<View> view;
   std::uint32_t landmark = 0;  ///< 0: a peer
   std::uint32_t track = 0;
@@ -114,6 +114,7 @@ struct RobotNode {
   VariableId wheels = 0;    ///< WheelModel
   VariableId detector = 0;  ///< DetectorModel; 0 until it has measured a range and bearing
   VariableId camera = 0;    ///< CameraError; 0 until it has seen something
+  VariableId size = 0;      ///< of its body against what it is said to be; 0 until it has been seen
   FactorId wheels_prior = kNoFactor;
   std::optional<WheelLog> log;
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
@@ -205,6 +206,8 @@ class FleetState {
   VariableId detector(RobotNode& robot);
   /// Likewise of its camera.
   VariableId camera(RobotNode& robot);
+  /// Likewise of its body's size.
+  VariableId size(RobotNode& robot);
   CameraError cameraError(const RobotNode& robot) const;
 
   /// The motion of a frame as a step without variables: wheels where valid, else constant velocity.
@@ -235,6 +238,7 @@ class FleetState {
   void forgetLandmarks();
   Pose2 mapFromLandmark(const Landmark& landmark) const;
   double height(const Landmark& landmark) const { return graph.value(landmark.variable)(2); }
+  double size(const Landmark& landmark) const { return graph.value(landmark.size)(0); }
   /// Steiner centre of the footprint, map frame.
   Eigen::Vector2d centre(const Landmark& landmark) const;
 

@@ -11,7 +11,7 @@ void Shape::Sums::reset() {
   wq.assign(kDirections, 0.0);
 }
 
-void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double height_m,
+void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double height_m, double size,
                       const Shape* reference) {
   constexpr double kOutlier_m = 0.02;  // deviation from the present shape at which a view counts half
   if (w.empty()) reset();
@@ -34,22 +34,23 @@ void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double 
       weight /= 1.0 + std::pow((a - height_m * q - reference->support(m, height_m)) / kOutlier_m, 2);
     }
     w[at] += weight;
-    wa[at] += weight * a;
+    wa[at] += weight * a / size;
     wq[at] += weight * q;
   }
 }
 
-void Shape::freeze(const View& view, const Pose2& landmark_from_base, double height_m) {
-  frozen_.add(view, landmark_from_base, height_m, empty() ? nullptr : this);
+void Shape::freeze(const View& view, const Pose2& landmark_from_base, double height_m, double size) {
+  frozen_.add(view, landmark_from_base, height_m, size, empty() ? nullptr : this);
 }
 
-void Shape::begin() {
+void Shape::begin(double size) {
+  size_ = size;
   if (frozen_.w.empty()) frozen_.reset();
   sums_ = frozen_;
 }
 
 void Shape::add(const View& view, const Pose2& landmark_from_base, double height_m) {
-  sums_.add(view, landmark_from_base, height_m, empty() ? nullptr : this);
+  sums_.add(view, landmark_from_base, height_m, size_, empty() ? nullptr : this);
 }
 
 void Shape::finish() {
@@ -58,7 +59,7 @@ void Shape::finish() {
   weight_ = sums_.w;
   for (std::size_t m = 0; m < kDirections; ++m) {
     if (weight_[m] <= 0) continue;
-    a_[m] = sums_.wa[m] / weight_[m];
+    a_[m] = size_ * sums_.wa[m] / weight_[m];
     q_[m] = sums_.wq[m] / weight_[m];
   }
 }

@@ -17,19 +17,22 @@ namespace omnifleet::estimation {
 ///   h_P(n) = b + d − h·q,  d = n·c, q = b/H on the far side (b > 0), 0 on the contact side,
 /// so the weighted mean over views is affine too: A(n) − h·Q(n). The graph then holds that frame and h only,
 /// and stays exactly insensitive to h along directions that were always seen from the same side. The frame
-/// turns as well as moves: a shape that was made of views says nothing of where north is.
+/// turns as well as moves, and grows: a shape that was made of views says nothing of where north is, nor how
+/// large anything is. A shape of fixed size would tell every camera how high it is.
 class Shape {
  public:
   static constexpr int kDirections = SupportFunction::kDirections;
 
-  /// Adds a view for good, from its final pose.
-  void freeze(const View& view, const Pose2& landmark_from_base, double height_m);
-  /// Starts the estimate over from the frozen views; live views are added, then the means are formed.
-  void begin();
+  /// Adds a view for good, from its final pose. `size`: the landmark's.
+  void freeze(const View& view, const Pose2& landmark_from_base, double height_m, double size);
+  /// Starts the estimate over from the frozen views, at the landmark's size; live views are added, then the
+  /// means are formed.
+  void begin(double size);
   void add(const View& view, const Pose2& landmark_from_base, double height_m);
   void finish();
 
   double a(int m) const { return a_[static_cast<std::size_t>(m)]; }
+  double size() const { return size_; }
   double q(int m) const { return q_[static_cast<std::size_t>(m)]; }
   bool known(int m) const { return weight_[static_cast<std::size_t>(m)] > 0; }
   double support(int m, double height_m) const { return a(m) - height_m * q(m); }
@@ -45,9 +48,11 @@ class Shape {
   struct Sums {
     std::vector<double> w, wa, wq;
     void reset();
-    void add(const View& view, const Pose2& landmark_from_base, double height_m, const Shape* reference);
+    void add(const View& view, const Pose2& landmark_from_base, double height_m, double size,
+             const Shape* reference);
   };
-  Sums frozen_, sums_;
+  double size_ = 1.0;
+  Sums frozen_, sums_;  ///< wa by the size
   std::vector<double> a_, q_, weight_;
 };
 
@@ -55,6 +60,7 @@ class Shape {
 struct Landmark {
   std::uint32_t id = 0;
   std::uint32_t variable = 0;  ///< (x, y, h, turn): map_from_landmark and the height
+  std::uint32_t size = 0;      ///< variable: by how much the shape has grown since it was founded
   std::shared_ptr<Shape> shape = std::make_shared<Shape>();
   int views = 0, misfits = 0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of x, y, h, after the last solve

@@ -125,7 +125,7 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
     if (!farFromEverything(fleet, observer, *s.view, footprint, centre)) continue;
     Landmark& landmark = fleet.addLandmark(centre, height, sigma);
     landmark.covariance = Eigen::Vector3d(1e-4, 1e-4, sigma * sigma).asDiagonal();
-    landmark.shape->begin();
+    landmark.shape->begin(1.0);
     landmark.shape->add(*s.view, fleet.mapFromLandmark(landmark).inverse() * map_from_base, height);
     landmark.shape->finish();
     s.landmark = landmark.id;

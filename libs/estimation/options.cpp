@@ -21,6 +21,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   section.read("initial_sigma_m", o.initial_sigma_m, kPositive);
   section.read("initial_sigma_rad", o.initial_sigma_rad, kPositive);
   section.read("wheel_bias_sigma", o.wheel_bias_sigma, {1e-6, 0.5});
+  section.read("body_sigma", o.body_sigma, {1e-9, 0.5});
   section.read("window_frames", o.window_frames, {2, 500});
   section.read("solver_iterations", o.solver_iterations, {1, 100});
   section.read("keyframe_distance_m", o.keyframe_distance_m, options::kNotNegative);

@@ -9,7 +9,7 @@ namespace {
 constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
 }
 
-PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int object_size)
+PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int object_dimension)
     : view_(std::move(view)) {
   const int k = static_cast<int>(view_->b_m.size());
   const int stride = std::max(1, k / std::max(1, directions));
@@ -18,7 +18,7 @@ PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int o
   }
   root_weight_.assign(directions_.size(), 1.0);
   set_num_residuals(static_cast<int>(directions_.size()));
-  *mutable_parameter_block_sizes() = {3, object_size, kCameraErrors};
+  *mutable_parameter_block_sizes() = {3, object_dimension, kCameraErrors, 1};
 }
 
 double PrismFactor::reweight(double const* const* parameters) {
@@ -45,16 +45,19 @@ double PrismFactor::reweight(double const* const* parameters) {
 bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   const Eigen::Map<const CameraError> error(parameters[2]);
   const double camera_height_m = view_->cameraHeight(error);
+  const double shrunk = 1.0 - error(1);  // the floor against the calibration's
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
     Prediction p;
     const bool known =
         root_weight_[d] > 0 &&
         predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p);
-    const double weight = known ? root_weight_[d] / view_->sigma_m[i] : 0.0;
+    const double weight = known ? root_weight_[d] / (shrunk * view_->sigma_m[i]) : 0.0;
     residuals[d] = weight * (view_->seenWithout(i, error) -
                              silhouetteFromFootprint(p.g, inverseScale(p.height_m, camera_height_m)));
-    if (jacobians != nullptr) differentiate(d, p, weight, camera_height_m, jacobians);
+    if (jacobians == nullptr) continue;
+    differentiate(d, p, weight, camera_height_m, jacobians);
+    if (jacobians[2] != nullptr) jacobians[2][kCameraErrors * d + 1] += residuals[d] / shrunk;
   }
   return true;
 }
@@ -72,6 +75,10 @@ void PrismFactor::differentiate(std::size_t row, const Prediction& p, double wei
   const double by_inverse = shadow ? weight * p.g * scale * scale : 0.0;
   if (jacobians[1] != nullptr && p.height_is_third)
     jacobians[1][objects * row + 2] -= shadow ? by_inverse / camera_height_m : 0.0;
+  if (jacobians[3] != nullptr) {
+    jacobians[3][row] = -weight * scale * p.by_size;
+    if (shadow) jacobians[3][row] -= by_inverse / camera_height_m * p.height_by_size;
+  }
   if (jacobians[2] == nullptr) return;
   const CameraError& by_error = view_->by_error[static_cast<std::size_t>(directions_[row])];
   constexpr std::size_t kErrors = kCameraErrors;
@@ -97,7 +104,9 @@ bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad
   const Eigen::Vector2d foot(cosine * view_->foot_m.x() - sine * view_->foot_m.y(),
                              sine * view_->foot_m.x() + cosine * view_->foot_m.y());
   const Eigen::Vector2d to(mark[0] - pose[0] - foot.x(), mark[1] - pose[1] - foot.y());
-  const double at_i = shape_->support(c.i, height), at_j = shape_->support(c.j, height);
+  const double size = parameters[3][0] / shape_->size();
+  const double at_i = size * shape_->a(c.i) - height * shape_->q(c.i);
+  const double at_j = size * shape_->a(c.j) - height * shape_->q(c.j);
   out.g = c.wi * at_i + c.wj * at_j + n.dot(to);
   out.by_first[0] = -n.x();
   out.by_first[1] = -n.y();
@@ -106,6 +115,7 @@ bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad
   out.by_second[1] = n.y();
   out.by_second[2] = -(c.wi * shape_->q(c.i) + c.wj * shape_->q(c.j));
   out.by_second[3] = -(c.di * at_i + c.dj * at_j);
+  out.by_size = (c.wi * shape_->a(c.i) + c.wj * shape_->a(c.j)) / shape_->size();
   out.height_m = height;
   out.height_is_third = true;
   return true;
@@ -129,14 +139,18 @@ bool PeerViewFactor::predict(double const* const* parameters, double phi_rad, Pr
   const Eigen::Vector2d to(peer[0] + shift.x() - pose[0] - foot.x(),
                            peer[1] + shift.y() - pose[1] - foot.y());
   double slope = 0.0;
-  out.g = body_->support(psi - peer[2] - offset_.theta_rad, &slope) + n.dot(to);
+  const double size = parameters[3][0];
+  out.by_size = body_->support(psi - peer[2] - offset_.theta_rad, &slope);
+  slope *= size;
+  out.g = size * out.by_size + n.dot(to);
   out.by_first[0] = -n.x();
   out.by_first[1] = -n.y();
   out.by_first[2] = slope + normal.dot(to) - n.dot(Eigen::Vector2d(-foot.y(), foot.x()));
   out.by_second[0] = n.x();
   out.by_second[1] = n.y();
   out.by_second[2] = -slope + n.dot(Eigen::Vector2d(-shift.y(), shift.x()));
-  out.height_m = body_->height();
+  out.height_m = size * body_->height();
+  out.height_by_size = body_->height();
   return true;
 }
 

@@ -11,7 +11,9 @@
 
 namespace omnifleet::estimation {
 
-/// Residuals of one silhouette, direction by direction: (b − prediction)·√w / σ. Subclasses say what g is.
+/// Residuals of one silhouette, direction by direction: (b − prediction)·√w / σ, all as the calibration puts
+/// it on the floor: on a floor that is taken for smaller, errors would be smaller and the least squares would
+/// shrink the world. Subclasses say what g is.
 /// Weights w are Cauchy's at the values last given to reweight() and fixed during a solve (iterative
 /// reweighting), so a merged or occluded part loses its vote without turning the problem non-convex.
 class PrismFactor : public ceres::CostFunction {
@@ -22,15 +24,16 @@ class PrismFactor : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  protected:
-  /// Up to `directions` of the view's usable directions, evenly thinned; the second variable's size.
-  PrismFactor(std::shared_ptr<const View> view, int directions, int object_size);
+  /// Up to `directions` of the view's usable directions, evenly thinned; the second variable's dimension.
+  PrismFactor(std::shared_ptr<const View> view, int directions, int object_dimension);
 
   /// g and its derivatives by the first two variables, and the height of what is seen. False where g is
   /// unknown.
   struct Prediction {
     double g = 0.0;
     double by_first[3] = {0, 0, 0}, by_second[4] = {0, 0, 0, 0};
-    double height_m = 0.0;
+    double by_size = 0.0;  ///< derivative of g by the fourth variable
+    double height_m = 0.0, height_by_size = 0.0;
     bool height_is_third = false;  ///< component of the second variable
   };
   virtual bool predict(double const* const* parameters, double phi_rad, Prediction& out) const = 0;
@@ -45,8 +48,8 @@ class PrismFactor : public ceres::CostFunction {
   std::vector<double> root_weight_;
 };
 
-/// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error. The shape, in the
-/// landmark's own axes, is shared with the landmark and fixed in a solve.
+/// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error, landmark's size. The shape,
+/// in the landmark's own axes, is shared with the landmark and fixed in a solve.
 class LandmarkViewFactor final : public PrismFactor {
  public:
   LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape, int directions);
@@ -59,7 +62,7 @@ class LandmarkViewFactor final : public PrismFactor {
 };
 
 /// Variables: observer's pose, peer's pose (the peer stands at pose ∘ offset when it was seen), observer's
-/// camera error.
+/// camera error, the peer's size: what its body measures, by what it is said to.
 class PeerViewFactor final : public PrismFactor {
  public:
   PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Body> body, const Pose2& offset,

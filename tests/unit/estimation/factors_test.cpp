@@ -135,23 +135,24 @@ TEST(Factors, PrismDerivativesAgreeWithDifferences) {
   const auto view = std::make_shared<const View>(viewOf(prism, seen_from, {0.03, 0.01}, 0.5));
   auto shape = std::make_shared<Shape>();
   const Pose2 landmark_from_map = Pose2{1.01, 0.38, 0.05}.inverse();
-  shape->begin();
+  shape->begin(1.0);
   shape->add(*view, landmark_from_map * seen_from, 0.2);
   shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), landmark_from_map * other, 0.2);
   shape->finish();
   CameraError camera;
   camera << 0.003, -0.006, 0.004, -0.002, 0.001;
+  const Eigen::VectorXd size = Eigen::VectorXd::Constant(1, 1.013);
   const LandmarkViewFactor mark(view, shape, 48);
   // Kinks (contact to far side, corner to corner) are not hit at this generic place.
   EXPECT_LT(derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012),
-                                   Eigen::Vector4d(1.012, 0.383, 0.21, 0.057), camera}),
+                                   Eigen::Vector4d(1.012, 0.383, 0.21, 0.057), camera, size}),
             kRounding);
   RobotBody body;
   body.footprint_m = {{-0.2, -0.1}, {0.2, -0.12}, {0.18, 0.1}, {-0.2, 0.11}};
   body.height_m = 0.2;
   const PeerViewFactor peer(view, std::make_shared<const Body>(body), Pose2{0.02, 0.01, 0.05}, 48);
-  EXPECT_LT(derivativeError(
-                peer, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.0, 0.41, 0.31), camera}),
+  EXPECT_LT(derivativeError(peer, {Eigen::Vector3d(0.105, 0.203, 0.7012), Eigen::Vector3d(1.0, 0.41, 0.31),
+                                   camera, size}),
             kRounding);
 }
 
@@ -159,7 +160,7 @@ TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
   const Pose2 map_from_landmark{1.0, 0.4, 0.3};
   auto shape = std::make_shared<Shape>();
-  shape->begin();
+  shape->begin(1.0);
   for (int i = 0; i < 12; ++i) {  // all sides, so that A and Q are no longer those of one view
     const double a = i * M_PI / 6;
     const Pose2 at{1.0 + 0.9 * std::cos(a), 0.4 + 0.9 * std::sin(a), 0.4 * i};
@@ -171,10 +172,87 @@ TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   const Eigen::Vector3d pose = fresh.vector();
   const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3);
   const CameraError camera = CameraError::Zero();
-  const double* values[] = {pose.data(), mark.data(), camera.data()};
+  const double size = 1.0;
+  const double* values[] = {pose.data(), mark.data(), camera.data(), &size};
   // Interpolated supports lie outside by up to edge/2 · tan(step/2) = 5 mm, only next to the four edge
   // normals.
   EXPECT_LT(factor.reweight(values), 0.002);
+}
+
+/// The residuals of a view of a box from 0.9 m: of a landmark, and of a robot whose body is not the box.
+Eigen::VectorXd residualsOnAFloor(double scale, bool of_robot) {
+  const Pose2 at{0.2, 1.1, -0.3}, other{1.9, 0.1, 2.0}, map_from_landmark{1.0, 0.4, 0.3};
+  const auto prism = box(1.0, 0.4, 0.3, 0.2);
+  const auto view = std::make_shared<const View>(viewOf(prism, at, {0.0, 0.0}, 0.5));
+  auto shape = std::make_shared<Shape>();
+  shape->begin(1.0);
+  shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), map_from_landmark.inverse() * other, 0.2);
+  shape->finish();
+  RobotBody body;
+  body.radius_m = 0.15;
+  body.height_m = 0.22;
+  const Eigen::Vector3d pose(scale * at.x_m, scale * at.y_m, at.theta_rad);
+  const Eigen::Vector4d mark(scale * 1.0, scale * 0.4, scale * 0.2, 0.3);
+  const Eigen::Vector3d peer(scale * 1.0, scale * 0.4, 0.3);
+  CameraError camera = CameraError::Zero();
+  camera(1) = 1.0 - scale;
+  const double* values[] = {pose.data(), of_robot ? peer.data() : mark.data(), camera.data(), &scale};
+  Eigen::VectorXd residuals(48);
+  if (of_robot) {
+    PeerViewFactor(view, std::make_shared<const Body>(body), {}, 48)
+        .Evaluate(values, residuals.data(), nullptr);
+  } else {
+    LandmarkViewFactor(view, shape, 48).Evaluate(values, residuals.data(), nullptr);
+  }
+  return residuals;
+}
+
+TEST(Factors, AViewFitsAFloorTakenForSmallerNeitherBetterNorWorse) {
+  // Nothing that is seen tells how large the world is: a camera said to be lower, and all nearer and smaller.
+  for (const bool of_robot : {false, true}) {
+    const Eigen::VectorXd whole = residualsOnAFloor(1.0, of_robot),
+                          smaller = residualsOnAFloor(0.97, of_robot);
+    EXPECT_GT(whole.norm(), 0.1) << "errors that could shrink";
+    EXPECT_LT((whole - smaller).norm(), 1e-9 * whole.norm());
+  }
+}
+
+TEST(Factors, WheelsFitAWayTakenForShorterNeitherBetterNorWorse) {
+  const Pose2 measured{0.1, 0.0, 0.0};
+  WheelJacobian by_model = WheelJacobian::Zero();
+  by_model.leftCols<2>() = arcBiasJacobian(0.1, 0.1, 0.26);
+  const auto factor = motionFactor(measured, someCovariance(), by_model);
+  const auto residual = [&](double scale) {
+    const Eigen::Vector3d from = Eigen::Vector3d::Zero(), to(scale * 0.11, scale * 0.004, 0.0);
+    const WheelModel model(scale - 1.0, scale - 1.0, 0.0, 0.0, 0.0);
+    const double* values[] = {from.data(), to.data(), model.data()};
+    Eigen::Vector3d r;
+    factor->Evaluate(values, r.data(), nullptr);
+    return r;
+  };
+  EXPECT_GT(residual(1.0).norm(), 0.1);
+  EXPECT_LT((residual(1.0) - residual(0.97)).norm(), 1e-9);
+}
+
+TEST(Factors, AShapeThatHasGrownKeepsWhatItWasMadeOf) {
+  // Frozen at 1 and formed at 1.02: all of it is larger, seen from where it was seen.
+  const auto prism = box(1.0, 0.4, 0.3, 0.2);
+  const Pose2 landmark_from_base = Pose2{1.0, 0.4, 0.0}.inverse() * Pose2{0.2, 1.1, -0.3};
+  const View view = viewOf(prism, {0.2, 1.1, -0.3}, {0.0, 0.0}, 0.5);
+  Shape shape;
+  shape.begin(1.0);
+  shape.freeze(view, landmark_from_base, 0.2, 1.0);
+  shape.begin(1.0);
+  shape.finish();
+  const double before = shape.a(10);
+  shape.begin(1.02);
+  shape.finish();
+  EXPECT_NEAR(shape.a(10), 1.02 * before, 1e-12);
+  shape.freeze(view, landmark_from_base, 0.2, 1.02);  // the same outline, of something larger than it was:
+  shape.begin(1.0);                                   // by its first size it was smaller
+  shape.finish();
+  EXPECT_LT(shape.a(10), before);
+  EXPECT_GT(shape.a(10), before / 1.02);
 }
 
 TEST(Factors, ArcsComposeAndTurnWithTheWheels) {
