@@ -25,10 +25,11 @@ class Feeder {
   /// Of the frame prepared last.
   const cv::Mat3b& image() const { return image_; }
   const Pose2& motion() const { return motion_.previous_from_current; }
-  /// All that happens before the stage itself.
+  /// All that happens before the stage itself: the frame has just been written, as by a camera's process into
+  /// shared memory, so it does not come from a recording that is larger than any cache.
   void prepare(int step) {
     if (step > 0) add(step - 1);
-    image_ = recording_.image(0, step);
+    recording_.image(0, step).copyTo(image_);
     frame_ = {recording_.time(step), static_cast<std::uint32_t>(step), FrameState::kOk, image_};
     motion_ = wheels_.motionTo(frame_.acquired_ns);
   }
