@@ -15,9 +15,7 @@
 #include <filesystem>
 
 namespace omnifleet::services {
-namespace {
 
-/// The lens must be invertible and the camera see floor, as its stage will find.
 void checkCameras(const fleet::Fleet& fleet) {
   const options::Section mapper = fleet.service("local_mapper");
   mapper.child("wheels");
@@ -34,8 +32,6 @@ void checkCameras(const fleet::Fleet& fleet) {
   }
 }
 
-}  // namespace
-
 void checkOutput(const fleet::Fleet& fleet, const std::string& out) {
   if (fleet.dataset.empty() || out.empty()) return;
   const auto recording = std::filesystem::weakly_canonical(fleet.dataset);
@@ -47,7 +43,6 @@ void checkOutput(const fleet::Fleet& fleet, const std::string& out) {
 }
 
 void checkOptions(const fleet::Fleet& fleet) {
-  checkCameras(fleet);
   const options::Section mapper = fleet.service("local_mapper");
   motion::WheelIntegrator::Options::read(mapper.child("wheels"));
   laser::Options::read(mapper.child("laser"));

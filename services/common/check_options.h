@@ -8,6 +8,9 @@ namespace omnifleet::services {
 /// that is unknown, of a wrong type or out of range, so that nothing is started with a bad one.
 void checkOptions(const fleet::Fleet& fleet);
 
+/// Throws options::Error for a camera whose lens cannot be inverted or that sees no floor, as its stage will.
+void checkCameras(const fleet::Fleet& fleet);
+
 /// Throws options::Error when the run directory is the recording or lies in it: recordings are never written
 /// to.
 void checkOutput(const fleet::Fleet& fleet, const std::string& out);

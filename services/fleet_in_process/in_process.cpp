@@ -44,6 +44,7 @@ bus::ServiceOptions optionsFor(const InProcessRun& run, const fleet::Fleet& flee
 
 bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_t)>& each_round) {
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, run.dataset, run.overlays);
+  checkOptions(fleet);
   checkOutput(fleet, run.out);
   auto log =
       std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());

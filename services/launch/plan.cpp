@@ -104,6 +104,7 @@ void checkHost(const std::string& host, const fleet::Fleet& fleet) {
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   checkHost(request.host, fleet);
   services::checkOptions(fleet);
+  services::checkCameras(fleet);
   services::checkOutput(fleet, request.out);
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
