@@ -134,12 +134,23 @@ void removeSightings(FleetState& fleet, const RobotNode& robot) {
   }
 }
 
+/// What was told, with the places that the frames of the window have by now: with what contradicts its start
+/// a robot was pulled about, and no single motion takes all that was told meanwhile to where it was.
+void moveHistory(const FleetState& fleet, RobotNode& robot, const Pose2& moved) {
+  for (PoseEstimate& told : robot.start.history) {
+    const auto step = std::find_if(robot.window.begin(), robot.window.end(),
+                                   [&](const Step& s) { return s.time_ns == told.acquired_ns; });
+    told.map_from_base = moved * (step == robot.window.end() ? told.map_from_base : fleet.pose(step->pose));
+  }
+}
+
 void placeAnew(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Eigen::Matrix3d& covariance) {
   const Step& newest = robot.window.back();
   const Pose2 place = moved * fleet.pose(newest.pose);
   Objects frame;
   frame.acquired_ns = frame.motion.since_ns = newest.time_ns;
   frame.sequence = newest.sequence;
+  moveHistory(fleet, robot, moved);
   removeSightings(fleet, robot);
   fleet.release(robot);
   fleet.place(robot, frame, place);
@@ -151,7 +162,6 @@ void placeAnew(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Ei
   start.agreed = 0;
   start.anchor = robot.window.back().pose;
   start.anchored = place;
-  for (PoseEstimate& told : start.history) told.map_from_base = moved * told.map_from_base;
   fleet.revised.insert(fleet.revised.end(), start.history.begin(), start.history.end());
 }
 

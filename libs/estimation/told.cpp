@@ -48,7 +48,7 @@ void concludeStart(FleetState& fleet, RobotNode& robot, const Step& front, bool 
   conclude(fleet, robot);
 }
 
-void revise(FleetState& fleet, const RobotNode& robot, const Step& step) {
+void revise(FleetState& fleet, RobotNode& robot, const Step& step) {
   if (!step.told) return;
   const Pose2 off = step.told->inverse() * fleet.pose(step.pose);
   if (off.translation().norm() < kRevise_m && std::abs(off.theta_rad) < kRevise_rad) return;
@@ -60,6 +60,8 @@ void revise(FleetState& fleet, const RobotNode& robot, const Step& step) {
   estimate.map_from_base = fleet.pose(step.pose);
   estimate.covariance = robot.covariance;
   estimate.camera_error = robot.camera_told;
+  for (PoseEstimate& told : robot.start.history)
+    if (told.acquired_ns == step.time_ns) told = estimate;
   fleet.revised.push_back(std::move(estimate));
 }
 
