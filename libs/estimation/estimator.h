@@ -37,7 +37,7 @@ struct EstimatorOptions {
   double initial_sigma_m = 0.005;       ///< m, of initial_pose, each axis
   double initial_sigma_rad = 0.00524;   ///< rad, of initial_pose (0.3°)
   double wheel_bias_sigma = 0.02;       ///< 1, prior of each wheel's scale error
-  double body_sigma = 0.01;             ///< 1, of how large a body is seen, against what it is said to be
+  double body_sigma = 0.005;            ///< 1, of how large a body is seen, against what it is said to be
   int window_frames = 15;               ///< frames per robot that are re-estimated
   int solver_iterations = 4;            ///< per call, fixed
   double keyframe_distance_m = 0.03;    ///< m; a frame becomes a keyframe after this travel,
