@@ -7,7 +7,7 @@ namespace omnifleet::bench {
 
 /// How well two mappers agree on one frame.
 struct Agreement {
-  int objects = 0;  ///< of ours: near, and for the most part on the naive mapper's plan
+  int objects = 0;  ///< of ours: within 2 m, and for the most part on the naive mapper's plan
   int found = 0;    ///< of these: its regions cover at least half of the object
   int regions = 0;  ///< of the naive mapper: large ones within the same distance
   int known = 0;    ///< of these: at least half lies on objects of ours

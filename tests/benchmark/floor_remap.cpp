@@ -5,7 +5,6 @@
 namespace omnifleet::bench {
 namespace {
 
-constexpr int kWidth = 1280, kHeight = 960;  // as many pixels as the frame
 constexpr double kSeedInner_m = 0.30, kSeedOuter_m = 0.45;
 const cv::Scalar kOutside(255, 0, 255);
 
@@ -16,11 +15,14 @@ bool inImage(const Eigen::Vector2d& pixel, const lens::CameraModel& model) {
 
 }  // namespace
 
-FloorRemap::FloorRemap(const lens::Camera& camera)
-    : foot_m_(camera.foot()), seen_(kHeight, kWidth, uchar(0)), seed_(kHeight, kWidth, uchar(0)) {
-  cv::Mat2f map(kHeight, kWidth, cv::Vec2f(-1.0f, -1.0f));
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+FloorRemap::FloorRemap(const lens::Camera& camera, const cv::Size& plan_px)
+    : foot_m_(camera.foot()),
+      middle_px_((plan_px.width - 1) / 2.0, (plan_px.height - 1) / 2.0),
+      seen_(plan_px, uchar(0)),
+      seed_(plan_px, uchar(0)) {
+  cv::Mat2f map(plan_px, cv::Vec2f(-1.0f, -1.0f));
+  for (int y = 0; y < map.rows; ++y) {
+    for (int x = 0; x < map.cols; ++x) {
       const Eigen::Vector2d floor = floorFromPlan({x, y});
       const auto pixel = camera.pixelFromPoint({floor.x(), floor.y(), 0.0});
       if (!pixel || !inImage(*pixel, camera.model())) continue;
@@ -39,12 +41,12 @@ void FloorRemap::apply(const cv::Mat3b& frame, cv::Mat3b& plan) const {
 
 Eigen::Vector2d FloorRemap::planFromFloor(const Eigen::Vector2d& point_m) const {
   const Eigen::Vector2d from_foot = (point_m - foot_m_) / kMetresPerPixel;
-  return {(kWidth - 1) / 2.0 - from_foot.y(), (kHeight - 1) / 2.0 - from_foot.x()};
+  return middle_px_ - Eigen::Vector2d(from_foot.y(), from_foot.x());
 }
 
 Eigen::Vector2d FloorRemap::floorFromPlan(const Eigen::Vector2d& pixel) const {
-  return foot_m_ +
-         kMetresPerPixel * Eigen::Vector2d((kHeight - 1) / 2.0 - pixel.y(), (kWidth - 1) / 2.0 - pixel.x());
+  const Eigen::Vector2d from_middle = middle_px_ - pixel;
+  return foot_m_ + kMetresPerPixel * Eigen::Vector2d(from_middle.y(), from_middle.x());
 }
 
 }  // namespace omnifleet::bench

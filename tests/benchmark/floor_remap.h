@@ -7,13 +7,13 @@
 
 namespace omnifleet::bench {
 
-/// Backward mapping of a whole frame to a plan of the floor, 1280×960 of 4 mm around the camera's foot: for
+/// Backward mapping of a whole frame to a plan of the floor, of 4 mm a pixel around the camera's foot: for
 /// every pixel of the plan a place in the frame, computed once.
 class FloorRemap {
  public:
   static constexpr double kMetresPerPixel = 0.004;
 
-  explicit FloorRemap(const lens::Camera& camera);
+  FloorRemap(const lens::Camera& camera, const cv::Size& plan_px);
 
   void apply(const cv::Mat3b& frame, cv::Mat3b& plan) const;
   /// 255 where the camera sees the floor, and within the ring around the robot that is taken for floor.
@@ -24,7 +24,7 @@ class FloorRemap {
   Eigen::Vector2d floorFromPlan(const Eigen::Vector2d& pixel) const;
 
  private:
-  Eigen::Vector2d foot_m_;
+  Eigen::Vector2d foot_m_, middle_px_;
   cv::Mat map_, map_fraction_;
   cv::Mat1b seen_, seed_;
 };

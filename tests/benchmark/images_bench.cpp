@@ -117,7 +117,7 @@ void forward(benchmark::State& state, const Recording& recording, bool by_table)
 /// The peer's most favourable form: the maps are there, fixed-point, and the image is only interpolated.
 void backward(benchmark::State& state, const Recording& recording) {
   const lens::Camera camera(recording.arena().camera(recording.robots().front() + "/fisheye").model);
-  FloorRemap remap(camera);
+  FloorRemap remap(camera, {camera.model().image_width_px, camera.model().image_height_px});
   cv::Mat3b plan;
   Samples samples(state);
   int step = 0;

@@ -14,6 +14,8 @@ constexpr double kMaxRatio = 3.0;      // of a vector's length to the median of 
 constexpr double kMaxAngle_rad = 35.0 * M_PI / 180.0;  // from the median direction, as ours
 constexpr double kStill_m = 0.01;                      // shorter vectors have no direction
 constexpr double kScanRange_m = 2.5;                   // as ours
+constexpr int kPlan_px = 2 * 640;                      // that, all around
+static_assert(kPlan_px / 2 * FloorRemap::kMetresPerPixel >= kScanRange_m);
 
 double medianOf(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -23,7 +25,7 @@ double medianOf(std::vector<double> values) {
 
 }  // namespace
 
-NaiveMapper::NaiveMapper(const lens::Camera& camera) : remap_(camera), scan_m_(kRays) {
+NaiveMapper::NaiveMapper(const lens::Camera& camera) : remap_(camera, {kPlan_px, kPlan_px}), scan_m_(kRays) {
   const double step = FloorRemap::kMetresPerPixel;
   cv::Mat2f map(kRays, static_cast<int>(kScanRange_m / step));
   const Eigen::Vector2d foot = camera.foot();

@@ -16,8 +16,8 @@ namespace omnifleet::bench {
 /// Lucas–Kanade there and back (what does not return is dropped, as in ours), own motion taken out and
 /// vectors filtered per region by direction and length, a hull for every region, and a scan: the objects'
 /// mask along 360 bearings. It finds the objects that ours finds (fairness.h counts), though less exactly: no
-/// sub-pixel outline, no supports, no points in space; objects and scan end with the plan, which has as many
-/// pixels as the frame, while ours go on.
+/// sub-pixel outline, no supports, no points in space. Its plan reaches as far as our scan does, to all
+/// sides.
 class NaiveMapper {
  public:
   static constexpr int kRays = 360;
@@ -33,8 +33,8 @@ class NaiveMapper {
   };
   /// @param previous_from_current how the robot moved, by its wheels
   const std::vector<Region>& process(const cv::Mat3b& bgr, const Pose2& previous_from_current);
-  /// Distance from the camera's foot to the first object along bearing 2πi/kRays, metres; that to the plan's
-  /// edge where there is none.
+  /// Distance from the camera's foot to the first object along bearing 2πi/kRays, metres; 2.5 where
+  /// there is none.
   const std::vector<double>& scan() const { return scan_m_; }
 
   const FloorRemap& remap() const { return remap_; }
