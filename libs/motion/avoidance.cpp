@@ -115,6 +115,31 @@ double Avoidance::freeWay(const Surroundings& around, const Eigen::Vector2d& uni
   return free_m;
 }
 
+double Avoidance::brakable(const Surroundings& around, double forward_mps, double before_mps,
+                           double step_s) const {
+  const double speed_mps = std::abs(forward_mps), braking_mps2 = options_.braking_mps2;
+  if (speed_mps < kStandsMps) return forward_mps;
+  const Eigen::Vector2d unit(forward_mps > 0.0 ? 1.0 : -1.0, 0.0);
+  const double limit_m = options_.look_ahead_m, reach_m = around.radius_m + options_.least_margin_m;
+  double free_m = limit_m;
+  for (const Eigen::Vector2d& point : around.points_m)
+    free_m = wayToDisc(unit, point, reach_m, reach_m, free_m);
+  for (const Neighbour& robot : around.robots) {
+    const double apart_m = reach_m + robot.radius_m,
+                 way_m = wayToDisc(unit, robot.position_m, apart_m, apart_m, limit_m);
+    if (way_m >= limit_m) continue;
+    const double leaves_mps = robot.velocity_mps.dot(unit);
+    const double on_m =
+        0.5 * leaves_mps * std::abs(leaves_mps) / braking_mps2 + std::min(0.0, leaves_mps) * step_s;
+    free_m = std::clamp(way_m + on_m, 0.0, free_m);
+  }
+  free_m = std::max(0.0, free_m - std::max(0.0, unit.x() * before_mps) * step_s);
+  // v · step + v² / (2 · braking) = free
+  const double step_mps = braking_mps2 * step_s;
+  return unit.x() *
+         std::min(speed_mps, std::sqrt(step_mps * step_mps + 2.0 * braking_mps2 * free_m) - step_mps);
+}
+
 Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps,
                                    double turned_rad) {
   chosen_rad_ = wrapAngle(chosen_rad_ - turned_rad);

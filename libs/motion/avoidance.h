@@ -76,6 +76,12 @@ class Avoidance {
   double freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps, double margin_m,
                  double limit_m) const;
 
+  /// Of a speed straight on (m/s; negative: back) what can still be braked before anything is nearer than the
+  /// least margin, after a step at the speed commanded before, until this one is obeyed, and a step at this
+  /// one. A robot does not yet head where steer() wants it to, and those ahead may brake as hard as it can
+  /// (the longitudinal rule of Shalev-Shwartz et al. 2017).
+  double brakable(const Surroundings& around, double forward_mps, double before_mps, double step_s) const;
+
   const Options& options() const { return options_; }
 
  private:

@@ -269,8 +269,10 @@ void Formation::drive(const Eigen::Vector2d& wanted_mps, double feed_radps, doub
                       Output& output) {
   const motion::Avoidance::Result free = avoidance_.steer(around_, wanted_mps, turned_rad_);
   output.state.avoiding = free.turned;
+  const double before_mps = commanded_.forward_mps;
   commanded_ = motion::twistTowards(free.velocity_mps, free.turned ? 0.0 : feed_radps, commanded_, dt_s_,
                                     max_turn_radps, options_.limits);
+  commanded_.forward_mps = avoidance_.brakable(around_, commanded_.forward_mps, before_mps, dt_s_);
 }
 
 }  // namespace omnifleet::formation

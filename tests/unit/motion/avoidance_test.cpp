@@ -86,6 +86,57 @@ TEST(Avoidance, RobotsDrivingAlongAreNoObstacle) {
   EXPECT_TRUE(avoidance.steer(around, {0.25, 0.0}, 0.0).turned);
 }
 
+TEST(Avoidance, OnlyWhatCanBeBrakedStraightOn) {
+  Avoidance::Options options;
+  const Avoidance avoidance(options);
+  const double step_s = 0.2;
+  Surroundings around;
+  around.radius_m = 0.15;
+  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.4, step_s), 0.4);
+  // 10 cm beyond the body and the least margin: v · 0.2 s + v² / (2 · 0.5 m/s²) = 0.1 m, standing before.
+  around.points_m = {{0.29, 0.0}};
+  const double most_mps = avoidance.brakable(around, 0.4, 0.0, step_s);
+  EXPECT_NEAR(most_mps * step_s + most_mps * most_mps, 0.1, 1e-9);
+  EXPECT_LT(avoidance.brakable(around, 0.4, 0.2, step_s), most_mps);
+  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.6, step_s), 0.0);
+  EXPECT_EQ(avoidance.brakable(around, -0.2, 0.0, step_s), -0.2) << "away from it";
+  around.points_m = {{-0.29, 0.0}};
+  EXPECT_NEAR(avoidance.brakable(around, -0.4, 0.0, step_s), -most_mps, 1e-9);
+  around.points_m = {{0.29, 0.2}};
+  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.4, step_s), 0.4) << "past it";
+}
+
+/// One behind the other, each command obeyed a step late: whatever the one ahead does that it can, the least
+/// margin is kept.
+TEST(Avoidance, WhoBrakesAheadIsNotTouched) {
+  Avoidance::Options options;
+  options.look_ahead_m = 2.0;
+  const Avoidance avoidance(options);
+  const double step_s = 0.2, wanted_mps = 0.4, apart_m = 0.3 + options.least_margin_m;
+  for (const double brakes_from_m : {0.0, 0.5, 1.3}) {
+    Surroundings around;
+    around.radius_m = 0.15;
+    double ahead_m = apart_m + 0.1, ahead_mps = 0.0, here_m = 0.0, speed_mps = 0.0, least_m = ahead_m;
+    bool brakes = false;
+    for (int i = 0; i < 60; ++i) {
+      around.robots = {{{ahead_m - here_m, 0.0}, {ahead_mps, 0.0}, 0.15}};
+      // Nobody reverses at once: that fast it changes.
+      const double command_mps =
+          std::max(speed_mps - 0.6 * step_s, avoidance.brakable(around, wanted_mps, speed_mps, step_s));
+      brakes = brakes || ahead_m > apart_m + 0.1 + brakes_from_m;
+      const double next_mps = brakes ? std::max(0.0, ahead_mps - options.braking_mps2 * step_s)
+                                     : std::min(wanted_mps, ahead_mps + 0.6 * step_s);
+      ahead_m += 0.5 * (ahead_mps + next_mps) * step_s;
+      ahead_mps = next_mps;
+      here_m += speed_mps * step_s;
+      speed_mps = command_mps;
+      least_m = std::min(least_m, ahead_m - here_m);
+    }
+    EXPECT_GE(least_m, apart_m - 1e-9) << brakes_from_m;
+    EXPECT_LT(ahead_m - here_m, apart_m + 0.05) << "nor does it stay behind";
+  }
+}
+
 TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
   Objects objects;
   objects.scan.origin_m = {0.1, 0.0};
