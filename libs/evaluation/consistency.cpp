@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "evaluation/trajectory_metrics.h"
+#include "geometry/twist.h"
 
 namespace omnifleet::evaluation {
 namespace {
@@ -14,6 +15,7 @@ constexpr double kInside = 7.815;  // χ² with 3 degrees of freedom, 95 %
 constexpr double kNormal = 1.96;   // two-sided 95 %
 
 struct Sample {
+  TimeNs time_ns = 0;
   Pose2 exact, estimate;
   Eigen::LLT<Eigen::Matrix3d> root;  ///< of the covariance
   std::uint32_t datum = 0;
@@ -27,6 +29,7 @@ std::vector<Sample> samplesOf(const ToldPath& path) {
     Sample sample;
     if (at == path.covariances.end() || at->time_ns != pose.time_ns) continue;
     if (!poseAt(path.truth, pose.time_ns, path.max_gap_ns, sample.exact)) continue;
+    sample.time_ns = pose.time_ns;
     sample.estimate = pose.map_from_base;
     sample.root.compute(at->covariance);
     sample.datum = at->datum;
@@ -35,9 +38,8 @@ std::vector<Sample> samplesOf(const ToldPath& path) {
   return samples;
 }
 
-/// In base_link as it is estimated.
 Eigen::Vector3d errorOf(const Sample& sample, const Pose2& place) {
-  return ((place * sample.estimate).inverse() * sample.exact).vector();
+  return evaluation::errorOf(place * sample.estimate, sample.exact);
 }
 
 /// The motion that brings the positions onto the truth, then Gauss–Newton on the sum of ε.
@@ -71,19 +73,67 @@ Pose2 placeOf(const std::vector<Sample>& samples) {
   return place;
 }
 
-double independentSamples(const std::vector<Eigen::Vector3d>& errors) {
-  const std::size_t n = errors.size();
-  double power = 0.0;
-  for (const Eigen::Vector3d& e : errors) power += e.squaredNorm();
-  if (!(power > 0.0)) return static_cast<double>(n);
-  double worth = 1.0;
-  for (std::size_t lag = 1; lag < n; ++lag) {
-    double sum = 0.0;
-    for (std::size_t i = lag; i < n; ++i) sum += errors[i].dot(errors[i - lag]);
-    if (sum <= 0.0) break;
-    worth += 2.0 * sum / power * sum / power;
+/// Whitened errors of a robot, in map axes: what lasts in map is a bias, however the robot turns.
+struct Whitened {
+  std::vector<TimeNs> times;
+  std::vector<Eigen::Vector3d> errors;
+  std::vector<double> positions;  ///< ε of x and y alone, in coordinates: no heading is asked
+
+  Eigen::Array3d power() const {
+    Eigen::Array3d sum = Eigen::Array3d::Zero();
+    for (const Eigen::Vector3d& e : errors) sum += e.array().square();
+    return sum;
   }
-  return std::max(1.0, static_cast<double>(n) / worth);
+};
+
+Whitened whitened(const ToldPath& path, const DatumPlaces& places) {
+  Whitened all;
+  for (const Sample& sample : samplesOf(path)) {
+    const auto at = places.find(sample.datum);
+    const Pose2 place = at == places.end() ? Pose2{} : at->second;
+    Eigen::Matrix3d map_from_base = Eigen::Matrix3d::Identity();
+    map_from_base.topLeftCorner<2, 2>() = (place * sample.estimate).rotation();
+    const Eigen::Matrix3d covariance =
+        map_from_base * sample.root.reconstructedMatrix() * map_from_base.transpose();
+    const Eigen::LLT<Eigen::Matrix3d> root(covariance);
+    all.times.push_back(sample.time_ns);
+    all.errors.push_back(root.matrixL().solve(map_from_base * errorOf(sample, place)));
+    const Eigen::Vector2d off_m = sample.exact.translation() - place * sample.estimate.translation();
+    // Of a lower root: as if nothing were said of θ.
+    all.positions.push_back(
+        root.matrixL().solve(Eigen::Vector3d(off_m.x(), off_m.y(), 0.0)).head<2>().squaredNorm());
+  }
+  return all;
+}
+
+/// How many samples are worth one independent one.
+double worthOne(const Whitened& whitened) {
+  const std::vector<Eigen::Vector3d>& e = whitened.errors;
+  const Eigen::Array3d power = whitened.power();
+  double squares = 0.0;
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    if (!(power(k) > 0.0)) continue;
+    for (std::size_t lag = 1; lag < e.size(); ++lag) {
+      double sum = 0.0;
+      for (std::size_t i = lag; i < e.size(); ++i) sum += e[i](k) * e[i - lag](k);
+      if (sum <= 0.0) break;
+      squares += sum * sum;
+    }
+  }
+  const double all = power.square().sum();
+  return all > 0.0 ? 1.0 + 2.0 * squares / all : 1.0;
+}
+
+/// ρ² of two robots' errors at the same times.
+double likeness(const Whitened& a, const Whitened& b) {
+  Eigen::Array3d together = Eigen::Array3d::Zero();
+  std::size_t j = 0;
+  for (std::size_t i = 0; i < a.times.size(); ++i) {
+    while (j < b.times.size() && b.times[j] < a.times[i]) ++j;
+    if (j < b.times.size() && b.times[j] == a.times[i]) together += a.errors[i].array() * b.errors[j].array();
+  }
+  const double scale = std::sqrt(a.power().square().sum() * b.power().square().sum());
+  return scale > 0.0 ? std::min(1.0, together.square().sum() / scale) : 0.0;
 }
 
 Consistency::Bounds boundsOf(double samples) {
@@ -96,7 +146,34 @@ void setBounds(Consistency& c) {
   c.bounds = boundsOf(c.independent);
 }
 
+Consistency consistencyOf(const Whitened& whitened) {
+  Consistency c;
+  c.samples = static_cast<int>(whitened.errors.size());
+  if (c.samples == 0) {
+    c.mean = c.position = c.inside = std::numeric_limits<double>::quiet_NaN();
+    return c;
+  }
+  for (const Eigen::Vector3d& e : whitened.errors) {
+    c.mean += e.squaredNorm() / c.samples;
+    c.inside += (e.squaredNorm() <= kInside ? 1.0 : 0.0) / c.samples;
+  }
+  for (const double position : whitened.positions) c.position += position / c.samples;
+  c.independent = std::max(1.0, c.samples / worthOne(whitened));
+  setBounds(c);
+  return c;
+}
+
 }  // namespace
+
+Eigen::Vector3d errorOf(const Pose2& estimate, const Pose2& truth) {
+  return logarithm(estimate.inverse() * truth);
+}
+
+double normalisedSquare(const Pose2& estimate, const Eigen::Matrix3d& covariance, const Pose2& truth) {
+  const Eigen::LLT<Eigen::Matrix3d> root(covariance);
+  if (root.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
+  return root.matrixL().solve(errorOf(estimate, truth)).squaredNorm();
+}
 
 double chiSquareQuantile(double degrees_of_freedom, double z) {
   const double part = 2.0 / (9.0 * degrees_of_freedom);
@@ -115,39 +192,43 @@ DatumPlaces placeData(const std::vector<ToldPath>& fleet) {
 }
 
 Consistency checkConsistency(const ToldPath& path, const DatumPlaces& places) {
-  Consistency c;
-  std::vector<Eigen::Vector3d> whitened;
-  for (const Sample& sample : samplesOf(path)) {
-    const auto place = places.find(sample.datum);
-    const Eigen::Vector3d e = errorOf(sample, place == places.end() ? Pose2{} : place->second);
-    whitened.push_back(sample.root.matrixL().solve(e));
-  }
-  c.samples = static_cast<int>(whitened.size());
-  if (whitened.empty()) {
-    c.mean = c.position = c.inside = std::numeric_limits<double>::quiet_NaN();
-    return c;
-  }
-  for (const Eigen::Vector3d& e : whitened) {
-    c.mean += e.squaredNorm() / c.samples;
-    c.position += e.head<2>().squaredNorm() / c.samples;  // of a lower root: as if nothing were said of θ
-    c.inside += (e.squaredNorm() <= kInside ? 1.0 : 0.0) / c.samples;
-  }
-  c.independent = independentSamples(whitened);
-  setBounds(c);
-  return c;
+  return consistencyOf(whitened(path, places));
 }
 
-Consistency pooled(const std::vector<Consistency>& robots) {
-  Consistency all;
-  for (const Consistency& robot : robots) {
-    if (robot.samples == 0) continue;
-    all.samples += robot.samples;
-    all.independent += robot.independent;
-    all.mean += robot.samples * robot.mean;
-    all.position += robot.samples * robot.position;
-    all.inside += robot.samples * robot.inside;
+Consistency checkFleet(const std::vector<ToldPath>& fleet, const DatumPlaces& places) {
+  std::vector<Whitened> robots;
+  std::vector<Consistency> singles;
+  for (const ToldPath& path : fleet) {
+    robots.push_back(whitened(path, places));
+    singles.push_back(consistencyOf(robots.back()));
   }
-  if (all.samples == 0) return checkConsistency({});
+  Consistency all = pooled(singles);
+  double variance = 0.0;  // of the sum of ε, that of one sample as unit
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    const double own = singles[i].samples > 0 ? singles[i].samples * worthOne(robots[i]) : 0.0;
+    variance += own;
+    for (std::size_t j = 0; j < i && own > 0.0; ++j) {
+      const double other = singles[j].samples > 0 ? singles[j].samples * worthOne(robots[j]) : 0.0;
+      variance += 2.0 * std::sqrt(own * other) * likeness(robots[i], robots[j]);
+    }
+  }
+  if (all.samples == 0) return all;
+  all.independent = std::max(1.0, static_cast<double>(all.samples) / variance * all.samples);
+  setBounds(all);
+  return all;
+}
+
+Consistency pooled(const std::vector<Consistency>& runs) {
+  Consistency all;
+  for (const Consistency& run : runs) {
+    if (run.samples == 0) continue;
+    all.samples += run.samples;
+    all.independent += run.independent;
+    all.mean += run.samples * run.mean;
+    all.position += run.samples * run.position;
+    all.inside += run.samples * run.inside;
+  }
+  if (all.samples == 0) return consistencyOf({});
   all.mean /= all.samples;
   all.position /= all.samples;
   all.inside /= all.samples;

@@ -115,13 +115,11 @@ std::string pathTable(const Report& report) {
 /// Robots whose poses carry covariances, then all of them together.
 std::vector<std::pair<std::string, evaluation::Consistency>> consistencies(const Report& report) {
   std::vector<std::pair<std::string, evaluation::Consistency>> rows;
-  std::vector<evaluation::Consistency> robots;
   for (const RobotReport& r : report.robots) {
     if (!r.consistency) continue;
     rows.emplace_back(r.name, *r.consistency);
-    robots.push_back(*r.consistency);
   }
-  if (!rows.empty()) rows.emplace_back("all", evaluation::pooled(robots));
+  if (report.consistency) rows.emplace_back("all", *report.consistency);
   return rows;
 }
 

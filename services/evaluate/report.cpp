@@ -244,6 +244,7 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
+  std::vector<evaluation::ToldPath> fleet;
   const auto places = frame == Frame::kFree ? placesOf(out, truth) : evaluation::DatumPlaces{};
   for (const auto& [name, poses] : truth.trajectories) {
     report.robots.push_back(
@@ -251,8 +252,11 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     const auto told = toldPath(out, name, poses, &report.warnings);
     if (!told) continue;
     const auto consistency = evaluation::checkConsistency(*told, places);
-    if (consistency.samples > 0) report.robots.back().consistency = consistency;
+    if (consistency.samples == 0) continue;
+    report.robots.back().consistency = consistency;
+    fleet.push_back(*told);
   }
+  if (!fleet.empty()) report.consistency = evaluation::checkFleet(fleet, places);
   report.kinds = compareTracks(out, truth, report.warnings);
   return report;
 }

@@ -43,7 +43,8 @@ struct Report {
   std::optional<LandmarkReport> landmarks;  ///< where the scene names any; they do not count in `map`
   std::optional<Pose2> truth_from_map;      ///< applied to the run before comparing
   std::vector<RobotReport> robots;
-  std::optional<evaluation::KindMetrics> kinds;  ///< where the run has tracks/<robot>.csv
+  std::optional<evaluation::Consistency> consistency;  ///< of all robots that have one
+  std::optional<evaluation::KindMetrics> kinds;        ///< where the run has tracks/<robot>.csv
   std::vector<std::string> warnings;
 };
 

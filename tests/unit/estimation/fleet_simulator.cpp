@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "estimation/factors.h"
-#include "geometry/twist.h"
+#include "evaluation/consistency.h"
 
 namespace omnifleet::estimation::testing {
 namespace {
@@ -302,8 +302,8 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
       result.mean_m += distance;
       result.worst_m = std::max(result.worst_m, distance);
       result.mean_rad += std::abs(e.theta_rad);
-      const Eigen::Vector3d twist = logarithm(e);  // else a wrong heading bends the place out of its ellipse
-      result.nees += twist.dot(estimates[r].covariance.ldlt().solve(twist));
+      result.nees += evaluation::normalisedSquare(estimates[r].map_from_base, estimates[r].covariance,
+                                                  simulator.truth(static_cast<int>(r), f));
       result.heading_nees += e.theta_rad * e.theta_rad / estimates[r].covariance(2, 2);
       ++result.estimates;
     }

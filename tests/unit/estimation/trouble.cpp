@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "estimation/factors.h"
+#include "evaluation/consistency.h"
 
 namespace omnifleet::estimation::testing {
 namespace {
@@ -83,7 +84,8 @@ TroubleResult run(const Trouble& trouble, const EstimatorOptions& options, std::
       const Pose2 e = poses[r].map_from_base.inverse() * simulator.truth(static_cast<int>(r), f);
       result.mean_m += e.translation().norm();
       result.worst_m = std::max(result.worst_m, e.translation().norm());
-      result.nees += e.vector().dot(poses[r].covariance.ldlt().solve(e.vector()));
+      result.nees += evaluation::normalisedSquare(poses[r].map_from_base, poses[r].covariance,
+                                                  simulator.truth(static_cast<int>(r), f));
       if (f == trouble.simulation.frames - 1)
         result.end_m += e.translation().norm() / static_cast<double>(robots);
     }

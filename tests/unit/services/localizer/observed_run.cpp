@@ -6,6 +6,7 @@
 #include <set>
 
 #include "dataset/observation_rows.h"
+#include "evaluation/consistency.h"
 #include "evaluation/trajectory_metrics.h"
 #include "localizer/observation_frames.h"
 
@@ -95,8 +96,9 @@ ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOpti
       Pose2 exact;
       const auto path = truth.find(poses[i].robot);
       if (path == truth.end() || !evaluation::poseAt(path->second, time, 1'000'000'000, exact)) continue;
-      const Eigen::Vector3d e = (poses[i].map_from_base.inverse() * exact).vector();
-      run.nees[poses[i].robot] += e.dot(poses[i].covariance.ldlt().solve(e));
+      const Eigen::Vector3d e = evaluation::errorOf(poses[i].map_from_base, exact);
+      run.nees[poses[i].robot] +=
+          evaluation::normalisedSquare(poses[i].map_from_base, poses[i].covariance, exact);
       auto& parts = run.parts.try_emplace(poses[i].robot, Eigen::Vector3d::Zero()).first->second;
       parts += e.cwiseAbs2().cwiseQuotient(poses[i].covariance.diagonal());
       ++counted[poses[i].robot];

@@ -120,12 +120,14 @@ TEST(ObservedFleet, ACameraThatLooksAsideTurnsNoHeading) {
     const ObservedRun run = runObserved(fleet.recording, run_options, fleet.truth);
     run_options.estimator.detector.axis_sigma_rad = 1e-6;
     const ObservedRun exact = runObserved(fleet.recording, run_options, fleet.truth);
+    std::vector<evaluation::ToldPath> told;
     for (const auto& [name, path] : run.trajectories) {
       heading += evaluation::comparePaths(fleet.truth.at(name), path).heading_rad / 9.0;
       taken_for_exact +=
           evaluation::comparePaths(fleet.truth.at(name), exact.trajectories.at(name)).heading_rad / 9.0;
-      all.push_back(evaluation::checkConsistency({fleet.truth.at(name), path, run.covariances.at(name)}));
+      told.push_back({fleet.truth.at(name), path, run.covariances.at(name)});
     }
+    all.push_back(evaluation::checkFleet(told));
   }
   const evaluation::Consistency consistency = evaluation::pooled(all);
   std::printf("heading %.4f rad, %.4f with the axis taken for exact; NEES %.2f, %.1f %% inside\n", heading,

@@ -46,7 +46,6 @@ int main(int argc, char** argv) {
   for (const auto& entry : run.trajectories) fleet.push_back(told(entry.first));
   const auto places = options.survey ? evaluation::DatumPlaces{} : evaluation::placeData(fleet);
   double mean = 0.0, mean_aligned = 0.0;
-  std::vector<evaluation::Consistency> all;
   for (const auto& [name, path] : run.trajectories) {
     auto moved = path;
     for (auto& pose : moved) pose.map_from_base = aligned * pose.map_from_base;
@@ -65,7 +64,6 @@ int main(int argc, char** argv) {
     std::printf("   wheels %.3f %.3f %.3f %.3f %.4f | detector %.4f %.4f %.4f %.3f %.4f %.3f %.3f %.3f\n",
                 w(0), w(1), w(2), w(3), w(4), d(0), d(1), d(2), d(3), d(4), d(5), d(6), d(7));
     std::printf("   slips %d losses %d rejected %d\n", s.slips, s.losses, s.rejected_measurements);
-    all.push_back(nees);
     mean += plain.distance_m / static_cast<double>(run.trajectories.size());
     mean_aligned += free.distance_m / static_cast<double>(run.trajectories.size());
   }
@@ -78,7 +76,7 @@ int main(int argc, char** argv) {
       ++found;
     }
   }
-  const evaluation::Consistency fleet_nees = evaluation::pooled(all);
+  const evaluation::Consistency fleet_nees = evaluation::checkFleet(fleet, places);
   std::printf("NEES %.2f, x y %.2f, %.2f to %.2f of %.0f, %.1f %% inside\n", fleet_nees.mean,
               fleet_nees.position, fleet_nees.bounds.lower, fleet_nees.bounds.upper, fleet_nees.independent,
               100 * fleet_nees.inside);

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "classifier/classifier.h"
+#include "evaluation/consistency.h"
 #include "local_mapper/local_mapper.h"
 #include "localizer/ceiling_front_end.h"
 #include "motion/wheel_integrator.h"
@@ -96,7 +97,7 @@ class Judged {
     run_.mean_m += e.translation().norm();
     run_.worst_m = std::max(run_.worst_m, e.translation().norm());
     run_.worst_rad = std::max(run_.worst_rad, std::abs(e.theta_rad));
-    run_.nees += e.vector().dot(pose.covariance.ldlt().solve(e.vector()));
+    run_.nees += evaluation::normalisedSquare(pose.map_from_base, pose.covariance, exact->map_from_base);
     run_.heading_nees += e.theta_rad * e.theta_rad / pose.covariance(2, 2);
     ++run_.poses;
   }

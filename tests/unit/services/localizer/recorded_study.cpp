@@ -1,47 +1,104 @@
-// Prints what the estimator makes of recordings with cameras, ceiling cameras left out: recorded_study
+// Prints what the estimator makes of recordings with cameras, ceiling cameras left out: recorded_study [-n N]
 // "OPTIONS;OPTIONS…" DATASET…, where OPTIONS is YAML of the estimator's options. The images are looked at
 // once, with the first options.
+//   -n N   N runs of each recording, the errors of starts and calibrations drawn as the first options say:
+//          NEES tells whether covariances are true only where what is given errs as it is said to. Of a start
+//          that is exact, any honest estimate is called too modest.
 
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <random>
 #include <sstream>
 
 #include "dataset/ground_truth.h"
+#include "evaluation/consistency.h"
 #include "recorded_line.h"
 
-int main(int argc, char** argv) {
-  using namespace omnifleet;
-  using localizer::testing::RecordedRun;
-  if (argc < 3) return 2;
-  std::vector<std::pair<std::string, estimation::EstimatorOptions>> variants;
-  std::istringstream all(argv[1]);
+namespace {
+using namespace omnifleet;
+using localizer::testing::RecordedRun;
+
+struct Variant {
+  std::string name;
+  estimation::EstimatorOptions options;
+  RecordedRun sum;
+  double squares = 0.0;  ///< of the runs' NEES
+  int runs = 0;
+};
+
+std::vector<Variant> variantsOf(const std::string& texts) {
+  std::vector<Variant> variants;
+  std::istringstream all(texts);
   for (std::string text; std::getline(all, text, ';');) {
-    variants.emplace_back(
-        text, estimation::EstimatorOptions::read(options::Section::parse("{" + text + "}", "options")));
+    variants.push_back(
+        {text, estimation::EstimatorOptions::read(options::Section::parse("{" + text + "}", "options")), {}});
   }
-  std::vector<RecordedRun> sums(variants.size());
-  for (int i = 2; i < argc; ++i) {
-    const auto data = dataset::Dataset::open(argv[i]);
+  return variants;
+}
+
+/// The data as it would be given by people who measure as well as the options say.
+void flaw(dataset::Dataset& data, const estimation::EstimatorOptions& o, std::mt19937& random) {
+  std::normal_distribution<double> unit(0.0, 1.0);
+  for (auto& robot : data.robots) {
+    auto& camera = robot.fisheye->camera;
+    camera.focal_px *= 1.0 + o.camera.focal_sigma * unit(random);
+    camera.position_m.z() *= 1.0 + o.camera.height_sigma * unit(random);
+    camera.rotation_rpy_deg.x() += o.camera.tilt_sigma_rad * unit(random) * 180.0 / M_PI;
+    camera.rotation_rpy_deg.y() += o.camera.tilt_sigma_rad * unit(random) * 180.0 / M_PI;
+    const double x = o.initial_sigma_m * unit(random), y = o.initial_sigma_m * unit(random);
+    if (robot.initial_pose)
+      robot.initial_pose = *robot.initial_pose * Pose2{x, y, o.initial_sigma_rad * unit(random)};
+  }
+}
+
+void add(Variant& variant, const RecordedRun& run) {
+  variant.sum.mean_m += run.mean_m;
+  variant.sum.worst_m = std::max(variant.sum.worst_m, run.worst_m);
+  variant.sum.nees += run.nees;
+  variant.sum.heading_nees += run.heading_nees;
+  variant.squares += run.nees * run.nees;
+  ++variant.runs;
+}
+
+void print(const std::string& name, const Variant& variant, const RecordedRun& run) {
+  std::printf("%-40s %-30s path %.2f worst %.2f cm  %.2f deg  NEES %.2f heading %.2f |", name.c_str(),
+              variant.name.c_str(), 100 * run.mean_m, 100 * run.worst_m, 57.2958 * run.worst_rad, run.nees,
+              run.heading_nees);
+  for (const auto& [robot, e] : run.cameras)
+    std::printf(" %s %.1f %.1f %.1f %.1f", robot.c_str(), 1e3 * e(0), 1e3 * e(1), 1e3 * e(2), 1e3 * e(3));
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int first = 1, draws = 0;
+  if (argc > 3 && std::string(argv[1]) == "-n") draws = std::atoi(argv[2]), first = 3;
+  if (argc < first + 2) return 2;
+  std::vector<Variant> variants = variantsOf(argv[first]);
+  for (int i = first + 1; i < argc; ++i) {
     const auto truth = dataset::GroundTruth::load(argv[i]).trajectories;
-    std::vector<localizer::testing::RecordedTime> times;
-    for (std::size_t v = 0; v < variants.size(); ++v) {
-      const RecordedRun run =
-          v == 0 ? localizer::testing::runRecorded(data, variants[v].second, false, truth, &times)
-                 : localizer::testing::runFrames(data, times, variants[v].second, truth);
-      std::printf("%-40s %-30s path %.2f worst %.2f cm  %.2f deg  NEES %.2f heading %.2f |", argv[i],
-                  variants[v].first.c_str(), 100 * run.mean_m, 100 * run.worst_m, 57.2958 * run.worst_rad,
-                  run.nees, run.heading_nees);
-      for (const auto& [robot, e] : run.cameras)
-        std::printf(" %s %.1f %.1f %.1f %.1f", robot.c_str(), 1e3 * e(0), 1e3 * e(1), 1e3 * e(2), 1e3 * e(3));
-      std::printf("\n");
-      std::fflush(stdout);
-      sums[v].mean_m += run.mean_m / (argc - 2);
-      sums[v].worst_m = std::max(sums[v].worst_m, run.worst_m);
-      sums[v].nees += run.nees / (argc - 2);
-      sums[v].heading_nees += run.heading_nees / (argc - 2);
+    for (int draw = 0; draw < std::max(1, draws); ++draw) {
+      auto data = dataset::Dataset::open(argv[i]);
+      std::mt19937 random(static_cast<std::uint32_t>(1000 * i + draw));
+      if (draws > 0) flaw(data, variants.front().options, random);
+      std::vector<localizer::testing::RecordedTime> times;
+      for (std::size_t v = 0; v < variants.size(); ++v) {
+        const RecordedRun run =
+            v == 0 ? localizer::testing::runRecorded(data, variants[v].options, false, truth, &times)
+                   : localizer::testing::runFrames(data, times, variants[v].options, truth);
+        print(argv[i], variants[v], run);
+        add(variants[v], run);
+      }
     }
   }
-  for (std::size_t v = 0; v < variants.size(); ++v) {
-    std::printf("%-30s mean %.3f cm  worst %.2f cm  NEES %.2f  heading %.2f\n", variants[v].first.c_str(),
-                100 * sums[v].mean_m, 100 * sums[v].worst_m, sums[v].nees, sums[v].heading_nees);
+  for (const Variant& v : variants) {
+    const double n = v.runs, nees = v.sum.nees / n;
+    std::printf("%-30s mean %.3f cm  worst %.2f cm  NEES %.2f ± %.2f  heading %.2f\n", v.name.c_str(),
+                100 * v.sum.mean_m / n, 100 * v.sum.worst_m, nees,
+                std::sqrt(std::max(0.0, v.squares / n - nees * nees) / std::max(1.0, n - 1.0)),
+                v.sum.heading_nees / n);
   }
 }
