@@ -25,7 +25,9 @@ constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that 
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
 constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
-constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
+constexpr double kFits_m = 0.025, kMuchBetter = 0.5;  // misfit of a frame that is right; share that is less
+constexpr int kDoubtRounds = 3;                       // of reweighting, until what was an outlier counts
+constexpr double kStartCauchy = 2.0;                  // σ at which a start as it was told counts half
 }  // namespace
 
 class FleetEstimator::Impl {
@@ -55,13 +57,14 @@ class FleetEstimator::Impl {
   void placeInitially(RobotNode& robot, const Objects& frame);
   void associate(std::vector<Frame>& frames);
   void associateOne(Frame& frame);
-  static void noteObserved(std::vector<Frame>& frames);
   void reweight();
   void reweight(RobotNode& robot, Step& step);
   void solveNewest(std::vector<Frame>& frames);
   void checkViews(std::vector<Frame>& frames);
   static void noteStates(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
+  double solvedMisfit(RobotNode& robot, std::vector<Frame>& frames);
+  void doubtStep(Frame& frame, std::vector<Frame>& frames);
   void condense();
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
@@ -249,30 +252,6 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   noteObserved(frames);
 }
 
-/// Who sees two things that stand, or robots whose motion is known (one tells no heading, but that sees it
-/// too): robots that see each other alone drift together.
-void FleetEstimator::Impl::noteObserved(std::vector<Frame>& frames) {
-  const auto known = [](const RobotNode& r) {
-    return r.located() && !r.displaced && (r.unobserved == 0 || r.window.back().wheels);
-  };
-  const auto sees = [&](const RobotNode& from, const RobotNode& to) {
-    return std::any_of(frames.begin(), frames.end(), [&](const Frame& frame) {
-      return frame.robot == &from && std::any_of(frame.seen.begin(), frame.seen.end(),
-                                                 [&](const Seen& seen) { return seen.peer == &to; });
-    });
-  };
-  for (std::size_t i = 0; i < frames.size(); ++i) {  // one tells another
-    for (Frame& frame : frames) {
-      int told = 0;
-      for (const Seen& seen : frame.seen) {
-        if (seen.landmark != 0) ++told;
-        if (seen.peer != nullptr && known(*seen.peer)) told += sees(*seen.peer, *frame.robot) ? 2 : 1;
-      }
-      if (told >= 2) frame.robot->unobserved = 0;
-    }
-  }
-}
-
 void FleetEstimator::Impl::associateOne(Frame& frame) {
   if (fleet.options.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
   if (fleet.options.use_landmarks) matchLandmarks(fleet, *frame.robot, frame.seen);
@@ -348,6 +327,37 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
     any = true;
   }
   if (any) solveNewest(frames);
+  for (Frame& frame : frames) doubtStep(frame, frames);
+}
+
+/// misfit() of the newest frame, after several solves where it is large: what was an outlier in one counts in
+/// the next.
+double FleetEstimator::Impl::solvedMisfit(RobotNode& robot, std::vector<Frame>& frames) {
+  for (int round = 0;; ++round) {
+    reweight(robot, robot.window.back());
+    const double misfit_m = misfit(fleet, robot.window.back().views);
+    if (misfit_m < kFits_m || round == kDoubtRounds) return misfit_m;
+    solveNewest(frames);
+  }
+}
+
+/// To wheels that slipped few things are outliers one by one. It is the step that is wrong where things fit
+/// much better without it.
+void FleetEstimator::Impl::doubtStep(Frame& frame, std::vector<Frame>& frames) {
+  RobotNode& robot = *frame.robot;
+  if (!frame.fresh || frame.slipped || frame.placed_anew || !robot.located()) return;
+  const Step& step = robot.window.back();
+  if (!step.wheels || step.motion == kNoFactor) return;
+  const double misfit_m = solvedMisfit(robot, frames);
+  if (misfit_m < kFits_m) return;
+  const Eigen::Matrix3d told = step.motion_covariance;
+  fleet.loosen(robot, told + slipCovariance());
+  if (solvedMisfit(robot, frames) < kMuchBetter * misfit_m) {
+    tellSlip(frame);
+    return;
+  }
+  fleet.loosen(robot, told);
+  solveNewest(frames);
 }
 
 std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>& frames) {

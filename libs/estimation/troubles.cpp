@@ -89,6 +89,46 @@ void noticeCarried(FleetState& fleet, std::vector<RobotFrame>& frames) {
   }
 }
 
+void noteObserved(std::vector<RobotFrame>& frames) {
+  const auto known = [](const RobotNode& r) {
+    return r.located() && !r.displaced && (r.unobserved == 0 || r.window.back().wheels);
+  };
+  const auto sees = [&](const RobotNode& from, const RobotNode& to) {
+    return std::any_of(frames.begin(), frames.end(), [&](const RobotFrame& frame) {
+      return frame.robot == &from && std::any_of(frame.seen.begin(), frame.seen.end(),
+                                                 [&](const Seen& seen) { return seen.peer == &to; });
+    });
+  };
+  for (std::size_t i = 0; i < frames.size(); ++i) {  // one tells another
+    for (RobotFrame& frame : frames) {
+      int told = 0;
+      for (const Seen& seen : frame.seen) {
+        if (seen.landmark != 0) ++told;
+        if (seen.peer != nullptr && known(*seen.peer)) told += sees(*seen.peer, *frame.robot) ? 2 : 1;
+      }
+      if (told >= 2) frame.robot->unobserved = 0;
+    }
+  }
+}
+
+double misfit(const FleetState& fleet, const std::vector<ViewLink>& views) {
+  constexpr int kLeastViews = 3;
+  std::vector<double> rms_m;
+  for (const ViewLink& link : views) {
+    if (link.landmark != 0 && fleet.landmarks.at(link.landmark).views >= kLeastViews)
+      rms_m.push_back(link.rms_m);
+  }
+  if (rms_m.empty()) return 0.0;
+  const auto middle = rms_m.begin() + static_cast<std::ptrdiff_t>((rms_m.size() - 1) / 2);
+  std::nth_element(rms_m.begin(), middle, rms_m.end());
+  return *middle;
+}
+
+Eigen::Matrix3d slipCovariance() {
+  constexpr double kReach_m = 0.2, kReach_rad = 0.2;
+  return Eigen::Vector3d(kReach_m * kReach_m, kReach_m * kReach_m, kReach_rad * kReach_rad).asDiagonal();
+}
+
 void tellSlip(RobotFrame& frame) {
   frame.slipped = true;
   ++frame.robot->status.slips;

@@ -33,6 +33,17 @@ void noticeLoss(FleetState& fleet, RobotFrame& frame);
 /// What a robot or others see after it has seen nothing tells that it was carried away meanwhile.
 void noticeCarried(FleetState& fleet, std::vector<RobotFrame>& frames);
 
+/// Who sees two things that stand, or robots whose motion is known (one tells no heading, but that sees it
+/// too): robots that see each other alone drift together.
+void noteObserved(std::vector<RobotFrame>& frames);
+
+/// How far a frame's outlines of known things that stand lie beside where they should be: median of their
+/// rms, metres, 0 without any. (Robots may themselves be elsewhere.)
+double misfit(const FleetState& fleet, const std::vector<ViewLink>& views);
+
+/// How far a step may be wrong whose wheels slipped.
+Eigen::Matrix3d slipCovariance();
+
 /// The wheels have rolled what the robot has not gone.
 void tellSlip(RobotFrame& frame);
 

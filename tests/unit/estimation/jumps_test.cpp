@@ -80,6 +80,19 @@ TEST(Jumps, SlipsLargerThanTheGateOfWhatIsSeenAreSlips) {
   }
 }
 
+// One of three sees a single thing, which is an outlier by itself, while the things of the others tell them.
+TEST(Jumps, ARobotThatSeesOneThingSlipsToo) {
+  for (const std::uint32_t seed : {4U, 7U}) {
+    Trouble slips;
+    slips.slip_m = 0.12;
+    slips.all = true;
+    const TroubleResult result = run(slips, {}, seed);
+    EXPECT_EQ(result.told, result.troubled) << "seed " << seed;
+    EXPECT_EQ(result.told_wrongly, 0) << "seed " << seed;
+    EXPECT_LT(result.nees, 6.0) << "seed " << seed;  // 36 and 85 where it is not told
+  }
+}
+
 TEST(Jumps, WhoSeesNothingIsNotSure) {
   FleetSimulator simulator({}, kFirstSeed);
   FleetEstimator estimator(simulator.setups(), {});
