@@ -61,7 +61,7 @@ class FleetEstimator::Impl {
   void reweight(RobotNode& robot, Step& step);
   void solveNewest(std::vector<Frame>& frames);
   void checkViews(std::vector<Frame>& frames);
-  static void noteStates(std::vector<Frame>& frames);
+  void noteStates(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
   double solvedMisfit(RobotNode& robot, std::vector<Frame>& frames);
   void doubtStep(Frame& frame, std::vector<Frame>& frames);
@@ -305,7 +305,7 @@ void FleetEstimator::Impl::noteStates(std::vector<Frame>& frames) {
     if (!frame.fresh || !robot.located()) continue;
     const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
     robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
-    robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : "";
+    robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : tellDoubt(fleet, robot);
     if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
     if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
     if (frame.slipped) robot.status.state = RobotState::kSlipping;

@@ -80,9 +80,10 @@ struct OtherStart {
 struct Start {
   std::optional<Pose2> told;  ///< map_from_base of the first frame
   VariableId pose = 0;        ///< of that frame, while it is in the window
-  Pose2 moved;     ///< by how much everything is now beside where it was said to be (from the left)
-  int agreed = 0;  ///< frames that agree with others
-  int doubts = 0;  ///< frames in a row that do not, and of late …
+  Pose2 moved;          ///< by how much everything is now beside where it was said to be (from the left)
+  int agreed = 0;       ///< frames that agree with others
+  int unconfirmed = 0;  ///< frames since one agreed
+  int doubts = 0;       ///< frames in a row that do not, and of late …
   double doubted = 0.0, refuted = 0.0;  ///< … those that show nothing of the others, and the contrary
   double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;

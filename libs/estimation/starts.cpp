@@ -17,6 +17,7 @@ constexpr std::size_t kMostElsewhere = 30;
 constexpr int kConfirmed = 5;                    // frames that agree: asked no more
 constexpr int kFrames = 3;                       // of doubt, before a robot is moved …
 constexpr int kLong = 8;                         // … and after which it is not believed any more, …
+constexpr int kUnconfirmed = 15;                 // frames without one that agrees: it is said
 constexpr int kSeldom = 20, kEvery = 5;          // … and after which only every fifth is looked at
 constexpr double kMemory = 0.8;                  // of the score, from frame to frame
 constexpr double kRefuted = 2.0, kUnseen = 3.0;  // score per frame of the other place, by kind of doubt …
@@ -82,8 +83,10 @@ void weigh(FleetState& fleet, RobotNode& robot) {
     if (start.contradicted)
       fleet.revised.insert(fleet.revised.end(), start.history.begin(), start.history.end());
     forgetDoubts(start);
+    start.unconfirmed = 0;
     return;
   }
+  ++start.unconfirmed;
   const bool refuted = here.misses > here.matches;
   if (!refuted && here.matches > 0) return;
   if (++start.doubts > kSeldom && start.doubts % kEvery != 0) return;
@@ -241,6 +244,18 @@ bool isContradicted(const FleetState& fleet, const RobotNode& robot) {
     });
   };
   return many(true) < many(false);
+}
+
+std::string tellDoubt(const FleetState& fleet, const RobotNode& robot) {
+  const Start& start = robot.start;
+  const bool alone = std::none_of(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
+    return &other != &robot && other.located();
+  });
+  if (alone || start.contradicted) return {};
+  if (start.doubts >= kLong && isRefuted(start))
+    return "what it sees and what others see contradict each other: is its initial_pose right?";
+  if (start.unconfirmed >= kUnconfirmed) return "too little that others see too confirms its initial_pose";
+  return {};
 }
 
 std::string tellMoved(const Pose2& moved, const Pose2& told) {

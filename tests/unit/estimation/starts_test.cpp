@@ -39,7 +39,14 @@ struct Outcome {
 /// `wrong`: by robot, what its initial_pose is wrong by (in its base_link).
 /// What robots see: everything; each others (of things on open floor, or before a wall); r2 others than the
 /// rest.
-enum class View { kAll, kEachOthers, kEachOthersBeforeAWall, kOneOthers, kOneOthersBeforeAWall };
+enum class View {
+  kAll,
+  kAllOnOpenFloor,
+  kEachOthers,
+  kEachOthersBeforeAWall,
+  kOneOthers,
+  kOneOthersBeforeAWall
+};
 
 bool isLost(View view, const std::string& robot, const Track& track) {
   const std::uint32_t own = static_cast<unsigned char>(robot.back()) % 3;
@@ -49,10 +56,12 @@ bool isLost(View view, const std::string& robot, const Track& track) {
 
 Objects as(View view, Objects frame) {
   if (view == View::kAll) return frame;
-  const auto lost = [&](const Track& track) { return isLost(view, frame.robot, track); };
+  const auto lost = [&](const Track& track) {
+    return view != View::kAllOnOpenFloor && isLost(view, frame.robot, track);
+  };
   frame.tracks.erase(std::remove_if(frame.tracks.begin(), frame.tracks.end(), lost), frame.tracks.end());
   constexpr std::size_t kRays = 36;
-  const bool open = view == View::kEachOthers || view == View::kOneOthers;
+  const bool open = view != View::kEachOthersBeforeAWall && view != View::kOneOthersBeforeAWall;
   frame.scan.range_m.assign(kRays, open ? 2.5f : 0.3f);
   frame.scan.label.assign(kRays, open ? RayLabel::kFloorEnd : RayLabel::kUnknown);
   return frame;
@@ -210,6 +219,32 @@ TEST(Starts, WhatAWallSwallowsIsNotMissing) {
     contradicted += on_open_floor.findings.empty() ? 0 : 1;
   }
   EXPECT_GT(contradicted, 0) << "on open floor it must have started elsewhere";
+}
+
+// Two robots that have little in common: nothing tells which of them is wrong, or that one is.
+TEST(Starts, WhatNobodyCanDecideIsSaid) {
+  SimulationOptions few = crowded();
+  few.obstacles = 3;
+  few.robots = 2;
+  few.frames = 30;
+  const auto says = [](const Outcome& outcome) {
+    return std::any_of(outcome.status.begin(), outcome.status.end(),
+                       [](const RobotStatus& status) { return !status.text.empty(); });
+  };
+  int undecided = 0, agreeing = 0;
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + 3 * kSeeds; ++seed) {
+    const Outcome right = runWith(few, seed, {}, View::kAllOnOpenFloor);
+    if (right.shared >= 2) {
+      ++agreeing;
+      EXPECT_FALSE(says(right)) << "seed " << seed;
+    }
+    const Outcome wrong = runWith(few, seed, {{1, kFarOff}}, View::kAllOnOpenFloor);
+    if (wrong.between_m < 0.05 || !wrong.findings.empty()) continue;
+    ++undecided;
+    EXPECT_TRUE(says(wrong)) << "seed " << seed;
+  }
+  EXPECT_GT(undecided, 2);
+  EXPECT_GT(agreeing, 0);
 }
 
 TEST(Starts, RobotsThatNeverSeeEachOtherAgreeByWhatBothSee) {
