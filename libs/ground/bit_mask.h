@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -26,6 +27,8 @@ class BitMask {
   const Word* row(int y) const { return words_.data() + (y + kMargin) * step_ + kBeside; }
   bool at(int x, int y) const { return (row(y)[x / kBits] >> (x % kBits) & 1U) != 0; }
 
+  /// All of it.
+  void clear() { std::fill(words_.begin(), words_.end(), Word{0}); }
   /// Clears columns [begin, end) of a row.
   void clear(int y, int begin, int end);
   void set(int y, int begin, int end);

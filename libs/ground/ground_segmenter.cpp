@@ -104,6 +104,7 @@ SegmenterOptions SegmenterOptions::read(const options::Section& section) {
   section.read("histogram_share", o.histogram_share, {0.0, 0.5});
   section.read("histogram_grow", o.histogram_grow, {0, 8});
   section.read("shadows", o.shadows);
+  section.read("low_walls", o.low_walls);
   section.read("line_width_m", o.line_width_m, {0.0, 0.2});
   section.read("max_line_px", o.max_line_px, {0, LineFilter::kMaxWidth_px});
   o.reference = ReferenceOptions::read(section.child("reference"));
@@ -135,6 +136,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
   if (options.method == "local" && !options.reference.all_modes) {
     horizon_ = std::make_unique<Horizon>(camera, view);
     reference_.lookBeyond(horizon_->sectors());
+    if (options.low_walls) low_walls_ = std::make_unique<LowWalls>(camera, view);
   }
   constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
   for (int y = 0; y < view.seeds().rows; ++y)
@@ -159,11 +161,15 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   despeckler_.clean(area_, raw_bits_, bits_);
   lines_.apply(area_, bits_);
   if (options_.shadows && options_.method == "local" && image.channels() == 3) {
-    shade_.apply(strips_, area_, shadeFrame(image), looks_, raw_, despeckler_, bits_);
+    const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
+    if (low_walls_ && low_walls_->find(image, *regions, area_, reference_.colour(), bits_))
+      regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
+    shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
     completeSides(image);
   }
   clearStrips(last_strips_, objects_);
   unpack(strips_, bits_, objects_);
+  if (hasLowWalls()) low_walls_->mark(objects_);
   return true;
 }
 

@@ -11,7 +11,9 @@
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
 #include "ground/horizon.h"
+#include "ground/labelling.h"
 #include "ground/line_filter.h"
+#include "ground/low_walls.h"
 #include "ground/off_cells.h"
 #include "ground/shade_filter.h"
 #include "ground/side_completer.h"
@@ -28,6 +30,7 @@ struct SegmenterOptions {
   int histogram_grow = 1;          ///< for "histogram": bins added around
   double line_width_m = 0.020;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
   bool shadows = true;          ///< for "local", colour images: shadows are ground
+  bool low_walls = true;        ///< likewise: walls lower than the camera are told from what stands before
   int max_line_px = 9;          ///< pixels: but nothing thicker than this is taken for a marking
   static SegmenterOptions read(const options::Section& section);
 };
@@ -43,14 +46,15 @@ class GroundSegmenter {
   /// @return false when no floor was found around the robot
   bool segment(const cv::Mat& image);
 
-  /// 255 on what is not ground, 0 elsewhere; full resolution.
+  /// 255 on what is not ground, LowWalls::kWall on such walls, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }
-  /// The same, one bit a pixel.
+  /// Where that is 255, one bit a pixel.
   const BitMask& bits() const { return bits_; }
   /// Outside of it objects() is 0.
   const BitArea& area() const { return area_; }
   /// Of a region of objects() what is not in `kept` gets another value.
   void keepOf(const Blob& region, const BitMask& kept, std::uint8_t other);
+  bool hasLowWalls() const { return low_walls_ && low_walls_->any(); }
   /// Regions that may be floor or a thing of its colour; not in objects().
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Colour of the floor per cell, CV_32FC3.
@@ -103,6 +107,8 @@ class GroundSegmenter {
   std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
   std::vector<float> variances_;
   Despeckler despeckler_;
+  Labeller labeller_;
+  std::unique_ptr<LowWalls> low_walls_;
   ShadeFilter shade_;
   SideCompleter completer_;
 };

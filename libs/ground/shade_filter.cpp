@@ -14,7 +14,6 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr int kMinRegion_px = 12;         // smaller ones are noise, whatever they are
 constexpr int kMinCore_px = 16;           // fewer pixels that are no shade make no thing
 constexpr float kMinCoreShare = 0.08f;    // of the region, likewise
 constexpr float kFaintShare = 0.75f;      // of a region, from which it may be the floor's own pattern
@@ -374,17 +373,16 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
 }
 
-void ShadeFilter::apply(const std::vector<Strip>& strips, const BitArea& area, const Frame& frame,
-                        const cv::Mat1b& looks, const cv::Mat1b& raw, Despeckler& despeckler,
-                        BitMask& objects) {
-  const std::vector<Blob>& blobs = labeller_.label(objects, area, kMinRegion_px);
+void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& despeckler, BitMask& objects) {
+  const std::vector<Blob>& blobs = found.regions;
+  const cv::Mat1b& looks = found.looks;
   judgeAll(blobs, frame, looks);
-  findCoreStrips(strips, blobs);
+  findCoreStrips(found.strips, blobs);
   core_area_.cover(core_strips_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const Judged& judged = judged_[i];
     if (keepsCore(judged.verdict)) {
-      partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), raw, looks, bare_);
+      partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
       giveHuedBack(blobs[i], frame);
       if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
       keepCore(blobs[i], bare_);

@@ -50,10 +50,17 @@ class ShadeFilter {
     cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
   };
 
-  /// @param area of the strips; @param looks of the pixels, 0 outside the strips
-  /// @param raw 0/1, not yet despeckled; @param objects the despeckled mask; changed
-  void apply(const std::vector<Strip>& strips, const BitArea& area, const Frame& frame,
-             const cv::Mat1b& looks, const cv::Mat1b& raw, Despeckler& despeckler, BitMask& objects);
+  static constexpr int kMinRegion_px = 12;  ///< smaller ones are noise, whatever they are
+  /// What is not plainly floor.
+  struct Found {
+    const std::vector<Strip>& strips;
+    const std::vector<Blob>& regions;  ///< of at least kMinRegion_px; must last as long as sides() is asked
+    const cv::Mat1b& looks;            ///< of the pixels, 0 outside the strips
+    const cv::Mat1b& raw;              ///< 0/1, not yet despeckled
+  };
+
+  /// @param objects the mask of the regions; changed
+  void apply(const Found& found, const Frame& frame, Despeckler& despeckler, BitMask& objects);
 
   void clear();
 
@@ -116,7 +123,6 @@ class ShadeFilter {
   std::vector<float> nearest_px_;              ///< of the region's core, by bearings; squared
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
-  Labeller labeller_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;
   std::vector<const Blob*> sides_;

@@ -107,10 +107,13 @@ int WallFinder::countWallSectors(const GroundSegmenter& floor) {
   return count;
 }
 
-/// What hangs together with the cells of queue_ by the walls' growth and is not the floor's.
-void WallFinder::growDown(const GroundSegmenter& floor) {
+void WallFinder::markFloor(const GroundSegmenter& floor) {
   for (int y = 0; y < kinds_.rows; ++y)
     for (int x = 0; x < kinds_.cols; ++x) kinds_(y, x) = floor.isGrown(y, x) ? kFloorGrown : kNeither;
+}
+
+/// What hangs together with the cells of queue_ by the walls' growth and is not the floor's.
+void WallFinder::growDown(const GroundSegmenter& floor) {
   const auto isWall = [&](const cv::Point& cell) {
     return kinds_(cell) == kNeither && floor.horizon()->sectors()(cell) != 0 &&
            segmenter_->isGrown(cell.y, cell.x);
@@ -163,17 +166,27 @@ bool WallFinder::isGrown(const Blob& region) const {
 
 bool WallFinder::find(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
                       GroundSegmenter& floor) {
+  if (!options_.enabled) return false;
+  regions_ = &regions;
+  const bool high = findHigh(image, regions, min_area_px, floor);
+  if (!high && floor.hasLowWalls()) markFloor(floor);
+  return high || floor.hasLowWalls();
+}
+
+bool WallFinder::findHigh(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
+                          GroundSegmenter& floor) {
   walls_.clear();
   if (!segmenter_) return false;
   for (const Blob& region : regions)
     if (isWall(region)) walls_.push_back(&region);
   const int sectors = countWallSectors(floor);
   if ((walls_.empty() && !isWide(sectors)) || !segmenter_->segment(image)) return false;
+  markFloor(floor);
   growDown(floor);
   for (const Blob& region : regions)
     if (isGrown(region) && !isWall(region)) walls_.push_back(&region);
   const BitArea& area = floor.area();
-  clear(area, before_);
+  for (BitMask* mask : {&before_, &eroded_, &things_}) mask->clear();  // beyond the area it is read, too
   for (const Blob* wall : walls_) {
     for (const Run& run : wall->runs) {
       before_.set(run.row, run.begin, run.end);

@@ -8,6 +8,7 @@
 #include "ground/floor_view.h"
 #include "ground/ground_segmenter.h"
 #include "ground/labelling.h"
+#include "ground/low_walls.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
@@ -27,7 +28,7 @@ struct WallOptions {
 /// floor's growth stopped: what goes on from above the horizon down to there, without an edge, is no floor.
 class WallFinder {
  public:
-  static constexpr std::uint8_t kWall = 1;   ///< value of walls in masks in which things have 255
+  static constexpr std::uint8_t kWall = LowWalls::kWall;
   static constexpr std::uint8_t kShade = 2;  ///< likewise, of the floor that things at walls shade
 
   /// @param options of the floor: the same tolerances hold for walls
@@ -37,8 +38,8 @@ class WallFinder {
   enum Kind : std::uint8_t { kNeither = 0, kFloorGrown = 1, kWallGrown = 2 };
 
   /// @param image as `floor` has segmented it @param regions of `floor`, as labelled
-  /// @return whether there are walls; then those among the regions have kWall or kShade in the mask of
-  /// `floor`, and regions() holds all else
+  /// @return whether there are walls, LowWalls among them; then those among the regions have kWall or kShade
+  /// in the mask of `floor`, and regions() holds all else
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px, GroundSegmenter& floor);
   const std::vector<Blob>& regions() const { return *regions_; }
   /// Of each cell what growth got there, since find() found walls: the floor's, or the walls' and not the
@@ -46,8 +47,11 @@ class WallFinder {
   const cv::Mat1b& kinds() const { return kinds_; }
 
  private:
+  bool findHigh(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
+                GroundSegmenter& floor);
   bool isWall(const Blob& region);
   int countWallSectors(const GroundSegmenter& floor);
+  void markFloor(const GroundSegmenter& floor);
   void growDown(const GroundSegmenter& floor);
   void freeShade(GroundSegmenter& floor);
   bool isGrown(const Blob& region) const;

@@ -22,6 +22,12 @@ Options Options::read(const options::Section& section) {
   return o;
 }
 
+static ground::SegmenterOptions groundOptions(const Options& o) {
+  ground::SegmenterOptions ground = o.ground;
+  ground.low_walls = ground.low_walls && o.walls.enabled;
+  return ground;
+}
+
 /// The steps of §III in their order, with the buffers that live from frame to frame.
 struct LocalMapper::Stages {
   Stages(const lens::Camera& c, const Options& o, const cv::Mat1b& covered)
@@ -32,7 +38,7 @@ struct LocalMapper::Stages {
         check(camera.model(), view, o.check),
         freeze(view, o.faults),
         cover(o.faults),
-        segmenter(camera, view, o.ground),
+        segmenter(camera, view, groundOptions(o)),
         walls(camera, view, o.walls, o.ground),
         connection(o.connection),
         tracer(view, o.contour),

@@ -100,7 +100,7 @@ TEST_F(LocalMapperTest, ScanEndsAtTheWallsOfARoom) {
   for (std::size_t i = 0; i < 360; ++i) {
     const double bearing = static_cast<double>(i) * M_PI / 180.0;
     const double wall_m = 1.25 / std::max(std::abs(std::cos(bearing)), std::abs(std::sin(bearing)));
-    EXPECT_EQ(map.scan.label[i], RayLabel::kUnknown) << i;
+    EXPECT_EQ(map.scan.label[i], RayLabel::kObstacle) << i;
     EXPECT_NEAR(map.scan.range_m[i], wall_m, 0.04) << i;  // of a pixel, 1 to 3 cm
   }
   EXPECT_NEAR(mapper.freeShare(), 0.55, 0.05);

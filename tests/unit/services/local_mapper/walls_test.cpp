@@ -117,6 +117,74 @@ TEST_F(Walls, WhatStandsBeforeThemIsSeen) {
   }
 }
 
+// Walls whose tops are seen: what stands before them is seen by itself, grey things as well, and nothing
+// else.
+TEST_F(Walls, LowerThanTheCameraTheySwallowNothing) {
+  for (const char* walls :
+       {"walls: {height_m: 0.2, rgb: [130, 160, 70]}", "walls: {height_m: 0.3, rgb: [120, 90, 60]}",
+        "walls: {height_m: 0.25, rgb: [90, 130, 170], texture: 0.1}"}) {
+    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    const cv::Mat image = pictureOf(arena);
+    const LocalMap map = mapOf(arena, image);
+    EXPECT_EQ(map.objects.size(), 5U) << walls;
+    for (const synthetic::Solid& solid : arena.solids) {
+      if (solid.wall) continue;
+      EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
+    }
+    Options without;
+    without.ground.low_walls = false;
+    EXPECT_LT(mapOf(arena, image, without).objects.size(), 5U) << walls;
+    const Ends ends = endsOf(map, 0.0, 0.0);
+    EXPECT_EQ(ends.behind, 0) << walls;
+    EXPECT_GT(ends.at_walls, 180) << walls;
+    EXPECT_LT(ends.short_of, 12) << walls;  // beside things of nearly their colour
+  }
+}
+
+// Three pixels of floor between a thing's top and the wall are neither's: a thing ends where it does.
+TEST_F(Walls, TheFloorBeforeThemIsNoPartOfWhatStandsThere) {
+  const synthetic::Arena arena = room(
+      "obstacles: [{kind: box, pose: [1.14, 0, 0], size_m: [0.3, 0.4], height_m: 0.18, rgb: [40, 78, 170]}]\n"
+      "walls: {height_m: 0.25, rgb: [160, 70, 50]}");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  ASSERT_EQ(map.objects.size(), 1U);
+  double far_m = 0.0;
+  for (const Eigen::Vector2d& corner : map.objects[0].hull_m) far_m = std::max(far_m, corner.x());
+  const double top_m = 1.29 * 0.5 / (0.5 - 0.18);  // on the floor
+  EXPECT_NEAR(far_m, top_m, pixelsAt(top_m, 1.0));
+}
+
+// What hangs together over half of the turn and less is a thing, however large.
+TEST_F(Walls, AThingNearbyIsNone) {
+  const synthetic::Arena arena = room(
+      "obstacles: [{kind: box, pose: [0.75, 0, 0], size_m: [0.4, 1.6], height_m: 0.2, rgb: [160, 70, 50]}]");
+  const LocalMap map = mapOf(arena, pictureOf(arena));
+  EXPECT_EQ(map.objects.size(), 1U);
+  EXPECT_EQ(std::count(map.scan.label.begin(), map.scan.label.end(), RayLabel::kObstacle), 0);
+}
+
+// Where the frame before showed something else nothing of it is left.
+TEST_F(Walls, WhatWasSeenBeforeLeavesNoTrace) {
+  for (const char* walls :
+       {"walls: {height_m: 0.25, rgb: [120, 90, 60]}", "walls: {height_m: 2.4, rgb: [112, 104, 88]}"}) {
+    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    LocalMapper mapper(lens::Camera(arena.cameras.front().model), Options{}),
+        fresh(lens::Camera(arena.cameras.front().model), Options{});
+    Frame frame;
+    const auto areasOf = [&](LocalMapper& of, const cv::Mat& image) {
+      frame.image = image;
+      frame.acquired_ns += 200'000'000;
+      of.process(frame, {});
+      std::vector<int> areas;
+      for (const ground::Blob& blob : of.labelledBlobs()) areas.push_back(blob.area_px);
+      return areas;
+    };
+    areasOf(mapper, pictureOf(arena, {-0.5, 0.4, 1.0}));
+    const cv::Mat image = pictureOf(arena);
+    EXPECT_EQ(areasOf(mapper, image), areasOf(fresh, image)) << walls;
+  }
+}
+
 TEST_F(Walls, TheScanEndsAtThemAsBefore) {
   const synthetic::Arena arena = room(std::string(kThings) + "walls: {height_m: 1.0, rgb: [112, 104, 88]}");
   const LocalMap map = mapOf(arena, pictureOf(arena));

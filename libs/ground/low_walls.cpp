@@ -1,0 +1,255 @@
+#include "ground/low_walls.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "ground/bit_ops.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kCell = FloorView::kCell;
+constexpr float kFirst_px = 1.5f, kLast_px = 6.0f;  // inside of the far edge, where it is not mixed any more
+constexpr int kLeastPixels = 8;                     // of a sector's edge
+constexpr double kLeastWalls = 0.25;                // of the turn is edges of one hue
+constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
+constexpr int kSpeck_px = 1;   // half as wide as what is too thin for a thing, rounded down
+constexpr int kFringe_px = 4;  // along outlines, where there may be some floor before the wall
+// Shares of floor and wall in what is mixed of them sum up to one, but for the wall's texture.
+constexpr float kMixedAlong = 0.25f, kMixedNoise = 3.0f;  // grey levels, beside kAcross
+// In brightness and in hue walls may differ by so much, as a share of the brightness: one side from another,
+// and a pixel from the mean of its edge, whose own spread is added.
+constexpr float kSidesAlong = 0.5f, kAcross = 0.04f, kPixelAlong = 0.1f, kSigmas = 3.0f;
+
+bool isAlike(const cv::Vec3f& p, const cv::Vec3f& r, float along, float across) {
+  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr;
+  return std::abs(gain - 1.0f) <= along && p.dot(p) / rr - gain * gain <= across * across;
+}
+
+constexpr float kGoesOn = -1.0f;  // instead of a distance: to the end of a view that ends above the horizon
+
+float squared(float v) {
+  return v * v;
+}
+
+/// Some of the floor's colour and some of the wall's.
+bool isMixed(const cv::Vec3f& p, const cv::Vec3f& floor, const cv::Vec3f& wall) {
+  constexpr float kLeastApart = 1e-3f;  // squared sine of the angle between them: else they have one hue
+  const float ff = std::max(1.0f, floor.dot(floor)), ww = std::max(1.0f, wall.dot(wall)),
+              fw = floor.dot(wall);
+  const float apart = ff * ww - fw * fw;
+  float of_floor = p.dot(floor) / ff, of_wall = 0.0f;
+  if (apart > kLeastApart * ff * ww) {
+    of_floor = (p.dot(floor) * ww - p.dot(wall) * fw) / apart;
+    of_wall = (p.dot(wall) * ff - p.dot(floor) * fw) / apart;
+  }
+  const cv::Vec3f left = p - of_floor * floor - of_wall * wall;
+  return of_floor >= -kAcross && of_wall >= -kAcross && std::abs(of_floor + of_wall - 1.0f) <= kMixedAlong &&
+         left.dot(left) <= squared(kAcross * std::sqrt(p.dot(p)) + kMixedNoise);
+}
+
+}  // namespace
+
+LowWalls::LowWalls(const lens::Camera& camera, const FloorView& floor_view)
+    : sectors_(floor_view.cells(), std::uint8_t{0}),
+      view_(&floor_view),
+      sees_horizon_(FloorView::upward(camera) != nullptr),
+      things_(floor_view.imageSize()),
+      eroded_(floor_view.imageSize()),
+      opened_(floor_view.imageSize()),
+      gaps_(floor_view.imageSize()) {
+  const Eigen::Vector2d foot = camera.foot();
+  const Eigen::Vector2d pixel =
+      camera.pixelFromPoint({foot.x(), foot.y(), 0.0}).value_or(camera.model().principal_point_px);
+  foot_px_ = {static_cast<float>(pixel.x()), static_cast<float>(pixel.y())};
+  for (int y = 0; y < sectors_.rows; ++y) {
+    for (int x = 0; x < sectors_.cols; ++x) {
+      const Eigen::Vector2d to = Eigen::Vector2d((x + 0.5) * kCell - 0.5, (y + 0.5) * kCell - 0.5) - pixel;
+      const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI) + 0.5;
+      sectors_(y, x) = static_cast<std::uint8_t>(std::min(kSectors - 1, static_cast<int>(turns * kSectors)));
+    }
+  }
+}
+
+float LowWalls::radius2(int x, int y) const {
+  const cv::Point2f to = cv::Point2f(static_cast<float>(x), static_cast<float>(y)) - foot_px_;
+  return to.dot(to);
+}
+
+/// Visits (sector, cell, row, begin, end): the region's runs, cut where cells end.
+template <typename Visit>
+void LowWalls::forSectors(const Blob& region, Visit visit) const {
+  for (const Run& run : region.runs) {
+    const int cell_y = std::min(run.row / kCell, sectors_.rows - 1);
+    for (int begin = run.begin; begin < run.end;) {
+      const cv::Point cell(std::min(begin / kCell, sectors_.cols - 1), cell_y);
+      const int end = std::min(run.end, (begin / kCell + 1) * kCell);
+      visit(static_cast<std::size_t>(sectors_(cell)), cell, run.row, begin, end);
+      begin = end;
+    }
+  }
+}
+
+/// Where the region ends, seen from the camera's foot, who has it over half of the turn.
+bool LowWalls::isAround(const Blob& region) {
+  if (!region.rect.contains(cv::Point(cvRound(foot_px_.x), cvRound(foot_px_.y)))) return false;
+  edges_.fill({});
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
+    Edge& edge = edges_[sector];
+    for (const int x : {begin, end - 1}) {
+      const float far = radius2(x, row);
+      if (far <= edge.radius2_px) continue;
+      edge.radius2_px = far;
+      edge.far = {x, row};
+    }
+  });
+  int seen = 0;
+  for (Edge& edge : edges_) {
+    if (edge.radius2_px < 0.0f) continue;
+    ++seen;
+    const auto u = static_cast<float>(edge.far.x), v = static_cast<float>(edge.far.y);
+    if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kGoesOn;
+  }
+  return 2 * seen > kSectors;
+}
+
+void LowWalls::readEdges(const cv::Mat& image, const Blob& region) {
+  std::array<float, kSectors> from{}, to{}, squares{}, lights{};
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    const float far = std::sqrt(std::max(0.0f, edges_[k].radius2_px));
+    from[k] = squared(std::max(0.0f, far - kLast_px));
+    to[k] = squared(std::max(0.0f, far - kFirst_px));
+  }
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
+    if (edges_[sector].radius2_px < 0.0f ||
+        std::max(radius2(begin, row), radius2(end - 1, row)) < from[sector])
+      return;
+    for (int x = begin; x < end; ++x) {
+      const float r2 = radius2(x, row);
+      if (r2 < from[sector] || r2 > to[sector]) continue;
+      const cv::Vec3f p = image.at<cv::Vec3b>(row, x);
+      edges_[sector].colour += p;
+      squares[sector] += p.dot(p);
+      lights[sector] += squared(p[0] + p[1] + p[2]);
+      ++edges_[sector].count;
+    }
+  });
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    Edge& edge = edges_[k];
+    if (edge.count < kLeastPixels) continue;
+    const auto n = static_cast<float>(edge.count);
+    edge.colour /= n;
+    const float brightness2 = std::max(1.0f, edge.colour.dot(edge.colour));
+    const float light2 = std::max(1.0f, squared(edge.colour[0] + edge.colour[1] + edge.colour[2]));
+    const float along2 = std::max(0.0f, lights[k] / n / light2 - 1.0f);
+    edge.along = std::sqrt(along2);
+    edge.across = std::sqrt(std::max(0.0f, squares[k] / n / brightness2 - 1.0f - along2));
+  }
+}
+
+/// The hue that most of the edges have. False where it is not enough for walls.
+bool LowWalls::findHue() {
+  const auto isRead = [](const Edge& edge) { return edge.count >= kLeastPixels; };
+  std::size_t best = 0;
+  int most = 0;
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    if (!isRead(edges_[k])) continue;
+    int like = 0;
+    for (const Edge& other : edges_)
+      like += isRead(other) && isAlike(other.colour, edges_[k].colour, kSidesAlong, kAcross) ? 1 : 0;
+    if (like <= most) continue;
+    most = like;
+    best = k;
+  }
+  if (most < kLeastWalls * kSectors) return false;
+  const cv::Vec3f hue = edges_[best].colour;
+  for (Edge& edge : edges_) edge.is_wall = isRead(edge) && isAlike(edge.colour, hue, kSidesAlong, kAcross);
+  const auto middleOf = [&](float Edge::*spread) {
+    std::array<float, kSectors> spreads{};
+    std::ptrdiff_t walls = 0;
+    for (const Edge& edge : edges_)
+      if (edge.is_wall) spreads[static_cast<std::size_t>(walls++)] = edge.*spread;
+    std::nth_element(spreads.begin(), spreads.begin() + walls / 2, spreads.begin() + walls);
+    return spreads[static_cast<std::size_t>(walls / 2)];
+  };
+  along_ = kPixelAlong + kSigmas * middleOf(&Edge::along);
+  across_ = kAcross + kSigmas * middleOf(&Edge::across);
+  return true;
+}
+
+void LowWalls::findNearest() {
+  for (int k = 0; k < kSectors; ++k) {
+    const auto at = [&](int step) { return (k + step + kSectors) % kSectors; };
+    const auto isWall = [&](int step) { return edges_[static_cast<std::size_t>(at(step))].is_wall; };
+    int apart = 0;
+    while (!isWall(apart) && !isWall(-apart)) ++apart;
+    nearest_[static_cast<std::size_t>(k)] = isWall(apart) ? at(apart) : at(-apart);
+  }
+}
+
+void LowWalls::markThings(const cv::Mat& image, const Blob& region) {
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
+    const cv::Vec3f& wall = edges_[static_cast<std::size_t>(nearest_[sector])].colour;
+    for (int x = begin; x < end; ++x)
+      if (!isAlike(image.at<cv::Vec3b>(row, x), wall, along_, across_)) things_.set(row, x, x + 1);
+  });
+}
+
+/// What is thinner than a thing goes, and what is left of the floor between a thing and the wall.
+void LowWalls::cleanThings(const cv::Mat& image, const Blob& region, const BitArea& area,
+                           const cv::Mat3f& floor) {
+  takeMedian(area, things_, opened_);
+  regrowCorners(area, things_, opened_, eroded_);
+  std::swap(things_, eroded_);
+  erode(area, kFringe_px, things_, eroded_);
+  forSectors(region, [&](std::size_t sector, const cv::Point& cell, int row, int begin, int end) {
+    const cv::Vec3f& wall = edges_[static_cast<std::size_t>(nearest_[sector])].colour;
+    for (int x = begin; x < end; ++x) {
+      if (!things_.at(x, row) || eroded_.at(x, row)) continue;
+      if (!isMixed(image.at<cv::Vec3b>(row, x), floor(cell), wall)) continue;
+      things_.clear(row, x, x + 1);
+      gaps_.set(row, x, x + 1);
+    }
+  });
+  erode(area, kSpeck_px, things_, eroded_);
+  dilate(area, kSpeck_px, eroded_, opened_);
+}
+
+bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
+                    const cv::Mat3f& floor, BitMask& objects) {
+  walls_.clear();
+  const auto isWalls = [&](const Blob& region) {
+    if (!isAround(region)) return false;
+    readEdges(image, region);
+    return findHue();
+  };
+  // Whoever is inside of one sees no other.
+  const auto region = std::find_if(regions.begin(), regions.end(), isWalls);
+  if (region == regions.end()) return false;
+  findNearest();
+  for (BitMask* mask : {&things_, &eroded_, &opened_, &gaps_})
+    mask->clear();  // beyond the area it is read, too
+  markThings(image, *region);
+  cleanThings(image, *region, area, floor);
+  for (const Run& run : region->runs) {
+    const auto isWall = [&](int x) { return !opened_.at(x, run.row) && !gaps_.at(x, run.row); };
+    objects.keep(run.row, run.begin, run.end, opened_);
+    for (int x = run.begin; x < run.end; ++x) {
+      if (!isWall(x)) continue;
+      const int begin = x;
+      while (x < run.end && isWall(x)) ++x;
+      walls_.push_back({run.row, begin, x});
+    }
+  }
+  return true;
+}
+
+void LowWalls::mark(cv::Mat1b& mask) const {
+  for (const Run& run : walls_) {
+    std::uint8_t* row = mask.ptr(run.row);
+    std::replace(row + run.begin, row + run.end, std::uint8_t{0}, kWall);
+  }
+}
+
+}  // namespace omnifleet::ground
