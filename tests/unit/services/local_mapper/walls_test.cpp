@@ -75,6 +75,14 @@ rigs:
     EXPECT_EQ(map.objects.size(), objects);
     EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
   }
+  /// kThings, each by itself, and nothing else.
+  static void expectThingsAreSeen(const synthetic::Arena& arena, const LocalMap& map, const char* walls) {
+    EXPECT_EQ(map.objects.size(), 5U) << walls;
+    for (const synthetic::Solid& solid : arena.solids) {
+      if (solid.wall) continue;
+      EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
+    }
+  }
   /// Objects whose contact lies within 6 cm, two pixels there, of an obstacle's edge.
   static std::size_t objectsAt(const synthetic::Solid& solid, const LocalMap& map) {
     return static_cast<std::size_t>(
@@ -105,11 +113,7 @@ TEST_F(Walls, WhatStandsBeforeThemIsSeen) {
     const synthetic::Arena arena = room(std::string(kThings) + walls);
     const cv::Mat image = pictureOf(arena);
     const LocalMap map = mapOf(arena, image);
-    EXPECT_EQ(map.objects.size(), 5U) << walls;
-    for (const synthetic::Solid& solid : arena.solids) {
-      if (solid.wall) continue;
-      EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
-    }
+    expectThingsAreSeen(arena, map, walls);
     for (const ObjectObservation& object : map.objects) EXPECT_GT(object.solidity, 0.94) << walls;
     Options without;
     without.walls.enabled = false;
@@ -126,11 +130,7 @@ TEST_F(Walls, LowerThanTheCameraTheySwallowNothing) {
     const synthetic::Arena arena = room(std::string(kThings) + walls);
     const cv::Mat image = pictureOf(arena);
     const LocalMap map = mapOf(arena, image);
-    EXPECT_EQ(map.objects.size(), 5U) << walls;
-    for (const synthetic::Solid& solid : arena.solids) {
-      if (solid.wall) continue;
-      EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
-    }
+    expectThingsAreSeen(arena, map, walls);
     Options without;
     without.ground.low_walls = false;
     EXPECT_LT(mapOf(arena, image, without).objects.size(), 5U) << walls;
