@@ -30,8 +30,8 @@ struct SegmenterOptions {
   int histogram_grow = 1;          ///< for "histogram": bins added around
   double line_width_m = 0.020;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
   bool shadows = true;          ///< for "local", colour images: shadows are ground
-  bool low_walls = true;        ///< likewise: walls lower than the camera are told from what stands before
-  int max_line_px = 9;          ///< pixels: but nothing thicker than this is taken for a marking
+  bool low_walls = true;  ///< with shadows: walls lower than the camera are told from what stands before
+  int max_line_px = 9;    ///< pixels: but nothing thicker than this is taken for a marking
   static SegmenterOptions read(const options::Section& section);
 };
 
