@@ -62,7 +62,8 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
     const auto [b, g, r] =
         loadPixels(pixels.first + k * pixels.row_step, pixels.first + (k + 1) * pixels.row_step);
     const Floats gain = (b * t.blue + g * t.green + r * t.red) / t.squared;
-    const Floats hue = ((b * b + g * g + r * r) / t.squared - gain * gain) * t.across;
+    const Floats across = ((b * b + g * g + r * r) / t.squared - gain * gain) * t.across;
+    const Floats hue = across > t.least_hue ? across : Floats{};
     const Floats off = lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue);
     const Ints is_off = off > 1.0f;
     const Ints has_hue = hue > t.other_hue;

@@ -11,6 +11,7 @@ struct CellTest {
   float blue, green, red;  ///< r, the floor's colour there
   float squared;           ///< |r|², at least 1
   float along, across;     ///< 1 ÷ the squared tolerances
+  float least_hue;         ///< the second term, up to which it is nothing
   float other_hue;         ///< the second term, beyond which a pixel has another hue than the floor
 };
 

@@ -22,6 +22,10 @@ constexpr float kAlike = 0.2f;
 // neighbours first: else the tolerances would hide things in the dark.
 constexpr double kDrowning = 0.12;
 constexpr double kSmoothing = 3.0;  // what that divides the noise by
+// A camera that compresses (JPEG, 4:2:0) keeps colours by blocks of 16 × 16 pixels: a strong one rings over
+// all of its block, by up to this share of what it differs from the floor by.
+constexpr int kColourBlock = 16 / kCell;  // cells
+constexpr float kRinging = 0.2f;
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
@@ -126,6 +130,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
+      hue2_(view.cells().height / kColourBlock + 3, view.cells().width / kColourBlock + 3, 0.0f),
       around_(static_cast<std::size_t>(view.cells().width), kMixed),
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
@@ -306,6 +311,7 @@ void GroundSegmenter::markCells(double noise) {
   const auto share = [](double v) { return kPlainFloor * static_cast<float>(v); };
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
                      share(o.noise_sigmas * noise / kCell)};
+  hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
     const int first = std::max(range.start, 1), last = std::min(range.end, coverage.cols - 1);
@@ -316,14 +322,24 @@ void GroundSegmenter::markCells(double noise) {
     std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
     for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
       // Cut cells show other things too; their neighbours speak for them.
-      if (coverage(y, x) == 2)
-        solid_(y, x) = lookOfCell(x, y, noise);
-      else
+      if (coverage(y, x) != 2) {
         off[x] = 0;
+        continue;
+      }
+      const CellHue hue = hueOfCell(x, y);
+      solid_(y, x) = lookOfCell(x, y, hue, noise);
+      spreadHue(x, y, hue.across2);
     }
   }
   for (int y = 0; y < active_.rows; ++y)
     spreadMarks(off_.ptr(y), off_.ptr(y + 1), off_.ptr(y + 2), active_.cols, active_.ptr(y));
+}
+
+/// Into all blocks that the cell is in or near to: of the thing itself a block may hold but a corner.
+void GroundSegmenter::spreadHue(int x, int y, float across2) {
+  const int left = (x + kColourBlock / 2) / kColourBlock, top = (y + kColourBlock / 2) / kColourBlock;
+  for (int by = top; by <= top + 1; ++by)
+    for (int bx = left; bx <= left + 1; ++bx) hue2_(by, bx) = std::max(hue2_(by, bx), across2);
 }
 
 /// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes
@@ -340,11 +356,17 @@ FloorTest GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
   return test;
 }
 
-/// What the cell is where it is object all over, kFloorLook where it may be mixed.
-Look GroundSegmenter::lookOfCell(int x, int y, double noise) const {
+/// The cell's mean beside the floor's colour.
+GroundSegmenter::CellHue GroundSegmenter::hueOfCell(int x, int y) const {
   const cv::Vec3f &r = reference_.colour()(y, x), &p = cells_.means()(y, x);
-  const FloorTest test = reference_.testFor(r, noise / kCell);
-  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr, across2 = p.dot(p) / rr - gain * gain;
+  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr;
+  return {gain, p.dot(p) / rr - gain * gain};
+}
+
+/// What the cell is where it is object all over, kFloorLook where it may be mixed.
+Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, double noise) const {
+  const FloorTest test = reference_.testFor(reference_.colour()(y, x), noise / kCell);
+  const auto [gain, across2] = hue;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
   return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
@@ -405,8 +427,15 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
   const bool drowns = options_.reference.noise_sigmas * noise > kDrowning * std::sqrt(r.dot(r));
   const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
-  const CellTest test{
-      r[0], r[1], r[2], std::max(1.0f, r.dot(r)), 1.0f / limits.along2, 1.0f / limits.across2, kOtherHue};
+  const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
+  const CellTest test{r[0],
+                      r[1],
+                      r[2],
+                      std::max(1.0f, r.dot(r)),
+                      1.0f / limits.along2,
+                      1.0f / limits.across2,
+                      kRinging * kRinging * hue2 / limits.across2,
+                      kOtherHue};
   const int x = cell_x * kCell, y = cell_y * kCell;
   const auto at = [&](auto& mask) {
     return CellBytes<std::remove_pointer_t<decltype(mask.ptr(y))>>{mask.ptr(y) + x,

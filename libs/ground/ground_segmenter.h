@@ -77,7 +77,13 @@ class GroundSegmenter {
   void gatherStrips();
   void completeSides(const cv::Mat& image);
   void markCells(double noise);
-  Look lookOfCell(int x, int y, double noise) const;
+  struct CellHue {
+    float gain;     ///< brightness, of the floor's
+    float across2;  ///< squared difference of hue, of the floor's squared brightness
+  };
+  CellHue hueOfCell(int x, int y) const;
+  void spreadHue(int x, int y, float across2);
+  Look lookOfCell(int x, int y, const CellHue& hue, double noise) const;
   FloorTest testOfSmoothed(int x, int y, double noise) const;
   void findInside(const Strip& strip);
   bool isOneKind(int y, int x) const;
@@ -99,6 +105,7 @@ class GroundSegmenter {
   cv::Mat1b off_;     ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
   cv::Mat1b active_;  ///< per cell: looked at
   cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
+  cv::Mat1f hue2_;    ///< per block of JPEG's colours, with one of margin: the strongest CellHue::across2
   std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "ground/ground_segmenter.h"
@@ -81,6 +82,33 @@ TEST_F(SegmenterTest, BareNoisyFloorIsFloor) {
     EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0) << noise;
     ASSERT_TRUE(segmenter.segment(testing::dimFloor(model_, 24.0, 0.6 * noise, 3)));
     EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0) << noise;
+  }
+}
+
+/// As a camera that compresses gives it: colours at half the resolution, rounded by blocks of 16 × 16 pixels.
+TEST_F(SegmenterTest, ColoursThatRingBesideAThingAreFloor) {
+  for (unsigned seed = 0; seed < 5; ++seed) {
+    cv::Mat3b image = testing::unevenFloor(model_, 0.8, 1.5, seed);
+    for (auto& pixel : image) pixel = 0.55 * pixel;
+    truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
+    const double shift = 3.1 * seed;
+    for (const auto& [u, v, colour] :
+         {std::tuple(160.0, 150.0, cv::Vec3b(110, 20, 10)), std::tuple(470.0, 330.0, cv::Vec3b(20, 20, 130)),
+          std::tuple(200.0, 390.0, cv::Vec3b(20, 100, 20)),
+          std::tuple(450.0, 110.0, cv::Vec3b(20, 120, 140))}) {
+      testing::drawDisc<cv::Vec3b>(image, u + shift, v, 21.0, colour);
+      testing::drawDisc<std::uint8_t>(truth_, u + shift, v, 21.0, 255);
+    }
+    std::vector<std::uint8_t> file;
+    ASSERT_TRUE(cv::imencode(".jpg", image, file, {cv::IMWRITE_JPEG_QUALITY, 70}));
+    GroundSegmenter segmenter(camera_, view_, {});
+    ASSERT_TRUE(segmenter.segment(cv::imdecode(file, cv::IMREAD_COLOR)));
+    cv::Mat1b inner, outer;  // two pixels of colour, each halved, are mixed on both sides of the edge
+    cv::erode(truth_ > 127, inner, cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5}));
+    cv::dilate(truth_ > 127, outer, cv::getStructuringElement(cv::MORPH_ELLIPSE, {7, 7}));
+    // A few are still of the edge itself; without the rule there are 900.
+    EXPECT_LE(cv::countNonZero(segmenter.objects() & ~outer), 4) << seed;
+    EXPECT_EQ(cv::countNonZero(inner & ~segmenter.objects()), 0) << seed;
   }
 }
 
