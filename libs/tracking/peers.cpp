@@ -35,6 +35,16 @@ Peers::Peers(const PeerOptions& options, const std::string& own,
   }
 }
 
+void Peers::assume(const std::vector<PoseEstimate>& starts) {
+  for (const PoseEstimate& start : starts)
+    if (usable(start)) last_[start.robot] = {start, Pose2{}, true, true};
+}
+
+void Peers::forgetAssumed() {
+  for (auto& [robot, last] : last_)
+    if (last.assumed) last = Last{};
+}
+
 void Peers::remember(const PoseEstimate& pose) {
   if (!usable(pose)) return;
   Last& last = last_[pose.robot];
@@ -74,6 +84,7 @@ void Peers::place(Peer& peer, const Last& last, const PoseEstimate& own, const P
 }
 
 std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion) {
+  if (!poses.empty()) forgetAssumed();
   for (const PoseEstimate& pose : poses) remember(pose);
   for (Peer& peer : peers_) peer.known = false;
   const auto own = last_.find(own_);

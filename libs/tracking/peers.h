@@ -37,6 +37,8 @@ class Peers {
  public:
   Peers(const PeerOptions& options, const std::string& own, const std::map<std::string, RobotBody>& bodies);
 
+  /// Where the robots start, for as long as nobody has published anything.
+  void assume(const std::vector<PoseEstimate>& starts);
   /// All other robots in the order of their names.
   std::vector<Peer>& predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion);
   const std::vector<Peer>& all() const { return peers_; }
@@ -46,7 +48,9 @@ class Peers {
     PoseEstimate pose;
     Pose2 twist;  ///< in its base_link, per second
     bool any = false;
+    bool assumed = false;
   };
+  void forgetAssumed();
   void remember(const PoseEstimate& pose);
   void place(Peer& peer, const Last& last, const PoseEstimate& own, const Pose2& odom_from_base_then,
              TimeNs now_ns);

@@ -34,6 +34,9 @@ class Classifier {
   Classifier(const Options& options, const std::string& robot,
              const std::map<std::string, RobotBody>& bodies);
 
+  /// Where the robots start, known before anybody has published a pose; for the first local map's time.
+  void assume(const std::vector<PoseEstimate>& starts) { peers_.assume(starts); }
+
   /// One sample out per sample in, in time order. `poses`: the latest published estimates of all robots (the
   /// own one too) at the previous frame; may be empty, invalid or old. An invalid local map gives objects of
   /// the same state with every track predicted and none visible. The result lives until the next call.

@@ -9,6 +9,22 @@ std::string ownRobot(const bus::ServiceContext& context, const fleet::Fleet& fle
   return fleet.robot(context.options.robot).name;
 }
 
+/// As the fleet file tells them: near enough to say which of the things around is whom.
+std::vector<PoseEstimate> startsOf(const fleet::Fleet& fleet) {
+  constexpr double kSigma_m = 0.05, kSigma_rad = 0.05;
+  std::vector<PoseEstimate> starts;
+  for (const auto& robot : fleet.robots) {
+    if (!robot.initial_pose) continue;
+    PoseEstimate start;
+    start.robot = robot.name;
+    start.valid = true;
+    start.map_from_base = *robot.initial_pose;
+    start.covariance.diagonal() << kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad;
+    starts.push_back(start);
+  }
+  return starts;
+}
+
 }  // namespace
 
 ClassifierService::ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
@@ -22,7 +38,8 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
            "objects " + context.options.robot,
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
-                  ownRobot(context, fleet), fleet.bodies()) {
+                  ownRobot(context, fleet), fleet.bodies()),
+      starts_(startsOf(fleet)) {
   if (!context.options.out.empty()) tracks_.open(status(), context.options.out, context.options.robot);
 }
 
@@ -51,11 +68,19 @@ bool ClassifierService::spin() {
 void ClassifierService::process() {
   const auto begun = steady_clock::now();
   const std::vector<PoseEstimate>& known = poses_.take(batch_.feedback);
-  const Objects& objects = classifier_.process(std::get<LocalMap>(batch_.inputs.front().payload), known);
+  const auto& local_map = std::get<LocalMap>(batch_.inputs.front().payload);
+  if (!starts_.empty()) assumeStarts(local_map.acquired_ns);
+  const Objects& objects = classifier_.process(local_map, known);
   adapters::toWire(objects, runClock(context_.options), sample_);
   out_.write(sample_, status());
   tracks_.write(status(), [&](dataset::TracksWriter& tracks) { tracks.write(objects); });
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
+}
+
+void ClassifierService::assumeStarts(TimeNs now_ns) {
+  for (PoseEstimate& start : starts_) start.acquired_ns = now_ns;
+  classifier_.assume(starts_);
+  starts_.clear();
 }
 
 void ClassifierService::drain() {

@@ -33,6 +33,7 @@ class ClassifierService : public bus::Service {
 
   bool pull();
   void process();
+  void assumeStarts(TimeNs now_ns);
 
   bus::ServiceContext context_;
   bus::TimeMerger<Payload> merger_;
@@ -42,6 +43,7 @@ class ClassifierService : public bus::Service {
   PoseFeedback<Payload> poses_;
   Outlet<v1::Objects> out_;
   classifier::Classifier classifier_;
+  std::vector<PoseEstimate> starts_;          ///< until the first local map
   SideOutput<dataset::TracksWriter> tracks_;  ///< what `evaluate` scores robots against obstacles by
   v1::Objects sample_;
   bool ended_ = false;

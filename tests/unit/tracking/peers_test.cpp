@@ -73,6 +73,24 @@ TEST_F(PeersTest, SilenceMakesUnknown) {
       << "its pose is three seconds old";
 }
 
+TEST_F(PeersTest, UntilSomebodyHasPublishedTheyStandWhereTheyStart) {
+  Peers peers({}, "r1", bodies_);
+  drive(0);
+  peers.assume(
+      {pose("r1", 0, {1.0, 1.0, 0.0}), pose("r2", 0, {1.5, 1.0, 0.0}), pose("r3", 0, {1.0, 2.0, 0.0})});
+  const auto& all = peers.predict({}, own_);
+  ASSERT_EQ(all.size(), 2U);
+  ASSERT_TRUE(all[0].known && all[1].known);
+  EXPECT_NEAR((all[0].centre_m - Eigen::Vector2d(0.5, 0.0)).norm(), 0.0, 1e-9);
+  EXPECT_NEAR((all[1].centre_m - Eigen::Vector2d(0.0, 1.0)).norm(), 0.0, 1e-9);
+  drive(1);
+  peers.predict({pose("r1", 0, {2.0, 1.0, 0.0}), pose("r2", 0, {2.7, 1.0, 0.0})}, own_);
+  ASSERT_TRUE(all[0].known);
+  EXPECT_NEAR((all[0].centre_m - Eigen::Vector2d(0.7, 0.0)).norm(), 0.0, 1e-9);
+  EXPECT_NEAR(all[0].velocity_mps.norm(), 0.0, 1e-9) << "what was assumed is no step";
+  EXPECT_FALSE(all[1].known) << "others have published, r3 has not";
+}
+
 TEST_F(PeersTest, WithoutTheOwnPoseNobodyIsPlaced) {
   Peers peers({}, "r1", bodies_);
   drive(1);
