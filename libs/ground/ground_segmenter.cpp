@@ -183,7 +183,7 @@ void GroundSegmenter::completeSides(const cv::Mat& image) {
   const ShadeFilter::Frame frame = shadeFrame(image);
   bool any = false;
   for (const Blob* side : shade_.sides()) {
-    const std::vector<Run>& whole = completer_.complete({frame, view_->mask(), looks_}, *side);
+    const std::vector<Run>& whole = completer_.complete({frame, view_->mask(), looks_, bits_}, *side);
     if (whole.empty()) continue;
     for (const Run& run : side->runs) bits_.clear(run.row, run.begin, run.end);
     for (const Run& run : whole) {
@@ -208,8 +208,12 @@ void GroundSegmenter::keepOf(const Blob& region, const BitMask& kept, std::uint8
 
 ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
   const auto& o = options_.reference;
-  return {image, reference_.colour(), static_cast<float>(o.tolerance_across),
-          static_cast<float>(o.noise_sigmas * noise_), completer_.foot()};
+  return {image,
+          reference_.colour(),
+          static_cast<float>(o.tolerance_across),
+          static_cast<float>(o.noise_sigmas * noise_),
+          completer_.foot(),
+          view_->mask()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {

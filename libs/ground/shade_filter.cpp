@@ -26,8 +26,20 @@ constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in b
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: shadows get deep in more
-constexpr float kSharpSide = 0.45f;  // of that outline, from which it is no shadow's
+constexpr float kSharpSide = 0.4f;   // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
+
+constexpr int kBeyondEnd_px = 4;  // beside the end of deep shade, where nothing else must be
+constexpr float kLighter = 1.1f;  // of the floor's light: more is no floor beside a side
+constexpr double kBefore = 0.5;   // cosine to the camera's foot, from which an outline is on its side
+
+// Where a side's foot is looked for on a bearing, from where its shade gets deep; the least step there, as a
+// share of its depth; how many bearings must show one.
+constexpr int kBeforeFoot_px = 4, kBehindFoot_px = 14;
+constexpr float kLeastFoot = 0.3f;
+constexpr std::size_t kLeastFeet = 8;
+constexpr float kNoShadow = 0.94f;                      // of the floor's light, right before a foot
+const Look kNothing = greyLook(1.0f + kFaintContrast);  // no fringe to leave out
 
 constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
 constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
@@ -116,6 +128,12 @@ void spreadOver(std::vector<float>& bearings) {
   };
   spread(bearings.begin(), bearings.end());
   spread(bearings.rbegin(), bearings.rend());
+}
+
+float medianOf(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 bool isOfShade(Look look, Look shade_limit) {
@@ -220,34 +238,124 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
   return 2 * sharp > count;
 }
 
-/// The shaded part of a region ends at the floor as a side in the shade does, in a step, not as shadows fade.
-bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  float depth = 0.0f;
+/// Where a region's shade is at least half as deep as half of it is: the fringe that fades into the floor's
+/// brightness is left out. False where there is too little of it.
+bool ShadeFilter::findDeepShade(const Blob& blob, const cv::Mat1b& looks) {
+  std::array<int, 256> pixels{};
   int shaded = 0;
   for (const Run& run : blob.runs) {
+    const Look* row = looks.ptr(run.row);
     for (int x = run.begin; x < run.end; ++x) {
-      const Look look = looks(run.row, x);
-      if (!isShade(look) || isFaint(look)) continue;
-      depth += 1.0f - gainOf(look);
+      if (!isShade(row[x]) || isFaint(row[x])) continue;
+      ++pixels[row[x]];
       ++shaded;
     }
   }
-  depth /= static_cast<float>(std::max(1, shaded));
-  int sharp = 0, count = 0;
+  if (shaded < kMinCore_px) return false;
+  int look = 0;
+  for (int below = pixels[0]; 2 * below < shaded; below += pixels[static_cast<std::size_t>(look)]) ++look;
+  depth_ = 1.0f - gainOf(static_cast<Look>(look));
+  const Look first = greyLook(kDeepestShade), last = greyLook(1.0f - 0.5f * depth_);
+  const auto isDeep = [&](Look at) { return at >= first && at <= last; };
+  const cv::Rect& rect = blob.rect;
+  rows_.assign(static_cast<std::size_t>(rect.height), {looks.cols, -1});
+  columns_.assign(static_cast<std::size_t>(rect.width), {looks.rows, -1});
   for (const Run& run : blob.runs) {
-    for (const int inward : {1, -1}) {
-      const int x = inward > 0 ? run.begin : run.end - 1;
-      const int within = std::clamp(x + kStep_px * inward, run.begin, run.end - 1);
-      if (!isShade(looks(run.row, x)) || !isShade(looks(run.row, within))) continue;
-      const float across = meanGain(frame, x + kStepAtSide_px, run.row, 0, 1) -
-                           meanGain(frame, x - kStepAtSide_px, run.row, 0, 1);
-      const float down = meanGain(frame, x, run.row + kStepAtSide_px, 1, 0) -
-                         meanGain(frame, x, run.row - kStepAtSide_px, 1, 0);
-      sharp += std::hypot(across, down) >= kSharpShare * depth ? 1 : 0;
-      ++count;
+    if (run.row == 0 || run.row + 1 >= looks.rows) continue;
+    const Look *above = looks.ptr(run.row - 1), *here = looks.ptr(run.row), *below = looks.ptr(run.row + 1);
+    Extent& row = rows_[static_cast<std::size_t>(run.row - rect.y)];
+    for (int x = std::max(run.begin, 1); x < std::min(run.end, looks.cols - 1); ++x) {
+      if (!isDeep(here[x]) || !isDeep(here[x - 1]) || !isDeep(here[x + 1]) || !isDeep(above[x]) ||
+          !isDeep(below[x]))
+        continue;
+      row = {std::min(row.first, x), x};
+      Extent& column = columns_[static_cast<std::size_t>(x - rect.x)];
+      column = {std::min(column.first, run.row), run.row};
     }
   }
-  return static_cast<float>(sharp) >= kSharpSide * static_cast<float>(count);
+  return true;
+}
+
+/// The deep shade's ends in each row and column, and which way out is.
+template <typename Visit>
+void ShadeFilter::forDeepShadesEnds(const Blob& blob, Visit visit) const {
+  for (int i = 0; i < blob.rect.height; ++i) {
+    const Extent& row = rows_[static_cast<std::size_t>(i)];
+    if (row.last < 0) continue;
+    visit(cv::Point(row.first, blob.rect.y + i), cv::Point(-1, 0));
+    visit(cv::Point(row.last, blob.rect.y + i), cv::Point(1, 0));
+  }
+  for (int i = 0; i < blob.rect.width; ++i) {
+    const Extent& column = columns_[static_cast<std::size_t>(i)];
+    if (column.last < 0) continue;
+    visit(cv::Point(blob.rect.x + i, column.first), cv::Point(0, -1));
+    visit(cv::Point(blob.rect.x + i, column.last), cv::Point(0, 1));
+  }
+}
+
+/// The shade of a region ends in a step beside and behind, as a side does at verticals and at its top, not as
+/// shadows fade. Towards the camera's foot there may be a shadow at the foot of either; what is plainly no
+/// floor, and what the view does not show, tells nothing.
+bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  if (!findDeepShade(blob, looks)) return false;
+  const cv::Rect image({0, 0}, looks.size());
+  const auto isThing = [](Look look) {
+    return look == kColourLook || (isGrey(look) && (gainOf(look) < kDeepestShade || gainOf(look) > kLighter));
+  };
+  int sharp = 0, count = 0;
+  forDeepShadesEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
+    for (int k = 1; k <= kBeyondEnd_px; ++k) {
+      const cv::Point at = end + k * out;
+      if (!image.contains(at) || frame.view(at) == 0 || isThing(looks(at))) return;
+    }
+    const int x = end.x + out.x, y = end.y + out.y;  // one more is as deep as that
+    const cv::Point2f step(
+        meanGain(frame, x + kStepAtSide_px, y, 0, 1) - meanGain(frame, x - kStepAtSide_px, y, 0, 1),
+        meanGain(frame, x, y + kStepAtSide_px, 1, 0) - meanGain(frame, x, y - kStepAtSide_px, 1, 0));
+    const cv::Point2f from_foot = cv::Point2f(end) - frame.foot_px;
+    const double size = cv::norm(step);
+    if (step.dot(from_foot) < -kBefore * size * cv::norm(from_foot)) return;
+    sharp += size >= static_cast<double>(kSharpShare * depth_) ? 1 : 0;
+    ++count;
+  });
+  return count > 0 && static_cast<float>(sharp) >= kSharpSide * static_cast<float>(count);
+}
+
+/// A side's foot parts it from the shadow on the floor before it, which gets lighter from there on: halfway
+/// up the steepest step on each bearing, the median of them all. What fades into the floor where there is
+/// none.
+Look ShadeFilter::findFoot(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  const Look faint = greyLook(1.0f - kFaintContrast);
+  if (!findDeepShade(blob, looks)) return faint;
+  feet_.clear();
+  before_feet_.clear();
+  forDeepShadesEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
+    const cv::Point2f from_foot = cv::Point2f(end) - frame.foot_px;
+    const auto distance = static_cast<float>(cv::norm(from_foot));
+    const cv::Point2f away = from_foot / std::max(1.0f, distance);
+    if (away.dot(cv::Point2f(out)) > -0.5f) return;
+    const int across_x = std::abs(away.x) > std::abs(away.y) ? 0 : 1, across_y = 1 - across_x;
+    profile_.clear();
+    for (int k = -kBeforeFoot_px; k <= kBehindFoot_px; ++k) {
+      const cv::Point at(cvRound(static_cast<float>(end.x) + static_cast<float>(k) * away.x),
+                         cvRound(static_cast<float>(end.y) + static_cast<float>(k) * away.y));
+      profile_.push_back(meanGain(frame, at.x, at.y, across_x, across_y));
+    }
+    float steepest = kLeastFoot * depth_, halfway = 0.0f, outside = 1.0f;
+    for (std::size_t k = 2 * kStepAtSide_px; k < profile_.size(); ++k) {
+      const float before = profile_[k - 2 * kStepAtSide_px], behind = profile_[k];
+      if (before - behind <= steepest) continue;
+      steepest = before - behind;
+      halfway = 0.5f * (before + behind);
+      outside = before;
+    }
+    if (halfway == 0.0f) return;
+    feet_.push_back(halfway);
+    before_feet_.push_back(outside);
+  });
+  if (feet_.size() < kLeastFeet) return faint;
+  if (medianOf(before_feet_) > kNoShadow) return kNothing;
+  return std::min(faint, greyLook(medianOf(feet_)));
 }
 
 /// May be pieces of tiles with joints between them: of the floor's hue, and much of it of nearly its
@@ -360,7 +468,10 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   const bool side = isSide(blob, c);
   if (!has_core || 2 * c.bright > blob.area_px) {
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
-    if (all_light && !isSharp(blob, frame, looks)) return Verdict::kDrop;
+    const auto isOutlined = [&] {
+      return side ? endsSharply(blob, frame, looks) : isSharp(blob, frame, looks);
+    };
+    if (all_light && !isOutlined()) return Verdict::kDrop;
     return side && fringed ? Verdict::kKeepFirm : Verdict::kKeep;
   }
   if (side && endsSharply(blob, frame, looks)) return Verdict::kKeepFirm;
@@ -381,7 +492,10 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
   core_area_.cover(core_strips_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const Judged& judged = judged_[i];
-    if (keepsCore(judged.verdict)) {
+    if (judged.verdict == Verdict::kKeepFirm) {
+      partShade(blobs[i], judged.firm_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
+      keepCore(blobs[i], bare_);
+    } else if (keepsCore(judged.verdict)) {
       partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
       giveHuedBack(blobs[i], frame);
       if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
@@ -390,7 +504,7 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
   }
   pack(core_strips_, bare_, bare_bits_);
   despeckler.clean(core_area_, bare_bits_, core_);
-  for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, looks, objects);
+  for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, objects);
 }
 
 /// Where the noise hides the hue of single pixels, those whose surroundings have another hue than the floor
@@ -433,7 +547,7 @@ void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::ve
   core_rects_.clear();
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const cv::Rect& r = blobs[i].rect;
-    if (keepsCore(judged_[i].verdict))
+    if (keepsPart(judged_[i].verdict))
       core_rects_.emplace_back(r.x - kCell, r.y - kCell, r.width + 2 * kCell, r.height + 2 * kCell);
   }
   core_strips_.clear();
@@ -452,7 +566,10 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
-                       census.shade_limit, fades_});
+                       census.shade_limit, kFloorLook, fades_});
+    Judged& judged = judged_.back();
+    if (judged.verdict == Verdict::kKeepFirm)
+      judged.firm_limit = judged.is_side ? findFoot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
     faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
     patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;
@@ -468,16 +585,12 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   }
 }
 
-void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects) {
+void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, BitMask& objects) {
   if (verdict == Verdict::kKeep) return;
   if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
   for (const Run& run : blob.runs) {
-    if (keepsCore(verdict)) {
+    if (keepsPart(verdict)) {
       objects.keep(run.row, run.begin, run.end, core_);
-    } else if (verdict == Verdict::kKeepFirm) {
-      const Look* look = looks.ptr(run.row);
-      for (int x = run.begin; x < run.end; ++x)
-        if (isFaint(look[x])) objects.clear(run.row, x, x + 1);
     } else {
       objects.clear(run.row, run.begin, run.end);
     }

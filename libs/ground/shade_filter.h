@@ -39,7 +39,10 @@ class ShadeFilter {
         core_area_(image),
         bare_bits_(image),
         core_(image),
-        around_(image.width) {}
+        around_(image.width) {
+    rows_.reserve(static_cast<std::size_t>(image.height));
+    columns_.reserve(static_cast<std::size_t>(image.width));
+  }
 
   /// What is asked about brightness where the outline of a grey region lies.
   struct Frame {
@@ -48,6 +51,7 @@ class ShadeFilter {
     float hue_tolerance;     ///< share of the floor's brightness by which its hue may be off
     float noise;             ///< grey levels tolerated beside it in a single pixel
     cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
+    const cv::Mat1b& view;   ///< not 0 where floor may be seen
   };
 
   static constexpr int kMinRegion_px = 12;  ///< smaller ones are noise, whatever they are
@@ -83,6 +87,7 @@ class ShadeFilter {
   static bool keepsCore(Verdict verdict) {
     return verdict == Verdict::kKeepCore || verdict == Verdict::kKeepUnfading;
   }
+  static bool keepsPart(Verdict verdict) { return keepsCore(verdict) || verdict == Verdict::kKeepFirm; }
   /// Of shade, seen from the camera's foot: before the core; beside it; behind where it begins.
   enum Place : std::uint8_t { kBefore, kToOneSide, kToTheOther, kWithin, kPlaces };
   struct Judged {
@@ -91,6 +96,7 @@ class ShadeFilter {
     bool is_side;     ///< isSide()
     bool as_tile;     ///< isTile()
     Look shade_limit;
+    Look firm_limit;                  ///< kKeepFirm: from there to what is lighter than floors it goes
     std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
   };
 
@@ -99,11 +105,15 @@ class ShadeFilter {
   void giveHuedBack(const Blob& blob, const Frame& frame);
   void giveHuedBack(const Run& shade, const Frame& frame);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
-  void carryOut(const Blob& blob, Verdict verdict, const cv::Mat1b& looks, BitMask& objects);
+  void carryOut(const Blob& blob, Verdict verdict, BitMask& objects);
   Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
-  static bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  bool findDeepShade(const Blob& blob, const cv::Mat1b& looks);
+  template <typename Visit>
+  void forDeepShadesEnds(const Blob& blob, Visit visit) const;
+  Look findFoot(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   bool findNearest(const Blob& blob, Look shade_limit, const Frame& frame, const cv::Mat1b& looks);
   template <typename Visit>
   void forBearings(const Blob& blob, const Frame& frame, const cv::Mat1b& looks, Visit visit);
@@ -123,6 +133,14 @@ class ShadeFilter {
   std::vector<float> nearest_px_;              ///< of the region's core, by bearings; squared
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
+  /// First and last pixel of the deep shade in a row or column of a region's rectangle; last < 0: none.
+  struct Extent {
+    int first, last;
+  };
+  std::vector<Extent> rows_, columns_;
+  float depth_ = 0.0f;                     ///< of that shade: what it is darker than the floor, as a share
+  std::vector<float> profile_;             ///< brightness along a bearing
+  std::vector<float> feet_, before_feet_;  ///< by bearings: halfway up the step there; before it
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_;
   std::vector<const Blob*> sides_;

@@ -79,11 +79,14 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   for (int y = around_.y; y < around_.y + around_.height; ++y)
     std::fill_n(grown_.ptr(y) + around_.x, around_.width, std::uint8_t{0});
   box_ = side.rect & around_;
+  int area = 0;
   for (const Run& run : side.runs) {
+    for (int x = run.begin; x < run.end; ++x) area += frame.found.at(x, run.row) ? 1 : 0;
     if (run.row < around_.y || run.row >= around_.y + around_.height) continue;
     std::uint8_t* row = grown_.ptr(run.row);
-    std::fill(row + std::max(run.begin, around_.x), row + std::min(run.end, around_.x + around_.width),
-              kGrown);
+    const int end = std::min(run.end, around_.x + around_.width);
+    for (int x = std::max(run.begin, around_.x); x < end; ++x)
+      if (frame.found.at(x, run.row)) row[x] = kGrown;
   }
   learnTop(frame);
   if (has_top_) addTop(frame);
@@ -91,8 +94,7 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   if (has_top_) keepConvex();
   grow(frame);
   keepConvex();
-  if (!hull_.empty() && cv::contourArea(hull_) > kMinMore * static_cast<double>(side.area_px))
-    take(frame.view);
+  if (!hull_.empty() && cv::contourArea(hull_) > kMinMore * area) take(frame.view);
   return runs_;
 }
 
@@ -150,6 +152,7 @@ bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
     for (int x = run.begin; x < run.end; ++x) {
       const Look look = frame.looks(run.row, x);
       if (!isGrey(look) || gainOf(look) > kSide || !around_.contains({x, run.row})) continue;
+      if (!frame.found.at(x, run.row)) continue;
       side_hue_ += hueOf(colourAt(frame, x, run.row));
       ++count;
       const cv::Point2f at(static_cast<float>(x), static_cast<float>(run.row));

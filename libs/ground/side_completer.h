@@ -3,6 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/bit_mask.h"
 #include "ground/convex_part.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
@@ -32,6 +33,7 @@ class SideCompleter {
     const ShadeFilter::Frame& shade;
     const cv::Mat1b& view;   ///< not 0 where floor may be seen
     const cv::Mat1b& looks;  ///< of the pixels
+    const BitMask& found;    ///< what of the side is the thing; the rest is its shadow
   };
   /// @param side a region in less light than the floor and of nearly its hue
   /// @return the pixels of the whole thing, by rows, valid until the next call; empty where there is none

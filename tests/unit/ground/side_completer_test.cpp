@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+#include <random>
 
 #include "ground/ground_segmenter.h"
 #include "ground/labelling.h"
@@ -16,7 +17,6 @@ using Paint = cv::Vec3d;
 /// light and of a little other hue, so that its noise is that of the floor.
 class SideCompleterTest : public ::testing::Test {
  protected:
-  static constexpr double kHeight_m = 0.2;
   SideCompleterTest()
       : model_(testing::fisheye()),
         camera_(model_),
@@ -51,11 +51,28 @@ class SideCompleterTest : public ::testing::Test {
 
   /// A box ahead of the robot, 18 cm wide, its front across.
   void drawBox(const Paint& front, const Paint& top) {
-    const double near = 0.80, far = 0.98, half = 0.09, h = kHeight_m;
+    const double near = 0.80, far = 0.98, half = 0.09, h = height_m_;
     paint(maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}}), top);
     cv::Mat1b side = maskOf({{near, -half, 0}, {near, half, 0}, {near, half, h}, {near, -half, h}});
     side &= ~truth_;
     paint(side, front);
+  }
+
+  /// On the floor around where drawBox() draws it, fading over 8 cm, grainy.
+  void drawFootShadow(double deep) {
+    std::mt19937 random(7);
+    std::normal_distribution<double> grain(0.0, 0.05);
+    for (int y = 0; y < image_.rows; ++y) {
+      for (int x = 0; x < image_.cols; ++x) {
+        const auto floor = camera_.floorFromPixel({x, y});
+        if (!floor || floor->norm() > 1.6) continue;
+        const double ahead = std::max({0.80 - floor->x(), floor->x() - 0.98, 0.0}),
+                     beside = std::max(std::abs(floor->y()) - 0.09, 0.0);
+        const double shade = deep * std::exp(-std::hypot(ahead, beside) / 0.08), light = 1.0 + grain(random);
+        for (int c = 0; c < 3 && shade > 0.01; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * (1.0 - shade) * light);
+      }
+    }
   }
 
   std::vector<Blob> blobs() {
@@ -82,6 +99,7 @@ class SideCompleterTest : public ::testing::Test {
   FloorView view_;
   cv::Mat3b image_;
   cv::Mat1b truth_, objects_;
+  double height_m_ = 0.2;
 };
 
 TEST_F(SideCompleterTest, ATopAsBrightAsTheFloorIsTakenInByItsHue) {
@@ -107,7 +125,7 @@ TEST_F(SideCompleterTest, ATopOfLittleLessLightIsTakenIn) {
 TEST_F(SideCompleterTest, WhereNothingLiesBehindASideNothingIsTakenIn) {
   drawBox({0.65, 0.65, 0.65}, {1.0, 1.0, 1.0});
   const cv::Mat1b side =
-      maskOf({{0.8, -0.09, 0}, {0.8, 0.09, 0}, {0.8, 0.09, kHeight_m}, {0.8, -0.09, kHeight_m}});
+      maskOf({{0.8, -0.09, 0}, {0.8, 0.09, 0}, {0.8, 0.09, height_m_}, {0.8, -0.09, height_m_}});
   const auto found = blobs();
   ASSERT_EQ(found.size(), 1U);
   EXPECT_NEAR(found[0].area_px, cv::countNonZero(side), 0.12 * cv::countNonZero(side));  // a pixel all around
@@ -145,6 +163,39 @@ TEST_F(SideCompleterTest, ALightTopOfADarkThingIsOfIt) {
   expectTheBox();
 }
 
+/// The floor gets darker towards its foot, ragged by its grain: that fringe is neither the outline that tells
+/// a side from a shadow nor of the thing.
+TEST_F(SideCompleterTest, ASideWithAShadowAtItsFootIsFoundAndEndsThere) {
+  for (const double deep : {0.15, 0.28}) {
+    image_ = testing::unevenFloor(model_, 0.8, 2.0, 21);
+    truth_.setTo(0);
+    drawFootShadow(deep);
+    drawBox({0.56, 0.56, 0.56}, {1.08, 1.08, 1.08});
+    expectTheBox();
+  }
+}
+
+/// Most of its outline is its foot, which fades: what lies behind and beside tells.
+TEST_F(SideCompleterTest, ALowSideWithAShadowAtItsFootIsFound) {
+  height_m_ = 0.08;
+  drawFootShadow(0.28);
+  drawBox({0.72, 0.72, 0.72}, {1.08, 1.08, 1.08});
+  EXPECT_EQ(blobs().size(), 1U);
+}
+
+/// Its side is lit from the right: so little darker than the floor there that only the rest is a region.
+TEST_F(SideCompleterTest, WhereThereIsNoShadowAtTheFootTheFaintEndOfASideIsOfIt) {
+  drawBox({0.65, 0.65, 0.65}, {1.1, 1.1, 1.1});
+  for (int k = 0; k < 6; ++k) {
+    const double a = 0.09 - 0.03 * k, b = a - 0.03, light = 1.0 + 0.06 * k;
+    const cv::Mat1b box = truth_.clone();
+    paint(maskOf({{0.8, a, 0}, {0.8, b, 0}, {0.8, b, height_m_}, {0.8, a, height_m_}}),
+          {light, light, light});
+    truth_ = box;
+  }
+  expectTheBox();
+}
+
 /// The completer by itself, on a floor of one colour that is told to it.
 class CompletionTest : public SideCompleterTest {
  protected:
@@ -170,9 +221,11 @@ class CompletionTest : public SideCompleterTest {
   }
 
   int complete(SideCompleter& completer, const Blob& side, float noise) {
-    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise, completer.foot()};
+    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise, completer.foot(), view_.mask()};
+    BitMask found(image_.size());
+    for (const ground::Run& run : side.runs) found.set(run.row, run.begin, run.end);
     int area = 0;
-    for (const ground::Run& run : completer.complete({shade, view_.mask(), looks_}, side))
+    for (const ground::Run& run : completer.complete({shade, view_.mask(), looks_, found}, side))
       area += run.end - run.begin;
     return area;
   }
