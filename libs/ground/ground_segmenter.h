@@ -57,6 +57,8 @@ class GroundSegmenter {
   bool hasLowWalls() const { return low_walls_ && low_walls_->any(); }
   /// Regions that may be floor or a thing of its colour; not in objects().
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
+  /// Likewise; shadows, walls in the shade, or things of the floor's colour of which hardly more is seen.
+  const std::vector<Blob>& vague() const { return shade_.vague(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
   /// Is the cell floor that joins the seeds, by the last frame's local colours?

@@ -26,12 +26,14 @@ constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in b
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: shadows get deep in more
+constexpr float kVagueShare = 0.1f;  // of it, below which it is surely one's
+constexpr int kMinVague_px = 100;    // smaller regions have too little outline for that
 constexpr float kSharpSide = 0.4f;   // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
+constexpr double kTowards = 0.5;  // cosine to the camera's foot, from which an outline lies on that side
 constexpr int kBeyondEnd_px = 4;  // beside the end of deep shade, where nothing else must be
 constexpr float kLighter = 1.1f;  // of the floor's light: more is no floor beside a side
-constexpr double kBefore = 0.5;   // cosine to the camera's foot, from which an outline is on its side
 
 // Where a side's foot is looked for on a bearing, from where its shade gets deep; the least step there, as a
 // share of its depth; how many bearings must show one.
@@ -165,6 +167,7 @@ void ShadeFilter::clear() {
   ground::clear(core_area_, bare_bits_);
   ground::clear(core_area_, core_);
   undecided_.clear();
+  vague_.clear();
   sides_.clear();
 }
 
@@ -293,11 +296,11 @@ void ShadeFilter::forDeepShadesEnds(const Blob& blob, Visit visit) const {
   }
 }
 
-/// The shade of a region ends in a step beside and behind, as a side does at verticals and at its top, not as
-/// shadows fade. Towards the camera's foot there may be a shadow at the foot of either; what is plainly no
+/// Share of the outline of a region's deep shade where it ends in a step, as a side does at verticals and at
+/// its top, not as shadows fade. Towards the camera's foot both may end in a shadow; what is plainly no
 /// floor, and what the view does not show, tells nothing.
-bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  if (!findDeepShade(blob, looks)) return false;
+float ShadeFilter::sharpShare(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  if (!findDeepShade(blob, looks)) return 0.0f;
   const cv::Rect image({0, 0}, looks.size());
   const auto isThing = [](Look look) {
     return look == kColourLook || (isGrey(look) && (gainOf(look) < kDeepestShade || gainOf(look) > kLighter));
@@ -314,11 +317,11 @@ bool ShadeFilter::endsSharply(const Blob& blob, const Frame& frame, const cv::Ma
         meanGain(frame, x, y + kStepAtSide_px, 1, 0) - meanGain(frame, x, y - kStepAtSide_px, 1, 0));
     const cv::Point2f from_foot = cv::Point2f(end) - frame.foot_px;
     const double size = cv::norm(step);
-    if (step.dot(from_foot) < -kBefore * size * cv::norm(from_foot)) return;
+    if (step.dot(from_foot) < -kTowards * size * cv::norm(from_foot)) return;
     sharp += size >= static_cast<double>(kSharpShare * depth_) ? 1 : 0;
     ++count;
   });
-  return count > 0 && static_cast<float>(sharp) >= kSharpSide * static_cast<float>(count);
+  return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
 }
 
 /// A side's foot parts it from the shadow on the floor before it, which gets lighter from there on: halfway
@@ -356,6 +359,11 @@ Look ShadeFilter::findFoot(const Blob& blob, const Frame& frame, const cv::Mat1b
   if (feet_.size() < kLeastFeet) return faint;
   if (medianOf(before_feet_) > kNoShadow) return kNothing;
   return std::min(faint, greyLook(medianOf(feet_)));
+}
+
+/// All over of the floor's hue and nearly of its brightness.
+bool ShadeFilter::isFloorLike(const Blob& blob, const Census& c) {
+  return static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px);
 }
 
 /// May be pieces of tiles with joints between them: of the floor's hue, and much of it of nearly its
@@ -460,21 +468,22 @@ void ShadeFilter::keepFading(const Blob& blob, const Judged& judged, const Frame
 
 ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const Frame& frame,
                                         const cv::Mat1b& looks) {
-  if (static_cast<float>(c.faint) >= kFaintShare * static_cast<float>(blob.area_px))
-    return Verdict::kUndecided;
+  if (isFloorLike(blob, c)) return Verdict::kUndecided;
   const int core = c.coloured + c.dark + c.bright;
   const bool has_core = isCore(core, blob);
   const bool fringed = static_cast<float>(c.faint) > kFaintFringe * static_cast<float>(blob.area_px);
   const bool side = isSide(blob, c);
   if (!has_core || 2 * c.bright > blob.area_px) {
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
-    const auto isOutlined = [&] {
-      return side ? endsSharply(blob, frame, looks) : isSharp(blob, frame, looks);
-    };
-    if (all_light && !isOutlined()) return Verdict::kDrop;
-    return side && fringed ? Verdict::kKeepFirm : Verdict::kKeep;
+    if (side) {
+      const float sharp = sharpShare(blob, frame, looks);
+      if (sharp < kSharpSide)
+        return sharp < kVagueShare || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
+      return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
+    }
+    return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
   }
-  if (side && endsSharply(blob, frame, looks)) return Verdict::kKeepFirm;
+  if (side && sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
     return Verdict::kKeepCore;
   if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
@@ -570,14 +579,15 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
       judged.firm_limit = judged.is_side ? findFoot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
-    faint += judged_.back().verdict == Verdict::kUndecided ? 1 : 0;
+    faint += isFloorLike(blob, census) ? 1 : 0;
     patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;
   }
   const bool has_pattern = faint >= kPatternRegions || patterned >= kStrongPatternRegions;
   for (Judged& judged : judged_) {
     const bool of_floor = (has_pattern && judged.as_pattern) || (tiles >= kPatternRegions && judged.as_tile);
-    if (of_floor && judged.verdict != Verdict::kDrop) judged.verdict = Verdict::kUndecided;
+    const bool is_shade = judged.verdict == Verdict::kDrop || judged.verdict == Verdict::kVague;
+    if (of_floor && !is_shade) judged.verdict = Verdict::kUndecided;
   }
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const bool stays = judged_[i].verdict == Verdict::kKeep || judged_[i].verdict == Verdict::kKeepFirm;
@@ -588,6 +598,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
 void ShadeFilter::carryOut(const Blob& blob, Verdict verdict, BitMask& objects) {
   if (verdict == Verdict::kKeep) return;
   if (verdict == Verdict::kUndecided) undecided_.push_back(blob);
+  if (verdict == Verdict::kVague) vague_.push_back(blob);
   for (const Run& run : blob.runs) {
     if (keepsPart(verdict)) {
       objects.keep(run.row, run.begin, run.end, core_);

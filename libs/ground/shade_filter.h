@@ -70,6 +70,8 @@ class ShadeFilter {
 
   /// Regions of the last apply() that may be floor or a thing of its colour.
   const std::vector<Blob>& undecided() const { return undecided_; }
+  /// Regions of the last apply() that went as shade though some of their outline is as sharp as a thing's.
+  const std::vector<Blob>& vague() const { return vague_; }
   /// Regions of the last apply() that stay and are mostly in less light than the floor, of nearly its hue:
   /// sides of things whose tops may be as bright as the floor.
   const std::vector<const Blob*>& sides() const { return sides_; }
@@ -83,7 +85,7 @@ class ShadeFilter {
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
     Look shade_limit = kFloorLook;               ///< from which grey is taken for shade
   };
-  enum class Verdict { kKeep, kKeepFirm, kKeepCore, kKeepUnfading, kDrop, kUndecided };
+  enum class Verdict { kKeep, kKeepFirm, kKeepCore, kKeepUnfading, kDrop, kVague, kUndecided };
   static bool keepsCore(Verdict verdict) {
     return verdict == Verdict::kKeepCore || verdict == Verdict::kKeepUnfading;
   }
@@ -107,9 +109,10 @@ class ShadeFilter {
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, BitMask& objects);
   Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
+  static bool isFloorLike(const Blob& blob, const Census& census);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
-  bool endsSharply(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  float sharpShare(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   bool findDeepShade(const Blob& blob, const cv::Mat1b& looks);
   template <typename Visit>
   void forDeepShadesEnds(const Blob& blob, Visit visit) const;
@@ -142,7 +145,7 @@ class ShadeFilter {
   std::vector<float> profile_;             ///< brightness along a bearing
   std::vector<float> feet_, before_feet_;  ///< by bearings: halfway up the step there; before it
   std::vector<Judged> judged_;
-  std::vector<Blob> undecided_;
+  std::vector<Blob> undecided_, vague_;
   std::vector<const Blob*> sides_;
 };
 

@@ -251,8 +251,9 @@ bool FloorScan::isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d
   return away.dot(*a - at) >= before;
 }
 
-double FloorScan::addUndecided(const ground::Blob& blob) {
+std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob) {
   double nearest_m = std::numeric_limits<double>::infinity();
+  std::optional<Eigen::Vector2d> contact_m;
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
   const auto n = static_cast<long>(bearing_.size());
   for (const ground::Run& run : blob.runs) {
@@ -263,10 +264,12 @@ double FloorScan::addUndecided(const ground::Blob& blob) {
       const long ray = std::lround(std::atan2(at.y(), at.x()) / step);
       double& nearest = undecided_m_[static_cast<std::size_t>(((ray % n) + n) % n)];
       nearest = std::min(nearest, at.norm());
-      nearest_m = std::min(nearest_m, at.norm());
+      if (at.norm() >= nearest_m) continue;
+      nearest_m = at.norm();
+      contact_m = *floor;
     }
   }
-  return nearest_m;
+  return contact_m;
 }
 
 /// The rays from one end of a segment to the other, the shorter way around.

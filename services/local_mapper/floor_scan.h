@@ -48,9 +48,9 @@ class FloorScan {
   /// Share of the visible floor's depth that is free, the middle one of all bearings that see floor; since
   /// finish().
   double freeShare() const { return free_share_; }
-  /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns its
-  /// distance from the camera's foot, metres; infinite where none of it is on the floor.
-  double addUndecided(const ground::Blob& blob);
+  /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns
+  /// where it begins, base_link; none where nothing of it is on the floor.
+  std::optional<Eigen::Vector2d> addUndecided(const ground::Blob& blob);
   /// Ranges, σ and labels: kFloorEnd, kObstacle (a wall) or kUnknown (something stands there), kInvalid where
   /// no floor is ever visible.
   void finish(Scan& scan);

@@ -58,6 +58,7 @@ struct LocalMapper::Stages {
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
   void keep(bool is_object, const ground::Blob& blob);
+  void addUndecided(const std::vector<ground::Blob>& regions);
 
   Options options;
   lens::Camera camera;
@@ -87,7 +88,7 @@ struct LocalMapper::Stages {
   std::vector<FloorContour> contours;  // of the objects, kept for reuse of their buffers
   ground::Contour contour;
   ObjectObservation object;
-  int undecided = 0;
+  std::vector<Eigen::Vector2d> undecided_m;
   bool has_walls = false;
   const char* fault = "";
   LocalMap map;
@@ -164,7 +165,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   for (; !map.objects.empty(); map.objects.pop_back()) spare_objects.push_back(std::move(map.objects.back()));
   silhouette.forgetRejected();
   flow.forgetRejected();
-  undecided = 0;
+  undecided_m.clear();
   fault = "";
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
@@ -201,9 +202,17 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   }
   if (closed) scan.addAll(segmenter.objects());
   if (has_walls) scan.addWalls();
-  for (const ground::Blob& blob : segmenter.undecided())
-    undecided += scan.addUndecided(blob) <= options.silhouette.max_contact_m ? 1 : 0;
+  addUndecided(segmenter.undecided());
+  if (!has_walls) addUndecided(segmenter.vague());  // shade on a wall is no thing before it
   scan.finish(map.scan);
+}
+
+void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions) {
+  for (const ground::Blob& blob : regions) {
+    const auto contact_m = scan.addUndecided(blob);
+    if (contact_m && (*contact_m - camera.foot()).norm() <= options.silhouette.max_contact_m)
+      undecided_m.push_back(*contact_m);
+  }
 }
 
 /// A region that shows several things, each for itself. False where it is one thing.
@@ -268,8 +277,8 @@ std::size_t LocalMapper::rejectedPoints() const {
   return stages_->silhouette.rejected() + stages_->flow.rejected();
 }
 
-int LocalMapper::undecided() const {
-  return stages_->undecided;
+const std::vector<Eigen::Vector2d>& LocalMapper::undecided() const {
+  return stages_->undecided_m;
 }
 
 double LocalMapper::freeShare() const {

@@ -66,9 +66,10 @@ class LocalMapper {
   /// Points of the last frame (of outlines and vectors) that the correcting lens gives no floor for (Choi
   /// eq. 7: r ≥ F); they are left out.
   std::size_t rejectedPoints() const;
-  /// Regions of the last frame within the reach of objects that may be things of the floor's colour or a part
-  /// of its pattern: none of `objects`, the scan ends at them. Whoever answers for missed things must know.
-  int undecided() const;
+  /// Where regions of the last frame within the reach of objects begin that may be things of the floor's
+  /// colour, a part of its pattern or a shadow: none of `objects`, the scan ends at them. base_link, metres.
+  /// Whoever answers for missed things must know.
+  const std::vector<Eigen::Vector2d>& undecided() const;
   /// Share of the visible floor's depth that was free in the last valid frame, the middle one of all
   /// bearings.
   double freeShare() const;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "dataset/atomic_file.h"
 #include "laser/join.h"
 
@@ -10,7 +12,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-constexpr int kLastingFrames = 10;    // what is undecided, or shut in, for so long is told
+constexpr int kLastingFrames = 10;    // what is shut in for so long is told
 constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
@@ -104,6 +106,7 @@ bool LocalMapperService::spin() {
     pull();
   }
   if (!ended_ && merger_.finished()) {
+    tellUndecided(true);
     out_.end(ends_);
     ended_ = any = true;
     if (rejected_points_ > 0)
@@ -134,12 +137,9 @@ void LocalMapperService::process(const bus::FrameView& view) {
     laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
   rejected_points_ += mapper_.rejectedPoints();
   tellCover();
-  undecided_frames_ = mapper_.undecided() > 0 ? undecided_frames_ + 1 : 0;
-  if (undecided_frames_ == kLastingFrames) {
-    status().error(fmt::format(
-        "camera {}: something nearly of the floor's colour may be a thing or a pattern; it is left out of "
-        "the map and nothing behind it counts as seen",
-        camera_.id));
+  if (local_map_.state == FrameState::kOk) {
+    undecided_.take(local_map_.motion, mapper_.undecided(), local_map_.objects);
+    tellUndecided(false);
   }
   const bool hemmed_in = local_map_.state == FrameState::kOk && mapper_.freeShare() < kLittleFloor;
   hemmed_in_frames_ = hemmed_in ? hemmed_in_frames_ + 1 : 0;
@@ -164,6 +164,22 @@ void LocalMapperService::process(const bus::FrameView& view) {
     status().error(fmt::format("frame {} of camera {}: {}{}{}", local_map_.sequence, camera_.id,
                                toString(local_map_.state), fault.empty() ? "" : ", ", fault));
   }
+}
+
+/// One line however many there are: the nearest of them.
+void LocalMapperService::tellUndecided(bool ended) {
+  const auto& places = undecided_.toTell(ended);
+  if (places.empty()) return;
+  const auto isNearer = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  };
+  const Eigen::Vector2d& at = *std::min_element(places.begin(), places.end(), isNearer);
+  status().error(
+      fmt::format("camera {}: something nearly of the floor's colour (a thing, a pattern, a shadow): in "
+                  "frame {} {:.2f} m "
+                  "ahead, {:.2f} m left{}; it is left out of the map and nothing behind it counts as seen",
+                  camera_.id, local_map_.sequence, at.x(), at.y(),
+                  places.size() > 1 ? fmt::format(", and {} more", places.size() - 1) : ""));
 }
 
 void LocalMapperService::tellCover() {

@@ -12,6 +12,7 @@
 #include "fleet/fleet.h"
 #include "local_mapper/debug_images.h"
 #include "local_mapper/laser_service.h"
+#include "local_mapper/lasting_places.h"
 #include "local_mapper/local_mapper.h"
 #include "motion/wheel_integrator.h"
 
@@ -41,6 +42,7 @@ class LocalMapperService : public bus::Service {
   void takeBeside();
   void process(const bus::FrameView& view);
   void tellCover();
+  void tellUndecided(bool ended);
   void saveDebugImages(const cv::Mat& image);
 
   bus::ServiceContext context_;
@@ -62,9 +64,9 @@ class LocalMapperService : public bus::Service {
   LocalMap local_map_;
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
-  int undecided_frames_ = 0;         ///< in a row
-  double told_cover_ = 0.0;          ///< share of the view
-  int hemmed_in_frames_ = 0;         ///< in a row that show hardly any floor
+  local_mapper::LastingPlaces undecided_;
+  double told_cover_ = 0.0;   ///< share of the view
+  int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor
   bool ended_ = false;
 };
 

@@ -192,7 +192,27 @@ TEST_F(ShadeFilterTest, ANarrowGapInShadeIsNoThing) {
 TEST_F(ShadeFilterTest, AStainOfSoftShadeOrLightIsFloor) {
   shade(480, 330, [](double d) { return 1.0 - 0.30 * std::exp(-d * d / (2.0 * 14 * 14)); });
   shade(160, 330, [](double d) { return 1.0 + 0.25 * std::exp(-d * d / (2.0 * 14 * 14)); });
-  EXPECT_TRUE(blobs().empty());
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+  EXPECT_TRUE(segmenter.vague().empty());
+}
+
+/// Soft but for a bit of its outline, away from the camera, that is cut off: no thing, but it might be one.
+TEST_F(ShadeFilterTest, ShadeOfWhichSomeEndsSharplyIsToldThoughItGoes) {
+  for (int y = 0; y < image_.rows; ++y) {
+    for (int x = 0; x < image_.cols; ++x) {
+      const double d = std::hypot(x - 480.0, y - 240.0);
+      if (x < 502) GreyBox::dim(image_(y, x), 1.0 - 0.45 * std::exp(-d * d / (2.0 * 16 * 16)));
+    }
+  }
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+  EXPECT_TRUE(segmenter.undecided().empty());
+  EXPECT_EQ(segmenter.vague().size(), 1U);
+  ASSERT_TRUE(segmenter.segment(testing::unevenFloor(model_, 0.7, 1.5, 11)));
+  EXPECT_TRUE(segmenter.vague().empty());
 }
 
 TEST_F(ShadeFilterTest, AGreyThingOfTheFloorsHueStays) {

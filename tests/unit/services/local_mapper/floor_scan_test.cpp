@@ -79,14 +79,15 @@ TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   for (int row = v - 10; row < v + 10; ++row) blob.runs.push_back({row, u - 10, u + 10});
   Scan scan;
   scan_.begin();
-  const double distance_m = scan_.addUndecided(blob);
+  const auto begins_m = scan_.addUndecided(blob);
   scan_.finish(scan);
   const auto nearest = camera_.floorFromPixel({u, v + 9});
   ASSERT_TRUE(nearest);
   EXPECT_EQ(scan.label[0], RayLabel::kFloorEnd);
   EXPECT_NEAR(scan.range_m[0], nearest->norm(), 0.002);  // the ray passes within half a pixel
   EXPECT_EQ(scan.object[0], 0);
-  EXPECT_NEAR(distance_m, nearest->norm(), 0.002);
+  ASSERT_TRUE(begins_m);
+  EXPECT_NEAR(begins_m->norm(), nearest->norm(), 0.002);
   EXPECT_NEAR(scan.range_m[180], 2.5, 0.011);
   scan_.begin();
   scan_.finish(scan);

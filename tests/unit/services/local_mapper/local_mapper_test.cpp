@@ -176,7 +176,7 @@ TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
   // A disc of a tenth less brightness, sharp-edged, at that distance ahead.
   LocalMapper mapper(camera_, {});
   scene_.prisms.clear();
-  const auto undecided = [&](double distance_m) {
+  const auto undecided = [&](double distance_m) -> const std::vector<Eigen::Vector2d>& {
     cv::Mat3b image = testing::renderScene(scene_, camera_, {});
     const auto pixel = camera_.pixelFromPoint({distance_m, 0.0, 0.0});
     if (distance_m > 0)
@@ -184,9 +184,13 @@ TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
     mapper.process(testing::frameOf(image, 0), {});
     return mapper.undecided();
   };
-  EXPECT_EQ(undecided(1.0), 1);
-  EXPECT_EQ(undecided(0.0), 0);
-  EXPECT_EQ(undecided(3.2), 0) << "beyond the reach of objects";
+  ASSERT_EQ(undecided(1.0).size(), 1U);
+  const auto disc = camera_.pixelFromPoint({1.0, 0.0, 0.0});
+  const auto begin = camera_.pixelFromPoint({undecided(1.0)[0].x(), undecided(1.0)[0].y(), 0.0});
+  ASSERT_TRUE(disc && begin);
+  EXPECT_NEAR((*begin - *disc).norm(), 14.0, 2.0) << "its rim, where it is nearest";
+  EXPECT_TRUE(undecided(0.0).empty());
+  EXPECT_TRUE(undecided(3.2).empty()) << "beyond the reach of objects";
 }
 
 /// A box comes in over the edge of a narrow lens, at all angles: whatever support is given as seen is that of
