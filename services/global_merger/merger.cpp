@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <set>
 
 #include "global_merger/candidates.h"
@@ -57,7 +58,7 @@ int timesSeenThrough(const Group& group, const occupancy::ContributionStore& sto
     for (auto it = path.upper_bound(after_ns); it != path.end(); ++it) {
       const auto& keyframe = it->second;
       if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
-      times += seesThrough(*keyframe.seen, keyframe.pose->mapFromBase(), group.fit.centre_m);
+      times += seesThrough(*keyframe.seen, keyframe.pose->mapFromBase(), group.centre_m);
     }
   }
   return times;
@@ -92,6 +93,18 @@ bool isSilentRobot(const Group& group, const MergerOptions& options,
     // Twice as well as the recipe asks: an obstacle may be of about a robot's size.
     return fit.valid && fit.rms_m < 0.5 * options.robot_rms_m;
   });
+}
+
+/// 0 inside.
+double distanceTo(const Polygon& outline_m, const Eigen::Vector2d& at_m) {
+  if (contains(outline_m, at_m)) return 0.0;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < outline_m.size(); ++i) {
+    const Eigen::Vector2d &a = outline_m[i], along = outline_m[(i + 1) % outline_m.size()] - a;
+    const double share = std::clamp((at_m - a).dot(along) / std::max(1e-12, along.squaredNorm()), 0.0, 1.0);
+    nearest = std::min(nearest, (a + share * along - at_m).norm());
+  }
+  return nearest;
 }
 
 std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& bodies,
@@ -164,6 +177,24 @@ bool Merger::isObject(const Group& group) const {
   return !isFlat(group, options_) && !isContradicted(group, options_, map_.store());
 }
 
+/// Not told are marks on the floor, what has gone, robots that publish nothing, and pieces of what is mapped.
+void Merger::findUnmapped(const std::vector<Group>& groups) {
+  constexpr double kPiece_m = 0.2, kSame_m = 0.3;
+  for (const Group& group : groups) {
+    if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) continue;
+    if (isFlat(group, options_) || isContradicted(group, options_, map_.store())) continue;
+    if (isSilentRobot(group, options_, map_.store(), bodies_)) continue;
+    const bool is_mapped =
+        std::any_of(outlines_.begin(), outlines_.end(), [&](const dataset::MapObject& object) {
+          return distanceTo(object.outline_m, group.centre_m) < kPiece_m;
+        });
+    const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Eigen::Vector2d& at_m) {
+      return (at_m - group.centre_m).norm() < kSame_m;
+    });
+    if (!is_mapped && !is_told) unmapped_.push_back(group.centre_m);
+  }
+}
+
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
@@ -179,6 +210,8 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
     outlines_.back().id = idOf(group, bodies_, taken);
     for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
   }
+  unmapped_.clear();
+  if (finished_ && options_.method != "hull") findUnmapped(groups);
   for (dataset::MapObject& landmark : namedLandmarks(map_.store(), options_.min_views)) {
     while (!taken.insert(landmark.id).second) ++landmark.id;
     outlines_.push_back(std::move(landmark));

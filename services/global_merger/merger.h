@@ -117,6 +117,9 @@ class Merger {
   const std::vector<dataset::MapObject>& outlines(const Meanwhile& meanwhile = {});
   /// As they were fitted last.
   const std::vector<dataset::MapObject>& lastOutlines() const { return outlines_; }
+  /// Since finish(): places, map, metres, where several views saw something that is not in the map, for they
+  /// do not agree on what; at most one within 0.3 m.
+  const std::vector<Eigen::Vector2d>& unmapped() const { return unmapped_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 
@@ -129,6 +132,7 @@ class Merger {
 
  private:
   bool isObject(const Group& group) const;
+  void findUnmapped(const std::vector<Group>& groups);
 
   MergerOptions options_;
   std::map<std::string, RobotBody> bodies_;
@@ -136,6 +140,7 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
   std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
   std::vector<dataset::MapObject> outlines_;
+  std::vector<Eigen::Vector2d> unmapped_;
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind> kinds_;  ///< of the tracks behind the outlines
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted
   bool finished_ = false;

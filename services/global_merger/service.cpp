@@ -1,5 +1,8 @@
 #include "global_merger/service.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <filesystem>
 
 namespace omnifleet::services {
@@ -121,6 +124,7 @@ bool GlobalMergerService::spin() {
   }
   if (contributed_all_ && !ended_ && setsComplete()) {
     replica_.finish();
+    tellUnmapped();
     publisher_.update(replica_, batch_.time, true, status());
     save();
     ended_ = any = true;
@@ -231,6 +235,17 @@ void GlobalMergerService::save(bool as_fitted) {
       "not saved: " + files + " (" + problems.front().substr(problems.front().rfind(": ") + 2) + ")", true);
 }
 
+void GlobalMergerService::tellUnmapped() {
+  const auto& places = replica_.unmapped();
+  if (!speaks_ || places.empty()) return;
+  constexpr std::size_t kNamed = 4;
+  std::string named;
+  for (std::size_t i = 0; i < std::min(kNamed, places.size()); ++i)
+    named += fmt::format("{}({:.2f}, {:.2f})", i > 0 ? ", " : "", places[i].x(), places[i].y());
+  if (places.size() > kNamed) named += fmt::format(" and {} more", places.size() - kNamed);
+  status().error(fmt::format("seen but not in the map, for the views do not agree on what: {} m", named));
+}
+
 void GlobalMergerService::drain() {
   contribution_out_.end(ends_, ended_ ? "" : "stopped");
   pose_out_.end(ends_, ended_ ? "" : "stopped");
@@ -238,6 +253,7 @@ void GlobalMergerService::drain() {
   pull();
   while (merger_.nextBatch(batch_)) process();
   replica_.finish();
+  tellUnmapped();
   // Saved before it is told: whoever stops a fleet wants its map above all.
   if (replica_.map().store().robots().empty()) {
     status().error("nothing was mapped, so no map is saved");

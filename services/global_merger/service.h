@@ -48,6 +48,7 @@ class GlobalMergerService : public bus::Service {
   bool hasTime(bool contributed);
   bool setsComplete() const;
   void listenTo(const std::string& stream);
+  void tellUnmapped();
   void save(bool as_fitted = false);
   void saveNowAndThen();
 

@@ -24,6 +24,7 @@ TEST(Merger, FindsAllObstaclesAndNothingElse) {
     auto sim = arena(noisy(), seed);
     Merger merger = merged(record(sim, 0.0, 8.0), sim.bodies());
     merger.finish();
+    EXPECT_TRUE(merger.unmapped().empty());
     const Score s = score(merger.outlines(), sim.things());
     std::cout << "centroid " << 100 * s.error_m << " cm, IoU " << s.iou << ", height " << 1000 * s.height_m
               << " mm\n";
@@ -113,6 +114,7 @@ TEST(Merger, ASilentRobotThatNobodyNamedIsNotTakenForAnObstacle) {
   sets.poses.erase(std::remove_if(sets.poses.begin(), sets.poses.end(), is_r3), sets.poses.end());
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
+  EXPECT_TRUE(merger.unmapped().empty());
   const Score s = score(merger.outlines(), sim.things());
   EXPECT_EQ(s.extra, 0);
   EXPECT_EQ(s.missed, 0);
@@ -141,6 +143,7 @@ TEST(Merger, AMovedBoxIsWhereItIsNow) {
   sets.poses.insert(sets.poses.end(), later.poses.begin(), later.poses.end());
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
+  EXPECT_TRUE(merger.unmapped().empty());
   const Score s = score(merger.outlines(), sim.things());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
@@ -159,6 +162,7 @@ TEST(Merger, MergedSilhouettesDoNotBendOutlines) {
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
+  EXPECT_TRUE(merger.unmapped().empty());
   const Score s = score(merger.outlines(), sim.things());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
@@ -172,6 +176,7 @@ TEST(Merger, AMarkOnTheFloorIsNoObstacle) {
   const Sets sets = record(sim, 0.0, 3.0);
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
+  EXPECT_TRUE(merger.unmapped().empty());
   const Score s = score(merger.outlines(), fiveObstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
@@ -225,11 +230,38 @@ TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
+  EXPECT_TRUE(merger.unmapped().empty());
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
   Merger alone = merged(ghost, sim.bodies());
   alone.finish();
   EXPECT_EQ(score(alone.outlines(), things).matched, 6);  // nobody says otherwise
+}
+
+/// Of what everybody sees one face only nothing tells how deep it is: it is no object, and that is told.
+TEST(Merger, WhatIsSeenButCannotBeMappedIsTold) {
+  auto things = fiveObstacles();
+  const Eigen::Vector2d place(0.3, 0.35);
+  things.push_back({boxPolygon(place, 0.25, 0.25, 0.2), 0.15});
+  FleetSim sim = arena(noisy(), 22, things);
+  Sets sets = record(sim, 0.0, 3.0);
+  for (auto& c : sets.contributions) {
+    for (auto& view : c.views) {
+      if (view.track_id != things.size()) continue;
+      const auto n = view.b_dmm.size();
+      const auto contact = static_cast<std::size_t>(std::min_element(view.b_dmm.begin(), view.b_dmm.end()) -
+                                                    view.b_dmm.begin());
+      for (std::size_t k = 3; k + 2 < n; ++k) view.sigma_dmm[(contact + k) % n] = 0;
+    }
+  }
+  Merger merger = merged(sets, sim.bodies());
+  merger.outlines();
+  EXPECT_TRUE(merger.unmapped().empty()) << "the end has not come";
+  merger.finish();
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
+  ASSERT_FALSE(merger.unmapped().empty());
+  for (const Eigen::Vector2d& at : merger.unmapped()) EXPECT_LT((at - place).norm(), 0.3);
 }
 
 TEST(Merger, TrackIdsThatChangeDoNotDoubleObjects) {
