@@ -464,9 +464,10 @@ std::vector<LandmarkEstimate> FleetState::landmarkEstimates() const {
     e.height_sigma_m = std::sqrt(covariance(2, 2));
     const Pose2 frame = mapFromLandmark(landmark);
     const Eigen::Vector2d shift = frame.translation() - e.centre_m;
+    const TurnedGrid corners(-frame.theta_rad, Shape::kDirections, Shape::kDirections);
     for (int m = 0; m < Shape::kDirections; ++m) {
       const double phi = 2.0 * M_PI * m / Shape::kDirections;
-      const Corner c = cornerAt(phi - frame.theta_rad, Shape::kDirections);
+      const Corner c = corners.at(m);
       e.support_m.push_back(c.wi * landmark.shape->support(c.i, e.height_m) +
                             c.wj * landmark.shape->support(c.j, e.height_m) +
                             shift.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));

@@ -19,10 +19,11 @@ void Shape::Sums::add(const View& view, const Pose2& landmark_from_base, double 
   if (k < 3) return;
   const Eigen::Vector2d foot = landmark_from_base * view.foot_m;
   const double inverse = inverseScale(height_m, view.camera_height_m);
+  const TurnedGrid corners(-landmark_from_base.theta_rad, kDirections, k);
   for (int m = 0; m < kDirections; ++m) {
     const auto at = static_cast<std::size_t>(m);
     const double phi = 2.0 * M_PI * m / kDirections;
-    const Corner corner = cornerAt(phi - landmark_from_base.theta_rad, k);
+    const Corner corner = corners.at(m);
     const auto i = static_cast<std::size_t>(corner.i), j = static_cast<std::size_t>(corner.j);
     if (view.sigma_m[i] <= 0 || view.sigma_m[j] <= 0) continue;
     const double b = corner.wi * view.b_m[i] + corner.wj * view.b_m[j];

@@ -7,18 +7,35 @@
 namespace omnifleet::estimation {
 namespace {
 constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
+
+Eigen::Vector2d unit(double angle_rad) {
+  return {std::cos(angle_rad), std::sin(angle_rad)};
 }
+/// `v` turned by the angle of the unit vector `by`.
+Eigen::Vector2d turned(const Eigen::Vector2d& by, const Eigen::Vector2d& v) {
+  return {by.x() * v.x() - by.y() * v.y(), by.y() * v.x() + by.x() * v.y()};
+}
+Eigen::Vector2d normalTo(const Eigen::Vector2d& v) {
+  return {-v.y(), v.x()};
+}
+}  // namespace
 
 PrismFactor::PrismFactor(std::shared_ptr<const View> view, int directions, int object_dimension)
     : view_(std::move(view)) {
   const int k = static_cast<int>(view_->b_m.size());
   const int stride = std::max(1, k / std::max(1, directions));
   for (int i = 0; i < k; i += stride) {
-    if (view_->sigma_m[static_cast<std::size_t>(i)] > 0) directions_.push_back(i);
+    if (view_->sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
+    directions_.push_back(i);
+    normals_.push_back(unit(2.0 * M_PI * i / k));
   }
   root_weight_.assign(directions_.size(), 1.0);
   set_num_residuals(static_cast<int>(directions_.size()));
   *mutable_parameter_block_sizes() = {3, object_dimension, kCameraErrors, 1};
+}
+
+bool PrismFactor::predict(const Placement& at, std::size_t row, Prediction& out) const {
+  return predict(at, directions_[row], turned(at.observer, normals_[row]), out);
 }
 
 double PrismFactor::reweight(double const* const* parameters) {
@@ -26,12 +43,12 @@ double PrismFactor::reweight(double const* const* parameters) {
   int count = 0;
   const Eigen::Map<const CameraError> error(parameters[2]);
   const double camera_height_m = view_->cameraHeight(error);
+  const Placement at = place(parameters);
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
     Prediction p;
     root_weight_[d] = 0.0;
-    if (!predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p))
-      continue;
+    if (!predict(at, d, p)) continue;
     const double inverse = inverseScale(p.height_m, camera_height_m);
     if (p.g >= 0 && !p.height_is_third && inverse <= kLeastInverseScale) continue;  // top over the horizon
     const double r = view_->seenWithout(i, error) - silhouetteFromFootprint(p.g, inverse);
@@ -46,12 +63,11 @@ bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, d
   const Eigen::Map<const CameraError> error(parameters[2]);
   const double camera_height_m = view_->cameraHeight(error);
   const double shrunk = 1.0 - error(1);  // the floor against the calibration's
+  const Placement at = place(parameters);
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
     Prediction p;
-    const bool known =
-        root_weight_[d] > 0 &&
-        predict(parameters, 2.0 * M_PI * directions_[d] / static_cast<double>(view_->b_m.size()), p);
+    const bool known = root_weight_[d] > 0 && predict(at, d, p);
     const double weight = known ? root_weight_[d] / (shrunk * view_->sigma_m[i]) : 0.0;
     residuals[d] = weight * (view_->seenWithout(i, error) -
                              silhouetteFromFootprint(p.g, inverseScale(p.height_m, camera_height_m)));
@@ -93,30 +109,36 @@ LandmarkViewFactor::LandmarkViewFactor(std::shared_ptr<const View> view, std::sh
                                        int directions)
     : PrismFactor(std::move(view), directions, 4), shape_(std::move(shape)) {}
 
-bool LandmarkViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
-  const double* pose = parameters[0];
-  const double* mark = parameters[1];
-  const double psi = phi_rad + pose[2], height = mark[2];
-  const Corner c = cornerAt(psi - mark[3], Shape::kDirections);
+PrismFactor::Placement LandmarkViewFactor::place(double const* const* parameters) const {
+  const double *pose = parameters[0], *mark = parameters[1];
+  Placement at;
+  at.observer = unit(pose[2]);
+  at.foot_m = turned(at.observer, view_->foot_m);
+  at.to_m = Eigen::Vector2d(mark[0] - pose[0], mark[1] - pose[1]) - at.foot_m;
+  at.corners = {pose[2] - mark[3], static_cast<int>(view_->b_m.size()), Shape::kDirections};
+  at.size = parameters[3][0];
+  at.height_m = mark[2];
+  return at;
+}
+
+bool LandmarkViewFactor::predict(const Placement& at, int direction, const Eigen::Vector2d& n,
+                                 Prediction& out) const {
+  const Corner c = at.corners.at(direction);
   if (!shape_->known(c.i) || !shape_->known(c.j)) return false;
-  const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), normal(-n.y(), n.x());
-  const double cosine = std::cos(pose[2]), sine = std::sin(pose[2]);
-  const Eigen::Vector2d foot(cosine * view_->foot_m.x() - sine * view_->foot_m.y(),
-                             sine * view_->foot_m.x() + cosine * view_->foot_m.y());
-  const Eigen::Vector2d to(mark[0] - pose[0] - foot.x(), mark[1] - pose[1] - foot.y());
-  const double size = parameters[3][0] / shape_->size();
-  const double at_i = size * shape_->a(c.i) - height * shape_->q(c.i);
-  const double at_j = size * shape_->a(c.j) - height * shape_->q(c.j);
-  out.g = c.wi * at_i + c.wj * at_j + n.dot(to);
+  const double size = at.size / shape_->size();
+  const double at_i = size * shape_->a(c.i) - at.height_m * shape_->q(c.i);
+  const double at_j = size * shape_->a(c.j) - at.height_m * shape_->q(c.j);
+  const Eigen::Vector2d normal = normalTo(n);
+  out.g = c.wi * at_i + c.wj * at_j + n.dot(at.to_m);
   out.by_first[0] = -n.x();
   out.by_first[1] = -n.y();
-  out.by_first[2] = c.di * at_i + c.dj * at_j + normal.dot(to) - n.dot(Eigen::Vector2d(-foot.y(), foot.x()));
+  out.by_first[2] = c.di * at_i + c.dj * at_j + normal.dot(at.to_m) - n.dot(normalTo(at.foot_m));
   out.by_second[0] = n.x();
   out.by_second[1] = n.y();
   out.by_second[2] = -(c.wi * shape_->q(c.i) + c.wj * shape_->q(c.j));
   out.by_second[3] = -(c.di * at_i + c.dj * at_j);
   out.by_size = (c.wi * shape_->a(c.i) + c.wj * shape_->a(c.j)) / shape_->size();
-  out.height_m = height;
+  out.height_m = at.height_m;
   out.height_is_third = true;
   return true;
 }
@@ -125,31 +147,32 @@ PeerViewFactor::PeerViewFactor(std::shared_ptr<const View> view, std::shared_ptr
                                const Pose2& offset, int directions)
     : PrismFactor(std::move(view), directions, 3), body_(std::move(body)), offset_(offset) {}
 
-bool PeerViewFactor::predict(double const* const* parameters, double phi_rad, Prediction& out) const {
-  const double* pose = parameters[0];
-  const double* peer = parameters[1];
-  const double psi = phi_rad + pose[2];
-  const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), normal(-n.y(), n.x());
-  const auto rotated = [](double angle, const Eigen::Vector2d& v) {
-    return Eigen::Vector2d(std::cos(angle) * v.x() - std::sin(angle) * v.y(),
-                           std::sin(angle) * v.x() + std::cos(angle) * v.y());
-  };
-  const Eigen::Vector2d foot = rotated(pose[2], view_->foot_m);
-  const Eigen::Vector2d shift = rotated(peer[2], offset_.translation());
-  const Eigen::Vector2d to(peer[0] + shift.x() - pose[0] - foot.x(),
-                           peer[1] + shift.y() - pose[1] - foot.y());
+PrismFactor::Placement PeerViewFactor::place(double const* const* parameters) const {
+  const double *pose = parameters[0], *peer = parameters[1];
+  Placement at;
+  at.observer = unit(pose[2]);
+  at.foot_m = turned(at.observer, view_->foot_m);
+  at.shift_m = turned(unit(peer[2]), offset_.translation());
+  at.to_m = Eigen::Vector2d(peer[0] - pose[0], peer[1] - pose[1]) + at.shift_m - at.foot_m;
+  at.object = unit(peer[2] + offset_.theta_rad);
+  at.size = parameters[3][0];
+  at.height_m = at.size * body_->height();
+  return at;
+}
+
+bool PeerViewFactor::predict(const Placement& at, int /*direction*/, const Eigen::Vector2d& n,
+                             Prediction& out) const {
   double slope = 0.0;
-  const double size = parameters[3][0];
-  out.by_size = body_->support(psi - peer[2] - offset_.theta_rad, &slope);
-  slope *= size;
-  out.g = size * out.by_size + n.dot(to);
+  out.by_size = body_->support(turned({at.object.x(), -at.object.y()}, n), &slope);
+  slope *= at.size;
+  out.g = at.size * out.by_size + n.dot(at.to_m);
   out.by_first[0] = -n.x();
   out.by_first[1] = -n.y();
-  out.by_first[2] = slope + normal.dot(to) - n.dot(Eigen::Vector2d(-foot.y(), foot.x()));
+  out.by_first[2] = slope + normalTo(n).dot(at.to_m) - n.dot(normalTo(at.foot_m));
   out.by_second[0] = n.x();
   out.by_second[1] = n.y();
-  out.by_second[2] = -slope + n.dot(Eigen::Vector2d(-shift.y(), shift.x()));
-  out.height_m = size * body_->height();
+  out.by_second[2] = -slope + n.dot(normalTo(at.shift_m));
+  out.height_m = at.height_m;
   out.height_by_size = body_->height();
   return true;
 }

@@ -2,6 +2,7 @@
 
 #include <ceres/cost_function.h>
 
+#include <Eigen/Core>
 #include <memory>
 #include <vector>
 
@@ -27,8 +28,17 @@ class PrismFactor : public ceres::CostFunction {
   /// Up to `directions` of the view's usable directions, evenly thinned; the second variable's dimension.
   PrismFactor(std::shared_ptr<const View> view, int directions, int object_dimension);
 
-  /// g and its derivatives by the first two variables, and the height of what is seen. False where g is
-  /// unknown.
+  /// What all directions of a view have in common: places and turns at the values of an evaluation. Seven
+  /// evaluations of a solve ask for every direction, so nothing that needs a sine stands there.
+  struct Placement {
+    Eigen::Vector2d observer;      ///< cosine and sine of the observer's heading
+    Eigen::Vector2d to_m, foot_m;  ///< from the camera's foot to the object, and the foot from base_link; map
+    Eigen::Vector2d object{1.0, 0.0};  ///< cosine and sine of the object's turn
+    Eigen::Vector2d shift_m{0, 0};     ///< from the second variable's place to the object, map
+    TurnedGrid corners;                ///< of the object's shape, by the view's directions
+    double size = 1.0, height_m = 0.0;
+  };
+  /// g and its derivatives by the first two variables, and the height of what is seen.
   struct Prediction {
     double g = 0.0;
     double by_first[3] = {0, 0, 0}, by_second[4] = {0, 0, 0, 0};
@@ -36,15 +46,20 @@ class PrismFactor : public ceres::CostFunction {
     double height_m = 0.0, height_by_size = 0.0;
     bool height_is_third = false;  ///< component of the second variable
   };
-  virtual bool predict(double const* const* parameters, double phi_rad, Prediction& out) const = 0;
+  virtual Placement place(double const* const* parameters) const = 0;
+  /// In a direction of the view, `n` in the map; false where g is unknown.
+  virtual bool predict(const Placement& at, int direction, const Eigen::Vector2d& n,
+                       Prediction& out) const = 0;
 
   std::shared_ptr<const View> view_;
 
  private:
+  bool predict(const Placement& at, std::size_t row, Prediction& out) const;
   void differentiate(std::size_t row, const Prediction& p, double weight, double camera_height_m,
                      double** jacobians) const;
 
   std::vector<int> directions_;
+  std::vector<Eigen::Vector2d> normals_;  ///< of these, base_link
   std::vector<double> root_weight_;
 };
 
@@ -55,7 +70,8 @@ class LandmarkViewFactor final : public PrismFactor {
   LandmarkViewFactor(std::shared_ptr<const View> view, std::shared_ptr<const Shape> shape, int directions);
 
  protected:
-  bool predict(double const* const* parameters, double phi_rad, Prediction& out) const override;
+  Placement place(double const* const* parameters) const override;
+  bool predict(const Placement& at, int direction, const Eigen::Vector2d& n, Prediction& out) const override;
 
  private:
   std::shared_ptr<const Shape> shape_;
@@ -69,7 +85,8 @@ class PeerViewFactor final : public PrismFactor {
                  int directions);
 
  protected:
-  bool predict(double const* const* parameters, double phi_rad, Prediction& out) const override;
+  Placement place(double const* const* parameters) const override;
+  bool predict(const Placement& at, int direction, const Eigen::Vector2d& n, Prediction& out) const override;
 
  private:
   std::shared_ptr<const Body> body_;

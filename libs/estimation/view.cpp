@@ -53,31 +53,34 @@ int View::usable() const {
 
 namespace {
 
-struct Grid {
-  double step_rad, cotangent, inverse_sine;  ///< between two directions
-};
-Grid gridOf(int directions) {
-  const double step = 2.0 * M_PI / directions;
-  return {step, std::cos(step) / std::sin(step), 1.0 / std::sin(step)};
+Corner cornerAt(double angle_rad, int directions) {
+  const double step_rad = 2.0 * M_PI / directions;
+  const double cotangent = 1.0 / std::tan(step_rad), inverse_sine = 1.0 / std::sin(step_rad);
+  double turns = angle_rad / step_rad;
+  turns -= directions * std::floor(turns / directions);
+  const int i = static_cast<int>(turns) % directions;
+  const double beyond = (turns - std::floor(turns)) * step_rad;
+  const double sine = std::sin(beyond), cosine = std::cos(beyond);
+  return {i,
+          (i + 1) % directions,
+          cosine - cotangent * sine,
+          sine * inverse_sine,
+          -cotangent * cosine - sine,
+          cosine * inverse_sine};
 }
 
 }  // namespace
 
-Corner cornerAt(double angle_rad, int directions) {
-  // Asked for at every residual of a solve: one pair of sine and cosine, the rest by the addition theorems.
-  static const Grid kUsual = gridOf(SupportFunction::kDirections);
-  const Grid grid = directions == SupportFunction::kDirections ? kUsual : gridOf(directions);
-  double turns = angle_rad / grid.step_rad;
-  turns -= directions * std::floor(turns / directions);
-  const int i = static_cast<int>(turns) % directions;
-  const double beyond = (turns - std::floor(turns)) * grid.step_rad;
-  const double sine = std::sin(beyond), cosine = std::cos(beyond);
-  return {i,
-          (i + 1) % directions,
-          cosine - grid.cotangent * sine,
-          sine * grid.inverse_sine,
-          -grid.cotangent * cosine - sine,
-          cosine * grid.inverse_sine};
+TurnedGrid::TurnedGrid(double turn_rad, int from, int to)
+    : turn_rad_(turn_rad), from_(from), to_(to), first_(cornerAt(turn_rad, to)) {}
+
+Corner TurnedGrid::at(int direction) const {
+  if (to_ % from_ != 0) return cornerAt(turn_rad_ + 2.0 * M_PI * direction / from_, to_);
+  const int shift = direction * (to_ / from_);
+  Corner corner = first_;
+  corner.i = (first_.i + shift) % to_;
+  corner.j = (first_.j + shift) % to_;
+  return corner;
 }
 
 void PartialOutline::add(const Eigen::Vector2d& n) {
@@ -139,12 +142,11 @@ Body::Body(const RobotBody& body) : height_m_(body.height_m) {
   }
 }
 
-double Body::support(double angle_rad, double* slope) const {
+double Body::support(const Eigen::Vector2d& n, double* slope) const {
   if (outline_.empty()) {
     if (slope != nullptr) *slope = 0.0;
     return radius_m_;
   }
-  const Eigen::Vector2d n(std::cos(angle_rad), std::sin(angle_rad));
   double best = -std::numeric_limits<double>::infinity();
   for (const auto& p : outline_) {
     const double value = n.dot(p);
@@ -164,7 +166,8 @@ struct Normal {
   double squares = 0.0, weight = 0.0;
 };
 
-Normal accumulate(const View& view, const Body& body, double orientation_rad, const Eigen::Vector2d& at) {
+Normal accumulate(const View& view, const Body& body, const Eigen::Matrix2d& body_from_base,
+                  const Eigen::Vector2d& at) {
   constexpr double kOutlier_m = 0.03;  // residual at which a direction counts half
   const double inverse = inverseScale(body.height(), view.camera_height_m);
   const int k = static_cast<int>(view.b_m.size());
@@ -174,7 +177,7 @@ Normal accumulate(const View& view, const Body& body, double orientation_rad, co
     if (sigma <= 0) continue;
     const double phi = 2.0 * M_PI * i / k;
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
-    const double g = body.support(phi - orientation_rad) + n.dot(at - view.foot_m);
+    const double g = body.support(body_from_base * n) + n.dot(at - view.foot_m);
     const double r = view.b_m[static_cast<std::size_t>(i)] - silhouetteFromFootprint(g, inverse);
     const double unit = g < 0 ? 1.0 : inverse;  // residual on the scale of the footprint
     const double w = 1.0 / (1.0 + std::pow(r * unit / kOutlier_m, 2)) * std::pow(unit / sigma, 2);
@@ -191,12 +194,13 @@ Normal accumulate(const View& view, const Body& body, double orientation_rad, co
 
 BodyFit fitBody(const View& view, const Body& body, double orientation_rad, const Eigen::Vector2d& start_m) {
   BodyFit fit{start_m, std::numeric_limits<double>::infinity()};
+  const Eigen::Matrix2d body_from_base = Eigen::Rotation2Dd(-orientation_rad).toRotationMatrix();
   for (int iteration = 0; iteration < 5; ++iteration) {
-    const Normal normal = accumulate(view, body, orientation_rad, fit.position_m);
+    const Normal normal = accumulate(view, body, body_from_base, fit.position_m);
     if (normal.weight <= 0 || normal.h.determinant() < 1e-9 * normal.h.squaredNorm()) return fit;
     fit.position_m += normal.h.ldlt().solve(normal.g);
   }
-  const Normal normal = accumulate(view, body, orientation_rad, fit.position_m);
+  const Normal normal = accumulate(view, body, body_from_base, fit.position_m);
   // Plain, not weighted: what the weights hide is what tells another shape from this one.
   double squares = 0.0;
   int count = 0;
@@ -206,7 +210,7 @@ BodyFit fitBody(const View& view, const Body& body, double orientation_rad, cons
     if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
     const double phi = 2.0 * M_PI * i / k;
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
-    const double g = body.support(phi - orientation_rad) + n.dot(fit.position_m - view.foot_m);
+    const double g = body.support(body_from_base * n) + n.dot(fit.position_m - view.foot_m);
     squares += std::pow(footprintFromSilhouette(view.b_m[static_cast<std::size_t>(i)], inverse) - g, 2);
     ++count;
   }

@@ -70,7 +70,19 @@ struct Corner {
   int i, j;
   double wi, wj, di, dj;
 };
-Corner cornerAt(double angle_rad, int directions);
+/// The corners that the directions of a grid of `from`, turned, meet in a grid of `to`. Where every step of
+/// the one is whole steps of the other, all lie alike between two directions: one sine and cosine for all.
+class TurnedGrid {
+ public:
+  TurnedGrid() = default;
+  TurnedGrid(double turn_rad, int from, int to);
+  Corner at(int direction) const;
+
+ private:
+  double turn_rad_ = 0.0;
+  int from_ = 1, to_ = 1;
+  Corner first_{};
+};
 
 /// Least squares of h(n) ≈ w + n·p over the directions that are known: Steiner point p and half mean width w
 /// of a footprint of which a part is known (exact where all directions are).
@@ -104,7 +116,8 @@ struct Footprint {
 class Body {
  public:
   explicit Body(const RobotBody& body);
-  double support(double angle_rad, double* slope = nullptr) const;
+  /// In the direction of a unit vector.
+  double support(const Eigen::Vector2d& n, double* slope = nullptr) const;
   double height() const { return height_m_; }
   double reach() const { return reach_m_; }  ///< largest distance of the outline from base_link
 
