@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "bus/lull.h"
 #include "bus/service_runner.h"
 
 namespace omnifleet::bus {
@@ -15,6 +16,7 @@ struct Loop {
   const ServiceOptions& options;
   StatusPublisher& publisher;
   spdlog::logger& log;
+  Lull lull = {};
 
   /// Tells people: the log every problem, the status topic where things stand.
   void tell(bool force = false) {
@@ -28,6 +30,7 @@ struct Loop {
     const auto now = Clock::now();
     std::chrono::nanoseconds sleep = kStatusPeriod;
     if (const auto at = service.wakeAt()) sleep = std::min<std::chrono::nanoseconds>(sleep, *at - now);
+    if (!lull.here(now)) sleep = std::min<std::chrono::nanoseconds>(sleep, lull.begins() - now);
     if (sleep > std::chrono::nanoseconds(0)) bus.wait(sleep);
   }
 
@@ -53,12 +56,24 @@ struct Loop {
 
   ExitCode work() {
     while (!bus.stopping() && !service.finished()) {
-      while (!bus.stopping() && service.spin()) tell();
+      const bool moved = service.spin();
+      if (moved) tell();
       if (bus.stopping() || service.finished()) break;
+      if (inBackground(moved) || moved) continue;
       if (const auto silent = silentStream()) return fail("nothing for " + limit() + " from: " + *silent);
       idle();
     }
     return ExitCode::kOk;
+  }
+
+  /// True when something was done.
+  bool inBackground(bool moved) {
+    if (isDeterministic(options.mode)) return false;
+    const auto now = Clock::now();
+    if (moved) lull.heard(now);
+    if (!lull.here(now)) return false;
+    lull.used();
+    return service.background();
   }
 
   std::optional<std::string> silentStream() {

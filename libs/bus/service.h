@@ -69,6 +69,9 @@ class Service {
   virtual void start() = 0;
   /// Handles what is there without blocking; true when anything was done (called again at once).
   virtual bool spin() = 0;
+  /// Live: what nobody waits for, a slice of some ms; called when nothing has come for a while (lull.h). True
+  /// when anything was done (spin() and this are called again). Deterministic modes do such work in spin().
+  virtual bool background() { return false; }
   /// Nothing will come any more: the end of the run was seen and everything is written.
   virtual bool finished() const = 0;
   /// The last word: save, publish what is pending. Called once, also when stopped early; ≤ 1.5 s.

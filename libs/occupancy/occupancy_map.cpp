@@ -78,7 +78,7 @@ class OccupancyMap::Impl {
   AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
-  std::size_t at_once = kAll;  ///< contributions to be put anew with each pose
+  bool correct_later = false;  ///< not with each pose
 
   const LayerOctree& freshOctree();
 
@@ -128,7 +128,7 @@ bool OccupancyMap::Impl::correct(std::size_t at_most) {
 
 bool OccupancyMap::Impl::add(const KeyframePose& pose) {
   if (!store.add(pose)) return false;
-  correct(at_once);
+  if (!correct_later) correct(kAll);
   const auto [first_ns, last_ns] = paths.influence(pose.robot, pose.acquired_ns);
   refreshBetween(first_ns, last_ns);
   return true;
@@ -281,11 +281,11 @@ bool OccupancyMap::add(const Contribution& contribution) {
 bool OccupancyMap::add(const KeyframePose& pose) {
   return impl_->add(pose);
 }
-void OccupancyMap::correctAtOnce(std::size_t contributions) {
-  impl_->at_once = contributions;
+void OccupancyMap::correctLater() {
+  impl_->correct_later = true;
 }
-bool OccupancyMap::correctSome() {
-  return impl_->correct(impl_->at_once);
+bool OccupancyMap::correctSome(std::size_t at_most) {
+  return impl_->correct(at_most);
 }
 void OccupancyMap::judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
   impl_->judge(kinds);

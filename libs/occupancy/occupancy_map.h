@@ -54,11 +54,12 @@ class OccupancyMap {
   /// True when the set changed. A contribution enters the cells once its valid pose is there.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
-  /// Contributions that have to be put anew because more is known of a robot's camera: so many with each pose
-  /// that is added (all, unless told otherwise) …
-  void correctAtOnce(std::size_t contributions);
-  /// … and with each of these; false where there are none. Of a map that has grown for long they are many.
-  bool correctSome();
+  /// Contributions that have to be put anew because more is known of a robot's camera are put with the pose
+  /// that tells it, or, from this call on, when correctSome() asks: of a map that has grown for long they are
+  /// many.
+  void correctLater();
+  /// At most so many of them; false where there are none.
+  bool correctSome(std::size_t at_most);
   /// Kinds of (robot, track) beyond what the contributions themselves say. Leaves nothing to be put anew.
   void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
 

@@ -45,15 +45,10 @@ MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string
 
 void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
                           const global_merger::Meanwhile& meanwhile) {
-  if (fitting_) return;
   if (!force && last_ns_ != INT64_MIN && now - last_ns_ < kPeriodNs) return;
   last_ns_ = now;
   if (!force && merger.map().hash() == last_hash_) return;
-  if (speaks_) {
-    fitting_ = true;
-    merger.outlines(meanwhile);
-    fitting_ = false;
-  }
+  if (speaks_) merger.outlines(meanwhile);
   last_hash_ = merger.map().hash();
   ++sequence_;
   if (speaks_) publishMap(merger, now, status);

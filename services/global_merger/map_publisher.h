@@ -16,7 +16,7 @@ class MapPublisher {
                bool speaks);
 
   /// Publishes when a second of data time has passed and the map has changed, or when `force`. `meanwhile`
-  /// may add to the map and call this again.
+  /// may add to the map.
   void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
               const global_merger::Meanwhile& meanwhile = {});
 
@@ -33,7 +33,6 @@ class MapPublisher {
   std::unique_ptr<bus::Writer<v1::MapHash>> hash_;
   std::uint32_t sequence_ = 0;
   TimeNs last_ns_ = INT64_MIN;
-  bool fitting_ = false;
   std::array<std::uint8_t, 32> last_hash_{};
 };
 

@@ -151,6 +151,12 @@ bool Merger::add(const occupancy::KeyframePose& pose) {
   return changed;
 }
 
+bool Merger::correctSome(std::size_t at_most) {
+  const bool changed = map_.correctSome(at_most);
+  is_stale_ = is_stale_ || changed;
+  return changed;
+}
+
 void Merger::addTrajectory(const PoseEstimate& pose) {
   if (!pose.valid || !pose.map_from_base.isFinite()) return;
   auto& path = trajectories_[pose.robot];

@@ -95,10 +95,11 @@ class Merger {
   /// True when the set changed.
   bool add(const occupancy::Contribution& contribution);
   bool add(const occupancy::KeyframePose& pose);
-  /// Live: what another error of a camera changes is put anew a few contributions at a time, with each pose
-  /// and each call of correctSome(), so that no frame is held up.
-  void correctAtOnce(std::size_t contributions) { map_.correctAtOnce(contributions); }
-  void correctSome() { is_stale_ = map_.correctSome() || is_stale_; }
+  /// Live: what another error of a camera changes is put anew a few contributions at a time, when
+  /// correctSome() asks, so that no frame is held up.
+  void correctLater() { map_.correctLater(); }
+  /// False where there is nothing to correct.
+  bool correctSome(std::size_t at_most);
   /// Every pose estimate, for the trajectories alone; invalid ones are left out.
   void addTrajectory(const PoseEstimate& pose);
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "bus/lull.h"
+
 namespace omnifleet::services {
 namespace {
 
@@ -14,7 +16,6 @@ constexpr std::chrono::seconds kSavePeriod{10};
 
 constexpr std::size_t kCorrectedAtOnce = 8;  // contributions: 2 ms
 constexpr std::size_t kMaxWaiting = 64;      // frames whose other half may still come (live)
-constexpr TimeNs kSilentNs = 500'000'000;    // without a frame of its own, after which a robot waits for none
 
 std::string contributionStream(const std::string& robot) {
   return "map/contribution " + robot;
@@ -48,7 +49,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
   // Replicas write to one another: one that stopped reading while it waits would keep the others waiting.
-  if (context.options.mode == bus::RunMode::kLive) replica_.correctAtOnce(kCorrectedAtOnce);
+  if (context.options.mode == bus::RunMode::kLive) replica_.correctLater();
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
   for (const std::string& robot : fleet.locatedRobots()) {
@@ -111,12 +112,18 @@ bool GlobalMergerService::pullSets() {
   return any;
 }
 
-bool GlobalMergerService::spin() {
+/// All that has come.
+bool GlobalMergerService::takeIn() {
   bool any = pull();
   while (merger_.nextBatch(batch_)) {
     process();
     any = true;
   }
+  return any;
+}
+
+bool GlobalMergerService::spin() {
+  bool any = takeIn();
   if (!contributed_all_ && merger_.finished()) {
     contribution_out_.end(ends_);
     pose_out_.end(ends_);
@@ -153,33 +160,27 @@ void GlobalMergerService::process() {
       if (pose->robot == robot_) waiting_poses_.push_back(std::move(*pose));
     }
   }
-  const bool live = context_.options.mode == bus::RunMode::kLive;
-  const bool contributed = contribute();
-  if (live) replica_.correctSome();
+  contribute();
+  news_ = true;
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
-  if (live && !hasTime(contributed)) return;
-  publisher_.update(replica_, batch_.time, false, status(), live ? meanwhile_ : global_merger::Meanwhile{});
-  if (live && !pausing_) saveNowAndThen();
+  if (bus::isDeterministic(context_.options.mode)) publisher_.update(replica_, batch_.time, false, status());
 }
 
-/// Live, what takes long is begun when the own frame has been contributed: until the next one nobody waits.
-bool GlobalMergerService::hasTime(bool contributed) {
-  if (contributed) contributed_ns_ = batch_.time;
-  return contributed || batch_.time - contributed_ns_ >= kSilentNs;
+bool GlobalMergerService::background() {
+  if (replica_.correctSome(kCorrectedAtOnce)) return true;
+  if (!news_) return false;
+  news_ = false;
+  publisher_.update(replica_, batch_.time, false, status(), [this] { pause(); });
+  saveNowAndThen();
+  return true;
 }
 
 /// Live, the fits of the outlines hold no frame up.
 void GlobalMergerService::pause() {
-  if (pausing_) return;
-  pausing_ = true;
-  pull();
-  while (merger_.nextBatch(batch_)) process();
-  pausing_ = false;
+  bus::awaitLull(context_.bus, [this] { return takeIn(); });
 }
 
-/// @return whether a frame has both its halves now
-bool GlobalMergerService::contribute() {
-  bool any = false;
+void GlobalMergerService::contribute() {
   while (!waiting_objects_.empty() && !waiting_poses_.empty()) {
     const Objects& objects = waiting_objects_.front();
     const PoseEstimate& pose = waiting_poses_.front();
@@ -191,7 +192,6 @@ bool GlobalMergerService::contribute() {
       waiting_poses_.pop_front();
       continue;
     }
-    any = true;
     if (auto made = maker_.make(objects, pose)) {
       replica_.add(made->contribution);
       replica_.add(made->pose);
@@ -205,7 +205,6 @@ bool GlobalMergerService::contribute() {
   }
   while (waiting_objects_.size() > kMaxWaiting) waiting_objects_.pop_front();
   while (waiting_poses_.size() > kMaxWaiting) waiting_poses_.pop_front();
-  return any;
 }
 
 /// Live, a run may end by a power cut: what was mapped until a little before is on the disk.

@@ -24,6 +24,7 @@ class GlobalMergerService : public bus::Service {
   std::vector<bus::Expectation> expectations() const override;
   void start() override { status().state(bus::ServiceState::kRunning); }
   bool spin() override;
+  bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
   bool saved() const override { return !save_failed_; }
@@ -41,11 +42,11 @@ class GlobalMergerService : public bus::Service {
   };
 
   bool pull();
+  bool takeIn();
   bool pullSets();
   void process();
   void pause();
-  bool contribute();
-  bool hasTime(bool contributed);
+  void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
   void tellUnmapped();
@@ -72,9 +73,7 @@ class GlobalMergerService : public bus::Service {
   std::deque<PoseEstimate> waiting_poses_;            ///< of the own robot
   v1::Contribution contribution_, own_contribution_;  ///< as taken; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
-  const global_merger::Meanwhile meanwhile_ = [this] { pause(); };
-  bool pausing_ = false;       ///< between two fits
-  TimeNs contributed_ns_ = 0;  ///< time of the last batch that made an own frame whole
+  bool news_ = false;  ///< batches since the map was last published or found not to be due
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };

@@ -211,19 +211,34 @@ void LocalizerService::process() {
   surveyed_.clear();
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
-  if (estimator_.refineDue()) estimator_.refine();
+  if (bus::isDeterministic(context_.options.mode)) refine();
   tellFindings(kRevisedAtOnce);
 }
 
+/// What the new frames teach of the whole window: the next frames are the first to need it.
+bool LocalizerService::refine() {
+  if (!estimator_.refineDue()) return false;
+  estimator_.refine();
+  return true;
+}
+
+bool LocalizerService::background() {
+  const bool refined = refine();
+  const bool told = tellFindings(kRevisedAtOnce);
+  return refined || told;
+}
+
 /// Revised poses go a few at a time: live, a reader holds 64.
-void LocalizerService::tellFindings(std::size_t at_most) {
+/// @return whether any was told
+bool LocalizerService::tellFindings(std::size_t at_most) {
   for (const std::string& finding : estimator_.takeFindings()) status().error(finding);
   for (PoseEstimate& pose : estimator_.takeRevised()) revised_.push_back(std::move(pose));
   const std::size_t now = std::min(revised_.size(), at_most);
-  if (now == 0) return;
+  if (now == 0) return false;
   const auto end = revised_.begin() + static_cast<std::ptrdiff_t>(now);
   publishCorrections({revised_.begin(), end});
   revised_.erase(revised_.begin(), end);
+  return true;
 }
 
 /// In order of time nothing else up to this batch will come; whoever needs all poses up to then is told so.

@@ -29,6 +29,7 @@ class LocalizerService : public bus::Service {
   std::vector<bus::Expectation> expectations() const override;
   void start() override { status().state(bus::ServiceState::kRunning); }
   bool spin() override;
+  bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
@@ -58,7 +59,8 @@ class LocalizerService : public bus::Service {
   void publishPose(const PoseEstimate& pose);
   void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
-  void tellFindings(std::size_t at_most);
+  bool refine();
+  bool tellFindings(std::size_t at_most);
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 

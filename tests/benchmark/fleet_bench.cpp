@@ -11,6 +11,7 @@
 
 #include "adapters/adapters.h"
 #include "bus/dds_bus.h"
+#include "bus/lull.h"
 #include "bus/topics.h"
 #include "fleet/fleet.h"
 #include "occupancy/occupancy_map.h"
@@ -128,23 +129,28 @@ class Replica {
         poses_(bus.reader(topics.map_keyframe_pose)),
         map_(occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
              fleet.bodies()) {
-    map_.correctAtOnce(kCorrectedAtOnce);
+    map_.correctLater();
   }
 
   using Name = std::pair<std::string, TimeNs>;
   /// Takes what has arrived; `changed` is called for each keyframe that is now in the map.
   template <class Changed>
-  void pull(const Changed& changed) {
+  bool pull(const Changed& changed) {
+    bool any = false;
     while (contributions_->take(contribution_wire_)) {
+      any = true;
       if (adapters::fromWire(contribution_wire_, contribution_) && map_.add(contribution_))
         settle({contribution_.robot, contribution_.acquired_ns}, changed);
     }
     while (poses_->take(pose_wire_)) {
+      any = true;
       if (adapters::fromWire(pose_wire_, pose_) && map_.add(pose_))
         settle({pose_.robot, pose_.acquired_ns}, changed);
     }
-    map_.correctSome();
+    return any;
   }
+  /// In a lull, as the mergers; false where there is nothing to do.
+  bool correctSome() { return map_.correctSome(kCorrectedAtOnce); }
 
  private:
   template <class Changed>
@@ -226,11 +232,15 @@ class Run {
     };
     const auto pull = [&] {
       if (stages_) stages_->pull(heard);
-      replica_.pull([&](const Replica::Name& name) { heard("map", name); });
+      if (replica_.pull([&](const Replica::Name& name) { heard("map", name); })) lull_.heard(Clock::now());
     };
-    for (auto left = next_ - Clock::now(); left > left.zero(); left = next_ - Clock::now()) {
+    for (auto now = Clock::now(); now < next_; now = Clock::now()) {
       pull();
-      bus_.wait(left);
+      if (lull_.here(now)) {
+        lull_.used();
+        if (replica_.correctSome()) continue;
+      }
+      bus_.wait((lull_.here(now) ? next_ : std::min(next_, lull_.begins())) - now);
     }
     pull();
   }
@@ -242,6 +252,7 @@ class Run {
   bus::Bus& bus_;
   std::chrono::nanoseconds period_;
   Clock::time_point next_;
+  bus::Lull lull_;
   std::map<Replica::Name, Clock::time_point> sent_;
 };
 

@@ -3,6 +3,7 @@
 
 #include <thread>
 
+#include "bus/lull.h"
 #include "bus/service_runner.h"
 #include "tests/unit/bus/any_bus.h"
 
@@ -13,6 +14,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::StartsWith;
 using testing::ThrowsMessage;
 
 TEST(StatusBoard, RateQuantilesAndCounts) {
@@ -58,6 +60,41 @@ TEST(StatusBoard, AnErrorShowsAtOnceAndDegradesUntilCleared) {
   EXPECT_EQ(board.snapshot(now).last_error, "");
 }
 
+TEST(Lull, IsASilenceOrTheEndOfPatience) {
+  const auto start = Lull::Clock::now();
+  Lull lull;
+  EXPECT_TRUE(lull.here(start)) << "nothing has come yet";
+  lull.heard(start);
+  EXPECT_FALSE(lull.here(start + Lull::kSilence - milliseconds(1)));
+  EXPECT_TRUE(lull.here(start + Lull::kSilence));
+  for (milliseconds ago{0}; ago < Lull::kPatience; ago += milliseconds(5)) {
+    lull.heard(start + ago);
+    EXPECT_FALSE(lull.here(start + ago));
+  }
+  EXPECT_EQ(lull.begins(), start + Lull::kPatience);
+  lull.used();
+  EXPECT_TRUE(lull.here(start)) << "nothing has come since";
+  lull.heard(start + Lull::kPatience);
+  EXPECT_EQ(lull.begins(), start + Lull::kPatience + Lull::kSilence);
+}
+
+TEST(Lull, IsAwaitedOnlyWhereSomethingCame) {
+  const auto bus = makeFakeBus(makeFakeNetwork());
+  int samples = 0, asked = 0;
+  const auto pull = [&] { return ++asked, samples-- > 0; };
+  awaitLull(*bus, pull);
+  EXPECT_EQ(asked, 1);
+  samples = 2;
+  const auto begun = Lull::Clock::now();
+  awaitLull(*bus, pull);
+  EXPECT_GE(asked, 1 + 3);
+  EXPECT_GE(Lull::Clock::now() - begun, Lull::kSilence);
+  bus->requestStop();
+  asked = 0;
+  awaitLull(*bus, pull);
+  EXPECT_EQ(asked, 0);
+}
+
 /// A stage that adds one to x and passes the pose on, on topics "pose/<n>".
 class AddOne : public Service {
  public:
@@ -76,6 +113,11 @@ class AddOne : public Service {
     status().processed(milliseconds(1));
     return out_->write(pose);
   }
+  bool background() override {
+    log += "background " + std::to_string(left_) + " ";
+    if (in_background) in_background();
+    return false;
+  }
   bool finished() const override { return left_ == 0; }
   void drain() override { log += "drain "; }
   std::optional<Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
@@ -84,6 +126,7 @@ class AddOne : public Service {
   }
 
   std::string log, name = "a stage";
+  std::function<void()> in_background;
 
  private:
   std::unique_ptr<Reader<v1::Pose>> in_;
@@ -181,7 +224,17 @@ TEST_F(RunLoop, LiveWaitsForNobodyAndMindsNoSilence) {
   });
   EXPECT_EQ(run(service), ExitCode::kOk);
   stopper.join();
-  EXPECT_EQ(service.log, "start drain ");
+  EXPECT_THAT(service.log, StartsWith("start background 3 "));
+}
+
+TEST_F(RunLoop, LiveTheBackgroundHasItsTurnWhenNothingMoreComes) {
+  options.mode = RunMode::kLive;
+  AddOne service(*bus, stage(0), stage(1), 4);
+  service.in_background = [&] { bus->requestStop(); };
+  const auto writer = others->writer(stage(0));
+  for (int k = 0; k < 3; ++k) ASSERT_TRUE(writer->write(poseOf("r1", k, k)));
+  EXPECT_EQ(run(service), ExitCode::kOk);
+  EXPECT_EQ(service.log, "start background 1 drain ");
 }
 
 TEST_F(RunLoop, AnExceptionIsAFailureThatStatusTells) {

@@ -38,6 +38,12 @@ class StageBench {
     while (stage_->spin()) {
     }
   }
+  /// Nothing has come for a while.
+  void lull() {
+    do {
+      spin();
+    } while (stage_->background());
+  }
   bus::StatusBoard::Snapshot status() { return stage_->status().snapshot(bus::StatusBoard::Clock::now()); }
 
  private:
