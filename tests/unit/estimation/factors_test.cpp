@@ -3,6 +3,7 @@
 #include <ceres/cost_function.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -268,6 +269,28 @@ TEST(Factors, ArcsComposeAndTurnWithTheWheels) {
   EXPECT_NEAR(biased.x_m, first_order.x_m, 5e-6);  // second order: (2e-3)² of 0.4 m
   EXPECT_NEAR(biased.y_m, first_order.y_m, 5e-6);
   EXPECT_NEAR(biased.theta_rad, first_order.theta_rad, 5e-6);
+}
+
+/// The support of a point is n·p, and so is that of every corner of its half-planes.
+TEST(View, ATurnedGridGivesThePointThatAllHalfPlanesTouch) {
+  const Eigen::Vector2d p(0.3, -0.7);
+  for (const auto& [from, to] : {std::pair(96, 96), std::pair(48, 96), std::pair(96, 36), std::pair(7, 96)}) {
+    for (const double turn : {-9.1, -0.02, 0.0, 0.4, 3.3, 7.0}) {
+      const TurnedGrid grid(turn, from, to);
+      for (int i = 0; i < from; ++i) {
+        const Corner c = grid.at(i);
+        const auto support = [&, to = to](int k) {
+          return p.dot(Eigen::Rotation2Dd(2.0 * M_PI * k / to) * Eigen::Vector2d::UnitX());
+        };
+        const double psi = turn + 2.0 * M_PI * i / from;
+        const Eigen::Vector2d n(std::cos(psi), std::sin(psi)), along(-n.y(), n.x());
+        ASSERT_NEAR(c.wi * support(c.i) + c.wj * support(c.j), n.dot(p), 1e-12) << turn << " " << i;
+        ASSERT_NEAR(c.di * support(c.i) + c.dj * support(c.j), along.dot(p), 1e-12) << turn << " " << i;
+        ASSERT_GE(c.wi, -1e-9) << "not between its neighbours: " << turn << " " << i;
+        ASSERT_GE(c.wj, -1e-9) << "not between its neighbours: " << turn << " " << i;
+      }
+    }
+  }
 }
 
 TEST(View, BodyIsFoundInItsSilhouette) {
