@@ -34,10 +34,15 @@ double probability(double log_odds) {
   return 1.0 / (1.0 + std::exp(-log_odds));
 }
 
+struct Step {
+  Displacement shift;      ///< in odom or with its drift taken out, the shorter one
+  double in_odom_m = 0.0;  ///< as odom has it
+  double tracked_m = 0.0;  ///< how far the track has gone in the direction of `shift` meanwhile
+};
+
 /// Longest trustworthy displacement within the window; invalid where the track is too young or not to be
-/// seen. `tracked_m`: how far the track has gone in its direction meanwhile.
-Displacement displacementWithin(const TrackState& track, double window_s, double& tracked_m) {
-  tracked_m = 0.0;
+/// seen. Odom drifts, places jump: only what went by both has moved.
+Step displacementWithin(const TrackState& track, const OwnMotion& own, double window_s) {
   if (track.blob < 0) return {};
   for (const TrackState::Past& then : track.past) {
     const double age = seconds(track.view.time_ns, then.view.time_ns);
@@ -45,8 +50,15 @@ Displacement displacementWithin(const TrackState& track, double window_s, double
     if (age < kShortestWindow_s) break;
     const Displacement d = contactDisplacement(then.view, track.view);
     if (!d.valid || d.rms_m >= kMostRms_m) continue;
-    tracked_m = (track.filter.position() - then.centre_m).dot(d.moved_m.stableNormalized());
-    return d;
+    const auto tracked = [&](const Displacement& shift, const Eigen::Vector2d& from_m) {
+      return (track.filter.position() - from_m).dot(shift.moved_m.stableNormalized());
+    };
+    const Step by_odom{d, d.moved_m.norm(), tracked(d, then.centre_m)};
+    const auto drift = own.driftSince(then.view.time_ns);
+    if (!drift) return by_odom;
+    const Displacement placed = contactDisplacement(then.view, track.view, *drift);
+    if (!placed.valid || placed.moved_m.norm() >= by_odom.in_odom_m) return by_odom;
+    return {placed, by_odom.in_odom_m, tracked(placed, *drift * then.centre_m)};
   }
   return {};
 }
@@ -115,11 +127,10 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   e.touching_s = touchesRobot(track, tracks, own) ? 0.0 : e.touching_s + own.step_s();
   // What has never been seen alone has no outline of its own: what changes there may be anybody's.
   if (!track.whole) return;
-  double tracked_m = 0.0;
-  const Displacement d = displacementWithin(track, options_.window_s, tracked_m);
+  const auto [d, in_odom_m, tracked_m] = displacementWithin(track, own, options_.window_s);
   if (!d.valid) return;
   const double moved = d.moved_m.norm();
-  track.moving = track.kind != ObjectKind::kObstacle || moved > options_.still_m + 3.0 * d.sigma_m;
+  track.moving = track.kind != ObjectKind::kObstacle || in_odom_m > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
   // An outline that changes while its object stays is cut differently, it has not moved.
   const bool went = tracked_m > kTrackedShare * moved;

@@ -28,7 +28,8 @@ struct KindOptions {
 /// evidence. Shape: the best fit of any known body, averaged over views in which it stood alone. Place: a
 /// peer's published pose says it stands here (robot); or no more robots are missing hereabouts than likelier
 /// objects are there (it merely looks like one). Motion: it went more than 12 cm over the floor within a
-/// second, by the contact side of its outline, which needs no height; once moved, a robot stays one while its
+/// second, by the contact side of its outline, which needs no height, both by odometry, which drifts, and by
+/// our own published poses, which jump; once moved, a robot stays one while its
 /// shape allows it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and
 /// moves only in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at
 /// `decide`, taken back at `change` and after some frames, at once for what is seen in one piece to drive

@@ -32,6 +32,30 @@ bool OwnMotion::advance(const Motion& motion, TimeNs acquired_ns) {
   return known || first;
 }
 
+void OwnMotion::locate(TimeNs time_ns, const Pose2& map_from_base) {
+  if (!places_.empty() && time_ns <= places_.back().time_ns) return;
+  while (!places_.empty() && time_ns - places_.front().time_ns > kKept_ns) places_.pop_front();
+  places_.push_back({time_ns, map_from_base});
+}
+
+/// The last place told until then, and from there on by odometry.
+std::optional<Pose2> OwnMotion::mapFromBaseAt(TimeNs time_ns) const {
+  const auto place = std::find_if(places_.rbegin(), places_.rend(),
+                                  [&](const Place& p) { return p.time_ns <= time_ns + kSame_ns; });
+  if (place == places_.rend()) return {};
+  const auto from = odomFromBaseAt(place->time_ns), to = odomFromBaseAt(time_ns);
+  if (!from || !to) return {};
+  return place->map_from_base * from->inverse() * *to;
+}
+
+std::optional<Pose2> OwnMotion::driftSince(TimeNs then_ns) const {
+  const auto odom_from_then = odomFromBaseAt(then_ns), map_from_then = mapFromBaseAt(then_ns),
+             map_from_now = mapFromBaseAt(now_ns_);
+  if (!odom_from_then || !map_from_then || !map_from_now) return {};
+  const Pose2 then_from_now = map_from_then->inverse() * *map_from_now;
+  return odom_from_base_ * then_from_now.inverse() * odom_from_then->inverse();
+}
+
 std::optional<Pose2> OwnMotion::odomFromBaseAt(TimeNs time_ns) const {
   if (path_.empty() || time_ns < path_.front().time_ns || time_ns > path_.back().time_ns + kSame_ns)
     return {};

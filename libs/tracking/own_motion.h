@@ -15,6 +15,12 @@ class OwnMotion {
   /// (a gap): nothing may then be compared across it. The first frame is no gap.
   bool advance(const Motion& motion, TimeNs acquired_ns);
 
+  /// Where the robot is known by now to have stood at that frame, in `map`. Times must not go back.
+  void locate(TimeNs time_ns, const Pose2& map_from_base);
+  /// What moves a place in odom of then to where odom would have it now, had the path since been as the
+  /// located places tell: by how much odom has drifted. Nothing where they do not tell.
+  std::optional<Pose2> driftSince(TimeNs then_ns) const;
+
   TimeNs now() const { return now_ns_; }
   double step_s() const { return step_s_; }  ///< seconds since the previous frame
   const Pose2& odomFromBase() const { return odom_from_base_; }
@@ -32,7 +38,14 @@ class OwnMotion {
     TimeNs time_ns;
     Pose2 odom_from_base;
   };
+  std::optional<Pose2> mapFromBaseAt(TimeNs time_ns) const;
+
   std::deque<Entry> path_;
+  struct Place {
+    TimeNs time_ns;
+    Pose2 map_from_base;
+  };
+  std::deque<Place> places_;
   TimeNs now_ns_ = 0;
   double step_s_ = 0.0;
   double step_m_ = 0.0;

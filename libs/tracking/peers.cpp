@@ -83,6 +83,11 @@ void Peers::place(Peer& peer, const Last& last, const PoseEstimate& own, const P
   peer.known = peer.covariance.trace() < 2.0 * options_.max_sigma_m * options_.max_sigma_m;
 }
 
+const PoseEstimate* Peers::own() const {
+  const auto own = last_.find(own_);
+  return own != last_.end() && own->second.any && !own->second.assumed ? &own->second.pose : nullptr;
+}
+
 std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion) {
   if (!poses.empty()) forgetAssumed();
   for (const PoseEstimate& pose : poses) remember(pose);

@@ -41,6 +41,8 @@ class Peers {
   void assume(const std::vector<PoseEstimate>& starts);
   /// All other robots in the order of their names.
   std::vector<Peer>& predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion);
+  /// The newest published pose of this robot itself; nothing before there is one.
+  const PoseEstimate* own() const;
   const std::vector<Peer>& all() const { return peers_; }
 
  private:

@@ -29,15 +29,17 @@ struct ShiftSystem {
 
 }  // namespace
 
-Displacement contactDisplacement(const View& then, const View& now) {
+Displacement contactDisplacement(const View& then, const View& now, const Pose2& drift) {
+  const Eigen::Vector2d foot_then_m = drift * then.foot_m;
+  const double heading_then_rad = drift.theta_rad + then.heading_rad;
   ShiftSystem system;
   for (std::size_t k = 0; k < now.size(); ++k) {
     if (!now.usable(k) || now.supports.b_m[k] > kClearlyNear_m) continue;
     const double phi = now.angle(k);
-    const SupportFunction::Value before = then.supports.at(phi - then.heading_rad);
+    const SupportFunction::Value before = then.supports.at(phi - heading_then_rad);
     if (!std::isfinite(before.b_m) || before.b_m > kClearlyNear_m) continue;
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
-    const double difference = (now.supports.b_m[k] + n.dot(now.foot_m)) - (before.b_m + n.dot(then.foot_m));
+    const double difference = (now.supports.b_m[k] + n.dot(now.foot_m)) - (before.b_m + n.dot(foot_then_m));
     system.add(n, difference, std::hypot(now.supports.sigma_m[k], before.sigma_m));
   }
   Displacement result;

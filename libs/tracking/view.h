@@ -34,6 +34,7 @@ struct Displacement {
 /// itself, whatever its height (docs/methods.md, prism: the prediction is g where g < 0), so that h_P,now(n)
 /// − h_P,then(n) = n·Δ is linear and needs no height. Directions where either view is unusable are left out;
 /// invalid with fewer than 12.
-Displacement contactDisplacement(const View& then, const View& now);
+/// @param drift of odom between both (OwnMotion::driftSince)
+Displacement contactDisplacement(const View& then, const View& now, const Pose2& drift = {});
 
 }  // namespace omnifleet::tracking

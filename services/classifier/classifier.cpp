@@ -53,6 +53,7 @@ const Objects& Classifier::process(const LocalMap& local_map, const std::vector<
     tracker_.unsee();
   }
   std::vector<tracking::Peer>& peers = peers_.predict(poses, own_motion_);
+  if (const PoseEstimate* own = peers_.own()) own_motion_.locate(own->acquired_ns, own->map_from_base);
   if (seeing) {
     tracker_.associate(local_map, own_motion_, peers);
     tracker_.update(local_map, own_motion_);
