@@ -62,7 +62,8 @@ double PrismFactor::reweight(double const* const* parameters) {
 bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   const Eigen::Map<const CameraError> error(parameters[2]);
   const double camera_height_m = view_->cameraHeight(error);
-  const double shrunk = 1.0 - error(1);  // the floor against the calibration's
+  // The floor against the calibration's; a laser has none, its metre is a metre.
+  const double shrunk = view_->isCameras() ? 1.0 - error(1) : 1.0;
   const Placement at = place(parameters);
   for (std::size_t d = 0; d < directions_.size(); ++d) {
     const auto i = static_cast<std::size_t>(directions_[d]);
@@ -73,7 +74,8 @@ bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, d
                              silhouetteFromFootprint(p.g, inverseScale(p.height_m, camera_height_m)));
     if (jacobians == nullptr) continue;
     differentiate(d, p, weight, camera_height_m, jacobians);
-    if (jacobians[2] != nullptr) jacobians[2][kCameraErrors * d + 1] += residuals[d] / shrunk;
+    if (jacobians[2] != nullptr && view_->isCameras())
+      jacobians[2][kCameraErrors * d + 1] += residuals[d] / shrunk;
   }
   return true;
 }

@@ -14,7 +14,7 @@ namespace omnifleet::estimation {
 
 /// Residuals of one silhouette, direction by direction: (b − prediction)·√w / σ, all as the calibration puts
 /// it on the floor: on a floor that is taken for smaller, errors would be smaller and the least squares would
-/// shrink the world. Subclasses say what g is.
+/// shrink the world (a laser's are metres). Subclasses say what g is.
 /// Weights w are Cauchy's at the values last given to reweight() and fixed during a solve (iterative
 /// reweighting), so a merged or occluded part loses its vote without turning the problem non-convex.
 class PrismFactor : public ceres::CostFunction {

@@ -40,6 +40,7 @@ struct View {
     return b_m[direction] - by_error[direction].dot(other - error);
   }
   double cameraHeight(const CameraError& other) const { return seen_camera_height_m * (1.0 - other(1)); }
+  bool isCameras() const { return seen_camera_height_m > 0; }  ///< else a laser's: none of these errors
 
  private:
   CameraError derivativeAt(std::size_t direction) const;

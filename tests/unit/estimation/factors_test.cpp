@@ -218,6 +218,32 @@ TEST(Factors, AViewFitsAFloorTakenForSmallerNeitherBetterNorWorse) {
   }
 }
 
+TEST(Factors, WhatALaserSeesSaysNothingOfACamera) {
+  const Pose2 at{0.2, 1.1, -0.3}, nearby{0.22, 1.09, -0.29};
+  const auto view = std::make_shared<const View>(viewOf(box(1.0, 0.4, 0.3, 0.2), at, {0.0, 0.0}, 0.0));
+  auto shape = std::make_shared<Shape>();
+  shape->begin(1.0);
+  shape->add(*view, Pose2{1.0, 0.4, 0.3}.inverse() * nearby, 0.2);
+  shape->finish();
+  const LandmarkViewFactor factor(view, shape, 48);
+  const auto rows = factor.num_residuals();
+  const Eigen::Vector3d pose(at.x_m, at.y_m, at.theta_rad);
+  const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3);
+  const double size = 1.0;
+  const auto evaluate = [&](const CameraError& camera, Eigen::VectorXd& residuals) {
+    const double* values[] = {pose.data(), mark.data(), camera.data(), &size};
+    Eigen::MatrixXd derivatives = Eigen::MatrixXd::Zero(kCameraErrors, rows);  // columns: row-major rows
+    double* outputs[] = {nullptr, nullptr, derivatives.data(), nullptr};
+    factor.Evaluate(values, residuals.data(), outputs);
+    return derivatives;
+  };
+  Eigen::VectorXd exact(rows), flawed(rows);
+  EXPECT_EQ(evaluate(CameraError::Zero(), exact).norm(), 0.0);
+  evaluate(CameraError::Constant(0.1), flawed);
+  EXPECT_GT(exact.norm(), 0.1) << "residuals that a larger floor could shrink";
+  EXPECT_EQ((exact - flawed).norm(), 0.0);
+}
+
 TEST(Factors, WheelsFitAWayTakenForShorterNeitherBetterNorWorse) {
   const Pose2 measured{0.1, 0.0, 0.0};
   WheelJacobian by_model = WheelJacobian::Zero();
