@@ -25,23 +25,10 @@ constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels a
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
-constexpr int kStepAtSide_px = 2;    // likewise, of a side beside the floor: shadows get deep in more
 constexpr float kVagueShare = 0.1f;  // of it, below which it is surely one's
 constexpr int kMinVague_px = 100;    // smaller regions have too little outline for that
 constexpr float kSharpSide = 0.4f;   // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
-
-constexpr double kTowards = 0.5;  // cosine to the camera's foot, from which an outline lies on that side
-constexpr int kBeyondEnd_px = 4;  // beside the end of deep shade, where nothing else must be
-constexpr float kLighter = 1.1f;  // of the floor's light: more is no floor beside a side
-
-// Where a side's foot is looked for on a bearing, from where its shade gets deep; the least step there, as a
-// share of its depth; how many bearings must show one.
-constexpr int kBeforeFoot_px = 4, kBehindFoot_px = 14;
-constexpr float kLeastFoot = 0.3f;
-constexpr std::size_t kLeastFeet = 8;
-constexpr float kNoShadow = 0.94f;                      // of the floor's light, right before a foot
-const Look kNothing = greyLook(1.0f + kFaintContrast);  // no fringe to leave out
 
 constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
 constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
@@ -83,10 +70,6 @@ OMNIFLEET_WIDE void keepCore(const Blob& blob, cv::Mat1b& marks) {
 int nextMark(const std::uint8_t* row, int begin, int end, std::uint8_t mark) {
   const void* found = std::memchr(row + begin, mark, static_cast<std::size_t>(end - begin));
   return found == nullptr ? end : static_cast<int>(static_cast<const std::uint8_t*>(found) - row);
-}
-
-const cv::Vec3f& floorAt(const ShadeFilter::Frame& frame, int x, int y) {
-  return frame.floor(std::min(y / kCell, frame.floor.rows - 1), std::min(x / kCell, frame.floor.cols - 1));
 }
 
 /// What is asked of the mean colour around a pixel: whether it has another hue than the floor, where the
@@ -132,32 +115,8 @@ void spreadOver(std::vector<float>& bearings) {
   spread(bearings.rbegin(), bearings.rend());
 }
 
-float medianOf(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 bool isOfShade(Look look, Look shade_limit) {
   return look >= shade_limit && gainOf(look) < 1.0f;
-}
-
-float gainAt(const ShadeFilter::Frame& frame, int x, int y) {
-  x = std::clamp(x, 0, frame.image.cols - 1);
-  y = std::clamp(y, 0, frame.image.rows - 1);
-  const auto& p = frame.image.at<cv::Vec3b>(y, x);
-  const cv::Vec3f& r = floorAt(frame, x, y);
-  const float rr = std::max(1.0f, r.dot(r));
-  return (static_cast<float>(p[0]) * r[0] + static_cast<float>(p[1]) * r[1] +
-          static_cast<float>(p[2]) * r[2]) /
-         rr;
-}
-
-/// Mean over three pixels across the step's direction.
-float meanGain(const ShadeFilter::Frame& frame, int x, int y, int across_x, int across_y) {
-  return (gainAt(frame, x, y) + gainAt(frame, x + across_x, y + across_y) +
-          gainAt(frame, x - across_x, y - across_y)) /
-         3.0f;
 }
 
 }  // namespace
@@ -239,126 +198,6 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
     }
   }
   return 2 * sharp > count;
-}
-
-/// Where a region's shade is at least half as deep as half of it is: the fringe that fades into the floor's
-/// brightness is left out. False where there is too little of it.
-bool ShadeFilter::findDeepShade(const Blob& blob, const cv::Mat1b& looks) {
-  std::array<int, 256> pixels{};
-  int shaded = 0;
-  for (const Run& run : blob.runs) {
-    const Look* row = looks.ptr(run.row);
-    for (int x = run.begin; x < run.end; ++x) {
-      if (!isShade(row[x]) || isFaint(row[x])) continue;
-      ++pixels[row[x]];
-      ++shaded;
-    }
-  }
-  if (shaded < kMinCore_px) return false;
-  int look = 0;
-  for (int below = pixels[0]; 2 * below < shaded; below += pixels[static_cast<std::size_t>(look)]) ++look;
-  depth_ = 1.0f - gainOf(static_cast<Look>(look));
-  const Look first = greyLook(kDeepestShade), last = greyLook(1.0f - 0.5f * depth_);
-  const auto isDeep = [&](Look at) { return at >= first && at <= last; };
-  const cv::Rect& rect = blob.rect;
-  rows_.assign(static_cast<std::size_t>(rect.height), {looks.cols, -1});
-  columns_.assign(static_cast<std::size_t>(rect.width), {looks.rows, -1});
-  for (const Run& run : blob.runs) {
-    if (run.row == 0 || run.row + 1 >= looks.rows) continue;
-    const Look *above = looks.ptr(run.row - 1), *here = looks.ptr(run.row), *below = looks.ptr(run.row + 1);
-    Extent& row = rows_[static_cast<std::size_t>(run.row - rect.y)];
-    for (int x = std::max(run.begin, 1); x < std::min(run.end, looks.cols - 1); ++x) {
-      if (!isDeep(here[x]) || !isDeep(here[x - 1]) || !isDeep(here[x + 1]) || !isDeep(above[x]) ||
-          !isDeep(below[x]))
-        continue;
-      row = {std::min(row.first, x), x};
-      Extent& column = columns_[static_cast<std::size_t>(x - rect.x)];
-      column = {std::min(column.first, run.row), run.row};
-    }
-  }
-  return true;
-}
-
-/// The deep shade's ends in each row and column, and which way out is.
-template <typename Visit>
-void ShadeFilter::forDeepShadesEnds(const Blob& blob, Visit visit) const {
-  for (int i = 0; i < blob.rect.height; ++i) {
-    const Extent& row = rows_[static_cast<std::size_t>(i)];
-    if (row.last < 0) continue;
-    visit(cv::Point(row.first, blob.rect.y + i), cv::Point(-1, 0));
-    visit(cv::Point(row.last, blob.rect.y + i), cv::Point(1, 0));
-  }
-  for (int i = 0; i < blob.rect.width; ++i) {
-    const Extent& column = columns_[static_cast<std::size_t>(i)];
-    if (column.last < 0) continue;
-    visit(cv::Point(blob.rect.x + i, column.first), cv::Point(0, -1));
-    visit(cv::Point(blob.rect.x + i, column.last), cv::Point(0, 1));
-  }
-}
-
-/// Share of the outline of a region's deep shade where it ends in a step, as a side does at verticals and at
-/// its top, not as shadows fade. Towards the camera's foot both may end in a shadow; what is plainly no
-/// floor, and what the view does not show, tells nothing.
-float ShadeFilter::sharpShare(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  if (!findDeepShade(blob, looks)) return 0.0f;
-  const cv::Rect image({0, 0}, looks.size());
-  const auto isThing = [](Look look) {
-    return look == kColourLook || (isGrey(look) && (gainOf(look) < kDeepestShade || gainOf(look) > kLighter));
-  };
-  int sharp = 0, count = 0;
-  forDeepShadesEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
-    for (int k = 1; k <= kBeyondEnd_px; ++k) {
-      const cv::Point at = end + k * out;
-      if (!image.contains(at) || frame.view(at) == 0 || isThing(looks(at))) return;
-    }
-    const int x = end.x + out.x, y = end.y + out.y;  // one more is as deep as that
-    const cv::Point2f step(
-        meanGain(frame, x + kStepAtSide_px, y, 0, 1) - meanGain(frame, x - kStepAtSide_px, y, 0, 1),
-        meanGain(frame, x, y + kStepAtSide_px, 1, 0) - meanGain(frame, x, y - kStepAtSide_px, 1, 0));
-    const cv::Point2f from_foot = cv::Point2f(end) - frame.foot_px;
-    const double size = cv::norm(step);
-    if (step.dot(from_foot) < -kTowards * size * cv::norm(from_foot)) return;
-    sharp += size >= static_cast<double>(kSharpShare * depth_) ? 1 : 0;
-    ++count;
-  });
-  return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
-}
-
-/// A side's foot parts it from the shadow on the floor before it, which gets lighter from there on: halfway
-/// up the steepest step on each bearing, the median of them all. What fades into the floor where there is
-/// none.
-Look ShadeFilter::findFoot(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  const Look faint = greyLook(1.0f - kFaintContrast);
-  if (!findDeepShade(blob, looks)) return faint;
-  feet_.clear();
-  before_feet_.clear();
-  forDeepShadesEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
-    const cv::Point2f from_foot = cv::Point2f(end) - frame.foot_px;
-    const auto distance = static_cast<float>(cv::norm(from_foot));
-    const cv::Point2f away = from_foot / std::max(1.0f, distance);
-    if (away.dot(cv::Point2f(out)) > -0.5f) return;
-    const int across_x = std::abs(away.x) > std::abs(away.y) ? 0 : 1, across_y = 1 - across_x;
-    profile_.clear();
-    for (int k = -kBeforeFoot_px; k <= kBehindFoot_px; ++k) {
-      const cv::Point at(cvRound(static_cast<float>(end.x) + static_cast<float>(k) * away.x),
-                         cvRound(static_cast<float>(end.y) + static_cast<float>(k) * away.y));
-      profile_.push_back(meanGain(frame, at.x, at.y, across_x, across_y));
-    }
-    float steepest = kLeastFoot * depth_, halfway = 0.0f, outside = 1.0f;
-    for (std::size_t k = 2 * kStepAtSide_px; k < profile_.size(); ++k) {
-      const float before = profile_[k - 2 * kStepAtSide_px], behind = profile_[k];
-      if (before - behind <= steepest) continue;
-      steepest = before - behind;
-      halfway = 0.5f * (before + behind);
-      outside = before;
-    }
-    if (halfway == 0.0f) return;
-    feet_.push_back(halfway);
-    before_feet_.push_back(outside);
-  });
-  if (feet_.size() < kLeastFeet) return faint;
-  if (medianOf(before_feet_) > kNoShadow) return kNothing;
-  return std::min(faint, greyLook(medianOf(feet_)));
 }
 
 /// All over of the floor's hue and nearly of its brightness.
@@ -476,14 +315,14 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   if (!has_core || 2 * c.bright > blob.area_px) {
     const bool all_light = 4 * (c.coloured + c.dark) < blob.area_px;
     if (side) {
-      const float sharp = sharpShare(blob, frame, looks);
+      const float sharp = deep_.sharpShare(blob, frame, looks);
       if (sharp < kSharpSide)
         return sharp < kVagueShare || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
       return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
     }
     return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
   }
-  if (side && sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
+  if (side && deep_.sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
     return Verdict::kKeepCore;
   if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
@@ -578,7 +417,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
                        census.shade_limit, kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
-      judged.firm_limit = judged.is_side ? findFoot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
+      judged.firm_limit = judged.is_side ? deep_.foot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
     faint += isFloorLike(blob, census) ? 1 : 0;
     patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;

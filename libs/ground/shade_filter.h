@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "ground/bit_mask.h"
+#include "ground/deep_shade.h"
 #include "ground/despeckler.h"
+#include "ground/floor_frame.h"
 #include "ground/hue_window.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
@@ -39,20 +41,10 @@ class ShadeFilter {
         core_area_(image),
         bare_bits_(image),
         core_(image),
-        around_(image.width) {
-    rows_.reserve(static_cast<std::size_t>(image.height));
-    columns_.reserve(static_cast<std::size_t>(image.width));
-  }
+        around_(image.width),
+        deep_(image) {}
 
-  /// What is asked about brightness where the outline of a grey region lies.
-  struct Frame {
-    const cv::Mat& image;    ///< BGR8
-    const cv::Mat3f& floor;  ///< floor colour per cell
-    float hue_tolerance;     ///< share of the floor's brightness by which its hue may be off
-    float noise;             ///< grey levels tolerated beside it in a single pixel
-    cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
-    const cv::Mat1b& view;   ///< not 0 where floor may be seen
-  };
+  using Frame = FloorFrame;
 
   static constexpr int kMinRegion_px = 12;  ///< smaller ones are noise, whatever they are
   /// What is not plainly floor.
@@ -112,11 +104,6 @@ class ShadeFilter {
   static bool isFloorLike(const Blob& blob, const Census& census);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
-  float sharpShare(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
-  bool findDeepShade(const Blob& blob, const cv::Mat1b& looks);
-  template <typename Visit>
-  void forDeepShadesEnds(const Blob& blob, Visit visit) const;
-  Look findFoot(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   bool findNearest(const Blob& blob, Look shade_limit, const Frame& frame, const cv::Mat1b& looks);
   template <typename Visit>
   void forBearings(const Blob& blob, const Frame& frame, const cv::Mat1b& looks, Visit visit);
@@ -136,14 +123,7 @@ class ShadeFilter {
   std::vector<float> nearest_px_;              ///< of the region's core, by bearings; squared
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
-  /// First and last pixel of the deep shade in a row or column of a region's rectangle; last < 0: none.
-  struct Extent {
-    int first, last;
-  };
-  std::vector<Extent> rows_, columns_;
-  float depth_ = 0.0f;                     ///< of that shade: what it is darker than the floor, as a share
-  std::vector<float> profile_;             ///< brightness along a bearing
-  std::vector<float> feet_, before_feet_;  ///< by bearings: halfway up the step there; before it
+  DeepShade deep_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_, vague_;
   std::vector<const Blob*> sides_;
