@@ -96,6 +96,24 @@ std::vector<StampedPose> readEstimate(const fs::path& out, const std::string& na
   return dataset::flat(dataset::readTum(path.string(), warnings));
 }
 
+/// A path of a robot that the recording does not have: the figures would be of nothing.
+void refuseAnothersRun(const fs::path& out, const std::string& dataset_folder,
+                       const dataset::Dataset& recording) {
+  if (!fs::is_directory(out / "trajectories")) return;
+  std::vector<fs::path> paths;
+  for (const auto& entry : fs::directory_iterator(out / "trajectories")) paths.push_back(entry.path());
+  std::sort(paths.begin(), paths.end());
+  for (const fs::path& path : paths) {
+    const std::string name = path.stem().string();
+    const bool is_known = std::any_of(recording.robots.begin(), recording.robots.end(),
+                                      [&](const auto& robot) { return robot.name == name; });
+    if (path.extension() == ".tum" && !is_known) {
+      throw std::runtime_error(path.string() + ": " + dataset_folder + " has no robot '" + name +
+                               "'; give the recording that this run was made of");
+    }
+  }
+}
+
 /// The rigid motion that brings all trajectories of a run together onto the truth (least squares).
 Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
   std::vector<dataset::StampedPose3> from, to;
@@ -226,6 +244,7 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
   const dataset::GroundTruth truth = loadTruth(dataset_folder);
   Report report;
   report.warnings = recording.warnings;
+  refuseAnothersRun(out, dataset_folder, recording);
   if (frame == Frame::kFree) report.truth_from_map = fleetAlignment(out, truth);
   if (truth.has_scene) {
     const fs::path path = fs::path(out) / "objects.geojson";

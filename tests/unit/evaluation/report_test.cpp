@@ -77,6 +77,16 @@ TEST_F(Evaluate, FindsTheErrorsThatWerePutIn) {
   EXPECT_EQ(report.kinds->obstacle.right, 1);
 }
 
+TEST_F(Evaluate, RefusesTheRunOfAnotherRecording) {
+  dataset::writeTum(out_ + "/trajectories/r3.tum", std::vector<dataset::StampedPose>{{0, Pose2{}}});
+  try {
+    evaluateRun(out_, recording_);
+    FAIL() << "taken";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("r3.tum"), HasSubstr("has no robot 'r3'")));
+  }
+}
+
 TEST_F(Evaluate, TableAndJsonSayTheSame) {
   const Report report = evaluateRun(out_, recording_);
   EXPECT_THAT(table(report), AllOf(HasSubstr("found 1 of 2, missed 1, false 1"), HasSubstr("2.00 /  0.00 cm"),
