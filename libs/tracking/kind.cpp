@@ -191,13 +191,11 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
   for (TrackState& track : tracks) {
     if (track.blob >= 0) track.identity = track.evidence.peer;
   }
-  const bool all_known =
-      !peers.empty() && std::all_of(peers.begin(), peers.end(), [](const Peer& peer) { return peer.known; });
-  weighPlaces(tracks, missing, all_known, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
+  weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
 }
 
 void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
-                            bool all_known, double rate) const {
+                            double rate) const {
   // Those nobody claims, the likeliest robots first: no more of them can be robots than robots are missing.
   std::vector<TrackState*> unclaimed;
   for (TrackState& track : tracks) {
@@ -226,10 +224,7 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<c
       track.evidence.motion = std::min(0.0, track.evidence.motion);
     if (track.evidence.motion > 0.0)
       target = std::max(0.0, target);  // a stranger: not in the fleet, yet it drives
-    track.evidence.first_placed = all_known && !track.evidence.placed;
-    track.evidence.placed = track.evidence.placed || all_known;
-    const bool is_first = track.views <= 1 || track.evidence.first_placed;
-    track.evidence.place += (is_first ? 1.0 : rate) * (target - track.evidence.place);
+    track.evidence.place += (track.views <= 1 ? 1.0 : rate) * (target - track.evidence.place);
   }
 }
 
@@ -254,8 +249,6 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers, double
     if (track.evidence.against >= options_.change_frames || (drives && sure >= options_.change) ||
         track.evidence.against_s > options_.window_s)
       track.kind = leaning;
-    else if (e.first_placed)
-      track.kind = stranger ? ObjectKind::kUnknown : leaning;
   } else {
     track.evidence.against = 0;
     track.evidence.against_s = 0.0;

@@ -32,9 +32,8 @@ struct KindOptions {
 /// our own published poses, which jump; once moved, a robot stays one while its
 /// shape allows it. What moves on its own is a robot whatever its shape; what does not clearly fit a body and
 /// moves only in touch with a robot (or with us) is an obstacle being pushed. Hysteresis: a label is given at
-/// `decide`, taken back at `change` and after some frames, at once for what is seen in one piece to drive
-/// and where it was given before the fleet told its places, and where `decide` has spoken against it for the
-/// whole window. What has the shape of a robot where none of
+/// `decide`, taken back at `change` and after some frames, at once for what is seen in one piece to drive,
+/// and where `decide` has spoken against it for the whole window. What has the shape of a robot where none of
 /// the fleet can be stays undecided until its motion had time to tell.
 class KindJudge {
  public:
@@ -50,7 +49,7 @@ class KindJudge {
   void judgeShape(TrackState& track, const std::vector<Peer>& peers, const OwnMotion& own) const;
   void judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
                    const OwnMotion& own) const;
-  void weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing, bool all_known,
+  void weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
                    double rate) const;
   void settle(TrackState& track, const std::vector<Peer>& peers, double step_s) const;
   void settleByVectors(TrackState& track, const LocalMap& local_map) const;

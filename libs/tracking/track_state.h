@@ -16,17 +16,15 @@ namespace omnifleet::tracking {
 /// What one object has shown of its kind so far: log-odds of being a robot.
 struct KindEvidence {
   double shape = 0.0, place = 0.0, motion = 0.0;
-  bool placed = false;        ///< since it is followed all of the fleet have once told their places …
-  bool first_placed = false;  ///< … in this frame for the first time
-  int shape_views = 0;        ///< clean views that went into `shape`
-  int best_body = -1;         ///< index of the peer whose body fits best
-  int peer = -1;              ///< index of the peer whose published pose matches
-  int against = 0;            ///< frames in a row that speak for renaming
-  double against_s = 0.0;     ///< how long they and less sure ones have
-  double still_s = 0.0;       ///< how long it has stood, seconds
-  double touching_s = 1e9;    ///< since it last stood against a robot, seconds
-  int moved_frames = 0;       ///< frames in a row in which it moved
-  bool pushed = false;        ///< its motion is put down to a robot beside it
+  int shape_views = 0;      ///< clean views that went into `shape`
+  int best_body = -1;       ///< index of the peer whose body fits best
+  int peer = -1;            ///< index of the peer whose published pose matches
+  int against = 0;          ///< frames in a row that speak for renaming
+  double against_s = 0.0;   ///< how long they and less sure ones have
+  double still_s = 0.0;     ///< how long it has stood, seconds
+  double touching_s = 1e9;  ///< since it last stood against a robot, seconds
+  int moved_frames = 0;     ///< frames in a row in which it moved
+  bool pushed = false;      ///< its motion is put down to a robot beside it
 };
 
 /// One followed object between frames. Everything is in `odom` (own_motion.h).

@@ -42,41 +42,5 @@ TEST(KindJudge, LeavesALabelThatIsMerelyDoubted) {
   EXPECT_EQ(secondsUntilRenamed(-1.0), 10.0);  // 1 : 3
 }
 
-/// One that was called a robot by its shape while nobody had told a place; then the fleet of one other does,
-/// `apart_m` from it.
-TrackState afterTheFirstPlaces(double apart_m, double shape) {
-  LocalMap map;
-  map.objects.emplace_back();
-  RobotBody body;
-  body.radius_m = 0.15;
-  body.height_m = 0.3;
-  Peer peer{"r2", BodyModel(body)};
-  TrackState track(1, PrismFilter({}, {1.5, 0.0}, 0.15));
-  track.kind = shape > 0.0 ? ObjectKind::kRobot : ObjectKind::kObstacle;
-  track.blob = 0;
-  track.views = 2;
-  track.age_s = 2.0;
-  track.evidence.shape = shape;
-  std::vector<TrackState> tracks = {track};
-  KindJudge judge({}, 0.15);
-  OwnMotion own;
-  own.advance(Motion{}, 1);
-  judge.judge(tracks, {peer}, map, own);
-  EXPECT_EQ(tracks.front().kind, track.kind) << "nobody has told a place";
-  peer.known = true;
-  peer.centre_m = {1.5 + apart_m, 0.0};
-  peer.covariance = 1e-4 * Eigen::Matrix2d::Identity();
-  own.advance(Motion{}, 1 + kStep_ns);
-  judge.judge(tracks, {peer}, map, own);
-  return tracks.front();
-}
-
-TEST(KindJudge, WhatWasCalledBeforeAnyPlaceWasToldIsCalledAnewAtOnce) {
-  EXPECT_EQ(afterTheFirstPlaces(1.5, 2.5).kind, ObjectKind::kObstacle);
-  EXPECT_EQ(afterTheFirstPlaces(0.02, 2.5).kind, ObjectKind::kRobot);
-  EXPECT_EQ(afterTheFirstPlaces(0.02, -2.0).kind, ObjectKind::kRobot);
-  EXPECT_EQ(afterTheFirstPlaces(1.5, -2.0).kind, ObjectKind::kObstacle);
-}
-
 }  // namespace
 }  // namespace omnifleet::tracking
