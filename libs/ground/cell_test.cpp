@@ -64,9 +64,11 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
     const Floats gain = (b * t.blue + g * t.green + r * t.red) / t.squared;
     const Floats across = ((b * b + g * g + r * r) / t.squared - gain * gain) * t.across;
     const Floats hue = across > t.least_hue ? across : Floats{};
-    const Floats off = lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue);
+    const Floats along_hue =
+        1.0f + b * t.to_blue + g * t.to_green + r * t.to_red - lanes::larger(gain, lanes::all(t.least_gain));
+    const Floats off = lanes::larger(lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue), along_hue);
     const Ints is_off = off > 1.0f;
-    const Ints has_hue = hue > t.other_hue;
+    const Ints has_hue = (hue > t.other_hue) | (along_hue > 1.0f);
     const Ints grey = lanes::truncated(2.0f + lanes::smaller(lanes::all(253.0f), 100.0f * gain));
     const Ints look = ((has_hue & kColourLook) | (~has_hue & grey)) & is_off;
     const Ints strong = lanes::truncated(lanes::smaller(off, lanes::all(255.0f))) & is_off;

@@ -13,6 +13,10 @@ struct CellTest {
   float along, across;     ///< 1 ÷ the squared tolerances
   float least_hue;         ///< the second term, up to which it is nothing
   float other_hue;         ///< the second term, beyond which a pixel has another hue than the floor
+  /// A colour that multiples of r give 0 with: p has another hue, too, where p · this > p·r/|r|², or more
+  /// than least_gain where that is less. 0 where no such is known.
+  float to_blue, to_green, to_red;
+  float least_gain;
 };
 
 /// 4×4 bytes of a larger image, or of a buffer.

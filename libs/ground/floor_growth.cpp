@@ -12,13 +12,16 @@ namespace {
 // Gains of the filter that follows the floor's brightness from block to block: a steady slope is followed
 // without lag (an α–β filter along the way of growth), the noise of a block's mean is halved.
 constexpr float kLevelGain = 0.5f, kSlopeGain = 0.1f;
-// Where something beyond the floor is near it in colour, that adapts more slowly: else a few blocks that are
-// mixed of both, or chance, would turn one into the other.
-constexpr float kNear = 8.0f;  // tolerances
+// Where a block differs in hue by more than half the tolerance, or something beyond the floor is near it in
+// colour, hue adapts more slowly: else a few blocks that are mixed of both, or chance, would turn one into
+// the other.
+constexpr float kDoubtful2 = 0.25f;  // of the squared tolerance
+constexpr float kNear = 8.0f;        // tolerances
 constexpr float kHueGain = 0.1f;
 constexpr float kTextureSigmas =
     2.0f;                             // of the floor's own texture, added to the step that counts as an edge
 constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
+constexpr float kMostOthers = 0.25f;  // of the seeds; where more differ in hue the floor has several
 constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
 constexpr int kSteps = 8;
 constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
@@ -46,10 +49,11 @@ OMNIFLEET_INLINE unsigned openSteps(const std::uint8_t* at, std::ptrdiff_t row_s
   return closed ^ 255u;
 }
 
-/// @param rr |r|². @param noise grey levels
-OMNIFLEET_INLINE FloorTest testAt(float rr, double along, double across, double noise) {
-  const float added = static_cast<float>(noise) / std::sqrt(rr);
-  const float a = static_cast<float>(along) + added, b = static_cast<float>(across) + added;
+/// @param rr |r|²
+OMNIFLEET_INLINE FloorTest testAt(float rr, const FloorTolerance& tolerance, const FloorNoise& noise) {
+  const float per_level = static_cast<float>(tolerance.noise_sigmas) / std::sqrt(rr);
+  const float a = static_cast<float>(tolerance.along) + static_cast<float>(noise.channel) * per_level,
+              b = static_cast<float>(tolerance.across) + static_cast<float>(noise.hue) * per_level;
   return {a * a, b * b};
 }
 
@@ -61,8 +65,8 @@ float medianOf(std::vector<float>& values) {
 
 }  // namespace
 
-FloorTest FloorTolerance::testFor(const cv::Vec3f& r, double noise) const {
-  return testAt(std::max(1.0f, r.dot(r)), along, across, noise_sigmas * noise);
+FloorTest FloorTolerance::testFor(const cv::Vec3f& r, const FloorNoise& noise) const {
+  return testAt(std::max(1.0f, r.dot(r)), *this, noise);
 }
 
 FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
@@ -86,7 +90,7 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
   queue_.reserve(coverage.total());
 }
 
-bool FloorGrowth::seed() {
+bool FloorGrowth::seed(const FloorNoise& noise) {
   const auto* means = framed_means_.ptr<cv::Vec3f>();
   // The bins are as wide in the dark as the differences of brightness there are small: without this, things
   // in the ring and the floor would fill bins that touch.
@@ -108,9 +112,31 @@ bool FloorGrowth::seed() {
     handed_[static_cast<std::size_t>(block)] = {{mean[0], mean[1], mean[2], 0.0f}, {0.0f, 0.0f}};
     queue_.push_back(block);
   }
+  if (!all_modes_) dropOtherHues(noise);
   dropBeyond();
   texture_ = seedTexture();
   return !queue_.empty();
+}
+
+/// Things in the ring whose colours lie beside the floor's fill bins that touch its: the histogram cannot
+/// tell them, the hue can.
+void FloorGrowth::dropOtherHues(const FloorNoise& noise) {
+  if (queue_.empty()) return;
+  const float* means = framed_means_.ptr<float>();
+  FourFloats mean{};
+  for (const int block : queue_) mean += lanes::load<FourFloats>(means + 3 * block);
+  mean /= static_cast<float>(queue_.size());
+  const float rr = std::max(1.0f, dot(mean, mean)), across2 = testAt(rr, tolerance_, noise).across2;
+  const auto isOther = [&](int block) {
+    const auto colour = lanes::load<FourFloats>(means + 3 * block);
+    const float gain = dot(colour, mean) / rr;
+    return dot(colour, colour) / rr - gain * gain > across2 * gain * gain;
+  };
+  const auto others = std::count_if(queue_.begin(), queue_.end(), isOther);
+  if (static_cast<float>(others) > kMostOthers * static_cast<float>(queue_.size())) return;
+  for (const int block : queue_)
+    if (isOther(block)) stop_.data[block] = closed_.data[block];
+  queue_.erase(std::remove_if(queue_.begin(), queue_.end(), isOther), queue_.end());
 }
 
 /// Near a wall the ring of the seeds holds some of it. What is beyond and far from all seeds in colour is not
@@ -209,13 +235,15 @@ OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const Floo
   const float share_of_rr = 1.0f / dot(expected, expected), gain = dot(mean, expected) * share_of_rr,
               surprise = gain - 1.0f;
   if (!(surprise * surprise <= test.along2)) return false;
-  if (!(dot(mean, mean) * share_of_rr - gain * gain <= test.across2)) return false;
+  const float across2 = dot(mean, mean) * share_of_rr - gain * gain;
+  if (!(across2 <= test.across2)) return false;
   const float allowed = flatness * flatness / share_of_rr;
   const std::ptrdiff_t below = 3 * stride_;
   if (!(leftOfStep(at + 3, at - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
   if (!(leftOfStep(at + below, at - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
-  const float hue_gain = beyond_.empty() ? kLevelGain : hueGain(to, mean, expected);
-  if (hue_gain < 0.0f) return false;
+  const float beside_beyond = beyond_.empty() ? kLevelGain : hueGain(to, mean, expected);
+  if (beside_beyond < 0.0f) return false;
+  const float hue_gain = across2 > kDoubtful2 * test.across2 ? kHueGain : beside_beyond;
   stop_.data[to] = kGrown;
   Handed& handed = handed_[static_cast<std::size_t>(to)];
   const float level = 1.0f + (kLevelGain - hue_gain) * surprise;
@@ -227,14 +255,13 @@ OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const Floo
   return true;
 }
 
-OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, double noise) {
+OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const std::uint8_t* stop = stop_.data;
   unsigned open = openSteps(stop + at, stride_);
   if (open == 0) return;
   const Handed from = handed_[static_cast<std::size_t>(at)];
   const auto colour = lanes::load<FourFloats>(from.colour);
-  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour)), tolerance_.along, tolerance_.across,
-                                tolerance_.noise_sigmas * noise);
+  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour)), tolerance_, noise);
   // The texture measured holds the noise.
   const float flatness =
       std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
@@ -246,15 +273,15 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, double noise) {
   }
 }
 
-bool FloorGrowth::grow(double noise, const std::vector<cv::Vec4f>& beyond) {
+bool FloorGrowth::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
   beyond_.clear();
   if (!sector_.empty()) beyond_.assign(beyond.begin(), beyond.end());
-  if (!seed()) return false;
+  if (!seed(noise)) return false;
   growAll(noise);
   return true;
 }
 
-OMNIFLEET_WIDE void FloorGrowth::growAll(double noise) {
+OMNIFLEET_WIDE void FloorGrowth::growAll(const FloorNoise& noise) {
   for (std::size_t next = 0; next < queue_.size(); ++next) growFrom(queue_[next], noise);
 }
 

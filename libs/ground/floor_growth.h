@@ -12,11 +12,20 @@ struct FloorTest {
   float along2, across2;
 };
 
-/// What the floor's colour may be off by: shares of its brightness, and grey levels of noise added to both.
+/// Standard deviations of colours that are the same, grey levels. What a floor is made of changes its
+/// brightness from pixel to pixel (grain, dirt), its hue hardly: a camera's noise is in both.
+struct FloorNoise {
+  double channel = 0.0;  ///< of one channel
+  double hue = 0.0;      ///< of one that is free of brightness
+  FloorNoise operator/(double by) const { return {channel / by, hue / by}; }
+};
+
+/// What the floor's colour may be off by: shares of its brightness, and the noise times so many added to
+/// both.
 struct FloorTolerance {
   double along, across;
   double noise_sigmas;
-  FloorTest testFor(const cv::Vec3f& r, double noise) const;
+  FloorTest testFor(const cv::Vec3f& r, const FloorNoise& noise) const;
 };
 
 /// The blocks of an image that show floor: grown outward from seeds, each accepted block handing a slowly
@@ -38,9 +47,9 @@ class FloorGrowth {
   const cv::Mat3f& means() const { return means_; }
   /// @param sectors per block the number of its colour in what grow() is given; 0 where there is none
   void lookBeyond(const cv::Mat1b& sectors);
-  /// @param noise σ of one block's mean @param beyond colours that are no floor's (Horizon::colours())
+  /// @param noise of one block's mean @param beyond colours that are no floor's (Horizon::colours())
   /// @return false when no seed shows floor
-  bool grow(double noise, const std::vector<cv::Vec4f>& beyond = {});
+  bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {});
   bool isGrown(int y, int x) const { return stop_.data[numberOf(y, x)] == kGrown; }
   /// The blocks that the growth reached, in its order, by their number.
   const std::vector<int>& grown() const { return queue_; }
@@ -58,12 +67,13 @@ class FloorGrowth {
     float colour[4];  ///< the last one has no meaning
     float slope[2];   ///< relative change of the brightness per block, x and y
   };
-  bool seed();
+  bool seed(const FloorNoise& noise);
+  void dropOtherHues(const FloorNoise& noise);
   void dropBeyond();
   float brighten();
   float seedTexture();
-  void growAll(double noise);
-  void growFrom(int at, double noise);
+  void growAll(const FloorNoise& noise);
+  void growFrom(int at, const FloorNoise& noise);
   template <typename Colour>
   FloorTest offOf(const Colour& p, const Colour& r) const;
   template <typename Colour>

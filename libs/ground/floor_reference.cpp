@@ -73,7 +73,8 @@ bool FloorReference::isGrown(int y, int x) const {
   return y < growth_.means().rows && x < growth_.means().cols && growth_.isGrown(y, x);
 }
 
-bool FloorReference::learn(const cv::Mat3f& cell_means, double noise, const std::vector<cv::Vec4f>& beyond) {
+bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
+                           const std::vector<cv::Vec4f>& beyond) {
   averageBlocks(cell_means);
   if (!growth_.grow(noise / (FloorView::kCell * block_), beyond)) return false;
   smoothing_.smooth(growth_);

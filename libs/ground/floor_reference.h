@@ -28,10 +28,10 @@ class FloorReference {
   FloorReference(const FloorView& view, const ReferenceOptions& options);
 
   /// @param cell_means CV_32FC3, mean colour per cell (grey: three equal channels)
-  /// @param noise σ of one pixel of the seeds about its cell's mean, grey levels
+  /// @param noise of one pixel of the seeds about its cell's mean
   /// @param beyond colours that are no floor's, by lookBeyond()'s sectors
   /// @return false when no seed shows floor; the reference of the last frame then stays
-  bool learn(const cv::Mat3f& cell_means, double noise, const std::vector<cv::Vec4f>& beyond = {});
+  bool learn(const cv::Mat3f& cell_means, const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {});
   /// @param sectors per cell, see FloorGrowth
   void lookBeyond(const cv::Mat1b& sectors);
   int blockSize() const { return block_ * FloorView::kCell; }  ///< pixels
@@ -40,8 +40,10 @@ class FloorReference {
 
   /// Floor colour per cell, defined wherever the view covers.
   const cv::Mat3f& colour() const { return smoothing_.colour(); }
-  /// Is p floor where the floor looks like r? `noise` in grey levels, added to both tolerances.
-  FloorTest testFor(const cv::Vec3f& r, double noise) const { return tolerance_.testFor(r, noise); }
+  /// Is p floor where the floor looks like r? Of a mean over n pixels the noise is √n times less.
+  FloorTest testFor(const cv::Vec3f& r, const FloorNoise& noise) const {
+    return tolerance_.testFor(r, noise);
+  }
 
  private:
   void averageBlocks(const cv::Mat3f& cell_means);

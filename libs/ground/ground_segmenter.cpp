@@ -26,6 +26,7 @@ constexpr double kSmoothing = 3.0;  // what that divides the noise by
 // all of its block, by up to this share of what it differs from the floor by.
 constexpr int kColourBlock = 16 / kCell;  // cells
 constexpr float kRinging = 0.2f;
+constexpr float kLeastLit = 0.6f;  // of the floor's brightness: in less light noise would make faint hues
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
@@ -128,6 +129,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
+      across2_(off_.size(), 0.0f),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
       hue2_(view.cells().height / kColourBlock + 3, view.cells().width / kColourBlock + 3, 0.0f),
@@ -211,14 +213,14 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
   return {image,
           reference_.colour(),
           static_cast<float>(o.tolerance_across),
-          static_cast<float>(o.noise_sigmas * noise_),
+          static_cast<float>(o.noise_sigmas * noise_.hue),
           completer_.foot(),
           view_->mask()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
-  const double noise = seedNoise(image);
-  noise_ = noise;
+  noise_ = seedNoise(image);
+  const FloorNoise& noise = noise_;
   if (horizon_) horizon_->read(image);
   if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
   findStrips(noise);
@@ -249,7 +251,7 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
     for (int x = 0; x < seeds.cols * kCell; ++x)
       if (seeds(y / kCell, x / kCell) != 0) histogram_.add(binAt(y, x));
   if (histogram_.settle(options_.histogram_share, options_.histogram_grow, true) <= 0.0) return false;
-  reference_.learn(cells_.means(), 0.0);
+  reference_.learn(cells_.means(), {});
   everythingIsAStrip();
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
@@ -258,34 +260,48 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
   return true;
 }
 
-double GroundSegmenter::seedNoise(const cv::Mat& image) {
-  // Median over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
+FloorNoise GroundSegmenter::seedNoise(const cv::Mat& image) {
+  // Medians over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
   // not count.
   constexpr int kPixels = kCell * kCell;
   const int channels = image.channels();
   variances_.clear();
+  hue_variances_.clear();
   for (const cv::Point& cell : noise_cells_) {
+    const cv::Vec3f& mean = cells_.means()(cell);
+    const cv::Vec3f brightness = mean / std::sqrt(std::max(1.0f, mean.dot(mean)));
     int sum[3] = {}, squares[3] = {};
+    float along = 0.0f;
     for (int y = cell.y * kCell; y < (cell.y + 1) * kCell; ++y) {
       const auto* row = image.ptr<std::uint8_t>(y) + cell.x * kCell * channels;
       for (int x = 0; x < kCell; ++x, row += channels) {
+        float brighter = 0.0f;
         for (int c = 0; c < channels; ++c) {
           sum[c] += row[c];
           squares[c] += row[c] * row[c];
+          brighter += brightness[c] * (static_cast<float>(row[c]) - mean[c]);
         }
+        along += brighter * brighter;
       }
     }
     int spread = 0;  // times kPixels
     for (int c = 0; c < channels; ++c) spread += kPixels * squares[c] - sum[c] * sum[c];
-    variances_.push_back(static_cast<float>(spread) / static_cast<float>(kPixels * channels * (kPixels - 1)));
+    const float all = static_cast<float>(spread) / static_cast<float>(kPixels);
+    variances_.push_back(all / static_cast<float>(channels * (kPixels - 1)));
+    hue_variances_.push_back(channels == 1 ? 0.0f
+                                           : std::max(0.0f, all - along) /
+                                                 static_cast<float>((channels - 1) * (kPixels - 1)));
   }
-  if (variances_.empty()) return 0.0;
-  const auto middle = variances_.begin() + static_cast<std::ptrdiff_t>(variances_.size() / 2);
-  std::nth_element(variances_.begin(), middle, variances_.end());
-  return std::sqrt(static_cast<double>(*middle));
+  if (variances_.empty()) return {};
+  const auto sigmaOf = [](std::vector<float>& variances) {
+    const auto middle = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() / 2);
+    std::nth_element(variances.begin(), middle, variances.end());
+    return std::sqrt(static_cast<double>(*middle));
+  };
+  return {sigmaOf(variances_), sigmaOf(hue_variances_)};
 }
 
-void GroundSegmenter::findStrips(double noise) {
+void GroundSegmenter::findStrips(const FloorNoise& noise) {
   markCells(noise);
   gatherStrips();
 }
@@ -309,12 +325,13 @@ void GroundSegmenter::gatherStrips() {
 }
 
 /// Cells whose mean is not plainly floor, and their neighbours, are looked at.
-void GroundSegmenter::markCells(double noise) {
+void GroundSegmenter::markCells(const FloorNoise& noise) {
   const auto& coverage = view_->coverage();
   const auto& o = options_.reference;
   const auto share = [](double v) { return kPlainFloor * static_cast<float>(v); };
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
-                     share(o.noise_sigmas * noise / kCell)};
+                     share(o.noise_sigmas * noise.channel / kCell),
+                     share(o.noise_sigmas * noise.hue / kCell)};
   hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
@@ -332,6 +349,7 @@ void GroundSegmenter::markCells(double noise) {
       }
       const CellHue hue = hueOfCell(x, y);
       solid_(y, x) = lookOfCell(x, y, hue, noise);
+      across2_(y + 1, x + 1) = hue.across2;
       spreadHue(x, y, hue.across2);
     }
   }
@@ -346,9 +364,38 @@ void GroundSegmenter::spreadHue(int x, int y, float across2) {
     for (int bx = left; bx <= left + 1; ++bx) hue2_(by, bx) = std::max(hue2_(by, bx), across2);
 }
 
+/// Where a thing's hue differs from the floor's by so little that the noise of single pixels would hide it,
+/// though not that of a cell's mean: what tells pixels nearer to that hue, of the cells around, from those
+/// nearer to the floor's (CellTest). Faces of a thing differ in brightness, not in hue.
+/// @param ringing2 of the floor's squared brightness, what may be but a stronger hue's @param pixel
+/// tolerances for single pixels
+cv::Vec3f GroundSegmenter::faintHue(int x, int y, float ringing2, const FloorTest& pixel,
+                                    const FloorNoise& noise) const {
+  const int width = off_.cols, at = (y + 1) * width + x + 1;
+  const float* across2 = across2_.ptr<float>() + at;
+  const std::uint8_t* off = off_.ptr() + at;
+  int strongest = 0;
+  float most2 = 0.0f;
+  for (const int row : {-width, 0, width}) {
+    for (int k = row - 1; k <= row + 1; ++k) {
+      if (off[k] == 0 || across2[k] <= most2) continue;
+      strongest = k;
+      most2 = across2[k];
+    }
+  }
+  if (most2 <= ringing2) return {};
+  const cv::Vec3f &r = reference_.colour()(y, x),
+                  &p = cells_.means()((at + strongest) / width - 1, (at + strongest) % width - 1);
+  const float gain = p.dot(r) / std::max(1.0f, r.dot(r));
+  if (most2 >= 4.0f * pixel.across2 * gain * gain) return {};
+  if (most2 <= kOtherHue * reference_.testFor(r, noise / kCell).across2) return {};
+  const cv::Vec3f hue = p - gain * r;
+  return 2.0f * gain / std::max(1.0f, hue.dot(hue)) * hue;
+}
+
 /// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes
 /// quickly it may be off by what it changes over a cell, which the noise no longer covers.
-FloorTest GroundSegmenter::testOfSmoothed(int x, int y, double noise) const {
+FloorTest GroundSegmenter::testOfSmoothed(int x, int y, const FloorNoise& noise) const {
   const cv::Mat3f& floor = reference_.colour();
   const cv::Vec3f& r = floor(y, x);
   const cv::Vec3f across = floor(y, std::min(x + 1, floor.cols - 1)) - floor(y, std::max(x - 1, 0)),
@@ -368,7 +415,7 @@ GroundSegmenter::CellHue GroundSegmenter::hueOfCell(int x, int y) const {
 }
 
 /// What the cell is where it is object all over, kFloorLook where it may be mixed.
-Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, double noise) const {
+Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, const FloorNoise& noise) const {
   const FloorTest test = reference_.testFor(reference_.colour()(y, x), noise / kCell);
   const auto [gain, across2] = hue;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
@@ -411,7 +458,7 @@ void GroundSegmenter::everythingIsAStrip() {
 }
 
 template <int kChannels>
-void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, double noise) {
+void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, const FloorNoise& noise) {
   findInside(strip);
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
@@ -427,19 +474,24 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, do
 }
 
 template <int kChannels>
-void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise) {
+void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, const FloorNoise& noise) {
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
-  const bool drowns = options_.reference.noise_sigmas * noise > kDrowning * std::sqrt(r.dot(r));
+  const bool drowns = options_.reference.noise_sigmas * noise.channel > kDrowning * std::sqrt(r.dot(r));
   const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
-  const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
+  const float ringing2 = kRinging * kRinging * hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
+  const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, ringing2, limits, noise) : cv::Vec3f();
   const CellTest test{r[0],
                       r[1],
                       r[2],
                       std::max(1.0f, r.dot(r)),
                       1.0f / limits.along2,
                       1.0f / limits.across2,
-                      kRinging * kRinging * hue2 / limits.across2,
-                      kOtherHue};
+                      ringing2 / limits.across2,
+                      kOtherHue,
+                      to[0],
+                      to[1],
+                      to[2],
+                      kLeastLit};
   const int x = cell_x * kCell, y = cell_y * kCell;
   const auto at = [&](auto& mask) {
     return CellBytes<std::remove_pointer_t<decltype(mask.ptr(y))>>{mask.ptr(y) + x,

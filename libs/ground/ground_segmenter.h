@@ -73,48 +73,50 @@ class GroundSegmenter {
  private:
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
-  double seedNoise(const cv::Mat& image);
+  FloorNoise seedNoise(const cv::Mat& image);
   ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
-  void findStrips(double noise);
+  void findStrips(const FloorNoise& noise);
   void gatherStrips();
   void completeSides(const cv::Mat& image);
-  void markCells(double noise);
+  void markCells(const FloorNoise& noise);
   struct CellHue {
     float gain;     ///< brightness, of the floor's
     float across2;  ///< squared difference of hue, of the floor's squared brightness
   };
   CellHue hueOfCell(int x, int y) const;
   void spreadHue(int x, int y, float across2);
-  Look lookOfCell(int x, int y, const CellHue& hue, double noise) const;
-  FloorTest testOfSmoothed(int x, int y, double noise) const;
+  cv::Vec3f faintHue(int x, int y, float ringing2, const FloorTest& pixel, const FloorNoise& noise) const;
+  Look lookOfCell(int x, int y, const CellHue& hue, const FloorNoise& noise) const;
+  FloorTest testOfSmoothed(int x, int y, const FloorNoise& noise) const;
   void findInside(const Strip& strip);
   bool isOneKind(int y, int x) const;
   void everythingIsAStrip();
   template <int kChannels>
-  void classifyStrip(const cv::Mat& image, const Strip& strip, double noise);
+  void classifyStrip(const cv::Mat& image, const Strip& strip, const FloorNoise& noise);
   template <int kChannels>
-  void classifyCell(const cv::Mat& image, int cell_x, int cell_y, double noise);
+  void classifyCell(const cv::Mat& image, int cell_x, int cell_y, const FloorNoise& noise);
 
   const FloorView* view_;
   SegmenterOptions options_;
-  double noise_ = 0.0;  ///< of the last frame's seeds, grey levels
+  FloorNoise noise_;  ///< of the last frame's seeds
   FloorReference reference_;
   std::unique_ptr<Horizon> horizon_;
   GroundHistogram histogram_;
   LineFilter lines_;
   CellMeans cells_;
   cv::Mat1b strength_, raw_, looks_, objects_;
-  cv::Mat1b off_;     ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
-  cv::Mat1b active_;  ///< per cell: looked at
-  cv::Mat1b solid_;   ///< per cell: Look of what is object all over, else 0
-  cv::Mat1f hue2_;    ///< per block of JPEG's colours, with one of margin: the strongest CellHue::across2
+  cv::Mat1b off_;      ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
+  cv::Mat1f across2_;  ///< like off_, where that is 1: CellHue::across2
+  cv::Mat1b active_;   ///< per cell: looked at
+  cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
+  cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHue::across2
   std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
   BitArea area_;                    ///< of the strips
   BitMask raw_bits_, bits_;
   std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
-  std::vector<float> variances_;
+  std::vector<float> variances_, hue_variances_;
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;

@@ -13,14 +13,16 @@ constexpr int kChunk = 32;
 
 OMNIFLEET_WIDE void findOff(const float* means, const float* floor, int n, const OffTest& test,
                             std::uint8_t* off) {
-  const float along = test.along, across = test.across, added = test.added;
+  const float along = test.along, across = test.across, along_noise = test.along_noise,
+              across_noise = test.across_noise;
 #pragma GCC ivdep
   for (int i = 0; i < n; ++i) {
     const float *p = means + 3 * i, *r = floor + 3 * i;
     const float squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2], rr = squared > 1.0f ? squared : 1.0f;
     const float pr = p[0] * r[0] + p[1] * r[1] + p[2] * r[2], pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
-    const float noise = added * std::sqrt(rr), hue = across * rr + noise;
-    off[i] = (std::abs(pr - rr) > along * rr + noise) | (pp * rr - pr * pr > hue * hue) ? 1 : 0;
+    const float length = std::sqrt(rr), hue = across * rr + across_noise * length;
+    off[i] =
+        (std::abs(pr - rr) > along * rr + along_noise * length) | (pp * rr - pr * pr > hue * hue) ? 1 : 0;
   }
 }
 

@@ -7,10 +7,10 @@
 namespace omnifleet::ground {
 
 /// Tolerances of FloorTolerance for the mean of a cell, multiplied out, so that no cell needs a division:
-/// with g = p·r and R = |r|², p is off the floor colour r where |g − R| > along · R + added · |r| or |p|² R −
-/// g² > (across · R + added · |r|)².
+/// with g = p·r and R = |r|², p is off the floor colour r where |g − R| > along · R + along_noise · |r| or
+/// |p|² R − g² > (across · R + across_noise · |r|)².
 struct OffTest {
-  float along, across, added;
+  float along, across, along_noise, across_noise;
 };
 
 /// off[i] = 1 where the i-th of n means is off the floor, else 0; three numbers a cell.

@@ -82,7 +82,7 @@ class BesideAWall : public ::testing::Test {
     growth.lookBeyond(sectors);
     const cv::Vec4f none = cv::Vec4f::all(-1.0f);
     const std::vector<cv::Vec4f> beyond{none, {wall[0], wall[1], wall[2], 0.0f}, none};
-    EXPECT_TRUE(growth.grow(0.5, look_beyond ? beyond : std::vector<cv::Vec4f>(3, none)));
+    EXPECT_TRUE(growth.grow({0.5, 0.5}, look_beyond ? beyond : std::vector<cv::Vec4f>(3, none)));
     Grown grown;
     for (int y = 1; y + 1 < kSize; ++y)
       for (int x = 1; x + 1 < kSize; ++x)
