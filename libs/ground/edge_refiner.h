@@ -25,6 +25,7 @@ struct ContourFrame {
   const cv::Mat1b& grey;     ///< its brightness (BT.601)
   const cv::Mat1b& objects;  ///< the mask in which the regions were labelled
   const cv::Mat3f& floor;    ///< floor colour per cell
+  float hue_noise;           ///< FloorNoise::hue of the image
 };
 
 /// Sub-pixel outline from the chain of midpoints between a region's pixels and the floor's. The mask alone is

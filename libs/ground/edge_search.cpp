@@ -23,11 +23,13 @@ constexpr float kHueNoise = 0.02f;   // of the reference's brightness, added to 
 constexpr float kNext_px = 1.5f;     // outside of the outline: what is mixed at the edge has ended
 constexpr float kWithin_px = 0.5f;   // inside of an edge: there a thing has begun to show its hue, …
 constexpr float kFloorsHue = 0.4f;   // … more than this share of it,
-constexpr float kLeastHue = 0.1f;    // if its hue is off the floor's by this share of the floor's brightness
-constexpr float kStep_px = 0.5f;     // between the samples along the normal
-constexpr int kAround = 8;           // samples about an edge, the two outermost at each side beyond what
-                                     // pixels and a sharp lens blur
-constexpr float kMaxShift = 0.3f;    // of the contrast, by which what lies near may be off
+constexpr float kLeastHue = 0.03f,   // if its hue is off the floor's by the former share of the floor's
+    kSureHue = 0.1f;                 // brightness, and by kHueSigmas of the noise or the latter one
+constexpr float kHueSigmas = 6.0f;
+constexpr float kStep_px = 0.5f;   // between the samples along the normal
+constexpr int kAround = 8;         // samples about an edge, the two outermost at each side beyond what
+                                   // pixels and a sharp lens blur
+constexpr float kMaxShift = 0.3f;  // of the contrast, by which what lies near may be off
 
 struct Colours {
   Floats blue, green, red;
@@ -148,8 +150,9 @@ struct Beside {
 /// what is there.
 OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
                                    const Colours& reference, const Ints& no_floor) {
-  const auto outside = [&](float px)
-                           __attribute__((always_inline)) { return n.coloursAt(image, lanes::all(-px)); };
+  const auto outside = [&](float px) __attribute__((always_inline)) {
+    return n.coloursAt(image, lanes::all(-px));
+  };
   const Colours there = outside(out_px), beyond = outside(out_px + 1.0f), next = outside(kNext_px);
   const Colours seen = {0.5f * (there.blue + beyond.blue), 0.5f * (there.green + beyond.green),
                         0.5f * (there.red + beyond.red)};
@@ -163,11 +166,15 @@ OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float
 /// Just inside of an edge in brightness the floor's hue goes on: it is the edge of a narrow shadow.
 /// @param inside beyond the edge, the thing
 OMNIFLEET_INLINE Ints isShadowsEdge(const cv::Mat& image, const Normals& n, const Floats& edge,
-                                    const Colours& inside, const Colours& reference, float least) {
+                                    const Colours& inside, const Colours& reference, float least,
+                                    float noise) {
   const Colours hue = hueOf(inside, reference);
   const Floats hue2 = dot(hue, hue);
   const Floats share = dot(hueOf(n.coloursAt(image, edge + kWithin_px), reference), hue) / hue2;
-  const Ints tells = (hue2 >= least * least) & (hue2 >= kLeastHue * kLeastHue * dot(reference, reference));
+  const Floats brightness = length(reference);
+  const Floats told = lanes::larger(lanes::larger(lanes::all(least), kLeastHue * brightness),
+                                    lanes::smaller(lanes::all(kHueSigmas * noise), kSureHue * brightness));
+  const Ints tells = hue2 >= told * told;
   return tells & (share < kFloorsHue);
 }
 
@@ -253,8 +260,8 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
     for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
       walk.see(share.at(lanes::all(s)), lanes::all(s), s == -search);
     settle(share, by_luma, walk);
-    const Ints not_its =
-        walk.found & ~is_thing & isShadowsEdge(frame.image, n, walk.shift, inside, reference, least);
+    const Ints not_its = walk.found & ~is_thing &
+                         isShadowsEdge(frame.image, n, walk.shift, inside, reference, least, frame.hue_noise);
     by_hue |= not_its;
     by_luma &= ~not_its;
     walk.found &= ~not_its;

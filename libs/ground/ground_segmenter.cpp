@@ -96,6 +96,12 @@ int nextMark(const std::uint8_t* row, int begin, int end) {
   return mark == nullptr ? end : static_cast<int>(mark - row);
 }
 
+/// For what is the thing's whatever its hue: pixels along an outline are mixed, and little of a strong hue is
+/// beyond fine tolerances.
+FloorNoise coarsely(const FloorNoise& noise) {
+  return {noise.channel, noise.channel};
+}
+
 /// @param across2 squared difference of hue as a multiple of its tolerance
 Look lookOf(float gain, float across2) {
   return across2 > kOtherHue ? kColourLook : greyLook(gain);
@@ -155,6 +161,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   last_strips_.swap(strips_);
   strips_.clear();
   cells_.read(image);
+  noise_ = seedNoise(image);
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();
@@ -213,13 +220,12 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
   return {image,
           reference_.colour(),
           static_cast<float>(o.tolerance_across),
-          static_cast<float>(o.noise_sigmas * noise_.hue),
+          static_cast<float>(o.noise_sigmas * noise_.channel),
           completer_.foot(),
           view_->mask()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
-  noise_ = seedNoise(image);
   const FloorNoise& noise = noise_;
   if (horizon_) horizon_->read(image);
   if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
@@ -332,6 +338,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
                      share(o.noise_sigmas * noise.channel / kCell),
                      share(o.noise_sigmas * noise.hue / kCell)};
+  const FloorNoise coarse = coarsely(noise);
   hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
@@ -348,7 +355,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
         continue;
       }
       const CellHue hue = hueOfCell(x, y);
-      solid_(y, x) = lookOfCell(x, y, hue, noise);
+      solid_(y, x) = lookOfCell(x, y, hue, coarse);
       across2_(y + 1, x + 1) = hue.across2;
       spreadHue(x, y, hue.across2);
     }
@@ -477,7 +484,8 @@ template <int kChannels>
 void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, const FloorNoise& noise) {
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
   const bool drowns = options_.reference.noise_sigmas * noise.channel > kDrowning * std::sqrt(r.dot(r));
-  const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, noise) : reference_.testFor(r, noise);
+  const FloorNoise coarse = coarsely(noise);
+  const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, coarse) : reference_.testFor(r, coarse);
   const float ringing2 = kRinging * kRinging * hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
   const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, ringing2, limits, noise) : cv::Vec3f();
   const CellTest test{r[0],

@@ -61,6 +61,8 @@ class GroundSegmenter {
   const std::vector<Blob>& vague() const { return shade_.vague(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
+  /// Of the last frame's pixels.
+  const FloorNoise& noise() const { return noise_; }
   /// Is the cell floor that joins the seeds, by the last frame's local colours?
   bool isGrown(int y, int x) const { return reference_.isGrown(y, x); }
   /// Pixels, of the blocks that it goes by.

@@ -57,6 +57,9 @@ struct LocalMapper::Stages {
   void measureObjects(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
+  ground::ContourFrame contourFrame(const cv::Mat& image, const cv::Mat1b& objects) const {
+    return {image, flow.grey(), objects, segmenter.floorColour(), static_cast<float>(segmenter.noise().hue)};
+  }
   void keep(bool is_object, const ground::Blob& blob);
   void addUndecided(const std::vector<ground::Blob>& regions);
 
@@ -193,7 +196,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   bool closed = has_walls;
   if (has_walls) scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize()});
   for (const ground::Blob& blob : *blobs) {
-    tracer.trace({image, flow.grey(), segmenter.objects(), segmenter.floorColour()}, blob, contour);
+    tracer.trace(contourFrame(image, segmenter.objects()), blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&
                            (!has_walls || scan.isBeforeWalls(silhouette.floorContour(), object.contact_m));
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
@@ -225,7 +228,7 @@ bool LocalMapper::Stages::measureParts(const cv::Mat& image, const ground::Blob&
   part_contact_m.assign(parts->size(), 0.0);
   if (part_contours.size() < parts->size()) part_contours.resize(parts->size());
   for (std::size_t i = 0; i < parts->size(); ++i) {
-    tracer.trace({image, flow.grey(), mask, segmenter.floorColour()}, (*parts)[i], part_contours[i]);
+    tracer.trace(contourFrame(image, mask), (*parts)[i], part_contours[i]);
     part_contact_m[i] = silhouette.contactDistance(part_contours[i]);
   }
   for (std::size_t i = 0; i < parts->size(); ++i) measurePart(*parts, i, by_colour);

@@ -15,7 +15,17 @@ class ContourTest : public ::testing::Test {
  protected:
   ContourTest() : camera_(testing::fisheye()), view_(camera_, ViewOptions{}) {}
 
-  Contour trace(const cv::Mat& image, const cv::Mat1b& mask, bool refine) {
+  /// Of the outline of a disc around (150.3, 260.7), refined from what covers a pixel at all; pixels.
+  double meanError(const cv::Mat3b& image, double radius_px, float hue_noise = 0.0f) {
+    cv::Mat1b mask(image.size(), std::uint8_t{0});
+    testing::drawDisc<std::uint8_t>(mask, 150.3, 260.7, radius_px, 255);
+    const Contour contour = trace(image, mask > 0, true, hue_noise);
+    double sum = 0.0;
+    for (const auto& p : contour.points_px) sum += std::hypot(p.x() - 150.3, p.y() - 260.7) - radius_px;
+    return sum / static_cast<double>(contour.points_px.size());
+  }
+
+  Contour trace(const cv::Mat& image, const cv::Mat1b& mask, bool refine, float hue_noise = 0.0f) {
     ContourOptions options;
     options.refine = refine;
     ContourTracer tracer(view_, options);
@@ -34,7 +44,7 @@ class ContourTest : public ::testing::Test {
       cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
     else
       grey = image;
-    tracer.trace({image, grey, mask, floor}, all, contour);
+    tracer.trace({image, grey, mask, floor, hue_noise}, all, contour);
     return contour;
   }
 
@@ -182,19 +192,20 @@ TEST_F(ContourTest, TheShadowOnTheFloorBesideAThingIsNotPartOfIt) {
 
 /// A thrown shadow of which only a narrow rim shows before the thing, hardly lighter than the thing itself.
 TEST_F(ContourTest, ANarrowShadowBesideAThingOfAnotherHueIsNotPartOfIt) {
-  for (const double width_px : {1.0, 1.5, 2.5}) {
-    cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
-    testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4 + width_px, {80, 80, 80});
-    testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, {50, 75, 30});
-    cv::Mat1b mask(image.size(), std::uint8_t{0});
-    testing::drawDisc<std::uint8_t>(mask, 150.3, 260.7, 24.4, 255);
-    const Contour contour = trace(image, mask > 0, true);
-    double mean = 0.0;
-    for (const auto& p : contour.points_px)
-      mean +=
-          (std::hypot(p.x() - 150.3, p.y() - 260.7) - 24.4) / static_cast<double>(contour.points_px.size());
-    EXPECT_NEAR(mean, 0.0, 0.1) << width_px;  // by brightness alone most of the shadow's width
+  for (const cv::Vec3b& thing : {cv::Vec3b(50, 75, 30), cv::Vec3b(84, 75, 66)}) {
+    for (const double width_px : {1.0, 1.5, 2.5}) {
+      cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
+      testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4 + width_px, {80, 80, 80});
+      testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, thing);
+      EXPECT_NEAR(meanError(image, 24.4), 0.0, 0.1) << width_px;  // by brightness most of the shadow's width
+    }
   }
+}
+
+TEST_F(ContourTest, AFaintHueIsNotAskedWhereNoiseHidesIt) {
+  cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
+  testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, {84, 75, 66});
+  EXPECT_NEAR(meanError(testing::withNoise(image, 12.0, 3), 24.4, 12.0f), 0.0, 0.1);
 }
 
 TEST_F(ContourTest, CornersAreGivenBackToAFewTenthsOfAPixel) {

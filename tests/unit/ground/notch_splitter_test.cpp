@@ -33,7 +33,7 @@ class NotchSplitterTest : public ::testing::Test {
     EXPECT_EQ(blobs.size(), 1U);
     blob_ = blobs.front();
     const cv::Mat3f floor(view_.cells(), cv::Vec3f(160, 160, 160));
-    tracer_.trace({covered_, covered_, covered_, floor}, blob_, contour_);
+    tracer_.trace({covered_, covered_, covered_, floor, 0.0f}, blob_, contour_);
     return splitter_.split(blob_, contour_);
   }
 

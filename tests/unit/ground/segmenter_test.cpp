@@ -2,6 +2,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <random>
 
 #include "ground/ground_segmenter.h"
 #include "ground/labelling.h"
@@ -182,6 +183,68 @@ TEST_F(SegmenterTest, ThingsThatHardlyStandOutOfTheNoiseOfADimRoomAreWhole) {
   const int common = cv::countNonZero(truth & segmenter.objects()),
             either = cv::countNonZero(truth | segmenter.objects());
   EXPECT_GT(common, 0.85 * either);  // a rim of a pixel around discs of 16 and 20: 0.89
+}
+
+/// White things on a warm floor, as bright as it: their hue differs by 6 % of the brightness. Grain changes
+/// brightness pixel by pixel, theirs and the floor's.
+class FaintHues : public SegmenterTest {
+ protected:
+  FaintHues() : image_(testing::unevenFloor(model_, 0.7, 0.0, 12)) {
+    truth_ = cv::Mat1b(image_.size(), std::uint8_t{0});
+  }
+  void add(const Disc& d) {
+    testing::drawDisc<cv::Vec3b>(image_, d.u, d.v, d.r, d.colour);
+    testing::drawDisc<std::uint8_t>(truth_, d.u, d.v, d.r, 255);
+  }
+  /// Share of what the truth and the objects cover that they have in common.
+  double overlap(double grain, double noise) {
+    cv::Mat3b image = image_.clone();
+    std::mt19937 random(13);
+    std::normal_distribution<double> gauss(1.0, grain);
+    for (auto& pixel : image) {
+      const double light = gauss(random);
+      for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(light * pixel[c]);
+    }
+    GroundSegmenter segmenter(camera_, view_, {});
+    EXPECT_TRUE(segmenter.segment(testing::withNoise(image, noise, 14)));
+    const cv::Mat1b truth = truth_ > 127;
+    return static_cast<double>(cv::countNonZero(truth & segmenter.objects())) /
+           cv::countNonZero(truth | segmenter.objects());
+  }
+
+  cv::Mat3b image_;
+};
+
+TEST_F(FaintHues, AreToldThoughTheGrainHidesThemInSinglePixels) {
+  add({160, 150, 20, {150, 150, 150}});
+  add({480, 330, 16, {140, 140, 140}});
+  for (const double grain : {0.08, 0.15}) EXPECT_GT(overlap(grain, 1.5), 0.85) << grain;
+}
+
+TEST_F(FaintHues, AreToldThoughTheNoiseHidesThemInSinglePixels) {
+  add({160, 150, 20, {150, 150, 150}});
+  add({480, 330, 16, {140, 140, 140}});
+  EXPECT_GT(overlap(0.0, 4.0), 0.85);
+}
+
+TEST_F(FaintHues, AreTheSameOnFacesInOtherLight) {
+  add({160, 150, 24, {135, 135, 135}});
+  image_(cv::Rect(130, 120, 60, 30)).setTo(cv::Vec3b(235, 235, 235), truth_(cv::Rect(130, 120, 60, 30)));
+  EXPECT_GT(overlap(0.06, 2.0), 0.9);
+}
+
+TEST_F(FaintHues, InTheSeedRingAreNoSeeds) {
+  add({450, 240, 30, {158, 158, 158}});  // in a bin of the histogram beside the floor's
+  EXPECT_GT(overlap(0.03, 1.5), 0.85);
+}
+
+TEST_F(FaintHues, OfTilesAreTheFloors) {
+  for (int y = 0; y < image_.rows; ++y)
+    for (int x = 0; x < image_.cols; ++x)
+      if ((x / 40 + y / 40) % 3 == 0) image_(y, x)[0] = static_cast<std::uint8_t>(image_(y, x)[0] * 1.06);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(testing::withNoise(image_, 1.0, 15)));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
 }
 
 TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {
