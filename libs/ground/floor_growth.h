@@ -3,6 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/floor_noise.h"
 #include "ground/ground_histogram.h"
 
 namespace omnifleet::ground {
@@ -10,14 +11,6 @@ namespace omnifleet::ground {
 /// Squared tolerances of what passes for floor, as fractions of the floor colour's |r|².
 struct FloorTest {
   float along2, across2;
-};
-
-/// Standard deviations of colours that are the same, grey levels. What a floor is made of changes its
-/// brightness from pixel to pixel (grain, dirt), its hue hardly: a camera's noise is in both.
-struct FloorNoise {
-  double channel = 0.0;  ///< of one channel
-  double hue = 0.0;      ///< of one that is free of brightness
-  FloorNoise operator/(double by) const { return {channel / by, hue / by}; }
 };
 
 /// What the floor's colour may be off by: shares of its brightness, and the noise times so many added to

@@ -127,6 +127,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
                                  const SegmenterOptions& options)
     : view_(&view),
       options_(options),
+      meter_(view),
       reference_(view, options.reference),
       lines_(view.imageSize(), lineWidth(camera, view, options)),
       cells_(view),
@@ -151,17 +152,13 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
     reference_.lookBeyond(horizon_->sectors());
     if (options.low_walls) low_walls_ = std::make_unique<LowWalls>(camera, view);
   }
-  constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
-  for (int y = 0; y < view.seeds().rows; ++y)
-    for (int x = y % kEvery; x < view.seeds().cols; x += kEvery)
-      if (view.seeds()(y, x) != 0) noise_cells_.emplace_back(x, y);
 }
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
   last_strips_.swap(strips_);
   strips_.clear();
   cells_.read(image);
-  noise_ = seedNoise(image);
+  noise_ = meter_.measure(image, cells_.means());
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();
@@ -264,47 +261,6 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
       for (int x = strip.begin_px; x < strip.end_px; ++x)
         strength_(y, x) = view_->mask()(y, x) != 0 && histogram_.table()[binAt(y, x)] == 0 ? 255 : 0;
   return true;
-}
-
-FloorNoise GroundSegmenter::seedNoise(const cv::Mat& image) {
-  // Medians over the seed cells of the pixels' variance about the cell's mean, so that edges in the ring do
-  // not count.
-  constexpr int kPixels = kCell * kCell;
-  const int channels = image.channels();
-  variances_.clear();
-  hue_variances_.clear();
-  for (const cv::Point& cell : noise_cells_) {
-    const cv::Vec3f& mean = cells_.means()(cell);
-    const cv::Vec3f brightness = mean / std::sqrt(std::max(1.0f, mean.dot(mean)));
-    int sum[3] = {}, squares[3] = {};
-    float along = 0.0f;
-    for (int y = cell.y * kCell; y < (cell.y + 1) * kCell; ++y) {
-      const auto* row = image.ptr<std::uint8_t>(y) + cell.x * kCell * channels;
-      for (int x = 0; x < kCell; ++x, row += channels) {
-        float brighter = 0.0f;
-        for (int c = 0; c < channels; ++c) {
-          sum[c] += row[c];
-          squares[c] += row[c] * row[c];
-          brighter += brightness[c] * (static_cast<float>(row[c]) - mean[c]);
-        }
-        along += brighter * brighter;
-      }
-    }
-    int spread = 0;  // times kPixels
-    for (int c = 0; c < channels; ++c) spread += kPixels * squares[c] - sum[c] * sum[c];
-    const float all = static_cast<float>(spread) / static_cast<float>(kPixels);
-    variances_.push_back(all / static_cast<float>(channels * (kPixels - 1)));
-    hue_variances_.push_back(channels == 1 ? 0.0f
-                                           : std::max(0.0f, all - along) /
-                                                 static_cast<float>((channels - 1) * (kPixels - 1)));
-  }
-  if (variances_.empty()) return {};
-  const auto sigmaOf = [](std::vector<float>& variances) {
-    const auto middle = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() / 2);
-    std::nth_element(variances.begin(), middle, variances.end());
-    return std::sqrt(static_cast<double>(*middle));
-  };
-  return {sigmaOf(variances_), sigmaOf(hue_variances_)};
 }
 
 void GroundSegmenter::findStrips(const FloorNoise& noise) {
@@ -426,7 +382,8 @@ Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, const FloorNo
   const FloorTest test = reference_.testFor(reference_.colour()(y, x), noise / kCell);
   const auto [gain, across2] = hue;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
-  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
+  const float fine2 = reference_.testFor(reference_.colour()(y, x), noise_ / kCell).across2;
+  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / fine2) : kFloorLook;
 }
 
 /// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.

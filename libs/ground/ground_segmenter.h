@@ -8,6 +8,7 @@
 #include "ground/bit_mask.h"
 #include "ground/cell_means.h"
 #include "ground/despeckler.h"
+#include "ground/floor_noise.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
 #include "ground/horizon.h"
@@ -75,7 +76,6 @@ class GroundSegmenter {
  private:
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
-  FloorNoise seedNoise(const cv::Mat& image);
   ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
@@ -100,6 +100,7 @@ class GroundSegmenter {
 
   const FloorView* view_;
   SegmenterOptions options_;
+  NoiseMeter meter_;
   FloorNoise noise_;  ///< of the last frame's seeds
   FloorReference reference_;
   std::unique_ptr<Horizon> horizon_;
@@ -117,8 +118,6 @@ class GroundSegmenter {
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
   BitArea area_;                    ///< of the strips
   BitMask raw_bits_, bits_;
-  std::vector<cv::Point> noise_cells_;  ///< seeds that the noise is taken from
-  std::vector<float> variances_, hue_variances_;
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;

@@ -23,6 +23,7 @@ constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
+constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
 constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
 constexpr float kVagueShare = 0.1f;  // of it, below which it is surely one's
@@ -72,25 +73,31 @@ int nextMark(const std::uint8_t* row, int begin, int end, std::uint8_t mark) {
   return found == nullptr ? end : static_cast<int>(static_cast<const std::uint8_t*>(found) - row);
 }
 
-/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, where the
-/// noise would hide that in the single pixel.
+/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, or one nearer
+/// to the region's core's, where the noise would hide that in the single pixel.
 struct HueTest {
-  cv::Vec3f floor;
+  cv::Vec3f floor, to_core;
   float rr, noise, tolerance;
 
-  HueTest(const ShadeFilter::Frame& frame, int x, int y) : floor(floorAt(frame, x, y)) {
+  /// @param core_hue hueOfCore()
+  HueTest(const ShadeFilter::Frame& frame, const cv::Vec3f& core_hue, int x, int y)
+      : floor(floorAt(frame, x, y)) {
     rr = std::max(1.0f, floor.dot(floor));
     noise = frame.noise / std::sqrt(rr);
     tolerance = frame.hue_tolerance;
+    const float core2 = core_hue.dot(core_hue), told = 2.0f * (tolerance + noise);
+    if (core2 > 0.0f && core2 < told * told) to_core = 2.0f / (core2 * std::sqrt(rr)) * core_hue;
   }
-  bool isNeeded() const { return noise >= tolerance; }
+  bool isFaint() const { return to_core != cv::Vec3f(); }
+  bool isNeeded() const { return noise >= tolerance || isFaint(); }
   bool operator()(HueWindow::Sum around) const {
     const int count = HueWindow::count(around);
     if (count < kLeastAround) return false;
     const cv::Vec3f mean = HueWindow::mean(around);
     const float gain = mean.dot(floor) / rr;
+    if (mean.dot(to_core) > std::max(gain, kLeastLit)) return true;
     const float limit = tolerance + noise * std::sqrt(1.0f / static_cast<float>(count));
-    return mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
+    return noise >= tolerance && mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
   }
 };
 
@@ -345,7 +352,7 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
       keepCore(blobs[i], bare_);
     } else if (keepsCore(judged.verdict)) {
       partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
-      giveHuedBack(blobs[i], frame);
+      giveHuedBack(blobs[i], frame, looks);
       if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
       keepCore(blobs[i], bare_);
     }
@@ -355,35 +362,53 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
   for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, objects);
 }
 
+/// What the coloured pixels of a region, made as bright as the floor, differ from it by, as a share of that
+/// brightness; 0 without any.
+cv::Vec3f ShadeFilter::hueOfCore(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  cv::Vec3f colour, floor;
+  for (const Run& run : blob.runs) {
+    const Look* look = looks.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x) {
+      if (look[x] != kColourLook) continue;
+      colour += cv::Vec3f(frame.image.at<cv::Vec3b>(run.row, x));
+      floor += floorAt(frame, x, run.row);
+    }
+  }
+  const float rr = floor.dot(floor), gain = colour.dot(floor) / std::max(1.0f, rr);
+  if (!(gain > 0.0f)) return {};
+  return (colour / gain - floor) / std::sqrt(rr);
+}
+
 /// Where the noise hides the hue of single pixels, those whose surroundings have another hue than the floor
 /// are no shade.
-void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame) {
+void ShadeFilter::giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+  const cv::Vec3f core = hueOfCore(blob, frame, looks);
   around_.begin();
   for (const Run& run : blob.runs) {
     const std::uint8_t* mark = bare_.ptr(run.row);
     const auto next = [&](int x) { return nextMark(mark, x, run.end, kShade); };
     for (int begin = next(run.begin), end; begin < run.end; begin = next(end)) {
       for (end = begin + 1; end < run.end && mark[end] == kShade;) ++end;
-      giveHuedBack({run.row, begin, end}, frame);
+      giveHuedBack({run.row, begin, end}, core, frame);
     }
   }
 }
 
 /// @param shade nothing else
-void ShadeFilter::giveHuedBack(const Run& shade, const Frame& frame) {
+void ShadeFilter::giveHuedBack(const Run& shade, const cv::Vec3f& core_hue, const Frame& frame) {
   const auto nextCell = [](int x) { return (x / kCell + 1) * kCell; };  // the floor's colour is one there
   int begin = shade.begin;
-  HueTest hasOtherHue(frame, begin, shade.row);
+  HueTest hasOtherHue(frame, core_hue, begin, shade.row);
   while (!hasOtherHue.isNeeded()) {
     begin = nextCell(begin);
     if (begin >= shade.end) return;
-    hasOtherHue = HueTest(frame, begin, shade.row);
+    hasOtherHue = HueTest(frame, core_hue, begin, shade.row);
   }
   std::uint8_t* mark = bare_.ptr(shade.row);
   int end = nextCell(begin);
   around_.slide({shade.row, begin, shade.end}, frame.image, bare_, [&](int x, HueWindow::Sum around) {
     if (x == end) {
-      hasOtherHue = HueTest(frame, x, shade.row);
+      hasOtherHue = HueTest(frame, core_hue, x, shade.row);
       end += kCell;
     }
     if (hasOtherHue.isNeeded() && hasOtherHue(around)) mark[x] = kHued;

@@ -96,8 +96,9 @@ class ShadeFilter {
 
   static Census count(const Blob& blob, const cv::Mat1b& looks);
   void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
-  void giveHuedBack(const Blob& blob, const Frame& frame);
-  void giveHuedBack(const Run& shade, const Frame& frame);
+  static cv::Vec3f hueOfCore(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  void giveHuedBack(const Run& shade, const cv::Vec3f& core_hue, const Frame& frame);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, BitMask& objects);
   Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);

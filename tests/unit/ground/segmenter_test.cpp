@@ -233,6 +233,14 @@ TEST_F(FaintHues, AreTheSameOnFacesInOtherLight) {
   EXPECT_GT(overlap(0.06, 2.0), 0.9);
 }
 
+// What of a grey thing is not plainly of another hue than the floor is not its shadow.
+TEST_F(FaintHues, OfThingsInLittleLightAreThoseOfAllTheirPixels) {
+  image_ = testing::dimFloor(model_, 64.0, 0.0, 17);
+  add({160, 150, 24, {43, 42, 41}});
+  image_(cv::Rect(130, 150, 60, 30)).setTo(cv::Vec3b(33, 33, 33), truth_(cv::Rect(130, 150, 60, 30)));
+  EXPECT_GT(overlap(0.02, 1.5), 0.9);
+}
+
 TEST_F(FaintHues, InTheSeedRingAreNoSeeds) {
   add({450, 240, 30, {158, 158, 158}});  // in a bin of the histogram beside the floor's
   EXPECT_GT(overlap(0.03, 1.5), 0.85);
