@@ -382,8 +382,7 @@ Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, const FloorNo
   const FloorTest test = reference_.testFor(reference_.colour()(y, x), noise / kCell);
   const auto [gain, across2] = hue;
   const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
-  const float fine2 = reference_.testFor(reference_.colour()(y, x), noise_ / kCell).across2;
-  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / fine2) : kFloorLook;
+  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
 
 /// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.
