@@ -54,7 +54,7 @@ OMNIFLEET_INLINE void storeFours(const Ints& values, const std::uint8_t* const (
   }
 }
 
-template <typename Load>
+template <bool kFaint, typename Load>
 OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pixels, const CellTest& t,
                                CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
                                CellBytes<std::uint8_t> looks) {
@@ -64,11 +64,15 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
     const Floats gain = (b * t.blue + g * t.green + r * t.red) / t.squared;
     const Floats across = ((b * b + g * g + r * r) / t.squared - gain * gain) * t.across;
     const Floats hue = across > t.least_hue ? across : Floats{};
-    const Floats along_hue =
-        1.0f + b * t.to_blue + g * t.to_green + r * t.to_red - lanes::larger(gain, lanes::all(t.least_gain));
-    const Floats off = lanes::larger(lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue), along_hue);
+    Floats off = lanes::larger((gain - 1.0f) * (gain - 1.0f) * t.along, hue);
+    Ints has_hue = hue > t.other_hue;
+    if constexpr (kFaint) {
+      const Floats faint = 1.0f + b * t.to_blue + g * t.to_green + r * t.to_red -
+                           lanes::larger(gain, lanes::all(t.least_gain));
+      off = lanes::larger(off, faint);
+      has_hue |= faint > 1.0f;
+    }
     const Ints is_off = off > 1.0f;
-    const Ints has_hue = (hue > t.other_hue) | (along_hue > 1.0f);
     const Ints grey = lanes::truncated(2.0f + lanes::smaller(lanes::all(253.0f), 100.0f * gain));
     const Ints look = ((has_hue & kColourLook) | (~has_hue & grey)) & is_off;
     const Ints strong = lanes::truncated(lanes::smaller(off, lanes::all(255.0f))) & is_off;
@@ -84,13 +88,16 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
 OMNIFLEET_WIDE void testColourCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
                                    CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
                                    CellBytes<std::uint8_t> looks) {
-  testCell(loadColours, pixels, test, valid, strength, looks);
+  if (test.to_blue != 0.0f || test.to_green != 0.0f || test.to_red != 0.0f)
+    testCell<true>(loadColours, pixels, test, valid, strength, looks);
+  else
+    testCell<false>(loadColours, pixels, test, valid, strength, looks);
 }
 
 OMNIFLEET_WIDE void testGreyCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
                                  CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
                                  CellBytes<std::uint8_t> looks) {
-  testCell(loadGreys, pixels, test, valid, strength, looks);
+  testCell<false>(loadGreys, pixels, test, valid, strength, looks);
 }
 
 }  // namespace omnifleet::ground

@@ -330,13 +330,16 @@ void GroundSegmenter::spreadHue(int x, int y, float across2) {
 /// Where a thing's hue differs from the floor's by so little that the noise of single pixels would hide it,
 /// though not that of a cell's mean: what tells pixels nearer to that hue, of the cells around, from those
 /// nearer to the floor's (CellTest). Faces of a thing differ in brightness, not in hue.
-/// @param ringing2 of the floor's squared brightness, what may be but a stronger hue's @param pixel
-/// tolerances for single pixels
-cv::Vec3f GroundSegmenter::faintHue(int x, int y, float ringing2, const FloorTest& pixel,
+/// @param strongest2 CellHue::across2 of what is near @param pixel tolerances for single pixels
+cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorTest& pixel,
                                     const FloorNoise& noise) const {
+  const auto tolerance = static_cast<float>(options_.reference.tolerance_across);
+  if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most are grey
   const int width = off_.cols, at = (y + 1) * width + x + 1;
   const float* across2 = across2_.ptr<float>() + at;
   const std::uint8_t* off = off_.ptr() + at;
+  constexpr float kBright2 = 4.0f;  // no thing is lit more, of the floor's squared brightness
+  if (off[0] != 0 && across2[0] >= kBright2 * 4.0f * pixel.across2) return {};
   int strongest = 0;
   float most2 = 0.0f;
   for (const int row : {-width, 0, width}) {
@@ -346,7 +349,7 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float ringing2, const FloorTes
       most2 = across2[k];
     }
   }
-  if (most2 <= ringing2) return {};
+  if (most2 <= kRinging * kRinging * strongest2) return {};
   const cv::Vec3f &r = reference_.colour()(y, x),
                   &p = cells_.means()((at + strongest) / width - 1, (at + strongest) % width - 1);
   const float gain = p.dot(r) / std::max(1.0f, r.dot(r));
@@ -442,15 +445,15 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
   const bool drowns = options_.reference.noise_sigmas * noise.channel > kDrowning * std::sqrt(r.dot(r));
   const FloorNoise coarse = coarsely(noise);
   const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, coarse) : reference_.testFor(r, coarse);
-  const float ringing2 = kRinging * kRinging * hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
-  const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, ringing2, limits, noise) : cv::Vec3f();
+  const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
+  const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, hue2, limits, noise) : cv::Vec3f();
   const CellTest test{r[0],
                       r[1],
                       r[2],
                       std::max(1.0f, r.dot(r)),
                       1.0f / limits.along2,
                       1.0f / limits.across2,
-                      ringing2 / limits.across2,
+                      kRinging * kRinging * hue2 / limits.across2,
                       kOtherHue,
                       to[0],
                       to[1],

@@ -87,7 +87,7 @@ class GroundSegmenter {
   };
   CellHue hueOfCell(int x, int y) const;
   void spreadHue(int x, int y, float across2);
-  cv::Vec3f faintHue(int x, int y, float ringing2, const FloorTest& pixel, const FloorNoise& noise) const;
+  cv::Vec3f faintHue(int x, int y, float strongest2, const FloorTest& pixel, const FloorNoise& noise) const;
   Look lookOfCell(int x, int y, const CellHue& hue, const FloorNoise& noise) const;
   FloorTest testOfSmoothed(int x, int y, const FloorNoise& noise) const;
   void findInside(const Strip& strip);
