@@ -26,6 +26,7 @@ constexpr float kFloorsHue = 0.4f;   // … more than this share of it,
 constexpr float kLeastHue = 0.03f,   // if its hue is off the floor's by the former share of the floor's
     kSureHue = 0.1f;                 // brightness, and by kHueSigmas of the noise or the latter one
 constexpr float kHueSigmas = 6.0f;
+constexpr float kLight = 0.6f;  // of the floor's brightness: things from there on may be told by a faint hue
 constexpr float kStep_px = 0.5f;   // between the samples along the normal
 constexpr int kAround = 8;         // samples about an edge, the two outermost at each side beyond what
                                    // pixels and a sharp lens blur
@@ -171,9 +172,11 @@ OMNIFLEET_INLINE Ints isShadowsEdge(const cv::Mat& image, const Normals& n, cons
   const Colours hue = hueOf(inside, reference);
   const Floats hue2 = dot(hue, hue);
   const Floats share = dot(hueOf(n.coloursAt(image, edge + kWithin_px), reference), hue) / hue2;
-  const Floats brightness = length(reference);
-  const Floats told = lanes::larger(lanes::larger(lanes::all(least), kLeastHue * brightness),
-                                    lanes::smaller(lanes::all(kHueSigmas * noise), kSureHue * brightness));
+  const Floats brightness = length(reference), sure = kSureHue * brightness;
+  const Ints is_light = dot(inside, reference) > kLight * dot(reference, reference);
+  const Floats faint =
+      lanes::larger(kLeastHue * brightness, lanes::smaller(lanes::all(kHueSigmas * noise), sure));
+  const Floats told = lanes::larger(lanes::all(least), is_light ? faint : sure);
   const Ints tells = hue2 >= told * told;
   return tells & (share < kFloorsHue);
 }

@@ -365,11 +365,11 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
 /// What the coloured pixels of a region, made as bright as the floor, differ from it by, as a share of that
 /// brightness; 0 without any.
 cv::Vec3f ShadeFilter::hueOfCore(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  constexpr int kEvery = 4;  // pixels
+  constexpr int kEvery = 8;  // pixels
   cv::Vec3f colour, floor;
   for (const Run& run : blob.runs) {
     const Look* look = looks.ptr(run.row);
-    for (int x = run.begin + run.row % kEvery; x < run.end; x += kEvery) {
+    for (int x = run.begin + 3 * run.row % kEvery; x < run.end; x += kEvery) {
       if (look[x] != kColourLook) continue;
       colour += cv::Vec3f(frame.image.at<cv::Vec3b>(run.row, x));
       floor += floorAt(frame, x, run.row);
