@@ -38,36 +38,60 @@ Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& 
   return mean / (1.0 + std::exp(after_ln - before_ln));
 }
 
-std::string tellError(const CameraError& error, const CameraCovariance& covariance,
-                      const CameraOptions& options) {
-  constexpr double kSignificant = 5.0;
+namespace {
+
+struct Quantity {
+  const char* name;
+  double scale;
+  const char* unit;
+};
+constexpr double kDegrees = 180.0 / M_PI;
+constexpr Quantity kQuantities[] = {{"focal length", 100.0, " %"},
+                                    {"height", 100.0, " %"},
+                                    {"roll", kDegrees, " degrees"},
+                                    {"pitch", kDegrees, " degrees"}};
+
+}  // namespace
+
+CameraFinding::CameraFinding(const CameraError& error, const CameraCovariance& covariance,
+                             const CameraOptions& options) {
   // What all outlines have in common does not become less with their number: about a tenth of a pixel.
   const Eigen::Vector4d common(0.0005, 0.001, 0.00035, 0.00035);
   const CameraCovariance information = covariance.inverse();
   const CameraCovariance prior = options.sigma().cwiseAbs2().cwiseInverse().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<CameraCovariance> seen(information - prior);
-  if (!options.estimate || !(seen.eigenvalues().minCoeff() > 0)) return {};
+  if (!options.estimate || !(seen.eigenvalues().minCoeff() > 0)) return;
   const CameraCovariance by_sight =
       seen.eigenvectors() * seen.eigenvalues().cwiseInverse().asDiagonal() * seen.eigenvectors().transpose();
-  const CameraError estimate = by_sight * (information * error);
-  struct Quantity {
-    const char* name;
-    double scale;
-    const char* unit;
-  };
-  constexpr double kDegrees = 180.0 / M_PI;
-  const Quantity quantities[] = {{"focal length", 100.0, " %"},
-                                 {"height", 100.0, " %"},
-                                 {"roll", kDegrees, " degrees"},
-                                 {"pitch", kDegrees, " degrees"}};
+  estimate_ = (by_sight * (information * error)).head<4>();
+  sigma_ = (by_sight.diagonal().head<4>() + common.cwiseAbs2()).cwiseSqrt();
+}
+
+CameraFinding::Quantities CameraFinding::beyond(double sigmas) const {
+  Quantities which;
+  for (int i = 0; i < 4; ++i)
+    which[static_cast<std::size_t>(i)] = std::abs(estimate_(i)) > sigmas * sigma_(i);
+  return which;
+}
+
+std::string CameraFinding::tell(const Quantities& which) const {
   std::string text;
-  for (int i = 0; i < 4; ++i) {
-    const double sigma = std::hypot(std::sqrt(by_sight(i, i)), common(i));
-    if (!(std::abs(estimate(i)) > kSignificant * sigma)) continue;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    if (!which[i]) continue;
+    const auto at = static_cast<Eigen::Index>(i);
+    const Quantity& q = kQuantities[i];
     char part[96];
-    std::snprintf(part, sizeof part, "%s%s %+.2f ± %.2f%s", text.empty() ? "" : ", ", quantities[i].name,
-                  quantities[i].scale * estimate(i), quantities[i].scale * sigma, quantities[i].unit);
+    std::snprintf(part, sizeof part, "%s%s %+.2f ± %.2f%s", text.empty() ? "" : ", ", q.name,
+                  q.scale * estimate_(at), q.scale * sigma_(at), q.unit);
     text += part;
+  }
+  return text;
+}
+
+std::string CameraFinding::name(const Quantities& which) {
+  std::string text;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    if (which[i]) text += (text.empty() ? "" : ", ") + std::string(kQuantities[i].name);
   }
   return text;
 }

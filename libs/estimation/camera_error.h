@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bitset>
 #include <string>
 
 #include "observation/camera_error.h"
@@ -31,11 +32,31 @@ struct CameraOptions {
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options);
 
-/// In words, what is significantly wrong with a camera (more than 5 σ, for it is asked often), each as the
-/// calibration's value minus the true one ± σ; empty where nothing is. By what was seen alone: the prior,
-/// which an error that is worth telling contradicts, is taken out of the estimate.
-std::string tellError(const CameraError& error, const CameraCovariance& covariance,
-                      const CameraOptions& options);
+/// What is wrong with a camera by what was seen alone: the prior, which an error that is worth telling
+/// contradicts, is taken out of the estimate. Calibration minus truth.
+class CameraFinding {
+ public:
+  /// Focal length, height, roll, pitch.
+  using Quantities = std::bitset<4>;
+
+  CameraFinding(const CameraError& error, const CameraCovariance& covariance, const CameraOptions& options);
+  /// Those that are wrong beyond doubt: more than 5 σ from zero, for it is asked often.
+  Quantities wrong() const { return beyond(5.0); }
+  /// Those of which it may still be said: more than 3 σ.
+  Quantities possible() const { return beyond(3.0); }
+  /// By how many σ a quantity is found beside what it is.
+  double deviation(int quantity, double truth) const {
+    return (estimate_(quantity) - truth) / sigma_(quantity);
+  }
+  /// Those given, each with its value ± σ.
+  std::string tell(const Quantities& which) const;
+  /// Those given by name alone.
+  static std::string name(const Quantities& which);
+
+ private:
+  Quantities beyond(double sigmas) const;
+  Eigen::Vector4d estimate_ = Eigen::Vector4d::Zero(), sigma_ = Eigen::Vector4d::Ones();
+};
 
 /// Larger by how much two errors displace things differently as seen from the camera: metres per metre of its
 /// height, of a point three heights away, at most.

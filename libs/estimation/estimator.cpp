@@ -270,6 +270,8 @@ void FleetEstimator::Impl::reweight(RobotNode& robot, Step& step) {
     const double* values[] = {fleet.graph.value(link.observer).data(), fleet.graph.value(link.object).data(),
                               fleet.graph.value(link.camera).data(), fleet.graph.value(link.size).data()};
     link.rms_m = link.cost->reweight(values);
+    // Where the pose is in doubt all views misfit, and they are right.
+    if (isConfirmed(robot.start) && !robot.unseen && robot.unsure == 0) link.cost->discount();
   }
 }
 
@@ -484,6 +486,10 @@ Eigen::Vector2d FleetEstimator::seenFrom(const std::string& robot, TimeNs time_n
 
 CameraError FleetEstimator::cameraError(const std::string& robot) const {
   return impl_->fleet.cameraError(impl_->node(robot));
+}
+
+CameraCovariance FleetEstimator::cameraCovariance(const std::string& robot) const {
+  return impl_->node(robot).camera_covariance;
 }
 
 const RobotStatus& FleetEstimator::status(const std::string& robot) const {

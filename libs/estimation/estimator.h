@@ -45,7 +45,7 @@ struct EstimatorOptions {
   double keyframe_time_s = 1.0;         ///< s; or this time
   bool use_landmarks = true;            ///< obstacles correct the poses
   bool use_sightings = true;            ///< robots seen by robots correct the poses
-  double view_sigma_factor = 2.0;       ///< 1, on the σ of supports: neighbouring directions correlate
+  double view_sigma_factor = 3.0;       ///< 1, on the σ of supports: directions and frames correlate
   int view_directions = 48;             ///< directions of each view that enter the graph
   double associate_gate_m = 0.12;       ///< m, between Steiner centres of a view and of a landmark
   double new_landmark_m = 0.22;         ///< m, a view farther than this from all landmarks starts one
@@ -161,6 +161,8 @@ class FleetEstimator {
                            const Eigen::Vector2d& range_bearing) const;
   /// Of the robot's camera against its calibration; zero for a robot that has seen nothing.
   CameraError cameraError(const std::string& robot) const;
+  /// Its covariance, the prior included; that of the prior for a robot that has seen nothing.
+  CameraCovariance cameraCovariance(const std::string& robot) const;
   const RobotStatus& status(const std::string& robot) const;
 
  private:

@@ -41,6 +41,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
+    robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
     const WheelModel sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3, 1e-3);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <deque>
 #include <map>
 #include <memory>
@@ -121,11 +122,14 @@ struct RobotNode {
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
   std::deque<Step> window;     ///< empty while unlocated
   TimeNs last_frame_ns = 0;
-  bool unrefined = false;                                 ///< its newest frame is not in the last whole solve
-  bool started = false;                                   ///< a frame has come
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();   ///< of the newest pose, right perturbation
+  bool unrefined = false;                                ///< its newest frame is not in the last whole solve
+  bool started = false;                                  ///< a frame has come
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
+  CameraCovariance camera_covariance = CameraCovariance::Identity();  ///< of its camera's error
   Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error
-  double camera_said = 0.0;  ///< sum of the variances with which people were told of it last
+  CameraFinding::Quantities camera_accused;               ///< what people have been told is wrong with it
+  std::array<int, 4> camera_doubts{};  ///< keyframes in a row in which it seemed wrong, by quantity
+  double camera_said = 0.0;            ///< sum of the variances with which people were told of it last
   Pose2 last_key;
   TimeNs last_key_ns = 0;
   int disagreements = 0;          ///< absolute measurements in a row that the gate refused

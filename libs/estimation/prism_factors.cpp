@@ -1,12 +1,14 @@
 #include "estimation/prism_factors.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 namespace omnifleet::estimation {
 namespace {
 constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
+constexpr double kHalf = 0.2;  // u₀, in σ² of a contour: clean outlines leave 0.01 to 0.1, odd ones 1 to 50
 
 Eigen::Vector2d unit(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
@@ -39,7 +41,7 @@ bool PrismFactor::predict(const Placement& at, std::size_t row, Prediction& out)
 }
 
 double PrismFactor::reweight(double const* const* parameters) {
-  double squares = 0.0;
+  double squares = 0.0, misfit = 0.0;
   int count = 0;
   const Eigen::Map<const CameraError> error(parameters[2]);
   const double camera_height_m = view_->cameraHeight(error);
@@ -54,9 +56,16 @@ double PrismFactor::reweight(double const* const* parameters) {
     const double r = view_->seenWithout(i, error) - silhouetteFromFootprint(p.g, inverse);
     root_weight_[d] = 1.0 / std::sqrt(1.0 + std::pow(r / (kCauchy * view_->sigma_m[i]), 2));
     squares += std::pow(r * (p.g < 0 ? 1.0 : inverse), 2);
+    misfit += std::pow(root_weight_[d] * r / view_->sigma_m[i], 2);
     ++count;
   }
+  misfit_ = misfit / std::max(1, count);
   return count > 0 ? std::sqrt(squares / count) : 0.0;
+}
+
+void PrismFactor::discount() {
+  const double u = misfit_ * view_->sigma_factor * view_->sigma_factor;
+  for (double& root : root_weight_) root /= std::sqrt(1.0 + u / kHalf);
 }
 
 bool PrismFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {

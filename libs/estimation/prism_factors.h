@@ -15,13 +15,19 @@ namespace omnifleet::estimation {
 /// Residuals of one silhouette, direction by direction: (b − prediction)·√w / σ, all as the calibration puts
 /// it on the floor: on a floor that is taken for smaller, errors would be smaller and the least squares would
 /// shrink the world (a laser's are metres). Subclasses say what g is.
-/// Weights w are Cauchy's at the values last given to reweight() and fixed during a solve (iterative
-/// reweighting), so a merged or occluded part loses its vote without turning the problem non-convex.
+/// Weights w are taken at the values last given to reweight() and fixed during a solve (iterative
+/// reweighting): of each direction Cauchy's, so a merged or occluded part loses its vote without turning the
+/// problem non-convex, times that of the whole view, Student's t with a scale common to it: 1 / (1 + u/u₀), u
+/// the mean square of what is left in σ of a contour. Light, a shadow at the foot or what stands behind moves
+/// an outline on one side and alike in every frame; as many independent small errors it would outvote the
+/// calibration.
 class PrismFactor : public ceres::CostFunction {
  public:
-  /// Evaluates, weighs every direction anew; returns the rms of the unweighted residual of the usable ones on
-  /// the footprint's scale, metres.
+  /// Evaluates, weighs every direction anew; returns the rms of the unweighted residual of the
+  /// usable ones on the footprint's scale, metres.
   double reweight(double const* const* parameters);
+  /// Weighs the whole view by how it fits; once after each reweight().
+  void discount();
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  protected:
@@ -61,6 +67,7 @@ class PrismFactor : public ceres::CostFunction {
   std::vector<int> directions_;
   std::vector<Eigen::Vector2d> normals_;  ///< of these, base_link
   std::vector<double> root_weight_;
+  double misfit_ = 0.0;  ///< mean square of the weighted residuals, in σ² of the view
 };
 
 /// Variables: observer's pose, landmark (x, y, h, turn), observer's camera error, landmark's size. The shape,

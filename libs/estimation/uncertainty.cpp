@@ -9,22 +9,52 @@ namespace {
 
 constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
 
+/// What was said and is not borne out is taken back.
+void acquit(FleetState& fleet, RobotNode& robot, const CameraFinding& finding, bool settled) {
+  const CameraFinding::Quantities withdrawn =
+      robot.camera_accused & ~(settled ? finding.wrong() : finding.possible());
+  if (withdrawn.none()) return;
+  robot.camera_accused &= ~withdrawn;
+  fleet.findings.push_back(robot.setup.name + ": its camera's calibration: what was said of its " +
+                           CameraFinding::name(withdrawn) +
+                           " is taken back, what is seen does not bear it out");
+}
+
+/// Those of which it has been so for a while: what shade and corners make of outlines changes with the way,
+/// what is wrong with a camera stays wrong.
+CameraFinding::Quantities lasting(RobotNode& robot, const CameraFinding& finding, bool settled) {
+  constexpr int kLasting = 15;  // keyframes: half a metre, or a turn of 45°
+  CameraFinding::Quantities which;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    int& keyframes = robot.camera_doubts[i];
+    if (!finding.wrong()[i]) keyframes = 0;
+    if (finding.wrong()[i] && robot.located() && robot.window.back().keyframe) ++keyframes;
+    which[i] = finding.wrong()[i] && (settled || keyframes >= kLasting);
+  }
+  return which;
+}
+
 /// So that the calibration can be mended: again as it becomes surer, and at the end.
-void tellPeople(FleetState& fleet, RobotNode& robot, const CameraCovariance& covariance, bool settled) {
+void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
   constexpr double kSurer = 0.5;
-  const double variance = covariance.diagonal().head<4>().sum();
-  if (!settled && robot.camera_said > 0 && variance > kSurer * kSurer * robot.camera_said) return;
-  const std::string what = tellError(fleet.cameraError(robot), covariance, fleet.options.camera);
-  if (what.empty()) return;
+  const CameraFinding finding(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
+  acquit(fleet, robot, finding, settled);
+  const CameraFinding::Quantities wrong = lasting(robot, finding, settled);
+  const double variance = robot.camera_covariance.diagonal().head<4>().sum();
+  const bool surer = robot.camera_said <= 0 || variance <= kSurer * kSurer * robot.camera_said;
+  if (wrong.none() || !(settled || surer) || displacement(robot.camera_told) <= kToldAnew) return;
   robot.camera_said = variance;
-  fleet.findings.push_back(robot.setup.name + ": its camera's calibration minus what is seen: " + what);
+  robot.camera_accused |= wrong;
+  fleet.findings.push_back(robot.setup.name +
+                           ": its camera's calibration minus what is seen: " + finding.tell(wrong));
 }
 
 /// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
-void tellCamera(FleetState& fleet, RobotNode& robot, const CameraCovariance& covariance, bool settled) {
-  const Eigen::Vector4d now = believedError(fleet.cameraError(robot), covariance, fleet.options.camera);
+void tellCamera(FleetState& fleet, RobotNode& robot, bool settled) {
+  const Eigen::Vector4d now =
+      believedError(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
   if (settled || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
-  if (displacement(robot.camera_told) > kToldAnew) tellPeople(fleet, robot, covariance, settled);
+  tellPeople(fleet, robot, settled);
 }
 
 }  // namespace
@@ -62,7 +92,8 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
   }
   for (RobotNode& robot : fleet.robots) {
     if (robot.camera == 0) continue;
-    tellCamera(fleet, robot, covariance.block<kCameraErrors, kCameraErrors>(at, at), settled);
+    robot.camera_covariance = covariance.block<kCameraErrors, kCameraErrors>(at, at);
+    tellCamera(fleet, robot, settled);
     at += kCameraErrors;
   }
   for (RobotNode& robot : fleet.robots) {

@@ -10,6 +10,7 @@ namespace omnifleet::estimation {
 View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
                 double sigma_factor) {
   View view;
+  view.sigma_factor = sigma_factor;
   view.foot_m = foot_m;
   view.camera_height_m = camera_height_m;
   view.height_m = track.height_m;

@@ -20,6 +20,7 @@ struct View {
   double camera_height_m = 0.0;                      ///< H; 0: a laser, whose silhouette is the footprint
   std::vector<double> b_m;
   std::vector<double> sigma_m;                  ///< 0 where unusable
+  double sigma_factor = 1.0;                    ///< the factor for correlation that they hold
   double height_m = 0.0, height_sigma_m = 0.0;  ///< of the object as measured by flow; σ ≤ 0: unknown
 
   // The same as seen, and what the camera's error does to it; b_m and camera_height_m are what is left when

@@ -12,6 +12,12 @@
 namespace omnifleet::estimation {
 namespace {
 
+std::string tellError(const CameraError& error, const CameraCovariance& covariance,
+                      const CameraOptions& options) {
+  const CameraFinding finding(error, covariance, options);
+  return finding.tell(finding.wrong());
+}
+
 constexpr double kHeight_m = 0.5;
 
 lens::CameraModel camera(lens::Projection projection) {
@@ -198,6 +204,25 @@ TEST(TellError, AccusesNoCameraOfATenthOfAPixel) {
   EXPECT_EQ(told(0.0, 0.0015), "");
   EXPECT_EQ(told(0.003, 0.0), "focal length +0.30 ± 0.05 %");
   EXPECT_EQ(told(0.0, 0.0035), "pitch +0.20 ± 0.02 degrees");
+}
+
+/// Between what is said and what is taken back lies a margin, so that nothing is said and unsaid by turns.
+TEST(TellError, IsTakenBackWhereItIsNotEvenPossible) {
+  const CameraOptions options;
+  const auto finding = [&](double focal) {
+    CameraCovariance covariance = CameraCovariance::Zero();
+    CameraError mean = CameraError::Zero();
+    for (int i = 0; i < kCameraErrors; ++i)
+      covariance(i, i) = 1.0 / (1.0 / std::pow(options.sigma()(i), 2) + 1.0 / std::pow(1e-3, 2));
+    mean(0) = focal * covariance(0, 0) / std::pow(1e-3, 2);
+    return CameraFinding(mean, covariance, options);
+  };
+  const double sigma = std::hypot(1e-3, 5e-4);
+  EXPECT_EQ(CameraFinding::name(finding(5.2 * sigma).wrong()), "focal length");
+  EXPECT_TRUE(finding(4.0 * sigma).wrong().none());
+  EXPECT_EQ(CameraFinding::name(finding(4.0 * sigma).possible()), "focal length");
+  EXPECT_TRUE(finding(2.8 * sigma).possible().none());
+  EXPECT_EQ(CameraFinding::name(CameraFinding::Quantities(0b1010)), "height, pitch");
 }
 
 TEST(CameraOptions, ReadsAndRefuses) {

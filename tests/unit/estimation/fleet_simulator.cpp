@@ -226,6 +226,9 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
   const std::size_t corners = seen.size();
   for (std::size_t i = 0; i < corners; ++i) {
     const Eigen::Vector2d floor = at.inverse() * seen[i];
+    if (options_.dark_side_m > 0)
+      seen.push_back(throughCamera(
+          robot, at.inverse() * Eigen::Vector2d(seen[i].x(), seen[i].y() - options_.dark_side_m)));
     seen[i] = throughCamera(robot, floor);
     seen.push_back(throughCamera(robot, s * floor));
   }
