@@ -3,13 +3,33 @@
 # usage: scripts/test.sh [ctest options]; the slow studies run only when asked for: scripts/test.sh -L slow
 . "$(dirname "$0")/common.sh"
 
-case "${1:-}" in -h|--help) sed -n '2,3p' "$0" | cut -c3-; exit 0 ;; esac
+usage() { sed -n '2,3p' "$0" | cut -c3-; }
+# ctest says nothing of options that it does not know, nor of words that belong to none.
+needs_value=
+for argument in "$@"; do
+  if [ -n "$needs_value" ]; then
+    needs_value=
+    continue
+  fi
+  case "$argument" in
+    -h|--help) usage; exit 0 ;;
+    -C|-E|-FA|-FC|-FS|-I|-j|-L|-LE|-O|-R|--build-config|--exclude-regex|--fixture-exclude-any|--fixture-exclude-cleanup|\
+    --fixture-exclude-setup|--label-exclude|--label-regex|--output-junit|--output-log|--parallel|--repeat|--repeat-until-fail|\
+    --resource-spec-file|--stop-time|--test-load|--test-output-size-failed|--test-output-size-passed|\
+    --test-output-truncation|--tests-information|--tests-regex|--timeout)
+      needs_value="$argument" ;;
+    -j[0-9]*|-N|-Q|-U|-V|-VV|--debug|--extra-verbose|--no-label-summary|--output-on-failure|--print-labels|--progress|\
+    --quiet|--rerun-failed|--schedule-random|--show-only|--show-only=*|--stop-on-failure|--union|--verbose|--no-tests=*) ;;
+    *) say "test.sh: unknown option $argument"; usage >&2; exit 2 ;;
+  esac
+done
+[ -z "$needs_value" ] || { say "test.sh: $needs_value needs a value"; usage >&2; exit 2; }
 "$root/scripts/setup.sh" --with-tests
 export OMNIFLEET_DATA="${OMNIFLEET_DATA:-$root/../shared/data}"
 log="$build/Testing/test.log"
 mkdir -p "$(dirname "$log")"
 status=0
-case " $* " in *" -L "*) which=() ;; *) which=(-LE slow) ;; esac
+case " $* " in *" -L "*|*" --label-regex "*) which=() ;; *) which=(-LE slow) ;; esac
 ctest --test-dir "$build" --output-on-failure -j 2 "${which[@]}" "$@" | tee "$log" || status=$?
 
 skipped=$(grep -cE '\*\*\*Skipped' "$log" || true)
