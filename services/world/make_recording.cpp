@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 
 #include "synthetic/randomised.h"
 #include "world/recording.h"
@@ -28,7 +29,7 @@ int main(int argc, char** argv) {
   CLI::App app("Drive a simulated arena and write it as a dataset");
   omnifleet::world::RecordingOptions options;
   std::string arena, out;
-  bool random = false, no_ceiling = false, quiet = false;
+  bool random = false, no_ceiling = false, quiet = false, force = false;
   app.add_option("ARENA", arena, "arena file (config/arenas)")->required();
   app.add_option("--out", out, "folder of the dataset, created")->required();
   app.add_option("--seed", options.seed, "of wheels, textures and noise; with --random of the whole scene")
@@ -39,6 +40,7 @@ int main(int argc, char** argv) {
       ->default_val("png");
   app.add_flag("--no-ceiling", no_ceiling, "leave the ceiling cameras out");
   app.add_flag("--quiet", quiet, "no progress line");
+  app.add_flag("--force", force, "write over a recording that is there already");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -46,6 +48,9 @@ int main(int argc, char** argv) {
   }
   options.ceiling = !no_ceiling;
   try {
+    if (!force && std::filesystem::exists(std::filesystem::path(out) / "dataset.yaml")) {
+      throw omnifleet::options::Error("--out " + out + " holds a recording already; --force writes over it");
+    }
     return run(arena, out, random, quiet, options);
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -86,6 +86,28 @@ std::vector<fs::path> images(const std::string& folder) {
   return files;
 }
 
+TEST(MakeRecording, WritesOverNoRecordingUnlessToldTo) {
+  const std::string folder = record("made_twice", {"--no-ceiling"}), log = folder + "/../second_log";
+  const std::string before = fileText(folder + "/r1/wheels/data.csv");
+  const auto again = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> command{program("make_recording"),
+                                     sourceDir() + "/config/arenas/small.yaml",
+                                     "--seed",
+                                     "4",
+                                     "--no-ceiling",
+                                     "--out",
+                                     folder};
+    command.insert(command.end(), more.begin(), more.end());
+    Process make(command, log);
+    return make.wait(120s);
+  };
+  EXPECT_EQ(again({}), std::optional<int>(2));
+  EXPECT_THAT(fileText(log), testing::HasSubstr("holds a recording already"));
+  EXPECT_EQ(fileText(folder + "/r1/wheels/data.csv"), before);
+  EXPECT_EQ(again({"--force"}), std::optional<int>(0)) << fileText(log);
+  EXPECT_NE(fileText(folder + "/r1/wheels/data.csv"), before);
+}
+
 TEST(Replay, TwiceGivesTheSameBytesAndOneProcessGivesThemToo) {
   const auto first = results(replay(recording(), "replay_1", 71));
   const auto second = results(replay(recording(), "replay_2", 72));
