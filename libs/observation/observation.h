@@ -83,6 +83,9 @@ enum class RayLabel : std::uint8_t {
 /// Range per bearing from the foot of the camera, in base_link: bearing_i = 2πi/N.
 struct Scan {
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();  ///< foot of the camera (or laser) in base_link
+  /// Metres from `origin`: nearer, the own body hides the floor (in some direction at least), and of what
+  /// stands there only that is seen which stands out beyond. 0: nothing is hidden.
+  double blind_m = 0.0;
   std::vector<float> range_m;
   std::vector<float> sigma_m;
   std::vector<RayLabel> label;

@@ -54,6 +54,7 @@ bool fromWire(const v1::Motion& from, Motion& to) {
 void toWire(const Scan& from, v1::Scan& to) {
   const std::size_t n = std::min(from.range_m.size(), kMaxRays);
   to.origin(point(from.origin_m));
+  to.blind_m(from.blind_m);
   to.range_m().assign(from.range_m.begin(), from.range_m.begin() + static_cast<std::ptrdiff_t>(n));
   to.sigma_m().assign(from.sigma_m.begin(), from.sigma_m.begin() + static_cast<std::ptrdiff_t>(n));
   to.label().resize(n);
@@ -65,6 +66,7 @@ bool fromWire(const v1::Scan& from, Scan& to) {
   const std::size_t n = from.range_m().size();
   if (from.sigma_m().size() != n || from.label().size() != n || from.object().size() != n) return false;
   to.origin_m = point(from.origin());
+  to.blind_m = from.blind_m();
   to.range_m = from.range_m();
   to.sigma_m = from.sigma_m();
   to.object = from.object();
@@ -73,7 +75,7 @@ bool fromWire(const v1::Scan& from, Scan& to) {
     if (!enumFromWire(from.label()[i], RayLabel::kUnknown, to.label[i])) return false;
     if (to.label[i] != RayLabel::kInvalid && !finite(to.range_m[i], to.sigma_m[i])) return false;
   }
-  return to.origin_m.allFinite();
+  return to.origin_m.allFinite() && finite(to.blind_m);
 }
 
 void toWire(const SupportFunction& from, v1::Supports& to) {

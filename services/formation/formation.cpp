@@ -134,6 +134,8 @@ void Formation::remember(const Objects& objects) {
   }
   fleet_.moved(since_ns, now_ns, step);
   trail_.moved(step);
+  near_field_.moved(step);
+  if (objects.state == FrameState::kOk) near_field_.see(objects.scan);
   turned_rad_ = step.theta_rad;
   if (!last_followed_) return;
   // Into the new base_link, and on by its own speed.
@@ -164,11 +166,20 @@ void Formation::lookAround(const Objects& objects) {
   double widest_m = 0.0;
   for (const auto& [name, body] : bodies_) widest_m = std::max(widest_m, reach(body));
   motion::surroundingsFrom(objects, own_m, widest_m, around_);
-  const auto own = fleet_.now(robot_, objects.acquired_ns);
+  tellRobots(objects.acquired_ns);
+  for (const motion::Neighbour& robot : around_.robots)
+    near_field_.clear(robot.position_m, robot.radius_m + options_.own_points_m);
+  around_.points_m.insert(around_.points_m.end(), near_field_.points_m().begin(),
+                          near_field_.points_m().end());
+}
+
+/// The robots around, by what they have published of themselves.
+void Formation::tellRobots(TimeNs now_ns) {
+  const auto own = fleet_.now(robot_, now_ns);
   if (!own) return;
   for (const auto& [name, body] : bodies_) {
     if (name == robot_) continue;
-    const auto other = fleet_.now(name, objects.acquired_ns);
+    const auto other = fleet_.now(name, now_ns);
     if (!other) continue;
     const Pose2 base_from_other = own->inverse() * *other;
     const Eigen::Vector2d place_m = base_from_other.translation();

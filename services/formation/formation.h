@@ -11,6 +11,7 @@
 #include "motion/formation_law.h"
 #include "motion/formation_types.h"
 #include "motion/narrowing.h"
+#include "motion/near_field.h"
 #include "motion/succession.h"
 #include "motion/trail.h"
 #include "observation/observation.h"
@@ -66,6 +67,7 @@ class Formation {
   void remember(const Objects& objects);
   void obey(const std::vector<motion::FormationState>& states, TimeNs now_ns);
   void lookAround(const Objects& objects);
+  void tellRobots(TimeNs now_ns);
   const Track* sighted(const Objects& objects, const Eigen::Vector2d& expected_m) const;
   std::optional<motion::Followed> byPublishedPose(TimeNs now_ns) const;
   motion::Followed byItsWay(const Track& track) const;
@@ -86,6 +88,7 @@ class Formation {
   motion::LeadLaw lead_;
   motion::Avoidance avoidance_;
   motion::Narrowing narrowing_;
+  motion::NearField near_field_;
   motion::Surroundings around_;
   FleetView fleet_;
   std::string followed_name_;

@@ -81,6 +81,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
       steps_.resize(step_begin_.back());
     }
     floor_begin_m_.push_back(static_cast<float>(begin));
+    blind_m_ = std::max(blind_m_, begin);
     floor_end_m_.push_back(static_cast<float>(end));
     floor_end_sigma_m_.push_back(
         static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
@@ -292,6 +293,7 @@ void FloorScan::addSegment(const Eigen::Vector2d& a, std::size_t before_a, const
 void FloorScan::finish(Scan& scan) {
   const std::size_t n = bearing_.size();
   scan.origin_m = camera_->foot();
+  scan.blind_m = blind_m_;
   scan.range_m.resize(n);
   scan.sigma_m.resize(n);
   scan.label.resize(n);

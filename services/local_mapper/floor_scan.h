@@ -87,6 +87,7 @@ class FloorScan {
   std::vector<std::size_t> step_begin_;  ///< of each bearing; one more for the end
   std::vector<float> shares_;
   double free_share_ = 1.0;
+  double blind_m_ = 0.0;  ///< where on some ray the visible floor begins, at most
 };
 
 }  // namespace omnifleet::local_mapper

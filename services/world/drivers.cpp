@@ -11,8 +11,11 @@ std::map<std::string, RobotBody> bodiesOf(const synthetic::Arena& arena) {
 
 }  // namespace
 
-Drivers::Drivers(const World& world)
-    : next_(world.arena().robots.size()), commands_(next_.size()), before_(world.now().map_from_bases) {
+Drivers::Drivers(const World& world, const ObserverOptions& eyes)
+    : eyes_(eyes),
+      next_(world.arena().robots.size()),
+      commands_(next_.size()),
+      before_(world.now().map_from_bases) {
   const synthetic::Arena& arena = world.arena();
   formation::Formation::Options options;
   if (arena.has_formation) options = formation::Formation::Options::read(arena.formation);
@@ -36,7 +39,7 @@ const std::vector<motion::WheelSpeeds>& Drivers::commands(const World& world) {
       commands_[i] = fromTable(arena.robots[i], time_s);
       continue;
     }
-    Objects objects = observe(world, i);
+    Objects objects = observe(world, i, eyes_);
     if (before_ns_ > 0) objects.motion = exactMotion(before_[i], world.now().map_from_bases[i], before_ns_);
     const formation::Formation::Output output = formations_[i].process(objects, published_, heard_);
     next_[i] = output.command.speeds;

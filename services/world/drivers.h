@@ -16,7 +16,7 @@ namespace omnifleet::world {
 class Drivers {
  public:
   /// Throws options::Error when the arena's `formation:` is wrong.
-  explicit Drivers(const World& world);
+  explicit Drivers(const World& world, const ObserverOptions& eyes = {});
 
   /// Wheel speeds for the next step of the world, one per robot.
   const std::vector<motion::WheelSpeeds>& commands(const World& world);
@@ -29,6 +29,7 @@ class Drivers {
  private:
   motion::WheelSpeeds fromTable(const synthetic::ArenaRobot& robot, double time_s) const;
 
+  ObserverOptions eyes_;
   std::vector<formation::Formation> formations_;  ///< per robot; unused for robots with a table
   std::vector<motion::WheelSpeeds> next_, commands_;
   std::vector<Pose2> before_;

@@ -12,32 +12,38 @@ struct Hit {
   std::uint16_t object;
 };
 
-/// Distance along the unit ray to a disc; infinity where it is missed.
-double toDisc(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Eigen::Vector2d& centre_m,
-              double radius_m) {
+/// Where a ray enters and leaves a thing; infinity where it misses it.
+struct Span {
+  double enter_m = INFINITY, leave_m = INFINITY;
+};
+
+/// Along the unit ray through a disc.
+Span throughDisc(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Eigen::Vector2d& centre_m,
+                 double radius_m) {
   const Eigen::Vector2d to = centre_m - from_m;
   const double along_m = unit.dot(to), aside2 = to.squaredNorm() - along_m * along_m;
-  if (along_m <= 0.0 || aside2 >= radius_m * radius_m) return INFINITY;
-  return std::max(0.0, along_m - std::sqrt(radius_m * radius_m - aside2));
+  if (along_m <= 0.0 || aside2 >= radius_m * radius_m) return {};
+  const double half_m = std::sqrt(radius_m * radius_m - aside2);
+  return {std::max(0.0, along_m - half_m), along_m + half_m};
 }
 
-/// Distance along the ray to a box at its own pose (slab test).
-double toBox(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Pose2& map_from_box,
-             const Eigen::Vector2d& size_m) {
+/// Along the ray through a box at its own pose (slab test).
+Span throughBox(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Pose2& map_from_box,
+                const Eigen::Vector2d& size_m) {
   const Pose2 box_from_map = map_from_box.inverse();
   const Eigen::Vector2d start = box_from_map * from_m, way = box_from_map.rotation() * unit;
   double enter_m = 0.0, leave_m = INFINITY;
   for (int axis = 0; axis < 2; ++axis) {
     const double half = 0.5 * size_m[axis];
     if (std::abs(way[axis]) < 1e-12) {
-      if (std::abs(start[axis]) > half) return INFINITY;
+      if (std::abs(start[axis]) > half) return {};
       continue;
     }
     const double a = (-half - start[axis]) / way[axis], b = (half - start[axis]) / way[axis];
     enter_m = std::max(enter_m, std::min(a, b));
     leave_m = std::min(leave_m, std::max(a, b));
   }
-  return enter_m <= leave_m ? enter_m : INFINITY;
+  return enter_m <= leave_m ? Span{enter_m, leave_m} : Span{};
 }
 
 double bodyRadius(const RobotBody& body) {
@@ -50,24 +56,31 @@ std::uint16_t trackOf(std::size_t robot) {
   return static_cast<std::uint16_t>(robot + 1);
 }
 
-Hit firstHit(const World& world, std::size_t robot, const Eigen::Vector2d& unit, double limit_m) {
+/// Where a thing is seen first; infinity where it is not.
+double seenAt(const Span& span, double blind_m) {
+  return span.leave_m > blind_m ? std::max(span.enter_m, blind_m) : INFINITY;
+}
+
+Hit firstHit(const World& world, std::size_t robot, const Eigen::Vector2d& unit,
+             const ObserverOptions& options) {
   const synthetic::Arena& arena = world.arena();
   const double time_s = static_cast<double>(world.now().time_ns - arena.start_ns) * 1e-9;
   const Eigen::Vector2d from_m = world.now().map_from_bases[robot].translation();
-  Hit hit{limit_m, RayLabel::kFloorEnd, 0};
+  Hit hit{options.range_m, RayLabel::kFloorEnd, 0};
   for (std::size_t i = 0; i < arena.solids.size(); ++i) {
     const synthetic::Solid& solid = arena.solids[i];
     const Pose2 pose = arena.solidAt(static_cast<int>(i), time_s);
     const bool box = solid.kind == synthetic::SolidKind::kBox;
-    const double range_m = box ? toBox(from_m, unit, pose, solid.size_m)
-                               : toDisc(from_m, unit, pose.translation(), solid.radius_m);
+    const double range_m = seenAt(box ? throughBox(from_m, unit, pose, solid.size_m)
+                                      : throughDisc(from_m, unit, pose.translation(), solid.radius_m),
+                                  options.blind_m);
     const auto id = static_cast<std::uint16_t>(arena.robots.size() + 1 + i);
     if (range_m < hit.range_m) hit = {range_m, RayLabel::kObstacle, id};
   }
   for (std::size_t i = 0; i < arena.robots.size(); ++i) {
     if (i == robot) continue;
     const Eigen::Vector2d place_m = world.now().map_from_bases[i].translation();
-    const double range_m = toDisc(from_m, unit, place_m, bodyRadius(arena.robots[i].body));
+    const double range_m = throughDisc(from_m, unit, place_m, bodyRadius(arena.robots[i].body)).enter_m;
     if (range_m < hit.range_m) hit = {range_m, RayLabel::kRobot, trackOf(i)};
   }
   return hit;
@@ -98,11 +111,12 @@ Objects observe(const World& world, std::size_t robot, const ObserverOptions& op
   objects.acquired_ns = world.now().time_ns;
   objects.sequence = static_cast<std::uint32_t>(world.now().frame);
   const double heading_rad = world.now().map_from_bases[robot].theta_rad;
+  objects.scan.blind_m = options.blind_m;
   std::vector<bool> seen(world.arena().robots.size(), false);
   for (int i = 0; i < options.rays; ++i) {
     const double bearing_rad = 2.0 * M_PI * i / options.rays;
     const Eigen::Vector2d unit(std::cos(heading_rad + bearing_rad), std::sin(heading_rad + bearing_rad));
-    const Hit hit = firstHit(world, robot, unit, options.range_m);
+    const Hit hit = firstHit(world, robot, unit, options);
     objects.scan.range_m.push_back(static_cast<float>(hit.range_m));
     objects.scan.sigma_m.push_back(static_cast<float>(options.sigma_m));
     objects.scan.label.push_back(hit.label);

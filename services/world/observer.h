@@ -10,6 +10,8 @@ struct ObserverOptions {
   int rays = 360;
   double range_m = 2.5;    ///< m, beyond it the floor is all that is seen
   double sigma_m = 0.005;  ///< m, stated, not added
+  double blind_m = 0.0;    ///< m, nearer to the robot obstacles are seen only as far as they stand out beyond
+                           ///< (Scan::blind_m)
 };
 
 /// What a perfect camera would tell about the surroundings of one robot right now, by geometry alone: a scan

@@ -37,7 +37,7 @@ static void print_motion(const omnifleet_v1_Motion *m) {
 
 static void print_scan(const omnifleet_v1_Scan *s) {
   print_point(&s->origin);
-  printf(" %" PRIu32, s->range_m._length);
+  printf(" %.17g %" PRIu32, s->blind_m, s->range_m._length);
   for (uint32_t i = 0; i < s->range_m._length; ++i) {
     printf(" %.9g %.9g %u %u", (double)s->range_m._buffer[i], (double)s->sigma_m._buffer[i],
            (unsigned)s->label._buffer[i], (unsigned)s->object._buffer[i]);

@@ -93,7 +93,7 @@ std::string lineOf(const v1::Objects& o) {
   line.put(" %zu", o.tracks().size());
   for (const v1::Track& t : o.tracks()) put(line, t);
   line.point(o.scan().origin());
-  line.put(" %zu", o.scan().range_m().size());
+  line.put(" %.17g %zu", o.scan().blind_m(), o.scan().range_m().size());
   for (std::size_t i = 0; i < o.scan().range_m().size(); ++i) {
     line.put(" %.9g %.9g %u %u", static_cast<double>(o.scan().range_m()[i]),
              static_cast<double>(o.scan().sigma_m()[i]), o.scan().label()[i], o.scan().object()[i]);

@@ -49,6 +49,7 @@ Motion someMotion(Counter& n) {
 Scan someScan(Counter& n) {
   Scan s;
   s.origin_m = n.point();
+  s.blind_m = n.next();
   for (int i = 0; i < 5; ++i) {
     s.range_m.push_back(n.nextF());
     s.sigma_m.push_back(n.nextF());
@@ -131,6 +132,7 @@ void expectEqual(const Motion& a, const Motion& b) {
 
 void expectEqual(const Scan& a, const Scan& b) {
   EXPECT_EQ(a.origin_m, b.origin_m);
+  EXPECT_EQ(a.blind_m, b.blind_m);
   EXPECT_EQ(a.range_m, b.range_m);
   EXPECT_EQ(a.sigma_m, b.sigma_m);
   EXPECT_EQ(a.label, b.label);
@@ -300,6 +302,7 @@ TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
       [](auto& w) { w.motion().covariance()[4] = kNan; },
       [](auto& w) { w.motion().left_m(kNan); },
       [](auto& w) { w.scan().origin().y(kNan); },
+      [](auto& w) { w.scan().blind_m(kNan); },
       [](auto& w) { w.scan().range_m()[2] = kNanF; },
       [](auto& w) { w.scan().label()[2] = 200; },
       [](auto& w) { w.scan().sigma_m().resize(1); },

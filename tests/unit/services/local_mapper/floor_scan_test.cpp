@@ -53,6 +53,14 @@ TEST_F(FloorScanTest, FreeFloorEndsWhereItIsTrusted) {
   EXPECT_NEAR(scan.sigma_m[10], expected, 0.05 * expected);
 }
 
+TEST_F(FloorScanTest, TellsHowFarTheOwnBodyHidesTheFloor) {
+  Scan scan;
+  scan_.begin();
+  scan_.finish(scan);
+  const double mask_px = 99.0 + ground::ViewOptions().mask_margin_px;
+  EXPECT_NEAR(scan.blind_m, 0.5 * std::tan(mask_px / 148.66), 0.02);  // a step of the march and a pixel
+}
+
 /// A narrow lens: a thing that stands at the edge of its view is not seen there, but in the way.
 TEST_F(FloorScanTest, NoFloorIsSeenForSureAtTheEdgeOfTheView) {
   lens::CameraModel model = camera_.model();
