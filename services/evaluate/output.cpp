@@ -35,11 +35,14 @@ std::string mapTable(const Report& report) {
                         report.objects[match.estimate].id, cell(100.0 * match.dx_m, 7, 2),
                         cell(100.0 * match.dy_m, 7, 2), cell(match.iou, 6, 3));
   }
-  for (const int i : m.missed) text += fmt::format("  {:>4}     -   missed\n", report.truth[i].id);
-  for (const int i : m.falsely_found) {
-    const Eigen::Vector2d c = centroid(report.objects[i].outline_m);
-    text += fmt::format("     -  {:>4}   false, at ({:.2f}, {:.2f}) m\n", report.objects[i].id, c.x(), c.y());
-  }
+  const auto place = [](const dataset::MapObject& object) {
+    const Eigen::Vector2d c = centroid(object.outline_m);
+    return fmt::format("({:.2f}, {:.2f}) m", c.x(), c.y());
+  };
+  for (const int i : m.missed)
+    text += fmt::format("  {:>4}     -   missed, at {}\n", report.truth[i].id, place(report.truth[i]));
+  for (const int i : m.falsely_found)
+    text += fmt::format("     -  {:>4}   false, at {}\n", report.objects[i].id, place(report.objects[i]));
   return text;
 }
 

@@ -90,7 +90,8 @@ TEST_F(Evaluate, RefusesTheRunOfAnotherRecording) {
 TEST_F(Evaluate, TableAndJsonSayTheSame) {
   const Report report = evaluateRun(out_, recording_);
   EXPECT_THAT(table(report), AllOf(HasSubstr("found 1 of 2, missed 1, false 1"), HasSubstr("2.00 /  0.00 cm"),
-                                   HasSubstr("10/10"), HasSubstr("false, at (3.00, 3.00) m")));
+                                   HasSubstr("10/10"), HasSubstr("missed, at (-1.00, 0.00) m"),
+                                   HasSubstr("false, at (3.00, 3.00) m")));
   const auto json = nlohmann::json::parse(metricsJson(report));
   EXPECT_NEAR(json["map"]["x_error_m"].get<double>(), kShift_m, 1e-9);
   EXPECT_EQ(json["map"]["missed"], nlohmann::json::array({1}));
