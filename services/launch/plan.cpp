@@ -74,15 +74,15 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
   return specs;
 }
 
-std::uint64_t expectedFrames(const fleet::Fleet& fleet) {
-  if (fleet.arena) return static_cast<std::uint64_t>(fleet.arena->frames());
-  if (fleet.dataset.empty()) return 0;
+ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
+  if (fleet.arena) return {static_cast<std::uint64_t>(fleet.arena->frames()), true};
+  if (fleet.dataset.empty()) return {};
   const dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
   std::size_t frames = 0;
   for (const auto& robot : recording.robots) {
     if (robot.fisheye) frames = std::max(frames, robot.fisheye->rows.size());
   }
-  return frames;
+  return {frames, false};
 }
 
 namespace {

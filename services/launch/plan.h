@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "fleet/fleet.h"
+#include "launch/progress.h"
 #include "supervisor/supervisor.h"
 
 namespace omnifleet::launch {
@@ -31,8 +32,8 @@ std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
                                           const std::string& program_folder);
 
-/// Frames that the whole run will have per robot, the largest; 0 where it is not known.
-std::uint64_t expectedFrames(const fleet::Fleet& fleet);
+/// Of the robot that has the most.
+ExpectedFrames expectedFrames(const fleet::Fleet& fleet);
 
 /// Throws options::Error before anything is started: every option of every service, enough shared memory for
 /// the frames, a run directory that can be written.

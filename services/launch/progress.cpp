@@ -21,15 +21,19 @@ namespace omnifleet::launch {
 
 using std::chrono::steady_clock;
 
-std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds) {
+std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, double seconds, bool ended) {
   // Over less than a second a rate says nothing.
   const double rate = seconds >= 1.0 ? static_cast<double>(done) / seconds : 0.0;
-  std::string line = total == 0 ? fmt::format("{} frames per robot", done)
-                                : fmt::format("{}/{} frames per robot", done, total);
+  const std::uint64_t total = expected.frames;
+  const std::string share = total > 0 && !expected.at_most ? fmt::format("/{}", total) : "";
+  std::string line = fmt::format("{}{} frames per robot", done, share);
+  if (expected.at_most) line += fmt::format(" (at most {})", total);
   if (rate > 0) line += fmt::format(", {:.1f} frames/s", rate);
   if (total == 0) return line + fmt::format(", {:.0f} s", seconds);
-  if (rate > 0 && done < total)
-    line += fmt::format(", {:.0f} s left", static_cast<double>(total - done) / rate);
+  if (rate > 0 && done < total && !ended) {
+    line += fmt::format(", {}{:.0f} s left", expected.at_most ? "at most " : "",
+                        static_cast<double>(total - done) / rate);
+  }
   return line;
 }
 
@@ -41,7 +45,7 @@ bool closed(int pipe_end) {
 }
 
 /// Until `stop` is closed at its other end.
-void listen(int domain, std::uint64_t total, int stop) {
+void listen(int domain, const ExpectedFrames& expected, int stop) {
   bus::DdsBusOptions options;
   options.name = "omnifleet_launch";
   options.domain = domain;
@@ -56,11 +60,11 @@ void listen(int domain, std::uint64_t total, int stop) {
   std::optional<steady_clock::time_point> first_frame;
   auto printed = steady_clock::now();
   std::uint64_t shown = 0;
-  const auto show = [&](const char* end) {
+  const auto show = [&](const char* end, bool ended) {
     const double seconds =
         first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
-    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "", progressLine(shown, total, seconds).c_str(),
-                 end);
+    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "",
+                 progressLine(shown, expected, seconds, ended).c_str(), end);
   };
   while (!closed(stop)) {
     bus->wait(std::chrono::milliseconds(100));
@@ -80,16 +84,16 @@ void listen(int domain, std::uint64_t total, int stop) {
     if (least > shown && steady_clock::now() - printed >= interval) {
       shown = least;
       printed = steady_clock::now();
-      show(terminal ? "" : "\n");
+      show(terminal ? "" : "\n", false);
     }
     shown = std::max(shown, least);
   }
-  if (shown > 0) show("\n");
+  if (shown > 0) show("\n", true);
 }
 
 }  // namespace
 
-Progress::Progress(int domain, std::uint64_t total) {
+Progress::Progress(int domain, const ExpectedFrames& expected) {
   int ends[2] = {-1, -1};
   if (pipe2(ends, O_CLOEXEC) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
   listener_ = fork();
@@ -101,7 +105,7 @@ Progress::Progress(int domain, std::uint64_t total) {
   if (listener_ == 0) {
     close(ends[1]);
     try {
-      listen(domain, total, ends[0]);
+      listen(domain, expected, ends[0]);
     } catch (const std::exception& error) {
       std::fprintf(stderr, "no progress is shown: %s\n", error.what());
     }

@@ -7,14 +7,19 @@
 
 namespace omnifleet::launch {
 
+/// How many frames per robot a whole run has.
+struct ExpectedFrames {
+  std::uint64_t frames = 0;  ///< 0: not known
+  bool at_most = false;      ///< an arena's run ends when all have arrived
+};
+
 /// Listens to service/status and prints what people want to know: a progress line on a terminal (rewritten in
 /// place) or every few seconds elsewhere, and each error once. A process of its own: a launcher that takes no
 /// part in DDS keeps its fleet whatever happens there.
 class Progress {
  public:
-  /// `total` frames per robot, 0 where unknown. Forks: to be made while the program has one thread. Throws
-  /// std::system_error.
-  Progress(int domain, std::uint64_t total);
+  /// Forks: to be made while the program has one thread. Throws std::system_error.
+  Progress(int domain, const ExpectedFrames& expected);
   ~Progress();  ///< the last line is printed before it returns
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -24,7 +29,8 @@ class Progress {
   int stop_ = -1;  // the listener ends when this end of its pipe is closed
 };
 
-/// "  120/250 frames, 14.2 frames/s, 9 s left".
-std::string progressLine(std::uint64_t done, std::uint64_t total, double seconds);
+/// "120/250 frames per robot, 14.2 frames/s, 9 s left"; of an arena "120 frames per robot (at most 250), …,
+/// at most 9 s left". Once the run has ended nothing is left.
+std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, double seconds, bool ended);
 
 }  // namespace omnifleet::launch
