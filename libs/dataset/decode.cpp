@@ -106,36 +106,36 @@ bool decode(const Bytes& buffer, Colour colour, const TargetAllocator& allocator
 }  // namespace
 
 FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
-                       std::vector<unsigned char>& buffer, cv::Mat& image, std::string& note) {
+                       std::vector<unsigned char>& buffer, cv::Mat& image, std::string& fault) {
   std::string reason;
   switch (readBytes(path, buffer, reason)) {
     case ReadResult::kMissing:
-      note = path + ": is missing";
+      fault = "is missing";
       return FrameState::kMissing;
     case ReadResult::kFailed:
-      note = fmt::format("{}: {}", path, reason);
+      fault = reason;
       return FrameState::kUnreadable;
     case ReadResult::kOk:
       break;
   }
   if (buffer.empty()) {
-    note = path + ": is an empty file";
+    fault = "is an empty file";
     return FrameState::kEmpty;
   }
   if (isTruncatedJpeg(buffer)) {
-    note = path + ": the JPEG is cut short";
+    fault = "the JPEG is cut short";
     return FrameState::kUnreadable;
   }
   const TargetAllocator allocator(image);
   cv::Mat decoded;
   if (!decode(buffer, colour, allocator, decoded)) {
-    note = path + ": is no image that can be decoded";
+    fault = "is no image that can be decoded";
     return FrameState::kUnreadable;
   }
   const bool sized = size.width_px > 0;
   if (sized && (decoded.cols != size.width_px || decoded.rows != size.height_px)) {
-    note = fmt::format("{}: is {}×{}, its calibration says {}×{}", path, decoded.cols, decoded.rows,
-                       size.width_px, size.height_px);
+    fault = fmt::format("is {}×{}, its calibration says {}×{}", decoded.cols, decoded.rows, size.width_px,
+                        size.height_px);
     return FrameState::kWrongSize;
   }
   if (image.empty()) {
@@ -143,11 +143,11 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
     image = decoded;
   }
   if (image.data != decoded.data) {
-    note = fmt::format("{}: is {}×{}, the frame buffer {}×{}", path, decoded.cols, decoded.rows, image.cols,
-                       image.rows);
+    fault =
+        fmt::format("is {}×{}, the frame buffer {}×{}", decoded.cols, decoded.rows, image.cols, image.rows);
     return FrameState::kWrongSize;
   }
-  note.clear();
+  fault.clear();
   return FrameState::kOk;
 }
 

@@ -25,19 +25,19 @@ class FileSource : public FrameSource {
     const ImageRow& row = rows_[position_++];
     info.time_ns = row.time_ns;
     info.sequence = row.sequence;
+    info.where = row.path.empty() ? fmt::format("row {}", row.sequence) : row.path;
     if (row.time_ns <= latest_ns_) {
       info.state = FrameState::kOutOfOrder;
-      info.note =
-          fmt::format("{}: time {} is not after {}, the latest before it", row.path, row.time_ns, latest_ns_);
+      info.fault = fmt::format("time {} is not after {}, the latest before it", row.time_ns, latest_ns_);
       return true;
     }
     latest_ns_ = row.time_ns;
     if (row.path.empty()) {
       info.state = FrameState::kMissing;
-      info.note = fmt::format("row {} names no file", row.sequence);
+      info.fault = "names no file";
       return true;
     }
-    info.state = decodeImage(row.path, colour_, size_, buffer_, image, info.note);
+    info.state = decodeImage(row.path, colour_, size_, buffer_, image, info.fault);
     if (info.state == FrameState::kOk && size_.width_px == 0) size_ = {image.cols, image.rows};
     return true;
   }
@@ -55,9 +55,9 @@ class FileSource : public FrameSource {
 
 /// Puts a captured BGR (or grey) frame into the caller's image.
 FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
-                   std::string& note) {
+                   std::string& fault) {
   if (captured.empty()) {
-    note = "the frame has no pixels";
+    fault = "the frame has no pixels";
     return FrameState::kEmpty;
   }
   if (size.width_px == 0) size = {captured.cols, captured.rows};
@@ -66,8 +66,8 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   const bool fits = captured.cols == size.width_px && captured.rows == size.height_px &&
                     image.size() == captured.size() && image.type() == type;
   if (!fits) {
-    note = fmt::format("the frame is {}×{}, expected is {}×{}", captured.cols, captured.rows, size.width_px,
-                       size.height_px);
+    fault = fmt::format("the frame is {}×{}, expected is {}×{}", captured.cols, captured.rows, size.width_px,
+                        size.height_px);
     return FrameState::kWrongSize;
   }
   if (captured.type() == type) {
@@ -77,7 +77,7 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   } else if (captured.type() == CV_8UC1) {
     cv::cvtColor(captured, image, cv::COLOR_GRAY2BGR);
   } else {
-    note = "the frame is neither 8-bit grey nor BGR";
+    fault = "the frame is neither 8-bit grey nor BGR";
     return FrameState::kUnreadable;
   }
   return FrameState::kOk;
@@ -104,9 +104,9 @@ class VideoSource : public FrameSource {
     if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the first one is read when opening
     info.sequence = sequence_++;
     info.time_ns = start_ns_ + static_cast<TimeNs>(std::llround(info.sequence * 1e9 / fps_));
-    info.note.clear();
-    info.state = deliver(captured_, colour_, size_, image, info.note);
-    if (!info.note.empty()) info.note = fmt::format("{}: frame {}: {}", path_, info.sequence, info.note);
+    info.fault.clear();
+    info.state = deliver(captured_, colour_, size_, image, info.fault);
+    if (!info.fault.empty()) info.where = fmt::format("{}: frame {}", path_, info.sequence);
     return true;
   }
 
@@ -146,16 +146,16 @@ class DeviceSource : public FrameSource {
     const auto now = std::chrono::system_clock::now().time_since_epoch();
     info.time_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
     info.sequence = sequence_++;
-    info.note.clear();
+    info.where = device_;
+    info.fault.clear();
     missing_ = arrived ? 0 : missing_ + 1;
     if (missing_ > kGiveUpAfter) return false;
     if (!arrived) {
       info.state = FrameState::kMissing;
-      info.note = device_ + ": gave no frame";
+      info.fault = "gave no frame";
       return true;
     }
-    info.state = deliver(captured_, colour_, size_, image, info.note);
-    if (!info.note.empty()) info.note = fmt::format("{}: {}", device_, info.note);
+    info.state = deliver(captured_, colour_, size_, image, info.fault);
     return true;
   }
 

@@ -17,7 +17,8 @@ struct FrameInfo {
   TimeNs time_ns = 0;
   std::uint32_t sequence = 0;  ///< index in data.csv, in the folder or in the video
   FrameState state = FrameState::kOk;
-  std::string note;  ///< the file, and what is wrong with it; empty when kOk
+  std::string fault;  ///< what is wrong; empty when kOk
+  std::string where;  ///< the file, the device, or (where it has a fault) the video and frame
 };
 
 /// Where frames come from. One frame at a time, decoded on demand.
@@ -59,8 +60,9 @@ std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, F
 /// that does not come is kMissing; after 50 in a row the source ends.
 std::unique_ptr<FrameSource> openDevice(const std::string& device, Colour colour, FrameSize size);
 
-/// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls.
+/// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls;
+/// `fault` as in FrameInfo.
 FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
-                       std::vector<unsigned char>& buffer, cv::Mat& image, std::string& note);
+                       std::vector<unsigned char>& buffer, cv::Mat& image, std::string& fault);
 
 }  // namespace omnifleet::dataset

@@ -60,13 +60,14 @@ bool CameraService::decode() {
   dataset::FrameInfo info;
   if (!source_->next(image, info)) {
     writer_->abandon();
+    for (const std::string& text : faults_.end()) status().error(text);
     finish();
     return false;
   }
   header_.acquired_ns = info.time_ns;
   header_.sequence = info.sequence;
   header_.state = info.state;
-  if (info.state != FrameState::kOk) status().error(info.note);
+  for (const std::string& text : faults_.add(info.where, info.fault)) status().error(text);
   if (info.state == FrameState::kOk) preview_.offer(info.time_ns, image, status());
   recorder_.write(status(), [&](dataset::ImageStreamWriter& recorder) {
     info.state == FrameState::kOk ? recorder.write(info.time_ns, image) : recorder.writeMissing(info.time_ns);

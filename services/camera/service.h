@@ -5,6 +5,7 @@
 
 #include "bus/service.h"
 #include "camera/preview.h"
+#include "common/fault_runs.h"
 #include "common/run_ends.h"
 #include "common/side_output.h"
 #include "dataset/frame_source.h"
@@ -38,6 +39,7 @@ class CameraService : public bus::Service {
   bool paced_;
   std::unique_ptr<dataset::FrameSource> source_;
   std::unique_ptr<bus::FrameWriter> writer_;
+  FaultRuns faults_;
   SideOutput<dataset::ImageStreamWriter> recorder_;
   Preview preview_;
   RunEnds ends_;

@@ -107,6 +107,7 @@ bool LocalMapperService::spin() {
   }
   if (!ended_ && merger_.finished()) {
     tellUndecided(true);
+    for (const std::string& text : faults_.end()) status().error(text);
     out_.end(ends_);
     ended_ = any = true;
     if (rejected_points_ > 0)
@@ -159,11 +160,17 @@ void LocalMapperService::process(const bus::FrameView& view) {
   adapters::toWire(local_map_, runClock(context_.options), sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
+  tellFault();
+}
+
+void LocalMapperService::tellFault() {
+  std::string where, what;
   if (local_map_.state != FrameState::kOk) {
     const std::string fault = mapper_.fault();
-    status().error(fmt::format("frame {} of camera {}: {}{}{}", local_map_.sequence, camera_.id,
-                               toString(local_map_.state), fault.empty() ? "" : ", ", fault));
+    where = fmt::format("frame {} of camera {}", local_map_.sequence, camera_.id);
+    what = fmt::format("{}{}{}", toString(local_map_.state), fault.empty() ? "" : ", ", fault);
   }
+  for (const std::string& text : faults_.add(where, what)) status().error(text);
 }
 
 /// One line however many there are: the nearest of them.

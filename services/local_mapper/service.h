@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "bus/service.h"
+#include "common/fault_runs.h"
 #include "common/frame_inlet.h"
 #include "common/inlet.h"
 #include "dataset/dataset.h"
@@ -42,6 +43,7 @@ class LocalMapperService : public bus::Service {
   void takeBeside();
   void process(const bus::FrameView& view);
   void tellCover();
+  void tellFault();
   void tellUndecided(bool ended);
   void saveDebugImages(const cv::Mat& image);
 
@@ -64,6 +66,7 @@ class LocalMapperService : public bus::Service {
   LocalMap local_map_;
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
+  FaultRuns faults_;
   local_mapper::LastingPlaces undecided_;
   double told_cover_ = 0.0;   ///< share of the view
   int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor

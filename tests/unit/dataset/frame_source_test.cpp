@@ -66,10 +66,10 @@ TEST_F(Frames, EveryRowGivesOneFrameInItsState) {
   for (std::size_t i = 0; i < files.size(); ++i) {
     ASSERT_TRUE(source->next(image, info));
     EXPECT_EQ(info.state, files[i].second)
-        << files[i].first << ": " << toString(info.state) << " " << info.note;
+        << files[i].first << ": " << toString(info.state) << " " << info.where << " " << info.fault;
     EXPECT_EQ(info.time_ns, static_cast<TimeNs>(i) + 1);
     EXPECT_EQ(info.sequence, i);
-    EXPECT_EQ(info.note.empty(), info.state == FrameState::kOk);
+    EXPECT_EQ(info.fault.empty(), info.state == FrameState::kOk);
     EXPECT_EQ(image.size(), cv::Size(64, 48));
   }
   EXPECT_EQ(cv::norm(image, picture(64, 48, 20), cv::NORM_INF), 0.0) << "PNG is lossless";
@@ -84,7 +84,7 @@ TEST_F(Frames, DecodesIntoForeignMemory) {
   cv::Mat image(48, 64, CV_8UC3, loan.data());
   const auto source = openStream(stream_, Colour::kBgr);
   FrameInfo info;
-  while (source->next(image, info)) EXPECT_EQ(image.data, loan.data()) << info.note;
+  while (source->next(image, info)) EXPECT_EQ(image.data, loan.data()) << info.fault;
   const cv::Mat expected = cv::imread(folder_ / "good.jpg");
   EXPECT_EQ(std::vector<unsigned char>(expected.datastart, expected.dataend), loan);
 }
@@ -154,7 +154,7 @@ TEST_F(Frames, VideoFileWithItsOwnRate) {
   FrameInfo info;
   int n = 0;
   for (; source->next(image, info); ++n) {
-    EXPECT_EQ(info.state, FrameState::kOk) << info.note;
+    EXPECT_EQ(info.state, FrameState::kOk) << info.fault;
     EXPECT_EQ(info.time_ns, 1000 + n * 50000000LL);
     // JPEG moves a flat colour by a few grey levels; frames differ by 20 to 40.
     const cv::Mat first = image.rowRange(0, 8), expected = picture(64, 48, 20 * n).rowRange(0, 8);
@@ -173,7 +173,7 @@ TEST(OtherPeoplesFrames, FolderAndVideo) {
   FrameInfo info;
   const auto images = openFolder(folder, Colour::kBgr, {1920, 1080}, 100);
   ASSERT_EQ(images->size(), 8u);
-  while (images->next(image, info)) EXPECT_EQ(info.state, FrameState::kOk) << info.note;
+  while (images->next(image, info)) EXPECT_EQ(info.state, FrameState::kOk) << info.fault;
   const auto movie = openVideo(video, Colour::kBgr, {632, 468});
   int n = 0;
   cv::Mat frame;

@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
     frame.sequence = info.sequence;
     frame.state = info.state;
     const LocalMap& map = mapper.process(frame, {});
-    std::printf("%s: %s, %zu objects, %zu regions\n", info.note.c_str(), toString(map.state),
+    std::printf("%s: %s, %zu objects, %zu regions\n", info.where.c_str(), toString(map.state),
                 map.objects.size(), mapper.connectedBlobs().size());
     local_mapper::DebugImages::render(mapper, map, frame.image)
         .save(std::string(argv[4]) + "/" + std::to_string(info.sequence));
