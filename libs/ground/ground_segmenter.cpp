@@ -26,6 +26,7 @@ constexpr double kSmoothing = 3.0;  // what that divides the noise by
 // all of its block, by up to this share of what it differs from the floor by.
 constexpr int kColourBlock = 16 / kCell;  // cells
 constexpr float kRinging = 0.2f;
+constexpr float kNoisy = 1.5f;     // of the tolerance of hue: with noise it is more where that hides hues
 constexpr float kLeastLit = 0.6f;  // of the floor's brightness: in less light noise would make faint hues
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
@@ -335,6 +336,7 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorT
                                     const FloorNoise& noise) const {
   const auto tolerance = static_cast<float>(options_.reference.tolerance_across);
   if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most are grey
+  if (pixel.across2 < kNoisy * kNoisy * tolerance * tolerance) return {};
   const int width = off_.cols, at = (y + 1) * width + x + 1;
   const float* across2 = across2_.ptr<float>() + at;
   const std::uint8_t* off = off_.ptr() + at;
@@ -356,7 +358,9 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorT
   if (most2 >= 4.0f * pixel.across2 * gain * gain) return {};
   if (most2 <= kOtherHue * reference_.testFor(r, noise / kCell).across2) return {};
   const cv::Vec3f hue = p - gain * r;
-  return 2.0f * gain / std::max(1.0f, hue.dot(hue)) * hue;
+  // Halfway to it, but not within what floor may be off by.
+  const float share = std::sqrt(hue.dot(hue) / std::max(1.0f, r.dot(r))) / gain;
+  return std::min(2.0f, share / tolerance) * gain / std::max(1.0f, hue.dot(hue)) * hue;
 }
 
 /// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes

@@ -86,7 +86,8 @@ struct HueTest {
     noise = frame.noise / std::sqrt(rr);
     tolerance = frame.hue_tolerance;
     const float core2 = core_hue.dot(core_hue), told = 2.0f * (tolerance + noise);
-    if (core2 > 0.0f && core2 < told * told) to_core = 2.0f / (core2 * std::sqrt(rr)) * core_hue;
+    if (core2 > 0.0f && core2 < told * told)
+      to_core = std::min(2.0f, std::sqrt(core2) / tolerance) / (core2 * std::sqrt(rr)) * core_hue;
   }
   bool isFaint() const { return to_core != cv::Vec3f(); }
   bool isNeeded() const { return noise >= tolerance || isFaint(); }

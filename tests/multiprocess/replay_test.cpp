@@ -295,12 +295,13 @@ TEST(Replay, AWrongCalibrationIsTakenOffTheMapByProcessesAndOneProcessAlike) {
   ASSERT_EQ(evaluate.wait(30s), std::optional<int>(0)) << evaluate.output();
   const auto map = nlohmann::json::parse(fileText(out + "/metrics.json"))["map"];
   EXPECT_TRUE(map["missed"].empty() && map["false"].empty()) << evaluate.output();
-  // 0.1 cm and 0.98 with the right calibration; 0.7 cm and 0.90 where only the poses knew of the wrong one.
-  EXPECT_LE(map["x_error_m"], 0.003) << evaluate.output();
-  EXPECT_LE(map["y_error_m"], 0.003) << evaluate.output();
+  // 0.1 cm and 0.98 with the right calibration; 0.7 cm and 0.90 where only the poses knew of the wrong one. By
+  // 16 frames that all misfit, so count less at first, 0.38 cm.
+  EXPECT_LE(map["x_error_m"], 0.004) << evaluate.output();
+  EXPECT_LE(map["y_error_m"], 0.004) << evaluate.output();
   double overlap = 0.0;
   for (const auto& match : map["matches"]) overlap += match["iou"].get<double>() / map["matches"].size();
-  EXPECT_GE(overlap, 0.95) << evaluate.output();
+  EXPECT_GE(overlap, 0.94) << evaluate.output();
 }
 
 /// A renderer that is not the project's: bounds are those that the project promises for this recording.
