@@ -45,7 +45,7 @@ struct EstimatorOptions {
   double keyframe_time_s = 1.0;         ///< s; or this time
   bool use_landmarks = true;            ///< obstacles correct the poses
   bool use_sightings = true;            ///< robots seen by robots correct the poses
-  double view_sigma_factor = 2.5;       ///< 1, on the σ of supports: directions and frames correlate
+  double view_sigma_factor = 3.0;       ///< 1, on the σ of supports: directions and frames correlate
   int view_directions = 48;             ///< directions of each view that enter the graph
   double associate_gate_m = 0.12;       ///< m, between Steiner centres of a view and of a landmark
   double new_landmark_m = 0.22;         ///< m, a view farther than this from all landmarks starts one

@@ -8,7 +8,7 @@
 namespace omnifleet::estimation {
 namespace {
 constexpr double kCauchy = 2.0;  // in σ: residual at which a direction counts half
-constexpr double kHalf = 0.3;  // u₀, in σ² of a contour: clean outlines leave 0.01 to 0.1, odd ones 1 to 50
+constexpr double kHalf = 0.2;  // u₀, in σ² of a contour: clean outlines leave 0.01 to 0.1, odd ones 1 to 50
 
 Eigen::Vector2d unit(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
