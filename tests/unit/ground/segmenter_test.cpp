@@ -255,6 +255,14 @@ TEST_F(FaintHues, OfTilesAreTheFloors) {
   EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
 }
 
+// A carpet's border: without noise single pixels tell enough, and halfway to it would be floor.
+TEST_F(FaintHues, OfABorderAreNotSoughtInAPictureWithoutNoise) {
+  image_(cv::Rect(0, 0, 170, image_.rows)) += cv::Scalar(-7, 0, 7);
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(testing::withNoise(image_, 0.4, 18)));
+  EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
+}
+
 TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.5, 1.5, 6);
   const cv::Mat3b bare = image.clone();
