@@ -139,6 +139,16 @@ std::optional<Eigen::Vector2d> LeadLaw::waypoint() const {
   return arrived() ? std::nullopt : std::optional<Eigen::Vector2d>(waypoints_m_[next_]);
 }
 
+double LeadLaw::wayLeft(const Eigen::Vector2d& here_m) const {
+  double sum_m = 0.0;
+  Eigen::Vector2d from_m = here_m;
+  for (std::size_t i = next_; i < waypoints_m_.size(); ++i) {
+    sum_m += (waypoints_m_[i] - from_m).norm();
+    from_m = waypoints_m_[i];
+  }
+  return sum_m;
+}
+
 void LeadLaw::passed(const Eigen::Vector2d& here_m) {
   while (!arrived()) {
     const bool goal = next_ + 1 == waypoints_m_.size();

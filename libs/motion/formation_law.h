@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -35,6 +36,8 @@ struct Followed {
   double heading_rad = 0.0;
   Twist twist;        ///< its own
   bool seen = false;  ///< in the follower's own camera; else from its published pose
+  /// m, how far the formation still goes, where that is known.
+  double way_left_m = std::numeric_limits<double>::infinity();
 };
 
 /// A place to keep and how it moves, in the follower's base_link.
@@ -104,6 +107,8 @@ class LeadLaw {
   std::size_t next() const { return next_; }
   bool arrived() const { return next_ >= waypoints_m_.size(); }
   std::optional<Eigen::Vector2d> waypoint() const;
+  /// From a place (map) straight from waypoint to waypoint to the goal; zero once it is reached. Metres.
+  double wayLeft(const Eigen::Vector2d& here_m) const;
 
  private:
   Options options_;

@@ -49,7 +49,10 @@ Eigen::Vector2d Narrowing::at(double narrowing, double ahead_m, const Slot& slot
 bool Narrowing::isFree(double narrowing, double margin_m, const Slot& slot, std::size_t rank,
                        const Followed& followed, const Trail& trail, const Surroundings& around) const {
   const double least_m = around.radius_m + margin_m;
-  for (double ahead_m = 0.0; ahead_m <= options_.ahead_m + 1e-9; ahead_m += kLookSpacingM) {
+  const double most_m = std::min(options_.ahead_m, followed.way_left_m);
+  const int looks = static_cast<int>(std::ceil(most_m / kLookSpacingM));
+  for (int look = 0; look <= looks; ++look) {
+    const double ahead_m = std::min(look * kLookSpacingM, most_m);
     const Eigen::Vector2d place_m = at(narrowing, ahead_m, slot, rank, followed, trail);
     for (const Eigen::Vector2d& point_m : around.points_m) {
       if ((point_m - place_m).squaredNorm() < least_m * least_m) return false;

@@ -14,7 +14,7 @@ class Narrowing {
   struct Options {
     bool enabled = true;
     double margin_m = 0.16;   ///< m, free about the body at the place kept
-    double ahead_m = 0.6;     ///< m, the way that the place will take next is looked at so far
+    double ahead_m = 0.6;     ///< m, the way that the place will take next is looked at so far, or to its end
     double queue_m = 0.60;    ///< m, between ranks that queue on one trail
     double in_per_s = 1.0;    ///< 1/s, drawing in
     double out_per_s = 0.35;  ///< 1/s, spreading out again

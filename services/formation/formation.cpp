@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <tuple>
 
@@ -245,14 +246,22 @@ void Formation::lead(const Objects& objects, Output& output) {
   output.state.arrived = lead_.arrived();
 }
 
+/// How far the formation still goes: nowhere once its leader has said that it is there, else by its place.
+double Formation::wayLeft(TimeNs now_ns) const {
+  if (lead_.arrived()) return 0.0;
+  const auto leader = fleet_.now(succession_.leader(), now_ns);
+  return leader ? lead_.wayLeft(leader->translation()) : std::numeric_limits<double>::infinity();
+}
+
 void Formation::follow(const Objects& objects, Output& output) {
   const motion::FormationCommand& orders = options_.command;
   const motion::Slot slot = motion::slotOf(orders.shape, rank_, orders.distance_m, orders.angle_rad);
-  const std::optional<motion::Followed> leader = followed(objects, slot);
+  std::optional<motion::Followed> leader = followed(objects, slot);
   if (!leader) {
     drive(Eigen::Vector2d::Zero(), 0.0, options_.limits.max_turn_radps, output);
     return;
   }
+  leader->way_left_m = wayLeft(objects.acquired_ns);
   output.state.narrowing = narrowing_.update(slot, rank_, *leader, trail_, around_, dt_s_);
   const motion::Place place = narrowing_.place(slot, rank_, *leader, trail_, follow_);
   const motion::FollowLaw::Result law = follow_.wanted(slot, *leader, place);

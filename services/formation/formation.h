@@ -74,6 +74,7 @@ class Formation {
   std::optional<motion::Followed> followed(const Objects& objects, const motion::Slot& slot);
   void forgetOther(const std::string& followed_name);
   double worstFollower(TimeNs now_ns) const;
+  double wayLeft(TimeNs now_ns) const;
   void lead(const Objects& objects, Output& output);
   void follow(const Objects& objects, Output& output);
   bool nearEnough(const Eigen::Vector2d& place_m) const;

@@ -80,11 +80,14 @@ TEST(LeadLaw, WaypointAfterWaypointThenStill) {
   EXPECT_LT((law.wanted({0, 0, 0}, 0.0, 0.25) - Eigen::Vector2d(0.25, 0.0)).norm(), 1e-12);
   // In base_link: heading north at the origin, the waypoint lies to the right.
   EXPECT_LT((law.wanted({0, 0, 0.5 * M_PI}, 0.0, 0.25) - Eigen::Vector2d(0.0, -0.25)).norm(), 1e-12);
-  EXPECT_GT(law.wanted({0.9, 0, 0}, 0.0, 0.25).y(), 0.2);        // passed: on to the goal
+  EXPECT_NEAR(law.wayLeft({0.5, 0.0}), 1.5, 1e-12);
+  EXPECT_GT(law.wanted({0.9, 0, 0}, 0.0, 0.25).y(), 0.2);  // passed: on to the goal
+  EXPECT_NEAR(law.wayLeft({1.0, 0.2}), 0.8, 1e-12);
   EXPECT_LT(law.wanted({1.0, 0.8, 0}, 0.0, 0.25).norm(), 0.11);  // near the goal: slower
   EXPECT_FALSE(law.arrived());
   EXPECT_TRUE(law.wanted({1.0, 0.97, 0}, 0.0, 0.25).isZero());
   EXPECT_TRUE(law.arrived());
+  EXPECT_EQ(law.wayLeft({3.0, 3.0}), 0.0);
 }
 
 TEST(LeadLaw, WaitsForFollowersOutOfPlace) {

@@ -101,6 +101,20 @@ TEST_F(NarrowingTest, InADoorwayAllQueueOnTheTrail) {
   EXPECT_GT((first - second).norm(), 0.45) << "two bodies of 30 cm, one behind the other";
 }
 
+TEST_F(NarrowingTest, WhatLiesBeyondTheGoalAsksForNothing) {
+  around_.points_m = {{0.58, 0.0}};  // 43 cm ahead of the body at the commanded place
+  Narrowing going(options_);
+  for (int i = 0; i < 20; ++i) going.update(kLeft, 1, followed_, trail_, around_, kDt);
+  EXPECT_GT(going.narrowing(), 0.3) << "there is way left: the place will be there soon";
+  for (const double way_left_m : {0.0, 0.25}) {
+    followed_.way_left_m = way_left_m;
+    EXPECT_EQ(settle(kLeft, 1), 0.0) << way_left_m;
+  }
+  // Its end counts: 15 + 16 cm are wanted there, also where no step of the look ahead falls on it.
+  followed_.way_left_m = 0.29;
+  EXPECT_GT(settle(kLeft, 1), 0.0);
+}
+
 TEST_F(NarrowingTest, BothSidesMayDrawInAtOnce) {
   // However far each has drawn in, two bodies of 30 cm keep apart.
   const Slot right{0, 0.8, 0.6};

@@ -210,6 +210,41 @@ TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
   }
 }
 
+TEST(ClosedLoop, WhatStandsBeyondTheGoalKeepsNobodyOutOfItsPlace) {
+  // 35 cm ahead of r2's body in its last place: it would be in the way only if all drove on.
+  const std::string beyond = R"(
+frames: {rate_hz: 5, duration_s: 60}
+floor: {size_m: [7, 4.4]}
+robots:
+  r1: {initial_pose: [-1.5, 0.0, 0.0]}
+  r2: {initial_pose: [-1.5, 0.75, 0.0]}
+  r3: {initial_pose: [-1.5, -0.75, 0.0]}
+obstacles:
+  - {kind: cylinder, pose: [2.15, 0.75, 0], radius_m: 0.15, height_m: 0.2}
+)";
+  // By the goal and the leader's place; by cameras alone once the leader has said that it is there.
+  for (const std::string poses : {"true", "false"}) {
+    const std::string orders =
+        "formation: {shape: line, distance_m: 0.75, waypoints: [[1.5, 0.0]], published_poses: " + poses + "}";
+    World world(synthetic::Arena::read(options::Section::parse(beyond + orders, "beyond.yaml")), {}, 1);
+    Drivers drivers(world);
+    double most = 0.0;
+    while (!world.finished() && !drivers.arrived()) {
+      world.step(drivers.commands(world));
+      most = std::max(most, drivers.states().at("r2").narrowing);
+    }
+    EXPECT_TRUE(drivers.arrived()) << poses;
+    EXPECT_EQ(most == 0.0, poses == "true") << most;
+    motion::FormationCommand line;
+    line.shape = motion::FormationShape::kLine;
+    line.distance_m = 0.75;
+    const auto places = motion::placesOf(line, 3);
+    const auto& at = world.now().map_from_bases;
+    for (std::size_t i = 1; i < 3; ++i)
+      EXPECT_LT((at[i].translation() - at[0] * places[i]).norm(), 0.08) << poses << " " << i;
+  }
+}
+
 TEST(ClosedLoop, RobotsWithoutAFormationDriveTheirOwnWays) {
   const synthetic::Arena alone = synthetic::Arena::read(options::Section::parse(R"(
 frames: {rate_hz: 5, duration_s: 30}
