@@ -46,10 +46,9 @@ Eigen::Vector2d Narrowing::at(double narrowing, double ahead_m, const Slot& slot
   return (1.0 - narrowing) * stiff_m + narrowing * trail_m;
 }
 
-bool Narrowing::isFree(double narrowing, double margin_m, const Slot& slot, std::size_t rank,
+bool Narrowing::isFree(double narrowing, double margin_m, double most_m, const Slot& slot, std::size_t rank,
                        const Followed& followed, const Trail& trail, const Surroundings& around) const {
   const double least_m = around.radius_m + margin_m;
-  const double most_m = std::min(options_.ahead_m, followed.way_left_m);
   const int looks = static_cast<int>(std::ceil(most_m / kLookSpacingM));
   for (int look = 0; look <= looks; ++look) {
     const double ahead_m = std::min(look * kLookSpacingM, most_m);
@@ -68,8 +67,10 @@ double Narrowing::update(const Slot& slot, std::size_t rank, const Followed& fol
   double wanted = 1.0;
   for (int step = 0; step < kSteps; ++step) {
     const double tried = static_cast<double>(step) / kSteps;
-    const double margin_m = options_.margin_m + (tried < narrowing_ ? options_.settle_m : 0.0);
-    if (!isFree(tried, margin_m, slot, rank, followed, trail, around)) continue;
+    const bool spread = tried < narrowing_;
+    const double margin_m = options_.margin_m + (spread ? options_.settle_m : 0.0);
+    const double ahead_m = spread ? options_.ahead_m : std::min(options_.ahead_m, followed.way_left_m);
+    if (!isFree(tried, margin_m, ahead_m, slot, rank, followed, trail, around)) continue;
     wanted = tried;
     break;
   }

@@ -8,7 +8,9 @@ namespace omnifleet::motion {
 
 /// A follower's place where the passage is narrow: drawn in from the commanded place towards the trail of the
 /// robot it follows, no further than what stands about asks for. Drawn in, ranks queue one behind the other,
-/// so that both sides may draw in at once. Every follower decides by its own camera; nobody has to agree.
+/// so that both sides may draw in at once. Nobody draws in for what lies beyond the goal; to spread out again
+/// takes room on the whole way looked at, for a thing hides what stands behind it. Every follower decides by
+/// its own camera; nobody has to agree.
 class Narrowing {
  public:
   struct Options {
@@ -38,8 +40,8 @@ class Narrowing {
  private:
   Eigen::Vector2d at(double narrowing, double ahead_m, const Slot& slot, std::size_t rank,
                      const Followed& followed, const Trail& trail) const;
-  bool isFree(double narrowing, double margin_m, const Slot& slot, std::size_t rank, const Followed& followed,
-              const Trail& trail, const Surroundings& around) const;
+  bool isFree(double narrowing, double margin_m, double most_m, const Slot& slot, std::size_t rank,
+              const Followed& followed, const Trail& trail, const Surroundings& around) const;
 
   Options options_;
   double narrowing_ = 0.0;

@@ -246,9 +246,8 @@ void Formation::lead(const Objects& objects, Output& output) {
   output.state.arrived = lead_.arrived();
 }
 
-/// How far the formation still goes: nowhere once its leader has said that it is there, else by its place.
+/// How far the formation still goes, by the place of its leader.
 double Formation::wayLeft(TimeNs now_ns) const {
-  if (lead_.arrived()) return 0.0;
   const auto leader = fleet_.now(succession_.leader(), now_ns);
   return leader ? lead_.wayLeft(leader->translation()) : std::numeric_limits<double>::infinity();
 }

@@ -113,6 +113,11 @@ TEST_F(NarrowingTest, WhatLiesBeyondTheGoalAsksForNothing) {
   // Its end counts: 15 + 16 cm are wanted there, also where no step of the look ahead falls on it.
   followed_.way_left_m = 0.29;
   EXPECT_GT(settle(kLeft, 1), 0.0);
+  // Who has drawn in already stays so: things hide from its camera whether there is room behind them.
+  const double drawn_in = going.narrowing();
+  followed_.way_left_m = 0.0;
+  for (int i = 0; i < 20; ++i) going.update(kLeft, 1, followed_, trail_, around_, kDt);
+  EXPECT_GE(going.narrowing(), drawn_in);
 }
 
 TEST_F(NarrowingTest, BothSidesMayDrawInAtOnce) {
