@@ -11,27 +11,27 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr int kRadius_px = 2, kChunk_px = 32;
+constexpr int kChunk_px = 32;
 constexpr std::uint8_t kSet = 255;
 
-/// out[x] = Join of five values, `step` apart, the third of them at from[x].
+/// out[x] = Join of 2 · radius + 1 values, `step` apart, the middle one of them at from[x].
 template <typename Join>
-OMNIFLEET_INLINE void joinFive(const std::uint8_t* from, std::ptrdiff_t step, int begin, int end,
-                               std::uint8_t* out) {
+OMNIFLEET_INLINE void join(const std::uint8_t* from, std::ptrdiff_t step, int radius, int begin, int end,
+                           std::uint8_t* out) {
+  const std::ptrdiff_t outer = radius * step;
   inChunks<kChunk_px>(
       begin, end, [=](int x) __attribute__((always_inline)) {
         const std::uint8_t* at = from + x;
-        out[x] =
-            Join::of(Join::of(Join::of(at[-2 * step], at[-step]), Join::of(at[step], at[2 * step])), *at);
+        out[x] = Join::of(Join::of(Join::of(at[-outer], at[-step]), Join::of(at[step], at[outer])), *at);
       });
 }
-OMNIFLEET_WIDE void smallest(const std::uint8_t* from, std::ptrdiff_t step, int begin, int end,
+OMNIFLEET_WIDE void smallest(const std::uint8_t* from, std::ptrdiff_t step, int radius, int begin, int end,
                              std::uint8_t* out) {
-  joinFive<Smallest>(from, step, begin, end, out);
+  join<Smallest>(from, step, radius, begin, end, out);
 }
-OMNIFLEET_WIDE void largest(const std::uint8_t* from, std::ptrdiff_t step, int begin, int end,
+OMNIFLEET_WIDE void largest(const std::uint8_t* from, std::ptrdiff_t step, int radius, int begin, int end,
                             std::uint8_t* out) {
-  joinFive<Largest>(from, step, begin, end, out);
+  join<Largest>(from, step, radius, begin, end, out);
 }
 
 /// In a polygon or on its edge (Pick 1899).
@@ -46,8 +46,11 @@ double pixelsOf(const std::vector<cv::Point>& polygon) {
 
 }  // namespace
 
-ConvexPart::ConvexPart(cv::Size image)
-    : along_(image, std::uint8_t{0}), eroded_(image, std::uint8_t{0}), firm_(image, std::uint8_t{0}) {}
+ConvexPart::ConvexPart(cv::Size image, int radius_px)
+    : radius_px_(radius_px),
+      along_(image, std::uint8_t{0}),
+      eroded_(image, std::uint8_t{0}),
+      firm_(image, std::uint8_t{0}) {}
 
 bool ConvexPart::find(const cv::Mat1b& mask, const cv::Rect& within, double min_solid) {
   open(mask, within);
@@ -95,21 +98,21 @@ int ConvexPart::filledArea() const {
   return area;
 }
 
-/// Morphological opening; nothing within kRadius_px of the rectangle's edges is left.
+/// Morphological opening; nothing within the radius of the rectangle's edges is left.
 void ConvexPart::open(const cv::Mat1b& mask, const cv::Rect& within) {
   const int left = within.x, right = within.x + within.width, top = within.y, bottom = top + within.height;
   const auto step = static_cast<std::ptrdiff_t>(along_.step1());
   for (cv::Mat1b* cleared : {&along_, &eroded_, &firm_})
     for (int y = top; y < bottom; ++y)
       std::fill(cleared->ptr(y) + left, cleared->ptr(y) + right, std::uint8_t{0});
-  const int first = left + kRadius_px, end = right - kRadius_px;
+  const int first = left + radius_px_, end = right - radius_px_;
   if (first >= end) return;
-  for (int y = top; y < bottom; ++y) smallest(mask.ptr(y), 1, first, end, along_.ptr(y));
-  for (int y = top + kRadius_px; y < bottom - kRadius_px; ++y)
-    smallest(along_.ptr(y), step, first, end, eroded_.ptr(y));
-  for (int y = top; y < bottom; ++y) largest(eroded_.ptr(y), 1, first, end, along_.ptr(y));
-  for (int y = top + kRadius_px; y < bottom - kRadius_px; ++y)
-    largest(along_.ptr(y), step, first, end, firm_.ptr(y));
+  for (int y = top; y < bottom; ++y) smallest(mask.ptr(y), 1, radius_px_, first, end, along_.ptr(y));
+  for (int y = top + radius_px_; y < bottom - radius_px_; ++y)
+    smallest(along_.ptr(y), step, radius_px_, first, end, eroded_.ptr(y));
+  for (int y = top; y < bottom; ++y) largest(eroded_.ptr(y), 1, radius_px_, first, end, along_.ptr(y));
+  for (int y = top + radius_px_; y < bottom - radius_px_; ++y)
+    largest(along_.ptr(y), step, radius_px_, first, end, firm_.ptr(y));
 }
 
 /// Takes what hangs together with the seed out of the mask, into queue_.

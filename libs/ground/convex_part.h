@@ -6,11 +6,13 @@
 
 namespace omnifleet::ground {
 
-/// The hull of the largest part of a mask, where that part fills it: what is thinner than 5 pixels is left
-/// out. Reads and writes nothing beyond the rectangle told; buffers live from call to call.
+/// The hull of the largest part of a mask, where that part fills it: what is thinner than a square of
+/// 2 · radius + 1 pixels is left out. Reads and writes nothing beyond the rectangle told; buffers live from
+/// call to call.
 class ConvexPart {
  public:
-  explicit ConvexPart(cv::Size image);
+  /// @param radius_px 1 or 2
+  explicit ConvexPart(cv::Size image, int radius_px = 2);
 
   /// @param mask 255 where it is set, else 0 or 1, of the size told; @param within where it is looked at
   /// @param min_solid share of its hull that the part fills
@@ -33,6 +35,7 @@ class ConvexPart {
       last = std::max(last, at);
     }
   };
+  int radius_px_;
   cv::Mat1b along_, eroded_, firm_;
   std::vector<cv::Point> queue_, largest_, corners_, hull_;
   std::vector<Extent> rows_, columns_;  ///< of the largest part

@@ -21,6 +21,7 @@ constexpr int kPatternRegions = 3;        // that many faint ones at once are a 
 constexpr int kStrongPatternRegions = 4;  // that many of a pattern's contrast, faint ones among them, too
 constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
+constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
 constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
@@ -136,6 +137,23 @@ void ShadeFilter::clear() {
   undecided_.clear();
   vague_.clear();
   sides_.clear();
+  lights_.clear();
+}
+
+void ShadeFilter::doubt(const Blob& region) {
+  const auto isIt = [&](const Blob& blob) { return blob.label == region.label && blob.rect == region.rect; };
+  if (std::none_of(undecided_.begin(), undecided_.end(), isIt)) undecided_.push_back(region);
+}
+
+void ShadeFilter::decide(const BitMask& found) {
+  const auto isFound = [&](const Blob& blob) {
+    int in = 0;
+    for (const Run& run : blob.runs)
+      for (int x = run.begin; x < run.end; ++x) in += found.at(x, run.row) ? 1 : 0;
+    return 2 * in > blob.area_px;
+  };
+  for (std::vector<Blob>* blobs : {&undecided_, &vague_})
+    blobs->erase(std::remove_if(blobs->begin(), blobs->end(), isFound), blobs->end());
 }
 
 ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
@@ -223,6 +241,12 @@ bool ShadeFilter::isTile(const Blob& blob, const Census& c) {
 /// Mostly of the floor's hue and in less light, and nothing of it is plainly a thing.
 bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
   return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
+}
+
+/// Of the floor's hue, and some of it in more light.
+bool ShadeFilter::isLight(const Blob& blob, const Census& c) {
+  return static_cast<float>(c.bright) >= kLightShare * static_cast<float>(blob.area_px) &&
+         !isCore(c.coloured + c.dark, blob);
 }
 
 /// The core's nearest pixel by bearings, in nearest_px_; those right beside the core have its own.
@@ -441,7 +465,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
-                       census.shade_limit, kFloorLook, fades_});
+                       isLight(blob, census), census.shade_limit, kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
       judged.firm_limit = judged.is_side ? deep_.foot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
@@ -457,7 +481,12 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   }
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const bool stays = judged_[i].verdict == Verdict::kKeep || judged_[i].verdict == Verdict::kKeepFirm;
-    if (stays && judged_[i].is_side) sides_.push_back(&blobs[i]);
+    const bool of_tiles = tiles >= kPatternRegions && judged_[i].as_tile;
+    const bool may_be_top = stays || (judged_[i].verdict == Verdict::kUndecided && !of_tiles);
+    if (stays && judged_[i].is_side)
+      sides_.push_back(&blobs[i]);
+    else if (judged_[i].is_light && may_be_top)
+      lights_.push_back(&blobs[i]);
   }
 }
 

@@ -67,6 +67,13 @@ class ShadeFilter {
   /// Regions of the last apply() that stay and are mostly in less light than the floor, of nearly its hue:
   /// sides of things whose tops may be as bright as the floor.
   const std::vector<const Blob*>& sides() const { return sides_; }
+  /// Regions of the last apply() that stay or are undecided, of the floor's hue, of which some is plainly
+  /// lighter: tops of things whose sides may be as bright as the floor.
+  const std::vector<const Blob*>& lights() const { return lights_; }
+  /// A region of the last apply() that is undecided after all; must not be in objects().
+  void doubt(const Blob& region);
+  /// What lies mostly in `found` is decided.
+  void decide(const BitMask& found);
 
  private:
   /// Pixels of a region by their looks.
@@ -89,6 +96,7 @@ class ShadeFilter {
     bool as_pattern;  ///< goes where the floor has a pattern
     bool is_side;     ///< isSide()
     bool as_tile;     ///< isTile()
+    bool is_light;    ///< isLight()
     Look shade_limit;
     Look firm_limit;                  ///< kKeepFirm: from there to what is lighter than floors it goes
     std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
@@ -105,6 +113,7 @@ class ShadeFilter {
   static bool isFloorLike(const Blob& blob, const Census& census);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
+  static bool isLight(const Blob& blob, const Census& census);
   bool findNearest(const Blob& blob, Look shade_limit, const Frame& frame, const cv::Mat1b& looks);
   template <typename Visit>
   void forBearings(const Blob& blob, const Frame& frame, const cv::Mat1b& looks, Visit visit);
@@ -127,7 +136,7 @@ class ShadeFilter {
   DeepShade deep_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_, vague_;
-  std::vector<const Blob*> sides_;
+  std::vector<const Blob*> sides_, lights_;
 };
 
 }  // namespace omnifleet::ground

@@ -1,0 +1,117 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "ground/ground_segmenter.h"
+#include "ground/labelling.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+/// Boxes of exactly the floor's hue, drawn through the lens: tops in more light, sides of the floor's
+/// brightness, a little more here and less there.
+class TopCompleterTest : public ::testing::Test {
+ protected:
+  TopCompleterTest()
+      : model_(testing::fisheye()),
+        camera_(model_),
+        view_(camera_, ViewOptions{}),
+        segmenter_(camera_, view_, {}),
+        image_(testing::unevenFloor(model_, 0.8, 2.0, 21)) {}
+
+  cv::Mat1b maskOf(const std::vector<Eigen::Vector3d>& corners) const {
+    constexpr int kSteps = 16;  // the lens bends edges
+    std::vector<cv::Point> outline;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      for (int k = 0; k < kSteps; ++k) {
+        const auto pixel = camera_.pixelFromPoint(
+            corners[i] + (corners[(i + 1) % corners.size()] - corners[i]) * k / kSteps);
+        EXPECT_TRUE(pixel);
+        if (pixel) outline.emplace_back(cvRound(pixel->x()), cvRound(pixel->y()));
+      }
+    }
+    cv::Mat1b mask(image_.size(), std::uint8_t{0});
+    cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{outline}, cv::Scalar(255));
+    return mask;
+  }
+
+  /// 28 cm wide and 20 cm high, its front across, so far ahead. @return its silhouette
+  cv::Mat1b drawBox(double near, double top_gain, double mottled, double deep = 0.22) {
+    const double far = near + deep, half = 0.14, h = 0.2;
+    const cv::Mat1b top = maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}});
+    const cv::Mat1b side = maskOf({{near, -half, 0}, {near, half, 0}, {near, half, h}, {near, -half, h}});
+    cv::Mat1f gain(image_.size());
+    cv::RNG random(5);
+    random.fill(gain, cv::RNG::NORMAL, 0.0, 1.0);
+    cv::GaussianBlur(gain, gain, {0, 0}, 1.5);
+    cv::Scalar mean, sigma;
+    cv::meanStdDev(gain, mean, sigma);
+    gain = 1.0 + gain * (mottled / sigma[0]);
+    gain.setTo(top_gain, top);
+    for (int y = 0; y < image_.rows; ++y)
+      for (int x = 0; x < image_.cols; ++x)
+        if (top(y, x) != 0 || side(y, x) != 0)
+          for (int c = 0; c < 3; ++c)
+            image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * gain(y, x));
+    return top | side;
+  }
+
+  static double overlap(const cv::Mat1b& a, const cv::Mat1b& b) {
+    return static_cast<double>(cv::countNonZero(a & b)) / cv::countNonZero(a | b);
+  }
+
+  lens::CameraModel model_;
+  lens::Camera camera_;
+  FloorView view_;
+  GroundSegmenter segmenter_;
+  cv::Mat3b image_;
+};
+
+TEST_F(TopCompleterTest, ASideAsBrightAsTheFloorIsOfTheTop) {
+  const cv::Mat1b box = drawBox(0.8, 1.29, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  // Two pixels of the outline; the top alone is half of it.
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+  Labeller labeller;
+  const auto& regions = labeller.label(segmenter_.bits(), segmenter_.area(), 20);
+  ASSERT_EQ(regions.size(), 1U);
+  EXPECT_TRUE(segmenter_.isRough(regions[0]));
+}
+
+TEST_F(TopCompleterTest, BeforeASharpPatchOfLightThereIsOnlyFloor) {
+  const cv::Mat1b patch = maskOf({{0.9, -0.2, 0}, {0.9, 0.2, 0}, {1.3, 0.2, 0}, {1.3, -0.2, 0}});
+  for (int y = 0; y < image_.rows; ++y)
+    for (int x = 0; x < image_.cols; ++x)
+      for (int c = 0; c < 3 && patch(y, x) != 0; ++c)
+        image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * 1.29);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  cv::Mat1b near;
+  cv::dilate(patch, near, cv::Mat1b::ones(5, 5));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() & ~near), 0);
+  Labeller labeller;
+  for (const Blob& region : labeller.label(segmenter_.bits(), segmenter_.area(), 20))
+    EXPECT_FALSE(segmenter_.isRough(region));
+}
+
+TEST_F(TopCompleterTest, ATopTooFarOffForItsFootIsUndecided) {
+  drawBox(1.4, 1.29, 0.09, 0.5);  // there a pixel is 3 cm of the floor
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects()), 0);
+  EXPECT_FALSE(segmenter_.undecided().empty());
+}
+
+TEST_F(TopCompleterTest, WhatWasCompletedBeforeChangesNothing) {
+  GroundSegmenter fresh(camera_, view_, {});
+  const cv::Mat3b floor = image_.clone();
+  drawBox(0.9, 1.4, 0.12);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  floor.copyTo(image_);
+  drawBox(0.8, 1.29, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_) && fresh.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() != fresh.objects()), 0);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
