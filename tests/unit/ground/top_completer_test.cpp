@@ -58,6 +58,16 @@ class TopCompleterTest : public ::testing::Test {
     return top | side;
   }
 
+  /// On the floor, behind the robot. @return where
+  cv::Mat1b drawPatch() {
+    const cv::Mat1b patch = maskOf({{-0.9, -0.2, 0}, {-0.9, 0.2, 0}, {-1.3, 0.2, 0}, {-1.3, -0.2, 0}});
+    for (int y = 0; y < image_.rows; ++y)
+      for (int x = 0; x < image_.cols; ++x)
+        for (int c = 0; c < 3 && patch(y, x) != 0; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * 1.29);
+    return patch;
+  }
+
   static double overlap(const cv::Mat1b& a, const cv::Mat1b& b) {
     return static_cast<double>(cv::countNonZero(a & b)) / cv::countNonZero(a | b);
   }
@@ -81,18 +91,23 @@ TEST_F(TopCompleterTest, ASideAsBrightAsTheFloorIsOfTheTop) {
 }
 
 TEST_F(TopCompleterTest, BeforeASharpPatchOfLightThereIsOnlyFloor) {
-  const cv::Mat1b patch = maskOf({{0.9, -0.2, 0}, {0.9, 0.2, 0}, {1.3, 0.2, 0}, {1.3, -0.2, 0}});
-  for (int y = 0; y < image_.rows; ++y)
-    for (int x = 0; x < image_.cols; ++x)
-      for (int c = 0; c < 3 && patch(y, x) != 0; ++c)
-        image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * 1.29);
+  const cv::Mat1b patch = drawPatch();
   ASSERT_TRUE(segmenter_.segment(image_));
   cv::Mat1b near;
   cv::dilate(patch, near, cv::Mat1b::ones(5, 5));
   EXPECT_EQ(cv::countNonZero(segmenter_.objects() & ~near), 0);
+  EXPECT_GT(cv::countNonZero(segmenter_.objects() & patch), 0);
   Labeller labeller;
   for (const Blob& region : labeller.label(segmenter_.bits(), segmenter_.area(), 20))
     EXPECT_FALSE(segmenter_.isRough(region));
+}
+
+TEST_F(TopCompleterTest, BesideSuchThingsWhatIsLightAndNotKnownToBeWholeIsUndecided) {
+  const cv::Mat1b patch = drawPatch();
+  drawBox(0.8, 1.29, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() & patch), 0);
+  EXPECT_EQ(segmenter_.undecided().size(), 1U);
 }
 
 TEST_F(TopCompleterTest, ATopTooFarOffForItsFootIsUndecided) {
