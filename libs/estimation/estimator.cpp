@@ -113,6 +113,11 @@ void FleetEstimator::Impl::refine() {
     reweight();
     fleet.graph.solve(fleet.options.solver_iterations);
   }
+  for (RobotNode& robot : fleet.robots) {
+    for (Step& step : robot.window) {
+      for (ViewLink& link : step.views) link.weighed = true;
+    }
+  }
   whole_ = false;
   fleet.updateShapes();
   releaseFrame(fleet);
@@ -271,7 +276,8 @@ void FleetEstimator::Impl::reweight(RobotNode& robot, Step& step) {
                               fleet.graph.value(link.camera).data(), fleet.graph.value(link.size).data()};
     link.rms_m = link.cost->reweight(values);
     // Where the pose is in doubt all views misfit, and they are right.
-    if (isConfirmed(robot.start) && !robot.unseen && robot.unsure == 0) link.cost->discount();
+    if ((isConfirmed(robot.start) || link.weighed) && !robot.unseen && robot.unsure == 0)
+      link.cost->discount();
   }
 }
 

@@ -27,7 +27,8 @@ struct ViewLink {
   std::shared_ptr<View> view;
   std::uint32_t landmark = 0;  ///< 0: a peer
   std::uint32_t track = 0;
-  double rms_m = 0.0;  ///< of the last reweighting
+  double rms_m = 0.0;    ///< of the last reweighting
+  bool weighed = false;  ///< has had its full say in a solve of the whole window
 };
 
 /// One frame of one robot in the window.

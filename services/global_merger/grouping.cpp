@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <tuple>
@@ -69,17 +70,43 @@ bool isOneBody(const Group& group, const MergerOptions& options) {
   return group.fit.valid && group.fit.spread <= options.max_spread;
 }
 
-/// Halves a track in time until each piece shows one body in one place.
-void cut(const Views& views, ObjectKind kind, const MergerOptions& options, const Meanwhile& meanwhile,
-         std::vector<Group>& pieces) {
-  Group whole = groupOf(views, kind, quick(options), meanwhile);
-  if (views.size() < 2 || !whole.fit.valid || isOneBody(whole, options)) {
+double sigmaOf(const Group& group) {
+  return group.fit.valid ? std::sqrt(0.5 * group.fit.covariance.trace()) : 1.0;
+}
+
+bool isThing(const Group& group, const MergerOptions& options) {
+  return isOneBody(group, options) && static_cast<int>(group.views.size()) >= options.min_views &&
+         sigmaOf(group) <= options.max_sigma_m;
+}
+
+/// Halves views in time until each piece shows one body in one place.
+void halve(Group whole, const MergerOptions& options, const Meanwhile& meanwhile,
+           std::vector<Group>& pieces) {
+  if (whole.views.size() < 2 || whole.fit.spread <= options.max_spread) {
     pieces.push_back(std::move(whole));
     return;
   }
-  const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
-  cut({views.begin(), middle}, kind, options, meanwhile, pieces);
-  cut({middle, views.end()}, kind, options, meanwhile, pieces);
+  const auto middle = whole.views.begin() + static_cast<std::ptrdiff_t>(whole.views.size() / 2);
+  halve(groupOf({whole.views.begin(), middle}, whole.kind, quick(options), meanwhile), options, meanwhile,
+        pieces);
+  halve(groupOf({middle, whole.views.end()}, whole.kind, quick(options), meanwhile), options, meanwhile,
+        pieces);
+}
+
+/// The places of a track. What is no outline as a whole stays whole where most of its pieces are no things
+/// either: its views agree on nothing, and that is told of it.
+void cut(const Views& views, ObjectKind kind, const MergerOptions& options, const Meanwhile& meanwhile,
+         std::vector<Group>& places) {
+  Group whole = groupOf(views, kind, quick(options), meanwhile);
+  std::vector<Group> pieces;
+  halve(whole, options, meanwhile, pieces);
+  std::size_t shown = 0;
+  for (const Group& piece : pieces) shown += isThing(piece, options) ? piece.views.size() : 0;
+  if (!whole.fit.valid && 2 * shown < views.size()) {
+    places.push_back(std::move(whole));
+  } else {
+    std::move(pieces.begin(), pieces.end(), std::back_inserter(places));
+  }
 }
 
 /// What something nearer cuts in two for a laser.
@@ -98,16 +125,17 @@ bool shareAFrame(const Group& a, const Group& b) {
   });
 }
 
-double sigmaOf(const Group& group) {
-  return group.fit.valid ? std::sqrt(0.5 * group.fit.covariance.trace()) : 1.0;
+/// As a share of the smaller footprint.
+double overlap(const Group& a, const Group& b) {
+  if (!a.fit.valid || !b.fit.valid) return 0.0;
+  const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
+  return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) / smaller;
 }
 
 bool areNear(const Group& a, const Group& b, const MergerOptions& options) {
   const double reach = options.gate_m + std::min(2.0 * (sigmaOf(a) + sigmaOf(b)), 0.3);
   if ((a.centre_m - b.centre_m).norm() <= reach) return true;
-  if (!a.fit.valid || !b.fit.valid) return false;
-  const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
-  return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) > 0.3 * smaller;
+  return overlap(a, b) > 0.3;
 }
 
 Group joined(const Group& a, const Group& b, const outline::PrismOptions& options,
@@ -140,8 +168,10 @@ bool join(const Group& piece, const MergerOptions& options, const Meanwhile& mea
   return false;
 }
 
-/// Of groups that hold views of one track, the one with the track's latest view is where the thing is now.
-void dropLeftPlaces(std::vector<Group>& groups) {
+/// Of groups that hold views of one track, the one with the track's latest view is where the thing is now, if
+/// that is a thing, and not what a track took hold of that had lost its own. What most of its views left for
+/// a place that overlaps it is dropped: nobody can see the floor there.
+void leavePlaces(const MergerOptions& options, std::vector<Group>& groups) {
   std::map<std::pair<std::string, std::uint32_t>, std::pair<TimeNs, std::size_t>> latest;
   for (std::size_t i = 0; i < groups.size(); ++i) {
     for (const auto* view : groups[i].views) {
@@ -149,15 +179,22 @@ void dropLeftPlaces(std::vector<Group>& groups) {
       if (view->time_ns > entry.first) entry = {view->time_ns, i};
     }
   }
+  std::vector<bool> dropped(groups.size());
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    std::size_t away = 0;
+    bool covered = false;
+    for (const ObjectView* view : groups[i].views) {
+      const auto& [time_ns, where] = latest.at({view->robot, view->track_id});
+      if (where == i || time_ns <= groups[i].views.back()->time_ns || !isThing(groups[where], options))
+        continue;
+      ++away;
+      covered = covered || overlap(groups[i], groups[where]) > 0.0;
+    }
+    dropped[i] = covered && 2 * away > groups[i].views.size();
+  }
   std::vector<Group> kept;
   for (std::size_t i = 0; i < groups.size(); ++i) {
-    const TimeNs seen_ns = groups[i].views.back()->time_ns;
-    const bool has_left =
-        std::any_of(groups[i].views.begin(), groups[i].views.end(), [&](const ObjectView* view) {
-          const auto& [time_ns, where] = latest.at({view->robot, view->track_id});
-          return where != i && time_ns > seen_ns;
-        });
-    if (!has_left) kept.push_back(std::move(groups[i]));
+    if (!dropped[i]) kept.push_back(std::move(groups[i]));
   }
   groups = std::move(kept);
 }
@@ -185,22 +222,16 @@ Group refined(const Group& group, const MergerOptions& options, const Meanwhile&
   return groupOf(std::move(kept), group.kind, options.prism, meanwhile);
 }
 
-bool shareAPlace(const Group& a, const Group& b) {
-  constexpr double kShared = 0.4;  // of the smaller footprint
-  if (!a.fit.valid || !b.fit.valid) return false;
-  const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
-  return outline::convexIntersectionArea(a.fit.footprint_m, b.fit.footprint_m) > kShared * smaller;
-}
-
 /// Two bodies cannot stand in one place: what the quick fits kept apart is joined where the full one explains
 /// all views, else the one that fewer views show is dropped.
 void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, std::vector<Group>& groups) {
+  constexpr double kShared = 0.4;
   std::stable_sort(groups.begin(), groups.end(),
                    [](const Group& a, const Group& b) { return a.views.size() > b.views.size(); });
   std::vector<Group> kept;
   for (Group& group : groups) {
-    const auto other =
-        std::find_if(kept.begin(), kept.end(), [&](const Group& known) { return shareAPlace(known, group); });
+    const auto other = std::find_if(kept.begin(), kept.end(),
+                                    [&](const Group& known) { return overlap(known, group) > kShared; });
     if (other == kept.end()) {
       kept.push_back(std::move(group));
       continue;
@@ -227,7 +258,7 @@ std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const Me
   for (auto& piece : pieces) {
     if (!join(piece, options, meanwhile, groups)) groups.push_back(std::move(piece));
   }
-  dropLeftPlaces(groups);
+  leavePlaces(options, groups);
   for (auto& group : groups) group = refined(group, options, meanwhile);
   settleOverlaps(options, meanwhile, groups);
   std::sort(groups.begin(), groups.end(),

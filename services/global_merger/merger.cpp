@@ -37,6 +37,12 @@ MergerOptions MergerOptions::read(const options::Section& section) {
 
 namespace {
 
+/// The foot of the camera, map.
+Eigen::Vector2d footOf(const occupancy::Contribution& contribution, const Pose2& map_from_base) {
+  return map_from_base *
+         Eigen::Vector2d(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
+}
+
 /// Did this contribution see beyond a point, along the ray that passes it?
 bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_from_base,
                  const Eigen::Vector2d& point) {
@@ -51,28 +57,49 @@ bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_f
          contribution.range_dmm[ray] * 1e-4 > to.norm() + kBeyondM;
 }
 
-/// The floor was seen through its middle in this many contributions after a time.
-int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns) {
+/// The floor was seen through its middle in this many contributions after a time, from this near.
+int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns,
+                     double within_m) {
   int times = 0;
   for (const auto& [robot, path] : store.robots()) {
     for (auto it = path.upper_bound(after_ns); it != path.end(); ++it) {
       const auto& keyframe = it->second;
       if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
-      times += seesThrough(*keyframe.seen, keyframe.pose->mapFromBase(), group.centre_m);
+      const Pose2 map_from_base = keyframe.pose->mapFromBase();
+      if ((footOf(*keyframe.seen, map_from_base) - group.centre_m).norm() > within_m) continue;
+      times += seesThrough(*keyframe.seen, map_from_base, group.centre_m);
     }
   }
   return times;
 }
 
-/// It has gone; or it was seen so rarely, and the floor in its place as often, that it was never there (which
-/// the overlay as printed, §IV.4, does not ask).
+/// From how far it has been seen: half of its views are from farther.
+double usualDistance(const Group& group) {
+  std::vector<double> away_m;
+  for (const auto* view : group.views)
+    away_m.push_back((view->prism.map_from_base * view->prism.foot_m - group.centre_m).norm());
+  const auto middle = away_m.begin() + static_cast<std::ptrdiff_t>(away_m.size() / 2);
+  std::nth_element(away_m.begin(), middle, away_m.end());
+  return *middle;
+}
+
+/// It has gone: the floor was seen in its place later, from as near as it usually was seen, for a thing of
+/// about the floor's colour is lost from afar. Or it was
+/// never there, which the overlay as printed, §IV.4, does not ask: since it was first seen the floor was as
+/// often, likewise; or from anywhere many times as often; or it was seen hardly at all, and the floor as
+/// often.
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
+  constexpr int kManyTimes = 4;
+  constexpr double kAnywhere_m = std::numeric_limits<double>::infinity();
+  const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
   const int seen = static_cast<int>(group.views.size());
-  if (options.method != "hull" && seen < options.gone_after &&
-      timesSeenThrough(group, store, INT64_MIN) >= seen)
-    return true;
-  return timesSeenThrough(group, store, group.views.back()->time_ns) >= options.gone_after;
+  const double near_m = usualDistance(group);
+  if (timesSeenThrough(group, store, last_ns, near_m) >= options.gone_after) return true;
+  if (options.method == "hull") return false;
+  if (seen < options.gone_after) return timesSeenThrough(group, store, INT64_MIN, kAnywhere_m) >= seen;
+  return timesSeenThrough(group, store, first_ns, near_m) >= seen ||
+         timesSeenThrough(group, store, first_ns, kAnywhere_m) >= kManyTimes * seen;
 }
 
 /// No higher than a mark on the floor, as far as can be told.

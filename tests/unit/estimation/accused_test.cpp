@@ -67,6 +67,21 @@ TEST(Accused, NoExactCameraWhereThingsHaveADarkSide) {
   }
 }
 
+/// Nobody else sees what a lone robot sees, so nothing ever confirms its start.
+TEST(Accused, NoExactCameraOfALoneRobotEither) {
+  for (std::uint32_t seed = 21; seed < 25; ++seed) {
+    SimulationOptions shaded;
+    shaded.dark_side_m = 0.02;
+    shaded.robots = 1;
+    shaded.frames = 75;
+    FleetSimulator simulator(shaded, seed);
+    Drive run(simulator);
+    for (int i = 0; i < shaded.frames; ++i) run.feed(simulator, i);
+    run.finish();
+    EXPECT_EQ(run.accused(), 0) << "seed " << seed;
+  }
+}
+
 TEST(Accused, AWrongCameraIsToldWithAnHonestSigma) {
   double squares = 0.0;
   int told = 0, quantities = 0;

@@ -149,6 +149,22 @@ TEST(Merger, AMovedBoxIsWhereItIsNow) {
   EXPECT_EQ(s.extra, 0);
 }
 
+/// Nobody sees the floor in its old place, and most frames showed it there.
+TEST(Merger, ABoxPushedAsideALittleIsWhereItIsNow) {
+  auto sim = arena(noisy(), 9);
+  Sets sets = record(sim, 0.0, 4.0);
+  for (auto& corner : sim.things()[0].footprint_m) corner += Eigen::Vector2d(-0.28, 0.06);
+  const Sets later = record(sim, 4.0, 6.0);
+  sets.contributions.insert(sets.contributions.end(), later.contributions.begin(), later.contributions.end());
+  sets.poses.insert(sets.poses.end(), later.poses.begin(), later.poses.end());
+  Merger merger = merged(sets, sim.bodies());
+  merger.finish();
+  const Score s = score(merger.outlines(), sim.things());
+  EXPECT_EQ(s.missed, 0);
+  EXPECT_EQ(s.extra, 0);
+  EXPECT_LT(s.error_m, 0.005);
+}
+
 TEST(Merger, MergedSilhouettesDoNotBendOutlines) {
   auto sim = arena(noisy(), 10);
   Sets sets = record(sim, 0.0, 6.0);
@@ -236,6 +252,72 @@ TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
   Merger alone = merged(ghost, sim.bodies());
   alone.finish();
   EXPECT_EQ(score(alone.outlines(), things).matched, 6);  // nobody says otherwise
+}
+
+/// What a fleet contributes that sees a sixth thing in some frames of r1, which drives away from it, and not
+/// in the others; r2 and r3 stay two metres away.
+class SixthThing : public ::testing::Test {
+ protected:
+  SixthThing() {
+    things_.push_back({boxPolygon({-1.05, 0.5}, 0.2, 0.2, 0.2), 0.15});
+    FleetSim with = arena(noisy(), 22, things_), without = arena(noisy(), 22);
+    with_ = record(with, 0.0, 6.0);
+    without_ = record(without, 0.0, 6.0);
+    bodies_ = with.bodies();
+  }
+  /// r1 sees it in its first frames only.
+  Sets seenIn(int frames) const {
+    Sets sets = with_;
+    for (std::size_t i = 0; i < sets.contributions.size(); ++i) {
+      const bool sees = sets.contributions[i].robot == "r1" && frames-- > 0;
+      if (!sees) sets.contributions[i] = without_.contributions[i];
+    }
+    return sets;
+  }
+  Merger map(const Sets& sets) const {
+    Merger merger = merged(sets, bodies_);
+    merger.finish();
+    return merger;
+  }
+
+  std::vector<SimThing> things_ = fiveObstacles();
+  Sets with_, without_;
+  std::map<std::string, RobotBody> bodies_;
+};
+
+/// As a dull thing in a dim corner is.
+TEST_F(SixthThing, HasNotGoneWhereItIsOnlyLostFromAfar) {
+  Merger merger = map(seenIn(12));
+  EXPECT_EQ(score(merger.outlines(), things_).matched, 6);
+  EXPECT_EQ(score(merger.outlines(), things_).extra, 0);
+}
+
+TEST_F(SixthThing, WasNeverThereWhereManyTimesAsManyFramesSeeTheFloor) {
+  Merger merger = map(seenIn(3));
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
+}
+
+/// Its track is lost and takes hold of a shadow nearby.
+TEST_F(SixthThing, HasNotGoneWhereALostTrackSays) {
+  Sets sets = with_;
+  int frames = 0;
+  for (auto& c : sets.contributions) {
+    frames += c.robot == "r1" ? 1 : 0;
+    const auto lost = [&](const auto& view) { return view.track_id == things_.size() && (c.robot != "r1"); };
+    c.views.erase(std::remove_if(c.views.begin(), c.views.end(), lost), c.views.end());
+    for (auto& view : c.views) {
+      if (view.track_id != things_.size() || frames <= 15) continue;
+      view.position.x_dmm -= 2500;
+      for (std::size_t k = 0; k < view.b_dmm.size(); ++k) {
+        const double angle = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.b_dmm.size());
+        view.b_dmm[k] +=
+            static_cast<std::int32_t>(-2500.0 * std::cos(angle) + 400.0 * frames * std::sin(3.0 * angle));
+      }
+    }
+  }
+  Merger merger = map(sets);
+  EXPECT_EQ(score(merger.outlines(), things_).missed, 0);
 }
 
 /// Of what everybody sees one face only nothing tells how deep it is: it is no object, and that is told.

@@ -64,7 +64,8 @@ TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
   estimation::EstimatorOptions as_calibrated;
   as_calibrated.camera.estimate = false;
   const RecordedRun suffered = run(as_calibrated, false), estimated = run({}, false);
-  EXPECT_LT(estimated.mean_m, 0.5 * suffered.mean_m);
+  EXPECT_LT(estimated.mean_m, 0.6 * suffered.mean_m);  // which outlines that misfit as a whole count less in
+  EXPECT_LT(estimated.mean_m, 0.0025);
   EXPECT_LT(estimated.nees, 5.7);  // 3 dof of 3 robots, hardly independent in time: 3 ± 2.6·√(6/9) at 99 %
   double tilt_error = 0.0, tilt_left = 0.0;
   for (const auto& [robot, error] : wrong) {
