@@ -168,37 +168,6 @@ bool join(const Group& piece, const MergerOptions& options, const Meanwhile& mea
   return false;
 }
 
-/// Of groups that hold views of one track, the one with the track's latest view is where the thing is now, if
-/// that is a thing, and not what a track took hold of that had lost its own. What most of its views left for
-/// a place that overlaps it is dropped: nobody can see the floor there.
-void leavePlaces(const MergerOptions& options, std::vector<Group>& groups) {
-  std::map<std::pair<std::string, std::uint32_t>, std::pair<TimeNs, std::size_t>> latest;
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    for (const auto* view : groups[i].views) {
-      auto& entry = latest.try_emplace({view->robot, view->track_id}, view->time_ns, i).first->second;
-      if (view->time_ns > entry.first) entry = {view->time_ns, i};
-    }
-  }
-  std::vector<bool> dropped(groups.size());
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    std::size_t away = 0;
-    bool covered = false;
-    for (const ObjectView* view : groups[i].views) {
-      const auto& [time_ns, where] = latest.at({view->robot, view->track_id});
-      if (where == i || time_ns <= groups[i].views.back()->time_ns || !isThing(groups[where], options))
-        continue;
-      ++away;
-      covered = covered || overlap(groups[i], groups[where]) > 0.0;
-    }
-    dropped[i] = covered && 2 * away > groups[i].views.size();
-  }
-  std::vector<Group> kept;
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    if (!dropped[i]) kept.push_back(std::move(groups[i]));
-  }
-  groups = std::move(kept);
-}
-
 /// Fitted over all views; those that show something else after all are left out.
 Group refined(const Group& group, const MergerOptions& options, const Meanwhile& meanwhile) {
   Group all = groupOf(group.views, group.kind, options.prism, meanwhile);
@@ -258,7 +227,6 @@ std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const Me
   for (auto& piece : pieces) {
     if (!join(piece, options, meanwhile, groups)) groups.push_back(std::move(piece));
   }
-  leavePlaces(options, groups);
   for (auto& group : groups) group = refined(group, options, meanwhile);
   settleOverlaps(options, meanwhile, groups);
   std::sort(groups.begin(), groups.end(),

@@ -17,10 +17,10 @@ struct Group {
 
 /// Puts views together: each track is cut in time where its views stop showing one body in one place (it was
 /// moved); the pieces of all robots are joined, surest first, where their centres are within the gate or
-/// their footprints overlap and one prism explains both; of a moved object only the latest of places
-/// that overlap stays.
-/// Fitted over all views; of two that then stand in one place, never seen in one frame, the one with more
-/// views stays. The candidates must outlive the groups. `meanwhile` is called before each fit.
+/// their footprints overlap and one prism explains both. Fitted over all views; of two that then stand in one
+/// place, never seen in one frame, the one with more views stays. What was moved has a group in each place:
+/// whether the floor was seen where it stood is the merger's to ask. The candidates must outlive the groups.
+/// `meanwhile` is called before each fit.
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
                               const Meanwhile& meanwhile = {});
 

@@ -84,10 +84,9 @@ double usualDistance(const Group& group) {
 }
 
 /// It has gone: the floor was seen in its place later, from as near as it usually was seen, for a thing of
-/// about the floor's colour is lost from afar. Or it was
-/// never there, which the overlay as printed, §IV.4, does not ask: since it was first seen the floor was as
-/// often, likewise; or from anywhere many times as often; or it was seen hardly at all, and the floor as
-/// often.
+/// about the floor's colour is lost from afar. Or it was never there, which the overlay as printed, §IV.4,
+/// does not ask: since it was first seen the floor was as often, likewise; or from anywhere many times as
+/// often; or it was seen hardly at all, and the floor as often.
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   constexpr int kManyTimes = 4;
