@@ -147,8 +147,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       bits_(view.imageSize()),
       despeckler_(view.imageSize()),
       shade_(view.imageSize()),
-      completer_(camera, view.imageSize()),
-      top_completer_(camera, view.imageSize()) {
+      completer_(camera, view.imageSize()) {
   if (options.method == "local" && !options.reference.all_modes) {
     horizon_ = std::make_unique<Horizon>(camera, view);
     reference_.lookBeyond(horizon_->sectors());
@@ -158,7 +157,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
 
 bool GroundSegmenter::segment(const cv::Mat& image) {
   last_strips_.swap(strips_);
-  rough_.clear();
+  completer_.clear();
   strips_.clear();
   cells_.read(image);
   noise_ = meter_.measure(image, cells_.means());
@@ -191,56 +190,10 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
 /// those of before all masks are 0.
 void GroundSegmenter::complete(const cv::Mat& image) {
   const ShadeFilter::Frame frame = shadeFrame(image);
-  bool any = false;
-  settled_.clear();
-  bool any_top = false;
-  for (const Blob* top : shade_.lights()) {
-    const std::vector<Run>& whole = top_completer_.complete(frame, *top);
-    any_top = any_top || !whole.empty() || top_completer_.isDoubtful();
-    if (whole.empty()) continue;
-    replace(*top, whole);
-    settled_.push_back(top);
-    const Run& middle = whole[whole.size() / 2];
-    rough_.emplace_back((middle.begin + middle.end) / 2, middle.row);
-  }
-  const auto isSettled = [this](const Blob* blob) {
-    return std::find(settled_.begin(), settled_.end(), blob) != settled_.end();
-  };
-  // Where there are things whose tops alone are plain to see, what is not known to be whole is one's top.
-  for (const Blob* top : shade_.lights()) {
-    if (!any_top || isSettled(top)) continue;
-    for (const Run& run : top->runs) bits_.clear(run.row, run.begin, run.end);
-    shade_.doubt(*top);
-    settled_.push_back(top);
-  }
-  if (any_top) shade_.decide(bits_);
-  for (const Blob* side : shade_.sides()) {
-    const std::vector<Run>& whole = completer_.complete({frame, view_->mask(), looks_, bits_}, *side);
-    if (whole.empty()) continue;
-    replace(*side, whole);
-    any = true;
-  }
-  if (!any && settled_.empty()) return;
+  if (!completer_.complete({frame, view_->mask(), looks_, bits_}, shade_, {bits_, active_})) return;
   strips_.clear();
   gatherStrips();
   area_.cover(strips_);
-}
-
-bool GroundSegmenter::isRough(const Blob& region) const {
-  return std::any_of(rough_.begin(), rough_.end(), [&](const cv::Point& at) {
-    return region.rect.contains(at) &&
-           std::any_of(region.runs.begin(), region.runs.end(), [&](const Run& run) {
-             return run.row == at.y && run.begin <= at.x && at.x < run.end;
-           });
-  });
-}
-
-void GroundSegmenter::replace(const Blob& part, const std::vector<Run>& whole) {
-  for (const Run& run : part.runs) bits_.clear(run.row, run.begin, run.end);
-  for (const Run& run : whole) {
-    bits_.set(run.row, run.begin, run.end);
-    for (int x = run.begin / kCell; x * kCell < run.end; ++x) active_(run.row / kCell, x) = 1;
-  }
 }
 
 void GroundSegmenter::keepOf(const Blob& region, const BitMask& kept, std::uint8_t other) {

@@ -17,9 +17,8 @@
 #include "ground/low_walls.h"
 #include "ground/off_cells.h"
 #include "ground/shade_filter.h"
-#include "ground/side_completer.h"
 #include "ground/strip.h"
-#include "ground/top_completer.h"
+#include "ground/thing_completer.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
@@ -58,7 +57,7 @@ class GroundSegmenter {
   void keepOf(const Blob& region, const BitMask& kept, std::uint8_t other);
   /// Is the region one whose outline was told by its top and what its sides look like on the whole? It is
   /// wrong by pixels.
-  bool isRough(const Blob& region) const;
+  bool isRough(const Blob& region) const { return completer_.isRough(region); }
   bool hasLowWalls() const { return low_walls_ && low_walls_->any(); }
   /// Regions that may be floor or a thing of its colour; not in objects().
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
@@ -84,7 +83,6 @@ class GroundSegmenter {
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
   void complete(const cv::Mat& image);
-  void replace(const Blob& part, const std::vector<Run>& whole);
   void markCells(const FloorNoise& noise);
   struct CellHue {
     float gain;     ///< brightness, of the floor's
@@ -127,10 +125,7 @@ class GroundSegmenter {
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
   ShadeFilter shade_;
-  std::vector<const Blob*> settled_;  ///< regions of the last frame that top_completer_ has spoken of
-  std::vector<cv::Point> rough_;      ///< what is left of each lies there
-  SideCompleter completer_;
-  TopCompleter top_completer_;
+  ThingCompleter completer_;
 };
 
 }  // namespace omnifleet::ground

@@ -263,15 +263,6 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
 /// The hull of the top and of its shadow on the floor at that share.
 void TopCompleter::take(const FloorFrame& frame, double share) {
   outline_ = hull_;
-  if (getenv("TOPD")) {
-    Eigen::Vector2d m(0, 0);
-    for (auto& q : top_m_) m += q / double(top_m_.size());
-    const double k0 = 0.01;
-    auto a = pixelAt(near_m_[near_m_.size() / 2], share),
-         b = pixelAt(near_m_[near_m_.size() / 2], share - k0);
-    printf("TAKE %.4f %.3f %.3f %.3f cut %d\n", share, m.x(), m.y(), a && b ? (*a - *b).norm() / k0 : 0.0,
-           is_cut_);
-  }
   for (const Eigen::Vector2d& at : top_m_) {
     const auto pixel = pixelAt(at, share);
     if (!pixel) return;

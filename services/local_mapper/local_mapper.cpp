@@ -2,9 +2,6 @@
 
 namespace omnifleet::local_mapper {
 
-// How many times worse an outline is of which most is inferred (ground::GroundSegmenter::isRough).
-static constexpr float kRoughly = 15.0f;
-
 Options Options::read(const options::Section& section) {
   Options o;
   o.check = FrameCheckOptions::read(section.child("frame"));
@@ -250,8 +247,10 @@ void LocalMapper::Stages::measurePart(const std::vector<ground::Blob>& parts, st
 /// What was just measured becomes an object, or merely stands in the way of the scan.
 void LocalMapper::Stages::keep(bool is_object, const ground::Blob& blob) {
   if (is_object) {
-    if (segmenter.isRough(blob))
+    constexpr float kRoughly = 15.0f;  // times the σ of an outline of which most is inferred
+    if (segmenter.isRough(blob)) {
       for (float& sigma : object.supports.sigma_m) sigma *= kRoughly;  // below 0 where there is none
+    }
     const std::size_t n = map.objects.size();
     object.label = static_cast<std::uint16_t>(n + 1);
     blob_of_object.push_back(n);
