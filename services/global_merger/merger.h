@@ -75,7 +75,7 @@ struct MergerOptions {
   double max_spread = 4.0;     ///< in σ, views that disagree more than this do not show one body
   double max_sigma_m = 0.05;   ///< m, a centre less certain than this is no object
   double flat_m = 0.02;        ///< m, what is surely lower is a mark on the floor
-  int gone_after = 3;  ///< contributions that later saw the floor through its middle before it has gone
+  int gone_after = 3;  ///< contributions that later, as near, saw the floor through its middle: it has gone
 
   static MergerOptions read(const options::Section& section);
 };
