@@ -90,6 +90,40 @@ TEST_F(TopCompleterTest, ASideAsBrightAsTheFloorIsOfTheTop) {
   EXPECT_TRUE(segmenter_.isRough(regions[0]));
 }
 
+TEST_F(TopCompleterTest, WhatIsUndecidedByItsTopIsDecidedByItsSides) {
+  const cv::Mat1b box = drawBox(0.8, 1.16, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+  EXPECT_TRUE(segmenter_.undecided().empty());
+}
+
+TEST_F(TopCompleterTest, ASideWhoseFootTheRobotHidesGoesUpToThere) {
+  const cv::Mat1b box = drawBox(0.3, 1.29, 0.09) & view_.mask();
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+}
+
+/// Before the side lies something else, as mottled as half of it.
+TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
+  cv::Mat1f gain(image_.size());
+  cv::RNG random(6);
+  random.fill(gain, cv::RNG::NORMAL, 0.0, 1.0);
+  cv::GaussianBlur(gain, gain, {0, 0}, 1.5);
+  cv::Scalar mean, sigma;
+  cv::meanStdDev(gain, mean, sigma);
+  const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
+  for (int y = 0; y < image_.rows; ++y)
+    for (int x = 0; x < image_.cols; ++x)
+      for (int c = 0; c < 3 && mat(y, x) != 0; ++c)
+        image_(y, x)[c] =
+            cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * (1.0 + 0.05 / sigma[0] * gain(y, x)));
+  drawBox(0.8, 1.29, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  Labeller labeller;
+  for (const Blob& region : labeller.label(segmenter_.bits(), segmenter_.area(), 20))
+    EXPECT_FALSE(segmenter_.isRough(region));
+}
+
 TEST_F(TopCompleterTest, BeforeASharpPatchOfLightThereIsOnlyFloor) {
   const cv::Mat1b patch = drawPatch();
   ASSERT_TRUE(segmenter_.segment(image_));
