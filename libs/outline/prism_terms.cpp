@@ -157,7 +157,7 @@ HeightPrior heightByTangents(const Terms& terms, std::size_t v) {
     bool usable = true;
     for (int j = k - kReach; j <= k + 1 + kReach; ++j) {
       const Term &left = terms.at(v, (j - 1 + n) % n), &mid = terms.at(v, (j + n) % n),
-                 &right = terms.at(v, (j + 1) % n);
+                 &right = terms.at(v, (j + 1 + n) % n);
       usable = usable && left.sigma > 0 && mid.sigma > 0 && right.sigma > 0;
       curve_a += left.a + right.a - two_cos * mid.a;
       curve_b += left.b + right.b - two_cos * mid.b;

@@ -237,7 +237,7 @@ void GlobalMergerService::save(bool as_fitted) {
 void GlobalMergerService::tellUnmapped() {
   const auto& places = replica_.unmapped();
   if (!speaks_ || places.empty()) return;
-  constexpr std::size_t kNamed = 4;
+  constexpr std::size_t kNamed = 12;
   std::string named;
   for (std::size_t i = 0; i < std::min(kNamed, places.size()); ++i)
     named += fmt::format("{}({:.2f}, {:.2f})", i > 0 ? ", " : "", places[i].x(), places[i].y());

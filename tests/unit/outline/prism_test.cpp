@@ -124,6 +124,30 @@ bool isPlain(const Prism& prism) {
   return prism.footprint_m.size() == 4 || prism.footprint_m.size() > 8;
 }
 
+/// Its tangents may lie where directions begin again.
+TEST(Prism, OneViewAloneTellsTheSameWhereverItLooks) {
+  PrismOptions options;
+  options.plain_shapes = false;
+  constexpr int kBearings = 48;  // as many as directions of a view
+  double first_m = 0.0;
+  for (int k = 0; k < kBearings; ++k) {
+    const double bearing = 2.0 * M_PI * k / kBearings;
+    Polygon disc;
+    for (int i = 0; i < 192; ++i) {
+      const double angle = bearing + 2.0 * M_PI * i / 192;
+      disc.emplace_back(0.9 * std::cos(bearing) + 0.15 * std::cos(angle),
+                        0.9 * std::sin(bearing) + 0.15 * std::sin(angle));
+    }
+    PrismView view;
+    view.camera_height_m = 0.5;
+    view.supports = outline::prismSupports(disc, 0.2, view, 0.002);
+    const PrismFit fit = fitPrism({view}, options);
+    ASSERT_TRUE(fit.valid) << k;
+    if (k == 0) first_m = fit.height_m;
+    EXPECT_NEAR(fit.height_m, first_m, 1e-6) << "bearing " << k;
+  }
+}
+
 TEST(Prism, OneViewOfABoxOrADiscTellsTheHeight) {
   std::mt19937 random(15);
   for (const auto& prism : scene()) {
