@@ -37,34 +37,39 @@ class TopCompleterTest : public ::testing::Test {
     return mask;
   }
 
+  /// Brightness of the image's pixels, of the floor's: a little more here and less there.
+  cv::Mat1f mottle(double sigma, int seed) const {
+    cv::Mat1f gain(image_.size());
+    cv::RNG random(static_cast<std::uint64_t>(seed));
+    random.fill(gain, cv::RNG::NORMAL, 0.0, 1.0);
+    cv::GaussianBlur(gain, gain, {0, 0}, 1.5);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(gain, mean, deviation);
+    return 1.0 + gain * (sigma / deviation[0]);
+  }
+
+  void light(const cv::Mat1b& where, const cv::Mat1f& gain) {
+    for (int y = 0; y < image_.rows; ++y)
+      for (int x = 0; x < image_.cols; ++x)
+        for (int c = 0; c < 3 && where(y, x) != 0; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * gain(y, x));
+  }
+
   /// 28 cm wide and 20 cm high, its front across, so far ahead. @return its silhouette
   cv::Mat1b drawBox(double near, double top_gain, double mottled, double deep = 0.22) {
     const double far = near + deep, half = 0.14, h = 0.2;
     const cv::Mat1b top = maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}});
     const cv::Mat1b side = maskOf({{near, -half, 0}, {near, half, 0}, {near, half, h}, {near, -half, h}});
-    cv::Mat1f gain(image_.size());
-    cv::RNG random(5);
-    random.fill(gain, cv::RNG::NORMAL, 0.0, 1.0);
-    cv::GaussianBlur(gain, gain, {0, 0}, 1.5);
-    cv::Scalar mean, sigma;
-    cv::meanStdDev(gain, mean, sigma);
-    gain = 1.0 + gain * (mottled / sigma[0]);
+    cv::Mat1f gain = mottle(mottled, 5);
     gain.setTo(top_gain, top);
-    for (int y = 0; y < image_.rows; ++y)
-      for (int x = 0; x < image_.cols; ++x)
-        if (top(y, x) != 0 || side(y, x) != 0)
-          for (int c = 0; c < 3; ++c)
-            image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * gain(y, x));
+    light(top | side, gain);
     return top | side;
   }
 
   /// On the floor, behind the robot. @return where
   cv::Mat1b drawPatch() {
     const cv::Mat1b patch = maskOf({{-0.9, -0.2, 0}, {-0.9, 0.2, 0}, {-1.3, 0.2, 0}, {-1.3, -0.2, 0}});
-    for (int y = 0; y < image_.rows; ++y)
-      for (int x = 0; x < image_.cols; ++x)
-        for (int c = 0; c < 3 && patch(y, x) != 0; ++c)
-          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * 1.29);
+    light(patch, cv::Mat1f(image_.size(), 1.29f));
     return patch;
   }
 
@@ -105,18 +110,8 @@ TEST_F(TopCompleterTest, ASideWhoseFootTheRobotHidesGoesUpToThere) {
 
 /// Before the side lies something else, as mottled as half of it.
 TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
-  cv::Mat1f gain(image_.size());
-  cv::RNG random(6);
-  random.fill(gain, cv::RNG::NORMAL, 0.0, 1.0);
-  cv::GaussianBlur(gain, gain, {0, 0}, 1.5);
-  cv::Scalar mean, sigma;
-  cv::meanStdDev(gain, mean, sigma);
   const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
-  for (int y = 0; y < image_.rows; ++y)
-    for (int x = 0; x < image_.cols; ++x)
-      for (int c = 0; c < 3 && mat(y, x) != 0; ++c)
-        image_(y, x)[c] =
-            cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * (1.0 + 0.05 / sigma[0] * gain(y, x)));
+  light(mat, mottle(0.05, 6));
   drawBox(0.8, 1.29, 0.09);
   ASSERT_TRUE(segmenter_.segment(image_));
   Labeller labeller;

@@ -301,6 +301,26 @@ TEST_F(SixthThing, WasNeverThereWhereManyTimesAsManyFramesSeeTheFloor) {
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
 }
 
+/// It flickers, as light on the floor does, to the end; nobody else looks.
+TEST_F(SixthThing, WasNeverThereWhereTheFloorIsSeenAsOftenFromAsNear) {
+  Sets sets;
+  int frame = 0;
+  for (std::size_t i = 0; i < with_.contributions.size(); ++i) {
+    if (with_.contributions[i].robot != "r1") continue;
+    const bool sees = frame == 0 || (frame >= 15 && frame % 3 == 0) || frame == 29;
+    sets.contributions.push_back(sees ? with_.contributions[i] : without_.contributions[i]);
+    sets.poses.push_back(with_.poses[i]);
+    ++frame;
+  }
+  EXPECT_EQ(frame, 30);
+  const auto isIt = [&](const MapObject& object) {
+    return (object.centroid_m - centroid(things_.back().footprint_m)).norm() < 0.15;
+  };
+  Merger merger = map(sets);
+  const auto& outlines = merger.outlines();
+  EXPECT_TRUE(std::none_of(outlines.begin(), outlines.end(), isIt));
+}
+
 /// Its track is lost and takes hold of a shadow nearby.
 TEST_F(SixthThing, HasNotGoneWhereALostTrackSays) {
   Sets sets = with_;
