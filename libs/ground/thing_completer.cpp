@@ -6,6 +6,12 @@
 
 namespace omnifleet::ground {
 
+namespace {
+
+constexpr int kMemory = 50;  // frames that a thing whose top alone is plain to see is remembered for
+
+}  // namespace
+
 ThingCompleter::ThingCompleter(const lens::Camera& camera, cv::Size image)
     : sides_(camera, image), tops_(camera, image) {}
 
@@ -23,20 +29,25 @@ bool ThingCompleter::complete(const SideCompleter::Frame& frame, ShadeFilter& sh
 
 void ThingCompleter::completeTops(const ShadeFilter::Frame& frame, ShadeFilter& shade, const Found& found) {
   settled_.clear();
+  alone_.clear();
   bool any_top = false;
   for (const Blob* top : shade.lights()) {
     const std::vector<Run>& whole = tops_.complete(frame, *top);
     any_top = any_top || !whole.empty() || tops_.isDoubtful();
+    if (whole.empty() && tops_.isAlone()) alone_.push_back(top);
     if (whole.empty()) continue;
     replace(*top, whole, found);
     settled_.push_back(top);
     const Run& middle = whole[whole.size() / 2];
     rough_.emplace_back((middle.begin + middle.end) / 2, middle.row);
   }
-  if (!any_top) return;
-  // Where there are things whose tops alone are plain to see, what is not known to be whole is one's top.
+  frames_since_top_ = any_top ? 0 : std::min(frames_since_top_ + 1, kMemory + 1);
+  if (frames_since_top_ > kMemory) return;
+  // Where there are things whose tops alone are plain to see, what is not known to be whole is one's top;
+  // where there were some of late, what shows nothing but a top.
+  const std::vector<const Blob*>& asked = any_top ? shade.lights() : alone_;
   const std::size_t known = settled_.size();
-  for (const Blob* top : shade.lights()) {
+  for (const Blob* top : asked) {
     const auto end = settled_.begin() + static_cast<std::ptrdiff_t>(known);
     if (std::find(settled_.begin(), end, top) != end) continue;
     for (const Run& run : top->runs) found.bits.clear(run.row, run.begin, run.end);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -26,7 +27,7 @@ class ThingCompleter {
   /// @param shade of this frame; what is undecided after all is told it
   /// @return whether anything has changed
   bool complete(const SideCompleter::Frame& frame, ShadeFilter& shade, const Found& found);
-  /// Nothing of the last frame is left.
+  /// Nothing of the last frame is left, but that there were such things.
   void clear() { rough_.clear(); }
   /// Is the region one whose outline was told by its top and what its sides look like on the whole?
   bool isRough(const Blob& region) const;
@@ -41,7 +42,9 @@ class ThingCompleter {
   SideCompleter sides_;
   TopCompleter tops_;
   std::vector<const Blob*> settled_;  ///< regions that tops_ has spoken of
+  std::vector<const Blob*> alone_;    ///< regions of which nothing but a top is known
   std::vector<cv::Point> rough_;      ///< what is left of each lies there
+  int frames_since_top_ = std::numeric_limits<int>::max() - 1;  ///< that tops_ has known the sides of, if any
 };
 
 }  // namespace omnifleet::ground

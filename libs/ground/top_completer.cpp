@@ -34,6 +34,7 @@ constexpr double kOfFloor =
 constexpr double kFaint = 0.06;        // of the brightness, that rows of the floor are off by
 constexpr double kMostMetres = 0.025;  // per pixel on the floor: where it is more a foot is wrong by too much
 constexpr double kFloorVariance = 1e-4;  // what rounding makes
+constexpr double kAlone = 0.85;          // share of a region's pixels that lie in its top
 
 }  // namespace
 
@@ -52,8 +53,10 @@ TopCompleter::TopCompleter(const lens::Camera& camera, cv::Size image)
 
 const std::vector<Run>& TopCompleter::complete(const FloorFrame& frame, const Blob& region) {
   runs_.clear();
-  is_doubtful_ = false;
-  if (!findTop(frame, region) || !findNearEdge()) return runs_;
+  is_doubtful_ = is_alone_ = false;
+  if (!findTop(frame, region)) return runs_;
+  is_alone_ = shareInHull(region) >= kAlone;
+  if (!findNearEdge()) return runs_;
   measureRows(frame);
   const auto foot = findFoot(frame);
   if (!foot) return runs_;
@@ -260,6 +263,27 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
   return foot;
 }
 
+/// Into whole_. @return where
+cv::Rect TopCompleter::drawHull() {
+  const cv::Rect box = cv::boundingRect(hull_) & cv::Rect({0, 0}, size_);
+  for (int y = box.y; y < box.br().y; ++y) std::fill_n(whole_.ptr(y) + box.x, box.width, std::uint8_t{0});
+  const cv::Point* points = hull_.data();
+  const int count = static_cast<int>(hull_.size());
+  cv::fillPoly(whole_, &points, &count, 1, cv::Scalar(255));
+  return box;
+}
+
+double TopCompleter::shareInHull(const Blob& region) {
+  const cv::Rect box = drawHull();
+  int inside = 0;
+  for (const Run& run : region.runs) {
+    if (run.row < box.y || run.row >= box.br().y) continue;
+    const std::uint8_t* row = whole_.ptr(run.row);
+    for (int x = std::max(run.begin, box.x); x < std::min(run.end, box.br().x); ++x) inside += row[x] != 0;
+  }
+  return static_cast<double>(inside) / std::max(1, region.area_px);
+}
+
 /// The hull of the top and of its shadow on the floor at that share.
 void TopCompleter::take(const FloorFrame& frame, double share) {
   outline_ = hull_;
@@ -269,11 +293,7 @@ void TopCompleter::take(const FloorFrame& frame, double share) {
     outline_.emplace_back(cvRound(pixel->x()), cvRound(pixel->y()));
   }
   cv::convexHull(outline_, hull_);
-  const cv::Rect box = cv::boundingRect(hull_) & cv::Rect({0, 0}, size_);
-  for (int y = box.y; y < box.br().y; ++y) std::fill_n(whole_.ptr(y) + box.x, box.width, std::uint8_t{0});
-  const cv::Point* points = hull_.data();
-  const int count = static_cast<int>(hull_.size());
-  cv::fillPoly(whole_, &points, &count, 1, cv::Scalar(255));
+  const cv::Rect box = drawHull();
   for (int y = box.y; y < box.br().y; ++y) {
     const std::uint8_t *row = whole_.ptr(y), *view = frame.view.ptr(y);
     const auto isIn = [&](int x) { return row[x] != 0 && view[x] != 0; };

@@ -31,6 +31,8 @@ class TopCompleter {
   const std::vector<Run>& complete(const FloorFrame& frame, const Blob& region);
   /// Was the last one a top with sides, too far off for where they end to be told?
   bool isDoubtful() const { return is_doubtful_; }
+  /// Did nothing of the last one but a top differ from the floor?
+  bool isAlone() const { return is_alone_; }
 
  private:
   /// Of what all bearings show at one share: the sum of the gains; of pairs of neighbours half the squared
@@ -52,6 +54,8 @@ class TopCompleter {
   double gainAlong(const FloorFrame& frame, const Eigen::Vector2d& floor_m, double share) const;
   double metresPerPixel(double share) const;
   void take(const FloorFrame& frame, double share);
+  double shareInHull(const Blob& region);
+  cv::Rect drawHull();
 
   lens::Camera camera_;
   cv::Size size_;
@@ -66,7 +70,7 @@ class TopCompleter {
   std::vector<Row> rows_;                  ///< from the near edge inward
   std::vector<Sums> until_;                ///< of the rows before each
   float limit_ = 0.0f;                     ///< of the floor's light, from which something may be of the top
-  bool is_doubtful_ = false;
+  bool is_doubtful_ = false, is_alone_ = false;
   bool is_cut_ = false;         ///< the view ends there
   std::vector<double> shares_;  ///< of the rows
   std::vector<Run> runs_;

@@ -139,6 +139,26 @@ TEST_F(TopCompleterTest, BesideSuchThingsWhatIsLightAndNotKnownToBeWholeIsUndeci
   EXPECT_EQ(segmenter_.undecided().size(), 1U);
 }
 
+/// Beside such things of late; what shows its side, too, is whole.
+TEST_F(TopCompleterTest, ForAWhileALightRegionAloneIsUndecided) {
+  const cv::Mat3b floor = image_.clone();
+  drawBox(0.8, 1.29, 0.09);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  floor.copyTo(image_);
+  const cv::Mat1b patch = drawPatch();
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() & patch), 0);
+  EXPECT_EQ(segmenter_.undecided().size(), 1U);
+  const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
+  const cv::Mat1b box = drawBox(0.8, 1.29, 0.0);
+  light(side, cv::Mat1f(image_.size(), 0.3f));
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() & patch), 0);
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+  for (int i = 0; i < 50; ++i) ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_GT(cv::countNonZero(segmenter_.objects() & patch), 0);
+}
+
 TEST_F(TopCompleterTest, ATopTooFarOffForItsFootIsUndecided) {
   drawBox(1.4, 1.29, 0.09, 0.5);  // there a pixel is 3 cm of the floor
   ASSERT_TRUE(segmenter_.segment(image_));
