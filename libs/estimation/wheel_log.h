@@ -27,7 +27,7 @@ struct WheelLogOptions {
   double crab_sigma_rad = 0.01;     ///< rad, prior of the angle between the way and the x axis
   double way_walk = 0.008;          ///< m/√s, random walk of the way while driving
   double way_walk_turning = 0.1;    ///< m/√s per rad/s of turning, added to it
-  double side_walk = 0.003;         ///< m/√s, sideways
+  double side_walk = 0.004;         ///< m/√s, sideways
   double turn_walk = 0.013;         ///< rad/√s, random walk of the heading while driving
   double turn_walk_turning = 0.13;  ///< rad/√s per rad/s of turning
   double hold_limit_s = 2.0;        ///< s, a row holds so long; no motion across a longer gap

@@ -57,12 +57,13 @@ bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_f
          contribution.range_dmm[ray] * 1e-4 > to.norm() + kBeyondM;
 }
 
-/// The floor was seen through its middle in this many contributions after a time, from this near.
+/// The floor was seen through its middle in this many contributions, later than one time and up to another,
+/// from this near.
 int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns,
-                     double within_m) {
+                     TimeNs until_ns, double within_m) {
   int times = 0;
   for (const auto& [robot, path] : store.robots()) {
-    for (auto it = path.upper_bound(after_ns); it != path.end(); ++it) {
+    for (auto it = path.upper_bound(after_ns); it != path.end() && it->first <= until_ns; ++it) {
       const auto& keyframe = it->second;
       if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
       const Pose2 map_from_base = keyframe.pose->mapFromBase();
@@ -83,22 +84,51 @@ double usualDistance(const Group& group) {
   return *middle;
 }
 
-/// It has gone: the floor was seen in its place later, from as near as it usually was seen, for a thing of
-/// about the floor's colour is lost from afar. Or it was never there, which the overlay as printed, §IV.4,
-/// does not ask: since it was first seen the floor was as often, likewise; or from anywhere many times as
-/// often; or it was seen hardly at all, and the floor as often.
+/// Shape and place are beyond doubt.
+bool isCertain(const Group& group) {
+  constexpr std::size_t kViews = 10;
+  constexpr double kSpread = 1.0, kSigma_m = 0.01;
+  return group.fit.valid && group.views.size() >= kViews && group.fit.spread <= kSpread &&
+         group.fit.covariance.diagonal().maxCoeff() <= kSigma_m * kSigma_m;
+}
+
+/// How often something was seen, and the floor through its middle: from as near as half of its views are.
+struct Looks {
+  int seen = 0;
+  int before = 0, after = 0;  ///< its last view
+  double near_m = 0.0;
+};
+
+Looks looksAt(const Group& group, const occupancy::ContributionStore& store) {
+  const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
+  const double near_m = usualDistance(group);
+  return {static_cast<int>(group.views.size()), timesSeenThrough(group, store, first_ns, last_ns, near_m),
+          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m), near_m};
+}
+
+/// The floor was seen in its place later, more often in a row than it was lost while it was there: a thing of
+/// about the floor's colour comes and goes, and is lost from afar.
+bool hasGone(const Looks& looks, const MergerOptions& options) {
+  constexpr double kSolid = 0.1;  // share of the looks that lose a thing that is plain to see
+  const double lost = (looks.before + 1.0) / (looks.before + looks.seen + 2.0);
+  return looks.after >= options.gone_after * std::max(1.0, std::log(kSolid) / std::log(lost));
+}
+
+/// It has gone, or was never there, which the overlay as printed, §IV.4, does not ask: since it was first
+/// seen the floor was as often, from as near; or from anywhere many times as often; or it was seen hardly at
+/// all, and the floor as often.
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   constexpr int kManyTimes = 4;
   constexpr double kAnywhere_m = std::numeric_limits<double>::infinity();
-  const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
-  const int seen = static_cast<int>(group.views.size());
-  const double near_m = usualDistance(group);
-  if (timesSeenThrough(group, store, last_ns, near_m) >= options.gone_after) return true;
-  if (options.method == "hull") return false;
-  if (seen < options.gone_after) return timesSeenThrough(group, store, INT64_MIN, kAnywhere_m) >= seen;
-  return timesSeenThrough(group, store, first_ns, near_m) >= seen ||
-         timesSeenThrough(group, store, first_ns, kAnywhere_m) >= kManyTimes * seen;
+  const Looks looks = looksAt(group, store);
+  if (hasGone(looks, options)) return true;
+  if (options.method == "hull" || isCertain(group)) return false;
+  if (looks.seen < options.gone_after)
+    return timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen;
+  const TimeNs first_ns = group.views.front()->time_ns;
+  return looks.before + looks.after >= looks.seen ||
+         timesSeenThrough(group, store, first_ns, INT64_MAX, kAnywhere_m) >= kManyTimes * looks.seen;
 }
 
 /// No higher than a mark on the floor, as far as can be told.
@@ -209,21 +239,24 @@ bool Merger::isObject(const Group& group) const {
   return !isFlat(group, options_) && !isContradicted(group, options_, map_.store());
 }
 
-/// Not told are marks on the floor, what has gone, robots that publish nothing, and pieces of what is mapped.
+/// Not told are robots that publish nothing, and pieces of what is mapped.
 void Merger::findUnmapped(const std::vector<Group>& groups) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   for (const Group& group : groups) {
     if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) continue;
-    if (isFlat(group, options_) || isContradicted(group, options_, map_.store())) continue;
     if (isSilentRobot(group, options_, map_.store(), bodies_)) continue;
     const bool is_mapped =
         std::any_of(outlines_.begin(), outlines_.end(), [&](const dataset::MapObject& object) {
           return distanceTo(object.outline_m, group.centre_m) < kPiece_m;
         });
-    const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Eigen::Vector2d& at_m) {
-      return (at_m - group.centre_m).norm() < kSame_m;
+    const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Unmapped& other) {
+      return (other.at_m - group.centre_m).norm() < kSame_m;
     });
-    if (!is_mapped && !is_told) unmapped_.push_back(group.centre_m);
+    if (is_mapped || is_told) continue;
+    const bool is_lost = isContradicted(group, options_, map_.store());
+    unmapped_.push_back({group.centre_m, is_lost                   ? Unmapped::Why::kFloorSeen
+                                         : isFlat(group, options_) ? Unmapped::Why::kFlat
+                                                                   : Unmapped::Why::kNoShape});
   }
 }
 

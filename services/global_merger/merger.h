@@ -82,6 +82,17 @@ struct MergerOptions {
 
 struct Group;
 
+/// A place where several views saw something that is not in the map.
+struct Unmapped {
+  enum class Why : std::uint8_t {
+    kNoShape,    ///< the views do not agree on what
+    kFlat,       ///< it is no higher than a mark on the floor
+    kFloorSeen,  ///< the floor was seen there, too: it has gone, or is hardly to be told from the floor
+  };
+  Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  ///< map
+  Why why = Why::kNoShape;
+};
+
 /// What is done between the fits of outlines, which together take longer than a frame may wait.
 using Meanwhile = std::function<void()>;
 
@@ -118,9 +129,8 @@ class Merger {
   const std::vector<dataset::MapObject>& outlines(const Meanwhile& meanwhile = {});
   /// As they were fitted last.
   const std::vector<dataset::MapObject>& lastOutlines() const { return outlines_; }
-  /// Since finish(): places, map, metres, where several views saw something that is not in the map, for they
-  /// do not agree on what; at most one within 0.3 m.
-  const std::vector<Eigen::Vector2d>& unmapped() const { return unmapped_; }
+  /// Since finish(): at most one within 0.3 m.
+  const std::vector<Unmapped>& unmapped() const { return unmapped_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 
@@ -141,7 +151,7 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
   std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
   std::vector<dataset::MapObject> outlines_;
-  std::vector<Eigen::Vector2d> unmapped_;
+  std::vector<Unmapped> unmapped_;
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind> kinds_;  ///< of the tracks behind the outlines
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted
   bool finished_ = false;

@@ -235,14 +235,24 @@ void GlobalMergerService::save(bool as_fitted) {
 }
 
 void GlobalMergerService::tellUnmapped() {
-  const auto& places = replica_.unmapped();
-  if (!speaks_ || places.empty()) return;
+  if (!speaks_) return;
+  tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what");
+  tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
+               "the floor was seen there, too (gone, or hardly to be told from the floor)");
+  tellUnmapped(global_merger::Unmapped::Why::kFlat, "they are no higher than marks on the floor");
+}
+
+void GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {
   constexpr std::size_t kNamed = 12;
   std::string named;
-  for (std::size_t i = 0; i < std::min(kNamed, places.size()); ++i)
-    named += fmt::format("{}({:.2f}, {:.2f})", i > 0 ? ", " : "", places[i].x(), places[i].y());
-  if (places.size() > kNamed) named += fmt::format(" and {} more", places.size() - kNamed);
-  status().error(fmt::format("seen but not in the map, for the views do not agree on what: {} m", named));
+  std::size_t places = 0;
+  for (const global_merger::Unmapped& unmapped : replica_.unmapped()) {
+    if (unmapped.why != why || ++places > kNamed) continue;
+    named += fmt::format("{}({:.2f}, {:.2f})", places > 1 ? ", " : "", unmapped.at_m.x(), unmapped.at_m.y());
+  }
+  if (places == 0) return;
+  if (places > kNamed) named += fmt::format(" and {} more", places - kNamed);
+  status().error(fmt::format("seen but not in the map, for {}: {} m", reason, named));
 }
 
 void GlobalMergerService::drain() {
