@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kMergedSolidity = 0.94;    // below this a silhouette is several objects
 constexpr int kLeastDirections = 12;        // usable ones that still hold a position
+constexpr double kRough_m = 0.05;           // σ of an outline that is inferred more than it is seen
 constexpr double kFarthestContact_m = 1.9;  // beyond it a camera's own errors outweigh what a view tells
 
 /// A pair that may belong together; sorted by distance, then by order of appearance.
@@ -23,6 +24,12 @@ struct Candidate {
     return std::tie(distance_m, seen, other) < std::tie(o.distance_m, o.seen, o.other);
   }
 };
+
+bool isRough(const View& view) {
+  double sum = 0.0;
+  for (const double sigma : view.sigma_m) sum += sigma;
+  return sum > kRough_m * view.sigma_factor * std::max(1, view.usable());
+}
 
 double uncertainty(const RobotNode& robot) {
   return std::sqrt(std::max(0.0, robot.covariance.topLeftCorner<2, 2>().trace()));
@@ -45,7 +52,8 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
         View::from(track, frame.scan.origin_m, frame.camera_height_m, fleet.options.view_sigma_factor));
     seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
-    seen.mature = track.solidity >= kMergedSolidity && !track.truncated && Footprint(*seen.view).whole;
+    seen.mature = track.solidity >= kMergedSolidity && !track.truncated && !isRough(*seen.view) &&
+                  Footprint(*seen.view).whole;
     all.push_back(std::move(seen));
   }
   return all;

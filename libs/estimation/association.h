@@ -17,7 +17,7 @@ struct Seen {
   RobotNode* peer = nullptr;  ///< a robot, or
   PoseAt peer_at;
   std::uint32_t landmark = 0;  ///< an obstacle, or neither
-  bool mature = false;         ///< clean enough to found or to deny a landmark
+  bool mature = false;         ///< clean enough to be a landmark's, to found or to deny one
 };
 
 /// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.

@@ -446,6 +446,35 @@ TEST(FleetEstimator, AFrameOfSplintersAndSwollenOutlinesIsNoRobotCarriedAway) {
   EXPECT_EQ(estimator.status("r1").losses, 0);
 }
 
+/// Outlines that were inferred more than seen (their σ says so) come along with the robot, as tops of things
+/// whose sides are of the floor's colour do.
+TEST(FleetEstimator, WhatIsSeenRoughlyMovesNoPose) {
+  SimulationOptions lone;
+  lone.robots = 1;
+  const auto endOf = [&](bool sees) {
+    FleetSimulator simulator(lone, 21);
+    FleetEstimator estimator(simulator.setups(), {});
+    PoseEstimate last;
+    int seen = 0;
+    for (int f = 0; f < lone.frames; ++f) {
+      auto frames = simulator.frames(f);
+      for (Track& track : frames[0].tracks) {
+        seen += track.visible ? 1 : 0;
+        for (float& b : track.supports.b_m) b *= 1.4f;
+        for (float& sigma : track.supports.sigma_m) sigma *= 15.0f;
+      }
+      EXPECT_GT(seen, 0);
+      if (!sees) frames[0].tracks.clear();
+      last = estimator.process(simulator.time(f), pointers(frames), {})[0];
+      EXPECT_NE(estimator.status("r1").state, RobotState::kSlipping) << f;
+    }
+    return last.map_from_base;
+  };
+  const Pose2 blind = endOf(false), rough = endOf(true);
+  EXPECT_LT((blind.translation() - rough.translation()).norm(), 1e-3);
+  EXPECT_LT(std::abs(wrapAngle(blind.theta_rad - rough.theta_rad)), 1e-3);
+}
+
 TEST(FleetEstimator, FramesOutOfOrderAreInvalidAndHarmless) {
   FleetSimulator simulator({}, 13);
   FleetEstimator estimator(simulator.setups(), {});
