@@ -73,6 +73,7 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
   RobotOutputs outputs{{context_.bus.writer(context_.topics.pose, robot), "pose " + robot, readers("pose")},
                        {context_.bus.writer(context_.topics.map_keyframe_pose, robot),
                         "map/keyframe_pose localizer " + robot, readers("map/keyframe_pose")},
+                       {},
                        {}};
   if (!fleet.maps(robot)) {
     outputs.objects.emplace(context_.bus.writer(context_.topics.objects, robot), "objects " + robot,
@@ -257,6 +258,9 @@ void LocalizerService::publishPose(const PoseEstimate& pose) {
   adapters::toWire(pose, runClock(context_.options), kTerm, sample_);  // leaves `published` as it is
   outputs_.at(pose.robot).pose.write(sample_, status());
   const std::string text = estimator_.status(pose.robot);
+  std::string& told = outputs_.at(pose.robot).trouble;
+  if (text == told) return;  // once, though other robots have troubles of their own
+  told = text;
   if (!text.empty()) status().error(pose.robot + ": " + text);
 }
 

@@ -46,6 +46,7 @@ class LocalizerService : public bus::Service {
     Outlet<v1::Pose> pose;
     Outlet<v1::KeyframePose> correction;
     std::optional<Outlet<v1::Objects>> objects;  ///< of a robot without a camera
+    std::string trouble;                         ///< what was told of it last
   };
 
   void readCameras(const fleet::Fleet& fleet);

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "fleet_in_process/in_process.h"
 
@@ -44,6 +45,9 @@ class StageBench {
       spin();
     } while (stage_->background());
   }
+  bool background() { return stage_->background(); }
+  /// Told since the last call.
+  std::vector<std::string> problems() { return stage_->status().takeProblems(); }
   bus::StatusBoard::Snapshot status() { return stage_->status().snapshot(bus::StatusBoard::Clock::now()); }
 
  private:
