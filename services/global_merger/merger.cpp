@@ -227,10 +227,14 @@ void Merger::addTrajectory(const PoseEstimate& pose) {
   path.insert(after, {pose.acquired_ns, pose.map_from_base});
 }
 
-bool Merger::isObject(const Group& group) const {
+bool Merger::isOneThing(const Group& group) const {
   if (!group.fit.valid || group.fit.spread > options_.max_spread) return false;
   const Eigen::Vector2d sigma = group.fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  if (sigma.maxCoeff() > options_.max_sigma_m) return false;
+  return sigma.maxCoeff() <= options_.max_sigma_m;
+}
+
+bool Merger::isObject(const Group& group) const {
+  if (!isOneThing(group)) return false;
   if (!finished_ && static_cast<int>(group.views.size()) < options_.min_views) return false;
   if (group.kind == ObjectKind::kUnknown &&
       (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
@@ -239,24 +243,41 @@ bool Merger::isObject(const Group& group) const {
   return !isFlat(group, options_) && !isContradicted(group, options_, map_.store());
 }
 
-/// Not told are robots that publish nothing, and pieces of what is mapped.
+/// Why it is no object, where people should know; nothing where the floor contradicts what is no one thing
+/// anyway.
+std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
+  if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
+  if (isSilentRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
+  const bool is_flat = isFlat(group, options_);
+  if (isContradicted(group, options_, map_.store())) {
+    if (is_flat || !isOneThing(group)) return std::nullopt;
+    return Unmapped::Why::kFloorSeen;
+  }
+  return is_flat ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
+}
+
+/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove.
 void Merger::findUnmapped(const std::vector<Group>& groups) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
+  const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
+    return (a - b).squaredNorm() < within_m * within_m;
+  };
   for (const Group& group : groups) {
-    if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) continue;
-    if (isSilentRobot(group, options_, map_.store(), bodies_)) continue;
-    const bool is_mapped =
-        std::any_of(outlines_.begin(), outlines_.end(), [&](const dataset::MapObject& object) {
-          return distanceTo(object.outline_m, group.centre_m) < kPiece_m;
-        });
+    const auto why = whyUnmapped(group);
+    if (!why) continue;
+    const Eigen::Vector2d& at_m = group.centre_m;
     const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Unmapped& other) {
-      return (other.at_m - group.centre_m).norm() < kSame_m;
+      return isNear(other.at_m, at_m, kSame_m);
     });
-    if (is_mapped || is_told) continue;
-    const bool is_lost = isContradicted(group, options_, map_.store());
-    unmapped_.push_back({group.centre_m, is_lost                   ? Unmapped::Why::kFloorSeen
-                                         : isFlat(group, options_) ? Unmapped::Why::kFlat
-                                                                   : Unmapped::Why::kNoShape});
+    const bool is_mapped = std::any_of(
+        outlines_.begin(), outlines_.end(),
+        [&](const dataset::MapObject& object) { return distanceTo(object.outline_m, at_m) < kPiece_m; });
+    const bool is_way = std::any_of(trajectories_.begin(), trajectories_.end(), [&](const auto& trajectory) {
+      return std::any_of(trajectory.second.begin(), trajectory.second.end(), [&](const auto& pose) {
+        return isNear(pose.map_from_base.translation(), at_m, kPiece_m);
+      });
+    });
+    if (!is_told && !is_mapped && !is_way) unmapped_.push_back({at_m, *why});
   }
 }
 

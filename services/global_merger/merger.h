@@ -142,7 +142,9 @@ class Merger {
   std::vector<std::string> saveAsFitted(const std::string& folder) const;
 
  private:
+  bool isOneThing(const Group& group) const;
   bool isObject(const Group& group) const;
+  std::optional<Unmapped::Why> whyUnmapped(const Group& group) const;
   void findUnmapped(const std::vector<Group>& groups);
 
   MergerOptions options_;

@@ -154,6 +154,14 @@ TEST(Merger, AMovedBoxIsWhereItIsNow) {
   const Score s = score(merger.outlines(), sim.things());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
+  PoseEstimate driven;
+  driven.robot = "r1";
+  driven.valid = true;
+  driven.map_from_base = {old_m.x(), old_m.y() + 0.1, 0.0};
+  Merger by_robot = merged(sets, sim.bodies());
+  by_robot.addTrajectory(driven);
+  by_robot.finish();
+  EXPECT_TRUE(by_robot.unmapped().empty()) << "a robot drove there";
 }
 
 /// Seen in three frames of seven and then no more: not for longer than that happens.
