@@ -145,6 +145,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
+      unlined_(view.imageSize()),
       despeckler_(view.imageSize()),
       shade_(view.imageSize()),
       completer_(camera, view.imageSize()) {
@@ -172,10 +173,12 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   Despeckler::trimHalos(strips_, strength_, raw_);
   pack(strips_, raw_, raw_bits_);
   despeckler_.clean(area_, raw_bits_, bits_);
+  const bool tells_shade = options_.shadows && options_.method == "local" && image.channels() == 3;
+  if (low_walls_ && tells_shade) unlined_ = bits_;
   lines_.apply(area_, bits_);
-  if (options_.shadows && options_.method == "local" && image.channels() == 3) {
+  if (tells_shade) {
     const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
-    if (low_walls_ && low_walls_->find(image, *regions, area_, reference_.colour(), bits_))
+    if (low_walls_ && findLowWalls(image, *regions))
       regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
     shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
     complete(image);
@@ -183,6 +186,19 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   clearStrips(last_strips_, objects_);
   unpack(strips_, bits_, objects_);
   if (hasLowWalls()) low_walls_->mark(objects_);
+  return true;
+}
+
+/// Far off walls may be as thin as markings, and leave but pieces of a ring.
+bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions) {
+  if (low_walls_->find(image, regions, area_, reference_.colour(), bits_)) return true;
+  const std::vector<Blob>& unlined = labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
+  if (!low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) {
+    labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
+    return false;
+  }
+  lines_.apply(area_, unlined_);
+  std::swap(bits_, unlined_);
   return true;
 }
 

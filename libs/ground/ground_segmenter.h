@@ -82,6 +82,7 @@ class GroundSegmenter {
   ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
+  bool findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions);
   void complete(const cv::Mat& image);
   void markCells(const FloorNoise& noise);
   struct CellHue {
@@ -121,6 +122,7 @@ class GroundSegmenter {
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
   BitArea area_;                    ///< of the strips
   BitMask raw_bits_, bits_;
+  BitMask unlined_;  ///< with the markings
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;

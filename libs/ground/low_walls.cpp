@@ -14,6 +14,8 @@ constexpr float kFirst_px = 1.5f, kLast_px = 6.0f;  // inside of the far edge, w
 constexpr int kLeastPixels = 8;                     // of a sector's edge
 constexpr double kLeastWalls = 0.25;                // of the turn is edges of one hue
 constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
+constexpr float kRing_px = 14.0f;                   // from the far edge, within which a ring lies …
+constexpr float kLeastRing = 0.8f;                  // … by this share, on half of the bearings
 constexpr int kSpeck_px = 1;   // half as wide as what is too thin for a thing, rounded down
 constexpr int kFringe_px = 4;  // along outlines, where there may be some floor before the wall
 // Shares of floor and wall in what is mixed of them sum up to one, but for the wall's texture.
@@ -112,6 +114,23 @@ bool LowWalls::isAround(const Blob& region) {
     if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kGoesOn;
   }
   return 2 * seen > kSectors;
+}
+
+bool LowWalls::isRing(const Blob& region) const {
+  std::array<float, kSectors> all{}, far{};
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
+    const float from =
+        squared(std::max(0.0f, std::sqrt(std::max(0.0f, edges_[sector].radius2_px)) - kRing_px));
+    for (int x = begin; x < end; ++x) far[sector] += radius2(x, row) >= from ? 1.0f : 0.0f;
+    all[sector] += static_cast<float>(end - begin);
+  });
+  int seen = 0, thin = 0;
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    if (all[k] <= 0.0f) continue;
+    ++seen;
+    thin += far[k] >= kLeastRing * all[k] ? 1 : 0;
+  }
+  return 2 * thin > seen;
 }
 
 void LowWalls::readEdges(const cv::Mat& image, const Blob& region) {
@@ -217,10 +236,10 @@ void LowWalls::cleanThings(const cv::Mat& image, const Blob& region, const BitAr
 }
 
 bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
-                    const cv::Mat3f& floor, BitMask& objects) {
+                    const cv::Mat3f& floor, BitMask& objects, bool only_rings) {
   walls_.clear();
   const auto isWalls = [&](const Blob& region) {
-    if (!isAround(region)) return false;
+    if (!isAround(region) || (only_rings && !isRing(region))) return false;
     readEdges(image, region);
     return findHue();
   };

@@ -24,9 +24,10 @@ class LowWalls {
 
   /// @param image CV_8UC3 of the view's size @param regions of `objects` @param floor its colour per cell
   /// @param objects changed: what is of the walls goes
+  /// @param only_rings regions that are thin on most bearings: not a floor's grid, which is all over
   /// @return whether there are such walls
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
-            const cv::Mat3f& floor, BitMask& objects);
+            const cv::Mat3f& floor, BitMask& objects, bool only_rings = false);
   bool any() const { return !walls_.empty(); }
   /// Writes kWall where it is 0.
   void mark(cv::Mat1b& mask) const;
@@ -46,6 +47,7 @@ class LowWalls {
   void forSectors(const Blob& region, Visit visit) const;
   float radius2(int x, int y) const;
   bool isAround(const Blob& region);
+  bool isRing(const Blob& region) const;
   void readEdges(const cv::Mat& image, const Blob& region);
   bool findHue();
   void findNearest();
