@@ -15,6 +15,7 @@ constexpr int kLeastPixels = 8;                     // of a sector's edge
 constexpr double kLeastWalls = 0.25;                // of the turn is edges of one hue
 constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
 constexpr float kRing_px = 14.0f;                   // from the far edge, within which a ring lies …
+constexpr float kLongStrip = 8.0f;                  // length of a strip that is no thing, of its breadth
 constexpr float kLeastRing = 0.8f;                  // … by this share, on half of the bearings
 constexpr int kSpeck_px = 1;   // half as wide as what is too thin for a thing, rounded down
 constexpr int kFringe_px = 4;  // along outlines, where there may be some floor before the wall
@@ -131,6 +132,26 @@ bool LowWalls::isRing(const Blob& region) const {
     thin += far[k] >= kLeastRing * all[k] ? 1 : 0;
   }
   return 2 * thin > seen;
+}
+
+/// A strip on bearings where the region around ends: a side of the walls that is lit like the floor, but here
+/// and there. No thing is so long and thin.
+bool LowWalls::isRestOfRing(const Blob& region) const {
+  std::array<float, kSectors> area{}, far{};
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
+    far[sector] = std::max({far[sector], radius2(begin, row), radius2(end - 1, row)});
+    area[sector] += static_cast<float>(end - begin);
+  });
+  float length_px = 0.0f, area_px = 0.0f;
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    if (area[k] <= 0.0f) continue;
+    if (edges_[k].count > 0) return false;
+    const float arc_px = std::sqrt(far[k]) * static_cast<float>(2.0 * M_PI / kSectors);
+    if (area[k] > kRing_px * arc_px) return false;
+    length_px += arc_px;
+    area_px += area[k];
+  }
+  return length_px * length_px >= kLongStrip * area_px;
 }
 
 void LowWalls::readEdges(const cv::Mat& image, const Blob& region) {
@@ -251,6 +272,11 @@ bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, cons
     mask->clear();  // beyond the area it is read, too
   markThings(image, *region);
   cleanThings(image, *region, area, floor);
+  for (const Blob& other : regions) {
+    if (&other == &*region || !isRestOfRing(other)) continue;
+    for (const Run& run : other.runs) objects.clear(run.row, run.begin, run.end);
+    walls_.insert(walls_.end(), other.runs.begin(), other.runs.end());
+  }
   for (const Run& run : region->runs) {
     const auto isWall = [&](int x) { return !opened_.at(x, run.row) && !gaps_.at(x, run.row); };
     objects.keep(run.row, run.begin, run.end, opened_);

@@ -48,6 +48,7 @@ class LowWalls {
   float radius2(int x, int y) const;
   bool isAround(const Blob& region);
   bool isRing(const Blob& region) const;
+  bool isRestOfRing(const Blob& region) const;
   void readEdges(const cv::Mat& image, const Blob& region);
   bool findHue();
   void findNearest();

@@ -141,6 +141,23 @@ TEST_F(Walls, LowerThanTheCameraTheySwallowNothing) {
   }
 }
 
+// Far off they are as thin as markings are near by, and taken out as such they would leave but pieces; and of
+// sides that are lit as the floor is, pieces are all that is seen.
+TEST_F(Walls, AsThinAsMarkingsTheyAreWallsAllRound) {
+  const std::string sun = "light: {ambient: 0.5, sun: [-0.6, 0.5, 0.7]}\n";
+  for (const std::string walls : {"walls: {height_m: 0.08, thickness_m: 0.04, rgb: [70, 60, 50]}",
+                                  "walls: {height_m: 0.08, thickness_m: 0.04, rgb: [190, 90, 60]}",
+                                  "walls: {height_m: 0.1, thickness_m: 0.05, rgb: [200, 180, 140]}"}) {
+    const synthetic::Arena arena = room(sun + kThings + walls);
+    const LocalMap map = mapOf(arena, pictureOf(arena));
+    expectThingsAreSeen(arena, map, walls.c_str());
+  }
+  const synthetic::Arena bare = room(
+      "light: {ambient: 0.6, sun: [-0.8, 0.3, 1.0]}\n"
+      "walls: {height_m: 0.1, thickness_m: 0.04, rgb: [230, 230, 225]}");
+  EXPECT_TRUE(mapOf(bare, pictureOf(bare, {0.9, -0.5, 2.0})).objects.empty());
+}
+
 // Three pixels of floor between a thing's top and the wall are neither's: a thing ends where it does.
 TEST_F(Walls, TheFloorBeforeThemIsNoPartOfWhatStandsThere) {
   const synthetic::Arena arena = room(
