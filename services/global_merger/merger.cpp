@@ -43,24 +43,24 @@ Eigen::Vector2d footOf(const occupancy::Contribution& contribution, const Pose2&
          Eigen::Vector2d(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
 }
 
-/// Did this contribution see beyond a point, along the ray that passes it?
-bool seesThrough(const occupancy::Contribution& contribution, const Pose2& map_from_base,
-                 const Eigen::Vector2d& point) {
+/// Did this contribution see farther than a point and so much more, along the ray that passes it?
+bool seesAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
+               const Eigen::Vector2d& point, double beyond_m) {
   const std::size_t rays = std::min(contribution.range_dmm.size(), contribution.label.size());
   if (rays == 0) return false;
   const Eigen::Vector2d foot(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
   const Eigen::Vector2d to = map_from_base.inverse() * point - foot;
   const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI);
   const auto ray = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
-  constexpr double kBeyondM = 0.05;
   return contribution.label[ray] != RayLabel::kInvalid &&
-         contribution.range_dmm[ray] * 1e-4 > to.norm() + kBeyondM;
+         contribution.range_dmm[ray] * 1e-4 > to.norm() + beyond_m;
 }
 
 /// The floor was seen through its middle in this many contributions, later than one time and up to another,
 /// from this near.
 int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns,
                      TimeNs until_ns, double within_m) {
+  constexpr double kBeyond_m = 0.05;
   int times = 0;
   for (const auto& [robot, path] : store.robots()) {
     for (auto it = path.upper_bound(after_ns); it != path.end() && it->first <= until_ns; ++it) {
@@ -68,7 +68,7 @@ int timesSeenThrough(const Group& group, const occupancy::ContributionStore& sto
       if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
       const Pose2 map_from_base = keyframe.pose->mapFromBase();
       if ((footOf(*keyframe.seen, map_from_base) - group.centre_m).norm() > within_m) continue;
-      times += seesThrough(*keyframe.seen, map_from_base, group.centre_m);
+      times += seesAlong(*keyframe.seen, map_from_base, group.centre_m, kBeyond_m);
     }
   }
   return times;
@@ -82,6 +82,28 @@ double usualDistance(const Group& group) {
   const auto middle = away_m.begin() + static_cast<std::ptrdiff_t>(away_m.size() / 2);
   std::nth_element(away_m.begin(), middle, away_m.end());
   return *middle;
+}
+
+/// Contributions that had its place in plain sight, from not much farther than it was seen, and did not see
+/// it: nothing hid it, though it may be a piece of what ends the ray (a wall).
+int timesNotSeen(const Group& group, const occupancy::ContributionStore& store) {
+  constexpr double kFarther = 1.5, kBefore_m = 0.25;
+  const double within_m = kFarther * usualDistance(group);
+  int times = 0;
+  for (const auto& [robot, path] : store.robots()) {
+    for (const auto& [time_ns, keyframe] : path) {
+      if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
+      const bool is_own = std::any_of(group.views.begin(), group.views.end(),
+                                      [&, &by = robot, at_ns = time_ns](const ObjectView* v) {
+                                        return v->robot == by && v->time_ns == at_ns;
+                                      });
+      const Pose2 map_from_base = keyframe.pose->mapFromBase();
+      const double away_m = (footOf(*keyframe.seen, map_from_base) - group.centre_m).norm();
+      if (is_own || away_m > within_m) continue;
+      times += seesAlong(*keyframe.seen, map_from_base, group.centre_m, -kBefore_m);
+    }
+  }
+  return times;
 }
 
 /// Shape and place are beyond doubt.
@@ -124,8 +146,10 @@ bool isContradicted(const Group& group, const MergerOptions& options,
   const Looks looks = looksAt(group, store);
   if (hasGone(looks, options)) return true;
   if (options.method == "hull" || isCertain(group)) return false;
-  if (looks.seen < options.gone_after)
-    return timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen;
+  if (looks.seen < options.gone_after) {
+    return timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen ||
+           timesNotSeen(group, store) >= kManyTimes * looks.seen;
+  }
   const TimeNs first_ns = group.views.front()->time_ns;
   return looks.before + looks.after >= looks.seen ||
          timesSeenThrough(group, store, first_ns, INT64_MAX, kAnywhere_m) >= kManyTimes * looks.seen;
