@@ -23,13 +23,15 @@ constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
 constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
-constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
-constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
-constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
-constexpr int kStep_px = 3;          // to each side of an outline, where the brightness is compared
-constexpr float kVagueShare = 0.1f;  // of it, below which it is surely one's
-constexpr int kMinVague_px = 100;    // smaller regions have too little outline for that
-constexpr float kSharpSide = 0.4f;   // of that outline, from which it is no shadow's
+constexpr float kFaces = 2.0f;     // faces of one grey thing differ less in brightness than by this factor
+constexpr float kLeastLit = 0.3f;  // of the floor's brightness: in less light faint hues are but noise
+constexpr int kLeastAround = 8;    // pixels of a HueWindow: fewer are what is mixed along an outline
+constexpr int kStep_px = 3;        // to each side of an outline, where the brightness is compared
+constexpr int kFaceStep_px = 2, kInFace_px = 9;  // likewise, and how far inside the face's is taken
+constexpr float kLeastFaceDepth = 0.15f;         // that a face differs from the floor by
+constexpr float kVagueShare = 0.1f;              // of it, below which it is surely one's
+constexpr int kMinVague_px = 100;                // smaller regions have too little outline for that
+constexpr float kSharpSide = 0.4f;               // of that outline, from which it is no shadow's
 constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
 
 constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
@@ -124,6 +126,16 @@ void spreadOver(std::vector<float>& bearings) {
   spread(bearings.rbegin(), bearings.rend());
 }
 
+/// Faces of a thing differ in brightness: is the step as large as what lies farther in differs from the floor
+/// by? Where light fades it goes on to rise.
+template <typename GainBeside>
+bool isStepOfFace(const GainBeside& gainBeside, bool down) {
+  const float ahead = gainBeside(kFaceStep_px, down), behind = gainBeside(-kFaceStep_px, down);
+  const int in_px = std::abs(ahead - 1.0f) > std::abs(behind - 1.0f) ? kInFace_px : -kInFace_px;
+  const float depth = std::abs(gainBeside(in_px, down) - 1.0f);
+  return depth >= kLeastFaceDepth && std::abs(ahead - behind) >= kSharpShare * depth;
+}
+
 bool isOfShade(Look look, Look shade_limit) {
   return look >= shade_limit && gainOf(look) < 1.0f;
 }
@@ -215,11 +227,15 @@ bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b&
   int sharp = 0, count = 0;
   for (const Run& run : blob.runs) {
     for (const int x : {run.begin, run.end - 1}) {
-      const float across =
-          meanGain(frame, x + kStep_px, run.row, 0, 1) - meanGain(frame, x - kStep_px, run.row, 0, 1);
-      const float down =
-          meanGain(frame, x, run.row + kStep_px, 1, 0) - meanGain(frame, x, run.row - kStep_px, 1, 0);
-      sharp += std::max(std::abs(across), std::abs(down)) >= kSharpShare * depth ? 1 : 0;
+      const auto gainBeside = [&](int along_px, bool down) {
+        return down ? meanGain(frame, x, run.row + along_px, 1, 0)
+                    : meanGain(frame, x + along_px, run.row, 0, 1);
+      };
+      const auto isStep = [&](bool down) {
+        const float step = std::abs(gainBeside(kStep_px, down) - gainBeside(-kStep_px, down));
+        return step >= kSharpShare * depth || isStepOfFace(gainBeside, down);
+      };
+      sharp += isStep(false) || isStep(true) ? 1 : 0;
       ++count;
     }
   }

@@ -108,6 +108,17 @@ TEST_F(TopCompleterTest, ASideWhoseFootTheRobotHidesGoesUpToThere) {
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
 }
 
+/// Both of its faces are lighter than the floor, the one by little of what the other is: no patch of light
+/// that fades.
+TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreLitLessIsSeen) {
+  const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
+  image_ = 0.6 * image_;
+  const cv::Mat1b box = drawBox(0.8, 2.3, 0.0);
+  light(side, cv::Mat1f(image_.size(), 1.25f));
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+}
+
 /// Before the side lies something else, as mottled as half of it.
 TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
   const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
