@@ -16,9 +16,10 @@ constexpr double kLeastWalls = 0.25;                // of the turn is edges of o
 constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
 constexpr float kRing_px = 14.0f;                   // from the far edge, within which a ring lies …
 constexpr float kLongStrip = 8.0f;                  // length of a strip that is no thing, of its breadth
-constexpr float kLeastRing = 0.8f;                  // … by this share, on half of the bearings
-constexpr int kSpeck_px = 1;   // half as wide as what is too thin for a thing, rounded down
-constexpr int kFringe_px = 4;  // along outlines, where there may be some floor before the wall
+constexpr double kLeastWide_m = 0.12;  // a ring would be so wide on the floor: else it is a line there
+constexpr float kLeastRing = 0.8f;     // … by this share, on half of the bearings
+constexpr int kSpeck_px = 1;           // half as wide as what is too thin for a thing, rounded down
+constexpr int kFringe_px = 4;          // along outlines, where there may be some floor before the wall
 // Shares of floor and wall in what is mixed of them sum up to one, but for the wall's texture.
 constexpr float kMixedAlong = 0.25f, kMixedNoise = 3.0f;  // grey levels, beside kAcross
 // In brightness and in hue walls may differ by so much, as a share of the brightness: one side from another,
@@ -55,7 +56,8 @@ bool isMixed(const cv::Vec3f& p, const cv::Vec3f& floor, const cv::Vec3f& wall) 
 }  // namespace
 
 LowWalls::LowWalls(const lens::Camera& camera, const FloorView& floor_view)
-    : sectors_(floor_view.cells(), std::uint8_t{0}),
+    : camera_(camera),
+      sectors_(floor_view.cells(), std::uint8_t{0}),
       view_(&floor_view),
       sees_horizon_(FloorView::upward(camera) != nullptr),
       things_(floor_view.imageSize()),
@@ -94,7 +96,8 @@ void LowWalls::forSectors(const Blob& region, Visit visit) const {
   }
 }
 
-/// Where the region ends, seen from the camera's foot, who has it over half of the turn.
+/// Where the region ends, seen from the camera's foot, who has it over half of the turn. The robot's own body
+/// is around it, too, where its mask is too small: it begins where the view does.
 bool LowWalls::isAround(const Blob& region) {
   if (!region.rect.contains(cv::Point(cvRound(foot_px_.x), cvRound(foot_px_.y)))) return false;
   edges_.fill({});
@@ -102,19 +105,32 @@ bool LowWalls::isAround(const Blob& region) {
     Edge& edge = edges_[sector];
     for (const int x : {begin, end - 1}) {
       const float far = radius2(x, row);
+      if (edge.radius2_px < 0.0f || far < edge.near2_px) {
+        edge.near2_px = far;
+        edge.near = {x, row};
+      }
       if (far <= edge.radius2_px) continue;
       edge.radius2_px = far;
       edge.far = {x, row};
     }
   });
-  int seen = 0;
+  int seen = 0, own = 0;
   for (Edge& edge : edges_) {
     if (edge.radius2_px < 0.0f) continue;
     ++seen;
+    own += view_->nearBorder(static_cast<float>(edge.near.x), static_cast<float>(edge.near.y)) ? 1 : 0;
     const auto u = static_cast<float>(edge.far.x), v = static_cast<float>(edge.far.y);
     if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kGoesOn;
   }
-  return 2 * seen > kSectors;
+  return 2 * seen > kSectors && 2 * own < seen;
+}
+
+bool LowWalls::isWide(const Edge& edge) const {
+  const auto floorAt = [this](const cv::Point& at) {
+    return camera_.floorFromPixel({1.0 * at.x, 1.0 * at.y});
+  };
+  const auto from = floorAt(edge.near), to = floorAt(edge.far);
+  return !from || !to || (*to - *from).norm() >= kLeastWide_m;
 }
 
 bool LowWalls::isRing(const Blob& region) const {
@@ -125,13 +141,14 @@ bool LowWalls::isRing(const Blob& region) const {
     for (int x = begin; x < end; ++x) far[sector] += radius2(x, row) >= from ? 1.0f : 0.0f;
     all[sector] += static_cast<float>(end - begin);
   });
-  int seen = 0, thin = 0;
+  int seen = 0, thin = 0, wide = 0;
   for (std::size_t k = 0; k < kSectors; ++k) {
     if (all[k] <= 0.0f) continue;
     ++seen;
     thin += far[k] >= kLeastRing * all[k] ? 1 : 0;
+    wide += isWide(edges_[k]) ? 1 : 0;
   }
-  return 2 * thin > seen;
+  return 2 * thin > seen && 2 * wide > seen;
 }
 
 /// A strip on bearings where the region around ends: a side of the walls that is lit like the floor, but here

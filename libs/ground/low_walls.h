@@ -24,7 +24,8 @@ class LowWalls {
 
   /// @param image CV_8UC3 of the view's size @param regions of `objects` @param floor its colour per cell
   /// @param objects changed: what is of the walls goes
-  /// @param only_rings regions that are thin on most bearings: not a floor's grid, which is all over
+  /// @param only_rings regions that are thin on most bearings (not a floor's grid, which is all over), but no
+  /// line on the floor: seen beyond a wall's foot is its height
   /// @return whether there are such walls
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
             const cv::Mat3f& floor, BitMask& objects, bool only_rings = false);
@@ -36,7 +37,8 @@ class LowWalls {
   static constexpr int kSectors = 144;  ///< of a turn
   /// What is seen right inside of the region's far edge.
   struct Edge {
-    cv::Point far;
+    cv::Point near, far;
+    float near2_px = 0.0f;     ///< squared, from the camera's foot, likewise
     float radius2_px = -1.0f;  ///< squared, from the camera's foot; negative where it does not end
     int count = 0;             ///< pixels
     cv::Vec3f colour{0, 0, 0};
@@ -47,6 +49,7 @@ class LowWalls {
   void forSectors(const Blob& region, Visit visit) const;
   float radius2(int x, int y) const;
   bool isAround(const Blob& region);
+  bool isWide(const Edge& edge) const;
   bool isRing(const Blob& region) const;
   bool isRestOfRing(const Blob& region) const;
   void readEdges(const cv::Mat& image, const Blob& region);
@@ -55,6 +58,7 @@ class LowWalls {
   void markThings(const cv::Mat& image, const Blob& region);
   void cleanThings(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor);
 
+  lens::Camera camera_;
   cv::Point2f foot_px_;
   cv::Mat1b sectors_;  ///< per cell
   const FloorView* view_;

@@ -131,6 +131,25 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
               200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
 }
 
+// A line all round is one on the floor, or the robot's own body where its mask is too small: walls have a
+// height, and floor before them.
+TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
+  const cv::Point foot(cvRound(model_.principal_point_px.x()), cvRound(model_.principal_point_px.y()));
+  const int own = cvRound(model_.self_mask_radius_px);
+  for (const auto& [radius_px, width_px] : {std::pair{own + 40, 3}, {own + 1, 6}, {own + 1, 14}}) {
+    cv::Mat3b image = testing::unevenFloor(model_, 0.7, 1.0, 4);
+    cv::circle(image, foot, radius_px, {40, 42, 45}, width_px, cv::LINE_AA);
+    GroundSegmenter segmenter(camera_, view_, {});
+    ASSERT_TRUE(segmenter.segment(image));
+    EXPECT_FALSE(segmenter.hasLowWalls()) << radius_px << " " << width_px;
+  }
+  cv::Mat3b image = testing::unevenFloor(model_, 0.7, 1.0, 4);
+  cv::circle(image, foot, own + 90, {40, 42, 45}, 5, cv::LINE_AA);  // 0.3 m wide on the floor
+  GroundSegmenter segmenter(camera_, view_, {});
+  ASSERT_TRUE(segmenter.segment(image));
+  EXPECT_TRUE(segmenter.hasLowWalls());
+}
+
 TEST_F(SegmenterTest, GridLinesOfACentimetreAreFloorUnasked) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
   // Anti-aliased: up to 3 px, 12 to 15 mm near the robot, more where they cross.
