@@ -136,7 +136,7 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
 TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
   const cv::Point foot(cvRound(model_.principal_point_px.x()), cvRound(model_.principal_point_px.y()));
   const int own = cvRound(model_.self_mask_radius_px);
-  for (const auto& [radius_px, width_px] : {std::pair{own + 40, 3}, {own + 1, 6}, {own + 1, 14}}) {
+  for (const auto& [radius_px, width_px] : {std::pair{own + 40, 3}, {own + 1, 6}, {own + 1, 30}}) {
     cv::Mat3b image = testing::unevenFloor(model_, 0.7, 1.0, 4);
     cv::circle(image, foot, radius_px, {40, 42, 45}, width_px, cv::LINE_AA);
     GroundSegmenter segmenter(camera_, view_, {});
