@@ -39,8 +39,8 @@ class LayerOctree {
   std::unique_ptr<Tree> tree_;
 };
 
-/// Over the cells whose middles lie in the objects' footprints, as high as the objects (at least one level);
-/// none for objects of unknown height. In order of objects, rows and columns.
+/// Over the cells whose middles lie in the objects' footprints, as high as the objects (at least one level;
+/// objects of unknown height one). In order of objects, rows and columns.
 std::vector<LayerOctree::Column> columnsOf(const std::vector<dataset::MapObject>& objects,
                                            double resolution_m);
 

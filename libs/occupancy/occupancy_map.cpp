@@ -315,7 +315,7 @@ CellClass OccupancyMap::at(const Eigen::Vector2d& point_m) const {
                          static_cast<std::int64_t>(std::floor(cell.y())));
 }
 
-dataset::OccupancyGrid OccupancyMap::grid() const {
+dataset::OccupancyGrid OccupancyMap::grid(const std::vector<dataset::MapObject>& objects) const {
   dataset::OccupancyGrid grid;
   grid.resolution_m = impl_->options.resolution_m;
   if (impl_->cells.known() == 0) return grid;
@@ -334,6 +334,11 @@ dataset::OccupancyGrid OccupancyMap::grid() const {
     const auto index = static_cast<std::size_t>((y - y_low) * grid.width + (x - x_low));
     grid.cells[index] = now == CellClass::kOccupied ? std::int8_t{100} : std::int8_t{0};
   });
+  for (const LayerOctree::Column& column : columnsOf(objects, grid.resolution_m)) {
+    const std::int64_t x = column.x - x_low, y = column.y - y_low;
+    if (x < 0 || y < 0 || x >= grid.width || y >= grid.height) continue;
+    grid.cells[static_cast<std::size_t>(y * grid.width + x)] = std::int8_t{100};
+  }
   return grid;
 }
 

@@ -66,11 +66,13 @@ class OccupancyMap {
   const ContributionStore& store() const;
   CellClass at(const Eigen::Vector2d& point_m) const;
   /// Bounding grid of all known cells (−1 unknown, 0 free, 100 occupied); width 0 when nothing is known.
-  dataset::OccupancyGrid grid() const;
+  /// Cells whose middle lies in an object's footprint are occupied, whatever rays say: a thing of about the
+  /// floor's colour is lost in many frames, and where it stands they see floor.
+  dataset::OccupancyGrid grid(const std::vector<dataset::MapObject>& objects = {}) const;
   /// OctoMap's binary format (.bt): one layer of voxels at 0 ≤ z < resolution, and over every cell whose
   /// middle lies in an object's footprint voxels up to its height; above the layer also the voxels that hold
   /// points of things (voxel_counts.h). Equal maps and objects give equal bytes. Objects of unknown height
-  /// (≤ 0) have no column.
+  /// (≤ 0) stand in the layer alone.
   std::string octreeBytes(const std::vector<dataset::MapObject>& objects = {}) const;
   /// SHA-256 over the parameters and, for every chunk in order of its key, the SHA-256 of its (cell, bucket,
   /// hits, misses) in order; where there are voxels with points, over that and theirs. Only chunks that

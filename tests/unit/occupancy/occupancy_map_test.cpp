@@ -366,19 +366,52 @@ TEST(OccupancyMap, ObjectsStandAsColumnsInTheOctree) {
   octomap::OcTree tree(0.1);
   ASSERT_TRUE(tree.readBinary(in));
   // 6 × 4 cells of 5 cm, four levels of which reach up to 20 cm: the fifth would end 4 cm above the box.
-  int above_ground = 0;
+  int above_ground = 0, of_flat = 0;
   for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
-    if (leaf.getZ() < 0.05) continue;
+    if (leaf.getZ() < 0.05) {
+      of_flat += tree.isNodeOccupied(*leaf) && contains(flat.outline_m, {leaf.getX(), leaf.getY()}) ? 1 : 0;
+      continue;
+    }
     ++above_ground;
     EXPECT_TRUE(tree.isNodeOccupied(*leaf));
     EXPECT_TRUE(contains(box.outline_m, {leaf.getX(), leaf.getY()})) << leaf.getX() << " " << leaf.getY();
     EXPECT_LT(leaf.getZ(), box.height_m);
   }
   EXPECT_EQ(above_ground, 6 * 4 * 3);
+  EXPECT_EQ(of_flat, 6 * 4) << "in the layer";
   const std::string before = map.octreeBytes();
-  EXPECT_EQ(map.octreeBytes({flat}), before);
   EXPECT_NE(map.octreeBytes({box}), before);
   EXPECT_EQ(map.octreeBytes(), before);
+}
+
+// Rays of frames that lost it see floor there.
+TEST(OccupancyMap, WhereAnObjectStandsTheGridIsOccupied) {
+  auto sim = threeRobots();
+  const OccupancyMap map = build(record(sim, 0.0, 1.0), sim.bodies());
+  const auto rays = map.grid();
+  dataset::MapObject box, beyond;
+  const auto cellAt = [&](const dataset::OccupancyGrid& grid, const Eigen::Vector2d& at_m) {
+    const Eigen::Vector2d cell = (at_m - grid.origin_m) / grid.resolution_m;
+    return grid.cells[static_cast<std::size_t>(std::floor(cell.y())) * static_cast<std::size_t>(grid.width) +
+                      static_cast<std::size_t>(std::floor(cell.x()))];
+  };
+  const auto free = std::find(rays.cells.begin(), rays.cells.end(), std::int8_t{0}) - rays.cells.begin();
+  const Eigen::Vector2d corner =
+      rays.origin_m + rays.resolution_m * Eigen::Vector2d(static_cast<double>(free % rays.width),
+                                                          static_cast<double>(free / rays.width));
+  box.outline_m = {corner, corner + Eigen::Vector2d(0.05, 0.0), corner + Eigen::Vector2d(0.05, 0.05),
+                   corner + Eigen::Vector2d(0.0, 0.05)};
+  beyond.outline_m = {{90.0, 0.0}, {90.3, 0.0}, {90.3, 0.2}};  // of what is known: left out
+  const auto grid = map.grid({box, beyond});
+  EXPECT_EQ(grid.width, rays.width);
+  EXPECT_EQ(cellAt(rays, corner.array() + 0.025), 0);
+  EXPECT_EQ(cellAt(grid, corner.array() + 0.025), 100);
+  const auto differ = [&] {
+    int count = 0;
+    for (std::size_t i = 0; i < grid.cells.size(); ++i) count += grid.cells[i] != rays.cells[i] ? 1 : 0;
+    return count;
+  };
+  EXPECT_EQ(differ(), 1);
 }
 
 TEST(OccupancyMap, FootprintsOfOtherShapesTurnWithTheRobot) {

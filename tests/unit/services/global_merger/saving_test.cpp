@@ -150,7 +150,8 @@ TEST_F(Saving, EverythingIsThereAndReadable) {
   Merger merger = full(14);
   EXPECT_TRUE(merger.save(folder_.string()).empty());
   EXPECT_EQ(dataset::readObjects((folder_ / "objects.geojson").string()).size(), 5U);
-  EXPECT_EQ(dataset::readMapServer((folder_ / "map.yaml").string()).cells, merger.map().grid().cells);
+  EXPECT_EQ(dataset::readMapServer((folder_ / "map.yaml").string()).cells,
+            merger.map().grid(merger.outlines()).cells);
   EXPECT_EQ(dataset::readTum((folder_ / "trajectories/r2.tum").string()).size(), 40U);
   EXPECT_EQ(dataset::readFile((folder_ / "map.bt").string()), merger.map().octreeBytes(merger.outlines()));
   const cv::Mat picture = cv::imread((folder_ / "map.png").string());
