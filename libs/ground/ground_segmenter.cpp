@@ -192,11 +192,8 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
 /// Far off walls may be as thin as markings, and leave but pieces of a ring.
 bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions) {
   if (low_walls_->find(image, regions, area_, reference_.colour(), bits_)) return true;
-  const std::vector<Blob>& unlined = labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
-  if (!low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) {
-    labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
-    return false;
-  }
+  const std::vector<Blob>& unlined = unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
+  if (!low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) return false;
   lines_.apply(area_, unlined_);
   std::swap(bits_, unlined_);
   return true;

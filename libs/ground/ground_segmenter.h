@@ -123,6 +123,7 @@ class GroundSegmenter {
   BitArea area_;                    ///< of the strips
   BitMask raw_bits_, bits_;
   BitMask unlined_;  ///< with the markings
+  Labeller unlined_labeller_;
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
