@@ -8,6 +8,7 @@
 
 #include "geometry/wide.h"
 #include "ground/parting.h"
+#include "ground/sharp_outline.h"
 
 namespace omnifleet::ground {
 
@@ -23,16 +24,12 @@ constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
 constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
-constexpr float kFaces = 2.0f;     // faces of one grey thing differ less in brightness than by this factor
-constexpr float kLeastLit = 0.3f;  // of the floor's brightness: in less light faint hues are but noise
-constexpr int kLeastAround = 8;    // pixels of a HueWindow: fewer are what is mixed along an outline
-constexpr int kStep_px = 3;        // to each side of an outline, where the brightness is compared
-constexpr int kFaceStep_px = 2, kInFace_px = 9;  // likewise, and how far inside the face's is taken
-constexpr float kLeastFaceDepth = 0.15f;         // that a face differs from the floor by
-constexpr float kVagueShare = 0.1f;              // of it, below which it is surely one's
-constexpr int kMinVague_px = 100;                // smaller regions have too little outline for that
-constexpr float kSharpSide = 0.4f;               // of that outline, from which it is no shadow's
-constexpr float kSharpShare = 0.5f;  // of the region's difference from the floor, reached within these steps
+constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
+constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
+constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
+constexpr float kVagueShare = 0.1f;  // of a side's outline, below which it is surely a shadow's
+constexpr int kMinVague_px = 100;    // smaller regions have too little outline for that
+constexpr float kSharpSide = 0.4f;   // of that outline, from which it is no shadow's
 
 constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
 constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
@@ -126,16 +123,6 @@ void spreadOver(std::vector<float>& bearings) {
   spread(bearings.rbegin(), bearings.rend());
 }
 
-/// Faces of a thing differ in brightness: is the step as large as what lies farther in differs from the floor
-/// by? Where light fades it goes on to rise.
-template <typename GainBeside>
-bool isStepOfFace(const GainBeside& gainBeside, bool down) {
-  const float ahead = gainBeside(kFaceStep_px, down), behind = gainBeside(-kFaceStep_px, down);
-  const int in_px = std::abs(ahead - 1.0f) > std::abs(behind - 1.0f) ? kInFace_px : -kInFace_px;
-  const float depth = std::abs(gainBeside(in_px, down) - 1.0f);
-  return depth >= kLeastFaceDepth && std::abs(ahead - behind) >= kSharpShare * depth;
-}
-
 bool isOfShade(Look look, Look shade_limit) {
   return look >= shade_limit && gainOf(look) < 1.0f;
 }
@@ -211,35 +198,6 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
   census.shaded_gain /= static_cast<float>(std::max(1, census.shaded));
   census.dark_gain /= static_cast<float>(std::max(1, census.dark));
   return census;
-}
-
-bool ShadeFilter::isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
-  float depth = 0.0f;
-  int grey = 0;
-  for (const Run& run : blob.runs) {
-    for (int x = run.begin; x < run.end; ++x) {
-      if (!isGrey(looks(run.row, x))) continue;
-      depth += std::abs(gainOf(looks(run.row, x)) - 1.0f);
-      ++grey;
-    }
-  }
-  depth /= static_cast<float>(std::max(1, grey));
-  int sharp = 0, count = 0;
-  for (const Run& run : blob.runs) {
-    for (const int x : {run.begin, run.end - 1}) {
-      const auto gainBeside = [&](int along_px, bool down) {
-        return down ? meanGain(frame, x, run.row + along_px, 1, 0)
-                    : meanGain(frame, x + along_px, run.row, 0, 1);
-      };
-      const auto isStep = [&](bool down) {
-        const float step = std::abs(gainBeside(kStep_px, down) - gainBeside(-kStep_px, down));
-        return step >= kSharpShare * depth || isStepOfFace(gainBeside, down);
-      };
-      sharp += isStep(false) || isStep(true) ? 1 : 0;
-      ++count;
-    }
-  }
-  return 2 * sharp > count;
 }
 
 /// All over of the floor's hue and nearly of its brightness.
@@ -368,7 +326,7 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
         return sharp < kVagueShare || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
       return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
     }
-    return all_light && !isSharp(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
+    return all_light && !hasSharpOutline(blob, frame, looks) ? Verdict::kDrop : Verdict::kKeep;
   }
   if (side && deep_.sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))

@@ -121,7 +121,6 @@ class ShadeFilter {
   Place placeOf(std::size_t bearing, float radius_px2) const;
   bool findFading(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);
   void keepFading(const Blob& blob, const Judged& judged, const Frame& frame, const cv::Mat1b& looks);
-  static bool isSharp(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
 
   std::vector<cv::Rect> core_rects_;
   std::vector<Strip> core_strips_;

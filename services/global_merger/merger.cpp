@@ -118,14 +118,13 @@ bool isCertain(const Group& group) {
 struct Looks {
   int seen = 0;
   int before = 0, after = 0;  ///< its last view
-  double near_m = 0.0;
 };
 
 Looks looksAt(const Group& group, const occupancy::ContributionStore& store) {
   const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
   const double near_m = usualDistance(group);
   return {static_cast<int>(group.views.size()), timesSeenThrough(group, store, first_ns, last_ns, near_m),
-          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m), near_m};
+          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m)};
 }
 
 /// The floor was seen in its place later, more often in a row than it was lost while it was there: a thing of
@@ -138,7 +137,7 @@ bool hasGone(const Looks& looks, const MergerOptions& options) {
 
 /// It has gone, or was never there, which the overlay as printed, §IV.4, does not ask: since it was first
 /// seen the floor was as often, from as near; or from anywhere many times as often; or it was seen hardly at
-/// all, and the floor as often.
+/// all, and the floor as often, or its place many times as often without it.
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   constexpr int kManyTimes = 4;

@@ -332,6 +332,29 @@ TEST_F(SixthThing, WasNeverThereWhereManyTimesAsManyFramesSeeTheFloor) {
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
 }
 
+/// A piece of a wall, seen in one frame: no ray goes beyond it.
+TEST_F(SixthThing, WasNeverThereWhereOneFrameSawItAndOthersWithItsPlaceInSightDidNot) {
+  Sets sets = seenIn(1);
+  const Eigen::Vector2d at_m = centroid(things_.back().footprint_m);
+  for (std::size_t i = 0; i < sets.contributions.size(); ++i) {
+    auto& c = sets.contributions[i];
+    const Eigen::Vector2d foot_m(c.scan_origin.x_dmm * 1e-4, c.scan_origin.y_dmm * 1e-4);
+    const Eigen::Vector2d to_m = sets.poses[i].mapFromBase().inverse() * at_m - foot_m;
+    const auto rays = static_cast<double>(c.range_dmm.size());
+    const double middle = std::atan2(to_m.y(), to_m.x()) / (2.0 * M_PI) * rays;
+    for (int k = -8; k <= 8; ++k) {
+      const auto ray = static_cast<std::size_t>(std::lround(middle + k + 2.0 * rays)) % c.range_dmm.size();
+      c.range_dmm[ray] = std::min<decltype(c.range_dmm)::value_type>(
+          c.range_dmm[ray],
+          static_cast<decltype(c.range_dmm)::value_type>(1e4 * std::max(0.2, to_m.norm() - 0.05)));
+      c.label[ray] = RayLabel::kObstacle;
+    }
+  }
+  Merger merger = map(sets);
+  const auto isIt = [&](const MapObject& object) { return (object.centroid_m - at_m).norm() < 0.15; };
+  EXPECT_TRUE(std::none_of(merger.outlines().begin(), merger.outlines().end(), isIt));
+}
+
 /// It flickers, as light on the floor does, to the end; nobody else looks.
 TEST_F(SixthThing, WasNeverThereWhereTheFloorIsSeenAsOftenFromAsNear) {
   Sets sets;

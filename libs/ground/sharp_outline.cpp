@@ -1,0 +1,58 @@
+#include "ground/sharp_outline.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "ground/look.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kStep_px = 3;  // to each side of an outline, where the brightness is compared
+constexpr int kFaceStep_px = 2, kInFace_px = 9;  // likewise, and how far inside the face's is taken
+constexpr float kLeastFaceDepth = 0.15f;         // that a face differs from the floor by
+constexpr float kSharpShare = 0.5f;  // of the difference from the floor, reached within these steps
+
+/// Faces of a thing differ in brightness: is the step as large as what lies farther in differs from the floor
+/// by? Where light fades it goes on to rise.
+template <typename GainBeside>
+bool isStepOfFace(const GainBeside& gainBeside, bool down) {
+  const float ahead = gainBeside(kFaceStep_px, down), behind = gainBeside(-kFaceStep_px, down);
+  const int in_px = std::abs(ahead - 1.0f) > std::abs(behind - 1.0f) ? kInFace_px : -kInFace_px;
+  const float depth = std::abs(gainBeside(in_px, down) - 1.0f);
+  return depth >= kLeastFaceDepth && std::abs(ahead - behind) >= kSharpShare * depth;
+}
+
+}  // namespace
+
+bool hasSharpOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
+  float depth = 0.0f;
+  int grey = 0;
+  for (const Run& run : blob.runs) {
+    for (int x = run.begin; x < run.end; ++x) {
+      if (!isGrey(looks(run.row, x))) continue;
+      depth += std::abs(gainOf(looks(run.row, x)) - 1.0f);
+      ++grey;
+    }
+  }
+  depth /= static_cast<float>(std::max(1, grey));
+  int sharp = 0, count = 0;
+  for (const Run& run : blob.runs) {
+    for (const int x : {run.begin, run.end - 1}) {
+      const auto gainBeside = [&](int along_px, bool down) {
+        return down ? meanGain(frame, x, run.row + along_px, 1, 0)
+                    : meanGain(frame, x + along_px, run.row, 0, 1);
+      };
+      const auto isStep = [&](bool down) {
+        const float step = std::abs(gainBeside(kStep_px, down) - gainBeside(-kStep_px, down));
+        return step >= kSharpShare * depth || isStepOfFace(gainBeside, down);
+      };
+      sharp += isStep(false) || isStep(true) ? 1 : 0;
+      ++count;
+    }
+  }
+  return 2 * sharp > count;
+}
+
+}  // namespace omnifleet::ground
