@@ -41,6 +41,7 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
   std::vector<Seen> all;
   const RobotNode* robot = fleet.find(frame.robot);
   const CameraError error = robot == nullptr ? CameraError::Zero() : fleet.cameraError(*robot);
+  const lens::Spread lens = robot == nullptr ? lens::Spread() : robot->setup.lens;
   if (frame.state != FrameState::kOk || !(frame.camera_height_m >= 0)) return all;
   for (const Track& track : frame.tracks) {
     if (!track.visible || track.supports.empty() || !track.position_m.allFinite()) continue;
@@ -49,7 +50,7 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
     Seen seen;
     seen.track = &track;
     seen.view = std::make_shared<View>(
-        View::from(track, frame.scan.origin_m, frame.camera_height_m, fleet.options.view_sigma_factor));
+        View::from(track, frame.scan.origin_m, frame.camera_height_m, fleet.options.view_sigma_factor, lens));
     seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
     seen.mature = track.solidity >= kMergedSolidity && !track.truncated && !isRough(*seen.view) &&

@@ -25,17 +25,34 @@ CameraError CameraOptions::sigma() const {
   return sigma;
 }
 
+namespace {
+
+/// σ of what all outlines have in common, which does not become less with their number: about a tenth of a
+/// pixel.
+const Eigen::Vector4d& common() {
+  static const Eigen::Vector4d sigma(0.0005, 0.001, 0.00035, 0.00035);
+  return sigma;
+}
+
+}  // namespace
+
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options) {
   if (!options.estimate) return Eigen::Vector4d::Zero();
-  const Eigen::Vector4d mean = error.head<4>();
-  const Eigen::LLT<Eigen::Matrix4d> after(covariance.topLeftCorner<4, 4>());
+  const Eigen::Matrix4d prior = options.sigma().head<4>().cwiseAbs2().cwiseInverse().asDiagonal();
+  const Eigen::Matrix4d information = covariance.topLeftCorner<4, 4>().inverse();
+  // What was seen alone, and less surely so, J → (J⁻¹ + C)⁻¹: J may be singular.
+  const Eigen::Matrix4d seen = information - prior, common2 = common().cwiseAbs2().asDiagonal();
+  const Eigen::Matrix4d less = (Eigen::Matrix4d::Identity() + seen * common2).inverse();
+  const Eigen::Matrix4d surely = less * seen;
+  const Eigen::LLT<Eigen::Matrix4d> after(prior + 0.5 * (surely + surely.transpose()));
   if (after.info() != Eigen::Success) return Eigen::Vector4d::Zero();
+  const Eigen::Vector4d mean = after.solve(less * (information * error.head<4>()));
   // ln of the densities of zero: with the prior, with what was seen.
   const double before_ln = -options.sigma().head<4>().array().log().sum();
   const double after_ln =
-      -after.matrixLLT().diagonal().array().log().sum() - 0.5 * after.matrixL().solve(mean).squaredNorm();
-  return mean / (1.0 + std::exp(after_ln - before_ln));
+      after.matrixLLT().diagonal().array().log().sum() - 0.5 * (after.matrixU() * mean).squaredNorm();
+  return error.head<4>() / (1.0 + std::exp(after_ln - before_ln));
 }
 
 namespace {
@@ -55,8 +72,6 @@ constexpr Quantity kQuantities[] = {{"focal length", 100.0, " %"},
 
 CameraFinding::CameraFinding(const CameraError& error, const CameraCovariance& covariance,
                              const CameraOptions& options) {
-  // What all outlines have in common does not become less with their number: about a tenth of a pixel.
-  const Eigen::Vector4d common(0.0005, 0.001, 0.00035, 0.00035);
   const CameraCovariance information = covariance.inverse();
   const CameraCovariance prior = options.sigma().cwiseAbs2().cwiseInverse().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<CameraCovariance> seen(information - prior);
@@ -64,7 +79,7 @@ CameraFinding::CameraFinding(const CameraError& error, const CameraCovariance& c
   const CameraCovariance by_sight =
       seen.eigenvectors() * seen.eigenvalues().cwiseInverse().asDiagonal() * seen.eigenvectors().transpose();
   estimate_ = (by_sight * (information * error)).head<4>();
-  sigma_ = (by_sight.diagonal().head<4>() + common.cwiseAbs2()).cwiseSqrt();
+  sigma_ = (by_sight.diagonal().head<4>() + common().cwiseAbs2()).cwiseSqrt();
 }
 
 CameraFinding::Quantities CameraFinding::beyond(double sigmas) const {
@@ -96,9 +111,9 @@ std::string CameraFinding::name(const Quantities& which) {
   return text;
 }
 
-double displacement(const Eigen::Vector4d& error) {
+double displacement(const Eigen::Vector4d& error, const lens::Spread& lens) {
   constexpr double kDistance = 3.0;
-  const Eigen::Matrix<double, 2, 4> along = cameraField({kDistance, 0.0}, 1.0);
+  const Eigen::Matrix<double, 2, 4> along = cameraField({kDistance, 0.0}, 1.0, lens);
   return std::abs(along(0, 0) * error(0)) + std::abs(along(0, 1) * error(1)) +
          (1.0 + kDistance * kDistance) * error.tail<2>().norm();
 }

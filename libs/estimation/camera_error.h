@@ -28,7 +28,9 @@ struct CameraOptions {
 /// which takes the second for granted, counts by the probability of it afterwards. That of a right one shows
 /// in the estimate itself: how much less than before zero is expected (the density ratio of Savage and
 /// Dickey; Dickey 1971). So what is told of a well calibrated camera is zero within its noise, and of another
-/// the estimate. How large outlines are seen is a nuisance of both.
+/// the estimate. How large outlines are seen is a nuisance of both; what they have in common beside that,
+/// about a tenth of a pixel, does not become less with their number and is added to the noise
+/// where that is asked.
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options);
 
@@ -60,6 +62,6 @@ class CameraFinding {
 
 /// Larger by how much two errors displace things differently as seen from the camera: metres per metre of its
 /// height, of a point three heights away, at most.
-double displacement(const Eigen::Vector4d& error);
+double displacement(const Eigen::Vector4d& error, const lens::Spread& lens);
 
 }  // namespace omnifleet::estimation

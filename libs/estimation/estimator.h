@@ -31,6 +31,7 @@ struct RobotSetup {
   std::optional<Pose2> initial_pose;  ///< map_from_base at its first frame; without it the robot is unlocated
                                       ///< until an absolute measurement or a sighting locates it
   bool founds_map = false;  ///< nobody has told where it starts: `map` is made so that initial_pose holds
+  lens::Spread lens{};      ///< of its camera
 };
 
 struct EstimatorOptions {

@@ -42,7 +42,8 @@ void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
   const CameraFinding::Quantities wrong = lasting(robot, finding, settled);
   const double variance = robot.camera_covariance.diagonal().head<4>().sum();
   const bool surer = robot.camera_said <= 0 || variance <= kSurer * kSurer * robot.camera_said;
-  if (wrong.none() || !(settled || surer) || displacement(robot.camera_told) <= kToldAnew) return;
+  if (wrong.none() || !(settled || surer) || displacement(robot.camera_told, robot.setup.lens) <= kToldAnew)
+    return;
   robot.camera_said = variance;
   robot.camera_accused |= wrong;
   fleet.findings.push_back(robot.setup.name +
@@ -53,7 +54,7 @@ void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
 void tellCamera(FleetState& fleet, RobotNode& robot, bool settled) {
   const Eigen::Vector4d now =
       believedError(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
-  if (settled || displacement(now - robot.camera_told) > kToldAnew) robot.camera_told = now;
+  if (settled || displacement(now - robot.camera_told, robot.setup.lens) > kToldAnew) robot.camera_told = now;
   tellPeople(fleet, robot, settled);
 }
 

@@ -8,7 +8,7 @@
 namespace omnifleet::estimation {
 
 View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
-                double sigma_factor) {
+                double sigma_factor, const lens::Spread& lens) {
   View view;
   view.sigma_factor = sigma_factor;
   view.foot_m = foot_m;
@@ -28,16 +28,16 @@ View View::from(const Track& track, const Eigen::Vector2d& foot_m, double camera
   view.seen_camera_height_m = camera_height_m;
   view.by_error.assign(k, CameraError::Zero());
   for (std::size_t i = 0; i < k; ++i) {
-    if (view.sigma_m[i] > 0) view.by_error[i] = view.derivativeAt(i);
+    if (view.sigma_m[i] > 0) view.by_error[i] = view.derivativeAt(i, lens);
   }
   return view;
 }
 
-CameraError View::derivativeAt(std::size_t direction) const {
+CameraError View::derivativeAt(std::size_t direction, const lens::Spread& lens) const {
   const std::size_t k = seen_b_m.size();
   const auto seen = [&](std::size_t i) { return sigma_m[i] > 0 ? seen_b_m[i] : std::nan(""); };
   return supportByCameraError({seen((direction + k - 1) % k), seen_b_m[direction], seen((direction + 1) % k)},
-                              direction, k, seen_camera_height_m);
+                              direction, k, seen_camera_height_m, lens);
 }
 
 void View::assume(const CameraError& other) {

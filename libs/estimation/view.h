@@ -31,7 +31,7 @@ struct View {
   CameraError error = CameraError::Zero();
 
   static View from(const Track& track, const Eigen::Vector2d& foot_m, double camera_height_m,
-                   double sigma_factor);
+                   double sigma_factor, const lens::Spread& lens);
   int usable() const;
 
   /// Takes another error of the camera off what was seen.
@@ -44,7 +44,7 @@ struct View {
   bool isCameras() const { return seen_camera_height_m > 0; }  ///< else a laser's: none of these errors
 
  private:
-  CameraError derivativeAt(std::size_t direction) const;
+  CameraError derivativeAt(std::size_t direction, const lens::Spread& lens) const;
 };
 
 /// Smallest (H − h)/H that is taken seriously: an object up to the camera's own height has no finite shadow.

@@ -182,6 +182,14 @@ const CameraSpec* Fleet::fisheyeOf(const std::string& robot_name) const {
   return nullptr;
 }
 
+std::map<std::string, lens::Spread> Fleet::lensSpreads() const {
+  std::map<std::string, lens::Spread> all;
+  for (const CameraSpec& camera : cameras) {
+    if (camera.role == CameraRole::kFisheye) all[camera.robot] = lens::Spread::of(lens::Camera(camera.model));
+  }
+  return all;
+}
+
 std::map<std::string, RobotBody> Fleet::bodies() const {
   std::map<std::string, RobotBody> all;
   for (const RobotSpec& robot : robots) all[robot.name] = robot.body;

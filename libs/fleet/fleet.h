@@ -10,6 +10,7 @@
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
 #include "lens/camera.h"
+#include "lens/spread.h"
 #include "observation/observation.h"
 #include "options/options.h"
 #include "synthetic/arena.h"
@@ -34,8 +35,8 @@ struct RobotSpec {
   std::string name;
   std::optional<Pose2> initial_pose;  ///< map_from_base
   RobotBody body;
-  bool has_wheels = false;        ///< someone publishes wheels/odometry
-  bool has_observations = false;  ///< range/bearing instead of images
+  bool has_wheels = false;                    ///< someone publishes wheels/odometry
+  bool has_observations = false;              ///< range/bearing instead of images
   std::optional<dataset::LaserSensor> laser;  ///< someone publishes laser
   std::string host;
 };
@@ -48,11 +49,11 @@ struct Fleet {
   std::vector<CameraSpec> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
   std::vector<dataset::Landmark> landmarks;  ///< surveyed ones, of the dataset or of the file `landmarks`
-  std::string dataset;                    ///< folder; empty unless the run replays one
-  std::optional<synthetic::Arena> arena;  ///< only when simulated
-  int seed = 1;                           ///< of the arena's noise
+  std::string dataset;                       ///< folder; empty unless the run replays one
+  std::optional<synthetic::Arena> arena;     ///< only when simulated
+  int seed = 1;                              ///< of the arena's noise
   bool end_at_rest = true;  ///< arena: the run is over when every robot has been told to stand for a second
-  options::Section file;                  ///< fleet file with overlays: options of services
+  options::Section file;    ///< fleet file with overlays: options of services
 
   /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset
   /// folder. Overlays are files of the same form. Throws options::Error.
@@ -67,6 +68,8 @@ struct Fleet {
   const CameraSpec& camera(const std::string& camera_id) const;  ///< throws options::Error
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
   std::map<std::string, RobotBody> bodies() const;
+  /// How the fisheye lenses of the robots that have one spread angles.
+  std::map<std::string, lens::Spread> lensSpreads() const;
 
   /// Robots that map with a fisheye camera or a laser: they have local_mapper, classifier, global_merger (and
   /// formation).

@@ -5,11 +5,12 @@
 
 namespace omnifleet {
 
-Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m) {
+Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m,
+                                        const lens::Spread& lens) {
   if (!(camera_height_m > 0)) return Eigen::Matrix<double, 2, 4>::Zero();  // a laser has none of these
-  const double rho = p_m.norm(), u = rho / camera_height_m;
-  // H·(1 + u²)·atan(u)/ρ, whose limit at the foot is 1.
-  const double radial = u > 1e-6 ? (1.0 + u * u) * std::atan(u) / u : 1.0;
+  const double rho = p_m.norm(), u = rho / camera_height_m, theta = std::atan(u);
+  // H·(1 + u²)·(r/r′)/ρ, whose limit at the foot is 1.
+  const double radial = u > 1e-6 ? (1.0 + u * u) * lens.radius(theta) / lens.slope(theta) / u : 1.0;
   Eigen::Matrix<double, 2, 4> field;
   field.col(0) = -radial * p_m;
   field.col(1) = p_m;
@@ -18,19 +19,20 @@ Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camer
   return field;
 }
 
-double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, double camera_height_m) {
+double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, double camera_height_m,
+                    const lens::Spread& lens) {
   if (!(camera_height_m > 0)) return 0.0;
-  const double rho = p_m.norm(), u = rho / camera_height_m;
+  const double rho = p_m.norm(), u = rho / camera_height_m, theta = std::atan(u);
   if (u < 1e-6) return camera_height_m;
   const Eigen::Vector2d along = p_m / rho;
-  const double radial = normal.dot(along) * camera_height_m * (1.0 + u * u);
+  const double radial = normal.dot(along) * camera_height_m * (1.0 + u * u) / lens.slope(theta);
   const double across =
-      (along.x() * normal.y() - along.y() * normal.x()) * camera_height_m * u / std::atan(u);
+      (along.x() * normal.y() - along.y() * normal.x()) * camera_height_m * u / lens.radius(theta);
   return std::hypot(radial, across);
 }
 
 CameraError supportByCameraError(const SupportTriple& b, std::size_t direction, std::size_t directions,
-                                 double camera_height_m) {
+                                 double camera_height_m, const lens::Spread& lens) {
   const double step = 2.0 * M_PI / static_cast<double>(directions);
   double slope = 0.0;  // of the support by the angle: the point is b·n + b′·n⊥
   int sides = 0;
@@ -41,8 +43,8 @@ CameraError supportByCameraError(const SupportTriple& b, std::size_t direction, 
   const Eigen::Vector2d n(std::cos(phi), std::sin(phi)), across(-n.y(), n.x());
   const Eigen::Vector2d p = b.here_m * n + slope * across;
   CameraError derivative;
-  derivative << (n.transpose() * cameraField(p, camera_height_m)).transpose(),
-      contourField(p, n, camera_height_m);
+  derivative << (n.transpose() * cameraField(p, camera_height_m, lens)).transpose(),
+      contourField(p, n, camera_height_m, lens);
   return derivative;
 }
 

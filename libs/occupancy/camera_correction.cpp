@@ -21,10 +21,11 @@ struct Lens {
   Eigen::Vector2d foot_m;
   double seen_height_m;
   CameraError error;
+  lens::Spread spread;
 
   double heightOf() const { return seen_height_m * (1.0 - error(1)); }
   Eigen::Vector2d shift(const Eigen::Vector2d& from_foot_m) const {
-    return cameraField(from_foot_m, seen_height_m) * error.head<4>();
+    return cameraField(from_foot_m, seen_height_m, spread) * error.head<4>();
   }
   /// Near the horizon the first order says nothing any more.
   bool holds(double shift_m, double away_m) const {
@@ -49,8 +50,8 @@ void correct(const Lens& lens, SupportView& view) {
   };
   for (std::size_t i = 0; i < k; ++i) {
     if (view.sigma_dmm[i] == 0) continue;
-    const CameraError by_error =
-        supportByCameraError({at((i + k - 1) % k), at(i), at((i + 1) % k)}, i, k, lens.seen_height_m);
+    const CameraError by_error = supportByCameraError({at((i + k - 1) % k), at(i), at((i + 1) % k)}, i, k,
+                                                      lens.seen_height_m, lens.spread);
     const double shift_m = by_error.dot(lens.error);
     if (lens.holds(shift_m, std::abs(at(i)))) {
       corrected[i] = rounded(at(i) - shift_m);
@@ -95,11 +96,12 @@ bool correct(const Lens& lens, SurfacePoint& point) {
 
 }  // namespace
 
-Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& error) {
+Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& error,
+                                const lens::Spread& spread) {
   Contribution out = seen;
   if (seen.camera_height_dmm <= 0 || error == CameraErrorPpm{}) return out;
   Lens lens{Eigen::Vector2d(seen.scan_origin.x_dmm, seen.scan_origin.y_dmm) / kPerMetre,
-            seen.camera_height_dmm / kPerMetre, CameraError::Zero()};
+            seen.camera_height_dmm / kPerMetre, CameraError::Zero(), spread};
   for (std::size_t i = 0; i < error.size(); ++i) lens.error(static_cast<Eigen::Index>(i)) = error[i] * 1e-6;
   out.camera_height_dmm = rounded(lens.heightOf());
   for (SupportView& view : out.views) correct(lens, view);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "lens/spread.h"
 #include "occupancy/contribution.h"
 
 namespace omnifleet::occupancy {
@@ -10,6 +11,7 @@ namespace omnifleet::occupancy {
 /// height times the tilt, is a few millimetres. Computed in doubles and rounded to 0.1 mm, so that machines
 /// whose arithmetic differs in the last bit agree but for a value in ten thousand million. A laser's
 /// contribution (height 0) and any with no error stay as they are.
-Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& error);
+Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& error,
+                                const lens::Spread& spread);
 
 }  // namespace omnifleet::occupancy

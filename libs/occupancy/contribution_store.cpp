@@ -7,15 +7,14 @@
 #include "occupancy/robot_paths.h"
 
 namespace omnifleet::occupancy {
-namespace {
-
-std::shared_ptr<const Contribution> without(const std::shared_ptr<const Contribution>& seen,
-                                            const CameraErrorPpm& error) {
+std::shared_ptr<const Contribution> ContributionStore::withoutError(
+    const std::shared_ptr<const Contribution>& seen) const {
+  const CameraErrorPpm error = cameraError(seen->robot);
   if (error == CameraErrorPpm{}) return seen;
-  return std::make_shared<const Contribution>(withoutCameraError(*seen, error));
+  const auto lens = lenses_.find(seen->robot);
+  return std::make_shared<const Contribution>(
+      withoutCameraError(*seen, error, lens == lenses_.end() ? lens::Spread() : lens->second));
 }
-
-}  // namespace
 
 bool ContributionStore::add(const Contribution& contribution) {
   auto& keyframe = robots_[contribution.robot][contribution.acquired_ns];
@@ -23,7 +22,7 @@ bool ContributionStore::add(const Contribution& contribution) {
   if (keyframe.contribution && bytes <= canonicalBytes(*keyframe.contribution)) return false;
   if (!keyframe.contribution) ++contributions_;
   keyframe.contribution = std::make_shared<const Contribution>(contribution);
-  keyframe.seen = without(keyframe.contribution, cameraError(contribution.robot));
+  keyframe.seen = withoutError(keyframe.contribution);
   keyframe.contribution_digest = digest(bytes);
   return true;
 }
@@ -68,7 +67,7 @@ std::vector<std::pair<std::string, TimeNs>> ContributionStore::correctNext(std::
     auto at = path.lower_bound(behind_.begin()->second);
     for (; at != path.end() && done.size() < at_most; ++at) {
       if (!at->second.contribution) continue;
-      at->second.seen = without(at->second.contribution, cameraError(robot));
+      at->second.seen = withoutError(at->second.contribution);
       done.emplace_back(robot, at->first);
     }
     if (at == path.end()) {

@@ -6,8 +6,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "lens/spread.h"
 #include "occupancy/contribution.h"
 
 namespace omnifleet::occupancy {
@@ -35,6 +37,8 @@ class ContributionStore {
   };
   using Path = std::map<TimeNs, Keyframe>;
 
+  /// Of the robots' cameras, before anything is added; equidistant where nothing is said.
+  void setLenses(std::map<std::string, lens::Spread> lenses) { lenses_ = std::move(lenses); }
   /// True when the set changed.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
@@ -60,7 +64,9 @@ class ContributionStore {
 
  private:
   void noteCameraError(const std::string& robot);
+  std::shared_ptr<const Contribution> withoutError(const std::shared_ptr<const Contribution>& seen) const;
 
+  std::map<std::string, lens::Spread> lenses_;
   std::map<std::string, Path> robots_;
   std::map<std::string, CameraErrorPpm> errors_;  ///< to be taken off what is `seen`; none: zero
   std::map<std::string, TimeNs> behind_;          ///< from there on that has not been done yet

@@ -290,6 +290,10 @@ bool OccupancyMap::correctSome(std::size_t at_most) {
 void OccupancyMap::judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
   impl_->judge(kinds);
 }
+void OccupancyMap::setLenses(std::map<std::string, lens::Spread> lenses) {
+  impl_->store.setLenses(std::move(lenses));
+}
+
 const ContributionStore& OccupancyMap::store() const {
   return impl_->store;
 }

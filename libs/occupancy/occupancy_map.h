@@ -51,6 +51,8 @@ class OccupancyMap {
   OccupancyMap(OccupancyMap&&) noexcept;
   OccupancyMap& operator=(OccupancyMap&&) noexcept;
 
+  /// Of the robots' cameras, before anything is added; equidistant where nothing is said.
+  void setLenses(std::map<std::string, lens::Spread> lenses);
   /// True when the set changed. A contribution enters the cells once its valid pose is there.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);

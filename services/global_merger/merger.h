@@ -103,6 +103,8 @@ class Merger {
   Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
          const std::map<std::string, RobotBody>& bodies);
 
+  /// Of the robots' cameras, before anything is added; equidistant where nothing is said.
+  void setLenses(std::map<std::string, lens::Spread> lenses) { map_.setLenses(std::move(lenses)); }
   /// True when the set changed.
   bool add(const occupancy::Contribution& contribution);
   bool add(const occupancy::KeyframePose& pose);

@@ -48,6 +48,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
+  replica_.setLenses(fleet.lensSpreads());
   // Replicas write to one another: one that stopped reading while it waits would keep the others waiting.
   if (context.options.mode == bus::RunMode::kLive) replica_.correctLater();
   contribution_out_.whileFull([this] { pullSets(); });

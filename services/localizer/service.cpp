@@ -17,9 +17,10 @@ constexpr std::uint32_t kTerm = 1;  // of the only estimator; mergers' own first
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
+  std::map<std::string, lens::Spread> lenses = fleet.lensSpreads();
   bool tied = !fleet.ceilingCameras().empty() || !fleet.landmarks.empty();
   for (const fleet::RobotSpec& robot : fleet.robots) {
-    all.push_back({robot.name, robot.body, robot.initial_pose});
+    all.push_back({robot.name, robot.body, robot.initial_pose, false, lenses[robot.name]});
     tied = tied || robot.initial_pose;
   }
   // Nothing says where `map` is: it is the first robot's first base_link.

@@ -25,9 +25,7 @@ class Drive {
 
   void feed(FleetSimulator& simulator, int frame) {
     const std::vector<Objects> frames = simulator.frames(frame);
-    std::vector<const Objects*> pointers;
-    for (const Objects& one : frames) pointers.push_back(&one);
-    estimator_.process(simulator.time(frame), pointers, {});
+    estimator_.process(simulator.time(frame), testing::pointers(frames), {});
     hear();
   }
   void finish() {

@@ -66,7 +66,7 @@ View viewOf(const testing::Prism& prism, const Pose2& map_from_base, const Eigen
     track.supports.b_m.push_back(static_cast<float>(std::max(g, s * g)));
     track.supports.sigma_m.push_back(0.004F);
   }
-  return View::from(track, foot, camera_height, 1.0);
+  return View::from(track, foot, camera_height, 1.0, {});
 }
 
 testing::Prism box(double x, double y, double turn, double height) {

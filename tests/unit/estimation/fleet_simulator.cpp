@@ -130,6 +130,7 @@ std::vector<RobotSetup> FleetSimulator::setups() const {
     RobotSetup setup;
     setup.name = name(r);
     setup.body = body;
+    setup.lens = lens::Spread(options_.orthographic ? 1.0 : 0.0);
     std::normal_distribution<double> unit(0.0, 1.0);
     const double ex = unit(start) * options_.start_sigma_m, ey = unit(start) * options_.start_sigma_m;
     setup.initial_pose = truth(r, 0) * Pose2{ex, ey, unit(start) * options_.start_sigma_rad};
@@ -171,6 +172,13 @@ Motion FleetSimulator::wheels(int robot, int frame) {
 }
 
 /// Where the calibrated camera puts what the real one sees at a point of the floor, both from its foot.
+double FleetSimulator::radiusOf(double theta_rad) const {
+  return options_.orthographic ? std::sin(theta_rad) : theta_rad;
+}
+double FleetSimulator::angleOf(double radius) const {
+  return options_.orthographic ? std::asin(std::min(1.0, radius)) : radius;
+}
+
 Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& floor_m) const {
   const Eigen::Vector4d& error = cameraError(robot);
   const Eigen::Vector3d ray =
@@ -178,7 +186,7 @@ Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& 
   const Eigen::Matrix3d calibrated_from_real = (Eigen::AngleAxisd(error(3), Eigen::Vector3d::UnitY()) *
                                                 Eigen::AngleAxisd(error(2), Eigen::Vector3d::UnitX()))
                                                    .toRotationMatrix();
-  const double real = std::acos(-ray.z()), believed = real / (1.0 + error(0));
+  const double believed = angleOf(radiusOf(std::acos(-ray.z())) / (1.0 + error(0)));
   const Eigen::Vector2d away = ray.head<2>().normalized();
   const Eigen::Vector3d bent(away.x() * std::sin(believed), away.y() * std::sin(believed),
                              -std::cos(believed));
@@ -186,25 +194,22 @@ Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& 
   return options_.camera_height_m * (1.0 + error(1)) / -seen.z() * seen.head<2>();
 }
 
-namespace {
-
-/// Every point on the floor becomes a circle about it in the image of an equidistant lens of focal length 1.
-void swell(std::vector<Eigen::Vector2d>& points, double by_rad, double height_m) {
+/// Every point on the floor becomes a circle about it in the image of a lens of focal length 1.
+void FleetSimulator::swell(std::vector<Eigen::Vector2d>& points) const {
+  const double by_rad = options_.too_large_rad, height_m = options_.camera_height_m;
   constexpr int kAround = 64;
   std::vector<Eigen::Vector2d> swollen;
   for (const Eigen::Vector2d& p : points) {
-    const Eigen::Vector2d pixel = std::atan(p.norm() / height_m) * p.normalized();
+    const Eigen::Vector2d pixel = radiusOf(std::atan(p.norm() / height_m)) * p.normalized();
     for (int i = 0; i < kAround; ++i) {
       const double a = 2.0 * M_PI * i / kAround;
       const Eigen::Vector2d at = pixel + by_rad * Eigen::Vector2d(std::cos(a), std::sin(a));
-      if (at.norm() < 0.5 * M_PI - 0.01)
-        swollen.emplace_back(height_m * std::tan(at.norm()) * at.normalized());
+      if (at.norm() < radiusOf(0.5 * M_PI - 0.01))
+        swollen.emplace_back(height_m * std::tan(angleOf(at.norm())) * at.normalized());
     }
   }
   points = std::move(swollen);
 }
-
-}  // namespace
 
 Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind) {
   constexpr int kDirections = SupportFunction::kDirections;
@@ -232,7 +237,7 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
     seen[i] = throughCamera(robot, floor);
     seen.push_back(throughCamera(robot, s * floor));
   }
-  if (options_.too_large_rad > 0) swell(seen, options_.too_large_rad, h_camera);
+  if (options_.too_large_rad > 0) swell(seen);
   for (int k = 0; k < kDirections; ++k) {
     const double phi = 2.0 * M_PI * k / kDirections, psi = phi + at.theta_rad;
     const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
@@ -243,7 +248,8 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
     // The supporting point's distance: along n at least |b|; across, the footprint's own bearing.
     const double across = Eigen::Vector2d(-n.y(), n.x()).dot(prism.centre_m - at.translation());
     const double rho2 = b * b + across * across * (g > 0 ? s * s : 1.0);
-    const double per_px = (h_camera * h_camera + rho2) / h_camera / options_.focal_px;
+    const double slope = options_.orthographic ? h_camera / std::sqrt(h_camera * h_camera + rho2) : 1.0;
+    const double per_px = (h_camera * h_camera + rho2) / h_camera / options_.focal_px / slope;
     const double sigma = options_.pixel_sigma_px * per_px + 0.001;
     const double noise_m = options_.pixel_sigma_px * per_px * noise[static_cast<std::size_t>(k)];
     track.supports.b_m.push_back(static_cast<float>(b + noise_m));
@@ -284,6 +290,12 @@ std::vector<Objects> FleetSimulator::frames(int frame) {
   return all;
 }
 
+std::vector<const Objects*> pointers(const std::vector<Objects>& frames) {
+  std::vector<const Objects*> all;
+  for (const Objects& frame : frames) all.push_back(&frame);
+  return all;
+}
+
 RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std::uint32_t seed) {
   FleetSimulator simulator(simulation, seed);
   if (simulation.start_sigma_m <= 0) {  // an exact start is known exactly
@@ -294,9 +306,7 @@ RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std
   RunResult result;
   for (int f = 0; f < simulation.frames; ++f) {
     const std::vector<Objects> frames = simulator.frames(f);
-    std::vector<const Objects*> pointers;
-    for (const Objects& frame : frames) pointers.push_back(&frame);
-    const auto estimates = estimator.process(simulator.time(f), pointers, {});
+    const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
     for (std::size_t r = 0; r < estimates.size(); ++r) {
       ++result.frames;
       if (!estimates[r].valid) continue;

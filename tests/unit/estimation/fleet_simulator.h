@@ -27,7 +27,8 @@ struct SimulationOptions {
   double speed_mps = 0.25;
   double wheel_bias_sigma = 0.02, wheel_noise = 0.02;  ///< 1, of the distance rolled
   double pixel_sigma_px = 0.4;
-  double focal_px = 297.0, camera_height_m = 0.5;  ///< of an equidistant lens: noise on the floor
+  double focal_px = 297.0, camera_height_m = 0.5;  ///< noise on the floor
+  bool orthographic = false;                       ///< the lens, r = F·sin θ; else equidistant, r = F·θ
   /// Of every robot's calibration, drawn per robot: focal length and height (relative), roll and pitch (rad).
   Eigen::Vector4d camera_sigma = Eigen::Vector4d::Zero();
   double too_large_rad = 0.0;  ///< by how much every outline is seen too large, all round, at the camera
@@ -66,6 +67,9 @@ class FleetSimulator {
   void placeObstacles();
   void drive();
   Motion wheels(int robot, int frame);
+  double radiusOf(double theta_rad) const;
+  double angleOf(double radius) const;
+  void swell(std::vector<Eigen::Vector2d>& points) const;
   Eigen::Vector2d throughCamera(int robot, const Eigen::Vector2d& floor_m) const;
   Track see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind);
 
@@ -78,6 +82,9 @@ class FleetSimulator {
   std::vector<std::vector<Pose2>> truth_;
   std::vector<std::vector<Eigen::Vector2d>> rolled_;  ///< left, right, true
 };
+
+/// As FleetEstimator::process() takes them.
+std::vector<const Objects*> pointers(const std::vector<Objects>& frames);
 
 /// Errors of one run.
 struct RunResult {

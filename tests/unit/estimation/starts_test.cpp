@@ -84,9 +84,7 @@ Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std:
   for (int f = 0; f < options.frames; ++f) {
     std::vector<Objects> frames;
     for (const Objects& frame : simulator.frames(f)) frames.push_back(as(view, frame));
-    std::vector<const Objects*> pointers;
-    for (const Objects& frame : frames) pointers.push_back(&frame);
-    const auto estimates = estimator.process(simulator.time(f), pointers, {});
+    const auto estimates = estimator.process(simulator.time(f), testing::pointers(frames), {});
     if (estimator.refineDue()) estimator.refine();
     for (const PoseEstimate& e : estimator.takeRevised())
       outcome.revised[e.robot][e.acquired_ns] = e.map_from_base;

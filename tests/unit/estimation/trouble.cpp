@@ -65,9 +65,7 @@ TroubleResult run(const Trouble& trouble, const EstimatorOptions& options, std::
   for (int f = 0; f < trouble.simulation.frames; ++f) {
     auto frames = simulator.frames(f);
     deceiver.deceive(frames, f);
-    std::vector<const Objects*> pointers;
-    for (const Objects& frame : frames) pointers.push_back(&frame);
-    const auto poses = estimator.process(simulator.time(f), pointers, {});
+    const auto poses = estimator.process(simulator.time(f), testing::pointers(frames), {});
     const int until = deceiver.lastFrame() + static_cast<int>(2.0 / trouble.simulation.period_s);
     for (std::size_t r = 0; r < robots; ++r) {
       const RobotStatus& status = estimator.status(FleetSimulator::name(static_cast<int>(r)));

@@ -18,9 +18,9 @@ constexpr double kHeight_m = 0.5;
 const Eigen::Vector2d kFoot_m(0.05, -0.02);
 const CameraErrorPpm kError{3000, -2000, -3500, 2500};
 
-lens::CameraModel calibrated(const CameraErrorPpm& error) {
+lens::CameraModel calibrated(const CameraErrorPpm& error, lens::Projection projection) {
   lens::CameraModel model;
-  model.projection = lens::Projection::kEquidistant;
+  model.projection = projection;
   model.image_width_px = model.image_height_px = 480;
   model.focal_px = Eigen::Vector2d::Constant(150.0 * (1.0 + 1e-6 * error[0]));
   model.principal_point_px = {239.5, 239.5};
@@ -32,9 +32,9 @@ lens::CameraModel calibrated(const CameraErrorPpm& error) {
 }
 
 /// Where a camera with that error takes a point of the floor for.
-Eigen::Vector2d seen(const Eigen::Vector2d& floor_m, const CameraErrorPpm& error) {
-  static const lens::Camera real(calibrated({}));
-  const lens::Camera wrong(calibrated(error));
+Eigen::Vector2d seen(const Eigen::Vector2d& floor_m, const CameraErrorPpm& error,
+                     lens::Projection projection = lens::Projection::kEquidistant) {
+  const lens::Camera real(calibrated({}, projection)), wrong(calibrated(error, projection));
   return wrong.floorFromPixel(*real.pixelFromPoint({floor_m.x(), floor_m.y(), 0.0})).value();
 }
 
@@ -52,7 +52,8 @@ Polygon silhouette() {
 }
 
 /// What a camera with that error contributes.
-Contribution contribution(const CameraErrorPpm& error) {
+Contribution contribution(const CameraErrorPpm& error,
+                          lens::Projection projection = lens::Projection::kEquidistant) {
   Objects objects;
   objects.robot = "r1";
   objects.acquired_ns = 5;
@@ -61,18 +62,18 @@ Contribution contribution(const CameraErrorPpm& error) {
   track.visible = true;
   track.id = 3;
   Polygon points = silhouette();
-  for (auto& p : points) p = seen(p, error);
+  for (auto& p : points) p = seen(p, error, projection);
   track.supports = SupportFunction::of(points, kFoot_m, 0.002);
   track.supports.sigma_m[7] = 0.0F;
-  track.position_m = seen({0.75, 0.3}, error);
-  track.contact_m = seen({0.6, 0.2}, error);
+  track.position_m = seen({0.75, 0.3}, error, projection);
+  track.contact_m = seen({0.6, 0.2}, error, projection);
   objects.tracks.push_back(track);
   objects.scan.origin_m = kFoot_m;
   for (int i = 0; i < 360; ++i) {  // a round wall; rays about the foot
     const double a = i * M_PI / 180.0;
     const Eigen::Vector2d along(std::cos(a), std::sin(a));
     objects.scan.range_m.push_back(
-        static_cast<float>(along.dot(seen(kFoot_m + 0.9 * along, error) - kFoot_m)));
+        static_cast<float>(along.dot(seen(kFoot_m + 0.9 * along, error, projection) - kFoot_m)));
     objects.scan.label.push_back(i == 9 ? RayLabel::kInvalid : RayLabel::kObstacle);
   }
   return makeContribution(objects);
@@ -85,24 +86,30 @@ double rms(const std::vector<std::int32_t>& a, const std::vector<std::int32_t>& 
 }
 
 TEST(CameraCorrection, WhatAWrongCameraSawIsWhatARightOneWouldHaveSeen) {
-  const Contribution exact = contribution({}), wrong = contribution(kError);
-  Contribution right = withoutCameraError(wrong, kError);
-  EXPECT_EQ(right.views[0].b_dmm[7], wrong.views[0].b_dmm[7]);  // not to be used
-  right.views[0].b_dmm[7] = exact.views[0].b_dmm[7];
-  EXPECT_NEAR(right.camera_height_dmm, exact.camera_height_dmm, 1);
-  // Second order in the error.
-  const double before_m = rms(wrong.views[0].b_dmm, exact.views[0].b_dmm);
-  EXPECT_GT(before_m, 0.015);
-  EXPECT_LT(rms(right.views[0].b_dmm, exact.views[0].b_dmm), 0.05 * before_m);
-  EXPECT_EQ(right.views[0].sigma_dmm, exact.views[0].sigma_dmm);
-  EXPECT_GT(rms(wrong.range_dmm, exact.range_dmm), 0.006);
-  EXPECT_LT(rms(right.range_dmm, exact.range_dmm), 0.0005);
-  EXPECT_EQ(right.label, exact.label);
-  EXPECT_EQ(right.range_dmm[9], 0);
-  for (const auto part : {&SupportView::position, &SupportView::contact}) {
-    EXPECT_GT(std::abs((wrong.views[0].*part).x_dmm - (exact.views[0].*part).x_dmm), 15);
-    EXPECT_NEAR((right.views[0].*part).x_dmm, (exact.views[0].*part).x_dmm, 3);
-    EXPECT_NEAR((right.views[0].*part).y_dmm, (exact.views[0].*part).y_dmm, 3);
+  for (const auto projection :
+       {lens::Projection::kEquidistant, lens::Projection::kOrthographic, lens::Projection::kStereographic}) {
+    SCOPED_TRACE(static_cast<int>(projection));
+    const Contribution exact = contribution({}, projection), wrong = contribution(kError, projection);
+    Contribution right =
+        withoutCameraError(wrong, kError, lens::Spread::of(lens::Camera(calibrated({}, projection))));
+    EXPECT_EQ(right.views[0].b_dmm[7], wrong.views[0].b_dmm[7]);  // not to be used
+    right.views[0].b_dmm[7] = exact.views[0].b_dmm[7];
+    EXPECT_NEAR(right.camera_height_dmm, exact.camera_height_dmm, 1);
+    // Second order in the error, which is larger near the rim of an orthographic lens.
+    const double second = projection == lens::Projection::kOrthographic ? 0.06 : 0.05;
+    const double before_m = rms(wrong.views[0].b_dmm, exact.views[0].b_dmm);
+    EXPECT_GT(before_m, 0.015);
+    EXPECT_LT(rms(right.views[0].b_dmm, exact.views[0].b_dmm), second * before_m);
+    EXPECT_EQ(right.views[0].sigma_dmm, exact.views[0].sigma_dmm);
+    EXPECT_GT(rms(wrong.range_dmm, exact.range_dmm), 0.006);
+    EXPECT_LT(rms(right.range_dmm, exact.range_dmm), 0.0005);
+    EXPECT_EQ(right.label, exact.label);
+    EXPECT_EQ(right.range_dmm[9], 0);
+    for (const auto part : {&SupportView::position, &SupportView::contact}) {
+      EXPECT_GT(std::abs((wrong.views[0].*part).x_dmm - (exact.views[0].*part).x_dmm), 15);
+      EXPECT_NEAR((right.views[0].*part).x_dmm, (exact.views[0].*part).x_dmm, 3);
+      EXPECT_NEAR((right.views[0].*part).y_dmm, (exact.views[0].*part).y_dmm, 3);
+    }
   }
 }
 
@@ -114,7 +121,7 @@ TEST(CameraCorrection, PointsStayAsFarBelowTheCameraAsParallaxSaid) {
   Contribution c = contribution(kError);
   const auto dmm = [](double m) { return static_cast<std::int16_t>(std::lround(1e4 * m)); };
   c.points = {{3, dmm(wrong.x()), dmm(wrong.y()), dmm(taken_for_m - below_m), 20}};
-  const Contribution right = withoutCameraError(c, kError);
+  const Contribution right = withoutCameraError(c, kError, {});
   ASSERT_EQ(right.points.size(), 1U);
   EXPECT_GT((wrong - point.head<2>()).norm(), 0.004);
   EXPECT_NEAR(right.points[0].x_dmm, dmm(point.x()), 3);
@@ -125,9 +132,9 @@ TEST(CameraCorrection, PointsStayAsFarBelowTheCameraAsParallaxSaid) {
 
 TEST(CameraCorrection, NothingChangesWithoutAnErrorOrACamera) {
   Contribution c = contribution(kError);
-  EXPECT_EQ(canonicalBytes(withoutCameraError(c, {})), canonicalBytes(c));
+  EXPECT_EQ(canonicalBytes(withoutCameraError(c, {}, {})), canonicalBytes(c));
   c.camera_height_dmm = 0;  // a laser
-  EXPECT_EQ(canonicalBytes(withoutCameraError(c, kError)), canonicalBytes(c));
+  EXPECT_EQ(canonicalBytes(withoutCameraError(c, kError, {})), canonicalBytes(c));
 }
 
 TEST(CameraCorrection, NearTheHorizonNothingIsMadeUp) {
@@ -135,7 +142,7 @@ TEST(CameraCorrection, NearTheHorizonNothingIsMadeUp) {
   c.range_dmm[0] = 10'000'000;  // a kilometre: u = 2000
   c.views[0].b_dmm[0] = 10'000'000;
   c.views[0].position = {10'000'000, 0};
-  const Contribution right = withoutCameraError(c, kError);
+  const Contribution right = withoutCameraError(c, kError, {});
   EXPECT_EQ(right.range_dmm[0], 0);
   EXPECT_EQ(right.label[0], RayLabel::kInvalid);
   EXPECT_EQ(right.views[0].sigma_dmm[0], 0);
@@ -153,7 +160,7 @@ KeyframePose poseAt(TimeNs time_ns, const CameraErrorPpm& error) {
 
 TEST(CameraCorrection, TheLatestPoseSpeaksForAllContributionsInAnyOrder) {
   const Contribution early = contribution(kError);
-  const auto expected = canonicalBytes(withoutCameraError(early, kError));
+  const auto expected = canonicalBytes(withoutCameraError(early, kError, {}));
   KeyframePose settled = poseAt(5, kError), invalid = poseAt(11, {1, 1, 1, 1});
   settled.revision = 1;
   invalid.valid = false;

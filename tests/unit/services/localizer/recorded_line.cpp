@@ -80,7 +80,10 @@ class Judged {
  private:
   static std::vector<estimation::RobotSetup> setups(const dataset::Dataset& data) {
     std::vector<estimation::RobotSetup> all;
-    for (const auto& robot : data.robots) all.push_back({robot.name, robot.body, robot.initial_pose});
+    for (const auto& robot : data.robots) {
+      all.push_back({robot.name, robot.body, robot.initial_pose});
+      if (robot.fisheye) all.back().lens = lens::Spread::of(lens::Camera(robot.fisheye->camera));
+    }
     return all;
   }
 
