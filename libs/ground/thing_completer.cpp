@@ -41,8 +41,8 @@ void ThingCompleter::completeTops(const ShadeFilter::Frame& frame, ShadeFilter& 
     const Run& middle = whole[whole.size() / 2];
     rough_.emplace_back((middle.begin + middle.end) / 2, middle.row);
   }
-  frames_since_top_ = any_top ? 0 : std::min(frames_since_top_ + 1, kMemory + 1);
-  if (frames_since_top_ > kMemory) return;
+  remembered_ = any_top ? kMemory + 1 : std::max(0, remembered_ - 1);
+  if (remembered_ == 0) return;
   // Where there are things whose tops alone are plain to see, what is not known to be whole is one's top;
   // where there were some of late, what shows nothing but a top.
   const std::vector<const Blob*>& asked = any_top ? shade.lights() : alone_;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <limits>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -44,7 +43,7 @@ class ThingCompleter {
   std::vector<const Blob*> settled_;  ///< regions that tops_ has spoken of
   std::vector<const Blob*> alone_;    ///< regions of which nothing but a top is known
   std::vector<cv::Point> rough_;      ///< what is left of each lies there
-  int frames_since_top_ = std::numeric_limits<int>::max() - 1;  ///< that tops_ has known the sides of, if any
+  int remembered_ = 0;  ///< frames, this one too, for which it is known that there are such things
 };
 
 }  // namespace omnifleet::ground
