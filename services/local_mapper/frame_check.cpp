@@ -45,11 +45,11 @@ FrameState FrameCheck::check(const Frame& frame) {
     else
       state = exposure(frame.image);
   }
+  const double since_s = has_previous_ ? 1e-9 * static_cast<double>(frame.acquired_ns - previous_ns_) : 0.0;
+  gap_s_ = since_s > options_.max_gap_s ? since_s : 0.0;
   if (state == FrameState::kOk && previous_usable_) {
-    const double gap_s = 1e-9 * static_cast<double>(frame.acquired_ns - previous_ns_);
     const std::uint32_t step = frame.sequence - previous_sequence_;
-    follows_ = gap_s <= options_.max_gap_s && step >= 1 &&
-               step <= static_cast<std::uint32_t>(options_.max_sequence_step);
+    follows_ = gap_s_ == 0.0 && step >= 1 && step <= static_cast<std::uint32_t>(options_.max_sequence_step);
   }
   previous_usable_ = state == FrameState::kOk;
   if (in_order) {

@@ -38,6 +38,9 @@ class FrameCheck {
 
   /// True when the frame just checked directly follows a usable one: only then are there vectors.
   bool follows() const { return follows_; }
+  /// Seconds for which nothing came before the frame just checked, where they are more than `max_gap_s`;
+  /// else 0.
+  double gap_s() const { return gap_s_; }
   /// Of the camera's size and a type that is read here.
   bool fits(const cv::Mat& image) const {
     return image.size() == size_ && (image.type() == CV_8UC3 || image.type() == CV_8UC1);
@@ -53,6 +56,7 @@ class FrameCheck {
   std::vector<cv::Point> samples_;
   bool has_previous_ = false, previous_usable_ = false, follows_ = false;
   TimeNs previous_ns_ = 0;
+  double gap_s_ = 0.0;
   std::uint32_t previous_sequence_ = 0;
 };
 

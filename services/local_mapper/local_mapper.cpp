@@ -194,7 +194,8 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   blob_of_object.clear();
   scan.begin();
   bool closed = has_walls;
-  if (has_walls) scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize()});
+  if (has_walls)
+    scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize()});
   for (const ground::Blob& blob : *blobs) {
     tracer.trace(contourFrame(image, segmenter.objects()), blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&
@@ -294,6 +295,10 @@ double LocalMapper::freeShare() const {
 
 double LocalMapper::coveredShare() const {
   return cover_.share();
+}
+
+double LocalMapper::gap_s() const {
+  return stages_->check.gap_s();
 }
 
 const char* LocalMapper::fault() const {

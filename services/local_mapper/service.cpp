@@ -164,6 +164,11 @@ void LocalMapperService::process(const bus::FrameView& view) {
 }
 
 void LocalMapperService::tellFault() {
+  if (mapper_.gap_s() > 0.0) {
+    status().error(
+        fmt::format("camera {}: nothing came for {:.1f} s before frame {}: no vectors go across it",
+                    camera_.id, mapper_.gap_s(), local_map_.sequence));
+  }
   std::string where, what;
   if (local_map_.state != FrameState::kOk) {
     const std::string fault = mapper_.fault();

@@ -73,8 +73,10 @@ TEST_F(FrameCheckTest, ALongPauseIsAGap) {
   Frame first = testing::frameOf(grey(100), 0), second = testing::frameOf(grey(100), 1);
   second.acquired_ns = first.acquired_ns + 3000000000LL;
   check_.check(first);
+  EXPECT_EQ(check_.gap_s(), 0.0);
   EXPECT_EQ(check_.check(second), FrameState::kOk);
   EXPECT_FALSE(check_.follows());
+  EXPECT_NEAR(check_.gap_s(), 3.0, 1e-9);
 }
 
 }  // namespace

@@ -94,6 +94,19 @@ TEST_F(LocalMapperStage, AFrameOfAnotherSizeThanItsCalibrationIsRejectedAndCount
   EXPECT_EQ(bench_.status().processed, 3u);
 }
 
+TEST_F(LocalMapperStage, ACameraFromWhichNothingCameForLongIsTold) {
+  for (std::uint32_t index = 0; index < 3; ++index)
+    EXPECT_EQ(answerTo(index, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(answerTo(7, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_EQ(bench_.status().last_error, "") << "a second is no gap";
+  EXPECT_EQ(answerTo(20, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_THAT(bench_.status().last_error,
+              HasSubstr("camera r1/fisheye: nothing came for 2.6 s before frame 20"));
+  EXPECT_EQ(bench_.problems().size(), 1u);
+  EXPECT_EQ(answerTo(21, kWidth, kHeight), v1::FrameState::FRAME_OK);
+  EXPECT_TRUE(bench_.problems().empty());
+}
+
 TEST_F(LocalMapperStage, WhatMayBeAThingOfTheFloorsColourIsToldWhenItLasts) {
   std::uint32_t index = 0;
   stain_ = true;
