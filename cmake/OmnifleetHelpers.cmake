@@ -47,7 +47,7 @@ function(omnifleet_test name)
   if(NOT ARG_LABELS STREQUAL "unit")
     set(serial RUN_SERIAL TRUE)
   endif()
-  gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES
+  gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120 NO_PRETTY_VALUES
     PROPERTIES ${serial} TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
       ENVIRONMENT "OMNIFLEET_SOURCE_DIR=${CMAKE_SOURCE_DIR};OMNIFLEET_BINARY_DIR=${CMAKE_BINARY_DIR}")
 endfunction()
