@@ -19,6 +19,7 @@ constexpr double kWallTexture =
                                  // seen under steep angles, from near, and nobody chose it to be plain
 constexpr int kLeastShare = 20;  // of a region is wall, where walls are a part of it: one in so many pixels
 constexpr int kNear = 3;         // cells from what the growth got to: it stops that far before edges
+constexpr int kMemory = 100;     // frames that a room is remembered for
 constexpr int kEdge_px = 1;  // half as wide as what is mixed of floor and wall where they meet, rounded down
 
 // By so much of the brightness may a wall differ below the horizon from what it is above, in brightness and
@@ -55,6 +56,7 @@ WallFinder::WallFinder(const lens::Camera& camera, const FloorView& floor_view, 
     : options_(options),
       sectors_(floor_view.cells(), std::uint8_t{0}),
       kinds_(floor_view.cells(), std::uint8_t{kNeither}),
+      foot_(camera, floor_view),
       before_(floor_view.imageSize()),
       eroded_(floor_view.imageSize()),
       things_(floor_view.imageSize()) {
@@ -107,9 +109,29 @@ int WallFinder::countWallSectors(const GroundSegmenter& floor) {
   return count;
 }
 
+/// Sectors where the floor's growth got up to the horizon, and what is there goes on above it.
+void WallFinder::findClimbed(const GroundSegmenter& floor) {
+  climbed_.fill(0);
+  if (floor.horizon() == nullptr) return;
+  for (int sector = 1; sector <= Horizon::kSectors; ++sector) {
+    const cv::Vec4f& above = floor.horizon()->colours()[static_cast<std::size_t>(sector)];
+    if (above[0] < 0.0f) continue;
+    const std::vector<cv::Point>& edge = floor.horizon()->edge(sector);
+    const bool is_climbed = std::any_of(edge.begin(), edge.end(), [&](const cv::Point& cell) {
+      return floor.isGrown(cell.y, cell.x) &&
+             isAlike(floor.cellMeans()(cell), {above[0], above[1], above[2]});
+    });
+    climbed_[static_cast<std::size_t>(sector)] = is_climbed ? 1 : 0;
+  }
+}
+
 void WallFinder::markFloor(const GroundSegmenter& floor) {
-  for (int y = 0; y < kinds_.rows; ++y)
-    for (int x = 0; x < kinds_.cols; ++x) kinds_(y, x) = floor.isGrown(y, x) ? kFloorGrown : kNeither;
+  for (int y = 0; y < kinds_.rows; ++y) {
+    for (int x = 0; x < kinds_.cols; ++x) {
+      const bool is_behind = foot_.any() && foot_.isBehind({x, y});
+      kinds_(y, x) = !floor.isGrown(y, x) ? kNeither : is_behind ? kWallGrown : kFloorGrown;
+    }
+  }
 }
 
 /// What hangs together with the cells of queue_ by the walls' growth and is not the floor's.
@@ -176,11 +198,16 @@ bool WallFinder::find(const cv::Mat& image, const std::vector<Blob>& regions, in
 bool WallFinder::findHigh(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
                           GroundSegmenter& floor) {
   walls_.clear();
+  foot_.forget();
   if (!segmenter_) return false;
   for (const Blob& region : regions)
     if (isWall(region)) walls_.push_back(&region);
-  const int sectors = countWallSectors(floor);
-  if ((walls_.empty() && !isWide(sectors)) || !segmenter_->segment(image)) return false;
+  const bool is_seen = isWide(countWallSectors(floor)) || !walls_.empty();
+  known_frames_ = is_seen ? kMemory : std::max(0, known_frames_ - 1);
+  if (known_frames_ == 0) return false;
+  findClimbed(floor);
+  foot_.find(image, floor.objects(), climbed_);
+  if ((!is_seen && !foot_.any()) || !segmenter_->segment(image)) return false;
   markFloor(floor);
   growDown(floor);
   for (const Blob& region : regions)

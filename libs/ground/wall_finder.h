@@ -9,6 +9,7 @@
 #include "ground/ground_segmenter.h"
 #include "ground/labelling.h"
 #include "ground/low_walls.h"
+#include "ground/wall_foot.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
@@ -26,6 +27,9 @@ struct WallOptions {
 /// nor wall stands before a wall, or is a part of it: FloorScan::isBeforeWalls() tells.
 /// Of a wall of nearly the floor's colours, which leaves no region or passes for shade, it is told where the
 /// floor's growth stopped: what goes on from above the horizon down to there, without an edge, is no floor.
+/// Where the floor's growth climbed a wall, up to the horizon and what goes on above it, WallFoot tells; that
+/// there is a room must be known by another of its sides, now or of late, for a floor may go on up to a
+/// horizon of its colour.
 class WallFinder {
  public:
   static constexpr std::uint8_t kWall = LowWalls::kWall;
@@ -45,12 +49,15 @@ class WallFinder {
   /// Of each cell what growth got there, since find() found walls: the floor's, or the walls' and not the
   /// floor's.
   const cv::Mat1b& kinds() const { return kinds_; }
+  /// Since then, where walls that are lit like the floor stand.
+  const WallFoot& foot() const { return foot_; }
 
  private:
   bool findHigh(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px,
                 GroundSegmenter& floor);
   bool isWall(const Blob& region);
   int countWallSectors(const GroundSegmenter& floor);
+  void findClimbed(const GroundSegmenter& floor);
   void markFloor(const GroundSegmenter& floor);
   void growDown(const GroundSegmenter& floor);
   void freeShade(GroundSegmenter& floor);
@@ -62,6 +69,9 @@ class WallFinder {
   std::unique_ptr<GroundSegmenter> segmenter_;
   cv::Mat1b sectors_;  ///< per cell along the horizon: 1 + its sector; else 0
   cv::Mat1b kinds_, near_;
+  WallFoot foot_;
+  int known_frames_ = 0;  ///< this one too, for which it is known that there is a room
+  WallFoot::Sectors climbed_{};
   std::vector<cv::Point> queue_;
   std::vector<std::uint8_t> reached_;
   std::vector<const Blob*> walls_;

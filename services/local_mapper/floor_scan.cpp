@@ -14,6 +14,7 @@ namespace {
 constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
 
 constexpr double kWalls_m = 4.0;    // up to here it is looked where walls stand
+constexpr double kAbout = 1.1;      // times its range: a cell may begin before the foot
 constexpr std::size_t kEdge = 200;  // steps before a wall's growth within which its foot is looked for
 
 std::uint8_t kindAt(const FloorScan::Room& room, int u, int v) {
@@ -178,9 +179,24 @@ void FloorScan::findWalls(const Room& room) {
     while (k < end && !isInTheWay(valueAt(k)) && !isGrown(k)) ++k;
     const bool is_grown = k < end && !isInTheWay(valueAt(k));
     meets_wall_[ray] = k < end && (is_grown || valueAt(k) == ground::WallFinder::kWall) ? 1 : 0;
+    if (begin == end) continue;
+    const double foot_m = footByAll(ray, room);
+    if (std::isfinite(foot_m) && (k == end || foot_m <= kAbout * rangeAt(ray, k))) {
+      meets_wall_[ray] = 1;
+      wall_m_[ray] = foot_m;
+      continue;
+    }
     if (is_grown) k = footOfWall(ray, k, room);
-    if (begin < end && (k == end || meets_wall_[ray] != 0)) wall_m_[ray] = rangeAt(ray, k);
+    if (k == end || meets_wall_[ray] != 0) wall_m_[ray] = rangeAt(ray, k);
   }
+}
+
+/// Where the walls' line tells it; infinite where it does not.
+double FloorScan::footByAll(std::size_t ray, const Room& room) const {
+  if (!room.foot.any()) return std::numeric_limits<double>::infinity();
+  constexpr std::size_t kBearings = ground::WallFoot::kBearings;
+  const std::size_t rays = bearing_.size(), nearest = (ray * kBearings + rays / 2) / rays % kBearings;
+  return static_cast<double>(room.foot.range_m()[nearest]);
 }
 
 /// Behind the last cell that is surely floor and before that of a step, which is surely wall, or little

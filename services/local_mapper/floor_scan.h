@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ground/floor_view.h"
+#include "ground/wall_foot.h"
 #include "lens/camera.h"
 #include "local_mapper/silhouette.h"
 #include "observation/observation.h"
@@ -33,10 +34,11 @@ class FloorScan {
   /// Where walls stand on the floor, or the floor ends that is looked at.
   struct Room {
     const cv::Mat& image;
-    const cv::Mat1b& objects;  ///< WallFinder::kWall on walls that are regions, other values on what else
-                               ///< is in the way
-    const cv::Mat1b& kinds;    ///< per cell, WallFinder::Kind
-    int block_px;              ///< of the growth
+    const cv::Mat1b& objects;      ///< WallFinder::kWall on walls that are regions, other values on what else
+                                   ///< is in the way
+    const cv::Mat1b& kinds;        ///< per cell, WallFinder::Kind
+    int block_px;                  ///< of the growth
+    const ground::WallFoot& foot;  ///< of walls that are lit like the floor
   };
   void findWalls(const Room& room);
   /// Ends rays at them.
@@ -58,6 +60,7 @@ class FloorScan {
  private:
   static constexpr std::size_t kSectors = 512;  ///< of a turn; so many that one holds few rays
   double rangeAt(std::size_t ray, std::size_t step) const;
+  double footByAll(std::size_t ray, const Room& room) const;
   std::size_t footOfWall(std::size_t ray, std::size_t step, const Room& room);
   static std::size_t sectorOf(const Eigen::Vector2d& to);
   void findSectors();

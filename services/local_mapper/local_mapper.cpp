@@ -195,7 +195,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   scan.begin();
   bool closed = has_walls;
   if (has_walls)
-    scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize()});
+    scan.findWalls({image, segmenter.objects(), walls.kinds(), segmenter.blockSize(), walls.foot()});
   for (const ground::Blob& blob : *blobs) {
     tracer.trace(contourFrame(image, segmenter.objects()), blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&

@@ -15,10 +15,10 @@ namespace {
 class Walls : public ::testing::Test {
  protected:
   /// @param more keys of the room, obstacles among them
-  static synthetic::Arena room(const std::string& more) {
-    return synthetic::Arena::read(options::Section::parse(R"(
+  /// @param floor of the floor
+  static synthetic::Arena room(const std::string& more, const std::string& floor = "grain: 0.04") {
+    return synthetic::Arena::read(options::Section::parse("floor: {size_m: [4.4, 3.6], " + floor + "}" + R"(
 frames: {rate_hz: 5, duration_s: 1}
-floor: {size_m: [4.4, 3.6], grain: 0.04}
 image: {noise: 1.5, shot_noise: 0.06}
 robots: {r1: {initial_pose: [0, 0, 0]}}
 rigs:
@@ -33,9 +33,10 @@ rigs:
     renderer.render(0, {map_from_base}, image);
     return image;
   }
-  /// How far the walls of the room are in the direction of a ray of a robot that heads along x.
-  static double wallAlong(std::size_t ray, double x_m, double y_m) {
-    const double bearing = static_cast<double>(ray) * M_PI / 180.0, c = std::cos(bearing),
+  /// How far the walls of the room are in the direction of a ray.
+  static double wallAlong(std::size_t ray, const Pose2& at) {
+    const double x_m = at.x_m, y_m = at.y_m;
+    const double bearing = static_cast<double>(ray) * M_PI / 180.0 + at.theta_rad, c = std::cos(bearing),
                  s = std::sin(bearing);
     const double along_x = c > 0 ? (2.2 - x_m) / c : (2.2 + x_m) / -c,
                  along_y = s > 0 ? (1.8 - y_m) / s : (1.8 + y_m) / -s;
@@ -50,10 +51,10 @@ rigs:
   struct Ends {
     int behind = 0, at_walls = 0, short_of = 0;
   };
-  static Ends endsOf(const LocalMap& map, double x_m, double y_m) {
+  static Ends endsOf(const LocalMap& map, const Pose2& at) {
     Ends ends;
     for (std::size_t ray = 0; ray < map.scan.range_m.size(); ++ray) {
-      const double wall_m = wallAlong(ray, x_m, y_m), off_m = map.scan.range_m[ray] - wall_m;
+      const double wall_m = wallAlong(ray, at), off_m = map.scan.range_m[ray] - wall_m;
       ends.behind += off_m > 0.1 + pixelsAt(wall_m, 2.0) ? 1 : 0;
       if (map.scan.label[ray] != RayLabel::kObstacle) continue;
       ends.at_walls += std::abs(off_m) <= 0.1 + pixelsAt(wall_m, 2.0) ? 1 : 0;
@@ -134,7 +135,7 @@ TEST_F(Walls, LowerThanTheCameraTheySwallowNothing) {
     Options without;
     without.ground.low_walls = false;
     EXPECT_LT(mapOf(arena, image, without).objects.size(), 5U) << walls;
-    const Ends ends = endsOf(map, 0.0, 0.0);
+    const Ends ends = endsOf(map, {});
     EXPECT_EQ(ends.behind, 0) << walls;
     EXPECT_GT(ends.at_walls, 180) << walls;
     EXPECT_LT(ends.short_of, 12) << walls;  // beside things of nearly their colour
@@ -295,7 +296,7 @@ TEST_F(Walls, OfNearlyTheFloorsColourEndTheScanToo) {
   for (const char* walls : kNearFloor) {
     const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + walls);
     const LocalMap map = mapOf(arena, pictureOf(arena));
-    const Ends ends = endsOf(map, 0, 0);
+    const Ends ends = endsOf(map, {});
     EXPECT_LE(ends.behind, 10) << walls;  // beside things, where an edge of theirs is nearer
     EXPECT_GE(ends.at_walls, 200) << walls;
     EXPECT_LE(ends.short_of, 30) << walls;
@@ -310,7 +311,7 @@ TEST_F(Walls, OfNearlyTheFloorsColourEndTheScanToo) {
 TEST_F(Walls, BesideARobotTheyAreNotLearnedAsFloor) {
   for (const char* walls : kNearFloor) {
     const synthetic::Arena arena = room(std::string(kUnevenLight) + walls);
-    const Ends ends = endsOf(mapOf(arena, pictureOf(arena, {-1.7, -1.3, 0})), -1.7, -1.3);
+    const Ends ends = endsOf(mapOf(arena, pictureOf(arena, {-1.7, -1.3, 0})), {-1.7, -1.3, 0});
     EXPECT_LE(ends.behind, 10) << walls;
     EXPECT_GE(ends.at_walls, 200) << walls;
   }
@@ -322,6 +323,53 @@ TEST_F(Walls, WithoutThemThereAreNone) {
   const LocalMap map = mapOf(arena, pictureOf(arena));
   EXPECT_EQ(map.objects.size(), 5U);
   for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle);
+}
+
+/// White ones on grey floors: the side that is lit as the floor is can be told from it by the step at its
+/// foot alone, and the floor's growth climbs it. That there is a room was seen before, of a side in other
+/// light.
+TEST_F(Walls, LitAsTheFloorIsTheyEndTheScanToo) {
+  const std::string white = "walls: {height_m: 2.4, rgb: [235, 235, 230], texture: 0.05}",
+                    dark = "walls: {height_m: 1.0, rgb: [112, 104, 88]}";
+  for (const char* floor :
+       {"rgb: [130, 130, 130], grain: 0.03, clouds: 0.04", "rgb: [150, 150, 150], grain: 0.03",
+        "rgb: [165, 165, 165], grain: 0.04", "rgb: [180, 180, 180], grain: 0.02",
+        "rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05"}) {
+    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + white, floor);
+    LocalMapper mapper(lens::Camera(arena.cameras.front().model), {});
+    Frame frame;
+    frame.image = pictureOf(room(std::string(kThings) + dark, floor));
+    mapper.process(frame, {});
+    for (const Pose2& at : {Pose2{}, Pose2{-0.3, -0.2, 1.0}, Pose2{0.7, -0.4, 2.5}}) {
+      frame.image = pictureOf(arena, at);
+      frame.acquired_ns += 200'000'000;
+      const Ends ends = endsOf(mapper.process(frame, {}), at);
+      EXPECT_LE(ends.behind, 20) << floor << " at " << at.x_m;
+      EXPECT_GE(ends.at_walls, 180) << floor << " at " << at.x_m;
+      EXPECT_LE(ends.short_of, 12) << floor << " at " << at.x_m;
+    }
+  }
+}
+
+/// What has the floor's colour above the horizon is no wall where nothing ends the floor before.
+TEST_F(Walls, AFloorThatGoesOnUpToTheHorizonHasNone) {
+  for (const char* floor : {"rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05",
+                            "rgb: [40, 40, 44], grain: 0.03"}) {
+    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight, floor);
+    cv::Mat image = pictureOf(arena);
+    const lens::Camera camera(arena.cameras.front().model);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        const auto ray = camera.rayFromPixel({u, v});
+        if (!ray || ray->z() <= -0.02) continue;
+        const auto below = camera.pixelFromPoint({10 * ray->x(), 10 * ray->y(), 0.0});
+        image.at<cv::Vec3b>(v, u) = image.at<cv::Vec3b>(cvRound(below->y()), cvRound(below->x()));
+      }
+    }
+    const LocalMap map = mapOf(arena, image);
+    EXPECT_EQ(map.objects.size(), 5U) << floor;
+    for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle) << floor;
+  }
 }
 
 TEST_F(Walls, GreyPicturesHaveThemToo) {

@@ -1,0 +1,329 @@
+#include "ground/wall_foot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr double kDegree = M_PI / 180.0, kBearing_rad = 2.0 * M_PI / WallFoot::kBearings;
+constexpr double kFirst_deg = 55.0, kLast_deg = 2.0;          // depressions between which walls may stand
+constexpr double kLeastStep_deg = 0.15, kMostStep_deg = 0.6;  // else a pixel
+constexpr double kWindow_deg = 1.2;                           // twice as much to either side is compared
+constexpr int kLeastPixels = 2;
+constexpr int kShadow = 3;           // bearings beside a thing, where its shadow may lie
+constexpr float kMostSigmas = 3.0f;  // of one bearing's step that count
+constexpr int kDirectionStride = 3, kStepStride = 2, kBearingStride = 3;  // of the first, rough search
+constexpr int kAround = 12,
+              kLeastSeen = 8;           // bearings to either side, and how many of them must see the line
+constexpr float kLeastEvidence = 1.0f;  // σ, mean of those
+constexpr int kLeastBearings = 20, kMostLines = 6;
+constexpr float kLeastScore = 60.0f;  // as of the fewest bearings, each as plain as may be
+constexpr int kTurned2 = 18;          // half bearings by which lines that lie one behind another may differ
+constexpr float kAsPlain = 0.35f;     // as the one before, and it is one
+constexpr float kFarthest_m = 3.5f;   // beyond, joints of tiles cannot be told from walls
+constexpr float kNone = std::numeric_limits<float>::infinity();
+
+int turned(int bearing) {
+  return (bearing % WallFoot::kBearings + WallFoot::kBearings) % WallFoot::kBearings;
+}
+
+}  // namespace
+
+WallFoot::WallFoot(const lens::Camera& camera, const FloorView& floor_view)
+    : height_m_(camera.height()),
+      places_(floor_view.cells(), cv::Vec2s(-1, 0)),
+      open_(kBearings, 0),
+      line_of_(kBearings, -1),
+      range_m_(kBearings, kNone) {
+  layOutSteps(camera, floor_view);
+  layOutCells(camera, floor_view);
+  layOutLines();
+  sums_.resize(static_cast<std::size_t>(kBearings * (steps_ + 1)));
+  contrast_.resize(pixels_.size());
+  sorted_.reserve(pixels_.size());
+  lines_.reserve(kMostLines);
+}
+
+void WallFoot::layOutSteps(const lens::Camera& camera, const FloorView& floor_view) {
+  const auto pixelAt = [&](double bearing, double depression) {
+    const double range = height_m_ / std::tan(depression);
+    return camera.pixelFromPoint(
+        {camera.foot().x() + range * std::cos(bearing), camera.foot().y() + range * std::sin(bearing), 0.0});
+  };
+  const auto a = pixelAt(0.0, 30 * kDegree), b = pixelAt(0.0, 29 * kDegree);
+  const double pixel_deg = a && b ? 1.0 / std::max(1e-3, (*a - *b).norm()) : kLeastStep_deg;
+  step_rad_ = std::clamp(pixel_deg, kLeastStep_deg, kMostStep_deg) * kDegree;
+  steps_ = static_cast<int>((kFirst_deg - kLast_deg) * kDegree / step_rad_);
+  window_ = std::max(2, static_cast<int>(std::lround(kWindow_deg * kDegree / step_rad_)));
+  for (int k = 0; k < kBearings; ++k) {
+    const double turns = k / static_cast<double>(kBearings) + 0.5;
+    const int sector = static_cast<int>((turns - std::floor(turns)) * Horizon::kSectors);
+    sector_.push_back(static_cast<std::uint8_t>(1 + std::min(Horizon::kSectors - 1, sector)));
+    for (int s = 0; s < steps_; ++s) {
+      const auto pixel = pixelAt(k * kBearing_rad, kFirst_deg * kDegree - s * step_rad_);
+      const cv::Point at = pixel ? cv::Point(cvRound(pixel->x()), cvRound(pixel->y())) : cv::Point(-1, -1);
+      const bool seen = cv::Rect({0, 0}, floor_view.imageSize()).contains(at) && floor_view.mask()(at) != 0;
+      pixels_.push_back(seen ? Step{static_cast<std::int16_t>(at.x), static_cast<std::int16_t>(at.y)}
+                             : Step{-1, -1});
+    }
+  }
+}
+
+void WallFoot::layOutLines() {
+  for (int beside2 = 0; beside2 <= 2 * kWide + 1; ++beside2) {
+    for (int step2 = 0; step2 < 2 * steps_; ++step2) {
+      const double ahead = kFirst_deg * kDegree - (0.5 * step2 - 0.5) * step_rad_;
+      const double depression = std::atan(std::tan(ahead) * std::cos(0.5 * beside2 * kBearing_rad));
+      curves_.push_back(static_cast<float>((kFirst_deg * kDegree - depression) / step_rad_ + 0.5));
+    }
+  }
+  scores_.resize(static_cast<std::size_t>(steps_));
+}
+
+void WallFoot::layOutCells(const lens::Camera& camera, const FloorView& floor_view) {
+  constexpr int kCell = FloorView::kCell;
+  for (int y = 0; y < places_.rows; ++y) {
+    for (int x = 0; x < places_.cols; ++x) {
+      const auto floor = camera.floorFromPixel({(x + 0.5) * kCell - 0.5, (y + 0.5) * kCell - 0.5});
+      if (!floor || floor_view.coverage()(y, x) == 0) continue;
+      const Eigen::Vector2d to = *floor - camera.foot();
+      const int bearing = turned(static_cast<int>(std::lround(std::atan2(to.y(), to.x()) / kBearing_rad)));
+      const double depression = std::atan2(height_m_, to.norm());
+      places_(y, x) = {static_cast<short>(bearing),
+                       static_cast<short>(std::lround((kFirst_deg * kDegree - depression) / step_rad_))};
+    }
+  }
+}
+
+void WallFoot::readSteps(const cv::Mat& image, const cv::Mat1b& objects) {
+  const int channels = image.channels();
+  const Step* pixel = pixels_.data();
+  Sum* sum = sums_.data();
+  for (int k = 0; k < kBearings; ++k) {
+    Sum so_far{0.0f, 0.0f, 0.0f};
+    *sum++ = so_far;
+    for (int s = 0; s < steps_; ++s, ++pixel, *sum++ = so_far) {
+      if (pixel->u < 0) continue;
+      if (objects(pixel->v, pixel->u) != 0) {
+        so_far.hidden += 1.0f;
+        continue;
+      }
+      const std::uint8_t* at = image.ptr(pixel->v) + pixel->u * channels;
+      so_far.brightness += static_cast<float>(channels == 3 ? at[0] + at[1] + at[2] : 3 * at[0]);
+      so_far.count += 1.0f;
+    }
+  }
+}
+
+/// By how much what lies from `from` to `to` steps beyond one is lighter than what lies as far before it, as
+/// a share; 0 where that is not seen.
+float WallFoot::stepBetween(int bearing, int at, int from, int to) const {
+  const Sum* sums = sums_.data() + bearing * (steps_ + 1);
+  const auto clamped = [&](int step) { return sums + std::clamp(step, 0, steps_); };
+  const Sum &inner_begin = *clamped(at - to), &inner_end = *clamped(at - from),
+            &outer_begin = *clamped(at + from), &outer_end = *clamped(at + to);
+  const float before = inner_end.count - inner_begin.count, after = outer_end.count - outer_begin.count;
+  if (before < kLeastPixels || after < kLeastPixels) return 0.0f;
+  const float inner = (inner_end.brightness - inner_begin.brightness) / before,
+              outer = (outer_end.brightness - outer_begin.brightness) / after;
+  return (outer - inner) / std::max(1.0f, 0.5f * (inner + outer));
+}
+
+/// What both the near and the far half of the window show, without what light that changes evenly makes of
+/// either (it is three times as much in the far one): nor is a line on the floor a step.
+float WallFoot::contrastAt(int bearing, int step) const {
+  const int begin = std::max(0, step - 2 * window_), end = std::min(steps_, step + 2 * window_);
+  for (const int beside : {-kShadow, 0, kShadow}) {
+    const Sum* sums = sums_.data() + turned(bearing + beside) * (steps_ + 1);
+    if (sums[end].hidden > sums[begin].hidden) return 0.0f;
+  }
+  const float near = stepBetween(bearing, step, 0, window_),
+              far = stepBetween(bearing, step, window_, 2 * window_);
+  const float step_alone = 0.5f * (3.0f * near - far);
+  if (step_alone * far <= 0.0f) return 0.0f;
+  return std::abs(step_alone) < std::abs(far) ? step_alone : far;
+}
+
+/// In σ of what most of the floor and of the walls show, texture and noise. False where nothing is seen.
+bool WallFoot::measureContrasts() {
+  sorted_.clear();
+  float* contrast = contrast_.data();
+  for (int k = 0; k < kBearings; ++k) {
+    const bool is_open = open_[static_cast<std::size_t>(k)] != 0;
+    for (int s = 0; s < steps_; ++s, ++contrast) {
+      *contrast = is_open ? contrastAt(k, s) : 0.0f;
+      if (*contrast != 0.0f && k % 4 == 0) sorted_.push_back(std::abs(*contrast));
+    }
+  }
+  if (sorted_.empty()) return false;
+  const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
+  std::nth_element(sorted_.begin(), middle, sorted_.end());
+  constexpr float kSigmaOfMedian = 1.4826f, kLeast = 1e-3f;
+  const float per_sigma = 1.0f / std::max(kLeast, kSigmaOfMedian * *middle);
+  for (float& value : contrast_) value = std::clamp(value * per_sigma, -kMostSigmas, kMostSigmas);
+  return true;
+}
+
+/// Where a line is seen at a bearing; at no step where it is not.
+float WallFoot::stepOf(const Line& line, int bearing) const {
+  const int beside2 =
+      turned(bearing - line.direction2 / 2 + kBearings / 2) * 2 - kBearings - line.direction2 % 2;
+  return std::abs(beside2) <= 2 * kWide + 1 ? curve(beside2)[line.step2] : static_cast<float>(steps_);
+}
+
+float WallFoot::evidenceOf(const Line& line, int bearing) const {
+  const auto step = static_cast<int>(stepOf(line, bearing) + 0.5f);
+  return step >= 0 && step < steps_ ? contrast_[static_cast<std::size_t>(turned(bearing) * steps_ + step)]
+                                    : 0.0f;
+}
+
+float WallFoot::scoreOf(const Line& line) const {
+  float sum = 0.0f;
+  for (int k = line.direction2 / 2 - kWide + 1; k < line.direction2 / 2 + kWide; ++k)
+    if (open_[static_cast<std::size_t>(turned(k))] != 0) sum += evidenceOf(line, k);
+  return sum;
+}
+
+/// The steps of every third bearing along the lines in a direction, into scores_.
+void WallFoot::addUp(int direction) {
+  std::fill(scores_.begin(), scores_.end(), 0.0f);
+  for (int beside = -kWide; beside <= kWide; beside += kBearingStride) {
+    const auto k = static_cast<std::size_t>(turned(direction + beside));
+    if (open_[k] == 0) continue;
+    const float* row = contrast_.data() + k * static_cast<std::size_t>(steps_);
+    const float* steps = curve(2 * beside);
+    for (int s = 0; s < steps_; s += kStepStride) {
+      const auto step = static_cast<int>(steps[2 * s] + 0.5f);
+      if (step >= steps_) break;  // seen above the horizon's edge from there on
+      scores_[static_cast<std::size_t>(s)] += row[step];
+    }
+  }
+}
+
+WallFoot::Line WallFoot::findLine() {
+  Line rough;
+  for (int direction = 0; direction < kBearings; direction += kDirectionStride) {
+    addUp(direction);
+    for (int s = 0; s < steps_; s += kStepStride) {
+      const float score = scores_[static_cast<std::size_t>(s)];
+      if (std::abs(score) > std::abs(rough.score)) rough = {2 * direction, 2 * s, score};
+    }
+  }
+  Line best;
+  for (int a = -kDirectionStride; a <= kDirectionStride; ++a) {
+    for (int s = std::max(0, rough.step2 - 4); s <= std::min(2 * steps_ - 1, rough.step2 + 4); ++s) {
+      Line line{rough.direction2 + a, s, 0.0f};
+      line.score = scoreOf(line);
+      if (std::abs(line.score) > std::abs(best.score)) best = line;
+    }
+  }
+  return best;
+}
+
+/// The last of the lines that lie one behind another.
+WallFoot::Line WallFoot::outermost(Line line) const {
+  for (bool is_last = false; !is_last;) {
+    is_last = true;
+    Line beyond;
+    for (int a = -kTurned2; a <= kTurned2; a += kDirectionStride) {
+      for (int s = line.step2 + 4 * window_; s < 2 * steps_; s += 2) {
+        Line other{line.direction2 + a, s, 0.0f};
+        other.score = scoreOf(other);
+        if (std::abs(other.score) > std::abs(beyond.score)) beyond = other;
+      }
+    }
+    if (std::abs(beyond.score) < std::max(kLeastScore, kAsPlain * std::abs(line.score))) continue;
+    line = beyond;
+    is_last = false;
+  }
+  return line;
+}
+
+/// Where a line meets the floor, metres; infinite where it is not seen.
+float WallFoot::rangeOf(const Line& line, int bearing) const {
+  const double depression =
+      kFirst_deg * kDegree - (static_cast<double>(stepOf(line, bearing)) - 0.5) * step_rad_;
+  return depression > kLast_deg * kDegree ? static_cast<float>(height_m_ / std::tan(depression)) : kNone;
+}
+
+/// Gives the line the bearings that bear it out, by what is seen of it around. False where they are too few.
+bool WallFoot::accept(const Line& line) {
+  const int middle = line.direction2 / 2;
+  const float sign = line.score < 0.0f ? -1.0f : 1.0f;
+  std::array<float, 2 * kWide + 1> evidence{};
+  for (int i = 0; i <= 2 * kWide; ++i)
+    evidence[static_cast<std::size_t>(i)] = sign * evidenceOf(line, middle - kWide + i);
+  int found = 0;
+  for (int i = 0; i <= 2 * kWide; ++i) {
+    const auto k = static_cast<std::size_t>(turned(middle - kWide + i));
+    if (open_[k] == 0) continue;
+    float sum = 0.0f;
+    int seen = 0;
+    for (int j = std::max(0, i - kAround); j <= std::min(2 * kWide, i + kAround); ++j) {
+      sum += evidence[static_cast<std::size_t>(j)];
+      seen += evidence[static_cast<std::size_t>(j)] != 0.0f ? 1 : 0;
+    }
+    if (seen < kLeastSeen || sum < kLeastEvidence * static_cast<float>(seen)) continue;
+    range_m_[k] = rangeOf(line, middle - kWide + i);
+    if (range_m_[k] == kNone) continue;
+    open_[k] = 0;
+    line_of_[k] = static_cast<int>(lines_.size());
+    ++found;
+  }
+  return found >= kLeastBearings;
+}
+
+/// In a corner the nearer of both walls is seen.
+void WallFoot::meet() {
+  for (int k = 0; k < kBearings; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    if (line_of_[at] < 0) continue;
+    for (int beside = k - kAround; beside <= k + kAround; ++beside) {
+      const int other = line_of_[static_cast<std::size_t>(turned(beside))];
+      if (other >= 0 && other != line_of_[at])
+        range_m_[at] = std::min(range_m_[at], rangeOf(lines_[static_cast<std::size_t>(other)], k));
+    }
+  }
+}
+
+void WallFoot::find(const cv::Mat& image, const cv::Mat1b& objects, const Sectors& climbed) {
+  any_ = false;
+  for (std::size_t k = 0; k < kBearings; ++k) open_[k] = climbed[sector_[k]];
+  if (std::count(open_.begin(), open_.end(), std::uint8_t{1}) < kLeastBearings) return;
+  std::fill(range_m_.begin(), range_m_.end(), kNone);
+  readSteps(image, objects);
+  if (!measureContrasts()) return;
+  lines_.clear();
+  std::fill(line_of_.begin(), line_of_.end(), -1);
+  for (int i = 0; i < kMostLines; ++i) {
+    const Line line = outermost(findLine());
+    if (std::abs(line.score) < kLeastScore || !accept(line)) break;
+    lines_.push_back(line);
+  }
+  const int last = static_cast<int>(lines_.size());
+  const auto isTold = [&](int number) {
+    if (number >= last) return false;  // it was none after all
+    const Line& line = lines_[static_cast<std::size_t>(number)];
+    return rangeOf(line, line.direction2 / 2) <= kFarthest_m;
+  };
+  for (std::size_t k = 0; k < kBearings; ++k) {
+    if (line_of_[k] < 0 || isTold(line_of_[k])) continue;
+    line_of_[k] = -1;
+    range_m_[k] = kNone;
+  }
+  meet();
+  any_ = std::any_of(range_m_.begin(), range_m_.end(), [](float range) { return range < kNone; });
+}
+
+bool WallFoot::isBehind(const cv::Point& cell) const {
+  const cv::Vec2s& place = places_(cell);
+  if (place[0] < 0) return false;
+  const float range_m = range_m_[static_cast<std::size_t>(place[0])];
+  const double depression = kFirst_deg * kDegree - place[1] * step_rad_;
+  return range_m < kNone && height_m_ > static_cast<double>(range_m) * std::tan(depression);
+}
+
+}  // namespace omnifleet::ground
