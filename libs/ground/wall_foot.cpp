@@ -225,8 +225,7 @@ WallFoot::Line WallFoot::findLine() {
 
 /// The last of the lines that lie one behind another.
 WallFoot::Line WallFoot::outermost(Line line) const {
-  for (bool is_last = false; !is_last;) {
-    is_last = true;
+  for (;;) {
     Line beyond;
     for (int a = -kTurned2; a <= kTurned2; a += kDirectionStride) {
       for (int s = line.step2 + 4 * window_; s < 2 * steps_; s += 2) {
@@ -235,11 +234,9 @@ WallFoot::Line WallFoot::outermost(Line line) const {
         if (std::abs(other.score) > std::abs(beyond.score)) beyond = other;
       }
     }
-    if (std::abs(beyond.score) < std::max(kLeastScore, kAsPlain * std::abs(line.score))) continue;
+    if (std::abs(beyond.score) < std::max(kLeastScore, kAsPlain * std::abs(line.score))) return line;
     line = beyond;
-    is_last = false;
   }
-  return line;
 }
 
 /// Where a line meets the floor, metres; infinite where it is not seen.
