@@ -87,7 +87,7 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
       if (seeds(y, x) != 0) seeds_.push_back((y + kJump) * stride_ + x + kJump);
     }
   }
-  queue_.reserve(coverage.total());
+  queue_.resize(coverage.total());  // all its memory is touched before the first frame
 }
 
 bool FloorGrowth::seed(const FloorNoise& noise) {

@@ -60,7 +60,7 @@ WallFinder::WallFinder(const lens::Camera& camera, const FloorView& floor_view, 
       before_(floor_view.imageSize()),
       eroded_(floor_view.imageSize()),
       things_(floor_view.imageSize()) {
-  queue_.reserve(kinds_.total());
+  queue_.resize(kinds_.total());  // all its memory is touched before the first frame
   if (options.enabled) view_ = FloorView::upward(camera);
   if (!view_) return;
   const cv::Mat1b& coverage = floor_view.coverage();

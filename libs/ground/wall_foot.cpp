@@ -23,7 +23,6 @@ constexpr int kLeastBearings = 20, kMostLines = 6;
 constexpr float kLeastScore = 60.0f;  // as of the fewest bearings, each as plain as may be
 constexpr int kTurned2 = 18;          // half bearings by which lines that lie one behind another may differ
 constexpr float kAsPlain = 0.35f;     // as the one before, and it is one
-constexpr float kFarthest_m = 3.5f;   // beyond, joints of tiles cannot be told from walls
 constexpr float kNone = std::numeric_limits<float>::infinity();
 
 int turned(int bearing) {
@@ -43,7 +42,7 @@ WallFoot::WallFoot(const lens::Camera& camera, const FloorView& floor_view)
   layOutLines();
   sums_.resize(static_cast<std::size_t>(kBearings * (steps_ + 1)));
   contrast_.resize(pixels_.size());
-  sorted_.reserve(pixels_.size());
+  sorted_.resize(pixels_.size());  // all its memory is touched before the first frame
   lines_.reserve(kMostLines);
 }
 
@@ -301,13 +300,8 @@ void WallFoot::find(const cv::Mat& image, const cv::Mat1b& objects, const Sector
     lines_.push_back(line);
   }
   const int last = static_cast<int>(lines_.size());
-  const auto isTold = [&](int number) {
-    if (number >= last) return false;  // it was none after all
-    const Line& line = lines_[static_cast<std::size_t>(number)];
-    return rangeOf(line, line.direction2 / 2) <= kFarthest_m;
-  };
   for (std::size_t k = 0; k < kBearings; ++k) {
-    if (line_of_[k] < 0 || isTold(line_of_[k])) continue;
+    if (line_of_[k] < last) continue;  // else it was none after all
     line_of_[k] = -1;
     range_m_[k] = kNone;
   }

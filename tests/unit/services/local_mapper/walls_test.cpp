@@ -33,6 +33,18 @@ rigs:
     renderer.render(0, {map_from_base}, image);
     return image;
   }
+  /// Up to the horizon and above it: what is seen there is as the floor below.
+  static void letFloorGoOn(const synthetic::Arena& arena, cv::Mat& image) {
+    const lens::Camera camera(arena.cameras.front().model);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        const auto ray = camera.rayFromPixel({u, v});
+        if (!ray || ray->z() <= -0.02) continue;
+        const auto below = camera.pixelFromPoint({10 * ray->x(), 10 * ray->y(), 0.0});
+        image.at<cv::Vec3b>(v, u) = image.at<cv::Vec3b>(cvRound(below->y()), cvRound(below->x()));
+      }
+    }
+  }
   /// How far the walls of the room are in the direction of a ray.
   static double wallAlong(std::size_t ray, const Pose2& at) {
     const double x_m = at.x_m, y_m = at.y_m;
@@ -325,20 +337,21 @@ TEST_F(Walls, WithoutThemThereAreNone) {
   for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle);
 }
 
+constexpr const char* kDark = "walls: {height_m: 1.0, rgb: [112, 104, 88]}";
+constexpr const char* kWhite = "walls: {height_m: 2.4, rgb: [235, 235, 230], texture: 0.05}";
+
 /// White ones on grey floors: the side that is lit as the floor is can be told from it by the step at its
 /// foot alone, and the floor's growth climbs it. That there is a room was seen before, of a side in other
 /// light.
 TEST_F(Walls, LitAsTheFloorIsTheyEndTheScanToo) {
-  const std::string white = "walls: {height_m: 2.4, rgb: [235, 235, 230], texture: 0.05}",
-                    dark = "walls: {height_m: 1.0, rgb: [112, 104, 88]}";
   for (const char* floor :
        {"rgb: [130, 130, 130], grain: 0.03, clouds: 0.04", "rgb: [150, 150, 150], grain: 0.03",
         "rgb: [165, 165, 165], grain: 0.04", "rgb: [180, 180, 180], grain: 0.02",
         "rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + white, floor);
+    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + kWhite, floor);
     LocalMapper mapper(lens::Camera(arena.cameras.front().model), {});
     Frame frame;
-    frame.image = pictureOf(room(std::string(kThings) + dark, floor));
+    frame.image = pictureOf(room(std::string(kThings) + kDark, floor));
     mapper.process(frame, {});
     for (const Pose2& at : {Pose2{}, Pose2{-0.3, -0.2, 1.0}, Pose2{0.7, -0.4, 2.5}}) {
       frame.image = pictureOf(arena, at);
@@ -351,21 +364,31 @@ TEST_F(Walls, LitAsTheFloorIsTheyEndTheScanToo) {
   }
 }
 
+/// In corners the line of the one goes on where the other is nearer.
+TEST_F(Walls, LitAsTheFloorIsTheyMeetInCorners) {
+  const char* floor = "rgb: [150, 150, 150], grain: 0.03";
+  const synthetic::Arena arena = room(std::string(kUnevenLight) + kWhite, floor);
+  LocalMapper mapper(lens::Camera(arena.cameras.front().model), {});
+  Frame frame;
+  frame.image = pictureOf(room(kDark, floor));
+  mapper.process(frame, {});
+  for (const Pose2& at :
+       {Pose2{0.9, 0.6, 0.0}, Pose2{-1.0, 0.5, 0.0}, Pose2{1.1, -0.7, 0.0}, Pose2{-0.9, -0.9, 0.0}}) {
+    frame.image = pictureOf(arena, at);
+    frame.acquired_ns += 200'000'000;
+    const Ends ends = endsOf(mapper.process(frame, {}), at);
+    EXPECT_LE(ends.behind, 8) << at.x_m << " " << at.y_m;
+    EXPECT_GE(ends.at_walls + ends.short_of, 226) << at.x_m << " " << at.y_m;
+  }
+}
+
 /// What has the floor's colour above the horizon is no wall where nothing ends the floor before.
 TEST_F(Walls, AFloorThatGoesOnUpToTheHorizonHasNone) {
   for (const char* floor : {"rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05",
                             "rgb: [40, 40, 44], grain: 0.03"}) {
     const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight, floor);
     cv::Mat image = pictureOf(arena);
-    const lens::Camera camera(arena.cameras.front().model);
-    for (int v = 0; v < image.rows; ++v) {
-      for (int u = 0; u < image.cols; ++u) {
-        const auto ray = camera.rayFromPixel({u, v});
-        if (!ray || ray->z() <= -0.02) continue;
-        const auto below = camera.pixelFromPoint({10 * ray->x(), 10 * ray->y(), 0.0});
-        image.at<cv::Vec3b>(v, u) = image.at<cv::Vec3b>(cvRound(below->y()), cvRound(below->x()));
-      }
-    }
+    letFloorGoOn(arena, image);
     const LocalMap map = mapOf(arena, image);
     EXPECT_EQ(map.objects.size(), 5U) << floor;
     for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle) << floor;
