@@ -91,6 +91,7 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
 }
 
 bool FloorGrowth::seed(const FloorNoise& noise) {
+  if (seeds_.empty()) return false;  // a ring that is thinner than a block
   const auto* means = framed_means_.ptr<cv::Vec3f>();
   // The bins are as wide in the dark as the differences of brightness there are small: without this, things
   // in the ring and the floor would fill bins that touch.

@@ -43,17 +43,30 @@ Eigen::Vector2d footOf(const occupancy::Contribution& contribution, const Pose2&
          Eigen::Vector2d(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
 }
 
-/// Did this contribution see farther than a point and so much more, along the ray that passes it?
-bool seesAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
-               const Eigen::Vector2d& point, double beyond_m) {
+/// The ray of a contribution that passes a point.
+struct Ray {
+  bool valid = false;
+  double beyond_m = 0.0;  ///< that it was seen farther
+  bool meets_thing = false;
+};
+
+Ray rayAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
+             const Eigen::Vector2d& point) {
   const std::size_t rays = std::min(contribution.range_dmm.size(), contribution.label.size());
-  if (rays == 0) return false;
+  if (rays == 0) return {};
   const Eigen::Vector2d foot(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
   const Eigen::Vector2d to = map_from_base.inverse() * point - foot;
   const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI);
-  const auto ray = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
-  return contribution.label[ray] != RayLabel::kInvalid &&
-         contribution.range_dmm[ray] * 1e-4 > to.norm() + beyond_m;
+  const auto k = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
+  return {contribution.label[k] != RayLabel::kInvalid, contribution.range_dmm[k] * 1e-4 - to.norm(),
+          k < contribution.object.size() && contribution.object[k] != 0};
+}
+
+/// Did this contribution see farther than a point and so much more, along the ray that passes it?
+bool seesAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
+               const Eigen::Vector2d& point, double beyond_m) {
+  const Ray ray = rayAlong(contribution, map_from_base, point);
+  return ray.valid && ray.beyond_m > beyond_m;
 }
 
 /// The floor was seen through its middle in this many contributions, later than one time and up to another,
@@ -85,8 +98,9 @@ double usualDistance(const Group& group) {
 }
 
 /// Contributions that had its place in plain sight, from not much farther than it was seen, and did not see
-/// it: nothing hid it, though it may be a piece of what ends the ray (a wall).
-int timesNotSeen(const Group& group, const occupancy::ContributionStore& store) {
+/// it: nothing hid it, though it may be a piece of what ends the ray.
+/// @param thing_too that may be another thing, not only a wall
+int timesNotSeen(const Group& group, const occupancy::ContributionStore& store, bool thing_too) {
   constexpr double kFarther = 1.5, kBefore_m = 0.25;
   const double within_m = kFarther * usualDistance(group);
   int times = 0;
@@ -100,10 +114,16 @@ int timesNotSeen(const Group& group, const occupancy::ContributionStore& store) 
       const Pose2 map_from_base = keyframe.pose->mapFromBase();
       const double away_m = (footOf(*keyframe.seen, map_from_base) - group.centre_m).norm();
       if (is_own || away_m > within_m) continue;
-      times += seesAlong(*keyframe.seen, map_from_base, group.centre_m, -kBefore_m);
+      const Ray ray = rayAlong(*keyframe.seen, map_from_base, group.centre_m);
+      times += ray.valid && ray.beyond_m > -kBefore_m && (thing_too || !ray.meets_thing) ? 1 : 0;
     }
   }
   return times;
+}
+
+/// What its views agree on stands within so much, one σ.
+bool isWithin(const Group& group, double sigma_m) {
+  return group.fit.covariance.diagonal().maxCoeff() <= sigma_m * sigma_m;
 }
 
 /// Shape and place are beyond doubt.
@@ -111,7 +131,15 @@ bool isCertain(const Group& group) {
   constexpr std::size_t kViews = 10;
   constexpr double kSpread = 1.0, kSigma_m = 0.01;
   return group.fit.valid && group.views.size() >= kViews && group.fit.spread <= kSpread &&
-         group.fit.covariance.diagonal().maxCoeff() <= kSigma_m * kSigma_m;
+         isWithin(group, kSigma_m);
+}
+
+/// Seen hardly at all; or seldom, and not sharply.
+bool isDoubtful(const Group& group, const MergerOptions& options) {
+  constexpr std::size_t kSeldom = 10;
+  constexpr double kSharp_m = 0.005;
+  return group.views.size() < static_cast<std::size_t>(options.gone_after) ||
+         (group.views.size() < kSeldom && !isWithin(group, kSharp_m));
 }
 
 /// How often something was seen, and the floor through its middle: from as near as half of its views are.
@@ -136,8 +164,8 @@ bool hasGone(const Looks& looks, const MergerOptions& options) {
 }
 
 /// It has gone, or was never there, which the overlay as printed, §IV.4, does not ask: since it was first
-/// seen the floor was as often, from as near; or from anywhere many times as often; or it was seen hardly at
-/// all, and the floor as often, or its place many times as often without it.
+/// seen the floor was as often, from as near; or from anywhere many times as often; or it is doubtful, and
+/// the floor was seen as often, or its place many times as often without it.
 bool isContradicted(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   constexpr int kManyTimes = 4;
@@ -145,11 +173,13 @@ bool isContradicted(const Group& group, const MergerOptions& options,
   const Looks looks = looksAt(group, store);
   if (hasGone(looks, options)) return true;
   if (options.method == "hull" || isCertain(group)) return false;
-  if (looks.seen < options.gone_after) {
-    return timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen ||
-           timesNotSeen(group, store) >= kManyTimes * looks.seen;
-  }
   const TimeNs first_ns = group.views.front()->time_ns;
+  if (isDoubtful(group, options) &&
+      (timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen ||
+       timesNotSeen(group, store, true) >= kManyTimes * looks.seen)) {
+    return true;
+  }
+  if (looks.seen < options.gone_after) return false;
   return looks.before + looks.after >= looks.seen ||
          timesSeenThrough(group, store, first_ns, INT64_MAX, kAnywhere_m) >= kManyTimes * looks.seen;
 }
@@ -157,6 +187,17 @@ bool isContradicted(const Group& group, const MergerOptions& options,
 /// No higher than a mark on the floor, as far as can be told.
 bool isFlat(const Group& group, const MergerOptions& options) {
   return group.fit.height_sigma_m > 0 && group.fit.height_m + group.fit.height_sigma_m < options.flat_m;
+}
+
+/// Low, and in plain sight, or from wherever the floor is seen there, lost as often as it was seen: of tiles
+/// and stains another piece shows in every view, and together they look like something low.
+bool isPattern(const Group& group, const MergerOptions& options, const occupancy::ContributionStore& store) {
+  constexpr double kLow_m = 0.1, kAnywhere_m = std::numeric_limits<double>::infinity();
+  const bool is_low = group.fit.height_sigma_m > 0 && group.fit.height_m < kLow_m;
+  if (!is_low || options.method == "hull" || isCertain(group)) return false;
+  const auto seen = static_cast<int>(group.views.size());
+  return timesNotSeen(group, store, false) >= seen ||
+         timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= seen;
 }
 
 /// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
@@ -263,7 +304,8 @@ bool Merger::isObject(const Group& group) const {
       (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
     return false;
   }
-  return !isFlat(group, options_) && !isContradicted(group, options_, map_.store());
+  return !isFlat(group, options_) && !isPattern(group, options_, map_.store()) &&
+         !isContradicted(group, options_, map_.store());
 }
 
 /// Why it is no object, where people should know; nothing where the floor contradicts what is no one thing
@@ -276,7 +318,8 @@ std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
     if (is_flat || !isOneThing(group)) return std::nullopt;
     return Unmapped::Why::kFloorSeen;
   }
-  return is_flat ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
+  const bool is_mark = is_flat || isPattern(group, options_, map_.store());
+  return is_mark ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
 }
 
 /// Not told are pieces of what is mapped, and of robots: nothing stands where one drove.

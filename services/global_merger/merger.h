@@ -86,7 +86,7 @@ struct Group;
 struct Unmapped {
   enum class Why : std::uint8_t {
     kNoShape,    ///< the views do not agree on what
-    kFlat,       ///< it is no higher than a mark on the floor
+    kFlat,       ///< it is no higher than a mark on the floor, or low and seldom seen
     kFloorSeen,  ///< the floor was seen there, too: it has gone, or is hardly to be told from the floor
   };
   Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  ///< map

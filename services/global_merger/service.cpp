@@ -240,7 +240,8 @@ void GlobalMergerService::tellUnmapped() {
   tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what");
   tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
                "the floor was seen there, too (gone, or hardly to be told from the floor)");
-  tellUnmapped(global_merger::Unmapped::Why::kFlat, "they are no higher than marks on the floor");
+  tellUnmapped(global_merger::Unmapped::Why::kFlat,
+               "they are no higher than marks on the floor, or low and seldom seen");
 }
 
 void GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {

@@ -54,6 +54,22 @@ class SegmenterTest : public ::testing::Test {
   cv::Mat1b truth_;
 };
 
+/// Large images are grown in blocks of several cells: a ring that holds no whole one shows no floor.
+TEST_F(SegmenterTest, ARingThinnerThanABlockIsNoFloor) {
+  lens::CameraModel large = model_;
+  large.image_width_px *= 2;
+  large.image_height_px *= 2;
+  large.focal_px *= 2.0;
+  large.principal_point_px = 2.0 * large.principal_point_px + Eigen::Vector2d(0.5, 0.5);
+  ViewOptions options;
+  options.seed_rectangle_px = {604, 60, 4, 4};
+  const lens::Camera camera(large);
+  const FloorView view(camera, options);
+  ASSERT_EQ(view.seedCells().size(), 1U);
+  GroundSegmenter segmenter(camera, view, {});
+  EXPECT_FALSE(segmenter.segment(cv::Mat3b(view.imageSize(), cv::Vec3b(150, 150, 150))));
+}
+
 TEST_F(SegmenterTest, FindsObjectsWhereTheFarFloorIsAsDarkAsThey) {
   // The floor falls to 35 % towards the rim: brighter there than the dark disc near the robot by nothing.
   cv::Mat3b image = testing::unevenFloor(model_, 0.35, 2.0, 1);
