@@ -1,0 +1,260 @@
+#include "tests/raycast/ray_caster.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <opencv2/core/utility.hpp>
+#include <random>
+
+namespace omnifleet::raycast {
+namespace {
+
+using Vector = Eigen::Vector3d;
+
+constexpr double kFarthest_m = 20.0;  // beyond it the floor is but haze
+constexpr double kNone = std::numeric_limits<double>::infinity();
+
+std::uint32_t mixed(std::uint32_t bits) {
+  bits = (bits ^ (bits >> 16U)) * 0x7feb352dU;
+  bits = (bits ^ (bits >> 15U)) * 0x846ca68bU;
+  return bits ^ (bits >> 16U);
+}
+
+/// In [0, 1], the same for the same.
+double randomAt(int x, int y, unsigned seed) {
+  const auto at = mixed(static_cast<std::uint32_t>(x) * 73856093U) ^
+                  mixed(static_cast<std::uint32_t>(y) * 19349663U + 0x9e3779b9U);
+  return mixed(at + seed * 83492791U) / 4294967295.0;
+}
+
+/// Smooth in between (value noise); 1 is a cell.
+double smoothAt(double x, double y, unsigned seed) {
+  const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
+  const auto eased = [](double t) { return t * t * (3.0 - 2.0 * t); };
+  const double u = eased(x - i), v = eased(y - j);
+  return (randomAt(i, j, seed) * (1 - u) + randomAt(i + 1, j, seed) * u) * (1 - v) +
+         (randomAt(i, j + 1, seed) * (1 - u) + randomAt(i + 1, j + 1, seed) * u) * v;
+}
+
+struct Hit {
+  double range_m = kNone;
+  Vector normal = Vector::UnitZ();
+  const Solid* solid = nullptr;
+};
+
+/// Of a ray in the solid's own frame.
+void meetBox(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+  const Vector low(-0.5 * solid.size_m.x(), -0.5 * solid.size_m.y(), 0.0),
+      high(0.5 * solid.size_m.x(), 0.5 * solid.size_m.y(), solid.height_m);
+  double enter = 1e-6, leave = best.range_m;
+  int axis = -1;
+  for (int k = 0; k < 3; ++k) {
+    if (std::abs(along[k]) < 1e-12) {
+      if (from[k] < low[k] || from[k] > high[k]) return;
+      continue;
+    }
+    const double a = (low[k] - from[k]) / along[k], b = (high[k] - from[k]) / along[k];
+    if (std::min(a, b) > enter) {
+      enter = std::min(a, b);
+      axis = k;
+    }
+    leave = std::min(leave, std::max(a, b));
+  }
+  if (axis < 0 || enter >= leave) return;
+  Vector normal = Vector::Zero();
+  normal[axis] = along[axis] > 0 ? -1.0 : 1.0;
+  best = {enter, normal, &solid};
+}
+
+void meetCylinder(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+  const double radius = 0.5 * solid.size_m.x(), a = along.head<2>().squaredNorm(),
+               b = from.head<2>().dot(along.head<2>()),
+               discriminant = b * b - a * (from.head<2>().squaredNorm() - radius * radius);
+  const auto isNearer = [&](double range) { return range > 1e-6 && range < best.range_m; };
+  if (discriminant > 0 && a > 1e-12) {
+    const double range = (-b - std::sqrt(discriminant)) / a;
+    const Vector at = from + range * along;
+    if (isNearer(range) && at.z() >= 0 && at.z() <= solid.height_m)
+      best = {range, Vector(at.x() / radius, at.y() / radius, 0.0), &solid};
+  }
+  if (along.z() >= 0) return;
+  const double range = (solid.height_m - from.z()) / along.z();
+  const Vector at = from + range * along;
+  if (isNearer(range) && at.head<2>().norm() < radius) best = {range, Vector::UnitZ(), &solid};
+}
+
+void meet(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+  const Pose2 to = solid.map_from_solid.inverse();
+  Vector own_from = from, own_along = along;
+  own_from.head<2>() = to * Eigen::Vector2d(from.head<2>());
+  own_along.head<2>() = to.rotation() * along.head<2>();
+  const double before = best.range_m;
+  if (solid.round)
+    meetCylinder(solid, own_from, own_along, best);
+  else
+    meetBox(solid, own_from, own_along, best);
+  if (best.range_m < before) {
+    const Eigen::Vector2d turned = solid.map_from_solid.rotation() * best.normal.head<2>();
+    best.normal.head<2>() = turned;
+  }
+}
+
+Vector parquet(Vector albedo, double x, double y, unsigned seed) {
+  constexpr double kWide = 0.09, kLong = 0.9;
+  const int row = static_cast<int>(std::floor(y / kWide));
+  const double along = (x + 0.37 * row + randomAt(row, 7, seed)) / kLong;
+  const int plank = static_cast<int>(std::floor(along));
+  const double bright = 1 + 0.18 * (randomAt(row, plank, seed) - 0.5),
+               hue = 0.05 * (randomAt(row, plank, seed + 1) - 0.5),
+               grain = 1 + 0.10 * (smoothAt(8 * x, 150 * y, seed + 2) - 0.5);
+  albedo = bright * grain * albedo.cwiseProduct(Vector(1 + hue, 1.0, 1 - hue));
+  const bool joint = y / kWide - row < 0.012 || along - plank < 0.0015;
+  return joint ? Vector(0.55 * albedo) : albedo;
+}
+
+/// Every fibre has a hue of its own.
+Vector carpet(Vector albedo, double x, double y, unsigned seed) {
+  constexpr double kFibre = 0.004;
+  const int i = static_cast<int>(std::floor(x / kFibre)), j = static_cast<int>(std::floor(y / kFibre));
+  for (unsigned k = 0; k < 3; ++k) albedo[k] *= 1 + 0.35 * (randomAt(i, j, seed + k) - 0.5);
+  return (1 + 0.15 * (smoothAt(6 * x, 6 * y, seed) - 0.5)) * albedo;
+}
+
+Vector lino(const Vector& albedo, double x, double y, unsigned seed) {
+  return (1 + 0.16 * (smoothAt(15 * x + 4 * smoothAt(3 * x, 3 * y, seed), 15 * y, seed + 3) - 0.5)) * albedo;
+}
+
+Vector concrete(const Vector& albedo, double x, double y, unsigned seed) {
+  const double stain = std::max(0.0, smoothAt(1.3 * x, 1.3 * y, seed + 5) - 0.65);
+  const double mottle =
+      1 + 0.10 * (smoothAt(40 * x, 40 * y, seed) - 0.5) + 0.12 * (smoothAt(4 * x, 4 * y, seed + 2) - 0.5);
+  return mottle * (1 - 0.6 * stain) * albedo;
+}
+
+Vector floorAt(const Room& room, const Eigen::Vector2d& at) {
+  for (auto mark = room.marks.rbegin(); mark != room.marks.rend(); ++mark) {
+    const Eigen::Vector2d own = mark->map_from_mark.inverse() * at;
+    if ((2.0 * own.cwiseAbs() - mark->size_m).maxCoeff() < 0) return mark->albedo;
+  }
+  switch (room.floor) {
+    case Floor::kParquet:
+      return parquet(room.floor_albedo, at.x(), at.y(), room.seed);
+    case Floor::kCarpet:
+      return carpet(room.floor_albedo, at.x(), at.y(), room.seed);
+    case Floor::kConcrete:
+      return concrete(room.floor_albedo, at.x(), at.y(), room.seed);
+    default:
+      return lino(room.floor_albedo, at.x(), at.y(), room.seed);
+  }
+}
+
+Vector colourOf(const Room& room, const Hit& hit, const Vector& at) {
+  if (hit.solid == nullptr) return floorAt(room, at.head<2>());
+  const int square =
+      static_cast<int>(std::floor(25 * at.z())) + static_cast<int>(std::floor(15 * (at.x() + at.y())));
+  return (hit.solid->chequered && square % 2 != 0 ? 0.7 : 1.0) * hit.solid->albedo;
+}
+
+/// Lamps and sky; things darken the floor at their foot.
+double lightAt(const Room& room, const std::vector<const Solid*>& solids, const Hit& hit, const Vector& at) {
+  double light = 0.35 * (0.6 + 0.4 * hit.normal.z());
+  for (const Solid* solid : solids) {
+    const double inner = 0.5 * (solid->round ? solid->size_m.x() : solid->size_m.minCoeff());
+    const double gap = std::max(0.0, (at.head<2>() - solid->map_from_solid.translation()).norm() - inner);
+    if (hit.solid == nullptr && gap < 0.3)
+      light *= 1 - solid->height_m / (solid->height_m + gap) * 0.45 * std::exp(-gap / 0.06);
+  }
+  for (const Lamp& lamp : room.lamps) {
+    const Vector to = lamp.at_m - at;
+    light += 4.0 * lamp.power * std::max(0.0, to.normalized().dot(hit.normal)) / to.squaredNorm();
+  }
+  return light;
+}
+
+Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, const Vector& from,
+                     const Vector& along) {
+  Hit hit;
+  for (const Solid* solid : solids) meet(*solid, from, along, hit);
+  const double floor_m = along.z() < 0 ? -from.z() / along.z() : kNone;
+  if (hit.solid == nullptr && floor_m > kFarthest_m) {
+    const bool skirting = std::abs(along.z()) < 0.12;
+    return skirting ? Vector(0.3, 0.28, 0.25) : Vector((0.25 + 0.15 * along.z()) * Vector(1.0, 1.0, 1.03));
+  }
+  if (floor_m < hit.range_m) hit = {floor_m, Vector::UnitZ(), nullptr};
+  const Vector at = from + hit.range_m * along;
+  return lightAt(room, solids, hit, at) * colourOf(room, hit, at);
+}
+
+/// Off the axis; negative beyond the image circle.
+double angleAt(const lens::CameraModel& camera, double radius_px) {
+  const double r = radius_px / camera.focal_px.x();
+  double angle = r;
+  if (camera.projection == lens::Projection::kEquisolid) angle = 2 * std::asin(std::min(1.0, 0.5 * r));
+  if (camera.projection == lens::Projection::kStereographic) angle = 2 * std::atan(0.5 * r);
+  return angle <= camera.fov_deg * M_PI / 360.0 ? angle : -1.0;
+}
+
+double toneOf(double linear) {
+  return 255.0 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055);
+}
+
+}  // namespace
+
+cv::Mat3b render(const Room& room, const lens::CameraModel& camera, const Pose2& map_from_camera,
+                 const std::vector<Solid>& robots, unsigned frame) {
+  constexpr int kSamples = 2;  // in each direction
+  std::vector<const Solid*> solids;
+  for (const auto* list : {&room.solids, &robots})
+    for (const Solid& solid : *list) solids.push_back(&solid);
+  cv::Mat3b image(camera.image_height_px, camera.image_width_px, cv::Vec3b(0, 0, 0));
+  const Vector from(map_from_camera.x_m, map_from_camera.y_m, camera.position_m.z());
+  cv::parallel_for_({0, image.rows}, [&](const cv::Range& rows) {
+    for (int v = rows.start; v < rows.end; ++v) {
+      std::mt19937 random(mixed(room.seed) ^ mixed(frame * 4099U + static_cast<unsigned>(v)));
+      std::normal_distribution<double> noise(0.0, room.noise);
+      for (int u = 0; u < image.cols; ++u) {
+        Vector sum = Vector::Zero();
+        bool seen = true;
+        for (int k = 0; k < kSamples * kSamples && seen; ++k) {
+          const Eigen::Vector2d off = Eigen::Vector2d(u + (k % kSamples + 0.5) / kSamples - 0.5,
+                                                      v + (k / kSamples + 0.5) / kSamples - 0.5) -
+                                      camera.principal_point_px;
+          const double angle = angleAt(camera, off.norm());
+          seen = angle >= 0.0;
+          if (!seen) break;
+          const Eigen::Vector2d ahead = Eigen::Vector2d(-off.y(), -off.x()) / std::max(1e-9, off.norm());
+          const Eigen::Vector2d turned = map_from_camera.rotation() * ahead;
+          sum +=
+              radianceAlong(room, solids, from,
+                            {std::sin(angle) * turned.x(), std::sin(angle) * turned.y(), -std::cos(angle)});
+        }
+        if (!seen) continue;
+        for (int c = 0; c < 3; ++c)
+          image(v, u)[2 - c] = cv::saturate_cast<std::uint8_t>(
+              toneOf(room.light * sum[c] / (kSamples * kSamples)) + noise(random));
+      }
+    }
+  });
+  return image;
+}
+
+dataset::MapObject truthOf(const Solid& solid, std::uint64_t id) {
+  constexpr int kCorners = 48;
+  dataset::MapObject object;
+  object.id = id;
+  object.height_m = solid.height_m;
+  for (int k = 0; k < (solid.round ? kCorners : 4); ++k) {
+    const double angle = 2.0 * M_PI * (k + (solid.round ? 0.0 : 0.5)) / (solid.round ? kCorners : 4);
+    const Eigen::Vector2d corner =
+        solid.round
+            ? Eigen::Vector2d(0.5 * solid.size_m.x() * Eigen::Vector2d(std::cos(angle), std::sin(angle)))
+            : Eigen::Vector2d(std::copysign(0.5 * solid.size_m.x(), std::cos(angle)),
+                              std::copysign(0.5 * solid.size_m.y(), std::sin(angle)));
+    object.outline_m.push_back(solid.map_from_solid * corner);
+  }
+  object.centroid_m = solid.map_from_solid.translation();
+  return object;
+}
+
+}  // namespace omnifleet::raycast
