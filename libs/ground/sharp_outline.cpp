@@ -26,7 +26,7 @@ bool isStepOfFace(const GainBeside& gainBeside, bool down) {
 
 }  // namespace
 
-bool hasSharpOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
+float sharpOutlineShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
   float depth = 0.0f;
   int grey = 0;
   for (const Run& run : blob.runs) {
@@ -52,7 +52,7 @@ bool hasSharpOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b&
       ++count;
     }
   }
-  return 2 * sharp > count;
+  return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
 }
 
 }  // namespace omnifleet::ground
