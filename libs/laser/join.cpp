@@ -39,7 +39,8 @@ void join(const LocalMap& by_laser, Scan& camera) {
   for (std::size_t i = 0; i < rays; ++i) {
     const Nearest& at = nearest[i];
     if (!std::isfinite(at.range_m)) continue;
-    const bool saw_floor = camera.label[i] == RayLabel::kFloorEnd || camera.label[i] == RayLabel::kInvalid;
+    const bool saw_floor = camera.label[i] == RayLabel::kFloorEnd || camera.label[i] == RayLabel::kInvalid ||
+                           camera.label[i] == RayLabel::kUndecided;
     const bool same_thing = !saw_floor && std::abs(camera.range_m[i] - at.range_m) < kSameThing_m;
     // Lower than the laser's plane: the camera sees what the laser passes over.
     if (!saw_floor && !same_thing && camera.range_m[i] < at.range_m) continue;

@@ -78,6 +78,8 @@ enum class RayLabel : std::uint8_t {
   kObstacle = 2,
   kRobot = 3,
   kUnknown = 4,  ///< something stands there, not yet told which
+  kUndecided =
+      5  ///< local_map only: floor seen up to the range; beyond it floor, or a thing that looks like it
 };
 
 /// Range per bearing from the foot of the camera, in base_link: bearing_i = 2πi/N.
@@ -111,7 +113,9 @@ struct Track {
   std::uint32_t id = 0;  ///< unique per robot, never reused in a run
   ObjectKind kind = ObjectKind::kUnknown;
   double kind_probability = 0.0;  ///< of `kind`
-  bool visible = false;           ///< observed in this very frame; else predicted, without supports
+  /// Observed in this very frame; else predicted, without supports. So may be who stands where it says that
+  /// it does, where something undecided is seen.
+  bool visible = false;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();      ///< footprint centre
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();    ///< over ground, base_link axes
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  ///< of the position

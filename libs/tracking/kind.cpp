@@ -177,8 +177,9 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
       const double sigma = std::sqrt(0.5 * c.trace() + kPlaceSigma_m * kPlaceSigma_m);
       const double gate = std::clamp(3.0 * sigma, 0.5 * options_.peer_gate_m, 1.5 * options_.peer_gate_m);
       const double distance = (tracks[t].filter.position() - peers[i].centre_m).norm();
-      cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t)) =
-          peers[i].known && tracks[t].blob >= 0 ? distance / gate : 1e3;
+      double& pair = cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t));
+      pair = peers[i].known && tracks[t].isSeen() ? distance / gate : 1e3;
+      if (tracks[t].glimpsed) pair = tracks[t].identity == static_cast<int>(i) ? 0.0 : 1e3;
     }
   }
   const std::vector<int> track_of = assign(cost, 1.0);
@@ -189,7 +190,7 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
     if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) missing.push_back(&peers[i]);
   }
   for (TrackState& track : tracks) {
-    if (track.blob >= 0) track.identity = track.evidence.peer;
+    if (track.isSeen()) track.identity = track.evidence.peer;
   }
   weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
 }
@@ -217,7 +218,7 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<c
     double target = track.evidence.peer >= 0   ? kPeerHereEvidence
                     : place < missingAt(track) ? 0.0
                                                : kPeersElsewhereEvidence;
-    if (track.blob < 0) continue;
+    if (!track.isSeen()) continue;
     // All of the fleet are elsewhere, and it stands: once moved for another reason.
     const bool nobody = track.evidence.peer < 0 && missingAt(track) == 0;
     if (nobody && track.evidence.still_s > kStrangerStands_s)
@@ -229,7 +230,7 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<c
 }
 
 void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers, double step_s) const {
-  if (track.blob < 0) return;
+  if (!track.isSeen()) return;
   const KindEvidence& e = track.evidence;
   const double p = probability(e.shape + e.place + e.motion);
   const ObjectKind leaning = p >= 0.5 ? ObjectKind::kRobot : ObjectKind::kObstacle;

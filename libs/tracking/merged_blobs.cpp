@@ -104,7 +104,7 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
   for (std::size_t b = 0; b < views_.size(); ++b) {
     if (!tracking::isSwallowed(views_[b], track.filter, margin)) continue;
     track.hidden = true;
-    if (isLaser(views_[b])) return;
+    if (isLaser(views_[b]) || piece_of_[b] >= 0) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
     const bool explained = whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
                              const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
@@ -119,9 +119,10 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
 }
 
 void Tracker::joinPeers(std::vector<Peer>& peers) {
-  for (Peer& peer : peers) {
-    peer.in_blob = false;
-    if (!peer.known) continue;
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    Peer& peer = peers[i];
+    peer.in_blob = sights_[i].blob >= 0;  // seen in pieces
+    if (!peer.known || peer.in_blob) continue;
     const double sigma = std::sqrt(0.5 * peer.covariance.trace());
     const bool tracked = std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
       if (!isPeer(track, peer, kPeerTracked_m + 2.0 * sigma)) return false;
@@ -132,12 +133,12 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
     for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
       if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
       peer.in_blob = true;
-      if (!tracked && !isLaser(views_[b])) startPeer(peer, b);
+      if (!tracked && !isLaser(views_[b]) && piece_of_[b] < 0) startPeer(peer, i, b);
     }
   }
 }
 
-void Tracker::startPeer(const Peer& peer, std::size_t b) {
+void Tracker::startPeer(const Peer& peer, std::size_t number, std::size_t b) {
   int vague = -1;
   for (const int t : owners_[b]) {
     TrackState& other = tracks_[static_cast<std::size_t>(t)];
@@ -161,6 +162,7 @@ void Tracker::startPeer(const Peer& peer, std::size_t b) {
   }
   TrackState& track = tracks_[static_cast<std::size_t>(vague)];
   track.blob = static_cast<int>(b);
+  track.identity = static_cast<int>(number);
   track.whole = true;
   track.moving = true;
 }

@@ -56,6 +56,7 @@ struct TrackState {
   bool dissolved = false;  ///< it was several objects, which are now followed each for itself
   int alien_frames = 0;    ///< frames in a row in which its blob showed more than is known
   int blob = -1;           ///< index into this frame's objects; −1: not seen
+  bool glimpsed = false;   ///< this frame shows but pieces of it, or that something is there
   double age_s = 0.0;      ///< since it was first seen
   bool clean = false;      ///< this frame: alone in its blob, whole, not cut
   View view;               ///< this frame's view; directions that are not its own have σ ≤ 0
@@ -81,6 +82,7 @@ struct TrackState {
     dissolved = true;
     blob = -1;
   }
+  bool isSeen() const { return blob >= 0 || glimpsed; }
   double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
 
   BodyFit fit;  ///< best known body over this view

@@ -110,6 +110,7 @@ void Tracker::predict(const OwnMotion& own, bool continuous) {
 void Tracker::unsee() {
   for (TrackState& track : tracks_) {
     track.blob = -1;
+    track.glimpsed = false;
     track.clean = false;
     track.fit = BodyFit{};
     track.view.supports.b_m.clear();
@@ -120,12 +121,19 @@ void Tracker::unsee() {
 void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
   views_.resize(local_map.objects.size());
   owners_.resize(local_map.objects.size());
+  piece_of_.assign(local_map.objects.size(), -1);
+  eye_.time_ns = local_map.acquired_ns;
+  eye_.foot_m = own.odomFromBase() * local_map.scan.origin_m;
+  eye_.heading_rad = own.odomFromBase().theta_rad;
+  eye_.camera_height_m = local_map.camera_height_m;
+  eye_.supports.b_m.resize(SupportFunction::kDirections);
+  eye_.supports.sigma_m.resize(SupportFunction::kDirections);
   for (std::size_t i = 0; i < views_.size(); ++i) {
-    views_[i].time_ns = local_map.acquired_ns;
+    views_[i].time_ns = eye_.time_ns;
     views_[i].supports = local_map.objects[i].supports;
-    views_[i].foot_m = own.odomFromBase() * local_map.scan.origin_m;
-    views_[i].heading_rad = own.odomFromBase().theta_rad;
-    views_[i].camera_height_m = local_map.camera_height_m;
+    views_[i].foot_m = eye_.foot_m;
+    views_[i].heading_rad = eye_.heading_rad;
+    views_[i].camera_height_m = eye_.camera_height_m;
     owners_[i].clear();
   }
 }
@@ -133,6 +141,7 @@ void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
 void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers) {
   lookAt(local_map, own);
   followPeers(peers);
+  lookForPeers(local_map, peers);
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const double sigma = std::min(kMostSigma_m, tracks_[t].positionSigma());
@@ -141,6 +150,7 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
     for (std::size_t b = 0; b < views_.size(); ++b) {
       double& cost = cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b));
       cost = std::numeric_limits<double>::infinity();
+      if (piece_of_[b] >= 0) continue;
       // What touches the floor far before it is somebody else, who may hide it.
       const Eigen::Vector2d contact = own.odomFromBase() * local_map.objects[b].contact_m;
       if (contact.allFinite() && beyond(tracks_[t].filter, contact) > options_.gate_m + 2.0 * sigma) continue;
@@ -179,8 +189,9 @@ void Tracker::assignBlobs() {
   }
 }
 
-void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
+void Tracker::update(const LocalMap& local_map, const OwnMotion& own, const std::vector<Peer>& peers) {
   for (std::size_t b = 0; b < views_.size(); ++b) {
+    if (piece_of_[b] >= 0) continue;
     const ObjectObservation& object = local_map.objects[b];
     if (usableDirections(views_[b]) < kFewestDirections) {
       for (const int t : owners_[b]) tracks_[static_cast<std::size_t>(t)].blob = -1;
@@ -197,6 +208,7 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own) {
       seeAlone(track, views_[b], object, own);
     }
   }
+  seePieces(local_map, peers);
   end();
 }
 
@@ -426,6 +438,14 @@ void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector
     published.solidity = 1.0;
     published.truncated = false;
     if (!published.visible) continue;
+    if (track.glimpsed) {
+      const Eigen::Vector2d to_eye = (eye_.foot_m - track.filter.position()).stableNormalized();
+      const double reach_m = track.filter.reach(std::atan2(to_eye.y(), to_eye.x()));
+      published.hull_m = silhouette(track, eye_, base_from_odom);
+      published.contact_m = base_from_odom * (track.filter.position() + reach_m * to_eye);
+      published.truncated = true;
+      continue;
+    }
     const auto blob = static_cast<std::size_t>(track.blob);
     const ObjectObservation& object = local_map.objects[blob];
     published.contact_m = object.contact_m;

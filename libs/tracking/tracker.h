@@ -24,6 +24,7 @@ struct TrackerOptions {
   double locate_sigma_m = 0.08;   ///< m, σ of the place from which what was never alone is shown …
   double lose_sigma_m = 0.15;     ///< m, … and beyond which it is no longer
   double composite_m = 0.30;      ///< m, mean radius from which it is several things if it is not convex
+  bool pieces = true;             ///< peers are told from pieces, too (no key: not of `choi`)
   double history_s = 3.0;         ///< s, views kept for the motion over the floor
 
   static TrackerOptions read(const options::Section& section);
@@ -44,8 +45,9 @@ class Tracker {
   /// A peer whose published place lies within a merged blob, where no track is, starts one. Sets
   /// Peer::in_blob.
   void associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers);
-  /// Filters take in the directions that are their own, new tracks start, lost ones end.
-  void update(const LocalMap& local_map, const OwnMotion& own);
+  /// Filters take in the directions that are their own, new tracks start, lost ones end. Peers of which but
+  /// pieces are told from the floor, or that something is there, are seen where they say they are.
+  void update(const LocalMap& local_map, const OwnMotion& own, const std::vector<Peer>& peers);
 
   std::vector<TrackState>& tracks() { return tracks_; }
   /// The track that a ray ending at a point of a blob has hit; nullptr where the blob started none.
@@ -54,11 +56,18 @@ class Tracker {
   void write(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
 
  private:
+  /// How a peer is seen whose place is published.
+  struct PeerInSight {
+    bool whole = false;      ///< a blob has its outline
+    int blob = -1;           ///< the piece of it that touches the floor nearest; −1: none
+    bool undecided = false;  ///< something is there
+    View outline;            ///< around its pieces
+  };
   void lookAt(const LocalMap& local_map, const OwnMotion& own);
   void assignBlobs();
   void joinSwallowing(const LocalMap& local_map, int track);
   void joinPeers(std::vector<Peer>& peers);
-  void startPeer(const Peer& peer, std::size_t blob);
+  void startPeer(const Peer& peer, std::size_t number, std::size_t blob);
   bool isOwn(const TrackState& track, const View& view) const;
   bool showsMore(const TrackState& track, const View& view) const;
   void findOwners(std::size_t blob, int& vague);
@@ -77,7 +86,15 @@ class Tracker {
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
   bool isPieceOfKnown(const PrismFilter& piece) const;
   int lostAt(const PrismFilter& filter, const View& view) const;
-  bool isShown(const TrackState& track) const { return track.blob >= 0 && (track.clean || track.located); }
+  void lookForPeers(const LocalMap& local_map, const std::vector<Peer>& peers);
+  bool isOfAThing(const View& view) const;
+  int trackOf(std::size_t peer) const;
+  int startTrackOf(const Peer& peer, std::size_t number);
+  void seePieces(const LocalMap& local_map, const std::vector<Peer>& peers);
+  void glimpse(TrackState& track, const Peer& peer, const PeerInSight& seen, const LocalMap& local_map);
+  bool isShown(const TrackState& track) const {
+    return track.glimpsed || (track.blob >= 0 && (track.clean || track.located));
+  }
   void followPeers(const std::vector<Peer>& peers);
   void end();
 
@@ -93,6 +110,9 @@ class Tracker {
   };
   std::vector<KnownPeer> known_peers_;
   std::uint32_t next_id_ = 1;
+  std::vector<PeerInSight> sights_;
+  std::vector<int> piece_of_;             ///< by blob: the peer of which it is a piece; −1: of none
+  View eye_;                              ///< from where this frame was taken; its supports tell nothing
   std::vector<View> views_;               ///< of this frame's blobs
   std::vector<std::vector<int>> owners_;  ///< tracks in each blob
   Eigen::MatrixXd cost_, open_cost_;

@@ -32,6 +32,7 @@ Classifier::Options Classifier::Options::read(const options::Section& section) {
   o.tracker = tracking::TrackerOptions::read(section.child("tracker"));
   o.kind = tracking::KindOptions::read(section.child("kind"));
   o.peers = tracking::PeerOptions::read(section.child("peers"));
+  o.tracker.pieces = o.kind.method != "choi";  // the paper's rule asks the vectors alone
   section.finish();
   return o;
 }
@@ -56,7 +57,7 @@ const Objects& Classifier::process(const LocalMap& local_map, const std::vector<
   if (const PoseEstimate* own = peers_.own()) own_motion_.locate(own->acquired_ns, own->map_from_base);
   if (seeing) {
     tracker_.associate(local_map, own_motion_, peers);
-    tracker_.update(local_map, own_motion_);
+    tracker_.update(local_map, own_motion_, peers);
     judge_.judge(tracker_.tracks(), peers, local_map, own_motion_);
   }
   tracker_.write(local_map, own_motion_, objects_.tracks);
@@ -89,6 +90,7 @@ void Classifier::labelScan(const LocalMap& local_map) {
   for (std::size_t i = 0; i < rays; ++i) {
     const std::uint16_t label = scan.object[i];
     scan.object[i] = 0;
+    if (scan.label[i] == RayLabel::kUndecided) scan.label[i] = RayLabel::kFloorEnd;  // so far
     if (scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd) continue;
     if (scan.label[i] == RayLabel::kObstacle && label == 0) continue;  // a wall, as a laser knows it
     scan.label[i] = RayLabel::kUnknown;

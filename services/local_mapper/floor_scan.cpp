@@ -324,7 +324,10 @@ void FloorScan::finish(Scan& scan) {
     scan.range_m[i] = static_cast<float>(range);
     scan.sigma_m[i] =
         static_cast<float>(options_.sigma_px * radialMetres(*camera_, camera_->foot() + range * bearing_[i]));
-    if (range < nearest_m_[i]) continue;  // floor up to there
+    if (range < nearest_m_[i]) {
+      scan.label[i] = RayLabel::kUndecided;
+      continue;
+    }
     scan.label[i] = ends_at_wall_[i] != 0 ? RayLabel::kObstacle : RayLabel::kUnknown;
     scan.object[i] = object_[i];
   }

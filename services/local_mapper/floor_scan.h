@@ -53,8 +53,8 @@ class FloorScan {
   /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns
   /// where it begins, base_link; none where nothing of it is on the floor.
   std::optional<Eigen::Vector2d> addUndecided(const ground::Blob& blob);
-  /// Ranges, σ and labels: kFloorEnd, kObstacle (a wall) or kUnknown (something stands there), kInvalid where
-  /// no floor is ever visible.
+  /// Ranges, σ and labels: kFloorEnd, kObstacle (a wall), kUnknown (something stands there) or kUndecided
+  /// (floor or a thing of its colour), kInvalid where no floor is ever visible.
   void finish(Scan& scan);
 
  private:

@@ -60,6 +60,7 @@ TEST(Join, WhatIsLowerThanTheLaserStaysTheCameras) {
 /// What the camera took for floor and the laser hits stands there, of unknown kind.
 TEST(Join, WhatTheCameraMissedIsThere) {
   Scan scan = seen(0, 0, 0.0f);
+  scan.label[90] = RayLabel::kUndecided;  // or left open
   join(scanned({0, 0}), scan);
   EXPECT_EQ(scan.label[90], RayLabel::kUnknown);
   EXPECT_EQ(scan.object[90], 0);

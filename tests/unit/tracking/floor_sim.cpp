@@ -42,6 +42,8 @@ Polygon silhouette(const Scene& scene, const Body& body, const Pose2& base_from_
   const std::size_t n = points.size();
   const double s = scene.camera_height_m / std::max(0.02, scene.camera_height_m - body.height_m);
   for (std::size_t i = 0; i < n; ++i) points.push_back(s * points[i]);
+  if (body.shows == Shows::kTop)
+    points.erase(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(n));
   std::normal_distribution<double> normal(0.0, scene.noise.vertex_px);
   for (auto& p : points) {
     const double rho = p.norm();
@@ -175,15 +177,20 @@ ObjectObservation observe(const Scene& scene, const std::vector<Polygon>& silhou
   return object;
 }
 
-void castRays(const std::vector<Polygon>& silhouettes, const std::vector<std::uint16_t>& label_of,
-              Scan& scan) {
+void lookAtFloor(Scan& scan) {
   constexpr std::size_t kRays = 360;
   scan.range_m.assign(kRays, 3.0F);
   scan.sigma_m.assign(kRays, 0.01F);
   scan.label.assign(kRays, RayLabel::kFloorEnd);
   scan.object.assign(kRays, 0);
-  for (std::size_t r = 0; r < kRays; ++r) {
-    const double bearing = 2.0 * M_PI * static_cast<double>(r) / kRays;
+}
+
+/// @param label of what is hit there, by silhouettes
+void castRays(const std::vector<Polygon>& silhouettes, RayLabel label,
+              const std::vector<std::uint16_t>& label_of, Scan& scan) {
+  const std::size_t rays = scan.range_m.size();
+  for (std::size_t r = 0; r < rays; ++r) {
+    const double bearing = 2.0 * M_PI * static_cast<double>(r) / static_cast<double>(rays);
     const Eigen::Vector2d ray(std::cos(bearing), std::sin(bearing));
     for (std::size_t i = 0; i < silhouettes.size(); ++i) {
       for (std::size_t v = 0; v < silhouettes[i].size(); ++v) {
@@ -194,7 +201,7 @@ void castRays(const std::vector<Polygon>& silhouettes, const std::vector<std::ui
                      along = (ray.x() * a.y() - ray.y() * a.x()) / det;
         if (range <= 0 || along < 0 || along > 1 || range >= scan.range_m[r]) continue;
         scan.range_m[r] = static_cast<float>(range);
-        scan.label[r] = RayLabel::kUnknown;
+        scan.label[r] = label;
         scan.object[r] = label_of[i];
       }
     }
@@ -287,12 +294,16 @@ LocalMap look(const Scene& scene, std::size_t self, const Scene* before, int fra
   map.camera_height_m = scene.camera_height_m;
   if (before) map.motion = ownMotion(scene, *before, self, frame, rng);
   const Pose2 base_from_map = scene.bodies[self].pose.inverse();
-  std::vector<Polygon> silhouettes;
+  std::vector<Polygon> silhouettes, hints;
   std::vector<std::size_t> body_of;
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     if (i == self) continue;
     const Polygon seen = silhouette(scene, scene.bodies[i], base_from_map, rng);
     if (nearestPoint(seen).norm() > scene.sight_m) continue;
+    if (scene.bodies[i].shows == Shows::kHint) {
+      hints.push_back(seen);
+      continue;
+    }
     silhouettes.push_back(seen);
     body_of.push_back(i);
   }
@@ -309,7 +320,9 @@ LocalMap look(const Scene& scene, std::size_t self, const Scene* before, int fra
     }
     map.objects.push_back(object);
   }
-  castRays(silhouettes, label_of, map.scan);
+  lookAtFloor(map.scan);
+  castRays(hints, RayLabel::kUndecided, std::vector<std::uint16_t>(hints.size(), 0), map.scan);
+  castRays(silhouettes, RayLabel::kUnknown, label_of, map.scan);
   return map;
 }
 

@@ -13,8 +13,16 @@
 
 namespace omnifleet::sim {
 
+/// How much of a body differs from the floor.
+enum class Shows {
+  kAll,
+  kTop,  ///< its sides look like the floor
+  kHint  ///< something is there: the scan leaves it undecided
+};
+
 struct Body {
   std::string name;
+  Shows shows = Shows::kAll;
   bool robot = false;
   bool publishes = true;  ///< robots only
   Polygon outline;        ///< in its own frame, convex, about its centre

@@ -225,6 +225,28 @@ TEST(Adapters, ObjectsComeBackWhole) {
   }
 }
 
+/// A contribution could not hold it.
+TEST(Adapters, UndecidedRaysAreOfLocalMapsAlone) {
+  LocalMap map;
+  map.scan.range_m = {1.0F};
+  map.scan.sigma_m = {0.01F};
+  map.scan.label = {RayLabel::kUndecided};
+  map.scan.object = {0};
+  v1::LocalMap wire_map;
+  toWire(map, RunClock::kDataset, wire_map);
+  LocalMap map_again;
+  ASSERT_TRUE(fromWire(wire_map, map_again));
+  EXPECT_EQ(map_again.scan.label.front(), RayLabel::kUndecided);
+  Objects objects;
+  objects.scan = map.scan;
+  v1::Objects wire;
+  toWire(objects, RunClock::kDataset, wire);
+  Objects again;
+  EXPECT_FALSE(fromWire(wire, again));
+  wire.scan().label().front() = static_cast<std::uint8_t>(RayLabel::kFloorEnd);
+  EXPECT_TRUE(fromWire(wire, again));
+}
+
 TEST(Adapters, APoseComesBackWhole) {
   Counter n;
   PoseEstimate pose;

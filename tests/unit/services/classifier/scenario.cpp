@@ -144,6 +144,7 @@ Score run(const Scenario& scenario, unsigned seed, const classifier::Classifier:
       judge(scene, objects, observer, frame >= scenario.warm_up, score);
     }
     if (scenario.feedback) poses = publish(scene, frame, rng);
+    scenario.garble(poses);
     before = scene;
     scenario.drive(scene, frame, rng);
     scene.advance();

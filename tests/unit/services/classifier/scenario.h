@@ -21,6 +21,8 @@ struct Scenario {
   std::function<void(const Scene&, const Objects&, int frame)> watch = [](const Scene&, const Objects&, int) {
   };
   bool feedback = true;
+  std::function<void(std::vector<PoseEstimate>&)> garble = [](std::vector<PoseEstimate>&) {
+  };                ///< what is published
   int warm_up = 0;  ///< first frames that are not counted
 };
 

@@ -91,7 +91,7 @@ TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   scan_.finish(scan);
   const auto nearest = camera_.floorFromPixel({u, v + 9});
   ASSERT_TRUE(nearest);
-  EXPECT_EQ(scan.label[0], RayLabel::kFloorEnd);
+  EXPECT_EQ(scan.label[0], RayLabel::kUndecided);
   EXPECT_NEAR(scan.range_m[0], nearest->norm(), 0.002);  // the ray passes within half a pixel
   EXPECT_EQ(scan.object[0], 0);
   ASSERT_TRUE(begins_m);

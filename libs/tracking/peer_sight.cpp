@@ -1,0 +1,115 @@
+#include "tracking/peer_sight.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::tracking {
+namespace {
+
+constexpr double kMostOut = 0.2, kLittle = 2.0;  // of the directions, margins
+constexpr double kWhole = 0.75;                  // of the directions
+constexpr double kLeastRatio = 0.03;             // bodies as tall as the camera is high have no far side
+constexpr double kLeastLooked = 0.3;             // of the bearings that the peer takes up: others are hidden
+constexpr double kMostlyUndecided = 0.5;
+constexpr int kFewestRays = 3, kFewestDirections = 8;
+
+/// Cut directions have a σ below 0, but tell how far the thing goes at least; of others nothing is known.
+bool isKnown(const View& outline, std::size_t k) {
+  return std::isfinite(outline.supports.b_m[k]) && outline.supports.sigma_m[k] != 0.0F;
+}
+
+}  // namespace
+
+PeerSight::PeerSight(const Peer& peer, const View& eye, double margin_m) : margin_m_(margin_m) {
+  const double ratio = std::max(kLeastRatio, 1.0 - peer.body.height() / eye.camera_height_m);
+  top_share_ = ratio;
+  for (std::size_t k = 0; k < eye.size(); ++k) {
+    support_m_.push_back(peer.body.predictedSupport(eye, k, peer.centre_m, peer.heading_rad));
+    shrink_.push_back(support_m_.back() < 0.0 ? 1.0 : ratio);
+  }
+}
+
+/// By how much it stands out from the peer's, metres.
+double PeerSight::off(const View& outline, std::size_t k) const {
+  return (static_cast<double>(outline.supports.b_m[k]) - support_m_[k]) * shrink_[k];
+}
+
+bool PeerSight::encloses(const View& outline) const {
+  if (outline.size() != support_m_.size()) return false;
+  int all = 0, out = 0;
+  for (std::size_t k = 0; k < outline.size(); ++k) {
+    if (!isKnown(outline, k)) continue;
+    ++all;
+    if (off(outline, k) > kLittle * margin_m_) return false;
+    out += off(outline, k) > margin_m_ ? 1 : 0;
+  }
+  return all > 0 && out <= kMostOut * all;
+}
+
+int PeerSight::sharedDirections(const View& outline) const {
+  int shared = 0;
+  for (std::size_t k = 0; k < outline.size(); ++k)
+    shared += outline.usable(k) && std::abs(off(outline, k)) < margin_m_ ? 1 : 0;
+  return shared;
+}
+
+bool PeerSight::isWhole(const View& outline) const {
+  if (outline.size() != support_m_.size()) return false;
+  std::array<int, 2> all{}, same{};  // of all directions; of those in which it touches the floor
+  for (std::size_t k = 0; k < outline.size(); ++k) {
+    if (!outline.usable(k)) continue;
+    const bool is_same = std::abs(off(outline, k)) < margin_m_;
+    for (const std::size_t at : {0, 1}) {
+      if (at == 1 && support_m_[k] >= 0.0) continue;
+      ++all[at];
+      same[at] += is_same ? 1 : 0;
+    }
+  }
+  return all[0] >= kFewestDirections && all[1] > 0 && same[0] >= kWhole * all[0] &&
+         same[1] >= kWhole * all[1];
+}
+
+void PeerSight::keepOwn(View& outline) const {
+  for (std::size_t k = 0; k < outline.size(); ++k)
+    if (std::abs(off(outline, k)) >= margin_m_) outline.supports.sigma_m[k] = -1.0F;
+}
+
+bool PeerSight::isUndecided(const Scan& scan) const {
+  const double nearest_m = -*std::min_element(support_m_.begin(), support_m_.end());
+  const auto farthest = std::max_element(scan.range_m.begin(), scan.range_m.end());
+  if (farthest == scan.range_m.end() || *farthest < nearest_m - margin_m_) return false;
+  int undecided = 0, looked = 0, taken_up = 0;
+  const std::size_t rays = std::min(scan.range_m.size(), scan.label.size());
+  for (std::size_t i = 0; i < rays; ++i) {
+    const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays);
+    double begin_m = 0.0, end_m = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < support_m_.size(); ++k) {
+      const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(support_m_.size());
+      const double along = std::cos(phi - bearing), at = support_m_[k] / along;
+      if (along < 0.0) begin_m = std::max(begin_m, at);
+      if (along > 0.0) end_m = std::min(end_m, at);
+    }
+    if (!(begin_m < end_m)) continue;
+    ++taken_up;
+    const auto range_m = static_cast<double>(scan.range_m[i]);
+    if (scan.label[i] == RayLabel::kInvalid || range_m < begin_m - margin_m_) continue;
+    ++looked;
+    const double top_m = std::min(end_m, begin_m / top_share_ + margin_m_);
+    undecided += scan.label[i] == RayLabel::kUndecided && range_m < top_m ? 1 : 0;
+  }
+  return undecided >= kFewestRays && undecided >= kMostlyUndecided * looked &&
+         looked >= kLeastLooked * taken_up;
+}
+
+void joinOutlines(const View& other, View& outline) {
+  for (std::size_t k = 0; k < outline.size(); ++k) {
+    const bool is_less = isKnown(outline, k) && other.supports.b_m[k] <= outline.supports.b_m[k];
+    if (!isKnown(other, k) || is_less) continue;
+    outline.supports.b_m[k] = other.supports.b_m[k];
+    outline.supports.sigma_m[k] = other.supports.sigma_m[k];
+  }
+}
+
+}  // namespace omnifleet::tracking

@@ -1,0 +1,117 @@
+// Robots of the fleet of which the camera tells but pieces from the floor, in an analytic arena.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/unit/services/classifier/scenario.h"
+
+namespace omnifleet::sim {
+namespace {
+
+constexpr unsigned kFirst = 1000, kLast = 1003;
+
+/// Of the robots' sights of each other within 1.8 m, those in which a track within 10 cm tells a robot.
+struct Told {
+  long all = 0, robots = 0, others = 0;
+  double share() const { return static_cast<double>(robots) / static_cast<double>(std::max(1L, all)); }
+};
+
+void count(const Scene& scene, const Objects& objects, Told& told) {
+  const auto own = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                                [&](const Body& body) { return body.name == objects.robot; });
+  for (const Body& body : scene.bodies) {
+    const Eigen::Vector2d place = own->pose.inverse() * body.pose.translation();
+    if (&body == &*own || !body.robot || place.norm() > 1.8) continue;
+    ++told.all;
+    const Track* nearest = nullptr;
+    for (const Track& track : objects.tracks) {
+      if (!track.visible || (track.position_m - place).norm() > 0.1) continue;
+      if (nearest == nullptr || track.kind == ObjectKind::kRobot) nearest = &track;
+    }
+    told.robots += nearest != nullptr && nearest->kind == ObjectKind::kRobot ? 1 : 0;
+    told.others += nearest != nullptr && nearest->kind != ObjectKind::kRobot ? 1 : 0;
+  }
+}
+
+Scenario roaming(Shows shows, Told& told) {
+  Scenario scenario{"pieces", 60, [shows](std::mt19937& rng) {
+                      Scene scene = mixedScene(rng);
+                      scene.bodies.resize(5);  // tops of many would run together
+                      scene.sight_m = 6.0;     // where tops seem to stand
+                      for (Body& body : scene.bodies)
+                        if (body.robot) body.shows = shows;
+                      return scene;
+                    }};
+  scenario.drive = [](Scene& scene, int, std::mt19937& rng) { scene.steerClear(0.3, rng); };
+  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
+    if (frame > 0) count(scene, objects, told);
+    for (const RayLabel label : objects.scan.label) EXPECT_NE(label, RayLabel::kUndecided);
+  };
+  return scenario;
+}
+
+Score runAll(const Scenario& scenario) {
+  Score total;
+  for (unsigned seed = kFirst; seed <= kLast; ++seed) total += run(scenario, seed);
+  return total;
+}
+
+TEST(Pieces, RobotsThatShowButTheirTopsAreTold) {
+  Told told;
+  const Score score = runAll(roaming(Shows::kTop, told));
+  EXPECT_GT(told.share(), 0.85);  // some are hidden, some run together with others
+  EXPECT_EQ(told.others, 0);
+  EXPECT_EQ(score.obstacles_as_robots, 0);
+  EXPECT_GT(score.obstacles_right, 500);
+}
+
+TEST(Pieces, RobotsThatTheFloorHidesAreTold) {
+  Told told;
+  const Score score = runAll(roaming(Shows::kHint, told));
+  EXPECT_GT(told.share(), 0.9);  // others stand before some
+  EXPECT_EQ(score.obstacles_as_robots, 0);
+}
+
+/// One whose published place is wrong: floor is seen there.
+TEST(Pieces, NobodyIsSeenWhereTheFloorIs) {
+  constexpr double kOff_m = 0.6;
+  Told told;
+  Scenario scenario = roaming(Shows::kHint, told);
+  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
+    Scene claimed = scene;
+    claimed.bodies[1].pose.y_m += kOff_m;
+    claimed.bodies[2].robot = false;
+    if (frame > 0 && objects.robot == "r1") count(claimed, objects, told);
+  };
+  scenario.garble = [](std::vector<PoseEstimate>& poses) {
+    for (PoseEstimate& pose : poses)
+      if (pose.robot == "r2") pose.map_from_base.y_m += kOff_m;
+  };
+  runAll(scenario);
+  EXPECT_GT(told.all, 50);
+  EXPECT_LT(told.share(), 0.1);  // where r3 happens to be
+}
+
+/// Small ones right before robots of which only the top is seen: theirs are the pieces that touch the floor
+/// nearer than the robot does.
+TEST(Pieces, WhatStandsBeforeARobotIsNoPieceOfIt) {
+  Told told;
+  Scenario scenario = roaming(Shows::kTop, told);
+  scenario.make = [](std::mt19937&) {
+    Scene scene;
+    scene.bodies.push_back(round("r1", 0.15, 0.3, {-1.0, 0.0, 0.0}));
+    scene.bodies.push_back(round("r2", 0.15, 0.3, {0.2, 0.0, 0.0}));
+    scene.bodies[0].robot = scene.bodies[1].robot = true;
+    scene.bodies[1].shows = Shows::kTop;
+    scene.bodies.push_back(box("box", 0.12, 0.12, 0.08, {-0.04, 0.0, 0.3}));
+    return scene;
+  };
+  scenario.drive = [](Scene&, int, std::mt19937&) {};
+  const Score score = runAll(scenario);
+  EXPECT_EQ(score.obstacles_as_robots, 0);
+  EXPECT_GT(score.obstacles_right, 150);
+}
+
+}  // namespace
+}  // namespace omnifleet::sim
