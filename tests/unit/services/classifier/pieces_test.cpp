@@ -73,6 +73,28 @@ TEST(Pieces, RobotsThatTheFloorHidesAreTold) {
   EXPECT_EQ(score.obstacles_as_robots, 0);
 }
 
+/// Nobody publishes for a second: their tops are things, which are nobody's any more from the first pose on.
+TEST(Pieces, TopsThatWereThingsAreRobotsFromTheFirstPoseOn) {
+  constexpr int kSilent = 10, kSettled = 14;
+  Told told;
+  Scenario scenario = roaming(Shows::kTop, told);
+  scenario.garble = [frame = 0](std::vector<PoseEstimate>& poses) mutable {
+    if (frame++ % 60 < kSilent) poses.clear();
+  };
+  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
+    if (frame > kSettled) count(scene, objects, told);
+    for (const Track& track : objects.tracks) {
+      if (frame > kSettled && track.visible && track.kind != ObjectKind::kRobot) {
+        EXPECT_FALSE(track.supports.empty()) << "frame " << frame << ": seen, but by nothing";
+      }
+    }
+  };
+  const Score score = runAll(scenario);
+  EXPECT_GT(told.share(), 0.8);
+  EXPECT_EQ(told.others, 0);
+  EXPECT_GT(score.obstacles_right, 300);
+}
+
 /// One whose published place is wrong: floor is seen there.
 TEST(Pieces, NobodyIsSeenWhereTheFloorIs) {
   constexpr double kOff_m = 0.6;
