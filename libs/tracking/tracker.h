@@ -24,7 +24,7 @@ struct TrackerOptions {
   double locate_sigma_m = 0.08;   ///< m, σ of the place from which what was never alone is shown …
   double lose_sigma_m = 0.15;     ///< m, … and beyond which it is no longer
   double composite_m = 0.30;      ///< m, mean radius from which it is several things if it is not convex
-  bool pieces = true;             ///< peers are told from pieces, too (no key: not of `choi`)
+  bool pieces = true;             ///< peers are told from pieces, too (no key)
   double history_s = 3.0;         ///< s, views kept for the motion over the floor
 
   static TrackerOptions read(const options::Section& section);

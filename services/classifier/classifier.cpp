@@ -13,6 +13,13 @@ double ownRadius(const std::string& robot, const std::map<std::string, RobotBody
   return radius;
 }
 
+/// The paper's rule asks the vectors alone.
+tracking::TrackerOptions trackerOptions(const Classifier::Options& options) {
+  tracking::TrackerOptions tracker = options.tracker;
+  tracker.pieces = options.kind.method != "choi";
+  return tracker;
+}
+
 RayLabel rayLabel(ObjectKind kind) {
   switch (kind) {
     case ObjectKind::kObstacle:
@@ -32,7 +39,6 @@ Classifier::Options Classifier::Options::read(const options::Section& section) {
   o.tracker = tracking::TrackerOptions::read(section.child("tracker"));
   o.kind = tracking::KindOptions::read(section.child("kind"));
   o.peers = tracking::PeerOptions::read(section.child("peers"));
-  o.tracker.pieces = o.kind.method != "choi";  // the paper's rule asks the vectors alone
   section.finish();
   return o;
 }
@@ -41,7 +47,7 @@ Classifier::Classifier(const Options& options, const std::string& robot,
                        const std::map<std::string, RobotBody>& bodies)
     : paper_centroids_(options.kind.method == "choi"),
       peers_(options.peers, robot, bodies),
-      tracker_(options.tracker),
+      tracker_(trackerOptions(options)),
       judge_(options.kind, ownRadius(robot, bodies)) {}
 
 const Objects& Classifier::process(const LocalMap& local_map, const std::vector<PoseEstimate>& poses) {

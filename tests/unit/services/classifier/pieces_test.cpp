@@ -115,6 +115,43 @@ TEST(Pieces, NobodyIsSeenWhereTheFloorIs) {
   EXPECT_LT(told.share(), 0.1);  // where r3 happens to be
 }
 
+/// Its outline would pass for a piece of the robot beside it.
+TEST(Pieces, AThingThatIsKnownToStandThereIsNone) {
+  constexpr int kSilent = 10, kFrames = 40;
+  Scenario scenario{"beside", kFrames, [](std::mt19937&) {
+                      Scene scene;
+                      scene.bodies.push_back(round("r1", 0.15, 0.3, {-1.0, 0.0, 0.0}));
+                      scene.bodies.push_back(round("r2", 0.15, 0.3, {0.0, 0.0, 0.0}));
+                      scene.bodies[0].robot = scene.bodies[1].robot = true;
+                      scene.bodies[1].shows = Shows::kHint;
+                      scene.bodies.push_back(round("pot", 0.04, 0.06, {-0.1, 0.2, 0.0}));
+                      return scene;
+                    }};
+  scenario.garble = [frame = 0](std::vector<PoseEstimate>& poses) mutable {
+    if (frame++ % kFrames < kSilent) poses.clear();
+  };
+  int seen = 0;
+  scenario.watch = [&seen](const Scene& scene, const Objects& objects, int frame) {
+    if (frame < kSilent || objects.robot != "r1") return;
+    const Eigen::Vector2d place = scene.bodies[0].pose.inverse() * scene.bodies[2].pose.translation();
+    seen += std::any_of(objects.tracks.begin(), objects.tracks.end(), [&](const Track& track) {
+      return track.visible && track.kind == ObjectKind::kObstacle && (track.position_m - place).norm() < 0.03;
+    });
+  };
+  runAll(scenario);
+  EXPECT_EQ(seen, (kLast - kFirst + 1) * (kFrames - kSilent));
+}
+
+TEST(Pieces, AreNotAskedByThePapersRule) {
+  Told told;
+  Scenario scenario = roaming(Shows::kHint, told);
+  classifier::Classifier::Options options;
+  options.kind.method = "choi";
+  run(scenario, kFirst, options);
+  EXPECT_GT(told.all, 50);
+  EXPECT_EQ(told.robots + told.others, 0);
+}
+
 /// Small ones right before robots of which only the top is seen: theirs are the pieces that touch the floor
 /// nearer than the robot does.
 TEST(Pieces, WhatStandsBeforeARobotIsNoPieceOfIt) {
