@@ -177,9 +177,8 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
       const double sigma = std::sqrt(0.5 * c.trace() + kPlaceSigma_m * kPlaceSigma_m);
       const double gate = std::clamp(3.0 * sigma, 0.5 * options_.peer_gate_m, 1.5 * options_.peer_gate_m);
       const double distance = (tracks[t].filter.position() - peers[i].centre_m).norm();
-      double& pair = cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t));
-      pair = peers[i].known && tracks[t].isSeen() ? distance / gate : 1e3;
-      if (tracks[t].glimpsed) pair = tracks[t].identity == static_cast<int>(i) ? 0.0 : 1e3;
+      cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t)) =
+          peers[i].known && tracks[t].isSeen() ? distance / gate : 1e3;
     }
   }
   const std::vector<int> track_of = assign(cost, 1.0);
