@@ -105,11 +105,21 @@ TEST_F(PeerSightTest, PiecesMakeOneOutline) {
   EXPECT_TRUE(sight_.isWhole(one));
 }
 
-/// It takes up ±9° on the floor and ±9° more with its top.
+/// All of its outline is cut, by the edge of the view or by others: it shows nothing.
+TEST_F(PeerSightTest, AnOutlineWithoutDirectionsIsNotWhole) {
+  View cut = viewOf(silhouette());
+  cut.supports.sigma_m.assign(cut.size(), -1.0F);
+  EXPECT_FALSE(sight_.isWhole(cut));
+  cut.supports.sigma_m[0] = 0.01F;
+  EXPECT_FALSE(sight_.isWhole(cut));
+}
+
+/// It takes up ±9°, and so does its top, which begins at 2.1 m.
 TEST_F(PeerSightTest, SomethingIsThereWhereMostOfItsBearingsEnd) {
   EXPECT_TRUE(sight_.isUndecided(scanWith(0.9, 12)));
   EXPECT_FALSE(sight_.isUndecided(scanWith(0.9, 2))) << "floor beside";
-  EXPECT_FALSE(sight_.isUndecided(scanWith(2.8, 12))) << "floor up to behind it";
+  EXPECT_TRUE(sight_.isUndecided(scanWith(2.0, 12))) << "its top alone";
+  EXPECT_FALSE(sight_.isUndecided(scanWith(2.3, 12))) << "floor up to behind where its top begins";
   EXPECT_FALSE(sight_.isUndecided(scanWith(0.6, 12))) << "something before it";
   Scan hidden = scanWith(0.9, 12);
   for (std::size_t i = 0; i < kRays; ++i)
