@@ -23,8 +23,8 @@ constexpr float kTextureSigmas =
 constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
 constexpr float kMostOthers = 0.25f;  // of the seeds; where more differ in hue the floor has several
 constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
-constexpr int kSteps = 8;
-constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1}, kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
+constexpr const int (&kStepX)[FarFloor::kSteps] = FarFloor::kStepX,
+                    (&kStepY)[FarFloor::kSteps] = FarFloor::kStepY;
 
 using lanes::FourFloats;  // a colour, and what comes behind it
 
@@ -78,6 +78,7 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
       closed_(coverage.rows + 2 * kJump, stride_, kClosed),
       framed_means_(closed_.size(), cv::Vec3f(0, 0, 0)),
       means_(framed_means_(cv::Rect(kJump, kJump, coverage.cols, coverage.rows))),
+      far_(closed_.total()),
       handed_(closed_.total()) {
   for (int y = 0; y < coverage.rows; ++y) {
     for (int x = 0; x < coverage.cols; ++x) {
@@ -197,6 +198,18 @@ void FloorGrowth::lookBeyond(const cv::Mat1b& sectors) {
   sectors.copyTo(sector_(cv::Rect(kJump, kJump, sectors.cols, sectors.rows)));
 }
 
+void FloorGrowth::lookFar(const FarFloor& far) {
+  for (int y = 0; y < means_.rows; ++y)
+    for (int x = 0; x < means_.cols; ++x)
+      far_[static_cast<std::size_t>(numberOf(y, x))] = far[y * means_.cols + x];
+}
+
+OMNIFLEET_INLINE FloorGrowth::Handed FloorGrowth::steepened(const Handed& from, float by) {
+  Handed steeper = from;
+  for (float& slope : steeper.slope) slope = std::clamp(by * slope, -kMaxSlope, kMaxSlope);
+  return steeper;
+}
+
 /// Squared differences of p from r in multiples of the tolerances.
 template <typename Colour>
 OMNIFLEET_INLINE FloorTest FloorGrowth::offOf(const Colour& p, const Colour& r) const {
@@ -260,7 +273,8 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const std::uint8_t* stop = stop_.data;
   unsigned open = openSteps(stop + at, stride_);
   if (open == 0) return;
-  const Handed from = handed_[static_cast<std::size_t>(at)];
+  const FarFloor::Block& far = far_[static_cast<std::size_t>(at)];
+  const Handed from = handed_[static_cast<std::size_t>(at)], falling = steepened(from, far.steepening);
   const auto colour = lanes::load<FourFloats>(from.colour);
   const FloorTest test = testAt(std::max(1.0f, dot(colour, colour)), tolerance_, noise);
   // The texture measured holds the noise.
@@ -269,8 +283,11 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   for (; open != 0; open &= open - 1) {
     const int step = __builtin_ctz(open);
     const int offset = kStepY[step] * stride_ + kStepX[step];
+    const float change =
+        from.slope[0] * static_cast<float>(kStepX[step]) + from.slope[1] * static_cast<float>(kStepY[step]);
+    const Handed& handed = (far.outward >> step & 1u) != 0 && change < 0.0f ? falling : from;
     for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
-      if (accept(to, from, test, flatness, step, jump)) break;
+      if (accept(to, handed, test, flatness, step, jump)) break;
   }
 }
 

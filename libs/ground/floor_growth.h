@@ -3,6 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground/far_floor.h"
 #include "ground/floor_noise.h"
 #include "ground/ground_histogram.h"
 
@@ -35,6 +36,8 @@ class FloorGrowth {
   FloorGrowth(const FloorGrowth&) = delete;  // means_ looks into framed_means_
   FloorGrowth& operator=(const FloorGrowth&) = delete;
 
+  /// @param far of the same blocks
+  void lookFar(const FarFloor& far);
   /// To be filled before grow(): mean colour per block.
   cv::Mat3f& means() { return means_; }
   const cv::Mat3f& means() const { return means_; }
@@ -67,6 +70,7 @@ class FloorGrowth {
   float seedTexture();
   void growAll(const FloorNoise& noise);
   void growFrom(int at, const FloorNoise& noise);
+  static Handed steepened(const Handed& from, float by);
   template <typename Colour>
   FloorTest offOf(const Colour& p, const Colour& r) const;
   template <typename Colour>
@@ -84,6 +88,7 @@ class FloorGrowth {
   std::vector<cv::Vec4f> beyond_;
   cv::Vec4f of_seeds_;  ///< mean colour of the seeds that show floor, while there is anything beyond
   cv::Mat3f framed_means_, means_;
+  std::vector<FarFloor::Block> far_;  ///< by number
   std::vector<Handed> handed_;
   std::vector<int> seeds_, queue_;
   std::vector<float> sorted_;

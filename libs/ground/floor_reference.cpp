@@ -48,13 +48,15 @@ ReferenceOptions ReferenceOptions::read(const options::Section& section) {
   return o;
 }
 
-FloorReference::FloorReference(const FloorView& view, const ReferenceOptions& options)
+FloorReference::FloorReference(const lens::Camera& camera, const FloorView& view,
+                               const ReferenceOptions& options)
     : options_(options),
       tolerance_{options.tolerance_along, options.tolerance_across, options.noise_sigmas},
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
       growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
               options.all_modes),
       smoothing_(growth_, view, block_, options.smoothing_cells) {
+  if (!options.all_modes) growth_.lookFar({camera, growth_.means().size(), blockSize()});
   constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
   const std::vector<cv::Range> cells = view.rowsWithin(kMargin);
   for (int y = 0; y < growth_.means().rows; ++y) {

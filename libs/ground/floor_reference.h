@@ -25,7 +25,7 @@ struct ReferenceOptions {
 /// outward from them (FloorGrowth) and smoothed (FloorSmoothing; docs/methods.md, "Floor and contours").
 class FloorReference {
  public:
-  FloorReference(const FloorView& view, const ReferenceOptions& options);
+  FloorReference(const lens::Camera& camera, const FloorView& view, const ReferenceOptions& options);
 
   /// @param cell_means CV_32FC3, mean colour per cell (grey: three equal channels)
   /// @param noise of one pixel of the seeds about its cell's mean

@@ -129,7 +129,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
     : view_(&view),
       options_(options),
       meter_(view),
-      reference_(view, options.reference),
+      reference_(camera, view, options.reference),
       lines_(view.imageSize(), lineWidth(camera, view, options)),
       cells_(view),
       strength_(view.imageSize(), std::uint8_t{0}),
