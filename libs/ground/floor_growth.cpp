@@ -23,6 +23,7 @@ constexpr float kTextureSigmas =
 constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brightened to for their histogram
 constexpr float kMostOthers = 0.25f;  // of the seeds; where more differ in hue the floor has several
 constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
+constexpr float kFalls = 0.02f;       // as kMaxSlope: what noise and grain make up is no light that falls
 constexpr const int (&kStepX)[FarFloor::kSteps] = FarFloor::kStepX,
                     (&kStepY)[FarFloor::kSteps] = FarFloor::kStepY;
 
@@ -285,7 +286,7 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
     const int offset = kStepY[step] * stride_ + kStepX[step];
     const float change =
         from.slope[0] * static_cast<float>(kStepX[step]) + from.slope[1] * static_cast<float>(kStepY[step]);
-    const Handed& handed = (far.outward >> step & 1u) != 0 && change < 0.0f ? falling : from;
+    const Handed& handed = (far.outward >> step & 1u) != 0 && change < -kFalls ? falling : from;
     for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
       if (accept(to, handed, test, flatness, step, jump)) break;
   }
