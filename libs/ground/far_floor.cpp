@@ -8,15 +8,16 @@ namespace omnifleet::ground {
 
 namespace {
 
-// A slope that is even over the floor grows as the length of floor that a block shows; that of light that falls
-// as a power of the distance as that length's root, far off. Between, growth finds its own way.
+// A slope that is even over the floor grows as the length of floor that a block shows; that of light that
+// falls as a power of the distance as that length's root, far off. Between, growth finds its own way.
 constexpr double kPower = 0.5;
 constexpr double kMostSteepening = 4.0;
 constexpr double kOutward = 0.3;  // of what leads away most: steps that lead as much farther are outward
 
 }  // namespace
 
-FarFloor::FarFloor(const lens::Camera& camera, cv::Size blocks, int block_px) : FarFloor(blocks) {
+FarFloor::FarFloor(const lens::Camera& camera, cv::Size blocks, int block_px)
+    : blocks_(static_cast<std::size_t>(blocks.area())) {
   const auto distanceAt = [&](int x, int y) -> std::optional<double> {
     const auto point =
         camera.floorFromPixel(Eigen::Vector2d(x + 0.5, y + 0.5) * block_px - Eigen::Vector2d(0.5, 0.5));

@@ -18,8 +18,6 @@ class FarFloor {
   static constexpr int kStepX[kSteps] = {1, 0, -1, 0, 1, -1, -1, 1},
                        kStepY[kSteps] = {0, 1, 0, -1, 1, 1, -1, -1};
 
-  /// Nothing grows steeper.
-  explicit FarFloor(cv::Size blocks) : blocks_(static_cast<std::size_t>(blocks.area())) {}
   /// @param blocks how many, of block_px × block_px pixels each, from the image's corner
   FarFloor(const lens::Camera& camera, cv::Size blocks, int block_px);
 
@@ -28,7 +26,6 @@ class FarFloor {
     float steepening = 1.0f;   ///< of a slope in such a step, at least 1
   };
   const Block& operator[](int block) const { return blocks_[static_cast<std::size_t>(block)]; }
-  int numbers() const { return static_cast<int>(blocks_.size()); }
 
  private:
   std::vector<Block> blocks_;
