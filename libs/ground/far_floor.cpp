@@ -36,7 +36,7 @@ FarFloor::FarFloor(const lens::Camera& camera, cv::Size blocks, int block_px)
         rises[k] = next ? (*next - *here) / length : 0.0;
         if (rises[k] <= most) continue;
         most = rises[k];
-        steepening = after ? std::pow((*after - *next) / (*next - *here), kPower) : 1.0;
+        steepening = after ? std::pow(std::max(0.0, *after - *next) / (*next - *here), kPower) : 1.0;
       }
       Block& block = blocks_[static_cast<std::size_t>(y * blocks.width + x)];
       block.steepening = static_cast<float>(std::clamp(steepening, 1.0, kMostSteepening));
