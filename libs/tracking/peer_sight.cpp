@@ -8,10 +8,17 @@
 namespace omnifleet::tracking {
 namespace {
 
-constexpr double kMostOut = 0.2, kLittle = 2.0;  // of the directions, margins
-constexpr double kWhole = 0.75;                  // of the directions
-constexpr double kLeastRatio = 0.03;             // bodies as tall as the camera is high have no far side
-constexpr double kLeastLooked = 0.3;             // of the bearings that the peer takes up: others are hidden
+/// How far outlines of the peer may stand out from it: share of the directions, margins.
+struct Leeway {
+  double directions, margins;
+};
+// A shadow on the floor beside the peer, or what it mirrors there, runs together with the piece that it
+// touches.
+constexpr Leeway kAlone{0.2, 2.0}, kWithShade{0.3, 3.5};
+constexpr int kClearlyShared = 16;    // directions
+constexpr double kWhole = 0.75;       // of the directions
+constexpr double kLeastRatio = 0.03;  // bodies as tall as the camera is high have no far side
+constexpr double kLeastLooked = 0.3;  // of the bearings that the peer takes up: others are hidden
 constexpr double kMostlyUndecided = 0.5;
 constexpr int kFewestRays = 3, kFewestDirections = 8;
 
@@ -36,16 +43,24 @@ double PeerSight::off(const View& outline, std::size_t k) const {
   return (static_cast<double>(outline.supports.b_m[k]) - support_m_[k]) * shrink_[k];
 }
 
+/// It is clearly the peer's in part, and nothing of it touches the floor before the peer does.
+bool PeerSight::mayHoldShade(const View& outline) const {
+  const auto toward = std::min_element(support_m_.begin(), support_m_.end());
+  return off(outline, static_cast<std::size_t>(toward - support_m_.begin())) <= margin_m_ &&
+         sharedDirections(outline) >= kClearlyShared;
+}
+
 bool PeerSight::encloses(const View& outline) const {
   if (outline.size() != support_m_.size()) return false;
+  const Leeway leeway = mayHoldShade(outline) ? kWithShade : kAlone;
   int all = 0, out = 0;
   for (std::size_t k = 0; k < outline.size(); ++k) {
     if (!isKnown(outline, k)) continue;
     ++all;
-    if (off(outline, k) > kLittle * margin_m_) return false;
+    if (off(outline, k) > leeway.margins * margin_m_) return false;
     out += off(outline, k) > margin_m_ ? 1 : 0;
   }
-  return all > 0 && out <= kMostOut * all;
+  return all > 0 && out <= leeway.directions * all;
 }
 
 int PeerSight::sharedDirections(const View& outline) const {

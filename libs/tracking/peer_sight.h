@@ -14,7 +14,8 @@ struct PeerSight {
   PeerSight(const Peer& peer, const View& eye, double margin_m);
 
   /// All that the outline encloses the peer's does, too, but for little: it is a piece of the peer, as
-  /// something before it would stand out, and something behind it is hidden within.
+  /// something before it would stand out, and something behind it is hidden within. Where it clearly is one
+  /// it may hold some of the peer's shade on the floor, too.
   bool encloses(const View& outline) const;
   /// Directions in which the outline is about the peer's.
   int sharedDirections(const View& outline) const;
@@ -27,6 +28,7 @@ struct PeerSight {
   bool isUndecided(const Scan& scan) const;
 
  private:
+  bool mayHoldShade(const View& outline) const;
   double off(const View& outline, std::size_t k) const;
 
   double margin_m_;
