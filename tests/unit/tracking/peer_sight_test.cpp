@@ -94,6 +94,27 @@ TEST_F(PeerSightTest, WhatStandsBeforeItIsNone) {
   EXPECT_FALSE(sight_.encloses(viewOf(both)));
 }
 
+// Its right half in shade, and a shadow on the floor beside it, 15 cm wide.
+TEST_F(PeerSightTest, ItsShadeBesideItIsInThePiece) {
+  Polygon shaded = disc(1.0, kRadius_m, 48);
+  for (const auto& point : disc(1.08, 0.05)) shaded.emplace_back(point.x(), point.y() - 0.25);
+  const View view = viewOf(shaded);
+  double most_m = 0.0;
+  for (std::size_t k = 0; k < view.size(); ++k)
+    most_m = std::max(most_m, static_cast<double>(view.supports.b_m[k] - eye_.supports.b_m[k]));
+  EXPECT_GT(most_m, 2.5 * kMargin_m) << "else it is a piece without any shade";
+  EXPECT_FALSE(sight_.isWhole(view));
+  EXPECT_TRUE(sight_.encloses(view));
+}
+
+TEST_F(PeerSightTest, WhatOnlyStandsBesideItIsNone) {
+  for (const double aside_m : {-0.25, 0.25}) {
+    Polygon beside = disc(1.08, 0.05);
+    for (auto& point : beside) point.y() += aside_m;
+    EXPECT_FALSE(sight_.encloses(viewOf(beside))) << aside_m;
+  }
+}
+
 TEST_F(PeerSightTest, OutlinesOfOtherKindsAreNotCompared) {
   EXPECT_FALSE(sight_.encloses(viewOf(top(), 48)));
   EXPECT_FALSE(sight_.isWhole(viewOf(silhouette(), 48)));
