@@ -12,6 +12,9 @@ namespace {
 constexpr double kMovedEvidence = 5.0, kPushedEvidence = -1.0, kStillEvidence = -1.0;
 constexpr double kFitEvidence = 3.0, kMisfitEvidence = -4.0;
 constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
+// Two bodies cannot stand in one place: that speaks louder than a shape that is not the peer's, as something
+// may have run together with it, and than that it stands still.
+constexpr double kPeerJustHereEvidence = 8.0;
 constexpr double kAstray_m = 1.0;     // a published place farther off is no longer this object's
 constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
@@ -67,6 +70,13 @@ double shapeLogOdds(const BodyFit& fit, double fit_rms_m) {
   if (!fit.valid) return 0.0;
   const double ratio = fit.rms_m / fit_rms_m;
   return std::max(kMisfitEvidence, kFitEvidence * (1.0 - ratio * ratio));
+}
+
+/// The track's middle is surely within the inner half of the peer's body.
+bool isJustThere(const TrackState& track, const Peer& peer) {
+  const Eigen::Matrix2d c = peer.covariance + track.filter.positionCovariance();
+  const double doubt_m = 2.0 * std::sqrt(0.5 * c.trace());
+  return (track.filter.position() - peer.centre_m).norm() + doubt_m < 0.5 * peer.body.meanRadius();
 }
 
 bool accountedFor(const Peer& peer, bool matched, const OwnMotion& own, double sight_m) {
@@ -191,11 +201,11 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
   for (TrackState& track : tracks) {
     if (track.isSeen()) track.identity = track.evidence.peer;
   }
-  weighPlaces(tracks, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
+  weighPlaces(tracks, peers, missing, 1.0 - std::exp(-own.step_s() / kPlaceTime_s));
 }
 
-void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
-                            double rate) const {
+void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
+                            const std::vector<const Peer*>& missing, double rate) const {
   // Those nobody claims, the likeliest robots first: no more of them can be robots than robots are missing.
   std::vector<TrackState*> unclaimed;
   for (TrackState& track : tracks) {
@@ -212,9 +222,13 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<c
       return !peer->known || (peer->centre_m - track.filter.position()).norm() < kAstray_m;
     });
   };
+  const auto isHere = [&](const TrackState& track) {
+    return isJustThere(track, peers[static_cast<std::size_t>(track.evidence.peer)]) ? kPeerJustHereEvidence
+                                                                                    : kPeerHereEvidence;
+  };
   for (TrackState& track : tracks) {
     const auto place = std::find(unclaimed.begin(), unclaimed.end(), &track) - unclaimed.begin();
-    double target = track.evidence.peer >= 0   ? kPeerHereEvidence
+    double target = track.evidence.peer >= 0   ? isHere(track)
                     : place < missingAt(track) ? 0.0
                                                : kPeersElsewhereEvidence;
     if (!track.isSeen()) continue;

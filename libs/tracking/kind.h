@@ -49,8 +49,8 @@ class KindJudge {
   void judgeShape(TrackState& track, const std::vector<Peer>& peers, const OwnMotion& own) const;
   void judgePlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
                    const OwnMotion& own) const;
-  void weighPlaces(std::vector<TrackState>& tracks, const std::vector<const Peer*>& missing,
-                   double rate) const;
+  void weighPlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
+                   const std::vector<const Peer*>& missing, double rate) const;
   void settle(TrackState& track, const std::vector<Peer>& peers, double step_s) const;
   void settleByVectors(TrackState& track, const LocalMap& local_map) const;
   bool touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,

@@ -42,5 +42,47 @@ TEST(KindJudge, LeavesALabelThatIsMerelyDoubted) {
   EXPECT_EQ(secondsUntilRenamed(-1.0), 10.0);  // 1 : 3
 }
 
+/// What is seen `off_m` from where a robot says that it stands, of no robot's shape: what it is called after
+/// two seconds. @param sigma_m of both places
+ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -4.0) {
+  LocalMap map;
+  map.objects.emplace_back();
+  RobotBody body;
+  body.radius_m = 0.15;
+  body.height_m = 0.3;
+  Peer peer{"r2", BodyModel(body)};
+  peer.known = true;
+  peer.centre_m = {1.5, 0.0};
+  const Eigen::Matrix2d covariance = 0.5 * sigma_m * sigma_m * Eigen::Matrix2d::Identity();
+  peer.covariance = covariance;
+  TrackState track(1, PrismFilter({}, {1.5 + off_m, 0.0}, 0.5));
+  track.filter.placeAt({1.5 + off_m, 0.0}, Eigen::Vector2d::Zero(), covariance);
+  track.blob = 0;
+  track.views = 1;
+  track.evidence.motion = -1.0;  // it stands
+  track.evidence.shape = shape;
+  std::vector<TrackState> tracks = {track};
+  KindJudge judge({}, 0.15);
+  OwnMotion own;
+  for (int frame = 0; frame < 10; ++frame) {
+    own.advance(Motion{}, 1 + frame * kStep_ns);
+    judge.judge(tracks, {peer}, map, own);
+    ++tracks.front().views;
+  }
+  return tracks.front().kind;
+}
+
+TEST(KindJudge, WhoStandsJustWhereARobotSaysIsTheRobotWhateverRunsTogetherWithIt) {
+  EXPECT_EQ(kindOfWhatStandsBeside(0.02, 0.01), ObjectKind::kRobot);
+  EXPECT_NE(kindOfWhatStandsBeside(0.02, 0.06), ObjectKind::kRobot) << "its place is not known so well";
+  EXPECT_NE(kindOfWhatStandsBeside(0.10, 0.01), ObjectKind::kRobot) << "it may stand beside it";
+}
+
+// However vague both places are.
+TEST(KindJudge, NothingBeyondThePeersGateIsThePeer) {
+  EXPECT_EQ(kindOfWhatStandsBeside(0.30, 0.3, 0.0), ObjectKind::kRobot);
+  EXPECT_NE(kindOfWhatStandsBeside(0.45, 0.3, 0.0), ObjectKind::kRobot);
+}
+
 }  // namespace
 }  // namespace omnifleet::tracking
