@@ -43,7 +43,10 @@ ViewOptions ViewOptions::read(const options::Section& section) {
 FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
   if (camera.height() <= 0.0) throw options::Error("camera: position_m: z must be above the floor to see it");
   drawMask(camera, options, covered);
-  if (cv::countNonZero(mask_) == 0) throw options::Error("camera: no pixel of it shows floor");
+  if (cv::countNonZero(mask_) == 0)
+    throw options::Error(
+        "camera: no pixel of it shows floor: see position_m, rotation_rpy_deg, principal_point_px and "
+        "self_mask_radius_px of its sensor.yaml");
   drawCells(camera, options);
   cv::findNonZero(seeds_, seed_cells_);
   if (seed_cells_.empty()) throw options::Error("view: the seed region shows no floor");

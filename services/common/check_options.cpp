@@ -1,6 +1,7 @@
 #include "common/check_options.h"
 
 #include "classifier/classifier.h"
+#include "dataset/atomic_file.h"
 #include "dataset/observation_rows.h"
 #include "formation/formation.h"
 #include "global_merger/merger.h"
@@ -40,6 +41,17 @@ void checkOutput(const fleet::Fleet& fleet, const std::string& out) {
   if (end != recording.end()) return;
   throw options::Error("--out " + out + " lies in the recording " + fleet.dataset +
                        ", which is never written to");
+}
+
+void makeOutput(const std::string& folder) {
+  const std::string probe = folder + "/.writable";
+  try {
+    dataset::makeDirectories(folder);
+    dataset::writeAtomic(probe, "");
+    std::filesystem::remove(probe);
+  } catch (const std::runtime_error& error) {
+    throw options::Error(error.what());
+  }
 }
 
 void checkOptions(const fleet::Fleet& fleet) {

@@ -15,4 +15,8 @@ void checkCameras(const fleet::Fleet& fleet);
 /// to.
 void checkOutput(const fleet::Fleet& fleet, const std::string& out);
 
+/// Makes a folder to write to. Throws options::Error where nothing can be written, before the run whose
+/// results would be lost.
+void makeOutput(const std::string& folder);
+
 }  // namespace omnifleet::services

@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <set>
 
 #include "bus/service.h"
 #include "bus/shared_memory.h"
 #include "camera/source.h"
 #include "common/check_options.h"
-#include "dataset/atomic_file.h"
 #include "dataset/dataset.h"
 
 namespace omnifleet::launch {
@@ -119,10 +117,8 @@ void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
       throw options::Error("camera " + camera.id + ": " + error.what());
     }
   }
+  services::makeOutput(request.out + "/log");
   try {
-    dataset::makeDirectories(request.out + "/log");
-    dataset::writeAtomic(request.out + "/log/.writable", "");
-    std::filesystem::remove(request.out + "/log/.writable");
     bus::requireSharedMemory(bytes);
   } catch (const std::runtime_error& error) {
     throw options::Error(error.what());

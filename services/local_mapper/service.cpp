@@ -35,6 +35,14 @@ double laserAge(const fleet::Fleet& fleet) {
   return age_s;
 }
 
+local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const local_mapper::Options& options) {
+  try {
+    return {lens::Camera(camera.model), options};
+  } catch (const options::Error& error) {
+    throw options::Error("camera " + camera.id + ": " + error.what());
+  }
+}
+
 }  // namespace
 
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
@@ -54,7 +62,7 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
-      mapper_(lens::Camera(camera_.model), mapperOptions(fleet)),
+      mapper_(makeMapper(camera_, mapperOptions(fleet))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   if (const auto& sensor = fleet.robot(camera_.robot).laser) {
     laser_.emplace(*sensor, laserOptions(fleet));

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "fleet_in_process/in_process.h"
+#include "options/options.h"
 
 namespace omnifleet {
 namespace {
@@ -78,6 +79,22 @@ TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
   EXPECT_THAT(told, HasSubstr("tracks")) << "the rows beside the map are given up, too";
   for (const auto& entry : fs::directory_iterator(out)) {
     EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path() << " was left behind";
+  }
+  fs::remove_all(out);
+}
+
+TEST(DiskFull, AnOutputThatCannotBeMadeIsNamedBeforeTheRun) {
+  const fs::path out = fs::temp_directory_path() / ("omnifleet_no_out_" + std::to_string(::getpid()));
+  std::ofstream(out) << "a file where the folder would be";
+  services::InProcessRun run;
+  run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
+  run.out = out;
+  const auto everyRound = [](std::uint64_t) { ADD_FAILURE() << "it ran"; };
+  try {
+    services::runInProcess(run, everyRound);
+    ADD_FAILURE() << "taken";
+  } catch (const options::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr(out.string()));
   }
   fs::remove_all(out);
 }
