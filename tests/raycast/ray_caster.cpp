@@ -156,9 +156,32 @@ Vector colourOf(const Room& room, const Hit& hit, const Vector& at) {
   return (hit.solid->chequered && square % 2 != 0 ? 0.7 : 1.0) * hit.solid->albedo;
 }
 
+/// Whether something stands between. Most are not near the way.
+bool isHidden(const std::vector<const Solid*>& solids, const Vector& from, const Vector& to) {
+  const Vector along = to - from;
+  const Eigen::Vector2d way = along.head<2>();
+  return std::any_of(solids.begin(), solids.end(), [&](const Solid* solid) {
+    const Eigen::Vector2d beside = solid->map_from_solid.translation() - from.head<2>();
+    const double share = std::clamp(beside.dot(way) / std::max(1e-12, way.squaredNorm()), 0.0, 1.0);
+    if ((beside - share * way).norm() > 0.5 * solid->size_m.norm()) return false;
+    Hit hit;
+    hit.range_m = 1.0;
+    meet(*solid, from, along, hit);
+    return hit.solid != nullptr;
+  });
+}
+
+/// A point of the lamp, another one for each `chance`.
+Vector pointOf(const Lamp& lamp, unsigned chance) {
+  const double radius = lamp.radius_m * std::sqrt(randomAt(1, 0, chance)),
+               angle = 2.0 * M_PI * randomAt(2, 0, chance);
+  return lamp.at_m + Vector(radius * std::cos(angle), radius * std::sin(angle), 0.0);
+}
+
 /// Lamps and sky; things darken the floor at their foot.
-double lightAt(const Room& room, const std::vector<const Solid*>& solids, const Hit& hit, const Vector& at) {
-  double light = 0.35 * (0.6 + 0.4 * hit.normal.z());
+double lightAt(const Room& room, const std::vector<const Solid*>& solids, const Hit& hit, const Vector& at,
+               unsigned chance) {
+  double light = room.ambient * (0.6 + 0.4 * hit.normal.z());
   for (const Solid* solid : solids) {
     const double inner = 0.5 * (solid->round ? solid->size_m.x() : solid->size_m.minCoeff());
     const double gap = std::max(0.0, (at.head<2>() - solid->map_from_solid.translation()).norm() - inner);
@@ -167,13 +190,14 @@ double lightAt(const Room& room, const std::vector<const Solid*>& solids, const 
   }
   for (const Lamp& lamp : room.lamps) {
     const Vector to = lamp.at_m - at;
+    if (lamp.radius_m > 0.0 && isHidden(solids, at + 1e-4 * hit.normal, pointOf(lamp, chance))) continue;
     light += 4.0 * lamp.power * std::max(0.0, to.normalized().dot(hit.normal)) / to.squaredNorm();
   }
   return light;
 }
 
 Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, const Vector& from,
-                     const Vector& along) {
+                     const Vector& along, unsigned chance) {
   Hit hit;
   for (const Solid* solid : solids) meet(*solid, from, along, hit);
   const double floor_m = along.z() < 0 ? -from.z() / along.z() : kNone;
@@ -183,7 +207,7 @@ Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, 
   }
   if (floor_m < hit.range_m) hit = {floor_m, Vector::UnitZ(), nullptr};
   const Vector at = from + hit.range_m * along;
-  return lightAt(room, solids, hit, at) * colourOf(room, hit, at);
+  return lightAt(room, solids, hit, at, chance) * colourOf(room, hit, at);
 }
 
 /// Off the axis; negative beyond the image circle.
@@ -195,7 +219,8 @@ double angleAt(const lens::CameraModel& camera, double radius_px) {
   return angle <= camera.fov_deg * M_PI / 360.0 ? angle : -1.0;
 }
 
-double toneOf(double linear) {
+double toneOf(const Room& room, double linear) {
+  if (room.is_linear) return 255.0 * linear;
   return 255.0 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055);
 }
 
@@ -225,14 +250,18 @@ cv::Mat3b render(const Room& room, const lens::CameraModel& camera, const Pose2&
           if (!seen) break;
           const Eigen::Vector2d ahead = Eigen::Vector2d(-off.y(), -off.x()) / std::max(1e-9, off.norm());
           const Eigen::Vector2d turned = map_from_camera.rotation() * ahead;
-          sum +=
-              radianceAlong(room, solids, from,
-                            {std::sin(angle) * turned.x(), std::sin(angle) * turned.y(), -std::cos(angle)});
+          const double off_axis = angle / (0.5 * M_PI), reaches = 1.0 - room.vignette * off_axis * off_axis;
+          const unsigned chance = mixed(static_cast<unsigned>(u) * 4U + static_cast<unsigned>(k)) ^
+                                  mixed(frame * 8191U + static_cast<unsigned>(v));
+          sum += reaches *
+                 radianceAlong(room, solids, from,
+                               {std::sin(angle) * turned.x(), std::sin(angle) * turned.y(), -std::cos(angle)},
+                               chance);
         }
         if (!seen) continue;
         for (int c = 0; c < 3; ++c)
           image(v, u)[2 - c] = cv::saturate_cast<std::uint8_t>(
-              toneOf(room.light * sum[c] / (kSamples * kSamples)) + noise(random));
+              toneOf(room, room.light * sum[c] / (kSamples * kSamples)) + noise(random));
       }
     }
   });

@@ -32,6 +32,7 @@ struct Mark {
 struct Lamp {
   Eigen::Vector3d at_m = Eigen::Vector3d::Zero();
   double power = 1.0;
+  double radius_m = 0.0;  ///< of the disc that it is: so soft are its shadows; 0: it casts none
 };
 
 enum class Floor { kLino, kParquet, kCarpet, kConcrete };
@@ -43,8 +44,11 @@ struct Room {
   std::vector<Mark> marks;
   std::vector<Lamp> lamps;
   double light = 1.0;
-  double noise = 1.5;  ///< grey levels
-  unsigned seed = 0;   ///< of textures and noise
+  double ambient = 0.35;   ///< light from all around
+  double vignette = 0.0;   ///< share of the light that is lost at the horizon, as the square of the angle
+  bool is_linear = false;  ///< the camera's response; else sRGB's tone curve
+  double noise = 1.5;      ///< grey levels
+  unsigned seed = 0;       ///< of textures and noise
 };
 
 /// What a camera that looks straight down from `height_m` over `map_from_camera` sees.

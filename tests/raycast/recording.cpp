@@ -119,6 +119,14 @@ Room randomRoom(const RecordingOptions& options, const std::vector<Way>& ways, R
                                               random.between(0.75, 1.1));
   room.lamps = {{{random.between(-1.5, 0.0), random.between(-1.0, 1.0), 2.6}, 1.0},
                 {{random.between(0.3, 2.0), random.between(-1.0, 1.0), 2.6}, random.between(0.3, 1.0)}};
+  if (options.lit_by != Light::kSoft)
+    for (Lamp& lamp : room.lamps) lamp.radius_m = 0.1;
+  if (options.lit_by == Light::kOneLamp) {
+    room.lamps.pop_back();
+    room.ambient = 0.12;
+    room.vignette = 0.3;
+    room.is_linear = true;
+  }
   for (int i = 0; i < options.things; ++i)
     room.solids.push_back(firstGood([&] { return randomThing(room.floor_albedo, random); },
                                     [&](const Solid& thing) { return isFree(thing, ways, room.solids); },

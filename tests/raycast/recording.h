@@ -7,6 +7,12 @@
 
 namespace omnifleet::raycast {
 
+enum class Light {
+  kSoft,     ///< two lamps, things darken the floor at their feet
+  kShadows,  ///< the same lamps cast shadows
+  kOneLamp   ///< casts shadows, little light from elsewhere; a linear camera that darkens to its rim
+};
+
 struct RecordingOptions {
   unsigned seed = 0;  ///< of the room, the ways and all noise
   Floor floor = Floor::kLino;
@@ -14,6 +20,7 @@ struct RecordingOptions {
   int robots = 3, things = 8, frames = 25;
   int width_px = 640, height_px = 480;
   double light = 1.0;
+  Light lit_by = Light::kSoft;
   bool tape = false;  ///< two strips of yellow tape, 5 cm wide, through the room
   int sheets = 0;     ///< of paper on the floor
 };
