@@ -22,6 +22,7 @@ constexpr int kPatternRegions = 3;        // that many faint ones at once are a 
 constexpr int kStrongPatternRegions = 4;  // that many of a pattern's contrast, faint ones among them, too
 constexpr float kTileShare =
     0.4f;  // of a region is little off the floor, from which it may be tiles and joints
+constexpr float kLightTile = 0.1f;  // of a region is lighter than a floor's pattern, from which it is no tile
 constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;        // faces of one grey thing differ less in brightness than by this factor
@@ -187,6 +188,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks)
     const float gain = gainOf(look);
     if (isFaint(look)) census.faint += n;
     if (isOfPattern(look)) census.patterned += n;
+    if (gain >= 1.0f + kPatternContrast) census.light += n;
     if (look >= census.shade_limit && gain < 1.0f) {
       census.shaded += n;
       census.shaded_gain += static_cast<float>(n) * gain;
@@ -211,7 +213,8 @@ bool ShadeFilter::isFloorLike(const Blob& blob, const Census& c) {
 /// brightness.
 bool ShadeFilter::isTile(const Blob& blob, const Census& c) {
   const auto share = static_cast<float>(c.patterned) / static_cast<float>(blob.area_px);
-  return share >= kTileShare && !isCore(c.coloured + c.dark, blob);
+  const auto light = static_cast<float>(c.light) / static_cast<float>(blob.area_px);
+  return share >= kTileShare && light < kLightTile && !isCore(c.coloured + c.dark, blob);
 }
 
 /// Mostly of the floor's hue and in less light, and nothing of it is plainly a thing.
@@ -356,6 +359,8 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
     } else if (keepsCore(judged.verdict)) {
       partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
       giveHuedBack(blobs[i], frame, looks);
+      if (judged.verdict == Verdict::kKeepCore && pattern_.isOn(blobs[i], frame))
+        pattern_.fillBetween(blobs[i], kCore, kShade, bare_);
       if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
       keepCore(blobs[i], bare_);
     }
@@ -463,7 +468,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const bool may_be_top = stays || (judged_[i].verdict == Verdict::kUndecided && !of_tiles);
     if (stays && judged_[i].is_side)
       sides_.push_back(&blobs[i]);
-    else if (judged_[i].is_light && may_be_top)
+    else if (judged_[i].is_light && may_be_top && !(stays && pattern_.isOn(blobs[i], frame)))
       lights_.push_back(&blobs[i]);
   }
 }

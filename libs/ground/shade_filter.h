@@ -11,6 +11,7 @@
 #include "ground/hue_window.h"
 #include "ground/labelling.h"
 #include "ground/look.h"
+#include "ground/pattern.h"
 #include "ground/strip.h"
 
 namespace omnifleet::ground {
@@ -42,7 +43,8 @@ class ShadeFilter {
         bare_bits_(image),
         core_(image),
         around_(image.width),
-        deep_(image) {}
+        deep_(image),
+        pattern_(image.width) {}
 
   using Frame = FloorFrame;
 
@@ -81,6 +83,7 @@ class ShadeFilter {
     int coloured = 0, dark = 0, shaded = 0, bright = 0;
     int faint = 0;                               ///< of the shaded and bright ones
     int patterned = 0;                           ///< the faint ones and those hardly less so
+    int light = 0;                               ///< lighter than those
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
     Look shade_limit = kFloorLook;               ///< from which grey is taken for shade
   };
@@ -133,6 +136,7 @@ class ShadeFilter {
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
   DeepShade deep_;
+  Pattern pattern_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_, vague_;
   std::vector<const Blob*> sides_, lights_;

@@ -290,6 +290,37 @@ TEST_F(ShadeFilterTest, PiecesOfTilesWithDarkJointsAreFloor) {
   EXPECT_EQ(blobs().size(), 1U);  // a dark thing among them stays
 }
 
+/// Printed or chequered things of the floor's hue mix what is hardly off the floor with shade as tiles and
+/// joints do, but with patches plainly lighter than tiles are, too.
+TEST_F(ShadeFilterTest, ChequeredThingsAreNoTilesHoweverMany) {
+  const std::vector<cv::Point> places = {{440, 340}, {190, 330}, {190, 190}, {440, 190}};
+  for (const cv::Point& at : places)
+    for (int y = -16; y < 16; ++y)
+      for (int x = -16; x < 16; ++x) {
+        const double gain = (x + 16) / 8 % 2 != (y + 16) / 8 % 2 ? 0.8 : (x + 16) / 8 % 2 == 0 ? 1.45 : 0.62;
+        cv::Vec3b& pixel = image_(at.y + y, at.x + x);
+        for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(gain * pixel[c]);
+      }
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), places.size());
+  for (const Blob& blob : found) EXPECT_NEAR(blob.area_px, 32 * 32, 1.5 * 4 * 32);
+}
+
+/// Of a thing chequered in the floor's hue and another, the patches of the floor's hue are no shadow.
+TEST_F(ShadeFilterTest, DarkPatchesOfAThingsPatternAreItsOwn) {
+  for (int y = -18; y < 18; ++y)
+    for (int x = -18; x < 18; ++x) {
+      cv::Vec3b& pixel = image_(330 + y, 480 + x);
+      if ((x + 18) / 6 % 2 == (y + 18) / 6 % 2)
+        pixel = {60, 110, 190};
+      else
+        for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(0.6 * pixel[c]);
+    }
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_GT(found[0].area_px, 0.9 * 36 * 36);
+}
+
 /// A stain of soft shade around a deeper one is of two kinds, both of them floor.
 TEST_F(ShadeFilterTest, TwoKindsOfShadeMakeNoThing) {
   shade(480, 330, [](double d) {
