@@ -25,11 +25,13 @@ constexpr float kTileShare =
 constexpr float kLightTile = 0.1f;  // of a region is lighter than a floor's pattern, from which it is no tile
 constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
-constexpr float kFaces = 2.0f;        // faces of one grey thing differ less in brightness than by this factor
-constexpr float kLeastLit = 0.3f;     // of the floor's brightness: in less light faint hues are but noise
-constexpr int kLeastAround = 8;       // pixels of a HueWindow: fewer are what is mixed along an outline
-constexpr float kVagueShare = 0.1f;   // of a side's outline, below which it is surely a shadow's
-constexpr float kSharpLight = 0.5f;   // of a lighter region's outline, beyond which it is a thing's
+constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
+constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
+constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
+constexpr float kVagueShare = 0.1f;  // of a side's outline, below which it is surely a shadow's
+constexpr float kSharpLight = 0.5f;  // of a lighter region's outline, beyond which it is a thing's
+constexpr float kLeastTop = 0.15f;   // of it runs along what is plainly lighter, a top's,
+constexpr float kSharpTop = 0.8f;  // and that much of this is sharp: a thing's, whose side is like the floor
 constexpr float kVagueLight = 0.25f;  // below which it is surely a patch of light's
 constexpr int kMinVague_px = 100;     // smaller regions have too little outline for that
 constexpr float kSharpSide = 0.4f;    // of that outline, from which it is no shadow's
@@ -331,8 +333,10 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
         return sharp < kVagueShare || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
       return fringed ? Verdict::kKeepFirm : Verdict::kKeep;
     }
-    const float sharp = all_light ? sharpOutlineShare(blob, frame, looks) : 1.0f;
-    if (sharp > kSharpLight) return Verdict::kKeep;
+    if (!all_light) return Verdict::kKeep;
+    const auto [sharp, light, sharp_of_light] = sharpnessOfOutline(blob, frame, looks);
+    const bool is_top = light >= kLeastTop && sharp_of_light >= kSharpTop;
+    if (sharp > kSharpLight || is_top) return Verdict::kKeep;
     return sharp < kVagueLight || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
   }
   if (side && deep_.sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;

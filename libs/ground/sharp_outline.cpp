@@ -26,7 +26,7 @@ bool isStepOfFace(const GainBeside& gainBeside, bool down) {
 
 }  // namespace
 
-float sharpOutlineShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
+OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
   float depth = 0.0f;
   int grey = 0;
   for (const Run& run : blob.runs) {
@@ -37,7 +37,7 @@ float sharpOutlineShare(const Blob& blob, const FloorFrame& frame, const cv::Mat
     }
   }
   depth /= static_cast<float>(std::max(1, grey));
-  int sharp = 0, count = 0;
+  int sharp = 0, count = 0, light = 0, sharp_light = 0;
   for (const Run& run : blob.runs) {
     for (const int x : {run.begin, run.end - 1}) {
       const auto gainBeside = [&](int along_px, bool down) {
@@ -48,11 +48,18 @@ float sharpOutlineShare(const Blob& blob, const FloorFrame& frame, const cv::Mat
         const float step = std::abs(gainBeside(kStep_px, down) - gainBeside(-kStep_px, down));
         return step >= kSharpShare * depth || isStepOfFace(gainBeside, down);
       };
-      sharp += isStep(false) || isStep(true) ? 1 : 0;
+      const bool is_sharp = isStep(false) || isStep(true);
+      const bool is_light = isGrey(looks(run.row, x)) && gainOf(looks(run.row, x)) >= 1.0f + kFaintContrast;
+      sharp += is_sharp ? 1 : 0;
+      light += is_light ? 1 : 0;
+      sharp_light += is_sharp && is_light ? 1 : 0;
       ++count;
     }
   }
-  return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
+  const auto share = [](int part, int whole) {
+    return static_cast<float>(part) / static_cast<float>(std::max(1, whole));
+  };
+  return {share(sharp, count), share(light, count), share(sharp_light, light)};
 }
 
 }  // namespace omnifleet::ground
