@@ -70,6 +70,12 @@ std::vector<RobotRecording> readRobots(const std::string& path) {
 
 void readStreams(const std::string& folder, RobotRecording& robot, std::vector<std::string>& warnings) {
   const fs::path base = fs::path(folder) / robot.name;
+  if (!fs::is_directory(base)) {
+    warnings.push_back(
+        fmt::format("{}/dataset.yaml: robots.{}: there is no folder {}, so nothing of it is replayed", folder,
+                    robot.name, base.string()));
+    return;
+  }
   for (const char* name : {"fisheye", "front"}) {
     if (!fs::exists(base / name)) continue;
     auto& stream = name == std::string("front") ? robot.front : robot.fisheye;

@@ -14,7 +14,12 @@ namespace omnifleet::dataset {
 namespace {
 
 using Fields = std::vector<std::string_view>;
-constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds";
+constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds, not below 0";
+
+/// Of a recording: no clock of one runs before its epoch, such a time is a broken number.
+bool parseStamp(std::string_view field, TimeNs& value) {
+  return parseTime(field, value) && value >= 0;
+}
 
 /// Empty when `time_ns` is later than `latest_ns` (or equal, where that is allowed), which it then becomes.
 std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
@@ -66,7 +71,7 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
     ImageRow row;
     row.sequence = sequence++;
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
-    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
     if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
       return "the file '" + file.string() + "' lies outside of the folder data";
@@ -83,7 +88,7 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     WheelRow row;
     if (fields.size() != 3) return columns(fields.size(), "timestamp [ns],v_left [m s^-1],v_right [m s^-1]");
-    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     if (!parseNumber(fields[1], row.left_mps) || !parseNumber(fields[2], row.right_mps)) {
       return "wheel speeds must be finite numbers";
     }
@@ -103,7 +108,7 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, std::vect
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     RangeBearingRow row;
     if (fields.size() != 4) return columns(fields.size(), "timestamp [ns],id,range [m],bearing [rad]");
-    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     row.id = std::string(fields[1]);
     if (row.id.empty()) return "the id is empty";
     if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad) ||
@@ -126,7 +131,7 @@ std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string
     if (fields.size() < 4) {
       return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");
     }
-    if (!parseTime(fields[0], row.time_ns)) return kBadTime;
+    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     if (!parseNumber(fields[1], row.angle_min_rad) || !parseNumber(fields[2], row.angle_increment_rad)) {
       return "angle_min and angle_increment must be finite numbers, the increment not 0";
     }

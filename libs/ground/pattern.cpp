@@ -6,8 +6,9 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr float kStep = 0.1f;           // of the floor's brightness
-constexpr std::uint8_t kFilled = 0x80;  // a mark of its own, or what is filled would fill on
+constexpr float kStep = 0.1f;   // of the floor's brightness
+constexpr float kNoise = 3.0f;  // of what is tolerated in one pixel's channel: of the sum of three
+constexpr std::uint8_t kAlongRow = 1, kAlongColumn = 2;
 
 int brightnessOf(const cv::Vec3b& colour) {
   return colour[0] + colour[1] + colour[2];
@@ -15,66 +16,75 @@ int brightnessOf(const cv::Vec3b& colour) {
 
 }  // namespace
 
-void Pattern::Line::add(int value, int step) {
-  ++length;
+bool Pattern::Line::add(int at_px, int value, int step) {
+  end = at_px + 1;
   low = std::min(low, value);
   high = std::max(high, value);
-  if (direction >= 0 && value < high - step) {
-    turns += direction;
-    direction = -1;
-    low = value;
-  } else if (direction <= 0 && value > low + step) {
-    turns -= direction;
-    direction = 1;
-    high = value;
-  }
+  const bool falls = direction >= 0 && value < high - step, rises = direction <= 0 && value > low + step;
+  if (!falls && !rises) return false;
+  turns += direction != 0 ? 1 : 0;
+  direction = falls ? -1 : 1;
+  low = high = value;
+  steps = {steps[1], steps[2], at_px};
+  return true;
 }
 
-float Pattern::turns(const Blob& region, const FloorFrame& frame) {
+cv::Range Pattern::Line::patches(int least_px, int most_px) const {
+  const auto [first, middle, last] = steps;
+  const int narrower = std::min(middle - first, last - middle),
+            wider = std::max(middle - first, last - middle);
+  if (first == kNoStep || narrower < least_px || wider > most_px) return {0, 0};
+  const int beside = (last - first) / 2;
+  return {std::max(begin, first - beside), last + beside};
+}
+
+void Pattern::find(const Blob& region, const FloorFrame& frame) {
   const cv::Rect& r = region.rect;
   const cv::Vec3f floor = floorAt(frame, r.x + r.width / 2, r.y + r.height / 2);
-  const auto step = static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), 3.0f * frame.noise));
-  Mean along_rows, along_columns;
+  const auto step =
+      static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), kNoise * frame.noise));
+  Mean rows, columns;
   std::fill(columns_.begin() + r.x, columns_.begin() + r.x + r.width, Line{});
   for (const Run& run : region.runs) {
     const auto* pixel = frame.image.ptr<cv::Vec3b>(run.row);
+    std::uint8_t* along = lines_.ptr(run.row);
+    std::fill(along + run.begin, along + run.end, std::uint8_t{0});
     Line row;
-    row.begin(brightnessOf(pixel[run.begin]));
+    row.start(run.begin, brightnessOf(pixel[run.begin]));
     for (int x = run.begin; x < run.end; ++x) {
       const int value = brightnessOf(pixel[x]);
-      row.add(value, step);
-      Line& column = columns_[static_cast<std::size_t>(x)];
-      if (column.last != run.row - 1) {
-        along_columns.add(column);
-        column.begin(value);
+      if (row.add(x, value, step)) {
+        const cv::Range patches = row.patches(least_px_, most_px_);
+        for (int i = std::max(row.patched_end, patches.start); i < std::min(patches.end, run.end); ++i)
+          along[i] |= kAlongRow;
+        row.patched_end = std::max(row.patched_end, patches.end);
       }
-      column.add(value, step);
-      column.last = run.row;
+      Line& column = columns_[static_cast<std::size_t>(x)];
+      if (column.end != run.row) {
+        columns.add(column);
+        column.start(run.row, value);
+      }
+      if (column.add(run.row, value, step)) {
+        const cv::Range patches = column.patches(least_px_, most_px_);
+        for (int i = std::max(column.patched_end, patches.start); i < std::min(patches.end, run.row); ++i)
+          lines_(i, x) |= kAlongColumn;
+        column.patched_end = std::max(column.patched_end, patches.end);
+      }
+      if (run.row < column.patched_end) along[x] |= kAlongColumn;
     }
-    along_rows.add(row);
+    rows.add(row);
   }
-  for (int x = r.x; x < r.x + r.width; ++x) along_columns.add(columns_[static_cast<std::size_t>(x)]);
-  return std::min(along_rows.value(), along_columns.value());
+  for (int x = r.x; x < r.x + r.width; ++x) columns.add(columns_[static_cast<std::size_t>(x)]);
+  turns_ = std::min(rows.value(), columns.value());
 }
 
-void Pattern::fillBetween(const Blob& region, std::uint8_t core, std::uint8_t shade, cv::Mat1b& marks) {
-  const cv::Rect& r = region.rect;
-  /// Along the line of n marks from `mark` on.
-  const auto fill = [&](std::uint8_t* mark, std::size_t step, int n) {
-    for (int k = 0, last = -reach_px_; k < n; ++k) {
-      if ((mark[static_cast<std::size_t>(k) * step] & core) == 0) continue;
-      for (int i = last + 1; i < k && k - last <= reach_px_; ++i) {
-        std::uint8_t& between = mark[static_cast<std::size_t>(i) * step];
-        if (between == shade) between = kFilled;
-      }
-      last = k;
-    }
-  };
-  for (int y = 0; y < r.height; ++y) fill(marks.ptr(r.y + y) + r.x, 1, r.width);
-  for (int x = 0; x < r.width; ++x) fill(marks.ptr(r.y) + r.x + x, marks.step, r.height);
-  for (const Run& run : region.runs)
+void Pattern::fill(const Blob& region, std::uint8_t core, std::uint8_t shade, cv::Mat1b& marks) const {
+  for (const Run& run : region.runs) {
+    const std::uint8_t* along = lines_.ptr(run.row);
+    std::uint8_t* mark = marks.ptr(run.row);
     for (int x = run.begin; x < run.end; ++x)
-      if (marks(run.row, x) == kFilled) marks(run.row, x) = core | shade;
+      if (mark[x] == shade && along[x] == (kAlongRow | kAlongColumn)) mark[x] = core | shade;
+  }
 }
 
 }  // namespace omnifleet::ground

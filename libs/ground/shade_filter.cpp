@@ -359,12 +359,12 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
     const Judged& judged = judged_[i];
     if (judged.verdict == Verdict::kKeepFirm) {
       partShade(blobs[i], judged.firm_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
+      givePatternBack(blobs[i], frame);
       keepCore(blobs[i], bare_);
     } else if (keepsCore(judged.verdict)) {
       partShade(blobs[i], judged.shade_limit, greyLook(1.0f + kFaintContrast), found.raw, looks, bare_);
       giveHuedBack(blobs[i], frame, looks);
-      if (judged.verdict == Verdict::kKeepCore && pattern_.isOn(blobs[i], frame))
-        pattern_.fillBetween(blobs[i], kCore, kShade, bare_);
+      if (judged.verdict == Verdict::kKeepCore) givePatternBack(blobs[i], frame);
       if (judged.verdict == Verdict::kKeepUnfading) keepFading(blobs[i], judged, frame, looks);
       keepCore(blobs[i], bare_);
     }
@@ -428,6 +428,17 @@ void ShadeFilter::giveHuedBack(const Run& shade, const cv::Vec3f& core_hue, cons
   });
 }
 
+/// Patches of a thing's pattern are no shade.
+void ShadeFilter::givePatternBack(const Blob& blob, const Frame& frame) {
+  pattern_.find(blob, frame);
+  pattern_.fill(blob, kCore, kShade, bare_);
+}
+
+bool ShadeFilter::isPatterned(const Blob& blob, const Frame& frame) {
+  pattern_.find(blob, frame);
+  return pattern_.isAllOver();
+}
+
 /// The strips around the regions of which only the core stays, with what despeckling looks at beside them.
 void ShadeFilter::findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs) {
   core_rects_.clear();
@@ -472,7 +483,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const bool may_be_top = stays || (judged_[i].verdict == Verdict::kUndecided && !of_tiles);
     if (stays && judged_[i].is_side)
       sides_.push_back(&blobs[i]);
-    else if (judged_[i].is_light && may_be_top && !(stays && pattern_.isOn(blobs[i], frame)))
+    else if (judged_[i].is_light && may_be_top && !(stays && isPatterned(blobs[i], frame)))
       lights_.push_back(&blobs[i]);
   }
 }

@@ -44,7 +44,7 @@ class ShadeFilter {
         core_(image),
         around_(image.width),
         deep_(image),
-        pattern_(image.width) {}
+        pattern_(image) {}
 
   using Frame = FloorFrame;
 
@@ -110,6 +110,8 @@ class ShadeFilter {
   static cv::Vec3f hueOfCore(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   void giveHuedBack(const Run& shade, const cv::Vec3f& core_hue, const Frame& frame);
+  void givePatternBack(const Blob& blob, const Frame& frame);
+  bool isPatterned(const Blob& blob, const Frame& frame);
   void judgeAll(const std::vector<Blob>& blobs, const Frame& frame, const cv::Mat1b& looks);
   void carryOut(const Blob& blob, Verdict verdict, BitMask& objects);
   Verdict judge(const Blob& blob, const Census& census, const Frame& frame, const cv::Mat1b& looks);

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <stdexcept>
 #include <string>
 
 #include "dataset/atomic_file.h"
@@ -29,8 +30,9 @@ int main(int argc, char** argv) {
     const omnifleet::evaluate::Report report = omnifleet::evaluate::evaluateRun(
         out, recording,
         align == "fleet" ? omnifleet::evaluate::Frame::kFree : omnifleet::evaluate::Frame::kSame);
-    std::fputs(omnifleet::evaluate::table(report).c_str(), stdout);
     omnifleet::dataset::writeAtomic(out + "/metrics.json", omnifleet::evaluate::metricsJson(report));
+    if (std::fputs(omnifleet::evaluate::table(report).c_str(), stdout) < 0 || std::fflush(stdout) != 0)
+      throw std::runtime_error("the table cannot be written to the standard output");
     return kOk;
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

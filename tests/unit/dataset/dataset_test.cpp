@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "dataset/atomic_file.h"
 #include "tests/test_data.h"
 
@@ -28,6 +30,7 @@ class DatasetFiles : public ::testing::Test {
     put("dataset.yaml", kDataset);
     put("r1/fisheye/sensor.yaml", kSensor);
     put("r1/fisheye/data.csv", "#timestamp [ns],filename\n10,a.png\n20,b.png\n");
+    put("r2/notes.txt", "nothing of it was recorded\n");
   }
   void put(const std::string& name, const std::string& text) { writeAtomic(folder_ / name, text); }
   Dataset open() { return Dataset::open(folder_.path()); }
@@ -118,6 +121,27 @@ TEST_F(DatasetFiles, TablesWithoutARowAreToldOf) {
   const Dataset d = open();
   EXPECT_THAT(d.warnings, ElementsAre(HasSubstr("r1/fisheye/data.csv: holds no row"),
                                       HasSubstr("r1/wheels/data.csv: holds no row")));
+}
+
+TEST_F(DatasetFiles, ARobotWithoutAFolderIsToldOf) {
+  EXPECT_TRUE(open().warnings.empty());
+  std::filesystem::remove_all(folder_ / "r2");
+  const Dataset d = open();
+  EXPECT_EQ(d.robots.size(), 2u);
+  EXPECT_THAT(d.warnings,
+              ElementsAre(AllOf(HasSubstr("dataset.yaml: robots.r2: there is no folder"), HasSubstr("/r2"))));
+}
+
+/// No clock of a recording runs before its epoch.
+TEST_F(DatasetFiles, TimesBelowZeroAreLeftOut) {
+  put("r1/fisheye/data.csv", "#timestamp [ns],filename\n-10,a.png\n20,b.png\n");
+  put("r1/wheels/data.csv", "-5,1,1\n0,1,1\n");
+  const Dataset d = open();
+  ASSERT_EQ(d.robots[0].fisheye->rows.size(), 1u);
+  EXPECT_EQ(d.robots[0].fisheye->rows[0].sequence, 1u) << "rejected rows keep their number";
+  ASSERT_EQ(d.robots[0].wheels.size(), 1u);
+  EXPECT_THAT(d.warnings,
+              ElementsAre(HasSubstr("data.csv:2: the timestamp"), HasSubstr("data.csv:1: the timestamp")));
 }
 
 TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {

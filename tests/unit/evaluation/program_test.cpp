@@ -87,6 +87,11 @@ TEST_F(Program, DamagedOrMissingResultsAreExitCodeOne) {
   EXPECT_FALSE(fs::exists(out_ / "metrics.json"));
 }
 
+TEST_F(Program, ATableThatCannotBePrintedIsExitCodeOneAndTheMetricsAreWritten) {
+  EXPECT_EQ(run(out_.path() + " " + recording_ + " >/dev/full").code, 1);
+  EXPECT_THAT(dataset::readFile(out_ / "metrics.json"), HasSubstr("\"recall\": 1.0"));
+}
+
 // docs/methods.md: truth is never read by the pipeline, only by evaluate.
 TEST(GroundTruthHeader, IsIncludedByEvaluateAndTestsOnly) {
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");

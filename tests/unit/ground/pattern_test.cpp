@@ -27,7 +27,8 @@ class PatternTest : public ::testing::Test {
     const cv::Mat3b noisy = testing::withNoise(image_, noise, 5);
     mask_(cv::Rect(kLeft, kTop, kSide, kSide)) = 255;
     const FloorFrame frame{noisy, floor_, 0.05f, static_cast<float>(4.0 * noise), {80.0f, 60.0f}, view_};
-    return Pattern(image_.cols).turns(blobOf(mask_), frame);
+    pattern_.find(blobOf(mask_), frame);
+    return pattern_.turns();
   }
 
   static constexpr int kSide = 40, kLeft = 96, kTop = 32;
@@ -36,6 +37,7 @@ class PatternTest : public ::testing::Test {
   cv::Mat3f floor_ = cv::Mat3f(120 / FloorView::kCell, 160 / FloorView::kCell, kFloor);
   cv::Mat1b view_ = cv::Mat1b(120, 160, std::uint8_t{1});
   cv::Mat1b mask_ = cv::Mat1b(120, 160, std::uint8_t{0});
+  Pattern pattern_ = Pattern(image_.size());
 };
 
 TEST_F(PatternTest, BrightnessTurnsAtEveryPatch) {
@@ -55,41 +57,46 @@ TEST_F(PatternTest, StripesTurnAcrossThemOnly) {
   EXPECT_EQ(turnsOf([](int x, int) { return x / 4 % 2 == 0 ? 1.2 : 0.8; }), 0.0f);
 }
 
+/// Speckles of a shaded floor are finer than any print: none of them becomes the thing's.
+TEST_F(PatternTest, GrainIsNoPattern) {
+  cv::Mat3b wide(480, 640, cv::Vec3b(kFloor));
+  const cv::Rect at(400, 200, kSide, kSide);
+  for (int y = at.y; y < at.br().y; ++y)
+    for (int x = at.x; x < at.br().x; ++x)
+      wide(y, x) = cv::Vec3b(cv::Vec3d(kFloor) * ((x / 2 + y / 2) % 2 == 0 ? 0.8 : 0.5));
+  cv::Mat1b mask(wide.size(), std::uint8_t{0}), marks(wide.size(), std::uint8_t{0});
+  mask(at) = 255;
+  marks(at) = 2;
+  const cv::Mat3f floor(480 / FloorView::kCell, 640 / FloorView::kCell, kFloor);
+  const cv::Mat1b view(wide.size(), std::uint8_t{1});
+  Pattern pattern(wide.size());
+  pattern.find(blobOf(mask), {wide, floor, 0.05f, 6.0f, {320.0f, 240.0f}, view});
+  pattern.fill(blobOf(mask), 1, 2, marks);
+  EXPECT_EQ(cv::countNonZero(marks == 3), 0);
+}
+
 TEST_F(PatternTest, NoiseTurnsNothing) {
   EXPECT_EQ(turnsOf([](int, int) { return 0.6; }, 12.0), 0.0f);
 }
 
-TEST(PatternFill, IsBetweenTheCoreAlongRowsOrColumns) {
+/// Of a region that is half chequered, half in the shade, the one half is told from the other.
+TEST_F(PatternTest, PatchesAreTheThingsButNotTheShadowBesideThem) {
   constexpr std::uint8_t kCore = 1, kShade = 2;
-  // 480 columns: patches up to ten pixels wide. A frame of core, open to the right, with shade in it and a
-  // shadow below and beside it.
-  cv::Mat1b marks(60, 480, std::uint8_t{0});
-  marks(cv::Rect(20, 20, 30, 12)) = kShade;
-  marks(cv::Rect(20, 20, 11, 2)) = kCore;
-  marks(cv::Rect(20, 27, 11, 2)) = kCore;
-  marks(cv::Rect(20, 22, 2, 5)) = kCore;
-  const cv::Mat1b region = marks != 0, before = marks.clone();
-  Pattern(480).fillBetween(blobOf(region), kCore, kShade, marks);
-  const cv::Rect between(22, 22, 9, 5);
-  for (int y = 20; y < 32; ++y) {
-    for (int x = 20; x < 50; ++x) {
-      const bool fills = between.contains({x, y});
-      EXPECT_EQ(marks(y, x), fills ? kCore | kShade : before(y, x)) << x << ' ' << y;
+  constexpr int kPatch = 5, kEnd = 20;  // the left half is chequered, the right one in the shade
+  turnsOf([](int x, int y) { return x >= kEnd ? 0.7 : (x / kPatch + y / kPatch) % 2 == 0 ? 0.9 : 0.5; });
+  cv::Mat1b marks(mask_.size(), std::uint8_t{0});
+  marks.setTo(kShade, mask_);
+  pattern_.fill(blobOf(mask_), kCore, kShade, marks);
+  int chequered = 0, shaded = 0;
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      const bool is_core = marks(kTop + y, kLeft + x) == (kCore | kShade);
+      chequered += is_core && x < kEnd;
+      shaded += is_core && x >= kEnd;
     }
   }
-}
-
-/// What lies farther apart is two things, and what lies between them floor.
-TEST(PatternFill, StopsWherePatchesWouldBeTooWide) {
-  constexpr std::uint8_t kCore = 1, kShade = 2;
-  for (const auto& [apart, fills] : {std::pair{9, true}, std::pair{10, false}}) {
-    cv::Mat1b marks(60, 480, std::uint8_t{0});
-    marks(cv::Rect(18, 18, apart + 4, apart + 4)) = kCore;
-    marks(cv::Rect(20, 20, apart, apart)) = kShade;
-    const cv::Mat1b region = marks != 0;
-    Pattern(480).fillBetween(blobOf(region), kCore, kShade, marks);
-    EXPECT_EQ(marks(24, 24) == (kCore | kShade), fills) << apart;
-  }
+  EXPECT_GT(chequered, 0.9 * kSide * kEnd);
+  EXPECT_EQ(shaded, 0);
 }
 
 }  // namespace
