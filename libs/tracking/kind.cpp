@@ -21,7 +21,8 @@ constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
 constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
 constexpr int kMovedFrames = 3;             // of a thing in a blob with others, whose outline may be theirs
-constexpr double kStrangerStands_s = 1.0;   // who is not of the fleet is a robot while it drives
+constexpr double kStrangerStands_s = 1.0;   // who is not of the fleet is a robot while it drives …
+constexpr double kSurelyDrives_s = 2.0;     // … and ever after where it did so for longer, touching none
 constexpr double kShortestWindow_s = 0.25;
 constexpr double kTrackedShare = 0.5;   // of what the outline went that the track must have gone
 constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
@@ -66,6 +67,13 @@ Step displacementWithin(const TrackState& track, const OwnMotion& own, double wi
   return {};
 }
 
+/// An outline that changes while its object stays is cut differently, it has not moved.
+bool hasGone(const Step& step, double least_m) {
+  const double moved = step.shift.moved_m.norm();
+  return step.shift.valid && step.tracked_m > kTrackedShare * moved &&
+         moved > std::max(least_m, 4.0 * step.shift.sigma_m);
+}
+
 double shapeLogOdds(const BodyFit& fit, double fit_rms_m) {
   if (!fit.valid) return 0.0;
   const double ratio = fit.rms_m / fit_rms_m;
@@ -92,6 +100,7 @@ KindOptions KindOptions::read(const options::Section& section) {
   section.read("fit_rms_m", o.fit_rms_m, {0.001, 1.0});
   section.read("moved_m", o.moved_m, {0.01, 5.0});
   section.read("window_s", o.window_s, {0.2, 10.0});
+  section.read("slow_window_s", o.slow_window_s, {0.2, 30.0});
   section.read("still_m", o.still_m, {0.001, 1.0});
   section.read("peer_gate_m", o.peer_gate_m, {0.01, 5.0});
   section.read("shape_range_m", o.shape_range_m, {0.1, 100.0});
@@ -137,21 +146,30 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   e.touching_s = touchesRobot(track, tracks, own) ? 0.0 : e.touching_s + own.step_s();
   // What has never been seen alone has no outline of its own: what changes there may be anybody's.
   if (!track.whole) return;
-  const auto [d, in_odom_m, tracked_m] = displacementWithin(track, own, options_.window_s);
+  const Step lately = displacementWithin(track, own, options_.window_s);
+  const Displacement& d = lately.shift;
   if (!d.valid) return;
   const double moved = d.moved_m.norm();
-  track.moving = track.kind != ObjectKind::kObstacle || in_odom_m > options_.still_m + 3.0 * d.sigma_m;
+  track.moving = track.kind != ObjectKind::kObstacle || lately.in_odom_m > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
-  // An outline that changes while its object stays is cut differently, it has not moved.
-  const bool went = tracked_m > kTrackedShare * moved;
-  if (went && moved > std::max(options_.moved_m, 4.0 * d.sigma_m)) {
-    if (++e.moved_frames < (track.clean ? 1 : kMovedFrames)) return;
-    e.pushed = e.shape < kFitsClearly && e.motion <= 0.0 && e.touching_s < 2.0 * options_.window_s;
+  const auto crawls = [&] {  // as far in a longer time, and it still does
+    const Step slow = displacementWithin(track, own, options_.slow_window_s);
+    return hasGone(slow, options_.moved_m) &&
+           d.moved_m.dot(slow.shift.moved_m.stableNormalized()) > options_.still_m;
+  };
+  const bool drives = hasGone(lately, options_.moved_m);
+  if (drives || crawls()) {
+    const bool alone = e.touching_s > 2.0 * options_.window_s;
+    e.drives_s = alone ? e.drives_s + own.step_s() : 0.0;
+    e.drove = e.drove || e.drives_s > kSurelyDrives_s;
+    if (++e.moved_frames < (drives && track.clean ? 1 : kMovedFrames)) return;
+    e.pushed = e.shape < kFitsClearly && e.motion <= 0.0 && !alone;
     e.motion = e.pushed ? kPushedEvidence : kMovedEvidence;
     e.still_s = 0.0;
     return;
   }
   e.moved_frames = 0;
+  e.drives_s = 0.0;
   if (moved > options_.still_m) return;
   e.still_s += own.step_s();
   const double forget_s = e.shape_views > 0 ? kForgetMotion_s : kForgetShapeless_s;
@@ -232,9 +250,10 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<P
                     : place < missingAt(track) ? 0.0
                                                : kPeersElsewhereEvidence;
     if (!track.isSeen()) continue;
-    // All of the fleet are elsewhere, and it stands: once moved for another reason.
+    // All of the fleet are elsewhere, and it stands: once moved for another reason, unless it drove far
+    // alone.
     const bool nobody = track.evidence.peer < 0 && missingAt(track) == 0;
-    if (nobody && track.evidence.still_s > kStrangerStands_s)
+    if (nobody && !track.evidence.drove && track.evidence.still_s > kStrangerStands_s)
       track.evidence.motion = std::min(0.0, track.evidence.motion);
     if (track.evidence.motion > 0.0)
       target = std::max(0.0, target);  // a stranger: not in the fleet, yet it drives

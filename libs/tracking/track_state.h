@@ -24,6 +24,8 @@ struct KindEvidence {
   double still_s = 0.0;     ///< how long it has stood, seconds
   double touching_s = 1e9;  ///< since it last stood against a robot, seconds
   int moved_frames = 0;     ///< frames in a row in which it moved
+  double drives_s = 0.0;    ///< how long it has driven without a rest, far from robots, seconds
+  bool drove = false;       ///< it once did so for long enough to be no pushed thing
   bool pushed = false;      ///< its motion is put down to a robot beside it
 };
 

@@ -331,7 +331,7 @@ std::vector<PoseEstimate> publish(const Scene& scene, int frame, std::mt19937& r
   std::vector<PoseEstimate> poses;
   const Noise& noise = scene.noise;
   for (const Body& body : scene.bodies) {
-    if (!body.robot || !body.publishes) continue;
+    if (!body.robot || !body.publishes || !body.declared) continue;
     PoseEstimate pose;
     pose.robot = body.name;
     pose.acquired_ns = static_cast<TimeNs>(frame * scene.step_s * 1e9);

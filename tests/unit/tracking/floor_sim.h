@@ -25,6 +25,7 @@ struct Body {
   Shows shows = Shows::kAll;
   bool robot = false;
   bool publishes = true;  ///< robots only
+  bool declared = true;   ///< robots only: of the fleet; others carry nothing of ours, and come after these
   Polygon outline;        ///< in its own frame, convex, about its centre
   double height_m = 0.2;
   Pose2 pose;  ///< map_from_body

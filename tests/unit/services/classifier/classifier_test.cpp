@@ -140,6 +140,44 @@ Scene apart(std::mt19937& rng) {
   return scene;
 }
 
+/// A robot that nobody of the fleet knows of crosses between them, and stops.
+Scenario crossing(double speed_mps) {
+  Scenario scenario{"a stranger at " + std::to_string(speed_mps) + " m/s", 180, [](std::mt19937& rng) {
+                      Scene scene = apart(rng);
+                      Body stranger = round("stranger", 0.15, 0.3, {-0.4, -0.75, 0.0});
+                      stranger.robot = true;
+                      stranger.publishes = stranger.declared = false;
+                      scene.bodies.insert(scene.bodies.begin() + 3, stranger);
+                      return scene;
+                    }};
+  scenario.drive = [speed_mps](Scene& scene, int frame, std::mt19937&) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      scene.bodies[i].w_radps = 0.6;
+      scene.bodies[i].v_mps = 0.12;
+    }
+    scene.bodies[3].v_mps = frame < 100 ? speed_mps : 0.0;
+  };
+  return scenario;
+}
+
+TEST(Classifier, TellsAStrangerThatCrawls) {
+  // At 6 cm/s outlines that change hide the motion for a while.
+  for (const auto& [speed_mps, least_f1] : {std::pair{0.06, 0.95}, std::pair{0.1, 0.98}}) {
+    Scenario scenario = crossing(speed_mps);
+    scenario.warm_up =
+        static_cast<int>(2.0 / speed_mps);  // it must have moved before anybody can know: 20 cm
+    EXPECT_GE(runAll(scenario).f1(), least_f1);
+  }
+}
+
+TEST(Classifier, KeepsAStrangerARobotWhenItStops) {
+  Scenario scenario = crossing(0.2);
+  scenario.warm_up = 120;  // it stands since two seconds
+  const Score score = runAll(scenario);
+  EXPECT_EQ(score.robots_missed, 0);
+  EXPECT_EQ(score.obstacles_as_robots, 0);
+}
+
 TEST(Classifier, KeepsIdsThroughTwoSecondsOfLoss) {
   Scenario scenario{"lost for 2 s", 60, apart};
   scenario.drive = [](Scene& scene, int frame, std::mt19937&) {

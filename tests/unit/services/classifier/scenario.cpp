@@ -115,7 +115,7 @@ Score run(const Scenario& scenario, unsigned seed, const classifier::Classifier:
   Scene scene = scenario.make(rng), before;
   std::map<std::string, RobotBody> bodies;
   for (const Body& body : scene.bodies) {
-    if (!body.robot) continue;
+    if (!body.robot || !body.declared) continue;
     bodies[body.name].radius_m = 0.15;
     bodies[body.name].height_m = body.height_m;
   }
