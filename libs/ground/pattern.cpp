@@ -25,17 +25,18 @@ bool Pattern::Line::add(int at_px, int value, int step) {
   turns += direction != 0 ? 1 : 0;
   direction = falls ? -1 : 1;
   low = high = value;
-  steps = {steps[1], steps[2], at_px};
+  steps = {steps[1], steps[2], steps[3], at_px};
   return true;
 }
 
 cv::Range Pattern::Line::patches(int least_px, int most_px) const {
-  const auto [first, middle, last] = steps;
-  const int narrower = std::min(middle - first, last - middle),
-            wider = std::max(middle - first, last - middle);
-  if (first == kNoStep || narrower < least_px || wider > most_px) return {0, 0};
-  const int beside = (last - first) / 2;
-  return {std::max(begin, first - beside), last + beside};
+  if (steps.front() == kNoStep) return {0, 0};
+  for (std::size_t i = 1; i < steps.size(); ++i) {
+    const int width = steps[i] - steps[i - 1];
+    if (width < least_px || width > most_px) return {0, 0};
+  }
+  const int beside = (steps.back() - steps.front()) / static_cast<int>(steps.size() - 1);
+  return {std::max(begin, steps.front() - beside), steps.back() + beside};
 }
 
 void Pattern::find(const Blob& region, const FloorFrame& frame) {

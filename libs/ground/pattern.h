@@ -44,7 +44,8 @@ class Pattern {
   struct Line {
     int begin = -1, end = -1, turns = 0, direction = 0;
     int low = 0, high = 0;
-    std::array<int, 3> steps = {kNoStep, kNoStep, kNoStep};  ///< the last ones
+    std::array<int, 4> steps = {kNoStep, kNoStep, kNoStep, kNoStep};  ///< the last ones: two things side by
+    ///< side in one shadow make three
     int patched_end = 0;
 
     void start(int at_px, int value) {
