@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "geometry/wide.h"
+#include "ground/hue_test.h"
 #include "ground/parting.h"
 #include "ground/sharp_outline.h"
 
@@ -26,8 +27,6 @@ constexpr float kLightTile = 0.1f;  // of a region is lighter than a floor's pat
 constexpr float kLightShare = 0.15f;   // of a region is lighter than the floor, from which it may be a top
 constexpr float kFaintFringe = 0.06f;  // of a region, from which faint pixels are more than its mixed edge
 constexpr float kFaces = 2.0f;       // faces of one grey thing differ less in brightness than by this factor
-constexpr float kLeastLit = 0.3f;    // of the floor's brightness: in less light faint hues are but noise
-constexpr int kLeastAround = 8;      // pixels of a HueWindow: fewer are what is mixed along an outline
 constexpr float kVagueShare = 0.1f;  // of a side's outline, below which it is surely a shadow's
 constexpr float kSharpLight = 0.5f;  // of a lighter region's outline, beyond which it is a thing's
 constexpr float kLeastTop = 0.15f;   // of it runs along what is plainly lighter, a top's,
@@ -77,35 +76,6 @@ int nextMark(const std::uint8_t* row, int begin, int end, std::uint8_t mark) {
   const void* found = std::memchr(row + begin, mark, static_cast<std::size_t>(end - begin));
   return found == nullptr ? end : static_cast<int>(static_cast<const std::uint8_t*>(found) - row);
 }
-
-/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, or one nearer
-/// to the region's core's, where the noise would hide that in the single pixel.
-struct HueTest {
-  cv::Vec3f floor, to_core;
-  float rr, noise, tolerance;
-
-  /// @param core_hue hueOfCore()
-  HueTest(const ShadeFilter::Frame& frame, const cv::Vec3f& core_hue, int x, int y)
-      : floor(floorAt(frame, x, y)) {
-    rr = std::max(1.0f, floor.dot(floor));
-    noise = frame.noise / std::sqrt(rr);
-    tolerance = frame.hue_tolerance;
-    const float core2 = core_hue.dot(core_hue), told = 2.0f * (tolerance + noise);
-    if (core2 > 0.0f && core2 < told * told)
-      to_core = std::min(2.0f, std::sqrt(core2) / tolerance) / (core2 * std::sqrt(rr)) * core_hue;
-  }
-  bool isFaint() const { return to_core != cv::Vec3f(); }
-  bool isNeeded() const { return noise >= tolerance || isFaint(); }
-  bool operator()(HueWindow::Sum around) const {
-    const int count = HueWindow::count(around);
-    if (count < kLeastAround) return false;
-    const cv::Vec3f mean = HueWindow::mean(around);
-    const float gain = mean.dot(floor) / rr;
-    if (mean.dot(to_core) > std::max(gain, kLeastLit)) return true;
-    const float limit = tolerance + noise * std::sqrt(1.0f / static_cast<float>(count));
-    return noise >= tolerance && mean.dot(mean) / rr - gain * gain > kOtherHue * limit * limit;
-  }
-};
 
 /// So many pixels of a region that are no shade make a thing.
 bool isCore(int pixels, const Blob& blob) {
