@@ -152,7 +152,9 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   const double moved = d.moved_m.norm();
   track.moving = track.kind != ObjectKind::kObstacle || lately.in_odom_m > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
-  const auto crawls = [&] {  // as far in a longer time, and it still does
+  // As far in a longer time, and it still does. Crumbs of shade creep as well, as light and view change.
+  const auto crawls = [&] {
+    if (!track.clean || fits_none) return false;
     const Step slow = displacementWithin(track, own, options_.slow_window_s);
     return hasGone(slow, options_.moved_m) &&
            d.moved_m.dot(slow.shift.moved_m.stableNormalized()) > options_.still_m;
