@@ -70,12 +70,7 @@ std::vector<RobotRecording> readRobots(const std::string& path) {
 
 void readStreams(const std::string& folder, RobotRecording& robot, std::vector<std::string>& warnings) {
   const fs::path base = fs::path(folder) / robot.name;
-  if (!fs::is_directory(base)) {
-    warnings.push_back(
-        fmt::format("{}/dataset.yaml: robots.{}: there is no folder {}, so nothing of it is replayed", folder,
-                    robot.name, base.string()));
-    return;
-  }
+  if (!fs::is_directory(base)) return;
   for (const char* name : {"fisheye", "front"}) {
     if (!fs::exists(base / name)) continue;
     auto& stream = name == std::string("front") ? robot.front : robot.fisheye;
@@ -91,6 +86,19 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
     robot.laser = readLaser(path.string(), warnings);
   if (const auto path = base / "laser" / "sensor.yaml"; fs::exists(path))
     robot.laser_sensor = LaserSensor::load(path.string());
+}
+
+/// A recording of the truth alone has no robot's folder.
+void warnOfFolders(Dataset& dataset) {
+  const auto folder = [&](const RobotRecording& robot) { return fs::path(dataset.folder) / robot.name; };
+  const auto has = [&](const RobotRecording& robot) { return fs::is_directory(folder(robot)); };
+  if (std::none_of(dataset.robots.begin(), dataset.robots.end(), has)) return;
+  for (const RobotRecording& robot : dataset.robots) {
+    if (!has(robot))
+      dataset.warnings.push_back(
+          fmt::format("{}/dataset.yaml: robots.{}: there is no folder {}, so nothing of it is replayed",
+                      dataset.folder, robot.name, folder(robot).string()));
+  }
 }
 
 std::vector<ImageStream> readCeiling(const std::string& folder, std::vector<std::string>& warnings) {
@@ -119,6 +127,7 @@ Dataset Dataset::open(const std::string& folder) {
   dataset.folder = folder;
   dataset.robots = readRobots((fs::path(folder) / "dataset.yaml").string());
   for (RobotRecording& robot : dataset.robots) readStreams(folder, robot, dataset.warnings);
+  warnOfFolders(dataset);
   dataset.ceiling = readCeiling(folder, dataset.warnings);
   const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
   if (fs::exists(markers)) dataset.markers = MarkerSet::load(markers.string());

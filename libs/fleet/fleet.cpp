@@ -118,6 +118,16 @@ void checkServices(const options::Section& services) {
 
 }  // namespace
 
+/// Without any picture, scan or observation no process would have anything to wait for.
+void checkSenses(const Fleet& fleet) {
+  if (!fleet.locatedRobots().empty() || !fleet.ceilingCameras().empty()) return;
+  const std::string problem =
+      "none has a fisheye camera, a laser or observations, nor does a ceiling camera with markers see them: "
+      "there is nothing to run";
+  if (fleet.dataset.empty()) fleet.file.fail("robots", problem);
+  throw options::Error(fleet.dataset + "/dataset.yaml: robots: " + problem);
+}
+
 Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_folder,
                   const std::vector<std::string>& overlays) {
   Fleet fleet;
@@ -149,6 +159,7 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
   std::sort(fleet.cameras.begin(), fleet.cameras.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
   checkNames(fleet);
+  checkSenses(fleet);
   return fleet;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "calibrate/calibrate_run.h"
+#include "options/range_check.h"
 
 int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
@@ -27,10 +28,10 @@ int main(int argc, char** argv) {
   app.add_option("--match", options.match, "shell pattern of the images' names")->default_val("*");
   app.add_option("--fov_deg", options.fov_deg,
                  "full angle that the lens must serve (default: what the corners covered and a tenth more)")
-      ->check(CLI::Range(1.0, 360.0));
+      ->check(omnifleet::options::within({1.0, 360.0}));
   app.add_option("--max_rms_px", options.max_rms_px,
                  "nothing is written where the reprojection error is larger")
-      ->check(CLI::Range(0.01, 1000.0))
+      ->check(omnifleet::options::within({0.01, 1000.0}))
       ->capture_default_str();
   try {
     app.parse(argc, argv);

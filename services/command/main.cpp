@@ -8,9 +8,11 @@
 #include "bus/dds_bus.h"
 #include "bus/service.h"
 #include "command/command_sender.h"
+#include "options/range_check.h"
 
 namespace {
 
+using omnifleet::options::within;
 using omnifleet::services::CommandRequest;
 
 struct CommandLine {
@@ -44,13 +46,13 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   auto* with_shape = app.add_option("--shape", shape, "line, column, wedge or triangle")
                          ->check(CLI::IsMember({"line", "column", "wedge", "triangle"}));
   auto* with_distance = app.add_option("--distance", distance_m, "d, metres to the robot that is followed")
-                            ->check(CLI::Range(0.1, 20.0));
+                            ->check(within({0.1, 20.0}));
   auto* with_angle = app.add_option("--angle", angle_rad, "θ, radians between it and the own heading")
-                         ->check(CLI::Range(0.0, 3.2));
+                         ->check(within({0.0, 3.2}));
   app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")->expected(1, 64);
   app.add_flag("--halt", line.request.halt, "stand until the next command");
   app.add_option("--wait", line.wait_s, "seconds to wait until every robot obeys")
-      ->check(CLI::Range(0.1, 3600.0));
+      ->check(within({0.1, 3600.0}));
   app.add_option("--domain", line.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");

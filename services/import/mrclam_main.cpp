@@ -6,6 +6,7 @@
 
 #include "import/mrclam.h"
 #include "options/options.h"
+#include "options/range_check.h"
 
 namespace {
 
@@ -49,7 +50,8 @@ int main(int argc, char** argv) {
   omnifleet::import::MrclamOptions options;
   app.add_option("SOURCE", source, "folder or .tar.gz of the data set")->required();
   app.add_option("OUT", out, "folder of the dataset, created")->required();
-  app.add_option("--wheel-separation", options.wheel_separation_m, "m")->check(CLI::PositiveNumber);
+  app.add_option("--wheel-separation", options.wheel_separation_m, "m")
+      ->check(omnifleet::options::within({0.01, 10.0}));
   app.add_flag("--initial-poses", options.initial_poses, "tell where each robot starts");
   app.add_flag("--survey", options.survey, "tell where the landmarks stand (landmarks.yaml)");
   try {

@@ -11,17 +11,19 @@
 #include "launch/domain_claim.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
+#include "options/range_check.h"
 
 namespace {
 
 using omnifleet::launch::RunRequest;
+using omnifleet::options::within;
 
 void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
   app.add_option("--host", request.host, "start only this host's part");
-  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(CLI::Range(0.1, 1e9));
+  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(within({0.1, 1e9}));
   app.add_option("--stop-within", request.stop_within_s, "seconds that all processes have to end when asked")
-      ->check(CLI::Range(0.1, 600.0))
+      ->check(within({0.1, 600.0}))
       ->envname("OMNIFLEET_STOP_WITHIN")
       ->capture_default_str();
   app.add_option("--domain", request.domain, "DDS domain")

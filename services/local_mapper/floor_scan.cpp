@@ -87,6 +87,9 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
     floor_end_sigma_m_.push_back(
         static_cast<float>(options.sigma_px * radialMetres(camera, camera.foot() + end * bearing_[i])));
   }
+  if (steps_.empty())
+    throw options::Error(
+        "sees no floor farther than 1 cm from under it: check focal_px, position_m, rotation_rpy_deg");
   step_begin_.push_back(steps_.size());
   along_.reserve(steps_.size() / bearing_.size() + 1);
   findSectors();

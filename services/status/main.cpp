@@ -7,6 +7,7 @@
 
 #include "bus/dds_bus.h"
 #include "bus/topics.h"
+#include "options/range_check.h"
 #include "status/table.h"
 
 namespace {
@@ -55,7 +56,8 @@ int main(int argc, char** argv) {
   double wait_s = 2.5;
   app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
   app.add_flag("--once", once, "print one table and end; exit code 1 when there is no fleet");
-  app.add_option("--wait", wait_s, "with --once: seconds to listen")->check(CLI::PositiveNumber);
+  app.add_option("--wait", wait_s, "with --once: seconds to listen")
+      ->check(omnifleet::options::within({0.1, 3600.0}));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -8,12 +8,14 @@
 #include "dataset/atomic_file.h"
 #include "figures.h"
 #include "options/options.h"
+#include "options/range_check.h"
 #include "seed_run.h"
 #include "table.h"
 
 namespace {
 
 using namespace omnifleet::choi;
+using omnifleet::options::within;
 namespace fs = std::filesystem;
 
 std::string resultFile(const std::string& out, std::uint32_t seed) {
@@ -69,8 +71,9 @@ int main(int argc, char** argv) {
   auto* seed = app.add_subcommand("seed", "one seed: rooms, runs, scores");
   seed->add_option("SEED", options.seed)->required();
   seed->add_option("--config", options.config, "the folder config/")->required();
-  seed->add_option("--image-scale", options.image_scale, "of all cameras")->check(CLI::Range(0.1, 2.0));
-  seed->add_option("--duration", options.duration_s, "s, at most, of the drive")->check(CLI::PositiveNumber);
+  seed->add_option("--image-scale", options.image_scale, "of all cameras")->check(within({0.1, 2.0}));
+  seed->add_option("--duration", options.duration_s, "s, at most, of the drive")
+      ->check(within({0.1, 3600.0}));
   seed->add_flag("--figures", with_figures, "draw them");
   seed->add_flag("--keep", options.keep, "leave recordings and runs");
   seed->add_flag("--verbose", verbose, "tell each step");

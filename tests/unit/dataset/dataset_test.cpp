@@ -130,6 +130,8 @@ TEST_F(DatasetFiles, ARobotWithoutAFolderIsToldOf) {
   EXPECT_EQ(d.robots.size(), 2u);
   EXPECT_THAT(d.warnings,
               ElementsAre(AllOf(HasSubstr("dataset.yaml: robots.r2: there is no folder"), HasSubstr("/r2"))));
+  std::filesystem::remove_all(folder_ / "r1");
+  EXPECT_TRUE(open().warnings.empty()) << "the truth alone, as a simulated run leaves it";
 }
 
 /// No clock of a recording runs before its epoch.

@@ -164,7 +164,9 @@ TEST_F(FleetFile, NamesThatTheWireCannotCarryAreRefused) {
   const auto robot = [](const std::string& name) {
     return "robots: {\"" + name + "\": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}}\n";
   };
-  EXPECT_EQ(load(robot(std::string(32, 'a'))).robots[0].name.size(), 32u);
+  const std::string longest(32, 'a');
+  const std::string camera = "/fisheye: {source: folder, path: p, sensor: sensor.yaml}\n";
+  EXPECT_EQ(load(robot(longest) + "cameras:\n  " + longest + camera).robots[0].name.size(), 32u);
   EXPECT_THAT(problemOf(robot(std::string(33, 'a'))), HasSubstr("33 characters, allowed are 1 to 32"));
   EXPECT_THAT(problemOf(robot("r*")), HasSubstr("'r*'"));  // a DDS partition pattern
   EXPECT_THAT(problemOf(robot("a/b")), HasSubstr("'a/b'"));
@@ -174,6 +176,25 @@ TEST_F(FleetFile, NamesThatTheWireCannotCarryAreRefused) {
   for (int i = 0; i < 33; ++i)
     many += "  r" + std::to_string(i) + ": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}\n";
   EXPECT_THAT(problemOf(many), HasSubstr("there are 33, allowed are 1 to 32"));
+}
+
+/// Nothing would ever come, nothing would ever end.
+TEST_F(FleetFile, AFleetThatSeesNothingIsRefused) {
+  EXPECT_THAT(problemOf(kRobots),
+              testing::AllOf(HasSubstr("fleet.yaml:2: robots: none has"), HasSubstr("nothing to run")));
+  const fs::path truth = folder_ / "recording";
+  fs::create_directories(truth / "groundtruth");
+  std::ofstream(truth / "dataset.yaml")
+      << "format: omnifleet-dataset\nversion: 1\nrobots:\n"
+         "  r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26}\n";
+  try {
+    Fleet::load("", truth.string(), {});
+    FAIL() << "accepted";
+  } catch (const options::Error& error) {
+    EXPECT_THAT(
+        std::string(error.what()),
+        testing::AllOf(HasSubstr("recording/dataset.yaml: robots: none has"), HasSubstr("nothing to run")));
+  }
 }
 
 TEST_F(FleetFile, ACameraThatSeesNoFloorIsToldByItsFileAndKey) {

@@ -145,5 +145,19 @@ TEST(FloorScan, KnowsNothingWhereTheCameraSeesNoFloor) {
   EXPECT_EQ(scan.label[180], RayLabel::kInvalid);
 }
 
+TEST(FloorScan, RefusesACameraThatSeesHardlyTheFloorUnderIt) {
+  auto model = testing::fisheyeModel();
+  model.focal_px = {1e9, 1e9};
+  model.self_mask_radius_px = 0.0;
+  const lens::Camera camera(model);
+  const ground::FloorView view(camera, {});
+  try {
+    const FloorScan scanner(camera, view, {});
+    FAIL() << "accepted";
+  } catch (const options::Error& error) {
+    EXPECT_NE(std::string(error.what()).find("focal_px"), std::string::npos) << error.what();
+  }
+}
+
 }  // namespace
 }  // namespace omnifleet::local_mapper

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <string>
+
+#include "options/options.h"
+
+namespace omnifleet::options {
+
+/// Of a command's option: a real number within `allowed`. CLI11's own Range and PositiveNumber let NaN
+/// through.
+inline CLI::Validator within(Range allowed) {
+  const std::string bounds =
+      "[" + CLI::detail::to_string(allowed.min) + " - " + CLI::detail::to_string(allowed.max) + "]";
+  return {[allowed, bounds](std::string& text) {
+            double value = 0.0;
+            const bool number = CLI::detail::lexical_cast(text, value) && !std::isnan(value);
+            if (number && value >= allowed.min && value <= allowed.max) return std::string();
+            return "'" + text + "' is not a number within " + bounds;
+          },
+          "FLOAT in " + bounds};
+}
+
+}  // namespace omnifleet::options
