@@ -87,9 +87,9 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   checkSteps(frames);  // before views are held against poses that slipping wheels hold where they are not, …
   checkViews(frames);
   checkSteps(frames);  // … and where a wrong view hid it
+  updateUncertainty(fleet, whole_, settled_);
   noticeCarried(fleet, frames);
   noteStates(frames);
-  updateUncertainty(fleet, whole_, settled_);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
   return report(frames);
 }
@@ -238,13 +238,13 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   checkStarts(fleet, fresh);
   for (Frame& frame : frames) {
     if (!frame.isPlaced()) continue;
-    alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
-  }
-  for (Frame& frame : frames) {
-    if (!frame.isPlaced()) continue;
     followUnseen(fleet, *frame.robot, frame.sees());
     frame.robot->unsettled_m += frame.robot->window.back().rolled_m;
     frame.robot->unsettled_rad += frame.robot->window.back().rolled_rad;
+  }
+  for (Frame& frame : frames) {
+    if (!frame.isPlaced()) continue;
+    alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
   }
   noticeJumps(fleet, frames);
   for (Frame& frame : frames) {

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "estimation/association.h"
+#include "estimation/jumps.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -152,6 +153,7 @@ Pose2 rigidMotion(const std::vector<Eigen::Vector2d>& from, const std::vector<Ei
 void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
                    const std::vector<Seen>& seen) {
   constexpr double kSure_m = 0.05, kArm_m = 1.5, kAgree_m = 0.10, kOneTells_rad = 0.3;
+  constexpr double kCarried = 20.0;  // χ² (3 dof, 2e-4)
   const double spread = std::sqrt(observer.covariance.topLeftCorner<2, 2>().trace()) +
                         kArm_m * std::sqrt(observer.covariance(2, 2));
   Step& step = observer.window.back();
@@ -179,6 +181,12 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
   const Pose2 placed = rigidMotion(in_base, in_map, value(2));
   for (std::size_t i = 0; i < in_base.size(); ++i) {
     if ((placed * in_base[i] - in_map[i]).norm() > kAgree_m) return;
+  }
+  // Wheels that say otherwise would pull the solution between the two, where it fits neither.
+  const Eigen::Vector3d off = (fleet.pose(step.pose).inverse() * placed).vector();
+  if (in_base.size() >= 2 && off.dot(observer.covariance.ldlt().solve(off)) > kCarried) {
+    jumpTo(fleet, observer, placed);
+    return;
   }
   value.head<2>() = placed.translation();
   value(2) += wrapAngle(placed.theta_rad - value(2));
