@@ -190,21 +190,22 @@ class Search {
     return rigidMotion(base, map, here_.theta_rad);
   }
 
-  /// χ² and what a place must be better by than where the robot is held to be: a far one is rare.
-  static double score(const Place& place) { return place.cost + (place.near ? kNear : kFar); }
-
   static std::optional<Pose2> best(const std::vector<Place>& all, const Place& here) {
-    const Place* best = nullptr;
-    for (const Place& place : all) {
-      const bool enough = static_cast<int>(place.matches.size()) >= (place.near ? kNearMatches : kFarMatches);
-      if (enough && (best == nullptr || score(place) < score(*best))) best = &place;
+    for (const bool near : {true, false}) {
+      const Place* best = nullptr;
+      for (const Place& place : all) {
+        const bool enough = static_cast<int>(place.matches.size()) >= (near ? kNearMatches : kFarMatches);
+        if ((near && !place.near) || !enough) continue;
+        if (best == nullptr || place.cost < best->cost) best = &place;
+      }
+      if (best == nullptr || best->cost + (near ? kNear : kFar) > here.cost) continue;
+      const bool rivalled = std::any_of(all.begin(), all.end(), [&](const Place& place) {
+        return (!near || place.near) && place.cost < best->cost + kRival &&
+               !areSame(place.map_from_base, best->map_from_base);
+      });
+      if (!rivalled) return best->map_from_base;
     }
-    if (best == nullptr || score(*best) > here.cost) return std::nullopt;
-    const bool rivalled = std::any_of(all.begin(), all.end(), [&](const Place& place) {
-      return score(place) < score(*best) + kRival && !areSame(place.map_from_base, best->map_from_base);
-    });
-    if (rivalled) return std::nullopt;
-    return best->map_from_base;
+    return std::nullopt;
   }
 
   const RobotNode& robot_;
