@@ -184,6 +184,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     RobotNode& robot = *frame.robot;
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
+      frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
       fleet.advance(robot, *frame.objects);
       ++robot.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
@@ -238,7 +239,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   checkStarts(fleet, fresh);
   for (Frame& frame : frames) {
     if (!frame.isPlaced()) continue;
-    followUnseen(fleet, *frame.robot, frame.sees());
+    followUnseen(fleet, *frame.robot, frame.follows());
     frame.robot->unsettled_m += frame.robot->window.back().rolled_m;
     frame.robot->unsettled_rad += frame.robot->window.back().rolled_rad;
   }

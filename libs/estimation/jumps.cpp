@@ -93,7 +93,8 @@ class Search {
   }
 
   bool isCompany(const RobotNode& other) const {
-    return &other != &robot_ && other.located() && !other.displaced && isSure(other) && isSure(robot_);
+    return &other != &robot_ && other.located() && !other.displaced && other.unsure == 0 && isSure(other) &&
+           isSure(robot_);
   }
 
   /// Others see a body like its own, that is nothing else they know: the robot itself.

@@ -38,10 +38,19 @@ void noticeJump(FleetState& fleet, RobotFrame& frame, bool peers) {
     return;
   }
   frame.settled = at.fit();
-  frame.unfamiliar = robot.unsure > 0 && at.matches == 0 && at.things > 0 && at.missing > 0;
+  frame.unfamiliar = (robot.unsure > 0 || frame.after_gap) && 2 * at.matches < at.things && at.missing > 0;
 }
 
 }  // namespace
+
+bool isAfterGap(const RobotNode& robot, TimeNs time_ns) {
+  constexpr TimeNs kGap_ns = 1000000000;
+  constexpr int kTimes = 5;
+  const std::size_t n = robot.window.size();
+  if (n < 2) return false;
+  const TimeNs usual_ns = robot.window[n - 1].time_ns - robot.window[n - 2].time_ns;
+  return time_ns - robot.window[n - 1].time_ns > std::max(kGap_ns, kTimes * usual_ns);
+}
 
 void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
   for (const bool peers : {false, true}) {
@@ -56,6 +65,7 @@ void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
       robot.unsure = kUnsureFrames;
       continue;
     }
+    if (frame.after_gap) robot.unsure = kUnsureFrames + 1;
     if (frame.settled) robot.unsettled_m = robot.unsettled_rad = 0.0;
     robot.unsure = frame.settled ? 0 : std::max(0, robot.unsure - 1);
     robot.seeing_ns = frame.objects->acquired_ns;
@@ -66,8 +76,9 @@ void noticeLoss(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   // No line through a pose holds when its heading may be anything.
   const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
-  const bool displaced =
-      !frame.settled && (adrift || frame.unfamiliar || isDisplaced(fleet, robot, frame.seen));
+  // What fits by chance, one thing here and another there, does not bring back who is lost.
+  const bool displaced = !frame.settled && (robot.displaced || adrift || frame.unfamiliar ||
+                                            isDisplaced(fleet, robot, frame.seen));
   if (displaced && !robot.displaced) ++robot.status.losses;
   robot.displaced = displaced;
   if (!displaced) return;

@@ -15,12 +15,18 @@ struct RobotFrame {
   std::vector<Seen> seen;
   bool placed_anew = false;  ///< by what it sees, after it was carried away
   bool slipped = false;      ///< its wheels disagree with what is seen
-  bool unfamiliar = false;   ///< of what it sees nothing is known, and what is known is not seen
+  bool unfamiliar = false;   ///< of what it sees little is known, and what is known is not seen
   bool settled = false;      ///< it is where its motion has put it, or has been put elsewhere
+  bool after_gap = false;    ///< for much longer than usual no frame has come: what was done to it nobody saw
 
   bool isPlaced() const { return fresh && robot->located(); }
+  /// It was watched all the way here, and sees now.
+  bool follows() const { return sees() && !after_gap; }
   bool sees() const { return objects->state == FrameState::kOk; }
 };
+
+/// No frame has come for a second at least, and for several times as long as between the frames before.
+bool isAfterGap(const RobotNode& robot, TimeNs time_ns);
 
 /// Places anew, by what it sees, every robot that is not where its motion has put it.
 /// First by what stands still: where all robots slip at once, none tells where another is.
