@@ -71,7 +71,8 @@ ObjectView viewOf(const Contribution& contribution, const KeyframePose& pose, co
   view.prism.supports = supportsOf(seen);
   view.position_m = view.prism.map_from_base * metres(seen.position);
   view.is_flawed = seen.truncated || seen.solidity_permille < 1000.0 * options.min_solidity;
-  if (seen.height_sigma_dmm > 0) {
+  view.is_cut = seen.truncated;
+  if (seen.height_sigma_dmm > 0 && !view.is_cut) {  // else it is of a time before, or made up
     // Told from the same silhouettes or from noisy vectors: never trusted to better than 3 cm.
     view.height = {seen.height_dmm / kPerMetre, std::max(seen.height_sigma_dmm / kPerMetre, 0.03)};
   }

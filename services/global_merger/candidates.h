@@ -18,6 +18,7 @@ struct ObjectView {
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();  ///< map, as the classifier put it
   outline::PrismView prism;
   bool is_flawed = false;  ///< merged of several or cut off: shapes nothing while there are others
+  bool is_cut = false;     ///< by the edge of the view or by what stands before it: its top is not seen
   outline::HeightPrior height;
 };
 

@@ -27,10 +27,11 @@ constexpr double kRate_hz = 5.0;
 
 /// r1 drives on from `start` past five obstacles, r2 stands and looks on. Speeds and noise are those of the
 /// arena's defaults.
-std::string arenaText(const std::string& start, double duration_s) {
+std::string arenaText(const std::string& start, double duration_s, bool alone) {
+  const std::string r2 = "  r2: {initial_pose: [1.0, -0.9, 2.0], speeds: [0, 0, 0]}\n";
   return "name: lost\nframes: {rate_hz: 5, duration_s: " + std::to_string(duration_s) +
          "}\nfloor: {size_m: [5.0, 4.0]}\nrobots:\n  r1: {initial_pose: " + start +
-         ", speeds: [0, 0.15, 0.17]}\n  r2: {initial_pose: [1.0, -0.9, 2.0], speeds: [0, 0, 0]}\n"
+         ", speeds: [0, 0.15, 0.17]}\n" + (alone ? "" : r2) +
          "obstacles:\n"
          "  - {kind: box, pose: [0.35, 0.75, 0.4], size_m: [0.30, 0.20], height_m: 0.18, rgb: [190, 52, "
          "40]}\n"
@@ -81,10 +82,11 @@ class LostRobot : public ::testing::Test {
     folder_ = nullptr;
   }
 
-  static std::string recorded(const std::string& name, const std::string& start, double duration_s) {
+  static std::string recorded(const std::string& name, const std::string& start, double duration_s,
+                              bool alone = false) {
     const std::string data = *folder_ / name;
     if (fs::exists(data)) return data;
-    std::ofstream(*folder_ / (name + ".yaml")) << arenaText(start, duration_s);
+    std::ofstream(*folder_ / (name + ".yaml")) << arenaText(start, duration_s, alone);
     const auto arena = synthetic::Arena::load(*folder_ / (name + ".yaml"));
     world::RecordingOptions options;
     options.world = world::World::Options::read(arena.world);
@@ -163,18 +165,25 @@ TEST_F(LostRobot, SlippingWheelsAreTold) {
   expectWholeMap(slipping);
 }
 
-TEST_F(LostRobot, ARobotCarriedAwayIsToldAndDoesNotSmearTheMap) {
-  // Two takes of one room, the second after r1 was carried 1.5 m and turned; r2 did not move.
-  const std::string before = recorded("before", "[-1.3, -0.1, 0.0]", 3.0);
-  const std::string after = recorded("after", "[0.75, 0.05, 2.6]", 4.0);
-  const std::string data = copyOf(before, "carried");
+/// Appends a take to a recording, so many seconds after it; the wheels stood meanwhile.
+void append(const std::string& after, double gap_s, const std::vector<const char*>& robots,
+            const std::string& data) {
   const auto step = static_cast<TimeNs>(1e9 / kRate_hz);
-  for (const char* robot : {"r1", "r2"}) {
+  const int standing = static_cast<int>(gap_s * kRate_hz);
+  for (const char* robot : robots) {
     const fs::path to = fs::path(data) / robot, from = fs::path(after) / robot;
     int frames = 0;
+    TimeNs last = 0;
     std::ifstream listed(to / "fisheye" / "data.csv");
-    for (std::string row; std::getline(listed, row);) frames += row.empty() || row[0] == '#' ? 0 : 1;
-    const TimeNs by = frames * step;
+    for (std::string row; std::getline(listed, row);) {
+      if (row.empty() || row[0] == '#') continue;
+      ++frames;
+      last = std::stoll(row);
+    }
+    std::ofstream wheels(to / "wheels" / "data.csv", std::ios::app);
+    for (int i = 1; i <= standing; ++i) wheels << last + i * step << ",0,0\n";
+    wheels.close();
+    const TimeNs by = (frames + standing) * step;
     std::string rows = later(from / "fisheye" / "data.csv", by), renamed;
     std::istringstream each(rows);
     for (std::string row; std::getline(each, row);) {
@@ -183,17 +192,40 @@ TEST_F(LostRobot, ARobotCarriedAwayIsToldAndDoesNotSmearTheMap) {
       renamed += row.substr(0, row.find(',') + 1) + "later_" + file + "\n";
     }
     std::ofstream(to / "fisheye" / "data.csv", std::ios::app) << renamed;
-    // The wheels stood while it was carried.
     std::ofstream(to / "wheels" / "data.csv", std::ios::app) << later(from / "wheels" / "data.csv", by);
     const std::string path = "/groundtruth/" + std::string(robot) + ".tum";
     std::ofstream(data + path, std::ios::app) << later(after + path, by);
   }
+}
+
+TEST_F(LostRobot, ARobotCarriedAwayIsToldAndDoesNotSmearTheMap) {
+  // Two takes of one room, the second after r1 was carried 1.5 m and turned; r2 did not move.
+  const std::string data = copyOf(recorded("before", "[-1.3, -0.1, 0.0]", 3.0), "carried");
+  append(recorded("after", "[0.75, 0.05, 2.6]", 4.0), 0.0, {"r1", "r2"}, data);
   const Run carried = run(data, "carried");
   EXPECT_THAT(carried.problems, Contains(HasSubstr("r1: moved by hand: placed anew by what it sees")));
   expectWholeMap(carried);
   EXPECT_LT(carried.robot(0).path.max_m, 0.10);  // no frame at a wrong place is called a pose
   EXPECT_GT(carried.robot(0).path.poses, 20);    // of 35: it found itself again
   EXPECT_LT(carried.robot(1).path.max_m, 0.03);
+}
+
+/// Nobody else tells where it is, and where it is put down it has seen little of what stands there.
+TEST_F(LostRobot, ALoneRobotCarriedBetweenTwoFramesOrInALongGapKeepsTheMap) {
+  const std::string before = recorded("lone_before", "[-1.3, -0.1, 0.0]", 1.6, true);
+  const std::string after = recorded("lone_after", "[0.75, -0.2, -0.1]", 4.0, true);
+  for (const double gap_s : {0.0, 8.0}) {
+    const std::string name = gap_s > 0 ? "lone_gap" : "lone_at_once";
+    const std::string data = copyOf(before, name);
+    append(after, gap_s, {"r1"}, data);
+    const Run carried = run(data, name);
+    EXPECT_THAT(carried.problems, Contains(HasSubstr("r1: nothing seen fits the map: moved by hand?")))
+        << name;
+    ASSERT_TRUE(carried.report.map) << name;
+    EXPECT_TRUE(carried.report.map->falsely_found.empty()) << name;
+    EXPECT_LE(carried.report.map->missed.size(), 2u) << name;
+    EXPECT_LT(carried.robot(0).path.distance_m, 0.10) << name;
+  }
 }
 
 TEST_F(LostRobot, WithoutWheelsSightAloneLocates) {
