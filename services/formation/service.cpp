@@ -1,11 +1,15 @@
 #include "formation/service.h"
 
+#include <fmt/format.h>
+
 #include "adapters/adapters.h"
 
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
+
+constexpr TimeNs kStands_ns = 3000000000;  // a leader that stands for so long finds no way on
 
 formation::Formation::Options optionsOf(const fleet::Fleet& fleet) {
   auto options = formation::Formation::Options::read(fleet.service("formation"));
@@ -72,6 +76,7 @@ bool FormationService::spin() {
     any = true;
   }
   if (!ended_ && merger_.finished()) {
+    tellStanding();
     command_out_.end(ends_);
     state_out_.end(ends_);
     ended_ = any = true;
@@ -101,10 +106,36 @@ void FormationService::answer(const Objects& objects, const std::vector<PoseEsti
   command_out_.write(speeds_, status());
   adapters::toWire(output.state, clock, state_);
   state_out_.write(state_, status());
+  noteStanding(output, objects.acquired_ns);
+}
+
+void FormationService::noteStanding(const formation::Formation::Output& output, TimeNs now_ns) {
+  const motion::WheelSpeeds& speeds = output.command.speeds;
+  const bool stands = output.state.role == motion::FormationRole::kLeader && !output.state.arrived &&
+                      !output.state.target_m.isZero() && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
+  if (!stands) {
+    stands_since_ns_.reset();
+    told_standing_ = false;
+    return;
+  }
+  left_m_ = output.state.target_m.norm();
+  if (!stands_since_ns_) stands_since_ns_ = now_ns;
+  if (now_ns - *stands_since_ns_ >= kStands_ns) tellStanding();
+}
+
+/// A run that ends because nobody moves any more is not one that has arrived.
+void FormationService::tellStanding() {
+  if (!stands_since_ns_ || told_standing_) return;
+  told_standing_ = true;
+  status().error(
+      fmt::format("the leader finds no way on: it stands {:.2f} m before its next waypoint, which was not "
+                  "reached; formation/command gives it others",
+                  left_m_));
 }
 
 void FormationService::drain() {
   if (!ended_) {
+    tellStanding();
     // A robot that nobody steers any more must stand.
     speeds_.robot(robot_);
     speeds_.v_left_mps(0.0);

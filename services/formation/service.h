@@ -2,6 +2,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -36,6 +37,8 @@ class FormationService : public bus::Service {
   bool pull();
   void process();
   void answer(const Objects& objects, const std::vector<PoseEstimate>& known);
+  void noteStanding(const formation::Formation::Output& output, TimeNs now_ns);
+  void tellStanding();
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -54,6 +57,9 @@ class FormationService : public bus::Service {
   v1::FormationCommand command_;
   v1::WheelCommand speeds_;
   v1::FormationState state_;
+  std::optional<TimeNs> stands_since_ns_;  ///< as a leader that has not arrived
+  double left_m_ = 0.0;                    ///< to the waypoint that it then heads for
+  bool told_standing_ = false;
   bool ended_ = false;
 };
 

@@ -219,8 +219,7 @@ TEST_F(LostRobot, ALoneRobotCarriedBetweenTwoFramesOrInALongGapKeepsTheMap) {
     const std::string data = copyOf(before, name);
     append(after, gap_s, {"r1"}, data);
     const Run carried = run(data, name);
-    EXPECT_THAT(carried.problems, Contains(HasSubstr("r1: nothing seen fits the map: moved by hand?")))
-        << name;
+    EXPECT_THAT(carried.problems, Contains(HasSubstr("moved by hand"))) << name;
     ASSERT_TRUE(carried.report.map) << name;
     EXPECT_TRUE(carried.report.map->falsely_found.empty()) << name;
     EXPECT_LE(carried.report.map->missed.size(), 2u) << name;
