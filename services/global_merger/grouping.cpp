@@ -36,7 +36,7 @@ outline::HeightPrior heightPrior(const Views& views) {
 /// Its top is seen by hardly any view: a thing as high as the camera or higher (0.91 and more of all views;
 /// of lower ones in clutter up to 0.57).
 bool isTall(const Views& views) {
-  constexpr std::size_t kLeast = 5;
+  constexpr std::size_t kLeast = 30;  // of a few one knows little: pieces of tape are cut as often
   constexpr double kShare = 0.8;
   const auto cut = std::count_if(views.begin(), views.end(), [](const auto* view) { return view->is_cut; });
   return views.size() >= kLeast && static_cast<double>(cut) > kShare * static_cast<double>(views.size());
