@@ -13,6 +13,7 @@ constexpr double kBlockedCostRad = 2.0;
 constexpr double kTightCostRad = 0.5;
 constexpr double kCreepM = 0.01;
 constexpr double kStandsMps = 1e-3;
+constexpr double kShortestLookM = 0.4;   // a robot takes so long to turn aside
 constexpr double kUnseenRadiusM = 0.08;  // of an obstacle that is remembered but not seen
 constexpr int kUnseenPoints = 8;
 constexpr double kKnownPlaceM = 0.15;  // σ beyond which a remembered place is no reason to turn
@@ -141,7 +142,7 @@ double Avoidance::brakable(const Surroundings& around, double forward_mps, doubl
 }
 
 Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps,
-                                   double turned_rad) {
+                                   double turned_rad, double way_m) {
   chosen_rad_ = wrapAngle(chosen_rad_ - turned_rad);
   const double speed_mps = wanted_mps.norm();
   Result result;
@@ -150,15 +151,17 @@ Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vect
     return result;
   }
   const double wanted_rad = std::atan2(wanted_mps.y(), wanted_mps.x());
+  const double look_m =
+      std::clamp(way_m, std::min(kShortestLookM, options_.look_ahead_m), options_.look_ahead_m);
   double least_cost = std::numeric_limits<double>::infinity(), best_rad = wanted_rad;
   for (int i = 0; i < options_.headings; ++i) {
     const double heading_rad = wanted_rad + wrapAngle(2.0 * M_PI * i / options_.headings);
     const Eigen::Vector2d unit = direction(heading_rad);
-    const double free_m = freeWay(around, unit, speed_mps, options_.tight_margin_m, options_.look_ahead_m);
-    const double wide_m = freeWay(around, unit, speed_mps, options_.margin_m, options_.look_ahead_m);
+    const double free_m = freeWay(around, unit, speed_mps, options_.tight_margin_m, look_m);
+    const double wide_m = freeWay(around, unit, speed_mps, options_.margin_m, look_m);
     double cost = std::abs(wrapAngle(heading_rad - wanted_rad));
-    cost += kBlockedCostRad * (1.0 - free_m / options_.look_ahead_m);
-    cost += kTightCostRad * (1.0 - wide_m / options_.look_ahead_m);
+    cost += kBlockedCostRad * (1.0 - free_m / look_m);
+    cost += kTightCostRad * (1.0 - wide_m / look_m);
     if (turning_) cost += options_.stay_weight * std::abs(wrapAngle(heading_rad - chosen_rad_));
     if (cost >= least_cost) continue;
     least_cost = cost;

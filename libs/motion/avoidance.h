@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "motion/wheeled_model.h"
@@ -68,8 +69,9 @@ class Avoidance {
   explicit Avoidance(const Options& options) : options_(options) {}
 
   /// `turned_rad`: how far base_link has turned since the last call (the memory of the heading turns with
-  /// it).
-  Result steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps, double turned_rad);
+  /// it). `way_m`: how far the robot means to go that way; what stands beyond turns nobody.
+  Result steer(const Surroundings& around, const Eigen::Vector2d& wanted_mps, double turned_rad,
+               double way_m = std::numeric_limits<double>::infinity());
 
   /// Free way along a unit vector at a speed before the body, grown by the margin, touches something; at most
   /// `limit_m`. Other robots count where they are met within `predict_s`, both moving on as they do.

@@ -157,12 +157,15 @@ void LeadLaw::passed(const Eigen::Vector2d& here_m) {
   }
 }
 
-Eigen::Vector2d LeadLaw::wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps) {
+Eigen::Vector2d LeadLaw::wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps,
+                                const std::optional<Eigen::Vector2d>& via_m) {
   passed(map_from_base.translation());
   if (arrived()) return Eigen::Vector2d::Zero();
-  const Eigen::Vector2d way_m = map_from_base.inverse() * waypoints_m_[next_];
+  const Eigen::Vector2d next_m = via_m.value_or(waypoints_m_[next_]);
+  const Eigen::Vector2d way_m = map_from_base.inverse() * next_m;
+  const double left_m = way_m.norm() + (waypoints_m_[next_] - next_m).norm();
   double speed_mps = cruise_mps;
-  if (next_ + 1 == waypoints_m_.size()) speed_mps *= std::clamp(way_m.norm() / options_.slow_m, 0.2, 1.0);
+  if (next_ + 1 == waypoints_m_.size()) speed_mps *= std::clamp(left_m / options_.slow_m, 0.2, 1.0);
   const double late = std::clamp(
       (worst_follower_m - options_.wait_from_m) / (options_.wait_full_m - options_.wait_from_m), 0.0, 1.0);
   speed_mps *= 1.0 - late * (1.0 - options_.wait_speed);

@@ -98,14 +98,18 @@ class LeadLaw {
 
   explicit LeadLaw(const Options& options) : options_(options) {}
   void follow(std::vector<Eigen::Vector2d> waypoints_m);
-  /// Wanted velocity in base_link; zero once the goal is reached.
-  Eigen::Vector2d wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps);
+  /// Wanted velocity in base_link; zero once the goal is reached. `via_m` (map): what to head for where the
+  /// straight way to the waypoint is blocked.
+  Eigen::Vector2d wanted(const Pose2& map_from_base, double worst_follower_m, double cruise_mps,
+                         const std::optional<Eigen::Vector2d>& via_m = std::nullopt);
   /// Notes what has been passed without driving: every robot does, for it may have to lead one day.
   void passed(const Eigen::Vector2d& here_m);
   /// Others know of a later waypoint already.
   void skipTo(std::size_t next) { next_ = std::clamp(next, next_, waypoints_m_.size()); }
   std::size_t next() const { return next_; }
   bool arrived() const { return next_ >= waypoints_m_.size(); }
+  /// The next waypoint is the last.
+  bool isGoal() const { return next_ + 1 == waypoints_m_.size(); }
   std::optional<Eigen::Vector2d> waypoint() const;
   /// From a place (map) straight from waypoint to waypoint to the goal; zero once it is reached. Metres.
   double wayLeft(const Eigen::Vector2d& here_m) const;

@@ -11,6 +11,9 @@ namespace {
 
 constexpr double kFirstStepS = 0.1;    // until two frames tell the period
 constexpr double kLongestStepS = 0.5;  // a gap in the frames lets nobody jump
+constexpr double kJumpM = 0.15,
+                 kJumpRad = 0.1;  // no pose is corrected by more while a robot knows where it is
+constexpr double kThereM = 0.10;  // m, a way's end this near is reached
 
 double reach(const RobotBody& body) {
   double reach_m = body.radius_m;
@@ -54,6 +57,8 @@ Formation::Options Formation::Options::read(const options::Section& section) {
   options.follow = motion::FollowLaw::Options::read(section.child("follow"));
   options.lead = motion::LeadLaw::Options::read(section.child("lead"));
   options.avoidance = motion::Avoidance::Options::read(section.child("avoidance"));
+  options.memory = motion::FloorMemory::Options::read(section.child("memory"));
+  options.route = motion::Route::Options::read(section.child("route"));
   options.narrowing = motion::Narrowing::Options::read(section.child("narrowing"));
   options.succession = motion::Succession::Options::read(section.child("succession"));
   section.read("gate_m", options.gate_m, {0.01, 5.0});
@@ -75,6 +80,8 @@ Formation::Formation(const std::string& robot, const std::map<std::string, Robot
       lead_(options.lead),
       avoidance_(options.avoidance),
       narrowing_(options.narrowing),
+      memory_(options.memory),
+      route_(options.route),
       fleet_(robot, options.pose_age_limit_s, options.published_poses) {
   lead_.follow(options.command.waypoints_m);
 }
@@ -138,6 +145,7 @@ void Formation::remember(const Objects& objects) {
   near_field_.moved(step);
   if (objects.state == FrameState::kOk) near_field_.see(objects.scan);
   turned_rad_ = step.theta_rad;
+  if (stood_) stood_ = *stood_ * step;
   if (!last_followed_) return;
   // Into the new base_link, and on by its own speed.
   const Pose2 old{last_followed_->position_m.x(), last_followed_->position_m.y(),
@@ -172,6 +180,22 @@ void Formation::lookAround(const Objects& objects) {
     near_field_.clear(robot.position_m, robot.radius_m + options_.own_points_m);
   around_.points_m.insert(around_.points_m.end(), near_field_.points_m().begin(),
                           near_field_.points_m().end());
+  memorise(objects);
+}
+
+/// Keeps what is seen for finding ways. A pose that jumps moves nothing of what was seen before: it is
+/// forgotten.
+void Formation::memorise(const Objects& objects) {
+  const auto own = fleet_.now(robot_, objects.acquired_ns);
+  if (!own) return;
+  if (stood_) {
+    const Pose2 off = stood_->inverse() * *own;
+    if (off.translation().norm() > kJumpM || std::abs(off.theta_rad) > kJumpRad) memory_.forget();
+  }
+  stood_ = own;
+  memory_.see(*own, objects.scan);
+  for (const motion::Neighbour& robot : around_.robots)
+    memory_.clear(*own * robot.position_m, robot.radius_m + options_.own_points_m);
 }
 
 /// The robots around, by what they have published of themselves.
@@ -239,11 +263,32 @@ void Formation::lead(const Objects& objects, Output& output) {
     drive(Eigen::Vector2d::Zero(), 0.0, options_.limits.lead_turn_radps, output);
     return;
   }
-  const Eigen::Vector2d wanted_mps =
-      lead_.wanted(*own, worstFollower(objects.acquired_ns), options_.limits.cruise_mps);
+  const std::optional<motion::Route::Leg> leg = wayOn(*own);
+  Eigen::Vector2d wanted_mps = Eigen::Vector2d::Zero();
+  double way_m = 0.0;
+  if (leg) {
+    wanted_mps =
+        lead_.wanted(*own, worstFollower(objects.acquired_ns), options_.limits.cruise_mps, leg->via_m);
+    way_m = (leg->via_m - own->translation()).norm();
+  }
   if (const auto waypoint = lead_.waypoint()) output.state.target_m = own->inverse() * *waypoint;
-  drive(wanted_mps, 0.0, options_.limits.lead_turn_radps, output);
+  drive(wanted_mps, 0.0, options_.limits.lead_turn_radps, output, way_m);
+  output.state.avoiding |= leg && !leg->straight;
   output.state.arrived = lead_.arrived();
+}
+
+/// Where to go next; nothing at the goal, or where one cannot get any nearer to it. A waypoint on the way
+/// that nobody can get to is passed as near to it as one gets.
+std::optional<motion::Route::Leg> Formation::wayOn(const Pose2& map_from_base) {
+  lead_.passed(map_from_base.translation());
+  while (const auto waypoint = lead_.waypoint()) {
+    const motion::Route::Leg leg =
+        route_.towards(memory_, map_from_base.translation(), *waypoint, around_.radius_m);
+    if (leg.reaches || leg.left_m > kThereM) return leg;
+    if (lead_.isGoal()) break;
+    lead_.skipTo(static_cast<std::uint32_t>(lead_.next() + 1));
+  }
+  return std::nullopt;
 }
 
 /// How far the formation still goes, by the place of its leader.
@@ -269,9 +314,30 @@ void Formation::follow(const Objects& objects, Output& output) {
   output.state.angle_error_rad = law.angle_error_rad;
   const bool stands = std::abs(leader->twist.forward_mps) < options_.follow.stands_mps;
   const bool enough = stands && nearEnough(law.place_m);
-  drive(enough ? Eigen::Vector2d::Zero() : law.velocity_mps,
-        (1.0 - narrowing_.narrowing()) * leader->twist.turn_radps, options_.limits.max_turn_radps, output);
+  const double feed_radps = (1.0 - narrowing_.narrowing()) * leader->twist.turn_radps;
+  const std::optional<Eigen::Vector2d> via_m = wayRound(law.place_m, objects.acquired_ns);
+  if (enough) {
+    drive(Eigen::Vector2d::Zero(), feed_radps, options_.limits.max_turn_radps, output);
+  } else if (via_m) {
+    const double speed_mps = std::max(law.velocity_mps.norm(), options_.follow.closing_max_mps);
+    drive(speed_mps * via_m->normalized(), 0.0, options_.limits.max_turn_radps, output, via_m->norm());
+  } else {
+    // What stands beyond a place that moves on is in the way soon.
+    const double way_m = stands ? law.place_m.norm() : std::numeric_limits<double>::infinity();
+    drive(law.velocity_mps, feed_radps, options_.limits.max_turn_radps, output, way_m);
+  }
+  output.state.avoiding |= !enough && via_m;
   output.state.arrived = stands && commanded_.forward_mps == 0.0 && commanded_.turn_radps == 0.0;
+}
+
+/// What to head for (base_link) where the straight way to a place is blocked by what this robot has seen.
+std::optional<Eigen::Vector2d> Formation::wayRound(const Eigen::Vector2d& place_m, TimeNs now_ns) {
+  const auto own = fleet_.now(robot_, now_ns);
+  if (!own) return std::nullopt;
+  const motion::Route::Leg leg =
+      route_.towards(memory_, own->translation(), *own * place_m, around_.radius_m);
+  if (leg.straight || !leg.reaches) return std::nullopt;
+  return own->inverse() * leg.via_m;
 }
 
 /// Where something is in the way of a place that is not far off.
@@ -285,8 +351,8 @@ bool Formation::nearEnough(const Eigen::Vector2d& place_m) const {
 }
 
 void Formation::drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps,
-                      Output& output) {
-  const motion::Avoidance::Result free = avoidance_.steer(around_, wanted_mps, turned_rad_);
+                      Output& output, double way_m) {
+  const motion::Avoidance::Result free = avoidance_.steer(around_, wanted_mps, turned_rad_, way_m);
   output.state.avoiding = free.turned;
   const double before_mps = commanded_.forward_mps;
   commanded_ = motion::twistTowards(free.velocity_mps, free.turned ? 0.0 : feed_radps, commanded_, dt_s_,

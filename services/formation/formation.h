@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -8,10 +9,12 @@
 
 #include "formation/fleet_view.h"
 #include "motion/avoidance.h"
+#include "motion/floor_memory.h"
 #include "motion/formation_law.h"
 #include "motion/formation_types.h"
 #include "motion/narrowing.h"
 #include "motion/near_field.h"
+#include "motion/route.h"
 #include "motion/succession.h"
 #include "motion/trail.h"
 #include "observation/observation.h"
@@ -21,8 +24,9 @@ namespace omnifleet::formation {
 
 /// One robot's share of the formation (Choi et al. 2014 §IV.3, Fig. 12): the leader goes from waypoint to
 /// waypoint and turns for obstacles, a follower keeps distance d and angle θ to the robot it follows, which
-/// it sees in its own camera; where sight is lost, the published pose stands in. Beyond the paper: followers
-/// draw in where the passage is narrow, and a lost leader is succeeded. Once per frame; no clock.
+/// it sees in its own camera; where sight is lost, the published pose stands in. Beyond the paper: the leader
+/// finds its way round what it remembers to have seen, followers draw in where the passage is narrow, and a
+/// lost leader is succeeded. Once per frame; no clock.
 class Formation {
  public:
   struct Options {
@@ -33,6 +37,8 @@ class Formation {
     motion::FollowLaw::Options follow;
     motion::LeadLaw::Options lead;
     motion::Avoidance::Options avoidance;
+    motion::FloorMemory::Options memory;
+    motion::Route::Options route;
     motion::Narrowing::Options narrowing;
     motion::Succession::Options succession;
     double gate_m = 0.35;        ///< m, a track this near to where the followed robot should be is that robot
@@ -67,6 +73,7 @@ class Formation {
   void remember(const Objects& objects);
   void obey(const std::vector<motion::FormationState>& states, TimeNs now_ns);
   void lookAround(const Objects& objects);
+  void memorise(const Objects& objects);
   void tellRobots(TimeNs now_ns);
   const Track* sighted(const Objects& objects, const Eigen::Vector2d& expected_m) const;
   std::optional<motion::Followed> byPublishedPose(TimeNs now_ns) const;
@@ -76,9 +83,12 @@ class Formation {
   double worstFollower(TimeNs now_ns) const;
   double wayLeft(TimeNs now_ns) const;
   void lead(const Objects& objects, Output& output);
+  std::optional<motion::Route::Leg> wayOn(const Pose2& map_from_base);
   void follow(const Objects& objects, Output& output);
+  std::optional<Eigen::Vector2d> wayRound(const Eigen::Vector2d& place_m, TimeNs now_ns);
   bool nearEnough(const Eigen::Vector2d& place_m) const;
-  void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output);
+  void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output,
+             double way_m = std::numeric_limits<double>::infinity());
 
   std::string robot_;
   std::map<std::string, RobotBody> bodies_;
@@ -90,6 +100,8 @@ class Formation {
   motion::Avoidance avoidance_;
   motion::Narrowing narrowing_;
   motion::NearField near_field_;
+  motion::FloorMemory memory_;
+  motion::Route route_;
   motion::Surroundings around_;
   FleetView fleet_;
   std::string followed_name_;
@@ -99,6 +111,7 @@ class Formation {
   TimeNs frame_ns_ = 0;
   double dt_s_ = 0.0;
   double turned_rad_ = 0.0;
+  std::optional<Pose2> stood_;  ///< map_from_base a frame ago, moved on since; what the memory was made by
   motion::Twist commanded_;
 };
 

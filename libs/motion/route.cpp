@@ -1,0 +1,161 @@
+#include "motion/route.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::motion {
+namespace {
+
+constexpr double kNearEndM = 0.35;  // about the robot and the goal what is nearer already may stay so
+constexpr float kTightStart =
+    20.0f;                          // a metre of leaving a place nearer to things than ways may be costs this
+constexpr double kSameGoalM = 0.3;  // places to keep move on: a way to nearly there is kept as well
+constexpr double kEpsM = 1e-3;
+
+/// The goal, or where the straight line to it leaves the window.
+Eigen::Vector2d within(const FloorMemory& floor, const Eigen::Vector2d& from_m,
+                       const Eigen::Vector2d& goal_m) {
+  if (floor.isInside(floor.cellOf(goal_m))) return goal_m;
+  double inside = 0.0, outside = 1.0;
+  while ((outside - inside) * (goal_m - from_m).norm() > 0.5 * floor.cell_m()) {
+    const double middle = 0.5 * (inside + outside);
+    (floor.isInside(floor.cellOf(from_m + middle * (goal_m - from_m))) ? inside : outside) = middle;
+  }
+  return from_m + inside * (goal_m - from_m);
+}
+
+}  // namespace
+
+Route::Options Route::Options::read(const options::Section& section) {
+  Options options;
+  section.read("tight_margin_m", options.tight_margin_m, {0.0, 2.0});
+  section.read("margin_m", options.margin_m, {0.0, 2.0});
+  section.read("near_cost", options.near_cost, {0.0, 100.0});
+  section.read("switch_share", options.switch_share, {0.1, 1.0});
+  section.finish();
+  if (options.tight_margin_m > options.margin_m) section.fail("tight_margin_m", "must not exceed margin_m");
+  return options;
+}
+
+/// Of a metre with so much free about it; infinity where no way may lead.
+double Route::stepCost(double clear_m, double radius_m) const {
+  const double tight_m = radius_m + options_.tight_margin_m, wide_m = radius_m + options_.margin_m;
+  if (clear_m >= wide_m) return 1.0;
+  if (clear_m < tight_m) return std::numeric_limits<double>::infinity();
+  return 1.0 + options_.near_cost * (wide_m - clear_m) / std::max(kEpsM, wide_m - tight_m);
+}
+
+/// A straight way with so much free about it, or as much as there is at its ends already.
+bool Route::isFree(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m,
+                   double clear_m) const {
+  const double length_m = (to_m - from_m).norm();
+  if (length_m <= 2.0 * floor.cell_m()) return true;  // cells tell nothing of ways so short
+  const double start_m = std::min(clear_m, floor.clearanceAt(from_m)),
+               end_m = std::min(clear_m, floor.clearanceAt(to_m));
+  const int looks = static_cast<int>(std::ceil(2.0 * length_m / floor.cell_m()));
+  for (int look = 1; look < looks; ++look) {
+    const double along_m = length_m * look / looks;
+    double wanted_m = clear_m;
+    if (along_m < kNearEndM) wanted_m = std::min(wanted_m, start_m);
+    if (length_m - along_m < kNearEndM) wanted_m = std::min(wanted_m, end_m);
+    if (floor.clearanceAt(from_m + along_m / length_m * (to_m - from_m)) < wanted_m - kEpsM) return false;
+  }
+  return true;
+}
+
+Route::Leg Route::towards(const FloorMemory& floor, const Eigen::Vector2d& from_m,
+                          const Eigen::Vector2d& goal_m, double radius_m) {
+  if ((goal_m - way_to_m_).norm() > kSameGoalM) way_m_.clear();
+  const Leg straight{goal_m, (goal_m - from_m).norm(), true, true};
+  // Who is on a way round leaves it only for a straight one with room about it.
+  const double margin_m = way_m_.empty() ? options_.tight_margin_m : options_.margin_m;
+  const bool goal_is_free = floor.clearanceAt(goal_m) >= radius_m;
+  if (goal_is_free && isFree(floor, from_m, goal_m, radius_m + margin_m)) {
+    way_m_.clear();
+    return straight;
+  }
+  keepUp(floor, from_m, radius_m);
+  if (way_m_.empty()) way_to_m_ = goal_m;
+  if (!search(floor, from_m, within(floor, from_m, goal_m), radius_m)) {
+    // Squeezed in, or as near to the goal as one gets.
+    const bool squeezed = floor.clearanceAt(from_m) < radius_m + options_.tight_margin_m;
+    return squeezed ? straight : Leg{from_m, 0.0, false, false};
+  }
+  return legOf(floor, from_m, radius_m);
+}
+
+double Route::costOf(const FloorMemory& floor, double radius_m) const {
+  double cost = 0.0;
+  for (std::size_t i = 0; i + 1 < way_m_.size(); ++i) {
+    const double length_m = (way_m_[i + 1] - way_m_[i]).norm();
+    cost += length_m * (i == 0 ? 1.0 : stepCost(floor.clearanceAt(way_m_[i]), radius_m));
+  }
+  return cost;
+}
+
+/// What of the way has been driven is taken off; all of it where it is blocked.
+void Route::keepUp(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m) {
+  if (way_m_.empty()) return;
+  const auto next = std::min_element(way_m_.begin(), way_m_.end(), [&](const auto& a, const auto& b) {
+    return (a - from_m).squaredNorm() < (b - from_m).squaredNorm();
+  });
+  way_m_.erase(way_m_.begin(), next);
+  if ((way_m_.front() - from_m).norm() > kNearEndM || !std::isfinite(costOf(floor, radius_m))) way_m_.clear();
+}
+
+/// What each cell costs. Who stands nearer to something than ways may be may leave, but come no nearer.
+void Route::priceCells(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m) {
+  const cv::Mat1f& clearance_m = floor.clearance_m();
+  price_.create(clearance_m.size());
+  std::transform(clearance_m.begin(), clearance_m.end(), price_.begin(),
+                 [&](float clear_m) { return static_cast<float>(stepCost(clear_m, radius_m)); });
+  const double start_m = floor.clearanceAt(from_m) - kEpsM;
+  const Eigen::Vector2i from = floor.cellOf(from_m);
+  const int reach = static_cast<int>(kNearEndM / floor.cell_m());
+  for (int row = -reach; row <= reach; ++row) {
+    for (int column = -reach; column <= reach; ++column) {
+      const Eigen::Vector2i cell = from + Eigen::Vector2i(column, row);
+      if (!floor.isInside(cell) || clearance_m(cell.y(), cell.x()) < start_m) continue;
+      float& price = price_(cell.y(), cell.x());
+      if (!std::isfinite(price)) price = kTightStart;
+    }
+  }
+}
+
+/// Finds the cheapest way and takes it where none is kept, or where it is plainly better. False: there is no
+/// way to anywhere nearer.
+bool Route::search(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& goal_m,
+                   double radius_m) {
+  const Eigen::Vector2i from = floor.cellOf(from_m);
+  if (!floor.isInside(from)) return false;
+  priceCells(floor, from_m, radius_m);
+  const GridSearch::Result& found = search_.find(price_, from, floor.cellOf(goal_m));
+  if (found.cells.empty()) {
+    way_m_.clear();
+    return false;
+  }
+  const bool as_good = !way_m_.empty() && found.reaches == reaches_ &&
+                       floor.cell_m() * found.cost > options_.switch_share * costOf(floor, radius_m);
+  if (as_good) return true;
+  way_m_.assign(1, from_m);
+  for (const Eigen::Vector2i& cell : found.cells) way_m_.push_back(floor.centreOf(cell));
+  reaches_ = found.reaches;
+  return true;
+}
+
+/// The last place of the way that a straight line reaches without coming nearer to things than the way does.
+Route::Leg Route::legOf(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m) const {
+  Leg leg{way_m_.back(), 0.0, false, reaches_};
+  double least_m = radius_m + options_.margin_m;
+  std::size_t via = std::min<std::size_t>(1, way_m_.size() - 1);
+  for (std::size_t i = 1; i < way_m_.size(); ++i) {
+    leg.left_m += (way_m_[i] - way_m_[i - 1]).norm();
+    least_m = std::min(least_m, floor.clearanceAt(way_m_[i]));
+    if (isFree(floor, from_m, way_m_[i], least_m)) via = i;
+  }
+  leg.via_m = way_m_[via];
+  return leg;
+}
+
+}  // namespace omnifleet::motion
