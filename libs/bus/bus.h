@@ -45,7 +45,8 @@ class Bus {
   virtual void requestStop() noexcept = 0;
   virtual bool stopping() const noexcept = 0;
   /// Waits until every reliable reader has what was written (frames: has taken it), so that nothing is lost
-  /// when this bus goes away. False on timeout or stop.
+  /// when this bus goes away; also those of participants that were found so lately that their readers do not
+  /// match yet. False on timeout or stop.
   virtual bool flush(std::chrono::nanoseconds timeout) = 0;
 
  protected:

@@ -18,6 +18,8 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 
 const std::string kHashTag = "omnifleet.idl=";
+constexpr std::chrono::milliseconds kSlice{20};             // of a wait that may be given up
+constexpr std::chrono::milliseconds kDiscoveryAtStop{500};  // who is told to stop has seconds
 
 Duration_t toDuration(std::chrono::nanoseconds value) {
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(value);
@@ -113,6 +115,7 @@ GroupQos inPartitions(GroupQos qos, const std::vector<std::string>& partitions) 
 
 DdsParticipant::DdsParticipant(DdsBusOptions options) : options_(std::move(options)) {
   disableIntraprocessDelivery();
+  peers_[Prefix()].found = Clock::now();  // whoever was there before, and has not been found yet
   participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
       static_cast<uint32_t>(options_.domain), participantQos(options_), this, dds::StatusMask::none());
   if (participant_ == nullptr) {
@@ -166,8 +169,9 @@ dds::DataWriterQos DdsParticipant::writerQos(const QosProfile& qos, const std::s
   // A full keep-all history waits for the acknowledgement that the next heartbeat asks for.
   const std::chrono::milliseconds soon{4};
   times.heartbeatPeriod = toDuration(qos.keep_all ? std::min(options_.heartbeat, soon) : options_.heartbeat);
-  // A reader whose history is full rejects, and asks again at every heartbeat, until it has time to take: all 64
-  // samples that wait are sent again each time, so not more often than a reader that has caught up would notice.
+  // A reader whose history is full rejects, and asks again at every heartbeat, until it has time to take: all
+  // 64 samples that wait are sent again each time, so not more often than a reader that has caught up would
+  // notice.
   const bool resent_in_full = qos.keep_all && !qos.data_sharing;
   times.nackResponseDelay = toDuration(std::chrono::milliseconds(resent_in_full ? 10 : 1));
   if (options_.announce_hash) {
@@ -209,6 +213,45 @@ void DdsParticipant::on_publisher_discovery(dds::DomainParticipant*,
   if (text.rfind(kHashTag, 0) == 0) hashes_[info.info.guid()] = text.substr(kHashTag.size());
 }
 
+void DdsParticipant::on_participant_discovery(dds::DomainParticipant*,
+                                              eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) {
+  using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
+  std::lock_guard<std::mutex> lock(mutex_);
+  const Prefix& prefix = info.info.m_guid.guidPrefix;
+  if (info.status == Info::DISCOVERED_PARTICIPANT) peers_.emplace(prefix, Peer{Clock::now()});
+  if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT)
+    peers_.erase(prefix);
+  peers_changed_.notify_all();
+}
+
+void DdsParticipant::on_subscriber_discovery(dds::DomainParticipant*,
+                                             eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& info) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto peer = peers_.find(info.info.guid().guidPrefix);
+  if (peer != peers_.end()) peer->second.readers_known = true;
+  peers_changed_.notify_all();
+}
+
+bool DdsParticipant::anyReadersOnTheirWay() const {
+  // Fast DDS tells its endpoints right after the participant, and what was lost of it after a second.
+  constexpr std::chrono::milliseconds kToldAgain{1200};
+  const auto now = Clock::now();
+  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& peer) {
+    return !peer.second.readers_known && now - peer.second.found < kToldAgain;
+  });
+}
+
+void DdsParticipant::awaitReadersOfPeers(Clock::time_point until) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  bool waited = false;
+  while (anyReadersOnTheirWay() && Clock::now() < until) {
+    peers_changed_.wait_for(lock, kSlice);
+    waited = true;
+  }
+  // A reader is told of before it is matched, and those of one participant come one after the other.
+  if (waited) peers_changed_.wait_for(lock, kSlice, [] { return false; });
+}
+
 void DdsParticipant::add(dds::DataWriter* writer) {
   writers_.insert(writer);
 }
@@ -218,8 +261,9 @@ void DdsParticipant::remove(dds::DataWriter* writer) {
 }
 
 bool DdsParticipant::flush(std::chrono::nanoseconds timeout) {
-  using Clock = std::chrono::steady_clock;
-  constexpr std::chrono::milliseconds kSlice{20};
+  const std::chrono::nanoseconds discovery =
+      signal_.stop ? std::min<std::chrono::nanoseconds>(timeout, kDiscoveryAtStop) : timeout;
+  awaitReadersOfPeers(Clock::now() + discovery);
   const auto start = Clock::now();
   for (dds::DataWriter* writer : writers_) {
     while (writer->wait_for_acknowledgments(toDuration(kSlice)) !=

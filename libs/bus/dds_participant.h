@@ -3,6 +3,8 @@
 // Inside of DdsBus: one Fast DDS participant with its caches, and the settings of docs/methods.md, "DDS as
 // measured".
 
+#include <chrono>
+#include <condition_variable>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -55,10 +57,26 @@ class DdsParticipant : public dds::DomainParticipantListener {
   void remove(dds::DataWriter* writer);
   bool flush(std::chrono::nanoseconds timeout);
 
+  void on_participant_discovery(dds::DomainParticipant* participant,
+                                eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) override;
+  void on_subscriber_discovery(dds::DomainParticipant* participant,
+                               eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& info) override;
   void on_publisher_discovery(dds::DomainParticipant* participant,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override;
 
  private:
+  using Clock = std::chrono::steady_clock;
+  using Prefix = eprosima::fastrtps::rtps::GuidPrefix_t;
+
+  /// Another participant, as far as its readers are concerned.
+  struct Peer {
+    Clock::time_point found;
+    bool readers_known = false;
+  };
+  /// Until no peer was found so lately that its readers may not be matched yet.
+  void awaitReadersOfPeers(Clock::time_point until);
+  bool anyReadersOnTheirWay() const;
+
   DdsBusOptions options_;
   BusSignal signal_;
   dds::DomainParticipant* participant_ = nullptr;
@@ -66,8 +84,10 @@ class DdsParticipant : public dds::DomainParticipantListener {
   std::map<std::vector<std::string>, dds::Publisher*> publishers_;
   std::map<std::vector<std::string>, dds::Subscriber*> subscribers_;
   std::set<dds::DataWriter*> writers_;
-  mutable std::mutex mutex_;  ///< guards hashes_: discovery runs in threads of DDS
+  mutable std::mutex mutex_;  ///< guards what follows: discovery runs in threads of DDS
   std::map<Guid, std::string> hashes_;
+  std::map<Prefix, Peer> peers_;
+  std::condition_variable peers_changed_;
 };
 
 /// Retries `attempt` while it says that there is no room yet, until the write timeout, or 0.2 s once

@@ -12,6 +12,14 @@ namespace omnifleet::dataset {
 namespace {
 constexpr std::string_view kBlanks = " \t\r";
 constexpr TimeNs kSecond_ns = 1000000000;
+
+/// Spreadsheets and editors of other systems begin a file with a UTF-8 byte order mark: no part of its first
+/// row.
+std::string_view withoutByteOrderMark(std::string_view content) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (content.substr(0, kMark.size()) == kMark) content.remove_prefix(kMark.size());
+  return content;
+}
 }  // namespace
 
 std::string_view trim(std::string_view text) {
@@ -75,7 +83,7 @@ void readRows(const std::string& path, char separator, std::vector<std::string>&
     throw options::Error(error.what());
   }
   std::vector<std::string_view> fields;
-  std::string_view rest(content);
+  std::string_view rest = withoutByteOrderMark(content);
   std::string first_problem;
   bool any_good = false;
   for (int line_number = 1; !rest.empty(); ++line_number) {

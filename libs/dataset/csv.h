@@ -20,7 +20,8 @@ std::string_view trim(std::string_view text);
 /// Fields between separators; runs of blanks separate when `separator` is a blank.
 void split(std::string_view line, char separator, std::vector<std::string_view>& fields);
 
-/// Calls `row` with the fields of every line that is neither empty nor a comment (#). `row` returns an empty
+/// Calls `row` with the fields of every line that is neither empty nor a comment (#); a byte order mark and
+/// CRLF line ends belong to no line. `row` returns an empty
 /// string, or what is wrong with the line, which is then added to `warnings` as FILE:LINE: what (left out).
 /// Throws options::Error when the file cannot be read, and when it has rows but none is good.
 void readRows(const std::string& path, char separator, std::vector<std::string>& warnings,

@@ -166,6 +166,7 @@ bool readForeignCalibration(const std::string& path, CameraModel& model) {
   std::ifstream file(path);
   std::string head(16, '\0');
   file.read(head.data(), static_cast<std::streamsize>(head.size()));
+  if (head.rfind("\xEF\xBB\xBF", 0) == 0) head.erase(0, 3);  // a byte order mark, which both readers skip
   if (head.rfind("%YAML", 0) == 0 || head.rfind("<?xml", 0) == 0) {
     readOpenCv(path, model);
     return true;

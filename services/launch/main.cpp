@@ -64,7 +64,8 @@ int launch(const RunRequest& request) {
     std::fprintf(stderr, "%s died, starts again in %.1f s\n", name.c_str(), delay_s);
   };
   std::optional<launch::Progress> progress;
-  progress.emplace(request.domain, launch::expectedFrames(fleet));
+  progress.emplace(launch::Listening{request.domain, request.host, launch::services(request, fleet),
+                                     launch::expectedFrames(fleet)});
   const auto run = supervisor::Supervisor(options).run(processes, callbacks);
   progress.reset();
   bus::removeStaleSharedMemory();

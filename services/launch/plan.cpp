@@ -72,6 +72,13 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
   return specs;
 }
 
+std::vector<std::string> services(const RunRequest& request, const fleet::Fleet& fleet) {
+  std::vector<std::string> names;
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet, request.host))
+    names.push_back(process.instance.empty() ? process.service : process.service + " " + process.instance);
+  return names;
+}
+
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
   if (fleet.arena) return {static_cast<std::uint64_t>(fleet.arena->frames()), true};
   if (fleet.dataset.empty()) return {};

@@ -32,6 +32,9 @@ std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
                                           const std::string& program_folder);
 
+/// What each of them calls itself on service/status: "camera r1/fisheye", "world".
+std::vector<std::string> services(const RunRequest& request, const fleet::Fleet& fleet);
+
 /// Of the robot that has the most.
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet);
 

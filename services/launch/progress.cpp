@@ -11,11 +11,13 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
+#include <memory>
 #include <optional>
 #include <system_error>
 
 #include "bus/dds_bus.h"
 #include "bus/topics.h"
+#include "launch/watch.h"
 
 namespace omnifleet::launch {
 
@@ -44,56 +46,91 @@ bool closed(int pipe_end) {
   return poll(&state, 1, 0) > 0;
 }
 
-/// Until `stop` is closed at its other end.
-void listen(int domain, const ExpectedFrames& expected, int stop) {
-  bus::DdsBusOptions options;
-  options.name = "omnifleet_launch";
-  options.domain = domain;
-  options.lease = std::chrono::seconds(30);  // a busy machine must not make the fleet think that it has gone
-  const auto bus = bus::makeDdsBus(options);
-  auto reader = bus->reader(bus::Topics(bus::RunMode::kLive).service_status);
-  const bool terminal = isatty(STDERR_FILENO) == 1;
-  const auto interval = std::chrono::milliseconds(terminal ? 200 : 5000);
-  std::map<std::string, std::uint64_t> done;      // of each merger
-  std::map<std::string, std::string> last_error;  // of each process
-  v1::ServiceStatus sample;
-  std::optional<steady_clock::time_point> first_frame;
-  auto printed = steady_clock::now();
-  std::uint64_t shown = 0;
-  const auto show = [&](const char* end, bool ended) {
-    const double seconds =
-        first_frame ? std::chrono::duration<double>(steady_clock::now() - *first_frame).count() : 0.0;
-    std::fprintf(stderr, "%s%s%s", terminal ? "\r\033[K" : "",
-                 progressLine(shown, expected, seconds, ended).c_str(), end);
-  };
-  while (!closed(stop)) {
-    bus->wait(std::chrono::milliseconds(100));
-    while (reader->take(sample)) {
-      const std::string service = sample.service().to_string(), instance = sample.instance().to_string();
-      const std::string who = instance.empty() ? service : service + " " + instance;
-      const std::string error = sample.last_error().to_string();
-      if (!error.empty() && last_error[who] != error) {
-        last_error[who] = error;
-        std::fprintf(stderr, "%s%s: %s\n", terminal ? "\r\033[K" : "", who.c_str(), error.c_str());
-      }
-      if (service == "global_merger") done[instance] = sample.processed();
+/// The process that listens.
+class Listener {
+ public:
+  explicit Listener(const Listening& listening)
+      : expected_(listening.expected),
+        terminal_(isatty(STDERR_FILENO) == 1),
+        interval_(terminal_ ? 200 : 5000),
+        bus_(bus::makeDdsBus(options(listening.domain))),
+        reader_(bus_->reader(topics_.service_status)),
+        watch_(*bus_, topics_, listening.services, listening.host, steady_clock::now()) {}
+
+  /// Until `stop` is closed at its other end.
+  void run(int stop) {
+    while (!closed(stop)) {
+      bus_->wait(std::chrono::milliseconds(100));
+      while (reader_->take(sample_)) hear();
+      for (const std::string& news : watch_.look(steady_clock::now())) say(news);
+      showWhenDue();
     }
-    std::uint64_t least = done.empty() ? 0 : UINT64_MAX;
-    for (const auto& [merger, count] : done) least = std::min(least, count);
-    if (least > 0 && !first_frame) first_frame = steady_clock::now();
-    if (least > shown && steady_clock::now() - printed >= interval) {
-      shown = least;
-      printed = steady_clock::now();
-      show(terminal ? "" : "\n", false);
-    }
-    shown = std::max(shown, least);
+    if (shown_ > 0) show("\n", true);
   }
-  if (shown > 0) show("\n", true);
-}
+
+ private:
+  static bus::DdsBusOptions options(int domain) {
+    bus::DdsBusOptions options;
+    options.name = "omnifleet_launch";
+    options.domain = domain;
+    // A busy machine must not make the fleet think that it has gone.
+    options.lease = std::chrono::seconds(30);
+    return options;
+  }
+
+  void hear() {
+    const std::string service = sample_.service().to_string(), instance = sample_.instance().to_string();
+    if (service == "launch") return;  // says what we say
+    const std::string who = instance.empty() ? service : service + " " + instance;
+    const std::string error = sample_.last_error().to_string();
+    if (!error.empty() && last_error_[who] != error) {
+      last_error_[who] = error;
+      say(who + ": " + error);
+    }
+    if (service == "global_merger") done_[instance] = sample_.processed();
+    watch_.heard(who, sample_.state() == v1::SERVICE_FINISHED, steady_clock::now());
+  }
+
+  void say(const std::string& line) const {
+    std::fprintf(stderr, "%s%s\n", terminal_ ? "\r\033[K" : "", line.c_str());
+  }
+
+  void showWhenDue() {
+    std::uint64_t least = done_.empty() ? 0 : UINT64_MAX;
+    for (const auto& [merger, count] : done_) least = std::min(least, count);
+    if (least > 0 && !first_frame_) first_frame_ = steady_clock::now();
+    const bool due = least > shown_ && steady_clock::now() - printed_ >= interval_;
+    shown_ = std::max(shown_, least);
+    if (!due) return;
+    printed_ = steady_clock::now();
+    show(terminal_ ? "" : "\n", false);
+  }
+
+  void show(const char* end, bool ended) const {
+    const double seconds =
+        first_frame_ ? std::chrono::duration<double>(steady_clock::now() - *first_frame_).count() : 0.0;
+    std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "",
+                 progressLine(shown_, expected_, seconds, ended).c_str(), end);
+  }
+
+  ExpectedFrames expected_;
+  bool terminal_;
+  std::chrono::milliseconds interval_;
+  bus::Topics topics_{bus::RunMode::kLive};
+  std::unique_ptr<bus::Bus> bus_;
+  std::unique_ptr<bus::Reader<v1::ServiceStatus>> reader_;
+  Watch watch_;
+  v1::ServiceStatus sample_;
+  std::map<std::string, std::uint64_t> done_;      // of each merger
+  std::map<std::string, std::string> last_error_;  // of each process
+  std::optional<steady_clock::time_point> first_frame_;
+  steady_clock::time_point printed_ = steady_clock::now();
+  std::uint64_t shown_ = 0;
+};
 
 }  // namespace
 
-Progress::Progress(int domain, const ExpectedFrames& expected) {
+Progress::Progress(const Listening& listening) {
   int ends[2] = {-1, -1};
   if (pipe2(ends, O_CLOEXEC) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
   listener_ = fork();
@@ -105,7 +142,7 @@ Progress::Progress(int domain, const ExpectedFrames& expected) {
   if (listener_ == 0) {
     close(ends[1]);
     try {
-      listen(domain, expected, ends[0]);
+      Listener(listening).run(ends[0]);
     } catch (const std::exception& error) {
       std::fprintf(stderr, "no progress is shown: %s\n", error.what());
     }

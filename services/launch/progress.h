@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace omnifleet::launch {
 
@@ -13,13 +14,21 @@ struct ExpectedFrames {
   bool at_most = false;      ///< an arena's run ends when all have arrived
 };
 
+/// What there is to listen for.
+struct Listening {
+  int domain = 0;
+  std::string host;                   ///< part of the fleet; empty: all
+  std::vector<std::string> services;  ///< that are started there: "camera r1/fisheye", "world"
+  ExpectedFrames expected;
+};
+
 /// Listens to service/status and prints what people want to know: a progress line on a terminal (rewritten in
-/// place) or every few seconds elsewhere, and each error once. A process of its own: a launcher that takes no
-/// part in DDS keeps its fleet whatever happens there.
+/// place) or every few seconds elsewhere, each error once, and who falls silent. A process of its own: a
+/// launcher that takes no part in DDS keeps its fleet whatever happens there.
 class Progress {
  public:
   /// Forks: to be made while the program has one thread. Throws std::system_error.
-  Progress(int domain, const ExpectedFrames& expected);
+  explicit Progress(const Listening& listening);
   ~Progress();  ///< the last line is printed before it returns
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;

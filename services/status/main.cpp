@@ -15,17 +15,40 @@ namespace {
 using omnifleet::status::Table;
 using Clock = Table::Clock;
 
-void takeAll(omnifleet::bus::Reader<omnifleet::v1::ServiceStatus>& reader, Table& table) {
-  omnifleet::v1::ServiceStatus sample;
-  while (reader.take(sample)) table.put(sample, Clock::now());
-}
+constexpr int kSomebodySilent = 3;  // as of a service that ends because another one is silent
+
+/// What a fleet says of itself, for whoever looks on.
+struct Voices {
+  explicit Voices(omnifleet::bus::Bus& bus)
+      : statuses(bus.reader(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).service_status)),
+        states(
+            bus.reader(inPassing(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).formation_state))) {}
+
+  void takeAll(Table& table) {
+    omnifleet::v1::ServiceStatus status;
+    while (statuses->take(status)) table.put(status, Clock::now());
+    omnifleet::v1::FormationState state;
+    while (states->take(state)) table.put(state);
+  }
+
+  /// A stream that keeps all waits for its reliable readers: a look that somebody suspends must not hold up a
+  /// run.
+  template <class T>
+  static omnifleet::bus::Topic<T> inPassing(omnifleet::bus::Topic<T> topic) {
+    topic.qos.reliable = false;
+    return topic;
+  }
+
+  std::unique_ptr<omnifleet::bus::Reader<omnifleet::v1::ServiceStatus>> statuses;
+  std::unique_ptr<omnifleet::bus::Reader<omnifleet::v1::FormationState>> states;
+};
 
 int look(int domain, bool once, double wait_s) {
   omnifleet::bus::DdsBusOptions options;
   options.name = "omnifleet_status";
   options.domain = domain;
   const auto bus = omnifleet::bus::makeDdsBus(options);
-  const auto reader = bus->reader(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).service_status);
+  Voices voices(*bus);
   const bool terminal = isatty(STDOUT_FILENO) == 1;
   const auto end =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
@@ -33,18 +56,19 @@ int look(int domain, bool once, double wait_s) {
   auto shown = Clock::now();
   while (!once || Clock::now() < end) {
     bus->wait(std::chrono::milliseconds(200));
-    takeAll(*reader, table);
+    voices.takeAll(table);
+    table.look(Clock::now());
     if (once || Clock::now() - shown < std::chrono::seconds(1)) continue;
     shown = Clock::now();
-    std::printf("%s%s%s", terminal ? "\033[H\033[J" : "", table.text(shown).c_str(), terminal ? "" : "\n");
+    std::printf("%s%s%s", terminal ? "\033[H\033[J" : "", table.text().c_str(), terminal ? "" : "\n");
     std::fflush(stdout);
   }
   if (table.size() == 0) {
     std::fprintf(stderr, "no fleet on domain %d\n", domain);
     return 1;
   }
-  std::fputs(table.text(Clock::now()).c_str(), stdout);
-  return 0;
+  std::fputs(table.text().c_str(), stdout);
+  return table.anybodySilent() ? kSomebodySilent : 0;
 }
 
 }  // namespace
@@ -55,7 +79,8 @@ int main(int argc, char** argv) {
   bool once = false;
   double wait_s = 2.5;
   app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
-  app.add_flag("--once", once, "print one table and end; exit code 1 when there is no fleet");
+  app.add_flag("--once", once,
+               "print one table and end; exit code 1: there is no fleet, 3: a service is silent");
   app.add_option("--wait", wait_s, "with --once: seconds to listen")
       ->check(omnifleet::options::within({0.1, 3600.0}));
   try {

@@ -12,34 +12,12 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "fleet/fleet.h"
-#include "tests/multiprocess/listener.h"
-#include "tests/multiprocess/process.h"
+#include "tests/multiprocess/live_fleet.h"
 
 namespace omnifleet::test {
 namespace {
 
 using namespace std::chrono_literals;
-
-std::string smallFleet() {
-  return sourceDir() + "/config/fleets/small.yaml";
-}
-
-struct LiveFleet {
-  LiveFleet(const std::string& name, int domain, const std::string& config = "long")
-      : out(freshDir(name)),
-        shared_before(sharedMemoryFiles()),
-        launch({program("launch"), "run", smallFleet(), "--realtime", "--config",
-                sourceDir() + "/tests/multiprocess/" + config + ".yaml", "--out", out, "--domain",
-                std::to_string(domain)},
-               out + "/launch.log"),
-        listener(domain) {}
-
-  std::string out;
-  std::vector<std::string> shared_before;
-  Process launch;
-  Listener listener;
-};
 
 /// 2 s, and the launcher's own end; a sanitized build is given more by its preset.
 std::chrono::duration<double> stopBudget() {
@@ -57,14 +35,6 @@ pid_t childNamed(pid_t parent, const std::string& name) {
   return 0;
 }
 
-std::set<std::string> instances(const std::string& fleet_file) {
-  std::set<std::string> names;
-  for (const fleet::ProcessSpec& process : fleet::processes(fleet::Fleet::load(fleet_file, "", {}))) {
-    names.insert(process.service + " " + process.instance);
-  }
-  return names;
-}
-
 TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   const std::string out = freshDir("lockstep");
   Listener listener(61);
@@ -73,22 +43,25 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   Process launch({program("launch"), "run", smallFleet(), "--out", out, "--domain", "61"},
                  out + "/launch.log");
   std::map<std::string, v1::MapHash> last_hash;
-  std::set<std::string> seen;
+  std::set<std::string> seen, finished;
   std::optional<int> code;
   listener.until(
       [&] {
+        code = launch.wait(0ms);  // first: what was said until then has arrived, and is looked at once more
         v1::MapHash hash;
         while (hashes->take(hash)) last_hash[hash.replica().to_string()] = hash;
         v1::ServiceStatus status;
-        while (statuses->take(status))
-          seen.insert(status.service().to_string() + " " + status.instance().to_string());
-        code = launch.wait(0ms);
+        while (statuses->take(status)) {
+          seen.insert(nameOf(status));
+          if (status.state() == v1::SERVICE_FINISHED) finished.insert(nameOf(status));
+        }
         return code.has_value();
       },
       120s);
   ASSERT_TRUE(code.has_value()) << "the run did not end\n" << launch.output();
   EXPECT_EQ(*code, 0) << launch.output();
   EXPECT_EQ(seen, instances(smallFleet())) << "every process tells its status";
+  EXPECT_EQ(finished, seen) << "to its last word";
   ASSERT_EQ(last_hash.size(), 2u) << "one hash per replica";
   EXPECT_EQ(last_hash["r1"].sha256(), last_hash["r2"].sha256()) << "equal sets must give equal maps";
   EXPECT_GT(last_hash["r1"].contributions(), 2u);
@@ -145,7 +118,7 @@ TEST_P(StopSignal, EndsEveryServiceAndLeavesNothing) {
     ASSERT_TRUE(fleet.listener.until(
         [&] {
           while (statuses->take(status)) {
-            if (seen.insert(status.service().to_string() + " " + status.instance().to_string()).second) {
+            if (seen.insert(nameOf(status)).second) {
               pids.push_back(static_cast<pid_t>(status.process_id()));
             }
           }
@@ -311,8 +284,7 @@ TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
   v1::ServiceStatus status;
   ASSERT_TRUE(fleet.listener.until(
       [&] {
-        while (statuses->take(status))
-          running.insert(status.service().to_string() + " " + status.instance().to_string());
+        while (statuses->take(status)) running.insert(nameOf(status));
         return running == instances(smallFleet());
       },
       60s))
@@ -324,43 +296,6 @@ TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
   ASSERT_GT(cameras, 0);
   EXPECT_TRUE(truth->waitForReaders(cameras, 10s));
   EXPECT_FALSE(truth->waitForReaders(cameras + 1, 2s)) << "somebody beside the renderers reads the truth";
-}
-
-/// What people see of a running fleet: everybody, at work.
-TEST(FleetProcesses, StatusShowsEveryServiceAtWork) {
-  LiveFleet fleet("status", 69);
-  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
-  std::set<std::string> running;
-  const auto expected = instances(smallFleet());
-  ASSERT_TRUE(fleet.listener.until(
-      [&] {
-        v1::ServiceStatus s;
-        while (statuses->take(s)) {
-          if (s.processed() > 0 || s.service() == "world")
-            running.insert(s.service().to_string() + " " + s.instance().to_string());
-        }
-        return running == expected;
-      },
-      30s));
-  Process status({program("status"), "--once", "--domain", "69"}, fleet.out + "/status.txt");
-  EXPECT_EQ(status.wait(20s), std::optional<int>(0)) << status.output();
-  std::istringstream lines(status.output());
-  std::set<std::string> shown;
-  for (std::string line; std::getline(lines, line);) {
-    const auto state = line.find("  running");
-    if (state == std::string::npos) continue;
-    std::string who = line.substr(0, line.find("  "));
-    if (who.find(' ') == std::string::npos) who += " ";
-    shown.insert(who);
-  }
-  EXPECT_EQ(shown, expected) << status.output();
-}
-
-TEST(FleetProcesses, StatusSaysWhereThereIsNoFleet) {
-  Process status({program("status"), "--once", "--wait", "0.3", "--domain", "70"},
-                 freshDir("no_fleet") + "/out");
-  EXPECT_EQ(status.wait(20s), std::optional<int>(1));
-  EXPECT_THAT(status.output(), testing::HasSubstr("no fleet on domain 70"));
 }
 
 TEST(FleetProcesses, ABadOptionStartsNothing) {

@@ -49,6 +49,8 @@ class Listener {
     bus::DdsBusOptions o;
     o.name = "listener";
     o.domain = domain;
+    // A busy machine must not make the fleet think that it has gone.
+    o.lease = std::chrono::seconds(30);
     return o;
   }
   std::unique_ptr<bus::Bus> bus_;

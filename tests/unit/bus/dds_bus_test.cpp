@@ -131,6 +131,36 @@ TEST(DdsBus, StopEndsASaturatedWriteWithinAQuarterSecond) {
   EXPECT_LT(Clock::now() - stopped, seconds(1));
 }
 
+// A stage that ends within the time that finding one another takes; its status tells how it ended.
+TEST(DdsBus, TheLastWordOfAShortLifeReachesReadersThatItHadNotFoundYet) {
+  const auto b = makeDdsBus(onOwnDomain());
+  const Topics topics(RunMode::kLockstep);
+  const auto reader = b->reader(topics.service_status);
+  {
+    const auto a = makeDdsBus(onOwnDomain());
+    const auto writer = a->writer(topics.service_status);
+    v1::ServiceStatus status;
+    status.service("camera");
+    ASSERT_TRUE(writer->write(status));
+    ASSERT_EQ(writer->matched(), 0) << "nobody has been found yet";
+    EXPECT_TRUE(a->flush(kPatience));
+  }
+  EXPECT_THAT(receive(*b, *reader, 1), SizeIs(1));
+}
+
+TEST(DdsBus, WhoHasBeenThereForLongFlushesAtOnceThoughAPeerReadsNothing) {
+  const auto a = makeDdsBus(onOwnDomain()), b = makeDdsBus(onOwnDomain());
+  const Topics topics(RunMode::kLockstep);
+  const auto reads_nothing = b->writer(topics.pose);
+  const auto reader = a->reader(topics.pose);
+  const auto writer = a->writer(topics.service_status);
+  ASSERT_TRUE(reader->waitForWriters(1, kPatience));
+  ASSERT_TRUE(a->flush(kPatience));  // until it is clear that nothing of b is on its way
+  const auto before = Clock::now();
+  EXPECT_TRUE(a->flush(kPatience));
+  EXPECT_LT(Clock::now() - before, milliseconds(500));
+}
+
 TEST(DdsBus, AWriterWithoutAHashIsAForeignVendorAndIsHeard) {
   DdsBusOptions foreign = onOwnDomain();
   foreign.announce_hash = false;

@@ -72,6 +72,33 @@ TEST(ReadRows, CountsLinesAndForgivesLineEndings) {
   EXPECT_THAT(warnings, ElementsAre(HasSubstr("a.csv:4: is bad (row left out)")));
 }
 
+TEST(ReadRows, AByteOrderMarkIsNoPartOfTheFirstLine) {
+  const test::TempFolder folder;
+  std::vector<std::string> warnings, seen;
+  const auto keep = [&](const std::vector<std::string_view>& fields) -> std::string {
+    seen.emplace_back(fields[0]);
+    return {};
+  };
+  writeAtomic(folder / "a.csv",
+              "\xEF\xBB\xBF#head\n1\n\xEF\xBB\xBF"
+              "2\n");
+  readRows(folder / "a.csv", ',', warnings, keep);
+  EXPECT_THAT(seen, ElementsAre("1",
+                                "\xEF\xBB\xBF"
+                                "2"))
+      << "a header; elsewhere it is part of a row";
+  seen.clear();
+  writeAtomic(folder / "b.csv",
+              "\xEF\xBB\xBF"
+              "1\n");
+  readRows(folder / "b.csv", ',', warnings, keep);
+  EXPECT_THAT(seen, ElementsAre("1")) << "no header";
+  seen.clear();
+  writeAtomic(folder / "c.csv", "\xEF\xBB\xBF");
+  readRows(folder / "c.csv", ',', warnings, keep);
+  EXPECT_THAT(seen, testing::IsEmpty()) << "an empty file of such an editor";
+}
+
 TEST(ReadRows, AFileWithoutAGoodRowIsAnError) {
   const test::TempFolder folder;
   std::vector<std::string> warnings;

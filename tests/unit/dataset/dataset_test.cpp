@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 
 #include "dataset/atomic_file.h"
+#include "dataset/ground_truth.h"
 #include "tests/test_data.h"
 
 namespace omnifleet::dataset {
@@ -173,6 +175,54 @@ TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
   EXPECT_EQ(d.markers->cover_size_m, Eigen::Vector2d(0.3, 0.3));
   EXPECT_EQ(d.markers->robots.at("r1").head, (Rgb{7, 8, 9}));
   EXPECT_EQ(MarkerSet::read(options::Section::parse(d.markers->toYaml(), "m")).toYaml(), d.markers->toYaml());
+}
+
+/// As editors and spreadsheets of other systems leave text: a byte order mark, CRLF.
+std::string editedElsewhere(const std::string& text) {
+  std::string edited = "\xEF\xBB\xBF";
+  for (const char c : text) {
+    if (c == '\n') edited += '\r';
+    edited += c;
+  }
+  return edited;
+}
+
+TEST_F(DatasetFiles, EveryFileMayHaveAByteOrderMarkAndForeignLineEnds) {
+  const std::map<std::string, std::string> files{
+      {"dataset.yaml", kDataset},
+      {"landmarks.yaml", "landmarks:\n  \"6\": {position_m: [0.5, -4.25]}\n"},
+      {"ceiling/markers.yaml",
+       "kind: patches\nheight_m: 0.3\nteam_rgb: [20, 90, 220]\nteam_offset_m: [-0.06, 0]\n"
+       "individual_offset_m: [0.06, 0]\npatch_size_m: [0.09, 0.12]\nrobots:\n  r1: {rgb: [230, 60, 61]}\n"},
+      {"r1/fisheye/sensor.yaml", kSensor},
+      {"r1/fisheye/data.csv", "#timestamp [ns],filename\n10,a.png\n20,b.png\n"},
+      {"r1/wheels/data.csv", "10,0.1,0.2\n20,0.3,0.4\n"},
+      {"r2/observations.csv", "#timestamp [ns],id,range [m],bearing [rad]\n10,r1,1.5,0.25\n"},
+      {"r2/laser/data.csv",
+       "#timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]\n5,0,0.01,1,2\n"},
+      {"r2/laser/sensor.yaml", "yaw_deg: 90\nrange_max_m: 8\n"},
+      {"groundtruth/r1.tum", "0.00000001 1 2 0 0 0 0 1\n"},
+      {"groundtruth/scene.geojson", "{\"type\": \"FeatureCollection\", \"features\": [\n]}\n"},
+  };
+  for (const auto& [name, text] : files) put(name, editedElsewhere(text));
+  const Dataset d = open();
+  EXPECT_THAT(d.warnings, testing::IsEmpty());
+  ASSERT_EQ(d.robots.size(), 2u);
+  const RobotRecording &r1 = d.robots[0], &r2 = d.robots[1];
+  ASSERT_EQ(r1.fisheye->rows.size(), 2u);
+  EXPECT_EQ(r1.fisheye->rows[0].sequence, 0u) << "the header is no rejected row";
+  EXPECT_THAT(r1.fisheye->rows[1].path, testing::EndsWith("data/b.png"));
+  EXPECT_EQ(r1.wheels.size(), 2u) << "no header: the mark stands before a number";
+  EXPECT_EQ(r2.observations.size(), 1u);
+  ASSERT_EQ(r2.laser.size(), 1u);
+  EXPECT_THAT(r2.laser[0].range_m, ElementsAre(1.0f, 2.0f));
+  EXPECT_EQ(r2.laser_sensor.range_max_m, 8.0);
+  EXPECT_EQ(d.markers->robots.at("r1").individual, (Rgb{230, 60, 61}));
+  ASSERT_EQ(d.landmarks.size(), 1u);
+  const GroundTruth truth = GroundTruth::load(folder_.path());
+  EXPECT_TRUE(truth.has_scene);
+  ASSERT_EQ(truth.trajectories.at("r1").size(), 1u);
+  EXPECT_EQ(truth.trajectories.at("r1")[0].time_ns, 10);
 }
 
 TEST_F(DatasetFiles, ErrorsNameFileLineAndWhatToDo) {

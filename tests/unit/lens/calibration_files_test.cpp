@@ -111,6 +111,17 @@ TEST(OpenCvFile, PinholeAndFisheyeAsXmlAndYaml) {
   }
 }
 
+TEST(OpenCvFile, MayBeginWithAByteOrderMark) {
+  const omnifleet::test::TempFolder folder;
+  for (const char* name : {"c.xml", "c.yml"}) {
+    cv::FileStorage file(name, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+    file << "image_width" << 800 << "image_height" << 600;
+    file << "camera_matrix" << cv::Mat(cv::Matx33d(250, 0, 401, 0, 251, 299, 0, 0, 1));
+    const std::string path = written(folder, name, "\xEF\xBB\xBF" + file.releaseAndGetString());
+    EXPECT_EQ(CameraModel::load(path).focal_px, Eigen::Vector2d(250, 251)) << name;
+  }
+}
+
 TEST(OpenCvFile, MayStandUnderASensorYamlThatPlacesIt) {
   const omnifleet::test::TempFolder folder;
   {

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "fleet/fleet.h"
+#include "tests/multiprocess/listener.h"
+#include "tests/multiprocess/process.h"
+
+namespace omnifleet::test {
+
+inline std::string smallFleet() {
+  return sourceDir() + "/config/fleets/small.yaml";
+}
+
+/// The small fleet in processes, by the wall clock unless it is told to run in lockstep, and who listens to
+/// it.
+struct LiveFleet {
+  LiveFleet(const std::string& name, int domain, const std::string& config = "long", bool lockstep = false)
+      : out(freshDir(name)),
+        shared_before(sharedMemoryFiles()),
+        launch(command(out, domain, config, lockstep), out + "/launch.log"),
+        listener(domain) {}
+
+  static std::vector<std::string> command(const std::string& out, int domain, const std::string& config,
+                                          bool lockstep) {
+    std::vector<std::string> words{program("launch"),
+                                   "run",
+                                   smallFleet(),
+                                   "--config",
+                                   sourceDir() + "/tests/multiprocess/" + config + ".yaml",
+                                   "--out",
+                                   out,
+                                   "--domain",
+                                   std::to_string(domain)};
+    if (!lockstep) words.push_back("--realtime");
+    return words;
+  }
+
+  std::string out;
+  std::vector<std::string> shared_before;
+  Process launch;
+  Listener listener;
+};
+
+/// What a status calls its service: "classifier r1", "world ".
+inline std::string nameOf(const v1::ServiceStatus& status) {
+  return status.service().to_string() + " " + status.instance().to_string();
+}
+
+/// All whose status a fleet on one machine has: its services, and the launcher that watches them.
+inline std::set<std::string> instances(const std::string& fleet_file) {
+  std::set<std::string> names{"launch "};
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet::Fleet::load(fleet_file, "", {})))
+    names.insert(process.service + " " + process.instance);
+  return names;
+}
+
+}  // namespace omnifleet::test

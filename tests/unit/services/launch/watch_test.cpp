@@ -1,0 +1,92 @@
+#include "launch/watch.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "bus/fake_bus.h"
+
+namespace omnifleet::launch {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class Watched : public testing::Test {
+ protected:
+  /// All that is told in this time; looked for as often as the launcher does.
+  std::vector<std::string> after(milliseconds time) {
+    std::vector<std::string> told;
+    for (const auto end = now_ + time; now_ < end;) {
+      now_ += milliseconds(100);
+      for (const std::string& news : watch_->look(now_)) told.push_back(news);
+    }
+    return told;
+  }
+  void speak(const std::string& who, bool finished = false) { watch_->heard(who, finished, now_); }
+  v1::ServiceStatus status() {
+    while (reader_->take(status_)) {
+    }
+    return status_;
+  }
+
+  std::shared_ptr<bus::FakeNetwork> network_ = bus::makeFakeNetwork();
+  std::unique_ptr<bus::Bus> bus_ = bus::makeFakeBus(network_), people_ = bus::makeFakeBus(network_);
+  bus::Topics topics_{bus::RunMode::kLive};
+  std::unique_ptr<bus::Reader<v1::ServiceStatus>> reader_ = people_->reader(topics_.service_status);
+  Watch::Clock::time_point now_{seconds(1000)};
+  std::optional<Watch> watch_{
+      std::in_place, *bus_, topics_, std::vector<std::string>{"world", "classifier r1"}, "robot1", now_};
+  v1::ServiceStatus status_;
+};
+
+TEST_F(Watched, ASilentServiceIsToldOnceAndStaysInTheStatus) {
+  speak("classifier r1");
+  speak("world");
+  EXPECT_THAT(after(seconds(5)), IsEmpty());
+  EXPECT_EQ(status().state(), v1::SERVICE_RUNNING);
+  EXPECT_EQ(status().service(), "launch");
+  EXPECT_EQ(status().instance(), "robot1");
+  speak("world");
+  EXPECT_THAT(after(seconds(4)), ElementsAre("classifier r1: silent for 5 s"));
+  EXPECT_EQ(status().state(), v1::SERVICE_DEGRADED);
+  EXPECT_EQ(status().last_error(), "classifier r1 silent for 9 s");
+  speak("classifier r1");
+  EXPECT_THAT(after(milliseconds(100)), ElementsAre("classifier r1: speaks again"));
+  EXPECT_EQ(status().state(), v1::SERVICE_RUNNING);
+  EXPECT_EQ(status().last_error(), "");
+}
+
+TEST_F(Watched, AServiceThatWasStartedAndNeverSpeaksIsNamed) {
+  speak("world", true);
+  EXPECT_THAT(after(seconds(16)), ElementsAre("classifier r1: not heard in 15 s"));
+}
+
+TEST_F(Watched, StrangersMayComeAndGo) {
+  speak("world", true);
+  speak("classifier r1", true);
+  speak("somebody's own stage");
+  EXPECT_THAT(after(seconds(60)), IsEmpty());
+}
+
+TEST_F(Watched, ItsEndIsSaid) {
+  after(seconds(20));
+  EXPECT_EQ(status().state(), v1::SERVICE_DEGRADED);
+  watch_.reset();
+  EXPECT_EQ(status().state(), v1::SERVICE_FINISHED);
+  EXPECT_EQ(status().last_error(), "") << "who has ended misses nobody";
+}
+
+TEST(SilentText, NamesAsManyAsThereIsRoomFor) {
+  std::vector<bus::Silence::Silent> silent(30, {"local_mapper r1", seconds(12), true});
+  EXPECT_EQ(silentText({silent[0]}), "local_mapper r1 silent for 12 s");
+  EXPECT_EQ(silentText({silent[0], silent[1]}),
+            "local_mapper r1 silent for 12 s, local_mapper r1 silent for 12 s");
+  const std::string text = silentText(silent);
+  EXPECT_LE(text.size(), 256u) << "the room in a status";
+  EXPECT_THAT(text, testing::EndsWith(", 24 more"));
+}
+
+}  // namespace
+}  // namespace omnifleet::launch

@@ -1,0 +1,102 @@
+#include "status/table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+namespace omnifleet::status {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+v1::ServiceStatus sample(const std::string& service, const std::string& instance, v1::ServiceState state,
+                         const std::string& error = {}) {
+  v1::ServiceStatus s;
+  s.service(service);
+  s.instance(instance);
+  s.state(state);
+  s.last_error(error);
+  return s;
+}
+
+class Shown : public testing::Test {
+ protected:
+  void put(const v1::ServiceStatus& s) { table_.put(s, now_); }
+  /// Looks five times a second, as the program does.
+  void wait(milliseconds time) {
+    for (const auto end = now_ + time; now_ < end; table_.look(now_)) now_ += milliseconds(200);
+  }
+  std::string lineOf(const std::string& who) const {
+    std::istringstream lines(table_.text());
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind(who + " ", 0) == 0) return line;
+    }
+    return {};
+  }
+
+  Table::Clock::time_point now_{seconds(1000)};
+  Table table_;
+};
+
+TEST_F(Shown, WhoHangsIsNamedWithTheTimeItHasBeenSilent) {
+  put(sample("classifier", "r1", v1::SERVICE_RUNNING, "a sample out of order was rejected"));
+  put(sample("world", "", v1::SERVICE_RUNNING));
+  wait(seconds(2));
+  put(sample("world", "", v1::SERVICE_RUNNING));
+  EXPECT_THAT(lineOf("classifier r1"), HasSubstr("  running"));
+  EXPECT_FALSE(table_.anybodySilent());
+  wait(seconds(2));
+  EXPECT_THAT(lineOf("classifier r1"),
+              AllOf(HasSubstr("  silent"), HasSubstr("silent for 4 s; before: a sample out of order")));
+  EXPECT_THAT(lineOf("world"), AllOf(HasSubstr("  running"), Not(HasSubstr("silent"))));
+  EXPECT_TRUE(table_.anybodySilent());
+  put(sample("classifier", "r1", v1::SERVICE_RUNNING));
+  put(sample("world", "", v1::SERVICE_RUNNING));
+  wait(milliseconds(200));
+  EXPECT_THAT(lineOf("classifier r1"), HasSubstr("  running"));
+  EXPECT_FALSE(table_.anybodySilent()) << "it speaks again";
+}
+
+TEST_F(Shown, WhoHasFinishedIsNotSilent) {
+  put(sample("world", "", v1::SERVICE_FINISHED));
+  wait(seconds(60));
+  EXPECT_THAT(lineOf("world"), HasSubstr("  finished"));
+  EXPECT_FALSE(table_.anybodySilent());
+}
+
+TEST_F(Shown, WhomALauncherMissesIsSilentThoughItWasNeverHeardHere) {
+  put(sample("launch", "", v1::SERVICE_DEGRADED, "classifier r1 silent for 40 s"));
+  put(sample("localizer", "", v1::SERVICE_DEGRADED, "r1 slips"));
+  EXPECT_TRUE(table_.anybodySilent());
+  EXPECT_THAT(lineOf("launch"), HasSubstr("classifier r1 silent for 40 s"));
+  put(sample("launch", "", v1::SERVICE_RUNNING));
+  EXPECT_FALSE(table_.anybodySilent()) << "another service's trouble is no silence";
+}
+
+v1::FormationState state(const std::string& robot, const std::string& leader, std::uint32_t term) {
+  v1::FormationState s;
+  s.robot(robot);
+  s.leader(leader);
+  s.term(term);
+  return s;
+}
+
+TEST_F(Shown, WhoLeadsTheFormationAndWhoHasNotHeardOfIt) {
+  put(sample("world", "", v1::SERVICE_RUNNING));
+  EXPECT_EQ(lineOf("leader:"), "") << "a fleet without a formation";
+  for (const char* robot : {"r1", "r2", "r3"}) table_.put(state(robot, "r1", 0));
+  EXPECT_EQ(lineOf("leader:"), "leader: r1 (term 0)");
+  table_.put(state("r2", "r2", 1));
+  table_.put(state("r3", "r2", 1));
+  EXPECT_EQ(lineOf("leader:"), "leader: r2 (term 1); r1 last obeyed r1 (term 0)");
+  table_.put(state("r1", "r2", 1));
+  EXPECT_EQ(lineOf("leader:"), "leader: r2 (term 1)");
+}
+
+}  // namespace
+}  // namespace omnifleet::status
