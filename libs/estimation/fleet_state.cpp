@@ -415,9 +415,8 @@ void FleetState::loosen(RobotNode& robot, std::size_t at, const Eigen::Matrix3d&
   Step& step = robot.window[at];
   graph.removeFactor(step.motion);
   step.motion_covariance = covariance;
-  step.motion =
-      graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.by_model, step.model),
-                      {robot.window[at - 1].pose, step.pose, robot.wheels});
+  step.motion = graph.addFactor(motionFactor(step.measured, covariance, step.by_model, step.model),
+                                {robot.window[at - 1].pose, step.pose, robot.wheels});
 }
 
 void FleetState::disbelieveWheels(RobotNode& robot) {
