@@ -70,7 +70,10 @@ void FleetSimulator::placeObstacles() {
     prism.height_m = height(random_);
     const double a = size(random_), b = size(random_), turn = angle(random_);
     if (crosses(prism.centre_m, obstacles_, 0.6)) continue;
-    if (obstacles_.size() % 2 == 0) {
+    if (options_.alike) {
+      prism.radius_m = 0.12;
+      prism.height_m = 0.2;
+    } else if (obstacles_.size() % 2 == 0) {
       const Pose2 at{x, y, turn};
       prism.outline_m = {at * Eigen::Vector2d(-a, -b), at * Eigen::Vector2d(a, -b),
                          at * Eigen::Vector2d(a, b), at * Eigen::Vector2d(-a, b)};

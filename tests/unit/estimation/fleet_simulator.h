@@ -38,6 +38,7 @@ struct SimulationOptions {
   int moved_at = 0;                       ///< frame at which r1 has been moved by hand (0: never), …
   double moved_m = 0.0, moved_rad = 0.0;  ///< … and how far from where its wheels would have it
   bool all_moved = false;                 ///< all robots, alike: the same way in map, each turned where it is
+  bool alike = false;                     ///< all obstacles are discs of one size
   double sight_m = 2.0;                   ///< contact distance up to which things are seen
 };
 

@@ -164,6 +164,18 @@ TEST(Jumps, TwoThingsInTheWholeWayOfALostRobotPlaceIt) {
   }
 }
 
+// Two things alike look the same from the other side.
+TEST(Jumps, TwoThingsAlikeTellTwoPlacesAndPlaceNobody) {
+  Trouble carried = carriedFar(2.0);
+  carried.simulation.obstacles = 2;
+  carried.simulation.alike = true;
+  for (const std::uint32_t seed : {16U, 23U, 26U}) {
+    const TroubleResult result = run(carried, {}, seed);
+    EXPECT_EQ(result.told, result.troubled) << "seed " << seed;
+    EXPECT_EQ(result.valid, 0.0) << "seed " << seed;  // else 0.94, metres away
+  }
+}
+
 // Two things that nobody has mapped lie as far from one another as two known ones, and are broader.
 TEST(Jumps, TwoOthersDoNot) {
   const TroubleResult result = run(carriedFar(2.0), {}, 10);

@@ -53,6 +53,9 @@ int main(int argc, char** argv) {
   });
   add("alone, sight 1.2, far",
       [&](Trouble& t) { carriedFar(t), t.simulation.robots = 1, t.simulation.sight_m = 1.2; });
+  add("alone, two alike, far", [&](Trouble& t) {
+    carriedFar(t), t.simulation.robots = 1, t.simulation.obstacles = 2, t.simulation.alike = true;
+  });
   add("alone, dark, stays", [&](Trouble& t) { carriedFar(t), t.simulation.robots = 1, t.moved_m = 0.0; });
   add("alone, 10 things, stays", [&](Trouble& t) {
     carriedFar(t), t.simulation.robots = 1, t.moved_m = 0.0;
