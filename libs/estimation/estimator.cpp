@@ -23,7 +23,6 @@ namespace omnifleet::estimation {
 namespace {
 constexpr double kMisfit_m = 0.05;        // rms of a view after the solve that is no view of this object
 constexpr double kSlipInflation = 100.0;  // of the covariance of a step that the rest refutes
-constexpr int kDoubts = 3;                // refused ranges and bearings in a row: no pose to be trusted
 constexpr int kFinalIterations = 30;
 constexpr double kFits_m = 0.025, kMuchBetter = 0.5;  // misfit of a frame that is right; share that is less
 constexpr int kDoubtRounds = 3;                       // of reweighting, until what was an outlier counts
@@ -61,7 +60,6 @@ class FleetEstimator::Impl {
   void reweight(RobotNode& robot, Step& step);
   void solveNewest(std::vector<Frame>& frames);
   void checkViews(std::vector<Frame>& frames);
-  void noteStates(std::vector<Frame>& frames);
   void checkSteps(std::vector<Frame>& frames);
   double solvedMisfit(RobotNode& robot, std::vector<Frame>& frames);
   void doubtStep(Frame& frame, std::vector<Frame>& frames);
@@ -89,7 +87,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   checkSteps(frames);  // … and where a wrong view hid it
   updateUncertainty(fleet, whole_, settled_);
   noticeCarried(fleet, frames);
-  noteStates(frames);
+  for (const Frame& frame : frames) noteState(fleet, frame);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
   return report(frames);
 }
@@ -192,9 +190,9 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     }
     if (!robot.located()) advanceScout(fleet, robot, *frame.objects);
     robot.started = true;
-    robot.last_frame_ns = frame.objects->acquired_ns;
-    fresh.push_back(frame.objects);
     frame.seen = silhouettes(fleet, *frame.objects);
+    tryWheels(fleet, frame, std::exchange(robot.last_frame_ns, frame.objects->acquired_ns));
+    fresh.push_back(frame.objects);
   }
   queue_.attach(fleet, time, fresh);
   for (Frame& frame : frames) {
@@ -306,20 +304,6 @@ void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
     }
   }
   if (removed) solveNewest(frames);
-}
-
-void FleetEstimator::Impl::noteStates(std::vector<Frame>& frames) {
-  for (Frame& frame : frames) {
-    RobotNode& robot = *frame.robot;
-    if (!frame.fresh || !robot.located()) continue;
-    const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
-    robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
-    robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : tellDoubt(fleet, robot);
-    if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
-    if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
-    if (frame.slipped) robot.status.state = RobotState::kSlipping;
-    if (frame.slipped) robot.status.text = "wheels disagree with what is seen";
-  }
 }
 
 void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {

@@ -118,8 +118,8 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   const Step* previous = robot.located() ? &robot.window.back() : nullptr;
   const Motion& motion = frame.motion;
   step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
-  step.wheels = motion.valid && motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
-                motion.since_ns == step.since_ns;
+  step.wheels = motion.valid && robot.wiring == Wiring::kAsTold && motion.previous_from_current.isFinite() &&
+                motion.covariance.allFinite() && motion.since_ns == step.since_ns;
   if (step.wheels) {
     step.previous_from_current = motion.previous_from_current;
     step.motion_covariance = motion.covariance;
@@ -137,11 +137,9 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     if (previous->motion != kNoFactor && last_dt > 0) {
       step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
     }
-    const double way = options.no_wheels_sigma_mps * dt, turn = options.no_wheels_sigma_radps * dt;
     // While nothing tells, a wrong speed stays wrong: σ grows with time, not with its root.
     const double longer = 2.0 * robot.unobserved + 1.0;
-    step.motion_covariance =
-        longer * Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal().toDenseMatrix();
+    step.motion_covariance = longer * unknownMotion(dt);
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
   step.own_covariance = step.motion_covariance;
@@ -152,6 +150,11 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
         options.carried_per_s * unseen_s * Eigen::Vector3d(m * m, m * m, rad * rad);
   }
   return step;
+}
+
+Eigen::Matrix3d FleetState::unknownMotion(double over_s) const {
+  const double way = options.no_wheels_sigma_mps * over_s, turn = options.no_wheels_sigma_radps * over_s;
+  return Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal();
 }
 
 bool FleetState::fromLog(const RobotNode& robot, Step& step) const {
@@ -405,13 +408,26 @@ void FleetState::shareKeyframes(TimeNs time_ns) {
 }
 
 void FleetState::loosen(RobotNode& robot, const Eigen::Matrix3d& covariance) {
-  Step& step = robot.window.back();
+  loosen(robot, robot.window.size() - 1, covariance);
+}
+
+void FleetState::loosen(RobotNode& robot, std::size_t at, const Eigen::Matrix3d& covariance) {
+  Step& step = robot.window[at];
   graph.removeFactor(step.motion);
   step.motion_covariance = covariance;
-  const VariableId previous = robot.window[robot.window.size() - 2].pose;
-  step.motion =
-      graph.addFactor(motionFactor(step.measured, step.motion_covariance, step.by_model, step.model),
-                      {previous, step.pose, robot.wheels});
+  step.motion = graph.addFactor(motionFactor(step.measured, covariance, step.by_model, step.model),
+                                {robot.window[at - 1].pose, step.pose, robot.wheels});
+}
+
+void FleetState::disbelieveWheels(RobotNode& robot) {
+  for (std::size_t i = 1; i < robot.window.size(); ++i) {
+    Step& step = robot.window[i];
+    if (!step.wheels || step.motion == kNoFactor) continue;
+    loosen(robot, i, unknownMotion(static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns));
+    step.wheels = false;
+  }
+  // Else it would go on as they had it.
+  if (robot.located()) robot.window.back().previous_from_current = Pose2{};
 }
 
 void FleetState::updateShapes() {

@@ -16,6 +16,7 @@
 #include "estimation/prism_factors.h"
 #include "estimation/view.h"
 #include "estimation/wheel_log.h"
+#include "estimation/wheel_trial.h"
 
 namespace omnifleet::estimation {
 
@@ -111,6 +112,14 @@ struct Unseen {
   double rolled_m = 0.0, turned_rad = 0.0;               ///< sums of the way's steps
 };
 
+/// Where a robot that is lost may be.
+struct Claim {
+  Pose2 map_from_base;
+  double gain = 0.0, most = 0.0;   ///< χ² that it explains of what is seen, and all of it; of late
+  int frames = 0;                  ///< in which two things at least were where they should be
+  std::set<std::uint32_t> things;  ///< that were
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -119,6 +128,8 @@ struct RobotNode {
   VariableId camera = 0;    ///< CameraError; 0 until it has seen something
   VariableId size = 0;      ///< of its body against what it is said to be; 0 until it has been seen
   FactorId wheels_prior = kNoFactor;
+  WheelTrial wheel_trial;
+  Wiring wiring = Wiring::kAsTold;  ///< its last verdict; other wheels count for nothing
   std::optional<WheelLog> log;
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
   std::deque<Step> window;     ///< empty while unlocated
@@ -140,10 +151,13 @@ struct RobotNode {
   Start start;
   TimeNs sight_ns = 0;  ///< of what it saw last
   std::vector<Glimpse> sight;
-  Scan scan;                ///< of that frame: how far floor is seen
-  double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
-  bool displaced = false;   ///< it sees nothing of what should be there
-  int unobserved = 0;       ///< frames since it has seen enough whose place or motion is known
+  Scan scan;                  ///< of that frame: how far floor is seen
+  double farthest_m = 0.0;    ///< of the silhouettes' positions so far: so far does it see for sure
+  bool familiar = false;      ///< it saw something that it knew, before it saw nothing
+  bool displaced = false;     ///< it sees nothing of what should be there, …
+  std::vector<Claim> claims;  ///< … and may be here
+  double claimed_m = 0.0;     ///< rolled since these were weighed last
+  int unobserved = 0;         ///< frames since it has seen enough whose place or motion is known
   double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last
   int unsure = 0;  ///< it has seen nothing for a while; frames in which it may find that it was carried away
   TimeNs seeing_ns = 0;                            ///< when it could see last
@@ -255,6 +269,8 @@ class FleetState {
   void shareKeyframes(TimeNs time_ns);
   /// Replaces the newest step's motion factor by one with a larger covariance.
   void loosen(RobotNode& robot, const Eigen::Matrix3d& covariance);
+  /// What the wheels told of the whole window is as good as nothing.
+  void disbelieveWheels(RobotNode& robot);
   /// Shapes anew from the views of keyframes.
   void updateShapes();
   /// Marginalises frames beyond the window.
@@ -264,6 +280,8 @@ class FleetState {
 
  private:
   void forgetPoints();
+  void loosen(RobotNode& robot, std::size_t step, const Eigen::Matrix3d& covariance);
+  Eigen::Matrix3d unknownMotion(double over_s) const;
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);

@@ -21,12 +21,21 @@ constexpr double kNear = 12.0, kFar = 22.0;  // χ² by which a place must be be
 constexpr double kRival = 4.0;               // … and than any other
 constexpr int kLeastViews = 3;               // before a landmark is known well enough
 constexpr double kOther_m = 0.25;            // so near a known thing a body is that thing
+// Of places that a lost robot may be at:
+constexpr double kClaimWay_m = 0.05;    // rolled from one look at them to the next
+constexpr double kClaimForget = 0.8;    // what a look counts, to the next one
+constexpr double kClaimWidth_m = 0.02;  // σ of half a width
+constexpr int kClaimFrames = 5;         // looks at least …
+constexpr double kClaimGain = 45.0;     // … and χ², as much as two things in three looks
+constexpr double kClaimShare = 0.85;    // of all that is seen is explained there, …
+constexpr double kClaimRival = 0.5;     // … and nowhere else so large a share of it
 
 /// Something that stands where it is known to be, or that others see where the robot itself may be.
 struct Known {
   Eigen::Vector2d place_m;  ///< map
   double height_m, half_width_m;
   bool itself = false;
+  std::uint32_t landmark = 0;
 };
 
 /// What a robot sees, or itself.
@@ -39,6 +48,8 @@ struct Thing {
 
 struct Match {
   Eigen::Vector2d in_base_m, in_map_m;
+  std::uint32_t landmark = 0;
+  double wider_m = 0.0;  ///< than what is known, half of it
 };
 
 struct Place {
@@ -61,7 +72,7 @@ class Search {
       double width_m, by_height;
       landmark.shape->halfWidth(width_m, by_height);
       const double height_m = fleet.height(landmark);
-      known_.push_back({fleet.centre(landmark), height_m, width_m - height_m * by_height});
+      known_.push_back({fleet.centre(landmark), height_m, width_m - height_m * by_height, false, id});
     }
     for (const RobotNode& other : fleet.robots) {
       const auto at = fleet.poseAt(other, robot.window.back().time_ns);
@@ -81,7 +92,32 @@ class Search {
     return result;
   }
 
+  /// Every place where what is seen may be once more, and what speaks for it now.
+  void weigh(std::vector<Claim>& claims) const {
+    for (const Place& place : places()) {
+      const bool known = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
+        return areSame(claim.map_from_base, place.map_from_base);
+      });
+      if (!known) claims.push_back({place.map_from_base, 0.0, 0.0, 0, {}});
+    }
+    for (Claim& claim : claims) weigh(claim);
+  }
+
  private:
+  void weigh(Claim& claim) const {
+    const Place place = judge(claim.map_from_base);
+    const double most = kMost * static_cast<double>(things_.size());
+    double gain = most - place.cost;
+    for (const Match& match : place.matches)
+      gain -= std::min(kMost, match.wider_m * match.wider_m / (kClaimWidth_m * kClaimWidth_m));
+    claim.gain = kClaimForget * claim.gain + gain;
+    claim.most = kClaimForget * claim.most + most;
+    if (place.matches.size() < kNearMatches) return;
+    ++claim.frames;
+    claim.map_from_base = rigid(place.matches);
+    for (const Match& match : place.matches) claim.things.insert(match.landmark);
+  }
+
   /// A robot whose start nobody has confirmed is held against what it has seen itself.
   static bool isSure(const RobotNode& robot) {
     const Start& start = robot.start;
@@ -117,9 +153,13 @@ class Search {
 
   static bool isWhat(const Thing& thing, const Known& known) {
     if (!thing.footprint || known.itself) return !thing.footprint && known.itself;
-    const double width_m =
-        thing.footprint->half_width_m - known.height_m * thing.footprint->half_width_by_height;
-    return std::abs(width_m - known.half_width_m) < kWidth_m + kWidthShare * known.half_width_m;
+    return std::abs(wider(thing, known)) < kWidth_m + kWidthShare * known.half_width_m;
+  }
+
+  static double wider(const Thing& thing, const Known& known) {
+    if (!thing.footprint) return 0.0;
+    return thing.footprint->half_width_m - known.height_m * thing.footprint->half_width_by_height -
+           known.half_width_m;
   }
 
   Place judge(const Pose2& map_from_base) const {
@@ -137,7 +177,8 @@ class Search {
       place.cost += std::min(kMost, nearest_m * nearest_m / (kSigma_m * kSigma_m));
       if (what == known_.size()) continue;
       found[what] = true;
-      place.matches.push_back({thing.in_base_m(known_[what].height_m), known_[what].place_m});
+      place.matches.push_back({thing.in_base_m(known_[what].height_m), known_[what].place_m,
+                               known_[what].landmark, wider(thing, known_[what])});
     }
     const Pose2 base_from_map = map_from_base.inverse();
     for (std::size_t k = 0; k < known_.size(); ++k) {
@@ -220,6 +261,41 @@ class Search {
 Whereabouts lookAround(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen,
                        bool peers) {
   return Search(fleet, robot, seen, peers).result();
+}
+
+namespace {
+
+/// What explains nothing any more, and what has become the same as one that explains more.
+void dropClaims(std::vector<Claim>& claims) {
+  std::stable_sort(claims.begin(), claims.end(),
+                   [](const Claim& a, const Claim& b) { return a.gain > b.gain; });
+  std::vector<Claim> kept;
+  for (Claim& claim : claims) {
+    const bool same = std::any_of(kept.begin(), kept.end(), [&](const Claim& other) {
+      return areSame(claim.map_from_base, other.map_from_base);
+    });
+    if (!same && claim.gain > 0.0) kept.push_back(std::move(claim));
+  }
+  claims = std::move(kept);
+}
+
+}  // namespace
+
+std::optional<Pose2> followClaims(const FleetState& fleet, RobotNode& robot, const std::vector<Seen>& seen) {
+  const Step& step = robot.window.back();
+  if (!step.wheels) robot.claims.clear();
+  for (Claim& claim : robot.claims) claim.map_from_base = claim.map_from_base * step.previous_from_current;
+  robot.claimed_m += step.rolled_m;
+  if (!robot.claims.empty() && robot.claimed_m < kClaimWay_m) return std::nullopt;
+  robot.claimed_m = 0.0;
+  Search(fleet, robot, seen, true).weigh(robot.claims);
+  dropClaims(robot.claims);
+  if (robot.claims.empty()) return std::nullopt;
+  const Claim& best = robot.claims.front();
+  const bool rivalled = robot.claims.size() > 1 && robot.claims[1].gain > kClaimRival * best.gain;
+  if (rivalled || best.frames < kClaimFrames || best.gain < kClaimGain || best.gain < kClaimShare * best.most)
+    return std::nullopt;
+  return best.map_from_base;
 }
 
 void followUnseen(FleetState& fleet, RobotNode& robot, bool sees) {

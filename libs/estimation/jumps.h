@@ -25,6 +25,11 @@ struct Whereabouts {
 Whereabouts lookAround(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen,
                        bool peers);
 
+/// A lost robot's newest frame: two things that fit a place tell no more than that it may be there. But a
+/// place that goes on to explain what is seen, while the robot drives, where nothing is missing and no other
+/// explains half as much, is where it is.
+std::optional<Pose2> followClaims(const FleetState& fleet, RobotNode& robot, const std::vector<Seen>& seen);
+
 /// A frame's part of the way that a robot has gone without seeing anything; before it is associated.
 void followUnseen(FleetState& fleet, RobotNode& robot, bool sees);
 /// Whether a robot is elsewhere than the way that it has gone unseen says.

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "estimation/jumps.h"
+#include "estimation/starts.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -11,6 +13,8 @@ namespace {
 constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
 constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
 constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
+
+constexpr int kDoubts = 3;  // refused ranges and bearings in a row: no pose to be trusted
 
 void jump(FleetState& fleet, RobotFrame& frame, const Pose2& map_from_base) {
   RobotNode& robot = *frame.robot;
@@ -26,6 +30,7 @@ void jump(FleetState& fleet, RobotFrame& frame, const Pose2& map_from_base) {
   if (told && !slipped && !robot.displaced) ++robot.status.losses;
   frame.placed_anew = told && !slipped;
   robot.displaced = false;
+  robot.claims.clear();
 }
 
 /// A robot that is not where its motion has put it is placed anew by what it sees.
@@ -38,10 +43,48 @@ void noticeJump(FleetState& fleet, RobotFrame& frame, bool peers) {
     return;
   }
   frame.settled = at.fit();
-  frame.unfamiliar = (robot.unsure > 0 || frame.after_gap) && 2 * at.matches < at.things && at.missing > 0;
+  if (frame.settled || !robot.displaced) robot.claims.clear();
+  if (!frame.settled && robot.displaced && peers) {
+    const auto place = followClaims(fleet, robot, frame.seen);
+    if (place) {
+      jump(fleet, frame, *place);
+      return;
+    }
+  }
+  const bool blind = robot.unsure > 0;
+  if (!blind && at.matches > 0) robot.familiar = true;
+  const bool strange = 2 * at.matches < at.things && at.missing > 0;
+  const bool all_strange = robot.familiar && at.matches == 0 && at.things > 0;
+  frame.unfamiliar = blind && (strange || all_strange);
+}
+
+std::vector<Standing> standing(const FleetState& fleet, const std::vector<Seen>& seen) {
+  std::vector<Standing> all;
+  for (const Seen& s : seen) {
+    if (!s.mature || s.track->kind == ObjectKind::kRobot) continue;
+    const Footprint footprint(*s.view);
+    const double height_m = s.track->height_m > 0 ? s.track->height_m : fleet.options.prior_height_m;
+    all.push_back(
+        {footprint.centre(height_m), footprint.half_width_m - height_m * footprint.half_width_by_height});
+  }
+  return all;
 }
 
 }  // namespace
+
+void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
+  RobotNode& robot = *frame.robot;
+  const Motion& motion = frame.objects->motion;
+  const bool all_told = motion.valid && motion.since_ns == before_ns;
+  if (!frame.follows() || !all_told) robot.wheel_trial.interrupt();
+  if (!frame.sees()) return;
+  robot.wheel_trial.add(all_told ? motion : Motion{}, robot.setup.body.wheel_separation_m,
+                        standing(fleet, frame.seen));
+  // Nobody changes wires in a run: little in sight takes nothing back.
+  const Wiring verdict = robot.wheel_trial.verdict();
+  if (verdict == Wiring::kAsTold) return;
+  if (std::exchange(robot.wiring, verdict) == Wiring::kAsTold) fleet.disbelieveWheels(robot);
+}
 
 bool isAfterGap(const RobotNode& robot, TimeNs time_ns) {
   constexpr TimeNs kGap_ns = 1000000000;
@@ -53,6 +96,10 @@ bool isAfterGap(const RobotNode& robot, TimeNs time_ns) {
 }
 
 void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
+  // Who was as blind as it is bears no robot out: they may all have been carried alike.
+  for (RobotFrame& frame : frames) {
+    if (frame.isPlaced() && frame.after_gap) frame.robot->unsure = kUnsureFrames + 1;
+  }
   for (const bool peers : {false, true}) {
     for (RobotFrame& frame : frames) {
       if (frame.isPlaced() && frame.sees() && !frame.settled) noticeJump(fleet, frame, peers);
@@ -63,9 +110,9 @@ void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
     RobotNode& robot = *frame.robot;
     if (!frame.sees()) {
       robot.unsure = kUnsureFrames;
+      robot.claims.clear();
       continue;
     }
-    if (frame.after_gap) robot.unsure = kUnsureFrames + 1;
     if (frame.settled) robot.unsettled_m = robot.unsettled_rad = 0.0;
     robot.unsure = frame.settled ? 0 : std::max(0, robot.unsure - 1);
     robot.seeing_ns = frame.objects->acquired_ns;
@@ -138,6 +185,22 @@ double misfit(const FleetState& fleet, const std::vector<ViewLink>& views) {
 Eigen::Matrix3d slipCovariance() {
   constexpr double kReach_m = 0.2, kReach_rad = 0.2;
   return Eigen::Vector3d(kReach_m * kReach_m, kReach_m * kReach_m, kReach_rad * kReach_rad).asDiagonal();
+}
+
+void noteState(const FleetState& fleet, const RobotFrame& frame) {
+  RobotNode& robot = *frame.robot;
+  if (!frame.fresh || !robot.located()) return;
+  const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
+  robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
+  robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : tellDoubt(fleet, robot);
+  if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
+  if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
+  if (frame.slipped) robot.status.state = RobotState::kSlipping;
+  if (frame.slipped) robot.status.text = "wheels disagree with what is seen";
+  if (robot.wiring == Wiring::kAsTold) return;
+  // All else that is wrong comes of it.
+  robot.status.text = tellWiring(robot.wiring);
+  if (!lost) robot.status.state = RobotState::kSlipping;
 }
 
 void tellSlip(RobotFrame& frame) {

@@ -25,6 +25,10 @@ struct RobotFrame {
   bool sees() const { return objects->state == FrameState::kOk; }
 };
 
+/// What a frame shows of how the robot's wheels are to be read, while they tell all of the way from the one
+/// before (`before_ns`); they count for nothing once that is otherwise than they are told.
+void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns);
+
 /// No frame has come for a second at least, and for several times as long as between the frames before.
 bool isAfterGap(const RobotNode& robot, TimeNs time_ns);
 
@@ -49,6 +53,9 @@ double misfit(const FleetState& fleet, const std::vector<ViewLink>& views);
 
 /// How far a step may be wrong whose wheels slipped.
 Eigen::Matrix3d slipCovariance();
+
+/// The verdict on a robot's newest frame, for its status.
+void noteState(const FleetState& fleet, const RobotFrame& frame);
 
 /// The wheels have rolled what the robot has not gone.
 void tellSlip(RobotFrame& frame);

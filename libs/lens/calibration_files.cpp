@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <opencv2/core/persistence.hpp>
+#include <string>
 
 #include "lens/models.h"
 
@@ -79,10 +81,10 @@ void readVector3(const cv::FileNode& node, Eigen::Vector3d& out) {
 
 /// OpenCV's calibration programs spell their keys in several ways (camera_matrix, Camera_Matrix,
 /// cameraMatrix, K).
-void readOpenCv(const std::string& path, CameraModel& model) {
+void readOpenCv(const std::string& path, const std::string& text, CameraModel& model) {
   Intrinsics in;
   try {
-    const cv::FileStorage file(path, cv::FileStorage::READ);
+    const cv::FileStorage file(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     if (!file.isOpened()) fail(path, "cannot be read as an OpenCV FileStorage");
     const cv::FileNode root = file.root();
     for (const cv::FileNode& node : root) {
@@ -164,11 +166,10 @@ void readKalibr(const std::string& path, const YAML::Node& camera, CameraModel& 
 
 bool readForeignCalibration(const std::string& path, CameraModel& model) {
   std::ifstream file(path);
-  std::string head(16, '\0');
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  if (head.rfind("\xEF\xBB\xBF", 0) == 0) head.erase(0, 3);  // a byte order mark, which both readers skip
-  if (head.rfind("%YAML", 0) == 0 || head.rfind("<?xml", 0) == 0) {
-    readOpenCv(path, model);
+  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);  // a byte order mark, at which OpenCV stumbles
+  if (text.rfind("%YAML", 0) == 0 || text.rfind("<?xml", 0) == 0) {
+    readOpenCv(path, text, model);
     return true;
   }
   try {

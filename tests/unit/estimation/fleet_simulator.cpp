@@ -57,7 +57,7 @@ FleetSimulator::FleetSimulator(const SimulationOptions& options, std::uint32_t s
     camera_.push_back(error);
   }
   placeObstacles();
-  drive();
+  while (!drive()) continue;
 }
 
 void FleetSimulator::placeObstacles() {
@@ -70,7 +70,10 @@ void FleetSimulator::placeObstacles() {
     prism.height_m = height(random_);
     const double a = size(random_), b = size(random_), turn = angle(random_);
     if (crosses(prism.centre_m, obstacles_, 0.6)) continue;
-    if (obstacles_.size() % 2 == 0) {
+    if (options_.alike) {
+      prism.radius_m = 0.12;
+      prism.height_m = 0.2;
+    } else if (obstacles_.size() % 2 == 0) {
       const Pose2 at{x, y, turn};
       prism.outline_m = {at * Eigen::Vector2d(-a, -b), at * Eigen::Vector2d(a, -b),
                          at * Eigen::Vector2d(a, b), at * Eigen::Vector2d(-a, b)};
@@ -81,10 +84,12 @@ void FleetSimulator::placeObstacles() {
   }
 }
 
-void FleetSimulator::drive() {
+/// False where robots that are carried alike would stand in something.
+bool FleetSimulator::drive() {
   std::uniform_real_distribution<double> place(-1.5, 1.5), heading(-M_PI, M_PI), curve(-0.8, 0.8);
-  truth_.resize(static_cast<std::size_t>(options_.robots));
-  rolled_.resize(truth_.size());
+  truth_.assign(static_cast<std::size_t>(options_.robots), {});
+  rolled_.assign(truth_.size(), {});
+  const double alike_rad = options_.all_moved ? heading(random_) : 0.0;
   for (std::size_t r = 0; r < truth_.size(); ++r) {
     Pose2 at;
     const auto blocked = [&](const Pose2& p, std::size_t frame) {
@@ -112,15 +117,27 @@ void FleetSimulator::drive() {
       const double forward = stop ? 0.0 : way;
       rolled_[r].emplace_back(forward - half, forward + half);
       at = at * arc(forward - half, forward + half, kSeparation_m);
-      if (r != 0 || options_.moved_at == 0 || f + 1 != options_.moved_at) continue;
+      if (options_.moved_at == 0 || f + 1 != options_.moved_at || (r != 0 && !options_.all_moved)) continue;
       const Pose2 before = at;
+      if (options_.all_moved) {
+        at = carried(before, alike_rad);
+        if (blocked(at, static_cast<std::size_t>(f + 1))) return false;
+        continue;
+      }
       do {
-        const double to = heading(random_);
-        at = before * Pose2{options_.moved_m * std::cos(to), options_.moved_m * std::sin(to), 0.0};
-        at.theta_rad = wrapAngle(at.theta_rad + options_.moved_rad);
+        at = carried(before, heading(random_));
       } while (blocked(at, static_cast<std::size_t>(f + 1)));
     }
   }
+  return true;
+}
+
+Pose2 FleetSimulator::carried(const Pose2& before, double to_rad) const {
+  const Eigen::Vector2d by_m = options_.moved_m * Eigen::Vector2d(std::cos(to_rad), std::sin(to_rad));
+  Pose2 at =
+      options_.all_moved ? Pose2{by_m.x(), by_m.y(), 0.0} * before : before * Pose2{by_m.x(), by_m.y(), 0.0};
+  at.theta_rad = wrapAngle(at.theta_rad + options_.moved_rad);
+  return at;
 }
 
 std::vector<RobotSetup> FleetSimulator::setups() const {

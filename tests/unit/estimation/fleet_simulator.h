@@ -37,6 +37,8 @@ struct SimulationOptions {
   bool obstacles_seen = true, robots_seen = true, wheels = true;
   int moved_at = 0;                       ///< frame at which r1 has been moved by hand (0: never), …
   double moved_m = 0.0, moved_rad = 0.0;  ///< … and how far from where its wheels would have it
+  bool all_moved = false;                 ///< all robots, alike: the same way in map, each turned where it is
+  bool alike = false;                     ///< all obstacles are discs of one size
   double sight_m = 2.0;                   ///< contact distance up to which things are seen
 };
 
@@ -65,7 +67,8 @@ class FleetSimulator {
 
  private:
   void placeObstacles();
-  void drive();
+  bool drive();
+  Pose2 carried(const Pose2& before, double to_rad) const;
   Motion wheels(int robot, int frame);
   double radiusOf(double theta_rad) const;
   double angleOf(double radius) const;

@@ -6,6 +6,9 @@
 
 namespace omnifleet::estimation::testing {
 
+/// How r1's wheels are written down, all the time.
+enum class Wired { kRight, kReversed, kSwapped, kBoth, kLeftReversed, kRightReversed };
+
 /// What befalls r1 (or all robots) at one time of a simulated run.
 struct Trouble {
   SimulationOptions simulation;
@@ -15,7 +18,11 @@ struct Trouble {
   int spin_frames = 0;                     ///< that its left wheel rolls …
   double spin_m = 0.06;                    ///< … so much more than it goes, each
   double slip_m = 0.0;                     ///< both wheels, in one frame, with 0.1 rad
-  bool all = false;                        ///< slip alike
+  bool all = false;                        ///< slip alike, are carried alike, see nothing alike
+  int gap_frames = 0;                      ///< that nobody sends from then on, …
+  bool new_tracks = false;                 ///< its tracker has lost all after the dark or the gap
+  bool gap_wheels = true;                  ///< … but wheels are counted
+  Wired wired = Wired::kRight;
 
   Trouble() {
     simulation.frames = 70;
@@ -28,6 +35,7 @@ struct TroubleResult {
   int troubled = 0, told = 0;  ///< robots that something befell; that were told within 2 s of seeing
   int by_hand = 0;             ///< frames told as moved by hand
   int told_wrongly = 0;        ///< frames told of robots that nothing befalls, or before or 2 s after it
+  int by_wheels = 0;           ///< robots of whom it was said that their wheels are written down wrongly
   double late_s = 0.0;         ///< mean of those told, from when they see
   double mean_m = 0.0, worst_m = 0.0;  ///< of poses that are called valid from then on, in the dark left out
   double end_m = 0.0;                  ///< of the last poses, mean
