@@ -117,7 +117,6 @@ struct Claim {
   Pose2 map_from_base;
   double gain = 0.0, most = 0.0;   ///< χ² that it explains of what is seen, and all of it; of late
   int frames = 0;                  ///< in which two things at least were where they should be
-  std::set<std::uint32_t> things;  ///< that were
 };
 
 struct RobotNode {

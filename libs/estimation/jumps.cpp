@@ -35,7 +35,6 @@ struct Known {
   Eigen::Vector2d place_m;  ///< map
   double height_m, half_width_m;
   bool itself = false;
-  std::uint32_t landmark = 0;
 };
 
 /// What a robot sees, or itself.
@@ -48,7 +47,6 @@ struct Thing {
 
 struct Match {
   Eigen::Vector2d in_base_m, in_map_m;
-  std::uint32_t landmark = 0;
   double wider_m = 0.0;  ///< than what is known, half of it
 };
 
@@ -72,7 +70,7 @@ class Search {
       double width_m, by_height;
       landmark.shape->halfWidth(width_m, by_height);
       const double height_m = fleet.height(landmark);
-      known_.push_back({fleet.centre(landmark), height_m, width_m - height_m * by_height, false, id});
+      known_.push_back({fleet.centre(landmark), height_m, width_m - height_m * by_height});
     }
     for (const RobotNode& other : fleet.robots) {
       const auto at = fleet.poseAt(other, robot.window.back().time_ns);
@@ -98,7 +96,7 @@ class Search {
       const bool known = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
         return areSame(claim.map_from_base, place.map_from_base);
       });
-      if (!known) claims.push_back({place.map_from_base, 0.0, 0.0, 0, {}});
+      if (!known) claims.push_back({place.map_from_base, 0.0, 0.0, 0});
     }
     for (Claim& claim : claims) weigh(claim);
   }
@@ -115,7 +113,6 @@ class Search {
     if (place.matches.size() < kNearMatches) return;
     ++claim.frames;
     claim.map_from_base = rigid(place.matches);
-    for (const Match& match : place.matches) claim.things.insert(match.landmark);
   }
 
   /// A robot whose start nobody has confirmed is held against what it has seen itself.
@@ -177,8 +174,8 @@ class Search {
       place.cost += std::min(kMost, nearest_m * nearest_m / (kSigma_m * kSigma_m));
       if (what == known_.size()) continue;
       found[what] = true;
-      place.matches.push_back({thing.in_base_m(known_[what].height_m), known_[what].place_m,
-                               known_[what].landmark, wider(thing, known_[what])});
+      place.matches.push_back(
+          {thing.in_base_m(known_[what].height_m), known_[what].place_m, wider(thing, known_[what])});
     }
     const Pose2 base_from_map = map_from_base.inverse();
     for (std::size_t k = 0; k < known_.size(); ++k) {

@@ -10,6 +10,7 @@ namespace {
 // One scan's hit counts two, one scan's floor takes one off: two hits make a cell occupied, and what has gone
 // is free within a second or two.
 constexpr int kHit = 2, kOccupied = 3, kMost = 8;
+constexpr double kFarCells = 1e8;
 
 bool isSolid(RayLabel label) {
   return label == RayLabel::kObstacle || label == RayLabel::kUnknown;
@@ -24,7 +25,7 @@ FloorMemory::Options FloorMemory::Options::read(const options::Section& section)
   section.read("sight_m", options.sight_m, {0.1, 50.0});
   section.finish();
   if (options.window_m < 2.0 * options.sight_m) section.fail("window_m", "must be twice sight_m at least");
-  if (options.window_m > 1000.0 * options.cell_m) section.fail("window_m", "must be 1000 cells at most");
+  if (options.window_m > 400.0 * options.cell_m) section.fail("window_m", "must be 400 cells at most");
   return options;
 }
 
@@ -35,9 +36,9 @@ FloorMemory::FloorMemory(const Options& options) : options_(options) {
 }
 
 Eigen::Vector2i FloorMemory::cellOf(const Eigen::Vector2d& place_m) const {
-  return Eigen::Vector2i(static_cast<int>(std::floor(place_m.x() / options_.cell_m)),
-                         static_cast<int>(std::floor(place_m.y() / options_.cell_m))) -
-         first_;
+  // Places beyond that are outside of any window.
+  const Eigen::Array2d cell = (place_m / options_.cell_m).array().floor().max(-kFarCells).min(kFarCells);
+  return cell.cast<int>().matrix() - first_;
 }
 
 Eigen::Vector2d FloorMemory::centreOf(const Eigen::Vector2i& cell) const {

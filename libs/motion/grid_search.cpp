@@ -17,8 +17,9 @@ const GridSearch::Result& GridSearch::find(const cv::Mat1f& price, const Eigen::
   start(price, from, goal);
   std::int32_t nearest = indexOf(from);
   while (!open_.empty()) {
-    const std::int32_t at = open_.top().cell;
-    open_.pop();
+    std::pop_heap(open_.begin(), open_.end());
+    const std::int32_t at = open_.back().cell;
+    open_.pop_back();
     if (std::exchange(done_[static_cast<std::size_t>(at)], 1)) continue;
     if (toGoal(cellAt(at)) < toGoal(cellAt(nearest)) - kNearer) nearest = at;
     if (cellAt(at) == goal) break;
@@ -36,9 +37,14 @@ void GridSearch::start(const cv::Mat1f& price, const Eigen::Vector2i& from, cons
   cost_.assign(price.total(), std::numeric_limits<float>::infinity());
   before_.assign(price.total(), -1);
   done_.assign(price.total(), 0);
-  open_ = {};
+  open_.clear();
   cost_[static_cast<std::size_t>(indexOf(from))] = 0.0f;
-  open_.push({static_cast<float>(toGoal(from)), indexOf(from)});
+  push(from, 0.0f);
+}
+
+void GridSearch::push(const Eigen::Vector2i& cell, float cost) {
+  open_.push_back({cost + static_cast<float>(toGoal(cell)), indexOf(cell)});
+  std::push_heap(open_.begin(), open_.end());
 }
 
 void GridSearch::expand(const cv::Mat1f& price, std::int32_t at) {
@@ -52,7 +58,7 @@ void GridSearch::expand(const cv::Mat1f& price, std::int32_t at) {
     if (done_[index] || !(cost < cost_[index])) continue;
     cost_[index] = cost;
     before_[index] = at;
-    open_.push({cost + static_cast<float>(toGoal(next)), static_cast<std::int32_t>(index)});
+    push(next, cost);
   }
 }
 

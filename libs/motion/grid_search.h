@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <queue>
 #include <vector>
 
 namespace omnifleet::motion {
@@ -33,6 +32,7 @@ class GridSearch {
     }
   };
 
+  void push(const Eigen::Vector2i& cell, float cost);
   void start(const cv::Mat1f& price, const Eigen::Vector2i& from, const Eigen::Vector2i& goal);
   void expand(const cv::Mat1f& price, std::int32_t at);
   void trace(std::int32_t last);
@@ -42,7 +42,7 @@ class GridSearch {
 
   int columns_ = 0;
   Eigen::Vector2i goal_ = Eigen::Vector2i::Zero();
-  std::priority_queue<Open> open_;
+  std::vector<Open> open_;  ///< a heap
   std::vector<float> cost_;
   std::vector<std::int32_t> before_;
   std::vector<std::uint8_t> done_;

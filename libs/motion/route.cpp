@@ -12,6 +12,7 @@ constexpr float kTightStart =
     20.0f;                          // a metre of leaving a place nearer to things than ways may be costs this
 constexpr double kSameGoalM = 0.3;  // places to keep move on: a way to nearly there is kept as well
 constexpr double kEpsM = 1e-3;
+constexpr int kRestAfterFlood = 5;  // frames
 
 /// The goal, or where the straight line to it leaves the window.
 Eigen::Vector2d within(const FloorMemory& floor, const Eigen::Vector2d& from_m,
@@ -66,7 +67,11 @@ bool Route::isFree(const FloorMemory& floor, const Eigen::Vector2d& from_m, cons
 
 Route::Leg Route::towards(const FloorMemory& floor, const Eigen::Vector2d& from_m,
                           const Eigen::Vector2d& goal_m, double radius_m) {
-  if ((goal_m - way_to_m_).norm() > kSameGoalM) way_m_.clear();
+  if ((goal_m - way_to_m_).norm() > kSameGoalM) {
+    way_m_.clear();
+    way_to_m_ = goal_m;
+    rest_ = 0;
+  }
   const Leg straight{goal_m, (goal_m - from_m).norm(), true, true};
   // Who is on a way round leaves it only for a straight one with room about it.
   const double margin_m = way_m_.empty() ? options_.tight_margin_m : options_.margin_m;
@@ -76,20 +81,22 @@ Route::Leg Route::towards(const FloorMemory& floor, const Eigen::Vector2d& from_
     return straight;
   }
   keepUp(floor, from_m, radius_m);
-  if (way_m_.empty()) way_to_m_ = goal_m;
-  if (!search(floor, from_m, within(floor, from_m, goal_m), radius_m)) {
-    // Squeezed in, or as near to the goal as one gets.
-    const bool squeezed = floor.clearanceAt(from_m) < radius_m + options_.tight_margin_m;
-    return squeezed ? straight : Leg{from_m, 0.0, false, false};
-  }
-  return legOf(floor, from_m, radius_m);
+  rest_ = std::max(0, rest_ - 1);
+  if (rest_ == 0) search(floor, from_m, within(floor, from_m, goal_m), radius_m);
+  if (!way_m_.empty()) return legOf(floor, from_m, radius_m);
+  // Squeezed in, or as near to the goal as one gets.
+  const bool squeezed = floor.clearanceAt(from_m) < radius_m + options_.tight_margin_m;
+  return squeezed ? straight : Leg{from_m, 0.0, false, false};
 }
 
 double Route::costOf(const FloorMemory& floor, double radius_m) const {
   double cost = 0.0;
   for (std::size_t i = 0; i + 1 < way_m_.size(); ++i) {
     const double length_m = (way_m_[i + 1] - way_m_[i]).norm();
-    cost += length_m * (i == 0 ? 1.0 : stepCost(floor.clearanceAt(way_m_[i]), radius_m));
+    double per_m = stepCost(floor.clearanceAt(way_m_[i]), radius_m);
+    const bool leaving = (way_m_[i] - way_m_.front()).norm() < kNearEndM;  // as priceCells() has it
+    if (!std::isfinite(per_m) && leaving) per_m = kTightStart;
+    cost += length_m * per_m;
   }
   return cost;
 }
@@ -123,25 +130,23 @@ void Route::priceCells(const FloorMemory& floor, const Eigen::Vector2d& from_m, 
   }
 }
 
-/// Finds the cheapest way and takes it where none is kept, or where it is plainly better. False: there is no
-/// way to anywhere nearer.
-bool Route::search(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& goal_m,
+/// Finds the cheapest way and takes it where none is kept to that place, or where it is plainly better.
+void Route::search(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& goal_m,
                    double radius_m) {
   const Eigen::Vector2i from = floor.cellOf(from_m);
-  if (!floor.isInside(from)) return false;
+  if (!floor.isInside(from)) return way_m_.clear();
   priceCells(floor, from_m, radius_m);
   const GridSearch::Result& found = search_.find(price_, from, floor.cellOf(goal_m));
-  if (found.cells.empty()) {
-    way_m_.clear();
-    return false;
-  }
-  const bool as_good = !way_m_.empty() && found.reaches == reaches_ &&
-                       floor.cell_m() * found.cost > options_.switch_share * costOf(floor, radius_m);
-  if (as_good) return true;
-  way_m_.assign(1, from_m);
+  // That no way leads there takes a look at all of the window, and changes only as fast as things go.
+  rest_ = found.reaches ? 0 : kRestAfterFlood;
+  const Eigen::Vector2d end_m = found.cells.empty() ? from_m : floor.centreOf(found.cells.back());
+  const bool same_end = !way_m_.empty() && (end_m - way_m_.back()).norm() < kSameGoalM;
+  if (same_end && floor.cell_m() * found.cost > options_.switch_share * costOf(floor, radius_m)) return;
+  way_m_.clear();
+  if (found.cells.empty()) return;
+  way_m_.push_back(from_m);
   for (const Eigen::Vector2i& cell : found.cells) way_m_.push_back(floor.centreOf(cell));
   reaches_ = found.reaches;
-  return true;
 }
 
 /// The last place of the way that a straight line reaches without coming nearer to things than the way does.

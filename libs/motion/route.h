@@ -46,7 +46,7 @@ class Route {
   double costOf(const FloorMemory& floor, double radius_m) const;
   void keepUp(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m);
   void priceCells(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m);
-  bool search(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& goal_m,
+  void search(const FloorMemory& floor, const Eigen::Vector2d& from_m, const Eigen::Vector2d& goal_m,
               double radius_m);
   Leg legOf(const FloorMemory& floor, const Eigen::Vector2d& from_m, double radius_m) const;
 
@@ -54,6 +54,7 @@ class Route {
   std::vector<Eigen::Vector2d> way_m_;                  ///< map, from the robot on; empty: straight
   Eigen::Vector2d way_to_m_ = Eigen::Vector2d::Zero();  ///< the goal that it was searched for
   bool reaches_ = true;
+  int rest_ = 0;  ///< frames until a way is searched for again where none was found
   GridSearch search_;
   cv::Mat1f price_;
 };

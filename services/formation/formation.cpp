@@ -13,6 +13,7 @@ constexpr double kFirstStepS = 0.1;    // until two frames tell the period
 constexpr double kLongestStepS = 0.5;  // a gap in the frames lets nobody jump
 constexpr double kJumpM = 0.15,
                  kJumpRad = 0.1;  // no pose is corrected by more while a robot knows where it is
+constexpr double kStuckS = 1.0;   // s, a waypoint that cannot be got to for so long is passed
 constexpr double kThereM = 0.10;  // m, a way's end this near is reached
 
 double reach(const RobotBody& body) {
@@ -278,15 +279,19 @@ void Formation::lead(const Objects& objects, Output& output) {
 }
 
 /// Where to go next; nothing at the goal, or where one cannot get any nearer to it. A waypoint on the way
-/// that nobody can get to is passed as near to it as one gets.
+/// that nobody can get to, for some time, is passed as near to it as one gets.
 std::optional<motion::Route::Leg> Formation::wayOn(const Pose2& map_from_base) {
   lead_.passed(map_from_base.translation());
-  while (const auto waypoint = lead_.waypoint()) {
-    const motion::Route::Leg leg =
-        route_.towards(memory_, map_from_base.translation(), *waypoint, around_.radius_m);
-    if (leg.reaches || leg.left_m > kThereM) return leg;
-    if (lead_.isGoal()) break;
-    lead_.skipTo(static_cast<std::uint32_t>(lead_.next() + 1));
+  const auto waypoint = lead_.waypoint();
+  if (!waypoint) return std::nullopt;
+  const motion::Route::Leg leg =
+      route_.towards(memory_, map_from_base.translation(), *waypoint, around_.radius_m);
+  const bool ends_here = !leg.reaches && leg.left_m <= kThereM;
+  stuck_s_ = ends_here ? stuck_s_ + dt_s_ : 0.0;
+  if (!ends_here) return leg;
+  if (stuck_s_ >= kStuckS && !lead_.isGoal() && memory_.isInside(memory_.cellOf(*waypoint))) {
+    lead_.skipTo(lead_.next() + 1);
+    stuck_s_ = 0.0;
   }
   return std::nullopt;
 }

@@ -112,6 +112,7 @@ class Formation {
   double dt_s_ = 0.0;
   double turned_rad_ = 0.0;
   std::optional<Pose2> stood_;  ///< map_from_base a frame ago, moved on since; what the memory was made by
+  double stuck_s_ = 0.0;        ///< how long no way has led on
   motion::Twist commanded_;
 };
 

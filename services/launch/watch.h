@@ -38,7 +38,7 @@ class Watch {
   bus::StatusPublisher publisher_;
 };
 
-/// "silent for 5 s: classifier r1"; of many as many as there is room for in a status, and how many more.
+/// "classifier r1 silent for 5 s"; of many as many as there is room for in a status, and how many more.
 std::string silentText(const std::vector<bus::Silence::Silent>& silent);
 
 }  // namespace omnifleet::launch

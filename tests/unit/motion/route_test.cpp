@@ -243,6 +243,41 @@ TEST(Route, AGoalBeyondTheWindowIsHeadedFor) {
   EXPECT_GT(std::abs(leg.via_m.y()), 0.8 + kRadiusM);
 }
 
+TEST(Route, AGoalFarBeyondTheWindowIsReachedRoundAllThatStandsOnTheWay) {
+  FloorMemory::Options small;
+  small.window_m = 5.0;
+  FloorMemory floor(small);
+  Route route({});
+  std::vector<Wall> walls;
+  for (int i = 0; i < 9; ++i) {
+    const double x_m = 1.3 * (i + 1), aside_m = i % 2 == 0 ? 0.4 : -0.5;
+    walls.push_back({{x_m, aside_m - 0.7}, {x_m, aside_m + 0.7}});
+  }
+  Eigen::Vector2d here_m(0.0, 0.0);
+  const Eigen::Vector2d goal_m(13.0, 0.1);
+  walked(route, floor, walls, goal_m, here_m, 600);
+  EXPECT_LT((goal_m - here_m).norm(), 0.06);
+}
+
+TEST(Route, WhereNoWayLedItIsFoundOnceWhatStoodThereHasGone) {
+  FloorMemory floor({});
+  Route route({});
+  const std::vector<Wall> cage{{{1.0, -1.0}, {1.0, 1.0}},
+                               {{1.0, 1.0}, {2.4, 1.0}},
+                               {{2.4, 1.0}, {2.4, -1.0}},
+                               {{2.4, -1.0}, {1.0, -1.0}}};
+  Eigen::Vector2d here_m(0.0, 0.0);
+  const Eigen::Vector2d goal_m(1.7, 0.0);
+  look(floor, {cage[2]}, {1.7, 0.0, 0.0});
+  walked(route, floor, cage, goal_m, here_m, 150);
+  EXPECT_FALSE(route.towards(floor, here_m, goal_m, kRadiusM).reaches);
+  // It stands before the wall that goes.
+  const std::vector<Wall> open = here_m.x() > goal_m.x() ? std::vector<Wall>{cage[0], cage[1], cage[3]}
+                                                         : std::vector<Wall>{cage[1], cage[2], cage[3]};
+  walked(route, floor, open, goal_m, here_m, 150);
+  EXPECT_LT((goal_m - here_m).norm(), 0.06);
+}
+
 TEST(Route, WhoStandsTooNearToSomethingLeavesIt) {
   FloorMemory floor({});
   Route route({});
