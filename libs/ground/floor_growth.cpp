@@ -80,7 +80,8 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
       framed_means_(closed_.size(), cv::Vec3f(0, 0, 0)),
       means_(framed_means_(cv::Rect(kJump, kJump, coverage.cols, coverage.rows))),
       far_(closed_.total()),
-      handed_(closed_.total()) {
+      handed_(closed_.total()),
+      light_(closed_.size(), 1.0f) {
   for (int y = 0; y < coverage.rows; ++y) {
     for (int x = 0; x < coverage.cols; ++x) {
       // Whether the outermost are flat cannot be told.
@@ -90,6 +91,38 @@ FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, cons
     }
   }
   queue_.resize(coverage.total());  // all its memory is touched before the first frame
+}
+
+cv::Mat3f& FloorGrowth::means() {
+  if (is_evened_) light_ = 1.0f;
+  is_evened_ = false;
+  return means_;
+}
+
+void FloorGrowth::evenOut(const cv::Mat1f& light) {
+  is_evened_ = true;
+  for (int y = 0; y < means_.rows; ++y) {
+    auto* mean = means_.ptr<cv::Vec3f>(y);
+    float* before = light_.ptr<float>(y + kJump) + kJump;
+    const float* now = light.ptr<float>(y);
+    for (int x = 0; x < means_.cols; ++x) {
+      mean[x] *= before[x] / now[x];
+      before[x] = now[x];
+    }
+  }
+}
+
+void FloorGrowth::leaveUneven() {
+  if (!is_evened_) return;
+  for (int y = 0; y < means_.rows; ++y)
+    for (int x = 0; x < means_.cols; ++x) means_(y, x) *= light_(y + kJump, x + kJump);
+  light_ = 1.0f;
+  is_evened_ = false;
+}
+
+float FloorGrowth::brightnessAt(int number) const {
+  const float* mean = framed_means_.ptr<float>() + 3 * number;
+  return (mean[0] + mean[1] + mean[2]) * lightAt(number);
 }
 
 bool FloorGrowth::seed(const FloorNoise& noise) {
@@ -224,8 +257,9 @@ OMNIFLEET_INLINE FloorTest FloorGrowth::offOf(const Colour& p, const Colour& r) 
 /// asked, against the seeds, so that no chain of likenesses leads from one to the other.
 template <typename Colour>
 OMNIFLEET_INLINE float FloorGrowth::hueGain(int at, const Colour& mean, const Colour& expected) const {
-  const auto beyond = lanes::load<FourFloats>(&beyond_[sector_.data[at]]);
+  auto beyond = lanes::load<FourFloats>(&beyond_[sector_.data[at]]);
   if (!(beyond[0] >= 0.0f)) return kLevelGain;
+  beyond /= lightAt(at);  // as the means
   const auto seeds = lanes::load<FourFloats>(&of_seeds_);
   const FloorTest apart = offOf(beyond, expected), hues = offOf(beyond, seeds);
   if (apart.along2 + hues.across2 > kNear * kNear) return kLevelGain;
@@ -277,7 +311,8 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const FarFloor::Block& far = far_[static_cast<std::size_t>(at)];
   const Handed from = handed_[static_cast<std::size_t>(at)], falling = steepened(from, far.steepening);
   const auto colour = lanes::load<FourFloats>(from.colour);
-  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour)), tolerance_, noise);
+  const float light = lightAt(at);
+  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour) * light * light), tolerance_, noise);
   // The texture measured holds the noise.
   const float flatness =
       std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);

@@ -38,11 +38,17 @@ class FloorGrowth {
 
   /// @param far of the same blocks
   void lookFar(const FarFloor& far);
-  /// To be filled before grow(): mean colour per block.
-  cv::Mat3f& means() { return means_; }
+  /// To be filled before grow(): mean colour per block, in the light that there is.
+  cv::Mat3f& means();
   const cv::Mat3f& means() const { return means_; }
   /// @param sectors per block the number of its colour in what grow() is given; 0 where there is none
   void lookBeyond(const cv::Mat1b& sectors);
+  /// The means become what they would be in even light, until means() are filled again.
+  /// @param light per block, > 0, as a share of that at the camera's foot
+  void evenOut(const cv::Mat1f& light);
+  /// They become again what they are.
+  void leaveUneven();
+  bool isEvened() const { return is_evened_; }
   /// @param noise of one block's mean @param beyond colours that are no floor's (Horizon::colours())
   /// @return false when no seed shows floor
   bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {});
@@ -50,6 +56,9 @@ class FloorGrowth {
   /// The blocks that the growth reached, in its order, by their number.
   const std::vector<int>& grown() const { return queue_; }
   int numberOf(int y, int x) const { return (y + kJump) * stride_ + x + kJump; }
+  cv::Point blockAt(int number) const { return {number % stride_ - kJump, number / stride_ - kJump}; }
+  /// Sum of the channels, in the light that there is.
+  float brightnessAt(int number) const;
   int numbers() const { return static_cast<int>(framed_means_.total()); }
   /// Mean colours by the blocks' numbers, three floats each and one more that may be read.
   const float* meansByNumber() const { return framed_means_.ptr<float>(); }
@@ -63,6 +72,7 @@ class FloorGrowth {
     float colour[4];  ///< the last one has no meaning
     float slope[2];   ///< relative change of the brightness per block, x and y
   };
+  float lightAt(int number) const { return light_.ptr<float>()[number]; }
   bool seed(const FloorNoise& noise);
   void dropOtherHues(const FloorNoise& noise);
   void dropBeyond();
@@ -90,6 +100,8 @@ class FloorGrowth {
   cv::Mat3f framed_means_, means_;
   std::vector<FarFloor::Block> far_;  ///< by number
   std::vector<Handed> handed_;
+  cv::Mat1f light_;  ///< by number: what means_ were divided by
+  bool is_evened_ = false;
   std::vector<int> seeds_, queue_;
   std::vector<float> sorted_;
   float texture_ = 0.0f;  ///< median step of the seeds' colour over two blocks, as a share of the brightness

@@ -1,6 +1,7 @@
 #include "ground/floor_reference.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "geometry/lanes.h"
 
@@ -8,6 +9,12 @@ namespace omnifleet::ground {
 
 namespace {
 
+// Frames until light that is even, or no lamp's, is looked at again.
+constexpr int kEvenLight = 10;
+constexpr double kMoreFloor = 1.01;  // what the light of a lamp must bring to be believed
+constexpr double kLostFloor = 0.95;  // of the frame before: it may be believed no more
+constexpr double kOtherLight = 0.03; // of the brightness
+constexpr int kLooks = 3;            // each from more floor than the last
 constexpr int kLargeImage_px = 900;  // from this width on the model is made of blocks of 2×2 cells
 /// Means of n blocks of 2×2 cells, three numbers each.
 OMNIFLEET_WIDE void averageFours(const float* above, const float* below, int n, float* means) {
@@ -55,6 +62,7 @@ FloorReference::FloorReference(const lens::Camera& camera, const FloorView& view
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
       growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
               options.all_modes),
+      light_(camera, view.cells(), FloorView::kCell, block_),
       smoothing_(growth_, view, block_, options.smoothing_cells) {
   if (!options.all_modes) growth_.lookFar({camera, growth_.means().size(), blockSize()});
   constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
@@ -78,9 +86,51 @@ bool FloorReference::isGrown(int y, int x) const {
 bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
                            const std::vector<cv::Vec4f>& beyond) {
   averageBlocks(cell_means);
-  if (!growth_.grow(noise / (FloorView::kCell * block_), beyond)) return false;
+  if (!grow(noise / (FloorView::kCell * block_), beyond)) return false;
   smoothing_.smooth(growth_);
+  if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
   return true;
+}
+
+/// Once it is known how a lamp lights the floor, growth starts from there.
+bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+  if (options_.all_modes) return growth_.grow(noise, beyond);
+  if (is_lamp_lit_) {
+    if (!growEvened(noise, beyond)) return false;
+    is_lamp_lit_ = light_.fit(growth_);
+    if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
+    const std::size_t grown = growth_.grown().size(), before = std::exchange(last_grown_, grown);
+    if (static_cast<double>(grown) > kLostFloor * static_cast<double>(before)) return true;
+    growth_.leaveUneven();
+    is_lamp_lit_ = false;
+    until_look_ = 0;
+  }
+  if (!growth_.grow(noise, beyond)) return false;
+  return --until_look_ > 0 || lookForLamp(noise, beyond);
+}
+
+/// It is learned from the floor that growth reaches without it, and believed where growth then reaches more.
+bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+  until_look_ = kEvenLight;
+  light_.reset();
+  for (int look = 0; look < kLooks && light_.fit(growth_); ++look) {
+    const auto before = static_cast<double>(growth_.grown().size());
+    if (!growEvened(noise, beyond)) return false;
+    last_grown_ = growth_.grown().size();
+    if (static_cast<double>(last_grown_) > kMoreFloor * before) {
+      is_lamp_lit_ = true;
+      continue;
+    }
+    if (is_lamp_lit_) break;
+    growth_.leaveUneven();
+    return growth_.grow(noise, beyond);
+  }
+  return true;
+}
+
+bool FloorReference::growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+  growth_.evenOut(light_.ofBlocks());
+  return growth_.grow(noise, beyond);
 }
 
 void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ground/floor_growth.h"
+#include "ground/floor_light.h"
 #include "ground/floor_smoothing.h"
 #include "ground/floor_view.h"
 #include "options/options.h"
@@ -47,12 +48,19 @@ class FloorReference {
 
  private:
   void averageBlocks(const cv::Mat3f& cell_means);
+  bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  bool lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  bool growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
 
   ReferenceOptions options_;
   FloorTolerance tolerance_;
   int block_;                     ///< cells per side of a block
   std::vector<cv::Range> asked_;  ///< blocks of each row that the view or its neighbours lie in
   FloorGrowth growth_;
+  FloorLight light_;
+  bool is_lamp_lit_ = false;
+  std::size_t last_grown_ = 0;  ///< blocks, while it is
+  int until_look_ = 0;          ///< frames, while it is not, until that is looked at again
   FloorSmoothing smoothing_;
 };
 

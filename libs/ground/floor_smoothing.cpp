@@ -127,6 +127,13 @@ const cv::Mat3f& FloorSmoothing::smooth(const FloorGrowth& growth) {
   return colour_;
 }
 
+void FloorSmoothing::shine(const cv::Mat1f& light) {
+  for (int y = 0; y < colour_.rows; ++y) {
+    const cv::Range& columns = asked_[static_cast<std::size_t>(y)];
+    for (int x = columns.start; x < columns.end; ++x) colour_(y, x) *= light(y, x);
+  }
+}
+
 void FloorSmoothing::sumBlocks(const FloorGrowth& growth) {
   sums_.setTo(0);
   const float* means = growth.meansByNumber();

@@ -19,6 +19,8 @@ class FloorSmoothing {
   /// @return CV_32FC3 per cell of the view and around it, elsewhere 0; valid until the next call
   const cv::Mat3f& smooth(const FloorGrowth& growth);
   const cv::Mat3f& colour() const { return colour_; }
+  /// Of colours in even light: those in this one, by which they are multiplied, per cell.
+  void shine(const cv::Mat1f& light);
 
  private:
   /// Where the middle of a cell lies between the middles of coarser pixels.

@@ -63,8 +63,55 @@ TEST(FarFloor, UnderLampsOfRoomsIsFloorAsCamerasShowIt) {
           << height << " " << aside;
 }
 
+// No tone curve: all that a lamp loses by distance is in the picture.
+TEST(FarFloor, UnderLampsOfRoomsIsFloorToALinearCamera) {
+  for (const double height : {1.6, 2.0, 2.6, 3.5})
+    for (const double aside : {0.0, 1.0})
+      EXPECT_LT(shareOfObjects({height, aside}, testing::fisheye(), kLinear), 0.005)
+          << height << " " << aside;
+}
+
 TEST(FarFloor, AwayFromALampIsFloorWhereItDarkens) {
-  EXPECT_LT(shareOfObjects({2.0, 2.5}, testing::fisheye(), kDisplay), 0.1);
+  for (const double height : {1.6, 2.0, 2.6, 3.5}) {
+    EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kDisplay), 0.02) << height;
+    EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kLinear), 0.05) << height;
+  }
+}
+
+/// Objects within a disc in the dark far off, and around it.
+struct Found {
+  int within = 0, beyond = 0;
+};
+
+Found foundAround(const Lamp& lamp, const cv::Vec3d& gains) {
+  const auto model = testing::fisheye();
+  const lens::Camera camera(model);
+  const FloorView view(camera, ViewOptions{});
+  cv::Mat3b image = floorUnder(lamp, camera, kLinear);
+  const cv::Point2d middle(model.principal_point_px.x() + 186.0, model.principal_point_px.y());
+  const auto isWithin = [&](int v, int u) { return std::hypot(u - middle.x, v - middle.y) < 15.0; };
+  for (int v = 0; v < image.rows; ++v)
+    for (int u = 0; u < image.cols; ++u)
+      for (int c = 0; c < 3 && isWithin(v, u); ++c)
+        image(v, u)[c] = cv::saturate_cast<std::uint8_t>(gains[c] * image(v, u)[c]);
+  GroundSegmenter segmenter(camera, view, SegmenterOptions{});
+  EXPECT_TRUE(segmenter.segment(image));
+  Found found;
+  for (int v = 0; v < image.rows; ++v)
+    for (int u = 0; u < image.cols; ++u)
+      if (segmenter.objects()(v, u) != 0) ++(isWithin(v, u) ? found.within : found.beyond);
+  return found;
+}
+
+// Growth ends before its edge: what is known of the light behind it is that of floor as far away.
+TEST(FarFloor, AThingInTheDarkIsWholeAndNoMore) {
+  const double area_px = M_PI * 15.0 * 15.0, rim_px = 2.0 * M_PI * 15.0;
+  const Found red = foundAround({2.6, 0.0}, {0.4, 0.6, 1.2});
+  EXPECT_GT(red.within, 0.9 * area_px);
+  EXPECT_LT(red.beyond, 2.0 * rim_px);
+  const Found dark = foundAround({2.6, 0.0}, {0.3, 0.3, 0.3});
+  EXPECT_GT(dark.within, 0.9 * area_px);
+  EXPECT_LT(dark.beyond, 2.0 * rim_px);
 }
 
 // Equidistant: a block shows h·Δθ/cos²θ of floor outward.

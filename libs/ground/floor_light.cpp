@@ -1,0 +1,217 @@
+#include "ground/floor_light.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "geometry/wide.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kLevel = 0, kAmbient = 1, kX = 2, kY = 3, kHeight = 4, kRim = 5;
+constexpr int kSamples = 300;
+constexpr double kSigma = 0.03;  // of a block's brightness about the model, as a share of it
+constexpr int kRounds = 12;
+constexpr double kDone = 1e-3;     // a step as small as that, in standard deviations, is the last
+constexpr double kMatters = 0.65;  // floor in view with less than so much of the light at the foot
+// What rooms have: the share of the light that comes from all around, how far a lamp is, and how high (s).
+constexpr double kUsual[] = {0.0, 0.3, 0.0, 0.0, 0.83, -0.1}, kUsualSigma[] = {10.0, 0.3, 2.0, 2.0, 0.5, 0.2};
+constexpr double kLeast[] = {-10.0, 0.01, -6.0, -6.0, -0.2, -0.7}, kMost[] = {10.0, 1.0, 6.0, 6.0, 2.0, 0.1};
+constexpr float kBeyond_m = 50.0f;  // where no floor is seen
+
+/// (1 + q)^(-3/2) and what is needed of it.
+struct Lambert {
+  double u, fall;  ///< 1 / (1 + q); u^(3/2)
+};
+Lambert lambert(double q) {
+  const double u = 1.0 / (1.0 + q);
+  return {u, u * std::sqrt(u)};
+}
+
+double logLight(const Eigen::Matrix<double, 6, 1>& p, double x_m, double y_m, double rim2) {
+  const double dx = x_m - p[kX], dy = y_m - p[kY];
+  const double fall = lambert((dx * dx + dy * dy) * std::exp(-2.0 * p[kHeight])).fall;
+  return std::log(p[kAmbient] + (1.0 - p[kAmbient]) * fall) + p[kRim] * rim2;
+}
+
+OMNIFLEET_WIDE void shineRow(const float* x, const float* y, const float* rim2, int n, const float* p,
+                             float* light) {
+  const float ambient = p[kAmbient], lamp = 1.0f - ambient, per_s2 = p[kHeight], scale = p[kLevel];
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) {
+    const float dx = x[i] - p[kX], dy = y[i] - p[kY], u = 1.0f / (1.0f + (dx * dx + dy * dy) * per_s2);
+    // exp(t) for −0.7 ≤ t ≤ 0.1, to a thousandth.
+    const float t = p[kRim] * rim2[i], half = 1.0f + 0.5f * t + 0.125f * t * t + t * t * t / 48.0f;
+    light[i] = scale * (ambient + lamp * u * std::sqrt(u)) * half * half;
+  }
+}
+
+}  // namespace
+
+FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, int block)
+    : cells_(placesOf(camera, cells, cell_px)),
+      blocks_(placesOf(camera, {cells.width / block, cells.height / block}, cell_px * block)),
+      of_cells_(cells),
+      of_blocks_(blocks_.x_m.size()) {
+  samples_.reserve(2 * kSamples);
+}
+
+FloorLight::Places FloorLight::placesOf(const lens::Camera& camera, cv::Size count, int pixels) {
+  Places places{cv::Mat1f(count, kBeyond_m), cv::Mat1f(count, 0.0f), cv::Mat1f(count, 1.0f)};
+  const Eigen::Vector2d middle = camera.model().principal_point_px;
+  const double corner = middle.norm();
+  double farthest = 0.0;
+  const auto radiusAt = [&](int x, int y) {
+    return (Eigen::Vector2d(x + 0.5, y + 0.5) * pixels - Eigen::Vector2d(0.5, 0.5) - middle).norm() / corner;
+  };
+  for (int y = 0; y < count.height; ++y) {
+    for (int x = 0; x < count.width; ++x) {
+      const auto point =
+          camera.floorFromPixel(Eigen::Vector2d(x + 0.5, y + 0.5) * pixels - Eigen::Vector2d(0.5, 0.5));
+      if (!point) continue;
+      const Eigen::Vector2d off = *point - camera.foot();
+      if (off.norm() > kBeyond_m) continue;
+      places.x_m(y, x) = static_cast<float>(off.x());
+      places.y_m(y, x) = static_cast<float>(off.y());
+      farthest = std::max(farthest, radiusAt(x, y));
+      places.rim2(y, x) = static_cast<float>(radiusAt(x, y) * radiusAt(x, y));
+    }
+  }
+  if (farthest <= 0.0) return places;
+  places.rim2 = cv::min(places.rim2 / (farthest * farthest), 1.0);
+  return places;
+}
+
+FloorLight::Parameters FloorLight::start() {
+  return Eigen::Map<const Parameters>(kUsual);
+}
+
+void FloorLight::reset() {
+  p_ = start();
+}
+
+FloorLight::Parameters FloorLight::bounded(const Parameters& p) {
+  return p.cwiseMax(Eigen::Map<const Parameters>(kLeast)).cwiseMin(Eigen::Map<const Parameters>(kMost));
+}
+
+void FloorLight::gather(const FloorGrowth& growth) {
+  samples_.clear();
+  const std::size_t grown = growth.grown().size(), step = std::max<std::size_t>(1, grown / kSamples);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < grown; k += step) {
+    const cv::Point at = growth.blockAt(growth.grown()[k]);
+    const float brightness = growth.brightnessAt(growth.grown()[k]);
+    if (brightness <= 1.0f) continue;
+    samples_.push_back({blocks_.x_m(at), blocks_.y_m(at), blocks_.rim2(at), std::log(brightness)});
+    sum += samples_.back().level;
+  }
+  // The level itself is no matter; that it is near 0 spares its bounds.
+  for (Sample& sample : samples_) sample.level -= static_cast<float>(sum / static_cast<double>(samples_.size()));
+}
+
+/// Cauchy's loss of what is left, in standard deviations, and what is known of rooms.
+double FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const {
+  hessian.setZero();
+  gradient.setZero();
+  const double per_s2 = std::exp(-2.0 * p[kHeight]), lamp = 1.0 - p[kAmbient];
+  double cost = 0.0;
+  for (const Sample& sample : samples_) {
+    const double dx = sample.x_m - p[kX], dy = sample.y_m - p[kY], q = (dx * dx + dy * dy) * per_s2;
+    const auto [u, fall] = lambert(q);
+    const double light = p[kAmbient] + lamp * fall, by_q = -1.5 * lamp * u * fall / light;
+    const double left = (sample.level - p[kLevel] - std::log(light) - p[kRim] * sample.rim2) / kSigma;
+    Parameters slope;
+    slope << 1.0, (1.0 - fall) / light, -2.0 * by_q * dx * per_s2, -2.0 * by_q * dy * per_s2, -2.0 * by_q * q,
+        sample.rim2;
+    slope /= kSigma;
+    const double weight = 1.0 / (1.0 + left * left);
+    cost += std::log1p(left * left);
+    gradient += weight * left * slope;
+    hessian.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
+  }
+  for (int i = 0; i < kParameters; ++i) {
+    const double off = (p[i] - kUsual[i]) / kUsualSigma[i];
+    cost += off * off;
+    gradient[i] -= off / kUsualSigma[i];
+    hessian(i, i) += 1.0 / (kUsualSigma[i] * kUsualSigma[i]);
+  }
+  return cost;
+}
+
+double FloorLight::costOf(const Parameters& p) const {
+  double cost = 0.0;
+  for (const Sample& sample : samples_) {
+    const double left =
+        (sample.level - p[kLevel] - logLight(p, sample.x_m, sample.y_m, sample.rim2)) / kSigma;
+    cost += std::log1p(left * left);
+  }
+  for (int i = 0; i < kParameters; ++i) {
+    const double off = (p[i] - kUsual[i]) / kUsualSigma[i];
+    cost += off * off;
+  }
+  return cost;
+}
+
+/// Levenberg and Marquardt's method.
+bool FloorLight::fit(const FloorGrowth& growth) {
+  gather(growth);
+  change_ = 0.0;
+  if (samples_.size() < static_cast<std::size_t>(kSamples / 3)) return false;
+  const Parameters before = p_;
+  double damping = 1e-3;
+  Hessian hessian;
+  Parameters gradient;
+  double cost = linearise(p_, hessian, gradient);
+  for (int round = 0; round < kRounds; ++round) {
+    Hessian damped = hessian.selfadjointView<Eigen::Lower>();
+    const Parameters scale = damped.diagonal();
+    damped.diagonal() += damping * scale;
+    const Parameters next = bounded(p_ + damped.llt().solve(gradient)), step = next - p_;
+    const double next_cost = costOf(next);
+    if (!(next_cost < cost)) {
+      damping *= 10.0;
+      if (damping > 1e3) break;
+      continue;
+    }
+    p_ = next;
+    damping = std::max(1e-6, 0.1 * damping);
+    cost = linearise(p_, hessian, gradient);
+    if (step.cwiseAbs2().dot(scale) < kDone * kDone) break;
+  }
+  const auto sinceFoot = [&](const Parameters& p, const Sample& at) {
+    return logLight(p, at.x_m, at.y_m, at.rim2) - logLight(p, 0.0, 0.0, 0.0);
+  };
+  for (const Sample& sample : samples_)
+    change_ = std::max(change_, std::abs(sinceFoot(p_, sample) - sinceFoot(before, sample)));
+  double least = 0.0, most = 0.0;
+  for (const Sample& sample : samples_) {
+    least = std::min(least, sinceFoot(p_, sample));
+    most = std::max(most, sinceFoot(p_, sample));
+  }
+  return least < std::log(kMatters);
+}
+
+void FloorLight::shine(const Parameters& fitted, const Places& places, cv::Mat1f& light) {
+  float p[kParameters];
+  for (int i = 0; i < kParameters; ++i) p[i] = static_cast<float>(fitted[i]);
+  p[kHeight] = static_cast<float>(std::exp(-2.0 * fitted[kHeight]));
+  p[kLevel] = static_cast<float>(std::exp(-logLight(fitted, 0.0, 0.0, 0.0)));
+  for (int y = 0; y < light.rows; ++y)
+    shineRow(places.x_m.ptr<float>(y), places.y_m.ptr<float>(y), places.rim2.ptr<float>(y), light.cols, p,
+             light.ptr<float>(y));
+}
+
+const cv::Mat1f& FloorLight::ofBlocks() {
+  of_last_blocks_ = p_;
+  shine(p_, blocks_, of_blocks_);
+  return of_blocks_;
+}
+
+const cv::Mat1f& FloorLight::ofCells() {
+  shine(of_last_blocks_, cells_, of_cells_);
+  return of_cells_;
+}
+
+}  // namespace omnifleet::ground
