@@ -48,13 +48,28 @@ OMNIFLEET_WIDE void shineRow(const float* x, const float* y, const float* rim2, 
   }
 }
 
+/// Ambient share, c, 1 / s².
+struct Lamp {
+  float ambient, x_m, y_m, per_s2;
+};
+
+OMNIFLEET_WIDE void shareRow(const float* x, const float* y, int n, const Lamp& lamp, float* share) {
+  const auto [ambient, x_m, y_m, per_s2] = lamp;
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) {
+    const float dx = x[i] - x_m, dy = y[i] - y_m, u = 1.0f / (1.0f + (dx * dx + dy * dy) * per_s2);
+    share[i] = ambient / (ambient + (1.0f - ambient) * u * std::sqrt(u));
+  }
+}
+
 }  // namespace
 
 FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, int block)
     : cells_(placesOf(camera, cells, cell_px)),
       blocks_(placesOf(camera, {cells.width / block, cells.height / block}, cell_px * block)),
       of_cells_(cells),
-      of_blocks_(blocks_.x_m.size()) {
+      of_blocks_(blocks_.x_m.size()),
+      beside_lamp_(cells) {
   samples_.reserve(2 * kSamples);
 }
 
@@ -191,6 +206,16 @@ bool FloorLight::fit(const FloorGrowth& growth) {
     most = std::max(most, sinceFoot(p_, sample));
   }
   return least < std::log(kMatters);
+}
+
+const cv::Mat1f& FloorLight::besideLampOfCells() {
+  const auto ambient = static_cast<float>(of_last_blocks_[kAmbient]),
+             x_m = static_cast<float>(of_last_blocks_[kX]), y_m = static_cast<float>(of_last_blocks_[kY]),
+             per_s2 = static_cast<float>(std::exp(-2.0 * of_last_blocks_[kHeight]));
+  for (int y = 0; y < beside_lamp_.rows; ++y)
+    shareRow(cells_.x_m.ptr<float>(y), cells_.y_m.ptr<float>(y), beside_lamp_.cols, {ambient, x_m, y_m, per_s2},
+             beside_lamp_.ptr<float>(y));
+  return beside_lamp_;
 }
 
 void FloorLight::shine(const Parameters& fitted, const Places& places, cv::Mat1f& light) {

@@ -31,6 +31,8 @@ class FloorLight {
   const cv::Mat1f& ofBlocks();
   /// The same light as that of the last ofBlocks(), whatever was fitted since.
   const cv::Mat1f& ofCells();
+  /// Of that light the share that is not the lamp's; valid until the next call.
+  const cv::Mat1f& besideLampOfCells();
 
  private:
   static constexpr int kParameters = 6;
@@ -54,7 +56,7 @@ class FloorLight {
   static void shine(const Parameters& p, const Places& places, cv::Mat1f& light);
 
   Places cells_, blocks_;
-  cv::Mat1f of_cells_, of_blocks_;
+  cv::Mat1f of_cells_, of_blocks_, beside_lamp_;
   Parameters p_ = start(), of_last_blocks_ = start();
   std::vector<Sample> samples_;
   double change_ = 0.0;

@@ -89,6 +89,7 @@ bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
   if (!grow(noise / (FloorView::kCell * block_), beyond)) return false;
   smoothing_.smooth(growth_);
   if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
+  beside_lamp_ = growth_.isEvened() ? &light_.besideLampOfCells() : nullptr;
   return true;
 }
 
@@ -109,23 +110,21 @@ bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>&
   return --until_look_ > 0 || lookForLamp(noise, beyond);
 }
 
-/// It is learned from the floor that growth reaches without it, and believed where growth then reaches more.
+/// It is learned from the floor that growth reaches without it, then from what growth reaches with that, and
+/// believed where this is more.
 bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
   until_look_ = kEvenLight;
   light_.reset();
+  const auto without = static_cast<double>(growth_.grown().size());
   for (int look = 0; look < kLooks && light_.fit(growth_); ++look) {
-    const auto before = static_cast<double>(growth_.grown().size());
+    if (look > 0 && light_.change() <= kOtherLight) break;
     if (!growEvened(noise, beyond)) return false;
-    last_grown_ = growth_.grown().size();
-    if (static_cast<double>(last_grown_) > kMoreFloor * before) {
-      is_lamp_lit_ = true;
-      continue;
-    }
-    if (is_lamp_lit_) break;
-    growth_.leaveUneven();
-    return growth_.grow(noise, beyond);
   }
-  return true;
+  last_grown_ = growth_.grown().size();
+  is_lamp_lit_ = static_cast<double>(last_grown_) > kMoreFloor * without;
+  if (is_lamp_lit_ || !growth_.isEvened()) return true;
+  growth_.leaveUneven();
+  return growth_.grow(noise, beyond);
 }
 
 bool FloorReference::growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {

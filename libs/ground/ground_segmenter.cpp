@@ -17,7 +17,7 @@ constexpr int kCell = FloorView::kCell;
 // it too, is object all over.
 constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
 // Share of the floor's brightness by which cells differ that show the same, a thing or its shadow.
-constexpr float kAlike = 0.2f;
+constexpr float kAlike = 0.2f, kAlikeInTheDark = 0.5f;  // the latter of the lighter one's
 // Share of the brightness that the tolerated noise makes up, from which pixels are averaged with their
 // neighbours first: else the tolerances would hide things in the dark.
 constexpr double kDrowning = 0.12;
@@ -224,13 +224,20 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
           static_cast<float>(o.tolerance_across),
           static_cast<float>(o.noise_sigmas * noise_.channel),
           completer_.foot(),
-          view_->mask()};
+          view_->mask(),
+          reference_.besideLamp()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const FloorNoise& noise = noise_;
   if (horizon_) horizon_->read(image);
   if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
+  deepest_shade_ = kDeepestShade;
+  if (reference_.besideLamp() != nullptr) {
+    double least = 1.0;
+    cv::minMaxLoc(*reference_.besideLamp(), &least);
+    deepest_shade_ = deepestShade(static_cast<float>(least));
+  }
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
@@ -404,7 +411,7 @@ void GroundSegmenter::findInside(const Strip& strip) {
   const int first = std::max(begin, 1), last = std::min(end, solid_.cols - 1);
   if (first >= last) return;
   const auto row = [&](int k) { return solid_.ptr(y + k) + first - 1; };
-  lookAround(row(-1), row(0), row(1), last - first, around_.data() + first);
+  lookAround(row(-1), row(0), row(1), last - first, deepest_shade_, around_.data() + first);
   for (int x = first; x < last; ++x) {
     Around& around = around_[static_cast<std::size_t>(x)];
     if (view_->coverage()(y, x) != 2 || (around == kSomeShade && !isOneKind(y, x))) around = kMixed;
@@ -421,7 +428,8 @@ bool GroundSegmenter::isOneKind(int y, int x) const {
       most = std::max(most, row[dx]);
     }
   }
-  return isGrey(least) && gainOf(most) - gainOf(least) < kAlike;
+  const float alike = std::min(kAlike, kAlikeInTheDark * gainOf(most));
+  return isGrey(least) && gainOf(most) - gainOf(least) < alike;
 }
 
 void GroundSegmenter::everythingIsAStrip() {

@@ -124,6 +124,7 @@ class GroundSegmenter {
   BitMask raw_bits_, bits_;
   BitMask unlined_;  ///< with the markings
   Labeller unlined_labeller_;
+  float deepest_shade_ = kDeepestShade;  ///< anywhere in the frame
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;

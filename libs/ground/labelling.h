@@ -22,6 +22,10 @@ struct Blob {
   std::vector<Run> runs;
 };
 
+inline cv::Point middleOf(const Blob& blob) {
+  return blob.rect.tl() + cv::Point(blob.rect.width / 2, blob.rect.height / 2);
+}
+
 /// Regions whose buffers are used again, each as large as the largest has been: which buffer serves which
 /// region does not matter, and nothing grows once the fullest frame has been seen.
 class BlobPool {

@@ -36,8 +36,9 @@ inline bool isOfPattern(Look look) {
   return isGrey(look) && gainOf(look) > 1.0f - kPatternContrast && gainOf(look) < 1.0f + kPatternContrast;
 }
 /// The floor in less light, for all that one pixel can tell.
-inline bool isShade(Look look) {
-  return isGrey(look) && gainOf(look) >= kDeepestShade && gainOf(look) < 1.0f;
+/// @param deepest share of its light that is left in the deepest shadow
+inline bool isShade(Look look, float deepest) {
+  return isGrey(look) && gainOf(look) >= deepest && gainOf(look) < 1.0f;
 }
 
 }  // namespace omnifleet::ground

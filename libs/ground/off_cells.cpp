@@ -28,18 +28,6 @@ OMNIFLEET_WIDE void findOff(const float* means, const float* floor, int n, const
 
 namespace {
 
-/// From `first` to `last`: isShade().
-struct ShadeLooks {
-  Look first = 255, last = kFloorLook;
-  ShadeLooks() {
-    for (int look = 0; look < 256; ++look) {
-      if (!isShade(static_cast<Look>(look))) continue;
-      first = std::min(first, static_cast<Look>(look));
-      last = std::max(last, static_cast<Look>(look));
-    }
-  }
-};
-
 constexpr std::uint8_t kHole = 1, kShade = 2;
 
 OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* below, int n, Look first,
@@ -62,9 +50,11 @@ OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* 
 
 }  // namespace
 
-void lookAround(const Look* above, const Look* here, const Look* below, int n, Around* out) {
-  static const ShadeLooks kShadeLooks;
-  lookAround(above, here, below, n, kShadeLooks.first, kShadeLooks.last, out);
+void lookAround(const Look* above, const Look* here, const Look* below, int n, float deepest, Around* out) {
+  Look first = greyLook(deepest), last = greyLook(1.0f);
+  while (!isShade(first, deepest)) ++first;
+  while (!isShade(last, deepest)) --last;
+  lookAround(above, here, below, n, first, last, out);
 }
 
 OMNIFLEET_WIDE void spreadMarks(const std::uint8_t* above, const std::uint8_t* here,

@@ -27,6 +27,7 @@ enum Around : std::uint8_t {
   kSomeShade,   ///< they are, some of them look like a shadow
 };
 /// out[x] for n cells; n + 2 Looks of each row, from x − 1 on: kFloorLook where a cell may be mixed.
-void lookAround(const Look* above, const Look* here, const Look* below, int n, Around* out);
+/// @param deepest shade, see isShade()
+void lookAround(const Look* above, const Look* here, const Look* below, int n, float deepest, Around* out);
 
 }  // namespace omnifleet::ground

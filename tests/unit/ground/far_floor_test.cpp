@@ -74,7 +74,7 @@ TEST(FarFloor, UnderLampsOfRoomsIsFloorToALinearCamera) {
 TEST(FarFloor, AwayFromALampIsFloorWhereItDarkens) {
   for (const double height : {1.6, 2.0, 2.6, 3.5}) {
     EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kDisplay), 0.02) << height;
-    EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kLinear), 0.05) << height;
+    EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kLinear), 0.07) << height;
   }
 }
 
