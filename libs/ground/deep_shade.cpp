@@ -33,14 +33,13 @@ float medianOf(std::vector<float>& values) {
 
 /// Where a region's shade is at least half as deep as half of it is: the fringe that fades into the floor's
 /// brightness is left out. False where there is too little of it.
-bool DeepShade::find(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
-  const float deepest = deepestShade(frame, middleOf(blob));
+bool DeepShade::find(const Blob& blob, const cv::Mat1b& looks) {
   std::array<int, 256> pixels{};
   int shaded = 0;
   for (const Run& run : blob.runs) {
     const Look* row = looks.ptr(run.row);
     for (int x = run.begin; x < run.end; ++x) {
-      if (!isShade(row[x], deepest) || isFaint(row[x])) continue;
+      if (!isShade(row[x], kDeepestShade) || isFaint(row[x])) continue;
       ++pixels[row[x]];
       ++shaded;
     }
@@ -49,7 +48,7 @@ bool DeepShade::find(const Blob& blob, const FloorFrame& frame, const cv::Mat1b&
   int look = 0;
   for (int below = pixels[0]; 2 * below < shaded; below += pixels[static_cast<std::size_t>(look)]) ++look;
   depth_ = 1.0f - gainOf(static_cast<Look>(look));
-  const Look first = greyLook(deepest), last = greyLook(1.0f - 0.5f * depth_);
+  const Look first = greyLook(kDeepestShade), last = greyLook(1.0f - 0.5f * depth_);
   const auto isDeep = [&](Look at) { return at >= first && at <= last; };
   const cv::Rect& rect = blob.rect;
   rows_.assign(static_cast<std::size_t>(rect.height), {looks.cols, -1});
@@ -91,11 +90,10 @@ void DeepShade::forEnds(const Blob& blob, Visit visit) const {
 /// its top, not as shadows fade. Towards the camera's foot both may end in a shadow; what is plainly no
 /// floor, and what the view does not show, tells nothing.
 float DeepShade::sharpShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
-  if (!find(blob, frame, looks)) return 0.0f;
-  const float deepest = deepestShade(frame, middleOf(blob));
+  if (!find(blob, looks)) return 0.0f;
   const cv::Rect image({0, 0}, looks.size());
-  const auto isThing = [deepest](Look look) {
-    return look == kColourLook || (isGrey(look) && (gainOf(look) < deepest || gainOf(look) > kLighter));
+  const auto isThing = [](Look look) {
+    return look == kColourLook || (isGrey(look) && (gainOf(look) < kDeepestShade || gainOf(look) > kLighter));
   };
   int sharp = 0, count = 0;
   forEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
@@ -121,7 +119,7 @@ float DeepShade::sharpShare(const Blob& blob, const FloorFrame& frame, const cv:
 /// none.
 Look DeepShade::foot(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
   const Look faint = greyLook(1.0f - kFaintContrast);
-  if (!find(blob, frame, looks)) return faint;
+  if (!find(blob, looks)) return faint;
   feet_.clear();
   before_feet_.clear();
   forEnds(blob, [&](const cv::Point& end, const cv::Point& out) {

@@ -24,7 +24,7 @@ class DeepShade {
   Look foot(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
 
  private:
-  bool find(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
+  bool find(const Blob& blob, const cv::Mat1b& looks);
   template <typename Visit>
   void forEnds(const Blob& blob, Visit visit) const;
 

@@ -4,7 +4,6 @@
 #include <opencv2/core.hpp>
 
 #include "ground/floor_view.h"
-#include "ground/look.h"
 
 namespace omnifleet::ground {
 
@@ -16,24 +15,7 @@ struct FloorFrame {
   float noise;             ///< grey levels tolerated beside it in a single pixel
   cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
   const cv::Mat1b& view;   ///< not 0 where floor may be seen
-  /// Per cell the share of the floor's light that comes from elsewhere than the lamp, which is left in
-  /// shadows that this throws; none where no lamp is known.
-  const cv::Mat1f* beside_lamp = nullptr;
 };
-
-/// Least share of the floor's light that a shadow leaves. @param beside_lamp share that is not the lamp's
-inline float deepestShade(float beside_lamp) {
-  constexpr float kContact = 0.7f;  // of that: right beside a thing, which keeps off some of that, too
-  return std::min(kDeepestShade, kContact * beside_lamp);
-}
-
-/// The same around a pixel.
-inline float deepestShade(const FloorFrame& frame, const cv::Point& at) {
-  if (frame.beside_lamp == nullptr) return kDeepestShade;
-  const int y = std::clamp(at.y / FloorView::kCell, 0, frame.beside_lamp->rows - 1),
-            x = std::clamp(at.x / FloorView::kCell, 0, frame.beside_lamp->cols - 1);
-  return deepestShade((*frame.beside_lamp)(y, x));
-}
 
 inline const cv::Vec3f& floorAt(const FloorFrame& frame, int x, int y) {
   return frame.floor(std::min(y / FloorView::kCell, frame.floor.rows - 1),

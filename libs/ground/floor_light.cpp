@@ -62,6 +62,28 @@ OMNIFLEET_WIDE void shareRow(const float* x, const float* y, int n, const Lamp& 
   }
 }
 
+/// Where the floor of a row of cells is, and of the rows above and below it.
+struct FloorOfRow {
+  const float *x_m, *y_m;
+  std::ptrdiff_t step;
+};
+
+/// The floor moves by J · (step in the picture), J from the cells to each side.
+void towardsRow(const FloorOfRow& floor, const cv::Point2f& lamp_m, int n, float* out) {
+  for (int i = 1; i + 1 < n; ++i) {
+    const float *x = floor.x_m + i, *y = floor.y_m + i;
+    const float a = x[1] - x[-1], b = x[floor.step] - x[-floor.step], c = y[1] - y[-1],
+                d = y[floor.step] - y[-floor.step], dx = lamp_m.x - x[0], dy = lamp_m.y - y[0];
+    const float determinant = a * d - b * c;
+    float to_x = d * dx - b * dy, to_y = a * dy - c * dx;
+    if (determinant < 0.0f) to_x = -to_x, to_y = -to_y;
+    const float length = std::sqrt(to_x * to_x + to_y * to_y);
+    const bool is_floor = x[0] < kBeyond_m && determinant != 0.0f && length > 0.0f;
+    out[2 * i] = is_floor ? to_x / length : 0.0f;
+    out[2 * i + 1] = is_floor ? to_y / length : 0.0f;
+  }
+}
+
 }  // namespace
 
 FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, int block)
@@ -69,7 +91,8 @@ FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, 
       blocks_(placesOf(camera, {cells.width / block, cells.height / block}, cell_px * block)),
       of_cells_(cells),
       of_blocks_(blocks_.x_m.size()),
-      beside_lamp_(cells) {
+      beside_lamp_(cells),
+      towards_lamp_(cells, cv::Vec2f(0, 0)) {
   samples_.reserve(2 * kSamples);
 }
 
@@ -123,7 +146,8 @@ void FloorLight::gather(const FloorGrowth& growth) {
     sum += samples_.back().level;
   }
   // The level itself is no matter; that it is near 0 spares its bounds.
-  for (Sample& sample : samples_) sample.level -= static_cast<float>(sum / static_cast<double>(samples_.size()));
+  for (Sample& sample : samples_)
+    sample.level -= static_cast<float>(sum / static_cast<double>(samples_.size()));
 }
 
 /// Cauchy's loss of what is left, in standard deviations, and what is known of rooms.
@@ -213,9 +237,19 @@ const cv::Mat1f& FloorLight::besideLampOfCells() {
              x_m = static_cast<float>(of_last_blocks_[kX]), y_m = static_cast<float>(of_last_blocks_[kY]),
              per_s2 = static_cast<float>(std::exp(-2.0 * of_last_blocks_[kHeight]));
   for (int y = 0; y < beside_lamp_.rows; ++y)
-    shareRow(cells_.x_m.ptr<float>(y), cells_.y_m.ptr<float>(y), beside_lamp_.cols, {ambient, x_m, y_m, per_s2},
-             beside_lamp_.ptr<float>(y));
+    shareRow(cells_.x_m.ptr<float>(y), cells_.y_m.ptr<float>(y), beside_lamp_.cols,
+             {ambient, x_m, y_m, per_s2}, beside_lamp_.ptr<float>(y));
   return beside_lamp_;
+}
+
+const cv::Mat2f& FloorLight::towardsLampOfCells() {
+  const auto lamp_x_m = static_cast<float>(of_last_blocks_[kX]),
+             lamp_y_m = static_cast<float>(of_last_blocks_[kY]);
+  const cv::Mat1f &x_m = cells_.x_m, &y_m = cells_.y_m;
+  for (int y = 1; y + 1 < towards_lamp_.rows; ++y)
+    towardsRow({x_m.ptr<float>(y), y_m.ptr<float>(y), static_cast<std::ptrdiff_t>(x_m.step1())},
+               {lamp_x_m, lamp_y_m}, towards_lamp_.cols, towards_lamp_.ptr<float>(y));
+  return towards_lamp_;
 }
 
 void FloorLight::shine(const Parameters& fitted, const Places& places, cv::Mat1f& light) {

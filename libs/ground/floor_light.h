@@ -33,6 +33,9 @@ class FloorLight {
   const cv::Mat1f& ofCells();
   /// Of that light the share that is not the lamp's; valid until the next call.
   const cv::Mat1f& besideLampOfCells();
+  /// Unit vectors in the picture, which lead over the floor towards the place beneath that lamp; 0 where no
+  /// floor is seen.
+  const cv::Mat2f& towardsLampOfCells();
 
  private:
   static constexpr int kParameters = 6;
@@ -57,6 +60,7 @@ class FloorLight {
 
   Places cells_, blocks_;
   cv::Mat1f of_cells_, of_blocks_, beside_lamp_;
+  cv::Mat2f towards_lamp_;
   Parameters p_ = start(), of_last_blocks_ = start();
   std::vector<Sample> samples_;
   double change_ = 0.0;

@@ -11,11 +11,11 @@ namespace {
 
 // Frames until light that is even, or no lamp's, is looked at again.
 constexpr int kEvenLight = 10;
-constexpr double kMoreFloor = 1.01;  // what the light of a lamp must bring to be believed
-constexpr double kLostFloor = 0.95;  // of the frame before: it may be believed no more
-constexpr double kOtherLight = 0.03; // of the brightness
-constexpr int kLooks = 3;            // each from more floor than the last
-constexpr int kLargeImage_px = 900;  // from this width on the model is made of blocks of 2×2 cells
+constexpr double kMoreFloor = 1.01;   // what the light of a lamp must bring to be believed
+constexpr double kLostFloor = 0.95;   // of the frame before: it may be believed no more
+constexpr double kOtherLight = 0.03;  // of the brightness
+constexpr int kLooks = 3;             // each from more floor than the last
+constexpr int kLargeImage_px = 900;   // from this width on the model is made of blocks of 2×2 cells
 /// Means of n blocks of 2×2 cells, three numbers each.
 OMNIFLEET_WIDE void averageFours(const float* above, const float* below, int n, float* means) {
   using lanes::FourFloats;
@@ -89,7 +89,6 @@ bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
   if (!grow(noise / (FloorView::kCell * block_), beyond)) return false;
   smoothing_.smooth(growth_);
   if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
-  beside_lamp_ = growth_.isEvened() ? &light_.besideLampOfCells() : nullptr;
   return true;
 }
 

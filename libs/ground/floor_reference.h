@@ -41,8 +41,8 @@ class FloorReference {
 
   /// Floor colour per cell, defined wherever the view covers.
   const cv::Mat3f& colour() const { return smoothing_.colour(); }
-  /// Of the light per cell the share that is not one lamp's; none where no lamp is known to light the floor.
-  const cv::Mat1f* besideLamp() const { return beside_lamp_; }
+  /// The light of the one lamp that is known to light the floor in the last frame; none where there is none.
+  FloorLight* lampLight() { return growth_.isEvened() ? &light_ : nullptr; }
   /// Is p floor where the floor looks like r? Of a mean over n pixels the noise is √n times less.
   FloorTest testFor(const cv::Vec3f& r, const FloorNoise& noise) const {
     return tolerance_.testFor(r, noise);
@@ -61,7 +61,6 @@ class FloorReference {
   FloorGrowth growth_;
   FloorLight light_;
   bool is_lamp_lit_ = false;
-  const cv::Mat1f* beside_lamp_ = nullptr;
   std::size_t last_grown_ = 0;  ///< blocks, while it is
   int until_look_ = 0;          ///< frames, while it is not, until that is looked at again
   FloorSmoothing smoothing_;

@@ -147,6 +147,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       bits_(view.imageSize()),
       unlined_(view.imageSize()),
       despeckler_(view.imageSize()),
+      lamp_shadows_(view),
       shade_(view.imageSize()),
       completer_(camera, view.imageSize()) {
   if (options.method == "local" && !options.reference.all_modes) {
@@ -180,6 +181,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
     const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
     if (low_walls_ && findLowWalls(image, *regions))
       regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
+    if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, looks_);
     shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
     complete(image);
   }
@@ -224,20 +226,13 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
           static_cast<float>(o.tolerance_across),
           static_cast<float>(o.noise_sigmas * noise_.channel),
           completer_.foot(),
-          view_->mask(),
-          reference_.besideLamp()};
+          view_->mask()};
 }
 
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const FloorNoise& noise = noise_;
   if (horizon_) horizon_->read(image);
   if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
-  deepest_shade_ = kDeepestShade;
-  if (reference_.besideLamp() != nullptr) {
-    double least = 1.0;
-    cv::minMaxLoc(*reference_.besideLamp(), &least);
-    deepest_shade_ = deepestShade(static_cast<float>(least));
-  }
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
@@ -411,7 +406,8 @@ void GroundSegmenter::findInside(const Strip& strip) {
   const int first = std::max(begin, 1), last = std::min(end, solid_.cols - 1);
   if (first >= last) return;
   const auto row = [&](int k) { return solid_.ptr(y + k) + first - 1; };
-  lookAround(row(-1), row(0), row(1), last - first, deepest_shade_, around_.data() + first);
+  const float deepest = reference_.lampLight() != nullptr ? 0.0f : kDeepestShade;
+  lookAround(row(-1), row(0), row(1), last - first, deepest, around_.data() + first);
   for (int x = first; x < last; ++x) {
     Around& around = around_[static_cast<std::size_t>(x)];
     if (view_->coverage()(y, x) != 2 || (around == kSomeShade && !isOneKind(y, x))) around = kMixed;

@@ -13,6 +13,7 @@
 #include "ground/floor_view.h"
 #include "ground/horizon.h"
 #include "ground/labelling.h"
+#include "ground/lamp_shadows.h"
 #include "ground/line_filter.h"
 #include "ground/low_walls.h"
 #include "ground/off_cells.h"
@@ -124,10 +125,10 @@ class GroundSegmenter {
   BitMask raw_bits_, bits_;
   BitMask unlined_;  ///< with the markings
   Labeller unlined_labeller_;
-  float deepest_shade_ = kDeepestShade;  ///< anywhere in the frame
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
+  LampShadows lamp_shadows_;
   ShadeFilter shade_;
   ThingCompleter completer_;
 };

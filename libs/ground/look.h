@@ -35,6 +35,8 @@ inline constexpr float kPatternContrast = 0.24f;
 inline bool isOfPattern(Look look) {
   return isGrey(look) && gainOf(look) > 1.0f - kPatternContrast && gainOf(look) < 1.0f + kPatternContrast;
 }
+/// Shade that the lamp throws, however deep (LampShadows): as light as the deepest shade.
+inline constexpr Look kLampShade = 43;
 /// The floor in less light, for all that one pixel can tell.
 /// @param deepest share of its light that is left in the deepest shadow
 inline bool isShade(Look look, float deepest) {

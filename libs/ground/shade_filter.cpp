@@ -130,7 +130,7 @@ void ShadeFilter::decide(const BitMask& found) {
     blobs->erase(std::remove_if(blobs->begin(), blobs->end(), isFound), blobs->end());
 }
 
-ShadeFilter::Census ShadeFilter::count(const Blob& blob, const Frame& frame, const cv::Mat1b& looks) {
+ShadeFilter::Census ShadeFilter::count(const Blob& blob, const cv::Mat1b& looks) {
   // Of each look; in four parts, as equal looks, which lie side by side, wait for each other.
   constexpr int kParts = 4;
   std::array<std::array<int, 256>, kParts> parts{};
@@ -146,8 +146,7 @@ ShadeFilter::Census ShadeFilter::count(const Blob& blob, const Frame& frame, con
     for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] += parts[k][i];
   Census census;
   census.coloured = pixels[kColourLook];
-  census.deepest = greyLook(deepestShade(frame, middleOf(blob)));
-  census.shade_limit = census.deepest;
+  census.shade_limit = greyLook(kDeepestShade);
   // What no shadow is as dark as must be there, or two kinds of floor would make a thing.
   const int darkest =
       std::accumulate(pixels.begin() + kColourLook + 1, pixels.begin() + census.shade_limit, 0);
@@ -313,7 +312,7 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
   if (side && deep_.sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
     return Verdict::kKeepCore;
-  if (c.shade_limit > c.deepest && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
+  if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
     return Verdict::kKeepCore;
   if (isCore(c.dark, blob) && 2 * c.coloured < blob.area_px && findFading(blob, c, frame, looks))
     return Verdict::kKeepUnfading;
@@ -430,7 +429,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   judged_.clear();
   int faint = 0, patterned = 0, tiles = 0;
   for (const Blob& blob : blobs) {
-    const Census census = count(blob, frame, looks);
+    const Census census = count(blob, looks);
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,

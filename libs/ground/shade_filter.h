@@ -85,8 +85,7 @@ class ShadeFilter {
     int patterned = 0;                           ///< the faint ones and those hardly less so
     int light = 0;                               ///< lighter than those
     float dark_gain = 0.0f, shaded_gain = 0.0f;  ///< means
-    Look deepest = kFloorLook;                   ///< from which grey may be shade
-    Look shade_limit = kFloorLook;               ///< from which it is taken for that
+    Look shade_limit = kFloorLook;               ///< from which grey is taken for shade
   };
   enum class Verdict { kKeep, kKeepFirm, kKeepCore, kKeepUnfading, kDrop, kVague, kUndecided };
   static bool keepsCore(Verdict verdict) {
@@ -106,7 +105,7 @@ class ShadeFilter {
     std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
   };
 
-  static Census count(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
+  static Census count(const Blob& blob, const cv::Mat1b& looks);
   void findCoreStrips(const std::vector<Strip>& strips, const std::vector<Blob>& blobs);
   static cv::Vec3f hueOfCore(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);
   void giveHuedBack(const Blob& blob, const Frame& frame, const cv::Mat1b& looks);

@@ -1,0 +1,96 @@
+#include "ground/lamp_shadows.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "ground/parting.h"
+
+namespace omnifleet::ground {
+
+namespace {
+
+constexpr int kCell = FloorView::kCell;
+// Of what is not the lamp's: how light its shadow is, beside a thing (which keeps some of that off, too) at
+// least; what it is surely, by its light alone.
+constexpr float kDeepest = 0.7f, kLeastSure = 0.85f, kMostSure = 1.5f;
+constexpr float kStep_px = 2.0f;
+constexpr int kSteps = 60;
+constexpr int kInARow = 2;                                  // steps that meet the same: single ones are noise
+constexpr int kKind_px = 16;                                // pixels that make a kind
+constexpr float kLeastOfShade = 0.6f, kMostOfShade = 1.4f;  // of what is not the lamp's: the lighter kind
+
+const cv::Vec2f kNowhere(0.0f, 0.0f);
+
+}  // namespace
+
+/// The dark of a grey thing and of its shadow part where both are much; then what is darker is the thing.
+LampShadows::Kinds LampShadows::kindsOf(const Blob& region, float beside_lamp, const cv::Mat1b& looks) {
+  const Look end = greyLook(kDeepestShade);
+  Kinds kinds{greyLook(kDeepest * beside_lamp), kFloorLook};
+  pixels_.fill(0);
+  for (const Run& run : region.runs) {
+    const Look* row = looks.ptr(run.row);
+    for (int x = run.begin; x < run.end; ++x)
+      if (isGrey(row[x]) && row[x] <= end) ++pixels_[row[x]];
+  }
+  const Look parting = partingOf(pixels_);
+  if (parting == kFloorLook) return kinds;
+  const int darker = std::accumulate(pixels_.begin(), pixels_.begin() + parting, 0);
+  int lighter = 0;
+  float gain = 0.0f;
+  for (int look = parting; look <= end; ++look) {
+    lighter += pixels_[static_cast<std::size_t>(look)];
+    gain += static_cast<float>(pixels_[static_cast<std::size_t>(look)]) * gainOf(static_cast<Look>(look));
+  }
+  gain /= static_cast<float>(std::max(1, lighter)) * beside_lamp;
+  if (std::min(darker, lighter) >= kKind_px && gain > kLeastOfShade && gain < kMostOfShade)
+    kinds.parting = parting;
+  return kinds;
+}
+
+void LampShadows::mark(FloorLight& light, const std::vector<Blob>& regions, cv::Mat1b& looks) {
+  towards_ = light.towardsLampOfCells();
+  const cv::Mat1f& beside = light.besideLampOfCells();
+  const auto besideAt = [&](const cv::Point& at) {
+    return beside(std::min(at.y / kCell, beside.rows - 1), std::min(at.x / kCell, beside.cols - 1));
+  };
+  const Look end = greyLook(kDeepestShade);
+  for (const Blob& region : regions) {
+    const Kinds kinds = kindsOf(region, besideAt(middleOf(region)), looks);
+    const Look first = std::max({kinds.deepest, kinds.parting, static_cast<Look>(kColourLook + 1)});
+    for (const Run& run : region.runs) {
+      Look* row = looks.ptr(run.row);
+      for (int x = run.begin; x < run.end; ++x) {
+        if (row[x] < first || row[x] > end) continue;
+        const cv::Point at(x, run.row);
+        const float share = gainOf(row[x]) / besideAt(at);
+        if ((share > kLeastSure && share < kMostSure) || isThrown(at, kinds.parting, looks))
+          row[x] = kLampShade;
+      }
+    }
+  }
+}
+
+bool LampShadows::isThrown(const cv::Point& from, Look parting, const cv::Mat1b& looks) const {
+  cv::Point2f at(from);
+  int on_floor = 0, on_thing = 0;
+  for (int step = 0; step < kSteps; ++step) {
+    const cv::Point pixel(cvRound(at.x), cvRound(at.y));
+    if (pixel.x < 0 || pixel.y < 0 || pixel.x >= looks.cols || pixel.y >= looks.rows) return false;
+    const int y = std::min(pixel.y / kCell, towards_.rows - 1),
+              x = std::min(pixel.x / kCell, towards_.cols - 1);
+    if (view_->mask()(pixel) == 0) return towards_(y, x) != kNowhere;
+    if (towards_(y, x) == kNowhere) return false;
+    const Look look = looks(pixel);
+    const bool is_thing =
+        look == kColourLook || (isGrey(look) && (look < parting || gainOf(look) > 1.0f + kFaintContrast));
+    on_floor = look == kFloorLook ? on_floor + 1 : 0;
+    on_thing = is_thing ? on_thing + 1 : 0;
+    if (on_thing >= kInARow) return true;
+    if (on_floor >= kInARow) return false;
+    at += kStep_px * cv::Point2f(towards_(y, x));
+  }
+  return false;
+}
+
+}  // namespace omnifleet::ground
