@@ -1,7 +1,6 @@
 #include "ground/lamp_shadows.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "ground/parting.h"
 
@@ -12,14 +11,20 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 // Of what is not the lamp's: how light its shadow is, beside a thing (which keeps some of that off, too) at
 // least; what it is surely, by its light alone.
-constexpr float kDeepest = 0.7f, kLeastSure = 0.85f, kMostSure = 1.5f;
+constexpr float kDeepest = 0.5f, kLeastSure = 0.85f, kMostSure = 1.5f;
 constexpr float kStep_px = 2.0f;
 constexpr int kSteps = 60;
-constexpr int kInARow = 2;                                  // steps that meet the same: single ones are noise
-constexpr int kKind_px = 16;                                // pixels that make a kind
+constexpr int kInARow = 2;       // steps that meet the same: single ones are noise
+constexpr int kKind_px = 16;     // pixels that make a kind
+constexpr float kApart = 0.65f;  // of the brightness of the lighter kind: the darker one has no more
 constexpr float kLeastOfShade = 0.6f, kMostOfShade = 1.4f;  // of what is not the lamp's: the lighter kind
 
 const cv::Vec2f kNowhere(0.0f, 0.0f);
+
+struct Kind {
+  int pixels = 0;
+  float gain = 0.0f;  ///< mean
+};
 
 }  // namespace
 
@@ -35,15 +40,20 @@ LampShadows::Kinds LampShadows::kindsOf(const Blob& region, float beside_lamp, c
   }
   const Look parting = partingOf(pixels_);
   if (parting == kFloorLook) return kinds;
-  const int darker = std::accumulate(pixels_.begin(), pixels_.begin() + parting, 0);
-  int lighter = 0;
-  float gain = 0.0f;
-  for (int look = parting; look <= end; ++look) {
-    lighter += pixels_[static_cast<std::size_t>(look)];
-    gain += static_cast<float>(pixels_[static_cast<std::size_t>(look)]) * gainOf(static_cast<Look>(look));
-  }
-  gain /= static_cast<float>(std::max(1, lighter)) * beside_lamp;
-  if (std::min(darker, lighter) >= kKind_px && gain > kLeastOfShade && gain < kMostOfShade)
+  const auto kindOf = [&](int from, int to) {
+    Kind kind;
+    for (int look = from; look < to; ++look) {
+      const int n = pixels_[static_cast<std::size_t>(look)];
+      kind.pixels += n;
+      kind.gain += static_cast<float>(n) * gainOf(static_cast<Look>(look));
+    }
+    kind.gain /= static_cast<float>(std::max(1, kind.pixels));
+    return kind;
+  };
+  const Kind thing = kindOf(kColourLook + 1, parting), shade = kindOf(parting, end + 1);
+  const float share = shade.gain / beside_lamp;
+  if (std::min(thing.pixels, shade.pixels) >= kKind_px && thing.gain < kApart * shade.gain &&
+      share > kLeastOfShade && share < kMostOfShade)
     kinds.parting = parting;
   return kinds;
 }
