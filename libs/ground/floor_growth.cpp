@@ -259,7 +259,7 @@ template <typename Colour>
 OMNIFLEET_INLINE float FloorGrowth::hueGain(int at, const Colour& mean, const Colour& expected) const {
   auto beyond = lanes::load<FourFloats>(&beyond_[sector_.data[at]]);
   if (!(beyond[0] >= 0.0f)) return kLevelGain;
-  beyond /= lightAt(at);  // as the means
+  if (is_evened_) beyond /= lightAt(at);  // as the means
   const auto seeds = lanes::load<FourFloats>(&of_seeds_);
   const FloorTest apart = offOf(beyond, expected), hues = offOf(beyond, seeds);
   if (apart.along2 + hues.across2 > kNear * kNear) return kLevelGain;

@@ -72,7 +72,7 @@ class FloorGrowth {
     float colour[4];  ///< the last one has no meaning
     float slope[2];   ///< relative change of the brightness per block, x and y
   };
-  float lightAt(int number) const { return light_.ptr<float>()[number]; }
+  float lightAt(int number) const { return is_evened_ ? light_.ptr<float>()[number] : 1.0f; }
   bool seed(const FloorNoise& noise);
   void dropOtherHues(const FloorNoise& noise);
   void dropBeyond();

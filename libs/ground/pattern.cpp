@@ -1,6 +1,7 @@
 #include "ground/pattern.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace omnifleet::ground {
 
@@ -12,6 +13,23 @@ constexpr std::uint8_t kAlongRow = 1, kAlongColumn = 2;
 
 int brightnessOf(const cv::Vec3b& colour) {
   return colour[0] + colour[1] + colour[2];
+}
+
+/// Of a region's pixels with a mark.
+cv::Rect boundsOf(const Blob& region, std::uint8_t mark, const cv::Mat1b& marks) {
+  int left = marks.cols, right = 0, top = marks.rows, bottom = 0;
+  for (const Run& run : region.runs) {
+    const std::uint8_t *begin = marks.ptr(run.row) + run.begin, *end = marks.ptr(run.row) + run.end;
+    const auto* first =
+        static_cast<const std::uint8_t*>(std::memchr(begin, mark, static_cast<std::size_t>(end - begin)));
+    if (first == nullptr) continue;
+    while (*(end - 1) != mark) --end;
+    left = std::min(left, static_cast<int>(first - marks.ptr(run.row)));
+    right = std::max(right, static_cast<int>(end - marks.ptr(run.row)));
+    top = std::min(top, run.row);
+    bottom = std::max(bottom, run.row + 1);
+  }
+  return left < right ? cv::Rect(left, top, right - left, bottom - top) : cv::Rect();
 }
 
 }  // namespace
@@ -40,26 +58,24 @@ cv::Range Pattern::Line::patches(int least_px, int most_px) const {
 }
 
 void Pattern::find(const Blob& region, const FloorFrame& frame) {
+  find(region, frame, region.rect);
+}
+
+void Pattern::find(const Blob& region, const FloorFrame& frame, const cv::Rect& asked) {
   const cv::Rect& r = region.rect;
   const cv::Vec3f floor = floorAt(frame, r.x + r.width / 2, r.y + r.height / 2);
   const auto step =
       static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), kNoise * frame.noise));
+  const int first = std::max(r.x, asked.x), last = std::min(r.br().x, asked.br().x);
   Mean rows, columns;
   std::fill(columns_.begin() + r.x, columns_.begin() + r.x + r.width, Line{});
   for (const Run& run : region.runs) {
     const auto* pixel = frame.image.ptr<cv::Vec3b>(run.row);
     std::uint8_t* along = lines_.ptr(run.row);
     std::fill(along + run.begin, along + run.end, std::uint8_t{0});
-    Line row;
-    row.start(run.begin, brightnessOf(pixel[run.begin]));
-    for (int x = run.begin; x < run.end; ++x) {
+    if (run.row >= asked.y && run.row < asked.br().y) rows.add(findAlongRow(run, pixel, step));
+    for (int x = std::max(run.begin, first); x < std::min(run.end, last); ++x) {
       const int value = brightnessOf(pixel[x]);
-      if (row.add(x, value, step)) {
-        const cv::Range patches = row.patches(least_px_, most_px_);
-        for (int i = std::max(row.patched_end, patches.start); i < std::min(patches.end, run.end); ++i)
-          along[i] |= kAlongRow;
-        row.patched_end = std::max(row.patched_end, patches.end);
-      }
       Line& column = columns_[static_cast<std::size_t>(x)];
       if (column.end != run.row) {
         columns.add(column);
@@ -73,13 +89,30 @@ void Pattern::find(const Blob& region, const FloorFrame& frame) {
       }
       if (run.row < column.patched_end) along[x] |= kAlongColumn;
     }
-    rows.add(row);
   }
   for (int x = r.x; x < r.x + r.width; ++x) columns.add(columns_[static_cast<std::size_t>(x)]);
   turns_ = std::min(rows.value(), columns.value());
 }
 
-void Pattern::fill(const Blob& region, std::uint8_t core, std::uint8_t shade, cv::Mat1b& marks) const {
+Pattern::Line Pattern::findAlongRow(const Run& run, const cv::Vec3b* pixel, int step) {
+  std::uint8_t* along = lines_.ptr(run.row);
+  Line row;
+  row.start(run.begin, brightnessOf(pixel[run.begin]));
+  for (int x = run.begin; x < run.end; ++x) {
+    if (!row.add(x, brightnessOf(pixel[x]), step)) continue;
+    const cv::Range patches = row.patches(least_px_, most_px_);
+    for (int i = std::max(row.patched_end, patches.start); i < std::min(patches.end, run.end); ++i)
+      along[i] |= kAlongRow;
+    row.patched_end = std::max(row.patched_end, patches.end);
+  }
+  return row;
+}
+
+void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
+                   cv::Mat1b& marks) {
+  const cv::Rect asked = boundsOf(region, shade, marks);
+  if (asked.empty()) return;
+  find(region, frame, asked);
   for (const Run& run : region.runs) {
     const std::uint8_t* along = lines_.ptr(run.row);
     std::uint8_t* mark = marks.ptr(run.row);

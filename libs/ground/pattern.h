@@ -29,11 +29,12 @@ class Pattern {
   /// Is the whole of the last region patterned?
   bool isAllOver() const { return turns_ >= kLeastTurns; }
 
-  /// Pixels of the last region that have the mark `shade` get the bits of `core` too where they are of a
+  /// Pixels of a region that have the mark `shade` get the bits of `core` too where they are of a
   /// pattern: between or right beside steps up and down that follow each other, as far apart as patches are
   /// wide (what is narrower is the grain of a floor), both along the row and along the column.
   /// @param marks of the region's pixels; changed
-  void fill(const Blob& region, std::uint8_t core, std::uint8_t shade, cv::Mat1b& marks) const;
+  void fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
+            cv::Mat1b& marks);
 
  private:
   static constexpr float kLeastTurns = 1.5f;
@@ -68,6 +69,10 @@ class Pattern {
     }
     float value() const { return weight > 0.0f ? sum / weight : 0.0f; }
   };
+
+  /// Only the rows and columns of `asked`.
+  void find(const Blob& region, const FloorFrame& frame, const cv::Rect& asked);
+  Line findAlongRow(const Run& run, const cv::Vec3b* pixel, int step);
 
   cv::Mat1b lines_;  ///< of the last region's pixels: kAlongRow, kAlongColumn where they are of a pattern
   std::vector<Line> columns_;

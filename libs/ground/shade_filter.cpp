@@ -400,8 +400,7 @@ void ShadeFilter::giveHuedBack(const Run& shade, const cv::Vec3f& core_hue, cons
 
 /// Patches of a thing's pattern are no shade.
 void ShadeFilter::givePatternBack(const Blob& blob, const Frame& frame) {
-  pattern_.find(blob, frame);
-  pattern_.fill(blob, kCore, kShade, bare_);
+  pattern_.fill(blob, frame, kCore, kShade, bare_);
 }
 
 bool ShadeFilter::isPatterned(const Blob& blob, const Frame& frame) {

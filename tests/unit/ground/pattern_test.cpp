@@ -24,16 +24,18 @@ class PatternTest : public ::testing::Test {
   float turnsOf(const Gain& gain, double noise = 1.5) {
     for (int y = 0; y < kSide; ++y)
       for (int x = 0; x < kSide; ++x) image_(kTop + y, kLeft + x) = cv::Vec3b(cv::Vec3d(kFloor) * gain(x, y));
-    const cv::Mat3b noisy = testing::withNoise(image_, noise, 5);
+    noisy_ = testing::withNoise(image_, noise, 5);
     mask_(cv::Rect(kLeft, kTop, kSide, kSide)) = 255;
-    const FloorFrame frame{noisy, floor_, 0.05f, static_cast<float>(4.0 * noise), {80.0f, 60.0f}, view_};
-    pattern_.find(blobOf(mask_), frame);
+    pattern_.find(blobOf(mask_), frame(noise));
     return pattern_.turns();
+  }
+  FloorFrame frame(double noise = 1.5) const {
+    return {noisy_, floor_, 0.05f, static_cast<float>(4.0 * noise), {80.0f, 60.0f}, view_};
   }
 
   static constexpr int kSide = 40, kLeft = 96, kTop = 32;
   const cv::Vec3f kFloor = {150, 160, 170};
-  cv::Mat3b image_ = cv::Mat3b(120, 160, cv::Vec3b(kFloor));
+  cv::Mat3b image_ = cv::Mat3b(120, 160, cv::Vec3b(kFloor)), noisy_;
   cv::Mat3f floor_ = cv::Mat3f(120 / FloorView::kCell, 160 / FloorView::kCell, kFloor);
   cv::Mat1b view_ = cv::Mat1b(120, 160, std::uint8_t{1});
   cv::Mat1b mask_ = cv::Mat1b(120, 160, std::uint8_t{0});
@@ -70,8 +72,7 @@ TEST_F(PatternTest, GrainIsNoPattern) {
   const cv::Mat3f floor(480 / FloorView::kCell, 640 / FloorView::kCell, kFloor);
   const cv::Mat1b view(wide.size(), std::uint8_t{1});
   Pattern pattern(wide.size());
-  pattern.find(blobOf(mask), {wide, floor, 0.05f, 6.0f, {320.0f, 240.0f}, view});
-  pattern.fill(blobOf(mask), 1, 2, marks);
+  pattern.fill(blobOf(mask), {wide, floor, 0.05f, 6.0f, {320.0f, 240.0f}, view}, 1, 2, marks);
   EXPECT_EQ(cv::countNonZero(marks == 3), 0);
 }
 
@@ -86,7 +87,7 @@ TEST_F(PatternTest, PatchesAreTheThingsButNotTheShadowBesideThem) {
   turnsOf([](int x, int y) { return x >= kEnd ? 0.7 : (x / kPatch + y / kPatch) % 2 == 0 ? 0.9 : 0.5; });
   cv::Mat1b marks(mask_.size(), std::uint8_t{0});
   marks.setTo(kShade, mask_);
-  pattern_.fill(blobOf(mask_), kCore, kShade, marks);
+  pattern_.fill(blobOf(mask_), frame(), kCore, kShade, marks);
   int chequered = 0, shaded = 0;
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
