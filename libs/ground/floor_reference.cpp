@@ -96,17 +96,26 @@ bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
 bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
   if (options_.all_modes) return growth_.grow(noise, beyond);
   if (is_lamp_lit_) {
-    if (!growEvened(noise, beyond)) return false;
-    is_lamp_lit_ = light_.fit(growth_);
-    if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
-    const std::size_t grown = growth_.grown().size(), before = std::exchange(last_grown_, grown);
-    if (static_cast<double>(grown) > kLostFloor * static_cast<double>(before)) return true;
-    growth_.leaveUneven();
-    is_lamp_lit_ = false;
-    until_look_ = 0;
+    if (growByLamp(noise, beyond)) return true;
+    giveLampUp();
   }
   if (!growth_.grow(noise, beyond)) return false;
   return --until_look_ > 0 || lookForLamp(noise, beyond);
+}
+
+/// @return false where it is no light of the floor any more
+bool FloorReference::growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+  if (!growEvened(noise, beyond)) return false;
+  is_lamp_lit_ = light_.fit(growth_);
+  if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
+  const std::size_t grown = growth_.grown().size(), before = std::exchange(last_grown_, grown);
+  return static_cast<double>(grown) > kLostFloor * static_cast<double>(before);
+}
+
+void FloorReference::giveLampUp() {
+  growth_.leaveUneven();
+  is_lamp_lit_ = false;
+  until_look_ = 0;
 }
 
 /// It is learned from the floor that growth reaches without it, then from what growth reaches with that, and
@@ -115,12 +124,13 @@ bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::
   until_look_ = kEvenLight;
   light_.reset();
   const auto without = static_cast<double>(growth_.grown().size());
-  for (int look = 0; look < kLooks && light_.fit(growth_); ++look) {
+  bool has_floor = true;
+  for (int look = 0; look < kLooks && has_floor && light_.fit(growth_); ++look) {
     if (look > 0 && light_.change() <= kOtherLight) break;
-    if (!growEvened(noise, beyond)) return false;
+    has_floor = growEvened(noise, beyond);
   }
   last_grown_ = growth_.grown().size();
-  is_lamp_lit_ = static_cast<double>(last_grown_) > kMoreFloor * without;
+  is_lamp_lit_ = has_floor && static_cast<double>(last_grown_) > kMoreFloor * without;
   if (is_lamp_lit_ || !growth_.isEvened()) return true;
   growth_.leaveUneven();
   return growth_.grow(noise, beyond);

@@ -51,6 +51,8 @@ class FloorReference {
  private:
   void averageBlocks(const cv::Mat3f& cell_means);
   bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  bool growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  void giveLampUp();
   bool lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
   bool growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
 
