@@ -193,7 +193,7 @@ double FloorLight::costOf(const Parameters& p) const {
   return cost;
 }
 
-/// Levenberg and Marquardt's method.
+/// Levenberg and Marquardt's method, here as Ceres allocates at each solution.
 bool FloorLight::fit(const FloorGrowth& growth) {
   gather(growth);
   change_ = 0.0;
@@ -224,11 +224,8 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   };
   for (const Sample& sample : samples_)
     change_ = std::max(change_, std::abs(sinceFoot(p_, sample) - sinceFoot(before, sample)));
-  double least = 0.0, most = 0.0;
-  for (const Sample& sample : samples_) {
-    least = std::min(least, sinceFoot(p_, sample));
-    most = std::max(most, sinceFoot(p_, sample));
-  }
+  double least = 0.0;
+  for (const Sample& sample : samples_) least = std::min(least, sinceFoot(p_, sample));
   return least < std::log(kMatters);
 }
 

@@ -15,7 +15,7 @@ inline constexpr float kDeepestShade = 0.40f;
 /// Of the squared tolerance of hue: beyond it something has another hue than the floor in any light.
 inline constexpr float kOtherHue = 2.0f;
 
-inline Look greyLook(float gain) {
+inline constexpr Look greyLook(float gain) {
   return static_cast<Look>(2.0f + std::min(253.0f, 100.0f * gain));
 }
 inline bool isGrey(Look look) {
@@ -36,7 +36,7 @@ inline bool isOfPattern(Look look) {
   return isGrey(look) && gainOf(look) > 1.0f - kPatternContrast && gainOf(look) < 1.0f + kPatternContrast;
 }
 /// Shade that the lamp throws, however deep (LampShadows): as light as the deepest shade.
-inline constexpr Look kLampShade = 43;
+inline constexpr Look kLampShade = greyLook(kDeepestShade) + 1;
 /// The floor in less light, for all that one pixel can tell.
 /// @param deepest share of its light that is left in the deepest shadow
 inline bool isShade(Look look, float deepest) {
