@@ -15,6 +15,8 @@ namespace omnifleet::lanes {
 inline constexpr int kLanes = 8;
 using Floats = float __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(32)));
+/// Twice as many.
+using SixteenShorts = std::int16_t __attribute__((vector_size(32)));
 
 /// Half as many.
 using FourFloats = float __attribute__((vector_size(16)));

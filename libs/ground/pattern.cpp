@@ -1,7 +1,8 @@
 #include "ground/pattern.h"
 
-#include <algorithm>
 #include <cstring>
+
+#include "geometry/lanes.h"
 
 namespace omnifleet::ground {
 
@@ -10,114 +11,253 @@ namespace {
 constexpr float kStep = 0.1f;   // of the floor's brightness
 constexpr float kNoise = 3.0f;  // of what is tolerated in one pixel's channel: of the sum of three
 constexpr std::uint8_t kAlongRow = 1, kAlongColumn = 2;
+constexpr int kChunk = 16;  // pixels that are taken together
+// What a pixel is for the line along its column; where one begins, kBegins and the end of the line before.
+constexpr std::int16_t kGoesOn = 0, kSteps = 1, kBegins = 3;
+constexpr std::int16_t kNone = -1, kAsked = -1;
 
-int brightnessOf(const cv::Vec3b& colour) {
-  return colour[0] + colour[1] + colour[2];
+OMNIFLEET_WIDE void sumChannels(const std::uint8_t* pixels, int n, std::int16_t* sums) {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i)
+    sums[i] = static_cast<std::int16_t>(pixels[3 * i] + pixels[3 * i + 1] + pixels[3 * i + 2]);
 }
 
-/// Of a region's pixels with a mark.
-cv::Rect boundsOf(const Blob& region, std::uint8_t mark, const cv::Mat1b& marks) {
-  int left = marks.cols, right = 0, top = marks.rows, bottom = 0;
-  for (const Run& run : region.runs) {
-    const std::uint8_t *begin = marks.ptr(run.row) + run.begin, *end = marks.ptr(run.row) + run.end;
-    const auto* first =
-        static_cast<const std::uint8_t*>(std::memchr(begin, mark, static_cast<std::size_t>(end - begin)));
-    if (first == nullptr) continue;
-    while (*(end - 1) != mark) --end;
-    left = std::min(left, static_cast<int>(first - marks.ptr(run.row)));
-    right = std::max(right, static_cast<int>(end - marks.ptr(run.row)));
-    top = std::min(top, run.row);
-    bottom = std::max(bottom, run.row + 1);
+/// Least and most of so many values, and of kChunk that begin at `value`.
+OMNIFLEET_WIDE void rangeOfChunk(const std::int16_t* value, std::int16_t& least, std::int16_t& most) {
+  std::int16_t low = least, high = most;
+  for (int i = 0; i < kChunk; ++i) {
+    low = std::min(low, value[i]);
+    high = std::max(high, value[i]);
   }
-  return left < right ? cv::Rect(left, top, right - left, bottom - top) : cv::Rect();
+  least = low;
+  most = high;
+}
+
+/// Adds the pixels [begin, end) of a row to the lines along their columns, kChunk at a time, always the same
+/// ones together: what is stored for one row is loaded as it was for the next.
+/// @param value of the pixels from the chunk on that `begin` lies in. @param news likewise: what each pixel is
+struct NextRow {
+  const std::int16_t* value;
+  std::int16_t row, begin, end, step;
+  const std::int16_t* asked;
+  std::int16_t *low_of, *high_of, *direction_of, *end_of, *news;
+};
+OMNIFLEET_WIDE void addRow(const NextRow& next) {
+  using Shorts = lanes::SixteenShorts;
+  const Shorts order = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  const int first = next.begin & -kChunk;
+  for (int x = first; x < next.end; x += kChunk) {
+    const Shorts column = order + static_cast<std::int16_t>(x);
+    const Shorts asked =
+        lanes::load<Shorts>(next.asked + x) & (column >= next.begin) & (column < next.end);
+    const auto v = lanes::load<Shorts>(next.value + (x - first)), low = lanes::load<Shorts>(next.low_of + x),
+               high = lanes::load<Shorts>(next.high_of + x), way = lanes::load<Shorts>(next.direction_of + x),
+               end = lanes::load<Shorts>(next.end_of + x);
+    const Shorts begins = end != next.row;
+    const Shorts least = begins | (v < low) ? v : low, most = begins | (v > high) ? v : high,
+                 before = ~begins & way;
+    const Shorts falls = (before >= 0) & (v < most - next.step), rises = (before <= 0) & (v > least + next.step);
+    const Shorts steps = falls | rises;
+    const Shorts after = falls ? Shorts{} - 1 : rises ? Shorts{} + 1 : before;
+    lanes::store(asked ? (steps ? v : least) : low, next.low_of + x);
+    lanes::store(asked ? (steps ? v : most) : high, next.high_of + x);
+    lanes::store(asked ? after : way, next.direction_of + x);
+    lanes::store(asked ? Shorts{} + static_cast<std::int16_t>(next.row + 1) : end, next.end_of + x);
+    lanes::store(asked & (begins ? end + kBegins : steps & kSteps), next.news + (x - first));
+  }
+}
+
+OMNIFLEET_WIDE void markPatched(const std::int16_t* patched_end, int row, int n, std::uint8_t* along) {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) along[i] |= row < patched_end[i] ? kAlongColumn : std::uint8_t{0};
+}
+
+/// The first of row[begin…end) that is `value`; `end` where none is.
+int nextOf(std::uint8_t value, const std::uint8_t* row, int begin, int end) {
+  const void* at = std::memchr(row + begin, value, static_cast<std::size_t>(end - begin));
+  return at != nullptr ? static_cast<int>(static_cast<const std::uint8_t*>(at) - row) : end;
 }
 
 }  // namespace
 
-bool Pattern::Line::add(int at_px, int value, int step) {
-  end = at_px + 1;
-  low = std::min(low, value);
-  high = std::max(high, value);
-  const bool falls = direction >= 0 && value < high - step, rises = direction <= 0 && value > low + step;
-  if (!falls && !rises) return false;
-  turns += direction != 0 ? 1 : 0;
-  direction = falls ? -1 : 1;
-  low = high = value;
-  steps = {steps[1], steps[2], steps[3], at_px};
-  return true;
+Pattern::Columns::Columns(int width)
+    : asked(static_cast<std::size_t>(width + kChunk)),
+      low(asked),
+      high(low),
+      direction(low),
+      end(low),
+      patched_end(low),
+      steps(static_cast<std::size_t>(width)) {}
+
+Pattern::Pattern(cv::Size image)
+    : lines_(image, std::uint8_t{0}),
+      columns_(image.width),
+      brightness_(static_cast<std::size_t>(image.width + 2 * kChunk)),
+      news_(brightness_),
+      least_px_(image.width / kLeastShare),
+      most_px_(image.width / kMostShare) {}
+
+void Pattern::Steps::add(int at_px) {
+  ++taken;
+  last = {last[1], last[2], last[3], at_px};
 }
 
-cv::Range Pattern::Line::patches(int least_px, int most_px) const {
-  if (steps.front() == kNoStep) return {0, 0};
-  for (std::size_t i = 1; i < steps.size(); ++i) {
-    const int width = steps[i] - steps[i - 1];
+cv::Range Pattern::Steps::patches(int least_px, int most_px) const {
+  if (last.front() == kNoStep) return {0, 0};
+  for (std::size_t i = 1; i < last.size(); ++i) {
+    const int width = last[i] - last[i - 1];
     if (width < least_px || width > most_px) return {0, 0};
   }
-  const int beside = (steps.back() - steps.front()) / static_cast<int>(steps.size() - 1);
-  return {std::max(begin, steps.front() - beside), steps.back() + beside};
+  const int beside = (last.back() - last.front()) / static_cast<int>(last.size() - 1);
+  return {std::max(begin, last.front() - beside), last.back() + beside};
+}
+
+/// That counts, of the sum of three channels.
+int Pattern::stepOf(const Blob& region, const FloorFrame& frame) const {
+  const cv::Rect& r = region.rect;
+  const cv::Vec3f floor = floorAt(frame, r.x + r.width / 2, r.y + r.height / 2);
+  return static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), kNoise * frame.noise));
+}
+
+/// From the chunk on that the run begins in.
+const std::int16_t* Pattern::brightnessOf(const FloorFrame& frame, const Run& run) {
+  sumChannels(frame.image.ptr(run.row) + 3 * run.begin, run.end - run.begin,
+              brightness_.data() + run.begin % kChunk);
+  return brightness_.data();
 }
 
 void Pattern::find(const Blob& region, const FloorFrame& frame) {
-  find(region, frame, region.rect);
+  const int step = stepOf(region, frame);
+  Mean rows;
+  for (const Run& run : region.runs) rows.add(findAlongRow(run, frame, step).steps, run.end);
+  const cv::Range columns(region.rect.x, region.rect.br().x);
+  std::fill_n(columns_.asked.begin() + columns.start, columns.size(), kAsked);
+  turns_ = std::min(rows.value(), findAlongColumns(region, frame, step, columns).value());
 }
 
-void Pattern::find(const Blob& region, const FloorFrame& frame, const cv::Rect& asked) {
-  const cv::Rect& r = region.rect;
-  const cv::Vec3f floor = floorAt(frame, r.x + r.width / 2, r.y + r.height / 2);
-  const auto step =
-      static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), kNoise * frame.noise));
-  const int first = std::max(r.x, asked.x), last = std::min(r.br().x, asked.br().x);
-  Mean rows, columns;
-  std::fill(columns_.begin() + r.x, columns_.begin() + r.x + r.width, Line{});
-  for (const Run& run : region.runs) {
-    const auto* pixel = frame.image.ptr<cv::Vec3b>(run.row);
-    std::uint8_t* along = lines_.ptr(run.row);
-    std::fill(along + run.begin, along + run.end, std::uint8_t{0});
-    if (run.row >= asked.y && run.row < asked.br().y) rows.add(findAlongRow(run, pixel, step));
-    for (int x = std::max(run.begin, first); x < std::min(run.end, last); ++x) {
-      const int value = brightnessOf(pixel[x]);
-      Line& column = columns_[static_cast<std::size_t>(x)];
-      if (column.end != run.row) {
-        columns.add(column);
-        column.start(run.row, value);
-      }
-      if (column.add(run.row, value, step)) {
-        const cv::Range patches = column.patches(least_px_, most_px_);
-        for (int i = std::max(column.patched_end, patches.start); i < std::min(patches.end, run.row); ++i)
-          lines_(i, x) |= kAlongColumn;
-        column.patched_end = std::max(column.patched_end, patches.end);
-      }
-      if (run.row < column.patched_end) along[x] |= kAlongColumn;
-    }
-  }
-  for (int x = r.x; x < r.x + r.width; ++x) columns.add(columns_[static_cast<std::size_t>(x)]);
-  turns_ = std::min(rows.value(), columns.value());
-}
-
-Pattern::Line Pattern::findAlongRow(const Run& run, const cv::Vec3b* pixel, int step) {
+Pattern::Row Pattern::findAlongRow(const Run& run, const FloorFrame& frame, int step) {
   std::uint8_t* along = lines_.ptr(run.row);
-  Line row;
-  row.start(run.begin, brightnessOf(pixel[run.begin]));
-  for (int x = run.begin; x < run.end; ++x) {
-    if (!row.add(x, brightnessOf(pixel[x]), step)) continue;
-    const cv::Range patches = row.patches(least_px_, most_px_);
-    for (int i = std::max(row.patched_end, patches.start); i < std::min(patches.end, run.end); ++i)
-      along[i] |= kAlongRow;
-    row.patched_end = std::max(row.patched_end, patches.end);
+  const std::int16_t* value = brightnessOf(frame, run) + run.begin % kChunk;
+  Row row{{run.begin}, {run.end, run.begin}};
+  int direction = 0;
+  std::int16_t low = value[0], high = value[0];
+  const int n = run.end - run.begin;
+  for (int i = 0; i < n; ++i) {
+    if (i % kChunk == 0) {
+      // A chunk without a step in it is taken at once.
+      for (; i + kChunk <= n; i += kChunk) {
+        std::int16_t least = low, most = high;
+        rangeOfChunk(value + i, least, most);
+        if ((direction >= 0 && least < most - step) || (direction <= 0 && most > least + step)) break;
+        low = least;
+        high = most;
+      }
+      if (i == n) break;
+    }
+    low = std::min(low, value[i]);
+    high = std::max(high, value[i]);
+    const bool falls = direction >= 0 && value[i] < high - step,
+               rises = direction <= 0 && value[i] > low + step;
+    if (!falls && !rises) continue;
+    direction = falls ? -1 : 1;
+    low = high = value[i];
+    row.steps.add(run.begin + i);
+    cv::Range patches = row.steps.patches(least_px_, most_px_);
+    if (patches.empty()) continue;
+    patches.end = std::min(patches.end, run.end);
+    for (int x = std::max(row.patched.end, patches.start); x < patches.end; ++x) along[x] |= kAlongRow;
+    row.patched = {std::min(row.patched.start, patches.start), std::max(row.patched.end, patches.end)};
   }
   return row;
 }
 
+Pattern::Mean Pattern::findAlongColumns(const Blob& region, const FloorFrame& frame, int step,
+                                        const cv::Range& asked) {
+  std::fill_n(columns_.end.begin() + asked.start, asked.size(), kNone);
+  std::fill_n(columns_.steps.begin() + asked.start, asked.size(), Steps{kNone});
+  Mean mean;
+  for (const Run& run : region.runs) {
+    const Run part{run.row, std::max(run.begin, asked.start), std::min(run.end, asked.end)};
+    if (part.begin >= part.end) continue;
+    addRow({brightnessOf(frame, part), static_cast<std::int16_t>(part.row),
+            static_cast<std::int16_t>(part.begin), static_cast<std::int16_t>(part.end),
+            static_cast<std::int16_t>(step), columns_.asked.data(), columns_.low.data(), columns_.high.data(),
+            columns_.direction.data(), columns_.end.data(), news_.data()});
+    takeNews(part, mean);
+    markPatched(&columns_.patched_end[static_cast<std::size_t>(part.begin)], part.row, part.end - part.begin,
+                lines_.ptr(part.row) + part.begin);
+  }
+  for (int x = asked.start; x < asked.end; ++x) {
+    const auto column = static_cast<std::size_t>(x);
+    mean.add(columns_.steps[column], columns_.end[column]);
+  }
+  return mean;
+}
+
+void Pattern::takeNews(const Run& run, Mean& mean) {
+  constexpr int kAtOnce = 4;
+  const int first = run.begin & -kChunk;
+  for (int x = run.begin & -kAtOnce; x < run.end; ++x) {
+    const std::int16_t* at = news_.data() + (x - first);
+    std::uint64_t some = 1;
+    if (x % kAtOnce == 0) std::memcpy(&some, at, sizeof some);
+    if (some == 0) {
+      x += kAtOnce - 1;
+      continue;
+    }
+    const std::int16_t news = *at;
+    if (news == kGoesOn) continue;
+    const auto column = static_cast<std::size_t>(x);
+    Steps& steps = columns_.steps[column];
+    std::int16_t& patched_end = columns_.patched_end[column];
+    if (news != kSteps) {
+      mean.add(steps, news - kBegins);
+      steps = {run.row};
+      patched_end = static_cast<std::int16_t>(run.row);
+      continue;
+    }
+    steps.add(run.row);
+    const cv::Range patches = steps.patches(least_px_, most_px_);
+    for (int y = std::max<int>(patched_end, patches.start); y < std::min(patches.end, run.row); ++y)
+      lines_(y, x) |= kAlongColumn;
+    patched_end = static_cast<std::int16_t>(std::max<int>(patched_end, patches.end));
+  }
+}
+
+/// Only what has the mark is looked at: the columns that hold any, eight times as fast as rows are, and the
+/// rows where one of these shows it to be of a pattern.
 void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
                    cv::Mat1b& marks) {
-  const cv::Rect asked = boundsOf(region, shade, marks);
-  if (asked.empty()) return;
-  find(region, frame, asked);
+  const int step = stepOf(region, frame);
+  std::fill_n(columns_.asked.begin() + region.rect.x, region.rect.width, std::int16_t{0});
+  shade_.clear();
+  cv::Range columns(marks.cols, 0);
   for (const Run& run : region.runs) {
-    const std::uint8_t* along = lines_.ptr(run.row);
-    std::uint8_t* mark = marks.ptr(run.row);
-    for (int x = run.begin; x < run.end; ++x)
-      if (mark[x] == shade && along[x] == (kAlongRow | kAlongColumn)) mark[x] = core | shade;
+    const std::uint8_t* mark = marks.ptr(run.row);
+    std::uint8_t* along = lines_.ptr(run.row);
+    std::fill(along + run.begin, along + run.end, std::uint8_t{0});
+    for (int x = nextOf(shade, mark, run.begin, run.end); x < run.end;
+         x = nextOf(shade, mark, x + 1, run.end)) {
+      shade_.emplace_back(x, run.row);
+      columns_.asked[static_cast<std::size_t>(x)] = kAsked;
+      columns = {std::min(columns.start, x), std::max(columns.end, x + 1)};
+    }
+  }
+  if (columns.empty()) return;
+  findAlongColumns(region, frame, step, columns);
+  auto at = shade_.begin();
+  for (const Run& run : region.runs) {
+    const auto end = std::find_if(at, shade_.end(), [&](const cv::Point& p) {
+      return p.y != run.row || p.x >= run.end;
+    });
+    const auto isAlongColumn = [&](const cv::Point& p) { return (lines_(p) & kAlongColumn) != 0; };
+    const auto first = std::find_if(at, end, isAlongColumn);
+    if (first != end) {
+      findAlongRow(run, frame, step);
+      for (auto p = first; p != end; ++p)
+        if (lines_(*p) == (kAlongRow | kAlongColumn)) marks(*p) = core | shade;
+    }
+    at = end;
   }
 }
 

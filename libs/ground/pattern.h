@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -14,11 +16,7 @@ namespace omnifleet::ground {
 /// shade, the brightness rises and falls once or twice, along one through a pattern again and again.
 class Pattern {
  public:
-  explicit Pattern(cv::Size image)
-      : lines_(image, std::uint8_t{0}),
-        columns_(static_cast<std::size_t>(image.width)),
-        least_px_(image.width / kLeastShare),
-        most_px_(image.width / kMostShare) {}
+  explicit Pattern(cv::Size image);
 
   /// Looks where the brightness turns, by more than kStep of the floor's and than noise does, along the rows
   /// and the columns of a region.
@@ -41,41 +39,50 @@ class Pattern {
   static constexpr int kLeastShare = 160, kMostShare = 32;  ///< of the image's width: how wide patches are
   static constexpr int kNoStep = -1;
 
-  /// Where the steps along a line are, rising and falling in turn.
-  struct Line {
-    int begin = -1, end = -1, turns = 0, direction = 0;
-    int low = 0, high = 0;
-    std::array<int, 4> steps = {kNoStep, kNoStep, kNoStep, kNoStep};  ///< the last ones: two things side by
-    ///< side in one shadow make three
-    int patched_end = 0;
+  /// Where the brightness steps along a line, rising and falling in turn.
+  struct Steps {
+    int begin = 0;  ///< of the line
+    int taken = 0;
+    std::array<int, 4> last = {kNoStep, kNoStep, kNoStep, kNoStep};  ///< two things side by side in one
+    ///< shadow make three
 
-    void start(int at_px, int value) {
-      *this = {};
-      begin = end = patched_end = at_px;
-      low = high = value;
-    }
-    /// @return does a step begin here, the other way than the last?
-    bool add(int at_px, int value, int step);
-    /// What the last steps show to be patches of a pattern, of such widths; empty where they do not.
+    void add(int at_px);
+    int turns() const { return std::max(0, taken - 1); }
+    /// What the last ones show to be patches of a pattern, of such widths; empty where they do not.
     cv::Range patches(int least_px, int most_px) const;
+  };
+  struct Row {
+    Steps steps;
+    cv::Range patched;  ///< from the first to the last pixel of patches; empty where there are none
+  };
+  /// The lines along the columns of a row of pixels. What every pixel asks for lies side by side.
+  struct Columns {
+    explicit Columns(int width);
+    std::vector<std::int16_t> asked;  ///< not 0 where one is
+    std::vector<std::int16_t> low, high, direction, end, patched_end;
+    std::vector<Steps> steps;
   };
   /// Of all lines so far.
   struct Mean {
     float sum = 0.0f, weight = 0.0f;
-    void add(const Line& line) {
-      const auto length = static_cast<float>(line.end - line.begin);
-      sum += static_cast<float>(line.turns) * length;
+    void add(const Steps& line, int end) {
+      const auto length = static_cast<float>(end - line.begin);
+      sum += static_cast<float>(line.turns()) * length;
       weight += length;
     }
     float value() const { return weight > 0.0f ? sum / weight : 0.0f; }
   };
 
-  /// Only the rows and columns of `asked`.
-  void find(const Blob& region, const FloorFrame& frame, const cv::Rect& asked);
-  Line findAlongRow(const Run& run, const cv::Vec3b* pixel, int step);
+  int stepOf(const Blob& region, const FloorFrame& frame) const;
+  const std::int16_t* brightnessOf(const FloorFrame& frame, const Run& run);
+  Row findAlongRow(const Run& run, const FloorFrame& frame, int step);
+  Mean findAlongColumns(const Blob& region, const FloorFrame& frame, int step, const cv::Range& asked);
+  void takeNews(const Run& run, Mean& mean);
 
   cv::Mat1b lines_;  ///< of the last region's pixels: kAlongRow, kAlongColumn where they are of a pattern
-  std::vector<Line> columns_;
+  Columns columns_;
+  std::vector<std::int16_t> brightness_, news_;  ///< of a run's pixels
+  std::vector<cv::Point> shade_;  ///< pixels of a region with that mark
   int least_px_, most_px_;
   float turns_ = 0.0f;
 };
