@@ -207,13 +207,14 @@ void FloorGrowth::dropBeyond() {
   if (!queue_.empty()) meanOfSeeds();
 }
 
-/// What makes the middle one of the seeds as bright as kSeedLevel; never darker than it is.
+/// What makes the middle one of the seeds as bright as kSeedLevel; never darker than the camera saw it. (In
+/// even light it may be brighter than any level.)
 float FloorGrowth::brighten() {
   sorted_.clear();
   const auto* means = framed_means_.ptr<cv::Vec3f>();
   for (const int block : seeds_)
     sorted_.push_back(std::max({means[block][0], means[block][1], means[block][2]}));
-  return std::max(1.0f, kSeedLevel / std::max(1.0f, medianOf(sorted_)));
+  return std::max(is_evened_ ? 0.0f : 1.0f, kSeedLevel / std::max(1.0f, medianOf(sorted_)));
 }
 
 float FloorGrowth::seedTexture() {

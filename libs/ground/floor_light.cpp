@@ -15,7 +15,6 @@ constexpr int kSamples = 300;
 constexpr double kSigma = 0.03;  // of a block's brightness about the model, as a share of it
 constexpr int kRounds = 12;
 constexpr double kDone = 1e-3;     // a step as small as that, in standard deviations, is the last
-constexpr double kMatters = 0.65;  // floor in view with less than so much of the light at the foot
 // What rooms have: the share of the light that comes from all around, how far a lamp is, and how high (s).
 constexpr double kUsual[] = {0.0, 0.3, 0.0, 0.0, 0.83, -0.1}, kUsualSigma[] = {10.0, 0.3, 2.0, 2.0, 0.5, 0.2};
 constexpr double kLeast[] = {-10.0, 0.01, -6.0, -6.0, -0.2, -0.7}, kMost[] = {10.0, 1.0, 6.0, 6.0, 2.0, 0.1};
@@ -71,6 +70,9 @@ struct FloorOfRow {
 /// The floor moves by J · (step in the picture), J from the cells to each side.
 void towardsRow(const FloorOfRow& floor, const cv::Point2f& lamp_m, int n, float* out) {
   for (int i = 1; i + 1 < n; ++i) {
+    const float* here = floor.x_m + i;
+    const float farthest =
+        std::max({here[0], here[-1], here[1], here[-floor.step], here[floor.step]});  // kBeyond_m: no floor
     const float *x = floor.x_m + i, *y = floor.y_m + i;
     const float a = x[1] - x[-1], b = x[floor.step] - x[-floor.step], c = y[1] - y[-1],
                 d = y[floor.step] - y[-floor.step], dx = lamp_m.x - x[0], dy = lamp_m.y - y[0];
@@ -78,7 +80,7 @@ void towardsRow(const FloorOfRow& floor, const cv::Point2f& lamp_m, int n, float
     float to_x = d * dx - b * dy, to_y = a * dy - c * dx;
     if (determinant < 0.0f) to_x = -to_x, to_y = -to_y;
     const float length = std::sqrt(to_x * to_x + to_y * to_y);
-    const bool is_floor = x[0] < kBeyond_m && determinant != 0.0f && length > 0.0f;
+    const bool is_floor = farthest < kBeyond_m && determinant != 0.0f && length > 0.0f;
     out[2 * i] = is_floor ? to_x / length : 0.0f;
     out[2 * i + 1] = is_floor ? to_y / length : 0.0f;
   }
@@ -93,33 +95,33 @@ FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, 
       of_blocks_(blocks_.x_m.size()),
       beside_lamp_(cells),
       towards_lamp_(cells, cv::Vec2f(0, 0)) {
+  scaleRim(cells_, blocks_);
   samples_.reserve(2 * kSamples);
 }
 
 FloorLight::Places FloorLight::placesOf(const lens::Camera& camera, cv::Size count, int pixels) {
-  Places places{cv::Mat1f(count, kBeyond_m), cv::Mat1f(count, 0.0f), cv::Mat1f(count, 1.0f)};
-  const Eigen::Vector2d middle = camera.model().principal_point_px;
-  const double corner = middle.norm();
-  double farthest = 0.0;
-  const auto radiusAt = [&](int x, int y) {
-    return (Eigen::Vector2d(x + 0.5, y + 0.5) * pixels - Eigen::Vector2d(0.5, 0.5) - middle).norm() / corner;
-  };
+  Places places{cv::Mat1f(count, kBeyond_m), cv::Mat1f(count, 0.0f), cv::Mat1f(count, 0.0f)};
   for (int y = 0; y < count.height; ++y) {
     for (int x = 0; x < count.width; ++x) {
-      const auto point =
-          camera.floorFromPixel(Eigen::Vector2d(x + 0.5, y + 0.5) * pixels - Eigen::Vector2d(0.5, 0.5));
+      const Eigen::Vector2d pixel = Eigen::Vector2d(x + 0.5, y + 0.5) * pixels - Eigen::Vector2d(0.5, 0.5);
+      const auto point = camera.floorFromPixel(pixel);
       if (!point) continue;
       const Eigen::Vector2d off = *point - camera.foot();
       if (off.norm() > kBeyond_m) continue;
       places.x_m(y, x) = static_cast<float>(off.x());
       places.y_m(y, x) = static_cast<float>(off.y());
-      farthest = std::max(farthest, radiusAt(x, y));
-      places.rim2(y, x) = static_cast<float>(radiusAt(x, y) * radiusAt(x, y));
+      places.rim2(y, x) = static_cast<float>((pixel - camera.model().principal_point_px).squaredNorm());
     }
   }
-  if (farthest <= 0.0) return places;
-  places.rim2 = cv::min(places.rim2 / (farthest * farthest), 1.0);
   return places;
+}
+
+/// Both alike: from squared pixels to shares of the farthest cell's.
+void FloorLight::scaleRim(Places& cells, Places& blocks) {
+  double farthest = 0.0;
+  cv::minMaxLoc(cells.rim2, nullptr, &farthest);
+  if (farthest <= 0.0) return;
+  for (Places* places : {&cells, &blocks}) places->rim2 /= farthest;
 }
 
 FloorLight::Parameters FloorLight::start() {
@@ -127,7 +129,7 @@ FloorLight::Parameters FloorLight::start() {
 }
 
 void FloorLight::reset() {
-  p_ = start();
+  p_ = kept_ = start();
 }
 
 FloorLight::Parameters FloorLight::bounded(const Parameters& p) {
@@ -171,12 +173,15 @@ double FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& 
     hessian.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
   }
   for (int i = 0; i < kParameters; ++i) {
-    const double off = (p[i] - kUsual[i]) / kUsualSigma[i];
-    cost += off * off;
-    gradient[i] -= off / kUsualSigma[i];
+    gradient[i] -= (p[i] - kUsual[i]) / (kUsualSigma[i] * kUsualSigma[i]);
     hessian(i, i) += 1.0 / (kUsualSigma[i] * kUsualSigma[i]);
   }
-  return cost;
+  return cost + costByRooms(p);
+}
+
+double FloorLight::costByRooms(const Parameters& p) {
+  const auto usual = Eigen::Map<const Parameters>(kUsual), sigma = Eigen::Map<const Parameters>(kUsualSigma);
+  return (p - usual).cwiseQuotient(sigma).squaredNorm();
 }
 
 double FloorLight::costOf(const Parameters& p) const {
@@ -186,17 +191,14 @@ double FloorLight::costOf(const Parameters& p) const {
         (sample.level - p[kLevel] - logLight(p, sample.x_m, sample.y_m, sample.rim2)) / kSigma;
     cost += std::log1p(left * left);
   }
-  for (int i = 0; i < kParameters; ++i) {
-    const double off = (p[i] - kUsual[i]) / kUsualSigma[i];
-    cost += off * off;
-  }
-  return cost;
+  return cost + costByRooms(p);
 }
 
 /// Levenberg and Marquardt's method, here as Ceres allocates at each solution.
 bool FloorLight::fit(const FloorGrowth& growth) {
   gather(growth);
   change_ = 0.0;
+  darkest_ = 1.0;
   if (samples_.size() < static_cast<std::size_t>(kSamples / 3)) return false;
   const Parameters before = p_;
   double damping = 1e-3;
@@ -224,9 +226,14 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   };
   for (const Sample& sample : samples_)
     change_ = std::max(change_, std::abs(sinceFoot(p_, sample) - sinceFoot(before, sample)));
-  double least = 0.0;
-  for (const Sample& sample : samples_) least = std::min(least, sinceFoot(p_, sample));
-  return least < std::log(kMatters);
+  double least = 0.0, most = 0.0;
+  for (const Sample& sample : samples_) {
+    const double light = sinceFoot(p_, sample);
+    least = std::min(least, light);
+    most = std::max(most, light);
+  }
+  darkest_ = std::exp(least - most);
+  return true;
 }
 
 const cv::Mat1f& FloorLight::besideLampOfCells() {

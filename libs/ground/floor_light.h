@@ -20,10 +20,15 @@ class FloorLight {
   FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, int block);
 
   /// Fits to the blocks that growth has reached (sum of the channels of their means as they are, light and
-  /// all), from the last fit on. @return whether the floor in view gets so much darker that it matters
+  /// all), from the last fit on. @return false where they are too few
   bool fit(const FloorGrowth& growth);
+  /// The darkest of those blocks by the last fit(), as a share of the lightest.
+  double darkest() const { return darkest_; }
   /// The largest change of brightness, as a share of it, that the last fit() made to those blocks' light.
   double change() const { return change_; }
+  /// goBack() takes back what fit() did after the last keep().
+  void keep() { kept_ = p_; }
+  void goBack() { p_ = kept_; }
   /// Forgets the fits.
   void reset();
 
@@ -42,7 +47,8 @@ class FloorLight {
   /// Level (logarithm), ambient share a, c (metres, camera's floor frame), log s (metres), v.
   using Parameters = Eigen::Matrix<double, kParameters, 1>;
   using Hessian = Eigen::Matrix<double, kParameters, kParameters>;
-  /// Of blocks, or cells: where their middles' floor is, and ρ² there, 1 at the farthest floor in view.
+  /// Of blocks, or cells: where their middles' floor is, and ρ² there, 1 at the cell of floor in view that is
+  /// farthest from the principal point.
   struct Places {
     cv::Mat1f x_m, y_m, rim2;
   };
@@ -51,19 +57,21 @@ class FloorLight {
   };
 
   static Places placesOf(const lens::Camera& camera, cv::Size count, int pixels);
+  static void scaleRim(Places& cells, Places& blocks);
   static Parameters start();
   static Parameters bounded(const Parameters& p);
   void gather(const FloorGrowth& growth);
   double costOf(const Parameters& p) const;
+  static double costByRooms(const Parameters& p);
   double linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const;
   static void shine(const Parameters& p, const Places& places, cv::Mat1f& light);
 
   Places cells_, blocks_;
   cv::Mat1f of_cells_, of_blocks_, beside_lamp_;
   cv::Mat2f towards_lamp_;
-  Parameters p_ = start(), of_last_blocks_ = start();
+  Parameters p_ = start(), kept_ = start(), of_last_blocks_ = start();
   std::vector<Sample> samples_;
-  double change_ = 0.0;
+  double change_ = 0.0, darkest_ = 1.0;
 };
 
 }  // namespace omnifleet::ground

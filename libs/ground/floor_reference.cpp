@@ -1,7 +1,6 @@
 #include "ground/floor_reference.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "geometry/lanes.h"
 
@@ -12,7 +11,10 @@ namespace {
 // Frames until light that is even, or no lamp's, is looked at again.
 constexpr int kEvenLight = 10;
 constexpr double kMoreFloor = 1.01;   // what the light of a lamp must bring to be believed
-constexpr double kLostFloor = 0.95;   // of the frame before: it may be believed no more
+// Of the most of the last frames, which fades by this share a frame: it may be believed no more.
+constexpr double kLostFloor = 0.95, kFades = 0.01;
+// Floor with less than so much of the light of the lightest makes a lamp matter; once it does, with so much.
+constexpr double kMatters = 0.65, kStillMatters = 0.75;
 constexpr double kOtherLight = 0.03;  // of the brightness
 constexpr int kLooks = 3;             // each from more floor than the last
 constexpr int kLargeImage_px = 900;   // from this width on the model is made of blocks of 2×2 cells
@@ -106,10 +108,11 @@ bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>&
 /// @return false where it is no light of the floor any more
 bool FloorReference::growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
   if (!growEvened(noise, beyond)) return false;
-  is_lamp_lit_ = light_.fit(growth_);
+  is_lamp_lit_ = light_.fit(growth_) && light_.darkest() < kStillMatters;
   if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
-  const std::size_t grown = growth_.grown().size(), before = std::exchange(last_grown_, grown);
-  return static_cast<double>(grown) > kLostFloor * static_cast<double>(before);
+  const auto grown = static_cast<double>(growth_.grown().size());
+  most_grown_ = std::max(grown, (1.0 - kFades) * most_grown_);
+  return grown > kLostFloor * most_grown_;
 }
 
 void FloorReference::giveLampUp() {
@@ -124,13 +127,25 @@ bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::
   until_look_ = kEvenLight;
   light_.reset();
   const auto without = static_cast<double>(growth_.grown().size());
-  bool has_floor = true;
-  for (int look = 0; look < kLooks && has_floor && light_.fit(growth_); ++look) {
+  most_grown_ = without;
+  bool is_best = true;
+  for (int look = 0; look < kLooks; ++look) {
+    if (!light_.fit(growth_) || light_.darkest() > kMatters) {
+      light_.goBack();
+      break;
+    }
     if (look > 0 && light_.change() <= kOtherLight) break;
-    has_floor = growEvened(noise, beyond);
+    const auto grown = growEvened(noise, beyond) ? static_cast<double>(growth_.grown().size()) : 0.0;
+    is_best = grown > most_grown_;
+    if (!is_best) continue;
+    most_grown_ = grown;
+    light_.keep();
   }
-  last_grown_ = growth_.grown().size();
-  is_lamp_lit_ = has_floor && static_cast<double>(last_grown_) > kMoreFloor * without;
+  is_lamp_lit_ = most_grown_ > kMoreFloor * without;
+  if (is_lamp_lit_ && !is_best) {
+    light_.goBack();
+    growEvened(noise, beyond);
+  }
   if (is_lamp_lit_ || !growth_.isEvened()) return true;
   growth_.leaveUneven();
   return growth_.grow(noise, beyond);

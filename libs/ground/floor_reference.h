@@ -63,7 +63,7 @@ class FloorReference {
   FloorGrowth growth_;
   FloorLight light_;
   bool is_lamp_lit_ = false;
-  std::size_t last_grown_ = 0;  ///< blocks, while it is
+  double most_grown_ = 0.0;  ///< blocks in the last frames, while it is
   int until_look_ = 0;          ///< frames, while it is not, until that is looked at again
   FloorSmoothing smoothing_;
 };

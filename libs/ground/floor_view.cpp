@@ -86,13 +86,17 @@ void FloorView::seedHorizon(const lens::Camera& camera) {
 void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
   const auto& model = camera.model();
   mask_ = cv::Mat1b(model.image_height_px, model.image_width_px, std::uint8_t{0});
+  cv::Mat1b own_body(mask_.size(), std::uint8_t{0});
   const double max_z = -std::sin(options.min_depression_deg * M_PI / 180.0);
   const double self_px =
       model.self_mask_radius_px > 0 ? model.self_mask_radius_px + options.mask_margin_px : 0.0;
   for (int v = 0; v < mask_.rows; ++v) {
     for (int u = 0; u < mask_.cols; ++u) {
       const Eigen::Vector2d pixel(u, v);
-      if ((pixel - model.principal_point_px).norm() < self_px) continue;
+      if ((pixel - model.principal_point_px).norm() < self_px) {
+        own_body(v, u) = 255;
+        continue;
+      }
       const auto ray = camera.rayFromPixel(pixel);
       if (ray && ray->z() <= max_z) mask_(v, u) = 255;
     }
@@ -104,6 +108,7 @@ void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options,
   cv::erode(mask_, mask_, disc(margin), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
   mask_ = keepRectangle(mask_, options.region_px);
   if (!covered.empty()) mask_.setTo(0, covered);
+  if (!covered.empty()) own_body |= covered != 0;
   border_ = cv::Mat1b(mask_.size(), kBorder);
   const auto setInside = [&](int reach_px, std::uint8_t value) {
     cv::Mat1b inside;
@@ -112,6 +117,7 @@ void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options,
   };
   setInside(2, kCutReach);
   setInside(std::max(2, static_cast<int>(std::ceil(options.cut_reach_px))), 0);
+  border_.setTo(kOwnBody, own_body);
 }
 
 void FloorView::drawCells(const lens::Camera& camera, const ViewOptions& options) {

@@ -48,6 +48,8 @@ class FloorView {
   bool nearBorder(float u, float v) const { return borderAt(u, v) > kCutReach; }
   /// As near to the outside of mask() as `cut_reach_px`: there an outline that is cut ends too early.
   bool nearCut(float u, float v) const { return borderAt(u, v) > 0; }
+  /// Does the pixel show the robot itself?
+  bool isOwnBody(const cv::Point& pixel) const { return border_(pixel) == kOwnBody; }
   /// Per cell: 0 outside, 1 partly inside, 2 wholly inside.
   const cv::Mat1b& coverage() const { return coverage_; }
   /// Per cell: 255 where the cell seeds the ground model.
@@ -65,7 +67,7 @@ class FloorView {
   void drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered);
   void drawCells(const lens::Camera& camera, const ViewOptions& options);
 
-  static constexpr std::uint8_t kCutReach = 1, kBorder = 2;  // of border_
+  static constexpr std::uint8_t kCutReach = 1, kBorder = 2, kOwnBody = 3;  // of border_
   std::uint8_t borderAt(float u, float v) const {
     const int x = cvRound(u), y = cvRound(v);
     if (x < 0 || y < 0 || x >= border_.cols || y >= border_.rows) return kBorder;

@@ -28,10 +28,14 @@ struct Kind {
 
 }  // namespace
 
-/// The dark of a grey thing and of its shadow part where both are much; then what is darker is the thing.
-LampShadows::Kinds LampShadows::kindsOf(const Blob& region, float beside_lamp, const cv::Mat1b& looks) {
+float LampShadows::besideAt(const cv::Point& pixel) const {
+  return beside_(std::min(pixel.y / kCell, beside_.rows - 1), std::min(pixel.x / kCell, beside_.cols - 1));
+}
+
+/// The dark of a grey thing and of its shadow part where both are much; then what is darker than this is the
+/// thing. kFloorLook where there are not both.
+Look LampShadows::partingOfKinds(const Blob& region, const cv::Mat1b& looks) {
   const Look end = greyLook(kDeepestShade);
-  Kinds kinds{greyLook(kDeepest * beside_lamp), kFloorLook};
   pixels_.fill(0);
   for (const Run& run : region.runs) {
     const Look* row = looks.ptr(run.row);
@@ -39,7 +43,7 @@ LampShadows::Kinds LampShadows::kindsOf(const Blob& region, float beside_lamp, c
       if (isGrey(row[x]) && row[x] <= end) ++pixels_[row[x]];
   }
   const Look parting = partingOf(pixels_);
-  if (parting == kFloorLook) return kinds;
+  if (parting == kFloorLook) return kFloorLook;
   const auto kindOf = [&](int from, int to) {
     Kind kind;
     for (int look = from; look < to; ++look) {
@@ -51,34 +55,31 @@ LampShadows::Kinds LampShadows::kindsOf(const Blob& region, float beside_lamp, c
     return kind;
   };
   const Kind thing = kindOf(kColourLook + 1, parting), shade = kindOf(parting, end + 1);
-  const float share = shade.gain / beside_lamp;
-  if (std::min(thing.pixels, shade.pixels) >= kKind_px && thing.gain < kApart * shade.gain &&
-      share > kLeastOfShade && share < kMostOfShade)
-    kinds.parting = parting;
-  return kinds;
+  const float share = shade.gain / besideAt(middleOf(region));
+  const bool are_both = std::min(thing.pixels, shade.pixels) >= kKind_px &&
+                        thing.gain < kApart * shade.gain && share > kLeastOfShade && share < kMostOfShade;
+  return are_both ? parting : kFloorLook;
 }
 
 void LampShadows::mark(FloorLight& light, const std::vector<Blob>& regions, cv::Mat1b& looks) {
   towards_ = light.towardsLampOfCells();
-  const cv::Mat1f& beside = light.besideLampOfCells();
-  const auto besideAt = [&](const cv::Point& at) {
-    return beside(std::min(at.y / kCell, beside.rows - 1), std::min(at.x / kCell, beside.cols - 1));
-  };
+  beside_ = light.besideLampOfCells();
   const Look end = greyLook(kDeepestShade);
+  shade_.clear();
   for (const Blob& region : regions) {
-    const Kinds kinds = kindsOf(region, besideAt(middleOf(region)), looks);
-    const Look first = std::max({kinds.deepest, kinds.parting, static_cast<Look>(kColourLook + 1)});
+    const Look parting = partingOfKinds(region, looks), first = std::max<Look>(parting, kColourLook + 1);
     for (const Run& run : region.runs) {
-      Look* row = looks.ptr(run.row);
+      const Look* row = looks.ptr(run.row);
       for (int x = run.begin; x < run.end; ++x) {
         if (row[x] < first || row[x] > end) continue;
         const cv::Point at(x, run.row);
         const float share = gainOf(row[x]) / besideAt(at);
-        if ((share > kLeastSure && share < kMostSure) || isThrown(at, kinds.parting, looks))
-          row[x] = kLampShade;
+        const bool is_sure = share > kLeastSure && share < kMostSure;
+        if (is_sure || (share > kDeepest && isThrown(at, parting, looks))) shade_.push_back(at);
       }
     }
   }
+  for (const cv::Point& at : shade_) looks(at) = kLampShade;
 }
 
 bool LampShadows::isThrown(const cv::Point& from, Look parting, const cv::Mat1b& looks) const {
@@ -89,8 +90,8 @@ bool LampShadows::isThrown(const cv::Point& from, Look parting, const cv::Mat1b&
     if (pixel.x < 0 || pixel.y < 0 || pixel.x >= looks.cols || pixel.y >= looks.rows) return false;
     const int y = std::min(pixel.y / kCell, towards_.rows - 1),
               x = std::min(pixel.x / kCell, towards_.cols - 1);
-    if (view_->mask()(pixel) == 0) return towards_(y, x) != kNowhere;
-    if (towards_(y, x) == kNowhere) return false;
+    if (view_->isOwnBody(pixel)) return true;
+    if (view_->mask()(pixel) == 0 || towards_(y, x) == kNowhere) return false;
     const Look look = looks(pixel);
     const bool is_thing =
         look == kColourLook || (isGrey(look) && (look < parting || gainOf(look) > 1.0f + kFaintContrast));

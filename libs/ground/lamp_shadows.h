@@ -25,15 +25,14 @@ class LampShadows {
   void mark(FloorLight& light, const std::vector<Blob>& regions, cv::Mat1b& looks);
 
  private:
-  struct Kinds {
-    Look deepest;  ///< of shade
-    Look parting;  ///< where the region's dark is of two kinds what is darker is a thing; else kFloorLook
-  };
-  Kinds kindsOf(const Blob& region, float beside_lamp, const cv::Mat1b& looks);
+  float besideAt(const cv::Point& pixel) const;
+  Look partingOfKinds(const Blob& region, const cv::Mat1b& looks);
   bool isThrown(const cv::Point& from, Look parting, const cv::Mat1b& looks) const;
 
   const FloorView* view_;
-  cv::Mat2f towards_;  ///< the lamp, per cell; the light's own
+  cv::Mat1f beside_;   ///< share of the light that is not the lamp's, per cell; the light's own
+  cv::Mat2f towards_;  ///< the lamp, likewise
+  std::vector<cv::Point> shade_;
   std::array<int, 256> pixels_{};
 };
 

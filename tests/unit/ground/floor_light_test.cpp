@@ -45,7 +45,8 @@ class FloorLightTest : public ::testing::Test {
       }
     }
     EXPECT_TRUE(growth_.grow({}));
-    return light_.fit(growth_);
+    EXPECT_TRUE(light_.fit(growth_));
+    return light_.darkest() < 0.65;
   }
   /// Beneath the lamp 1.
   static double lit(const Lamp& lamp, const Eigen::Vector2d& at) {
