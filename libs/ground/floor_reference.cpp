@@ -8,7 +8,7 @@ namespace omnifleet::ground {
 
 namespace {
 
-// Frames until light that is even, or no lamp's, is looked at again.
+// Frames until light that is even, or no lamp's, is looked at again, unless floor gets lost.
 constexpr int kEvenLight = 10;
 constexpr double kMoreFloor = 1.01;   // what the light of a lamp must bring to be believed
 // Of the most of the last frames, which fades by this share a frame: it may be believed no more.
@@ -102,7 +102,8 @@ bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>&
     giveLampUp();
   }
   if (!growth_.grow(noise, beyond)) return false;
-  return --until_look_ > 0 || lookForLamp(noise, beyond);
+  const bool is_as_before = holdsFloor();
+  return (--until_look_ > 0 && is_as_before) || lookForLamp(noise, beyond);
 }
 
 /// @return false where it is no light of the floor any more
@@ -110,6 +111,11 @@ bool FloorReference::growByLamp(const FloorNoise& noise, const std::vector<cv::V
   if (!growEvened(noise, beyond)) return false;
   is_lamp_lit_ = light_.fit(growth_) && light_.darkest() < kStillMatters;
   if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
+  return holdsFloor();
+}
+
+/// Is there as much floor as in the last frames?
+bool FloorReference::holdsFloor() {
   const auto grown = static_cast<double>(growth_.grown().size());
   most_grown_ = std::max(grown, (1.0 - kFades) * most_grown_);
   return grown > kLostFloor * most_grown_;

@@ -52,6 +52,7 @@ class FloorReference {
   void averageBlocks(const cv::Mat3f& cell_means);
   bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
   bool growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  bool holdsFloor();
   void giveLampUp();
   bool lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
   bool growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
@@ -63,7 +64,7 @@ class FloorReference {
   FloorGrowth growth_;
   FloorLight light_;
   bool is_lamp_lit_ = false;
-  double most_grown_ = 0.0;  ///< blocks in the last frames, while it is
+  double most_grown_ = 0.0;  ///< blocks in the last frames
   int until_look_ = 0;          ///< frames, while it is not, until that is looked at again
   FloorSmoothing smoothing_;
 };

@@ -133,14 +133,13 @@ class UnderALamp : public ::testing::Test {
   }
 
   /// @param gains of the floor's light at its foot
-  void stand(const Eigen::Vector2d& at_m, const cv::Vec3d& gains) {
+  /// @param depth of its shadow, as a share of what is not the lamp's
+  void stand(const Eigen::Vector2d& at_m, const cv::Vec3d& gains, double depth = 1.0) {
     constexpr double kRadius_m = 0.15, kHeight_m = 0.3;
     const auto isWithin = [&](const std::optional<Eigen::Vector2d>& point) {
       return point && (*point - at_m).norm() < kRadius_m;
     };
-    const double light =
-        kAmbient + (1.0 - kAmbient) * lampLightAt(lamp_, at_m) / lampLightAt(lamp_, camera_.foot());
-    const double ambient_share = kAmbient / light;
+    const double light = lightAt(at_m), shade = depth * kAmbient / light;
     std::mt19937 random(2);
     std::normal_distribution<double> gauss(0.0, 1.5);
     for (int v = 0; v < image_.rows; ++v) {
@@ -154,12 +153,28 @@ class UnderALamp : public ::testing::Test {
         if (is_thing_(v, u) != 0) is_shadow_(v, u) = 0;
         for (int c = 0; c < 3; ++c) {
           auto& level = image_(v, u)[c];
-          if (is_shadow_(v, u) != 0) level = cv::saturate_cast<std::uint8_t>(ambient_share * level);
+          if (is_shadow_(v, u) != 0) level = cv::saturate_cast<std::uint8_t>(shade * level);
           if (is_thing_(v, u) != 0)
             level = cv::saturate_cast<std::uint8_t>(gains[c] * (150.0 + 12.0 * c) * light + gauss(random));
         }
       }
     }
+  }
+  /// Something flat, black as a shadow of that depth.
+  void lay(const Eigen::Vector2d& at_m, double depth) {
+    constexpr double kRadius_m = 0.2;
+    const double gain = depth * kAmbient / lightAt(at_m);
+    for (int v = 0; v < image_.rows; ++v) {
+      for (int u = 0; u < image_.cols; ++u) {
+        const auto floor = camera_.floorFromPixel(Eigen::Vector2d(u, v));
+        if (!floor || (*floor - at_m).norm() > kRadius_m) continue;
+        is_thing_(v, u) = 1;
+        for (int c = 0; c < 3; ++c) image_(v, u)[c] = cv::saturate_cast<std::uint8_t>(gain * image_(v, u)[c]);
+      }
+    }
+  }
+  double lightAt(const Eigen::Vector2d& at_m) const {
+    return kAmbient + (1.0 - kAmbient) * lampLightAt(lamp_, at_m) / lampLightAt(lamp_, camera_.foot());
   }
   /// Of the thing's pixels and of its shadow's the shares that are objects.
   std::pair<double, double> found() {
@@ -194,6 +209,34 @@ TEST_F(UnderALamp, ABlackThingIsWhole) {
 TEST_F(UnderALamp, AGreyThingIsWhole) {
   stand({0.5, 0.8}, {0.33, 0.33, 0.33});
   EXPECT_GT(found().first, 0.95);
+}
+
+// A thing keeps some of what is not the lamp's off its shadow, too: it is darker than that alone.
+TEST_F(UnderALamp, ADeepShadowIsFloorWhereSomethingThrowsIt) {
+  stand({0.5, 0.8}, {0.2, 0.3, 1.1}, 0.7);
+  const auto [thing, shadow] = found();
+  EXPECT_GT(thing, 0.95);
+  EXPECT_LT(shadow, 0.15);
+}
+
+TEST_F(UnderALamp, AsDarkWithNothingBeforeTheLampIsAThing) {
+  lay({0.5, 0.8}, 0.7);
+  EXPECT_GT(found().first, 0.95);
+}
+
+// The lamp goes out, and others all over the room on.
+TEST(FloorLight, ALampThatGoesOutIsGivenUpAndANewOneFoundInThatFrame) {
+  const lens::Camera camera(testing::fisheye());
+  const FloorView view(camera, ViewOptions{});
+  GroundSegmenter segmenter(camera, view, SegmenterOptions{});
+  const auto shareOfObjects = [&](const Lamp& lamp) {
+    EXPECT_TRUE(segmenter.segment(floorUnder(lamp, camera, kLinear)));
+    return static_cast<double>(cv::countNonZero(segmenter.objects())) / cv::countNonZero(view.mask());
+  };
+  constexpr double kEven_m = 100.0;
+  for (int frame = 0; frame < 3; ++frame) EXPECT_LT(shareOfObjects({2.0, 1.0}), 0.005);
+  for (int frame = 0; frame < 3; ++frame) EXPECT_LT(shareOfObjects({kEven_m, 0.0}), 0.001) << frame;
+  EXPECT_LT(shareOfObjects({2.0, -1.0}), 0.005);
 }
 
 /// Objects within a disc in the dark far off, and around it.
