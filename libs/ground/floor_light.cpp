@@ -13,6 +13,7 @@ namespace {
 constexpr int kLevel = 0, kAmbient = 1, kX = 2, kY = 3, kHeight = 4, kRim = 5;
 constexpr int kSamples = 300;
 constexpr double kSigma = 0.03;  // of a block's brightness about the model, as a share of it
+constexpr double kLargeProduct = 1e200;
 constexpr int kRounds = 12;
 constexpr double kDone = 1e-3;     // a step as small as that, in standard deviations, is the last
 // What rooms have: the share of the light that comes from all around, how far a lamp is, and how high (s).
@@ -152,12 +153,10 @@ void FloorLight::gather(const FloorGrowth& growth) {
     sample.level -= static_cast<float>(sum / static_cast<double>(samples_.size()));
 }
 
-/// Cauchy's loss of what is left, in standard deviations, and what is known of rooms.
-double FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const {
+void FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const {
   hessian.setZero();
   gradient.setZero();
   const double per_s2 = std::exp(-2.0 * p[kHeight]), lamp = 1.0 - p[kAmbient];
-  double cost = 0.0;
   for (const Sample& sample : samples_) {
     const double dx = sample.x_m - p[kX], dy = sample.y_m - p[kY], q = (dx * dx + dy * dy) * per_s2;
     const auto [u, fall] = lambert(q);
@@ -168,7 +167,6 @@ double FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& 
         sample.rim2;
     slope /= kSigma;
     const double weight = 1.0 / (1.0 + left * left);
-    cost += std::log1p(left * left);
     gradient += weight * left * slope;
     hessian.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
   }
@@ -176,22 +174,22 @@ double FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& 
     gradient[i] -= (p[i] - kUsual[i]) / (kUsualSigma[i] * kUsualSigma[i]);
     hessian(i, i) += 1.0 / (kUsualSigma[i] * kUsualSigma[i]);
   }
-  return cost + costByRooms(p);
 }
 
-double FloorLight::costByRooms(const Parameters& p) {
-  const auto usual = Eigen::Map<const Parameters>(kUsual), sigma = Eigen::Map<const Parameters>(kUsualSigma);
-  return (p - usual).cwiseQuotient(sigma).squaredNorm();
-}
-
+/// Cauchy's loss of what is left, in standard deviations, and what is known of rooms.
 double FloorLight::costOf(const Parameters& p) const {
-  double cost = 0.0;
+  const auto usual = Eigen::Map<const Parameters>(kUsual), sigma = Eigen::Map<const Parameters>(kUsualSigma);
+  double cost = (p - usual).cwiseQuotient(sigma).squaredNorm();
+  double product = 1.0;  // of what logarithms are to be summed of: one costs as much as all the rest
   for (const Sample& sample : samples_) {
     const double left =
         (sample.level - p[kLevel] - logLight(p, sample.x_m, sample.y_m, sample.rim2)) / kSigma;
-    cost += std::log1p(left * left);
+    product *= 1.0 + left * left;
+    if (product < kLargeProduct) continue;
+    cost += std::log(product);
+    product = 1.0;
   }
-  return cost + costByRooms(p);
+  return cost + std::log(product);
 }
 
 /// Levenberg and Marquardt's method, here as Ceres allocates at each solution.
@@ -204,7 +202,8 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   double damping = 1e-3;
   Hessian hessian;
   Parameters gradient;
-  double cost = linearise(p_, hessian, gradient);
+  double cost = costOf(p_);
+  linearise(p_, hessian, gradient);
   for (int round = 0; round < kRounds; ++round) {
     Hessian damped = hessian.selfadjointView<Eigen::Lower>();
     const Parameters scale = damped.diagonal();
@@ -218,7 +217,8 @@ bool FloorLight::fit(const FloorGrowth& growth) {
     }
     p_ = next;
     damping = std::max(1e-6, 0.1 * damping);
-    cost = linearise(p_, hessian, gradient);
+    cost = next_cost;
+    linearise(p_, hessian, gradient);
     if (step.cwiseAbs2().dot(scale) < kDone * kDone) break;
   }
   const auto sinceFoot = [&](const Parameters& p, const Sample& at) {

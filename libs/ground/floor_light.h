@@ -62,8 +62,7 @@ class FloorLight {
   static Parameters bounded(const Parameters& p);
   void gather(const FloorGrowth& growth);
   double costOf(const Parameters& p) const;
-  static double costByRooms(const Parameters& p);
-  double linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const;
+  void linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const;
   static void shine(const Parameters& p, const Places& places, cv::Mat1f& light);
 
   Places cells_, blocks_;
