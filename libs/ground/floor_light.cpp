@@ -226,13 +226,9 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   };
   for (const Sample& sample : samples_)
     change_ = std::max(change_, std::abs(sinceFoot(p_, sample) - sinceFoot(before, sample)));
-  double least = 0.0, most = 0.0;
-  for (const Sample& sample : samples_) {
-    const double light = sinceFoot(p_, sample);
-    least = std::min(least, light);
-    most = std::max(most, light);
-  }
-  darkest_ = std::exp(least - most);
+  double least = 0.0;
+  for (const Sample& sample : samples_) least = std::min(least, sinceFoot(p_, sample));
+  darkest_ = std::exp(least);
   return true;
 }
 

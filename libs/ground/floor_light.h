@@ -22,7 +22,8 @@ class FloorLight {
   /// Fits to the blocks that growth has reached (sum of the channels of their means as they are, light and
   /// all), from the last fit on. @return false where they are too few
   bool fit(const FloorGrowth& growth);
-  /// The darkest of those blocks by the last fit(), as a share of the lightest.
+  /// The darkest of those blocks by the last fit(), as a share of the light at the foot: floor
+  /// that is lighter elsewhere, as beside a window, asks for no lamp.
   double darkest() const { return darkest_; }
   /// The largest change of brightness, as a share of it, that the last fit() made to those blocks' light.
   double change() const { return change_; }

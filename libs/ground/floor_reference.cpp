@@ -13,7 +13,7 @@ constexpr int kEvenLight = 10;
 constexpr double kMoreFloor = 1.01;   // what the light of a lamp must bring to be believed
 // Of the most of the last frames, which fades by this share a frame: it may be believed no more.
 constexpr double kLostFloor = 0.95, kFades = 0.01;
-// Floor with less than so much of the light of the lightest makes a lamp matter; once it does, with so much.
+// Floor with less than so much of the light at the foot makes a lamp matter; once it does, with so much.
 constexpr double kMatters = 0.65, kStillMatters = 0.75;
 constexpr double kOtherLight = 0.03;  // of the brightness
 constexpr int kLooks = 3;             // each from more floor than the last
