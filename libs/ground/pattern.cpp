@@ -129,17 +129,17 @@ const std::int16_t* Pattern::brightnessOf(const FloorFrame& frame, const Run& ru
 void Pattern::find(const Blob& region, const FloorFrame& frame) {
   const int step = stepOf(region, frame);
   Mean rows;
-  for (const Run& run : region.runs) rows.add(findAlongRow(run, frame, step).steps, run.end);
+  for (const Run& run : region.runs) rows.add(findAlongRow(run, frame, step), run.end);
   const cv::Range columns(region.rect.x, region.rect.br().x);
   std::fill_n(columns_.asked.begin() + columns.start, columns.size(), kAsked);
   turns_ = std::min(rows.value(), findAlongColumns(region, frame, step, columns).value());
 }
 
-Pattern::Row Pattern::findAlongRow(const Run& run, const FloorFrame& frame, int step) {
+Pattern::Steps Pattern::findAlongRow(const Run& run, const FloorFrame& frame, int step) {
   std::uint8_t* along = lines_.ptr(run.row);
   const std::int16_t* value = brightnessOf(frame, run) + run.begin % kChunk;
-  Row row{{run.begin}, {run.end, run.begin}};
-  int direction = 0;
+  Steps steps{run.begin};
+  int direction = 0, patched_end = run.begin;
   std::int16_t low = value[0], high = value[0];
   const int n = run.end - run.begin;
   for (int i = 0; i < n; ++i) {
@@ -161,14 +161,13 @@ Pattern::Row Pattern::findAlongRow(const Run& run, const FloorFrame& frame, int 
     if (!falls && !rises) continue;
     direction = falls ? -1 : 1;
     low = high = value[i];
-    row.steps.add(run.begin + i);
-    cv::Range patches = row.steps.patches(least_px_, most_px_);
-    if (patches.empty()) continue;
-    patches.end = std::min(patches.end, run.end);
-    for (int x = std::max(row.patched.end, patches.start); x < patches.end; ++x) along[x] |= kAlongRow;
-    row.patched = {std::min(row.patched.start, patches.start), std::max(row.patched.end, patches.end)};
+    steps.add(run.begin + i);
+    const cv::Range patches = steps.patches(least_px_, most_px_);
+    for (int x = std::max(patched_end, patches.start); x < std::min(patches.end, run.end); ++x)
+      along[x] |= kAlongRow;
+    patched_end = std::max(patched_end, patches.end);
   }
-  return row;
+  return steps;
 }
 
 Pattern::Mean Pattern::findAlongColumns(const Blob& region, const FloorFrame& frame, int step,

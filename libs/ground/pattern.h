@@ -51,10 +51,6 @@ class Pattern {
     /// What the last ones show to be patches of a pattern, of such widths; empty where they do not.
     cv::Range patches(int least_px, int most_px) const;
   };
-  struct Row {
-    Steps steps;
-    cv::Range patched;  ///< from the first to the last pixel of patches; empty where there are none
-  };
   /// The lines along the columns of a row of pixels. What every pixel asks for lies side by side.
   struct Columns {
     explicit Columns(int width);
@@ -75,7 +71,7 @@ class Pattern {
 
   int stepOf(const Blob& region, const FloorFrame& frame) const;
   const std::int16_t* brightnessOf(const FloorFrame& frame, const Run& run);
-  Row findAlongRow(const Run& run, const FloorFrame& frame, int step);
+  Steps findAlongRow(const Run& run, const FloorFrame& frame, int step);
   Mean findAlongColumns(const Blob& region, const FloorFrame& frame, int step, const cv::Range& asked);
   void takeNews(const Run& run, Mean& mean);
 

@@ -172,4 +172,18 @@ Scene mixedScene(std::mt19937& rng) {
   return scene;
 }
 
+Scene apartScene(std::mt19937& rng) {
+  std::uniform_real_distribution<double> shift(-0.1, 0.1);
+  Scene scene;
+  const std::vector<Eigen::Vector2d> places{{-1.0, -0.9}, {-1.0, 0.9}, {1.1, 0.0},
+                                            {0.1, 0.0},   {0.0, 1.6},  {0.0, -1.6}};
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const Pose2 pose{places[i].x() + shift(rng), places[i].y() + shift(rng), 10.0 * shift(rng)};
+    scene.bodies.push_back(i < 3 ? round("r" + std::to_string(i + 1), 0.15, 0.3, pose)
+                                 : box("o" + std::to_string(i), 0.2, 0.15, 0.12, pose));
+    scene.bodies.back().robot = i < 3;
+  }
+  return scene;
+}
+
 }  // namespace omnifleet::sim

@@ -49,5 +49,7 @@ Score run(const Scenario& scenario, unsigned seed, const classifier::Classifier:
 /// Three robots (radius 15 cm, height 30 cm) and five obstacles of many shapes in 4 × 4 m, none nearer than
 /// 25 cm.
 Scene mixedScene(std::mt19937& rng);
+/// Three robots and three boxes so far apart that nothing hides anything: nothing excuses a changed id.
+Scene apartScene(std::mt19937& rng);
 
 }  // namespace omnifleet::sim
