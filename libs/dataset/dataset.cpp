@@ -80,7 +80,7 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
     robot.wheels = readWheels(path.string(), warnings);
   }
   if (const auto path = base / "observations.csv"; fs::exists(path)) {
-    robot.observations = readObservations(path.string(), warnings);
+    robot.observations = readObservations(path.string(), robot.name, warnings);
   }
   if (const auto path = base / "laser" / "data.csv"; fs::exists(path))
     robot.laser = readLaser(path.string(), warnings);

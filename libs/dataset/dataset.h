@@ -30,6 +30,7 @@ struct ImageStream {
 
 /// Faster than any robot of this kind; a speed beyond it is a broken number.
 constexpr double kMaxWheelSpeedMps = 20.0;
+constexpr double kMaxObservedRange_m = 1000.0;  ///< farther off is a broken number
 
 struct WheelRow {
   TimeNs time_ns = 0;
@@ -64,9 +65,10 @@ struct Dataset {
   std::vector<Landmark> landmarks;    ///< surveyed ones (landmarks.yaml), by name
   std::vector<std::string> warnings;  ///< one line per rejected row: FILE:LINE: why
 
-  /// Reads dataset.yaml, sensor.yaml, markers.yaml, landmarks.yaml and all csv files. Throws options::Error for a bad YAML
-  /// file, a missing folder or file, a csv without a single good row where rows are; the message names file,
-  /// line and what to do. Rows with non-finite or malformed numbers are left out and listed in `warnings`.
+  /// Reads dataset.yaml, sensor.yaml, markers.yaml, landmarks.yaml and all csv files. Throws options::Error
+  /// for a bad YAML file, a missing folder or file, a csv without a single good row where rows are; the
+  /// message names file, line and what to do. Rows with non-finite or malformed numbers are left out and
+  /// listed in `warnings`.
   static Dataset open(const std::string& folder);
 
   /// Null where there is none.
@@ -79,7 +81,8 @@ struct Dataset {
 ImageStream readImageStream(const std::string& folder, const std::string& name,
                             std::vector<std::string>& warnings);
 std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::string>& warnings);
-std::vector<RangeBearingRow> readObservations(const std::string& path, std::vector<std::string>& warnings);
+std::vector<RangeBearingRow> readObservations(const std::string& path, const std::string& robot,
+                                              std::vector<std::string>& warnings);
 std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string>& warnings);
 
 }  // namespace omnifleet::dataset

@@ -13,8 +13,8 @@ struct Landmark {
   double sigma_m = 0.005;                                ///< of the survey, each axis
 };
 
-/// landmarks.yaml: `landmarks: {NAME: {position_m: [x, y], sigma_m: s (optional)}, …}`. Sorted by name. Throws
-/// options::Error.
+/// landmarks.yaml: `landmarks: {NAME: {position_m: [x, y], sigma_m: s (optional)}, …}`. Sorted by name.
+/// Throws options::Error.
 std::vector<Landmark> readLandmarks(const std::string& path);
 /// Throws std::runtime_error.
 void writeLandmarks(const std::string& path, const std::vector<Landmark>& landmarks);

@@ -14,7 +14,8 @@ std::string problemOf(const LaserRow& row, std::size_t beams) {
       row.angle_increment_rad == 0.0) {
     return "angle_min and angle_increment must be finite numbers, the increment not 0";
   }
-  if (count == 0 || count > kMostBeams) return fmt::format("{} beams, allowed are 1 to {}", count, kMostBeams);
+  if (count == 0 || count > kMostBeams)
+    return fmt::format("{} beams, allowed are 1 to {}", count, kMostBeams);
   if (beams != 0 && count != beams) return fmt::format("{} ranges, the scans before had {}", count, beams);
   if (std::abs(row.angle_increment_rad) * static_cast<double>(count - 1) > 2.0 * M_PI * (1.0 + kTurnSlack))
     return fmt::format("{} beams at {} rad are more than a turn", count, row.angle_increment_rad);
@@ -39,8 +40,8 @@ LaserSensor LaserSensor::load(const std::string& path) {
 
 std::string LaserSensor::toYaml() const {
   return fmt::format(
-      "position_m: [{}, {}, {}]\nyaw_deg: {}\nrange_min_m: {}\nrange_max_m: {}\nrange_sigma_m: {}\n", position_m.x(),
-      position_m.y(), position_m.z(), yaw_deg, range_min_m, range_max_m, range_sigma_m);
+      "position_m: [{}, {}, {}]\nyaw_deg: {}\nrange_min_m: {}\nrange_max_m: {}\nrange_sigma_m: {}\n",
+      position_m.x(), position_m.y(), position_m.z(), yaw_deg, range_min_m, range_max_m, range_sigma_m);
 }
 
 }  // namespace omnifleet::dataset

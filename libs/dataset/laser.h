@@ -10,8 +10,8 @@
 
 namespace omnifleet::dataset {
 
-/// One scan in the scanner's frame: beam i at angle_min + i·increment. A beam without echo is +inf (in a file 0,
-/// negative, NaN and "inf" all mean that, as scanners' drivers do).
+/// One scan in the scanner's frame: beam i at angle_min + i·increment. A beam without echo is +inf (in a file
+/// 0, negative, NaN and "inf" all mean that, as scanners' drivers do).
 struct LaserRow {
   TimeNs time_ns = 0;
   double angle_min_rad = 0.0, angle_increment_rad = 0.0;
@@ -21,8 +21,8 @@ struct LaserRow {
 /// Beams of one scan that all readers can take.
 constexpr std::size_t kMostBeams = 4096;
 
-/// Empty, or what is wrong with a scan: an increment of 0 or not finite, more than a turn, no beams or more than
-/// kMostBeams, a NaN or negative range, another number of beams than `beams` (0: any).
+/// Empty, or what is wrong with a scan: an increment of 0 or not finite, more than a turn, no beams or more
+/// than kMostBeams, a NaN or negative range, another number of beams than `beams` (0: any).
 std::string problemOf(const LaserRow& row, std::size_t beams);
 
 /// <robot>/laser/sensor.yaml: a level scanner, its mounting and what its ranges are worth.

@@ -102,7 +102,8 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
   return rows;
 }
 
-std::vector<RangeBearingRow> readObservations(const std::string& path, std::vector<std::string>& warnings) {
+std::vector<RangeBearingRow> readObservations(const std::string& path, const std::string& robot,
+                                              std::vector<std::string>& warnings) {
   std::vector<RangeBearingRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
@@ -111,11 +112,20 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, std::vect
     if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     row.id = std::string(fields[1]);
     if (row.id.empty()) return "the id is empty";
-    if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad) ||
-        row.range_m < 0.0) {
-      return "range and bearing must be finite numbers, the range not negative";
+    if (row.id == robot) return "the robot '" + robot + "' cannot sight itself";
+    if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad)) {
+      return "range and bearing must be finite numbers";
+    }
+    if (row.range_m < 0.0 || row.range_m > kMaxObservedRange_m) {
+      return fmt::format("the range must lie within 0 and {:g} m", kMaxObservedRange_m);
+    }
+    if (std::abs(row.bearing_rad) > 2.0 * M_PI) {
+      return fmt::format("the bearing must lie within ±2π rad, {:g} looks like degrees", row.bearing_rad);
     }
     if (std::string problem = checkOrder(row.time_ns, true, latest_ns); !problem.empty()) return problem;
+    for (auto at = rows.rbegin(); at != rows.rend() && at->time_ns == row.time_ns; ++at) {
+      if (at->id == row.id) return "'" + row.id + "' is sighted twice at one time, the first row counts";
+    }
     row.bearing_rad = wrapAngle(row.bearing_rad);
     rows.push_back(std::move(row));
     return {};

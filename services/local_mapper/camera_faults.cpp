@@ -1,5 +1,6 @@
 #include "local_mapper/camera_faults.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -58,14 +59,40 @@ bool CoverCheck::differs(const cv::Vec3f& floor) const {
   return cv::norm(floor - floor_) > options_.cover_step * cv::norm(floor_);
 }
 
-bool CoverCheck::isCovered(std::size_t objects, const cv::Vec3f& floor) {
-  if (options_.cover_step <= 0.0) return false;
-  const bool covered = objects == 0 && objects_ > 0 && differs(floor);
-  if (!covered) {
-    objects_ = objects;
-    floor_ = floor;
+const char* CoverCheck::faultOf(const Sight& sight, const Motion& wheels) {
+  if (options_.cover_step <= 0.0) return "";
+  if (sight.objects == 0 && objects_ > 0 && differs(sight.floor))
+    return "all things vanished as the floor changed its colour: covered";
+  objects_ = sight.objects;
+  floor_ = sight.floor;
+  has_seen_ = has_seen_ || sight.objects > 0 || sight.walls;
+  if (!has_seen_ && sight.horizon == HorizonSight::kHidden)
+    return "no thing so far, and above the horizon the same as below it all around: covered";
+  if (wheels.valid) bare_m_ += wheels.previous_from_current.translation().norm();
+  if (has_seen_ || sight.horizon == HorizonSight::kSeen) bare_m_ = 0.0;
+  return "";
+}
+
+HorizonSight lookAtHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell_means) {
+  // By so much of the brightness, and in colour at equal brightness: covers are lit unevenly.
+  constexpr float kAlong = 0.15f, kAcross = 0.05f;
+  constexpr int kOtherOf = 12;  // one sector in so many may show something
+  if (horizon == nullptr) return HorizonSight::kOutOfView;
+  int seen = 0, other = 0;
+  for (int sector = 1; sector <= ground::Horizon::kSectors; ++sector) {
+    const cv::Vec4f& colour = horizon->colours()[static_cast<std::size_t>(sector)];
+    const std::vector<cv::Point>& edge = horizon->edge(sector);
+    if (colour[0] < 0.0f || edge.empty()) continue;
+    ++seen;
+    cv::Vec3f below(0, 0, 0);
+    for (const cv::Point& cell : edge) below += cell_means(cell) * (1.0f / static_cast<float>(edge.size()));
+    const cv::Vec3f above(colour[0], colour[1], colour[2]);
+    const float square = std::max(1.0f, above.dot(above)), gain = below.dot(above) / square;
+    const float across2 = below.dot(below) / square - gain * gain;
+    other += std::abs(gain - 1.0f) > kAlong || across2 > kAcross * kAcross ? 1 : 0;
   }
-  return covered;
+  if (4 * seen < ground::Horizon::kSectors) return HorizonSight::kOutOfView;
+  return kOtherOf * other <= seen ? HorizonSight::kHidden : HorizonSight::kSeen;
 }
 
 }  // namespace omnifleet::local_mapper

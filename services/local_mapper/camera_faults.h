@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "ground/floor_view.h"
+#include "ground/horizon.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -40,22 +41,41 @@ class FreezeCheck {
   double rolled_m_ = 0.0, turned_rad_ = 0.0;
 };
 
+enum class HorizonSight : std::uint8_t {
+  kOutOfView,  ///< or less than a quarter of it in view
+  kHidden,     ///< what is seen above it goes on below it, wherever both are in view
+  kSeen
+};
+HorizonSight lookAtHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell_means);
+
 /// A lens covered by something of one colour looks like a bare floor. But then all things vanish in the very
 /// frame in which the floor changes its colour. It ends when things are seen again or when the floor's colour
 /// is back, however far the robot drives: a cover that stays must not clear the map, and another floor shows
-/// a thing before long.
+/// a thing before long. One that is there from the beginning shows no thing and no horizon: what lies above
+/// it is the same as below, all around. Where the lens sees no horizon, nothing tells that from a bare floor.
 class CoverCheck {
  public:
   explicit CoverCheck(const FaultOptions& options) : options_(options) {}
 
-  /// @param floor mean colour around the robot; frames that cannot be used otherwise are left out.
-  bool isCovered(std::size_t objects, const cv::Vec3f& floor);
+  /// What a frame that cannot be told to be useless otherwise shows.
+  struct Sight {
+    std::size_t objects = 0;
+    bool walls = false;
+    cv::Vec3f floor;  ///< mean colour around the robot
+    HorizonSight horizon = HorizonSight::kOutOfView;
+  };
+  /// Why the camera is covered; empty where it is not.
+  const char* faultOf(const Sight& sight, const Motion& wheels);
+  /// Metres rolled so far without having seen anything but floor, nor a horizon; 0 since something was seen.
+  double bare_m() const { return bare_m_; }
 
  private:
   bool differs(const cv::Vec3f& floor) const;
 
   FaultOptions options_;
   std::size_t objects_ = 0;  ///< of the last frame that was not covered
+  bool has_seen_ = false;    ///< a thing, at any time
+  double bare_m_ = 0.0;
   cv::Vec3f floor_{0, 0, 0};
 };
 

@@ -53,7 +53,7 @@ struct LocalMapper::Stages {
   void begin(const Frame& frame, const Motion& wheels);
   FrameState findRegions(const cv::Mat& image, const Motion& wheels);
   void discard();
-  cv::Vec3f floorAround() const;
+  CoverCheck::Sight sight() const;
   void measureObjects(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
@@ -132,7 +132,8 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   s.flow.push(frame.image, {s.segmenter.cellMeans(), s.view.rows()}, *s.blobs);  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
   s.freeze.saw(s.map.objects.size());
-  if (s.cover.isCovered(s.map.objects.size(), s.floorAround())) {
+  s.fault = s.cover.faultOf(s.sight(), wheels);
+  if (*s.fault != '\0') {
     s.discard();
     return s.map;
   }
@@ -146,7 +147,6 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
 /// Nothing of what a covered camera shows is true.
 void LocalMapper::Stages::discard() {
   map.state = FrameState::kDark;
-  fault = "all things vanished as the floor changed its colour: covered";
   flow.forget();
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
@@ -154,10 +154,13 @@ void LocalMapper::Stages::discard() {
   map.scan.object.clear();
 }
 
-cv::Vec3f LocalMapper::Stages::floorAround() const {
+CoverCheck::Sight LocalMapper::Stages::sight() const {
   cv::Vec3d sum(0, 0, 0);
   for (const cv::Point& cell : view.seedCells()) sum += cv::Vec3d(segmenter.cellMeans()(cell));
-  return cv::Vec3f(sum / static_cast<double>(view.seedCells().size()));
+  const cv::Vec3f floor = sum / static_cast<double>(view.seedCells().size());
+  const bool shows_things = !map.objects.empty() || has_walls;
+  return {map.objects.size(), has_walls, floor,
+          shows_things ? HorizonSight::kSeen : lookAtHorizon(segmenter.horizon(), segmenter.cellMeans())};
 }
 
 void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
@@ -295,6 +298,10 @@ double LocalMapper::freeShare() const {
 
 double LocalMapper::coveredShare() const {
   return cover_.share();
+}
+
+double LocalMapper::bare_m() const {
+  return stages_->cover.bare_m();
 }
 
 double LocalMapper::gap_s() const {

@@ -76,6 +76,8 @@ class LocalMapper {
   /// Share of the view that shows nothing of the world; it is left out as what lies beyond the view's edge
   /// is.
   double coveredShare() const;
+  /// Metres rolled without having seen anything but floor, nor a horizon, since the beginning.
+  double bare_m() const;
   /// Seconds for which nothing came before the last frame, where they are so many that it follows nothing.
   double gap_s() const;
   /// Why the last frame was not used, where its state alone does not say it; else empty.

@@ -13,6 +13,7 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr int kLastingFrames = 10;    // what is shut in for so long is told
+constexpr double kLongBare_m = 1.0;   // beyond that a floor with nothing on it is told of
 constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
@@ -213,6 +214,12 @@ void LocalMapperService::tellCover() {
     context_.log->info("camera {}: its view is free again from frame {} on", camera_.id, local_map_.sequence);
   }
   told_cover_ = share;
+  if (mapper_.bare_m() > kLongBare_m && !told_bare_) {
+    status().error(fmt::format(
+        "camera {}: nothing but one floor in the first {:.1f} m: a bare floor, or the lens is covered",
+        camera_.id, mapper_.bare_m()));
+    told_bare_ = true;
+  }
 }
 
 void LocalMapperService::saveDebugImages(const cv::Mat& image) {

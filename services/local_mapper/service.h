@@ -68,7 +68,8 @@ class LocalMapperService : public bus::Service {
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
   FaultRuns faults_;
   local_mapper::LastingPlaces undecided_;
-  double told_cover_ = 0.0;   ///< share of the view
+  double told_cover_ = 0.0;  ///< share of the view
+  bool told_bare_ = false;
   int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor
   bool ended_ = false;
 };

@@ -1,5 +1,7 @@
 #include "world/dataset_service.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -124,16 +126,22 @@ class DatasetWorldService::ObservationStream final : public Stream {
 DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context), ends_(context) {
   dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
-  for (const std::string& warning : recording.warnings) {
-    status().dropped();
-    status().error(warning);
-  }
+  tellWarnings(recording.warnings);
   for (dataset::RobotRecording& robot : recording.robots) {
     if (!robot.wheels.empty()) streams_.push_back(std::make_unique<WheelStream>(context, fleet, robot));
     if (!robot.laser.empty()) streams_.push_back(std::make_unique<LaserStream>(context, fleet, robot));
     if (!robot.observations.empty())
       streams_.push_back(std::make_unique<ObservationStream>(context, fleet, robot));
   }
+}
+
+/// Each is a line of the log; the last one is what the status holds, so it counts the others.
+void DatasetWorldService::tellWarnings(const std::vector<std::string>& warnings) {
+  if (warnings.empty()) return;
+  const std::size_t others = warnings.size() - 1;
+  status().dropped(warnings.size());
+  for (std::size_t i = 1; i <= others; ++i) status().error(warnings[i]);
+  status().error(warnings.front() + (others > 0 ? fmt::format("; and {} more, see the log", others) : ""));
 }
 
 DatasetWorldService::~DatasetWorldService() = default;

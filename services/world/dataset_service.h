@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "bus/service.h"
@@ -10,9 +11,9 @@
 
 namespace omnifleet::services {
 
-/// Plays what a recording holds beside images: wheel speeds, laser scans, ranges and bearings. Nothing is lost: writers
-/// wait for their readers. One thread plays all streams, always the earliest row next: a reader that needs
-/// several streams up to some time gets them, so none can wait for another.
+/// Plays what a recording holds beside images: wheel speeds, laser scans, ranges and bearings. Nothing is
+/// lost: writers wait for their readers. One thread plays all streams, always the earliest row next: a reader
+/// that needs several streams up to some time gets them, so none can wait for another.
 class DatasetWorldService : public bus::Service {
  public:
   DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -31,6 +32,7 @@ class DatasetWorldService : public bus::Service {
   class ObservationStream;
   Stream* earliest();
   void finish(const std::string& reason);
+  void tellWarnings(const std::vector<std::string>& warnings);
 
   bus::ServiceContext context_;
   RunEnds ends_;

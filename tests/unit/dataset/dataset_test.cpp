@@ -117,6 +117,20 @@ TEST_F(DatasetFiles, ObservationsAndLaser) {
   EXPECT_EQ(d.warnings.size(), 4u);
 }
 
+TEST_F(DatasetFiles, ObservationsThatCannotBeAreLeftOutAndNamed) {
+  put("r2/observations.csv",
+      "10,7,1.5,0.5\n10,r2,1,0\n10,8,1e9,0\n11,8,1000,99\n11,8,1000,6.28\n11,9,2,-0.1\n11,8,999,6.2\n12,8,2,"
+      "0\n");
+  const Dataset d = open();
+  const RobotRecording& r2 = *d.findRobot("r2");
+  EXPECT_EQ(r2.observations.size(), 4u);
+  EXPECT_THAT(d.warnings,
+              ElementsAre(HasSubstr(":2: the robot 'r2' cannot sight itself"),
+                          HasSubstr(":3: the range must lie within 0 and 1000 m"),
+                          HasSubstr(":4: the bearing must lie within ±2π rad, 99 looks like degrees"),
+                          HasSubstr(":7: '8' is sighted twice at one time, the first row counts")));
+}
+
 TEST_F(DatasetFiles, TablesWithoutARowAreToldOf) {
   put("r1/fisheye/data.csv", "#timestamp [ns],filename\n");
   put("r1/wheels/data.csv", "");

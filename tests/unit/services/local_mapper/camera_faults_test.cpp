@@ -1,6 +1,9 @@
 #include "local_mapper/camera_faults.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
 
 #include "local_mapper/local_mapper.h"
 #include "tests/unit/services/local_mapper/fisheye_scene.h"
@@ -96,12 +99,64 @@ TEST_F(CameraFaults, NeitherAnotherLightNorAThingTakenAwayIsACover) {
   EXPECT_EQ(see(covered({60, 65, 70}), {}), FrameState::kOk) << "nothing stood there before";
 }
 
+/// One colour wherever the lens has an image, brighter to the right by `uneven` of it from edge to edge.
+cv::Mat plain(const lens::Camera& camera, const cv::Vec3b& colour, double uneven, unsigned seed) {
+  cv::Mat3b image(camera.model().image_height_px, camera.model().image_width_px, cv::Vec3b(0, 0, 0));
+  cv::RNG rng(seed);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      if (!camera.rayFromPixel({u, v})) continue;
+      const double light = 1.0 + uneven * (static_cast<double>(u) / image.cols - 0.5);
+      for (int c = 0; c < 3; ++c)
+        image(v, u)[c] = cv::saturate_cast<std::uint8_t>(light * colour[c] + rng.gaussian(3.0));
+    }
+  }
+  return image;
+}
+
+TEST_F(CameraFaults, CoveredFromTheFirstFrameOnItShowsNoHorizon) {
+  for (const double uneven : {0.0, 0.5}) {
+    mapper_ = LocalMapper(camera_, {});
+    for (unsigned i = 0; i < 5; ++i) {
+      const cv::Mat image = plain(camera_, {40, 75, 110}, uneven, i);
+      const LocalMap& map = mapper_.process(testing::frameOf(image, sequence_++), rolled(0.3));
+      EXPECT_EQ(map.state, FrameState::kDark);
+      EXPECT_TRUE(map.scan.range_m.empty());
+      EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("covered"));
+    }
+    EXPECT_EQ(see(picture(), rolled(0.3)), FrameState::kOk) << "taken off";
+    EXPECT_EQ(mapper_.bare_m(), 0.0);
+  }
+}
+
+TEST_F(CameraFaults, ABareFloorShowsAHorizon) {
+  scene_.prisms.clear();
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(see(picture(), rolled(0.3)), FrameState::kOk);
+  EXPECT_EQ(mapper_.bare_m(), 0.0);
+}
+
+TEST_F(CameraFaults, WhereNoHorizonIsInViewHowFarNothingWasSeenIsTold) {
+  lens::CameraModel model = testing::fisheyeModel();
+  model.fov_deg = 150.0;
+  const lens::Camera narrow(model);
+  LocalMapper mapper(narrow, {});
+  for (std::uint32_t i = 0; i < 4; ++i)
+    EXPECT_EQ(mapper.process(testing::frameOf(plain(narrow, {40, 75, 110}, 0.0, i), i), rolled(0.3)).state,
+              FrameState::kOk);
+  EXPECT_NEAR(mapper.bare_m(), 1.2, 1e-9);
+  mapper.process(testing::frameOf(testing::renderScene(scene_, narrow, {}), 4), rolled(0.3));
+  EXPECT_EQ(mapper.bare_m(), 0.0);
+  mapper.process(testing::frameOf(plain(narrow, scene_.floor, 0.0, 5), 5), rolled(0.3));
+  EXPECT_EQ(mapper.bare_m(), 0.0) << "something was seen once";
+}
+
 TEST(FaultOptions, AreBoundedAndSwitchedOff) {
   EXPECT_THROW(FaultOptions::read(options::Section::parse("{cover_step: -1}", "t.yaml")), options::Error);
   const auto off = FaultOptions::read(options::Section::parse("{cover_step: 0, frozen_m: 0}", "t.yaml"));
   CoverCheck cover(off);
-  EXPECT_FALSE(cover.isCovered(3, {100, 100, 100}));
-  EXPECT_FALSE(cover.isCovered(0, {50, 50, 50}));
+  EXPECT_STREQ(cover.faultOf({0, false, {100, 100, 100}, HorizonSight::kHidden}, {}), "");
+  EXPECT_STREQ(cover.faultOf({3, false, {100, 100, 100}, HorizonSight::kSeen}, {}), "");
+  EXPECT_STREQ(cover.faultOf({0, false, {50, 50, 50}, HorizonSight::kSeen}, {}), "");
 }
 
 }  // namespace
