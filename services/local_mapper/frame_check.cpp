@@ -5,6 +5,17 @@
 
 namespace omnifleet::local_mapper {
 
+namespace {
+
+/// Brightest channel.
+int levelAt(const cv::Mat& image, const cv::Point& p) {
+  const int channels = image.channels();
+  const std::uint8_t* c = image.ptr<std::uint8_t>(p.y) + p.x * channels;
+  return channels == 3 ? std::max({c[0], c[1], c[2]}) : c[0];
+}
+
+}  // namespace
+
 FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
   FrameCheckOptions o;
   section.read("dark_level", o.dark_level, {0.0, 255.0});
@@ -23,11 +34,26 @@ FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& 
   for (int y = 0; y < size_.height; y += kStep_px)
     for (int x = 0; x < size_.width; x += kStep_px)
       if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
+  if (model.kind == lens::CameraKind::kFisheye && model.projection == lens::Projection::kOrthographic)
+    sampleBeyond(model);
+}
+
+void FrameCheck::sampleBeyond(const lens::CameraModel& model) {
+  constexpr double kFrom = 1.03, kTo = 1.12;  // of F: what is blurred over the edge of the image is left out
+  constexpr int kStep_px = 3;
+  for (int y = 0; y < size_.height; y += kStep_px) {
+    for (int x = 0; x < size_.width; x += kStep_px) {
+      const double r =
+          (Eigen::Vector2d(x, y) - model.principal_point_px).cwiseQuotient(model.focal_px).norm();
+      if (r > kFrom && r < kTo) beyond_.emplace_back(x, y);
+    }
+  }
 }
 
 void FrameCheck::resume(const FrameCheck& before) {
   has_previous_ = before.has_previous_;
   previous_ns_ = before.previous_ns_;
+  lit_beyond_ = before.lit_beyond_;
   previous_sequence_ = before.previous_sequence_;
 }
 
@@ -60,13 +86,9 @@ FrameState FrameCheck::check(const Frame& frame) {
   return state;
 }
 
-FrameState FrameCheck::exposure(const cv::Mat& image) const {
+FrameState FrameCheck::exposure(const cv::Mat& image) {
   std::array<int, 256> histogram{};
-  const int channels = image.channels();
-  for (const auto& p : samples_) {
-    const std::uint8_t* c = image.ptr<std::uint8_t>(p.y) + p.x * channels;
-    ++histogram[channels == 3 ? std::max({c[0], c[1], c[2]}) : c[0]];
-  }
+  for (const auto& p : samples_) ++histogram[static_cast<std::size_t>(levelAt(image, p))];
   const int half = static_cast<int>(samples_.size()) / 2;
   int below = 0, median = 0;
   while (median < 255 && (below += histogram[static_cast<std::size_t>(median)]) <= half) ++median;
@@ -74,8 +96,17 @@ FrameState FrameCheck::exposure(const cv::Mat& image) const {
   int bright = 0;
   for (int level = static_cast<int>(options_.bright_level); level < 256; ++level)
     bright += histogram[static_cast<std::size_t>(level)];
-  const bool over = bright > options_.bright_fraction * static_cast<double>(samples_.size());
-  return over ? FrameState::kOverexposed : FrameState::kOk;
+  if (bright > options_.bright_fraction * static_cast<double>(samples_.size()))
+    return FrameState::kOverexposed;
+  if (!beyond_.empty()) {
+    const auto isLit = [&](const cv::Point& p) {
+      return levelAt(image, p) >= std::max(options_.dark_level, 0.5 * median);
+    };
+    const auto lit = std::count_if(beyond_.begin(), beyond_.end(), isLit);
+    lit_beyond_ = static_cast<double>(lit) / static_cast<double>(beyond_.size());
+    beyond_.clear();
+  }
+  return FrameState::kOk;
 }
 
 }  // namespace omnifleet::local_mapper

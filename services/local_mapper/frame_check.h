@@ -45,15 +45,22 @@ class FrameCheck {
   bool fits(const cv::Mat& image) const {
     return image.size() == size_ && (image.type() == CV_8UC3 || image.type() == CV_8UC1);
   }
+  /// Share of the pixels just beyond r = F that show something in the first usable frame, 0–1: an
+  /// orthographic lens has no image there (Choi et al. 2014, eq. 7), whatever shows one has another
+  /// projection. 0 for other lenses.
+  double litBeyondLens() const { return lit_beyond_; }
   /// Goes on where another check of the same camera was, with a gap.
   void resume(const FrameCheck& before);
 
  private:
-  FrameState exposure(const cv::Mat& image) const;
+  FrameState exposure(const cv::Mat& image);
+  void sampleBeyond(const lens::CameraModel& model);
 
   cv::Size size_;
   FrameCheckOptions options_;
   std::vector<cv::Point> samples_;
+  std::vector<cv::Point> beyond_;  ///< of the lens's image, until they were looked at
+  double lit_beyond_ = 0.0;
   bool has_previous_ = false, previous_usable_ = false, follows_ = false;
   TimeNs previous_ns_ = 0;
   double gap_s_ = 0.0;

@@ -300,6 +300,10 @@ double LocalMapper::coveredShare() const {
   return cover_.share();
 }
 
+double LocalMapper::litBeyondLens() const {
+  return stages_->check.litBeyondLens();
+}
+
 double LocalMapper::bare_m() const {
   return stages_->cover.bare_m();
 }

@@ -76,6 +76,8 @@ class LocalMapper {
   /// Share of the view that shows nothing of the world; it is left out as what lies beyond the view's edge
   /// is.
   double coveredShare() const;
+  /// See FrameCheck::litBeyondLens().
+  double litBeyondLens() const;
   /// Metres rolled without having seen anything but floor, nor a horizon, since the beginning.
   double bare_m() const;
   /// Seconds for which nothing came before the last frame, where they are so many that it follows nothing.

@@ -14,6 +14,7 @@ using std::chrono::steady_clock;
 
 constexpr int kLastingFrames = 10;    // what is shut in for so long is told
 constexpr double kLongBare_m = 1.0;   // beyond that a floor with nothing on it is told of
+constexpr double kLitBeyond = 0.5;    // share of the pixels where the lens has no image
 constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
@@ -146,6 +147,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
   rejected_points_ += mapper_.rejectedPoints();
+  tellLens();
   tellCover();
   if (local_map_.state == FrameState::kOk) {
     undecided_.take(local_map_.motion, mapper_.undecided(), local_map_.objects);
@@ -201,6 +203,16 @@ void LocalMapperService::tellUndecided(bool ended) {
                   "ahead, {:.2f} m left{}; it is left out of the map and nothing behind it counts as seen",
                   camera_.id, local_map_.sequence, at.x(), at.y(),
                   places.size() > 1 ? fmt::format(", and {} more", places.size() - 1) : ""));
+}
+
+/// The lens is not what its sensor.yaml says: told once.
+void LocalMapperService::tellLens() {
+  if (told_lens_ || mapper_.litBeyondLens() < kLitBeyond) return;
+  status().error(fmt::format(
+      "camera {}: {:.0f} % of the pixels beyond r = F ({:g} px) show something, where an orthographic lens "
+      "has no image: see projection and focal_px of its sensor.yaml",
+      camera_.id, 100.0 * mapper_.litBeyondLens(), camera_.model.focal_px.x()));
+  told_lens_ = true;
 }
 
 void LocalMapperService::tellCover() {

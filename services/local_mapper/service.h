@@ -42,6 +42,7 @@ class LocalMapperService : public bus::Service {
   bool pull();
   void takeBeside();
   void process(const bus::FrameView& view);
+  void tellLens();
   void tellCover();
   void tellFault();
   void tellUndecided(bool ended);
@@ -69,7 +70,7 @@ class LocalMapperService : public bus::Service {
   FaultRuns faults_;
   local_mapper::LastingPlaces undecided_;
   double told_cover_ = 0.0;  ///< share of the view
-  bool told_bare_ = false;
+  bool told_bare_ = false, told_lens_ = false;
   int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor
   bool ended_ = false;
 };

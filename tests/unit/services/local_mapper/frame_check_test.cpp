@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include "local_mapper/frame_check.h"
 #include "tests/unit/services/local_mapper/fisheye_scene.h"
 
@@ -40,6 +42,26 @@ TEST_F(FrameCheckTest, OnlyTheFloorsPixelsCountForTheExposure) {
   EXPECT_EQ(stateOf(image, 0), FrameState::kOk);
   image.setTo(cv::Scalar(0), view_.mask());
   EXPECT_EQ(stateOf(image, 1), FrameState::kDark);
+}
+
+TEST_F(FrameCheckTest, AnOrthographicLensHasNoImageBeyondItsFocalLength) {
+  lens::CameraModel model = camera_.model();
+  model.projection = lens::Projection::kOrthographic;
+  model.focal_px = {190.0, 190.0};
+  const lens::Camera lens(model);
+  const ground::FloorView view(lens, {});
+  cv::Mat disc = grey(0);
+  cv::circle(disc, {cvRound(model.principal_point_px.x()), cvRound(model.principal_point_px.y())}, 190,
+             cv::Scalar(100), cv::FILLED);
+  FrameCheck right(lens.model(), view, {}), wrong(lens.model(), view, {});
+  EXPECT_EQ(right.check(testing::frameOf(disc, 0)), FrameState::kOk);
+  EXPECT_EQ(right.litBeyondLens(), 0.0);
+  EXPECT_EQ(wrong.check(testing::frameOf(grey(3), 0)), FrameState::kDark);
+  EXPECT_EQ(wrong.litBeyondLens(), 0.0) << "a dark frame shows nothing";
+  EXPECT_EQ(wrong.check(testing::frameOf(grey(100), 1)), FrameState::kOk);
+  EXPECT_EQ(wrong.litBeyondLens(), 1.0);
+  stateOf(grey(100), 0);
+  EXPECT_EQ(check_.litBeyondLens(), 0.0) << "of another projection nothing is known there";
 }
 
 TEST_F(FrameCheckTest, FollowsOnlyDirectUsablePredecessors) {
