@@ -4,47 +4,47 @@
 #include <array>
 #include <opencv2/imgproc.hpp>
 
-#include "geometry/wide.h"
+#include "geometry/lanes.h"
 
 namespace omnifleet::flow {
 
 namespace {
 
 constexpr int kChunk = 32;
-constexpr int kMargin = 1;  // entries beside a row's even and odd pixels, for those beyond the border
 
 /// The border's pixels come again behind it, without the outermost (BORDER_REFLECT_101).
 int mirrored(int i, int size) {
   return i < 0 ? -i : i >= size ? 2 * size - 2 - i : i;
 }
 
-/// Pixels 2 (first + x) to `even`, those behind them to `odd`, x from −1 to n.
-OMNIFLEET_WIDE void splitRow(const std::uint8_t* in, int width, int first, int n, std::uint8_t* even,
-                             std::uint8_t* odd) {
-  const std::uint8_t* from = in + 2 * first;
-  const int pairs = std::min(n, width / 2 - first);
-  inChunks<kChunk>(
-      0, pairs, [=](int x) __attribute__((always_inline)) {
-        even[x] = from[2 * x];
-        odd[x] = from[2 * x + 1];
-      });
-  const auto at = [in, width](int x) { return in[mirrored(x, width)]; };
-  if (pairs < n) {
-    even[pairs] = at(2 * (first + pairs));
-    odd[pairs] = at(2 * (first + pairs) + 1);
-  }
-  even[-1] = at(2 * first - 2);
-  odd[-1] = at(2 * first - 1);
-  even[n] = at(2 * (first + n));
-}
+using Pairs = std::uint16_t __attribute__((vector_size(32)));  // sixteen of two pixels each, the left one low
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
 
-/// 1 4 6 4 1 along the row, at every other pixel.
-OMNIFLEET_WIDE void smoothRow(const std::uint8_t* even, const std::uint8_t* odd, int n, std::uint16_t* out) {
-  inChunks<kChunk>(
-      0, n, [=](int x) __attribute__((always_inline)) {
-        out[x] =
-            static_cast<std::uint16_t>(even[x - 1] + even[x + 1] + 4 * (odd[x - 1] + odd[x]) + 6 * even[x]);
-      });
+/// 1 4 6 4 1 along a row, at its pixels 2 (first + x), x from 0 to n. Pixels are read as pairs where they
+/// lie: rows taken apart into even and odd ones would be read back before they are written.
+OMNIFLEET_WIDE void smoothRow(const std::uint8_t* in, int width, int first, int n, std::uint16_t* out) {
+  constexpr int kPairs = 16;
+  const auto sixteenFrom = [=](int x) __attribute__((always_inline)) {
+    const std::uint8_t* at = in + 2 * (first + x);
+    const auto before = lanes::load<Pairs>(at - 2), here = lanes::load<Pairs>(at),
+               after = lanes::load<Pairs>(at + 2);
+    const Pairs sum = (before & 255) + (after & 255) + 4 * ((before >> 8) + (here >> 8)) + 6 * (here & 255);
+    lanes::store(sum, out + x);
+  };
+  const auto one = [=](int x) {
+    const auto at = [=](int step) { return in[mirrored(2 * (first + x) + step, width)]; };
+    out[x] = static_cast<std::uint16_t>(at(-2) + at(2) + 4 * (at(-1) + at(1)) + 6 * at(0));
+  };
+  const int begin = first == 0 ? 1 : 0,
+            end = std::min(n, width / 2 - 1 - first);  // all of which is in the row
+  int x = 0;
+  for (; x < std::min(begin, n); ++x) one(x);
+  if (end - begin >= kPairs) {
+    for (; x < end - kPairs; x += kPairs) sixteenFrom(x);
+    sixteenFrom(end - kPairs);
+    x = end;
+  }
+  for (; x < n; ++x) one(x);
 }
 
 /// The same over five such rows; the sum of all weights is 256.
@@ -57,7 +57,22 @@ OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& row
       });
 }
 
-/// Brightness of n colours, BGR: BT.601, as cv::cvtColor weighs.
+/// Brightness of n pixels, BGR: BT.601, bit by bit as cv::cvtColor gives it.
+OMNIFLEET_WIDE void takeGreys(const std::uint8_t* pixels, int n, std::uint8_t* greys) {
+  inChunks<kChunk>(
+      0, n, [=](int x) __attribute__((always_inline)) {
+        const std::uint8_t* p = pixels + 3 * x;
+        greys[x] = static_cast<std::uint8_t>((3735 * p[0] + 19235 * p[1] + 9798 * p[2] + (1 << 14)) >> 15);
+      });
+}
+
+/// Of what is read a few rows later: short rows, each in another page, are not foreseen by the processor.
+void prefetch(const std::uint8_t* bytes, int n) {
+  constexpr int kLine = 64;
+  for (int k = 0; k < n; k += kLine) __builtin_prefetch(bytes + k);
+}
+
+/// Brightness of n colours, BGR, likewise.
 OMNIFLEET_WIDE void takeGreys(const float* colours, int n, std::uint8_t* greys) {
   inChunks<kChunk>(
       0, n, [=](int x) __attribute__((always_inline)) {
@@ -122,12 +137,20 @@ cv::Rect Pyramid::takeCells(const CellColours& cells, const cv::Rect& around) {
 void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, std::size_t levels) {
   for (cv::Rect rect : where) {
     if (rect.empty()) continue;
-    cv::Mat1b base = levels_[0](rect);
     if (image.channels() == 3)
-      cv::cvtColor(image(rect), base, cv::COLOR_BGR2GRAY);
+      takeGreysOf(image, rect);
     else
-      image(rect).copyTo(base);
+      image(rect).copyTo(levels_[0](rect));
     for (std::size_t k = 1; k < levels && !rect.empty(); ++k) rect = halve(levels_[k - 1], rect, levels_[k]);
+  }
+}
+
+void Pyramid::takeGreysOf(const cv::Mat& image, const cv::Rect& rect) {
+  constexpr int kAhead = 4;  // rows
+  const int end = rect.y + rect.height;
+  for (int y = rect.y; y < end; ++y) {
+    if (y + kAhead < end) prefetch(image.ptr(y + kAhead) + 3 * rect.x, 3 * rect.width);
+    takeGreys(image.ptr(y) + 3 * rect.x, rect.width, levels_[0].ptr(y) + rect.x);
   }
 }
 
@@ -148,16 +171,12 @@ cv::Rect Pyramid::halve(const cv::Mat1b& fine, const cv::Rect& where, cv::Mat1b&
                   lines = halved(where.y, where.y + where.height, fine.rows);
   if (columns.size() <= 0 || lines.size() <= 0) return {};
   const int n = columns.size();
-  even_.resize(std::max(even_.size(), static_cast<std::size_t>(n + 2 * kMargin)));
-  odd_.resize(even_.size());
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(5 * n)));
   const auto smoothed = [&](int y) { return rows_.data() + y % 5 * n; };
   int next = std::max(0, 2 * lines.start - 2);  // first row that is not smoothed yet
   for (int y = lines.start; y < lines.end; ++y) {
-    for (; next <= std::min(2 * y + 2, fine.rows - 1); ++next) {
-      splitRow(fine.ptr(next), fine.cols, columns.start, n, even_.data() + kMargin, odd_.data() + kMargin);
-      smoothRow(even_.data() + kMargin, odd_.data() + kMargin, n, smoothed(next));
-    }
+    for (; next <= std::min(2 * y + 2, fine.rows - 1); ++next)
+      smoothRow(fine.ptr(next), fine.cols, columns.start, n, smoothed(next));
     std::array<const std::uint16_t*, 5> rows{};
     for (int k = 0; k < 5; ++k)
       rows[static_cast<std::size_t>(k)] = smoothed(mirrored(2 * y + k - 2, fine.rows));

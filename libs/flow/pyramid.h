@@ -46,13 +46,13 @@ class Pyramid {
 
   void create(cv::Size size);
   void build(const cv::Mat& image, const std::vector<cv::Rect>& where, std::size_t levels);
+  void takeGreysOf(const cv::Mat& image, const cv::Rect& rect);
   cv::Rect takeCells(const CellColours& cells, const cv::Rect& around);
   cv::Rect halve(const cv::Mat1b& fine, const cv::Rect& where, cv::Mat1b& coarse);
 
   std::vector<cv::Mat1b> levels_;
   bool of_cells_ = false;
-  std::vector<std::uint8_t> even_, odd_;  ///< pixels of a row
-  std::vector<std::uint16_t> rows_;       ///< the last five, smoothed
+  std::vector<std::uint16_t> rows_;  ///< the last five, smoothed
 };
 
 }  // namespace omnifleet::flow

@@ -337,7 +337,19 @@ bool FloorGrowth::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& be
 }
 
 OMNIFLEET_WIDE void FloorGrowth::growAll(const FloorNoise& noise) {
-  for (std::size_t next = 0; next < queue_.size(); ++next) growFrom(queue_[next], noise);
+  // Most blocks are shut in when their turn comes. These are sorted out by counting, many at a time: a branch
+  // for each would be mispredicted. Who is shut in stays so.
+  constexpr std::size_t kMany = 64;
+  int open[kMany];
+  for (std::size_t next = 0; next < queue_.size();) {
+    const std::size_t end = std::min(next + kMany, queue_.size());
+    std::size_t count = 0;
+    for (; next < end; ++next) {
+      open[count] = queue_[next];
+      count += openSteps(stop_.data + queue_[next], stride_) != 0 ? 1 : 0;
+    }
+    for (std::size_t k = 0; k < count; ++k) growFrom(open[k], noise);
+  }
 }
 
 }  // namespace omnifleet::ground

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -138,19 +139,27 @@ std::string consistencyTable(const Report& report) {
                         cell(c.strict.upper, 4, 2), c.independent, cell(c.bounds.lower, 4, 2),
                         cell(c.bounds.upper, 5, 2), cell(100.0 * c.inside, 11, 1), verdict);
   }
+  const auto isModest = [](const auto& row) { return row.second.mean < row.second.bounds.lower; };
+  if (std::any_of(rows.begin(), rows.end(), isModest))
+    text +=
+        "  (too modest: lens or starts were truer than they may be; simulated ones are exact. "
+        "docs/methods.md, NEES)\n";
   return text;
 }
 
 std::string kindTable(const evaluation::KindMetrics& kinds) {
-  return fmt::format("Kinds       F1 robots {}, obstacles {}   (per object and frame; {} phantoms)\n",
-                     cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
+  return fmt::format(
+      "Kinds       F1 robots {}, obstacles {}   (per object and frame; tracks where nothing is: {})\n",
+      cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
 }
 
 std::string freeSpaceTable(const evaluation::FreeSpaceMetrics& free) {
-  return fmt::format(
-      "Free        {} m², of it in obstacles {}, behind walls {} m²; walls occupied along {} %\n",
-      cell(free.free_m2, 6, 2), cell(free.in_obstacles_m2, 5, 3), cell(free.outside_m2.value_or(kNone), 6, 2),
-      cell(100.0 * free.walls_found.value_or(kNone), 5, 1));
+  std::string text = fmt::format("Free        {} m², of it in obstacles {}", cell(free.free_m2, 6, 2),
+                                 cell(free.in_obstacles_m2, 5, 3));
+  if (free.outside_m2) text += fmt::format(", behind walls {} m²", cell(*free.outside_m2, 6, 2));
+  if (free.walls_found)
+    text += fmt::format("; walls occupied along {} %", cell(100.0 * *free.walls_found, 5, 1));
+  return text + "\n";
 }
 
 Json freeSpaceJson(const evaluation::FreeSpaceMetrics& free) {

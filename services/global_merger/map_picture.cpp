@@ -10,6 +10,7 @@ namespace {
 
 const cv::Scalar kPaper(255, 255, 255), kUnknown(235, 232, 228), kFree(255, 255, 255), kOccupied(70, 62, 55),
     kLines(222, 216, 210), kInk(60, 52, 45), kFaint(150, 140, 130), kObstacle(60, 110, 230);
+constexpr double kTint = 0.3;                               // of an object over its cells
 constexpr int kFont = cv::FONT_HERSHEY_DUPLEX, kShift = 4;  // coordinates in sixteenths of a pixel
 constexpr int kTop = 84, kBottom = 92, kSide = 64;
 
@@ -164,7 +165,7 @@ void Canvas::drawMetreGrid() {
 
 void Canvas::drawObject(const dataset::MapObject& object) {
   if (object.outline_m.size() < 3) return;
-  tint(object.outline_m, kObstacle, 0.30);
+  tint(object.outline_m, kObstacle, kTint);
   outline(object.outline_m, kObstacle, 2);
   double top = object.outline_m.front().y();
   for (const auto& p : object.outline_m) top = std::max(top, p.y());
@@ -240,7 +241,7 @@ void Canvas::drawLegend() {
   entry("free", kFree, kFaint);
   entry("occupied", kOccupied, kOccupied);
   entry("unknown", kUnknown, kFaint);
-  entry("obstacle", {206, 211, 247}, kObstacle);
+  entry("obstacle #id of objects.geojson", (1.0 - kTint) * kOccupied + kTint * kObstacle, kObstacle);
   std::size_t i = 0;
   for (const auto& [robot, path] : picture_.trajectories) {
     if (i < 8) entry(robot, robotColour(i), robotColour(i));

@@ -28,7 +28,8 @@ std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, dou
   const double rate = seconds >= 1.0 ? static_cast<double>(done) / seconds : 0.0;
   const std::uint64_t total = expected.frames;
   const std::string share = total > 0 && !expected.at_most ? fmt::format("/{}", total) : "";
-  std::string line = fmt::format("{}{} frames per robot", done, share);
+  std::string line =
+      fmt::format("{}{} {} per robot", done, share, done == 1 && share.empty() ? "frame" : "frames");
   if (expected.at_most) line += fmt::format(" (at most {})", total);
   if (rate > 0) line += fmt::format(", {:.1f} frames/s", rate);
   if (total == 0) return line + fmt::format(", {:.0f} s", seconds);
