@@ -8,9 +8,10 @@ namespace omnifleet::ground {
 
 namespace {
 
-// Frames until light that is even, or no lamp's, is looked at again, unless floor gets lost.
-constexpr int kEvenLight = 10;
-constexpr double kMoreFloor = 1.01;   // what the light of a lamp must bring to be believed
+// Frames until light that is even, or no lamp's, is looked at again, unless floor gets lost; twice as many
+// each time that it still is, up to the latter: a look takes as long as a fifth of a frame's whole work.
+constexpr int kEvenLight = 10, kRarely = 160;
+constexpr double kMoreFloor = 1.01;  // what the light of a lamp must bring to be believed
 // Of the most of the last frames, which fades by this share a frame: it may be believed no more.
 constexpr double kLostFloor = 0.95, kFades = 0.01;
 // Floor with less than so much of the light at the foot makes a lamp matter; once it does, with so much.
@@ -65,6 +66,7 @@ FloorReference::FloorReference(const lens::Camera& camera, const FloorView& view
       growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
               options.all_modes),
       light_(camera, view.cells(), FloorView::kCell, block_),
+      patience_(kEvenLight),
       smoothing_(growth_, view, block_, options.smoothing_cells) {
   if (!options.all_modes) growth_.lookFar({camera, growth_.means().size(), blockSize()});
   constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
@@ -103,6 +105,7 @@ bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>&
   }
   if (!growth_.grow(noise, beyond)) return false;
   const bool is_as_before = holdsFloor();
+  if (!is_as_before) patience_ = kEvenLight;
   return (--until_look_ > 0 && is_as_before) || lookForLamp(noise, beyond);
 }
 
@@ -125,12 +128,14 @@ void FloorReference::giveLampUp() {
   growth_.leaveUneven();
   is_lamp_lit_ = false;
   until_look_ = 0;
+  patience_ = kEvenLight;
 }
 
 /// It is learned from the floor that growth reaches without it, then from what growth reaches with that, and
 /// believed where this is more.
 bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
-  until_look_ = kEvenLight;
+  until_look_ = patience_;
+  patience_ = std::min(2 * patience_, kRarely);
   light_.reset();
   const auto without = static_cast<double>(growth_.grown().size());
   most_grown_ = without;

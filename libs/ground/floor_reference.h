@@ -65,7 +65,8 @@ class FloorReference {
   FloorLight light_;
   bool is_lamp_lit_ = false;
   double most_grown_ = 0.0;  ///< blocks in the last frames
-  int until_look_ = 0;          ///< frames, while it is not, until that is looked at again
+  int until_look_ = 0;       ///< frames, while it is not, until that is looked at again
+  int patience_;             ///< frames from the next look to the one after it
   FloorSmoothing smoothing_;
 };
 
