@@ -8,6 +8,7 @@ namespace omnifleet::ground {
 
 namespace {
 
+constexpr std::size_t kAhead = 16;    // points
 constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
 constexpr std::size_t kSide = 5;      // points to each side of a corner that its lines are fitted to
 constexpr std::size_t kSkip = 2;      // points next to a corner that are rounded
@@ -115,6 +116,15 @@ void EdgeRefiner::findSkipped(const Eigen::Vector2f* points, std::size_t n) {
   }
 }
 
+/// An outline leads through memory that was last touched long ago, if at all.
+void EdgeRefiner::prefetch(const ContourFrame& frame, const Eigen::Vector2f& p) const {
+  view_->prefetchBorder(p.x(), p.y());
+  const int x = std::clamp(static_cast<int>(p.x()), 0, frame.image.cols - 1),
+            y = std::clamp(static_cast<int>(p.y()), 0, frame.image.rows - 1);
+  __builtin_prefetch(frame.floor.ptr(std::min(y / FloorView::kCell, frame.floor.rows - 1)) +
+                     std::min(x / FloorView::kCell, frame.floor.cols - 1));
+}
+
 void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* points,
                             const std::uint8_t* beside, std::size_t n) {
   found_.assign(points, points + n);
@@ -122,6 +132,7 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
   std::size_t which[EightEdges::kCount];
   int count = 0;
   for (std::size_t i = 0; i < n; ++i) {
+    prefetch(frame, points[std::min(i + kAhead, n - 1)]);
     const Eigen::Vector2f& p = points[i];
     if (is_skipped_[i] != 0 || view_->nearBorder(p.x(), p.y())) continue;
     const Eigen::Vector2f along = points[wrapped(i + kTangent, n)] - points[wrapped(i + n - kTangent, n)];

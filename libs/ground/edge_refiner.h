@@ -46,6 +46,7 @@ class EdgeRefiner {
   void fillSkipped();
   void findEdges(const ContourFrame& frame, const Eigen::Vector2f* points, const std::uint8_t* beside,
                  std::size_t n);
+  void prefetch(const ContourFrame& frame, const Eigen::Vector2f& p) const;
   void put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Eigen::Vector2f& along,
            std::uint8_t beside, int lane);
   int takeEdges(const ContourFrame& frame, const std::size_t* which, int count);

@@ -345,8 +345,10 @@ OMNIFLEET_WIDE void FloorGrowth::growAll(const FloorNoise& noise) {
     const std::size_t end = std::min(next + kMany, queue_.size());
     std::size_t count = 0;
     for (; next < end; ++next) {
-      open[count] = queue_[next];
-      count += openSteps(stop_.data + queue_[next], stride_) != 0 ? 1 : 0;
+      const int at = queue_[next];
+      __builtin_prefetch(&far_[static_cast<std::size_t>(at)]);
+      open[count] = at;
+      count += openSteps(stop_.data + at, stride_) != 0 ? 1 : 0;
     }
     for (std::size_t k = 0; k < count; ++k) growFrom(open[k], noise);
   }

@@ -15,7 +15,7 @@ constexpr int kSamples = 300;
 constexpr double kSigma = 0.03;  // of a block's brightness about the model, as a share of it
 constexpr double kLargeProduct = 1e200;
 constexpr int kRounds = 12;
-constexpr double kDone = 1e-3;     // a step as small as that, in standard deviations, is the last
+constexpr double kDone = 1e-3;  // a step as small as that, in standard deviations, is the last
 // What rooms have: the share of the light that comes from all around, how far a lamp is, and how high (s).
 constexpr double kUsual[] = {0.0, 0.3, 0.0, 0.0, 0.83, -0.1}, kUsualSigma[] = {10.0, 0.3, 2.0, 2.0, 0.5, 0.2};
 constexpr double kLeast[] = {-10.0, 0.01, -6.0, -6.0, -0.2, -0.7}, kMost[] = {10.0, 1.0, 6.0, 6.0, 2.0, 0.1};

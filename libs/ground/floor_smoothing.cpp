@@ -137,7 +137,12 @@ void FloorSmoothing::shine(const cv::Mat1f& light) {
 void FloorSmoothing::sumBlocks(const FloorGrowth& growth) {
   sums_.setTo(0);
   const float* means = growth.meansByNumber();
-  for (const int block : growth.grown()) {
+  const std::vector<int>& grown = growth.grown();
+  for (std::size_t k = 0; k < grown.size(); ++k) {
+    constexpr std::size_t kAhead = 8;  // blocks, as growth goes through memory in rings
+    const int block = grown[k], next = grown[std::min(k + kAhead, grown.size() - 1)];
+    __builtin_prefetch(&sum_of_[static_cast<std::size_t>(next)]);
+    __builtin_prefetch(means + 3 * next);
     auto mean = lanes::load<FourFloats>(means + 3 * block);
     mean[3] = 1.0f;
     float* sum = sums_.ptr<float>() + 4 * sum_of_[static_cast<std::size_t>(block)];

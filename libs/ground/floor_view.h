@@ -46,6 +46,11 @@ class FloorView {
   const cv::Mat1b& mask() const { return mask_; }
   /// Within 2 px of the outside of mask(): an outline there is cut, not seen.
   bool nearBorder(float u, float v) const { return borderAt(u, v) > kCutReach; }
+  /// Fetches what nearBorder() and nearCut() read.
+  void prefetchBorder(float u, float v) const {
+    const int x = cvRound(u), y = cvRound(v);
+    if (x >= 0 && y >= 0 && x < border_.cols && y < border_.rows) __builtin_prefetch(border_.ptr(y) + x);
+  }
   /// As near to the outside of mask() as `cut_reach_px`: there an outline that is cut ends too early.
   bool nearCut(float u, float v) const { return borderAt(u, v) > 0; }
   /// Does the pixel show the robot itself?

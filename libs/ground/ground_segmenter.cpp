@@ -58,19 +58,28 @@ constexpr int kCopyRow = 16;  // bytes of a row of a copied cell: what a test ma
 template <int kChannels>
 void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
   constexpr int kRow = (kCell + 2) * kChannels;
-  std::uint16_t sums[kCell][kRow] = {};
   const int left = std::clamp(x - 1, 0, image.cols - kCell - 2), shift = (x - 1 - left) * kChannels;
-  for (int k = -1; k <= kCell; ++k) {
-    const std::uint8_t* row = image.ptr(std::clamp(y + k, 0, image.rows - 1)) + left * kChannels;
-    for (int j = std::max(0, k - 1); j <= std::min(kCell - 1, k + 1); ++j)
-      for (int i = 0; i < kRow; ++i) sums[j][i] = static_cast<std::uint16_t>(sums[j][i] + row[i]);
-  }
+  const auto rowAt = [&](int k) {
+    return image.ptr(std::clamp(y + k, 0, image.rows - 1)) + left * kChannels;
+  };
   for (int j = 0; j < kCell; ++j) {
-    for (int i = 0; i < kCell * kChannels; ++i) {
+    const std::uint8_t *above = rowAt(j - 1), *here = rowAt(j), *below = rowAt(j + 1);
+    std::uint16_t sums[kRow];
+    for (int i = 0; i < kRow; ++i) sums[i] = static_cast<std::uint16_t>(above[i] + here[i] + below[i]);
+    std::uint8_t* out = smoothed + j * kCopyRow;
+    const auto mean = [](int sum) {
+      return static_cast<std::uint8_t>(static_cast<std::uint16_t>(sum + 4) / 9);
+    };
+    if (shift == 0) {
+      for (int i = 0; i < kCell * kChannels; ++i)
+        out[i] = mean(sums[i] + sums[i + kChannels] + sums[i + 2 * kChannels]);
+      continue;
+    }
+    for (int i = 0; i < kCell * kChannels; ++i) {  // beyond the image's edge its last column comes again
       const int channel = i % kChannels, last = kRow - kChannels + channel;
       int sum = 0;
-      for (int k = 0; k < 3; ++k) sum += sums[j][std::clamp(i + shift + k * kChannels, channel, last)];
-      smoothed[j * kCopyRow + i] = static_cast<std::uint8_t>((sum + 4) / 9);
+      for (int k = 0; k < 3; ++k) sum += sums[std::clamp(i + shift + k * kChannels, channel, last)];
+      out[i] = mean(sum);
     }
   }
 }

@@ -12,6 +12,7 @@ constexpr double kDegree = M_PI / 180.0;
 constexpr double kLowest_deg = 0.75, kHighest_deg = 6.0;  // above the horizon; tilts are known to 0.5°
 constexpr double kEdge_deg = 8.0;                         // below it: 3.5 m from a camera of half a metre
 constexpr std::size_t kLeast_px = 12, kMost_px = 40;      // of a sector: fewer say nothing, more cost time
+constexpr std::size_t kAhead = 16;                        // pixels
 constexpr float kUnseen = -1.0f;
 
 std::size_t sectorOf(const Eigen::Vector3d& ray) {
@@ -69,7 +70,10 @@ void Horizon::read(const cv::Mat& image) {
     const std::vector<cv::Point>& pixels = pixels_[sector];
     if (pixels.empty()) continue;
     int sum[3] = {};
-    for (const cv::Point& p : pixels) {
+    for (std::size_t k = 0; k < pixels.size(); ++k) {
+      // Single pixels, each in another row.
+      const cv::Point &p = pixels[k], &next = pixels[std::min(k + kAhead, pixels.size() - 1)];
+      __builtin_prefetch(image.ptr(next.y) + next.x * image.channels());
       const std::uint8_t* at = image.ptr(p.y) + p.x * image.channels();
       for (int c = 0; c < 3; ++c) sum[c] += at[image.channels() == 3 ? c : 0];
     }

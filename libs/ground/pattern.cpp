@@ -35,7 +35,8 @@ OMNIFLEET_WIDE void rangeOfChunk(const std::int16_t* value, std::int16_t& least,
 
 /// Adds the pixels [begin, end) of a row to the lines along their columns, kChunk at a time, always the same
 /// ones together: what is stored for one row is loaded as it was for the next.
-/// @param value of the pixels from the chunk on that `begin` lies in. @param news likewise: what each pixel is
+/// @param value of the pixels from the chunk on that `begin` lies in. @param news likewise: what each pixel
+/// is
 struct NextRow {
   const std::int16_t* value;
   std::int16_t row, begin, end, step;
@@ -48,15 +49,15 @@ OMNIFLEET_WIDE void addRow(const NextRow& next) {
   const int first = next.begin & -kChunk;
   for (int x = first; x < next.end; x += kChunk) {
     const Shorts column = order + static_cast<std::int16_t>(x);
-    const Shorts asked =
-        lanes::load<Shorts>(next.asked + x) & (column >= next.begin) & (column < next.end);
+    const Shorts asked = lanes::load<Shorts>(next.asked + x) & (column >= next.begin) & (column < next.end);
     const auto v = lanes::load<Shorts>(next.value + (x - first)), low = lanes::load<Shorts>(next.low_of + x),
                high = lanes::load<Shorts>(next.high_of + x), way = lanes::load<Shorts>(next.direction_of + x),
                end = lanes::load<Shorts>(next.end_of + x);
     const Shorts begins = end != next.row;
     const Shorts least = begins | (v < low) ? v : low, most = begins | (v > high) ? v : high,
                  before = ~begins & way;
-    const Shorts falls = (before >= 0) & (v < most - next.step), rises = (before <= 0) & (v > least + next.step);
+    const Shorts falls = (before >= 0) & (v < most - next.step),
+                 rises = (before <= 0) & (v > least + next.step);
     const Shorts steps = falls | rises;
     const Shorts after = falls ? Shorts{} - 1 : rises ? Shorts{} + 1 : before;
     lanes::store(asked ? (steps ? v : least) : low, next.low_of + x);
@@ -246,9 +247,8 @@ void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t cor
   findAlongColumns(region, frame, step, columns);
   auto at = shade_.begin();
   for (const Run& run : region.runs) {
-    const auto end = std::find_if(at, shade_.end(), [&](const cv::Point& p) {
-      return p.y != run.row || p.x >= run.end;
-    });
+    const auto end =
+        std::find_if(at, shade_.end(), [&](const cv::Point& p) { return p.y != run.row || p.x >= run.end; });
     const auto isAlongColumn = [&](const cv::Point& p) { return (lines_(p) & kAlongColumn) != 0; };
     const auto first = std::find_if(at, end, isAlongColumn);
     if (first != end) {

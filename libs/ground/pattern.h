@@ -78,7 +78,7 @@ class Pattern {
   cv::Mat1b lines_;  ///< of the last region's pixels: kAlongRow, kAlongColumn where they are of a pattern
   Columns columns_;
   std::vector<std::int16_t> brightness_, news_;  ///< of a run's pixels
-  std::vector<cv::Point> shade_;  ///< pixels of a region with that mark
+  std::vector<cv::Point> shade_;                 ///< pixels of a region with that mark
   int least_px_, most_px_;
   float turns_ = 0.0f;
 };

@@ -46,6 +46,16 @@ Eigen::Vector4f FloorTable::mixed(float u_px, float v_px) const {
   return std::isnan(ray.z()) ? exact(u_px, v_px) : ray;  // at the edge of the field of view
 }
 
+void FloorTable::prefetch(float u_px, float v_px) const {
+  const float x = (u_px + 1.0f) * inverse_step_, y = (v_px + 1.0f) * inverse_step_;
+  if (!(x >= 0.0f && y >= 0.0f && x < static_cast<float>(columns_ - 1) && y < static_cast<float>(rows_ - 1)))
+    return;
+  const Eigen::Vector4f* upper =
+      &rays_[static_cast<std::size_t>(static_cast<int>(y) * columns_ + static_cast<int>(x))];
+  __builtin_prefetch(upper);
+  __builtin_prefetch(upper + columns_);
+}
+
 Eigen::Vector3f FloorTable::ray(float u_px, float v_px) const {
   return mixed(u_px, v_px).head<3>();
 }

@@ -21,6 +21,9 @@ class FloorTable {
   /// image or outside the field of view. Any sub-pixel position.
   Eigen::Vector2f at(float u_px, float v_px, float plane_height_m = 0.0f) const;
 
+  /// Fetches what at() needs of the table.
+  void prefetch(float u_px, float v_px) const;
+
   /// Unit-length ray in the parent frame (to the accuracy of the table); NaN where nothing is seen.
   Eigen::Vector3f ray(float u_px, float v_px) const;
 

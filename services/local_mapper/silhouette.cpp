@@ -10,6 +10,7 @@ namespace omnifleet::local_mapper {
 
 namespace {
 
+constexpr std::size_t kAhead = 8;       // points of an outline that are asked for before they are needed
 constexpr std::size_t kNearHidden = 3;  // points of an outline to each side
 
 }  // namespace
@@ -94,6 +95,8 @@ void Silhouette::projectToFloor(const ground::Contour& contour, const std::vecto
       loop_end = loop < contour.loop_begin.size() ? contour.loop_begin[loop] : contour.points_px.size();
     }
     const Eigen::Vector2f& pixel = contour.points_px[i];
+    const Eigen::Vector2f& ahead = contour.points_px[std::min(i + kAhead, contour.points_px.size() - 1)];
+    floor_table_.prefetch(ahead.x(), ahead.y());
     const Eigen::Vector2f point = floor_table_.at(pixel.x(), pixel.y());
     if (!point.allFinite()) {
       ++rejected_;
