@@ -61,15 +61,19 @@ bool CoverCheck::differs(const cv::Vec3f& floor) const {
 
 const char* CoverCheck::faultOf(const Sight& sight, const Motion& wheels) {
   if (options_.cover_step <= 0.0) return "";
+  const bool is_hidden = sight.horizon == HorizonSight::kHidden;
   if (sight.objects == 0 && objects_ > 0 && differs(sight.floor))
     return "all things vanished as the floor changed its colour: covered";
+  if (saw_horizon_ && is_hidden && differs(sight.floor))
+    return "the horizon vanished as the floor changed its colour: covered";
   objects_ = sight.objects;
   floor_ = sight.floor;
+  saw_horizon_ = sight.horizon == HorizonSight::kSeen;
   has_seen_ = has_seen_ || sight.objects > 0 || sight.walls;
-  if (!has_seen_ && sight.horizon == HorizonSight::kHidden)
+  if (!has_seen_ && is_hidden)
     return "no thing so far, and above the horizon the same as below it all around: covered";
   if (wheels.valid) bare_m_ += wheels.previous_from_current.translation().norm();
-  if (has_seen_ || sight.horizon == HorizonSight::kSeen) bare_m_ = 0.0;
+  if (has_seen_ || saw_horizon_) bare_m_ = 0.0;
   return "";
 }
 

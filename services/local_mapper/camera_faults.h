@@ -51,8 +51,9 @@ HorizonSight lookAtHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell
 /// A lens covered by something of one colour looks like a bare floor. But then all things vanish in the very
 /// frame in which the floor changes its colour. It ends when things are seen again or when the floor's colour
 /// is back, however far the robot drives: a cover that stays must not clear the map, and another floor shows
-/// a thing before long. One that is there from the beginning shows no thing and no horizon: what lies above
-/// it is the same as below, all around. Where the lens sees no horizon, nothing tells that from a bare floor.
+/// a thing before long. Where nothing is in view it is the horizon that vanishes. One that is there from the
+/// beginning shows no thing and no horizon: what lies above it is the same as below, all around. Where the
+/// lens sees no horizon, nothing tells that from a bare floor.
 class CoverCheck {
  public:
   explicit CoverCheck(const FaultOptions& options) : options_(options) {}
@@ -73,8 +74,9 @@ class CoverCheck {
   bool differs(const cv::Vec3f& floor) const;
 
   FaultOptions options_;
-  std::size_t objects_ = 0;  ///< of the last frame that was not covered
-  bool has_seen_ = false;    ///< a thing, at any time
+  std::size_t objects_ = 0;   ///< of the last frame that was not covered
+  bool has_seen_ = false;     ///< a thing, at any time
+  bool saw_horizon_ = false;  ///< likewise of that frame
   double bare_m_ = 0.0;
   cv::Vec3f floor_{0, 0, 0};
 };

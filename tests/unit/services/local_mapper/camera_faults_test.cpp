@@ -135,6 +135,17 @@ TEST_F(CameraFaults, ABareFloorShowsAHorizon) {
   EXPECT_EQ(mapper_.bare_m(), 0.0);
 }
 
+TEST_F(CameraFaults, WhereNothingStandsTheHorizonVanishesBehindACover) {
+  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk);
+  scene_.prisms.clear();
+  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "driven away from all";
+  for (unsigned i = 0; i < 3; ++i)
+    EXPECT_EQ(see(plain(camera_, {40, 75, 110}, 0.2, i), rolled(0.1)), FrameState::kDark);
+  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "taken off";
+  EXPECT_EQ(see(plain(camera_, scene_.floor, 0.0, 1), rolled(0.1)), FrameState::kOk)
+      << "the floor's own colour may be fog, or a room of one colour";
+}
+
 TEST_F(CameraFaults, WhereNoHorizonIsInViewHowFarNothingWasSeenIsTold) {
   lens::CameraModel model = testing::fisheyeModel();
   model.fov_deg = 150.0;
