@@ -30,6 +30,42 @@ std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
   return {};
 }
 
+/// Rows, counted from 0, whose time lies after that of each of the next few: it, not theirs, is broken. Else
+/// one time too far ahead would throw away all that follows.
+class Ahead {
+ public:
+  explicit Ahead(const std::string& path) {
+    std::vector<std::string> told_later;
+    std::vector<TimeNs> times;
+    readRows(path, ',', told_later, [&](const Fields& fields) -> std::string {
+      TimeNs time_ns = kNoTime;
+      if (!parseStamp(fields[0], time_ns)) time_ns = kNoTime;
+      times.push_back(time_ns);
+      return {};
+    });
+    is_ahead_.assign(times.size(), false);
+    std::vector<std::size_t> good;
+    for (std::size_t i = 0; i < times.size(); ++i)
+      if (times[i] != kNoTime) good.push_back(i);
+    for (std::size_t k = 0; k + kNext < good.size(); ++k) {
+      const auto first = good.begin() + static_cast<std::ptrdiff_t>(k);
+      is_ahead_[good[k]] = std::all_of(first + 1, first + 1 + kNext,
+                                       [&](std::size_t next) { return times[next] < times[good[k]]; });
+    }
+  }
+  /// To be asked once for each row, in their order.
+  std::string problem() {
+    if (!is_ahead_[next_++]) return {};
+    return fmt::format("its time is after that of the next {} rows", kNext);
+  }
+
+ private:
+  static constexpr std::ptrdiff_t kNext = 3;
+  static constexpr TimeNs kNoTime = -1;
+  std::vector<bool> is_ahead_;
+  std::size_t next_ = 0;
+};
+
 std::string columns(std::size_t n, const char* names) {
   return fmt::format("expected the columns {}, here are {} fields", names, n);
 }
@@ -67,11 +103,14 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
   const fs::path base = fs::path(folder) / name;
   stream.camera = lens::CameraModel::load((base / "sensor.yaml").string());
   std::uint32_t sequence = 0;
+  Ahead ahead((base / "data.csv").string());
   readRecorded((base / "data.csv").string(), warnings, [&](const Fields& fields) -> std::string {
     ImageRow row;
     row.sequence = sequence++;
+    const std::string broken = ahead.problem();
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
     if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
+    if (!broken.empty()) return broken;
     const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
     if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
       return "the file '" + file.string() + "' lies outside of the folder data";
@@ -85,8 +124,10 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
 std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<WheelRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  Ahead ahead(path);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     WheelRow row;
+    const std::string broken = ahead.problem();
     if (fields.size() != 3) return columns(fields.size(), "timestamp [ns],v_left [m s^-1],v_right [m s^-1]");
     if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     if (!parseNumber(fields[1], row.left_mps) || !parseNumber(fields[2], row.right_mps)) {
@@ -95,6 +136,7 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
     if (std::max(std::abs(row.left_mps), std::abs(row.right_mps)) > kMaxWheelSpeedMps) {
       return fmt::format("wheel speeds must lie within ±{} m/s", kMaxWheelSpeedMps);
     }
+    if (!broken.empty()) return broken;
     if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
     rows.push_back(row);
     return {};
@@ -105,9 +147,12 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
 std::vector<RangeBearingRow> readObservations(const std::string& path, const std::string& robot,
                                               std::vector<std::string>& warnings) {
   std::vector<RangeBearingRow> rows;
+  std::size_t bearings = 0, wide = 0;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  Ahead ahead(path);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     RangeBearingRow row;
+    const std::string broken = ahead.problem();
     if (fields.size() != 4) return columns(fields.size(), "timestamp [ns],id,range [m],bearing [rad]");
     if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     row.id = std::string(fields[1]);
@@ -116,12 +161,15 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, const std
     if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad)) {
       return "range and bearing must be finite numbers";
     }
-    if (row.range_m < 0.0 || row.range_m > kMaxObservedRange_m) {
-      return fmt::format("the range must lie within 0 and {:g} m", kMaxObservedRange_m);
+    if (row.range_m <= 0.0 || row.range_m > kMaxObservedRange_m) {
+      return fmt::format("the range must be above 0, up to {:g} m", kMaxObservedRange_m);
     }
+    ++bearings;
     if (std::abs(row.bearing_rad) > 2.0 * M_PI) {
+      ++wide;
       return fmt::format("the bearing must lie within ±2π rad, {:g} looks like degrees", row.bearing_rad);
     }
+    if (!broken.empty()) return broken;
     if (std::string problem = checkOrder(row.time_ns, true, latest_ns); !problem.empty()) return problem;
     for (auto at = rows.rbegin(); at != rows.rend() && at->time_ns == row.time_ns; ++at) {
       if (at->id == row.id) return "'" + row.id + "' is sighted twice at one time, the first row counts";
@@ -130,14 +178,21 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, const std
     rows.push_back(std::move(row));
     return {};
   });
+  // What is left of a file in degrees looks like radians.
+  if (3 * wide > bearings) {
+    throw options::Error(fmt::format("{}: {} of {} bearings lie beyond ±2π: they must be given in radians",
+                                     path, wide, bearings));
+  }
   return rows;
 }
 
 std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<LaserRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
+  Ahead ahead(path);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     LaserRow row;
+    const std::string broken = ahead.problem();
     if (fields.size() < 4) {
       return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");
     }
@@ -153,6 +208,7 @@ std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string
     }
     const std::size_t beams = rows.empty() ? 0 : rows.front().range_m.size();
     if (std::string problem = problemOf(row, beams); !problem.empty()) return problem;
+    if (!broken.empty()) return broken;
     if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
     rows.push_back(std::move(row));
     return {};

@@ -13,7 +13,7 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr int kLastingFrames = 10;    // what is shut in for so long is told
-constexpr double kLongBare_m = 1.0;   // beyond that a floor with nothing on it is told of
+constexpr double kLongBare_m = 0.5;   // beyond that a floor with nothing on it is told of
 constexpr double kLitBeyond = 0.5;    // share of the pixels where the lens has no image
 constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
 
@@ -184,7 +184,7 @@ void LocalMapperService::tellFault() {
   if (local_map_.state != FrameState::kOk) {
     const std::string fault = mapper_.fault();
     where = fmt::format("frame {} of camera {}", local_map_.sequence, camera_.id);
-    what = fmt::format("{}{}{}", toString(local_map_.state), fault.empty() ? "" : ", ", fault);
+    what = fault.empty() ? toString(local_map_.state) : fault;
   }
   for (const std::string& text : faults_.add(where, what)) status().error(text);
 }

@@ -120,15 +120,36 @@ TEST_F(DatasetFiles, ObservationsAndLaser) {
 TEST_F(DatasetFiles, ObservationsThatCannotBeAreLeftOutAndNamed) {
   put("r2/observations.csv",
       "10,7,1.5,0.5\n10,r2,1,0\n10,8,1e9,0\n11,8,1000,99\n11,8,1000,6.28\n11,9,2,-0.1\n11,8,999,6.2\n12,8,2,"
-      "0\n");
+      "0\n12,9,0,0\n");
   const Dataset d = open();
   const RobotRecording& r2 = *d.findRobot("r2");
   EXPECT_EQ(r2.observations.size(), 4u);
   EXPECT_THAT(d.warnings,
               ElementsAre(HasSubstr(":2: the robot 'r2' cannot sight itself"),
-                          HasSubstr(":3: the range must lie within 0 and 1000 m"),
+                          HasSubstr(":3: the range must be above 0, up to 1000 m"),
                           HasSubstr(":4: the bearing must lie within ±2π rad, 99 looks like degrees"),
-                          HasSubstr(":7: '8' is sighted twice at one time, the first row counts")));
+                          HasSubstr(":7: '8' is sighted twice at one time, the first row counts"),
+                          HasSubstr(":9: the range must be above 0")));
+}
+
+TEST_F(DatasetFiles, ObservationsInDegreesAreRefusedAsAWhole) {
+  put("r2/observations.csv", "10,7,1.5,45\n11,7,1.5,3\n12,7,1.5,-70\n13,7,1.5,1\n");
+  EXPECT_THAT([&] { open(); }, ::testing::ThrowsMessage<options::Error>(HasSubstr(
+                                   "2 of 4 bearings lie beyond ±2π: they must be given in radians")));
+}
+
+TEST_F(DatasetFiles, ATimeTooFarAheadIsTheBrokenOne) {
+  put("r1/wheels/data.csv", "10,1,1\n20,1,1\n99999,1,1\n30,1,1\n40,1,1\n50,1,1\n60,1,1\n");
+  put("r2/observations.csv", "10,7,1,0\n99999,7,1,0\n20,7,1,0\n20,8,1,0\n30,7,1,0\n");
+  put("r1/fisheye/data.csv", "10,a.png\n99999,b.png\n20,c.png\n30,d.png\n40,e.png\n");
+  const Dataset d = open();
+  EXPECT_EQ(d.findRobot("r1")->wheels.size(), 6u);
+  EXPECT_EQ(d.findRobot("r2")->observations.size(), 4u);
+  EXPECT_EQ(d.findStream("r1/fisheye")->rows.size(), 4u);
+  EXPECT_THAT(d.warnings, ::testing::UnorderedElementsAre(
+                              HasSubstr("wheels/data.csv:3: its time is after that of the next 3 rows"),
+                              HasSubstr("observations.csv:2: its time is after"),
+                              HasSubstr("fisheye/data.csv:2: its time is after")));
 }
 
 TEST_F(DatasetFiles, TablesWithoutARowAreToldOf) {
