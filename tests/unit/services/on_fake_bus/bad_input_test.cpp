@@ -43,7 +43,7 @@ class LocalMapperStage : public testing::Test {
     header.state = state;
     std::uint8_t* loan = camera_->begin(header);
     ASSERT_NE(loan, nullptr);
-    std::memset(loan, 120, header.bytes());
+    test::drawBareFloor(loan, header.width_px, header.height_px);
     for (int v = 0; stain_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 106, 3 * 22);
     for (int v = 0; thing_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 20, 3 * 22);
     for (int v = 0; shut_in_ && v < height; ++v)
@@ -169,6 +169,16 @@ TEST_F(LocalMapperStage, ACoveredCameraIsToldAndClearsNothing) {
   EXPECT_EQ(answerTo(2, kWidth, kHeight), v1::FrameState::FRAME_DARK);
   EXPECT_THAT(bench_.status().last_error, HasSubstr("covered"));
   EXPECT_EQ(bench_.status().invalid, 2u);
+  is_covered_ = false;
+  EXPECT_EQ(answerTo(3, kWidth, kHeight), v1::FrameState::FRAME_OK);
+}
+
+TEST_F(LocalMapperStage, ACameraCoveredFromTheFirstFrameOnIsToldAndNotUsed) {
+  is_covered_ = true;
+  for (std::uint32_t index = 0; index < 3; ++index)
+    EXPECT_EQ(answerTo(index, kWidth, kHeight), v1::FrameState::FRAME_DARK);
+  EXPECT_THAT(bench_.status().last_error, HasSubstr("covered"));
+  EXPECT_EQ(bench_.status().invalid, 3u);
   is_covered_ = false;
   EXPECT_EQ(answerTo(3, kWidth, kHeight), v1::FrameState::FRAME_OK);
 }

@@ -1,5 +1,5 @@
-// A robot with a laser and no camera: its local mapper fed by a scanner, good and bad; and a whole fleet of such
-// robots over a recording made in the arena.
+// A robot with a laser and no camera: its local mapper fed by a scanner, good and bad; and a whole fleet of
+// such robots over a recording made in the arena.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -53,9 +53,10 @@ std::string fleetFile(const Folder& folder, bool camera = false) {
       << "robots: {r1: {body: {radius_m: 0.15, height_m: 0.3}, wheel_separation_m: 0.26, wheels: true, "
          "laser: laser.yaml}}\n"
       << (camera ? "cameras: {r1/fisheye: {source: folder, path: ., sensor: fisheye.yaml}}\n" : "");
-  std::ofstream(folder / "fisheye.yaml")
-      << "camera_model: fisheye\nprojection: equidistant\nimage_width: 480\nimage_height: 360\nfocal_px: 111.494\n"
-         "principal_point_px: [239.5, 179.5]\nfov_deg: 185\nposition_m: [0, 0, 0.5]\nself_mask_radius_px: 75\n";
+  std::ofstream(folder / "fisheye.yaml") << "camera_model: fisheye\nprojection: equidistant\nimage_width: "
+                                            "480\nimage_height: 360\nfocal_px: 111.494\n"
+                                            "principal_point_px: [239.5, 179.5]\nfov_deg: 185\nposition_m: "
+                                            "[0, 0, 0.5]\nself_mask_radius_px: 75\n";
   return folder / "fleet.yaml";
 }
 
@@ -176,7 +177,7 @@ class LaserBesideCamera : public LaserStage {
     header.height_px = kHeight;
     std::uint8_t* loan = camera_->begin(header);
     ASSERT_NE(loan, nullptr);
-    std::memset(loan, 120, header.bytes());
+    test::drawBareFloor(loan, kWidth, kHeight);
     ASSERT_TRUE(camera_->publish());
   }
   /// The answer to a frame and to a scan that is `age` older.
@@ -186,7 +187,8 @@ class LaserBesideCamera : public LaserStage {
     EXPECT_TRUE(scans_->write(older));
     sendFrame(index);
     sendWheels(index * kPeriod);
-    v1::LaserScan next = scan(index);  // lockstep waits until it knows that no other scan comes before the frame
+    v1::LaserScan next =
+        scan(index);  // lockstep waits until it knows that no other scan comes before the frame
     next.header().acquired_ns(index * kPeriod + 1);
     if (age > 0) {
       EXPECT_TRUE(scans_->write(next));

@@ -2,6 +2,9 @@
 
 #include <spdlog/logger.h>
 #include <spdlog/sinks/null_sink.h>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include <cstdlib>
 #include <memory>
@@ -11,6 +14,19 @@
 #include "fleet_in_process/in_process.h"
 
 namespace omnifleet::test {
+
+/// A bare floor and what lies above its horizon, as an equidistant lens of 111.494 px shows them in the
+/// middle of its image, BGR8.
+inline void drawBareFloor(std::uint8_t* pixels, int width, int height) {
+  constexpr double kHorizon_px = 111.494 * 0.5 * M_PI;
+  constexpr std::uint8_t kFloor = 120, kAbove = 60;
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const double r = std::hypot(u - 0.5 * (width - 1), v - 0.5 * (height - 1));
+      std::memset(pixels + 3 * (v * width + u), r < kHorizon_px ? kFloor : kAbove, 3);
+    }
+  }
+}
 
 /// One stage of config/fleets/small.yaml, or of another fleet file, on the fake bus; the test plays its
 /// neighbours.
