@@ -184,6 +184,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
       fleet.advance(robot, *frame.objects);
+      noteRefuted(frame);
       ++robot.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
       placeInitially(robot, *frame.objects);

@@ -21,15 +21,6 @@ constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motio
 const Eigen::VectorXd kWhole = Eigen::VectorXd::Ones(1);  // a size that is as it was said to be
 }  // namespace
 
-Pose2 fractionOf(const Pose2& motion, double fraction) {
-  const double theta = motion.theta_rad;
-  const Eigen::Vector3d twist = logarithm(motion);
-  const double angle = fraction * theta;
-  const double a = std::abs(theta) < 1e-9 ? fraction : std::sin(angle) / theta;
-  const double b = std::abs(theta) < 1e-9 ? 0.0 : (1.0 - std::cos(angle)) / theta;
-  return {a * twist.x() - b * twist.y(), b * twist.x() + a * twist.y(), angle};
-}
-
 Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad) {
   Eigen::Matrix3d base_from_map = Eigen::Matrix3d::Identity();
   base_from_map.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(-theta_rad).toRotationMatrix();
@@ -118,16 +109,18 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   const Step* previous = robot.located() ? &robot.window.back() : nullptr;
   const Motion& motion = frame.motion;
   step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
-  step.wheels = motion.valid && robot.wiring == Wiring::kAsTold && motion.previous_from_current.isFinite() &&
-                motion.covariance.allFinite() && motion.since_ns == step.since_ns;
+  const double separation = robot.setup.body.wheel_separation_m;
+  step.refuted = motion.refuted && motion.since_ns == step.since_ns;
+  step.wheels = motion.valid && (robot.wiring == Wiring::kAsTold || step.refuted) &&
+                motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
+                motion.since_ns == step.since_ns;
   if (step.wheels) {
     step.previous_from_current = motion.previous_from_current;
     step.motion_covariance = motion.covariance;
-    const double separation = robot.setup.body.wheel_separation_m;
     step.rolled_m = std::max(std::abs(motion.left_m), std::abs(motion.right_m));
     step.rolled_rad =
         separation > 0 ? (std::abs(motion.left_m) + std::abs(motion.right_m)) / separation : 0.0;
-    if (separation > 0)
+    if (separation > 0 && !step.refuted)
       step.by_model.leftCols<2>() = arcBiasJacobian(motion.left_m, motion.right_m, separation);
   } else if (previous != nullptr && fromLog(robot, step)) {
     step.wheels = true;

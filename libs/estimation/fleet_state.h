@@ -46,6 +46,7 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
+  bool refuted = false;                     ///< the wheels told another one, which what is seen refutes
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
   std::optional<Pose2> told;  ///< what was reported of it
@@ -115,8 +116,8 @@ struct Unseen {
 /// Where a robot that is lost may be.
 struct Claim {
   Pose2 map_from_base;
-  double gain = 0.0, most = 0.0;   ///< χ² that it explains of what is seen, and all of it; of late
-  int frames = 0;                  ///< in which two things at least were where they should be
+  double gain = 0.0, most = 0.0;  ///< χ² that it explains of what is seen, and all of it; of late
+  int frames = 0;                 ///< in which two things at least were where they should be
 };
 
 struct RobotNode {
@@ -183,9 +184,6 @@ struct PoseAt {
   Pose2 map_from_base;
   bool extrapolated = false;
 };
-
-/// exp(f·log(motion)): a part of a motion at constant twist.
-Pose2 fractionOf(const Pose2& motion, double fraction);
 
 /// Right perturbation from a covariance over (x, y, θ) in map axes, and back.
 Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "estimation/factors.h"
 #include "estimation/jumps.h"
 #include "estimation/starts.h"
 
@@ -75,15 +76,38 @@ std::vector<Standing> standing(const FleetState& fleet, const std::vector<Seen>&
 void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
   RobotNode& robot = *frame.robot;
   const Motion& motion = frame.objects->motion;
-  const bool all_told = motion.valid && motion.since_ns == before_ns;
+  const double separation_m = robot.setup.body.wheel_separation_m;
+  const bool all_told = motion.since_ns == before_ns && (motion.valid || motion.refuted);
   if (!frame.follows() || !all_told) robot.wheel_trial.interrupt();
   if (!frame.sees()) return;
-  robot.wheel_trial.add(all_told ? motion : Motion{}, robot.setup.body.wheel_separation_m,
-                        standing(fleet, frame.seen));
+  Motion told = all_told ? motion : Motion{};
+  if (all_told && motion.refuted && separation_m > 0) {
+    told.valid = true;
+    told.previous_from_current = arc(motion.left_m, motion.right_m, separation_m);
+  }
+  robot.wheel_trial.add(told, separation_m, standing(fleet, frame.seen));
   // Nobody changes wires in a run: little in sight takes nothing back.
   const Wiring verdict = robot.wheel_trial.verdict();
   if (verdict == Wiring::kAsTold) return;
   if (std::exchange(robot.wiring, verdict) == Wiring::kAsTold) fleet.disbelieveWheels(robot);
+}
+
+void noteRefuted(RobotFrame& frame) {
+  constexpr double kTold_m = 0.03, kTold_rad = 0.05;  // less is no news to people
+  const Step& step = frame.robot->window.back();
+  if (!step.refuted || !(frame.robot->setup.body.wheel_separation_m > 0)) return;
+  const Pose2& way = step.previous_from_current;
+  const Motion& motion = frame.objects->motion;
+  const Pose2 off =
+      arc(motion.left_m, motion.right_m, frame.robot->setup.body.wheel_separation_m).inverse() * way;
+  if (step.wheels && off.translation().norm() < kTold_m && std::abs(off.theta_rad) < kTold_rad) return;
+  if (!step.wheels || (way.translation().norm() < step.rolled_m + kSlip_m &&
+                       std::abs(way.theta_rad) < step.rolled_rad + kSlip_rad)) {
+    tellSlip(frame);
+    return;
+  }
+  ++frame.robot->status.losses;
+  frame.placed_anew = true;
 }
 
 bool isAfterGap(const RobotNode& robot, TimeNs time_ns) {

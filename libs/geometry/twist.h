@@ -15,4 +15,14 @@ inline Eigen::Vector3d logarithm(const Pose2& pose) {
   return {cot * pose.x_m + half * pose.y_m, -half * pose.x_m + cot * pose.y_m, pose.theta_rad};
 }
 
+/// exp(f·log(motion)): a part of a motion at constant twist, or more than all of it.
+inline Pose2 fractionOf(const Pose2& motion, double fraction) {
+  const double theta = motion.theta_rad;
+  const Eigen::Vector3d twist = logarithm(motion);
+  const double angle = fraction * theta;
+  const double a = std::abs(theta) < 1e-9 ? fraction : std::sin(angle) / theta;
+  const double b = std::abs(theta) < 1e-9 ? 0.0 : (1.0 - std::cos(angle)) / theta;
+  return {a * twist.x() - b * twist.y(), b * twist.x() + a * twist.y(), angle};
+}
+
 }  // namespace omnifleet

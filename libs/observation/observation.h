@@ -39,6 +39,8 @@ struct Motion {
   Pose2 previous_from_current;                               ///< base_link(previous) ← base_link(current)
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the right perturbation (x, y, θ), m, rad
   double left_m = 0.0, right_m = 0.0;  ///< distance rolled by each wheel, metres (0 when there are no wheels)
+  bool refuted = false;  ///< the wheels told another motion, which what stands around refutes: this is by that,
+                         ///< or not known
 };
 
 /// A point of a thing's surface in space.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "geometry/twist.h"
+
 namespace omnifleet::tracking {
 namespace {
 constexpr TimeNs kKept_ns = 10'000'000'000;
@@ -54,6 +56,13 @@ std::optional<Pose2> OwnMotion::driftSince(TimeNs then_ns) const {
   if (!odom_from_then || !map_from_then || !map_from_now) return {};
   const Pose2 then_from_now = map_from_then->inverse() * *map_from_now;
   return odom_from_base_ * then_from_now.inverse() * odom_from_then->inverse();
+}
+
+std::optional<Pose2> OwnMotion::goingOn(double dt_s) const {
+  if (path_.size() < 2) return {};
+  const Entry &last = path_.back(), &before = path_[path_.size() - 2];
+  const double over_s = static_cast<double>(last.time_ns - before.time_ns) * 1e-9;
+  return fractionOf(before.odom_from_base.inverse() * last.odom_from_base, dt_s / over_s);
 }
 
 std::optional<Pose2> OwnMotion::odomFromBaseAt(TimeNs time_ns) const {

@@ -29,6 +29,9 @@ class OwnMotion {
   }                                              ///< of the last step, right perturbation
   double stepLength() const { return step_m_; }  ///< metres moved since the previous frame
 
+  /// The motion over `dt_s` of a robot that goes on as it went in its last step; nothing where that is not known.
+  std::optional<Pose2> goingOn(double dt_s) const;
+
   /// Where base_link stood at `time_ns`, interpolated; nothing before the last gap, or older than ten
   /// seconds.
   std::optional<Pose2> odomFromBaseAt(TimeNs time_ns) const;

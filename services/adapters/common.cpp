@@ -39,6 +39,7 @@ void toWire(const Motion& from, v1::Motion& to) {
   matrixToWire<3>(from.covariance, to.covariance());
   to.left_m(from.left_m);
   to.right_m(from.right_m);
+  to.refuted(from.refuted);
 }
 
 bool fromWire(const v1::Motion& from, Motion& to) {
@@ -48,6 +49,7 @@ bool fromWire(const v1::Motion& from, Motion& to) {
   to.covariance = matrixFromWire<3>(from.covariance());
   to.left_m = from.left_m();
   to.right_m = from.right_m();
+  to.refuted = from.refuted();
   return to.previous_from_current.isFinite() && to.covariance.allFinite() && finite(to.left_m, to.right_m);
 }
 

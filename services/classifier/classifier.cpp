@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "tracking/seen_step.h"
+
 namespace omnifleet::classifier {
 namespace {
 
@@ -50,7 +52,22 @@ Classifier::Classifier(const Options& options, const std::string& robot,
       tracker_(trackerOptions(options)),
       judge_(options.kind, ownRadius(robot, bodies)) {}
 
-const Objects& Classifier::process(const LocalMap& local_map, const std::vector<PoseEstimate>& poses) {
+/// What the vectors told of heights and points rests on the motion, too.
+const LocalMap& Classifier::checked(const LocalMap& told) {
+  if (told.state != FrameState::kOk || paper_centroids_) return told;
+  const auto motion = tracking::seenStep(tracker_.tracks(), told, own_motion_);
+  if (!motion) return told;
+  refuted_ = told;
+  refuted_.motion = *motion;
+  for (ObjectObservation& object : refuted_.objects) {
+    object.height_m = object.height_sigma_m = 0.0;
+    object.vectors.clear();
+  }
+  return refuted_;
+}
+
+const Objects& Classifier::process(const LocalMap& told, const std::vector<PoseEstimate>& poses) {
+  const LocalMap& local_map = checked(told);
   const bool seeing = local_map.state == FrameState::kOk;
   passOn(local_map);
   if (seeing || local_map.motion.valid) {

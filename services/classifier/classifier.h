@@ -43,6 +43,7 @@ class Classifier {
   const Objects& process(const LocalMap& local_map, const std::vector<PoseEstimate>& poses);
 
  private:
+  const LocalMap& checked(const LocalMap& told);
   void passOn(const LocalMap& local_map);
   void placeByCentroids(const LocalMap& local_map);
   void labelScan(const LocalMap& local_map);
@@ -52,6 +53,7 @@ class Classifier {
   tracking::Peers peers_;
   tracking::Tracker tracker_;
   tracking::KindJudge judge_;
+  LocalMap refuted_;  ///< one whose motion what stands around refutes, with that which it shows
   Objects objects_;
 };
 

@@ -32,7 +32,7 @@ static void print_motion(const omnifleet_v1_Motion *m) {
   printf(" %d %" PRId64, (int)m->valid, m->since_ns);
   printf(" %.17g %.17g %.17g", m->previous_from_current.x, m->previous_from_current.y, m->previous_from_current.theta);
   print_doubles(m->covariance, 9);
-  printf(" %.17g %.17g", m->left_m, m->right_m);
+  printf(" %.17g %.17g %d", m->left_m, m->right_m, m->refuted);
 }
 
 static void print_scan(const omnifleet_v1_Scan *s) {

@@ -89,7 +89,7 @@ std::string lineOf(const v1::Objects& o) {
   line.put(" %.17g %.17g %.17g", m.previous_from_current().x(), m.previous_from_current().y(),
            m.previous_from_current().theta());
   line.doubles(m.covariance());
-  line.put(" %.17g %.17g", m.left_m(), m.right_m());
+  line.put(" %.17g %.17g %d", m.left_m(), m.right_m(), m.refuted());
   line.put(" %zu", o.tracks().size());
   for (const v1::Track& t : o.tracks()) put(line, t);
   line.point(o.scan().origin());

@@ -43,6 +43,7 @@ Motion someMotion(Counter& n) {
   m.covariance = n.matrix<3>();
   m.left_m = n.next();
   m.right_m = n.next();
+  m.refuted = true;
   return m;
 }
 
@@ -128,6 +129,7 @@ void expectEqual(const Motion& a, const Motion& b) {
   EXPECT_EQ(a.covariance, b.covariance);
   EXPECT_EQ(a.left_m, b.left_m);
   EXPECT_EQ(a.right_m, b.right_m);
+  EXPECT_EQ(a.refuted, b.refuted);
 }
 
 void expectEqual(const Scan& a, const Scan& b) {
