@@ -21,15 +21,20 @@ constexpr double kGain = 20.0,
 constexpr double kHere_m = 0.04;   // typical distance of outlines: it is where it should be
 constexpr double kCatch_m = 0.15;  // from which a fit comes to it
 constexpr double kBeside_m = 0.012, kMuchNearer = 0.3;  // of outlines; share of it after the fit
-constexpr double kBesideGate = 16.3;                    // χ² (3 dof, 99.9 %)
+constexpr double kGate = 16.3;                          // χ² (3 dof, 99.9 %) between what is told and seen
 constexpr double kFar_m = 0.5;                          // of a blob's foot from a thing's edge: another one
 constexpr double kPair_m = 0.08, kBase_m = 0.3;         // between two distances; between two things
 constexpr double kSame_m = 0.06, kSame_rad = 0.1;       // of two motions
 constexpr int kFits = 4;
 constexpr std::size_t kStride = 2;  // directions from one taken to the next
 constexpr double kSigma_m = 0.01, kHuber_m = 0.02, kCorrelation = 8.0;  // of a direction of an outline
-constexpr double kFloor_m = 0.01, kFloor_rad = 0.01;                    // no better is a step known so
-constexpr int kKnown = 3;                                               // views of what stands
+constexpr double kFit_m = 0.004, kFit_rad = 0.003;    // σ that a fit has beside its own, to refute …
+constexpr double kFloor_m = 0.01, kFloor_rad = 0.01;  // … and to be believed
+constexpr int kKnown = 3;                             // views of what stands
+
+Eigen::Matrix3d squares(double sigma_m, double sigma_rad) {
+  return Eigen::Vector3d(sigma_m * sigma_m, sigma_m * sigma_m, sigma_rad * sigma_rad).asDiagonal();
+}
 
 bool areSame(const Pose2& a, const Pose2& b) {
   return (a.translation() - b.translation()).norm() < kSame_m &&
@@ -124,12 +129,10 @@ class Search {
   }
 
   /// Not there, but so near that the same things are the same blobs; nothing where it is there.
-  std::optional<Place> beside(const Place& there, std::size_t least, const Eigen::Matrix3d& told) {
+  std::optional<Place> beside(const Place& there, std::size_t least) {
     if (there.found < least || there.apart_m < kBeside_m) return {};
     Place place = fitted(there.odom_from_base);
     if (place.found < there.found || place.apart_m > kMuchNearer * there.apart_m) return {};
-    const Eigen::Vector3d off = (there.odom_from_base.inverse() * place.odom_from_base).vector();
-    if (off.dot((covariance(place) + told).ldlt().solve(off)) < kBesideGate) return {};
     return place;
   }
 
@@ -168,7 +171,6 @@ class Search {
     c.topLeftCorner<2, 2>() = (turn.transpose() * c.topLeftCorner<2, 2>() * turn).eval();
     c.topRightCorner<2, 1>() = (turn.transpose() * c.topRightCorner<2, 1>()).eval();
     c.bottomLeftCorner<1, 2>() = c.topRightCorner<2, 1>().transpose();
-    c.diagonal() += Eigen::Vector3d(kFloor_m * kFloor_m, kFloor_m * kFloor_m, kFloor_rad * kFloor_rad);
     return c;
   }
 
@@ -292,8 +294,7 @@ Motion withMotion(const Motion& told, const Pose2& way, const Eigen::Matrix3d& c
 std::optional<Motion> unseenStep(Search& search, const Place& told, const Motion& motion, const GoingOn& on) {
   if (told.here > 0 || !on.isLeap(told.odom_from_base)) return {};
   if (on.is_known && search.at(on.odom_from_base).here > 0) {
-    const Eigen::Vector3d variance(kOn_m * kOn_m, kOn_m * kOn_m, kOn_rad * kOn_rad);
-    return withMotion(motion, on.odom_from_since.inverse() * on.odom_from_base, variance.asDiagonal());
+    return withMotion(motion, on.odom_from_since.inverse() * on.odom_from_base, squares(kOn_m, kOn_rad));
   }
   if (search.things() < kLeastThings && !on.isBeyondAll(told.odom_from_base)) return {};
   Motion unknown = motion;
@@ -311,11 +312,16 @@ std::optional<Motion> seenStep(const std::vector<TrackState>& tracks, const Loca
   const GoingOn on(own, *since, static_cast<double>(now.acquired_ns - now.motion.since_ns) * 1e-9);
   Search search(tracks, now);
   const Place told = search.at(*since * now.motion.previous_from_current);
-  const auto as_seen = [&](const Place& place) {
-    return withMotion(now.motion, since->inverse() * place.odom_from_base, search.covariance(place));
+  const auto as_seen = [&](const Place& place) -> std::optional<Motion> {
+    const Eigen::Matrix3d covariance = search.covariance(place);
+    const Eigen::Vector3d off = (told.odom_from_base.inverse() * place.odom_from_base).vector();
+    const Eigen::Matrix3d of_both = covariance + now.motion.covariance + squares(kFit_m, kFit_rad);
+    if (off.dot(of_both.ldlt().solve(off)) < kGate) return {};
+    return withMotion(now.motion, since->inverse() * place.odom_from_base,
+                      covariance + squares(kFloor_m, kFloor_rad));
   };
   const std::size_t least = search.stand() ? kLeastThings : kAnywhere;
-  if (const auto beside = search.beside(told, least, now.motion.covariance)) return as_seen(*beside);
+  if (const auto beside = search.beside(told, least)) return as_seen(*beside);
   if (told.cost < kGain) return unseenStep(search, told, now.motion, on);
 
   std::vector<Pose2> starts = search.pairs();

@@ -18,9 +18,9 @@ namespace omnifleet::tracking {
 /// motion but the told one is fitted to the outlines (Gauss–Newton, Huber). One that explains so much more
 /// than the told one as two things not there count, and clearly more than any other, is how the robot has
 /// gone: anywhere by three things, within half a metre and half a radian of going on or of standing by two.
-/// So is one beside the told one where all outlines are off alike, by more than either covariance allows.
-/// Where there is none, and the told motion leaps from going on and nothing is where it has it, the robot
-/// goes on if one thing bears that out; else the motion is not known (`valid` is false).
+/// So is one beside the told one where all outlines are off alike. What both covariances allow refutes
+/// nothing. Where there is none, and the told motion leaps from going on and nothing is where it has it, the
+/// robot goes on if one thing bears that out; else the motion is not known (`valid` is false).
 ///
 /// `own` is before this frame. The motion keeps `left_m`, `right_m` as the wheels told them; its covariance
 /// is that of the fit. (Choi et al. 2014 §III.5 take the own motion as the wheels tell it.)

@@ -7,6 +7,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
 
 #include "dataset/map_files.h"
 #include "evaluation/map_metrics.h"
@@ -18,10 +22,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-evaluation::MapMetrics mapped(const RecordingOptions& options) {
+/// Called on the folder of a recording before it is mapped.
+using Mishap = std::function<void(const std::string& folder)>;
+
+evaluation::MapMetrics mapped(const RecordingOptions& options, const Mishap& mishap = {}) {
   const fs::path folder =
       fs::path(::testing::TempDir()) / ("omnifleet_raycast_" + std::to_string(::getpid()));
   record((folder / "recording").string(), options);
+  if (mishap) mishap((folder / "recording").string());
   services::InProcessRun run;
   run.dataset = (folder / "recording").string();
   run.out = (folder / "out").string();
@@ -66,6 +74,28 @@ TEST(RayCast, TapeIsNoThing) {
   EXPECT_GE(metrics.matches.size(), 5U);
   EXPECT_TRUE(metrics.falsely_found.empty());
   EXPECT_LT(std::max(metrics.x_error_m, metrics.y_error_m), 0.02);
+}
+
+/// The first robot's wheels slip for a second: told at 1.5 m/s while it goes at a tenth of that.
+void slip(const std::string& folder) {
+  const std::string path = folder + "/r1/wheels/data.csv";
+  std::ifstream in(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  in.close();
+  ASSERT_GE(lines.size(), 12U);
+  for (std::size_t i = 7; i < 12; ++i) lines[i] = lines[i].substr(0, lines[i].find(',')) + ",1.5,1.5";
+  std::ofstream out(path);
+  for (const std::string& line : lines) out << line << "\n";
+}
+
+TEST(RayCast, WheelsThatSlipForASecondSmearNothing) {
+  RecordingOptions options = small(1702, Floor::kParquet);
+  options.projection = lens::Projection::kEquisolid;
+  const auto metrics = mapped(options, slip);
+  EXPECT_GE(metrics.matches.size(), 5U);
+  EXPECT_TRUE(metrics.falsely_found.empty());
+  EXPECT_LT(std::max(metrics.x_error_m, metrics.y_error_m), 0.01);
 }
 
 }  // namespace

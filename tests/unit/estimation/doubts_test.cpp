@@ -31,6 +31,46 @@ TEST(FleetEstimator, SlippingWheelsAreNoticedAndSurvived) {
   EXPECT_LT(worst, 0.02);
 }
 
+/// What stands around has refuted the wheels, which slip for half a second, and tells the motion or not.
+TEST(FleetEstimator, WheelsThatWhatIsSeenRefutesAreTold) {
+  for (const bool known : {true, false}) {
+    FleetSimulator simulator({}, 12);
+    FleetEstimator estimator(simulator.setups(), {});
+    double worst_m = 0.0;
+    for (int f = 0; f < 40; ++f) {
+      auto frames = simulator.frames(f);
+      if (f >= 20 && f < 25) {
+        Motion& motion = frames[0].motion;
+        motion.previous_from_current = simulator.truth(0, f - 1).inverse() * simulator.truth(0, f);
+        motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+        motion.valid = known;
+        motion.left_m += 0.3, motion.right_m += 0.3;
+        motion.refuted = true;
+      }
+      const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
+      worst_m = std::max(
+          worst_m, (estimates[0].map_from_base.translation() - simulator.truth(0, f).translation()).norm());
+      EXPECT_EQ(estimator.status("r1").state == RobotState::kSlipping, f >= 20 && f < 25) << f;
+    }
+    EXPECT_EQ(estimator.status("r1").slips, 5);
+    EXPECT_LT(worst_m, 0.02) << known;
+    EXPECT_LT(estimator.wheelBias("r1").norm(), 0.05) << "they are no measure of the wheels";
+  }
+}
+
+// Their own noise is no news.
+TEST(FleetEstimator, WheelsThatAreRefutedByLittleAreNotTold) {
+  FleetSimulator simulator({}, 12);
+  FleetEstimator estimator(simulator.setups(), {});
+  for (int f = 0; f < 30; ++f) {
+    auto frames = simulator.frames(f);
+    frames[0].motion.refuted = f == 20;
+    estimator.process(simulator.time(f), pointers(frames), {});
+  }
+  EXPECT_EQ(estimator.status("r1").slips, 0);
+  EXPECT_EQ(estimator.status("r1").losses, 0);
+}
+
 /// All robots slip by 6 cm in one frame: the largest error from then on, how many were told.
 struct Slips {
   double worst_m = 0.0;
@@ -72,6 +112,40 @@ TEST(FleetEstimator, WheelsAreDoubtedBeforeWhatIsSeen) {
   EXPECT_GE(told, 14);  // one may have nothing in sight
   EXPECT_EQ(told_wrongly, 0);
   EXPECT_LT(mean_m, 0.03);  // half of the slip: what is left where hardly anything is in sight
+}
+
+/// It keeps what it follows, and its tracker tells how far it was carried: it is never lost.
+TEST(FleetEstimator, ARobotThatSeesHowItIsCarriedIsPlacedAtOnce) {
+  SimulationOptions options;
+  options.obstacles = 8;
+  options.robots_seen = false;
+  options.speed_mps = 0.1;
+  FleetSimulator simulator(options, 21);
+  FleetEstimator estimator(simulator.setups(), {});
+  constexpr int kCarried = 25;
+  for (int f = 0; f < 40; ++f) {
+    auto frames = simulator.frames(f);
+    if (f >= kCarried) {
+      frames[0] = frames[1];
+      frames[0].robot = "r1";
+      for (Track& track : frames[0].tracks) track.id += 500;
+    }
+    if (f == kCarried) {
+      Motion& motion = frames[0].motion;
+      motion.previous_from_current = simulator.truth(0, f - 1).inverse() * simulator.truth(1, f);
+      motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+      motion.left_m = motion.right_m = 0.0;
+      motion.refuted = true;
+    }
+    const auto estimates = estimator.process(simulator.time(f), {&frames[0], &frames[1], &frames[2]}, {});
+    EXPECT_TRUE(estimates[0].valid) << f;
+    if (f == kCarried) {
+      EXPECT_EQ(estimator.status("r1").text, "moved by hand: placed anew by what it sees");
+    }
+    const Pose2& truth = simulator.truth(f < kCarried ? 0 : 1, f);
+    EXPECT_LT((estimates[0].map_from_base.translation() - truth.translation()).norm(), 0.03) << f;
+  }
+  EXPECT_EQ(estimator.status("r1").losses, 1);
 }
 
 TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {
