@@ -203,6 +203,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
     tracer.trace(contourFrame(image, segmenter.objects()), blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&
                            (!has_walls || scan.isBeforeWalls(silhouette.floorContour(), object.contact_m));
+    if (is_object && silhouette.isLine()) continue;
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
     closed = closed || silhouette.isAround();
@@ -245,7 +246,9 @@ void LocalMapper::Stages::measurePart(const std::vector<ground::Blob>& parts, st
   hides.assign(parts.size() + 1, false);
   for (std::size_t k = 0; k < parts.size(); ++k)
     hides[k + 1] = k != i && (!by_colour || part_contact_m[k] < part_contact_m[i]);
-  keep(silhouette.measure(parts[i], part_contours[i], hides, object), parts[i]);
+  const bool is_object = silhouette.measure(parts[i], part_contours[i], hides, object);
+  if (is_object && silhouette.isLine()) return;
+  keep(is_object, parts[i]);
 }
 
 /// What was just measured becomes an object, or merely stands in the way of the scan.

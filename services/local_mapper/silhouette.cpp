@@ -1,5 +1,6 @@
 #include "local_mapper/silhouette.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -131,6 +132,66 @@ bool Silhouette::closesAroundFoot() const {
     }
   }
   return inside;
+}
+
+bool Silhouette::isLine() const {
+  constexpr double kWidest_m = 0.08, kShortest_m = 0.25, kLeastRatio = 5.0, kHighest_m = 0.08;
+  const Eigen::Vector2d foot = camera_->foot();
+  double twice_area = 0.0, perimeter_m = 0.0, across_m2 = 0.0;
+  for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
+    const std::size_t begin = floor_.loop_begin[k];
+    const std::size_t end =
+        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    double twice = 0.0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector2d a = floor_.points_m[i] - foot,
+                            b = floor_.points_m[i + 1 < end ? i + 1 : begin] - foot;
+      const double cross = a.x() * b.y() - a.y() * b.x();
+      twice += cross;
+      across_m2 += 0.5 * std::abs(cross);
+      perimeter_m += (b - a).norm();
+    }
+    twice_area += std::abs(twice);
+  }
+  const double length_m = 0.5 * perimeter_m, width_m = twice_area / perimeter_m;
+  if (length_m < kShortest_m || width_m > kWidest_m || length_m < kLeastRatio * width_m) return false;
+  const double stretched = 0.5 * twice_area / across_m2;
+  return camera_->height() * stretched / (1.0 + stretched) < kHighest_m || hasParallelSides();
+}
+
+/// Of a straight thin region that leads away from the camera: as wide far away as near.
+bool Silhouette::hasParallelSides() const {
+  constexpr double kFarther = 1.25, kShare = 0.35;  // than the near part; of how much farther, that wider
+  constexpr double kEnds = 0.1, kPart = 0.3;        // of the length: left out; taken
+  Eigen::Vector2d middle(0.0, 0.0);
+  for (const Eigen::Vector2d& p : floor_.points_m) middle += p;
+  middle /= static_cast<double>(floor_.points_m.size());
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  for (const Eigen::Vector2d& p : floor_.points_m) spread += (p - middle) * (p - middle).transpose();
+  Eigen::Vector2d along = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvectors().col(1);
+  if (along.dot(middle - camera_->foot()) < 0.0) along = -along;
+  const Eigen::Vector2d across(-along.y(), along.x());
+  double begin = std::numeric_limits<double>::infinity(), end = -begin;
+  for (const Eigen::Vector2d& p : floor_.points_m) {
+    begin = std::min(begin, along.dot(p - middle));
+    end = std::max(end, along.dot(p - middle));
+  }
+  struct Part {
+    double at, low = std::numeric_limits<double>::infinity(), high = -low;
+    double width_m() const { return high - low; }
+  };
+  const double length_m = end - begin;
+  Part near{begin + (kEnds + 0.5 * kPart) * length_m}, far{end - (kEnds + 0.5 * kPart) * length_m};
+  for (const Eigen::Vector2d& p : floor_.points_m) {
+    for (Part* part : {&near, &far}) {
+      if (std::abs(along.dot(p - middle) - part->at) > 0.5 * kPart * length_m) continue;
+      part->low = std::min(part->low, across.dot(p - middle));
+      part->high = std::max(part->high, across.dot(p - middle));
+    }
+  }
+  const auto away_m = [&](const Part& part) { return (middle + part.at * along - camera_->foot()).norm(); };
+  const double farther = away_m(far) / away_m(near), wider = far.width_m() / near.width_m();
+  return farther > kFarther && wider > 0.0 && wider < 1.0 + kShare * (farther - 1.0);
 }
 
 void Silhouette::findContact(ObjectObservation& object) const {

@@ -52,6 +52,12 @@ class Silhouette {
   /// The region of the last measure() closes around the camera's foot, as a room's walls do: its contour is
   /// that of its far side.
   bool isAround() const { return is_around_; }
+  /// The region of the last measure() is a line on the floor: tape, a seam, a cable. Its mean width (2·area ÷
+  /// perimeter) is a few centimetres and a small part of its length; and a thing without any thickness that
+  /// shows as wide would be lower than is mapped, by what of it runs across the lines of sight: of its far
+  /// side the camera would see d·h/(H − h) more. Of one that points at the camera nothing runs across;
+  /// upright sides part there with the distance, those of a line do not.
+  bool isLine() const;
   /// Distance from the camera's foot to the nearest point of an outline that borders on floor, metres;
   /// infinite where there is none.
   double contactDistance(const ground::Contour& contour) const;
@@ -70,6 +76,7 @@ class Silhouette {
  private:
   void projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides);
   bool closesAroundFoot() const;
+  bool hasParallelSides() const;
   void findContact(ObjectObservation& object) const;
   void measureHull(ObjectObservation& object);
   void findOutermost();

@@ -119,6 +119,35 @@ TEST_F(LocalMapperTest, ABodyThatIsTakenForTheFloorLeavesHardlyAny) {
   EXPECT_LT(blind.freeShare(), 0.2);
 }
 
+/// Tape of 5 cm across the lines of sight, along one and askew; the ray goes on over it.
+TEST_F(LocalMapperTest, LinesOnTheFloorAreNoObjects) {
+  scene_.prisms.pop_back();
+  scene_.prisms.push_back({box(-0.6, -0.2, 0.05, 1.0, 0.1), 0.001, {40, 200, 220}});
+  scene_.prisms.push_back({box(0.45, -0.55, 0.7, 0.05, -0.885), 0.001, {40, 200, 220}});
+  scene_.prisms.push_back({box(0.25, 0.75, 0.6, 0.05, 0.4), 0.001, {40, 200, 220}});
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  ASSERT_EQ(map.state, FrameState::kOk);
+  EXPECT_EQ(map.objects.size(), 3U);
+  for (const std::size_t bearing : {190U, 310U, 70U}) {
+    EXPECT_EQ(map.scan.label[bearing], RayLabel::kFloorEnd) << bearing;
+    EXPECT_GT(map.scan.range_m[bearing], 1.2) << bearing;
+  }
+}
+
+/// As thin as tape and as long, but they stand: the far side of what runs across shows the height, upright
+/// sides of what leads away part.
+TEST_F(LocalMapperTest, ThinWallsAndPostsAreNoLines) {
+  scene_.prisms = {{box(-0.8, 0.0, 0.05, 0.6, 0.0), 0.15, {40, 200, 220}},
+                   {box(0.55, 0.0, 0.05, 0.05, 0.0), 0.25, {40, 200, 220}},
+                   {box(0.0, 0.65, 0.05, 0.3, 0.0), 0.25, {40, 200, 220}},
+                   {box(0.4, -0.7, 0.6, 0.05, 0.3), 0.12, {40, 200, 220}}};
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
+  ASSERT_EQ(map.state, FrameState::kOk);
+  EXPECT_EQ(map.objects.size(), scene_.prisms.size());
+}
+
 TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
   LocalMapper mapper(camera_, {});
   const Pose2 before{0, 0, 0}, step{0.05, 0.0, 0.02}, after = before * step;
