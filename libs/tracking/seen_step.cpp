@@ -26,7 +26,8 @@ constexpr double kFar_m = 0.5;                          // of a blob's foot from
 constexpr double kPair_m = 0.08, kBase_m = 0.3;         // between two distances; between two things
 constexpr double kSame_m = 0.06, kSame_rad = 0.1;       // of two motions
 constexpr int kFits = 4;
-constexpr std::size_t kStride = 2;  // directions from one taken to the next
+constexpr std::size_t kMostPairs = 300, kMostFits = 12;  // bounds of the work
+constexpr std::size_t kStride = 2;                       // directions from one taken to the next
 constexpr double kSigma_m = 0.01, kHuber_m = 0.02, kCorrelation = 8.0;  // of a direction of an outline
 constexpr double kFit_m = 0.004, kFit_rad = 0.003;    // σ that a fit has beside its own, to refute …
 constexpr double kFloor_m = 0.01, kFloor_rad = 0.01;  // … and to be believed
@@ -136,30 +137,14 @@ class Search {
     return place;
   }
 
-  /// Places from which two of the things are where two blobs are.
-  std::vector<Pose2> pairs() const {
-    std::vector<Pose2> all;
-    for (std::size_t i = 0; i < things_.size(); ++i) {
-      for (std::size_t j = i + 1; j < things_.size(); ++j) {
-        const Eigen::Vector2d in_odom = things_[j]->position() - things_[i]->position();
-        if (in_odom.norm() < kBase_m) continue;
-        for (std::size_t a = 0; a < views_.size(); ++a) {
-          for (std::size_t b = 0; b < views_.size(); ++b) {
-            if (a == b) continue;
-            const auto from = centre(a, *things_[i]), to = centre(b, *things_[j]);
-            if (!from || !to) continue;
-            const Eigen::Vector2d in_base = *to - *from;
-            if (std::abs(in_base.norm() - in_odom.norm()) > kPair_m) continue;
-            const double theta =
-                wrapAngle(std::atan2(in_odom.y(), in_odom.x()) - std::atan2(in_base.y(), in_base.x()));
-            const Eigen::Vector2d t = 0.5 * (things_[i]->position() + things_[j]->position()) -
-                                      Eigen::Rotation2Dd(theta) * Eigen::Vector2d(0.5 * (*from + *to));
-            all.push_back({t.x(), t.y(), theta});
-          }
-        }
-      }
-    }
-    return all;
+  /// Places from which two of the things are where two blobs are: those that explain most, a few.
+  std::vector<Pose2> pairs() {
+    std::vector<Place> all;
+    for (const Pose2& pose : allPairs()) all.push_back(at(pose));
+    std::stable_sort(all.begin(), all.end(), [](const Place& a, const Place& b) { return a.cost < b.cost; });
+    std::vector<Pose2> best;
+    for (std::size_t i = 0; i < std::min(all.size(), kMostFits); ++i) best.push_back(all[i].odom_from_base);
+    return best;
   }
 
   /// Of the fit, right perturbation.
@@ -175,6 +160,36 @@ class Search {
   }
 
  private:
+  std::vector<Pose2> allPairs() const {
+    std::vector<Pose2> all;
+    std::vector<std::vector<std::optional<Eigen::Vector2d>>> centres(things_.size());
+    for (std::size_t i = 0; i < things_.size(); ++i) {
+      for (std::size_t b = 0; b < views_.size(); ++b) centres[i].push_back(centre(b, *things_[i]));
+    }
+    for (std::size_t i = 0; i < things_.size(); ++i) {
+      for (std::size_t j = i + 1; j < things_.size(); ++j) {
+        const Eigen::Vector2d in_odom = things_[j]->position() - things_[i]->position();
+        if (in_odom.norm() < kBase_m) continue;
+        for (std::size_t a = 0; a < views_.size(); ++a) {
+          for (std::size_t b = 0; b < views_.size(); ++b) {
+            if (a == b) continue;
+            const auto &from = centres[i][a], &to = centres[j][b];
+            if (!from || !to) continue;
+            const Eigen::Vector2d in_base = *to - *from;
+            if (std::abs(in_base.norm() - in_odom.norm()) > kPair_m) continue;
+            const double theta =
+                wrapAngle(std::atan2(in_odom.y(), in_odom.x()) - std::atan2(in_base.y(), in_base.x()));
+            const Eigen::Vector2d t = 0.5 * (things_[i]->position() + things_[j]->position()) -
+                                      Eigen::Rotation2Dd(theta) * Eigen::Vector2d(0.5 * (*from + *to));
+            all.push_back({t.x(), t.y(), theta});
+            if (all.size() == kMostPairs) return all;
+          }
+        }
+      }
+    }
+    return all;
+  }
+
   double ratio(const PrismFilter& thing) const {
     return now_.camera_height_m > 0.0 ? std::clamp(1.0 - thing.height() / now_.camera_height_m, 0.03, 1.0)
                                       : 1.0;
@@ -324,11 +339,8 @@ std::optional<Motion> seenStep(const std::vector<TrackState>& tracks, const Loca
   if (const auto beside = search.beside(told, least)) return as_seen(*beside);
   if (told.cost < kGain) return unseenStep(search, told, now.motion, on);
 
-  std::vector<Pose2> starts = search.pairs();
-  starts.push_back(on.odom_from_base);
-  starts.push_back(*since);
-  std::vector<Place> places;
-  for (const Pose2& start : starts) places.push_back(search.fitted(start));
+  std::vector<Place> places{search.fitted(on.odom_from_base), search.fitted(*since)};
+  for (const Pose2& start : search.pairs()) places.push_back(search.fitted(start));
   std::vector<const Place*> all, near;
   for (const Place& place : places) {
     if (place.cost + kGain > told.cost) continue;

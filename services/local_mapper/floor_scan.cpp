@@ -115,9 +115,7 @@ void FloorScan::begin() {
 
 void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
   for (std::size_t k = 0; k < contour.loop_begin.size(); ++k) {
-    const std::size_t begin = contour.loop_begin[k];
-    const std::size_t end =
-        k + 1 < contour.loop_begin.size() ? contour.loop_begin[k + 1] : contour.points_m.size();
+    const auto [begin, end] = contour.loop(k);
     if (begin == end) continue;
     Eigen::Vector2d a = contour.points_m[end - 1] - camera_->foot();
     std::size_t before = rayBefore(a);

@@ -121,9 +121,7 @@ bool Silhouette::closesAroundFoot() const {
   const Eigen::Vector2d foot = camera_->foot();
   bool inside = false;
   for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
-    const std::size_t begin = floor_.loop_begin[k];
-    const std::size_t end =
-        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    const auto [begin, end] = floor_.loop(k);
     for (std::size_t i = begin; i < end; ++i) {
       const Eigen::Vector2d a = floor_.points_m[i] - foot,
                             b = floor_.points_m[i + 1 < end ? i + 1 : begin] - foot;
@@ -139,9 +137,7 @@ bool Silhouette::isLine() const {
   const Eigen::Vector2d foot = camera_->foot();
   double twice_area = 0.0, perimeter_m = 0.0, across_m2 = 0.0;
   for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
-    const std::size_t begin = floor_.loop_begin[k];
-    const std::size_t end =
-        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    const auto [begin, end] = floor_.loop(k);
     double twice = 0.0;
     for (std::size_t i = begin; i < end; ++i) {
       const Eigen::Vector2d a = floor_.points_m[i] - foot,
@@ -239,9 +235,7 @@ void Silhouette::measureHull(ObjectObservation& object) {
   object.hull_m.assign(hull.begin(), hull.end());
   double area = 0.0;
   for (std::size_t k = 0; k < floor_.loop_begin.size(); ++k) {
-    const std::size_t begin = floor_.loop_begin[k];
-    const std::size_t end =
-        k + 1 < floor_.loop_begin.size() ? floor_.loop_begin[k + 1] : floor_.points_m.size();
+    const auto [begin, end] = floor_.loop(k);
     double twice = 0.0;
     for (std::size_t i = begin; i < end; ++i) {
       const auto& a = floor_.points_m[i];

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground/contour.h"
@@ -35,6 +36,11 @@ struct FloorContour {
   std::vector<std::uint8_t>
       cut;  ///< 1: cut by the edge of the valid image or the self mask, or hidden beyond
   std::vector<std::size_t> loop_begin;  ///< first point of each closed loop
+
+  /// First point of a closed loop, and one past its last.
+  std::pair<std::size_t, std::size_t> loop(std::size_t k) const {
+    return {loop_begin[k], k + 1 < loop_begin.size() ? loop_begin[k + 1] : points_m.size()};
+  }
 };
 
 /// Fills everything of an ObjectObservation but label and vectors.
