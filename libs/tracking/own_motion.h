@@ -29,7 +29,8 @@ class OwnMotion {
   }                                              ///< of the last step, right perturbation
   double stepLength() const { return step_m_; }  ///< metres moved since the previous frame
 
-  /// The motion over `dt_s` of a robot that goes on as it went in its last step; nothing where that is not known.
+  /// The motion over `dt_s` of a robot that goes on as it went in its last step; nothing where that is not
+  /// known.
   std::optional<Pose2> goingOn(double dt_s) const;
 
   /// Where base_link stood at `time_ns`, interpolated; nothing before the last gap, or older than ten

@@ -17,7 +17,7 @@ constexpr double kBeyond_mps = 3.0;
 constexpr double kOn_m = 0.1, kOn_rad = 0.2;       // σ of going on where one thing bears it out
 constexpr double kOutline_m = 0.01, kMost = 16.0;  // σ of a typical distance; χ² of what is not there
 constexpr double kGain = 20.0,
-                 kRival = 8.0;     // χ² by which a motion must be better: than the told, than others
+                 kRival = 8.0;     // χ² that a motion must be better by: than the told, than others
 constexpr double kHere_m = 0.04;   // typical distance of outlines: it is where it should be
 constexpr double kCatch_m = 0.15;  // from which a fit comes to it
 constexpr double kBeside_m = 0.012, kMuchNearer = 0.3;  // of outlines; share of it after the fit
@@ -75,7 +75,6 @@ class Search {
   /// These are known to stand; else they have not been judged yet, as on the first frames.
   bool stand() const { return stand_; }
   std::size_t things() const { return things_.size(); }
-  std::size_t blobs() const { return views_.size(); }
 
   Place at(const Pose2& odom_from_base, double within_m = kCatch_m) {
     Place place;
