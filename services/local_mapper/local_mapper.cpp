@@ -1,5 +1,8 @@
 #include "local_mapper/local_mapper.h"
 
+#include "local_mapper/scene_cut.h"
+#include "local_mapper/view_blocks.h"
+
 namespace omnifleet::local_mapper {
 
 Options Options::read(const options::Section& section) {
@@ -98,8 +101,24 @@ struct LocalMapper::Stages {
   std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
 };
 
+/// Whether the frames show the world, and where. Lives longer than the stages: these begin anew where another
+/// part of the view is covered.
+struct LocalMapper::Watch {
+  Watch(const lens::Camera& c, const ground::FloorView& view, const Options& o)
+      : camera(c), blocks(camera, view), cover(blocks, o.cover), cut(blocks) {}
+  Watch(const Watch&) = delete;  // they refer to camera and blocks
+  Watch& operator=(const Watch&) = delete;
+
+  lens::Camera camera;
+  ViewBlocks blocks;
+  ViewCover cover;
+  SceneCut cut;
+  bool is_cut = false;
+};
+
 LocalMapper::LocalMapper(const lens::Camera& camera, const Options& options)
-    : stages_(std::make_unique<Stages>(camera, options, cv::Mat1b())), cover_(stages_->view, options.cover) {}
+    : stages_(std::make_unique<Stages>(camera, options, cv::Mat1b())),
+      watch_(std::make_unique<Watch>(camera, stages_->view, options)) {}
 LocalMapper::~LocalMapper() = default;
 LocalMapper::LocalMapper(LocalMapper&&) noexcept = default;
 LocalMapper& LocalMapper::operator=(LocalMapper&&) noexcept = default;
@@ -107,7 +126,7 @@ LocalMapper& LocalMapper::operator=(LocalMapper&&) noexcept = default;
 /// What is covered lies outside of the view from now on, or no more.
 void LocalMapper::startAnew() {
   try {
-    auto next = std::make_unique<Stages>(stages_->camera, stages_->options, cover_.mask());
+    auto next = std::make_unique<Stages>(stages_->camera, stages_->options, watch_->cover.mask());
     next->check.resume(stages_->check);
     stages_ = std::move(next);
     is_blind_ = false;
@@ -116,15 +135,28 @@ void LocalMapper::startAnew() {
   }
 }
 
+void LocalMapper::watch(const Frame& frame, const Motion& wheels) {
+  if (frame.state != FrameState::kOk || !stages_->check.fits(frame.image)) return;
+  Watch& w = *watch_;
+  w.blocks.read(frame.image);
+  const bool was_cut = w.is_cut;
+  w.is_cut = stages_->options.faults.cover_step > 0.0 && w.cut.look(w.cover.usable(), wheels);
+  if (was_cut && !w.is_cut) w.blocks.forgetBefore();
+  if (!w.is_cut && w.cover.look(wheels)) startAnew();
+}
+
 const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
-  if (frame.state == FrameState::kOk && stages_->check.fits(frame.image) && cover_.look(frame.image, wheels))
-    startAnew();
+  watch(frame, wheels);
   Stages& s = *stages_;
   s.begin(frame, wheels);
   s.map.state = s.check.check(frame);
   if (s.map.state == FrameState::kOk && is_blind_) {
     s.map.state = FrameState::kDark;
     s.fault = "covered where the floor is learned";
+  }
+  if (s.map.state == FrameState::kOk && watch_->is_cut) {
+    s.map.state = FrameState::kDark;
+    s.fault = "all of the picture changed within one frame, and does not move as the robot does: covered";
   }
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
@@ -300,7 +332,7 @@ double LocalMapper::freeShare() const {
 }
 
 double LocalMapper::coveredShare() const {
-  return cover_.share();
+  return watch_->cover.share();
 }
 
 double LocalMapper::litBeyondLens() const {

@@ -86,11 +86,13 @@ class LocalMapper {
   const char* fault() const;
 
  private:
+  void watch(const Frame& frame, const Motion& wheels);
   void startAnew();
 
   struct Stages;
+  struct Watch;
   std::unique_ptr<Stages> stages_;
-  ViewCover cover_;
+  std::unique_ptr<Watch> watch_;
   bool is_blind_ = false;  ///< nothing is left to learn the floor from
 };
 

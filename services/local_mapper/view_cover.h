@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "geometry/pose2.h"
-#include "ground/floor_view.h"
+#include "local_mapper/view_blocks.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -22,21 +22,25 @@ struct ViewCoverOptions {
 };
 
 /// A part of the view that shows nothing of the world: tape or a hand on the lens, a lens hood, an image
-/// circle that is smaller than its calibration says. It reaches the edge of the view, is of one colour, and
-/// ends at an edge. What is black is told at once; what comes up within one frame while the robot hardly
-/// moves, too; any other when it stays while the robot drives and the rest of the view changes, as with no
-/// wall. Looked at in blocks of the picture, about 40 in a row.
+/// circle that is smaller than its calibration says. It reaches the edge of the view. Black, or of one colour
+/// that ends at an edge and comes up within one frame while the robot hardly moves: told at once. Of whatever
+/// look: told at once, too, where it comes up so and what was seen there is gone, in hue or in structure;
+/// light and shadow change neither. Any other of one colour: when it stays while the robot drives and the
+/// rest of the view changes, as with no wall.
 class ViewCover {
  public:
-  ViewCover(const ground::FloorView& view, const ViewCoverOptions& options);
+  /// @param blocks are kept by reference
+  ViewCover(const ViewBlocks& blocks, const ViewCoverOptions& options);
 
-  /// @param image of the view's size, BGR8 or grey @param wheels since the frame before
+  /// Looks at the frame that `blocks` has read. @param wheels since the frame before
   /// @return whether another part than before is covered now
-  bool look(const cv::Mat& image, const Motion& wheels);
+  bool look(const Motion& wheels);
   /// Share of the view; 0 while nothing is covered.
   double share() const;
   /// 255 where covered; empty while nothing is.
   const cv::Mat1b& mask() const { return mask_; }
+  /// One each block: 1 where it lies in the view and is not known to be covered.
+  const std::vector<std::uint8_t>& usable() const { return usable_; }
 
  private:
   using Blocks = std::vector<std::uint8_t>;  // one each
@@ -49,27 +53,29 @@ class ViewCover {
     std::vector<cv::Vec3f> means;  ///< of all blocks then
   };
 
-  void drawBlocks(const ground::FloorView& view);
-  void readMeans(const cv::Mat& image);
   float median();
   bool isGone() const;
-  bool grow(int seed);
+  template <class Belongs>
+  bool grow(int seed, Belongs belongs);
+  bool growOneColour(int seed);
   bool hasEdge() const;
   bool isBlack(float median) const;
   bool cameUp(const Motion& wheels) const;
   bool hasStayed(const Motion& wheels);
   bool hasRestChanged(const Region& region) const;
+  bool coverOneColour(const Motion& wheels);
+  bool coverWhatCameUp(const Motion& wheels);
+  bool hasAnotherHue() const;
+  bool lostStructure() const;
   void cover();
   void drawMask();
 
   static constexpr int kFollowed = 4;
   ViewCoverOptions options_;
-  cv::Size image_, grid_;
-  int block_px_;
-  Blocks usable_;  ///< wholly in the view, and not known to be covered
-  std::vector<int> view_blocks_, rim_;
-  std::vector<cv::Vec3f> means_, before_, covered_means_;
-  bool has_before_ = false;
+  const ViewBlocks& blocks_;
+  cv::Size grid_;
+  Blocks usable_;
+  std::vector<cv::Vec3f> covered_means_;
   Blocks visited_, covered_;
   std::vector<int> queue_;  ///< of the region that was grown last
   std::vector<float> sorted_;

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <opencv2/core.hpp>
 
 #include "local_mapper/local_mapper.h"
@@ -159,6 +160,67 @@ TEST_F(CameraFaults, WhereNoHorizonIsInViewHowFarNothingWasSeenIsTold) {
   EXPECT_EQ(mapper.bare_m(), 0.0);
   mapper.process(testing::frameOf(plain(narrow, scene_.floor, 0.0, 5), 5), rolled(0.3));
   EXPECT_EQ(mapper.bare_m(), 0.0) << "something was seen once";
+}
+
+/// Squares of two colours, darker towards the edge, as a cloth is.
+cv::Mat cloth(const lens::Camera& camera, int square_px, unsigned seed) {
+  cv::Mat3b image(camera.model().image_height_px, camera.model().image_width_px, cv::Vec3b(0, 0, 0));
+  cv::RNG rng(seed);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      if (!camera.rayFromPixel({u, v})) continue;
+      const bool first = (u / square_px + v / square_px) % 2 == 0;
+      const cv::Vec3d colour = first ? cv::Vec3d(70, 60, 160) : cv::Vec3d(150, 150, 140);
+      const double away = std::hypot(u - 0.5 * image.cols, v - 0.5 * image.rows) / image.rows;
+      for (int c = 0; c < 3; ++c)
+        image(v, u)[c] = cv::saturate_cast<std::uint8_t>((1.1 - 0.8 * away) * colour[c] + rng.gaussian(2.0));
+    }
+  }
+  return image;
+}
+
+TEST_F(CameraFaults, ACoverWithAPatternShowsNoThings) {
+  for (const int square_px : {35, 60, 100}) {
+    mapper_ = LocalMapper(camera_, {});
+    EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
+    for (unsigned i = 0; i < 12; ++i) {
+      EXPECT_EQ(see(cloth(camera_, square_px, i), rolled(0.05)), FrameState::kDark) << square_px << " " << i;
+      EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("covered"));
+    }
+    EXPECT_EQ(see(picture({0.65, 0.5, 0.0}), rolled(0.05)), FrameState::kOk) << "taken off elsewhere";
+    EXPECT_EQ(mapper_.coveredShare(), 0.0);
+  }
+}
+
+TEST_F(CameraFaults, NoiseIsNoWorld) {
+  EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
+  cv::RNG rng(1);
+  cv::Mat noise(picture().size(), CV_8UC3);
+  for (int i = 0; i < 8; ++i) {
+    rng.fill(noise, cv::RNG::UNIFORM, 0, 256);
+    EXPECT_EQ(see(noise, rolled(0.05)), FrameState::kDark) << i;
+  }
+  EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.05)), FrameState::kOk);
+}
+
+/// Where it was put down all looks different, but it moves as the robot drives.
+TEST_F(CameraFaults, WhoIsCarriedToAnotherFloorIsBackWhenItDrives) {
+  EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
+  scene_.floor = {60, 75, 95};
+  scene_.prisms = {{box(0.5, 0.5, 0.3, 0.2, 0.1), 0.2, {200, 190, 180}}};
+  for (int i = 0; i < 5; ++i) see(picture({0.05 * i, 0.0, 0.0}), rolled(0.05));
+  EXPECT_EQ(see(picture({0.25, 0.0, 0.0}), rolled(0.05)), FrameState::kOk);
+  EXPECT_EQ(
+      mapper_.process(testing::frameOf(picture({0.3, 0.0, 0.0}), sequence_++), rolled(0.05)).objects.size(),
+      1U);
+}
+
+TEST_F(CameraFaults, AnotherLightLeavesTheStructure) {
+  EXPECT_EQ(see(picture(), rolled(0.0)), FrameState::kOk);
+  for (const double light : {0.4, 1.0, 0.5, 1.4, 0.6}) {
+    EXPECT_EQ(see(picture() * light, rolled(0.0)), FrameState::kOk) << light;
+    EXPECT_EQ(mapper_.coveredShare(), 0.0) << light;
+  }
 }
 
 TEST(FaultOptions, AreBoundedAndSwitchedOff) {

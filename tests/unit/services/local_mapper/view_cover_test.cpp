@@ -87,6 +87,47 @@ TEST_F(ViewCovers, AGreyPartThatIsThereFromTheBeginningIsToldAfterAMetre) {
   EXPECT_NEAR(mapper_.coveredShare(), 0.3, 0.1);
 }
 
+/// Skin, brighter to one side, with a soft edge: no blocks of one colour.
+TEST_F(ViewCovers, AHandOverAPartIsTold) {
+  for (const double from : {kThird, kHalf}) {
+    mapper_ = LocalMapper(camera_, {});
+    sequence_ = 0;
+    see(kNothing, 0);
+    for (int k = 0; k < 4; ++k) {
+      x_m_ += 0.03;
+      cv::Mat3b image = testing::renderScene(scene_, camera_, {x_m_, 0.0, 0.0}, 1);
+      pattern(image);
+      for (int v = 0; v < image.rows; ++v) {
+        for (int u = 0; u < image.cols; ++u) {
+          const double share = 1.0 / (1.0 + std::exp(-(u - from - 10.0 * std::sin(v / 30.0)) / 3.0));
+          const double shade = 0.5 + 0.4 * (image.cols - u) / (image.cols - from);
+          const cv::Vec3d skin = cv::Vec3d(110, 140, 200) * shade;
+          for (int c = 0; c < 3; ++c)
+            image(v, u)[c] =
+                cv::saturate_cast<std::uint8_t>(share * skin[c] + (1.0 - share) * image(v, u)[c]);
+        }
+      }
+      Motion wheels;
+      wheels.valid = true;
+      wheels.previous_from_current = {0.03, 0.0, 0.0};
+      const LocalMap& map = mapper_.process(testing::frameOf(image, sequence_++), wheels);
+      ASSERT_EQ(map.state, FrameState::kOk);
+      EXPECT_NEAR(mapper_.coveredShare(), from == kHalf ? 0.5 : 0.3, 0.1);
+      expectNothingSeenToTheRight(map);
+    }
+    see(kNothing, 0);
+    EXPECT_EQ(mapper_.coveredShare(), 0.0);
+  }
+}
+
+TEST_F(ViewCovers, AnotherLightIsNone) {
+  for (int k = 0; k < 3; ++k) see(kNothing, 0);
+  scene_.floor = {90, 96, 102};
+  scene_.prisms[0].colour = {24, 24, 120};
+  see(kNothing, 0);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0);
+}
+
 TEST_F(ViewCovers, WhoStandsBesideSomethingGreyIsNotCovered) {
   for (int k = 0; k < 20; ++k) see(kThird, 100, 0.0);
   EXPECT_EQ(mapper_.coveredShare(), 0.0);

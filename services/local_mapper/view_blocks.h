@@ -1,0 +1,70 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "ground/floor_view.h"
+#include "lens/camera.h"
+
+namespace omnifleet::local_mapper {
+
+/// The view in blocks of the picture, about 40 in a row: their mean colours are what a cover is told by.
+class ViewBlocks {
+ public:
+  using Means = std::vector<cv::Vec3f>;  ///< one a block, grey levels (a grey picture: three equal channels)
+
+  /// The camera is kept by reference.
+  ViewBlocks(const lens::Camera& camera, const ground::FloorView& view);
+
+  /// @param image of the view's size, BGR8 or grey; reads nine samples a block
+  void read(const cv::Mat& image);
+  /// The frame read last follows none.
+  void forgetBefore() { frames_ = 1; }
+  const Means& means() const { return means_; }
+  /// Of the frame read before; meaningless until hasBefore().
+  const Means& before() const { return before_; }
+  bool hasBefore() const { return frames_ > 1; }
+
+  cv::Size image() const { return image_; }
+  cv::Size grid() const { return grid_; }
+  std::size_t count() const { return static_cast<std::size_t>(grid_.area()); }
+  int side_px() const { return side_px_; }
+  /// Those that lie wholly in the view, in order.
+  const std::vector<int>& inView() const { return in_view_; }
+  /// Those of them at the view's outer edge.
+  const std::vector<int>& rim() const { return rim_; }
+
+  bool isInView(int block) const { return is_in_view_[static_cast<std::size_t>(block)] != 0; }
+
+  /// Shows neither its hue nor its structure.
+  static bool isSaturated(const cv::Vec3f& a) { return std::max({a[0], a[1], a[2]}) > 245.0f; }
+  /// Of any one colour, grey levels.
+  static float difference(const cv::Vec3f& a, const cv::Vec3f& b);
+  /// Of the colours' directions, 0–1: no light and no shadow changes them. 0 where one is nearly black.
+  static float hueDifference(const cv::Vec3f& a, const cv::Vec3f& b);
+  /// Does a block's colour differ by more than `levels` from all that `then` shows there and up to two blocks
+  /// around? What moved on a little in between does not.
+  bool differs(int block, const Means& then, float levels) const;
+  /// Correlation of the logarithms of brightness, now and then, −1 to 1: another light leaves it as it is.
+  /// @param turned_rad by how much the robot turned since then, counter-clockwise
+  /// @return nothing where `then` hardly shows any structure
+  std::optional<double> likeness(const std::vector<int>& blocks, const Means& then,
+                                 double turned_rad = 0.0) const;
+
+ private:
+  void findRim();
+  int turned(int block, double angle_rad) const;
+
+  const lens::Camera& camera_;
+  cv::Size image_, grid_;
+  int side_px_;
+  std::vector<int> in_view_, rim_;
+  std::vector<std::uint8_t> is_in_view_;  ///< one each
+  Means means_, before_;
+  int frames_ = 0;  ///< read, counted up to 2
+};
+
+}  // namespace omnifleet::local_mapper
