@@ -15,7 +15,8 @@ struct FaultOptions {
   double frozen_m =
       0.03;  ///< metres rolled under one and the same picture of things that makes it frozen; 0: off
   double frozen_rad = 0.06;  ///< radians turned, likewise
-  double cover_step = 0.12;  ///< 1, of the floor's colour from one frame to the next …; 0: off
+  double cover_step =
+      0.12;  ///< 1, of the floor's colour from one frame to the next …; 0: off, scene cuts too
   static FaultOptions read(const options::Section& section);
 };
 

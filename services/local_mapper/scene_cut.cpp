@@ -11,8 +11,8 @@ constexpr float kChanged = 12.0f;                 // grey levels
 constexpr double kCutShare = 0.5;                 // of the blocks
 constexpr double kCutLikeness = 0.5;              // correlation
 constexpr double kStep_m = 0.2, kStep_rad = 0.3;  // in which a picture remains the same, but for its edges
-constexpr double kRestShare = 0.15;               // of the blocks, did not change …
-constexpr double kInnerShare = 0.5;               // and of them so many lie among their own
+constexpr double kRestShare = 0.3;                // of the blocks, as a cover of a part leaves, …
+constexpr double kInnerShare = 0.5;               // did not change, and of them so many lie among their own
 constexpr double kBackShare = 0.3;                // of the blocks
 constexpr double kDriven_m = 0.1, kTurned_rad = 0.15;  // after which a world has moved in the picture
 constexpr float kEdge = 15.0f, kMoved = 6.0f;          // grey levels

@@ -88,6 +88,7 @@ bool ViewBlocks::differs(int block, const Means& then, float levels) const {
   constexpr int kAround = 2;
   const cv::Vec3f& now = means_[static_cast<std::size_t>(block)];
   cv::Vec3f low = then[static_cast<std::size_t>(block)], high = low;
+  if (difference(now, low) <= levels) return false;  // as most of a picture, most of the time
   const int x = block % grid_.width, y = block / grid_.width;
   for (int v = std::max(0, y - kAround); v <= std::min(grid_.height - 1, y + kAround); ++v) {
     for (int u = std::max(0, x - kAround); u <= std::min(grid_.width - 1, x + kAround); ++u) {
