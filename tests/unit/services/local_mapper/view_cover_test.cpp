@@ -128,6 +128,23 @@ TEST_F(ViewCovers, AnotherLightIsNone) {
   EXPECT_EQ(mapper_.coveredShare(), 0.0);
 }
 
+/// A lamp that is switched off to the right: another brightness there, but the same hues and structure.
+TEST_F(ViewCovers, AShadowOverAPartIsNone) {
+  see(kNothing, 0);
+  x_m_ += 0.03;
+  cv::Mat3b image = testing::renderScene(scene_, camera_, {x_m_, 0.0, 0.0}, 1);
+  pattern(image);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = kThird; u < image.cols; ++u)
+      image(v, u) *= 0.4 + 0.4 * (image.cols - u) / (image.cols - kThird);
+  }
+  Motion wheels;
+  wheels.valid = true;
+  wheels.previous_from_current = {0.03, 0.0, 0.0};
+  mapper_.process(testing::frameOf(image, sequence_++), wheels);
+  EXPECT_EQ(mapper_.coveredShare(), 0.0);
+}
+
 TEST_F(ViewCovers, WhoStandsBesideSomethingGreyIsNotCovered) {
   for (int k = 0; k < 20; ++k) see(kThird, 100, 0.0);
   EXPECT_EQ(mapper_.coveredShare(), 0.0);
