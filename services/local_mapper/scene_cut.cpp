@@ -63,6 +63,7 @@ bool SceneCut::look(const std::vector<std::uint8_t>& usable, const Motion& wheel
 /// Since the world was seen. @return their share of those looked at
 double SceneCut::findChanged() {
   int changed = 0;
+  std::fill(has_changed_.begin(), has_changed_.end(), std::uint8_t{0});
   for (const int i : looked_at_) {
     const bool differs = blocks_.differs(i, world_, kChanged);
     has_changed_[static_cast<std::size_t>(i)] = differs ? 1 : 0;
@@ -71,7 +72,7 @@ double SceneCut::findChanged() {
   return looked_at_.empty() ? 0.0 : changed / static_cast<double>(looked_at_.size());
 }
 
-/// What did not change lies together: a part of the view is covered, the rest is not.
+/// What did not change is much and lies together: a part of the view is covered, the rest is not.
 bool SceneCut::isRestWhole() const {
   const int width = blocks_.grid().width;
   int rest = 0, inner = 0;

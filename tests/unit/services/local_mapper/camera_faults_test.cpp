@@ -199,6 +199,7 @@ TEST_F(CameraFaults, NoiseIsNoWorld) {
   for (int i = 0; i < 8; ++i) {
     rng.fill(noise, cv::RNG::UNIFORM, 0, 256);
     EXPECT_EQ(see(noise, rolled(0.05)), FrameState::kDark) << i;
+    EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("within one frame"));
   }
   EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.05)), FrameState::kOk);
 }
