@@ -90,17 +90,20 @@ bool ViewBlocks::differs(int block, const Means& then, float levels) const {
   cv::Vec3f low = then[static_cast<std::size_t>(block)], high = low;
   if (difference(now, low) <= levels) return false;  // as most of a picture, most of the time
   const int x = block % grid_.width, y = block / grid_.width;
+  float hue = 1.0f;  // the nearest
   for (int v = std::max(0, y - kAround); v <= std::min(grid_.height - 1, y + kAround); ++v) {
     for (int u = std::max(0, x - kAround); u <= std::min(grid_.width - 1, x + kAround); ++u) {
       const int at = v * grid_.width + u;
       if (!isInView(at)) continue;
       const cv::Vec3f& colour = then[static_cast<std::size_t>(at)];
+      hue = std::min(hue, hueDifference(now, colour));
       for (int c = 0; c < 3; ++c) {
         low[c] = std::min(low[c], colour[c]);
         high[c] = std::max(high[c], colour[c]);
       }
     }
   }
+  if (hue > kAnotherHue) return true;  // between bright and dark any brightness may be
   for (int c = 0; c < 3; ++c)
     if (now[c] < low[c] - levels || now[c] > high[c] + levels) return true;
   return false;

@@ -45,8 +45,9 @@ class ViewBlocks {
   static float difference(const cv::Vec3f& a, const cv::Vec3f& b);
   /// Of the colours' directions, 0–1: no light and no shadow changes them. 0 where one is nearly black.
   static float hueDifference(const cv::Vec3f& a, const cv::Vec3f& b);
-  /// Does a block's colour differ by more than `levels` from all that `then` shows there and up to two blocks
-  /// around? What moved on a little in between does not.
+  static constexpr float kAnotherHue = 0.08f;  ///< of hueDifference()
+  /// Does a block's colour differ by more than `levels`, or its hue, from all that `then` shows there and up
+  /// to two blocks around? What moved on a little in between does not.
   bool differs(int block, const Means& then, float levels) const;
   /// Correlation of the logarithms of brightness, now and then, −1 to 1: another light leaves it as it is.
   /// @param turned_rad by how much the robot turned since then, counter-clockwise

@@ -14,14 +14,13 @@ constexpr double kEdgeShare = 0.7;    // of what lies beside it
 constexpr float kCameUp = 10.0f;      // grey levels: it changed in one frame
 constexpr double kCameUpShare = 0.8;  // of its blocks
 constexpr double kStep_m = 0.1, kStep_rad = 0.1;  // in which no wall comes up
-constexpr float kAnotherHue = 0.08f;              // 1, of a colour: no light and no shadow changes it so …
-constexpr double kHueShare = 0.6;                 // … in so many blocks of a region
-constexpr double kNoLikeness = 0.3;               // correlation
-constexpr double kSameShape = 0.95;               // intersection over union
-constexpr float kChanged = 3.0f;                  // grey levels: what is seen there is another place
-constexpr double kChangedShare = 0.3;             // of what is not covered
-constexpr float kGone = 12.0f;                    // grey levels from what it was
-constexpr double kGoneShare = 0.4;                // of its blocks
+constexpr double kHueShare = 0.6;      // of the blocks of a region, of another hue: no light does that
+constexpr double kNoLikeness = 0.3;    // correlation
+constexpr double kSameShape = 0.95;    // intersection over union
+constexpr float kChanged = 3.0f;       // grey levels: what is seen there is another place
+constexpr double kChangedShare = 0.3;  // of what is not covered
+constexpr float kGone = 12.0f;         // grey levels from what it was
+constexpr double kGoneShare = 0.4;     // of its blocks
 
 /// No wall comes up in it.
 bool isSmall(const Motion& wheels) {
@@ -257,7 +256,7 @@ bool ViewCover::coverWhatCameUp(const Motion& wheels) {
 bool ViewCover::hasAnotherHue() const {
   const auto other = std::count_if(queue_.begin(), queue_.end(), [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    return ViewBlocks::hueDifference(blocks_.means()[at], blocks_.before()[at]) > kAnotherHue;
+    return ViewBlocks::hueDifference(blocks_.means()[at], blocks_.before()[at]) > ViewBlocks::kAnotherHue;
   });
   return static_cast<double>(other) >= kHueShare * static_cast<double>(queue_.size());
 }
