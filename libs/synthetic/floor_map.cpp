@@ -19,26 +19,11 @@ float lineShare(float low, float high, float period, float width) {
   return std::clamp(overlap / (high - low), 0.0f, 1.0f);
 }
 
-/// Darkening of the floor beside the solids, 1 where there is none.
-double contactShade(const Arena& arena, const std::vector<Pose2>& poses, const Eigen::Vector2d& place_m) {
-  double shade = 1.0;
-  for (std::size_t i = 0; i < arena.solids.size(); ++i) {
-    const double gap_m = std::max(0.0, arena.solids[i].distance(place_m, poses[i]));
-    shade *= 1.0 - arena.light.contact_shadow * std::exp(-gap_m / arena.light.contact_shadow_m);
-  }
-  return shade;
-}
-
 std::vector<Pose2> solidPoses(const Arena& arena, double time_s) {
   std::vector<Pose2> poses;
   for (std::size_t i = 0; i < arena.solids.size(); ++i)
     poses.push_back(arena.solidAt(static_cast<int>(i), time_s));
   return poses;
-}
-
-bool same(const std::vector<Pose2>& a, const std::vector<Pose2>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const Pose2& p, const Pose2& q) { return p.vector() == q.vector(); });
 }
 
 }  // namespace
@@ -50,12 +35,26 @@ FloorMap::FloorMap(const Arena& arena, std::uint32_t seed) : seed_(hash32(seed, 
   origin_m_ = -0.5f * size;
   coarse_.resize(static_cast<std::size_t>(columns_) * rows_);
   makeTile(arena.floor);
-  makeCoarse(arena, 0.0);
+  makeLevels(arena);
+  if (arena.light.contact_shadow > 0.0) {
+    solids_ = solidPoses(arena, 0.0);
+    shades_.resize(solids_.size());
+    for (std::size_t i = 0; i < solids_.size(); ++i) shade(arena, i);
+  }
+  makeCoarse(arena.floor);
 }
 
 void FloorMap::update(const Arena& arena, double time_s) {
   if (arena.light.contact_shadow <= 0.0 || arena.moves.empty()) return;
-  if (!same(solids_, solidPoses(arena, time_s))) makeCoarse(arena, time_s);
+  const std::vector<Pose2> now = solidPoses(arena, time_s);
+  bool any = false;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    if (now[i].vector() == solids_[i].vector()) continue;
+    solids_[i] = now[i];
+    shade(arena, i);
+    any = true;
+  }
+  if (any) makeCoarse(arena.floor);
 }
 
 void FloorMap::makeTile(const Floor& floor) {
@@ -99,27 +98,46 @@ void FloorMap::makeTile(const Floor& floor) {
   }
 }
 
-void FloorMap::makeCoarse(const Arena& arena, double time_s) {
-  solids_ = solidPoses(arena, time_s);
+Eigen::Vector2f FloorMap::placeOf(int row, int column) const {
+  return origin_m_ + kCellM * Eigen::Vector2f(static_cast<float>(column), static_cast<float>(row));
+}
+
+void FloorMap::makeLevels(const Arena& arena) {
   const auto cloud_m = static_cast<float>(arena.floor.cloud_size_m);
   const auto clouds = static_cast<float>(arena.floor.clouds);
+  levels_.clear();
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
-      const Eigen::Vector2f place =
-          origin_m_ + kCellM * Eigen::Vector2f(static_cast<float>(column), static_cast<float>(row));
-      const Eigen::Vector2d place_m = place.cast<double>();
+      const Eigen::Vector2f place = placeOf(row, column);
       const float x = place.x() / cloud_m, y = place.y() / cloud_m;
       const float cloud = valueNoise(x, y, seed_ + 1) + 0.5f * valueNoise(2.3f * x, 2.3f * y, seed_ + 2);
       const Eigen::Vector2d lit_m =
-          place_m.cwiseMax(-0.5 * arena.floor.size_m).cwiseMin(0.5 * arena.floor.size_m);
-      double level = arena.light.at(lit_m, 0.0) * (1.0f + clouds * cloud);
-      if (arena.light.contact_shadow > 0.0) level *= contactShade(arena, solids_, place_m);
-      for (int c = 0; c < 3; ++c) {
-        coarse_[static_cast<std::size_t>(row) * columns_ + column][c] =
-            static_cast<float>(arena.floor.rgb[2 - c] * level);
-      }
-      coarse_[static_cast<std::size_t>(row) * columns_ + column][3] = 0.0f;
+          place.cast<double>().cwiseMax(-0.5 * arena.floor.size_m).cwiseMin(0.5 * arena.floor.size_m);
+      levels_.push_back(arena.light.at(lit_m, 0.0) * (1.0f + clouds * cloud));
     }
+  }
+}
+
+void FloorMap::shade(const Arena& arena, std::size_t i) {
+  const Pose2 solid_from_map = solids_[i].inverse();
+  const Eigen::Matrix2d axes = solid_from_map.rotation();
+  shades_[i].clear();
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const Eigen::Vector2d place_m = axes * placeOf(row, column).cast<double>() + solid_from_map.translation();
+      const double gap_m = std::max(0.0, arena.solids[i].distance(place_m));
+      shades_[i].push_back(1.0 - arena.light.contact_shadow * std::exp(-gap_m / arena.light.contact_shadow_m));
+    }
+  }
+}
+
+void FloorMap::makeCoarse(const Floor& floor) {
+  for (std::size_t i = 0; i < coarse_.size(); ++i) {
+    double shade = 1.0;
+    for (const std::vector<double>& of_solid : shades_) shade *= of_solid[i];
+    const double level = levels_[i] * shade;
+    for (int c = 0; c < 3; ++c) coarse_[i][c] = static_cast<float>(floor.rgb[2 - c] * level);
+    coarse_[i][3] = 0.0f;
   }
 }
 

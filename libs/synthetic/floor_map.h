@@ -32,7 +32,10 @@ class FloorMap {
     float grid;   ///< share covered by grid lines
   };
   void makeTile(const Floor& floor);
-  void makeCoarse(const Arena& arena, double time_s);
+  Eigen::Vector2f placeOf(int row, int column) const;
+  void makeLevels(const Arena& arena);
+  void shade(const Arena& arena, std::size_t solid);
+  void makeCoarse(const Floor& floor);
   Eigen::Array4f coarseAt(float x_m, float y_m) const;
   Texel tileAt(float x_m, float y_m, std::uint8_t level) const;
   /// Factor of the field between grid lines that holds a place.
@@ -48,7 +51,9 @@ class FloorMap {
   int columns_ = 0, rows_ = 0;
   Eigen::Vector2f origin_m_{0.0f, 0.0f};
   std::vector<Eigen::Array4f, Eigen::aligned_allocator<Eigen::Array4f>> coarse_;
-  std::vector<Pose2> solids_;  ///< where they stood when the shadows were computed
+  std::vector<double> levels_;  ///< per cell: light and clouds, without what the solids do to them
+  std::vector<Pose2> solids_;   ///< where they stood when the shadows were computed
+  std::vector<std::vector<double>> shades_;  ///< per solid and cell: what is left of the light beside it
 };
 
 }  // namespace omnifleet::synthetic

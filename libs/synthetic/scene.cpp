@@ -73,9 +73,12 @@ Polygon Solid::footprintAt(const Pose2& map_from_solid_then) const {
 }
 
 double Solid::distance(const Eigen::Vector2d& place_m, const Pose2& map_from_solid_then) const {
-  const Eigen::Vector2d local = map_from_solid_then.inverse() * place_m;
-  if (kind == SolidKind::kCylinder) return local.norm() - radius_m;
-  const Eigen::Vector2d beyond = local.cwiseAbs() - 0.5 * size_m;
+  return distance(map_from_solid_then.inverse() * place_m);
+}
+
+double Solid::distance(const Eigen::Vector2d& place_in_solid_m) const {
+  if (kind == SolidKind::kCylinder) return place_in_solid_m.norm() - radius_m;
+  const Eigen::Vector2d beyond = place_in_solid_m.cwiseAbs() - 0.5 * size_m;
   return beyond.cwiseMax(0.0).norm() + std::min(0.0, beyond.maxCoeff());
 }
 

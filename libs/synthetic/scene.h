@@ -71,6 +71,8 @@ struct Solid {
   Polygon footprintAt(const Pose2& map_from_solid_then) const;
   /// Distance from a place to the footprint; negative inside. Metres, exact.
   double distance(const Eigen::Vector2d& place_m, const Pose2& map_from_solid_then) const;
+  /// Likewise from a place in the solid's own axes.
+  double distance(const Eigen::Vector2d& place_in_solid_m) const;
 
   static Solid read(const options::Section& section);
 };
