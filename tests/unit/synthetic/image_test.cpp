@@ -65,6 +65,20 @@ TEST(Images, EqualWhateverWasRenderedBefore) {
   }
 }
 
+TEST(Images, ContactShadowsGoWithWhatMoves) {
+  const Arena moved = livelyArena();
+  Arena there_at_once = moved;
+  there_at_once.solids[0].map_from_solid = moved.moves[0].map_from_solid;
+  there_at_once.moves.clear();
+  const std::vector<Pose2> here{{0, 0, 0}, {0.7, -0.6, 1.0}};
+  Renderer first(moved, "ceiling/c", 5), second(there_at_once, "ceiling/c", 5);
+  cv::Mat a, b;
+  first.render(1, here, a);
+  first.render(9, here, a);
+  second.render(9, here, b);
+  EXPECT_LE(cv::norm(a, b, cv::NORM_INF), 1.0);
+}
+
 TEST(Images, WrittenInPlaceOrRefused) {
   const Arena arena = livelyArena();
   Renderer renderer(arena, "r1/fisheye", 1);
