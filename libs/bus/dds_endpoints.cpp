@@ -32,11 +32,7 @@ class DdsWriterPort : public WriterPort {
     if (writer_ == nullptr) throw std::runtime_error(topic + ": the writer cannot be made");
     participant_->add(writer_);
   }
-  ~DdsWriterPort() override {
-    participant_->remove(writer_);
-    writer_->set_listener(nullptr);
-    const_cast<dds::Publisher*>(writer_->get_publisher())->delete_datawriter(writer_);
-  }
+  ~DdsWriterPort() override { participant_->end(writer_); }
 
   bool write(const void* sample) override {
     error_.clear();

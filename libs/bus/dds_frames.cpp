@@ -91,9 +91,7 @@ class DdsFrameWriter : public FrameWriter {
   }
   ~DdsFrameWriter() override {
     abandon();
-    participant_->remove(writer_);
-    writer_->set_listener(nullptr);
-    const_cast<dds::Publisher*>(writer_->get_publisher())->delete_datawriter(writer_);
+    participant_->end(writer_);
   }
 
   std::uint8_t* begin(const FrameHeader& header) override {

@@ -256,8 +256,14 @@ void DdsParticipant::add(dds::DataWriter* writer) {
   writers_.insert(writer);
 }
 
-void DdsParticipant::remove(dds::DataWriter* writer) {
+void DdsParticipant::end(dds::DataWriter* writer) {
   writers_.erase(writer);
+  writer->set_listener(nullptr);
+  // Fast DDS 2.9 returns what is left of the history to its pool while heartbeats may still walk over it: about
+  // one of 3000 writers then never ended. Of an empty one there is nothing to walk over.
+  std::size_t cleared = 0;
+  writer->clear_history(&cleared);
+  const_cast<dds::Publisher*>(writer->get_publisher())->delete_datawriter(writer);
 }
 
 bool DdsParticipant::flush(std::chrono::nanoseconds timeout) {

@@ -52,9 +52,9 @@ class DdsParticipant : public dds::DomainParticipantListener {
   /// What a type's hash is here: its own, or the one of the options.
   const std::string& hashFor(const std::string& type_hash) const;
 
-  /// Writers that flush() waits for.
+  /// Writers that flush() waits for, until they are ended.
   void add(dds::DataWriter* writer);
-  void remove(dds::DataWriter* writer);
+  void end(dds::DataWriter* writer);
   bool flush(std::chrono::nanoseconds timeout);
 
   void on_participant_discovery(dds::DomainParticipant* participant,

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <optional>
 
+#include "bus/domain_claim.h"
 #include "bus/service.h"
 #include "bus/shared_memory.h"
-#include "launch/domain_claim.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
 #include "options/range_check.h"
@@ -50,7 +50,7 @@ int launch(const RunRequest& request) {
   using namespace omnifleet;
   const supervisor::StopSignals signals;  // before any thread: one that took Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
-  const launch::DomainClaim claim(request.domain, request.host);
+  const bus::DomainClaim claim(request.domain, request.host);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
   supervisor::Options options;

@@ -6,20 +6,35 @@
 #include <unistd.h>
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "bus/dds_bus.h"
+#include "bus/domain_claim.h"
 #include "bus/fake_bus.h"
 #include "bus/topics.h"
+#include "options/options.h"
 
 namespace omnifleet::bus {
 
 inline constexpr std::chrono::seconds kPatience{10};  ///< events end waits; this only ends a failed test
 
-/// A domain that no other test process uses at this time.
+/// A domain that no other test process, and no launched fleet, uses at this time.
 inline int ownDomain() {
-  return 20 + static_cast<int>(::getpid() % 200);
+  constexpr int kFirst = 20, kCount = 40;  // those of the tests of whole fleets are above
+  static const int domain = [] {
+    for (int i = 0; i < kCount; ++i) {
+      const int tried = kFirst + (static_cast<int>(::getpid()) + i) % kCount;
+      try {
+        static const DomainClaim claim(tried, "");
+        return tried;
+      } catch (const options::Error&) {  // taken
+      }
+    }
+    throw std::runtime_error("all domains for tests are taken");
+  }();
+  return domain;
 }
 
 struct Participant {

@@ -1,4 +1,4 @@
-#include "launch/domain_claim.h"
+#include "bus/domain_claim.h"
 
 #include <fmt/format.h>
 #include <sys/socket.h>
@@ -12,7 +12,7 @@
 
 #include "options/options.h"
 
-namespace omnifleet::launch {
+namespace omnifleet::bus {
 
 DomainClaim::DomainClaim(int domain, const std::string& host) {
   socket_ = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -38,4 +38,4 @@ DomainClaim::~DomainClaim() {
   close(socket_);
 }
 
-}  // namespace omnifleet::launch
+}  // namespace omnifleet::bus

@@ -2,7 +2,7 @@
 
 #include <string>
 
-namespace omnifleet::launch {
+namespace omnifleet::bus {
 
 /// Says to other launchers of this machine that a DDS domain is taken: two fleets on one domain hear each
 /// other, and neither map is right. A name in Linux' abstract socket namespace, which a network namespace has
@@ -20,4 +20,4 @@ class DomainClaim {
   int socket_ = -1;
 };
 
-}  // namespace omnifleet::launch
+}  // namespace omnifleet::bus
