@@ -76,10 +76,36 @@ bool isLaser(const View& view) {
   return view.camera_height_m <= 0.0;
 }
 
-/// A robot does not leave the place that it publishes.
-bool isAstray(const PrismFilter& filter, const TrackState::Published& published) {
-  const double sigma = std::sqrt(0.5 * published.covariance.trace());
-  return (filter.position() - published.centre_m).norm() > kAstraySigmas * sigma;
+/// The robot's own body where it says that it is.
+PrismFilter bodyAsPublished(const TrackState& track) {
+  PrismFilter filter = track.filter;
+  const BodyModel& body = *track.published->body;
+  if (std::abs(filter.radius() - body.meanRadius()) > kPeerWidth_m)
+    filter.assumeBody(body.meanRadius(), body.height(), body.round());
+  filter.placeAt(track.published->centre_m, track.filter.velocity(), track.published->covariance);
+  return filter;
+}
+
+/// A blob shows more than the robot whose place is published: its own body there leaves much of it
+/// unexplained.
+bool isMoreThanItsBody(const TrackState& track, const View& view) {
+  if (!track.published || track.kind == ObjectKind::kObstacle) return false;
+  if (track.published->isAstray(track.filter)) return false;  // somebody else, whom it hides or stands beside
+  const double margin_m = std::max(kAlien_m, track.published->sigma());
+  return alienDirections(view, bodyAsPublished(track), margin_m) >= 2 * kFewestDirections;
+}
+
+/// Of its contact side, where it says that it is, some is the blob's: it is not wholly behind the others.
+bool isInSight(const TrackState& track, const View& view) {
+  const PrismFilter body = bodyAsPublished(track);
+  int shown = 0;
+  for (std::size_t k = 0; k < view.size(); ++k) {
+    if (!view.usable(k)) continue;
+    const double predicted = body.predictedSupport(view, k);
+    const double margin_m = kAlien_m + 3.0 * view.supports.sigma_m[k];
+    shown += predicted < 0.0 && std::abs(view.supports.b_m[k] - predicted) < margin_m ? 1 : 0;
+  }
+  return shown >= kFewestDirections;
 }
 
 /// Two bodies cannot stand in one place.
@@ -163,6 +189,7 @@ void Tracker::startPeer(const Peer& peer, std::size_t number, std::size_t b) {
   TrackState& track = tracks_[static_cast<std::size_t>(vague)];
   track.blob = static_cast<int>(b);
   track.identity = static_cast<int>(number);
+  track.published = publishedBy(peer);
   track.whole = true;
   track.moving = true;
 }
@@ -174,7 +201,9 @@ bool Tracker::isOwn(const TrackState& track, const View& view) const {
   const PrismFilter& before = track.filter;
   PrismFilter tried = before;
   const double disagreement = tried.update(view);
-  if (track.published) return !isAstray(tried, *track.published);
+  if (track.published && isMoreThanItsBody(track, views_[static_cast<std::size_t>(track.blob)]))
+    return disagreement < kForeign && !track.published->isAstray(tried, 1.0);
+  if (track.published) return !track.published->isAstray(tried);
   const double leap_m = (tried.position() - before.position()).norm();
   // A far edge alone may always be that of something behind it.
   const double most_m =
@@ -186,10 +215,11 @@ bool Tracker::isOwn(const TrackState& track, const View& view) const {
 
 bool Tracker::showsMore(const TrackState& track, const View& view) const {
   if (!track.whole || (track.views < kMature && !track.published) || isLaser(view)) return false;
+  if (isMoreThanItsBody(track, view)) return true;
   PrismFilter moved = track.filter;  // its own motion since the last frame is not taken for something new
   if (track.published) moved.updatePosition(track.published->centre_m, track.published->covariance);
   moved.update(view);
-  if (track.published && isAstray(moved, *track.published)) return true;
+  if (track.published && track.published->isAstray(moved)) return true;
   return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
 }
 
@@ -208,7 +238,11 @@ void Tracker::findOwners(std::size_t b, int& vague) {
       continue;
     }
     // What is left of an outline may be its neighbour's: a robot does not leave the place that it publishes.
-    if (track.published) track.filter.updatePosition(track.published->centre_m, track.published->covariance);
+    if (isMoreThanItsBody(track, views_[b])) {
+      track.filter = bodyAsPublished(track);  // what ran together with it has pulled at it
+    } else if (track.published) {
+      track.filter.updatePosition(track.published->centre_m, track.published->covariance);
+    }
     known_owners_.push_back(t);
     split_owners_.push_back({&track.filter, remembered ? &track.outline : nullptr});
   }
@@ -228,8 +262,12 @@ void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
     TrackState& track = tracks_[static_cast<std::size_t>(known_owners_[i])];
     if (usableDirections(split_[i]) >= kFewestDirections && isOwn(track, split_[i])) {
       see(track, split_[i], object);
+      continue;
+    }
+    track.blob = -1;
+    if (isMoreThanItsBody(track, views_[b]) && isInSight(track, views_[b])) {
+      glimpseAsPublished(track, views_[b].time_ns);
     } else {
-      track.blob = -1;
       track.hidden = true;
     }
   }
@@ -264,13 +302,18 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
   });
   if (!free) return;
   first.alien_frames = 0;
-  const int lost = lostAt(filter, rest_);
+  const int lost = lostAt(filter, rest_, true);
   const int t = lost >= 0 ? lost : vague;
   if (t < 0) addTrack(filter, rest_.time_ns);
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
   if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
     track.startAfresh(freshRest());
     track.dissolved = false;
+  }
+  // It went on unseen: it is where it comes out.
+  if (lost >= 0 && (track.filter.position() - filter.position()).norm() > track.filter.radius()) {
+    track.filter.placeAt(filter.position(), Eigen::Vector2d::Zero(), filter.positionCovariance());
+    track.moving = true;
   }
   track.whole = true;
   track.blob = static_cast<int>(b);

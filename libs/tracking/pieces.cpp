@@ -114,8 +114,19 @@ void Tracker::glimpse(TrackState& track, const Peer& peer, const PeerInSight& se
     return;
   }
   track.filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
-  track.last_seen_m = peer.centre_m;
-  track.seen_ns = local_map.acquired_ns;
+  noteSight(track, local_map.acquired_ns);
+}
+
+/// A blob shows it, where it says that it is, and nothing of its own outline.
+void Tracker::glimpseAsPublished(TrackState& track, TimeNs now_ns) {
+  track.glimpsed = true;
+  track.filter.placeAt(track.published->centre_m, track.published->velocity_mps, track.published->covariance);
+  noteSight(track, now_ns);
+}
+
+void Tracker::noteSight(TrackState& track, TimeNs now_ns) {
+  track.last_seen_m = track.filter.position();
+  track.seen_ns = now_ns;
   track.unseen_s = 0.0;
   track.hidden = false;
   ++track.views;

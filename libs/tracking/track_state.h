@@ -42,8 +42,15 @@ struct TrackState {
   int identity = -1;  ///< index of the peer whose published pose it has matched, while it was seen
   /// Where that peer says it is now (odom); speaks where the own outline does not, in a blob with others.
   struct Published {
-    Eigen::Vector2d centre_m;
+    Eigen::Vector2d centre_m, velocity_mps;
     Eigen::Matrix2d covariance;
+    const BodyModel* body;  ///< of the peer, as long as the frame is
+
+    double sigma() const { return std::sqrt(0.5 * covariance.trace()); }
+    /// A robot does not leave the place that it publishes.
+    bool isAstray(const PrismFilter& filter, double sigmas = 3.0) const {
+      return (filter.position() - centre_m).norm() > sigmas * sigma();
+    }
   };
   std::optional<Published> published;
 

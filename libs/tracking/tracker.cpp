@@ -282,12 +282,14 @@ bool Tracker::isPieceOfKnown(const PrismFilter& piece) const {
   });
 }
 
-int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
+int Tracker::lostAt(const PrismFilter& filter, const View& view, bool rest_of_blob) const {
   int nearest = -1;
   double least = 1.0;
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const TrackState& track = tracks_[t];
     if (track.blob >= 0 || !track.whole || track.dissolved) continue;
+    if (rest_of_blob && track.published && track.published->isAstray(filter))
+      continue;  // told apart just now
     // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
     // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
@@ -301,6 +303,11 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view) const {
     nearest = static_cast<int>(t);
   }
   return nearest;
+}
+
+TrackState::Published Tracker::publishedBy(const Peer& peer) {
+  const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
+  return {peer.centre_m, peer.velocity_mps, peer.covariance + leeway, &peer.body};
 }
 
 void Tracker::followPeers(const std::vector<Peer>& peers) {
@@ -317,8 +324,7 @@ void Tracker::followPeers(const std::vector<Peer>& peers) {
       known_peers_[static_cast<std::size_t>(track.identity)].id = track.id;
     const Peer& peer = peers[static_cast<std::size_t>(track.identity)];
     if (!peer.known) continue;
-    const Eigen::Matrix2d leeway = kPeerLeeway_m * kPeerLeeway_m * Eigen::Matrix2d::Identity();
-    track.published = TrackState::Published{peer.centre_m, peer.covariance + leeway};
+    track.published = publishedBy(peer);
     if (track.unseen_s >= kShortlyLost_s)
       track.filter.placeAt(peer.centre_m, peer.velocity_mps, track.published->covariance);
   }

@@ -85,13 +85,16 @@ class Tracker {
   void see(TrackState& track, const View& view, const ObjectObservation& object);
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
   bool isPieceOfKnown(const PrismFilter& piece) const;
-  int lostAt(const PrismFilter& filter, const View& view) const;
+  int lostAt(const PrismFilter& filter, const View& view, bool rest_of_blob = false) const;
   void lookForPeers(const LocalMap& local_map, const std::vector<Peer>& peers);
   bool isOfAThing(const View& view) const;
   int trackOf(std::size_t peer) const;
   int startTrackOf(const Peer& peer, std::size_t number);
   void seePieces(const LocalMap& local_map, const std::vector<Peer>& peers);
   void glimpse(TrackState& track, const Peer& peer, const PeerInSight& seen, const LocalMap& local_map);
+  void glimpseAsPublished(TrackState& track, TimeNs now_ns);
+  static void noteSight(TrackState& track, TimeNs now_ns);
+  static TrackState::Published publishedBy(const Peer& peer);
   bool isShown(const TrackState& track) const {
     return track.glimpsed || (track.blob >= 0 && (track.clean || track.located));
   }
