@@ -310,11 +310,7 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
     track.startAfresh(freshRest());
     track.dissolved = false;
   }
-  // It went on unseen: it is where it comes out.
-  if (lost >= 0 && (track.filter.position() - filter.position()).norm() > track.filter.radius()) {
-    track.filter.placeAt(filter.position(), Eigen::Vector2d::Zero(), filter.positionCovariance());
-    track.moving = true;
-  }
+  if (lost >= 0) comeOut(track, filter);
   track.whole = true;
   track.blob = static_cast<int>(b);
   if (t != vague) owners_[b].push_back(t < 0 ? static_cast<int>(tracks_.size()) - 1 : t);

@@ -235,6 +235,7 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
     tracks_.back().moving = true;
   }
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
+  if (found) comeOut(track, fitted);
   track.blob = static_cast<int>(b);
   track.clean = whole && !object.truncated;
   owners_[b].push_back(t);
@@ -288,8 +289,6 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view, bool rest_of_bl
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const TrackState& track = tracks_[t];
     if (track.blob >= 0 || !track.whole || track.dissolved) continue;
-    if (rest_of_blob && track.published && track.published->isAstray(filter))
-      continue;  // told apart just now
     // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
     // and comes out again.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
@@ -298,11 +297,21 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view, bool rest_of_bl
                                        : wayOn(track.filter, track.last_seen_m, track.last_speed_mps,
                                                track.unseen_s, filter);
     const double distance = std::min({apart, unlike, way});
+    // Who publishes a place has just been told from this rest, unless it looks as it would look there.
+    const bool unlike_it = unlike * options_.gate_m > kUnlike_m;
+    if (rest_of_blob && unlike_it && track.published && track.published->isAstray(filter)) continue;
     if (distance >= least) continue;
     least = distance;
     nearest = static_cast<int>(t);
   }
   return nearest;
+}
+
+/// What went on unseen is where it comes out.
+void Tracker::comeOut(TrackState& track, const PrismFilter& seen) {
+  if ((track.filter.position() - seen.position()).norm() <= track.filter.radius()) return;
+  track.filter.placeAt(seen.position(), Eigen::Vector2d::Zero(), seen.positionCovariance());
+  track.moving = true;
 }
 
 TrackState::Published Tracker::publishedBy(const Peer& peer) {

@@ -94,6 +94,7 @@ class Tracker {
   void glimpse(TrackState& track, const Peer& peer, const PeerInSight& seen, const LocalMap& local_map);
   void glimpseAsPublished(TrackState& track, TimeNs now_ns);
   static void noteSight(TrackState& track, TimeNs now_ns);
+  static void comeOut(TrackState& track, const PrismFilter& seen);
   static TrackState::Published publishedBy(const Peer& peer);
   bool isShown(const TrackState& track) const {
     return track.glimpsed || (track.blob >= 0 && (track.clean || track.located));
