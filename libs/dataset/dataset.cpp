@@ -29,11 +29,15 @@ RobotRecording readRobot(const options::Section& section, const std::string& nam
   if (section.has("initial_pose")) {
     Eigen::Vector3d pose;
     section.read("initial_pose", pose);
+    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= kFarthestStart_m))
+      section.fail("initial_pose", fmt::format("x and y must be within ±{:g} m", kFarthestStart_m));
     robot.initial_pose = Pose2{pose.x(), pose.y(), wrapAngle(pose.z())};
   }
   double wheel_separation_m = 0.0;
   section.read("wheel_separation_m", wheel_separation_m, options::kPositive);
-  if (section.has("body")) robot.body = readBody(section.child("body"));
+  if (!section.has("body"))
+    section.fail("body", "is required: radius_m or footprint_m, and height_m, by which others tell it");
+  robot.body = readBody(section.child("body"));
   robot.body.wheel_separation_m = wheel_separation_m;
   section.finish();
   return robot;
@@ -78,6 +82,10 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   }
   if (const auto path = base / "wheels" / "data.csv"; fs::exists(path)) {
     robot.wheels = readWheels(path.string(), warnings);
+    if (!(robot.body.wheel_separation_m > 0.0))
+      throw options::Error(
+          fmt::format("{}/dataset.yaml: robots.{}.wheel_separation_m: is required, as {} tells speeds",
+                      folder, robot.name, path.string()));
   }
   if (const auto path = base / "observations.csv"; fs::exists(path)) {
     robot.observations = readObservations(path.string(), robot.name, warnings);

@@ -44,6 +44,9 @@ struct RangeBearingRow {
   double range_m = 0.0, bearing_rad = 0.0;
 };
 
+inline constexpr double kFarthestStart_m =
+    1000.0;  ///< of an `initial_pose` from the map's origin, along x and y
+
 struct RobotRecording {
   std::string name;
   std::optional<Pose2> initial_pose;  ///< map_from_base at the first time

@@ -1,8 +1,11 @@
 #include "fleet/fleet.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 
+#include "dataset/dataset.h"
 #include "fleet/names.h"
 #include "fleet/sources.h"
 #include "synthetic/randomised.h"
@@ -35,6 +38,8 @@ RobotSpec readRobot(const std::string& name, const options::Section& section) {
   if (section.has("initial_pose")) {
     Eigen::Vector3d pose;
     section.read("initial_pose", pose);
+    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= dataset::kFarthestStart_m))
+      section.fail("initial_pose", fmt::format("x and y must be within ±{:g} m", dataset::kFarthestStart_m));
     robot.initial_pose = Pose2::fromVector(pose);
   }
   const options::Section body = section.child("body");

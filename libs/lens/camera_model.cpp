@@ -10,6 +10,8 @@
 namespace omnifleet::lens {
 namespace {
 
+constexpr double kWidest_deg = 359.0;
+
 template <typename Enum>
 struct Name {
   const char* name;
@@ -115,6 +117,11 @@ void fillDefaults(const options::Section& section, bool known_intrinsics, Camera
 }
 
 void checkLens(const options::Section& section, CameraModel& model) {
+  if (model.projection == Projection::kStereographic && model.fov_deg > kWidest_deg)
+    section.fail("fov_deg",
+                 fmt::format("a stereographic lens has no image at 180° from its axis (r = 2 f tan θ/2): "
+                             "at most {:g}",
+                             kWidest_deg));
   const bool has_field =
       model.kind != CameraKind::kEquirectangular && model.projection != Projection::kPinhole;
   try {
@@ -181,7 +188,7 @@ double widestFovDeg(CameraModel model) {
       return std::unique_ptr<const Lens>();
     }
   };
-  double low = 1.0, high = model.projection == Projection::kOrthographic ? 180.0 : 359.0;
+  double low = 1.0, high = model.projection == Projection::kOrthographic ? 180.0 : kWidest_deg;
   if (!invertible(high)) {
     if (!invertible(low)) Lens::make(model);  // says why
     for (int i = 0; i < 30; ++i) {

@@ -145,7 +145,10 @@ void Canvas::drawCells() {
 
 void Canvas::drawMetreGrid() {
   const double span = std::max(high_.x() - low_.x(), high_.y() - low_.y());
-  const double step = span > 40 ? 10.0 : span > 16 ? 5.0 : span > 6 ? 1.0 : 0.5;
+  const double step = span > 40   ? std::pow(10.0, std::ceil(std::log10(span / 40.0)))
+                      : span > 16 ? 5.0
+                      : span > 6  ? 1.0
+                                  : 0.5;
   char words[32];
   const auto name = [&](double value) {
     std::snprintf(words, sizeof words, step < 1 ? "%.1f" : "%.0f", std::abs(value) < 1e-9 ? 0.0 : value);

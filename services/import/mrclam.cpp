@@ -166,6 +166,7 @@ class Importer {
       scene.push_back(std::move(object));
     }
     dataset::writeTruthScene(out_, scene);
+    std::filesystem::remove(out_ + "/landmarks.yaml");  // of an import before this
     if (options_.survey) dataset::writeLandmarks(out_ + "/landmarks.yaml", survey);
   }
 

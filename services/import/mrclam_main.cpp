@@ -54,12 +54,16 @@ int main(int argc, char** argv) {
       ->check(omnifleet::options::within({0.01, 10.0}));
   app.add_flag("--initial-poses", options.initial_poses, "tell where each robot starts");
   app.add_flag("--survey", options.survey, "tell where the landmarks stand (landmarks.yaml)");
+  bool force = false;
+  app.add_flag("--force", force, "write over a dataset that is there already");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
+    if (!force && std::filesystem::exists(std::filesystem::path(out) / "dataset.yaml"))
+      throw omnifleet::options::Error(out + " holds a dataset already; --force writes over it");
     return run(source, out, options);
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -7,6 +7,8 @@ namespace omnifleet::local_mapper {
 
 namespace {
 
+constexpr std::size_t kIntervals = 9, kFewestIntervals = 3;
+
 /// Brightest channel.
 int levelAt(const cv::Mat& image, const cv::Point& p) {
   const int channels = image.channels();
@@ -22,6 +24,7 @@ FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
   section.read("bright_level", o.bright_level, {1.0, 255.0});
   section.read("bright_fraction", o.bright_fraction, {0.01, 1.0});
   section.read("max_gap_s", o.max_gap_s, {0.0, 3600.0});
+  section.read("max_gap_periods", o.max_gap_periods, {1.0, 1e6});
   section.read("max_sequence_step", o.max_sequence_step, {1, 1000000});
   section.finish();
   return o;
@@ -30,6 +33,7 @@ FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
 FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& view,
                        const FrameCheckOptions& options)
     : size_(model.image_width_px, model.image_height_px), options_(options) {
+  intervals_s_.reserve(kIntervals);
   constexpr int kStep_px = 16;  // a few thousand pixels tell the exposure
   for (int y = 0; y < size_.height; y += kStep_px)
     for (int x = 0; x < size_.width; x += kStep_px)
@@ -55,6 +59,7 @@ void FrameCheck::resume(const FrameCheck& before) {
   previous_ns_ = before.previous_ns_;
   lit_beyond_ = before.lit_beyond_;
   previous_sequence_ = before.previous_sequence_;
+  intervals_s_.assign(before.intervals_s_.begin(), before.intervals_s_.end());
 }
 
 FrameState FrameCheck::check(const Frame& frame) {
@@ -75,7 +80,7 @@ FrameState FrameCheck::check(const Frame& frame) {
   gap_s_ = since_s > options_.max_gap_s ? since_s : 0.0;
   if (state == FrameState::kOk && previous_usable_) {
     const std::uint32_t step = frame.sequence - previous_sequence_;
-    follows_ = gap_s_ == 0.0 && step >= 1 && step <= static_cast<std::uint32_t>(options_.max_sequence_step);
+    follows_ = !isGap(since_s) && step >= 1 && step <= static_cast<std::uint32_t>(options_.max_sequence_step);
   }
   previous_usable_ = state == FrameState::kOk;
   if (in_order) {
@@ -84,6 +89,21 @@ FrameState FrameCheck::check(const Frame& frame) {
     previous_sequence_ = frame.sequence;
   }
   return state;
+}
+
+/// Rows that are missing in a recording leave no hole in the sequence.
+bool FrameCheck::isGap(double since_s) {
+  bool gap = since_s > options_.max_gap_s;
+  if (intervals_s_.size() >= kFewestIntervals) {
+    std::array<double, kIntervals> sorted;
+    const auto end = std::copy(intervals_s_.begin(), intervals_s_.end(), sorted.begin());
+    const auto middle = sorted.begin() + (end - sorted.begin()) / 2;
+    std::nth_element(sorted.begin(), middle, end);
+    gap = gap || since_s > options_.max_gap_periods * *middle;
+  }
+  if (intervals_s_.size() == kIntervals) intervals_s_.erase(intervals_s_.begin());
+  intervals_s_.push_back(since_s);
+  return gap;
 }
 
 FrameState FrameCheck::exposure(const cv::Mat& image) {

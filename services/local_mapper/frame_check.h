@@ -22,7 +22,8 @@ struct FrameCheckOptions {
   double dark_level = 12.0;      ///< grey level 0–255: a median below this in the seen area is "covered"
   double bright_level = 250.0;   ///< grey level 0–255: a pixel at or above is saturated
   double bright_fraction = 0.6;  ///< 0–1: share of saturated pixels that makes a frame "overexposed"
-  double max_gap_s = 1.0;        ///< seconds between frames beyond which no vectors are made
+  double max_gap_s = 1.0;        ///< seconds between frames beyond which no vectors are made, …
+  double max_gap_periods = 2.5;  ///< … and in times the median of the last intervals (≥ 1)
   int max_sequence_step = 1;     ///< frames: a larger step of the sequence number is a gap (≥ 1)
   static FrameCheckOptions read(const options::Section& section);
 };
@@ -53,6 +54,7 @@ class FrameCheck {
   void resume(const FrameCheck& before);
 
  private:
+  bool isGap(double since_s);
   FrameState exposure(const cv::Mat& image);
   void sampleBeyond(const lens::CameraModel& model);
 
@@ -65,6 +67,7 @@ class FrameCheck {
   TimeNs previous_ns_ = 0;
   double gap_s_ = 0.0;
   std::uint32_t previous_sequence_ = 0;
+  std::vector<double> intervals_s_;  ///< the last ones, oldest first
 };
 
 }  // namespace omnifleet::local_mapper

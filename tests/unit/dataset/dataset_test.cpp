@@ -274,7 +274,14 @@ TEST_F(DatasetFiles, ErrorsNameFileLineAndWhatToDo) {
   EXPECT_THAT(with("wheel_separation_m", "wheel_distance"), HasSubstr("unknown key"));
   EXPECT_THAT(with("radius_m: 0.15", "radius_m: 0.15, footprint_m: [[0, 0], [1, 0], [1, 1]]"),
               HasSubstr("exactly one"));
+  EXPECT_THAT(with("    body: {radius_m: 0.15, height_m: 0.3}\n", ""),
+              AllOf(HasSubstr("dataset.yaml:8: robots.r1.body"), HasSubstr("is required")));
+  EXPECT_THAT(with("[1, 2, 3.5]", "[1, 1e7, 0]"),
+              AllOf(HasSubstr("dataset.yaml:5: robots.r2.initial_pose"), HasSubstr("±1000 m")));
   EXPECT_THAT(with("  r1:", "  ceiling:"), HasSubstr("not ceiling"));
+  put("r1/wheels/data.csv", "#timestamp [ns],v_left,v_right\n10,0,0\n");
+  EXPECT_THAT(with("    wheel_separation_m: 0.26\n", ""),
+              AllOf(HasSubstr("dataset.yaml: robots.r1.wheel_separation_m"), HasSubstr("is required")));
   EXPECT_THAT(with("  r1:", "  r/1:"), HasSubstr("letters"));
   put("dataset.yaml", kDataset);
   put("r1/fisheye/data.csv", "#timestamp [ns],filename\nx,a.png\n");

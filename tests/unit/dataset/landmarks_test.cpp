@@ -69,6 +69,7 @@ TEST_F(Landmarks, BadFilesAreRefusedWithFileAndLine) {
 TEST_F(Landmarks, ARecordingCarriesThem) {
   RobotRecording robot;
   robot.name = "r1";
+  robot.body = {0.15, {}, 0.3, 0.26};
   writeDatasetYaml(folder_.path(), {robot});
   EXPECT_TRUE(Dataset::open(folder_.path()).landmarks.empty());
   std::ofstream(path_) << "landmarks:\n  a: {position_m: [1, 2]}\n";

@@ -64,6 +64,11 @@ TEST(SensorYaml, ErrorsNameFileLineKeyAndBound) {
   };
   EXPECT_THAT(with("fov_deg: 185", "fov_deg: 400"),
               AllOf(HasSubstr("s.yaml:7: fov_deg"), HasSubstr("[1, 360]")));
+  EXPECT_THAT(refusal(written(
+                  folder, "s.yaml",
+                  "camera_model: fisheye\nprojection: stereographic\nimage_width: 640\nimage_height: 480\n"
+                  "focal_px: 100\nprincipal_point_px: [320, 240]\nfov_deg: 360\n")),
+              AllOf(HasSubstr("s.yaml:7: fov_deg"), HasSubstr("180°")));
   EXPECT_THAT(with("focal_px: [150.5, 151]", "focal_px: 0"),
               AllOf(HasSubstr("s.yaml:5: focal_px"), HasSubstr("positive")));
   EXPECT_THAT(with("kannala_brandt", "perspektive"),

@@ -159,7 +159,13 @@ TEST_F(Mrclam, TheProgramTakesFoldersAndArchivesAndNamesWhatIsNone) {
   const auto [cut, why] = run(archive + " " + (folder_ / "from_cut"));
   EXPECT_EQ(cut, 2);
   EXPECT_THAT(why, HasSubstr("set.tar.gz"));
-  EXPECT_EQ(run("/nowhere/at/all " + out()).first, 2);
+  EXPECT_EQ(run("/nowhere/at/all " + (folder_ / "from_nowhere")).first, 2);
+  const std::string again = folder_ / "from_archive";  // surveyed, then not: nothing of before may stay
+  EXPECT_THAT(run(source_.path() + " " + again + " --survey").second, HasSubstr("--force"));
+  EXPECT_EQ(run(source_.path() + " " + again + " --survey --force").first, 0);
+  EXPECT_FALSE(dataset::Dataset::open(again).landmarks.empty());
+  EXPECT_EQ(run(source_.path() + " " + again + " --force").first, 0);
+  EXPECT_TRUE(dataset::Dataset::open(again).landmarks.empty());
   EXPECT_EQ(run(source_.path() + " " + out() + " --wheel-separation 0").first, 2);
   EXPECT_EQ(run("").first, 2);
 }

@@ -101,5 +101,22 @@ TEST_F(FrameCheckTest, ALongPauseIsAGap) {
   EXPECT_NEAR(check_.gap_s(), 3.0, 1e-9);
 }
 
+/// Rows that were taken out of a recording leave no hole in the sequence, and may be a second in all.
+TEST_F(FrameCheckTest, WhatTakesMuchLongerThanTheFramesBeforeIsAGap) {
+  Frame frame = testing::frameOf(grey(100), 0);
+  const auto after = [&](double seconds) {
+    frame.acquired_ns += static_cast<TimeNs>(1e9 * seconds);
+    ++frame.sequence;
+    EXPECT_EQ(check_.check(frame), FrameState::kOk);
+    return check_.follows();
+  };
+  check_.check(frame);
+  for (const double seconds : {0.2, 0.21, 0.15, 0.3, 0.2, 0.4}) EXPECT_TRUE(after(seconds)) << seconds;
+  EXPECT_FALSE(after(1.0));
+  EXPECT_TRUE(after(0.2));
+  for (int k = 0; k < 9; ++k) after(0.8);  // from now on that is the rule
+  EXPECT_TRUE(after(0.8));
+}
+
 }  // namespace
 }  // namespace omnifleet::local_mapper
