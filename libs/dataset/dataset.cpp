@@ -23,7 +23,8 @@ RobotBody readBody(const options::Section& section) {
   return body;
 }
 
-RobotRecording readRobot(const options::Section& section, const std::string& name) {
+/// @param replayed  there is something of it to be replayed, by which others will see it
+RobotRecording readRobot(const options::Section& section, const std::string& name, bool replayed) {
   RobotRecording robot;
   robot.name = name;
   if (section.has("initial_pose")) {
@@ -35,9 +36,10 @@ RobotRecording readRobot(const options::Section& section, const std::string& nam
   }
   double wheel_separation_m = 0.0;
   section.read("wheel_separation_m", wheel_separation_m, options::kPositive);
-  if (!section.has("body"))
+  const bool has_body = section.has("body");
+  if (!has_body && replayed)
     section.fail("body", "is required: radius_m or footprint_m, and height_m, by which others tell it");
-  robot.body = readBody(section.child("body"));
+  if (has_body) robot.body = readBody(section.child("body"));
   robot.body.wheel_separation_m = wheel_separation_m;
   section.finish();
   return robot;
@@ -64,7 +66,8 @@ std::vector<RobotRecording> readRobots(const std::string& path) {
   std::vector<RobotRecording> result;
   for (const std::string& name : robots.keys()) {
     checkName(robots, name);
-    result.push_back(readRobot(robots.child(name), name));
+    const bool replayed = fs::is_directory(fs::path(path).parent_path() / name);
+    result.push_back(readRobot(robots.child(name), name, replayed));
   }
   if (result.empty()) section.fail("robots", "must name at least one robot");
   section.finish();

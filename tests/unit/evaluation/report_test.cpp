@@ -32,6 +32,7 @@ class Evaluate : public ::testing::Test {
   void SetUp() override {
     dataset::RobotRecording r1;
     r1.name = "r1";
+    r1.body = {0.15, {}, 0.3, 0.26};
     dataset::writeDatasetYaml(recording_, {r1});
     lens::CameraModel camera;
     camera.image_width_px = camera.image_height_px = 8;
@@ -170,7 +171,7 @@ class FreeFrame : public ::testing::Test {
     for (const auto& [name, start] : starts_) {
       dataset::RobotRecording robot;
       robot.name = name;
-      robot.body.wheel_separation_m = kSeparation_m;
+      robot.body = {0.15, {}, 0.3, kSeparation_m};
       robots.push_back(robot);
       std::vector<dataset::StampedPose> exact, run;
       dataset::WheelsWriter wheels(recording_, name);
