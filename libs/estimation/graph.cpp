@@ -12,6 +12,10 @@
 namespace omnifleet::estimation {
 namespace {
 
+// Of the largest information of a prior that is condensed, what is no rounding: stiff steps (0.1 mm, 1e8 m⁻²)
+// cancel in it to some 1e-3 m⁻², and taken for a measurement that moves by its own noise. What is let go with
+// it tells nothing better than to a few metres or radians.
+constexpr double kTold = 1e-9;
 constexpr double kLoose = 1e-9;  // information of variables that nobody constrains yet
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -23,7 +27,7 @@ void squareRoot(const Eigen::MatrixXd& h, const Eigen::VectorXd& g, Eigen::Matri
   Eigen::VectorXd root(h.rows()), inverse(h.rows());
   for (Eigen::Index i = 0; i < h.rows(); ++i) {
     const double d = ldlt.vectorD()(i);
-    const bool positive = d > 1e-12 * largest;
+    const bool positive = d > kTold * largest;
     root(i) = positive ? std::sqrt(d) : 0.0;
     inverse(i) = positive ? 1.0 / std::sqrt(d) : 0.0;
   }
