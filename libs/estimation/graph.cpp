@@ -12,9 +12,8 @@
 namespace omnifleet::estimation {
 namespace {
 
-// Of the largest information of a prior that is condensed, what is no rounding: stiff steps (0.1 mm, 1e8 m⁻²)
-// cancel in it to some 1e-3 m⁻², and taken for a measurement that moves by its own noise. What is let go with
-// it tells nothing better than to a few metres or radians.
+// Of the largest information of a prior that is condensed: less is taken for rounding. Stiff steps (0.1 mm,
+// 1e8 m⁻²) cancel in it, and noise taken for a measurement moves by its residual over its own root.
 constexpr double kTold = 1e-9;
 constexpr double kLoose = 1e-9;  // information of variables that nobody constrains yet
 
