@@ -58,6 +58,7 @@ Topics::Topics(RunMode mode)
       laser{"omnifleet/laser", stream(mode)},
       local_map{"omnifleet/local_map", stream(mode)},
       objects{"omnifleet/objects", stream(mode)},
+      objects_kept{objects.name, journal(mode)},
       measurement{"omnifleet/measurement", stream(mode)},
       pose{"omnifleet/pose", stream(mode)},
       place{"omnifleet/place", journal(mode)},

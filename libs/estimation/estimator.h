@@ -32,6 +32,8 @@ struct RobotSetup {
                                       ///< until an absolute measurement or a sighting locates it
   bool founds_map = false;  ///< nobody has told where it starts: `map` is made so that initial_pose holds
   lens::Spread lens{};      ///< of its camera
+  /// Of its camera, as PoseEstimate tells it: found before, by an estimator whose place this one takes.
+  Eigen::Vector4d camera_error = Eigen::Vector4d::Zero();
 };
 
 struct EstimatorOptions {

@@ -18,6 +18,8 @@ constexpr double kSizeSigma = 0.1;               // 1, of a landmark's size: as 
 constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
 constexpr int kMovedAfter = 5;                   // misfits in a row after which a landmark has moved away
 constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
+// Of a camera's error that was found before: what cameras' views have in common, twice; contours not at all.
+const CameraError kFound = (CameraError() << 0.001, 0.002, 0.0007, 0.0007, 1.0).finished();
 const Eigen::VectorXd kWhole = Eigen::VectorXd::Ones(1);  // a size that is as it was said to be
 }  // namespace
 
@@ -32,6 +34,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
+    robot.camera_told = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
@@ -86,8 +89,11 @@ VariableId FleetState::detector(RobotNode& robot) {
 
 VariableId FleetState::camera(RobotNode& robot) {
   if (robot.camera != 0) return robot.camera;
-  robot.camera = graph.addVariable(CameraError::Zero());
+  CameraError found = CameraError::Zero();
+  found.head<4>() = robot.setup.camera_error;
+  robot.camera = graph.addVariable(found);
   graph.addFactor(priorFactor(CameraError::Zero(), options.camera.sigma()), {robot.camera});
+  if (options.camera.estimate && !found.isZero()) graph.addFactor(priorFactor(found, kFound), {robot.camera});
   return robot.camera;
 }
 

@@ -102,7 +102,7 @@ Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& 
   if (seen.camera_height_dmm <= 0 || error == CameraErrorPpm{}) return out;
   Lens lens{Eigen::Vector2d(seen.scan_origin.x_dmm, seen.scan_origin.y_dmm) / kPerMetre,
             seen.camera_height_dmm / kPerMetre, CameraError::Zero(), spread};
-  for (std::size_t i = 0; i < error.size(); ++i) lens.error(static_cast<Eigen::Index>(i)) = error[i] * 1e-6;
+  lens.error.head<4>() = cameraErrorOf(error);
   out.camera_height_dmm = rounded(lens.heightOf());
   for (SupportView& view : out.views) correct(lens, view);
   correctRays(lens, out);

@@ -120,6 +120,10 @@ class Bytes {
 
 }  // namespace
 
+Eigen::Vector4d cameraErrorOf(const CameraErrorPpm& millionths) {
+  return 1e-6 * Eigen::Map<const Eigen::Vector4<std::int32_t>>(millionths.data()).cast<double>();
+}
+
 Pose2 KeyframePose::mapFromBase() const {
   return {position.x_dmm / kPerMetre, position.y_dmm / kPerMetre, theta_dmrad / kPerMetre};
 }

@@ -57,6 +57,7 @@ struct Contribution {
 
 /// Focal length, height, roll and pitch as in PoseEstimate::camera_error, in millionths.
 using CameraErrorPpm = std::array<std::int32_t, 4>;
+Eigen::Vector4d cameraErrorOf(const CameraErrorPpm& millionths);
 
 /// Where the robot's contribution of that time stands. The highest (term, revision) wins.
 struct KeyframePose {

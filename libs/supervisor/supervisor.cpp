@@ -87,8 +87,11 @@ class Run {
 
   void start(Member& member) {
     member.restart_s = EventLoop::kNever;
+    ProcessSpec spec = member.spec;
+    if (member.starts > 0 && !spec.life_option.empty())
+      spec.argv.insert(spec.argv.end(), {spec.life_option, std::to_string(member.starts + 1)});
     try {
-      member.child = spawn(member.spec);
+      member.child = spawn(spec);
     } catch (const std::runtime_error& error) {
       fail(member, std::string("did not start: ") + error.what());
       return;

@@ -23,6 +23,7 @@ enum class RestartPolicy {
 struct ProcessSpec {
   std::string name;                        ///< unique; names the log and the messages
   std::vector<std::string> argv;           ///< argv[0] is looked up in PATH unless it has a slash
+  std::string life_option;                 ///< appended with the number of its life from the second on; empty: none
   std::map<std::string, std::string> env;  ///< added to (or replacing in) the supervisor's own environment
   std::string log_path;                    ///< stdout and stderr, appended; empty: inherited
   int level = 0;  ///< place in the line: started in descending, stopped in ascending order

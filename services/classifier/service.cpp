@@ -34,12 +34,12 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
                   {"local_map " + context.options.robot, context.options.robot, 0, bus::StreamRole::kInput,
                    streamMode(context.options)}),
       poses_(context, fleet, merger_, ends_),
-      out_(context.bus.writer(context.topics.objects, context.options.robot),
+      out_(context.bus.writer(context.topics.objects_kept, context.options.robot),
            "objects " + context.options.robot,
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
                   ownRobot(context, fleet), fleet.bodies()),
-      starts_(startsOf(fleet)) {
+      starts_(context.options.life == 1 ? startsOf(fleet) : std::vector<PoseEstimate>{}) {
   if (!context.options.out.empty()) tracks_.open(status(), context.options.out, context.options.robot);
 }
 

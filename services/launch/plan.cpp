@@ -57,6 +57,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     add("--dataset", fleet.dataset);
     for (const std::string& overlay : request.overlays) add("--config", overlay);
     add(process.instance.find('/') == std::string::npos ? "--robot" : "--camera", process.instance);
+    spec.life_option = "--life";
     if (request.debug_images) spec.argv.push_back("--debug-images");
     if (request.record) spec.argv.push_back("--record");
     spec.log_path = request.out + "/log/" + spec.name + ".log";

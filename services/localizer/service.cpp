@@ -13,7 +13,7 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr std::size_t kRevisedAtOnce = 20;
-constexpr std::uint32_t kTerm = 1;  // of the only estimator; mergers' own first guesses have term 0
+constexpr std::chrono::seconds kListening{1};  // for what the replicas know: they answer within milliseconds
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
@@ -57,8 +57,10 @@ std::vector<Measurement> surveyed(const fleet::Fleet& fleet) {
 LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       ends_(context),
-      estimator_(setups(fleet),
-                 estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
+      estimator_options_(
+          estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
+      term_(static_cast<std::uint32_t>(context.options.life)),
+      estimator_(setups(fleet), estimator_options_),
       observation_frames_(
           asSet(fleet.observingRobots()),
           localizer::ObservationOptions::read(fleet.service("localizer").child("observations"))),
@@ -67,6 +69,14 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   readCameras(fleet);
   readMeasurements(fleet);
   readObservers(fleet);
+  if (context.options.life == 1) return;
+  succession_.emplace(setups(fleet), estimator_options_);
+  keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);
+}
+
+void LocalizerService::start() {
+  status().state(bus::ServiceState::kRunning);
+  if (succession_) listen_until_ = steady_clock::now() + kListening;
 }
 
 void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& robot) {
@@ -87,7 +97,7 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
 void LocalizerService::readCameras(const fleet::Fleet& fleet) {
   for (const std::string& robot : fleet.mappingRobots()) {
     objects_.push_back(std::make_unique<Inlet<v1::Objects, Payload>>(
-        context_.bus.reader(context_.topics.objects, robot), merger_, ends_,
+        context_.bus.reader(context_.topics.objects_kept, robot), merger_, ends_,
         bus::StreamSpec{"objects " + robot, robot, 0, bus::StreamRole::kInput,
                         streamMode(context_.options)}));
     addOutputs(fleet, robot);
@@ -163,8 +173,23 @@ bool LocalizerService::pull() {
   return any;
 }
 
+/// Before a successor knows where the robots are, or that nobody does, their frames wait.
+bool LocalizerService::listening() {
+  if (!listen_until_) return false;
+  occupancy::KeyframePose pose;
+  while (keyframe_poses_->take(keyframe_pose_)) {
+    if (adapters::fromWire(keyframe_pose_, pose)) succession_->hear(pose);
+  }
+  if (!succession_->heardOfAll() && steady_clock::now() < *listen_until_) return true;
+  listen_until_.reset();
+  keyframe_poses_.reset();
+  estimator_ = localizer::EstimatorStage(succession_->setups(), estimator_options_);
+  return false;
+}
+
 bool LocalizerService::spin() {
   bool any = pull();
+  if (listening()) return any;
   while (merger_.nextBatch(batch_)) {
     process();
     any = true;
@@ -196,14 +221,16 @@ void LocalizerService::process() {
   for (const auto& item : batch_.inputs) {
     const auto* measured = std::get_if<Measurements>(&item.payload);
     const auto* report = std::get_if<Report>(&item.payload);
-    if (const auto* objects = std::get_if<Objects>(&item.payload)) frames_.push_back(objects);
-    if (report != nullptr) reported_.push_back(report);
+    const auto* objects = std::get_if<Objects>(&item.payload);
+    if (objects != nullptr && !isPast(objects->robot)) frames_.push_back(objects);
+    if (report != nullptr && !isPast(report->robot)) reported_.push_back(report);
     if (measured == nullptr && report == nullptr) continue;
     for (const Measurement& value : measured != nullptr ? measured->values : report->values)
       values_.push_back(&value);
   }
   const std::size_t published = frames_.size() + reported_.size();
   for (const Objects& frame : observation_frames_.framesAt(batch_.time, reported_)) frames_.push_back(&frame);
+  if (succession_) placeAll();
   const std::uint64_t rejected = estimator_.rejectedMeasurements() + estimator_.rejectedFrames();
   const std::vector<PoseEstimate> poses = estimator_.process(batch_.time, frames_, values_);
   tellPublished(published, poses);
@@ -215,6 +242,22 @@ void LocalizerService::process() {
   status().processed(steady_clock::now() - begun);
   if (bus::isDeterministic(context_.options.mode)) refine();
   tellFindings(kRevisedAtOnce);
+}
+
+bool LocalizerService::isPast(const std::string& robot) const {
+  return succession_ && succession_->isPast(robot, batch_.time);
+}
+
+/// Tells the estimator where the robots are of which a successor gets the first frames.
+void LocalizerService::placeAll() {
+  placings_.clear();
+  for (const Objects* frame : frames_) {
+    if (auto placing = succession_->place(*frame)) placings_.push_back(std::move(*placing));
+  }
+  for (const Measurement& placing : placings_) values_.push_back(&placing);
+  for (const std::string& robot : succession_->takeUnknown())
+    status().error(robot + ": started again, and no replica of the map knows where it is; it has no pose until "
+                           "a camera or another robot that has one sees it");
 }
 
 /// What the new frames teach of the whole window: the next frames are the first to need it.
@@ -256,7 +299,7 @@ void LocalizerService::tellPublished(std::size_t published, const std::vector<Po
 }
 
 void LocalizerService::publishPose(const PoseEstimate& pose) {
-  adapters::toWire(pose, runClock(context_.options), kTerm, sample_);  // leaves `published` as it is
+  adapters::toWire(pose, runClock(context_.options), term_, sample_);  // leaves `published` as it is
   outputs_.at(pose.robot).pose.write(sample_, status());
   const std::string text = estimator_.status(pose.robot);
   std::string& told = outputs_.at(pose.robot).trouble;
@@ -275,7 +318,7 @@ void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses
   ++revision_;
   v1::KeyframePose wire;
   for (const PoseEstimate& pose : poses) {
-    adapters::toWire(occupancy::makeKeyframePose(pose, kTerm, revision_), runClock(context_.options), wire);
+    adapters::toWire(occupancy::makeKeyframePose(pose, term_, revision_), runClock(context_.options), wire);
     outputs_.at(pose.robot).correction.write(wire, status());
   }
 }

@@ -14,6 +14,7 @@
 #include "fleet/fleet.h"
 #include "localizer/estimator_stage.h"
 #include "localizer/observation_frames.h"
+#include "localizer/succession.h"
 
 namespace omnifleet::services {
 
@@ -21,13 +22,14 @@ namespace omnifleet::services {
 /// out; frames whose poses have become others are corrected (`map/keyframe_pose`), and what is found wrong
 /// with what was told of the fleet is said once. For robots without a camera that report ranges and bearings
 /// it also integrates the wheels, makes their frames and publishes the landmarks they see as their objects.
-/// At the end of a run it publishes the smoothed poses as corrected keyframe poses.
+/// At the end of a run it publishes the smoothed poses as corrected keyframe poses. One that takes another's
+/// place in the middle of a run begins where the map last saw the robots, and tells no pose before it knows.
 class LocalizerService : public bus::Service {
  public:
   LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
 
   std::vector<bus::Expectation> expectations() const override;
-  void start() override { status().state(bus::ServiceState::kRunning); }
+  void start() override;
   bool spin() override;
   bool background() override;
   bool finished() const override { return ended_; }
@@ -35,6 +37,7 @@ class LocalizerService : public bus::Service {
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
+  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return listen_until_; }
 
  private:
   struct Measurements {
@@ -55,6 +58,9 @@ class LocalizerService : public bus::Service {
   void addOutputs(const fleet::Fleet& fleet, const std::string& robot);
 
   bool pull();
+  bool listening();
+  bool isPast(const std::string& robot) const;
+  void placeAll();
   void process();
   void takeWheels();
   void publishPose(const PoseEstimate& pose);
@@ -74,6 +80,8 @@ class LocalizerService : public bus::Service {
   std::vector<std::unique_ptr<Inlet<v1::WheelOdometry, Payload>>> wheels_;
   std::map<int, std::string> robot_of_wheels_;  ///< by stream
   std::map<std::string, RobotOutputs> outputs_;
+  estimation::EstimatorOptions estimator_options_;
+  std::uint32_t term_;  ///< of its poses; mergers' own first guesses have term 0
   localizer::EstimatorStage estimator_;
   localizer::ObservationFrames observation_frames_;
   std::vector<Measurement> surveyed_;  ///< landmarks whose place is known, told once
@@ -82,6 +90,12 @@ class LocalizerService : public bus::Service {
   std::vector<const Objects*> frames_;
   std::vector<const Measurement*> values_;
   std::map<std::string, TimeNs> last_ns_;  ///< of the poses published, this batch's included; not when live
+  /// Of one that takes another's place in the middle of a run; and until when it waits for what that one told.
+  std::optional<localizer::Succession> succession_;
+  std::optional<std::chrono::steady_clock::time_point> listen_until_;
+  std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
+  v1::KeyframePose keyframe_pose_;
+  std::vector<Measurement> placings_;
   v1::Pose sample_;
   v1::Objects objects_sample_;
   std::deque<PoseEstimate> revised_;  ///< not published yet

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <signal.h>
+#include <Eigen/Core>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -188,6 +189,62 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   fleet.launch.signal(SIGINT);
   EXPECT_EQ(fleet.launch.wait(20s), 0) << fleet.launch.output();
   EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress line was lost (signal 9)"));
+}
+
+/// Nothing that is not so: neither where the robots started nor where they were a while ago.
+TEST(FleetProcesses, ALocalizerThatTakesAnothersPlaceTellsOnlyWhereTheRobotsAre) {
+  LiveFleet fleet("succession", 66);
+  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
+  auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose);
+  auto truths = fleet.listener.bus().reader(fleet.listener.topics().world_truth);
+  using Key = std::pair<std::string, std::int64_t>;
+  std::map<Key, Eigen::Vector2d> true_m;
+  std::map<std::string, Eigen::Vector2d> first_m, last_m;
+  std::vector<v1::Pose> told;
+  std::int64_t victim = 0;
+  const auto hear = [&] {
+    v1::ServiceStatus status;
+    while (statuses->take(status)) {
+      if (nameOf(status) == "localizer ") victim = status.process_id();
+    }
+    v1::Truth truth;
+    while (truths->take(truth)) {
+      const Eigen::Vector2d at_m(truth.map_from_base().x(), truth.map_from_base().y());
+      first_m.try_emplace(truth.robot().to_string(), at_m);
+      last_m[truth.robot().to_string()] = at_m;
+      true_m[{truth.robot().to_string(), truth.header().acquired_ns()}] = at_m;
+    }
+    v1::Pose pose;
+    while (poses->take(pose)) told.push_back(pose);
+  };
+  const auto drivenAway = [&] {
+    hear();
+    return victim != 0 && first_m.size() == 2 && (last_m.at("r1") - first_m.at("r1")).norm() > 0.5 &&
+           (last_m.at("r2") - first_m.at("r2")).norm() > 0.5;
+  };
+  ASSERT_TRUE(fleet.listener.until(drivenAway, 60s)) << fleet.launch.output();
+  const std::int64_t first_life = victim;
+  ASSERT_EQ(kill(static_cast<pid_t>(first_life), SIGKILL), 0);
+  told.clear();
+  const auto toldOfBoth = [&] {
+    hear();
+    std::map<std::string, int> valid;
+    for (const v1::Pose& pose : told) {
+      if (pose.term() == 2 && pose.valid()) ++valid[pose.robot().to_string()];
+    }
+    return valid["r1"] >= 10 && valid["r2"] >= 10;
+  };
+  ASSERT_TRUE(fleet.listener.until(toldOfBoth, 30s)) << fleet.launch.output();
+  EXPECT_NE(victim, first_life);
+  int compared = 0;
+  for (const v1::Pose& pose : told) {
+    const auto truth = true_m.find({pose.robot().to_string(), pose.header().acquired_ns()});
+    if (!pose.valid() || truth == true_m.end()) continue;
+    ++compared;
+    const Eigen::Vector2d at_m(pose.map_from_base().x(), pose.map_from_base().y());
+    EXPECT_LT((at_m - truth->second).norm(), 0.06) << pose.robot().to_string() << ", term " << pose.term();
+  }
+  EXPECT_GE(compared, 20);
 }
 
 /// Who leads by what r1 and r2 say, and the processes of r1's formation.

@@ -153,6 +153,15 @@ TEST_F(SupervisorTest, KillsWhatDoesNotEndAndSaysWho) {
   EXPECT_EQ(report.exit_code(), 1);
 }
 
+TEST_F(SupervisorTest, TellsWhichLifeItIsFromTheSecondOn) {
+  auto spec = shell("cat", "echo \"$@\" >> $D/lives; [ $(wc -l < $D/lives) -ge 3 ] || kill -9 $$");
+  spec.argv.push_back("name");
+  spec.life_option = "--life";
+  spec.sink = true;
+  EXPECT_EQ(Supervisor({}).run({spec}).restarts, 2);
+  EXPECT_EQ(read(folder_ + "/lives"), "\n--life 2\n--life 3\n");
+}
+
 TEST_F(SupervisorTest, RestartsWhatWasKilled) {
   // Kills itself in its first life, in its second it does its work.
   auto spec = shell("phoenix", "if [ -e $D/second ]; then exit 0; fi; touch $D/second; kill -9 $$");

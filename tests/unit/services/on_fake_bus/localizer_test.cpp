@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <thread>
+
 #include "adapters/adapters.h"
+#include "fleet/fleet.h"
 #include "outline/prism.h"
 #include "tests/unit/services/on_fake_bus/stage_bench.h"
 
@@ -86,6 +89,130 @@ TEST_F(LiveLocalizer, TheWindowIsSolvedAnewInALullOnceForEachRoundOfFrames) {
     EXPECT_TRUE(bench_.background()) << step;
     EXPECT_FALSE(bench_.background()) << step;
   }
+}
+
+/// The estimator has died in the middle of a run; the robots drive on, 5 cm a frame, and see nothing.
+class Successor : public testing::Test {
+ protected:
+  static constexpr double kStep_m = 0.05;
+
+  Successor() {
+    for (const char* robot : {"r1", "r2"}) {
+      objects_.emplace_back(robot, bench_.bus().writer(bench_.topics.objects_kept, robot));
+      keyframes_.emplace_back(robot, bench_.bus().writer(bench_.topics.map_keyframe_pose, robot));
+      poses_.emplace_back(robot, bench_.bus().reader(bench_.topics.pose, robot));
+    }
+  }
+  void frame(int step) {
+    for (auto& [robot, writer] : objects_) {
+      Objects seen;
+      seen.robot = robot;
+      seen.acquired_ns = step * kStep;
+      seen.sequence = static_cast<std::uint32_t>(step);
+      seen.camera_height_m = 0.5;
+      seen.motion.valid = step > 0;
+      seen.motion.since_ns = (step - 1) * kStep;
+      seen.motion.previous_from_current = {kStep_m, 0.0, 0.0};
+      seen.motion.left_m = seen.motion.right_m = kStep_m;
+      seen.motion.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
+      seen.scan.range_m.assign(360, 0.0F);
+      seen.scan.sigma_m.assign(360, 0.0F);
+      seen.scan.label.assign(360, RayLabel::kInvalid);
+      seen.scan.object.assign(360, 0);
+      v1::Objects wire;
+      adapters::toWire(seen, adapters::RunClock::kDataset, wire);
+      ASSERT_TRUE(writer->write(wire));
+    }
+  }
+  /// What the replicas of the map hold of a robot that drives along +x at this y.
+  void keyframe(std::size_t robot, int step, const Pose2& at, const Eigen::Vector4d& camera_error = {0, 0, 0, 0},
+                std::uint32_t term = 0) {
+    PoseEstimate pose;
+    pose.robot = keyframes_[robot].first;
+    pose.acquired_ns = step * kStep;
+    pose.valid = true;
+    pose.map_from_base = at;
+    pose.camera_error = camera_error;
+    v1::KeyframePose wire;
+    adapters::toWire(occupancy::makeKeyframePose(pose, term), adapters::RunClock::kDataset, wire);
+    ASSERT_TRUE(keyframes_[robot].second->write(wire));
+  }
+  /// All that it told since the last call, invalid ones too.
+  std::vector<PoseEstimate> told(std::size_t robot) {
+    std::vector<PoseEstimate> all;
+    v1::Pose wire;
+    while (poses_[robot].second->take(wire)) adapters::fromWire(wire, all.emplace_back());
+    return all;
+  }
+
+  test::StageBench bench_{"localizer", "", "", "", bus::RunMode::kLive, 2};
+  std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::Objects>>>> objects_;
+  std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::KeyframePose>>>> keyframes_;
+  std::vector<std::pair<std::string, std::unique_ptr<bus::Reader<v1::Pose>>>> poses_;
+};
+
+TEST_F(Successor, GoesOnWhereTheMapLastSawTheRobotsAndTellsNoPoseBefore) {
+  for (int step = 50; step < 60; ++step) frame(step);
+  bench_.spin();
+  EXPECT_TRUE(told(0).empty()) << "does not know yet where the robots are";
+  keyframe(0, 54, {3.0, 1.0, 0.0});
+  keyframe(0, 55, {3.4, 1.0, 0.0});
+  keyframe(0, 55, {3.05, 1.0, 0.0}, {0.01, 0, 0, 0}, 1);  // as corrected
+  bench_.spin();
+  EXPECT_TRUE(told(0).empty()) << "of r2 nothing is known";
+  keyframe(1, 57, {-2.0, 0.5, M_PI});
+  bench_.spin();
+  for (const std::size_t robot : {0U, 1U}) {
+    const std::vector<PoseEstimate> poses = told(robot);
+    const int first = robot == 0 ? 55 : 57;
+    ASSERT_EQ(poses.size(), static_cast<std::size_t>(60 - first)) << "what came before was told already";
+    for (const PoseEstimate& pose : poses) {
+      const double way_m = kStep_m * static_cast<double>(pose.sequence - static_cast<std::uint32_t>(first));
+      EXPECT_TRUE(pose.valid);
+      EXPECT_NEAR(pose.map_from_base.x_m, robot == 0 ? 3.05 + way_m : -2.0 - way_m, 1e-3);
+      EXPECT_NEAR(pose.map_from_base.y_m, robot == 0 ? 1.0 : 0.5, 1e-3);
+      EXPECT_GT(pose.covariance(0, 0), 1e-4) << "not as sure as a start";
+      EXPECT_NEAR(pose.camera_error(0), robot == 0 ? 0.01 : 0.0, 1e-9) << "what was found of the camera holds";
+    }
+  }
+  EXPECT_TRUE(bench_.problems().empty());
+}
+
+TEST_F(Successor, IsTheLessSureTheLongerNobodySawTheWay) {
+  keyframe(0, 40, {3.0, 1.0, 0.0});
+  keyframe(1, 50, {2.0, 0.0, 0.0});
+  for (int step = 50; step < 52; ++step) frame(step);
+  bench_.spin();
+  const auto r1 = told(0), r2 = told(1);
+  ASSERT_EQ(r1.size(), 2U);
+  EXPECT_GT(std::sqrt(r1[0].covariance(0, 0)), 0.5) << "two seconds of driving at up to 0.5 m/s, at 1 σ";
+  EXPECT_LT(std::sqrt(r2.at(0).covariance(0, 0)), 0.03);
+}
+
+TEST_F(Successor, HasNoPoseWhereNobodyKnowsAndSaysSo) {
+  for (int step = 50; step < 55; ++step) frame(step);
+  bench_.spin();
+  EXPECT_TRUE(told(0).empty());
+  std::this_thread::sleep_until(*bench_.wakeAt());
+  bench_.spin();
+  for (const PoseEstimate& pose : told(0)) EXPECT_FALSE(pose.valid);
+  EXPECT_THAT(bench_.problems(), testing::Contains(HasSubstr("r1: started again, and no replica")));
+}
+
+/// It died before anything was mapped: the run has only begun.
+TEST_F(Successor, OfRobotsWhoseFirstFrameIsThereTheStartsHold) {
+  for (int step = 0; step < 3; ++step) frame(step);
+  bench_.spin();
+  std::this_thread::sleep_until(*bench_.wakeAt());
+  bench_.spin();
+  const auto fleet = fleet::Fleet::load(
+      std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml", "", {});
+  const auto poses = told(0);
+  ASSERT_EQ(poses.size(), 3U);
+  EXPECT_TRUE(poses[0].valid);
+  const Pose2 off = fleet.robots.front().initial_pose->inverse() * poses[2].map_from_base;
+  EXPECT_NEAR(off.x_m, 2 * kStep_m, 1e-3);
+  EXPECT_NEAR(off.y_m, 0.0, 1e-3);
 }
 
 }  // namespace

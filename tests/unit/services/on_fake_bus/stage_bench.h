@@ -33,7 +33,7 @@ inline void drawBareFloor(std::uint8_t* pixels, int width, int height) {
 class StageBench {
  public:
   explicit StageBench(const std::string& service, const std::string& robot, const std::string& out = {},
-                      const std::string& fleet = {}, bus::RunMode mode = bus::RunMode::kLockstep)
+                      const std::string& fleet = {}, bus::RunMode mode = bus::RunMode::kLockstep, int life = 1)
       : network_(bus::makeFakeNetwork()),
         theirs_(bus::makeFakeBus(network_, {})),
         mine_(bus::makeFakeBus(network_, {})),
@@ -45,6 +45,7 @@ class StageBench {
     options.robot = robot;
     options.out = out;
     options.mode = mode;
+    options.life = life;
     auto log = std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>());
     stage_ = services::factoryOf(service)({*theirs_, options, topics, log});
     stage_->start();
@@ -61,6 +62,7 @@ class StageBench {
       spin();
     } while (stage_->background());
   }
+  auto wakeAt() { return stage_->wakeAt(); }
   bool background() { return stage_->background(); }
   /// Told since the last call.
   std::vector<std::string> problems() { return stage_->status().takeProblems(); }

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "estimation/estimator.h"
+#include "observation/observation.h"
+#include "occupancy/contribution.h"
+
+namespace omnifleet::localizer {
+
+/// What a localizer needs that takes another's place in the middle of a run. The starts of the fleet hold no
+/// more; where the robots are is told by the latest keyframe poses, which the replicas of the map keep for late
+/// joiners, and by the motion since, of which the classifiers keep some seconds.
+class Succession {
+ public:
+  explicit Succession(std::vector<estimation::RobotSetup> robots,
+                      const estimation::EstimatorOptions& options);
+
+  /// A pose that a replica has; of one robot the latest is taken, of one frame that of the highest (term,
+  /// revision).
+  void hear(const occupancy::KeyframePose& pose);
+  bool heardOfAll() const { return latest_.size() == robots_.size(); }
+
+  /// The fleet as it is for an estimator that begins now: without starts, with the errors of the cameras that
+  /// were found before.
+  std::vector<estimation::RobotSetup> setups() const;
+
+  /// What the robot did before its latest keyframe is of no use any more, and told already.
+  bool isPast(const std::string& robot, TimeNs time) const;
+
+  /// The pose of a robot at the first frame that is not past, map_from_base, to be measured with it: the
+  /// keyframe's, less sure by the time between where that frame itself is not there any more; or its start
+  /// where it has no keyframe and this is the first frame of its life (sequence 0). Once per robot; nothing
+  /// where nobody knows it.
+  std::optional<Measurement> place(const Objects& frame);
+  /// Robots that had frames since, and of which nobody knew where they are; since the last call.
+  std::vector<std::string> takeUnknown();
+
+ private:
+  std::map<std::string, estimation::RobotSetup> robots_;
+  estimation::EstimatorOptions options_;
+  std::map<std::string, occupancy::KeyframePose> latest_;
+  std::set<std::string> placed_;
+  std::vector<std::string> unknown_;
+};
+
+}  // namespace omnifleet::localizer
