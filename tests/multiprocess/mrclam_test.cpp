@@ -24,7 +24,7 @@ constexpr auto kPatience = 3000s;  // of the whole, on a machine that has other 
 
 double secondsUsed() {
   const char* text = std::getenv("OMNIFLEET_MRCLAM_S");
-  return text != nullptr ? std::atof(text) : 120.0;
+  return text != nullptr ? std::atof(text) : 140.0;
 }
 
 /// Seconds or nanoseconds in a row's first field; 0 for a comment.
@@ -80,6 +80,16 @@ std::map<std::string, std::string> resultsOf(const std::string& out) {
   return files;
 }
 
+nlohmann::json evaluated(const std::string& folder, const std::string& out,
+                         const std::vector<std::string>& align) {
+  std::vector<std::string> command{program("evaluate"), out, folder + "/data"};
+  command.insert(command.end(), align.begin(), align.end());
+  Process evaluate(command, folder + "/evaluate.log");
+  EXPECT_EQ(evaluate.wait(60s), std::optional<int>(0)) << evaluate.output();
+  std::printf("%s\n", evaluate.output().c_str());
+  return nlohmann::json::parse(fileText(out + "/metrics.json"));
+}
+
 /// Replays by processes and in one, expects the same bytes, and returns the metrics of the processes' run.
 nlohmann::json replayed(const std::string& folder, int domain, const std::vector<std::string>& align) {
   const std::string data = folder + "/data", out = folder + "/processes", one = folder + "/in_process";
@@ -96,12 +106,16 @@ nlohmann::json replayed(const std::string& folder, int domain, const std::vector
     EXPECT_FALSE(bytes.empty()) << file;
     EXPECT_TRUE(in_process.at(file) == bytes) << file << " differs between processes and one process";
   }
-  std::vector<std::string> command{program("evaluate"), out, data};
-  command.insert(command.end(), align.begin(), align.end());
-  Process evaluate(command, folder + "/evaluate.log");
-  EXPECT_EQ(evaluate.wait(60s), std::optional<int>(0)) << evaluate.output();
-  std::printf("%s\n", evaluate.output().c_str());
-  return nlohmann::json::parse(fileText(out + "/metrics.json"));
+  return evaluated(folder, out, align);
+}
+
+/// The same on a machine that rounds otherwise: without fused multiplications.
+nlohmann::json roundedOtherwise(const std::string& folder, const std::vector<std::string>& align) {
+  const std::string out = folder + "/rounded";
+  Process alone({program("fleet_in_process"), "--dataset", folder + "/data", "--out", out}, folder + "/rounded.log",
+                {{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2"}});
+  EXPECT_EQ(alone.wait(kPatience), std::optional<int>(0)) << alone.output();
+  return evaluated(folder, out, align);
 }
 
 double deadReckoning(const nlohmann::json& metrics) {
@@ -130,14 +144,23 @@ TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
 
 TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
   OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
-  const auto metrics = replayed(imported("mrclam_unknown", {}), 87, {"--align", "fleet"});
+  const std::string folder = imported("mrclam_unknown", {});
+  const auto metrics = replayed(folder, 87, {"--align", "fleet"});
   expectAllRobots(metrics);
   const double mean_m = metrics["paths_mean"]["distance_m"], wheels_m = deadReckoning(metrics);
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.15);
   EXPECT_LT(mean_m, wheels_m);
   // Each pose against what its covariance is against: the first ones the start, then the points.
-  EXPECT_LE(metrics["paths_mean"]["consistency"]["nees_mean"], 5.0);
+  // What rounding leaves of stiff steps was once taken for measurements: single robots turned away within these
+  // first minutes (NEES 7.6, or 5.4 where the machine rounds otherwise).
+  const auto otherwise = roundedOtherwise(folder, {"--align", "fleet"});
+  for (const auto* each : {&metrics, &otherwise}) {
+    EXPECT_LE((*each)["paths_mean"]["distance_m"], 0.15);
+    EXPECT_LE((*each)["paths_mean"]["consistency"]["nees_mean"], 5.0);
+    for (const auto& [name, path] : (*each)["paths"].items())
+      EXPECT_LE(path["consistency"]["nees_mean"], secondsUsed() > 0 ? 4.5 : 8.0) << name;
+  }
   // After two minutes some landmarks have been seen once or twice only.
   EXPECT_LE(metrics["landmarks"]["mean_m"], secondsUsed() > 0 ? 0.30 : 0.20);
 }
