@@ -49,14 +49,19 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
                             ->check(within({0.1, 20.0}));
   auto* with_angle = app.add_option("--angle", angle_rad, "θ, radians between it and the own heading")
                          ->check(within({0.0, 3.2}));
-  app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")->expected(1, 64);
-  app.add_flag("--halt", line.request.halt, "stand until the next command");
+  auto* with_way = app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")
+                       ->expected(1, 64);
+  auto* with_halt = app.add_flag("--halt", line.request.halt, "stand until the next command")->excludes(with_way);
   app.add_option("--wait", line.wait_s, "seconds to wait until every robot obeys")
       ->check(within({0.1, 3600.0}));
   app.add_option("--domain", line.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
   app.parse(argc, argv);
+  if (with_shape->count() + with_distance->count() + with_angle->count() + with_way->count() + with_halt->count() ==
+      0)
+    throw CLI::ValidationError("nothing to command",
+                               "give --shape, --distance, --angle, --waypoints or --halt");
   if (with_shape->count() > 0) line.request.shape = shapes.at(shape);
   if (with_distance->count() > 0) line.request.distance_m = distance_m;
   if (with_angle->count() > 0) line.request.angle_rad = angle_rad;

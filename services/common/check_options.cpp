@@ -13,9 +13,25 @@
 #include "motion/wheel_integrator.h"
 #include "world/world.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <filesystem>
 
 namespace omnifleet::services {
+namespace {
+
+void checkFormation(const fleet::Fleet& fleet) {
+  const options::Section section = fleet.service("formation");
+  const std::string leader = formation::Formation::Options::read(section).leader;
+  const std::vector<std::string> robots = fleet.mappingRobots();
+  if (leader.empty() || std::find(robots.begin(), robots.end(), leader) != robots.end()) return;
+  section.fail("leader", fmt::format("'{}' is no robot that drives in formation; these are {}", leader,
+                                     fmt::join(robots, ", ")));
+}
+
+}  // namespace
 
 void checkCameras(const fleet::Fleet& fleet) {
   const options::Section mapper = fleet.service("local_mapper");
@@ -76,7 +92,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   occupancy::OccupancyOptions::read(merger.child("occupancy"));
   merger.finish();
 
-  if (fleet.hasFormation()) formation::Formation::Options::read(fleet.service("formation"));
+  if (fleet.hasFormation()) checkFormation(fleet);
   const options::Section world = fleet.service("world");
   if (fleet.arena) {
     world::World::Options::read(world);

@@ -40,5 +40,23 @@ TEST(UnknownOption, IsRefusedInEveryService) {
   fs::remove_all(folder);
 }
 
+TEST(UnknownLeader, IsRefusedByFileAndKey) {
+  const fs::path folder = fs::temp_directory_path() / ("omnifleet_leader_" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  const fs::path overlay = folder / "leader.yaml";
+  std::ofstream(overlay) << "services: {formation: {leader: r9}}\n";
+  services::InProcessRun run;
+  run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
+  run.overlays = {overlay};
+  try {
+    services::runInProcess(run);
+    ADD_FAILURE() << "taken";
+  } catch (const options::Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("leader.yaml"), HasSubstr("leader"), HasSubstr("'r9' is no robot"),
+                                    HasSubstr("r1, r2")));
+  }
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace omnifleet
