@@ -58,6 +58,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
         bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options),
                         false}));
+    stream_of_pose_[robot] = poses_.back()->stream();
     if (robot != robot_) {
       listenTo(contributionStream(robot));
       listenTo(poseStream(robot));
@@ -81,11 +82,24 @@ bool GlobalMergerService::pull() {
     return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
   }) > 0;
   for (auto& inlet : poses_) {
-    any |= inlet->pull(status(), [](const v1::Pose& wire, Payload& payload) {
+    any |= inlet->pull(status(), [this](const v1::Pose& wire, Payload& payload) {
+      promise(wire);
       return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;
   }
   return pullSets() || any;
+}
+
+/// A robot that has nothing to tell for minutes holds nobody up: neither poses nor objects of it will come that
+/// a pose of another one says are not to come (every frame of objects has a pose).
+void GlobalMergerService::promise(const v1::Pose& pose) {
+  for (const v1::PublishedPose& other : pose.published()) {
+    const auto stream = stream_of_pose_.find(other.robot().to_string());
+    if (stream == stream_of_pose_.end()) continue;
+    merger_.promise(stream->second, other.last_ns(), pose.header().acquired_ns());
+    if (stream->first == robot_)
+      merger_.promise(objects_.stream(), other.last_ns(), pose.header().acquired_ns());
+  }
 }
 
 bool GlobalMergerService::pullSets() {

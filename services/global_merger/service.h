@@ -44,6 +44,7 @@ class GlobalMergerService : public bus::Service {
   bool pull();
   bool takeIn();
   bool pullSets();
+  void promise(const v1::Pose& pose);
   void process();
   void pause();
   void contribute();
@@ -62,6 +63,7 @@ class GlobalMergerService : public bus::Service {
   RunEnds ends_;
   Inlet<v1::Objects, Payload> objects_;
   std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  std::map<std::string, int> stream_of_pose_;  ///< by robot
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
   Outlet<v1::Contribution> contribution_out_;

@@ -190,7 +190,9 @@ bool LocalizerService::listening() {
 bool LocalizerService::spin() {
   bool any = pull();
   if (listening()) return any;
-  while (merger_.nextBatch(batch_)) {
+  // One at a time: where a robot tells nothing for minutes, minutes are there at once when it does, and neither who
+  // writes nor who watches is to wait for all of them.
+  if (merger_.nextBatch(batch_)) {
     process();
     any = true;
   }
