@@ -33,7 +33,7 @@ struct ServiceOptions {
   std::string out;                   ///< --out DIR
   std::vector<std::string> configs;  ///< --config FILE, repeatable: overlays, later ones on top
   int domain = 0;                    ///< --domain N, default $OMNIFLEET_DOMAIN or 0
-  int life = 1;                      ///< --life N: the N-th process of this place in a run; > 1 goes on from another's work
+  int life = 1;                      ///< --life N: > 1 takes the place of a process of this run that died
   bool record = false;               ///< --record: sources write the run as a dataset into OUT/recording
   bool debug_images = false;         ///< --debug-images: local_mapper draws every frame into OUT/debug
   std::string log_level = "info";    ///< --log-level

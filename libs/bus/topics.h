@@ -29,8 +29,8 @@ struct Topics {
   Topic<v1::LaserScan> laser;                     ///< per robot
   Topic<v1::LocalMap> local_map;                  ///< per robot
   Topic<v1::Objects> objects;                     ///< per robot
-  Topic<v1::Objects> objects_kept;                ///< the same as its writers offer it and the localizer reads it:
-                                                  ///< transient local, history 64
+  Topic<v1::Objects> objects_kept;                ///< the same as classifiers offer it and a localizer that takes
+                                                  ///< another's place reads it: transient local, history 64
   Topic<v1::Measurement> measurement;             ///< key source
   Topic<v1::Pose> pose;                           ///< per robot
   Topic<v1::Place> place;                         ///< per robot; transient local, history 64

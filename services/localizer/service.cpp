@@ -95,9 +95,11 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
 }
 
 void LocalizerService::readCameras(const fleet::Fleet& fleet) {
+  // Only a successor asks for what was kept: in its first life it takes a classifier that keeps nothing, too.
+  const auto& topic = context_.options.life == 1 ? context_.topics.objects : context_.topics.objects_kept;
   for (const std::string& robot : fleet.mappingRobots()) {
     objects_.push_back(std::make_unique<Inlet<v1::Objects, Payload>>(
-        context_.bus.reader(context_.topics.objects_kept, robot), merger_, ends_,
+        context_.bus.reader(topic, robot), merger_, ends_,
         bus::StreamSpec{"objects " + robot, robot, 0, bus::StreamRole::kInput,
                         streamMode(context_.options)}));
     addOutputs(fleet, robot);

@@ -17,6 +17,29 @@ using ::testing::HasSubstr;
 
 constexpr TimeNs kStep = 200'000'000;
 
+/// One frame of a robot, with nothing in sight yet.
+Objects frameOf(const std::string& robot, int step) {
+  Objects seen;
+  seen.robot = robot;
+  seen.acquired_ns = step * kStep;
+  seen.sequence = static_cast<std::uint32_t>(step);
+  seen.camera_height_m = 0.5;
+  seen.motion.valid = step > 0;
+  seen.motion.since_ns = (step - 1) * kStep;
+  seen.motion.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
+  seen.scan.range_m.assign(360, 1.5F);
+  seen.scan.sigma_m.assign(360, 0.01F);
+  seen.scan.label.assign(360, RayLabel::kFloorEnd);
+  seen.scan.object.assign(360, 0);
+  return seen;
+}
+
+bool write(bus::Writer<v1::Objects>& writer, const Objects& objects) {
+  v1::Objects wire;
+  adapters::toWire(objects, adapters::RunClock::kDataset, wire);
+  return writer.write(wire);
+}
+
 /// Both robots' classifiers are played: they stand, and each sees a thing that the other does
 /// not.
 class LiveLocalizer : public testing::Test {
@@ -27,22 +50,9 @@ class LiveLocalizer : public testing::Test {
   }
   void frames(int step) {
     for (auto& [robot, writer] : objects_) {
-      Objects seen;
-      seen.robot = robot;
-      seen.acquired_ns = step * kStep;
-      seen.sequence = static_cast<std::uint32_t>(step);
-      seen.camera_height_m = 0.5;
-      seen.motion.valid = step > 0;
-      seen.motion.since_ns = (step - 1) * kStep;
-      seen.motion.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
-      seen.scan.range_m.assign(360, 1.5F);
-      seen.scan.sigma_m.assign(360, 0.01F);
-      seen.scan.label.assign(360, RayLabel::kFloorEnd);
-      seen.scan.object.assign(360, 0);
+      Objects seen = frameOf(robot, step);
       seen.tracks.push_back(bin({0.9, 0.5}));
-      v1::Objects wire;
-      adapters::toWire(seen, adapters::RunClock::kDataset, wire);
-      ASSERT_TRUE(writer->write(wire));
+      ASSERT_TRUE(write(*writer, seen));
     }
     bench_.spin();
   }
@@ -105,23 +115,10 @@ class Successor : public testing::Test {
   }
   void frame(int step) {
     for (auto& [robot, writer] : objects_) {
-      Objects seen;
-      seen.robot = robot;
-      seen.acquired_ns = step * kStep;
-      seen.sequence = static_cast<std::uint32_t>(step);
-      seen.camera_height_m = 0.5;
-      seen.motion.valid = step > 0;
-      seen.motion.since_ns = (step - 1) * kStep;
+      Objects seen = frameOf(robot, step);
       seen.motion.previous_from_current = {kStep_m, 0.0, 0.0};
       seen.motion.left_m = seen.motion.right_m = kStep_m;
-      seen.motion.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
-      seen.scan.range_m.assign(360, 0.0F);
-      seen.scan.sigma_m.assign(360, 0.0F);
-      seen.scan.label.assign(360, RayLabel::kInvalid);
-      seen.scan.object.assign(360, 0);
-      v1::Objects wire;
-      adapters::toWire(seen, adapters::RunClock::kDataset, wire);
-      ASSERT_TRUE(writer->write(wire));
+      ASSERT_TRUE(write(*writer, seen));
     }
   }
   /// What the replicas of the map hold of a robot that drives along +x at this y.
@@ -193,6 +190,7 @@ TEST_F(Successor, HasNoPoseWhereNobodyKnowsAndSaysSo) {
   for (int step = 50; step < 55; ++step) frame(step);
   bench_.spin();
   EXPECT_TRUE(told(0).empty());
+  ASSERT_TRUE(bench_.wakeAt()) << "it listens first";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
   for (const PoseEstimate& pose : told(0)) EXPECT_FALSE(pose.valid);
@@ -203,6 +201,7 @@ TEST_F(Successor, HasNoPoseWhereNobodyKnowsAndSaysSo) {
 TEST_F(Successor, OfRobotsWhoseFirstFrameIsThereTheStartsHold) {
   for (int step = 0; step < 3; ++step) frame(step);
   bench_.spin();
+  ASSERT_TRUE(bench_.wakeAt()) << "it listens first";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
   const auto fleet = fleet::Fleet::load(
