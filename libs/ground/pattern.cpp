@@ -15,6 +15,7 @@ constexpr int kChunk = 16;  // pixels that are taken together
 // What a pixel is for the line along its column; where one begins, kBegins and the end of the line before.
 constexpr std::int16_t kGoesOn = 0, kSteps = 1, kBegins = 3;
 constexpr std::int16_t kNone = -1, kAsked = -1;
+constexpr std::int16_t kPatchesInARow = 3;  // of such widths, between four steps
 
 OMNIFLEET_WIDE void sumChannels(const std::uint8_t* pixels, int n, std::int16_t* sums) {
 #pragma GCC ivdep
@@ -68,15 +69,41 @@ OMNIFLEET_WIDE void addRow(const NextRow& next) {
   }
 }
 
+/// Marks the columns that show patches: kPatchesInARow between steps of one line.
+/// @param news of addRow, which gives the row's lines
+struct Widths {
+  std::int16_t row, begin, end, least_px, most_px;
+  const std::int16_t* news;
+  std::int16_t *last_step_of, *in_a_row_of, *patched;
+};
+OMNIFLEET_WIDE void findPatched(const Widths& next) {
+  using Shorts = lanes::SixteenShorts;
+  const int first = next.begin & -kChunk;
+  for (int x = first; x < next.end; x += kChunk) {
+    const auto news = lanes::load<Shorts>(next.news + (x - first)),
+               last = lanes::load<Shorts>(next.last_step_of + x),
+               before = lanes::load<Shorts>(next.in_a_row_of + x);
+    const Shorts steps = news == kSteps, begins = news > kSteps, width = next.row - last;
+    const Shorts is_patch = (last != kNone) & (width >= next.least_px) & (width <= next.most_px);
+    const Shorts in_a_row = ~begins & (steps ? is_patch & (before + 1) : before);
+    lanes::store(begins ? Shorts{} + kNone : steps ? Shorts{} + next.row : last, next.last_step_of + x);
+    lanes::store(in_a_row, next.in_a_row_of + x);
+    lanes::store(lanes::load<Shorts>(next.patched + x) | (in_a_row >= kPatchesInARow), next.patched + x);
+  }
+}
+
+/// Of the columns that have any.
+OMNIFLEET_WIDE void askFor(std::uint8_t value, const std::uint8_t* row, int begin, int end,
+                           std::int16_t* asked) {
+  inChunks<kChunk>(
+      begin, end, [=](int x) __attribute__((always_inline)) {
+        asked[x] = row[x] == value ? kAsked : asked[x];
+      });
+}
+
 OMNIFLEET_WIDE void markPatched(const std::int16_t* patched_end, int row, int n, std::uint8_t* along) {
 #pragma GCC ivdep
   for (int i = 0; i < n; ++i) along[i] |= row < patched_end[i] ? kAlongColumn : std::uint8_t{0};
-}
-
-/// The first of row[begin…end) that is `value`; `end` where none is.
-int nextOf(std::uint8_t value, const std::uint8_t* row, int begin, int end) {
-  const void* at = std::memchr(row + begin, value, static_cast<std::size_t>(end - begin));
-  return at != nullptr ? static_cast<int>(static_cast<const std::uint8_t*>(at) - row) : end;
 }
 
 }  // namespace
@@ -88,6 +115,9 @@ Pattern::Columns::Columns(int width)
       direction(low),
       end(low),
       patched_end(low),
+      last_step(low),
+      in_a_row(low),
+      patched(low),
       steps(static_cast<std::size_t>(width)) {}
 
 Pattern::Pattern(cv::Size image)
@@ -171,22 +201,32 @@ Pattern::Steps Pattern::findAlongRow(const Run& run, const FloorFrame& frame, in
   return steps;
 }
 
-Pattern::Mean Pattern::findAlongColumns(const Blob& region, const FloorFrame& frame, int step,
-                                        const cv::Range& asked) {
-  std::fill_n(columns_.end.begin() + asked.start, asked.size(), kNone);
-  std::fill_n(columns_.steps.begin() + asked.start, asked.size(), Steps{kNone});
-  Mean mean;
+/// Calls visit(part) for each run's part in these columns, from the top, when news_ has what its pixels are.
+template <typename Visit>
+void Pattern::forRows(const Blob& region, const FloorFrame& frame, int step, const cv::Range& columns,
+                      Visit visit) {
+  std::fill_n(columns_.end.begin() + columns.start, columns.size(), kNone);
   for (const Run& run : region.runs) {
-    const Run part{run.row, std::max(run.begin, asked.start), std::min(run.end, asked.end)};
+    const Run part{run.row, std::max(run.begin, columns.start), std::min(run.end, columns.end)};
     if (part.begin >= part.end) continue;
     addRow({brightnessOf(frame, part), static_cast<std::int16_t>(part.row),
             static_cast<std::int16_t>(part.begin), static_cast<std::int16_t>(part.end),
             static_cast<std::int16_t>(step), columns_.asked.data(), columns_.low.data(), columns_.high.data(),
             columns_.direction.data(), columns_.end.data(), news_.data()});
+    visit(part);
+  }
+}
+
+Pattern::Mean Pattern::findAlongColumns(const Blob& region, const FloorFrame& frame, int step,
+                                        const cv::Range& asked) {
+  std::fill_n(columns_.steps.begin() + asked.start, asked.size(), Steps{kNone});
+  std::fill_n(columns_.patched_end.begin() + asked.start, asked.size(), std::int16_t{0});
+  Mean mean;
+  forRows(region, frame, step, asked, [&](const Run& part) {
     takeNews(part, mean);
     markPatched(&columns_.patched_end[static_cast<std::size_t>(part.begin)], part.row, part.end - part.begin,
                 lines_.ptr(part.row) + part.begin);
-  }
+  });
   for (int x = asked.start; x < asked.end; ++x) {
     const auto column = static_cast<std::size_t>(x);
     mean.add(columns_.steps[column], columns_.end[column]);
@@ -224,39 +264,54 @@ void Pattern::takeNews(const Run& run, Mean& mean) {
   }
 }
 
-/// Only what has the mark is looked at: the columns that hold any, eight times as fast as rows are, and the
-/// rows where one of these shows it to be of a pattern.
+/// Of the columns asked for only those stay that have patches of such widths. @return what they lie in
+cv::Range Pattern::askForPatched(const Blob& region, const FloorFrame& frame, int step) {
+  const cv::Range all(region.rect.x, region.rect.br().x);
+  for (std::vector<std::int16_t>* of : {&columns_.last_step, &columns_.in_a_row, &columns_.patched})
+    std::fill_n(of->begin() + all.start, all.size(), of == &columns_.last_step ? kNone : std::int16_t{0});
+  forRows(region, frame, step, askedIn(all), [&](const Run& part) {
+    findPatched({static_cast<std::int16_t>(part.row), static_cast<std::int16_t>(part.begin),
+                 static_cast<std::int16_t>(part.end), static_cast<std::int16_t>(least_px_),
+                 static_cast<std::int16_t>(most_px_), news_.data(), columns_.last_step.data(),
+                 columns_.in_a_row.data(), columns_.patched.data()});
+  });
+  std::copy_n(columns_.patched.begin() + all.start, all.size(), columns_.asked.begin() + all.start);
+  return askedIn(all);
+}
+
+/// From the first of the columns that is asked for to the last.
+cv::Range Pattern::askedIn(const cv::Range& columns) const {
+  const auto at = [&](int x) { return columns_.asked.begin() + x; };
+  const auto isAsked = [](std::int16_t asked) { return asked != 0; };
+  const auto first = std::find_if(at(columns.start), at(columns.end), isAsked);
+  auto end = at(columns.end);
+  while (end != first && !isAsked(end[-1])) --end;
+  return {static_cast<int>(first - at(0)), static_cast<int>(end - at(0))};
+}
+
+/// Only what has the mark is looked at: the columns that hold any, eight times as fast as rows are, of these
+/// those that may be of a pattern once more, and the rows where one of these shows it to be.
 void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
                    cv::Mat1b& marks) {
-  const int step = stepOf(region, frame);
   std::fill_n(columns_.asked.begin() + region.rect.x, region.rect.width, std::int16_t{0});
-  shade_.clear();
-  cv::Range columns(marks.cols, 0);
-  for (const Run& run : region.runs) {
-    const std::uint8_t* mark = marks.ptr(run.row);
-    std::uint8_t* along = lines_.ptr(run.row);
-    std::fill(along + run.begin, along + run.end, std::uint8_t{0});
-    for (int x = nextOf(shade, mark, run.begin, run.end); x < run.end;
-         x = nextOf(shade, mark, x + 1, run.end)) {
-      shade_.emplace_back(x, run.row);
-      columns_.asked[static_cast<std::size_t>(x)] = kAsked;
-      columns = {std::min(columns.start, x), std::max(columns.end, x + 1)};
-    }
-  }
+  for (const Run& run : region.runs)
+    askFor(shade, marks.ptr(run.row), run.begin, run.end, columns_.asked.data());
+  const int step = stepOf(region, frame);
+  const cv::Range columns = askForPatched(region, frame, step);
   if (columns.empty()) return;
+  for (const Run& run : region.runs)
+    std::fill(lines_.ptr(run.row) + run.begin, lines_.ptr(run.row) + run.end, std::uint8_t{0});
   findAlongColumns(region, frame, step, columns);
-  auto at = shade_.begin();
   for (const Run& run : region.runs) {
-    const auto end =
-        std::find_if(at, shade_.end(), [&](const cv::Point& p) { return p.y != run.row || p.x >= run.end; });
-    const auto isAlongColumn = [&](const cv::Point& p) { return (lines_(p) & kAlongColumn) != 0; };
-    const auto first = std::find_if(at, end, isAlongColumn);
-    if (first != end) {
-      findAlongRow(run, frame, step);
-      for (auto p = first; p != end; ++p)
-        if (lines_(*p) == (kAlongRow | kAlongColumn)) marks(*p) = core | shade;
-    }
-    at = end;
+    std::uint8_t* mark = marks.ptr(run.row);
+    const std::uint8_t* along = lines_.ptr(run.row);
+    const int end = std::min(run.end, columns.end);
+    int x = std::max(run.begin, columns.start);
+    while (x < end && (mark[x] != shade || (along[x] & kAlongColumn) == 0)) ++x;
+    if (x >= end) continue;
+    findAlongRow(run, frame, step);
+    for (; x < end; ++x)
+      if (mark[x] == shade && along[x] == (kAlongRow | kAlongColumn)) mark[x] = core | shade;
   }
 }
 

@@ -56,6 +56,8 @@ class Pattern {
     explicit Columns(int width);
     std::vector<std::int16_t> asked;  ///< not 0 where one is
     std::vector<std::int16_t> low, high, direction, end, patched_end;
+    std::vector<std::int16_t> last_step, in_a_row;  ///< its row; patches so far that follow one another
+    std::vector<std::int16_t> patched;              ///< not 0 where there were enough of them
     std::vector<Steps> steps;
   };
   /// Of all lines so far.
@@ -72,13 +74,16 @@ class Pattern {
   int stepOf(const Blob& region, const FloorFrame& frame) const;
   const std::int16_t* brightnessOf(const FloorFrame& frame, const Run& run);
   Steps findAlongRow(const Run& run, const FloorFrame& frame, int step);
+  template <typename Visit>
+  void forRows(const Blob& region, const FloorFrame& frame, int step, const cv::Range& columns, Visit visit);
+  cv::Range askForPatched(const Blob& region, const FloorFrame& frame, int step);
+  cv::Range askedIn(const cv::Range& columns) const;
   Mean findAlongColumns(const Blob& region, const FloorFrame& frame, int step, const cv::Range& asked);
   void takeNews(const Run& run, Mean& mean);
 
   cv::Mat1b lines_;  ///< of the last region's pixels: kAlongRow, kAlongColumn where they are of a pattern
   Columns columns_;
   std::vector<std::int16_t> brightness_, news_;  ///< of a run's pixels
-  std::vector<cv::Point> shade_;                 ///< pixels of a region with that mark
   int least_px_, most_px_;
   float turns_ = 0.0f;
 };
