@@ -50,12 +50,17 @@ OMNIFLEET_INLINE unsigned openSteps(const std::uint8_t* at, std::ptrdiff_t row_s
   return closed ^ 255u;
 }
 
+/// What a colour may be off by, as shares of |r|.
+struct Off {
+  float along, across;
+  OMNIFLEET_INLINE FloorTest test() const { return {along * along, across * across}; }
+};
+
 /// @param rr |r|²
-OMNIFLEET_INLINE FloorTest testAt(float rr, const FloorTolerance& tolerance, const FloorNoise& noise) {
+OMNIFLEET_INLINE Off toleratedAt(float rr, const FloorTolerance& tolerance, const FloorNoise& noise) {
   const float per_level = static_cast<float>(tolerance.noise_sigmas) / std::sqrt(rr);
-  const float a = static_cast<float>(tolerance.along) + static_cast<float>(noise.channel) * per_level,
-              b = static_cast<float>(tolerance.across) + static_cast<float>(noise.hue) * per_level;
-  return {a * a, b * b};
+  return {static_cast<float>(tolerance.along) + static_cast<float>(noise.channel) * per_level,
+          static_cast<float>(tolerance.across) + static_cast<float>(noise.hue) * per_level};
 }
 
 float medianOf(std::vector<float>& values) {
@@ -67,7 +72,7 @@ float medianOf(std::vector<float>& values) {
 }  // namespace
 
 FloorTest FloorTolerance::testFor(const cv::Vec3f& r, const FloorNoise& noise) const {
-  return testAt(std::max(1.0f, r.dot(r)), *this, noise);
+  return toleratedAt(std::max(1.0f, r.dot(r)), *this, noise).test();
 }
 
 FloorGrowth::FloorGrowth(const cv::Mat1b& coverage, const cv::Mat1b& seeds, const FloorTolerance& tolerance,
@@ -162,7 +167,7 @@ void FloorGrowth::dropOtherHues(const FloorNoise& noise) {
   FourFloats mean{};
   for (const int block : queue_) mean += lanes::load<FourFloats>(means + 3 * block);
   mean /= static_cast<float>(queue_.size());
-  const float rr = std::max(1.0f, dot(mean, mean)), across2 = testAt(rr, tolerance_, noise).across2;
+  const float rr = std::max(1.0f, dot(mean, mean)), across2 = toleratedAt(rr, tolerance_, noise).test().across2;
   const auto isOther = [&](int block) {
     const auto colour = lanes::load<FourFloats>(means + 3 * block);
     const float gain = dot(colour, mean) / rr;
@@ -313,10 +318,12 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const Handed from = handed_[static_cast<std::size_t>(at)], falling = steepened(from, far.steepening);
   const auto colour = lanes::load<FourFloats>(from.colour);
   const float light = lightAt(at);
-  const FloorTest test = testAt(std::max(1.0f, dot(colour, colour) * light * light), tolerance_, noise);
+  const Off tolerated =
+      toleratedAt(std::max(1.0f, dot(colour, colour) * light * light), tolerance_, noise);
+  const FloorTest test = tolerated.test();
   // The texture measured holds the noise.
   const float flatness =
-      std::max(std::sqrt(test.along2), static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
+      std::max(tolerated.along, static_cast<float>(tolerance_.along) + kTextureSigmas * texture_);
   for (; open != 0; open &= open - 1) {
     const int step = __builtin_ctz(open);
     const int offset = kStepY[step] * stride_ + kStepX[step];

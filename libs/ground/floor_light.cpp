@@ -30,11 +30,21 @@ Lambert lambert(double q) {
   return {u, u * std::sqrt(u)};
 }
 
-double logLight(const Eigen::Matrix<double, 6, 1>& p, double x_m, double y_m, double rim2) {
-  const double dx = x_m - p[kX], dy = y_m - p[kY];
-  const double fall = lambert((dx * dx + dy * dy) * std::exp(-2.0 * p[kHeight])).fall;
-  return std::log(p[kAmbient] + (1.0 - p[kAmbient]) * fall) + p[kRim] * rim2;
-}
+/// The logarithm of what the floor is lit with.
+class LogLight {
+ public:
+  explicit LogLight(const Eigen::Matrix<double, 6, 1>& p) : p_(p), per_s2_(std::exp(-2.0 * p[kHeight])) {}
+  double at(double x_m, double y_m, double rim2) const {
+    const double dx = x_m - p_[kX], dy = y_m - p_[kY];
+    const double fall = lambert((dx * dx + dy * dy) * per_s2_).fall;
+    return std::log(p_[kAmbient] + (1.0 - p_[kAmbient]) * fall) + p_[kRim] * rim2;
+  }
+  double atFoot() const { return at(0.0, 0.0, 0.0); }
+
+ private:
+  const Eigen::Matrix<double, 6, 1>& p_;
+  double per_s2_;
+};
 
 OMNIFLEET_WIDE void shineRow(const float* x, const float* y, const float* rim2, int n, const float* p,
                              float* light) {
@@ -168,7 +178,7 @@ void FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gr
     slope /= kSigma;
     const double weight = 1.0 / (1.0 + left * left);
     gradient += weight * left * slope;
-    hessian.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
+    hessian.noalias() += slope * (weight * slope).transpose();
   }
   for (int i = 0; i < kParameters; ++i) {
     gradient[i] -= (p[i] - kUsual[i]) / (kUsualSigma[i] * kUsualSigma[i]);
@@ -180,10 +190,11 @@ void FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gr
 double FloorLight::costOf(const Parameters& p) const {
   const auto usual = Eigen::Map<const Parameters>(kUsual), sigma = Eigen::Map<const Parameters>(kUsualSigma);
   double cost = (p - usual).cwiseQuotient(sigma).squaredNorm();
+  const LogLight light(p);
   double product = 1.0;  // of what logarithms are to be summed of: one costs as much as all the rest
   for (const Sample& sample : samples_) {
     const double left =
-        (sample.level - p[kLevel] - logLight(p, sample.x_m, sample.y_m, sample.rim2)) / kSigma;
+        (sample.level - p[kLevel] - light.at(sample.x_m, sample.y_m, sample.rim2)) / kSigma;
     product *= 1.0 + left * left;
     if (product < kLargeProduct) continue;
     cost += std::log(product);
@@ -221,13 +232,16 @@ bool FloorLight::fit(const FloorGrowth& growth) {
     linearise(p_, hessian, gradient);
     if (step.cwiseAbs2().dot(scale) < kDone * kDone) break;
   }
-  const auto sinceFoot = [&](const Parameters& p, const Sample& at) {
-    return logLight(p, at.x_m, at.y_m, at.rim2) - logLight(p, 0.0, 0.0, 0.0);
-  };
-  for (const Sample& sample : samples_)
-    change_ = std::max(change_, std::abs(sinceFoot(p_, sample) - sinceFoot(before, sample)));
+  const LogLight light(p_), light_before(before);
+  const double at_foot = light.atFoot(), at_foot_before = light_before.atFoot();
   double least = 0.0;
-  for (const Sample& sample : samples_) least = std::min(least, sinceFoot(p_, sample));
+  for (const Sample& sample : samples_) {
+    const double since_foot = light.at(sample.x_m, sample.y_m, sample.rim2) - at_foot,
+                 since_foot_before =
+                     light_before.at(sample.x_m, sample.y_m, sample.rim2) - at_foot_before;
+    change_ = std::max(change_, std::abs(since_foot - since_foot_before));
+    least = std::min(least, since_foot);
+  }
   darkest_ = std::exp(least);
   return true;
 }
@@ -256,7 +270,7 @@ void FloorLight::shine(const Parameters& fitted, const Places& places, cv::Mat1f
   float p[kParameters];
   for (int i = 0; i < kParameters; ++i) p[i] = static_cast<float>(fitted[i]);
   p[kHeight] = static_cast<float>(std::exp(-2.0 * fitted[kHeight]));
-  p[kLevel] = static_cast<float>(std::exp(-logLight(fitted, 0.0, 0.0, 0.0)));
+  p[kLevel] = static_cast<float>(std::exp(-LogLight(fitted).atFoot()));
   for (int y = 0; y < light.rows; ++y)
     shineRow(places.x_m.ptr<float>(y), places.y_m.ptr<float>(y), places.rim2.ptr<float>(y), light.cols, p,
              light.ptr<float>(y));

@@ -81,9 +81,10 @@ FloorNoise coarsely(const FloorNoise& noise) {
   return {noise.channel, noise.channel};
 }
 
-/// @param across2 squared difference of hue as a multiple of its tolerance
-Look lookOf(float gain, float across2) {
-  return across2 > kOtherHue ? kColourLook : greyLook(gain);
+/// What a cell is where it is object all over, kFloorLook where it may be mixed.
+Look lookOf(const CellHues& hues, std::size_t i) {
+  if (!(hues.off(i) > kPlainObject * kPlainObject)) return kFloorLook;
+  return hues.hueOff(i) > kOtherHue ? kColourLook : greyLook(hues.gain(i));
 }
 
 }  // namespace
@@ -115,6 +116,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       looks_(view.imageSize(), kFloorLook),
       objects_(view.imageSize(), std::uint8_t{0}),
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
+      hues_(view.cells().width),
       across2_(off_.size(), 0.0f),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
@@ -279,7 +281,10 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
                      share(o.noise_sigmas * noise.channel / kCell),
                      share(o.noise_sigmas * noise.hue / kCell)};
-  const FloorNoise coarse = coarsely(noise);
+  const FloorNoise coarse = coarsely(noise) / kCell;
+  const CellHues::Tolerance tolerance{
+      static_cast<float>(o.tolerance_along), static_cast<float>(o.tolerance_across),
+      static_cast<float>(o.noise_sigmas), static_cast<float>(coarse.channel), static_cast<float>(coarse.hue)};
   hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
@@ -289,16 +294,20 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     findOff(cells_.means().ptr<float>(y) + 3 * first, reference_.colour().ptr<float>(y) + 3 * first,
             last - first, test, off + first);
     std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
+    hues_.clear();
     for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
       // Cut cells show other things too; their neighbours speak for them.
-      if (coverage(y, x) != 2) {
+      if (coverage(y, x) == 2)
+        hues_.add(x, cells_.means().ptr<float>(y) + 3 * x, reference_.colour().ptr<float>(y) + 3 * x);
+      else
         off[x] = 0;
-        continue;
-      }
-      const CellHue hue = hueOfCell(x, y);
-      solid_(y, x) = lookOfCell(x, y, hue, coarse);
-      across2_(y + 1, x + 1) = hue.across2;
-      spreadHue(x, y, hue.across2);
+    }
+    hues_.compare(tolerance);
+    for (std::size_t i = 0; i < hues_.size(); ++i) {
+      const int x = hues_.x(i);
+      solid_(y, x) = lookOf(hues_, i);
+      across2_(y + 1, x + 1) = hues_.across2(i);
+      spreadHue(x, y, hues_.across2(i));
     }
   }
   for (int y = 0; y < active_.rows; ++y)
@@ -315,7 +324,7 @@ void GroundSegmenter::spreadHue(int x, int y, float across2) {
 /// Where a thing's hue differs from the floor's by so little that the noise of single pixels would hide it,
 /// though not that of a cell's mean: what tells pixels nearer to that hue, of the cells around, from those
 /// nearer to the floor's (CellTest). Faces of a thing differ in brightness, not in hue.
-/// @param strongest2 CellHue::across2 of what is near @param pixel tolerances for single pixels
+/// @param strongest2 CellHues::across2 of what is near @param pixel tolerances for single pixels
 cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorTest& pixel,
                                     const FloorNoise& noise) const {
   const auto tolerance = static_cast<float>(options_.reference.tolerance_across);
@@ -359,21 +368,6 @@ FloorTest GroundSegmenter::testOfSmoothed(int x, int y, const FloorNoise& noise)
   const float along = std::sqrt(test.along2) + slope;
   test.along2 = along * along;
   return test;
-}
-
-/// The cell's mean beside the floor's colour.
-GroundSegmenter::CellHue GroundSegmenter::hueOfCell(int x, int y) const {
-  const cv::Vec3f &r = reference_.colour()(y, x), &p = cells_.means()(y, x);
-  const float rr = std::max(1.0f, r.dot(r)), gain = p.dot(r) / rr;
-  return {gain, p.dot(p) / rr - gain * gain};
-}
-
-/// What the cell is where it is object all over, kFloorLook where it may be mixed.
-Look GroundSegmenter::lookOfCell(int x, int y, const CellHue& hue, const FloorNoise& noise) const {
-  const FloorTest test = reference_.testFor(reference_.colour()(y, x), noise / kCell);
-  const auto [gain, across2] = hue;
-  const float off = std::max((gain - 1.0f) * (gain - 1.0f) / test.along2, across2 / test.across2);
-  return off > kPlainObject * kPlainObject ? lookOf(gain, across2 / test.across2) : kFloorLook;
 }
 
 /// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.

@@ -86,14 +86,8 @@ class GroundSegmenter {
   bool findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions);
   void complete(const cv::Mat& image);
   void markCells(const FloorNoise& noise);
-  struct CellHue {
-    float gain;     ///< brightness, of the floor's
-    float across2;  ///< squared difference of hue, of the floor's squared brightness
-  };
-  CellHue hueOfCell(int x, int y) const;
   void spreadHue(int x, int y, float across2);
   cv::Vec3f faintHue(int x, int y, float strongest2, const FloorTest& pixel, const FloorNoise& noise) const;
-  Look lookOfCell(int x, int y, const CellHue& hue, const FloorNoise& noise) const;
   FloorTest testOfSmoothed(int x, int y, const FloorNoise& noise) const;
   void findInside(const Strip& strip);
   bool isOneKind(int y, int x) const;
@@ -114,10 +108,11 @@ class GroundSegmenter {
   CellMeans cells_;
   cv::Mat1b strength_, raw_, looks_, objects_;
   cv::Mat1b off_;      ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
-  cv::Mat1f across2_;  ///< like off_, where that is 1: CellHue::across2
+  CellHues hues_;      ///< of a row's cells that are off
+  cv::Mat1f across2_;  ///< like off_, where that is 1: CellHues::across2
   cv::Mat1b active_;   ///< per cell: looked at
   cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
-  cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHue::across2
+  cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHues::across2
   std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
   std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared

@@ -9,6 +9,14 @@
 
 namespace omnifleet::ground {
 
+/// 1/n for n < kCount, 0 for 0: a division for each pixel would cost more than all else there.
+template <std::size_t kCount>
+constexpr std::array<float, kCount> sharesUpTo() {
+  std::array<float, kCount> shares{};
+  for (std::size_t n = 1; n < kCount; ++n) shares[n] = 1.0f / static_cast<float>(n);
+  return shares;
+}
+
 /// Mean colours of what a region shows around each of its pixels, run by run from the top: the sums of the
 /// columns are kept from row to row, so that a pixel costs the same however wide the window is.
 class HueWindow {
@@ -40,7 +48,7 @@ class HueWindow {
 
   static int count(Sum sum) { return static_cast<int>(sum >> 48); }
   static cv::Vec3f mean(Sum sum) {
-    const float share = 1.0f / static_cast<float>(count(sum));
+    const float share = kShares[static_cast<std::size_t>(count(sum))];
     const auto of = [&](int k) { return share * static_cast<float>((sum >> (16 * k)) & 0xffffu); };
     return {of(0), of(1), of(2)};
   }
@@ -51,6 +59,9 @@ class HueWindow {
     std::int64_t row = 0;  ///< about which it was summed, counted on from region to region
   };
   void addColumns(const Run& run, const cv::Mat& image, const cv::Mat1b& marks);
+
+  static constexpr int kSide_px = 2 * kAround_px + 1;
+  static constexpr auto kShares = sharesUpTo<kSide_px * kSide_px + 1>();
 
   std::vector<Column> columns_;  ///< of the image, with kAround_px more to each side that stay empty
   std::int64_t first_row_ = 0;   ///< what the image's row 0 is counted as in this region

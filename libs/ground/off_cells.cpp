@@ -28,6 +28,40 @@ OMNIFLEET_WIDE void findOff(const float* means, const float* floor, int n, const
 
 namespace {
 
+struct Compared {
+  const float *p0, *p1, *p2, *r0, *r1, *r2;
+  float *gain, *across2, *hue_off, *off;
+};
+
+OMNIFLEET_WIDE void compareCells(const Compared& cells, std::size_t n, const CellHues::Tolerance& tolerance) {
+  const auto [along, across, noise_sigmas, channel, hue] = tolerance;
+  const auto [p0, p1, p2, r0, r1, r2, gain_of, across2_of, hue_off_of, off_of] = cells;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < n; ++i) {
+    const float squared = r0[i] * r0[i] + r1[i] * r1[i] + r2[i] * r2[i], rr = squared > 1.0f ? squared : 1.0f;
+    const float gain = (p0[i] * r0[i] + p1[i] * r1[i] + p2[i] * r2[i]) / rr;
+    const float across2 = (p0[i] * p0[i] + p1[i] * p1[i] + p2[i] * p2[i]) / rr - gain * gain;
+    const float per_level = noise_sigmas / std::sqrt(rr), a = along + channel * per_level,
+                b = across + hue * per_level;
+    const float along_off = (gain - 1.0f) * (gain - 1.0f) / (a * a), hue_off = across2 / (b * b);
+    gain_of[i] = gain;
+    across2_of[i] = across2;
+    hue_off_of[i] = hue_off;
+    off_of[i] = along_off < hue_off ? hue_off : along_off;
+  }
+}
+
+}  // namespace
+
+void CellHues::compare(const Tolerance& tolerance) {
+  const auto at = [&](std::size_t k) { return numbers_[k].data(); };
+  compareCells({at(kMean), at(kMean + 1), at(kMean + 2), at(kFloor), at(kFloor + 1), at(kFloor + 2),
+                at(kGain), at(kAcross2), at(kHueOff), at(kOff)},
+               size_, tolerance);
+}
+
+namespace {
+
 constexpr std::uint8_t kHole = 1, kShade = 2;
 
 OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* below, int n, Look first,
