@@ -167,7 +167,8 @@ void FloorGrowth::dropOtherHues(const FloorNoise& noise) {
   FourFloats mean{};
   for (const int block : queue_) mean += lanes::load<FourFloats>(means + 3 * block);
   mean /= static_cast<float>(queue_.size());
-  const float rr = std::max(1.0f, dot(mean, mean)), across2 = toleratedAt(rr, tolerance_, noise).test().across2;
+  const float rr = std::max(1.0f, dot(mean, mean)),
+              across2 = toleratedAt(rr, tolerance_, noise).test().across2;
   const auto isOther = [&](int block) {
     const auto colour = lanes::load<FourFloats>(means + 3 * block);
     const float gain = dot(colour, mean) / rr;
@@ -318,8 +319,7 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const Handed from = handed_[static_cast<std::size_t>(at)], falling = steepened(from, far.steepening);
   const auto colour = lanes::load<FourFloats>(from.colour);
   const float light = lightAt(at);
-  const Off tolerated =
-      toleratedAt(std::max(1.0f, dot(colour, colour) * light * light), tolerance_, noise);
+  const Off tolerated = toleratedAt(std::max(1.0f, dot(colour, colour) * light * light), tolerance_, noise);
   const FloorTest test = tolerated.test();
   // The texture measured holds the noise.
   const float flatness =

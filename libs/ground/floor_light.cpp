@@ -193,8 +193,7 @@ double FloorLight::costOf(const Parameters& p) const {
   const LogLight light(p);
   double product = 1.0;  // of what logarithms are to be summed of: one costs as much as all the rest
   for (const Sample& sample : samples_) {
-    const double left =
-        (sample.level - p[kLevel] - light.at(sample.x_m, sample.y_m, sample.rim2)) / kSigma;
+    const double left = (sample.level - p[kLevel] - light.at(sample.x_m, sample.y_m, sample.rim2)) / kSigma;
     product *= 1.0 + left * left;
     if (product < kLargeProduct) continue;
     cost += std::log(product);
@@ -237,8 +236,7 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   double least = 0.0;
   for (const Sample& sample : samples_) {
     const double since_foot = light.at(sample.x_m, sample.y_m, sample.rim2) - at_foot,
-                 since_foot_before =
-                     light_before.at(sample.x_m, sample.y_m, sample.rim2) - at_foot_before;
+                 since_foot_before = light_before.at(sample.x_m, sample.y_m, sample.rim2) - at_foot_before;
     change_ = std::max(change_, std::abs(since_foot - since_foot_before));
     least = std::min(least, since_foot);
   }

@@ -96,9 +96,8 @@ OMNIFLEET_WIDE void findPatched(const Widths& next) {
 OMNIFLEET_WIDE void askFor(std::uint8_t value, const std::uint8_t* row, int begin, int end,
                            std::int16_t* asked) {
   inChunks<kChunk>(
-      begin, end, [=](int x) __attribute__((always_inline)) {
-        asked[x] = row[x] == value ? kAsked : asked[x];
-      });
+      begin,
+      end, [=](int x) __attribute__((always_inline)) { asked[x] = row[x] == value ? kAsked : asked[x]; });
 }
 
 OMNIFLEET_WIDE void markPatched(const std::int16_t* patched_end, int row, int n, std::uint8_t* along) {
