@@ -1,6 +1,9 @@
-// When the replica that speaks publishes the map, live.
+// When the replica that speaks goes on: live, when it publishes the map; replayed, for whom it waits.
 
 #include <gtest/gtest.h>
+
+#include <map>
+#include <string>
 
 #include "adapters/adapters.h"
 #include "tests/unit/services/on_fake_bus/stage_bench.h"
@@ -11,8 +14,9 @@ namespace {
 constexpr TimeNs kStep = 400'000'000;
 
 /// The first robot's merger; its classifier, its localizer and the other robot are played.
-class LiveMerger : public testing::Test {
+class PlayedMerger : public testing::Test {
  protected:
+  explicit PlayedMerger(bus::RunMode mode) : bench_("global_merger", "r1", "", "", mode) {}
   void objects(int step) {
     Objects seen;
     seen.robot = "r1";
@@ -27,7 +31,8 @@ class LiveMerger : public testing::Test {
     ASSERT_TRUE(objects_->write(wire));
     bench_.spin();
   }
-  void pose(const std::string& robot, int step) {
+  /// @param others how far poses of others have been published
+  void pose(const std::string& robot, int step, const std::map<std::string, int>& others = {}) {
     PoseEstimate estimate;
     estimate.robot = robot;
     estimate.acquired_ns = step * kStep;
@@ -37,6 +42,11 @@ class LiveMerger : public testing::Test {
     estimate.covariance = Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal();
     v1::Pose wire;
     adapters::toWire(estimate, adapters::RunClock::kSystem, 0, wire);
+    for (const auto& [other, last] : others) {
+      v1::PublishedPose& published = wire.published().emplace_back();
+      published.robot(other);
+      published.last_ns(last * kStep);
+    }
     ASSERT_TRUE((robot == "r1" ? pose_ : other_pose_)->write(wire));
     bench_.spin();
   }
@@ -50,13 +60,18 @@ class LiveMerger : public testing::Test {
   int maps() { return taken(*grid_); }
   int contributions() { return taken(*contributions_); }
 
-  test::StageBench bench_{"global_merger", "r1", "", "", bus::RunMode::kLive};
+  test::StageBench bench_;
   std::unique_ptr<bus::Writer<v1::Objects>> objects_ = bench_.bus().writer(bench_.topics.objects, "r1");
   std::unique_ptr<bus::Writer<v1::Pose>> pose_ = bench_.bus().writer(bench_.topics.pose, "r1"),
                                          other_pose_ = bench_.bus().writer(bench_.topics.pose, "r2");
   std::unique_ptr<bus::Reader<v1::Grid>> grid_ = bench_.bus().reader(bench_.topics.map_grid);
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_ =
       bench_.bus().reader(bench_.topics.map_contribution);
+};
+
+class LiveMerger : public PlayedMerger {
+ protected:
+  LiveMerger() : PlayedMerger(bus::RunMode::kLive) {}
 };
 
 TEST_F(LiveMerger, PublishesInALull) {
@@ -89,6 +104,38 @@ TEST_F(LiveMerger, PublishesWithoutFramesOfItsOwn) {
   pose("r2", 4);
   bench_.lull();
   EXPECT_EQ(maps(), 1);
+}
+
+class ReplayedMerger : public PlayedMerger {
+ protected:
+  ReplayedMerger() : PlayedMerger(bus::RunMode::kReplay) {}
+};
+
+TEST_F(ReplayedMerger, WaitsForThoseWhoMayStillTellSomething) {
+  objects(1);
+  pose("r1", 1);
+  EXPECT_EQ(contributions(), 0);  // a pose of r2 may come that is as old
+  pose("r2", 1);
+  EXPECT_EQ(contributions(), 1);
+}
+
+TEST_F(ReplayedMerger, ARobotThatTellsNothingHoldsNobodyUp) {
+  objects(1);
+  pose("r2", 1);
+  pose("r1", 1);
+  EXPECT_EQ(contributions(), 1);
+  for (int step = 2; step <= 5; ++step) {
+    objects(step);
+    pose("r1", step, {{"r2", 1}});
+    EXPECT_EQ(contributions(), 1) << step;
+  }
+}
+
+TEST_F(ReplayedMerger, ARobotWithoutFramesOfItsOwnTakesWhatTheOthersTell) {
+  for (int step = 1; step <= 5; ++step) pose("r2", step, {{"r1", 0}});
+  objects(6);
+  pose("r1", 6, {{"r2", 5}});
+  EXPECT_EQ(contributions(), 1);
 }
 
 }  // namespace
