@@ -1,5 +1,8 @@
 #pragma once
 
+#include <yaml-cpp/yaml.h>
+
+#include <fstream>
 #include <set>
 #include <string>
 #include <vector>
@@ -14,20 +17,31 @@ inline std::string smallFleet() {
   return sourceDir() + "/config/fleets/small.yaml";
 }
 
-/// The small fleet in processes, by the wall clock unless it is told to run in lockstep, and who listens to
-/// it.
+/// The same in a room without ceiling cameras: nothing but the fleet itself tells where it is.
+inline std::string unwatchedFleet(const std::string& name) {
+  const std::string folder = freshDir(name);
+  YAML::Node arena = YAML::LoadFile(sourceDir() + "/config/arenas/small.yaml");
+  arena.remove("ceiling");
+  std::ofstream(folder + "/arena.yaml") << arena;
+  std::ofstream(folder + "/fleet.yaml") << "name: unwatched\nworld: {arena: arena.yaml, seed: 1}\n";
+  return folder + "/fleet.yaml";
+}
+
+/// The small fleet (or another) in processes, by the wall clock unless it is told to run in lockstep, and who
+/// listens to it.
 struct LiveFleet {
-  LiveFleet(const std::string& name, int domain, const std::string& config = "long", bool lockstep = false)
+  LiveFleet(const std::string& name, int domain, const std::string& config = "long", bool lockstep = false,
+            const std::string& fleet = smallFleet())
       : out(freshDir(name)),
         shared_before(sharedMemoryFiles()),
-        launch(command(out, domain, config, lockstep), out + "/launch.log"),
+        launch(command(out, domain, config, lockstep, fleet), out + "/launch.log"),
         listener(domain) {}
 
   static std::vector<std::string> command(const std::string& out, int domain, const std::string& config,
-                                          bool lockstep) {
+                                          bool lockstep, const std::string& fleet) {
     std::vector<std::string> words{program("launch"),
                                    "run",
-                                   smallFleet(),
+                                   fleet,
                                    "--config",
                                    sourceDir() + "/tests/multiprocess/" + config + ".yaml",
                                    "--out",
