@@ -22,7 +22,7 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
       ->envname("OMNIFLEET_DOMAIN")
       ->check(CLI::Range(0, 232));
   app.add_option("--life", options.life, "2 and more: takes the place of one that died in this run")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1, 1000000));
   app.add_flag("--record", options.record, "sources write the run as a dataset into OUT/recording");
   app.add_flag("--debug-images", options.debug_images, "local_mapper draws every frame into OUT/debug");
   app.add_option("--log-level", options.log_level, "trace, debug, info, warning, error or off")

@@ -70,7 +70,8 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   readMeasurements(fleet);
   readObservers(fleet);
   if (context.options.life == 1) return;
-  succession_.emplace(setups(fleet), estimator_options_);
+  succession_.emplace(setups(fleet), estimator_options_,
+                      static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth));
   keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);
 }
 
@@ -149,8 +150,11 @@ std::vector<bus::Expectation> LocalizerService::expectations() const {
 bool LocalizerService::pull() {
   bool any = ends_.poll();
   for (auto& inlet : objects_) {
-    any |= inlet->pull(status(), [](const v1::Objects& wire, Payload& payload) {
-      return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
+    any |= inlet->pull(status(), [this](const v1::Objects& wire, Payload& payload) {
+      Objects& objects = payload.emplace<Objects>();
+      const auto read = orInvalid(adapters::fromWire(wire, objects));
+      if (succession_) succession_->hear(objects);
+      return read;
     }) > 0;
   }
   for (auto& inlet : measurements_) {

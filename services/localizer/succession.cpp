@@ -1,5 +1,6 @@
 #include "localizer/succession.h"
 
+#include <algorithm>
 #include <cmath>
 #include <tuple>
 #include <utility>
@@ -14,8 +15,8 @@ constexpr double kMapped_m = 0.02, kMapped_rad = 0.01;
 }  // namespace
 
 Succession::Succession(std::vector<estimation::RobotSetup> robots,
-                       const estimation::EstimatorOptions& options)
-    : options_(options) {
+                       const estimation::EstimatorOptions& options, std::uint32_t kept)
+    : options_(options), kept_(kept) {
   for (estimation::RobotSetup& robot : robots) {
     const std::string name = robot.name;
     robots_.emplace(name, std::move(robot));
@@ -29,6 +30,11 @@ void Succession::hear(const occupancy::KeyframePose& pose) {
   };
   const auto [at, fresh] = latest_.try_emplace(pose.robot, pose);
   if (!fresh && order(at->second) < order(pose)) at->second = pose;
+}
+
+void Succession::hear(const Objects& frame) {
+  std::uint32_t& newest = newest_[frame.robot];
+  newest = std::max(newest, frame.sequence);
 }
 
 std::vector<estimation::RobotSetup> Succession::setups() const {
@@ -53,6 +59,7 @@ std::optional<Measurement> Succession::place(const Objects& frame) {
   const auto robot = robots_.find(frame.robot);
   if (robot == robots_.end() || isPast(frame.robot, frame.acquired_ns) || !placed_.insert(frame.robot).second)
     return std::nullopt;
+  hear(frame);
   Measurement placing;
   placing.source = "map/keyframe_pose";
   placing.kind = MeasurementKind::kAbsolutePose;
@@ -65,7 +72,7 @@ std::optional<Measurement> Succession::place(const Objects& frame) {
     sigma_m = std::hypot(kMapped_m, options_.no_wheels_sigma_mps * gap_s);
     sigma_rad = std::hypot(kMapped_rad, options_.no_wheels_sigma_radps * gap_s);
     placing.value = at->second.mapFromBase().vector();
-  } else if (robot->second.initial_pose && frame.sequence == 0) {
+  } else if (robot->second.initial_pose && newest_[frame.robot] < kept_) {
     placing.value = robot->second.initial_pose->vector();
   } else {
     unknown_.push_back(frame.robot);

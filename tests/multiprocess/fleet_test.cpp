@@ -191,62 +191,93 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress line was lost (signal 9)"));
 }
 
-/// Nothing that is not so: neither where the robots started nor where they were a while ago.
-TEST(FleetProcesses, ALocalizerThatTakesAnothersPlaceTellsOnlyWhereTheRobotsAre) {
-  LiveFleet fleet("succession", 66, "long", false, unwatchedFleet("succession_fleet"));
-  auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
-  auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose);
-  auto truths = fleet.listener.bus().reader(fleet.listener.topics().world_truth);
-  using Key = std::pair<std::string, std::int64_t>;
-  std::map<Key, Eigen::Vector2d> true_m;
-  std::map<std::string, Eigen::Vector2d> first_m, last_m;
-  std::vector<v1::Pose> told;
-  std::int64_t victim = 0;
-  const auto hear = [&] {
+/// A fleet that nothing but itself locates, and what its localizer tells before and after it is killed.
+class Succession {
+ public:
+  explicit Succession(const std::string& name, int domain)
+      : fleet_(name, domain, "long", false, unwatchedFleet(name + "_fleet")) {}
+
+  /// Kills the localizer when `ready` and expects poses of both robots of the next one, all of them true.
+  template <class Ready>
+  void killWhen(Ready ready) {
+    const auto isReady = [&] {
+      hear();
+      return localizer_ != 0 && ready(*this);
+    };
+    ASSERT_TRUE(fleet_.listener.until(isReady, 60s)) << fleet_.launch.output();
+    const std::int64_t first_life = localizer_;
+    ASSERT_EQ(kill(static_cast<pid_t>(first_life), SIGKILL), 0);
+    told_.clear();
+    const auto toldOfBoth = [&] {
+      hear();
+      std::map<std::string, int> valid;
+      for (const v1::Pose& pose : told_)
+        if (pose.term() == 2 && pose.valid()) ++valid[pose.robot().to_string()];
+      return valid["r1"] >= 10 && valid["r2"] >= 10;
+    };
+    ASSERT_TRUE(fleet_.listener.until(toldOfBoth, 30s)) << fleet_.launch.output();
+    EXPECT_NE(localizer_, first_life);
+    expectTrue();
+  }
+  std::size_t frames() const { return true_m_.size(); }  ///< of all robots
+  double driven_m(const std::string& robot) const {
+    const auto first = first_m_.find(robot);
+    return first == first_m_.end() ? 0.0 : (last_m_.at(robot) - first->second).norm();
+  }
+
+ private:
+  void hear() {
     v1::ServiceStatus status;
-    while (statuses->take(status)) {
-      if (nameOf(status) == "localizer ") victim = status.process_id();
+    while (statuses_->take(status)) {
+      if (nameOf(status) == "localizer ") localizer_ = status.process_id();
     }
     v1::Truth truth;
-    while (truths->take(truth)) {
+    while (truths_->take(truth)) {
       const Eigen::Vector2d at_m(truth.map_from_base().x(), truth.map_from_base().y());
-      first_m.try_emplace(truth.robot().to_string(), at_m);
-      last_m[truth.robot().to_string()] = at_m;
-      true_m[{truth.robot().to_string(), truth.header().acquired_ns()}] = at_m;
+      first_m_.try_emplace(truth.robot().to_string(), at_m);
+      last_m_[truth.robot().to_string()] = at_m;
+      true_m_[{truth.robot().to_string(), truth.header().acquired_ns()}] = at_m;
     }
     v1::Pose pose;
-    while (poses->take(pose)) told.push_back(pose);
-  };
-  const auto drivenAway = [&] {
-    hear();
-    // More frames than classifiers keep of their objects: what is kept does not reach back to the starts.
-    return victim != 0 && first_m.size() == 2 && true_m.size() > 2 * 80 &&
-           (last_m.at("r1") - first_m.at("r1")).norm() > 0.5 &&
-           (last_m.at("r2") - first_m.at("r2")).norm() > 0.5;
-  };
-  ASSERT_TRUE(fleet.listener.until(drivenAway, 60s)) << fleet.launch.output();
-  const std::int64_t first_life = victim;
-  ASSERT_EQ(kill(static_cast<pid_t>(first_life), SIGKILL), 0);
-  told.clear();
-  const auto toldOfBoth = [&] {
-    hear();
-    std::map<std::string, int> valid;
-    for (const v1::Pose& pose : told) {
-      if (pose.term() == 2 && pose.valid()) ++valid[pose.robot().to_string()];
-    }
-    return valid["r1"] >= 10 && valid["r2"] >= 10;
-  };
-  ASSERT_TRUE(fleet.listener.until(toldOfBoth, 30s)) << fleet.launch.output();
-  EXPECT_NE(victim, first_life);
-  int compared = 0;
-  for (const v1::Pose& pose : told) {
-    const auto truth = true_m.find({pose.robot().to_string(), pose.header().acquired_ns()});
-    if (!pose.valid() || truth == true_m.end()) continue;
-    ++compared;
-    const Eigen::Vector2d at_m(pose.map_from_base().x(), pose.map_from_base().y());
-    EXPECT_LT((at_m - truth->second).norm(), 0.06) << pose.robot().to_string() << ", term " << pose.term();
+    while (poses_->take(pose)) told_.push_back(pose);
   }
-  EXPECT_GE(compared, 20);
+  void expectTrue() const {
+    int compared = 0;
+    for (const v1::Pose& pose : told_) {
+      const auto truth = true_m_.find({pose.robot().to_string(), pose.header().acquired_ns()});
+      if (!pose.valid() || truth == true_m_.end()) continue;
+      ++compared;
+      const Eigen::Vector2d at_m(pose.map_from_base().x(), pose.map_from_base().y());
+      EXPECT_LT((at_m - truth->second).norm(), 0.06) << pose.robot().to_string() << ", term " << pose.term();
+    }
+    EXPECT_GE(compared, 20);
+  }
+
+  LiveFleet fleet_;
+  std::unique_ptr<bus::Reader<v1::ServiceStatus>> statuses_ =
+      fleet_.listener.bus().reader(fleet_.listener.topics().service_status);
+  std::unique_ptr<bus::Reader<v1::Pose>> poses_ = fleet_.listener.bus().reader(fleet_.listener.topics().pose);
+  std::unique_ptr<bus::Reader<v1::Truth>> truths_ =
+      fleet_.listener.bus().reader(fleet_.listener.topics().world_truth);
+  std::map<std::pair<std::string, std::int64_t>, Eigen::Vector2d> true_m_;
+  std::map<std::string, Eigen::Vector2d> first_m_, last_m_;
+  std::vector<v1::Pose> told_;
+  std::int64_t localizer_ = 0;
+};
+
+/// Nothing that is not so: neither where the robots started nor where they were a while ago.
+TEST(FleetProcesses, ALocalizerThatTakesAnothersPlaceTellsOnlyWhereTheRobotsAre) {
+  Succession succession("succession", 66);
+  // More frames than classifiers keep of their objects: what is kept does not reach back to the starts.
+  succession.killWhen([](const Succession& run) {
+    return run.frames() > 2 * 80 && run.driven_m("r1") > 0.5 && run.driven_m("r2") > 0.5;
+  });
+}
+
+/// Nothing is mapped yet, and the first frames were lost before anybody had found their camera.
+TEST(FleetProcesses, ALocalizerThatDiesAtOnceLeavesTheStarts) {
+  Succession succession("succession_at_once", 67);
+  succession.killWhen([](const Succession& run) { return run.frames() > 0; });
 }
 
 /// Who leads by what r1 and r2 say, and the processes of r1's formation.

@@ -1,6 +1,6 @@
 // Real robots, other people's data (MRCLAM, Leung et al., IJRR 2011): imported, replayed by processes and by
 // one process to the same bytes, evaluated against motion capture. OMNIFLEET_MRCLAM_S: seconds of it that are
-// used (120 where it is not set: until all have been located); 0: all, in the slow set.
+// used (140 where it is not set: until all have been located); 0: all, in the slow set.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
