@@ -17,7 +17,7 @@ function(omnifleet_run_once)
 endfunction()
 
 # Headers are read once: more than half of a build from nothing went into reading them. Every file still includes
-# what it uses: the presets of the sanitizers precompile nothing, and would tell.
+# what it uses: the debug preset precompiles nothing, and would tell.
 option(OMNIFLEET_PRECOMPILE "Compile the headers that nearly every file includes once" ON)
 set(OMNIFLEET_HEADERS <Eigen/Dense> <opencv2/core.hpp> <algorithm> <array> <chrono> <cmath> <filesystem> <functional>
   <map> <memory> <optional> <set> <string> <variant> <vector>)
