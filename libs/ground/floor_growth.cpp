@@ -117,14 +117,6 @@ void FloorGrowth::evenOut(const cv::Mat1f& light) {
   }
 }
 
-void FloorGrowth::leaveUneven() {
-  if (!is_evened_) return;
-  for (int y = 0; y < means_.rows; ++y)
-    for (int x = 0; x < means_.cols; ++x) means_(y, x) *= light_(y + kJump, x + kJump);
-  light_ = 1.0f;
-  is_evened_ = false;
-}
-
 float FloorGrowth::brightnessAt(int number) const {
   const float* mean = framed_means_.ptr<float>() + 3 * number;
   return (mean[0] + mean[1] + mean[2]) * lightAt(number);

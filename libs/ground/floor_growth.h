@@ -46,8 +46,6 @@ class FloorGrowth {
   /// The means become what they would be in even light, until means() are filled again.
   /// @param light per block, > 0, as a share of that at the camera's foot
   void evenOut(const cv::Mat1f& light);
-  /// They become again what they are.
-  void leaveUneven();
   bool isEvened() const { return is_evened_; }
   /// @param noise of one block's mean @param beyond colours that are no floor's (Horizon::colours())
   /// @return false when no seed shows floor

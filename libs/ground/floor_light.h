@@ -27,8 +27,8 @@ class FloorLight {
   double darkest() const { return darkest_; }
   /// The largest change of brightness, as a share of it, that the last fit() made to those blocks' light.
   double change() const { return change_; }
-  /// goBack() takes back what fit() did after the last keep().
-  void keep() { kept_ = p_; }
+  /// goBack() takes back what fit() did after the ofBlocks() that was the last before the last keepTried().
+  void keepTried() { kept_ = of_last_blocks_; }
   void goBack() { p_ = kept_; }
   /// Forgets the fits.
   void reset();

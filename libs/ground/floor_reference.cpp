@@ -12,7 +12,8 @@ namespace {
 // each time that it still is, up to the latter: a look takes as long as a fifth of a frame's whole work.
 constexpr int kEvenLight = 10, kRarely = 160;
 constexpr double kMoreFloor = 1.01;  // what the light of a lamp must bring to be believed
-// Of the most of the last frames, which fades by this share a frame: it may be believed no more.
+// Of the most of the last frames, which fades by this share a frame: it may be believed no more. Of the last
+// one alone: another lamp has been switched on.
 constexpr double kLostFloor = 0.95, kFades = 0.01;
 // Floor with less than so much of the light at the foot makes a lamp matter; once it does, with so much.
 constexpr double kMatters = 0.65, kStillMatters = 0.75;
@@ -89,82 +90,109 @@ bool FloorReference::isGrown(int y, int x) const {
 
 bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
                            const std::vector<cv::Vec4f>& beyond) {
-  averageBlocks(cell_means);
-  if (!grow(noise / (FloorView::kCell * block_), beyond)) return false;
+  if (!grow({cell_means, noise / (FloorView::kCell * block_), beyond})) return false;
   smoothing_.smooth(growth_);
   if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
   return true;
 }
 
-/// Once it is known how a lamp lights the floor, growth starts from there.
-bool FloorReference::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
-  if (options_.all_modes) return growth_.grow(noise, beyond);
+/// Once it is known how a lamp lights the floor, growth starts from there. As long as it is not, this is
+/// looked at now and then: in the first frame, and where a lamp is given up, at once, else by one growth a
+/// frame beside the usual one, lest one frame in many takes twice as long as the others.
+bool FloorReference::grow(const Sight& sight) {
+  averageBlocks(sight.cell_means);
+  if (options_.all_modes) return growth_.grow(sight.noise, sight.beyond);
+  bool at_once = most_grown_ <= 0.0;
   if (is_lamp_lit_) {
-    if (growByLamp(noise, beyond)) return true;
+    if (growByLamp(sight)) return true;
     giveLampUp();
+    at_once = true;
   }
-  if (!growth_.grow(noise, beyond)) return false;
+  const bool looks = look_.left > 0;
+  if (looks) tryLamp(sight);
+  if (!growAsSeen(sight)) return false;
   const bool is_as_before = holdsFloor();
   if (!is_as_before) patience_ = kEvenLight;
-  return (--until_look_ > 0 && is_as_before) || lookForLamp(noise, beyond);
+  at_once = at_once || grownBlocks() < kLostFloor * last_grown_;
+  last_grown_ = grownBlocks();
+  if (looks) {
+    judgeLamp(grownBlocks());
+    return true;
+  }
+  if (--until_look_ > 0 && is_as_before) return true;
+  beginLook();
+  return look_.left == 0 || !at_once || lookAtOnce(sight);
 }
 
 /// @return false where it is no light of the floor any more
-bool FloorReference::growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
-  if (!growEvened(noise, beyond)) return false;
+bool FloorReference::growByLamp(const Sight& sight) {
+  if (!growEvened(sight)) return false;
   is_lamp_lit_ = light_.fit(growth_) && light_.darkest() < kStillMatters;
-  if (light_.change() > kOtherLight && !growEvened(noise, beyond)) return false;
+  if (light_.change() > kOtherLight && !growEvened(sight)) return false;
   return holdsFloor();
 }
 
 /// Is there as much floor as in the last frames?
 bool FloorReference::holdsFloor() {
-  const auto grown = static_cast<double>(growth_.grown().size());
-  most_grown_ = std::max(grown, (1.0 - kFades) * most_grown_);
-  return grown > kLostFloor * most_grown_;
+  most_grown_ = std::max(grownBlocks(), (1.0 - kFades) * most_grown_);
+  return grownBlocks() > kLostFloor * most_grown_;
 }
 
 void FloorReference::giveLampUp() {
-  growth_.leaveUneven();
   is_lamp_lit_ = false;
   until_look_ = 0;
   patience_ = kEvenLight;
 }
 
-/// It is learned from the floor that growth reaches without it, then from what growth reaches with that, and
-/// believed where this is more.
-bool FloorReference::lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+/// A lamp's light is learned from the floor that growth reaches without it, then from what growth reaches
+/// with that, and believed where this is more.
+void FloorReference::beginLook() {
   until_look_ = patience_;
   patience_ = std::min(2 * patience_, kRarely);
+  most_grown_ = grownBlocks();
   light_.reset();
-  const auto without = static_cast<double>(growth_.grown().size());
-  most_grown_ = without;
-  bool is_best = true;
-  for (int look = 0; look < kLooks; ++look) {
-    if (!light_.fit(growth_) || light_.darkest() > kMatters) {
-      light_.goBack();
-      break;
-    }
-    if (look > 0 && light_.change() <= kOtherLight) break;
-    const auto grown = growEvened(noise, beyond) ? static_cast<double>(growth_.grown().size()) : 0.0;
-    is_best = grown > most_grown_;
-    if (!is_best) continue;
-    most_grown_ = grown;
-    light_.keep();
-  }
-  is_lamp_lit_ = most_grown_ > kMoreFloor * without;
-  if (is_lamp_lit_ && !is_best) {
-    light_.goBack();
-    growEvened(noise, beyond);
-  }
-  if (is_lamp_lit_ || !growth_.isEvened()) return true;
-  growth_.leaveUneven();
-  return growth_.grow(noise, beyond);
+  const bool matters = light_.fit(growth_) && light_.darkest() <= kMatters;
+  look_ = LampLook();
+  if (matters) look_.left = kLooks;
 }
 
-bool FloorReference::growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+/// Grows by the light that was fitted last and fits the next from there.
+void FloorReference::tryLamp(const Sight& sight) {
+  look_.grown = growEvened(sight) ? grownBlocks() : 0.0;
+  if (--look_.left == 0) return;
+  const bool is_other = light_.fit(growth_) && light_.darkest() <= kMatters && light_.change() > kOtherLight;
+  if (!is_other) look_.left = 0;
+}
+
+/// @param without blocks that growth reaches in the same frame without a lamp
+void FloorReference::judgeLamp(double without) {
+  if (look_.grown > look_.best_share * without) {
+    look_.best_share = look_.grown / without;
+    light_.keepTried();
+  }
+  if (look_.left > 0) return;
+  light_.goBack();
+  is_lamp_lit_ = look_.best_share > kMoreFloor;
+  if (is_lamp_lit_) most_grown_ = look_.best_share * without;
+}
+
+bool FloorReference::lookAtOnce(const Sight& sight) {
+  const double without = grownBlocks();
+  while (look_.left > 0) {
+    tryLamp(sight);
+    judgeLamp(without);
+  }
+  return is_lamp_lit_ ? growEvened(sight) : growAsSeen(sight);
+}
+
+bool FloorReference::growEvened(const Sight& sight) {
   growth_.evenOut(light_.ofBlocks());
-  return growth_.grow(noise, beyond);
+  return growth_.grow(sight.noise, sight.beyond);
+}
+
+bool FloorReference::growAsSeen(const Sight& sight) {
+  if (growth_.isEvened()) averageBlocks(sight.cell_means);
+  return growth_.grow(sight.noise, sight.beyond);
 }
 
 void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {

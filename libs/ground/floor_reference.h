@@ -50,12 +50,30 @@ class FloorReference {
 
  private:
   void averageBlocks(const cv::Mat3f& cell_means);
-  bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
-  bool growByLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  /// What growth is made of, of one frame.
+  struct Sight {
+    const cv::Mat3f& cell_means;
+    const FloorNoise& noise;
+    const std::vector<cv::Vec4f>& beyond;
+  };
+  /// A look for a lamp's light, one growth a frame.
+  struct LampLook {
+    int left = 0;             ///< growths; 0: none is under way
+    double grown = 0.0;       ///< blocks, by the last of them
+    double best_share = 1.0;  ///< of the blocks without, by the best of them
+  };
+
+  bool grow(const Sight& sight);
+  bool growByLamp(const Sight& sight);
   bool holdsFloor();
   void giveLampUp();
-  bool lookForLamp(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
-  bool growEvened(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond);
+  void beginLook();
+  void tryLamp(const Sight& sight);
+  void judgeLamp(double without);
+  bool lookAtOnce(const Sight& sight);
+  bool growEvened(const Sight& sight);
+  bool growAsSeen(const Sight& sight);
+  double grownBlocks() const { return static_cast<double>(growth_.grown().size()); }
 
   ReferenceOptions options_;
   FloorTolerance tolerance_;
@@ -65,8 +83,10 @@ class FloorReference {
   FloorLight light_;
   bool is_lamp_lit_ = false;
   double most_grown_ = 0.0;  ///< blocks in the last frames
+  double last_grown_ = 0.0;  ///< blocks in the last frame, without a lamp
   int until_look_ = 0;       ///< frames, while it is not, until that is looked at again
   int patience_;             ///< frames from the next look to the one after it
+  LampLook look_;
   FloorSmoothing smoothing_;
 };
 

@@ -244,6 +244,37 @@ TEST(FloorLight, ALampThatGoesOutIsGivenUpAndANewOneFoundInThatFrame) {
   EXPECT_LT(shareOfObjects({2.0, -1.0}), 0.005);
 }
 
+// No frame loses much floor: the lamp is found by a look that is spread over frames, which ends in no more
+// than two times ten.
+TEST(FloorLight, ALampThatComesOnSlowlyIsFoundByAndBy) {
+  constexpr int kSlowly = 20;  // frames
+  const lens::Camera camera(testing::fisheye());
+  const FloorView view(camera, ViewOptions{});
+  FloorReference reference(camera, view, ReferenceOptions{});
+  CellMeans means(view);
+  NoiseMeter meter(view);
+  const cv::Mat3b even = floorUnder({100.0, 0.0}, camera, kLinear),
+                  lit = floorUnder({2.0, 0.0}, camera, kLinear);
+  const auto shareOfFloor = [&](double of_lit) {
+    const cv::Mat image = (1.0 - of_lit) * even + of_lit * lit;
+    means.read(image);
+    EXPECT_TRUE(reference.learn(means.means(), meter.measure(image, means.means())));
+    int cells = 0, floor = 0;
+    for (int y = 0; y < means.means().rows; ++y) {
+      for (int x = 0; x < means.means().cols; ++x) {
+        cells += view.coverage()(y, x) == 2 ? 1 : 0;
+        floor += reference.isGrown(y, x) ? 1 : 0;
+      }
+    }
+    return static_cast<double>(floor) / cells;
+  };
+  const double all = shareOfFloor(0.0);
+  for (int frame = 1; frame <= kSlowly; ++frame)
+    EXPECT_GT(shareOfFloor(frame / static_cast<double>(kSlowly)), 0.95 * all) << frame;
+  EXPECT_NE(reference.lampLight(), nullptr);
+  EXPECT_EQ(shareOfFloor(1.0), all);
+}
+
 /// Objects within a disc in the dark far off, and around it.
 struct Found {
   int within = 0, beyond = 0;
