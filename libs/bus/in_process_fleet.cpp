@@ -67,7 +67,7 @@ bool InProcessFleet::run(const std::function<bool()>& each_round) {
     if (!member.drained) drain(member);
   }
   return std::all_of(members_.begin(), members_.end(),
-                     [](const Member& member) { return member.service->saved(); });
+                     [](const Member& member) { return member.service->succeeded(); });
 }
 
 /// Nothing moved: either somebody has a timer, or nothing will ever move again.

@@ -107,7 +107,7 @@ struct Loop {
     tell(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
       log.warn("some readers never took the last samples");
-    return code == ExitCode::kOk && !service.saved() ? ExitCode::kFailure : code;
+    return code == ExitCode::kOk && !service.succeeded() ? ExitCode::kFailure : code;
   }
 };
 

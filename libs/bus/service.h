@@ -77,8 +77,9 @@ class Service {
   virtual bool finished() const = 0;
   /// The last word: save, publish what is pending. Called once, also when stopped early; ≤ 1.5 s.
   virtual void drain() = 0;
-  /// False after drain(): what the run was for could not be saved; the process then ends with kFailure.
-  virtual bool saved() const { return true; }
+  /// False after drain(): what the run was for was not had or could not be saved; the process then ends with
+  /// kFailure. Its log says what.
+  virtual bool succeeded() const { return true; }
   /// When to be spun next though nothing arrives (live pacing, timers); nothing: events only.
   virtual std::optional<std::chrono::steady_clock::time_point> wakeAt() const { return std::nullopt; }
   /// Who holds this stage up: forward TimeMerger::waitingFor.

@@ -89,7 +89,8 @@ bool isJustThere(const TrackState& track, const Peer& peer) {
 
 bool accountedFor(const Peer& peer, bool matched, const OwnMotion& own, double sight_m) {
   if (!peer.known) return false;
-  return matched || peer.in_blob || (peer.centre_m - own.odomFromBase().translation()).norm() > sight_m;
+  return matched || peer.in_blob || peer.may_be_there ||
+         (peer.centre_m - own.odomFromBase().translation()).norm() > sight_m;
 }
 
 }  // namespace

@@ -20,6 +20,8 @@ constexpr double kWhole = 0.75;       // of the directions
 constexpr double kLeastRatio = 0.03;  // bodies as tall as the camera is high have no far side
 constexpr double kLeastLooked = 0.3;  // of the bearings that the peer takes up: others are hidden
 constexpr double kMostlyUndecided = 0.5;
+constexpr double kMostThrough = 0.3;  // of those bearings may go on past where the peer begins …
+constexpr double kPast = 2.0;         // … by more than that many margins
 constexpr int kFewestRays = 3, kFewestDirections = 8;
 
 /// Cut directions have a σ below 0, but tell how far the thing goes at least; of others nothing is known.
@@ -91,6 +93,18 @@ void PeerSight::keepOwn(View& outline) const {
     if (std::abs(off(outline, k)) >= margin_m_) outline.supports.sigma_m[k] = -1.0F;
 }
 
+std::optional<PeerSight::Chord> PeerSight::chordOf(double bearing_rad) const {
+  Chord chord{0.0, std::numeric_limits<double>::infinity()};
+  for (std::size_t k = 0; k < support_m_.size(); ++k) {
+    const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(support_m_.size());
+    const double along = std::cos(phi - bearing_rad), at = support_m_[k] / along;
+    if (along < 0.0) chord.begin_m = std::max(chord.begin_m, at);
+    if (along > 0.0) chord.end_m = std::min(chord.end_m, at);
+  }
+  if (!(chord.begin_m < chord.end_m)) return std::nullopt;
+  return chord;
+}
+
 bool PeerSight::isUndecided(const Scan& scan) const {
   const double nearest_m = -*std::min_element(support_m_.begin(), support_m_.end());
   const auto farthest = std::max_element(scan.range_m.begin(), scan.range_m.end());
@@ -98,24 +112,30 @@ bool PeerSight::isUndecided(const Scan& scan) const {
   int undecided = 0, looked = 0, taken_up = 0;
   const std::size_t rays = std::min(scan.range_m.size(), scan.label.size());
   for (std::size_t i = 0; i < rays; ++i) {
-    const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays);
-    double begin_m = 0.0, end_m = std::numeric_limits<double>::infinity();
-    for (std::size_t k = 0; k < support_m_.size(); ++k) {
-      const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(support_m_.size());
-      const double along = std::cos(phi - bearing), at = support_m_[k] / along;
-      if (along < 0.0) begin_m = std::max(begin_m, at);
-      if (along > 0.0) end_m = std::min(end_m, at);
-    }
-    if (!(begin_m < end_m)) continue;
+    const auto chord = chordOf(2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays));
+    if (!chord) continue;
     ++taken_up;
     const auto range_m = static_cast<double>(scan.range_m[i]);
-    if (scan.label[i] == RayLabel::kInvalid || range_m < begin_m - margin_m_) continue;
+    if (scan.label[i] == RayLabel::kInvalid || range_m < chord->begin_m - margin_m_) continue;
     ++looked;
-    const double top_m = std::min(end_m, begin_m / top_share_ + margin_m_);
+    const double top_m = std::min(chord->end_m, chord->begin_m / top_share_ + margin_m_);
     undecided += scan.label[i] == RayLabel::kUndecided && range_m < top_m ? 1 : 0;
   }
   return undecided >= kFewestRays && undecided >= kMostlyUndecided * looked &&
          looked >= kLeastLooked * taken_up;
+}
+
+bool PeerSight::mayBeThere(const Scan& scan) const {
+  int through = 0, taken_up = 0;
+  const std::size_t rays = std::min(scan.range_m.size(), scan.label.size());
+  for (std::size_t i = 0; i < rays; ++i) {
+    const auto chord = chordOf(2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays));
+    if (!chord) continue;
+    ++taken_up;
+    through +=
+        scan.label[i] != RayLabel::kInvalid && scan.range_m[i] > chord->begin_m + kPast * margin_m_ ? 1 : 0;
+  }
+  return through <= kMostThrough * taken_up;
 }
 
 void joinOutlines(const View& other, View& outline) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "tracking/peers.h"
@@ -26,8 +27,16 @@ struct PeerSight {
   /// Where the floor ends undecided just where the peer stands, on most of the bearings on which the scan
   /// looks there.
   bool isUndecided(const Scan& scan) const;
+  /// The scan does not look through where the peer stands: what lies before it hides it, or something is
+  /// there.
+  bool mayBeThere(const Scan& scan) const;
 
  private:
+  /// Of a ray, where it would meet the peer and leave it, metres.
+  struct Chord {
+    double begin_m = 0.0, end_m = 0.0;
+  };
+  std::optional<Chord> chordOf(double bearing_rad) const;
   bool mayHoldShade(const View& outline) const;
   double off(const View& outline, std::size_t k) const;
 

@@ -91,7 +91,7 @@ const PoseEstimate* Peers::own() const {
 std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const OwnMotion& own_motion) {
   if (!poses.empty()) forgetAssumed();
   for (const PoseEstimate& pose : poses) remember(pose);
-  for (Peer& peer : peers_) peer.known = false;
+  for (Peer& peer : peers_) peer.known = peer.may_be_there = false;
   const auto own = last_.find(own_);
   if (own == last_.end() || !own->second.any) return peers_;
   const auto odom_from_base_then = own_motion.odomFromBaseAt(own->second.pose.acquired_ns);

@@ -27,7 +27,8 @@ struct Peer {
   double heading_rad = 0.0;                                ///< odom
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< odom axes
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
-  bool in_blob = false;  ///< what it would show lies within a blob of this frame: seen, or hidden there
+  bool in_blob = false;       ///< what it would show lies within a blob of this frame: seen, or hidden there
+  bool may_be_there = false;  ///< where it says that it is this frame shows no floor: seen, or hidden
 };
 
 /// Published poses (map) → places in odom now. The poses belong to the previous frame (feedback) or are

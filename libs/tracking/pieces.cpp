@@ -14,8 +14,9 @@ namespace {
 constexpr int kFewestDirections = 8;
 constexpr double kOutline_m = 0.05;    // by which an outline may be off from the one of a known place …
 constexpr double kMostSigma_m = 0.08;  // … and that place: else other things would be taken for pieces
-constexpr double kExplained_m = 0.04;  // an outline so near to what a thing should show is the thing's
-constexpr double kStands_s = 0.5;      // after which it is one that stands: tops of robots seem to move
+constexpr double kMostSigmaThere_m = 0.15;  // of a place, of which a scan can tell whether somebody is there
+constexpr double kExplained_m = 0.04;       // an outline so near to what a thing should show is the thing's
+constexpr double kStands_s = 0.5;           // after which it is one that stands: tops of robots seem to move
 
 double sigmaOf(const Peer& peer) {
   return std::sqrt(0.5 * peer.covariance.trace());
@@ -31,12 +32,15 @@ bool Tracker::isOfAThing(const View& view) const {
   });
 }
 
-void Tracker::lookForPeers(const LocalMap& local_map, const std::vector<Peer>& peers) {
+void Tracker::lookForPeers(const LocalMap& local_map, std::vector<Peer>& peers) {
   sights_.assign(peers.size(), PeerInSight{});
   if (!options_.pieces || local_map.camera_height_m <= 0.0) return;  // a laser tells all that it sees
   for (std::size_t i = 0; i < peers.size(); ++i) {
-    if (!peers[i].known || sigmaOf(peers[i]) > kMostSigma_m) continue;
-    const PeerSight sight(peers[i], eye_, kOutline_m + sigmaOf(peers[i]));
+    const double sigma_m = sigmaOf(peers[i]);
+    if (!peers[i].known || sigma_m > kMostSigmaThere_m) continue;
+    const PeerSight sight(peers[i], eye_, kOutline_m + sigma_m);
+    peers[i].may_be_there = sight.mayBeThere(local_map.scan);
+    if (sigma_m > kMostSigma_m) continue;
     PeerInSight& seen = sights_[i];
     std::vector<std::size_t> pieces;
     double nearest_m = INFINITY;

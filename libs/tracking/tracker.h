@@ -86,7 +86,7 @@ class Tracker {
   void writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const;
   bool isPieceOfKnown(const PrismFilter& piece) const;
   int lostAt(const PrismFilter& filter, const View& view, bool rest_of_blob = false) const;
-  void lookForPeers(const LocalMap& local_map, const std::vector<Peer>& peers);
+  void lookForPeers(const LocalMap& local_map, std::vector<Peer>& peers);
   bool isOfAThing(const View& view) const;
   int trackOf(std::size_t peer) const;
   int startTrackOf(const Peer& peer, std::size_t number);

@@ -27,7 +27,7 @@ class GlobalMergerService : public bus::Service {
   bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
-  bool saved() const override { return !save_failed_; }
+  bool succeeded() const override { return !save_failed_; }
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }

@@ -57,8 +57,7 @@ std::vector<Measurement> surveyed(const fleet::Fleet& fleet) {
 LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       ends_(context),
-      estimator_options_(
-          estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
+      estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
       term_(static_cast<std::uint32_t>(context.options.life)),
       estimator_(setups(fleet), estimator_options_),
       observation_frames_(
@@ -196,8 +195,8 @@ bool LocalizerService::listening() {
 bool LocalizerService::spin() {
   bool any = pull();
   if (listening()) return any;
-  // One at a time: where a robot tells nothing for minutes, minutes are there at once when it does, and neither who
-  // writes nor who watches is to wait for all of them.
+  // One at a time: where a robot tells nothing for minutes, minutes are there at once when it does, and
+  // neither who writes nor who watches is to wait for all of them.
   if (merger_.nextBatch(batch_)) {
     process();
     any = true;
@@ -208,6 +207,7 @@ bool LocalizerService::spin() {
     publishCorrections(last);
     finish("");
     ended_ = any = true;
+    tellNeverLocated();
   }
   return any;
 }
@@ -264,8 +264,9 @@ void LocalizerService::placeAll() {
   }
   for (const Measurement& placing : placings_) values_.push_back(&placing);
   for (const std::string& robot : succession_->takeUnknown())
-    status().error(robot + ": started again, and no replica of the map knows where it is; it has no pose until "
-                           "a camera or another robot that has one sees it");
+    status().error(robot +
+                   ": started again, and no replica of the map knows where it is; it has no pose until "
+                   "a camera or another robot that has one sees it");
 }
 
 /// What the new frames teach of the whole window: the next frames are the first to need it.
@@ -307,6 +308,7 @@ void LocalizerService::tellPublished(std::size_t published, const std::vector<Po
 }
 
 void LocalizerService::publishPose(const PoseEstimate& pose) {
+  noteLocated(pose);
   adapters::toWire(pose, runClock(context_.options), term_, sample_);  // leaves `published` as it is
   outputs_.at(pose.robot).pose.write(sample_, status());
   const std::string text = estimator_.status(pose.robot);
@@ -314,6 +316,25 @@ void LocalizerService::publishPose(const PoseEstimate& pose) {
   if (text == told) return;  // once, though other robots have troubles of their own
   told = text;
   if (!text.empty()) status().error(pose.robot + ": " + text);
+}
+
+void LocalizerService::noteLocated(const PoseEstimate& pose) {
+  bool& is_located = is_located_[pose.robot];
+  is_located = is_located || pose.valid;
+}
+
+bool LocalizerService::succeeded() const {
+  const auto isLocated = [](const auto& robot) { return robot.second; };
+  return !ended_ || is_located_.empty() || std::any_of(is_located_.begin(), is_located_.end(), isLocated);
+}
+
+void LocalizerService::tellNeverLocated() {
+  for (const auto& [robot, is_located] : is_located_)
+    if (!is_located) status().error(robot + ": was never located; nothing that it saw is in the map");
+  if (!succeeded())
+    status().error(
+        "no robot was ever located: there is no map. Where none starts at a known place (initial_pose in the "
+        "fleet's file), a ceiling camera or surveyed landmarks must tell where one of them is");
 }
 
 void LocalizerService::publishObjects(const Report& report) {

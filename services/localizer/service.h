@@ -38,6 +38,8 @@ class LocalizerService : public bus::Service {
     return merger_.waitingFor(now);
   }
   std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return listen_until_; }
+  /// A run to its end in which frames came and no robot was ever located has no map.
+  bool succeeded() const override;
 
  private:
   struct Measurements {
@@ -64,6 +66,8 @@ class LocalizerService : public bus::Service {
   void process();
   void takeWheels();
   void publishPose(const PoseEstimate& pose);
+  void noteLocated(const PoseEstimate& pose);
+  void tellNeverLocated();
   void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
   bool refine();
@@ -90,7 +94,8 @@ class LocalizerService : public bus::Service {
   std::vector<const Objects*> frames_;
   std::vector<const Measurement*> values_;
   std::map<std::string, TimeNs> last_ns_;  ///< of the poses published, this batch's included; not when live
-  /// Of one that takes another's place in the middle of a run; and until when it waits for what that one told.
+  /// Of one that takes another's place in the middle of a run; and until when it waits for what that one
+  /// told.
   std::optional<localizer::Succession> succession_;
   std::optional<std::chrono::steady_clock::time_point> listen_until_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
@@ -100,6 +105,7 @@ class LocalizerService : public bus::Service {
   v1::Objects objects_sample_;
   std::deque<PoseEstimate> revised_;  ///< not published yet
   std::uint32_t revision_ = 0;
+  std::map<std::string, bool> is_located_;  ///< whether it ever was, of the robots of which frames came
   bool ended_ = false;
 };
 

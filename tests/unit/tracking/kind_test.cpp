@@ -43,8 +43,9 @@ TEST(KindJudge, LeavesALabelThatIsMerelyDoubted) {
 }
 
 /// What is seen `off_m` from where a robot says that it stands, of no robot's shape: what it is called after
-/// two seconds. @param sigma_m of both places
-ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -4.0) {
+/// two seconds. @param sigma_m of both places @param may_be_there the robot, where it says
+ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -4.0,
+                                  bool may_be_there = false) {
   LocalMap map;
   map.objects.emplace_back();
   RobotBody body;
@@ -52,6 +53,7 @@ ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -
   body.height_m = 0.3;
   Peer peer{"r2", BodyModel(body)};
   peer.known = true;
+  peer.may_be_there = may_be_there;
   peer.centre_m = {1.5, 0.0};
   const Eigen::Matrix2d covariance = 0.5 * sigma_m * sigma_m * Eigen::Matrix2d::Identity();
   peer.covariance = covariance;
@@ -76,6 +78,14 @@ TEST(KindJudge, WhoStandsJustWhereARobotSaysIsTheRobotWhateverRunsTogetherWithIt
   EXPECT_EQ(kindOfWhatStandsBeside(0.02, 0.01), ObjectKind::kRobot);
   EXPECT_NE(kindOfWhatStandsBeside(0.02, 0.06), ObjectKind::kRobot) << "its place is not known so well";
   EXPECT_NE(kindOfWhatStandsBeside(0.10, 0.01), ObjectKind::kRobot) << "it may stand beside it";
+}
+
+// Who may stand where he says, hidden by it, is not what looks like him and stands 0.75 m from there; who is
+// not to be seen there may be it.
+TEST(KindJudge, WhatHidesARobotIsNotIt) {
+  constexpr double kLooksLikeIt = 2.5;
+  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt), ObjectKind::kRobot);
+  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt, true), ObjectKind::kObstacle);
 }
 
 // However vague both places are.

@@ -150,5 +150,15 @@ TEST_F(PeerSightTest, SomethingIsThereWhereMostOfItsBearingsEnd) {
   EXPECT_FALSE(sight_.isUndecided(none));
 }
 
+/// It stands from 0.85 to 1.15 m.
+TEST_F(PeerSightTest, ItMayBeWhereTheScanDoesNotLookThrough) {
+  EXPECT_FALSE(sight_.mayBeThere(scanWith(2.5, 0))) << "floor all over";
+  EXPECT_TRUE(sight_.mayBeThere(scanWith(0.9, 12))) << "something where it stands";
+  EXPECT_TRUE(sight_.mayBeThere(scanWith(0.4, 12))) << "hidden";
+  EXPECT_TRUE(sight_.mayBeThere(scanWith(0.4, 7))) << "most of it is";
+  EXPECT_FALSE(sight_.mayBeThere(scanWith(0.4, 3))) << "half of it would be seen";
+  EXPECT_FALSE(sight_.mayBeThere(scanWith(1.4, 12))) << "something behind it";
+}
+
 }  // namespace
 }  // namespace omnifleet::tracking

@@ -122,8 +122,8 @@ class Successor : public testing::Test {
     }
   }
   /// What the replicas of the map hold of a robot that drives along +x at this y.
-  void keyframe(std::size_t robot, int step, const Pose2& at, const Eigen::Vector4d& camera_error = {0, 0, 0, 0},
-                std::uint32_t term = 0) {
+  void keyframe(std::size_t robot, int step, const Pose2& at,
+                const Eigen::Vector4d& camera_error = {0, 0, 0, 0}, std::uint32_t term = 0) {
     PoseEstimate pose;
     pose.robot = keyframes_[robot].first;
     pose.acquired_ns = step * kStep;
@@ -134,6 +134,18 @@ class Successor : public testing::Test {
     adapters::toWire(occupancy::makeKeyframePose(pose, term), adapters::RunClock::kDataset, wire);
     ASSERT_TRUE(keyframes_[robot].second->write(wire));
   }
+  void end(int steps) {
+    std::vector<std::string> streams = {"objects r1", "objects r2"};
+    for (const std::string& camera : fleet_.ceilingCameras()) streams.push_back("measurement " + camera);
+    const auto ends = bench_.bus().writer(bench_.topics.run_end);
+    for (const std::string& stream : streams) {
+      v1::RunEnd end;
+      end.stream(stream);
+      end.header().acquired_ns(steps * kStep);
+      ASSERT_TRUE(ends->write(end));
+    }
+    bench_.spin();
+  }
   /// All that it told since the last call, invalid ones too.
   std::vector<PoseEstimate> told(std::size_t robot) {
     std::vector<PoseEstimate> all;
@@ -142,6 +154,8 @@ class Successor : public testing::Test {
     return all;
   }
 
+  const fleet::Fleet fleet_ = fleet::Fleet::load(
+      std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml", "", {});
   test::StageBench bench_{"localizer", "", "", "", bus::RunMode::kLive, 2};
   std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::Objects>>>> objects_;
   std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::KeyframePose>>>> keyframes_;
@@ -169,7 +183,8 @@ TEST_F(Successor, GoesOnWhereTheMapLastSawTheRobotsAndTellsNoPoseBefore) {
       EXPECT_NEAR(pose.map_from_base.x_m, robot == 0 ? 3.05 + way_m : -2.0 - way_m, 1e-3);
       EXPECT_NEAR(pose.map_from_base.y_m, robot == 0 ? 1.0 : 0.5, 1e-3);
       EXPECT_GT(pose.covariance(0, 0), 1e-4) << "not as sure as a start";
-      EXPECT_NEAR(pose.camera_error(0), robot == 0 ? 0.01 : 0.0, 1e-9) << "what was found of the camera holds";
+      EXPECT_NEAR(pose.camera_error(0), robot == 0 ? 0.01 : 0.0, 1e-9)
+          << "what was found of the camera holds";
     }
   }
   EXPECT_TRUE(bench_.problems().empty());
@@ -195,6 +210,12 @@ TEST_F(Successor, HasNoPoseWhereNobodyKnowsAndSaysSo) {
   bench_.spin();
   for (const PoseEstimate& pose : told(0)) EXPECT_FALSE(pose.valid);
   EXPECT_THAT(bench_.problems(), testing::Contains(HasSubstr("r1: started again, and no replica")));
+  EXPECT_TRUE(bench_.succeeded()) << "the run goes on";
+  end(65);
+  const std::vector<std::string> told_at_end = bench_.problems();
+  EXPECT_THAT(told_at_end, testing::Contains(HasSubstr("r2: was never located")));
+  EXPECT_THAT(told_at_end, testing::Contains(HasSubstr("no robot was ever located")));
+  EXPECT_FALSE(bench_.succeeded());
 }
 
 /// It died before anything was mapped: the run has only begun, and the first frames nobody ever had.
@@ -204,14 +225,15 @@ TEST_F(Successor, OfRobotsWhoseFirstFrameIsThereTheStartsHold) {
   ASSERT_TRUE(bench_.wakeAt()) << "it listens first";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
-  const auto fleet = fleet::Fleet::load(
-      std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml", "", {});
   const auto poses = told(0);
   ASSERT_EQ(poses.size(), 3U);
   EXPECT_TRUE(poses[0].valid);
-  const Pose2 off = fleet.robots.front().initial_pose->inverse() * poses[2].map_from_base;
+  const Pose2 off = fleet_.robots.front().initial_pose->inverse() * poses[2].map_from_base;
   EXPECT_NEAR(off.x_m, 2 * kStep_m, 1e-3);
   EXPECT_NEAR(off.y_m, 0.0, 1e-3);
+  end(12);
+  EXPECT_TRUE(bench_.problems().empty());
+  EXPECT_TRUE(bench_.succeeded());
 }
 
 }  // namespace

@@ -64,6 +64,7 @@ class StageBench {
   }
   auto wakeAt() { return stage_->wakeAt(); }
   bool background() { return stage_->background(); }
+  bool succeeded() const { return stage_->succeeded(); }
   /// Told since the last call.
   std::vector<std::string> problems() { return stage_->status().takeProblems(); }
   bus::StatusBoard::Snapshot status() { return stage_->status().snapshot(bus::StatusBoard::Clock::now()); }
