@@ -144,6 +144,8 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
   if (fleet.dataset.empty() && fleet.file.has("dataset")) {
     std::string folder;
     fleet.file.read("dataset", folder);
+    if (fleet.file.has("world"))
+      fleet.file.fail("world", "and dataset both stand here; a fleet is in one of them: leave one out");
     fleet.dataset = besideFile(fleet.file, folder);
   } else {
     fleet.file.has("dataset");

@@ -82,12 +82,16 @@ void readKind(const options::Section& section, bool from_file, CameraModel& mode
   readName(section, "projection", kProjections, model.projection);
 }
 
+// Beyond these it is another unit.
+constexpr options::Range kFocal_px{0.1, 1e6};
+constexpr double kFarthest_m = 100.0;
+
 void readFocal(const options::Section& section, Eigen::Vector2d& focal_px) {
   if (section.isList("focal_px")) {
-    section.read("focal_px", focal_px, options::kPositive);
+    section.read("focal_px", focal_px, kFocal_px);
   } else if (section.has("focal_px")) {
     double value = 0.0;
-    section.read("focal_px", value, options::kPositive);
+    section.read("focal_px", value, kFocal_px);
     focal_px = {value, value};
   }
 }
@@ -153,7 +157,7 @@ CameraModel CameraModel::read(const options::Section& section) {
   section.read("principal_point_px", model.principal_point_px);
   section.read("fov_deg", model.fov_deg, {1.0, 360.0});
   section.read("distortion", model.distortion);
-  section.read("position_m", model.position_m);
+  section.read("position_m", model.position_m, {-kFarthest_m, kFarthest_m});
   section.read("rotation_rpy_deg", model.rotation_rpy_deg, {-360.0, 360.0});
   section.read("self_mask_radius_px", model.self_mask_radius_px, options::kNotNegative);
   section.read("reprojection_rms_px", model.reprojection_rms_px, options::kNotNegative);

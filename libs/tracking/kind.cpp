@@ -15,8 +15,9 @@ constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
 // Two bodies cannot stand in one place: that speaks louder than a shape that is not the peer's, as something
 // may have run together with it, and than that it stands still.
 constexpr double kPeerJustHereEvidence = 8.0;
-constexpr double kAstray_m = 1.0;     // a published place farther off is no longer this object's
-constexpr double kPlaceTime_s = 0.3;  // how fast a place speaks for or against
+constexpr double kPeerAstrayEvidence = -2.0;  // it would be one that is not where it says
+constexpr double kAstray_m = 1.0;             // a published place farther off is no longer this object's
+constexpr double kPlaceTime_s = 0.3;          // how fast a place speaks for or against
 constexpr double kForgetMotion_s =
     20.0;  // what fits no body and has long stood once moved for another reason
 constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
@@ -243,6 +244,9 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<P
       return !peer->known || (peer->centre_m - track.filter.position()).norm() < kAstray_m;
     });
   };
+  const bool any_silent =
+      std::any_of(missing.begin(), missing.end(), [](const Peer* peer) { return !peer->known; });
+  const double may_be_one = any_silent ? 0.0 : kPeerAstrayEvidence;
   const auto isHere = [&](const TrackState& track) {
     return isJustThere(track, peers[static_cast<std::size_t>(track.evidence.peer)]) ? kPeerJustHereEvidence
                                                                                     : kPeerHereEvidence;
@@ -250,7 +254,7 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<P
   for (TrackState& track : tracks) {
     const auto place = std::find(unclaimed.begin(), unclaimed.end(), &track) - unclaimed.begin();
     double target = track.evidence.peer >= 0   ? isHere(track)
-                    : place < missingAt(track) ? 0.0
+                    : place < missingAt(track) ? may_be_one
                                                : kPeersElsewhereEvidence;
     if (!track.isSeen()) continue;
     // All of the fleet are elsewhere, and it stands: once moved for another reason, unless it drove far

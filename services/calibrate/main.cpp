@@ -20,7 +20,9 @@ int main(int argc, char** argv) {
   double square_m = 0.0;
   app.add_option("IMAGES_DIR", options.images, "folder of images, all of one camera")->required();
   app.add_option("--board", board, "COLSxROWS, the inner corners (where four squares meet)")->required();
-  app.add_option("--square_m", square_m, "side of a square, metres")->required();
+  app.add_option("--square_m", square_m, "side of a square, metres")
+      ->check(omnifleet::options::within({1e-4, 100.0}))
+      ->required();
   app.add_option("--out", options.out, "the sensor.yaml to write")->required();
   app.add_option("--projection", projection,
                  "orthographic, equidistant, equisolid, stereographic, kannala_brandt, ocam or pinhole")

@@ -70,7 +70,8 @@ TEST(SensorYaml, ErrorsNameFileLineKeyAndBound) {
                   "focal_px: 100\nprincipal_point_px: [320, 240]\nfov_deg: 360\n")),
               AllOf(HasSubstr("s.yaml:7: fov_deg"), HasSubstr("180°")));
   EXPECT_THAT(with("focal_px: [150.5, 151]", "focal_px: 0"),
-              AllOf(HasSubstr("s.yaml:5: focal_px"), HasSubstr("positive")));
+              AllOf(HasSubstr("s.yaml:5: focal_px"), HasSubstr("within [0.1, ")));
+  EXPECT_THAT(with("focal_px: [150.5, 151]", "focal_px: 1e9"), HasSubstr("s.yaml:5: focal_px"));
   EXPECT_THAT(with("kannala_brandt", "perspektive"),
               AllOf(HasSubstr("s.yaml:2: projection"), HasSubstr("equisolid")));
   EXPECT_THAT(with("fov_deg", "fov"), AllOf(HasSubstr("s.yaml:7: fov"), HasSubstr("unknown key")));

@@ -84,7 +84,7 @@ TEST(KindJudge, WhoStandsJustWhereARobotSaysIsTheRobotWhateverRunsTogetherWithIt
 // not to be seen there may be it.
 TEST(KindJudge, WhatHidesARobotIsNotIt) {
   constexpr double kLooksLikeIt = 2.5;
-  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt), ObjectKind::kRobot);
+  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt), ObjectKind::kUnknown);
   EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt, true), ObjectKind::kObstacle);
 }
 
