@@ -112,8 +112,8 @@ nlohmann::json replayed(const std::string& folder, int domain, const std::vector
 /// The same on a machine that rounds otherwise: without fused multiplications.
 nlohmann::json roundedOtherwise(const std::string& folder, const std::vector<std::string>& align) {
   const std::string out = folder + "/rounded";
-  Process alone({program("fleet_in_process"), "--dataset", folder + "/data", "--out", out}, folder + "/rounded.log",
-                {{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2"}});
+  Process alone({program("fleet_in_process"), "--dataset", folder + "/data", "--out", out},
+                folder + "/rounded.log", {{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2"}});
   EXPECT_EQ(alone.wait(kPatience), std::optional<int>(0)) << alone.output();
   return evaluated(folder, out, align);
 }
@@ -129,6 +129,14 @@ void expectAllRobots(const nlohmann::json& metrics) {
   for (const auto& [name, path] : metrics["paths"].items()) EXPECT_GT(path["poses"], 0) << name;
 }
 
+/// Of all poses together, neither too sure nor far too modest. (The first minutes have 2.3 to 2.5, the
+/// whole 2.8 to 3.7, as the machine rounds.)
+void expectConsistent(const nlohmann::json& metrics) {
+  const double nees = metrics["paths_mean"]["consistency"]["nees_mean"];
+  EXPECT_LE(nees, secondsUsed() > 0 ? 3.4 : 4.2);
+  EXPECT_GE(nees, 1.0);
+}
+
 TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
   OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
   const auto metrics = replayed(imported("mrclam_surveyed", {"--survey"}), 86, {});
@@ -138,7 +146,7 @@ TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
   EXPECT_LE(mean_m, 0.10);
   EXPECT_LT(mean_m, wheels_m);
   // 3 is right; the true heading of one robot wanders by 1.5° against its own course (docs/methods.md).
-  EXPECT_LE(metrics["paths_mean"]["consistency"]["nees_mean"], 5.0);
+  expectConsistent(metrics);
   EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm: they stay where they were put
 }
 
@@ -152,14 +160,14 @@ TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
   EXPECT_LE(mean_m, 0.15);
   EXPECT_LT(mean_m, wheels_m);
   // Each pose against what its covariance is against: the first ones the start, then the points.
-  // What rounding leaves of stiff steps was once taken for measurements: single robots turned away within these
-  // first minutes (NEES 7.6, or 5.4 where the machine rounds otherwise).
+  // What rounding leaves of stiff steps was once taken for measurements: single robots turned away within
+  // these first minutes (NEES 7.6, or 5.4 where the machine rounds otherwise).
   const auto otherwise = roundedOtherwise(folder, {"--align", "fleet"});
   for (const auto* each : {&metrics, &otherwise}) {
     EXPECT_LE((*each)["paths_mean"]["distance_m"], 0.15);
-    EXPECT_LE((*each)["paths_mean"]["consistency"]["nees_mean"], 5.0);
+    expectConsistent(*each);
     for (const auto& [name, path] : (*each)["paths"].items())
-      EXPECT_LE(path["consistency"]["nees_mean"], secondsUsed() > 0 ? 4.5 : 8.0) << name;
+      EXPECT_LE(path["consistency"]["nees_mean"], secondsUsed() > 0 ? 4.5 : 6.5) << name;
   }
   // After two minutes some landmarks have been seen once or twice only.
   EXPECT_LE(metrics["landmarks"]["mean_m"], secondsUsed() > 0 ? 0.30 : 0.20);
