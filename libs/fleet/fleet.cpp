@@ -96,7 +96,13 @@ void readOwn(Fleet& fleet) {
   const options::Section robots = fleet.file.child("robots");
   for (const std::string& name : robots.keys()) fleet.robots.push_back(readRobot(name, robots.child(name)));
   const options::Section cameras = fleet.file.child("cameras");
-  for (const std::string& id : cameras.keys()) fleet.cameras.push_back(readCamera(id, cameras.child(id)));
+  for (const std::string& id : cameras.keys()) {
+    fleet.cameras.push_back(readCamera(id, cameras.child(id)));
+    const std::string& owner = fleet.cameras.back().robot;
+    const auto isOwner = [&](const RobotSpec& robot) { return robot.name == owner; };
+    if (!owner.empty() && std::none_of(fleet.robots.begin(), fleet.robots.end(), isOwner))
+      cameras.fail(id, "belongs to robot '" + owner + "', which is not among this fleet's robots");
+  }
   std::string markers;
   fleet.file.read("markers", markers);
   std::string landmarks;

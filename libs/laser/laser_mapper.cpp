@@ -34,12 +34,16 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
   map_.motion = wheels;
   map_.objects.clear();
   map_.scan = Scan{};
+  fault_ = "";
   map_.state = check(row);
+  if (map_.state == FrameState::kOk) {
+    beams_.set(row, sensor_);
+    checkEchoes(row);
+  }
   if (map_.state != FrameState::kOk) {
     matcher_.forget();
     return map_;
   }
-  beams_.set(row, sensor_);
   if (options_.match) {
     map_.motion =
         matcher_.refine(beams_, sensor_.baseFromLaser().translation(), sensor_.range_sigma_m, wheels);
@@ -60,6 +64,23 @@ FrameState LaserMapper::check(const dataset::LaserRow& row) {
   if (!dataset::problemOf(row, 0).empty()) return FrameState::kNonFinite;
   if (beam_count_ == 0) beam_count_ = beams;
   return beams == beam_count_ ? FrameState::kOk : FrameState::kWrongSize;
+}
+
+/// A scanner of which no beam comes back is dead or covered, or its numbers are no metres; all the room would
+/// be free.
+void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
+  const auto is_hit = [](const Beam& beam) { return beam.echo == Echo::kHit; };
+  if (std::any_of(beams_.beam.begin(), beams_.beam.end(), is_hit)) return;
+  const auto isNumber = [](float range_m) { return std::isfinite(range_m) && range_m > 0.0f; };
+  const auto isBeyond = [&](float range_m) {
+    return isNumber(range_m) && sensor_.range_max_m > 0.0 && range_m > sensor_.range_max_m;
+  };
+  const auto numbers = std::count_if(row.range_m.begin(), row.range_m.end(), isNumber),
+             beyond = std::count_if(row.range_m.begin(), row.range_m.end(), isBeyond);
+  map_.state = FrameState::kDark;
+  fault_ = 2 * beyond > numbers
+               ? "all ranges lie beyond range_max_m of its sensor.yaml: are they metres?"
+               : "no beam has an echo: dead, covered, or nothing within range_max_m of its sensor.yaml";
 }
 
 bool LaserMapper::isHollow(const Piece& before, const Piece& after) const {

@@ -33,12 +33,15 @@ class LaserMapper {
       : sensor_(sensor), options_(options) {}
 
   /// One local map per scan, invalid ones too: kWrongSize where the number of beams is not that of the scans
-  /// before, kNonFinite for other impossible numbers (dataset::problemOf). Robot name left empty; valid until
-  /// the next call.
+  /// before, kNonFinite for other impossible numbers (dataset::problemOf), kDark where no beam has an echo.
+  /// Robot name left empty; valid until the next call.
   const LocalMap& process(const dataset::LaserRow& row, std::uint32_t sequence, const Motion& wheels);
+  /// In words, what is wrong with the last scan where its state alone does not tell; else empty.
+  const char* fault() const { return fault_; }
 
  private:
   FrameState check(const dataset::LaserRow& row);
+  void checkEchoes(const dataset::LaserRow& row);
   bool isHollow(const Piece& before, const Piece& after) const;
   void cutAtHollows(const Segment& segment);
   void measure(const Segment& segment);
@@ -57,6 +60,7 @@ class LaserMapper {
   std::vector<RayLabel> label_;  ///< per beam
   std::vector<std::uint16_t> object_;
   LocalMap map_;
+  const char* fault_ = "";
 };
 
 /// Range per bearing 2πi/N in base_link from beams in any raster: between two echoes of one surface 1/r is

@@ -29,6 +29,9 @@ Eigen::Vector2d pointOf(const std::string& text) {
   const bool two = std::sscanf(text.c_str(), "%lf,%lf%n", &point.x(), &point.y(), &used) == 2;
   if (!two || used != static_cast<int>(text.size()) || !point.allFinite())
     throw CLI::ValidationError("--waypoints", "'" + text + "' is not X,Y in metres");
+  constexpr double kFarthest_m = 1000.0;
+  if (point.cwiseAbs().maxCoeff() > kFarthest_m)
+    throw CLI::ValidationError("--waypoints", "'" + text + "' lies beyond 1000 m: X and Y are metres in map");
   return point;
 }
 

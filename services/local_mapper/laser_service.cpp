@@ -19,6 +19,11 @@ laser::Options laserOptions(const fleet::Fleet& fleet) {
   return laser::Options::read(fleet.service("local_mapper").child("laser"));
 }
 
+std::string scanProblem(std::uint32_t sequence, const std::string& robot, FrameState state,
+                        const char* fault) {
+  return fmt::format("scan {} of laser {}: {}", sequence, robot, *fault != '\0' ? fault : toString(state));
+}
+
 Taken takeScan(const v1::LaserScan& wire, LaserInput& scan) {
   scan.sequence = wire.header().sequence_number();
   return orInvalid(adapters::fromWire(wire, scan.row));
@@ -79,8 +84,7 @@ void LaserMapperService::process() {
   out_.write(sample_, status());
   const bool good = local_map_.state == FrameState::kOk;
   status().processed(steady_clock::now() - begun, good);
-  if (!good)
-    status().error(fmt::format("scan {} of laser {}: {}", scan.sequence, robot_, toString(local_map_.state)));
+  if (!good) status().error(scanProblem(scan.sequence, robot_, local_map_.state, mapper_.fault()));
 }
 
 }  // namespace omnifleet::services

@@ -56,6 +56,10 @@ class LaserMapperService : public bus::Service {
 
 /// Options of `services: {local_mapper: {laser: …}}`.
 laser::Options laserOptions(const fleet::Fleet& fleet);
+/// In words, what is wrong with a scan. @param fault LaserMapper::fault()
+std::string scanProblem(std::uint32_t sequence, const std::string& robot, FrameState state,
+                        const char* fault);
+
 Taken takeScan(const v1::LaserScan& wire, LaserInput& scan);
 /// The wheels of a robot as its local mapper integrates them.
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot);

@@ -138,6 +138,13 @@ void LocalMapperService::takeBeside() {
   }
 }
 
+void LocalMapperService::joinLaser() {
+  const LocalMap& by_laser = laser_->process(scan_->row, scan_->sequence, {});
+  if (by_laser.state != FrameState::kOk)
+    status().error(scanProblem(scan_->sequence, context_.options.robot, by_laser.state, laser_->fault()));
+  laser::join(by_laser, local_map_.scan);
+}
+
 void LocalMapperService::process(const bus::FrameView& view) {
   const auto begun = steady_clock::now();
   const cv::Mat image = asMat(view);
@@ -145,7 +152,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   local_map_ = mapper_.process(frame, integrator_.motionTo(frame.acquired_ns));
   local_map_.robot = camera_.robot;
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
-    laser::join(laser_->process(scan_->row, scan_->sequence, {}), local_map_.scan);
+    joinLaser();
   rejected_points_ += mapper_.rejectedPoints();
   tellLens();
   tellCover();

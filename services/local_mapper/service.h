@@ -42,6 +42,7 @@ class LocalMapperService : public bus::Service {
   bool pull();
   void takeBeside();
   void process(const bus::FrameView& view);
+  void joinLaser();
   void tellLens();
   void tellCover();
   void tellFault();

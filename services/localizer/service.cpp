@@ -13,7 +13,7 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr std::size_t kRevisedAtOnce = 20;
-constexpr std::chrono::seconds kListening{1};  // for what the replicas know: they answer within milliseconds
+constexpr std::chrono::seconds kListening{2};  // for what the replicas know: they answer within milliseconds
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
@@ -70,7 +70,8 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   readObservers(fleet);
   if (context.options.life == 1) return;
   succession_.emplace(setups(fleet), estimator_options_,
-                      static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth));
+                      static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
+                      asSet(fleet.mappingRobots()));
   keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);
 }
 

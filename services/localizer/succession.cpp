@@ -8,15 +8,16 @@
 namespace omnifleet::localizer {
 namespace {
 
-// A map is better than this, and its keyframes are told to 0.1 mm; what the predecessor thought of their errors
-// went with it.
+// A map is better than this, and its keyframes are told to 0.1 mm; what the predecessor thought of their
+// errors went with it.
 constexpr double kMapped_m = 0.02, kMapped_rad = 0.01;
 
 }  // namespace
 
 Succession::Succession(std::vector<estimation::RobotSetup> robots,
-                       const estimation::EstimatorOptions& options, std::uint32_t kept)
-    : options_(options), kept_(kept) {
+                       const estimation::EstimatorOptions& options, std::uint32_t kept,
+                       std::set<std::string> mapping)
+    : options_(options), kept_(kept), mapping_(std::move(mapping)) {
   for (estimation::RobotSetup& robot : robots) {
     const std::string name = robot.name;
     robots_.emplace(name, std::move(robot));
@@ -35,6 +36,17 @@ void Succession::hear(const occupancy::KeyframePose& pose) {
 void Succession::hear(const Objects& frame) {
   std::uint32_t& newest = newest_[frame.robot];
   newest = std::max(newest, frame.sequence);
+  const auto [oldest, fresh] = oldest_ns_.try_emplace(frame.robot, frame.acquired_ns);
+  if (!fresh) oldest->second = std::min(oldest->second, frame.acquired_ns);
+}
+
+bool Succession::heardOfAll() const {
+  return std::all_of(robots_.begin(), robots_.end(), [&](const auto& robot) {
+    const auto pose = latest_.find(robot.first);
+    const auto frame = oldest_ns_.find(robot.first);
+    if (pose == latest_.end() || (frame == oldest_ns_.end() && mapping_.count(robot.first) > 0)) return false;
+    return frame == oldest_ns_.end() || pose->second.acquired_ns >= frame->second;
+  });
 }
 
 std::vector<estimation::RobotSetup> Succession::setups() const {

@@ -151,6 +151,11 @@ TEST_F(FleetFile, MistakesAreNamedWithFileLineKeyAndBound) {
        std::string(kRobots) +
            "cameras:\n  r1/fisheye: {source: folder, path: p, sensor: sensor.yaml, rate_hz: 0}\n",
        "fleet.yaml:5", "rate_hz"},
+      {"owner",
+       std::string(kRobots) + "cameras:\n  r9/fisheye: {source: folder, path: p, sensor: sensor.yaml}\n",
+       "fleet.yaml:5", "belongs to robot 'r9'"},
+      {"two worlds", std::string(kRobots) + "dataset: .\nworld: {arena: a.yaml}\n", "fleet.yaml",
+       "both stand here"},
   };
   for (const Refused& c : cases) {
     const std::string problem = problemOf(c.text);

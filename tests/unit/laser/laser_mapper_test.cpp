@@ -1,5 +1,6 @@
 #include "laser/laser_mapper.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -133,7 +134,8 @@ TEST(LaserMapper, AHollowPartsWhatTouches) {
   EXPECT_GT(std::abs(map.objects[0].contact_m.x() - map.objects[1].contact_m.x()), 0.1);
 }
 
-/// Walls are no objects; their rays are obstacles, those that see nothing are free as far as the scanner reaches.
+/// Walls are no objects; their rays are obstacles, those that see nothing are free as far as the scanner
+/// reaches.
 TEST(LaserMapper, TheScanOfAHalfOpenRoom) {
   test::Room room;
   room.polygons = {{{2.0, -2.0}, {2.2, -2.0}, {2.2, 2.0}, {2.0, 2.0}}};
@@ -171,6 +173,25 @@ TEST(LaserMapper, AHalfTurnLeavesTheOtherHalfUnknown) {
   EXPECT_NEAR(scan.range_m[0], 2.0, 1e-5);
 }
 
+/// Of a scanner that tells nothing the room is not free.
+TEST(LaserMapper, AScanWithoutAnyEchoTellsNothing) {
+  test::Room room;
+  room.discs.push_back({{1.0, 0.0}, 0.1});
+  LaserMapper mapper(sensor(), {});
+  dataset::LaserRow row = room.scan(720);
+  EXPECT_EQ(mapper.process(row, 0, {}).state, FrameState::kOk);
+  EXPECT_STREQ(mapper.fault(), "");
+  dataset::LaserRow millimetres = row;
+  for (float& range : millimetres.range_m) range *= 1000.0f;
+  EXPECT_EQ(mapper.process(millimetres, 1, {}).state, FrameState::kDark);
+  EXPECT_THAT(mapper.fault(), ::testing::HasSubstr("metres?"));
+  row.range_m.assign(row.range_m.size(), INFINITY);
+  const LocalMap& map = mapper.process(row, 2, {});
+  EXPECT_EQ(map.state, FrameState::kDark);
+  EXPECT_TRUE(map.scan.range_m.empty());
+  EXPECT_THAT(mapper.fault(), ::testing::HasSubstr("no beam has an echo"));
+}
+
 TEST(LaserMapper, ImpossibleScansAreSaidToBeSo) {
   test::Room room;
   room.discs.push_back({{1.0, 0.0}, 0.1});
@@ -185,7 +206,8 @@ TEST(LaserMapper, ImpossibleScansAreSaidToBeSo) {
     return map.state;
   };
   EXPECT_EQ(stateOf([](auto& row) { row.angle_increment_rad = 0.0; }), FrameState::kNonFinite);
-  EXPECT_EQ(stateOf([](auto& row) { row.angle_increment_rad *= 2.0; }), FrameState::kNonFinite) << "two turns";
+  EXPECT_EQ(stateOf([](auto& row) { row.angle_increment_rad *= 2.0; }), FrameState::kNonFinite)
+      << "two turns";
   EXPECT_EQ(stateOf([](auto& row) { row.angle_min_rad = std::nan(""); }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m[5] = std::nanf(""); }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m[5] = -1.0f; }), FrameState::kNonFinite);

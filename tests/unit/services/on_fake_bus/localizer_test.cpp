@@ -190,10 +190,30 @@ TEST_F(Successor, GoesOnWhereTheMapLastSawTheRobotsAndTellsNoPoseBefore) {
   EXPECT_TRUE(bench_.problems().empty());
 }
 
+/// Replicas tell what they hold from the oldest on.
+TEST_F(Successor, WaitsForAPoseFromWhichItsFramesLeadOn) {
+  keyframe(0, 20, {1.5, 1.0, 0.0});
+  keyframe(1, 57, {-2.0, 0.5, M_PI});
+  for (int step = 50; step < 60; ++step) frame(step);
+  bench_.spin();
+  EXPECT_TRUE(told(0).empty()) << "r1 went on for 30 frames of which nothing is known";
+  keyframe(0, 35, {2.25, 1.0, 0.0});
+  bench_.spin();
+  EXPECT_TRUE(told(0).empty());
+  keyframe(0, 55, {3.25, 1.0, 0.0});
+  bench_.spin();
+  const std::vector<PoseEstimate> poses = told(0);
+  ASSERT_EQ(poses.size(), 5U);
+  EXPECT_NEAR(poses.front().map_from_base.x_m, 3.25, 1e-3);
+}
+
 TEST_F(Successor, IsTheLessSureTheLongerNobodySawTheWay) {
   keyframe(0, 40, {3.0, 1.0, 0.0});
   keyframe(1, 50, {2.0, 0.0, 0.0});
   for (int step = 50; step < 52; ++step) frame(step);
+  bench_.spin();
+  ASSERT_TRUE(bench_.wakeAt()) << "a later pose of r1 may come";
+  std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
   const auto r1 = told(0), r2 = told(1);
   ASSERT_EQ(r1.size(), 2U);
