@@ -18,6 +18,7 @@ struct Beam {
   double bearing_rad = 0.0;  ///< about the scanner, in the axes of base_link, growing from beam to beam
   double range_m = 0.0;      ///< of kHit and kNone
   Echo echo = Echo::kBlind;
+  bool stands = true;                                 ///< what it hits is no robot that may drive
   Eigen::Vector2d point_m = Eigen::Vector2d::Zero();  ///< from the scanner, axes of base_link
 };
 

@@ -1,5 +1,6 @@
 #include "laser/laser_mapper.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -44,13 +45,14 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
     matcher_.forget();
     return map_;
   }
+  segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // where ranges jump
   if (options_.match) {
+    for (const Segment& segment : segments_) noteWhatMayDrive(segment);
     map_.motion =
         matcher_.refine(beams_, sensor_.baseFromLaser().translation(), sensor_.range_sigma_m, wheels);
   }
   label_.assign(beams_.size(), RayLabel::kUnknown);
   object_.assign(beams_.size(), 0);
-  segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // where ranges jump
   for (const Segment& segment : segments_) {
     cutAtHollows(segment);  // two things that touch
     for (const Segment& part : convex_) measure(part);
@@ -81,6 +83,15 @@ void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
   fault_ = 2 * beyond > numbers
                ? "all ranges lie beyond range_max_m of its sensor.yaml: are they metres?"
                : "no beam has an echo: dead, covered, or nothing within range_max_m of its sensor.yaml";
+}
+
+/// What is no longer than things are may be a robot.
+void LaserMapper::noteWhatMayDrive(const Segment& segment) {
+  Eigen::AlignedBox2d box;
+  for (std::size_t i = 0; i < segment.count; ++i) box.extend(beams_.at(segment.first + i).point_m);
+  if (box.diagonal().norm() > options_.max_size_m) return;
+  for (std::size_t i = 0; i < segment.count; ++i)
+    beams_.beam[(segment.first + i) % beams_.size()].stands = false;
 }
 
 bool LaserMapper::isHollow(const Piece& before, const Piece& after) const {

@@ -42,6 +42,7 @@ class LaserMapper {
  private:
   FrameState check(const dataset::LaserRow& row);
   void checkEchoes(const dataset::LaserRow& row);
+  void noteWhatMayDrive(const Segment& segment);
   bool isHollow(const Piece& before, const Piece& after) const;
   void cutAtHollows(const Segment& segment);
   void measure(const Segment& segment);

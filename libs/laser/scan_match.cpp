@@ -30,6 +30,7 @@ void ScanMatcher::fitLines() {
   lines_.assign(n, Line{});
   for (std::size_t i = 0; i < n; ++i) {
     if (!before_.closed && (i < kAside || i + kAside >= n)) continue;
+    if (!before_.at(i).stands) continue;
     Line line;
     bool one = true;
     for (int k = -kAside; k <= kAside && one; ++k) {

@@ -7,7 +7,8 @@ namespace omnifleet::laser {
 /// A robot's motion between two of its scans: what stands has not moved. Point to line, as Censi 2008, "An
 /// ICP variant using a point-to-line metric", with two departures: wheels are a weak prior, so that a
 /// corridor or a bare room changes nothing along itself, and what fits badly counts little (Cauchy) instead
-/// of being trimmed: other robots drive.
+/// of being trimmed: other robots drive. In a room without walls they may be most of what is seen: what is to
+/// be matched says Beam::stands.
 class ScanMatcher {
  public:
   /// `wheels`, corrected where this scan and the one before tell. Wheels that report once per scan say

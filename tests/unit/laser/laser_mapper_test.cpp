@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "geometry/pose2.h"
 #include "tests/unit/laser/room.h"
 
 namespace omnifleet::laser {
@@ -171,6 +172,29 @@ TEST(LaserMapper, AHalfTurnLeavesTheOtherHalfUnknown) {
   EXPECT_EQ(scan.label[539], RayLabel::kInvalid);
   EXPECT_EQ(scan.label[541], RayLabel::kObstacle);
   EXPECT_NEAR(scan.range_m[0], 2.0, 1e-5);
+}
+
+/// In a room without walls what a scan shows may be robots that drive, here two of three: no scan is matched
+/// by it.
+TEST(LaserMapper, WhatMayDriveTellsNoMotion) {
+  const Pose2 truth{0.05, 0.0, 0.02};
+  const auto roomWith = [](const Pose2& pose, double gone_m) {
+    const Pose2 here = pose.inverse();
+    test::Room room;
+    room.discs.push_back({here * Eigen::Vector2d(0.9, 0.2), 0.15});
+    room.discs.push_back({here * Eigen::Vector2d(-0.5 + gone_m, 0.8), 0.15});
+    room.discs.push_back({here * Eigen::Vector2d(0.2 + gone_m, -0.9), 0.15});
+    return room;
+  };
+  LaserMapper mapper(sensor(), {});
+  Motion wheels;
+  wheels.valid = true;
+  wheels.previous_from_current = truth;
+  wheels.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
+  mapper.process(roomWith({}, 0.0).scan(720, kSigma_m, 1), 0, {});
+  const Motion& motion = mapper.process(roomWith(truth, 0.05).scan(720, kSigma_m, 2), 1, wheels).motion;
+  EXPECT_EQ(motion.previous_from_current.vector(), truth.vector());
+  EXPECT_EQ(motion.covariance, wheels.covariance);
 }
 
 /// Of a scanner that tells nothing the room is not free.
