@@ -95,8 +95,12 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   }
   if (const auto path = base / "laser" / "data.csv"; fs::exists(path))
     robot.laser = readLaser(path.string(), warnings);
-  if (const auto path = base / "laser" / "sensor.yaml"; fs::exists(path))
+  if (const auto path = base / "laser" / "sensor.yaml"; fs::exists(path)) {
     robot.laser_sensor = LaserSensor::load(path.string());
+    if (!fs::exists(base / "laser" / "data.csv"))
+      throw options::Error(fmt::format("{}: is missing, which lists the scans of the laser that {} describes",
+                                       (base / "laser" / "data.csv").string(), path.string()));
+  }
 }
 
 /// A recording of the truth alone has no robot's folder.
@@ -141,7 +145,11 @@ Dataset Dataset::open(const std::string& folder) {
   warnOfFolders(dataset);
   dataset.ceiling = readCeiling(folder, dataset.warnings);
   const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
-  if (fs::exists(markers)) dataset.markers = MarkerSet::load(markers.string());
+  if (fs::exists(markers))
+    dataset.markers = MarkerSet::load(markers.string());
+  else if (!dataset.ceiling.empty())
+    dataset.warnings.push_back(
+        fmt::format("{}: is missing, so the ceiling cameras locate nobody", markers.string()));
   const fs::path landmarks = fs::path(folder) / "landmarks.yaml";
   if (fs::exists(landmarks)) dataset.landmarks = readLandmarks(landmarks.string());
   return dataset;

@@ -89,7 +89,9 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
   }
   if (steps_.empty())
     throw options::Error(
-        "sees no floor farther than 1 cm from under it: check focal_px, position_m, rotation_rpy_deg");
+        "sees no floor: between its own body (self_mask_radius_px) and where its view ends (fov_deg) hardly "
+        "a "
+        "pixel is left; check focal_px, position_m, rotation_rpy_deg, too");
   step_begin_.push_back(steps_.size());
   along_.reserve(steps_.size() / bearing_.size() + 1);
   findSectors();

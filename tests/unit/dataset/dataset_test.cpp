@@ -212,6 +212,14 @@ TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
   EXPECT_EQ(MarkerSet::read(options::Section::parse(d.markers->toYaml(), "m")).toYaml(), d.markers->toYaml());
 }
 
+TEST_F(DatasetFiles, CeilingCamerasWithoutMarkersAndALaserWithoutScansAreTold) {
+  put("ceiling/c1/sensor.yaml", kSensor);
+  put("ceiling/c1/data.csv", "1,x.jpg\n");
+  EXPECT_THAT(open().warnings, testing::Contains(HasSubstr("ceiling/markers.yaml: is missing")));
+  put("r2/laser/sensor.yaml", "range_max_m: 8\n");
+  EXPECT_THAT(refusal(), HasSubstr("r2/laser/data.csv: is missing"));
+}
+
 /// As editors and spreadsheets of other systems leave text: a byte order mark, CRLF.
 std::string editedElsewhere(const std::string& text) {
   std::string edited = "\xEF\xBB\xBF";
