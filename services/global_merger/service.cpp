@@ -90,8 +90,8 @@ bool GlobalMergerService::pull() {
   return pullSets() || any;
 }
 
-/// A robot that has nothing to tell for minutes holds nobody up: neither poses nor objects of it will come that
-/// a pose of another one says are not to come (every frame of objects has a pose).
+/// A robot that has nothing to tell for minutes holds nobody up: neither poses nor objects of it will come
+/// that a pose of another one says are not to come (every frame of objects has a pose).
 void GlobalMergerService::promise(const v1::Pose& pose) {
   for (const v1::PublishedPose& other : pose.published()) {
     const auto stream = stream_of_pose_.find(other.robot().to_string());
@@ -251,6 +251,11 @@ void GlobalMergerService::save(bool as_fitted) {
 
 void GlobalMergerService::tellUnmapped() {
   if (!speaks_) return;
+  if (context_.options.life > 1 && !context_.options.out.empty())
+    status().error(
+        "trajectories/ and covariances/ begin where this merger took the place of one that died; what was "
+        "driven "
+        "before is in the map alone");
   tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what");
   tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
                "the floor was seen there, too (gone, or hardly to be told from the floor)");
