@@ -19,9 +19,13 @@ laser::Options laserOptions(const fleet::Fleet& fleet) {
   return laser::Options::read(fleet.service("local_mapper").child("laser"));
 }
 
-std::string scanProblem(std::uint32_t sequence, const std::string& robot, FrameState state,
-                        const char* fault) {
-  return fmt::format("scan {} of laser {}: {}", sequence, robot, *fault != '\0' ? fault : toString(state));
+std::vector<std::string> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
+                                    const char* fault) {
+  const bool good = map.state == FrameState::kOk;
+  return runs.add(fmt::format("scan {} of laser {}", map.sequence, robot), good ? ""
+                                                                           : *fault != '\0'
+                                                                               ? fault
+                                                                               : toString(map.state));
 }
 
 Taken takeScan(const v1::LaserScan& wire, LaserInput& scan) {
@@ -65,6 +69,7 @@ bool LaserMapperService::spin() {
     any = true;
   }
   if (!ended_ && merger_.finished()) {
+    for (const std::string& text : faults_.end()) status().error(text);
     out_.end(ends_);
     ended_ = any = true;
   }
@@ -84,7 +89,8 @@ void LaserMapperService::process() {
   out_.write(sample_, status());
   const bool good = local_map_.state == FrameState::kOk;
   status().processed(steady_clock::now() - begun, good);
-  if (!good) status().error(scanProblem(scan.sequence, robot_, local_map_.state, mapper_.fault()));
+  for (const std::string& text : scanFaults(faults_, robot_, local_map_, mapper_.fault()))
+    status().error(text);
 }
 
 }  // namespace omnifleet::services

@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "bus/service.h"
+#include "common/fault_runs.h"
 #include "common/inlet.h"
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
@@ -51,14 +52,15 @@ class LaserMapperService : public bus::Service {
   laser::LaserMapper mapper_;
   LocalMap local_map_;
   v1::LocalMap sample_;
+  FaultRuns faults_;
   bool ended_ = false;
 };
 
 /// Options of `services: {local_mapper: {laser: …}}`.
 laser::Options laserOptions(const fleet::Fleet& fleet);
-/// In words, what is wrong with a scan. @param fault LaserMapper::fault()
-std::string scanProblem(std::uint32_t sequence, const std::string& robot, FrameState state,
-                        const char* fault);
+/// What is to be said of a scan and those before. @param map of it @param fault LaserMapper::fault()
+std::vector<std::string> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
+                                    const char* fault);
 
 Taken takeScan(const v1::LaserScan& wire, LaserInput& scan);
 /// The wheels of a robot as its local mapper integrates them.

@@ -117,7 +117,8 @@ bool LocalMapperService::spin() {
   }
   if (!ended_ && merger_.finished()) {
     tellUndecided(true);
-    for (const std::string& text : faults_.end()) status().error(text);
+    for (FaultRuns* runs : {&faults_, &scan_faults_})
+      for (const std::string& text : runs->end()) status().error(text);
     out_.end(ends_);
     ended_ = any = true;
     if (rejected_points_ > 0)
@@ -140,8 +141,8 @@ void LocalMapperService::takeBeside() {
 
 void LocalMapperService::joinLaser() {
   const LocalMap& by_laser = laser_->process(scan_->row, scan_->sequence, {});
-  if (by_laser.state != FrameState::kOk)
-    status().error(scanProblem(scan_->sequence, context_.options.robot, by_laser.state, laser_->fault()));
+  for (const std::string& text : scanFaults(scan_faults_, camera_.robot, by_laser, laser_->fault()))
+    status().error(text);
   laser::join(by_laser, local_map_.scan);
 }
 

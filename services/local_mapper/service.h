@@ -68,7 +68,7 @@ class LocalMapperService : public bus::Service {
   LocalMap local_map_;
   v1::LocalMap sample_;
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
-  FaultRuns faults_;
+  FaultRuns faults_, scan_faults_;
   local_mapper::LastingPlaces undecided_;
   double told_cover_ = 0.0;  ///< share of the view
   bool told_bare_ = false, told_lens_ = false;

@@ -131,14 +131,15 @@ TEST_F(LaserStage, AScanBecomesALocalMap) {
 
 TEST_F(LaserStage, ImpossibleScansAreRejectedAndCountedAndTheStageGoesOn) {
   EXPECT_EQ(answerTo(scan(0)).state(), v1::FrameState::FRAME_OK);
-  std::uint32_t index = 0;
+  std::uint32_t index = 0, invalid = 0;
   const auto spoilt = [&](auto&& spoil) {
     v1::LaserScan sample = scan(++index);
     spoil(sample);
     const v1::LocalMap map = answerTo(sample);
     EXPECT_TRUE(map.objects().empty() && map.scan().range_m().empty());
-    EXPECT_EQ(bench_.status().invalid, index);
+    EXPECT_EQ(bench_.status().invalid, ++invalid);
     EXPECT_THAT(bench_.status().last_error, HasSubstr("scan " + std::to_string(index) + " of laser r1"));
+    EXPECT_EQ(answerTo(scan(++index)).state(), v1::FrameState::FRAME_OK);
     return map.state();
   };
   EXPECT_EQ(spoilt([](auto& s) { s.range_m()[7] = std::nanf(""); }), v1::FrameState::FRAME_NON_FINITE);
@@ -150,6 +151,22 @@ TEST_F(LaserStage, ImpossibleScansAreRejectedAndCountedAndTheStageGoesOn) {
   EXPECT_EQ(bench_.status().drops, 6u);
   EXPECT_EQ(spoilt([](auto& s) { s.range_m().pop_back(); }), v1::FrameState::FRAME_WRONG_SIZE);
   EXPECT_EQ(answerTo(scan(++index)).state(), v1::FrameState::FRAME_OK);
+}
+
+/// However many of its scans come.
+TEST_F(LaserStage, ADeadScannerIsToldOnceAndLeavesTheMapAlone) {
+  answerTo(scan(0));
+  bench_.problems();
+  for (std::uint32_t index = 1; index < 6; ++index) {
+    v1::LaserScan dead = scan(index);
+    for (float& range : dead.range_m()) range = std::numeric_limits<float>::infinity();
+    const v1::LocalMap map = answerTo(dead);
+    EXPECT_EQ(map.state(), v1::FrameState::FRAME_DARK);
+    EXPECT_TRUE(map.scan().range_m().empty());
+  }
+  EXPECT_THAT(bench_.problems(), testing::ElementsAre(HasSubstr("scan 1 of laser r1: no beam has an echo")));
+  EXPECT_EQ(answerTo(scan(6)).state(), v1::FrameState::FRAME_OK);
+  EXPECT_THAT(bench_.problems(), testing::ElementsAre(HasSubstr("5 frames in a row: no beam has an echo")));
 }
 
 TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
