@@ -3,6 +3,9 @@ include(CMakeParseArguments)
 
 add_library(omnifleet_flags INTERFACE)
 target_compile_options(omnifleet_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Werror -Wno-psabi)
+# Square roots set no errno and comparisons raise no traps that anyone reads: else they are no vector operations. No
+# product is fused with a sum: the same bits on every processor (geometry/wide.h).
+target_compile_options(omnifleet_flags INTERFACE -fno-math-errno -fno-trapping-math -ffp-contract=off)
 if(OMNIFLEET_SANITIZE)
   # GCC 12 sees uninitialised members of std::regex where a sanitizer has changed the flow.
   target_compile_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE} -fno-omit-frame-pointer
@@ -45,20 +48,15 @@ function(omnifleet_reads_precompiled name)
   endforeach()
 endfunction()
 
-# omnifleet_library(NAME SOURCES … PUBLIC targets… PRIVATE targets… [OWN_OPTIONS])
-# One folder, one target, named omnifleet_NAME; headers are included as "NAME/header.h". OWN_OPTIONS: the compiler's
-# options are its own, hence so are its precompiled headers.
+# omnifleet_library(NAME SOURCES … PUBLIC targets… PRIVATE targets…)
+# One folder, one target, named omnifleet_NAME; headers are included as "NAME/header.h".
 function(omnifleet_library name)
-  cmake_parse_arguments(ARG "OWN_OPTIONS" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   if(ARG_SOURCES)
     add_library(omnifleet_${name} STATIC ${ARG_SOURCES})
     target_include_directories(omnifleet_${name} PUBLIC ${CMAKE_SOURCE_DIR}/libs)
     target_link_libraries(omnifleet_${name} PUBLIC ${ARG_PUBLIC} PRIVATE omnifleet_flags ${ARG_PRIVATE})
-    if(NOT ARG_OWN_OPTIONS)
-      omnifleet_reads_precompiled(headers omnifleet_${name})
-    elseif(OMNIFLEET_PRECOMPILE)
-      target_precompile_headers(omnifleet_${name} PRIVATE ${OMNIFLEET_HEADERS})
-    endif()
+    omnifleet_reads_precompiled(headers omnifleet_${name})
   else()
     add_library(omnifleet_${name} INTERFACE)
     target_include_directories(omnifleet_${name} INTERFACE ${CMAKE_SOURCE_DIR}/libs)

@@ -92,6 +92,7 @@ struct Start {
   double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;
   bool contradicted = false;          ///< for long, and no other place is sure
+  bool borne_out = false;             ///< something from outside has agreed with where it led the robot
   std::vector<PoseEstimate> history;  ///< all that was told, while nothing has confirmed the start
   VariableId anchor = 0;              ///< where it was placed anew last, until that is final, …
   Pose2 anchored;                     ///< … and the place then

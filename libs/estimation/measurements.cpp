@@ -7,6 +7,7 @@
 
 #include "estimation/factors.h"
 #include "estimation/point_alignment.h"
+#include "estimation/starts.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -155,11 +156,17 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
   }
   if (disagreement(*robot, *at, m) > kGate) {
     if (++robot->disagreements < kKidnapped || frame == nullptr) return Outcome::kRejected;
+    if (isOpen(robot->start)) {
+      moveStart(fleet, *robot, measured * at->map_from_base.inverse(), m.covariance);
+      robot->disagreements = 0;
+      return Outcome::kDone;
+    }
     fleet.release(*robot);
     ++robot->status.losses;
     return attachAbsolute(fleet, m, frames);
   }
   robot->disagreements = 0;
+  robot->start.borne_out = true;
   fleet.graph.addFactor(absolutePoseFactor(measured, m.covariance, at->offset), {at->pose}, kCauchy);
   return Outcome::kDone;
 }

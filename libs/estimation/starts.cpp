@@ -228,6 +228,16 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh) {
   for (RobotNode& robot : fleet.robots) forgetDoubts(robot.start);
 }
 
+void moveStart(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Eigen::Matrix3d& covariance) {
+  placeAnew(fleet, robot, moved, covariance);
+  removeLandmarks(fleet, robot);
+  forgetDoubts(robot.start);
+}
+
+bool isOpen(const Start& start) {
+  return start.told && start.pose != 0 && !start.borne_out;
+}
+
 bool isConfirmed(const Start& start) {
   return start.agreed >= kConfirmed;
 }

@@ -21,6 +21,15 @@ void noteSight(RobotNode& robot, const Objects& frame, const std::vector<Seen>& 
 /// tells poses.
 void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh);
 
+/// Places a robot that nothing from outside has borne out yet where something from outside says that it
+/// stands: `moved` (from the left) beside where its start has led it, to `covariance` (right perturbation).
+/// What it has told is told anew, and its start concluded once this place is final.
+void moveStart(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Eigen::Matrix3d& covariance);
+
+/// Whether a robot may still have started elsewhere, rather than have been carried since: its first frame is
+/// in the window, and nothing from outside has ever agreed with it.
+bool isOpen(const Start& start);
+
 /// Enough has agreed with it: the start of a robot is asked about no more.
 bool isConfirmed(const Start& start);
 

@@ -27,7 +27,7 @@ void conclude(FleetState& fleet, RobotNode& robot) {
     return &other != &robot && other.start.told && !isWrong(fleet, other.start);
   });
   fleet.findings.push_back(robot.setup.name + ": " + tellMoved(start.moved, *start.told) +
-                           (right > 1 ? "" : ", unless the other robot did"));
+                           (fleet.tied || right > 1 ? "" : ", unless the other robot did"));
 }
 
 /// `front`: the oldest pose of the window, about to leave it.

@@ -114,6 +114,26 @@ Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std:
   return outcome;
 }
 
+/// Every robot's marker, to a centimetre and half a degree.
+std::vector<Measurement> fromCeiling(FleetSimulator& simulator, const SimulationOptions& options, int frame) {
+  constexpr double kSigma_m = 0.01, kSigma_rad = 0.01;
+  std::vector<Measurement> all;
+  for (int r = 0; r < options.robots; ++r) {
+    Measurement m;
+    m.source = "ceiling/c1";
+    m.sequence = static_cast<std::uint32_t>(frame);
+    m.to = FleetSimulator::name(r);
+    m.acquired_ns = simulator.time(frame);
+    const Pose2& truth = simulator.truth(r, frame);
+    m.value = {truth.x_m + simulator.gauss(kSigma_m), truth.y_m + simulator.gauss(kSigma_m),
+               truth.theta_rad + simulator.gauss(kSigma_rad)};
+    m.covariance =
+        Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad).asDiagonal();
+    all.push_back(m);
+  }
+  return all;
+}
+
 void expectFound(const Outcome& outcome, const std::string& robot, std::uint32_t seed) {
   EXPECT_LT(outcome.worst_m, 0.02) << "seed " << seed;
   EXPECT_LT(outcome.worst_rad, 0.02) << "seed " << seed;
@@ -189,6 +209,51 @@ TEST(Starts, APlacementMovesWhatHasBeenRevised) {
       ASSERT_NE(found, revised.end()) << "seed " << seed << " frame " << f;
       EXPECT_LT((found->second.translation() - simulator.truth(1, f).translation()).norm(), 0.03)
           << "seed " << seed << " frame " << f;
+    }
+  }
+}
+
+/// A ceiling camera sees everybody from the first frame on: where r2 was said to start is wrong, and nobody
+/// carried it.
+TEST(Starts, AMarkerSeenFromTheCeilingTellsAWrongOneAndMendsIt) {
+  for (const Pose2& wrong : {Pose2{0.7, -0.4, 0.3}, kFarOff, Pose2{0.08, 0.04, 0.06}}) {
+    for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
+      const SimulationOptions options = crowded();
+      FleetSimulator simulator(options, seed);
+      auto setups = simulator.setups();
+      setups[1].initial_pose = *setups[1].initial_pose * wrong;
+      FleetEstimator estimator(setups, {});
+      std::map<TimeNs, Pose2> told;
+      const auto note = [&](const PoseEstimate& e) {
+        if (e.robot == "r2" && e.valid) told[e.acquired_ns] = e.map_from_base;
+      };
+      for (int f = 0; f < options.frames; ++f) {
+        const std::vector<Objects> frames = simulator.frames(f);
+        const std::vector<Measurement> ceiling = fromCeiling(simulator, options, f);
+        std::vector<const Measurement*> markers;
+        for (const Measurement& m : ceiling) markers.push_back(&m);
+        for (const PoseEstimate& e : estimator.process(simulator.time(f), testing::pointers(frames), markers))
+          note(e);
+        if (estimator.refineDue()) estimator.refine();
+        for (const PoseEstimate& e : estimator.takeRevised()) note(e);
+      }
+      estimator.finish();
+      for (const PoseEstimate& e : estimator.takeRevised()) note(e);
+      const std::vector<std::string> findings = estimator.takeFindings();
+      ASSERT_EQ(findings.size(), 1U) << "seed " << seed;
+      EXPECT_EQ(findings.front().rfind("r2: it started", 0), 0U) << findings.front();
+      EXPECT_EQ(findings.front().find("unless"), std::string::npos) << findings.front();
+      for (int r = 0; r < options.robots; ++r) {
+        const RobotStatus status = estimator.status(FleetSimulator::name(r));
+        EXPECT_EQ(status.wrong_starts, r == 1 ? 1 : 0) << "seed " << seed;
+        EXPECT_EQ(status.losses, 0) << "seed " << seed;
+      }
+      for (int f = 0; f < options.frames; ++f) {
+        const auto found = told.find(simulator.time(f));
+        ASSERT_NE(found, told.end()) << "seed " << seed << " frame " << f;
+        EXPECT_LT((found->second.translation() - simulator.truth(1, f).translation()).norm(), 0.03)
+            << "seed " << seed << " frame " << f;
+      }
     }
   }
 }
