@@ -205,6 +205,22 @@ TEST(Classifier, KeepsIdsOfWhatStandsThroughTenSecondsOfLoss) {
   EXPECT_GT(score.obstacles_right, 0);
 }
 
+/// What has a robot's shape is none where every robot may be where it says: r2 is not seen, and no floor
+/// either where it stands.
+TEST(Classifier, AHiddenRobotIsNotLookedForElsewhere) {
+  Scenario scenario{"one hidden", 40, [](std::mt19937& rng) {
+                      Scene scene = apartScene(rng);
+                      scene.bodies[3] = round("o4", 0.15, 0.3, scene.bodies[1].pose * Pose2{0.7, 0.0, 0.0});
+                      return scene;
+                    }};
+  scenario.lost = [](std::size_t body, int) { return body == 1; };
+  scenario.warm_up = 20;  // nobody has published at first
+  const Score score = runAll(scenario);
+  EXPECT_EQ(score.obstacles_as_robots, 0);
+  EXPECT_EQ(score.undecided, 0);
+  EXPECT_GT(score.obstacles_right, 0);
+}
+
 /// One robot pushes a box: the box moves, and is an obstacle still.
 TEST(Classifier, APushedBoxIsAMovingObstacle) {
   Scenario scenario{"pushed", 60, [](std::mt19937& rng) {
