@@ -24,6 +24,8 @@ constexpr float kSeedLevel = 160.0f;  // grey level that darker floors are brigh
 constexpr float kMostOthers = 0.25f;  // of the seeds; where more differ in hue the floor has several
 constexpr float kMaxSlope = 0.15f;    // of the brightness, per block
 constexpr float kFalls = 0.02f;       // as kMaxSlope: what noise and grain make up is no light that falls
+// In hues that are smoothed an edge is a slope over so many blocks to each side, which growth would follow.
+constexpr int kBeside = 2;
 constexpr const int (&kStepX)[FarFloor::kSteps] = FarFloor::kStepX,
                     (&kStepY)[FarFloor::kSteps] = FarFloor::kStepY;
 
@@ -39,6 +41,14 @@ OMNIFLEET_INLINE float leftOfStep(const float* after, const float* before, float
                                   const FourFloats& colour) {
   const FourFloats left = lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before) - change * colour;
   return dot(left, left);
+}
+
+/// Squared, what of the step between two colours is not brightness; as a share of |colour|².
+OMNIFLEET_INLINE float hueStep(const float* after, const float* before, const FourFloats& colour,
+                               float share_of_rr) {
+  const FourFloats step = lanes::load<FourFloats>(after) - lanes::load<FourFloats>(before);
+  const float along = dot(step, colour) * share_of_rr;
+  return dot(step, step) * share_of_rr - along * along;
 }
 
 /// Bit k: growth may go on in the direction of step k. One look at all, as a branch for each costs more.
@@ -269,9 +279,22 @@ OMNIFLEET_INLINE float FloorGrowth::hueGain(int at, const Colour& mean, const Co
   return is_beyond ? -1.0f : kHueGain;
 }
 
+/// Where no floor can be seen there is nothing to compare with.
+template <typename Colour>
+OMNIFLEET_INLINE bool FloorGrowth::isAtHuesEdge(int at, const Colour& colour, float across2) const {
+  const float* mean = meansByNumber() + 3 * at;
+  const float share_of_rr = 1.0f / dot(colour, colour);
+  const auto changes = [&](int beside) __attribute__((always_inline)) {
+    if (((closed_.data[at - beside] | closed_.data[at + beside]) & kClosed) != 0) return false;
+    return hueStep(mean + 3 * beside, mean - 3 * beside, colour, share_of_rr) > across2;
+  };
+  return changes(kBeside) || changes(kBeside * stride_);
+}
+
 /// Takes a block in when it is like the floor expected there and no edge runs through it: its neighbours on
 /// both sides differ by no more than the slope explains. Without the latter the growth would climb onto
 /// objects over the blocks that their edges cut by and by.
+template <bool kSmoothed>
 OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const FloorTest& test, float flatness,
                                           int step, int jump) {
   const float* at = framed_means_.ptr<float>() + 3 * to;
@@ -285,13 +308,15 @@ OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const Floo
   if (!(surprise * surprise <= test.along2)) return false;
   const float across2 = dot(mean, mean) * share_of_rr - gain * gain;
   if (!(across2 <= test.across2)) return false;
+  if constexpr (kSmoothed)
+    if (isAtHuesEdge(to, expected, test.across2)) return false;
   const float allowed = flatness * flatness / share_of_rr;
   const std::ptrdiff_t below = 3 * stride_;
   if (!(leftOfStep(at + 3, at - 3, 2.0f * from.slope[0], expected) <= allowed)) return false;
   if (!(leftOfStep(at + below, at - below, 2.0f * from.slope[1], expected) <= allowed)) return false;
   const float beside_beyond = beyond_.empty() ? kLevelGain : hueGain(to, mean, expected);
   if (beside_beyond < 0.0f) return false;
-  const float hue_gain = across2 > kDoubtful2 * test.across2 ? kHueGain : beside_beyond;
+  const float hue_gain = kSmoothed || across2 > kDoubtful2 * test.across2 ? kHueGain : beside_beyond;
   stop_.data[to] = kGrown;
   Handed& handed = handed_[static_cast<std::size_t>(to)];
   const float level = 1.0f + (kLevelGain - hue_gain) * surprise;
@@ -303,6 +328,7 @@ OMNIFLEET_INLINE bool FloorGrowth::accept(int to, const Handed& from, const Floo
   return true;
 }
 
+template <bool kSmoothed>
 OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
   const std::uint8_t* stop = stop_.data;
   unsigned open = openSteps(stop + at, stride_);
@@ -323,19 +349,53 @@ OMNIFLEET_INLINE void FloorGrowth::growFrom(int at, const FloorNoise& noise) {
         from.slope[0] * static_cast<float>(kStepX[step]) + from.slope[1] * static_cast<float>(kStepY[step]);
     const Handed& handed = (far.outward >> step & 1u) != 0 && change < -kFalls ? falling : from;
     for (int jump = 1, to = at + offset; jump <= kJump && stop[to] == 0; ++jump, to += offset)
-      if (accept(to, handed, test, flatness, step, jump)) break;
+      if (accept<kSmoothed>(to, handed, test, flatness, step, jump)) break;
   }
 }
 
-bool FloorGrowth::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond) {
+bool FloorGrowth::grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond, bool is_smoothed) {
   beyond_.clear();
   if (!sector_.empty()) beyond_.assign(beyond.begin(), beyond.end());
   if (!seed(noise)) return false;
-  growAll(noise);
-  return true;
+  if (is_smoothed) {
+    handMeanHueOn(noise);
+    growBySmoothedHues(noise);
+  } else {
+    growByMeans(noise);
+  }
+  return !queue_.empty();
 }
 
-OMNIFLEET_WIDE void FloorGrowth::growAll(const FloorNoise& noise) {
+/// Of all seeds, instead of each one's own; but none of those that lie on a thing's edge.
+void FloorGrowth::handMeanHueOn(const FloorNoise& noise) {
+  const float* means = meansByNumber();
+  FourFloats sum{};
+  for (const int block : queue_) sum += lanes::load<FourFloats>(means + 3 * block);
+  const float rr = dot(sum, sum);
+  std::size_t kept = 0;
+  for (const int block : queue_) {
+    const FourFloats colour = dot(lanes::load<FourFloats>(means + 3 * block), sum) / rr * sum;
+    const FloorTest test = toleratedAt(std::max(1.0f, dot(colour, colour)), tolerance_, noise).test();
+    if (isAtHuesEdge(block, colour, test.across2)) {
+      stop_.data[block] = closed_.data[block];
+      continue;
+    }
+    lanes::store(colour, handed_[static_cast<std::size_t>(block)].colour);
+    queue_[kept++] = block;
+  }
+  queue_.resize(kept);
+}
+
+OMNIFLEET_WIDE void FloorGrowth::growByMeans(const FloorNoise& noise) {
+  growAll<false>(noise);
+}
+
+OMNIFLEET_WIDE void FloorGrowth::growBySmoothedHues(const FloorNoise& noise) {
+  growAll<true>(noise);
+}
+
+template <bool kSmoothed>
+OMNIFLEET_INLINE void FloorGrowth::growAll(const FloorNoise& noise) {
   // Most blocks are shut in when their turn comes. These are sorted out by counting, many at a time: a branch
   // for each would be mispredicted. Who is shut in stays so.
   constexpr std::size_t kMany = 64;
@@ -349,7 +409,7 @@ OMNIFLEET_WIDE void FloorGrowth::growAll(const FloorNoise& noise) {
       open[count] = at;
       count += openSteps(stop_.data + at, stride_) != 0 ? 1 : 0;
     }
-    for (std::size_t k = 0; k < count; ++k) growFrom(open[k], noise);
+    for (std::size_t k = 0; k < count; ++k) growFrom<kSmoothed>(open[k], noise);
   }
 }
 

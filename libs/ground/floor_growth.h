@@ -48,8 +48,9 @@ class FloorGrowth {
   void evenOut(const cv::Mat1f& light);
   bool isEvened() const { return is_evened_; }
   /// @param noise of one block's mean @param beyond colours that are no floor's (Horizon::colours())
+  /// @param is_smoothed the means are CellColours that are
   /// @return false when no seed shows floor
-  bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {});
+  bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {}, bool is_smoothed = false);
   bool isGrown(int y, int x) const { return stop_.data[numberOf(y, x)] == kGrown; }
   /// The blocks that the growth reached, in its order, by their number.
   const std::vector<int>& grown() const { return queue_; }
@@ -76,13 +77,21 @@ class FloorGrowth {
   void dropBeyond();
   float brighten();
   float seedTexture();
+  void handMeanHueOn(const FloorNoise& noise);
+  void growByMeans(const FloorNoise& noise);
+  void growBySmoothedHues(const FloorNoise& noise);
+  template <bool kSmoothed>
   void growAll(const FloorNoise& noise);
+  template <bool kSmoothed>
   void growFrom(int at, const FloorNoise& noise);
   static Handed steepened(const Handed& from, float by);
   template <typename Colour>
   FloorTest offOf(const Colour& p, const Colour& r) const;
   template <typename Colour>
   float hueGain(int at, const Colour& mean, const Colour& expected) const;
+  template <typename Colour>
+  bool isAtHuesEdge(int at, const Colour& colour, float across2) const;
+  template <bool kSmoothed>
   bool accept(int to, const Handed& from, const FloorTest& test, float flatness, int step, int jump);
 
   FloorTolerance tolerance_;

@@ -88,9 +88,8 @@ bool FloorReference::isGrown(int y, int x) const {
   return y < growth_.means().rows && x < growth_.means().cols && growth_.isGrown(y, x);
 }
 
-bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
-                           const std::vector<cv::Vec4f>& beyond) {
-  if (!grow({cell_means, noise / (FloorView::kCell * block_), beyond})) return false;
+bool FloorReference::learn(const CellColours& cells, const std::vector<cv::Vec4f>& beyond) {
+  if (!grow({cells, cells.noise / block_, beyond})) return false;
   smoothing_.smooth(growth_);
   if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
   return true;
@@ -100,8 +99,8 @@ bool FloorReference::learn(const cv::Mat3f& cell_means, const FloorNoise& noise,
 /// looked at now and then: in the first frame, and where a lamp is given up, at once, else by one growth a
 /// frame beside the usual one, lest one frame in many takes twice as long as the others.
 bool FloorReference::grow(const Sight& sight) {
-  averageBlocks(sight.cell_means);
-  if (options_.all_modes) return growth_.grow(sight.noise, sight.beyond);
+  averageBlocks(sight.cells.means);
+  if (options_.all_modes) return growBlocks(sight);
   bool at_once = most_grown_ <= 0.0;
   if (is_lamp_lit_) {
     if (growByLamp(sight)) return true;
@@ -185,14 +184,18 @@ bool FloorReference::lookAtOnce(const Sight& sight) {
   return is_lamp_lit_ ? growEvened(sight) : growAsSeen(sight);
 }
 
+bool FloorReference::growBlocks(const Sight& sight) {
+  return growth_.grow(sight.noise, sight.beyond, sight.cells.is_smoothed);
+}
+
 bool FloorReference::growEvened(const Sight& sight) {
   growth_.evenOut(light_.ofBlocks());
-  return growth_.grow(sight.noise, sight.beyond);
+  return growBlocks(sight);
 }
 
 bool FloorReference::growAsSeen(const Sight& sight) {
-  if (growth_.isEvened()) averageBlocks(sight.cell_means);
-  return growth_.grow(sight.noise, sight.beyond);
+  if (growth_.isEvened()) averageBlocks(sight.cells.means);
+  return growBlocks(sight);
 }
 
 void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {

@@ -7,6 +7,7 @@
 #include "ground/floor_light.h"
 #include "ground/floor_smoothing.h"
 #include "ground/floor_view.h"
+#include "ground/hue_smoother.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
@@ -28,11 +29,10 @@ class FloorReference {
  public:
   FloorReference(const lens::Camera& camera, const FloorView& view, const ReferenceOptions& options);
 
-  /// @param cell_means CV_32FC3, mean colour per cell (grey: three equal channels)
-  /// @param noise of one pixel of the seeds about its cell's mean
+  /// @param cells grey: three equal channels
   /// @param beyond colours that are no floor's, by lookBeyond()'s sectors
   /// @return false when no seed shows floor; the reference of the last frame then stays
-  bool learn(const cv::Mat3f& cell_means, const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {});
+  bool learn(const CellColours& cells, const std::vector<cv::Vec4f>& beyond = {});
   /// @param sectors per cell, see FloorGrowth
   void lookBeyond(const cv::Mat1b& sectors);
   int blockSize() const { return block_ * FloorView::kCell; }  ///< pixels
@@ -52,8 +52,8 @@ class FloorReference {
   void averageBlocks(const cv::Mat3f& cell_means);
   /// What growth is made of, of one frame.
   struct Sight {
-    const cv::Mat3f& cell_means;
-    const FloorNoise& noise;
+    const CellColours& cells;
+    FloorNoise noise;  ///< of a block
     const std::vector<cv::Vec4f>& beyond;
   };
   /// A look for a lamp's light, one growth a frame.
@@ -64,6 +64,7 @@ class FloorReference {
   };
 
   bool grow(const Sight& sight);
+  bool growBlocks(const Sight& sight);
   bool growByLamp(const Sight& sight);
   bool holdsFloor();
   void giveLampUp();

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <opencv2/imgproc.hpp>
 #include <type_traits>
 
 #include "ground/cell_test.h"
@@ -29,6 +30,8 @@ constexpr int kColourBlock = 16 / kCell;  // cells
 constexpr float kRinging = 0.2f;
 constexpr float kNoisy = 1.5f;     // of the tolerance of hue: with noise it is more where that hides hues
 constexpr float kLeastLit = 0.6f;  // of the floor's brightness: in less light noise would make faint hues
+constexpr float kFaintSigmas =
+    1.5f;  // of a cell's noise: alone such a cell tells nothing, a ring of them does
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
@@ -108,6 +111,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
     : view_(&view),
       options_(options),
       meter_(view),
+      hue_smoother_(view),
       reference_(camera, view, options.reference),
       lines_(view.imageSize(), lineWidth(camera, view, options)),
       cells_(view),
@@ -120,6 +124,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       across2_(off_.size(), 0.0f),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
+      hued_(view.cells(), std::uint8_t{0}),
       hue2_(view.cells().height / kColourBlock + 3, view.cells().width / kColourBlock + 3, 0.0f),
       around_(static_cast<std::size_t>(view.cells().width), kMixed),
       area_(view.imageSize()),
@@ -175,10 +180,38 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
 bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions) {
   if (low_walls_->find(image, regions, area_, reference_.colour(), bits_)) return true;
   const std::vector<Blob>& unlined = unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
-  if (!low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) return false;
-  lines_.apply(area_, unlined_);
-  std::swap(bits_, unlined_);
-  return true;
+  if (low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) {
+    lines_.apply(area_, unlined_);
+    std::swap(bits_, unlined_);
+    return true;
+  }
+  return is_smoothed_ && findFaintWalls(image);
+}
+
+/// In dim light the noise tears walls whose hue is near the floor's to pieces, but not the cells that have
+/// that hue.
+bool GroundSegmenter::findFaintWalls(const cv::Mat& image) {
+  const ReferenceOptions& o = options_.reference;
+  hued_ = std::uint8_t{0};
+  for (int y = 0; y < hued_.rows; ++y) {
+    const std::uint8_t* off = off_.ptr(y + 1) + 1;
+    for (int x = nextMark(off, 0, hued_.cols); x < hued_.cols; x = nextMark(off, x + 1, hued_.cols)) {
+      const cv::Vec3f &r = reference_.colour()(y, x), &p = colours_(y, x);
+      const float rr = std::max(1.0f, r.dot(r)), gain = std::min(1.0f, p.dot(r) / rr);
+      const auto told = static_cast<float>(o.tolerance_across) * gain +
+                        kFaintSigmas * static_cast<float>(cell_noise_.hue) / std::sqrt(rr);
+      hued_(y, x) = across2_(y + 1, x + 1) > told * told ? 1 : 0;
+    }
+  }
+  cv::morphologyEx(hued_, hued_, cv::MORPH_CLOSE, cv::Mat());
+  clear(area_, unlined_);
+  for (int y = 0; y < hued_.rows; ++y) {
+    const std::uint8_t* hued = hued_.ptr(y);
+    for (int x = nextMark(hued, 0, hued_.cols); x < hued_.cols; x = nextMark(hued, x + 1, hued_.cols))
+      for (int k = 0; k < kCell; ++k) unlined_.set(y * kCell + k, x * kCell, (x + 1) * kCell);
+  }
+  const std::vector<Blob>& hued = unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
+  return low_walls_->findFaint(image, hued, area_, reference_.colour(), colours_, bits_);
 }
 
 /// Things of which but a part differs plainly from the floor. The strips then hold what is found; beyond
@@ -212,7 +245,11 @@ ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
 bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   const FloorNoise& noise = noise_;
   if (horizon_) horizon_->read(image);
-  if (!reference_.learn(cells_.means(), noise, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
+  const CellColours cells = hue_smoother_.smooth(cells_.means(), noise, options_.reference.tolerance_across);
+  colours_ = cells.means;
+  cell_noise_ = cells.noise;
+  is_smoothed_ = cells.is_smoothed;
+  if (!reference_.learn(cells, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
   findStrips(noise);
   // Only now, as what is cleared is mostly what is written next: memory that is touched once.
   for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
@@ -241,7 +278,7 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
     for (int x = 0; x < seeds.cols * kCell; ++x)
       if (seeds(y / kCell, x / kCell) != 0) histogram_.add(binAt(y, x));
   if (histogram_.settle(options_.histogram_share, options_.histogram_grow, true) <= 0.0) return false;
-  reference_.learn(cells_.means(), {});
+  reference_.learn({cells_.means(), {}, false});
   everythingIsAStrip();
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
@@ -279,8 +316,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
   const auto& o = options_.reference;
   const auto share = [](double v) { return kPlainFloor * static_cast<float>(v); };
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
-                     share(o.noise_sigmas * noise.channel / kCell),
-                     share(o.noise_sigmas * noise.hue / kCell)};
+                     share(o.noise_sigmas * cell_noise_.channel), share(o.noise_sigmas * cell_noise_.hue)};
   const FloorNoise coarse = coarsely(noise) / kCell;
   const CellHues::Tolerance tolerance{
       static_cast<float>(o.tolerance_along), static_cast<float>(o.tolerance_across),
@@ -291,14 +327,14 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     const int first = std::max(range.start, 1), last = std::min(range.end, coverage.cols - 1);
     if (first >= last) continue;
     std::uint8_t* off = off_.ptr(y + 1) + 1;
-    findOff(cells_.means().ptr<float>(y) + 3 * first, reference_.colour().ptr<float>(y) + 3 * first,
-            last - first, test, off + first);
+    findOff(colours_.ptr<float>(y) + 3 * first, reference_.colour().ptr<float>(y) + 3 * first, last - first,
+            test, off + first);
     std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
     hues_.clear();
     for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
       // Cut cells show other things too; their neighbours speak for them.
       if (coverage(y, x) == 2)
-        hues_.add(x, cells_.means().ptr<float>(y) + 3 * x, reference_.colour().ptr<float>(y) + 3 * x);
+        hues_.add(x, colours_.ptr<float>(y) + 3 * x, reference_.colour().ptr<float>(y) + 3 * x);
       else
         off[x] = 0;
     }
@@ -325,8 +361,7 @@ void GroundSegmenter::spreadHue(int x, int y, float across2) {
 /// though not that of a cell's mean: what tells pixels nearer to that hue, of the cells around, from those
 /// nearer to the floor's (CellTest). Faces of a thing differ in brightness, not in hue.
 /// @param strongest2 CellHues::across2 of what is near @param pixel tolerances for single pixels
-cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorTest& pixel,
-                                    const FloorNoise& noise) const {
+cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorTest& pixel) const {
   const auto tolerance = static_cast<float>(options_.reference.tolerance_across);
   if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most are grey
   if (pixel.across2 < kNoisy * kNoisy * tolerance * tolerance) return {};
@@ -346,10 +381,10 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorT
   }
   if (most2 <= kRinging * kRinging * strongest2) return {};
   const cv::Vec3f &r = reference_.colour()(y, x),
-                  &p = cells_.means()((at + strongest) / width - 1, (at + strongest) % width - 1);
+                  &p = colours_((at + strongest) / width - 1, (at + strongest) % width - 1);
   const float gain = p.dot(r) / std::max(1.0f, r.dot(r));
   if (most2 >= 4.0f * pixel.across2 * gain * gain) return {};
-  if (most2 <= kOtherHue * reference_.testFor(r, noise / kCell).across2) return {};
+  if (most2 <= kOtherHue * reference_.testFor(r, cell_noise_).across2) return {};
   const cv::Vec3f hue = p - gain * r;
   // Halfway to it, but not within what floor may be off by.
   const float share = std::sqrt(hue.dot(hue) / std::max(1.0f, r.dot(r))) / gain;
@@ -430,7 +465,7 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y,
   const FloorNoise coarse = coarsely(noise);
   const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, coarse) : reference_.testFor(r, coarse);
   const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
-  const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, hue2, limits, noise) : cv::Vec3f();
+  const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, hue2, limits) : cv::Vec3f();
   const CellTest test{r[0],
                       r[1],
                       r[2],

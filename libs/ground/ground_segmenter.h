@@ -12,6 +12,7 @@
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
 #include "ground/horizon.h"
+#include "ground/hue_smoother.h"
 #include "ground/labelling.h"
 #include "ground/lamp_shadows.h"
 #include "ground/line_filter.h"
@@ -84,10 +85,11 @@ class GroundSegmenter {
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
   bool findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions);
+  bool findFaintWalls(const cv::Mat& image);
   void complete(const cv::Mat& image);
   void markCells(const FloorNoise& noise);
   void spreadHue(int x, int y, float across2);
-  cv::Vec3f faintHue(int x, int y, float strongest2, const FloorTest& pixel, const FloorNoise& noise) const;
+  cv::Vec3f faintHue(int x, int y, float strongest2, const FloorTest& pixel) const;
   FloorTest testOfSmoothed(int x, int y, const FloorNoise& noise) const;
   void findInside(const Strip& strip);
   bool isOneKind(int y, int x) const;
@@ -101,6 +103,10 @@ class GroundSegmenter {
   SegmenterOptions options_;
   NoiseMeter meter_;
   FloorNoise noise_;  ///< of the last frame's seeds
+  HueSmoother hue_smoother_;
+  cv::Mat3f colours_;         ///< of its cells, as they are compared with the floor's …
+  FloorNoise cell_noise_;     ///< … and by how much they may be off by chance
+  bool is_smoothed_ = false;  ///< CellColours
   FloorReference reference_;
   std::unique_ptr<Horizon> horizon_;
   GroundHistogram histogram_;
@@ -112,6 +118,7 @@ class GroundSegmenter {
   cv::Mat1f across2_;  ///< like off_, where that is 1: CellHues::across2
   cv::Mat1b active_;   ///< per cell: looked at
   cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
+  cv::Mat1b hued_;     ///< per cell, where walls of a faint hue are looked for: 1 where it has a hue
   cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHues::across2
   std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <opencv2/imgproc.hpp>
+
 #include "ground/bit_ops.h"
 
 namespace omnifleet::ground {
@@ -12,12 +14,14 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 constexpr float kFirst_px = 1.5f, kLast_px = 6.0f;  // inside of the far edge, where it is not mixed any more
 constexpr int kLeastPixels = 8;                     // of a sector's edge
+constexpr double kMostOfThing = 0.5;                // of the turn is what is convex seen over
 constexpr double kLeastWalls = 0.25;                // of the turn is edges of one hue
 constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
 constexpr float kRing_px = 14.0f;                   // from the far edge, within which a ring lies …
 constexpr float kLongStrip = 8.0f;                  // length of a strip that is no thing, of its breadth
 constexpr double kLeastWide_m = 0.12;  // a ring would be so wide on the floor: else it is a line there
 constexpr float kLeastRing = 0.8f;     // … by this share, on half of the bearings
+constexpr float kLeastFilled = 0.6f;   // of a bearing, from edge to edge, is seen of what is no grid
 constexpr int kSpeck_px = 1;           // half as wide as what is too thin for a thing, rounded down
 constexpr int kFringe_px = 4;          // along outlines, where there may be some floor before the wall
 // Shares of floor and wall in what is mixed of them sum up to one, but for the wall's texture.
@@ -58,6 +62,7 @@ bool isMixed(const cv::Vec3f& p, const cv::Vec3f& floor, const cv::Vec3f& wall) 
 LowWalls::LowWalls(const lens::Camera& camera, const FloorView& floor_view)
     : camera_(camera),
       sectors_(floor_view.cells(), std::uint8_t{0}),
+      beside_(floor_view.cells(), std::uint8_t{0}),
       view_(&floor_view),
       sees_horizon_(FloorView::upward(camera) != nullptr),
       things_(floor_view.imageSize()),
@@ -100,6 +105,11 @@ void LowWalls::forSectors(const Blob& region, Visit visit) const {
 /// is around it, too, where its mask is too small: it begins where the view does.
 bool LowWalls::isAround(const Blob& region) {
   if (!region.rect.contains(cv::Point(cvRound(foot_px_.x), cvRound(foot_px_.y)))) return false;
+  return isOver(region, kMostOfThing);
+}
+
+/// Likewise, over so much of the turn.
+bool LowWalls::isOver(const Blob& region, double turn) {
   edges_.fill({});
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
     Edge& edge = edges_[sector];
@@ -122,7 +132,7 @@ bool LowWalls::isAround(const Blob& region) {
     const auto u = static_cast<float>(edge.far.x), v = static_cast<float>(edge.far.y);
     if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kGoesOn;
   }
-  return 2 * seen > kSectors && 2 * own < seen;
+  return seen > turn * kSectors && 2 * own < seen;
 }
 
 bool LowWalls::isWide(const Edge& edge) const {
@@ -151,9 +161,35 @@ bool LowWalls::isRing(const Blob& region) const {
   return 2 * thin > seen && 2 * wide > seen;
 }
 
+/// No line on the floor, and no grid: on most bearings it is as wide as a wall's height, and all of it from
+/// its near to its far edge is seen.
+bool LowWalls::isFilled(const Blob& region) const {
+  std::array<float, kSectors> area{};
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int /*row*/, int begin, int end) {
+    area[sector] += static_cast<float>(end - begin);
+  });
+  int seen = 0, filled = 0, wide = 0;
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    if (area[k] <= 0.0f) continue;
+    ++seen;
+    wide += isWide(edges_[k]) ? 1 : 0;
+    const float far2 = radius2(edges_[k].far.x, edges_[k].far.y);
+    const auto all = static_cast<float>(M_PI / kSectors) * (far2 - edges_[k].near2_px);
+    filled += area[k] >= kLeastFilled * all ? 1 : 0;
+  }
+  return 2 * filled > seen && 2 * wide > seen;
+}
+
 /// A strip on bearings where the region around ends: a side of the walls that is lit like the floor, but here
 /// and there. No thing is so long and thin.
 bool LowWalls::isRestOfRing(const Blob& region) const {
+  bool is_beside = true;
+  forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int /*row*/, int /*begin*/,
+                         int /*end*/) { is_beside = is_beside && edges_[sector].count == 0; });
+  return is_beside && isStrip(region);
+}
+
+bool LowWalls::isStrip(const Blob& region) const {
   std::array<float, kSectors> area{}, far{};
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
     far[sector] = std::max({far[sector], radius2(begin, row), radius2(end - 1, row)});
@@ -162,7 +198,6 @@ bool LowWalls::isRestOfRing(const Blob& region) const {
   float length_px = 0.0f, area_px = 0.0f;
   for (std::size_t k = 0; k < kSectors; ++k) {
     if (area[k] <= 0.0f) continue;
-    if (edges_[k].count > 0) return false;
     const float arc_px = std::sqrt(far[k]) * static_cast<float>(2.0 * M_PI / kSectors);
     if (area[k] > kRing_px * arc_px) return false;
     length_px += arc_px;
@@ -284,17 +319,61 @@ bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, cons
   // Whoever is inside of one sees no other.
   const auto region = std::find_if(regions.begin(), regions.end(), isWalls);
   if (region == regions.end()) return false;
-  findNearest();
-  for (BitMask* mask : {&things_, &eroded_, &opened_, &gaps_})
-    mask->clear();  // beyond the area it is read, too
-  markThings(image, *region);
-  cleanThings(image, *region, area, floor);
+  take(image, *region, area, floor, objects);
   for (const Blob& other : regions) {
     if (&other == &*region || !isRestOfRing(other)) continue;
     for (const Run& run : other.runs) objects.clear(run.row, run.begin, run.end);
     walls_.insert(walls_.end(), other.runs.begin(), other.runs.end());
   }
-  for (const Run& run : region->runs) {
+  return true;
+}
+
+bool LowWalls::findFaint(const cv::Mat& image, const std::vector<Blob>& hued, const BitArea& area,
+                         const cv::Mat3f& floor, const cv::Mat3f& colours, BitMask& objects) {
+  walls_.clear();
+  Blob ring;
+  for (const Blob& region : hued) {
+    if (!isStrip(region) && !isAround(region)) continue;
+    ring.runs.insert(ring.runs.end(), region.runs.begin(), region.runs.end());
+  }
+  if (!isOver(ring, kLeastWalls) || !isFilled(ring)) return false;
+  readEdges(image, ring);
+  if (!findHue()) return false;
+  take(image, ring, area, floor, objects);
+  keepAlike(colours);
+  takeEdges(image, ring, objects);
+  return true;
+}
+
+/// Of the cells beside the ring's what is not floor and like the wall: its foot and its top.
+void LowWalls::takeEdges(const cv::Mat& image, const Blob& ring, BitMask& objects) {
+  beside_ = std::uint8_t{0};
+  for (const Run& run : ring.runs)
+    for (int x = run.begin / kCell; x <= (run.end - 1) / kCell; ++x) beside_(run.row / kCell, x) = 1;
+  cv::dilate(beside_, beside_, cv::Mat());
+  for (int y = 0; y < image.rows / kCell * kCell; ++y) {
+    const std::uint8_t* beside = beside_.ptr(y / kCell);
+    for (int cell = 0; cell < beside_.cols; ++cell) {
+      if (beside[cell] == 0) continue;
+      const Edge& wall = edges_[static_cast<std::size_t>(nearest_[sectors_(y / kCell, cell)])];
+      for (int x = cell * kCell; x < (cell + 1) * kCell; ++x) {
+        if (!objects.at(x, y) || !isAlike(image.at<cv::Vec3b>(y, x), wall.colour, along_, across_)) continue;
+        objects.clear(y, x, x + 1);
+        walls_.push_back({y, x, x + 1});
+      }
+    }
+  }
+}
+
+/// What of the region is walls, and what things before them: that stays in `objects`.
+void LowWalls::take(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor,
+                    BitMask& objects) {
+  findNearest();
+  for (BitMask* mask : {&things_, &eroded_, &opened_, &gaps_})
+    mask->clear();  // beyond the area it is read, too
+  markThings(image, region);
+  cleanThings(image, region, area, floor);
+  for (const Run& run : region.runs) {
     const auto isWall = [&](int x) { return !opened_.at(x, run.row) && !gaps_.at(x, run.row); };
     objects.keep(run.row, run.begin, run.end, opened_);
     for (int x = run.begin; x < run.end; ++x) {
@@ -304,7 +383,21 @@ bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, cons
       walls_.push_back({run.row, begin, x});
     }
   }
-  return true;
+}
+
+void LowWalls::keepAlike(const cv::Mat3f& colours) {
+  std::vector<Run> kept;
+  for (const Run& run : walls_) {
+    for (int begin = run.begin; begin < run.end;) {
+      const cv::Point cell(std::min(begin / kCell, sectors_.cols - 1),
+                           std::min(run.row / kCell, sectors_.rows - 1));
+      const int end = std::min(run.end, (begin / kCell + 1) * kCell);
+      const Edge& wall = edges_[static_cast<std::size_t>(nearest_[sectors_(cell)])];
+      if (isAlike(colours(cell), wall.colour, kSidesAlong, kAcross)) kept.push_back({run.row, begin, end});
+      begin = end;
+    }
+  }
+  walls_.swap(kept);
 }
 
 void LowWalls::mark(cv::Mat1b& mask) const {

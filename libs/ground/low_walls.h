@@ -29,6 +29,12 @@ class LowWalls {
   /// @return whether there are such walls
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
             const cv::Mat3f& floor, BitMask& objects, bool only_rings = false);
+  /// Walls whose hue is so near to the floor's that but cells tell it.
+  /// @param hued regions that have such a hue, of whole cells: of a ring that things and distance have torn
+  /// the long and thin ones count together @param colours of the cells, CV_32FC3 @param objects changed, as
+  /// by find()
+  bool findFaint(const cv::Mat& image, const std::vector<Blob>& hued, const BitArea& area,
+                 const cv::Mat3f& floor, const cv::Mat3f& colours, BitMask& objects);
   bool any() const { return !walls_.empty(); }
   /// Writes kWall where it is 0.
   void mark(cv::Mat1b& mask) const;
@@ -49,9 +55,16 @@ class LowWalls {
   void forSectors(const Blob& region, Visit visit) const;
   float radius2(int x, int y) const;
   bool isAround(const Blob& region);
+  bool isOver(const Blob& region, double turn);
   bool isWide(const Edge& edge) const;
   bool isRing(const Blob& region) const;
+  bool isFilled(const Blob& region) const;
   bool isRestOfRing(const Blob& region) const;
+  bool isStrip(const Blob& region) const;
+  void take(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor,
+            BitMask& objects);
+  void keepAlike(const cv::Mat3f& colours);
+  void takeEdges(const cv::Mat& image, const Blob& ring, BitMask& objects);
   void readEdges(const cv::Mat& image, const Blob& region);
   bool findHue();
   void findNearest();
@@ -61,6 +74,7 @@ class LowWalls {
   lens::Camera camera_;
   cv::Point2f foot_px_;
   cv::Mat1b sectors_;  ///< per cell
+  cv::Mat1b beside_;   ///< per cell: of a faint ring, or beside it
   const FloorView* view_;
   bool sees_horizon_;
   std::array<Edge, kSectors> edges_;

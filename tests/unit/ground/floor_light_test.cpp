@@ -258,7 +258,8 @@ TEST(FloorLight, ALampThatComesOnSlowlyIsFoundByAndBy) {
   const auto shareOfFloor = [&](double of_lit) {
     const cv::Mat image = (1.0 - of_lit) * even + of_lit * lit;
     means.read(image);
-    EXPECT_TRUE(reference.learn(means.means(), meter.measure(image, means.means())));
+    EXPECT_TRUE(
+        reference.learn({means.means(), meter.measure(image, means.means()) / FloorView::kCell, false}));
     int cells = 0, floor = 0;
     for (int y = 0; y < means.means().rows; ++y) {
       for (int x = 0; x < means.means().cols; ++x) {

@@ -166,6 +166,87 @@ TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
   EXPECT_TRUE(segmenter.hasLowWalls());
 }
 
+/// In little light a grey wall's hue differs from the floor's by less than the noise of a pixel, and its
+/// brightness by nothing.
+class FaintWallTest : public SegmenterTest {
+ protected:
+  static constexpr double kLevel = 38.0, kNoise = 2.1;
+  cv::Mat3b floor() const { return testing::dimFloor(model_, kLevel, 0.0, 1); }
+  /// Grey, as bright as the floor at each pixel.
+  void drawWall(cv::Mat3b& image, const cv::Mat1b& where) const {
+    for (int y = 0; y < image.rows; ++y)
+      for (int x = 0; x < image.cols; ++x) {
+        const int sum = image(y, x)[0] + image(y, x)[1] + image(y, x)[2];
+        const auto grey = cv::saturate_cast<std::uint8_t>(sum / 3.0);
+        if (where(y, x) != 0) image(y, x) = {grey, grey, grey};
+      }
+  }
+  cv::Mat1b ring(int radius_px, int width_px) const {
+    cv::Mat1b where(model_.image_height_px, model_.image_width_px, std::uint8_t{0});
+    cv::circle(where, {cvRound(model_.principal_point_px.x()), cvRound(model_.principal_point_px.y())},
+               radius_px, 255, width_px);
+    return where;
+  }
+};
+
+TEST_F(FaintWallTest, IsFoundWithWhatStandsBeforeIt) {
+  for (const int radius_px : {160, 185}) {
+    cv::Mat3b image = floor();
+    cv::Mat1b wall = ring(radius_px, 28);
+    drawWall(image, wall);
+    const cv::Point at(cvRound(model_.principal_point_px.x()) + radius_px - 14, 240);
+    testing::drawDisc<cv::Vec3b>(image, at.x, at.y, 14, {12, 12, 11});
+    cv::circle(wall, at, 16, 0, cv::FILLED);
+    GroundSegmenter segmenter(camera_, view_, {});
+    for (unsigned seed = 1; seed <= 3; ++seed) {
+      ASSERT_TRUE(segmenter.segment(testing::withNoise(image, kNoise, seed)));
+      ASSERT_TRUE(segmenter.hasLowWalls()) << radius_px << " " << seed;
+      const cv::Mat1b found = segmenter.objects() == LowWalls::kWall, things = segmenter.objects() == 255;
+      EXPECT_GT(cv::countNonZero(found & wall), 0.8 * cv::countNonZero(wall)) << radius_px << " " << seed;
+      EXPECT_LT(cv::countNonZero(found & ~ring(radius_px, 38)), 20) << radius_px << " " << seed;
+      cv::Mat1b disc(image.size(), std::uint8_t{0});
+      cv::circle(disc, at, 12, 255, cv::FILLED);
+      EXPECT_GT(cv::countNonZero(things & disc), 0.95 * cv::countNonZero(disc)) << radius_px << " " << seed;
+      cv::circle(disc, at, 18, 255, cv::FILLED);
+      EXPECT_LT(cv::countNonZero(things & ~disc), 60) << radius_px << " " << seed;
+    }
+  }
+}
+
+/// What is seen beyond it up to the end of the view is no wall.
+TEST_F(FaintWallTest, IsFoundBeforeItsShadowOnTheFloorBeyond) {
+  cv::Mat3b image = floor();
+  const cv::Mat1b wall = ring(160, 28);
+  drawWall(image, wall);
+  for (int y = 0; y < image.rows; ++y)
+    for (int x = 0; x < image.cols; ++x)
+      if (std::hypot(x - model_.principal_point_px.x(), y - model_.principal_point_px.y()) > 174.0)
+        image(y, x) *= 0.6;
+  GroundSegmenter segmenter(camera_, view_, {});
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    ASSERT_TRUE(segmenter.segment(testing::withNoise(image, kNoise, seed)));
+    ASSERT_TRUE(segmenter.hasLowWalls()) << seed;
+    const cv::Mat1b found = segmenter.objects() == LowWalls::kWall;
+    EXPECT_GT(cv::countNonZero(found & wall), 0.8 * cv::countNonZero(wall)) << seed;
+    EXPECT_LT(cv::countNonZero(found & ring(70, 138)), 20) << seed << ": before its foot";
+  }
+}
+
+TEST_F(FaintWallTest, LinesAndGridsOfItsColourAreNone) {
+  cv::Mat3b line = floor(), grid = floor(), nothing = floor();
+  drawWall(line, ring(140, 4));
+  cv::Mat1b lines(grid.size(), std::uint8_t{0});
+  for (int k = 10; k < 640; k += 40) cv::line(lines, {k, 0}, {k, 479}, 255, 5);
+  for (int k = 10; k < 480; k += 40) cv::line(lines, {0, k}, {639, k}, 255, 5);
+  drawWall(grid, lines);
+  for (const cv::Mat3b& image : {line, grid, nothing}) {
+    GroundSegmenter segmenter(camera_, view_, {});
+    ASSERT_TRUE(segmenter.segment(testing::withNoise(image, kNoise, 4)));
+    EXPECT_FALSE(segmenter.hasLowWalls());
+    EXPECT_LT(cv::countNonZero(segmenter.objects()), 200) << "but for specks";
+  }
+}
+
 TEST_F(SegmenterTest, GridLinesOfACentimetreAreFloorUnasked) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
   // Anti-aliased: up to 3 px, 12 to 15 mm near the robot, more where they cross.
