@@ -101,13 +101,16 @@ struct Loop {
       service.status().state(ServiceState::kRunning);
       code = work();
     }
+    // Whoever started it must know that it is missing, unless he has told it himself.
+    const bool is_cut = bus.stopping() && !service.finished();
     service.status().state(ServiceState::kStopping);
     service.drain();
     service.status().state(ServiceState::kFinished);
     tell(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
       log.warn("some readers never took the last samples");
-    return code == ExitCode::kOk && !service.succeeded() ? ExitCode::kFailure : code;
+    if (code != ExitCode::kOk) return code;
+    return !service.succeeded() ? ExitCode::kFailure : is_cut ? ExitCode::kStopped : ExitCode::kOk;
   }
 };
 

@@ -21,6 +21,7 @@ enum class ExitCode : int {
   kFailure = 1,      ///< something broke while running
   kBadOptions = 2,   ///< command line or YAML; nothing was started
   kSilentStage = 3,  ///< a stage that others wait for said nothing for too long
+  kStopped = 128,    ///< with the number of the signal added: told to stop, everything is saved
 };
 
 /// The command line that all services share.

@@ -15,7 +15,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::atomic<bool> signalled{false};  // handlers reach nothing but statics
+std::atomic<int> signalled{0};  // the number of the signal; handlers reach nothing but statics
 std::atomic<Bus*> signalled_bus{nullptr};
 
 std::atomic<int> last_word{-1};   // exit code, once everything is written
@@ -28,7 +28,7 @@ std::atomic<bool> parked{false};  // a thread of the middleware was stopped shor
 void onAbort(int) {
   if (last_word >= 0) _exit(last_word);
   const bool main_thread = ::syscall(SYS_gettid) == ::getpid();
-  if (!signalled || main_thread) {
+  if (signalled == 0 || main_thread) {
     std::signal(SIGABRT, SIG_DFL);
     return;
   }
@@ -36,8 +36,8 @@ void onAbort(int) {
   for (;;) ::pause();
 }
 
-void onSignal(int) {
-  signalled = true;
+void onSignal(int number) {
+  signalled = number;
   if (Bus* bus = signalled_bus) bus->requestStop();
 }
 
@@ -45,7 +45,7 @@ void onSignal(int) {
 class StopSignals {
  public:
   StopSignals() {
-    signalled = false;
+    signalled = 0;
     last_word = -1;
     struct sigaction action {};
     action.sa_handler = onSignal;
@@ -62,7 +62,7 @@ class SignalledBus {
  public:
   explicit SignalledBus(Bus& bus) {
     signalled_bus = &bus;
-    if (signalled) bus.requestStop();
+    if (signalled != 0) bus.requestStop();
   }
   ~SignalledBus() { signalled_bus = nullptr; }
 };
@@ -103,7 +103,8 @@ int runOnDds(const std::string& name, const ServiceOptions& options, const Servi
   const Topics topics(options.mode);
   StatusPublisher publisher(*bus, topics, name, instanceOf(options));
   const std::unique_ptr<Service> service = make(ServiceContext{*bus, options, topics, log});
-  last_word = static_cast<int>(runLoop(*bus, *service, options, publisher, *log));
+  const ExitCode code = runLoop(*bus, *service, options, publisher, *log);
+  last_word = static_cast<int>(code) + (code == ExitCode::kStopped ? signalled.load() : 0);
   if (parked) _exit(last_word);
   return last_word;
 }

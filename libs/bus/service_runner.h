@@ -14,7 +14,8 @@ namespace omnifleet::bus {
 
 /// The whole main() of a service process: signals before participants, options, expectations, spin/wait loop,
 /// service/status at 1 Hz and on change, drain, every DDS entity gone before it returns. SIGINT and SIGTERM
-/// give exit code 0. `extend` may add options of its own to the command line.
+/// end it in order, with what it has saved; if its work was not done, with ExitCode::kStopped and their
+/// number. `extend` may add options of its own to the command line.
 ///   int main(int argc, char** argv) { return runService(argc, argv, "classifier", makeClassifier); }
 int runService(int argc, char** argv, const std::string& name, const ServiceFactory& make,
                const std::function<void(CLI::App&)>& extend = {});

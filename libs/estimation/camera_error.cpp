@@ -25,6 +25,13 @@ CameraError CameraOptions::sigma() const {
   return sigma;
 }
 
+CameraError CameraOptions::sigmaAt(const CameraError& error) const {
+  CameraError all = sigma();
+  const double off = error(kHeight) / (kHeightLoss * all(kHeight));
+  all(kHeight) *= std::sqrt(1.0 + off * off);
+  return all;
+}
+
 namespace {
 
 /// σ of what all outlines have in common, which does not become less with their number: about a tenth of a
@@ -39,7 +46,8 @@ const Eigen::Vector4d& common() {
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options) {
   if (!options.estimate) return Eigen::Vector4d::Zero();
-  const Eigen::Matrix4d prior = options.sigma().head<4>().cwiseAbs2().cwiseInverse().asDiagonal();
+  const Eigen::Vector4d sigma = options.sigmaAt(error).head<4>();
+  const Eigen::Matrix4d prior = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
   const Eigen::Matrix4d information = covariance.topLeftCorner<4, 4>().inverse();
   // What was seen alone, and less surely so, J → (J⁻¹ + C)⁻¹: J may be singular.
   const Eigen::Matrix4d seen = information - prior, common2 = common().cwiseAbs2().asDiagonal();
@@ -49,7 +57,7 @@ Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& 
   if (after.info() != Eigen::Success) return Eigen::Vector4d::Zero();
   const Eigen::Vector4d mean = after.solve(less * (information * error.head<4>()));
   // ln of the densities of zero: with the prior, with what was seen.
-  const double before_ln = -options.sigma().head<4>().array().log().sum();
+  const double before_ln = -sigma.array().log().sum();
   const double after_ln =
       after.matrixLLT().diagonal().array().log().sum() - 0.5 * (after.matrixU() * mean).squaredNorm();
   return error.head<4>() / (1.0 + std::exp(after_ln - before_ln));
@@ -73,7 +81,7 @@ constexpr Quantity kQuantities[] = {{"focal length", 100.0, " %"},
 CameraFinding::CameraFinding(const CameraError& error, const CameraCovariance& covariance,
                              const CameraOptions& options) {
   const CameraCovariance information = covariance.inverse();
-  const CameraCovariance prior = options.sigma().cwiseAbs2().cwiseInverse().asDiagonal();
+  const CameraCovariance prior = options.sigmaAt(error).cwiseAbs2().cwiseInverse().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<CameraCovariance> seen(information - prior);
   if (!options.estimate || !(seen.eigenvalues().minCoeff() > 0)) return;
   const CameraCovariance by_sight =

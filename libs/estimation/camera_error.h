@@ -13,14 +13,20 @@ using CameraCovariance = Eigen::Matrix<double, kCameraErrors, kCameraErrors>;
 
 /// Priors: what calibrations are worth.
 struct CameraOptions {
-  bool estimate = true;              ///< false: cameras are as their calibrations say
-  double focal_sigma = 0.003;        ///< 1, relative
-  double height_sigma = 0.002;       ///< 1, relative; outlines a little too large look much like it
+  bool estimate = true;         ///< false: cameras are as their calibrations say
+  double focal_sigma = 0.003;   ///< 1, relative
+  double height_sigma = 0.002;  ///< 1, relative; outlines a little too large look much like it. Of the middle
+                                ///< of a Cauchy prior: some rulers were held elsewhere (kHeightLoss)
   double tilt_sigma_rad = 0.0035;    ///< rad, roll and pitch each (0.2°)
   double contour_sigma_rad = 0.002;  ///< rad, 0.3 pixels at 640 × 480: sharp, blurred, compressed
 
   static CameraOptions read(const options::Section& section);
   CameraError sigma() const;
+  /// What the prior is worth to whoever errs by so much: of the height less, the farther off it is.
+  CameraError sigmaAt(const CameraError& error) const;
+
+  static constexpr double kHeightLoss = 1.0;  ///< σ, scale of the Cauchy loss on the height's prior
+  static constexpr Eigen::Index kHeight = 1;  ///< of CameraError
 };
 
 /// What of an estimated error must be believed of the camera: focal length, height, roll, pitch. A

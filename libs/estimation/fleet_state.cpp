@@ -92,7 +92,11 @@ VariableId FleetState::camera(RobotNode& robot) {
   CameraError found = CameraError::Zero();
   found.head<4>() = robot.setup.camera_error;
   robot.camera = graph.addVariable(found);
-  graph.addFactor(priorFactor(CameraError::Zero(), options.camera.sigma()), {robot.camera});
+  constexpr double kNothing = 1e9;  // σ of what a prior says nothing about
+  CameraError all = options.camera.sigma(), height = CameraError::Constant(kNothing);
+  std::swap(all(CameraOptions::kHeight), height(CameraOptions::kHeight));
+  graph.addFactor(priorFactor(CameraError::Zero(), all), {robot.camera});
+  graph.addFactor(priorFactor(CameraError::Zero(), height), {robot.camera}, CameraOptions::kHeightLoss);
   if (options.camera.estimate && !found.isZero()) graph.addFactor(priorFactor(found, kFound), {robot.camera});
   return robot.camera;
 }

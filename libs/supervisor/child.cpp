@@ -113,6 +113,9 @@ void Descriptor::reset() {
 }
 
 std::string Death::describe() const {
+  constexpr int kStopped = 128;  // of programs that end in order on a signal
+  if (exited && value > kStopped && value < kStopped + NSIG)
+    return fmt::format("stopped by signal {} ({})", value - kStopped, strsignal(value - kStopped));
   return exited ? fmt::format("exit code {}", value)
                 : fmt::format("killed by signal {} ({})", value, strsignal(value));
 }

@@ -116,7 +116,8 @@ class Run {
     orphans_.reap();
     if (callbacks_.on_exit) callbacks_.on_exit(member.spec.name, death.describe());
     const bool well = death.exited && death.value == 0;
-    const bool obeyed = member.told && !member.killed && !death.exited && death.value == SIGTERM;
+    const bool obeyed =
+        member.told && !member.killed && death.value == (death.exited ? 128 + SIGTERM : SIGTERM);
     if (member.killed) return;  // reported when it was killed
     if (well) {
       member.done = !member.told;

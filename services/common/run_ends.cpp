@@ -5,7 +5,9 @@
 namespace omnifleet::services {
 
 RunEnds::RunEnds(const bus::ServiceContext& context)
-    : reader_(context.bus.reader(context.topics.run_end)),
+    : bus_(context.bus),
+      is_live_(!bus::isDeterministic(context.options.mode)),
+      reader_(context.bus.reader(context.topics.run_end)),
       writer_(context.bus.writer(context.topics.run_end)) {}
 
 void RunEnds::listen(const std::string& stream, Ended ended) {
@@ -28,6 +30,7 @@ bool RunEnds::poll() {
 
 void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t samples,
                        const std::string& reason) {
+  if (is_live_ && bus_.stopping()) return;
   v1::RunEnd end;
   end.stream(stream);
   adapters::fillHeader(last, 0, adapters::RunClock::kSystem, end.header());

@@ -22,13 +22,16 @@ class RunEnds {
   void listen(const std::string& stream, Ended ended);
   /// Takes what has arrived; true when anything was heard that someone listens for.
   bool poll();
-  /// Our stream has ended. An empty reason is the regular end.
+  /// Our stream has ended. An empty reason is the regular end. Live, who is told to stop says nothing: he may
+  /// be started again, and whoever stops the whole fleet tells the others himself.
   void announce(const std::string& stream, TimeNs last, std::uint64_t samples,
                 const std::string& reason = {});
 
   static constexpr TimeNs kNothing = INT64_MIN;
 
  private:
+  bus::Bus& bus_;
+  bool is_live_;
   std::unique_ptr<bus::Reader<v1::RunEnd>> reader_;
   std::unique_ptr<bus::Writer<v1::RunEnd>> writer_;
   std::map<std::string, Ended> listeners_;

@@ -37,13 +37,22 @@ std::string programFolder() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
 }
 
-void report(const omnifleet::supervisor::RunReport& run, const std::string& out) {
+/// Of a run that is to have an end.
+bool isCutShort(const omnifleet::supervisor::RunReport& run, const std::string& mode) {
+  return run.reason == omnifleet::supervisor::EndReason::kSignal && mode != "live";
+}
+
+/// @return the exit code
+int report(const omnifleet::supervisor::RunReport& run, const std::string& mode, const std::string& out) {
   for (const auto& failure : run.failures) {
     std::fprintf(stderr, "%s: %s\n", failure.name.c_str(), failure.how.c_str());
     for (const std::string& line : failure.last_lines) std::fprintf(stderr, "  | %s\n", line.c_str());
   }
   if (run.restarts > 0) std::fprintf(stderr, "%d restarts\n", run.restarts);
-  std::fprintf(stderr, "%s: %s\n", run.exit_code() == 0 ? "done" : "failed", out.c_str());
+  const bool is_cut = run.exit_code() == 0 && isCutShort(run, mode);
+  const char* how = is_cut ? "stopped before its end" : run.exit_code() == 0 ? "done" : "failed";
+  std::fprintf(stderr, "%s: %s\n", how, out.c_str());
+  return is_cut ? static_cast<int>(omnifleet::bus::ExitCode::kStopped) + run.signal : run.exit_code();
 }
 
 int launch(const RunRequest& request) {
@@ -69,8 +78,7 @@ int launch(const RunRequest& request) {
   const auto run = supervisor::Supervisor(options).run(processes, callbacks);
   progress.reset();
   bus::removeStaleSharedMemory();
-  report(run, request.out);
-  return run.exit_code();
+  return report(run, launch::modeOf(request, fleet), request.out);
 }
 
 }  // namespace

@@ -26,16 +26,6 @@ std::chrono::duration<double> stopBudget() {
   return std::chrono::duration<double>(within_s ? std::stod(within_s) : 2.0) + 1s;
 }
 
-/// The kernel's name of a program has 15 characters; 0 where there is no such child.
-pid_t childNamed(pid_t parent, const std::string& name) {
-  const std::string proc = "/proc/" + std::to_string(parent);
-  std::istringstream children(fileText(proc + "/task/" + std::to_string(parent) + "/children"));
-  for (pid_t child = 0; children >> child;) {
-    if (fileText("/proc/" + std::to_string(child) + "/comm") == name + "\n") return child;
-  }
-  return 0;
-}
-
 TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   const std::string out = freshDir("lockstep");
   Listener listener(61);
@@ -159,17 +149,19 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
                  fleet.out + "/second.log");
   EXPECT_EQ(second.wait(20s), 2) << "two fleets on one domain would hear each other";
   EXPECT_THAT(second.output(), testing::HasSubstr("DDS domain 65"));
-  const auto victim = status.process_id();
-  ASSERT_EQ(kill(static_cast<pid_t>(victim), SIGKILL), 0);
-  ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(
-      *statuses, status,
-      [&](const v1::ServiceStatus& s) { return classifier(s) && s.process_id() != victim; }, 20s))
-      << fleet.launch.output();
-  const auto before = sample.header().acquired_ns();
-  ASSERT_TRUE(fleet.listener.untilSample<v1::Objects>(
-      *objects, sample,
-      [&](const v1::Objects& o) { return o.header().acquired_ns() > before + 1'000'000'000; }, 20s))
-      << "the restarted classifier publishes";
+  for (const int number : {SIGKILL, SIGTERM}) {  // in order or not: it has not been asked to end
+    const auto victim = status.process_id();
+    ASSERT_EQ(kill(static_cast<pid_t>(victim), number), 0);
+    ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(
+        *statuses, status,
+        [&](const v1::ServiceStatus& s) { return classifier(s) && s.process_id() != victim; }, 20s))
+        << fleet.launch.output();
+    const auto before = sample.header().acquired_ns();
+    ASSERT_TRUE(fleet.listener.untilSample<v1::Objects>(
+        *objects, sample,
+        [&](const v1::Objects& o) { return o.header().acquired_ns() > before + 1'000'000'000; }, 20s))
+        << "the restarted classifier publishes";
+  }
   auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose, "r1");
   v1::Pose pose;
   const auto restarted = sample.header().acquired_ns();

@@ -80,12 +80,18 @@ std::string sourceDir() {
 
 namespace {
 /// Tests lie in BUILD/tests, programs in BUILD/bin.
-fs::path buildDir() { return fs::read_symlink("/proc/self/exe").parent_path().parent_path(); }
+fs::path buildDir() {
+  return fs::read_symlink("/proc/self/exe").parent_path().parent_path();
+}
 }  // namespace
 
-std::string program(const std::string& name) { return (buildDir() / "bin" / ("omnifleet_" + name)).string(); }
+std::string program(const std::string& name) {
+  return (buildDir() / "bin" / ("omnifleet_" + name)).string();
+}
 
-std::string testProgram(const std::string& name) { return (buildDir() / "tests" / name).string(); }
+std::string testProgram(const std::string& name) {
+  return (buildDir() / "tests" / name).string();
+}
 
 std::string freshDir(const std::string& name) {
   const fs::path folder = buildDir() / "Testing" / "runs" / name;
@@ -119,6 +125,15 @@ std::string testDataDir() {
   std::string folder = environment("OMNIFLEET_DATA");
   if (folder.empty()) folder = sourceDir() + "/../shared/data";
   return fs::is_directory(folder) ? folder : "";
+}
+
+pid_t childNamed(pid_t parent, const std::string& name) {
+  const std::string proc = "/proc/" + std::to_string(parent);
+  std::istringstream children(fileText(proc + "/task/" + std::to_string(parent) + "/children"));
+  for (pid_t child = 0; children >> child;) {
+    if (fileText("/proc/" + std::to_string(child) + "/comm") == name + "\n") return child;
+  }
+  return 0;
 }
 
 }  // namespace omnifleet::test

@@ -41,4 +41,7 @@ bool alive(pid_t pid);
 std::string fileText(const std::string& path);  ///< empty when it is not there
 std::string testDataDir();                      ///< other people's data; empty when not on this machine
 
+/// The kernel's name of a program has 15 characters; 0 where there is no such child.
+pid_t childNamed(pid_t parent, const std::string& name);
+
 }  // namespace omnifleet::test

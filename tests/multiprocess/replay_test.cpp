@@ -194,6 +194,31 @@ TEST(Replay, FoldersOfPicturesAreReadToTheEndAndNoneIsLost) {
   EXPECT_THAT(launch.output(), testing::HasSubstr("replay"));
 }
 
+/// Whoever of its processes ends before his work is done, in order or not, is missing.
+TEST(Replay, OneWhoseServiceIsStoppedFailsAndNamesIt) {
+  const std::string out = freshDir("stopped_service");
+  Process launch({program("launch"), "replay", recording(), "--out", out, "--domain", "81"}, out + ".log");
+  pid_t classifier = 0;
+  for (const auto until = std::chrono::steady_clock::now() + 20s;
+       classifier <= 0 && std::chrono::steady_clock::now() < until;)
+    classifier = childNamed(launch.pid(), "omnifleet_class");
+  ASSERT_GT(classifier, 0);
+  ASSERT_EQ(kill(classifier, SIGTERM), 0);
+  EXPECT_EQ(launch.wait(60s), 1) << launch.output();
+  EXPECT_THAT(launch.output(), testing::ContainsRegex("classifier_r[12]: (stopped|killed) by signal 15"));
+}
+
+TEST(Replay, AnInterruptedOneIsNoSuccess) {
+  const std::string out = freshDir("interrupted");
+  Process launch({program("launch"), "replay", recording(), "--out", out, "--domain", "82"}, out + ".log");
+  for (const auto until = std::chrono::steady_clock::now() + 20s;
+       childNamed(launch.pid(), "omnifleet_class") <= 0 && std::chrono::steady_clock::now() < until;) {
+  }
+  launch.signal(SIGINT);
+  EXPECT_EQ(launch.wait(60s), 128 + SIGINT) << launch.output();
+  EXPECT_THAT(launch.output(), testing::HasSubstr("stopped before its end"));
+}
+
 TEST(Replay, DoesNotWriteToTheRecording) {
   std::map<std::string, fs::file_time_type> before;
   for (const auto& entry : fs::recursive_directory_iterator(recording()))
@@ -295,8 +320,8 @@ TEST(Replay, AWrongCalibrationIsTakenOffTheMapByProcessesAndOneProcessAlike) {
   ASSERT_EQ(evaluate.wait(30s), std::optional<int>(0)) << evaluate.output();
   const auto map = nlohmann::json::parse(fileText(out + "/metrics.json"))["map"];
   EXPECT_TRUE(map["missed"].empty() && map["false"].empty()) << evaluate.output();
-  // 0.1 cm and 0.98 with the right calibration; 0.7 cm and 0.90 where only the poses knew of the wrong one. By
-  // 16 frames that all misfit, so count less at first, 0.47 cm and 0.93.
+  // 0.1 cm and 0.98 with the right calibration; 0.7 cm and 0.90 where only the poses knew of the wrong one.
+  // By 16 frames that all misfit, so count less at first, 0.47 cm and 0.93.
   EXPECT_LE(map["x_error_m"], 0.005) << evaluate.output();
   EXPECT_LE(map["y_error_m"], 0.005) << evaluate.output();
   double overlap = 0.0;

@@ -222,7 +222,7 @@ TEST_F(RunLoop, LiveWaitsForNobodyAndMindsNoSilence) {
     }
     bus->requestStop();
   });
-  EXPECT_EQ(run(service), ExitCode::kOk);
+  EXPECT_EQ(run(service), ExitCode::kStopped);
   stopper.join();
   EXPECT_THAT(service.log, StartsWith("start background 3 "));
 }
@@ -233,7 +233,7 @@ TEST_F(RunLoop, LiveTheBackgroundHasItsTurnWhenNothingMoreComes) {
   service.in_background = [&] { bus->requestStop(); };
   const auto writer = others->writer(stage(0));
   for (int k = 0; k < 3; ++k) ASSERT_TRUE(writer->write(poseOf("r1", k, k)));
-  EXPECT_EQ(run(service), ExitCode::kOk);
+  EXPECT_EQ(run(service), ExitCode::kStopped);
   EXPECT_EQ(service.log, "start background 1 drain ");
 }
 
@@ -249,7 +249,7 @@ TEST_F(RunLoop, AnExceptionIsAFailureThatStatusTells) {
 TEST_F(RunLoop, StoppedBeforeTheStartItOnlyDrains) {
   AddOne service(*bus, stage(0), stage(1), 3);
   bus->requestStop();
-  EXPECT_EQ(run(service), ExitCode::kOk);
+  EXPECT_EQ(run(service), ExitCode::kStopped);
   EXPECT_EQ(service.log, "drain ");
 }
 

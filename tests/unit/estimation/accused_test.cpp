@@ -107,6 +107,27 @@ TEST(Accused, AWrongCameraIsToldWithAnHonestSigma) {
   EXPECT_LT(std::sqrt(squares / quantities), 1.5);
 }
 
+/// A ruler was held elsewhere, for all robots alike: a centimetre of fifty, ten times what heights are
+/// usually off by.
+TEST(Accused, AHeightFarOffIsFound) {
+  double errors = 0.0;
+  int robots = 0;
+  for (const double off : {0.02, -0.02}) {
+    for (std::uint32_t seed = 21; seed < 23; ++seed) {
+      SimulationOptions flawed;
+      flawed.too_high = off;
+      FleetSimulator simulator(flawed, seed);
+      Drive run(simulator);
+      for (int i = 0; i < flawed.frames; ++i) run.feed(simulator, i);
+      run.finish();
+      for (int robot = 0; robot < flawed.robots; ++robot, ++robots)
+        errors += std::abs(run.estimator().cameraError(FleetSimulator::name(robot))(1) - off);
+    }
+  }
+  std::printf("%.4f of the height\n", errors / robots);
+  EXPECT_LT(errors / robots, 0.005);
+}
+
 /// Somebody mends the camera while the fleet drives: nothing else makes an accusation that large wrong.
 TEST(Accused, WhatIsNotBorneOutIsTakenBack) {
   constexpr std::uint32_t kSeed = 22;

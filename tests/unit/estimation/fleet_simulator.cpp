@@ -54,6 +54,7 @@ FleetSimulator::FleetSimulator(const SimulationOptions& options, std::uint32_t s
   for (int r = 0; r < options_.robots; ++r) {
     Eigen::Vector4d error;
     for (int i = 0; i < 4; ++i) error(i) = options_.camera_sigma(i) * unit(calibration);
+    error(1) += options_.too_high;
     camera_.push_back(error);
   }
   placeObstacles();

@@ -31,6 +31,8 @@ struct SimulationOptions {
   bool orthographic = false;                       ///< the lens, r = F·sin θ; else equidistant, r = F·θ
   /// Of every robot's calibration, drawn per robot: focal length and height (relative), roll and pitch (rad).
   Eigen::Vector4d camera_sigma = Eigen::Vector4d::Zero();
+  double too_high =
+      0.0;  ///< 1, what every robot's calibration says of its camera's height minus the truth, alike
   double too_large_rad = 0.0;  ///< by how much every outline is seen too large, all round, at the camera
   double dark_side_m = 0.0;  ///< how far every outline reaches beyond the thing's foot towards the map's −y
   double start_sigma_m = 0.0, start_sigma_rad = 0.0;
