@@ -331,24 +331,24 @@ bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, cons
 bool LowWalls::findFaint(const cv::Mat& image, const std::vector<Blob>& hued, const BitArea& area,
                          const cv::Mat3f& floor, const cv::Mat3f& colours, BitMask& objects) {
   walls_.clear();
-  Blob ring;
+  ring_.runs.clear();
   for (const Blob& region : hued) {
     if (!isStrip(region) && !isAround(region)) continue;
-    ring.runs.insert(ring.runs.end(), region.runs.begin(), region.runs.end());
+    ring_.runs.insert(ring_.runs.end(), region.runs.begin(), region.runs.end());
   }
-  if (!isOver(ring, kLeastWalls) || !isFilled(ring)) return false;
-  readEdges(image, ring);
+  if (!isOver(ring_, kLeastWalls) || !isFilled(ring_)) return false;
+  readEdges(image, ring_);
   if (!findHue()) return false;
-  take(image, ring, area, floor, objects);
+  take(image, ring_, area, floor, objects);
   keepAlike(colours);
-  takeEdges(image, ring, objects);
+  takeEdges(image, objects);
   return true;
 }
 
 /// Of the cells beside the ring's what is not floor and like the wall: its foot and its top.
-void LowWalls::takeEdges(const cv::Mat& image, const Blob& ring, BitMask& objects) {
+void LowWalls::takeEdges(const cv::Mat& image, BitMask& objects) {
   beside_ = std::uint8_t{0};
-  for (const Run& run : ring.runs)
+  for (const Run& run : ring_.runs)
     for (int x = run.begin / kCell; x <= (run.end - 1) / kCell; ++x) beside_(run.row / kCell, x) = 1;
   cv::dilate(beside_, beside_, cv::Mat());
   for (int y = 0; y < image.rows / kCell * kCell; ++y) {
@@ -386,18 +386,18 @@ void LowWalls::take(const cv::Mat& image, const Blob& region, const BitArea& are
 }
 
 void LowWalls::keepAlike(const cv::Mat3f& colours) {
-  std::vector<Run> kept;
+  alike_.clear();
   for (const Run& run : walls_) {
     for (int begin = run.begin; begin < run.end;) {
       const cv::Point cell(std::min(begin / kCell, sectors_.cols - 1),
                            std::min(run.row / kCell, sectors_.rows - 1));
       const int end = std::min(run.end, (begin / kCell + 1) * kCell);
       const Edge& wall = edges_[static_cast<std::size_t>(nearest_[sectors_(cell)])];
-      if (isAlike(colours(cell), wall.colour, kSidesAlong, kAcross)) kept.push_back({run.row, begin, end});
+      if (isAlike(colours(cell), wall.colour, kSidesAlong, kAcross)) alike_.push_back({run.row, begin, end});
       begin = end;
     }
   }
-  walls_.swap(kept);
+  walls_.swap(alike_);
 }
 
 void LowWalls::mark(cv::Mat1b& mask) const {

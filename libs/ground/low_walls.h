@@ -64,7 +64,7 @@ class LowWalls {
   void take(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor,
             BitMask& objects);
   void keepAlike(const cv::Mat3f& colours);
-  void takeEdges(const cv::Mat& image, const Blob& ring, BitMask& objects);
+  void takeEdges(const cv::Mat& image, BitMask& objects);
   void readEdges(const cv::Mat& image, const Blob& region);
   bool findHue();
   void findNearest();
@@ -74,7 +74,8 @@ class LowWalls {
   lens::Camera camera_;
   cv::Point2f foot_px_;
   cv::Mat1b sectors_;  ///< per cell
-  cv::Mat1b beside_;   ///< per cell: of a faint ring, or beside it
+  Blob ring_;          ///< of a faint hue; its runs alone
+  cv::Mat1b beside_;   ///< per cell: of that ring, or beside it
   const FloorView* view_;
   bool sees_horizon_;
   std::array<Edge, kSectors> edges_;
@@ -82,7 +83,7 @@ class LowWalls {
   float along_ = 0.0f, across_ = 0.0f;   ///< by so much may a pixel of the walls differ from its edge
   BitMask things_, eroded_, opened_;     ///< in the walls' region, what is none of them
   BitMask gaps_;                         ///< likewise, floor
-  std::vector<Run> walls_;
+  std::vector<Run> walls_, alike_;
 };
 
 }  // namespace omnifleet::ground
