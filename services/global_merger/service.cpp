@@ -261,6 +261,21 @@ void GlobalMergerService::tellUnmapped() {
                "the floor was seen there, too (gone, or hardly to be told from the floor)");
   tellUnmapped(global_merger::Unmapped::Why::kFlat,
                "they are no higher than marks on the floor, or low and seldom seen");
+  tellSlivers();
+}
+
+void GlobalMergerService::tellSlivers() {
+  std::string named;
+  for (const dataset::MapObject& object : replica_.lastOutlines()) {
+    if (!global_merger::isSliver(object.outline_m)) continue;
+    const Eigen::Vector2d at_m = centroid(object.outline_m);
+    named +=
+        fmt::format("{}#{} at ({:.2f}, {:.2f})", named.empty() ? "" : ", ", object.id, at_m.x(), at_m.y());
+  }
+  if (named.empty()) return;
+  status().error(
+      "boards, or dark sides of things that else look like the floor, of which the map shows no more: " +
+      named + " m");
 }
 
 void GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {

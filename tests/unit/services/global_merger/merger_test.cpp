@@ -37,6 +37,17 @@ TEST(Merger, FindsAllObstaclesAndNothingElse) {
   }
 }
 
+TEST(Merger, ASliverMayBeTheSideOfSomething) {
+  const auto turned = [](Polygon polygon) {
+    for (Eigen::Vector2d& p : polygon) p = Pose2{1.0, -2.0, 0.7} * p;
+    return polygon;
+  };
+  EXPECT_TRUE(isSliver(turned({{0, 0}, {0.3, 0}, {0.3, 0.07}, {0, 0.07}})));
+  EXPECT_FALSE(isSliver(turned({{0, 0}, {0.3, 0}, {0.3, 0.12}, {0, 0.12}}))) << "thick";
+  EXPECT_FALSE(isSliver(circlePolygon({1, 2}, 0.04, 48))) << "a pole";
+  EXPECT_FALSE(isSliver({}));
+}
+
 TEST(Merger, OutlinesAreAFunctionOfTheSets) {
   auto sim = arena(noisy(), 5);
   const Sets sets = record(sim, 0.0, 6.0);
