@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "global_merger/candidates.h"
@@ -387,17 +386,6 @@ std::vector<std::string> Merger::save(const std::string& folder) {
 
 std::vector<std::string> Merger::saveAsFitted(const std::string& folder) const {
   return saveMap(*this, folder);
-}
-
-bool isSliver(const Polygon& outline_m) {
-  constexpr float kThin_m = 0.1f, kLong = 2.0f;
-  if (outline_m.size() < 3) return false;
-  std::vector<cv::Point2f> points;
-  for (const Eigen::Vector2d& p : outline_m)
-    points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
-  const cv::Size2f size = cv::minAreaRect(points).size;
-  const auto [width, length] = std::minmax(size.width, size.height);
-  return width < kThin_m && length > kLong * width;
 }
 
 }  // namespace omnifleet::global_merger

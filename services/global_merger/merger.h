@@ -93,10 +93,6 @@ struct Unmapped {
   Why why = Why::kNoShape;
 };
 
-/// Less than 10 cm thin and more than twice as long: a board, or the dark side of a thing that else looks
-/// like the floor, of which the map shows no more.
-bool isSliver(const Polygon& outline_m);
-
 /// What is done between the fits of outlines, which together take longer than a frame may wait.
 using Meanwhile = std::function<void()>;
 

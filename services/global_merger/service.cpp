@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "bus/lull.h"
+#include "global_merger/map_doubts.h"
 
 namespace omnifleet::services {
 namespace {
@@ -249,6 +250,28 @@ void GlobalMergerService::save(bool as_fitted) {
       "not saved: " + files + " (" + problems.front().substr(problems.front().rfind(": ") + 2) + ")", true);
 }
 
+namespace {
+
+/// Places to be told, the first of them one by one.
+class Places {
+ public:
+  void add(const Eigen::Vector2d& at_m) {
+    if (count_++ < kNamed)
+      named_ += fmt::format("{}({:.2f}, {:.2f})", count_ > 1 ? ", " : "", at_m.x(), at_m.y());
+  }
+  bool any() const { return count_ > 0; }
+  std::string text() const {
+    return named_ + (count_ > kNamed ? fmt::format(" and {} more", count_ - kNamed) : "") + " m";
+  }
+
+ private:
+  static constexpr std::size_t kNamed = 12;
+  std::string named_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace
+
 void GlobalMergerService::tellUnmapped() {
   if (!speaks_) return;
   if (context_.options.life > 1 && !context_.options.out.empty())
@@ -261,34 +284,31 @@ void GlobalMergerService::tellUnmapped() {
                "the floor was seen there, too (gone, or hardly to be told from the floor)");
   tellUnmapped(global_merger::Unmapped::Why::kFlat,
                "they are no higher than marks on the floor, or low and seldom seen");
-  tellSlivers();
+  tellDoubts();
 }
 
-void GlobalMergerService::tellSlivers() {
-  std::string named;
-  for (const dataset::MapObject& object : replica_.lastOutlines()) {
-    if (!global_merger::isSliver(object.outline_m)) continue;
-    const Eigen::Vector2d at_m = centroid(object.outline_m);
-    named +=
-        fmt::format("{}#{} at ({:.2f}, {:.2f})", named.empty() ? "" : ", ", object.id, at_m.x(), at_m.y());
-  }
-  if (named.empty()) return;
-  status().error(
-      "boards, or dark sides of things that else look like the floor, of which the map shows no more: " +
-      named + " m");
+void GlobalMergerService::tellDoubts() {
+  const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
+  Places slivers, bare;
+  for (const dataset::MapObject& object : objects)
+    if (global_merger::isSliver(object.outline_m)) slivers.add(centroid(object.outline_m));
+  for (const Eigen::Vector2d& at_m : global_merger::bareCells(replica_.map().grid(objects), objects))
+    bare.add(at_m);
+  if (slivers.any())
+    status().error(
+        "boards, or dark sides of things that else look like the floor, of which the map shows no more: " +
+        slivers.text());
+  if (bare.any())
+    status().error(
+        "occupied, but without an outline (hardly seen, or run together with what is beside it): " +
+        bare.text());
 }
 
 void GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {
-  constexpr std::size_t kNamed = 12;
-  std::string named;
-  std::size_t places = 0;
-  for (const global_merger::Unmapped& unmapped : replica_.unmapped()) {
-    if (unmapped.why != why || ++places > kNamed) continue;
-    named += fmt::format("{}({:.2f}, {:.2f})", places > 1 ? ", " : "", unmapped.at_m.x(), unmapped.at_m.y());
-  }
-  if (places == 0) return;
-  if (places > kNamed) named += fmt::format(" and {} more", places - kNamed);
-  status().error(fmt::format("seen but not in the map, for {}: {} m", reason, named));
+  Places places;
+  for (const global_merger::Unmapped& unmapped : replica_.unmapped())
+    if (unmapped.why == why) places.add(unmapped.at_m);
+  if (places.any()) status().error(fmt::format("seen but not in the map, for {}: {}", reason, places.text()));
 }
 
 void GlobalMergerService::drain() {

@@ -51,7 +51,7 @@ class GlobalMergerService : public bus::Service {
   bool setsComplete() const;
   void listenTo(const std::string& stream);
   void tellUnmapped();
-  void tellSlivers();
+  void tellDoubts();
   void tellUnmapped(global_merger::Unmapped::Why why, const char* reason);
   void save(bool as_fitted = false);
   void saveNowAndThen();

@@ -7,6 +7,7 @@
 #include <ctime>
 #include <random>
 
+#include "global_merger/map_doubts.h"
 #include "merger_scenes.h"
 #include "outline/half_planes.h"
 #include "outline/polygon_set.h"
@@ -37,7 +38,7 @@ TEST(Merger, FindsAllObstaclesAndNothingElse) {
   }
 }
 
-TEST(Merger, ASliverMayBeTheSideOfSomething) {
+TEST(MapDoubts, ASliverMayBeTheSideOfSomething) {
   const auto turned = [](Polygon polygon) {
     for (Eigen::Vector2d& p : polygon) p = Pose2{1.0, -2.0, 0.7} * p;
     return polygon;
@@ -46,6 +47,29 @@ TEST(Merger, ASliverMayBeTheSideOfSomething) {
   EXPECT_FALSE(isSliver(turned({{0, 0}, {0.3, 0}, {0.3, 0.12}, {0, 0.12}}))) << "thick";
   EXPECT_FALSE(isSliver(circlePolygon({1, 2}, 0.04, 48))) << "a pole";
   EXPECT_FALSE(isSliver({}));
+}
+
+TEST(MapDoubts, WhatIsOccupiedWithoutAnOutlineIsNamed) {
+  dataset::OccupancyGrid grid;
+  grid.width = 60;
+  grid.height = 40;
+  grid.origin_m = {-1.0, -0.5};
+  grid.cells.assign(static_cast<std::size_t>(grid.width * grid.height), 0);
+  const auto occupy = [&](int x, int y, int width, int height) {
+    for (int v = y; v < y + height; ++v)
+      std::fill_n(grid.cells.begin() + v * grid.width + x, width, std::int8_t{100});
+  };
+  occupy(10, 10, 5, 4);  // a box, …
+  occupy(15, 10, 6, 4);  // … and another that has run together with it
+  occupy(40, 2, 2, 36);  // a wall
+  occupy(50, 20, 2, 2);  // noise
+  dataset::MapObject box;
+  box.outline_m = boxPolygon({-0.375, 0.1}, 0.25, 0.2, 0.0);
+  const auto bare = bareCells(grid, {box});
+  ASSERT_EQ(bare.size(), 1U);
+  EXPECT_NEAR(bare.front().x(), -1.0 + 0.05 * 19.0, 0.06);
+  EXPECT_NEAR(bare.front().y(), 0.1, 0.03);
+  EXPECT_TRUE(bareCells({}, {}).empty());
 }
 
 TEST(Merger, OutlinesAreAFunctionOfTheSets) {
