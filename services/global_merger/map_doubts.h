@@ -14,7 +14,7 @@ namespace omnifleet::global_merger {
 bool isSliver(const Polygon& outline_m);
 
 /// Middles (map, metres) of what is occupied in a map but has no outline: cells that hang together, farther
-/// than 10 cm from every object, at most 80 cm long and no straight line, which is a piece of a wall. Things
+/// than 5 cm from every object, at most 80 cm long and no straight line, which is a piece of a wall. Things
 /// that were hardly seen, that run together with what is beside them, or whose other sides look like the
 /// floor.
 /// @param grid of the map (100: occupied)

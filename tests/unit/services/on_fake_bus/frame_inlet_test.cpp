@@ -43,7 +43,9 @@ class LostFrames : public testing::TestWithParam<bus::RunMode> {
   }
 
   /// How long the inlet took to see the end; empty when it does not within `limit`.
-  std::optional<steady_clock::duration> endAfter(TimeNs last, steady_clock::duration limit) {
+  /// @param stopped the camera has been told to stop before it says so
+  std::optional<steady_clock::duration> endAfter(TimeNs last, steady_clock::duration limit,
+                                                 bool stopped = false) {
     auto writer = theirs_->frameWriter(camera_.id, 16 * 16 * 3);
     RunEnds mine(context(*mine_)), theirs(context(*theirs_));
     FrameInlet inlet(context(*mine_), camera_, mine);
@@ -54,6 +56,7 @@ class LostFrames : public testing::TestWithParam<bus::RunMode> {
       EXPECT_TRUE(inlet.release(status));
     }
     EXPECT_FALSE(inlet.ended());
+    if (stopped) theirs_->requestStop();
     theirs.announce("camera r1/fisheye", last, 5);
     const auto begun = steady_clock::now();
     while (steady_clock::now() - begun < limit) {
@@ -84,6 +87,11 @@ TEST_P(LostFrames, TheEndIsSeenAtOnceWhereTheLastFrameCame) {
   const auto took = endAfter(3, 4 * FrameInlet::kGrace);
   ASSERT_TRUE(took);
   EXPECT_LT(*took, FrameInlet::kGrace);
+}
+
+/// Live it may be started again, and its frames go on; where nothing may be lost it may not.
+TEST_P(LostFrames, WhoIsStoppedEndsHisStreamWhereNobodyStartsHimAgain) {
+  EXPECT_EQ(endAfter(3, 2 * FrameInlet::kGrace, true).has_value(), GetParam() == bus::RunMode::kReplay);
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, LostFrames, testing::Values(bus::RunMode::kLive, bus::RunMode::kReplay),
