@@ -59,6 +59,11 @@ void BitMask::keep(int y, int begin, int end, const BitMask& other) {
   change(y, begin, end, [kept](Word& word, int k, Word which) { word &= kept[k] | ~which; });
 }
 
+void BitMask::setWithout(int y, int begin, int end, const BitMask& other) {
+  const Word* left_out = other.row(y);
+  change(y, begin, end, [left_out](Word& word, int k, Word which) { word |= which & ~left_out[k]; });
+}
+
 void BitArea::cover(const std::vector<Strip>& strips) {
   for (const Span& span : spans_)
     std::fill(looked_at_.row(span.cell_row) + span.begin, looked_at_.row(span.cell_row) + span.end,

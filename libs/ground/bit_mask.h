@@ -34,6 +34,8 @@ class BitMask {
   void set(int y, int begin, int end);
   /// Clears what is not in `other`, likewise.
   void keep(int y, int begin, int end, const BitMask& other);
+  /// Sets what is not in `other`, likewise.
+  void setWithout(int y, int begin, int end, const BitMask& other);
 
  private:
   template <typename Change>

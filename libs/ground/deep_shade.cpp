@@ -114,6 +114,23 @@ float DeepShade::sharpShare(const Blob& blob, const FloorFrame& frame, const cv:
   return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
 }
 
+float DeepShade::footShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
+  if (!find(blob, looks)) return 0.0f;
+  constexpr float kBefore_px = 4.0f, kBehind_px = 3.0f;
+  int sharp = 0, count = 0;
+  forEnds(blob, [&](const cv::Point& end, const cv::Point& out) {
+    const cv::Point2f at(end), from_foot = at - frame.foot_px;
+    const cv::Point2f away = from_foot / std::max(1.0f, static_cast<float>(cv::norm(from_foot)));
+    if (away.dot(cv::Point2f(out)) > -0.5f) return;
+    const cv::Point before = at - kBefore_px * away, behind = at + kBehind_px * away;
+    const float step =
+        meanGain(frame, before.x, before.y, out.y, out.x) - meanGain(frame, behind.x, behind.y, out.y, out.x);
+    sharp += step >= kSharpShare * depth_ ? 1 : 0;
+    ++count;
+  });
+  return static_cast<float>(sharp) / static_cast<float>(std::max(1, count));
+}
+
 /// A side's foot parts it from the shadow on the floor before it, which gets lighter from there on: halfway
 /// up the steepest step on each bearing, the median of them all. What fades into the floor where there is
 /// none.

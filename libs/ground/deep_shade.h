@@ -20,6 +20,9 @@ class DeepShade {
   /// Share of the outline that ends in a step (0 to 1), as a side does at verticals and at its top, not as
   /// shadows fade.
   float sharpShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
+  /// Share of the outline towards the camera's foot that ends in a step, as a wall's foot does, not where the
+  /// lens shows the floor in less and less light.
+  float footShare(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
   /// How light it is at the foot of a side: what is lighter is the shadow on the floor before it.
   Look foot(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
 

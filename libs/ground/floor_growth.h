@@ -51,15 +51,18 @@ class FloorGrowth {
   /// @param is_smoothed the means are CellColours that are
   /// @return false when no seed shows floor
   bool grow(const FloorNoise& noise, const std::vector<cv::Vec4f>& beyond = {}, bool is_smoothed = false);
-  bool isGrown(int y, int x) const { return stop_.data[numberOf(y, x)] == kGrown; }
+  bool isGrown(int y, int x) const { return isGrown(numberOf(y, x)); }
+  bool isGrown(int number) const { return stop_.data[number] == kGrown; }
   /// The blocks that the growth reached, in its order, by their number.
   const std::vector<int>& grown() const { return queue_; }
   int numberOf(int y, int x) const { return (y + kJump) * stride_ + x + kJump; }
   cv::Point blockAt(int number) const { return {number % stride_ - kJump, number / stride_ - kJump}; }
   /// Sum of the channels, in the light that there is.
   float brightnessAt(int number) const;
+  /// Median step of the seeds' colour over two blocks, as a share of the brightness.
+  float texture() const { return texture_; }
   int numbers() const { return static_cast<int>(framed_means_.total()); }
-  /// Mean colours by the blocks' numbers, three floats each and one more that may be read.
+  /// Mean colours (BGR) by the blocks' numbers, three floats each and one more that may be read.
   const float* meansByNumber() const { return framed_means_.ptr<float>(); }
 
  private:
@@ -111,7 +114,7 @@ class FloorGrowth {
   bool is_evened_ = false;
   std::vector<int> seeds_, queue_;
   std::vector<float> sorted_;
-  float texture_ = 0.0f;  ///< median step of the seeds' colour over two blocks, as a share of the brightness
+  float texture_ = 0.0f;
 };
 
 }  // namespace omnifleet::ground

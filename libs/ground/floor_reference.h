@@ -39,6 +39,8 @@ class FloorReference {
   /// Has the growth got to that cell?
   bool isGrown(int y, int x) const;
 
+  const FloorGrowth& growth() const { return growth_; }
+
   /// Floor colour per cell, defined wherever the view covers.
   const cv::Mat3f& colour() const { return smoothing_.colour(); }
   /// The light of the one lamp that is known to light the floor in the last frame; none where there is none.

@@ -30,8 +30,6 @@ constexpr int kColourBlock = 16 / kCell;  // cells
 constexpr float kRinging = 0.2f;
 constexpr float kNoisy = 1.5f;     // of the tolerance of hue: with noise it is more where that hides hues
 constexpr float kLeastLit = 0.6f;  // of the floor's brightness: in less light noise would make faint hues
-constexpr float kFaintSigmas =
-    1.5f;  // of a cell's noise: alone such a cell tells nothing, a ring of them does
 constexpr int kAlign_px = 16;
 constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
 
@@ -124,14 +122,15 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       across2_(off_.size(), 0.0f),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
-      hued_(view.cells(), std::uint8_t{0}),
       hue2_(view.cells().height / kColourBlock + 3, view.cells().width / kColourBlock + 3, 0.0f),
       around_(static_cast<std::size_t>(view.cells().width), kMixed),
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
       unlined_(view.imageSize()),
+      hued_cells_(view.imageSize()),
       despeckler_(view.imageSize()),
+      step_edges_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
       lamp_shadows_(view),
       shade_(view.imageSize()),
       completer_(camera, view.imageSize()) {
@@ -151,6 +150,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();
+  step_edges_.clear();
   area_.cover(strips_);
   if (!found) {
     for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(last_strips_, *mask);
@@ -169,6 +169,8 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
     if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, looks_);
     shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
     complete(image);
+    if (low_walls_)
+      step_edges_.find(reference_.growth(), static_cast<float>(options_.reference.tolerance_along));
   }
   clearStrips(last_strips_, objects_);
   unpack(strips_, bits_, objects_);
@@ -185,32 +187,14 @@ bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>
     std::swap(bits_, unlined_);
     return true;
   }
-  return is_smoothed_ && findFaintWalls(image);
-}
-
-/// In dim light the noise tears walls whose hue is near the floor's to pieces, but not the cells that have
-/// that hue.
-bool GroundSegmenter::findFaintWalls(const cv::Mat& image) {
-  const ReferenceOptions& o = options_.reference;
-  hued_ = std::uint8_t{0};
-  for (int y = 0; y < hued_.rows; ++y) {
-    const std::uint8_t* off = off_.ptr(y + 1) + 1;
-    for (int x = nextMark(off, 0, hued_.cols); x < hued_.cols; x = nextMark(off, x + 1, hued_.cols)) {
-      const cv::Vec3f &r = reference_.colour()(y, x), &p = colours_(y, x);
-      const float rr = std::max(1.0f, r.dot(r)), gain = std::min(1.0f, p.dot(r) / rr);
-      const auto told = static_cast<float>(o.tolerance_across) * gain +
-                        kFaintSigmas * static_cast<float>(cell_noise_.hue) / std::sqrt(rr);
-      hued_(y, x) = across2_(y + 1, x + 1) > told * told ? 1 : 0;
-    }
-  }
-  cv::morphologyEx(hued_, hued_, cv::MORPH_CLOSE, cv::Mat());
-  clear(area_, unlined_);
-  for (int y = 0; y < hued_.rows; ++y) {
-    const std::uint8_t* hued = hued_.ptr(y);
-    for (int x = nextMark(hued, 0, hued_.cols); x < hued_.cols; x = nextMark(hued, x + 1, hued_.cols))
-      for (int k = 0; k < kCell; ++k) unlined_.set(y * kCell + k, x * kCell, (x + 1) * kCell);
-  }
-  const std::vector<Blob>& hued = unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
+  if (!is_smoothed_) return false;
+  const HuedCells::Frame cells{off_,
+                               across2_,
+                               colours_,
+                               reference_.colour(),
+                               static_cast<float>(options_.reference.tolerance_across),
+                               static_cast<float>(cell_noise_.hue)};
+  const std::vector<Blob>& hued = hued_cells_.find(cells, area_);
   return low_walls_->findFaint(image, hued, area_, reference_.colour(), colours_, bits_);
 }
 

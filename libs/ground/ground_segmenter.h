@@ -13,12 +13,14 @@
 #include "ground/floor_view.h"
 #include "ground/horizon.h"
 #include "ground/hue_smoother.h"
+#include "ground/hued_cells.h"
 #include "ground/labelling.h"
 #include "ground/lamp_shadows.h"
 #include "ground/line_filter.h"
 #include "ground/low_walls.h"
 #include "ground/off_cells.h"
 #include "ground/shade_filter.h"
+#include "ground/step_edges.h"
 #include "ground/strip.h"
 #include "ground/thing_completer.h"
 #include "options/options.h"
@@ -65,6 +67,10 @@ class GroundSegmenter {
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Likewise; shadows, walls in the shade, or things of the floor's colour of which hardly more is seen.
   const std::vector<Blob>& vague() const { return shade_.vague(); }
+  /// Likewise; low walls behind things, or those' shade (BoardFinder).
+  const std::vector<Blob>& boards() const { return shade_.boards(); }
+  /// Likewise; the feet of low walls, or where another floor begins (StepEdges).
+  const std::vector<Blob>& steps() const { return step_edges_.found(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
   /// Of the last frame's pixels.
@@ -85,7 +91,6 @@ class GroundSegmenter {
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
   bool findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions);
-  bool findFaintWalls(const cv::Mat& image);
   void complete(const cv::Mat& image);
   void markCells(const FloorNoise& noise);
   void spreadHue(int x, int y, float across2);
@@ -118,7 +123,6 @@ class GroundSegmenter {
   cv::Mat1f across2_;  ///< like off_, where that is 1: CellHues::across2
   cv::Mat1b active_;   ///< per cell: looked at
   cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
-  cv::Mat1b hued_;     ///< per cell, where walls of a faint hue are looked for: 1 where it has a hue
   cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHues::across2
   std::vector<Around> around_;      ///< of the cells of a row, in a strip
   std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
@@ -127,9 +131,11 @@ class GroundSegmenter {
   BitMask raw_bits_, bits_;
   BitMask unlined_;  ///< with the markings
   Labeller unlined_labeller_;
+  HuedCells hued_cells_;
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
+  StepEdges step_edges_;
   LampShadows lamp_shadows_;
   ShadeFilter shade_;
   ThingCompleter completer_;

@@ -110,6 +110,7 @@ void ShadeFilter::clear() {
   ground::clear(core_area_, core_);
   undecided_.clear();
   vague_.clear();
+  boards_.clear();
   sides_.clear();
   lights_.clear();
 }
@@ -341,7 +342,12 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
   }
   pack(core_strips_, bare_, bare_bits_);
   despeckler.clean(core_area_, bare_bits_, core_);
-  for (std::size_t i = 0; i < blobs.size(); ++i) carryOut(blobs[i], judged_[i].verdict, objects);
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    carryOut(blobs[i], judged_[i].verdict, objects);
+    if (!judged_[i].has_boards || !keepsCore(judged_[i].verdict)) continue;
+    for (const Blob* board : board_finder_.find(blobs[i], core_, core_area_, frame, looks))
+      boards_.push_back(*board);
+  }
 }
 
 /// What the coloured pixels of a region, made as bright as the floor, differ from it by, as a share of that
@@ -432,7 +438,8 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
-                       isLight(blob, census), census.shade_limit, kFloorLook, fades_});
+                       isLight(blob, census), board_finder_.mayBeIn(blob, census.shaded), census.shade_limit,
+                       kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
       judged.firm_limit = judged.is_side ? deep_.foot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);

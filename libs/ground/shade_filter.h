@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "ground/bit_mask.h"
+#include "ground/board_finder.h"
 #include "ground/deep_shade.h"
 #include "ground/despeckler.h"
 #include "ground/floor_frame.h"
@@ -44,6 +45,7 @@ class ShadeFilter {
         core_(image),
         around_(image.width),
         deep_(image),
+        board_finder_(image),
         pattern_(image) {}
 
   using Frame = FloorFrame;
@@ -66,6 +68,8 @@ class ShadeFilter {
   const std::vector<Blob>& undecided() const { return undecided_; }
   /// Regions of the last apply() that went as shade though some of their outline is as sharp as a thing's.
   const std::vector<Blob>& vague() const { return vague_; }
+  /// Pieces of regions of the last apply() that went as a thing's shade, but may be a low wall behind it.
+  const std::vector<Blob>& boards() const { return boards_; }
   /// Regions of the last apply() that stay and are mostly in less light than the floor, of nearly its hue:
   /// sides of things whose tops may be as bright as the floor.
   const std::vector<const Blob*>& sides() const { return sides_; }
@@ -100,6 +104,7 @@ class ShadeFilter {
     bool is_side;     ///< isSide()
     bool as_tile;     ///< isTile()
     bool is_light;    ///< isLight()
+    bool has_boards;  ///< BoardFinder::mayBeIn()
     Look shade_limit;
     Look firm_limit;                  ///< kKeepFirm: from there to what is lighter than floors it goes
     std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
@@ -138,9 +143,10 @@ class ShadeFilter {
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
   DeepShade deep_;
+  BoardFinder board_finder_;
   Pattern pattern_;
   std::vector<Judged> judged_;
-  std::vector<Blob> undecided_, vague_;
+  std::vector<Blob> undecided_, vague_, boards_;
   std::vector<const Blob*> sides_, lights_;
 };
 

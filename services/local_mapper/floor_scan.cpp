@@ -13,7 +13,9 @@ namespace {
 
 constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
 
-constexpr double kWalls_m = 4.0;    // up to here it is looked where walls stand
+constexpr double kWalls_m = 4.0;  // up to here it is looked where walls stand
+// Blocks before a told wall's foot that what is a part of it may begin: steps are joined over gaps.
+constexpr double kBeforeWall = 1.0, kBeforeFoot = 2.5;
 constexpr double kAbout = 1.1;      // times its range: a cell may begin before the foot
 constexpr std::size_t kEdge = 200;  // steps before a wall's growth within which its foot is looked for
 
@@ -171,6 +173,7 @@ double FloorScan::rangeAt(std::size_t ray, std::size_t step) const {
 }
 
 void FloorScan::findWalls(const Room& room) {
+  block_px_ = room.block_px;
   wall_m_.assign(bearing_.size(), std::numeric_limits<double>::infinity());
   for (std::size_t ray = 0; ray < bearing_.size(); ++ray) {
     const std::size_t begin = step_begin_[ray], end = step_begin_[ray + 1];
@@ -271,9 +274,9 @@ bool FloorScan::isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d
   return away.dot(*a - at) >= before;
 }
 
-std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob) {
-  double nearest_m = std::numeric_limits<double>::infinity();
-  std::optional<Eigen::Vector2d> contact_m;
+/// Visits (ray, place on the floor from the camera's foot) of each pixel.
+template <typename Visit>
+void FloorScan::forFloor(const ground::Blob& blob, Visit visit) const {
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
   const auto n = static_cast<long>(bearing_.size());
   for (const ground::Run& run : blob.runs) {
@@ -282,13 +285,34 @@ std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob)
       if (!floor) continue;
       const Eigen::Vector2d at = *floor - camera_->foot();
       const long ray = std::lround(std::atan2(at.y(), at.x()) / step);
-      double& nearest = undecided_m_[static_cast<std::size_t>(((ray % n) + n) % n)];
-      nearest = std::min(nearest, at.norm());
-      if (at.norm() >= nearest_m) continue;
-      nearest_m = at.norm();
-      contact_m = *floor;
+      visit(static_cast<std::size_t>(((ray % n) + n) % n), at);
     }
   }
+}
+
+bool FloorScan::isOfWalls(const ground::Blob& blob, double blocks) const {
+  int at_walls = 0, all = 0;
+  forFloor(blob, [&](std::size_t ray, const Eigen::Vector2d& at) {
+    ++all;
+    if (ends_at_wall_[ray] == 0) return;
+    const double wall_m = nearest_m_[ray],
+                 metres_per_px = radialMetres(*camera_, camera_->foot() + wall_m * bearing_[ray]);
+    at_walls += at.norm() > wall_m - blocks * block_px_ * metres_per_px ? 1 : 0;
+  });
+  return 2 * at_walls > all;
+}
+
+std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob, Doubt doubt) {
+  if (doubt == Doubt::kBoard && isOfWalls(blob, kBeforeWall)) return std::nullopt;
+  if (doubt == Doubt::kStep && isOfWalls(blob, kBeforeFoot)) return std::nullopt;
+  double nearest_m = std::numeric_limits<double>::infinity();
+  std::optional<Eigen::Vector2d> contact_m;
+  forFloor(blob, [&](std::size_t ray, const Eigen::Vector2d& at) {
+    undecided_m_[ray] = std::min(undecided_m_[ray], at.norm());
+    if (at.norm() >= nearest_m) return;
+    nearest_m = at.norm();
+    contact_m = camera_->foot() + at;
+  });
   return contact_m;
 }
 

@@ -50,9 +50,14 @@ class FloorScan {
   /// Share of the visible floor's depth that is free, the middle one of all bearings that see floor; since
   /// finish().
   double freeShare() const { return free_share_; }
+  enum class Doubt {
+    kRegion,  ///< may be floor or a thing
+    kBoard,   ///< may be a wall, or a thing's shade: no doubt where most of it is of walls that are told
+    kStep     ///< may be a wall's foot: likewise
+  };
   /// What may be floor or a thing of its colour: floor is known up to there and nothing beyond. Returns
   /// where it begins, base_link; none where nothing of it is on the floor.
-  std::optional<Eigen::Vector2d> addUndecided(const ground::Blob& blob);
+  std::optional<Eigen::Vector2d> addUndecided(const ground::Blob& blob, Doubt doubt);
   /// Ranges, σ and labels: kFloorEnd, kObstacle (a wall), kUnknown (something stands there) or kUndecided
   /// (floor or a thing of its colour), kInvalid where no floor is ever visible.
   void finish(Scan& scan);
@@ -67,6 +72,9 @@ class FloorScan {
   /// The end of the nearest wall from a ray on, to one side; nothing within reach.
   std::optional<Eigen::Vector2d> wallBeside(long ray, long step) const;
   std::size_t rayBefore(const Eigen::Vector2d& to) const;
+  template <typename Visit>
+  void forFloor(const ground::Blob& blob, Visit visit) const;
+  bool isOfWalls(const ground::Blob& blob, double blocks) const;
   void addSegment(const Eigen::Vector2d& a, std::size_t before_a, const Eigen::Vector2d& b,
                   std::size_t before_b, std::uint16_t label);
 
@@ -75,6 +83,7 @@ class FloorScan {
   std::vector<Eigen::Vector2d> bearing_;  ///< unit vectors
   std::vector<std::size_t> first_;        ///< per sector, a ray before its beginning
   std::vector<float> floor_begin_m_, floor_end_m_, floor_end_sigma_m_;
+  int block_px_ = 0;  ///< of the last room
   std::vector<double> nearest_m_, undecided_m_, wall_m_;
   std::vector<std::uint16_t> object_;
   std::vector<std::uint8_t> meets_wall_, ends_at_wall_;

@@ -64,7 +64,8 @@ struct LocalMapper::Stages {
     return {image, flow.grey(), objects, segmenter.floorColour(), static_cast<float>(segmenter.noise().hue)};
   }
   void keep(bool is_object, const ground::Blob& blob);
-  void addUndecided(const std::vector<ground::Blob>& regions);
+  void addUndecided(const std::vector<ground::Blob>& regions,
+                    FloorScan::Doubt doubt = FloorScan::Doubt::kRegion);
 
   Options options;
   lens::Camera camera;
@@ -243,13 +244,15 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   if (closed) scan.addAll(segmenter.objects());
   if (has_walls) scan.addWalls();
   addUndecided(segmenter.undecided());
+  addUndecided(segmenter.boards(), FloorScan::Doubt::kBoard);
+  addUndecided(segmenter.steps(), FloorScan::Doubt::kStep);
   if (!has_walls) addUndecided(segmenter.vague());  // shade on a wall is no thing before it
   scan.finish(map.scan);
 }
 
-void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions) {
+void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions, FloorScan::Doubt doubt) {
   for (const ground::Blob& blob : regions) {
-    const auto contact_m = scan.addUndecided(blob);
+    const auto contact_m = scan.addUndecided(blob, doubt);
     if (contact_m && (*contact_m - camera.foot()).norm() <= options.silhouette.max_contact_m)
       undecided_m.push_back(*contact_m);
   }

@@ -87,7 +87,7 @@ TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   for (int row = v - 10; row < v + 10; ++row) blob.runs.push_back({row, u - 10, u + 10});
   Scan scan;
   scan_.begin();
-  const auto begins_m = scan_.addUndecided(blob);
+  const auto begins_m = scan_.addUndecided(blob, FloorScan::Doubt::kRegion);
   scan_.finish(scan);
   const auto nearest = camera_.floorFromPixel({u, v + 9});
   ASSERT_TRUE(nearest);

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground/bit_mask.h"
+#include "ground/floor_growth.h"
+#include "ground/floor_view.h"
+#include "ground/labelling.h"
+#include "ground/strip.h"
+#include "lens/camera.h"
+
+namespace omnifleet::ground {
+
+/// Long steps of the floor's brightness that growth has gone over or around. Behind a marking, a joint or a
+/// thin shadow floor goes on as it was before. Where on the way outward it is darker or lighter at once than
+/// the light on either side explains, there is the foot of a low wall of nearly the floor's colour, or
+/// another floor: one camera alone cannot tell them.
+class StepEdges {
+ public:
+  /// @param growth of blocks of block_cells × block_cells cells
+  StepEdges(const lens::Camera& camera, const FloorView& view, const FloorGrowth& growth, int block_cells);
+
+  /// @param tolerance share of the brightness by which floor may differ from what is expected
+  void find(const FloorGrowth& growth, float tolerance);
+  void clear() { pool_.give(found_); }
+  /// The blocks of the steps that were found last.
+  const std::vector<Blob>& found() const { return found_; }
+
+ private:
+  static constexpr int kSectors = 144;  ///< of a turn
+  static constexpr std::uint8_t kLow = 1, kHigh = 2;
+  static constexpr int kSlope = 3;    ///< blocks, over which the light's slope is measured
+  static constexpr int kMostGap = 3;  ///< blocks that growth leaves out along an edge
+  static constexpr int kReach = 2 + kMostGap + kSlope - 1;
+  /// Steps of 1 to kReach blocks away from the camera's foot, in growth's numbers.
+  using Outward = std::array<int, kReach + 1>;
+  struct Block {
+    int at;  ///< growth's number
+    std::uint8_t sector;
+    float floor_m;  ///< from the camera's foot
+  };
+  using Lengths = std::array<float, kSectors>;
+  /// Steps one way, seen on the way outward.
+  struct Side {
+    cv::Mat1b marks;  ///< per block: kLow, kHigh where a step is
+    Lengths high_m;   ///< the farthest high one by sectors; 0: none
+  };
+  static float stepAt(const FloorGrowth& growth, int at, const Outward& outward, int behind);
+  void mark(const FloorGrowth& growth, float tolerance);
+  static bool isLong(const Lengths& high_m);
+  const std::vector<Blob>& label(const cv::Mat1b& marks);
+  Lengths highOf(const Blob& region, const cv::Mat1b& marks) const;
+  void keep(const Blob& region);
+
+  int block_px_;
+  std::array<Outward, kSectors> outward_{};
+  std::vector<Block> blocks_;  ///< that may show floor
+  cv::Mat1f floor_m_;          ///< per block
+  cv::Mat1b sectors_;          ///< per block
+  Side darker_, lighter_;
+  BitMask bits_;  ///< per block, as the area is
+  BitArea area_;
+  Labeller labeller_;
+  BlobPool pool_;
+  std::vector<Blob> found_;
+};
+
+}  // namespace omnifleet::ground
