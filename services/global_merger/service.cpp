@@ -147,7 +147,7 @@ bool GlobalMergerService::spin() {
   }
   if (contributed_all_ && !ended_ && setsComplete()) {
     replica_.finish();
-    tellUnmapped();
+    tellDoubts();
     publisher_.update(replica_, batch_.time, true, status());
     save();
     ended_ = any = true;
@@ -260,6 +260,7 @@ class Places {
       named_ += fmt::format("{}({:.2f}, {:.2f})", count_ > 1 ? ", " : "", at_m.x(), at_m.y());
   }
   bool any() const { return count_ > 0; }
+  std::size_t count() const { return count_; }
   std::string text() const {
     return named_ + (count_ > kNamed ? fmt::format(" and {} more", count_ - kNamed) : "") + " m";
   }
@@ -272,22 +273,19 @@ class Places {
 
 }  // namespace
 
-void GlobalMergerService::tellUnmapped() {
+void GlobalMergerService::tellDoubts() {
   if (!speaks_) return;
   if (context_.options.life > 1 && !context_.options.out.empty())
     status().error(
         "trajectories/ and covariances/ begin where this merger took the place of one that died; what was "
         "driven "
         "before is in the map alone");
-  tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what");
-  tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
-               "the floor was seen there, too (gone, or hardly to be told from the floor)");
-  tellUnmapped(global_merger::Unmapped::Why::kFlat,
-               "they are no higher than marks on the floor, or low and seldom seen");
-  tellDoubts();
-}
-
-void GlobalMergerService::tellDoubts() {
+  const std::size_t unmapped =
+      tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what") +
+      tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
+                   "the floor was seen there, too (gone, or hardly to be told from the floor)") +
+      tellUnmapped(global_merger::Unmapped::Why::kFlat,
+                   "they are no higher than marks on the floor, or low and seldom seen");
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
   Places slivers, bare;
   for (const dataset::MapObject& object : objects)
@@ -302,13 +300,22 @@ void GlobalMergerService::tellDoubts() {
     status().error(
         "occupied, but without an outline (hardly seen, or run together with what is beside it): " +
         bare.text());
+  // The last line is all that who follows the status sees.
+  if (unmapped + slivers.count() + bare.count() > 0)
+    status().error(
+        fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline; "
+                    "where and why: "
+                    "the lines before this one in the log",
+                    unmapped, slivers.count(), bare.count()));
 }
 
-void GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {
+/// Returns how many.
+std::size_t GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {
   Places places;
   for (const global_merger::Unmapped& unmapped : replica_.unmapped())
     if (unmapped.why == why) places.add(unmapped.at_m);
   if (places.any()) status().error(fmt::format("seen but not in the map, for {}: {}", reason, places.text()));
+  return places.count();
 }
 
 void GlobalMergerService::drain() {
@@ -318,7 +325,7 @@ void GlobalMergerService::drain() {
   pull();
   while (merger_.nextBatch(batch_)) process();
   replica_.finish();
-  tellUnmapped();
+  tellDoubts();
   // Saved before it is told: whoever stops a fleet wants its map above all.
   if (replica_.map().store().robots().empty()) {
     status().error("nothing was mapped, so no map is saved");

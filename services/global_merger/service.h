@@ -50,9 +50,8 @@ class GlobalMergerService : public bus::Service {
   void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
-  void tellUnmapped();
   void tellDoubts();
-  void tellUnmapped(global_merger::Unmapped::Why why, const char* reason);
+  std::size_t tellUnmapped(global_merger::Unmapped::Why why, const char* reason);
   void save(bool as_fitted = false);
   void saveNowAndThen();
 
