@@ -128,9 +128,11 @@ class Search {
     return place;
   }
 
-  /// Not there, but so near that the same things are the same blobs; nothing where it is there.
+  /// Not there, but so near that the same things are the same blobs; nothing where it is there. Of two things
+  /// one of which is where it should be the other has changed: a piece of a wall, that ends where it is hidden.
   std::optional<Place> beside(const Place& there, std::size_t least) {
     if (there.found < least || there.apart_m < kBeside_m) return {};
+    if (there.found == kLeastThings && there.here < there.found) return {};
     Place place = fitted(there.odom_from_base);
     if (place.found < there.found || place.apart_m > kMuchNearer * there.apart_m) return {};
     return place;
