@@ -148,6 +148,30 @@ TEST(SeenStep, ARobotCarriedAway) {
   EXPECT_LE(wrong, static_cast<int>(kSeeds) / 4) << "where less than three things stand in sight";
 }
 
+/// A wall of the floor's hue is seen in pieces, which end where the light or a thing before it hides them.
+TEST(SeenStep, APieceOfAWallThatEndsElsewhereIsNoSlip) {
+  for (unsigned seed = kFirst; seed < kFirst + kSeeds; ++seed) {
+    std::mt19937 rng(seed);
+    Scene scene, before;
+    scene.bodies.push_back(round("r1", 0.15, 0.3, {}));
+    scene.bodies.back().robot = true;
+    scene.bodies.back().v_mps = 0.25;
+    scene.bodies.push_back(box("a", 0.3, 0.25, 0.23, {1.2, -0.8, 0.4}));
+    const auto piece = [](double from_m) { return box("wall", 0.2, 0.06, 0.15, {from_m, 0.8, 0.0}); };
+    scene.bodies.push_back(piece(1.0));
+    Classifier classifier({}, "r1", {{"r1", RobotBody{}}});
+    for (int frame = 0; frame < 30; ++frame) {
+      scene.bodies.back() = piece(frame < 20 ? 1.0 : 1.1);
+      LocalMap map = look(scene, 0, frame ? &before : nullptr, frame, rng);
+      const Pose2 told = map.motion.previous_from_current;
+      const Objects& objects = classifier.process(map, {});
+      EXPECT_DOUBLE_EQ(objects.motion.previous_from_current.x_m, told.x_m) << seed << " " << frame;
+      before = scene;
+      scene.advance();
+    }
+  }
+}
+
 TEST(SeenStep, WhoDrivesAlongsideStandsForNothing) {
   // Two robots at the same speed and nothing else: to the eye the robot itself stands.
   const auto convoy = [](std::mt19937&) {
