@@ -39,6 +39,7 @@ class FloorReference {
   /// Has the growth got to that cell?
   bool isGrown(int y, int x) const;
 
+  /// Of the last frame, in even light where a lamp is known.
   const FloorGrowth& growth() const { return growth_; }
 
   /// Floor colour per cell, defined wherever the view covers.

@@ -304,8 +304,7 @@ void GlobalMergerService::tellDoubts() {
   if (unmapped + slivers.count() + bare.count() > 0)
     status().error(
         fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline; "
-                    "where and why: "
-                    "the lines before this one in the log",
+                    "where and why: the lines before this one in the log",
                     unmapped, slivers.count(), bare.count()));
 }
 
