@@ -151,6 +151,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();
   step_edges_.clear();
+  unlined_regions_ = nullptr;
   area_.cover(strips_);
   if (!found) {
     for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(last_strips_, *mask);
@@ -160,7 +161,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   pack(strips_, raw_, raw_bits_);
   despeckler_.clean(area_, raw_bits_, bits_);
   const bool tells_shade = options_.shadows && options_.method == "local" && image.channels() == 3;
-  if (low_walls_ && tells_shade) unlined_ = bits_;
+  if (tells_shade) unlined_ = bits_;
   lines_.apply(area_, bits_);
   if (tells_shade) {
     const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
@@ -181,8 +182,8 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
 /// Far off walls may be as thin as markings, and leave but pieces of a ring.
 bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions) {
   if (low_walls_->find(image, regions, area_, reference_.colour(), bits_)) return true;
-  const std::vector<Blob>& unlined = unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
-  if (low_walls_->find(image, unlined, area_, reference_.colour(), unlined_, true)) {
+  unlined_regions_ = &unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
+  if (low_walls_->find(image, *unlined_regions_, area_, reference_.colour(), unlined_, true)) {
     lines_.apply(area_, unlined_);
     std::swap(bits_, unlined_);
     return true;
@@ -202,7 +203,10 @@ bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>
 /// those of before all masks are 0.
 void GroundSegmenter::complete(const cv::Mat& image) {
   const ShadeFilter::Frame frame = shadeFrame(image);
-  if (!completer_.complete({frame, view_->mask(), looks_, bits_}, shade_, {bits_, active_})) return;
+  if (!completer_.complete({frame, view_->mask(), looks_, bits_},
+                           {raw_, unlined_, hasLowWalls() ? nullptr : unlined_regions_}, shade_,
+                           {bits_, active_}))
+    return;
   strips_.clear();
   gatherStrips();
   area_.cover(strips_);

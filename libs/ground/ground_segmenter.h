@@ -131,6 +131,7 @@ class GroundSegmenter {
   BitMask raw_bits_, bits_;
   BitMask unlined_;  ///< with the markings
   Labeller unlined_labeller_;
+  const std::vector<Blob>* unlined_regions_ = nullptr;  ///< of this frame, where they were asked for
   HuedCells hued_cells_;
   Despeckler despeckler_;
   Labeller labeller_;

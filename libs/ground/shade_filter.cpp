@@ -113,6 +113,7 @@ void ShadeFilter::clear() {
   boards_.clear();
   sides_.clear();
   lights_.clear();
+  things_.clear();
 }
 
 void ShadeFilter::doubt(const Blob& region) {
@@ -438,8 +439,8 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const auto least = static_cast<int>(kFaintShare * static_cast<float>(blob.area_px));
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
-                       isLight(blob, census), board_finder_.mayBeIn(blob, census.shaded), census.shade_limit,
-                       kFloorLook, fades_});
+                       isLight(blob, census), isCore(census.coloured + census.dark, blob),
+                       board_finder_.mayBeIn(blob, census.shaded), census.shade_limit, kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
       judged.firm_limit = judged.is_side ? deep_.foot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
@@ -456,6 +457,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     const bool stays = judged_[i].verdict == Verdict::kKeep || judged_[i].verdict == Verdict::kKeepFirm;
     const bool of_tiles = tiles >= kPatternRegions && judged_[i].as_tile;
+    if (judged_[i].has_core && (stays || keepsCore(judged_[i].verdict))) things_.push_back(&blobs[i]);
     const bool may_be_top = stays || (judged_[i].verdict == Verdict::kUndecided && !of_tiles);
     if (stays && judged_[i].is_side)
       sides_.push_back(&blobs[i]);

@@ -76,6 +76,8 @@ class ShadeFilter {
   /// Regions of the last apply() that stay or are undecided, of the floor's hue, of which some is plainly
   /// lighter: tops of things whose sides may be as bright as the floor.
   const std::vector<const Blob*>& lights() const { return lights_; }
+  /// Regions of the last apply() that stay, at least in part, and of which some is plainly no floor.
+  const std::vector<const Blob*>& things() const { return things_; }
   /// A region of the last apply() that is undecided after all; must not be in objects().
   void doubt(const Blob& region);
   /// What lies mostly in `found` is decided.
@@ -104,6 +106,7 @@ class ShadeFilter {
     bool is_side;     ///< isSide()
     bool as_tile;     ///< isTile()
     bool is_light;    ///< isLight()
+    bool has_core;    ///< some of it is plainly no floor
     bool has_boards;  ///< BoardFinder::mayBeIn()
     Look shade_limit;
     Look firm_limit;                  ///< kKeepFirm: from there to what is lighter than floors it goes
@@ -147,7 +150,7 @@ class ShadeFilter {
   Pattern pattern_;
   std::vector<Judged> judged_;
   std::vector<Blob> undecided_, vague_, boards_;
-  std::vector<const Blob*> sides_, lights_;
+  std::vector<const Blob*> sides_, lights_, things_;
 };
 
 }  // namespace omnifleet::ground

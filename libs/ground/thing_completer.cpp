@@ -9,13 +9,25 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kMemory = 50;  // frames that a thing whose top alone is plain to see is remembered for
+constexpr int kLongest = 8;  // of the image's width the part that a band is at most as long as
+
+/// Plainly no floor, yet not of what was found, as it is as thin as a marking of the floor; and short.
+bool isLostBand(const Blob& region, const SideCompleter::Frame& frame) {
+  if (std::max(region.rect.width, region.rect.height) > frame.looks.cols / kLongest) return false;
+  const Run& run = region.runs[region.runs.size() / 2];
+  const int x = (run.begin + run.end) / 2;
+  const Look look = frame.looks(run.row, x);
+  return (look == kColourLook || (isGrey(look) && gainOf(look) < kDeepestShade)) &&
+         !frame.found.at(x, run.row);
+}
 
 }  // namespace
 
 ThingCompleter::ThingCompleter(const lens::Camera& camera, cv::Size image)
-    : sides_(camera, image), tops_(camera, image) {}
+    : sides_(camera, image), tops_(camera, image), bands_(image) {}
 
-bool ThingCompleter::complete(const SideCompleter::Frame& frame, ShadeFilter& shade, const Found& found) {
+bool ThingCompleter::complete(const SideCompleter::Frame& frame, const Raw& raw, ShadeFilter& shade,
+                              const Found& found) {
   completeTops(frame.shade, shade, found);
   bool any = !settled_.empty();
   for (const Blob* side : shade.sides()) {
@@ -24,7 +36,27 @@ bool ThingCompleter::complete(const SideCompleter::Frame& frame, ShadeFilter& sh
     replace(*side, whole, found);
     any = true;
   }
-  return any;
+  completeBands(frame, raw, shade);
+  set(between_, found);
+  return any || !between_.empty();
+}
+
+/// Asked are things, and pieces that went as they are as thin as markings, but whose length is not.
+void ThingCompleter::completeBands(const SideCompleter::Frame& frame, const Raw& raw,
+                                   const ShadeFilter& shade) {
+  between_.clear();
+  banded_ = shade.things();
+  if (raw.regions != nullptr) {
+    for (const Blob& region : *raw.regions)
+      if (isLostBand(region, frame)) banded_.push_back(&region);
+  }
+  cv::Rect done;
+  for (const Blob* region : banded_) {
+    if ((region->rect & done) == region->rect) continue;  // a band of the last one
+    const std::vector<Run>& between = bands_.find(*region, {raw.mask, raw.cleaned, frame.looks});
+    between_.insert(between_.end(), between.begin(), between.end());
+    for (const Run& run : between) done |= cv::Rect(run.begin, run.row, run.end - run.begin, 1);
+  }
 }
 
 void ThingCompleter::completeTops(const ShadeFilter::Frame& frame, ShadeFilter& shade, const Found& found) {
@@ -67,9 +99,13 @@ bool ThingCompleter::isRough(const Blob& region) const {
 }
 
 void ThingCompleter::replace(const Blob& part, const std::vector<Run>& whole, const Found& found) {
-  constexpr int kCell = FloorView::kCell;
   for (const Run& run : part.runs) found.bits.clear(run.row, run.begin, run.end);
-  for (const Run& run : whole) {
+  set(whole, found);
+}
+
+void ThingCompleter::set(const std::vector<Run>& runs, const Found& found) {
+  constexpr int kCell = FloorView::kCell;
+  for (const Run& run : runs) {
     found.bits.set(run.row, run.begin, run.end);
     for (int x = run.begin / kCell; x * kCell < run.end; ++x) found.cells(run.row / kCell, x) = 1;
   }
