@@ -1,7 +1,9 @@
 #include "ground/band_completer.h"
 
 #include <algorithm>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
+#include <tuple>
 
 #include "geometry/wide.h"
 #include "ground/look.h"
@@ -12,9 +14,11 @@ namespace {
 
 constexpr int kMostShare = 64;      // of the image's width: how wide what lies between bands is
 constexpr int kMostBand = 2;        // times that: bands, of which two may have run together
+constexpr int kLongest = 12;        // times that: how long bands are
 constexpr int kLeast_px = 2;        // narrower pieces are noise along an outline
 constexpr int kLeastPieces = 3;     // shadows and things one behind the other leave two
 constexpr int kLeastLines = 6;      // side by side that show the same
+constexpr int kSlender = 3;         // and no fewer than so many times that make what they cross
 constexpr int kSteepest = 1;        // pixels that gaps may go aside from one line to the next
 constexpr int kRagged_px = 1;       // and their ends
 constexpr float kSameGaps = 0.66f;  // of the gaps do so, or it is another thing
@@ -24,29 +28,51 @@ constexpr int kFarthest = 8;        // times as wide as bands may be, that is lo
 constexpr int kUneven = 2;          // between gaps the widest is at most so many times the least …
 constexpr int kUneven_px = 2;       // … and so much more
 
-/// A row of what is no shade and no floor; counts the pieces that begin along each column.
-/// @return how many begin along the row
-OMNIFLEET_WIDE int findCoreOfRow(const std::uint8_t* raw, const std::uint8_t* looks,
-                                 const std::uint8_t* above, int n, std::uint8_t* core, std::uint8_t* begins) {
+using Word = BitMask::Word;
+constexpr int kBits = BitMask::kBits;
+
+/// 1 where pixels are no shade and no floor.
+OMNIFLEET_WIDE void findCoreOfRow(const std::uint8_t* raw, const std::uint8_t* looks, int n,
+                                  std::uint8_t* core) {
   constexpr Look kFirst = greyLook(kDeepestShade), kLast = greyLook(1.0f + kFaintContrast);
 #pragma GCC ivdep
   for (int i = 0; i < n; ++i) {
     const std::uint8_t other = (looks[i] < kFirst) | (looks[i] > kLast);
     core[i] = raw[i] & other;
-    begins[i] = static_cast<std::uint8_t>(begins[i] + (core[i] & (above[i] ^ 1)));
   }
-  int pieces = n > 0 ? core[0] : 0;
-#pragma GCC ivdep
-  for (int i = 1; i < n; ++i) pieces += core[i] & (core[i - 1] ^ 1);
-  return pieces;
+}
+
+/// Of the bytes 0 and 1.
+Word packed(const std::uint8_t* bytes) {
+  constexpr Word kGather = 0x0102040810204080U;
+  Word bits = 0;
+  for (int k = 0; k < 8; ++k) {
+    Word eight;
+    std::memcpy(&eight, bytes + 8 * k, sizeof eight);
+    bits |= (eight * kGather >> 56U) << (8 * k);
+  }
+  return bits;
+}
+
+/// The bits of a row's word that lie in these columns.
+Word within(int word, const cv::Rect& columns) {
+  const int first = std::max(0, columns.x - word * kBits),
+            end = std::min(kBits, columns.br().x - word * kBits);
+  return (~Word{0} << first) & (~Word{0} >> (kBits - end));
+}
+
+/// Where a row's bits differ from the one before.
+Word changesAlong(const Word* row, int word, Word before) {
+  return row[word] ^ (row[word] << 1U | before >> (kBits - 1U));
 }
 
 }  // namespace
 
 BandCompleter::BandCompleter(cv::Size image)
-    : core_(image, std::uint8_t{0}),
+    : core_(image),
       marks_(image, std::uint8_t{0}),
-      begins_(static_cast<std::size_t>(image.width)),
+      row_(static_cast<std::size_t>(image.width + kBits)),
+      columns_(static_cast<std::size_t>(image.width)),
       most_px_(image.width / kMostShare) {}
 
 const std::vector<Run>& BandCompleter::find(const Blob& region, const Seen& seen) {
@@ -54,7 +80,9 @@ const std::vector<Run>& BandCompleter::find(const Blob& region, const Seen& seen
   for (int beside_px = 2 * most_px_; beside_px <= kFarthest * most_px_; beside_px *= 2) {
     lookAround(region.rect, beside_px);
     if (!findCore(seen)) return found_;
-    findBands();
+    bands_.clear();
+    followRows();
+    followColumns();
     if (!goesOn()) break;
   }
   if (bands_.empty()) return found_;
@@ -75,59 +103,126 @@ const std::vector<Run>& BandCompleter::find(const Blob& region, const Seen& seen
 void BandCompleter::lookAround(const cv::Rect& region, int beside_px) {
   around_ = cv::Rect(region.x - beside_px, region.y - beside_px, region.width + 2 * beside_px,
                      region.height + 2 * beside_px) &
-            cv::Rect(1, 1, core_.cols - 2, core_.rows - 2);
+            cv::Rect(1, 1, marks_.cols - 2, marks_.rows - 2);
 }
 
-/// @return whether enough lines have pieces enough
+bool BandCompleter::isBand(const Blob& region) const {
+  const int length = std::max(region.rect.width, region.rect.height);
+  return length <= kLongest * most_px_ && region.area_px <= kMostBand * most_px_ * length;
+}
+
+/// Along every row and column of a compact thing pixels begin once and end once.
+bool BandCompleter::isRagged(const Blob& region, const BitMask& left) {
+  const cv::Rect& r = region.rect;
+  int changes = 0;
+  for (int w = r.x / kBits; w * kBits < r.br().x; ++w) {
+    const Word in = within(w, r);
+    Word above = 0;
+    for (int y = r.y; y < r.br().y; ++y) {
+      const Word *row = left.row(y), here = row[w] & in;
+      changes += __builtin_popcountll(here ^ above);
+      changes += __builtin_popcountll(changesAlong(row, w, row[w - 1]) & in);
+      above = here;
+    }
+    changes += __builtin_popcountll(above);
+  }
+  return changes >= 2 * (r.width + r.height) + 2 * kLeastLines;
+}
+
+/// @return whether there is any
 bool BandCompleter::findCore(const Seen& seen) {
-  std::fill_n(core_.ptr(around_.y - 1) + around_.x, around_.width, std::uint8_t{0});
-  std::fill_n(begins_.begin(), around_.width, std::uint8_t{0});
-  int rows = 0;
+  const int first = around_.x / kBits, end = (around_.br().x + kBits - 1) / kBits;
+  const int n = std::min(end * kBits, seen.raw.cols) - first * kBits;
+  std::fill(row_.begin(), row_.end(), std::uint8_t{0});
+  Word any = 0;
   for (int y = around_.y; y < around_.br().y; ++y) {
-    const int pieces =
-        findCoreOfRow(seen.raw.ptr(y) + around_.x, seen.looks.ptr(y) + around_.x,
-                      core_.ptr(y - 1) + around_.x, around_.width, core_.ptr(y) + around_.x, begins_.data());
-    rows += pieces >= kLeastPieces ? 1 : 0;
+    findCoreOfRow(seen.raw.ptr(y) + first * kBits, seen.looks.ptr(y) + first * kBits, n, row_.data());
+    const Word* cleaned = seen.cleaned.row(y);
+    Word* core = core_.row(y);
+    for (int w = first; w < end; ++w) {
+      core[w] =
+          packed(&row_[static_cast<std::size_t>((w - first) * kBits)]) & cleaned[w] & within(w, around_);
+      any |= core[w];
+    }
   }
-  const auto columns = std::count_if(begins_.begin(), begins_.begin() + around_.width,
-                                     [](std::uint8_t begins) { return begins >= kLeastPieces; });
-  if (std::max(rows, static_cast<int>(columns)) < kLeastLines) return false;
-  for (int y = around_.y; y < around_.br().y; ++y)
-    for (int x = around_.x; x < around_.br().x; ++x)
-      if (core_(y, x) != 0 && !seen.cleaned.at(x, y)) core_(y, x) = 0;
-  return true;
+  return any != 0;
 }
 
-/// Calls take(chain) for what the pieces of a line show to be bands.
-template <typename IsCore, typename Take>
-void BandCompleter::followLine(int length, IsCore isCore, Take take) const {
-  Chain chain;
-  const auto end = [&] {
-    if (chain.areBands()) take(chain);
-    chain = {};
-  };
-  for (int i = 0; i < length; ++i) {
-    if (!isCore(i)) continue;
-    const int begin = i;
-    while (i < length && isCore(i)) ++i;
-    if (i - begin < kLeast_px) continue;
-    const int gap = begin - chain.last_px;
-    const bool is_band = i - begin <= kMostBand * most_px_;
-    if (chain.pieces > 0 && gap >= kLeast_px && gap <= most_px_)
-      chain.add(begin, gap);
-    else
-      end();
-    if (chain.pieces == 0) chain.begin_px = is_band ? begin : i;
-    ++chain.pieces;
-    chain.bands_px += is_band ? i - begin : 0;
-    chain.last_px = i;
-    chain.end_px = is_band ? i : begin;
-    if (is_band || chain.pieces == 1) continue;
-    end();  // what is wider than a band may be the last of them, and the first of the next
-    chain.pieces = 1;
-    chain.begin_px = chain.last_px = chain.end_px = i;
+/// Pieces along the rows.
+void BandCompleter::followRows() {
+  along_.clear();
+  for (int y = around_.y; y < around_.br().y; ++y) {
+    const Word* core = core_.row(y);
+    Follower row;
+    Word before = 0;
+    for (int w = around_.x / kBits; w * kBits < around_.br().x; ++w) {
+      for (Word changes = changesAlong(core, w, before); changes != 0; changes &= changes - 1)
+        follow(row, y, w * kBits + __builtin_ctzll(changes));
+      before = core[w];
+    }
+    if (row.is_piece) follow(row, y, around_.br().x);
+    take(row, y);
   }
-  end();
+  keepBands(false);
+}
+
+/// Pieces along the columns.
+void BandCompleter::followColumns() {
+  along_.clear();
+  std::fill(columns_.begin() + around_.x, columns_.begin() + around_.br().x, Follower{});
+  for (int w = around_.x / kBits; w * kBits < around_.br().x; ++w) {
+    Word above = 0;
+    for (int y = around_.y; y < around_.br().y; ++y) {
+      const Word here = core_.row(y)[w];
+      for (Word changes = here ^ above; changes != 0; changes &= changes - 1) {
+        const int x = w * kBits + __builtin_ctzll(changes);
+        follow(columns_[static_cast<std::size_t>(x)], x, y);
+      }
+      above = here;
+    }
+  }
+  for (int x = around_.x; x < around_.br().x; ++x) {
+    Follower& column = columns_[static_cast<std::size_t>(x)];
+    if (column.is_piece) follow(column, x, around_.br().y);
+    take(column, x);
+  }
+  std::sort(along_.begin(), along_.end(), [](const Line& a, const Line& b) {
+    return std::tie(a.line, a.chain.begin_px) < std::tie(b.line, b.chain.begin_px);
+  });
+  keepBands(true);
+}
+
+/// A piece begins there, or ends.
+void BandCompleter::follow(Follower& along, int line, int at_px) {
+  along.is_piece = !along.is_piece;
+  if (along.is_piece) {
+    along.piece_px = at_px;
+    return;
+  }
+  const int begin = along.piece_px, width = at_px - begin;
+  if (width < kLeast_px) return;
+  Chain& chain = along.chain;
+  const int gap = begin - chain.last_px;
+  const bool is_band = width <= kMostBand * most_px_;
+  if (chain.pieces > 0 && gap >= kLeast_px && gap <= most_px_)
+    chain.add(begin, gap);
+  else
+    take(along, line);
+  if (chain.pieces == 0) chain.begin_px = is_band ? begin : at_px;
+  ++chain.pieces;
+  chain.bands_px += is_band ? width : 0;
+  chain.last_px = at_px;
+  chain.end_px = is_band ? at_px : begin;
+  if (is_band || chain.pieces == 1) return;
+  take(along, line);  // what is wider than a band may be the last of them, and the first of the next
+  chain.pieces = 1;
+  chain.begin_px = chain.last_px = chain.end_px = at_px;
+}
+
+/// What was followed so far is bands, or is not; what comes now is others.
+void BandCompleter::take(Follower& along, int line) {
+  if (along.chain.areBands()) along_.push_back({line, along.chain, 1, 1});
+  along.chain = {};
 }
 
 void BandCompleter::Chain::add(int piece_px, int gap_px) {
@@ -142,25 +237,13 @@ bool BandCompleter::Chain::areBands() const {
          most_gap_px <= kUneven * least_gap_px + kUneven_px && kThin * bands_px >= gaps_px;
 }
 
-void BandCompleter::findBands() {
-  bands_.clear();
-  for (const bool columns : {false, true}) {
-    along_.clear();
-    const int count = columns ? around_.width : around_.height,
-              length = columns ? around_.height : around_.width;
-    for (int k = 0; k < count; ++k) {
-      const auto isCore = [&](int i) {
-        return (columns ? core_(around_.y + i, around_.x + k) : core_(around_.y + k, around_.x + i)) != 0;
-      };
-      followLine(length, isCore, [&](const Chain& chain) { along_.push_back({k, chain, 1, 1}); });
-    }
-    countBeside();
-    for (const auto& [line, chain, before, after] : along_) {
-      if (before + after - 1 < kLeastLines) continue;
-      const cv::Rect band = columns ? cv::Rect(line, chain.begin_px, 1, chain.end_px - chain.begin_px)
-                                    : cv::Rect(chain.begin_px, line, chain.end_px - chain.begin_px, 1);
-      bands_.push_back(band + around_.tl());
-    }
+void BandCompleter::keepBands(bool columns) {
+  countBeside();
+  for (const auto& [line, chain, before, after] : along_) {
+    const int lines = before + after - 1, length = chain.end_px - chain.begin_px;
+    if (lines < kLeastLines || kSlender * lines < length) continue;
+    bands_.push_back(columns ? cv::Rect(line, chain.begin_px, 1, length)
+                             : cv::Rect(chain.begin_px, line, length, 1));
   }
 }
 
@@ -175,22 +258,25 @@ bool BandCompleter::goesOn() const {
 /// Things with bands are convex: to what lies between bands the pieces of theirs come that lie mostly in it.
 void BandCompleter::fillThings() {
   cv::Mat1b marks = marks_(around_);
+  cv::Mat1b core(marks.size());
+  for (int y = 0; y < core.rows; ++y)
+    for (int x = 0; x < core.cols; ++x) core(y, x) = core_.at(around_.x + x, around_.y + y) ? 1 : 0;
   cv::Mat1i thing, piece;
   cv::Mat stats, centroids;
   cv::Mat1b joined;  // some lines in between show nothing
   cv::dilate(marks, joined, cv::Mat(most_px_, most_px_, CV_8U, cv::Scalar(1)));
   const int things = cv::connectedComponents(joined, thing),
-            pieces = cv::connectedComponentsWithStats(core_(around_), piece, stats, centroids);
+            pieces = cv::connectedComponentsWithStats(core, piece, stats, centroids);
   for (int i = 1; i < things; ++i) {
     const cv::Mat1b is_thing = (thing == i) & (marks != 0);
     std::vector<cv::Point> points, hull;
     cv::findNonZero(is_thing, points);
     cv::convexHull(points, hull);
-    cv::Mat1b within(marks.size(), std::uint8_t{0});
-    cv::fillConvexPoly(within, hull, cv::Scalar(1));
+    cv::Mat1b inner(marks.size(), std::uint8_t{0});
+    cv::fillConvexPoly(inner, hull, cv::Scalar(1));
     std::vector<int> inside(static_cast<std::size_t>(pieces));
     for (int y = 0; y < marks.rows; ++y)
-      for (int x = 0; x < marks.cols; ++x) inside[static_cast<std::size_t>(piece(y, x))] += within(y, x);
+      for (int x = 0; x < marks.cols; ++x) inside[static_cast<std::size_t>(piece(y, x))] += inner(y, x);
     for (int y = 0; y < marks.rows; ++y)
       for (int x = 0; x < marks.cols; ++x) {
         const int k = piece(y, x);

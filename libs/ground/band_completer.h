@@ -18,6 +18,11 @@ class BandCompleter {
  public:
   explicit BandCompleter(cv::Size image);
 
+  /// It may be a band of a thing, alone: thin and short.
+  bool isBand(const Blob& region) const;
+  /// What is left of a region is no compact thing: bands, maybe.
+  static bool isRagged(const Blob& region, const BitMask& left);
+
   struct Seen {
     const cv::Mat1b& raw;    ///< 0/1, what differs from the floor, not yet despeckled
     const BitMask& cleaned;  ///< the same despeckled, with what is as thin as markings
@@ -40,26 +45,34 @@ class BandCompleter {
     void add(int piece_px, int gap_px);
     bool areBands() const;
   };
+  struct Follower {
+    Chain chain;
+    int piece_px = 0;  ///< where the last piece began
+    bool is_piece = false;
+  };
   /// What looks like bands, along a row or a column.
   struct Line {
-    int line;  ///< which row or column of around_
+    int line;  ///< which row or column
     Chain chain;
     int before, after;  ///< lines up to this and from this on that show the same
   };
   bool findCore(const Seen& seen);
-  template <typename IsCore, typename Take>
-  void followLine(int length, IsCore isCore, Take take) const;
+  void followRows();
+  void followColumns();
+  void follow(Follower& along, int line, int at_px);
+  void take(Follower& along, int line);
+  void keepBands(bool columns);
   void lookAround(const cv::Rect& region, int beside_px);
-  void findBands();
   bool goesOn() const;
   static bool showTheSame(const Line& a, const Line& b);
   void countBeside();
   void fillThings();
 
-  cv::Mat1b core_;                    ///< within around_: 1 where no shade and no floor
-  cv::Mat1b marks_;                   ///< 1 where there are things with bands; 0 between calls
-  cv::Rect around_;                   ///< the region, and as much beside it as is looked at
-  std::vector<std::uint8_t> begins_;  ///< of pieces, by columns
+  BitMask core_;                   ///< within around_: no shade and no floor
+  cv::Mat1b marks_;                ///< 1 where there are things with bands; 0 between calls
+  cv::Rect around_;                ///< the region, and as much beside it as is looked at
+  std::vector<std::uint8_t> row_;  ///< of core_, in bytes
+  std::vector<Follower> columns_;
   std::vector<Line> along_;
   std::vector<cv::Rect> bands_;  ///< of one pixel across
   std::vector<Run> found_;

@@ -9,11 +9,10 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kMemory = 50;  // frames that a thing whose top alone is plain to see is remembered for
-constexpr int kLongest = 8;  // of the image's width the part that a band is at most as long as
+constexpr std::size_t kFewestBands = 3;  // of a thing
 
-/// Plainly no floor, yet not of what was found, as it is as thin as a marking of the floor; and short.
-bool isLostBand(const Blob& region, const SideCompleter::Frame& frame) {
-  if (std::max(region.rect.width, region.rect.height) > frame.looks.cols / kLongest) return false;
+/// Plainly no floor, yet not of what was found: it is as thin as a marking of the floor.
+bool isLost(const Blob& region, const SideCompleter::Frame& frame) {
   const Run& run = region.runs[region.runs.size() / 2];
   const int x = (run.begin + run.end) / 2;
   const Look look = frame.looks(run.row, x);
@@ -41,15 +40,20 @@ bool ThingCompleter::complete(const SideCompleter::Frame& frame, const Raw& raw,
   return any || !between_.empty();
 }
 
-/// Asked are things, and pieces that went as they are as thin as markings, but whose length is not.
+/// Asked are things that are not compact, and bands by themselves where there are enough for a thing.
 void ThingCompleter::completeBands(const SideCompleter::Frame& frame, const Raw& raw,
                                    const ShadeFilter& shade) {
   between_.clear();
-  banded_ = shade.things();
+  banded_.clear();
   if (raw.regions != nullptr) {
     for (const Blob& region : *raw.regions)
-      if (isLostBand(region, frame)) banded_.push_back(&region);
+      if (bands_.isBand(region) && isLost(region, frame)) banded_.push_back(&region);
   }
+  for (const Blob* thing : shade.things())
+    if (bands_.isBand(*thing)) banded_.push_back(thing);
+  if (banded_.size() < kFewestBands) banded_.clear();
+  for (const Blob* thing : shade.things())
+    if (!bands_.isBand(*thing) && BandCompleter::isRagged(*thing, frame.found)) banded_.push_back(thing);
   cv::Rect done;
   for (const Blob* region : banded_) {
     if ((region->rect & done) == region->rect) continue;  // a band of the last one
