@@ -1,6 +1,7 @@
 #include "ground/band_completer.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <tuple>
@@ -31,27 +32,29 @@ constexpr int kUneven_px = 2;       // … and so much more
 using Word = BitMask::Word;
 constexpr int kBits = BitMask::kBits;
 
-/// 1 where pixels are no shade and no floor.
-OMNIFLEET_WIDE void findCoreOfRow(const std::uint8_t* raw, const std::uint8_t* looks, int n,
-                                  std::uint8_t* core) {
+/// Which of the pixels are no shade.
+OMNIFLEET_WIDE Word unshaded(const Look* looks) {
   constexpr Look kFirst = greyLook(kDeepestShade), kLast = greyLook(1.0f + kFaintContrast);
-#pragma GCC ivdep
-  for (int i = 0; i < n; ++i) {
-    const std::uint8_t other = (looks[i] < kFirst) | (looks[i] > kLast);
-    core[i] = raw[i] & other;
-  }
-}
-
-/// Of the bytes 0 and 1.
-Word packed(const std::uint8_t* bytes) {
-  constexpr Word kGather = 0x0102040810204080U;
+  constexpr Word kGather = 0x0102040810204080U;  // the lowest bits of eight bytes, to the highest byte
+  constexpr int kBytes = 8;
+  std::array<std::uint8_t, kBits> is_core;
+  for (std::size_t i = 0; i < is_core.size(); ++i)
+    is_core[i] = static_cast<std::uint8_t>((looks[i] < kFirst) | (looks[i] > kLast));
   Word bits = 0;
-  for (int k = 0; k < 8; ++k) {
+  for (int k = 0; k < kBits / kBytes; ++k) {
     Word eight;
-    std::memcpy(&eight, bytes + 8 * k, sizeof eight);
-    bits |= (eight * kGather >> 56U) << (8 * k);
+    std::memcpy(&eight, &is_core[static_cast<std::size_t>(kBytes * k)], sizeof eight);
+    bits |= (eight * kGather >> (kBits - kBytes)) << (kBytes * k);
   }
   return bits;
+}
+
+Word unshadedAt(const cv::Mat1b& looks, int word, int y) {
+  const Look* at = looks.ptr(y) + word * kBits;
+  if ((word + 1) * kBits <= looks.cols) return unshaded(at);
+  std::array<Look, kBits> rest{};
+  std::copy(at, looks.ptr(y) + looks.cols, rest.begin());
+  return unshaded(rest.data());
 }
 
 /// The bits of a row's word that lie in these columns.
@@ -71,13 +74,13 @@ Word changesAlong(const Word* row, int word, Word before) {
 BandCompleter::BandCompleter(cv::Size image)
     : core_(image),
       marks_(image, std::uint8_t{0}),
-      row_(static_cast<std::size_t>(image.width + kBits)),
       columns_(static_cast<std::size_t>(image.width)),
       most_px_(image.width / kMostShare) {}
 
 const std::vector<Run>& BandCompleter::find(const Blob& region, const Seen& seen) {
   found_.clear();
-  for (int beside_px = 2 * most_px_; beside_px <= kFarthest * most_px_; beside_px *= 2) {
+  for (int beside_px = (isBand(region) ? 2 : 1) * most_px_; beside_px <= kFarthest * most_px_;
+       beside_px *= 2) {
     lookAround(region.rect, beside_px);
     if (!findCore(seen)) return found_;
     bands_.clear();
@@ -131,17 +134,13 @@ bool BandCompleter::isRagged(const Blob& region, const BitMask& left) {
 
 /// @return whether there is any
 bool BandCompleter::findCore(const Seen& seen) {
-  const int first = around_.x / kBits, end = (around_.br().x + kBits - 1) / kBits;
-  const int n = std::min(end * kBits, seen.raw.cols) - first * kBits;
-  std::fill(row_.begin(), row_.end(), std::uint8_t{0});
   Word any = 0;
   for (int y = around_.y; y < around_.br().y; ++y) {
-    findCoreOfRow(seen.raw.ptr(y) + first * kBits, seen.looks.ptr(y) + first * kBits, n, row_.data());
-    const Word* cleaned = seen.cleaned.row(y);
+    const Word *cleaned = seen.cleaned.row(y), *raw = seen.raw.row(y);
     Word* core = core_.row(y);
-    for (int w = first; w < end; ++w) {
-      core[w] =
-          packed(&row_[static_cast<std::size_t>((w - first) * kBits)]) & cleaned[w] & within(w, around_);
+    for (int w = around_.x / kBits; w * kBits < around_.br().x; ++w) {
+      core[w] = cleaned[w] & raw[w] & within(w, around_);
+      if (core[w] != 0) core[w] &= unshadedAt(seen.looks, w, y);
       any |= core[w];
     }
   }

@@ -24,7 +24,7 @@ class BandCompleter {
   static bool isRagged(const Blob& region, const BitMask& left);
 
   struct Seen {
-    const cv::Mat1b& raw;    ///< 0/1, what differs from the floor, not yet despeckled
+    const BitMask& raw;      ///< what differs from the floor, not yet despeckled
     const BitMask& cleaned;  ///< the same despeckled, with what is as thin as markings
     const cv::Mat1b& looks;  ///< of the pixels
   };
@@ -68,10 +68,9 @@ class BandCompleter {
   void countBeside();
   void fillThings();
 
-  BitMask core_;                   ///< within around_: no shade and no floor
-  cv::Mat1b marks_;                ///< 1 where there are things with bands; 0 between calls
-  cv::Rect around_;                ///< the region, and as much beside it as is looked at
-  std::vector<std::uint8_t> row_;  ///< of core_, in bytes
+  BitMask core_;     ///< within around_: no shade and no floor
+  cv::Mat1b marks_;  ///< 1 where there are things with bands; 0 between calls
+  cv::Rect around_;  ///< the region, and as much beside it as is looked at
   std::vector<Follower> columns_;
   std::vector<Line> along_;
   std::vector<cv::Rect> bands_;  ///< of one pixel across

@@ -204,7 +204,7 @@ bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>
 void GroundSegmenter::complete(const cv::Mat& image) {
   const ShadeFilter::Frame frame = shadeFrame(image);
   if (!completer_.complete({frame, view_->mask(), looks_, bits_},
-                           {raw_, unlined_, hasLowWalls() ? nullptr : unlined_regions_}, shade_,
+                           {raw_bits_, unlined_, hasLowWalls() ? nullptr : unlined_regions_}, shade_,
                            {bits_, active_}))
     return;
   strips_.clear();

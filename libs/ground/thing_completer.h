@@ -26,10 +26,9 @@ class ThingCompleter {
   };
   /// What differs from the floor.
   struct Raw {
-    const cv::Mat1b& mask;   ///< 0/1, not yet despeckled
-    const BitMask& cleaned;  ///< the same despeckled
-    const std::vector<Blob>*
-        regions;  ///< with what is as thin as markings; nullptr: not known, or walls are among them
+    const BitMask& mask;               ///< not yet despeckled
+    const BitMask& cleaned;            ///< the same despeckled
+    const std::vector<Blob>* regions;  ///< of it; nullptr: not known, or walls are among them
   };
   /// @param shade of this frame; what is undecided after all is told it
   /// @return whether anything has changed

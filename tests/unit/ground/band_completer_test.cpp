@@ -32,7 +32,7 @@ class BandCompleterTest : public ::testing::Test {
     BitMask cleaned(kImage);
     for (const cv::Point& p : points) cleaned.set(p.y, p.x, p.x + 1);
     cv::Mat1b mask(kImage, std::uint8_t{0});
-    for (const ground::Run& run : completer_.find(region, {raw_, cleaned, looks_}))
+    for (const ground::Run& run : completer_.find(region, {cleaned, cleaned, looks_}))
       mask.row(run.row).colRange(run.begin, run.end) = 1;
     return mask;
   }
