@@ -28,6 +28,7 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("robot_gap_m", o.robot_gap_m, {0.0, 10.0});
   section.read("min_views", o.min_views, {1, 1000});
   section.read("max_spread", o.max_spread, {0.5, 1000.0});
+  section.read("seldom_rms_m", o.seldom_rms_m, {0.0, 1.0});
   section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
   section.read("flat_m", o.flat_m, {0.0, 1.0});
   section.read("gone_after", o.gone_after, {1, 100000});
@@ -140,6 +141,36 @@ bool isDoubtful(const Group& group, const MergerOptions& options) {
   constexpr double kSharp_m = 0.005;
   return group.views.size() < static_cast<std::size_t>(options.gone_after) ||
          (group.views.size() < kSeldom && !isWithin(group, kSharp_m));
+}
+
+/// Seldom seen, and each time cut off: hardly ever, or behind something else. What a wall shows over another
+/// thing is a piece of the wall, and goes with the camera.
+bool isPiece(const Group& group, const MergerOptions& options, const occupancy::ContributionStore& store) {
+  constexpr std::size_t kSeldom = 10;
+  constexpr double kBehind_m = 0.1;
+  const auto isBehind = [&](const ObjectView* view) {
+    const auto* path = store.find(view->robot);
+    const auto at = path == nullptr ? decltype(path->end()){} : path->find(view->time_ns);
+    if (path == nullptr || at == path->end() || !at->second.seen) return false;
+    const Ray ray = rayAlong(*at->second.seen, view->prism.map_from_base, group.centre_m);
+    const Eigen::Vector2d foot_m = view->prism.map_from_base * view->prism.foot_m;
+    const Eigen::Vector2d along = (group.centre_m - foot_m).normalized();
+    double before_centre_m = 0.0;  // its near side
+    for (const Eigen::Vector2d& p : group.fit.footprint_m)
+      before_centre_m = std::max(before_centre_m, (group.centre_m - p).dot(along));
+    return ray.valid && ray.beyond_m < -(before_centre_m + kBehind_m);
+  };
+  const auto isCut = [](const ObjectView* view) { return view->is_cut; };
+  const auto views = group.views.size();
+  if (views >= kSeldom || !std::all_of(group.views.begin(), group.views.end(), isCut)) return false;
+  return views < static_cast<std::size_t>(options.min_views) ||
+         std::all_of(group.views.begin(), group.views.end(), isBehind);
+}
+
+/// Seldom seen, and nothing upright explains the views well.
+bool isRough(const Group& group, const MergerOptions& options) {
+  constexpr std::size_t kSeldom = 20;
+  return group.views.size() < kSeldom && group.fit.rms_m > options.seldom_rms_m;
 }
 
 /// How often something was seen, and the floor through its middle: from as near as half of its views are.
@@ -299,6 +330,8 @@ bool Merger::isOneThing(const Group& group) const {
 
 bool Merger::isObject(const Group& group) const {
   if (!isOneThing(group)) return false;
+  if (options_.method != "hull" && (isPiece(group, options_, map_.store()) || isRough(group, options_)))
+    return false;
   if (!finished_ && static_cast<int>(group.views.size()) < options_.min_views) return false;
   if (group.kind == ObjectKind::kUnknown &&
       (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {

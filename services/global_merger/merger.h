@@ -66,15 +66,17 @@ struct MergerOptions {
   double hull_share = 0.5;             ///< 1, "hull": of the views of a thing that must cover what is kept
   std::vector<std::string> observers;  ///< robots whose views shape the outlines; empty: all
   outline::PrismOptions prism;
-  double gate_m = 0.12;        ///< m, views of one object have their centres this near
-  double min_solidity = 0.94;  ///< below it a silhouette is merged of several
-  double max_contact_m = 2.8;  ///< m, views from farther away do not shape outlines
-  double robot_rms_m = 0.05;   ///< m, a known body that fits this well may be a robot
-  double robot_gap_m = 0.20;   ///< m, what fits a robot's body this near its pose is that robot
-  int min_views = 3;           ///< live: views before an outline is published; the end decides by fit
-  double max_spread = 4.0;     ///< in σ, views that disagree more than this do not show one body
-  double max_sigma_m = 0.05;   ///< m, a centre less certain than this is no object
-  double flat_m = 0.02;        ///< m, what is surely lower is a mark on the floor
+  double gate_m = 0.12;         ///< m, views of one object have their centres this near
+  double min_solidity = 0.94;   ///< below it a silhouette is merged of several
+  double max_contact_m = 2.8;   ///< m, views from farther away do not shape outlines
+  double robot_rms_m = 0.05;    ///< m, a known body that fits this well may be a robot
+  double robot_gap_m = 0.20;    ///< m, what fits a robot's body this near its pose is that robot
+  int min_views = 3;            ///< live: views before an outline is published; the end decides by fit
+  double max_spread = 4.0;      ///< in σ, views that disagree more than this do not show one body
+  double seldom_rms_m = 0.015;  ///< m, what is seen in fewer than 20 views and fits worse is no object
+                                ///< (things in 26 rooms: 0.012 at most)
+  double max_sigma_m = 0.05;    ///< m, a centre less certain than this is no object
+  double flat_m = 0.02;         ///< m, what is surely lower is a mark on the floor
   int gone_after = 3;  ///< contributions that later, as near, saw the floor through its middle: it has gone
 
   static MergerOptions read(const options::Section& section);
