@@ -12,10 +12,11 @@ namespace {
 
 using std::chrono::steady_clock;
 
-constexpr int kLastingFrames = 10;    // what is shut in for so long is told
-constexpr double kLongBare_m = 0.5;   // beyond that a floor with nothing on it is told of
-constexpr double kLitBeyond = 0.5;    // share of the pixels where the lens has no image
-constexpr double kLittleFloor = 0.2;  // share of its visible depth, below which hardly any is seen
+constexpr std::size_t kNamedDoubts = 16; // of places that come together
+constexpr int kLastingFrames = 10;       // what is shut in for so long is told
+constexpr double kLongBare_m = 0.5;      // beyond that a floor with nothing on it is told of
+constexpr double kLitBeyond = 0.5;       // share of the pixels where the lens has no image
+constexpr double kLittleFloor = 0.2;     // share of its visible depth, below which hardly any is seen
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
   const fleet::CameraSpec* camera = fleet.fisheyeOf(fleet.robot(robot).name);
@@ -197,20 +198,25 @@ void LocalMapperService::tellFault() {
   for (const std::string& text : faults_.add(where, what)) status().error(text);
 }
 
-/// One line however many there are: the nearest of them.
+/// The first at once, then what has come together: a floor with a strong pattern has many such places.
 void LocalMapperService::tellUndecided(bool ended) {
-  const auto& places = undecided_.toTell(ended);
-  if (places.empty()) return;
-  const auto isNearer = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return a.squaredNorm() < b.squaredNorm();
-  };
-  const Eigen::Vector2d& at = *std::min_element(places.begin(), places.end(), isNearer);
-  status().error(
-      fmt::format("camera {}: something nearly of the floor's colour (a thing, a pattern, a shadow): in "
-                  "frame {} {:.2f} m "
-                  "ahead, {:.2f} m left{}; it is left out of the map and nothing behind it counts as seen",
-                  camera_.id, local_map_.sequence, at.x(), at.y(),
-                  places.size() > 1 ? fmt::format(", and {} more", places.size() - 1) : ""));
+  for (const Eigen::Vector2d& at_m : undecided_.toTell(ended)) doubts_.push_back({local_map_.sequence, at_m});
+  ++frames_since_told_;
+  if (doubts_.empty() || (!ended && frames_since_told_ < kTellEvery)) return;
+  std::string places;
+  const std::size_t named = std::min(doubts_.size(), kNamedDoubts);
+  for (std::size_t i = 0; i < named; ++i) {
+    const auto& [sequence, at_m] = doubts_[i];
+    places += fmt::format("{}in frame {} {:.2f} m ahead, {:.2f} m left", i > 0 ? "; " : "", sequence,
+                          at_m.x(), at_m.y());
+  }
+  if (named < doubts_.size()) places += fmt::format("; and {} more", doubts_.size() - named);
+  status().error(fmt::format(
+      "camera {}: something nearly of the floor's colour (a thing, a pattern, a shadow): {}; it is "
+      "left out of the map and nothing behind it counts as seen",
+      camera_.id, places));
+  doubts_.clear();
+  frames_since_told_ = 0;
 }
 
 /// The lens is not what its sensor.yaml says: told once.

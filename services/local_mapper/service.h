@@ -70,6 +70,13 @@ class LocalMapperService : public bus::Service {
   std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
   FaultRuns faults_, scan_faults_;
   local_mapper::LastingPlaces undecided_;
+  static constexpr int kTellEvery = 50;  ///< frames
+  struct Doubt {
+    std::uint32_t sequence;
+    Eigen::Vector2d at_m;  ///< base_link of that frame
+  };
+  std::vector<Doubt> doubts_;  ///< not told yet
+  int frames_since_told_ = kTellEvery;
   double told_cover_ = 0.0;  ///< share of the view
   bool told_bare_ = false, told_lens_ = false;
   int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor

@@ -44,7 +44,8 @@ class LocalMapperStage : public testing::Test {
     std::uint8_t* loan = camera_->begin(header);
     ASSERT_NE(loan, nullptr);
     test::drawBareFloor(loan, header.width_px, header.height_px);
-    for (int v = 0; stain_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 106, 3 * 22);
+    for (int v = 0; stain_ && v < 22; ++v)
+      std::memset(loan + 3 * ((stain_row_ + v) * kWidth + 330), 106, 3 * 22);
     for (int v = 0; thing_ && v < 22; ++v) std::memset(loan + 3 * ((170 + v) * kWidth + 330), 20, 3 * 22);
     for (int v = 0; shut_in_ && v < height; ++v)
       for (int u = 0; u < width; ++u) paintAround(u, v, loan + 3 * (v * width + u));
@@ -78,6 +79,7 @@ class LocalMapperStage : public testing::Test {
   bool shut_in_ = false;     ///< things on all sides
   bool is_covered_ = false;  ///< by something grey
   bool stain_ = false;       ///< a square a tenth darker than the floor, in reach
+  int stain_row_ = 170;
   test::StageBench bench_;
   std::unique_ptr<bus::FrameWriter> camera_;
   std::unique_ptr<bus::Writer<v1::WheelOdometry>> wheels_;
@@ -118,6 +120,22 @@ TEST_F(LocalMapperStage, WhatMayBeAThingOfTheFloorsColourIsToldWhenItLasts) {
   ASSERT_EQ(answerTo(index++, kWidth, kHeight), v1::FrameState::FRAME_OK);
   EXPECT_THAT(bench_.status().last_error,
               HasSubstr("camera r1/fisheye: something nearly of the floor's colour"));
+}
+
+/// A floor with a strong pattern shows many such places: what comes after the first waits for more.
+TEST_F(LocalMapperStage, WhatMayBeAThingInMorePlacesIsToldTogether) {
+  std::vector<std::pair<std::uint32_t, std::string>> told;
+  for (std::uint32_t index = 0; index < 62; ++index) {
+    stain_ = index < 11 || (index >= 22 && index < 33);
+    stain_row_ = index < 11 ? 170 : 130;
+    ASSERT_EQ(answerTo(index, kWidth, kHeight), v1::FrameState::FRAME_OK);
+    for (const std::string& text : bench_.problems()) told.emplace_back(index, text);
+  }
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_EQ(told[0].first, 9u);
+  EXPECT_THAT(told[0].second, HasSubstr("in frame 9 "));
+  EXPECT_EQ(told[1].first, 59u);
+  EXPECT_THAT(told[1].second, HasSubstr("in frame 31 "));
 }
 
 TEST_F(LocalMapperStage, AtTheEndOfAShortRunFewFramesAreEnoughToTellThat) {
