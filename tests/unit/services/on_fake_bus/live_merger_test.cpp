@@ -1,5 +1,6 @@
 // When the replica that speaks goes on: live, when it publishes the map; replayed, for whom it waits.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <map>
@@ -17,7 +18,8 @@ constexpr TimeNs kStep = 400'000'000;
 class PlayedMerger : public testing::Test {
  protected:
   explicit PlayedMerger(bus::RunMode mode) : bench_("global_merger", "r1", "", "", mode) {}
-  void objects(int step) {
+  /// @param lump something stands a metre ahead, without a track
+  void objects(int step, bool lump = false) {
     Objects seen;
     seen.robot = "r1";
     seen.acquired_ns = step * kStep;
@@ -26,6 +28,13 @@ class PlayedMerger : public testing::Test {
     seen.scan.sigma_m.assign(360, 0.01F);
     seen.scan.label.assign(360, RayLabel::kObstacle);
     seen.scan.object.assign(360, 0);
+    if (lump) {
+      seen.scan.label.assign(360, RayLabel::kFloorEnd);
+      for (std::size_t k = 0; k < 12; ++k) {
+        seen.scan.label[k] = RayLabel::kObstacle;
+        seen.scan.range_m[k] = k % 2 == 0 ? 1.0F : 1.2F;
+      }
+    }
     v1::Objects wire;
     adapters::toWire(seen, adapters::RunClock::kSystem, wire);
     ASSERT_TRUE(objects_->write(wire));
@@ -129,6 +138,22 @@ TEST_F(ReplayedMerger, ARobotThatTellsNothingHoldsNobodyUp) {
     pose("r1", step, {{"r2", 1}});
     EXPECT_EQ(contributions(), 1) << step;
   }
+}
+
+/// The last line is all that who follows the status sees.
+TEST_F(ReplayedMerger, ItsLastLineSaysInHowManyPlacesTheMapMayShowTooLittle) {
+  for (int step = 1; step <= 4; ++step) {
+    objects(step, true);
+    pose("r2", step);
+    pose("r1", step, {{"r2", step}});
+  }
+  EXPECT_EQ(bench_.status().last_error, "");
+  bench_.drain();
+  const std::vector<std::string> told = bench_.problems();
+  ASSERT_GE(told.size(), 2u);
+  EXPECT_THAT(told.front(), testing::HasSubstr("occupied, but without an outline"));
+  EXPECT_THAT(told.back(),
+              testing::HasSubstr("the map may show too little: 0 seen but not in it, 0 but thin, 1 without"));
 }
 
 TEST_F(ReplayedMerger, ARobotWithoutFramesOfItsOwnTakesWhatTheOthersTell) {

@@ -62,6 +62,8 @@ class StageBench {
       spin();
     } while (stage_->background());
   }
+  /// The run is over, or was stopped.
+  void drain() { stage_->drain(); }
   auto wakeAt() { return stage_->wakeAt(); }
   bool background() { return stage_->background(); }
   bool succeeded() const { return stage_->succeeded(); }
