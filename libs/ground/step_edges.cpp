@@ -16,11 +16,6 @@ constexpr float kTextures = 2.0f;  // of the floor's texture, added to the toler
 constexpr float kUnknown = std::numeric_limits<float>::infinity();
 constexpr double kLeast_m = 0.7;  // long, seen from the camera: things have other colours somewhere
 
-/// Brightness of floor; 0 where growth has not been. Green stands for all: the hue is the floor's.
-float levelOf(const FloorGrowth& growth, int number) {
-  return growth.isGrown(number) ? growth.meansByNumber()[3 * number + 1] : 0.0f;
-}
-
 }  // namespace
 
 StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const FloorGrowth& growth,
@@ -61,10 +56,10 @@ StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const Fl
 
 /// By what share the brightness changes from the block before `at` to one behind it, beyond the slope of the
 /// light on either side. 0 where that is not known.
-float StepEdges::stepAt(const FloorGrowth& growth, int at, const Outward& outward, int behind) {
+float StepEdges::stepAt(int at, const Outward& outward, int behind) const {
   const auto levelAt = [&](int blocks) {
     const int offset = outward[static_cast<std::size_t>(std::abs(blocks))];
-    return levelOf(growth, at + (blocks < 0 ? -offset : offset));
+    return levelOf(at + (blocks < 0 ? -offset : offset));
   };
   const auto slopeFrom = [&](int blocks, int towards) {
     int farther = kSlope;
@@ -81,6 +76,14 @@ float StepEdges::stepAt(const FloorGrowth& growth, int at, const Outward& outwar
          std::min(0.0f, step - std::min({0.0f, slope, slope_behind}));
 }
 
+/// Green stands for all: the hue is the floor's.
+void StepEdges::takeLevels(const FloorGrowth& growth) {
+  levels_.resize(static_cast<std::size_t>(growth.numbers()));
+  const float* means = growth.meansByNumber();
+  for (int i = 0; i < growth.numbers(); ++i)
+    levels_[static_cast<std::size_t>(i)] = growth.isGrown(i) ? means[3 * i + 1] : 0.0f;
+}
+
 void StepEdges::mark(const FloorGrowth& growth, float tolerance) {
   const float low = kLowSteps * tolerance;
   for (Side* side : {&darker_, &lighter_}) {
@@ -89,14 +92,14 @@ void StepEdges::mark(const FloorGrowth& growth, float tolerance) {
   }
   for (const Block& block : blocks_) {
     const Outward& outward = outward_[block.sector];
-    const auto levelAt = [&](int offset) { return levelOf(growth, block.at + offset); };
+    const auto levelAt = [&](int offset) { return levelOf(block.at + offset); };
     const float before = levelAt(-outward[1]);
     if (before <= 0.0f) continue;
     int behind = 1;
     while (behind <= kMostGap && levelAt(outward[static_cast<std::size_t>(behind)]) <= 0.0f) ++behind;
     const float level = levelAt(outward[static_cast<std::size_t>(behind)]);
     if (level <= 0.0f || std::abs(before - level) <= low * before) continue;
-    const float step = stepAt(growth, block.at, outward, behind);
+    const float step = stepAt(block.at, outward, behind);
     if (std::abs(step) <= low) continue;
     Side& side = step < 0.0f ? darker_ : lighter_;
     const bool is_high = std::abs(step) > tolerance;
@@ -152,6 +155,7 @@ void StepEdges::keep(const Blob& region) {
 
 void StepEdges::find(const FloorGrowth& growth, float tolerance) {
   clear();
+  takeLevels(growth);
   mark(growth, kSteps * tolerance + kTextures * growth.texture());
   for (Side* side : {&darker_, &lighter_}) {
     if (!isLong(side->high_m)) continue;

@@ -48,7 +48,9 @@ class StepEdges {
     cv::Mat1b marks;  ///< per block: kLow, kHigh where a step is
     Lengths high_m;   ///< the farthest high one by sectors; 0: none
   };
-  static float stepAt(const FloorGrowth& growth, int at, const Outward& outward, int behind);
+  void takeLevels(const FloorGrowth& growth);
+  float levelOf(int number) const { return levels_[static_cast<std::size_t>(number)]; }
+  float stepAt(int at, const Outward& outward, int behind) const;
   void mark(const FloorGrowth& growth, float tolerance);
   static bool isLong(const Lengths& high_m);
   const std::vector<Blob>& label(const cv::Mat1b& marks);
@@ -57,6 +59,7 @@ class StepEdges {
 
   int block_px_;
   std::array<Outward, kSectors> outward_{};
+  std::vector<float> levels_;  ///< brightness of floor, by growth's numbers; 0 where growth has not been
   std::vector<Block> blocks_;  ///< that may show floor
   cv::Mat1f floor_m_;          ///< per block
   cv::Mat1b sectors_;          ///< per block
