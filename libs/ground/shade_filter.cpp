@@ -35,8 +35,9 @@ constexpr float kVagueLight = 0.25f;  // below which it is surely a patch of lig
 constexpr int kMinVague_px = 100;     // smaller regions have too little outline for that
 constexpr float kSharpSide = 0.4f;    // of that outline, from which it is no shadow's
 
-constexpr float kMostBefore = 0.5f;  // of a region's shade, from which it is the shadow at the core's foot
-constexpr int kBeside_px = 6;        // bearings to the side of the core that its foot's shadow reaches
+constexpr float kLeastCaster = 0.25f;  // of a region with a thing and its shadow, what is the thing
+constexpr float kMostBefore = 0.5f;    // of a region's shade, from which it is the shadow at the core's foot
+constexpr int kBeside_px = 6;          // bearings to the side of the core that its foot's shadow reaches
 constexpr float kNone_px = 1e9f;
 constexpr int kMinFoot_px = 48;      // pixels of a shadow at a foot: fewer are what is mixed along an outline
 constexpr float kFading = 0.25f;     // of that shadow is hardly darker than the floor
@@ -196,6 +197,12 @@ bool ShadeFilter::isSide(const Blob& blob, const Census& c) {
   return 2 * c.shaded > blob.area_px && !isCore(c.coloured + c.dark, blob);
 }
 
+/// More shade than a thing of the rest throws: that may be a small piece of another thing beside it.
+bool ShadeFilter::isMostlyShade(const Blob& blob, const Census& c) {
+  const auto share = static_cast<float>(c.coloured + c.dark) / static_cast<float>(blob.area_px);
+  return 2 * c.shaded > blob.area_px && share < kLeastCaster;
+}
+
 /// Of the floor's hue, and some of it in more light.
 bool ShadeFilter::isLight(const Blob& blob, const Census& c) {
   return static_cast<float>(c.bright) >= kLightShare * static_cast<float>(blob.area_px) &&
@@ -311,7 +318,8 @@ ShadeFilter::Verdict ShadeFilter::judge(const Blob& blob, const Census& c, const
     if (sharp > kSharpLight || is_top) return Verdict::kKeep;
     return sharp < kVagueLight || blob.area_px < kMinVague_px ? Verdict::kDrop : Verdict::kVague;
   }
-  if (side && deep_.sharpShare(blob, frame, looks) >= kSharpSide) return Verdict::kKeepFirm;
+  if ((side || isMostlyShade(blob, c)) && deep_.sharpShare(blob, frame, looks) >= kSharpSide)
+    return Verdict::kKeepFirm;
   if (c.shaded > 0 && (c.coloured > c.dark || c.shaded_gain > kFaces * c.dark_gain))
     return Verdict::kKeepCore;
   if (c.shade_limit > greyLook(kDeepestShade) && c.shaded < c.dark && liesBefore(blob, c, frame, looks))
@@ -443,7 +451,8 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
                        board_finder_.mayBeIn(blob, census.shaded), census.shade_limit, kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
-      judged.firm_limit = judged.is_side ? deep_.foot(blob, frame, looks) : greyLook(1.0f - kFaintContrast);
+      judged.firm_limit = judged.is_side || isMostlyShade(blob, census) ? deep_.foot(blob, frame, looks)
+                                                                        : greyLook(1.0f - kFaintContrast);
     faint += isFloorLike(blob, census) ? 1 : 0;
     patterned += as_pattern && !isCore(census.coloured + census.dark, blob) ? 1 : 0;
     tiles += as_tile && !as_pattern ? 1 : 0;

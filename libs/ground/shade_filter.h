@@ -126,6 +126,7 @@ class ShadeFilter {
   static bool isFloorLike(const Blob& blob, const Census& census);
   static bool isTile(const Blob& blob, const Census& census);
   static bool isSide(const Blob& blob, const Census& census);
+  static bool isMostlyShade(const Blob& blob, const Census& census);
   static bool isLight(const Blob& blob, const Census& census);
   bool findNearest(const Blob& blob, Look shade_limit, const Frame& frame, const cv::Mat1b& looks);
   template <typename Visit>

@@ -225,6 +225,18 @@ TEST_F(ShadeFilterTest, AGreyThingOfTheFloorsHueStays) {
 
 /// A tile a tenth lighter or darker than the rest, sharp-edged: floor or a thing of its colour, nobody can
 /// tell.
+/// Another thing's piece in the same region is too small to throw all that shade.
+TEST_F(ShadeFilterTest, AGreyThingBesideAPieceOfAnotherStays) {
+  const cv::Rect top(460, 300, 44, 30), side(460, 330, 44, 26);
+  const auto dim = [&](const cv::Rect& face, double share) { image_(face) = image_(face) * share; };
+  dim(top, 0.75);
+  dim(side, 0.55);
+  testing::drawDisc<cv::Vec3b>(image_, 504, 312, 9, {30, 30, 190});
+  const auto found = blobs();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_GT(found[0].area_px, 0.9 * (top.area() + side.area()));
+}
+
 TEST_F(ShadeFilterTest, ATileAShadeOffIsUndecidedAndNoThing) {
   shade(480, 330, [](double d) { return d < 18 ? 0.88 : 1.0; });
   shade(160, 330, [](double d) { return d < 18 ? 1.12 : 1.0; });
