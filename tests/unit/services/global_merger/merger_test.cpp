@@ -329,56 +329,6 @@ TEST(Merger, AHeightThatNothingToldIsUnknown) {
   EXPECT_LT((merger.outlines().front().centroid_m - Eigen::Vector2d(0.8, 0.1)).norm(), 0.01);
 }
 
-/// One tall thing, seen by a robot that stands at the origin; `spoil(track, scan)` changes each of its
-/// frames.
-template <typename Spoil>
-std::vector<dataset::MapObject> outlinesOfOne(const std::vector<double>& times_s, Spoil spoil,
-                                              double height_m = 0.4) {
-  FleetSim sim({{circlePolygon({1.2, 0.1}, 0.14, 48), height_m}},
-               {SimRobot{"r1", [](double) { return Pose2{}; }}}, {});
-  Sets sets;
-  ContributionMaker maker({});
-  for (const double t : times_s) {
-    auto frame = sim.at(t).front();
-    spoil(frame.objects.tracks.front(), frame.objects.scan);
-    const auto made = maker.make(frame.objects, frame.pose);
-    if (!made) continue;
-    sets.contributions.push_back(made->contribution);
-    sets.poses.push_back(made->pose);
-  }
-  Merger merger = merged(sets, sim.bodies());
-  merger.finish();
-  return merger.outlines();
-}
-
-/// What is cut off behind something else, each time, is a piece of that; what the view's edge cuts is a
-/// thing.
-TEST(Merger, WhatAWallShowsBehindAnotherThingIsNoObject) {
-  const auto cut = [](Track& track, Scan&) { track.truncated = true; };
-  const auto behind = [](Track& track, Scan& scan) {
-    track.truncated = true;
-    for (float& range : scan.range_m) range = std::min(range, 0.7F);
-  };
-  EXPECT_EQ(outlinesOfOne({0.0, 0.5, 1.0, 1.5}, cut).size(), 1U);
-  EXPECT_EQ(outlinesOfOne({0.0, 0.5, 1.0, 1.5}, behind).size(), 0U);
-  EXPECT_EQ(outlinesOfOne({0.0}, cut).size(), 0U) << "seen once, and not whole";
-  EXPECT_EQ(outlinesOfOne({0.0}, [](Track&, Scan&) {}).size(), 1U);
-}
-
-/// Views that nothing upright explains are of no thing, unless there are many.
-TEST(Merger, WhatNothingUprightExplainsIsNoObject) {
-  FleetSim sim = arena(noisy(), 22);
-  const Sets few = record(sim, 0.0, 1.0), many = record(sim, 0.0, 12.0);
-  MergerOptions strict;
-  strict.seldom_rms_m = 1e-5;  // noise alone is more
-  for (const auto& [sets, options, expected] :
-       {std::tuple(&few, MergerOptions{}, 5U), std::tuple(&few, strict, 0U), std::tuple(&many, strict, 5U)}) {
-    Merger merger = merged(*sets, sim.bodies(), options);
-    merger.finish();
-    EXPECT_EQ(merger.outlines().size(), expected);
-  }
-}
-
 TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
   FleetSim sim = arena(noisy(), 22);
   auto things = fiveObstacles();
