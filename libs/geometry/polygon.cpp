@@ -1,6 +1,8 @@
 #include "geometry/polygon.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace omnifleet {
 namespace {
@@ -58,6 +60,17 @@ Polygon circlePolygon(const Eigen::Vector2d& centre, double radius_m, int vertic
     polygon.push_back(centre + radius_m * Eigen::Vector2d(std::cos(a), std::sin(a)));
   }
   return polygon;
+}
+
+double distanceTo(const Polygon& polygon, const Eigen::Vector2d& point) {
+  if (contains(polygon, point)) return 0.0;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector2d &a = polygon[i], along = polygon[(i + 1) % polygon.size()] - a;
+    const double share = std::clamp((point - a).dot(along) / std::max(1e-12, along.squaredNorm()), 0.0, 1.0);
+    nearest = std::min(nearest, (a + share * along - point).norm());
+  }
+  return nearest;
 }
 
 }  // namespace omnifleet

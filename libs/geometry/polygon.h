@@ -18,6 +18,9 @@ Eigen::Vector2d centroid(const Polygon& polygon);
 /// True inside or on the border (even-odd rule).
 bool contains(const Polygon& polygon, const Eigen::Vector2d& point);
 
+/// Metres to its outline; 0 inside.
+double distanceTo(const Polygon& polygon, const Eigen::Vector2d& point);
+
 /// Regular polygon around a centre, counter-clockwise; its vertices lie on the circle.
 Polygon circlePolygon(const Eigen::Vector2d& centre, double radius_m, int vertices);
 

@@ -67,8 +67,10 @@ class GroundSegmenter {
   const std::vector<Blob>& undecided() const { return shade_.undecided(); }
   /// Likewise; shadows, walls in the shade, or things of the floor's colour of which hardly more is seen.
   const std::vector<Blob>& vague() const { return shade_.vague(); }
-  /// Likewise; low walls behind things, or those' shade (BoardFinder).
+  /// Likewise; low walls behind things, or those' shade (ShadePieces).
   const std::vector<Blob>& boards() const { return shade_.boards(); }
+  /// Likewise; other things that touch a thing in the picture, or that one's shadow (ShadePieces).
+  const std::vector<Blob>& faces() const { return shade_.faces(); }
   /// Likewise; the feet of low walls, or where another floor begins (StepEdges).
   const std::vector<Blob>& steps() const { return step_edges_.found(); }
   /// Colour of the floor per cell, CV_32FC3.

@@ -112,6 +112,7 @@ void ShadeFilter::clear() {
   undecided_.clear();
   vague_.clear();
   boards_.clear();
+  faces_.clear();
   sides_.clear();
   lights_.clear();
   things_.clear();
@@ -353,9 +354,10 @@ void ShadeFilter::apply(const Found& found, const Frame& frame, Despeckler& desp
   despeckler.clean(core_area_, bare_bits_, core_);
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     carryOut(blobs[i], judged_[i].verdict, objects);
-    if (!judged_[i].has_boards || !keepsCore(judged_[i].verdict)) continue;
-    for (const Blob* board : board_finder_.find(blobs[i], core_, core_area_, frame, looks))
-      boards_.push_back(*board);
+    if (!judged_[i].has_pieces || !keepsCore(judged_[i].verdict)) continue;
+    pieces_.find(blobs[i], core_, core_area_, frame, looks);
+    for (const Blob* board : pieces_.boards()) boards_.push_back(*board);
+    for (const Blob* face : pieces_.faces()) faces_.push_back(*face);
   }
 }
 
@@ -448,7 +450,7 @@ void ShadeFilter::judgeAll(const std::vector<Blob>& blobs, const Frame& frame, c
     const bool as_pattern = census.patterned > least, as_tile = isTile(blob, census);
     judged_.push_back({judge(blob, census, frame, looks), as_pattern, isSide(blob, census), as_tile,
                        isLight(blob, census), isCore(census.coloured + census.dark, blob),
-                       board_finder_.mayBeIn(blob, census.shaded), census.shade_limit, kFloorLook, fades_});
+                       pieces_.mayBeIn(blob, census.shaded), census.shade_limit, kFloorLook, fades_});
     Judged& judged = judged_.back();
     if (judged.verdict == Verdict::kKeepFirm)
       judged.firm_limit = judged.is_side || isMostlyShade(blob, census) ? deep_.foot(blob, frame, looks)

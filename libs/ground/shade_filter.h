@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "ground/bit_mask.h"
-#include "ground/board_finder.h"
 #include "ground/deep_shade.h"
 #include "ground/despeckler.h"
 #include "ground/floor_frame.h"
@@ -13,6 +12,7 @@
 #include "ground/labelling.h"
 #include "ground/look.h"
 #include "ground/pattern.h"
+#include "ground/shade_pieces.h"
 #include "ground/strip.h"
 
 namespace omnifleet::ground {
@@ -45,7 +45,7 @@ class ShadeFilter {
         core_(image),
         around_(image.width),
         deep_(image),
-        board_finder_(image),
+        pieces_(image),
         pattern_(image) {}
 
   using Frame = FloorFrame;
@@ -70,6 +70,8 @@ class ShadeFilter {
   const std::vector<Blob>& vague() const { return vague_; }
   /// Pieces of regions of the last apply() that went as a thing's shade, but may be a low wall behind it.
   const std::vector<Blob>& boards() const { return boards_; }
+  /// Likewise, but may be the face of another thing: nobody sees floor through it. Too many to be told.
+  const std::vector<Blob>& faces() const { return faces_; }
   /// Regions of the last apply() that stay and are mostly in less light than the floor, of nearly its hue:
   /// sides of things whose tops may be as bright as the floor.
   const std::vector<const Blob*>& sides() const { return sides_; }
@@ -107,7 +109,7 @@ class ShadeFilter {
     bool as_tile;     ///< isTile()
     bool is_light;    ///< isLight()
     bool has_core;    ///< some of it is plainly no floor
-    bool has_boards;  ///< BoardFinder::mayBeIn()
+    bool has_pieces;  ///< ShadePieces::mayBeIn()
     Look shade_limit;
     Look firm_limit;                  ///< kKeepFirm: from there to what is lighter than floors it goes
     std::array<bool, kPlaces> fades;  ///< kKeepUnfading: by places; kWithin: its lightest part
@@ -147,10 +149,10 @@ class ShadeFilter {
   std::size_t core_begin_ = 0, core_end_ = 0;  ///< its bearings
   std::array<bool, kPlaces> fades_{};          ///< as findFading() found it
   DeepShade deep_;
-  BoardFinder board_finder_;
+  ShadePieces pieces_;
   Pattern pattern_;
   std::vector<Judged> judged_;
-  std::vector<Blob> undecided_, vague_, boards_;
+  std::vector<Blob> undecided_, vague_, boards_, faces_;
   std::vector<const Blob*> sides_, lights_, things_;
 };
 

@@ -168,8 +168,8 @@ void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, App
     const bool sighted = std::any_of(sightings.begin(), sightings.end(), [&](const Sighting& s) {
       return static_cast<std::uint16_t>(s.track_id) == point.track;
     });
-    if (sighted || kind == ObjectKind::kRobot || (kind == ObjectKind::kUnknown && !options.unknown_is_hit))
-      continue;
+    if (sighted || kinds.isMark(what.contribution->robot, point.track)) continue;
+    if (kind == ObjectKind::kRobot || (kind == ObjectKind::kUnknown && !options.unknown_is_hit)) continue;
     if (!voxels.keyOf(point, *what.contribution, what.at, key)) continue;
     const auto middle = [&](std::int64_t cell) {
       return static_cast<std::int32_t>(cell * resolution_dmm + resolution_dmm / 2);

@@ -62,7 +62,8 @@ class OccupancyMap {
   void correctLater();
   /// At most so many of them; false where there are none.
   bool correctSome(std::size_t at_most);
-  /// Kinds of (robot, track) beyond what the contributions themselves say. Leaves nothing to be put anew.
+  /// Kinds of (robot, track) beyond what the contributions themselves say; unknown: a mark on the floor,
+  /// which stands in nobody's way. Leaves nothing to be put anew.
   void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
 
   const ContributionStore& store() const;

@@ -51,13 +51,24 @@ ObjectKind TrackKinds::kindOf(const std::string& robot, std::uint16_t track) con
   return said == said_.end() ? ObjectKind::kUnknown : said->second.kind;
 }
 
+bool TrackKinds::isMark(const std::string& robot, std::uint16_t track) const {
+  const auto judged = judged_.find({robot, track});
+  return judged != judged_.end() && judged->second == ObjectKind::kUnknown;
+}
+
 namespace {
 
-RayRole roleOf(RayLabel label, ObjectKind kind, bool sighted, bool unknown_is_hit) {
+struct Known {
+  ObjectKind kind = ObjectKind::kUnknown;
+  bool sighted = false, is_mark = false;
+};
+
+RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
   if (label == RayLabel::kFloorEnd) return RayRole::kFree;
-  if (sighted || label == RayLabel::kRobot || kind == ObjectKind::kRobot) return RayRole::kNone;
-  if (label == RayLabel::kObstacle || kind == ObjectKind::kObstacle || unknown_is_hit) return RayRole::kHit;
-  return RayRole::kOpen;
+  if (known.sighted || label == RayLabel::kRobot || known.kind == ObjectKind::kRobot) return RayRole::kNone;
+  if (known.is_mark) return RayRole::kOpen;
+  const bool is_obstacle = label == RayLabel::kObstacle || known.kind == ObjectKind::kObstacle;
+  return is_obstacle || unknown_is_hit ? RayRole::kHit : RayRole::kOpen;
 }
 
 }  // namespace
@@ -65,11 +76,11 @@ RayRole roleOf(RayLabel label, ObjectKind kind, bool sighted, bool unknown_is_hi
 std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector<Sighting>& sightings,
                              const TrackKinds& kinds, bool unknown_is_hit) {
   // Few tracks, many rays: each track is looked up once.
-  std::map<std::uint16_t, std::pair<ObjectKind, bool>> tracks;
+  std::map<std::uint16_t, Known> tracks;
   const std::size_t count = std::min(contribution.range_dmm.size(), contribution.label.size());
   std::vector<RayRole> roles(count, RayRole::kNone);
   std::uint16_t last = 0;
-  std::pair<ObjectKind, bool> known{ObjectKind::kUnknown, false};
+  Known known;
   for (std::size_t i = 0; i < count; ++i) {
     const RayLabel label = contribution.label[i];
     if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUnknown) continue;
@@ -81,11 +92,12 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
         const bool sighted = std::any_of(sightings.begin(), sightings.end(), [&](const Sighting& s) {
           return static_cast<std::uint16_t>(s.track_id) == track;
         });
-        found->second = {kinds.kindOf(contribution.robot, track), sighted};
+        found->second = {kinds.kindOf(contribution.robot, track), sighted,
+                         kinds.isMark(contribution.robot, track)};
       }
       known = found->second;
     }
-    roles[i] = roleOf(label, known.first, known.second, unknown_is_hit);
+    roles[i] = roleOf(label, known, unknown_is_hit);
   }
   return roles;
 }

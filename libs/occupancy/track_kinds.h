@@ -25,6 +25,8 @@ class TrackKinds {
   /// What all contributions of a store say, with the same judgement.
   TrackKinds rebuilt(const ContributionStore& store) const;
   ObjectKind kindOf(const std::string& robot, std::uint16_t track) const;
+  /// Judged to be unknown: nothing that stands in the way, whatever the contributions say.
+  bool isMark(const std::string& robot, std::uint16_t track) const;
 
  private:
   struct Said {

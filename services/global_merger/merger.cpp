@@ -7,8 +7,10 @@
 #include <set>
 
 #include "global_merger/candidates.h"
+#include "global_merger/contradiction.h"
 #include "global_merger/grouping.h"
 #include "global_merger/hull_overlay.h"
+#include "global_merger/marks.h"
 #include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
 #include "occupancy/robot_paths.h"
@@ -38,197 +40,9 @@ MergerOptions MergerOptions::read(const options::Section& section) {
 
 namespace {
 
-/// The foot of the camera, map.
-Eigen::Vector2d footOf(const occupancy::Contribution& contribution, const Pose2& map_from_base) {
-  return map_from_base *
-         Eigen::Vector2d(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
-}
-
-/// The ray of a contribution that passes a point.
-struct Ray {
-  bool valid = false;
-  double beyond_m = 0.0;  ///< that it was seen farther
-  bool meets_thing = false;
-};
-
-Ray rayAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
-             const Eigen::Vector2d& point) {
-  const std::size_t rays = std::min(contribution.range_dmm.size(), contribution.label.size());
-  if (rays == 0) return {};
-  const Eigen::Vector2d foot(contribution.scan_origin.x_dmm * 1e-4, contribution.scan_origin.y_dmm * 1e-4);
-  const Eigen::Vector2d to = map_from_base.inverse() * point - foot;
-  const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI);
-  const auto k = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
-  return {contribution.label[k] != RayLabel::kInvalid, contribution.range_dmm[k] * 1e-4 - to.norm(),
-          k < contribution.object.size() && contribution.object[k] != 0};
-}
-
-/// Did this contribution see farther than a point and so much more, along the ray that passes it?
-bool seesAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
-               const Eigen::Vector2d& point, double beyond_m) {
-  const Ray ray = rayAlong(contribution, map_from_base, point);
-  return ray.valid && ray.beyond_m > beyond_m;
-}
-
-/// The floor was seen through its middle in this many contributions, later than one time and up to another,
-/// from this near.
-int timesSeenThrough(const Group& group, const occupancy::ContributionStore& store, TimeNs after_ns,
-                     TimeNs until_ns, double within_m) {
-  constexpr double kBeyond_m = 0.05;
-  int times = 0;
-  for (const auto& [robot, path] : store.robots()) {
-    for (auto it = path.upper_bound(after_ns); it != path.end() && it->first <= until_ns; ++it) {
-      const auto& keyframe = it->second;
-      if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
-      const Pose2 map_from_base = keyframe.pose->mapFromBase();
-      if ((footOf(*keyframe.seen, map_from_base) - group.centre_m).norm() > within_m) continue;
-      times += seesAlong(*keyframe.seen, map_from_base, group.centre_m, kBeyond_m);
-    }
-  }
-  return times;
-}
-
-/// From how far it has been seen: half of its views are from farther.
-double usualDistance(const Group& group) {
-  std::vector<double> away_m;
-  for (const auto* view : group.views)
-    away_m.push_back((view->prism.map_from_base * view->prism.foot_m - group.centre_m).norm());
-  const auto middle = away_m.begin() + static_cast<std::ptrdiff_t>(away_m.size() / 2);
-  std::nth_element(away_m.begin(), middle, away_m.end());
-  return *middle;
-}
-
-/// Contributions that had its place in plain sight, from not much farther than it was seen, and did not see
-/// it: nothing hid it, though it may be a piece of what ends the ray.
-/// @param thing_too that may be another thing, not only a wall
-int timesNotSeen(const Group& group, const occupancy::ContributionStore& store, bool thing_too) {
-  constexpr double kFarther = 1.5, kBefore_m = 0.25;
-  const double within_m = kFarther * usualDistance(group);
-  int times = 0;
-  for (const auto& [robot, path] : store.robots()) {
-    for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.seen || !keyframe.pose || !keyframe.pose->valid) continue;
-      const bool is_own = std::any_of(group.views.begin(), group.views.end(),
-                                      [&, &by = robot, at_ns = time_ns](const ObjectView* v) {
-                                        return v->robot == by && v->time_ns == at_ns;
-                                      });
-      const Pose2 map_from_base = keyframe.pose->mapFromBase();
-      const double away_m = (footOf(*keyframe.seen, map_from_base) - group.centre_m).norm();
-      if (is_own || away_m > within_m) continue;
-      const Ray ray = rayAlong(*keyframe.seen, map_from_base, group.centre_m);
-      times += ray.valid && ray.beyond_m > -kBefore_m && (thing_too || !ray.meets_thing) ? 1 : 0;
-    }
-  }
-  return times;
-}
-
-/// What its views agree on stands within so much, one σ.
-bool isWithin(const Group& group, double sigma_m) {
-  return group.fit.covariance.diagonal().maxCoeff() <= sigma_m * sigma_m;
-}
-
-/// Shape and place are beyond doubt.
-bool isCertain(const Group& group) {
+bool isOften(const Group& group) {
   constexpr std::size_t kViews = 10;
-  constexpr double kSpread = 1.0, kSigma_m = 0.01;
-  return group.fit.valid && group.views.size() >= kViews && group.fit.spread <= kSpread &&
-         isWithin(group, kSigma_m);
-}
-
-/// Seen hardly at all; or seldom, and not sharply.
-bool isDoubtful(const Group& group, const MergerOptions& options) {
-  constexpr std::size_t kSeldom = 10;
-  constexpr double kSharp_m = 0.005;
-  return group.views.size() < static_cast<std::size_t>(options.gone_after) ||
-         (group.views.size() < kSeldom && !isWithin(group, kSharp_m));
-}
-
-/// Seldom seen, and each time cut off: hardly ever, or behind something else. What a wall shows over another
-/// thing is a piece of the wall, and goes with the camera.
-bool isPiece(const Group& group, const MergerOptions& options, const occupancy::ContributionStore& store) {
-  constexpr std::size_t kSeldom = 10;
-  constexpr double kBehind_m = 0.1;
-  const auto isBehind = [&](const ObjectView* view) {
-    const auto* path = store.find(view->robot);
-    const auto at = path == nullptr ? decltype(path->end()){} : path->find(view->time_ns);
-    if (path == nullptr || at == path->end() || !at->second.seen) return false;
-    const Ray ray = rayAlong(*at->second.seen, view->prism.map_from_base, group.centre_m);
-    const Eigen::Vector2d foot_m = view->prism.map_from_base * view->prism.foot_m;
-    const Eigen::Vector2d along = (group.centre_m - foot_m).normalized();
-    double before_centre_m = 0.0;  // its near side
-    for (const Eigen::Vector2d& p : group.fit.footprint_m)
-      before_centre_m = std::max(before_centre_m, (group.centre_m - p).dot(along));
-    return ray.valid && ray.beyond_m < -(before_centre_m + kBehind_m);
-  };
-  const auto isCut = [](const ObjectView* view) { return view->is_cut; };
-  const auto views = group.views.size();
-  if (views >= kSeldom || !std::all_of(group.views.begin(), group.views.end(), isCut)) return false;
-  return views < static_cast<std::size_t>(options.min_views) ||
-         std::all_of(group.views.begin(), group.views.end(), isBehind);
-}
-
-/// Seldom seen, and nothing upright explains the views well.
-bool isRough(const Group& group, const MergerOptions& options) {
-  constexpr std::size_t kSeldom = 20;
-  return group.views.size() < kSeldom && group.fit.rms_m > options.seldom_rms_m;
-}
-
-/// How often something was seen, and the floor through its middle: from as near as half of its views are.
-struct Looks {
-  int seen = 0;
-  int before = 0, after = 0;  ///< its last view
-};
-
-Looks looksAt(const Group& group, const occupancy::ContributionStore& store) {
-  const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
-  const double near_m = usualDistance(group);
-  return {static_cast<int>(group.views.size()), timesSeenThrough(group, store, first_ns, last_ns, near_m),
-          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m)};
-}
-
-/// The floor was seen in its place later, more often in a row than it was lost while it was there: a thing of
-/// about the floor's colour comes and goes, and is lost from afar.
-bool hasGone(const Looks& looks, const MergerOptions& options) {
-  constexpr double kSolid = 0.1;  // share of the looks that lose a thing that is plain to see
-  const double lost = (looks.before + 1.0) / (looks.before + looks.seen + 2.0);
-  return looks.after >= options.gone_after * std::max(1.0, std::log(kSolid) / std::log(lost));
-}
-
-/// It has gone, or was never there, which the overlay as printed, §IV.4, does not ask: since it was first
-/// seen the floor was as often, from as near; or from anywhere many times as often; or it is doubtful, and
-/// the floor was seen as often, or its place many times as often without it.
-bool isContradicted(const Group& group, const MergerOptions& options,
-                    const occupancy::ContributionStore& store) {
-  constexpr int kManyTimes = 4;
-  constexpr double kAnywhere_m = std::numeric_limits<double>::infinity();
-  const Looks looks = looksAt(group, store);
-  if (hasGone(looks, options)) return true;
-  if (options.method == "hull" || isCertain(group)) return false;
-  const TimeNs first_ns = group.views.front()->time_ns;
-  if (isDoubtful(group, options) &&
-      (timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= looks.seen ||
-       timesNotSeen(group, store, true) >= kManyTimes * looks.seen)) {
-    return true;
-  }
-  if (looks.seen < options.gone_after) return false;
-  return looks.before + looks.after >= looks.seen ||
-         timesSeenThrough(group, store, first_ns, INT64_MAX, kAnywhere_m) >= kManyTimes * looks.seen;
-}
-
-/// No higher than a mark on the floor, as far as can be told.
-bool isFlat(const Group& group, const MergerOptions& options) {
-  return group.fit.height_sigma_m > 0 && group.fit.height_m + group.fit.height_sigma_m < options.flat_m;
-}
-
-/// Low, and in plain sight, or from wherever the floor is seen there, lost as often as it was seen: of tiles
-/// and stains another piece shows in every view, and together they look like something low.
-bool isPattern(const Group& group, const MergerOptions& options, const occupancy::ContributionStore& store) {
-  constexpr double kLow_m = 0.1, kAnywhere_m = std::numeric_limits<double>::infinity();
-  const bool is_low = group.fit.height_sigma_m > 0 && group.fit.height_m < kLow_m;
-  if (!is_low || options.method == "hull" || isCertain(group)) return false;
-  const auto seen = static_cast<int>(group.views.size());
-  return timesNotSeen(group, store, false) >= seen ||
-         timesSeenThrough(group, store, INT64_MIN, INT64_MAX, kAnywhere_m) >= seen;
+  return group.views.size() >= kViews;
 }
 
 /// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
@@ -244,18 +58,6 @@ bool isSilentRobot(const Group& group, const MergerOptions& options,
     // Twice as well as the recipe asks: an obstacle may be of about a robot's size.
     return fit.valid && fit.rms_m < 0.5 * options.robot_rms_m;
   });
-}
-
-/// 0 inside.
-double distanceTo(const Polygon& outline_m, const Eigen::Vector2d& at_m) {
-  if (contains(outline_m, at_m)) return 0.0;
-  double nearest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < outline_m.size(); ++i) {
-    const Eigen::Vector2d &a = outline_m[i], along = outline_m[(i + 1) % outline_m.size()] - a;
-    const double share = std::clamp((at_m - a).dot(along) / std::max(1e-12, along.squaredNorm()), 0.0, 1.0);
-    nearest = std::min(nearest, (a + share * along - at_m).norm());
-  }
-  return nearest;
 }
 
 std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& bodies,
@@ -338,17 +140,18 @@ bool Merger::isObject(const Group& group) const {
     return false;
   }
   return !isFlat(group, options_) && !isPattern(group, options_, map_.store()) &&
-         !isContradicted(group, options_, map_.store());
+         floorSays(group, options_, map_.store()) != FloorSays::kNotThere;
 }
 
-/// Why it is no object, where people should know; nothing where the floor contradicts what is no one thing
-/// anyway.
+/// Why it is no object, where people should know; nothing where the floor was seen more often than what is no
+/// one thing anyway.
 std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
   if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
   if (isSilentRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
   const bool is_flat = isFlat(group, options_);
-  if (isContradicted(group, options_, map_.store())) {
-    if (is_flat || !isOneThing(group)) return std::nullopt;
+  if (floorSays(group, options_, map_.store()) == FloorSays::kNotThere) {
+    const bool is_told = isOneThing(group) || (isOften(group) && !isMostlyFloor(group, map_.store()));
+    if (is_flat || !is_told) return std::nullopt;
     return Unmapped::Why::kFloorSeen;
   }
   const bool is_mark = is_flat || isPattern(group, options_, map_.store());
@@ -380,11 +183,26 @@ void Merger::findUnmapped(const std::vector<Group>& groups) {
   }
 }
 
+/// What ends in a mark is no obstacle, whatever its track was told to be: the floor goes on there.
+void Merger::findMarks(const std::vector<Group>& groups) {
+  std::vector<Polygon> marks_m;
+  std::set<std::pair<std::string, std::uint16_t>> upright;
+  for (const Group& group : groups) {
+    if (isMark(group, options_)) marks_m.push_back(group.fit.footprint_m);
+    if (isFlat(group, options_)) continue;
+    for (const ObjectView* view : group.views)
+      upright.emplace(view->robot, static_cast<std::uint16_t>(view->track_id));
+  }
+  for (const auto& track : tracksOfMarks(marks_m, map_.store()))
+    if (upright.count(track) == 0) kinds_[track] = ObjectKind::kUnknown;
+}
+
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
   const auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
+  faint_m_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
   const auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
@@ -393,8 +211,11 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
     if (!isObject(group)) continue;
     outlines_.push_back(objectOf(group));
     outlines_.back().id = idOf(group, bodies_, taken);
+    if (finished_ && floorSays(group, options_, map_.store()) == FloorSays::kLess)
+      faint_m_.push_back(outlines_.back().centroid_m);
     for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
   }
+  if (finished_) findMarks(groups);
   unmapped_.clear();
   if (finished_ && options_.method != "hull") findUnmapped(groups);
   for (dataset::MapObject& landmark : namedLandmarks(map_.store(), options_.min_views)) {

@@ -135,6 +135,8 @@ class Merger {
   const std::vector<dataset::MapObject>& lastOutlines() const { return outlines_; }
   /// Since finish(): at most one within 0.3 m.
   const std::vector<Unmapped>& unmapped() const { return unmapped_; }
+  /// Since finish(): the middles of outlines where the floor was seen, too: things hardly to be told from it.
+  const std::vector<Eigen::Vector2d>& faint() const { return faint_m_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 
@@ -149,6 +151,7 @@ class Merger {
   bool isOneThing(const Group& group) const;
   bool isObject(const Group& group) const;
   std::optional<Unmapped::Why> whyUnmapped(const Group& group) const;
+  void findMarks(const std::vector<Group>& groups);
   void findUnmapped(const std::vector<Group>& groups);
 
   MergerOptions options_;
@@ -158,7 +161,9 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<Unmapped> unmapped_;
-  std::map<std::pair<std::string, std::uint32_t>, ObjectKind> kinds_;  ///< of the tracks behind the outlines
+  std::vector<Eigen::Vector2d> faint_m_;
+  std::map<std::pair<std::string, std::uint32_t>, ObjectKind>
+      kinds_;             ///< of the tracks behind outlines; unknown: of marks
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted
   bool finished_ = false;
 };

@@ -286,24 +286,6 @@ TEST(Merger, PiecesOfAPatternAreNoObstacle) {
   EXPECT_EQ(s.extra, 0);
 }
 
-TEST(Merger, AMarkOnTheFloorIsNoObstacle) {
-  auto things = fiveObstacles();
-  things.push_back({boxPolygon({0.3, 0.35}, 0.35, 0.25, 0.2), 0.002});
-  FleetSim sim = arena(noisy(), 21, things);
-  const Sets sets = record(sim, 0.0, 3.0);
-  Merger merger = merged(sets, sim.bodies());
-  merger.finish();
-  expectOne(merger.unmapped(), {0.3, 0.35}, Unmapped::Why::kFlat);
-  const Score s = score(merger.outlines(), fiveObstacles());
-  EXPECT_EQ(s.missed, 0);
-  EXPECT_EQ(s.extra, 0);
-  MergerOptions all;
-  all.flat_m = 0.0;
-  Merger without = merged(sets, sim.bodies(), all);
-  without.finish();
-  EXPECT_EQ(score(without.outlines(), things).matched, 6);  // there was something to leave out
-}
-
 TEST(Merger, AHeightThatNothingToldIsUnknown) {
   FleetSim sim({{circlePolygon({0.8, 0.1}, 0.14, 48), 0.4}}, {SimRobot{"r1", [](double) { return Pose2{}; }}},
                {});

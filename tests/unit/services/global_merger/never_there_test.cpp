@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <tuple>
 
 #include "global_merger/merger.h"
@@ -145,6 +146,107 @@ TEST_F(SixthThing, HasNotGoneWhereALostTrackSays) {
   }
   Merger merger = map(sets);
   EXPECT_EQ(score(merger.outlines(), things_).missed, 0);
+}
+
+/// A robot drives up to a sixth thing, which it sees for four seconds; after that each frame is changed.
+class LaterLooks : public ::testing::Test {
+ protected:
+  LaterLooks() {
+    things_.push_back({boxPolygon({-1.05, 0.5}, 0.2, 0.2, 0.2), 0.15});
+    with_ = seen(things_);
+    without_ = seen(fiveObstacles());
+  }
+  static Sets seen(const std::vector<SimThing>& things) {
+    const SimRobot robot{"r1", [](double t) { return Pose2{0.4 - 0.2 * t, 0.3, 3.0}; }};
+    FleetSim sim(things, {robot}, noisy(), 22);
+    return record(sim, 0.0, 6.0, 0.25);
+  }
+  using Later = std::function<void(occupancy::Contribution&, std::size_t)>;
+  Merger looked(const Later& later) const {
+    Sets sets = with_;
+    for (std::size_t i = 0; i < sets.contributions.size(); ++i)
+      if (sets.contributions[i].acquired_ns >= later_ns_) later(sets.contributions[i], i);
+    Merger merger = merged(sets, {});
+    merger.finish();
+    return merger;
+  }
+  /// The floor is seen in its place.
+  void empty(occupancy::Contribution& c, std::size_t frame) const { c = without_.contributions[frame]; }
+  /// Something ends the view, but it cannot be told what.
+  void doubt(occupancy::Contribution& c) const {
+    const auto isIt = [&](const auto& view) { return view.track_id == things_.size(); };
+    c.views.erase(std::remove_if(c.views.begin(), c.views.end(), isIt), c.views.end());
+    for (std::size_t ray = 0; ray < c.object.size(); ++ray) {
+      if (c.object[ray] != things_.size()) continue;
+      c.object[ray] = 0;
+      c.label[ray] = RayLabel::kUndecided;
+    }
+  }
+  Eigen::Vector2d place() const { return centroid(things_.back().footprint_m); }
+  Later half() const {
+    return [this](occupancy::Contribution& c, std::size_t frame) {
+      frame % 2 == 0 ? doubt(c) : empty(c, frame);
+    };
+  }
+  Later never() const {
+    return [this](occupancy::Contribution& c, std::size_t frame) { empty(c, frame); };
+  }
+
+  std::vector<SimThing> things_ = fiveObstacles();
+  Sets with_, without_;
+  TimeNs later_ns_ = 4000000000;
+};
+
+/// A box of the floor's colour stands upright, as its many views tell: near by, where it meets another thing
+/// in the picture, it may be taken for that one's shadow.
+TEST_F(LaterLooks, WhatIsUprightHasNotGoneWhereSomethingIsMetInItsPlaceAsOften) {
+  Merger merger = looked(half());
+  EXPECT_EQ(score(merger.outlines(), things_).matched, 6);
+  ASSERT_EQ(merger.faint().size(), 1U) << "that the floor was seen there is told";
+  EXPECT_LT((merger.faint()[0] - place()).norm(), 0.05);
+  EXPECT_TRUE(merger.unmapped().empty());
+}
+
+TEST_F(LaterLooks, WhatIsUprightHasGoneWhereAllSeeTheFloorInItsPlace) {
+  Merger merger = looked(never());
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
+  EXPECT_TRUE(merger.faint().empty());
+  ASSERT_EQ(merger.unmapped().size(), 1U);
+  EXPECT_EQ(merger.unmapped()[0].why, Unmapped::Why::kFloorSeen);
+}
+
+/// What no upright body explains: a pattern, a shadow.
+TEST_F(LaterLooks, WhatIsNotUprightHasGoneThoughSomethingIsMetInItsPlace) {
+  for (auto& c : with_.contributions)
+    for (auto& view : c.views)
+      for (std::size_t k = 0; view.track_id == things_.size() && k < view.b_dmm.size(); ++k)
+        view.b_dmm[k] += (c.acquired_ns / 200000000 + static_cast<TimeNs>(k / 4)) % 2 == 0 ? 300 : -300;
+  Merger merger = looked(half());
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
+  EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
+  EXPECT_TRUE(merger.faint().empty());
+}
+
+/// What is no one thing is told where the floor was seen there, too, but less often than it.
+TEST_F(LaterLooks, WhatIsNoOneThingIsToldUnlessTheFloorIsSeenMoreOften) {
+  for (auto& c : with_.contributions) {
+    for (auto& view : c.views) {
+      const auto n = view.b_dmm.size();
+      const auto contact = static_cast<std::size_t>(std::min_element(view.b_dmm.begin(), view.b_dmm.end()) -
+                                                    view.b_dmm.begin());
+      for (std::size_t k = 3; view.track_id == things_.size() && k + 2 < n; ++k)
+        view.sigma_dmm[(contact + k) % n] = 0;  // one face is seen of it
+    }
+  }
+  const auto isTold = [&](const Merger& merger) {
+    return std::any_of(merger.unmapped().begin(), merger.unmapped().end(), [&](const Unmapped& unmapped) {
+      return unmapped.why == Unmapped::Why::kFloorSeen && (unmapped.at_m - place()).norm() < 0.3;
+    });
+  };
+  EXPECT_TRUE(isTold(looked(half())));
+  later_ns_ = 2600000000;
+  EXPECT_FALSE(isTold(looked(never())));
 }
 
 /// One thing, seen by a robot that stands at the origin; `spoil(track, scan)` changes each of its
