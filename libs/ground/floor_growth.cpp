@@ -36,6 +36,11 @@ OMNIFLEET_INLINE float dot(const FourFloats& a, const FourFloats& b) {
   return products[0] + products[1] + products[2];
 }
 
+OMNIFLEET_WIDE void takeGreens(const float* __restrict means, const std::uint8_t* __restrict stops, int count,
+                               std::uint8_t grown, float* __restrict greens) {
+  for (int i = 0; i < count; ++i) greens[i] = stops[i] == grown ? means[3 * i + 1] : 0.0f;
+}
+
 /// |after − before − change · colour|²: what a slope of brightness leaves of the step over two blocks.
 OMNIFLEET_INLINE float leftOfStep(const float* after, const float* before, float change,
                                   const FourFloats& colour) {
@@ -125,6 +130,11 @@ void FloorGrowth::evenOut(const cv::Mat1f& light) {
       before[x] = now[x];
     }
   }
+}
+
+void FloorGrowth::levels(std::vector<float>& by_number) const {
+  by_number.resize(static_cast<std::size_t>(numbers()));
+  takeGreens(meansByNumber(), stop_.data, numbers(), kGrown, by_number.data());
 }
 
 float FloorGrowth::brightnessAt(int number) const {

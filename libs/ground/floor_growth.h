@@ -64,6 +64,8 @@ class FloorGrowth {
   int numbers() const { return static_cast<int>(framed_means_.total()); }
   /// Mean colours (BGR) by the blocks' numbers, three floats each and one more that may be read.
   const float* meansByNumber() const { return framed_means_.ptr<float>(); }
+  /// By the blocks' numbers: the mean green of those that the growth reached, 0 of the others.
+  void levels(std::vector<float>& by_number) const;
 
  private:
   static constexpr std::uint8_t kClosed = 1,

@@ -16,6 +16,12 @@ constexpr float kTextures = 2.0f;  // of the floor's texture, added to the toler
 constexpr float kUnknown = std::numeric_limits<float>::infinity();
 constexpr double kLeast_m = 0.7;  // long, seen from the camera: things have other colours somewhere
 
+/// Strips are kCell rows high.
+cv::Size wholeStrips(const cv::Size& size) {
+  constexpr int kRows = FloorView::kCell;
+  return {size.width, (size.height + kRows - 1) / kRows * kRows};
+}
+
 }  // namespace
 
 StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const FloorGrowth& growth,
@@ -23,13 +29,12 @@ StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const Fl
     : block_px_(block_cells * FloorView::kCell),
       floor_m_(growth.means().size(), 0.0f),
       sectors_(growth.means().size(), std::uint8_t{0}),
-      darker_{cv::Mat1b(growth.means().size(), std::uint8_t{0}), {}},
+      darker_{cv::Mat1b(wholeStrips(floor_m_.size()), std::uint8_t{0}), {}},
       lighter_{darker_.marks.clone(), {}},
-      bits_(growth.means().size()),
-      area_(growth.means().size()) {
-  std::vector<Strip> all;
-  for (int row = 0; row * FloorView::kCell < floor_m_.rows; ++row) all.push_back({row, 0, floor_m_.cols});
-  area_.cover(all);
+      bits_(darker_.marks.size()),
+      area_(darker_.marks.size()) {
+  for (int row = 0; row * FloorView::kCell < floor_m_.rows; ++row) all_.push_back({row, 0, floor_m_.cols});
+  area_.cover(all_);
   const Eigen::Vector2d foot = camera.foot();
   const auto foot_px = camera.pixelFromPoint({foot.x(), foot.y(), 0.0});
   if (!foot_px) return;
@@ -76,14 +81,6 @@ float StepEdges::stepAt(int at, const Outward& outward, int behind) const {
          std::min(0.0f, step - std::min({0.0f, slope, slope_behind}));
 }
 
-/// Green stands for all: the hue is the floor's.
-void StepEdges::takeLevels(const FloorGrowth& growth) {
-  levels_.resize(static_cast<std::size_t>(growth.numbers()));
-  const float* means = growth.meansByNumber();
-  for (int i = 0; i < growth.numbers(); ++i)
-    levels_[static_cast<std::size_t>(i)] = growth.isGrown(i) ? means[3 * i + 1] : 0.0f;
-}
-
 void StepEdges::mark(const FloorGrowth& growth, float tolerance) {
   const float low = kLowSteps * tolerance;
   for (Side* side : {&darker_, &lighter_}) {
@@ -113,15 +110,6 @@ bool StepEdges::isLong(const Lengths& high_m) {
   double length_m = 0.0;
   for (const float m : high_m) length_m += m * 2.0 * M_PI / kSectors;
   return length_m >= kLeast_m;
-}
-
-/// The blocks, a bit each.
-const std::vector<Blob>& StepEdges::label(const cv::Mat1b& marks) {
-  bits_.clear();
-  for (int y = 0; y < marks.rows; ++y)
-    for (int x = 0; x < marks.cols; ++x)
-      if (marks(y, x) != 0) bits_.set(y, x, x + 1);
-  return labeller_.label(bits_, area_, 1);
 }
 
 StepEdges::Lengths StepEdges::highOf(const Blob& region, const cv::Mat1b& marks) const {
@@ -155,12 +143,14 @@ void StepEdges::keep(const Blob& region) {
 
 void StepEdges::find(const FloorGrowth& growth, float tolerance) {
   clear();
-  takeLevels(growth);
+  growth.levels(levels_);  // green stands for all: the hue is the floor's
   mark(growth, kSteps * tolerance + kTextures * growth.texture());
   for (Side* side : {&darker_, &lighter_}) {
     if (!isLong(side->high_m)) continue;
     cv::morphologyEx(side->marks, side->marks, cv::MORPH_CLOSE, cv::Mat());
-    for (const Blob& region : label(side->marks))
+    bits_.clear();
+    pack(all_, side->marks, bits_);
+    for (const Blob& region : labeller_.label(bits_, area_, 1))
       if (isLong(highOf(region, side->marks))) keep(region);
   }
 }

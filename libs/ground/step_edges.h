@@ -48,12 +48,10 @@ class StepEdges {
     cv::Mat1b marks;  ///< per block: kLow, kHigh where a step is
     Lengths high_m;   ///< the farthest high one by sectors; 0: none
   };
-  void takeLevels(const FloorGrowth& growth);
   float levelOf(int number) const { return levels_[static_cast<std::size_t>(number)]; }
   float stepAt(int at, const Outward& outward, int behind) const;
   void mark(const FloorGrowth& growth, float tolerance);
   static bool isLong(const Lengths& high_m);
-  const std::vector<Blob>& label(const cv::Mat1b& marks);
   Lengths highOf(const Blob& region, const cv::Mat1b& marks) const;
   void keep(const Blob& region);
 
@@ -64,7 +62,8 @@ class StepEdges {
   cv::Mat1f floor_m_;          ///< per block
   cv::Mat1b sectors_;          ///< per block
   Side darker_, lighter_;
-  BitMask bits_;  ///< per block, as the area is
+  std::vector<Strip> all_;  ///< blocks for pixels, as in what follows
+  BitMask bits_;
   BitArea area_;
   Labeller labeller_;
   BlobPool pool_;
