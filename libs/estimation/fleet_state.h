@@ -156,7 +156,8 @@ struct RobotNode {
   double farthest_m = 0.0;    ///< of the silhouettes' positions so far: so far does it see for sure
   bool familiar = false;      ///< it saw something that it knew, before it saw nothing
   bool displaced = false;     ///< it sees nothing of what should be there, …
-  std::vector<Claim> claims;  ///< … and may be here
+  bool adrift = false;        ///< … or merely its heading may have been anything
+  std::vector<Claim> claims;  ///< displaced, it may be here
   double claimed_m = 0.0;     ///< rolled since these were weighed last
   int unobserved = 0;         ///< frames since it has seen enough whose place or motion is known
   double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last

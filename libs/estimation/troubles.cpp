@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
 constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
+constexpr double kTold_rad = 0.1;    // σ below which something has told it
 constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
 
 constexpr int kDoubts = 3;  // refused ranges and bearings in a row: no pose to be trusted
@@ -147,9 +148,13 @@ void noticeLoss(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   // No line through a pose holds when its heading may be anything.
   const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
-  // What fits by chance, one thing here and another there, does not bring back who is lost.
-  const bool displaced = !frame.settled && (robot.displaced || adrift || frame.unfamiliar ||
-                                            isDisplaced(fleet, robot, frame.seen));
+  const bool strange = frame.unfamiliar || isDisplaced(fleet, robot, frame.seen);
+  robot.adrift = !strange && (robot.displaced ? robot.adrift : adrift);
+  // What fits by chance, one thing here and another there, does not bring back who is lost. But ranges and
+  // bearings may have told the heading since.
+  const bool told =
+      robot.adrift && !adrift && robot.refusals == 0 && robot.covariance(2, 2) < kTold_rad * kTold_rad;
+  const bool displaced = !frame.settled && !told && (robot.displaced || adrift || strange);
   if (displaced && !robot.displaced) ++robot.status.losses;
   robot.displaced = displaced;
   if (!displaced) return;

@@ -244,5 +244,53 @@ TEST(FleetEstimator, WhatIsSeenRoughlyMovesNoPose) {
   EXPECT_LT(std::abs(wrapAngle(blind.theta_rad - rough.theta_rad)), 1e-3);
 }
 
+/// A robot of named landmarks alone, as recordings of ranges and bearings are: without its wheels for a while
+/// its heading may be anything, until the landmarks tell it.
+TEST(FleetEstimator, WhoseHeadingWasLostIsBackWhenRangesAndBearingsTellIt) {
+  SimulationOptions options;
+  options.robots = 1;
+  options.obstacles_seen = options.robots_seen = false;
+  FleetSimulator simulator(options, 12);
+  FleetEstimator estimator(simulator.setups(), {});
+  const std::vector<Eigen::Vector2d> places{{2.0, 1.0}, {-1.0, 1.5}, {0.5, -1.8}, {1.5, -1.0}};
+  std::vector<Measurement> survey;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    Measurement told;
+    told.kind = MeasurementKind::kPosition;
+    told.to = std::to_string(k);
+    told.acquired_ns = simulator.time(0);
+    told.value.head<2>() = places[k];
+    told.covariance *= 1e-4;
+    survey.push_back(told);
+  }
+  bool was_lost = false;
+  for (int f = 0; f < options.frames; ++f) {
+    auto frames = simulator.frames(f);
+    const bool blind = f >= 10 && f < 30;
+    frames[0].motion.valid = frames[0].motion.valid && !blind;
+    std::vector<Measurement> measurements = f == 0 ? survey : std::vector<Measurement>{};
+    for (std::size_t k = 0; k < places.size() && !blind; ++k) {
+      const Eigen::Vector2d at = simulator.truth(0, f).inverse() * places[k];
+      Measurement seen;
+      seen.kind = MeasurementKind::kRangeBearing;
+      seen.from = "r1";
+      seen.to = std::to_string(k);
+      seen.acquired_ns = seen.from_ns = simulator.time(f);
+      seen.value.head<2>() = Eigen::Vector2d(at.norm(), std::atan2(at.y(), at.x()));
+      seen.covariance = Eigen::Vector3d(1e-3, 1e-4, 1.0).asDiagonal();
+      measurements.push_back(seen);
+    }
+    std::vector<const Measurement*> told;
+    for (const Measurement& measurement : measurements) told.push_back(&measurement);
+    const auto estimates = estimator.process(simulator.time(f), pointers(frames), told);
+    was_lost = was_lost || !estimates[0].valid;
+    if (f < 45) continue;
+    EXPECT_TRUE(estimates[0].valid) << f;
+    EXPECT_LT((estimates[0].map_from_base.translation() - simulator.truth(0, f).translation()).norm(), 0.05)
+        << f;
+  }
+  EXPECT_TRUE(was_lost);
+}
+
 }  // namespace
 }  // namespace omnifleet::estimation
