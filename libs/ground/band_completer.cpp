@@ -64,6 +64,10 @@ Word within(int word, const cv::Rect& columns) {
   return (~Word{0} << first) & (~Word{0} >> (kBits - end));
 }
 
+cv::Rect innerOf(const cv::Size& image) {
+  return {1, 1, image.width - 2, image.height - 2};
+}
+
 /// Where a row's bits differ from the one before.
 Word changesAlong(const Word* row, int word, Word before) {
   return row[word] ^ (row[word] << 1U | before >> (kBits - 1U));
@@ -106,7 +110,7 @@ const std::vector<Run>& BandCompleter::find(const Blob& region, const Seen& seen
 void BandCompleter::lookAround(const cv::Rect& region, int beside_px) {
   around_ = cv::Rect(region.x - beside_px, region.y - beside_px, region.width + 2 * beside_px,
                      region.height + 2 * beside_px) &
-            cv::Rect(1, 1, marks_.cols - 2, marks_.rows - 2);
+            innerOf(marks_.size());
 }
 
 bool BandCompleter::isBand(const Blob& region) const {
@@ -246,10 +250,13 @@ void BandCompleter::keepBands(bool columns) {
   }
 }
 
-/// Some bands may have more beyond what was looked at.
+/// Some bands may have more beyond what was looked at, but not beyond the image.
 bool BandCompleter::goesOn() const {
-  const cv::Rect within(around_.tl() + cv::Point(most_px_, most_px_),
-                        around_.br() - cv::Point(most_px_, most_px_));
+  const cv::Rect all = innerOf(marks_.size());
+  const auto beside = [this](bool ends) { return ends ? 0 : most_px_; };
+  const cv::Point first(beside(around_.x == all.x), beside(around_.y == all.y)),
+      last(beside(around_.br().x == all.br().x), beside(around_.br().y == all.br().y));
+  const cv::Rect within(around_.tl() + first, around_.br() - last);
   return std::any_of(bands_.begin(), bands_.end(),
                      [&](const cv::Rect& band) { return (band & within) != band; });
 }
