@@ -34,7 +34,8 @@ class FrameCheck {
   FrameCheck(const lens::CameraModel& model, const ground::FloorView& view, const FrameCheckOptions& options);
 
   /// kOk, the state the frame came with, or what is found here: kEmpty, kWrongSize (other size or pixel type
-  /// than the calibration), kOutOfOrder (not later than the last accepted frame), kDark, kOverexposed.
+  /// than the calibration), kOutOfOrder (not a millisecond later than the last accepted frame), kDark,
+  /// kOverexposed.
   FrameState check(const Frame& frame);
 
   /// True when the frame just checked directly follows a usable one: only then are there vectors.

@@ -85,6 +85,9 @@ TEST_F(FrameCheckTest, DoubledAndLateFramesAreOutOfOrderAndBreakTheChain) {
   stateOf(grey(100), 5);
   EXPECT_EQ(stateOf(grey(100), 5), FrameState::kOutOfOrder);
   EXPECT_EQ(stateOf(grey(100), 2), FrameState::kOutOfOrder);
+  Frame again = testing::frameOf(grey(100), 5);
+  again.acquired_ns += 1000;
+  EXPECT_EQ(check_.check(again), FrameState::kOutOfOrder) << "no camera gives two frames within a microsecond";
   EXPECT_EQ(stateOf(grey(100), 6), FrameState::kOk);
   EXPECT_FALSE(check_.follows());
   EXPECT_EQ(stateOf(grey(100), 7), FrameState::kOk);
