@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <set>
 
 #include "global_merger/candidates.h"
@@ -13,7 +12,6 @@
 #include "global_merger/marks.h"
 #include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
-#include "occupancy/robot_paths.h"
 
 namespace omnifleet::global_merger {
 
