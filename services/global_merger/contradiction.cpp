@@ -150,15 +150,13 @@ int timesMet(const Group& group, const occupancy::ContributionStore& store, Time
 struct Looks {
   int seen = 0;
   int before = 0, after = 0;  ///< its last view
-  int met_after = 0;          ///< the last view: something in its place
 };
 
 Looks looksAt(const Group& group, const occupancy::ContributionStore& store) {
   const TimeNs first_ns = group.views.front()->time_ns, last_ns = group.views.back()->time_ns;
   const double near_m = usualDistance(group);
   return {static_cast<int>(group.views.size()), timesSeenThrough(group, store, first_ns, last_ns, near_m),
-          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m),
-          timesMet(group, store, last_ns, near_m)};
+          timesSeenThrough(group, store, last_ns, INT64_MAX, near_m)};
 }
 
 /// One upright body explains many views to what their noise is, and they tell its height: neither the floor
@@ -228,8 +226,9 @@ FloorSays floorSays(const Group& group, const MergerOptions& options,
   if (!has_gone && (isCertain(group) || !wasNeverThere(group, looks, options, store)))
     return FloorSays::kNothing;
   if (!isUpright(group)) return FloorSays::kNotThere;
-  const bool is_gone = has_gone && looks.after >= kManyTimes * (1 + looks.met_after);
-  return is_gone ? FloorSays::kNotThere : FloorSays::kLess;
+  if (!has_gone) return FloorSays::kLess;
+  const int met = timesMet(group, store, group.views.back()->time_ns, usualDistance(group));
+  return looks.after >= kManyTimes * (1 + met) ? FloorSays::kNotThere : FloorSays::kLess;
 }
 
 bool isMostlyFloor(const Group& group, const occupancy::ContributionStore& store) {
