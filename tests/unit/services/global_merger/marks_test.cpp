@@ -14,6 +14,17 @@ namespace {
 using omnifleet::testing::boxPolygon;
 using namespace testing;  // NOLINT
 
+int occupiedIn(const Merger& merger, const Polygon& footprint_m) {
+  int cells = 0;
+  for (double x = -0.2; x < 0.2; x += 0.05)
+    for (double y = -0.2; y < 0.2; y += 0.05) {
+      const Eigen::Vector2d at_m = centroid(footprint_m) + Eigen::Vector2d(x, y);
+      cells +=
+          distanceTo(footprint_m, at_m) < 0.05 && merger.map().at(at_m) == occupancy::CellClass::kOccupied;
+    }
+  return cells;
+}
+
 TEST(Marks, AreNoObstaclesAndNoCellsAreOccupiedThere) {
   auto things = fiveObstacles();
   things.push_back({boxPolygon({0.3, 0.35}, 0.35, 0.25, 0.2), 0.002});
@@ -26,16 +37,6 @@ TEST(Marks, AreNoObstaclesAndNoCellsAreOccupiedThere) {
     std::replace(c.object.begin(), c.object.end(), static_cast<std::uint16_t>(things.size()),
                  std::uint16_t{99});
   }
-  const auto occupiedIn = [](const Merger& merger, const Polygon& footprint_m) {
-    int cells = 0;
-    for (double x = -0.2; x < 0.2; x += 0.05)
-      for (double y = -0.2; y < 0.2; y += 0.05) {
-        const Eigen::Vector2d at_m = centroid(footprint_m) + Eigen::Vector2d(x, y);
-        cells +=
-            distanceTo(footprint_m, at_m) < 0.05 && merger.map().at(at_m) == occupancy::CellClass::kOccupied;
-      }
-    return cells;
-  };
   Merger merger = merged(sets, sim.bodies());
   EXPECT_GT(occupiedIn(merger, things.back().footprint_m), 3) << "what is not yet known to be flat";
   merger.finish();

@@ -377,5 +377,36 @@ TEST(LocalMapperOptions, EveryKeyIsKnownAndBounded) {
                options::Error);
 }
 
+/// What hangs together with a dark thing in the picture and is like its shadow, but for its sharp outline and
+/// soft foot, may be another thing: nobody sees the floor through it. Shadows are seen through.
+TEST_F(LocalMapperTest, RaysEndAtWhatMayBeAFaceBesideAThing) {
+  scene_.prisms.clear();
+  const cv::Rect face(300, 370, 50, 40), thing(340, 360, 60, 60);
+  const Eigen::Vector2d behind = *camera_.floorFromPixel(Eigen::Vector2d(322, 408));
+  const Eigen::Vector2d before = *camera_.floorFromPixel(Eigen::Vector2d(320, 370));
+  for (const float foot_px : {14.0f, 1.0f}) {
+    cv::Mat image = testing::renderScene(scene_, camera_, {});
+    for (int y = 350; y < face.br().y; ++y) {
+      const float depth = std::clamp((static_cast<float>(y - face.y) + 0.5f) / foot_px + 0.5f, 0.0f, 1.0f);
+      for (int x = face.x; x < face.br().x; ++x) image.at<cv::Vec3b>(y, x) *= 1.0f - 0.4f * depth;
+    }
+    image(thing).setTo(cv::Scalar::all(15));
+    LocalMapper mapper(camera_, {});
+    const LocalMap& map = mapper.process(testing::frameOf(image, 0), {});
+    ASSERT_EQ(map.state, FrameState::kOk);
+    const Eigen::Vector2d to = behind - map.scan.origin_m;
+    const auto rays = static_cast<double>(map.scan.range_m.size());
+    const double turns = std::atan2(to.y(), to.x()) / (2.0 * M_PI);
+    const auto ray = static_cast<std::size_t>(std::lround((turns + 1.0) * rays)) % map.scan.range_m.size();
+    if (foot_px > 1.0f) {
+      EXPECT_EQ(map.scan.label[ray], RayLabel::kUndecided);
+      EXPECT_NEAR(map.scan.range_m[ray], (before - map.scan.origin_m).norm(), 0.05);
+    } else {
+      EXPECT_GT(map.scan.range_m[ray], to.norm());
+    }
+    EXPECT_TRUE(mapper.undecided().empty()) << "too many to be told";
+  }
+}
+
 }  // namespace
 }  // namespace omnifleet::local_mapper
