@@ -29,6 +29,12 @@ bool isKnown(const View& outline, std::size_t k) {
   return std::isfinite(outline.supports.b_m[k]) && outline.supports.sigma_m[k] != 0.0F;
 }
 
+/// The k-th of n, counted from the x-axis.
+Eigen::Vector2d directionOf(std::size_t k, std::size_t n) {
+  const double angle_rad = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(n);
+  return {std::cos(angle_rad), std::sin(angle_rad)};
+}
+
 }  // namespace
 
 PeerSight::PeerSight(const Peer& peer, const View& eye, double margin_m) : margin_m_(margin_m) {
@@ -36,6 +42,7 @@ PeerSight::PeerSight(const Peer& peer, const View& eye, double margin_m) : margi
   top_share_ = ratio;
   for (std::size_t k = 0; k < eye.size(); ++k) {
     support_m_.push_back(peer.body.predictedSupport(eye, k, peer.centre_m, peer.heading_rad));
+    normals_.push_back(directionOf(k, eye.size()));
     shrink_.push_back(support_m_.back() < 0.0 ? 1.0 : ratio);
   }
 }
@@ -93,15 +100,14 @@ void PeerSight::keepOwn(View& outline) const {
     if (std::abs(off(outline, k)) >= margin_m_) outline.supports.sigma_m[k] = -1.0F;
 }
 
-std::optional<PeerSight::Chord> PeerSight::chordOf(double bearing_rad) const {
+std::optional<PeerSight::Chord> PeerSight::chordOf(const Eigen::Vector2d& ray) const {
   Chord chord{0.0, std::numeric_limits<double>::infinity()};
   for (std::size_t k = 0; k < support_m_.size(); ++k) {
-    const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(support_m_.size());
-    const double along = std::cos(phi - bearing_rad), at = support_m_[k] / along;
+    const double along = normals_[k].dot(ray), at = support_m_[k] / along;
     if (along < 0.0) chord.begin_m = std::max(chord.begin_m, at);
     if (along > 0.0) chord.end_m = std::min(chord.end_m, at);
+    if (!(chord.begin_m < chord.end_m)) return std::nullopt;
   }
-  if (!(chord.begin_m < chord.end_m)) return std::nullopt;
   return chord;
 }
 
@@ -112,7 +118,7 @@ bool PeerSight::isUndecided(const Scan& scan) const {
   int undecided = 0, looked = 0, taken_up = 0;
   const std::size_t rays = std::min(scan.range_m.size(), scan.label.size());
   for (std::size_t i = 0; i < rays; ++i) {
-    const auto chord = chordOf(2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays));
+    const auto chord = chordOf(directionOf(i, rays));
     if (!chord) continue;
     ++taken_up;
     const auto range_m = static_cast<double>(scan.range_m[i]);
@@ -129,7 +135,7 @@ bool PeerSight::mayBeThere(const Scan& scan) const {
   int through = 0, taken_up = 0;
   const std::size_t rays = std::min(scan.range_m.size(), scan.label.size());
   for (std::size_t i = 0; i < rays; ++i) {
-    const auto chord = chordOf(2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays));
+    const auto chord = chordOf(directionOf(i, rays));
     if (!chord) continue;
     ++taken_up;
     through +=

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <vector>
 
@@ -36,14 +37,16 @@ struct PeerSight {
   struct Chord {
     double begin_m = 0.0, end_m = 0.0;
   };
-  std::optional<Chord> chordOf(double bearing_rad) const;
+  /// @param ray unit vector
+  std::optional<Chord> chordOf(const Eigen::Vector2d& ray) const;
   bool mayHoldShade(const View& outline) const;
   double off(const View& outline, std::size_t k) const;
 
   double margin_m_;
   double top_share_;  ///< of a distance to the top's image on the floor, that to what is below it
-  std::vector<double> support_m_;  ///< that the peer should show
-  std::vector<double> shrink_;     ///< what is off in that direction, on the floor under the body
+  std::vector<double> support_m_;         ///< that the peer should show
+  std::vector<Eigen::Vector2d> normals_;  ///< of the directions
+  std::vector<double> shrink_;            ///< what is off in that direction, on the floor under the body
 };
 
 /// The outline around two.
