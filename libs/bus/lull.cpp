@@ -2,13 +2,13 @@
 
 namespace omnifleet::bus {
 
-void awaitLull(Bus& bus, const std::function<bool()>& pull) {
-  Lull lull;
+void awaitLull(Bus& bus, Lull& lull, const std::function<bool()>& pull) {
+  lull.used();
   while (!bus.stopping()) {
     if (pull()) lull.heard(Lull::Clock::now());
     const auto now = Lull::Clock::now();
     if (lull.here(now)) return;
-    bus.wait(lull.begins() - now);
+    bus.wait(lull.next(now) - now);
   }
 }
 

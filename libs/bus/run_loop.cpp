@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "bus/lull.h"
 #include "bus/service_runner.h"
 
 namespace omnifleet::bus {
@@ -16,7 +15,8 @@ struct Loop {
   const ServiceOptions& options;
   StatusPublisher& publisher;
   spdlog::logger& log;
-  Lull lull = {};
+
+  Lull& lull() { return service.lull(); }
 
   /// Tells people: the log every problem, the status topic where things stand.
   void tell(bool force = false) {
@@ -30,7 +30,7 @@ struct Loop {
     const auto now = Clock::now();
     std::chrono::nanoseconds sleep = kStatusPeriod;
     if (const auto at = service.wakeAt()) sleep = std::min<std::chrono::nanoseconds>(sleep, *at - now);
-    if (!lull.here(now)) sleep = std::min<std::chrono::nanoseconds>(sleep, lull.begins() - now);
+    if (!lull().here(now)) sleep = std::min<std::chrono::nanoseconds>(sleep, lull().next(now) - now);
     if (sleep > std::chrono::nanoseconds(0)) bus.wait(sleep);
   }
 
@@ -70,9 +70,9 @@ struct Loop {
   bool inBackground(bool moved) {
     if (isDeterministic(options.mode)) return false;
     const auto now = Clock::now();
-    if (moved) lull.heard(now);
-    if (!lull.here(now)) return false;
-    lull.used();
+    if (moved) lull().heard(now);
+    if (!lull().here(now)) return false;
+    lull().used();
     return service.background();
   }
 

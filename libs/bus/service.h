@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "bus/bus.h"
+#include "bus/lull.h"
 #include "bus/status_board.h"
 #include "bus/time_merger.h"
 #include "bus/topics.h"
@@ -87,9 +88,12 @@ class Service {
   virtual std::optional<Waiting> waitingFor(std::chrono::steady_clock::time_point) { return std::nullopt; }
 
   StatusBoard& status() { return status_; }
+  /// For those who do parts of their background() at a time (awaitLull()).
+  Lull& lull() { return lull_; }
 
  private:
   StatusBoard status_;
+  Lull lull_;
 };
 
 using ServiceFactory = std::function<std::unique_ptr<Service>(const ServiceContext&)>;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "bus/lull.h"
 #include "global_merger/map_doubts.h"
 
 namespace omnifleet::services {
@@ -193,7 +192,7 @@ bool GlobalMergerService::background() {
 
 /// Live, the fits of the outlines hold no frame up.
 void GlobalMergerService::pause() {
-  bus::awaitLull(context_.bus, [this] { return takeIn(); });
+  bus::awaitLull(context_.bus, lull(), [this] { return takeIn(); });
 }
 
 void GlobalMergerService::contribute() {

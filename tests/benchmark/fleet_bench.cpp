@@ -240,7 +240,7 @@ class Run {
         lull_.used();
         if (replica_.correctSome()) continue;
       }
-      bus_.wait((lull_.here(now) ? next_ : std::min(next_, lull_.begins())) - now);
+      bus_.wait((lull_.here(now) ? next_ : std::min(next_, lull_.next(now))) - now);
     }
     pull();
   }

@@ -71,27 +71,61 @@ TEST(Lull, IsASilenceOrTheEndOfPatience) {
     lull.heard(start + ago);
     EXPECT_FALSE(lull.here(start + ago));
   }
-  EXPECT_EQ(lull.begins(), start + Lull::kPatience);
+  EXPECT_EQ(lull.next(start), start + Lull::kPatience);
   lull.used();
   EXPECT_TRUE(lull.here(start)) << "nothing has come since";
   lull.heard(start + Lull::kPatience);
-  EXPECT_EQ(lull.begins(), start + Lull::kPatience + Lull::kSilence);
+  EXPECT_EQ(lull.next(start), start + Lull::kPatience + Lull::kSilence);
+}
+
+TEST(Lull, EndsBeforeTheNextBurstIsDue) {
+  const auto start = Lull::Clock::now();
+  constexpr milliseconds kPeriod{100}, kBurst{7};
+  Lull lull;
+  const auto burstAt = [&](milliseconds at) {
+    lull.heard(start + at);
+    lull.heard(start + at + kBurst);
+    lull.used();
+  };
+  burstAt(milliseconds(0));
+  burstAt(kPeriod);
+  EXPECT_TRUE(lull.here(start + 2 * kPeriod)) << "one period is no rhythm";
+  burstAt(2 * kPeriod + milliseconds(5));
+  const auto due = start + 3 * kPeriod + milliseconds(10);
+  EXPECT_TRUE(lull.here(due - Lull::kAhead - milliseconds(1)));
+  EXPECT_FALSE(lull.here(due - Lull::kAhead));
+  EXPECT_FALSE(lull.here(due));
+  EXPECT_EQ(lull.next(due - milliseconds(1)), due + Lull::kAhead) << "it has ceased";
+  EXPECT_TRUE(lull.here(due + Lull::kAhead));
+  burstAt(4 * kPeriod + milliseconds(60));
+  EXPECT_TRUE(lull.here(start + 6 * kPeriod)) << "out of step";
+}
+
+TEST(Lull, ForeseesNothingWhereFramesComeQuickly) {
+  const auto start = Lull::Clock::now();
+  Lull lull;
+  for (milliseconds at{0}; at < milliseconds(1000); at += milliseconds(33)) {
+    lull.heard(start + at);
+    lull.used();
+    EXPECT_TRUE(lull.here(start + at + milliseconds(32)));
+  }
 }
 
 TEST(Lull, IsAwaitedOnlyWhereSomethingCame) {
   const auto bus = makeFakeBus(makeFakeNetwork());
+  Lull lull;
   int samples = 0, asked = 0;
   const auto pull = [&] { return ++asked, samples-- > 0; };
-  awaitLull(*bus, pull);
+  awaitLull(*bus, lull, pull);
   EXPECT_EQ(asked, 1);
   samples = 2;
   const auto begun = Lull::Clock::now();
-  awaitLull(*bus, pull);
+  awaitLull(*bus, lull, pull);
   EXPECT_GE(asked, 1 + 3);
   EXPECT_GE(Lull::Clock::now() - begun, Lull::kSilence);
   bus->requestStop();
   asked = 0;
-  awaitLull(*bus, pull);
+  awaitLull(*bus, lull, pull);
   EXPECT_EQ(asked, 0);
 }
 
