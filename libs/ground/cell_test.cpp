@@ -1,5 +1,7 @@
 #include "ground/cell_test.h"
 
+#include <cmath>
+
 #include "geometry/lanes.h"
 #include "ground/look.h"
 
@@ -54,6 +56,26 @@ OMNIFLEET_INLINE void storeFours(const Ints& values, const std::uint8_t* const (
   }
 }
 
+struct Limits {
+  const float *blue, *green, *red;
+  float *squared, *length, *along2, *across2;
+};
+
+OMNIFLEET_WIDE void settleCells(const Limits& cells, std::size_t n, const CellLimits::Tolerance& tolerance) {
+  const auto [along, across, noise_sigmas, channel, hue] = tolerance;
+  const auto [b, g, r, squared_of, length_of, along2_of, across2_of] = cells;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < n; ++i) {
+    const float squared = b[i] * b[i] + g[i] * g[i] + r[i] * r[i], rr = squared > 1.0f ? squared : 1.0f;
+    const float length = std::sqrt(rr), per_level = noise_sigmas / length;
+    const float a = along + channel * per_level, c = across + hue * per_level;
+    squared_of[i] = rr;
+    length_of[i] = length;
+    along2_of[i] = a * a;
+    across2_of[i] = c * c;
+  }
+}
+
 template <bool kFaint, typename Load>
 OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pixels, const CellTest& t,
                                CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
@@ -84,6 +106,13 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
 }
 
 }  // namespace
+
+void CellLimits::settle(const Tolerance& tolerance) {
+  const auto at = [&](std::size_t k) { return numbers_[k].data(); };
+  settleCells(
+      {at(kFloor), at(kFloor + 1), at(kFloor + 2), at(kSquared), at(kLength), at(kAlong2), at(kAcross2)},
+      size_, tolerance);
+}
 
 OMNIFLEET_WIDE void testColourCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
                                    CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,

@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 #include <type_traits>
 
-#include "ground/cell_test.h"
 #include "ground/smoothed_cell.h"
 
 namespace omnifleet::ground {
@@ -119,6 +118,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       objects_(view.imageSize(), std::uint8_t{0}),
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       hues_(view.cells().width),
+      limits_(view.cells().width),
       across2_(off_.size(), 0.0f),
       active_(view.cells(), std::uint8_t{0}),
       solid_(view.cells(), std::uint8_t{0}),
@@ -318,6 +318,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     findOff(colours_.ptr<float>(y) + 3 * first, reference_.colour().ptr<float>(y) + 3 * first, last - first,
             test, off + first);
     std::fill(solid_.ptr(y) + first, solid_.ptr(y) + last, std::uint8_t{0});
+    std::fill(across2_.ptr<float>(y + 1) + first + 1, across2_.ptr<float>(y + 1) + last + 1, 0.0f);
     hues_.clear();
     for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
       // Cut cells show other things too; their neighbours speak for them.
@@ -354,20 +355,14 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorT
   if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most are grey
   if (pixel.across2 < kNoisy * kNoisy * tolerance * tolerance) return {};
   const int width = off_.cols, at = (y + 1) * width + x + 1;
-  const float* across2 = across2_.ptr<float>() + at;
-  const std::uint8_t* off = off_.ptr() + at;
+  const float* across2 = across2_.ptr<float>() + at;  // 0 where a cell is not off
   constexpr float kBright2 = 4.0f;  // no thing is lit more, of the floor's squared brightness
-  if (off[0] != 0 && across2[0] >= kBright2 * 4.0f * pixel.across2) return {};
-  int strongest = 0;
+  if (across2[0] >= kBright2 * 4.0f * pixel.across2) return {};
+  const std::array<int, 9> near = {-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1};
   float most2 = 0.0f;
-  for (const int row : {-width, 0, width}) {
-    for (int k = row - 1; k <= row + 1; ++k) {
-      if (off[k] == 0 || across2[k] <= most2) continue;
-      strongest = k;
-      most2 = across2[k];
-    }
-  }
+  for (const int k : near) most2 = std::max(most2, across2[k]);
   if (most2 <= kRinging * kRinging * strongest2) return {};
+  const int strongest = *std::find_if(near.begin(), near.end(), [&](int k) { return across2[k] == most2; });
   const cv::Vec3f &r = reference_.colour()(y, x),
                   &p = colours_((at + strongest) / width - 1, (at + strongest) % width - 1);
   const float gain = p.dot(r) / std::max(1.0f, r.dot(r));
@@ -433,10 +428,11 @@ void GroundSegmenter::everythingIsAStrip() {
 template <int kChannels>
 void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, const FloorNoise& noise) {
   findInside(strip);
+  limits_.clear();
   for (int cx = strip.begin_px / kCell; cx < strip.end_px / kCell; ++cx) {
     if (active_(strip.cell_row, cx) == 0) continue;
     if (around_[static_cast<std::size_t>(cx)] == kMixed) {
-      classifyCell<kChannels>(image, cx, strip.cell_row, noise);
+      limits_.add(cx, reference_.colour().ptr<float>(strip.cell_row) + 3 * cx);
       continue;
     }
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
@@ -444,20 +440,29 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, co
       std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
     }
   }
+  const auto& o = options_.reference;
+  const FloorNoise coarse = coarsely(noise);
+  limits_.settle({static_cast<float>(o.tolerance_along), static_cast<float>(o.tolerance_across),
+                  static_cast<float>(o.noise_sigmas), static_cast<float>(coarse.channel),
+                  static_cast<float>(coarse.hue)});
+  for (std::size_t i = 0; i < limits_.size(); ++i) classifyCell<kChannels>(image, i, strip.cell_row, coarse);
 }
 
+/// @param i of the row's cells in limits_
 template <int kChannels>
-void GroundSegmenter::classifyCell(const cv::Mat& image, int cell_x, int cell_y, const FloorNoise& noise) {
+void GroundSegmenter::classifyCell(const cv::Mat& image, std::size_t i, int cell_y, const FloorNoise& noise) {
+  const int cell_x = limits_.x(i);
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
-  const bool drowns = options_.reference.noise_sigmas * noise.channel > kDrowning * std::sqrt(r.dot(r));
-  const FloorNoise coarse = coarsely(noise);
-  const FloorTest limits = drowns ? testOfSmoothed(cell_x, cell_y, coarse) : reference_.testFor(r, coarse);
+  const bool drowns =
+      options_.reference.noise_sigmas * noise.channel > kDrowning * static_cast<double>(limits_.length(i));
+  const FloorTest limits =
+      drowns ? testOfSmoothed(cell_x, cell_y, noise) : FloorTest{limits_.along2(i), limits_.across2(i)};
   const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
   const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, hue2, limits) : cv::Vec3f();
   const CellTest test{r[0],
                       r[1],
                       r[2],
-                      std::max(1.0f, r.dot(r)),
+                      limits_.squared(i),
                       1.0f / limits.along2,
                       1.0f / limits.across2,
                       kRinging * kRinging * hue2 / limits.across2,

@@ -7,6 +7,7 @@
 
 #include "ground/bit_mask.h"
 #include "ground/cell_means.h"
+#include "ground/cell_test.h"
 #include "ground/despeckler.h"
 #include "ground/floor_noise.h"
 #include "ground/floor_reference.h"
@@ -104,7 +105,7 @@ class GroundSegmenter {
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, const FloorNoise& noise);
   template <int kChannels>
-  void classifyCell(const cv::Mat& image, int cell_x, int cell_y, const FloorNoise& noise);
+  void classifyCell(const cv::Mat& image, std::size_t i, int cell_y, const FloorNoise& noise);
 
   const FloorView* view_;
   SegmenterOptions options_;
@@ -122,7 +123,8 @@ class GroundSegmenter {
   cv::Mat1b strength_, raw_, looks_, objects_;
   cv::Mat1b off_;      ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
   CellHues hues_;      ///< of a row's cells that are off
-  cv::Mat1f across2_;  ///< like off_, where that is 1: CellHues::across2
+  CellLimits limits_;  ///< of a strip's cells that may be mixed
+  cv::Mat1f across2_;  ///< like off_: CellHues::across2 where that is 1, else 0
   cv::Mat1b active_;   ///< per cell: looked at
   cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
   cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHues::across2
