@@ -61,7 +61,7 @@ struct Limits {
   float *squared, *length, *along2, *across2;
 };
 
-OMNIFLEET_WIDE void settleCells(const Limits& cells, std::size_t n, const CellLimits::Tolerance& tolerance) {
+OMNIFLEET_WIDE void settleCells(const Limits& cells, std::size_t n, const CellTolerance& tolerance) {
   const auto [along, across, noise_sigmas, channel, hue] = tolerance;
   const auto [b, g, r, squared_of, length_of, along2_of, across2_of] = cells;
 #pragma GCC ivdep
@@ -107,11 +107,10 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
 
 }  // namespace
 
-void CellLimits::settle(const Tolerance& tolerance) {
-  const auto at = [&](std::size_t k) { return numbers_[k].data(); };
-  settleCells(
-      {at(kFloor), at(kFloor + 1), at(kFloor + 2), at(kSquared), at(kLength), at(kAlong2), at(kAcross2)},
-      size_, tolerance);
+void CellLimits::settle(const CellTolerance& tolerance) {
+  settleCells({column(kFloor), column(kFloor + 1), column(kFloor + 2), column(kSquared), column(kLength),
+               column(kAlong2), column(kAcross2)},
+              size(), tolerance);
 }
 
 OMNIFLEET_WIDE void testColourCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+
+#include "ground/cell_columns.h"
 
 namespace omnifleet::ground {
 
@@ -21,41 +21,23 @@ struct CellTest {
   float least_gain;
 };
 
-/// What the pixels of cells may be off by: gathered, then made of all at once.
-class CellLimits {
+/// What the pixels of cells may be off by (FloorTolerance::testFor).
+class CellLimits : public CellColumns<7> {
  public:
-  /// FloorTolerance and FloorNoise of a pixel.
-  struct Tolerance {
-    float along, across;
-    float noise_sigmas, channel, hue;
-  };
-
-  explicit CellLimits(int most) : x_(static_cast<std::size_t>(most)) {
-    for (std::vector<float>& of : numbers_) of.resize(x_.size());
-  }
-  void clear() { size_ = 0; }
+  using CellColumns::CellColumns;
   /// @param floor its colour at the x-th cell of a row, three numbers
-  void add(int x, const float* floor) {
-    x_[size_] = x;
-    for (std::size_t c = 0; c < 3; ++c) numbers_[kFloor + c][size_] = floor[c];
-    ++size_;
-  }
-  void settle(const Tolerance& tolerance);
+  void add(int x, const float* floor) { putColour(kFloor, append(x), floor); }
+  void settle(const CellTolerance& tolerance);
 
-  std::size_t size() const { return size_; }
-  int x(std::size_t i) const { return x_[i]; }
   /// Of the floor's colour r: |r|², at least 1, …
-  float squared(std::size_t i) const { return numbers_[kSquared][i]; }
-  float length(std::size_t i) const { return numbers_[kLength][i]; }
-  /// … and the squared tolerances as shares of that (FloorTolerance::testFor).
-  float along2(std::size_t i) const { return numbers_[kAlong2][i]; }
-  float across2(std::size_t i) const { return numbers_[kAcross2][i]; }
+  float squared(std::size_t i) const { return number(kSquared, i); }
+  float length(std::size_t i) const { return number(kLength, i); }
+  /// … and the squared tolerances as shares of that.
+  float along2(std::size_t i) const { return number(kAlong2, i); }
+  float across2(std::size_t i) const { return number(kAcross2, i); }
 
  private:
-  enum : std::size_t { kFloor = 0, kSquared = 3, kLength, kAlong2, kAcross2, kNumbers };
-  std::vector<int> x_;
-  std::array<std::vector<float>, kNumbers> numbers_;
-  std::size_t size_ = 0;
+  enum : std::size_t { kFloor = 0, kSquared = 3, kLength, kAlong2, kAcross2 };
 };
 
 /// 4×4 bytes of a larger image, or of a buffer.

@@ -81,6 +81,12 @@ FloorNoise coarsely(const FloorNoise& noise) {
   return {noise.channel, noise.channel};
 }
 
+CellTolerance toleranceWith(const ReferenceOptions& o, const FloorNoise& noise) {
+  const auto number = [](double v) { return static_cast<float>(v); };
+  return {number(o.tolerance_along), number(o.tolerance_across), number(o.noise_sigmas),
+          number(noise.channel), number(noise.hue)};
+}
+
 /// What a cell is where it is object all over, kFloorLook where it may be mixed.
 Look lookOf(const CellHues& hues, std::size_t i) {
   if (!(hues.off(i) > kPlainObject * kPlainObject)) return kFloorLook;
@@ -306,9 +312,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
                      share(o.noise_sigmas * cell_noise_.channel), share(o.noise_sigmas * cell_noise_.hue)};
   const FloorNoise coarse = coarsely(noise) / kCell;
-  const CellHues::Tolerance tolerance{
-      static_cast<float>(o.tolerance_along), static_cast<float>(o.tolerance_across),
-      static_cast<float>(o.noise_sigmas), static_cast<float>(coarse.channel), static_cast<float>(coarse.hue)};
+  const CellTolerance tolerance = toleranceWith(o, coarse);
   hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
@@ -440,11 +444,8 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, co
       std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
     }
   }
-  const auto& o = options_.reference;
   const FloorNoise coarse = coarsely(noise);
-  limits_.settle({static_cast<float>(o.tolerance_along), static_cast<float>(o.tolerance_across),
-                  static_cast<float>(o.noise_sigmas), static_cast<float>(coarse.channel),
-                  static_cast<float>(coarse.hue)});
+  limits_.settle(toleranceWith(options_.reference, coarse));
   for (std::size_t i = 0; i < limits_.size(); ++i) classifyCell<kChannels>(image, i, strip.cell_row, coarse);
 }
 

@@ -33,7 +33,7 @@ struct Compared {
   float *gain, *across2, *hue_off, *off;
 };
 
-OMNIFLEET_WIDE void compareCells(const Compared& cells, std::size_t n, const CellHues::Tolerance& tolerance) {
+OMNIFLEET_WIDE void compareCells(const Compared& cells, std::size_t n, const CellTolerance& tolerance) {
   const auto [along, across, noise_sigmas, channel, hue] = tolerance;
   const auto [p0, p1, p2, r0, r1, r2, gain_of, across2_of, hue_off_of, off_of] = cells;
 #pragma GCC ivdep
@@ -53,11 +53,10 @@ OMNIFLEET_WIDE void compareCells(const Compared& cells, std::size_t n, const Cel
 
 }  // namespace
 
-void CellHues::compare(const Tolerance& tolerance) {
-  const auto at = [&](std::size_t k) { return numbers_[k].data(); };
-  compareCells({at(kMean), at(kMean + 1), at(kMean + 2), at(kFloor), at(kFloor + 1), at(kFloor + 2),
-                at(kGain), at(kAcross2), at(kHueOff), at(kOff)},
-               size_, tolerance);
+void CellHues::compare(const CellTolerance& tolerance) {
+  compareCells({column(kMean), column(kMean + 1), column(kMean + 2), column(kFloor), column(kFloor + 1),
+                column(kFloor + 2), column(kGain), column(kAcross2), column(kHueOff), column(kOff)},
+               size(), tolerance);
 }
 
 namespace {

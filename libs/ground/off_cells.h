@@ -1,9 +1,8 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <vector>
 
+#include "ground/cell_columns.h"
 #include "ground/look.h"
 
 namespace omnifleet::ground {
@@ -18,45 +17,28 @@ struct OffTest {
 /// off[i] = 1 where the i-th of n means is off the floor, else 0; three numbers a cell.
 void findOff(const float* means, const float* floor, int n, const OffTest& test, std::uint8_t* off);
 
-/// Means of cells beside the floor's colour there: gathered, then all compared at once.
-class CellHues {
+/// Means of cells beside the floor's colour there.
+class CellHues : public CellColumns<10> {
  public:
-  /// FloorTolerance and FloorNoise of a cell's mean.
-  struct Tolerance {
-    float along, across;
-    float noise_sigmas, channel, hue;
-  };
-
-  explicit CellHues(int most) : x_(static_cast<std::size_t>(most)) {
-    for (std::vector<float>& of : numbers_) of.resize(x_.size());
-  }
-  void clear() { size_ = 0; }
+  using CellColumns::CellColumns;
   /// @param mean of the x-th cell of a row. @param floor there; three numbers each
   void add(int x, const float* mean, const float* floor) {
-    x_[size_] = x;
-    for (std::size_t c = 0; c < 3; ++c) {
-      numbers_[kMean + c][size_] = mean[c];
-      numbers_[kFloor + c][size_] = floor[c];
-    }
-    ++size_;
+    const std::size_t i = append(x);
+    putColour(kMean, i, mean);
+    putColour(kFloor, i, floor);
   }
-  void compare(const Tolerance& tolerance);
+  void compare(const CellTolerance& tolerance);
 
-  std::size_t size() const { return size_; }
-  int x(std::size_t i) const { return x_[i]; }
   /// Of p beside r: p·r ÷ |r|², …
-  float gain(std::size_t i) const { return numbers_[kGain][i]; }
+  float gain(std::size_t i) const { return number(kGain, i); }
   /// … |p|² ÷ |r|² − gain², what is left of p's squared difference beside that, …
-  float across2(std::size_t i) const { return numbers_[kAcross2][i]; }
+  float across2(std::size_t i) const { return number(kAcross2, i); }
   /// … the same as a multiple of its squared tolerance, and the larger one of such multiples.
-  float hueOff(std::size_t i) const { return numbers_[kHueOff][i]; }
-  float off(std::size_t i) const { return numbers_[kOff][i]; }
+  float hueOff(std::size_t i) const { return number(kHueOff, i); }
+  float off(std::size_t i) const { return number(kOff, i); }
 
  private:
-  enum : std::size_t { kMean = 0, kFloor = 3, kGain = 6, kAcross2, kHueOff, kOff, kNumbers };
-  std::vector<int> x_;
-  std::array<std::vector<float>, kNumbers> numbers_;
-  std::size_t size_ = 0;
+  enum : std::size_t { kMean = 0, kFloor = 3, kGain = 6, kAcross2, kHueOff, kOff };
 };
 
 /// out[x] = 1 where any of the 3×3 around x is 1, else 0; n + 2 bytes of each row, from x − 1 on.
