@@ -101,6 +101,16 @@ TEST(Lull, EndsBeforeTheNextBurstIsDue) {
   EXPECT_TRUE(lull.here(start + 6 * kPeriod)) << "out of step";
 }
 
+TEST(Lull, IsAwaitedWhereABurstIsDue) {
+  const auto bus = makeFakeBus(makeFakeNetwork());
+  const auto now = Lull::Clock::now();
+  constexpr milliseconds kPeriod{100}, kLeft{5};
+  Lull lull;
+  for (int ago = 3; ago >= 1; --ago) lull.heard(now + kLeft - ago * kPeriod);
+  awaitLull(*bus, lull, [] { return false; });
+  EXPECT_GE(Lull::Clock::now() - now, kLeft + Lull::kAhead);
+}
+
 TEST(Lull, ForeseesNothingWhereFramesComeQuickly) {
   const auto start = Lull::Clock::now();
   Lull lull;
