@@ -13,15 +13,15 @@ if(OMNIFLEET_SANITIZE)
   target_link_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE})
 endif()
 
-# Sources that run once, or only call what is measured elsewhere: command lines, cases of tests. CLI11 and GoogleTest
-# are templates throughout; optimised as a hot path is, they take a third longer to compile.
+# Sources that run once: command lines. CLI11 is templates throughout; optimised as a hot path is, it takes a third
+# longer to compile.
 function(omnifleet_run_once)
   set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-O1>")
 endfunction()
 
 # Headers are read once: more than half of a build from nothing went into reading them. Every file still includes
 # what it uses: the debug preset precompiles nothing, and would tell.
-option(OMNIFLEET_PRECOMPILE "Compile the headers that nearly every file includes once" ON)
+option(OMNIFLEET_PRECOMPILE "Compile what many files include once" ON)
 set(OMNIFLEET_HEADERS <Eigen/Dense> <opencv2/core.hpp> <algorithm> <array> <chrono> <cmath> <filesystem> <functional>
   <map> <memory> <optional> <set> <string> <variant> <vector>)
 
@@ -48,6 +48,18 @@ function(omnifleet_reads_precompiled name)
   endforeach()
 endfunction()
 
+# omnifleet_unites(targets…): their sources are compiled several at a time. What these read (DDS types, fmt,
+# GoogleTest) and the templates that each of them makes of it cost more than the sources themselves: half of a
+# build from nothing. Names in their anonymous namespaces must differ within a target. Not for the hot paths, which
+# are quick to compile and are optimised file by file.
+set(OMNIFLEET_UNITED 6)
+function(omnifleet_unites)
+  if(NOT OMNIFLEET_PRECOMPILE)
+    return()
+  endif()
+  set_target_properties(${ARGN} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${OMNIFLEET_UNITED})
+endfunction()
+
 # omnifleet_library(NAME SOURCES … PUBLIC targets… PRIVATE targets…)
 # One folder, one target, named omnifleet_NAME; headers are included as "NAME/header.h".
 function(omnifleet_library name)
@@ -64,17 +76,18 @@ function(omnifleet_library name)
   endif()
 endfunction()
 
-# omnifleet_test(NAME SOURCES … LIBS targets… [LABELS …] [TIMEOUT s]): a GoogleTest binary, one ctest entry per case.
+# omnifleet_test(NAME SOURCES … LIBS targets… [LABELS …] [TIMEOUT s] [APART]): a GoogleTest binary, one ctest entry per
+# case. APART: its sources use the same names, so each is compiled for itself.
 function(omnifleet_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "APART" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   if(NOT OMNIFLEET_BUILD_TESTS)
     return()
   endif()
   include(GoogleTest)
   add_executable(${name} ${ARG_SOURCES})
-  set(cases ${ARG_SOURCES})
-  list(FILTER cases INCLUDE REGEX "_test\\.cpp$")
-  omnifleet_run_once(${cases})
+  if(NOT ARG_APART)
+    omnifleet_unites(${name})
+  endif()
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR} ${CMAKE_SOURCE_DIR}/services)
   target_link_libraries(${name} PRIVATE omnifleet_flags ${ARG_LIBS} GTest::gmock GTest::gtest GTest::gtest_main)
   omnifleet_reads_precompiled(test_headers ${name})

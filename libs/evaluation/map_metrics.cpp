@@ -9,7 +9,7 @@
 namespace omnifleet::evaluation {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoPairs = std::numeric_limits<double>::quiet_NaN();
 using Objects = std::vector<dataset::MapObject>;
 
 std::vector<int> obstacles(const Objects& objects) {
@@ -55,14 +55,14 @@ double distancesError(const Objects& truth, const Objects& estimate,
       sum += std::abs(got_m - true_m);
     }
   }
-  return pairs > 0 ? sum / pairs : kNaN;
+  return pairs > 0 ? sum / pairs : kNoPairs;
 }
 
 void averages(MapMetrics& m) {
   const double n = static_cast<double>(m.matches.size());
   m.recall = m.truths > 0 ? n / m.truths : 1.0;
   m.precision = m.estimates > 0 ? n / m.estimates : 1.0;
-  m.x_error_m = m.y_error_m = m.iou = n > 0.0 ? 0.0 : kNaN;
+  m.x_error_m = m.y_error_m = m.iou = n > 0.0 ? 0.0 : kNoPairs;
   for (const ObstacleMatch& match : m.matches) {
     m.x_error_m += std::abs(match.dx_m) / n;
     m.y_error_m += std::abs(match.dy_m) / n;

@@ -10,10 +10,8 @@
 namespace omnifleet::occupancy {
 namespace {
 
-constexpr double kPerMetre = 10000.0;
-
 std::int32_t rounded(double metres) {
-  return static_cast<std::int32_t>(std::lround(metres * kPerMetre));
+  return static_cast<std::int32_t>(std::lround(metres * kDmmPerMetre));
 }
 
 /// The camera's foot, its height and what is wrong with it.
@@ -32,7 +30,7 @@ struct Lens {
     return std::abs(shift_m) <= 0.25 * (away_m + seen_height_m);
   }
   PointDmm onFloor(const PointDmm& seen) const {
-    const Eigen::Vector2d p = Eigen::Vector2d(seen.x_dmm, seen.y_dmm) / kPerMetre;
+    const Eigen::Vector2d p = metres(seen);
     const Eigen::Vector2d shift_m = shift(p - foot_m);
     if (!holds(shift_m.norm(), (p - foot_m).norm())) return seen;
     return {rounded(p.x() - shift_m.x()), rounded(p.y() - shift_m.y())};
@@ -46,7 +44,7 @@ void correct(const Lens& lens, SupportView& view) {
   std::vector<std::size_t> unusable;
   const std::size_t k = std::min(corrected.size(), view.sigma_dmm.size());
   const auto at = [&](std::size_t i) {
-    return view.sigma_dmm[i] > 0 ? view.b_dmm[i] / kPerMetre : std::nan("");
+    return view.sigma_dmm[i] > 0 ? view.b_dmm[i] / kDmmPerMetre : std::nan("");
   };
   for (std::size_t i = 0; i < k; ++i) {
     if (view.sigma_dmm[i] == 0) continue;
@@ -69,7 +67,7 @@ void correctRays(const Lens& lens, Contribution& out) {
     if (out.range_dmm[i] <= 0) continue;
     const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(rays);
     const Eigen::Vector2d along(std::cos(bearing), std::sin(bearing));
-    const double range_m = out.range_dmm[i] / kPerMetre, shift_m = along.dot(lens.shift(range_m * along));
+    const double range_m = out.range_dmm[i] / kDmmPerMetre, shift_m = along.dot(lens.shift(range_m * along));
     const bool holds = lens.holds(shift_m, range_m);
     out.range_dmm[i] = holds ? std::max(1, rounded(range_m - shift_m)) : 0;
     if (!holds) out.label[i] = RayLabel::kInvalid;
@@ -79,9 +77,9 @@ void correctRays(const Lens& lens, Contribution& out) {
 /// Seen along a ray that meets the floor elsewhere; its distance below the camera was told by parallax.
 /// False where it cannot be told where that is, or not in 16 bits.
 bool correct(const Lens& lens, SurfacePoint& point) {
-  const double below_m = lens.seen_height_m - point.z_dmm / kPerMetre;
+  const double below_m = lens.seen_height_m - point.z_dmm / kDmmPerMetre;
   if (!(below_m > 0)) return true;
-  const Eigen::Vector2d from_foot = Eigen::Vector2d(point.x_dmm, point.y_dmm) / kPerMetre - lens.foot_m;
+  const Eigen::Vector2d from_foot = Eigen::Vector2d(point.x_dmm, point.y_dmm) / kDmmPerMetre - lens.foot_m;
   const Eigen::Vector2d on_floor = from_foot * (lens.seen_height_m / below_m);
   const Eigen::Vector2d shift_m = lens.shift(on_floor);
   if (!lens.holds(shift_m.norm(), on_floor.norm())) return false;
@@ -100,8 +98,7 @@ Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& 
                                 const lens::Spread& spread) {
   Contribution out = seen;
   if (seen.camera_height_dmm <= 0 || error == CameraErrorPpm{}) return out;
-  Lens lens{Eigen::Vector2d(seen.scan_origin.x_dmm, seen.scan_origin.y_dmm) / kPerMetre,
-            seen.camera_height_dmm / kPerMetre, CameraError::Zero(), spread};
+  Lens lens{metres(seen.scan_origin), seen.camera_height_dmm / kDmmPerMetre, CameraError::Zero(), spread};
   lens.error.head<4>() = cameraErrorOf(error);
   out.camera_height_dmm = rounded(lens.heightOf());
   for (SupportView& view : out.views) correct(lens, view);

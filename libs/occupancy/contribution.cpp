@@ -8,12 +8,11 @@
 namespace omnifleet::occupancy {
 namespace {
 
-constexpr double kPerMetre = 10000.0;
 constexpr double kMaxDmm = 1.5e7;  // 1500 m: within OctoMap's keys at 5 cm
 
 /// False where the number does not fit.
 bool quantise(double metres, std::int32_t& dmm) {
-  const double value = std::round(metres * kPerMetre);
+  const double value = std::round(metres * kDmmPerMetre);
   if (!(std::abs(value) <= kMaxDmm)) return false;
   dmm = static_cast<std::int32_t>(value);
   return true;
@@ -26,7 +25,7 @@ bool quantise(const Eigen::Vector2d& point_m, PointDmm& point) {
 /// 0 where not usable; at least 1 otherwise.
 std::uint16_t quantiseSigma(double sigma_m) {
   if (!(sigma_m > 0) || !std::isfinite(sigma_m)) return 0;
-  return static_cast<std::uint16_t>(std::clamp(std::round(sigma_m * kPerMetre), 1.0, 65535.0));
+  return static_cast<std::uint16_t>(std::clamp(std::round(sigma_m * kDmmPerMetre), 1.0, 65535.0));
 }
 
 /// Millionths; 0 where it is not finite or no error of a calibration any more.
@@ -73,7 +72,7 @@ void quantiseScan(const Scan& scan, Contribution& out) {
 bool quantise(const ScenePoint& from, std::uint32_t track_id, SurfacePoint& to) {
   std::int16_t dmm[3];
   for (int i = 0; i < 3; ++i) {
-    const double value = std::round(double{from.point_m[i]} * kPerMetre);
+    const double value = std::round(double{from.point_m[i]} * kDmmPerMetre);
     if (!(std::abs(value) <= 32767.0)) return false;
     dmm[i] = static_cast<std::int16_t>(value);
   }
@@ -125,7 +124,7 @@ Eigen::Vector4d cameraErrorOf(const CameraErrorPpm& millionths) {
 }
 
 Pose2 KeyframePose::mapFromBase() const {
-  return {position.x_dmm / kPerMetre, position.y_dmm / kPerMetre, theta_dmrad / kPerMetre};
+  return {position.x_dmm / kDmmPerMetre, position.y_dmm / kDmmPerMetre, theta_dmrad / kDmmPerMetre};
 }
 
 Contribution makeContribution(const Objects& objects) {
@@ -156,7 +155,7 @@ KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term, std:
       pose.valid && pose.map_from_base.isFinite() && quantise(pose.map_from_base.translation(), out.position);
   if (out.valid)
     out.theta_dmrad =
-        static_cast<std::int32_t>(std::lround(wrapAngle(pose.map_from_base.theta_rad) * kPerMetre));
+        static_cast<std::int32_t>(std::lround(wrapAngle(pose.map_from_base.theta_rad) * kDmmPerMetre));
   return out;
 }
 
@@ -164,8 +163,8 @@ SupportFunction supportsOf(const SupportView& view) {
   SupportFunction supports;
   const std::size_t count = std::min(view.b_dmm.size(), view.sigma_dmm.size());
   for (std::size_t k = 0; k < count; ++k) {
-    supports.b_m.push_back(static_cast<float>(view.b_dmm[k] / kPerMetre));
-    supports.sigma_m.push_back(static_cast<float>(view.sigma_dmm[k] / kPerMetre));
+    supports.b_m.push_back(static_cast<float>(view.b_dmm[k] / kDmmPerMetre));
+    supports.sigma_m.push_back(static_cast<float>(view.sigma_dmm[k] / kDmmPerMetre));
   }
   return supports;
 }

@@ -19,6 +19,11 @@ struct PointDmm {
   }
 };
 
+constexpr double kDmmPerMetre = 10000.0;  ///< likewise tenths of a milliradian per radian
+inline Eigen::Vector2d metres(const PointDmm& p) {
+  return {p.x_dmm / kDmmPerMetre, p.y_dmm / kDmmPerMetre};
+}
+
 /// One track as one keyframe saw it, base_link.
 struct SupportView {
   std::uint32_t track_id = 0;

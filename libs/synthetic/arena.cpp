@@ -192,11 +192,17 @@ int Arena::frames() const {
   return static_cast<int>(std::floor(duration_s * rate_hz + 1e-9)) + 1;
 }
 
-const ArenaRobot& Arena::robot(const std::string& robot_name) const {
-  for (const ArenaRobot& robot : robots) {
-    if (robot.name == robot_name) return robot;
+int Arena::robotIndex(const std::string& robot_name) const {
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    if (robots[i].name == robot_name) return static_cast<int>(i);
   }
-  throw options::Error("arena " + name + " has no robot " + robot_name);
+  return -1;
+}
+
+const ArenaRobot& Arena::robot(const std::string& robot_name) const {
+  const int index = robotIndex(robot_name);
+  if (index < 0) throw options::Error("arena " + name + " has no robot " + robot_name);
+  return robots[static_cast<std::size_t>(index)];
 }
 
 const ArenaCamera& Arena::camera(const std::string& camera_id) const {

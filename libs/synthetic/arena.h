@@ -73,6 +73,7 @@ struct Arena {
   TimeNs periodNs() const;
   TimeNs frameTimeNs(int frame) const { return start_ns + frame * periodNs(); }
   int frames() const;
+  int robotIndex(const std::string& robot_name) const;            ///< in `robots`; −1: there is none
   const ArenaRobot& robot(const std::string& robot_name) const;   ///< throws options::Error
   const ArenaCamera& camera(const std::string& camera_id) const;  ///< throws options::Error
   /// Where a solid stands, with its moves; time since the start.

@@ -10,13 +10,6 @@
 namespace omnifleet::synthetic {
 namespace {
 
-int robotIndex(const Arena& arena, const std::string& name) {
-  for (std::size_t i = 0; i < arena.robots.size(); ++i) {
-    if (arena.robots[i].name == name) return static_cast<int>(i);
-  }
-  throw options::Error("arena " + arena.name + " has no robot " + name);
-}
-
 const ArenaLaser& laserOf(const Arena& arena) {
   if (!arena.laser) throw options::Error("arena " + arena.name + " has no laser");
   return *arena.laser;
@@ -28,7 +21,8 @@ double uniform(std::uint32_t a, std::uint32_t b) {
 
 /// Box–Muller on hashed numbers: no state.
 double deviate(std::uint32_t seed, std::uint32_t index) {
-  return std::sqrt(-2.0 * std::log(uniform(seed, 2 * index))) * std::cos(2.0 * M_PI * uniform(seed, 2 * index + 1));
+  return std::sqrt(-2.0 * std::log(uniform(seed, 2 * index))) *
+         std::cos(2.0 * M_PI * uniform(seed, 2 * index + 1));
 }
 
 }  // namespace
@@ -46,7 +40,7 @@ struct LaserScanner::Impl {
   Impl(const Arena& the_arena, const std::string& robot, std::uint32_t the_seed)
       : arena(the_arena),
         laser(laserOf(arena)),
-        own(robotIndex(arena, robot)),
+        own(arena.robotIndex(arena.robot(robot).name)),
         seed(hash32(the_seed, 0x1a5e5U + static_cast<std::uint32_t>(own))),
         stage(arena, own, the_seed) {}
 
@@ -101,7 +95,8 @@ const dataset::LaserRow& LaserScanner::scan(int frame, const std::vector<Pose2>&
     }
     i.stage.tracer().trace(i.laser.sensor.position_m.cast<float>(), packet);
     for (int k = 0; k < RayPacket::kSize && first + k < beams; ++k) {
-      const float distance_m = packet.solid[k] < 0 ? std::numeric_limits<float>::infinity() : packet.distance[k];
+      const float distance_m =
+          packet.solid[k] < 0 ? std::numeric_limits<float>::infinity() : packet.distance[k];
       i.row.range_m[static_cast<std::size_t>(first + k)] =
           i.reported(distance_m, frame_seed, static_cast<std::uint32_t>(first + k));
     }

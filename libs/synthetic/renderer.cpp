@@ -23,13 +23,6 @@ std::uint32_t hashOf(const std::string& text) {
   return value;
 }
 
-int robotIndex(const Arena& arena, const std::string& name) {
-  for (std::size_t i = 0; i < arena.robots.size(); ++i) {
-    if (arena.robots[i].name == name) return static_cast<int>(i);
-  }
-  return -1;
-}
-
 }  // namespace
 
 struct Renderer::Impl {
@@ -72,7 +65,7 @@ struct Renderer::Impl {
 Renderer::Impl::Impl(const Arena& the_arena, const std::string& camera_id, std::uint32_t the_seed)
     : arena(the_arena),
       spec(the_arena.camera(camera_id)),
-      own_robot(robotIndex(the_arena, spec.robot)),
+      own_robot(the_arena.robotIndex(spec.robot)),
       seed(the_seed),
       camera_seed(hash32(the_seed, hashOf(camera_id))),
       camera(spec.model),

@@ -3,7 +3,7 @@
 namespace omnifleet::services {
 namespace {
 using std::chrono::steady_clock;
-constexpr auto kSlotRetry = std::chrono::microseconds(500);
+constexpr auto kLoanRetry = std::chrono::microseconds(500);
 }  // namespace
 
 ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
@@ -80,7 +80,7 @@ bool ArenaCameraService::render() {
   header_.channels = 3;
   std::uint8_t* loan = writer_->begin(header_);
   if (!loan) {
-    wake_at_ = steady_clock::now() + kSlotRetry;
+    wake_at_ = steady_clock::now() + kLoanRetry;
     return false;
   }
   cv::Mat image(header_.height_px, header_.width_px, CV_8UC3, loan);

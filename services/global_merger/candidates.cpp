@@ -13,12 +13,7 @@ using occupancy::ContributionStore;
 using occupancy::KeyframePose;
 using occupancy::SupportView;
 
-constexpr double kPerMetre = 10000.0;
 constexpr TimeNs kHoldNs = 1'000'000'000, kMaxGapNs = 5'000'000'000;  // as the occupancy map's defaults
-
-Eigen::Vector2d metres(const occupancy::PointDmm& p) {
-  return {p.x_dmm / kPerMetre, p.y_dmm / kPerMetre};
-}
 
 struct PlacedRobot {
   Pose2 map_from_base;
@@ -36,7 +31,7 @@ std::vector<PlacedRobot> othersAt(const ContributionStore& store, const occupanc
     if (!standing) continue;
     const Eigen::Vector2d p = metres(standing->position);
     const auto body = bodies.find(robot);
-    others.push_back({{p.x(), p.y(), standing->theta_dmrad / kPerMetre},
+    others.push_back({{p.x(), p.y(), standing->theta_dmrad / occupancy::kDmmPerMetre},
                       body == bodies.end() ? &kUnknownBody : &body->second});
   }
   return others;
@@ -67,14 +62,15 @@ ObjectView viewOf(const Contribution& contribution, const KeyframePose& pose, co
   view.track_id = seen.track_id;
   view.prism.map_from_base = pose.mapFromBase();
   view.prism.foot_m = metres(contribution.scan_origin);
-  view.prism.camera_height_m = contribution.camera_height_dmm / kPerMetre;
+  view.prism.camera_height_m = contribution.camera_height_dmm / occupancy::kDmmPerMetre;
   view.prism.supports = supportsOf(seen);
   view.position_m = view.prism.map_from_base * metres(seen.position);
   view.is_flawed = seen.truncated || seen.solidity_permille < 1000.0 * options.min_solidity;
   view.is_cut = seen.truncated;
   if (seen.height_sigma_dmm > 0 && !view.is_cut) {  // else it is of a time before, or made up
     // Told from the same silhouettes or from noisy vectors: never trusted to better than 3 cm.
-    view.height = {seen.height_dmm / kPerMetre, std::max(seen.height_sigma_dmm / kPerMetre, 0.03)};
+    view.height = {seen.height_dmm / occupancy::kDmmPerMetre,
+                   std::max(seen.height_sigma_dmm / occupancy::kDmmPerMetre, 0.03)};
   }
   return view;
 }

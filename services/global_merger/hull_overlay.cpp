@@ -35,7 +35,7 @@ Polygon shared(const Polygon& a, const Polygon& b) {
   return rest.size() >= 3 ? rest : Polygon{};
 }
 
-bool isEarlier(const PlacedHull& a, const PlacedHull& b) {
+bool isPlacedEarlier(const PlacedHull& a, const PlacedHull& b) {
   return std::tie(a.view->time_ns, a.view->robot, a.view->track_id) <
          std::tie(b.view->time_ns, b.view->robot, b.view->track_id);
 }
@@ -128,7 +128,7 @@ std::vector<Group> overlayHulls(const std::vector<Candidate>& candidates, const 
     Group group;
     group.kind = pile.kind;
     group.fit.footprint_m = overlaid(pile.hulls, options.hull_share);
-    std::sort(pile.hulls.begin(), pile.hulls.end(), isEarlier);
+    std::sort(pile.hulls.begin(), pile.hulls.end(), isPlacedEarlier);
     for (const PlacedHull& hull : pile.hulls) group.views.push_back(hull.view);
     group.fit.valid = group.fit.footprint_m.size() >= 3;
     group.fit.covariance.setZero();
@@ -136,7 +136,7 @@ std::vector<Group> overlayHulls(const std::vector<Candidate>& candidates, const 
     groups.push_back(std::move(group));
   }
   std::sort(groups.begin(), groups.end(), [](const Group& a, const Group& b) {
-    return isEarlier({a.views.front(), {}}, {b.views.front(), {}});
+    return isPlacedEarlier({a.views.front(), {}}, {b.views.front(), {}});
   });
   return groups;
 }

@@ -8,16 +8,16 @@ namespace omnifleet::global_merger {
 
 namespace {
 
-constexpr std::int8_t kOccupied = 100;
-constexpr double kBeside_m = 0.05;      // of an object: what noise makes of its outline
-constexpr std::size_t kLeastCells = 5;  // fewer are noise
+constexpr std::int8_t kOccupiedCell = 100;
+constexpr double kBesideThing_m = 0.05;  // of an object: what noise makes of its outline
+constexpr std::size_t kLeastCells = 5;   // fewer are noise
 constexpr float kLongest_m = 0.8f, kLine_m = 0.1f;
 
 cv::Mat1b occupiedOf(const dataset::OccupancyGrid& grid) {
   cv::Mat1b occupied(grid.height, grid.width, std::uint8_t{0});
   for (int y = 0; y < grid.height; ++y)
     for (int x = 0; x < grid.width; ++x)
-      occupied(y, x) = grid.cells[static_cast<std::size_t>(y * grid.width + x)] == kOccupied ? 255 : 0;
+      occupied(y, x) = grid.cells[static_cast<std::size_t>(y * grid.width + x)] == kOccupiedCell ? 255 : 0;
   return occupied;
 }
 
@@ -31,7 +31,7 @@ cv::Mat1b nearObjects(const dataset::OccupancyGrid& grid, const std::vector<data
     }
     if (!outline.empty()) cv::fillPoly(near, std::vector<std::vector<cv::Point>>{outline}, cv::Scalar(255));
   }
-  const int reach = static_cast<int>(std::ceil(kBeside_m / grid.resolution_m));
+  const int reach = static_cast<int>(std::ceil(kBesideThing_m / grid.resolution_m));
   cv::dilate(near, near, cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * reach + 1, 2 * reach + 1}));
   return near;
 }

@@ -11,7 +11,6 @@
 namespace omnifleet::global_merger {
 namespace {
 
-constexpr double kPerMetre = 10000.0;
 constexpr int kVertices = 24, kIterations = 10;
 constexpr double kCauchy = 2.0;              // σ at which a view counts half
 constexpr std::uint64_t kFirstId = 1000000;  // beyond those of outlines
@@ -22,10 +21,6 @@ struct NamedViews {
   double radius_m = 0.0;  ///< sum over the views
   std::set<std::string> observers;
 };
-
-Eigen::Vector2d metres(const occupancy::PointDmm& p) {
-  return {p.x_dmm / kPerMetre, p.y_dmm / kPerMetre};
-}
 
 void addView(const occupancy::Contribution& contribution, const Pose2& map_from_base,
              const occupancy::SupportView& seen, NamedViews& views) {

@@ -13,7 +13,6 @@
 namespace omnifleet::choi {
 namespace {
 
-constexpr double kDegrees = 180.0 / M_PI;
 const cv::Scalar kRed(40, 40, 220);
 
 struct Bounds {

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
 
 namespace omnifleet::choi {
+
+constexpr double kDegrees = 180.0 / M_PI;  ///< per radian
 
 /// One map against the truth. Errors are over pairs of things within 0.5 m of one another, whatever their
 /// shapes: the house's own gate (15 cm, IoU 0.3) would leave the worst of a method out of its mean.

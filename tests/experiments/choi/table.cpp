@@ -12,7 +12,6 @@
 namespace omnifleet::choi {
 namespace {
 
-constexpr double kDegrees = 180.0 / M_PI;
 using Value = std::function<double(const SeedResult&)>;
 
 Spread over(const std::vector<SeedResult>& results, const Value& value) {

@@ -13,7 +13,7 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kSeparation_m = 0.26;
+constexpr double kWheelsApart_m = 0.26;
 constexpr Wiring kAll[] = {Wiring::kAsTold, Wiring::kReversed,     Wiring::kSwapped,
                            Wiring::kBoth,   Wiring::kLeftReversed, Wiring::kRightReversed};
 
@@ -28,7 +28,7 @@ Motion told(double left_m, double right_m, Wiring wiring) {
     motion.left_m = -motion.left_m;
   if (wiring == Wiring::kReversed || wiring == Wiring::kBoth || wiring == Wiring::kRightReversed)
     motion.right_m = -motion.right_m;
-  motion.previous_from_current = arc(motion.left_m, motion.right_m, kSeparation_m);
+  motion.previous_from_current = arc(motion.left_m, motion.right_m, kWheelsApart_m);
   return motion;
 }
 
@@ -51,8 +51,8 @@ Wiring verdictOf(const Drive& drive, Wiring wiring, int frames = 12) {
       seen.push_back(
           {at.inverse() * Eigen::Vector2d(thing + drifted_m) + Eigen::Vector2d(noise(random), noise(random)),
            0.1});
-    trial.add(f == 0 ? Motion{} : told(drive.left_m, drive.right_m, wiring), kSeparation_m, seen);
-    at = at * arc(drive.grip * drive.left_m, drive.grip * drive.right_m, kSeparation_m);
+    trial.add(f == 0 ? Motion{} : told(drive.left_m, drive.right_m, wiring), kWheelsApart_m, seen);
+    at = at * arc(drive.grip * drive.left_m, drive.grip * drive.right_m, kWheelsApart_m);
     drifted_m += drive.drifts_m;
   }
   return trial.verdict();

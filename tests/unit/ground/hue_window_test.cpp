@@ -11,10 +11,10 @@ namespace {
 constexpr int kWidth = 61, kHeight = 47;
 
 /// Mean and number of the marked pixels around one, by a loop over all of them.
-struct Around {
+struct SumsAround {
   cv::Vec3d sum{0, 0, 0};
   int count = 0;
-  Around(const cv::Mat3b& image, const cv::Mat1b& marks, int x, int y) {
+  SumsAround(const cv::Mat3b& image, const cv::Mat1b& marks, int x, int y) {
     constexpr int r = HueWindow::kAround_px;
     for (int v = std::max(0, y - r); v <= std::min(image.rows - 1, y + r); ++v) {
       for (int u = std::max(0, x - r); u <= std::min(image.cols - 1, x + r); ++u) {
@@ -58,7 +58,7 @@ TEST(HueWindow, SumsWhatIsMarkedAroundEachPixelOfARegion) {
       int next = run.begin;
       window.slide(run, scene.image, scene.marks, [&](int x, HueWindow::Sum sum) {
         EXPECT_EQ(x, next++);
-        const Around expected(scene.image, scene.marks, x, run.row);
+        const SumsAround expected(scene.image, scene.marks, x, run.row);
         ASSERT_EQ(HueWindow::count(sum), expected.count);
         if (expected.count == 0) return;
         ++seen;

@@ -22,7 +22,7 @@ using omnifleet::testing::SimRobot;
 
 constexpr double kBoxHeightM = 0.3;
 
-struct Sets {
+struct Frames {
   std::vector<Contribution> contributions;
   std::vector<KeyframePose> poses;
 };
@@ -49,8 +49,8 @@ void addPoints(const Polygon& footprint, double height_m, const Pose2& map_from_
   }
 }
 
-Sets record(FleetSim& sim, double from_s, double to_s) {
-  Sets sets;
+Frames recordPoints(FleetSim& sim, double from_s, double to_s) {
+  Frames sets;
   std::mt19937 random(7);
   for (double t = from_s; t < to_s; t += 0.25) {
     for (auto& frame : sim.at(t)) {
@@ -68,7 +68,7 @@ Sets record(FleetSim& sim, double from_s, double to_s) {
   return sets;
 }
 
-void addAll(const Sets& sets, OccupancyMap& map) {
+void addAll(const Frames& sets, OccupancyMap& map) {
   for (const auto& c : sets.contributions) map.add(c);
   for (const auto& p : sets.poses) map.add(p);
 }
@@ -99,7 +99,7 @@ double distanceToEdge(const Polygon& polygon, const Eigen::Vector2d& p) {
 TEST(SurfacePoints, StandOnTheSurfacesInTheOctree) {
   auto sim = fleet();
   OccupancyMap map({}, sim.bodies());
-  addAll(record(sim, 0.0, 6.0), map);
+  addAll(recordPoints(sim, 0.0, 6.0), map);
   const auto voxels = voxelsOf(map);
   EXPECT_GT(voxels.size(), 60U);  // of about 28 × 5 on the sides
   for (const auto& v : voxels) {
@@ -111,8 +111,8 @@ TEST(SurfacePoints, StandOnTheSurfacesInTheOctree) {
 
 TEST(SurfacePoints, OrderAndDuplicatesAndCorrectionsDoNotMatter) {
   auto sim = fleet();
-  const Sets sets = record(sim, 0.0, 5.0);
-  Sets all = sets, last = sets;
+  const Frames sets = recordPoints(sim, 0.0, 5.0);
+  Frames all = sets, last = sets;
   std::mt19937 random(3);
   for (std::size_t i = 0; i < sets.poses.size(); i += 2) {
     last.poses[i].revision = 1;
@@ -144,7 +144,7 @@ TEST(SurfacePoints, OfAMovedBoxVanish) {
   auto sim = fleet();
   const Polygon before = sim.things().front().footprint_m, after = boxPolygon({0.0, 1.0}, 0.4, 0.3, 0.3);
   OccupancyMap map({}, sim.bodies());
-  addAll(record(sim, 0.0, 3.0), map);
+  addAll(recordPoints(sim, 0.0, 3.0), map);
   const auto near = [&](const Polygon& place) {
     const auto voxels = voxelsOf(map);
     return std::count_if(voxels.begin(), voxels.end(),
@@ -153,7 +153,7 @@ TEST(SurfacePoints, OfAMovedBoxVanish) {
   EXPECT_GT(near(before), 30);
   const auto hash = map.hash();
   sim.things().front().footprint_m = after;
-  addAll(record(sim, 3.0, 16.0), map);
+  addAll(recordPoints(sim, 3.0, 16.0), map);
   EXPECT_EQ(near(before), 0);
   EXPECT_GT(near(after), 30);
   EXPECT_NE(map.hash(), hash);
@@ -165,7 +165,7 @@ TEST(SurfacePoints, OfRobotsNeverEnter) {
   for (const SimOptions& options : {SimOptions{}, taken_for_obstacles}) {
     auto sim = fleet(options);
     OccupancyMap map({}, sim.bodies());
-    const Sets sets = record(sim, 0.0, 4.0);
+    const Frames sets = recordPoints(sim, 0.0, 4.0);
     addAll(sets, map);
     for (const auto& v : voxelsOf(map))
       EXPECT_LT(distanceToEdge(sim.things().front().footprint_m, v.head<2>()), 0.06);
@@ -180,7 +180,7 @@ TEST(SurfacePoints, OfRobotsNeverEnter) {
 
 TEST(SurfacePoints, OfWhatTurnsOutToBeARobotAreTakenOut) {
   auto sim = fleet();
-  Sets sets = record(sim, 0.0, 3.0);
+  Frames sets = recordPoints(sim, 0.0, 3.0);
   OccupancyMap map({}, {});
   addAll(sets, map);
   EXPECT_FALSE(voxelsOf(map).empty());

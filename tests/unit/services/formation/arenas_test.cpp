@@ -1,7 +1,7 @@
 // Whole fleets with rendered cameras, every stage, in seeded arenas: each run reaches its goal, nothing is
 // touched, the formation is regained after an obstacle, and kept to 3 cm where nothing disturbs. Judged by
 // the truth that the world writes, with geometry of its own. OMNIFLEET_ARENAS=FIRST:LAST chooses the seeds of
-// the arenas, which take turns in the four shapes; by default two of them and half of the shapes straight on, all in
+// the arenas, which take turns in the four shapes; by default one of them and one of the shapes straight on, all in
 // the slow set.
 
 #include <gtest/gtest.h>
@@ -113,7 +113,7 @@ double steadyRms(const dataset::GroundTruth& truth, const motion::FormationComma
 }
 
 std::pair<int, int> seeds() {
-  int first = 1000, last = 1001;
+  int first = 1000, last = 1000;
   if (const char* wanted = std::getenv("OMNIFLEET_ARENAS")) std::sscanf(wanted, "%d:%d", &first, &last);
   return {first, last};
 }
@@ -213,7 +213,7 @@ TEST_P(SteadyWithCameras, StraightOnTheErrorIsSmall) {
 
 std::vector<const char*> shapesStraightOn() {
   if (std::getenv("OMNIFLEET_ARENAS")) return {std::begin(kShapes), std::end(kShapes)};
-  return {"column", "wedge"};
+  return {"wedge"};
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SteadyWithCameras, testing::ValuesIn(shapesStraightOn()),

@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr TimeNs kPeriod = 200'000'000;
+constexpr TimeNs kScanPeriod = 200'000'000;
 constexpr std::size_t kBeams = 360;
 
 class Folder {
@@ -44,7 +44,7 @@ class Folder {
   fs::path path_;
 };
 
-constexpr int kWidth = 480, kHeight = 360;
+constexpr int kImageWidth = 480, kImageHeight = 360;
 
 /// `camera`: a fisheye beside the laser.
 std::string fleetFile(const Folder& folder, bool camera = false) {
@@ -74,7 +74,7 @@ class LaserStage : public testing::Test {
   v1::LaserScan scan(std::uint32_t index) const {
     v1::LaserScan sample;
     sample.robot("r1");
-    sample.header().acquired_ns(index * kPeriod);
+    sample.header().acquired_ns(index * kScanPeriod);
     sample.header().sequence_number(index);
     sample.angle_min_rad(-M_PI);
     sample.angle_increment_rad(2.0 * M_PI / kBeams);
@@ -184,29 +184,29 @@ TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
 class LaserBesideCamera : public LaserStage {
  protected:
   LaserBesideCamera()
-      : LaserStage(true), camera_(bench_.bus().frameWriter("r1/fisheye", kWidth * kHeight * 3)) {}
+      : LaserStage(true), camera_(bench_.bus().frameWriter("r1/fisheye", kImageWidth * kImageHeight * 3)) {}
 
   void sendFrame(std::uint32_t index) {
     bus::FrameHeader header;
-    header.acquired_ns = index * kPeriod;
+    header.acquired_ns = index * kScanPeriod;
     header.sequence = index;
-    header.width_px = kWidth;
-    header.height_px = kHeight;
+    header.width_px = kImageWidth;
+    header.height_px = kImageHeight;
     std::uint8_t* loan = camera_->begin(header);
     ASSERT_NE(loan, nullptr);
-    test::drawBareFloor(loan, kWidth, kHeight);
+    test::drawBareFloor(loan, kImageWidth, kImageHeight);
     ASSERT_TRUE(camera_->publish());
   }
   /// The answer to a frame and to a scan that is `age` older.
   v1::LocalMap answerTo(std::uint32_t index, TimeNs age) {
     v1::LaserScan older = scan(index);
-    older.header().acquired_ns(index * kPeriod - age);
+    older.header().acquired_ns(index * kScanPeriod - age);
     EXPECT_TRUE(scans_->write(older));
     sendFrame(index);
-    sendWheels(index * kPeriod);
+    sendWheels(index * kScanPeriod);
     v1::LaserScan next =
         scan(index);  // lockstep waits until it knows that no other scan comes before the frame
-    next.header().acquired_ns(index * kPeriod + 1);
+    next.header().acquired_ns(index * kScanPeriod + 1);
     if (age > 0) {
       EXPECT_TRUE(scans_->write(next));
     }
@@ -231,7 +231,7 @@ TEST_F(LaserBesideCamera, TheScanOfTheMomentJoinsTheCameras) {
 }
 
 TEST_F(LaserBesideCamera, AnOlderScanDoesNot) {
-  const v1::LocalMap map = answerTo(1, kPeriod / 2);
+  const v1::LocalMap map = answerTo(1, kScanPeriod / 2);
   EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
   EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
 }

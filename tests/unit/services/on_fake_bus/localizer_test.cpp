@@ -15,17 +15,17 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr TimeNs kStep = 200'000'000;
+constexpr TimeNs kFrame = 200'000'000;
 
 /// One frame of a robot, with nothing in sight yet.
 Objects frameOf(const std::string& robot, int step) {
   Objects seen;
   seen.robot = robot;
-  seen.acquired_ns = step * kStep;
+  seen.acquired_ns = step * kFrame;
   seen.sequence = static_cast<std::uint32_t>(step);
   seen.camera_height_m = 0.5;
   seen.motion.valid = step > 0;
-  seen.motion.since_ns = (step - 1) * kStep;
+  seen.motion.since_ns = (step - 1) * kFrame;
   seen.motion.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
   seen.scan.range_m.assign(360, 1.5F);
   seen.scan.sigma_m.assign(360, 0.01F);
@@ -126,7 +126,7 @@ class Successor : public testing::Test {
                 const Eigen::Vector4d& camera_error = {0, 0, 0, 0}, std::uint32_t term = 0) {
     PoseEstimate pose;
     pose.robot = keyframes_[robot].first;
-    pose.acquired_ns = step * kStep;
+    pose.acquired_ns = step * kFrame;
     pose.valid = true;
     pose.map_from_base = at;
     pose.camera_error = camera_error;
@@ -141,7 +141,7 @@ class Successor : public testing::Test {
     for (const std::string& stream : streams) {
       v1::RunEnd end;
       end.stream(stream);
-      end.header().acquired_ns(steps * kStep);
+      end.header().acquired_ns(steps * kFrame);
       ASSERT_TRUE(ends->write(end));
     }
     bench_.spin();
