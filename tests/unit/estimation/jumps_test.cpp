@@ -11,7 +11,7 @@
 namespace omnifleet::estimation::testing {
 namespace {
 
-constexpr std::uint32_t kFirstSeed = 1000, kSeeds = 4;  // estimation_troubles runs all of 1000–1099
+constexpr std::uint32_t kFirstSeed = 1000, kSeeds = 2;  // estimation_troubles runs all of 1000–1099
 
 TroubleResult sumOf(const Trouble& trouble) {
   TroubleResult sum;
