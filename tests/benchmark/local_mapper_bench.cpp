@@ -73,7 +73,7 @@ void ours(benchmark::State& state, const Recording& recording) {
     for (const auto& object : local_map.objects) vectors += static_cast<double>(object.vectors.size());
   }
   memory.report(state);
-  samples.report();
+  samples.report(static_cast<std::size_t>(recording.round()));
   state.counters["objects"] = benchmark::Counter(objects, benchmark::Counter::kAvgIterations);
   state.counters["vectors"] = benchmark::Counter(vectors, benchmark::Counter::kAvgIterations);
 }

@@ -48,6 +48,19 @@ void reportPercentiles(std::vector<double> ms, benchmark::State& state) {
   state.counters["p99_ms"] = percentile(ms, 0.99);
 }
 
+void Samples::report(std::size_t round) {
+  report();
+  std::vector<double> medians;
+  for (std::size_t frame = 0; frame < std::min(round, ms_.size()); ++frame) {
+    std::vector<double> of_frame;
+    for (std::size_t i = frame; i < ms_.size(); i += round) of_frame.push_back(ms_[i]);
+    std::sort(of_frame.begin(), of_frame.end());
+    medians.push_back(percentile(of_frame, 0.50));
+  }
+  std::sort(medians.begin(), medians.end());
+  state_.counters["frame_p99_ms"] = percentile(medians, 0.99);
+}
+
 double percentile(const std::vector<double>& sorted, double share) {
   if (sorted.empty()) return 0.0;
   const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));

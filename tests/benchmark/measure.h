@@ -31,6 +31,10 @@ class Samples {
   /// One iteration's time; also Google Benchmark's (manual time).
   void add(double ms);
   void report() { reportPercentiles(ms_, state_); }
+  /// Of samples that go round after round over the same frames, also frame_p99_ms: the p99 over the frames of
+  /// each one's median over the rounds. It is the program's own; p99_ms is also that of a machine with other
+  /// work.
+  void report(std::size_t round);
 
  private:
   benchmark::State& state_;
