@@ -32,6 +32,7 @@ constexpr double kLeastGain = 0.06;     // of the log-likelihood, per sample
 constexpr double kOfFloor =
     0.8;  // of what a pixel of the floor may be off by: rows that are more are a side's
 constexpr double kFaint = 0.06;        // of the brightness, that rows of the floor are off by
+constexpr double kSmoother = 4.0;      // times the variance across bearings, of the floor before a side
 constexpr double kMostMetres = 0.025;  // per pixel on the floor: where it is more a foot is wrong by too much
 constexpr double kFloorVariance = 1e-4;  // what rounding makes
 constexpr double kAlone = 0.85;          // share of a region's pixels that lie in its top
@@ -252,11 +253,16 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
     return until_[end].within - until_[begin].within <=
            kOfFloor * kOfFloor * noise2 * (until_[end].count - until_[begin].count);
   };
+  // A face without the floor's grain, however alike its colour: the floor's reference may have climbed it.
+  const auto isSmoother = [&](std::size_t end) {
+    const Sums &side = until_[end], &all = until_[n];
+    return kSmoother * side.within / side.count <= (all.within - side.within) / (all.count - side.count);
+  };
   // Nor may what lies before it look like the floor.
   const auto isOff = [&](std::size_t end) {
     double off = 0.0;
     for (std::size_t i = 0; i < end; ++i) off += std::abs(meanOf(i) - 1.0) / static_cast<double>(end);
-    return off > kFaint || !isFloor(0, end);
+    return off > kFaint || !isFloor(0, end) || isSmoother(end);
   };
   if (foot && (!isFloor(*foot, n) || !isOff(*foot))) foot.reset();
   if (!foot && is_cut_ && !isFloor(0, n)) foot = n;

@@ -131,6 +131,17 @@ TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreNearlyFloorIsSeen) {
   EXPECT_TRUE(segmenter_.vague().empty());
 }
 
+/// Of the floor's colour and brightness on the mean, but without its grain.
+TEST_F(TopCompleterTest, ASideIsToldByLackingTheFloorsGrain) {
+  const cv::Mat3b smooth = image_.clone();
+  light(cv::Mat1b(image_.size(), std::uint8_t{255}), mottle(0.05, 8));
+  const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
+  const cv::Mat1b box = drawBox(0.8, 1.4, 0.0);
+  smooth.copyTo(image_, side);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
+}
+
 /// Before the side lies something else, as mottled as half of it.
 TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
   const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
