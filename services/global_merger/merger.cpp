@@ -58,6 +58,12 @@ bool isSilentRobot(const Group& group, const MergerOptions& options,
   });
 }
 
+/// By the parallax of its points, surely.
+bool isTall(const Group& group) {
+  constexpr double kLeast_m = 0.08, kSigmas = 3.0;
+  return group.fit.height_sigma_m > 0 && group.fit.height_m - kSigmas * group.fit.height_sigma_m > kLeast_m;
+}
+
 std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& bodies,
                    std::set<std::uint64_t>& taken) {
   const ObjectView& first = *group.views.front();
@@ -142,13 +148,15 @@ bool Merger::isObject(const Group& group) const {
 }
 
 /// Why it is no object, where people should know; nothing where the floor was seen more often than what is no
-/// one thing anyway.
-std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
+/// one thing anyway; with `even_floor` only where no height was told either.
+std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group, bool even_floor) const {
   if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
   if (isSilentRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
   const bool is_flat = isFlat(group, options_);
   if (floorSays(group, options_, map_.store()) == FloorSays::kNotThere) {
-    const bool is_told = isOneThing(group) || (isOften(group) && !isMostlyFloor(group, map_.store()));
+    const bool is_told =
+        isOneThing(group) ||
+        (isOften(group) && (!isMostlyFloor(group, map_.store()) || (even_floor && isTall(group))));
     if (is_flat || !is_told) return std::nullopt;
     return Unmapped::Why::kFloorSeen;
   }
@@ -156,14 +164,20 @@ std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
   return is_mark ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
 }
 
-/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove.
+/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove. Last comes what has
+/// a height though mostly floor was seen there: the top of a thing whose sides look like the floor floats
+/// along with the cameras.
 void Merger::findUnmapped(const std::vector<Group>& groups) {
+  for (const bool even_floor : {false, true}) addUnmapped(groups, even_floor);
+}
+
+void Merger::addUnmapped(const std::vector<Group>& groups, bool even_floor) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
     return (a - b).squaredNorm() < within_m * within_m;
   };
   for (const Group& group : groups) {
-    const auto why = whyUnmapped(group);
+    const auto why = whyUnmapped(group, even_floor);
     if (!why) continue;
     const Eigen::Vector2d& at_m = group.centre_m;
     const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Unmapped& other) {

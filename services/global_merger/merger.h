@@ -150,9 +150,10 @@ class Merger {
  private:
   bool isOneThing(const Group& group) const;
   bool isObject(const Group& group) const;
-  std::optional<Unmapped::Why> whyUnmapped(const Group& group) const;
+  std::optional<Unmapped::Why> whyUnmapped(const Group& group, bool even_floor) const;
   void findMarks(const std::vector<Group>& groups);
   void findUnmapped(const std::vector<Group>& groups);
+  void addUnmapped(const std::vector<Group>& groups, bool even_floor);
 
   MergerOptions options_;
   std::map<std::string, RobotBody> bodies_;

@@ -247,6 +247,15 @@ TEST_F(LaterLooks, WhatIsNoOneThingIsToldUnlessTheFloorIsSeenMoreOften) {
   EXPECT_TRUE(isTold(looked(half())));
   later_ns_ = 2600000000;
   EXPECT_FALSE(isTold(looked(never())));
+  // The top of a thing whose sides look like the floor: parallax tells its height, whatever lies beneath.
+  for (auto& c : with_.contributions) {
+    for (auto& view : c.views) {
+      if (view.track_id != things_.size()) continue;
+      view.height_dmm = 2000;
+      view.height_sigma_dmm = 100;
+    }
+  }
+  EXPECT_TRUE(isTold(looked(never())));
 }
 
 /// One thing, seen by a robot that stands at the origin; `spoil(track, scan)` changes each of its
