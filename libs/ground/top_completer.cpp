@@ -256,7 +256,8 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
   // A face without the floor's grain, however alike its colour: the floor's reference may have climbed it.
   const auto isSmoother = [&](std::size_t end) {
     const Sums &side = until_[end], &all = until_[n];
-    return kSmoother * side.within / side.count <= (all.within - side.within) / (all.count - side.count);
+    const double floor = (all.within - side.within) / (all.count - side.count);
+    return floor > kFloorVariance && kSmoother * side.within / side.count < floor;
   };
   // Nor may what lies before it look like the floor.
   const auto isOff = [&](std::size_t end) {

@@ -148,38 +148,34 @@ bool Merger::isObject(const Group& group) const {
 }
 
 /// Why it is no object, where people should know; nothing where the floor was seen more often than what is no
-/// one thing anyway; with `even_floor` only where no height was told either.
-std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group, bool even_floor) const {
+/// one thing anyway, and has no height.
+std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
   if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
   if (isSilentRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
   const bool is_flat = isFlat(group, options_);
   if (floorSays(group, options_, map_.store()) == FloorSays::kNotThere) {
-    const bool is_told =
-        isOneThing(group) ||
-        (isOften(group) && (!isMostlyFloor(group, map_.store()) || (even_floor && isTall(group))));
-    if (is_flat || !is_told) return std::nullopt;
-    return Unmapped::Why::kFloorSeen;
+    if (is_flat || (!isOneThing(group) && !isOften(group))) return std::nullopt;
+    if (isOneThing(group) || !isMostlyFloor(group, map_.store())) return Unmapped::Why::kFloorSeen;
+    return isTall(group) ? std::optional(Unmapped::Why::kFloats) : std::nullopt;
   }
   const bool is_mark = is_flat || isPattern(group, options_, map_.store());
   return is_mark ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
 }
 
-/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove. Last comes what has
-/// a height though mostly floor was seen there: the top of a thing whose sides look like the floor floats
-/// along with the cameras.
+/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove. What floats comes
+/// last: its place is the vaguest.
 void Merger::findUnmapped(const std::vector<Group>& groups) {
-  for (const bool even_floor : {false, true}) addUnmapped(groups, even_floor);
-}
-
-void Merger::addUnmapped(const std::vector<Group>& groups, bool even_floor) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
     return (a - b).squaredNorm() < within_m * within_m;
   };
-  for (const Group& group : groups) {
-    const auto why = whyUnmapped(group, even_floor);
-    if (!why) continue;
-    const Eigen::Vector2d& at_m = group.centre_m;
+  std::vector<Unmapped> found;
+  for (const Group& group : groups)
+    if (const auto why = whyUnmapped(group)) found.push_back({group.centre_m, *why});
+  std::stable_partition(found.begin(), found.end(),
+                        [](const Unmapped& place) { return place.why != Unmapped::Why::kFloats; });
+  for (const Unmapped& place : found) {
+    const Eigen::Vector2d& at_m = place.at_m;
     const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Unmapped& other) {
       return isNear(other.at_m, at_m, kSame_m);
     });
@@ -191,7 +187,7 @@ void Merger::addUnmapped(const std::vector<Group>& groups, bool even_floor) {
         return isNear(pose.map_from_base.translation(), at_m, kPiece_m);
       });
     });
-    if (!is_told && !is_mapped && !is_way) unmapped_.push_back({at_m, *why});
+    if (!is_told && !is_mapped && !is_way) unmapped_.push_back(place);
   }
 }
 

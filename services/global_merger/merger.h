@@ -90,6 +90,7 @@ struct Unmapped {
     kNoShape,    ///< the views do not agree on what
     kFlat,       ///< it is no higher than a mark on the floor, or low and seldom seen
     kFloorSeen,  ///< the floor was seen there, too: it has gone, or is hardly to be told from the floor
+    kFloats,  ///< mostly the floor was, yet parallax gives it a height: a top whose sides look like the floor
   };
   Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  ///< map
   Why why = Why::kNoShape;
@@ -150,10 +151,9 @@ class Merger {
  private:
   bool isOneThing(const Group& group) const;
   bool isObject(const Group& group) const;
-  std::optional<Unmapped::Why> whyUnmapped(const Group& group, bool even_floor) const;
+  std::optional<Unmapped::Why> whyUnmapped(const Group& group) const;
   void findMarks(const std::vector<Group>& groups);
   void findUnmapped(const std::vector<Group>& groups);
-  void addUnmapped(const std::vector<Group>& groups, bool even_floor);
 
   MergerOptions options_;
   std::map<std::string, RobotBody> bodies_;

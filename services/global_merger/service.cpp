@@ -284,7 +284,11 @@ void GlobalMergerService::tellDoubts() {
       tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
                    "the floor was seen there, too (gone, or hardly to be told from the floor)") +
       tellUnmapped(global_merger::Unmapped::Why::kFlat,
-                   "they are no higher than marks on the floor, or low and seldom seen");
+                   "they are no higher than marks on the floor, or low and seldom seen") +
+      tellUnmapped(
+          global_merger::Unmapped::Why::kFloats,
+          "they have a height, but mostly the floor was seen there (the tops of things whose sides look like "
+          "the floor, half a metre around)");
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
   Places slivers, bare, faint;
   for (const dataset::MapObject& object : objects)

@@ -142,6 +142,21 @@ TEST_F(TopCompleterTest, ASideIsToldByLackingTheFloorsGrain) {
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
 }
 
+/// A light mark, and before it floor that is worn a little smoother: no side.
+TEST_F(TopCompleterTest, FloorOfAnotherGrainBeforeALightMarkIsNoSide) {
+  const cv::Mat1b mark = maskOf({{0.85, -0.2, 0}, {0.85, 0.2, 0}, {1.15, 0.2, 0}, {1.15, -0.2, 0}}),
+                  worn = maskOf({{0.6, -0.2, 0}, {0.6, 0.2, 0}, {0.85, 0.2, 0}, {0.85, -0.2, 0}});
+  cv::Mat1f gain = mottle(0.05, 8);
+  mottle(0.03, 9).copyTo(gain, worn);
+  gain.setTo(1.4f, mark);
+  light(cv::Mat1b(image_.size(), std::uint8_t{255}), gain);
+  ASSERT_TRUE(segmenter_.segment(image_));
+  cv::Mat1b near;
+  cv::dilate(mark, near, cv::Mat1b::ones(5, 5));
+  EXPECT_EQ(cv::countNonZero(segmenter_.objects() & ~near), 0);
+  EXPECT_GT(cv::countNonZero(segmenter_.objects() & mark), 0);
+}
+
 /// Before the side lies something else, as mottled as half of it.
 TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
   const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
