@@ -65,7 +65,7 @@ struct Scale {
 };
 
 Scale scaleOf(const PlainSample& s, const PlainProblem& problem, const PrismOptions& o, double height_m) {
-  const double scale = s.q > 0 ? std::max(1.0 - height_m / problem.camera_height_m[s.view], 0.05) : 1.0;
+  const double scale = s.q != 0 ? std::max(1.0 - height_m / problem.camera_height_m[s.view], 0.05) : 1.0;
   const double variance = std::pow(scale * s.sigma, 2) + o.noise_m * o.noise_m;
   const double limit = o.robust_sigmas * o.robust_sigmas * (variance + o.pose_sigma_m * o.pose_sigma_m);
   return {variance, limit};
@@ -229,7 +229,7 @@ PlainProblem plainProblem(const std::vector<PrismView>& views, const std::vector
       const double angle = view.map_from_base.theta_rad +
                            2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.supports.size());
       const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
-      const double q = view.camera_height_m > 0 ? std::max(b, 0.0) / view.camera_height_m : 0.0;
+      const double q = view.perHeight(b);
       problem.samples.push_back({number, n, n.dot(foot) + b, q, sigma});
     }
     problem.camera_height_m.push_back(view.camera_height_m);

@@ -267,7 +267,7 @@ std::vector<SupportSample> PrismSolver::samples(const std::vector<PrismView>& vi
       const double angle = view.map_from_base.theta_rad +
                            2.0 * M_PI * static_cast<double>(k) / static_cast<double>(view.supports.size());
       const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
-      const double scale = b > 0 && view.camera_height_m > 0 ? 1.0 - height_ / view.camera_height_m : 1.0;
+      const double q = view.perHeight(b), scale = q != 0 ? 1.0 - height_ / view.camera_height_m : 1.0;
       const double support = n.dot(foot) + scale * b;
       const double sigma = std::hypot(scale * given, options_.noise_m);
       const double off = (support - detail::supportOf(footprint, n)) /
@@ -389,7 +389,7 @@ PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& optio
   PrismSolver first(terms, options, prior);
   first.solve();
   constexpr double kVague = 0.05;  // m, σ of a height beyond which the tangents are asked
-  if (first.heightSigma() <= kVague || prior.sigma_m > 0) {
+  if (first.heightSigma() <= kVague || prior.sigma_m > 0 || terms.tops_alone) {
     first.report(fit, views.size());
     closeOutline(first, views, options, problem, fit);
     return fit;

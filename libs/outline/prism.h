@@ -15,6 +15,15 @@ struct PrismView {
   Eigen::Vector2d foot_m = Eigen::Vector2d::Zero();  ///< foot of the camera, base_link
   double camera_height_m = 0.0;                      ///< H; 0: a laser, which sees the footprint itself
   SupportFunction supports;                          ///< about the foot, directions in base_link
+  /// The sides look like the floor, and all of the silhouette is the top's: it lies s times as far from the
+  /// foot on the contact side, too (docs/methods.md, "Tops alone").
+  bool top_alone = false;
+
+  /// By how much a support of b looks larger per metre of height: q in h_P(n) = n·c + b − h·q.
+  double perHeight(double support_m) const {
+    const bool is_of_top = camera_height_m > 0 && (top_alone || support_m > 0);
+    return is_of_top ? support_m / camera_height_m : 0.0;
+  }
 };
 
 struct PrismOptions {
@@ -70,11 +79,12 @@ struct PrismFit {
 /// linear in h, so the search in one dimension for the least variance between views is a linear least squares
 /// with the mean h_P(n) of each direction eliminated; it is reweighted robustly. Moreover each view
 /// may shift as a whole within `pose_sigma_m`, which takes up errors of pose, focal length and tilt.
-/// Directions with σ ≤ 0 are not used. Where the views say little about h and `prior` nothing, convexity
-/// does: at the two tangents from the foot a too great height would fold the footprint. The footprint is the
-/// polygon whose support function is nearest to the averages (half-planes intersected, their common inward
-/// bias returned); or, where that explains the views as well (robust χ² plus `vertex_penalty`/2 per number),
-/// a rectangle or a disc with its own height (plain_shape.h).
+/// Directions with σ ≤ 0 are not used. Of views of tops alone every direction gives h_P(n) = n·c + b − h·b/H.
+/// Where the views say little about h and `prior` nothing, convexity does: at the two tangents from the foot
+/// a too great height would fold the footprint. The footprint is the polygon whose support function is
+/// nearest to the averages (half-planes intersected, their common inward bias returned); or, where that
+/// explains the views as well (robust χ² plus `vertex_penalty`/2 per number), a rectangle or a disc with its
+/// own height (plain_shape.h).
 PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& options,
                   const HeightPrior& prior = {});
 

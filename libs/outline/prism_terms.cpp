@@ -22,12 +22,13 @@ void appendView(const PrismView& view, int index, double noise_m, Terms& terms) 
     Term term;
     if (std::isfinite(value.b_m)) {
       term.a = terms.normals[static_cast<std::size_t>(k)].dot(foot) + value.b_m;
-      term.b = view.camera_height_m > 0 ? std::max(value.b_m, 0.0) / view.camera_height_m : 0.0;
+      term.b = view.perHeight(value.b_m);
       term.sigma = std::max(value.sigma_m, 0.1 * noise_m);
     }
     terms.term.push_back(term);
   }
   terms.view.push_back(index);
+  terms.tops_alone = terms.tops_alone || view.top_alone;
   terms.camera_height_m.push_back(view.camera_height_m);
 }
 
@@ -51,7 +52,7 @@ std::pair<int, double> sectorAndScore(const Terms& terms, std::size_t v, int sec
 
 double Terms::sigmaAt(std::size_t v, int k, double height_m, double noise_m) const {
   const Term& t = at(v, k);
-  const double scale = t.b > 0 ? std::max(1.0 - height_m / camera_height_m[v], 0.05) : 1.0;
+  const double scale = t.b != 0 ? std::max(1.0 - height_m / camera_height_m[v], 0.05) : 1.0;
   return std::hypot(t.sigma * scale, noise_m);
 }
 

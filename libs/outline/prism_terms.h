@@ -8,8 +8,8 @@
 
 namespace omnifleet::outline::detail {
 
-/// h_P(n) = a − h·b per view and direction (see fitPrism), a = n·c + b(n), b = max(b(n), 0)/H; σ of b(n), ≤ 0
-/// unusable.
+/// h_P(n) = a − h·b per view and direction (see fitPrism), a = n·c + b(n), b = PrismView::perHeight(); σ of
+/// b(n), ≤ 0 unusable.
 struct Term {
   double a = 0.0, b = 0.0, sigma = 0.0;
 };
@@ -19,7 +19,8 @@ struct Terms {
   std::vector<Eigen::Vector2d> normals;  ///< map
   std::vector<int> view;                 ///< index of the given view
   std::vector<double> camera_height_m;
-  std::vector<Term> term;  ///< [view][direction]
+  std::vector<Term> term;   ///< [view][direction]
+  bool tops_alone = false;  ///< of some views: no tangent to a shadow is seen
 
   std::size_t views() const { return view.size(); }
   const Term& at(std::size_t v, int k) const {

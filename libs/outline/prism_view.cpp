@@ -52,7 +52,7 @@ SupportFunction prismSupports(const Polygon& footprint_m, double height_m, const
   Polygon silhouette;
   for (const auto& p : footprint_m) {
     const Eigen::Vector2d in_base = base_from_map * p;
-    silhouette.push_back(in_base);
+    if (!view.top_alone) silhouette.push_back(in_base);
     silhouette.push_back(view.foot_m + scale * (in_base - view.foot_m));
   }
   return SupportFunction::of(silhouette, view.foot_m, sigma_m, directions);

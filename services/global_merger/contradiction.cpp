@@ -221,6 +221,8 @@ bool isRough(const Group& group, const MergerOptions& options) {
 FloorSays floorSays(const Group& group, const MergerOptions& options,
                     const occupancy::ContributionStore& store) {
   const Looks looks = looksAt(group, store);
+  if (group.is_top)  // the floor is seen in the place of its sides all the time
+    return looks.after >= kManyTimes * looks.seen ? FloorSays::kNotThere : FloorSays::kLess;
   const bool has_gone = hasGone(looks, options);
   if (options.method == "hull") return has_gone ? FloorSays::kNotThere : FloorSays::kNothing;
   if (!has_gone && (isCertain(group) || !wasNeverThere(group, looks, options, store)))

@@ -73,13 +73,33 @@ outline::PrismOptions quick(const MergerOptions& options) {
   return quick;
 }
 
+constexpr std::size_t kLeastOfTop = 8;  // views of a track, by which one may tell that they show a top alone
+constexpr std::size_t kEnoughOfTop = 12;  // in all: fewer may agree on a top by chance
+
+/// What is left of a thing whose sides look like the floor is seldom clean: flawed views count, but less.
+outline::PrismView asTop(const ObjectView& view) {
+  constexpr float kFlawed = 3.0F;  // times as uncertain
+  outline::PrismView top = view.prism;
+  top.top_alone = true;
+  if (!view.is_flawed) return top;
+  for (float& sigma_m : top.supports.sigma_m) sigma_m *= kFlawed;
+  return top;
+}
+
+outline::PrismFit fitTop(const Views& views, const outline::PrismOptions& options) {
+  std::vector<outline::PrismView> tops;
+  for (const auto* view : views) tops.push_back(asTop(*view));
+  return outline::fitPrism(tops, options);
+}
+
 /// All fits go through it.
-Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options,
-              const Meanwhile& meanwhile) {
+Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options, const Meanwhile& meanwhile,
+              bool is_top = false) {
   if (meanwhile) meanwhile();
   Group group;
   group.kind = kind;
-  group.fit = fitViews(views, options);
+  group.is_top = is_top;
+  group.fit = is_top ? fitTop(views, options) : fitViews(views, options);
   group.views = std::move(views);
   if (group.fit.valid) {
     group.centre_m = group.fit.centre_m;
@@ -167,7 +187,8 @@ Group joined(const Group& a, const Group& b, const outline::PrismOptions& option
   Views views = a.views;
   views.insert(views.end(), b.views.begin(), b.views.end());
   std::sort(views.begin(), views.end(), isEarlier);
-  return groupOf(std::move(views), std::max(a.kind, b.kind), options, meanwhile);  // obstacle over unknown
+  return groupOf(std::move(views), std::max(a.kind, b.kind), options, meanwhile,  // obstacle over unknown
+                 a.is_top && b.is_top);
 }
 
 /// Joins the piece to the nearest group with which it makes one body; false when there is none.
@@ -194,11 +215,11 @@ bool join(const Group& piece, const MergerOptions& options, const Meanwhile& mea
 
 /// Fitted over all views; those that show something else after all are left out.
 Group refined(const Group& group, const MergerOptions& options, const Meanwhile& meanwhile) {
-  Group all = groupOf(group.views, group.kind, options.prism, meanwhile);
+  Group all = groupOf(group.views, group.kind, options.prism, meanwhile, group.is_top);
   if (!all.fit.valid) return all;
   Views kept;
   for (const auto* view : all.views) {
-    outline::PrismView alone = view->prism;
+    const outline::PrismView alone = all.is_top ? asTop(*view) : view->prism;
     const auto expected = outline::prismSupports(all.fit.footprint_m, all.fit.height_m, alone, 0.0,
                                                  static_cast<int>(alone.supports.size()));
     double sum = 0.0, count = 0.0;
@@ -212,7 +233,7 @@ Group refined(const Group& group, const MergerOptions& options, const Meanwhile&
     if (count > 0 && sum <= count * options.max_spread * options.max_spread) kept.push_back(view);
   }
   if (kept.empty() || kept.size() == all.views.size()) return all;
-  return groupOf(std::move(kept), group.kind, options.prism, meanwhile);
+  return groupOf(std::move(kept), group.kind, options.prism, meanwhile, group.is_top);
 }
 
 /// Two bodies cannot stand in one place: what the quick fits kept apart is joined where the full one explains
@@ -236,7 +257,49 @@ void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, st
   groups = std::move(kept);
 }
 
+/// Its views agree on nothing as a whole thing, and on a height as a top.
+bool isTop(const Group& top, const Group& whole, const MergerOptions& options) {
+  constexpr double kShare = 0.3;  // of their spread as a whole thing, that is left
+  constexpr double kLeast_m = 0.05, kSigmas = 3.0;
+  return isThing(top, options) && top.fit.height_sigma_m > 0 &&
+         top.fit.height_m - kSigmas * top.fit.height_sigma_m > kLeast_m &&
+         (!whole.fit.valid || top.fit.spread < kShare * whole.fit.spread);
+}
+
 }  // namespace
+
+std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std::vector<Group>& whole,
+                             const MergerOptions& options, const Meanwhile& meanwhile) {
+  std::set<const ObjectView*> explained;
+  for (const Group& group : whole) explained.insert(group.views.begin(), group.views.end());
+  std::vector<Group> pieces, tops;
+  for (const Candidate& candidate : candidates) {
+    Views left;
+    for (const ObjectView& view : candidate.views)
+      if (explained.count(&view) == 0) left.push_back(&view);
+    if (left.size() < kLeastOfTop || 2 * left.size() < candidate.views.size()) continue;
+    const Group as_whole = groupOf(left, candidate.kind, quick(options), meanwhile);
+    if (isOneBody(as_whole, options)) continue;
+    Group top = groupOf(left, candidate.kind, quick(options), meanwhile, true);
+    if (isTop(top, as_whole, options)) pieces.push_back(std::move(top));
+  }
+  std::stable_sort(pieces.begin(), pieces.end(),
+                   [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
+  for (Group& piece : pieces)
+    if (!join(piece, options, meanwhile, tops)) tops.push_back(std::move(piece));
+  for (Group& top : tops) {
+    Group sharper = refined(top, options, meanwhile);
+    if (sharper.views.size() >= kLeastOfTop && isThing(sharper, options)) top = std::move(sharper);
+  }
+  const auto isDoubtful = [&](const Group& top) {
+    constexpr double kShared = 0.1;
+    return top.views.size() < kEnoughOfTop ||
+           std::any_of(whole.begin(), whole.end(),
+                       [&](const Group& group) { return overlap(group, top) > kShared; });
+  };
+  tops.erase(std::remove_if(tops.begin(), tops.end(), isDoubtful), tops.end());
+  return tops;
+}
 
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
                               const Meanwhile& meanwhile) {

@@ -12,6 +12,7 @@ struct Group {
   std::vector<const ObjectView*> views;  ///< in order of (time, robot, track)
   outline::PrismFit fit;
   ObjectKind kind = ObjectKind::kUnknown;  ///< obstacle as soon as one of its tracks is called so
+  bool is_top = false;                     ///< its sides look like the floor: the views show the top alone
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
 };
 
@@ -23,5 +24,11 @@ struct Group {
 /// `meanwhile` is called before each fit.
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,
                               const Meanwhile& meanwhile = {});
+
+/// Tops alone (docs/methods.md), of things whose sides look like the floor: of each track what no whole thing
+/// explains, nor one body, is tried as the top of something; those of all robots are joined as in
+/// groupViews(). Where a whole thing stands there is none. The candidates must outlive the groups.
+std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std::vector<Group>& whole,
+                             const MergerOptions& options, const Meanwhile& meanwhile = {});
 
 }  // namespace omnifleet::global_merger

@@ -162,6 +162,15 @@ std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
   return is_mark ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
 }
 
+/// A robot drove there, so near.
+bool Merger::isWay(const Eigen::Vector2d& at_m, double within_m) const {
+  return std::any_of(trajectories_.begin(), trajectories_.end(), [&](const auto& trajectory) {
+    return std::any_of(trajectory.second.begin(), trajectory.second.end(), [&](const auto& pose) {
+      return (pose.map_from_base.translation() - at_m).squaredNorm() < within_m * within_m;
+    });
+  });
+}
+
 /// Not told are pieces of what is mapped, and of robots: nothing stands where one drove. What floats comes
 /// last: its place is the vaguest.
 void Merger::findUnmapped(const std::vector<Group>& groups) {
@@ -182,12 +191,7 @@ void Merger::findUnmapped(const std::vector<Group>& groups) {
     const bool is_mapped = std::any_of(
         outlines_.begin(), outlines_.end(),
         [&](const dataset::MapObject& object) { return distanceTo(object.outline_m, at_m) < kPiece_m; });
-    const bool is_way = std::any_of(trajectories_.begin(), trajectories_.end(), [&](const auto& trajectory) {
-      return std::any_of(trajectory.second.begin(), trajectory.second.end(), [&](const auto& pose) {
-        return isNear(pose.map_from_base.translation(), at_m, kPiece_m);
-      });
-    });
-    if (!is_told && !is_mapped && !is_way) unmapped_.push_back(place);
+    if (!is_told && !is_mapped && !isWay(at_m, kPiece_m)) unmapped_.push_back(place);
   }
 }
 
@@ -205,6 +209,27 @@ void Merger::findMarks(const std::vector<Group>& groups) {
     if (upright.count(track) == 0) kinds_[track] = ObjectKind::kUnknown;
 }
 
+/// Of what they explain nothing else is left to ask. Where a robot drove nothing floats.
+void Merger::addTops(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
+                     std::vector<Group>& groups) const {
+  std::vector<Group> whole;
+  std::copy_if(groups.begin(), groups.end(), std::back_inserter(whole),
+               [&](const Group& group) { return isObject(group); });
+  constexpr double kWay_m = 0.1;
+  std::vector<Group> tops = groupTops(candidates, whole, options_, meanwhile);
+  tops.erase(std::remove_if(tops.begin(), tops.end(),
+                            [&](const Group& top) { return !isObject(top) || isWay(top.centre_m, kWay_m); }),
+             tops.end());
+  std::set<const ObjectView*> explained;
+  for (const Group& top : tops) explained.insert(top.views.begin(), top.views.end());
+  const auto isExplained = [&](const Group& group) {
+    return std::all_of(group.views.begin(), group.views.end(),
+                       [&](const ObjectView* view) { return explained.count(view) > 0; });
+  };
+  groups.erase(std::remove_if(groups.begin(), groups.end(), isExplained), groups.end());
+  std::move(tops.begin(), tops.end(), std::back_inserter(groups));
+}
+
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
@@ -213,8 +238,9 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   faint_m_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
-  const auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
-                                                : groupViews(candidates, options_, meanwhile);
+  auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
+                                          : groupViews(candidates, options_, meanwhile);
+  if (finished_ && options_.method != "hull") addTops(candidates, meanwhile, groups);
   for (const auto& group : groups) {
     if (!isObject(group)) continue;
     outlines_.push_back(objectOf(group));

@@ -82,6 +82,7 @@ struct MergerOptions {
   static MergerOptions read(const options::Section& section);
 };
 
+struct Candidate;
 struct Group;
 
 /// A place where several views saw something that is not in the map.
@@ -152,7 +153,10 @@ class Merger {
   bool isOneThing(const Group& group) const;
   bool isObject(const Group& group) const;
   std::optional<Unmapped::Why> whyUnmapped(const Group& group) const;
+  bool isWay(const Eigen::Vector2d& at_m, double within_m) const;
   void findMarks(const std::vector<Group>& groups);
+  void addTops(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
+               std::vector<Group>& groups) const;
   void findUnmapped(const std::vector<Group>& groups);
 
   MergerOptions options_;
