@@ -134,6 +134,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
       unlined_(view.imageSize()),
+      far_things_(camera),
       hued_cells_(view.imageSize()),
       despeckler_(view.imageSize()),
       step_edges_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
@@ -171,7 +172,8 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   lines_.apply(area_, bits_);
   if (tells_shade) {
     const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
-    if (low_walls_ && findLowWalls(image, *regions))
+    const bool are_walls = low_walls_ && findLowWalls(image, *regions);
+    if (are_walls || (unlined_regions_ != nullptr && far_things_.giveBack(*unlined_regions_, bits_)))
       regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
     if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, looks_);
     shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);

@@ -9,6 +9,7 @@
 #include "ground/cell_means.h"
 #include "ground/cell_test.h"
 #include "ground/despeckler.h"
+#include "ground/far_things.h"
 #include "ground/floor_noise.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
@@ -136,6 +137,7 @@ class GroundSegmenter {
   BitMask unlined_;  ///< with the markings
   Labeller unlined_labeller_;
   const std::vector<Blob>* unlined_regions_ = nullptr;  ///< of this frame, where they were asked for
+  FarThings far_things_;
   HuedCells hued_cells_;
   Despeckler despeckler_;
   Labeller labeller_;

@@ -147,6 +147,43 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
               200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
 }
 
+/// A patch of floor, as the camera sees it.
+void paintFloor(cv::Mat3b& image, const lens::Camera& camera, double from_m, double to_m, double bearing_rad,
+                double half_wide_m) {
+  const Eigen::Rotation2Dd turn(bearing_rad);
+  std::vector<cv::Point> outline;
+  const auto add = [&](double x_m, double y_m) {
+    const Eigen::Vector2d at = camera.foot() + turn * Eigen::Vector2d(x_m, y_m);
+    const auto pixel = camera.pixelFromPoint({at.x(), at.y(), 0.0});
+    ASSERT_TRUE(pixel);
+    outline.emplace_back(cvRound(16.0 * pixel->x()), cvRound(16.0 * pixel->y()));
+  };
+  constexpr int kSteps = 40;
+  for (int i = 0; i <= kSteps; ++i) add(from_m + (to_m - from_m) * i / kSteps, -half_wide_m);
+  for (int i = 0; i <= kSteps; ++i) add(to_m, half_wide_m * (2.0 * i / kSteps - 1.0));
+  for (int i = kSteps; i >= 0; --i) add(from_m + (to_m - from_m) * i / kSteps, half_wide_m);
+  cv::fillPoly(image, std::vector<std::vector<cv::Point>>{outline}, cv::Scalar(40, 160, 210), cv::LINE_AA, 4);
+}
+
+// The silhouette of a box of .3 m two metres away is as thin as a grid's line near by. Tape that leads away
+// from the camera is as thin there, too, but all the way; what lies across is thinner still.
+TEST_F(SegmenterTest, FarThingsAsThinAsLinesAreFoundAndTapeIsNot) {
+  const auto found = [&](double from_m, double to_m, double bearing_rad, double half_wide_m) {
+    cv::Mat3b image = testing::unevenFloor(model_, 0.8, 1.0, 4);
+    paintFloor(image, camera_, from_m, to_m, bearing_rad, half_wide_m);
+    GroundSegmenter segmenter(camera_, view_, {});
+    EXPECT_TRUE(segmenter.segment(image));
+    Labeller labeller;
+    return labeller.label(segmenter.bits(), segmenter.area(), 20).size();
+  };
+  for (const double bearing_rad : {-1.3, -0.3, 1.2, 2.6}) {
+    EXPECT_EQ(found(2.2, 2.6, bearing_rad, 0.15), 1U) << bearing_rad;
+    EXPECT_EQ(found(1.0, 2.7, bearing_rad, 0.018), 0U) << bearing_rad;
+    EXPECT_EQ(found(1.8, 1.85, bearing_rad, 0.3), 0U) << bearing_rad;
+    EXPECT_EQ(found(1.0, 1.07, bearing_rad, 0.15), 0U) << bearing_rad;
+  }
+}
+
 // A line all round is one on the floor, or the robot's own body where its mask is too small: walls have a
 // height, and floor before them.
 TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
