@@ -67,11 +67,21 @@ struct ScoutPair {
   double map_variance_m2 = 0.0;  ///< of in_map, each axis
 };
 
+/// Where a robot that one other sees may be, before anything else bears it out.
+struct ScoutGuess {
+  Pose2 map_from_local;
+  std::size_t witness = 0;  ///< which robot sees it there
+  int frames = 0;           ///< that say so
+  Eigen::Vector2d own_m = Eigen::Vector2d::Zero(),
+                  witness_m = Eigen::Vector2d::Zero();  ///< first; local, map
+};
+
 /// What a robot without a pose knows: its way in a frame of its own, and what ties that to the map.
 struct Scout {
   TimeNs time_ns = 0;
   Pose2 local_from_base;
   std::deque<ScoutPair> pairs;
+  std::optional<ScoutGuess> guess;
 };
 
 /// A place elsewhere that a robot may have started at, and how much of what was seen speaks for it.

@@ -17,6 +17,7 @@ constexpr double kSigma_m = 0.05, kSigma_rad = 0.05;  // of the placed pose; vie
 
 struct Hypothesis {
   Pose2 map_from_base;
+  std::size_t witness = 0;
   int matches = 0;
   double error_m = 0.0;
 };
@@ -74,7 +75,8 @@ std::vector<Hypothesis> mutualSightings(const FleetState& fleet, const RobotNode
         if (std::abs(q.norm() - p_in_witness.norm()) > kAgree_m) continue;
         const Eigen::Vector2d back = map_from_witness.translation() - p;
         const double theta = std::atan2(back.y(), back.x()) - std::atan2(q.y(), q.x());
-        hypotheses.push_back({{p.x(), p.y(), wrapAngle(theta)}, 0, 0.0});
+        const auto which = static_cast<std::size_t>(witness - fleet.robots.data());
+        hypotheses.push_back({{p.x(), p.y(), wrapAngle(theta)}, which, 0, 0.0});
       }
     }
   }
@@ -86,17 +88,36 @@ bool same(const Pose2& a, const Pose2& b) {
          std::abs(wrapAngle(a.theta_rad - b.theta_rad)) < kRival_rad;
 }
 
+/// That a robot sees a body and the other one as far away, and nothing else, says little: two things may be
+/// so by chance. It must be said again, while one of them drives.
+bool isSaidAgain(const FleetState& fleet, RobotNode& lost, const Hypothesis& best) {
+  constexpr int kFrames = 5, kStandingFrames = 15;
+  constexpr double kDriven_m = 0.2;
+  if (!lost.scout) return false;
+  const Scout& scout = *lost.scout;
+  const Eigen::Vector2d own_m = scout.local_from_base.translation();
+  const Eigen::Vector2d witness_m = fleet.pose(fleet.robots[best.witness].window.back().pose).translation();
+  std::optional<ScoutGuess>& guess = lost.scout->guess;
+  if (!guess || guess->witness != best.witness ||
+      !same(guess->map_from_local * scout.local_from_base, best.map_from_base))
+    guess =
+        ScoutGuess{best.map_from_base * scout.local_from_base.inverse(), best.witness, 0, own_m, witness_m};
+  const double driven_m = (own_m - guess->own_m).norm() + (witness_m - guess->witness_m).norm();
+  return ++guess->frames >= (driven_m >= kDriven_m ? kFrames : kStandingFrames);
+}
+
 /// Takes the best hypothesis when no other place is as good.
-bool placeBest(FleetState& fleet, RobotNode& lost, const Objects& frame, std::vector<Hypothesis>& hypotheses,
-               int least_matches) {
+bool placeBest(FleetState& fleet, RobotNode& lost, const Objects& frame,
+               std::vector<Hypothesis>& hypotheses) {
   std::stable_sort(hypotheses.begin(), hypotheses.end(), [](const Hypothesis& a, const Hypothesis& b) {
     return a.matches != b.matches ? a.matches > b.matches : a.error_m < b.error_m;
   });
-  if (hypotheses.empty() || hypotheses.front().matches < least_matches) return false;
+  if (hypotheses.empty() || hypotheses.front().matches == 0) return false;
   const Hypothesis& best = hypotheses.front();
   for (const Hypothesis& h : hypotheses) {
     if (h.matches == best.matches && !same(h.map_from_base, best.map_from_base)) return false;
   }
+  if (best.matches == 1 && !isSaidAgain(fleet, lost, best)) return false;
   fleet.release(lost);
   fleet.place(lost, frame, best.map_from_base);
   const Eigen::Matrix3d covariance =
@@ -114,7 +135,7 @@ bool locateBySightings(FleetState& fleet, RobotNode& lost, const Objects& frame,
   std::vector<Hypothesis> hypotheses = mutualSightings(fleet, lost, frame, frames);
   if (hypotheses.empty()) return false;
   for (Hypothesis& h : hypotheses) score(fleet, lost, frame, h);
-  return placeBest(fleet, lost, frame, hypotheses, 1);
+  return placeBest(fleet, lost, frame, hypotheses);
 }
 
 }  // namespace omnifleet::estimation

@@ -109,6 +109,7 @@ void advanceScout(const FleetState& fleet, RobotNode& lost, const Objects& frame
   Pose2 motion;
   if (!fleet.motionBetween(lost, scout.time_ns, frame, motion)) {
     scout.pairs.clear();
+    scout.guess.reset();
     motion = {};
   }
   scout.local_from_base = scout.local_from_base * motion;

@@ -262,9 +262,12 @@ std::string tellDoubt(const FleetState& fleet, const RobotNode& robot) {
     return &other != &robot && other.located();
   });
   if (alone || start.contradicted) return {};
+  const bool has_claim = !robot.setup.founds_map;  // else map is where it starts
   if (start.doubts >= kLong && isRefuted(start))
-    return "what it sees and what others see contradict each other: is its initial_pose right?";
-  if (start.unconfirmed >= kUnconfirmed) return "too little that others see too confirms its initial_pose";
+    return std::string("what it sees and what others see contradict each other") +
+           (has_claim ? ": is its initial_pose right?" : "");
+  if (has_claim && start.unconfirmed >= kUnconfirmed)
+    return "too little that others see too confirms its initial_pose";
   return {};
 }
 

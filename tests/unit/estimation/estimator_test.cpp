@@ -251,6 +251,31 @@ TEST(FleetEstimator, ARobotWithoutStartIsLocatedBySighting) {
   EXPECT_LT(error, 0.02);
 }
 
+/// Where each sees something as large as the other, and as far away, that may be so by chance.
+TEST(FleetEstimator, ThingsAsLargeAsRobotsAreNoSightings) {
+  int placed = 0;
+  for (std::uint32_t seed = 1006; seed < 1012; ++seed) {
+    SimulationOptions options;
+    options.robots = 2;
+    options.alike = true;
+    options.robots_seen = false;
+    FleetSimulator simulator(options, seed);
+    auto setups = simulator.setups();
+    setups[1].initial_pose.reset();
+    for (RobotSetup& setup : setups) {
+      setup.body.radius_m = simulator.obstacles().front().radius_m;
+      setup.body.height_m = simulator.obstacles().front().height_m;
+    }
+    FleetEstimator estimator(setups, {});
+    for (int f = 0; f < 60; ++f) {
+      const auto frames = simulator.frames(f);
+      const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
+      placed += f == 59 && estimates[1].valid ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(placed, 0);
+}
+
 Measurement absolute(const std::string& robot, TimeNs time, const Pose2& pose) {
   Measurement m;
   m.source = "ceiling/c1";
