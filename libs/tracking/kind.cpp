@@ -23,7 +23,8 @@ constexpr double kForgetMotion_s =
 constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
 constexpr int kMovedFrames = 3;             // of a thing in a blob with others, whose outline may be theirs
 constexpr double kStrangerStands_s = 1.0;   // who is not of the fleet is a robot while it drives …
-constexpr double kSurelyDrives_s = 2.0;     // … and ever after where it did so for longer, touching none
+constexpr double kSurelyDrives_s = 2.0;  // … and ever after where it did so for longer, touching none, …
+constexpr double kBodyDrives_s = 1.0;    // … or this long with the shape of one
 constexpr double kShortestWindow_s = 0.25;
 constexpr double kTrackedShare = 0.5;   // of what the outline went that the track must have gone
 constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
@@ -165,7 +166,7 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   if (drives || crawls()) {
     const bool alone = e.touching_s > 2.0 * options_.window_s;
     e.drives_s = alone ? e.drives_s + own.step_s() : 0.0;
-    e.drove = e.drove || e.drives_s > kSurelyDrives_s;
+    e.drove = e.drove || e.drives_s > (e.shape > kFitsClearly ? kBodyDrives_s : kSurelyDrives_s);
     if (++e.moved_frames < (drives && track.clean ? 1 : kMovedFrames)) return;
     e.pushed = e.shape < kFitsClearly && e.motion <= 0.0 && !alone;
     e.motion = e.pushed ? kPushedEvidence : kMovedEvidence;

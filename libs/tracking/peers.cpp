@@ -63,6 +63,19 @@ void Peers::remember(const PoseEstimate& pose) {
   last.any = true;
 }
 
+/// Without wheels: as it went, which a robot may change.
+PoseEstimate Peers::carriedOn(const Last& last, TimeNs now_ns) const {
+  constexpr double kTurnSigma_radps = 0.5;
+  const double dt = seconds(now_ns, last.pose.acquired_ns);
+  PoseEstimate now = last.pose;
+  now.acquired_ns = now_ns;
+  now.map_from_base =
+      last.pose.map_from_base * Pose2{last.twist.x_m * dt, last.twist.y_m * dt, last.twist.theta_rad * dt};
+  now.covariance.diagonal().head<2>().array() += std::pow(options_.speed_sigma_mps * dt, 2);
+  now.covariance(2, 2) += std::pow(kTurnSigma_radps * dt, 2);
+  return now;
+}
+
 void Peers::place(Peer& peer, const Last& last, const PoseEstimate& own, const Pose2& odom_from_base_then,
                   TimeNs now_ns) {
   const double dt = seconds(now_ns, last.pose.acquired_ns);
@@ -94,16 +107,21 @@ std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const 
   for (Peer& peer : peers_) peer.known = peer.may_be_there = false;
   const auto own = last_.find(own_);
   if (own == last_.end() || !own->second.any) return peers_;
-  const auto odom_from_base_then = own_motion.odomFromBaseAt(own->second.pose.acquired_ns);
   const auto fresh = [&](const Last& last) {
     const double age = seconds(own_motion.now(), last.pose.acquired_ns);
     return last.any && std::abs(age) <= options_.max_age_s;
   };
-  if (!odom_from_base_then || !fresh(own->second)) return peers_;
+  if (!fresh(own->second)) return peers_;
+  PoseEstimate here = own->second.pose;
+  auto odom_from_base = own_motion.odomFromBaseAt(here.acquired_ns);
+  if (!odom_from_base) {
+    here = carriedOn(own->second, own_motion.now());
+    odom_from_base = own_motion.odomFromBase();
+  }
   for (Peer& peer : peers_) {
     const auto last = last_.find(peer.robot);
     if (last == last_.end() || !fresh(last->second)) continue;
-    place(peer, last->second, own->second.pose, *odom_from_base_then, own_motion.now());
+    place(peer, last->second, here, *odom_from_base, own_motion.now());
   }
   return peers_;
 }

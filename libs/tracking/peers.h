@@ -33,7 +33,7 @@ struct Peer {
 
 /// Published poses (map) → places in odom now. The poses belong to the previous frame (feedback) or are
 /// older; each peer is carried on with the velocity between its last two poses, the own pose with the own
-/// motion.
+/// motion, or likewise where that is not known (no wheels).
 class Peers {
  public:
   Peers(const PeerOptions& options, const std::string& own, const std::map<std::string, RobotBody>& bodies);
@@ -54,6 +54,7 @@ class Peers {
     bool assumed = false;
   };
   void forgetAssumed();
+  PoseEstimate carriedOn(const Last& last, TimeNs now_ns) const;
   void remember(const PoseEstimate& pose);
   void place(Peer& peer, const Last& last, const PoseEstimate& own, const Pose2& odom_from_base_then,
              TimeNs now_ns);

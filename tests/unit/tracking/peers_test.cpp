@@ -63,6 +63,27 @@ TEST_F(PeersTest, CarriesEverybodyOnToThisFrame) {
   EXPECT_LT(all[0].covariance.trace(), 0.01);
 }
 
+/// Its odom begins anew with every frame.
+TEST_F(PeersTest, WithoutWheelsTheOwnPoseGoesOnAsItWent) {
+  Peers peers({}, "r1", bodies_);
+  const auto r1 = [](int i) { return pose("r1", i * kFrame_ns, {1.0, 1.0 + 0.03 * i, M_PI / 2}); };
+  const auto r2 = [](int i) { return pose("r2", i * kFrame_ns, {2.0, 1.5, 0.0}); };
+  double trace = 0.0;
+  for (int i = 0; i <= 10; ++i) {
+    own_.advance({}, i * kFrame_ns);
+    const auto& all = peers.predict({r1(i - 1), r2(i - 1)}, own_);
+    if (i < 10) continue;
+    ASSERT_TRUE(all[0].known);
+    const Pose2 map_from_base{1.0, 1.3, M_PI / 2};
+    const Eigen::Vector2d expected =
+        own_.odomFromBase() * (map_from_base.inverse() * Eigen::Vector2d(2.0, 1.5));
+    EXPECT_LT((all[0].centre_m - expected).norm(), 1e-3);
+    trace = all[0].covariance.trace();
+  }
+  drive(10);
+  EXPECT_GT(trace, peers.predict({}, own_)[0].covariance.trace()) << "less sure than by wheels";
+}
+
 TEST_F(PeersTest, SilenceMakesUnknown) {
   Peers peers({}, "r1", bodies_);
   drive(1);

@@ -126,7 +126,7 @@ TEST(Classifier, TellsStrangersByTheirMotion) {
 }
 
 /// A robot that nobody of the fleet knows of crosses between them, and stops.
-Scenario crossing(double speed_mps) {
+Scenario crossing(double speed_mps, int stops_at = 100) {
   Scenario scenario{"a stranger at " + std::to_string(speed_mps) + " m/s", 180, [](std::mt19937& rng) {
                       Scene scene = apartScene(rng);
                       Body stranger = round("stranger", 0.15, 0.3, {-0.4, -0.75, 0.0});
@@ -135,12 +135,12 @@ Scenario crossing(double speed_mps) {
                       scene.bodies.insert(scene.bodies.begin() + 3, stranger);
                       return scene;
                     }};
-  scenario.drive = [speed_mps](Scene& scene, int frame, std::mt19937&) {
+  scenario.drive = [=](Scene& scene, int frame, std::mt19937&) {
     for (std::size_t i = 0; i < 3; ++i) {
       scene.bodies[i].w_radps = 0.6;
       scene.bodies[i].v_mps = 0.12;
     }
-    scene.bodies[3].v_mps = frame < 100 ? speed_mps : 0.0;
+    scene.bodies[3].v_mps = frame < stops_at ? speed_mps : 0.0;
   };
   return scenario;
 }
@@ -156,11 +156,14 @@ TEST(Classifier, TellsAStrangerThatCrawls) {
 }
 
 TEST(Classifier, KeepsAStrangerARobotWhenItStops) {
-  Scenario scenario = crossing(0.2);
-  scenario.warm_up = 120;  // it stands since two seconds
-  const Score score = runAll(scenario);
-  EXPECT_EQ(score.robots_missed, 0);
-  EXPECT_EQ(score.obstacles_as_robots, 0);
+  // It has the shape of a robot, for which a second on its way is enough; some see less of it.
+  for (const auto& [stops_at, most_missed] : {std::pair{100, 0}, std::pair{34, 150}}) {
+    Scenario scenario = crossing(0.2, stops_at);
+    scenario.warm_up = stops_at + 20;  // it stands since two seconds
+    const Score score = runAll(scenario);
+    EXPECT_LE(score.robots_missed, most_missed) << stops_at;
+    EXPECT_EQ(score.obstacles_as_robots, 0) << stops_at;
+  }
 }
 
 TEST(Classifier, KeepsIdsThroughTwoSecondsOfLoss) {
