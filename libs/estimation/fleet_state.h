@@ -97,8 +97,8 @@ struct Start {
   Pose2 moved;          ///< by how much everything is now beside where it was said to be (from the left)
   int agreed = 0;       ///< frames that agree with others
   int unconfirmed = 0;  ///< frames since one agreed
-  int doubts = 0;       ///< frames in a row that do not, and of late …
-  double doubted = 0.0, refuted = 0.0;  ///< … those that show nothing of the others, and the contrary
+  int doubts = 0;       ///< frames that do not, less those in which some of it agrees and nothing is missing
+  double doubted = 0.0, refuted = 0.0;  ///< of late: those that show nothing of the others, and the contrary
   double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;
   bool contradicted = false;          ///< for long, and no other place is sure

@@ -88,7 +88,10 @@ void weigh(FleetState& fleet, RobotNode& robot) {
   }
   ++start.unconfirmed;
   const bool refuted = here.misses > here.matches;
-  if (!refuted && here.matches > 0) return;
+  if (!refuted && here.matches > 0) {
+    if (here.misses == 0) start.doubts = std::max(-kLong, start.doubts - 1);
+    return;
+  }
   if (++start.doubts > kSeldom && start.doubts % kEvery != 0) return;
   age(start);
   start.doubted += 1.0;
