@@ -345,5 +345,45 @@ TEST(Starts, RightOnesAreLeftAlone) {
   }
 }
 
+/// A thing of the floor's colour is seen for three seconds where the other robot knows it, and lost for two;
+/// all the while a second one is seen in part.
+TEST(Starts, ThatWereBorneOutForLongAreNotRefutedByOneThingThatIsLost) {
+  constexpr int kSeen = 16, kFrames = 26;
+  int runs = 0;
+  for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + 200 && runs < 4; ++seed) {
+    SimulationOptions options;
+    options.robots = 3;
+    options.obstacles = 2;
+    options.robots_seen = false;
+    options.speed_mps = 0.05;
+    FleetSimulator simulator(options, seed);
+    const auto isNear = [&](int robot, int frame) {
+      const Eigen::Vector2d place_m = simulator.obstacles().front().centre_m;
+      const double away_m = (simulator.truth(robot, frame).translation() - place_m).norm();
+      return away_m > 0.45 && away_m < 1.1;
+    };
+    if (!isNear(0, 0) || !isNear(1, 0) || !isNear(0, kFrames) || !isNear(1, kFrames)) continue;
+    ++runs;
+    auto setups = simulator.setups();
+    for (auto& setup : setups) setup.body.radius_m = 0.0, setup.body.footprint_m.clear();
+    FleetEstimator estimator(setups, {});
+    for (int f = 0; f < kFrames; ++f) {
+      auto frames = simulator.frames(f);
+      const auto second = std::max_element(frames[1].tracks.begin(), frames[1].tracks.end(),
+                                           [](const Track& a, const Track& b) { return a.id < b.id; });
+      if (frames[1].tracks.size() == 2) second->truncated = true;
+      if (f >= kSeen) frames[1].tracks.erase(frames[1].tracks.begin(), second);
+      frames[0].tracks.erase(frames[0].tracks.begin() + 1, frames[0].tracks.end());
+      frames[2].tracks.clear();
+      const auto estimates = estimator.process(simulator.time(f), testing::pointers(frames), {});
+      if (estimator.refineDue()) estimator.refine();
+      EXPECT_TRUE(estimates[1].valid) << "seed " << seed << " frame " << f;
+    }
+    estimator.finish();
+    EXPECT_TRUE(estimator.takeFindings().empty()) << seed;
+  }
+  EXPECT_EQ(runs, 4);
+}
+
 }  // namespace
 }  // namespace omnifleet::estimation::testing
