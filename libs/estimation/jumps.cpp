@@ -10,8 +10,9 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kSigma_m = 0.02, kMost = 9.0;        // of a thing's place; χ² at which it is another thing
-constexpr double kMatch_m = 0.06;                     // that is here
+constexpr double kSigma_m = 0.02, kMost = 9.0;  // of a thing's place; χ² at which it is another thing
+constexpr double kMatch_m = 0.06;               // that is here
+constexpr double kOneSide = 2.0;  // times as uncertain where one side of things is seen, as by a laser
 constexpr double kWidth_m = 0.04, kWidthShare = 0.3;  // how much half widths may differ
 constexpr double kLeastBase_m = 0.4;                  // between two things that tell a heading
 constexpr double kSlip_m = 0.35, kSlip_rad = 0.35;    // from frame to frame
@@ -63,7 +64,9 @@ class Search {
   Search(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen, bool peers)
       : robot_(robot), here_(fleet.pose(robot.window.back().pose)) {
     for (const Seen& s : seen) {
-      if (s.mature) things_.push_back({Footprint(*s.view)});
+      if (!s.mature) continue;
+      things_.push_back({Footprint(*s.view)});
+      if (!s.view->isCameras()) doubt_ = kOneSide;
     }
     for (const auto& [id, landmark] : fleet.landmarks) {
       if (landmark.views < kLeastViews || !isKnownTo(landmark)) continue;
@@ -164,14 +167,15 @@ class Search {
     place.map_from_base = map_from_base;
     std::vector<bool> found(known_.size(), false);
     for (const Thing& thing : things_) {
-      double nearest_m = kMatch_m;
+      double nearest_m = doubt_ * kMatch_m;
       std::size_t what = known_.size();
       for (std::size_t k = 0; k < known_.size(); ++k) {
         if (found[k] || !isWhat(thing, known_[k])) continue;
         const double off_m = (map_from_base * thing.in_base_m(known_[k].height_m) - known_[k].place_m).norm();
         if (off_m < nearest_m) nearest_m = off_m, what = k;
       }
-      place.cost += std::min(kMost, nearest_m * nearest_m / (kSigma_m * kSigma_m));
+      const double sigma_m = doubt_ * kSigma_m;
+      place.cost += std::min(kMost, nearest_m * nearest_m / (sigma_m * sigma_m));
       if (what == known_.size()) continue;
       found[what] = true;
       place.matches.push_back(
@@ -203,7 +207,7 @@ class Search {
                                       {j.in_base_m(b.height_m), b.place_m}};
         const double seen_m = (pair[1].in_base_m - pair[0].in_base_m).norm();
         const double known_m = (b.place_m - a.place_m).norm();
-        if (seen_m < kLeastBase_m || std::abs(seen_m - known_m) > kMatch_m) continue;
+        if (seen_m < kLeastBase_m || std::abs(seen_m - known_m) > doubt_ * kMatch_m) continue;
         // Through all that it explains, not only through the pair.
         const Place by_pair = judge(rigid(pair));
         if (by_pair.matches.size() < kNearMatches) continue;
@@ -249,6 +253,7 @@ class Search {
 
   const RobotNode& robot_;
   Pose2 here_;
+  double doubt_ = 1.0;
   std::vector<Thing> things_;
   std::vector<Known> known_;
 };
