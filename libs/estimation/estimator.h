@@ -63,7 +63,7 @@ struct EstimatorOptions {
   int publish_views = 6;                ///< keyframe views before a landmark is listed
   double gate_chi2 = 16.3;              ///< 1, χ² (3 dof, 99.9 %) of a step against the wheels: slip
   double no_wheels_sigma_mps = 0.5;     ///< m/s, without motion: σ of the constant-velocity prior's speed
-  double no_wheels_sigma_radps = 1.0;   ///< rad/s, likewise
+  double no_wheels_sigma_radps = 0.3;   ///< rad/s, likewise
   double carried_per_s = 0.001;         ///< 1/s, how often a robot that sees nothing is carried away, …
   double carried_m = 0.3;               ///< m, … and how far, rms of each axis,
   double carried_rad = 0.3;             ///< rad, and turned by how much

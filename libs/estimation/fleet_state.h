@@ -72,6 +72,7 @@ struct ScoutGuess {
   Pose2 map_from_local;
   std::size_t witness = 0;  ///< which robot sees it there
   int frames = 0;           ///< that say so
+  TimeNs last_ns = 0;       ///< the last of them
   Eigen::Vector2d own_m = Eigen::Vector2d::Zero(),
                   witness_m = Eigen::Vector2d::Zero();  ///< first; local, map
 };

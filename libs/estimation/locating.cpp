@@ -93,15 +93,17 @@ bool same(const Pose2& a, const Pose2& b) {
 bool isSaidAgain(const FleetState& fleet, RobotNode& lost, const Hypothesis& best) {
   constexpr int kFrames = 5, kStandingFrames = 15;
   constexpr double kDriven_m = 0.2;
+  constexpr TimeNs kForget_ns = 2000000000;
   if (!lost.scout) return false;
   const Scout& scout = *lost.scout;
   const Eigen::Vector2d own_m = scout.local_from_base.translation();
   const Eigen::Vector2d witness_m = fleet.pose(fleet.robots[best.witness].window.back().pose).translation();
   std::optional<ScoutGuess>& guess = lost.scout->guess;
-  if (!guess || guess->witness != best.witness ||
+  if (!guess || guess->witness != best.witness || scout.time_ns - guess->last_ns > kForget_ns ||
       !same(guess->map_from_local * scout.local_from_base, best.map_from_base))
-    guess =
-        ScoutGuess{best.map_from_base * scout.local_from_base.inverse(), best.witness, 0, own_m, witness_m};
+    guess = ScoutGuess{
+        best.map_from_base * scout.local_from_base.inverse(), best.witness, 0, 0, own_m, witness_m};
+  guess->last_ns = scout.time_ns;
   const double driven_m = (own_m - guess->own_m).norm() + (witness_m - guess->witness_m).norm();
   return ++guess->frames >= (driven_m >= kDriven_m ? kFrames : kStandingFrames);
 }

@@ -257,13 +257,17 @@ void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, st
   groups = std::move(kept);
 }
 
-/// Its views agree on nothing as a whole thing, and on a height as a top.
-bool isTop(const Group& top, const Group& whole, const MergerOptions& options) {
-  constexpr double kShare = 0.3;  // of their spread as a whole thing, that is left
+/// Surely above the floor.
+bool isTop(const Group& top, const MergerOptions& options) {
   constexpr double kLeast_m = 0.05, kSigmas = 3.0;
   return isThing(top, options) && top.fit.height_sigma_m > 0 &&
-         top.fit.height_m - kSigmas * top.fit.height_sigma_m > kLeast_m &&
-         (!whole.fit.valid || top.fit.spread < kShare * whole.fit.spread);
+         top.fit.height_m - kSigmas * top.fit.height_sigma_m > kLeast_m;
+}
+
+/// Its views agree on nothing as a whole thing, but as a top.
+bool isRather(const Group& top, const Group& whole) {
+  constexpr double kShare = 0.3;  // of their spread as a whole thing, that is left
+  return !whole.fit.valid || top.fit.spread < kShare * whole.fit.spread;
 }
 
 }  // namespace
@@ -281,24 +285,28 @@ std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std
     const Group as_whole = groupOf(left, candidate.kind, quick(options), meanwhile);
     if (isOneBody(as_whole, options)) continue;
     Group top = groupOf(left, candidate.kind, quick(options), meanwhile, true);
-    if (isTop(top, as_whole, options)) pieces.push_back(std::move(top));
+    if (isTop(top, options) && isRather(top, as_whole)) pieces.push_back(std::move(top));
   }
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
   for (Group& piece : pieces)
     if (!join(piece, options, meanwhile, tops)) tops.push_back(std::move(piece));
+  std::stable_sort(tops.begin(), tops.end(),
+                   [](const Group& a, const Group& b) { return a.views.size() > b.views.size(); });
+  std::vector<Group> kept;
+  const auto isTaken = [&](const std::vector<Group>& by, const Group& top) {
+    constexpr double kShared = 0.1;
+    return std::any_of(by.begin(), by.end(),
+                       [&](const Group& group) { return overlap(group, top) > kShared; });
+  };
   for (Group& top : tops) {
     Group sharper = refined(top, options, meanwhile);
     if (sharper.views.size() >= kLeastOfTop && isThing(sharper, options)) top = std::move(sharper);
+    if (top.views.size() >= kEnoughOfTop && isTop(top, options) && !isTaken(whole, top) &&
+        !isTaken(kept, top))
+      kept.push_back(std::move(top));
   }
-  const auto isDoubtful = [&](const Group& top) {
-    constexpr double kShared = 0.1;
-    return top.views.size() < kEnoughOfTop ||
-           std::any_of(whole.begin(), whole.end(),
-                       [&](const Group& group) { return overlap(group, top) > kShared; });
-  };
-  tops.erase(std::remove_if(tops.begin(), tops.end(), isDoubtful), tops.end());
-  return tops;
+  return kept;
 }
 
 std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const MergerOptions& options,

@@ -58,6 +58,19 @@ bool isSilentRobot(const Group& group, const MergerOptions& options,
   });
 }
 
+/// What one robot sees, hardly ever by itself: its outline may be that of what stands beside or behind it, or
+/// the half of it that differs from the floor.
+bool isUnclear(const Group& group) {
+  constexpr double kShare = 0.9, kAgree = 0.7;  // of the views; spread of views of one body
+  const auto flawed = std::count_if(group.views.begin(), group.views.end(),
+                                    [](const ObjectView* view) { return view->is_flawed; });
+  const bool by_one = std::all_of(group.views.begin(), group.views.end(), [&](const ObjectView* view) {
+    return view->robot == group.views.front()->robot;
+  });
+  return by_one && static_cast<double>(flawed) >= kShare * static_cast<double>(group.views.size()) &&
+         group.fit.spread > kAgree && group.views.front()->prism.camera_height_m > 0.0;
+}
+
 /// By the parallax of its points, surely.
 bool isTall(const Group& group) {
   constexpr double kLeast_m = 0.08, kSigmas = 3.0;
@@ -236,6 +249,7 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   const auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
   faint_m_.clear();
+  unclear_m_.clear();
   kinds_.clear();
   std::set<std::uint64_t> taken;
   auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
@@ -247,6 +261,8 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
     outlines_.back().id = idOf(group, bodies_, taken);
     if (finished_ && floorSays(group, options_, map_.store()) == FloorSays::kLess)
       faint_m_.push_back(outlines_.back().centroid_m);
+    else if (finished_ && options_.method != "hull" && isUnclear(group))
+      unclear_m_.push_back(outlines_.back().centroid_m);
     for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
   }
   if (finished_) findMarks(groups);

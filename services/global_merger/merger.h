@@ -139,6 +139,8 @@ class Merger {
   const std::vector<Unmapped>& unmapped() const { return unmapped_; }
   /// Since finish(): the middles of outlines where the floor was seen, too: things hardly to be told from it.
   const std::vector<Eigen::Vector2d>& faint() const { return faint_m_; }
+  /// Likewise of outlines that no view shows by themselves, and one robot's views do not quite agree on.
+  const std::vector<Eigen::Vector2d>& unclear() const { return unclear_m_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();
 
@@ -166,7 +168,7 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<Unmapped> unmapped_;
-  std::vector<Eigen::Vector2d> faint_m_;
+  std::vector<Eigen::Vector2d> faint_m_, unclear_m_;
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind>
       kinds_;             ///< of the tracks behind outlines; unknown: of marks
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted

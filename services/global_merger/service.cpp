@@ -290,17 +290,23 @@ void GlobalMergerService::tellDoubts() {
           "they have a height, but mostly the floor was seen there (the tops of things whose sides look like "
           "the floor, half a metre around)");
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
-  Places slivers, bare, faint;
+  Places slivers, bare, faint, unclear;
   for (const dataset::MapObject& object : objects)
     if (global_merger::isSliver(object.outline_m)) slivers.add(centroid(object.outline_m));
   for (const Eigen::Vector2d& at_m : global_merger::bareCells(replica_.map().grid(objects), objects))
     bare.add(at_m);
   for (const Eigen::Vector2d& at_m : replica_.faint()) faint.add(at_m);
+  for (const Eigen::Vector2d& at_m : replica_.unclear()) unclear.add(at_m);
   if (faint.any())
     status().error(
         "in the map, but hardly to be told from the floor, which was seen there, too; the outline may be "
         "off: " +
         faint.text());
+  if (unclear.any())
+    status().error(
+        "in the map by views of one robot that never show them by themselves and do not quite agree; place "
+        "and outline may be off: " +
+        unclear.text());
   if (slivers.any())
     status().error(
         "boards, or dark sides of things that else look like the floor, of which the map shows no more: " +
@@ -310,11 +316,13 @@ void GlobalMergerService::tellDoubts() {
         "occupied, but without an outline (hardly seen, or run together with what is beside it): " +
         bare.text());
   // The last line is all that who follows the status sees.
-  if (unmapped + slivers.count() + bare.count() + faint.count() > 0)
-    status().error(fmt::format(
-        "the map may show too little: {} seen but not in it, {} but thin, {} without an outline, "
-        "{} hardly to be told from the floor; where and why: the lines before this one in the log",
-        unmapped, slivers.count(), bare.count(), faint.count()));
+  if (unmapped + slivers.count() + bare.count() + faint.count() + unclear.count() > 0)
+    status().error(
+        fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline, "
+                    "{} hardly to be told from the floor, {} not seen by themselves; where and why: the "
+                    "lines before this "
+                    "one in the log",
+                    unmapped, slivers.count(), bare.count(), faint.count(), unclear.count()));
 }
 
 /// Returns how many.

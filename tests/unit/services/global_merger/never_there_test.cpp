@@ -258,6 +258,32 @@ TEST_F(LaterLooks, WhatIsNoOneThingIsToldUnlessTheFloorIsSeenMoreOften) {
   EXPECT_TRUE(isTold(looked(never()), Unmapped::Why::kFloats));
 }
 
+/// A thing that runs together with another in every view, and that one robot sees: its outline changes with
+/// what is taken for its own.
+TEST_F(LaterLooks, WhatNoViewShowsByItselfIsToldIfItsViewsDoNotQuiteAgree) {
+  const auto seen = [&](double off_dmm, std::uint16_t solidity) {
+    Sets sets = with_;
+    for (auto& c : sets.contributions) {
+      for (auto& view : c.views) {
+        if (view.track_id != things_.size()) continue;
+        view.solidity_permille = solidity;
+        const double to = c.acquired_ns / 250000000 % 2 == 0 ? off_dmm : -off_dmm;
+        for (std::size_t k = 0; k < view.b_dmm.size(); ++k)
+          if (view.b_dmm[k] > 0) view.b_dmm[k] += static_cast<std::int32_t>(to);
+      }
+    }
+    Merger merger = merged(sets, {});
+    merger.finish();
+    EXPECT_EQ(score(merger.outlines(), things_).matched, 6) << off_dmm << " " << solidity;
+    return merger.unclear();
+  };
+  const auto unclear = seen(300.0, 850);
+  ASSERT_EQ(unclear.size(), 1U);
+  EXPECT_LT((unclear[0] - place()).norm(), 0.1);
+  EXPECT_TRUE(seen(300.0, 1000).empty()) << "seen by itself";
+  EXPECT_TRUE(seen(0.0, 850).empty()) << "in agreement";
+}
+
 /// One thing, seen by a robot that stands at the origin; `spoil(track, scan)` changes each of its
 /// frames.
 template <typename Spoil>
