@@ -1,7 +1,6 @@
 #include "global_merger/save.h"
 
 #include <exception>
-#include <filesystem>
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
 
@@ -46,14 +45,6 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
   for (const auto& [robot, rows] : merger.covariances()) {
     attempt([&, &name = robot, &covariances = rows] {
       dataset::writeCovariances(folder + "/covariances/" + name + ".csv", covariances);
-    });
-  }
-  // A robot that was never located has none: what is there is of an earlier run.
-  for (const auto& [robot, body] : merger.bodies()) {
-    if (merger.trajectories().count(robot) > 0) continue;
-    attempt([&, &name = robot] {
-      std::filesystem::remove(folder + "/trajectories/" + name + ".tum");
-      std::filesystem::remove(folder + "/covariances/" + name + ".csv");
     });
   }
   attempt([&] {

@@ -319,9 +319,8 @@ void GlobalMergerService::tellDoubts() {
   if (unmapped + slivers.count() + bare.count() + faint.count() + unclear.count() > 0)
     status().error(
         fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline, "
-                    "{} hardly to be told from the floor, {} not seen by themselves; where and why: the "
-                    "lines before this "
-                    "one in the log",
+                    "{} hardly to be told from the floor, {} not seen by themselves; where and why: "
+                    "the lines before this one in the log",
                     unmapped, slivers.count(), bare.count(), faint.count(), unclear.count()));
 }
 

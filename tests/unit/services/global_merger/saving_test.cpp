@@ -183,29 +183,6 @@ TEST_F(Saving, WhatCannotBeWrittenIsToldAndTheOldFileStays) {
   EXPECT_EQ(after.at("map.png"), before.at("map.png"));
 }
 
-TEST_F(Saving, PathsOfAnEarlierRunGoWithIt) {
-  const std::map<std::string, RobotBody> bodies{{"r1", {}}, {"r2", {}}};
-  Merger merger({}, {}, bodies);
-  PoseEstimate pose;
-  pose.acquired_ns = 1000000000;
-  pose.valid = true;
-  for (const char* robot : {"r1", "r2"}) {
-    pose.robot = robot;
-    merger.addTrajectory(pose);
-  }
-  ASSERT_THAT(merger.save(folder_.string()), ::testing::IsEmpty());
-  ASSERT_TRUE(fs::exists(folder_ / "trajectories" / "r2.tum"));
-  std::ofstream(folder_ / "trajectories" / "notes.tum") << "a user's own";
-  Merger later({}, {}, bodies);
-  pose.robot = "r1";
-  later.addTrajectory(pose);
-  EXPECT_THAT(later.save(folder_.string()), ::testing::IsEmpty());
-  EXPECT_TRUE(fs::exists(folder_ / "trajectories" / "r1.tum"));
-  EXPECT_FALSE(fs::exists(folder_ / "trajectories" / "r2.tum"));
-  EXPECT_FALSE(fs::exists(folder_ / "covariances" / "r2.csv"));
-  EXPECT_TRUE(fs::exists(folder_ / "trajectories" / "notes.tum"));
-}
-
 TEST_F(Saving, AnEmptyMapIsSavedToo) {
   Merger merger({}, {}, {});
   merger.finish();
