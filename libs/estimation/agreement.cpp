@@ -10,6 +10,7 @@ namespace {
 constexpr TimeNs kLately_ns = 300000000;  // a robot that has seen nothing since cannot be asked
 constexpr double kMatch_m = 0.10;         // between a thing seen and what it should be
 constexpr double kEmpty_m = 0.30;      // nothing is seen so near the place of something: it is missing there
+constexpr double kTop = 2.0;           // times the distance of a thing at which its top may be seen
 constexpr double kTooNear_m = 0.35;    // of the camera: hidden by the own body
 constexpr double kPlainSight_m = 1.2;  // of the camera: not missed there
 constexpr double kSearch_m = 0.5;      // from the place of a robot to the silhouette that may be it
@@ -38,10 +39,18 @@ bool seesFloorAt(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   return scan.range_m[ray % scan.range_m.size()] > to.norm();
 }
 
+/// Of a thing whose sides look like the floor only the top is seen, H/(H − h) times as far.
+bool isBehind(const Eigen::Vector2d& seen_m, const Eigen::Vector2d& in_base_m) {
+  const double away_m = in_base_m.norm(), along_m = seen_m.dot(in_base_m) / away_m;
+  return along_m > away_m && along_m < kTop * away_m &&
+         std::sqrt(std::max(0.0, seen_m.squaredNorm() - along_m * along_m)) < kMatch_m;
+}
+
 bool isEmptyAround(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   return seesFloorAt(robot, in_base_m) &&
-         std::none_of(robot.sight.begin(), robot.sight.end(),
-                      [&](const Glimpse& s) { return (s.position_m - in_base_m).norm() < kEmpty_m; });
+         std::none_of(robot.sight.begin(), robot.sight.end(), [&](const Glimpse& s) {
+           return (s.position_m - in_base_m).norm() < kEmpty_m || isBehind(s.position_m, in_base_m);
+         });
 }
 
 bool inPlainSight(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
@@ -122,19 +131,24 @@ void addConstellations(const Surroundings& around, std::vector<Hypothesis>& hypo
 std::vector<Anchor> anchorsFor(const FleetState& fleet, const RobotNode& robot) {
   std::vector<Anchor> all;
   for (const auto& [id, landmark] : fleet.landmarks) {
-    const bool of_others = std::any_of(landmark.seen_ns.begin(), landmark.seen_ns.end(),
-                                       [&](const auto& entry) { return entry.first != robot.setup.name; });
+    bool of_others = false, sure = false;
+    for (const auto& [name, observer] : landmark.observers) {
+      if (name == robot.setup.name) continue;
+      of_others = true;
+      sure = sure || observer.isSure();
+    }
     if (!of_others) continue;
     double width_m, width_by_height;
     landmark.shape->halfWidth(width_m, width_by_height);
     const double height_m = fleet.height(landmark);
-    all.push_back({fleet.centre(landmark), height_m, width_m - height_m * width_by_height, nullptr, 0.0});
+    all.push_back(
+        {fleet.centre(landmark), height_m, width_m - height_m * width_by_height, nullptr, 0.0, sure});
   }
   for (const RobotNode& other : fleet.robots) {
     const auto at = fleet.poseAt(other, robot.sight_ns);
     if (&other == &robot || !at || other.displaced || other.body->reach() <= 0) continue;
     all.push_back({at->map_from_base.translation(), other.body->height(), other.body->reach(), &other,
-                   at->map_from_base.theta_rad});
+                   at->map_from_base.theta_rad, true});
   }
   return all;
 }
@@ -160,8 +174,10 @@ Agreement agreementAt(const FleetState& fleet, const Surroundings& around, const
   const Pose2 base_from_map = map_from_base.inverse();
   for (std::size_t i = 0; i < found.size(); ++i) {
     const Eigen::Vector2d there = base_from_map * around.anchors[i].place_m;
-    result.misses +=
-        !found[i] && inPlainSight(*around.robot, there) && isEmptyAround(*around.robot, there) ? 1 : 0;
+    result.misses += !found[i] && around.anchors[i].sure && inPlainSight(*around.robot, there) &&
+                             isEmptyAround(*around.robot, there)
+                         ? 1
+                         : 0;
   }
   for (const Company& other : around.others) {
     const Pose2 there = other.map_from_base.inverse() * map_from_base * other.way;

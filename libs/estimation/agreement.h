@@ -12,6 +12,7 @@ struct Anchor {
   double height_m, half_width_m;
   const RobotNode* robot;  ///< nullptr: an obstacle
   double theta_rad;
+  bool sure;  ///< known well enough to be missed
 };
 
 /// Another robot, and what it saw last.

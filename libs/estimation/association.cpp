@@ -6,12 +6,16 @@
 #include <set>
 #include <tuple>
 
+#include "estimation/agreement.h"
 #include "estimation/factors.h"
 
 namespace omnifleet::estimation {
 namespace {
 
 constexpr double kMergedSolidity = 0.94;    // below this a silhouette is several objects
+constexpr double kRaggedSolidity = 0.75;    // … or one with notches, …
+constexpr double kRagged = 2.0;             // … of which the σ are so much larger
+constexpr double kLost_rad = 0.05;          // σ of a heading
 constexpr int kLeastDirections = 12;        // usable ones that still hold a position
 constexpr double kRough_m = 0.05;           // σ of an outline that is inferred more than it is seen
 constexpr double kFarthestContact_m = 1.9;  // beyond it a camera's own errors outweigh what a view tells
@@ -35,6 +39,72 @@ double uncertainty(const RobotNode& robot) {
   return std::sqrt(std::max(0.0, robot.covariance.topLeftCorner<2, 2>().trace()));
 }
 
+/// Another robot as one sees it, and how that may see it back.
+struct Sighting {
+  const RobotNode& observer;
+  const RobotNode& peer;
+  std::size_t peer_index;
+  Pose2 map_from_base, map_from_peer;  ///< as said
+  Eigen::Vector2d seen_m;              ///< in base_link
+  TimeNs time_ns;
+
+  Eigen::Vector2d place_m() const { return map_from_base * seen_m; }
+};
+
+/// The other sees a body like the observer's as far away, and not what the observer sees: a thing between.
+bool isMutual(const FleetState& fleet, const Sighting& sighting) {
+  constexpr double kSame_m = 0.05, kApart = 0.5;
+  constexpr TimeNs kLately_ns = 300000000;
+  if (sighting.time_ns - sighting.peer.sight_ns > kLately_ns) return false;
+  const double away_m = sighting.seen_m.norm();
+  const auto seen = bodies(fleet, sighting.peer, *sighting.observer.body);
+  return std::any_of(seen.begin(), seen.end(), [&](const Eigen::Vector2d& p) {
+    return std::abs(p.norm() - away_m) < kSame_m &&
+           (sighting.map_from_peer * p - sighting.place_m()).norm() > kApart * away_m;
+  });
+}
+
+/// What looks like a robot far beside where that is said to be is it if it goes as that goes, or if that sees
+/// the observer, too.
+bool isPeer(const FleetState& fleet, RobotNode& observer, std::uint32_t track, const Sighting& sighting,
+            double beside_m) {
+  constexpr double kWay_m = 0.25, kShare = 0.3;
+  const auto before = observer.object_of_track.find(track);
+  if (before != observer.object_of_track.end() && before->second.landmark == 0)
+    return before->second.robot == sighting.peer_index;
+  const auto key = std::pair(track, sighting.peer_index);
+  const Eigen::Vector2d place_m = sighting.place_m(), said_m = sighting.map_from_peer.translation();
+  auto suspect = observer.suspects.find(key);
+  if (suspect == observer.suspects.end()) {
+    if (beside_m < fleet.options.sighting_gate_m) return true;
+    suspect = observer.suspects.insert({key, {place_m, said_m}}).first;
+  }
+  const Eigen::Vector2d way_m = said_m - suspect->second.said_m;
+  const bool goes =
+      way_m.norm() > kWay_m && (place_m - suspect->second.place_m - way_m).norm() < kShare * way_m.norm();
+  return goes || isMutual(fleet, sighting);
+}
+
+bool isWhole(const Seen& seen) {
+  return !seen.track->truncated && !isRough(*seen.view) && Footprint(*seen.view).whole;
+}
+
+/// The wheels alone do not tell its heading any more.
+bool needsAny(const RobotNode& robot, const std::vector<Seen>& seen) {
+  return robot.located() && robot.covariance(2, 2) > kLost_rad * kLost_rad &&
+         std::none_of(seen.begin(), seen.end(), [](const Seen& s) { return s.mature; });
+}
+
+/// What has holes and notches where it looks like the floor may be one thing none the less, and its hull that
+/// thing's. It is believed less; and where it is several things its views do not agree.
+void takeRagged(std::vector<Seen>& seen) {
+  for (Seen& s : seen) {
+    if (s.track->solidity < kRaggedSolidity || !isWhole(s)) continue;
+    for (double& sigma : s.view->sigma_m) sigma *= kRagged;
+    s.tells = true;
+  }
+}
+
 }  // namespace
 
 std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
@@ -53,10 +123,11 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
         View::from(track, frame.scan.origin_m, frame.camera_height_m, fleet.options.view_sigma_factor, lens));
     seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
-    seen.mature = track.solidity >= kMergedSolidity && !track.truncated && !isRough(*seen.view) &&
-                  Footprint(*seen.view).whole;
+    seen.mature = track.solidity >= kMergedSolidity && isWhole(seen);
+    seen.tells = seen.mature;
     all.push_back(std::move(seen));
   }
+  if (robot != nullptr && needsAny(*robot, all)) takeRagged(all);
   return all;
 }
 
@@ -78,7 +149,11 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
       const BodyFit fit =
           fitBody(*seen[s].view, *peer.body, base_from_peer.theta_rad, base_from_peer.translation());
       const double distance = (fit.position_m - base_from_peer.translation()).norm();
-      if (fit.rms_m < fleet.options.sighting_rms_m && distance < gate) candidates.push_back({distance, s, r});
+      if (fit.rms_m >= fleet.options.sighting_rms_m || distance >= gate) continue;
+      const Sighting sighting{observer,         peer, r, map_from_base, known->map_from_base, fit.position_m,
+                              frame.acquired_ns};
+      if (isPeer(fleet, observer, seen[s].track->id, sighting, distance))
+        candidates.push_back({distance, s, r});
     }
   }
   std::sort(candidates.begin(), candidates.end());
@@ -119,15 +194,15 @@ bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vec
   for (const Seen& s : seen) {
     const bool known =
         s.peer != nullptr ||
-        (s.landmark != 0 && fleet.landmarks.at(s.landmark).seen_ns.count(robot.setup.name) > 0);
+        (s.landmark != 0 && fleet.landmarks.at(s.landmark).observers.count(robot.setup.name) > 0);
     familiar += known ? 1 : 0;
     strange += isStrange(fleet, robot, s) ? 1 : 0;
     if (s.landmark != 0) found.insert(s.landmark);
   }
   const Eigen::Vector2d here = fleet.pose(robot.window.back().pose).translation();
   const auto missing = std::count_if(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
-    const auto mine = entry.second.seen_ns.find(robot.setup.name);
-    return mine != entry.second.seen_ns.end() && robot.seeing_ns - mine->second < kRecent_ns &&
+    const auto mine = entry.second.observers.find(robot.setup.name);
+    return mine != entry.second.observers.end() && robot.seeing_ns - mine->second.seen_ns < kRecent_ns &&
            found.count(entry.first) == 0 && (fleet.centre(entry.second) - here).norm() < kNear_m;
   });
   return strange >= 2 && missing >= 2 && strange >= 2 * familiar;
@@ -154,10 +229,30 @@ void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& s
       auto cost = std::make_unique<LandmarkViewFactor>(s.view, landmark.shape, directions);
       fleet.addViewFactor(observer, std::move(link), std::move(cost));
       landmark.last_seen_ns = observer.window.back().time_ns;
-      landmark.seen_ns[observer.setup.name] = landmark.last_seen_ns;
-      if (observer.window.back().keyframe) ++landmark.views;
+      Observer& mine = landmark.observers[observer.setup.name];
+      mine.seen_ns = landmark.last_seen_ns;
+      if (!observer.window.back().keyframe) continue;
+      ++landmark.views;
+      ++mine.views;
     }
   }
+}
+
+void noteFits(FleetState& fleet, const RobotNode& robot) {
+  struct Squares {
+    double sum_m2 = 0.0;
+    int views = 0;
+  };
+  std::map<std::uint32_t, Squares> of;
+  for (const Step& step : robot.window) {
+    for (const ViewLink& link : step.views) {
+      if (link.landmark == 0 || !fleet.graph.hasFactor(link.factor)) continue;
+      of[link.landmark].sum_m2 += link.rms_m * link.rms_m;
+      ++of[link.landmark].views;
+    }
+  }
+  for (const auto& [id, squares] : of)
+    fleet.landmarks.at(id).observers[robot.setup.name].rms_m = std::sqrt(squares.sum_m2 / squares.views);
 }
 
 }  // namespace omnifleet::estimation

@@ -18,6 +18,8 @@ struct Seen {
   PoseAt peer_at;
   std::uint32_t landmark = 0;  ///< an obstacle, or neither
   bool mature = false;         ///< clean enough to be a landmark's, to found or to deny one
+  bool tells = false;  ///< as mature, or ragged where nothing better is in sight of a robot that needs it:
+                       ///< may be a landmark's, but denies nothing
 };
 
 /// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.
@@ -51,5 +53,8 @@ bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vec
 
 /// Adds the graph's factors of all that was told.
 void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& seen);
+
+/// How well one prism explains what a robot has seen of each landmark, by the views in its window.
+void noteFits(FleetState& fleet, const RobotNode& robot);
 
 }  // namespace omnifleet::estimation

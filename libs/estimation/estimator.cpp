@@ -115,6 +115,7 @@ void FleetEstimator::Impl::refine() {
     for (Step& step : robot.window) {
       for (ViewLink& link : step.views) link.weighed = true;
     }
+    noteFits(fleet, robot);
   }
   whole_ = false;
   fleet.updateShapes();

@@ -239,6 +239,7 @@ void FleetState::release(RobotNode& robot) {
   }
   robot.window.clear();
   robot.object_of_track.clear();
+  robot.suspects.clear();
   robot.disagreements = 0;
   robot.displaced = false;
   if (!gone.empty()) graph.marginalise(gone);
@@ -493,7 +494,7 @@ std::vector<LandmarkEstimate> FleetState::landmarkEstimates() const {
                             shift.dot(Eigen::Vector2d(std::cos(phi), std::sin(phi))));
     }
     e.views = landmark.views;
-    for (const auto& [observer, time] : landmark.seen_ns) e.observers.push_back(observer);
+    for (const auto& [observer, what] : landmark.observers) e.observers.push_back(observer);
     all.push_back(std::move(e));
   }
   return all;

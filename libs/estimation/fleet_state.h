@@ -132,6 +132,12 @@ struct Claim {
   int frames = 0;                 ///< in which two things at least were where they should be
 };
 
+/// A silhouette that may be another robot, when it was taken for it first; map frame.
+struct Suspect {
+  Eigen::Vector2d place_m;  ///< where it was seen
+  Eigen::Vector2d said_m;   ///< where that robot was said to be
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -176,6 +182,7 @@ struct RobotNode {
   TimeNs seeing_ns = 0;                            ///< when it could see last
   std::optional<Unseen> unseen;                    ///< while it sees nothing or has not been found since
   std::map<std::uint32_t, Known> object_of_track;  ///< by track id
+  std::map<std::pair<std::uint32_t, std::size_t>, Suspect> suspects;  ///< by track id and robot
   RobotStatus status;
 
   bool located() const { return !window.empty(); }

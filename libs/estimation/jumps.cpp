@@ -125,7 +125,7 @@ class Search {
   }
 
   bool isKnownTo(const Landmark& landmark) const {
-    return isSure(robot_) || landmark.seen_ns.count(robot_.setup.name) > 0;
+    return isSure(robot_) || landmark.observers.count(robot_.setup.name) > 0;
   }
 
   bool isCompany(const RobotNode& other) const {

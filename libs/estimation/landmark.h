@@ -56,6 +56,16 @@ class Shape {
   std::vector<double> a_, q_, weight_;
 };
 
+/// What one robot has seen of a landmark.
+struct Observer {
+  std::int64_t seen_ns = 0;  ///< last
+  int views = 0;             ///< keyframes
+  double rms_m = 0.0;        ///< of those that were in the window last: how well one prism explains them
+
+  /// The thing is where its views say it is. (Half a thing in each view is another thing in each.)
+  bool isSure() const { return views >= 3 && rms_m < 0.015; }
+};
+
 /// One obstacle in the graph.
 struct Landmark {
   std::uint32_t id = 0;
@@ -64,7 +74,7 @@ struct Landmark {
   std::shared_ptr<Shape> shape = std::make_shared<Shape>();
   int views = 0, misfits = 0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of x, y, h, after the last solve
-  std::map<std::string, std::int64_t> seen_ns;               ///< last time by each observer
+  std::map<std::string, Observer> observers;
   std::int64_t last_seen_ns = 0;
 };
 

@@ -69,7 +69,7 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   const Pose2 map_from_base = fleet.pose(observer.window.back().pose);
   std::vector<Candidate> candidates;
   for (std::size_t s = 0; s < seen.size(); ++s) {
-    if (seen[s].peer != nullptr || !seen[s].mature || moving(seen[s], fleet.options)) continue;
+    if (seen[s].peer != nullptr || !seen[s].tells || moving(seen[s], fleet.options)) continue;
     const Footprint footprint(*seen[s].view);
     const auto before = observer.object_of_track.find(seen[s].track->id);
     for (const auto& [id, landmark] : fleet.landmarks) {
@@ -116,7 +116,7 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   const EstimatorOptions& o = fleet.options;
   const Pose2 map_from_base = fleet.pose(step.pose);
   for (Seen& s : seen) {
-    if (s.peer != nullptr || s.landmark != 0 || !s.mature || s.track->kind == ObjectKind::kRobot) continue;
+    if (s.peer != nullptr || s.landmark != 0 || !s.tells || s.track->kind == ObjectKind::kRobot) continue;
     if (moving(s, o) || (s.track->contact_m - s.view->foot_m).norm() > o.new_landmark_contact_m) continue;
     const bool measured = s.view->height_sigma_m > 0 && s.view->height_sigma_m < o.prior_height_sigma_m;
     const double height = measured ? s.view->height_m : o.prior_height_m;
@@ -161,7 +161,7 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
   std::vector<Eigen::Vector2d> in_base, in_map;
   for (const Seen& s : seen) {
     const auto before = observer.object_of_track.find(s.track->id);
-    if (before == observer.object_of_track.end() || !s.mature) continue;
+    if (before == observer.object_of_track.end() || !s.tells) continue;
     if (before->second.landmark != 0) {
       const auto landmark = fleet.landmarks.find(before->second.landmark);
       if (landmark == fleet.landmarks.end()) continue;

@@ -17,7 +17,7 @@ constexpr std::size_t kMostElsewhere = 30;
 constexpr int kConfirmed = 5;                    // frames that agree: asked no more
 constexpr int kFrames = 3;                       // of doubt, before a robot is moved …
 constexpr int kLong = 8;                         // … and after which it is not believed any more, …
-constexpr int kUnconfirmed = 15;                 // frames without one that agrees: it is said
+constexpr int kUnconfirmed = 40;                 // frames without one that agrees: it is said
 constexpr int kSeldom = 20, kEvery = 5;          // … and after which only every fifth is looked at
 constexpr double kMemory = 0.8;                  // of the score, from frame to frame
 constexpr double kRefuted = 2.0, kUnseen = 3.0;  // score per frame of the other place, by kind of doubt …
@@ -118,7 +118,7 @@ void removeLandmarks(FleetState& fleet, const RobotNode& robot) {
   const Eigen::Vector2d place_m = fleet.pose(robot.window.back().pose).translation();
   std::vector<std::uint32_t> gone;
   for (const auto& [id, landmark] : fleet.landmarks) {
-    const bool own = landmark.seen_ns.size() == 1 && landmark.seen_ns.count(robot.setup.name) > 0;
+    const bool own = landmark.observers.size() == 1 && landmark.observers.count(robot.setup.name) > 0;
     if (own || (fleet.centre(landmark) - place_m).norm() < kOwn_m) gone.push_back(id);
   }
   for (const std::uint32_t id : gone) fleet.removeLandmark(id);

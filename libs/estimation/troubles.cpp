@@ -159,6 +159,7 @@ void noticeLoss(FleetState& fleet, RobotFrame& frame) {
   robot.displaced = displaced;
   if (!displaced) return;
   robot.object_of_track.clear();
+  robot.suspects.clear();
   for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
 }
 

@@ -129,7 +129,8 @@ class Search {
   }
 
   /// Not there, but so near that the same things are the same blobs; nothing where it is there. Of two things
-  /// one of which is where it should be the other has changed: a piece of a wall, that ends where it is hidden.
+  /// one of which is where it should be the other has changed: a piece of a wall, that ends where it is
+  /// hidden.
   std::optional<Place> beside(const Place& there, std::size_t least) {
     if (there.found < least || there.apart_m < kBeside_m) return {};
     if (there.found == kLeastThings && there.here < there.found) return {};
@@ -346,6 +347,10 @@ std::optional<Motion> seenStep(const std::vector<TrackState>& tracks, const Loca
   for (const Place& place : places) {
     if (place.cost + kGain > told.cost) continue;
     all.push_back(&place);
+    // Two things tell no leap while one of them is where it should be.
+    if (told.here > 0 && place.here < kAnywhere &&
+        !isNear(told.odom_from_base, place.odom_from_base, kLeap_m, kLeap_rad))
+      continue;
     if (isNear(on.odom_from_base, place.odom_from_base, kNear_m, kNear_rad) ||
         isNear(*since, place.odom_from_base, kNear_m, kNear_rad))
       near.push_back(&place);

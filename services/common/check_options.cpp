@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 namespace omnifleet::services {
 namespace {
@@ -67,6 +68,25 @@ void makeOutput(const std::string& folder) {
     std::filesystem::remove(probe);
   } catch (const std::runtime_error& error) {
     throw options::Error(error.what());
+  }
+}
+
+void forgetPaths(const fleet::Fleet& fleet, const std::string& out, const std::string& host) {
+  namespace fs = std::filesystem;
+  const auto processes = fleet::processes(fleet, host);
+  if (std::none_of(processes.begin(), processes.end(),
+                   [](const fleet::ProcessSpec& process) { return process.service == "global_merger"; }))
+    return;
+  try {
+    for (const auto& [folder, kind] : {std::pair{"trajectories", ".tum"}, {"covariances", ".csv"}}) {
+      const fs::path path = fs::path(out) / folder;
+      if (!fs::is_directory(path)) continue;
+      for (const auto& entry : fs::directory_iterator(path)) {
+        if (entry.path().extension() == kind) fs::remove(entry.path());
+      }
+    }
+  } catch (const fs::filesystem_error& error) {
+    throw options::Error(std::string("--out: paths of an earlier run cannot be removed: ") + error.what());
   }
 }
 

@@ -19,4 +19,9 @@ void checkOutput(const fleet::Fleet& fleet, const std::string& out);
 /// results would be lost.
 void makeOutput(const std::string& folder);
 
+/// Removes the paths that an earlier run left there: no map that is saved later replaces that of a robot that
+/// is never located now. Only where this host (empty: any) merges, and at the start of a run: a merger that
+/// takes over must not lose the paths of robots that are done. Throws options::Error.
+void forgetPaths(const fleet::Fleet& fleet, const std::string& out, const std::string& host = {});
+
 }  // namespace omnifleet::services

@@ -46,7 +46,10 @@ bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, run.dataset, run.overlays);
   checkOptions(fleet);
   checkOutput(fleet, run.out);
-  if (!run.out.empty()) makeOutput(run.out);
+  if (!run.out.empty()) {
+    makeOutput(run.out);
+    forgetPaths(fleet, run.out);
+  }
   auto log =
       std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
   log->set_level(spdlog::level::from_str(run.log_level));

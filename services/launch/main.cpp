@@ -9,6 +9,7 @@
 #include "bus/domain_claim.h"
 #include "bus/service.h"
 #include "bus/shared_memory.h"
+#include "common/check_options.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
 #include "options/range_check.h"
@@ -62,6 +63,7 @@ int launch(const RunRequest& request) {
   const bus::DomainClaim claim(request.domain, request.host);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
+  services::forgetPaths(fleet, request.out, request.host);
   supervisor::Options options;
   options.duration_s = request.duration_s;
   options.stop_budget_s = request.stop_within_s;

@@ -31,6 +31,8 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   Listener listener(61);
   auto hashes = listener.bus().reader(listener.topics().map_hash);
   auto statuses = listener.bus().reader(listener.topics().service_status);
+  std::filesystem::create_directories(out + "/trajectories");
+  std::ofstream(out + "/trajectories/gone.tum") << "of an earlier run\n";
   Process launch({program("launch"), "run", smallFleet(), "--out", out, "--domain", "61"},
                  out + "/launch.log");
   std::map<std::string, v1::MapHash> last_hash;
@@ -61,6 +63,7 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
     EXPECT_FALSE(fileText(out + "/" + file).empty()) << file;
   }
   EXPECT_FALSE(nlohmann::json::parse(fileText(out + "/objects.geojson"))["features"].empty());
+  EXPECT_FALSE(std::filesystem::exists(out + "/trajectories/gone.tum"));
 }
 
 TEST(FleetProcesses, ALateSubscriberGetsTheMap) {

@@ -289,7 +289,7 @@ TEST(Starts, WhatNobodyCanDecideIsSaid) {
   SimulationOptions few = crowded();
   few.obstacles = 3;
   few.robots = 2;
-  few.frames = 30;
+  few.frames = 70;
   const auto says = [](const Outcome& outcome) {
     return std::any_of(outcome.status.begin(), outcome.status.end(),
                        [](const RobotStatus& status) { return !status.text.empty(); });

@@ -172,6 +172,30 @@ TEST(SeenStep, APieceOfAWallThatEndsElsewhereIsNoSlip) {
   }
 }
 
+/// Of two things that look nearly like the floor one is seen 3 cm, the other 14 cm elsewhere from one frame
+/// to the next: as if the robot had leapt by 0.3 m and turned by 0.3 rad.
+TEST(SeenStep, TwoThingsThatAreSeenOtherwiseAreNoLeap) {
+  for (unsigned seed = kFirst; seed < kFirst + kSeeds; ++seed) {
+    std::mt19937 rng(seed);
+    Scene scene, before;
+    scene.bodies.push_back(round("r1", 0.15, 0.3, {}));
+    scene.bodies.back().robot = true;
+    scene.bodies.back().v_mps = 0.1;
+    scene.bodies.push_back(round("a", 0.1, 0.15, {1.3, 0.25, 0.0}));
+    scene.bodies.push_back(round("b", 0.1, 0.15, {1.3, -0.23, 0.0}));
+    Classifier classifier({}, "r1", {{"r1", RobotBody{}}});
+    for (int frame = 0; frame < 30; ++frame) {
+      if (frame == 20) scene.bodies[1].pose.x_m += 0.032, scene.bodies[2].pose.x_m += 0.16;
+      LocalMap map = look(scene, 0, frame ? &before : nullptr, frame, rng);
+      const Pose2 told = map.motion.previous_from_current;
+      const Objects& objects = classifier.process(map, {});
+      EXPECT_DOUBLE_EQ(objects.motion.previous_from_current.x_m, told.x_m) << seed << " " << frame;
+      before = scene;
+      scene.advance();
+    }
+  }
+}
+
 TEST(SeenStep, WhoDrivesAlongsideStandsForNothing) {
   // Two robots at the same speed and nothing else: to the eye the robot itself stands.
   const auto convoy = [](std::mt19937&) {

@@ -58,7 +58,11 @@ TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
   const auto before = mapFiles(out);
   for (const auto& [name, bytes] : before) EXPECT_FALSE(bytes.empty()) << name;
 
-  // Another run into the same place: another map, and no room for it.
+  // Another run into the same place: another map, and no room for it. Whom this one never locates has no
+  // path.
+  std::ofstream(out / "trajectories" / "gone.tum") << "1 0 0 0 0 0 0 1\n";
+  std::ofstream(out / "covariances" / "gone.csv") << "1\n";
+  std::ofstream(out / "trajectories" / "notes.txt") << "of a person\n";
   const fs::path overlay = out / "overlay.yaml";
   std::ofstream(overlay) << "world: {seed: 2}\n";
   run.overlays = {overlay};
@@ -76,6 +80,9 @@ TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
     EXPECT_TRUE(bytes == before.at(name)) << name << " was damaged";
     EXPECT_THAT(told, HasSubstr(name + ": cannot be written"));
   }
+  EXPECT_FALSE(fs::exists(out / "trajectories" / "gone.tum"));
+  EXPECT_FALSE(fs::exists(out / "covariances" / "gone.csv"));
+  EXPECT_TRUE(fs::exists(out / "trajectories" / "notes.txt"));
   EXPECT_THAT(told, HasSubstr("tracks")) << "the rows beside the map are given up, too";
   for (const auto& entry : fs::directory_iterator(out)) {
     EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path() << " was left behind";
