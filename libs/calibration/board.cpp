@@ -99,4 +99,17 @@ std::optional<std::vector<Eigen::Vector2d>> findBoard(const cv::Mat& grey, const
   return std::nullopt;
 }
 
+std::optional<Board> findOtherSize(const cv::Mat& grey, const Board& board) {
+  constexpr int kQuick_px = 1000, kLeast = 3;
+  constexpr std::pair<int, int> kMore[] = {{-1, -1}, {-1, 0}, {0, -1}, {1, 1}, {1, 0}, {0, 1}};
+  const int side_px = std::max(grey.cols, grey.rows) > kQuick_px ? kQuick_px : 0;
+  for (const auto& [columns, rows] : kMore) {
+    Board other = board;
+    other.columns += columns, other.rows += rows;
+    if (std::min(other.columns, other.rows) < kLeast) continue;
+    if (findAt(grey, other, side_px, Detector::kQuads)) return other;
+  }
+  return std::nullopt;
+}
+
 }  // namespace omnifleet::calibration

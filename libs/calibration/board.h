@@ -26,4 +26,8 @@ struct Board {
 /// distance to the corner's nearest neighbour, so that no other edge falls in. Deterministic.
 std::optional<std::vector<Eigen::Vector2d>> findBoard(const cv::Mat& grey, const Board& board);
 
+/// A board of nearly that size (people count squares, or miss a row) which is there where that one is not;
+/// found by the quick detector alone.
+std::optional<Board> findOtherSize(const cv::Mat& grey, const Board& board);
+
 }  // namespace omnifleet::calibration

@@ -40,6 +40,18 @@ struct Search {
   std::vector<std::string> without_board;
 };
 
+/// Throws where the board is there, but of another size: in all images it would be looked for in vain.
+void checkSize(const calibration::Board& board, const cv::Mat& grey, const std::string& path) {
+  const auto other = calibration::findOtherSize(grey, board);
+  if (!other) return;
+  throw options::Error(
+      fmt::format("--board: {} shows {}x{} inner corners, not {}x{}; counted are corners where four squares "
+                  "meet, not squares",
+                  path, other->columns, other->rows, board.columns, board.rows));
+}
+
+constexpr std::size_t kSuspicious = 3;  // images without a board from the first on
+
 Search findBoards(const Options& options, const std::function<void(const std::string&, bool)>& progress) {
   Search search;
   for (const std::filesystem::path& path : imagesIn(options)) {
@@ -54,6 +66,8 @@ Search findBoards(const Options& options, const std::function<void(const std::st
     }
     auto corners = calibration::findBoard(grey, options.board);
     progress(name, corners.has_value());
+    if (!corners && search.views.empty() && search.without_board.size() < kSuspicious)
+      checkSize(options.board, grey, path.string());
     if (corners)
       search.views.push_back({name, std::move(*corners)});
     else

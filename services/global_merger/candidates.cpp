@@ -135,7 +135,7 @@ std::vector<Candidate> sorted(std::vector<Gathered>& gathered, const MergerOptio
         all.tracks.at(view.track_id).views.push_back(std::move(view));
     }
     for (auto& [id, candidate] : all.tracks) {
-      if (candidate.kind == ObjectKind::kRobot || candidate.views.empty()) continue;
+      if (candidate.views.empty()) continue;
       thin(candidate.views);
       candidates.push_back(std::move(candidate));
     }

@@ -30,8 +30,8 @@ struct Candidate {
   std::vector<ObjectView> views;
 };
 
-/// Views from the store in order of (robot, track, time), without those of robots: by kind, by sighting, or
-/// because a robot of the fleet stood there at that time and its body fits the silhouette. Views whose
+/// Views from the store in order of (robot, track, time), without those of the fleet's robots: by sighting,
+/// or because a robot of the fleet stood there at that time and its body fits the silhouette. Views whose
 /// contact lies beyond `max_contact_m` are left out. Tracks of more than kMaxViews views are thinned evenly.
 /// `meanwhile` is called between the fits; what it adds to the store is for the next time.
 std::vector<Candidate> candidatesOf(const occupancy::ContributionStore& store, const MergerOptions& options,

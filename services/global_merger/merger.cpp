@@ -12,6 +12,7 @@
 #include "global_merger/marks.h"
 #include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
+#include "global_merger/strangers.h"
 
 namespace omnifleet::global_merger {
 
@@ -246,11 +247,17 @@ void Merger::addTops(const std::vector<Candidate>& candidates, const Meanwhile& 
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
-  const auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
+  auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
   faint_m_.clear();
   unclear_m_.clear();
   kinds_.clear();
+  tellStrangers(candidates);
+  const auto obstacles = std::stable_partition(
+      candidates.begin(), candidates.end(), [](const Candidate& c) { return c.kind == ObjectKind::kRobot; });
+  for (auto robot = candidates.begin(); robot != obstacles; ++robot)
+    kinds_[{robot->robot, robot->track_id}] = ObjectKind::kRobot;
+  candidates.erase(candidates.begin(), obstacles);
   std::set<std::uint64_t> taken;
   auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
                                           : groupViews(candidates, options_, meanwhile);

@@ -55,6 +55,20 @@ TEST(Board, CornersOfARenderedBoardAreSubPixel) {
   }
 }
 
+TEST(Board, OneThatIsCountedInSquaresIsToldSo) {
+  const Board board = Board::parse("7x5", 0.06);
+  const lens::CameraModel model = lensModel(lens::Projection::kEquidistant);
+  const cv::Mat image =
+      picture(model, board, boardAt(board, 0.0, 0.7, 0.45, Eigen::Vector3d(0.2, -0.15, 0.3)));
+  for (const char* wrong : {"8x6", "8x5", "7x6", "6x4"}) {
+    const auto found = findOtherSize(image, Board::parse(wrong, 0.06));
+    ASSERT_TRUE(found) << wrong;
+    EXPECT_EQ(found->columns, 7) << wrong;
+    EXPECT_EQ(found->rows, 5) << wrong;
+  }
+  EXPECT_FALSE(findOtherSize(image, Board::parse("11x9", 0.06)));
+}
+
 TEST(Board, IsNotFoundWhereThereIsNone) {
   const Board board = Board::parse("7x5", 0.06);
   const lens::CameraModel model = lensModel(lens::Projection::kEquidistant);

@@ -35,6 +35,17 @@ TEST(PeoplesBoards, SimulatedCamera) {
   EXPECT_NEAR(report.model.principal_point_px.y(), 959.739, 2.0);
 }
 
+TEST(PeoplesBoards, SquaresCountedForCornersAreToldAtTheFirstImage) {
+  OMNIFLEET_NEEDS_DATA(path, "fisheye_downward/sim_calib_chess");
+  try {
+    calibrated(path, "*.jpg", "10x7", 0.116, lens::Projection::kKannalaBrandt);
+    ADD_FAILURE() << "taken";
+  } catch (const options::Error& error) {
+    EXPECT_THAT(error.what(), ::testing::AllOf(::testing::HasSubstr("--board: "), ::testing::HasSubstr("a1.jpg"),
+                                               ::testing::HasSubstr("9x6 inner corners, not 10x7")));
+  }
+}
+
 class RealLenses : public ::testing::TestWithParam<lens::Projection> {};
 
 TEST_P(RealLenses, First) {
