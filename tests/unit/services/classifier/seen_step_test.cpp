@@ -8,6 +8,7 @@
 #include <functional>
 #include <iostream>
 #include <set>
+#include <vector>
 
 #include "tests/unit/services/classifier/scenario.h"
 
@@ -148,20 +149,19 @@ TEST(SeenStep, ARobotCarriedAway) {
   EXPECT_LE(wrong, static_cast<int>(kSeeds) / 4) << "where less than three things stand in sight";
 }
 
-/// A wall of the floor's hue is seen in pieces, which end where the light or a thing before it hides them.
-TEST(SeenStep, APieceOfAWallThatEndsElsewhereIsNoSlip) {
+/// r1 drives past these; `change` before each frame. The wheels tell the truth and are believed.
+void expectBelieved(double speed_mps, const std::vector<Body>& things,
+                    const std::function<void(Scene&, int frame)>& change) {
   for (unsigned seed = kFirst; seed < kFirst + kSeeds; ++seed) {
     std::mt19937 rng(seed);
     Scene scene, before;
     scene.bodies.push_back(round("r1", 0.15, 0.3, {}));
     scene.bodies.back().robot = true;
-    scene.bodies.back().v_mps = 0.25;
-    scene.bodies.push_back(box("a", 0.3, 0.25, 0.23, {1.2, -0.8, 0.4}));
-    const auto piece = [](double from_m) { return box("wall", 0.2, 0.06, 0.15, {from_m, 0.8, 0.0}); };
-    scene.bodies.push_back(piece(1.0));
+    scene.bodies.back().v_mps = speed_mps;
+    scene.bodies.insert(scene.bodies.end(), things.begin(), things.end());
     Classifier classifier({}, "r1", {{"r1", RobotBody{}}});
     for (int frame = 0; frame < 30; ++frame) {
-      scene.bodies.back() = piece(frame < 20 ? 1.0 : 1.1);
+      change(scene, frame);
       LocalMap map = look(scene, 0, frame ? &before : nullptr, frame, rng);
       const Pose2 told = map.motion.previous_from_current;
       const Objects& objects = classifier.process(map, {});
@@ -172,28 +172,20 @@ TEST(SeenStep, APieceOfAWallThatEndsElsewhereIsNoSlip) {
   }
 }
 
-/// Of two things that look nearly like the floor one is seen 3 cm, the other 14 cm elsewhere from one frame
+/// A wall of the floor's hue is seen in pieces, which end where the light or a thing before it hides them.
+TEST(SeenStep, APieceOfAWallThatEndsElsewhereIsNoSlip) {
+  const auto piece = [](double from_m) { return box("wall", 0.2, 0.06, 0.15, {from_m, 0.8, 0.0}); };
+  expectBelieved(0.25, {box("a", 0.3, 0.25, 0.23, {1.2, -0.8, 0.4}), piece(1.0)},
+                 [&](Scene& scene, int frame) { scene.bodies.back() = piece(frame < 20 ? 1.0 : 1.1); });
+}
+
+/// Of two things that look nearly like the floor one is seen 3 cm, the other 16 cm elsewhere from one frame
 /// to the next: as if the robot had leapt by 0.3 m and turned by 0.3 rad.
 TEST(SeenStep, TwoThingsThatAreSeenOtherwiseAreNoLeap) {
-  for (unsigned seed = kFirst; seed < kFirst + kSeeds; ++seed) {
-    std::mt19937 rng(seed);
-    Scene scene, before;
-    scene.bodies.push_back(round("r1", 0.15, 0.3, {}));
-    scene.bodies.back().robot = true;
-    scene.bodies.back().v_mps = 0.1;
-    scene.bodies.push_back(round("a", 0.1, 0.15, {1.3, 0.25, 0.0}));
-    scene.bodies.push_back(round("b", 0.1, 0.15, {1.3, -0.23, 0.0}));
-    Classifier classifier({}, "r1", {{"r1", RobotBody{}}});
-    for (int frame = 0; frame < 30; ++frame) {
-      if (frame == 20) scene.bodies[1].pose.x_m += 0.032, scene.bodies[2].pose.x_m += 0.16;
-      LocalMap map = look(scene, 0, frame ? &before : nullptr, frame, rng);
-      const Pose2 told = map.motion.previous_from_current;
-      const Objects& objects = classifier.process(map, {});
-      EXPECT_DOUBLE_EQ(objects.motion.previous_from_current.x_m, told.x_m) << seed << " " << frame;
-      before = scene;
-      scene.advance();
-    }
-  }
+  expectBelieved(0.1, {round("a", 0.1, 0.15, {1.3, 0.25, 0.0}), round("b", 0.1, 0.15, {1.3, -0.23, 0.0})},
+                 [](Scene& scene, int frame) {
+                   if (frame == 20) scene.bodies[1].pose.x_m += 0.032, scene.bodies[2].pose.x_m += 0.16;
+                 });
 }
 
 TEST(SeenStep, WhoDrivesAlongsideStandsForNothing) {
