@@ -15,6 +15,7 @@ namespace {
 constexpr double kMergedSolidity = 0.94;    // below this a silhouette is several objects
 constexpr double kRaggedSolidity = 0.75;    // … or one with notches, …
 constexpr double kRagged = 2.0;             // … of which the σ are so much larger
+constexpr double kFacing_rad = 1.2;         // half of the side of a thing that is turned to the camera
 constexpr double kLost_rad = 0.05;          // σ of a heading
 constexpr int kLeastDirections = 12;        // usable ones that still hold a position
 constexpr double kRough_m = 0.05;           // σ of an outline that is inferred more than it is seen
@@ -89,6 +90,26 @@ bool isWhole(const Seen& seen) {
   return !seen.track->truncated && !isRough(*seen.view) && Footprint(*seen.view).whole;
 }
 
+/// All of the side towards the camera is seen.
+bool facesCamera(const Seen& seen) {
+  const View& view = *seen.view;
+  const int k = static_cast<int>(view.sigma_m.size());
+  const Eigen::Vector2d back = view.foot_m - seen.track->position_m;
+  const double towards = std::atan2(back.y(), back.x());
+  for (int i = 0; i < k; ++i) {
+    const double off = wrapAngle(2.0 * M_PI * i / k - towards);
+    if (std::abs(off) < kFacing_rad && view.sigma_m[static_cast<std::size_t>(i)] <= 0) return false;
+  }
+  return true;
+}
+
+/// What the edge of the view cuts off stands where its sides that are seen say.
+bool isPart(const Seen& seen) {
+  if (!facesCamera(seen)) return false;
+  return seen.track->truncated && seen.track->solidity >= kMergedSolidity && !isRough(*seen.view) &&
+         Footprint(*seen.view).partly;
+}
+
 /// The wheels alone do not tell its heading any more.
 bool needsAny(const RobotNode& robot, const std::vector<Seen>& seen) {
   return robot.located() && robot.covariance(2, 2) > kLost_rad * kLost_rad &&
@@ -124,7 +145,7 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
     seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
     seen.mature = track.solidity >= kMergedSolidity && isWhole(seen);
-    seen.tells = seen.mature;
+    seen.tells = seen.mature || isPart(seen);
     all.push_back(std::move(seen));
   }
   if (robot != nullptr && needsAny(*robot, all)) takeRagged(all);

@@ -18,8 +18,9 @@ struct Seen {
   PoseAt peer_at;
   std::uint32_t landmark = 0;  ///< an obstacle, or neither
   bool mature = false;         ///< clean enough to be a landmark's, to found or to deny one
-  bool tells = false;  ///< as mature, or ragged where nothing better is in sight of a robot that needs it:
-                       ///< may be a landmark's, but denies nothing
+  /// May be a landmark's, but denies nothing: as mature; or a part of it, cut off by the edge of the view; or
+  /// ragged, where nothing better is in sight of a robot that needs it.
+  bool tells = false;
 };
 
 /// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.

@@ -98,40 +98,31 @@ bool PartialOutline::solve(const Eigen::Vector3d& sums, Eigen::Vector2d& centre,
   return true;
 }
 
-void Footprint::fitFacingSides(const View& view) {
-  PartialOutline outline;
-  Eigen::Vector3d sums = Eigen::Vector3d::Zero();
-  const int k = static_cast<int>(view.b_m.size());
-  for (int i = 0; i < k; ++i) {
-    if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
-    const double phi = 2.0 * M_PI * i / k;
-    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
-    outline.add(n);
-    sums += view.b_m[static_cast<std::size_t>(i)] * PartialOutline::row(n);
-  }
-  whole = outline.solve(sums, centre_m, half_width_m) && view.usable() * 3 >= k && half_width_m > 0;
-  centre_m += view.foot_m;
-}
-
 Footprint::Footprint(const View& view) {
   const int k = static_cast<int>(view.b_m.size()), usable = view.usable();
   if (k < 3 || usable == 0) return;
-  if (!(view.camera_height_m > 0)) {
-    fitFacingSides(view);
-    return;
-  }
-  whole = usable * 10 >= k * 9;
+  PartialOutline outline;
+  Eigen::Vector3d sums = Eigen::Vector3d::Zero(), sums_by_height = Eigen::Vector3d::Zero();
   for (int i = 0; i < k; ++i) {
     if (view.sigma_m[static_cast<std::size_t>(i)] <= 0) continue;
     const double phi = 2.0 * M_PI * i / k, b = view.b_m[static_cast<std::size_t>(i)];
-    const double q = b > 0 ? b / view.camera_height_m : 0.0;
-    const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
-    centre_m += 2.0 / usable * b * n;
-    centre_by_height += 2.0 / usable * q * n;
-    half_width_m += b / usable;
-    half_width_by_height += q / usable;
+    const double q = view.isCameras() && b > 0 ? b / view.camera_height_m : 0.0;
+    const Eigen::Vector3d row = PartialOutline::row({std::cos(phi), std::sin(phi)});
+    outline.add(row.tail<2>());
+    sums += b * row;
+    sums_by_height += q * row;
   }
+  const bool most = usable * 10 >= k * 9;
+  if (most) {
+    half_width_m = sums(0) / usable, half_width_by_height = sums_by_height(0) / usable;
+    centre_m = 2.0 / usable * sums.tail<2>(), centre_by_height = 2.0 / usable * sums_by_height.tail<2>();
+  }
+  const bool facing = usable * 3 >= k && !most && outline.solve(sums, centre_m, half_width_m) &&
+                      outline.solve(sums_by_height, centre_by_height, half_width_by_height) &&
+                      half_width_m > 0;
   centre_m += view.foot_m;
+  whole = most || (facing && !view.isCameras());
+  partly = facing;
 }
 
 Body::Body(const RobotBody& body) : height_m_(body.height_m) {

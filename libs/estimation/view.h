@@ -102,16 +102,13 @@ class PartialOutline {
 /// The footprint of one view alone in base_link, affine in the object's height h: Steiner centre
 /// (2/K)·Σ g(n)·n = centre − h·centre_by_height, half its mean width likewise.
 struct Footprint {
-  bool whole =
-      false;  ///< enough is usable: 9 of 10 directions; of a laser, which sees facing sides only, a third
+  bool whole = false;   ///< 9 of 10 directions are usable; of a laser, which sees facing sides only, a third
+  bool partly = false;  ///< a third: least squares over these
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero(), centre_by_height = Eigen::Vector2d::Zero();
   double half_width_m = 0.0, half_width_by_height = 0.0;
 
   explicit Footprint(const View& view);
   Eigen::Vector2d centre(double height_m) const { return centre_m - height_m * centre_by_height; }
-
- private:
-  void fitFacingSides(const View& view);
 };
 
 /// Support of a convex body in its own frame and its derivative by angle.

@@ -26,6 +26,19 @@ void seeTopAlone(Track& track, double stretch) {
   track.contact_m *= stretch;
 }
 
+/// What lies beyond is not seen; `sides`: else nor is a part of the side towards the camera.
+void cutFarSide(Track& track, bool sides) {
+  constexpr double kSeen_rad = 1.8;
+  const double back = std::atan2(-track.position_m.y(), -track.position_m.x());
+  const std::size_t n = track.supports.sigma_m.size();
+  for (std::size_t k = 0; k < n; ++k) {
+    const double off = wrapAngle(2.0 * M_PI * static_cast<double>(k) / static_cast<double>(n) - back);
+    const bool is_seen = std::abs(off) < kSeen_rad && (sides || off > -0.5);
+    if (!is_seen) track.supports.sigma_m[k] = -1.0f;
+  }
+  track.truncated = true;
+}
+
 /// Of obstacles every second one, by all robots but r3, and never twice alike.
 TEST(HalfSeen, TopsThatFloatAccuseNoExactStart) {
   SimulationOptions options;
@@ -87,6 +100,33 @@ TEST(HalfSeen, RaggedOutlinesHoldAHeadingThatNothingElseHolds) {
         meanError(options, seed, 0.6) / kHalves;  // several things that run together: by the wheels alone
   }
   EXPECT_LT(ragged_m, 0.5 * torn_m);
+}
+
+/// A lens of 150°: the edge of the view cuts off all that is farther than its top is seen.
+TEST(HalfSeen, SidesTowardsTheCameraHoldAPoseWhereTheRestIsCutOff) {
+  SimulationOptions options;
+  options.wheel_bias_sigma = 0.03;
+  options.robots_seen = false;
+  double cut_m = 0.0, alone_m = 0.0;
+  for (const bool sides : {true, false}) {
+    for (std::uint32_t seed = kFirstOfHalves; seed < kFirstOfHalves + kHalves; ++seed) {
+      FleetSimulator simulator(options, seed);
+      FleetEstimator estimator(simulator.setups(), {});
+      for (int f = 0; f < options.frames; ++f) {
+        auto frames = simulator.frames(f);
+        for (Objects& frame : frames) {
+          for (Track& track : frame.tracks) cutFarSide(track, sides);
+        }
+        const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
+        if (estimator.refineDue()) estimator.refine();
+        for (std::size_t r = 0; r < estimates.size(); ++r)
+          (sides ? cut_m : alone_m) += (estimates[r].map_from_base.translation() -
+                                        simulator.truth(static_cast<int>(r), f).translation())
+                                           .norm();
+      }
+    }
+  }
+  EXPECT_LT(cut_m, 0.1 * alone_m);
 }
 
 /// Nothing is seen but a thing that looks like a robot and stands within the gate of uncertain wheels.
