@@ -6,23 +6,32 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "options/options.h"
 
 namespace omnifleet::calibration {
 namespace {
 
-/// Long sides (px) at which the detectors are tried; 0 is the image as it is. Their cost grows with the area,
-/// their filters are made for squares of some ten pixels.
-constexpr int kSides_px[] = {0, 1000, 2000};
+enum class Detector { kQuads, kQuickQuads, kSectors };
 
-enum class Detector { kQuads, kSectors };
+/// A detector, and the long side (px) of the image that it is tried on; 0 is the image as it is. Their cost grows
+/// with the area, their filters are made for squares of some ten pixels. Sectors on large images take minutes. So
+/// do quads on one that is enlarged and shows a board in part (at the rim of a fisheye lens): only where a quick
+/// look at it finds enough squares.
+constexpr std::pair<Detector, int> kTries[] = {{Detector::kQuads, 0},
+                                               {Detector::kSectors, 0},
+                                               {Detector::kSectors, 1000},
+                                               {Detector::kQuickQuads, 1000},
+                                               {Detector::kQuickQuads, 2000}};
+constexpr int kLargest_px = 1500;  // for sectors
 
 bool detect(const cv::Mat& grey, const Board& board, Detector detector, std::vector<cv::Point2f>& corners) {
   const cv::Size size(board.columns, board.rows);
-  if (detector == Detector::kQuads) {
+  if (detector != Detector::kSectors) {
     return cv::findChessboardCorners(grey, size, corners,
-                                     cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE);
+                                     cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE |
+                                         (detector == Detector::kQuickQuads ? cv::CALIB_CB_FAST_CHECK : 0));
   }
   return cv::findChessboardCornersSB(grey, size, corners, cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_NORMALIZE_IMAGE);
 }
@@ -87,14 +96,11 @@ std::vector<Eigen::Vector2d> Board::corners_m() const {
 
 std::optional<std::vector<Eigen::Vector2d>> findBoard(const cv::Mat& grey, const Board& board) {
   const int side_px = std::max(grey.cols, grey.rows);
-  for (const Detector detector : {Detector::kQuads, Detector::kSectors}) {
-    for (const int wanted_px : kSides_px) {
-      const bool large = std::max(wanted_px, wanted_px == 0 ? side_px : 0) > 1500;
-      if (large && detector == Detector::kSectors) continue;                         // takes minutes
-      if (wanted_px != 0 && std::abs(wanted_px - side_px) < side_px / 10) continue;  // just tried
-      auto corners = findAt(grey, board, wanted_px, detector);
-      if (corners) return corners;
-    }
+  for (const auto& [detector, wanted_px] : kTries) {
+    if (detector == Detector::kSectors && (wanted_px != 0 ? wanted_px : side_px) > kLargest_px) continue;
+    if (wanted_px != 0 && std::abs(wanted_px - side_px) < side_px / 10) continue;  // just tried
+    auto corners = findAt(grey, board, wanted_px, detector);
+    if (corners) return corners;
   }
   return std::nullopt;
 }
@@ -107,7 +113,7 @@ std::optional<Board> findOtherSize(const cv::Mat& grey, const Board& board) {
     Board other = board;
     other.columns += columns, other.rows += rows;
     if (std::min(other.columns, other.rows) < kLeast) continue;
-    if (findAt(grey, other, side_px, Detector::kQuads)) return other;
+    if (findAt(grey, other, side_px, Detector::kQuickQuads)) return other;
   }
   return std::nullopt;
 }
