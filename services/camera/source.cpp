@@ -26,6 +26,24 @@ std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera
   throw std::logic_error("an arena camera is rendered, not opened");
 }
 
+namespace {
+
+/// A frame or two of another size are a fault of theirs; all of them, of the calibration.
+void checkSize(dataset::FrameSource& source) {
+  constexpr int kFrames = 3;
+  cv::Mat image;
+  dataset::FrameInfo info;
+  int frames = 0;
+  for (; frames < kFrames && source.next(image, info); ++frames) {
+    if (info.state != FrameState::kWrongSize) return;
+  }
+  if (frames > 0)
+    throw options::Error(info.where + ": " + info.fault +
+                         ", as all before it; does sensor.yaml belong to this camera?");
+}
+
+}  // namespace
+
 void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
   if (camera.source == fleet::CameraSource::kArena) return;
   if (camera.source == fleet::CameraSource::kDataset) {
@@ -33,10 +51,12 @@ void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
     if (!std::filesystem::is_directory(images))
       throw options::Error(images.string() + ": no such folder; the images of " + camera.id +
                            " belong there");
+    checkSize(*openSource(camera, fleet));
     return;
   }
   try {
-    openSource(camera, fleet);
+    const auto source = openSource(camera, fleet);
+    if (camera.source == fleet::CameraSource::kFolder) checkSize(*source);
   } catch (const options::Error& error) {
     throw options::Error(fleet.file.file() + ": cameras." + camera.id + ": " + error.what());
   }

@@ -12,7 +12,8 @@ namespace omnifleet::services {
 std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet);
 
 /// Opens and closes a folder, video or device, so that a launcher can tell before it starts anything. Throws
-/// options::Error naming the fleet file, the camera and what cannot be opened.
+/// options::Error naming the fleet file, the camera and what cannot be opened; and for a recording or folder
+/// all of whose first frames have another size than sensor.yaml says, that and theirs.
 void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::services

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "camera/service.h"
+#include "camera/source.h"
 #include "classifier/service.h"
 #include "common/check_options.h"
 #include "formation/service.h"
@@ -46,6 +47,7 @@ bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
   const fleet::Fleet fleet = fleet::Fleet::load(run.fleet_file, run.dataset, run.overlays);
   checkOptions(fleet);
   checkOutput(fleet, run.out);
+  for (const fleet::CameraSpec& camera : fleet.cameras) checkSource(camera, fleet);
   if (!run.out.empty()) {
     makeOutput(run.out);
     forgetPaths(fleet, run.out);

@@ -261,6 +261,19 @@ TEST(Replay, AFolderOfImagesThatIsNotThereIsNamedAndNothingStarts) {
   EXPECT_FALSE(fs::exists(out + "/log"));
 }
 
+TEST(Replay, ALensFileForAnotherSizeIsNamedAndNothingStarts) {
+  const std::string data = copyOfRecording("other_size");
+  const std::string path = data + "/r1/fisheye/sensor.yaml";
+  std::string sensor = fileText(path);
+  const std::string key = "image_width: ";
+  sensor.replace(sensor.find(key), key.size(), key + "1");  // 640 → 1640
+  std::ofstream(path) << sensor;
+  Process launch({program("launch"), "replay", data, "--out", data + "_run", "--domain", "83"}, data + ".log");
+  EXPECT_EQ(launch.wait(20s), std::optional<int>(2)) << launch.output();
+  EXPECT_THAT(launch.output(), testing::HasSubstr("does sensor.yaml belong to this camera?"));
+  EXPECT_FALSE(fs::exists(data + "_run/log"));
+}
+
 TEST(Replay, ARecordingThatIsNoneIsNamed) {
   const std::string out = freshDir("no_recording");
   Process launch(
