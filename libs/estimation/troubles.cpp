@@ -224,7 +224,12 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
   robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : tellDoubt(fleet, robot);
   if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
-  if (frame.placed_anew) robot.status.text = "moved by hand: placed anew by what it sees";
+  if (frame.placed_anew) {
+    constexpr int kOften = 3;  // nobody carries a robot so often
+    robot.status.text = robot.status.losses <= kOften
+                            ? "moved by hand: placed anew by what it sees"
+                            : "moved by hand again and again: does its sensor.yaml belong to its camera?";
+  }
   if (frame.slipped) robot.status.state = RobotState::kSlipping;
   if (frame.slipped) robot.status.text = "wheels disagree with what is seen";
   if (robot.wiring == Wiring::kAsTold) return;

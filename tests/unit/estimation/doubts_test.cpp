@@ -147,6 +147,36 @@ TEST(FleetEstimator, ARobotThatSeesHowItIsCarriedIsPlacedAtOnce) {
   EXPECT_EQ(estimator.status("r1").losses, 1);
 }
 
+/// To another robot's place and back, every four frames.
+TEST(FleetEstimator, WhoSeemsToBeCarriedAgainAndAgainMayHaveAnotherLens) {
+  SimulationOptions options;
+  options.robots_seen = false;
+  options.speed_mps = 0.1;
+  FleetSimulator simulator(options, 21);
+  FleetEstimator estimator(simulator.setups(), {});
+  std::vector<std::string> told;
+  int before = 0;
+  for (int f = 0; f < 45; ++f) {
+    auto frames = simulator.frames(f);
+    const int where = f < 25 ? 0 : 1 - (f - 25) / 4 % 2;
+    Motion motion = frames[0].motion;
+    frames[0].tracks = frames[static_cast<std::size_t>(where)].tracks;
+    for (Track& track : frames[0].tracks) track.id += 500U * static_cast<std::uint32_t>(where);
+    if (where != before || where != 0) {
+      motion.previous_from_current = simulator.truth(before, f - 1).inverse() * simulator.truth(where, f);
+      motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+    }
+    if (where != before) motion.left_m = motion.right_m = 0.0, motion.refuted = true;
+    frames[0].motion = motion;
+    estimator.process(simulator.time(f), pointers(frames), {});
+    if (where != before) told.push_back(estimator.status("r1").text);
+    before = where;
+  }
+  ASSERT_EQ(told.size(), 5U);
+  EXPECT_EQ(told[2], "moved by hand: placed anew by what it sees");
+  EXPECT_EQ(told[3], "moved by hand again and again: does its sensor.yaml belong to its camera?");
+}
+
 TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {
   SimulationOptions options;
   options.obstacles = 8;
