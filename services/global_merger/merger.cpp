@@ -59,17 +59,16 @@ bool isSilentRobot(const Group& group, const MergerOptions& options,
   });
 }
 
-/// What one robot sees, hardly ever by itself: its outline may be that of what stands beside or behind it, or
-/// the half of it that differs from the floor.
+/// What is hardly ever seen by itself, in views that do not quite agree: its outline may be that of what
+/// stands beside or behind it, or the half of it that differs from the floor. Or views that do not agree at
+/// all.
 bool isUnclear(const Group& group) {
-  constexpr double kShare = 0.9, kAgree = 0.7;  // of the views; spread of views of one body
+  constexpr double kShare = 0.8, kAgree = 0.7, kDisagree = 1.5;  // of the views; spread of views of one body
+  if (!(group.views.front()->prism.camera_height_m > 0.0)) return false;
   const auto flawed = std::count_if(group.views.begin(), group.views.end(),
                                     [](const ObjectView* view) { return view->is_flawed; });
-  const bool by_one = std::all_of(group.views.begin(), group.views.end(), [&](const ObjectView* view) {
-    return view->robot == group.views.front()->robot;
-  });
-  return by_one && static_cast<double>(flawed) >= kShare * static_cast<double>(group.views.size()) &&
-         group.fit.spread > kAgree && group.views.front()->prism.camera_height_m > 0.0;
+  const bool is_seldom_seen = static_cast<double>(flawed) >= kShare * static_cast<double>(group.views.size());
+  return group.fit.spread > (is_seldom_seen ? kAgree : kDisagree);
 }
 
 /// By the parallax of its points, surely.

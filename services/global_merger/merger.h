@@ -139,7 +139,8 @@ class Merger {
   const std::vector<Unmapped>& unmapped() const { return unmapped_; }
   /// Since finish(): the middles of outlines where the floor was seen, too: things hardly to be told from it.
   const std::vector<Eigen::Vector2d>& faint() const { return faint_m_; }
-  /// Likewise of outlines that no view shows by themselves, and one robot's views do not quite agree on.
+  /// Likewise of outlines that hardly any view shows by themselves, and that the views do not quite agree on,
+  /// or on which they do not agree at all.
   const std::vector<Eigen::Vector2d>& unclear() const { return unclear_m_; }
   /// At run/end: undecided candidates are decided by fit and covariance; cells follow. Idempotent.
   void finish();

@@ -304,8 +304,9 @@ void GlobalMergerService::tellDoubts() {
         faint.text());
   if (unclear.any())
     status().error(
-        "in the map by views of one robot that never show them by themselves and do not quite agree; place "
-        "and outline may be off: " +
+        "in the map by views that do not agree, or hardly ever show them by themselves and do not quite "
+        "agree; "
+        "place and outline may be off: " +
         unclear.text());
   if (slivers.any())
     status().error(
@@ -319,7 +320,7 @@ void GlobalMergerService::tellDoubts() {
   if (unmapped + slivers.count() + bare.count() + faint.count() + unclear.count() > 0)
     status().error(
         fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline, "
-                    "{} hardly to be told from the floor, {} not seen by themselves; where and why: "
+                    "{} hardly to be told from the floor, {} seen unclearly; where and why: "
                     "the lines before this one in the log",
                     unmapped, slivers.count(), bare.count(), faint.count(), unclear.count()));
 }
