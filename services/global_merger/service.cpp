@@ -305,8 +305,7 @@ void GlobalMergerService::tellDoubts() {
   if (unclear.any())
     status().error(
         "in the map by views that do not agree, or hardly ever show them by themselves and do not quite "
-        "agree; "
-        "place and outline may be off: " +
+        "agree; place and outline may be off: " +
         unclear.text());
   if (slivers.any())
     status().error(

@@ -2,7 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 #include "global_merger/strangers.h"
+#include "merger_scenes.h"
 
 namespace omnifleet::global_merger {
 namespace {
@@ -66,6 +71,34 @@ TEST(Strangers, OneWrongVerdictTakesNothingOffTheMap) {
   }
   EXPECT_EQ(kindsOf({track("r1", 4, ObjectKind::kObstacle, 10, kWay), obstacle})[1], ObjectKind::kObstacle)
       << "somebody pushes a box";
+}
+
+/// r1 sees it drive for two seconds (or not) and stand, r2 sees it stand and takes it for an obstacle.
+std::vector<dataset::MapObject> mapWith(bool drives) {
+  using omnifleet::testing::SimRobot;
+  testing::Sets all;
+  for (int i = 0; i < 24; ++i) {
+    const double t = 0.25 * i, x_m = drives ? std::min(0.0, -0.8 + 0.1 * i) : 0.0;
+    for (const bool first : {true, false}) {
+      if (!first && t < 2.5) continue;
+      testing::SimThing thing{omnifleet::testing::boxPolygon({x_m, 0.9}, 0.3, 0.3, 0.0), 0.3};
+      thing.kind = first && drives ? ObjectKind::kRobot : ObjectKind::kObstacle;
+      const Pose2 at = first ? Pose2{-0.5 + 0.05 * t, 0.0, 0.0} : Pose2{0.9 - 0.1 * t, 1.6, 3.0};
+      testing::FleetSim sim({thing}, {SimRobot{first ? "r1" : "r2", [at](double) { return at; }}},
+                            testing::noisy(), 1000U + static_cast<unsigned>(i));
+      const testing::Sets sets = testing::record(sim, t, t + 0.01);
+      all.contributions.insert(all.contributions.end(), sets.contributions.begin(), sets.contributions.end());
+      all.poses.insert(all.poses.end(), sets.poses.begin(), sets.poses.end());
+    }
+  }
+  Merger merger = testing::merged(all, {});
+  merger.finish();
+  return merger.outlines();
+}
+
+TEST(Strangers, OneThatHasStoppedIsNotInTheMap) {
+  EXPECT_TRUE(mapWith(true).empty());
+  EXPECT_EQ(mapWith(false).size(), 1U);
 }
 
 }  // namespace
