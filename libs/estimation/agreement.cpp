@@ -10,7 +10,6 @@ namespace {
 constexpr TimeNs kLately_ns = 300000000;  // a robot that has seen nothing since cannot be asked
 constexpr double kMatch_m = 0.10;         // between a thing seen and what it should be
 constexpr double kEmpty_m = 0.30;      // nothing is seen so near the place of something: it is missing there
-constexpr double kTop = 2.0;           // times the distance of a thing at which its top may be seen
 constexpr double kTooNear_m = 0.35;    // of the camera: hidden by the own body
 constexpr double kPlainSight_m = 1.2;  // of the camera: not missed there
 constexpr double kSearch_m = 0.5;      // from the place of a robot to the silhouette that may be it
@@ -39,18 +38,10 @@ bool seesFloorAt(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   return scan.range_m[ray % scan.range_m.size()] > to.norm();
 }
 
-/// Of a thing whose sides look like the floor only the top is seen, H/(H − h) times as far.
-bool isBehind(const Eigen::Vector2d& seen_m, const Eigen::Vector2d& in_base_m) {
-  const double away_m = in_base_m.norm(), along_m = seen_m.dot(in_base_m) / away_m;
-  return along_m > away_m && along_m < kTop * away_m &&
-         std::sqrt(std::max(0.0, seen_m.squaredNorm() - along_m * along_m)) < kMatch_m;
-}
-
 bool isEmptyAround(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   return seesFloorAt(robot, in_base_m) &&
-         std::none_of(robot.sight.begin(), robot.sight.end(), [&](const Glimpse& s) {
-           return (s.position_m - in_base_m).norm() < kEmpty_m || isBehind(s.position_m, in_base_m);
-         });
+         std::none_of(robot.sight.begin(), robot.sight.end(),
+                      [&](const Glimpse& s) { return (s.position_m - in_base_m).norm() < kEmpty_m; });
 }
 
 bool inPlainSight(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
