@@ -36,6 +36,19 @@ void onAbort(int) {
   for (;;) ::pause();
 }
 
+/// A thread that Fast DDS 2.9 reads frames with spins, and so its reader's end, when a live writer overtakes
+/// it in one moment and never writes again (docs/methods.md, "DDS as measured"). Made before whatever may
+/// hang; once everything is written, that must be gone in time, or the process ends without.
+class Leaving {
+ public:
+  static constexpr unsigned kPatience_s = 4;
+  ~Leaving() { ::alarm(0); }
+  static void begin() {
+    std::signal(SIGALRM, [](int) { _exit(last_word); });
+    ::alarm(kPatience_s);
+  }
+};
+
 void onSignal(int number) {
   signalled = number;
   if (Bus* bus = signalled_bus) bus->requestStop();
@@ -98,6 +111,7 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
 
 int runOnDds(const std::string& name, const ServiceOptions& options, const ServiceFactory& make,
              const std::shared_ptr<spdlog::logger>& log) {
+  const Leaving leaving;
   const std::unique_ptr<Bus> bus = makeDdsBus(busOptions(name, options, log));
   const SignalledBus signals(*bus);
   const Topics topics(options.mode);
@@ -106,6 +120,7 @@ int runOnDds(const std::string& name, const ServiceOptions& options, const Servi
   const ExitCode code = runLoop(*bus, *service, options, publisher, *log);
   last_word = static_cast<int>(code) + (code == ExitCode::kStopped ? signalled.load() : 0);
   if (parked) _exit(last_word);
+  Leaving::begin();
   return last_word;
 }
 

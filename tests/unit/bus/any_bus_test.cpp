@@ -350,25 +350,33 @@ TEST_P(AnyBus, DeterministicRunsLoseNoFrameBehindASlowReader) {
   EXPECT_EQ(reader->counters().torn + reader->counters().lost, 0u);
 }
 
+/// Sends one and waits for the news of it, as slow as cameras are: a reader's thread that is overtaken in the
+/// middle of a burst may never come back (docs/methods.md, "DDS as measured").
+bool sendPaced(FrameWriter& writer, std::uint32_t sequence, Bus& readers_bus) {
+  return send(writer, sequence) && readers_bus.wait(kPatience);
+}
+
 TEST_P(AnyBus, LiveKeepsTheNewestFramesAndCountsTheRest) {
   const auto a = network.join({RunMode::kLive}), b = network.join({RunMode::kLive});
   const auto writer = a->frameWriter("cam", frameHeader(0).bytes());
   const auto reader = b->frameReader("cam", frameHeader(0).bytes());
   ASSERT_TRUE(writer->waitForReaders(1, kPatience));
   ASSERT_TRUE(reader->waitForWriters(1, kPatience));
-  for (std::uint32_t k = 0; k < 40; ++k) ASSERT_TRUE(send(*writer, k)) << "live never blocks";
-  std::uint32_t last = 0;
-  while (last != 39) {
+  constexpr std::uint32_t kFrames = 40, kKept = 4;
+  ASSERT_TRUE(send(*writer, 0));
+  ASSERT_TRUE(next(*b, *reader));
+  reader->release();
+  for (std::uint32_t k = 1; k < kFrames; ++k) ASSERT_TRUE(sendPaced(*writer, k, *b)) << "live never blocks";
+  for (std::uint32_t k = kFrames - kKept; k < kFrames; ++k) {
     const auto view = next(*b, *reader);
     ASSERT_TRUE(view);
-    const bool whole = std::all_of(view->data, view->data + view->header.bytes(),
-                                   [&](auto v) { return v == view->header.sequence; });
-    EXPECT_TRUE(whole || !reader->stillValid()) << "a torn frame must not pass for a good one";
-    last = view->header.sequence;
+    EXPECT_EQ(view->header.sequence, k);
+    EXPECT_TRUE(std::all_of(view->data, view->data + view->header.bytes(), [&](auto v) { return v == k; }));
     reader->release();
   }
-  EXPECT_LE(reader->counters().received, 40u);
-  EXPECT_GE(reader->counters().received, 1u);
+  EXPECT_EQ(reader->counters().received, 1u + kKept);
+  EXPECT_EQ(reader->counters().lost, kFrames - 1u - kKept);
+  EXPECT_EQ(reader->counters().torn, 0u);
 }
 
 TEST_P(AnyBus, FramesStayOnTheirMachineAndInTheirClass) {

@@ -260,7 +260,10 @@ TEST(DdsFrames, AFrameThatIsOverwrittenWhileHeldIsNoticed) {
   ASSERT_TRUE(view);
   EXPECT_TRUE(isWhole(*view));
   EXPECT_TRUE(reader->stillValid());
-  for (std::uint32_t k = 1; k <= 12; ++k) send(k);  // more than the 4 + 2 slots
+  for (std::uint32_t k = 1; k <= 12; ++k) {  // more than the 4 + 2 slots, as slow as cameras are
+    send(k);
+    ASSERT_TRUE(b->wait(kPatience));
+  }
   EXPECT_FALSE(isWhole(*view)) << "else this test shows nothing";
   EXPECT_FALSE(reader->stillValid());
   EXPECT_FALSE(reader->stillValid());

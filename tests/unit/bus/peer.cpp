@@ -57,6 +57,9 @@ class TestService : public Service {
     poses_ = context.bus.reader(context.topics.pose, context.options.robot);
     answers_ = context.bus.writer(context.topics.formation_state, context.options.robot);
   }
+  ~TestService() override {
+    while (behaviour_ == "hangs") ::pause();
+  }
   std::vector<Expectation> expectations() const override {
     return {{"a writer of pose", [this] { return poses_->matched() > 0; }},
             {"a reader of formation/state", [this] { return answers_->matched() > 0; }}};

@@ -63,6 +63,13 @@ TEST_F(ServiceProcess, ASignalWhileItWaitsForPeersEndsItToo) {
   EXPECT_LT(Clock::now() - before, std::chrono::seconds(2));
 }
 
+TEST_F(ServiceProcess, WhoCannotLeaveEndsAllTheSameAndHasSavedBefore) {
+  Peer peer(service("live", {"--behaviour", "hangs"}));
+  waitFor(v1::SERVICE_RUNNING);
+  EXPECT_EQ(peer.end(SIGTERM), 128 + SIGTERM) << "as if nothing hung";
+  EXPECT_EQ(peer.line(), "drained");
+}
+
 TEST_F(ServiceProcess, ItAnswersEverySampleAndEndsByItself) {
   Peer peer(service("replay"));
   ASSERT_TRUE(poses->waitForReaders(1, kPatience));
