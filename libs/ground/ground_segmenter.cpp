@@ -138,6 +138,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       hued_cells_(view.imageSize()),
       despeckler_(view.imageSize()),
       step_edges_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
+      grainy_floor_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
       lamp_shadows_(view),
       shade_(view.imageSize()),
       completer_(camera, view.imageSize()) {
@@ -158,6 +159,7 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
   shade_.clear();
   step_edges_.clear();
+  grainy_floor_.clear();
   unlined_regions_ = nullptr;
   area_.cover(strips_);
   if (!found) {
@@ -178,8 +180,10 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
     if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, looks_);
     shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
     complete(image);
-    if (low_walls_)
+    if (low_walls_) {
       step_edges_.find(reference_.growth(), static_cast<float>(options_.reference.tolerance_along));
+      grainy_floor_.find(reference_.growth(), bits_);
+    }
   }
   clearStrips(last_strips_, objects_);
   unpack(strips_, bits_, objects_);

@@ -13,6 +13,7 @@
 #include "ground/floor_noise.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
+#include "ground/grainy_floor.h"
 #include "ground/horizon.h"
 #include "ground/hue_smoother.h"
 #include "ground/hued_cells.h"
@@ -75,6 +76,8 @@ class GroundSegmenter {
   const std::vector<Blob>& faces() const { return shade_.faces(); }
   /// Likewise; the feet of low walls, or where another floor begins (StepEdges).
   const std::vector<Blob>& steps() const { return step_edges_.found(); }
+  /// Likewise; walls as light as the floor, or another floor (GrainyFloor).
+  const std::vector<Blob>& grainy() const { return grainy_floor_.found(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
   /// Of the last frame's pixels.
@@ -143,6 +146,7 @@ class GroundSegmenter {
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
   StepEdges step_edges_;
+  GrainyFloor grainy_floor_;
   LampShadows lamp_shadows_;
   ShadeFilter shade_;
   ThingCompleter completer_;

@@ -4,6 +4,21 @@
 
 namespace omnifleet::ground {
 
+void enlarge(const Blob& blocks, int block_px, Blob& pixels) {
+  const cv::Rect& rect = blocks.rect;
+  pixels.rect = {rect.x * block_px, rect.y * block_px, rect.width * block_px, rect.height * block_px};
+  pixels.area_px = blocks.area_px * block_px * block_px;
+  pixels.runs.clear();
+  for (auto row = blocks.runs.begin(); row != blocks.runs.end();) {
+    const auto end =
+        std::find_if(row, blocks.runs.end(), [&](const Run& run) { return run.row != row->row; });
+    for (int k = 0; k < block_px; ++k)
+      for (auto run = row; run != end; ++run)
+        pixels.runs.push_back({run->row * block_px + k, run->begin * block_px, run->end * block_px});
+    row = end;
+  }
+}
+
 Blob BlobPool::take() {
   Blob blob;
   if (!spare_.empty()) {

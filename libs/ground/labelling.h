@@ -26,6 +26,9 @@ inline cv::Point middleOf(const Blob& blob) {
   return blob.rect.tl() + cv::Point(blob.rect.width / 2, blob.rect.height / 2);
 }
 
+/// The pixels of a region of blocks of block_px × block_px; their label is left as it is.
+void enlarge(const Blob& blocks, int block_px, Blob& pixels);
+
 /// Regions whose buffers are used again, each as large as the largest has been: which buffer serves which
 /// region does not matter, and nothing grows once the fullest frame has been seen.
 class BlobPool {

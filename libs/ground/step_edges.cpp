@@ -126,19 +126,8 @@ StepEdges::Lengths StepEdges::highOf(const Blob& region, const cv::Mat1b& marks)
 
 void StepEdges::keep(const Blob& region) {
   found_.push_back(pool_.take());
-  Blob& pixels = found_.back();
-  pixels.label = static_cast<int>(found_.size());
-  const cv::Rect& rect = region.rect;
-  pixels.rect = {rect.x * block_px_, rect.y * block_px_, rect.width * block_px_, rect.height * block_px_};
-  pixels.area_px = region.area_px * block_px_ * block_px_;
-  for (auto row = region.runs.begin(); row != region.runs.end();) {
-    const auto end =
-        std::find_if(row, region.runs.end(), [&](const Run& run) { return run.row != row->row; });
-    for (int k = 0; k < block_px_; ++k)
-      for (auto run = row; run != end; ++run)
-        pixels.runs.push_back({run->row * block_px_ + k, run->begin * block_px_, run->end * block_px_});
-    row = end;
-  }
+  enlarge(region, block_px_, found_.back());
+  found_.back().label = static_cast<int>(found_.size());
 }
 
 void StepEdges::find(const FloorGrowth& growth, float tolerance) {

@@ -246,6 +246,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   addUndecided(segmenter.undecided());
   addUndecided(segmenter.boards(), FloorScan::Doubt::kBoard);
   addUndecided(segmenter.steps(), FloorScan::Doubt::kStep);
+  addUndecided(segmenter.grainy(), FloorScan::Doubt::kStep);
   if (!has_walls) {  // shade on a wall is no thing before it
     addUndecided(segmenter.vague());
     for (const ground::Blob& face : segmenter.faces()) scan.addUndecided(face, FloorScan::Doubt::kRegion);

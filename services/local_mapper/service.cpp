@@ -212,7 +212,7 @@ void LocalMapperService::tellUndecided(bool ended) {
   }
   if (named < doubts_.size()) places += fmt::format("; and {} more", doubts_.size() - named);
   status().error(fmt::format(
-      "camera {}: something nearly of the floor's colour (a thing, a pattern, a shadow): {}; it is "
+      "camera {}: something nearly of the floor's colour (a thing, a wall, a pattern, a shadow): {}; it is "
       "left out of the map and nothing behind it counts as seen",
       camera_.id, places));
   doubts_.clear();

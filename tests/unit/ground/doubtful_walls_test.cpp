@@ -154,7 +154,8 @@ TEST_F(DoubtfulWallTest, WhereThereIsNoneNothingIsInDoubt) {
     GroundSegmenter segmenter(camera_, view_, {});
     for (unsigned seed = 1; seed <= 3; ++seed) {
       ASSERT_TRUE(segmenter.segment(seen(image, seed)));
-      for (const auto* doubtful : {&segmenter.undecided(), &segmenter.boards(), &segmenter.steps()})
+      for (const auto* doubtful :
+           {&segmenter.undecided(), &segmenter.boards(), &segmenter.steps(), &segmenter.grainy()})
         EXPECT_TRUE(doubtful->empty()) << which << " " << seed;
     }
     ++which;

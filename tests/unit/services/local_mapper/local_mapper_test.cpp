@@ -106,6 +106,40 @@ TEST_F(LocalMapperTest, ScanEndsAtTheWallsOfARoom) {
   EXPECT_NEAR(mapper.freeShare(), 0.55, 0.05);
 }
 
+/// Plaster as light as the floor: nothing but its grain tells it.
+TEST_F(LocalMapperTest, NoFloorIsKnownBehindWallsThatAreGrainierThanIt) {
+  scene_.prisms.clear();
+  const cv::Mat3b bare = testing::renderScene(scene_, camera_, {});
+  for (int side = 0; side < 4; ++side) {
+    const double turn = 0.5 * M_PI * side;
+    scene_.prisms.push_back(
+        {box(1.3 * std::cos(turn), 1.3 * std::sin(turn), 0.1, 2.7, turn), 0.25, {255, 0, 255}});
+  }
+  const cv::Mat3b marked = testing::renderScene(scene_, camera_, {});
+  const cv::Vec3b floor = bare(cvRound(camera_.model().principal_point_px.y()),
+                               cvRound(camera_.model().principal_point_px.x()) + 130);
+  cv::Mat3b image = bare.clone();
+  cv::Mat1f plaster(image.rows / 4, image.cols / 4);
+  cv::theRNG().state = 5;
+  cv::randn(plaster, 1.0, 0.1);
+  cv::resize(plaster, plaster, image.size());
+  for (int y = 0; y < image.rows; ++y)
+    for (int x = 0; x < image.cols; ++x)
+      if (marked(y, x)[1] < 20) image(y, x) = cv::Vec3b(cv::Vec3f(floor) * plaster(y, x));
+  LocalMapper mapper(camera_, {});
+  const LocalMap& map = mapper.process(testing::frameOf(image, 0), {});
+  ASSERT_EQ(map.state, FrameState::kOk);
+  int beyond = 0, short_of = 0;
+  for (std::size_t i = 0; i < 360; ++i) {
+    const double bearing = static_cast<double>(i) * M_PI / 180.0;
+    const double wall_m = 1.25 / std::max(std::abs(std::cos(bearing)), std::abs(std::sin(bearing)));
+    beyond += map.scan.range_m[i] > wall_m + 0.1 ? 1 : 0;
+    short_of += map.scan.range_m[i] < wall_m - 0.2 ? 1 : 0;
+  }
+  EXPECT_LT(beyond, 18);
+  EXPECT_LT(short_of, 18);
+}
+
 TEST_F(LocalMapperTest, ABodyThatIsTakenForTheFloorLeavesHardlyAny) {
   cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   const Eigen::Vector2d& middle = camera_.model().principal_point_px;
