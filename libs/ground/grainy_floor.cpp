@@ -4,85 +4,90 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "geometry/lanes.h"
+
 namespace omnifleet::ground {
 
 namespace {
 
-constexpr int kCell = FloorView::kCell;
-constexpr float kUnknown = -1.0f;
 // Of the seeds' grain: their median, and what nine of ten stay below; of the brightness.
 constexpr float kMedians = 3.0f, kTails = 1.2f, kLeastGrain = 0.03f;
-constexpr int kWindow = 7;            // blocks
-constexpr float kLeastKnown = 25.0f;  // blocks of a window
-// Of these: grain all over, not lines; what is less coarse joins that, as at an edge windows hold both.
-constexpr float kCoarse = 0.4f, kLessCoarse = 0.25f;
+constexpr int kWindow = 7;       // blocks
+constexpr int kLeastKnown = 25;  // blocks of a window
+// Of these, percent: grain all over, not lines; what is less coarse joins that, as at an edge windows hold
+// both.
+constexpr int kCoarse = 40, kLessCoarse = 25;
 constexpr int kLeastBlocks = 40;
 constexpr double kLeast_m = 0.7;               // long, seen from the camera
 constexpr int kKnownBit = 1, kCoarseBit = 64;  // what counts in a window, side by side in one number
 
-cv::Size wholeStrips(const cv::Size& size) {
-  return {size.width, (size.height + kCell - 1) / kCell * kCell};
+/// Of the middle of three rows of blocks; negative where one of them is 0.
+OMNIFLEET_INLINE float grainAt(const float* above, const float* here, const float* below) {
+  const float least = std::min(std::min(*above, *below), std::min(std::min(here[-1], here[1]), *here));
+  const float across = std::abs(2.0f * *here - here[-1] - here[1]),
+              along = std::abs(2.0f * *here - *above - *below);
+  return least > 0.0f ? std::min(across, along) : -1.0f;
+}
+
+/// kKnownBit and kCoarseBit of n blocks.
+OMNIFLEET_WIDE void countGrain(const float* __restrict above, const float* __restrict here,
+                               const float* __restrict below, int n, float coarse, float level,
+                               std::uint8_t* __restrict counts) {
+  for (int x = 0; x < n; ++x) {
+    const float grain = grainAt(above + x, here + x, below + x);
+    // In the dark noise is no grain: it grows less than the light does.
+    const int known = grain >= 0.0f ? kKnownBit : 0,
+              coarse_one = grain > coarse * std::max(level, here[x]) ? kCoarseBit : 0;
+    counts[x] = static_cast<std::uint8_t>(known | coarse_one);
+  }
+}
+
+OMNIFLEET_WIDE void markCoarse(const std::uint16_t* __restrict sums, const float* __restrict greens, int n,
+                               int low, int high, std::uint8_t* __restrict marks) {
+  for (int x = 0; x < n; ++x) {
+    const int known = sums[x] % kCoarseBit, coarse = 100 * (sums[x] / kCoarseBit);
+    const int mark = coarse > kCoarse * known ? high : coarse > kLessCoarse * known ? low : 0;
+    const int is_known = (known >= kLeastKnown ? 255 : 0) & (greens[x] > 0.0f ? 255 : 0);
+    marks[x] = static_cast<std::uint8_t>(mark & is_known);
+  }
 }
 
 }  // namespace
 
 GrainyFloor::GrainyFloor(const lens::Camera& camera, const FloorView& view, const FloorGrowth& growth,
                          int block_cells)
-    : block_px_(block_cells * kCell),
-      floor_m_(growth.means().size(), 0.0f),
-      sectors_(floor_m_.size(), std::uint8_t{0}),
-      greens_(floor_m_.size(), 0.0f),
-      grain_(floor_m_.size(), kUnknown),
-      counts_(floor_m_.size(), std::uint8_t{0}),
-      sums_(floor_m_.size(), std::uint16_t{0}),
-      marks_(wholeStrips(floor_m_.size()), std::uint8_t{0}),
-      bits_(marks_.size()),
-      area_(marks_.size()) {
-  for (int row = 0; row * kCell < marks_.rows; ++row) all_.push_back({row, 0, marks_.cols});
-  area_.cover(all_);
-  rows_.resize(static_cast<std::size_t>(floor_m_.rows));
-  const auto foot_px = camera.pixelFromPoint({camera.foot().x(), camera.foot().y(), 0.0});
-  if (!foot_px) return;
-  for (int y = 0; y < floor_m_.rows; ++y) {
+    : floor_(camera, view, growth.means().size(), block_cells),
+      rows_(static_cast<std::size_t>(floor_.size().height)),
+      greens_(floor_.size(), 0.0f),
+      counts_(floor_.size(), std::uint8_t{0}),
+      sums_(floor_.size(), std::uint16_t{0}),
+      marks_(floor_.marks()) {
+  for (int y = 0; y < floor_.size().height; ++y) {
     cv::Range& row = rows_[static_cast<std::size_t>(y)];
-    for (int x = 0; x < floor_m_.cols; ++x) {
-      const Eigen::Vector2d pixel = Eigen::Vector2d(x + 0.5, y + 0.5) * block_px_ - Eigen::Vector2d(0.5, 0.5);
-      const auto floor = camera.floorFromPixel(pixel);
-      if (!floor || view.coverage()(y * block_cells, x * block_cells) != 2) continue;
-      const Eigen::Vector2d outward = pixel - *foot_px;
-      const double turns = std::atan2(outward.y(), outward.x()) / (2.0 * M_PI) + 0.5;
-      floor_m_(y, x) = static_cast<float>((*floor - camera.foot()).norm());
-      sectors_(y, x) = static_cast<std::uint8_t>(std::min(kSectors - 1, static_cast<int>(turns * kSectors)));
+    for (int x = 0; x < floor_.size().width; ++x) {
+      if (floor_.floorM()(y, x) <= 0.0f) continue;
       row = {row.empty() ? x : row.start, x + 1};
-      if (view.seeds()(y * block_cells, x * block_cells) != 0) seeds_.emplace_back(x, y);
+      const bool is_inside =
+          cv::Rect(1, 1, floor_.size().width - 2, floor_.size().height - 2).contains({x, y});
+      if (is_inside && view.seeds()(y * block_cells, x * block_cells) != 0) seeds_.emplace_back(x, y);
     }
   }
   sorted_.reserve(seeds_.size());
 }
 
-void GrainyFloor::readGrain(const cv::Mat3f& means, const BitMask& things) {
-  const BitMask::Word pixels = (BitMask::Word{1} << block_px_) - 1;
+void GrainyFloor::readGreens(const cv::Mat3f& means, const BitMask& things) {
+  const int block_px = floor_.sizePx();
+  const BitMask::Word pixels = (BitMask::Word{1} << block_px) - 1;
   for (int y = 0; y < greens_.rows; ++y) {
     const cv::Range& range = rows_[static_cast<std::size_t>(y)];
-    const float *mean = means.ptr<float>(y), *floor_m = floor_m_.ptr<float>(y);
+    const float *mean = means.ptr<float>(y), *floor_m = floor_.floorM().ptr<float>(y);
     float* greens = greens_.ptr<float>(y);
-    const BitMask::Word *top = things.row(y * block_px_), *bottom = things.row((y + 1) * block_px_ - 1);
+    const BitMask::Word *top = things.row(y * block_px), *bottom = things.row((y + 1) * block_px - 1);
     for (int x = range.start; x < range.end; ++x) {
-      const int bit = x * block_px_;  // those of a block lie in one word
+      const int bit = x * block_px;  // those of a block lie in one word
       const BitMask::Word word = top[bit / BitMask::kBits] | bottom[bit / BitMask::kBits];
       const bool is_floor = floor_m[x] > 0.0f && (word >> (bit % BitMask::kBits) & pixels) == 0;
       greens[x] = is_floor ? mean[3 * x + 1] : 0.0f;
-    }
-  }
-  for (int y = 1; y + 1 < greens_.rows; ++y) {
-    const float *above = greens_.ptr<float>(y - 1), *here = greens_.ptr<float>(y),
-                *below = greens_.ptr<float>(y + 1);
-    float* grain = grain_.ptr<float>(y);
-    for (int x = 1; x + 1 < greens_.cols; ++x) {
-      const float least = std::min({above[x], below[x], here[x - 1], here[x + 1], here[x]});
-      const float across = std::abs(2.0f * here[x] - here[x - 1] - here[x + 1]),
-                  along = std::abs(2.0f * here[x] - above[x] - below[x]);
-      grain[x] = least > 0.0f ? std::min(across, along) : kUnknown;
     }
   }
 }
@@ -90,12 +95,16 @@ void GrainyFloor::readGrain(const cv::Mat3f& means, const BitMask& things) {
 /// What is coarser than that is no grain of the floor around the robot, as a share of the brightness; 0 where
 /// that is not seen.
 float GrainyFloor::seedsGrain(const FloorGrowth& growth) {
+  const int width = greens_.cols;
   sorted_.clear();
   level_ = 0.0f;
   for (const cv::Point& block : seeds_) {
-    if (grain_(block) < 0.0f || !growth.isGrown(block.y, block.x)) continue;
-    sorted_.push_back(grain_(block) / greens_(block));
-    level_ += greens_(block);
+    if (!growth.isGrown(block.y, block.x)) continue;
+    const float *here = greens_.ptr<float>(block.y) + block.x,
+                grain = grainAt(here - width, here, here + width);
+    if (grain < 0.0f) continue;
+    sorted_.push_back(grain / *here);
+    level_ += *here;
   }
   constexpr std::size_t kFew = 20;
   if (sorted_.size() < kFew) return 0.0f;
@@ -108,60 +117,37 @@ float GrainyFloor::seedsGrain(const FloorGrowth& growth) {
 }
 
 void GrainyFloor::mark(float coarse) {
-  for (int y = 0; y < grain_.rows; ++y) {
-    const float *grain = grain_.ptr<float>(y), *greens = greens_.ptr<float>(y);
-    std::uint8_t* counts = counts_.ptr(y);
-    // In the dark noise is no grain: it grows less than the light does.
-    for (int x = 0; x < grain_.cols; ++x) {
-      const bool is_known = grain[x] >= 0.0f, is_coarse = grain[x] > coarse * std::max(level_, greens[x]);
-      counts[x] = static_cast<std::uint8_t>((is_known ? kKnownBit : 0) + (is_coarse ? kCoarseBit : 0));
-    }
+  const int width = greens_.cols;
+  for (int y = 1; y + 1 < greens_.rows; ++y) {
+    const float* here = greens_.ptr<float>(y) + 1;
+    countGrain(here - width, here, here + width, width - 2, coarse, level_, counts_.ptr(y) + 1);
   }
   cv::boxFilter(counts_, sums_, CV_16U, {kWindow, kWindow}, {-1, -1}, false, cv::BORDER_CONSTANT);
-  for (int y = 0; y < sums_.rows; ++y) {
-    const std::uint16_t* sums = sums_.ptr<std::uint16_t>(y);
-    const float* greens = greens_.ptr<float>(y);
-    std::uint8_t* marks = marks_.ptr(y);
-    for (int x = 0; x < sums_.cols; ++x) {
-      const auto known = static_cast<float>(sums[x] % kCoarseBit),
-                 coarse_ones = static_cast<float>(sums[x] / kCoarseBit);
-      const bool is_marked = known >= kLeastKnown && greens[x] > 0.0f && coarse_ones > kLessCoarse * known;
-      marks[x] = !is_marked ? 0 : coarse_ones > kCoarse * known ? kHigh : kLow;
-    }
-  }
+  for (int y = 0; y < sums_.rows; ++y)
+    markCoarse(sums_.ptr<std::uint16_t>(y), greens_.ptr<float>(y), width, kLow, kHigh, marks_.ptr(y));
 }
 
 bool GrainyFloor::isLarge(const Blob& region) const {
-  std::array<float, kSectors> farthest_m{};
   int blocks = 0;
-  for (const Run& run : region.runs) {
-    for (int x = run.begin; x < run.end; ++x) {
-      if (marks_(run.row, x) != kHigh) continue;
-      ++blocks;
-      float& m = farthest_m[sectors_(run.row, x)];
-      m = std::max(m, floor_m_(run.row, x));
-    }
-  }
-  double length_m = 0.0;
-  for (const float m : farthest_m) length_m += m * 2.0 * M_PI / kSectors;
-  return blocks >= kLeastBlocks && length_m >= kLeast_m;
+  for (const Run& run : region.runs)
+    blocks +=
+        static_cast<int>(std::count(marks_.ptr(run.row) + run.begin, marks_.ptr(run.row) + run.end, kHigh));
+  return blocks >= kLeastBlocks && FloorBlocks::lengthOf(floor_.lengthsOf(region, marks_, kHigh)) >= kLeast_m;
 }
 
 void GrainyFloor::keep(const Blob& region) {
   found_.push_back(pool_.take());
-  enlarge(region, block_px_, found_.back());
+  enlarge(region, floor_.sizePx(), found_.back());
   found_.back().label = static_cast<int>(found_.size());
 }
 
 void GrainyFloor::find(const FloorGrowth& growth, const BitMask& things) {
   clear();
-  readGrain(growth.means(), things);
+  readGreens(growth.means(), things);
   const float coarse = seedsGrain(growth);
   if (coarse <= 0.0f) return;
   mark(coarse);
-  bits_.clear();
-  pack(all_, marks_, bits_);
-  for (const Blob& region : labeller_.label(bits_, area_, 1))
+  for (const Blob& region : floor_.regions(marks_))
     if (isLarge(region)) keep(region);
 }
 

@@ -1,15 +1,14 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "ground/bit_mask.h"
+#include "ground/floor_blocks.h"
 #include "ground/floor_growth.h"
 #include "ground/floor_view.h"
 #include "ground/labelling.h"
-#include "ground/strip.h"
 #include "lens/camera.h"
 
 namespace omnifleet::ground {
@@ -30,30 +29,22 @@ class GrainyFloor {
   const std::vector<Blob>& found() const { return found_; }
 
  private:
-  static constexpr int kSectors = 144;  ///< of a turn
   static constexpr std::uint8_t kLow = 1, kHigh = 2;
-  void readGrain(const cv::Mat3f& means, const BitMask& things);
+  void readGreens(const cv::Mat3f& means, const BitMask& things);
   float seedsGrain(const FloorGrowth& growth);
   void mark(float coarse);
   bool isLarge(const Blob& region) const;
   void keep(const Blob& region);
 
-  int block_px_;
+  FloorBlocks floor_;
   std::vector<cv::Range> rows_;  ///< of blocks that may show floor
   std::vector<cv::Point> seeds_;
-  cv::Mat1f floor_m_;   ///< per block, from the camera's foot; 0 where no floor is seen
-  cv::Mat1b sectors_;   ///< per block
   cv::Mat1f greens_;    ///< per block, 0 where things are
-  cv::Mat1f grain_;     ///< per block; negative where it is not known
   cv::Mat1b counts_;    ///< per block: kKnown, and kCoarse where it is
   cv::Mat1w sums_;      ///< of the counts around each block
   cv::Mat1b marks_;     ///< per block
   float level_ = 0.0f;  ///< of the seeds
   std::vector<float> sorted_;
-  std::vector<Strip> all_;  ///< blocks for pixels, as in what follows
-  BitMask bits_;
-  BitArea area_;
-  Labeller labeller_;
   BlobPool pool_;
   std::vector<Blob> found_;
 };

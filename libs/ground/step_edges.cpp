@@ -16,28 +16,13 @@ constexpr float kTextures = 2.0f;  // of the floor's texture, added to the toler
 constexpr float kUnknown = std::numeric_limits<float>::infinity();
 constexpr double kLeast_m = 0.7;  // long, seen from the camera: things have other colours somewhere
 
-/// Strips are kCell rows high.
-cv::Size wholeStrips(const cv::Size& size) {
-  constexpr int kRows = FloorView::kCell;
-  return {size.width, (size.height + kRows - 1) / kRows * kRows};
-}
-
 }  // namespace
 
 StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const FloorGrowth& growth,
                      int block_cells)
-    : block_px_(block_cells * FloorView::kCell),
-      floor_m_(growth.means().size(), 0.0f),
-      sectors_(growth.means().size(), std::uint8_t{0}),
-      darker_{cv::Mat1b(wholeStrips(floor_m_.size()), std::uint8_t{0}), {}},
-      lighter_{darker_.marks.clone(), {}},
-      bits_(darker_.marks.size()),
-      area_(darker_.marks.size()) {
-  for (int row = 0; row * FloorView::kCell < floor_m_.rows; ++row) all_.push_back({row, 0, floor_m_.cols});
-  area_.cover(all_);
-  const Eigen::Vector2d foot = camera.foot();
-  const auto foot_px = camera.pixelFromPoint({foot.x(), foot.y(), 0.0});
-  if (!foot_px) return;
+    : floor_(camera, view, growth.means().size(), block_cells),
+      darker_{floor_.marks(), {}},
+      lighter_{floor_.marks(), {}} {
   for (int k = 0; k < kSectors; ++k) {
     const double bearing = ((k + 0.5) / kSectors - 0.5) * 2.0 * M_PI;
     for (int n = 1; n <= kReach; ++n)
@@ -45,18 +30,11 @@ StepEdges::StepEdges(const lens::Camera& camera, const FloorView& view, const Fl
           growth.numberOf(cvRound(n * std::sin(bearing)), cvRound(n * std::cos(bearing))) -
           growth.numberOf(0, 0);
   }
-  for (int y = kReach; y < floor_m_.rows - kReach; ++y) {
-    for (int x = kReach; x < floor_m_.cols - kReach; ++x) {
-      const Eigen::Vector2d pixel = Eigen::Vector2d(x + 0.5, y + 0.5) * block_px_ - Eigen::Vector2d(0.5, 0.5);
-      const auto floor = camera.floorFromPixel(pixel);
-      if (!floor || view.coverage()(y * block_cells, x * block_cells) == 0) continue;
-      const Eigen::Vector2d outward = pixel - *foot_px;
-      const double turns = std::atan2(outward.y(), outward.x()) / (2.0 * M_PI) + 0.5;
-      floor_m_(y, x) = static_cast<float>((*floor - foot).norm());
-      sectors_(y, x) = static_cast<std::uint8_t>(std::min(kSectors - 1, static_cast<int>(turns * kSectors)));
-      blocks_.push_back({growth.numberOf(y, x), sectors_(y, x), floor_m_(y, x)});
-    }
-  }
+  const cv::Mat1f& floor_m = floor_.floorM();
+  for (int y = kReach; y < floor_m.rows - kReach; ++y)
+    for (int x = kReach; x < floor_m.cols - kReach; ++x)
+      if (floor_m(y, x) > 0.0f)
+        blocks_.push_back({growth.numberOf(y, x), floor_.sectors()(y, x), floor_m(y, x)});
 }
 
 /// By what share the brightness changes from the block before `at` to one behind it, beyond the slope of the
@@ -107,26 +85,12 @@ void StepEdges::mark(const FloorGrowth& growth, float tolerance) {
 }
 
 bool StepEdges::isLong(const Lengths& high_m) {
-  double length_m = 0.0;
-  for (const float m : high_m) length_m += m * 2.0 * M_PI / kSectors;
-  return length_m >= kLeast_m;
-}
-
-StepEdges::Lengths StepEdges::highOf(const Blob& region, const cv::Mat1b& marks) const {
-  Lengths high_m{};
-  for (const Run& run : region.runs) {
-    for (int x = run.begin; x < run.end; ++x) {
-      if (marks(run.row, x) != kHigh) continue;
-      float& farthest_m = high_m[sectors_(run.row, x)];
-      farthest_m = std::max(farthest_m, floor_m_(run.row, x));
-    }
-  }
-  return high_m;
+  return FloorBlocks::lengthOf(high_m) >= kLeast_m;
 }
 
 void StepEdges::keep(const Blob& region) {
   found_.push_back(pool_.take());
-  enlarge(region, block_px_, found_.back());
+  enlarge(region, floor_.sizePx(), found_.back());
   found_.back().label = static_cast<int>(found_.size());
 }
 
@@ -137,10 +101,8 @@ void StepEdges::find(const FloorGrowth& growth, float tolerance) {
   for (Side* side : {&darker_, &lighter_}) {
     if (!isLong(side->high_m)) continue;
     cv::morphologyEx(side->marks, side->marks, cv::MORPH_CLOSE, cv::Mat());
-    bits_.clear();
-    pack(all_, side->marks, bits_);
-    for (const Blob& region : labeller_.label(bits_, area_, 1))
-      if (isLong(highOf(region, side->marks))) keep(region);
+    for (const Blob& region : floor_.regions(side->marks))
+      if (isLong(floor_.lengthsOf(region, side->marks, kHigh))) keep(region);
   }
 }
 

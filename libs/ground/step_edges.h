@@ -5,11 +5,10 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/bit_mask.h"
+#include "ground/floor_blocks.h"
 #include "ground/floor_growth.h"
 #include "ground/floor_view.h"
 #include "ground/labelling.h"
-#include "ground/strip.h"
 #include "lens/camera.h"
 
 namespace omnifleet::ground {
@@ -30,7 +29,7 @@ class StepEdges {
   const std::vector<Blob>& found() const { return found_; }
 
  private:
-  static constexpr int kSectors = 144;  ///< of a turn
+  static constexpr int kSectors = FloorBlocks::kSectors;
   static constexpr std::uint8_t kLow = 1, kHigh = 2;
   static constexpr int kSlope = 3;    ///< blocks, over which the light's slope is measured
   static constexpr int kMostGap = 3;  ///< blocks that growth leaves out along an edge
@@ -42,7 +41,7 @@ class StepEdges {
     std::uint8_t sector;
     float floor_m;  ///< from the camera's foot
   };
-  using Lengths = std::array<float, kSectors>;
+  using Lengths = FloorBlocks::Lengths;
   /// Steps one way, seen on the way outward.
   struct Side {
     cv::Mat1b marks;  ///< per block: kLow, kHigh where a step is
@@ -52,20 +51,13 @@ class StepEdges {
   float stepAt(int at, const Outward& outward, int behind) const;
   void mark(const FloorGrowth& growth, float tolerance);
   static bool isLong(const Lengths& high_m);
-  Lengths highOf(const Blob& region, const cv::Mat1b& marks) const;
   void keep(const Blob& region);
 
-  int block_px_;
+  FloorBlocks floor_;
   std::array<Outward, kSectors> outward_{};
   std::vector<float> levels_;  ///< brightness of floor, by growth's numbers; 0 where growth has not been
   std::vector<Block> blocks_;  ///< that may show floor
-  cv::Mat1f floor_m_;          ///< per block
-  cv::Mat1b sectors_;          ///< per block
   Side darker_, lighter_;
-  std::vector<Strip> all_;  ///< blocks for pixels, as in what follows
-  BitMask bits_;
-  BitArea area_;
-  Labeller labeller_;
   BlobPool pool_;
   std::vector<Blob> found_;
 };
