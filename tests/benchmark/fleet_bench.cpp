@@ -58,10 +58,20 @@ bus::DdsBusOptions busOptions() {
   return options;
 }
 
+/// When the cameras of a fleet go off.
+enum class Shutters {
+  kTogether,  ///< all at one moment: the hardest case
+  kApart      ///< each at its own, as nothing ties robots' clocks: here a third of a period after the other
+};
+
 /// Cameras and wheels of every robot, from the recording.
 class Sources {
  public:
-  Sources(bus::Bus& bus, const bus::Topics& topics, const Recording& recording) : recording_(recording) {
+  Sources(bus::Bus& bus, const bus::Topics& topics, const Recording& recording, Shutters shutters)
+      : recording_(recording),
+        shift_ns_(shutters == Shutters::kTogether
+                      ? 0
+                      : recording.arena().periodNs() / static_cast<TimeNs>(recording.robots().size())) {
     for (std::size_t r = 0; r < recording.robots().size(); ++r) {
       const std::string& name = recording.robots()[r];
       cameras_.push_back(bus.frameWriter(name + "/fisheye", recording.image(r, 0).total() * 3));
@@ -76,13 +86,20 @@ class Sources {
     return all;
   }
 
-  /// The frames of a step into the loans; what the wheels say from its time on.
+  std::size_t robots() const { return cameras_.size(); }
+  const std::string& robot(std::size_t r) const { return recording_.robots()[r]; }
+  /// When the frame of a step was taken.
+  TimeNs time(std::size_t r, int step) const { return recording_.time(step) + shiftNs(r); }
+  /// How much later than the first robot's.
+  TimeNs shiftNs(std::size_t r) const { return static_cast<TimeNs>(r) * shift_ns_; }
+
+  /// The frames of a step into the loans.
   bool prepare(int step) {
     bus::FrameHeader header;
-    header.acquired_ns = recording_.time(step);
     header.sequence = static_cast<std::uint32_t>(step);
     for (std::size_t r = 0; r < cameras_.size(); ++r) {
       const cv::Mat3b& image = recording_.image(r, step);
+      header.acquired_ns = time(r, step);
       header.width_px = image.cols;
       header.height_px = image.rows;
       std::uint8_t* loan = cameras_[r]->begin(header);
@@ -92,31 +109,22 @@ class Sources {
     return true;
   }
 
-  /// The cameras of all robots go off together, which is the hardest case. `at` is called just before each.
-  template <class At>
-  bool publish(int step, const At& at) {
-    bool good = true;
-    for (std::size_t r = 0; r < cameras_.size(); ++r) {
-      at(recording_.robots()[r]);
-      good = cameras_[r]->publish() && good;
-    }
-    for (std::size_t r = 0; r < wheels_.size(); ++r) good = publishWheels(r, step) && good;
-    return good;
-  }
-
- private:
+  bool publish(std::size_t r) { return cameras_[r]->publish(); }
+  /// What the wheels say from the frame's time on.
   bool publishWheels(std::size_t robot, int step) {
     const dataset::WheelRow row = recording_.wheels(robot, step);
     v1::WheelOdometry wire;
     wire.robot(recording_.robots()[robot]);
-    adapters::fillHeader(row.time_ns, static_cast<std::uint32_t>(step), adapters::RunClock::kSystem,
-                         wire.header());
+    adapters::fillHeader(row.time_ns + shiftNs(robot), static_cast<std::uint32_t>(step),
+                         adapters::RunClock::kSystem, wire.header());
     wire.v_left_mps(row.left_mps);
     wire.v_right_mps(row.right_mps);
     return wheels_[robot]->write(wire);
   }
 
+ private:
   const Recording& recording_;
+  TimeNs shift_ns_;
   std::vector<std::unique_ptr<bus::FrameWriter>> cameras_;
   std::vector<std::unique_ptr<bus::Writer<v1::WheelOdometry>>> wheels_;
 };
@@ -213,13 +221,20 @@ class Run {
         period_(period),
         next_(Clock::now()) {}
 
-  bool step(int step, TimeNs time, Latencies& latencies_ms) {
-    const bool prepared = sources_.prepare(step);
-    watch(latencies_ms);
-    next_ += period_;
-    const bool good = prepared && sources_.publish(step, [&](const std::string& robot) {
-      sent_[{robot, time}] = Clock::now();
-    });
+  bool step(int step, Latencies& latencies_ms) {
+    bool good = sources_.prepare(step);
+    const Clock::time_point due = next_;
+    for (std::size_t r = 0; r < sources_.robots(); ++r) {
+      next_ = due + std::chrono::nanoseconds(sources_.shiftNs(r));
+      watch(latencies_ms);
+      sent_[{sources_.robot(r), sources_.time(r, step)}] = Clock::now();
+      good = good && sources_.publish(r);
+      const bool others_wait = r + 1 < sources_.robots() && sources_.shiftNs(r + 1) == sources_.shiftNs(r);
+      for (; !others_wait && wheels_sent_ <= r; ++wheels_sent_)
+        good = sources_.publishWheels(wheels_sent_, step) && good;
+    }
+    wheels_sent_ = 0;
+    next_ = due + period_;
     return good;
   }
   /// Until the next frames are due.
@@ -252,6 +267,7 @@ class Run {
   bus::Bus& bus_;
   std::chrono::nanoseconds period_;
   Clock::time_point next_;
+  std::size_t wheels_sent_ = 0;  ///< of so many robots in this step
   bus::Lull lull_;
   std::map<Replica::Name, Clock::time_point> sent_;
 };
@@ -265,11 +281,12 @@ void report(Latencies& latencies_ms, benchmark::State& state) {
   }
 }
 
-void frameToMap(benchmark::State& state, const Recording& recording, bool listen_to_stages) {
+void frameToMap(benchmark::State& state, const Recording& recording, Shutters shutters,
+                bool listen_to_stages) {
   const fleet::Fleet fleet = fleet::Fleet::load(benchmarkFile("fleet.yaml"), "", {});
   const bus::Topics topics(bus::RunMode::kLive);
   const auto dds = bus::makeDdsBus(busOptions());
-  Sources sources(*dds, topics, recording);
+  Sources sources(*dds, topics, recording, shutters);
   Replica replica(*dds, topics, fleet);
   std::optional<Stages> stages;
   if (listen_to_stages) stages.emplace(*dds, topics);
@@ -280,10 +297,10 @@ void frameToMap(benchmark::State& state, const Recording& recording, bool listen
           std::chrono::nanoseconds(recording.arena().periodNs()));
   bool good = true;
   int step = 0;
-  for (; step < kWarmUpSteps; ++step) good = run.step(step, recording.time(step), latencies_ms) && good;
+  for (; step < kWarmUpSteps; ++step) good = run.step(step, latencies_ms) && good;
   latencies_ms.clear();
   for (auto _ : state) {
-    good = run.step(step, recording.time(step), latencies_ms) && good;
+    good = run.step(step, latencies_ms) && good;
     const auto& all = latencies_ms["map"];
     state.SetIterationTime(all.empty() ? 0.0 : 1e-3 * all.back());
     ++step;
@@ -298,17 +315,19 @@ void frameToMap(benchmark::State& state, const Recording& recording, bool listen
 }  // namespace
 
 void registerFleet(Scenes& scenes, const Plan& plan) {
-  const auto add = [&](const char* name, bool stages, int iterations) {
+  const auto add = [&](const char* name, Shutters shutters, bool stages, int iterations) {
     benchmark::RegisterBenchmark(name,
-                                 [&scenes, stages](benchmark::State& state) {
-                                   guarded(state, [&] { frameToMap(state, scenes.typical(), stages); });
+                                 [&scenes, shutters, stages](benchmark::State& state) {
+                                   guarded(state,
+                                           [&] { frameToMap(state, scenes.typical(), shutters, stages); });
                                  })
         ->Iterations(plan.smoke ? 20 : iterations)
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
   };
-  add("fleet/frame_to_map", false, 300);
-  add("fleet/frame_to_map/stages", true, 100);
+  add("fleet/frame_to_map", Shutters::kTogether, false, 300);
+  add("fleet/frame_to_map/stages", Shutters::kTogether, true, 100);
+  add("fleet/frame_to_map/apart", Shutters::kApart, false, 300);
 }
 
 }  // namespace omnifleet::bench
