@@ -57,6 +57,8 @@ class FloorGrowth {
   const std::vector<int>& grown() const { return queue_; }
   int numberOf(int y, int x) const { return (y + kJump) * stride_ + x + kJump; }
   cv::Point blockAt(int number) const { return {number % stride_ - kJump, number / stride_ - kJump}; }
+  /// What the block's mean was divided by.
+  float lightAt(int number) const { return is_evened_ ? light_.ptr<float>()[number] : 1.0f; }
   /// Sum of the channels, in the light that there is.
   float brightnessAt(int number) const;
   /// Median step of the seeds' colour over two blocks, as a share of the brightness.
@@ -76,7 +78,6 @@ class FloorGrowth {
     float colour[4];  ///< the last one has no meaning
     float slope[2];   ///< relative change of the brightness per block, x and y
   };
-  float lightAt(int number) const { return is_evened_ ? light_.ptr<float>()[number] : 1.0f; }
   bool seed(const FloorNoise& noise);
   void dropOtherHues(const FloorNoise& noise);
   void dropBeyond();

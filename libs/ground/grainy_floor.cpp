@@ -75,12 +75,13 @@ GrainyFloor::GrainyFloor(const lens::Camera& camera, const FloorView& view, cons
   sorted_.reserve(seeds_.size());
 }
 
-void GrainyFloor::readGreens(const cv::Mat3f& means, const BitMask& things) {
+/// In the light that there is: where it is evened out, noise is more in the dark.
+void GrainyFloor::readGreens(const FloorGrowth& growth, const BitMask& things) {
   const int block_px = floor_.sizePx();
   const BitMask::Word pixels = (BitMask::Word{1} << block_px) - 1;
   for (int y = 0; y < greens_.rows; ++y) {
     const cv::Range& range = rows_[static_cast<std::size_t>(y)];
-    const float *mean = means.ptr<float>(y), *floor_m = floor_.floorM().ptr<float>(y);
+    const float *mean = growth.means().ptr<float>(y), *floor_m = floor_.floorM().ptr<float>(y);
     float* greens = greens_.ptr<float>(y);
     const BitMask::Word *top = things.row(y * block_px), *bottom = things.row((y + 1) * block_px - 1);
     for (int x = range.start; x < range.end; ++x) {
@@ -89,6 +90,8 @@ void GrainyFloor::readGreens(const cv::Mat3f& means, const BitMask& things) {
       const bool is_floor = floor_m[x] > 0.0f && (word >> (bit % BitMask::kBits) & pixels) == 0;
       greens[x] = is_floor ? mean[3 * x + 1] : 0.0f;
     }
+    if (!growth.isEvened()) continue;
+    for (int x = range.start; x < range.end; ++x) greens[x] *= growth.lightAt(growth.numberOf(y, x));
   }
 }
 
@@ -143,7 +146,7 @@ void GrainyFloor::keep(const Blob& region) {
 
 void GrainyFloor::find(const FloorGrowth& growth, const BitMask& things) {
   clear();
-  readGreens(growth.means(), things);
+  readGreens(growth, things);
   const float coarse = seedsGrain(growth);
   if (coarse <= 0.0f) return;
   mark(coarse);

@@ -30,7 +30,7 @@ class GrainyFloor {
 
  private:
   static constexpr std::uint8_t kLow = 1, kHigh = 2;
-  void readGreens(const cv::Mat3f& means, const BitMask& things);
+  void readGreens(const FloorGrowth& growth, const BitMask& things);
   float seedsGrain(const FloorGrowth& growth);
   void mark(float coarse);
   bool isLarge(const Blob& region) const;
@@ -40,7 +40,7 @@ class GrainyFloor {
   std::vector<cv::Range> rows_;  ///< of blocks that may show floor
   std::vector<cv::Point> seeds_;
   cv::Mat1f greens_;    ///< per block, 0 where things are
-  cv::Mat1b counts_;    ///< per block: kKnown, and kCoarse where it is
+  cv::Mat1b counts_;    ///< per block: is its grain known, and is it coarse
   cv::Mat1w sums_;      ///< of the counts around each block
   cv::Mat1b marks_;     ///< per block
   float level_ = 0.0f;  ///< of the seeds

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground/ground_segmenter.h"
+#include "tests/unit/ground/lamp_floor.h"
 #include "tests/unit/ground/synthetic_floor.h"
 
 namespace omnifleet::ground {
@@ -101,6 +102,18 @@ TEST_P(GrainyFloorTest, NeitherItsOwnGrainNorLinesLightOrNoiseAre) {
       GroundSegmenter segmenter(camera_, view_, {});
       ASSERT_TRUE(segmenter.segment(testing::withNoise(image, 1.5, seed)));
       EXPECT_TRUE(segmenter.grainy().empty()) << i << " " << seed;
+    }
+  }
+}
+
+/// The model of a lamp evens the light out, and makes as much more of the noise.
+TEST_P(GrainyFloorTest, NorIsTheNoiseFarFromALamp) {
+  for (const double height_m : {0.8, 1.5}) {
+    const cv::Mat3b image = testing::floorUnder({height_m, 0.0}, camera_, testing::kLinear);
+    GroundSegmenter segmenter(camera_, view_, {});
+    for (unsigned seed = 1; seed <= 8; ++seed) {
+      ASSERT_TRUE(segmenter.segment(testing::withNoise(image, 2.0, seed)));
+      EXPECT_TRUE(segmenter.grainy().empty()) << height_m << " m, " << seed;
     }
   }
 }
