@@ -1,5 +1,6 @@
 # cmake -DIDLS=a.idl,b.idl -DOUTPUT=hashes.h -P IdlHashes.cmake
-# The text of a file and of what it includes, without comments and white space: a comment changes no layout.
+# Writes the layout hashes of the IDL files. idl_text returns the text of a file and of its includes, without comments
+# and with single spaces, because neither changes the layout.
 function(idl_text file result)
   file(READ ${file} text)
   get_filename_component(folder ${file} DIRECTORY)

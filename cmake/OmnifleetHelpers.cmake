@@ -1,44 +1,45 @@
-# The only ways to add a target: one helper for libraries, one for services, one for tests.
+# Helpers that add targets: one for libraries and one for tests. services/CMakeLists.txt has one for programs.
 include(CMakeParseArguments)
 
 add_library(omnifleet_flags INTERFACE)
 target_compile_options(omnifleet_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Werror -Wno-psabi)
-# Square roots set no errno and comparisons raise no traps that anyone reads: else they are no vector operations. No
-# product is fused with a sum: the same bits on every processor (geometry/wide.h).
+# Square roots set no errno and comparisons raise no traps. Otherwise the compiler could not vectorise them. No fused
+# multiply-add: results are equal bit by bit on every processor (geometry/wide.h).
 target_compile_options(omnifleet_flags INTERFACE -fno-math-errno -fno-trapping-math -ffp-contract=off)
 if(OMNIFLEET_SANITIZE)
-  # GCC 12 sees uninitialised members of std::regex where a sanitizer has changed the flow.
+  # With sanitizers GCC 12 wrongly reports uninitialised members of std::regex.
   target_compile_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE} -fno-omit-frame-pointer
     -Wno-maybe-uninitialized)
   target_link_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE})
 endif()
 
-# Sources that run once: command lines. CLI11 is templates throughout; optimised as a hot path is, it takes a third
-# longer to compile.
+# omnifleet_run_once(sources…): sources that run once, as the parsing of a command line. They are compiled with -O1: with
+# full optimisation the templates of CLI11 take a third longer to compile.
 function(omnifleet_run_once)
   set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-O1>")
 endfunction()
 
-# Headers are read once: more than half of a build from nothing went into reading them. Every file still includes
-# what it uses: the debug preset precompiles nothing, and would tell.
-option(OMNIFLEET_PRECOMPILE "Compile what many files include once" ON)
+# Precompiled headers: reading headers took more than half of a full build. Every file still includes what it uses. The
+# debug preset precompiles nothing, so it detects a missing include.
+option(OMNIFLEET_PRECOMPILE "Precompile the headers that many files include, and compile several sources at a time" ON)
 set(OMNIFLEET_HEADERS <Eigen/Dense> <opencv2/core.hpp> <algorithm> <array> <chrono> <cmath> <filesystem> <functional>
   <map> <memory> <optional> <set> <string> <variant> <vector>)
 
-# omnifleet_precompiled(NAME HEADERS … LIBS targets…)
+# omnifleet_precompiled(NAME HEADERS … LIBS targets…): precompiles these headers under the name NAME.
 function(omnifleet_precompiled name)
   cmake_parse_arguments(ARG "" "" "HEADERS;LIBS" ${ARGN})
   if(NOT OMNIFLEET_PRECOMPILE)
     return()
   endif()
   set(source ${CMAKE_BINARY_DIR}/${name}.cpp)
-  file(CONFIGURE OUTPUT ${source} CONTENT "// Compiles the headers that it is given.\n")
+  file(CONFIGURE OUTPUT ${source} CONTENT "// Carries the precompiled headers.\n")
   add_library(omnifleet_${name} OBJECT ${source})
   target_precompile_headers(omnifleet_${name} PRIVATE ${ARG_HEADERS})
   target_link_libraries(omnifleet_${name} PRIVATE omnifleet_flags ${ARG_LIBS})
 endfunction()
 
-# omnifleet_reads_precompiled(NAME targets…): only for targets with the same compiler options.
+# omnifleet_reads_precompiled(NAME targets…): the targets use the precompiled headers NAME. Their compiler options must be
+# the same.
 function(omnifleet_reads_precompiled name)
   if(NOT OMNIFLEET_PRECOMPILE)
     return()
@@ -48,10 +49,10 @@ function(omnifleet_reads_precompiled name)
   endforeach()
 endfunction()
 
-# omnifleet_unites(targets…): their sources are compiled several at a time. What these read (DDS types, fmt,
-# GoogleTest) and the templates that each of them makes of it cost more than the sources themselves: half of a
-# build from nothing. Names in their anonymous namespaces must differ within a target. Not for the hot paths, which
-# are quick to compile and are optimised file by file.
+# omnifleet_unites(targets…): compiles several sources of a target at a time (unity build). The headers of such sources
+# (DDS types, fmt, GoogleTest) and their template instances cost more time than the sources: half of a full build. Names
+# in anonymous namespaces must be unique within a target. Do not use it for hot paths: they compile quickly and are
+# optimised file by file.
 set(OMNIFLEET_UNITED 6)
 function(omnifleet_unites)
   if(NOT OMNIFLEET_PRECOMPILE)
@@ -60,8 +61,8 @@ function(omnifleet_unites)
   set_target_properties(${ARGN} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${OMNIFLEET_UNITED})
 endfunction()
 
-# omnifleet_library(NAME SOURCES … PUBLIC targets… PRIVATE targets…)
-# One folder, one target, named omnifleet_NAME; headers are included as "NAME/header.h".
+# omnifleet_library(NAME SOURCES … PUBLIC targets… PRIVATE targets…): one target omnifleet_NAME per folder. Its headers are
+# included as "NAME/header.h".
 function(omnifleet_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   if(ARG_SOURCES)
@@ -76,8 +77,8 @@ function(omnifleet_library name)
   endif()
 endfunction()
 
-# omnifleet_test(NAME SOURCES … LIBS targets… [LABELS …] [TIMEOUT s] [APART]): a GoogleTest binary, one ctest entry per
-# case. APART: its sources use the same names, so each is compiled for itself.
+# omnifleet_test(NAME SOURCES … LIBS targets… [LABELS …] [TIMEOUT s] [APART]): a GoogleTest program with one ctest entry per
+# case. APART: compiles each source separately, because sources use the same names.
 function(omnifleet_test name)
   cmake_parse_arguments(ARG "APART" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   if(NOT OMNIFLEET_BUILD_TESTS)
@@ -98,7 +99,7 @@ function(omnifleet_test name)
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
-  # Whole fleets look at the host's shared memory and want its cores: one at a time.
+  # Tests of whole fleets check the host's shared memory and need its cores, so they run one at a time.
   set(serial)
   if(NOT ARG_LABELS STREQUAL "unit")
     set(serial RUN_SERIAL TRUE)

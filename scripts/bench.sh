@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Every hot path beside its naive peer in one run: Google Benchmark's report, then a table of ours, peer, ratio,
-# budget and whether it is reached. Installs and builds what is missing. Takes about four minutes.
+# Benchmarks every hot path against a naive peer in one run. Prints the report of Google Benchmark, then a table of own
+# time, peer time, ratio, budget and result. Installs and builds missing parts. Takes about four minutes.
 # usage: scripts/bench.sh [--smoke] [Google Benchmark options, e.g. --benchmark_filter=map --benchmark_out=FILE]
 . "$(dirname "$0")/common.sh"
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tells a running fleet its formation; what is not given stays as it is.
+# Sends a formation command to a running fleet; values that are not given stay unchanged.
 # usage: scripts/command.sh FLEET.yaml [--shape line|column|wedge|triangle] [--distance M] [--angle RAD]
 #        [--waypoints X,Y …] [--halt] [--wait S]
 . "$(dirname "$0")/common.sh"

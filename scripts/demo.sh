@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Three robots in formation through a simulated arena: installs, builds, runs, draws the map, compares with the truth.
+# Drives three robots in formation through a simulated arena: installs, builds, runs, saves the map, evaluates it against the truth.
 # usage: scripts/demo.sh [--out DIR] [--realtime]
 . "$(dirname "$0")/common.sh"
 
@@ -17,4 +17,4 @@ done
 "$root/scripts/setup.sh"
 "$bin/omnifleet_launch" run "$root/config/fleets/demo.yaml" --out "$out" "${realtime[@]}"
 "$bin/omnifleet_evaluate" "$out" "$out/recording"
-say "the map: $out/map.png"
+say "map: $out/map.png"

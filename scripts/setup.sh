@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what is missing (Debian packages) and builds the release. Idempotent.
+# Installs missing Debian packages and builds the release. Idempotent.
 # usage: scripts/setup.sh [--no-install] [--with-tests]
 . "$(dirname "$0")/common.sh"
 
@@ -35,7 +35,7 @@ if [ "$install" = 1 ]; then
   fi
 fi
 
-# CGAL needs 1.2 GB for one file: no more jobs than the memory bears.
+# CGAL needs 1.2 GB for one file: limits the number of jobs by the available memory.
 memory_gb=$(awk '/MemAvailable/ {print int($2 / 1048576)}' /proc/meminfo)
 jobs=$(nproc)
 [ "$jobs" -gt $((memory_gb / 2)) ] && jobs=$((memory_gb / 2))

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How every service of a running fleet is: state, rate, latency, what was rejected, the last error.
+# Shows the status of every service of a running fleet: state, rate, latency, rejected samples, last error.
 # usage: scripts/status.sh [--domain N] [--once]
 . "$(dirname "$0")/common.sh"
 run omnifleet_status "$@"

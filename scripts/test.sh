@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Everything: installs, builds, runs all tests, ends with ctest's summary and what was skipped.
-# usage: scripts/test.sh [ctest options]; the slow studies run only when asked for: scripts/test.sh -L slow
+# Installs and builds everything, runs all tests, prints the summary of ctest and the skipped tests.
+# usage: scripts/test.sh [ctest options]; slow studies run only on request: scripts/test.sh -L slow
 . "$(dirname "$0")/common.sh"
 
 usage() { sed -n '2,3p' "$0" | cut -c3-; }
-# ctest says nothing of options that it does not know, nor of words that belong to none.
+# ctest ignores unknown options and stray words without a message.
 needs_value=
 for argument in "$@"; do
   if [ -n "$needs_value" ]; then
@@ -35,7 +35,7 @@ ctest --test-dir "$build" --output-on-failure -j 2 "${which[@]}" "$@" | tee "$lo
 skipped=$(grep -cE '\*\*\*Skipped' "$log" || true)
 if [ "$skipped" -gt 0 ]; then
   echo
-  echo "Skipped $skipped tests, because their input is not on this machine (set OMNIFLEET_DATA to the folder with other people's data):"
+  echo "Skipped $skipped tests, because their input is not on this machine (set OMNIFLEET_DATA to the folder with the external data):"
   grep -E '\*\*\*Skipped' "$log" | sed -E 's/.*Test +#[0-9]+: ([^ ]+).*/  \1/'
 fi
 echo

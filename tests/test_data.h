@@ -1,6 +1,6 @@
 #pragma once
 
-// Where tests find data that is not part of the project, and a place to write.
+// External test data and temporary folders for tests.
 
 #include <unistd.h>
 
@@ -10,8 +10,8 @@
 
 namespace omnifleet::test {
 
-/// Folder of the shared test data ($OMNIFLEET_DATA, else ../shared/data beside the sources) joined with
-/// `name`; empty when it is not there. Use with OMNIFLEET_NEEDS_DATA.
+/// Path of `name` in the folder of the external test data ($OMNIFLEET_DATA, default ../shared/data beside the
+/// sources); empty when it does not exist. Use with OMNIFLEET_NEEDS_DATA.
 inline std::string dataPath(const std::string& name) {
   const char* own = std::getenv("OMNIFLEET_DATA");
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
@@ -22,7 +22,7 @@ inline std::string dataPath(const std::string& name) {
   return std::filesystem::exists(path) ? path.string() : std::string();
 }
 
-/// A fresh folder that is removed in the end.
+/// A new temporary folder; the destructor removes it.
 class TempFolder {
  public:
   TempFolder() {
@@ -44,7 +44,7 @@ class TempFolder {
 
 }  // namespace omnifleet::test
 
-/// Defines `path` or skips the test with a message.
+/// Defines `path`, or skips the test with a message.
 #define OMNIFLEET_NEEDS_DATA(path, name)                    \
   const std::string path = omnifleet::test::dataPath(name); \
   if (path.empty()) GTEST_SKIP() << "test data missing: " << (name)

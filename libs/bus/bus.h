@@ -12,10 +12,11 @@
 
 namespace omnifleet::bus {
 
-/// One participant: the only way by which a stage speaks. DdsBus in processes, FakeBus within one process.
+/// One DDS participant: the only interface through which a stage communicates. DdsBus connects processes,
+/// FakeBus connects stages within one process.
 ///
-/// Robot topics: writer(topic, robot) writes into partitions {"", robot}; reader(topic, robot) reads {robot}
-/// only; reader(topic) reads everybody. Topics that belong to no robot leave `robot` empty on both ends.
+/// Robot topics: writer(topic, robot) writes into partitions {"", robot}. reader(topic, robot) reads {robot}
+/// only; reader(topic) reads all robots. For topics that belong to no robot, `robot` is empty at both ends.
 class Bus {
  public:
   virtual ~Bus() = default;
@@ -29,24 +30,24 @@ class Bus {
     return std::make_unique<Reader<T>>(readerPort(topic.name, topic.qos, describe<T>(), robot));
   }
 
-  /// The frames of one camera; `bytes_needed` is width × height × channels of its calibration, which both
-  /// ends know. Frames stay on this host.
+  /// The frames of one camera. Both ends derive `bytes_needed` (width × height × channels) from its
+  /// calibration. Frames stay on this host.
   virtual std::unique_ptr<FrameWriter> frameWriter(const std::string& camera_id,
                                                    std::size_t bytes_needed) = 0;
   virtual std::unique_ptr<FrameReader> frameReader(const std::string& camera_id,
                                                    std::size_t bytes_needed) = 0;
 
-  /// Sleeps until something happened on any reader or match since the last wait(), wake() was called, or the
-  /// timeout passed (then false). Edge-triggered: take until nothing is left, then wait.
+  /// Sleeps until an event: a sample or a match since the last wait(), or wake(). Returns false when the
+  /// timeout has passed. Edge-triggered: take all samples, then wait.
   virtual bool wait(std::chrono::nanoseconds timeout) = 0;
   /// Ends a wait(). Async-signal-safe, thread-safe.
   virtual void wake() noexcept = 0;
-  /// From now on blocked writes and waits for matches give up soon. Async-signal-safe; wakes.
+  /// Makes blocked writes and waits for matches return soon (see Writer::write). Async-signal-safe; wakes.
   virtual void requestStop() noexcept = 0;
   virtual bool stopping() const noexcept = 0;
-  /// Waits until every reliable reader has what was written (frames: has taken it), so that nothing is lost
-  /// when this bus goes away; also those of participants that were found so lately that their readers do not
-  /// match yet. False on timeout or stop.
+  /// Waits until every reliable reader has received all written samples (frames: has taken them), so that no
+  /// sample is lost when this bus is destroyed. Includes the readers of participants that were discovered
+  /// recently and are not matched yet. Returns false on timeout or stop.
   virtual bool flush(std::chrono::nanoseconds timeout) = 0;
 
  protected:
@@ -56,7 +57,7 @@ class Bus {
                                                  const TypeDescriptor& type, const std::string& robot) = 0;
 };
 
-/// One line for people, e.g. that a writer of another IDL was found. Called from any thread.
+/// Receives one line for the log, e.g. that a writer with another IDL was found. Called from any thread.
 using Report = std::function<void(const std::string& line)>;
 
 }  // namespace omnifleet::bus

@@ -14,24 +14,29 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
   app.add_option("--camera", options.camera, "the camera that this process serves");
   app.add_option("--mode", options.mode, "live, replay or lockstep")
       ->transform(CLI::CheckedTransformer(modes).description("{live,replay,lockstep}"));
-  app.add_option("--dataset", options.dataset, "data set to read");
+  app.add_option("--dataset", options.dataset, "dataset folder to read");
   app.add_option("--out", options.out, "run directory to write");
   app.add_option("--config", options.configs, "YAML on top of the fleet file; repeatable")
       ->allow_extra_args(false);
   app.add_option("--domain", options.domain, "DDS domain")
       ->envname("OMNIFLEET_DOMAIN")
       ->check(CLI::Range(0, 232));
-  app.add_option("--life", options.life, "2 and more: takes the place of one that died in this run")
+  app.add_option("--incarnation", options.incarnation,
+                 "2 or more: number of this process after restarts in this run")
       ->check(CLI::Range(1, 1000000));
-  app.add_flag("--record", options.record, "sources write the run as a dataset into OUT/recording");
-  app.add_flag("--debug-images", options.debug_images, "local_mapper draws every frame into OUT/debug");
+  app.add_flag("--record", options.record, "record the run as a dataset in OUT/recording");
+  app.add_flag("--debug-images", options.debug_images,
+               "local_mapper writes an image of every frame to OUT/debug");
   app.add_option("--log-level", options.log_level, "trace, debug, info, warning, error or off")
       ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "off"}));
-  app.add_option("--silence-limit", silence_limit_s, "seconds after which a silent stage ends the run")
+  app.add_option("--silence-limit", silence_limit_s,
+                 "end after this many seconds without input (replay, lockstep)")
       ->check(CLI::Range(1, 86400));
-  app.add_option("--interface", options.interfaces, "address to use; repeatable; default loopback only")
+  app.add_option("--interface", options.interfaces,
+                 "network address to use; repeatable; default: loopback only")
       ->allow_extra_args(false);
-  app.add_option("--max-message-bytes", options.max_message_bytes, "largest datagram; 1400 or less off-host")
+  app.add_option("--max-message-bytes", options.max_message_bytes,
+                 "largest datagram in bytes; 1400 or less between hosts")
       ->check(CLI::Range(500, 65000));
 }
 

@@ -1,4 +1,4 @@
-// Writers and readers of all topics but frames.
+// Writers and readers of all topics except frames.
 
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
@@ -29,7 +29,7 @@ class DdsWriterPort : public WriterPort {
     dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
     writer_ = participant_->publisher(writerPartitions(robot))
                   ->create_datawriter(dds_topic, participant_->writerQos(qos, type.idl_hash), &listener_);
-    if (writer_ == nullptr) throw std::runtime_error(topic + ": the writer cannot be made");
+    if (writer_ == nullptr) throw std::runtime_error(topic + ": the DDS writer cannot be created");
     participant_->add(writer_);
   }
   ~DdsWriterPort() override { participant_->end(writer_); }
@@ -42,7 +42,7 @@ class DdsWriterPort : public WriterPort {
     };
     const Code code = retryWrite(*participant_, attempt, while_full_);
     if (code == Code::RETCODE_OK) return true;
-    error_ = name_ + ": not written: " + toString(code);
+    error_ = name_ + ": " + toString(code);
     return false;
   }
   void whileFull(std::function<void()> action) override { while_full_ = std::move(action); }
@@ -53,7 +53,7 @@ class DdsWriterPort : public WriterPort {
   const std::string& error() const override { return error_; }
 
  private:
-  /// Beyond max_instances DDS would refuse for ever: no use in retrying.
+  /// DDS rejects keys beyond max_instances permanently, so a retry is useless.
   bool admit(const void* sample) {
     const std::string key = type_.key(sample);
     if (keys_.count(key) > 0) return true;
@@ -87,7 +87,7 @@ class DdsReaderPort : public ReaderPort {
     dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
     reader_ = participant_->subscriber(readerPartitions(robot))
                   ->create_datareader(dds_topic, participant_->readerQos(qos), &listener_);
-    if (reader_ == nullptr) throw std::runtime_error(topic + ": the reader cannot be made");
+    if (reader_ == nullptr) throw std::runtime_error(topic + ": the DDS reader cannot be created");
   }
   ~DdsReaderPort() override {
     reader_->set_listener(nullptr);
@@ -97,9 +97,9 @@ class DdsReaderPort : public ReaderPort {
   bool take(void* sample, SampleInfo& info) override {
     dds::SampleInfo dds_info;
     while (reader_->take_next_sample(sample, &dds_info) == Code::RETCODE_OK) {
-      if (!dds_info.valid_data) continue;  // a writer went: nothing for the caller
+      if (!dds_info.valid_data) continue;  // a writer has left; there is no sample
       const KnownWriter& writer = writers_.arrived(dds_info);
-      if (writer.stranger) continue;
+      if (writer.is_external) continue;
       info.writer = writer.number;
       info.source_ns = dds_info.source_timestamp.to_ns();
       ++received_;

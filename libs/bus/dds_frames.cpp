@@ -1,5 +1,5 @@
-// Frames: data-sharing, written into a loan, read in place (docs/methods.md: 0.2 ms where a socket
-// takes 1.5).
+// Frames use data-sharing: written into a loan and read in place (0.2 ms per frame, 1.5 ms through a socket;
+// docs/methods/dds.md).
 
 #include <stdexcept>
 
@@ -42,16 +42,16 @@ FrameHeader decode(const v1::FrameInfo& info) {
   return header;
 }
 
-/// What the reader takes instead of a copy of the frame: where it lies. DDS's own loans are not used:
-/// returning one whose writer is gone is undefined, and they hold the slot no longer than a plain take does
-/// (docs/methods.md, "DDS as measured").
+/// Location of a frame: what the reader takes instead of a copy. DDS loans are not used. Returning a loan
+/// whose writer is gone is undefined, and a loan holds the slot no longer than a plain take
+/// (docs/methods/dds.md).
 struct FrameSlice {
   SharedSegments* segments = nullptr;
-  const std::uint8_t* theirs = nullptr;  ///< in the mapping of DDS: gone with the writer
-  const std::uint8_t* sample = nullptr;  ///< in ours
+  const std::uint8_t* dds_sample = nullptr;  ///< in the mapping of DDS, which is gone with the writer
+  const std::uint8_t* sample = nullptr;      ///< in the process's own mapping
 };
 
-/// The generated type support, but for reading: no copy.
+/// The generated type support, but without a copy when reading.
 template <class Support>
 class SliceSupport : public Support {
  public:
@@ -61,8 +61,8 @@ class SliceSupport : public Support {
         eprosima::fastrtps::rtps::SerializedPayload_t::representation_header_size;
     if (payload->length < kHeader + sizeof(typename Support::type)) return false;
     auto* slice = static_cast<FrameSlice*>(data);
-    slice->theirs = payload->data + kHeader;
-    slice->sample = slice->segments->keep(slice->theirs);
+    slice->dds_sample = payload->data + kHeader;
+    slice->sample = slice->segments->keep(slice->dds_sample);
     return slice->sample != nullptr;
   }
 };
@@ -86,7 +86,8 @@ class DdsFrameWriter : public FrameWriter {
         participant_->publisher(framePartitions(participant_->options().machine))
             ->create_datawriter(topic, participant_->writerQos(frameQos(mode), v1::kCameraHash), &listener_);
     if (writer_ == nullptr)
-      throw std::runtime_error(name_ + ": the frame writer cannot be made (shared memory?)");
+      throw std::runtime_error(name_ +
+                               ": the DDS frame writer cannot be created; check the free space of /dev/shm");
     participant_->add(writer_);
   }
   ~DdsFrameWriter() override {
@@ -106,19 +107,20 @@ class DdsFrameWriter : public FrameWriter {
     return open_->data().data();
   }
   void amend(const FrameHeader& header) override {
-    if (open_ == nullptr || !fits(header)) throw std::runtime_error(name_ + ": amended frame grows");
+    if (open_ == nullptr || !fits(header))
+      throw std::runtime_error(name_ + ": the amended frame is larger than its loan");
     encode(header, open_->info());
   }
   bool publish() override {
     error_.clear();
     if (open_ == nullptr) {
-      error_ = name_ + ": publish without begin";
+      error_ = name_ + ": publish() without begin()";
       return false;
     }
     const auto attempt = [&] { return writer_->write(open_, eprosima::fastrtps::rtps::InstanceHandle_t()); };
     const Code code = retryWrite(*participant_, attempt, [] {});
     if (code != Code::RETCODE_OK) {
-      error_ = name_ + ": not written: " + toString(code);
+      error_ = name_ + ": " + toString(code);
       abandon();
       return false;
     }
@@ -140,7 +142,8 @@ class DdsFrameWriter : public FrameWriter {
  private:
   bool fits(const FrameHeader& header) {
     if (header.bytes() <= class_.capacity) return true;
-    error_ = name_ + ": a frame of " + std::to_string(header.bytes()) + " bytes does not fit " + class_.name;
+    error_ = name_ + ": a frame of " + std::to_string(header.bytes()) + " bytes is larger than frame class " +
+             class_.name;
     return false;
   }
 
@@ -164,12 +167,13 @@ class DdsFrameReader : public FrameReader {
         name_(cameraTopicName(camera_id)),
         writers_(*participant_, name_, v1::kCameraHash) {
     QosProfile qos = frameQos(participant_->options().mode);
-    qos.reliable = qos.keep_all;  // live: best effort, a late frame is of no use
+    qos.reliable = qos.keep_all;  // live: best effort, because a late frame has no value
     dds::Topic* topic = participant_->topic(name_, dds::TypeSupport(new SliceSupport<Support>()));
     reader_ = participant_->subscriber(framePartitions(participant_->options().machine))
                   ->create_datareader(topic, participant_->readerQos(qos), &listener_);
     if (reader_ == nullptr)
-      throw std::runtime_error(name_ + ": the frame reader cannot be made (shared memory?)");
+      throw std::runtime_error(name_ +
+                               ": the DDS frame reader cannot be created; check the free space of /dev/shm");
   }
   ~DdsFrameReader() override {
     release();
@@ -183,10 +187,10 @@ class DdsFrameReader : public FrameReader {
     while (reader_->take_next_sample(&slice, &info_) == Code::RETCODE_OK) {
       if (!info_.valid_data) continue;
       const KnownWriter& writer = writers_.arrived(info_);
-      if (writer.stranger) continue;
-      if (writer.number != writer_number_) {  // its segment may lie at the address of an earlier one's
+      if (writer.is_external) continue;
+      if (writer.number != writer_number_) {  // its segment may have the address of an earlier writer's
         segments_.clear();
-        slice.sample = segments_.keep(slice.theirs);
+        slice.sample = segments_.keep(slice.dds_sample);
         writer_number_ = writer.number;
       }
       if (slice.sample == nullptr) continue;

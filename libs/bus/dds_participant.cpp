@@ -18,8 +18,8 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 
 const std::string kHashTag = "omnifleet.idl=";
-constexpr std::chrono::milliseconds kSlice{20};             // of a wait that may be given up
-constexpr std::chrono::milliseconds kDiscoveryAtStop{500};  // who is told to stop has seconds
+constexpr std::chrono::milliseconds kSlice{20};             // of a wait that a stop may end
+constexpr std::chrono::milliseconds kDiscoveryAtStop{500};  // limit for discovery after a stop request
 
 Duration_t toDuration(std::chrono::nanoseconds value) {
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(value);
@@ -34,7 +34,8 @@ Locator_t udpLocator(const std::string& address, std::uint32_t port) {
   return locator;
 }
 
-/// Two buses in one process talk as two processes do: otherwise tests would see another delivery path.
+/// Makes two buses in one process communicate as two processes do. Otherwise tests would use another delivery
+/// path.
 void disableIntraprocessDelivery() {
   eprosima::fastrtps::LibrarySettingsAttributes settings;
   settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
@@ -53,8 +54,8 @@ void setTransport(dds::DomainParticipantQos& qos, const DdsBusOptions& options) 
   qos.transport().listen_socket_buffer_size = options.socket_buffer_bytes;
 }
 
-/// Discovery by UDP on the allowed interfaces; a restarted peer re-matches in milliseconds (docs/methods.md,
-/// "DDS as measured").
+/// Discovery uses UDP on the allowed interfaces. A restarted peer matches again within milliseconds
+/// (docs/methods/dds.md).
 void setDiscovery(dds::DomainParticipantQos& qos, const DdsBusOptions& options) {
   auto& builtin = qos.wire_protocol().builtin;
   builtin.discovery_config.leaseDuration = toDuration(options.lease);
@@ -86,8 +87,8 @@ void setCommon(EndpointQos& out, const QosProfile& qos) {
   limits.max_samples_per_instance = qos.max_samples_per_instance;
   limits.max_samples = qos.maxSamples();
   limits.allocated_samples = std::min(qos.maxSamples(), 8);
-  // Types are bounded by megabytes and use kilobytes: room as needed, reused. Data-sharing needs it in
-  // advance.
+  // Types are bounded by megabytes but use kilobytes, so memory grows as needed and is reused. Data-sharing
+  // needs all memory in advance.
   out.endpoint().history_memory_policy = qos.data_sharing
                                              ? eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE
                                              : eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
@@ -115,11 +116,13 @@ GroupQos inPartitions(GroupQos qos, const std::vector<std::string>& partitions) 
 
 DdsParticipant::DdsParticipant(DdsBusOptions options) : options_(std::move(options)) {
   disableIntraprocessDelivery();
-  peers_[Prefix()].found = Clock::now();  // whoever was there before, and has not been found yet
+  peers_[Prefix()].found =
+      Clock::now();  // stands for participants that existed before and are not discovered yet
   participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
       static_cast<uint32_t>(options_.domain), participantQos(options_), this, dds::StatusMask::none());
   if (participant_ == nullptr) {
-    throw std::runtime_error("no DDS participant in domain " + std::to_string(options_.domain) + " on " +
+    throw std::runtime_error("cannot create a DDS participant in domain " + std::to_string(options_.domain) +
+                             " on " +
                              (options_.interfaces.empty() ? "any interface" : options_.interfaces.front()));
   }
 }
@@ -134,14 +137,14 @@ dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type
   const auto known = topics_.find(name);
   if (known != topics_.end()) {
     if (known->second->get_type_name() == type.get_type_name()) return known->second;
-    throw std::runtime_error(name + ": already of type " + known->second->get_type_name() + ", not " +
-                             type.get_type_name());
+    throw std::runtime_error(name + ": the topic already has type " + known->second->get_type_name() +
+                             ", not " + type.get_type_name());
   }
-  type->auto_fill_type_information(false);  // other vendors reject endpoints that carry it
+  type->auto_fill_type_information(false);  // other vendors reject endpoints that carry this information
   type->auto_fill_type_object(false);
   participant_->register_type(type);
   dds::Topic* created = participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
-  if (created == nullptr) throw std::runtime_error(name + ": the topic cannot be made");
+  if (created == nullptr) throw std::runtime_error(name + ": the DDS topic cannot be created");
   return topics_[name] = created;
 }
 
@@ -149,7 +152,8 @@ dds::Publisher* DdsParticipant::publisher(const std::vector<std::string>& partit
   dds::Publisher*& cached = publishers_[partitions];
   if (cached == nullptr)
     cached = participant_->create_publisher(inPartitions(dds::PublisherQos(), partitions));
-  if (cached == nullptr) throw std::runtime_error("no publisher in partition " + partitions.back());
+  if (cached == nullptr)
+    throw std::runtime_error("cannot create a DDS publisher in partition " + partitions.back());
   return cached;
 }
 
@@ -157,7 +161,8 @@ dds::Subscriber* DdsParticipant::subscriber(const std::vector<std::string>& part
   dds::Subscriber*& cached = subscribers_[partitions];
   if (cached == nullptr)
     cached = participant_->create_subscriber(inPartitions(dds::SubscriberQos(), partitions));
-  if (cached == nullptr) throw std::runtime_error("no subscriber in partition " + partitions.back());
+  if (cached == nullptr)
+    throw std::runtime_error("cannot create a DDS subscriber in partition " + partitions.back());
   return cached;
 }
 
@@ -166,12 +171,12 @@ dds::DataWriterQos DdsParticipant::writerQos(const QosProfile& qos, const std::s
   setCommon(out, qos);
   out.reliability().max_blocking_time = toDuration(std::chrono::milliseconds(20));
   auto& times = out.reliable_writer_qos().times;
-  // A full keep-all history waits for the acknowledgement that the next heartbeat asks for.
+  // A full keep-all history waits for the acknowledgement that the next heartbeat requests.
   const std::chrono::milliseconds soon{4};
   times.heartbeatPeriod = toDuration(qos.keep_all ? std::min(options_.heartbeat, soon) : options_.heartbeat);
-  // A reader whose history is full rejects, and asks again at every heartbeat, until it has time to take: all
-  // 64 samples that wait are sent again each time, so not more often than a reader that has caught up would
-  // notice.
+  // A reader with a full history rejects samples and requests them again at every heartbeat. Each request
+  // resends all 64 waiting samples. The delay of 10 ms limits this load, and a reader that has caught up does
+  // not notice it.
   const bool resent_in_full = qos.keep_all && !qos.data_sharing;
   times.nackResponseDelay = toDuration(std::chrono::milliseconds(resent_in_full ? 10 : 1));
   if (options_.announce_hash) {
@@ -233,11 +238,12 @@ void DdsParticipant::on_subscriber_discovery(dds::DomainParticipant*,
 }
 
 bool DdsParticipant::anyReadersOnTheirWay() const {
-  // Fast DDS tells its endpoints right after the participant, and what was lost of it after a second.
-  constexpr std::chrono::milliseconds kToldAgain{1200};
+  // Fast DDS announces endpoints right after the participant, and repeats lost announcements after one
+  // second.
+  constexpr std::chrono::milliseconds kReportAgain{1200};
   const auto now = Clock::now();
   return std::any_of(peers_.begin(), peers_.end(), [&](const auto& peer) {
-    return !peer.second.readers_known && now - peer.second.found < kToldAgain;
+    return !peer.second.readers_known && now - peer.second.found < kReportAgain;
   });
 }
 
@@ -248,7 +254,7 @@ void DdsParticipant::awaitReadersOfPeers(Clock::time_point until) {
     peers_changed_.wait_for(lock, kSlice);
     waited = true;
   }
-  // A reader is told of before it is matched, and those of one participant come one after the other.
+  // A reader is announced before it is matched, and the readers of one participant are announced one by one.
   if (waited) peers_changed_.wait_for(lock, kSlice, [] { return false; });
 }
 
@@ -259,8 +265,8 @@ void DdsParticipant::add(dds::DataWriter* writer) {
 void DdsParticipant::end(dds::DataWriter* writer) {
   writers_.erase(writer);
   writer->set_listener(nullptr);
-  // Fast DDS 2.9 returns what is left of the history to its pool while heartbeats may still walk over it: about
-  // one of 3000 writers then never ended. Of an empty one there is nothing to walk over.
+  // Fast DDS 2.9 returns the rest of the history to its pool while heartbeats may still iterate over it:
+  // about one of 3000 writers never ended. An empty history avoids this.
   std::size_t cleared = 0;
   writer->clear_history(&cleared);
   const_cast<dds::Publisher*>(writer->get_publisher())->delete_datawriter(writer);
@@ -285,12 +291,12 @@ bool DdsParticipant::flush(std::chrono::nanoseconds timeout) {
 
 const char* toString(const eprosima::fastrtps::types::ReturnCode_t& code) {
   using Code = eprosima::fastrtps::types::ReturnCode_t;
-  if (code == Code::RETCODE_TIMEOUT) return "timeout, a reader is too slow";
+  if (code == Code::RETCODE_TIMEOUT) return "timeout: a reader is too slow";
   if (code == Code::RETCODE_OUT_OF_RESOURCES) return "out of resources";
   if (code == Code::RETCODE_PRECONDITION_NOT_MET) return "precondition not met";
   if (code == Code::RETCODE_BAD_PARAMETER) return "bad parameter";
   if (code == Code::RETCODE_NOT_ENABLED) return "not enabled";
-  return "refused, a history is full";
+  return "rejected: a history is full";
 }
 
 }  // namespace omnifleet::bus

@@ -1,7 +1,6 @@
 #pragma once
 
-// Inside of DdsBus: one Fast DDS participant with its caches, and the settings of docs/methods.md, "DDS as
-// measured".
+// Internals of DdsBus: one Fast DDS participant with its caches. docs/methods/dds.md explains the settings.
 
 #include <chrono>
 #include <condition_variable>
@@ -28,7 +27,7 @@ namespace omnifleet::bus {
 namespace dds = eprosima::fastdds::dds;
 using Guid = eprosima::fastrtps::rtps::GUID_t;
 
-/// Shared by the bus and its endpoints; goes with the last of them.
+/// Shared by the bus and its endpoints; destroyed with the last of them.
 class DdsParticipant : public dds::DomainParticipantListener {
  public:
   explicit DdsParticipant(DdsBusOptions options);
@@ -37,22 +36,22 @@ class DdsParticipant : public dds::DomainParticipantListener {
   const DdsBusOptions& options() const { return options_; }
   BusSignal& signal() { return signal_; }
 
-  /// One per name; registers the type at first use. Takes the type support over.
+  /// One topic per name. Registers the type at first use and takes ownership of the type support.
   dds::Topic* topic(const std::string& name, dds::TypeSupport type);
-  /// Partition is a publisher's QoS: one publisher (subscriber) per set of partitions.
+  /// Partitions are a QoS of publishers: one publisher (subscriber) per set of partitions.
   dds::Publisher* publisher(const std::vector<std::string>& partitions);
   dds::Subscriber* subscriber(const std::vector<std::string>& partitions);
 
-  /// QoS of the project in DDS's terms; `idl_hash` travels in the endpoint's user data.
+  /// The project's QoS as DDS QoS. `idl_hash` is sent in the user data of the endpoint.
   dds::DataWriterQos writerQos(const QosProfile& qos, const std::string& idl_hash) const;
   dds::DataReaderQos readerQos(const QosProfile& qos) const;
 
-  /// Of a discovered writer; empty for foreign vendors.
+  /// Hash of a discovered writer; empty for other DDS vendors.
   std::string idlHashOf(const Guid& writer) const;
-  /// What a type's hash is here: its own, or the one of the options.
+  /// The type's own hash, or options().idl_hash when that is set.
   const std::string& hashFor(const std::string& type_hash) const;
 
-  /// Writers that flush() waits for, until they are ended.
+  /// Registers a writer for flush(), until end().
   void add(dds::DataWriter* writer);
   void end(dds::DataWriter* writer);
   bool flush(std::chrono::nanoseconds timeout);
@@ -68,12 +67,12 @@ class DdsParticipant : public dds::DomainParticipantListener {
   using Clock = std::chrono::steady_clock;
   using Prefix = eprosima::fastrtps::rtps::GuidPrefix_t;
 
-  /// Another participant, as far as its readers are concerned.
+  /// Another participant and whether its readers are known.
   struct Peer {
     Clock::time_point found;
     bool readers_known = false;
   };
-  /// Until no peer was found so lately that its readers may not be matched yet.
+  /// Waits until no recently discovered peer can have unmatched readers.
   void awaitReadersOfPeers(Clock::time_point until);
   bool anyReadersOnTheirWay() const;
 
@@ -84,15 +83,15 @@ class DdsParticipant : public dds::DomainParticipantListener {
   std::map<std::vector<std::string>, dds::Publisher*> publishers_;
   std::map<std::vector<std::string>, dds::Subscriber*> subscribers_;
   std::set<dds::DataWriter*> writers_;
-  mutable std::mutex mutex_;  ///< guards what follows: discovery runs in threads of DDS
+  mutable std::mutex mutex_;  ///< guards the members below: DDS threads run discovery
   std::map<Guid, std::string> hashes_;
   std::map<Prefix, Peer> peers_;
   std::condition_variable peers_changed_;
 };
 
-/// Retries `attempt` while it says that there is no room yet, until the write timeout, or 0.2 s once
-/// stopping; `meanwhile()` in between. Returns the last code. Each attempt blocks for up to the writer's
-/// max_blocking_time.
+/// Retries `attempt` while the history is full, until the write timeout, or for 0.2 s after a stop request.
+/// Calls `meanwhile()` between attempts. Each attempt blocks for up to max_blocking_time of the writer.
+/// @return the last code
 template <class Attempt, class Meanwhile>
 eprosima::fastrtps::types::ReturnCode_t retryWrite(DdsParticipant& participant, const Attempt& attempt,
                                                    const Meanwhile& meanwhile) {
@@ -113,7 +112,7 @@ eprosima::fastrtps::types::ReturnCode_t retryWrite(DdsParticipant& participant, 
 /// "timeout", "out of resources", … for error texts.
 const char* toString(const eprosima::fastrtps::types::ReturnCode_t& code);
 
-// The two kinds of endpoints; see dds_endpoints.cpp and dds_frames.cpp.
+// The two kinds of endpoints: dds_endpoints.cpp and dds_frames.cpp.
 std::unique_ptr<WriterPort> makeDdsWriter(std::shared_ptr<DdsParticipant> participant,
                                           const std::string& topic, const QosProfile& qos,
                                           const TypeDescriptor& type, const std::string& robot);

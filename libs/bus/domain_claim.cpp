@@ -29,8 +29,8 @@ DomainClaim::DomainClaim(int domain, const std::string& host) {
   close(socket_);
   if (error != EADDRINUSE) throw std::system_error(error, std::generic_category(), "bind");
   throw options::Error(
-      fmt::format("a fleet runs on DDS domain {} of this machine already; wait for its end or "
-                  "give this one another: --domain {}",
+      fmt::format("DDS domain {} is in use by another fleet on this machine; wait for its end or "
+                  "choose another domain: --domain {}",
                   domain, domain + 1));
 }
 

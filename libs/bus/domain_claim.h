@@ -4,13 +4,13 @@
 
 namespace omnifleet::bus {
 
-/// Says to other launchers of this machine that a DDS domain is taken: two fleets on one domain hear each
-/// other, and neither map is right. A name in Linux' abstract socket namespace, which a network namespace has
-/// of its own as DDS has, and which goes with the process.
+/// Marks a DDS domain as used for other launchers on this machine. Two fleets on one domain receive each
+/// other's data, and both maps are wrong. The mark is a name in the abstract socket namespace of Linux. Each
+/// network namespace has its own, as for DDS, and the kernel removes the name when the process ends.
 class DomainClaim {
  public:
-  /// `host`: the part of the fleet that is started; parts for other hosts share a domain. Throws
-  /// options::Error when it is taken.
+  /// @param host the started part of the fleet; parts for different hosts share a domain
+  /// Throws options::Error when the domain is in use.
   DomainClaim(int domain, const std::string& host);
   ~DomainClaim();
   DomainClaim(const DomainClaim&) = delete;

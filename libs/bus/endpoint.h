@@ -9,25 +9,25 @@
 
 namespace omnifleet::bus {
 
-/// What is known of a sample beside its fields.
+/// Metadata of a sample.
 struct SampleInfo {
   std::uint64_t writer = 0;    ///< identifies the writing endpoint within this process
-  std::int64_t source_ns = 0;  ///< the writer's clock when it wrote; diagnostics only
+  std::int64_t source_ns = 0;  ///< clock of the writer at the time of writing; diagnostics only
 };
 
-/// Since the reader was made.
+/// Counted since the reader was created.
 struct ReaderCounters {
   std::uint64_t received = 0;  ///< handed to the caller
-  std::uint64_t lost = 0;      ///< known to have been written and never to arrive
-  std::uint64_t rejected = 0;  ///< dropped: their writer was built from another IDL (layout guard)
+  std::uint64_t lost = 0;      ///< written, but never to arrive
+  std::uint64_t rejected = 0;  ///< dropped because their writer was built from another IDL (layout guard)
 };
 
-/// Type-erased ends, implemented by each bus. Not for services: use Writer<T> and Reader<T>.
+/// Type-erased endpoints, implemented by each bus. Services use Writer<T> and Reader<T>.
 class WriterPort {
  public:
   virtual ~WriterPort() = default;
   virtual bool write(const void* sample) = 0;
-  virtual void whileFull(std::function<void()>) {}  // where writes never wait
+  virtual void whileFull(std::function<void()>) {}  // default for buses whose writes never wait
   virtual int matched() const = 0;
   virtual bool waitForReaders(int count, std::chrono::nanoseconds timeout) = 0;
   virtual const std::string& error() const = 0;
@@ -49,20 +49,21 @@ class Writer {
  public:
   explicit Writer(std::unique_ptr<WriterPort> port) : port_(std::move(port)) {}
 
-  /// Puts a copy on the bus. A full keep-all history is retried until the bus's write timeout, or for 0.2 s
-  /// once the bus is stopping. False: not written, error() tells why.
+  /// Writes a copy of the sample. Retries while a keep-all history is full: until the write timeout of the
+  /// bus, or for 0.2 s once the bus is stopping. Returns false when the sample was not written; error() has
+  /// the reason.
   [[nodiscard]] bool write(const T& sample) { return port_->write(&sample); }
-  /// Done again and again while a write waits for room. Stages that write to one another in a ring must take
-  /// here what the others write, or all wait for ever; nothing may be written here.
+  /// Sets an action that is repeated while a write waits for room. Stages that write to each other in a ring
+  /// must take each other's samples here. This prevents deadlock. The action must not write.
   void whileFull(std::function<void()> action) { port_->whileFull(std::move(action)); }
 
-  /// Readers matched now.
+  /// Number of matched readers.
   int matched() const { return port_->matched(); }
-  /// True as soon as `count` readers have matched; false on timeout or when the bus is stopping.
+  /// Returns true as soon as `count` readers are matched, false on timeout or when the bus is stopping.
   bool waitForReaders(int count, std::chrono::nanoseconds timeout) {
     return port_->waitForReaders(count, timeout);
   }
-  /// Why the last write failed; empty after a good one.
+  /// Reason of the last failed write; empty after a successful one.
   const std::string& error() const { return port_->error(); }
 
  private:
@@ -75,16 +76,16 @@ class Reader {
  public:
   explicit Reader(std::unique_ptr<ReaderPort> port) : port_(std::move(port)) {}
 
-  /// Moves the oldest sample into the caller's object (its buffers are reused). False: nothing there.
+  /// Moves the oldest sample into `sample` and reuses its buffers. Returns false when there is none.
   bool take(T& sample, SampleInfo& info) { return port_->take(&sample, info); }
   bool take(T& sample) {
     SampleInfo info;
     return take(sample, info);
   }
 
-  /// Writers matched now (those of another IDL included; their samples are dropped).
+  /// Number of matched writers, including those of another IDL (their samples are dropped).
   int matched() const { return port_->matched(); }
-  /// Writers alive by their liveliness; equals matched() on topics without a lease.
+  /// Number of writers alive by DDS liveliness; equals matched() on topics without a lease.
   int alive() const { return port_->alive(); }
   bool waitForWriters(int count, std::chrono::nanoseconds timeout) {
     return port_->waitForWriters(count, timeout);

@@ -16,7 +16,7 @@ struct FakeSample {
   std::uint64_t writer = 0;
 };
 
-/// Keep-last: drops the oldest sample of the instance beyond `depth`. Returns whether one went.
+/// Keep-last: drops the oldest sample of the instance beyond `depth`. @return whether a sample was dropped
 bool keepLast(std::deque<FakeSample>& samples, const std::string& key, int depth) {
   const auto same = [&](const FakeSample& sample) { return sample.key == key; };
   if (std::count_if(samples.begin(), samples.end(), same) <= depth) return false;
@@ -31,7 +31,7 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
       : network_(std::move(network)), type_(type), qos_(qos), report_(std::move(report)) {}
   ~FakeReaderPort() override { network_->detach(*this); }
 
-  /// Under the mutex.
+  /// The caller holds the mutex.
   void deliver(const FakeSample& sample, const FakeEndpoint& writer) {
     if (writer.idl_hash != idl_hash) return reject(writer);
     samples_.push_back(sample);
@@ -66,8 +66,9 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
  private:
   void reject(const FakeEndpoint& writer) {
     ++counters_.rejected;
-    if (!strangers_.insert(writer.id).second || !report_) return;
-    report_(topic + ": a writer was built from another IDL; its samples are dropped");
+    if (!external_.insert(writer.id).second || !report_) return;
+    report_(topic +
+            ": samples of a writer with another IDL are dropped; build all services from the same idl/");
   }
 
   std::shared_ptr<FakeNetwork> network_;
@@ -76,7 +77,7 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
   Report report_;
   std::deque<FakeSample> samples_;
   ReaderCounters counters_;
-  std::set<std::uint64_t> strangers_;
+  std::set<std::uint64_t> external_;
 };
 
 class FakeWriterPort : public WriterPort, public FakeEndpoint {
@@ -106,7 +107,7 @@ class FakeWriterPort : public WriterPort, public FakeEndpoint {
   }
   const std::string& error() const override { return error_; }
 
-  /// Late joiners get the history.
+  /// Delivers the history to a late joiner.
   void onPeer(FakeEndpoint& peer) override {
     for (const FakeSample& sample : history_) dynamic_cast<FakeReaderPort&>(peer).deliver(sample, *this);
   }
@@ -148,7 +149,7 @@ class FakeBus : public Bus {
     signal_->event.signal();
   }
   bool stopping() const noexcept override { return signal_->stop; }
-  bool flush(std::chrono::nanoseconds) override { return true; }  // delivery happened in write()
+  bool flush(std::chrono::nanoseconds) override { return true; }  // write() has already delivered
 
  protected:
   std::unique_ptr<WriterPort> writerPort(const std::string& topic, const QosProfile& qos,

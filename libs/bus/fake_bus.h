@@ -7,22 +7,23 @@
 
 namespace omnifleet::bus {
 
-/// The air between FakeBus objects: topics, partitions, histories. Thread-safe; delivery happens in write().
+/// The network between FakeBus objects: topics, partitions, histories. Thread-safe. write() delivers.
 class FakeNetwork;
 
 struct FakeBusOptions {
-  RunMode mode = RunMode::kLockstep;  ///< decides the frames' history as in DdsBus
-  std::string machine = "local";      ///< frames reach readers of the same machine only
-  std::string idl_hash;  ///< stands in for the types' own hash when set (tests of the layout guard)
-  Report report;         ///< may be empty
+  RunMode mode = RunMode::kLockstep;  ///< decides the history of frames, as in DdsBus
+  std::string machine = "local";      ///< frames reach only readers of the same machine
+  std::string idl_hash;               ///< replaces the hash of all types when set (tests of the layout guard)
+  Report report;                      ///< may be empty
 };
 
 std::shared_ptr<FakeNetwork> makeFakeNetwork();
 
-/// A bus within one process: same matching, keep-last per instance, transient-local and layout-guard
-/// semantics as DdsBus, but keep-all queues of samples have no bound (nobody could empty them during a
-/// blocked write). Frames keep all 8 (deterministic modes): a full channel makes begin() return nullptr; live
-/// keeps the last 4. Every FakeBus on one network is one participant. Same results single- or multi-threaded.
+/// A bus within one process. Matching, keep-last per instance, transient-local history and layout guard
+/// behave as in DdsBus. Keep-all queues of samples are unbounded, because no reader could empty them during a
+/// blocked write. In deterministic modes the frame history keeps all 8; begin() returns nullptr when it is
+/// full. Live mode keeps the last 4. Every FakeBus on one network is one participant. Results do not depend
+/// on the number of threads.
 std::unique_ptr<Bus> makeFakeBus(std::shared_ptr<FakeNetwork> network, const FakeBusOptions& options = {});
 
 }  // namespace omnifleet::bus

@@ -1,4 +1,4 @@
-// Frames on the fake network: shared slots instead of shared memory, the same loans.
+// Frames on the fake network: shared slots instead of shared memory, with the same loan rules.
 
 #include <stdexcept>
 
@@ -21,12 +21,13 @@ class FakeFrameReader : public FrameReader, public FakeEndpoint {
       : network_(std::move(network)), qos_(qos), report_(std::move(report)) {}
   ~FakeFrameReader() override { network_->detach(*this); }
 
-  /// Under the mutex.
+  /// The caller holds the mutex.
   bool full() const { return qos_.keep_all && static_cast<int>(queue_.size()) >= qos_.depth; }
   void deliver(const SlotPtr& slot, const FakeEndpoint& writer) {
     if (writer.idl_hash != idl_hash) {
       if (counters_.rejected++ == 0 && report_)
-        report_(topic + ": a writer was built from another IDL; dropped");
+        report_(topic +
+                ": frames of a writer with another IDL are dropped; build all services from the same idl/");
       return;
     }
     queue_.push_back(slot);
@@ -90,12 +91,12 @@ class FakeFrameWriter : public FrameWriter, public FakeEndpoint {
   }
   void amend(const FrameHeader& header) override {
     if (!open_ || header.bytes() > open_->pixels.size())
-      throw std::runtime_error(topic + ": amended frame grows");
+      throw std::runtime_error(topic + ": the amended frame is larger than its loan");
     open_->header = header;
   }
   bool publish() override {
     if (!open_) {
-      error_ = topic + ": publish without begin";
+      error_ = topic + ": publish() without begin()";
       return false;
     }
     std::lock_guard<std::mutex> lock(network_->mutex);
@@ -114,7 +115,8 @@ class FakeFrameWriter : public FrameWriter, public FakeEndpoint {
  private:
   bool fits(const FrameHeader& header) {
     if (header.bytes() <= class_.capacity) return true;
-    error_ = topic + ": a frame of " + std::to_string(header.bytes()) + " bytes does not fit " + class_.name;
+    error_ = topic + ": a frame of " + std::to_string(header.bytes()) + " bytes is larger than frame class " +
+             class_.name;
     return false;
   }
   bool anyReaderFull() {
@@ -123,7 +125,7 @@ class FakeFrameWriter : public FrameWriter, public FakeEndpoint {
                           [&](FakeEndpoint& peer) { full |= dynamic_cast<FakeFrameReader&>(peer).full(); });
     return full;
   }
-  /// A slot that no reader has any more, else a new one; their number is bounded by the readers' queues.
+  /// A slot that no reader uses, or else a new one. The queues of the readers bound the number of slots.
   SlotPtr freeSlot() {
     for (const SlotPtr& slot : pool_) {
       if (slot.use_count() == 1) return slot;
@@ -136,7 +138,7 @@ class FakeFrameWriter : public FrameWriter, public FakeEndpoint {
   FrameClass class_;
   std::vector<SlotPtr> pool_;
   SlotPtr open_;
-  std::uint8_t nothing_ = 0;  ///< what begin() points to for an invalid frame without pixels
+  std::uint8_t nothing_ = 0;  ///< begin() points here for an invalid frame without pixels
   std::string error_;
 };
 

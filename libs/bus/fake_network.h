@@ -1,6 +1,6 @@
 #pragma once
 
-// Inside of the fake bus: who is there, and who matches whom.
+// Internals of the fake bus: its endpoints and how they match.
 
 #include <cstdint>
 #include <deque>
@@ -15,7 +15,7 @@
 
 namespace omnifleet::bus {
 
-/// One end on the network. All members but the signal are guarded by the network's mutex once attached.
+/// One endpoint on the network. After attach() the mutex of the network guards all members except `signal`.
 struct FakeEndpoint {
   enum class Kind { kWriter, kReader };
   Kind kind = Kind::kWriter;
@@ -24,10 +24,10 @@ struct FakeEndpoint {
   std::string idl_hash;
   std::vector<std::string> partitions;  ///< never empty; "" is the default partition
   std::shared_ptr<BusSignal> signal;    ///< of the bus that owns it
-  std::uint64_t id = 0;                 ///< given on attach, in order of creation
+  std::uint64_t id = 0;                 ///< set by attach(), in order of creation
 
   virtual ~FakeEndpoint() = default;
-  /// The other end has appeared; called under the mutex.
+  /// A peer was attached. The caller holds the mutex.
   virtual void onPeer(FakeEndpoint&) {}
 };
 
@@ -39,7 +39,7 @@ class FakeNetwork {
   void detach(FakeEndpoint& endpoint);
   int matched(const FakeEndpoint& endpoint);
 
-  /// Calls visit(peer) for every matching end; under the mutex.
+  /// Calls visit(peer) for every matching endpoint. The caller holds the mutex.
   template <class Visit>
   void forEachPeer(const FakeEndpoint& endpoint, const Visit& visit) {
     for (FakeEndpoint* other : by_topic_[endpoint.topic]) {

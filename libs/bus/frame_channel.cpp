@@ -24,7 +24,7 @@ FrameClass frameClassFor(std::size_t bytes_needed) {
     if (bytes_needed <= frame_class.capacity) return frame_class;
   }
   throw std::runtime_error("a frame of " + std::to_string(bytes_needed) +
-                           " bytes fits no frame class (largest " +
+                           " bytes is larger than the largest frame class (" +
                            std::to_string(capacityOf<v1::Frame12M>()) + ")");
 }
 

@@ -29,7 +29,7 @@ bool InProcessFleet::spinRound() {
   for (Member& member : members_) {
     if (member.drained) continue;
     while (member.service->spin()) moved = true;
-    tellProblems(member);
+    reportMessages(member);
     if (!member.service->finished()) continue;
     drain(member);
     moved = true;
@@ -39,14 +39,14 @@ bool InProcessFleet::spinRound() {
 
 void InProcessFleet::drain(Member& member) {
   member.service->drain();
-  tellProblems(member);
+  reportMessages(member);
   member.service->status().state(ServiceState::kFinished);
   member.drained = true;
 }
 
-void InProcessFleet::tellProblems(Member& member) {
-  if (!on_problem_) return;
-  for (const std::string& problem : member.service->status().takeProblems()) on_problem_(member.name, problem);
+void InProcessFleet::reportMessages(Member& member) {
+  if (!on_message_) return;
+  for (const Message& message : member.service->status().takeMessages()) on_message_(member.name, message);
 }
 
 bool InProcessFleet::done() const {
@@ -70,7 +70,7 @@ bool InProcessFleet::run(const std::function<bool()>& each_round) {
                      [](const Member& member) { return member.service->succeeded(); });
 }
 
-/// Nothing moved: either somebody has a timer, or nothing will ever move again.
+/// No service made progress: sleeps until the next timer, or fails when there is none.
 void InProcessFleet::sleepOrFail() {
   std::optional<Clock::time_point> next;
   for (const Member& member : members_) {
@@ -83,11 +83,11 @@ void InProcessFleet::sleepOrFail() {
 }
 
 void InProcessFleet::failStuck() {
-  std::string text = "the fleet is stuck:";
+  std::string text = "deadlock, no service can continue:";
   for (Member& member : members_) {
     if (member.drained) continue;
     const auto waiting = member.service->waitingFor(Clock::now());
-    text += " " + member.name + " waits for " + (waiting ? waiting->name : "nothing known") + ";";
+    text += " " + member.name + " waits for " + (waiting ? waiting->name : "an unknown input") + ";";
   }
   text.pop_back();
   throw std::runtime_error(text);

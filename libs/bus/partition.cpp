@@ -7,8 +7,9 @@ namespace {
 
 const std::string& checked(const std::string& name) {
   if (name.find_first_of("*?[]") == std::string::npos) return name;
-  throw std::runtime_error("'" + name +
-                           "' cannot name a robot or machine: * ? [ ] are wildcards on the wire");
+  throw std::runtime_error(
+      "'" + name +
+      "' is not a valid name of a robot or machine: remove * ? [ ], which DDS takes as wildcards");
 }
 
 }  // namespace

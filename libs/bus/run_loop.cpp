@@ -8,6 +8,16 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kStatusPeriod{1};
 
+Message streamSilent(const std::string& stream, std::chrono::seconds limit) {
+  return {ErrorCode::kStreamSilent, stream + ": no sample for " + std::to_string(limit.count()) +
+                                        " s; this service ends. Check the service that publishes it"};
+}
+
+Message readerMissing(const std::string& what, std::chrono::seconds limit) {
+  return {ErrorCode::kStreamSilent, what + ": still missing after " + std::to_string(limit.count()) +
+                                        " s; this service ends. Check the log of the missing service"};
+}
+
 /// The state of one runLoop().
 struct Loop {
   Bus& bus;
@@ -16,21 +26,22 @@ struct Loop {
   StatusPublisher& publisher;
   spdlog::logger& log;
 
-  Lull& lull() { return service.lull(); }
+  IdleWindow& idleWindow() { return service.idleWindow(); }
 
-  /// Tells people: the log every problem, the status topic where things stand.
-  void tell(bool force = false) {
-    for (const std::string& problem : service.status().takeProblems()) log.warn("{}", problem);
+  /// Writes new messages to the log and publishes the status.
+  void publishStatus(bool force = false) {
+    for (const Message& message : service.status().takeMessages()) log.warn("{}", toLogLine(message));
     publisher.update(service.status(), Clock::now(), force);
   }
 
   /// Sleeps until something may have changed, at most until the next status is due.
   void idle() {
-    tell();
+    publishStatus();
     const auto now = Clock::now();
     std::chrono::nanoseconds sleep = kStatusPeriod;
     if (const auto at = service.wakeAt()) sleep = std::min<std::chrono::nanoseconds>(sleep, *at - now);
-    if (!lull().here(now)) sleep = std::min<std::chrono::nanoseconds>(sleep, lull().next(now) - now);
+    if (!idleWindow().isOpen(now))
+      sleep = std::min<std::chrono::nanoseconds>(sleep, idleWindow().opensAt(now) - now);
     if (sleep > std::chrono::nanoseconds(0)) bus.wait(sleep);
   }
 
@@ -48,7 +59,7 @@ struct Loop {
     const auto deadline = Clock::now() + options.silence_limit;
     while (const Expectation* missing = unmet(expectations)) {
       if (bus.stopping()) return ExitCode::kOk;
-      if (Clock::now() >= deadline) return fail("not there after " + limit() + ": " + missing->what);
+      if (Clock::now() >= deadline) return fail(readerMissing(missing->what, options.silence_limit));
       idle();
     }
     return ExitCode::kOk;
@@ -57,10 +68,10 @@ struct Loop {
   ExitCode work() {
     while (!bus.stopping() && !service.finished()) {
       const bool moved = service.spin();
-      if (moved) tell();
+      if (moved) publishStatus();
       if (bus.stopping() || service.finished()) break;
       if (inBackground(moved) || moved) continue;
-      if (const auto silent = silentStream()) return fail("nothing for " + limit() + " from: " + *silent);
+      if (const auto silent = silentStream()) return fail(streamSilent(*silent, options.silence_limit));
       idle();
     }
     return ExitCode::kOk;
@@ -70,9 +81,9 @@ struct Loop {
   bool inBackground(bool moved) {
     if (isDeterministic(options.mode)) return false;
     const auto now = Clock::now();
-    if (moved) lull().heard(now);
-    if (!lull().here(now)) return false;
-    lull().used();
+    if (moved) idleWindow().onInput(now);
+    if (!idleWindow().isOpen(now)) return false;
+    idleWindow().onUse();
     return service.background();
   }
 
@@ -83,32 +94,31 @@ struct Loop {
     return waiting->name;
   }
 
-  ExitCode fail(const std::string& why) {
-    tell();
-    log.error("{}", why);
-    service.status().error(why, true);
-    [[maybe_unused]] const auto logged = service.status().takeProblems();
+  ExitCode fail(const Message& why) {
+    publishStatus();
+    log.error("{}", toLogLine(why));
+    service.status().report(why, true);
+    [[maybe_unused]] const auto logged = service.status().takeMessages();
     return ExitCode::kSilentStage;
   }
-  std::string limit() const { return std::to_string(options.silence_limit.count()) + " s"; }
 
   ExitCode run() {
     service.status().state(ServiceState::kWaiting);
-    tell();
+    publishStatus();
     ExitCode code = expect();
     if (code == ExitCode::kOk && !bus.stopping()) {
       service.start();
       service.status().state(ServiceState::kRunning);
       code = work();
     }
-    // Whoever started it must know that it is missing, unless he has told it himself.
+    // A run that was cut short has an exit code of its own.
     const bool is_cut = bus.stopping() && !service.finished();
     service.status().state(ServiceState::kStopping);
     service.drain();
     service.status().state(ServiceState::kFinished);
-    tell(true);
+    publishStatus(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
-      log.warn("some readers never took the last samples");
+      log.warn("some readers did not acknowledge the last samples; they may lack the end of the run");
     if (code != ExitCode::kOk) return code;
     return !service.succeeded() ? ExitCode::kFailure : is_cut ? ExitCode::kStopped : ExitCode::kOk;
   }
@@ -122,7 +132,7 @@ ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, Stat
     return Loop{bus, service, options, publisher, log}.run();
   } catch (const std::exception& problem) {
     log.error("{}", problem.what());
-    service.status().error(problem.what(), true);
+    service.status().report({ErrorCode::kServiceFailed, problem.what()}, true);
     publisher.update(service.status(), Clock::now(), true);
     return ExitCode::kFailure;
   }

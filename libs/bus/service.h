@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "bus/bus.h"
-#include "bus/lull.h"
+#include "bus/idle_window.h"
 #include "bus/status_board.h"
 #include "bus/time_merger.h"
 #include "bus/topics.h"
@@ -19,10 +19,10 @@ namespace omnifleet::bus {
 /// Exit codes of every service.
 enum class ExitCode : int {
   kOk = 0,
-  kFailure = 1,      ///< something broke while running
-  kBadOptions = 2,   ///< command line or YAML; nothing was started
-  kSilentStage = 3,  ///< a stage that others wait for said nothing for too long
-  kStopped = 128,    ///< with the number of the signal added: told to stop, everything is saved
+  kFailure = 1,      ///< an error while running
+  kBadOptions = 2,   ///< error in the command line or YAML; no work was started
+  kSilentStage = 3,  ///< no input for the silence limit from a stage that others wait for
+  kStopped = 128,    ///< plus the signal number: stopped by a signal, all results are saved
 };
 
 /// The command line that all services share.
@@ -35,16 +35,16 @@ struct ServiceOptions {
   std::string out;                   ///< --out DIR
   std::vector<std::string> configs;  ///< --config FILE, repeatable: overlays, later ones on top
   int domain = 0;                    ///< --domain N, default $OMNIFLEET_DOMAIN or 0
-  int life = 1;                      ///< --life N: > 1 takes the place of a process of this run that died
-  bool record = false;               ///< --record: sources write the run as a dataset into OUT/recording
-  bool debug_images = false;         ///< --debug-images: local_mapper draws every frame into OUT/debug
-  std::string log_level = "info";    ///< --log-level
+  int incarnation = 1;               ///< --incarnation N: > 1 for a restarted process of this run
+  bool record = false;        ///< --record: source services write the run as a dataset into OUT/recording
+  bool debug_images = false;  ///< --debug-images: local_mapper writes an image of every frame to OUT/debug
+  std::string log_level = "info";          ///< --log-level
   std::chrono::seconds silence_limit{30};  ///< --silence-limit S: deterministic modes only
   std::vector<std::string> interfaces;     ///< --interface ADDRESS, repeatable; none: loopback only
-  int max_message_bytes = 65000;           ///< --max-message-bytes N: one datagram; ≤ 1400 off-host
+  int max_message_bytes = 65000;           ///< --max-message-bytes N: one datagram; ≤ 1400 between hosts
 };
 
-/// What a service is given at construction.
+/// Passed to a service at construction.
 struct ServiceContext {
   Bus& bus;
   ServiceOptions options;
@@ -52,48 +52,50 @@ struct ServiceContext {
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// Something to be matched before start(): "local_map of r1 has 1 reader".
+/// A condition for start(), e.g. "local_map of r1 has 1 reader".
 struct Expectation {
   std::string what;
-  std::function<bool()> met;  ///< cheap; asked again after every event
+  std::function<bool()> met;  ///< cheap; evaluated again after every event
 };
 
-/// The logic of one stage over the bus interface: the same object runs in its own process (runService) and
-/// with all others in one (InProcessFleet). One thread. Make endpoints in the constructor.
+/// The logic of one stage on the bus interface. The same object runs in its own process (runService) or with
+/// all other stages in one process (InProcessFleet). Single-threaded. Create endpoints in the constructor.
 class Service {
  public:
   virtual ~Service() = default;
 
-  /// Waited for before start() in deterministic modes; live starts at once. Expect the readers of what you
-  /// write (frames above all: a camera must not start before every reader of the run has matched) and the
-  /// writers of what you read.
+  /// Conditions to wait for before start() in deterministic modes; live mode starts at once. Expect the
+  /// readers of every output and the writers of every input. Frames matter most: a camera must not start
+  /// before all its readers are matched.
   virtual std::vector<Expectation> expectations() const { return {}; }
-  /// Called once, when the expectations are met.
+  /// Called once, when all expectations are met.
   virtual void start() = 0;
-  /// Handles what is there without blocking; true when anything was done (called again at once).
+  /// Processes available input without blocking. Returns true when any work was done (it is then called
+  /// again).
   virtual bool spin() = 0;
-  /// Live: what nobody waits for, a slice of some ms; called when nothing has come for a while (lull.h). True
-  /// when anything was done (spin() and this are called again). Deterministic modes do such work in spin().
+  /// Live mode: one slice of some ms of work with no deadline, called in idle windows (idle_window.h).
+  /// Returns true when any work was done (spin() and background() are then called again). Deterministic modes
+  /// do this work in spin().
   virtual bool background() { return false; }
-  /// Nothing will come any more: the end of the run was seen and everything is written.
+  /// True when the run has ended and all output is written.
   virtual bool finished() const = 0;
-  /// The last word: save, publish what is pending. Called once, also when stopped early; ≤ 1.5 s.
+  /// Final step: saves and publishes pending results. Called once, also after an early stop. Takes ≤ 1.5 s.
   virtual void drain() = 0;
-  /// False after drain(): what the run was for was not had or could not be saved; the process then ends with
-  /// kFailure. Its log says what.
+  /// False after drain() when a required result is missing or could not be saved. The process then exits with
+  /// kFailure; its log has the reason.
   virtual bool succeeded() const { return true; }
-  /// When to be spun next though nothing arrives (live pacing, timers); nothing: events only.
+  /// Time of the next spin() without input (live pacing, timers). Empty: events only.
   virtual std::optional<std::chrono::steady_clock::time_point> wakeAt() const { return std::nullopt; }
-  /// Who holds this stage up: forward TimeMerger::waitingFor.
+  /// The stream that this stage waits for: forward TimeMerger::waitingFor.
   virtual std::optional<Waiting> waitingFor(std::chrono::steady_clock::time_point) { return std::nullopt; }
 
   StatusBoard& status() { return status_; }
-  /// For those who do parts of their background() at a time (awaitLull()).
-  Lull& lull() { return lull_; }
+  /// For services that split background() with awaitIdleWindow().
+  IdleWindow& idleWindow() { return idle_window_; }
 
  private:
   StatusBoard status_;
-  Lull lull_;
+  IdleWindow idle_window_;
 };
 
 using ServiceFactory = std::function<std::unique_ptr<Service>(const ServiceContext&)>;

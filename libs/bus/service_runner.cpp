@@ -15,18 +15,18 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::atomic<int> signalled{0};  // the number of the signal; handlers reach nothing but statics
+std::atomic<int> signalled{0};  // number of the received signal; signal handlers access only static data
 std::atomic<Bus*> signalled_bus{nullptr};
 
-std::atomic<int> last_word{-1};   // exit code, once everything is written
-std::atomic<bool> parked{false};  // a thread of the middleware was stopped short of ending the process
+std::atomic<int> final_code{-1};  // exit code once all output is written; -1 before
+std::atomic<bool> parked{false};  // a thread of the middleware aborted and is suspended
 
-/// Fast DDS 2.9 asserts in its discovery thread when a participant leaves in the very moment in which its
-/// lease runs out (PDP::check_remote_participant_liveliness), which on a busy machine happens while a fleet
-/// stops. A service that has written everything ends with its own exit code; one that was told to stop parks
-/// that thread and goes on to save. At any other time the process dies, and the supervisor decides.
+/// Fast DDS 2.9 asserts in its discovery thread when a participant leaves at the moment its lease expires
+/// (PDP::check_remote_participant_liveliness). On a busy machine this happens while a fleet stops. A service
+/// that has written all output exits with its own exit code. A service that is stopping suspends this thread
+/// and continues to save. At any other time the process aborts, and the supervisor decides.
 void onAbort(int) {
-  if (last_word >= 0) _exit(last_word);
+  if (final_code >= 0) _exit(final_code);
   const bool main_thread = ::syscall(SYS_gettid) == ::getpid();
   if (signalled == 0 || main_thread) {
     std::signal(SIGABRT, SIG_DFL);
@@ -36,16 +36,17 @@ void onAbort(int) {
   for (;;) ::pause();
 }
 
-/// A thread that Fast DDS 2.9 reads frames with spins, and so its reader's end, when a live writer overtakes
-/// it in one moment and never writes again (docs/methods.md, "DDS as measured"). Made before whatever may
-/// hang; once everything is written, that must be gone in time, or the process ends without.
-class Leaving {
+/// Ends the process when the destruction of DDS entities hangs. The Fast DDS 2.9 thread that reads frames,
+/// and so the destructor of its reader, loops forever when a live writer overtakes it once and never writes
+/// again (docs/methods/dds.md). Construct before any object that may hang. begin() starts the timeout, once
+/// all output is written.
+class ExitTimeout {
  public:
-  static constexpr unsigned kPatience_s = 4;
-  ~Leaving() { ::alarm(0); }
+  static constexpr unsigned kLimit_s = 4;
+  ~ExitTimeout() { ::alarm(0); }
   static void begin() {
-    std::signal(SIGALRM, [](int) { _exit(last_word); });
-    ::alarm(kPatience_s);
+    std::signal(SIGALRM, [](int) { _exit(final_code); });
+    ::alarm(kLimit_s);
   }
 };
 
@@ -54,12 +55,12 @@ void onSignal(int number) {
   if (Bus* bus = signalled_bus) bus->requestStop();
 }
 
-/// SIGINT and SIGTERM stop the bus; made before the bus, so that none is missed.
+/// SIGINT and SIGTERM stop the bus. Construct before the bus, so that no signal is missed.
 class StopSignals {
  public:
   StopSignals() {
     signalled = 0;
-    last_word = -1;
+    final_code = -1;
     struct sigaction action {};
     action.sa_handler = onSignal;
     sigemptyset(&action.sa_mask);
@@ -70,7 +71,7 @@ class StopSignals {
   }
 };
 
-/// While it lives, signals reach the bus.
+/// During its lifetime signals reach the bus.
 class SignalledBus {
  public:
   explicit SignalledBus(Bus& bus) {
@@ -101,7 +102,7 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
   bus.domain = options.domain;
   bus.mode = options.mode;
   bus.write_timeout = options.silence_limit;
-  // Where nothing may be lost a busy machine must not look like a dead stage.
+  // In deterministic modes a busy machine must not look like a failed stage.
   if (isDeterministic(options.mode)) bus.lease = options.silence_limit;
   if (!options.interfaces.empty()) bus.interfaces = options.interfaces;
   bus.max_message_bytes = static_cast<std::uint32_t>(options.max_message_bytes);
@@ -111,17 +112,17 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
 
 int runOnDds(const std::string& name, const ServiceOptions& options, const ServiceFactory& make,
              const std::shared_ptr<spdlog::logger>& log) {
-  const Leaving leaving;
+  const ExitTimeout exit_timeout;
   const std::unique_ptr<Bus> bus = makeDdsBus(busOptions(name, options, log));
   const SignalledBus signals(*bus);
   const Topics topics(options.mode);
   StatusPublisher publisher(*bus, topics, name, instanceOf(options));
   const std::unique_ptr<Service> service = make(ServiceContext{*bus, options, topics, log});
   const ExitCode code = runLoop(*bus, *service, options, publisher, *log);
-  last_word = static_cast<int>(code) + (code == ExitCode::kStopped ? signalled.load() : 0);
-  if (parked) _exit(last_word);
-  Leaving::begin();
-  return last_word;
+  final_code = static_cast<int>(code) + (code == ExitCode::kStopped ? signalled.load() : 0);
+  if (parked) _exit(final_code);
+  ExitTimeout::begin();
+  return final_code;
 }
 
 }  // namespace

@@ -12,19 +12,20 @@ class App;
 
 namespace omnifleet::bus {
 
-/// The whole main() of a service process: signals before participants, options, expectations, spin/wait loop,
-/// service/status at 1 Hz and on change, drain, every DDS entity gone before it returns. SIGINT and SIGTERM
-/// end it in order, with what it has saved; if its work was not done, with ExitCode::kStopped and their
-/// number. `extend` may add options of its own to the command line.
+/// The whole main() of a service process: signal handlers, options, DDS participant, expectations, spin/wait
+/// loop, service/status at 1 Hz and on change, drain. All DDS entities are destroyed before it returns.
+/// SIGINT and SIGTERM end the service in order, and it saves its results. The exit code is then
+/// ExitCode::kStopped plus the signal number, unless the work was complete. `extend` may add options to the
+/// command line.
 ///   int main(int argc, char** argv) { return runService(argc, argv, "classifier", makeClassifier); }
 int runService(int argc, char** argv, const std::string& name, const ServiceFactory& make,
                const std::function<void(CLI::App&)>& extend = {});
 
-/// Publishes a service's StatusBoard.
+/// Publishes the StatusBoard of a service.
 class StatusPublisher {
  public:
   StatusPublisher(Bus& bus, const Topics& topics, std::string service, std::string instance);
-  /// Publishes when a second has passed, the board has changed, or `force`.
+  /// Publishes when one second has passed, the board has changed, or `force` is set.
   void update(StatusBoard& board, std::chrono::steady_clock::time_point now, bool force = false);
 
  private:
@@ -34,29 +35,29 @@ class StatusPublisher {
 };
 
 /// The loop of runService on any bus: expectations, start, spin and wait until the service has finished or
-/// the bus is stopping, drain, flush. Logs what goes wrong; exceptions of the service become kFailure.
+/// the bus is stopping, then drain and flush. Logs errors. Exceptions of the service become kFailure.
 ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, StatusPublisher& publisher,
                  spdlog::logger& log);
 
-/// Fills `options` from the command line. An exit code when there is nothing to run: help, or bad options
-/// (one line on stderr naming the option).
+/// Fills `options` from the command line. Returns an exit code when there is nothing to run: after --help, or
+/// for invalid options (one line on stderr names the option).
 std::optional<ExitCode> parseCommandLine(int argc, const char* const* argv, const std::string& name,
                                          const std::function<void(CLI::App&)>& extend,
                                          ServiceOptions& options);
 
-/// All stages in one process on one thread: spins each in turn until all have finished.
+/// All stages in one process and one thread. Spins each in turn until all have finished.
 class InProcessFleet {
  public:
-  /// Order of spinning is order of adding; results do not depend on it.
+  /// Services spin in the order in which they are added. Results do not depend on it.
   void add(std::string name, std::unique_ptr<Service> service);
-  /// Runs to the end: start, spin, drain each as it finishes. `each_round` may end the run early by returning
-  /// false (all are drained then). Throws std::runtime_error naming who waits for which stream when nothing
-  /// moves any more, and the expectation that is not met at the start. False: a service could not save
-  /// what it should have.
+  /// Runs to the end: starts all, spins all, drains each when it finishes. `each_round` may return false to
+  /// end the run early; all are then drained. Throws std::runtime_error that names the missing expectation,
+  /// or, on deadlock, each service and the stream it waits for. Returns false when a service could not save
+  /// its results.
   bool run(const std::function<bool()>& each_round = {});
-  /// Told every problem that a service tells its status, as its own process would log it.
-  void onProblem(std::function<void(const std::string& service, const std::string& problem)> listener) {
-    on_problem_ = std::move(listener);
+  /// `listener` receives every status message, as the log of the process would.
+  void onMessage(std::function<void(const std::string& service, const Message& message)> listener) {
+    on_message_ = std::move(listener);
   }
   Service& service(std::size_t index) { return *members_.at(index).service; }
 
@@ -69,12 +70,12 @@ class InProcessFleet {
   void start();
   bool spinRound();
   void drain(Member& member);
-  void tellProblems(Member& member);
+  void reportMessages(Member& member);
   bool done() const;
   void sleepOrFail();
   [[noreturn]] void failStuck();
   std::vector<Member> members_;
-  std::function<void(const std::string&, const std::string&)> on_problem_;
+  std::function<void(const std::string&, const Message&)> on_message_;
 };
 
 }  // namespace omnifleet::bus

@@ -21,7 +21,7 @@ bool startsWith(const std::string& text, const std::string& prefix) {
   return text.rfind(prefix, 0) == 0;
 }
 
-bool isOurs(const std::string& name) {
+bool isDdsFile(const std::string& name) {
   return startsWith(name, "fast_datasharing_") || startsWith(name, "fastrtps_") ||
          startsWith(name, "sem.fastrtps_");
 }
@@ -64,13 +64,13 @@ std::set<std::string> filesInUse(const std::string& directory) {
   return used;
 }
 
-/// Files of ours that nobody uses now.
+/// DDS files that no process uses now.
 std::set<std::string> unusedFiles(const std::string& directory) {
   std::set<std::string> names;
   std::error_code problem;
   for (fs::directory_iterator it(directory, problem), end; !problem && it != end; it.increment(problem)) {
     const std::string name = it->path().filename().string();
-    if (isOurs(name)) names.insert(name);
+    if (isDdsFile(name)) names.insert(name);
   }
   if (names.empty()) return names;
   for (const std::string& used : filesInUse(directory)) names.erase(used);
@@ -88,17 +88,18 @@ std::size_t frameChannelBytes(std::size_t bytes_needed, RunMode mode) {
 void requireSharedMemory(std::size_t bytes, const std::string& directory) {
   struct statvfs info {};
   if (::statvfs(directory.c_str(), &info) != 0)
-    throw std::runtime_error(directory + ": no such shared memory");
+    throw std::runtime_error(directory + ": shared memory not available");
   const auto free_bytes = static_cast<std::size_t>(info.f_bavail) * info.f_frsize;
   if (free_bytes >= bytes) return;
   throw std::runtime_error(directory + " has " + std::to_string(free_bytes >> 20) +
-                           " MiB free, the cameras need " + std::to_string((bytes >> 20) + 1) +
-                           " MiB: enlarge it or use fewer, smaller cameras");
+                           " MiB free, but the frames of the cameras need " +
+                           std::to_string((bytes >> 20) + 1) +
+                           " MiB; enlarge it, or use fewer or smaller cameras");
 }
 
 std::vector<std::string> removeStaleSharedMemory(const std::string& directory) {
   constexpr std::chrono::milliseconds kFromMakingToMapping{
-      250};  // microseconds, on a machine that is not overloaded
+      250};  // takes microseconds on a machine that is not overloaded
   std::vector<std::string> removed;
   const std::set<std::string> before = unusedFiles(directory);
   if (before.empty()) return removed;

@@ -37,21 +37,22 @@ SharedSegments::~SharedSegments() {
 
 const std::uint8_t* SharedSegments::keep(const std::uint8_t* address) {
   for (const Segment& segment : segments_) {
-    if (holds(segment.theirs, segment.bytes, address)) return segment.ours + (address - segment.theirs);
+    if (holds(segment.dds_begin, segment.bytes, address))
+      return segment.own_begin + (address - segment.dds_begin);
   }
   const Range range = sharedMappingOf(reinterpret_cast<std::uintptr_t>(address));
   if (range.end == 0) return nullptr;
-  // An old size of 0 leaves the shared mapping where it is and makes a second one of the same pages
-  // (mremap(2)).
-  void* ours = ::mremap(reinterpret_cast<void*>(range.begin), 0, range.end - range.begin, MREMAP_MAYMOVE);
-  if (ours == MAP_FAILED) return nullptr;
+  // mremap(2) with an old size of 0 keeps the shared mapping and makes a second mapping of the same pages.
+  void* own = ::mremap(reinterpret_cast<void*>(range.begin), 0, range.end - range.begin, MREMAP_MAYMOVE);
+  if (own == MAP_FAILED) return nullptr;
   segments_.push_back({reinterpret_cast<const std::uint8_t*>(range.begin),
-                       static_cast<const std::uint8_t*>(ours), range.end - range.begin});
-  return segments_.back().ours + (address - segments_.back().theirs);
+                       static_cast<const std::uint8_t*>(own), range.end - range.begin});
+  return segments_.back().own_begin + (address - segments_.back().dds_begin);
 }
 
 void SharedSegments::clear() {
-  for (const Segment& segment : segments_) ::munmap(const_cast<std::uint8_t*>(segment.ours), segment.bytes);
+  for (const Segment& segment : segments_)
+    ::munmap(const_cast<std::uint8_t*>(segment.own_begin), segment.bytes);
   segments_.clear();
 }
 

@@ -4,24 +4,24 @@
 
 namespace omnifleet::bus {
 
-void Silence::expect(const std::string& who, Clock::time_point now) {
-  voices_.emplace(who, Voice{now});
+void Silence::expect(const std::string& name, Clock::time_point now) {
+  records_.emplace(name, Record{now});
 }
 
-void Silence::heard(const std::string& who, bool finished, Clock::time_point now) {
-  voices_[who] = {now, true, finished};
+void Silence::heard(const std::string& name, bool finished, Clock::time_point now) {
+  records_[name] = {now, true, finished};
 }
 
 std::vector<Silence::Silent> Silence::silent(Clock::time_point now) {
-  constexpr std::chrono::seconds kHeldUp{1};
-  const Clock::duration pause = looked_ ? now - *looked_ : Clock::duration(0);
-  looked_ = now;
+  constexpr std::chrono::seconds kStalled{1};
+  const Clock::duration pause = last_check_ ? now - *last_check_ : Clock::duration(0);
+  last_check_ = now;
   std::vector<Silent> all;
-  for (auto& [who, voice] : voices_) {
-    if (pause > kHeldUp) voice.last = std::min(now, voice.last + pause);
-    const auto limit = voice.heard ? limits_.after_a_word : limits_.before_the_first;
-    if (voice.finished || now - voice.last <= limit) continue;
-    all.push_back({who, std::chrono::duration_cast<std::chrono::seconds>(now - voice.last), voice.heard});
+  for (auto& [name, record] : records_) {
+    if (pause > kStalled) record.last = std::min(now, record.last + pause);
+    const auto limit = record.heard ? limits_.after_status : limits_.before_first;
+    if (record.finished || now - record.last <= limit) continue;
+    all.push_back({name, std::chrono::duration_cast<std::chrono::seconds>(now - record.last), record.heard});
   }
   return all;
 }

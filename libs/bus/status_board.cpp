@@ -1,12 +1,13 @@
 #include "bus/status_board.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace omnifleet::bus {
 namespace {
 
-constexpr std::size_t kWindow = 1024;  ///< latencies kept
-constexpr std::size_t kProblemsKept = 64;
+constexpr std::size_t kWindow = 1024;  ///< number of latencies kept
+constexpr std::size_t kMessagesKept = 64;
 
 double quantile(std::vector<float>& values, double q) {
   if (values.empty()) return 0.0;
@@ -57,31 +58,32 @@ void StatusBoard::dropped(std::uint64_t count) {
   drops_ += count;
 }
 
-void StatusBoard::error(const std::string& text, bool degrades) {
-  changed_ = changed_ || text != last_error_ || degrades != degraded_;
-  last_error_ = text;
+void StatusBoard::report(Message message, bool degrades) {
+  changed_ = changed_ || message != last_error_ || degrades != degraded_;
+  last_error_ = std::move(message);
   degraded_ = degrades;
-  if (text == last_problem_) return;
-  last_problem_ = text;
-  if (problems_.size() < kProblemsKept) {
-    problems_.push_back(text);
+  if (last_error_ == last_message_) return;
+  last_message_ = last_error_;
+  if (messages_.size() < kMessagesKept) {
+    messages_.push_back(last_error_);
   } else {
-    ++problems_left_out_;
+    ++messages_left_out_;
   }
 }
 
-std::vector<std::string> StatusBoard::takeProblems() {
-  std::vector<std::string> taken;
-  taken.swap(problems_);
-  if (problems_left_out_ > 0) taken.push_back("and " + std::to_string(problems_left_out_) + " more");
-  problems_left_out_ = 0;
+std::vector<Message> StatusBoard::takeMessages() {
+  std::vector<Message> taken;
+  taken.swap(messages_);
+  if (messages_left_out_ > 0)
+    taken.push_back({ErrorCode::kNone, std::to_string(messages_left_out_) + " more messages were left out"});
+  messages_left_out_ = 0;
   return taken;
 }
 
 void StatusBoard::clearError() {
-  changed_ = changed_ || degraded_ || !last_error_.empty();
+  changed_ = changed_ || degraded_ || last_error_ != Message{};
   degraded_ = false;
-  last_error_.clear();
+  last_error_ = {};
 }
 
 StatusBoard::Snapshot StatusBoard::snapshot(Clock::time_point now) {

@@ -13,7 +13,7 @@ StatusPublisher::StatusPublisher(Bus& bus, const Topics& topics, std::string ser
 
 void StatusPublisher::update(StatusBoard& board, std::chrono::steady_clock::time_point now, bool force) {
   constexpr std::chrono::seconds kPeriod{1};
-  constexpr std::size_t kErrorLimit = 256;  // of the IDL
+  constexpr std::size_t kErrorLimit = 512;  // bound of last_error in service.idl
   if (!force && !board.changed() && now - last_ < kPeriod) return;
   last_ = now;
   const StatusBoard::Snapshot figures = board.snapshot(now);
@@ -28,8 +28,9 @@ void StatusPublisher::update(StatusBoard& board, std::chrono::steady_clock::time
   sample_.rate_hz(figures.rate_hz);
   sample_.latency_p50_ms(figures.latency_p50_ms);
   sample_.latency_p99_ms(figures.latency_p99_ms);
-  sample_.last_error(figures.last_error.substr(0, kErrorLimit));
-  // A status that cannot be written is not worth stopping for; the next one follows in a second.
+  sample_.error_code(toString(figures.last_error.code));
+  sample_.last_error(figures.last_error.text.substr(0, kErrorLimit));
+  // A failed write is ignored: the next status follows within a second.
   [[maybe_unused]] const bool written = writer_->write(sample_);
 }
 

@@ -58,14 +58,14 @@ std::optional<TimeNs> TimeOrder::candidate() const {
   return first;
 }
 
-/// Whether a batch at `time` (none: any batch at all) must wait for this stream.
+/// Whether a batch at `time` (or, without a time, the first batch) must wait for this stream.
 bool TimeOrder::holdsUp(const Stream& stream, std::optional<TimeNs> time) const {
   if (stream.spec.role == StreamRole::kFeedback) return time && previous_ && !stream.reached(*previous_);
   if (time) return !stream.reached(*time);
   return stream.spec.role == StreamRole::kInput && !stream.live() && !stream.ended();
 }
 
-/// Of all streams that hold the next batch up, the one that is furthest behind.
+/// The stream that is furthest behind among those that block the next batch.
 std::optional<int> TimeOrder::blocker() const {
   const std::optional<TimeNs> time = candidate();
   std::optional<int> slowest;

@@ -6,7 +6,7 @@
 
 namespace omnifleet::bus {
 
-/// A topic: its name on the wire, its generated type T, and its QoS. `topics.h` holds all of them.
+/// A topic: its DDS name, its generated type T, and its QoS. `topics.h` holds all of them.
 template <class T>
 struct Topic {
   using Type = T;

@@ -3,9 +3,9 @@
 namespace omnifleet::bus {
 namespace {
 
-/// One sample per frame and key. Live keeps what a slow reader can still use. Deterministic runs lose
-/// nothing, not even between the moments when a reader and its writer know of each other: hence a history for
-/// late joiners.
+/// Streams: one sample per frame and key. Live mode keeps as many samples as a slow reader can still use.
+/// Deterministic modes lose no sample: the history for late joiners covers the time between the match at the
+/// writer and the match at the reader.
 QosProfile stream(RunMode mode) {
   QosProfile qos;
   qos.keep_all = isDeterministic(mode);
@@ -14,8 +14,9 @@ QosProfile stream(RunMode mode) {
   return qos;
 }
 
-/// A history that late joiners get, 64 per robot at both ends. Deterministic runs wait for their readers instead
-/// of letting a burst (the corrections at the end of a long run) push out what nobody has read.
+/// Journals: late joiners receive the history, 64 per robot at both ends. In deterministic modes the writer
+/// waits for its readers. Otherwise a burst (the corrections at the end of a long run) would replace unread
+/// samples.
 QosProfile journal(RunMode mode) {
   QosProfile qos;
   qos.keep_all = isDeterministic(mode);
@@ -24,7 +25,7 @@ QosProfile journal(RunMode mode) {
   return qos;
 }
 
-/// The latest value, for whoever comes.
+/// The latest value, also for late joiners.
 QosProfile latest(int instances = 64) {
   QosProfile qos;
   qos.transient_local = true;
@@ -42,8 +43,8 @@ QosProfile preview() {
   return qos;
 }
 
-/// map/have: what replicas tell each other all the time; only the last word counts.
-QosProfile lastWord() {
+/// map/have, which replicas exchange continuously; only the latest sample counts.
+QosProfile lastFew() {
   QosProfile qos;
   qos.depth = 4;
   return qos;
@@ -64,7 +65,7 @@ Topics::Topics(RunMode mode)
       place{"omnifleet/place", journal(mode)},
       map_contribution{"omnifleet/map/contribution", journal(mode)},
       map_keyframe_pose{"omnifleet/map/keyframe_pose", journal(mode)},
-      map_have{"omnifleet/map/have", lastWord()},
+      map_have{"omnifleet/map/have", lastFew()},
       map_octree{"omnifleet/map/octree", latest(4)},
       map_grid{"omnifleet/map/grid", latest(4)},
       map_outlines{"omnifleet/map/outlines", latest(4)},
@@ -86,8 +87,8 @@ QosProfile frameQos(RunMode mode) {
   qos.max_instances = 1;
   qos.max_samples_per_instance = qos.depth;
   qos.data_sharing = true;
-  // A data-sharing reader starts reading at the moment when it matches, later than its writer does: only a
-  // history for late joiners makes sure that the first frames of a run are not skipped.
+  // A data-sharing reader starts to read when it matches, later than its writer does. Only a history for late
+  // joiners keeps the first frames of a run from being skipped.
   qos.transient_local = isDeterministic(mode);
   return qos;
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-// Every topic of the project in one table (idl/README.md). Names carry the prefix omnifleet/.
+// All topics of the project (idl/README.md). Names have the prefix omnifleet/.
 
 #include <string>
 
@@ -19,18 +19,18 @@
 
 namespace omnifleet::bus {
 
-/// All topics with the QoS of one run mode; a value, made where a bus is made.
+/// All topics with the QoS of one run mode. A value type, created with the bus.
 struct Topics {
   explicit Topics(RunMode mode);
 
-  Topic<v1::CameraPreview> camera_preview;        ///< key camera; best effort
-  Topic<v1::WheelOdometry> wheels_odometry;       ///< per robot
-  Topic<v1::WheelCommand> wheels_command;         ///< per robot
-  Topic<v1::LaserScan> laser;                     ///< per robot
-  Topic<v1::LocalMap> local_map;                  ///< per robot
-  Topic<v1::Objects> objects;                     ///< per robot
-  Topic<v1::Objects> objects_kept;                ///< the same as classifiers offer it and a localizer that takes
-                                                  ///< another's place reads it: transient local, history 64
+  Topic<v1::CameraPreview> camera_preview;   ///< key camera; best effort
+  Topic<v1::WheelOdometry> wheels_odometry;  ///< per robot
+  Topic<v1::WheelCommand> wheels_command;    ///< per robot
+  Topic<v1::LaserScan> laser;                ///< per robot
+  Topic<v1::LocalMap> local_map;             ///< per robot
+  Topic<v1::Objects> objects;                ///< per robot
+  Topic<v1::Objects> objects_kept;  ///< the topic of `objects` with the QoS of classifiers and of a restarted
+                                    ///< localizer (transient local, history 64)
   Topic<v1::Measurement> measurement;             ///< key source
   Topic<v1::Pose> pose;                           ///< per robot
   Topic<v1::Place> place;                         ///< per robot; transient local, history 64
@@ -48,9 +48,9 @@ struct Topics {
   Topic<v1::RunEnd> run_end;                      ///< key stream; transient local, last 1
 };
 
-/// Name of the topic that carries a camera's frames.
+/// Topic name of the frames of a camera.
 std::string cameraTopicName(const std::string& camera_id);
-/// QoS of frames: live keeps the last 4, best-effort readers; otherwise keep all 8, reliable.
+/// QoS of frames. Live: keep the last 4, best-effort readers. Deterministic modes: keep all 8, reliable.
 QosProfile frameQos(RunMode mode);
 
 template <>

@@ -3,17 +3,17 @@
 #include <memory>
 #include <string>
 
-// Only the bus's own sources see more of DDS than this name.
+// Outside the sources of the bus, this name is all of DDS that is visible.
 namespace eprosima::fastdds::dds {
 class TopicDataType;
 }
 
 namespace omnifleet::bus {
 
-/// What a bus has to know of a generated type in order to carry it without naming it.
+/// The properties of a generated type that a bus needs to carry it without naming it.
 struct TypeDescriptor {
-  std::string name;      ///< as on the wire, e.g. "omnifleet::v1::LocalMap"
-  std::string idl_hash;  ///< SHA-256 (hex) of the IDL text it was generated from, includes included
+  std::string name;                          ///< type name in DDS, e.g. "omnifleet::v1::LocalMap"
+  std::string idl_hash;                      ///< SHA-256 (hex) of the IDL text of the type, with its includes
   std::shared_ptr<void> (*create)();         ///< a new default sample, on the heap
   void (*copy)(void* to, const void* from);  ///< assignment
   std::string (*key)(

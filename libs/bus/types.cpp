@@ -1,5 +1,4 @@
-// What the bus knows of each generated type. The only source, beside the frames', that sees the type
-// supports.
+// Descriptors of all generated types. Besides the frames, the only source that includes the type supports.
 
 #include <fastrtps/utils/md5.h>
 #include <fastdds/dds/topic/TopicDataType.hpp>

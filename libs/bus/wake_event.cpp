@@ -11,7 +11,7 @@
 namespace omnifleet::bus {
 
 WakeEvent::WakeEvent() : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
-  if (fd_ < 0) throw std::runtime_error("no event descriptor left (eventfd)");
+  if (fd_ < 0) throw std::runtime_error("eventfd failed: no file descriptor left");
 }
 
 WakeEvent::~WakeEvent() {
@@ -21,7 +21,7 @@ WakeEvent::~WakeEvent() {
 void WakeEvent::signal() noexcept {
   const int saved = errno;
   const std::uint64_t one = 1;
-  // Fails only when the counter is full, and then it is signalled already.
+  // Fails only when the counter is full; the event is then signalled already.
   [[maybe_unused]] const auto written = ::write(fd_, &one, sizeof one);
   errno = saved;
 }
@@ -36,7 +36,7 @@ bool WakeEvent::wait(std::chrono::nanoseconds timeout) {
     const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
     const timespec duration{seconds.count(), static_cast<long>((left - seconds).count())};
     pollfd descriptor{fd_, POLLIN, 0};
-    ::ppoll(&descriptor, 1, &duration, nullptr);  // EINTR: the handler may have signalled; looked at above
+    ::ppoll(&descriptor, 1, &duration, nullptr);  // on EINTR the handler may have signalled; the loop checks
   }
 }
 

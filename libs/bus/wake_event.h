@@ -5,8 +5,8 @@
 
 namespace omnifleet::bus {
 
-/// An eventfd: what ends a Bus::wait(). Unlike a condition variable or a DDS guard condition it may be
-/// signalled from a signal handler. Throws std::runtime_error when the kernel gives none.
+/// An eventfd that ends Bus::wait(). Unlike a condition variable or a DDS guard condition it may be signalled
+/// from a signal handler. Throws std::runtime_error when the kernel has no descriptor left.
 class WakeEvent {
  public:
   WakeEvent();
@@ -14,7 +14,7 @@ class WakeEvent {
   WakeEvent(const WakeEvent&) = delete;
   WakeEvent& operator=(const WakeEvent&) = delete;
 
-  /// Async-signal-safe; signals before a wait are not lost, several count as one.
+  /// Async-signal-safe. A signal before wait() is not lost; several signals count as one.
   void signal() noexcept;
   /// Consumes the signal. False on timeout.
   bool wait(std::chrono::nanoseconds timeout);
@@ -23,13 +23,13 @@ class WakeEvent {
   int fd_;
 };
 
-/// What wakes a bus, and its stop flag.
+/// The wake event and the stop flag of a bus.
 struct BusSignal {
   WakeEvent event;
   std::atomic<bool> stop{false};
 
-  /// True as soon as `met()`; asked again after every event. False on timeout or stop. Consumes no event for
-  /// good.
+  /// Returns true as soon as `met()` does, which is called again after every event. Returns false on timeout
+  /// or stop. Events stay available to others.
   template <class Predicate>
   bool waitUntil(const Predicate& met, std::chrono::nanoseconds timeout) {
     const auto deadline = std::chrono::steady_clock::now() + timeout;

@@ -15,16 +15,16 @@ namespace {
 
 enum class Detector { kQuads, kQuickQuads, kSectors };
 
-/// A detector, and the long side (px) of the image that it is tried on; 0 is the image as it is. Their cost grows
-/// with the area, their filters are made for squares of some ten pixels. Sectors on large images take minutes. So
-/// do quads on one that is enlarged and shows a board in part (at the rim of a fisheye lens): only where a quick
-/// look at it finds enough squares.
+/// Detectors, and the long side (px) to which the image is scaled for each; 0: the image as it is. The cost
+/// grows with the area, and the filters are designed for squares of some ten pixels. The sector detector
+/// takes minutes on large images. So does the quad detector on an enlarged image that shows part of a board
+/// (at the rim of a fisheye lens). There it runs only if a fast check finds enough squares.
 constexpr std::pair<Detector, int> kTries[] = {{Detector::kQuads, 0},
                                                {Detector::kSectors, 0},
                                                {Detector::kSectors, 1000},
                                                {Detector::kQuickQuads, 1000},
                                                {Detector::kQuickQuads, 2000}};
-constexpr int kLargest_px = 1500;  // for sectors
+constexpr int kLargest_px = 1500;  // largest side for the sector detector
 
 bool detect(const cv::Mat& grey, const Board& board, Detector detector, std::vector<cv::Point2f>& corners) {
   const cv::Size size(board.columns, board.rows);
@@ -33,13 +33,15 @@ bool detect(const cv::Mat& grey, const Board& board, Detector detector, std::vec
                                      cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE |
                                          (detector == Detector::kQuickQuads ? cv::CALIB_CB_FAST_CHECK : 0));
   }
-  return cv::findChessboardCornersSB(grey, size, corners, cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_NORMALIZE_IMAGE);
+  return cv::findChessboardCornersSB(grey, size, corners,
+                                     cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_NORMALIZE_IMAGE);
 }
 
 float nearestNeighbour_px(const std::vector<cv::Point2f>& corners, std::size_t i) {
   float nearest = std::numeric_limits<float>::infinity();
   for (std::size_t k = 0; k < corners.size(); ++k) {
-    if (k != i) nearest = std::min(nearest, std::hypot(corners[k].x - corners[i].x, corners[k].y - corners[i].y));
+    if (k != i)
+      nearest = std::min(nearest, std::hypot(corners[k].x - corners[i].x, corners[k].y - corners[i].y));
   }
   return nearest;
 }
@@ -56,7 +58,7 @@ std::vector<Eigen::Vector2d> refined(const cv::Mat& grey, const std::vector<cv::
   return result;
 }
 
-/// The detectors count from whichever end they like, rows stay rows.
+/// The detectors may count from either end; rows remain rows.
 std::optional<std::vector<Eigen::Vector2d>> findAt(const cv::Mat& grey, const Board& board, int side_px,
                                                    Detector detector) {
   const double scale = side_px == 0 ? 1.0 : static_cast<double>(side_px) / std::max(grey.cols, grey.rows);
@@ -65,7 +67,7 @@ std::optional<std::vector<Eigen::Vector2d>> findAt(const cv::Mat& grey, const Bo
     cv::resize(grey, scaled, {}, scale, scale, scale < 1.0 ? cv::INTER_AREA : cv::INTER_CUBIC);
   std::vector<cv::Point2f> corners;
   if (!detect(scaled, board, detector, corners)) return std::nullopt;
-  // resize() keeps the outer edges of the border pixels: centres move by half a pixel.
+  // resize() keeps the outer edges of the border pixels, so pixel centres move by half a pixel.
   const auto original = [scale](float x) { return static_cast<float>((x + 0.5) / scale - 0.5); };
   for (cv::Point2f& corner : corners) corner = {original(corner.x), original(corner.y)};
   return refined(grey, corners);
@@ -80,8 +82,7 @@ Board Board::parse(const std::string& size, double square_m) {
     throw options::Error("--board: '" + size + "' must be COLSxROWS, counting inner corners");
   if (std::min(board.columns, board.rows) < 3 || std::max(board.columns, board.rows) > 100)
     throw options::Error("--board: '" + size + "' must have 3 to 100 inner corners each way");
-  if (!(square_m > 0.0 && std::isfinite(square_m)))
-    throw options::Error("--square_m: must be positive");
+  if (!(square_m > 0.0 && std::isfinite(square_m))) throw options::Error("--square-m: must be positive");
   board.square_m = square_m;
   return board;
 }
@@ -98,7 +99,8 @@ std::optional<std::vector<Eigen::Vector2d>> findBoard(const cv::Mat& grey, const
   const int side_px = std::max(grey.cols, grey.rows);
   for (const auto& [detector, wanted_px] : kTries) {
     if (detector == Detector::kSectors && (wanted_px != 0 ? wanted_px : side_px) > kLargest_px) continue;
-    if (wanted_px != 0 && std::abs(wanted_px - side_px) < side_px / 10) continue;  // just tried
+    if (wanted_px != 0 && std::abs(wanted_px - side_px) < side_px / 10)
+      continue;  // already tried at this size
     auto corners = findAt(grey, board, wanted_px, detector);
     if (corners) return corners;
   }

@@ -10,8 +10,8 @@
 #include <limits>
 #include <numeric>
 
+#include "calibration/initial_guess.h"
 #include "calibration/projection.h"
-#include "calibration/start.h"
 #include "lens/models.h"
 
 namespace omnifleet::calibration {
@@ -19,7 +19,7 @@ namespace {
 
 using lens::Projection;
 
-/// Distance in pixels between a corner and the image of its place on the board.
+/// Distance in pixels between a detected corner and the projection of its place on the board.
 struct CornerError {
   Projection projection;
   Eigen::Vector2d corner_px, place_m;
@@ -43,17 +43,18 @@ struct Parameters {
   std::vector<std::array<double, 3>> rotation, translation;
 };
 
-/// Entries of the block that the projection does not use; of ocam's affine part e, because turning the camera
-/// about its axis trades e for d and leaves every picture as it was (OCamCalib lets both float).
-std::vector<int> held(Projection projection) {
+/// Entries of the parameter block that stay fixed, because the projection does not use them. For ocam also e
+/// of the affine part: a rotation of the camera about its axis compensates e by d and leaves every image
+/// unchanged (OCamCalib estimates both).
+std::vector<int> fixedEntries(Projection projection) {
   if (projection == Projection::kPinhole) return {};
   if (projection == Projection::kOcam) return {1};
   if (projection == Projection::kKannalaBrandt) return {8};
   return {4, 5, 6, 7, 8};
 }
 
-/// The ideal lens that findStart() used, in the words of the projection. Ocam's polynomial approximates
-/// ρ = F·θ: z = ρ/tan(ρ/F) = F − ρ²/(3F) − ρ⁴/(45 F³) − …
+/// The ideal lens of findInitialGuess(), in the parameters of the projection. The ocam polynomial
+/// approximates ρ = F·θ: z = ρ/tan(ρ/F) = F − ρ²/(3F) − ρ⁴/(45 F³) − …
 std::array<double, kIntrinsics> ideal(const Request& request, double f) {
   const double cx = 0.5 * (request.image_width_px - 1), cy = 0.5 * (request.image_height_px - 1);
   if (request.projection != Projection::kOcam) return {f, f, cx, cy, 0, 0, 0, 0, 0};
@@ -61,10 +62,10 @@ std::array<double, kIntrinsics> ideal(const Request& request, double f) {
   return {1.0, 0.0, cx, cy, 0.0, -f, s / (3.0 * f), 0.0, s * s * s / (45.0 * f * f * f)};
 }
 
-Parameters parametersOf(const Request& request, const Start& start) {
+Parameters parametersOf(const Request& request, const InitialGuess& guess) {
   Parameters p;
-  p.intrinsics = ideal(request, start.focal_px);
-  for (const Eigen::Isometry3d& pose : start.camera_from_board) {
+  p.intrinsics = ideal(request, guess.focal_px);
+  for (const Eigen::Isometry3d& pose : guess.camera_from_board) {
     const Eigen::AngleAxisd turn(pose.rotation());
     const Eigen::Vector3d r = turn.angle() * turn.axis(), t = pose.translation();
     p.rotation.push_back({r.x(), r.y(), r.z()});
@@ -73,9 +74,9 @@ Parameters parametersOf(const Request& request, const Start& start) {
   return p;
 }
 
-/// Least squares over everything; `hold` lists entries of the intrinsics that stay.
+/// Least squares over all parameters. `fixed` lists the entries of the intrinsics that stay fixed.
 bool solve(const std::vector<View>& views, const Board& board, Projection projection,
-           const std::vector<int>& hold, Parameters& p) {
+           const std::vector<int>& fixed, Parameters& p) {
   const std::vector<Eigen::Vector2d> places = board.corners_m();
   ceres::Problem problem;
   for (std::size_t v = 0; v < views.size(); ++v) {
@@ -86,8 +87,7 @@ bool solve(const std::vector<View>& views, const Board& board, Projection projec
                                p.translation[v].data());
     }
   }
-  if (!hold.empty())
-    problem.SetManifold(p.intrinsics.data(), new ceres::SubsetManifold(kIntrinsics, hold));
+  if (!fixed.empty()) problem.SetManifold(p.intrinsics.data(), new ceres::SubsetManifold(kIntrinsics, fixed));
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.max_num_iterations = 500;
@@ -103,8 +103,8 @@ bool solve(const std::vector<View>& views, const Board& board, Projection projec
 lens::CameraModel modelOf(const Request& request, const std::array<double, kIntrinsics>& p) {
   lens::CameraModel model;
   model.projection = request.projection;
-  model.kind = request.projection == Projection::kPinhole ? lens::CameraKind::kPinhole
-                                                          : lens::CameraKind::kFisheye;
+  model.kind =
+      request.projection == Projection::kPinhole ? lens::CameraKind::kPinhole : lens::CameraKind::kFisheye;
   model.image_width_px = request.image_width_px;
   model.image_height_px = request.image_height_px;
   model.principal_point_px = {p[2], p[3]};
@@ -131,14 +131,15 @@ double outermostDeg(const Board& board, const std::vector<Eigen::Isometry3d>& po
   return outermost / lens::kDegree;
 }
 
-/// The field of view asked for, or a tenth more than what the corners covered, as far as it can be inverted.
+/// The requested field of view, or 1.1 times the angle that the corners span, limited to the invertible
+/// range.
 void setField(const Request& request, double outermost_deg, lens::CameraModel& model) {
   if (request.fov_deg > 0.0) {
     model.fov_deg = request.fov_deg;
   } else if (request.projection != Projection::kPinhole) {
     model.fov_deg = std::min(std::floor(2.2 * outermost_deg * 100.0) / 100.0, lens::widestFovDeg(model));
   }
-  lens::Lens::make(model);  // refuses, naming the angle
+  lens::Lens::make(model);  // throws with the limit angle if the field of view is too wide
 }
 
 }  // namespace
@@ -146,14 +147,14 @@ void setField(const Request& request, double outermost_deg, lens::CameraModel& m
 Calibration calibrate(const std::vector<View>& views, const Board& board, const Request& request) {
   if (views.size() < 3)
     throw std::runtime_error(
-        fmt::format("the board was found in {} images, at least 3 are needed", views.size()));
-  Parameters p = parametersOf(request, findStart(views, board, request));
-  // Ideal lens first: its centre and focal length settle before distortion may bend.
+        fmt::format("the board was found in {} images; at least 3 are needed", views.size()));
+  Parameters p = parametersOf(request, findInitialGuess(views, board, request));
+  // First an ideal lens: centre and focal length converge before distortion is estimated.
   std::vector<int> first{4, 5, 6, 7, 8};
   if (request.projection == Projection::kOcam) first = {0, 1, 4, 7};
   if (!solve(views, board, request.projection, first, p) ||
-      !solve(views, board, request.projection, held(request.projection), p))
-    throw std::runtime_error("no lens of this projection explains the corners");
+      !solve(views, board, request.projection, fixedEntries(request.projection), p))
+    throw std::runtime_error("no lens of this projection fits the corners");
   Calibration result;
   result.model = modelOf(request, p.intrinsics);
   for (std::size_t v = 0; v < views.size(); ++v) {

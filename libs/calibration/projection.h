@@ -6,15 +6,16 @@
 
 namespace omnifleet::calibration {
 
-/// Intrinsics as one block of the solver; unused ones are held.
-/// [fx, fy, cx, cy, d0 … d4]: closed forms use no d, kannala_brandt d0–d3 = k1–k4, pinhole k1, k2, p1, p2, k3.
-/// ocam: [c, e, cx, cy, d, ss0, ss2·s, ss3·s², ss4·s³], s = kOcamScale_px (one magnitude for all); ss1 = 0.
+/// Intrinsics as one parameter block of the solver; unused entries are fixed.
+/// [fx, fy, cx, cy, d0 … d4]: closed forms use no d; kannala_brandt d0–d3 = k1–k4; pinhole k1, k2, p1, p2,
+/// k3.
+/// ocam: [c, e, cx, cy, d, ss0, ss2·s, ss3·s², ss4·s³] with s = kOcamScale_px (equal magnitudes) and ss1 = 0.
 inline constexpr int kIntrinsics = 9;
 inline constexpr double kOcamScale_px = 500.0;
 
-/// The lens models of libs/lens as differentiable functions: pixel of a ray, both in the optical frame. The
-/// same equations as lens::Lens (a test compares them), without a limit of the field of view, so that a
-/// solver may pass it on its way. False where the ray has no image.
+/// The lens models of libs/lens as differentiable functions: pixel of a ray in the optical frame. The
+/// equations are those of lens::Lens (a test compares them), but without a limit of the field of view, so
+/// that iterations may exceed it. False if the ray has no image.
 template <typename T>
 class Projector {
  public:
@@ -61,7 +62,7 @@ class Projector {
     return true;
   }
 
-  /// z(ρ) forward, in pixels, for ρ in pixels.
+  /// z(ρ), z forward; z and ρ in pixels.
   T depth(const T& rho) const {
     const T q = rho / T(kOcamScale_px);
     return -(p_[5] + rho * q * (p_[6] + q * (p_[7] + q * p_[8])));
@@ -71,8 +72,8 @@ class Projector {
     return -(q * (T(2.0) * p_[6] + q * (T(3.0) * p_[7] + q * T(4.0) * p_[8])));
   }
 
-  /// ρ sin-and-cosine-wise: ρ·cos θ − z(ρ)·sin θ = 0. Newton to convergence; its last steps carry the exact
-  /// derivatives by all parameters (implicit function theorem).
+  /// Solves ρ·cos θ − z(ρ)·sin θ = 0 for ρ by Newton's method to convergence. The last steps propagate the
+  /// exact derivatives by all parameters (implicit function theorem).
   bool ocam(const T* ray, const T& side, const T& theta, T* pixel) const {
     using std::abs;
     using std::cos;
@@ -85,7 +86,7 @@ class Projector {
       if (abs(step) < T(1e-11) && i > 3) break;
     }
     if (!(rho >= T(-1e-6)) || !(rho < T(1e5))) return false;
-    const T x = rho * ray[1] / side, y = rho * ray[0] / side;  // rows down, columns right
+    const T x = rho * ray[1] / side, y = rho * ray[0] / side;  // x along rows (down), y along columns (right)
     pixel[0] = p_[2] + p_[1] * x + y;
     pixel[1] = p_[3] + p_[0] * x + p_[4] * y;
     return true;

@@ -19,7 +19,7 @@ namespace {
   throw std::runtime_error(fmt::format("{}: {}: {}", path, action, std::strerror(error)));
 }
 
-/// An open file descriptor that is closed in the end.
+/// A file descriptor that the destructor closes.
 class Descriptor {
  public:
   Descriptor(const std::string& path, int flags, mode_t mode = 0)
@@ -41,7 +41,7 @@ void sync(const std::string& temporary, const std::string& path) {
   if (::fsync(file.get()) != 0) fail(path, "cannot be written", errno);
 }
 
-/// Best effort: some file systems refuse to sync a directory.
+/// Best effort, because some file systems cannot sync a directory.
 void syncDirectory(const std::filesystem::path& directory) {
   const Descriptor folder(directory.empty() ? "." : directory.string(), O_RDONLY | O_DIRECTORY);
   if (folder.get() >= 0) ::fsync(folder.get());

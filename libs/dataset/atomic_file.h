@@ -5,8 +5,8 @@
 
 namespace omnifleet::dataset {
 
-/// A file that appears whole or not at all: written beside its target, synced, then renamed over it. Without
-/// commit() the destructor removes the temporary file and the old file stays as it was.
+/// A file that appears completely or not at all. It is written beside its target, synced, then renamed over
+/// it. Without commit(), the destructor removes the temporary file and the old file stays unchanged.
 class AtomicFile {
  public:
   /// Creates the parent directories. Throws std::runtime_error when that fails.
@@ -15,12 +15,12 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// Where to write until commit(); for libraries that write by name (octomap, cv::imwrite). It keeps the
-  /// target's extension.
+  /// Path to write to until commit(), for libraries that write by name (octomap, cv::imwrite). It has the
+  /// extension of the target.
   const std::string& temporaryPath() const { return temporary_; }
 
-  /// fsync, rename, fsync of the directory. Throws std::runtime_error naming the target and the reason (disk
-  /// full, not writable); the old file is then untouched.
+  /// fsync, rename, fsync of the directory. Throws std::runtime_error that names the target and the reason
+  /// (disk full, not writable). The old file is then unchanged.
   void commit();
 
  private:
@@ -28,13 +28,13 @@ class AtomicFile {
   bool committed_ = false;
 };
 
-/// The whole content at once. Throws std::runtime_error as AtomicFile; a short write counts as failure.
+/// Writes the whole content at once. Throws std::runtime_error like AtomicFile; a short write is a failure.
 void writeAtomic(const std::string& path, std::string_view content);
 
-/// mkdir -p. Throws std::runtime_error naming the directory and the reason.
+/// mkdir -p. Throws std::runtime_error that names the directory and the reason.
 void makeDirectories(const std::string& path);
 
-/// Whole file as bytes. Throws std::runtime_error naming the file.
+/// The whole file as bytes. Throws std::runtime_error that names the file.
 std::string readFile(const std::string& path);
 
 }  // namespace omnifleet::dataset

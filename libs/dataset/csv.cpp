@@ -13,8 +13,7 @@ namespace {
 constexpr std::string_view kBlanks = " \t\r";
 constexpr TimeNs kSecond_ns = 1000000000;
 
-/// Spreadsheets and editors of other systems begin a file with a UTF-8 byte order mark: no part of its first
-/// row.
+/// Removes the UTF-8 byte order mark that some spreadsheets and editors write before the first row.
 std::string_view withoutByteOrderMark(std::string_view content) {
   constexpr std::string_view kMark = "\xEF\xBB\xBF";
   if (content.substr(0, kMark.size()) == kMark) content.remove_prefix(kMark.size());
@@ -95,11 +94,11 @@ void readRows(const std::string& path, char separator, std::vector<std::string>&
     const std::string problem = row(fields);
     any_good = any_good || problem.empty();
     if (problem.empty()) continue;
-    warnings.push_back(fmt::format("{}:{}: {} (row left out)", path, line_number, problem));
+    warnings.push_back(fmt::format("{}:{}: {} (row ignored)", path, line_number, problem));
     if (first_problem.empty()) first_problem = fmt::format("{}:{}: {}", path, line_number, problem);
   }
   if (!any_good && !first_problem.empty()) {
-    throw options::Error(first_problem + "; no row of this file can be used, correct it or remove the file");
+    throw options::Error(first_problem + "; no row of this file is usable; correct it or remove the file");
   }
 }
 

@@ -23,36 +23,41 @@ RobotBody readBody(const options::Section& section) {
   return body;
 }
 
-/// @param replayed  there is something of it to be replayed, by which others will see it
+/// @param replayed true if the robot has a folder with data to replay; then other robots see it and `body` is
+/// required
 RobotRecording readRobot(const options::Section& section, const std::string& name, bool replayed) {
   RobotRecording robot;
   robot.name = name;
   if (section.has("initial_pose")) {
     Eigen::Vector3d pose;
     section.read("initial_pose", pose);
-    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= kFarthestStart_m))
-      section.fail("initial_pose", fmt::format("x and y must be within ±{:g} m", kFarthestStart_m));
+    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= kFarthestInitialPose_m))
+      section.fail("initial_pose", fmt::format("x and y must be within ±{:g} m", kFarthestInitialPose_m));
     robot.initial_pose = Pose2{pose.x(), pose.y(), wrapAngle(pose.z())};
   }
   double wheel_separation_m = 0.0;
   section.read("wheel_separation_m", wheel_separation_m, options::kPositive);
   const bool has_body = section.has("body");
   if (!has_body && replayed)
-    section.fail("body", "is required: radius_m or footprint_m, and height_m, by which others tell it");
+    section.fail(
+        "body",
+        "is required: radius_m or footprint_m, and height_m; other robots recognise this robot by them");
   if (has_body) robot.body = readBody(section.child("body"));
   robot.body.wheel_separation_m = wheel_separation_m;
   section.finish();
   return robot;
 }
 
-/// A name that is also a folder and a DDS partition.
+/// Checks a robot name, which is also the name of a folder and of a DDS partition.
 void checkName(const options::Section& section, const std::string& name) {
   const bool good =
       !name.empty() &&
       name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") ==
           std::string::npos;
   if (!good || name == "ceiling" || name == "groundtruth") {
-    section.fail(name, "a robot's name has only letters, digits, _ and -, and is not ceiling or groundtruth");
+    section.fail(
+        name,
+        "a robot name may contain only letters, digits, _ and -, and must not be ceiling or groundtruth");
   }
 }
 
@@ -86,9 +91,9 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   if (const auto path = base / "wheels" / "data.csv"; fs::exists(path)) {
     robot.wheels = readWheels(path.string(), warnings);
     if (!(robot.body.wheel_separation_m > 0.0))
-      throw options::Error(
-          fmt::format("{}/dataset.yaml: robots.{}.wheel_separation_m: is required, as {} tells speeds",
-                      folder, robot.name, path.string()));
+      throw options::Error(fmt::format(
+          "{}/dataset.yaml: robots.{}.wheel_separation_m: is required, because {} contains wheel speeds",
+          folder, robot.name, path.string()));
   }
   if (const auto path = base / "observations.csv"; fs::exists(path)) {
     robot.observations = readObservations(path.string(), robot.name, warnings);
@@ -98,21 +103,22 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   if (const auto path = base / "laser" / "sensor.yaml"; fs::exists(path)) {
     robot.laser_sensor = LaserSensor::load(path.string());
     if (!fs::exists(base / "laser" / "data.csv"))
-      throw options::Error(fmt::format("{}: is missing, which lists the scans of the laser that {} describes",
+      throw options::Error(fmt::format("{}: is missing; {} describes a laser, so its scans are required",
                                        (base / "laser" / "data.csv").string(), path.string()));
   }
 }
 
-/// A recording of the truth alone has no robot's folder.
-void warnOfFolders(Dataset& dataset) {
+/// Warns about robots without a folder. A recording that contains only ground truth has no such folder, so it
+/// gives no warning.
+void warnAboutMissingFolders(Dataset& dataset) {
   const auto folder = [&](const RobotRecording& robot) { return fs::path(dataset.folder) / robot.name; };
   const auto has = [&](const RobotRecording& robot) { return fs::is_directory(folder(robot)); };
   if (std::none_of(dataset.robots.begin(), dataset.robots.end(), has)) return;
   for (const RobotRecording& robot : dataset.robots) {
     if (!has(robot))
-      dataset.warnings.push_back(
-          fmt::format("{}/dataset.yaml: robots.{}: there is no folder {}, so nothing of it is replayed",
-                      dataset.folder, robot.name, folder(robot).string()));
+      dataset.warnings.push_back(fmt::format(
+          "{}/dataset.yaml: robots.{}: folder {} does not exist; nothing is replayed for this robot",
+          dataset.folder, robot.name, folder(robot).string()));
   }
 }
 
@@ -133,7 +139,8 @@ std::vector<ImageStream> readCeiling(const std::string& folder, std::vector<std:
 
 Dataset Dataset::open(const std::string& folder) {
   if (!fs::is_directory(folder)) {
-    throw options::Error(fmt::format("{}: no such folder; give the folder that holds dataset.yaml", folder));
+    throw options::Error(
+        fmt::format("{}: no such folder; give the folder that contains dataset.yaml", folder));
   }
   if (!fs::exists(fs::path(folder) / "dataset.yaml")) {
     throw options::Error(fmt::format("{}/dataset.yaml: is missing; this folder is not a dataset", folder));
@@ -142,14 +149,14 @@ Dataset Dataset::open(const std::string& folder) {
   dataset.folder = folder;
   dataset.robots = readRobots((fs::path(folder) / "dataset.yaml").string());
   for (RobotRecording& robot : dataset.robots) readStreams(folder, robot, dataset.warnings);
-  warnOfFolders(dataset);
+  warnAboutMissingFolders(dataset);
   dataset.ceiling = readCeiling(folder, dataset.warnings);
   const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
   if (fs::exists(markers))
     dataset.markers = MarkerSet::load(markers.string());
   else if (!dataset.ceiling.empty())
     dataset.warnings.push_back(
-        fmt::format("{}: is missing, so the ceiling cameras locate nobody", markers.string()));
+        fmt::format("{}: is missing; the ceiling cameras locate no robot", markers.string()));
   const fs::path landmarks = fs::path(folder) / "landmarks.yaml";
   if (fs::exists(landmarks)) dataset.landmarks = readLandmarks(landmarks.string());
   return dataset;

@@ -35,7 +35,7 @@ ReadResult readBytes(const std::string& path, Bytes& buffer, std::string& reason
   return ReadResult::kOk;
 }
 
-/// Offset of the first scan (SOS) of a JPEG; 0 when there is none.
+/// Offset of the first scan (SOS marker) of a JPEG; 0 if there is none.
 std::size_t firstScan(const Bytes& b) {
   std::size_t i = 2;
   while (i + 4 <= b.size()) {
@@ -50,8 +50,8 @@ std::size_t firstScan(const Bytes& b) {
   return 0;
 }
 
-/// libjpeg fills what a cut file lacks with grey and reports success, so the end-of-image marker is looked
-/// for.
+/// libjpeg fills the missing part of a truncated file with grey and reports success. So this looks for the
+/// end-of-image marker.
 bool isTruncatedJpeg(const Bytes& b) {
   if (b.size() < 4 || b[0] != 0xFF || b[1] != 0xD8) return false;
   const std::size_t scan = firstScan(b);
@@ -62,9 +62,9 @@ bool isTruncatedJpeg(const Bytes& b) {
   return true;
 }
 
-/// Hands out the caller's pixels to whoever asks for their exact size and type, other memory to others. With
-/// it the decoder starts from an empty Mat, which stays empty when it fails; a Mat that is given to
-/// cv::imdecode directly would keep the previous frame's pixels and look like success.
+/// Returns the caller's pixels for an allocation of exactly their size and type, other memory otherwise. The
+/// decoder starts from an empty Mat, which stays empty when it fails. A Mat passed to cv::imdecode directly
+/// would keep the pixels of the previous frame and look like success.
 class TargetAllocator : public cv::MatAllocator {
  public:
   explicit TargetAllocator(const cv::Mat& target) : target_(target) {}
@@ -83,18 +83,18 @@ class TargetAllocator : public cv::MatAllocator {
     return u;
   }
   bool allocate(cv::UMatData* u, cv::AccessFlag, cv::UMatUsageFlags) const override { return u != nullptr; }
-  void deallocate(cv::UMatData* u) const override { delete u; }  // the pixels are the caller's
+  void deallocate(cv::UMatData* u) const override { delete u; }  // the caller owns the pixels
 
  private:
   const cv::Mat& target_;
 };
 
-/// Decodes with the caller's memory where size and type agree. False when it cannot be decoded.
+/// Decodes into the caller's memory if size and type agree. False if the buffer cannot be decoded.
 bool decode(const Bytes& buffer, Colour colour, const TargetAllocator& allocator, cv::Mat& decoded) {
   const int flags =
       (colour == Colour::kGrey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION;
-  decoded.allocator =
-      const_cast<TargetAllocator*>(&allocator);  // OpenCV takes a mutable pointer, calls const members
+  decoded.allocator = const_cast<TargetAllocator*>(
+      &allocator);  // OpenCV takes a mutable pointer, but calls only const members
   try {
     cv::imdecode(buffer, flags, &decoded);
   } catch (const cv::Exception&) {
@@ -110,7 +110,7 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
   std::string reason;
   switch (readBytes(path, buffer, reason)) {
     case ReadResult::kMissing:
-      fault = "is missing";
+      fault = "does not exist";
       return FrameState::kMissing;
     case ReadResult::kFailed:
       fault = reason;
@@ -119,23 +119,23 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
       break;
   }
   if (buffer.empty()) {
-    fault = "is an empty file";
+    fault = "the file is empty";
     return FrameState::kEmpty;
   }
   if (isTruncatedJpeg(buffer)) {
-    fault = "the JPEG is cut short";
+    fault = "the JPEG is truncated";
     return FrameState::kUnreadable;
   }
   const TargetAllocator allocator(image);
   cv::Mat decoded;
   if (!decode(buffer, colour, allocator, decoded)) {
-    fault = "is no image that can be decoded";
+    fault = "cannot be decoded as an image";
     return FrameState::kUnreadable;
   }
   const bool sized = size.width_px > 0;
   if (sized && (decoded.cols != size.width_px || decoded.rows != size.height_px)) {
-    fault = fmt::format("is {}×{}, its calibration says {}×{}", decoded.cols, decoded.rows, size.width_px,
-                        size.height_px);
+    fault = fmt::format("is {}×{}, but its calibration is for {}×{}", decoded.cols, decoded.rows,
+                        size.width_px, size.height_px);
     return FrameState::kWrongSize;
   }
   if (image.empty()) {
@@ -143,8 +143,8 @@ FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
     image = decoded;
   }
   if (image.data != decoded.data) {
-    fault =
-        fmt::format("is {}×{}, the frame buffer {}×{}", decoded.cols, decoded.rows, image.cols, image.rows);
+    fault = fmt::format("is {}×{}, but the frame buffer is for {}×{}", decoded.cols, decoded.rows, image.cols,
+                        image.rows);
     return FrameState::kWrongSize;
   }
   fault.clear();

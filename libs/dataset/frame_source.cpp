@@ -14,7 +14,7 @@ namespace omnifleet::dataset {
 namespace {
 namespace fs = std::filesystem;
 
-/// Files that are listed with their times: a stream of a dataset or a folder.
+/// Frames from a list of files with times: a stream of a dataset, or a folder.
 class FileSource : public FrameSource {
  public:
   FileSource(std::vector<ImageRow> rows, Colour colour, FrameSize size)
@@ -28,13 +28,13 @@ class FileSource : public FrameSource {
     info.where = row.path.empty() ? fmt::format("row {}", row.sequence) : row.path;
     if (row.time_ns <= latest_ns_) {
       info.state = FrameState::kOutOfOrder;
-      info.fault = fmt::format("time {} is not after {}, the latest before it", row.time_ns, latest_ns_);
+      info.fault = fmt::format("time {} is not after the latest time {}", row.time_ns, latest_ns_);
       return true;
     }
     latest_ns_ = row.time_ns;
     if (row.path.empty()) {
       info.state = FrameState::kMissing;
-      info.fault = "names no file";
+      info.fault = "has no file name";
       return true;
     }
     info.state = decodeImage(row.path, colour_, size_, buffer_, image, info.fault);
@@ -53,7 +53,7 @@ class FileSource : public FrameSource {
   std::vector<unsigned char> buffer_;
 };
 
-/// Puts a captured BGR (or grey) frame into the caller's image.
+/// Copies a captured BGR or grey frame into the caller's image.
 FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
                    std::string& fault) {
   if (captured.empty()) {
@@ -66,7 +66,7 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   const bool fits = captured.cols == size.width_px && captured.rows == size.height_px &&
                     image.size() == captured.size() && image.type() == type;
   if (!fits) {
-    fault = fmt::format("the frame is {}×{}, expected is {}×{}", captured.cols, captured.rows, size.width_px,
+    fault = fmt::format("the frame is {}×{}, expected {}×{}", captured.cols, captured.rows, size.width_px,
                         size.height_px);
     return FrameState::kWrongSize;
   }
@@ -83,7 +83,8 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   return FrameState::kOk;
 }
 
-/// The one backend that fits where OpenCV has it: trying them all costs seconds and GStreamer's plugins leak.
+/// The one suitable backend, if OpenCV has it. Trying all of them takes seconds, and plugins of GStreamer
+/// leak memory.
 int backend(cv::VideoCaptureAPIs api) {
   return cv::videoio_registry::hasBackend(api) ? api : cv::CAP_ANY;
 }
@@ -101,7 +102,7 @@ class VideoSource : public FrameSource {
   }
 
   bool next(cv::Mat& image, FrameInfo& info) override {
-    if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the first one is read when opening
+    if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the constructor reads the first frame
     info.sequence = sequence_++;
     info.time_ns = start_ns_ + static_cast<TimeNs>(std::llround(info.sequence * 1e9 / fps_));
     info.fault.clear();
@@ -152,7 +153,7 @@ class DeviceSource : public FrameSource {
     if (missing_ > kGiveUpAfter) return false;
     if (!arrived) {
       info.state = FrameState::kMissing;
-      info.fault = "gave no frame";
+      info.fault = "the device returned no frame";
       return true;
     }
     info.state = deliver(captured_, colour_, size_, image, info.fault);
@@ -201,7 +202,7 @@ std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour
     if (entry.is_regular_file() && isImageName(entry.path())) paths.push_back(entry.path().string());
   }
   if (paths.empty())
-    throw options::Error(folder + ": holds no image (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm)");
+    throw options::Error(folder + ": contains no image (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm)");
   std::sort(paths.begin(), paths.end());
   std::vector<ImageRow> rows;
   for (std::size_t i = 0; i < paths.size(); ++i) {

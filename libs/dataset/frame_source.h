@@ -12,56 +12,56 @@ namespace omnifleet::dataset {
 
 enum class Colour { kGrey, kBgr };
 
-/// One frame's facts; the pixels go into the caller's Mat.
+/// Metadata of one frame. The pixels are written to the caller's Mat.
 struct FrameInfo {
   TimeNs time_ns = 0;
-  std::uint32_t sequence = 0;  ///< index in data.csv, in the folder or in the video
+  std::uint32_t sequence = 0;  ///< index in data.csv, in the folder, or in the video
   FrameState state = FrameState::kOk;
-  std::string fault;  ///< what is wrong; empty when kOk
-  std::string where;  ///< the file, the device, or (where it has a fault) the video and frame
+  std::string fault;  ///< description of the problem; empty if kOk
+  std::string where;  ///< file or device; for a video, file and frame if the frame has a fault
 };
 
-/// Where frames come from. One frame at a time, decoded on demand.
+/// A source of frames. Frames are decoded one at a time, on demand.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
-  /// The next frame; false at the end. When `image` already has the frame's size and type (it may wrap
-  /// foreign memory, e.g. a loan) the pixels are written in place and its data pointer does not change; when
-  /// it is empty it is allocated. In every state but kOk its pixels are unspecified, its size and memory
-  /// unchanged. States: kMissing, kUnreadable (also a truncated JPEG), kWrongSize, kEmpty, kOutOfOrder (time
-  /// not after the latest frame's).
+  /// Reads the next frame. False at the end. If `image` already has the size and type of the frame, its
+  /// pixels are written in place and its data pointer does not change; it may wrap memory of another owner,
+  /// e.g. a loan. If `image` is empty, it is allocated. In every state except kOk the pixels are unspecified;
+  /// size and memory are unchanged. States: kMissing, kUnreadable (also a truncated JPEG), kWrongSize,
+  /// kEmpty, kOutOfOrder (time not after that of the latest frame).
   virtual bool next(cv::Mat& image, FrameInfo& info) = 0;
 
-  /// Frames in all; 0 where unknown (a device).
+  /// Total number of frames; 0 if unknown (a device).
   virtual std::size_t size() const = 0;
 };
 
-/// Size that every frame must have; zeros: the first readable frame decides.
+/// Size that every frame must have. Zeros: the first readable frame determines it.
 struct FrameSize {
   int width_px = 0, height_px = 0;
 };
 
-/// A stream of a dataset; sizes are those of its calibration.
+/// Opens a stream of a dataset. The frame size is that of its calibration.
 std::unique_ptr<FrameSource> openStream(const ImageStream& stream, Colour colour);
 
-/// All images (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm) of a directory, sorted by name; frame i at start +
-/// i·period. Throws options::Error when the folder cannot be opened or holds no image.
+/// Opens all images (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm) of a directory, sorted by name. Frame i has
+/// the time start + i·period. Throws options::Error when the folder cannot be opened or contains no image.
 std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour, FrameSize size,
                                         TimeNs period_ns, TimeNs start_ns = 0);
 
-/// A video file through OpenCV; frame i at start + i/fps of the file (`fallback_fps` where it does not say).
-/// Throws options::Error when it cannot be opened.
+/// Opens a video file through OpenCV. Frame i has the time start + i/fps, with the rate of the file, or
+/// `fallback_fps` if the file does not state it. Throws options::Error when the file cannot be opened.
 std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, FrameSize size,
                                        TimeNs start_ns = 0, double fallback_fps = 30.0);
 
-/// A camera device ("0" or "/dev/video0") through OpenCV, stamped with the system clock when a frame arrives.
-/// It asks the device for `size`. Throws options::Error naming the device when it cannot be opened. A frame
-/// that does not come is kMissing; after 50 in a row the source ends.
+/// Opens a camera device ("0" or "/dev/video0") through OpenCV and requests `size` from it. Frames are
+/// stamped with the system clock on arrival. Throws options::Error that names the device when it cannot be
+/// opened. A frame that does not arrive is kMissing; after 50 in a row the source ends.
 std::unique_ptr<FrameSource> openDevice(const std::string& device, Colour colour, FrameSize size);
 
-/// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls;
-/// `fault` as in FrameInfo.
+/// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls.
+/// `fault` is as in FrameInfo.
 FrameState decodeImage(const std::string& path, Colour colour, FrameSize size,
                        std::vector<unsigned char>& buffer, cv::Mat& image, std::string& fault);
 

@@ -10,7 +10,7 @@ GroundTruth GroundTruth::load(const std::string& dataset_folder) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::path(dataset_folder) / "groundtruth";
   if (!fs::is_directory(folder))
-    throw std::runtime_error(folder.string() + ": no such folder; the data set has no truth");
+    throw std::runtime_error(folder.string() + ": no such folder; the dataset has no ground truth");
   GroundTruth truth;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     if (entry.path().extension() != ".tum") continue;
@@ -26,7 +26,7 @@ GroundTruth GroundTruth::load(const std::string& dataset_folder) {
   const fs::path room = folder / "room.geojson";
   if (fs::exists(room)) {
     const std::vector<MapObject> outlines = readObjects(room.string());
-    if (outlines.size() != 1) throw std::runtime_error(room.string() + ": must hold one polygon");
+    if (outlines.size() != 1) throw std::runtime_error(room.string() + ": must contain exactly one polygon");
     truth.room = outlines.front().outline_m;
   }
   return truth;

@@ -9,12 +9,13 @@
 
 namespace omnifleet::dataset {
 
-/// The truth of a recording. Only `evaluate` (and tests) may include this header; a test greps for others.
+/// Ground truth of a recording. Only `evaluate` and tests may include this header; a test searches for other
+/// includes.
 struct GroundTruth {
   std::map<std::string, std::vector<StampedPose>> trajectories;  ///< robot → map_from_base over time
   std::vector<MapObject> scene;
   bool has_scene = false;
-  Polygon room;  ///< inner side of its walls; empty: not known
+  Polygon room;  ///< inner side of the walls; empty: unknown
 
   /// Reads groundtruth/<robot>.tum, scene.geojson and room.geojson, each optional. Throws std::runtime_error
   /// when the folder is missing or a file is malformed.

@@ -8,17 +8,17 @@
 namespace omnifleet::dataset {
 
 std::string problemOf(const LaserRow& row, std::size_t beams) {
-  constexpr double kTurnSlack = 1e-3;  // increments are written with few digits
+  constexpr double kTurnSlack = 1e-3;  // files state increments with few digits
   const std::size_t count = row.range_m.size();
   if (!std::isfinite(row.angle_min_rad) || !std::isfinite(row.angle_increment_rad) ||
       row.angle_increment_rad == 0.0) {
     return "angle_min and angle_increment must be finite numbers, the increment not 0";
   }
   if (count == 0 || count > kMostBeams)
-    return fmt::format("{} beams, allowed are 1 to {}", count, kMostBeams);
-  if (beams != 0 && count != beams) return fmt::format("{} ranges, the scans before had {}", count, beams);
+    return fmt::format("{} beams; 1 to {} are allowed", count, kMostBeams);
+  if (beams != 0 && count != beams) return fmt::format("{} ranges, but earlier scans have {}", count, beams);
   if (std::abs(row.angle_increment_rad) * static_cast<double>(count - 1) > 2.0 * M_PI * (1.0 + kTurnSlack))
-    return fmt::format("{} beams at {} rad are more than a turn", count, row.angle_increment_rad);
+    return fmt::format("{} beams at {} rad exceed one full turn", count, row.angle_increment_rad);
   const bool good = std::all_of(row.range_m.begin(), row.range_m.end(), [](float r) { return r >= 0.0f; });
   return good ? "" : "a range is negative or not a number";
 }

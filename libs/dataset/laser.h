@@ -10,28 +10,29 @@
 
 namespace omnifleet::dataset {
 
-/// One scan in the scanner's frame: beam i at angle_min + i·increment. A beam without echo is +inf (in a file
-/// 0, negative, NaN and "inf" all mean that, as scanners' drivers do).
+/// One scan in the frame of the scanner: beam i is at angle_min + i·increment. A beam without echo is +inf.
+/// In a file 0, negative numbers, NaN and "inf" all mean no echo, as drivers of scanners write them.
 struct LaserRow {
   TimeNs time_ns = 0;
   double angle_min_rad = 0.0, angle_increment_rad = 0.0;
   std::vector<float> range_m;
 };
 
-/// Beams of one scan that all readers can take.
+/// Maximum number of beams of a scan that all readers accept.
 constexpr std::size_t kMostBeams = 4096;
 
-/// Empty, or what is wrong with a scan: an increment of 0 or not finite, more than a turn, no beams or more
-/// than kMostBeams, a NaN or negative range, another number of beams than `beams` (0: any).
+/// Description of the problem of a scan, or empty: an increment of 0 or not finite, more than one full turn,
+/// no beams or more than kMostBeams, a NaN or negative range, or a number of beams other than `beams` (0: any
+/// number).
 std::string problemOf(const LaserRow& row, std::size_t beams);
 
-/// <robot>/laser/sensor.yaml: a level scanner, its mounting and what its ranges are worth.
+/// <robot>/laser/sensor.yaml: a level scanner with its mounting and its noise.
 struct LaserSensor {
   Eigen::Vector3d position_m{0.0, 0.0, 0.1};  ///< in base_link
-  double yaw_deg = 0.0;                       ///< of the scanner's zero direction in base_link
-  double range_min_m = 0.0;                   ///< m, an echo nearer than this is the robot's own
-  double range_max_m = 0.0;                   ///< m, beams without echo were free so far; 0: not known
-  double range_sigma_m = 0.01;                ///< m, of one range
+  double yaw_deg = 0.0;                       ///< direction of the scanner's zero angle in base_link
+  double range_min_m = 0.0;                   ///< m; a nearer echo is the robot's own body
+  double range_max_m = 0.0;                   ///< m; a beam without echo is free up to this range; 0: unknown
+  double range_sigma_m = 0.01;                ///< m, σ of one range
 
   static LaserSensor read(const options::Section& section, const LaserSensor& defaults);
   /// Throws options::Error.

@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// To 1 µm, without a negative zero.
+/// Rounds to 1 µm, without a negative zero.
 double rounded(double value) {
   return std::round(value * 1e6) / 1e6 + 0.0;
 }
@@ -58,7 +58,7 @@ Polygon readRing(const Json& ring) {
   return polygon;
 }
 
-/// One object per outer ring.
+/// Adds one object per outer ring.
 void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& objects) {
   MapObject object;
   object.id = index;
@@ -87,7 +87,7 @@ void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& ob
   }
 }
 
-constexpr unsigned char kOccupied = 0, kFree = 254, kUnknown = 205;  // what map_server itself writes
+constexpr unsigned char kOccupied = 0, kFree = 254, kUnknown = 205;  // values that map_server writes
 
 unsigned char grey(std::int8_t cell) {
   if (cell < 0) return kUnknown;
@@ -100,7 +100,7 @@ struct Pgm {
   std::string pixels;
 };
 
-/// A whole number of the header, after blanks and comments.
+/// Reads a whole number of the header and skips blanks and comments before it.
 int headerNumber(std::istream& in) {
   int value = -1;
   while (in >> std::ws && in.peek() == '#') in.ignore(1 << 16, '\n');
@@ -124,7 +124,7 @@ Pgm readPgm(const std::string& path) {
   const std::size_t size = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   const std::string all = in.str();
   const auto start = static_cast<std::size_t>(in.tellg());
-  if (all.size() < start + size) throw std::runtime_error(path + ": the PGM is cut short");
+  if (all.size() < start + size) throw std::runtime_error(path + ": the PGM is truncated");
   image.pixels = all.substr(start, size);
   return image;
 }
@@ -170,7 +170,7 @@ void writeMapServer(const std::string& stem, const OccupancyGrid& grid) {
   }
   std::string image = fmt::format("P5\n{} {}\n255\n", width, height);
   image.reserve(image.size() + grid.cells.size());
-  for (std::size_t y = height; y-- > 0;) {  // the image's first row is the map's last
+  for (std::size_t y = height; y-- > 0;) {  // the first row of the image is the last row of the map
     for (std::size_t x = 0; x < width; ++x) image += static_cast<char>(grey(grid.cells[x + y * width]));
   }
   writeAtomic(stem + ".pgm", image);
@@ -204,9 +204,9 @@ OccupancyGrid readMapServer(const std::string& yaml_path) {
   const auto width = static_cast<std::size_t>(pgm.width);
   for (std::size_t y = static_cast<std::size_t>(pgm.height); y-- > 0;) {
     for (std::size_t x = 0; x < width; ++x) {
-      const double shade =
+      const double brightness =
           static_cast<unsigned char>(pgm.pixels[x + y * width]) / static_cast<double>(pgm.maximum);
-      const double p = negate ? shade : 1.0 - shade;
+      const double p = negate ? brightness : 1.0 - brightness;
       grid.cells.push_back(p > occupied ? 100 : p < free ? 0 : -1);
     }
   }

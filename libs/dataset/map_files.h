@@ -9,11 +9,11 @@
 
 namespace omnifleet::dataset {
 
-/// One object of objects.geojson or scene.geojson; metres, map frame.
+/// One object of objects.geojson or scene.geojson. Metres, map frame.
 struct MapObject {
   std::uint64_t id = 0;
   std::string kind = "obstacle";  ///< obstacle | robot
-  std::string name;               ///< of a named landmark; empty: not written
+  std::string name;               ///< name of a landmark; not written if empty
   Polygon outline_m;              ///< counter-clockwise, last vertex not repeated
   Eigen::Vector2d centroid_m = Eigen::Vector2d::Zero();
   int observations = 0;
@@ -21,16 +21,17 @@ struct MapObject {
   double height_m = 0.0;  ///< ≤ 0: unknown, not written
 };
 
-/// FeatureCollection of Polygons (closed rings, counter-clockwise), coordinates to 1 µm; deterministic text.
+/// GeoJSON FeatureCollection of Polygons (closed rings, counter-clockwise), coordinates rounded to 1 µm.
+/// Deterministic text.
 std::string objectsText(const std::vector<MapObject>& objects);
-/// Atomic. Throws std::runtime_error.
+/// Writes atomically. Throws std::runtime_error.
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects);
-/// Polygon and MultiPolygon features (each outer ring one object; holes are ignored); kind defaults to
-/// obstacle, the centroid is taken from the polygon where the file has none. Throws std::runtime_error naming
-/// file and feature.
+/// Reads Polygon and MultiPolygon features. Each outer ring becomes one object; holes are ignored. The
+/// default kind is obstacle; a missing centroid is computed from the polygon. Throws std::runtime_error that
+/// names file and feature.
 std::vector<MapObject> readObjects(const std::string& path);
 
-/// A grid as map_server reads it. Cell (0, 0) is at the lower left; index = x + y·width.
+/// An occupancy grid as map_server reads it. Cell (0, 0) is at the lower left; index = x + y·width.
 struct OccupancyGrid {
   int width = 0, height = 0;
   double resolution_m = 0.05;
@@ -38,10 +39,10 @@ struct OccupancyGrid {
   std::vector<std::int8_t> cells;                      ///< −1 unknown, 0 free … 100 occupied
 };
 /// Writes STEM.pgm and STEM.yaml, each atomically (map_server: trinary; occupied 0, free 254, unknown 205).
-/// Throws std::runtime_error, std::invalid_argument where cells.size() ≠ width·height.
+/// Throws std::runtime_error, or std::invalid_argument if cells.size() ≠ width·height.
 void writeMapServer(const std::string& stem, const OccupancyGrid& grid);
-/// Reads them back (binary PGM, any thresholds, `negate`). Throws std::runtime_error, options::Error for the
-/// YAML.
+/// Reads such a pair of files (binary PGM, any thresholds, `negate`). Throws std::runtime_error, or
+/// options::Error for the YAML.
 OccupancyGrid readMapServer(const std::string& yaml_path);
 
 }  // namespace omnifleet::dataset

@@ -13,7 +13,7 @@ void readRgb(const options::Section& section, const std::string& key, Rgb& rgb) 
   for (std::size_t i = 0; i < 3; ++i) rgb[i] = static_cast<std::uint8_t>(values[i] + 0.5);
 }
 
-/// [x, y] or one number for a square.
+/// Reads [x, y], or one number for a square.
 void readSize(const options::Section& section, const std::string& key, Eigen::Vector2d& size_m) {
   if (section.isList(key)) {
     section.read(key, size_m, options::kPositive);
@@ -75,7 +75,7 @@ MarkerSet MarkerSet::read(const options::Section& section) {
   patches ? readPatches(section, set) : readCovers(section, set);
   const options::Section robots = section.child("robots");
   for (const std::string& name : robots.keys()) set.robots[name] = readColours(robots.child(name), patches);
-  if (set.robots.empty()) section.fail("robots", "must name at least one robot and its colours");
+  if (set.robots.empty()) section.fail("robots", "must list at least one robot and its colours");
   section.finish();
   return set;
 }

@@ -14,16 +14,17 @@ using Rgb = std::array<std::uint8_t, 3>;  ///< red, green, blue
 
 enum class MarkerKind { kPatches, kCoverTailHead };
 
-/// Colours of one robot; which are used depends on the kind.
+/// Colours of one robot. The marker kind determines which are used.
 struct RobotColours {
   Rgb individual{};             ///< patches: the individual patch (`rgb`)
   Rgb cover{}, tail{}, head{};  ///< cover_tail_head
 };
 
-/// `ceiling/markers.yaml`. Offsets are centres in base_link, sizes are along base_link x and y; metres.
+/// Content of `ceiling/markers.yaml`. Offsets are centres in base_link; sizes are along x and y of base_link.
+/// Metres.
 struct MarkerSet {
   MarkerKind kind = MarkerKind::kPatches;
-  double height_m = 0.0;  ///< of the marker plane over the floor
+  double height_m = 0.0;  ///< height of the marker plane over the floor
 
   // kind: patches (Choi et al. 2014 §II: team patch and individual patch)
   Rgb team{};
@@ -36,11 +37,11 @@ struct MarkerSet {
 
   std::map<std::string, RobotColours> robots;
 
-  /// Throw options::Error naming file, line, key and bound. A size may be one number (a square).
+  /// Throw options::Error that names file, line, key and bound. A size may be one number (a square).
   static MarkerSet load(const std::string& path);
   static MarkerSet read(const options::Section& section);
 
-  /// The same as text of markers.yaml.
+  /// Text of markers.yaml.
   std::string toYaml() const;
 };
 

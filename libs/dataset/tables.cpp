@@ -14,30 +14,31 @@ namespace omnifleet::dataset {
 namespace {
 
 using Fields = std::vector<std::string_view>;
-constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds, not below 0";
+constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds ≥ 0";
 
-/// Of a recording: no clock of one runs before its epoch, such a time is a broken number.
+/// Parses a time of a recording. Clocks of recordings do not run before their epoch, so a negative time is a
+/// corrupt number.
 bool parseStamp(std::string_view field, TimeNs& value) {
   return parseTime(field, value) && value >= 0;
 }
 
-/// Empty when `time_ns` is later than `latest_ns` (or equal, where that is allowed), which it then becomes.
+/// Empty if `time_ns` is later than `latest_ns` (or equal, if allowed); `latest_ns` then becomes `time_ns`.
 std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
   if (time_ns < latest_ns || (time_ns == latest_ns && !equal_allowed)) {
-    return fmt::format("time {} is not after {}, the latest before it", time_ns, latest_ns);
+    return fmt::format("time {} is not after the latest time {}", time_ns, latest_ns);
   }
   latest_ns = time_ns;
   return {};
 }
 
-/// Rows, counted from 0, whose time lies after that of each of the next few: it, not theirs, is broken. Else
-/// one time too far ahead would throw away all that follows.
+/// Finds rows whose time is later than the times of each of the next kNext rows. Such a time is corrupt, not
+/// the later ones. Otherwise one time too far ahead would reject all rows that follow.
 class Ahead {
  public:
   explicit Ahead(const std::string& path) {
-    std::vector<std::string> told_later;
+    std::vector<std::string> ignored;
     std::vector<TimeNs> times;
-    readRows(path, ',', told_later, [&](const Fields& fields) -> std::string {
+    readRows(path, ',', ignored, [&](const Fields& fields) -> std::string {
       TimeNs time_ns = kNoTime;
       if (!parseStamp(fields[0], time_ns)) time_ns = kNoTime;
       times.push_back(time_ns);
@@ -53,10 +54,10 @@ class Ahead {
                                        [&](std::size_t next) { return times[next] < times[good[k]]; });
     }
   }
-  /// To be asked once for each row, in their order.
+  /// Call once per row, in file order.
   std::string problem() {
     if (!is_ahead_[next_++]) return {};
-    return fmt::format("its time is after that of the next {} rows", kNext);
+    return fmt::format("the time is later than the times of the next {} rows", kNext);
   }
 
  private:
@@ -67,10 +68,10 @@ class Ahead {
 };
 
 std::string columns(std::size_t n, const char* names) {
-  return fmt::format("expected the columns {}, here are {} fields", names, n);
+  return fmt::format("expected the columns {}, got {} fields", names, n);
 }
 
-/// A range as laser scanners report it: no echo is +inf, however it is spelt.
+/// Parses a range of a laser scanner. No echo becomes +inf, in any spelling.
 bool parseRange(std::string_view field, float& range_m) {
   double value = 0.0;
   if (parseNumber(field, value)) {
@@ -82,7 +83,7 @@ bool parseRange(std::string_view field, float& range_m) {
   return text == "inf" || text == "+inf" || text == "Inf" || text == "nan" || text == "NaN" || text == "-nan";
 }
 
-/// A recorded table: that it is empty is worth a warning, for whoever needs it will wait in vain.
+/// Reads a recorded table and warns if it is empty, because a stage that needs it would wait in vain.
 void readRecorded(const std::string& path, std::vector<std::string>& warnings,
                   const std::function<std::string(const Fields&)>& row) {
   bool any = false;
@@ -90,7 +91,7 @@ void readRecorded(const std::string& path, std::vector<std::string>& warnings,
     any = true;
     return row(fields);
   });
-  if (!any) warnings.push_back(path + ": holds no row");
+  if (!any) warnings.push_back(path + ": contains no row");
 }
 
 }  // namespace
@@ -113,7 +114,7 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
     if (!broken.empty()) return broken;
     const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
     if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
-      return "the file '" + file.string() + "' lies outside of the folder data";
+      return "the file '" + file.string() + "' is outside the folder data";
     if (!file.empty()) row.path = (base / "data" / file).string();
     stream.rows.push_back(std::move(row));
     return {};
@@ -134,7 +135,7 @@ std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::strin
       return "wheel speeds must be finite numbers";
     }
     if (std::max(std::abs(row.left_mps), std::abs(row.right_mps)) > kMaxWheelSpeedMps) {
-      return fmt::format("wheel speeds must lie within ±{} m/s", kMaxWheelSpeedMps);
+      return fmt::format("wheel speeds must be within ±{} m/s", kMaxWheelSpeedMps);
     }
     if (!broken.empty()) return broken;
     if (std::string problem = checkOrder(row.time_ns, false, latest_ns); !problem.empty()) return problem;
@@ -157,30 +158,31 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, const std
     if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
     row.id = std::string(fields[1]);
     if (row.id.empty()) return "the id is empty";
-    if (row.id == robot) return "the robot '" + robot + "' cannot sight itself";
+    if (row.id == robot) return "the robot '" + robot + "' cannot observe itself";
     if (!parseNumber(fields[2], row.range_m) || !parseNumber(fields[3], row.bearing_rad)) {
       return "range and bearing must be finite numbers";
     }
     if (row.range_m <= 0.0 || row.range_m > kMaxObservedRange_m) {
-      return fmt::format("the range must be above 0, up to {:g} m", kMaxObservedRange_m);
+      return fmt::format("the range must be above 0 and at most {:g} m", kMaxObservedRange_m);
     }
     ++bearings;
     if (std::abs(row.bearing_rad) > 2.0 * M_PI) {
       ++wide;
-      return fmt::format("the bearing must lie within ±2π rad, {:g} looks like degrees", row.bearing_rad);
+      return fmt::format("the bearing must be within ±2π rad; {:g} looks like degrees", row.bearing_rad);
     }
     if (!broken.empty()) return broken;
     if (std::string problem = checkOrder(row.time_ns, true, latest_ns); !problem.empty()) return problem;
     for (auto at = rows.rbegin(); at != rows.rend() && at->time_ns == row.time_ns; ++at) {
-      if (at->id == row.id) return "'" + row.id + "' is sighted twice at one time, the first row counts";
+      if (at->id == row.id)
+        return "'" + row.id + "' is observed twice at the same time; the first row is used";
     }
     row.bearing_rad = wrapAngle(row.bearing_rad);
     rows.push_back(std::move(row));
     return {};
   });
-  // What is left of a file in degrees looks like radians.
+  // A file in degrees also has bearings that look like radians. So a share decides.
   if (3 * wide > bearings) {
-    throw options::Error(fmt::format("{}: {} of {} bearings lie beyond ±2π: they must be given in radians",
+    throw options::Error(fmt::format("{}: {} of {} bearings are beyond ±2π; bearings must be in radians",
                                      path, wide, bearings));
   }
   return rows;

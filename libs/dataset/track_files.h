@@ -8,8 +8,8 @@
 
 namespace omnifleet::dataset {
 
-/// What one robot took a visible track for in one frame: a row of OUT/tracks/<robot>.csv, which lets
-/// `evaluate` score robots against obstacles.
+/// Classification of a visible track by one robot in one frame: a row of OUT/tracks/<robot>.csv. `evaluate`
+/// scores robots against obstacles with it.
 struct TrackRow {
   TimeNs time_ns = 0;
   std::uint32_t track = 0;
@@ -21,14 +21,14 @@ struct TrackRow {
 class TracksWriter {
  public:
   TracksWriter(const std::string& out, const std::string& robot);
-  /// The visible tracks of one frame.
+  /// Writes the visible tracks of one frame.
   void write(const Objects& objects);
 
  private:
   CsvWriter csv_;
 };
 
-/// Malformed rows are left out and listed in `warnings`. Throws options::Error when it cannot be read.
+/// Malformed rows are ignored and listed in `warnings`. Throws options::Error when the file cannot be read.
 std::vector<TrackRow> readTracks(const std::string& path, std::vector<std::string>& warnings);
 
 }  // namespace omnifleet::dataset

@@ -14,7 +14,7 @@ namespace {
 
 using Fields = std::vector<std::string_view>;
 
-/// "−0.000000000" would make equal poses differ in their bytes.
+/// Avoids "−0.000000000", which would make the bytes of equal poses differ.
 std::string fixed(double value) {
   std::string text = fmt::format("{:.9f}", value);
   return text == "-0.000000000" ? "0.000000000" : text;
@@ -22,7 +22,7 @@ std::string fixed(double value) {
 
 std::string parsePose(const Fields& fields, StampedPose3& pose) {
   if (fields.size() < 8)
-    return fmt::format("expected 8 values: timestamp tx ty tz qx qy qz qw, here are {}", fields.size());
+    return fmt::format("expected 8 values: timestamp tx ty tz qx qy qz qw, got {}", fields.size());
   if (!parseSeconds(fields[0], pose.time_ns)) return "the timestamp must be a number of seconds";
   double v[7];
   for (std::size_t i = 0; i < 7; ++i) {

@@ -15,42 +15,43 @@ struct StampedPose {
   Pose2 map_from_base;
 };
 
-/// How far a pose may be wrong: of the right perturbation (x, y, θ in the robot's own base_link; m, rad).
+/// Covariance of a pose, of the right perturbation (x, y, θ in the robot's own base_link; m, rad).
 struct StampedCovariance {
   TimeNs time_ns = 0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  std::uint32_t datum = 0;  ///< what it is against (PoseEstimate::datum)
+  std::uint32_t datum = 0;  ///< reference of the covariance (PoseEstimate::datum)
 };
 
-/// A row of a TUM file in full: `timestamp[s] tx ty tz qx qy qz qw`.
+/// A complete row of a TUM file: `timestamp[s] tx ty tz qx qy qz qw`.
 struct StampedPose3 {
   TimeNs time_ns = 0;
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
 
-  /// x, y and the heading of the body's x axis.
+  /// x, y and the heading of the x axis of the body.
   StampedPose flat() const;
 };
 
-/// TUM text, times with all nine decimals, poses to 1e-9; nothing but the rows, so that equal runs give equal
-/// bytes.
+/// TUM text: times with nine decimals, poses to 1e-9, no comments, so that equal runs give equal bytes.
 std::string tumText(const std::vector<StampedPose>& poses);
-/// Atomic. Throws std::runtime_error.
+/// Writes atomically. Throws std::runtime_error.
 void writeTum(const std::string& path, const std::vector<StampedPose>& poses);
-/// Comments (#) and empty lines are skipped. Rows that are malformed, non-finite or have a zero quaternion
-/// are left out and listed in `warnings` (FILE:LINE: why) when given. Throws std::runtime_error when
-/// unreadable.
+/// Skips comments (#) and empty lines. Rows that are malformed, non-finite or have a zero quaternion are
+/// ignored and, if `warnings` is given, listed there ("FILE:LINE: problem"). Throws std::runtime_error when
+/// the file cannot be read.
 std::vector<StampedPose3> readTum(const std::string& path, std::vector<std::string>* warnings = nullptr);
 std::vector<StampedPose> flat(const std::vector<StampedPose3>& poses);
 
-/// Covariances of a trajectory, which TUM has no room for: a row per pose, "#timestamp [ns],xx [m^2],xy
-/// [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2],datum". Atomic. Throws std::runtime_error.
+/// Covariances of a trajectory, which a TUM file cannot contain. One row per pose: "#timestamp [ns],xx
+/// [m^2],xy [m^2],xt [m rad],yy [m^2],yt [m rad],tt [rad^2],datum". Writes atomically. Throws
+/// std::runtime_error.
 void writeCovariances(const std::string& path, const std::vector<StampedCovariance>& rows);
-/// Damaged rows are left out and listed in `warnings`. Throws std::runtime_error when unreadable.
+/// Malformed rows are ignored and listed in `warnings`. Throws std::runtime_error when the file cannot be
+/// read.
 std::vector<StampedCovariance> readCovariances(const std::string& path,
                                                std::vector<std::string>* warnings = nullptr);
 
-/// g2o: VERTEX_SE2 id x y θ, EDGE_SE2 from to x y θ and the upper triangle of the information matrix.
+/// g2o format: VERTEX_SE2 id x y θ; EDGE_SE2 from to x y θ and the upper triangle of the information matrix.
 struct G2oVertex {
   int id = 0;
   Pose2 pose;
@@ -65,7 +66,7 @@ struct G2oGraph {
   std::vector<G2oEdge> edges;
 };
 void writeG2o(const std::string& path, const G2oGraph& graph);
-/// Other tags are skipped. Throws std::runtime_error naming file and line of a malformed row.
+/// Skips other tags. Throws std::runtime_error that names file and line of a malformed row.
 G2oGraph readG2o(const std::string& path);
 
 }  // namespace omnifleet::dataset

@@ -68,7 +68,8 @@ ImageStreamWriter::ImageStreamWriter(const std::string& folder, const std::strin
     : folder_(streamFolder(folder, stream)),
       extension_(extension),
       csv_(folder_ + "/data.csv", "#timestamp [ns],filename") {
-  if (extension != "png" && extension != "jpg") throw std::invalid_argument("ImageStreamWriter: png or jpg");
+  if (extension != "png" && extension != "jpg")
+    throw std::invalid_argument("ImageStreamWriter: the extension must be png or jpg");
   writeAtomic(folder_ + "/sensor.yaml", camera.toYaml());
 }
 

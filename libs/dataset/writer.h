@@ -11,13 +11,13 @@
 
 namespace omnifleet::dataset {
 
-/// Writers of the dataset format, one per file, so that each process of a fleet records what it has at hand.
-/// Every call throws std::runtime_error naming the file when it cannot be written (disk full is noticed at
-/// once: rows are flushed).
+/// Writers of the dataset format, one per file, so that each process of a fleet records its own data. Every
+/// call throws std::runtime_error that names the file when it cannot be written. Rows are flushed, so a full
+/// disk is detected at once.
 
-/// dataset.yaml: names, initial poses, bodies, wheel separations.
+/// Writes dataset.yaml: names, initial poses, bodies, wheel separations.
 void writeDatasetYaml(const std::string& folder, const std::vector<RobotRecording>& robots);
-/// ceiling/markers.yaml.
+/// Writes ceiling/markers.yaml.
 void writeMarkers(const std::string& folder, const MarkerSet& markers);
 
 /// A csv file with its header line, one flushed row per call.
@@ -35,11 +35,11 @@ class CsvWriter {
 /// <folder>/<stream>/sensor.yaml, data.csv and data/<time>.png|jpg.
 class ImageStreamWriter {
  public:
-  /// `extension` "png" (lossless) or "jpg" (quality 95).
+  /// `extension`: "png" (lossless) or "jpg" (quality 95).
   ImageStreamWriter(const std::string& folder, const std::string& stream, const lens::CameraModel& camera,
                     const std::string& extension = "png");
   void write(TimeNs time_ns, const cv::Mat& image);
-  /// A frame that has no pixels: a row with an empty filename.
+  /// Writes a row with an empty file name, for a frame without pixels.
   void writeMissing(TimeNs time_ns);
 
  private:
@@ -77,7 +77,7 @@ class LaserWriter {
   CsvWriter csv_;
 };
 
-/// groundtruth/<robot>.tum, scene.geojson and room.geojson (none for an empty room), written whole.
+/// Write groundtruth/<robot>.tum, scene.geojson and room.geojson (not for an empty room), each as a whole.
 void writeTruthTrajectory(const std::string& folder, const std::string& robot,
                           const std::vector<StampedPose>& poses);
 void writeTruthScene(const std::string& folder, const std::vector<MapObject>& scene);

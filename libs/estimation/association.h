@@ -44,7 +44,7 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
 /// opposite sides disagree by decimetres at a wrong height), and alike in size.
 void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
 
-/// Founds landmarks from silhouettes that are far from everything known (docs/methods.md, "Estimator").
+/// Founds landmarks from silhouettes that are far from everything known (docs/methods/localizer.md).
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen);
 
 /// True where a robot cannot be where it is predicted: it sees at least two whole objects, none of them

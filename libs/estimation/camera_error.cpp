@@ -97,7 +97,7 @@ CameraFinding::Quantities CameraFinding::beyond(double sigmas) const {
   return which;
 }
 
-std::string CameraFinding::tell(const Quantities& which) const {
+std::string CameraFinding::describe(const Quantities& which) const {
   std::string text;
   for (std::size_t i = 0; i < which.size(); ++i) {
     if (!which[i]) continue;

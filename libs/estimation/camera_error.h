@@ -57,7 +57,7 @@ class CameraFinding {
     return (estimate_(quantity) - truth) / sigma_(quantity);
   }
   /// Those given, each with its value ± σ.
-  std::string tell(const Quantities& which) const;
+  std::string describe(const Quantities& which) const;
   /// Those given by name alone.
   static std::string name(const Quantities& which);
 

@@ -413,7 +413,7 @@ std::vector<PoseEstimate> FleetEstimator::takeRevised() {
   return std::exchange(impl_->fleet.revised, {});
 }
 
-std::vector<std::string> FleetEstimator::takeFindings() {
+std::vector<Message> FleetEstimator::takeFindings() {
   return std::exchange(impl_->fleet.findings, {});
 }
 

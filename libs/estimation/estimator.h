@@ -1,7 +1,7 @@
 #pragma once
 
 // The fleet estimator: least squares over the poses of all robots, one scale bias per wheel, obstacles as
-// support-function prisms and mutual sightings (docs/methods.md, "Estimator"; it stands in for the
+// support-function prisms and mutual sightings (docs/methods/localizer.md; it stands in for the
 // odometry-only localisation of Choi et al. 2014 §IV). A sliding window of frames is solved after every round
 // of frames; what leaves the window is marginalised into a dense prior, so time and memory stay bounded; new
 // frames are placed at once by what the window says about the present, condensed. Pure and deterministic: one
@@ -19,6 +19,7 @@
 #include "estimation/wheel_log.h"
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
+#include "observation/error_code.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -99,7 +100,7 @@ enum class RobotState : std::uint8_t { kUnlocated, kOk, kSlipping, kLost };
 /// Counters and the last verdict of one robot, for service/status.
 struct RobotStatus {
   RobotState state = RobotState::kUnlocated;
-  std::string text;  ///< one line, empty when ok
+  Message message;  ///< kNone when ok
   int slips = 0, losses = 0, rejected_measurements = 0, rejected_views = 0, wrong_starts = 0;
 };
 
@@ -145,7 +146,7 @@ class FleetEstimator {
   /// What has been found wrong with what was told of the fleet (a robot's start, a calibration), a line for
   /// people each;
   /// since the last call.
-  std::vector<std::string> takeFindings();
+  std::vector<Message> takeFindings();
 
   /// Obstacles with at least publish_views views, by id.
   std::vector<LandmarkEstimate> landmarks() const;

@@ -8,6 +8,7 @@
 
 #include "estimation/factors.h"
 #include "estimation/map_frame.h"
+#include "estimation/messages.h"
 #include "geometry/twist.h"
 
 namespace omnifleet::estimation {
@@ -40,7 +41,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
     const WheelModel sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3, 1e-3);
     robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
-    robot.status.text = "not located yet";
+    robot.status.message = notLocalizedYet();
     robots.push_back(std::move(robot));
   }
 }
@@ -120,7 +121,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   const Motion& motion = frame.motion;
   step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
   const double separation = robot.setup.body.wheel_separation_m;
-  step.refuted = motion.refuted && motion.since_ns == step.since_ns;
+  step.refuted = motion.wheels_rejected && motion.since_ns == step.since_ns;
   step.wheels = motion.valid && (robot.wiring == Wiring::kAsTold || step.refuted) &&
                 motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
                 motion.since_ns == step.since_ns;
@@ -228,7 +229,7 @@ void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_
   robot.refused.clear();
   newStep(robot, predictStep(robot, frame), map_from_base, frame);
   robot.status.state = RobotState::kOk;
-  robot.status.text.clear();
+  robot.status.message = {};
 }
 
 void FleetState::release(RobotNode& robot) {

@@ -229,7 +229,7 @@ class FleetState {
   bool tied = false;                    ///< something from outside tells where the map is
   MapFrame map_frame;
   std::vector<PoseEstimate> revised;  ///< frames that turned out to lie elsewhere than was told
-  std::vector<std::string> findings;  ///< what was found wrong with what was told, a line each
+  std::vector<Message> findings;      ///< about initial poses and calibrations
 
   RobotNode* find(const std::string& name);
   const RobotNode* find(const std::string& name) const;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "estimation/factors.h"
+#include "estimation/messages.h"
 #include "estimation/point_alignment.h"
 #include "estimation/starts.h"
 
@@ -73,7 +74,7 @@ bool plausible(FleetState& fleet, const Measurement& m, RobotNode& robot, const 
   if (robot.refusals >= kDisplaced && robot.refused.size() >= 2) {
     fleet.release(robot);
     robot.status.state = RobotState::kLost;
-    robot.status.text = "nothing seen fits the map: moved by hand?";
+    robot.status.message = localizationLost();
     ++robot.status.losses;
   }
   return false;

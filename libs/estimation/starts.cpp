@@ -8,6 +8,7 @@
 
 #include "estimation/agreement.h"
 #include "estimation/factors.h"
+#include "estimation/messages.h"
 #include "estimation/told.h"
 
 namespace omnifleet::estimation {
@@ -259,29 +260,16 @@ bool isContradicted(const FleetState& fleet, const RobotNode& robot) {
   return many(true) < many(false);
 }
 
-std::string tellDoubt(const FleetState& fleet, const RobotNode& robot) {
+Message tellDoubt(const FleetState& fleet, const RobotNode& robot) {
   const Start& start = robot.start;
   const bool alone = std::none_of(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
     return &other != &robot && other.located();
   });
   if (alone || start.contradicted) return {};
   const bool has_claim = !robot.setup.founds_map;  // else map is where it starts
-  if (start.doubts >= kLong && isRefuted(start))
-    return std::string("what it sees and what others see contradict each other") +
-           (has_claim ? ": is its initial_pose right?" : "");
-  if (has_claim && start.unconfirmed >= kUnconfirmed)
-    return "too little that others see too confirms its initial_pose";
+  if (start.doubts >= kLong && isRefuted(start)) return initialPoseDoubtful(has_claim);
+  if (has_claim && start.unconfirmed >= kUnconfirmed) return initialPoseUnconfirmed();
   return {};
-}
-
-std::string tellMoved(const Pose2& moved, const Pose2& told) {
-  const Pose2 found = moved * told, by = told.inverse() * found;
-  char line[160];
-  std::snprintf(line, sizeof line,
-                "it started %.2f m and %.1f degrees beside its initial_pose, at [%.3f, %.3f, %.3f]",
-                by.translation().norm(), std::abs(wrapAngle(by.theta_rad)) * 180.0 / M_PI, found.x_m,
-                found.y_m, wrapAngle(found.theta_rad));
-  return line;
 }
 
 }  // namespace omnifleet::estimation

@@ -42,9 +42,6 @@ bool isContradicted(const FleetState& fleet, const RobotNode& robot);
 
 /// In words, where a start that is believed is in doubt for long: others miss what it sees, or it what they
 /// see, and nothing tells which of them are wrong; or too little is seen by both to confirm it. Else empty.
-std::string tellDoubt(const FleetState& fleet, const RobotNode& robot);
-
-/// In words, what is wrong with a start.
-std::string tellMoved(const Pose2& moved, const Pose2& told);
+Message tellDoubt(const FleetState& fleet, const RobotNode& robot);
 
 }  // namespace omnifleet::estimation

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimation/messages.h"
 #include "estimation/starts.h"
 
 namespace omnifleet::estimation {
@@ -26,8 +27,8 @@ void conclude(FleetState& fleet, RobotNode& robot) {
   const auto right = std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
     return &other != &robot && other.start.told && !isWrong(fleet, other.start);
   });
-  fleet.findings.push_back(robot.setup.name + ": " + tellMoved(start.moved, *start.told) +
-                           (fleet.tied || right > 1 ? "" : ", unless the other robot did"));
+  fleet.findings.push_back(
+      initialPoseWrong(robot.setup.name, start.moved, *start.told, fleet.tied || right > 1));
 }
 
 /// `front`: the oldest pose of the window, about to leave it.
@@ -94,8 +95,7 @@ void reviseTold(FleetState& fleet, bool last) {
     concludeStart(fleet, robot, robot.window.front(), leaving > 0);
     if (last && isContradicted(fleet, robot) && &robot != &fleet.robots.front()) withdraw(fleet, robot);
     if (last && isContradicted(fleet, robot))
-      fleet.findings.push_back(robot.setup.name +
-                               ": what it sees and is seen by contradicts its initial_pose");
+      fleet.findings.push_back(initialPoseContradicted(robot.setup.name));
     for (std::size_t i = 0; i < leaving && !last; ++i) revise(fleet, robot, robot.window[i]);
   }
 }

@@ -6,6 +6,7 @@
 
 #include "estimation/factors.h"
 #include "estimation/jumps.h"
+#include "estimation/messages.h"
 #include "estimation/starts.h"
 
 namespace omnifleet::estimation {
@@ -78,11 +79,11 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
   RobotNode& robot = *frame.robot;
   const Motion& motion = frame.objects->motion;
   const double separation_m = robot.setup.body.wheel_separation_m;
-  const bool all_told = motion.since_ns == before_ns && (motion.valid || motion.refuted);
+  const bool all_told = motion.since_ns == before_ns && (motion.valid || motion.wheels_rejected);
   if (!frame.follows() || !all_told) robot.wheel_trial.interrupt();
   if (!frame.sees()) return;
   Motion told = all_told ? motion : Motion{};
-  if (all_told && motion.refuted && separation_m > 0) {
+  if (all_told && motion.wheels_rejected && separation_m > 0) {
     told.valid = true;
     told.previous_from_current = arc(motion.left_m, motion.right_m, separation_m);
   }
@@ -222,19 +223,17 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   if (!frame.fresh || !robot.located()) return;
   const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
   robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
-  robot.status.text = lost ? "nothing seen fits the map: moved by hand?" : tellDoubt(fleet, robot);
-  if (robot.start.contradicted) robot.status.text = "what it sees contradicts its initial_pose: not mapped";
+  robot.status.message = lost ? localizationLost() : tellDoubt(fleet, robot);
+  if (robot.start.contradicted) robot.status.message = initialPoseNotMapped();
   if (frame.placed_anew) {
     constexpr int kOften = 3;  // nobody carries a robot so often
-    robot.status.text = robot.status.losses <= kOften
-                            ? "moved by hand: placed anew by what it sees"
-                            : "moved by hand again and again: does its sensor.yaml belong to its camera?";
+    robot.status.message = relocalized(robot.status.losses > kOften);
   }
   if (frame.slipped) robot.status.state = RobotState::kSlipping;
-  if (frame.slipped) robot.status.text = "wheels disagree with what is seen";
+  if (frame.slipped) robot.status.message = wheelSlip();
   if (robot.wiring == Wiring::kAsTold) return;
   // All else that is wrong comes of it.
-  robot.status.text = tellWiring(robot.wiring);
+  robot.status.message = wheelAssignmentWrong(robot.wiring);
   if (!lost) robot.status.state = RobotState::kSlipping;
 }
 

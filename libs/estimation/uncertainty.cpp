@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "estimation/messages.h"
+
 namespace omnifleet::estimation {
 namespace {
 
@@ -15,21 +17,19 @@ void acquit(FleetState& fleet, RobotNode& robot, const CameraFinding& finding, b
       robot.camera_accused & ~(settled ? finding.wrong() : finding.possible());
   if (withdrawn.none()) return;
   robot.camera_accused &= ~withdrawn;
-  fleet.findings.push_back(robot.setup.name + ": its camera's calibration: what was said of its " +
-                           CameraFinding::name(withdrawn) +
-                           " is taken back, what is seen does not bear it out");
+  fleet.findings.push_back(calibrationErrorWithdrawn(robot.setup.name, CameraFinding::name(withdrawn)));
 }
 
 /// Those of which it has been so for a while: what shade and corners make of outlines changes with the way,
 /// what is wrong with a camera stays wrong.
 CameraFinding::Quantities lasting(RobotNode& robot, const CameraFinding& finding, bool settled) {
-  constexpr int kLasting = 15;  // keyframes: half a metre, or a turn of 45°
+  constexpr int kPersistent = 15;  // keyframes: half a metre, or a turn of 45°
   CameraFinding::Quantities which;
   for (std::size_t i = 0; i < which.size(); ++i) {
     int& keyframes = robot.camera_doubts[i];
     if (!finding.wrong()[i]) keyframes = 0;
     if (finding.wrong()[i] && robot.located() && robot.window.back().keyframe) ++keyframes;
-    which[i] = finding.wrong()[i] && (settled || keyframes >= kLasting);
+    which[i] = finding.wrong()[i] && (settled || keyframes >= kPersistent);
   }
   return which;
 }
@@ -46,8 +46,7 @@ void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
     return;
   robot.camera_said = variance;
   robot.camera_accused |= wrong;
-  fleet.findings.push_back(robot.setup.name +
-                           ": its camera's calibration minus what is seen: " + finding.tell(wrong));
+  fleet.findings.push_back(calibrationError(robot.setup.name, finding.describe(wrong)));
 }
 
 /// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.

@@ -1,6 +1,7 @@
 #pragma once
 
-// One silhouette in one frame, and the prism that explains it (docs/methods.md, "Support-function prism").
+// One silhouette in one frame, and the prism that explains it (docs/methods/local_mapper.md, "Silhouettes and
+// prism views").
 // With the footprint's support h_P, camera foot c, camera height H and object height h, in direction n:
 //   g(n) = h_P(n) − n·c;  predicted silhouette support = g where g < 0 (contact side), s·g otherwise,
 //   s = H / (H − h).

@@ -103,28 +103,4 @@ Wiring WheelTrial::verdict() const {
   return static_cast<Wiring>(simplest - misfit_.begin());
 }
 
-std::string tellWiring(Wiring wiring) {
-  constexpr const char* kUntil = " in what its wheels tell; they count for nothing until then";
-  switch (wiring) {
-    case Wiring::kAsTold:
-      return {};
-    case Wiring::kReversed:
-      return std::string("its wheels seem to run backwards: change the signs of left and right") + kUntil;
-    case Wiring::kSwapped:
-      return std::string("its wheels seem to be swapped: exchange left and right") + kUntil;
-    case Wiring::kBoth:
-      return std::string(
-                 "its wheels seem to be swapped and to run backwards: exchange left and right and change "
-                 "their signs, unless its camera is turned round") +
-             kUntil;
-    case Wiring::kLeftReversed:
-      return std::string("its wheels seem to be at odds, the left one runs backwards: change its sign") +
-             kUntil;
-    case Wiring::kRightReversed:
-      return std::string("its wheels seem to be at odds, the right one runs backwards: change its sign") +
-             kUntil;
-  }
-  return {};
-}
-
 }  // namespace omnifleet::estimation

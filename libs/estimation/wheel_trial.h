@@ -46,7 +46,4 @@ class WheelTrial {
   double stretches_ = 0.0;  ///< that misfit_ is the sum of; what is long ago counts less
 };
 
-/// In words, for who can mend it; empty where nothing is wrong.
-std::string tellWiring(Wiring wiring);
-
 }  // namespace omnifleet::estimation

@@ -8,8 +8,8 @@
 namespace omnifleet::evaluation {
 namespace {
 
-/// Shortest augmenting paths on the reduced costs; rows ≤ columns, all finite. Rows and columns count from 1
-/// here, column 0 stands for the row that is being added.
+/// Shortest augmenting paths on the reduced costs. Requires rows ≤ columns and finite costs. Rows and columns
+/// count from 1; column 0 stands for the row that is being added.
 class Solver {
  public:
   explicit Solver(const Eigen::MatrixXd& cost)
@@ -38,8 +38,8 @@ class Solver {
     for (; column != 0; column = previous_[column]) row_of_[column] = row_of_[previous_[column]];
   }
 
-  /// Relaxes the edges of the row that holds `column`, moves the potentials and returns the next column of
-  /// the tree.
+  /// Relaxes the edges of the row assigned to `column`, updates the potentials, and returns the next column
+  /// of the tree.
   std::size_t nearestFrom(std::size_t column) {
     const int row = row_of_[column];
     std::size_t best = 0;
@@ -75,8 +75,8 @@ class Solver {
   std::vector<bool> used_;
 };
 
-/// Forbidden pairs get a price above any sum of allowed ones, so they are used only where nothing else is
-/// left.
+/// Gives forbidden pairs a cost above any sum of allowed ones, so that they are used only if no allowed pair
+/// is left.
 Eigen::MatrixXd priced(const Eigen::MatrixXd& cost) {
   double low = 0.0, high = 0.0;
   for (const double c : cost.reshaped()) {

@@ -9,10 +9,10 @@ namespace {
 
 constexpr TimeNs kMaxGap_ns = 1'000'000'000;
 
-void count(bool is, bool said, ClassCounts& counts) {
-  if (is && said) ++counts.right;
-  if (is && !said) ++counts.missed;
-  if (!is && said) ++counts.wrong;
+void count(bool is_true, bool is_reported, ClassCounts& counts) {
+  if (is_true && is_reported) ++counts.right;
+  if (is_true && !is_reported) ++counts.missed;
+  if (!is_true && is_reported) ++counts.wrong;
 }
 
 double distance(const Eigen::Vector2d& point, const dataset::MapObject& object) {

@@ -10,24 +10,25 @@
 
 namespace omnifleet::evaluation {
 
-/// Counts of one class against all else.
+/// Counts of one class against all others.
 struct ClassCounts {
-  int right = 0;      ///< it is one and was called one
-  int missed = 0;     ///< it is one and was called something else (unknown included)
-  int wrong = 0;      ///< it is none and was called one
-  double f1() const;  ///< 2·right / (2·right + missed + wrong); NaN where there was nothing to tell
+  int right = 0;      ///< true positives
+  int missed = 0;     ///< false negatives, including tracks of unknown kind
+  int wrong = 0;      ///< false positives
+  double f1() const;  ///< 2·right / (2·right + missed + wrong); NaN without samples
   ClassCounts& operator+=(const ClassCounts& other);
 };
 
 struct KindMetrics {
   ClassCounts robot, obstacle;
-  int phantoms = 0;  ///< tracks near nothing true; each counts as wrong in the class it was called
+  int phantoms =
+      0;  ///< tracks without a true object within the gate; each counts as wrong in the class it was assigned
   KindMetrics& operator+=(const KindMetrics& other);
 };
 
-/// Robots told from obstacles, per object and frame: each visible track of `observer` against the nearest
-/// true thing (another robot's centre, an obstacle's centroid or inside of its footprint) within `gate_m`.
-/// Rows at times without truth of the observer are left out.
+/// Scores robots against obstacles, per object and frame. Each visible track of `observer` is compared with
+/// the nearest true object within `gate_m`: the centre of another robot, or the footprint or else the
+/// centroid of an obstacle. Rows at times without ground truth of the observer are ignored.
 KindMetrics compareKinds(const std::string& observer, const std::vector<dataset::TrackRow>& tracks,
                          const std::map<std::string, std::vector<dataset::StampedPose>>& truth,
                          const std::vector<dataset::MapObject>& scene, double gate_m = 0.3);

@@ -17,11 +17,11 @@ constexpr double kNormal = 1.96;   // two-sided 95 %
 struct Sample {
   TimeNs time_ns = 0;
   Pose2 exact, estimate;
-  Eigen::LLT<Eigen::Matrix3d> root;  ///< of the covariance
+  Eigen::LLT<Eigen::Matrix3d> root;  ///< Cholesky factor of the covariance
   std::uint32_t datum = 0;
 };
 
-std::vector<Sample> samplesOf(const ToldPath& path) {
+std::vector<Sample> samplesOf(const EstimatedPath& path) {
   std::vector<Sample> samples;
   auto at = path.covariances.begin();
   for (const StampedPose& pose : path.estimate) {
@@ -42,7 +42,7 @@ Eigen::Vector3d errorOf(const Sample& sample, const Pose2& place) {
   return evaluation::errorOf(place * sample.estimate, sample.exact);
 }
 
-/// The motion that brings the positions onto the truth, then Gauss–Newton on the sum of ε.
+/// The rigid motion that aligns the positions with the truth, then refined by Gauss–Newton on the sum of ε.
 Pose2 placeOf(const std::vector<Sample>& samples) {
   constexpr int kIterations = 10;
   std::vector<dataset::StampedPose3> from, to;
@@ -58,7 +58,7 @@ Pose2 placeOf(const std::vector<Sample>& samples) {
     for (const Sample& sample : samples) {
       const Pose2 moved = place * sample.estimate;
       const Eigen::Vector3d e = errorOf(sample, place);
-      // e by a motion of everything about the truth's origin, from the left.
+      // Derivative of e by a left motion of the whole run about the origin of the truth.
       const Eigen::Matrix2d base_from_map = moved.rotation().transpose();
       Eigen::Matrix3d by = Eigen::Matrix3d::Zero();
       by.topLeftCorner<2, 2>() = -base_from_map;
@@ -73,11 +73,13 @@ Pose2 placeOf(const std::vector<Sample>& samples) {
   return place;
 }
 
-/// Whitened errors of a robot, in map axes: what lasts in map is a bias, however the robot turns.
+/// Whitened errors of a robot in map axes. An error that is constant in map is a bias, even if the robot
+/// turns.
 struct Whitened {
   std::vector<TimeNs> times;
   std::vector<Eigen::Vector3d> errors;
-  std::vector<double> positions;  ///< ε of x and y alone, in coordinates: no heading is asked
+  std::vector<double>
+      positions;  ///< ε of x and y alone, as differences of coordinates, independent of the heading
 
   Eigen::Array3d power() const {
     Eigen::Array3d sum = Eigen::Array3d::Zero();
@@ -86,7 +88,7 @@ struct Whitened {
   }
 };
 
-Whitened whitened(const ToldPath& path, const DatumPlaces& places) {
+Whitened whitened(const EstimatedPath& path, const DatumPlaces& places) {
   Whitened all;
   for (const Sample& sample : samplesOf(path)) {
     const auto at = places.find(sample.datum);
@@ -99,15 +101,15 @@ Whitened whitened(const ToldPath& path, const DatumPlaces& places) {
     all.times.push_back(sample.time_ns);
     all.errors.push_back(root.matrixL().solve(map_from_base * errorOf(sample, place)));
     const Eigen::Vector2d off_m = sample.exact.translation() - place * sample.estimate.translation();
-    // Of a lower root: as if nothing were said of θ.
+    // With a lower factor, this marginalises θ.
     all.positions.push_back(
         root.matrixL().solve(Eigen::Vector3d(off_m.x(), off_m.y(), 0.0)).head<2>().squaredNorm());
   }
   return all;
 }
 
-/// How many samples are worth one independent one.
-double worthOne(const Whitened& whitened) {
+/// Number of samples that equal one independent sample.
+double samplesPerIndependentOne(const Whitened& whitened) {
   const std::vector<Eigen::Vector3d>& e = whitened.errors;
   const Eigen::Array3d power = whitened.power();
   double squares = 0.0;
@@ -124,8 +126,8 @@ double worthOne(const Whitened& whitened) {
   return all > 0.0 ? 1.0 + 2.0 * squares / all : 1.0;
 }
 
-/// ρ² of two robots' errors at the same times.
-double likeness(const Whitened& a, const Whitened& b) {
+/// ρ² between the errors of two robots at equal times.
+double squaredCorrelation(const Whitened& a, const Whitened& b) {
   Eigen::Array3d together = Eigen::Array3d::Zero();
   std::size_t j = 0;
   for (std::size_t i = 0; i < a.times.size(); ++i) {
@@ -158,7 +160,7 @@ Consistency consistencyOf(const Whitened& whitened) {
     c.inside += (e.squaredNorm() <= kInside ? 1.0 : 0.0) / c.samples;
   }
   for (const double position : whitened.positions) c.position += position / c.samples;
-  c.independent = std::max(1.0, c.samples / worthOne(whitened));
+  c.independent = std::max(1.0, c.samples / samplesPerIndependentOne(whitened));
   setBounds(c);
   return c;
 }
@@ -181,9 +183,9 @@ double chiSquareQuantile(double degrees_of_freedom, double z) {
   return degrees_of_freedom * root * root * root;
 }
 
-DatumPlaces placeData(const std::vector<ToldPath>& fleet) {
+DatumPlaces placeData(const std::vector<EstimatedPath>& fleet) {
   std::map<std::uint32_t, std::vector<Sample>> by_datum;
-  for (const ToldPath& path : fleet) {
+  for (const EstimatedPath& path : fleet) {
     for (Sample& sample : samplesOf(path)) by_datum[sample.datum].push_back(std::move(sample));
   }
   DatumPlaces places;
@@ -191,25 +193,27 @@ DatumPlaces placeData(const std::vector<ToldPath>& fleet) {
   return places;
 }
 
-Consistency checkConsistency(const ToldPath& path, const DatumPlaces& places) {
+Consistency checkConsistency(const EstimatedPath& path, const DatumPlaces& places) {
   return consistencyOf(whitened(path, places));
 }
 
-Consistency checkFleet(const std::vector<ToldPath>& fleet, const DatumPlaces& places) {
+Consistency checkFleet(const std::vector<EstimatedPath>& fleet, const DatumPlaces& places) {
   std::vector<Whitened> robots;
   std::vector<Consistency> singles;
-  for (const ToldPath& path : fleet) {
+  for (const EstimatedPath& path : fleet) {
     robots.push_back(whitened(path, places));
     singles.push_back(consistencyOf(robots.back()));
   }
   Consistency all = pooled(singles);
-  double variance = 0.0;  // of the sum of ε, that of one sample as unit
+  double variance = 0.0;  // of the sum of ε, in units of the variance of one sample
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    const double own = singles[i].samples > 0 ? singles[i].samples * worthOne(robots[i]) : 0.0;
+    const double own =
+        singles[i].samples > 0 ? singles[i].samples * samplesPerIndependentOne(robots[i]) : 0.0;
     variance += own;
     for (std::size_t j = 0; j < i && own > 0.0; ++j) {
-      const double other = singles[j].samples > 0 ? singles[j].samples * worthOne(robots[j]) : 0.0;
-      variance += 2.0 * std::sqrt(own * other) * likeness(robots[i], robots[j]);
+      const double other =
+          singles[j].samples > 0 ? singles[j].samples * samplesPerIndependentOne(robots[j]) : 0.0;
+      variance += 2.0 * std::sqrt(own * other) * squaredCorrelation(robots[i], robots[j]);
     }
   }
   if (all.samples == 0) return all;

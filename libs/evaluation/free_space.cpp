@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::int8_t kFree = 0, kOccupied = 100;
 
-/// Middles of the cells of one value, in the frame of the truth.
+/// Centres of the cells with one value, in the frame of the truth.
 std::vector<Eigen::Vector2d> middlesOf(const dataset::OccupancyGrid& grid, const Pose2& truth_from_map,
                                        std::int8_t value) {
   std::vector<Eigen::Vector2d> middles;
@@ -23,7 +23,7 @@ std::vector<Eigen::Vector2d> middlesOf(const dataset::OccupancyGrid& grid, const
   return middles;
 }
 
-/// Share of points one cell apart along the outline that have one of `occupied` near.
+/// Share of points, one cell apart along the outline, that have a point of `occupied` within kAtWall_m.
 double shareFound(const Polygon& room, const std::vector<Eigen::Vector2d>& occupied, double step_m) {
   int points = 0, found = 0;
   for (std::size_t i = 0; i < room.size(); ++i) {

@@ -20,12 +20,12 @@ std::vector<int> obstacles(const Objects& objects) {
   return indices;
 }
 
-/// The centroid of the polygon itself, not of the file's property: that is what the metric is about.
+/// Centroid of the polygon itself, which the metric compares, not the centroid property of the file.
 Eigen::Vector2d centre(const dataset::MapObject& object) {
   return centroid(object.outline_m);
 }
 
-/// Pairwise centroid distances; +inf beyond the gate or below the overlap. `iou` is filled beside.
+/// Pairwise centroid distances; +inf beyond the gate or below the required overlap. Also fills `iou`.
 Eigen::MatrixXd costs(const Objects& truth, const Objects& estimate, const std::vector<int>& t,
                       const std::vector<int>& e, const MapOptions& options, Eigen::MatrixXd& iou) {
   const auto rows = static_cast<Eigen::Index>(t.size()), columns = static_cast<Eigen::Index>(e.size());

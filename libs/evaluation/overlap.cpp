@@ -18,7 +18,7 @@ Shape shape(const Polygon& polygon, const Eigen::Vector2d& origin) {
   Shape result;
   for (const Eigen::Vector2d& p : polygon) bg::append(result, Point(p.x() - origin.x(), p.y() - origin.y()));
   bg::correct(result);
-  if (bg::intersects(result)) {  // with itself
+  if (bg::intersects(result)) {  // self-intersection
     Shape hull;
     bg::convex_hull(result, hull);
     return hull;
@@ -30,7 +30,7 @@ Shape shape(const Polygon& polygon, const Eigen::Vector2d& origin) {
 
 double intersectionArea(const Polygon& a, const Polygon& b) {
   if (a.size() < 3 || b.size() < 3) return 0.0;
-  const Eigen::Vector2d origin = a.front();  // near the polygons, for digits
+  const Eigen::Vector2d origin = a.front();  // close to the polygons, for precision
   std::vector<Shape> common;
   bg::intersection(shape(a, origin), shape(b, origin), common);
   double area = 0.0;

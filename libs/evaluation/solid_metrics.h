@@ -7,17 +7,17 @@
 
 namespace omnifleet::evaluation {
 
-/// Distance of a point from the surface of an upright prism, metres, negative inside.
+/// Distance of a point from the surface of an upright prism, metres. Negative inside.
 double surfaceDistance(const Polygon& footprint_m, double height_m, const Eigen::Vector3d& point_m);
 
-/// Points (voxels' middles) against solids that stand in the scene.
+/// Points (centres of voxels) compared with the solids of the scene.
 struct SolidMetrics {
   int points = 0;
   double median_m = 0.0, share90_m = 0.0,
-         max_m = 0.0;  ///< how far they lie outside of the nearest solid, metres
+         max_m = 0.0;  ///< distance outside the nearest solid, metres
 };
 
-/// `scene`: objects of unknown height (≤ 0) are left out. NaN where there are no points or no solids.
+/// Objects of unknown height (≤ 0) in `scene` are ignored. NaN without points or without solids.
 SolidMetrics compareSolids(const std::vector<dataset::MapObject>& scene,
                            const std::vector<Eigen::Vector3d>& points);
 

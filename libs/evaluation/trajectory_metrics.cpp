@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// Index of the pose nearest in time (the earlier one of two equally near). `poses` is not empty.
+/// Index of the pose nearest in time; of two equally near, the earlier. `poses` must not be empty.
 std::size_t nearest(const std::vector<StampedPose3>& poses, TimeNs time_ns) {
   const auto after = std::lower_bound(poses.begin(), poses.end(), time_ns,
                                       [](const StampedPose3& pose, TimeNs t) { return pose.time_ns < t; });
@@ -35,7 +35,7 @@ Eigen::Matrix3Xd positions(const std::vector<StampedPose3>& poses) {
   return p;
 }
 
-/// The rotation that turns x nearest to y (both centred), and the trace of DS in Umeyama's eq. 42.
+/// Rotation that aligns x with y best (both centred), and the trace of DS in Umeyama's eq. 42.
 Eigen::Matrix3d bestRotation(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y, bool planar,
                              double& trace) {
   const Eigen::Matrix3d covariance = y * x.transpose() / static_cast<double>(x.cols());
@@ -111,7 +111,7 @@ Similarity align(const std::vector<StampedPose3>& from, const std::vector<Stampe
   const Eigen::Matrix3d rotation = bestRotation(x, y, planar, trace);
   const double variance = x.squaredNorm() / static_cast<double>(x.cols());
   if (scale && variance > 0.0) result.scale = trace / variance;
-  if (alignment == Alignment::kNone) return result;  // evo's --correct_scale without --align
+  if (alignment == Alignment::kNone) return result;  // like evo's --correct_scale without --align
   result.rotation = rotation;
   result.translation = mean_y - result.scale * (rotation * mean_x);
   return result;

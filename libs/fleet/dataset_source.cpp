@@ -9,8 +9,8 @@ void requireAboveFloor(const CameraSpec& camera, const std::string& sensor_file)
   const double height_m = camera.model.position_m.z();
   if (camera.role != CameraRole::kFisheye || height_m > 0.0) return;
   throw options::Error(
-      fmt::format("{}: position_m: its third number is the camera's height above the floor, "
-                  "metres; it is {} and must be greater than 0",
+      fmt::format("{}: position_m: the third number is the height of the camera over the floor "
+                  "in metres; it is {}, but must be greater than 0",
                   sensor_file, height_m));
 }
 

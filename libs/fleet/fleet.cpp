@@ -38,8 +38,9 @@ RobotSpec readRobot(const std::string& name, const options::Section& section) {
   if (section.has("initial_pose")) {
     Eigen::Vector3d pose;
     section.read("initial_pose", pose);
-    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= dataset::kFarthestStart_m))
-      section.fail("initial_pose", fmt::format("x and y must be within ±{:g} m", dataset::kFarthestStart_m));
+    if (!(pose.head<2>().cwiseAbs().maxCoeff() <= dataset::kFarthestInitialPose_m))
+      section.fail("initial_pose",
+                   fmt::format("x and y must be within ±{:g} m", dataset::kFarthestInitialPose_m));
     robot.initial_pose = Pose2::fromVector(pose);
   }
   const options::Section body = section.child("body");
@@ -101,7 +102,7 @@ void readOwn(Fleet& fleet) {
     const std::string& owner = fleet.cameras.back().robot;
     const auto isOwner = [&](const RobotSpec& robot) { return robot.name == owner; };
     if (!owner.empty() && std::none_of(fleet.robots.begin(), fleet.robots.end(), isOwner))
-      cameras.fail(id, "belongs to robot '" + owner + "', which is not among this fleet's robots");
+      cameras.fail(id, "belongs to robot '" + owner + "', which is not in the fleet");
   }
   std::string markers;
   fleet.file.read("markers", markers);
@@ -129,11 +130,11 @@ void checkServices(const options::Section& services) {
 
 }  // namespace
 
-/// Without any picture, scan or observation no process would have anything to wait for.
-void checkSenses(const Fleet& fleet) {
+/// Rejects a fleet without images, scans or observations, whose processes would wait forever.
+void checkSensors(const Fleet& fleet) {
   if (!fleet.locatedRobots().empty() || !fleet.ceilingCameras().empty()) return;
   const std::string problem =
-      "none has a fisheye camera, a laser or observations, nor does a ceiling camera with markers see them: "
+      "no robot has a fisheye camera, a laser or observations, and no ceiling camera with markers sees one; "
       "there is nothing to run";
   if (fleet.dataset.empty()) fleet.file.fail("robots", problem);
   throw options::Error(fleet.dataset + "/dataset.yaml: robots: " + problem);
@@ -150,8 +151,7 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
   if (fleet.dataset.empty() && fleet.file.has("dataset")) {
     std::string folder;
     fleet.file.read("dataset", folder);
-    if (fleet.file.has("world"))
-      fleet.file.fail("world", "and dataset both stand here; a fleet is in one of them: leave one out");
+    if (fleet.file.has("world")) fleet.file.fail("world", "conflicts with dataset; remove one of the two");
     fleet.dataset = besideFile(fleet.file, folder);
   } else {
     fleet.file.has("dataset");
@@ -172,7 +172,7 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
   std::sort(fleet.cameras.begin(), fleet.cameras.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
   checkNames(fleet);
-  checkSenses(fleet);
+  checkSensors(fleet);
   return fleet;
 }
 

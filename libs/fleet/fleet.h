@@ -25,8 +25,8 @@ struct CameraSpec {
   std::string robot;  ///< empty for a ceiling camera
   CameraRole role = CameraRole::kFisheye;
   CameraSource source = CameraSource::kDataset;
-  std::string path;      ///< folder, video file or device of the other sources
-  double rate_hz = 0.0;  ///< folder: frames per second; arena: as the arena says
+  std::string path;      ///< folder, video file or device of sources other than a dataset
+  double rate_hz = 0.0;  ///< folder: frames per second; arena: rate of the arena file
   lens::CameraModel model;
   std::string host;
 };
@@ -35,69 +35,70 @@ struct RobotSpec {
   std::string name;
   std::optional<Pose2> initial_pose;  ///< map_from_base
   RobotBody body;
-  bool has_wheels = false;                    ///< someone publishes wheels/odometry
-  bool has_observations = false;              ///< range/bearing instead of images
-  std::optional<dataset::LaserSensor> laser;  ///< someone publishes laser
+  bool has_wheels = false;                    ///< wheels/odometry is published
+  bool has_observations = false;              ///< reports ranges and bearings instead of images
+  std::optional<dataset::LaserSensor> laser;  ///< laser is published
   std::string host;
 };
 
-/// What a fleet is made of: from a fleet file, a dataset or an arena, with option overlays on top.
-/// The file's keys are described in config/fleets/README.md.
+/// Description of a fleet from a fleet file, a dataset or an arena, with option overlays on top.
+/// config/fleets/README.md documents the keys of the file.
 struct Fleet {
   std::string name = "fleet";
   std::vector<RobotSpec> robots;    ///< sorted by name
   std::vector<CameraSpec> cameras;  ///< sorted by id
   std::optional<dataset::MarkerSet> markers;
-  std::vector<dataset::Landmark> landmarks;  ///< surveyed ones, of the dataset or of the file `landmarks`
-  std::string dataset;                       ///< folder; empty unless the run replays one
-  std::optional<synthetic::Arena> arena;     ///< only when simulated
-  int seed = 1;                              ///< of the arena's noise
-  bool end_at_rest = true;  ///< arena: the run is over when every robot has been told to stand for a second
-  options::Section file;    ///< fleet file with overlays: options of services
+  std::vector<dataset::Landmark> landmarks;  ///< surveyed landmarks of the dataset or of the file `landmarks`
+  std::string dataset;                       ///< dataset folder; empty unless the run replays one
+  std::optional<synthetic::Arena> arena;     ///< only for simulation
+  int seed = 1;                              ///< seed of the noise of the arena
+  bool end_at_rest =
+      true;               ///< arena: the run ends when every robot has been commanded to stop for one second
+  options::Section file;  ///< fleet file with overlays; contains the options of the services
 
-  /// From a fleet file (may name `dataset:` or `world:`), or, where `fleet_file` is empty, from a dataset
+  /// Loads a fleet file (which may name `dataset:` or `world:`) or, if `fleet_file` is empty, a dataset
   /// folder. Overlays are files of the same form. Throws options::Error.
   static Fleet load(const std::string& fleet_file, const std::string& dataset_folder,
                     const std::vector<std::string>& overlays);
 
-  /// Options of one service, as written under `services: {NAME: …}`, on top of the arena's (formation,
-  /// world); `host` is taken out.
+  /// Options of one service under `services: {NAME: …}`, on top of those of the arena (formation, world).
+  /// `host` is marked as known, so that the service does not report it.
   options::Section service(const std::string& service_name) const;
 
   const RobotSpec& robot(const std::string& robot_name) const;   ///< throws options::Error
   const CameraSpec& camera(const std::string& camera_id) const;  ///< throws options::Error
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
   std::map<std::string, RobotBody> bodies() const;
-  /// How the fisheye lenses of the robots that have one spread angles.
+  /// Radial projection (lens::Spread) of the fisheye lens of each robot that has one.
   std::map<std::string, lens::Spread> lensSpreads() const;
 
-  /// Robots that map with a fisheye camera or a laser: they have local_mapper, classifier, global_merger (and
+  /// Robots that map with a fisheye camera or a laser. Each has local_mapper, classifier, global_merger (and
   /// formation).
   std::vector<std::string> mappingRobots() const;
-  bool maps(const std::string& robot_name) const;  ///< one of them
-  /// Robots with neither that report ranges and bearings instead of images: the localizer makes
-  /// their frames, they have a global_merger.
+  bool maps(const std::string& robot_name) const;  ///< true for a mapping robot
+  /// Robots without camera and laser that report ranges and bearings. The localizer publishes their
+  /// `objects`; they have a global_merger.
   std::vector<std::string> observingRobots() const;
-  /// Both kinds, by name: those that get a pose per frame and hold a replica of the map.
+  /// Mapping and observing robots, by name. Each has a pose per frame and a replica of the map.
   std::vector<std::string> locatedRobots() const;
   std::vector<std::string> ceilingCameras() const;
-  bool hasFormation() const;  ///< robots are driven by this fleet
+  bool hasFormation() const;  ///< the fleet drives its robots
   bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser
 };
 
 /// One process of a run.
 struct ProcessSpec {
-  std::string service;   ///< program and service name: camera, local_mapper, …
-  std::string instance;  ///< robot or camera; empty for one per fleet
+  std::string service;   ///< name of program and service: camera, local_mapper, …
+  std::string instance;  ///< robot or camera; empty for a service of the whole fleet
   std::string host;
-  int stage = 0;  ///< stopping order: 0 (sources) first
+  int stage = 0;  ///< stopping order: 0 (sources) stops first
 };
 
-/// Every process that the fleet needs, upstream first; `host` empty: all of them.
+/// All processes of the fleet, upstream first. With `host`, only those of that host.
 std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host = {});
 
-/// How many readers of a stream belong to the fleet; writers wait for so many before a deterministic run
-/// starts. `topic` as in the IDL table ("local_map", "camera", …), `instance` robot or camera id.
+/// Number of readers of a stream within the fleet. In a deterministic run writers wait for this number before
+/// they start. `topic` as in the IDL table ("local_map", "camera", …); `instance` is a robot or a camera id.
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance);
 
 }  // namespace omnifleet::fleet

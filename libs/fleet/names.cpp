@@ -24,11 +24,11 @@ struct NameChecker {
   void check(const char* what, const std::string& name, std::size_t limit) const {
     if (name.empty()) fail(fmt::format("{}: a name must not be empty", what));
     if (name.size() > limit) {
-      fail(fmt::format("{} '{}': the name has {} characters, allowed are 1 to {}", what, name, name.size(),
+      fail(fmt::format("{} '{}': the name has {} characters; 1 to {} are allowed", what, name, name.size(),
                        limit));
     }
     if (!std::all_of(name.begin(), name.end(), isPlain)) {
-      fail(fmt::format("{} '{}': a name may have letters, digits, '_', '-' and '.' only", what, name));
+      fail(fmt::format("{} '{}': a name may contain only letters, digits, '_', '-' and '.'", what, name));
     }
   }
 };
@@ -39,12 +39,12 @@ void checkNames(const Fleet& fleet) {
   const NameChecker checker{fleet.dataset.empty() ? fleet.file.file() : fleet.dataset};
   checker.check("fleet", fleet.name, kNameLimit);
   if (fleet.robots.size() > kRobotLimit) {
-    checker.fail(fmt::format("robots: there are {}, allowed are 1 to {}", fleet.robots.size(), kRobotLimit));
+    checker.fail(fmt::format("robots: {} robots; 1 to {} are allowed", fleet.robots.size(), kRobotLimit));
   }
   for (const RobotSpec& robot : fleet.robots) checker.check("robot", robot.name, kNameLimit);
   for (std::size_t i = 1; i < fleet.robots.size(); ++i) {
     if (fleet.robots[i].name == fleet.robots[i - 1].name)
-      checker.fail("robot '" + fleet.robots[i].name + "' is there twice");
+      checker.fail("robot '" + fleet.robots[i].name + "' is listed twice");
   }
   for (const CameraSpec& camera : fleet.cameras) {
     std::string id = camera.id;

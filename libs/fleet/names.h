@@ -4,10 +4,10 @@
 
 namespace omnifleet::fleet {
 
-/// What the wire can carry (idl/): robot and fleet names of at most 32, camera ids of at most 64 characters,
-/// letters, digits, '_', '-' and '.' (a name is a DDS partition, where '*' and '?' are patterns; a camera id
-/// also has its one '/'); at most 32 robots, each name once. Throws options::Error naming the file and what
-/// is wrong.
+/// Checks the limits of the wire format (idl/). Robot and fleet names have at most 32, camera ids at most 64
+/// characters: letters, digits, '_', '-' and '.'. A name is a DDS partition, where '*' and '?' are patterns.
+/// A camera id also contains one '/'. At most 32 robots, each name once. Throws options::Error that names the
+/// file and the problem.
 void checkNames(const Fleet& fleet);
 
 }  // namespace omnifleet::fleet

@@ -5,7 +5,7 @@
 namespace omnifleet::fleet {
 namespace {
 
-// Stages in the order in which they are stopped: what produces goes first, the merger drains last.
+// Stages in stopping order: producers stop first, the merger finishes last.
 enum Stage { kSources, kMappers, kClassifiers, kLocalizers, kFormations, kMergers };
 
 std::string hostOf(const Fleet& fleet, const std::string& service, const std::string& fallback) {
@@ -52,16 +52,17 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "camera") return 1;
   const std::vector<std::string> observing = fleet.observingRobots();
   const bool observes = std::find(observing.begin(), observing.end(), instance) != observing.end();
-  if (topic == "wheels/odometry") return maps || observes ? 1 : 0;  // its local mapper or the localizer
+  if (topic == "wheels/odometry")
+    return maps || observes ? 1 : 0;  // the local mapper of the robot, or the localizer
   if (topic == "wheels/command") return fleet.arena ? 1 : 0;
   if (topic == "local_map" || topic == "laser") return 1;
-  if (topic == "objects" && observes) return 1;                       // made by the estimator: merger
-  if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // estimator, merger, formation
+  if (topic == "objects" && observes) return 1;  // published by the localizer, read by the merger
+  if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // localizer, merger, formation
   if (topic == "measurement") return 1;
-  if (topic == "pose") {  // every merger; of robots with a camera every classifier and formation
+  if (topic == "pose") {  // every merger; for mapping robots also every classifier and formation
     return located + (maps ? robots + formations : 0);
   }
-  if (topic == "formation/state") return std::max(0, formations - 1);  // every other formation
+  if (topic == "formation/state") return std::max(0, formations - 1);  // all other formations
   if (topic == "map/contribution" || topic == "map/keyframe_pose") return located;
   if (topic == "world/truth") {
     return static_cast<int>(

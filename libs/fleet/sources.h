@@ -6,13 +6,13 @@
 
 namespace omnifleet::fleet {
 
-/// Robots, cameras and markers of the recording `fleet.dataset`.
+/// Adds robots, cameras and markers of the recording `fleet.dataset`.
 void addDataset(Fleet& fleet);
 
-/// Robots, cameras and markers of the arena file `fleet.arena`.
+/// Adds robots, cameras and markers of the arena file `fleet.arena`.
 void addArena(Fleet& fleet);
 
-/// A fisheye camera looks at the floor from above. Throws options::Error naming the sensor file where not.
+/// A fisheye camera must be above the floor. Throws options::Error that names the sensor file otherwise.
 void requireAboveFloor(const CameraSpec& camera, const std::string& sensor_file);
 
 }  // namespace omnifleet::fleet

@@ -9,7 +9,8 @@ namespace omnifleet::flow {
 
 namespace {
 
-// Around a region: its outline is looked for there, and it may have moved that much more than is expected.
+// Margin around a region. The outline is searched for in it, and the region may have moved this much more
+// than expected.
 constexpr int kSlack_px = 16;
 static_assert(CellColours::kSide == ground::FloorView::kCell);
 
@@ -35,7 +36,7 @@ FeatureFlow::FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& o
       previous_(options.lucas_kanade.levels),
       current_(options.lucas_kanade.levels) {}
 
-/// Pixels around a point that are needed for so many levels of the pyramid.
+/// Pixels around a point that tracking with `levels` pyramid levels needs.
 int FeatureFlow::reach(int levels) const {
   return lucas_kanade_.reach_px(levels) + Pyramid::lossOf(levels);
 }
@@ -82,7 +83,7 @@ double FeatureFlow::floorSigma(const Eigen::Vector2f& pixel, const Eigen::Vector
   if (r < 1e-6) return options_.sigma_px * camera_->height();
   const auto beyond = camera_->floorFromPixel(pixel.cast<double>() + outward / r);
   const double metres = beyond ? (*beyond - floor).norm() : floor.norm();
-  return std::sqrt(2.0) * options_.sigma_px * metres;  // both ends of the vector
+  return std::sqrt(2.0) * options_.sigma_px * metres;  // noise of both ends of the vector
 }
 
 bool FeatureFlow::followCorner(const Corner& corner, const Pose2& previous_from_current, FlowVector& vector) {

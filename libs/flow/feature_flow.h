@@ -17,38 +17,41 @@ struct FeatureFlowOptions {
   LucasKanadeOptions lucas_kanade;  ///< `lucas_kanade`
   VectorFilterOptions filter;       ///< `filter`
   PointOptions points;              ///< `points`
-  double sigma_px = 0.15;           ///< pixels: σ of one followed point, for the noise on the floor
+  double sigma_px = 0.15;           ///< pixels: σ of one tracked point, for the noise on the floor
   static FeatureFlowOptions read(const options::Section& section);
 };
 
-/// §III.3–5 of Choi for one robot: corners in the labelled regions, followed between the frames, corrected to
-/// the floor point by point with the camera's own lens (in place of eq. 6–7), own motion removed, filtered
-/// per label. Departure: corners are found in the current frame, whose labels they then carry, and followed
-/// back into the previous one; `from` and `to` keep the paper's sense (previous → current).
+/// Choi §III.3–5 for one robot: finds corners in the labelled regions, tracks them between frames, maps them
+/// to the floor point by point with the projection model of the camera (instead of eq. 6–7), removes the
+/// robot's own motion, and filters per label. Difference to the paper: corners are found in the current
+/// frame, whose labels they carry, and tracked back into the previous one. `from` and `to` keep the meaning
+/// of the paper (previous → current).
 class FeatureFlow {
  public:
   FeatureFlow(const lens::Camera& camera, const FeatureFlowOptions& options);
 
-  /// Takes the next frame; the one before becomes the previous. Only around its regions is it looked at: what
-  /// had no region near it in the frame before is not followed.
-  /// @param image CV_8UC3 (BGR) or CV_8UC1; copied there
+  /// Takes the next frame; the current frame becomes the previous one. Processes only the surroundings of
+  /// `regions`: a point without a region near it in the previous frame is not tracked.
+  /// @param image CV_8UC3 (BGR) or CV_8UC1; the surroundings of the regions are copied
   /// @param cells of the image, for its coarse levels
   void push(const cv::Mat& image, const CellColours& cells, const std::vector<ground::Blob>& regions);
-  /// Forgets the previous frame.
+  /// Discards the previous frame.
   void forget() {
     has_previous_ = has_current_ = false;
     points_.forget();
   }
 
-  /// Followed points that the lens has no floor for (r ≥ F in Choi eq. 7) since forgetRejected().
+  /// Number of tracked points that the projection cannot map to the floor (r ≥ F in Choi eq. 7) since
+  /// forgetRejected().
   std::size_t rejected() const { return rejected_; }
   void forgetRejected() { rejected_ = 0; }
 
-  /// Brightness of the frame pushed last, in its regions and well around them.
+  /// Brightness of the last frame, in its regions and their surroundings.
   const cv::Mat1b& grey() const { return current_.grey(); }
 
   /// Fills vectors (with their points in space) and height of objects[i] from blobs[which[i]].
-  /// @param motion base_link(previous) ← base_link(current); taken as identity, and no height, when not valid
+  /// @param motion base_link(previous) ← base_link(current). If not valid, identity is assumed and no height
+  /// is estimated.
   void track(const std::vector<ground::Blob>& blobs, const std::vector<std::size_t>& which,
              const Motion& motion, std::vector<ObjectObservation>& objects);
 
@@ -65,7 +68,7 @@ class FeatureFlow {
   LucasKanade lucas_kanade_;
   PointTracks points_;
   Pyramid previous_, current_;
-  std::vector<cv::Rect> previous_seen_, current_seen_;  ///< pixels from which points can be followed
+  std::vector<cv::Rect> previous_seen_, current_seen_;  ///< rectangles in which points can be tracked
   std::vector<cv::Rect> built_, built_coarsely_;
   std::size_t rejected_ = 0;
   bool has_previous_ = false, has_current_ = false;

@@ -44,7 +44,7 @@ namespace {
 
 constexpr int kChunk = 16;
 
-/// From the least to the last column of both; what is empty counts nothing.
+/// From the first to the last column of both. An empty range is ignored.
 cv::Range joined(const cv::Range& a, const cv::Range& b) {
   if (a.empty()) return b;
   if (b.empty()) return a;
@@ -55,7 +55,7 @@ void growTo(cv::Mat1f& m, int rows, int columns) {
   if (m.rows < rows || m.cols < columns) m.create(std::max(m.rows, rows), std::max(m.cols, columns));
 }
 
-/// Products of the central differences over n pixels of a row of the image.
+/// Products of the central differences over n pixels of an image row.
 OMNIFLEET_WIDE void differentiate(const std::uint8_t* above, const std::uint8_t* here,
                                   const std::uint8_t* below, int n, float* xx, float* xy, float* yy) {
   inChunks<kChunk>(
@@ -80,8 +80,9 @@ inline __attribute__((always_inline)) void smoothAlong(const float* w, const flo
       });
 }
 
-/// Columns first, then rows; what is valid shrinks by the window and moves to the top left.
-/// @param spans columns of each row of the result that are asked for
+/// Smooths along columns first, then along rows. The valid area shrinks by the window and moves to the top
+/// left.
+/// @param spans requested columns of each row of the result
 template <int kRadius>
 inline __attribute__((always_inline)) void smoothBothWays(const float* weights, cv::Mat1f& product,
                                                           const std::vector<cv::Range>& spans,
@@ -133,7 +134,8 @@ OMNIFLEET_WIDE void combine(const float* xx, const float* xy, const float* yy, f
       });
 }
 
-/// 1 where the response is positive and a maximum of its 3×3 neighbourhood (the first of equal ones), else 0.
+/// 1 where the response is positive and a maximum of its 3×3 neighbourhood (the first of equal values), else
+/// 0.
 OMNIFLEET_WIDE void findPeaks(const float* above, const float* here, const float* below, int begin, int end,
                               int* peaks) {
   inChunks<kChunk>(
@@ -153,7 +155,8 @@ void Harris::response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& re
   respond(grey, rect, kernel_, response);
 }
 
-/// Of the rectangle's columns those next to which a peak may be: of the blob, and one pixel around it.
+/// Per row, the columns of the rectangle that peak detection needs: those of the blob and one pixel around
+/// it.
 void Harris::findSpans(const ground::Blob& blob, const cv::Rect& rect) {
   spans_.assign(static_cast<std::size_t>(rect.height), {0, 0});
   for (const ground::Run& run : blob.runs) {
@@ -166,7 +169,7 @@ void Harris::findSpans(const ground::Blob& blob, const cv::Rect& rect) {
   }
 }
 
-/// In the spans; elsewhere `response` holds anything.
+/// Computes the response in the spans; elsewhere `response` is undefined.
 void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, const std::vector<float>& kernel,
                      cv::Mat1f& response) {
   const int radius = static_cast<int>(kernel.size()) / 2;
@@ -189,8 +192,8 @@ void Harris::respond(const cv::Mat1b& grey, const cv::Rect& rect, const std::vec
   }
 }
 
-/// Of the row y of the rectangle with the window's radius around it, in some of its columns; beyond the
-/// image's edge rows come again and columns are 0.
+/// Products for row y of the rectangle, which is extended by the radius of the window, in some of its
+/// columns. Beyond the edge of the image, rows are repeated and columns are 0.
 void Harris::takeProducts(const cv::Mat1b& grey, const cv::Rect& rect, int radius, int y,
                           const cv::Range& columns) {
   const int u0 = rect.x - radius;
@@ -279,7 +282,7 @@ const std::vector<Corner>& Harris::detect(const cv::Mat1b& grey, const cv::Mat1b
   return corners_;
 }
 
-/// The pixels that are a region's at half the resolution, where pixel x lies on 2x.
+/// The pixels of a region at half the resolution, where pixel x corresponds to 2x.
 const ground::Blob& Harris::halved(const ground::Blob& blob) {
   halved_.runs.clear();
   for (const ground::Run& run : blob.runs) {
@@ -292,7 +295,7 @@ const ground::Blob& Harris::halved(const ground::Blob& blob) {
   return halved_;
 }
 
-/// @param scale pixels of the full resolution to one of `grey`
+/// @param scale pixels of the full resolution per pixel of `grey`
 void Harris::findIn(const cv::Mat1b& grey, const ground::Blob& blob, std::size_t index, int scale) {
   const cv::Rect& r = blob.rect;
   if (r.x < 1 || r.y < 1 || r.x + r.width >= grey.cols || r.y + r.height >= grey.rows) return;

@@ -10,15 +10,15 @@
 namespace omnifleet::flow {
 
 struct HarrisOptions {
-  double k = 0.04;  ///< Choi eq. 2
-  double m = 0.03;  ///< threshold as a fraction of the strongest response (0.3 in the paper)
-  bool per_label =
-      true;  ///< strongest of the label (dim objects keep their corners); false: of the frame, as printed
-  double sigma_px = 1.5;         ///< pixels: Gaussian window W
+  double k = 0.04;        ///< Choi eq. 2
+  double m = 0.03;        ///< threshold as a fraction of the strongest response (0.3 in the paper)
+  bool per_label = true;  ///< strongest response of the label, so that dim objects keep their corners; false:
+                          ///< of the frame, as in the paper
+  double sigma_px = 1.5;  ///< pixels: Gaussian window W
   int max_per_label = 20;        ///< strongest corners kept per label
   double min_distance_px = 5.0;  ///< pixels between the corners of a label
-  int halve_from_px = 4000;      ///< pixels of a label from which half the resolution does (it shows more
-                                 ///< corners than are kept); 0: never. Only with per_label
+  int halve_from_px = 4000;  ///< area of a label (pixels) from which half the resolution is used, because it
+                             ///< shows more corners than are kept; 0: never. Only with per_label
   static HarrisOptions read(const options::Section& section);
 };
 
@@ -28,20 +28,21 @@ struct Corner {
   std::size_t blob = 0;  ///< index into the blobs
 };
 
-/// Harris corners (Choi eq. 2) with a Gaussian window, looked for only within labelled regions.
+/// Harris corners (Choi eq. 2) with a Gaussian window, only within labelled regions.
 class Harris {
  public:
   explicit Harris(const HarrisOptions& options);
 
-  /// @param grey CV_8UC1. @return corners by blob, strongest first in each; valid until the next call
+  /// @param grey CV_8UC1
+  /// @return corners by blob, the strongest first in each; valid until the next call
   const std::vector<Corner>& detect(const cv::Mat1b& grey, const std::vector<ground::Blob>& blobs);
-  /// Likewise in blobs[which[i]]; the corners' `blob` is i.
-  /// @param half the image at half its size (cv::pyrDown), for large blobs; or empty
+  /// Corners in blobs[which[i]]; Corner::blob is i.
+  /// @param half the image at half its size (cv::pyrDown), for large blobs; may be empty
   const std::vector<Corner>& detect(const cv::Mat1b& grey, const cv::Mat1b& half,
                                     const std::vector<ground::Blob>& blobs,
                                     const std::vector<std::size_t>& which);
 
-  /// O(x, y) of eq. 2 over a rectangle of the image, central differences in units of grey levels per pixel.
+  /// O(x, y) of eq. 2 over a rectangle of the image. Central differences, in grey levels per pixel.
   void response(const cv::Mat1b& grey, const cv::Rect& rect, cv::Mat1f& response);
 
  private:
@@ -58,8 +59,8 @@ class Harris {
   HarrisOptions options_;
   std::vector<float> kernel_, half_kernel_;  ///< W
   cv::Mat1f xx_, xy_, yy_, row_, response_;
-  std::vector<cv::Range> spans_;  ///< of each row of a rectangle: columns where the response is asked for
-  std::vector<int> peaks_;        ///< of a row
+  std::vector<cv::Range> spans_;  ///< columns of each row of a rectangle where the response is requested
+  std::vector<int> peaks_;        ///< of one row
   ground::Blob halved_;
   std::vector<Corner> candidates_, corners_;
   std::vector<float> strongest_;

@@ -29,12 +29,12 @@ constexpr int roundedUp(int n) {
   return (n + lanes::kLanes - 1) / lanes::kLanes * lanes::kLanes;
 }
 
-/// A window of side × side pixels anywhere between the pixels; rows are rounded up to whole vectors, what is
-/// too much has no meaning.
+/// A window of side × side pixels at a sub-pixel position. Rows are rounded up to whole vectors; the extra
+/// columns are undefined.
 struct Window {
-  const std::uint8_t* first;  ///< the pixel at its top left or the one before
+  const std::uint8_t* first;  ///< first of the four pixels around the top left position
   std::ptrdiff_t step;
-  float w00, w01, w10, w11;  ///< bilinear
+  float w00, w01, w10, w11;  ///< bilinear weights
 };
 
 /// Eight pixels of a window.
@@ -51,8 +51,7 @@ OMNIFLEET_WIDE void copyWindow(const Window& window, int side, float* out) {
       lanes::store(sample(window, x, y), out);
 }
 
-/// Gradients of `wide`, which has a margin of one pixel: weighted ones, the pixels themselves and the sums of
-/// AᵀWA.
+/// Weighted gradients of `wide` (which has a margin of one pixel), its inner pixels, and the sums of AᵀWA.
 OMNIFLEET_WIDE void differentiate(const float* wide, int side, const float* weight, float* pixels, float* gx,
                                   float* gy, float (&sums)[3]) {
   const int columns = roundedUp(side), step = roundedUp(side + 2);
@@ -63,7 +62,7 @@ OMNIFLEET_WIDE void differentiate(const float* wide, int side, const float* weig
       const int i = y * columns + x;
       const auto at = [row, x](int offset) { return lanes::load<Floats>(row + x + offset); };
       const Floats dx = 0.5f * (at(1) - at(-1)), dy = 0.5f * (at(step) - at(-step));
-      const auto w = lanes::load<Floats>(weight + i);  // 0 beyond the window
+      const auto w = lanes::load<Floats>(weight + i);  // 0 outside the window
       const Floats wx = dx * w, wy = dy * w;
       lanes::store(at(0), pixels + i);
       lanes::store(wx, gx + i);
@@ -93,7 +92,7 @@ OMNIFLEET_WIDE Eigen::Vector2f correlate(const Window& window, int side, const f
   return {lanes::sum(sum_a), lanes::sum(sum_b)};
 }
 
-/// Weighted standard deviation of the differences: light may change between frames.
+/// Weighted standard deviation of the differences. It ignores a change of brightness between the frames.
 OMNIFLEET_WIDE float spread(const Window& window, int side, const float* pixels, const float* weight) {
   const int columns = roundedUp(side);
   Floats mean{}, square{};
@@ -124,7 +123,7 @@ LucasKanade::LucasKanade(const LucasKanadeOptions& options)
     for (int x = -r; x <= r; ++x) weight_[i++] = static_cast<float>(weight(x, y) / sum);
 }
 
-/// Calls use(window) for the window around a centre; false where it leaves the image.
+/// Calls use(window) for the window around a centre. False if the window leaves the image.
 template <typename Use>
 bool LucasKanade::withWindow(const cv::Mat1b& image, const Eigen::Vector2f& centre, int side, Use use) {
   const float left = centre.x() - 0.5f * static_cast<float>(side - 1);
@@ -136,7 +135,7 @@ bool LucasKanade::withWindow(const cv::Mat1b& image, const Eigen::Vector2f& cent
   Window window{image.ptr(y0) + x0,  static_cast<std::ptrdiff_t>(image.step1()),
                 (1 - fx) * (1 - fy), fx * (1 - fy),
                 (1 - fx) * fy,       fx * fy};
-  if (x0 + roundedUp(side) >= image.cols) {  // the vectors would reach beyond the image's last row
+  if (x0 + roundedUp(side) >= image.cols) {  // the vectors would read beyond the last row of the image
     for (int y = 0; y <= side; ++y)
       std::copy_n(image.ptr(y0 + y) + x0, side + 1, edge_.data() + y * kEdgeStep);
     window.first = edge_.data();
@@ -187,7 +186,7 @@ bool LucasKanade::follow(const Pyramid& from_image, const Pyramid& to_image, con
   bool found = false;
   for (int level = top; level >= 0; --level) {
     const float scale = 1.0f / static_cast<float>(1 << level);
-    // A coarse level may lie too near the border or have no texture; then the finer one starts from the
+    // A coarse level may be too close to the border or without texture. Then the finer level starts from the
     // guess.
     const Eigen::Array2f offset = Eigen::Array2f::Constant(to_image.offset_px(level));
     const Eigen::Vector2f begin = (from.array() - from_image.offset_px(level)) * scale;

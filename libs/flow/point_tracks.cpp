@@ -43,8 +43,9 @@ void PointTracks::advance(const Motion& motion) {
   places_[0] = places_[1];
   const Eigen::Vector2d rolled(motion.left_m, motion.right_m);
   const double turn = rolled.dot(turn_radpm_), half = 0.5 * turn;
-  const Pose2& told = motion.previous_from_current;
-  const Pose2 step{told.x_m - half * told.y_m, told.y_m + half * told.x_m, told.theta_rad + turn};
+  const Pose2& measured = motion.previous_from_current;
+  const Pose2 step{measured.x_m - half * measured.y_m, measured.y_m + half * measured.x_m,
+                   measured.theta_rad + turn};
   places_[1].odom_from_base = places_[0].odom_from_base * step;
   places_[1].variance_m2 += 0.5 * motion.covariance.topLeftCorner<2, 2>().trace();
   places_[1].variance_rad2 += motion.covariance(2, 2);
@@ -56,13 +57,14 @@ void PointTracks::advance(const Motion& motion) {
 bool PointTracks::sightOf(const Eigen::Vector2f& pixel, const Place& place, Sight& sight) const {
   const auto ray = camera_->rayFromPixel(pixel.cast<double>());
   if (!ray) return false;
-  // A pixel's angle, outward and around, whichever is larger.
+  // Angle of a pixel: the larger one of the radial and the tangential direction.
   const Eigen::Vector2d outward = pixel.cast<double>() - camera_->model().principal_point_px;
   const double r = outward.norm();
   const Eigen::Vector2d along = r > 1e-6 ? Eigen::Vector2d(outward / r) : Eigen::Vector2d::UnitX();
   sight.rad_per_px = 0.0;
   for (const Eigen::Vector2d& step : {along, Eigen::Vector2d(-along.y(), along.x())}) {
-    const auto beside = camera_->rayFromPixel(pixel.cast<double>() - step);  // inward: it is seen
+    const auto beside = camera_->rayFromPixel(pixel.cast<double>() -
+                                              step);  // inward, because that side is inside the field of view
     if (beside) sight.rad_per_px = std::max(sight.rad_per_px, (*beside - *ray).norm());
   }
   sight.in_base = *ray;
@@ -97,7 +99,8 @@ void PointTracks::follow(const Eigen::Vector2f& from_px, const Eigen::Vector2f& 
   Eigen::Vector2f last_px = from_px;
   if (is_placed_ && !find(from_px, last_px, track) && sightOf(from_px, places_[0], track.first))
     track.frames = 1;
-  // The corner was found anew; the feature goes on from where it was, by the way the corner went.
+  // The corner was detected again. The feature continues from its last position by the displacement of the
+  // corner.
   const Eigen::Vector2f pixel = to_px + last_px - from_px;
   if (track.frames > 0) track.frames = sightOf(pixel, places_[1], track.now) ? track.frames + 1 : 0;
   next_pixels_.push_back(pixel);
@@ -113,7 +116,7 @@ const std::vector<ScenePoint>& PointTracks::points() {
   return points_;
 }
 
-/// σ in rad of how both lines of sight lie to each other, seen from the first place.
+/// σ (rad) of the angle between both lines of sight, seen from the first position.
 double PointTracks::noiseOf(const Track& track, double range_ratio) const {
   const double first = sigma_px_ * track.first.rad_per_px;
   const double now = sigma_px_ * track.now.rad_per_px * range_ratio;
@@ -122,7 +125,7 @@ double PointTracks::noiseOf(const Track& track, double range_ratio) const {
   return std::sqrt(first * first + now * now + drift * drift);
 }
 
-/// A standing thing's point shows at least the parallax that the floor would show there.
+/// A point of a static object shows at least the parallax of the floor in the same direction.
 bool PointTracks::isAboveFloor(const Track& track, double across_m) const {
   const Sight &first = track.first, &now = track.now;
   const Eigen::Vector3d turned = now.direction - first.direction * first.direction.dot(now.direction);
@@ -134,7 +137,7 @@ bool PointTracks::isAboveFloor(const Track& track, double across_m) const {
   return inverse_range > of_floor - options_.sigmas * sigma;
 }
 
-/// What the step that the robot made turned more than it should have, as the features see it.
+/// Estimates from the features by how much the measured turn of the last step is wrong.
 void PointTracks::learnTurn() {
   if (!is_placed_) return;
   const Eigen::Vector2d rolled = places_[1].rolled_m - places_[0].rolled_m;
@@ -148,13 +151,13 @@ void PointTracks::learnTurn() {
     sum = information = 0.0;
     for (const Constraint& c : constraints_) {
       const double off = (c.missed + turn * c.per_rad) / (2.0 * c.sigma);
-      const double weight = 1.0 / (c.sigma * c.sigma * (1.0 + off * off));  // Cauchy's
+      const double weight = 1.0 / (c.sigma * c.sigma * (1.0 + off * off));  // Cauchy weight
       information += weight * c.per_rad * c.per_rad;
       sum -= weight * c.per_rad * c.missed;
     }
   }
   if (!(information > 0.0)) return;
-  constexpr double kCorrelated = 4.0;  // features of one thing err together
+  constexpr double kCorrelated = 4.0;  // errors of features on one object are correlated
   const double white = places_[1].variance_rad2 - places_[0].variance_rad2 + kCorrelated / information;
   const Eigen::Vector2d gain = turn_covariance_ * rolled;
   const double variance = rolled.dot(gain) + white, missed = sum / information;
@@ -167,7 +170,7 @@ void PointTracks::findConstraints() {
   const Pose2& now = places_[1].odom_from_base;
   const Eigen::Vector2d step = now.translation() - places_[0].odom_from_base.translation();
   const Eigen::Vector2d arm = now.rotation() * camera_->foot();
-  // Turning on, the camera goes about the axle, and the step was half as much turned.
+  // Derivative by the turn: the camera rotates about the axle, and the step rotates by half the turn.
   const Eigen::Vector3d shift(-arm.y() - 0.5 * step.y(), arm.x() + 0.5 * step.x(), 0.0);
   constraints_.clear();
   for (const Track& track : next_) {
@@ -175,7 +178,7 @@ void PointTracks::findConstraints() {
     const Sight &a = track.first, &b = track.now;
     const Eigen::Vector3d normal = (b.from_m - a.from_m).cross(a.direction);
     const double length = normal.norm();
-    constexpr double kShortest_m = 0.005;  // across the line of sight
+    constexpr double kShortest_m = 0.005;  // minimum baseline across the line of sight
     if (length < kShortest_m || !isAboveFloor(track, length)) continue;
     const Eigen::Vector3d turning(-b.direction.y(), b.direction.x(), 0.0);
     constraints_.push_back({normal.dot(b.direction) / length,
@@ -196,7 +199,7 @@ ScenePoint PointTracks::meet(const Track& track) const {
   const double range = -turned.dot(moved) / (sine * sine);
   const double first_range = first.direction.dot(baseline + range * now.direction);
   if (!(range > 0.0) || !(first_range > 0.0)) return {};
-  // Everything as an angle seen from the first place.
+  // All quantities as angles seen from the first position.
   const double pixels = noiseOf(track, range / first_range);
   const double way2 = (now.from.variance_m2 - first.from.variance_m2) / (first_range * first_range);
   const Eigen::Vector2d rolled = now.from.rolled_m - first.from.rolled_m;
@@ -208,7 +211,7 @@ ScenePoint PointTracks::meet(const Track& track) const {
   const double sigma_m = std::hypot(first_range * sigma_rad / sine, range * options_.baseline_sigma);
   if (sigma_m > options_.max_sigma_m) return {};
   const Eigen::Vector3d in_odom = now.from_m + range * now.direction;
-  if (in_odom.z() < -options_.sigmas * sigma_m * std::abs(now.direction.z())) return {};  // beneath the floor
+  if (in_odom.z() < -options_.sigmas * sigma_m * std::abs(now.direction.z())) return {};  // below the floor
   ScenePoint point;
   const Eigen::Vector2d in_base = places_[1].odom_from_base.inverse() * in_odom.head<2>();
   point.point_m << in_base.cast<float>(), static_cast<float>(in_odom.z());

@@ -12,16 +12,18 @@ namespace {
 
 constexpr int kChunk = 32;
 
-/// The border's pixels come again behind it, without the outermost (BORDER_REFLECT_101).
+/// Mirrors pixels beyond the border without repeating the outermost one (BORDER_REFLECT_101).
 int mirrored(int i, int size) {
   return i < 0 ? -i : i >= size ? 2 * size - 2 - i : i;
 }
 
-using Pairs = std::uint16_t __attribute__((vector_size(32)));  // sixteen of two pixels each, the left one low
+using Pairs = std::uint16_t
+    __attribute__((vector_size(32)));  // sixteen pairs of two pixels, the left pixel in the low byte
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
 
-/// 1 4 6 4 1 along a row, at its pixels 2 (first + x), x from 0 to n. Pixels are read as pairs where they
-/// lie: rows taken apart into even and odd ones would be read back before they are written.
+/// 1 4 6 4 1 along a row, at its pixels 2 (first + x), x from 0 to n. Pixels are read as pairs in place.
+/// Splitting rows into even and odd pixels first would stall, because they would be read back before they are
+/// written.
 OMNIFLEET_WIDE void smoothRow(const std::uint8_t* in, int width, int first, int n, std::uint16_t* out) {
   constexpr int kPairs = 16;
   const auto sixteenFrom = [=](int x) __attribute__((always_inline)) {
@@ -36,7 +38,7 @@ OMNIFLEET_WIDE void smoothRow(const std::uint8_t* in, int width, int first, int 
     out[x] = static_cast<std::uint16_t>(at(-2) + at(2) + 4 * (at(-1) + at(1)) + 6 * at(0));
   };
   const int begin = first == 0 ? 1 : 0,
-            end = std::min(n, width / 2 - 1 - first);  // all of which is in the row
+            end = std::min(n, width / 2 - 1 - first);  // the end of the pairs that lie entirely in the row
   int x = 0;
   for (; x < std::min(begin, n); ++x) one(x);
   if (end - begin >= kPairs) {
@@ -47,7 +49,7 @@ OMNIFLEET_WIDE void smoothRow(const std::uint8_t* in, int width, int first, int 
   for (; x < n; ++x) one(x);
 }
 
-/// The same over five such rows; the sum of all weights is 256.
+/// The same weights over five such rows; the sum of all weights is 256.
 OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& rows, int n, std::uint8_t* out) {
   const std::uint16_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4];
   inChunks<kChunk>(
@@ -57,7 +59,7 @@ OMNIFLEET_WIDE void smoothColumns(const std::array<const std::uint16_t*, 5>& row
       });
 }
 
-/// Brightness of n pixels, BGR: BT.601, bit by bit as cv::cvtColor gives it.
+/// Brightness of n BGR pixels (BT.601), bit by bit equal to cv::cvtColor.
 OMNIFLEET_WIDE void takeGreys(const std::uint8_t* pixels, int n, std::uint8_t* greys) {
   inChunks<kChunk>(
       0, n, [=](int x) __attribute__((always_inline)) {
@@ -66,13 +68,14 @@ OMNIFLEET_WIDE void takeGreys(const std::uint8_t* pixels, int n, std::uint8_t* g
       });
 }
 
-/// Of what is read a few rows later: short rows, each in another page, are not foreseen by the processor.
+/// Prefetches bytes that are read a few rows later. The processor does not anticipate short rows in different
+/// pages.
 void prefetch(const std::uint8_t* bytes, int n) {
   constexpr int kLine = 64;
   for (int k = 0; k < n; k += kLine) __builtin_prefetch(bytes + k);
 }
 
-/// Brightness of n colours, BGR, likewise.
+/// Brightness of n BGR colours (BT.601).
 OMNIFLEET_WIDE void takeGreys(const float* colours, int n, std::uint8_t* greys) {
   inChunks<kChunk>(
       0, n, [=](int x) __attribute__((always_inline)) {
@@ -81,7 +84,7 @@ OMNIFLEET_WIDE void takeGreys(const float* colours, int n, std::uint8_t* greys) 
       });
 }
 
-/// The pixels of the coarse row (or column) all of whose five pixels lie in [begin, end) or beyond the
+/// Range of pixels of the coarse row (or column) whose five pixels all lie in [begin, end) or beyond the
 /// border.
 cv::Range halved(int begin, int end, int size) {
   return {begin == 0 ? 0 : (begin + 3) / 2, end == size ? (size + 1) / 2 : (end - 1) / 2};
@@ -112,8 +115,10 @@ void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, co
   }
 }
 
-/// Beyond the cells known the outermost come again: an edge there would stand still, whatever moves.
-/// @param around of the finest level. @return of the cells' level what is new
+/// Beyond the known cells, the outermost ones are repeated: otherwise an artificial edge there would not move
+/// with the image.
+/// @param around rectangle of the finest level
+/// @return rectangle of the cell level that was filled
 cv::Rect Pyramid::takeCells(const CellColours& cells, const cv::Rect& around) {
   constexpr int kSide = CellColours::kSide;
   cv::Mat1b& level = levels_[kCellLevel];
@@ -133,7 +138,7 @@ cv::Rect Pyramid::takeCells(const CellColours& cells, const cv::Rect& around) {
   return rect;
 }
 
-/// The first of the levels.
+/// Builds the first `levels` levels.
 void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, std::size_t levels) {
   for (cv::Rect rect : where) {
     if (rect.empty()) continue;
@@ -146,7 +151,7 @@ void Pyramid::build(const cv::Mat& image, const std::vector<cv::Rect>& where, st
 }
 
 void Pyramid::takeGreysOf(const cv::Mat& image, const cv::Rect& rect) {
-  constexpr int kAhead = 4;  // rows
+  constexpr int kAhead = 4;  // rows to prefetch
   const int end = rect.y + rect.height;
   for (int y = rect.y; y < end; ++y) {
     if (y + kAhead < end) prefetch(image.ptr(y + kAhead) + 3 * rect.x, 3 * rect.width);
@@ -161,7 +166,8 @@ void Pyramid::create(cv::Size size) {
   }
 }
 
-/// @param where of the fine level. @return of the coarse one what is new
+/// @param where rectangle of the fine level
+/// @return rectangle of the coarse level that was filled
 cv::Rect Pyramid::halve(const cv::Mat1b& fine, const cv::Rect& where, cv::Mat1b& coarse) {
   if (fine.cols < 4 || fine.rows < 4) {
     cv::pyrDown(fine, coarse);

@@ -6,35 +6,37 @@
 
 namespace omnifleet::flow {
 
-/// Mean colours of an image's cells of kSide × kSide pixels.
+/// Mean colours of the cells (kSide × kSide pixels) of an image.
 struct CellColours {
   static constexpr int kSide = 4;
   const cv::Mat3f& means;
-  const std::vector<cv::Range>& known;  ///< columns of each row of cells that hold something
+  const std::vector<cv::Range>& known;  ///< columns of each row of cells that have a value
 };
 
-/// Grey image pyramid, each level half the size of the one before: bit by bit what cv::pyrDown gives, at a
-/// third of its time, and only where it is asked for. Where an image's cells are known, the level of their
-/// size is made of them. Buffers are reused.
+/// Grey image pyramid; each level has half the size of the one before. Bit by bit equal to cv::pyrDown, in a
+/// third of the time, and only where requested. If the cells of an image are given, the level of their size
+/// is made of them. Buffers are reused.
 class Pyramid {
  public:
   explicit Pyramid(int levels = 4) : levels_(static_cast<std::size_t>(levels)) {}
 
-  /// All of an image.
+  /// Builds all levels of the whole image.
   /// @param image CV_8UC3 (BGR) or CV_8UC1; copied
   void build(const cv::Mat& image);
-  /// What lies in some rectangles within the image; a level needs two pixels of the one below around its own,
-  /// so that the coarser ones reach less far (lossOf()). Elsewhere the levels keep what they held.
+  /// Builds all levels within the given rectangles. A level needs two pixels of the one below around its own,
+  /// so coarser levels reach less far (lossOf()). Elsewhere the levels keep their previous content.
   void build(const cv::Mat& image, const std::vector<cv::Rect>& where);
-  /// The same, from level kCellLevel on from the image's cells: no pixel is looked at for it.
-  /// @param where for the levels below it. @param around for it and those above
+  /// Builds level kCellLevel and above from the cells of the image, without reading its pixels.
+  /// @param where rectangles for the levels below kCellLevel
+  /// @param around rectangles for kCellLevel and the levels above
   void build(const cv::Mat& image, const std::vector<cv::Rect>& where, const CellColours& cells,
              const std::vector<cv::Rect>& around);
   static constexpr int kCellLevel = 2;
-  /// Pixel x of a level lies at x · 2^level + offset_px(level) of the finest, in both directions.
+  /// Pixel x of a level corresponds to x · 2^level + offset_px(level) of the finest level, in both
+  /// directions.
   float offset_px(int level) const { return of_cells_ && level >= kCellLevel ? kCellOffset_px : 0.0f; }
-  /// Pixels of the finest level by which the coarsest of so many may hold less, to each side that is not the
-  /// image's.
+  /// Pixels of the finest level by which the coarsest of `levels` levels is smaller, on each side that is not
+  /// an edge of the image.
   static int lossOf(int levels) { return 3 * ((1 << (levels - 1)) - 1); }
 
   int size() const { return static_cast<int>(levels_.size()); }
@@ -52,7 +54,7 @@ class Pyramid {
 
   std::vector<cv::Mat1b> levels_;
   bool of_cells_ = false;
-  std::vector<std::uint16_t> rows_;  ///< the last five, smoothed
+  std::vector<std::uint16_t> rows_;  ///< the last five rows, smoothed
 };
 
 }  // namespace omnifleet::flow

@@ -29,7 +29,8 @@ double medianLength(const std::vector<Displacement>& vectors, const std::vector<
   return *middle;
 }
 
-/// Middle of the window of the given width that holds most of the sorted angles; the first one among equals.
+/// Mean of the sorted angles in the window of the given width that contains most of them. Among equals, the
+/// first window.
 double densestDirection(const std::vector<double>& sorted, double width) {
   std::size_t best = 0, best_begin = 0;
   const std::size_t n = sorted.size();
@@ -88,7 +89,7 @@ std::vector<std::size_t> filterVectors(const std::vector<Displacement>& vectors,
 
 Height heightFromVectors(const std::vector<Displacement>& vectors, const Eigen::Vector2d& u_m,
                          double camera_height_m) {
-  constexpr double kMinMotion_m = 0.005;  // below, the lengths say nothing
+  constexpr double kMinMotion_m = 0.005;  // below this, the lengths contain no information
   const double u = u_m.norm();
   if (vectors.empty() || u < kMinMotion_m) return {};
   std::vector<std::pair<double, double>> scale;  // s and its σ

@@ -1,8 +1,8 @@
 #pragma once
 
-// Eight numbers at a time, in the language's own vectors: in OMNIFLEET_WIDE functions one register where the
-// processor has AVX2, two elsewhere, with the same bits. Arithmetic and comparisons work element by element;
-// a comparison gives all bits set or none.
+// Eight numbers per operation, in the vector types of the compiler. In OMNIFLEET_WIDE functions a vector is
+// one register where the processor has AVX2, otherwise two; the results are equal bit by bit. Arithmetic and
+// comparisons work per element. A comparison sets all bits of an element, or none.
 
 #include <cmath>
 #include <cstdint>
@@ -15,10 +15,10 @@ namespace omnifleet::lanes {
 inline constexpr int kLanes = 8;
 using Floats = float __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(32)));
-/// Twice as many.
+/// Twice as many elements.
 using SixteenShorts = std::int16_t __attribute__((vector_size(32)));
 
-/// Half as many.
+/// Half as many elements.
 using FourFloats = float __attribute__((vector_size(16)));
 using FourShorts = std::uint16_t __attribute__((vector_size(8)));
 
@@ -38,9 +38,9 @@ OMNIFLEET_INLINE Floats all(float v) {
 OMNIFLEET_INLINE Floats floats(const Ints& v) {
   return __builtin_convertvector(v, Floats);
 }
-/// Eight bytes as numbers.
+/// Eight bytes as floats.
 OMNIFLEET_INLINE Floats floatsFromBytes(const std::uint8_t* from) {
-  // By unpacking: compilers take a conversion of bytes to floats apart into single numbers.
+  // By unpacking, because compilers split a conversion of bytes to floats into single elements.
   using Bytes = std::uint8_t __attribute__((vector_size(16)));
   using Shorts = std::uint16_t __attribute__((vector_size(16)));
   using Four = std::int32_t __attribute__((vector_size(16)));
@@ -62,7 +62,7 @@ OMNIFLEET_INLINE FourFloats floats(const FourShorts& v) {
   const Shorts wide = __builtin_shufflevector(load<Shorts>(&half), Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11);
   return __builtin_convertvector(load<Four>(&wide), FourFloats);
 }
-/// Towards zero.
+/// Rounds towards zero.
 OMNIFLEET_INLINE Ints truncated(const Floats& v) {
   return __builtin_convertvector(v, Ints);
 }
@@ -80,13 +80,13 @@ OMNIFLEET_INLINE Floats squareRoot(const Floats& v) {
   for (int k = 0; k < kLanes; ++k) root[k] = std::sqrt(v[k]);
   return root;
 }
-/// Of a comparison's result: true in any lane.
+/// True if the comparison result `v` is true in any lane.
 OMNIFLEET_INLINE bool any(const Ints& v) {
   using Longs = std::int64_t __attribute__((vector_size(32)));
   const auto longs = load<Longs>(&v);
   return ((longs[0] | longs[1]) | (longs[2] | longs[3])) != 0;
 }
-/// In a fixed order, the same everywhere.
+/// Sum in a fixed order, so that it is equal on every processor.
 OMNIFLEET_INLINE float sum(const Floats& v) {
   return ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]));
 }

@@ -42,8 +42,8 @@ inline Pose2 operator*(const Pose2& a_from_b, const Pose2& b_from_c) {
   return {t.x(), t.y(), wrapAngle(a_from_b.theta_rad + b_from_c.theta_rad)};
 }
 
-/// Covariance (3×3 over x, y, θ of the right-hand increment) of `a_from_b * b_from_c` when the covariance of
-/// each is given in its own source frame (right perturbation, first order).
+/// Covariance of `a_from_b * b_from_c` (3×3 over x, y, θ of the right increment). The covariance of each
+/// factor is given in its own source frame (right perturbation, first order).
 Eigen::Matrix3d composeCovariance(const Eigen::Matrix3d& cov_ab, const Pose2& b_from_c,
                                   const Eigen::Matrix3d& cov_bc);
 

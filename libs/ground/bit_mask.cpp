@@ -10,14 +10,14 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kBits = BitMask::kBits;
-constexpr int kPiece_px = 16;  // that a vector holds
+constexpr int kPiece_px = 16;  // pixels in a vector
 
 int quadsFor(int columns) {
   constexpr int kQuadBits = kBits * BitMask::kQuad;
   return (columns + kQuadBits - 1) / kQuadBits;
 }
 
-/// Eight pixels of 0 or 255 for each byte of bits.
+/// Eight pixels of 0 or 255 for each value of a byte of bits.
 struct Bytes {
   std::array<std::array<std::uint8_t, 8>, 256> of{};
   Bytes() {
@@ -66,7 +66,7 @@ void BitMask::setWithout(int y, int begin, int end, const BitMask& other) {
 
 void BitArea::cover(const std::vector<Strip>& strips) {
   for (const Span& span : spans_)
-    std::fill(looked_at_.row(span.cell_row) + span.begin, looked_at_.row(span.cell_row) + span.end,
+    std::fill(selected_.row(span.cell_row) + span.begin, selected_.row(span.cell_row) + span.end,
               BitMask::Word{0});
   spans_.clear();
   constexpr int kQuadBits = kBits * BitMask::kQuad;
@@ -78,7 +78,7 @@ void BitArea::cover(const std::vector<Strip>& strips) {
       spans_.back().end = std::max(end, spans_.back().end);
     else
       spans_.push_back({strip.cell_row, begin, end});
-    BitMask::Word* words = looked_at_.row(strip.cell_row);
+    BitMask::Word* words = selected_.row(strip.cell_row);
     for (int k = strip.begin_px / kBits; k * kBits < strip.end_px; ++k)
       words[k] |=
           bitsBetween(std::max(0, strip.begin_px - k * kBits), std::min(kBits, strip.end_px - k * kBits));

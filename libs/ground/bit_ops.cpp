@@ -9,14 +9,15 @@ namespace {
 /// 256 pixels of a row.
 using Quad = std::uint64_t __attribute__((vector_size(32)));
 
-/// A quad with the words before and behind each of its words, as neighbours cross from word to word.
+/// A quad with the words before and behind each of its words, because neighbouring pixels cross word borders.
 struct Neighbourhood {
   Quad before, here, behind;
 
   static OMNIFLEET_INLINE Neighbourhood at(const BitMask::Word* words) {
     return {lanes::load<Quad>(words - 1), lanes::load<Quad>(words), lanes::load<Quad>(words + 1)};
   }
-  /// Each pixel the one k to its left, or to its right; 0 < k < 64.
+  /// The quad shifted by k pixels, so that each pixel takes the value of its left or right neighbour; 0 < k <
+  /// 64.
   OMNIFLEET_INLINE Quad left(int k) const { return here << k | before >> (BitMask::kBits - k); }
   OMNIFLEET_INLINE Quad right(int k) const { return here >> k | behind << (BitMask::kBits - k); }
 };
@@ -28,7 +29,7 @@ struct All {
   static OMNIFLEET_INLINE Quad of(const Quad& a, const Quad& b) { return a & b; }
 };
 
-/// Any or all of the square of side 2·radius + 1: its columns, then those beside one another.
+/// Combines (any or all) the square of side 2·radius + 1: first its columns, then the columns side by side.
 template <typename Join>
 OMNIFLEET_INLINE Quad joinSquare(const BitMask::Word* words, std::ptrdiff_t step, int radius) {
   Neighbourhood column = Neighbourhood::at(words);
@@ -44,7 +45,7 @@ OMNIFLEET_INLINE Quad joinSquare(const BitMask::Word* words, std::ptrdiff_t step
   return joined;
 }
 
-/// Two binary digits of how many are set.
+/// Two binary digits of the number of set bits.
 struct Digits {
   Quad ones, twos;
 };
@@ -56,7 +57,7 @@ OMNIFLEET_INLINE Digits count(const Quad& a, const Quad& b) {
   return {a ^ b, a & b};
 }
 
-/// How many of the five pixels above one another are set, in binary: one Neighbourhood for each digit.
+/// Number of set pixels among five pixels of a column, in binary: one Neighbourhood per digit.
 struct ColumnCount {
   Neighbourhood ones, twos, fours;
 
@@ -80,7 +81,7 @@ struct ColumnCount {
   }
 };
 
-/// Most of 5×5 pixels: the counts of five columns added digit by digit, at least 13.
+/// Majority of 5×5 pixels: adds the counts of five columns digit by digit and tests for at least 13.
 OMNIFLEET_INLINE Quad mostOfSquare(const BitMask::Word* words, std::ptrdiff_t step) {
   const ColumnCount c = ColumnCount::at(words, step);
   const Digits one_a = count(c.ones.left(2), c.ones.left(1), c.ones.here),
@@ -96,15 +97,15 @@ OMNIFLEET_INLINE Quad mostOfSquare(const BitMask::Word* words, std::ptrdiff_t st
   return sixteen | (eight.ones & four.ones & (two.ones | one.ones));
 }
 
-/// Calls compute(row, word) for each quad of the area and stores its result where the strips are.
+/// Calls compute(row, word) for each quad of the area and stores the result within the strips.
 template <typename Compute>
 OMNIFLEET_INLINE void overArea(const BitArea& area, BitMask& out, Compute compute) {
   for (const BitArea::Span& span : area.spans()) {
-    const BitMask::Word* looked_at = area.lookedAt(span.cell_row);
+    const BitMask::Word* selected = area.selectedBits(span.cell_row);
     for (int y = span.cell_row * FloorView::kCell; y < (span.cell_row + 1) * FloorView::kCell; ++y) {
       BitMask::Word* to = out.row(y);
       for (int k = span.begin; k < span.end; k += BitMask::kQuad) {
-        const auto here = lanes::load<Quad>(looked_at + k);
+        const auto here = lanes::load<Quad>(selected + k);
         lanes::store((compute(y, k) & here) | (lanes::load<Quad>(to + k) & ~here), to + k);
       }
     }

@@ -13,11 +13,11 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kChunk = 32;
-constexpr int kSpare = 16;       // elements behind a row that vectors may reach
-constexpr int kMaxPieces = 200;  // more is texture
-constexpr double kBow_px = 0.4;  // by which straight edges on the floor bow inward in the image, and rounding
+constexpr int kSpare = 16;       // elements behind a row that vectors may read
+constexpr int kMaxPieces = 200;  // more pieces mean texture
+constexpr double kBow_px = 0.4;  // inward bow of straight floor edges in the image, plus rounding
 
-/// Sums of 3×3 pixels; rows of interleaved colours with one pixel of margin to each side.
+/// Sums of 3×3 pixels. Rows hold interleaved colours with a margin of one pixel on each side.
 OMNIFLEET_WIDE void sumNine(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below,
                             int width, std::uint16_t* sums) {
   inChunks<kChunk>(
@@ -29,8 +29,8 @@ OMNIFLEET_WIDE void sumNine(const std::uint8_t* above, const std::uint8_t* here,
     sums[i] = static_cast<std::uint16_t>(sums[i] + sums[i + 3] + sums[i + 6]);
 }
 
-/// The commonest class of the 5×5 neighbourhood, a pixel's own among equals. Rows of classes with two pixels
-/// of margin to each side; n sums per class are scratch.
+/// Most frequent class in the 5×5 neighbourhood; on a tie, the pixel's own class. Rows hold classes with a
+/// margin of two pixels on each side. `counts` is scratch memory for n sums per class.
 OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, int classes,
                                   std::uint8_t* scratch, std::uint8_t* counts, std::uint8_t* out) {
   const std::uint8_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4];
@@ -64,7 +64,7 @@ OMNIFLEET_WIDE void takeCommonest(const std::uint8_t* const* rows, int width, in
   }
 }
 
-/// Shares of red and of green in n sums of interleaved colours; reads and writes up to a whole vector more.
+/// Shares of red and green in n sums of interleaved colours. Reads and writes up to one vector more.
 void takeShares(const std::uint16_t* sums, int n, float* red, float* green) {
   constexpr int kLanes = 8;
   const auto half = [](const cv::v_uint32x4& v) { return cv::v_cvt_f32(cv::v_reinterpret_as_s32(v)); };
@@ -84,7 +84,7 @@ void takeShares(const std::uint16_t* sums, int n, float* red, float* green) {
   }
 }
 
-/// The nearest of the colours to each of n pixels, from 1 on; the first among equals.
+/// Index (from 1) of the nearest colour for each of n pixels; the first one on a tie.
 OMNIFLEET_WIDE void takeNearest(const float* red, const float* green, int n, const float* reds,
                                 const float* greens, int colours, float* nearest, std::int32_t* which,
                                 std::uint8_t* out) {
@@ -102,7 +102,7 @@ OMNIFLEET_WIDE void takeNearest(const float* red, const float* green, int n, con
   for (int x = 0; x < n; ++x) out[x] = static_cast<std::uint8_t>(which[x]);
 }
 
-/// Bins of a histogram of two shares, `bins` to a side.
+/// Bins of a 2-D histogram of the two shares, with `bins` bins per axis.
 OMNIFLEET_WIDE void takeBins(const float* red, const float* green, int n, int bins, std::int32_t* out) {
 #pragma GCC ivdep
   for (int x = 0; x < n; ++x) {
@@ -118,7 +118,7 @@ OMNIFLEET_WIDE int countOutside(const std::uint8_t* canvas, const std::uint8_t* 
   return count;
 }
 
-/// A matrix of that size over storage that only ever grows.
+/// Resizes a matrix over storage that only grows.
 template <typename T>
 void shape(cv::Size size, std::vector<T>& storage, cv::Mat_<T>& mat) {
   storage.resize(std::max(storage.size(), static_cast<std::size_t>(size.area())));
@@ -166,7 +166,7 @@ void BlobSplitter::clearMask() {
   parts_.clear();
 }
 
-/// Adds the hull of a region to the canvas.
+/// Draws the convex hull of a region on the canvas.
 void BlobSplitter::paintHull(const Blob& blob) {
   corners_.clear();
   for (const Run& run : blob.runs) {
@@ -177,15 +177,15 @@ void BlobSplitter::paintHull(const Blob& blob) {
   cv::fillConvexPoly(canvas_, hull_, 1);
 }
 
-/// Pixels of the canvas that are not of the region.
+/// Number of canvas pixels that do not belong to the region.
 int BlobSplitter::countNotches() const {
   int count = 0;
   for (int y = 0; y < rect_.height; ++y) count += countOutside(canvas_.ptr(y), inside_.ptr(y), rect_.width);
   return count;
 }
 
-/// Things that stand before one another leave notches where their outlines meet; marks on one thing do not.
-/// Where one part bites into another it stands before it: that is no notch.
+/// Objects that occlude one another leave concave notches where their outlines meet. Marks on one object
+/// leave none. A concavity where another part occludes this one does not count as a notch.
 bool BlobSplitter::isMoreConvex(const Blob& blob) {
   shape(rect_.size(), canvas_store_, canvas_);
   canvas_.setTo(0);
@@ -229,7 +229,7 @@ void BlobSplitter::gather(const cv::Mat& image, const Blob& blob) {
   }
 }
 
-/// Modes of the histogram of chromaticities, the fullest first.
+/// Modes of the chromaticity histogram, the fullest first.
 void BlobSplitter::findColours(int area) {
   modes_.clear();
   for (int i = 1; i + 1 < kBins; ++i) {
@@ -281,8 +281,8 @@ void BlobSplitter::assign(const Blob& blob) {
   }
 }
 
-/// Each pixel takes the commonest class of its 5×5 neighbourhood, its own among equals: mixed pixels along
-/// outlines have colours of their own.
+/// Assigns to each pixel the most frequent class of its 5×5 neighbourhood, or its own on a tie. Mixed pixels
+/// along outlines would otherwise form classes of their own.
 void BlobSplitter::takeMajority() {
   constexpr int kReach = 2;
   shape({rect_.width + 2 * kReach, rect_.height + 2 * kReach}, spare_store_, spare_);
@@ -299,7 +299,7 @@ void BlobSplitter::takeMajority() {
   }
 }
 
-/// Runs of one class in each row of the rectangle.
+/// Finds the runs of one class in each row of the rectangle.
 void BlobSplitter::findRuns() {
   runs_.clear();
   row_begin_.clear();
@@ -316,7 +316,8 @@ void BlobSplitter::findRuns() {
   row_begin_.push_back(runs_.size());
 }
 
-/// Calls visit(above, below, pixels) for each two runs of neighbouring rows that lie above one another.
+/// Calls visit(above, below, pixels) for each pair of runs in neighbouring rows that touch vertically.
+/// `pixels` is the length of the contact.
 template <typename Visit>
 void BlobSplitter::forTouchingRows(Visit visit) {
   for (std::size_t row = 1; row + 1 < row_begin_.size(); ++row) {
@@ -334,7 +335,8 @@ std::size_t BlobSplitter::leader(std::size_t run) {
   return run;
 }
 
-/// Connected pixels (4 neighbours) of one class; numbered by their first pixel in reading order.
+/// Finds connected pixels (4 neighbours) of one class. Pieces are numbered by their first pixel in reading
+/// order.
 void BlobSplitter::findPieces() {
   findRuns();
   forTouchingRows([&](std::size_t above, std::size_t below, int) {
@@ -344,7 +346,7 @@ void BlobSplitter::findPieces() {
   });
   for (std::size_t i = 0; i < runs_.size(); ++i) runs_[i].piece = leader(i);
   pieces_.assign(1, Piece{});
-  for (std::size_t i = 0; i < runs_.size(); ++i) {  // a leader comes before those that it leads
+  for (std::size_t i = 0; i < runs_.size(); ++i) {  // the leader of a set precedes its members
     if (runs_[i].piece == i) {
       runs_[i].piece = pieces_.size();
       pieces_.emplace_back();
@@ -358,7 +360,7 @@ void BlobSplitter::findPieces() {
   if (pieces_.size() <= kMaxPieces) measureBorders();
 }
 
-/// Every pixel has four edges; those that no pixel of the region lies behind are outside.
+/// Every pixel has four edges. An edge without a pixel of the region behind it is an outside edge.
 void BlobSplitter::measureBorders() {
   shared_.assign(pieces_.size() * pieces_.size(), 0);
   const auto meet = [&](std::size_t a, std::size_t b, int edges) {
@@ -377,16 +379,17 @@ void BlobSplitter::measureBorders() {
       if (runs_[i - 1].end == runs_[i].begin) meet(runs_[i - 1].piece, runs_[i].piece, 1);
 }
 
-/// The smallest piece that is no thing joins the neighbour with which it shares most; false when all are.
+/// Merges the smallest piece that does not qualify as an object into the neighbour with the longest common
+/// border. Returns false if all pieces qualify.
 bool BlobSplitter::mergeOne(int area) {
   const int least = std::max(options_.min_area_px, static_cast<int>(options_.min_share * area));
   std::size_t which = 0;
   for (std::size_t i = 1; i < pieces_.size(); ++i) {
     const Piece& piece = pieces_[i];
     if (piece.area == 0 || piece.shared == 0) continue;
-    const bool thing =
+    const bool object =
         piece.area >= least && piece.outside >= options_.min_outline * (piece.outside + piece.shared);
-    if (!thing && (which == 0 || piece.area < pieces_[which].area)) which = i;
+    if (!object && (which == 0 || piece.area < pieces_[which].area)) which = i;
   }
   if (which == 0) return false;
   Piece& piece = pieces_[which];
@@ -417,8 +420,8 @@ void BlobSplitter::mergeSmall(int area) {
   }
   while (mergeOne(area)) {
   }
-  // What touches nothing that it could join (the region hangs together over a corner, or was connected) is
-  // too small to be a thing by itself.
+  // A piece without a neighbour to join touches the region only at a corner, or was connected to it. Such a
+  // piece is too small to be an object.
   for (Piece& piece : pieces_)
     if (piece.area < options_.min_area_px && piece.shared == 0) piece.area = 0;
 }

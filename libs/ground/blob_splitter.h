@@ -12,33 +12,34 @@ namespace omnifleet::ground {
 struct SplitOptions {
   bool enabled = true;
   double max_solidity =
-      0.965;  ///< 1, silhouettes less convex than this may be several things (as one polygon: 0.94)
-  double hue_step = 0.11;    ///< 1, distance of (r, g)/(r + g + b) between the colours of two things
-  double min_share = 0.08;   ///< 1, of the region's area, that a thing must have
-  int min_area_px = 40;      ///< pixels, likewise
-  double min_gain = 0.5;     ///< 1, share of the region\'s concavity that must be gone between the parts
-  double min_outline = 0.2;  ///< 1, of its own outline, that must border on the floor: else it is a mark
+      0.965;  ///< 1, below this solidity a silhouette may hold several objects (limit for one polygon: 0.94)
+  double hue_step = 0.11;   ///< 1, distance of (r, g)/(r + g + b) between the colours of two objects
+  double min_share = 0.08;  ///< 1, minimum share of the region's area for an object
+  int min_area_px = 40;     ///< pixels, minimum area of an object
+  double min_gain = 0.5;    ///< 1, minimum share of the region's concavity that the split removes
+  double min_outline =
+      0.2;  ///< 1, minimum share of an object's outline that borders on the floor; less is a mark
   static SplitOptions read(const options::Section& section);
 };
 
-/// Takes a region apart that shows several things one before the other, by their colours: chromaticity does
-/// not change with light and shade. Only what has an outline of its own towards the floor is a thing; marks
-/// and labels stay with what they are on.
+/// Splits a region that shows several objects which occlude one another, by their colours. Chromaticity does
+/// not change with light and shadow. A part counts as an object only if some of its outline borders on the
+/// floor. Marks and labels stay with the object that carries them.
 class BlobSplitter {
  public:
   BlobSplitter(cv::Size image, const SplitOptions& options);
 
   /// @param image BGR8; grey images are never split
-  /// @return the parts, none where the region is one thing; valid until the next call
+  /// @return the parts, empty if the region is one object; valid until the next call
   const std::vector<Blob>& split(const cv::Mat& image, const Blob& blob);
 
-  /// Each pixel of a part holds 1 + its index, everything else 0; until the next call.
+  /// Each pixel of a part holds 1 + the part's index, all other pixels 0. Valid until the next call.
   const cv::Mat1b& mask() const { return mask_; }
 
  private:
   static constexpr int kBins = 32;
   static constexpr int kMaxColours = 4;
-  struct Colour {  ///< share of red and of green
+  struct Colour {  ///< shares of red and green
     float r, g;
   };
 
@@ -63,41 +64,41 @@ class BlobSplitter {
 
   SplitOptions options_;
   cv::Mat1b mask_;
-  cv::Rect rect_;                    ///< of the region
-  cv::Mat1b inside_, class_;         ///< of the rectangle; classes from 1 on
-  cv::Mat1b canvas_;                 ///< of the rectangle, 1 within a hull
-  cv::Mat1b masked_, spare_;         ///< with a margin: the region's pixels, else 0; classes
-  std::vector<std::uint16_t> sums_;  ///< of a row
+  cv::Rect rect_;                    ///< bounding rectangle of the region
+  cv::Mat1b inside_, class_;         ///< size of the rectangle; classes count from 1
+  cv::Mat1b canvas_;                 ///< size of the rectangle, 1 within a hull
+  cv::Mat1b masked_, spare_;         ///< with a margin: pixels of the region, else 0; classes
+  std::vector<std::uint16_t> sums_;  ///< of one row
   std::vector<std::uint8_t> line_, counts_;
-  cv::Mat1f red_, green_;  ///< shares; of the rectangle
+  cv::Mat1f red_, green_;  ///< chromaticity shares, size of the rectangle
   std::vector<std::int32_t> bins_;
-  std::vector<float> nearest_;  ///< squared distances of a row
+  std::vector<float> nearest_;  ///< squared distances for one row
   std::array<int, kBins * kBins> histogram_{};
   struct Mode {
-    int count;  ///< pixels in a bin and around
+    int count;  ///< pixels in a bin and its neighbours
     Colour colour;
   };
   std::vector<Mode> modes_;
   std::vector<Colour> colours_;
   struct ClassRun {
     int begin, end;
-    std::size_t piece;  ///< while they are being found: a run of the same piece before it, or itself
+    std::size_t piece;  ///< during the search: an earlier run of the same piece, or the run itself
     std::uint8_t colour;
   };
   std::vector<ClassRun> runs_;
   std::vector<std::size_t> row_begin_;
   struct Piece {
-    int area = 0, outside = 0;  ///< pixels, edges towards what is not of the region
+    int area = 0, outside = 0;  ///< pixels; edges towards pixels outside the region
     int shared = 0;             ///< edges towards other pieces
   };
   int& shared(std::size_t piece, std::size_t other) { return shared_[piece * pieces_.size() + other]; }
   std::vector<Piece> pieces_;
-  std::vector<int> shared_;          ///< edges between each two of them
-  std::vector<std::size_t> joined_;  ///< the piece that each has been merged into; itself: none
-  // What the matrices above lie in.
+  std::vector<int> shared_;          ///< common edges of each pair of pieces
+  std::vector<std::size_t> joined_;  ///< piece that each one was merged into; its own index if none
+  // Storage of the matrices above.
   std::vector<std::uint8_t> inside_store_, class_store_, masked_store_, spare_store_, canvas_store_;
   std::vector<float> red_store_, green_store_;
-  std::vector<cv::Point> corners_, hull_;  ///< of the rectangle
+  std::vector<cv::Point> corners_, hull_;  ///< in coordinates of the rectangle
   std::vector<Blob> parts_;
 };
 

@@ -6,18 +6,18 @@
 
 namespace omnifleet::ground {
 
-/// FloorTolerance and FloorNoise, of a pixel or of a cell's mean.
+/// Values of FloorTolerance and FloorNoise, for a pixel or for the mean of a cell.
 struct CellTolerance {
   float along, across;
   float noise_sigmas, channel, hue;
 };
 
-/// Cells of a row, gathered: so many numbers of each, one kind after the other, as all are reckoned with at
-/// once.
+/// Structure of arrays for selected cells of a row: kKinds numbers per cell, one array per kind, for
+/// vectorised arithmetic.
 template <std::size_t kKinds>
 class CellColumns {
  public:
-  /// @param most cells that a row has
+  /// @param most maximum number of cells in a row
   explicit CellColumns(int most) : x_(static_cast<std::size_t>(most)) {
     for (std::vector<float>& of : numbers_) of.resize(x_.size());
   }
@@ -26,12 +26,13 @@ class CellColumns {
   int x(std::size_t i) const { return x_[i]; }
 
  protected:
-  /// The x-th cell of the row comes next. @return its number here
+  /// Appends the x-th cell of the row.
+  /// @return its index here
   std::size_t append(int x) {
     x_[size_] = x;
     return size_++;
   }
-  /// Into the kinds from the first on.
+  /// Writes three channels to the kinds from `first` on.
   void putColour(std::size_t first, std::size_t i, const float* colour) {
     for (std::size_t c = 0; c < 3; ++c) numbers_[first + c][i] = colour[c];
   }

@@ -10,14 +10,14 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 constexpr float kShare = 1.0f / (kCell * kCell);
-constexpr int kLine = 64;  // bytes of a line of the cache
+constexpr int kLine = 64;  // bytes of a cache line
 constexpr int kSpare = 8;  // numbers behind the columns that vectors may read
 
 /// Sums of four rows of n bytes.
 OMNIFLEET_WIDE void sumColumns(const std::uint8_t* top, std::ptrdiff_t row_step, int n, std::uint16_t* sums) {
   static_assert(kCell == 4);
   const std::uint8_t *a = top, *b = a + row_step, *c = b + row_step, *d = c + row_step;
-  // Rows in memory are far apart: those of the next cells are asked for while these are summed.
+  // Image rows are far apart in memory. The rows of the next cells are prefetched while these are summed.
   for (int i = 0; i < n; i += kLine) {
     for (int k = 4; k < 8; ++k) __builtin_prefetch(top + k * row_step + i, 0, 3);
     const int end = std::min(n, i + kLine);
@@ -26,14 +26,14 @@ OMNIFLEET_WIDE void sumColumns(const std::uint8_t* top, std::ptrdiff_t row_step,
   }
 }
 
-/// Three channels and the first of what comes behind, times kShare.
+/// Three channels and the first value behind them, times kShare.
 OMNIFLEET_INLINE lanes::FourFloats meanOfColumns(const std::uint16_t* columns) {
   const auto pixel = [columns](int k) { return lanes::load<lanes::FourShorts>(columns + 3 * k); };
   return kShare * lanes::floats((pixel(0) + pixel(1)) + (pixel(2) + pixel(3)));
 }
 
 OMNIFLEET_WIDE void takeColourMeans(const std::uint16_t* columns, int cells, float* means) {
-  // A mean is stored with a number too many, which the next one overwrites.
+  // Each store writes one value too many, which the next store overwrites.
   for (int x = 0; x < cells - 1; ++x) lanes::store(meanOfColumns(columns + 3 * kCell * x), means + 3 * x);
   if (cells < 1) return;
   const lanes::FourFloats last = meanOfColumns(columns + 3 * kCell * (cells - 1));

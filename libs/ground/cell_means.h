@@ -8,14 +8,15 @@
 
 namespace omnifleet::ground {
 
-/// The one look at every pixel of a frame: what else is done with pixels is done where there are objects.
+/// Mean colour of every cell. This is the only pass over all pixels of a frame; later stages read pixels only
+/// where objects are.
 class CellMeans {
  public:
   explicit CellMeans(const FloorView& view);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
   void read(const cv::Mat& image);
-  /// Mean colour of each cell that the view covers, CV_32FC3 (grey: three equal channels); elsewhere 0.
+  /// Mean colour of each cell within the view, CV_32FC3 (grey: three equal channels); 0 elsewhere.
   const cv::Mat3f& means() const { return means_; }
 
  private:
@@ -23,7 +24,7 @@ class CellMeans {
 
   const FloorView* view_;
   cv::Mat3f means_;
-  std::vector<std::uint16_t> columns_;  ///< of a row of cells: sums of each column's pixels
+  std::vector<std::uint16_t> columns_;  ///< of a row of cells: sum of each pixel column
 };
 
 }  // namespace omnifleet::ground

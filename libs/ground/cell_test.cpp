@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "geometry/lanes.h"
-#include "ground/look.h"
+#include "ground/appearance_class.h"
 
 namespace omnifleet::ground {
 
@@ -24,7 +24,7 @@ OMNIFLEET_INLINE EightPixels loadColours(const std::uint8_t* upper, const std::u
   const ThirtyTwo both =
       __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20,
                               21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31);
-  // Each pixel and one byte more into one number.
+  // Spreads each pixel plus one further byte to a 32-bit number.
   const ThirtyTwo spread =
       __builtin_shufflevector(both, both, 0, 1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12, 16, 17, 18, 19,
                               19, 20, 21, 22, 22, 23, 24, 25, 25, 26, 27, 28);
@@ -40,7 +40,7 @@ OMNIFLEET_INLINE EightPixels loadGreys(const std::uint8_t* upper, const std::uin
   return {grey, grey, grey};
 }
 
-/// The low bytes of four numbers each, where `valid` holds.
+/// Stores the low bytes of four numbers per row, masked by `valid`.
 OMNIFLEET_INLINE void storeFours(const Ints& values, const std::uint8_t* const (&valid)[2],
                                  std::uint8_t* const (&rows)[2]) {
   const auto bytes = lanes::load<ThirtyTwo>(&values);
@@ -79,7 +79,7 @@ OMNIFLEET_WIDE void settleCells(const Limits& cells, std::size_t n, const CellTo
 template <bool kFaint, typename Load>
 OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pixels, const CellTest& t,
                                CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
-                               CellBytes<std::uint8_t> looks) {
+                               CellBytes<std::uint8_t> appearances) {
   for (int k = 0; k < 4; k += 2) {
     const auto [b, g, r] =
         loadPixels(pixels.first + k * pixels.row_step, pixels.first + (k + 1) * pixels.row_step);
@@ -96,12 +96,12 @@ OMNIFLEET_INLINE void testCell(Load loadPixels, CellBytes<const std::uint8_t> pi
     }
     const Ints is_off = off > 1.0f;
     const Ints grey = lanes::truncated(2.0f + lanes::smaller(lanes::all(253.0f), 100.0f * gain));
-    const Ints look = ((has_hue & kColourLook) | (~has_hue & grey)) & is_off;
+    const Ints appearance = ((has_hue & kColourAppearance) | (~has_hue & grey)) & is_off;
     const Ints strong = lanes::truncated(lanes::smaller(off, lanes::all(255.0f))) & is_off;
     const auto rowOf = [k](const auto& cell, int row) { return cell.first + (k + row) * cell.row_step; };
     const std::uint8_t* const counts[2] = {rowOf(valid, 0), rowOf(valid, 1)};
     storeFours(strong, counts, {rowOf(strength, 0), rowOf(strength, 1)});
-    storeFours(look, counts, {rowOf(looks, 0), rowOf(looks, 1)});
+    storeFours(appearance, counts, {rowOf(appearances, 0), rowOf(appearances, 1)});
   }
 }
 
@@ -115,17 +115,17 @@ void CellLimits::settle(const CellTolerance& tolerance) {
 
 OMNIFLEET_WIDE void testColourCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
                                    CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
-                                   CellBytes<std::uint8_t> looks) {
+                                   CellBytes<std::uint8_t> appearances) {
   if (test.to_blue != 0.0f || test.to_green != 0.0f || test.to_red != 0.0f)
-    testCell<true>(loadColours, pixels, test, valid, strength, looks);
+    testCell<true>(loadColours, pixels, test, valid, strength, appearances);
   else
-    testCell<false>(loadColours, pixels, test, valid, strength, looks);
+    testCell<false>(loadColours, pixels, test, valid, strength, appearances);
 }
 
 OMNIFLEET_WIDE void testGreyCell(CellBytes<const std::uint8_t> pixels, const CellTest& test,
                                  CellBytes<const std::uint8_t> valid, CellBytes<std::uint8_t> strength,
-                                 CellBytes<std::uint8_t> looks) {
-  testCell<false>(loadGreys, pixels, test, valid, strength, looks);
+                                 CellBytes<std::uint8_t> appearances) {
+  testCell<false>(loadGreys, pixels, test, valid, strength, appearances);
 }
 
 }  // namespace omnifleet::ground

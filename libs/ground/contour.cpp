@@ -17,7 +17,7 @@ void ContourTracer::trace(const ContourFrame& frame, const Blob& blob, Contour& 
   const std::uint8_t own = objects(blob.runs.front().row, blob.runs.front().begin);
   for (const Run& run : blob.runs) {
     if (visited_(run.row, run.begin) != 0) continue;
-    bool has_above = false;  // a piece of the region starts with a run that has nothing above it
+    bool has_above = false;  // a piece of the region begins with a run that has no pixel above it
     if (run.row > 0)
       for (int x = std::max(run.begin - 1, 0); x < std::min(run.end + 1, objects.cols) && !has_above; ++x)
         has_above = objects(run.row - 1, x) == own;
@@ -48,8 +48,8 @@ void ContourTracer::refine(const ContourFrame& frame, Contour& contour) {
 
 void ContourTracer::followLoop(const cv::Mat1b& objects, cv::Point start, Contour& contour) {
   const std::uint8_t own = objects(start);
-  // Walks along the pixel edges, the region on the right hand: direction 0 east, 1 south, 2 west, 3 north;
-  // `pixel` is the region's pixel beside the edge.
+  // Follows the pixel edges with the region on the right-hand side. Directions: 0 east, 1 south, 2 west, 3
+  // north. `pixel` is the region's pixel beside the edge.
   static constexpr int kAhead[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
   const auto isObject = [&](int x, int y) {
     return x >= 0 && y >= 0 && x < objects.cols && y < objects.rows && objects(y, x) == own;

@@ -10,13 +10,12 @@
 
 namespace omnifleet::ground {
 
-/// Outline of a region: the midpoints of the pixel edges between inside and outside (not the centres of
-/// border pixels, which lie half a pixel inside), in closed loops, one per piece, holes left out.
+/// Outline of a region in closed loops, one per connected piece, without holes. The points are the midpoints
+/// of the pixel edges between inside and outside. The centres of border pixels would lie half a pixel inside.
 struct Contour {
   std::vector<Eigen::Vector2f> points_px;
-  std::vector<std::size_t> loop_begin;  ///< index of each loop's first point; the region on the right-hand
-                                        ///< side when seen with v down, i.e. clockwise on the screen
-  std::vector<std::uint8_t> beside;  ///< per point: the mask's value on the other side, 0 where that is floor
+  std::vector<std::size_t> loop_begin;  ///< index of each loop's first point; loops run clockwise (v down)
+  std::vector<std::uint8_t> beside;     ///< per point: mask value on the other side, 0 for floor
 };
 
 /// Traces and refines outlines.

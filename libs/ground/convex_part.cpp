@@ -14,7 +14,7 @@ namespace {
 constexpr int kChunk_px = 32;
 constexpr std::uint8_t kSet = 255;
 
-/// out[x] = Join of 2 · radius + 1 values, `step` apart, the middle one of them at from[x].
+/// out[x] = Join of 2·radius + 1 values at distance `step`; the middle one is from[x].
 template <typename Join>
 OMNIFLEET_INLINE void join(const std::uint8_t* from, std::ptrdiff_t step, int radius, int begin, int end,
                            std::uint8_t* out) {
@@ -34,7 +34,7 @@ OMNIFLEET_WIDE void largest(const std::uint8_t* from, std::ptrdiff_t step, int r
   join<Largest>(from, step, radius, begin, end, out);
 }
 
-/// In a polygon or on its edge (Pick 1899).
+/// Number of pixels inside a polygon or on its edge (Pick 1899).
 double pixelsOf(const std::vector<cv::Point>& polygon) {
   int on_edge = 0;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -85,8 +85,8 @@ void ConvexPart::measureRows(const cv::Rect& within) {
   }
 }
 
-/// Pixels of the largest part, with its holes: with what has some of it to the left, to the right, above and
-/// below.
+/// Pixels of the largest part including its holes. A hole pixel has pixels of the part to the left, to the
+/// right, above and below.
 int ConvexPart::filledArea() const {
   int area = 0;
   for (std::size_t y = 0; y < rows_.size(); ++y) {
@@ -98,7 +98,7 @@ int ConvexPart::filledArea() const {
   return area;
 }
 
-/// Morphological opening; nothing within the radius of the rectangle's edges is left.
+/// Morphological opening. Pixels closer to the rectangle's edges than the radius are removed.
 void ConvexPart::open(const cv::Mat1b& mask, const cv::Rect& within) {
   const int left = within.x, right = within.x + within.width, top = within.y, bottom = top + within.height;
   const auto step = static_cast<std::ptrdiff_t>(along_.step1());
@@ -115,7 +115,7 @@ void ConvexPart::open(const cv::Mat1b& mask, const cv::Rect& within) {
     largest(along_.ptr(y), step, radius_px_, first, end, firm_.ptr(y));
 }
 
-/// Takes what hangs together with the seed out of the mask, into queue_.
+/// Moves the connected component of the seed from the mask to queue_.
 void ConvexPart::flood(const cv::Point& seed, const cv::Rect& within) {
   queue_.assign(1, seed);
   firm_(seed) = 0;

@@ -6,20 +6,21 @@
 
 namespace omnifleet::ground {
 
-/// The hull of the largest part of a mask, where that part fills it: what is thinner than a square of
-/// 2 · radius + 1 pixels is left out. Reads and writes nothing beyond the rectangle told; buffers live from
-/// call to call.
+/// Convex hull of the largest part of a mask, if that part fills its hull. Parts thinner than a square of
+/// 2·radius + 1 pixels are ignored. Reads and writes only within the given rectangle. Buffers are reused
+/// between calls.
 class ConvexPart {
  public:
   /// @param radius_px 1 or 2
   explicit ConvexPart(cv::Size image, int radius_px = 2);
 
-  /// @param mask 255 where it is set, else 0 or 1, of the size told; @param within where it is looked at
-  /// @param min_solid share of its hull that the part fills
-  /// @return false where there is none
+  /// @param mask 255 where set, else 0 or 1; size as given to the constructor
+  /// @param within rectangle to search
+  /// @param min_solid minimum share of the hull that the part fills
+  /// @return false if there is no such part
   bool find(const cv::Mat1b& mask, const cv::Rect& within, double min_solid);
 
-  /// Pixels, in the image; until the next call.
+  /// Hull in image pixels; valid until the next call.
   const std::vector<cv::Point>& hull() const { return hull_; }
 
  private:

@@ -7,10 +7,10 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr int kHalo = 8;  // of the squared distance from floor: √8 times weaker than the strongest neighbour
+constexpr int kHalo = 8;  // squared distance from floor, √8 times weaker than the strongest neighbour
 constexpr int kHaloReach = 2;
 
-/// 1 where a pixel is set and no halo, else 0.
+/// Writes 1 where a pixel is set and is no halo, else 0.
 struct HaloKernel {
   const std::uint8_t* strength;
   std::uint8_t* raw;
@@ -41,7 +41,7 @@ OMNIFLEET_WIDE void dropHalos(const Strip* strips, std::size_t count, const Mask
 
 void Despeckler::trimHalos(const std::vector<Strip>& strips, const cv::Mat1b& strength, cv::Mat1b& raw) {
   const MaskLayout layout(raw);
-  for (const Strip& strip : strips) {  // the image's edge has no whole neighbourhood
+  for (const Strip& strip : strips) {  // pixels at the image's edge have no complete neighbourhood
     const bool at_edge = strip.cell_row == 0 ||
                          (strip.cell_row + 1) * FloorView::kCell + kHaloReach > raw.rows ||
                          strip.begin_px < kHaloReach || strip.end_px + kHaloReach > raw.cols;

@@ -8,19 +8,19 @@
 
 namespace omnifleet::ground {
 
-/// Cleans a mask: mixed pixels along outlines go back to the floor, 5×5 median, corners regrown. Buffers are
-/// reused.
+/// Cleans a mask: returns mixed pixels along outlines to the floor, takes the 5×5 median and regrows corners.
+/// Buffers are reused.
 class Despeckler {
  public:
   explicit Despeckler(cv::Size image) : median_(image) {}
 
-  /// @param strength how much "not floor" each pixel is (0: floor)
-  /// @param raw 0/1, without the halos: what is far weaker than its neighbours and next to floor is a mixed
-  ///   pixel, else narrow gaps between objects close
+  /// @param strength distance of each pixel from floor (0: floor)
+  /// @param raw output, 0 or 1, without halos. A halo pixel is far weaker than its neighbours and next to
+  /// floor, so it is a mixed pixel. Without this step narrow gaps between objects would close.
   static void trimHalos(const std::vector<Strip>& strips, const cv::Mat1b& strength, cv::Mat1b& raw);
 
-  /// @param cleaned most of the 5×5 neighbourhood set, and what touches that and was set before (the median
-  ///   rounds corners by a pixel)
+  /// @param cleaned pixels with most of their 5×5 neighbourhood set, and pixels that touch these and were set
+  /// before. The median alone would round corners by one pixel.
   void clean(const BitArea& area, const BitMask& raw, BitMask& cleaned);
 
  private:

@@ -8,22 +8,22 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr std::size_t kAhead = 16;    // points
-constexpr std::size_t kTangent = 3;   // points to each side that give the tangent
-constexpr std::size_t kSide = 5;      // points to each side of a corner that its lines are fitted to
-constexpr std::size_t kSkip = 2;      // points next to a corner that are rounded
-constexpr std::size_t kPlenty = 180;  // points of an outline, from which its straight parts need every other
-constexpr std::size_t kBend = 6;      // points to each side between which …
-constexpr float kMaxBend = 0.35f;     // … a straight part turns by less than this (sine): pixels make steps
-constexpr float kMinTurn = 0.64f;     // sine of the turn (40°) from which a corner may be one
-constexpr float kMaxDepth_px = 1.0f;  // a rounder one is no corner but a curve
-constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // deepestRounding()
+constexpr std::size_t kAhead = 16;    // points to prefetch ahead
+constexpr std::size_t kTangent = 3;   // points on each side that define the tangent
+constexpr std::size_t kSide = 5;      // points on each side of a corner for its line fits
+constexpr std::size_t kSkip = 2;      // rounded points next to a corner
+constexpr std::size_t kPlenty = 180;  // points; larger outlines skip every other point of straight parts
+constexpr std::size_t kBend = 6;      // points on each side for the straightness test
+constexpr float kMaxBend = 0.35f;  // maximum sine of the turn of a straight part; the pixel grid makes steps
+constexpr float kMinTurn = 0.64f;  // minimum sine of the turn at a corner (40°)
+constexpr float kMaxDepth_px = 1.0f;                        // a larger rounding is a curve
+constexpr float kEvenDepth_px = 0.3f, kRounding_px = 1.2f;  // see deepestRounding()
 
 float cross(const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-/// An index below 2n into a closed loop of n points.
+/// Wraps an index below 2n into a closed loop of n points.
 std::size_t wrapped(std::size_t i, std::size_t n) {
   return i < n ? i : i - n;
 }
@@ -32,7 +32,8 @@ struct Line {
   Eigen::Vector2f middle, direction;
 };
 
-/// Total least squares through points[(first + k) mod n], k < count; its direction is that of the walk.
+/// Total least squares line through points[(first + k) mod n], k < count. Its direction follows the order of
+/// the points.
 Line fitLine(const std::vector<Eigen::Vector2f>& points, std::size_t first, std::size_t count) {
   Eigen::Vector2f mean(0, 0);
   for (std::size_t k = 0; k < count; ++k) mean += points[wrapped(first + k, points.size())];
@@ -57,13 +58,13 @@ std::optional<Eigen::Vector2f> intersection(const Line& a, const Line& b) {
   return a.middle + cross(b.middle - a.middle, b.direction) / turn * a.direction;
 }
 
-/// Radians by which the walk turns from one line to the other; both directions agree with it.
+/// Turn from one line to the other, radians. Both directions follow the order of the points.
 float turnBetween(const Line& before, const Line& after) {
   return std::acos(std::clamp(before.direction.dot(after.direction), -1.0f, 1.0f));
 }
 
-/// How far pixels and smoothing round a true corner off, about as a circle of kRounding_px would. What lies
-/// deeper is a narrow end (the rim of a cylinder seen from aside) and has no corner there.
+/// Maximum distance by which pixels and smoothing round off a true corner, about as a circle of radius
+/// kRounding_px does. A larger distance means a narrow curved end (the rim of a cylinder seen from the side).
 float deepestRounding(float turn_rad) {
   const float depth =
       kEvenDepth_px + kRounding_px * (1.0f / std::max(0.1f, std::cos(0.5f * turn_rad)) - 1.0f);
@@ -102,7 +103,8 @@ std::size_t EdgeRefiner::refine(const ContourFrame& frame, Eigen::Vector2f* poin
   return kept;
 }
 
-/// Every other point of the straight parts of a large outline: its neighbours tell as much.
+/// Marks every other point of the straight parts of a large outline. Its neighbours carry the same
+/// information.
 void EdgeRefiner::findSkipped(const Eigen::Vector2f* points, std::size_t n) {
   is_skipped_.assign(n, 0);
   if (n < kPlenty) return;
@@ -116,7 +118,7 @@ void EdgeRefiner::findSkipped(const Eigen::Vector2f* points, std::size_t n) {
   }
 }
 
-/// An outline leads through memory that was last touched long ago, if at all.
+/// The data along an outline is rarely in the cache.
 void EdgeRefiner::prefetch(const ContourFrame& frame, const Eigen::Vector2f& p) const {
   view_->prefetchBorder(p.x(), p.y());
   const int x = std::clamp(static_cast<int>(p.x()), 0, frame.image.cols - 1),
@@ -143,7 +145,7 @@ void EdgeRefiner::findEdges(const ContourFrame& frame, const Eigen::Vector2f* po
   if (count > 0) takeEdges(frame, which, count);
 }
 
-/// Halfway between the edges on both sides, where both were found.
+/// Sets a skipped point to the middle between the edges on both sides, if both were found.
 void EdgeRefiner::fillSkipped() {
   const std::size_t n = found_.size();
   for (std::size_t i = 1; i < n; i += 2) {
@@ -166,7 +168,7 @@ void EdgeRefiner::put(const cv::Mat3f& floor, const Eigen::Vector2f& p, const Ei
   for (int c = 0; c < 3; ++c) edges_.floor[c][lane] = floor(cy, cx)[c];
 }
 
-/// Lanes beyond `count` hold points of before. Returns 0: how many are left.
+/// Lanes beyond `count` hold older points. Returns 0, the number of points that remain in the lanes.
 int EdgeRefiner::takeEdges(const ContourFrame& frame, const std::size_t* which, int count) {
   ground::findEdges(frame, options_, edges_);
   for (int k = 0; k < count; ++k) {
@@ -178,11 +180,12 @@ int EdgeRefiner::takeEdges(const ContourFrame& frame, const std::size_t* which, 
 }
 
 void EdgeRefiner::smooth() {
-  // Savitzky–Golay, second order over seven points: keeps straight lines and curvature, halves the noise.
+  // Savitzky–Golay filter, second order over seven points. It keeps straight lines and curvature and halves
+  // the noise.
   static constexpr float kWeight[7] = {-2.0f / 21, 3.0f / 21, 6.0f / 21, 7.0f / 21,
                                        6.0f / 21,  3.0f / 21, -2.0f / 21};
   const std::size_t n = found_.size();
-  std::size_t row = 0;  // consecutive points that were found, up to i + 3
+  std::size_t row = 0;  // number of consecutive points with an edge, up to i + 3
   for (std::size_t k = 0; k < 6; ++k) row = is_found_[wrapped(n - 3 + k, n)] != 0 ? row + 1 : 0;
   for (std::size_t i = 0; i < n; ++i) {
     row = is_found_[wrapped(i + 3, n)] != 0 ? row + 1 : 0;
@@ -202,7 +205,7 @@ void EdgeRefiner::sharpen(Eigen::Vector2f* points) const {
   };
   for (std::size_t i = 0; i < n; ++i) {
     const float turn = turnAt(i);
-    if (turn < kMinTurn || is_found_[i] == 0) continue;  // only corners that stick out count for a hull
+    if (turn < kMinTurn || is_found_[i] == 0) continue;  // only convex corners affect the hull
     bool sharpest = true;
     for (std::size_t k = 1; k <= 4 && sharpest; ++k)
       sharpest = turnAt(wrapped(i + k, n)) <= turn && turnAt(wrapped(i + n - k, n)) < turn;

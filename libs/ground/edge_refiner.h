@@ -12,33 +12,33 @@ namespace omnifleet::ground {
 
 struct ContourOptions {
   bool refine = true;      ///< move each midpoint to where the brightness is halfway between floor and object
-  double search_px = 2.0;  ///< pixels to each side that are searched, 0.5–4
-  double min_contrast = 8.0;  ///< grey levels between floor and object below which a midpoint stays
-  bool smooth = true;         ///< take the noise along the outline off, by a parabola over seven points
-  bool sharpen = true;        ///< give corners back what the pixels and the smoothing round off
+  double search_px = 2.0;  ///< pixels, search range on each side, 0.5–4
+  double min_contrast = 8.0;  ///< grey levels, minimum contrast for moving a midpoint
+  bool smooth = true;         ///< smooth the outline with a parabola over seven points
+  bool sharpen = true;        ///< restore corners that pixels and smoothing round off
   static ContourOptions read(const options::Section& section);
 };
 
-/// What a frame offers for tracing and refining outlines; only read.
+/// Read-only inputs of a frame for tracing and refining outlines.
 struct ContourFrame {
   const cv::Mat& image;      ///< BGR8 or grey
-  const cv::Mat1b& grey;     ///< its brightness (BT.601)
-  const cv::Mat1b& objects;  ///< the mask in which the regions were labelled
+  const cv::Mat1b& grey;     ///< brightness of the image (BT.601)
+  const cv::Mat1b& objects;  ///< mask in which the regions were labelled
   const cv::Mat3f& floor;    ///< floor colour per cell
   float hue_noise;           ///< FloorNoise::hue of the image
 };
 
-/// Sub-pixel outline from the chain of midpoints between a region's pixels and the floor's. The mask alone is
-/// up to half a pixel too large where the contrast is high, as one covered tenth of a pixel makes it "not
-/// floor".
+/// Sub-pixel refinement of an outline, which starts from the midpoints between the region's pixels and the
+/// floor's pixels. At high contrast the mask alone is up to half a pixel too large: one tenth of object in a
+/// pixel makes it "not floor".
 class EdgeRefiner {
  public:
   EdgeRefiner(const FloorView& view, const ContourOptions& options) : view_(&view), options_(options) {}
 
-  /// Moves the n points of one closed loop, the region on the right-hand side when walked (v down), and
-  /// leaves out some of the straight parts of a large one.
-  /// @param beside per point, not 0 where another thing, no floor, lies on the other side
-  /// @return how many points are left, with what is beside them
+  /// Moves the n points of one closed loop. The region is on the right-hand side in walking direction (v
+  /// down). Removes some points of the straight parts of a large outline.
+  /// @param beside per point: not 0 where another object is on the other side instead of floor
+  /// @return number of remaining points; `beside` is compacted in the same way
   std::size_t refine(const ContourFrame& frame, Eigen::Vector2f* points, std::uint8_t* beside, std::size_t n);
 
  private:

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "ground/appearance_class.h"
 #include "ground/edge_refiner.h"
-#include "ground/look.h"
 
 namespace omnifleet::ground {
 
@@ -13,24 +13,28 @@ using lanes::Floats;
 using lanes::Ints;
 
 constexpr float kLumaShare =
-    0.4f;  // of the contrast: from here on brightness alone is used, chroma being blurred
-constexpr float kBeyond_px = 0.5f;   // behind the search: there the object's own brightness is taken
-constexpr float kSameLight = 0.04f;  // of the brightness: within it the reference serves
-constexpr float kDeepLight = 0.12f;  // likewise, from which it lies in a shadow that grows darker inward
-constexpr float kHueShare = 0.3f;    // of the contrast, from which the hue alone tells the edge there
-constexpr float kSameHue = 0.06f;    // of the brightness, by which the floor's colour may be off in shadow
-constexpr float kHueNoise = 0.02f;   // of the reference's brightness, added to that
-constexpr float kNext_px = 1.5f;     // outside of the outline: what is mixed at the edge has ended
-constexpr float kWithin_px = 0.5f;   // inside of an edge: there a thing has begun to show its hue, …
-constexpr float kFloorsHue = 0.4f;   // … more than this share of it,
-constexpr float kLeastHue = 0.03f,   // if its hue is off the floor's by the former share of the floor's
-    kSureHue = 0.1f;                 // brightness, and by kHueSigmas of the noise or the latter one
-constexpr float kHueSigmas = 6.0f;   // by less a single sample may be off by chance
-constexpr float kLight = 0.6f;  // of the floor's brightness: things from there on may be told by a faint hue
-constexpr float kStep_px = 0.5f;   // between the samples along the normal
-constexpr int kAround = 8;         // samples about an edge, the two outermost at each side beyond what
-                                   // pixels and a sharp lens blur
-constexpr float kMaxShift = 0.3f;  // of the contrast, by which what lies near may be off
+    0.4f;  // minimum share of luma in the contrast for using brightness alone, as chroma is blurred
+constexpr float kBeyond_px =
+    0.5f;  // distance beyond the search range where the object's brightness is sampled
+constexpr float kSameLight = 0.04f;  // share of the brightness; below it the reference is used
+constexpr float kDeepLight =
+    0.12f;  // share of the brightness; above it the floor beside the outline is in shadow
+constexpr float kHueShare =
+    0.3f;  // share of hue in the contrast from which hue alone locates the edge in shadow
+constexpr float kSameHue = 0.06f;   // hue tolerance of floor in shadow, share of the brightness
+constexpr float kHueNoise = 0.02f;  // added to kSameHue, share of the reference's brightness
+constexpr float kNext_px = 1.5f;    // distance outside the outline where mixed pixels end
+constexpr float kWithin_px = 0.5f;  // distance inside an edge where the object's hue must have begun
+constexpr float kFloorsHue = 0.4f;  // minimum share of the object's hue there
+constexpr float
+    kLeastHue =
+        0.03f,  // minimum hue contrast if kHueSigmas of the noise are less, share of the floor's brightness
+    kSureHue = 0.1f;  // hue contrast that suffices at any noise, share of the floor's brightness
+constexpr float kHueSigmas = 6.0f;  // smaller differences of a single sample may be noise
+constexpr float kLight = 0.6f;      // share of the floor's brightness; brighter objects may have a faint hue
+constexpr float kStep_px = 0.5f;    // distance between samples along the normal
+constexpr int kAround = 8;          // samples around an edge; the outer two on each side lie beyond the blur
+constexpr float kMaxShift = 0.3f;   // maximum change of the threshold, share of the contrast
 
 struct Colours {
   Floats blue, green, red;
@@ -52,22 +56,22 @@ OMNIFLEET_INLINE Colours choose(const Ints& which, const Colours& a, const Colou
   return {which ? a.blue : b.blue, which ? a.green : b.green, which ? a.red : b.red};
 }
 
-/// What of a colour is not the reference in another light.
+/// Component of a colour that is orthogonal to the reference: its difference in hue.
 OMNIFLEET_INLINE Colours hueOf(const Colours& c, const Colours& reference) {
   const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
   return c - dot(c, reference) / rr * reference;
 }
 
-/// BT.601, as JPEG keeps it at full resolution.
+/// BT.601 luma, which JPEG stores at full resolution.
 OMNIFLEET_INLINE Colours luma() {
   return {lanes::all(0.114f), lanes::all(0.587f), lanes::all(0.299f)};
 }
 
-/// Places between pixels, with the four around each.
+/// Positions between pixels, with the four pixels around each.
 struct Places {
-  std::int32_t offset[lanes::kLanes];  ///< bytes to the one at the top left
-  Ints inside;                         ///< all four lie in the image
-  Floats right, down;                  ///< from the one at the top left
+  std::int32_t offset[lanes::kLanes];  ///< byte offset of the top left pixel
+  Ints inside;                         ///< all four pixels lie in the image
+  Floats right, down;                  ///< distance from the top left pixel
 
   OMNIFLEET_INLINE Places(const cv::Mat& image, int channels, const Floats& u, const Floats& v) {
     inside = (u >= 0.0f) & (v >= 0.0f) & (u < static_cast<float>(image.cols - 1)) &
@@ -78,7 +82,8 @@ struct Places {
     down = within_v - lanes::floats(y);
     lanes::store(y * static_cast<std::int32_t>(image.step[0]) + x * channels, offset);
   }
-  /// Bilinear; NaN outside. The corners as numbers: top left, top right, bottom left, bottom right.
+  /// Bilinear interpolation; NaN outside the image. Arguments: top left, top right, bottom left, bottom
+  /// right.
   OMNIFLEET_INLINE Floats mix(const Ints& a, const Ints& b, const Ints& c, const Ints& d) const {
     const Floats above = lanes::floats(a) + right * lanes::floats(b - a);
     const Floats below = lanes::floats(c) + right * lanes::floats(d - c);
@@ -86,8 +91,8 @@ struct Places {
   }
 };
 
-/// `kBytes` bytes from eight places, as numbers. One by one into a vector: a vector read back from memory
-/// where single numbers have just been written would wait for them.
+/// Loads `kBytes` bytes at each of eight positions as numbers. Inserts them one by one into a vector
+/// register. Reading a vector back from memory after scalar stores would stall.
 template <int kBytes>
 OMNIFLEET_INLINE Ints gather(const std::uint8_t* base, const std::int32_t (&offset)[lanes::kLanes]) {
   const auto at = [&](int k) {
@@ -110,7 +115,7 @@ OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const 
     return {grey, grey, grey};
   }
   const Places at(image, 3, u, v);
-  // Six bytes of each row in two numbers: B G R b, and R b g r.
+  // Six bytes of each row in two numbers: B G R B′ and R B′ G′ R′ (′: right neighbour).
   const std::uint8_t* below = image.data + image.step[0];
   const Ints top = gather<4>(image.data, at.offset), top_end = gather<4>(image.data + 2, at.offset),
              bottom = gather<4>(below, at.offset), bottom_end = gather<4>(below + 2, at.offset);
@@ -120,7 +125,7 @@ OMNIFLEET_INLINE Colours coloursAt(const cv::Mat& image, const Floats& u, const 
 }
 
 struct Normals {
-  Floats x, y;        ///< where they begin
+  Floats x, y;        ///< starting points
   Floats in_x, in_y;  ///< unit vectors into the region
   OMNIFLEET_INLINE Floats u(const Floats& s) const { return x + s * in_x; }
   OMNIFLEET_INLINE Floats v(const Floats& s) const { return y + s * in_y; }
@@ -132,25 +137,26 @@ struct Normals {
   }
 };
 
-/// Share of the reference's brightness of what has its hue, else 1. Darker than a shadow, it may be anything.
+/// Brightness relative to the reference if the colour has the reference's hue, else 1. Colours darker than a
+/// shadow also give 1, as they may be anything.
 OMNIFLEET_INLINE Floats lightOf(const Colours& seen, const Colours& reference) {
   const Floats rr = lanes::larger(lanes::all(1.0f), dot(reference, reference));
   const Floats gain = dot(seen, reference) / rr, across2 = dot(seen, seen) / rr - gain * gain;
   const Floats off = kSameHue * gain + kHueNoise;
-  const Ints is_floor = (gain > kDeepestShade) & (across2 < off * off);  // false for NaN
+  const Ints is_floor = (gain > kDeepestShadow) & (across2 < off * off);  // false for NaN
   return is_floor ? gain : lanes::all(1.0f);
 }
 
 struct Beside {
   Colours colour;
-  Ints in_shadow;  ///< clearly
+  Ints in_shadow;  ///< clearly in shadow
 };
 
-/// The floor as it is there, where that is the reference in another light (beside a thing lies its shadow,
-/// which may be narrower than what is searched); else the reference, which has less noise. Where no floor is,
-/// what is there.
-OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float out_px,
-                                   const Colours& reference, const Ints& no_floor) {
+/// Colour beside the outline. On floor it is the measured colour if that is the reference in other light,
+/// because the shadow of an object lies beside it. This shadow may be narrower than the search range.
+/// Otherwise it is the reference, which has less noise. Beside another object it is the measured colour.
+OMNIFLEET_INLINE Beside sampleBeside(const cv::Mat& image, const Normals& n, float out_px,
+                                     const Colours& reference, const Ints& no_floor) {
   const auto outside = [&](float px) __attribute__((always_inline)) {
     return n.coloursAt(image, lanes::all(-px));
   };
@@ -164,11 +170,11 @@ OMNIFLEET_INLINE Beside lookBeside(const cv::Mat& image, const Normals& n, float
   return {choose(no_floor, there, choose(is_narrow, next, floor)), ~no_floor & (is_wide | is_narrow)};
 }
 
-/// Just inside of an edge in brightness the floor's hue goes on: it is the edge of a narrow shadow.
-/// @param inside beyond the edge, the thing
-OMNIFLEET_INLINE Ints isShadowsEdge(const cv::Mat& image, const Normals& n, const Floats& edge,
-                                    const Colours& inside, const Colours& reference, float least,
-                                    float noise) {
+/// True if an edge in brightness is the edge of a narrow shadow: just inside of it the floor's hue continues.
+/// @param inside colour of the object, beyond the edge
+OMNIFLEET_INLINE Ints isShadowEdge(const cv::Mat& image, const Normals& n, const Floats& edge,
+                                   const Colours& inside, const Colours& reference, float least,
+                                   float noise) {
   const Colours hue = hueOf(inside, reference);
   const Floats hue2 = dot(hue, hue);
   const Floats share = dot(hueOf(n.coloursAt(image, edge + kWithin_px), reference), hue) / hue2;
@@ -176,21 +182,21 @@ OMNIFLEET_INLINE Ints isShadowsEdge(const cv::Mat& image, const Normals& n, cons
   const Ints is_light = dot(inside, reference) > kLight * dot(reference, reference);
   const Floats faint =
       lanes::larger(kLeastHue * brightness, lanes::smaller(lanes::all(kHueSigmas * noise), sure));
-  const Floats told = lanes::larger(lanes::all(least), is_light ? faint : sure);
-  const Ints tells = hue2 >= told * told;
-  return tells & (share < kFloorsHue);
+  const Floats min_hue = lanes::larger(lanes::all(least), is_light ? faint : sure);
+  const Ints is_distinct = hue2 >= min_hue * min_hue;
+  return is_distinct & (share < kFloorsHue);
 }
 
-/// Walks along the normals until a share of the way between floor and object is reached.
+/// Samples along the normals until a given share of the way between floor and object is reached.
 struct Walk {
-  Ints open;  ///< still looked for
+  Ints open;  ///< not reached yet
   Floats level = lanes::all(0.5f);
   Ints found{};
-  Floats before{};  ///< share of the way at the last sample
-  Floats shift{};   ///< of the edge along the normal
+  Floats before{};  ///< share at the previous sample
+  Floats shift{};   ///< position of the edge along the normal
 
-  /// @param share of the way at s
-  OMNIFLEET_INLINE void see(const Floats& share, const Floats& s, bool first) {
+  /// @param share share of the way at position s
+  OMNIFLEET_INLINE void addSample(const Floats& share, const Floats& s, bool first) {
     const Ints reached = open & (share >= level);
     open &= ~reached;
     if (!first) {
@@ -202,7 +208,7 @@ struct Walk {
   }
 };
 
-/// Share of the way between floor and object at s along the normals: of brightness, …
+/// Share of the way between floor and object in brightness, at position s along the normals.
 struct LumaShare {
   const cv::Mat& grey;
   const Normals& normals;
@@ -210,7 +216,7 @@ struct LumaShare {
   OMNIFLEET_INLINE Floats at(const Floats& s) const { return (normals.greysAt(grey, s) - zero) / total; }
 };
 
-/// … or of a mixture of the channels.
+/// Share of the way between floor and object in a mixture of the channels.
 struct ColourShare {
   const cv::Mat& image;
   const Normals& normals;
@@ -221,10 +227,10 @@ struct ColourShare {
   }
 };
 
-/// Edges anew between what lies next to them on both sides: a shadow or a tile on the floor, one face of the
-/// thing. Both sides, so that a blur, which is the same on both, changes nothing.
+/// Locates edges again between the colours right beside them on both sides: a shadow or a tile on the floor,
+/// one face of the object. It samples both sides symmetrically, so that blur does not shift the edge.
 template <typename Share>
-OMNIFLEET_INLINE void settle(const Share& of, const Ints& which, Walk& walk) {
+OMNIFLEET_INLINE void refineEdges(const Share& of, const Ints& which, Walk& walk) {
   if (!lanes::any(which & walk.found)) return;
   Floats share[kAround], s[kAround];
   for (int k = 0; k < kAround; ++k) {
@@ -234,7 +240,7 @@ OMNIFLEET_INLINE void settle(const Share& of, const Ints& which, Walk& walk) {
   Walk again{which & walk.found};
   again.level = 0.25f * (share[0] + share[1] + share[kAround - 2] + share[kAround - 1]);
   again.open &= lanes::magnitude(again.level - 0.5f) < kMaxShift;  // false for NaN
-  for (int k = 1; k < kAround && lanes::any(again.open); ++k) again.see(share[k], s[k], k == 1);
+  for (int k = 1; k < kAround && lanes::any(again.open); ++k) again.addSample(share[k], s[k], k == 1);
   walk.shift = again.found ? again.shift : walk.shift;
 }
 
@@ -246,11 +252,11 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   const Colours reference = {lanes::load<Floats>(edges.floor[0]), lanes::load<Floats>(edges.floor[1]),
                              lanes::load<Floats>(edges.floor[2])};
   const auto search = static_cast<float>(options.search_px), least = static_cast<float>(options.min_contrast);
-  const Ints is_thing = lanes::load<Ints>(edges.beside) != 0;
-  const Beside beside = lookBeside(frame.image, n, search + kBeyond_px, reference, is_thing);
+  const Ints is_object = lanes::load<Ints>(edges.beside) != 0;
+  const Beside beside = sampleBeside(frame.image, n, search + kBeyond_px, reference, is_object);
   const Colours& outside = beside.colour;
   const Colours inside = n.coloursAt(frame.image, lanes::all(search + kBeyond_px)), near = inside - outside;
-  // A shadow grows darker towards the thing: its brightness has no step there, its hue has.
+  // A shadow gets darker towards the object. Its brightness has no step at the outline, but its hue has.
   const Floats whole = length(near), in_luma = dot(near, luma());
   Ints by_hue = beside.in_shadow &
                 (length(hueOf(near, reference)) >= lanes::larger(kHueShare * whole, lanes::all(least)));
@@ -261,16 +267,17 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
   if (lanes::any(walk.open)) {
     const LumaShare share{frame.grey, n, dot(outside, luma()), in_luma};
     for (float s = -search; s <= search + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see(share.at(lanes::all(s)), lanes::all(s), s == -search);
-    settle(share, by_luma, walk);
-    const Ints not_its = walk.found & ~is_thing &
-                         isShadowsEdge(frame.image, n, walk.shift, inside, reference, least, frame.hue_noise);
-    by_hue |= not_its;
-    by_luma &= ~not_its;
-    walk.found &= ~not_its;
+      walk.addSample(share.at(lanes::all(s)), lanes::all(s), s == -search);
+    refineEdges(share, by_luma, walk);
+    const Ints is_shadow_edge =
+        walk.found & ~is_object &
+        isShadowEdge(frame.image, n, walk.shift, inside, reference, least, frame.hue_noise);
+    by_hue |= is_shadow_edge;
+    by_luma &= ~is_shadow_edge;
+    walk.found &= ~is_shadow_edge;
   }
   const Ints left = usable & ~by_luma;
-  if (lanes::any(left)) {  // colour is blurred over twice the pixels
+  if (lanes::any(left)) {  // chroma is blurred over twice as many pixels
     const float far = 2.0f * search;
     const Colours all = n.coloursAt(frame.image, lanes::all(far)) - outside,
                   contrast = choose(by_hue, hueOf(all, reference), all);
@@ -280,8 +287,8 @@ OMNIFLEET_INLINE void find(const ContourFrame& frame, const ContourOptions& opti
     walk.open = left & (strength > 0.0f) & (lanes::magnitude(share.total) >= least);
     walk.before = Floats{};
     for (float s = -far; s <= far + 0.01f && lanes::any(walk.open); s += kStep_px)
-      walk.see(share.at(lanes::all(s)), lanes::all(s), s == -far);
-    settle(share, left & ~by_hue, walk);
+      walk.addSample(share.at(lanes::all(s)), lanes::all(s), s == -far);
+    refineEdges(share, left & ~by_hue, walk);
   }
   lanes::store(walk.found ? n.x + walk.shift * n.in_x : n.x, edges.x_px);
   lanes::store(walk.found ? n.y + walk.shift * n.in_y : n.y, edges.y_px);

@@ -8,11 +8,12 @@ namespace omnifleet::ground {
 
 namespace {
 
-// A slope that is even over the floor grows as the length of floor that a block shows; that of light that
-// falls as a power of the distance as that length's root, far off. Between, growth finds its own way.
+// Far away, a gradient that is constant over the floor grows in proportion to the floor length per block. The
+// gradient of light that falls as a power of the distance grows with the square root of that length. The root
+// is used; region growing adapts to the difference.
 constexpr double kPower = 0.5;
 constexpr double kMostSteepening = 4.0;
-constexpr double kOutward = 0.3;  // of what leads away most: steps that lead as much farther are outward
+constexpr double kOutward = 0.3;  // minimum share of the largest increase in distance for an outward step
 
 }  // namespace
 

@@ -7,7 +7,7 @@ namespace omnifleet::ground {
 
 namespace {
 
-/// Strips are kCell rows high.
+/// Rounds the height up to whole strips of kCell rows.
 cv::Size wholeStrips(const cv::Size& size) {
   constexpr int kRows = FloorView::kCell;
   return {size.width, (size.height + kRows - 1) / kRows * kRows};

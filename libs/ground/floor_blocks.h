@@ -13,39 +13,40 @@
 
 namespace omnifleet::ground {
 
-/// The blocks of a view as a picture of its own, one pixel each: where they lie on the floor, and regions of
-/// those that are marked.
+/// The blocks of a view as an image with one pixel per block: their positions on the floor, and connected
+/// regions of marked blocks.
 class FloorBlocks {
  public:
-  static constexpr int kSectors = 144;  ///< of a turn
+  static constexpr int kSectors = 144;  ///< per turn
 
-  /// @param size of the view in blocks of block_cells × block_cells cells
+  /// @param size size of the view in blocks of block_cells × block_cells cells
   FloorBlocks(const lens::Camera& camera, const FloorView& view, cv::Size size, int block_cells);
 
   cv::Size size() const { return floor_m_.size(); }
   int sizePx() const { return block_px_; }
-  /// Metres from the camera's foot; 0 where not all of a block may show floor.
+  /// Distance from the camera's foot in metres; 0 where part of the block cannot show floor.
   const cv::Mat1f& floorM() const { return floor_m_; }
-  /// By the direction in the picture, from the camera's foot; 0 too where there is none.
+  /// Sector of each block by its direction in the image from the camera's foot; also 0 where there is none.
   const cv::Mat1b& sectors() const { return sectors_; }
-  /// To be marked: at least as large as size(), 0.
+  /// Returns a mask for marks: at least as large as size(), all 0.
   cv::Mat1b marks() const { return cv::Mat1b(marked_px_, std::uint8_t{0}); }
 
-  /// @param marks as marks() made them @return of those that are not 0; valid until the next call
+  /// @param marks created by marks()
+  /// @return regions of the blocks that are not 0; valid until the next call
   const std::vector<Blob>& regions(const cv::Mat1b& marks);
 
-  /// By sectors: the farthest block of some, metres; 0: none.
+  /// Distance of the farthest marked block of a region per sector, metres; 0: none.
   using Lengths = std::array<float, kSectors>;
   Lengths lengthsOf(const Blob& region, const cv::Mat1b& marks, std::uint8_t mark) const;
-  /// Along what the camera sees, metres.
+  /// Length along the arc around the camera, metres.
   static double lengthOf(const Lengths& farthest_m);
 
  private:
   int block_px_;
   cv::Mat1f floor_m_;
   cv::Mat1b sectors_;
-  cv::Size marked_px_;      ///< whole rows of strips
-  std::vector<Strip> all_;  ///< blocks for pixels, as in what follows
+  cv::Size marked_px_;      ///< size in whole rows of strips
+  std::vector<Strip> all_;  ///< all strips; here a pixel is a block
   BitMask bits_;
   BitArea area_;
   Labeller labeller_;

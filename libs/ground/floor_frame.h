@@ -7,14 +7,14 @@
 
 namespace omnifleet::ground {
 
-/// What is asked about brightness where the outline of a grey region lies.
+/// Inputs for brightness measurements at the outline of a grey region.
 struct FloorFrame {
   const cv::Mat& image;    ///< BGR8
   const cv::Mat3f& floor;  ///< floor colour per cell
-  float hue_tolerance;     ///< share of the floor's brightness by which its hue may be off
-  float noise;             ///< grey levels tolerated beside it in a single pixel
-  cv::Point2f foot_px;     ///< the camera's, from where verticals lead away
-  const cv::Mat1b& view;   ///< not 0 where floor may be seen
+  float hue_tolerance;     ///< hue tolerance as a share of the floor's brightness
+  float noise;             ///< grey levels, noise tolerance of a single pixel in addition
+  cv::Point2f foot_px;     ///< the camera's foot; verticals lead away from it
+  const cv::Mat1b& view;   ///< not 0 where floor may be visible
 };
 
 inline const cv::Vec3f& floorAt(const FloorFrame& frame, int x, int y) {
@@ -22,7 +22,8 @@ inline const cv::Vec3f& floorAt(const FloorFrame& frame, int x, int y) {
                      std::min(x / FloorView::kCell, frame.floor.cols - 1));
 }
 
-/// Brightness of a pixel as a share of the floor's there; beyond the image as at its edge.
+/// Brightness of a pixel as a share of the floor's brightness there. Pixels outside the image take the value
+/// at its edge.
 inline float gainAt(const FloorFrame& frame, int x, int y) {
   x = std::clamp(x, 0, frame.image.cols - 1);
   y = std::clamp(y, 0, frame.image.rows - 1);
@@ -34,7 +35,7 @@ inline float gainAt(const FloorFrame& frame, int x, int y) {
          rr;
 }
 
-/// Mean over three pixels across the step's direction.
+/// Mean of gainAt() over three pixels across the direction of a step.
 inline float meanGain(const FloorFrame& frame, int x, int y, int across_x, int across_y) {
   return (gainAt(frame, x, y) + gainAt(frame, x + across_x, y + across_y) +
           gainAt(frame, x - across_x, y - across_y)) /

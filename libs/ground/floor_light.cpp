@@ -12,16 +12,18 @@ namespace {
 
 constexpr int kLevel = 0, kAmbient = 1, kX = 2, kY = 3, kHeight = 4, kRim = 5;
 constexpr int kSamples = 300;
-constexpr double kSigma = 0.03;  // of a block's brightness about the model, as a share of it
+constexpr double kSigma = 0.03;  // deviation of a block's brightness from the model, as a share
 constexpr double kLargeProduct = 1e200;
 constexpr int kRounds = 12;
-constexpr double kDone = 1e-3;  // a step as small as that, in standard deviations, is the last
-// What rooms have: the share of the light that comes from all around, how far a lamp is, and how high (s).
-constexpr double kUsual[] = {0.0, 0.3, 0.0, 0.0, 0.83, -0.1}, kUsualSigma[] = {10.0, 0.3, 2.0, 2.0, 0.5, 0.2};
-constexpr double kLeast[] = {-10.0, 0.01, -6.0, -6.0, -0.2, -0.7}, kMost[] = {10.0, 1.0, 6.0, 6.0, 2.0, 0.1};
-constexpr float kBeyond_m = 50.0f;  // where no floor is seen
+constexpr double kDone = 1e-3;  // smaller steps, in standard deviations, end the iteration
+// Prior for indoor light: ambient share, distance of the lamp, and its height s (logarithm).
+constexpr double kPriorMean[] = {0.0, 0.3, 0.0, 0.0, 0.83, -0.1},
+                 kPriorSigma[] = {10.0, 0.3, 2.0, 2.0, 0.5, 0.2};
+constexpr double kLowerBound[] = {-10.0, 0.01, -6.0, -6.0, -0.2, -0.7},
+                 kUpperBound[] = {10.0, 1.0, 6.0, 6.0, 2.0, 0.1};
+constexpr float kBeyond_m = 50.0f;  // marks places without floor
 
-/// (1 + q)^(-3/2) and what is needed of it.
+/// Terms of (1 + q)^(-3/2).
 struct Lambert {
   double u, fall;  ///< 1 / (1 + q); u^(3/2)
 };
@@ -30,7 +32,7 @@ Lambert lambert(double q) {
   return {u, u * std::sqrt(u)};
 }
 
-/// The logarithm of what the floor is lit with.
+/// Logarithm of the floor's illumination.
 class LogLight {
  public:
   explicit LogLight(const Eigen::Matrix<double, 6, 1>& p) : p_(p), per_s2_(std::exp(-2.0 * p[kHeight])) {}
@@ -46,19 +48,19 @@ class LogLight {
   double per_s2_;
 };
 
-OMNIFLEET_WIDE void shineRow(const float* x, const float* y, const float* rim2, int n, const float* p,
-                             float* light) {
+OMNIFLEET_WIDE void evaluateRow(const float* x, const float* y, const float* rim2, int n, const float* p,
+                                float* light) {
   const float ambient = p[kAmbient], lamp = 1.0f - ambient, per_s2 = p[kHeight], scale = p[kLevel];
 #pragma GCC ivdep
   for (int i = 0; i < n; ++i) {
     const float dx = x[i] - p[kX], dy = y[i] - p[kY], u = 1.0f / (1.0f + (dx * dx + dy * dy) * per_s2);
-    // exp(t) for −0.7 ≤ t ≤ 0.1, to a thousandth.
+    // exp(t) for −0.7 ≤ t ≤ 0.1, accurate to 0.001.
     const float t = p[kRim] * rim2[i], half = 1.0f + 0.5f * t + 0.125f * t * t + t * t * t / 48.0f;
     light[i] = scale * (ambient + lamp * u * std::sqrt(u)) * half * half;
   }
 }
 
-/// Ambient share, c, 1 / s².
+/// Parameters of the lamp: ambient share, c, 1 / s².
 struct Lamp {
   float ambient, x_m, y_m, per_s2;
 };
@@ -72,13 +74,13 @@ OMNIFLEET_WIDE void shareRow(const float* x, const float* y, int n, const Lamp& 
   }
 }
 
-/// Where the floor of a row of cells is, and of the rows above and below it.
+/// Floor positions of a row of cells; the rows above and below are `step` away.
 struct FloorOfRow {
   const float *x_m, *y_m;
   std::ptrdiff_t step;
 };
 
-/// The floor moves by J · (step in the picture), J from the cells to each side.
+/// Moves on the floor by J · (step in the image). J is the finite difference between the cells on both sides.
 void towardsRow(const FloorOfRow& floor, const cv::Point2f& lamp_m, int n, float* out) {
   for (int i = 1; i + 1 < n; ++i) {
     const float* here = floor.x_m + i;
@@ -104,7 +106,7 @@ FloorLight::FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, 
       blocks_(placesOf(camera, {cells.width / block, cells.height / block}, cell_px * block)),
       of_cells_(cells),
       of_blocks_(blocks_.x_m.size()),
-      beside_lamp_(cells),
+      ambient_share_(cells),
       towards_lamp_(cells, cv::Vec2f(0, 0)) {
   scaleRim(cells_, blocks_);
   samples_.reserve(2 * kSamples);
@@ -127,7 +129,7 @@ FloorLight::Places FloorLight::placesOf(const lens::Camera& camera, cv::Size cou
   return places;
 }
 
-/// Both alike: from squared pixels to shares of the farthest cell's.
+/// Scales squared pixels to shares of the farthest cell's value, in both.
 void FloorLight::scaleRim(Places& cells, Places& blocks) {
   double farthest = 0.0;
   cv::minMaxLoc(cells.rim2, nullptr, &farthest);
@@ -135,30 +137,31 @@ void FloorLight::scaleRim(Places& cells, Places& blocks) {
   for (Places* places : {&cells, &blocks}) places->rim2 /= farthest;
 }
 
-FloorLight::Parameters FloorLight::start() {
-  return Eigen::Map<const Parameters>(kUsual);
+FloorLight::Parameters FloorLight::initialGuess() {
+  return Eigen::Map<const Parameters>(kPriorMean);
 }
 
 void FloorLight::reset() {
-  p_ = kept_ = start();
+  p_ = kept_ = initialGuess();
 }
 
 FloorLight::Parameters FloorLight::bounded(const Parameters& p) {
-  return p.cwiseMax(Eigen::Map<const Parameters>(kLeast)).cwiseMin(Eigen::Map<const Parameters>(kMost));
+  return p.cwiseMax(Eigen::Map<const Parameters>(kLowerBound))
+      .cwiseMin(Eigen::Map<const Parameters>(kUpperBound));
 }
 
-void FloorLight::gather(const FloorGrowth& growth) {
+void FloorLight::gather(const RegionGrowing& growing) {
   samples_.clear();
-  const std::size_t grown = growth.grown().size(), step = std::max<std::size_t>(1, grown / kSamples);
+  const std::size_t grown = growing.grown().size(), step = std::max<std::size_t>(1, grown / kSamples);
   double sum = 0.0;
   for (std::size_t k = 0; k < grown; k += step) {
-    const cv::Point at = growth.blockAt(growth.grown()[k]);
-    const float brightness = growth.brightnessAt(growth.grown()[k]);
+    const cv::Point at = growing.blockAt(growing.grown()[k]);
+    const float brightness = growing.brightnessAt(growing.grown()[k]);
     if (brightness <= 1.0f) continue;
     samples_.push_back({blocks_.x_m(at), blocks_.y_m(at), blocks_.rim2(at), std::log(brightness)});
     sum += samples_.back().level;
   }
-  // The level itself is no matter; that it is near 0 spares its bounds.
+  // The level has no meaning. A value near 0 keeps it within its bounds.
   for (Sample& sample : samples_)
     sample.level -= static_cast<float>(sum / static_cast<double>(samples_.size()));
 }
@@ -171,30 +174,32 @@ void FloorLight::linearise(const Parameters& p, Hessian& hessian, Parameters& gr
     const double dx = sample.x_m - p[kX], dy = sample.y_m - p[kY], q = (dx * dx + dy * dy) * per_s2;
     const auto [u, fall] = lambert(q);
     const double light = p[kAmbient] + lamp * fall, by_q = -1.5 * lamp * u * fall / light;
-    const double left = (sample.level - p[kLevel] - std::log(light) - p[kRim] * sample.rim2) / kSigma;
+    const double residual = (sample.level - p[kLevel] - std::log(light) - p[kRim] * sample.rim2) / kSigma;
     Parameters slope;
     slope << 1.0, (1.0 - fall) / light, -2.0 * by_q * dx * per_s2, -2.0 * by_q * dy * per_s2, -2.0 * by_q * q,
         sample.rim2;
     slope /= kSigma;
-    const double weight = 1.0 / (1.0 + left * left);
-    gradient += weight * left * slope;
+    const double weight = 1.0 / (1.0 + residual * residual);
+    gradient += weight * residual * slope;
     hessian.noalias() += slope * (weight * slope).transpose();
   }
   for (int i = 0; i < kParameters; ++i) {
-    gradient[i] -= (p[i] - kUsual[i]) / (kUsualSigma[i] * kUsualSigma[i]);
-    hessian(i, i) += 1.0 / (kUsualSigma[i] * kUsualSigma[i]);
+    gradient[i] -= (p[i] - kPriorMean[i]) / (kPriorSigma[i] * kPriorSigma[i]);
+    hessian(i, i) += 1.0 / (kPriorSigma[i] * kPriorSigma[i]);
   }
 }
 
-/// Cauchy's loss of what is left, in standard deviations, and what is known of rooms.
+/// Cauchy loss of the residuals in standard deviations, plus the prior.
 double FloorLight::costOf(const Parameters& p) const {
-  const auto usual = Eigen::Map<const Parameters>(kUsual), sigma = Eigen::Map<const Parameters>(kUsualSigma);
-  double cost = (p - usual).cwiseQuotient(sigma).squaredNorm();
+  const auto prior = Eigen::Map<const Parameters>(kPriorMean),
+             sigma = Eigen::Map<const Parameters>(kPriorSigma);
+  double cost = (p - prior).cwiseQuotient(sigma).squaredNorm();
   const LogLight light(p);
-  double product = 1.0;  // of what logarithms are to be summed of: one costs as much as all the rest
+  double product = 1.0;  // sums logarithms as the logarithm of a product, which is much cheaper
   for (const Sample& sample : samples_) {
-    const double left = (sample.level - p[kLevel] - light.at(sample.x_m, sample.y_m, sample.rim2)) / kSigma;
-    product *= 1.0 + left * left;
+    const double residual =
+        (sample.level - p[kLevel] - light.at(sample.x_m, sample.y_m, sample.rim2)) / kSigma;
+    product *= 1.0 + residual * residual;
     if (product < kLargeProduct) continue;
     cost += std::log(product);
     product = 1.0;
@@ -202,9 +207,9 @@ double FloorLight::costOf(const Parameters& p) const {
   return cost + std::log(product);
 }
 
-/// Levenberg and Marquardt's method, here as Ceres allocates at each solution.
-bool FloorLight::fit(const FloorGrowth& growth) {
-  gather(growth);
+/// Levenberg–Marquardt. Ceres is not used because it allocates in each solve.
+bool FloorLight::fit(const RegionGrowing& growing) {
+  gather(growing);
   change_ = 0.0;
   darkest_ = 1.0;
   if (samples_.size() < static_cast<std::size_t>(kSamples / 3)) return false;
@@ -244,14 +249,14 @@ bool FloorLight::fit(const FloorGrowth& growth) {
   return true;
 }
 
-const cv::Mat1f& FloorLight::besideLampOfCells() {
+const cv::Mat1f& FloorLight::ambientShareOfCells() {
   const auto ambient = static_cast<float>(of_last_blocks_[kAmbient]),
              x_m = static_cast<float>(of_last_blocks_[kX]), y_m = static_cast<float>(of_last_blocks_[kY]),
              per_s2 = static_cast<float>(std::exp(-2.0 * of_last_blocks_[kHeight]));
-  for (int y = 0; y < beside_lamp_.rows; ++y)
-    shareRow(cells_.x_m.ptr<float>(y), cells_.y_m.ptr<float>(y), beside_lamp_.cols,
-             {ambient, x_m, y_m, per_s2}, beside_lamp_.ptr<float>(y));
-  return beside_lamp_;
+  for (int y = 0; y < ambient_share_.rows; ++y)
+    shareRow(cells_.x_m.ptr<float>(y), cells_.y_m.ptr<float>(y), ambient_share_.cols,
+             {ambient, x_m, y_m, per_s2}, ambient_share_.ptr<float>(y));
+  return ambient_share_;
 }
 
 const cv::Mat2f& FloorLight::towardsLampOfCells() {
@@ -264,24 +269,24 @@ const cv::Mat2f& FloorLight::towardsLampOfCells() {
   return towards_lamp_;
 }
 
-void FloorLight::shine(const Parameters& fitted, const Places& places, cv::Mat1f& light) {
+void FloorLight::evaluate(const Parameters& fitted, const Places& places, cv::Mat1f& light) {
   float p[kParameters];
   for (int i = 0; i < kParameters; ++i) p[i] = static_cast<float>(fitted[i]);
   p[kHeight] = static_cast<float>(std::exp(-2.0 * fitted[kHeight]));
   p[kLevel] = static_cast<float>(std::exp(-LogLight(fitted).atFoot()));
   for (int y = 0; y < light.rows; ++y)
-    shineRow(places.x_m.ptr<float>(y), places.y_m.ptr<float>(y), places.rim2.ptr<float>(y), light.cols, p,
-             light.ptr<float>(y));
+    evaluateRow(places.x_m.ptr<float>(y), places.y_m.ptr<float>(y), places.rim2.ptr<float>(y), light.cols, p,
+                light.ptr<float>(y));
 }
 
 const cv::Mat1f& FloorLight::ofBlocks() {
   of_last_blocks_ = p_;
-  shine(p_, blocks_, of_blocks_);
+  evaluate(p_, blocks_, of_blocks_);
   return of_blocks_;
 }
 
 const cv::Mat1f& FloorLight::ofCells() {
-  shine(of_last_blocks_, cells_, of_cells_);
+  evaluate(of_last_blocks_, cells_, of_cells_);
   return of_cells_;
 }
 

@@ -4,51 +4,55 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/floor_growth.h"
+#include "ground/region_growing.h"
 #include "lens/camera.h"
 
 namespace omnifleet::ground {
 
-/// How bright the floor is lit, as one lamp over it and what light there is all over do it: a + (1 − a)·φ,
-/// φ = (1 + |p − c|²/s²)^(−3/2), Lambert's law for a small lamp s over the floor at c, times what the lens
-/// loses towards its rim, exp(v·ρ²). Where the light falls by a third within a few pixels, as far off under a
-/// lamp in a dark room, it is known before growth gets there: from the floor that growth has reached already.
-/// A sun, a window or many lamps are no such light; growth follows them by itself.
+/// Model of the floor's illumination by one lamp and ambient light:
+/// a + (1 − a)·φ, φ = (1 + |p − c|²/s²)^(−3/2), times exp(v·ρ²).
+/// φ is Lambert's law for a small lamp at height s above the floor at c. The last factor is the vignetting of
+/// the lens. Under a lamp in a dark room the light falls by a third within a few pixels far away. The model
+/// predicts this from the floor that region growing has already reached. The sun, a window or several lamps
+/// do not fit this model; region growing follows them by itself.
 class FloorLight {
  public:
-  /// @param cells of the view, of cell_px × cell_px pixels each; block: cells to a side of growth's blocks
+  /// @param cells number of cells of the view, of cell_px × cell_px pixels each
+  /// @param block cells per side of a block of region growing
   FloorLight(const lens::Camera& camera, cv::Size cells, int cell_px, int block);
 
-  /// Fits to the blocks that growth has reached (sum of the channels of their means as they are, light and
-  /// all), from the last fit on. @return false where they are too few
-  bool fit(const FloorGrowth& growth);
-  /// The darkest of those blocks by the last fit(), as a share of the light at the foot: floor
-  /// that is lighter elsewhere, as beside a window, asks for no lamp.
+  /// Fits the model to the blocks that region growing has reached, starting from the last fit. It uses the
+  /// sum of the channels of their means in the actual light.
+  /// @return false if there are too few blocks
+  bool fit(const RegionGrowing& growing);
+  /// Light of the darkest of those blocks by the last fit(), as a share of the light at the camera's foot. A
+  /// lamp matters only if it is low. Floor that is brighter elsewhere, as beside a window, needs no lamp
+  /// model.
   double darkest() const { return darkest_; }
-  /// The largest change of brightness, as a share of it, that the last fit() made to those blocks' light.
+  /// Largest relative change of these blocks' light by the last fit().
   double change() const { return change_; }
-  /// goBack() takes back what fit() did after the ofBlocks() that was the last before the last keepTried().
-  void keepTried() { kept_ = of_last_blocks_; }
-  void goBack() { p_ = kept_; }
-  /// Forgets the fits.
+  /// Keeps the parameters of the last ofBlocks(). restoreKept() returns to them.
+  void keepUsed() { kept_ = of_last_blocks_; }
+  void restoreKept() { p_ = kept_; }
+  /// Resets the fit to the prior.
   void reset();
 
-  /// By the last fit. CV_32FC1, 1 at the camera's foot; valid until the next call.
+  /// Light per block by the last fit, CV_32FC1, 1 at the camera's foot. Valid until the next call.
   const cv::Mat1f& ofBlocks();
-  /// The same light as that of the last ofBlocks(), whatever was fitted since.
+  /// Light per cell with the parameters of the last ofBlocks(), even if fit() was called since.
   const cv::Mat1f& ofCells();
-  /// Of that light the share that is not the lamp's; valid until the next call.
-  const cv::Mat1f& besideLampOfCells();
-  /// Unit vectors in the picture, which lead over the floor towards the place beneath that lamp; 0 where no
-  /// floor is seen.
+  /// Ambient share of that light per cell; valid until the next call.
+  const cv::Mat1f& ambientShareOfCells();
+  /// Unit vectors in the image that lead over the floor towards the point beneath that lamp; 0 where no floor
+  /// is visible.
   const cv::Mat2f& towardsLampOfCells();
 
  private:
   static constexpr int kParameters = 6;
-  /// Level (logarithm), ambient share a, c (metres, camera's floor frame), log s (metres), v.
+  /// Level (logarithm), ambient share a, c (metres, floor frame of the camera), log s (metres), v.
   using Parameters = Eigen::Matrix<double, kParameters, 1>;
   using Hessian = Eigen::Matrix<double, kParameters, kParameters>;
-  /// Of blocks, or cells: where their middles' floor is, and ρ² there, 1 at the cell of floor in view that is
+  /// Floor positions of the centres of cells or blocks, and ρ² there. ρ² is 1 at the visible floor cell
   /// farthest from the principal point.
   struct Places {
     cv::Mat1f x_m, y_m, rim2;
@@ -59,17 +63,17 @@ class FloorLight {
 
   static Places placesOf(const lens::Camera& camera, cv::Size count, int pixels);
   static void scaleRim(Places& cells, Places& blocks);
-  static Parameters start();
+  static Parameters initialGuess();
   static Parameters bounded(const Parameters& p);
-  void gather(const FloorGrowth& growth);
+  void gather(const RegionGrowing& growing);
   double costOf(const Parameters& p) const;
   void linearise(const Parameters& p, Hessian& hessian, Parameters& gradient) const;
-  static void shine(const Parameters& p, const Places& places, cv::Mat1f& light);
+  static void evaluate(const Parameters& p, const Places& places, cv::Mat1f& light);
 
   Places cells_, blocks_;
-  cv::Mat1f of_cells_, of_blocks_, beside_lamp_;
+  cv::Mat1f of_cells_, of_blocks_, ambient_share_;
   cv::Mat2f towards_lamp_;
-  Parameters p_ = start(), kept_ = start(), of_last_blocks_ = start();
+  Parameters p_ = initialGuess(), kept_ = initialGuess(), of_last_blocks_ = initialGuess();
   std::vector<Sample> samples_;
   double change_ = 0.0, darkest_ = 1.0;
 };

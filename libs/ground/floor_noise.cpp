@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 constexpr int kPixels = kCell * kCell;
-constexpr int kEvery = 5;  // cells: a fifth of them is plenty for a median
+constexpr int kEvery = 5;  // cells; a fifth of them is enough for a median
 
 double sigmaOf(std::vector<float>& variances) {
   const auto middle = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() / 2);
@@ -25,7 +25,7 @@ NoiseMeter::NoiseMeter(const FloorView& view) {
       if (view.seeds()(y, x) != 0) cells_.emplace_back(x, y);
 }
 
-/// Medians over the cells, so that edges in the ring do not count.
+/// Medians over the cells, so that edges in the seed ring do not count.
 FloorNoise NoiseMeter::measure(const cv::Mat& image, const cv::Mat3f& cell_means) {
   variances_.clear();
   hue_variances_.clear();
@@ -38,7 +38,7 @@ FloorNoise NoiseMeter::measure(const cv::Mat& image, const cv::Mat3f& cell_means
   return {sigmaOf(variances_), sigmaOf(hue_variances_)};
 }
 
-/// Of the cell's pixels about its mean.
+/// Variances of the cell's pixels around its mean.
 NoiseMeter::Variances NoiseMeter::varianceOf(const cv::Mat& image, const cv::Point& cell,
                                              const cv::Vec3f& mean) {
   const int channels = image.channels();
@@ -57,7 +57,7 @@ NoiseMeter::Variances NoiseMeter::varianceOf(const cv::Mat& image, const cv::Poi
       along += brighter * brighter;
     }
   }
-  int spread = 0;  // times kPixels
+  int spread = 0;  // multiplied by kPixels
   for (int c = 0; c < channels; ++c) spread += kPixels * squares[c] - sum[c] * sum[c];
   const float all = static_cast<float>(spread) / static_cast<float>(kPixels);
   const auto over = [](float sum_of_squares, int n) {

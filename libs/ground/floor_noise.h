@@ -7,19 +7,20 @@
 
 namespace omnifleet::ground {
 
-/// Standard deviations of colours that are the same, grey levels. What a floor is made of changes its
-/// brightness from pixel to pixel (grain, dirt), its hue hardly: a camera's noise is in both.
+/// Standard deviations of equal colours, grey levels. The texture of a floor (grain, dirt) changes its
+/// brightness from pixel to pixel, but hardly its hue. A camera's noise affects both.
 struct FloorNoise {
   double channel = 0.0;  ///< of one channel
-  double hue = 0.0;      ///< of one that is free of brightness
+  double hue = 0.0;      ///< of one channel of the hue, without the brightness
   FloorNoise operator/(double by) const { return {channel / by, hue / by}; }
 };
 
-/// Measures the noise of single pixels on the seeds.
+/// Measures the noise of single pixels on the seed cells.
 class NoiseMeter {
  public:
   explicit NoiseMeter(const FloorView& view);
-  /// @param image CV_8UC3 or CV_8UC1 of the view's size @param cell_means CV_32FC3
+  /// @param image CV_8UC3 or CV_8UC1 of the view's size
+  /// @param cell_means CV_32FC3
   FloorNoise measure(const cv::Mat& image, const cv::Mat3f& cell_means);
 
  private:

@@ -8,19 +8,21 @@ namespace omnifleet::ground {
 
 namespace {
 
-// Frames until light that is even, or no lamp's, is looked at again, unless floor gets lost; twice as many
-// each time that it still is, up to the latter: a look takes as long as a fifth of a frame's whole work.
+// Frames until the next search for a lamp's light, unless floor is lost. The interval doubles with each
+// search without success, up to kRarely. A search takes 20 % of the work of a frame.
 constexpr int kEvenLight = 10, kRarely = 160;
-constexpr double kMoreFloor = 1.01;  // what the light of a lamp must bring to be believed
-// Of the most of the last frames, which fades by this share a frame: it may be believed no more. Of the last
-// one alone: another lamp has been switched on.
+constexpr double kMoreFloor = 1.01;  // factor of floor that a lamp model must gain to be accepted
+// The lamp model is dropped if the floor falls below kLostFloor of the maximum of the last frames, which
+// decays by kFades per frame. A loss of the same size from one frame to the next starts a search at once:
+// another lamp may have been switched on.
 constexpr double kLostFloor = 0.95, kFades = 0.01;
-// Floor with less than so much of the light at the foot makes a lamp matter; once it does, with so much.
+// A lamp matters if some floor has less than kMatters of the light at the camera's foot. It continues to
+// matter below kStillMatters.
 constexpr double kMatters = 0.65, kStillMatters = 0.75;
-constexpr double kOtherLight = 0.03;  // of the brightness
-constexpr int kLooks = 3;             // each from more floor than the last
-constexpr int kLargeImage_px = 900;   // from this width on the model is made of blocks of 2×2 cells
-/// Means of n blocks of 2×2 cells, three numbers each.
+constexpr double kOtherLight = 0.03;  // share of the brightness
+constexpr int kSearchFrames = 3;      // each frame starts from more floor than the last
+constexpr int kLargeImage_px = 900;   // from this width on, blocks consist of 2×2 cells
+/// Means of n blocks of 2×2 cells, three numbers per block.
 OMNIFLEET_WIDE void averageFours(const float* above, const float* below, int n, float* means) {
   using lanes::FourFloats;
   const auto meanAt = [above, below](int x) {
@@ -29,7 +31,7 @@ OMNIFLEET_WIDE void averageFours(const float* above, const float* below, int n, 
     };
     return 0.25f * (at(above, 0) + at(above, 1) + at(below, 0) + at(below, 1));
   };
-  // A mean is stored with a number too many, which the next one overwrites.
+  // Each store writes one value too many, which the next store overwrites.
   for (int x = 0; x < n - 1; ++x) lanes::store(meanAt(x), means + 3 * x);
   for (int i = 3 * (n - 1); i < 3 * n; ++i) {
     const int first = 2 * i - i % 3;
@@ -37,7 +39,7 @@ OMNIFLEET_WIDE void averageFours(const float* above, const float* below, int n, 
   }
 }
 
-/// The least of each block × block cells, one value a whole block.
+/// Minimum over each block of block × block cells, one value per whole block.
 cv::Mat1b leastOf(const cv::Mat1b& cells, int block) {
   cv::Mat1b least(cells.rows / block, cells.cols / block, std::uint8_t{255});
   for (int y = 0; y < least.rows * block; ++y)
@@ -64,148 +66,150 @@ FloorReference::FloorReference(const lens::Camera& camera, const FloorView& view
     : options_(options),
       tolerance_{options.tolerance_along, options.tolerance_across, options.noise_sigmas},
       block_(view.imageSize().width >= kLargeImage_px ? 2 : 1),
-      growth_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
-              options.all_modes),
+      growing_(leastOf(view.coverage(), block_), leastOf(view.seeds(), block_), tolerance_, options.min_share,
+               options.all_modes),
       light_(camera, view.cells(), FloorView::kCell, block_),
-      patience_(kEvenLight),
-      smoothing_(growth_, view, block_, options.smoothing_cells) {
-  if (!options.all_modes) growth_.lookFar({camera, growth_.means().size(), blockSize()});
-  constexpr int kMargin = 6;  // cells: growth compares a block with those beside it
+      search_interval_(kEvenLight),
+      smoothing_(growing_, view, block_, options.smoothing_cells) {
+  if (!options.all_modes) growing_.useFarFloor({camera, growing_.means().size(), blockSize()});
+  constexpr int kMargin = 6;  // cells; region growing compares a block with its neighbours
   const std::vector<cv::Range> cells = view.rowsWithin(kMargin);
-  for (int y = 0; y < growth_.means().rows; ++y) {
+  for (int y = 0; y < growing_.means().rows; ++y) {
     const cv::Range& row = cells[static_cast<std::size_t>(y * block_)];
-    asked_.emplace_back(row.start / block_, std::min(growth_.means().cols, (row.end + block_ - 1) / block_));
+    used_blocks_.emplace_back(row.start / block_,
+                              std::min(growing_.means().cols, (row.end + block_ - 1) / block_));
   }
 }
 
-void FloorReference::lookBeyond(const cv::Mat1b& sectors) {
-  growth_.lookBeyond(leastOf(sectors, block_));
+void FloorReference::setBeyondSectors(const cv::Mat1b& sectors) {
+  growing_.setBeyondSectors(leastOf(sectors, block_));
 }
 
 bool FloorReference::isGrown(int y, int x) const {
   y /= block_;
   x /= block_;
-  return y < growth_.means().rows && x < growth_.means().cols && growth_.isGrown(y, x);
+  return y < growing_.means().rows && x < growing_.means().cols && growing_.isGrown(y, x);
 }
 
 bool FloorReference::learn(const CellColours& cells, const std::vector<cv::Vec4f>& beyond) {
   if (!grow({cells, cells.noise / block_, beyond})) return false;
-  smoothing_.smooth(growth_);
-  if (growth_.isEvened()) smoothing_.shine(light_.ofCells());
+  smoothing_.smooth(growing_);
+  if (growing_.isEvened()) smoothing_.applyLight(light_.ofCells());
   return true;
 }
 
-/// Once it is known how a lamp lights the floor, growth starts from there. As long as it is not, this is
-/// looked at now and then: in the first frame, and where a lamp is given up, at once, else by one growth a
-/// frame beside the usual one, lest one frame in many takes twice as long as the others.
-bool FloorReference::grow(const Sight& sight) {
-  averageBlocks(sight.cells.means);
-  if (options_.all_modes) return growBlocks(sight);
+/// Grows the floor. If a lamp model is known, growing starts with it. Otherwise the search for one runs from
+/// time to time. It runs at once in the first frame, after a lamp model was dropped, and after a sudden loss
+/// of floor. In other frames it adds one growing per frame to the usual one, so that no frame takes twice as
+/// long as the others.
+bool FloorReference::grow(const FrameInput& input) {
+  averageBlocks(input.cells.means);
+  if (options_.all_modes) return growBlocks(input);
   bool at_once = most_grown_ <= 0.0;
   if (is_lamp_lit_) {
-    if (growByLamp(sight)) return true;
-    giveLampUp();
+    if (growByLamp(input)) return true;
+    dropLamp();
     at_once = true;
   }
-  const bool looks = look_.left > 0;
-  if (looks) tryLamp(sight);
-  if (!growAsSeen(sight)) return false;
+  const bool is_searching = search_.left > 0;
+  if (is_searching) tryLamp(input);
+  if (!growUnevened(input)) return false;
   const bool is_as_before = holdsFloor();
-  if (!is_as_before) patience_ = kEvenLight;
+  if (!is_as_before) search_interval_ = kEvenLight;
   at_once = at_once || grownBlocks() < kLostFloor * last_grown_;
   last_grown_ = grownBlocks();
-  if (looks) {
+  if (is_searching) {
     judgeLamp(grownBlocks());
     return true;
   }
-  if (--until_look_ > 0 && is_as_before) return true;
-  beginLook();
-  return look_.left == 0 || !at_once || lookAtOnce(sight);
+  if (--frames_until_search_ > 0 && is_as_before) return true;
+  beginLampSearch();
+  return search_.left == 0 || !at_once || searchAtOnce(input);
 }
 
-/// @return false where it is no light of the floor any more
-bool FloorReference::growByLamp(const Sight& sight) {
-  if (!growEvened(sight)) return false;
-  is_lamp_lit_ = light_.fit(growth_) && light_.darkest() < kStillMatters;
-  if (light_.change() > kOtherLight && !growEvened(sight)) return false;
+/// @return false if the lamp model no longer fits the floor
+bool FloorReference::growByLamp(const FrameInput& input) {
+  if (!growEvened(input)) return false;
+  is_lamp_lit_ = light_.fit(growing_) && light_.darkest() < kStillMatters;
+  if (light_.change() > kOtherLight && !growEvened(input)) return false;
   return holdsFloor();
 }
 
-/// Is there as much floor as in the last frames?
+/// True if there is about as much floor as in the last frames.
 bool FloorReference::holdsFloor() {
   most_grown_ = std::max(grownBlocks(), (1.0 - kFades) * most_grown_);
   return grownBlocks() > kLostFloor * most_grown_;
 }
 
-void FloorReference::giveLampUp() {
+void FloorReference::dropLamp() {
   is_lamp_lit_ = false;
-  until_look_ = 0;
-  patience_ = kEvenLight;
+  frames_until_search_ = 0;
+  search_interval_ = kEvenLight;
 }
 
-/// A lamp's light is learned from the floor that growth reaches without it, then from what growth reaches
-/// with that, and believed where this is more.
-void FloorReference::beginLook() {
-  until_look_ = patience_;
-  patience_ = std::min(2 * patience_, kRarely);
+/// Starts the search for a lamp. The light is fitted to the floor that growing reaches without a lamp, then
+/// to the floor that growing reaches with that fit. The model is accepted if this gains floor.
+void FloorReference::beginLampSearch() {
+  frames_until_search_ = search_interval_;
+  search_interval_ = std::min(2 * search_interval_, kRarely);
   most_grown_ = grownBlocks();
   light_.reset();
-  const bool matters = light_.fit(growth_) && light_.darkest() <= kMatters;
-  look_ = LampLook();
-  if (matters) look_.left = kLooks;
+  const bool matters = light_.fit(growing_) && light_.darkest() <= kMatters;
+  search_ = LampSearch();
+  if (matters) search_.left = kSearchFrames;
 }
 
-/// Grows by the light that was fitted last and fits the next from there.
-void FloorReference::tryLamp(const Sight& sight) {
-  look_.grown = growEvened(sight) ? grownBlocks() : 0.0;
-  if (--look_.left == 0) return;
-  const bool is_other = light_.fit(growth_) && light_.darkest() <= kMatters && light_.change() > kOtherLight;
-  if (!is_other) look_.left = 0;
+/// Grows with the light that was fitted last, and fits the next one to the result.
+void FloorReference::tryLamp(const FrameInput& input) {
+  search_.grown = growEvened(input) ? grownBlocks() : 0.0;
+  if (--search_.left == 0) return;
+  const bool is_other = light_.fit(growing_) && light_.darkest() <= kMatters && light_.change() > kOtherLight;
+  if (!is_other) search_.left = 0;
 }
 
-/// @param without blocks that growth reaches in the same frame without a lamp
+/// @param without number of blocks that growing reaches in the same frame without a lamp
 void FloorReference::judgeLamp(double without) {
-  if (look_.grown > look_.best_share * without) {
-    look_.best_share = look_.grown / without;
-    light_.keepTried();
+  if (search_.grown > search_.best_share * without) {
+    search_.best_share = search_.grown / without;
+    light_.keepUsed();
   }
-  if (look_.left > 0) return;
-  light_.goBack();
-  is_lamp_lit_ = look_.best_share > kMoreFloor;
-  if (is_lamp_lit_) most_grown_ = look_.best_share * without;
+  if (search_.left > 0) return;
+  light_.restoreKept();
+  is_lamp_lit_ = search_.best_share > kMoreFloor;
+  if (is_lamp_lit_) most_grown_ = search_.best_share * without;
 }
 
-bool FloorReference::lookAtOnce(const Sight& sight) {
+bool FloorReference::searchAtOnce(const FrameInput& input) {
   const double without = grownBlocks();
-  while (look_.left > 0) {
-    tryLamp(sight);
+  while (search_.left > 0) {
+    tryLamp(input);
     judgeLamp(without);
   }
-  return is_lamp_lit_ ? growEvened(sight) : growAsSeen(sight);
+  return is_lamp_lit_ ? growEvened(input) : growUnevened(input);
 }
 
-bool FloorReference::growBlocks(const Sight& sight) {
-  return growth_.grow(sight.noise, sight.beyond, sight.cells.is_smoothed);
+bool FloorReference::growBlocks(const FrameInput& input) {
+  return growing_.grow(input.noise, input.beyond, input.cells.is_smoothed);
 }
 
-bool FloorReference::growEvened(const Sight& sight) {
-  growth_.evenOut(light_.ofBlocks());
-  return growBlocks(sight);
+bool FloorReference::growEvened(const FrameInput& input) {
+  growing_.evenOut(light_.ofBlocks());
+  return growBlocks(input);
 }
 
-bool FloorReference::growAsSeen(const Sight& sight) {
-  if (growth_.isEvened()) averageBlocks(sight.cells.means);
-  return growBlocks(sight);
+bool FloorReference::growUnevened(const FrameInput& input) {
+  if (growing_.isEvened()) averageBlocks(input.cells.means);
+  return growBlocks(input);
 }
 
 void FloorReference::averageBlocks(const cv::Mat3f& cell_means) {
-  cv::Mat3f& means = growth_.means();
+  cv::Mat3f& means = growing_.means();
   if (block_ == 1) {
     cell_means.copyTo(means);
     return;
   }
   for (int y = 0; y < means.rows; ++y) {
-    const cv::Range& columns = asked_[static_cast<std::size_t>(y)];
+    const cv::Range& columns = used_blocks_[static_cast<std::size_t>(y)];
     if (columns.empty()) continue;
     averageFours(cell_means.ptr<float>(2 * y) + 6 * columns.start,
                  cell_means.ptr<float>(2 * y + 1) + 6 * columns.start, columns.size(),

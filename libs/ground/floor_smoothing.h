@@ -3,49 +3,50 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/floor_growth.h"
 #include "ground/floor_view.h"
+#include "ground/region_growing.h"
 
 namespace omnifleet::ground {
 
-/// Floor colour of every cell from the blocks that growth has reached: their normalised convolution, 2×2 of
-/// them at a time, then the same of what it left over; where hardly any floor is near, from farther off.
+/// Floor colour of every cell from the blocks that region growing reached. It applies a normalised
+/// convolution to 2×2 blocks at a time, then again to the residuals. Where hardly any floor is near, it uses
+/// floor farther away.
 class FloorSmoothing {
  public:
-  /// @param growth whose blocks have `per_block` cells of the view to each side
-  /// @param window_cells side of the window that smooths
-  FloorSmoothing(const FloorGrowth& growth, const FloorView& view, int per_block, int window_cells);
+  /// @param growing its blocks have `per_block` cells of the view per side
+  /// @param window_cells side of the smoothing window
+  FloorSmoothing(const RegionGrowing& growing, const FloorView& view, int per_block, int window_cells);
 
-  /// @return CV_32FC3 per cell of the view and around it, elsewhere 0; valid until the next call
-  const cv::Mat3f& smooth(const FloorGrowth& growth);
+  /// @return CV_32FC3 per cell of the view and its surroundings, 0 elsewhere; valid until the next call
+  const cv::Mat3f& smooth(const RegionGrowing& growing);
   const cv::Mat3f& colour() const { return colour_; }
-  /// Of colours in even light: those in this one, by which they are multiplied, per cell.
-  void shine(const cv::Mat1f& light);
+  /// Multiplies the colours, which are those in even light, by the actual light per cell.
+  void applyLight(const cv::Mat1f& light);
 
  private:
-  /// Where the middle of a cell lies between the middles of coarser pixels.
+  /// Interpolation of a cell's centre between two coarser pixels.
   struct Between {
     int first, second;
-    float share;  ///< of the second
+    float share;  ///< weight of the second pixel
   };
   static Between between(int cell, int scale, int coarse_size);
-  void sumBlocks(const FloorGrowth& growth);
+  void sumBlocks(const RegionGrowing& growing);
   void blurTwice();
   void fillAndDivide();
   void spread();
   static void mixColumns(const float* row, const Between* between, int n, float* out);
 
   int scale_;                    ///< cells per side of a pixel of sums_
-  int radius_;                   ///< of the window, in those pixels
-  std::vector<int> sum_of_;      ///< of each block's number: where in sums_ it counts
-  cv::Mat4f sums_, fine_;        ///< colour and weight, 2×2 blocks a pixel; means of what was taken so far
-  cv::Mat4f residual_, filler_;  ///< means of what is left
-  cv::Mat1f framed_, summed_;    ///< four floats a pixel; with a margin of zeros
+  int radius_;                   ///< of the window, in pixels of sums_
+  std::vector<int> sum_of_;      ///< per block number: index of its pixel in sums_
+  cv::Mat4f sums_, fine_;        ///< colour and weight, 2×2 blocks per pixel; fine_: means so far
+  cv::Mat4f residual_, filler_;  ///< means of the residuals
+  cv::Mat1f padded_, summed_;    ///< four floats per pixel, with a margin of zeros
   std::vector<cv::Mat> pyramid_;
-  std::vector<Between> columns_, rows_;  ///< of colour_ in fine_
-  std::vector<cv::Range> asked_;         ///< columns of each row of colour_
-  std::vector<cv::Range> asked_wide_;    ///< likewise of wide_
-  cv::Mat3f wide_;                       ///< rows as of fine_, columns as of colour_
+  std::vector<Between> columns_, rows_;       ///< interpolation of colour_ in fine_
+  std::vector<cv::Range> used_columns_;       ///< used columns of each row of colour_
+  std::vector<cv::Range> used_wide_columns_;  ///< used columns of each row of wide_
+  cv::Mat3f wide_;                            ///< rows of fine_, columns of colour_
   cv::Mat3f colour_;
 };
 

@@ -9,7 +9,7 @@ namespace omnifleet::ground {
 namespace {
 
 void checkLength(const options::Section& section, const std::string& key, const std::vector<double>& value) {
-  if (!value.empty() && value.size() != 4) section.fail(key, "needs 4 numbers or none");
+  if (!value.empty() && value.size() != 4) section.fail(key, "needs 4 numbers or an empty list");
 }
 
 cv::Mat1b keepRectangle(const cv::Mat1b& mask, const std::vector<double>& r) {
@@ -40,16 +40,18 @@ ViewOptions ViewOptions::read(const options::Section& section) {
   return o;
 }
 
-FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
-  if (camera.height() <= 0.0) throw options::Error("camera: position_m: z must be above the floor to see it");
-  drawMask(camera, options, covered);
+FloorView::FloorView(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& occluded) {
+  if (camera.height() <= 0.0) throw options::Error("camera: position_m: z must be > 0 (above the floor)");
+  drawMask(camera, options, occluded);
   if (cv::countNonZero(mask_) == 0)
     throw options::Error(
-        "camera: no pixel of it shows floor: see position_m, rotation_rpy_deg, principal_point_px and "
-        "self_mask_radius_px of its sensor.yaml");
+        "camera: no pixel shows floor; check position_m, rotation_rpy_deg, principal_point_px and "
+        "self_mask_radius_px in its sensor.yaml");
   drawCells(camera, options);
   cv::findNonZero(seeds_, seed_cells_);
-  if (seed_cells_.empty()) throw options::Error("view: the seed region shows no floor");
+  if (seed_cells_.empty())
+    throw options::Error(
+        "view: no seed cell shows floor; check seed_ring_px, seed_annulus_px and seed_rectangle_px");
 }
 
 std::unique_ptr<FloorView> FloorView::upward(const lens::Camera& camera) {
@@ -62,8 +64,8 @@ std::unique_ptr<FloorView> FloorView::upward(const lens::Camera& camera) {
   return view->seed_cells_.empty() ? nullptr : std::move(view);
 }
 
-/// The outermost cells, as far as they show hardly less than the horizon: what is lower than the camera is
-/// only there where it is far away.
+/// Uses the outermost cells as seeds, except those far below the horizon. What is lower than the camera
+/// appears there only if it is far away.
 void FloorView::seedHorizon(const lens::Camera& camera) {
   constexpr int kCells = 3;
   constexpr double kBelow_rad = 8.0 * M_PI / 180.0;
@@ -83,7 +85,7 @@ void FloorView::seedHorizon(const lens::Camera& camera) {
   }
 }
 
-void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& covered) {
+void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options, const cv::Mat1b& occluded) {
   const auto& model = camera.model();
   mask_ = cv::Mat1b(model.image_height_px, model.image_width_px, std::uint8_t{0});
   cv::Mat1b own_body(mask_.size(), std::uint8_t{0});
@@ -107,8 +109,8 @@ void FloorView::drawMask(const lens::Camera& camera, const ViewOptions& options,
   };
   cv::erode(mask_, mask_, disc(margin), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
   mask_ = keepRectangle(mask_, options.region_px);
-  if (!covered.empty()) mask_.setTo(0, covered);
-  if (!covered.empty()) own_body |= covered != 0;
+  if (!occluded.empty()) mask_.setTo(0, occluded);
+  if (!occluded.empty()) own_body |= occluded != 0;
   border_ = cv::Mat1b(mask_.size(), kBorder);
   const auto setInside = [&](int reach_px, std::uint8_t value) {
     cv::Mat1b inside;

@@ -7,7 +7,7 @@ namespace omnifleet::ground {
 
 namespace {
 
-/// Calls visit(bin) for the 26 bins around one.
+/// Calls visit(bin) for a bin and its 26 neighbours.
 template <typename Visit>
 void aroundBin(int bin, Visit visit) {
   const int b = bin >> 10, g = bin >> 5 & 31, r = bin & 31;

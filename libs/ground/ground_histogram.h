@@ -21,14 +21,14 @@ class GroundHistogram {
     if (count_[static_cast<std::size_t>(bin)]++ == 0) used_.push_back(bin);
   }
 
-  /// Marks as ground the fullest bin, every bin connected to it (26 neighbours, bins holding ≥ min_share of
-  /// the samples), and `grow` further bins around: an object that stands among the samples forms a mode of
-  /// its own and stays out. With all_modes every bin ≥ min_share is ground, as in the paper.
-  /// @return share of the samples that lie in ground bins; 0 without samples
+  /// Marks as ground the fullest bin, every bin connected to it (26 neighbours, bins with ≥ min_share of the
+  /// samples), and `grow` further bins around. An object among the samples forms a mode of its own and is
+  /// excluded. With all_modes every bin ≥ min_share is ground, as in the paper.
+  /// @return share of the samples in ground bins; 0 without samples
   double settle(double min_share, int grow, bool all_modes);
 
   bool isGround(std::uint8_t b, std::uint8_t g, std::uint8_t r) const { return table()[binOf(b, g, r)] != 0; }
-  /// The look-up table: 1 for ground. Index binOf.
+  /// Look-up table indexed by binOf(): 1 for ground.
   const std::uint8_t* table() const { return is_ground_.data(); }
   static int binOf(std::uint8_t b, std::uint8_t g, std::uint8_t r) {
     return (b >> 3) << 10 | (g >> 3) << 5 | r >> 3;

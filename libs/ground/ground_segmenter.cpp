@@ -14,26 +14,27 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-// Of the tolerances: a cell whose mean is nearer to floor is floor all over; one farther off, and all around
-// it too, is object all over.
+// Multiples of the tolerances. A cell whose mean is below kPlainFloor is entirely floor. A cell above
+// kPlainObject whose neighbours are above it too is entirely object.
 constexpr float kPlainFloor = 0.8f, kPlainObject = 3.0f;
-// Share of the floor's brightness by which cells differ that show the same, a thing or its shadow.
-constexpr float kAlike = 0.2f, kAlikeInTheDark = 0.5f;  // the latter of the lighter one's
-// Share of the brightness that the tolerated noise makes up, from which pixels are averaged with their
-// neighbours first: else the tolerances would hide things in the dark.
-constexpr double kDrowning = 0.12;
-constexpr double kSmoothing = 3.0;  // what that divides the noise by
-// A camera that compresses (JPEG, 4:2:0) keeps colours by blocks of 16 × 16 pixels: a strong one rings over
-// all of its block, by up to this share of what it differs from the floor by.
+// Maximum brightness difference of cells that show the same (an object or its shadow): kAlike of the floor's
+// brightness, but at most kAlikeInTheDark of the brightest cell's.
+constexpr float kAlike = 0.2f, kAlikeInTheDark = 0.5f;
+// Share of the brightness at which the noise tolerance makes it necessary to average pixels with their
+// neighbours first. Otherwise the tolerances would hide objects in the dark.
+constexpr double kNoisyShare = 0.12;
+constexpr double kSmoothing = 3.0;  // factor by which averaging reduces the noise
+// A compressing camera (JPEG, 4:2:0) stores colours in blocks of 16 × 16 pixels. A strong colour rings over
+// its whole block, by up to this share of its difference from the floor.
 constexpr int kColourBlock = 16 / kCell;  // cells
 constexpr float kRinging = 0.2f;
-constexpr float kNoisy = 1.5f;     // of the tolerance of hue: with noise it is more where that hides hues
-constexpr float kLeastLit = 0.6f;  // of the floor's brightness: in less light noise would make faint hues
+constexpr float kNoisy = 1.5f;     // multiple of the hue tolerance; above it, noise hides faint hues
+constexpr float kLeastLit = 0.6f;  // share of the floor's brightness; below it, noise would create faint hues
 constexpr int kAlign_px = 16;
-constexpr double kRounding_px = 2.0;  // what the median adds where two lines cross
+constexpr double kRounding_px = 2.0;  // width that the median adds where two lines cross
 
-/// Side, in pixels, of a square that no floor marking holds, not even where two cross: √2 times its width,
-/// seen at the middle of the seed region. Odd.
+/// Side of a square in pixels that fits into no floor marking, not even where two markings cross: √2 × the
+/// marking's width, as seen in the middle of the seed region. Odd.
 int lineWidth(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options) {
   double metres_per_px = 0.0;
   int count = 0;
@@ -54,9 +55,9 @@ int lineWidth(const lens::Camera& camera, const FloorView& view, const Segmenter
 }
 
 const std::vector<cv::Vec4f> kNothingBeyond;
-constexpr std::size_t kAhead = 8;  // strips, of which the pixels are asked for before they are needed
+constexpr std::size_t kAhead = 8;  // strips whose pixels are prefetched
 
-/// The frame is larger than the processor's near memory.
+/// A frame is larger than the processor's cache.
 void prefetch(const cv::Mat& image, const Strip& strip) {
   constexpr int kLine = 64;  // bytes
   const int pixel = image.channels();
@@ -67,17 +68,17 @@ void prefetch(const cv::Mat& image, const Strip& strip) {
   }
 }
 
-/// The first x of [begin, end) with a mark; end where there is none.
+/// First x in [begin, end) with a mark, or end if there is none.
 int nextMark(const std::uint8_t* row, int begin, int end) {
-  if (begin < end && row[begin] == 1) return begin;  // most of them lie side by side
+  if (begin < end && row[begin] == 1) return begin;  // marks are mostly adjacent
   const auto* mark =
       static_cast<const std::uint8_t*>(std::memchr(row + begin, 1, static_cast<std::size_t>(end - begin)));
   return mark == nullptr ? end : static_cast<int>(mark - row);
 }
 
-/// For what is the thing's whatever its hue: pixels along an outline are mixed, and little of a strong hue is
-/// beyond fine tolerances.
-FloorNoise coarsely(const FloorNoise& noise) {
+/// Noise that widens the hue tolerance to that of a channel. Pixels along an outline are mixed, so with the
+/// fine tolerance even a small share of a strong hue would count as object.
+FloorNoise coarseNoise(const FloorNoise& noise) {
   return {noise.channel, noise.channel};
 }
 
@@ -87,10 +88,10 @@ CellTolerance toleranceWith(const ReferenceOptions& o, const FloorNoise& noise) 
           number(noise.channel), number(noise.hue)};
 }
 
-/// What a cell is where it is object all over, kFloorLook where it may be mixed.
-Look lookOf(const CellHues& hues, std::size_t i) {
-  if (!(hues.off(i) > kPlainObject * kPlainObject)) return kFloorLook;
-  return hues.hueOff(i) > kOtherHue ? kColourLook : greyLook(hues.gain(i));
+/// Appearance class of a cell that is entirely object; kFloorAppearance if it may be mixed.
+Appearance appearanceOf(const CellHues& hues, std::size_t i) {
+  if (!(hues.off(i) > kPlainObject * kPlainObject)) return kFloorAppearance;
+  return hues.hueOff(i) > kOtherHue ? kColourAppearance : greyAppearance(hues.gain(i));
 }
 
 }  // namespace
@@ -120,7 +121,7 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       cells_(view),
       strength_(view.imageSize(), std::uint8_t{0}),
       raw_(view.imageSize(), std::uint8_t{0}),
-      looks_(view.imageSize(), kFloorLook),
+      appearances_(view.imageSize(), kFloorAppearance),
       objects_(view.imageSize(), std::uint8_t{0}),
       off_(view.cells().height + 2, view.cells().width + 2, std::uint8_t{0}),
       hues_(view.cells().width),
@@ -133,18 +134,18 @@ GroundSegmenter::GroundSegmenter(const lens::Camera& camera, const FloorView& vi
       area_(view.imageSize()),
       raw_bits_(view.imageSize()),
       bits_(view.imageSize()),
-      unlined_(view.imageSize()),
-      far_things_(camera),
+      with_lines_(view.imageSize()),
+      far_objects_(camera),
       hued_cells_(view.imageSize()),
       despeckler_(view.imageSize()),
-      step_edges_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
-      grainy_floor_(camera, view, reference_.growth(), reference_.blockSize() / kCell),
+      intensity_edges_(camera, view, reference_.growing(), reference_.blockSize() / kCell),
+      coarse_texture_(camera, view, reference_.growing(), reference_.blockSize() / kCell),
       lamp_shadows_(view),
-      shade_(view.imageSize()),
+      shadow_(view.imageSize()),
       completer_(camera, view.imageSize()) {
   if (options.method == "local" && !options.reference.all_modes) {
     horizon_ = std::make_unique<Horizon>(camera, view);
-    reference_.lookBeyond(horizon_->sectors());
+    reference_.setBeyondSectors(horizon_->sectors());
     if (options.low_walls) low_walls_ = std::make_unique<LowWalls>(camera, view);
   }
 }
@@ -157,32 +158,33 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   noise_ = meter_.measure(image, cells_.means());
   const bool found = options_.method == "histogram" ? segmentByHistogram(image) : segmentLocal(image);
   for (BitMask* bits : {&raw_bits_, &bits_}) clear(area_, *bits);
-  shade_.clear();
-  step_edges_.clear();
-  grainy_floor_.clear();
-  unlined_regions_ = nullptr;
+  shadow_.clear();
+  intensity_edges_.clear();
+  coarse_texture_.clear();
+  regions_with_lines_ = nullptr;
   area_.cover(strips_);
   if (!found) {
-    for (cv::Mat1b* mask : {&strength_, &raw_, &looks_, &objects_}) clearStrips(last_strips_, *mask);
+    for (cv::Mat1b* mask : {&strength_, &raw_, &appearances_, &objects_}) clearStrips(last_strips_, *mask);
     return false;
   }
   Despeckler::trimHalos(strips_, strength_, raw_);
   pack(strips_, raw_, raw_bits_);
   despeckler_.clean(area_, raw_bits_, bits_);
-  const bool tells_shade = options_.shadows && options_.method == "local" && image.channels() == 3;
-  if (tells_shade) unlined_ = bits_;
+  const bool distinguishes_shadow = options_.shadows && options_.method == "local" && image.channels() == 3;
+  if (distinguishes_shadow) with_lines_ = bits_;
   lines_.apply(area_, bits_);
-  if (tells_shade) {
-    const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
-    const bool are_walls = low_walls_ && findLowWalls(image, *regions);
-    if (are_walls || (unlined_regions_ != nullptr && far_things_.giveBack(*unlined_regions_, bits_)))
-      regions = &labeller_.label(bits_, area_, ShadeFilter::kMinRegion_px);
-    if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, looks_);
-    shade_.apply({strips_, *regions, looks_, raw_}, shadeFrame(image), despeckler_, bits_);
+  if (distinguishes_shadow) {
+    const std::vector<Blob>* regions = &labeller_.label(bits_, area_, ShadowFilter::kMinRegion_px);
+    const bool has_low_walls = low_walls_ && findLowWalls(image, *regions);
+    if (has_low_walls ||
+        (regions_with_lines_ != nullptr && far_objects_.restore(*regions_with_lines_, bits_)))
+      regions = &labeller_.label(bits_, area_, ShadowFilter::kMinRegion_px);
+    if (FloorLight* light = reference_.lampLight()) lamp_shadows_.mark(*light, *regions, appearances_);
+    shadow_.apply({strips_, *regions, appearances_, raw_}, shadowFrame(image), despeckler_, bits_);
     complete(image);
     if (low_walls_) {
-      step_edges_.find(reference_.growth(), static_cast<float>(options_.reference.tolerance_along));
-      grainy_floor_.find(reference_.growth(), bits_);
+      intensity_edges_.find(reference_.growing(), static_cast<float>(options_.reference.tolerance_along));
+      coarse_texture_.find(reference_.growing(), bits_);
     }
   }
   clearStrips(last_strips_, objects_);
@@ -191,13 +193,14 @@ bool GroundSegmenter::segment(const cv::Mat& image) {
   return true;
 }
 
-/// Far off walls may be as thin as markings, and leave but pieces of a ring.
+/// Far walls may be as thin as markings, so that the line filter leaves only pieces of their ring. The search
+/// is then repeated on the mask before the line filter, and on cells with a faint hue.
 bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions) {
   if (low_walls_->find(image, regions, area_, reference_.colour(), bits_)) return true;
-  unlined_regions_ = &unlined_labeller_.label(unlined_, area_, ShadeFilter::kMinRegion_px);
-  if (low_walls_->find(image, *unlined_regions_, area_, reference_.colour(), unlined_, true)) {
-    lines_.apply(area_, unlined_);
-    std::swap(bits_, unlined_);
+  regions_with_lines_ = &labeller_with_lines_.label(with_lines_, area_, ShadowFilter::kMinRegion_px);
+  if (low_walls_->find(image, *regions_with_lines_, area_, reference_.colour(), with_lines_, true)) {
+    lines_.apply(area_, with_lines_);
+    std::swap(bits_, with_lines_);
     return true;
   }
   if (!is_smoothed_) return false;
@@ -211,12 +214,12 @@ bool GroundSegmenter::findLowWalls(const cv::Mat& image, const std::vector<Blob>
   return low_walls_->findFaint(image, hued, area_, reference_.colour(), colours_, bits_);
 }
 
-/// Things of which but a part differs plainly from the floor. The strips then hold what is found; beyond
-/// those of before all masks are 0.
+/// Completes objects of which only a part clearly differs from the floor. The strips then cover the result.
+/// Outside the previous strips all masks are 0.
 void GroundSegmenter::complete(const cv::Mat& image) {
-  const ShadeFilter::Frame frame = shadeFrame(image);
-  if (!completer_.complete({frame, view_->mask(), looks_, bits_},
-                           {raw_bits_, unlined_, hasLowWalls() ? nullptr : unlined_regions_}, shade_,
+  const ShadowFilter::Frame frame = shadowFrame(image);
+  if (!completer_.complete({frame, view_->mask(), appearances_, bits_},
+                           {raw_bits_, with_lines_, hasLowWalls() ? nullptr : regions_with_lines_}, shadow_,
                            {bits_, active_}))
     return;
   strips_.clear();
@@ -224,7 +227,7 @@ void GroundSegmenter::complete(const cv::Mat& image) {
   area_.cover(strips_);
 }
 
-void GroundSegmenter::keepOf(const Blob& region, const BitMask& kept, std::uint8_t other) {
+void GroundSegmenter::relabelOutside(const Blob& region, const BitMask& kept, std::uint8_t other) {
   for (const Run& run : region.runs) {
     std::uint8_t* row = objects_.ptr(run.row);
     for (int x = run.begin; x < run.end; ++x)
@@ -232,7 +235,7 @@ void GroundSegmenter::keepOf(const Blob& region, const BitMask& kept, std::uint8
   }
 }
 
-ShadeFilter::Frame GroundSegmenter::shadeFrame(const cv::Mat& image) const {
+ShadowFilter::Frame GroundSegmenter::shadowFrame(const cv::Mat& image) const {
   const auto& o = options_.reference;
   return {image,
           reference_.colour(),
@@ -251,8 +254,9 @@ bool GroundSegmenter::segmentLocal(const cv::Mat& image) {
   is_smoothed_ = cells.is_smoothed;
   if (!reference_.learn(cells, horizon_ ? horizon_->colours() : kNothingBeyond)) return false;
   findStrips(noise);
-  // Only now, as what is cleared is mostly what is written next: memory that is touched once.
-  for (cv::Mat1b* mask : {&strength_, &raw_, &looks_}) clearStrips(last_strips_, *mask);
+  // Cleared only now, because the following loop writes mostly the same memory. It then passes through the
+  // cache once.
+  for (cv::Mat1b* mask : {&strength_, &raw_, &appearances_}) clearStrips(last_strips_, *mask);
   for (std::size_t i = 0; i < strips_.size(); ++i) {
     if (i + kAhead < strips_.size()) prefetch(image, strips_[i + kAhead]);
     if (image.channels() == 3)
@@ -279,7 +283,7 @@ bool GroundSegmenter::segmentByHistogram(const cv::Mat& image) {
       if (seeds(y / kCell, x / kCell) != 0) histogram_.add(binAt(y, x));
   if (histogram_.settle(options_.histogram_share, options_.histogram_grow, true) <= 0.0) return false;
   reference_.learn({cells_.means(), {}, false});
-  everythingIsAStrip();
+  coverViewWithStrips();
   for (const auto& strip : strips_)
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y)
       for (int x = strip.begin_px; x < strip.end_px; ++x)
@@ -293,7 +297,7 @@ void GroundSegmenter::findStrips(const FloorNoise& noise) {
 }
 
 void GroundSegmenter::gatherStrips() {
-  // Strips begin and end at multiples of kAlign_px, so that the passes over them run without remainders.
+  // Strips begin and end at multiples of kAlign_px, so that loops over them have no remainder.
   const int per = kAlign_px / kCell;
   for (int y = 0; y < active_.rows; ++y) {
     const std::uint8_t* row = active_.ptr(y);
@@ -310,14 +314,14 @@ void GroundSegmenter::gatherStrips() {
   }
 }
 
-/// Cells whose mean is not plainly floor, and their neighbours, are looked at.
+/// Activates the cells whose mean is not clearly floor, and their neighbours.
 void GroundSegmenter::markCells(const FloorNoise& noise) {
   const auto& coverage = view_->coverage();
   const auto& o = options_.reference;
   const auto share = [](double v) { return kPlainFloor * static_cast<float>(v); };
   const OffTest test{share(o.tolerance_along), share(o.tolerance_across),
                      share(o.noise_sigmas * cell_noise_.channel), share(o.noise_sigmas * cell_noise_.hue)};
-  const FloorNoise coarse = coarsely(noise) / kCell;
+  const FloorNoise coarse = coarseNoise(noise) / kCell;
   const CellTolerance tolerance = toleranceWith(o, coarse);
   hue2_ = 0.0f;
   for (int y = 1; y + 1 < coverage.rows; ++y) {
@@ -331,7 +335,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     std::fill(across2_.ptr<float>(y + 1) + first + 1, across2_.ptr<float>(y + 1) + last + 1, 0.0f);
     hues_.clear();
     for (int x = nextMark(off, first, last); x < last; x = nextMark(off, x + 1, last)) {
-      // Cut cells show other things too; their neighbours speak for them.
+      // Cells that the view cuts show other objects too. Their neighbours decide instead.
       if (coverage(y, x) == 2)
         hues_.add(x, colours_.ptr<float>(y) + 3 * x, reference_.colour().ptr<float>(y) + 3 * x);
       else
@@ -340,7 +344,7 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     hues_.compare(tolerance);
     for (std::size_t i = 0; i < hues_.size(); ++i) {
       const int x = hues_.x(i);
-      solid_(y, x) = lookOf(hues_, i);
+      solid_(y, x) = appearanceOf(hues_, i);
       across2_(y + 1, x + 1) = hues_.across2(i);
       spreadHue(x, y, hues_.across2(i));
     }
@@ -349,24 +353,27 @@ void GroundSegmenter::markCells(const FloorNoise& noise) {
     spreadMarks(off_.ptr(y), off_.ptr(y + 1), off_.ptr(y + 2), active_.cols, active_.ptr(y));
 }
 
-/// Into all blocks that the cell is in or near to: of the thing itself a block may hold but a corner.
+/// Marks all JPEG colour blocks that contain the cell or are near it. A block may hold only a corner of the
+/// object itself.
 void GroundSegmenter::spreadHue(int x, int y, float across2) {
   const int left = (x + kColourBlock / 2) / kColourBlock, top = (y + kColourBlock / 2) / kColourBlock;
   for (int by = top; by <= top + 1; ++by)
     for (int bx = left; bx <= left + 1; ++bx) hue2_(by, bx) = std::max(hue2_(by, bx), across2);
 }
 
-/// Where a thing's hue differs from the floor's by so little that the noise of single pixels would hide it,
-/// though not that of a cell's mean: what tells pixels nearer to that hue, of the cells around, from those
-/// nearer to the floor's (CellTest). Faces of a thing differ in brightness, not in hue.
-/// @param strongest2 CellHues::across2 of what is near @param pixel tolerances for single pixels
+/// Direction that separates pixels of a faint hue from floor pixels (CellTest::to_blue, to_green, to_red), or
+/// 0. It applies where an object's hue differs from the floor's by less than the noise of single pixels, but
+/// by more than the noise of a cell's mean. Pixels nearer to the hue of the strongest neighbouring cell than
+/// to the floor's hue then count as object. Faces of an object differ in brightness, not in hue.
+/// @param strongest2 largest CellHues::across2 nearby
+/// @param pixel tolerances for single pixels
 cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorTest& pixel) const {
   const auto tolerance = static_cast<float>(options_.reference.tolerance_across);
-  if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most are grey
+  if (strongest2 <= kOtherHue * tolerance * tolerance) return {};  // most cells are grey
   if (pixel.across2 < kNoisy * kNoisy * tolerance * tolerance) return {};
   const int width = off_.cols, at = (y + 1) * width + x + 1;
   const float* across2 = across2_.ptr<float>() + at;  // 0 where a cell is not off
-  constexpr float kBright2 = 4.0f;  // no thing is lit more, of the floor's squared brightness
+  constexpr float kBright2 = 4.0f;  // maximum squared brightness of an object relative to the floor
   if (across2[0] >= kBright2 * 4.0f * pixel.across2) return {};
   const std::array<int, 9> near = {-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1};
   float most2 = 0.0f;
@@ -379,13 +386,14 @@ cv::Vec3f GroundSegmenter::faintHue(int x, int y, float strongest2, const FloorT
   if (most2 >= 4.0f * pixel.across2 * gain * gain) return {};
   if (most2 <= kOtherHue * reference_.testFor(r, cell_noise_).across2) return {};
   const cv::Vec3f hue = p - gain * r;
-  // Halfway to it, but not within what floor may be off by.
+  // The threshold is halfway to the object's hue, but outside the floor's tolerance.
   const float share = std::sqrt(hue.dot(hue) / std::max(1.0f, r.dot(r))) / gain;
   return std::min(2.0f, share / tolerance) * gain / std::max(1.0f, hue.dot(hue)) * hue;
 }
 
-/// For pixels averaged with their neighbours. The reference, too, is an average: where the light changes
-/// quickly it may be off by what it changes over a cell, which the noise no longer covers.
+/// Floor test for pixels that are averaged with their neighbours. The reference is an average too. Where the
+/// illumination changes quickly it may differ by the change over one cell, which the reduced noise no longer
+/// covers.
 FloorTest GroundSegmenter::testOfSmoothed(int x, int y, const FloorNoise& noise) const {
   const cv::Mat3f& floor = reference_.colour();
   const cv::Vec3f& r = floor(y, x);
@@ -398,7 +406,8 @@ FloorTest GroundSegmenter::testOfSmoothed(int x, int y, const FloorNoise& noise)
   return test;
 }
 
-/// around_ of the strip's cells: not kMixed where a cell and all around it are plainly object.
+/// Sets around_ for the cells of the strip. It is not kMixed where a cell and all its neighbours are clearly
+/// object.
 void GroundSegmenter::findInside(const Strip& strip) {
   const int y = strip.cell_row, begin = strip.begin_px / kCell, end = strip.end_px / kCell;
   std::fill(around_.begin() + begin, around_.begin() + end, kMixed);
@@ -406,19 +415,20 @@ void GroundSegmenter::findInside(const Strip& strip) {
   const int first = std::max(begin, 1), last = std::min(end, solid_.cols - 1);
   if (first >= last) return;
   const auto row = [&](int k) { return solid_.ptr(y + k) + first - 1; };
-  const float deepest = reference_.lampLight() != nullptr ? 0.0f : kDeepestShade;
-  lookAround(row(-1), row(0), row(1), last - first, deepest, around_.data() + first);
+  const float deepest = reference_.lampLight() != nullptr ? 0.0f : kDeepestShadow;
+  classifyAround(row(-1), row(0), row(1), last - first, deepest, around_.data() + first);
   for (int x = first; x < last; ++x) {
     Around& around = around_[static_cast<std::size_t>(x)];
-    if (view_->coverage()(y, x) != 2 || (around == kSomeShade && !isOneKind(y, x))) around = kMixed;
+    if (view_->coverage()(y, x) != 2 || (around == kSomeShadow && !isOneKind(y, x))) around = kMixed;
   }
 }
 
-/// The border between a thing and its shadow is found pixel by pixel.
+/// True if the 3×3 cells show one kind of surface. Otherwise the border between an object and its shadow is
+/// located pixel by pixel.
 bool GroundSegmenter::isOneKind(int y, int x) const {
-  Look least = 255, most = kFloorLook;
+  Appearance least = 255, most = kFloorAppearance;
   for (int dy = -1; dy <= 1; ++dy) {
-    const Look* row = solid_.ptr(y + dy) + x;
+    const Appearance* row = solid_.ptr(y + dy) + x;
     for (int dx = -1; dx <= 1; ++dx) {
       least = std::min(least, row[dx]);
       most = std::max(most, row[dx]);
@@ -428,7 +438,7 @@ bool GroundSegmenter::isOneKind(int y, int x) const {
   return isGrey(least) && gainOf(most) - gainOf(least) < alike;
 }
 
-void GroundSegmenter::everythingIsAStrip() {
+void GroundSegmenter::coverViewWithStrips() {
   for (int y = 0; y < view_->cells().height; ++y) {
     const cv::Range range = view_->rows()[static_cast<std::size_t>(y)];
     if (!range.empty()) strips_.push_back({y, range.start * kCell, range.end * kCell});
@@ -447,23 +457,23 @@ void GroundSegmenter::classifyStrip(const cv::Mat& image, const Strip& strip, co
     }
     for (int y = strip.cell_row * kCell; y < (strip.cell_row + 1) * kCell; ++y) {
       std::fill_n(strength_.ptr(y) + cx * kCell, kCell, std::uint8_t{255});
-      std::fill_n(looks_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
+      std::fill_n(appearances_.ptr(y) + cx * kCell, kCell, solid_(strip.cell_row, cx));
     }
   }
-  const FloorNoise coarse = coarsely(noise);
+  const FloorNoise coarse = coarseNoise(noise);
   limits_.settle(toleranceWith(options_.reference, coarse));
   for (std::size_t i = 0; i < limits_.size(); ++i) classifyCell<kChannels>(image, i, strip.cell_row, coarse);
 }
 
-/// @param i of the row's cells in limits_
+/// @param i index of the cell in limits_
 template <int kChannels>
 void GroundSegmenter::classifyCell(const cv::Mat& image, std::size_t i, int cell_y, const FloorNoise& noise) {
   const int cell_x = limits_.x(i);
   const cv::Vec3f& r = reference_.colour()(cell_y, cell_x);
-  const bool drowns =
-      options_.reference.noise_sigmas * noise.channel > kDrowning * static_cast<double>(limits_.length(i));
+  const bool is_noisy =
+      options_.reference.noise_sigmas * noise.channel > kNoisyShare * static_cast<double>(limits_.length(i));
   const FloorTest limits =
-      drowns ? testOfSmoothed(cell_x, cell_y, noise) : FloorTest{limits_.along2(i), limits_.across2(i)};
+      is_noisy ? testOfSmoothed(cell_x, cell_y, noise) : FloorTest{limits_.along2(i), limits_.across2(i)};
   const float hue2 = hue2_(cell_y / kColourBlock + 1, cell_x / kColourBlock + 1);
   const cv::Vec3f to = kChannels == 3 ? faintHue(cell_x, cell_y, hue2, limits) : cv::Vec3f();
   const CellTest test{r[0],
@@ -490,17 +500,17 @@ void GroundSegmenter::classifyCell(const cv::Mat& image, std::size_t i, int cell
   CellBytes<const std::uint8_t> pixels{image.ptr(y) + x * kChannels,
                                        static_cast<std::ptrdiff_t>(image.step[0])};
   std::uint8_t copy[kCell * kCopyRow];
-  if (drowns) {
+  if (is_noisy) {
     smoothCell<kChannels>(image, x, y, copy);
     pixels = {copy, kCopyRow};
-  } else if (kChannels == 3 && x + kCell + 2 > image.cols) {  // else read beyond the image's end
+  } else if (kChannels == 3 && x + kCell + 2 > image.cols) {  // avoids reading beyond the image's end
     for (int k = 0; k < kCell; ++k) std::memcpy(copy + k * kCopyRow, image.ptr(y + k) + x * 3, kCell * 3);
     pixels = {copy, kCopyRow};
   }
   if constexpr (kChannels == 3)
-    testColourCell(pixels, test, valid, at(strength_), at(looks_));
+    testColourCell(pixels, test, valid, at(strength_), at(appearances_));
   else
-    testGreyCell(pixels, test, valid, at(strength_), at(looks_));
+    testGreyCell(pixels, test, valid, at(strength_), at(appearances_));
 }
 
 }  // namespace omnifleet::ground

@@ -8,85 +8,89 @@
 #include "ground/bit_mask.h"
 #include "ground/cell_means.h"
 #include "ground/cell_test.h"
+#include "ground/coarse_texture.h"
 #include "ground/despeckler.h"
-#include "ground/far_things.h"
+#include "ground/far_objects.h"
 #include "ground/floor_noise.h"
 #include "ground/floor_reference.h"
 #include "ground/floor_view.h"
-#include "ground/grainy_floor.h"
 #include "ground/horizon.h"
 #include "ground/hue_smoother.h"
 #include "ground/hued_cells.h"
+#include "ground/intensity_edges.h"
 #include "ground/labelling.h"
 #include "ground/lamp_shadows.h"
 #include "ground/line_filter.h"
 #include "ground/low_walls.h"
+#include "ground/object_completer.h"
 #include "ground/off_cells.h"
-#include "ground/shade_filter.h"
-#include "ground/step_edges.h"
+#include "ground/shadow_filter.h"
 #include "ground/strip.h"
-#include "ground/thing_completer.h"
 #include "options/options.h"
 
 namespace omnifleet::ground {
 
 struct SegmenterOptions {
   std::string method =
-      "local";  ///< "local": local floor colour; "histogram": Choi's one histogram for the image
-  ReferenceOptions reference;      ///< `reference`: for "local"
+      "local";  ///< "local": local floor colour; "histogram": Choi's single histogram of the image
+  ReferenceOptions reference;      ///< section `reference`, for "local"
   double histogram_share = 0.002;  ///< for "histogram": share of the seed pixels that makes a bin ground
-  int histogram_grow = 1;          ///< for "histogram": bins added around
-  double line_width_m = 0.020;  ///< metres: floor markings up to this wide near the robot are ground; 0: off
-  bool shadows = true;          ///< for "local", colour images: shadows are ground
-  bool low_walls = true;  ///< with shadows: walls lower than the camera are told from what stands before
-  int max_line_px = 9;    ///< pixels: but nothing thicker than this is taken for a marking
+  int histogram_grow = 1;          ///< for "histogram": bins added around these
+  double line_width_m = 0.020;  ///< metres: floor markings up to this width near the robot are ground; 0: off
+  bool shadows = true;          ///< for "local" with colour images: shadows are ground
+  bool low_walls = true;  ///< with `shadows`: separate walls lower than the camera from objects before them
+  int max_line_px = 9;    ///< pixels: maximum thickness of a marking in the image
   static SegmenterOptions read(const options::Section& section);
 };
 
-/// Removes the ground (Choi §III.2) and despeckles (5×5 median). Looks at single pixels only in cells that
-/// are not plain floor; buffers live from frame to frame.
+/// Removes the ground (Choi §III.2) and despeckles (5×5 median). Reads single pixels only in cells that are
+/// not clearly floor. Buffers are reused between frames.
 class GroundSegmenter {
  public:
-  /// @param camera tells how wide a floor marking appears around the robot
+  /// @param camera defines the width of a floor marking in the image around the robot
   GroundSegmenter(const lens::Camera& camera, const FloorView& view, const SegmenterOptions& options);
 
   /// @param image CV_8UC3 or CV_8UC1 of the view's size
-  /// @return false when no floor was found around the robot
+  /// @return false if no floor was found around the robot
   bool segment(const cv::Mat& image);
 
-  /// 255 on what is not ground, LowWalls::kWall on such walls, 0 elsewhere; full resolution.
+  /// 255 on pixels that are not ground, LowWalls::kWall on low walls, 0 elsewhere; full resolution.
   const cv::Mat1b& objects() const { return objects_; }
-  /// Where that is 255, one bit a pixel.
+  /// The pixels of objects() that are 255, one bit per pixel.
   const BitMask& bits() const { return bits_; }
-  /// Outside of it objects() is 0.
+  /// Area outside of which objects() is 0.
   const BitArea& area() const { return area_; }
-  /// Of a region of objects() what is not in `kept` gets another value.
-  void keepOf(const Blob& region, const BitMask& kept, std::uint8_t other);
-  /// Is the region one whose outline was told by its top and what its sides look like on the whole? It is
-  /// wrong by pixels.
+  /// Sets the pixels of a region of objects() that are not in `kept` to the value `other`.
+  void relabelOutside(const Blob& region, const BitMask& kept, std::uint8_t other);
+  /// True if the outline of the region was derived from its top and the average appearance of its sides
+  /// (TopCompleter). Such an outline is wrong by several pixels.
   bool isRough(const Blob& region) const { return completer_.isRough(region); }
   bool hasLowWalls() const { return low_walls_ && low_walls_->any(); }
-  /// Regions that may be floor or a thing of its colour; not in objects().
-  const std::vector<Blob>& undecided() const { return shade_.undecided(); }
-  /// Likewise; shadows, walls in the shade, or things of the floor's colour of which hardly more is seen.
-  const std::vector<Blob>& vague() const { return shade_.vague(); }
-  /// Likewise; low walls behind things, or those' shade (ShadePieces).
-  const std::vector<Blob>& boards() const { return shade_.boards(); }
-  /// Likewise; other things that touch a thing in the picture, or that one's shadow (ShadePieces).
-  const std::vector<Blob>& faces() const { return shade_.faces(); }
-  /// Likewise; the feet of low walls, or where another floor begins (StepEdges).
-  const std::vector<Blob>& steps() const { return step_edges_.found(); }
-  /// Likewise; walls as light as the floor, or another floor (GrainyFloor).
-  const std::vector<Blob>& grainy() const { return grainy_floor_.found(); }
+  /// Regions that may be floor or an object of the floor's colour. They are not in objects().
+  const std::vector<Blob>& undecided() const { return shadow_.undecided(); }
+  /// Undecided regions, not in objects(): shadows, walls in the shadow, or objects of the floor's colour of
+  /// which little is visible.
+  const std::vector<Blob>& vague() const { return shadow_.vague(); }
+  /// Undecided regions, not in objects(): low walls behind objects, or shadows of these objects
+  /// (ShadowPieces).
+  const std::vector<Blob>& boards() const { return shadow_.boards(); }
+  /// Undecided regions, not in objects(): other objects that touch an object in the image, or its shadow
+  /// (ShadowPieces).
+  const std::vector<Blob>& faces() const { return shadow_.faces(); }
+  /// Undecided regions, not in objects(): the foot of a low wall, or the border of another floor
+  /// (IntensityEdges).
+  const std::vector<Blob>& intensityEdges() const { return intensity_edges_.found(); }
+  /// Undecided regions, not in objects(): walls as bright as the floor, or another floor (CoarseTexture).
+  const std::vector<Blob>& coarseTexture() const { return coarse_texture_.found(); }
   /// Colour of the floor per cell, CV_32FC3.
   const cv::Mat3f& floorColour() const { return reference_.colour(); }
-  /// Of the last frame's pixels.
+  /// Noise of the last frame's pixels.
   const FloorNoise& noise() const { return noise_; }
-  /// Is the cell floor that joins the seeds, by the last frame's local colours?
+  /// True if region growing reached the cell in the last frame.
   bool isGrown(int y, int x) const { return reference_.isGrown(y, x); }
-  /// Pixels, of the blocks that it goes by.
+  /// Size of the blocks of isGrown(), pixels.
   int blockSize() const { return reference_.blockSize(); }
-  /// As the last frame shows it; none for walls, which reach up to it.
+  /// Horizon in the last frame; nullptr for wall views, which extend above it.
   const Horizon* horizon() const { return horizon_.get(); }
   /// Mean colour of each cell, CV_32FC3 (grey: three equal channels).
   const cv::Mat3f& cellMeans() const { return cells_.means(); }
@@ -94,7 +98,7 @@ class GroundSegmenter {
  private:
   bool segmentLocal(const cv::Mat& image);
   bool segmentByHistogram(const cv::Mat& image);
-  ShadeFilter::Frame shadeFrame(const cv::Mat& image) const;
+  ShadowFilter::Frame shadowFrame(const cv::Mat& image) const;
   void findStrips(const FloorNoise& noise);
   void gatherStrips();
   bool findLowWalls(const cv::Mat& image, const std::vector<Blob>& regions);
@@ -105,7 +109,7 @@ class GroundSegmenter {
   FloorTest testOfSmoothed(int x, int y, const FloorNoise& noise) const;
   void findInside(const Strip& strip);
   bool isOneKind(int y, int x) const;
-  void everythingIsAStrip();
+  void coverViewWithStrips();
   template <int kChannels>
   void classifyStrip(const cv::Mat& image, const Strip& strip, const FloorNoise& noise);
   template <int kChannels>
@@ -114,42 +118,42 @@ class GroundSegmenter {
   const FloorView* view_;
   SegmenterOptions options_;
   NoiseMeter meter_;
-  FloorNoise noise_;  ///< of the last frame's seeds
+  FloorNoise noise_;  ///< of the seeds in the last frame
   HueSmoother hue_smoother_;
-  cv::Mat3f colours_;         ///< of its cells, as they are compared with the floor's …
-  FloorNoise cell_noise_;     ///< … and by how much they may be off by chance
-  bool is_smoothed_ = false;  ///< CellColours
+  cv::Mat3f colours_;         ///< cell colours for the comparison with the floor's
+  FloorNoise cell_noise_;     ///< noise of colours_
+  bool is_smoothed_ = false;  ///< CellColours::is_smoothed of colours_
   FloorReference reference_;
   std::unique_ptr<Horizon> horizon_;
   GroundHistogram histogram_;
   LineFilter lines_;
   CellMeans cells_;
-  cv::Mat1b strength_, raw_, looks_, objects_;
-  cv::Mat1b off_;      ///< per cell, with one of margin to each side: 1 where the mean is not plainly floor
-  CellHues hues_;      ///< of a row's cells that are off
-  CellLimits limits_;  ///< of a strip's cells that may be mixed
-  cv::Mat1f across2_;  ///< like off_: CellHues::across2 where that is 1, else 0
-  cv::Mat1b active_;   ///< per cell: looked at
-  cv::Mat1b solid_;    ///< per cell: Look of what is object all over, else 0
-  cv::Mat1f hue2_;     ///< per block of JPEG's colours, with one of margin: the strongest CellHues::across2
-  std::vector<Around> around_;      ///< of the cells of a row, in a strip
-  std::vector<Strip> strips_;       ///< by rows of cells from top to bottom, left to right
-  std::vector<Strip> last_strips_;  ///< of the frame before, until its masks are cleared
-  BitArea area_;                    ///< of the strips
+  cv::Mat1b strength_, raw_, appearances_, objects_;
+  cv::Mat1b off_;                   ///< per cell with a margin of 1: 1 if the mean is not clearly floor
+  CellHues hues_;                   ///< of the cells of a row with off_ 1
+  CellLimits limits_;               ///< of the cells of a strip that may be mixed
+  cv::Mat1f across2_;               ///< same layout as off_: CellHues::across2 where off_ is 1, else 0
+  cv::Mat1b active_;                ///< per cell: pixels are classified
+  cv::Mat1b solid_;                 ///< per cell: appearance class if entirely object, else 0
+  cv::Mat1f hue2_;                  ///< per JPEG colour block with a margin of 1: largest CellHues::across2
+  std::vector<Around> around_;      ///< of the cells of a row within a strip
+  std::vector<Strip> strips_;       ///< ordered by rows of cells from top to bottom, then left to right
+  std::vector<Strip> last_strips_;  ///< strips of the previous frame, until its masks are cleared
+  BitArea area_;                    ///< area of the strips
   BitMask raw_bits_, bits_;
-  BitMask unlined_;  ///< with the markings
-  Labeller unlined_labeller_;
-  const std::vector<Blob>* unlined_regions_ = nullptr;  ///< of this frame, where they were asked for
-  FarThings far_things_;
+  BitMask with_lines_;  ///< mask before the line filter
+  Labeller labeller_with_lines_;
+  const std::vector<Blob>* regions_with_lines_ = nullptr;  ///< of this frame, if they were needed
+  FarObjects far_objects_;
   HuedCells hued_cells_;
   Despeckler despeckler_;
   Labeller labeller_;
   std::unique_ptr<LowWalls> low_walls_;
-  StepEdges step_edges_;
-  GrainyFloor grainy_floor_;
+  IntensityEdges intensity_edges_;
+  CoarseTexture coarse_texture_;
   LampShadows lamp_shadows_;
-  ShadeFilter shade_;
-  ThingCompleter completer_;
+  ShadowFilter shadow_;
+  ObjectCompleter completer_;
 };
 
 }  // namespace omnifleet::ground

@@ -10,9 +10,10 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 constexpr double kDegree = M_PI / 180.0;
 constexpr double kLowest_deg = 0.75, kHighest_deg = 6.0;  // above the horizon; tilts are known to 0.5°
-constexpr double kEdge_deg = 8.0;                         // below it: 3.5 m from a camera of half a metre
-constexpr std::size_t kLeast_px = 12, kMost_px = 40;      // of a sector: fewer say nothing, more cost time
-constexpr std::size_t kAhead = 16;                        // pixels
+constexpr double kEdge_deg = 8.0;  // below the horizon: 3.5 m away for a camera at 0.5 m
+constexpr std::size_t kLeast_px = 12,
+                      kMost_px = 40;  // pixels per sector: fewer are not reliable, more cost time
+constexpr std::size_t kAhead = 16;    // pixels to prefetch ahead
 constexpr float kUnseen = -1.0f;
 
 std::size_t sectorOf(const Eigen::Vector3d& ray) {
@@ -45,7 +46,7 @@ void Horizon::findEdge(const lens::Camera& camera, const FloorView& floor_view) 
   }
 }
 
-/// Evenly chosen ones of all that are up there.
+/// Selects pixels above the horizon, evenly per sector.
 void Horizon::findPixels(const lens::Camera& camera) {
   const auto view = FloorView::upward(camera);
   if (!view) return;
@@ -71,7 +72,7 @@ void Horizon::read(const cv::Mat& image) {
     if (pixels.empty()) continue;
     int sum[3] = {};
     for (std::size_t k = 0; k < pixels.size(); ++k) {
-      // Single pixels, each in another row.
+      // The pixels lie in different rows.
       const cv::Point &p = pixels[k], &next = pixels[std::min(k + kAhead, pixels.size() - 1)];
       __builtin_prefetch(image.ptr(next.y) + next.x * image.channels());
       const std::uint8_t* at = image.ptr(p.y) + p.x * image.channels();

@@ -6,9 +6,9 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr double kHides = 0.15;     // of the tolerance of hue: noise (σ) that is more hides hues
-constexpr float kAlike2 = 12.0f;    // χ² of two hues that are the same (2 dof, 0.25 %)
-constexpr double kSmoothing = 2.4;  // the noise is so many times less at an edge, where six of nine are alike
+constexpr double kHides = 0.15;     // share of the hue tolerance; more noise (σ) hides hues
+constexpr float kAlike2 = 12.0f;    // χ² limit of two equal hues (2 degrees of freedom, 0.25 %)
+constexpr double kSmoothing = 2.4;  // noise reduction at an edge, where six of nine cells are alike
 
 }  // namespace
 
@@ -23,7 +23,7 @@ CellColours HueSmoother::smooth(const cv::Mat3f& means, const FloorNoise& pixel,
   return {smoothed_, {cell.channel, cell.hue / kSmoothing}, true};
 }
 
-/// By how bright the seeds are.
+/// Compares the noise with the brightness of the seeds.
 bool HueSmoother::isNoisy(const cv::Mat3f& means, const FloorNoise& cell, double tolerated) const {
   cv::Vec3d sum;
   for (const cv::Point& seed : view_->seedCells()) sum += cv::Vec3d(means(seed));
@@ -43,7 +43,7 @@ void HueSmoother::smoothRow(const cv::Mat3f& means, int y, float most_off2) {
         if (coverage(row, column) != 2) continue;
         const cv::Vec3f& beside = means(row, column);
         const float bb = beside.dot(beside), along = mean.dot(beside);
-        // sin² of the angle between them, against the noise of both.
+        // sin² of the angle between both colours, compared with the noise of both.
         if (mm * bb - along * along <= most_off2 * (mm + bb)) sum += beside;
       }
     }

@@ -7,23 +7,25 @@
 
 namespace omnifleet::ground {
 
-/// Mean colour per cell, and how far the noise of pixels puts it off.
+/// Mean colour per cell, and its noise.
 struct CellColours {
   const cv::Mat3f& means;  ///< CV_32FC3
   FloorNoise noise;        ///< of one cell's mean
-  bool is_smoothed;        ///< hues are those of several cells: what is mixed at an edge looks like a slope
+  bool is_smoothed;        ///< hues are averages of several cells, so a mixed edge looks like a gradient
 };
 
-/// In dim light the noise hides the hue of a cell's mean. Smooths it over the cells beside it that may have
-/// the same: those that differ from it by no more than noise does (the sigma filter, J.-S. Lee, Digital image
-/// smoothing and the sigma filter, CVGIP 24, 1983), so that edges stay. Brightness is left as it is.
+/// Sigma filter for the hue of cell means. In dim light noise hides the hue of a single cell. The filter
+/// averages the hue over the neighbouring cells that differ by no more than noise, so that edges stay sharp.
+/// The brightness is unchanged. Source: J.-S. Lee, Digital image smoothing and the sigma filter, CVGIP 24,
+/// 1983.
 class HueSmoother {
  public:
   explicit HueSmoother(const FloorView& view);
 
-  /// @param means of the view's cells @param pixel noise of the seeds' pixels @param tolerated share of the
-  /// floor's brightness by which hues may be off
-  /// @return what refers to `means`, or to memory of this object until the next call
+  /// @param means means of the view's cells
+  /// @param pixel noise of the seeds' pixels
+  /// @param tolerated hue tolerance as a share of the floor's brightness
+  /// @return refers to `means` or to memory of this object; valid until the next call
   CellColours smooth(const cv::Mat3f& means, const FloorNoise& pixel, double tolerated);
 
  private:

@@ -4,30 +4,30 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "ground/appearance_class.h"
 #include "ground/floor_frame.h"
 #include "ground/hue_window.h"
-#include "ground/look.h"
 
 namespace omnifleet::ground {
 
-/// What is asked of the mean colour around a pixel: whether it has another hue than the floor, or one nearer
-/// to the region's core's, where the noise would hide that in the single pixel.
+/// Tests the mean colour around a pixel where noise hides the hue of the single pixel. It tests whether the
+/// mean has another hue than the floor, or is nearer to the hue of the region's core than to the floor's.
 struct HueTest {
   static constexpr float kLeastLit =
-      0.3f;  ///< of the floor's brightness: in less light faint hues are but noise
-  static constexpr int kLeastAround = 8;  ///< pixels of a HueWindow: fewer are what is mixed along an outline
+      0.3f;  ///< share of the floor's brightness; below it, faint hues are only noise
+  static constexpr int kLeastAround = 8;  ///< pixels of a HueWindow; fewer may be mixed pixels of an outline
 
   cv::Vec3f floor, to_core;
   float rr, noise, tolerance;
 
-  /// @param core_hue what the region's core, made as bright as the floor, differs from it by, as a share of
-  /// that
+  /// @param core_hue difference between the colour of the region's core, scaled to the floor's brightness,
+  /// and the floor's colour; as a share of the floor's brightness
   HueTest(const FloorFrame& frame, const cv::Vec3f& core_hue, int x, int y) : floor(floorAt(frame, x, y)) {
     rr = std::max(1.0f, floor.dot(floor));
     noise = frame.noise / std::sqrt(rr);
     tolerance = frame.hue_tolerance;
-    const float core2 = core_hue.dot(core_hue), told = 2.0f * (tolerance + noise);
-    if (core2 > 0.0f && core2 < told * told)
+    const float core2 = core_hue.dot(core_hue), max_core = 2.0f * (tolerance + noise);
+    if (core2 > 0.0f && core2 < max_core * max_core)
       to_core = std::min(2.0f, std::sqrt(core2) / tolerance) / (core2 * std::sqrt(rr)) * core_hue;
   }
   bool isFaint() const { return to_core != cv::Vec3f(); }

@@ -24,7 +24,7 @@ struct Row {
 HueWindow::HueWindow(int image_width) : columns_(static_cast<std::size_t>(image_width + 2 * kAround)) {}
 
 void HueWindow::begin() {
-  // So far that no column of before seems to be that of the row above.
+  // Advances the row count so far that no older column counts as that of the previous row.
   constexpr std::int64_t kMoreThanAnyImage = 1 << 20;
   first_row_ += kMoreThanAnyImage;
 }
@@ -32,17 +32,17 @@ void HueWindow::begin() {
 void HueWindow::addColumns(const Run& run, const cv::Mat& image, const cv::Mat1b& marks) {
   const auto rowAt = [&](int y) { return Row{image.ptr(y), marks.ptr(y)}; };
   const int top = std::max(0, run.row - kAround), bottom = std::min(image.rows - 1, run.row + kAround);
-  // What comes in and what goes out when the window moves on by a row.
+  // Rows that enter and leave the window when it moves down by one row.
   const Row in = rowAt(bottom), out = rowAt(std::max(0, run.row - kAround - 1));
-  const bool comes = run.row + kAround < image.rows, goes = run.row - kAround - 1 >= 0;
+  const bool has_incoming = run.row + kAround < image.rows, has_outgoing = run.row - kAround - 1 >= 0;
   const std::int64_t row = first_row_ + run.row;
   const int begin = std::max(0, run.begin - kAround), end = std::min(image.cols, run.end + kAround);
   for (int x = begin; x < end; ++x) {
     Column& column = columns_[static_cast<std::size_t>(x + kAround)];
     if (column.row == row) continue;
     if (column.row == row - 1) {
-      if (comes) column.sum += in.at(x);
-      if (goes) column.sum -= out.at(x);
+      if (has_incoming) column.sum += in.at(x);
+      if (has_outgoing) column.sum -= out.at(x);
     } else {
       column.sum = 0;
       for (int y = top; y <= bottom; ++y) column.sum += rowAt(y).at(x);

@@ -9,7 +9,7 @@
 
 namespace omnifleet::ground {
 
-/// 1/n for n < kCount, 0 for 0: a division for each pixel would cost more than all else there.
+/// Reciprocals 1/n for n < kCount, and 0 for n = 0. A division per pixel would dominate the cost.
 template <std::size_t kCount>
 constexpr std::array<float, kCount> sharesUpTo() {
   std::array<float, kCount> shares{};
@@ -17,31 +17,33 @@ constexpr std::array<float, kCount> sharesUpTo() {
   return shares;
 }
 
-/// Mean colours of what a region shows around each of its pixels, run by run from the top: the sums of the
-/// columns are kept from row to row, so that a pixel costs the same however wide the window is.
+/// Mean colour of a region around each of its pixels, run by run from the top. The column sums are kept from
+/// row to row, so that the cost per pixel does not depend on the window size.
 class HueWindow {
  public:
-  static constexpr int kAround_px = 2;        ///< to each side of a pixel
-  static constexpr std::uint8_t kCounts = 2;  ///< bit of a mark
+  static constexpr int kAround_px = 2;        ///< pixels on each side of a pixel
+  static constexpr std::uint8_t kCounts = 2;  ///< bit of a mark: the pixel counts
 
-  /// Of the pixels of a window that count, 16 bits each from the lowest: blue, green, red, how many.
+  /// Sum over the counting pixels of a window, 16 bits each from the lowest: blue, green, red, number of
+  /// pixels.
   using Sum = std::uint64_t;
 
   explicit HueWindow(int image_width);
 
-  /// A region begins: nothing is kept from before.
+  /// Begins a new region and discards older sums.
   void begin();
-  /// Calls see(x, sum) for each pixel of a run, from the left. Rows must not come again.
-  /// @param image BGR8. @param marks those with kCounts do; while a region lasts this must not change
-  template <typename See>
-  void slide(const Run& run, const cv::Mat& image, const cv::Mat1b& marks, See see) {
+  /// Calls visit(x, sum) for each pixel of a run from the left. Each row may be visited only once.
+  /// @param image BGR8
+  /// @param marks pixels with kCounts count; must not change while a region is processed
+  template <typename Visit>
+  void slide(const Run& run, const cv::Mat& image, const cv::Mat1b& marks, Visit visit) {
     addColumns(run, image, marks);
     const Column* column = columns_.data() + kAround_px;
     Sum sum = 0;
     for (int x = run.begin - kAround_px; x < run.begin + kAround_px; ++x) sum += column[x].sum;
     for (int x = run.begin; x < run.end; ++x) {
       sum += column[x + kAround_px].sum;
-      see(x, sum);
+      visit(x, sum);
       sum -= column[x - kAround_px].sum;
     }
   }
@@ -56,15 +58,15 @@ class HueWindow {
  private:
   struct Column {
     Sum sum = 0;
-    std::int64_t row = 0;  ///< about which it was summed, counted on from region to region
+    std::int64_t row = 0;  ///< centre row of the sum, counted over all regions
   };
   void addColumns(const Run& run, const cv::Mat& image, const cv::Mat1b& marks);
 
   static constexpr int kSide_px = 2 * kAround_px + 1;
   static constexpr auto kShares = sharesUpTo<kSide_px * kSide_px + 1>();
 
-  std::vector<Column> columns_;  ///< of the image, with kAround_px more to each side that stay empty
-  std::int64_t first_row_ = 0;   ///< what the image's row 0 is counted as in this region
+  std::vector<Column> columns_;  ///< columns of the image plus kAround_px empty ones on each side
+  std::int64_t first_row_ = 0;   ///< number of the image's row 0 in this region
 };
 
 }  // namespace omnifleet::ground

@@ -5,14 +5,14 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground/floor_view.h"
-#include "ground/shade_filter.h"
+#include "ground/shadow_filter.h"
 
 namespace omnifleet::ground {
 
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr float kSigmas = 1.5f;  // of a cell's noise
+constexpr float kSigmas = 1.5f;  // standard deviations of a cell's noise
 
 }  // namespace
 
@@ -26,8 +26,8 @@ void HuedCells::mark(const Frame& frame) {
       if (frame.off(y + 1, x + 1) == 0) continue;
       const cv::Vec3f &r = frame.floor(y, x), &p = frame.colours(y, x);
       const float rr = std::max(1.0f, r.dot(r)), gain = std::min(1.0f, p.dot(r) / rr);
-      const float told = frame.tolerance_across * gain + kSigmas * frame.hue_noise / std::sqrt(rr);
-      cells_(y, x) = frame.across2(y + 1, x + 1) > told * told ? 1 : 0;
+      const float limit = frame.tolerance_across * gain + kSigmas * frame.hue_noise / std::sqrt(rr);
+      cells_(y, x) = frame.across2(y + 1, x + 1) > limit * limit ? 1 : 0;
     }
   }
   cv::morphologyEx(cells_, cells_, cv::MORPH_CLOSE, cv::Mat());
@@ -40,7 +40,7 @@ const std::vector<Blob>& HuedCells::find(const Frame& frame, const BitArea& area
     for (int x = 0; x < cells_.cols; ++x)
       if (cells_(y, x) != 0)
         for (int k = 0; k < kCell; ++k) pixels_.set(y * kCell + k, x * kCell, (x + 1) * kCell);
-  return labeller_.label(pixels_, area, ShadeFilter::kMinRegion_px);
+  return labeller_.label(pixels_, area, ShadowFilter::kMinRegion_px);
 }
 
 }  // namespace omnifleet::ground

@@ -8,28 +8,30 @@
 
 namespace omnifleet::ground {
 
-/// Regions of cells whose hue is not quite the floor's. Alone such a cell tells nothing; a ring of them does
-/// (LowWalls::findFaint): noise tears walls whose hue is near the floor's to pieces, but not these.
+/// Regions of cells whose hue differs slightly from the floor's. A single cell is no evidence, but a ring of
+/// such cells is (LowWalls::findFaint). Noise breaks walls with a hue near the floor's into pieces in the
+/// pixel mask, but not in this cell mask.
 class HuedCells {
  public:
   explicit HuedCells(cv::Size image);
 
-  /// Per cell of the frame.
+  /// Inputs per cell of the frame.
   struct Frame {
-    const cv::Mat1b& off;      ///< with one of margin: 1 where it is not plainly floor
-    const cv::Mat1f& across2;  ///< likewise, there: CellHues::across2
-    const cv::Mat3f& colours;  ///< means
-    const cv::Mat3f& floor;    ///< what the floor's would be
-    float tolerance_across;    ///< share of the brightness by which the floor's hue may be off
+    const cv::Mat1b& off;      ///< with a margin of 1: 1 where the cell is not clearly floor
+    const cv::Mat1f& across2;  ///< with a margin of 1: CellHues::across2
+    const cv::Mat3f& colours;  ///< cell means
+    const cv::Mat3f& floor;    ///< floor reference
+    float tolerance_across;    ///< hue tolerance as a share of the floor's brightness
     float hue_noise;           ///< σ of a mean, grey levels
   };
-  /// @param area of the regions, whole cells @return valid until the next call
+  /// @param area area of the regions, whole cells
+  /// @return valid until the next call
   const std::vector<Blob>& find(const Frame& frame, const BitArea& area);
 
  private:
   void mark(const Frame& frame);
 
-  cv::Mat1b cells_;  ///< 1 where it has a hue
+  cv::Mat1b cells_;  ///< 1 where the cell has another hue
   BitMask pixels_;
   Labeller labeller_;
 };

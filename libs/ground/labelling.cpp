@@ -67,8 +67,8 @@ void Labeller::findRuns(const BitMask& objects, const BitArea& area) {
 }
 
 void Labeller::findRunsOf(const BitMask::Word* words, int row, const BitArea::Span& span) {
-  BitMask::Word before = 0;  // the last bit of the word before
-  int begin = -1;            // of the run that is open
+  BitMask::Word before = 0;  // last bit of the previous word
+  int begin = -1;            // first column of the open run; -1: no run is open
   for (int k = span.begin; k < span.end; ++k) {
     BitMask::Word changes = words[k] ^ (words[k] << 1 | before);
     before = words[k] >> (BitMask::kBits - 1);
@@ -93,7 +93,8 @@ int Labeller::root(int run) {
 void Labeller::unite(int a, int b) {
   a = root(a);
   b = root(b);
-  parent_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);  // the first run in reading order leads
+  parent_[static_cast<std::size_t>(std::max(a, b))] =
+      std::min(a, b);  // the first run in reading order is the root
 }
 
 void Labeller::joinRows() {
@@ -114,7 +115,7 @@ void Labeller::joinRows() {
 void Labeller::collect(int min_area_px) {
   pool_.give(blobs_);
   blob_of_root_.assign(runs_.size(), -1);
-  // Sizes first, so that specks cost no blob.
+  // Areas are computed first, so that specks take no blob from the pool.
   std::vector<int>& area = blob_of_root_;
   for (std::size_t i = 0; i < runs_.size(); ++i) area[i] = 0;
   for (std::size_t i = 0; i < runs_.size(); ++i)

@@ -13,8 +13,8 @@ struct Run {
   int row, begin, end;
 };
 
-/// A labelled region (Choi §III.2): its enclosing rectangle, size and runs in the order of rows. After the
-/// region connection it may consist of several pieces.
+/// A labelled region (Choi §III.2): bounding rectangle, area and runs sorted by row. After region connection
+/// it may consist of several pieces.
 struct Blob {
   int label = 0;  ///< 1…N
   cv::Rect rect;
@@ -26,17 +26,18 @@ inline cv::Point middleOf(const Blob& blob) {
   return blob.rect.tl() + cv::Point(blob.rect.width / 2, blob.rect.height / 2);
 }
 
-/// The pixels of a region of blocks of block_px × block_px; their label is left as it is.
+/// Converts a region of blocks of block_px × block_px to pixels. The label of `pixels` stays unchanged.
 void enlarge(const Blob& blocks, int block_px, Blob& pixels);
 
-/// Regions whose buffers are used again, each as large as the largest has been: which buffer serves which
-/// region does not matter, and nothing grows once the fullest frame has been seen.
+/// Pool of regions whose buffers are reused. Each buffer is reserved for the largest region so far. It
+/// therefore does not matter which buffer serves which region, and nothing is allocated once the fullest
+/// frame has been processed.
 class BlobPool {
  public:
-  /// Without runs.
+  /// @return a region without runs
   Blob take();
   void give(Blob&& blob);
-  /// All of them; `blobs` is empty then.
+  /// Returns all regions to the pool; `blobs` is empty afterwards.
   void give(std::vector<Blob>& blobs);
 
  private:
@@ -44,8 +45,8 @@ class BlobPool {
   std::size_t most_runs_ = 64;
 };
 
-/// Connected components (8 neighbours) by runs and union-find; only the area is scanned. Labels by first
-/// pixel in reading order.
+/// Connected components (8-neighbourhood) by runs and union-find. Only the area is scanned. Labels are
+/// numbered by the first pixel in reading order.
 class Labeller {
  public:
   /// @return the regions with at least min_area_px pixels; valid until the next call

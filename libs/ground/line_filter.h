@@ -6,14 +6,14 @@
 
 namespace omnifleet::ground {
 
-/// Takes floor markings (grid lines, joints) out of a mask: opening by a square of side `width_px`, then what
-/// was rounded off the remaining regions grows back within the mask, by half that width. A line next to an
-/// object leaves a stub of that length.
+/// Removes floor markings (grid lines, joints) from a mask. The mask is opened by a square of side
+/// `width_px`. The remaining regions then regrow within the mask by half that width, which restores their
+/// corners. A line next to an object leaves a stub of that length.
 class LineFilter {
  public:
   static constexpr int kMaxWidth_px = 17;
 
-  /// @param width_px structures thinner than this go (odd numbers 3–kMaxWidth_px; less: nothing is done)
+  /// @param width_px thinner structures are removed (odd, 3–kMaxWidth_px; smaller: the filter is off)
   LineFilter(cv::Size image, int width_px);
 
   /// @param mask not set outside the area

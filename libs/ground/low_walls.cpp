@@ -12,22 +12,26 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr float kFirst_px = 1.5f, kLast_px = 6.0f;  // inside of the far edge, where it is not mixed any more
-constexpr int kLeastPixels = 8;                     // of a sector's edge
-constexpr double kMostOfThing = 0.5;                // of the turn is what is convex seen over
-constexpr double kLeastWalls = 0.25;                // of the turn is edges of one hue
-constexpr double kMostEnds = 1.0 / 6.0;             // of the turn may such a region reach the end of the view
-constexpr float kRing_px = 14.0f;                   // from the far edge, within which a ring lies …
-constexpr float kLongStrip = 8.0f;                  // length of a strip that is no thing, of its breadth
-constexpr double kLeastWide_m = 0.12;  // a ring would be so wide on the floor: else it is a line there
-constexpr float kLeastRing = 0.8f;     // … by this share, on half of the bearings
-constexpr float kLeastFilled = 0.6f;   // of a bearing, from edge to edge, is seen of what is no grid
-constexpr int kSpeck_px = 1;           // half as wide as what is too thin for a thing, rounded down
-constexpr int kFringe_px = 4;          // along outlines, where there may be some floor before the wall
-// Shares of floor and wall in what is mixed of them sum up to one, but for the wall's texture.
-constexpr float kMixedAlong = 0.25f, kMixedNoise = 3.0f;  // grey levels, beside kAcross
-// In brightness and in hue walls may differ by so much, as a share of the brightness: one side from another,
-// and a pixel from the mean of its edge, whose own spread is added.
+constexpr float kFirst_px = 1.5f,
+                kLast_px = 6.0f;       // band inside the far edge, where pixels are no longer mixed
+constexpr int kLeastPixels = 8;        // minimum number of edge pixels per sector
+constexpr double kMostOfObject = 0.5;  // share of the turn: a convex object spans less
+constexpr double kLeastWalls = 0.25;   // share of the turn: minimum of edges of one hue
+constexpr float kRing_px = 14.0f;      // distance from the far edge within which a ring lies
+constexpr float kLongStrip = 8.0f;     // length ÷ breadth from which a strip is no object
+constexpr double kLeastWide_m =
+    0.12;  // minimum width of a ring projected to the floor; a narrower one is a line on the floor
+constexpr float kLeastRing =
+    0.8f;  // share of a bearing's pixels within kRing_px of the far edge, on half of the bearings
+constexpr float kLeastFilled =
+    0.6f;                      // minimum filled share of a bearing from near to far edge; a grid fills less
+constexpr int kSpeck_px = 1;   // half the width of structures that are too thin for an object, rounded down
+constexpr int kFringe_px = 4;  // along outlines, where some floor may be visible in front of the wall
+// In a pixel mixed of floor and wall the two shares sum up to one, except for the wall's texture.
+constexpr float kMixedAlong = 0.25f, kMixedNoise = 3.0f;  // kMixedNoise: grey levels, in addition to kAcross
+// Tolerances of walls in brightness (along) and hue (across), as shares of the brightness. kSidesAlong: one
+// side of the room against another. kPixelAlong: a pixel against the mean of its edge; kSigmas times the
+// spread of the edge is added.
 constexpr float kSidesAlong = 0.5f, kAcross = 0.04f, kPixelAlong = 0.1f, kSigmas = 3.0f;
 
 bool isAlike(const cv::Vec3f& p, const cv::Vec3f& r, float along, float across) {
@@ -35,15 +39,17 @@ bool isAlike(const cv::Vec3f& p, const cv::Vec3f& r, float along, float across) 
   return std::abs(gain - 1.0f) <= along && p.dot(p) / rr - gain * gain <= across * across;
 }
 
-constexpr float kGoesOn = -1.0f;  // instead of a distance: to the end of a view that ends above the horizon
+constexpr float kOpenEnd =
+    -1.0f;  // replaces a distance: the region reaches the end of a view that ends above the horizon
 
 float squared(float v) {
   return v * v;
 }
 
-/// Some of the floor's colour and some of the wall's.
+/// Is the colour a mixture of the floor's and the wall's?
 bool isMixed(const cv::Vec3f& p, const cv::Vec3f& floor, const cv::Vec3f& wall) {
-  constexpr float kLeastApart = 1e-3f;  // squared sine of the angle between them: else they have one hue
+  constexpr float kLeastApart =
+      1e-3f;  // squared sine of the angle between the colours; below it they have one hue
   const float ff = std::max(1.0f, floor.dot(floor)), ww = std::max(1.0f, wall.dot(wall)),
               fw = floor.dot(wall);
   const float apart = ff * ww - fw * fw;
@@ -65,7 +71,7 @@ LowWalls::LowWalls(const lens::Camera& camera, const FloorView& floor_view)
       beside_(floor_view.cells(), std::uint8_t{0}),
       view_(&floor_view),
       sees_horizon_(FloorView::upward(camera) != nullptr),
-      things_(floor_view.imageSize()),
+      objects_(floor_view.imageSize()),
       eroded_(floor_view.imageSize()),
       opened_(floor_view.imageSize()),
       gaps_(floor_view.imageSize()) {
@@ -87,7 +93,7 @@ float LowWalls::radius2(int x, int y) const {
   return to.dot(to);
 }
 
-/// Visits (sector, cell, row, begin, end): the region's runs, cut where cells end.
+/// Visits (sector, cell, row, begin, end): the region's runs, cut at cell borders.
 template <typename Visit>
 void LowWalls::forSectors(const Blob& region, Visit visit) const {
   for (const Run& run : region.runs) {
@@ -101,15 +107,15 @@ void LowWalls::forSectors(const Blob& region, Visit visit) const {
   }
 }
 
-/// Where the region ends, seen from the camera's foot, who has it over half of the turn. The robot's own body
-/// is around it, too, where its mask is too small: it begins where the view does.
+/// Does the region span more than half of the turn around the camera foot? Sets edges_. A region that begins
+/// where the view begins is rejected: it is the robot's own body, for which the mask is too small.
 bool LowWalls::isAround(const Blob& region) {
   if (!region.rect.contains(cv::Point(cvRound(foot_px_.x), cvRound(foot_px_.y)))) return false;
-  return isOver(region, kMostOfThing);
+  return spansTurn(region, kMostOfObject);
 }
 
-/// Likewise, over so much of the turn.
-bool LowWalls::isOver(const Blob& region, double turn) {
+/// Does the region span more than `turn` (share of the full turn) around the camera foot? Sets edges_.
+bool LowWalls::spansTurn(const Blob& region, double turn) {
   edges_.fill({});
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
     Edge& edge = edges_[sector];
@@ -130,7 +136,7 @@ bool LowWalls::isOver(const Blob& region, double turn) {
     ++seen;
     own += view_->nearBorder(static_cast<float>(edge.near.x), static_cast<float>(edge.near.y)) ? 1 : 0;
     const auto u = static_cast<float>(edge.far.x), v = static_cast<float>(edge.far.y);
-    if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kGoesOn;
+    if (sees_horizon_ && view_->nearBorder(u, v)) edge.radius2_px = kOpenEnd;
   }
   return seen > turn * kSectors && 2 * own < seen;
 }
@@ -161,8 +167,8 @@ bool LowWalls::isRing(const Blob& region) const {
   return 2 * thin > seen && 2 * wide > seen;
 }
 
-/// No line on the floor, and no grid: on most bearings it is as wide as a wall's height, and all of it from
-/// its near to its far edge is seen.
+/// Neither a line nor a grid on the floor: on most bearings the region is as wide as a wall's height and
+/// filled from its near to its far edge.
 bool LowWalls::isFilled(const Blob& region) const {
   std::array<float, kSectors> area{};
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int /*row*/, int begin, int end) {
@@ -180,8 +186,8 @@ bool LowWalls::isFilled(const Blob& region) const {
   return 2 * filled > seen && 2 * wide > seen;
 }
 
-/// A strip on bearings where the region around ends: a side of the walls that is lit like the floor, but here
-/// and there. No thing is so long and thin.
+/// A strip on bearings where the surrounding region has no edge: a side of the walls that is lit like the
+/// floor, except in places. No object is so long and thin.
 bool LowWalls::isRestOfRing(const Blob& region) const {
   bool is_beside = true;
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int /*row*/, int /*begin*/,
@@ -240,7 +246,7 @@ void LowWalls::readEdges(const cv::Mat& image, const Blob& region) {
   }
 }
 
-/// The hue that most of the edges have. False where it is not enough for walls.
+/// Finds the hue that most of the edges have. @return false where too few edges have it for walls
 bool LowWalls::findHue() {
   const auto isRead = [](const Edge& edge) { return edge.count >= kLeastPixels; };
   std::size_t best = 0;
@@ -280,31 +286,31 @@ void LowWalls::findNearest() {
   }
 }
 
-void LowWalls::markThings(const cv::Mat& image, const Blob& region) {
+void LowWalls::markObjects(const cv::Mat& image, const Blob& region) {
   forSectors(region, [&](std::size_t sector, const cv::Point& /*cell*/, int row, int begin, int end) {
     const cv::Vec3f& wall = edges_[static_cast<std::size_t>(nearest_[sector])].colour;
     for (int x = begin; x < end; ++x)
-      if (!isAlike(image.at<cv::Vec3b>(row, x), wall, along_, across_)) things_.set(row, x, x + 1);
+      if (!isAlike(image.at<cv::Vec3b>(row, x), wall, along_, across_)) objects_.set(row, x, x + 1);
   });
 }
 
-/// What is thinner than a thing goes, and what is left of the floor between a thing and the wall.
-void LowWalls::cleanThings(const cv::Mat& image, const Blob& region, const BitArea& area,
-                           const cv::Mat3f& floor) {
-  takeMedian(area, things_, opened_);
-  regrowCorners(area, things_, opened_, eroded_);
-  std::swap(things_, eroded_);
-  erode(area, kFringe_px, things_, eroded_);
+/// Removes what is thinner than an object, and remains of the floor between an object and the wall.
+void LowWalls::cleanObjects(const cv::Mat& image, const Blob& region, const BitArea& area,
+                            const cv::Mat3f& floor) {
+  takeMedian(area, objects_, opened_);
+  regrowCorners(area, objects_, opened_, eroded_);
+  std::swap(objects_, eroded_);
+  erode(area, kFringe_px, objects_, eroded_);
   forSectors(region, [&](std::size_t sector, const cv::Point& cell, int row, int begin, int end) {
     const cv::Vec3f& wall = edges_[static_cast<std::size_t>(nearest_[sector])].colour;
     for (int x = begin; x < end; ++x) {
-      if (!things_.at(x, row) || eroded_.at(x, row)) continue;
+      if (!objects_.at(x, row) || eroded_.at(x, row)) continue;
       if (!isMixed(image.at<cv::Vec3b>(row, x), floor(cell), wall)) continue;
-      things_.clear(row, x, x + 1);
+      objects_.clear(row, x, x + 1);
       gaps_.set(row, x, x + 1);
     }
   });
-  erode(area, kSpeck_px, things_, eroded_);
+  erode(area, kSpeck_px, objects_, eroded_);
   dilate(area, kSpeck_px, eroded_, opened_);
 }
 
@@ -316,7 +322,7 @@ bool LowWalls::find(const cv::Mat& image, const std::vector<Blob>& regions, cons
     readEdges(image, region);
     return findHue();
   };
-  // Whoever is inside of one sees no other.
+  // Inside one ring of walls no other ring is visible.
   const auto region = std::find_if(regions.begin(), regions.end(), isWalls);
   if (region == regions.end()) return false;
   take(image, *region, area, floor, objects);
@@ -336,7 +342,7 @@ bool LowWalls::findFaint(const cv::Mat& image, const std::vector<Blob>& hued, co
     if (!isStrip(region) && !isAround(region)) continue;
     ring_.runs.insert(ring_.runs.end(), region.runs.begin(), region.runs.end());
   }
-  if (!isOver(ring_, kLeastWalls) || !isFilled(ring_)) return false;
+  if (!spansTurn(ring_, kLeastWalls) || !isFilled(ring_)) return false;
   readEdges(image, ring_);
   if (!findHue()) return false;
   take(image, ring_, area, floor, objects);
@@ -345,7 +351,8 @@ bool LowWalls::findFaint(const cv::Mat& image, const std::vector<Blob>& hued, co
   return true;
 }
 
-/// Of the cells beside the ring's what is not floor and like the wall: its foot and its top.
+/// Moves to the walls what is not floor and resembles the wall in the cells beside the ring: its foot and its
+/// top.
 void LowWalls::takeEdges(const cv::Mat& image, BitMask& objects) {
   beside_ = std::uint8_t{0};
   for (const Run& run : ring_.runs)
@@ -365,14 +372,13 @@ void LowWalls::takeEdges(const cv::Mat& image, BitMask& objects) {
   }
 }
 
-/// What of the region is walls, and what things before them: that stays in `objects`.
+/// Separates the walls in the region from the objects in front of them. The objects stay in `objects`.
 void LowWalls::take(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor,
                     BitMask& objects) {
   findNearest();
-  for (BitMask* mask : {&things_, &eroded_, &opened_, &gaps_})
-    mask->clear();  // beyond the area it is read, too
-  markThings(image, region);
-  cleanThings(image, region, area, floor);
+  for (BitMask* mask : {&objects_, &eroded_, &opened_, &gaps_}) mask->clear();  // also read beyond the area
+  markObjects(image, region);
+  cleanObjects(image, region, area, floor);
   for (const Run& run : region.runs) {
     const auto isWall = [&](int x) { return !opened_.at(x, run.row) && !gaps_.at(x, run.row); };
     objects.keep(run.row, run.begin, run.end, opened_);

@@ -11,51 +11,53 @@
 
 namespace omnifleet::ground {
 
-/// Walls that end below the horizon. No convex thing is seen over half of the turn by a camera beside it:
-/// what hangs together over so much is walls, with all that covers their foot in the picture. Their tops are
-/// its far edge, but where higher things hide them, so their colour, bearing by bearing, is the one that most
-/// of this edge has: in one hue, darker and lighter as the light falls on their sides. What reaches the end
-/// of the view is left alone where the lens sees the horizon (WallFinder).
+/// Walls whose top is below the horizon. A convex object beside the camera never spans half of the turn. A
+/// connected region that spans more consists of walls, together with everything that occludes their foot in
+/// the image. The top of the walls is the far edge of the region, except where higher objects hide it. The
+/// colour of the walls, per bearing, is therefore the one that most of this edge has: one hue, darker or
+/// lighter depending on the light on each side. A region that reaches the end of the view is left to
+/// WallFinder where the lens sees the horizon.
 class LowWalls {
  public:
-  static constexpr std::uint8_t kWall = 1;  ///< value of walls in masks in which things have 255
+  static constexpr std::uint8_t kWall = 1;  ///< mask value of walls; objects have 255
 
   LowWalls(const lens::Camera& camera, const FloorView& floor_view);
 
   /// @param image CV_8UC3 of the view's size @param regions of `objects` @param floor its colour per cell
-  /// @param objects changed: what is of the walls goes
-  /// @param only_rings regions that are thin on most bearings (not a floor's grid, which is all over), but no
-  /// line on the floor: seen beyond a wall's foot is its height
+  /// @param objects changed: pixels of the walls are removed
+  /// @param only_rings accepts only regions that are thin on most bearings (a floor's grid is not) and at
+  /// least as wide on the floor as a wall's height projects (a line on the floor is not)
   /// @return whether there are such walls
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, const BitArea& area,
             const cv::Mat3f& floor, BitMask& objects, bool only_rings = false);
-  /// Walls whose hue is so near to the floor's that but cells tell it.
-  /// @param hued regions that have such a hue, of whole cells: of a ring that things and distance have torn
-  /// the long and thin ones count together @param colours of the cells, CV_32FC3 @param objects changed, as
+  /// Finds walls whose hue is so close to the floor's that only cell means distinguish it.
+  /// @param hued regions of such a hue, made of whole cells. Objects and distance divide a ring into pieces;
+  /// the long and thin pieces count together. @param colours of the cells, CV_32FC3 @param objects changed as
   /// by find()
   bool findFaint(const cv::Mat& image, const std::vector<Blob>& hued, const BitArea& area,
                  const cv::Mat3f& floor, const cv::Mat3f& colours, BitMask& objects);
   bool any() const { return !walls_.empty(); }
-  /// Writes kWall where it is 0.
+  /// Writes kWall where the mask is 0.
   void mark(cv::Mat1b& mask) const;
 
  private:
-  static constexpr int kSectors = 144;  ///< of a turn
-  /// What is seen right inside of the region's far edge.
+  static constexpr int kSectors = 144;  ///< of the full turn
+  /// Statistics of the pixels just inside the region's far edge, in one sector.
   struct Edge {
     cv::Point near, far;
-    float near2_px = 0.0f;     ///< squared, from the camera's foot, likewise
-    float radius2_px = -1.0f;  ///< squared, from the camera's foot; negative where it does not end
-    int count = 0;             ///< pixels
+    float near2_px = 0.0f;  ///< squared distance of `near` from the camera foot
+    float radius2_px =
+        -1.0f;      ///< squared distance of `far` from the camera foot; negative where the region has no end
+    int count = 0;  ///< pixels
     cv::Vec3f colour{0, 0, 0};
-    float along = 0.0f, across = 0.0f;  ///< σ of them in brightness and in hue, as shares of the brightness
+    float along = 0.0f, across = 0.0f;  ///< σ in brightness and in hue, as shares of the brightness
     bool is_wall = false;
   };
   template <typename Visit>
   void forSectors(const Blob& region, Visit visit) const;
   float radius2(int x, int y) const;
   bool isAround(const Blob& region);
-  bool isOver(const Blob& region, double turn);
+  bool spansTurn(const Blob& region, double turn);
   bool isWide(const Edge& edge) const;
   bool isRing(const Blob& region) const;
   bool isFilled(const Blob& region) const;
@@ -68,21 +70,22 @@ class LowWalls {
   void readEdges(const cv::Mat& image, const Blob& region);
   bool findHue();
   void findNearest();
-  void markThings(const cv::Mat& image, const Blob& region);
-  void cleanThings(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor);
+  void markObjects(const cv::Mat& image, const Blob& region);
+  void cleanObjects(const cv::Mat& image, const Blob& region, const BitArea& area, const cv::Mat3f& floor);
 
   lens::Camera camera_;
   cv::Point2f foot_px_;
   cv::Mat1b sectors_;  ///< per cell
-  Blob ring_;          ///< of a faint hue; its runs alone
-  cv::Mat1b beside_;   ///< per cell: of that ring, or beside it
+  Blob ring_;          ///< of a faint hue; only its runs are set
+  cv::Mat1b beside_;   ///< per cell: 1 on that ring or beside it
   const FloorView* view_;
   bool sees_horizon_;
   std::array<Edge, kSectors> edges_;
-  std::array<int, kSectors> nearest_{};  ///< per sector, the nearest whose edge shows walls
-  float along_ = 0.0f, across_ = 0.0f;   ///< by so much may a pixel of the walls differ from its edge
-  BitMask things_, eroded_, opened_;     ///< in the walls' region, what is none of them
-  BitMask gaps_;                         ///< likewise, floor
+  std::array<int, kSectors> nearest_{};  ///< per sector: the nearest sector whose edge shows walls
+  float along_ = 0.0f,
+        across_ = 0.0f;  ///< greatest difference of a wall pixel from its edge, in brightness and in hue
+  BitMask objects_, eroded_, opened_;  ///< within the walls' region: what is not wall
+  BitMask gaps_;                       ///< within the walls' region: floor
   std::vector<Run> walls_, alike_;
 };
 

@@ -8,11 +8,12 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr float kLeastDepth_px = 2.0f, kLeastDepthShare = 0.05f;  // of the root of the area
+constexpr float kLeastDepth_px = 2.0f,
+                kLeastDepthShare = 0.05f;  // kLeastDepthShare: of the square root of the area
 constexpr std::size_t kMostNotches = 6;
 constexpr std::size_t kNearby = 6;      // points of the outline next to a notch that belong to it
-constexpr double kLeastGain = 0.3;      // of a loop's concavity, by one chord of perhaps several
-constexpr float kLongestChord = 1.15f;  // of the root of the smaller part's area
+constexpr double kLeastGain = 0.3;      // of a loop's concavity, by one of possibly several chords
+constexpr float kLongestChord = 1.15f;  // of the square root of the smaller part's area
 
 double areaOf(const std::vector<cv::Point2f>& points) {
   double twice = 0.0;
@@ -87,7 +88,7 @@ double NotchSplitter::notches() const {
   return sum;
 }
 
-/// Cuts the loop with the most concavity; false when none should be.
+/// Cuts the loop with the most concavity. @return false when no loop should be cut
 bool NotchSplitter::cutWorst(double least_area) {
   std::size_t worst = loops_.size();
   for (std::size_t k = 0; k < loops_.size(); ++k) {
@@ -105,7 +106,7 @@ bool NotchSplitter::cutWorst(double least_area) {
   return true;
 }
 
-/// The deepest point under each edge of the hull.
+/// Finds the deepest point below each edge of the hull.
 void NotchSplitter::findNotches(const Loop& loop) {
   cv::convexHull(loop.points, hull_, false, false);
   std::sort(hull_.begin(), hull_.end());
@@ -136,7 +137,7 @@ double NotchSplitter::gainOf(const Loop& loop, double least_area, std::size_t fr
   part(loop, from, to, first_, second_);
   const double smaller = std::min(first_.area, second_.area);
   if (smaller < least_area || first_.area + second_.area > 1.02 * loop.area)
-    return -1.0;  // the chord leaves it
+    return -1.0;  // the chord leaves the loop
   const double chord = cv::norm(loop.points[from] - loop.points[to]);
   if (chord > kLongestChord * std::sqrt(smaller)) return -1.0;
   return loop.hull_area - first_.hull_area - second_.hull_area;
@@ -159,7 +160,7 @@ bool NotchSplitter::findChord(const Loop& loop, double least_area, std::size_t& 
   for (std::size_t i = 0; i < found_.size(); ++i)
     for (std::size_t j = i + 1; j < found_.size(); ++j) consider(found_[i].at, found_[j].at);
   if (found) return true;
-  // A single notch: straight across, to the nearest point that is not of the notch itself.
+  // A single notch: cuts straight across to the nearest point that does not belong to the notch.
   for (const Notch& notch : found_) {
     const std::size_t reach = std::max(kNearby, static_cast<std::size_t>(2.0f * notch.depth));
     double nearest = 1e9;
@@ -190,8 +191,9 @@ void NotchSplitter::part(const Loop& loop, std::size_t from, std::size_t to, Loo
   measure(second);
 }
 
-/// Every pixel of the region goes to the loop that it lies in, or that the nearest of its run lies in; those
-/// along the chords to the last that holds them. What is in none is too small to be a part.
+/// Assigns each pixel of the region to the loop that contains it, or that contains the nearest pixel of its
+/// run. Pixels along a chord go to the last loop that contains them. Pixels in no loop belong to parts that
+/// are too small.
 void NotchSplitter::write(const Blob& blob) {
   paint(blob.rect);
   parts_.assign(loops_.size(), Blob{});

@@ -12,26 +12,26 @@ namespace omnifleet::ground {
 
 struct NotchOptions {
   bool enabled = true;
-  double max_solidity = 0.93;  ///< 1, of the region in the image: more convex ones are one thing
-  double min_gain = 0.6;       ///< 1, share of the region's concavity that must be gone between the parts
-  double min_share = 0.06;     ///< 1, of the region's area, that a part must have
-  int min_area_px = 40;        ///< pixels, likewise
+  double max_solidity = 0.93;  ///< 1, solidity of the region in the image above which it is one object
+  double min_gain = 0.6;       ///< 1, minimum share of the region's concavity that the split removes
+  double min_share = 0.06;     ///< 1, minimum share of the region's area per part
+  int min_area_px = 40;        ///< pixels, minimum area per part
   static NotchOptions read(const options::Section& section);
 };
 
-/// Takes a region apart where its outline is drawn in, as where two things of one colour touch in the image
-/// or stand before one another: from notch to notch, or across a neck, along the chord that leaves the most
-/// convex parts; loops that merely touch part there. Which of two stands in front is not told by this, nor
-/// where exactly they meet: the outline along the chord is neither's.
+/// Splits a region at concavities of its outline, as they occur where two objects of one colour touch in the
+/// image or overlap. It cuts from notch to notch, or across a neck, along the chord that leaves the most
+/// convex parts. Loops that merely touch are separated there. The split does not determine which object is in
+/// front or where exactly they meet: the outline along the chord belongs to neither.
 class NotchSplitter {
  public:
   NotchSplitter(const FloorView& view, const NotchOptions& options);
 
-  /// @param contour of the blob, as ContourTracer traced it
-  /// @return the parts, none where the region is one thing; valid until the next call
+  /// @param contour of the blob, as traced by ContourTracer
+  /// @return the parts; none where the region is one object; valid until the next call
   const std::vector<Blob>& split(const Blob& blob, const Contour& contour);
 
-  /// Each pixel of a part holds 1 + its index, everything else 0; until the next call.
+  /// Each pixel of a part holds 1 + the index of the part, all others 0. Valid until the next call.
   const cv::Mat1b& mask() const { return mask_; }
 
  private:
@@ -42,8 +42,8 @@ class NotchSplitter {
     double notches() const { return hull_area - area; }
   };
   struct Notch {
-    std::size_t at;  ///< point of the loop
-    float depth;     ///< pixels under the hull's edge
+    std::size_t at;  ///< index of the point in the loop
+    float depth;     ///< pixels below the edge of the hull
   };
 
   void takeLoops(const Contour& contour);
@@ -51,7 +51,8 @@ class NotchSplitter {
   double notches() const;
   bool cutWorst(double least_area);
   void findNotches(const Loop& loop);
-  /// Best chord from the notches found, as two indices of points; false where none pays.
+  /// Finds the best chord between the notches. @param from, to indices of its end points, output
+  /// @return false where no chord gains enough
   bool findChord(const Loop& loop, double least_area, std::size_t& from, std::size_t& to);
   double gainOf(const Loop& loop, double least_area, std::size_t from, std::size_t to);
   void part(const Loop& loop, std::size_t from, std::size_t to, Loop& first, Loop& second);

@@ -61,14 +61,14 @@ void CellHues::compare(const CellTolerance& tolerance) {
 
 namespace {
 
-constexpr std::uint8_t kHole = 1, kShade = 2;
+constexpr std::uint8_t kHole = 1, kShadow = 2;
 
-OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* below, int n, Look first,
-                               Look last, Around* out) {
-  const auto marksOf = [ first, last ](const Look* row, int x) __attribute__((always_inline)) {
-    const auto of = [ first, last ](Look look) __attribute__((always_inline)) {
-      return static_cast<std::uint8_t>((look == kFloorLook ? kHole : 0) |
-                                       ((look >= first) & (look <= last) ? kShade : 0));
+OMNIFLEET_WIDE void classifyAround(const Appearance* above, const Appearance* here, const Appearance* below,
+                                   int n, Appearance first, Appearance last, Around* out) {
+  const auto marksOf = [ first, last ](const Appearance* row, int x) __attribute__((always_inline)) {
+    const auto of = [ first, last ](Appearance appearance) __attribute__((always_inline)) {
+      return static_cast<std::uint8_t>((appearance == kFloorAppearance ? kHole : 0) |
+                                       ((appearance >= first) & (appearance <= last) ? kShadow : 0));
     };
     return static_cast<std::uint8_t>(of(row[x]) | of(row[x + 1]) | of(row[x + 2]));
   };
@@ -76,18 +76,19 @@ OMNIFLEET_WIDE void lookAround(const Look* above, const Look* here, const Look* 
       0, n, [=](int x) __attribute__((always_inline)) {
         const auto marks =
             static_cast<std::uint8_t>(marksOf(above, x) | marksOf(here, x) | marksOf(below, x));
-        const Around whole = (marks & kShade) != 0 ? kSomeShade : kAllOfThing;
+        const Around whole = (marks & kShadow) != 0 ? kSomeShadow : kAllOfObject;
         out[x] = (marks & kHole) != 0 ? kMixed : whole;
       });
 }
 
 }  // namespace
 
-void lookAround(const Look* above, const Look* here, const Look* below, int n, float deepest, Around* out) {
-  Look first = greyLook(deepest), last = greyLook(1.0f);
-  while (!isShade(first, deepest)) ++first;
-  while (!isShade(last, deepest)) --last;
-  lookAround(above, here, below, n, first, last, out);
+void classifyAround(const Appearance* above, const Appearance* here, const Appearance* below, int n,
+                    float deepest, Around* out) {
+  Appearance first = greyAppearance(deepest), last = greyAppearance(1.0f);
+  while (!isShadow(first, deepest)) ++first;
+  while (!isShadow(last, deepest)) --last;
+  classifyAround(above, here, below, n, first, last, out);
 }
 
 OMNIFLEET_WIDE void spreadMarks(const std::uint8_t* above, const std::uint8_t* here,

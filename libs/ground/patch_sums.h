@@ -6,14 +6,14 @@
 
 namespace omnifleet::ground {
 
-/// Sums over the 5×5 pixels around each pixel of a rectangle, by channel; buffers live from call to call.
+/// Sums over the 5×5 pixels around each pixel of a rectangle, per channel. Buffers are kept between calls.
 class PatchSums {
  public:
   static constexpr int kRadius_px = 2, kPixels = (2 * kRadius_px + 1) * (2 * kRadius_px + 1);
 
   explicit PatchSums(cv::Size image);
 
-  /// @param image BGR8 of the size told; @param rect at least kRadius_px away from its edges
+  /// @param image BGR8 of the constructor's size @param rect at least kRadius_px away from its edges
   void read(const cv::Mat& image, const cv::Rect& rect);
 
   cv::Vec3f mean(int x, int y) const {
@@ -25,7 +25,7 @@ class PatchSums {
 
  private:
   cv::Mat_<cv::Vec<std::uint16_t, 3>> sums_;
-  std::vector<std::uint16_t> column_;  ///< sums of five rows, by channels
+  std::vector<std::uint16_t> column_;  ///< sums of five rows, per channel
 };
 
 }  // namespace omnifleet::ground

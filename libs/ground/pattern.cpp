@@ -8,14 +8,16 @@ namespace omnifleet::ground {
 
 namespace {
 
-constexpr float kStep = 0.1f;   // of the floor's brightness
-constexpr float kNoise = 3.0f;  // of what is tolerated in one pixel's channel: of the sum of three
+constexpr float kStep = 0.1f;  // share of the floor's brightness
+constexpr float kNoise =
+    3.0f;  // multiple of the tolerated noise of one channel, for the sum of three channels
 constexpr std::uint8_t kAlongRow = 1, kAlongColumn = 2;
-constexpr int kChunk = 16;  // pixels that are taken together
-// What a pixel is for the line along its column; where one begins, kBegins and the end of the line before.
-constexpr std::int16_t kGoesOn = 0, kSteps = 1, kBegins = 3;
-constexpr std::int16_t kNone = -1, kAsked = -1;
-constexpr std::int16_t kPatchesInARow = 3;  // of such widths, between four steps
+constexpr int kChunk = 16;  // pixels that are processed together
+// Event of a pixel for the line along its column. Where a line begins: kBegins + the end of the previous
+// line.
+constexpr std::int16_t kContinues = 0, kSteps = 1, kBegins = 3;
+constexpr std::int16_t kNone = -1, kRequested = -1;
+constexpr std::int16_t kPatchesInARow = 3;  // patches of valid width, between four edges
 
 OMNIFLEET_WIDE void sumChannels(const std::uint8_t* pixels, int n, std::int16_t* sums) {
 #pragma GCC ivdep
@@ -23,7 +25,7 @@ OMNIFLEET_WIDE void sumChannels(const std::uint8_t* pixels, int n, std::int16_t*
     sums[i] = static_cast<std::int16_t>(pixels[3 * i] + pixels[3 * i + 1] + pixels[3 * i + 2]);
 }
 
-/// Least and most of so many values, and of kChunk that begin at `value`.
+/// Updates least and most with the kChunk values that begin at `value`.
 OMNIFLEET_WIDE void rangeOfChunk(const std::int16_t* value, std::int16_t& least, std::int16_t& most) {
   std::int16_t low = least, high = most;
   for (int i = 0; i < kChunk; ++i) {
@@ -34,15 +36,15 @@ OMNIFLEET_WIDE void rangeOfChunk(const std::int16_t* value, std::int16_t& least,
   most = high;
 }
 
-/// Adds the pixels [begin, end) of a row to the lines along their columns, kChunk at a time, always the same
-/// ones together: what is stored for one row is loaded as it was for the next.
-/// @param value of the pixels from the chunk on that `begin` lies in. @param news likewise: what each pixel
-/// is
+/// Adds the pixels [begin, end) of a row to the lines along their columns, kChunk at a time. The chunks are
+/// the same for all rows, so that values are loaded as they were stored for the previous row.
+/// @param value of the pixels, from the beginning of the chunk that contains `begin` @param events of
+/// the pixels, from the same chunk on, output
 struct NextRow {
   const std::int16_t* value;
   std::int16_t row, begin, end, step;
-  const std::int16_t* asked;
-  std::int16_t *low_of, *high_of, *direction_of, *end_of, *news;
+  const std::int16_t* requested;
+  std::int16_t *low_of, *high_of, *direction_of, *end_of, *events;
 };
 OMNIFLEET_WIDE void addRow(const NextRow& next) {
   using Shorts = lanes::SixteenShorts;
@@ -50,40 +52,42 @@ OMNIFLEET_WIDE void addRow(const NextRow& next) {
   const int first = next.begin & -kChunk;
   for (int x = first; x < next.end; x += kChunk) {
     const Shorts column = order + static_cast<std::int16_t>(x);
-    const Shorts asked = lanes::load<Shorts>(next.asked + x) & (column >= next.begin) & (column < next.end);
+    const Shorts requested =
+        lanes::load<Shorts>(next.requested + x) & (column >= next.begin) & (column < next.end);
     const auto v = lanes::load<Shorts>(next.value + (x - first)), low = lanes::load<Shorts>(next.low_of + x),
-               high = lanes::load<Shorts>(next.high_of + x), way = lanes::load<Shorts>(next.direction_of + x),
+               high = lanes::load<Shorts>(next.high_of + x),
+               last_direction = lanes::load<Shorts>(next.direction_of + x),
                end = lanes::load<Shorts>(next.end_of + x);
     const Shorts begins = end != next.row;
     const Shorts least = begins | (v < low) ? v : low, most = begins | (v > high) ? v : high,
-                 before = ~begins & way;
+                 before = ~begins & last_direction;
     const Shorts falls = (before >= 0) & (v < most - next.step),
                  rises = (before <= 0) & (v > least + next.step);
     const Shorts steps = falls | rises;
     const Shorts after = falls ? Shorts{} - 1 : rises ? Shorts{} + 1 : before;
-    lanes::store(asked ? (steps ? v : least) : low, next.low_of + x);
-    lanes::store(asked ? (steps ? v : most) : high, next.high_of + x);
-    lanes::store(asked ? after : way, next.direction_of + x);
-    lanes::store(asked ? Shorts{} + static_cast<std::int16_t>(next.row + 1) : end, next.end_of + x);
-    lanes::store(asked & (begins ? end + kBegins : steps & kSteps), next.news + (x - first));
+    lanes::store(requested ? (steps ? v : least) : low, next.low_of + x);
+    lanes::store(requested ? (steps ? v : most) : high, next.high_of + x);
+    lanes::store(requested ? after : last_direction, next.direction_of + x);
+    lanes::store(requested ? Shorts{} + static_cast<std::int16_t>(next.row + 1) : end, next.end_of + x);
+    lanes::store(requested & (begins ? end + kBegins : steps & kSteps), next.events + (x - first));
   }
 }
 
-/// Marks the columns that show patches: kPatchesInARow between steps of one line.
-/// @param news of addRow, which gives the row's lines
+/// Marks the columns that show patches: kPatchesInARow between edges of one line.
+/// @param events from addRow for the row's lines
 struct Widths {
   std::int16_t row, begin, end, least_px, most_px;
-  const std::int16_t* news;
+  const std::int16_t* events;
   std::int16_t *last_step_of, *in_a_row_of, *patched;
 };
 OMNIFLEET_WIDE void findPatched(const Widths& next) {
   using Shorts = lanes::SixteenShorts;
   const int first = next.begin & -kChunk;
   for (int x = first; x < next.end; x += kChunk) {
-    const auto news = lanes::load<Shorts>(next.news + (x - first)),
+    const auto events = lanes::load<Shorts>(next.events + (x - first)),
                last = lanes::load<Shorts>(next.last_step_of + x),
                before = lanes::load<Shorts>(next.in_a_row_of + x);
-    const Shorts steps = news == kSteps, begins = news > kSteps, width = next.row - last;
+    const Shorts steps = events == kSteps, begins = events > kSteps, width = next.row - last;
     const Shorts is_patch = (last != kNone) & (width >= next.least_px) & (width <= next.most_px);
     const Shorts in_a_row = ~begins & (steps ? is_patch & (before + 1) : before);
     lanes::store(begins ? Shorts{} + kNone : steps ? Shorts{} + next.row : last, next.last_step_of + x);
@@ -92,12 +96,13 @@ OMNIFLEET_WIDE void findPatched(const Widths& next) {
   }
 }
 
-/// Of the columns that have any.
-OMNIFLEET_WIDE void askFor(std::uint8_t value, const std::uint8_t* row, int begin, int end,
-                           std::int16_t* asked) {
+/// Requests the columns in which a pixel of the row has this value.
+OMNIFLEET_WIDE void request(std::uint8_t value, const std::uint8_t* row, int begin, int end,
+                            std::int16_t* requested) {
   inChunks<kChunk>(
-      begin,
-      end, [=](int x) __attribute__((always_inline)) { asked[x] = row[x] == value ? kAsked : asked[x]; });
+      begin, end, [=](int x) __attribute__((always_inline)) {
+        requested[x] = row[x] == value ? kRequested : requested[x];
+      });
 }
 
 OMNIFLEET_WIDE void markPatched(const std::int16_t* patched_end, int row, int n, std::uint8_t* along) {
@@ -108,8 +113,8 @@ OMNIFLEET_WIDE void markPatched(const std::int16_t* patched_end, int row, int n,
 }  // namespace
 
 Pattern::Columns::Columns(int width)
-    : asked(static_cast<std::size_t>(width + kChunk)),
-      low(asked),
+    : requested(static_cast<std::size_t>(width + kChunk)),
+      low(requested),
       high(low),
       direction(low),
       end(low),
@@ -123,7 +128,7 @@ Pattern::Pattern(cv::Size image)
     : lines_(image, std::uint8_t{0}),
       columns_(image.width),
       brightness_(static_cast<std::size_t>(image.width + 2 * kChunk)),
-      news_(brightness_),
+      events_(brightness_),
       least_px_(image.width / kLeastShare),
       most_px_(image.width / kMostShare) {}
 
@@ -142,14 +147,14 @@ cv::Range Pattern::Steps::patches(int least_px, int most_px) const {
   return {std::max(begin, last.front() - beside), last.back() + beside};
 }
 
-/// That counts, of the sum of three channels.
+/// Minimum change of an edge, in the sum of three channels.
 int Pattern::stepOf(const Blob& region, const FloorFrame& frame) const {
   const cv::Rect& r = region.rect;
   const cv::Vec3f floor = floorAt(frame, r.x + r.width / 2, r.y + r.height / 2);
   return static_cast<int>(std::max(kStep * (floor[0] + floor[1] + floor[2]), kNoise * frame.noise));
 }
 
-/// From the chunk on that the run begins in.
+/// From the beginning of the chunk that contains the run's first pixel.
 const std::int16_t* Pattern::brightnessOf(const FloorFrame& frame, const Run& run) {
   sumChannels(frame.image.ptr(run.row) + 3 * run.begin, run.end - run.begin,
               brightness_.data() + run.begin % kChunk);
@@ -161,7 +166,7 @@ void Pattern::find(const Blob& region, const FloorFrame& frame) {
   Mean rows;
   for (const Run& run : region.runs) rows.add(findAlongRow(run, frame, step), run.end);
   const cv::Range columns(region.rect.x, region.rect.br().x);
-  std::fill_n(columns_.asked.begin() + columns.start, columns.size(), kAsked);
+  std::fill_n(columns_.requested.begin() + columns.start, columns.size(), kRequested);
   turns_ = std::min(rows.value(), findAlongColumns(region, frame, step, columns).value());
 }
 
@@ -174,7 +179,7 @@ Pattern::Steps Pattern::findAlongRow(const Run& run, const FloorFrame& frame, in
   const int n = run.end - run.begin;
   for (int i = 0; i < n; ++i) {
     if (i % kChunk == 0) {
-      // A chunk without a step in it is taken at once.
+      // A chunk without an edge is processed at once.
       for (; i + kChunk <= n; i += kChunk) {
         std::int16_t least = low, most = high;
         rangeOfChunk(value + i, least, most);
@@ -200,7 +205,8 @@ Pattern::Steps Pattern::findAlongRow(const Run& run, const FloorFrame& frame, in
   return steps;
 }
 
-/// Calls visit(part) for each run's part in these columns, from the top, when news_ has what its pixels are.
+/// Calls visit(part) for the part of each run in these columns, from top to bottom, once events_ holds the
+/// events of its pixels.
 template <typename Visit>
 void Pattern::forRows(const Blob& region, const FloorFrame& frame, int step, const cv::Range& columns,
                       Visit visit) {
@@ -210,47 +216,47 @@ void Pattern::forRows(const Blob& region, const FloorFrame& frame, int step, con
     if (part.begin >= part.end) continue;
     addRow({brightnessOf(frame, part), static_cast<std::int16_t>(part.row),
             static_cast<std::int16_t>(part.begin), static_cast<std::int16_t>(part.end),
-            static_cast<std::int16_t>(step), columns_.asked.data(), columns_.low.data(), columns_.high.data(),
-            columns_.direction.data(), columns_.end.data(), news_.data()});
+            static_cast<std::int16_t>(step), columns_.requested.data(), columns_.low.data(),
+            columns_.high.data(), columns_.direction.data(), columns_.end.data(), events_.data()});
     visit(part);
   }
 }
 
 Pattern::Mean Pattern::findAlongColumns(const Blob& region, const FloorFrame& frame, int step,
-                                        const cv::Range& asked) {
-  std::fill_n(columns_.steps.begin() + asked.start, asked.size(), Steps{kNone});
-  std::fill_n(columns_.patched_end.begin() + asked.start, asked.size(), std::int16_t{0});
+                                        const cv::Range& requested) {
+  std::fill_n(columns_.steps.begin() + requested.start, requested.size(), Steps{kNone});
+  std::fill_n(columns_.patched_end.begin() + requested.start, requested.size(), std::int16_t{0});
   Mean mean;
-  forRows(region, frame, step, asked, [&](const Run& part) {
-    takeNews(part, mean);
+  forRows(region, frame, step, requested, [&](const Run& part) {
+    takeEvents(part, mean);
     markPatched(&columns_.patched_end[static_cast<std::size_t>(part.begin)], part.row, part.end - part.begin,
                 lines_.ptr(part.row) + part.begin);
   });
-  for (int x = asked.start; x < asked.end; ++x) {
+  for (int x = requested.start; x < requested.end; ++x) {
     const auto column = static_cast<std::size_t>(x);
     mean.add(columns_.steps[column], columns_.end[column]);
   }
   return mean;
 }
 
-void Pattern::takeNews(const Run& run, Mean& mean) {
+void Pattern::takeEvents(const Run& run, Mean& mean) {
   constexpr int kAtOnce = 4;
   const int first = run.begin & -kChunk;
   for (int x = run.begin & -kAtOnce; x < run.end; ++x) {
-    const std::int16_t* at = news_.data() + (x - first);
+    const std::int16_t* at = events_.data() + (x - first);
     std::uint64_t some = 1;
     if (x % kAtOnce == 0) std::memcpy(&some, at, sizeof some);
     if (some == 0) {
       x += kAtOnce - 1;
       continue;
     }
-    const std::int16_t news = *at;
-    if (news == kGoesOn) continue;
+    const std::int16_t event = *at;
+    if (event == kContinues) continue;
     const auto column = static_cast<std::size_t>(x);
     Steps& steps = columns_.steps[column];
     std::int16_t& patched_end = columns_.patched_end[column];
-    if (news != kSteps) {
-      mean.add(steps, news - kBegins);
+    if (event != kSteps) {
+      mean.add(steps, event - kBegins);
       steps = {run.row};
       patched_end = static_cast<std::int16_t>(run.row);
       continue;
@@ -263,40 +269,42 @@ void Pattern::takeNews(const Run& run, Mean& mean) {
   }
 }
 
-/// Of the columns asked for only those stay that have patches of such widths. @return what they lie in
-cv::Range Pattern::askForPatched(const Blob& region, const FloorFrame& frame, int step) {
+/// Keeps only those of the requested columns that have patches of such widths. @return the range that
+/// contains them
+cv::Range Pattern::requestPatched(const Blob& region, const FloorFrame& frame, int step) {
   const cv::Range all(region.rect.x, region.rect.br().x);
   for (std::vector<std::int16_t>* of : {&columns_.last_step, &columns_.in_a_row, &columns_.patched})
     std::fill_n(of->begin() + all.start, all.size(), of == &columns_.last_step ? kNone : std::int16_t{0});
-  forRows(region, frame, step, askedIn(all), [&](const Run& part) {
+  forRows(region, frame, step, requestedIn(all), [&](const Run& part) {
     findPatched({static_cast<std::int16_t>(part.row), static_cast<std::int16_t>(part.begin),
                  static_cast<std::int16_t>(part.end), static_cast<std::int16_t>(least_px_),
-                 static_cast<std::int16_t>(most_px_), news_.data(), columns_.last_step.data(),
+                 static_cast<std::int16_t>(most_px_), events_.data(), columns_.last_step.data(),
                  columns_.in_a_row.data(), columns_.patched.data()});
   });
-  std::copy_n(columns_.patched.begin() + all.start, all.size(), columns_.asked.begin() + all.start);
-  return askedIn(all);
+  std::copy_n(columns_.patched.begin() + all.start, all.size(), columns_.requested.begin() + all.start);
+  return requestedIn(all);
 }
 
-/// From the first of the columns that is asked for to the last.
-cv::Range Pattern::askedIn(const cv::Range& columns) const {
-  const auto at = [&](int x) { return columns_.asked.begin() + x; };
-  const auto isAsked = [](std::int16_t asked) { return asked != 0; };
-  const auto first = std::find_if(at(columns.start), at(columns.end), isAsked);
+/// From the first to the last requested column.
+cv::Range Pattern::requestedIn(const cv::Range& columns) const {
+  const auto at = [&](int x) { return columns_.requested.begin() + x; };
+  const auto isRequested = [](std::int16_t requested) { return requested != 0; };
+  const auto first = std::find_if(at(columns.start), at(columns.end), isRequested);
   auto end = at(columns.end);
-  while (end != first && !isAsked(end[-1])) --end;
+  while (end != first && !isRequested(end[-1])) --end;
   return {static_cast<int>(first - at(0)), static_cast<int>(end - at(0))};
 }
 
-/// Only what has the mark is looked at: the columns that hold any, eight times as fast as rows are, of these
-/// those that may be of a pattern once more, and the rows where one of these shows it to be.
-void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
+/// Processes only marked pixels. First the columns that contain any are checked, which is eight times as fast
+/// as rows. Columns that may show a pattern are then processed in detail, and finally the rows that one of
+/// these columns suggests.
+void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shadow,
                    cv::Mat1b& marks) {
-  std::fill_n(columns_.asked.begin() + region.rect.x, region.rect.width, std::int16_t{0});
+  std::fill_n(columns_.requested.begin() + region.rect.x, region.rect.width, std::int16_t{0});
   for (const Run& run : region.runs)
-    askFor(shade, marks.ptr(run.row), run.begin, run.end, columns_.asked.data());
+    request(shadow, marks.ptr(run.row), run.begin, run.end, columns_.requested.data());
   const int step = stepOf(region, frame);
-  const cv::Range columns = askForPatched(region, frame, step);
+  const cv::Range columns = requestPatched(region, frame, step);
   if (columns.empty()) return;
   for (const Run& run : region.runs)
     std::fill(lines_.ptr(run.row) + run.begin, lines_.ptr(run.row) + run.end, std::uint8_t{0});
@@ -306,11 +314,11 @@ void Pattern::fill(const Blob& region, const FloorFrame& frame, std::uint8_t cor
     const std::uint8_t* along = lines_.ptr(run.row);
     const int end = std::min(run.end, columns.end);
     int x = std::max(run.begin, columns.start);
-    while (x < end && (mark[x] != shade || (along[x] & kAlongColumn) == 0)) ++x;
+    while (x < end && (mark[x] != shadow || (along[x] & kAlongColumn) == 0)) ++x;
     if (x >= end) continue;
     findAlongRow(run, frame, step);
     for (; x < end; ++x)
-      if (mark[x] == shade && along[x] == (kAlongRow | kAlongColumn)) mark[x] = core | shade;
+      if (mark[x] == shadow && along[x] == (kAlongRow | kAlongColumn)) mark[x] = core | shadow;
   }
 }
 

@@ -11,56 +11,60 @@
 
 namespace omnifleet::ground {
 
-/// Things that are patterned all over, printed boxes as much as chequered ones: their dark patches are of
-/// them, and no shade on the floor. Along a line through shade, or through a thing of plain faces with its
-/// shade, the brightness rises and falls once or twice, along one through a pattern again and again.
+/// Detects objects that are patterned all over, such as printed or chequered boxes. Their dark patches belong
+/// to them and are no shadow on the floor. Along a line through a shadow, or through an object of plain faces
+/// and its shadow, the brightness rises and falls once or twice. Along a line through a pattern it does so
+/// repeatedly.
 class Pattern {
  public:
   explicit Pattern(cv::Size image);
 
-  /// Looks where the brightness turns, by more than kStep of the floor's and than noise does, along the rows
-  /// and the columns of a region.
+  /// Finds where the brightness turns along the rows and columns of a region, by more than kStep of the
+  /// floor's brightness and more than the noise.
   void find(const Blob& region, const FloorFrame& frame);
-  /// How often it turns along a line of the last region: a mean by the lines' lengths, of the rows or of the
+  /// Number of turns per line of the last region: mean weighted by line length, over the rows or over the
   /// columns, whichever is less.
   float turns() const { return turns_; }
   /// Is the whole of the last region patterned?
   bool isAllOver() const { return turns_ >= kLeastTurns; }
 
-  /// Pixels of a region that have the mark `shade` get the bits of `core` too where they are of a
-  /// pattern: between or right beside steps up and down that follow each other, as far apart as patches are
-  /// wide (what is narrower is the grain of a floor), both along the row and along the column.
+  /// Sets the bits of `core` in pixels of a region that have the mark `shadow` and belong to a pattern, both
+  /// along the row and along the column. Such pixels lie between or right beside consecutive edges up and
+  /// down that are as far apart as patches are wide. Narrower patches are the texture of a floor.
   /// @param marks of the region's pixels; changed
-  void fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shade,
+  void fill(const Blob& region, const FloorFrame& frame, std::uint8_t core, std::uint8_t shadow,
             cv::Mat1b& marks);
 
  private:
   static constexpr float kLeastTurns = 1.5f;
-  static constexpr int kLeastShare = 160, kMostShare = 32;  ///< of the image's width: how wide patches are
+  static constexpr int kLeastShare = 160,
+                       kMostShare = 32;  ///< image width ÷ these: limits of the width of a patch
   static constexpr int kNoStep = -1;
 
-  /// Where the brightness steps along a line, rising and falling in turn.
+  /// Intensity edges along a line, alternately rising and falling.
   struct Steps {
     int begin = 0;  ///< of the line
     int taken = 0;
-    std::array<int, 4> last = {kNoStep, kNoStep, kNoStep, kNoStep};  ///< two things side by side in one
-    ///< shadow make three
+    std::array<int, 4> last = {kNoStep, kNoStep, kNoStep,
+                               kNoStep};  ///< two objects side by side in one shadow make three
 
     void add(int at_px);
     int turns() const { return std::max(0, taken - 1); }
-    /// What the last ones show to be patches of a pattern, of such widths; empty where they do not.
+    /// The range in which the last edges show patches of a pattern, of such widths; empty where they do not.
     cv::Range patches(int least_px, int most_px) const;
   };
-  /// The lines along the columns of a row of pixels. What every pixel asks for lies side by side.
+  /// Lines along the columns of the image, updated row by row. Values of neighbouring columns lie side by
+  /// side.
   struct Columns {
     explicit Columns(int width);
-    std::vector<std::int16_t> asked;  ///< not 0 where one is
+    std::vector<std::int16_t> requested;  ///< not 0 for requested columns
     std::vector<std::int16_t> low, high, direction, end, patched_end;
-    std::vector<std::int16_t> last_step, in_a_row;  ///< its row; patches so far that follow one another
-    std::vector<std::int16_t> patched;              ///< not 0 where there were enough of them
+    std::vector<std::int16_t> last_step,
+        in_a_row;                       ///< row of the last edge; number of consecutive patches so far
+    std::vector<std::int16_t> patched;  ///< not 0 where there were enough consecutive patches
     std::vector<Steps> steps;
   };
-  /// Of all lines so far.
+  /// Mean over all lines so far.
   struct Mean {
     float sum = 0.0f, weight = 0.0f;
     void add(const Steps& line, int end) {
@@ -76,14 +80,14 @@ class Pattern {
   Steps findAlongRow(const Run& run, const FloorFrame& frame, int step);
   template <typename Visit>
   void forRows(const Blob& region, const FloorFrame& frame, int step, const cv::Range& columns, Visit visit);
-  cv::Range askForPatched(const Blob& region, const FloorFrame& frame, int step);
-  cv::Range askedIn(const cv::Range& columns) const;
-  Mean findAlongColumns(const Blob& region, const FloorFrame& frame, int step, const cv::Range& asked);
-  void takeNews(const Run& run, Mean& mean);
+  cv::Range requestPatched(const Blob& region, const FloorFrame& frame, int step);
+  cv::Range requestedIn(const cv::Range& columns) const;
+  Mean findAlongColumns(const Blob& region, const FloorFrame& frame, int step, const cv::Range& requested);
+  void takeEvents(const Run& run, Mean& mean);
 
-  cv::Mat1b lines_;  ///< of the last region's pixels: kAlongRow, kAlongColumn where they are of a pattern
+  cv::Mat1b lines_;  ///< pixels of the last region: kAlongRow, kAlongColumn where they belong to a pattern
   Columns columns_;
-  std::vector<std::int16_t> brightness_, news_;  ///< of a run's pixels
+  std::vector<std::int16_t> brightness_, events_;  ///< per pixel of a run
   int least_px_, most_px_;
   float turns_ = 0.0f;
 };

@@ -3,19 +3,20 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ground/look.h"
+#include "ground/appearance_class.h"
 
 namespace omnifleet::ground {
 
 namespace {
 
-constexpr int kStep_px = 3;  // to each side of an outline, where the brightness is compared
-constexpr int kFaceStep_px = 2, kInFace_px = 9;  // likewise, and how far inside the face's is taken
-constexpr float kLeastFaceDepth = 0.15f;         // that a face differs from the floor by
-constexpr float kSharpShare = 0.5f;  // of the difference from the floor, reached within these steps
+constexpr int kStep_px = 3;  // distance to each side of an outline at which the brightness is compared
+constexpr int kFaceStep_px = 2,
+              kInFace_px = 9;  // the same for a face, and the distance inside it at which the face is sampled
+constexpr float kLeastFaceDepth = 0.15f;  // minimum difference of a face from the floor
+constexpr float kSharpShare = 0.5f;  // minimum height of an edge, as a share of the difference from the floor
 
-/// Faces of a thing differ in brightness: is the step as large as what lies farther in differs from the floor
-/// by? Where light fades it goes on to rise.
+/// Faces of an object differ in brightness. Is the edge as high as the difference from the floor farther
+/// inside? Where light fades, the difference continues to increase.
 template <typename GainBeside>
 bool isStepOfFace(const GainBeside& gainBeside, bool down) {
   const float ahead = gainBeside(kFaceStep_px, down), behind = gainBeside(-kFaceStep_px, down);
@@ -26,13 +27,13 @@ bool isStepOfFace(const GainBeside& gainBeside, bool down) {
 
 }  // namespace
 
-OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks) {
+OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& appearances) {
   float depth = 0.0f;
   int grey = 0;
   for (const Run& run : blob.runs) {
     for (int x = run.begin; x < run.end; ++x) {
-      if (!isGrey(looks(run.row, x))) continue;
-      depth += std::abs(gainOf(looks(run.row, x)) - 1.0f);
+      if (!isGrey(appearances(run.row, x))) continue;
+      depth += std::abs(gainOf(appearances(run.row, x)) - 1.0f);
       ++grey;
     }
   }
@@ -49,7 +50,8 @@ OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, c
         return step >= kSharpShare * depth || isStepOfFace(gainBeside, down);
       };
       const bool is_sharp = isStep(false) || isStep(true);
-      const bool is_light = isGrey(looks(run.row, x)) && gainOf(looks(run.row, x)) >= 1.0f + kFaintContrast;
+      const bool is_light =
+          isGrey(appearances(run.row, x)) && gainOf(appearances(run.row, x)) >= 1.0f + kFaintContrast;
       sharp += is_sharp ? 1 : 0;
       light += is_light ? 1 : 0;
       sharp_light += is_sharp && is_light ? 1 : 0;

@@ -7,16 +7,16 @@
 
 namespace omnifleet::ground {
 
-/// Is a region of the floor's hue a thing, not a patch of light or shade that fades? Most of its outline is
-/// then a step: by half of what the region differs from the floor by on the whole, or of what lies right
-/// inside.
+/// Decides whether a region of the floor's hue is an object, not a fading patch of light or shadow. Most of
+/// an object's outline is an intensity edge: at least half of the region's mean difference from the floor, or
+/// half of the difference just inside the outline.
 struct OutlineSharpness {
-  float share;        ///< of the outline that is a step
-  float light;        ///< of the outline, pixels plainly lighter than the floor
-  float light_share;  ///< of those that are at a step
+  float share;        ///< of the outline that is an edge
+  float light;        ///< of the outline that is plainly lighter than the floor
+  float light_share;  ///< of these lighter pixels that are at an edge
 };
 
-/// @param looks of the pixels (look.h)
-OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& looks);
+/// @param appearances of the pixels (appearance_class.h)
+OutlineSharpness sharpnessOfOutline(const Blob& blob, const FloorFrame& frame, const cv::Mat1b& appearances);
 
 }  // namespace omnifleet::ground

@@ -10,27 +10,28 @@ namespace {
 
 constexpr int kCell = FloorView::kCell;
 constexpr int kPatch_px = 2 * PatchSums::kRadius_px + 1;
-constexpr int kMinSide_px = 24;     // fewer tell no hue
-constexpr float kSide = 0.9f;       // of the floor's light: more is no side in the shade
-constexpr float kHue = 0.012f;      // share of the brightness by which a hue differs from the floor's
-constexpr float kBrighter = 0.05f;  // of the floor's light, above which something is no floor
-constexpr float kOther = 0.5f;      // of the floor's light, below which something is another thing
-constexpr float kMinSolid = 0.88f;  // share of its hull that a thing fills
-constexpr float kMaxReach = 1.5f;   // of the region's size that it grows to each side …
-constexpr double kMinMore = 1.1;    // of the side's area, that the whole has at least
-constexpr int kMinReach_px = 12;    // … and at least
-constexpr int kEdge_px = 4;         // so near to where it is looked for nothing ends by itself
-// A top's colour is taken so far behind the side's end, which is mixed, and over so many pixels; how many
-// bearings and pixels of them are enough.
+constexpr int kMinSide_px = 24;  // fewer pixels have no reliable hue
+constexpr float kSide = 0.9f;    // share of the floor's light; with more it is no side in shadow
+constexpr float kHue = 0.012f;   // minimum difference of a hue from the floor's, as a share of the brightness
+constexpr float kBrighter = 0.05f;  // share of the floor's light by which something brighter is not floor
+constexpr float kOther = 0.5f;  // share of the floor's light, below which a pixel belongs to another object
+constexpr float kMinSolid = 0.88f;  // share of its hull that an object fills
+constexpr float kMaxReach = 1.5f;   // multiple of the region's size by which it may grow to each side
+constexpr double kMinMore = 1.1;    // minimum area of the whole object, as a multiple of the side's
+constexpr int kMinReach_px = 12;    // minimum of that growth
+constexpr int kEdge_px = 4;         // what comes this close to the limit of the search does not end by itself
+// The colour of a top is sampled this far behind the end of the side, which is mixed, and over this many
+// pixels. Below them: the minimum number of bearings and samples.
 constexpr int kBehind_px = 3, kDepth_px = 3;
 constexpr std::size_t kLeastBearings = 8, kLeastSamples = 24;
-constexpr float kLongest = 3.0f, kLonger_px = 20.0f;  // a top's length: times the side's, and more
-constexpr int kMaxMisses = 3;                         // pixels of another colour that end it
-constexpr std::uint8_t kGrown = 255, kAsked = 1;
-// What counts as much of brightness and of hue, as shares of the floor's brightness; and how much of both
-// together.
-constexpr float kSameBright = 0.03f, kSameHue = 0.007f, kTold2 = 3.0f;
-// Of what the noise may do to the mean of a patch, from which a colour tells most patches from the floor's.
+constexpr float kLongest = 3.0f,
+                kLonger_px = 20.0f;  // greatest length of a top: multiple of the side's, plus pixels
+constexpr int kMaxMisses = 3;        // pixels of another colour that end the top
+constexpr std::uint8_t kGrown = 255, kTested = 1;
+// Least significant differences in brightness and in hue, as shares of the floor's brightness, and the least
+// squared norm of both together.
+constexpr float kSameBright = 0.03f, kSameHue = 0.007f, kMinNorm2 = 3.0f;
+// Multiple of the noise of a patch mean, from which a colour separates most patches from the floor's.
 constexpr float kSharpEnough = 0.67f;
 
 float medianOf(std::vector<float>& values) {
@@ -39,7 +40,7 @@ float medianOf(std::vector<float>& values) {
   return *middle;
 }
 
-/// Of a colour less the floor's, as shares of the floor's.
+/// Of a colour's difference from the floor's, as shares of the floor's.
 float brightOf(const cv::Vec3f& off) {
   return (off[0] + off[1] + off[2]) / 3.0f;
 }
@@ -47,7 +48,7 @@ cv::Vec3f hueOf(const cv::Vec3f& off) {
   const float bright = brightOf(off), light = 1.0f / std::max(0.1f, 1.0f + bright);
   return light * (off - cv::Vec3f::all(bright));
 }
-/// In units of what counts.
+/// In units of the least significant differences.
 cv::Vec3f whitened(const cv::Vec3f& off) {
   const float bright = brightOf(off);
   return cv::Vec3f::all(bright / kSameBright) + (off - cv::Vec3f::all(bright)) / kSameHue;
@@ -73,8 +74,8 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   const int reach =
       std::max(kMinReach_px,
                static_cast<int>(kMaxReach * static_cast<float>(std::max(side.rect.width, side.rect.height))));
-  lookAround(side.rect, reach);
-  sums_.read(frame.shade.image, around_);
+  setSearchArea(side.rect, reach);
+  sums_.read(frame.shadow.image, around_);
   if (!measureSide(frame, side)) return runs_;
   for (int y = around_.y; y < around_.y + around_.height; ++y)
     std::fill_n(grown_.ptr(y) + around_.x, around_.width, std::uint8_t{0});
@@ -98,8 +99,8 @@ const std::vector<Run>& SideCompleter::complete(const Frame& frame, const Blob& 
   return runs_;
 }
 
-/// The region and `reach` pixels to each side of it, as far as there are means.
-void SideCompleter::lookAround(const cv::Rect& region, int reach) {
+/// Sets around_ to the region and `reach` pixels to each side of it, as far as there are means.
+void SideCompleter::setSearchArea(const cv::Rect& region, int reach) {
   constexpr int kMargin = PatchSums::kRadius_px;
   const cv::Rect usable(kMargin, kMargin, size_.width - 2 * kMargin, size_.height - 2 * kMargin);
   const cv::Rect all(region.x - reach, region.y - reach, region.width + 2 * reach, region.height + 2 * reach);
@@ -111,9 +112,9 @@ void SideCompleter::lookAround(const cv::Rect& region, int reach) {
                    around_.height - top - bottom);
 }
 
-/// Colour around a pixel ÷ the floor's there, less 1.
+/// Mean colour around a pixel ÷ the floor's there, minus 1.
 cv::Vec3f SideCompleter::colourAt(const Frame& frame, int x, int y) const {
-  const cv::Mat3f& floor = frame.shade.floor;
+  const cv::Mat3f& floor = frame.shadow.floor;
   const cv::Vec3f p = sums_.mean(x, y);
   const cv::Vec3f& r = floor(std::min(y / kCell, floor.rows - 1), std::min(x / kCell, floor.cols - 1));
   cv::Vec3f off;
@@ -121,13 +122,13 @@ cv::Vec3f SideCompleter::colourAt(const Frame& frame, int x, int y) const {
   return off;
 }
 
-/// What the noise may do to the mean of a patch, as a share of the floor's brightness in the region.
+/// Noise of the mean of a patch, as a share of the floor's brightness in the region.
 float SideCompleter::noiseAt(const Frame& frame, const cv::Rect& region) {
-  const cv::Mat3f& floor = frame.shade.floor;
+  const cv::Mat3f& floor = frame.shadow.floor;
   const cv::Point middle = (region.tl() + region.br()) / 2;
   const cv::Vec3f& r =
       floor(std::min(middle.y / kCell, floor.rows - 1), std::min(middle.x / kCell, floor.cols - 1));
-  return 3.0f * frame.shade.noise / (kPatch_px * std::max(1.0f, r[0] + r[1] + r[2]));
+  return 3.0f * frame.shadow.noise / (kPatch_px * std::max(1.0f, r[0] + r[1] + r[2]));
 }
 
 int SideCompleter::bearingAt(float x, float y) const {
@@ -136,7 +137,8 @@ int SideCompleter::bearingAt(float x, float y) const {
          static_cast<int>(bearings_.size() / 2);
 }
 
-/// Its hue, and where it begins and ends on each bearing. False where too little of it is in the shade.
+/// Measures the hue of the side, and where it begins and ends on each bearing. @return false where too little
+/// of it is in shadow
 bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
   const cv::Rect2f rect(side.rect);
   ahead_ = 0.5f * (rect.tl() + rect.br()) - foot_px_;
@@ -150,8 +152,8 @@ bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
   int count = 0;
   for (const Run& run : side.runs) {
     for (int x = run.begin; x < run.end; ++x) {
-      const Look look = frame.looks(run.row, x);
-      if (!isGrey(look) || gainOf(look) > kSide || !around_.contains({x, run.row})) continue;
+      const Appearance appearance = frame.appearances(run.row, x);
+      if (!isGrey(appearance) || gainOf(appearance) > kSide || !around_.contains({x, run.row})) continue;
       if (!frame.found.at(x, run.row)) continue;
       side_hue_ += hueOf(colourAt(frame, x, run.row));
       ++count;
@@ -165,12 +167,13 @@ bool SideCompleter::measureSide(const Frame& frame, const Blob& side) {
     }
   }
   side_hue_ *= 1.0f / static_cast<float>(std::max(1, count));
-  const float told = std::max(kHue, noise_);
-  has_hue_ = side_hue_.dot(side_hue_) > told * told;
+  const float threshold = std::max(kHue, noise_);
+  has_hue_ = side_hue_.dot(side_hue_) > threshold * threshold;
   return count >= kMinSide_px;
 }
 
-/// Median colour right behind the side; none where it may be floor, or a shadow on it.
+/// Computes the median colour right behind the side. There is no top where this may be floor, or a shadow on
+/// it.
 void SideCompleter::learnTop(const Frame& frame) {
   for (auto& values : channel_) values.clear();
   for (std::size_t k = 0; k < bearings_.size(); ++k) {
@@ -190,11 +193,11 @@ void SideCompleter::learnTop(const Frame& frame) {
   const cv::Vec3f hue = hueOf(off);
   const float hue2 = hue.dot(hue), side2 = side_hue_.dot(side_hue_), alike = hue.dot(side_hue_);
   const bool hued = hue2 > kSameHue * kSameHue;
-  // In less light and of the floor's hue it may be the thing's shadow; of another hue, another thing.
+  // In less light and of the floor's hue it may be the object's shadow. Of another hue it is another object.
   if (!hued && brightOf(off) < kSameBright) return;
   if (hued && side2 > kSameHue * kSameHue && !(alike > 0.0f && alike * alike > 0.25f * hue2 * side2)) return;
-  const float told = kSharpEnough * noise_ / kSameHue;
-  has_top_ = top_.dot(top_) > std::max(kTold2, told * told);
+  const float threshold = kSharpEnough * noise_ / kSameHue;
+  has_top_ = top_.dot(top_) > std::max(kMinNorm2, threshold * threshold);
 }
 
 cv::Point SideCompleter::pixelAt(std::size_t k, float radius) const {
@@ -203,8 +206,8 @@ cv::Point SideCompleter::pixelAt(std::size_t k, float radius) const {
   return {cvRound(foot_px_.x + radius * std::cos(angle)), cvRound(foot_px_.y + radius * std::sin(angle))};
 }
 
-/// How far the top goes on a bearing: while what is seen is nearer to its colour than to the floor's. Where
-/// that has no end there is no top.
+/// End of the top on a bearing: it extends while the colour is closer to the top's than to the floor's. If
+/// the colour does not end, there is no top.
 float SideCompleter::endOfTop(const Frame& frame, std::size_t k) const {
   const Bearing& bearing = bearings_[k];
   const float most = bearing.far_px + kLongest * (bearing.far_px - bearing.near_px) + kLonger_px;
@@ -222,8 +225,8 @@ float SideCompleter::endOfTop(const Frame& frame, std::size_t k) const {
   return end;
 }
 
-/// Fills from the middle of the side to the ends of the top, smoothed by a median over five bearings. Where
-/// fewer than half of them show it there is none.
+/// Fills the area from the middle of the side to the ends of the top, smoothed by a median over five
+/// bearings. There is no top where fewer than half of the bearings show it.
 void SideCompleter::addTop(const Frame& frame) {
   used_.clear();
   std::size_t found = 0;
@@ -248,13 +251,13 @@ void SideCompleter::addTop(const Frame& frame) {
   box_ |= paint(outline_, frame.view, grown_);
 }
 
-/// What is plainly a thing of another colour.
+/// Plainly an object of another colour.
 bool SideCompleter::isOther(const Frame& frame, const cv::Point& at) {
-  const Look look = frame.looks(at);
-  return look == kColourLook || (isGrey(look) && gainOf(look) < kOther);
+  const Appearance appearance = frame.appearances(at);
+  return appearance == kColourAppearance || (isGrey(appearance) && gainOf(appearance) < kOther);
 }
 
-/// Floor or the same thing as the side?
+/// Does the pixel belong to the same object as the side, rather than to the floor?
 bool SideCompleter::isLike(const Frame& frame, int x, int y) const {
   if (frame.view(y, x) == 0 || isOther(frame, {x, y})) return false;
   const cv::Vec3f off = colourAt(frame, x, y);
@@ -281,7 +284,7 @@ void SideCompleter::grow(const Frame& frame) {
       for (int dx = -1; dx <= 1; ++dx) {
         const cv::Point at = queue_[i] + cv::Point(dx, dy);
         if (!around_.contains(at) || grown_(at) != 0) continue;
-        grown_(at) = kAsked;
+        grown_(at) = kTested;
         if (!isLike(frame, at.x, at.y)) continue;
         grown_(at) = kGrown;
         queue_.push_back(at);
@@ -293,7 +296,7 @@ void SideCompleter::grow(const Frame& frame) {
   box_ = cv::Rect(first, end);
 }
 
-/// The hull of what has grown, without its fringe, where that fills it and ends by itself.
+/// Sets the hull of what has grown, without its fringe, if that fills the hull and ends by itself.
 void SideCompleter::keepConvex() {
   constexpr int kMargin = PatchSums::kRadius_px;
   const cv::Rect within(box_.x - kMargin, box_.y - kMargin, box_.width + 2 * kMargin,
@@ -304,8 +307,8 @@ void SideCompleter::keepConvex() {
   if (std::all_of(hull.begin(), hull.end(), isFree)) hull_ = hull;
 }
 
-/// Sets a polygon's pixels, as far as they lie in the view.
-/// @return the rectangle they lie in
+/// Sets the pixels of a polygon that lie in the view.
+/// @return the polygon's bounding rectangle
 cv::Rect SideCompleter::paint(const std::vector<cv::Point>& polygon, const cv::Mat1b& view,
                               cv::Mat1b& mask) const {
   cv::Mat1b part = mask(around_);

@@ -8,11 +8,11 @@
 
 namespace omnifleet::ground {
 
-inline constexpr int kCopyRow = 16;  // bytes of a row of a copied cell: what a test may read
+inline constexpr int kCopyRow = 16;  // bytes per row of a copied cell; cell tests may read all of them
 
-/// Each pixel of a cell the mean of the 3×3 around it, in rows of kCopyRow. Beyond the image its outermost
-/// pixels come again.
-/// @param image CV_8UC(kChannels) @param x, y the cell's first pixel
+/// Averages each pixel of a cell over its 3×3 neighbourhood. Output rows are kCopyRow bytes long. At the
+/// image border the outermost pixels are replicated.
+/// @param image CV_8UC(kChannels) @param x, y first pixel of the cell
 template <int kChannels>
 void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
   constexpr int kRow = (FloorView::kCell + 2) * kChannels;
@@ -35,7 +35,7 @@ void smoothCell(const cv::Mat& image, int x, int y, std::uint8_t* smoothed) {
       continue;
     }
     for (int i = 0; i < FloorView::kCell * kChannels;
-         ++i) {  // beyond the image's edge its last column comes again
+         ++i) {  // beyond the image border its last column is replicated
       const int channel = i % kChannels, last = kRow - kChannels + channel;
       int sum = 0;
       for (int k = 0; k < 3; ++k) sum += sums[std::clamp(i + shift + k * kChannels, channel, last)];

@@ -8,7 +8,8 @@
 
 namespace omnifleet::ground {
 
-/// Columns [begin, end) of one row of cells whose pixels are looked at; everything else is plain floor.
+/// Pixel columns [begin_px, end_px) of one row of cells, in which pixels are classified one by one. All other
+/// pixels are plain floor.
 struct Strip {
   int cell_row;
   int begin_px, end_px;
@@ -16,7 +17,8 @@ struct Strip {
 
 /// Sets a full-resolution mask to 0 on the strips.
 inline void clearStrips(const std::vector<Strip>& strips, cv::Mat1b& mask) {
-  constexpr int kPiece_px = 16;  // most strips are a few of these: one call of memset costs more
+  constexpr int kPiece_px =
+      16;  // most strips are a few pieces long; one memset of variable size per row costs more
   for (const auto& s : strips) {
     std::uint8_t* row = mask.ptr(s.cell_row * FloorView::kCell);
     for (int k = 0; k < FloorView::kCell; ++k, row += mask.step1()) {

@@ -9,17 +9,17 @@
 
 namespace omnifleet::ground {
 
-/// Where masks of one size lie in memory.
+/// Memory layout that masks of one size share.
 struct MaskLayout {
   cv::Size size;
-  std::ptrdiff_t step;  ///< bytes from row to row
+  std::ptrdiff_t step;  ///< bytes between rows
   explicit MaskLayout(const cv::Mat1b& mask)
       : size(mask.size()), step(static_cast<std::ptrdiff_t>(mask.step1())) {}
 };
 
-/// Calls kernel.run<rows, columns>(offset) for blocks that together cover the strips, all but what lies
-/// within `margin` of the image's edge; the offset is that of the block's first pixel in a mask. Blocks may
-/// overlap, so a kernel does not write what it reads nearby. For OMNIFLEET_WIDE functions.
+/// Calls kernel.run<rows, columns>(offset) for blocks that together cover the strips, except for pixels
+/// within `margin` of the image border. The offset is that of the block's first pixel in a mask. Blocks may
+/// overlap, so a kernel must not write what it reads nearby. For OMNIFLEET_WIDE functions.
 template <typename Kernel>
 OMNIFLEET_INLINE void overStrips(const Strip* strips, std::size_t count, const MaskLayout& layout, int margin,
                                  const Kernel& kernel) {
@@ -53,7 +53,7 @@ struct Smallest {
 template <typename Join, int kRadius, int kRows, int kColumns>
 OMNIFLEET_INLINE void joinSquares(const std::uint8_t* from, std::ptrdiff_t step,
                                   std::uint8_t (&out)[kRows][kColumns]) {
-  std::uint8_t along[kRows + 2 * kRadius][kColumns];  // the rows' joins
+  std::uint8_t along[kRows + 2 * kRadius][kColumns];  // Join along each row
   for (int y = 0; y < kRows + 2 * kRadius; ++y) {
     const std::uint8_t* row = from + (y - kRadius) * step - kRadius;
     for (int x = 0; x < kColumns; ++x) {

@@ -11,31 +11,33 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr int kCell = FloorView::kCell;
-constexpr float kLight = 1.08f;    // of the floor's light, from which something may be a top's
-constexpr int kMinTop_px = 40;     // fewer pixels have no edge to go by
+constexpr float kLight = 1.08f;    // of the floor's light, from which a pixel may belong to a top
+constexpr int kMinTop_px = 40;     // fewer pixels have no usable edge
 constexpr double kMinSolid = 0.7;  // share of its hull that a top fills: the lens bends straight edges
 constexpr int kMargin_px = 8;      // around the region
-constexpr double kOther = 0.5;     // of the floor's light, below which something is another thing; what is as
-                                   // light as the top is another's top
-constexpr int kBearings = 48;      // that a near edge is sampled on, but for …
-constexpr int kOuter = 5;          // … those to each side that pass along the top
-constexpr double kLeastShare = 0.35;    // of the distance: things higher than 0.65 of the camera's height …
-constexpr std::size_t kMostRows = 192;  // … are not asked about
-constexpr double kShareStep = 0.01;     // over which pixels are counted
-constexpr double kMixed_px = 3.0;       // before the top's edge, which are mixed of both
+constexpr double kOther = 0.5;  // of the floor's light, below which it is another object; what is as light as
+                                // the top is another top
+constexpr int kBearings = 48;   // samples of the near edge, including
+constexpr int kOuter = 5;       // those to each side that pass along the top and are skipped
+constexpr double kLeastShare = 0.35;    // of the distance: objects higher than 0.65 of the camera height
+constexpr std::size_t kMostRows = 192;  // are not considered
+constexpr double kShareStep = 0.01;     // over which the pixel size is measured
+constexpr double kMixed_px = 3.0;       // in front of the top's edge, where pixels are mixed of both
 constexpr std::size_t kLeastSide_px = 5,
-                      kLeastFloor_px = 4;  // rows that tell a side, and the floor before it
+                      kLeastFloor_px = 4;  // minimum rows of a side, and of the floor in front of it
 constexpr double kNone = -1.0;
-constexpr std::size_t kBearingLag = 2;  // bearings, that are compared
-constexpr std::size_t kLag = 2;         // rows, that an edge is blurred over
-constexpr double kLeastGain = 0.06;     // of the log-likelihood, per sample
+constexpr std::size_t kBearingLag = 2;  // distance between bearings that are compared
+constexpr std::size_t kLag = 2;         // rows over which an edge is blurred
+constexpr double kLeastGain = 0.06;     // minimum gain of the log-likelihood, per sample
 constexpr double kOfFloor =
-    0.8;  // of what a pixel of the floor may be off by: rows that are more are a side's
-constexpr double kFaint = 0.06;        // of the brightness, that rows of the floor are off by
-constexpr double kSmoother = 4.0;      // times the variance across bearings, of the floor before a side
-constexpr double kMostMetres = 0.025;  // per pixel on the floor: where it is more a foot is wrong by too much
-constexpr double kFloorVariance = 1e-4;  // what rounding makes
-constexpr double kAlone = 0.85;          // share of a region's pixels that lie in its top
+    0.8;  // multiple of the tolerance of a floor pixel; rows that deviate more belong to a side
+constexpr double kFaint = 0.06;  // minimum mean deviation of a side's rows, as a share of the brightness
+constexpr double kSmoother =
+    4.0;  // minimum ratio of the variances across bearings: the floor in front of a side to the side
+constexpr double kMostMetres = 0.025;  // per pixel on the floor; with more the error of the foot is too large
+constexpr double kFloorVariance = 1e-4;  // variance due to rounding
+constexpr double kTopOnlyShare =
+    0.85;  // share of a region's pixels in its top, from which it shows only the top
 
 }  // namespace
 
@@ -54,19 +56,19 @@ TopCompleter::TopCompleter(const lens::Camera& camera, cv::Size image)
 
 const std::vector<Run>& TopCompleter::complete(const FloorFrame& frame, const Blob& region) {
   runs_.clear();
-  is_doubtful_ = is_alone_ = false;
+  is_undecided_ = is_top_only_ = false;
   if (!findTop(frame, region)) return runs_;
-  is_alone_ = shareInHull(region) >= kAlone;
+  is_top_only_ = shareInHull(region) >= kTopOnlyShare;
   if (!findNearEdge()) return runs_;
   measureRows(frame);
   const auto foot = findFoot(frame);
   if (!foot) return runs_;
-  // The rows are those of pixels' centres, the last ones before the edge mixed of both; take() fills what a
-  // line touches.
+  // The rows pass through pixel centres, and the last ones before the edge are mixed of both. take() fills
+  // every pixel that a line touches.
   const double share =
       *foot < shares_.size() ? 0.5 * (shares_[*foot - 1] + shares_[*foot - 2]) : shares_.back();
-  is_doubtful_ = metresPerPixel(share) > kMostMetres;
-  if (!is_doubtful_) take(frame, share);
+  is_undecided_ = metresPerPixel(share) > kMostMetres;
+  if (!is_undecided_) take(frame, share);
   return runs_;
 }
 
@@ -77,8 +79,8 @@ double TopCompleter::metresPerPixel(double share) const {
   return at && next ? kShareStep * middle.norm() / std::max(1e-3, (*next - *at).norm()) : kMostMetres;
 }
 
-/// What is lighter than halfway between the floor and the median of what is lighter than it, by means of 3×3
-/// pixels.
+/// Finds the top: pixels lighter than halfway between the floor and the median of the pixels that are lighter
+/// than it, in means of 3×3 pixels.
 bool TopCompleter::findTop(const FloorFrame& frame, const Blob& region) {
   const cv::Rect& r = region.rect;
   around_ =
@@ -111,7 +113,7 @@ bool TopCompleter::findTop(const FloorFrame& frame, const Blob& region) {
   return cv::contourArea(hull_) >= kMinTop_px;
 }
 
-/// Of the hull's edges, on as many bearings as it has pixels across, the crossing that is nearest.
+/// Finds the nearest crossing with the hull's edges on each sampled bearing.
 bool TopCompleter::findNearEdge() {
   top_m_.clear();
   for (std::size_t i = 0; i < hull_.size(); ++i) {
@@ -155,7 +157,7 @@ bool TopCompleter::findNearEdge() {
   return near_m_.size() >= kBearings / 2;
 }
 
-/// Of what lies at that share of the distance on the floor; in the image.
+/// Pixel of the floor point at that share of the distance; none outside the image.
 std::optional<Eigen::Vector2d> TopCompleter::pixelAt(const Eigen::Vector2d& floor_m, double share) const {
   const Eigen::Vector2d at = camera_.foot() + share * floor_m;
   const auto pixel = camera_.pixelFromPoint({at.x(), at.y(), 0.0});
@@ -164,7 +166,7 @@ std::optional<Eigen::Vector2d> TopCompleter::pixelAt(const Eigen::Vector2d& floo
   return pixel;
 }
 
-/// Of what lies at that share of the distance; kNone where that is no floor's, nor the thing's.
+/// Relative brightness at that share of the distance; kNone where it is neither the floor nor the object.
 double TopCompleter::gainAlong(const FloorFrame& frame, const Eigen::Vector2d& floor_m, double share) const {
   const auto at = pixelAt(floor_m, share);
   if (!at) return kNone;
@@ -174,7 +176,7 @@ double TopCompleter::gainAlong(const FloorFrame& frame, const Eigen::Vector2d& f
   return gain < kOther || gain > limit_ ? kNone : gain;
 }
 
-/// The brightness before the near edge, a row a pixel from the next, until the view ends.
+/// Measures the brightness in front of the near edge, in rows of one pixel distance, until the view ends.
 void TopCompleter::measureRows(const FloorFrame& frame) {
   rows_.clear();
   shares_.clear();
@@ -210,8 +212,9 @@ void TopCompleter::measureRows(const FloorFrame& frame) {
   }
 }
 
-/// Of rows [begin, end), taken as one surface: how much bearings differ in a row, and the rows from each
-/// other one after the other, for shadows at a foot and the light change from row to row.
+/// Log-likelihood of rows [begin, end) as one surface. Its variance is that of the bearings within a row,
+/// plus the second differences between rows, because shadows at a foot and the light change gradually from
+/// row to row.
 double TopCompleter::logLikelihood(std::size_t begin, std::size_t end) const {
   const std::size_t first = std::min(begin + 2 * kLag, end);
   const double count = until_[end].count - until_[begin].count,
@@ -220,14 +223,14 @@ double TopCompleter::logLikelihood(std::size_t begin, std::size_t end) const {
   return -0.5 * count * std::log((within + along) / count + kFloorVariance);
 }
 
-/// Squared share of the brightness that a pixel of the floor may be off by: its grain and the noise.
+/// Squared tolerance of a floor pixel, as a share of the brightness: texture and noise.
 double TopCompleter::noise2OfFloor(const FloorFrame& frame) const {
   const cv::Point middle = (around_.tl() + around_.br()) / 2;
   const cv::Vec3f& r = floorAt(frame, middle.x, middle.y);
   return static_cast<double>(frame.noise * frame.noise / std::max(1.0f, r.dot(r)));
 }
 
-/// The first row of the floor; the number of rows where the view ends before the side does.
+/// Index of the first floor row; the number of rows where the view ends before the side does.
 std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
   const std::size_t n = rows_.size();
   if (n < kLeastSide_px) return std::nullopt;
@@ -253,13 +256,14 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
     return until_[end].within - until_[begin].within <=
            kOfFloor * kOfFloor * noise2 * (until_[end].count - until_[begin].count);
   };
-  // A face without the floor's grain, however alike its colour: the floor's reference may have climbed it.
+  // A face without the floor's texture, however similar its colour: the floor reference may have leaked onto
+  // it.
   const auto isSmoother = [&](std::size_t end) {
     const Sums &side = until_[end], &all = until_[n];
     const double floor = (all.within - side.within) / (all.count - side.count);
     return floor > kFloorVariance && kSmoother * side.within / side.count < floor;
   };
-  // Nor may what lies before it look like the floor.
+  // The rows in front of the top must differ from the floor.
   const auto isOff = [&](std::size_t end) {
     double off = 0.0;
     for (std::size_t i = 0; i < end; ++i) off += std::abs(meanOf(i) - 1.0) / static_cast<double>(end);
@@ -270,7 +274,7 @@ std::optional<std::size_t> TopCompleter::findFoot(const FloorFrame& frame) {
   return foot;
 }
 
-/// Into whole_. @return where
+/// Draws hull_ into whole_. @return its bounding rectangle
 cv::Rect TopCompleter::drawHull() {
   const cv::Rect box = cv::boundingRect(hull_) & cv::Rect({0, 0}, size_);
   for (int y = box.y; y < box.br().y; ++y) std::fill_n(whole_.ptr(y) + box.x, box.width, std::uint8_t{0});
@@ -291,7 +295,7 @@ double TopCompleter::shareInHull(const Blob& region) {
   return static_cast<double>(inside) / std::max(1, region.area_px);
 }
 
-/// The hull of the top and of its shadow on the floor at that share.
+/// Takes the hull of the top and of its projection to the floor at that share.
 void TopCompleter::take(const FloorFrame& frame, double share) {
   outline_ = hull_;
   for (const Eigen::Vector2d& at : top_m_) {

@@ -12,35 +12,36 @@
 
 namespace omnifleet::ground {
 
-/// Completes things lighter than the floor and of its hue. Their tops are plain to see; their sides, in less
-/// light, have about the floor's brightness, a little more here and less there. Alone, such a top would be a
-/// thing that floats along with the camera.
+/// Completes objects lighter than the floor and of its hue. Their tops are plainly visible. Their sides, in
+/// less light, have about the floor's brightness, slightly more or less. If only the top face were segmented,
+/// the object would move with the camera (wrong parallax).
 ///
-/// Verticals lead towards the camera's foot, so an upright thing of height h, seen from height H, shows the
-/// near edge of its foot on each bearing at 1 − h/H of the floor distance that the near edge of its top
-/// projects to (docs/methods.md, "Support-function prism"). Before the top of all things its sides lie up to
-/// one such share, the floor from there on: the share is where what all bearings show together is parted best
-/// in two, each with a brightness and a variance of its own (a change point by likelihood; Basseville and
-/// Nikiforov 1993). A patch of light, and what shows its sides as well as its top, has no such share.
+/// Verticals lead towards the camera foot. Seen from height H, an upright object of height h therefore shows
+/// the near edge of its foot, on each bearing, at the share 1 − h/H of the floor distance to which the near
+/// edge of its top projects (docs/methods/local_mapper.md). In front of the top its sides extend to this
+/// share, and the floor from there on. The share is the change point that best divides the pixels of all
+/// bearings in two parts, each with its own brightness and variance (change point by likelihood; Basseville
+/// and Nikiforov 1993). A patch of light has no such share, nor has an object that shows its sides as well as
+/// its top.
 class TopCompleter {
  public:
   TopCompleter(const lens::Camera& camera, cv::Size image);
 
-  /// @param region something of it is lighter than the floor and of its hue
-  /// @return the pixels of top and sides, by rows, valid until the next call; empty where nothing tells both
+  /// @param region of the floor's hue, and lighter than the floor in part
+  /// @return the pixels of top and sides by rows; empty where they are not found; valid until the next call
   const std::vector<Run>& complete(const FloorFrame& frame, const Blob& region);
-  /// Was the last one a top with sides, too far off for where they end to be told?
-  bool isDoubtful() const { return is_doubtful_; }
-  /// Did nothing of the last one but a top differ from the floor?
-  bool isAlone() const { return is_alone_; }
+  /// Did the last region show a top with sides, but too far away to locate their end?
+  bool isUndecided() const { return is_undecided_; }
+  /// Did nothing but a top differ from the floor in the last region?
+  bool isTopOnly() const { return is_top_only_; }
 
  private:
-  /// Of what all bearings show at one share: the sum of the gains; of pairs of neighbours half the squared
-  /// differences.
+  /// Pixels of all bearings at one share: the sum of the gains, and half the squared differences of pairs of
+  /// neighbours.
   struct Row {
     double count = 0.0, sum = 0.0, pairs = 0.0, squares = 0.0;
   };
-  /// Sums over rows.
+  /// Cumulative sums over rows.
   struct Sums {
     double count = 0.0, within = 0.0, along = 0.0;
   };
@@ -59,19 +60,20 @@ class TopCompleter {
 
   lens::Camera camera_;
   cv::Size size_;
-  cv::Mat1f gains_;          ///< brightness of the pixels, of the floor's
-  cv::Mat1b light_, whole_;  ///< 255 where it is lighter than halfway to the top; what is taken
+  cv::Mat1f gains_;          ///< brightness of the pixels relative to the floor's
+  cv::Mat1b light_, whole_;  ///< 255 where it is lighter than halfway to the top; result
   ConvexPart convex_;
   std::vector<float> lights_;
   cv::Rect around_;
-  std::vector<cv::Point> hull_, outline_;  ///< of the top; of all
-  std::vector<Eigen::Vector2d> top_m_;     ///< its outline on the floor, from the camera's foot
-  std::vector<Eigen::Vector2d> near_m_;    ///< its near edge, by bearings
-  std::vector<Row> rows_;                  ///< from the near edge inward
-  std::vector<Sums> until_;                ///< of the rows before each
-  float limit_ = 0.0f;                     ///< of the floor's light, from which something may be of the top
-  bool is_doubtful_ = false, is_alone_ = false;
-  bool is_cut_ = false;         ///< the view ends there
+  std::vector<cv::Point> hull_, outline_;  ///< of the top; of the whole object
+  std::vector<Eigen::Vector2d>
+      top_m_;  ///< outline of the top projected to the floor, metres from the camera foot
+  std::vector<Eigen::Vector2d> near_m_;  ///< near edge of the top, by bearing
+  std::vector<Row> rows_;                ///< from the near edge inward
+  std::vector<Sums> until_;              ///< sums of the rows before each row
+  float limit_ = 0.0f;                   ///< of the floor's light, from which a pixel may belong to the top
+  bool is_undecided_ = false, is_top_only_ = false;
+  bool is_cut_ = false;         ///< the view ends where the rows end
   std::vector<double> shares_;  ///< of the rows
   std::vector<Run> runs_;
 };

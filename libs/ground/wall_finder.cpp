@@ -13,17 +13,16 @@ namespace {
 constexpr int kCell = FloorView::kCell;
 constexpr int kSectors = Horizon::kSectors;
 constexpr double kRimDepression_deg =
-    6.0;  // where the view of the floor ends for its horizon, not for the image
-constexpr double kWallTexture =
-    1.6;                         // times as much as the floor may a wall differ from its colour around: it is
-                                 // seen under steep angles, from near, and nobody chose it to be plain
-constexpr int kLeastShare = 20;  // of a region is wall, where walls are a part of it: one in so many pixels
-constexpr int kNear = 3;         // cells from what the growth got to: it stops that far before edges
-constexpr int kMemory = 100;     // frames that a room is remembered for
-constexpr int kEdge_px = 1;  // half as wide as what is mixed of floor and wall where they meet, rounded down
+    6.0;  // depression below which the rim of the floor view is the horizon, not the image border
+constexpr double kWallTexture = 1.6;  // multiple of the floor's tolerances: walls are seen at steep angles
+                                      // and from near, and are not chosen to be plain
+constexpr int kLeastShare = 20;       // a region contains walls if one in this many of its pixels is wall
+constexpr int kNear = 3;              // cells around what was reached: growing stops that far before edges
+constexpr int kMemory = 100;          // frames for which a room is remembered
+constexpr int kEdge_px = 1;           // half the width of mixed pixels between floor and wall, rounded down
 
-// By so much of the brightness may a wall differ below the horizon from what it is above, in brightness and
-// in colour at equal brightness: it is textured, and these are means of few pixels.
+// Greatest difference of a wall below the horizon from its colour above it, in brightness and in colour at
+// equal brightness, as shares of the brightness. A wall is textured, and these are means of few pixels.
 constexpr float kAlikeAlong = 0.15f, kAlikeAcross = 0.04f;
 
 bool isAlike(const cv::Vec3f& p, const cv::Vec3f& r) {
@@ -59,7 +58,7 @@ WallFinder::WallFinder(const lens::Camera& camera, const FloorView& floor_view, 
       foot_(camera, floor_view),
       before_(floor_view.imageSize()),
       eroded_(floor_view.imageSize()),
-      things_(floor_view.imageSize()) {
+      objects_(floor_view.imageSize()) {
   queue_.resize(kinds_.total());  // all its memory is touched before the first frame
   if (options.enabled) view_ = FloorView::upward(camera);
   if (!view_) return;
@@ -90,8 +89,8 @@ bool WallFinder::isWall(const Blob& region) {
   return isWide(static_cast<int>(std::count(reached_.begin() + 1, reached_.end(), std::uint8_t{1})));
 }
 
-/// Sectors where below the horizon the same is seen as above it and the floor's growth did not get there. The
-/// cells are left in queue_.
+/// Counts the sectors that show the same below the horizon as above it, and that the growing of the floor did
+/// not reach. Leaves their cells in queue_.
 int WallFinder::countWallSectors(const GroundSegmenter& floor) {
   queue_.clear();
   if (floor.horizon() == nullptr) return 0;
@@ -109,19 +108,20 @@ int WallFinder::countWallSectors(const GroundSegmenter& floor) {
   return count;
 }
 
-/// Sectors where the floor's growth got up to the horizon, and what is there goes on above it.
-void WallFinder::findClimbed(const GroundSegmenter& floor) {
-  climbed_.fill(0);
+/// Finds the sectors where the growing of the floor reached the horizon, and the colour there continues above
+/// it.
+void WallFinder::findLeaks(const GroundSegmenter& floor) {
+  leaked_.fill(0);
   if (floor.horizon() == nullptr) return;
   for (int sector = 1; sector <= Horizon::kSectors; ++sector) {
     const cv::Vec4f& above = floor.horizon()->colours()[static_cast<std::size_t>(sector)];
     if (above[0] < 0.0f) continue;
     const std::vector<cv::Point>& edge = floor.horizon()->edge(sector);
-    const bool is_climbed = std::any_of(edge.begin(), edge.end(), [&](const cv::Point& cell) {
+    const bool is_leaked = std::any_of(edge.begin(), edge.end(), [&](const cv::Point& cell) {
       return floor.isGrown(cell.y, cell.x) &&
              isAlike(floor.cellMeans()(cell), {above[0], above[1], above[2]});
     });
-    climbed_[static_cast<std::size_t>(sector)] = is_climbed ? 1 : 0;
+    leaked_[static_cast<std::size_t>(sector)] = is_leaked ? 1 : 0;
   }
 }
 
@@ -134,7 +134,8 @@ void WallFinder::markFloor(const GroundSegmenter& floor) {
   }
 }
 
-/// What hangs together with the cells of queue_ by the walls' growth and is not the floor's.
+/// Marks cells that are connected to those of queue_ by the growing of the walls and do not belong to the
+/// floor.
 void WallFinder::growDown(const GroundSegmenter& floor) {
   const auto isWall = [&](const cv::Point& cell) {
     return kinds_(cell) == kNeither && floor.horizon()->sectors()(cell) != 0 &&
@@ -157,8 +158,9 @@ void WallFinder::growDown(const GroundSegmenter& floor) {
   }
 }
 
-/// What is like a wall, but far from what was followed down from the horizon, is the shade of a thing.
-void WallFinder::freeShade(GroundSegmenter& floor) {
+/// A part that resembles a wall, but is far from what was followed down from the horizon, is the shadow of an
+/// object.
+void WallFinder::releaseShadow(GroundSegmenter& floor) {
   if (queue_.empty()) return;
   cv::dilate(kinds_ == kWallGrown, near_, cv::Mat1b::ones(2 * kNear + 1, 2 * kNear + 1));
   BitMask& near = eroded_;
@@ -167,15 +169,15 @@ void WallFinder::freeShade(GroundSegmenter& floor) {
       near.clear(run.row, run.begin, run.end);
       const std::uint8_t* cells = near_.ptr(std::min(run.row / kCell, near_.rows - 1));
       for (int x = run.begin; x < run.end; ++x) {
-        const bool kept = things_.at(x, run.row) || cells[std::min(x / kCell, near_.cols - 1)] != 0;
+        const bool kept = objects_.at(x, run.row) || cells[std::min(x / kCell, near_.cols - 1)] != 0;
         if (kept) near.set(run.row, x, x + 1);
       }
     }
-    floor.keepOf(*wall, near, kShade);
+    floor.relabelOutside(*wall, near, kShadow);
   }
 }
 
-/// Some of it is what the walls' growth got to.
+/// Did the growing of the walls reach part of the region?
 bool WallFinder::isGrown(const Blob& region) const {
   int grown = 0;
   for (const Run& run : region.runs) {
@@ -205,15 +207,15 @@ bool WallFinder::findHigh(const cv::Mat& image, const std::vector<Blob>& regions
   const bool is_seen = isWide(countWallSectors(floor)) || !walls_.empty();
   known_frames_ = is_seen ? kMemory : std::max(0, known_frames_ - 1);
   if (known_frames_ == 0) return false;
-  findClimbed(floor);
-  foot_.find(image, floor.objects(), climbed_);
+  findLeaks(floor);
+  foot_.find(image, floor.objects(), leaked_);
   if ((!is_seen && !foot_.any()) || !segmenter_->segment(image)) return false;
   markFloor(floor);
   growDown(floor);
   for (const Blob& region : regions)
     if (isGrown(region) && !isWall(region)) walls_.push_back(&region);
   const BitArea& area = floor.area();
-  for (BitMask* mask : {&before_, &eroded_, &things_}) mask->clear();  // beyond the area it is read, too
+  for (BitMask* mask : {&before_, &eroded_, &objects_}) mask->clear();  // also read beyond the area
   for (const Blob* wall : walls_) {
     for (const Run& run : wall->runs) {
       before_.set(run.row, run.begin, run.end);
@@ -221,14 +223,14 @@ bool WallFinder::findHigh(const cv::Mat& image, const std::vector<Blob>& regions
     }
   }
   erode(area, kEdge_px, before_, eroded_);
-  dilate(area, kEdge_px, eroded_, things_);
-  for (const Blob* wall : walls_) floor.keepOf(*wall, things_, kWall);
-  freeShade(floor);
+  dilate(area, kEdge_px, eroded_, objects_);
+  for (const Blob* wall : walls_) floor.relabelOutside(*wall, objects_, kWall);
+  releaseShadow(floor);
   for (const Blob& region : regions) {
     if (std::find(walls_.begin(), walls_.end(), &region) != walls_.end()) continue;
-    for (const Run& run : region.runs) things_.set(run.row, run.begin, run.end);
+    for (const Run& run : region.runs) objects_.set(run.row, run.begin, run.end);
   }
-  regions_ = &labeller_.label(things_, area, min_area_px);
+  regions_ = &labeller_.label(objects_, area, min_area_px);
   return true;
 }
 

@@ -16,40 +16,42 @@ namespace omnifleet::ground {
 
 struct WallOptions {
   bool enabled = true;
-  double min_arc_deg = 60.0;  ///< degrees of the horizon that a region must reach up to
+  double min_arc_deg = 60.0;  ///< degrees of the horizon that a region must reach
   static WallOptions read(const options::Section& section);
 };
 
-/// Walls, and what stands before them. Whatever is lower than the camera ends below the horizon; a region
-/// that reaches it over a wide arc is the room's walls, with all that covers their foot in the picture. Their
-/// colours are those at and above the horizon, where nothing else is; from there they are followed down as
-/// the floor is from the robot outward (GroundSegmenter, its seeds along the horizon). What is neither floor
-/// nor wall stands before a wall, or is a part of it: FloorScan::isBeforeWalls() tells.
-/// Of a wall of nearly the floor's colours, which leaves no region or passes for shade, it is told where the
-/// floor's growth stopped: what goes on from above the horizon down to there, without an edge, is no floor.
-/// Where the floor's growth climbed a wall, up to the horizon and what goes on above it, WallFoot tells; that
-/// there is a room must be known by another of its sides, now or of late, for a floor may go on up to a
-/// horizon of its colour.
+/// Walls, and what stands in front of them. Everything lower than the camera ends below the horizon. A region
+/// that reaches it over a wide arc is the walls of the room, together with everything that occludes their
+/// foot in the image. The colours of the walls are those at and above the horizon, where nothing else is
+/// visible. From there the walls are followed downward, as the floor is followed from the robot outward
+/// (GroundSegmenter, with seeds along the horizon). What is neither floor nor wall stands in front of a wall
+/// or is a part of it; FloorScan::isInFrontOfWalls() decides.
+/// A wall of nearly the floor's colours leaves no region or is taken for shadow. It is found where the
+/// growing of the floor stopped: what extends from above the horizon down to there without an edge is not
+/// floor.
+/// Where the growing of the floor leaked onto a wall, up to the horizon and beyond, WallFoot locates the
+/// wall. A wall on another side, found now or recently, must confirm that there is a room, because a floor
+/// may extend up to a horizon of its own colour.
 class WallFinder {
  public:
   static constexpr std::uint8_t kWall = LowWalls::kWall;
-  static constexpr std::uint8_t kShade = 2;  ///< likewise, of the floor that things at walls shade
+  static constexpr std::uint8_t kShadow = 2;  ///< mask value of floor in the shadow of objects at walls
 
-  /// @param options of the floor: the same tolerances hold for walls
+  /// @param ground options of the floor: the same tolerances hold for walls
   WallFinder(const lens::Camera& camera, const FloorView& floor_view, const WallOptions& options,
              const SegmenterOptions& ground);
 
   enum Kind : std::uint8_t { kNeither = 0, kFloorGrown = 1, kWallGrown = 2 };
 
-  /// @param image as `floor` has segmented it @param regions of `floor`, as labelled
-  /// @return whether there are walls, LowWalls among them; then those among the regions have kWall or kShade
-  /// in the mask of `floor`, and regions() holds all else
+  /// @param image as segmented by `floor` @param regions of `floor`, as labelled
+  /// @return whether there are walls, including LowWalls. If so, those among the regions have kWall or
+  /// kShadow in the mask of `floor`, and regions() holds all others
   bool find(const cv::Mat& image, const std::vector<Blob>& regions, int min_area_px, GroundSegmenter& floor);
   const std::vector<Blob>& regions() const { return *regions_; }
-  /// Of each cell what growth got there, since find() found walls: the floor's, or the walls' and not the
-  /// floor's.
+  /// Result of the growing per cell, valid after find() returned true: reached by the floor, or by the walls
+  /// only.
   const cv::Mat1b& kinds() const { return kinds_; }
-  /// Since then, where walls that are lit like the floor stand.
+  /// Foot of walls that are lit like the floor, valid after find() returned true.
   const WallFoot& foot() const { return foot_; }
 
  private:
@@ -57,25 +59,26 @@ class WallFinder {
                 GroundSegmenter& floor);
   bool isWall(const Blob& region);
   int countWallSectors(const GroundSegmenter& floor);
-  void findClimbed(const GroundSegmenter& floor);
+  void findLeaks(const GroundSegmenter& floor);
   void markFloor(const GroundSegmenter& floor);
   void growDown(const GroundSegmenter& floor);
-  void freeShade(GroundSegmenter& floor);
+  void releaseShadow(GroundSegmenter& floor);
   bool isGrown(const Blob& region) const;
   bool isWide(int sectors) const { return 360.0 * sectors >= options_.min_arc_deg * Horizon::kSectors; }
 
   WallOptions options_;
-  std::unique_ptr<FloorView> view_;  ///< up to the end of the lens, seeds along the horizon; none: no horizon
+  std::unique_ptr<FloorView>
+      view_;  ///< up to the end of the lens, seeds along the horizon; nullptr: no horizon
   std::unique_ptr<GroundSegmenter> segmenter_;
   cv::Mat1b sectors_;  ///< per cell along the horizon: 1 + its sector; else 0
   cv::Mat1b kinds_, near_;
   WallFoot foot_;
-  int known_frames_ = 0;  ///< this one too, for which it is known that there is a room
-  WallFoot::Sectors climbed_{};
+  int known_frames_ = 0;  ///< frames, including this one, for which a room is known
+  WallFoot::Sectors leaked_{};
   std::vector<cv::Point> queue_;
   std::vector<std::uint8_t> reached_;
   std::vector<const Blob*> walls_;
-  BitMask before_, eroded_, things_;
+  BitMask before_, eroded_, objects_;
   Labeller labeller_;
   const std::vector<Blob>* regions_ = nullptr;
 };

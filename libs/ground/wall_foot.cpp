@@ -9,23 +9,24 @@ namespace omnifleet::ground {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0, kBearing_rad = 2.0 * M_PI / WallFoot::kBearings;
-constexpr double kFirst_deg = 55.0, kLast_deg = 2.0;          // depressions between which walls may stand
-constexpr double kLeastStep_deg = 0.15, kMostStep_deg = 0.6;  // else a pixel
-constexpr double kWindow_deg = 1.2;                           // twice as much to either side is compared
+constexpr double kFirst_deg = 55.0, kLast_deg = 2.0;  // depressions between which walls are searched for
+constexpr double kLeastStep_deg = 0.15,
+                 kMostStep_deg = 0.6;  // limits of a step, which is one pixel between them
+constexpr double kWindow_deg = 1.2;    // twice this angle is compared on either side
 constexpr int kLeastPixels = 2;
-constexpr int kShadow = 3;           // bearings beside a thing, where its shadow may lie
-constexpr float kMostSigmas = 3.0f;  // of one bearing's step that count
-constexpr int kDirectionStride = 3, kStepStride = 2, kBearingStride = 3;  // of the first, rough search
+constexpr int kShadow = 3;           // bearings beside an object on which its shadow may lie
+constexpr float kMostSigmas = 3.0f;  // limit of one bearing's contribution
+constexpr int kDirectionStride = 3, kStepStride = 2, kBearingStride = 3;  // of the first, coarse search
 constexpr int kAround = 12,
-              kLeastSeen = 8;           // bearings to either side, and how many of them must see the line
-constexpr float kLeastEvidence = 1.0f;  // σ, mean of those
+              kLeastSeen = 8;           // bearings to either side, and how many of them must show the line
+constexpr float kLeastEvidence = 1.0f;  // σ, mean of these bearings
 constexpr int kLeastBearings = 20, kMostLines = 6;
-constexpr float kLeastScore = 60.0f;  // as of the fewest bearings, each as plain as may be
-constexpr int kTurned2 = 18;          // half bearings by which lines that lie one behind another may differ
-constexpr float kAsPlain = 0.35f;     // as the one before, and it is one
+constexpr float kLeastScore = 60.0f;  // kLeastBearings bearings with kMostSigmas each
+constexpr int kTurned2 = 18;  // half bearings by which the directions of lines behind one another may differ
+constexpr float kAsPlain = 0.35f;  // minimum score of a line behind another, as a share of the other's
 constexpr float kNone = std::numeric_limits<float>::infinity();
 
-int turned(int bearing) {
+int wrapBearing(int bearing) {
   return (bearing % WallFoot::kBearings + WallFoot::kBearings) % WallFoot::kBearings;
 }
 
@@ -89,7 +90,8 @@ void WallFoot::layOutCells(const lens::Camera& camera, const FloorView& floor_vi
       const auto floor = camera.floorFromPixel({(x + 0.5) * kCell - 0.5, (y + 0.5) * kCell - 0.5});
       if (!floor || floor_view.coverage()(y, x) == 0) continue;
       const Eigen::Vector2d to = *floor - camera.foot();
-      const int bearing = turned(static_cast<int>(std::lround(std::atan2(to.y(), to.x()) / kBearing_rad)));
+      const int bearing =
+          wrapBearing(static_cast<int>(std::lround(std::atan2(to.y(), to.x()) / kBearing_rad)));
       const double depression = std::atan2(height_m_, to.norm());
       places_(y, x) = {static_cast<short>(bearing),
                        static_cast<short>(std::lround((kFirst_deg * kDegree - depression) / step_rad_))};
@@ -117,8 +119,8 @@ void WallFoot::readSteps(const cv::Mat& image, const cv::Mat1b& objects) {
   }
 }
 
-/// By how much what lies from `from` to `to` steps beyond one is lighter than what lies as far before it, as
-/// a share; 0 where that is not seen.
+/// Relative difference in brightness between what lies from `from` to `to` steps beyond a step and what lies
+/// as far in front of it. 0 where either is not visible.
 float WallFoot::stepBetween(int bearing, int at, int from, int to) const {
   const Sum* sums = sums_.data() + bearing * (steps_ + 1);
   const auto clamped = [&](int step) { return sums + std::clamp(step, 0, steps_); };
@@ -131,12 +133,12 @@ float WallFoot::stepBetween(int bearing, int at, int from, int to) const {
   return (outer - inner) / std::max(1.0f, 0.5f * (inner + outer));
 }
 
-/// What both the near and the far half of the window show, without what light that changes evenly makes of
-/// either (it is three times as much in the far one): nor is a line on the floor a step.
+/// Contrast that both the near and the far half of the window show, without the contribution of linearly
+/// changing light (three times as large in the far half). A line on the floor is thus no edge.
 float WallFoot::contrastAt(int bearing, int step) const {
   const int begin = std::max(0, step - 2 * window_), end = std::min(steps_, step + 2 * window_);
   for (const int beside : {-kShadow, 0, kShadow}) {
-    const Sum* sums = sums_.data() + turned(bearing + beside) * (steps_ + 1);
+    const Sum* sums = sums_.data() + wrapBearing(bearing + beside) * (steps_ + 1);
     if (sums[end].hidden > sums[begin].hidden) return 0.0f;
   }
   const float near = stepBetween(bearing, step, 0, window_),
@@ -146,7 +148,8 @@ float WallFoot::contrastAt(int bearing, int step) const {
   return std::abs(step_alone) < std::abs(far) ? step_alone : far;
 }
 
-/// In σ of what most of the floor and of the walls show, texture and noise. False where nothing is seen.
+/// Converts the contrasts to σ of what most of the floor and the walls show: texture and noise. @return false
+/// where nothing is visible
 bool WallFoot::measureContrasts() {
   sorted_.clear();
   float* contrast = contrast_.data();
@@ -166,37 +169,38 @@ bool WallFoot::measureContrasts() {
   return true;
 }
 
-/// Where a line is seen at a bearing; at no step where it is not.
+/// Step at which a line is seen at a bearing; steps_ where it is not visible.
 float WallFoot::stepOf(const Line& line, int bearing) const {
   const int beside2 =
-      turned(bearing - line.direction2 / 2 + kBearings / 2) * 2 - kBearings - line.direction2 % 2;
+      wrapBearing(bearing - line.direction2 / 2 + kBearings / 2) * 2 - kBearings - line.direction2 % 2;
   return std::abs(beside2) <= 2 * kWide + 1 ? curve(beside2)[line.step2] : static_cast<float>(steps_);
 }
 
 float WallFoot::evidenceOf(const Line& line, int bearing) const {
   const auto step = static_cast<int>(stepOf(line, bearing) + 0.5f);
-  return step >= 0 && step < steps_ ? contrast_[static_cast<std::size_t>(turned(bearing) * steps_ + step)]
-                                    : 0.0f;
+  return step >= 0 && step < steps_
+             ? contrast_[static_cast<std::size_t>(wrapBearing(bearing) * steps_ + step)]
+             : 0.0f;
 }
 
 float WallFoot::scoreOf(const Line& line) const {
   float sum = 0.0f;
   for (int k = line.direction2 / 2 - kWide + 1; k < line.direction2 / 2 + kWide; ++k)
-    if (open_[static_cast<std::size_t>(turned(k))] != 0) sum += evidenceOf(line, k);
+    if (open_[static_cast<std::size_t>(wrapBearing(k))] != 0) sum += evidenceOf(line, k);
   return sum;
 }
 
-/// The steps of every third bearing along the lines in a direction, into scores_.
-void WallFoot::addUp(int direction) {
+/// Sums the contrasts of every third bearing along the lines in a direction, into scores_.
+void WallFoot::sumAlongLines(int direction) {
   std::fill(scores_.begin(), scores_.end(), 0.0f);
   for (int beside = -kWide; beside <= kWide; beside += kBearingStride) {
-    const auto k = static_cast<std::size_t>(turned(direction + beside));
+    const auto k = static_cast<std::size_t>(wrapBearing(direction + beside));
     if (open_[k] == 0) continue;
     const float* row = contrast_.data() + k * static_cast<std::size_t>(steps_);
     const float* steps = curve(2 * beside);
     for (int s = 0; s < steps_; s += kStepStride) {
       const auto step = static_cast<int>(steps[2 * s] + 0.5f);
-      if (step >= steps_) break;  // seen above the horizon's edge from there on
+      if (step >= steps_) break;  // the line is above the last step from there on
       scores_[static_cast<std::size_t>(s)] += row[step];
     }
   }
@@ -205,7 +209,7 @@ void WallFoot::addUp(int direction) {
 WallFoot::Line WallFoot::findLine() {
   Line rough;
   for (int direction = 0; direction < kBearings; direction += kDirectionStride) {
-    addUp(direction);
+    sumAlongLines(direction);
     for (int s = 0; s < steps_; s += kStepStride) {
       const float score = scores_[static_cast<std::size_t>(s)];
       if (std::abs(score) > std::abs(rough.score)) rough = {2 * direction, 2 * s, score};
@@ -222,7 +226,7 @@ WallFoot::Line WallFoot::findLine() {
   return best;
 }
 
-/// The last of the lines that lie one behind another.
+/// The farthest of the lines that lie behind one another.
 WallFoot::Line WallFoot::outermost(Line line) const {
   for (;;) {
     Line beyond;
@@ -238,14 +242,15 @@ WallFoot::Line WallFoot::outermost(Line line) const {
   }
 }
 
-/// Where a line meets the floor, metres; infinite where it is not seen.
+/// Distance at which a line meets the floor, metres; infinite where it is not visible.
 float WallFoot::rangeOf(const Line& line, int bearing) const {
   const double depression =
       kFirst_deg * kDegree - (static_cast<double>(stepOf(line, bearing)) - 0.5) * step_rad_;
   return depression > kLast_deg * kDegree ? static_cast<float>(height_m_ / std::tan(depression)) : kNone;
 }
 
-/// Gives the line the bearings that bear it out, by what is seen of it around. False where they are too few.
+/// Assigns to the line the bearings that confirm it, by the evidence around each. @return false where they
+/// are too few
 bool WallFoot::accept(const Line& line) {
   const int middle = line.direction2 / 2;
   const float sign = line.score < 0.0f ? -1.0f : 1.0f;
@@ -254,7 +259,7 @@ bool WallFoot::accept(const Line& line) {
     evidence[static_cast<std::size_t>(i)] = sign * evidenceOf(line, middle - kWide + i);
   int found = 0;
   for (int i = 0; i <= 2 * kWide; ++i) {
-    const auto k = static_cast<std::size_t>(turned(middle - kWide + i));
+    const auto k = static_cast<std::size_t>(wrapBearing(middle - kWide + i));
     if (open_[k] == 0) continue;
     float sum = 0.0f;
     int seen = 0;
@@ -272,22 +277,22 @@ bool WallFoot::accept(const Line& line) {
   return found >= kLeastBearings;
 }
 
-/// In a corner the nearer of both walls is seen.
-void WallFoot::meet() {
+/// In a corner the nearer of both walls is visible.
+void WallFoot::resolveCorners() {
   for (int k = 0; k < kBearings; ++k) {
     const auto at = static_cast<std::size_t>(k);
     if (line_of_[at] < 0) continue;
     for (int beside = k - kAround; beside <= k + kAround; ++beside) {
-      const int other = line_of_[static_cast<std::size_t>(turned(beside))];
+      const int other = line_of_[static_cast<std::size_t>(wrapBearing(beside))];
       if (other >= 0 && other != line_of_[at])
         range_m_[at] = std::min(range_m_[at], rangeOf(lines_[static_cast<std::size_t>(other)], k));
     }
   }
 }
 
-void WallFoot::find(const cv::Mat& image, const cv::Mat1b& objects, const Sectors& climbed) {
+void WallFoot::find(const cv::Mat& image, const cv::Mat1b& objects, const Sectors& leaked) {
   any_ = false;
-  for (std::size_t k = 0; k < kBearings; ++k) open_[k] = climbed[sector_[k]];
+  for (std::size_t k = 0; k < kBearings; ++k) open_[k] = leaked[sector_[k]];
   if (std::count(open_.begin(), open_.end(), std::uint8_t{1}) < kLeastBearings) return;
   std::fill(range_m_.begin(), range_m_.end(), kNone);
   readSteps(image, objects);
@@ -301,11 +306,11 @@ void WallFoot::find(const cv::Mat& image, const cv::Mat1b& objects, const Sector
   }
   const int last = static_cast<int>(lines_.size());
   for (std::size_t k = 0; k < kBearings; ++k) {
-    if (line_of_[k] < last) continue;  // else it was none after all
+    if (line_of_[k] < last) continue;  // otherwise the line was rejected
     line_of_[k] = -1;
     range_m_[k] = kNone;
   }
-  meet();
+  resolveCorners();
   any_ = std::any_of(range_m_.begin(), range_m_.end(), [](float range) { return range < kNone; });
 }
 

@@ -12,45 +12,48 @@
 
 namespace omnifleet::ground {
 
-/// The lines along which walls stand on the floor that are lit as it is: neither hue nor brightness tells one
-/// from the other, but where they meet there is a step, of one sign along one wall, of which single bearings
-/// show little and all of them together enough. Walls are straight, so a line at the distance d in the
-/// direction α is seen at tan ψ = H/d·cos(φ − α) below the horizon at the bearing φ; the steps are summed up
-/// along each (Hough 1962; Duda and Hart 1972), the plainest line is taken with the bearings that bear it
-/// out, and the next one is looked for in the others. Beyond a wall's foot there is nothing but the wall:
-/// where another line lies beyond, as on a floor of tiles, that counts.
+/// The lines along which walls that are lit like the floor stand on it. Neither hue nor brightness
+/// distinguishes such a wall from the floor. Where they resolveCorners there is an intensity edge of one sign
+/// along one wall. Single bearings show little of it, all bearings together enough. Walls are straight, so a
+/// line at distance d in direction α is seen at tan ψ = H/d·cos(φ − α) below the horizon at bearing φ. The
+/// edges are summed along each such line (Hough 1962; Duda and Hart 1972). The strongest line is taken
+/// together with the bearings that confirm it, and the next one is searched for in the others. Beyond the
+/// foot of a wall there is only the wall. Where another line lies beyond, as on a floor of tiles, the farther
+/// line is taken.
 class WallFoot {
  public:
   static constexpr int kBearings = 360;  ///< of the full turn
 
   WallFoot(const lens::Camera& camera, const FloorView& floor_view);
 
-  /// By sector of the Horizon, from 1: does the floor seem to go on up to the horizon, and what is above it
-  /// down into the floor?
+  /// By Horizon sector, from 1: does the floor seem to extend up to the horizon, and what is above it down
+  /// into the floor?
   using Sectors = std::array<std::uint8_t, Horizon::kSectors + 1>;
-  /// @param image CV_8UC3 or CV_8UC1 of the view's size @param objects 0 where nothing is in the way
-  /// @param climbed only there it is looked for lines
-  void find(const cv::Mat& image, const cv::Mat1b& objects, const Sectors& climbed);
+  /// @param image CV_8UC3 or CV_8UC1 of the view's size @param objects 0 where nothing occludes the view
+  /// @param leaked sectors in which lines are searched for
+  void find(const cv::Mat& image, const cv::Mat1b& objects, const Sectors& leaked);
   void forget() { any_ = false; }
   bool any() const { return any_; }
-  /// Metres from the camera's foot, by bearing 2πk/kBearings in base_link; infinite where none is found.
+  /// Distance of the line, metres from the camera foot, by bearing 2πk/kBearings in base_link; infinite where
+  /// none is found.
   const std::vector<float>& range_m() const { return range_m_; }
-  /// What the cell shows lies beyond the line.
+  /// Does the cell show what lies beyond the line?
   bool isBehind(const cv::Point& cell) const;
 
  private:
-  static constexpr int kWide = 75;  ///< bearings to either side of a line's own that it is looked for in
+  static constexpr int kWide =
+      75;  ///< bearings to either side of a line's own, over which it is searched for
   struct Step {
     std::int16_t u, v;  ///< u < 0 where the view shows no floor
   };
-  /// Sums over a bearing's steps before each.
+  /// Cumulative sums over the steps of a bearing, before each step.
   struct Sum {
     float brightness, count, hidden;
   };
   struct Line {
-    int direction2 = 0;  ///< bearings, times two
-    int step2 = 0;       ///< where it is seen in that direction, times two
-    float score = 0.0f;  ///< σ, negative where the wall is darker
+    int direction2 = 0;  ///< bearings times two
+    int step2 = 0;       ///< step at which it is seen in that direction, times two
+    float score = 0.0f;  ///< σ; negative where the wall is darker
   };
   void layOutSteps(const lens::Camera& camera, const FloorView& floor_view);
   void layOutLines();
@@ -63,24 +66,25 @@ class WallFoot {
   float stepOf(const Line& line, int bearing) const;
   float evidenceOf(const Line& line, int bearing) const;
   float scoreOf(const Line& line) const;
-  void addUp(int direction);
+  void sumAlongLines(int direction);
   Line findLine();
   Line outermost(Line line) const;
   float rangeOf(const Line& line, int bearing) const;
   bool accept(const Line& line);
-  void meet();
+  void resolveCorners();
 
   double height_m_;
   double step_rad_ = 0.0;
-  int steps_ = 0, window_ = 0;        ///< of a bearing; of either side of a step, half of it
-  std::vector<Step> pixels_;          ///< by bearing, then from the foot outward
+  int steps_ = 0, window_ = 0;  ///< steps per bearing; half of what is compared on either side of a step
+  std::vector<Step> pixels_;    ///< by bearing, then from the foot outward
   std::vector<std::uint8_t> sector_;  ///< by bearing
   cv::Mat_<cv::Vec2s> places_;        ///< by cell: bearing (negative: none), step
-  std::vector<float> curves_;    ///< by half bearings beside a line's own and its half steps there: its step
-  std::vector<Sum> sums_;        ///< one more per bearing
-  std::vector<float> contrast_;  ///< by bearing and step, in σ; 0 where it is not known
+  std::vector<float>
+      curves_;             ///< step of a line, by half bearings beside the line's own and by half steps there
+  std::vector<Sum> sums_;  ///< steps_ + 1 per bearing
+  std::vector<float> contrast_;  ///< by bearing and step, σ; 0 where unknown
   std::vector<float> sorted_, scores_;
-  std::vector<std::uint8_t> open_;  ///< by bearing: a line is looked for there
+  std::vector<std::uint8_t> open_;  ///< by bearing: a line is searched for there
   std::vector<Line> lines_;
   std::vector<int> line_of_;  ///< by bearing, the index of its line; negative: none
   std::vector<float> range_m_;

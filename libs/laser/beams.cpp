@@ -21,7 +21,7 @@ void Beams::set(const dataset::LaserRow& row, const dataset::LaserSensor& sensor
   const double yaw = sensor.baseFromLaser().theta_rad;
   const bool clockwise = row.angle_increment_rad < 0.0;
   spacing_rad = std::abs(row.angle_increment_rad);
-  // A beam that looks where the first one does is no new one.
+  // Beams beyond one full turn repeat the first ones and are dropped.
   const auto turn = static_cast<std::size_t>(std::floor(2.0 * M_PI / spacing_rad + 0.5));
   const std::size_t count = std::min(n, turn);
   closed = count == turn;
@@ -31,7 +31,7 @@ void Beams::set(const dataset::LaserRow& row, const dataset::LaserSensor& sensor
     Beam& b = beam[i];
     b.bearing_rad = yaw + row.angle_min_rad + static_cast<double>(k) * row.angle_increment_rad;
     b.echo = echoOf(row.range_m[k], sensor);
-    b.stands = true;
+    b.is_static = true;
     b.range_m = b.echo == Echo::kHit ? static_cast<double>(row.range_m[k]) : sensor.range_max_m;
     b.point_m = b.range_m * Eigen::Vector2d(std::cos(b.bearing_rad), std::sin(b.bearing_rad));
   }

@@ -9,29 +9,29 @@
 namespace omnifleet::laser {
 
 enum class Echo : std::uint8_t {
-  kBlind,  ///< nothing known: the robot's own body, or no echo from a scanner whose reach is not known
-  kNone,   ///< free so far
+  kBlind,  ///< unknown: the robot's own body, or no echo from a scanner with unknown maximum range
+  kNone,   ///< free up to the range
   kHit,
 };
 
 struct Beam {
-  double bearing_rad = 0.0;  ///< about the scanner, in the axes of base_link, growing from beam to beam
+  double bearing_rad = 0.0;  ///< about the scanner, in the axes of base_link, increasing from beam to beam
   double range_m = 0.0;      ///< of kHit and kNone
   Echo echo = Echo::kBlind;
-  bool stands = true;                                 ///< what it hits is no robot that may drive
+  bool is_static = true;  ///< false if it hits an object small enough to be a moving robot
   Eigen::Vector2d point_m = Eigen::Vector2d::Zero();  ///< from the scanner, axes of base_link
 };
 
-/// One scan, counter-clockwise, whichever way the scanner turns.
+/// One scan, counter-clockwise for either direction of rotation of the scanner.
 struct Beams {
   std::vector<Beam> beam;
   double spacing_rad = 0.0;  ///< > 0
-  bool closed = false;       ///< the last beam is the first one's neighbour
+  bool closed = false;       ///< full turn: the last beam is a neighbour of the first one
 
-  /// `row` as problemOf() lets it pass; buffers are reused.
+  /// Converts `row`, which problemOf() must accept. Buffers are reused.
   void set(const dataset::LaserRow& row, const dataset::LaserSensor& sensor);
   std::size_t size() const { return beam.size(); }
-  /// Beam of any index, across the seam where the scan is closed.
+  /// Beam i modulo the number of beams, for use across the seam of a closed scan.
   const Beam& at(std::size_t i) const { return beam[i % beam.size()]; }
 };
 

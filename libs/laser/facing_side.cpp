@@ -18,12 +18,12 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-/// A vertex of the chain and how well it is known.
+/// A vertex of the chain with its uncertainty.
 struct Vertex {
   Eigen::Vector2d at;
   double sigma_m = 0.0;                             ///< of the lines that meet there
-  Eigen::Vector2d along = Eigen::Vector2d::Zero();  ///< of the face whose end it is; zero at corners
-  double along_sigma_m = 0.0;                       ///< of where along it the face ends
+  Eigen::Vector2d along = Eigen::Vector2d::Zero();  ///< direction of the face that ends here; zero at corners
+  double along_sigma_m = 0.0;                       ///< σ of the end along the face
 };
 
 struct Circle {
@@ -33,15 +33,15 @@ struct Circle {
 };
 
 double lineSigma(const Piece& piece, double range_sigma_m) {
-  // At the end of a line through N points: √(1/N + 3/N) σ.
+  // σ at the end of a line through N points: √(1/N + 3/N) σ.
   return 2.0 * range_sigma_m / std::sqrt(static_cast<double>(piece.count()));
 }
 
-/// The end of a face: half a beam beyond the last echo, where on average it ends; at that echo where it is
-/// hidden.
+/// The end of a face: half a beam beyond the last echo, where it ends on average; at the last echo if the end
+/// is hidden.
 Vertex endOf(const Beam& beam, const Piece& piece, double spacing_rad, bool after, bool hidden,
              double range_sigma_m) {
-  constexpr double kGrazing = 0.17;  // sine of 10°: flatter faces are not prolonged
+  constexpr double kGrazing = 0.17;  // sine of 10°: flatter faces are not extended
   const Eigen::Vector2d on_line = piece.mean_m + piece.along * piece.along.dot(beam.point_m - piece.mean_m);
   const Eigen::Vector2d ray = unit(beam.bearing_rad + (after ? 0.5 : -0.5) * spacing_rad);
   const double sine = std::abs(cross(ray, piece.along));
@@ -67,7 +67,8 @@ void chainVertices(const Beams& beams, const Segment& segment, const std::vector
                            true, segment.hidden_after, range_sigma_m));
 }
 
-/// Supports of the chain's vertices, usable where the supporting one faces the scanner and is no hidden end.
+/// Supports of the chain's vertices, usable where the supporting vertex faces the scanner and is not a hidden
+/// end.
 void chainSupports(const std::vector<Vertex>& vertices, const Segment& segment, double floor_m,
                    SupportFunction& supports) {
   const Eigen::Vector2d first = vertices.front().at.normalized(), last = vertices.back().at.normalized();
@@ -88,8 +89,8 @@ void chainSupports(const std::vector<Vertex>& vertices, const Segment& segment, 
   }
 }
 
-/// Gauss–Newton on the distances from the circle, from Kåsa's algebraic fit (1976). Nothing where the echoes
-/// are no arc that bulges towards the scanner.
+/// Gauss–Newton on the distances from the circle, starting from Kåsa's algebraic fit (1976). Nothing if the
+/// echoes are not an arc that is convex towards the scanner.
 std::optional<Circle> fitCircle(const Beams& beams, const Segment& segment, double max_radius_m) {
   constexpr double kLeastRadius_m = 0.02;
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();

@@ -7,9 +7,9 @@
 namespace omnifleet::laser {
 namespace {
 
-constexpr double kSameThing_m = 0.15;
+constexpr double kSameObject_m = 0.15;
 
-/// Nearest echo per ray of the camera: its range about the camera's foot and its ray of the laser.
+/// Nearest echo per ray of the camera: range about the camera's foot, and index of the laser's ray.
 struct Nearest {
   double range_m = std::numeric_limits<double>::infinity();
   std::size_t ray = 0;
@@ -41,12 +41,12 @@ void join(const LocalMap& by_laser, Scan& camera) {
     if (!std::isfinite(at.range_m)) continue;
     const bool saw_floor = camera.label[i] == RayLabel::kFloorEnd || camera.label[i] == RayLabel::kInvalid ||
                            camera.label[i] == RayLabel::kUndecided;
-    const bool same_thing = !saw_floor && std::abs(camera.range_m[i] - at.range_m) < kSameThing_m;
-    // Lower than the laser's plane: the camera sees what the laser passes over.
-    if (!saw_floor && !same_thing && camera.range_m[i] < at.range_m) continue;
+    const bool same_object = !saw_floor && std::abs(camera.range_m[i] - at.range_m) < kSameObject_m;
+    // An object below the laser's plane: the camera sees it, the laser passes over it.
+    if (!saw_floor && !same_object && camera.range_m[i] < at.range_m) continue;
     camera.range_m[i] = static_cast<float>(at.range_m);
     camera.sigma_m[i] = laser.sigma_m[at.ray];
-    if (same_thing) continue;
+    if (same_object) continue;
     camera.label[i] = laser.label[at.ray];
     camera.object[i] = 0;
   }

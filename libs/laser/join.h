@@ -4,13 +4,14 @@
 
 namespace omnifleet::laser {
 
-/// A laser beside the camera: its echoes take the place of the camera's rays. A ray of the camera gets the
-/// range and σ of the nearest echo in its bearing about the camera's foot, and keeps its object where the
-/// camera saw one there (within 0.15 m); the camera's objects stay as they are. Where the camera saw floor
-/// and the laser an echo nearer than that floor ends, something thin or floor-coloured stands there:
-/// kUnknown. Beyond the camera's floor walls are kObstacle, other things kUnknown; rays without echo stay the
-/// camera's.
-/// @param by_laser the laser's own local map of the same moment, same base_link; changes nothing unless kOk
+/// Adds the echoes of a laser to the scan of the camera. A ray of the camera takes range and σ of the nearest
+/// echo in its bearing about the camera's foot. It keeps its object if the camera saw one within 0.15 m of
+/// the echo. If the camera's object is nearer than the echo, it is below the laser's plane, and the ray does
+/// not change. On all other rays with an echo (the camera saw floor, or an object behind the echo) the ray
+/// takes the laser's label, kObstacle for walls and kUnknown for other echoes, and no object: thin or
+/// floor-coloured objects are found in this way. Rays without an echo, and the camera's objects, do not
+/// change.
+/// @param by_laser local map of the laser at the same time, in the same base_link; ignored unless kOk
 void join(const LocalMap& by_laser, Scan& camera);
 
 }  // namespace omnifleet::laser

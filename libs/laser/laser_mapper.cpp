@@ -9,7 +9,7 @@
 namespace omnifleet::laser {
 namespace {
 
-constexpr std::size_t kMostObjects = 64, kMostRays = 1440;  // of a local map on the wire
+constexpr std::size_t kMostObjects = 64, kMostRays = 1440;  // limits of a local map on the wire
 
 }  // namespace
 
@@ -45,16 +45,16 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
     matcher_.forget();
     return map_;
   }
-  segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // where ranges jump
+  segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // cut at range jumps
   if (options_.match) {
-    for (const Segment& segment : segments_) noteWhatMayDrive(segment);
+    for (const Segment& segment : segments_) markMovable(segment);
     map_.motion =
         matcher_.refine(beams_, sensor_.baseFromLaser().translation(), sensor_.range_sigma_m, wheels);
   }
   label_.assign(beams_.size(), RayLabel::kUnknown);
   object_.assign(beams_.size(), 0);
   for (const Segment& segment : segments_) {
-    cutAtHollows(segment);  // two things that touch
+    splitAtConcaveCorners(segment);  // separate touching objects
     for (const Segment& part : convex_) measure(part);
   }
   fillScan();
@@ -68,8 +68,8 @@ FrameState LaserMapper::check(const dataset::LaserRow& row) {
   return beams == beam_count_ ? FrameState::kOk : FrameState::kWrongSize;
 }
 
-/// A scanner of which no beam comes back is dead or covered, or its numbers are no metres; all the room would
-/// be free.
+/// A scan without any echo: the scanner is defective or covered, or its ranges are not in metres. The room
+/// must not appear free.
 void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
   const auto is_hit = [](const Beam& beam) { return beam.echo == Echo::kHit; };
   if (std::any_of(beams_.beam.begin(), beams_.beam.end(), is_hit)) return;
@@ -81,26 +81,27 @@ void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
              beyond = std::count_if(row.range_m.begin(), row.range_m.end(), isBeyond);
   map_.state = FrameState::kDark;
   fault_ = 2 * beyond > numbers
-               ? "all ranges lie beyond range_max_m of its sensor.yaml: are they metres?"
-               : "no beam has an echo: dead, covered, or nothing within range_max_m of its sensor.yaml";
+               ? "all ranges exceed range_max_m in sensor.yaml; check that they are in metres"
+               : "no beam has an echo; check that the scanner works and is not covered, and range_max_m in "
+                 "sensor.yaml";
 }
 
-/// What is no longer than things are may be a robot.
-void LaserMapper::noteWhatMayDrive(const Segment& segment) {
+/// Marks surfaces not longer than `max_size_m`: they may be moving robots.
+void LaserMapper::markMovable(const Segment& segment) {
   Eigen::AlignedBox2d box;
   for (std::size_t i = 0; i < segment.count; ++i) box.extend(beams_.at(segment.first + i).point_m);
   if (box.diagonal().norm() > options_.max_size_m) return;
   for (std::size_t i = 0; i < segment.count; ++i)
-    beams_.beam[(segment.first + i) % beams_.size()].stands = false;
+    beams_.beam[(segment.first + i) % beams_.size()].is_static = false;
 }
 
-bool LaserMapper::isHollow(const Piece& before, const Piece& after) const {
+bool LaserMapper::isConcave(const Piece& before, const Piece& after) const {
   constexpr double kSigmas = 3.0;
   const double least = options_.hollow_deg * M_PI / 180.0;
   return bulge(before, after) < -(least + kSigmas * bulgeSigma(before, after, sensor_.range_sigma_m));
 }
 
-void LaserMapper::cutAtHollows(const Segment& segment) {
+void LaserMapper::splitAtConcaveCorners(const Segment& segment) {
   convex_.clear();
   const double tolerance = options_.split_m + options_.split_sigmas * sensor_.range_sigma_m;
   lineChain(beams_, segment, tolerance, pieces_);
@@ -109,12 +110,12 @@ void LaserMapper::cutAtHollows(const Segment& segment) {
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
     part.count = segment.first + pieces_[i].last + 1 - part.first;
     const bool last = i + 1 == pieces_.size();
-    if (!last && !isHollow(pieces_[i], pieces_[i + 1])) continue;
+    if (!last && !isConcave(pieces_[i], pieces_[i + 1])) continue;
     part.hidden_after = last ? segment.hidden_after : true;
     convex_.push_back(part);
     part = {segment.first + pieces_[i].last, 0, true, false};
   }
-  // A surface all around begins anywhere: its first and last parts are one.
+  // A surface all around begins at an arbitrary beam: its first and last parts are one.
   if (segment.count != beams_.size() || convex_.size() < 2) return;
   convex_.back().count += convex_.front().count;
   convex_.back().hidden_after = true;
@@ -188,7 +189,8 @@ void resample(const Beams& beams, const std::vector<RayLabel>& label,
     const std::size_t other = beyond < 0.0 ? (k + n - 1) % n : (k + 1) % n;
     const bool same = has_next && beam.echo == Echo::kHit && beams.beam[other].echo == Echo::kHit &&
                       object[other] == object[k] && label[other] == label[k];
-    constexpr double kOneSurface = 0.2;  // relative step of the range between two beams
+    constexpr double kOneSurface =
+        0.2;  // largest relative step of the range between two beams of one surface
     if (!same || std::abs(beams.beam[other].range_m - beam.range_m) > kOneSurface * beam.range_m) continue;
     const double share = std::abs(beyond);
     scan.range_m[i] =

@@ -58,8 +58,8 @@ void fit(const Beams& beams, const Segment& segment, Piece& piece) {
   piece.squares_m2 = std::max(0.0, xx + yy - most);
 }
 
-/// Pieces of two beams carry no line of their own beside longer ones: their beams go to the neighbours'
-/// corner.
+/// Removes pieces of two beams between longer ones: they define no line of their own. Their beams belong to
+/// the corner of the neighbours.
 void dropShort(std::vector<Piece>& pieces) {
   for (std::size_t i = 1; i + 1 < pieces.size();) {
     if (pieces[i].count() > 2) {
@@ -92,8 +92,8 @@ double bulgeSigma(const Piece& before, const Piece& after, double range_sigma_m)
 }
 
 Eigen::Vector2d corner(const Beams& beams, const Segment& segment, const Piece& before, const Piece& after) {
-  constexpr double kParallel = 0.15;  // sine of the angle below which the crossing wanders off …
-  constexpr double kFar_m = 0.05;     // … and how far it may be from the beam that both share
+  constexpr double kParallel = 0.15;  // sine of the angle below which the intersection is unreliable
+  constexpr double kFar_m = 0.05;     // m, largest distance of the intersection from the shared beam
   const Eigen::Vector2d shared = beams.at(segment.first + before.last).point_m;
   const double sine = cross(before.along, after.along);
   const double reach =

@@ -7,16 +7,18 @@
 namespace omnifleet::laser {
 namespace {
 
-constexpr int kAside = 3;                              // echoes on either side that make a line
-constexpr double kCorrelation = 7.0;                   // neighbours share their line
-constexpr double kWindow_rad = 0.15;                   // of bearings that are searched
-constexpr double kFlat = 0.1;                          // relative step of the range along one surface
-constexpr double kUneven_m = 0.003;                    // of surfaces, beside the echoes' noise
-constexpr double kWheels_m = 0.03, kWheelsRad = 0.06;  // what wheels may miss within a step
-constexpr double kLeast_m = 0.001, kLeastRad = 0.001;  // nothing is known better
+constexpr int kAside = 3;             // echoes on either side that define a line
+constexpr double kCorrelation = 7.0;  // neighbouring echoes share their line
+constexpr double kWindow_rad = 0.15;  // bearings searched for a correspondence
+constexpr double kFlat = 0.1;         // largest relative step of the range along one surface
+constexpr double kUneven_m = 0.003;   // m, roughness of surfaces, beside the noise of the echoes
+constexpr double kWheels_m = 0.03, kWheelsRad = 0.06;  // m, rad, σ of the wheels' error within a step
+constexpr double kLeast_m = 0.001, kLeastRad = 0.001;  // m, rad, lower bound of σ
 constexpr int kIterations = 10, kFewest = 30;
 constexpr double kCauchySigmas = 3.0;
-constexpr double kFirst_m = 0.30, kThen_m = 0.10;  // how far the same surface may seem off
+constexpr double kFirst_m = 0.30,
+                 kThen_m =
+                     0.10;  // m, largest distance of a correspondence, in the first and in later iterations
 constexpr int kFirstIterations = 4;
 
 Pose2 right(const Pose2& pose, const Eigen::Vector3d& step) {
@@ -30,7 +32,7 @@ void ScanMatcher::fitLines() {
   lines_.assign(n, Line{});
   for (std::size_t i = 0; i < n; ++i) {
     if (!before_.closed && (i < kAside || i + kAside >= n)) continue;
-    if (!before_.at(i).stands) continue;
+    if (!before_.at(i).is_static) continue;
     Line line;
     bool one = true;
     for (int k = -kAside; k <= kAside && one; ++k) {

@@ -4,19 +4,19 @@
 
 namespace omnifleet::laser {
 
-/// A robot's motion between two of its scans: what stands has not moved. Point to line, as Censi 2008, "An
-/// ICP variant using a point-to-line metric", with two departures: wheels are a weak prior, so that a
-/// corridor or a bare room changes nothing along itself, and what fits badly counts little (Cauchy) instead
-/// of being trimmed: other robots drive. In a room without walls they may be most of what is seen: what is to
-/// be matched says Beam::stands.
+/// Motion between two scans, assuming that the surroundings are static. Point to line, as Censi 2008, "An ICP
+/// variant using a point-to-line metric", with two departures: the wheels are a weak prior, so that a
+/// corridor or an empty room changes nothing along itself. Points with a large residual lose weight (Cauchy)
+/// instead of being trimmed, because other robots move. In a room without walls robots may be most of the
+/// scan: only beams with Beam::is_static define lines.
 class ScanMatcher {
  public:
-  /// `wheels`, corrected where this scan and the one before tell. Wheels that report once per scan say
-  /// nothing of how their speed changed since. The scan is remembered.
-  /// @param origin_m the scanner in base_link. Motions that are not valid stay as they are.
+  /// Returns `wheels`, corrected where this scan and the previous one determine the motion. Wheels that
+  /// report once per scan do not show how their speed changed since. Stores the scan.
+  /// @param origin_m the scanner in base_link. A motion that is not valid is returned unchanged.
   Motion refine(const Beams& scan, const Eigen::Vector2d& origin_m, double range_sigma_m,
                 const Motion& wheels);
-  /// The next scan has no predecessor.
+  /// Clears the stored scan: the next scan has no predecessor.
   void forget() { before_.beam.clear(); }
 
  private:

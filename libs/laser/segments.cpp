@@ -6,9 +6,9 @@
 namespace omnifleet::laser {
 namespace {
 
-/// One surface from beam `a` to its neighbour `b`.
-bool together(const Beam& a, const Beam& b, double spacing_rad, double range_sigma_m,
-              const SegmentOptions& o) {
+/// True if beam `a` and its neighbour `b` hit one surface.
+bool areConnected(const Beam& a, const Beam& b, double spacing_rad, double range_sigma_m,
+                  const SegmentOptions& o) {
   if (a.echo != Echo::kHit || b.echo != Echo::kHit) return false;
   const double grazing = std::max(o.grazing_deg * M_PI / 180.0, 1.5 * spacing_rad);
   const double reach =
@@ -17,7 +17,7 @@ bool together(const Beam& a, const Beam& b, double spacing_rad, double range_sig
   return (a.point_m - b.point_m).norm() <= reach;
 }
 
-/// Whether what lies at `end` goes on unseen on the side of its neighbour.
+/// True if the surface at `end` may continue, hidden, on the side of the neighbour.
 bool isHidden(const Beam& end, const Beam* neighbour) {
   if (neighbour == nullptr || neighbour->echo == Echo::kBlind) return true;
   return neighbour->echo == Echo::kHit && neighbour->range_m < end.range_m;
@@ -37,9 +37,9 @@ void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& op
               std::vector<Segment>& out) {
   out.clear();
   const std::size_t n = beams.size();
-  const auto linked = [&](std::size_t i) {  // beam i with the one before it
+  const auto linked = [&](std::size_t i) {  // beam i with the previous one
     if (i % n == 0 && !beams.closed) return false;
-    return together(beams.at(i + n - 1), beams.at(i), beams.spacing_rad, range_sigma_m, options);
+    return areConnected(beams.at(i + n - 1), beams.at(i), beams.spacing_rad, range_sigma_m, options);
   };
   std::size_t start = 0;
   while (start < n && linked(start)) ++start;
@@ -54,7 +54,7 @@ void segments(const Beams& beams, double range_sigma_m, const SegmentOptions& op
     return seam && !beams.closed ? nullptr : &beams.at(before ? i + n - 1 : i + 1);
   };
   for (Segment& s : out) {
-    if (s.count == n) continue;  // it has no end
+    if (s.count == n) continue;  // a closed surface has no end
     const std::size_t last = s.first + s.count - 1;
     s.hidden_before = isHidden(beams.at(s.first), neighbour(s.first, true));
     s.hidden_after = isHidden(beams.at(last), neighbour(last, false));

@@ -22,12 +22,12 @@ std::string lower(std::string text) {
   throw options::Error(fmt::format("{}: {}", path, problem));
 }
 
-/// What every calibration file says in its own words.
+/// The numbers that every calibration file states, each format under its own keys.
 struct Intrinsics {
   int width_px = 0, height_px = 0;
-  std::vector<double> camera_matrix;  ///< 9 values, row by row
+  std::vector<double> camera_matrix;  ///< 9 values, row-major
   std::vector<double> distortion;
-  bool fisheye = false;  ///< OpenCV's fisheye model, else its pinhole
+  bool fisheye = false;  ///< OpenCV's fisheye model; otherwise its pinhole model
 };
 
 void toModel(const std::string& path, const Intrinsics& in, CameraModel& model) {
@@ -36,8 +36,8 @@ void toModel(const std::string& path, const Intrinsics& in, CameraModel& model) 
   if (in.height_px > 0) model.image_height_px = in.height_px;
   if (model.image_width_px <= 0 || model.image_height_px <= 0) {
     fail(path,
-         "image_width, image_height: are missing; add them, or name this file under `calibration:` in a "
-         "sensor.yaml that has them");
+         "image_width, image_height: missing; add them, or refer to this file under `calibration:` in a "
+         "sensor.yaml that states them");
   }
   model.kind = in.fisheye ? CameraKind::kFisheye : CameraKind::kPinhole;
   model.projection = in.fisheye ? Projection::kKannalaBrandt : Projection::kPinhole;
@@ -101,7 +101,7 @@ void readOpenCv(const std::string& path, const std::string& text, CameraModel& m
       if (key == "fisheyemodel") in.fisheye = node.isInt() && static_cast<int>(node) != 0;
       if (key == "distortionmodel") in.fisheye = isFisheyeName(node.string());
       if (key == "xi" && node.isReal() && node.real() != 0.0)
-        fail(path, "xi: omnidir models are read as ocam only");
+        fail(path, "xi: the omnidir model is not supported; calibrate the lens as ocam");
       if (key == "positionm") readVector3(node, model.position_m);
       if (key == "rotationrpydeg") readVector3(node, model.rotation_rpy_deg);
       if (key == "selfmaskradiuspx") model.self_mask_radius_px = node.real();
@@ -121,7 +121,7 @@ std::vector<double> numbers(const std::string& path, const YAML::Node& node, con
   }
 }
 
-/// ROS camera_info as the `camera_calibration` tool writes it: OpenCV's keys in plain YAML.
+/// ROS camera_info as the `camera_calibration` tool writes it: the keys of OpenCV in plain YAML.
 void readCameraInfo(const std::string& path, const YAML::Node& root, CameraModel& model) {
   Intrinsics in;
   in.width_px = root["image_width"].as<int>(0);
@@ -134,7 +134,7 @@ void readCameraInfo(const std::string& path, const YAML::Node& root, CameraModel
   toModel(path, in, model);
 }
 
-/// Kalibr's camchain: its first camera. T_cam_imu is not a pose in base_link and is left aside.
+/// The first camera of a Kalibr camchain. T_cam_imu is ignored, because it is not a pose in base_link.
 void readKalibr(const std::string& path, const YAML::Node& camera, CameraModel& model) {
   const auto at = [&](const char* key) {
     if (!camera[key])
@@ -146,7 +146,7 @@ void readKalibr(const std::string& path, const YAML::Node& camera, CameraModel& 
   const std::vector<double> f = numbers(path, at("intrinsics"), "cam0.intrinsics");
   const std::vector<double> size = numbers(path, at("resolution"), "cam0.resolution");
   if (f.size() != 4 || size.size() != 2)
-    fail(path, "cam0: intrinsics are [fu, fv, pu, pv], resolution [width, height]");
+    fail(path, "cam0: intrinsics must be [fu, fv, pu, pv], resolution must be [width, height]");
   Intrinsics in{static_cast<int>(size[0]),
                 static_cast<int>(size[1]),
                 {f[0], 0, f[2], 0, f[1], f[3], 0, 0, 1},
@@ -167,7 +167,8 @@ void readKalibr(const std::string& path, const YAML::Node& camera, CameraModel& 
 bool readForeignCalibration(const std::string& path, CameraModel& model) {
   std::ifstream file(path);
   std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);  // a byte order mark, at which OpenCV stumbles
+  if (text.rfind("\xEF\xBB\xBF", 0) == 0)
+    text.erase(0, 3);  // a byte order mark, which OpenCV does not accept
   if (text.rfind("%YAML", 0) == 0 || text.rfind("<?xml", 0) == 0) {
     readOpenCv(path, text, model);
     return true;
@@ -186,7 +187,7 @@ bool readForeignCalibration(const std::string& path, CameraModel& model) {
   } catch (const YAML::BadConversion& error) {
     throw options::Error(fmt::format("{}:{}: unexpected type of value", path, error.mark.line + 1));
   } catch (const YAML::Exception&) {
-    return false;  // the ordinary reader says what is wrong, with its line
+    return false;  // the options reader reports the error with its line
   }
   return false;
 }

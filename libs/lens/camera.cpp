@@ -10,34 +10,38 @@
 namespace omnifleet::lens {
 namespace {
 
-/// Rays flatter than this (radians) count as parallel to the floor.
+/// Rays whose z component (unit ray) is below this count as parallel to the floor.
 constexpr double kHorizon = 1e-9;
 
 void check(bool good, const std::string& problem) {
   if (!good) throw options::Error(problem);
 }
 
-/// Number of values in `distortion` that the projection takes.
+/// Throws options::Error unless `distortion` has a number of values that the projection accepts.
 void checkDistortion(const CameraModel& model) {
   const std::size_t n = model.distortion.size();
   for (const double value : model.distortion)
     check(std::isfinite(value), "distortion: must be finite numbers");
   switch (model.projection) {
     case Projection::kKannalaBrandt:
-      check(n == 0 || n == 4, fmt::format("distortion: kannala_brandt takes k1, k2, k3, k4, here are {}", n));
+      check(n == 0 || n == 4,
+            fmt::format("distortion: kannala_brandt needs 4 values (k1, k2, k3, k4) or none, got {}", n));
       return;
     case Projection::kOcam:
       check(n >= 5,
-            fmt::format("distortion: ocam takes [ss0, ss1, …, c, d, e], at least 5 values, here are {}", n));
+            fmt::format("distortion: ocam needs at least 5 values ([ss0, ss1, …, c, d, e]), got {}", n));
       return;
     case Projection::kPinhole:
       check(
           n == 0 || n == 4 || n == 5 || n == 8,
-          fmt::format("distortion: pinhole takes k1, k2, p1, p2, k3 (or 8 with k4, k5, k6), here are {}", n));
+          fmt::format(
+              "distortion: pinhole needs 0, 4, 5 (k1, k2, p1, p2, k3) or 8 values (with k4, k5, k6), got {}",
+              n));
       return;
     default:
       for (const double value : model.distortion) {
-        check(value == 0.0, "distortion: only kannala_brandt, ocam and pinhole have distortion");
+        check(value == 0.0,
+              "distortion: must be zero; only kannala_brandt, ocam and pinhole have distortion");
       }
   }
 }
@@ -59,7 +63,7 @@ std::unique_ptr<const Lens> Lens::make(const CameraModel& model) {
 }
 
 Eigen::Isometry3d CameraModel::parentFromCamera() const {
-  Eigen::Matrix3d r0;  // columns: image right, image down, viewing direction
+  Eigen::Matrix3d r0;  // columns: image right, image down, optical axis
   r0 << 0, -1, 0,      //
       -1, 0, 0,        //
       0, 0, -1;

@@ -48,7 +48,8 @@ void readName(const options::Section& section, const std::string& key, const std
   }
 }
 
-/// The image size and, where `calibration` names a file of OpenCV or Kalibr, its intrinsics.
+/// Reads the image size and, if `calibration` names an OpenCV or Kalibr file, the intrinsics from it. True in
+/// that case.
 bool readCalibration(const options::Section& section, CameraModel& model) {
   const options::Range size{1, 32768};
   std::string file;
@@ -82,7 +83,7 @@ void readKind(const options::Section& section, bool from_file, CameraModel& mode
   readName(section, "projection", kProjections, model.projection);
 }
 
-// Beyond these it is another unit.
+// Values outside these ranges indicate a wrong unit.
 constexpr options::Range kFocal_px{0.1, 1e6};
 constexpr double kFarthest_m = 100.0;
 
@@ -96,7 +97,7 @@ void readFocal(const options::Section& section, Eigen::Vector2d& focal_px) {
   }
 }
 
-/// What a sensor.yaml may leave out, given what it says.
+/// Fills keys that a sensor.yaml may omit; reports those it must not omit.
 void fillDefaults(const options::Section& section, bool known_intrinsics, CameraModel& model) {
   if (model.kind == CameraKind::kEquirectangular) {
     if (!section.has("focal_px")) {
@@ -113,7 +114,7 @@ void fillDefaults(const options::Section& section, bool known_intrinsics, Camera
   if (!section.has("principal_point_px")) section.fail("principal_point_px", "is required");
 }
 
-/// Lens::make names the key in its message; this adds file and line.
+/// The message of Lens::make begins with the key. This adds file and line.
 [[noreturn]] void failAtKey(const options::Section& section, const std::string& message) {
   const std::size_t colon = message.find(": ");
   if (colon == std::string::npos) section.fail("distortion", message);
@@ -123,8 +124,8 @@ void fillDefaults(const options::Section& section, bool known_intrinsics, Camera
 void checkLens(const options::Section& section, CameraModel& model) {
   if (model.projection == Projection::kStereographic && model.fov_deg > kWidest_deg)
     section.fail("fov_deg",
-                 fmt::format("a stereographic lens has no image at 180° from its axis (r = 2 f tan θ/2): "
-                             "at most {:g}",
+                 fmt::format("must be at most {:g}: a stereographic lens has no image at 180° from its axis "
+                             "(r = 2 f tan θ/2)",
                              kWidest_deg));
   const bool has_field =
       model.kind != CameraKind::kEquirectangular && model.projection != Projection::kPinhole;
@@ -194,7 +195,7 @@ double widestFovDeg(CameraModel model) {
   };
   double low = 1.0, high = model.projection == Projection::kOrthographic ? 180.0 : kWidest_deg;
   if (!invertible(high)) {
-    if (!invertible(low)) Lens::make(model);  // says why
+    if (!invertible(low)) Lens::make(model);  // throws the reason
     for (int i = 0; i < 30; ++i) {
       const double middle = 0.5 * (low + high);
       (invertible(middle) ? low : high) = middle;

@@ -59,12 +59,14 @@ CorrectionOptions CorrectionOptions::read(const options::Section& section) {
 
 double fittedFocalPx(const Camera& sensor, double range_m) {
   const auto pixels = floorPixels(sensor, range_m);
-  if (pixels.empty()) throw options::Error("camera: sees no floor to which eq. 6-7 could be fitted");
+  if (pixels.empty())
+    throw options::Error(
+        "camera: sees no floor, so eq. 6-7 cannot be fitted; check position_m and rotation_rpy_deg");
   double farthest = 1.0;
   for (const FloorPixel& p : pixels)
     farthest = std::max(farthest, (p.pixel - sensor.model().principal_point_px).norm());
   const auto at = [&](double focal) { return misfit(sensor, focal, pixels, range_m); };
-  // The misfit has several valleys while points drop out: a coarse search first, then thirds.
+  // The misfit has several minima where points drop out. So a coarse search comes first, then ternary search.
   constexpr int kSteps = 120;
   const double low = 0.25 * farthest, ratio = std::pow(16.0, 1.0 / kSteps);
   int best = 0;

@@ -19,7 +19,7 @@ class EquirectangularLens : public Lens {
 
   std::optional<Eigen::Vector3d> rayFromPixel(const Eigen::Vector2d& pixel) const override {
     const Eigen::Vector2d angles = (pixel - centre_).cwiseQuotient(focal_);
-    // Half a pixel beyond ±180° is the outer half of the border's pixels.
+    // The outer half of the border pixels lies up to half a pixel beyond ±180°.
     const double slack = 0.5 / focal_.x() + kEdgeSlack_rad;
     if (!(std::abs(angles.x()) <= M_PI + slack)) return std::nullopt;
     if (!(std::abs(angles.y()) <= 0.5 * M_PI + kEdgeSlack_rad)) return std::nullopt;

@@ -9,7 +9,7 @@
 namespace omnifleet::lens {
 namespace {
 
-/// ρ(θ) of the four closed forms.
+/// ρ(θ) of the four closed-form projections.
 class ClosedForm {
  public:
   explicit ClosedForm(Projection projection) : projection_(projection) {}
@@ -107,7 +107,7 @@ class RadialLens : public Lens {
 
   Eigen::Vector2d focal_, centre_;
   Profile profile_;
-  bool open_ = false;  ///< the projection ends before the field of view does
+  bool open_ = false;  ///< the projection ends before the field of view
   double end_rad_ = 0.0, end_radius_ = 0.0;
 };
 
@@ -115,7 +115,7 @@ class RadialLens : public Lens {
 
 std::string breakMessage(const CameraModel& model, double break_rad) {
   return fmt::format(
-      "distortion: the lens cannot be inverted beyond {:.2f}° from its axis, fov_deg {:g} needs {:g}°",
+      "distortion: the lens cannot be inverted beyond {:.2f}° from its axis; fov_deg {:g} needs {:g}°",
       break_rad / kDegree, model.fov_deg, 0.5 * model.fov_deg);
 }
 

@@ -11,8 +11,8 @@ const float kNaN = std::numeric_limits<float>::quiet_NaN();
 FloorTable::FloorTable(const Camera& camera, int step_px)
     : camera_(camera), step_px_(step_px), position_m_(camera.model().position_m.cast<float>()) {
   if (step_px < 1) throw options::Error("FloorTable: step_px must be at least 1");
-  // Pixel i covers [i − 0.5, i + 0.5]: the lattice starts one pixel before the first and ends behind the
-  // last.
+  // Pixel i spans [i − 0.5, i + 0.5]. So the lattice begins one pixel before the first pixel and ends behind
+  // the last.
   columns_ = (camera.model().image_width_px + step_px) / step_px + 2;
   rows_ = (camera.model().image_height_px + step_px) / step_px + 2;
   inverse_step_ = 1.0f / static_cast<float>(step_px);

@@ -7,24 +7,24 @@
 
 namespace omnifleet::lens {
 
-/// Floor point per pixel from a table, for contours: the lens is evaluated once per camera, on a lattice.
-/// The table holds rays (in the parent frame, as float), which stay smooth up to and beyond the horizon where
-/// floor points run to infinity; between lattice points the ray is interpolated bilinearly and then cut with
-/// the plane. Error against Camera::planeFromPixel: see tests/unit/lens/floor_table_test.cpp.
+/// Floor point per pixel from a table, for contours. The lens is evaluated once per camera, on a lattice. The
+/// table stores rays (parent frame, float), which are smooth up to and beyond the horizon, where floor points
+/// tend to infinity. Between lattice points the ray is interpolated bilinearly and then intersected with the
+/// plane. tests/unit/lens/floor_table_test.cpp measures the error against Camera::planeFromPixel.
 class FloorTable {
  public:
-  /// `step_px`: distance of the lattice points, 16 bytes each. The error falls with its square: 4 errs below
-  /// 0.01 px, 8 below 0.04 px (1280×960, up to 4 m, camera at 0.5 m).
+  /// `step_px`: spacing of the lattice points (16 bytes each). The error grows with its square: below 0.01 px
+  /// for 4, below 0.04 px for 8 (1280×960, up to 4 m, camera at 0.5 m).
   explicit FloorTable(const Camera& camera, int step_px = 4);
 
-  /// Point of the plane z = plane_height_m in the parent frame, metres; NaN above the horizon, outside the
-  /// image or outside the field of view. Any sub-pixel position.
+  /// Point of the plane z = plane_height_m in the parent frame, metres, at any sub-pixel position. NaN above
+  /// the horizon, outside the image or outside the field of view.
   Eigen::Vector2f at(float u_px, float v_px, float plane_height_m = 0.0f) const;
 
-  /// Fetches what at() needs of the table.
+  /// Prefetches the entries that at() needs.
   void prefetch(float u_px, float v_px) const;
 
-  /// Unit-length ray in the parent frame (to the accuracy of the table); NaN where nothing is seen.
+  /// Ray in the parent frame, of unit length within the accuracy of the table. NaN outside the field of view.
   Eigen::Vector3f ray(float u_px, float v_px) const;
 
  private:

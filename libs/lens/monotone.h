@@ -7,8 +7,8 @@
 
 namespace omnifleet::lens {
 
-/// x in [low, high] with f(x) = target, f increasing there; `value_and_slope(x)` gives {f, f'}. Newton's
-/// method kept inside a shrinking bracket, to the last digits of a double.
+/// Solves f(x) = target for x in [low, high], where f increases; `value_and_slope(x)` returns {f, f'}.
+/// Newton's method inside a shrinking bracket, to double precision.
 template <typename Function>
 double solveIncreasing(const Function& value_and_slope, double target, double low, double high,
                        double guess) {
@@ -26,9 +26,8 @@ double solveIncreasing(const Function& value_and_slope, double target, double lo
   return x;
 }
 
-/// The first x in (0, high] where `slope` is not positive, found on a grid and refined; nothing where f
-/// increases throughout. A dip narrower than high/steps is missed (the profiles are polynomials of low
-/// degree).
+/// First x in (0, high] where `slope` is not positive, found on a grid and refined. Empty if f increases
+/// throughout. A dip narrower than high/steps is missed; the profiles are polynomials of low degree.
 template <typename Slope>
 std::optional<double> firstBreak(const Slope& slope, double high, int steps = 4000) {
   double low = 0.0;

@@ -8,8 +8,8 @@
 namespace omnifleet::lens {
 namespace {
 
-/// Optical frame here: x right (columns), y down (rows), z forward. OCamCalib's is x along rows, y along
-/// columns, z backward, hence the swap and the sign of the polynomial.
+/// Optical frame of this project: x right (columns), y down (rows), z forward. OCamCalib: x along rows, y
+/// along columns, z backward. Hence the swap and the sign of the polynomial.
 class OcamLens : public Lens {
  public:
   explicit OcamLens(const CameraModel& model) : centre_(model.principal_point_px) {
@@ -61,7 +61,7 @@ class OcamLens : public Lens {
     return {std::atan2(rho, z), (z - rho * slope) / (rho * rho + z * z)};
   }
 
-  /// Where θ(ρ) reaches the edge of the field of view; refused where θ turns back, or ends, before.
+  /// Finds the radius where θ(ρ) reaches the edge of the field of view. Throws if θ stops increasing before.
   void findEnd(const CameraModel& model) {
     end_rad_ = 0.5 * model.fov_deg * kDegree + kEdgeSlack_rad;
     const double limit = 4.0 * std::hypot(model.image_width_px, model.image_height_px) + 4.0 * z_[0];
@@ -75,7 +75,7 @@ class OcamLens : public Lens {
   }
 
   Eigen::Vector2d centre_;
-  std::vector<double> z_;  ///< z(ρ) = Σ z_i ρ^i, pixels, forward
+  std::vector<double> z_;  ///< z(ρ) = Σ z_i ρ^i, pixels, z forward
   Eigen::Matrix2d affine_, inverse_;
   double end_rad_ = 0.0, end_radius_ = 0.0;
 };

@@ -48,12 +48,12 @@ class PinholeLens : public Lens {
     const double bottom = 1.0 + s * (k_[5] + s * (k_[6] + s * k_[7]));
     const double top_slope = 2.0 * r * (k_[0] + s * (2.0 * k_[1] + s * 3.0 * k_[4]));
     const double bottom_slope = 2.0 * r * (k_[5] + s * (2.0 * k_[6] + s * 3.0 * k_[7]));
-    if (!(bottom > 0.0)) return {0.0, -1.0};  // a pole: not invertible from here on
+    if (!(bottom > 0.0)) return {0.0, -1.0};  // a pole: not invertible beyond it
     return {r * top / bottom,
             top / bottom + r * (top_slope * bottom - top * bottom_slope) / (bottom * bottom)};
   }
 
-  /// OpenCV's distortion of a point of the plane z = 1, with its Jacobian.
+  /// OpenCV's distortion of a point on the plane z = 1, with its Jacobian.
   Eigen::Vector2d distort(const Eigen::Vector2d& p, Eigen::Matrix2d& jacobian) const {
     const double x = p.x(), y = p.y(), s = x * x + y * y, r = std::sqrt(s), p1 = k_[2], p2 = k_[3];
     const auto [g, slope] = radial(r);
@@ -69,7 +69,7 @@ class PinholeLens : public Lens {
             y * ratio + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y};
   }
 
-  /// The radial part by bracketed Newton (exact), then Newton in two dimensions for the tangential part.
+  /// Radial part by bracketed Newton (exact), then the tangential part by Newton in two dimensions.
   std::optional<Eigen::Vector2d> undistort(const Eigen::Vector2d& d) const {
     const double distorted = d.norm();
     if (!std::isfinite(distorted) || (!tangential_ && distorted > end_distorted_)) return std::nullopt;
@@ -91,7 +91,7 @@ class PinholeLens : public Lens {
     return solved && p.norm() <= end_ ? std::optional<Eigen::Vector2d>(p) : std::nullopt;
   }
 
-  /// The middles of the image's edges must be seen; corners beyond the invertible range are merely blind.
+  /// The middles of the image edges must be visible. Corners may lie beyond the invertible range.
   void checkImage(const CameraModel& model, double end_rad) const {
     const double right = model.image_width_px - 1.0, bottom = model.image_height_px - 1.0;
     const std::array<Eigen::Vector2d, 4> middles{
@@ -99,7 +99,7 @@ class PinholeLens : public Lens {
     for (const Eigen::Vector2d& middle : middles) {
       if (rayFromPixel(middle)) continue;
       throw options::Error(
-          fmt::format("distortion: the lens cannot be inverted beyond {:.2f}° from its axis, which does not "
+          fmt::format("distortion: the lens cannot be inverted beyond {:.2f}° from its axis and does not "
                       "reach pixel ({:g}, {:g})",
                       end_rad / kDegree, middle.x(), middle.y()));
     }

@@ -8,11 +8,11 @@ namespace omnifleet::lens {
 namespace {
 
 constexpr double kLeastSlope = 0.05;
-constexpr double kStraight = 1e-6;                 // below it sin x is x
-constexpr double kLeastKappa = -3.0, kMost = 2.0;  // bent as no lens is
+constexpr double kStraight = 1e-6;                 // below it sin x equals x
+constexpr double kLeastKappa = -3.0, kMost = 2.0;  // beyond the curvature of any real lens
 constexpr double kAngle = M_PI / 3.0, kStep = 1e-3;
 
-/// Pixels from the picture of the axis, the mean over the turn; nothing beyond the field of view.
+/// Distance in pixels from the image of the axis, averaged over the azimuth. Empty beyond the field of view.
 std::optional<double> radiusOf(const Lens& lens, double theta_rad) {
   constexpr int kBearings = 8;
   const auto axis = lens.pixelFromRay({0.0, 0.0, 1.0});

@@ -4,15 +4,16 @@
 
 namespace omnifleet::lens {
 
-/// How a lens spreads angles θ from its axis over its picture, in one number: r = F·sin(√κ·θ)/√κ. κ is 1 for
-/// the orthographic projection, 1/4 for the equisolid one, 0 for the equidistant one; with κ < 0 (sinh) the
-/// stereographic one is met within 3 % up to 75°. An error of one pixel is another angle near the rim than in
-/// the middle.
+/// Radial projection of a lens in one number: r = F·sin(√κ·θ)/√κ, θ from the axis. κ is 1 for the
+/// orthographic projection, 1/4 for equisolid, 0 for equidistant. For κ < 0 (sinh), it matches the
+/// stereographic projection within 3 % up to 75°. It gives the angle that corresponds to an error of one
+/// pixel, which differs between image centre and rim.
 class Spread {
  public:
   Spread() = default;  ///< equidistant
   explicit Spread(double kappa);
-  /// Of a camera as it is: κ that gives its r/r′ at 60° from the axis, or where its field of view ends.
+  /// κ that reproduces r/r′ of the camera at 60° from the axis, or at 90 % of half its field of view if that
+  /// is less (pinhole: at 30°).
   static Spread of(const Camera& camera);
 
   double kappa() const { return kappa_; }

@@ -4,7 +4,7 @@
 
 namespace omnifleet::markers {
 
-/// Windows that overlap or touch become one.
+/// Merges windows that overlap or touch.
 void BlobFinder::separate(const std::vector<cv::Rect>& windows) {
   windows_.clear();
   for (cv::Rect window : windows) {

@@ -25,10 +25,10 @@ struct Blob {
 /// Run-length labelling with union–find; buffers are reused between images.
 class BlobFinder {
  public:
-  /// Blobs of at least min_area_px in a BGR image, top to bottom by their first pixel.
+  /// Blobs of at least min_area_px in a BGR image, ordered from top to bottom by their first pixel.
   const std::vector<Blob>& find(const cv::Mat& bgr, const ColourTable& table, int min_area_px);
-  /// Only in these windows, which may overlap; what reaches the edge of one within the image is left out: it
-  /// may go on beyond. The others are exactly those of the whole image.
+  /// Blobs within these windows, which may overlap. A blob that reaches an inner edge of a window is
+  /// excluded, because it may continue beyond. All other blobs equal those of the whole image.
   const std::vector<Blob>& find(const cv::Mat& bgr, const ColourTable& table, int min_area_px,
                                 const std::vector<cv::Rect>& windows);
 
@@ -40,7 +40,7 @@ class BlobFinder {
   void connect();
   int root(int run);
 
-  std::vector<cv::Rect> windows_;  ///< apart from each other, left to right
+  std::vector<cv::Rect> windows_;  ///< disjoint, left to right
   std::vector<Run> runs_;
   std::vector<int> row_begin_, parent_;
   std::vector<Blob> all_, blobs_;

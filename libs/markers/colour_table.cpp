@@ -18,7 +18,7 @@ ColourTable::ColourTable(const std::vector<dataset::Rgb>& colours, const ColourO
   std::vector<Eigen::Vector3d> wanted;
   for (const auto& c : colours) wanted.push_back(chroma({1.0 * c[0], 1.0 * c[1], 1.0 * c[2]}));
   for (int index = 0; index < 32768; ++index) {
-    // Middle of the step of 8 grey levels.
+    // Centre of the step of 8 grey levels.
     const Eigen::Vector3d rgb(8.0 * (index & 31) + 3.5, 8.0 * ((index >> 5) & 31) + 3.5,
                               8.0 * (index >> 10) + 3.5);
     if (rgb.maxCoeff() < options.min_brightness) continue;

@@ -6,7 +6,7 @@
 
 namespace omnifleet::markers {
 namespace {
-constexpr double kLeastCutArea = 0.25;  // of a patch: less of it says too little
+constexpr double kLeastCutArea = 0.25;  // share of a patch; a smaller visible part has too little information
 }
 
 PatchPairs::PatchPairs(const dataset::MarkerSet& markers, const FinderOptions& options)
@@ -32,7 +32,7 @@ std::optional<Pair> PatchPairs::pair(const std::vector<Patch>& patches, std::siz
   const Eigen::Vector2d seen = b.centre_m - a.centre_m, known = individual_m_ - team_m_;
   const double deviation = seen.norm() - known.norm();
   if (a.cut && b.cut) return std::nullopt;
-  // The centroid of a cut patch lies up to half its diagonal off.
+  // The centroid of a cut patch is off by up to half its diagonal.
   const double tolerance = options_.distance_tolerance_m + (a.cut || b.cut ? 0.35 * size_m_.norm() : 0.0);
   if (std::abs(deviation) > tolerance) return std::nullopt;
 
@@ -48,8 +48,8 @@ std::optional<Pair> PatchPairs::pair(const std::vector<Patch>& patches, std::siz
   const Eigen::Vector2d origin = 0.5 * (a.centre_m + b.centre_m) - Eigen::Rotation2Dd(theta) * middle_in_base;
   d.map_from_base = {origin.x(), origin.y(), wrapAngle(theta)};
 
-  // Two centroids with σ each: the middle has σ/√2, the heading σ√2/distance; the origin turns about the
-  // middle.
+  // Two centroids with σ each: their midpoint has σ/√2, the heading σ√2/distance. The origin rotates about
+  // the midpoint.
   const double sigma = options_.pixel_sigma_px * 0.5 * (a.metres_per_px + b.metres_per_px);
   const double middle_variance = 0.5 * sigma * sigma;
   const double theta_variance = 2.0 * sigma * sigma / known.squaredNorm();

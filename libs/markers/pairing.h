@@ -11,23 +11,23 @@
 
 namespace omnifleet::markers {
 
-/// Team and individual patch taken together.
+/// A team patch combined with an individual patch.
 struct Pair {
-  std::size_t team = 0, individual = 0;  ///< indices of patches
+  std::size_t team = 0, individual = 0;  ///< indices of the patches
   Detection detection;
 };
 
-/// The marker set of kind `patches` as geometry: what a pair must look like, and the pose that follows.
+/// Geometry of a marker set of kind `patches`: tests pairs and computes their pose.
 class PatchPairs {
  public:
   PatchPairs(const dataset::MarkerSet& markers, const FinderOptions& options);
 
-  /// Colours in the order of their classes: the team, then the robots by name.
+  /// Colours in the order of their classes: first the team, then the robots by name.
   const std::vector<dataset::Rgb>& colours() const { return colours_; }
   /// Area of a patch, m².
   double area() const { return size_m_.x() * size_m_.y(); }
 
-  /// Every plausible pair, best first.
+  /// All plausible pairs, best first.
   void find(const std::vector<Patch>& patches, std::vector<Pair>& pairs) const;
 
  private:

@@ -15,7 +15,7 @@
 namespace omnifleet::markers {
 namespace {
 
-constexpr TimeNs kMemory_ns = 500000000;  // how long a robot's last place is held against a jump
+constexpr TimeNs kMemory_ns = 500000000;  // how long the last position of a robot is used to detect jumps
 
 class PatchFinder final : public MarkerFinder {
  public:
@@ -37,10 +37,10 @@ class PatchFinder final : public MarkerFinder {
   const std::vector<Detection>& find(const cv::Mat& bgr, TimeNs time) override {
     if (bgr.type() != CV_8UC3 || bgr.cols != camera_.model().image_width_px ||
         bgr.rows != camera_.model().image_height_px) {
-      throw std::runtime_error("markers: the image is not BGR or not of the camera's size");
+      throw std::runtime_error("markers: the image must be BGR (CV_8UC3) and have the size of the camera");
     }
-    // In the whole image now and then, while a robot of the set may come from anywhere, and at once where one
-    // is not found near its last place.
+    // The whole image is searched every search_every_frames frames, because a robot may appear anywhere. It
+    // is also searched at once if a robot is not found near its last position.
     if (++since_search_ >= options_.search_every_frames || !windowsAround(bgr.size()) ||
         !search(bgr, time, windows_)) {
       windows_.assign(1, cv::Rect({0, 0}, bgr.size()));
@@ -55,7 +55,7 @@ class PatchFinder final : public MarkerFinder {
   struct Trail {
     Pose2 pose;
     TimeNs time_ns = 0;
-    int seen = 0;  ///< frames in a row
+    int seen = 0;  ///< consecutive frames with a detection
   };
 
   bool windowsAround(cv::Size image);
@@ -71,22 +71,22 @@ class PatchFinder final : public MarkerFinder {
   double height_m_;
   PatchPairs pairs_;
   RectangleFit fit_;
-  double reach_m_;      ///< from base_link to the farthest corner of a patch
-  std::size_t robots_;  ///< of the marker set
+  double reach_m_;      ///< m, from base_link to the farthest corner of a patch
+  std::size_t robots_;  ///< number of robots in the marker set
   ColourTable table_;
   BlobFinder blobs_;
-  int since_search_ = 1 << 20;  ///< frames since the whole image was searched
+  int since_search_ = 1 << 20;  ///< frames since the last search of the whole image
   std::vector<cv::Rect> windows_;
   std::vector<Patch> patches_;
   std::vector<Pair> candidates_;
   std::vector<Detection> detections_;
   std::map<std::string, Trail> trails_;
-  TimeNs last_ns_ = 0;  ///< of the frame before
+  TimeNs last_ns_ = 0;  ///< time of the previous frame
 };
 
-/// Where the robots can be now. False unless the last frame showed all of them.
+/// Sets the windows that can contain the robots. False unless all robots were found in the last frame.
 bool PatchFinder::windowsAround(cv::Size image) {
-  constexpr int kMargin_px = 8;  // what sub-pixel refinement looks at around a patch
+  constexpr int kMargin_px = 8;  // margin around a patch for sub-pixel refinement
   windows_.clear();
   const double reach = reach_m_ + options_.window_m;
   for (const auto& [robot, trail] : trails_) {
@@ -107,7 +107,7 @@ bool PatchFinder::windowsAround(cv::Size image) {
   return windows_.size() == robots_ && robots_ > 0;
 }
 
-/// Detections in the windows. False where one of the robots seen in the last frame is not among them.
+/// Detects robots in the windows. False if a robot found in the last frame is missing.
 bool PatchFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows) {
   collectPatches(bgr, windows);
   pairs_.find(patches_, candidates_);
@@ -133,7 +133,7 @@ void PatchFinder::collectPatches(const cv::Mat& bgr, const std::vector<cv::Rect>
   }
 }
 
-/// A pair where its robot just was beats an equal one elsewhere.
+/// Prefers a pair near the last position of its robot over an equal one elsewhere.
 void PatchFinder::preferContinuity(TimeNs time) {
   for (Pair& pair : candidates_) {
     const auto trail = trails_.find(pair.detection.robot);
@@ -153,7 +153,7 @@ bool PatchFinder::confirmed(const Detection& detection, TimeNs time) {
   trail.seen = recent && jump <= options_.gate_m ? trail.seen + 1 : 1;
   trail.pose = detection.map_from_base;
   trail.time_ns = time;
-  // After a jump the robot must be seen twice at its new place.
+  // After a jump, the robot must be found twice at the new position.
   const bool jumped = recent && jump > options_.gate_m;
   return trail.seen >= options_.confirm_frames && !jumped;
 }
@@ -212,7 +212,7 @@ std::unique_ptr<MarkerFinder> MarkerFinder::make(const lens::Camera& camera,
     case dataset::MarkerKind::kCoverTailHead:
       break;
   }
-  throw options::Error("markers: kind: only 'patches' has a finder");
+  throw options::Error("markers: kind: must be patches; no detector supports the other kinds");
 }
 
 }  // namespace omnifleet::markers

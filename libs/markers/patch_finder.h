@@ -1,9 +1,10 @@
 #pragma once
 
-// Robots from their colour patches in a ceiling image (Choi et al. 2014 §V.2, Fig. 19: the team patch is the
-// position, the line to the individual patch the heading). Departures from the paper: chroma normalised by
-// the brightest channel instead of fixed RGB, pairs checked in metres on the plane of the markers, parallax
-// corrected by their height, the position taken from both patches (docs/methods.md, "Ceiling patches").
+// Detects robots by their colour patches in a ceiling image (Choi et al. 2014 §V.2, Fig. 19: the team patch
+// gives the position, the line to the individual patch the heading). Differences to the paper: the chroma is
+// normalised by the brightest channel instead of fixed RGB values, pairs are tested in metres on the plane of
+// the markers, their height corrects the parallax, and both patches give the position
+// (docs/methods/ceiling.md).
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -21,26 +22,26 @@
 namespace omnifleet::markers {
 
 struct FinderOptions {
-  double chroma_tolerance = 0.16;  ///< 1, distance of max-normalised colours that still counts as the patch
+  double chroma_tolerance = 0.16;  ///< 1, maximum distance between max-normalised colours of patch and pixel
   double min_brightness = 40;      ///< grey levels, brightest channel of a patch pixel
   double min_saturation = 0.25;    ///< 1, 1 − min/max of a patch pixel
-  double distance_tolerance_m = 0.012;  ///< m, on the distance between the two patches
+  double distance_tolerance_m = 0.012;  ///< m, tolerance of the distance between the two patches
   double min_area_ratio = 0.45;         ///< 1, blob area ÷ expected patch area
-  double max_area_ratio = 1.8;          ///< 1
-  int border_px = 2;          ///< a blob nearer to the image border is cut: its centroid is not trusted, only
-                              ///< the fit of its visible edges
-  double max_fit_rms = 0.25;  ///< 1, rms of the coverage left by the fit of both rectangles
-  double pixel_sigma_px = 0.15;  ///< px, of a centroid, for the covariance
-  double gate_m = 0.30;          ///< m, a track's jump between frames beyond which it must be seen again
-  int confirm_frames = 1;        ///< detections in a row before a new robot is reported
-  int search_every_frames = 5;   ///< frames: how often the whole image is searched while all robots of the
-                                 ///< set are found near where they were; 1: always
-  double window_m = 0.20;        ///< m, how far a robot may have moved between two frames to be found there
+  double max_area_ratio = 1.8;          ///< 1, see min_area_ratio
+  int border_px = 2;          ///< px; a blob closer to the image border is cut. Its centroid is not used,
+                              ///< only the fit of its visible edges
+  double max_fit_rms = 0.25;  ///< 1, maximum rms of the coverage residuals after the fit of both rectangles
+  double pixel_sigma_px = 0.15;  ///< px, σ of a centroid, for the covariance
+  double gate_m = 0.30;         ///< m, jump between frames beyond which the robot must be found a second time
+  int confirm_frames = 1;       ///< consecutive detections before a new robot is reported
+  int search_every_frames = 5;  ///< frames between searches of the whole image while all robots of the
+                                ///< set are found near their last positions; 1: search every frame
+  double window_m = 0.20;       ///< m, maximum motion of a robot between two frames within its window
 
   static FinderOptions read(const options::Section& section);
 };
 
-/// One robot in one image.
+/// Detection of one robot in one image.
 struct Detection {
   std::string robot;
   Pose2 map_from_base;
@@ -49,15 +50,16 @@ struct Detection {
   double score = 0.0;  ///< lower is better: sum of squared normalised deviations of distance and areas
 };
 
-/// A marker kind's finder; `team + individual patch` is one, other kinds derive likewise.
+/// Interface of a marker detector. Each marker kind derives a class; `patches` is implemented.
 class MarkerFinder {
  public:
   virtual ~MarkerFinder() = default;
-  /// Robots in a BGR image (CV_8UC3, the camera's size; throws std::runtime_error otherwise), sorted by
-  /// robot, at most one per robot. Times increase.
+  /// Detects the robots in a BGR image, sorted by name, at most one detection per robot. Times must increase.
+  /// Throws std::runtime_error unless the image is CV_8UC3 and has the size of the camera.
   virtual const std::vector<Detection>& find(const cv::Mat& bgr, TimeNs time) = 0;
 
-  /// The finder for the set's kind. Throws options::Error for a kind that has none.
+  /// Creates the detector for the kind of the marker set. Throws options::Error for a kind without a
+  /// detector.
   static std::unique_ptr<MarkerFinder> make(const lens::Camera& camera, const dataset::MarkerSet& markers,
                                             const FinderOptions& options);
 };

@@ -9,11 +9,11 @@ namespace {
 
 constexpr int kIterations = 5;
 constexpr double kSettled =
-    1e-5;  // metres and radians: a smaller step ends the iteration, the next is far below 1 µm
-constexpr double kBlur_px = 0.45;       // σ of a camera's point spread with the pixel's own width
-constexpr double kCoverageSigma = 0.1;  // of one pixel's coverage: colour noise and compression
+    1e-5;  // metres and radians: below this step the iteration ends; the next step is far below 1 µm
+constexpr double kBlur_px = 0.45;       // σ of the camera's point spread, including the width of a pixel
+constexpr double kCoverageSigma = 0.1;  // σ of the coverage of one pixel: colour noise and compression
 
-/// Standard normal distribution and density from a table, to 1e-8.
+/// Standard normal distribution and density from a table, accurate to 1e-8.
 class NormalTable {
  public:
   NormalTable() {
@@ -33,7 +33,7 @@ class NormalTable {
     const int i = static_cast<int>((t + kReach) * kPerUnit + 0.5);
     const double node = static_cast<double>(i) / kPerUnit - kReach, d = t - node;
     const Value& v = nodes_[static_cast<std::size_t>(i)];
-    // Taylor: the derivatives of the density are the density times Hermite's polynomials.
+    // Taylor expansion: the derivatives of the density are the density times Hermite polynomials.
     const double h2 = node * node - 1.0, h3 = node * (node * node - 3.0);
     return {v.distribution + v.density * d * (1.0 - d * (node / 2.0 - d * h2 / 6.0)),
             v.density * (1.0 - d * (node - d * (h2 / 2.0 - d * h3 / 6.0)))};
@@ -44,7 +44,8 @@ class NormalTable {
   std::array<Value, kNodes + 1> nodes_{};
 };
 
-/// Part of a blurred interval [−half, half] at u, and its derivative; `sharpness` is 1 ÷ the blur's σ.
+/// Value at u of an interval [−half, half] blurred by a Gaussian, and its derivative. `sharpness` is 1/σ of
+/// the blur.
 struct Box {
   double value, slope;
 };
@@ -80,8 +81,8 @@ void RectangleFit::accumulate(const Patch& patch, const Eigen::Vector2d& offset_
     const double residual = sample.coverage - x.value * y.value;
     normal.squares += residual * residual;
     const Eigen::Vector2d gradient(x.slope * y.value, x.value * y.slope);
-    if (gradient.isZero(0.0)) continue;  // well outside
-    // A right perturbation (dx, dy, dθ) of the pose moves the sample by the opposite in base_link.
+    if (gradient.isZero(0.0)) continue;  // well outside the patch
+    // A right perturbation (dx, dy, dθ) of the pose moves the sample by the opposite amount in base_link.
     const Eigen::Vector3d jacobian(-gradient.x(), -gradient.y(),
                                    gradient.x() * in_base.y() - gradient.y() * in_base.x());
     normal.h += jacobian * jacobian.transpose();
@@ -94,7 +95,7 @@ bool RectangleFit::refine(const Patch& team, const Patch& individual, Detection&
   const bool cut = team.cut || individual.cut;
   Pose2 pose = detection.map_from_base;
   Normal normal;
-  // A cut patch starts far off: coarse first.
+  // The initial pose of a cut patch has a large error, so the fit starts with a coarse blur.
   for (double blur_px = cut ? 8.0 * kBlur_px : kBlur_px; blur_px >= kBlur_px; blur_px *= 0.5) {
     for (int i = 0; i < kIterations; ++i) {
       normal = Normal();
@@ -114,7 +115,8 @@ bool RectangleFit::refine(const Patch& team, const Patch& individual, Detection&
   if (normal.squares > options_.max_fit_rms * options_.max_fit_rms * static_cast<double>(normal.count))
     return false;
   detection.map_from_base = pose;
-  // Pixels are not independent and lenses not perfect: a floor of pixel_sigma_px on the position.
+  // Errors of neighbouring pixels are correlated and the lens model is not exact. So pixel_sigma_px is a
+  // lower bound for the σ of the position.
   const double floor = std::pow(options_.pixel_sigma_px * metres_per_px, 2) * 0.5;
   detection.covariance = kCoverageSigma * kCoverageSigma * normal.h.inverse();
   detection.covariance.diagonal() +=

@@ -8,16 +8,16 @@
 
 namespace omnifleet::markers {
 
-/// Sharpens a pair's pose by least squares on the coverage of every pixel of both patches: the model is two
-/// rectangles of known size at known places on the robot, blurred by the pixel. All eight edges speak for the
-/// heading, also where the image's border cuts a patch; the line between the centres (Choi et al. 2014 §V.2)
-/// rests on two points only.
+/// Refines the pose of a pair by least squares on the coverage of every pixel of both patches. The model is
+/// two rectangles of known size at known places on the robot, blurred by the pixel. All eight edges determine
+/// the heading, also where the image border cuts a patch. The line between the centres (Choi et al. 2014
+/// §V.2) depends on only two points.
 class RectangleFit {
  public:
   RectangleFit(const dataset::MarkerSet& markers, const FinderOptions& options);
 
-  /// Replaces pose and covariance. False where the two rectangles do not explain what is seen, or the fit
-  /// strays by more than a pixel (half a patch where one is cut): no marker.
+  /// Replaces pose and covariance. False (not a marker) if the two rectangles do not fit the image, or if the
+  /// fit moves by more than 1.5 pixels (half a patch diagonal if one is cut).
   bool refine(const Patch& team, const Patch& individual, Detection& detection) const;
 
  private:

@@ -9,15 +9,15 @@
 namespace omnifleet::markers {
 namespace {
 
-constexpr int kReach_px = 2;  // how far beyond the mask the patch's blurred edge reaches
-constexpr int kRing_px = 4;   // how far the surroundings are looked at
+constexpr int kReach_px = 2;  // distance beyond the mask that the blurred edge of the patch reaches
+constexpr int kRing_px = 4;   // distance up to which the surroundings are sampled
 
 Eigen::Vector3d colourAt(const cv::Mat& bgr, int x, int y) {
   const std::uint8_t* p = bgr.ptr<std::uint8_t>(y) + 3 * x;
   return {1.0 * p[0], 1.0 * p[1], 1.0 * p[2]};
 }
 
-/// Colours seen, for their median per channel.
+/// Histogram of colours for their median per channel.
 class Colours {
  public:
   void add(const cv::Mat& bgr, int x, int y) {
@@ -41,10 +41,11 @@ class Colours {
   int count_ = 0;
 };
 
-/// The blob's box with a margin; distance (chessboard) of every pixel to the blob's class, up to the margin.
+/// Bounding box of the blob with a margin, and the chessboard distance of every pixel to the class of the
+/// blob, up to the margin.
 struct Window {
   int left, top, width, height;
-  std::vector<int> distance;  ///< with a frame of one pixel
+  std::vector<int> distance;  ///< with a border of one pixel
 
   int step() const { return width + 2; }
   std::size_t indexOf(int x, int y) const {
@@ -66,9 +67,9 @@ Window windowOf(const cv::Mat& bgr, const ColourTable& table, const Blob& blob) 
     for (int x = blob.left; x <= blob.right; ++x, ++to)
       if (table.classOf(row + 3 * x) == blob.colour) *to = 0;
   }
-  // Once down and once up again: exact for the chessboard distance.
+  // One pass down and one up are exact for the chessboard distance.
   const int step = w.step();
-  const auto spread = [](int* at, int row, int pixel) {  // offsets of the row before and the pixel before
+  const auto spread = [](int* at, int row, int pixel) {  // offsets to the previous row and the previous pixel
     *at = std::min({*at, at[row - 1] + 1, at[row] + 1, at[row + 1] + 1, at[pixel] + 1});
   };
   for (int y = 0; y < w.height; ++y) {
@@ -82,12 +83,12 @@ Window windowOf(const cv::Mat& bgr, const ColourTable& table, const Blob& blob) 
   return w;
 }
 
-/// The plane under a window, bicubic between 4 × 4 pixels at which the lens is asked: a patch is small beside
-/// the focal length, so that this errs by micrometres.
+/// Points of the plane under a window, by bicubic interpolation between 4 × 4 pixels at which the lens is
+/// evaluated. A patch is small compared with the focal length, so the error is some micrometres.
 class PlaneUnder {
  public:
-  /// False where the plane is not seen all over the window.
-  bool cover(const lens::Camera& camera, double height_m, const Window& w) {
+  /// Evaluates the lens for a window. False unless the plane is visible in all of it.
+  bool setWindow(const lens::Camera& camera, double height_m, const Window& w) {
     for (int k = 0; k < kNodes; ++k) {
       u_[k] = w.left + (w.width - 0.5) * k / (kNodes - 1) - 0.25;
       v_[k] = w.top + (w.height - 0.5) * k / (kNodes - 1) - 0.25;
@@ -115,7 +116,7 @@ class PlaneUnder {
       }
     }
   }
-  /// Of the row set last: the point under column u, and the area of the pixel on the plane, m².
+  /// For the row of the last setRow(): the point under column u, and the area of the pixel on the plane, m².
   void at(int u, Eigen::Vector2d& point, double& area) const {
     const Weights& w = columns_[static_cast<std::size_t>(u - left_)];
     Eigen::Vector2d right(0.0, 0.0), down(0.0, 0.0);
@@ -133,7 +134,7 @@ class PlaneUnder {
   struct Weights {
     double value[kNodes], slope[kNodes];
   };
-  /// Lagrange's polynomials and their derivatives, nodes at equal distances.
+  /// Lagrange polynomials and their derivatives for equidistant nodes.
   static Weights weights(const double (&nodes)[kNodes], double at) {
     const double scale = 1.0 / (nodes[1] - nodes[0]), t = (at - nodes[0]) * scale;
     const double a = t, b = t - 1.0, c = t - 2.0, d = t - 3.0;
@@ -168,7 +169,7 @@ std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const 
 
   const double contrast2 = axis.squaredNorm();
   PlaneUnder plane;
-  if (!plane.cover(camera, plane_height_m, window)) return std::nullopt;
+  if (!plane.setWindow(camera, plane_height_m, window)) return std::nullopt;
   Patch patch;
   patch.colour = blob.colour;
   patch.surround_bgr = around;
@@ -184,7 +185,7 @@ std::optional<Patch> refine(const cv::Mat& bgr, const ColourTable& table, const 
       double area = 0.0;
       plane.at(x, here, area);
       patch.samples.push_back({here, std::clamp(share, 0.0, 1.0)});
-      const double alpha = share < 0.08 ? 0.0 : std::min(share, 1.0);  // noise of the surroundings stays out
+      const double alpha = share < 0.08 ? 0.0 : std::min(share, 1.0);  // excludes noise of the surroundings
       coverage += alpha;
       sum_px += alpha * Eigen::Vector2d(x, y);
       patch.area_m2 += alpha * area;

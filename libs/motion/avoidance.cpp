@@ -7,16 +7,16 @@
 namespace omnifleet::motion {
 namespace {
 
-// A heading without any free way is as bad as straying by this much; one that only comes nearer than wanted,
-// by this.
+// Costs, expressed as heading deviation, of a heading without any free distance and of one that is free with
+// the tight margin only.
 constexpr double kBlockedCostRad = 2.0;
 constexpr double kTightCostRad = 0.5;
 constexpr double kCreepM = 0.01;
-constexpr double kStandsMps = 1e-3;
-constexpr double kShortestLookM = 0.4;   // a robot takes so long to turn aside
-constexpr double kUnseenRadiusM = 0.08;  // of an obstacle that is remembered but not seen
+constexpr double kStandstillMps = 1e-3;
+constexpr double kLeastLookAheadM = 0.4;  // m, a robot needs this distance to turn aside
+constexpr double kUnseenRadiusM = 0.08;   // m, of a remembered obstacle that is not visible
 constexpr int kUnseenPoints = 8;
-constexpr double kKnownPlaceM = 0.15;  // σ beyond which a remembered place is no reason to turn
+constexpr double kKnownPlaceM = 0.15;  // m, remembered positions with a larger σ do not change the heading
 
 Eigen::Vector2d direction(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
@@ -25,11 +25,11 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-/// Way along the unit vector until a disc about `centre` is touched; `limit_m` where it is not. The disc is
-/// `widest_m`, or less for a body that is nearer already, so that it may pass or leave but not come closer;
-/// never below `least_m`.
-double wayToDisc(const Eigen::Vector2d& unit, const Eigen::Vector2d& centre, double least_m, double widest_m,
-                 double limit_m) {
+/// Distance along the unit vector until it touches a disc about `centre`; `limit_m` if it does not. The
+/// radius of the disc is `widest_m`, or less if the centre is already nearer, so that the robot may pass or
+/// leave but not come closer. The radius is never below `least_m`.
+double distanceToDisc(const Eigen::Vector2d& unit, const Eigen::Vector2d& centre, double least_m,
+                      double widest_m, double limit_m) {
   const double reach_m = std::clamp(centre.norm() - kCreepM, least_m, widest_m);
   const double along_m = unit.dot(centre), aside_m = std::abs(cross(unit, centre));
   if (along_m <= 0.0 || aside_m >= reach_m) return limit_m;
@@ -86,7 +86,7 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
     if (track.kind == ObjectKind::kRobot) {
       around.robots.push_back({track.position_m, track.velocity_mps, robot_radius_m});
     } else if (!track.visible && track.covariance.trace() < kKnownPlaceM * kKnownPlaceM) {
-      // Out of sight only its place is known.
+      // Of a track that is not visible only the position is known.
       around.points_m.push_back(track.position_m);
       for (int i = 0; i < kUnseenPoints; ++i) {
         around.points_m.push_back(track.position_m +
@@ -96,38 +96,38 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
   }
 }
 
-double Avoidance::freeWay(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
-                          double margin_m, double limit_m) const {
+double Avoidance::freeDistance(const Surroundings& around, const Eigen::Vector2d& unit, double speed_mps,
+                               double margin_m, double limit_m) const {
   double free_m = limit_m;
   const double least_m = around.radius_m + std::min(margin_m, options_.least_margin_m);
   const double widest_m = around.radius_m + margin_m;
   for (const Eigen::Vector2d& point : around.points_m)
-    free_m = wayToDisc(unit, point, least_m, widest_m, free_m);
+    free_m = distanceToDisc(unit, point, least_m, widest_m, free_m);
   for (const Neighbour& robot : around.robots) {
-    // In the frame of the other robot: what counts is whether both meet within the time looked ahead.
+    // In the frame of the other robot: it counts only if both meet within the prediction horizon.
     const Eigen::Vector2d closing_mps = speed_mps * unit - robot.velocity_mps;
     const double closing = closing_mps.norm();
-    if (closing < kStandsMps) continue;
+    if (closing < kStandstillMps) continue;
     const double limit = closing * options_.predict_s;
-    const double way_m = wayToDisc(closing_mps / closing, robot.position_m, least_m + robot.radius_m,
-                                   widest_m + robot.radius_m, limit);
+    const double way_m = distanceToDisc(closing_mps / closing, robot.position_m, least_m + robot.radius_m,
+                                        widest_m + robot.radius_m, limit);
     if (way_m < limit) free_m = std::min(free_m, way_m / closing * speed_mps);
   }
   return free_m;
 }
 
-double Avoidance::brakable(const Surroundings& around, double forward_mps, double before_mps,
-                           double step_s) const {
+double Avoidance::brakableSpeed(const Surroundings& around, double forward_mps, double before_mps,
+                                double step_s) const {
   const double speed_mps = std::abs(forward_mps), braking_mps2 = options_.braking_mps2;
-  if (speed_mps < kStandsMps) return forward_mps;
+  if (speed_mps < kStandstillMps) return forward_mps;
   const Eigen::Vector2d unit(forward_mps > 0.0 ? 1.0 : -1.0, 0.0);
   const double limit_m = options_.look_ahead_m, reach_m = around.radius_m + options_.least_margin_m;
   double free_m = limit_m;
   for (const Eigen::Vector2d& point : around.points_m)
-    free_m = wayToDisc(unit, point, reach_m, reach_m, free_m);
+    free_m = distanceToDisc(unit, point, reach_m, reach_m, free_m);
   for (const Neighbour& robot : around.robots) {
     const double apart_m = reach_m + robot.radius_m,
-                 way_m = wayToDisc(unit, robot.position_m, apart_m, apart_m, limit_m);
+                 way_m = distanceToDisc(unit, robot.position_m, apart_m, apart_m, limit_m);
     if (way_m >= limit_m) continue;
     const double leaves_mps = robot.velocity_mps.dot(unit);
     const double on_m =
@@ -146,22 +146,22 @@ Avoidance::Result Avoidance::steer(const Surroundings& around, const Eigen::Vect
   chosen_rad_ = wrapAngle(chosen_rad_ - turned_rad);
   const double speed_mps = wanted_mps.norm();
   Result result;
-  if (speed_mps < kStandsMps) {
+  if (speed_mps < kStandstillMps) {
     turning_ = false;
     return result;
   }
   const double wanted_rad = std::atan2(wanted_mps.y(), wanted_mps.x());
-  const double look_m =
-      std::clamp(way_m, std::min(kShortestLookM, options_.look_ahead_m), options_.look_ahead_m);
+  const double look_ahead_m =
+      std::clamp(way_m, std::min(kLeastLookAheadM, options_.look_ahead_m), options_.look_ahead_m);
   double least_cost = std::numeric_limits<double>::infinity(), best_rad = wanted_rad;
   for (int i = 0; i < options_.headings; ++i) {
     const double heading_rad = wanted_rad + wrapAngle(2.0 * M_PI * i / options_.headings);
     const Eigen::Vector2d unit = direction(heading_rad);
-    const double free_m = freeWay(around, unit, speed_mps, options_.tight_margin_m, look_m);
-    const double wide_m = freeWay(around, unit, speed_mps, options_.margin_m, look_m);
+    const double free_m = freeDistance(around, unit, speed_mps, options_.tight_margin_m, look_ahead_m);
+    const double wide_m = freeDistance(around, unit, speed_mps, options_.margin_m, look_ahead_m);
     double cost = std::abs(wrapAngle(heading_rad - wanted_rad));
-    cost += kBlockedCostRad * (1.0 - free_m / look_m);
-    cost += kTightCostRad * (1.0 - wide_m / look_m);
+    cost += kBlockedCostRad * (1.0 - free_m / look_ahead_m);
+    cost += kTightCostRad * (1.0 - wide_m / look_ahead_m);
     if (turning_) cost += options_.stay_weight * std::abs(wrapAngle(heading_rad - chosen_rad_));
     if (cost >= least_cost) continue;
     least_cost = cost;

@@ -7,8 +7,8 @@
 namespace omnifleet::motion {
 namespace {
 
-// One scan's hit counts two, one scan's floor takes one off: two hits make a cell occupied, and what has gone
-// is free within a second or two.
+// One hit counts two and one observation of floor subtracts one. Two hits make a cell occupied, and a removed
+// obstacle is free within one to two seconds.
 constexpr int kHit = 2, kOccupied = 3, kMost = 8;
 constexpr double kFarCells = 1e8;
 
@@ -24,8 +24,8 @@ FloorMemory::Options FloorMemory::Options::read(const options::Section& section)
   section.read("window_m", options.window_m, {1.0, 100.0});
   section.read("sight_m", options.sight_m, {0.1, 50.0});
   section.finish();
-  if (options.window_m < 2.0 * options.sight_m) section.fail("window_m", "must be twice sight_m at least");
-  if (options.window_m > 400.0 * options.cell_m) section.fail("window_m", "must be 400 cells at most");
+  if (options.window_m < 2.0 * options.sight_m) section.fail("window_m", "must be at least twice sight_m");
+  if (options.window_m > 400.0 * options.cell_m) section.fail("window_m", "must be at most 400 cells");
   return options;
 }
 
@@ -36,7 +36,7 @@ FloorMemory::FloorMemory(const Options& options) : options_(options) {
 }
 
 Eigen::Vector2i FloorMemory::cellOf(const Eigen::Vector2d& place_m) const {
-  // Places beyond that are outside of any window.
+  // Places beyond this bound are outside any window.
   const Eigen::Array2d cell = (place_m / options_.cell_m).array().floor().max(-kFarCells).min(kFarCells);
   return cell.cast<int>().matrix() - first_;
 }
@@ -62,7 +62,7 @@ void FloorMemory::see(const Pose2& map_from_base, const Scan& scan) {
   is_current_ = false;
 }
 
-/// The window follows once the robot is a quarter of it off its middle.
+/// Moves the window once the robot is a quarter of its size off its centre.
 void FloorMemory::moveTo(const Eigen::Vector2d& here_m) {
   const int size = seen_.cols;
   const Eigen::Vector2i off = cellOf(here_m) - Eigen::Vector2i::Constant(size / 2);
@@ -76,7 +76,7 @@ void FloorMemory::moveTo(const Eigen::Vector2d& here_m) {
   placed_ = true;
 }
 
-/// Floor is seen in a cell where every ray that may cross it goes on beyond it.
+/// A cell shows floor if every ray that may cross it ends beyond it.
 void FloorMemory::clearSeen(const Pose2& map_from_base, const Scan& scan) {
   const Eigen::Vector2d origin_m = map_from_base * scan.origin_m;
   const int rays = static_cast<int>(scan.range_m.size());

@@ -12,37 +12,38 @@
 
 namespace omnifleet::motion {
 
-/// What a robot has seen of the floor around it, from wherever it was: a window of cells in `map` that goes
-/// along with it. Occupied is a cell where scans saw something solid, until they see floor there. Robots are
-/// nothing solid; what nobody has seen counts as free. It is for finding ways, not for maps: half a cell off
-/// does not matter, and what leaves the window is forgotten.
+/// Local occupancy window of one robot: cells in `map` around it, updated by its own scans. A cell is
+/// occupied where scans saw a solid object, until they see floor there. Robots are not solid, and cells that
+/// were never seen count as free. The window serves path search, not mapping: an error of half a cell does
+/// not matter, and cells that leave the window are forgotten.
 class FloorMemory {
  public:
   struct Options {
     double cell_m = 0.05;
-    double window_m = 12.0;  ///< m, side of the window, the robot about its middle
-    double sight_m = 2.5;    ///< m, the scan is believed so far
+    double window_m = 12.0;  ///< m, side of the window, which is roughly centred on the robot
+    double sight_m = 2.5;    ///< m, range up to which the scan is used
 
     static Options read(const options::Section& section);
   };
 
   explicit FloorMemory(const Options& options);
 
-  /// One frame's scan. A cell is occupied once two scans agree.
+  /// Adds the scan of one frame. A cell is occupied after two hits.
   void see(const Pose2& map_from_base, const Scan& scan);
-  /// Takes out what lies within a radius of a place (map, metres): a robot is there.
+  /// Frees the cells within a radius of a place (map, metres) that is occupied by a robot.
   void clear(const Eigen::Vector2d& place_m, double radius_m);
   void forget();
 
   double cell_m() const { return options_.cell_m; }
-  /// Column and row of the cell that holds a point (map, metres); it may lie outside of the window.
+  /// Column and row of the cell that contains a point (map, metres). The cell may lie outside the window.
   Eigen::Vector2i cellOf(const Eigen::Vector2d& place_m) const;
   Eigen::Vector2d centreOf(const Eigen::Vector2i& cell) const;
   bool isInside(const Eigen::Vector2i& cell) const;
-  /// Metres from the middle of each cell to that of the next occupied one; the window's size where nothing
-  /// is.
+  /// Distance from the centre of each cell to that of the nearest occupied one, metres; the window size if no
+  /// cell is occupied.
   const cv::Mat1f& clearance_m() const;
-  /// Likewise from any point; outside of the window everything is free.
+  /// Clearance of the cell that contains a point (map, metres); the window size if the point is outside the
+  /// window.
   double clearanceAt(const Eigen::Vector2d& place_m) const;
 
  private:
@@ -52,10 +53,10 @@ class FloorMemory {
 
   Options options_;
   Eigen::Vector2i first_ =
-      Eigen::Vector2i::Zero();  ///< in the map's endless grid, of the window's first cell
+      Eigen::Vector2i::Zero();  ///< first cell of the window, in the unbounded grid of the map
   bool placed_ = false;
-  cv::Mat1b seen_;  ///< how often something solid was seen, less what was seen free
-  cv::Mat1b hit_;   ///< in this scan
+  cv::Mat1b seen_;  ///< hits of each cell, minus the scans that saw floor there
+  cv::Mat1b hit_;   ///< cells hit by the current scan
   mutable cv::Mat1b free_;
   mutable cv::Mat1f clearance_m_;
   mutable bool is_current_ = false;

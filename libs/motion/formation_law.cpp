@@ -6,9 +6,9 @@
 namespace omnifleet::motion {
 namespace {
 
-constexpr double kStandsMps = 1e-6;
+constexpr double kStandstillMps = 1e-6;
 constexpr double kBackingMps =
-    0.12;  // slower wishes to the rear are driven backwards instead of turning about
+    0.12;  // m/s, slower velocities to the rear are driven backwards instead of turning around
 
 Eigen::Vector2d direction(double angle_rad) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
@@ -18,7 +18,7 @@ double towards(double value, double wanted, double most) {
   return value + std::clamp(wanted - value, -most, most);
 }
 
-/// Rows of one, two, three …: row and place in it.
+/// Position in a triangle with rows of one, two, three …: row and place in the row.
 struct RowPlace {
   std::size_t row, place, first_of_row_before;
 };
@@ -31,7 +31,7 @@ RowPlace rowPlace(std::size_t rank) {
 }  // namespace
 
 Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double angle_rad) {
-  // Odd ranks on the left (the followed robot is seen to the right, θ < 0), even ranks on the right.
+  // Odd ranks are on the left (they see the followed robot to the right, θ < 0), even ranks on the right.
   const double side = rank % 2 == 1 ? -1.0 : 1.0;
   const std::size_t before_on_side = rank <= 2 ? 0 : rank - 2;
   switch (shape) {
@@ -44,8 +44,8 @@ Slot slotOf(FormationShape shape, std::size_t rank, double distance_m, double an
     case FormationShape::kTriangle:
       break;
   }
-  // Rows are filled from the left; a place follows the one before it to its right, the rightmost the one to
-  // its left.
+  // Rows are filled from the left. A place follows the robot of the row before to its right; the rightmost
+  // place follows the one to its left.
   const RowPlace at = rowPlace(rank);
   const bool rightmost = at.place == at.row;
   const std::size_t followed = at.first_of_row_before + (rightmost ? at.place - 1 : at.place);
@@ -80,7 +80,7 @@ FollowLaw::Options FollowLaw::Options::read(const options::Section& section) {
 
 namespace {
 
-/// Without turning about: slower where the place lies behind, aside only by the way ahead.
+/// Velocity without turning around: slower if the place lies behind, sideways no faster than forward.
 Eigen::Vector2d patient(const Eigen::Vector2d& velocity_mps, double heading_rad) {
   const Eigen::Vector2d ahead = direction(heading_rad), left(-ahead.y(), ahead.x());
   const double along_mps = std::max(-kBackingMps, velocity_mps.dot(ahead));
@@ -110,10 +110,10 @@ FollowLaw::Result FollowLaw::wanted(const Slot& slot, const Followed& followed, 
   if (closing_mps.norm() > options_.closing_max_mps)
     closing_mps *= options_.closing_max_mps / closing_mps.norm();
   result.velocity_mps = place.velocity_mps + closing_mps;
-  const bool stands = place.velocity_mps.norm() < options_.stands_mps;
-  if (!stands && result.place_m.norm() < options_.patient_m)
+  const bool standing = place.velocity_mps.norm() < options_.stands_mps;
+  if (!standing && result.place_m.norm() < options_.patient_m)
     result.velocity_mps = patient(result.velocity_mps, place.heading_rad);
-  if (stands && result.place_m.norm() < options_.near_m) result.velocity_mps.setZero();
+  if (standing && result.place_m.norm() < options_.near_m) result.velocity_mps.setZero();
   return result;
 }
 
@@ -139,7 +139,7 @@ std::optional<Eigen::Vector2d> LeadLaw::waypoint() const {
   return arrived() ? std::nullopt : std::optional<Eigen::Vector2d>(waypoints_m_[next_]);
 }
 
-double LeadLaw::wayLeft(const Eigen::Vector2d& here_m) const {
+double LeadLaw::remainingDistance(const Eigen::Vector2d& here_m) const {
   double sum_m = 0.0;
   Eigen::Vector2d from_m = here_m;
   for (std::size_t i = next_; i < waypoints_m_.size(); ++i) {
@@ -176,7 +176,7 @@ Twist twistTowards(const Eigen::Vector2d& velocity_mps, double feed_radps, const
                    double max_turn_radps, const DriveLimits& limits) {
   Twist wanted;
   const double speed_mps = std::min(velocity_mps.norm(), limits.max_mps);
-  if (speed_mps > kStandsMps) {
+  if (speed_mps > kStandstillMps) {
     double off_rad = std::atan2(velocity_mps.y(), velocity_mps.x());
     const bool back = std::abs(off_rad) > 0.6 * M_PI && speed_mps < kBackingMps;
     if (back) off_rad = wrapAngle(off_rad - M_PI);

@@ -10,7 +10,7 @@
 
 namespace omnifleet::motion {
 
-/// Choi et al. 2014 §IV.3, Fig. 12. The order of the enumerators is that of the wire.
+/// Choi et al. 2014 §IV.3, Fig. 12. The order of the enumerators is that of the wire format.
 enum class FormationShape : std::uint8_t {
   kLine = 0,  ///< abreast
   kColumn,    ///< one behind the other
@@ -21,20 +21,20 @@ const char* toString(FormationShape shape);
 
 enum class FormationRole : std::uint8_t { kLeader = 0, kFollower, kIdle };
 
-/// What people tell the fleet.
+/// Command of an operator to the fleet.
 struct FormationCommand {
   std::string fleet;
   TimeNs acquired_ns = 0;
   std::uint32_t sequence = 0;
   FormationShape shape = FormationShape::kWedge;
-  double distance_m = 0.8;  ///< d: to the centre of the object that is followed
-  double angle_rad = 0.6;   ///< θ: between that object and the own heading
+  double distance_m = 0.8;  ///< d: distance to the centre of the followed object
+  double angle_rad = 0.6;   ///< θ: angle between that object and the own heading
   std::vector<Eigen::Vector2d>
-      waypoints_m;    ///< map; the last one is the goal; empty: on along the way ordered before
-  bool halt = false;  ///< stand where you are until the next command
+      waypoints_m;    ///< map; the last one is the goal; empty: the waypoints in force stay
+  bool halt = false;  ///< stop at the current place until the next command
 };
 
-/// What each robot answers, one per frame.
+/// State that each robot publishes, one per frame.
 struct FormationState {
   std::string robot;
   TimeNs acquired_ns = 0;
@@ -46,13 +46,13 @@ struct FormationState {
   Eigen::Vector2d target_m = Eigen::Vector2d::Zero();  ///< place to keep, or waypoint; base_link
   bool avoiding = false;
   bool arrived = false;
-  std::uint32_t term = 0;           ///< of the leader that this robot obeys; grows with every succession
-  std::uint32_t next_waypoint = 0;  ///< index of the one the leader is heading for
-  TimeNs command_ns = 0;            ///< header time of the command in force; 0: the fleet file's
-  double narrowing = 0.0;  ///< 0: at its commanded place; 1: drawn in to the trail of the robot it follows
+  std::uint32_t term = 0;           ///< of the leader that this robot follows; increases with every failover
+  std::uint32_t next_waypoint = 0;  ///< index of the waypoint that the leader heads for
+  TimeNs command_ns = 0;            ///< header time of the command in force; 0: from the fleet file
+  double narrowing = 0.0;           ///< 0: at the commanded place; 1: on the trail of the followed robot
 };
 
-/// Wanted wheel speeds of one robot, in answer to the frame at `acquired_ns`.
+/// Desired wheel speeds of one robot, computed from the frame at `acquired_ns`.
 struct WheelCommand {
   std::string robot;
   TimeNs acquired_ns = 0;

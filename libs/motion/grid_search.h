@@ -8,19 +8,20 @@
 
 namespace omnifleet::motion {
 
-/// The cheapest way over the cells of a grid, to all eight sides (A*; Hart, Nilsson and Raphael 1968).
-/// Buffers are kept from one search to the next; equal ways are chosen between by the cells' order, so the
-/// same grid gives the same way.
+/// Cheapest path over the cells of a grid, 8-connected (A*; Hart, Nilsson and Raphael 1968). Buffers are
+/// reused between searches. Ties are resolved by the order of the cells, so the same grid gives the same
+/// path.
 class GridSearch {
  public:
   struct Result {
-    bool reaches = false;  ///< the way ends at the goal; else at the cell nearest to it that can be got to
-    double cost = 0.0;     ///< of the way, in cells
-    std::vector<Eigen::Vector2i> cells;  ///< column, row: from the start on; empty where it stays there
+    bool reaches = false;  ///< the path ends at the goal; otherwise at the reachable cell nearest to it
+    double cost = 0.0;     ///< of the path, in cells
+    std::vector<Eigen::Vector2i>
+        cells;  ///< column, row; without the start cell; empty if the path stays there
   };
 
-  /// `price`: per cell, of going a cell's width on it, at least 1; infinity where nobody may go. Both cells
-  /// must be inside of the grid; the start's own price is not asked.
+  /// `price`: cost of crossing one cell width on each cell, at least 1; infinity if the cell is forbidden.
+  /// Both cells must lie inside the grid. The price of the start cell is not used.
   const Result& find(const cv::Mat1f& price, const Eigen::Vector2i& from, const Eigen::Vector2i& goal);
 
  private:
@@ -42,7 +43,7 @@ class GridSearch {
 
   int columns_ = 0;
   Eigen::Vector2i goal_ = Eigen::Vector2i::Zero();
-  std::vector<Open> open_;  ///< a heap
+  std::vector<Open> open_;  ///< binary heap
   std::vector<float> cost_;
   std::vector<std::int32_t> before_;
   std::vector<std::uint8_t> done_;

@@ -6,9 +6,10 @@
 namespace omnifleet::motion {
 namespace {
 
-constexpr int kSteps = 10;  // narrowings tried
-constexpr double kLookSpacingM = 0.15;
-constexpr double kQueueFirst = 2.0;  // queueing is complete when half drawn in: only then do sides come close
+constexpr int kSteps = 10;  // number of narrowings tried
+constexpr double kSampleSpacingM = 0.15;
+constexpr double kQueueFirst =
+    2.0;  // queueing is complete at half narrowing: only then do the two sides come close
 
 }  // namespace
 
@@ -49,9 +50,9 @@ Eigen::Vector2d Narrowing::at(double narrowing, double ahead_m, const Slot& slot
 bool Narrowing::isFree(double narrowing, double margin_m, double most_m, const Slot& slot, std::size_t rank,
                        const Followed& followed, const Trail& trail, const Surroundings& around) const {
   const double least_m = around.radius_m + margin_m;
-  const int looks = static_cast<int>(std::ceil(most_m / kLookSpacingM));
-  for (int look = 0; look <= looks; ++look) {
-    const double ahead_m = std::min(look * kLookSpacingM, most_m);
+  const int samples = static_cast<int>(std::ceil(most_m / kSampleSpacingM));
+  for (int sample = 0; sample <= samples; ++sample) {
+    const double ahead_m = std::min(sample * kSampleSpacingM, most_m);
     const Eigen::Vector2d place_m = at(narrowing, ahead_m, slot, rank, followed, trail);
     for (const Eigen::Vector2d& point_m : around.points_m) {
       if ((point_m - place_m).squaredNorm() < least_m * least_m) return false;
@@ -69,7 +70,7 @@ double Narrowing::update(const Slot& slot, std::size_t rank, const Followed& fol
     const double tried = static_cast<double>(step) / kSteps;
     const bool spread = tried < narrowing_;
     const double margin_m = options_.margin_m + (spread ? options_.settle_m : 0.0);
-    const double ahead_m = spread ? options_.ahead_m : std::min(options_.ahead_m, followed.way_left_m);
+    const double ahead_m = spread ? options_.ahead_m : std::min(options_.ahead_m, followed.remaining_m);
     if (!isFree(tried, margin_m, ahead_m, slot, rank, followed, trail, around)) continue;
     wanted = tried;
     break;

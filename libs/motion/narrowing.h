@@ -6,34 +6,36 @@
 
 namespace omnifleet::motion {
 
-/// A follower's place where the passage is narrow: drawn in from the commanded place towards the trail of the
-/// robot it follows, no further than what stands about asks for. Drawn in, ranks queue one behind the other,
-/// so that both sides may draw in at once. Nobody draws in for what lies beyond the goal; to spread out again
-/// takes room on the whole way looked at, for a thing hides what stands behind it. Every follower decides by
-/// its own camera; nobody has to agree.
+/// Place of a follower in narrow passages: moved in from the commanded place towards the trail of the robot
+/// it follows, only as far as the obstacles require. Ranks that have moved in queue one behind the other, so
+/// both sides may do so at once. Obstacles beyond the goal do not narrow the formation. Spreading out again
+/// requires room along the whole length that is checked, because an obstacle hides what is behind it. Every
+/// follower decides from its own camera, without agreement with other robots.
 class Narrowing {
  public:
   struct Options {
     bool enabled = true;
-    double margin_m = 0.16;   ///< m, free about the body at the place kept
-    double ahead_m = 0.6;     ///< m, the way that the place will take next is looked at so far, or to its end
-    double queue_m = 0.60;    ///< m, between ranks that queue on one trail
-    double in_per_s = 1.0;    ///< 1/s, drawing in
-    double out_per_s = 0.35;  ///< 1/s, spreading out again
-    double settle_m = 0.04;   ///< m, more room than margin_m is wanted before spreading out
+    double margin_m = 0.16;  ///< m, clearance of the body at the place kept
+    double ahead_m =
+        0.6;  ///< m, length of the future path of the place that is checked; less if that path ends before
+    double queue_m = 0.60;    ///< m, distance between ranks that queue on one trail
+    double in_per_s = 1.0;    ///< 1/s, rate of moving in
+    double out_per_s = 0.35;  ///< 1/s, rate of spreading out
+    double settle_m = 0.04;   ///< m, clearance beyond margin_m that is required before spreading out
 
     static Options read(const options::Section& section);
   };
 
   explicit Narrowing(const Options& options) : options_(options) {}
 
-  /// Decides for this frame. `rank`: of the follower. Returns 0 (as commanded) … 1 (on the trail).
+  /// Updates the narrowing for this frame. `rank`: rank of the follower. Returns 0 (commanded place) … 1 (on
+  /// the trail).
   double update(const Slot& slot, std::size_t rank, const Followed& followed, const Trail& trail,
                 const Surroundings& around, double dt_s);
-  /// Place and its velocity for the narrowing decided.
+  /// Place and its velocity at the current narrowing.
   Place place(const Slot& slot, std::size_t rank, const Followed& followed, const Trail& trail,
               const FollowLaw& law) const;
-  /// Length of the queue between a rank and the one it follows.
+  /// Length of the queue between a rank and the rank it follows, metres.
   double queueLength(const Slot& slot, std::size_t rank) const;
   double narrowing() const { return narrowing_; }
 

@@ -6,10 +6,11 @@
 namespace omnifleet::motion {
 namespace {
 
-// Outlines that the edge of the sight cuts follow it as far as this: they are no place where a thing stands.
+// Contours cut by the edge of the visible floor follow it up to this distance (m). They are not the boundary
+// of an obstacle.
 constexpr double kCutM = 0.015;
-constexpr double kReachM = 0.5;  // beyond the edge; nobody gets farther between two frames
-constexpr double kSameM = 0.01;  // nearer points are one
+constexpr double kReachM = 0.5;  // m beyond the edge; no robot moves farther between two frames
+constexpr double kSameM = 0.01;  // m, nearer points are treated as one
 
 template <typename Gone>
 void eraseIf(std::vector<Eigen::Vector2d>& points_m, Gone gone) {

@@ -7,25 +7,25 @@
 
 namespace omnifleet::motion {
 
-/// What stands where the own body hides the floor (Scan::blind_m): things as they were seen before they came
-/// so near. Of such a thing the scan tells only what stands out beyond the edge of the sight, a body's
-/// breadth too far. Carried on by the own motion and forgotten once it comes out again, for there the scan
-/// knows better. All in base_link, metres.
+/// Obstacles where the robot's own body hides the floor (Scan::blind_m), remembered from before they came so
+/// near. The scan reports only the part of such an obstacle that extends beyond the edge of the visible
+/// floor, which is too far by the breadth of the body. The points move with the robot's own motion. They are
+/// deleted once they leave the hidden area, where the scan is more accurate. All in base_link, metres.
 class NearField {
  public:
-  /// The own motion since the last call.
+  /// Applies the robot's own motion since the last call.
   void moved(const Pose2& previous_from_current);
-  /// One frame's scan; robots (RayLabel::kRobot) are no things.
+  /// Adds the scan of one frame. Robots (RayLabel::kRobot) are not obstacles.
   void see(const Scan& scan);
-  /// Takes out what lies within a radius: a robot is there.
+  /// Removes the points within a radius of a place that is occupied by a robot.
   void clear(const Eigen::Vector2d& place_m, double radius_m);
-  /// Of hidden things.
+  /// Points of hidden obstacles.
   const std::vector<Eigen::Vector2d>& points_m() const { return hidden_m_; }
 
  private:
   bool isKnown(const Eigen::Vector2d& point_m) const;
 
-  std::vector<Eigen::Vector2d> seen_m_;  ///< by the last scan, near enough to come in before the next
+  std::vector<Eigen::Vector2d> seen_m_;  ///< from the last scan, near enough to become hidden before the next
   std::vector<Eigen::Vector2d> hidden_m_;
 };
 

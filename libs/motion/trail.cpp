@@ -10,7 +10,7 @@ constexpr std::size_t kMost = 200;
 
 }  // namespace
 
-void Trail::stands(const Pose2& map_from_base) {
+void Trail::setPose(const Pose2& map_from_base) {
   if (!in_map_) {
     const Pose2 map_from_frame = map_from_base * frame_from_base_.inverse();
     for (Eigen::Vector2d& place_m : places_m_) place_m = map_from_frame * place_m;
@@ -21,7 +21,7 @@ void Trail::stands(const Pose2& map_from_base) {
 
 void Trail::add(const Eigen::Vector2d& place_in_base_m) {
   const Eigen::Vector2d place_m = frame_from_base_ * place_in_base_m;
-  // The newest place moves on until it is far enough from the one before.
+  // The newest place is replaced until it is far enough from the one before.
   if (places_m_.size() > 1 && (places_m_[0] - places_m_[1]).norm() < kSpacingM) places_m_.pop_front();
   places_m_.push_front(place_m);
   if (places_m_.size() > kMost) places_m_.pop_back();

@@ -9,10 +9,11 @@ namespace {
 
 constexpr double kSecondsPerNs = 1e-9;
 
-/// Derivative of the pose increment of one arc by the distances of both wheels, in the increment's end frame.
+/// Derivative of the pose increment of one arc with respect to the distances of both wheels, in the end frame
+/// of the increment.
 Eigen::Matrix<double, 3, 2> wheelJacobian(const Pose2& step, double length_m, double separation_m) {
-  // End-frame rates: a wheel's extra roll at the step's middle moves the end by half along the mid heading
-  // and turns it by ±1/L about the middle, which shifts the end sideways by half the length.
+  // End-frame rates. Extra roll of one wheel at the middle of the step moves the end by half of it along the
+  // mid heading. It also turns the end by ±1/L about the middle, which shifts it sideways by half the length.
   const double half_rad = 0.5 * step.theta_rad;
   const double c = std::cos(half_rad), s = std::sin(half_rad);
   const Eigen::Vector3d along(c, -s, 0.0);
@@ -23,8 +24,8 @@ Eigen::Matrix<double, 3, 2> wheelJacobian(const Pose2& step, double length_m, do
   return jacobian;
 }
 
-/// Takes a right perturbation from the source frame of `step` to its end frame.
-Eigen::Matrix3d carried(const Pose2& step) {
+/// Maps a right perturbation from the source frame of `step` to its end frame (the adjoint of its inverse).
+Eigen::Matrix3d adjointToEnd(const Pose2& step) {
   const Pose2 back = step.inverse();
   Eigen::Matrix3d adjoint = Eigen::Matrix3d::Identity();
   adjoint.topLeftCorner<2, 2>() = back.rotation();
@@ -50,7 +51,7 @@ WheelIntegrator::Options WheelIntegrator::Options::read(const options::Section& 
   return options;
 }
 
-/// What one interval has gathered so far, in the frame of its current end.
+/// Motion and noise accumulated over one interval, in the frame of its current end.
 struct WheelIntegrator::Sums {
   Motion motion;
   Eigen::Matrix3d white = Eigen::Matrix3d::Zero();
@@ -107,7 +108,7 @@ void WheelIntegrator::roll(const Row& row, TimeNs from_ns, TimeNs to_ns, Sums& s
   const double length_m = 0.5 * rolled_m.sum();
   const Pose2 step = rolled(rolled_m.x(), rolled_m.y(), wheel_separation_m_, options_.integration);
   const Eigen::Matrix<double, 3, 2> jacobian = wheelJacobian(step, length_m, wheel_separation_m_);
-  const Eigen::Matrix3d carry = carried(step);
+  const Eigen::Matrix3d adjoint = adjointToEnd(step);
 
   const double age_s = static_cast<double>(to_ns - row.time_ns) * kSecondsPerNs;
   const double stale_mps = std::max(0.0, age_s - options_.overdue_s) * options_.overdue_mps2;
@@ -118,11 +119,10 @@ void WheelIntegrator::roll(const Row& row, TimeNs from_ns, TimeNs to_ns, Sums& s
         noise_m * noise_m + std::pow(options_.noise_floor_mps * dt_s, 2) + std::pow(stale_mps * dt_s, 2);
   }
   sums.white =
-      carry * sums.white * carry.transpose() + jacobian * variance.asDiagonal() * jacobian.transpose();
-  // A slip of length_m · side_slip per metre, independent per metre, so that its variance grows with the
-  // distance.
+      adjoint * sums.white * adjoint.transpose() + jacobian * variance.asDiagonal() * jacobian.transpose();
+  // Sideways slip with σ = side_slip per metre, independent per metre: its variance grows with the distance.
   sums.white(1, 1) += options_.side_slip * options_.side_slip * std::abs(length_m) + 1e-12;
-  sums.by_scale = carry * sums.by_scale + jacobian * rolled_m.asDiagonal();
+  sums.by_scale = adjoint * sums.by_scale + jacobian * rolled_m.asDiagonal();
   sums.motion.previous_from_current = sums.motion.previous_from_current * step;
   sums.motion.left_m += rolled_m.x();
   sums.motion.right_m += rolled_m.y();

@@ -9,37 +9,39 @@
 
 namespace omnifleet::motion {
 
-/// Wheel rows in, motion between frames out (Choi et al. 2014 eq. 1, integrated exactly). A row's speeds hold
-/// until the next row.
+/// Integrates rows of wheel speeds into the motion between frames (Choi et al. 2014 eq. 1, integrated
+/// exactly). The speeds of a row hold until the next row.
 class WheelIntegrator {
  public:
   struct Options {
     Integration integration = Integration::kArc;  ///< arc | euler (the paper's literal eq. 1)
-    double noise = 0.02;             ///< 1, σ of a row's speed relative to it, independent per row and wheel
+    double noise = 0.02;  ///< 1, σ of a row's speed relative to that speed, independent per row and wheel
     double noise_floor_mps = 0.001;  ///< m/s, σ of a row's speed at standstill
-    double scale_sigma = 0.0;   ///< 1, σ of each wheel's lasting scale error; 0 where an estimator knows it
+    double scale_sigma =
+        0.0;  ///< 1, σ of each wheel's constant scale error; 0 if an estimator estimates the scale
     double side_slip = 0.005;   ///< 1, σ of the sideways slip per metre rolled
-    double overdue_s = 0.25;    ///< s, a row older than this is late: its speed gets uncertain …
-    double overdue_mps2 = 0.5;  ///< m/s², … by this much per second
-    double hold_limit_s = 1.0;  ///< s, a row older than this says nothing: no motion across such a gap
+    double overdue_s = 0.25;    ///< s, age of a row beyond which its speed becomes uncertain
+    double overdue_mps2 = 0.5;  ///< m/s², σ of the speed per second of age beyond `overdue_s`
+    double hold_limit_s = 1.0;  ///< s, age of a row beyond which it is not used: no motion across such a gap
 
     static Options read(const options::Section& section);
   };
 
-  WheelIntegrator() = default;  ///< a robot without wheels: every motion is invalid
+  WheelIntegrator() = default;  ///< robot without wheels: every motion is invalid
   /// Throws std::runtime_error unless the separation is positive.
   WheelIntegrator(double wheel_separation_m, const Options& options);
 
-  /// A row. False, and nothing taken, where a number is not finite or the time not after the latest row's.
+  /// Adds a row. Returns false and ignores the row if a number is not finite or its time is not after the
+  /// latest row's.
   bool add(TimeNs time_ns, double left_mps, double right_mps);
 
-  /// The motion since the frame before, for the frame at `time_ns`; rows after that time stay for the next
-  /// call. Invalid on the first frame, where the time does not advance, and where some part of the interval
-  /// has no row in force (before the first row, or `hold_limit_s` after the latest). Covariance of the right
-  /// perturbation.
+  /// Motion from the previous frame to the frame at `time_ns`. Rows after that time are kept for the next
+  /// call. Invalid on the first frame, if the time does not advance, and if part of the interval has no row
+  /// in force (before the first row, or more than `hold_limit_s` after the latest). The covariance is that of
+  /// the right perturbation.
   Motion motionTo(TimeNs time_ns);
 
-  /// Forget the frame before: the next motion is invalid (a gap in the frames).
+  /// Forgets the previous frame: the next motion is invalid (gap in the frames).
   void restart() { has_frame_ = false; }
 
  private:
@@ -54,7 +56,7 @@ class WheelIntegrator {
 
   double wheel_separation_m_ = 0.0;
   Options options_;
-  std::deque<Row> rows_;  ///< the row in force at the latest frame, and all after it
+  std::deque<Row> rows_;  ///< the row in force at the latest frame, and all later rows
   bool has_frame_ = false;
   TimeNs frame_ns_ = 0;
 };

@@ -19,8 +19,8 @@ Pose2 rolled(double left_m, double right_m, double wheel_separation_m, Integrati
   const double length_m = 0.5 * (left_m + right_m);
   const double angle_rad = (right_m - left_m) / wheel_separation_m;
   if (integration == Integration::kEuler) return {length_m, 0.0, wrapAngle(angle_rad)};
-  // Chord of the arc: length · sin(α/2)/(α/2), in the direction α/2; the series where the quotient loses
-  // digits.
+  // Chord of the arc: length · sin(α/2)/(α/2), in the direction α/2. The series is used where the quotient
+  // loses digits.
   const double half_rad = 0.5 * angle_rad;
   const double sinc =
       std::abs(half_rad) < 1e-4 ? 1.0 - half_rad * half_rad / 6.0 : std::sin(half_rad) / half_rad;

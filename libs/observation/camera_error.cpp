@@ -7,9 +7,9 @@ namespace omnifleet {
 
 Eigen::Matrix<double, 2, 4> cameraField(const Eigen::Vector2d& p_m, double camera_height_m,
                                         const lens::Spread& lens) {
-  if (!(camera_height_m > 0)) return Eigen::Matrix<double, 2, 4>::Zero();  // a laser has none of these
+  if (!(camera_height_m > 0)) return Eigen::Matrix<double, 2, 4>::Zero();  // no camera error for a laser
   const double rho = p_m.norm(), u = rho / camera_height_m, theta = std::atan(u);
-  // H·(1 + u²)·(r/r′)/ρ, whose limit at the foot is 1.
+  // H·(1 + u²)·(r/r′)/ρ. Its limit at the foot of the camera is 1.
   const double radial = u > 1e-6 ? (1.0 + u * u) * lens.radius(theta) / lens.slope(theta) / u : 1.0;
   Eigen::Matrix<double, 2, 4> field;
   field.col(0) = -radial * p_m;
@@ -34,7 +34,7 @@ double contourField(const Eigen::Vector2d& p_m, const Eigen::Vector2d& normal, d
 CameraError supportByCameraError(const SupportTriple& b, std::size_t direction, std::size_t directions,
                                  double camera_height_m, const lens::Spread& lens) {
   const double step = 2.0 * M_PI / static_cast<double>(directions);
-  double slope = 0.0;  // of the support by the angle: the point is b·n + b′·n⊥
+  double slope = 0.0;  // db/dφ: the supporting point is b·n + b′·n⊥
   int sides = 0;
   if (!std::isnan(b.after_m)) slope += (b.after_m - b.here_m * std::cos(step)) / std::sin(step), ++sides;
   if (!std::isnan(b.before_m)) slope += (b.here_m * std::cos(step) - b.before_m) / std::sin(step), ++sides;

@@ -4,25 +4,38 @@ namespace omnifleet {
 
 const char* toString(FrameState state) {
   switch (state) {
-    case FrameState::kOk: return "ok";
-    case FrameState::kMissing: return "missing";
-    case FrameState::kUnreadable: return "unreadable";
-    case FrameState::kWrongSize: return "wrong size";
-    case FrameState::kEmpty: return "empty";
-    case FrameState::kNonFinite: return "non-finite number";
-    case FrameState::kDark: return "dark";
-    case FrameState::kOverexposed: return "overexposed";
-    case FrameState::kTorn: return "torn";
-    case FrameState::kOutOfOrder: return "out of order";
+    case FrameState::kOk:
+      return "ok";
+    case FrameState::kMissing:
+      return "missing";
+    case FrameState::kUnreadable:
+      return "unreadable";
+    case FrameState::kWrongSize:
+      return "wrong size";
+    case FrameState::kEmpty:
+      return "empty";
+    case FrameState::kNonFinite:
+      return "non-finite number";
+    case FrameState::kDark:
+      return "dark";
+    case FrameState::kOverexposed:
+      return "overexposed";
+    case FrameState::kTorn:
+      return "torn";
+    case FrameState::kOutOfOrder:
+      return "out of order";
   }
   return "?";
 }
 
 const char* toString(ObjectKind kind) {
   switch (kind) {
-    case ObjectKind::kUnknown: return "unknown";
-    case ObjectKind::kObstacle: return "obstacle";
-    case ObjectKind::kRobot: return "robot";
+    case ObjectKind::kUnknown:
+      return "unknown";
+    case ObjectKind::kObstacle:
+      return "obstacle";
+    case ObjectKind::kRobot:
+      return "robot";
   }
   return "?";
 }

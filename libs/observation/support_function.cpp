@@ -15,7 +15,9 @@ SupportFunction::Value SupportFunction::at(double angle_rad) const {
   if (turns < 0) turns += k;
   const auto i = static_cast<std::size_t>(turns) % b_m.size();
   const std::size_t j = (i + 1) % b_m.size();
-  const auto usable = [&](std::size_t n) { return std::isfinite(b_m[n]) && std::isfinite(sigma_m[n]) && sigma_m[n] > 0; };
+  const auto usable = [&](std::size_t n) {
+    return std::isfinite(b_m[n]) && std::isfinite(sigma_m[n]) && sigma_m[n] > 0;
+  };
   const double beyond = (turns - std::floor(turns)) * step;
   if (step - beyond < 1e-9) return usable(j) ? Value{b_m[j], sigma_m[j]} : Value{kNan, kNan};
   if (beyond < 1e-9) return usable(i) ? Value{b_m[i], sigma_m[i]} : Value{kNan, kNan};
@@ -24,7 +26,8 @@ SupportFunction::Value SupportFunction::at(double angle_rad) const {
   return {b, std::max(sigma_m[i], sigma_m[j])};
 }
 
-SupportFunction SupportFunction::of(const Polygon& points, const Eigen::Vector2d& c, double sigma_m, int directions) {
+SupportFunction SupportFunction::of(const Polygon& points, const Eigen::Vector2d& c, double sigma_m,
+                                    int directions) {
   SupportFunction support;
   if (points.empty()) return support;
   support.b_m.resize(static_cast<std::size_t>(directions));

@@ -9,12 +9,13 @@ Bearings::Bearings(std::size_t rays) {
   const auto n = static_cast<std::uint32_t>(rays);
   for (std::uint32_t i = 0; i < n; ++i) directions_.push_back(directionOf(turnOfBearing(i, n)));
   for (std::size_t k = 0; k < kSectors; ++k) {
-    // Sectors are even along the square |x| + |y| = 1.
+    // Sectors are equal parts of the square |x| + |y| = 1.
     const double along = 4.0 * static_cast<double>(k) / kSectors;
     const double share = along - std::floor(along), quarter = std::floor(along);
     const double angle = 0.5 * M_PI * quarter + std::atan2(share, 1.0 - share);
     const double ray = std::floor(angle / (2.0 * M_PI) * static_cast<double>(rays));
-    first_[k] = static_cast<std::uint32_t>(std::max(0.0, ray - 1.0));  // one more: rounding does not matter
+    first_[k] =
+        static_cast<std::uint32_t>(std::max(0.0, ray - 1.0));  // one more, so that rounding does not matter
   }
 }
 

@@ -9,23 +9,23 @@
 
 namespace omnifleet::occupancy {
 
-/// The bearings 2πi/n of a scan, to find the rays on both sides of a direction; exact, in integers.
+/// The bearings 2πi/n of a scan. Finds the rays on both sides of a direction, exactly, in integers.
 class Bearings {
  public:
   Bearings() = default;
   explicit Bearings(std::size_t rays);
 
   std::size_t size() const { return directions_.size(); }
-  /// The last bearing that is not beyond the direction of a vector that is not zero.
+  /// The last bearing that does not exceed the direction of a non-zero vector.
   std::size_t before(const PointDmm& to) const;
 
  private:
-  static constexpr std::size_t kSectors = 512;  ///< of a turn; so many that one holds few rays
+  static constexpr std::size_t kSectors = 512;  ///< per turn; enough that each contains few rays
   static std::size_t sectorOf(const PointDmm& to);
   bool isBeyond(std::size_t ray, const PointDmm& to) const;
 
   std::vector<Direction> directions_;
-  std::array<std::uint32_t, kSectors> first_{};  ///< per sector, a bearing before its beginning
+  std::array<std::uint32_t, kSectors> first_{};  ///< per sector, a bearing before its start
 };
 
 }  // namespace omnifleet::occupancy

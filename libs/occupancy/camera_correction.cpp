@@ -14,7 +14,7 @@ std::int32_t rounded(double metres) {
   return static_cast<std::int32_t>(std::lround(metres * kDmmPerMetre));
 }
 
-/// The camera's foot, its height and what is wrong with it.
+/// Foot, height and error of the camera.
 struct Lens {
   Eigen::Vector2d foot_m;
   double seen_height_m;
@@ -25,7 +25,7 @@ struct Lens {
   Eigen::Vector2d shift(const Eigen::Vector2d& from_foot_m) const {
     return cameraField(from_foot_m, seen_height_m, spread) * error.head<4>();
   }
-  /// Near the horizon the first order says nothing any more.
+  /// Near the horizon the first-order model is not valid.
   bool holds(double shift_m, double away_m) const {
     return std::abs(shift_m) <= 0.25 * (away_m + seen_height_m);
   }
@@ -74,8 +74,9 @@ void correctRays(const Lens& lens, Contribution& out) {
   }
 }
 
-/// Seen along a ray that meets the floor elsewhere; its distance below the camera was told by parallax.
-/// False where it cannot be told where that is, or not in 16 bits.
+/// Corrects a point that was seen along a ray which meets the floor elsewhere. Its distance below the camera
+/// is kept, because it was measured by parallax. Returns false if the corrected position is not valid or
+/// exceeds 16 bits.
 bool correct(const Lens& lens, SurfacePoint& point) {
   const double below_m = lens.seen_height_m - point.z_dmm / kDmmPerMetre;
   if (!(below_m > 0)) return true;

@@ -5,12 +5,12 @@
 
 namespace omnifleet::occupancy {
 
-/// What a keyframe would have seen had the camera been as its calibration says: supports, places, heights of
-/// the camera, ranges and points of a contribution without the camera's error (observation/camera_error.h; to
-/// first order, as it is estimated). Rays keep their bearings: what tilt moves them aside, the camera's
-/// height times the tilt, is a few millimetres. Computed in doubles and rounded to 0.1 mm, so that machines
-/// whose arithmetic differs in the last bit agree but for a value in ten thousand million. A laser's
-/// contribution (height 0) and any with no error stay as they are.
+/// The contribution that a camera without calibration error would have made. Corrects supports, positions,
+/// camera height, ranges and points for the camera error (observation/camera_error.h), to first order, as it
+/// is estimated. Rays keep their bearings: tilt displaces them sideways by the camera height times the tilt,
+/// a few millimetres. Computed in doubles and rounded to 0.1 mm, so that machines whose arithmetic differs in
+/// the last bit agree except for one value in 10¹⁰. Contributions of a laser (height 0) and contributions
+/// without error are returned unchanged.
 Contribution withoutCameraError(const Contribution& seen, const CameraErrorPpm& error,
                                 const lens::Spread& spread);
 

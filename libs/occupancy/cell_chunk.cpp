@@ -35,20 +35,20 @@ std::int32_t CellChunk::add(std::size_t layer, std::size_t cell, int hits, int m
                             const CountFold& fold) {
   touch(layer);
   Count& count = counts(layer)[cell];
-  count.hits += static_cast<std::uint32_t>(hits);  // unsigned: adding −1 takes one away
+  count.hits += static_cast<std::uint32_t>(hits);  // unsigned: adding −1 subtracts one
   count.misses += static_cast<std::uint32_t>(misses);
   std::int32_t folded = fold(before(layer)[cell].folded, count.hits, count.misses);
   count.folded = folded;
   for (std::size_t i = layer + 1; i < layers_.size(); ++i) {
     Count& later = counts(i)[cell];
     folded = fold(folded, later.hits, later.misses);
-    if (later.folded == folded) break;  // those behind it stay as they are
+    if (later.folded == folded) break;  // the layers after it do not change
     later.folded = folded;
   }
   return counts(layers_.size() - 1)[cell].folded;
 }
 
-/// A layer with a count beyond eight bits stays open, and those after it.
+/// A layer with a count beyond eight bits stays open, and so do the layers after it.
 void CellChunk::packOld() {
   constexpr std::uint32_t kMost = std::numeric_limits<std::uint8_t>::max();
   while (layers_.size() - packed_ > kOpenLayers) {

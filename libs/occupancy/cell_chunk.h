@@ -23,9 +23,9 @@ struct CountFold {
   }
 };
 
-/// The counts of a square of cells, a layer per time bucket. All but the newest few layers are packed into a
-/// sixth of their size: they are kept, since a late contribution or a corrected pose may change any of them,
-/// which then unpacks the chunk.
+/// Counts of a square of cells, one layer per time bucket. All but the newest few layers are packed to a
+/// sixth of their size. They are kept, because a late contribution or a corrected pose may change any of
+/// them. Such a change unpacks the chunk.
 class CellChunk {
  public:
   static constexpr std::size_t kCells = std::size_t{kChunk} * kChunk;
@@ -36,20 +36,21 @@ class CellChunk {
   };
   using Counts = std::array<Count, kCells>;
 
-  /// Index of the bucket's layer, which is open; a new one takes over the fold of the one before it.
+  /// Index of the layer of the bucket, which is open. A new layer starts from the fold of the layer before.
   std::size_t layerFor(std::int64_t bucket, const CountFold& fold);
   bool isNewest(std::size_t layer) const { return layer + 1 == layers_.size(); }
-  /// Counts of an open layer. Whoever writes them calls touch() first.
+  /// Counts of an open layer. Call touch() before writing them.
   Counts& counts(std::size_t layer) { return *layers_[layer].open; }
-  /// What the layer's fold starts from.
+  /// Counts from which the fold of the layer starts.
   const Counts& before(std::size_t layer) const;
-  /// The layer changes, and with it what depends on it.
+  /// The layer changes: the digests from it on become invalid.
   void touch(std::size_t layer) { digested_ = std::min(digested_, layer); }
-  /// Adds to a cell's counts in an open layer and folds anew from there on. Returns the log-odds at the end.
+  /// Adds to a cell's counts in an open layer and refolds from there on. Returns the log-odds after the last
+  /// layer.
   std::int32_t add(std::size_t layer, std::size_t cell, int hits, int misses, const CountFold& fold);
 
-  /// SHA-256 of (bucket, cell, hits, misses) of all counts that are not zero, layer by layer, each with the
-  /// digest of those before it; all zeros where there are none.
+  /// SHA-256 of (bucket, cell, hits, misses) of all non-zero counts, layer by layer, each chained with the
+  /// digest of the layers before. All zeros if there are no counts.
   Sha256 digest();
 
   std::size_t packedLayers() const { return packed_; }
@@ -60,18 +61,18 @@ class CellChunk {
   };
   struct Layer {
     std::int64_t bucket = 0;
-    std::unique_ptr<Counts> open;    ///< null where it is packed
-    std::unique_ptr<Packed> packed;  ///< null where it is open
-    Sha256 digest{};                 ///< with those of all layers before it
+    std::unique_ptr<Counts> open;    ///< null if packed
+    std::unique_ptr<Packed> packed;  ///< null if open
+    Sha256 digest{};                 ///< chained with those of all layers before
   };
   void packOld();
   void unpack(const CountFold& fold);
   static Sha256 digestOf(const Layer& layer, const Sha256& before);
 
   std::vector<Layer> layers_;     ///< in order of bucket, packed ones first
-  std::size_t packed_ = 0;        ///< how many of them
-  std::unique_ptr<Counts> base_;  ///< folds at the end of the packed ones
-  std::size_t digested_ = 0;      ///< layers whose digests are right
+  std::size_t packed_ = 0;        ///< number of packed layers
+  std::unique_ptr<Counts> base_;  ///< folds at the end of the packed layers
+  std::size_t digested_ = 0;      ///< number of layers with valid digests
 };
 
 }  // namespace omnifleet::occupancy

@@ -48,7 +48,7 @@ void CellCounts::setClass(Chunk& chunk, std::size_t cell, CellClass now, const O
   changed(chunk.x * kChunk + c % kChunk, chunk.y * kChunk + c / kChunk, now);
 }
 
-/// What a cell is after some marks were added to it.
+/// Updates the class of a cell after marks were added to it.
 inline void CellCounts::classify(Chunk& chunk, std::size_t cell, int marks, std::int32_t folded,
                                  const OnChange& changed) {
   const std::uint32_t total = chunk.total[cell] + static_cast<std::uint32_t>(marks);
@@ -66,7 +66,7 @@ void CellCounts::change(Chunk& chunk, std::size_t layer, int cell, int hits, int
   classify(chunk, c, hits + misses, chunk.counts.add(layer, c, hits, misses, fold_), changed);
 }
 
-/// Adds to a cell's counts in the newest bucket, the usual case: nothing behind it is folded anew.
+/// Adds to a cell's counts in the newest bucket, the usual case: no later bucket has to be refolded.
 inline void CellCounts::changeNewest(Chunk& chunk, CellChunk::Counts& counts, const CellChunk::Counts& before,
                                      int cell, int hits, int misses, const OnChange& changed) {
   const auto c = static_cast<std::size_t>(cell);
@@ -88,7 +88,7 @@ void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t 
                             std::uint8_t mask_bit, const OnChange& changed) {
   Chunk* chunk = nullptr;
   std::size_t layer = 0;
-  CellChunk::Counts* newest = nullptr;  // of the bucket, where it is the newest
+  CellChunk::Counts* newest = nullptr;  // counts of the bucket if it is the newest
   const CellChunk::Counts* before = nullptr;
   for (int row = 0; row < kChunk; ++row) {
     const std::uint8_t* marks = window.row(i, j, row);

@@ -14,8 +14,9 @@
 
 namespace omnifleet::occupancy {
 
-/// Hits and misses of every cell per time bucket, and their fold (CountFold) from bucket to bucket; a bucket
-/// is added at once, so clamping acts between buckets. A cell is occupied where L ≥ 0, as in OctoMap.
+/// Hits and misses of every cell per time bucket, and their fold (CountFold) from bucket to bucket. The
+/// counts of a bucket are folded together, so clamping acts between buckets. A cell is occupied if L ≥ 0, as
+/// in OctoMap.
 class CellCounts {
  public:
   explicit CellCounts(const OccupancyOptions& options);
@@ -23,10 +24,10 @@ class CellCounts {
   /// Called for each cell whose class changed.
   using OnChange = std::function<void(std::int64_t x, std::int64_t y, CellClass now)>;
 
-  /// Adds (`sign` +1) or takes out (−1) the marks of a window, those under `mask_bit` left out.
+  /// Adds (`sign` +1) or removes (−1) the marks of a window, except those under `mask_bit`.
   void apply(const RayWindow& window, std::int64_t bucket, int sign, std::uint8_t mask_bit,
              const OnChange& changed);
-  /// The same marks, but the cells under kMaskA are put back and those under kMaskB taken out.
+  /// For the same marks: adds those under kMaskA again and removes those under kMaskB.
   void exchangeMasks(const RayWindow& window, std::int64_t bucket, const OnChange& changed);
 
   CellClass at(std::int64_t x, std::int64_t y) const;

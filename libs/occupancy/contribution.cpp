@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kMaxDmm = 1.5e7;  // 1500 m: within OctoMap's keys at 5 cm
 
-/// False where the number does not fit.
+/// Returns false if the number does not fit.
 bool quantise(double metres, std::int32_t& dmm) {
   const double value = std::round(metres * kDmmPerMetre);
   if (!(std::abs(value) <= kMaxDmm)) return false;
@@ -22,13 +22,13 @@ bool quantise(const Eigen::Vector2d& point_m, PointDmm& point) {
   return quantise(point_m.x(), point.x_dmm) && quantise(point_m.y(), point.y_dmm);
 }
 
-/// 0 where not usable; at least 1 otherwise.
+/// 0 if not usable; otherwise at least 1.
 std::uint16_t quantiseSigma(double sigma_m) {
   if (!(sigma_m > 0) || !std::isfinite(sigma_m)) return 0;
   return static_cast<std::uint16_t>(std::clamp(std::round(sigma_m * kDmmPerMetre), 1.0, 65535.0));
 }
 
-/// Millionths; 0 where it is not finite or no error of a calibration any more.
+/// Millionths; 0 if not finite or too large for a calibration error.
 std::int32_t quantiseError(double error) {
   constexpr double kMost = 0.2;
   return std::abs(error) <= kMost ? static_cast<std::int32_t>(std::lround(error * 1e6)) : 0;
@@ -68,7 +68,7 @@ void quantiseScan(const Scan& scan, Contribution& out) {
   }
 }
 
-/// False where it lies beyond what 16 bits hold.
+/// Returns false if the point exceeds 16 bits or its σ is not usable.
 bool quantise(const ScenePoint& from, std::uint32_t track_id, SurfacePoint& to) {
   std::int16_t dmm[3];
   for (int i = 0; i < 3; ++i) {

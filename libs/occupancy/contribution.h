@@ -9,8 +9,8 @@
 
 namespace omnifleet::occupancy {
 
-// The map's only inputs (topics map/contribution and map/keyframe_pose), in integers so that every machine
-// computes the same map. Suffix `_dmm`: tenths of a millimetre; `_dmrad`: tenths of a milliradian.
+// The only inputs of the map (topics map/contribution and map/keyframe_pose), in integers, so that every
+// machine computes the same map. Suffix `_dmm`: tenths of a millimetre; `_dmrad`: tenths of a milliradian.
 
 struct PointDmm {
   std::int32_t x_dmm = 0, y_dmm = 0;
@@ -19,12 +19,12 @@ struct PointDmm {
   }
 };
 
-constexpr double kDmmPerMetre = 10000.0;  ///< likewise tenths of a milliradian per radian
+constexpr double kDmmPerMetre = 10000.0;  ///< also tenths of a milliradian per radian
 inline Eigen::Vector2d metres(const PointDmm& p) {
   return {p.x_dmm / kDmmPerMetre, p.y_dmm / kDmmPerMetre};
 }
 
-/// One track as one keyframe saw it, base_link.
+/// One track as observed in one keyframe, base_link.
 struct SupportView {
   std::uint32_t track_id = 0;
   ObjectKind kind = ObjectKind::kUnknown;
@@ -32,39 +32,40 @@ struct SupportView {
   std::uint16_t solidity_permille = 1000;
   PointDmm position, contact;
   std::vector<std::int32_t> b_dmm;
-  std::vector<std::uint16_t> sigma_dmm;  ///< 0: direction not to be used
+  std::vector<std::uint16_t> sigma_dmm;  ///< 0: direction is not used
   std::int32_t height_dmm = 0;
   std::uint16_t height_sigma_dmm = 0;  ///< 0: unknown
-  std::string name;                    ///< of a landmark that can be told from all others; else empty
+  std::string name;                    ///< of a landmark that is identified uniquely; else empty
 };
 
-/// A point of a thing's surface, base_link; 16 bits reach 3.2 m.
+/// Point on the surface of an object, base_link; 16 bits reach 3.2 m.
 struct SurfacePoint {
-  std::uint16_t track = 0;  ///< id (low 16 bits) of the thing
+  std::uint16_t track = 0;  ///< track id of the object (low 16 bits)
   std::int16_t x_dmm = 0, y_dmm = 0, z_dmm = 0;
   std::uint16_t sigma_dmm = 0;  ///< along the line of sight
 };
 
-/// What one keyframe saw, base_link. Robot and time name it; it is never changed afterwards.
+/// Observations of one keyframe, base_link. It is identified by robot and time and never changed afterwards.
 struct Contribution {
   std::string robot;
   TimeNs acquired_ns = 0;
   std::uint32_t sequence = 0;
   std::int32_t camera_height_dmm = 0;
-  PointDmm scan_origin;                 ///< foot of the camera, also that of the supports
+  PointDmm scan_origin;                 ///< foot of the camera; also the origin of the supports
   std::vector<std::int32_t> range_dmm;  ///< bearing i = 2πi/N; 0: invalid
   std::vector<RayLabel> label;
   std::vector<std::uint16_t> object;  ///< track id (low 16 bits), 0: none
   std::vector<SupportView> views;
-  std::vector<SurfacePoint> points;  ///< at most kMaxPoints, the surest first; of nothing known to be a robot
+  std::vector<SurfacePoint>
+      points;  ///< at most kMaxPoints, smallest σ first; none of objects known to be robots
   static constexpr std::size_t kMaxPoints = 64;
 };
 
-/// Focal length, height, roll and pitch as in PoseEstimate::camera_error, in millionths.
+/// Errors of focal length, height, roll and pitch as in PoseEstimate::camera_error, in millionths.
 using CameraErrorPpm = std::array<std::int32_t, 4>;
 Eigen::Vector4d cameraErrorOf(const CameraErrorPpm& millionths);
 
-/// Where the robot's contribution of that time stands. The highest (term, revision) wins.
+/// Pose of the robot's contribution of that time. The highest (term, revision) wins.
 struct KeyframePose {
   std::string robot;
   TimeNs acquired_ns = 0;
@@ -74,19 +75,20 @@ struct KeyframePose {
   PointDmm position;             ///< map
   std::int32_t theta_dmrad = 0;  ///< map
   std::vector<Sighting> sightings;
-  CameraErrorPpm camera_error{};  ///< of the robot's camera; that of its latest valid pose holds
+  CameraErrorPpm camera_error{};  ///< of the robot's camera; the value in its latest valid pose applies
 
   Pose2 mapFromBase() const;
 };
 
-/// Quantise. Numbers outside int32 or not finite become invalid rays, unusable directions or an invalid pose.
+/// Quantize. Values that are not finite or exceed 1500 m become invalid rays, unusable directions or an
+/// invalid pose.
 Contribution makeContribution(const Objects& objects);
 KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term = 0, std::uint32_t revision = 0);
 
-/// The supports of a view in metres; unusable directions get σ 0.
+/// Supports of a view in metres. Unusable directions get σ 0.
 SupportFunction supportsOf(const SupportView& view);
 
-/// Order and machine independent bytes (little endian) of everything in it, and FNV-1a 64 of them.
+/// Machine-independent bytes (little endian) of all members, and their FNV-1a 64 digest.
 std::string canonicalBytes(const Contribution& contribution);
 std::string canonicalBytes(const KeyframePose& pose);
 std::uint64_t digest(const std::string& bytes);

@@ -22,7 +22,7 @@ bool ContributionStore::add(const Contribution& contribution) {
   if (keyframe.contribution && bytes <= canonicalBytes(*keyframe.contribution)) return false;
   if (!keyframe.contribution) ++contributions_;
   keyframe.contribution = std::make_shared<const Contribution>(contribution);
-  keyframe.seen = withoutError(keyframe.contribution);
+  keyframe.corrected = withoutError(keyframe.contribution);
   keyframe.contribution_digest = digest(bytes);
   return true;
 }
@@ -51,29 +51,29 @@ CameraErrorPpm ContributionStore::cameraError(const std::string& robot) const {
 void ContributionStore::noteCameraError(const std::string& robot) {
   const Path& path = robots_.at(robot);
   const auto latest = std::find_if(path.rbegin(), path.rend(), [](const auto& entry) {
-    return standingOf(entry.second.pose).has_value();
+    return integerPoseOf(entry.second.pose).has_value();
   });
   const CameraErrorPpm error = latest == path.rend() ? CameraErrorPpm{} : latest->second.pose->camera_error;
   if (error == cameraError(robot)) return;
   errors_[robot] = error;
-  behind_[robot] = path.begin()->first;
+  uncorrected_from_[robot] = path.begin()->first;
 }
 
 std::vector<std::pair<std::string, TimeNs>> ContributionStore::correctNext(std::size_t at_most) {
   std::vector<std::pair<std::string, TimeNs>> done;
-  while (!behind_.empty() && done.size() < at_most) {
-    const std::string robot = behind_.begin()->first;
+  while (!uncorrected_from_.empty() && done.size() < at_most) {
+    const std::string robot = uncorrected_from_.begin()->first;
     Path& path = robots_.at(robot);
-    auto at = path.lower_bound(behind_.begin()->second);
+    auto at = path.lower_bound(uncorrected_from_.begin()->second);
     for (; at != path.end() && done.size() < at_most; ++at) {
       if (!at->second.contribution) continue;
-      at->second.seen = withoutError(at->second.contribution);
+      at->second.corrected = withoutError(at->second.contribution);
       done.emplace_back(robot, at->first);
     }
     if (at == path.end()) {
-      behind_.erase(robot);
+      uncorrected_from_.erase(robot);
     } else {
-      behind_[robot] = at->first;
+      uncorrected_from_[robot] = at->first;
     }
   }
   return done;

@@ -14,39 +14,42 @@
 
 namespace omnifleet::occupancy {
 
-/// What is held of one robot (topic map/have).
+/// Summary of what is held of one robot (topic map/have).
 struct Held {
   std::string robot;
   TimeNs first_ns = 0, last_ns = 0;
   std::uint32_t contributions = 0, keyframe_poses = 0;
-  std::uint64_t digest = 0;  ///< sum of the digests of all held, whatever the order
+  std::uint64_t digest = 0;  ///< sum of the digests of all that is held, independent of order
 };
 
 /// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
-/// idempotent and commutative: of two different contributions with one name the one with the larger bytes
-/// stays; of two poses the highest (term, revision), then the larger bytes. Contributions are held as they
-/// came and beside it as they are to be used: without what the camera's error did to them (of which there may
-/// be many, so that they are not all corrected at once).
+/// idempotent and commutative. Of two different contributions of the same robot and time, the one with the
+/// larger bytes is kept. Of two poses, the one with the higher (term, revision) is kept, and if these are
+/// equal, the one with the larger bytes. A contribution is held as received and, for use, corrected for the
+/// camera error. The corrections may be many, so they are not all computed at once.
 class ContributionStore {
  public:
   struct Keyframe {
     std::shared_ptr<const Contribution> contribution;  ///< null until it arrives
-    std::shared_ptr<const Contribution> seen;          ///< the same without the camera's error: what to use
-    std::optional<KeyframePose> pose;                  ///< empty until it arrives
+    std::shared_ptr<const Contribution>
+        corrected;                     ///< the same, corrected for the camera error: this one is used
+    std::optional<KeyframePose> pose;  ///< empty until it arrives
     std::uint64_t contribution_digest = 0, pose_digest = 0;
   };
   using Path = std::map<TimeNs, Keyframe>;
 
-  /// Of the robots' cameras, before anything is added; equidistant where nothing is said.
+  /// Lenses of the robots' cameras; call before anything is added. Equidistant for robots that are not
+  /// listed.
   void setLenses(std::map<std::string, lens::Spread> lenses) { lenses_ = std::move(lenses); }
-  /// True when the set changed.
+  /// Returns true if the set changed.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
 
-  /// What a robot's latest valid pose says of its camera; all its contributions are seen without it …
+  /// Camera error reported by a robot's latest valid pose. All contributions of the robot are corrected for
+  /// it once correctNext() has been called often enough.
   CameraErrorPpm cameraError(const std::string& robot) const;
-  /// … once this has been called often enough after it changed: the next contributions that still have to be
-  /// corrected anew, in order of robot and time, at most so many.
+  /// Corrects the next contributions that are out of date after a change of the camera error, at most that
+  /// many. Returns them in order of robot and time.
   std::vector<std::pair<std::string, TimeNs>> correctNext(std::size_t at_most);
 
   const std::map<std::string, Path>& robots() const { return robots_; }
@@ -68,8 +71,9 @@ class ContributionStore {
 
   std::map<std::string, lens::Spread> lenses_;
   std::map<std::string, Path> robots_;
-  std::map<std::string, CameraErrorPpm> errors_;  ///< to be taken off what is `seen`; none: zero
-  std::map<std::string, TimeNs> behind_;          ///< from there on that has not been done yet
+  std::map<std::string, CameraErrorPpm> errors_;  ///< errors to correct for; none: zero
+  std::map<std::string, TimeNs>
+      uncorrected_from_;  ///< time from which contributions are still to be corrected
   std::size_t contributions_ = 0, poses_ = 0;
 };
 

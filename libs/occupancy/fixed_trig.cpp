@@ -36,7 +36,7 @@ std::int64_t sineOf(Turn turn) {
 Turn turnFromDmrad(std::int32_t angle_dmrad) {
   constexpr std::uint64_t kTurnsPerDmradQ48 = 4479813390;  // 2⁴⁸ / (20000 π)
   const auto wide = static_cast<std::uint64_t>(static_cast<std::int64_t>(angle_dmrad));
-  return static_cast<Turn>((wide * kTurnsPerDmradQ48) >> 16U);  // modulo 2⁶⁴: whole turns fall away
+  return static_cast<Turn>((wide * kTurnsPerDmradQ48) >> 16U);  // modulo 2⁶⁴: whole turns drop out
 }
 
 Direction directionOf(Turn turn) {

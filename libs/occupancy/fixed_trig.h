@@ -7,7 +7,7 @@
 namespace omnifleet::occupancy {
 
 /// Plane geometry in integers: the same result on every machine. Lengths in 0.1 mm, angles as fractions of a
-/// turn in 32 bits (they wrap by themselves), sine and cosine as multiples of 2⁻³⁰.
+/// turn in 32 bits (overflow wraps them), sine and cosine as multiples of 2⁻³⁰.
 using Turn = std::uint32_t;
 
 /// 0.1 mrad → turn; error below 1e-9 turns within ten turns.
@@ -26,9 +26,9 @@ Direction directionOf(Turn turn);
 /// value / 2³⁰ to the nearest, halves away from zero.
 std::int64_t roundQ30(std::int64_t value);
 
-/// Direction · point, i.e. the point turned.
+/// The point, rotated by the direction.
 PointDmm rotate(const Direction& direction, const PointDmm& point);
-/// The point turned back.
+/// The point, rotated back.
 PointDmm unrotate(const Direction& direction, const PointDmm& point);
 
 /// Quotient rounded down, for positive divisors.

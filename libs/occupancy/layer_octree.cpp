@@ -44,13 +44,14 @@ void LayerOctree::setVoxel(std::int64_t x, std::int64_t y, std::int64_t z, CellC
                                static_cast<octomap::key_type>(z + kCentre));
   const float value =
       now == CellClass::kOccupied ? octree.getClampingThresMaxLog() : octree.getClampingThresMinLog();
-  octree.setNodeValue(key, value, true);  // inner nodes are not asked and not written
+  octree.setNodeValue(key, value, true);  // lazy: inner nodes are neither used nor written
 }
 
 namespace {
 
-/// Two bits per child: 00 unknown, 10 free, 01 occupied, 11 has children (OctoMap's binary stream); then the
-/// children that have children, in order. Written here because OctoMap's own writer chatters on stderr.
+/// Two bits per child, the lower one first: 00 unknown, 10 free, 01 occupied, 11 has children (OctoMap's
+/// binary stream). Then the children that have children, in order. Written here because OctoMap's own writer
+/// prints to stderr.
 void putNode(const octomap::OcTree& tree, const octomap::OcTreeNode* node, std::string& bytes) {
   std::uint32_t bits = 0;
   for (unsigned i = 0; i < 8; ++i) {
@@ -82,7 +83,7 @@ std::string LayerOctree::bytes() const {
 
 std::vector<LayerOctree::Column> columnsOf(const std::vector<dataset::MapObject>& objects,
                                            double resolution_m) {
-  constexpr double kMostCells = 400.0;  // per side; wider ones are no objects
+  constexpr double kMostCells = 400.0;  // per side; wider outlines are not objects
   std::vector<LayerOctree::Column> columns;
   for (const dataset::MapObject& object : objects) {
     if (object.outline_m.size() < 3) continue;

@@ -10,8 +10,8 @@
 
 namespace omnifleet::occupancy {
 
-/// One layer of voxels (0 ≤ z < resolution), and columns upon it, in an octomap::OcTree, which only this
-/// class's source includes.
+/// One layer of voxels (0 ≤ z < resolution), with columns on top, in an octomap::OcTree. OctoMap is included
+/// only by the source of this class.
 class LayerOctree {
  public:
   struct Column {
@@ -24,13 +24,13 @@ class LayerOctree {
   LayerOctree(LayerOctree&&) noexcept;
   LayerOctree& operator=(LayerOctree&&) noexcept;
 
-  /// `now` free or occupied. Cells beyond OctoMap's 16-bit keys are left out. Nothing is ever deleted:
-  /// OctoMap 1.9.7's deleteNode aborts where it empties a branch, so a cell that becomes unknown again needs
-  /// a new tree.
+  /// `now`: free or occupied. Cells beyond OctoMap's 16-bit keys are ignored. Nothing is ever deleted:
+  /// deleteNode of OctoMap 1.9.7 aborts if it empties a branch, so a cell that becomes unknown again needs a
+  /// new tree.
   void set(std::int64_t x, std::int64_t y, CellClass now);
-  /// A copy with the voxels of level 0 to levels − 1 over these cells and the voxels occupied.
+  /// A copy in which the voxels of level 0 to levels − 1 over these cells and the given voxels are occupied.
   LayerOctree with(const std::vector<Column>& columns, const std::vector<VoxelKey>& voxels) const;
-  /// The .bt file. Leaves hold one of two values, so equal cells give equal bytes.
+  /// Content of the .bt file. Leaves hold one of two values, so equal cells give equal bytes.
   std::string bytes() const;
 
  private:
@@ -39,8 +39,8 @@ class LayerOctree {
   std::unique_ptr<Tree> tree_;
 };
 
-/// Over the cells whose middles lie in the objects' footprints, as high as the objects (at least one level;
-/// objects of unknown height one). In order of objects, rows and columns.
+/// Columns over the cells whose centres lie in the objects' footprints, as high as the objects (at least one
+/// level; one level if the height is unknown). Ordered by object, row and column.
 std::vector<LayerOctree::Column> columnsOf(const std::vector<dataset::MapObject>& objects,
                                            double resolution_m);
 

@@ -59,7 +59,7 @@ class OccupancyMap::Impl {
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
   bool correct(std::size_t at_most);
-  void judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given);
+  void overrideKinds(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given);
 
   OccupancyOptions options;
   std::int32_t resolution_dmm;
@@ -78,13 +78,13 @@ class OccupancyMap::Impl {
   AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
-  bool correct_later = false;  ///< not with each pose
+  bool correct_later = false;  ///< corrections are left to correctSome()
 
   const LayerOctree& freshOctree();
 
  private:
   BodyMask maskOf(const RobotBody& body) const {
-    // A cell counts as under the robot when any of it is: half a diagonal more.
+    // A cell counts as under the robot if any part of it is: the margin grows by half a diagonal.
     return {body, options.robot_margin_m + 0.5 * std::sqrt(2.0) * options.resolution_m,
             options.default_radius_m};
   }
@@ -110,7 +110,7 @@ bool OccupancyMap::Impl::add(const Contribution& contribution) {
   const auto* before = store.find(contribution.robot, contribution.acquired_ns);
   const bool replaces = before != nullptr && before->contribution != nullptr;
   if (!store.add(contribution)) return false;
-  if (replaces) {  // two different ones of one name: what the tracks are is gathered anew
+  if (replaces) {  // another contribution of the same robot and time: the kinds of all tracks are rebuilt
     kinds = kinds.rebuilt(store);
     for (const auto& [robot, path] : store.robots()) refreshAll(robot);
   } else if (kinds.learn(contribution)) {
@@ -134,33 +134,35 @@ bool OccupancyMap::Impl::add(const KeyframePose& pose) {
   return true;
 }
 
-void OccupancyMap::Impl::judge(
+void OccupancyMap::Impl::overrideKinds(
     const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds_given) {
   correct(kAll);
-  for (const auto& robot : kinds.judge(kinds_given)) refreshAll(robot);
+  for (const auto& robot : kinds.overrideKinds(kinds_given)) refreshAll(robot);
 }
 
-/// What the sets say about one contribution; nothing while it or its valid pose is missing.
+/// How one contribution is to be applied according to the sets; nothing while it or its valid pose is
+/// missing.
 std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, TimeNs time_ns) const {
   const auto* keyframe = store.find(robot, time_ns);
   if (keyframe == nullptr || !keyframe->contribution) return std::nullopt;
-  const auto at = standingOf(keyframe->pose);
+  const auto at = integerPoseOf(keyframe->pose);
   if (!at) return std::nullopt;
   Applied what;
-  what.contribution = keyframe->seen;
+  what.contribution = keyframe->corrected;
   what.at = *at;
   what.roles = rolesOf(*keyframe->contribution, keyframe->pose->sightings, kinds, options.unknown_is_hit);
   for (const auto& [other, path] : store.robots()) {
-    const auto standing = paths.at(other, time_ns);
-    if (standing && window.isNear(maskOf(other), *standing, *what.contribution, what.at)) {
-      what.robots.emplace_back(other, *standing);
+    const auto robot_pose = paths.at(other, time_ns);
+    if (robot_pose && window.isNear(maskOf(other), *robot_pose, *what.contribution, what.at)) {
+      what.robots.emplace_back(other, *robot_pose);
     }
   }
   placePoints(keyframe->pose->sightings, what);
   return what;
 }
 
-/// The voxels of its points: of what is known to be no robot, and not where a robot stood.
+/// Adds the voxels of its points, except points of robots, undecided objects and floor markings, and points
+/// where a robot was.
 void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, Applied& what) const {
   VoxelKey key{};
   for (const SurfacePoint& point : what.contribution->points) {
@@ -168,14 +170,14 @@ void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, App
     const bool sighted = std::any_of(sightings.begin(), sightings.end(), [&](const Sighting& s) {
       return static_cast<std::uint16_t>(s.track_id) == point.track;
     });
-    if (sighted || kinds.isMark(what.contribution->robot, point.track)) continue;
+    if (sighted || kinds.isFloorMarking(what.contribution->robot, point.track)) continue;
     if (kind == ObjectKind::kRobot || (kind == ObjectKind::kUnknown && !options.unknown_is_hit)) continue;
     if (!voxels.keyOf(point, *what.contribution, what.at, key)) continue;
     const auto middle = [&](std::int64_t cell) {
       return static_cast<std::int32_t>(cell * resolution_dmm + resolution_dmm / 2);
     };
     const bool covered = std::any_of(what.robots.begin(), what.robots.end(), [&](const auto& entry) {
-      const Standing& at = entry.second;
+      const IntegerPose& at = entry.second;
       const PointDmm from_robot{middle(key.x) - at.position.x_dmm, middle(key.y) - at.position.y_dmm};
       return maskOf(entry.first).covers(unrotate(directionOf(turnFromDmrad(at.theta_dmrad)), from_robot));
     });
@@ -185,7 +187,7 @@ void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, App
   what.voxels.erase(std::unique(what.voxels.begin(), what.voxels.end()), what.voxels.end());
 }
 
-/// Brings the cells to what the sets say about one contribution.
+/// Updates the cells to what the sets say about one contribution.
 void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
   const auto now = wanted(robot, time_ns);
   const auto found = applied.find({robot, time_ns});
@@ -200,7 +202,8 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
   writeChanged();
 }
 
-/// Takes out, moves, or only exchanges what robots cover. False when nothing of it stays.
+/// Replaces the old application by the new one; if only the robots' footprints changed, only the cells that
+/// they cover. Returns false if nothing of the contribution remains.
 bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) {
   const bool same_rays =
       now && old.contribution == now->contribution && old.at == now->at && old.roles == now->roles;
@@ -260,7 +263,7 @@ void OccupancyMap::Impl::refreshAll(const std::string& robot) {
 }
 
 void OccupancyMap::Impl::coverAll(const Applied& what, std::uint8_t bit) {
-  for (const auto& [robot, standing] : what.robots) window.cover(maskOf(robot), standing, bit);
+  for (const auto& [robot, robot_pose] : what.robots) window.cover(maskOf(robot), robot_pose, bit);
 }
 
 void OccupancyMap::Impl::enter(const Applied& what, int sign) {
@@ -287,8 +290,8 @@ void OccupancyMap::correctLater() {
 bool OccupancyMap::correctSome(std::size_t at_most) {
   return impl_->correct(at_most);
 }
-void OccupancyMap::judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
-  impl_->judge(kinds);
+void OccupancyMap::overrideKinds(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
+  impl_->overrideKinds(kinds);
 }
 void OccupancyMap::setLenses(std::map<std::string, lens::Spread> lenses) {
   impl_->store.setLenses(std::move(lenses));

@@ -10,23 +10,23 @@ namespace omnifleet::occupancy {
 
 namespace {
 
-/// OctoMap reports on its reading to the standard streams; nobody asked.
-class Quiet {
+/// Suppresses the messages that OctoMap's reader prints to the standard streams.
+class SilencedStreams {
  public:
-  Quiet() : out_(std::cout.rdbuf(nullptr)), err_(std::cerr.rdbuf(nullptr)) {}
-  ~Quiet() {
+  SilencedStreams() : out_(std::cout.rdbuf(nullptr)), err_(std::cerr.rdbuf(nullptr)) {}
+  ~SilencedStreams() {
     std::cout.rdbuf(out_);
     std::cerr.rdbuf(err_);
   }
-  Quiet(const Quiet&) = delete;
-  Quiet& operator=(const Quiet&) = delete;
+  SilencedStreams(const SilencedStreams&) = delete;
+  SilencedStreams& operator=(const SilencedStreams&) = delete;
 
  private:
   std::streambuf *out_, *err_;
 };
 
 bool readQuietly(octomap::OcTree& tree, std::istream& in) {
-  const Quiet quiet;
+  const SilencedStreams quiet;
   return tree.readBinary(in);
 }
 
@@ -36,7 +36,7 @@ std::vector<Eigen::Vector3d> voxelsAboveFloor(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw std::runtime_error(path + ": cannot be opened");
   octomap::OcTree tree(0.1);
-  if (!readQuietly(tree, in)) throw std::runtime_error(path + ": is no OctoMap binary tree");
+  if (!readQuietly(tree, in)) throw std::runtime_error(path + ": not an OctoMap binary tree");
   tree.expand();
   std::vector<Eigen::Vector3d> middles;
   for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {

@@ -4,7 +4,7 @@
 
 namespace omnifleet::occupancy {
 
-PointDmm scanOrigin(const Contribution& contribution, const Standing& at) {
+PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
   const PointDmm offset = rotate(directionOf(turnFromDmrad(at.theta_dmrad)), contribution.scan_origin);
   return {at.position.x_dmm + offset.x_dmm, at.position.y_dmm + offset.y_dmm};
 }
@@ -17,7 +17,7 @@ RayWindow::RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm)
   marks_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(width_));
 }
 
-void RayWindow::draw(const Contribution& contribution, const Standing& at,
+void RayWindow::draw(const Contribution& contribution, const IntegerPose& at,
                      const std::vector<RayRole>& roles) {
   std::fill(marks_.begin(), marks_.end(), std::uint8_t{0});
   const PointDmm origin = scanOrigin(contribution, at);
@@ -43,13 +43,13 @@ void RayWindow::draw(const Contribution& contribution, const Standing& at,
 }
 
 void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, RayRole role) {
-  // Lengths from here on relative to the window, so never negative.
+  // From here on lengths are relative to the window, so never negative.
   const std::int64_t left = first_x_ * resolution_, low = first_y_ * resolution_;
   const std::int64_t x0 = from.x_dmm - left, y0 = from.y_dmm - low, x1 = to.x_dmm - left, y1 = to.y_dmm - low;
   const std::int64_t cell_x = x0 / resolution_, cell_y = y0 / resolution_;
   const std::int64_t dx = std::abs(x1 - x0), dy = std::abs(y1 - y0);
   const std::int64_t steps = std::abs(x1 / resolution_ - cell_x) + std::abs(y1 / resolution_ - cell_y);
-  // Time to the next border, times dx·dy: crossing x costs (distance to it)·dy, crossing y (distance to
+  // Time to the next border, times dx·dy: crossing x costs (distance to it)·dy, crossing y costs (distance to
   // it)·dx.
   const std::int64_t in_x = x0 - cell_x * resolution_, in_y = y0 - cell_y * resolution_;
   std::int64_t next_x = (x1 >= x0 ? resolution_ - in_x : in_x + 1) * dy;
@@ -69,7 +69,7 @@ void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, RayRole role) 
   if (role == RayRole::kFree) *cell |= kMiss;
 }
 
-void RayWindow::cover(const BodyMask& body, const Standing& at, std::uint8_t bit) {
+void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit) {
   const Direction d = directionOf(turnFromDmrad(at.theta_dmrad));
   const auto range = [&](std::int64_t centre, std::int64_t first) {
     const std::int64_t low = floorDivide(centre - body.reachDmm(), resolution_) - first;
@@ -88,8 +88,8 @@ void RayWindow::cover(const BodyMask& body, const Standing& at, std::uint8_t bit
   }
 }
 
-bool RayWindow::isNear(const BodyMask& body, const Standing& at, const Contribution& contribution,
-                       const Standing& of) const {
+bool RayWindow::isNear(const BodyMask& body, const IntegerPose& at, const Contribution& contribution,
+                       const IntegerPose& of) const {
   const PointDmm origin = scanOrigin(contribution, of);
   const std::int64_t reach = max_range_ + 2 * resolution_ + body.reachDmm();
   const std::int64_t dx = std::int64_t{at.position.x_dmm} - origin.x_dmm,

@@ -9,27 +9,27 @@
 
 namespace omnifleet::occupancy {
 
-/// What a ray does to the cells: nothing, free up to its end, or free up to its end and hit there; kOpen:
-/// free up to but not including its end.
+/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to its
+/// end, which is hit. kOpen: free up to but excluding its end.
 enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen };
 
-/// Cells are told apart by integer coordinates; chunks are squares of kChunk cells.
+/// Cells are identified by integer coordinates; chunks are squares of kChunk cells.
 inline constexpr int kChunk = 16;
 
-/// Scratch grid around one scan: marks each cell once however many rays cross it. Reused between scans.
+/// Scratch grid around one scan. Each cell is marked once, however many rays cross it. Reused between scans.
 class RayWindow {
  public:
   static constexpr std::uint8_t kMiss = 1, kHit = 2, kMaskA = 4, kMaskB = 8;
 
   RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm);
 
-  /// Clears the window and centres it on the scan's origin, then draws its rays. `roles` one per ray.
-  void draw(const Contribution& contribution, const Standing& at, const std::vector<RayRole>& roles);
+  /// Clears the window, centres it on the origin of the scan and draws its rays. `roles`: one per ray.
+  void draw(const Contribution& contribution, const IntegerPose& at, const std::vector<RayRole>& roles);
   /// Sets `bit` in the cells whose centres lie under a body.
-  void cover(const BodyMask& body, const Standing& at, std::uint8_t bit);
-  /// Whether the body could cover any cell of the window.
-  bool isNear(const BodyMask& body, const Standing& at, const Contribution& contribution,
-              const Standing& of) const;
+  void cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit);
+  /// Whether the body can cover any cell of the window.
+  bool isNear(const BodyMask& body, const IntegerPose& at, const Contribution& contribution,
+              const IntegerPose& of) const;
 
   int chunksAcross() const { return chunks_; }
   /// Chunk coordinates of the window's lower left chunk.
@@ -49,7 +49,7 @@ class RayWindow {
   std::vector<std::uint8_t> marks_;
 };
 
-/// Foot of the scan in map, 0.1 mm.
-PointDmm scanOrigin(const Contribution& contribution, const Standing& at);
+/// Origin of the scan in map, 0.1 mm.
+PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at);
 
 }  // namespace omnifleet::occupancy

@@ -9,18 +9,18 @@ namespace {
 
 constexpr std::int32_t kMaxDmm = 15000000;  // 1500 m
 
-/// Between two integers, to the nearest, in the microseconds that both times are cut to.
+/// Interpolates between two integers, rounded to nearest. `part` and `whole` in microseconds, truncated.
 std::int64_t between(std::int64_t a, std::int64_t b, std::int64_t part, std::int64_t whole) {
   return a + floorDivide((b - a) * part + whole / 2, whole);
 }
 
-Standing interpolate(const Standing& a, const Standing& b, TimeNs part_ns, TimeNs whole_ns) {
+IntegerPose interpolate(const IntegerPose& a, const IntegerPose& b, TimeNs part_ns, TimeNs whole_ns) {
   const std::int64_t part = part_ns / 1000, whole = std::max<std::int64_t>(whole_ns / 1000, 1);
-  // The shorter way round, as a signed part of a turn; back to 0.1 mrad to the nearest.
+  // The shorter rotation, as a signed fraction of a turn, converted to 0.1 mrad (rounded to nearest).
   const auto turn = static_cast<std::int32_t>(turnFromDmrad(b.theta_dmrad) - turnFromDmrad(a.theta_dmrad));
   const std::int64_t way_dmrad =
       floorDivide(std::int64_t{turn} * 62832 + (std::int64_t{1} << 31U), std::int64_t{1} << 32U);
-  Standing now;
+  IntegerPose now;
   now.position.x_dmm = static_cast<std::int32_t>(between(a.position.x_dmm, b.position.x_dmm, part, whole));
   now.position.y_dmm = static_cast<std::int32_t>(between(a.position.y_dmm, b.position.y_dmm, part, whole));
   now.theta_dmrad = static_cast<std::int32_t>(a.theta_dmrad + between(0, way_dmrad, part, whole));
@@ -29,23 +29,23 @@ Standing interpolate(const Standing& a, const Standing& b, TimeNs part_ns, TimeN
 
 }  // namespace
 
-std::optional<Standing> standingOf(const std::optional<KeyframePose>& pose) {
+std::optional<IntegerPose> integerPoseOf(const std::optional<KeyframePose>& pose) {
   if (!pose || !pose->valid) return std::nullopt;
   if (pose->position.x_dmm < -kMaxDmm || pose->position.x_dmm > kMaxDmm) return std::nullopt;
   if (pose->position.y_dmm < -kMaxDmm || pose->position.y_dmm > kMaxDmm) return std::nullopt;
-  return Standing{pose->position, pose->theta_dmrad};
+  return IntegerPose{pose->position, pose->theta_dmrad};
 }
 
-std::optional<Standing> RobotPaths::at(const std::string& robot, TimeNs time_ns) const {
+std::optional<IntegerPose> RobotPaths::at(const std::string& robot, TimeNs time_ns) const {
   const auto* path = store_.find(robot);
   if (path == nullptr) return std::nullopt;
   auto after = path->lower_bound(time_ns);
   auto before = after;
-  while (after != path->end() && !standingOf(after->second.pose)) ++after;
-  std::optional<Standing> late, early;
-  if (after != path->end()) late = standingOf(after->second.pose);
+  while (after != path->end() && !integerPoseOf(after->second.pose)) ++after;
+  std::optional<IntegerPose> late, early;
+  if (after != path->end()) late = integerPoseOf(after->second.pose);
   if (late && after->first == time_ns) return late;
-  while (before != path->begin() && !early) early = standingOf((--before)->second.pose);
+  while (before != path->begin() && !early) early = integerPoseOf((--before)->second.pose);
   if (early && late && after->first - before->first <= max_gap_ns_) {
     return interpolate(*early, *late, time_ns - before->first, after->first - before->first);
   }
@@ -61,12 +61,12 @@ std::pair<TimeNs, TimeNs> RobotPaths::influence(const std::string& robot, TimeNs
   const auto* path = store_.find(robot);
   if (path == nullptr) return {first, last};
   auto after = path->upper_bound(time_ns);
-  while (after != path->end() && after->first <= last && !standingOf(after->second.pose)) ++after;
+  while (after != path->end() && after->first <= last && !integerPoseOf(after->second.pose)) ++after;
   if (after != path->end()) last = std::min(last, after->first);
   auto before = path->lower_bound(time_ns);
   while (before != path->begin() && before->first >= first) {
     --before;
-    if (!standingOf(before->second.pose)) continue;
+    if (!integerPoseOf(before->second.pose)) continue;
     first = std::max(first, before->first);
     break;
   }

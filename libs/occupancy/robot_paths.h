@@ -11,17 +11,17 @@
 
 namespace omnifleet::occupancy {
 
-/// Where robots stood, from their valid keyframe poses, in integers.
+/// Poses of the robots over time, from their valid keyframe poses, in integers.
 class RobotPaths {
  public:
   RobotPaths(const ContributionStore& store, TimeNs hold_ns, TimeNs max_gap_ns)
       : store_(store), hold_ns_(hold_ns), max_gap_ns_(max_gap_ns) {}
 
-  /// At the very time; else interpolated where the poses before and after are at most `max_gap` apart; else
-  /// the nearer one within `hold`; else nothing.
-  std::optional<Standing> at(const std::string& robot, TimeNs time_ns) const;
+  /// Pose at a time: the keyframe pose of exactly that time; else interpolated if the poses before and after
+  /// are at most `max_gap` apart; else the nearer one within `hold`; else nothing.
+  std::optional<IntegerPose> at(const std::string& robot, TimeNs time_ns) const;
 
-  /// First and last time at which a change of the robot's pose at `time_ns` can matter.
+  /// First and last time at which a change of the robot's pose at `time_ns` has an effect.
   std::pair<TimeNs, TimeNs> influence(const std::string& robot, TimeNs time_ns) const;
 
  private:
@@ -29,7 +29,7 @@ class RobotPaths {
   TimeNs hold_ns_, max_gap_ns_;
 };
 
-/// The pose as integers; nothing where it is invalid or out of bounds.
-std::optional<Standing> standingOf(const std::optional<KeyframePose>& pose);
+/// The pose in integers; nothing if it is invalid or out of bounds.
+std::optional<IntegerPose> integerPoseOf(const std::optional<KeyframePose>& pose);
 
 }  // namespace omnifleet::occupancy

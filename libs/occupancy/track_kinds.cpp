@@ -9,33 +9,34 @@ bool TrackKinds::learn(const Contribution& contribution) {
   for (const auto& view : contribution.views) {
     if (view.kind == ObjectKind::kUnknown) continue;
     const Track track{contribution.robot, static_cast<std::uint16_t>(view.track_id)};
-    const auto found = said_.find(track);
-    if (found != said_.end() && found->second.latest_ns >= contribution.acquired_ns) continue;
-    changed = changed || found == said_.end() || found->second.kind != view.kind;
-    said_[track] = {contribution.acquired_ns, view.kind};
+    const auto found = reported_.find(track);
+    if (found != reported_.end() && found->second.latest_ns >= contribution.acquired_ns) continue;
+    changed = changed || found == reported_.end() || found->second.kind != view.kind;
+    reported_[track] = {contribution.acquired_ns, view.kind};
   }
   return changed;
 }
 
-std::set<std::string> TrackKinds::judge(
+std::set<std::string> TrackKinds::overrideKinds(
     const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds) {
-  std::map<Track, ObjectKind> judged;
-  for (const auto& [name, kind] : kinds) judged[{name.first, static_cast<std::uint16_t>(name.second)}] = kind;
+  std::map<Track, ObjectKind> overrides;
+  for (const auto& [name, kind] : kinds)
+    overrides[{name.first, static_cast<std::uint16_t>(name.second)}] = kind;
   std::set<std::string> robots;
-  for (const auto* side : {&judged, &judged_}) {
-    const auto& other = side == &judged ? judged_ : judged;
+  for (const auto* side : {&overrides, &overrides_}) {
+    const auto& other = side == &overrides ? overrides_ : overrides;
     for (const auto& [track, kind] : *side) {
       const auto found = other.find(track);
       if (found == other.end() || found->second != kind) robots.insert(track.first);
     }
   }
-  judged_ = std::move(judged);
+  overrides_ = std::move(overrides);
   return robots;
 }
 
 TrackKinds TrackKinds::rebuilt(const ContributionStore& store) const {
   TrackKinds fresh;
-  fresh.judged_ = judged_;
+  fresh.overrides_ = overrides_;
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
       if (keyframe.contribution) fresh.learn(*keyframe.contribution);
@@ -45,28 +46,28 @@ TrackKinds TrackKinds::rebuilt(const ContributionStore& store) const {
 }
 
 ObjectKind TrackKinds::kindOf(const std::string& robot, std::uint16_t track) const {
-  const auto judged = judged_.find({robot, track});
-  if (judged != judged_.end()) return judged->second;
-  const auto said = said_.find({robot, track});
-  return said == said_.end() ? ObjectKind::kUnknown : said->second.kind;
+  const auto overridden = overrides_.find({robot, track});
+  if (overridden != overrides_.end()) return overridden->second;
+  const auto reported = reported_.find({robot, track});
+  return reported == reported_.end() ? ObjectKind::kUnknown : reported->second.kind;
 }
 
-bool TrackKinds::isMark(const std::string& robot, std::uint16_t track) const {
-  const auto judged = judged_.find({robot, track});
-  return judged != judged_.end() && judged->second == ObjectKind::kUnknown;
+bool TrackKinds::isFloorMarking(const std::string& robot, std::uint16_t track) const {
+  const auto overridden = overrides_.find({robot, track});
+  return overridden != overrides_.end() && overridden->second == ObjectKind::kUnknown;
 }
 
 namespace {
 
 struct Known {
   ObjectKind kind = ObjectKind::kUnknown;
-  bool sighted = false, is_mark = false;
+  bool sighted = false, is_floor_marking = false;
 };
 
 RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
   if (label == RayLabel::kFloorEnd) return RayRole::kFree;
   if (known.sighted || label == RayLabel::kRobot || known.kind == ObjectKind::kRobot) return RayRole::kNone;
-  if (known.is_mark) return RayRole::kOpen;
+  if (known.is_floor_marking) return RayRole::kOpen;
   const bool is_obstacle = label == RayLabel::kObstacle || known.kind == ObjectKind::kObstacle;
   return is_obstacle || unknown_is_hit ? RayRole::kHit : RayRole::kOpen;
 }
@@ -75,7 +76,7 @@ RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
 
 std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector<Sighting>& sightings,
                              const TrackKinds& kinds, bool unknown_is_hit) {
-  // Few tracks, many rays: each track is looked up once.
+  // Few tracks, many rays: each track is looked up only once.
   std::map<std::uint16_t, Known> tracks;
   const std::size_t count = std::min(contribution.range_dmm.size(), contribution.label.size());
   std::vector<RayRole> roles(count, RayRole::kNone);
@@ -93,7 +94,7 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
           return static_cast<std::uint16_t>(s.track_id) == track;
         });
         found->second = {kinds.kindOf(contribution.robot, track), sighted,
-                         kinds.isMark(contribution.robot, track)};
+                         kinds.isFloorMarking(contribution.robot, track)};
       }
       known = found->second;
     }

@@ -12,32 +12,34 @@
 
 namespace omnifleet::occupancy {
 
-/// What each robot's tracks are known to be, whenever that was learned: the latest decided kind among all
-/// contributions of that robot, overruled by a judgement. Tracks go by the low 16 bits that scans carry.
+/// Kinds of each robot's tracks, independent of when they became known: the latest decided kind among all
+/// contributions of that robot, unless overridden. Tracks are identified by the low 16 bits of their id, as
+/// in scans.
 class TrackKinds {
  public:
   using Track = std::pair<std::string, std::uint16_t>;
 
-  /// Takes in what a contribution says; returns whether the kind of any of its tracks changed.
+  /// Adds the kinds that a contribution reports. Returns true if the kind of any of its tracks changed.
   bool learn(const Contribution& contribution);
-  /// Returns the robots whose tracks changed.
-  std::set<std::string> judge(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
-  /// What all contributions of a store say, with the same judgement.
+  /// Replaces the overrides. Returns the robots whose tracks changed.
+  std::set<std::string> overrideKinds(
+      const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
+  /// Kinds from all contributions of a store, with the same overrides.
   TrackKinds rebuilt(const ContributionStore& store) const;
   ObjectKind kindOf(const std::string& robot, std::uint16_t track) const;
-  /// Judged to be unknown: nothing that stands in the way, whatever the contributions say.
-  bool isMark(const std::string& robot, std::uint16_t track) const;
+  /// Overridden to unknown: a floor marking, which is no obstacle, whatever the contributions report.
+  bool isFloorMarking(const std::string& robot, std::uint16_t track) const;
 
  private:
-  struct Said {
+  struct Report {
     TimeNs latest_ns;
     ObjectKind kind;
   };
-  std::map<Track, Said> said_;
-  std::map<Track, ObjectKind> judged_;
+  std::map<Track, Report> reported_;
+  std::map<Track, ObjectKind> overrides_;
 };
 
-/// One role per ray of a contribution, given its pose's sightings (rays at robots are left out).
+/// One role per ray of a contribution, given the sightings of its pose. Rays at robots have no effect.
 std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector<Sighting>& sightings,
                              const TrackKinds& kinds, bool unknown_is_hit);
 

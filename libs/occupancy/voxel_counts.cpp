@@ -17,12 +17,12 @@ VoxelCounts::VoxelCounts(const OccupancyOptions& options)
       log_max_(logOdds(options.clamp_max)),
       least_hits_(options.least_point_hits) {}
 
-VoxelCounts::Eye VoxelCounts::eyeOf(const Applied& what) {
+VoxelCounts::Viewpoint VoxelCounts::viewpointOf(const Applied& what) {
   return {scanOrigin(*what.contribution, what.at), what.contribution->camera_height_dmm,
           directionOf(turnFromDmrad(what.at.theta_dmrad))};
 }
 
-bool VoxelCounts::keyOf(const SurfacePoint& point, const Contribution& contribution, const Standing& at,
+bool VoxelCounts::keyOf(const SurfacePoint& point, const Contribution& contribution, const IntegerPose& at,
                         VoxelKey& key) const {
   const PointDmm& foot = contribution.scan_origin;
   const std::int64_t x = point.x_dmm - foot.x_dmm, y = point.y_dmm - foot.y_dmm;
@@ -36,20 +36,20 @@ bool VoxelCounts::keyOf(const SurfacePoint& point, const Contribution& contribut
   return true;
 }
 
-/// The floor that the voxel's middle would hide was seen, by the rays on both sides of it.
-bool VoxelCounts::seesThrough(const Looker& looker, const VoxelKey& key) const {
-  const Eye& eye = looker.eye;
-  const Applied& what = *looker.what;
+/// Whether the floor that the centre of the voxel would hide was seen, by the rays on both sides of it.
+bool VoxelCounts::seesThrough(const Observer& observer, const VoxelKey& key) const {
+  const Viewpoint& viewpoint = observer.viewpoint;
+  const Applied& what = *observer.what;
   const std::int64_t half = resolution_dmm_ / 2;
-  const std::int64_t below = eye.height_dmm - (key.z * resolution_dmm_ + half);
-  const std::int64_t x = key.x * resolution_dmm_ + half - eye.foot.x_dmm,
-                     y = key.y * resolution_dmm_ + half - eye.foot.y_dmm;
+  const std::int64_t below = viewpoint.height_dmm - (key.z * resolution_dmm_ + half);
+  const std::int64_t x = key.x * resolution_dmm_ + half - viewpoint.foot.x_dmm,
+                     y = key.y * resolution_dmm_ + half - viewpoint.foot.y_dmm;
   if (below <= 0 || std::max(std::abs(x), std::abs(y)) >= max_range_dmm_) return false;
   const std::int64_t away = integerSqrt(x * x + y * y);
-  const std::int64_t hidden = away * eye.height_dmm / below + resolution_dmm_;  // a cell's leeway
+  const std::int64_t hidden = away * viewpoint.height_dmm / below + resolution_dmm_;  // tolerance of one cell
   if (away == 0 || hidden >= max_range_dmm_) return false;
   const PointDmm in_base =
-      unrotate(eye.heading, {static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)});
+      unrotate(viewpoint.heading, {static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)});
   const std::size_t rays = what.roles.size();
   if (rays == 0) return false;
   if (bearings_.size() != rays) bearings_ = Bearings(rays);
@@ -75,45 +75,45 @@ void VoxelCounts::create(const VoxelKey& key) {
   const std::int64_t half = resolution_dmm_ / 2;
   const auto [column, row] = tileOf(key.x * resolution_dmm_ + half, key.y * resolution_dmm_ + half);
   for (std::int64_t x = column - 1; x <= column + 1; ++x) {
-    for (auto tile = lookers_.lower_bound({x, row - 1});
-         tile != lookers_.end() && tile->first <= Tile{x, row + 1}; ++tile) {
-      for (const Looker& looker : tile->second)
-        if (seesThrough(looker, key)) change(voxel->second, bucketOf(*looker.what), 0, 1);
+    for (auto tile = observers_.lower_bound({x, row - 1});
+         tile != observers_.end() && tile->first <= Tile{x, row + 1}; ++tile) {
+      for (const Observer& observer : tile->second)
+        if (seesThrough(observer, key)) change(voxel->second, bucketOf(*observer.what), 0, 1);
     }
   }
 }
 
 void VoxelCounts::add(const Applied& what) {
   for (const VoxelKey& key : what.voxels) create(key);
-  const Looker looker{&what, eyeOf(what)};
-  count(looker, 1);
-  lookers_[tileOf(looker.eye.foot.x_dmm, looker.eye.foot.y_dmm)].push_back(looker);
+  const Observer observer{&what, viewpointOf(what)};
+  count(observer, 1);
+  observers_[tileOf(observer.viewpoint.foot.x_dmm, observer.viewpoint.foot.y_dmm)].push_back(observer);
 }
 
 void VoxelCounts::remove(const Applied& what) {
-  const Looker looker{&what, eyeOf(what)};
-  auto& here = lookers_[tileOf(looker.eye.foot.x_dmm, looker.eye.foot.y_dmm)];
+  const Observer observer{&what, viewpointOf(what)};
+  auto& here = observers_[tileOf(observer.viewpoint.foot.x_dmm, observer.viewpoint.foot.y_dmm)];
   const auto found =
-      std::find_if(here.begin(), here.end(), [&](const Looker& other) { return other.what == &what; });
+      std::find_if(here.begin(), here.end(), [&](const Observer& other) { return other.what == &what; });
   if (found != here.end()) here.erase(found);
-  count(looker, -1);
+  count(observer, -1);
 }
 
-/// Adds (`sign` +1) or takes out (−1) its hits and misses.
-void VoxelCounts::count(const Looker& looker, int sign) {
-  const Applied& what = *looker.what;
+/// Adds (`sign` +1) or removes (−1) the hits and misses of a contribution.
+void VoxelCounts::count(const Observer& observer, int sign) {
+  const Applied& what = *observer.what;
   const auto reach = static_cast<std::int32_t>(max_range_dmm_ / resolution_dmm_ + 1);
-  const auto column = static_cast<std::int32_t>(floorDivide(looker.eye.foot.x_dmm, resolution_dmm_)),
-             row = static_cast<std::int32_t>(floorDivide(looker.eye.foot.y_dmm, resolution_dmm_));
+  const auto column = static_cast<std::int32_t>(floorDivide(observer.viewpoint.foot.x_dmm, resolution_dmm_)),
+             row = static_cast<std::int32_t>(floorDivide(observer.viewpoint.foot.y_dmm, resolution_dmm_));
   auto voxel = voxels_.lower_bound({column - reach, row - reach, INT32_MIN});
   while (voxel != voxels_.end() && voxel->first.x <= column + reach) {
     const VoxelKey& key = voxel->first;
-    if (std::abs(key.y - row) > reach) {  // on to where the rows within reach begin
+    if (std::abs(key.y - row) > reach) {  // skip to the first row within reach
       voxel = voxels_.lower_bound({key.y < row ? key.x : key.x + 1, row - reach, INT32_MIN});
       continue;
     }
     const bool hit = std::binary_search(what.voxels.begin(), what.voxels.end(), key);
-    if (hit || seesThrough(looker, key))
+    if (hit || seesThrough(observer, key))
       change(voxel->second, bucketOf(what), hit ? sign : 0, hit ? 0 : sign);
     const auto& counts = voxel->second;
     const bool any = sign > 0 || !hit ||

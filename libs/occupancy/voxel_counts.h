@@ -17,7 +17,7 @@
 
 namespace omnifleet::occupancy {
 
-/// Integer coordinates of a voxel, by order of x, y, z; z = 0 is the layer that scans draw.
+/// Integer coordinates of a voxel, ordered by x, y, z; z = 0 is the layer that scans draw.
 struct VoxelKey {
   std::int32_t x, y, z;
   friend bool operator<(const VoxelKey& a, const VoxelKey& b) {
@@ -28,37 +28,38 @@ struct VoxelKey {
   }
 };
 
-/// How a contribution stands in the map.
+/// How a contribution is applied to the map.
 struct Applied {
   std::shared_ptr<const Contribution> contribution;
-  Standing at;
-  std::vector<RayRole> roles;                            ///< of its rays
-  std::vector<VoxelKey> voxels;                          ///< that hold its points, in order, each once
-  std::vector<std::pair<std::string, Standing>> robots;  ///< those that cover cells, in order of name
+  IntegerPose at;
+  std::vector<RayRole> roles;    ///< of its rays
+  std::vector<VoxelKey> voxels;  ///< that contain its points, sorted, without duplicates
+  std::vector<std::pair<std::string, IntegerPose>> robots;  ///< those that cover cells, sorted by name
 };
 using AppliedSet = std::map<std::pair<std::string, TimeNs>, Applied>;
 
-/// Voxels above the floor's layer that hold points of things. A contribution counts once per voxel: a hit
-/// where one of its points lies, else a miss where it sees through: where the floor is seen at the place that
-/// the voxel would hide. Hits and misses are folded as the cells' are (CellCounts), so a moved box's points
-/// vanish. A function of the set of contributions that are applied: a voxel is kept while any of them has a
-/// point in it, and has the misses of all of them, whenever it came to be known. A contribution costs what it
-/// can see: the voxels within its range, and for each that is new the contributions that stand within range.
+/// Voxels above the floor layer that contain surface points of objects. A contribution counts once per voxel.
+/// It is a hit if one of its points lies there; else a miss if the floor is seen at the place that the voxel
+/// would hide. Hits and misses are folded like those of the cells (CellCounts), so the points of a box that
+/// was moved away vanish. The counts are a function of the set of applied contributions. A voxel is kept
+/// while any of them has a point in it, and it has the misses of all of them, whenever it was created. The
+/// cost of a contribution is that of the voxels within its range and, for each new voxel, of the
+/// contributions within range.
 class VoxelCounts {
  public:
   explicit VoxelCounts(const OccupancyOptions& options);
 
-  /// Adds a contribution; it stays where it is and as it is until it is removed.
+  /// Adds a contribution. It must keep its address and stay unchanged until it is removed.
   void add(const Applied& what);
   void remove(const Applied& what);
-  /// Voxels that are occupied, in order.
+  /// Occupied voxels, sorted.
   std::vector<VoxelKey> occupied() const;
   bool empty() const { return voxels_.empty(); }
-  /// Everything that is counted, in order, as bytes.
+  /// All counts as bytes, sorted.
   std::string canonicalBytes() const;
 
-  /// The voxel of a point above the floor's layer and within reach; false for others.
-  bool keyOf(const SurfacePoint& point, const Contribution& contribution, const Standing& at,
+  /// Voxel of a point above the floor layer and within range. Returns false for other points.
+  bool keyOf(const SurfacePoint& point, const Contribution& contribution, const IntegerPose& at,
              VoxelKey& key) const;
 
  private:
@@ -66,27 +67,27 @@ class VoxelCounts {
     std::int64_t bucket;
     std::int32_t hits, misses;
   };
-  using Counts = std::vector<Count>;  ///< in order of bucket, none empty
-  /// Where a contribution looks from.
-  struct Eye {
+  using Counts = std::vector<Count>;  ///< sorted by bucket, none empty
+  /// Viewpoint of a contribution.
+  struct Viewpoint {
     PointDmm foot;  ///< map
     std::int64_t height_dmm;
     Direction heading;
   };
-  struct Looker {
+  struct Observer {
     const Applied* what;
-    Eye eye;
+    Viewpoint viewpoint;
   };
-  using Tile = std::pair<std::int64_t, std::int64_t>;  ///< squares as wide as rays reach
+  using Tile = std::pair<std::int64_t, std::int64_t>;  ///< squares whose side is the range of the rays
 
   static void change(Counts& counts, std::int64_t bucket, int hits, int misses);
   void create(const VoxelKey& key);
-  void count(const Looker& looker, int sign);
-  static Eye eyeOf(const Applied& what);
+  void count(const Observer& observer, int sign);
+  static Viewpoint viewpointOf(const Applied& what);
   Tile tileOf(std::int64_t x_dmm, std::int64_t y_dmm) const {
     return {floorDivide(x_dmm, max_range_dmm_), floorDivide(y_dmm, max_range_dmm_)};
   }
-  bool seesThrough(const Looker& looker, const VoxelKey& key) const;
+  bool seesThrough(const Observer& observer, const VoxelKey& key) const;
   std::int64_t bucketOf(const Applied& what) const {
     return floorDivide(what.contribution->acquired_ns, bucket_ns_);
   }
@@ -95,8 +96,8 @@ class VoxelCounts {
   std::int32_t log_hit_, log_miss_, log_min_, log_max_;
   std::int32_t least_hits_;
   std::map<VoxelKey, Counts> voxels_;
-  std::map<Tile, std::vector<Looker>> lookers_;  ///< by where they stand
-  mutable Bearings bearings_;                    ///< of a scan with as many rays as the last one
+  std::map<Tile, std::vector<Observer>> observers_;  ///< by position
+  mutable Bearings bearings_;                        ///< of a scan with as many rays as the last one
 };
 
 }  // namespace omnifleet::occupancy

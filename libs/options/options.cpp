@@ -16,20 +16,20 @@ std::string place(const YAML::Node& node, const std::string& file) {
   return mark.is_null() ? file : fmt::format("{}:{}", file, mark.line + 1);
 }
 
-/// YAML 1.2 (3.2.1.1) asks for unique keys; yaml-cpp keeps both and answers with the first.
-void refuseDoubledKeys(const YAML::Node& node, const std::string& file) {
+/// YAML 1.2 (3.2.1.1) requires unique keys. yaml-cpp keeps both and returns the first.
+void rejectDuplicateKeys(const YAML::Node& node, const std::string& file) {
   if (!node.IsMap() && !node.IsSequence()) return;
   std::map<std::string, int> line_of;
   for (const auto& entry : node) {
     if (!node.IsMap()) {
-      refuseDoubledKeys(entry, file);
+      rejectDuplicateKeys(entry, file);
       continue;
     }
-    refuseDoubledKeys(entry.second, file);
+    rejectDuplicateKeys(entry.second, file);
     if (!entry.first.IsScalar()) continue;
     const auto [first, fresh] = line_of.emplace(entry.first.Scalar(), entry.first.Mark().line + 1);
     if (!fresh) {
-      throw Error(fmt::format("{}: {}: the key stands twice (first in line {}); keep one",
+      throw Error(fmt::format("{}: {}: duplicate key (first in line {}); keep one of them",
                               place(entry.first, file), first->first, first->second));
     }
   }
@@ -41,8 +41,7 @@ YAML::Node loadMapping(const YAML::Node& node, const std::string& file) {
   return node;
 }
 
-/// The node of a key, with the place of the key itself (a value's mark is its own line, which is what people
-/// want).
+/// The value of a key. Its mark gives the line of the value, which error messages report.
 YAML::Node lookUp(const YAML::Node& node, const std::string& key) {
   for (const auto& entry : node) {
     if (entry.first.IsScalar() && entry.first.Scalar() == key) return entry.second;
@@ -69,7 +68,7 @@ Section Section::load(const std::string& path) {
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored)) throw YAML::BadFile(path);
     section.layers_.push_back({loadMapping(YAML::LoadFile(path), path), path});
-    refuseDoubledKeys(section.layers_.back().node, path);
+    rejectDuplicateKeys(section.layers_.back().node, path);
   } catch (const YAML::BadFile&) {
     throw Error(fmt::format("{}: cannot be read (does the file exist?)", path));
   } catch (const YAML::ParserException& error) {
@@ -82,7 +81,7 @@ Section Section::parse(const std::string& text, const std::string& name) {
   Section section;
   try {
     section.layers_.push_back({loadMapping(YAML::Load(text), name), name});
-    refuseDoubledKeys(section.layers_.back().node, name);
+    rejectDuplicateKeys(section.layers_.back().node, name);
   } catch (const YAML::ParserException& error) {
     throw Error(fmt::format("{}:{}: not valid YAML: {}", name, error.mark.line + 1, error.msg));
   }

@@ -13,8 +13,8 @@
 
 namespace omnifleet::options {
 
-/// A bad option. what() is one line: `FILE:LINE: KEY: what is wrong, what is allowed`. Programs exit with
-/// code 2.
+/// An invalid option. what() is one line: `FILE:LINE: KEY: problem, allowed values`. Programs exit with code
+/// 2.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -28,23 +28,22 @@ struct Range {
 inline constexpr Range kPositive{1e-12, std::numeric_limits<double>::infinity()};
 inline constexpr Range kNotNegative{0.0, std::numeric_limits<double>::infinity()};
 
-/// A mapping in one or several layered YAML files (later layers override earlier ones, key by key). Reading a
-/// key marks it known; `finish()` reports every key that nobody read. A key that is absent leaves the
-/// default.
+/// A mapping from one or several layered YAML files. Later layers override earlier ones key by key. Reading a
+/// key marks it as known, and `finish()` reports every other key. An absent key keeps the default.
 class Section {
  public:
   Section() = default;
 
-  /// Load `path`; missing, unreadable or malformed files throw Error.
+  /// Loads `path`. Missing, unreadable or malformed files throw Error.
   static Section load(const std::string& path);
-  /// From text, for tests; `name` stands for the file in errors.
+  /// Parses text, for tests. `name` replaces the file name in errors.
   static Section parse(const std::string& text, const std::string& name);
 
-  /// Put the mapping of another file on top of this one.
+  /// Adds the mapping of another file as the top layer.
   void overlay(const Section& top);
 
   bool has(const std::string& key) const;
-  /// True where the value is a list.
+  /// True if the value is a list.
   bool isList(const std::string& key) const;
   void read(const std::string& key, bool& value) const;
   void read(const std::string& key, int& value, Range allowed = {}) const;
@@ -58,24 +57,25 @@ class Section {
   /// A list of points [[x, y], …].
   void read(const std::string& key, std::vector<Eigen::Vector2d>& value) const;
 
-  /// As read(), but an absent key is an error.
+  /// Like read(), but an absent key is an error.
   template <typename T, typename... Allowed>
   void require(const std::string& key, T& value, Allowed&&... allowed) const {
     if (!has(key)) fail(key, "is required");
     read(key, value, std::forward<Allowed>(allowed)...);
   }
 
-  /// The mapping under `key`; an empty section when absent.
+  /// The mapping under `key`, or an empty section if the key is absent.
   Section child(const std::string& key) const;
-  /// The mappings in a list under `key`.
+  /// The mappings of the list under `key`.
   std::vector<Section> list(const std::string& key) const;
-  /// The keys of this mapping, in file order, each marked known.
+  /// The keys of this mapping in file order. Marks each as known.
   std::vector<std::string> keys() const;
 
-  /// Throws Error naming the first key that was never read here (children check their own).
+  /// Throws Error that names the first key of this mapping that was never read. Child sections check their
+  /// own keys.
   void finish() const;
 
-  /// Throws Error at the place of `key` (or of this mapping where the key is absent).
+  /// Throws Error with the line of `key`, or the line of this mapping if the key is absent.
   [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
 
   /// File of the lowest layer, for messages and relative paths.

@@ -8,8 +8,8 @@
 
 namespace omnifleet::options {
 
-/// Of a command's option: a real number within `allowed`. CLI11's own Range and PositiveNumber let NaN
-/// through.
+/// Validator of a command line option: a finite number within `allowed`. CLI11's own Range and PositiveNumber
+/// accept NaN.
 inline CLI::Validator within(Range allowed) {
   const std::string bounds =
       "[" + CLI::detail::to_string(allowed.min) + " - " + CLI::detail::to_string(allowed.max) + "]";

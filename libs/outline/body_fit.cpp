@@ -11,7 +11,7 @@ namespace {
 
 using detail::Terms;
 
-/// Support of the body's outline at every direction k for a heading.
+/// Support of the body's outline in every direction k for a heading.
 std::vector<double> bodySupports(const KnownBody& body, const Terms& terms, double heading_rad) {
   const Eigen::Rotation2Dd body_from_map(-heading_rad);
   std::vector<double> supports;
@@ -20,7 +20,7 @@ std::vector<double> bodySupports(const KnownBody& body, const Terms& terms, doub
   return supports;
 }
 
-/// Where the body's origin must be: n·p = a − h·b − h_body(n), reweighted (Cauchy).
+/// Position of the body's origin from n·p = a − h·b − h_body(n), with Cauchy reweighting.
 BodyFit placeAt(const Terms& terms, const KnownBody& body, const PrismOptions& options, double heading_rad) {
   const auto supports = bodySupports(body, terms, heading_rad);
   BodyFit fit;
@@ -61,7 +61,7 @@ bool isBetter(const BodyFit& a, const BodyFit& b) {
   return a.valid && (!b.valid || a.rms_m < b.rms_m);
 }
 
-/// Narrows a heading down to 0.2° around the best of a grid.
+/// Refines the best heading of a grid to 0.2°.
 BodyFit refine(const Terms& terms, const KnownBody& body, const PrismOptions& options, BodyFit best,
                double step) {
   while (step > 0.0035 && best.valid) {
@@ -81,7 +81,7 @@ BodyFit fitBody(const std::vector<PrismView>& views, const KnownBody& body, cons
                 double guess_heading_rad) {
   const Terms all = detail::termsOf(views, options.directions, options.noise_m);
   if (all.views() == 0 || body.outline_m.size() < 3) return {};
-  const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
+  const Terms terms = detail::mostInformative(all, views, static_cast<std::size_t>(options.max_views));
   if (body.round) return placeAt(terms, body, options, 0.0);
   const bool guessed = std::isfinite(guess_heading_rad);
   const double step = guessed ? 0.1 : 2.0 * M_PI / 24;

@@ -36,7 +36,7 @@ ExactPolygon exactFrom(const Polygon& polygon) {
   return exact;
 }
 
-/// Valid operands only: simple, counter-clockwise, with an area.
+/// Keeps valid operands only: simple, counter-clockwise, with an area.
 std::vector<ExactPolygon> operands(const std::vector<Polygon>& polygons) {
   std::vector<ExactPolygon> valid;
   for (const auto& polygon : polygons) {
@@ -123,7 +123,7 @@ std::vector<Region> subtract(const std::vector<Polygon>& from, const std::vector
 }
 
 std::vector<Region> overlay(const std::vector<std::vector<Polygon>>& maps, int votes) {
-  // covered[v] holds what at least v + 1 of the maps seen so far cover.
+  // covered[v] holds the area covered by at least v + 1 of the maps so far.
   std::vector<PolygonSet> covered(static_cast<std::size_t>(std::max(votes, 1)));
   for (const auto& map : maps) {
     const PolygonSet next = united(map);

@@ -18,14 +18,14 @@ constexpr int kMostParameters = 6;
 using Matrix = Eigen::Matrix<double, kMostParameters, kMostParameters>;
 using Vector = Eigen::Matrix<double, kMostParameters, 1>;
 
-/// Centre, height, radius; or centre, height, half lengths, turn.
+/// Disc: centre, height, radius. Rectangle: centre, height, half lengths, orientation.
 struct Shape {
   bool is_disc = true;
   Vector p = Vector::Zero();  ///< x, y, h, r | x, y, h, u, w, θ
 
   int size() const { return is_disc ? 4 : 6; }
   double height() const { return p(2); }
-  /// Support in a direction and its derivatives (that by h is left 0).
+  /// Support in a direction and its derivatives (the derivative by h is left 0).
   double support(const Eigen::Vector2d& n, Vector& by) const {
     by.setZero();
     by(0) = n.x();
@@ -57,7 +57,7 @@ struct Shape {
   }
 };
 
-/// How a residual counts: σ², and the square beyond which it loses weight.
+/// Robust weighting of a residual: its variance, and the squared residual from which it loses weight.
 struct Scale {
   double variance, limit;
   double cost(double residual) const { return limit / variance * std::log1p(residual * residual / limit); }
@@ -71,7 +71,7 @@ Scale scaleOf(const PlainSample& s, const PlainProblem& problem, const PrismOpti
   return {variance, limit};
 }
 
-/// One view's part of the normal equations: what its shift has to do with the shape and with itself.
+/// One view's part of the normal equations: coupling of its shift to the shape, and the shift's own block.
 struct ViewPart {
   Eigen::Matrix<double, kMostParameters, 2> cross = Eigen::Matrix<double, kMostParameters, 2>::Zero();
   Eigen::Matrix2d own = Eigen::Matrix2d::Zero();
@@ -178,7 +178,7 @@ double Fitter::cost() const {
   return sum;
 }
 
-/// Least-squares circle at a height: where every fit starts.
+/// Least-squares circle at a height, the initial shape of every fit.
 bool startDisc(const PlainProblem& problem, double height_m, Shape& disc) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();

@@ -15,8 +15,8 @@ namespace {
 using detail::Term;
 using detail::Terms;
 
-/// Neighbouring directions share supporting points and errors, so their number overstates what is known: σ is
-/// doubled (docs/methods.md, "Support-function prism").
+/// Neighbouring directions share supporting points and errors, so their number overstates the information: σ
+/// is doubled (docs/methods/local_mapper.md).
 constexpr double kCorrelation = 4.0;
 constexpr int kStartHeights = 16;
 
@@ -71,13 +71,13 @@ class PrismSolver {
   const Terms& terms_;
   const PrismOptions& options_;
   HeightPrior prior_;
-  bool flat_ = true;  ///< lasers only: nothing tells the height, it stays 0
+  bool flat_ = true;  ///< lasers only: no information on the height, it stays 0
   double height_ = 0.0, height_sigma_ = 0.0, max_height_ = 0.0;
   std::vector<Eigen::Vector2d> shift_;
   std::vector<double> weight_, mean_;
 };
 
-/// Sum of capped residuals about the medians at the current height, per pair that is compared.
+/// Sum of capped residuals about the medians at the current height, over all compared pairs.
 double PrismSolver::disagreement() const {
   double sum = 0.0;
   std::vector<std::pair<double, double>> values;
@@ -161,7 +161,7 @@ void PrismSolver::addDirection(int k, Eigen::MatrixXd& normal, Eigen::VectorXd& 
   }
 }
 
-/// Height and shifts at once, with the mean of every direction eliminated.
+/// Solves for height and shifts together, with the mean of every direction eliminated.
 void PrismSolver::step() {
   const auto size = static_cast<Eigen::Index>(1 + 2 * terms_.views());
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
@@ -197,7 +197,7 @@ void PrismSolver::updateMeans() {
   }
 }
 
-/// Residuals per view and altogether.
+/// Residuals per view and in total.
 void PrismSolver::reportViews(PrismFit& fit, std::size_t given_views) const {
   std::vector<double> square(given_views, 0.0), count(given_views, 0.0);
   double residual = 0.0, weights = 0.0, normalised = 0.0, total = 0.0;
@@ -221,7 +221,7 @@ void PrismSolver::reportViews(PrismFit& fit, std::size_t given_views) const {
   }
 }
 
-/// The averages, and how the centre would move with the height: −2/K Σ mean(b) n.
+/// The averages, and the derivative of the centre by the height: −2/K Σ mean(b) n.
 void PrismSolver::reportDirections(PrismFit& fit) const {
   const auto count = static_cast<double>(terms_.directions);
   Eigen::Vector2d centre_per_height = Eigen::Vector2d::Zero();
@@ -252,7 +252,7 @@ void PrismSolver::report(PrismFit& fit, std::size_t given_views) const {
   reportDirections(fit);
 }
 
-/// All views' own directions at the height and shifts found, weighted by how well they agree with a
+/// All views' own directions at the estimated height and shifts, weighted by their agreement with a
 /// footprint.
 std::vector<SupportSample> PrismSolver::samples(const std::vector<PrismView>& views, const Polygon& footprint,
                                                 double spread) const {
@@ -278,7 +278,7 @@ std::vector<SupportSample> PrismSolver::samples(const std::vector<PrismView>& vi
   return all;
 }
 
-/// Few vertices in place of many half-planes; the footprint stays where that goes wrong.
+/// Replaces many half-planes by few vertices. Keeps the footprint if the result differs too much.
 void sharpen(const PrismSolver& solver, const std::vector<PrismView>& views, const PrismOptions& options,
              PrismFit& fit) {
   if (fit.footprint_m.size() < 3 || options.vertex_penalty <= 0) return;
@@ -291,8 +291,8 @@ void sharpen(const PrismSolver& solver, const std::vector<PrismView>& views, con
   }
 }
 
-/// A rectangle or a disc in place of the free outline where it explains the views as well for its fewer
-/// numbers; and where the free outline is open, when it is certain by itself. True when it was taken.
+/// Replaces the free outline by a rectangle or a disc if it explains the views equally well with fewer
+/// parameters. Replaces an open free outline if the shape is certain by itself. Returns true if replaced.
 bool simplify(const detail::PlainProblem& problem, const PrismOptions& options, PrismFit& fit) {
   constexpr double kSure_m = 0.03;
   if (!options.plain_shapes || options.vertex_penalty <= 0) return false;
@@ -314,8 +314,8 @@ bool simplify(const detail::PlainProblem& problem, const PrismOptions& options, 
   return true;
 }
 
-/// Steiner point of a polygon by the directions of the evidence. Taken about a vertex: the sum over evenly
-/// spread directions is exact for the shift, and small numbers stay exact.
+/// Steiner point of a polygon, on the directions of the evidence. It is computed about a vertex: the sum over
+/// evenly spread directions is exact for a shift, and small numbers stay exact.
 Eigen::Vector2d steinerPointOf(const Polygon& polygon, std::size_t directions) {
   const auto count = static_cast<double>(directions);
   const Eigen::Vector2d origin = polygon.front();
@@ -328,7 +328,7 @@ Eigen::Vector2d steinerPointOf(const Polygon& polygon, std::size_t directions) {
   return centre;
 }
 
-/// Covariance of the centre that the directions' own noise and the views' poses give.
+/// Covariance of the centre from the noise of the directions and the poses of the views.
 Eigen::Matrix2d centreCovariance(const PrismFit& fit, const PrismOptions& options, std::size_t views) {
   const auto count = static_cast<double>(fit.evidence.size());
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
@@ -343,7 +343,7 @@ Eigen::Matrix2d centreCovariance(const PrismFit& fit, const PrismOptions& option
   return kCorrelation * covariance + pose_variance * Eigen::Matrix2d::Identity();
 }
 
-/// The polygon, its Steiner point, and the evidence about it.
+/// Sets the polygon, its Steiner point, and the evidence about it.
 void closeOutline(const PrismSolver& solver, const std::vector<PrismView>& given, const PrismOptions& options,
                   const detail::PlainProblem& problem, PrismFit& fit) {
   if (detail::widestGap(fit.evidence) <= options.max_gap_deg * M_PI / 180.0) {
@@ -362,7 +362,7 @@ void closeOutline(const PrismSolver& solver, const std::vector<PrismView>& given
   fit.valid = true;
 }
 
-/// Where comparing says little, what the tangents of the views say.
+/// Height from the tangents of the views, for views that differ too little to be compared.
 HeightPrior priorFromTangents(const Terms& terms, double max_height_m) {
   double weight = 0.0, sum = 0.0;
   for (std::size_t v = 0; v < terms.views(); ++v) {
@@ -372,7 +372,7 @@ HeightPrior priorFromTangents(const Terms& terms, double max_height_m) {
     weight += 1.0 / (sigma * sigma);
     sum += std::clamp(one.height_m, 0.0, max_height_m) / (sigma * sigma);
   }
-  // Tangents are biased alike by the shape, so their number does not help below 2 cm.
+  // The tangents have a common bias from the shape, so their number does not reduce σ below 2 cm.
   return weight > 0 ? HeightPrior{sum / weight, std::hypot(1.0 / std::sqrt(weight), 0.02)} : HeightPrior{};
 }
 
@@ -383,13 +383,13 @@ PrismFit fitPrism(const std::vector<PrismView>& views, const PrismOptions& optio
   PrismFit fit;
   const Terms all = detail::termsOf(views, options.directions, options.noise_m);
   if (all.views() == 0) return fit;
-  const Terms terms = detail::mostTelling(all, views, static_cast<std::size_t>(options.max_views));
+  const Terms terms = detail::mostInformative(all, views, static_cast<std::size_t>(options.max_views));
   const double max_height = options.max_height_share * detail::lowestCamera(terms);
   const detail::PlainProblem problem = detail::plainProblem(views, terms.view, max_height, prior);
   PrismSolver first(terms, options, prior);
   first.solve();
-  constexpr double kVague = 0.05;  // m, σ of a height beyond which the tangents are asked
-  if (first.heightSigma() <= kVague || prior.sigma_m > 0 || terms.tops_alone) {
+  constexpr double kVague = 0.05;  // m, σ of a height from which the tangents are used
+  if (first.heightSigma() <= kVague || prior.sigma_m > 0 || terms.top_faces_only) {
     first.report(fit, views.size());
     closeOutline(first, views, options, problem, fit);
     return fit;

@@ -28,11 +28,11 @@ void appendView(const PrismView& view, int index, double noise_m, Terms& terms) 
     terms.term.push_back(term);
   }
   terms.view.push_back(index);
-  terms.tops_alone = terms.tops_alone || view.top_alone;
+  terms.top_faces_only = terms.top_faces_only || view.top_face_only;
   terms.camera_height_m.push_back(view.camera_height_m);
 }
 
-/// Sector of the camera's foot as seen from the middle of its silhouette, and the view's information.
+/// Sector of the camera's foot as seen from the centre of its silhouette, and the information in the view.
 std::pair<int, double> sectorAndScore(const Terms& terms, std::size_t v, int sectors) {
   Eigen::Vector2d away = Eigen::Vector2d::Zero(), facing = Eigen::Vector2d::Zero();
   double score = 0.0;
@@ -43,7 +43,7 @@ std::pair<int, double> sectorAndScore(const Terms& terms, std::size_t v, int sec
     if (term.b > 0) away += term.b * terms.normals[static_cast<std::size_t>(k)];
     facing += terms.normals[static_cast<std::size_t>(k)];
   }
-  if (!(terms.camera_height_m[v] > 0)) away = -facing;  // a laser: only the sides that face it are known
+  if (!(terms.camera_height_m[v] > 0)) away = -facing;  // a laser sees only the sides that face it
   const double turn = (std::atan2(away.y(), away.x()) + M_PI) / (2.0 * M_PI);
   return {std::min(static_cast<int>(turn * sectors), sectors - 1), score};
 }
@@ -77,7 +77,7 @@ Terms termsOf(const std::vector<PrismView>& views, int directions, double noise_
   return terms;
 }
 
-Terms mostTelling(const Terms& terms, const std::vector<PrismView>& views, std::size_t count) {
+Terms mostInformative(const Terms& terms, const std::vector<PrismView>& views, std::size_t count) {
   if (terms.views() <= count) return terms;
   constexpr int kSectors = 24;
   std::vector<std::vector<std::pair<double, std::size_t>>> sectors(kSectors);
@@ -93,7 +93,7 @@ Terms mostTelling(const Terms& terms, const std::vector<PrismView>& views, std::
     }
   }
   std::sort(chosen.begin(), chosen.end());
-  std::vector<PrismView> kept(views.size());  // the others stay empty and are left out
+  std::vector<PrismView> kept(views.size());  // the other views stay empty and are omitted
   for (const std::size_t v : chosen) {
     const auto index = static_cast<std::size_t>(terms.view[v]);
     kept[index] = views[index];
@@ -129,7 +129,8 @@ Polygon polygonOf(const std::vector<DirectionEvidence>& evidence) {
     weight.push_back(1.0 / (evidence[k].sigma_m * evidence[k].sigma_m));
   }
   Polygon polygon;
-  // Noise makes some half-planes cut what belongs to the others: give the weighted mean deficit back.
+  // Noise makes some half-planes cut off parts that belong to others. The weighted mean deficit is added
+  // back.
   for (int round = 0; round < 3; ++round) {
     polygon = intersectHalfPlanes(planes);
     if (polygon.empty()) break;
@@ -144,8 +145,8 @@ Polygon polygonOf(const std::vector<DirectionEvidence>& evidence) {
 }
 
 HeightPrior heightByTangents(const Terms& terms, std::size_t v) {
-  // Curvature of a support function, h(φ − δ) + h(φ + δ) − 2 cos δ·h(φ) ≥ 0, summed around each place where
-  // b(n) changes sign: a's share must cover h times b's.
+  // Curvature of a support function, h(φ − δ) + h(φ + δ) − 2 cos δ·h(φ) ≥ 0, summed around each sign change
+  // of b(n): the curvature of a must be at least h times that of b.
   const int n = terms.directions;
   const double two_cos = 2.0 * std::cos(2.0 * M_PI / n);
   constexpr int kReach = 3;

@@ -1,6 +1,6 @@
 #pragma once
 
-// Inside libs/outline: the prism's equation per view and direction, shared by the fits.
+// Internal to libs/outline: the prism's equation per view and direction, shared by the fits.
 
 #include <vector>
 
@@ -8,8 +8,8 @@
 
 namespace omnifleet::outline::detail {
 
-/// h_P(n) = a − h·b per view and direction (see fitPrism), a = n·c + b(n), b = PrismView::perHeight(); σ of
-/// b(n), ≤ 0 unusable.
+/// h_P(n) = a − h·b per view and direction (see fitPrism), with a = n·c + b(n), b = PrismView::perHeight()
+/// and sigma the σ of b(n); σ ≤ 0: unusable.
 struct Term {
   double a = 0.0, b = 0.0, sigma = 0.0;
 };
@@ -17,38 +17,40 @@ struct Term {
 struct Terms {
   int directions = 0;
   std::vector<Eigen::Vector2d> normals;  ///< map
-  std::vector<int> view;                 ///< index of the given view
+  std::vector<int> view;                 ///< index into the given views
   std::vector<double> camera_height_m;
-  std::vector<Term> term;   ///< [view][direction]
-  bool tops_alone = false;  ///< of some views: no tangent to a shadow is seen
+  std::vector<Term> term;  ///< [view][direction]
+  bool top_faces_only =
+      false;  ///< true if any view has top_face_only: the tangents to the top's projection are not visible
 
   std::size_t views() const { return view.size(); }
   const Term& at(std::size_t v, int k) const {
     return term[v * static_cast<std::size_t>(directions) + static_cast<std::size_t>(k)];
   }
-  /// σ of h_P(n) at height h: a shadow edge is scaled down by 1/s.
+  /// σ of h_P(n) at height h: the far side is scaled down by 1/s.
   double sigmaAt(std::size_t v, int k, double height_m, double noise_m) const;
 };
 
-/// Height of the lowest camera; 0 where all views are lasers'.
+/// Height of the lowest camera; 0 if all views are from lasers.
 double lowestCamera(const Terms& terms);
 
-/// Views without supports, without height or with a non-finite pose are left out.
+/// Terms of all views. Views without supports, without height or with a non-finite pose are omitted.
 Terms termsOf(const std::vector<PrismView>& views, int directions, double noise_m);
 
-/// Of more than `count` views, those that tell most, taken in turn from 24 sectors around the object.
-Terms mostTelling(const Terms& terms, const std::vector<PrismView>& views, std::size_t count);
+/// If there are more than `count` views, keeps the most informative ones, taken in turn from 24 sectors
+/// around the object.
+Terms mostInformative(const Terms& terms, const std::vector<PrismView>& views, std::size_t count);
 
 /// Widest gap between directions whose σ > 0, radians (2π when none).
 double widestGap(const std::vector<DirectionEvidence>& evidence);
 
-/// Convex polygon whose support function is nearest to the evidence (about the origin of map).
+/// Convex polygon whose support function is closest to the evidence (about the origin of map).
 Polygon polygonOf(const std::vector<DirectionEvidence>& evidence);
 
 /// Support function of a polygon in a direction.
 double supportOf(const Polygon& polygon, const Eigen::Vector2d& normal);
 
-/// Height from one view by the tangents; sigma ≤ 0 where they are not seen.
+/// Height from the tangents of one view; σ ≤ 0 if they are not visible.
 HeightPrior heightByTangents(const Terms& terms, std::size_t v);
 
 /// Weighted median; `values` is (value, weight), reordered.

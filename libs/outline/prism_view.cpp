@@ -23,8 +23,8 @@ PrismOptions PrismOptions::read(const options::Section& section) {
 }
 
 bool steinerPoint(const PrismView& view, double height_m, Eigen::Vector2d& centre_m) {
-  // With every direction the Steiner point is 2·mean(h n); least squares of h ≈ mean width + n·p where some
-  // lack.
+  // With all directions the Steiner point is 2·mean(h n). With missing directions: least squares of h ≈ mean
+  // width + n·p.
   const detail::Terms terms = detail::termsOf({view}, SupportFunction::kDirections, 0.001);
   if (terms.views() == 0) return false;
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -52,7 +52,7 @@ SupportFunction prismSupports(const Polygon& footprint_m, double height_m, const
   Polygon silhouette;
   for (const auto& p : footprint_m) {
     const Eigen::Vector2d in_base = base_from_map * p;
-    if (!view.top_alone) silhouette.push_back(in_base);
+    if (!view.top_face_only) silhouette.push_back(in_base);
     silhouette.push_back(view.foot_m + scale * (in_base - view.foot_m));
   }
   return SupportFunction::of(silhouette, view.foot_m, sigma_m, directions);

@@ -10,9 +10,9 @@ namespace omnifleet::outline {
 namespace {
 
 constexpr int kBins = 192;
-constexpr int kMaxArc = 85;  // bins, 160°: the sharpest corner has 20°
+constexpr int kMaxArc = 85;  // bins, 160°: the sharpest possible corner has 20°
 constexpr double kRidge =
-    25.0;  // 1/(0.2 m)²: an arc too narrow to place its vertex puts it nearest the centre
+    25.0;  // 1/(0.2 m)²: an arc too narrow to determine its vertex puts it nearest to the centre
 
 /// Normal equations of n·p = h.
 struct Sums {
@@ -22,7 +22,7 @@ struct Sums {
     xx += o.xx, xy += o.xy, yy += o.yy, xh += o.xh, yh += o.yh, hh += o.hh;
     return *this;
   }
-  /// A sample seen from a point.
+  /// A sample relative to a point.
   static Sums of(const SupportSample& sample, const Eigen::Vector2d& centre) {
     const double c = std::cos(sample.angle_rad), s = std::sin(sample.angle_rad), w = sample.weight;
     const double h = sample.support_m - c * centre.x() - s * centre.y();
@@ -57,8 +57,8 @@ class Cutter {
     }
   }
 
-  /// Least-cost cuts of one turn that begins at bin `start` (a cut itself), ascending, from start + kBins
-  /// down to it.
+  /// Cuts of minimum cost of one turn that begins with a cut at bin `start`: ascending, from `start` to start
+  /// + kBins.
   std::vector<int> cutsFrom(int start) const {
     std::vector<double> best(kBins + 1, std::numeric_limits<double>::infinity());
     std::vector<int> from(kBins + 1, 0);
@@ -88,7 +88,8 @@ class Cutter {
   double penalty_;
 };
 
-/// The samples by the vertex that supports each: a bin may lie across an edge's normal, a sample does not.
+/// Groups the samples by the vertex that supports each. A bin may contain the normal of an edge; a sample
+/// does not.
 std::vector<Sums> shares(const std::vector<SupportSample>& samples, const Polygon& vertices,
                          const Eigen::Vector2d& centre) {
   std::vector<Sums> shared(vertices.size());
@@ -103,7 +104,7 @@ std::vector<Sums> shares(const std::vector<SupportSample>& samples, const Polygo
   return shared;
 }
 
-/// Merges neighbours while a vertex saves less than the penalty, the least needed first.
+/// Merges neighbours as long as a vertex saves less than the penalty, starting with the smallest saving.
 void mergeNeighbours(std::vector<Sums>& shared, double penalty) {
   while (shared.size() > 3) {
     double least = penalty;
@@ -138,7 +139,7 @@ Polygon settle(const std::vector<SupportSample>& samples, Polygon vertices, cons
 Polygon polygonOfSamples(const std::vector<SupportSample>& samples, const Eigen::Vector2d& centre,
                          double penalty) {
   const Cutter cutter(samples, centre, penalty);
-  // The first turn has to begin with a cut anywhere; the second begins with the cut farthest from it.
+  // The first turn must begin with an arbitrary cut. The second turn begins with the cut farthest from it.
   const std::vector<int> first = cutter.cutsFrom(0);
   const int middle = *std::min_element(first.begin(), first.end(), [](int a, int b) {
     return std::abs(a - kBins / 2) < std::abs(b - kBins / 2);

@@ -13,12 +13,12 @@ struct SupportSample {
   double weight = 0.0;  ///< 1/σ², m⁻²
 };
 
-/// Convex polygon with few vertices that explains samples at any angles: the circle is cut into arcs, each
-/// explained by one vertex (n·p = h, least squares), so that the weighted squares plus `penalty` per vertex
-/// are least (dynamic programming over 192 bins, Bellman 1961). Half-planes at fixed directions circumscribe:
-/// where an edge's normal falls between two of them a corner stands out by a quarter of the edge's length
-/// times their angle; this finds the edge. `centre` lies inside, about. Empty when fewer than three vertices
-/// come out.
+/// Convex polygon with few vertices that explains support samples at any angles. The circle is cut into arcs,
+/// each explained by one vertex (n·p = h, least squares), so that the weighted squares plus `penalty` per
+/// vertex are minimal (dynamic programming over 192 bins, Bellman 1961). Half-planes at fixed directions
+/// circumscribe the shape: if an edge's normal lies between two directions, a corner exceeds the shape by a
+/// quarter of the edge's length times the angle between them. This method finds the edge itself. `centre` is
+/// a point near the middle. Returns an empty polygon if fewer than three vertices result.
 Polygon polygonOfSamples(const std::vector<SupportSample>& samples, const Eigen::Vector2d& centre,
                          double penalty);
 

@@ -21,7 +21,8 @@ namespace {
   throw std::runtime_error(fmt::format("{}: {}: {}", name, what, std::strerror(error)));
 }
 
-/// The program's path, so that the child has nothing to look up between fork and exec.
+/// Path of the program. Resolved before the fork, because the child must not search PATH between fork and
+/// exec.
 std::string resolve(const std::string& program) {
   if (program.find('/') != std::string::npos) return program;
   const char* path = std::getenv("PATH");
@@ -61,8 +62,8 @@ Descriptor openLog(const ProcessSpec& spec) {
   return log;
 }
 
-/// Everything the child needs, made before the fork: between fork and exec of a program with threads only
-/// async-signal-safe calls are allowed.
+/// Everything the child needs, created before the fork. Between fork and exec of a multi-threaded program
+/// only async-signal-safe calls are allowed.
 struct Launch {
   std::string path;
   std::vector<std::string> arguments, variables;
@@ -74,7 +75,7 @@ struct Launch {
 [[noreturn]] void becomeChild(const Launch& launch) {
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (getppid() != launch.parent) _exit(127);  // the supervisor died before the line above
+  if (getppid() != launch.parent) _exit(127);  // the supervisor ended before prctl()
   for (const int number : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) signal(number, SIG_DFL);
   sigset_t none;
   sigemptyset(&none);
@@ -112,8 +113,8 @@ void Descriptor::reset() {
   fd_ = -1;
 }
 
-std::string Death::describe() const {
-  constexpr int kStopped = 128;  // of programs that end in order on a signal
+std::string ExitStatus::describe() const {
+  constexpr int kStopped = 128;  // exit code offset of programs that end in order after a signal
   if (exited && value > kStopped && value < kStopped + NSIG)
     return fmt::format("stopped by signal {} ({})", value - kStopped, strsignal(value - kStopped));
   return exited ? fmt::format("exit code {}", value)
@@ -141,7 +142,7 @@ Child spawn(const ProcessSpec& spec) {
   child.pid = fork();
   if (child.pid < 0) fail(spec.name, "fork", errno);
   if (child.pid == 0) becomeChild(launch);
-  setpgid(child.pid, child.pid);  // also here: whoever is first
+  setpgid(child.pid, child.pid);  // in parent and child, because either may run first
   report_in_child.reset();
   int error = 0;
   ssize_t got = 0;
@@ -163,7 +164,7 @@ Child spawn(const ProcessSpec& spec) {
   return child;
 }
 
-Death reap(const Child& child) {
+ExitStatus reap(const Child& child) {
   siginfo_t info{};
   while (waitid(P_PID, static_cast<id_t>(child.pid), &info, WEXITED) != 0 && errno == EINTR) {
   }

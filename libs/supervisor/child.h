@@ -24,28 +24,28 @@ class Descriptor {
   int fd_ = -1;
 };
 
-/// A started process: in a process group of its own, stdin /dev/null, no descriptor inherited beyond stdout
-/// and stderr, signal mask clear, killed by the kernel when the thread that started it dies.
+/// A started process. It has its own process group, stdin /dev/null, a clear signal mask, and no inherited
+/// descriptors except stdout and stderr. The kernel kills it when the thread that started it ends.
 struct Child {
   pid_t pid = -1;
   Descriptor pidfd;
 };
 
 /// How a process ended.
-struct Death {
-  bool exited = false;  ///< else killed
-  int value = 0;        ///< exit code or signal
+struct ExitStatus {
+  bool exited = false;  ///< false: killed by a signal
+  int value = 0;        ///< exit code or signal number
   std::string describe() const;
 };
 
-/// Throws std::runtime_error ("NAME: …: reason") where the log cannot be opened, or the program not be
+/// Throws std::runtime_error ("NAME: …: reason") when the log cannot be opened or the program cannot be
 /// executed.
 Child spawn(const ProcessSpec& spec);
 
 /// Reaps a child whose pidfd is readable.
-Death reap(const Child& child);
+ExitStatus reap(const Child& child);
 
-/// Appends one line to a process's log.
+/// Appends one line to the log of a process.
 void appendToLog(const ProcessSpec& spec, const std::string& line);
 
 }  // namespace omnifleet::supervisor

@@ -8,19 +8,20 @@
 
 namespace omnifleet::supervisor {
 
-/// What woke the supervisor.
+/// Result of EventLoop::wait().
 struct Events {
   int stop_signal = 0;               ///< SIGINT or SIGTERM; 0: none
   std::vector<std::uint64_t> ended;  ///< keys of watched processes that have ended
 };
 
-/// epoll over the stop signals (signalfd, blocked already), one deadline (timerfd) and any number of pidfds.
+/// epoll over the stop signals (signalfd; the caller has blocked them), one deadline (timerfd) and any number
+/// of pidfds.
 class EventLoop {
  public:
   EventLoop();
 
   void watch(const Child& child, std::uint64_t key);
-  /// Sleeps until something happens or `deadline_s` on clock() has come.
+  /// Sleeps until an event, or until `deadline_s` on clock().
   Events wait(double deadline_s);
   static double clock();  ///< monotonic seconds
   static constexpr double kNever = std::numeric_limits<double>::infinity();

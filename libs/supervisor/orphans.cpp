@@ -10,7 +10,7 @@
 namespace omnifleet::supervisor {
 namespace {
 
-/// Direct children of this process, zombies too.
+/// Direct children of this process, including zombies.
 std::set<pid_t> children() {
   std::set<pid_t> result;
   std::error_code ignored;

@@ -5,8 +5,9 @@
 
 namespace omnifleet::supervisor {
 
-/// While it lives, this process is the reaper of its descendants' orphans (PR_SET_CHILD_SUBREAPER): what a
-/// child started and left behind comes here and is not lost. Children that were there before are not touched.
+/// During its lifetime this process is the reaper of its descendants' orphans (PR_SET_CHILD_SUBREAPER): the
+/// processes that a child started and left behind become children of this process. Earlier children are
+/// ignored.
 class Orphans {
  public:
   Orphans();
@@ -14,9 +15,9 @@ class Orphans {
   Orphans(const Orphans&) = delete;
   Orphans& operator=(const Orphans&) = delete;
 
-  /// Buries adopted orphans that have died, without waiting.
+  /// Reaps adopted orphans that have ended, without waiting.
   void reap();
-  /// Kills and buries every child that came since; also what those leave behind.
+  /// Kills and reaps every child since construction, and the orphans that those leave behind.
   void killAll();
 
  private:

@@ -5,9 +5,9 @@
 
 namespace omnifleet::supervisor {
 
-double Backoff::died(double lived_s) {
-  young_ = lived_s < options_.young_s ? young_ + 1 : 0;
-  const int doublings = std::max(0, std::min(young_ - 1, 60));
+double Backoff::restartDelay(double uptime_s) {
+  early_failures_ = uptime_s < options_.young_s ? early_failures_ + 1 : 0;
+  const int doublings = std::max(0, std::min(early_failures_ - 1, 60));
   return std::min(options_.restart_cap_s, std::ldexp(options_.restart_delay_s, doublings));
 }
 

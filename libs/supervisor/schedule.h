@@ -6,25 +6,26 @@
 
 namespace omnifleet::supervisor {
 
-/// When something that died is started again. No clock: the caller says how long it lived.
+/// Delay before a failed process is restarted. Has no clock; the caller passes the uptime.
 class Backoff {
  public:
   explicit Backoff(const Options& options) : options_(options) {}
 
-  /// It died after `lived_s` seconds. Delay before the next start, seconds: the first delay, doubled for
-  /// every death in a row that came young, up to the cap; whoever lived longer starts over.
-  double died(double lived_s);
-  /// It died young too often in a row.
-  bool hopeless() const { return options_.restart_limit > 0 && young_ >= options_.restart_limit; }
+  /// A process failed after `uptime_s` seconds. @return delay before the restart, seconds: restart_delay_s,
+  /// doubled for every consecutive early failure (uptime below young_s), at most restart_cap_s. A longer
+  /// uptime resets it.
+  double restartDelay(double uptime_s);
+  /// The number of consecutive early failures has reached restart_limit.
+  bool exhausted() const { return options_.restart_limit > 0 && early_failures_ >= options_.restart_limit; }
 
  private:
   Options options_;
-  int young_ = 0;
+  int early_failures_ = 0;
 };
 
-/// How long each level has to end before the next one is told to, seconds after the stop began. The last
-/// level keeps at least half of the budget: there the map is saved. A level that ends sooner hands on its
-/// time.
+/// Time for each level to end before the next level is stopped, seconds since the stop began. The last level
+/// keeps at least half of the budget, because it saves the map. A level that ends sooner leaves its time to
+/// the next.
 double levelDeadline(std::size_t level_index, std::size_t levels, double budget_s);
 
 }  // namespace omnifleet::supervisor

@@ -18,7 +18,7 @@
 namespace omnifleet::supervisor {
 namespace {
 
-/// One process of the list through all its lives.
+/// One process of the list with all its incarnations.
 struct Member {
   Member(const ProcessSpec& spec_, const Options& options) : spec(spec_), backoff(options) {}
 
@@ -26,9 +26,9 @@ struct Member {
   Backoff backoff;
   Child child;
   bool running = false;
-  bool done = false;    ///< exited 0 on its own
-  bool told = false;    ///< SIGTERM sent
-  bool killed = false;  ///< SIGKILL sent
+  bool done = false;        ///< exited with 0 by itself
+  bool terminated = false;  ///< SIGTERM sent
+  bool killed = false;      ///< SIGKILL sent
   int starts = 0;
   double started_s = 0.0;
   double restart_s = EventLoop::kNever;
@@ -36,7 +36,7 @@ struct Member {
 
 void check(const std::vector<ProcessSpec>& processes) {
   std::set<std::string> names;
-  if (processes.empty()) throw options::Error("supervisor: nothing to start");
+  if (processes.empty()) throw options::Error("supervisor: the list of processes is empty");
   for (const ProcessSpec& spec : processes) {
     if (spec.argv.empty()) throw options::Error("supervisor: process '" + spec.name + "' has no program");
     if (!names.insert(spec.name).second)
@@ -62,8 +62,8 @@ class Run {
     startAll();
     while (!stopping_ || anyRunning()) {
       const Events events = loop_.wait(nextDeadline());
-      for (const std::uint64_t key : events.ended) buried(members_[key]);
-      if (events.stop_signal != 0) signalled(events.stop_signal);
+      for (const std::uint64_t key : events.ended) onExit(members_[key]);
+      if (events.stop_signal != 0) onStopSignal(events.stop_signal);
       const double now_s = EventLoop::clock();
       if (stopping_) {
         continueStop(now_s);
@@ -88,8 +88,8 @@ class Run {
   void start(Member& member) {
     member.restart_s = EventLoop::kNever;
     ProcessSpec spec = member.spec;
-    if (member.starts > 0 && !spec.life_option.empty())
-      spec.argv.insert(spec.argv.end(), {spec.life_option, std::to_string(member.starts + 1)});
+    if (member.starts > 0 && !spec.incarnation_option.empty())
+      spec.argv.insert(spec.argv.end(), {spec.incarnation_option, std::to_string(member.starts + 1)});
     try {
       member.child = spawn(spec);
     } catch (const std::runtime_error& error) {
@@ -108,35 +108,37 @@ class Run {
     if (!stopping_) stop(EndReason::kFailure, member.spec.name + ": " + how);
   }
 
-  void buried(Member& member) {
-    const Death death = reap(member.child);
-    kill(-member.child.pid, SIGKILL);  // what it left behind in its group
+  void onExit(Member& member) {
+    const ExitStatus status = reap(member.child);
+    kill(-member.child.pid, SIGKILL);  // remaining members of its process group
     member.child.pidfd.reset();
     member.running = false;
     orphans_.reap();
-    if (callbacks_.on_exit) callbacks_.on_exit(member.spec.name, death.describe());
-    const bool well = death.exited && death.value == 0;
-    const bool obeyed =
-        member.told && !member.killed && death.value == (death.exited ? 128 + SIGTERM : SIGTERM);
-    if (member.killed) return;  // reported when it was killed
-    if (well) {
-      member.done = !member.told;
+    if (callbacks_.on_exit) callbacks_.on_exit(member.spec.name, status.describe());
+    const bool succeeded = status.exited && status.value == 0;
+    const bool stopped_as_requested =
+        member.terminated && !member.killed && status.value == (status.exited ? 128 + SIGTERM : SIGTERM);
+    if (member.killed) return;  // the failure was reported when it was killed
+    if (succeeded) {
+      member.done = !member.terminated;
     } else if (stopping_) {
-      if (!obeyed) fail(member, death.describe());
+      if (!stopped_as_requested) fail(member, status.describe());
     } else {
-      revive(member, death);
+      scheduleRestart(member, status);
     }
   }
 
-  void revive(Member& member, const Death& death) {
-    const double delay = member.backoff.died(EventLoop::clock() - member.started_s);
-    const bool refuses = member.starts == 1 && death.exited && death.value == member.spec.refusal_code;
-    if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, death.describe());
-    if (member.backoff.hopeless()) return fail(member, "died young too often, at last: " + death.describe());
+  void scheduleRestart(Member& member, const ExitStatus& status) {
+    const double delay = member.backoff.restartDelay(EventLoop::clock() - member.started_s);
+    const bool refuses = member.starts == 1 && status.exited && status.value == member.spec.refusal_code;
+    if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, status.describe());
+    if (member.backoff.exhausted())
+      return fail(member, fmt::format("{} consecutive failures soon after start, the last: {}",
+                                      options_.restart_limit, status.describe()));
     member.restart_s = EventLoop::clock() + delay;
     ++report_.restarts;
-    appendToLog(member.spec, fmt::format("-- {}: {}; starts again in {:.2f} s", member.spec.name,
-                                         death.describe(), delay));
+    appendToLog(member.spec,
+                fmt::format("-- {}: {}; restart in {:.2f} s", member.spec.name, status.describe(), delay));
     if (callbacks_.on_restart) callbacks_.on_restart(member.spec.name, delay);
   }
 
@@ -146,7 +148,7 @@ class Run {
     }
   }
 
-  /// All sinks, or where there are none all processes, have exited 0.
+  /// All sinks have exited with 0, or all processes if there are no sinks.
   bool finished() const {
     const bool sinks =
         std::any_of(members_.begin(), members_.end(), [](const Member& m) { return m.spec.sink; });
@@ -154,9 +156,9 @@ class Run {
                        [&](const Member& m) { return m.done || (sinks && !m.spec.sink); });
   }
 
-  void signalled(int number) {
+  void onStopSignal(int number) {
     if (stopping_) {
-      // One press of a key may arrive twice, to the process and to its group.
+      // One key press may arrive twice: at the process and at its process group.
       if (EventLoop::clock() - stop_s_ < options_.one_press_s) return;
       killAllRunning("killed at once on a second signal");
       return;
@@ -173,11 +175,11 @@ class Run {
     continueStop(stop_s_);
   }
 
-  /// Tells the next level whenever the levels before it have ended or have had their time.
+  /// Sends SIGTERM to the next level when all levels before it have ended or their time is over.
   void continueStop(double now_s) {
     std::size_t index = 0;
     for (const int level : levels_) {
-      tell(level);
+      terminate(level);
       const bool over = now_s >= stop_s_ + levelDeadline(index, levels_.size(), options_.stop_budget_s);
       const bool ended = std::none_of(members_.begin(), members_.end(),
                                       [&](const Member& m) { return m.running && m.spec.level == level; });
@@ -191,10 +193,10 @@ class Run {
           fmt::format("did not end within {} s, killed", options_.stop_budget_s + options_.sink_grace_s));
   }
 
-  void tell(int level) {
+  void terminate(int level) {
     for (Member& member : members_) {
-      if (!member.running || member.told || member.spec.level != level) continue;
-      member.told = true;
+      if (!member.running || member.terminated || member.spec.level != level) continue;
+      member.terminated = true;
       kill(member.child.pid, SIGTERM);
     }
   }
@@ -225,7 +227,7 @@ class Run {
     return std::any_of(members_.begin(), members_.end(), [](const Member& m) { return m.running; });
   }
 
-  /// Nothing is left, whatever way the run ends.
+  /// Ensures that no process is left, however the run ends.
   void killAll() {
     for (Member& member : members_) {
       if (!member.running) continue;

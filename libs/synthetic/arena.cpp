@@ -10,7 +10,7 @@
 namespace omnifleet::synthetic {
 namespace {
 
-/// Choi et al. 2014 §II: a cylinder, 30 cm high.
+/// Body of Choi et al. 2014 §II: a cylinder, 30 cm high.
 RobotBody paperBody() {
   RobotBody body;
   body.radius_m = 0.15;
@@ -27,16 +27,16 @@ RobotBody readBody(const options::Section& section) {
   section.read("wheel_separation_m", body.wheel_separation_m, {0.02, 3.0});
   if (!body.footprint_m.empty()) {
     if (body.footprint_m.size() < 3 || signedArea(body.footprint_m) <= 0.0) {
-      section.fail("footprint_m", "expected at least 3 vertices, counter-clockwise");
+      section.fail("footprint_m", "needs at least 3 vertices in counter-clockwise order");
     }
-    if (section.has("radius_m")) section.fail("radius_m", "a body has a radius or a footprint, not both");
+    if (section.has("radius_m")) section.fail("radius_m", "give either radius_m or footprint_m, not both");
     body.radius_m = 0.0;
   }
   section.finish();
   return body;
 }
 
-/// `floor_m`: extent of the floor, its middle is the origin.
+/// @param floor_m size of the floor, centred on the origin
 ArenaRobot readRobot(const options::Section& section, const std::string& name,
                      const Eigen::Vector2d& floor_m) {
   ArenaRobot robot;
@@ -44,12 +44,12 @@ ArenaRobot readRobot(const options::Section& section, const std::string& name,
   robot.body = paperBody();
   if (!section.has("initial_pose")) section.fail("initial_pose", "is required: [x m, y m, heading rad]");
   readPose(section, "initial_pose", robot.initial_map_from_base);
-  const Eigen::Vector2d start_m = robot.initial_map_from_base.translation();
-  if ((start_m.cwiseAbs() - 0.5 * floor_m).maxCoeff() > 0.0) {
+  const Eigen::Vector2d initial_m = robot.initial_map_from_base.translation();
+  if ((initial_m.cwiseAbs() - 0.5 * floor_m).maxCoeff() > 0.0) {
     section.fail("initial_pose",
-                 fmt::format("({:g}, {:g}) is not on the floor, x within [{:g}, {:g}], y within "
+                 fmt::format("({:g}, {:g}) is not on the floor; x must be within [{:g}, {:g}], y within "
                              "[{:g}, {:g}] m",
-                             start_m.x(), start_m.y(), -0.5 * floor_m.x(), 0.5 * floor_m.x(),
+                             initial_m.x(), initial_m.y(), -0.5 * floor_m.x(), 0.5 * floor_m.x(),
                              -0.5 * floor_m.y(), 0.5 * floor_m.y()));
   }
   if (section.has("body")) robot.body = readBody(section.child("body"));
@@ -61,7 +61,7 @@ ArenaRobot readRobot(const options::Section& section, const std::string& name,
   return robot;
 }
 
-/// Walls around the floor, inside of its edges.
+/// Adds walls around the floor, along the outer side of its edges.
 void addWalls(const options::Section& section, const Eigen::Vector2d& floor_m, std::vector<Solid>& solids) {
   Solid wall;
   wall.wall = true;
@@ -148,7 +148,7 @@ lens::CameraModel paperFisheye() {
   model.fov_deg = 185.0;
   model.focal_px = Eigen::Vector2d::Constant(480.0 / kHalfFieldRad);
   model.position_m = {0.0, 0.0, 0.5};
-  // The top rim of the body: radius 0.15 m, 0.2 m below the camera, and 3 px more.
+  // The top rim of the body: radius 0.15 m, 0.2 m below the camera; plus 3 px.
   model.self_mask_radius_px = std::ceil(model.focal_px.x() * std::atan2(0.15, 0.20)) + 3.0;
   return model;
 }
@@ -171,7 +171,7 @@ Arena Arena::read(const options::Section& section) {
   for (const std::string& name : robots.keys()) {
     arena.robots.push_back(readRobot(robots.child(name), name, arena.floor.size_m));
   }
-  if (arena.robots.empty()) section.fail("robots", "must name at least one robot");
+  if (arena.robots.empty()) section.fail("robots", "must list at least one robot");
   std::sort(arena.robots.begin(), arena.robots.end(),
             [](const ArenaRobot& a, const ArenaRobot& b) { return a.name < b.name; });
   readCameras(section, arena);

@@ -12,45 +12,46 @@
 
 namespace omnifleet::synthetic {
 
-/// A robot as it looks: a cylinder or a prism over its footprint, with its markers on top.
+/// A simulated robot: a cylinder, or a prism over its footprint, with its markers on top.
 struct ArenaRobot {
   std::string name;
-  RobotBody body;  ///< default: Choi et al. 2014 §II: radius 15 cm, height 30 cm
+  RobotBody body;  ///< default of Choi et al. 2014 §II: radius 15 cm, height 30 cm
   Pose2 initial_map_from_base;
   Rgb rgb{38, 38, 42};
-  double texture = 0.5;                      ///< 1, amplitude of the surface's variation
-  std::vector<Eigen::Vector2d> waypoints_m;  ///< map; driven alone where the arena has no formation
-  std::vector<Eigen::Vector3d> speeds;       ///< rows (time s, left m/s, right m/s) driven blindly
+  double texture = 0.5;  ///< 1, amplitude of the surface variation
+  std::vector<Eigen::Vector2d>
+      waypoints_m;  ///< map; the robot follows them by itself if the arena has no formation
+  std::vector<Eigen::Vector3d> speeds;  ///< open-loop commands, rows (time s, left m/s, right m/s)
 };
 
 struct ArenaCamera {
   std::string id;     ///< "r1/fisheye", "r1/front", "ceiling/c1"
-  std::string robot;  ///< empty: on the ceiling
+  std::string robot;  ///< empty: ceiling camera
   lens::CameraModel model;
 };
 
-/// The laser that every robot carries.
+/// The laser scanner that every robot has.
 struct ArenaLaser {
   dataset::LaserSensor sensor;
-  int beams = 360;  ///< of one scan
-  double fov_deg =
-      360.0;  ///< about the scanner's zero direction; beams part it evenly, a whole turn without doubling
+  int beams = 360;         ///< beams per scan
+  double fov_deg = 360.0;  ///< centred on the zero direction of the scanner; beams divide it evenly, 360°
+                           ///< without a double beam
 
   static ArenaLaser read(const options::Section& section);
 };
 
-/// From `at_s` on the obstacle moves to a new place, straight and evenly within `within_s`.
+/// From `at_s` on, an obstacle moves to a new pose, in a straight line at constant speed within `within_s`.
 struct ObstacleMove {
   int obstacle = 0;  ///< index in `solids`
   double at_s = 0.0, within_s = 0.0;
   Pose2 map_from_solid;
 };
 
-/// Everything that config/arenas/*.yaml says (its keys: config/arenas/README.md).
+/// Content of an arena file config/arenas/*.yaml; config/arenas/README.md documents the keys.
 struct Arena {
   std::string name;
   double rate_hz = 5.0;      ///< frames per second of every camera
-  double duration_s = 20.0;  ///< longest run
+  double duration_s = 20.0;  ///< maximum duration of a run
   TimeNs start_ns = 1'000'000'000'000;
   Floor floor;
   Light light;
@@ -59,37 +60,36 @@ struct Arena {
   std::vector<ObstacleMove> moves;   ///< sorted by time
   std::vector<ArenaRobot> robots;    ///< sorted by name
   std::vector<ArenaCamera> cameras;  ///< sorted by id
-  std::optional<ArenaLaser> laser;   ///< scans once per frame
+  std::optional<ArenaLaser> laser;   ///< one scan per frame
   std::optional<dataset::MarkerSet> markers;
-  bool has_formation = false;  ///< else robots drive alone, by their waypoints or speeds
-  options::Section world;      ///< for world::World::Options
-  options::Section formation;  ///< for formation::Formation::Options
-  options::Section random;     ///< for randomised()
+  bool has_formation = false;  ///< false: each robot drives by its own waypoints or speeds
+  options::Section world;      ///< options of world::World::Options
+  options::Section formation;  ///< options of formation::Formation::Options
+  options::Section random;     ///< options of randomised()
 
-  /// Throws options::Error naming file, line, key and bound.
+  /// Throws options::Error that names file, line, key and bound.
   static Arena load(const std::string& path);
   static Arena read(const options::Section& section);
 
   TimeNs periodNs() const;
   TimeNs frameTimeNs(int frame) const { return start_ns + frame * periodNs(); }
   int frames() const;
-  int robotIndex(const std::string& robot_name) const;            ///< in `robots`; −1: there is none
+  int robotIndex(const std::string& robot_name) const;  ///< index in `robots`; −1 if there is no such robot
   const ArenaRobot& robot(const std::string& robot_name) const;   ///< throws options::Error
   const ArenaCamera& camera(const std::string& camera_id) const;  ///< throws options::Error
-  /// Where a solid stands, with its moves; time since the start.
+  /// Pose of a solid after its moves; time since the start of the run.
   Pose2 solidAt(int solid, double time_s) const;
-  /// Truth for scene.geojson: obstacles (no walls) as they stand at a time.
+  /// Ground truth for scene.geojson: the obstacles (without walls) at a time.
   std::vector<dataset::MapObject> truthScene(double time_s) const;
-  /// Truth for room.geojson: the inner side of the walls around the floor; empty where there are none.
+  /// Ground truth for room.geojson: the inner side of the walls around the floor. Empty without walls.
   Polygon truthRoom() const;
 };
 
-/// The rig of Choi et al. 2014 §II: fisheye 1280×960, 185°, looking down from a tube over the body's middle,
-/// half a metre above the floor; equidistant, filling the image's height.
+/// Camera of Choi et al. 2014 §II: equidistant fisheye, 1280×960, 185°. It looks down from a tube over the
+/// centre of the body, half a metre above the floor. The image circle fills the height of the image.
 lens::CameraModel paperFisheye();
 
-/// The same arena with obstacles, colours, light and starts of its own for each seed
-/// (synthetic/randomised.h).
+/// Varies obstacles, colours, light and initial poses of an arena by the seed (synthetic/randomised.h).
 Arena randomised(const Arena& arena, std::uint32_t seed);
 
 }  // namespace omnifleet::synthetic

@@ -8,11 +8,12 @@
 namespace omnifleet::synthetic {
 namespace {
 
-constexpr float kCellM = 0.025f;  // of the coarse grid
-constexpr float kBeyondM = 3.0f;  // coarse grid beyond the floor's edges; farther off it is continued
-constexpr float kTileM = 3.0f;    // about the period of the fine part
+constexpr float kCellM = 0.025f;  // cell of the coarse grid
+constexpr float kBeyondM =
+    3.0f;  // margin of the coarse grid around the floor; beyond it, the border values continue
+constexpr float kTileM = 3.0f;  // approximate period of the fine tile
 
-/// Share of [low, high] that lies within half a width of a multiple of `period`.
+/// Share of [low, high] within half a width of a multiple of `period`.
 float lineShare(float low, float high, float period, float width) {
   const float nearest = std::round(0.5f * (low + high) / period) * period;
   const float overlap = std::min(high, nearest + 0.5f * width) - std::max(low, nearest - 0.5f * width);
@@ -38,8 +39,8 @@ FloorMap::FloorMap(const Arena& arena, std::uint32_t seed) : seed_(hash32(seed, 
   makeLevels(arena);
   if (arena.light.contact_shadow > 0.0) {
     solids_ = solidPoses(arena, 0.0);
-    shades_.resize(solids_.size());
-    for (std::size_t i = 0; i < solids_.size(); ++i) shade(arena, i);
+    contact_shadows_.resize(solids_.size());
+    for (std::size_t i = 0; i < solids_.size(); ++i) addContactShadow(arena, i);
   }
   makeCoarse(arena.floor);
 }
@@ -51,7 +52,7 @@ void FloorMap::update(const Arena& arena, double time_s) {
   for (std::size_t i = 0; i < now.size(); ++i) {
     if (now[i].vector() == solids_[i].vector()) continue;
     solids_[i] = now[i];
-    shade(arena, i);
+    addContactShadow(arena, i);
     any = true;
   }
   if (any) makeCoarse(arena.floor);
@@ -68,14 +69,14 @@ void FloorMap::makeTile(const Floor& floor) {
     grid_ratio_[c] =
         static_cast<float>(floor.grid_rgb[2 - c]) / std::max(1.0f, static_cast<float>(floor.rgb[2 - c]));
   }
-  const float cells = std::max(1.0f, std::round(period_m / static_cast<float>(floor.grain_size_m)));
-  const auto grain = static_cast<float>(floor.grain);
+  const float cells = std::max(1.0f, std::round(period_m / static_cast<float>(floor.texture_size_m)));
+  const auto texture = static_cast<float>(floor.texture);
   tile_[0].resize(static_cast<std::size_t>(tile_texels_) * tile_texels_);
   for (int y = 0; y < tile_texels_; ++y) {
     for (int x = 0; x < tile_texels_; ++x) {
       const float scale = cells / static_cast<float>(tile_texels_);
       Texel& texel = tile_[0][static_cast<std::size_t>(y) * tile_texels_ + x];
-      texel.grain = 1.0f + 1.7f * grain * valueNoise(x * scale, y * scale, seed_);
+      texel.texture = 1.0f + 1.7f * texture * valueNoise(x * scale, y * scale, seed_);
       const float x_m = static_cast<float>(x) * texel_m_, y_m = static_cast<float>(y) * texel_m_;
       const auto width_m = static_cast<float>(floor.grid_width_m);
       texel.grid = has_grid_ ? std::max(lineShare(x_m, x_m + texel_m_, grid_m, width_m),
@@ -91,7 +92,7 @@ void FloorMap::makeTile(const Floor& floor) {
         const Texel* a = &tile_[level - 1][static_cast<std::size_t>(4) * y * n + 2 * x];
         const Texel* b = a + 2 * n;
         tile_[level][static_cast<std::size_t>(y) * n + x] = {
-            0.25f * (a[0].grain + a[1].grain + b[0].grain + b[1].grain),
+            0.25f * (a[0].texture + a[1].texture + b[0].texture + b[1].texture),
             0.25f * (a[0].grid + a[1].grid + b[0].grid + b[1].grid)};
       }
     }
@@ -118,24 +119,26 @@ void FloorMap::makeLevels(const Arena& arena) {
   }
 }
 
-void FloorMap::shade(const Arena& arena, std::size_t i) {
+void FloorMap::addContactShadow(const Arena& arena, std::size_t i) {
   const Pose2 solid_from_map = solids_[i].inverse();
   const Eigen::Matrix2d axes = solid_from_map.rotation();
-  shades_[i].clear();
+  contact_shadows_[i].clear();
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
-      const Eigen::Vector2d place_m = axes * placeOf(row, column).cast<double>() + solid_from_map.translation();
+      const Eigen::Vector2d place_m =
+          axes * placeOf(row, column).cast<double>() + solid_from_map.translation();
       const double gap_m = std::max(0.0, arena.solids[i].distance(place_m));
-      shades_[i].push_back(1.0 - arena.light.contact_shadow * std::exp(-gap_m / arena.light.contact_shadow_m));
+      contact_shadows_[i].push_back(1.0 - arena.light.contact_shadow *
+                                              std::exp(-gap_m / arena.light.contact_shadow_m));
     }
   }
 }
 
 void FloorMap::makeCoarse(const Floor& floor) {
   for (std::size_t i = 0; i < coarse_.size(); ++i) {
-    double shade = 1.0;
-    for (const std::vector<double>& of_solid : shades_) shade *= of_solid[i];
-    const double level = levels_[i] * shade;
+    double shadow = 1.0;
+    for (const std::vector<double>& of_solid : contact_shadows_) shadow *= of_solid[i];
+    const double level = levels_[i] * shadow;
     for (int c = 0; c < 3; ++c) coarse_[i][c] = static_cast<float>(floor.rgb[2 - c] * level);
     coarse_[i][3] = 0.0f;
   }
@@ -159,7 +162,7 @@ Eigen::Array4f FloorMap::coarseAt(float x_m, float y_m) const {
 FloorMap::Texel FloorMap::tileAt(float x_m, float y_m, std::uint8_t level) const {
   const int n = tile_texels_ >> level, mask = n - 1;
   const float scale = 1.0f / (texel_m_ * static_cast<float>(1 << level));
-  // Texel i has its centre at (i + ½) texels.
+  // The centre of texel i is at (i + ½) texels.
   const float x = x_m * scale - 0.5f, y = y_m * scale - 0.5f;
   const int ix = static_cast<int>(x) - (x < 0.0f ? 1 : 0), iy = static_cast<int>(y) - (y < 0.0f ? 1 : 0);
   const float tx = x - static_cast<float>(ix), ty = y - static_cast<float>(iy);
@@ -167,8 +170,8 @@ FloorMap::Texel FloorMap::tileAt(float x_m, float y_m, std::uint8_t level) const
   const Texel* high = &tile_[level][static_cast<std::size_t>((iy + 1) & mask) * n];
   const int left = ix & mask, right = (ix + 1) & mask;
   Texel texel;
-  texel.grain =
-      mix(mix(low[left].grain, low[right].grain, tx), mix(high[left].grain, high[right].grain, tx), ty);
+  texel.texture = mix(mix(low[left].texture, low[right].texture, tx),
+                      mix(high[left].texture, high[right].texture, tx), ty);
   texel.grid = has_grid_ ? mix(mix(low[left].grid, low[right].grid, tx),
                                mix(high[left].grid, high[right].grid, tx), ty)
                          : 0.0f;
@@ -178,9 +181,9 @@ FloorMap::Texel FloorMap::tileAt(float x_m, float y_m, std::uint8_t level) const
 Eigen::Array4f FloorMap::at(float x_m, float y_m, std::uint8_t level) const {
   const Texel texel = tileAt(x_m, y_m, level);
   const Eigen::Array4f colour = coarseAt(x_m, y_m);
-  if (!has_grid_) return colour * texel.grain;
+  if (!has_grid_) return colour * texel.texture;
   const float field = tile_variation_ > 0.0f ? fieldAt(x_m, y_m) : 1.0f;
-  return colour * (field * texel.grain * (1.0f - texel.grid) + texel.grid * grid_ratio_);
+  return colour * (field * texel.texture * (1.0f - texel.grid) + texel.grid * grid_ratio_);
 }
 
 float FloorMap::fieldAt(float x_m, float y_m) const {

@@ -19,7 +19,7 @@ double uniform(std::uint32_t a, std::uint32_t b) {
   return (static_cast<double>(hash32(a, b) >> 8) + 0.5) / 16777216.0;
 }
 
-/// Box–Muller on hashed numbers: no state.
+/// Normal deviate by Box–Muller on hashed numbers, without state.
 double deviate(std::uint32_t seed, std::uint32_t index) {
   return std::sqrt(-2.0 * std::log(uniform(seed, 2 * index))) *
          std::cos(2.0 * M_PI * uniform(seed, 2 * index + 1));
@@ -60,7 +60,7 @@ LaserScanner::~LaserScanner() = default;
 LaserScanner::LaserScanner(LaserScanner&&) noexcept = default;
 LaserScanner& LaserScanner::operator=(LaserScanner&&) noexcept = default;
 
-/// What the scanner says of a true distance: to the millimetre, +inf without echo.
+/// Measurement of a true distance: with noise, rounded to the millimetre, +inf without echo.
 float LaserScanner::Impl::reported(float distance_m, std::uint32_t frame_seed, std::uint32_t beam) const {
   const dataset::LaserSensor& s = laser.sensor;
   const double noisy = distance_m + s.range_sigma_m * deviate(frame_seed, beam);
@@ -72,7 +72,7 @@ float LaserScanner::Impl::reported(float distance_m, std::uint32_t frame_seed, s
 const dataset::LaserRow& LaserScanner::scan(int frame, const std::vector<Pose2>& map_from_bases) {
   Impl& i = *impl_;
   if (map_from_bases.size() != i.arena.robots.size())
-    throw std::runtime_error("LaserScanner: one pose per robot of the arena");
+    throw std::runtime_error("LaserScanner: needs one pose per robot of the arena");
   const double time_s = static_cast<double>(frame) / i.arena.rate_hz;
   i.stage.place(i.arena, time_s, map_from_bases, map_from_bases[static_cast<std::size_t>(i.own)].inverse());
   const bool whole = i.laser.fov_deg >= 360.0;

@@ -9,19 +9,20 @@
 
 namespace omnifleet::synthetic {
 
-/// Scans of an arena by one robot's laser, traced on Embree: all in the plane of the scanner's height, the robot
-/// itself left out. Ranges have Gaussian noise; what lies beyond the scanner's reach gives no echo. Equal (arena,
-/// robot, seed, frame) give equal scans, whatever was scanned before.
+/// Scans of an arena by the laser of one robot, traced with Embree. All beams lie in the plane at the height
+/// of the scanner; the robot itself is excluded. Ranges have Gaussian noise. Objects beyond the range of the
+/// scanner give no echo. Equal arena, robot, seed and frame number give equal scans, independent of earlier
+/// scans.
 class LaserScanner {
  public:
-  /// Throws options::Error for a robot or laser that is not there, std::runtime_error when Embree fails.
+  /// Throws options::Error if the robot or the laser does not exist, std::runtime_error when Embree fails.
   LaserScanner(const Arena& arena, const std::string& robot, std::uint32_t seed);
   ~LaserScanner();
   LaserScanner(LaserScanner&&) noexcept;
   LaserScanner& operator=(LaserScanner&&) noexcept;
 
-  /// The scan of a frame with the robots at these poses, one per robot of the arena in its order. Valid until the next
-  /// call.
+  /// Scan of a frame with the robots at these poses, one per robot of the arena in its order. Valid until the
+  /// next call.
   const dataset::LaserRow& scan(int frame, const std::vector<Pose2>& map_from_bases);
 
  private:

@@ -8,9 +8,9 @@
 namespace omnifleet::synthetic {
 namespace {
 
-constexpr int kContourSamples = 6;  // per axis; made once per camera
+constexpr int kContourSamples = 6;  // rays per axis of a contour pixel; computed once per camera
 
-/// An arena in which that robot stands alone at the origin.
+/// An arena that contains only this robot, at the origin.
 Arena aloneAtOrigin(const Arena& arena, int robot) {
   Arena alone;
   alone.light = arena.light;

@@ -10,15 +10,15 @@
 
 namespace omnifleet::synthetic {
 
-/// A pixel that shows the robot that carries the camera, wholly (share 1) or in part.
+/// A pixel that shows the robot that carries the camera, completely (share 1) or partly.
 struct OwnPixel {
   std::uint32_t index = 0;
   float share = 1.0f;
-  Eigen::Array4f bgr = Eigen::Array4f::Zero();  ///< mean colour of that share, in full light
+  Eigen::Array4f bgr = Eigen::Array4f::Zero();  ///< mean colour of that share in full light
 };
 
-/// The own body as the camera always sees it: the self mask. Empty where the camera sits inside the body or
-/// on the ceiling. `samples` rays per axis on its contours.
+/// Pixels of the own body, which are the same in every image: the self mask. Contour pixels are averaged over
+/// several rays. Empty if the camera is inside the body or on the ceiling.
 std::vector<OwnPixel> ownBodyPixels(const Arena& arena, int robot, const lens::Camera& camera,
                                     const PixelTable& pixels, std::uint32_t seed);
 

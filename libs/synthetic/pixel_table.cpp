@@ -6,8 +6,8 @@
 namespace omnifleet::synthetic {
 namespace {
 
-constexpr float kFarM = 200.0f;          // floor beyond is haze
-constexpr float kFootprintShare = 0.7f;  // a little aliasing looks like a sensor, too much blur does not
+constexpr float kFarM = 200.0f;          // the floor beyond is rendered as sky
+constexpr float kFootprintShare = 0.7f;  // some aliasing resembles a real sensor, stronger blur does not
 
 }  // namespace
 
@@ -73,7 +73,7 @@ PixelTable::Cone PixelTable::coneOf(int u0, int v0, int u1, int v1) const {
           std::max(cone.half_angle_rad, std::acos(std::min(1.0f, cone.axis.dot(ray(u, v)))));
     }
   }
-  // A pixel's own width, so that a contour between two tiles is seen by both.
+  // Extends the cone by the width of a pixel, so that both tiles see a contour between them.
   cone.half_angle_rad *= 1.0f + 2.0f / static_cast<float>(std::max(2, u1 - u0));
   return cone;
 }

@@ -8,18 +8,19 @@
 
 namespace omnifleet::synthetic {
 
-/// What a pixel looks at where no solid stands.
+/// What a pixel shows where no solid stands.
 enum class Backdrop : std::uint8_t { kNothing, kFloor, kSky };
 
-/// The fixed part of a camera: a ray per pixel, and where it meets the floor, all in the camera's parent
-/// frame. Tiles of 4×4 pixels, in blocks of 8×8 tiles, know the cone that holds their rays.
+/// The constant part of a camera: one ray per pixel and the point where it meets the floor, both in the
+/// parent frame of the camera. Each tile of 4×4 pixels, and each block of 8×8 tiles, has a cone that contains
+/// its rays.
 class PixelTable {
  public:
   static constexpr int kTile = 4;
   static constexpr int kBlock = 8;  ///< tiles per side
   struct Cone {
     Eigen::Vector3f axis = Eigen::Vector3f::Zero();
-    float half_angle_rad = -1.0f;  ///< < 0: no ray in it
+    float half_angle_rad = -1.0f;  ///< < 0: contains no ray
   };
 
   explicit PixelTable(const lens::Camera& camera);
@@ -32,13 +33,13 @@ class PixelTable {
     return {x[i], y[i], z[i]};
   }
 
-  /// Ray beside the centre of pixel (u, v), by the rays of its neighbours; |du|, |dv| ≤ ½.
+  /// Ray beside the centre of pixel (u, v), linear in the rays of the neighbouring pixels; |du|, |dv| ≤ ½.
   Eigen::Vector3f rayBeside(int u, int v, float du, float dv) const;
 
-  std::vector<float> x, y, z;  ///< unit rays; zero where nothing is seen
+  std::vector<float> x, y, z;  ///< unit rays; zero outside the field of view
   std::vector<Backdrop> backdrop;
-  std::vector<Eigen::Vector2f> floor_m;  ///< where the backdrop is floor
-  std::vector<float> footprint_m;        ///< floor that the pixel covers, along its longer side, shortened
+  std::vector<Eigen::Vector2f> floor_m;  ///< valid where the backdrop is floor
+  std::vector<float> footprint_m;        ///< longer side of the pixel on the floor, times kFootprintShare
   std::vector<Cone> tiles, blocks;
   int tile_columns = 0, tile_rows = 0, block_columns = 0, block_rows = 0;
 

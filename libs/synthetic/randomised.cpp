@@ -12,7 +12,7 @@ namespace {
 constexpr int kTries = 4000;
 constexpr double kWallClearM = 0.25;
 
-/// Uniform numbers that do not depend on the standard library.
+/// Uniform random numbers that are equal in every standard library.
 class Dice {
  public:
   explicit Dice(std::uint32_t seed) : generator_(seed * 2654435761U + 97U) {}
@@ -54,7 +54,7 @@ std::vector<Eigen::Vector2d> waypointsOf(const Arena& arena) {
   return waypoints;
 }
 
-/// Places that must stay free for bodies: starts, and the goal with its neighbourhood.
+/// Positions that must stay free for bodies: initial positions, waypoints, and the goals of the robots.
 std::vector<Eigen::Vector2d> freePlaces(const Arena& arena) {
   std::vector<Eigen::Vector2d> places;
   for (const ArenaRobot& robot : arena.robots) places.push_back(robot.initial_map_from_base.translation());
@@ -62,14 +62,15 @@ std::vector<Eigen::Vector2d> freePlaces(const Arena& arena) {
   if (waypoints.empty()) return places;
   places.insert(places.end(), waypoints.begin(), waypoints.end());
   if (!arena.has_formation) return places;
-  // Followers arrive as they started: at the same places beside the leader, turned into its last way.
-  const Pose2 start = arena.robots.front().initial_map_from_base;
+  // Followers reach the goal in the formation of their initial poses, rotated into the direction of the
+  // leader's last segment.
+  const Pose2 initial = arena.robots.front().initial_map_from_base;
   const Eigen::Vector2d before_m =
-      waypoints.size() > 1 ? waypoints[waypoints.size() - 2] : start.translation();
+      waypoints.size() > 1 ? waypoints[waypoints.size() - 2] : initial.translation();
   const Eigen::Vector2d way = waypoints.back() - before_m;
   const Pose2 goal{waypoints.back().x(), waypoints.back().y(), std::atan2(way.y(), way.x())};
   for (std::size_t i = 1; i < arena.robots.size(); ++i) {
-    places.push_back(goal * (start.inverse() * arena.robots[i].initial_map_from_base.translation()));
+    places.push_back(goal * (initial.inverse() * arena.robots[i].initial_map_from_base.translation()));
   }
   return places;
 }
@@ -164,7 +165,9 @@ void placeObstacles(const Randomisation& options, Dice& dice, Arena& arena) {
     if (planner.fits(solid)) planner.placed.push_back(solid);
   }
   if (static_cast<double>(planner.placed.size()) < options.obstacles.x()) {
-    arena.random.fail("obstacles", "no room for so many");
+    arena.random.fail(
+        "obstacles",
+        "not enough room for the minimum number; reduce obstacles, size_m, passage_m or start_free_m");
   }
   std::vector<Solid> walls;
   std::copy_if(arena.solids.begin(), arena.solids.end(), std::back_inserter(walls),
@@ -174,15 +177,16 @@ void placeObstacles(const Randomisation& options, Dice& dice, Arena& arena) {
   arena.moves.clear();
 }
 
-/// Of the floor's hue, brighter or darker, or a little more colourful.
+/// A colour similar to the floor: up to 20 % brighter or darker, with small changes per channel.
 Rgb floorLike(const Rgb& floor, Dice& dice) {
   const double gain = dice.in(0.8, 1.2);
   return rgbOf(floor[0] * gain * dice.in(0.95, 1.05), floor[1] * gain * dice.in(0.95, 1.05),
                floor[2] * gain * dice.in(0.95, 1.05));
 }
 
-/// What older seeds did not have, drawn from dice of its own so that they stay as they were.
-void changeMore(const Randomisation& options, std::uint32_t seed, Arena& arena) {
+/// Properties that were added later. They use their own random numbers, so that the arenas of existing seeds
+/// do not change.
+void changeAddedProperties(const Randomisation& options, std::uint32_t seed, Arena& arena) {
   Dice dice(hash32(seed, 0x7113));
   arena.light.cast_shadow = std::max(arena.light.cast_shadow, dice.in(0.0, options.cast_shadow));
   if (options.tile_m.y() > 0.0) {
@@ -198,13 +202,13 @@ void changeMore(const Randomisation& options, std::uint32_t seed, Arena& arena) 
   }
 }
 
-void changeLooks(const Randomisation& options, Dice& dice, Arena& arena) {
+void changeAppearance(const Randomisation& options, Dice& dice, Arena& arena) {
   const double level = dice.in(options.floor_level), tint = options.floor_tint;
   arena.floor.rgb = rgbOf(level * (1 + dice.in(-tint, tint)), level * (1 + dice.in(-tint, tint)),
                           level * (1 + dice.in(-tint, tint)));
   arena.floor.clouds = dice.in(options.clouds);
   arena.floor.cloud_size_m = dice.in(0.3, 1.0);
-  arena.floor.grain = dice.in(options.grain);
+  arena.floor.texture = dice.in(options.texture);
   arena.light.level = dice.in(options.light_level);
   const double angle_rad = dice.in(-M_PI, M_PI), gradient = dice.in(0.0, options.light_gradient_per_m);
   arena.light.gradient_per_m = gradient * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
@@ -232,7 +236,7 @@ Randomisation Randomisation::read(const options::Section& section) {
   section.read("floor_level", options.floor_level, {1, 255});
   section.read("floor_tint", options.floor_tint, {0.0, 0.9});
   section.read("clouds", options.clouds, {0.0, 0.5});
-  section.read("grain", options.grain, {0.0, 0.5});
+  section.read("texture", options.texture, {0.0, 0.5});
   section.read("light_level", options.light_level, {0.05, 3.0});
   section.read("light_gradient_per_m", options.light_gradient_per_m, {0.0, 1.0});
   section.read("light_spot", options.light_spot, {0.0, 1.0});
@@ -255,13 +259,13 @@ Arena randomised(const Arena& arena, std::uint32_t seed) {
   Arena changed = arena;
   const double most_m = options.start_jitter_m, most_rad = options.start_jitter_rad;
   for (ArenaRobot& robot : changed.robots) {
-    Pose2& start = robot.initial_map_from_base;
-    start = {start.x_m + dice.in(-most_m, most_m), start.y_m + dice.in(-most_m, most_m),
-             wrapAngle(start.theta_rad + dice.in(-most_rad, most_rad))};
+    Pose2& initial = robot.initial_map_from_base;
+    initial = {initial.x_m + dice.in(-most_m, most_m), initial.y_m + dice.in(-most_m, most_m),
+               wrapAngle(initial.theta_rad + dice.in(-most_rad, most_rad))};
   }
   placeObstacles(options, dice, changed);
-  changeLooks(options, dice, changed);
-  changeMore(options, seed, changed);
+  changeAppearance(options, dice, changed);
+  changeAddedProperties(options, seed, changed);
   return changed;
 }
 

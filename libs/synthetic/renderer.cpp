@@ -51,15 +51,15 @@ struct Renderer::Impl {
   StageSet stage;
   Sensor sensor;
   std::vector<OwnPixel> own;
-  std::vector<std::uint8_t> hidden;  ///< wholly behind the own body
-  std::vector<std::uint8_t> level;   ///< of the floor's tile
+  std::vector<std::uint8_t> hidden;  ///< completely behind the own body
+  std::vector<std::uint8_t> level;   ///< level of the floor tile
   std::vector<float> brightness;     ///< gain and vignetting per pixel
   float flicker = 1.0f;
   Eigen::Vector3f eye_m;
   cv::Mat light, still_backdrop;
-  std::vector<int> faces;                       ///< face seen per pixel; −1: none
-  std::vector<std::pair<int, int>> tiles;       ///< traced in this frame
-  std::vector<std::pair<float, float>> beside;  ///< rays within a contour pixel
+  std::vector<int> faces;                       ///< visible face per pixel; −1: none
+  std::vector<std::pair<int, int>> tiles;       ///< tiles traced in this frame
+  std::vector<std::pair<float, float>> beside;  ///< offsets of the rays within a contour pixel
 };
 
 Renderer::Impl::Impl(const Arena& the_arena, const std::string& camera_id, std::uint32_t the_seed)
@@ -82,7 +82,7 @@ Renderer::Impl::Impl(const Arena& the_arena, const std::string& camera_id, std::
   faces.assign(pixels.backdrop.size(), -1);
   light = cv::Mat::zeros(pixels.height(), pixels.width(), CV_16UC3);
   makeBrightness();
-  // Hammersley's points: every line through the pixel splits them nearly in proportion.
+  // Hammersley points: every line through the pixel divides them almost in proportion to its area.
   const int n = arena.image.edge_samples * arena.image.edge_samples;
   for (int i = 0; i < n; ++i) {
     double mirrored = 0.0, digit = 0.5;
@@ -259,10 +259,10 @@ const lens::CameraModel& Renderer::model() const {
 void Renderer::render(int frame, const std::vector<Pose2>& map_from_bases, cv::Mat& bgr) {
   Impl& im = *impl_;
   if (map_from_bases.size() != im.arena.robots.size())
-    throw std::runtime_error("render: one pose per robot is needed");
+    throw std::runtime_error("render: needs one pose per robot of the arena");
   if (bgr.empty()) bgr.create(im.pixels.height(), im.pixels.width(), CV_8UC3);
   if (bgr.type() != CV_8UC3 || bgr.cols != im.pixels.width() || bgr.rows != im.pixels.height()) {
-    throw std::runtime_error("render: the image must be BGR, 8 bit, of the camera's size");
+    throw std::runtime_error("render: the image must be CV_8UC3 and have the size of the camera");
   }
   const double time_s = static_cast<double>(frame) / im.arena.rate_hz;
   const Pose2 map_from_parent =

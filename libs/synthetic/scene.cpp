@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kCircleVertices = 96;
 
-/// Radius of the regular polygon that has the circle's area.
+/// Radius of the regular polygon with the area of the circle.
 double radiusOfEqualArea(double radius_m) {
   const double step = 2.0 * M_PI / kCircleVertices;
   return radius_m * std::sqrt(step / std::sin(step));
@@ -24,8 +24,8 @@ Floor Floor::read(const options::Section& section) {
   readRgb(section, "rgb", floor.rgb);
   section.read("clouds", floor.clouds, {0.0, 0.5});
   section.read("cloud_size_m", floor.cloud_size_m, {0.02, 10.0});
-  section.read("grain", floor.grain, {0.0, 0.5});
-  section.read("grain_size_m", floor.grain_size_m, {0.001, 1.0});
+  section.read("texture", floor.texture, {0.0, 0.5});
+  section.read("texture_size_m", floor.texture_size_m, {0.001, 1.0});
   section.read("grid_m", floor.grid_m, {0.0, 10.0});
   section.read("grid_width_m", floor.grid_width_m, {0.0005, 0.5});
   readRgb(section, "grid_rgb", floor.grid_rgb);
@@ -49,7 +49,8 @@ Light Light::read(const options::Section& section) {
   section.read("contact_shadow_m", light.contact_shadow_m, {0.005, 1.0});
   section.read("cast_shadow", light.cast_shadow, {0.0, 1.0});
   section.read("cast_softness", light.cast_softness, {0.01, 2.0});
-  if (light.cast_shadow > 0.0 && light.sun.z() <= 0.0) section.fail("sun", "must shine from above");
+  if (light.cast_shadow > 0.0 && light.sun.z() <= 0.0)
+    section.fail("sun", "must have z > 0 when cast_shadow is set");
   if (light.sun.norm() < 1e-6) section.fail("sun", "must not be zero");
   section.finish();
   return light;

@@ -17,7 +17,7 @@ float uniform(std::uint32_t i) {
   return (static_cast<float>(hash32(i) >> 8) + 0.5f) / 16777216.0f;
 }
 
-/// Box–Muller.
+/// Normal deviate by Box–Muller.
 std::int16_t deviate(std::uint32_t i) {
   const float radius = std::sqrt(-2.0f * std::log(uniform(2 * i + 0x10001)));
   const float value = radius * std::cos(2.0f * static_cast<float>(M_PI) * uniform(2 * i + 0x10002));

@@ -7,32 +7,33 @@
 
 namespace omnifleet::synthetic {
 
-/// Shadows that obstacles and robots throw on the floor in the light of `sun`: an upright prism of height h
-/// shades its footprint swept along −h·(sun.x, sun.y)/sun.z; the rim is as wide as `cast_softness` times the
-/// height that throws it.
+/// Shadows of obstacles and robots on the floor in the light of `sun`. The shadow of an upright prism of
+/// height h is its footprint swept along −h·(sun.x, sun.y)/sun.z. The width of its rim is `cast_softness`
+/// times the height that casts it.
 class Shadows {
  public:
   explicit Shadows(const Arena& arena);
 
-  /// Where everything stands now; `map_from_bases` one per robot.
+  /// Sets the current poses; `map_from_bases` has one pose per robot.
   void place(double time_s, const std::vector<Pose2>& map_from_bases);
 
   bool any() const { return arena_->light.cast_shadow > 0.0; }
-  /// Share of the light that reaches a place of the floor, 1 outside of all shadows.
+  /// Share of the light that reaches a position of the floor; 1 outside all shadows.
   float at(const Eigen::Vector2f& place_m) const;
 
  private:
   struct Caster {
     Solid solid;
     Pose2 map_from_solid;
-    Eigen::Vector2f middle_m;  ///< of a circle that holds footprint and shadow
+    Eigen::Vector2f middle_m;  ///< centre of a circle that contains footprint and shadow
     float reach_m;
   };
   void add(const Solid& solid, const Pose2& map_from_solid);
-  double coverOf(const Caster& caster, const Eigen::Vector2d& place_m) const;
+  double coverageOf(const Caster& caster, const Eigen::Vector2d& place_m) const;
 
   const Arena* arena_;
-  Eigen::Vector2d throw_ = Eigen::Vector2d::Zero();  ///< shadow's way per metre of height
+  Eigen::Vector2d shadow_per_height_ =
+      Eigen::Vector2d::Zero();  ///< displacement of the shadow per metre of height
   std::vector<Caster> casters_;
 };
 

@@ -6,8 +6,8 @@
 namespace omnifleet::synthetic {
 namespace {
 
-constexpr int kRoundSides = 256;        // a 15 cm cylinder errs by 11 µm
-constexpr float kPlateStepM = 0.0005f;  // plates upon plates
+constexpr int kRoundSides = 256;        // the error of a 15 cm cylinder is 11 µm
+constexpr float kPlateStepM = 0.0005f;  // vertical distance of stacked plates
 
 Eigen::Array4f bgrOf(const Rgb& rgb) {
   return {float(rgb[2]), float(rgb[1]), float(rgb[0]), 0.0f};
@@ -22,7 +22,7 @@ void addTriangle(SolidMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_
   mesh.face_of_triangle.push_back(static_cast<std::uint16_t>(face));
 }
 
-/// A convex polygon at a height.
+/// Adds a convex polygon at a height.
 void addPlate(SolidMesh& mesh, const Polygon& outline, float z_m, const Face& face) {
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
   for (const Eigen::Vector2d& p : outline) mesh.vertices.push_back(raised(p, z_m));
@@ -32,7 +32,7 @@ void addPlate(SolidMesh& mesh, const Polygon& outline, float z_m, const Face& fa
   mesh.faces.push_back(face);
 }
 
-/// Sides and top of a convex prism; a round one has a single side face.
+/// Sides and top of a convex prism. A round one has a single side face.
 SolidMesh prism(const Polygon& outline, double height_m, Face face, bool round) {
   SolidMesh mesh;
   mesh.height_m = static_cast<float>(height_m);

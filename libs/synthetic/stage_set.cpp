@@ -48,7 +48,7 @@ void StageSet::addBalls(int solid, const SolidMesh& mesh, const Eigen::Vector2d&
     balls_.push_back({solid, middle, std::hypot(mesh.radius_m, half_height_m)});
     return;
   }
-  // A long box is a row of balls, one per piece that is as long as the box is thick or high.
+  // A long box is approximated by a row of balls. Each piece is about as long as the box is wide or high.
   const int along = size_m.x() >= size_m.y() ? 0 : 1;
   const auto length_m = static_cast<float>(size_m[along]), width_m = static_cast<float>(size_m[1 - along]);
   const int pieces = std::max(1, static_cast<int>(std::ceil(length_m / std::max(width_m, mesh.height_m))));

@@ -11,32 +11,34 @@
 
 namespace omnifleet::synthetic {
 
-/// All solids that one camera can see (obstacles, walls, robots but its own), where they stand at one frame,
-/// and how they look from a point.
+/// All solids that one camera can see: obstacles, walls, and the other robots. Holds their poses at one frame
+/// and their colour at a surface point.
 class StageSet {
  public:
-  /// `own_robot`: the robot that carries the camera, left out; −1: none.
+  /// `own_robot`: the robot that carries the camera, which is excluded; −1: none.
   StageSet(const Arena& arena, int own_robot, std::uint32_t seed);
 
-  /// Poses of all robots at the frame's time; parent_from_map of the camera's parent.
+  /// Sets the poses of all robots at the time of the frame. `parent_from_map` belongs to the parent frame of
+  /// the camera.
   void place(const Arena& arena, double time_s, const std::vector<Pose2>& map_from_bases,
              const Pose2& parent_from_map);
 
-  /// True where some solid may be seen inside the cone; `camera_m` in the parent frame.
+  /// True if a solid may be visible within the cone. Call aim() before.
   bool mayShow(const PixelTable::Cone& cone) const;
-  /// Directions of all solids as seen from the camera; call after place().
+  /// Computes the directions of all solids from the camera position `camera_m` (parent frame). Call after
+  /// place().
   void aim(const Eigen::Vector3f& camera_m);
 
   const Tracer& tracer() const { return tracer_; }
 
-  /// A number for each face of each solid, and its colour at a point of the parent frame.
+  /// Unique number of a face of a solid, and its colour at a point of the parent frame.
   int faceId(int solid, int triangle) const;
   Eigen::Array4f colour(int solid, int triangle, const Eigen::Vector3f& point_m) const;
 
  private:
   struct Ball {
     int solid;
-    Eigen::Vector3f centre_m;  ///< in the solid's frame
+    Eigen::Vector3f centre_m;  ///< in the frame of the solid
     float radius_m;
   };
   struct Aim {
@@ -48,7 +50,8 @@ class StageSet {
 
   std::vector<SolidMesh> meshes_;
   Tracer tracer_;
-  std::vector<int> robots_;  ///< solid = obstacles and walls first, then these robots of the arena
+  std::vector<int>
+      robots_;  ///< indices of the robots that follow the obstacles and walls in the numbering of solids
   std::uint32_t seed_;
   Light light_;
   double time_s_ = 0.0;

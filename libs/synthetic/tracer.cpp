@@ -38,7 +38,7 @@ RTCScene sceneOf(RTCDevice device, const SolidMesh& mesh) {
   auto* indices = static_cast<std::uint32_t*>(
       rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t),
                               mesh.triangles.size()));
-  if (!vertices || !indices) throw std::runtime_error("Embree: no memory for a mesh");
+  if (!vertices || !indices) throw std::runtime_error("Embree: cannot allocate a mesh");
   for (const Eigen::Vector3f& v : mesh.vertices) {
     for (int c = 0; c < 3; ++c) *vertices++ = v[c];
   }
@@ -57,9 +57,9 @@ RTCScene sceneOf(RTCDevice device, const SolidMesh& mesh) {
 }  // namespace
 
 Tracer::Tracer(const std::vector<SolidMesh>& meshes) : scenes_(std::make_unique<Scenes>()) {
-  // One thread and no affinity: every camera is a process of its own.
+  // One thread without affinity, because every camera is a separate process.
   scenes_->device = rtcNewDevice("threads=1,set_affinity=0");
-  if (!scenes_->device) throw std::runtime_error("Embree: no device");
+  if (!scenes_->device) throw std::runtime_error("Embree: cannot create a device");
   scenes_->top = rtcNewScene(scenes_->device);
   rtcSetSceneFlags(scenes_->top, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC));
   for (const SolidMesh& mesh : meshes) {

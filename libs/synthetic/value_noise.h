@@ -1,6 +1,6 @@
 #pragma once
 
-// Deterministic hashes and value noise, the same on every machine; private to this library.
+// Deterministic hashes and value noise, equal on every machine. Private to this library.
 
 #include <cmath>
 #include <cstdint>
@@ -35,7 +35,7 @@ inline float mix(float a, float b, float t) {
   return a + (b - a) * t;
 }
 
-/// Smooth noise in [−1, 1], one cell per unit.
+/// Smooth noise in [−1, 1] with one lattice cell per unit.
 inline float valueNoise(float x, float y, float z, std::uint32_t seed) {
   const float fx = std::floor(x), fy = std::floor(y), fz = std::floor(z);
   const auto ix = static_cast<std::int32_t>(fx), iy = static_cast<std::int32_t>(fy),
@@ -51,7 +51,7 @@ inline float valueNoise(float x, float y, float z, std::uint32_t seed) {
   return mix(plane[0], plane[1], tz);
 }
 
-/// The same in the plane.
+/// Smooth noise in the plane.
 inline float valueNoise(float x, float y, std::uint32_t seed) {
   const float fx = std::floor(x), fy = std::floor(y);
   const auto ix = static_cast<std::int32_t>(fx), iy = static_cast<std::int32_t>(fy);

@@ -1,6 +1,6 @@
 #pragma once
 
-// Small readers that the arena's sections share; private to this library.
+// Readers for values that several sections of an arena file use. Private to this library.
 
 #include "dataset/markers.h"
 #include "geometry/pose2.h"
@@ -8,11 +8,11 @@
 
 namespace omnifleet::synthetic {
 
-/// [red, green, blue], 0 … 255.
+/// Reads [red, green, blue], each 0 … 255.
 void readRgb(const options::Section& section, const std::string& key, dataset::Rgb& rgb);
-/// [x m, y m, θ rad]
+/// Reads [x m, y m, θ rad].
 void readPose(const options::Section& section, const std::string& key, Pose2& pose);
-/// List of rows [a, b, c].
+/// Reads rows [a, b, c] from one flat list.
 void readRows(const options::Section& section, const std::string& key, std::vector<Eigen::Vector3d>& rows);
 
 }  // namespace omnifleet::synthetic

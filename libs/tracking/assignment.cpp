@@ -6,7 +6,7 @@
 namespace omnifleet::tracking {
 namespace {
 
-/// Square problem of n rows: the given costs, and n "leave out" columns at the gate's price for every row.
+/// Square problem: the given costs, and one "unassigned" column per row at the price of the gate.
 class Problem {
  public:
   Problem(const Eigen::MatrixXd& cost, double gate) : cost_(cost), gate_(gate) {}

@@ -5,9 +5,9 @@
 
 namespace omnifleet::tracking {
 
-/// Least-cost assignment of rows to columns (Kuhn–Munkres with potentials, O(n³)); pairs dearer than `gate`
-/// are left out, at the price of `gate` each. Column of every row, or −1. Costs must not be NaN; infinity
-/// forbids a pair.
+/// Minimum-cost assignment of rows to columns (Kuhn–Munkres with potentials, O(n³)). A pair that costs `gate`
+/// or more stays unassigned, at a price of `gate` per row. Returns the column of each row, or −1. Costs must
+/// not be NaN. Infinity forbids a pair.
 std::vector<int> assign(const Eigen::MatrixXd& cost, double gate);
 
 }  // namespace omnifleet::tracking

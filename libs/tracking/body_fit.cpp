@@ -6,10 +6,10 @@
 namespace omnifleet::tracking {
 namespace {
 
-constexpr int kTable = 720;           // support table of the outline: 0.5°
-constexpr double kTold_m = 0.02;      // a direction with this noise counts half
-constexpr double kLeastArc = 0.15;    // of all directions
-constexpr double kLeastRatio = 0.05;  // bodies as tall as the camera is high have no far side
+constexpr int kTable = 720;             // support table of the outline: 0.5°
+constexpr double kHalfWeight_m = 0.02;  // σ at which a direction has half weight
+constexpr double kLeastArc = 0.15;      // weighted share of all directions
+constexpr double kLeastRatio = 0.05;    // u = 1 − h/H; a body as tall as the camera has no far side
 
 double heightRatio(double height_m, double camera_height_m) {
   return camera_height_m > 0.0 ? 1.0 - height_m / camera_height_m : 1.0;
@@ -61,7 +61,7 @@ BodyFit BodyModel::fitAt(const View& view, double heading_rad) const {
     const double phi = view.angle(k), shrink = b < 0.0 ? 1.0 : ratio;
     const Eigen::Vector2d n(std::cos(phi), std::sin(phi));
     const double measured = shrink * b + n.dot(view.foot_m) - support(phi - heading_rad);
-    const double noise = shrink * view.supports.sigma_m[k] / kTold_m;
+    const double noise = shrink * view.supports.sigma_m[k] / kHalfWeight_m;
     const double w = 1.0 / (1.0 + noise * noise);
     information += w * n * n.transpose();
     right += w * measured * n;

@@ -6,25 +6,26 @@
 
 namespace omnifleet::tracking {
 
-/// A known body laid over one view.
+/// A known body fitted to one view.
 struct BodyFit {
-  bool valid = false;                                  ///< false where too little of the outline is usable
+  bool valid = false;                                  ///< false where too few directions are usable
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();  ///< the footprint's Steiner point, odom
   double heading_rad = 0.0;                            ///< odom; 0 for round bodies
-  double rms_m = 0.0;  ///< residual on the floor under the object, each direction eased by its own noise
-  double arc = 0.0;    ///< share of directions that were usable
+  double rms_m = 0.0;  ///< residual on the floor under the object, directions weighted by their noise
+  double arc = 0.0;    ///< share of usable directions, each counted with its weight
 };
 
-/// The support-function prism with everything known but the place (docs/methods.md, "Known bodies": the same
-/// model with the known body, solving position only; rms < 5 cm is a robot): closed form for round bodies,
-/// and per heading (grid of the support directions) for the others. The body's tables are made once.
+/// The support-function prism with known footprint and height (docs/methods/classifier.md): only position and
+/// heading are estimated. Round bodies have a closed form. Other bodies are fitted once per heading, on the
+/// grid of the support directions. An rms below 5 cm indicates a robot. The constructor computes the support
+/// table once.
 class BodyModel {
  public:
   explicit BodyModel(const RobotBody& body);
   BodyFit fit(const View& view) const;
 
-  /// Support function of the silhouette seen from `view`, direction k, for a body at `centre_m` with a
-  /// heading.
+  /// Support of the silhouette seen from `view` in direction k, metres from the camera foot, for a body with
+  /// its footprint centre at `centre_m` (odom) and the given heading.
   double predictedSupport(const View& view, std::size_t k, const Eigen::Vector2d& centre_m,
                           double heading_rad) const;
   double meanRadius() const { return mean_radius_m_; }

@@ -12,25 +12,28 @@ namespace {
 constexpr double kMovedEvidence = 5.0, kPushedEvidence = -1.0, kStillEvidence = -1.0;
 constexpr double kFitEvidence = 3.0, kMisfitEvidence = -4.0;
 constexpr double kPeerHereEvidence = 5.0, kPeersElsewhereEvidence = -5.0;
-// Two bodies cannot stand in one place: that speaks louder than a shape that is not the peer's, as something
-// may have run together with it, and than that it stands still.
-constexpr double kPeerJustHereEvidence = 8.0;
-constexpr double kPeerAstrayEvidence = -2.0;  // it would be one that is not where it says
-constexpr double kAstray_m = 1.0;             // a published place farther off is no longer this object's
-constexpr double kPlaceTime_s = 0.3;          // how fast a place speaks for or against
+// Two bodies cannot stand in one place. This evidence outweighs a shape that differs from the peer's (another
+// object may have merged with it) and the evidence of standing still.
+constexpr double kPeerExactlyHereEvidence = 8.0;
+constexpr double kPeerMisplacedEvidence =
+    -2.0;                              // the object could only be a peer with a wrong published pose
+constexpr double kOtherPlace_m = 1.0;  // m, a peer published farther away cannot be this object
+constexpr double kPlaceTime_s = 0.3;   // s, time constant of the place evidence
 constexpr double kForgetMotion_s =
-    20.0;  // what fits no body and has long stood once moved for another reason
-constexpr double kForgetShapeless_s = 5.0;  // likewise what was never seen alone
-constexpr int kMovedFrames = 3;             // of a thing in a blob with others, whose outline may be theirs
-constexpr double kStrangerStands_s = 1.0;   // who is not of the fleet is a robot while it drives …
-constexpr double kSurelyDrives_s = 2.0;  // … and ever after where it did so for longer, touching none, …
-constexpr double kBodyDrives_s = 1.0;    // … or this long with the shape of one
+    20.0;  // s, motion evidence of a stationary object that fits no body decays: it had another cause
+constexpr double kForgetShapeless_s = 5.0;  // s, same decay for an object that was never seen alone
+constexpr int kMovedFrames = 3;             // in a merged blob: another object may change the outline
+constexpr double kUnlistedStands_s =
+    1.0;  // s of standing after which an unlisted robot loses its motion evidence
+constexpr double kSurelyDrives_s = 2.0;  // s, motion without contact after which it keeps the evidence
+constexpr double kBodyDrives_s = 1.0;    // s, the same for an object with the shape of a known body
 constexpr double kShortestWindow_s = 0.25;
-constexpr double kTrackedShare = 0.5;   // of what the outline went that the track must have gone
-constexpr double kFitsClearly = 0.5;    // log-odds; what was never seen whole may be a box as well
-constexpr double kShapeViews = 8.0;     // views that the mean of the shape's evidence covers
-constexpr double kMostRms_m = 0.04;     // of a shift between two views of one object
-constexpr double kPlaceSigma_m = 0.04;  // of a track's centre beside its covariance
+constexpr double kTrackedShare = 0.5;  // least ratio of the track's displacement to the outline's
+constexpr double kFitsClearly =
+    0.5;                             // log-odds of the shape; an object never seen whole may equally be a box
+constexpr double kShapeViews = 8.0;  // views over which the shape evidence is averaged
+constexpr double kMostRms_m = 0.04;  // m, residual of a pure shift between two views of one object
+constexpr double kPlaceSigma_m = 0.04;  // m, σ of a track's centre in addition to its covariance
 
 double seconds(TimeNs later, TimeNs earlier) {
   return static_cast<double>(later - earlier) * 1e-9;
@@ -41,13 +44,13 @@ double probability(double log_odds) {
 }
 
 struct Step {
-  Displacement shift;      ///< in odom or with its drift taken out, the shorter one
-  double in_odom_m = 0.0;  ///< as odom has it
-  double tracked_m = 0.0;  ///< how far the track has gone in the direction of `shift` meanwhile
+  Displacement shift;      ///< in odom, or with the drift of odom removed; the shorter one
+  double in_odom_m = 0.0;  ///< in odom alone
+  double tracked_m = 0.0;  ///< displacement of the track in the direction of `shift`
 };
 
-/// Longest trustworthy displacement within the window; invalid where the track is too young or not to be
-/// seen. Odom drifts, places jump: only what went by both has moved.
+/// Longest reliable displacement within the window. Invalid if the track is too young or not visible.
+/// Odometry drifts and published poses jump: the shorter of both displacements counts.
 Step displacementWithin(const TrackState& track, const OwnMotion& own, double window_s) {
   if (track.blob < 0) return {};
   for (const TrackState::Past& then : track.past) {
@@ -69,8 +72,8 @@ Step displacementWithin(const TrackState& track, const OwnMotion& own, double wi
   return {};
 }
 
-/// An outline that changes while its object stays is cut differently, it has not moved.
-bool hasGone(const Step& step, double least_m) {
+/// True if the object has moved. If the outline changes but the track stays, the blob is cut differently.
+bool hasMoved(const Step& step, double least_m) {
   const double moved = step.shift.moved_m.norm();
   return step.shift.valid && step.tracked_m > kTrackedShare * moved &&
          moved > std::max(least_m, 4.0 * step.shift.sigma_m);
@@ -82,8 +85,8 @@ double shapeLogOdds(const BodyFit& fit, double fit_rms_m) {
   return std::max(kMisfitEvidence, kFitEvidence * (1.0 - ratio * ratio));
 }
 
-/// The track's middle is surely within the inner half of the peer's body.
-bool isJustThere(const TrackState& track, const Peer& peer) {
+/// True if the track's centre lies within the inner half of the peer's body with 2 σ.
+bool isAtPeer(const TrackState& track, const Peer& peer) {
   const Eigen::Matrix2d c = peer.covariance + track.filter.positionCovariance();
   const double doubt_m = 2.0 * std::sqrt(0.5 * c.trace());
   return (track.filter.position() - peer.centre_m).norm() + doubt_m < 0.5 * peer.body.meanRadius();
@@ -99,7 +102,7 @@ bool accountedFor(const Peer& peer, bool matched, const OwnMotion& own, double s
 
 KindOptions KindOptions::read(const options::Section& section) {
   KindOptions o;
-  section.read("method", o.method, std::vector<std::string>{"ours", "choi"});
+  section.read("method", o.method, std::vector<std::string>{"log_odds", "vectors"});
   section.read("fit_rms_m", o.fit_rms_m, {0.001, 1.0});
   section.read("moved_m", o.moved_m, {0.01, 5.0});
   section.read("window_s", o.window_s, {0.2, 10.0});
@@ -117,7 +120,7 @@ KindOptions KindOptions::read(const options::Section& section) {
 
 void KindJudge::judge(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
                       const LocalMap& local_map, const OwnMotion& own) {
-  if (options_.method == "choi") {
+  if (options_.method == "vectors") {
     for (TrackState& track : tracks) settleByVectors(track, local_map);
     return;
   }
@@ -131,7 +134,7 @@ void KindJudge::judge(std::vector<TrackState>& tracks, const std::vector<Peer>& 
 
 bool KindJudge::touchesRobot(const TrackState& track, const std::vector<TrackState>& tracks,
                              const OwnMotion& own) const {
-  // How deep it is behind its near side is the least known of it.
+  // The depth behind the near side is the least certain part of the position.
   const double doubt_m = track.positionSigma() + track.filter.radiusSigma();
   const auto gap = [&](const Eigen::Vector2d& centre, double radius) {
     return (track.filter.position() - centre).norm() - radius - track.filter.radius() - doubt_m;
@@ -147,7 +150,7 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
                             const OwnMotion& own) const {
   KindEvidence& e = track.evidence;
   e.touching_s = touchesRobot(track, tracks, own) ? 0.0 : e.touching_s + own.step_s();
-  // What has never been seen alone has no outline of its own: what changes there may be anybody's.
+  // An object never seen alone has no outline of its own: another object may cause the change.
   if (!track.whole) return;
   const Step lately = displacementWithin(track, own, options_.window_s);
   const Displacement& d = lately.shift;
@@ -155,14 +158,15 @@ void KindJudge::judgeMotion(TrackState& track, const std::vector<TrackState>& tr
   const double moved = d.moved_m.norm();
   track.moving = track.kind != ObjectKind::kObstacle || lately.in_odom_m > options_.still_m + 3.0 * d.sigma_m;
   const bool fits_none = e.shape < -0.5;
-  // As far in a longer time, and it still does. Crumbs of shade creep as well, as light and view change.
+  // A slow motion: the same distance in a longer time, and still moving. Remains of shadows creep as well, as
+  // light and view change; they fit no body.
   const auto crawls = [&] {
     if (!track.clean || fits_none) return false;
     const Step slow = displacementWithin(track, own, options_.slow_window_s);
-    return hasGone(slow, options_.moved_m) &&
+    return hasMoved(slow, options_.moved_m) &&
            d.moved_m.dot(slow.shift.moved_m.stableNormalized()) > options_.still_m;
   };
-  const bool drives = hasGone(lately, options_.moved_m);
+  const bool drives = hasMoved(lately, options_.moved_m);
   if (drives || crawls()) {
     const bool alone = e.touching_s > 2.0 * options_.window_s;
     e.drives_s = alone ? e.drives_s + own.step_s() : 0.0;
@@ -216,7 +220,7 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
   }
   const std::vector<int> track_of = assign(cost, 1.0);
   for (TrackState& track : tracks) track.evidence.peer = -1;
-  std::vector<const Peer*> missing;  // robots that may be one of the objects nobody claims
+  std::vector<const Peer*> missing;  // robots that may be one of the unmatched objects
   for (std::size_t i = 0; i < peers.size(); ++i) {
     if (track_of[i] >= 0) tracks[static_cast<std::size_t>(track_of[i])].evidence.peer = static_cast<int>(i);
     if (!accountedFor(peers[i], track_of[i] >= 0, own, options_.shape_range_m)) missing.push_back(&peers[i]);
@@ -229,7 +233,8 @@ void KindJudge::judgePlaces(std::vector<TrackState>& tracks, const std::vector<P
 
 void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<Peer>& peers,
                             const std::vector<const Peer*>& missing, double rate) const {
-  // Those nobody claims, the likeliest robots first: no more of them can be robots than robots are missing.
+  // Unmatched tracks, the likeliest robots first. At most as many of them can be robots as robots are
+  // missing.
   std::vector<TrackState*> unclaimed;
   for (TrackState& track : tracks) {
     if (track.evidence.peer < 0) unclaimed.push_back(&track);
@@ -239,18 +244,18 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<P
   };
   std::stable_sort(unclaimed.begin(), unclaimed.end(),
                    [&](const TrackState* a, const TrackState* b) { return likelihood(a) > likelihood(b); });
-  // Who publishes a place can only be what stands near it.
+  // A missing robot with a published place can only be an object near that place.
   const auto missingAt = [&](const TrackState& track) {
     return std::count_if(missing.begin(), missing.end(), [&](const Peer* peer) {
-      return !peer->known || (peer->centre_m - track.filter.position()).norm() < kAstray_m;
+      return !peer->known || (peer->centre_m - track.filter.position()).norm() < kOtherPlace_m;
     });
   };
   const bool any_silent =
       std::any_of(missing.begin(), missing.end(), [](const Peer* peer) { return !peer->known; });
-  const double may_be_one = any_silent ? 0.0 : kPeerAstrayEvidence;
+  const double may_be_one = any_silent ? 0.0 : kPeerMisplacedEvidence;
   const auto isHere = [&](const TrackState& track) {
-    return isJustThere(track, peers[static_cast<std::size_t>(track.evidence.peer)]) ? kPeerJustHereEvidence
-                                                                                    : kPeerHereEvidence;
+    return isAtPeer(track, peers[static_cast<std::size_t>(track.evidence.peer)]) ? kPeerExactlyHereEvidence
+                                                                                 : kPeerHereEvidence;
   };
   for (TrackState& track : tracks) {
     const auto place = std::find(unclaimed.begin(), unclaimed.end(), &track) - unclaimed.begin();
@@ -258,13 +263,13 @@ void KindJudge::weighPlaces(std::vector<TrackState>& tracks, const std::vector<P
                     : place < missingAt(track) ? may_be_one
                                                : kPeersElsewhereEvidence;
     if (!track.isSeen()) continue;
-    // All of the fleet are elsewhere, and it stands: once moved for another reason, unless it drove far
-    // alone.
-    const bool nobody = track.evidence.peer < 0 && missingAt(track) == 0;
-    if (nobody && !track.evidence.drove && track.evidence.still_s > kStrangerStands_s)
+    // Every robot of the fleet is accounted for and the object stands still: its earlier motion had another
+    // cause, unless it drove far without contact.
+    const bool no_peer = track.evidence.peer < 0 && missingAt(track) == 0;
+    if (no_peer && !track.evidence.drove && track.evidence.still_s > kUnlistedStands_s)
       track.evidence.motion = std::min(0.0, track.evidence.motion);
     if (track.evidence.motion > 0.0)
-      target = std::max(0.0, target);  // a stranger: not in the fleet, yet it drives
+      target = std::max(0.0, target);  // an unlisted robot: not in the fleet, but moving
     track.evidence.place += (track.views <= 1 ? 1.0 : rate) * (target - track.evidence.place);
   }
 }
@@ -276,14 +281,15 @@ void KindJudge::settle(TrackState& track, const std::vector<Peer>& peers, double
   const ObjectKind leaning = p >= 0.5 ? ObjectKind::kRobot : ObjectKind::kObstacle;
   const double sure = std::max(p, 1.0 - p);
   const ObjectKind before = track.kind;
-  // Of a robot's shape where none of the fleet can be, and just come in sight: its motion will tell. One side
-  // of it, which is all that a laser sees, is no shape to wait for.
-  const bool stranger = e.shape > kFitsClearly && e.place < 0.0 && e.motion == 0.0 &&
+  // A new object with the shape of a robot where no robot of the fleet can be: its motion decides. A laser
+  // sees only one side, which is not reliable enough to wait for.
+  const bool unlisted = e.shape > kFitsClearly && e.place < 0.0 && e.motion == 0.0 &&
                         track.age_s < options_.window_s && track.view.camera_height_m > 0.0;
   if (track.kind == ObjectKind::kUnknown) {
-    if (sure >= options_.decide && !stranger) track.kind = leaning;
+    if (sure >= options_.decide && !unlisted) track.kind = leaning;
   } else if (leaning != track.kind && sure >= options_.decide) {
-    // What is seen in one piece to drive needs no second look; what is less sure may speak for a while.
+    // An object that is seen in one piece and moving changes at once. Less certain evidence must persist for
+    // `window_s`.
     const bool drives = leaning == ObjectKind::kRobot && e.motion > 0.0 && track.clean;
     track.evidence.against += sure >= options_.change ? 1 : 0;
     track.evidence.against_s += step_s;

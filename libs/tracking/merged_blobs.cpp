@@ -1,4 +1,4 @@
-// The part of Tracker that deals with blobs in which several objects have run together.
+// The part of Tracker that handles blobs in which several objects have merged.
 
 #include <algorithm>
 #include <cmath>
@@ -11,26 +11,29 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewestDirections = 8;
-constexpr std::size_t kMaxPoints = 64;  // of one object, as its topic holds
-constexpr double kAlien_m = 0.04;       // an outline this far outside of the expected one is somebody else's
-constexpr double kExplained_m = 0.02;   // a blob whose outline is as expected hides things but is cut by none
+constexpr std::size_t kMaxPoints = 64;  // of one object, the limit of the topic
+constexpr double kUnexplained_m =
+    0.04;  // m, an outline that exceeds the expected one by more is another object's
+constexpr double kExplained_m = 0.02;  // m, a blob that matches one outline this well is not merged
 constexpr double kMostLeeway_m = 0.10;
 constexpr double kPeerTracked_m =
-    0.25;  // a track this near to a peer's place is that peer, or stands in its way
-constexpr double kPeerAside_m = 0.08;  // a track this far from it may be that peer and more …
-constexpr double kPeerWidth_m = 0.02;  // … or one that differs by this
-constexpr double kBehind_m = 0.4;      // how well the far edge alone tells where something hidden stands
+    0.25;  // m, a track this close to the published place of a peer is that peer or blocks its place
+constexpr double kPeerAside_m =
+    0.08;  // m, a track farther from the peer's place may be the peer merged with another
+constexpr double kPeerWidth_m = 0.02;  // m, the same if the radius differs by this
+constexpr double kBehind_m = 0.4;  // m, σ of the place of a hidden object if only its far edge is visible
 constexpr double kLikeRadius_m = 0.06;
 constexpr double kOverlap_m = 0.05;
-constexpr double kAstraySigmas = 3.0;
-constexpr double kForeign = 0.5;  // share of directions beyond 3 σ: then the outline is not its own
+constexpr double kLeapSigmas = 3.0;
+constexpr double kForeign = 0.5;  // share of directions beyond 3 σ from which the outline is another object's
 constexpr double kGrown_m = 0.05;
 constexpr double kFarEdge_m = 0.05;
-constexpr int kMature = 3;       // views after which an outline can be relied on
-constexpr int kAlienFrames = 3;  // in a row before what stands out becomes an object of its own
+constexpr int kMature = 3;  // views from which an outline is reliable
+constexpr int kUnexplainedFrames =
+    3;  // frames in a row before an unexplained part becomes an object of its own
 
-/// Outline that `body` at the peer's place would show lies within the blob's.
-bool isSwallowed(const View& view, const Peer& peer, double margin_m) {
+/// True if the outline predicted for the peer at its published place lies within the blob's.
+bool isEnclosed(const View& view, const Peer& peer, double margin_m) {
   int inside = 0, all = 0;
   const double ratio =
       view.camera_height_m > 0.0 ? std::max(0.03, 1.0 - peer.body.height() / view.camera_height_m) : 1.0;
@@ -50,19 +53,20 @@ bool isPeer(const TrackState& track, const Peer& peer, double gate_m) {
           std::abs(track.filter.radius() - peer.body.meanRadius()) < kLikeRadius_m);
 }
 
-/// Something touches the floor clearly before `body` at the peer's place: the blob is not the peer alone.
+/// True if an object touches the floor clearly in front of the peer's published place: the blob is not the
+/// peer alone.
 bool hasMoreBefore(const View& view, const Peer& peer, double sigma_m) {
   int before = 0;
   for (std::size_t k = 0; k < view.size(); ++k) {
     if (!view.usable(k)) continue;
     const double predicted = peer.body.predictedSupport(view, k, peer.centre_m, peer.heading_rad);
-    const double margin_m = kAlien_m + 3.0 * view.supports.sigma_m[k] + 2.0 * sigma_m;
+    const double margin_m = kUnexplained_m + 3.0 * view.supports.sigma_m[k] + 2.0 * sigma_m;
     before += predicted < 0.0 && view.supports.b_m[k] - predicted > margin_m ? 1 : 0;
   }
   return before >= 2 * kFewestDirections;
 }
 
-/// It is neither where the peer says it is, nor known to be as wide as it.
+/// True if the track is neither at the peer's published place nor of the peer's width.
 bool isMoreThan(const TrackState& track, const Peer& peer, double sigma_m) {
   const double wider_m = std::abs(track.filter.radius() - peer.body.meanRadius());
   if (track.kind == ObjectKind::kRobot && wider_m < kPeerWidth_m) return false;
@@ -70,13 +74,13 @@ bool isMoreThan(const TrackState& track, const Peer& peer, double sigma_m) {
   return apart_m > kPeerAside_m + 2.0 * sigma_m || wider_m > kPeerWidth_m + 2.0 * track.filter.radiusSigma();
 }
 
-/// A laser parts things by their ranges: what lies behind is hidden, never part of the blob before it; and
-/// sides that were not seen before are no other thing.
+/// A laser separates objects by their ranges: an object behind another is hidden, never part of the blob in
+/// front. Sides that become visible later are no other object.
 bool isLaser(const View& view) {
   return view.camera_height_m <= 0.0;
 }
 
-/// The robot's own body where it says that it is.
+/// The robot's own body at its published place.
 PrismFilter bodyAsPublished(const TrackState& track) {
   PrismFilter filter = track.filter;
   const BodyModel& body = *track.published->body;
@@ -86,23 +90,24 @@ PrismFilter bodyAsPublished(const TrackState& track) {
   return filter;
 }
 
-/// A blob shows more than the robot whose place is published: its own body there leaves much of it
-/// unexplained.
+/// True if the blob contains more than the robot with a published place: its body there leaves much of the
+/// outline unexplained.
 bool isMoreThanItsBody(const TrackState& track, const View& view) {
   if (!track.published || track.kind == ObjectKind::kObstacle) return false;
-  if (track.published->isAstray(track.filter)) return false;  // somebody else, whom it hides or stands beside
-  const double margin_m = std::max(kAlien_m, track.published->sigma());
-  return alienDirections(view, bodyAsPublished(track), margin_m) >= 2 * kFewestDirections;
+  if (track.published->contradicts(track.filter)) return false;  // another object
+  const double margin_m = std::max(kUnexplained_m, track.published->sigma());
+  return unexplainedDirections(view, bodyAsPublished(track), margin_m) >= 2 * kFewestDirections;
 }
 
-/// Of its contact side, where it says that it is, some is the blob's: it is not wholly behind the others.
-bool isInSight(const TrackState& track, const View& view) {
+/// True if part of the robot's contact side, at its published place, lies on the blob's outline: it is not
+/// completely hidden.
+bool isPartlyVisible(const TrackState& track, const View& view) {
   const PrismFilter body = bodyAsPublished(track);
   int shown = 0;
   for (std::size_t k = 0; k < view.size(); ++k) {
     if (!view.usable(k)) continue;
     const double predicted = body.predictedSupport(view, k);
-    const double margin_m = kAlien_m + 3.0 * view.supports.sigma_m[k];
+    const double margin_m = kUnexplained_m + 3.0 * view.supports.sigma_m[k];
     shown += predicted < 0.0 && std::abs(view.supports.b_m[k] - predicted) < margin_m ? 1 : 0;
   }
   return shown >= kFewestDirections;
@@ -121,22 +126,23 @@ bool overlap(const PrismFilter& a, const PrismFilter& b) {
 
 }  // namespace
 
-void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
+void Tracker::joinEnclosingBlob(const LocalMap& local_map, int t) {
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
   track.hidden = false;
-  // What was seen but for a moment may have been a piece of what it is seen in now.
+  // An object that was visible only for a moment may have been a piece of this blob.
   if (!track.whole || (track.views < kMature && !track.published)) return;
   const double margin = options_.cut_margin_m + std::min(kMostLeeway_m, track.positionSigma());
   for (std::size_t b = 0; b < views_.size(); ++b) {
-    if (!tracking::isSwallowed(views_[b], track.filter, margin)) continue;
+    if (!tracking::isEnclosed(views_[b], track.filter, margin)) continue;
     track.hidden = true;
     if (isLaser(views_[b]) || piece_of_[b] >= 0) return;
     const bool whole = local_map.objects[b].solidity >= options_.merged_solidity;
-    const bool explained = whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
-                             const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
-                             return outlineDistance(views_[b], filter) < kExplained_m &&
-                                    alienDirections(views_[b], filter, kAlien_m) < kFewestDirections;
-                           });
+    const bool explained =
+        whole && std::any_of(owners_[b].begin(), owners_[b].end(), [&](int owner) {
+          const PrismFilter& filter = tracks_[static_cast<std::size_t>(owner)].filter;
+          return outlineDistance(views_[b], filter) < kExplained_m &&
+                 unexplainedDirections(views_[b], filter, kUnexplained_m) < kFewestDirections;
+        });
     if (explained) return;
     track.blob = static_cast<int>(b);
     owners_[b].push_back(t);
@@ -147,7 +153,7 @@ void Tracker::joinSwallowing(const LocalMap& local_map, int t) {
 void Tracker::joinPeers(std::vector<Peer>& peers) {
   for (std::size_t i = 0; i < peers.size(); ++i) {
     Peer& peer = peers[i];
-    peer.in_blob = sights_[i].blob >= 0;  // seen in pieces
+    peer.in_blob = peer_observations_[i].blob >= 0;  // visible in pieces
     if (!peer.known || peer.in_blob) continue;
     const double sigma = std::sqrt(0.5 * peer.covariance.trace());
     const bool tracked = std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
@@ -157,7 +163,7 @@ void Tracker::joinPeers(std::vector<Peer>& peers) {
              !hasMoreBefore(views_[static_cast<std::size_t>(track.blob)], peer, sigma);
     });
     for (std::size_t b = 0; b < views_.size() && !peer.in_blob; ++b) {
-      if (!isSwallowed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
+      if (!isEnclosed(views_[b], peer, options_.cut_margin_m + std::min(kMostLeeway_m, sigma))) continue;
       peer.in_blob = true;
       if (!tracked && !isLaser(views_[b]) && piece_of_[b] < 0) startPeer(peer, i, b);
     }
@@ -168,10 +174,11 @@ void Tracker::startPeer(const Peer& peer, std::size_t number, std::size_t b) {
   int vague = -1;
   for (const int t : owners_[b]) {
     TrackState& other = tracks_[static_cast<std::size_t>(t)];
-    other.outline.forget();  // the peer may have been in what was remembered
+    other.outline.forget();  // the remembered outline may have included the peer
     if (!overlap(other.filter.position(), other.filter.radius(), peer.centre_m, peer.body.meanRadius()))
       continue;
-    // What seemed one object is the peer and something else; its id goes to whom it stood nearer to.
+    // The track was the peer merged with another object. Its id stays with the peer if it was closer to the
+    // peer's place.
     const bool stood_for_peer = (other.filter.position() - peer.centre_m).norm() < peer.body.meanRadius();
     if (!other.whole && stood_for_peer) vague = t;
     other.whole = false;
@@ -179,8 +186,8 @@ void Tracker::startPeer(const Peer& peer, std::size_t number, std::size_t b) {
   PrismFilter filter(options_.filter, peer.centre_m, views_[b].camera_height_m);
   filter.assumeBody(peer.body.meanRadius(), peer.body.height(), peer.body.round());
   filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
-  if (vague >= 0) {  // the rest, if any, gets a track of its own
-    tracks_[static_cast<std::size_t>(vague)].startAfresh(filter);
+  if (vague >= 0) {  // the other object, if any, gets a track of its own
+    tracks_[static_cast<std::size_t>(vague)].restart(filter);
   } else {
     vague = static_cast<int>(tracks_.size());
     addTrack(filter, views_[b].time_ns);
@@ -194,37 +201,37 @@ void Tracker::startPeer(const Peer& peer, std::size_t number, std::size_t b) {
   track.moving = true;
 }
 
-/// What is left of a merged outline for `track` may be the edge of something behind or before it: then it
-/// pulls a robot off the place that it publishes, and anything else off where it was or out of its shape.
+/// False if the part of a merged outline assigned to `track` may be the edge of another object. Such an edge
+/// would pull a robot off its published place, or another object off its place or out of its shape.
 bool Tracker::isOwn(const TrackState& track, const View& view) const {
   if (!track.published && track.views < kMature) return true;
   const PrismFilter& before = track.filter;
   PrismFilter tried = before;
   const double disagreement = tried.update(view);
   if (track.published && isMoreThanItsBody(track, views_[static_cast<std::size_t>(track.blob)]))
-    return disagreement < kForeign && !track.published->isAstray(tried, 1.0);
-  if (track.published) return !track.published->isAstray(tried);
+    return disagreement < kForeign && !track.published->contradicts(tried, 1.0);
+  if (track.published) return !track.published->contradicts(tried);
   const double leap_m = (tried.position() - before.position()).norm();
-  // A far edge alone may always be that of something behind it.
+  // A far edge alone may always belong to an object behind.
   const double most_m =
-      std::min(kAstraySigmas * track.positionSigma(), showsContact(view) ? INFINITY : kFarEdge_m);
+      std::min(kLeapSigmas * track.positionSigma(), showsContact(view) ? INFINITY : kFarEdge_m);
   const double grown_m = std::abs(tried.radius() - before.radius());
   return disagreement < kForeign && leap_m <= most_m &&
-         grown_m <= kAstraySigmas * before.radiusSigma() + kGrown_m;
+         grown_m <= kLeapSigmas * before.radiusSigma() + kGrown_m;
 }
 
 bool Tracker::showsMore(const TrackState& track, const View& view) const {
   if (!track.whole || (track.views < kMature && !track.published) || isLaser(view)) return false;
   if (isMoreThanItsBody(track, view)) return true;
-  PrismFilter moved = track.filter;  // its own motion since the last frame is not taken for something new
+  PrismFilter moved = track.filter;  // a motion since the last frame is not an unexplained part
   if (track.published) moved.updatePosition(track.published->centre_m, track.published->covariance);
   moved.update(view);
-  if (track.published && track.published->isAstray(moved)) return true;
-  return alienDirections(view, moved, kAlien_m) >= 2 * kFewestDirections;
+  if (track.published && track.published->contradicts(moved)) return true;
+  return unexplainedDirections(view, moved, kUnexplained_m) >= 2 * kFewestDirections;
 }
 
-/// Who is known in the blob. What has only ever been seen as part of one is so if it was the blob before
-/// anybody came: then it shows what it showed.
+/// Collects the known objects in the blob. An object that was only seen as part of a blob counts as known if
+/// the blob belonged to it alone before other objects joined: its outline is remembered.
 void Tracker::findOwners(std::size_t b, int& vague) {
   split_owners_.clear();
   known_owners_.clear();
@@ -237,9 +244,9 @@ void Tracker::findOwners(std::size_t b, int& vague) {
       vague = t;
       continue;
     }
-    // What is left of an outline may be its neighbour's: a robot does not leave the place that it publishes.
+    // The remaining outline may belong to a neighbour. A robot stays at its published place.
     if (isMoreThanItsBody(track, views_[b])) {
-      track.filter = bodyAsPublished(track);  // what ran together with it has pulled at it
+      track.filter = bodyAsPublished(track);  // objects that merged with it have shifted the estimate
     } else if (track.published) {
       track.filter.updatePosition(track.published->centre_m, track.published->covariance);
     }
@@ -253,26 +260,27 @@ void Tracker::updateMerged(const ObjectObservation& object, std::size_t b) {
   findOwners(b, vague);
   if (known_owners_.empty()) {
     TrackState& track = tracks_[static_cast<std::size_t>(vague)];
-    see(track, views_[b], object);
+    updateTrack(track, views_[b], object);
     track.outline.add(track.view, track.filter);
     return;
   }
-  const int alien = splitOutline(views_[b], split_owners_, options_.cut_margin_m, kAlien_m, split_, rest_);
+  const int unexplained =
+      splitOutline(views_[b], split_owners_, options_.cut_margin_m, kUnexplained_m, split_, rest_);
   for (std::size_t i = 0; i < known_owners_.size(); ++i) {
     TrackState& track = tracks_[static_cast<std::size_t>(known_owners_[i])];
     if (usableDirections(split_[i]) >= kFewestDirections && isOwn(track, split_[i])) {
-      see(track, split_[i], object);
+      updateTrack(track, split_[i], object);
       continue;
     }
     track.blob = -1;
-    if (isMoreThanItsBody(track, views_[b]) && isInSight(track, views_[b])) {
-      glimpseAsPublished(track, views_[b].time_ns);
+    if (isMoreThanItsBody(track, views_[b]) && isPartlyVisible(track, views_[b])) {
+      placeAsPublished(track, views_[b].time_ns);
     } else {
       track.hidden = true;
     }
   }
   dissolveOverlaps(b);
-  updateRest(object, b, vague, alien);
+  updateRest(object, b, vague, unexplained);
 }
 
 void Tracker::dissolveOverlaps(std::size_t b) {
@@ -287,13 +295,13 @@ void Tracker::dissolveOverlaps(std::size_t b) {
   }
 }
 
-void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vague, int alien) {
+void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vague, int unexplained) {
   TrackState& first = tracks_[static_cast<std::size_t>(known_owners_.front())];
-  const bool enough = alien >= 2 * kFewestDirections;
-  first.alien_frames = enough ? first.alien_frames + 1 : 0;
+  const bool enough = unexplained >= 2 * kFewestDirections;
+  first.unexplained_frames = enough ? first.unexplained_frames + 1 : 0;
   if (vague >= 0) tracks_[static_cast<std::size_t>(vague)].dissolve();
   if (!enough && owners_[b].size() == 1 && first.blob >= 0) first.outline.add(first.view, first.filter);
-  if (!enough || (vague < 0 && first.alien_frames < kAlienFrames)) return;
+  if (!enough || (vague < 0 && first.unexplained_frames < kUnexplainedFrames)) return;
   PrismFilter filter = freshRest();
   filter.update(rest_);
   const bool free = std::none_of(known_owners_.begin(), known_owners_.end(), [&](int t) {
@@ -301,20 +309,20 @@ void Tracker::updateRest(const ObjectObservation& object, std::size_t b, int vag
     return other.whole && overlap(filter, other.filter);
   });
   if (!free) return;
-  first.alien_frames = 0;
+  first.unexplained_frames = 0;
   const int lost = lostAt(filter, rest_, true);
   const int t = lost >= 0 ? lost : vague;
   if (t < 0) addTrack(filter, rest_.time_ns);
   TrackState& track = t < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(t)];
-  if (t >= 0 && t == vague) {  // so far it stood for all that is in the blob
-    track.startAfresh(freshRest());
+  if (t >= 0 && t == vague) {  // it stood for the whole blob so far
+    track.restart(freshRest());
     track.dissolved = false;
   }
-  if (lost >= 0) comeOut(track, filter);
+  if (lost >= 0) reappear(track, filter);
   track.whole = true;
   track.blob = static_cast<int>(b);
   if (t != vague) owners_[b].push_back(t < 0 ? static_cast<int>(tracks_.size()) - 1 : t);
-  see(track, rest_, object);
+  updateTrack(track, rest_, object);
 }
 
 PrismFilter Tracker::freshRest() const {
@@ -333,7 +341,8 @@ PrismFilter Tracker::freshRest() const {
   return filter;
 }
 
-/// Points of a blob's surface to the object that is nearest; those of what is not shown are left out.
+/// Assigns the surface points of each blob to the nearest object. Points of objects that are not published
+/// are omitted.
 void Tracker::writePoints(const LocalMap& local_map, const OwnMotion& own, std::vector<Track>& out) const {
   const std::size_t blobs = std::min(local_map.objects.size(), owners_.size());
   for (std::size_t blob = 0; blob < blobs; ++blob) {

@@ -10,10 +10,11 @@ namespace {
 constexpr int kFewest = 8;
 constexpr int kFewestContact = 4;
 constexpr double kNearlyAll = 0.9;
-constexpr double kModelSigma_m = 0.008;  // as the filter's: what the model leaves out
-constexpr std::size_t kMost = 512;       // directions beyond this many are not needed for a median
+constexpr double kModelSigma_m = 0.008;  // m, model error, as in the filter
+constexpr std::size_t kMost = 512;       // a median needs no more directions
 
-/// Metres on the far side of the outline → metres under the object's far edge.
+/// Scale from the outline on the floor to the floor under the object: the far side shrinks by the height
+/// ratio.
 double shrink(double b, double height_ratio) {
   return b < 0.0 ? 1.0 : height_ratio;
 }
@@ -60,7 +61,7 @@ double outlineDistance(const View& view, const PrismFilter& filter) {
   return differences[middle].away_m;
 }
 
-bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {
+bool isEnclosed(const View& view, const PrismFilter& filter, double margin_m) {
   int inside = 0, all = 0;
   const double ratio = ratioOf(filter, view.camera_height_m);
   for (std::size_t k = 0; k < view.size(); ++k) {
@@ -72,20 +73,20 @@ bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m) {
   return all >= kFewest && inside >= kNearlyAll * all;
 }
 
-int alienDirections(const View& view, const PrismFilter& filter, double alien_m) {
+int unexplainedDirections(const View& view, const PrismFilter& filter, double unexplained_m) {
   int count = 0;
   const double ratio = ratioOf(filter, view.camera_height_m);
   for (std::size_t k = 0; k < view.size(); ++k) {
     if (!view.usable(k)) continue;
     const double predicted = filter.predictedSupport(view, k), scale = shrink(predicted, ratio);
     const double over = (view.supports.b_m[k] - predicted) * scale;
-    count += over > alien_m + 3.0 * scale * view.supports.sigma_m[k] ? 1 : 0;
+    count += over > unexplained_m + 3.0 * scale * view.supports.sigma_m[k] ? 1 : 0;
   }
   return count;
 }
 
-int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double margin_m, double alien_m,
-                 std::vector<View>& own, View& rest) {
+int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double margin_m,
+                 double unexplained_m, std::vector<View>& own, View& rest) {
   own.assign(owners.size(), view);
   rest = view;
   int unexplained = 0;
@@ -105,16 +106,17 @@ int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double 
     const double scale = shrink(best, ratioOf(*owners[winner].filter, view.camera_height_m));
     const bool usable = view.usable(k);
     const double over = (view.supports.b_m[k] - best) * scale;
-    const bool alien = usable && over > alien_m + 3.0 * scale * view.supports.sigma_m[k];
-    // Where the next outline explains what is seen, this one is not there: it stands behind, or has left.
+    const bool exceeds = usable && over > unexplained_m + 3.0 * scale * view.supports.sigma_m[k];
+    // If the second outline matches the observed one better, this object is not there: it stands behind, or
+    // has left.
     const double under = (best - view.supports.b_m[k]) * scale;
     const bool withdrawn = under > std::abs(second - view.supports.b_m[k]) * scale;
     const bool clear = (best - second) * scale > margin_m && !withdrawn;
     for (std::size_t i = 0; i < owners.size(); ++i) {
-      if (alien || !clear || i != winner) own[i].supports.sigma_m[k] = -1.0F;
+      if (exceeds || !clear || i != winner) own[i].supports.sigma_m[k] = -1.0F;
     }
-    if (!alien) rest.supports.sigma_m[k] = -1.0F;
-    unexplained += alien ? 1 : 0;
+    if (!exceeds) rest.supports.sigma_m[k] = -1.0F;
+    unexplained += exceeds ? 1 : 0;
   }
   return unexplained;
 }

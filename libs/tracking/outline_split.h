@@ -8,40 +8,42 @@
 
 namespace omnifleet::tracking {
 
-/// Typical distance between the outline that `filter` should show and the one seen, metres on the floor under
-/// the object: the median over the usable directions, each weighing 1/σ, as one corner far behind supports
-/// many of them and tells little; infinity with fewer than 8. A blob that has run together with another on
-/// one side still compares well on the rest.
+/// Typical distance between the outline that `filter` predicts and the observed one, metres on the floor
+/// under the object. It is the median over the usable directions, each with weight 1/σ, because one far
+/// corner supports many directions with little information. Infinity with fewer than 8 usable directions. A
+/// blob that merged with another on one side still compares well on the rest.
 double outlineDistance(const View& view, const PrismFilter& filter);
 
-/// True when nearly everything that `filter` should show lies within the seen outline: it may be hidden in
-/// it.
-bool isSwallowed(const View& view, const PrismFilter& filter, double margin_m);
+/// True if at least 90 % of the outline that `filter` predicts lies within the observed outline: the blob may
+/// hide the object.
+bool isEnclosed(const View& view, const PrismFilter& filter, double margin_m);
 
-/// One of the objects in a blob, and what it is known to show beside its prism (nullptr: nothing).
+/// One of the objects in a blob. `outline` is what the blob showed beside the object's prism; nullptr if
+/// nothing is remembered.
 struct BlobOwner {
   const PrismFilter* filter;
   const RememberedOutline* outline;
 
-  /// Support that it should show, metres.
+  /// Predicted support in direction k, metres.
   double expectedSupport(const View& view, std::size_t k) const {
     return outline ? outline->expectedSupport(view, k, *filter) : filter->predictedSupport(view, k);
   }
 };
 
-/// One blob, several objects: which directions of its outline belong to whom. A direction is an object's own
-/// where its predicted outline stands out from every other's by `margin_m` (docs/methods.md, "Merged blobs":
-/// keep a direction only where its supporting point lies off the cut), and where nothing unknown stands out
-/// farther still
-/// (`alien_m` + 3 σ). `own[i]` is the view with σ = −1 in all other directions; `rest` likewise with the
-/// directions that none explains. Returns the number of directions in `rest`.
-int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double margin_m, double alien_m,
-                 std::vector<View>& own, View& rest);
+/// Assigns the directions of a merged blob's outline to its objects (docs/methods/classifier.md). A direction
+/// belongs to an object if its predicted outline exceeds every other one by `margin_m`, and the observed
+/// outline does not exceed it by more than `unexplained_m` + 3 σ. `own[i]` is the view with σ = −1 in all
+/// directions that do not belong to object i. `rest` is the view with σ = −1 in all directions that some
+/// object explains. Returns the number of usable directions in `rest`.
+int splitOutline(const View& view, const std::vector<BlobOwner>& owners, double margin_m,
+                 double unexplained_m, std::vector<View>& own, View& rest);
 
-/// Directions in which the outline stands out from what `filter` should show by `alien_m` + 3 σ.
-int alienDirections(const View& view, const PrismFilter& filter, double alien_m);
+/// Number of directions in which the observed outline exceeds the outline predicted by `filter` by more than
+/// `unexplained_m` + 3 σ.
+int unexplainedDirections(const View& view, const PrismFilter& filter, double unexplained_m);
 
-/// Whether enough directions show where it stands on the floor, not how far its top reaches.
+/// True if at least 4 usable directions lie on the contact side (b < 0): they show where the object stands.
+/// The far side only shows how far its top reaches.
 bool showsContact(const View& view);
 
 /// Number of usable directions.

@@ -7,7 +7,7 @@
 namespace omnifleet::tracking {
 namespace {
 constexpr TimeNs kKept_ns = 10'000'000'000;
-constexpr TimeNs kSame_ns = 1'000;  // stamps of the same frame are copies; this only forgives rounding
+constexpr TimeNs kSame_ns = 1'000;  // stamps of the same frame are copies; this tolerates rounding
 }  // namespace
 
 bool OwnMotion::advance(const Motion& motion, TimeNs acquired_ns) {
@@ -40,7 +40,7 @@ void OwnMotion::locate(TimeNs time_ns, const Pose2& map_from_base) {
   places_.push_back({time_ns, map_from_base});
 }
 
-/// The last place told until then, and from there on by odometry.
+/// The last localized pose up to that time, extended with odometry.
 std::optional<Pose2> OwnMotion::mapFromBaseAt(TimeNs time_ns) const {
   const auto place = std::find_if(places_.rbegin(), places_.rend(),
                                   [&](const Place& p) { return p.time_ns <= time_ns + kSame_ns; });
@@ -58,7 +58,7 @@ std::optional<Pose2> OwnMotion::driftSince(TimeNs then_ns) const {
   return odom_from_base_ * then_from_now.inverse() * odom_from_then->inverse();
 }
 
-std::optional<Pose2> OwnMotion::goingOn(double dt_s) const {
+std::optional<Pose2> OwnMotion::extrapolate(double dt_s) const {
   if (path_.size() < 2) return {};
   const Entry &last = path_.back(), &before = path_[path_.size() - 2];
   const double over_s = static_cast<double>(last.time_ns - before.time_ns) * 1e-9;

@@ -7,18 +7,19 @@
 
 namespace omnifleet::tracking {
 
-/// The robot's own path in a private frame `odom` (identity at the first frame), chained from the motions
-/// that the local maps carry. Drifts, as every odometry does; only differences over some seconds are used.
+/// The robot's own path in a private frame `odom` (identity at the first frame), chained from the motions of
+/// the local maps. Like every odometry it drifts: only differences over some seconds are used.
 class OwnMotion {
  public:
-  /// Takes in the next frame's motion. Returns false where the motion since the previous frame is not known
-  /// (a gap): nothing may then be compared across it. The first frame is no gap.
+  /// Appends the next frame's motion. Returns false if the motion since the previous frame is unknown (a
+  /// gap): nothing may be compared across it. The first frame is no gap.
   bool advance(const Motion& motion, TimeNs acquired_ns);
 
-  /// Where the robot is known by now to have stood at that frame, in `map`. Times must not go back.
+  /// Adds the localized pose of the robot at `time_ns`. Poses that are not later than the last one are
+  /// ignored.
   void locate(TimeNs time_ns, const Pose2& map_from_base);
-  /// What moves a place in odom of then to where odom would have it now, had the path since been as the
-  /// located places tell: by how much odom has drifted. Nothing where they do not tell.
+  /// Drift of odom between `then_ns` and now, from the localized poses: maps a place in odom at `then_ns` to
+  /// its place in odom now. Nothing where no localized poses are available.
   std::optional<Pose2> driftSince(TimeNs then_ns) const;
 
   TimeNs now() const { return now_ns_; }
@@ -29,12 +30,11 @@ class OwnMotion {
   }                                              ///< of the last step, right perturbation
   double stepLength() const { return step_m_; }  ///< metres moved since the previous frame
 
-  /// The motion over `dt_s` of a robot that goes on as it went in its last step; nothing where that is not
-  /// known.
-  std::optional<Pose2> goingOn(double dt_s) const;
+  /// Motion over `dt_s` at the velocity of the last step. Nothing where the last step is unknown.
+  std::optional<Pose2> extrapolate(double dt_s) const;
 
-  /// Where base_link stood at `time_ns`, interpolated; nothing before the last gap, or older than ten
-  /// seconds.
+  /// Pose of base_link in odom at `time_ns`, interpolated. Nothing before the last gap, for times in the
+  /// future, or more than 10 s ago.
   std::optional<Pose2> odomFromBaseAt(TimeNs time_ns) const;
 
  private:

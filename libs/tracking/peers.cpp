@@ -35,9 +35,9 @@ Peers::Peers(const PeerOptions& options, const std::string& own,
   }
 }
 
-void Peers::assume(const std::vector<PoseEstimate>& starts) {
-  for (const PoseEstimate& start : starts)
-    if (usable(start)) last_[start.robot] = {start, Pose2{}, true, true};
+void Peers::setInitialPoses(const std::vector<PoseEstimate>& initial_poses) {
+  for (const PoseEstimate& initial : initial_poses)
+    if (usable(initial)) last_[initial.robot] = {initial, Pose2{}, true, true};
 }
 
 void Peers::forgetAssumed() {
@@ -51,7 +51,8 @@ void Peers::remember(const PoseEstimate& pose) {
   const double dt = seconds(pose.acquired_ns, last.pose.acquired_ns);
   if (last.any && dt <= 0.0) return;
   if (last.any && dt < 1.0) {
-    constexpr double kNew = 0.6;  // estimates jump by corrections: their difference alone is no velocity
+    constexpr double kNew =
+        0.6;  // smoothing: estimates jump at corrections, a single difference is no velocity
     const Pose2 step = last.pose.map_from_base.inverse() * pose.map_from_base;
     last.twist.x_m += kNew * (step.x_m / dt - last.twist.x_m);
     last.twist.y_m += kNew * (step.y_m / dt - last.twist.y_m);
@@ -63,8 +64,9 @@ void Peers::remember(const PoseEstimate& pose) {
   last.any = true;
 }
 
-/// Without wheels: as it went, which a robot may change.
-PoseEstimate Peers::carriedOn(const Last& last, TimeNs now_ns) const {
+/// Extrapolates the last pose with its velocity, for robots without wheel odometry. The covariance includes a
+/// change of velocity.
+PoseEstimate Peers::extrapolated(const Last& last, TimeNs now_ns) const {
   constexpr double kTurnSigma_radps = 0.5;
   const double dt = seconds(now_ns, last.pose.acquired_ns);
   PoseEstimate now = last.pose;
@@ -115,7 +117,7 @@ std::vector<Peer>& Peers::predict(const std::vector<PoseEstimate>& poses, const 
   PoseEstimate here = own->second.pose;
   auto odom_from_base = own_motion.odomFromBaseAt(here.acquired_ns);
   if (!odom_from_base) {
-    here = carriedOn(own->second, own_motion.now());
+    here = extrapolated(own->second, own_motion.now());
     odom_from_base = own_motion.odomFromBase();
   }
   for (Peer& peer : peers_) {

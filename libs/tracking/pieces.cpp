@@ -1,22 +1,27 @@
-// The part of Tracker that deals with robots of the fleet of which the camera tells but pieces, as the rest
-// of them looks like the floor: where they are is published.
+// The part of Tracker that handles robots of the fleet of which the camera separates only pieces from the
+// floor, because the rest looks like the floor. Their published poses give their places.
 
 #include <algorithm>
 #include <cmath>
 
 #include "tracking/outline_split.h"
-#include "tracking/peer_sight.h"
+#include "tracking/peer_outline.h"
 #include "tracking/tracker.h"
 
 namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewestDirections = 8;
-constexpr double kOutline_m = 0.05;    // by which an outline may be off from the one of a known place …
-constexpr double kMostSigma_m = 0.08;  // … and that place: else other things would be taken for pieces
-constexpr double kMostSigmaThere_m = 0.15;  // of a place, of which a scan can tell whether somebody is there
-constexpr double kExplained_m = 0.04;       // an outline so near to what a thing should show is the thing's
-constexpr double kStands_s = 0.5;           // after which it is one that stands: tops of robots seem to move
+constexpr double kOutline_m =
+    0.05;  // m, tolerance between an outline and the one predicted at the published place
+constexpr double kMostSigma_m =
+    0.08;  // m, σ of the published place up to which pieces are matched; otherwise other objects would match
+constexpr double kMostSigmaThere_m =
+    0.15;  // m, σ of the published place up to which the scan is checked for the robot
+constexpr double kExplained_m =
+    0.04;  // m, an outline this close to the prediction of a track belongs to that track
+constexpr double kStands_s =
+    0.5;  // s, after which an obstacle counts as stationary; tops of robots seem to move
 
 double sigmaOf(const Peer& peer) {
   return std::sqrt(0.5 * peer.covariance.trace());
@@ -24,8 +29,8 @@ double sigmaOf(const Peer& peer) {
 
 }  // namespace
 
-/// Something that stands, and is no robot, is known to look just so from here.
-bool Tracker::isOfAThing(const View& view) const {
+/// True if a stationary object that is no robot is expected to look like this from here.
+bool Tracker::isOfAnObject(const View& view) const {
   return std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
     return track.kind == ObjectKind::kObstacle && track.whole && track.evidence.still_s > kStands_s &&
            track.identity < 0 && outlineDistance(view, track.filter) < kExplained_m;
@@ -33,23 +38,23 @@ bool Tracker::isOfAThing(const View& view) const {
 }
 
 void Tracker::lookForPeers(const LocalMap& local_map, std::vector<Peer>& peers) {
-  sights_.assign(peers.size(), PeerInSight{});
-  if (!options_.pieces || local_map.camera_height_m <= 0.0) return;  // a laser tells all that it sees
+  peer_observations_.assign(peers.size(), PeerObservation{});
+  if (!options_.pieces || local_map.camera_height_m <= 0.0) return;  // a laser detects every object in full
   for (std::size_t i = 0; i < peers.size(); ++i) {
     const double sigma_m = sigmaOf(peers[i]);
     if (!peers[i].known || sigma_m > kMostSigmaThere_m) continue;
-    const PeerSight sight(peers[i], eye_, kOutline_m + sigma_m);
-    peers[i].may_be_there = sight.mayBeThere(local_map.scan);
+    const PeerOutline expected(peers[i], eye_, kOutline_m + sigma_m);
+    peers[i].may_be_there = expected.mayBeThere(local_map.scan);
     if (sigma_m > kMostSigma_m) continue;
-    PeerInSight& seen = sights_[i];
+    PeerObservation& seen = peer_observations_[i];
     std::vector<std::size_t> pieces;
     double nearest_m = INFINITY;
     for (std::size_t b = 0; b < views_.size(); ++b) {
-      if (sight.isWhole(views_[b])) {
-        seen.whole = true;  // it goes the way of any other thing
+      if (expected.isWhole(views_[b])) {
+        seen.whole = true;  // handled like any other object
         continue;
       }
-      if (piece_of_[b] >= 0 || !sight.encloses(views_[b]) || isOfAThing(views_[b])) continue;
+      if (piece_of_[b] >= 0 || !expected.encloses(views_[b]) || isOfAnObject(views_[b])) continue;
       if (pieces.empty()) seen.outline = views_[b];
       joinOutlines(views_[b], seen.outline);
       pieces.push_back(b);
@@ -58,16 +63,16 @@ void Tracker::lookForPeers(const LocalMap& local_map, std::vector<Peer>& peers) 
       nearest_m = contact_m;
       seen.blob = static_cast<int>(b);
     }
-    const bool in_pieces = !seen.whole && sight.sharedDirections(seen.outline) >= kFewestDirections;
+    const bool in_pieces = !seen.whole && expected.sharedDirections(seen.outline) >= kFewestDirections;
     if (!in_pieces) seen.blob = -1;
-    if (in_pieces) sight.keepOwn(seen.outline);
+    if (in_pieces) expected.keepOwn(seen.outline);
     if (in_pieces || seen.whole)
       for (const std::size_t b : pieces) piece_of_[b] = static_cast<int>(i);
-    seen.undecided = !in_pieces && !seen.whole && sight.isUndecided(local_map.scan);
+    seen.undecided = !in_pieces && !seen.whole && expected.isUndecided(local_map.scan);
   }
 }
 
-/// @return index of the peer's track, the one that is seen if there is one; −1: none
+/// @return index of the peer's track, preferring a visible one; −1: none
 int Tracker::trackOf(std::size_t peer) const {
   int found = -1;
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
@@ -90,10 +95,10 @@ int Tracker::startTrackOf(const Peer& peer, std::size_t number) {
   return static_cast<int>(tracks_.size()) - 1;
 }
 
-/// What was seen of the peers but in pieces, or only that something is there.
-void Tracker::seePieces(const LocalMap& local_map, const std::vector<Peer>& peers) {
+/// Updates peers that are visible only in pieces, or as an undecided object.
+void Tracker::updatePieces(const LocalMap& local_map, const std::vector<Peer>& peers) {
   for (std::size_t i = 0; i < peers.size(); ++i) {
-    const PeerInSight& seen = sights_[i];
+    const PeerObservation& seen = peer_observations_[i];
     if (!seen.whole && seen.blob < 0 && !seen.undecided) continue;
     int t = trackOf(i);
     const bool is_seen = t >= 0 && tracks_[static_cast<std::size_t>(t)].blob >= 0;
@@ -101,34 +106,34 @@ void Tracker::seePieces(const LocalMap& local_map, const std::vector<Peer>& peer
     if (t < 0 || (seen.whole && !is_seen)) continue;
     for (std::size_t b = 0; b < piece_of_.size(); ++b)
       if (piece_of_[b] == static_cast<int>(i)) owners_[b].push_back(t);
-    if (!is_seen) glimpse(tracks_[static_cast<std::size_t>(t)], peers[i], seen, local_map);
+    if (!is_seen) updateInPieces(tracks_[static_cast<std::size_t>(t)], peers[i], seen, local_map);
   }
 }
 
-void Tracker::glimpse(TrackState& track, const Peer& peer, const PeerInSight& seen,
-                      const LocalMap& local_map) {
+void Tracker::updateInPieces(TrackState& track, const Peer& peer, const PeerObservation& seen,
+                             const LocalMap& local_map) {
   track.blob = seen.blob;
-  track.glimpsed = true;
-  if (track.evidence.shape < 0.0) {  // that was of pieces, too
+  track.partly_seen = true;
+  if (track.evidence.shape < 0.0) {  // the shape evidence was of pieces, too
     track.evidence.shape = 0.0;
     track.evidence.shape_views = 0;
   }
   if (seen.blob >= 0 && usableDirections(seen.outline) >= kFewestDirections && isOwn(track, seen.outline)) {
-    see(track, seen.outline, local_map.objects[static_cast<std::size_t>(seen.blob)]);
+    updateTrack(track, seen.outline, local_map.objects[static_cast<std::size_t>(seen.blob)]);
     return;
   }
   track.filter.placeAt(peer.centre_m, peer.velocity_mps, peer.covariance);
-  noteSight(track, local_map.acquired_ns);
+  recordSighting(track, local_map.acquired_ns);
 }
 
-/// A blob shows it, where it says that it is, and nothing of its own outline.
-void Tracker::glimpseAsPublished(TrackState& track, TimeNs now_ns) {
-  track.glimpsed = true;
+/// The blob contains the robot at its published place, but no direction of its own outline.
+void Tracker::placeAsPublished(TrackState& track, TimeNs now_ns) {
+  track.partly_seen = true;
   track.filter.placeAt(track.published->centre_m, track.published->velocity_mps, track.published->covariance);
-  noteSight(track, now_ns);
+  recordSighting(track, now_ns);
 }
 
-void Tracker::noteSight(TrackState& track, TimeNs now_ns) {
+void Tracker::recordSighting(TrackState& track, TimeNs now_ns) {
   track.last_seen_m = track.filter.position();
   track.seen_ns = now_ns;
   track.unseen_s = 0.0;

@@ -7,21 +7,21 @@
 namespace omnifleet::tracking {
 namespace {
 
-constexpr double kLeastRatio = 0.03, kMostRatio = 1.0;  // u = 1/s; 0.03: nearly as tall as the camera is high
+constexpr double kLeastRatio = 0.03, kMostRatio = 1.0;  // u = 1/s; 0.03: nearly as tall as the camera
 constexpr double kUnknownPosition_m = 2.0, kUnknownVelocity_mps = 0.5;
-constexpr double kStillVelocityDecay_s = 0.5;   // what stands forgets its velocity
-constexpr double kUnseenVelocityDecay_s = 2.0;  // what is not seen may have stopped
+constexpr double kStillVelocityDecay_s = 0.5;   // s, velocity decay of a stationary object
+constexpr double kUnseenVelocityDecay_s = 2.0;  // s, an object that is not visible may have stopped
 
-/// What stands for b in the derivative by u. Its noise must not: what is seen from the far side alone has its
-/// distance and height in one line (everything may grow together), and noise in the regressor would pass for
-/// knowledge of both, frame after frame. So the predicted value is taken once the object is known well enough
-/// to have one.
+/// Value that replaces b in the derivative by u; its noise must not enter. If only the far side is visible,
+/// distance and height are correlated (the object may be larger and farther). Noise in the regressor would
+/// then count as information on both, in every frame. Therefore the predicted support replaces b once the
+/// object is known well enough.
 double regressor(double measured, double predicted, double ratio) {
   constexpr double kSettled_m = 0.10;
   return std::abs(predicted - measured) * ratio < kSettled_m ? -predicted : -measured;
 }
 
-/// Row of the measurement equation: h_P(n) as a linear function of the state, u's entry left at zero.
+/// Row of the measurement equation: h_P(n) as a linear function of the state, with u's entry zero.
 PrismFilter::State footprintRow(double cos1, double sin1) {
   const double cos2 = cos1 * cos1 - sin1 * sin1, sin2 = 2.0 * cos1 * sin1;
   const double cos3 = cos2 * cos1 - sin2 * sin1, sin3 = sin2 * cos1 + cos2 * sin1;
@@ -66,7 +66,7 @@ void PrismFilter::forgetShape() {
   state_.tail<8>().setZero();
   state_[4] = options_.radius_m;
   covariance_(4, 4) = options_.radius_sigma_m * options_.radius_sigma_m;
-  const bool flat = camera_height_m_ <= 0.0;  // no camera (a laser): nothing is seen over the top
+  const bool flat = camera_height_m_ <= 0.0;  // a laser: no far side over the top
   state_[5] = flat ? 1.0 : 1.0 - options_.height_ratio;
   covariance_(5, 5) = flat ? 1e-6 : options_.height_ratio_sigma * options_.height_ratio_sigma;
   covariance_.diagonal().tail<6>().setConstant(options_.roundness_sigma_m * options_.roundness_sigma_m);
@@ -201,7 +201,7 @@ double PrismFilter::predictedSupport(const Eigen::Vector2d& foot_m, double angle
 }
 
 Polygon PrismFilter::footprint(int vertices) const {
-  // A curve with support function h: x(φ) = h(φ) n(φ) + h'(φ) n⊥(φ).
+  // Curve with support function h: x(φ) = h(φ) n(φ) + h'(φ) n⊥(φ).
   Polygon polygon;
   for (int i = 0; i < vertices; ++i) {
     const double phi = 2.0 * M_PI * i / vertices;

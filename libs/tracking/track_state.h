@@ -13,23 +13,23 @@
 
 namespace omnifleet::tracking {
 
-/// What one object has shown of its kind so far: log-odds of being a robot.
+/// Evidence of one object's kind so far, as log-odds of being a robot.
 struct KindEvidence {
   double shape = 0.0, place = 0.0, motion = 0.0;
   int shape_views = 0;      ///< clean views that went into `shape`
   int best_body = -1;       ///< index of the peer whose body fits best
   int peer = -1;            ///< index of the peer whose published pose matches
-  int against = 0;          ///< frames in a row that speak for renaming
-  double against_s = 0.0;   ///< how long they and less sure ones have
-  double still_s = 0.0;     ///< how long it has stood, seconds
-  double touching_s = 1e9;  ///< since it last stood against a robot, seconds
+  int against = 0;          ///< frames that speak for another label with probability ≥ `change`
+  double against_s = 0.0;   ///< seconds of frames that speak for another label with probability ≥ `decide`
+  double still_s = 0.0;     ///< time for which it has stood still, seconds
+  double touching_s = 1e9;  ///< time since it last touched a robot, seconds
   int moved_frames = 0;     ///< frames in a row in which it moved
-  double drives_s = 0.0;    ///< how long it has driven without a rest, far from robots, seconds
-  bool drove = false;       ///< it once did so for long enough to be no pushed thing
-  bool pushed = false;      ///< its motion is put down to a robot beside it
+  double drives_s = 0.0;    ///< seconds of uninterrupted motion without recent contact with a robot
+  bool drove = false;       ///< `drives_s` was once long enough to exclude a pushed object
+  bool pushed = false;      ///< its motion is attributed to a robot beside it
 };
 
-/// One followed object between frames. Everything is in `odom` (own_motion.h).
+/// One tracked object between frames. All places are in `odom` (own_motion.h).
 struct TrackState {
   TrackState(std::uint32_t id_, const PrismFilter& filter_) : id(id_), filter(filter_) {}
 
@@ -39,47 +39,46 @@ struct TrackState {
   double kind_probability = 0.0;
   KindEvidence evidence;
   bool moving = false;
-  int identity = -1;  ///< index of the peer whose published pose it has matched, while it was seen
-  /// Where that peer says it is now (odom); speaks where the own outline does not, in a blob with others.
+  int identity = -1;  ///< index of the peer whose published pose matched when it was last seen; −1: none
+  /// Published place of that peer now (odom). It serves where the own outline does not, in a blob with other
+  /// objects.
   struct Published {
     Eigen::Vector2d centre_m, velocity_mps;
     Eigen::Matrix2d covariance;
-    const BodyModel* body;  ///< of the peer, as long as the frame is
+    const BodyModel* body;  ///< of the peer, valid during this frame
 
     double sigma() const { return std::sqrt(0.5 * covariance.trace()); }
-    /// A robot does not leave the place that it publishes.
-    bool isAstray(const PrismFilter& filter, double sigmas = 3.0) const {
+    /// True if the filter's place contradicts the published one: their distance exceeds `sigmas` times σ.
+    bool contradicts(const PrismFilter& filter, double sigmas = 3.0) const {
       return (filter.position() - centre_m).norm() > sigmas * sigma();
     }
   };
   std::optional<Published> published;
 
-  int views = 0;          ///< frames in which it was seen
-  TimeNs seen_ns = 0;     ///< last of them
-  double unseen_s = 0.0;  ///< since then
-  bool hidden = false;    ///< unseen, but something stands before it
-  bool whole =
-      false;  ///< has been seen alone in its blob, or its body is known: its outline can be predicted
-  bool located =
-      false;  ///< its place has become known; a far edge that stands out of a blob does not tell it
-  bool dissolved = false;  ///< it was several objects, which are now followed each for itself
-  int alien_frames = 0;    ///< frames in a row in which its blob showed more than is known
-  int blob = -1;           ///< index into this frame's objects; −1: not seen
-  bool glimpsed = false;   ///< this frame shows but pieces of it, or that something is there
-  double age_s = 0.0;      ///< since it was first seen
-  bool clean = false;      ///< this frame: alone in its blob, whole, not cut
-  View view;               ///< this frame's view; directions that are not its own have σ ≤ 0
-  /// A view of the last seconds, and where the object was then thought to be (odom).
+  int views = 0;          ///< frames in which it was visible
+  TimeNs seen_ns = 0;     ///< time of the last of them
+  double unseen_s = 0.0;  ///< seconds since then
+  bool hidden = false;    ///< not visible, but an object stands in front of it
+  bool whole = false;  ///< it was seen alone in its blob, or its body is known: its outline can be predicted
+  bool located = false;    ///< its place is known; the far edge of a merged blob alone does not determine it
+  bool dissolved = false;  ///< it was several objects, which now have tracks of their own
+  int unexplained_frames = 0;  ///< frames in a row in which its blob exceeded the predicted outlines
+  int blob = -1;               ///< index into this frame's objects; −1: not visible
+  bool partly_seen = false;    ///< this frame shows only pieces of it, or an undecided object at its place
+  double age_s = 0.0;          ///< seconds since it was first seen
+  bool clean = false;          ///< in this frame alone in its blob, not truncated
+  View view;                   ///< this frame's view; σ ≤ 0 in directions that belong to other objects
+  /// A view of the last seconds, and the estimated place of the object at that time (odom).
   struct Past {
     View view;
     Eigen::Vector2d centre_m;
   };
-  std::deque<Past> past;                                  ///< oldest first
-  RememberedOutline outline;                              ///< of its blob while that was all its own
-  Eigen::Vector2d last_seen_m = Eigen::Vector2d::Zero();  ///< odom; where it stood when last seen …
-  double last_speed_mps = 0.0;  ///< … and how fast it was when last seen in one piece
-  /// Only the id stays: what was known of it was known of something else.
-  void startAfresh(const PrismFilter& fresh) {
+  std::deque<Past> past;      ///< oldest first
+  RememberedOutline outline;  ///< of its blob while the blob belonged to this track alone
+  Eigen::Vector2d last_seen_m = Eigen::Vector2d::Zero();  ///< place where it was last seen, odom
+  double last_speed_mps = 0.0;                            ///< speed when it was last seen in one piece
+  /// Resets all but the id: the previous estimates belong to another object.
+  void restart(const PrismFilter& fresh) {
     filter = fresh;
     evidence = KindEvidence{};
     kind = ObjectKind::kUnknown;
@@ -91,10 +90,10 @@ struct TrackState {
     dissolved = true;
     blob = -1;
   }
-  bool isSeen() const { return blob >= 0 || glimpsed; }
+  bool isSeen() const { return blob >= 0 || partly_seen; }
   double positionSigma() const { return std::sqrt(0.5 * filter.positionCovariance().trace()); }
 
-  BodyFit fit;  ///< best known body over this view
+  BodyFit fit;  ///< best known body for this view
 };
 
 }  // namespace omnifleet::tracking

@@ -13,22 +13,25 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewestDirections = 8;
-constexpr double kAlien_m = 0.04;  // an outline this far outside of the expected one is somebody else's
-constexpr double kPastSpacing_s = 0.099;  // views nearer in time add nothing to a displacement over a second
-constexpr double kShortlyLost_s = 0.25;   // after this an unseen robot is better found by what it publishes
+constexpr double kUnexplained_m =
+    0.04;  // m, an outline that exceeds the expected one by more is another object's
+constexpr double kPastSpacing_s =
+    0.099;  // s, views closer in time add nothing to a displacement over a second
+constexpr double kShortlyLost_s = 0.25;  // s, a robot unseen for longer is predicted from its published pose
 constexpr double kPeerLeeway_m = 0.03;
-constexpr double kPeerGate_m = 0.15;  // of the outline of a known body in a known place
+constexpr double kPeerGate_m = 0.15;  // m, distance of outlines for a known body at a known place
 constexpr double kLeap_m = 0.10;
-constexpr double kMostSigma_m = 0.5;  // of a place, in the search for its blob
-constexpr double kSettingOut_s = 0.5, kSetOut_m = 0.015, kOnePiece_m = 0.01;
+constexpr double kMostSigma_m = 0.5;  // m, cap on σ of a place when searching for its blob
+constexpr double kStartWindow_s = 0.5, kStartShift_m = 0.015, kOnePiece_m = 0.01;
 constexpr double kLoosened_m = 0.05;
-constexpr double kCut_m = 0.1;  // between pieces of one thing
+constexpr double kCut_m = 0.1;  // m, between pieces of one object
 constexpr double kDisagreement =
-    0.5;  // share of directions beyond 3 σ: then the shape is not what it was thought
-constexpr double kUnlike_m = 0.05;  // likewise an outline that stays so far from what should be seen
-constexpr int kKnown = 3;           // views that make a track known
+    0.5;  // share of directions beyond 3 σ from which the shape estimate is wrong
+constexpr double kUnlike_m =
+    0.05;                  // m, a remaining distance of outlines from which the shape estimate is wrong
+constexpr int kKnown = 3;  // views that make a track reliable
 
-/// Covariance that one own step adds to the place of something at `arm_m` from the robot (odom axes).
+/// Covariance that one own step adds to a place at `arm_m` from the robot (odom axes).
 Eigen::Matrix2d stepNoise(const OwnMotion& own, const Eigen::Vector2d& arm_m) {
   const Eigen::Matrix3d& c = own.stepCovariance();
   const Eigen::Matrix2d axes = own.odomFromBase().rotation();
@@ -47,25 +50,26 @@ Polygon silhouette(const TrackState& track, const View& view, const Pose2& base_
   return outline::intersectHalfPlanes(planes, 100.0);
 }
 
-/// How far outside of the footprint a point of odom lies, metres.
+/// Distance of a point in odom outside of the footprint, metres.
 double beyond(const PrismFilter& filter, const Eigen::Vector2d& point) {
   const Eigen::Vector2d away = point - filter.position();
   return away.norm() - filter.reach(std::atan2(away.y(), away.x()));
 }
 
-/// What stood until now does so no more: its contact side has gone on as one piece. A filter that holds it to
-/// its place would take that for outliers, and who pushes it would soon stand where it is thought to be.
-bool setsOut(const TrackState& track) {
+/// True if a stationary object starts to move: its contact side has shifted as one piece. A filter that holds
+/// the object in place would treat the shift as outliers, and a robot that pushes it would soon overlap its
+/// estimated place.
+bool startsMoving(const TrackState& track) {
   for (auto then = track.past.rbegin(); then != track.past.rend(); ++then) {
-    if (static_cast<double>(track.view.time_ns - then->view.time_ns) > 1e9 * kSettingOut_s) return false;
+    if (static_cast<double>(track.view.time_ns - then->view.time_ns) > 1e9 * kStartWindow_s) return false;
     const Displacement d = contactDisplacement(then->view, track.view);
-    if (d.valid && d.rms_m < kOnePiece_m && d.moved_m.norm() > kSetOut_m + d.sigma_m) return true;
+    if (d.valid && d.rms_m < kOnePiece_m && d.moved_m.norm() > kStartShift_m + d.sigma_m) return true;
   }
   return false;
 }
 
-/// What stands is not where it stood. Of what is seen from its far side only, against the own hull, nothing
-/// else tells that it is pushed.
+/// True if a stationary object is not at its estimated place. For an object whose far side alone is visible,
+/// beside the own body mask, nothing else shows that it is pushed.
 bool isOff(PrismFilter filter, const View& view) {
   return filter.update(view) > kDisagreement;
 }
@@ -93,7 +97,7 @@ TrackerOptions TrackerOptions::read(const options::Section& section) {
 }
 
 void Tracker::predict(const OwnMotion& own, bool continuous) {
-  if (!continuous) given_up_.forget();
+  if (!continuous) deleted_tracks_.forget();
   for (TrackState& track : tracks_) {
     const Eigen::Vector2d arm = track.filter.position() - own.odomFromBase().translation();
     track.filter.predict(own.step_s(), track.moving, track.blob >= 0, stepNoise(own, arm));
@@ -104,13 +108,13 @@ void Tracker::predict(const OwnMotion& own, bool continuous) {
     track.past.clear();
     track.evidence.still_s = 0.0;
   }
-  unsee();
+  markUnseen();
 }
 
-void Tracker::unsee() {
+void Tracker::markUnseen() {
   for (TrackState& track : tracks_) {
     track.blob = -1;
-    track.glimpsed = false;
+    track.partly_seen = false;
     track.clean = false;
     track.fit = BodyFit{};
     track.view.supports.b_m.clear();
@@ -118,7 +122,7 @@ void Tracker::unsee() {
   }
 }
 
-void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
+void Tracker::makeViews(const LocalMap& local_map, const OwnMotion& own) {
   views_.resize(local_map.objects.size());
   owners_.resize(local_map.objects.size());
   piece_of_.assign(local_map.objects.size(), -1);
@@ -139,7 +143,7 @@ void Tracker::lookAt(const LocalMap& local_map, const OwnMotion& own) {
 }
 
 void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::vector<Peer>& peers) {
-  lookAt(local_map, own);
+  makeViews(local_map, own);
   followPeers(peers);
   lookForPeers(local_map, peers);
   cost_.resize(static_cast<Eigen::Index>(tracks_.size()), static_cast<Eigen::Index>(views_.size()));
@@ -151,22 +155,22 @@ void Tracker::associate(const LocalMap& local_map, const OwnMotion& own, std::ve
       double& cost = cost_(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(b));
       cost = std::numeric_limits<double>::infinity();
       if (piece_of_[b] >= 0) continue;
-      // What touches the floor far before it is somebody else, who may hide it.
+      // A blob that touches the floor far in front of the object is another object, which may hide it.
       const Eigen::Vector2d contact = own.odomFromBase() * local_map.objects[b].contact_m;
       if (contact.allFinite() && beyond(tracks_[t].filter, contact) > options_.gate_m + 2.0 * sigma) continue;
       const double distance = outlineDistance(views_[b], tracks_[t].filter);
-      // Not by the distance in σ alone: the vaguest of all would come nearest to everything.
+      // The cost is not the distance in σ: the least certain track would be the nearest to every blob.
       if (distance < gate) cost = (distance + sigma) / dearest;
     }
   }
   assignBlobs();
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
-    if (tracks_[t].blob < 0) joinSwallowing(local_map, static_cast<int>(t));
+    if (tracks_[t].blob < 0) joinEnclosingBlob(local_map, static_cast<int>(t));
   }
   joinPeers(peers);
 }
 
-/// First those whose place is known, then the others: who may be anywhere takes nobody's blob.
+/// Assigns tracks with a known place first: a track with an uncertain place must not take their blobs.
 void Tracker::assignBlobs() {
   const auto isVague = [&](std::size_t t) { return tracks_[t].positionSigma() > options_.lose_sigma_m; };
   open_cost_.resize(cost_.rows(), cost_.cols());
@@ -205,10 +209,10 @@ void Tracker::update(const LocalMap& local_map, const OwnMotion& own, const std:
     } else {
       TrackState& track = tracks_[static_cast<std::size_t>(owners_[b].front())];
       track.clean = !object.truncated;
-      seeAlone(track, views_[b], object, own);
+      updateAlone(track, views_[b], object, own);
     }
   }
-  seePieces(local_map, peers);
+  updatePieces(local_map, peers);
   end();
 }
 
@@ -235,25 +239,25 @@ void Tracker::start(const ObjectObservation& object, std::size_t b, const View& 
     tracks_.back().moving = true;
   }
   TrackState& track = tracks_[static_cast<std::size_t>(t)];
-  if (found) comeOut(track, fitted);
+  if (found) reappear(track, fitted);
   track.blob = static_cast<int>(b);
   track.clean = whole && !object.truncated;
   owners_[b].push_back(t);
   if (found && whole) {
-    seeAlone(track, view, object, own);
+    updateAlone(track, view, object, own);
     return;
   }
   track.whole = track.whole || whole;
-  see(track, view, object);
+  updateTrack(track, view, object);
 }
 
-/// Who publishes a place there keeps the id he had, what was given up there not long ago goes on.
+/// Adds a track. A peer with a published place there keeps its id. A recently deleted track there continues.
 void Tracker::addTrack(const PrismFilter& filter, TimeNs now_ns) {
   if (const auto id = idOfPeerAt(filter.position())) {
     tracks_.emplace_back(*id, filter);
     return;
   }
-  const auto before = given_up_.take(filter, options_.gate_m, now_ns, options_.keep_hidden_s);
+  const auto before = deleted_tracks_.take(filter, options_.gate_m, now_ns, options_.keep_hidden_s);
   tracks_.emplace_back(before ? before->id : next_id_++, filter);
   if (!before) return;
   tracks_.back().evidence = before->evidence;
@@ -273,8 +277,8 @@ bool Tracker::isFollowed(std::uint32_t id) const {
   return std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) { return track.id == id; });
 }
 
-/// What the edge of the view, or the own hull, cuts off from something that is seen beside it, and has never
-/// been seen whole.
+/// True if the piece is cut off by the image edge, or by the own body mask, from a visible object that was
+/// never seen whole.
 bool Tracker::isPieceOfKnown(const PrismFilter& piece) const {
   return std::any_of(tracks_.begin(), tracks_.end(), [&](const TrackState& track) {
     if (track.blob < 0 || track.whole || track.dissolved) return false;
@@ -289,17 +293,17 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view, bool rest_of_bl
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     const TrackState& track = tracks_[t];
     if (track.blob >= 0 || !track.whole || track.dissolved) continue;
-    // Either it stood in this place, or what is seen looks as it should look from here, or it went on unseen
-    // and comes out again.
+    // Three criteria: same place, matching outline from here, or a plausible distance travelled unseen.
     const double apart = (track.filter.position() - filter.position()).norm() / track.filter.radius();
     const double unlike = outlineDistance(view, track.filter) / options_.gate_m;
     const double way = track.published ? INFINITY
-                                       : wayOn(track.filter, track.last_seen_m, track.last_speed_mps,
-                                               track.unseen_s, filter);
+                                       : travelRatio(track.filter, track.last_seen_m, track.last_speed_mps,
+                                                     track.unseen_s, filter);
     const double distance = std::min({apart, unlike, way});
-    // Who publishes a place has just been told from this rest, unless it looks as it would look there.
+    // A robot with a published place was just separated from this rest, unless the rest matches its outline
+    // there.
     const bool unlike_it = unlike * options_.gate_m > kUnlike_m;
-    if (rest_of_blob && unlike_it && track.published && track.published->isAstray(filter)) continue;
+    if (rest_of_blob && unlike_it && track.published && track.published->contradicts(filter)) continue;
     if (distance >= least) continue;
     least = distance;
     nearest = static_cast<int>(t);
@@ -307,8 +311,8 @@ int Tracker::lostAt(const PrismFilter& filter, const View& view, bool rest_of_bl
   return nearest;
 }
 
-/// What went on unseen is where it comes out.
-void Tracker::comeOut(TrackState& track, const PrismFilter& seen) {
+/// Moves a track that travelled unseen to the place where it reappears.
+void Tracker::reappear(TrackState& track, const PrismFilter& seen) {
   if ((track.filter.position() - seen.position()).norm() <= track.filter.radius()) return;
   track.filter.placeAt(seen.position(), Eigen::Vector2d::Zero(), seen.positionCovariance());
   track.moving = true;
@@ -339,28 +343,28 @@ void Tracker::followPeers(const std::vector<Peer>& peers) {
   }
 }
 
-void Tracker::seeAlone(TrackState& track, const View& view, const ObjectObservation& object,
-                       const OwnMotion& own) {
+void Tracker::updateAlone(TrackState& track, const View& view, const ObjectObservation& object,
+                          const OwnMotion& own) {
   PrismFilter tried = track.filter;
   const double disagreement = tried.update(view);
-  // What it was taken for so far was several things, or part of one: it is seen alone for the first time.
+  // The track was several objects, or part of one: it is visible alone for the first time.
   const bool other_shape =
       track.clean && (disagreement > kDisagreement || outlineDistance(view, tried) > kUnlike_m);
   if (other_shape && track.whole && track.evidence.motion > 0.0) {
     track.filter
-        .forgetShape();  // it drives, and has turned; or something else is here: its motion will tell again
+        .forgetShape();  // it moves and has turned, or another object is here: its motion decides again
     track.evidence = KindEvidence{};
   } else if (other_shape || !track.whole) {
-    track.startAfresh(fresh(object, view, own));
+    track.restart(fresh(object, view, own));
   }
   track.whole = true;
-  see(track, view, object);
+  updateTrack(track, view, object);
   track.outline.add(track.view, track.filter);
 }
 
-void Tracker::see(TrackState& track, const View& view, const ObjectObservation& object) {
+void Tracker::updateTrack(TrackState& track, const View& view, const ObjectObservation& object) {
   track.view = view;
-  if (!track.moving && (setsOut(track) || (!track.whole && isOff(track.filter, view)))) {
+  if (!track.moving && (startsMoving(track) || (!track.whole && isOff(track.filter, view)))) {
     track.moving = true;
     track.filter.placeAt(
         track.filter.position(), Eigen::Vector2d::Zero(),
@@ -368,16 +372,17 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
   }
   const Eigen::Vector2d expected = track.filter.position();
   const double disagreement = track.filter.update(view);
-  // A leap is a change of what is seen, not a movement: nothing is compared across it.
+  // A leap of the estimate is a change of the outline, not a motion: nothing is compared across it.
   if ((track.filter.position() - expected).norm() > kLeap_m) track.past.clear();
   if (track.clean) track.filter.updateHeight(object.height_m, object.height_sigma_m);
   const bool several =
       !track.whole && object.solidity < options_.merged_solidity &&
-      track.filter.radius() > options_.composite_m;  // the middle of them is no thing's place
-  // Of what stands behind others in one blob a far edge alone tells no place, however long it is looked at.
+      track.filter.radius() > options_.composite_m;  // their centre is not the place of any of them
+  // The far edge alone does not determine the place of an object behind others in a blob, however many views
+  // there are.
   const bool behind = owners_[static_cast<std::size_t>(track.blob)].size() > 1;
-  const bool told = track.located || track.published || !behind || showsContact(view);
-  track.located = disagreement < kDisagreement && !several && told &&
+  const bool determined = track.located || track.published || !behind || showsContact(view);
+  track.located = disagreement < kDisagreement && !several && determined &&
                   track.positionSigma() <= (track.located ? options_.lose_sigma_m : options_.locate_sigma_m);
   track.last_seen_m = track.filter.position();
   if (track.clean || track.evidence.shape_views == 0) track.last_speed_mps = track.filter.velocity().norm();
@@ -393,20 +398,21 @@ void Tracker::see(TrackState& track, const View& view, const ObjectObservation& 
 
 void Tracker::end() {
   const auto lost = [&](const TrackState& track) {
-    // What was seen in one piece but for a moment is there, at the edge of what can be seen.
+    // An object seen in one piece, but only for a moment, exists at the limit of the detection range.
     const bool fleeting = track.views < kKnown && track.evidence.shape_views == 0;
-    // What stands is where it was.
+    // A stationary object stays where it was.
     const bool stands = track.kind == ObjectKind::kObstacle && !track.moving;
     const double keep = fleeting || !track.whole ? options_.keep_new_s
                         : track.hidden || stands ? options_.keep_hidden_s
                                                  : options_.keep_s;
     return track.dissolved || track.unseen_s > keep;
   };
-  // Indices in owners_ stay valid for the scan's labels: only unseen tracks go, and they own nothing there.
+  // Indices in owners_ stay valid for the labels of the scan: only unseen tracks are removed, and they own no
+  // blob.
   std::vector<int> moved(tracks_.size(), -1);
   int kept = 0;
   for (const TrackState& track : tracks_) {
-    if (lost(track) && (track.whole || track.located) && track.views > 0) given_up_.add(track);
+    if (lost(track) && (track.whole || track.located) && track.views > 0) deleted_tracks_.add(track);
   }
   for (std::size_t t = 0; t < tracks_.size(); ++t) moved[t] = lost(tracks_[t]) ? -1 : kept++;
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), lost), tracks_.end());
@@ -453,7 +459,7 @@ void Tracker::write(const LocalMap& local_map, const OwnMotion& own, std::vector
     published.solidity = 1.0;
     published.truncated = false;
     if (!published.visible) continue;
-    if (track.glimpsed) {
+    if (track.partly_seen) {
       const Eigen::Vector2d to_eye = (eye_.foot_m - track.filter.position()).stableNormalized();
       const double reach_m = track.filter.reach(std::atan2(to_eye.y(), to_eye.x()));
       published.hull_m = silhouette(track, eye_, base_from_odom);

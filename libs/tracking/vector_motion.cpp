@@ -6,11 +6,11 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr int kFewest = 4;
-constexpr double kStanding_m = 0.004;    // the robot's own step below which directions mean nothing
+constexpr double kStanding_m = 0.004;    // m, step of the robot below which directions are not meaningful
 constexpr double kOpposite = 0.7;        // cosine: within 45° of −t
-constexpr double kLargeMagnitude = 0.6;  // of the own step; a static point shows at least 1
+constexpr double kLargeMagnitude = 0.6;  // share of the own step; a static point shows at least 1
 
-/// How the camera's foot went in the axes of the current base_link.
+/// Translation of the camera's foot in the axes of the current base_link.
 Eigen::Vector2d footTranslation(const Motion& motion, const Eigen::Vector2d& foot_m) {
   const Pose2& previous_from_current = motion.previous_from_current;
   return previous_from_current.rotation().transpose() * (previous_from_current * foot_m - foot_m);

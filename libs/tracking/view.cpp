@@ -7,8 +7,8 @@ namespace omnifleet::tracking {
 namespace {
 
 constexpr double kClearlyNear_m =
-    -0.01;                   // b this far below zero belongs to the contact side whatever its noise
-constexpr int kFewest = 12;  // of 96: an arc of 45°, enough to fix both axes
+    -0.01;  // m, a support this far below zero belongs to the contact side at any noise level
+constexpr int kFewest = 12;  // of 96: an arc of 45°, enough to determine both axes
 
 /// Normal equations of n·Δ = difference, weighted.
 struct ShiftSystem {

@@ -4,7 +4,7 @@
 
 namespace omnifleet::tracking {
 
-/// One blob seen from one place: its supports, and where the camera stood in `odom`.
+/// One blob seen from one place: its supports, and the camera's place in `odom`.
 struct View {
   TimeNs time_ns = 0;
   SupportFunction supports;                          ///< directions measured in that frame's base_link
@@ -22,19 +22,19 @@ struct View {
   }
 };
 
-/// How far something went over the floor between two views.
+/// Displacement of an object over the floor between two views.
 struct Displacement {
   bool valid = false;
   Eigen::Vector2d moved_m = Eigen::Vector2d::Zero();  ///< odom axes
-  double sigma_m = 0.0;                               ///< of its length (the worse axis)
-  double rms_m = 0.0;                                 ///< of what a pure shift leaves over
+  double sigma_m = 0.0;                               ///< of its length (the worse axis), metres
+  double rms_m = 0.0;                                 ///< residual after a pure shift
 };
 
-/// Displacement from the contact side alone (b < 0 in both views): there the silhouette is the footprint
-/// itself, whatever its height (docs/methods.md, prism: the prediction is g where g < 0), so that h_P,now(n)
-/// − h_P,then(n) = n·Δ is linear and needs no height. Directions where either view is unusable are left out;
-/// invalid with fewer than 12.
-/// @param drift of odom between both (OwnMotion::driftSince)
+/// Displacement from the contact side alone (b < 0 in both views). There the silhouette is the footprint
+/// itself at any height (docs/methods/local_mapper.md), so that h_P,now(n) − h_P,then(n) = n·Δ is linear and
+/// needs no height. Directions where either view is unusable are omitted. Invalid with fewer than 12
+/// directions.
+/// @param drift of odom between both views (OwnMotion::driftSince)
 Displacement contactDisplacement(const View& then, const View& now, const Pose2& drift = {});
 
 }  // namespace omnifleet::tracking

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Choi et al. 2014, V.1 (static) and V.2 (dynamic), redone in rooms of their own for every seed: the paper's numbers
-# beside its method as printed (config/papers/choi.yaml) and ours. Prints the tables, draws the figures of the first
-# seed. Seeds that are done are not done again; Ctrl-C stops, the same command goes on.
+# Repeats the experiments of Choi et al. 2014, V.1 (static) and V.2 (dynamic), with a new room for every seed. Compares
+# the numbers of the paper, its method as printed (config/papers/choi.yaml) and omnifleet. Prints the tables and draws the
+# figures of the first seed. Finished seeds are not repeated: after Ctrl-C the same command continues.
 # usage: scripts/experiments/choi.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N]
-#        --seeds 1000-1019, --out out/choi, --jobs: as many as there are cores; --quick: the first three seeds
+#        defaults: --seeds 1000-1019, --out out/choi, --jobs one per core; --quick: only the first three seeds
 . "$(dirname "$0")/../common.sh"
 
 out="$root/out/choi" first=1000 last=1019 quick=0 jobs="$(nproc)"
@@ -21,7 +21,7 @@ while [ $# -gt 0 ]; do
 done
 [ "$quick" = 0 ] || last=$((last < first + 2 ? last : first + 2))
 [ "$first" -le "$last" ] || { say "choi.sh: --seeds $first-$last is empty"; exit 2; }
-[[ "$jobs" =~ ^[1-9][0-9]*$ ]] || { say "choi.sh: --jobs needs a number from 1 on"; exit 2; }
+[[ "$jobs" =~ ^[1-9][0-9]*$ ]] || { say "choi.sh: --jobs needs a positive number"; exit 2; }
 
 "$root/scripts/setup.sh" >&2
 cmake --build "$build" --target omnifleet_choi_experiment -j "$jobs" >&2
@@ -33,7 +33,7 @@ stop() {
   trap '' INT TERM
   [ "${#seed_of[@]}" = 0 ] || kill "${!seed_of[@]}" 2>/dev/null || true
   wait
-  say "stopped; the same command goes on from here"
+  say "choi.sh: stopped; the same command continues from here"
   exit 130
 }
 trap stop INT TERM
@@ -63,7 +63,7 @@ finish_one() {
 }
 
 stop_code=0
-say "$total seeds, $jobs at a time, into $out"
+say "$total seeds, $jobs in parallel, output in $out"
 for ((seed = first; seed <= last && stop_code == 0; ++seed)); do
   [ "${#seed_of[@]}" -lt "$jobs" ] || finish_one
   [ "$stop_code" != 0 ] || start "$seed"

@@ -1,9 +1,9 @@
 #pragma once
 
-// IDL types ↔ domain types, one pair of functions per topic. Filling functions reuse the target's buffers.
-// `fromWire` returns false where a sample must not be believed (a non-finite number, an unknown enumerator);
-// such a sample is counted by the caller and never passed on as valid; what it leaves behind is an invalid
-// one of the same robot and time, which keeps the place in the line.
+// Conversions between IDL types and domain types, one pair of functions per topic. They reuse the buffers of
+// the target. `fromWire` returns false for an invalid sample (a non-finite number, an unknown enumerator).
+// The caller counts such a sample and never passes it on as valid. The target is then an invalid sample of
+// the same robot and time, which keeps the place in the stream.
 
 #include <string>
 
@@ -22,10 +22,10 @@
 
 namespace omnifleet::adapters {
 
-/// Which clock the acquisition times of this run are on.
+/// The clock of the acquisition times of a run.
 enum class RunClock { kSystem, kDataset, kSim };
 
-/// Fills a header; `published_ns` is taken from the system clock and serves diagnostics only.
+/// Fills a header. `published_ns` is the system time, for diagnostics only.
 void fillHeader(TimeNs acquired_ns, std::uint32_t sequence, RunClock clock, v1::Header& header);
 
 void toWire(const LocalMap& from, RunClock clock, v1::LocalMap& to);
@@ -34,13 +34,13 @@ bool fromWire(const v1::LocalMap& from, LocalMap& to);
 void toWire(const Objects& from, RunClock clock, v1::Objects& to);
 bool fromWire(const v1::Objects& from, Objects& to);
 
-/// Also refused: speeds beyond dataset::kMaxWheelSpeedMps, which no robot of this kind has.
+/// Also rejects speeds beyond dataset::kMaxWheelSpeedMps, the limit of this kind of robot.
 bool fromWire(const v1::WheelOdometry& from, dataset::WheelRow& to);
 
-/// `range_max_m` as in the scanner's sensor.yaml.
-void toWire(const dataset::LaserRow& from, const std::string& robot, std::uint32_t sequence, double range_max_m,
-            RunClock clock, v1::LaserScan& to);
-/// Also refused: what dataset::problemOf finds in a single scan; no ranges are left of it.
+/// @param range_max_m of the scanner's sensor.yaml
+void toWire(const dataset::LaserRow& from, const std::string& robot, std::uint32_t sequence,
+            double range_max_m, RunClock clock, v1::LaserScan& to);
+/// Also rejects a scan in which dataset::problemOf finds a problem. The target then has no ranges.
 bool fromWire(const v1::LaserScan& from, dataset::LaserRow& to);
 
 void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Pose& to);
@@ -52,7 +52,7 @@ bool fromWire(const v1::FormationCommand& from, motion::FormationCommand& to);
 void toWire(const motion::FormationState& from, RunClock clock, v1::FormationState& to);
 bool fromWire(const v1::FormationState& from, motion::FormationState& to);
 
-/// One front end's sample: every measurement of one time (maybe none).
+/// One sample of a measurement front end: all measurements at one time (may be none).
 void toWire(const std::string& source, TimeNs acquired_ns, std::uint32_t sequence, FrameState state,
             const std::vector<Measurement>& from, RunClock clock, v1::Measurement& to);
 bool fromWire(const v1::Measurement& from, std::vector<Measurement>& to);

@@ -39,7 +39,7 @@ void toWire(const Motion& from, v1::Motion& to) {
   matrixToWire<3>(from.covariance, to.covariance());
   to.left_m(from.left_m);
   to.right_m(from.right_m);
-  to.refuted(from.refuted);
+  to.wheels_rejected(from.wheels_rejected);
 }
 
 bool fromWire(const v1::Motion& from, Motion& to) {
@@ -49,7 +49,7 @@ bool fromWire(const v1::Motion& from, Motion& to) {
   to.covariance = matrixFromWire<3>(from.covariance());
   to.left_m = from.left_m();
   to.right_m = from.right_m();
-  to.refuted = from.refuted();
+  to.wheels_rejected = from.wheels_rejected();
   return to.previous_from_current.isFinite() && to.covariance.allFinite() && finite(to.left_m, to.right_m);
 }
 
@@ -91,7 +91,7 @@ void fromWire(const v1::Supports& from, SupportFunction& to) {
   to.sigma_m = from.sigma_m();
   to.sigma_m.resize(to.b_m.size(), 0.0F);
   for (std::size_t k = 0; k < to.b_m.size(); ++k) {
-    if (!finite(to.b_m[k], to.sigma_m[k])) to.b_m[k] = to.sigma_m[k] = 0.0F;  // not to be used
+    if (!finite(to.b_m[k], to.sigma_m[k])) to.b_m[k] = to.sigma_m[k] = 0.0F;  // marks the direction as unused
   }
 }
 

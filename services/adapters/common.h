@@ -1,6 +1,6 @@
 #pragma once
 
-// Shared by the adapters' translation units only.
+// For the translation units of the adapters only.
 
 #include <algorithm>
 #include <cmath>
@@ -50,7 +50,7 @@ Eigen::Matrix<double, N, N> matrixFromWire(const Array& from) {
   return to;
 }
 
-/// Writes at most `limit` elements of `from` (the bound of the IDL sequence) through `convert(element,
+/// Converts at most `limit` elements of `from` (the bound of the IDL sequence) with `convert(element,
 /// target)`.
 template <typename From, typename To, typename Convert>
 void sequenceToWire(const From& from, std::size_t limit, To& to, Convert convert) {
@@ -58,7 +58,7 @@ void sequenceToWire(const From& from, std::size_t limit, To& to, Convert convert
   for (std::size_t i = 0; i < to.size(); ++i) convert(from[i], to[i]);
 }
 
-/// True when every number given is finite.
+/// True when all numbers are finite.
 template <typename... Numbers>
 bool finite(const Numbers&... numbers) {
   return (std::isfinite(static_cast<double>(numbers)) && ...);
@@ -82,7 +82,7 @@ void fromWire(const v1::Supports& from, SupportFunction& to);
 void toWire(const Polygon& from, std::vector<v1::Point2>& to);
 bool fromWire(const std::vector<v1::Point2>& from, Polygon& to);
 
-/// What a frame's local map and its objects have in common: all but the objects.
+/// The part that local map and objects of a frame share: all fields except the objects.
 template <typename Frame, typename Wire>
 void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   to.robot(from.robot);
@@ -92,7 +92,7 @@ void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   toWire(from.motion, to.motion());
   toWire(from.scan, to.scan());
 }
-/// What is left of a frame that must not be believed: who and when.
+/// Reduces an invalid frame to its robot, time and sequence number. @return false
 template <typename Frame>
 bool invalidFrame(Frame& frame) {
   Frame left;

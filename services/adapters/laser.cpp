@@ -3,8 +3,8 @@
 
 namespace omnifleet::adapters {
 
-void toWire(const dataset::LaserRow& from, const std::string& robot, std::uint32_t sequence, double range_max_m,
-            RunClock clock, v1::LaserScan& to) {
+void toWire(const dataset::LaserRow& from, const std::string& robot, std::uint32_t sequence,
+            double range_max_m, RunClock clock, v1::LaserScan& to) {
   to.robot(robot);
   fillHeader(from.time_ns, sequence, clock, to.header());
   to.angle_min_rad(from.angle_min_rad);

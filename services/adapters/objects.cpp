@@ -50,7 +50,7 @@ bool trackFromWire(const v1::Track& from, Track& to) {
 bool fromWire(const v1::WheelOdometry& from, dataset::WheelRow& to) {
   to = {from.header().acquired_ns(), from.v_left_mps(), from.v_right_mps()};
   return std::abs(to.left_mps) <= dataset::kMaxWheelSpeedMps &&
-         std::abs(to.right_mps) <= dataset::kMaxWheelSpeedMps;  // false for NaN, too
+         std::abs(to.right_mps) <= dataset::kMaxWheelSpeedMps;  // false for NaN as well
 }
 
 void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
@@ -61,7 +61,7 @@ void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
 bool fromWire(const v1::Objects& from, Objects& to) {
   bool good = frameFromWire(from, to);
   for (const RayLabel label : to.scan.label)
-    good = good && label != RayLabel::kUndecided;  // of local_map alone
+    good = good && label != RayLabel::kUndecided;  // valid only in local_map
   to.tracks.resize(from.tracks().size());
   for (std::size_t i = 0; i < to.tracks.size(); ++i)
     good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;

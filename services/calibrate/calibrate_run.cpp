@@ -27,9 +27,11 @@ std::vector<std::filesystem::path> imagesIn(const Options& options) {
     const std::string name = entry.path().filename().string();
     if (image && ::fnmatch(options.match.c_str(), name.c_str(), 0) == 0) images.push_back(entry.path());
   }
-  if (error) throw options::Error(fmt::format("{}: cannot be read: {}", options.images, error.message()));
+  if (error)
+    throw options::Error(fmt::format("{}: cannot read this folder: {}", options.images, error.message()));
   if (images.empty())
-    throw options::Error(fmt::format("{}: no images match '{}'", options.images, options.match));
+    throw options::Error(
+        fmt::format("{}: no image name matches '{}' (--match)", options.images, options.match));
   std::sort(images.begin(), images.end());
   return images;
 }
@@ -40,33 +42,36 @@ struct Search {
   std::vector<std::string> without_board;
 };
 
-/// Throws where the board is there, but of another size: in all images it would be looked for in vain.
+/// Throws when an image shows a board of another size: the search in the other images would fail as well.
 void checkSize(const calibration::Board& board, const cv::Mat& grey, const std::string& path) {
   const auto other = calibration::findOtherSize(grey, board);
   if (!other) return;
   throw options::Error(
-      fmt::format("--board: {} shows {}x{} inner corners, not {}x{}; counted are corners where four squares "
+      fmt::format("--board: {} shows {}x{} inner corners, not {}x{}; count the corners where four squares "
                   "meet, not squares",
                   path, other->columns, other->rows, board.columns, board.rows));
 }
 
-constexpr std::size_t kSuspicious = 3;  // images without a board from the first on
+constexpr std::size_t kCheckedImages =
+    3;  // check the board size only in the first images, if they show no board
 
 Search findBoards(const Options& options, const std::function<void(const std::string&, bool)>& progress) {
   Search search;
   for (const std::filesystem::path& path : imagesIn(options)) {
     const std::string name = path.filename().string();
     const cv::Mat grey = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-    if (grey.empty()) throw options::Error(fmt::format("{}: cannot be read as an image", path.string()));
+    if (grey.empty())
+      throw options::Error(fmt::format("{}: cannot read this file as an image", path.string()));
     if (search.size.empty()) search.size = grey.size();
     if (grey.size() != search.size) {
       throw options::Error(
-          fmt::format("{}: is {}×{}, the images before are {}×{}; one camera at a time (--match)",
+          fmt::format("{}: its size is {}×{}, but the images before have {}×{}; select the images of one "
+                      "camera (--match)",
                       path.string(), grey.cols, grey.rows, search.size.width, search.size.height));
     }
     auto corners = calibration::findBoard(grey, options.board);
     progress(name, corners.has_value());
-    if (!corners && search.views.empty() && search.without_board.size() < kSuspicious)
+    if (!corners && search.views.empty() && search.without_board.size() < kCheckedImages)
       checkSize(options.board, grey, path.string());
     if (corners)
       search.views.push_back({name, std::move(*corners)});
@@ -76,7 +81,7 @@ Search findBoards(const Options& options, const std::function<void(const std::st
   return search;
 }
 
-/// Throws where no lens was found that explains the corners, with the image that fits worst.
+/// Throws when no lens model explains the corners, and names the image with the largest error.
 void checkError(const Options& options, const Search& search, const calibration::Calibration& found) {
   const double rms_px = found.model.reprojection_rms_px;
   if (rms_px <= options.max_rms_px) return;
@@ -91,11 +96,11 @@ void checkError(const Options& options, const Search& search, const calibration:
     worst = search.views[v].name;
   }
   throw std::runtime_error(
-      fmt::format("reprojection error {:.1f} px RMS, more than {:g} (--max_rms_px): nothing written; worst "
-                  "is {} with {:.1f} px. "
+      fmt::format("reprojection error {:.1f} px RMS exceeds {:g} px (--max-rms-px), no file written; largest "
+                  "error: {} with {:.1f} px. "
                   "Try another --projection (kannala_brandt and ocam fit most lenses), check that --board "
                   "counts inner corners, "
-                  "leave images out by --match",
+                  "exclude images with --match",
                   rms_px, options.max_rms_px, worst, worst_px));
 }
 
@@ -135,8 +140,8 @@ Report run(const Options& options, const std::function<void(const std::string&, 
   checkError(options, search, found);
   const std::string head = fmt::format(
       "# Calibrated with {} of {} images of a board of {}x{} inner corners, {} m squares.\n"
-      "# The outermost corner lay {:.1f}° from the axis; beyond it the model extrapolates.\n"
-      "# position_m and rotation_rpy_deg are yours to fill in.\n",
+      "# The outermost corner is {:.1f}° from the axis; beyond it the model extrapolates.\n"
+      "# Add position_m and rotation_rpy_deg of the camera.\n",
       search.views.size(), search.views.size() + search.without_board.size(), options.board.columns,
       options.board.rows, options.board.square_m, found.outermost_deg);
   dataset::writeAtomic(options.out, head + found.model.toYaml());

@@ -1,4 +1,4 @@
-// calibrate IMAGES_DIR --board COLSxROWS --square_m S --out sensor.yaml: a lens from pictures of a
+// calibrate IMAGES_DIR --board COLSxROWS --square-m S --out sensor.yaml: calibrates a lens with images of a
 // chessboard.
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -11,28 +11,30 @@
 int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
   CLI::App app(
-      "Calibrates a lens from pictures of a chessboard, writes sensor.yaml with its reprojection error.\n"
-      "Exit code: 0 done, 1 the board was found too seldom, the error is too large or the file cannot be "
-      "written, 2 bad "
+      "Calibrates a lens with images of a chessboard, writes sensor.yaml with the reprojection error.\n"
+      "Exit code: 0 done, 1 too few images show the board, the error is too large or the file cannot be "
+      "written, 2 invalid "
       "input.");
   omnifleet::calibrate::Options options;
   std::string board, projection = "kannala_brandt";
   double square_m = 0.0;
-  app.add_option("IMAGES_DIR", options.images, "folder of images, all of one camera")->required();
-  app.add_option("--board", board, "COLSxROWS, the inner corners (where four squares meet)")->required();
-  app.add_option("--square_m", square_m, "side of a square, metres")
+  app.add_option("IMAGES_DIR", options.images, "folder with images of one camera")->required();
+  app.add_option("--board", board, "COLSxROWS, number of inner corners (where four squares meet)")
+      ->required();
+  app.add_option("--square-m", square_m, "side of a square, metres")
       ->check(omnifleet::options::within({1e-4, 100.0}))
       ->required();
-  app.add_option("--out", options.out, "the sensor.yaml to write")->required();
+  app.add_option("--out", options.out, "sensor.yaml to write")->required();
   app.add_option("--projection", projection,
                  "orthographic, equidistant, equisolid, stereographic, kannala_brandt, ocam or pinhole")
       ->default_val(projection);
-  app.add_option("--match", options.match, "shell pattern of the images' names")->default_val("*");
-  app.add_option("--fov_deg", options.fov_deg,
-                 "full angle that the lens must serve (default: what the corners covered and a tenth more)")
+  app.add_option("--match", options.match, "shell pattern for the image names")->default_val("*");
+  app.add_option(
+         "--fov-deg", options.fov_deg,
+         "full field of view that the model must cover, degrees (default: that of the corners plus 10 %)")
       ->check(omnifleet::options::within({1.0, 360.0}));
-  app.add_option("--max_rms_px", options.max_rms_px,
-                 "nothing is written where the reprojection error is larger")
+  app.add_option("--max-rms-px", options.max_rms_px,
+                 "limit of the reprojection error; no file is written for a larger one")
       ->check(omnifleet::options::within({0.01, 1000.0}))
       ->capture_default_str();
   try {

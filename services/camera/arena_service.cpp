@@ -18,7 +18,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
       map_from_bases_(fleet.arena->robots.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
     robots_[robot.name] = robots_.size();
-    // All of them come from one process: waiting for the others costs nothing, live either.
+    // All truth samples come from one process, so waiting for all robots costs no time, in live mode as well.
     truths_.push_back(std::make_unique<Inlet<v1::Truth, TruePose>>(
         context.bus.reader(context.topics.world_truth, robot.name), merger_, ends_,
         bus::StreamSpec{"world/truth " + robot.name, robot.name, 0, bus::StreamRole::kInput,
@@ -29,7 +29,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
 }
 
 std::vector<bus::Expectation> ArenaCameraService::expectations() const {
-  return {{"camera " + camera_.id + " read by its stage", [this] { return writer_->matched() >= 1; }}};
+  return {{"a reader of camera " + camera_.id, [this] { return writer_->matched() >= 1; }}};
 }
 
 bool ArenaCameraService::pull() {
@@ -50,12 +50,12 @@ bool ArenaCameraService::spin() {
   bool any = pull();
   wake_at_.reset();
   while (!pending_ && merger_.nextBatch(batch_)) {
-    place();
+    setPoses();
     any = pending_ = true;
-    // Behind the clock: only the newest state of the world is worth drawing.
+    // Behind the clock: only the newest state is rendered.
     while (realtime_ && merger_.nextBatch(batch_)) {
       status().dropped();
-      place();
+      setPoses();
     }
   }
   if (pending_) any |= render();
@@ -66,7 +66,7 @@ bool ArenaCameraService::spin() {
   return any;
 }
 
-void ArenaCameraService::place() {
+void ArenaCameraService::setPoses() {
   for (const auto& item : batch_.inputs) map_from_bases_[item.payload.robot] = item.payload.map_from_base;
   header_.acquired_ns = batch_.time;
   header_.sequence = batch_.inputs.front().payload.frame;
@@ -90,7 +90,7 @@ bool ArenaCameraService::render() {
   pending_ = false;
   if (!writer_->publish()) {
     status().dropped();
-    status().error("camera " + camera_.id + ": " + writer_->error());
+    status().report(writeFailed("camera " + camera_.id, writer_->error()));
     return true;
   }
   last_ns_ = header_.acquired_ns;

@@ -15,8 +15,8 @@
 
 namespace omnifleet::services {
 
-/// A camera of the simulated arena: the true poses of one time in, a rendered frame out. Beside `evaluate`
-/// and the world itself the only place where truth goes.
+/// A camera of the simulated arena: renders a frame from the true poses at one time. Besides `evaluate` and
+/// the world itself, the only component that uses the truth.
 class ArenaCameraService : public bus::Service {
  public:
   ArenaCameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -36,7 +36,7 @@ class ArenaCameraService : public bus::Service {
   };
 
   bool pull();
-  void place();
+  void setPoses();
   bool render();
   void finish(const std::string& reason);
 
@@ -54,7 +54,7 @@ class ArenaCameraService : public bus::Service {
   synthetic::Renderer renderer_;
   std::vector<Pose2> map_from_bases_;
   bus::FrameHeader header_;
-  bool pending_ = false;  ///< poses are placed, the frame is not out yet
+  bool pending_ = false;  ///< the poses are set, but the frame is not published yet
   bool ended_ = false;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::uint64_t samples_ = 0;

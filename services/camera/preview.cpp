@@ -2,13 +2,15 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/messages.h"
+
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
 
 constexpr auto kPeriod = std::chrono::milliseconds(200);
-constexpr std::size_t kBound = 1048576;  // of the IDL
+constexpr std::size_t kBound = 1048576;  // bound of the JPEG in camera.idl
 constexpr int kQuality = 80;
 
 }  // namespace
@@ -25,14 +27,14 @@ void Preview::offer(TimeNs acquired_ns, const cv::Mat& image, bus::StatusBoard& 
   sent_ = now;
   const std::string name = "camera_preview " + std::string(sample_.camera().c_str());
   if (!cv::imencode(".jpg", image, jpeg_, {cv::IMWRITE_JPEG_QUALITY, kQuality}) || jpeg_.size() > kBound) {
-    status.error(name + ": the picture cannot be sent, it is larger than 1 MiB");
+    status.report(writeFailed(name, "the JPEG is larger than 1 MiB"));
     return;
   }
   sample_.acquired_ns(acquired_ns);
   sample_.width(static_cast<std::uint32_t>(image.cols));
   sample_.height(static_cast<std::uint32_t>(image.rows));
   sample_.jpeg().assign(jpeg_.begin(), jpeg_.end());
-  if (!writer_->write(sample_)) status.error(name + ": " + writer_->error());
+  if (!writer_->write(sample_)) status.report(writeFailed(name, writer_->error()));
 }
 
 }  // namespace omnifleet::services

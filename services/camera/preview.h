@@ -11,13 +11,14 @@
 
 namespace omnifleet::services {
 
-/// Topic camera_preview: a JPEG at most five times a second, and only while somebody reads; costs nothing
-/// otherwise. People look at it, no stage does.
+/// Topic camera_preview: a JPEG at most five times per second, only while a reader is matched. For display
+/// only; no stage reads it.
 class Preview {
  public:
   Preview(const bus::ServiceContext& context, const std::string& camera_id);
 
-  /// `image` BGR8, valid only during the call. A picture larger than the topic's bound is told and left out.
+  /// @param image BGR8, valid only during the call. An image larger than the bound of the topic is reported
+  /// and skipped.
   void offer(TimeNs acquired_ns, const cv::Mat& image, bus::StatusBoard& status);
 
  private:

@@ -31,7 +31,7 @@ CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fl
 }
 
 std::vector<bus::Expectation> CameraService::expectations() const {
-  return {{"camera " + camera_.id + " read by its stage", [this] { return writer_->matched() >= 1; }}};
+  return {{"a reader of camera " + camera_.id, [this] { return writer_->matched() >= 1; }}};
 }
 
 void CameraService::start() {
@@ -60,14 +60,15 @@ bool CameraService::decode() {
   dataset::FrameInfo info;
   if (!source_->next(image, info)) {
     writer_->abandon();
-    for (const std::string& text : faults_.end()) status().error(text);
+    for (const Message& message : faults_.end()) status().report(message);
     finish();
     return false;
   }
   header_.acquired_ns = info.time_ns;
   header_.sequence = info.sequence;
   header_.state = info.state;
-  for (const std::string& text : faults_.add(info.where, info.fault)) status().error(text);
+  for (const Message& message : faults_.add(info.where, {codeOf(info.state), info.fault}))
+    status().report(message);
   if (info.state == FrameState::kOk) preview_.offer(info.time_ns, image, status());
   recorder_.write(status(), [&](dataset::ImageStreamWriter& recorder) {
     info.state == FrameState::kOk ? recorder.write(info.time_ns, image) : recorder.writeMissing(info.time_ns);
@@ -80,7 +81,7 @@ bool CameraService::decode() {
 bool CameraService::due() {
   if (!paced_) return true;
   const auto now = steady_clock::now();
-  if (samples_ == 0 && writer_->matched() == 0) {  // a folder's first picture is worth waiting for
+  if (samples_ == 0 && writer_->matched() == 0) {  // without a reader the first frame would be lost
     wake_at_ = now + kReaderRetry;
     return false;
   }
@@ -99,7 +100,7 @@ void CameraService::publish() {
   decoded_ = false;
   if (!writer_->publish()) {
     status().dropped();
-    status().error("camera " + camera_.id + ": " + writer_->error());
+    status().report(writeFailed("camera " + camera_.id, writer_->error()));
     return;
   }
   last_ns_ = header_.acquired_ns;

@@ -14,9 +14,9 @@
 
 namespace omnifleet::services {
 
-/// Publishes the frames of one camera from a dataset, a folder, a video or a device, decoded straight into
-/// the loan. A frame that cannot be had goes down the line as an invalid one. Recorded sources run as fast as
-/// their readers in replay and at their own pace in live mode.
+/// Publishes the frames of one camera from a dataset, a folder, a video or a device. Frames are decoded
+/// directly into the loan. A frame that cannot be read is published as invalid. Recorded sources run as fast
+/// as their readers in replay mode, and at the recorded pace in live mode.
 class CameraService : public bus::Service {
  public:
   CameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -44,7 +44,7 @@ class CameraService : public bus::Service {
   Preview preview_;
   RunEnds ends_;
   bus::FrameHeader header_;
-  bool decoded_ = false;  ///< a frame lies in the open loan
+  bool decoded_ = false;  ///< the open loan holds a frame
   bool ended_ = false;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::uint64_t samples_ = 0;

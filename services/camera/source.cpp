@@ -28,7 +28,7 @@ std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera
 
 namespace {
 
-/// A frame or two of another size are a fault of theirs; all of them, of the calibration.
+/// One or two frames of another size are faulty frames. If all first frames differ, the calibration is wrong.
 void checkSize(dataset::FrameSource& source) {
   constexpr int kFrames = 3;
   cv::Mat image;
@@ -39,7 +39,7 @@ void checkSize(dataset::FrameSource& source) {
   }
   if (frames > 0)
     throw options::Error(info.where + ": " + info.fault +
-                         ", as all before it; does sensor.yaml belong to this camera?");
+                         "; all first frames differ from sensor.yaml. Use the sensor.yaml of this camera");
 }
 
 }  // namespace
@@ -49,8 +49,7 @@ void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
   if (camera.source == fleet::CameraSource::kDataset) {
     const auto images = std::filesystem::path(fleet.dataset) / camera.id / "data";
     if (!std::filesystem::is_directory(images))
-      throw options::Error(images.string() + ": no such folder; the images of " + camera.id +
-                           " belong there");
+      throw options::Error(images.string() + ": no such folder; put the images of " + camera.id + " there");
     checkSize(*openSource(camera, fleet));
     return;
   }

@@ -2,23 +2,23 @@
 
 #include <algorithm>
 
-#include "tracking/seen_step.h"
+#include "tracking/motion_check.h"
 
 namespace omnifleet::classifier {
 namespace {
 
 double ownRadius(const std::string& robot, const std::map<std::string, RobotBody>& bodies) {
   const auto own = bodies.find(robot);
-  if (own == bodies.end()) throw options::Error("robot '" + robot + "' is not among the fleet's bodies");
+  if (own == bodies.end()) throw options::Error("robot '" + robot + "' is not listed in the fleet file");
   double radius = 0.0;
   for (const auto& vertex : own->second.outline()) radius = std::max(radius, vertex.norm());
   return radius;
 }
 
-/// The paper's rule asks the vectors alone.
+/// Choi's rule uses the flow vectors alone, so pieces of peers are not matched.
 tracking::TrackerOptions trackerOptions(const Classifier::Options& options) {
   tracking::TrackerOptions tracker = options.tracker;
-  tracker.pieces = options.kind.method != "choi";
+  tracker.pieces = options.kind.method != "vectors";
   return tracker;
 }
 
@@ -47,34 +47,35 @@ Classifier::Options Classifier::Options::read(const options::Section& section) {
 
 Classifier::Classifier(const Options& options, const std::string& robot,
                        const std::map<std::string, RobotBody>& bodies)
-    : paper_centroids_(options.kind.method == "choi"),
+    : paper_centroids_(options.kind.method == "vectors"),
       peers_(options.peers, robot, bodies),
       tracker_(trackerOptions(options)),
       judge_(options.kind, ownRadius(robot, bodies)) {}
 
-/// What the vectors told of heights and points rests on the motion, too.
-const LocalMap& Classifier::checked(const LocalMap& told) {
-  if (told.state != FrameState::kOk || paper_centroids_) return told;
-  const auto motion = tracking::seenStep(tracker_.tracks(), told, own_motion_);
-  if (!motion) return told;
-  refuted_ = told;
-  refuted_.motion = *motion;
-  for (ObjectObservation& object : refuted_.objects) {
+/// Returns the local map with the motion corrected by the objects. Heights and points computed from the
+/// rejected motion are removed.
+const LocalMap& Classifier::withCheckedMotion(const LocalMap& received) {
+  if (received.state != FrameState::kOk || paper_centroids_) return received;
+  const auto motion = tracking::checkMotion(tracker_.tracks(), received, own_motion_);
+  if (!motion) return received;
+  corrected_ = received;
+  corrected_.motion = *motion;
+  for (ObjectObservation& object : corrected_.objects) {
     object.height_m = object.height_sigma_m = 0.0;
     object.vectors.clear();
   }
-  return refuted_;
+  return corrected_;
 }
 
-const Objects& Classifier::process(const LocalMap& told, const std::vector<PoseEstimate>& poses) {
-  const LocalMap& local_map = checked(told);
+const Objects& Classifier::process(const LocalMap& received, const std::vector<PoseEstimate>& poses) {
+  const LocalMap& local_map = withCheckedMotion(received);
   const bool seeing = local_map.state == FrameState::kOk;
-  passOn(local_map);
+  copyHeader(local_map);
   if (seeing || local_map.motion.valid) {
     const bool continuous = own_motion_.advance(local_map.motion, local_map.acquired_ns);
     tracker_.predict(own_motion_, continuous);
   } else {
-    tracker_.unsee();
+    tracker_.markUnseen();
   }
   std::vector<tracking::Peer>& peers = peers_.predict(poses, own_motion_);
   if (const PoseEstimate* own = peers_.own()) own_motion_.locate(own->acquired_ns, own->map_from_base);
@@ -89,7 +90,7 @@ const Objects& Classifier::process(const LocalMap& told, const std::vector<PoseE
   return objects_;
 }
 
-void Classifier::passOn(const LocalMap& local_map) {
+void Classifier::copyHeader(const LocalMap& local_map) {
   objects_.robot = local_map.robot;
   objects_.acquired_ns = local_map.acquired_ns;
   objects_.sequence = local_map.sequence;
@@ -113,9 +114,11 @@ void Classifier::labelScan(const LocalMap& local_map) {
   for (std::size_t i = 0; i < rays; ++i) {
     const std::uint16_t label = scan.object[i];
     scan.object[i] = 0;
-    if (scan.label[i] == RayLabel::kUndecided) scan.label[i] = RayLabel::kFloorEnd;  // so far
+    if (scan.label[i] == RayLabel::kUndecided)
+      scan.label[i] = RayLabel::kFloorEnd;  // `objects` has no undecided label
     if (scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd) continue;
-    if (scan.label[i] == RayLabel::kObstacle && label == 0) continue;  // a wall, as a laser knows it
+    if (scan.label[i] == RayLabel::kObstacle && label == 0)
+      continue;  // a wall that the laser mapper has labelled
     scan.label[i] = RayLabel::kUnknown;
     const auto hit = std::find_if(local_map.objects.begin(), local_map.objects.end(),
                                   [&](const ObjectObservation& object) { return object.label == label; });

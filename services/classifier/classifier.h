@@ -1,7 +1,7 @@
 #pragma once
 
-// Choi et al. 2014, §IV.2 (eq. 8, Fig. 11): which objects of a local map are robots, which are obstacles,
-// followed from frame to frame.
+// Choi et al. 2014, §IV.2 (eq. 8, Fig. 11): tracks the objects of a local map from frame to frame and
+// classifies them as robots or obstacles.
 
 #include <map>
 #include <string>
@@ -16,9 +16,9 @@
 
 namespace omnifleet::classifier {
 
-/// One per robot. Departs from the paper where it must: Choi tells robots from obstacles by the vectors
-/// alone, which says nothing while robots stand; here motion over the floor, the known bodies and the
-/// published poses decide together (tracking/kind.h). `method: choi` is the paper's own rule.
+/// Classifier of one robot. Choi classifies by the flow vectors alone, which give no information while the
+/// robots stand. This class combines motion over the floor, the known bodies and the published poses
+/// (tracking/kind.h). `method: vectors` selects Choi's rule.
 class Classifier {
  public:
   struct Options {
@@ -29,22 +29,25 @@ class Classifier {
     static Options read(const options::Section& section);
   };
 
-  /// `bodies`: every robot of the fleet by name, the own one too. Throws options::Error if `robot` is not
-  /// among them.
+  /// `bodies`: bodies of all robots of the fleet by name, including this one. Throws options::Error if
+  /// `robot` is not among them.
   Classifier(const Options& options, const std::string& robot,
              const std::map<std::string, RobotBody>& bodies);
 
-  /// Where the robots start, known before anybody has published a pose; for the first local map's time.
-  void assume(const std::vector<PoseEstimate>& starts) { peers_.assume(starts); }
+  /// Sets the initial poses of the robots at the time of the first local map. They are used until the first
+  /// pose is published.
+  void setInitialPoses(const std::vector<PoseEstimate>& initial_poses) {
+    peers_.setInitialPoses(initial_poses);
+  }
 
-  /// One sample out per sample in, in time order. `poses`: the latest published estimates of all robots (the
-  /// own one too) at the previous frame; may be empty, invalid or old. An invalid local map gives objects of
-  /// the same state with every track predicted and none visible. The result lives until the next call.
+  /// Processes one sample, in time order. `poses` holds the latest published poses of all robots, including
+  /// this one, at the previous frame; it may be empty, invalid or old. An invalid local map gives objects of
+  /// the same state, with every track predicted and none visible. The result is valid until the next call.
   const Objects& process(const LocalMap& local_map, const std::vector<PoseEstimate>& poses);
 
  private:
-  const LocalMap& checked(const LocalMap& told);
-  void passOn(const LocalMap& local_map);
+  const LocalMap& withCheckedMotion(const LocalMap& received);
+  void copyHeader(const LocalMap& local_map);
   void placeByCentroids(const LocalMap& local_map);
   void labelScan(const LocalMap& local_map);
 
@@ -53,7 +56,7 @@ class Classifier {
   tracking::Peers peers_;
   tracking::Tracker tracker_;
   tracking::KindJudge judge_;
-  LocalMap refuted_;  ///< one whose motion what stands around refutes, with that which it shows
+  LocalMap corrected_;  ///< local map with a corrected motion, if the objects reject that of the wheels
   Objects objects_;
 };
 

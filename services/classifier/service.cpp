@@ -9,20 +9,20 @@ std::string ownRobot(const bus::ServiceContext& context, const fleet::Fleet& fle
   return fleet.robot(context.options.robot).name;
 }
 
-/// As the fleet file tells them: near enough to say which of the things around is whom.
-std::vector<PoseEstimate> startsOf(const fleet::Fleet& fleet) {
+/// Initial poses of the fleet file. Their σ is small enough to identify the robots among the objects.
+std::vector<PoseEstimate> initialPosesOf(const fleet::Fleet& fleet) {
   constexpr double kSigma_m = 0.05, kSigma_rad = 0.05;
-  std::vector<PoseEstimate> starts;
+  std::vector<PoseEstimate> initial_poses;
   for (const auto& robot : fleet.robots) {
     if (!robot.initial_pose) continue;
-    PoseEstimate start;
-    start.robot = robot.name;
-    start.valid = true;
-    start.map_from_base = *robot.initial_pose;
-    start.covariance.diagonal() << kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad;
-    starts.push_back(start);
+    PoseEstimate pose;
+    pose.robot = robot.name;
+    pose.valid = true;
+    pose.map_from_base = *robot.initial_pose;
+    pose.covariance.diagonal() << kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad;
+    initial_poses.push_back(pose);
   }
-  return starts;
+  return initial_poses;
 }
 
 }  // namespace
@@ -39,7 +39,7 @@ ClassifierService::ClassifierService(const bus::ServiceContext& context, const f
            fleet::expectedReaders(fleet, "objects", context.options.robot)),
       classifier_(classifier::Classifier::Options::read(fleet.service("classifier")),
                   ownRobot(context, fleet), fleet.bodies()),
-      starts_(context.options.life == 1 ? startsOf(fleet) : std::vector<PoseEstimate>{}) {
+      initial_poses_(context.options.incarnation == 1 ? initialPosesOf(fleet) : std::vector<PoseEstimate>{}) {
   if (!context.options.out.empty()) tracks_.open(status(), context.options.out, context.options.robot);
 }
 
@@ -69,7 +69,7 @@ void ClassifierService::process() {
   const auto begun = steady_clock::now();
   const std::vector<PoseEstimate>& known = poses_.take(batch_.feedback);
   const auto& local_map = std::get<LocalMap>(batch_.inputs.front().payload);
-  if (!starts_.empty()) assumeStarts(local_map.acquired_ns);
+  if (!initial_poses_.empty()) assumeInitialPoses(local_map.acquired_ns);
   const Objects& objects = classifier_.process(local_map, known);
   adapters::toWire(objects, runClock(context_.options), sample_);
   out_.write(sample_, status());
@@ -77,10 +77,10 @@ void ClassifierService::process() {
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);
 }
 
-void ClassifierService::assumeStarts(TimeNs now_ns) {
-  for (PoseEstimate& start : starts_) start.acquired_ns = now_ns;
-  classifier_.assume(starts_);
-  starts_.clear();
+void ClassifierService::assumeInitialPoses(TimeNs now_ns) {
+  for (PoseEstimate& pose : initial_poses_) pose.acquired_ns = now_ns;
+  classifier_.setInitialPoses(initial_poses_);
+  initial_poses_.clear();
 }
 
 void ClassifierService::drain() {

@@ -13,8 +13,8 @@
 
 namespace omnifleet::services {
 
-/// One robot's local maps in, one sample of objects per frame out; the fleet's poses of the previous frame
-/// feed back.
+/// Reads one robot's local maps and the fleet's poses of the previous frame. Publishes one sample of objects
+/// per frame.
 class ClassifierService : public bus::Service {
  public:
   ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -33,7 +33,7 @@ class ClassifierService : public bus::Service {
 
   bool pull();
   void process();
-  void assumeStarts(TimeNs now_ns);
+  void assumeInitialPoses(TimeNs now_ns);
 
   bus::ServiceContext context_;
   bus::TimeMerger<Payload> merger_;
@@ -43,8 +43,8 @@ class ClassifierService : public bus::Service {
   PoseFeedback<Payload> poses_;
   Outlet<v1::Objects> out_;
   classifier::Classifier classifier_;
-  std::vector<PoseEstimate> starts_;          ///< until the first local map
-  SideOutput<dataset::TracksWriter> tracks_;  ///< what `evaluate` scores robots against obstacles by
+  std::vector<PoseEstimate> initial_poses_;   ///< used for the first local map
+  SideOutput<dataset::TracksWriter> tracks_;  ///< input of `evaluate` for the classification score
   v1::Objects sample_;
   bool ended_ = false;
 };

@@ -11,9 +11,9 @@ namespace {
 
 using std::chrono::steady_clock;
 
-constexpr auto kPatience =
-    std::chrono::milliseconds(300);  // for the repeated command to arrive after matching
-constexpr auto kNap = std::chrono::milliseconds(50);
+constexpr auto kReceiveTime =
+    std::chrono::milliseconds(300);  // for the current command to arrive after the match
+constexpr auto kPollPeriod = std::chrono::milliseconds(50);
 
 }  // namespace
 
@@ -24,13 +24,13 @@ CommandSender::CommandSender(bus::Bus& bus, const bus::Topics& topics, const fle
       states_(bus.reader(topics.formation_state)),
       command_(formation::Formation::Options::read(fleet.service("formation")).command) {
   command_.fleet = fleet.name;
-  for (const std::string& robot : fleet.mappingRobots()) obeyed_ns_[robot] = -1;
+  for (const std::string& robot : fleet.mappingRobots()) command_ns_[robot] = -1;
 }
 
 bool CommandSender::send(const CommandRequest& request, TimeNs now_ns, std::chrono::nanoseconds timeout) {
   const auto until = steady_clock::now() + timeout;
-  if (!waitForAll(until)) return false;
-  learn(std::min(until, steady_clock::now() + kPatience));
+  if (!waitForFormations(until)) return false;
+  receiveCurrent(std::min(until, steady_clock::now() + kReceiveTime));
   if (request.shape) command_.shape = *request.shape;
   if (request.distance_m) command_.distance_m = *request.distance_m;
   if (request.angle_rad) command_.angle_rad = *request.angle_rad;
@@ -41,20 +41,20 @@ bool CommandSender::send(const CommandRequest& request, TimeNs now_ns, std::chro
   v1::FormationCommand wire;
   adapters::toWire(command_, adapters::RunClock::kSystem, wire);
   if (!out_->write(wire)) throw std::runtime_error("formation/command: " + out_->error());
-  return listen(until);
+  return awaitFollowers(until);
 }
 
-/// Our own reader and writer match each other too.
-bool CommandSender::waitForAll(steady_clock::time_point until) {
-  const int formations = static_cast<int>(obeyed_ns_.size());
+/// The own reader and writer match each other too.
+bool CommandSender::waitForFormations(steady_clock::time_point until) {
+  const int formations = static_cast<int>(command_ns_.size());
   while (out_->matched() < formations + 1 || in_->matched() < formations + 1) {
     if (bus_.stopping() || steady_clock::now() >= until) return false;
-    bus_.wait(kNap);
+    bus_.wait(kPollPeriod);
   }
   return true;
 }
 
-void CommandSender::learn(steady_clock::time_point until) {
+void CommandSender::receiveCurrent(steady_clock::time_point until) {
   v1::FormationCommand wire;
   while (steady_clock::now() < until && !bus_.stopping()) {
     motion::FormationCommand command;
@@ -65,27 +65,27 @@ void CommandSender::learn(steady_clock::time_point until) {
         command_ = command;
       }
     }
-    bus_.wait(kNap);
+    bus_.wait(kPollPeriod);
   }
 }
 
-bool CommandSender::listen(steady_clock::time_point until) {
+bool CommandSender::awaitFollowers(steady_clock::time_point until) {
   v1::FormationState wire;
   while (true) {
     while (states_->take(wire)) {
-      const auto robot = obeyed_ns_.find(wire.robot().to_string());
-      if (robot != obeyed_ns_.end()) robot->second = wire.command_ns();
+      const auto robot = command_ns_.find(wire.robot().to_string());
+      if (robot != command_ns_.end()) robot->second = wire.command_ns();
     }
     if (missing().empty()) return true;
     if (bus_.stopping() || steady_clock::now() >= until) return false;
-    bus_.wait(kNap);
+    bus_.wait(kPollPeriod);
   }
 }
 
 std::vector<std::string> CommandSender::missing() const {
   std::vector<std::string> robots;
-  for (const auto& [robot, obeyed_ns] : obeyed_ns_) {
-    if (obeyed_ns < command_.acquired_ns || obeyed_ns < 0) robots.push_back(robot);
+  for (const auto& [robot, command_ns] : command_ns_) {
+    if (command_ns < command_.acquired_ns || command_ns < 0) robots.push_back(robot);
   }
   return robots;
 }

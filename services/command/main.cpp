@@ -1,4 +1,4 @@
-// Tells a running fleet its formation: shape, distance, angle, way.
+// Sends a formation command to a running fleet: shape, distance, angle, waypoints.
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -31,7 +31,8 @@ Eigen::Vector2d pointOf(const std::string& text) {
     throw CLI::ValidationError("--waypoints", "'" + text + "' is not X,Y in metres");
   constexpr double kFarthest_m = 1000.0;
   if (point.cwiseAbs().maxCoeff() > kFarthest_m)
-    throw CLI::ValidationError("--waypoints", "'" + text + "' lies beyond 1000 m: X and Y are metres in map");
+    throw CLI::ValidationError("--waypoints",
+                               "'" + text + "' is beyond 1000 m; X and Y are metres in the map frame");
   return point;
 }
 
@@ -45,26 +46,30 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   double distance_m = 0.0, angle_rad = 0.0;
   std::vector<std::string> waypoints;
   app.add_option("fleet", line.fleet, "fleet file of the running fleet")->required();
-  app.add_option("--config", line.overlays, "option overlay, as the fleet was started with");
+  app.add_option("--config", line.overlays,
+                 "YAML on top of the fleet file, the same as at the start of the fleet");
   auto* with_shape = app.add_option("--shape", shape, "line, column, wedge or triangle")
                          ->check(CLI::IsMember({"line", "column", "wedge", "triangle"}));
-  auto* with_distance = app.add_option("--distance", distance_m, "d, metres to the robot that is followed")
+  auto* with_distance = app.add_option("--distance", distance_m, "d, distance to the robot ahead, metres")
                             ->check(within({0.1, 20.0}));
-  auto* with_angle = app.add_option("--angle", angle_rad, "θ, radians between it and the own heading")
-                         ->check(within({0.0, 3.2}));
-  auto* with_way = app.add_option("--waypoints", waypoints, "X,Y … in map, metres; the last one is the goal")
-                       ->expected(1, 64);
-  auto* with_halt = app.add_flag("--halt", line.request.halt, "stand until the next command")->excludes(with_way);
-  app.add_option("--wait", line.wait_s, "seconds to wait until every robot obeys")
+  auto* with_angle =
+      app.add_option("--angle", angle_rad, "θ, angle between the robot ahead and the own heading, radians")
+          ->check(within({0.0, 3.2}));
+  auto* with_way =
+      app.add_option("--waypoints", waypoints, "X,Y … in the map frame, metres; the last one is the goal")
+          ->expected(1, 64);
+  auto* with_halt =
+      app.add_flag("--halt", line.request.halt, "stop until the next command")->excludes(with_way);
+  app.add_option("--wait", line.wait_s, "seconds to wait until every robot follows the command")
       ->check(within({0.1, 3600.0}));
   app.add_option("--domain", line.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
   app.parse(argc, argv);
-  if (with_shape->count() + with_distance->count() + with_angle->count() + with_way->count() + with_halt->count() ==
+  if (with_shape->count() + with_distance->count() + with_angle->count() + with_way->count() +
+          with_halt->count() ==
       0)
-    throw CLI::ValidationError("nothing to command",
-                               "give --shape, --distance, --angle, --waypoints or --halt");
+    throw CLI::ValidationError("no command", "give --shape, --distance, --angle, --waypoints or --halt");
   if (with_shape->count() > 0) line.request.shape = shapes.at(shape);
   if (with_distance->count() > 0) line.request.distance_m = distance_m;
   if (with_angle->count() > 0) line.request.angle_rad = angle_rad;
@@ -81,16 +86,18 @@ int send(const CommandLine& line) {
   const auto bus = bus::makeDdsBus(options);
   services::CommandSender sender(*bus, bus::Topics(bus::RunMode::kLive), fleet);
   const auto now = std::chrono::system_clock::now().time_since_epoch();
-  const bool obeyed = sender.send(line.request, std::chrono::nanoseconds(now).count(),
-                                  std::chrono::milliseconds(static_cast<int>(1e3 * line.wait_s)));
+  const bool followed = sender.send(line.request, std::chrono::nanoseconds(now).count(),
+                                    std::chrono::milliseconds(static_cast<int>(1e3 * line.wait_s)));
   const auto& sent = sender.sent();
-  if (obeyed) {
+  if (followed) {
     std::printf("%s: %s, d %.2f m, angle %.2f rad%s\n", fleet.name.c_str(), motion::toString(sent.shape),
                 sent.distance_m, sent.angle_rad, sent.halt ? ", halted" : "");
     return static_cast<int>(bus::ExitCode::kOk);
   }
   for (const std::string& robot : sender.missing())
-    std::fprintf(stderr, "no answer from the formation of %s\n", robot.c_str());
+    std::fprintf(stderr,
+                 "the formation of %s did not confirm the command; check its status (scripts/status.sh)\n",
+                 robot.c_str());
   return static_cast<int>(bus::ExitCode::kFailure);
 }
 
@@ -98,7 +105,7 @@ int send(const CommandLine& line) {
 
 int main(int argc, char** argv) {
   using omnifleet::bus::ExitCode;
-  CLI::App app{"Tells a running fleet its formation; what is not given stays as it is"};
+  CLI::App app{"Sends a formation command to a running fleet; values that are not given stay unchanged"};
   CommandLine line;
   try {
     parse(app, argc, argv, line);

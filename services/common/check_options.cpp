@@ -28,7 +28,7 @@ void checkFormation(const fleet::Fleet& fleet) {
   const std::string leader = formation::Formation::Options::read(section).leader;
   const std::vector<std::string> robots = fleet.mappingRobots();
   if (leader.empty() || std::find(robots.begin(), robots.end(), leader) != robots.end()) return;
-  section.fail("leader", fmt::format("'{}' is no robot that drives in formation; these are {}", leader,
+  section.fail("leader", fmt::format("'{}' is not a robot of the formation; choose one of {}", leader,
                                      fmt::join(robots, ", ")));
 }
 
@@ -56,8 +56,8 @@ void checkOutput(const fleet::Fleet& fleet, const std::string& out) {
   const auto run = std::filesystem::weakly_canonical(out);
   const auto [end, at] = std::mismatch(recording.begin(), recording.end(), run.begin(), run.end());
   if (end != recording.end()) return;
-  throw options::Error("--out " + out + " lies in the recording " + fleet.dataset +
-                       ", which is never written to");
+  throw options::Error("--out " + out + " is inside the recording " + fleet.dataset +
+                       "; recordings are not modified, choose another folder");
 }
 
 void makeOutput(const std::string& folder) {
@@ -71,7 +71,7 @@ void makeOutput(const std::string& folder) {
   }
 }
 
-void forgetPaths(const fleet::Fleet& fleet, const std::string& out, const std::string& host) {
+void removeOldTrajectories(const fleet::Fleet& fleet, const std::string& out, const std::string& host) {
   namespace fs = std::filesystem;
   const auto processes = fleet::processes(fleet, host);
   if (std::none_of(processes.begin(), processes.end(),
@@ -86,7 +86,8 @@ void forgetPaths(const fleet::Fleet& fleet, const std::string& out, const std::s
       }
     }
   } catch (const fs::filesystem_error& error) {
-    throw options::Error(std::string("--out: paths of an earlier run cannot be removed: ") + error.what());
+    throw options::Error(std::string("--out: cannot remove the trajectories of an earlier run: ") +
+                         error.what());
   }
 }
 

@@ -4,24 +4,26 @@
 
 namespace omnifleet::services {
 
-/// Reads every option of every service as the services themselves will. Throws options::Error for the first
-/// that is unknown, of a wrong type or out of range, so that nothing is started with a bad one.
+/// Reads all options of all services, as the services do. Throws options::Error for the first unknown option,
+/// wrong type or value out of range, so that no service starts with an invalid option.
 void checkOptions(const fleet::Fleet& fleet);
 
-/// Throws options::Error for a camera whose lens cannot be inverted or that sees no floor, as its stage will.
+/// Throws options::Error for a camera whose lens model cannot be inverted or that cannot see the floor, as
+/// the local mapper does.
 void checkCameras(const fleet::Fleet& fleet);
 
-/// Throws options::Error when the run directory is the recording or lies in it: recordings are never written
-/// to.
+/// Throws options::Error when the run directory is the recording or a folder in it: recordings are never
+/// modified.
 void checkOutput(const fleet::Fleet& fleet, const std::string& out);
 
-/// Makes a folder to write to. Throws options::Error where nothing can be written, before the run whose
-/// results would be lost.
+/// Creates an output folder. Throws options::Error when it is not writable, before a run whose results would
+/// be lost.
 void makeOutput(const std::string& folder);
 
-/// Removes the paths that an earlier run left there: no map that is saved later replaces that of a robot that
-/// is never located now. Only where this host (empty: any) merges, and at the start of a run: a merger that
-/// takes over must not lose the paths of robots that are done. Throws options::Error.
-void forgetPaths(const fleet::Fleet& fleet, const std::string& out, const std::string& host = {});
+/// Removes the trajectory files of an earlier run from the run directory. Otherwise the file of a robot that
+/// is never localized in this run would be an old one. Only on a host (empty: any) that runs a global merger,
+/// and only at the start of a run: a restarted merger must keep the trajectories of robots that have
+/// finished. Throws options::Error.
+void removeOldTrajectories(const fleet::Fleet& fleet, const std::string& out, const std::string& host = {});
 
 }  // namespace omnifleet::services

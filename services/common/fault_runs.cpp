@@ -4,23 +4,26 @@
 
 namespace omnifleet::services {
 
-std::vector<std::string> FaultRuns::add(const std::string& where, const std::string& fault) {
+std::vector<Message> FaultRuns::add(const std::string& where, const Message& fault) {
   if (fault == fault_) {
     ++frames_;
     return {};
   }
-  std::vector<std::string> said = end();
+  std::vector<Message> messages = end();
   fault_ = fault;
   frames_ = 1;
-  if (!fault.empty()) said.push_back(where + ": " + fault);
-  return said;
+  if (fault.code != ErrorCode::kNone)
+    messages.push_back({fault.code, fmt::format("{}: {}; frame rejected", where, fault.text)});
+  return messages;
 }
 
-std::vector<std::string> FaultRuns::end() {
-  std::vector<std::string> said;
-  if (!fault_.empty() && frames_ > 1) said.push_back(fmt::format("{} frames in a row: {}", frames_, fault_));
-  fault_.clear();
-  return said;
+std::vector<Message> FaultRuns::end() {
+  std::vector<Message> messages;
+  if (fault_.code != ErrorCode::kNone && frames_ > 1)
+    messages.push_back(
+        {fault_.code, fmt::format("{} consecutive frames rejected: {}", frames_, fault_.text)});
+  fault_ = {};
+  return messages;
 }
 
 }  // namespace omnifleet::services

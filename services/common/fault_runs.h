@@ -4,20 +4,22 @@
 #include <string>
 #include <vector>
 
+#include "observation/error_code.h"
+
 namespace omnifleet::services {
 
-/// What is to be said of frames that are not usable: of several in a row with the same fault (a camera of
-/// another size than its calibration) the first, and how many there were when that is over. The status counts
-/// each.
+/// Messages about rejected frames: of several in a row with the same fault only the first is reported, and
+/// their number when the run is over. The status counts each.
 class FaultRuns {
  public:
-  /// One frame; `fault`: what is wrong, empty where nothing is. `where` names the frame.
-  std::vector<std::string> add(const std::string& where, const std::string& fault);
-  /// No frame comes any more.
-  std::vector<std::string> end();
+  /// One frame. @param where names the frame @param fault its code is kNone for a good frame
+  /// @return the messages to report
+  std::vector<Message> add(const std::string& where, const Message& fault);
+  /// The stream has ended. @return the messages to report
+  std::vector<Message> end();
 
  private:
-  std::string fault_;  ///< of the frames before; empty: they were usable
+  Message fault_;  ///< of the preceding frames
   std::uint64_t frames_ = 0;
 };
 

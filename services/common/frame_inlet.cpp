@@ -1,5 +1,7 @@
 #include "common/frame_inlet.h"
 
+#include "common/messages.h"
+
 namespace omnifleet::services {
 
 FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends)
@@ -9,25 +11,25 @@ FrameInlet::FrameInlet(const bus::ServiceContext& context, const fleet::CameraSp
       may_lose_(context.options.mode == bus::RunMode::kLive) {
   ends.listen(name_, [this](TimeNs last, std::uint64_t) {
     end_ns_ = last;
-    last_heard_ = std::chrono::steady_clock::now();
+    last_event_ = std::chrono::steady_clock::now();
   });
 }
 
 bool FrameInlet::ended() const {
   if (!end_ns_ || reader_->holding()) return false;
-  return last_ns_ >= *end_ns_ || (may_lose_ && std::chrono::steady_clock::now() - last_heard_ >= kGrace);
+  return last_ns_ >= *end_ns_ || (may_lose_ && std::chrono::steady_clock::now() - last_event_ >= kGrace);
 }
 
 std::optional<bus::FrameView> FrameInlet::take(bus::StatusBoard& status) {
   while (auto frame = reader_->take()) {
     if (frame->header.acquired_ns > last_ns_) {
       last_ns_ = frame->header.acquired_ns;
-      last_heard_ = std::chrono::steady_clock::now();
+      last_event_ = std::chrono::steady_clock::now();
       return frame;
     }
     reader_->release();
     status.dropped();
-    status.error(name_ + ": a frame out of order was left out");
+    status.report(sampleOutOfOrder(name_));
   }
   return std::nullopt;
 }
@@ -37,14 +39,14 @@ bool FrameInlet::release(bus::StatusBoard& status) {
   reader_->release();
   if (!valid) {
     status.dropped();
-    status.error(name_ + ": a frame was overwritten while it was used");
+    status.report(frameOverwritten(name_));
   }
   return valid;
 }
 
 cv::Mat asMat(const bus::FrameView& frame) {
   if (!frame.data || frame.header.bytes() == 0) return {};
-  // The loan is read-only memory of the writer; nobody writes through this Mat.
+  // The loan is read-only memory of the writer. This Mat must not be written.
   return {frame.header.height_px, frame.header.width_px, frame.header.channels == 1 ? CV_8UC1 : CV_8UC3,
           const_cast<std::uint8_t*>(frame.data)};
 }

@@ -11,18 +11,18 @@
 
 namespace omnifleet::services {
 
-/// The frames of one camera as a stage reads them: one loan at a time, torn frames told, the end heard.
+/// The frames of one camera as input of a stage: one loan at a time; reports torn frames and detects the end.
 class FrameInlet {
  public:
   FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends);
 
-  /// The next frame, on loan until release(); nothing while one is held or none is there. Frames that do not
-  /// come later than the last one are counted and left out.
+  /// The next frame, on loan until release(). Empty while a loan is held or when no frame is available.
+  /// Frames that are not later than the last one are counted as dropped and skipped.
   std::optional<bus::FrameView> take(bus::StatusBoard& status);
-  /// Gives the loan back. False: the pixels were overwritten while they were used.
+  /// Returns the loan. Returns false when the pixels were overwritten while in use.
   bool release(bus::StatusBoard& status);
-  /// The camera has said its last word and everything was taken. Live, the last frames may have been
-  /// overwritten before they could be: what has not come within kGrace after that word is lost.
+  /// True when the camera has announced its end and all its frames were taken. In live mode the last frames
+  /// may have been overwritten; frames that do not arrive within kGrace after the announcement are lost.
   bool ended() const;
 
   static constexpr std::chrono::milliseconds kGrace{500};
@@ -33,10 +33,10 @@ class FrameInlet {
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
   bool may_lose_;
-  std::chrono::steady_clock::time_point last_heard_{};  ///< of the camera: a frame or its end
+  std::chrono::steady_clock::time_point last_event_{};  ///< time of the last frame or end announcement
 };
 
-/// The pixels without a copy: CV_8UC1 or CV_8UC3; empty where there are none.
+/// The pixels without a copy: CV_8UC1 or CV_8UC3; empty when the frame has none.
 cv::Mat asMat(const bus::FrameView& frame);
 
 }  // namespace omnifleet::services

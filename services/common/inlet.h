@@ -9,29 +9,31 @@
 
 #include "adapters/adapters.h"
 #include "bus/service.h"
+#include "common/messages.h"
 #include "common/run_ends.h"
 
 namespace omnifleet::services {
 
-/// What became of a sample: taken; not to be believed, but its place in the line is kept by an invalid one;
-/// or thrown away.
-enum class Taken { kGood, kInvalid, kRejected };
-inline Taken asTaken(Taken taken) {
-  return taken;
+/// Result of the conversion of a sample. kGood: valid. kInvalid: invalid, but an invalid sample keeps its
+/// place in the stream. kRejected: dropped.
+enum class Validity { kGood, kInvalid, kRejected };
+inline Validity asValidity(Validity validity) {
+  return validity;
 }
-inline Taken asTaken(bool good) {
-  return good ? Taken::kGood : Taken::kRejected;
+inline Validity asValidity(bool good) {
+  return good ? Validity::kGood : Validity::kRejected;
 }
-/// For the samples of which a stage owes its readers one per frame: adapters leave an invalid one behind.
-inline Taken orInvalid(bool good) {
-  return good ? Taken::kGood : Taken::kInvalid;
+/// For streams with exactly one sample per frame: adapters replace a bad sample by an invalid one.
+inline Validity orInvalid(bool good) {
+  return good ? Validity::kGood : Validity::kInvalid;
 }
 
-/// One input of a stage: a reader, its stream in the stage's TimeMerger and its end. `Wire` has a header().
+/// One input of a stage: a reader, its stream in the TimeMerger of the stage, and its end. `Wire` has a
+/// header().
 template <class Wire, class Payload>
 class Inlet {
  public:
-  /// Declares the stream. `end_name` is the stream's name on run/end.
+  /// Adds the stream to `merger`. spec.name is also its name on run/end.
   Inlet(std::unique_ptr<bus::Reader<Wire>> reader, bus::TimeMerger<Payload>& merger, RunEnds& ends,
         bus::StreamSpec spec)
       : reader_(std::move(reader)), merger_(merger) {
@@ -42,25 +44,26 @@ class Inlet {
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;
 
-  /// Moves all that has arrived into the merger. `convert(wire, payload)` says what became of a sample (or
-  /// true, false: good, rejected); all but the good ones are counted and told. Returns samples taken.
+  /// Moves all arrived samples into the merger. `convert(wire, payload)` returns the Validity of a sample, or
+  /// a bool (true: good, false: rejected). Samples that are not good are counted and reported. @return number
+  /// of samples taken
   template <class Convert>
   int pull(bus::StatusBoard& status, Convert convert) {
     int taken = 0;
     while (reader_->take(sample_)) {
       ++taken;
       Payload payload;
-      const Taken as = asTaken(convert(sample_, payload));
-      if (as != Taken::kGood) {
+      const Validity validity = asValidity(convert(sample_, payload));
+      if (validity != Validity::kGood) {
         status.dropped();
-        status.error(merger_.spec(stream_).name +
-                     ": a sample with a non-finite or unknown value was rejected");
+        status.report(sampleRejected(merger_.spec(stream_).name));
       }
-      if (as == Taken::kRejected) continue;
+      if (validity == Validity::kRejected) continue;
       if (!merger_.push(stream_, sample_.header().acquired_ns(), std::move(payload))) {
         status.dropped();
-        status.error(merger_.spec(stream_).name + ": a sample out of order was rejected");
+        status.report(sampleOutOfOrder(merger_.spec(stream_).name));
       }
+      if (last_ns_ == RunEnds::kNothing) first_ns_ = sample_.header().acquired_ns();
       last_ns_ = std::max(last_ns_, sample_.header().acquired_ns());
     }
     if (end_ns_ && last_ns_ >= *end_ns_) {
@@ -72,18 +75,23 @@ class Inlet {
   }
 
   int stream() const { return stream_; }
+  bool receivedAny() const { return last_ns_ != RunEnds::kNothing; }
+  /// Acquisition times of the first and the latest sample; valid if receivedAny().
+  TimeNs firstNs() const { return first_ns_; }
+  TimeNs lastNs() const { return last_ns_; }
   const bus::Reader<Wire>& reader() const { return *reader_; }
 
  private:
   std::unique_ptr<bus::Reader<Wire>> reader_;
   bus::TimeMerger<Payload>& merger_;
   int stream_ = -1;
+  TimeNs first_ns_ = 0;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
   Wire sample_;
 };
 
-/// The writer of one output stream with its count, for run/end.
+/// The writer of one output stream and its sample count for run/end.
 template <class Wire>
 class Outlet {
  public:
@@ -91,18 +99,18 @@ class Outlet {
       : writer_(std::move(writer)), name_(std::move(name)), readers_(readers) {}
 
   bus::Expectation expectation() const {
-    return {name_ + " read by " + std::to_string(readers_) + " stages",
+    return {std::to_string(readers_) + (readers_ == 1 ? " reader of " : " readers of ") + name_,
             [this] { return writer_->matched() >= readers_; }};
   }
 
-  /// Of a stage that its readers write to in turn: done while a write waits for them (bus::Writer::whileFull).
+  /// For stages whose readers also write to them: repeated while a write waits (bus::Writer::whileFull).
   void whileFull(std::function<void()> action) { writer_->whileFull(std::move(action)); }
 
-  /// Writes and counts; a failure goes to the status.
+  /// Writes and counts one sample. Reports a failure to the status.
   bool write(const Wire& sample, bus::StatusBoard& status) {
     if (!writer_->write(sample)) {
       status.dropped();
-      status.error(name_ + ": " + writer_->error());
+      status.report(writeFailed(name_, writer_->error()));
       return false;
     }
     last_ns_ = sample.header().acquired_ns();
@@ -126,7 +134,7 @@ class Outlet {
   bool ended_ = false;
 };
 
-/// What every stage reads of its surroundings once.
+/// Properties of the run that every stage reads once.
 bus::StreamMode streamMode(const bus::ServiceOptions& options);
 adapters::RunClock runClock(const bus::ServiceOptions& options);
 

@@ -10,10 +10,10 @@
 
 namespace omnifleet::services {
 
-/// The fleet's poses of the previous frame, fed back into an earlier stage. Robots' cameras need not be
-/// synchronous: what a pose says of the others' (`published`) keeps this stage from waiting for a frame that
-/// the estimator in its turn cannot take before this stage has moved on. Estimators that do not say it serve
-/// robots with common frame times only.
+/// Feeds the poses of the previous frame back into an earlier stage. Cameras of different robots need not be
+/// synchronous. A pose contains times of the other robots' published poses (`published`). These keep this
+/// stage from waiting for a pose that the estimator can publish only after this stage has continued
+/// (deadlock). An estimator that does not publish them supports only robots with common frame times.
 template <class Payload>
 class PoseFeedback {
  public:
@@ -29,7 +29,7 @@ class PoseFeedback {
     }
   }
 
-  /// Moves all that has arrived into the merger. True when anything had.
+  /// Moves all arrived poses into the merger. @return whether any pose arrived
   bool pull(bus::StatusBoard& status) {
     bool any = false;
     for (auto& inlet : poses_) {
@@ -45,7 +45,7 @@ class PoseFeedback {
     return any;
   }
 
-  /// The newest pose of every robot, this batch's included.
+  /// The newest pose of every robot, including this batch.
   const std::vector<PoseEstimate>& take(std::vector<typename bus::TimeMerger<Payload>::Item>& feedback) {
     for (auto& item : feedback) {
       if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) latest_[pose->robot] = *pose;

@@ -15,7 +15,7 @@ void RunEnds::listen(const std::string& stream, Ended ended) {
 }
 
 bool RunEnds::poll() {
-  bool heard = false;
+  bool received = false;
   while (reader_->take(sample_)) {
     const auto listener = listeners_.find(sample_.stream().to_string());
     if (listener == listeners_.end()) continue;
@@ -23,9 +23,9 @@ bool RunEnds::poll() {
     const Ended ended = std::move(listener->second);
     listeners_.erase(listener);
     ended(last, sample_.samples());
-    heard = true;
+    received = true;
   }
-  return heard;
+  return received;
 }
 
 void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t samples,
@@ -36,7 +36,7 @@ void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t sam
   adapters::fillHeader(last, 0, adapters::RunClock::kSystem, end.header());
   end.samples(samples);
   end.reason(reason.substr(0, 255));
-  // A reader that is gone cannot hear it; nothing else can fail for a keep-last topic.
+  // The write of a keep-last topic fails only if a reader is gone, which then needs no announcement.
   if (!writer_->write(end)) return;
 }
 

@@ -10,20 +10,20 @@
 
 namespace omnifleet::services {
 
-/// The run/end topic as one stage sees it: hears when its input streams end, says when its own have ended.
-/// Streams are named "<topic> <robot, camera or source>", e.g. "local_map r1".
+/// The run/end topic for one stage: receives the ends of its input streams and announces those of its output
+/// streams. Stream names are "<topic> <robot, camera or source>", e.g. "local_map r1".
 class RunEnds {
  public:
   explicit RunEnds(const bus::ServiceContext& context);
 
-  /// `ended` is called once, when the stream's end is heard, with the time of its last sample (kNothing when
-  /// there was none) and their number.
+  /// Called once, when the end of the stream is received. @param last time of the last sample, kNothing if
+  /// there was none @param samples number of samples
   using Ended = std::function<void(TimeNs last, std::uint64_t samples)>;
   void listen(const std::string& stream, Ended ended);
-  /// Takes what has arrived; true when anything was heard that someone listens for.
+  /// Processes the received ends. @return whether any of them belongs to a stream with a listener
   bool poll();
-  /// Our stream has ended. An empty reason is the regular end. Live, who is told to stop says nothing: he may
-  /// be started again, and whoever stops the whole fleet tells the others himself.
+  /// Announces the end of an output stream. An empty reason is the regular end. In live mode a stopped
+  /// service announces nothing: it may be restarted, and a stop of the whole fleet stops its readers as well.
   void announce(const std::string& stream, TimeNs last, std::uint64_t samples,
                 const std::string& reason = {});
 

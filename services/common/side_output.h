@@ -5,11 +5,13 @@
 #include <utility>
 
 #include "bus/status_board.h"
+#include "common/messages.h"
 
 namespace omnifleet::services {
 
-/// A file that a stage writes beside its work (a recording, what it took each track for). When it cannot be
-/// written, from the start or any more (disk full), the status says so once and the stage goes on without it.
+/// A file that a stage writes besides its output topics (a recording, its classifications). When the file
+/// cannot be opened or written (disk full), the status reports it once and the stage continues without the
+/// file.
 template <class Writer>
 class SideOutput {
  public:
@@ -18,7 +20,7 @@ class SideOutput {
     try {
       writer_.emplace(std::forward<Arguments>(arguments)...);
     } catch (const std::runtime_error& problem) {
-      status.error(problem.what(), true);
+      status.report(fileWriteFailed(problem.what()), true);
     }
   }
   template <class Write>
@@ -28,7 +30,7 @@ class SideOutput {
       write(*writer_);
     } catch (const std::runtime_error& problem) {
       writer_.reset();
-      status.error(problem.what(), true);
+      status.report(fileWriteFailed(problem.what()), true);
     }
   }
 

@@ -13,12 +13,14 @@ int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
   CLI::App app(
       "Compares a run with the truth of its recording: prints a table, writes OUT/metrics.json.\n"
-      "Exit code: 0 done, 1 a result of the run is missing or damaged or cannot be written, 2 bad input.");
+      "Exit code: 0 done, 1 a result of the run is missing or damaged or cannot be written, 2 invalid "
+      "input.");
   std::string out, recording, align = "none";
-  app.add_option("OUT", out, "folder of the run (--out)")->required();
-  app.add_option("DATASET", recording, "the recording, with groundtruth/")->required();
-  app.add_option("--align", align,
-                 "none, or fleet: first move the run as a whole onto the truth (a run whose frame is free)")
+  app.add_option("OUT", out, "run directory (its --out)")->required();
+  app.add_option("DATASET", recording, "recording with groundtruth/")->required();
+  app.add_option(
+         "--align", align,
+         "none, or fleet: first align the whole run to the truth (for a run with an arbitrary map frame)")
       ->check(CLI::IsMember({"none", "fleet"}))
       ->default_val("none");
   try {
@@ -32,7 +34,7 @@ int main(int argc, char** argv) {
         align == "fleet" ? omnifleet::evaluate::Frame::kFree : omnifleet::evaluate::Frame::kSame);
     omnifleet::dataset::writeAtomic(out + "/metrics.json", omnifleet::evaluate::metricsJson(report));
     if (std::fputs(omnifleet::evaluate::table(report).c_str(), stdout) < 0 || std::fflush(stdout) != 0)
-      throw std::runtime_error("the table cannot be written to the standard output");
+      throw std::runtime_error("cannot write the table to the standard output");
     return kOk;
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

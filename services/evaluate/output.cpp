@@ -11,10 +11,10 @@ namespace omnifleet::evaluate {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a dash
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // shown as a dash
 constexpr double kDegrees = 180.0 / M_PI;
 
-/// A number in a column; a dash where there is none.
+/// A number in a column; a dash for NaN.
 std::string cell(double value, int width, int decimals) {
   return std::isfinite(value) ? fmt::format("{:>{}.{}f}", value, width, decimals)
                               : fmt::format("{:>{}}", "-", width);
@@ -29,7 +29,7 @@ std::string mapTable(const Report& report) {
   text += fmt::format("  mean error x / y                 {} / {} cm\n", cell(100.0 * m.x_error_m, 6, 2),
                       cell(100.0 * m.y_error_m, 5, 2));
   text += fmt::format("  overlap of footprints (IoU)      {}\n", cell(m.iou, 7, 3));
-  text += fmt::format("  error of distances between them  {} cm\n", cell(100.0 * m.distances_error_m, 6, 2));
+  text += fmt::format("  error of mutual distances        {} cm\n", cell(100.0 * m.distances_error_m, 6, 2));
   text += "  true   map   dx cm   dy cm    IoU\n";
   for (const evaluation::ObstacleMatch& match : m.matches) {
     text += fmt::format("  {:>4}  {:>4} {} {} {}\n", report.truth[match.truth].id,
@@ -116,7 +116,7 @@ std::string pathTable(const Report& report) {
   return text;
 }
 
-/// Robots whose poses carry covariances, then all of them together.
+/// Robots with covariances, then all of them combined.
 std::vector<std::pair<std::string, evaluation::Consistency>> consistencies(const Report& report) {
   std::vector<std::pair<std::string, evaluation::Consistency>> rows;
   for (const RobotReport& r : report.robots) {
@@ -131,34 +131,36 @@ std::string consistencyTable(const Report& report) {
   const auto rows = consistencies(report);
   if (rows.empty()) return {};
   std::string text =
-      "Covariances    NEES  x, y   of samples: 95 % bounds   worth, independent: 95 % bounds   within 95 %\n";
+      "Covariances    NEES  x, y   of samples: 95 % bounds  independent samples: 95 % bounds   within 95 %\n";
   for (const auto& [name, c] : rows) {
-    const char* verdict = c.consistent() ? "" : c.mean > c.bounds.upper ? "  over-confident" : "  too modest";
+    const char* verdict = c.consistent()            ? ""
+                          : c.mean > c.bounds.upper ? "  over-confident"
+                                                    : "  conservative";
     text += fmt::format("  {:<10} {} {} {:>11}: {} – {} {:>19.0f}: {} – {} {} %{}\n", name,
                         cell(c.mean, 6, 2), cell(c.position, 5, 2), c.samples, cell(c.strict.lower, 4, 2),
                         cell(c.strict.upper, 4, 2), c.independent, cell(c.bounds.lower, 4, 2),
                         cell(c.bounds.upper, 5, 2), cell(100.0 * c.inside, 11, 1), verdict);
   }
-  const auto isModest = [](const auto& row) { return row.second.mean < row.second.bounds.lower; };
-  if (std::any_of(rows.begin(), rows.end(), isModest))
+  const auto isConservative = [](const auto& row) { return row.second.mean < row.second.bounds.lower; };
+  if (std::any_of(rows.begin(), rows.end(), isConservative))
     text +=
-        "  (too modest: lens or starts were truer than they may be; simulated ones are exact. "
-        "docs/methods.md, NEES)\n";
+        "  (conservative: lens or initial poses are more exact than assumed, as in simulation; "
+        "docs/methods/evaluation.md)\n";
   return text;
 }
 
 std::string kindTable(const evaluation::KindMetrics& kinds) {
   return fmt::format(
-      "Kinds       F1 robots {}, obstacles {}   (per object and frame; tracks where nothing is: {})\n",
+      "Kinds       F1 robots {}, obstacles {}   (per object and frame; tracks without a true object: {})\n",
       cell(kinds.robot.f1(), 5, 3), cell(kinds.obstacle.f1(), 5, 3), kinds.phantoms);
 }
 
 std::string freeSpaceTable(const evaluation::FreeSpaceMetrics& free) {
   std::string text = fmt::format("Free        {} m², of it in obstacles {}", cell(free.free_m2, 6, 2),
                                  cell(free.in_obstacles_m2, 5, 3));
-  if (free.outside_m2) text += fmt::format(", behind walls {} m²", cell(*free.outside_m2, 6, 2));
+  if (free.outside_m2) text += fmt::format(", outside the walls {} m²", cell(*free.outside_m2, 6, 2));
   if (free.walls_found)
-    text += fmt::format("; walls occupied along {} %", cell(100.0 * *free.walls_found, 5, 1));
+    text += fmt::format("; walls found along {} %", cell(100.0 * *free.walls_found, 5, 1));
   return text + "\n";
 }
 
@@ -242,7 +244,8 @@ std::string table(const Report& report) {
   if (report.map) text += mapTable(report);
   if (report.space) {
     text += fmt::format(
-        "Space       {} voxels above the floor, outside of true things: median {}, 90 % within {}, most {} "
+        "Space       {} voxels above the floor, distance outside the true obstacles: median {}, 90 % within "
+        "{}, max {} "
         "cm\n",
         report.space->points, cell(100.0 * report.space->median_m, 4, 1),
         cell(100.0 * report.space->share90_m, 4, 1), cell(100.0 * report.space->max_m, 4, 1));
@@ -256,7 +259,7 @@ std::string table(const Report& report) {
   }
   if (report.truth_from_map) {
     const Pose2& moved = *report.truth_from_map;
-    text += fmt::format("Frame       the run was moved onto the truth by ({:.3f}, {:.3f}) m, {:.2f}°\n",
+    text += fmt::format("Frame       the run is aligned to the truth by ({:.3f}, {:.3f}) m, {:.2f}°\n",
                         moved.x_m, moved.y_m, kDegrees * moved.theta_rad);
   }
   if (!report.robots.empty()) text += pathTable(report) + consistencyTable(report);

@@ -30,14 +30,14 @@ dataset::GroundTruth loadTruth(const std::string& folder) {
   }
 }
 
-/// The stream whose frames the trajectory follows.
+/// The image stream whose frames have the times of the trajectory.
 const dataset::ImageStream* frames(const dataset::RobotRecording* robot) {
   if (!robot) return nullptr;
   if (robot->fisheye) return &*robot->fisheye;
   return robot->front ? &*robot->front : nullptr;
 }
 
-/// Places carry the index of their image in data.csv.
+/// The nodes of the place graph have the index of their image in data.csv.
 void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
                    const std::vector<StampedPose>& truth, RobotReport& report) {
   std::vector<Eigen::Vector2d> got, expected;
@@ -54,7 +54,7 @@ void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
   if (got.size() > 1) report.shape_difference = evaluation::shapeDifference(got, expected);
 }
 
-/// Frames, else times of observations.
+/// Number of frames, or of observation times for a robot without camera.
 int expectedPoses(const dataset::RobotRecording* robot) {
   if (const dataset::ImageStream* stream = frames(robot)) return static_cast<int>(stream->rows.size());
   std::set<TimeNs> times;
@@ -64,14 +64,15 @@ int expectedPoses(const dataset::RobotRecording* robot) {
   return static_cast<int>(times.size());
 }
 
-/// Where the wheels alone put the robot at the times of the estimates, from the truth at the first of them.
+/// Dead reckoning from wheel odometry at the times of the estimates. Starts with the true pose at the first
+/// of them.
 std::vector<StampedPose> deadReckoning(const dataset::RobotRecording& robot,
                                        const std::vector<StampedPose>& truth,
                                        const std::vector<StampedPose>& estimate) {
   std::vector<StampedPose> path;
   StampedPose at;
   motion::WheelIntegrator::Options options;
-  options.hold_limit_s = 1e6;  // a row holds until the next
+  options.hold_limit_s = 1e6;  // a row is valid until the next one
   motion::WheelIntegrator wheels(robot.body.wheel_separation_m, options);
   for (const dataset::WheelRow& row : robot.wheels) wheels.add(row.time_ns, row.left_mps, row.right_mps);
   for (const StampedPose& pose : estimate) {
@@ -96,9 +97,10 @@ std::vector<StampedPose> readEstimate(const fs::path& out, const std::string& na
   return dataset::flat(dataset::readTum(path.string(), warnings));
 }
 
-/// A path of a robot that the recording does not have: the figures would be of nothing.
-void refuseAnothersRun(const fs::path& out, const std::string& dataset_folder,
-                       const dataset::Dataset& recording) {
+/// Rejects a run with the trajectory of a robot that the recording does not have: it belongs to another
+/// recording.
+void rejectForeignRun(const fs::path& out, const std::string& dataset_folder,
+                      const dataset::Dataset& recording) {
   if (!fs::is_directory(out / "trajectories")) return;
   std::vector<fs::path> paths;
   for (const auto& entry : fs::directory_iterator(out / "trajectories")) paths.push_back(entry.path());
@@ -109,12 +111,12 @@ void refuseAnothersRun(const fs::path& out, const std::string& dataset_folder,
                                       [&](const auto& robot) { return robot.name == name; });
     if (path.extension() == ".tum" && !is_known) {
       throw std::runtime_error(path.string() + ": " + dataset_folder + " has no robot '" + name +
-                               "'; give the recording that this run was made of");
+                               "'; give the recording of this run");
     }
   }
 }
 
-/// The rigid motion that brings all trajectories of a run together onto the truth (least squares).
+/// The rigid motion that aligns all trajectories of a run together to the truth (least squares).
 Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
   std::vector<dataset::StampedPose3> from, to;
   for (const auto& [name, poses] : truth.trajectories) {
@@ -130,7 +132,7 @@ Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
   return {fit.translation.x(), fit.translation.y(), std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
 }
 
-/// Takes the named objects out of both lists and compares them.
+/// Moves the named objects out of both lists and compares them.
 std::optional<LandmarkReport> compareLandmarks(Report& report) {
   LandmarkReport landmarks;
   for (const dataset::MapObject& object : report.truth) {
@@ -160,20 +162,20 @@ void moveObjects(const Pose2& truth_from_map, std::vector<dataset::MapObject>& o
   }
 }
 
-/// Nothing where the run tells no covariances.
-std::optional<evaluation::ToldPath> toldPath(const fs::path& out, const std::string& name,
-                                             const std::vector<StampedPose>& truth,
-                                             std::vector<std::string>* warnings) {
+/// Empty when the run has no covariances.
+std::optional<evaluation::EstimatedPath> estimatedPath(const fs::path& out, const std::string& name,
+                                                       const std::vector<StampedPose>& truth,
+                                                       std::vector<std::string>* warnings) {
   const fs::path path = out / "covariances" / (name + ".csv");
   if (!fs::exists(path)) return std::nullopt;
-  return evaluation::ToldPath{truth, readEstimate(out, name, nullptr),
-                              dataset::readCovariances(path.string(), warnings), kMaxGap_ns};
+  return evaluation::EstimatedPath{truth, readEstimate(out, name, nullptr),
+                                   dataset::readCovariances(path.string(), warnings), kMaxGap_ns};
 }
 
 evaluation::DatumPlaces placesOf(const fs::path& out, const dataset::GroundTruth& truth) {
-  std::vector<evaluation::ToldPath> fleet;
+  std::vector<evaluation::EstimatedPath> fleet;
   for (const auto& [name, poses] : truth.trajectories) {
-    if (auto told = toldPath(out, name, poses, nullptr)) fleet.push_back(std::move(*told));
+    if (auto path = estimatedPath(out, name, poses, nullptr)) fleet.push_back(std::move(*path));
   }
   return evaluation::placeData(fleet);
 }
@@ -215,7 +217,8 @@ std::optional<evaluation::KindMetrics> compareTracks(const fs::path& out, const 
   return sum;
 }
 
-/// What stands in the run's map above the floor; nothing without a map.bt or heights in the scene.
+/// Compares the voxels of the run's map above the floor with the true obstacles. Empty without map.bt or
+/// heights in the scene.
 std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
                                                      const std::vector<dataset::MapObject>& scene,
                                                      const Pose2& truth_from_map) {
@@ -227,7 +230,7 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
-/// What the run's grid calls free; nothing without a grid.
+/// Compares the free cells of the run's grid with the truth. Empty without a grid.
 std::optional<evaluation::FreeSpaceMetrics> compareGrid(const fs::path& map,
                                                         const dataset::GroundTruth& truth,
                                                         const Pose2& truth_from_map) {
@@ -244,12 +247,12 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
   const dataset::GroundTruth truth = loadTruth(dataset_folder);
   Report report;
   report.warnings = recording.warnings;
-  refuseAnothersRun(out, dataset_folder, recording);
+  rejectForeignRun(out, dataset_folder, recording);
   if (frame == Frame::kFree) report.truth_from_map = fleetAlignment(out, truth);
   if (truth.has_scene) {
     const fs::path path = fs::path(out) / "objects.geojson";
     if (!fs::exists(path)) {
-      throw std::runtime_error(path.string() + ": is missing; the run has not written its map (see " + out +
+      throw std::runtime_error(path.string() + ": not found; the run has not saved its map (see " + out +
                                "/log)");
     }
     report.truth = truth.scene;
@@ -263,17 +266,17 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
-  std::vector<evaluation::ToldPath> fleet;
+  std::vector<evaluation::EstimatedPath> fleet;
   const auto places = frame == Frame::kFree ? placesOf(out, truth) : evaluation::DatumPlaces{};
   for (const auto& [name, poses] : truth.trajectories) {
     report.robots.push_back(
         compareRobot(out, recording, name, poses, report.truth_from_map.value_or(Pose2{}), report.warnings));
-    const auto told = toldPath(out, name, poses, &report.warnings);
-    if (!told) continue;
-    const auto consistency = evaluation::checkConsistency(*told, places);
+    const auto path = estimatedPath(out, name, poses, &report.warnings);
+    if (!path) continue;
+    const auto consistency = evaluation::checkConsistency(*path, places);
     if (consistency.samples == 0) continue;
     report.robots.back().consistency = consistency;
-    fleet.push_back(*told);
+    fleet.push_back(*path);
   }
   if (!fleet.empty()) report.consistency = evaluation::checkFleet(fleet, places);
   report.kinds = compareTracks(out, truth, report.warnings);

@@ -50,16 +50,16 @@ bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
   for (const fleet::CameraSpec& camera : fleet.cameras) checkSource(camera, fleet);
   if (!run.out.empty()) {
     makeOutput(run.out);
-    forgetPaths(fleet, run.out);
+    removeOldTrajectories(fleet, run.out);
   }
   auto log =
       std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
   log->set_level(spdlog::level::from_str(run.log_level));
   const auto network = bus::makeFakeNetwork();
-  std::vector<std::unique_ptr<bus::Bus>> buses;  // outlive the services
+  std::vector<std::unique_ptr<bus::Bus>> buses;  // must outlive the services
   bus::InProcessFleet stages;
   bus::Service* counted = nullptr;
-  // Downstream first, so that the queues between the stages stay short.
+  // Downstream services first, which keeps the queues between the stages short.
   std::vector<fleet::ProcessSpec> processes = fleet::processes(fleet);
   for (auto process = processes.rbegin(); process != processes.rend(); ++process) {
     bus::FakeBusOptions bus_options;
@@ -70,9 +70,9 @@ bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
     if (process->service == "global_merger") counted = service.get();
     stages.add(process->service + " " + process->instance, std::move(service));
   }
-  stages.onProblem([&](const std::string& service, const std::string& problem) {
-    log->warn("{}: {}", service, problem);
-    if (run.on_problem) run.on_problem(service, problem);
+  stages.onMessage([&](const std::string& service, const Message& message) {
+    log->warn("{}: {}", service, toLogLine(message));
+    if (run.on_message) run.on_message(service, message);
   });
   return stages.run([&] {
     if (each_round && counted)

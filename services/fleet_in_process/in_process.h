@@ -10,21 +10,22 @@
 
 namespace omnifleet::services {
 
-/// What a run in one process needs to know.
+/// Options of a run in one process.
 struct InProcessRun {
-  std::string fleet_file;  ///< or
+  std::string fleet_file;  ///< this or `dataset`
   std::string dataset;     ///< a recording
   std::vector<std::string> overlays;
   std::string out;  ///< run directory; empty: nothing is saved
   std::string log_level = "warn";
-  /// Told every problem beside the log; may be empty.
-  std::function<void(const std::string& service, const std::string& problem)> on_problem;
+  /// Receives every message besides the log; may be empty.
+  std::function<void(const std::string& service, const Message& message)> on_message;
 };
 
 /// Runs every stage of a fleet on the fake bus, in this thread, to the end of the recording or arena. The
-/// services are the very ones of the processes. `each_round(frames_done)` is called now and then: frames that
-/// the first robot's merger has handled. Throws options::Error for bad options, std::runtime_error naming the
-/// stream that got stuck. False: the map could not be saved.
+/// services are those of the processes. `each_round(frames_done)` is called after each round of spins;
+/// `frames_done` is the number of frames that the merger of the first robot has processed. Throws
+/// options::Error for invalid options and std::runtime_error on deadlock, with the missing stream. Returns
+/// false when the map could not be saved.
 bool runInProcess(const InProcessRun& run,
                   const std::function<void(std::uint64_t frames_done)>& each_round = {});
 

@@ -1,4 +1,4 @@
-// All stages of a fleet in one process, on the in-process bus: for tests, seeds and experiments.
+// Runs all stages of a fleet in one process on the fake bus, for tests, seeds and experiments.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -6,11 +6,11 @@
 #include "fleet_in_process/in_process.h"
 
 int main(int argc, char** argv) {
-  CLI::App app{"Runs a whole fleet in one process, on a recording or in an arena"};
+  CLI::App app{"Runs a whole fleet in one process, with a recording or an arena"};
   omnifleet::services::InProcessRun run;
   auto* dataset = app.add_option("--dataset", run.dataset, "recording to replay");
   app.add_option("--fleet", run.fleet_file, "fleet file")->excludes(dataset);
-  app.add_option("--config", run.overlays, "option overlay, repeatable");
+  app.add_option("--config", run.overlays, "YAML on top of the fleet file; repeatable");
   app.add_option("--out", run.out, "run directory")->required();
   app.add_option("--log-level", run.log_level, "trace, debug, info, warn, error");
   try {

@@ -3,7 +3,7 @@
 namespace omnifleet::formation {
 namespace {
 constexpr double kSecondsPerNs = 1e-9;
-constexpr double kSpeedSmoothing = 0.5;  // share of the newest published step in the speed
+constexpr double kSpeedSmoothing = 0.5;  // weight of the latest published step in the speed
 }  // namespace
 
 double seconds(TimeNs from_ns, TimeNs to_ns) {

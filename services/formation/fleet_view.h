@@ -11,9 +11,9 @@
 
 namespace omnifleet::formation {
 
-/// Where the robots of the fleet are now, by what they have published: poses are a frame old or older, so
-/// each is carried on, the others' by their speed, the own one by the own motion since. Where others do not
-/// count, only the own pose is learned.
+/// Current poses of the fleet's robots, from their published poses. Published poses are at least one frame
+/// old, so each is propagated: those of other robots by their speed, the own pose by the own motion since. If
+/// others are not used, only the own pose is kept.
 class FleetView {
  public:
   FleetView(const std::string& robot, double pose_age_limit_s, bool others)
@@ -22,11 +22,11 @@ class FleetView {
   /// The own motion between two frames.
   void moved(TimeNs from_ns, TimeNs to_ns, const Pose2& from_from_to);
   void learn(const std::vector<PoseEstimate>& poses);
-  /// map_from_base of a robot now; nothing where its pose is too old.
+  /// Current map_from_base of a robot; nothing if its pose is too old.
   std::optional<Pose2> now(const std::string& robot, TimeNs now_ns) const;
-  /// From its latest two poses; zero for robots that have published none.
+  /// Estimated from the poses of a robot; zero before its second pose.
   motion::Twist twist(const std::string& robot) const;
-  /// What the localizer says of this robot's own tracks.
+  /// Sightings among this robot's own tracks, as published by the localizer.
   const std::vector<Sighting>& ownSightings() const;
 
  private:
@@ -45,10 +45,10 @@ class FleetView {
   double pose_age_limit_s_;
   bool others_;
   std::map<std::string, Known> known_;
-  std::deque<Moved> moved_;  ///< frame by frame, as far back as published poses may lie
+  std::deque<Moved> moved_;  ///< per frame, back to the age limit of published poses
 };
 
-/// A pose that a twist has carried on.
+/// The pose, propagated by a constant twist.
 Pose2 advanced(const Pose2& pose, const motion::Twist& twist, double dt_s);
 double seconds(TimeNs from_ns, TimeNs to_ns);
 

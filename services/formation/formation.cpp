@@ -9,12 +9,12 @@
 namespace omnifleet::formation {
 namespace {
 
-constexpr double kFirstStepS = 0.1;    // until two frames tell the period
-constexpr double kLongestStepS = 0.5;  // a gap in the frames lets nobody jump
+constexpr double kFirstStepS = 0.1;    // s, until two frames determine the period
+constexpr double kLongestStepS = 0.5;  // s, bounds the step after a gap in the frames
 constexpr double kJumpM = 0.15,
-                 kJumpRad = 0.1;  // no pose is corrected by more while a robot knows where it is
-constexpr double kStuckS = 1.0;   // s, a waypoint that cannot be got to for so long is passed
-constexpr double kThereM = 0.10;  // m, a way's end this near is reached
+                 kJumpRad = 0.1;    // larger pose corrections are treated as relocalization
+constexpr double kStuckS = 1.0;     // s, a waypoint that is unreachable for this long is skipped
+constexpr double kReachedM = 0.10;  // m, the end of a path within this distance is reached
 
 double reach(const RobotBody& body) {
   double reach_m = body.radius_m;
@@ -61,7 +61,7 @@ Formation::Options Formation::Options::read(const options::Section& section) {
   options.memory = motion::FloorMemory::Options::read(section.child("memory"));
   options.route = motion::Route::Options::read(section.child("route"));
   options.narrowing = motion::Narrowing::Options::read(section.child("narrowing"));
-  options.succession = motion::Succession::Options::read(section.child("succession"));
+  options.leader_failover = motion::LeaderFailover::Options::read(section.child("leader_failover"));
   section.read("gate_m", options.gate_m, {0.01, 5.0});
   section.read("own_points_m", options.own_points_m, {0.0, 2.0});
   section.read("published_poses", options.published_poses);
@@ -76,7 +76,7 @@ Formation::Formation(const std::string& robot, const std::map<std::string, Robot
     : robot_(robot),
       bodies_(bodies),
       options_(options),
-      succession_(options.succession, robot, orderOf(bodies, robot, options.leader)),
+      leader_failover_(options.leader_failover, robot, orderOf(bodies, robot, options.leader)),
       follow_(options.follow),
       lead_(options.lead),
       avoidance_(options.avoidance),
@@ -104,17 +104,17 @@ bool Formation::command(const motion::FormationCommand& command) {
 
 Formation::Output Formation::process(const Objects& objects, const std::vector<PoseEstimate>& poses,
                                      const std::vector<motion::FormationState>& states) {
-  remember(objects);
+  applyMotion(objects);
   fleet_.learn(poses);
-  if (const auto own = fleet_.now(robot_, objects.acquired_ns)) trail_.stands(*own);
-  obey(states, objects.acquired_ns);
+  if (const auto own = fleet_.now(robot_, objects.acquired_ns)) trail_.setPose(*own);
+  updateLeader(states, objects.acquired_ns);
   Output output;
   output.command = {robot_, objects.acquired_ns, objects.sequence, {}};
   output.state.robot = robot_;
   output.state.acquired_ns = objects.acquired_ns;
   output.state.sequence = objects.sequence;
-  output.state.leader = succession_.leader();
-  output.state.term = succession_.term();
+  output.state.leader = leader_failover_.leader();
+  output.state.term = leader_failover_.term();
   output.state.role = rank_ == 0 ? motion::FormationRole::kLeader : motion::FormationRole::kFollower;
   output.state.command_ns = options_.command.acquired_ns;
   const bool idle = options_.command.waypoints_m.empty() || options_.command.halt;
@@ -122,7 +122,7 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   if (objects.state != FrameState::kOk || idle) {
     commanded_ = {};
   } else {
-    lookAround(objects);
+    updateSurroundings(objects);
     rank_ == 0 ? lead(objects, output) : follow(objects, output);
   }
   output.state.next_waypoint = static_cast<std::uint32_t>(lead_.next());
@@ -130,11 +130,11 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   return output;
 }
 
-void Formation::remember(const Objects& objects) {
+void Formation::applyMotion(const Objects& objects) {
   const TimeNs now_ns = objects.acquired_ns;
   dt_s_ = frame_ns_ > 0 ? std::clamp(seconds(frame_ns_, now_ns), 0.0, kLongestStepS) : kFirstStepS;
   frame_ns_ = now_ns;
-  // Where the wheels say nothing, the robot did as it was told.
+  // Without valid wheel motion, the robot is assumed to have followed its last command.
   Pose2 step = advanced(Pose2{}, commanded_, dt_s_);
   TimeNs since_ns = now_ns - static_cast<TimeNs>(std::llround(dt_s_ * 1e9));
   if (objects.motion.valid) {
@@ -146,9 +146,9 @@ void Formation::remember(const Objects& objects) {
   near_field_.moved(step);
   if (objects.state == FrameState::kOk) near_field_.see(objects.scan);
   turned_rad_ = step.theta_rad;
-  if (stood_) stood_ = *stood_ * step;
+  if (propagated_pose_) propagated_pose_ = *propagated_pose_ * step;
   if (!last_followed_) return;
-  // Into the new base_link, and on by its own speed.
+  // To the new base_link, propagated by the robot's own speed.
   const Pose2 old{last_followed_->position_m.x(), last_followed_->position_m.y(),
                   last_followed_->heading_rad};
   const Pose2 now = step.inverse() * advanced(old, last_followed_->twist, dt_s_);
@@ -156,51 +156,51 @@ void Formation::remember(const Objects& objects) {
   last_followed_->heading_rad = now.theta_rad;
 }
 
-/// Whose formation this is, and how far on its way it is.
-void Formation::obey(const std::vector<motion::FormationState>& states, TimeNs now_ns) {
-  for (const motion::FormationState& state : states) succession_.hear(state);
-  succession_.settle(now_ns);
-  for (const auto& [robot, state] : succession_.heard()) {
-    const bool same_way =
-        state.leader == succession_.leader() && state.command_ns == options_.command.acquired_ns;
-    if (same_way) lead_.skipTo(state.next_waypoint);
+/// Determines the leader and how far the formation has come on its path.
+void Formation::updateLeader(const std::vector<motion::FormationState>& states, TimeNs now_ns) {
+  for (const motion::FormationState& state : states) leader_failover_.receive(state);
+  leader_failover_.settle(now_ns);
+  for (const auto& [robot, state] : leader_failover_.received()) {
+    const bool same_path =
+        state.leader == leader_failover_.leader() && state.command_ns == options_.command.acquired_ns;
+    if (same_path) lead_.skipTo(state.next_waypoint);
   }
-  const std::vector<std::string>& ranks = succession_.ranks();
+  const std::vector<std::string>& ranks = leader_failover_.ranks();
   rank_ = static_cast<std::size_t>(std::find(ranks.begin(), ranks.end(), robot_) - ranks.begin());
   if (rank_ == 0) return;
-  if (const auto leader = fleet_.now(succession_.leader(), now_ns)) lead_.passed(leader->translation());
+  if (const auto leader = fleet_.now(leader_failover_.leader(), now_ns)) lead_.passed(leader->translation());
 }
 
-void Formation::lookAround(const Objects& objects) {
+void Formation::updateSurroundings(const Objects& objects) {
   const double own_m = reach(bodies_.at(robot_));
   double widest_m = 0.0;
   for (const auto& [name, body] : bodies_) widest_m = std::max(widest_m, reach(body));
   motion::surroundingsFrom(objects, own_m, widest_m, around_);
-  tellRobots(objects.acquired_ns);
+  classifyRobots(objects.acquired_ns);
   for (const motion::Neighbour& robot : around_.robots)
     near_field_.clear(robot.position_m, robot.radius_m + options_.own_points_m);
   around_.points_m.insert(around_.points_m.end(), near_field_.points_m().begin(),
                           near_field_.points_m().end());
-  memorise(objects);
+  updateMemory(objects);
 }
 
-/// Keeps what is seen for finding ways. A pose that jumps moves nothing of what was seen before: it is
-/// forgotten.
-void Formation::memorise(const Objects& objects) {
+/// Adds the scan to the memory used for path search. After a relocalization the memory is cleared, because
+/// its contents refer to the old pose.
+void Formation::updateMemory(const Objects& objects) {
   const auto own = fleet_.now(robot_, objects.acquired_ns);
   if (!own) return;
-  if (stood_) {
-    const Pose2 off = stood_->inverse() * *own;
+  if (propagated_pose_) {
+    const Pose2 off = propagated_pose_->inverse() * *own;
     if (off.translation().norm() > kJumpM || std::abs(off.theta_rad) > kJumpRad) memory_.forget();
   }
-  stood_ = own;
+  propagated_pose_ = own;
   memory_.see(*own, objects.scan);
   for (const motion::Neighbour& robot : around_.robots)
     memory_.clear(*own * robot.position_m, robot.radius_m + options_.own_points_m);
 }
 
-/// The robots around, by what they have published of themselves.
-void Formation::tellRobots(TimeNs now_ns) {
+/// Adds the robots around this one, from their published poses.
+void Formation::classifyRobots(TimeNs now_ns) {
   const auto own = fleet_.now(robot_, now_ns);
   if (!own) return;
   for (const auto& [name, body] : bodies_) {
@@ -215,12 +215,13 @@ void Formation::tellRobots(TimeNs now_ns) {
       return (neighbour.position_m - place_m).norm() < options_.gate_m;
     });
     const Eigen::Vector2d velocity_mps = base_from_other.rotation().col(0) * fleet_.twist(name).forward_mps;
-    // The fleet knows better how it drives than a glance at its blob, which may join others for a frame.
+    // The published speed is more accurate than that of the track, whose blob may merge with others for a
+    // frame.
     if (seen != robots.end())
       seen->velocity_mps = velocity_mps;
     else
       robots.push_back({place_m, velocity_mps, reach_m});
-    // What was taken for something unknown at a robot's published place is that robot.
+    // Points of unknown objects at a robot's published place belong to that robot.
     auto& points = around_.points_m;
     points.erase(std::remove_if(points.begin(), points.end(),
                                 [&](const Eigen::Vector2d& point) {
@@ -233,23 +234,23 @@ void Formation::tellRobots(TimeNs now_ns) {
 double Formation::worstFollower(TimeNs now_ns) const {
   const auto own = fleet_.now(robot_, now_ns);
   if (!own) return 0.0;
-  const std::vector<std::string>& ranks = succession_.ranks();
-  const motion::FormationCommand& orders = options_.command;
-  const std::vector<Eigen::Vector2d> places = motion::placesOf(orders, ranks.size());
+  const std::vector<std::string>& ranks = leader_failover_.ranks();
+  const motion::FormationCommand& command = options_.command;
+  const std::vector<Eigen::Vector2d> places = motion::placesOf(command, ranks.size());
   double worst_m = 0.0;
   for (std::size_t rank = 1; rank < ranks.size(); ++rank) {
     const auto other = fleet_.now(ranks[rank], now_ns);
     if (!other) continue;
-    const motion::Slot slot = motion::slotOf(orders.shape, rank, orders.distance_m, orders.angle_rad);
+    const motion::Slot slot = motion::slotOf(command.shape, rank, command.distance_m, command.angle_rad);
     if (motion::isQueue(slot)) {
-      // On the way of the robot before: out of place only as far as it has fallen back. To wait for the queue
-      // to be straight would hold it up, for it straightens by going on.
+      // In a queue, the position error is only the distance fallen back. Waiting for a straight queue would
+      // block it, because it straightens by driving on.
       const auto before = fleet_.now(ranks[slot.followed], now_ns);
       if (before)
         worst_m = std::max(worst_m, (other->translation() - before->translation()).norm() - slot.distance_m);
       continue;
     }
-    // In its place, or drawn in towards the queue behind the robot that it follows.
+    // In its place, or moved in towards the queue behind the robot that it follows.
     const Eigen::Vector2d queue_m =
         places[slot.followed] - Eigen::Vector2d(narrowing_.queueLength(slot, rank), 0.0);
     worst_m = std::max(worst_m, toSegment(own->inverse() * other->translation(), places[rank], queue_m));
@@ -264,7 +265,7 @@ void Formation::lead(const Objects& objects, Output& output) {
     drive(Eigen::Vector2d::Zero(), 0.0, options_.limits.lead_turn_radps, output);
     return;
   }
-  const std::optional<motion::Route::Leg> leg = wayOn(*own);
+  const std::optional<motion::Route::Leg> leg = nextLeg(*own);
   Eigen::Vector2d wanted_mps = Eigen::Vector2d::Zero();
   double way_m = 0.0;
   if (leg) {
@@ -278,15 +279,15 @@ void Formation::lead(const Objects& objects, Output& output) {
   output.state.arrived = lead_.arrived();
 }
 
-/// Where to go next; nothing at the goal, or where one cannot get any nearer to it. A waypoint on the way
-/// that nobody can get to, for some time, is passed as near to it as one gets.
-std::optional<motion::Route::Leg> Formation::wayOn(const Pose2& map_from_base) {
+/// The next leg; nothing at the goal or if the robot cannot get nearer to it. A waypoint before the goal that
+/// is unreachable for some time is skipped once the robot is as near to it as possible.
+std::optional<motion::Route::Leg> Formation::nextLeg(const Pose2& map_from_base) {
   lead_.passed(map_from_base.translation());
   const auto waypoint = lead_.waypoint();
   if (!waypoint) return std::nullopt;
   const motion::Route::Leg leg =
       route_.towards(memory_, map_from_base.translation(), *waypoint, around_.radius_m);
-  const bool ends_here = !leg.reaches && leg.left_m <= kThereM;
+  const bool ends_here = !leg.reaches && leg.left_m <= kReachedM;
   stuck_s_ = ends_here ? stuck_s_ + dt_s_ : 0.0;
   if (!ends_here) return leg;
   if (stuck_s_ >= kStuckS && !lead_.isGoal() && memory_.isInside(memory_.cellOf(*waypoint))) {
@@ -296,47 +297,47 @@ std::optional<motion::Route::Leg> Formation::wayOn(const Pose2& map_from_base) {
   return std::nullopt;
 }
 
-/// How far the formation still goes, by the place of its leader.
-double Formation::wayLeft(TimeNs now_ns) const {
-  const auto leader = fleet_.now(succession_.leader(), now_ns);
-  return leader ? lead_.wayLeft(leader->translation()) : std::numeric_limits<double>::infinity();
+/// Remaining path of the formation, from the place of its leader.
+double Formation::remainingDistance(TimeNs now_ns) const {
+  const auto leader = fleet_.now(leader_failover_.leader(), now_ns);
+  return leader ? lead_.remainingDistance(leader->translation()) : std::numeric_limits<double>::infinity();
 }
 
 void Formation::follow(const Objects& objects, Output& output) {
-  const motion::FormationCommand& orders = options_.command;
-  const motion::Slot slot = motion::slotOf(orders.shape, rank_, orders.distance_m, orders.angle_rad);
+  const motion::FormationCommand& command = options_.command;
+  const motion::Slot slot = motion::slotOf(command.shape, rank_, command.distance_m, command.angle_rad);
   std::optional<motion::Followed> leader = followed(objects, slot);
   if (!leader) {
     drive(Eigen::Vector2d::Zero(), 0.0, options_.limits.max_turn_radps, output);
     return;
   }
-  leader->way_left_m = wayLeft(objects.acquired_ns);
+  leader->remaining_m = remainingDistance(objects.acquired_ns);
   output.state.narrowing = narrowing_.update(slot, rank_, *leader, trail_, around_, dt_s_);
   const motion::Place place = narrowing_.place(slot, rank_, *leader, trail_, follow_);
   const motion::FollowLaw::Result law = follow_.wanted(slot, *leader, place);
   output.state.target_m = law.place_m;
   output.state.distance_error_m = law.distance_error_m;
   output.state.angle_error_rad = law.angle_error_rad;
-  const bool stands = std::abs(leader->twist.forward_mps) < options_.follow.stands_mps;
-  const bool enough = stands && nearEnough(law.place_m);
+  const bool standing = std::abs(leader->twist.forward_mps) < options_.follow.stands_mps;
+  const bool enough = standing && nearEnough(law.place_m);
   const double feed_radps = (1.0 - narrowing_.narrowing()) * leader->twist.turn_radps;
-  const std::optional<Eigen::Vector2d> via_m = wayRound(law.place_m, objects.acquired_ns);
+  const std::optional<Eigen::Vector2d> via_m = detour(law.place_m, objects.acquired_ns);
   if (enough) {
     drive(Eigen::Vector2d::Zero(), feed_radps, options_.limits.max_turn_radps, output);
   } else if (via_m) {
     const double speed_mps = std::max(law.velocity_mps.norm(), options_.follow.closing_max_mps);
     drive(speed_mps * via_m->normalized(), 0.0, options_.limits.max_turn_radps, output, via_m->norm());
   } else {
-    // What stands beyond a place that moves on is in the way soon.
-    const double way_m = stands ? law.place_m.norm() : std::numeric_limits<double>::infinity();
+    // Obstacles beyond a moving place will soon be in the way.
+    const double way_m = standing ? law.place_m.norm() : std::numeric_limits<double>::infinity();
     drive(law.velocity_mps, feed_radps, options_.limits.max_turn_radps, output, way_m);
   }
   output.state.avoiding |= !enough && via_m;
-  output.state.arrived = stands && commanded_.forward_mps == 0.0 && commanded_.turn_radps == 0.0;
+  output.state.arrived = standing && commanded_.forward_mps == 0.0 && commanded_.turn_radps == 0.0;
 }
 
-/// What to head for (base_link) where the straight way to a place is blocked by what this robot has seen.
-std::optional<Eigen::Vector2d> Formation::wayRound(const Eigen::Vector2d& place_m, TimeNs now_ns) {
+/// Intermediate target (base_link) if remembered obstacles block the straight line to a place.
+std::optional<Eigen::Vector2d> Formation::detour(const Eigen::Vector2d& place_m, TimeNs now_ns) {
   const auto own = fleet_.now(robot_, now_ns);
   if (!own) return std::nullopt;
   const motion::Route::Leg leg =
@@ -345,14 +346,14 @@ std::optional<Eigen::Vector2d> Formation::wayRound(const Eigen::Vector2d& place_
   return own->inverse() * leg.via_m;
 }
 
-/// Where something is in the way of a place that is not far off.
+/// Whether a nearby place is reached, or an obstacle blocks the way to it.
 bool Formation::nearEnough(const Eigen::Vector2d& place_m) const {
   const double way_m = place_m.norm();
   if (way_m > options_.follow.patient_m || way_m < options_.follow.near_m)
     return way_m < options_.follow.near_m;
   const motion::Avoidance::Options& avoidance = options_.avoidance;
-  return avoidance_.freeWay(around_, place_m / way_m, options_.follow.closing_max_mps, avoidance.margin_m,
-                            way_m) < way_m;
+  return avoidance_.freeDistance(around_, place_m / way_m, options_.follow.closing_max_mps,
+                                 avoidance.margin_m, way_m) < way_m;
 }
 
 void Formation::drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps,
@@ -362,7 +363,7 @@ void Formation::drive(const Eigen::Vector2d& wanted_mps, double feed_radps, doub
   const double before_mps = commanded_.forward_mps;
   commanded_ = motion::twistTowards(free.velocity_mps, free.turned ? 0.0 : feed_radps, commanded_, dt_s_,
                                     max_turn_radps, options_.limits);
-  commanded_.forward_mps = avoidance_.brakable(around_, commanded_.forward_mps, before_mps, dt_s_);
+  commanded_.forward_mps = avoidance_.brakableSpeed(around_, commanded_.forward_mps, before_mps, dt_s_);
 }
 
 }  // namespace omnifleet::formation

@@ -12,26 +12,26 @@
 #include "motion/floor_memory.h"
 #include "motion/formation_law.h"
 #include "motion/formation_types.h"
+#include "motion/leader_failover.h"
 #include "motion/narrowing.h"
 #include "motion/near_field.h"
 #include "motion/route.h"
-#include "motion/succession.h"
 #include "motion/trail.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
 namespace omnifleet::formation {
 
-/// One robot's share of the formation (Choi et al. 2014 §IV.3, Fig. 12): the leader goes from waypoint to
-/// waypoint and turns for obstacles, a follower keeps distance d and angle θ to the robot it follows, which
-/// it sees in its own camera; where sight is lost, the published pose stands in. Beyond the paper: the leader
-/// finds its way round what it remembers to have seen, followers draw in where the passage is narrow, and a
-/// lost leader is succeeded. Once per frame; no clock.
+/// One robot's part of the formation (Choi et al. 2014 §IV.3, Fig. 12). The leader drives from waypoint to
+/// waypoint and avoids obstacles. A follower keeps distance d and angle θ to the robot it follows, as seen by
+/// its own camera; if that robot is not visible, its published pose is used. Beyond the paper, the leader
+/// plans paths around obstacles that it remembers, followers move in where the passage is narrow, and a lost
+/// leader is replaced. Called once per frame; uses no clock.
 class Formation {
  public:
   struct Options {
     motion::FormationCommand
-        command;         ///< shape, distance_m, angle_rad, waypoints: what to do until told otherwise
+        command;         ///< shape, distance_m, angle_rad, waypoints: valid until the first command
     std::string leader;  ///< empty: the first robot by name
     motion::DriveLimits limits;
     motion::FollowLaw::Options follow;
@@ -40,12 +40,15 @@ class Formation {
     motion::FloorMemory::Options memory;
     motion::Route::Options route;
     motion::Narrowing::Options narrowing;
-    motion::Succession::Options succession;
-    double gate_m = 0.35;        ///< m, a track this near to where the followed robot should be is that robot
-    double own_points_m = 0.10;  ///< m, scan points this near to the body of a published robot are that robot
-    bool published_poses = true;    ///< false: others are known by the own camera alone, as in the paper
+    motion::LeaderFailover::Options leader_failover;
+    double gate_m =
+        0.35;  ///< m, a track within this distance of the expected place of the followed robot is that robot
+    double own_points_m =
+        0.10;  ///< m, scan points within this distance of the body of a published robot belong to it
+    bool published_poses = true;  ///< false: other robots are known from the own camera only, as in the paper
     double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
-    double lost_limit_s = 2.0;      ///< s, unseen and unpublished for so long: the follower stops
+    double lost_limit_s =
+        2.0;  ///< s, a follower stops if the followed robot is neither visible nor published for this long
 
     static Options read(const options::Section& section);
   };
@@ -55,37 +58,38 @@ class Formation {
     motion::FormationState state;
   };
 
-  /// `bodies`: every robot of the fleet, this one included. Throws std::runtime_error when this robot or the
+  /// `bodies`: all robots of the fleet, including this one. Throws std::runtime_error if this robot or the
   /// leader is not among them.
   Formation(const std::string& robot, const std::map<std::string, RobotBody>& bodies, const Options& options);
 
-  /// New orders; those of another fleet, and any but the latest, are left alone (false).
+  /// A new command. Returns false and ignores it if it is for another fleet or not the latest.
   bool command(const motion::FormationCommand& command);
 
-  /// One frame: what this robot sees, the latest published poses of all robots (usually of the frame before;
-  /// the own one too), and what the others said of themselves since. An invalid frame holds the robot still.
+  /// One frame: the objects that this robot sees, the latest published poses of all robots (usually of the
+  /// frame before; including its own) and the states that the others have published since. An invalid frame
+  /// stops the robot.
   Output process(const Objects& objects, const std::vector<PoseEstimate>& poses,
                  const std::vector<motion::FormationState>& states = {});
 
   const Options& options() const { return options_; }
 
  private:
-  void remember(const Objects& objects);
-  void obey(const std::vector<motion::FormationState>& states, TimeNs now_ns);
-  void lookAround(const Objects& objects);
-  void memorise(const Objects& objects);
-  void tellRobots(TimeNs now_ns);
+  void applyMotion(const Objects& objects);
+  void updateLeader(const std::vector<motion::FormationState>& states, TimeNs now_ns);
+  void updateSurroundings(const Objects& objects);
+  void updateMemory(const Objects& objects);
+  void classifyRobots(TimeNs now_ns);
   const Track* sighted(const Objects& objects, const Eigen::Vector2d& expected_m) const;
   std::optional<motion::Followed> byPublishedPose(TimeNs now_ns) const;
-  motion::Followed byItsWay(const Track& track) const;
+  motion::Followed byItsMotion(const Track& track) const;
   std::optional<motion::Followed> followed(const Objects& objects, const motion::Slot& slot);
-  void forgetOther(const std::string& followed_name);
+  void switchFollowed(const std::string& followed_name);
   double worstFollower(TimeNs now_ns) const;
-  double wayLeft(TimeNs now_ns) const;
+  double remainingDistance(TimeNs now_ns) const;
   void lead(const Objects& objects, Output& output);
-  std::optional<motion::Route::Leg> wayOn(const Pose2& map_from_base);
+  std::optional<motion::Route::Leg> nextLeg(const Pose2& map_from_base);
   void follow(const Objects& objects, Output& output);
-  std::optional<Eigen::Vector2d> wayRound(const Eigen::Vector2d& place_m, TimeNs now_ns);
+  std::optional<Eigen::Vector2d> detour(const Eigen::Vector2d& place_m, TimeNs now_ns);
   bool nearEnough(const Eigen::Vector2d& place_m) const;
   void drive(const Eigen::Vector2d& wanted_mps, double feed_radps, double max_turn_radps, Output& output,
              double way_m = std::numeric_limits<double>::infinity());
@@ -93,7 +97,7 @@ class Formation {
   std::string robot_;
   std::map<std::string, RobotBody> bodies_;
   Options options_;
-  motion::Succession succession_;
+  motion::LeaderFailover leader_failover_;
   std::size_t rank_ = 0;
   motion::FollowLaw follow_;
   motion::LeadLaw lead_;
@@ -105,14 +109,15 @@ class Formation {
   motion::Surroundings around_;
   FleetView fleet_;
   std::string followed_name_;
-  std::optional<motion::Followed> last_followed_;  ///< in base_link of the frame before, until updated
+  std::optional<motion::Followed> last_followed_;  ///< in base_link of the previous frame, until updated
   TimeNs last_followed_ns_ = 0;
   motion::Trail trail_;  ///< of the followed robot
   TimeNs frame_ns_ = 0;
   double dt_s_ = 0.0;
   double turned_rad_ = 0.0;
-  std::optional<Pose2> stood_;  ///< map_from_base a frame ago, moved on since; what the memory was made by
-  double stuck_s_ = 0.0;        ///< how long no way has led on
+  std::optional<Pose2> propagated_pose_;  ///< map_from_base of the previous frame, propagated by odometry:
+                                          ///< the memory is relative to it
+  double stuck_s_ = 0.0;                  ///< s without a path to the waypoint
   motion::Twist commanded_;
 };
 

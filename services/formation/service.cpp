@@ -3,13 +3,14 @@
 #include <fmt/format.h>
 
 #include "adapters/adapters.h"
+#include "formation/messages.h"
 
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
 
-constexpr TimeNs kStands_ns = 3000000000;  // a leader that stands for so long finds no way on
+constexpr TimeNs kStandstill_ns = 3000000000;  // a leader that stands for this long has found no path
 
 formation::Formation::Options optionsOf(const fleet::Fleet& fleet) {
   auto options = formation::Formation::Options::read(fleet.service("formation"));
@@ -49,12 +50,11 @@ bool FormationService::pull() {
     motion::FormationCommand command;
     if (!adapters::fromWire(command_, command)) {
       status().dropped();
-      status().error(
-          "formation/command: rejected, a number is not finite, the distance not positive or the shape "
-          "unknown");
+      status().report(formation::commandRejected());
     } else if (formation_.command(command)) {
-      // Whoever starts later learns it from us.
-      if (!command_repeat_->write(command_)) status().error("formation/command: " + command_repeat_->error());
+      // For late joiners.
+      if (!command_repeat_->write(command_))
+        status().report(writeFailed("formation/command", command_repeat_->error()));
     }
   }
   any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
@@ -76,7 +76,7 @@ bool FormationService::spin() {
     any = true;
   }
   if (!ended_ && merger_.finished()) {
-    tellStanding();
+    reportStandstill();
     command_out_.end(ends_);
     state_out_.end(ends_);
     ended_ = any = true;
@@ -86,9 +86,10 @@ bool FormationService::spin() {
 
 void FormationService::process() {
   const auto begun = steady_clock::now();
-  heard_.clear();
+  received_states_.clear();
   for (auto& item : batch_.feedback) {
-    if (const auto* state = std::get_if<motion::FormationState>(&item.payload)) heard_.push_back(*state);
+    if (const auto* state = std::get_if<motion::FormationState>(&item.payload))
+      received_states_.push_back(*state);
   }
   const std::vector<PoseEstimate>& known = poses_.take(batch_.feedback);
   const auto& objects = std::get<Objects>(batch_.inputs.front().payload);
@@ -97,7 +98,7 @@ void FormationService::process() {
 }
 
 void FormationService::answer(const Objects& objects, const std::vector<PoseEstimate>& known) {
-  const formation::Formation::Output output = formation_.process(objects, known, heard_);
+  const formation::Formation::Output output = formation_.process(objects, known, received_states_);
   const auto clock = runClock(context_.options);
   speeds_.robot(robot_);
   adapters::fillHeader(objects.acquired_ns, objects.sequence, clock, speeds_.header());
@@ -106,37 +107,34 @@ void FormationService::answer(const Objects& objects, const std::vector<PoseEsti
   command_out_.write(speeds_, status());
   adapters::toWire(output.state, clock, state_);
   state_out_.write(state_, status());
-  noteStanding(output, objects.acquired_ns);
+  updateStandstill(output, objects.acquired_ns);
 }
 
-void FormationService::noteStanding(const formation::Formation::Output& output, TimeNs now_ns) {
+void FormationService::updateStandstill(const formation::Formation::Output& output, TimeNs now_ns) {
   const motion::WheelSpeeds& speeds = output.command.speeds;
-  const bool stands = output.state.role == motion::FormationRole::kLeader && !output.state.arrived &&
-                      !output.state.target_m.isZero() && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
-  if (!stands) {
-    stands_since_ns_.reset();
-    told_standing_ = false;
+  const bool standing = output.state.role == motion::FormationRole::kLeader && !output.state.arrived &&
+                        !output.state.target_m.isZero() && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
+  if (!standing) {
+    standing_since_ns_.reset();
+    reported_standstill_ = false;
     return;
   }
   left_m_ = output.state.target_m.norm();
-  if (!stands_since_ns_) stands_since_ns_ = now_ns;
-  if (now_ns - *stands_since_ns_ >= kStands_ns) tellStanding();
+  if (!standing_since_ns_) standing_since_ns_ = now_ns;
+  if (now_ns - *standing_since_ns_ >= kStandstill_ns) reportStandstill();
 }
 
-/// A run that ends because nobody moves any more is not one that has arrived.
-void FormationService::tellStanding() {
-  if (!stands_since_ns_ || told_standing_) return;
-  told_standing_ = true;
-  status().error(
-      fmt::format("the leader finds no way on: it stands {:.2f} m before its next waypoint, which was not "
-                  "reached; formation/command gives it others",
-                  left_m_));
+/// A run that ends while the leader stands has not reached its goal.
+void FormationService::reportStandstill() {
+  if (!standing_since_ns_ || reported_standstill_) return;
+  reported_standstill_ = true;
+  status().report(formation::goalUnreachable(left_m_));
 }
 
 void FormationService::drain() {
   if (!ended_) {
-    tellStanding();
-    // A robot that nobody steers any more must stand.
+    reportStandstill();
+    // Without a formation service the robot must not move.
     speeds_.robot(robot_);
     speeds_.v_left_mps(0.0);
     speeds_.v_right_mps(0.0);

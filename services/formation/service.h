@@ -14,8 +14,8 @@
 
 namespace omnifleet::services {
 
-/// One robot's objects, the fleet's poses and the other formations' states in, one wheel command per frame
-/// out. The one writer of wheels/command.
+/// Input: one robot's objects, the poses of the fleet and the states of the other formation services. Output:
+/// one wheel command per frame. The only writer of wheels/command.
 class FormationService : public bus::Service {
  public:
   FormationService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -37,8 +37,8 @@ class FormationService : public bus::Service {
   bool pull();
   void process();
   void answer(const Objects& objects, const std::vector<PoseEstimate>& known);
-  void noteStanding(const formation::Formation::Output& output, TimeNs now_ns);
-  void tellStanding();
+  void updateStandstill(const formation::Formation::Output& output, TimeNs now_ns);
+  void reportStandstill();
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -53,13 +53,13 @@ class FormationService : public bus::Service {
   std::unique_ptr<bus::Writer<v1::FormationCommand>> command_repeat_;
   Outlet<v1::FormationState> state_out_;
   formation::Formation formation_;
-  std::vector<motion::FormationState> heard_;
+  std::vector<motion::FormationState> received_states_;
   v1::FormationCommand command_;
   v1::WheelCommand speeds_;
   v1::FormationState state_;
-  std::optional<TimeNs> stands_since_ns_;  ///< as a leader that has not arrived
-  double left_m_ = 0.0;                    ///< to the waypoint that it then heads for
-  bool told_standing_ = false;
+  std::optional<TimeNs> standing_since_ns_;  ///< as a leader that has not arrived
+  double left_m_ = 0.0;                      ///< distance to the waypoint that it heads for
+  bool reported_standstill_ = false;
   bool ended_ = false;
 };
 

@@ -1,4 +1,4 @@
-// The part of Formation that finds the robot that is followed: in the own camera, by its published pose.
+// The part of Formation that locates the followed robot: in the own camera or by its published pose.
 
 #include <algorithm>
 #include <cmath>
@@ -8,8 +8,8 @@
 namespace omnifleet::formation {
 namespace {
 
-constexpr double kHeadingMps = 0.08;     // a track this fast shows its heading
-constexpr double kHeadingSeconds = 0.6;  // over which seen headings and speeds are smoothed
+constexpr double kHeadingMps = 0.08;     // m/s, above it the velocity of a track gives its heading
+constexpr double kHeadingSeconds = 0.6;  // s, time constant for observed headings and speeds
 
 }  // namespace
 
@@ -38,17 +38,17 @@ std::optional<motion::Followed> Formation::byPublishedPose(TimeNs now_ns) const 
   const Pose2 base_from_followed = own->inverse() * *other;
   motion::Followed result{base_from_followed.translation(), base_from_followed.theta_rad,
                           fleet_.twist(followed_name_), false};
-  const auto leader = fleet_.now(succession_.leader(), now_ns);
-  if (followed_name_ == succession_.leader() || !leader) return result;
+  const auto leader = fleet_.now(leader_failover_.leader(), now_ns);
+  if (followed_name_ == leader_failover_.leader() || !leader) return result;
   // The formation heads where its leader does: a robot in between may turn for an obstacle of its own.
   result.heading_rad = wrapAngle(leader->theta_rad - own->theta_rad);
   result.twist.forward_mps *= std::cos(leader->theta_rad - other->theta_rad);
-  result.twist.turn_radps = fleet_.twist(succession_.leader()).turn_radps;
+  result.twist.turn_radps = fleet_.twist(leader_failover_.leader()).turn_radps;
   return result;
 }
 
-/// Nobody publishes: the heading is that of its way, the one known before where it stands.
-motion::Followed Formation::byItsWay(const Track& track) const {
+/// Without published poses: the heading is that of the motion; for a standing robot, the last known heading.
+motion::Followed Formation::byItsMotion(const Track& track) const {
   motion::Followed result;
   const double speed_mps = track.velocity_mps.norm();
   const double seen_rad = std::atan2(track.velocity_mps.y(), track.velocity_mps.x());
@@ -59,7 +59,7 @@ motion::Followed Formation::byItsWay(const Track& track) const {
     if (speed_mps <= kHeadingMps) result.heading_rad = 0.0;
     return result;
   }
-  // An α–β filter: the heading known before was carried on by the turning known before.
+  // α–β filter: the previous heading has already been propagated by the previous turn rate.
   const double alpha = std::min(1.0, dt_s_ / kHeadingSeconds), beta = 0.5 * alpha * alpha;
   const double off_rad = speed_mps > kHeadingMps ? wrapAngle(seen_rad - last_followed_->heading_rad) : 0.0;
   result.heading_rad = wrapAngle(last_followed_->heading_rad + alpha * off_rad);
@@ -69,8 +69,8 @@ motion::Followed Formation::byItsWay(const Track& track) const {
 }
 
 std::optional<motion::Followed> Formation::followed(const Objects& objects, const motion::Slot& slot) {
-  const std::string& name = succession_.ranks()[slot.followed];
-  if (name != followed_name_) forgetOther(name);
+  const std::string& name = leader_failover_.ranks()[slot.followed];
+  if (name != followed_name_) switchFollowed(name);
   std::optional<motion::Followed> result = byPublishedPose(objects.acquired_ns);
   Eigen::Vector2d expected_m =
       slot.distance_m * Eigen::Vector2d(std::cos(slot.angle_rad), std::sin(slot.angle_rad));
@@ -80,7 +80,7 @@ std::optional<motion::Followed> Formation::followed(const Objects& objects, cons
     expected_m = last_followed_->position_m;
   }
   if (const Track* track = sighted(objects, expected_m)) {
-    if (!result) result = byItsWay(*track);
+    if (!result) result = byItsMotion(*track);
     result->position_m = track->position_m;
     result->seen = true;
   }
@@ -95,8 +95,8 @@ std::optional<motion::Followed> Formation::followed(const Objects& objects, cons
   return result;
 }
 
-/// From now on another robot is followed.
-void Formation::forgetOther(const std::string& followed_name) {
+/// Switches to another followed robot.
+void Formation::switchFollowed(const std::string& followed_name) {
   followed_name_ = followed_name;
   last_followed_.reset();
   trail_.clear();

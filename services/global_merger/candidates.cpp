@@ -13,25 +13,25 @@ using occupancy::ContributionStore;
 using occupancy::KeyframePose;
 using occupancy::SupportView;
 
-constexpr TimeNs kHoldNs = 1'000'000'000, kMaxGapNs = 5'000'000'000;  // as the occupancy map's defaults
+constexpr TimeNs kHoldNs = 1'000'000'000, kMaxGapNs = 5'000'000'000;  // defaults of the occupancy map
 
 struct PlacedRobot {
   Pose2 map_from_base;
   const RobotBody* body;
 };
 
-/// The fleet's robots but the observer, where they stood at a time.
+/// The fleet's robots other than the observer, with their poses at a time.
 std::vector<PlacedRobot> othersAt(const ContributionStore& store, const occupancy::RobotPaths& paths,
                                   const std::map<std::string, RobotBody>& bodies, const std::string& observer,
                                   TimeNs time_ns) {
   static const RobotBody kUnknownBody{0.15, {}, 0.2, 0.0};
   std::vector<PlacedRobot> others;
   for (const auto& [robot, path] : store.robots()) {
-    const auto standing = robot == observer ? std::nullopt : paths.at(robot, time_ns);
-    if (!standing) continue;
-    const Eigen::Vector2d p = metres(standing->position);
+    const auto robot_pose = robot == observer ? std::nullopt : paths.at(robot, time_ns);
+    if (!robot_pose) continue;
+    const Eigen::Vector2d p = metres(robot_pose->position);
     const auto body = bodies.find(robot);
-    others.push_back({{p.x(), p.y(), standing->theta_dmrad / occupancy::kDmmPerMetre},
+    others.push_back({{p.x(), p.y(), robot_pose->theta_dmrad / occupancy::kDmmPerMetre},
                       body == bodies.end() ? &kUnknownBody : &body->second});
   }
   return others;
@@ -41,7 +41,7 @@ Eigen::Vector2d centreOf(const PlacedRobot& robot) {
   return robot.map_from_base * centroid(robot.body->outline());
 }
 
-/// A robot of the fleet stood there and its body explains the silhouette.
+/// Whether a robot of the fleet was there and its body explains the silhouette.
 bool isRobot(const ObjectView& view, const std::vector<PlacedRobot>& robots, const MergerOptions& options) {
   return std::any_of(robots.begin(), robots.end(), [&](const PlacedRobot& robot) {
     const double apart = (centreOf(robot) - view.position_m).norm();
@@ -67,8 +67,8 @@ ObjectView viewOf(const Contribution& contribution, const KeyframePose& pose, co
   view.position_m = view.prism.map_from_base * metres(seen.position);
   view.is_flawed = seen.truncated || seen.solidity_permille < 1000.0 * options.min_solidity;
   view.is_cut = seen.truncated;
-  if (seen.height_sigma_dmm > 0 && !view.is_cut) {  // else it is of a time before, or made up
-    // Told from the same silhouettes or from noisy vectors: never trusted to better than 3 cm.
+  if (seen.height_sigma_dmm > 0 && !view.is_cut) {  // for a cut view it is from earlier views or assumed
+    // Estimated from the same silhouettes or from noisy motion vectors: σ is at least 3 cm.
     view.height = {seen.height_dmm / occupancy::kDmmPerMetre,
                    std::max(seen.height_sigma_dmm / occupancy::kDmmPerMetre, 0.03)};
   }
@@ -94,23 +94,23 @@ bool isObserver(const std::string& robot, const MergerOptions& options) {
 
 using Tracks = std::map<std::uint32_t, Candidate>;
 
-/// A view that may be of a robot.
-struct Doubtful {
+/// A view that may show a robot.
+struct PossibleRobotView {
   ObjectView view;
-  std::size_t others;  ///< which of Gathered::others stood there at its time
+  std::size_t others;  ///< index in Gathered::others: the robots at its time
 };
 
-/// What one robot's part of the store says: nothing more is asked of the store, which may grow from then on.
+/// Data of one robot's part of the store. The store is not read after that, so it may grow meanwhile.
 struct Gathered {
   Tracks tracks;  ///< without views yet
   std::vector<std::vector<PlacedRobot>> others;
-  std::vector<Doubtful> views;
+  std::vector<PossibleRobotView> views;
 };
 
 void gatherFrom(const Contribution& contribution, const KeyframePose& pose, const MergerOptions& options,
                 Gathered& all) {
   for (const auto& seen : contribution.views) {
-    if (!seen.name.empty()) continue;  // named_landmarks.h
+    if (!seen.name.empty()) continue;  // see named_landmarks.h
     auto& candidate = all.tracks[seen.track_id];
     candidate.robot = contribution.robot;
     candidate.track_id = seen.track_id;
@@ -125,7 +125,7 @@ void gatherFrom(const Contribution& contribution, const KeyframePose& pose, cons
 
 std::vector<Candidate> sorted(std::vector<Gathered>& gathered, const MergerOptions& options,
                               const Meanwhile& meanwhile) {
-  constexpr std::size_t kAtOnce = 16;  // views: less than one fit of an outline
+  constexpr std::size_t kAtOnce = 16;  // views: less time than one fit of an outline
   std::vector<Candidate> candidates;
   for (Gathered& all : gathered) {
     for (std::size_t i = 0; i < all.views.size(); ++i) {
@@ -158,13 +158,13 @@ std::vector<Candidate> candidatesOf(const ContributionStore& store, const Merger
     if (!isObserver(robot, options)) continue;
     Gathered& all = gathered.emplace_back();
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.seen || !occupancy::standingOf(keyframe.pose)) continue;
-      if (std::all_of(keyframe.seen->views.begin(), keyframe.seen->views.end(),
+      if (!keyframe.corrected || !occupancy::integerPoseOf(keyframe.pose)) continue;
+      if (std::all_of(keyframe.corrected->views.begin(), keyframe.corrected->views.end(),
                       [](const SupportView& view) { return !view.name.empty(); })) {
         continue;
       }
       all.others.push_back(othersAt(store, paths, bodies, robot, time_ns));
-      gatherFrom(*keyframe.seen, *keyframe.pose, options, all);
+      gatherFrom(*keyframe.corrected, *keyframe.pose, options, all);
     }
   }
   return sorted(gathered, options, meanwhile);

@@ -17,19 +17,20 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   return o;
 }
 
-/// Something came, went, moved or is of another kind than in the last keyframe of a robot that stands.
-bool ContributionMaker::seesOthers(const Objects& objects) const {
+/// Whether an object appeared, vanished, moved or changed its kind since the last keyframe of a robot at
+/// rest.
+bool ContributionMaker::seesChange(const Objects& objects) const {
   std::size_t visible = 0;
   for (const Track& track : objects.tracks) {
     if (!track.visible) continue;
     ++visible;
-    const bool same = std::any_of(last_things_.begin(), last_things_.end(), [&](const Thing& thing) {
-      return thing.track_id == track.id && thing.kind == track.kind &&
-             (thing.position_m - track.position_m).norm() < options_.distance_m;
+    const bool same = std::any_of(last_objects_.begin(), last_objects_.end(), [&](const SeenObject& object) {
+      return object.track_id == track.id && object.kind == track.kind &&
+             (object.position_m - track.position_m).norm() < options_.distance_m;
     });
     if (!same) return true;
   }
-  return visible != last_things_.size();
+  return visible != last_objects_.size();
 }
 
 bool ContributionMaker::isDue(const Objects& objects, const Pose2& map_from_base) {
@@ -38,8 +39,8 @@ bool ContributionMaker::isDue(const Objects& objects, const Pose2& map_from_base
   const Pose2 way = last_map_from_base_.inverse() * map_from_base;
   const bool moved =
       way.translation().norm() >= options_.distance_m || std::abs(way.theta_rad) >= options_.rotation_rad;
-  if (moved || seesOthers(objects)) news_ns_ = objects.acquired_ns;
-  const double at_rest_s = static_cast<double>(objects.acquired_ns - news_ns_) * kSeconds;
+  if (moved || seesChange(objects)) changed_ns_ = objects.acquired_ns;
+  const double at_rest_s = static_cast<double>(objects.acquired_ns - changed_ns_) * kSeconds;
   const double wait_s =
       std::max(options_.interval_s, std::min(options_.at_rest_s, options_.at_rest_share * at_rest_s));
   return passed_s >= (moved ? options_.min_interval_s : std::max(options_.min_interval_s, wait_s));
@@ -52,13 +53,13 @@ std::optional<ContributionMaker::Made> ContributionMaker::make(const Objects& ob
   if (any_ && (objects.acquired_ns <= last_ns_ || !isDue(objects, pose.map_from_base))) return std::nullopt;
   Made made{occupancy::makeContribution(objects), occupancy::makeKeyframePose(pose)};
   if (!made.pose.valid) return std::nullopt;
-  if (!any_) news_ns_ = objects.acquired_ns;
+  if (!any_) changed_ns_ = objects.acquired_ns;
   any_ = true;
   last_ns_ = objects.acquired_ns;
   last_map_from_base_ = pose.map_from_base;
-  last_things_.clear();
+  last_objects_.clear();
   for (const Track& track : objects.tracks) {
-    if (track.visible) last_things_.push_back({track.id, track.kind, track.position_m});
+    if (track.visible) last_objects_.push_back({track.id, track.kind, track.position_m});
   }
   return made;
 }

@@ -18,14 +18,14 @@ bool isEarlier(const ObjectView* a, const ObjectView* b) {
   return std::tie(a->time_ns, a->robot, a->track_id) < std::tie(b->time_ns, b->robot, b->track_id);
 }
 
-/// The classifier's word on the height counts once per track, however often it was said: the latest.
+/// The classifier's height counts once per track: the latest estimate.
 outline::HeightPrior heightPrior(const Views& views) {
-  std::map<std::pair<std::string, std::uint32_t>, outline::HeightPrior> said;
+  std::map<std::pair<std::string, std::uint32_t>, outline::HeightPrior> latest;
   for (const auto* view : views) {
-    if (view->height.sigma_m > 0) said[{view->robot, view->track_id}] = view->height;
+    if (view->height.sigma_m > 0) latest[{view->robot, view->track_id}] = view->height;
   }
   double weight = 0.0, sum = 0.0;
-  for (const auto& [track, height] : said) {
+  for (const auto& [track, height] : latest) {
     const double w = 1.0 / (height.sigma_m * height.sigma_m);
     weight += w;
     sum += w * height.height_m;
@@ -33,20 +33,21 @@ outline::HeightPrior heightPrior(const Views& views) {
   return weight > 0 ? outline::HeightPrior{sum / weight, 1.0 / std::sqrt(weight)} : outline::HeightPrior{};
 }
 
-/// Its top is seen by hardly any view: a thing as high as the camera or higher (0.91 and more of all views;
-/// of lower ones in clutter up to 0.57).
+/// Its top is visible in hardly any view: an object as high as the camera or higher. Share of cut views: 0.91
+/// and more; for lower objects in clutter up to 0.57.
 bool isTall(const Views& views) {
-  constexpr std::size_t kLeast = 30;  // of a few one knows little: pieces of tape are cut as often
+  constexpr std::size_t kLeast =
+      30;  // with fewer views the share means little: pieces of tape are cut as often
   constexpr double kShare = 0.8;
   const auto cut = std::count_if(views.begin(), views.end(), [](const auto* view) { return view->is_cut; });
   return views.size() >= kLeast && static_cast<double>(cut) > kShare * static_cast<double>(views.size());
 }
 
-/// By the side that faces each camera alone.
+/// Fits only the side that faces each camera.
 outline::PrismFit fitContact(const Views& views, const outline::PrismOptions& options) {
   std::vector<outline::PrismView> facing;
   for (const auto* view : views) {
-    if (!view->is_cut) continue;  // a piece of it
+    if (!view->is_cut) continue;  // shows a piece of it
     facing.push_back(view->prism);
     SupportFunction& supports = facing.back().supports;
     for (std::size_t k = 0; k < supports.size(); ++k) {
@@ -56,7 +57,7 @@ outline::PrismFit fitContact(const Views& views, const outline::PrismOptions& op
   return outline::fitPrism(facing, options, {});
 }
 
-/// Flawed views only where there are no others.
+/// Flawed views are used only if there are no others.
 outline::PrismFit fitViews(const Views& views, const outline::PrismOptions& options) {
   if (isTall(views)) return fitContact(views, options);
   std::vector<outline::PrismView> good, flawed;
@@ -64,7 +65,7 @@ outline::PrismFit fitViews(const Views& views, const outline::PrismOptions& opti
   return outline::fitPrism(good.empty() ? flawed : good, options, heightPrior(views));
 }
 
-/// Fewer views while only asking whether things belong together.
+/// Fewer views and iterations, to test only whether views belong together.
 outline::PrismOptions quick(const MergerOptions& options) {
   outline::PrismOptions quick = options.prism;
   quick.max_views = std::min(quick.max_views, 12);
@@ -73,33 +74,34 @@ outline::PrismOptions quick(const MergerOptions& options) {
   return quick;
 }
 
-constexpr std::size_t kLeastOfTop = 8;  // views of a track, by which one may tell that they show a top alone
-constexpr std::size_t kEnoughOfTop = 12;  // in all: fewer may agree on a top by chance
+constexpr std::size_t kLeastTrackTopViews =
+    8;                                      // views of one track that are required to recognize a top face
+constexpr std::size_t kLeastTopViews = 12;  // views in total: fewer may agree on a top face by chance
 
-/// What is left of a thing whose sides look like the floor is seldom clean: flawed views count, but less.
-outline::PrismView asTop(const ObjectView& view) {
-  constexpr float kFlawed = 3.0F;  // times as uncertain
+/// Views of an object whose sides look like the floor are rarely clean: flawed views count, with a larger σ.
+outline::PrismView asTopFace(const ObjectView& view) {
+  constexpr float kFlawed = 3.0F;  // factor of σ
   outline::PrismView top = view.prism;
-  top.top_alone = true;
+  top.top_face_only = true;
   if (!view.is_flawed) return top;
   for (float& sigma_m : top.supports.sigma_m) sigma_m *= kFlawed;
   return top;
 }
 
-outline::PrismFit fitTop(const Views& views, const outline::PrismOptions& options) {
+outline::PrismFit fitTopFace(const Views& views, const outline::PrismOptions& options) {
   std::vector<outline::PrismView> tops;
-  for (const auto* view : views) tops.push_back(asTop(*view));
+  for (const auto* view : views) tops.push_back(asTopFace(*view));
   return outline::fitPrism(tops, options);
 }
 
-/// All fits go through it.
+/// All fits go through this function.
 Group groupOf(Views views, ObjectKind kind, const outline::PrismOptions& options, const Meanwhile& meanwhile,
-              bool is_top = false) {
+              bool is_top_face = false) {
   if (meanwhile) meanwhile();
   Group group;
   group.kind = kind;
-  group.is_top = is_top;
-  group.fit = is_top ? fitTop(views, options) : fitViews(views, options);
+  group.is_top_face = is_top_face;
+  group.fit = is_top_face ? fitTopFace(views, options) : fitViews(views, options);
   group.views = std::move(views);
   if (group.fit.valid) {
     group.centre_m = group.fit.centre_m;
@@ -118,12 +120,12 @@ double sigmaOf(const Group& group) {
   return group.fit.valid ? std::sqrt(0.5 * group.fit.covariance.trace()) : 1.0;
 }
 
-bool isThing(const Group& group, const MergerOptions& options) {
+bool isObject(const Group& group, const MergerOptions& options) {
   return isOneBody(group, options) && static_cast<int>(group.views.size()) >= options.min_views &&
          sigmaOf(group) <= options.max_sigma_m;
 }
 
-/// Halves views in time until each piece shows one body in one place.
+/// Halves the views in time until each piece shows one body at one place.
 void halve(Group whole, const MergerOptions& options, const Meanwhile& meanwhile,
            std::vector<Group>& pieces) {
   if (whole.views.size() < 2 || whole.fit.spread <= options.max_spread) {
@@ -137,15 +139,15 @@ void halve(Group whole, const MergerOptions& options, const Meanwhile& meanwhile
         pieces);
 }
 
-/// The places of a track. What is no outline as a whole stays whole where most of its pieces are no things
-/// either: its views agree on nothing, and that is told of it.
+/// Splits a track into its places. A track without a valid outline stays whole if most of its views belong to
+/// pieces that are no objects either: its views do not agree, and that is reported.
 void cut(const Views& views, ObjectKind kind, const MergerOptions& options, const Meanwhile& meanwhile,
          std::vector<Group>& places) {
   Group whole = groupOf(views, kind, quick(options), meanwhile);
   std::vector<Group> pieces;
   halve(whole, options, meanwhile, pieces);
   std::size_t shown = 0;
-  for (const Group& piece : pieces) shown += isThing(piece, options) ? piece.views.size() : 0;
+  for (const Group& piece : pieces) shown += isObject(piece, options) ? piece.views.size() : 0;
   if (!whole.fit.valid && 2 * shown < views.size()) {
     places.push_back(std::move(whole));
   } else {
@@ -153,12 +155,12 @@ void cut(const Views& views, ObjectKind kind, const MergerOptions& options, cons
   }
 }
 
-/// What something nearer cuts in two for a laser.
+/// A part of an object that a nearer one splits in two for a laser.
 bool maybePart(const ObjectView& view) {
   return view.is_flawed && view.prism.camera_height_m <= 0.0;
 }
 
-/// Two views of one robot at one time show two things, unless they may be parts of one.
+/// Two views of one robot at one time show two objects, unless they may be parts of one.
 bool shareAFrame(const Group& a, const Group& b) {
   std::set<std::pair<std::string, TimeNs>> frames;
   for (const auto* view : a.views) {
@@ -169,7 +171,7 @@ bool shareAFrame(const Group& a, const Group& b) {
   });
 }
 
-/// As a share of the smaller footprint.
+/// Overlap as a share of the smaller footprint.
 double overlap(const Group& a, const Group& b) {
   if (!a.fit.valid || !b.fit.valid) return 0.0;
   const double smaller = std::min(signedArea(a.fit.footprint_m), signedArea(b.fit.footprint_m));
@@ -188,10 +190,10 @@ Group joined(const Group& a, const Group& b, const outline::PrismOptions& option
   views.insert(views.end(), b.views.begin(), b.views.end());
   std::sort(views.begin(), views.end(), isEarlier);
   return groupOf(std::move(views), std::max(a.kind, b.kind), options, meanwhile,  // obstacle over unknown
-                 a.is_top && b.is_top);
+                 a.is_top_face && b.is_top_face);
 }
 
-/// Joins the piece to the nearest group with which it makes one body; false when there is none.
+/// Joins the piece to the nearest group with which it forms one body. Returns false if there is none.
 bool join(const Group& piece, const MergerOptions& options, const Meanwhile& meanwhile,
           std::vector<Group>& groups) {
   std::vector<std::pair<double, std::size_t>> near;
@@ -203,7 +205,7 @@ bool join(const Group& piece, const MergerOptions& options, const Meanwhile& mea
   for (const auto& [distance, i] : near) {
     if (shareAFrame(piece, groups[i])) continue;
     Group both = joined(groups[i], piece, quick(options), meanwhile);
-    // Seen from one side by lasers: an outline that stays open may be a plain shape.
+    // Seen by lasers from one side: an outline that stays open may be a plain shape.
     if (!both.fit.valid && both.views.front()->prism.camera_height_m <= 0.0)
       both = joined(groups[i], piece, options.prism, meanwhile);
     if (!isOneBody(both, options)) continue;
@@ -213,13 +215,13 @@ bool join(const Group& piece, const MergerOptions& options, const Meanwhile& mea
   return false;
 }
 
-/// Fitted over all views; those that show something else after all are left out.
+/// Fits a group over all its views, then again without the views that show something else.
 Group refined(const Group& group, const MergerOptions& options, const Meanwhile& meanwhile) {
-  Group all = groupOf(group.views, group.kind, options.prism, meanwhile, group.is_top);
+  Group all = groupOf(group.views, group.kind, options.prism, meanwhile, group.is_top_face);
   if (!all.fit.valid) return all;
   Views kept;
   for (const auto* view : all.views) {
-    const outline::PrismView alone = all.is_top ? asTop(*view) : view->prism;
+    const outline::PrismView alone = all.is_top_face ? asTopFace(*view) : view->prism;
     const auto expected = outline::prismSupports(all.fit.footprint_m, all.fit.height_m, alone, 0.0,
                                                  static_cast<int>(alone.supports.size()));
     double sum = 0.0, count = 0.0;
@@ -233,12 +235,12 @@ Group refined(const Group& group, const MergerOptions& options, const Meanwhile&
     if (count > 0 && sum <= count * options.max_spread * options.max_spread) kept.push_back(view);
   }
   if (kept.empty() || kept.size() == all.views.size()) return all;
-  return groupOf(std::move(kept), group.kind, options.prism, meanwhile, group.is_top);
+  return groupOf(std::move(kept), group.kind, options.prism, meanwhile, group.is_top_face);
 }
 
-/// Two bodies cannot stand in one place: what the quick fits kept apart is joined where the full one explains
-/// all views, else the one that fewer views show is dropped.
-void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, std::vector<Group>& groups) {
+/// Two bodies cannot be at one place. Groups that the quick fits kept apart are joined if the full fit
+/// explains all views; otherwise the one with fewer views is dropped.
+void resolveOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, std::vector<Group>& groups) {
   constexpr double kShared = 0.4;
   std::stable_sort(groups.begin(), groups.end(),
                    [](const Group& a, const Group& b) { return a.views.size() > b.views.size(); });
@@ -258,22 +260,22 @@ void settleOverlaps(const MergerOptions& options, const Meanwhile& meanwhile, st
 }
 
 /// Surely above the floor.
-bool isTop(const Group& top, const MergerOptions& options) {
+bool isTopFace(const Group& top, const MergerOptions& options) {
   constexpr double kLeast_m = 0.05, kSigmas = 3.0;
-  return isThing(top, options) && top.fit.height_sigma_m > 0 &&
+  return isObject(top, options) && top.fit.height_sigma_m > 0 &&
          top.fit.height_m - kSigmas * top.fit.height_sigma_m > kLeast_m;
 }
 
-/// Its views agree on nothing as a whole thing, but as a top.
-bool isRather(const Group& top, const Group& whole) {
-  constexpr double kShare = 0.3;  // of their spread as a whole thing, that is left
+/// Its views agree as a top face, but not as a whole object.
+bool fitsBetterAsTopFace(const Group& top, const Group& whole) {
+  constexpr double kShare = 0.3;  // of the spread as a whole object, that may be left
   return !whole.fit.valid || top.fit.spread < kShare * whole.fit.spread;
 }
 
 }  // namespace
 
-std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std::vector<Group>& whole,
-                             const MergerOptions& options, const Meanwhile& meanwhile) {
+std::vector<Group> groupTopFaces(const std::vector<Candidate>& candidates, const std::vector<Group>& whole,
+                                 const MergerOptions& options, const Meanwhile& meanwhile) {
   std::set<const ObjectView*> explained;
   for (const Group& group : whole) explained.insert(group.views.begin(), group.views.end());
   std::vector<Group> pieces, tops;
@@ -281,11 +283,11 @@ std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std
     Views left;
     for (const ObjectView& view : candidate.views)
       if (explained.count(&view) == 0) left.push_back(&view);
-    if (left.size() < kLeastOfTop || 2 * left.size() < candidate.views.size()) continue;
+    if (left.size() < kLeastTrackTopViews || 2 * left.size() < candidate.views.size()) continue;
     const Group as_whole = groupOf(left, candidate.kind, quick(options), meanwhile);
     if (isOneBody(as_whole, options)) continue;
     Group top = groupOf(left, candidate.kind, quick(options), meanwhile, true);
-    if (isTop(top, options) && isRather(top, as_whole)) pieces.push_back(std::move(top));
+    if (isTopFace(top, options) && fitsBetterAsTopFace(top, as_whole)) pieces.push_back(std::move(top));
   }
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const Group& a, const Group& b) { return sigmaOf(a) < sigmaOf(b); });
@@ -301,8 +303,8 @@ std::vector<Group> groupTops(const std::vector<Candidate>& candidates, const std
   };
   for (Group& top : tops) {
     Group sharper = refined(top, options, meanwhile);
-    if (sharper.views.size() >= kLeastOfTop && isThing(sharper, options)) top = std::move(sharper);
-    if (top.views.size() >= kEnoughOfTop && isTop(top, options) && !isTaken(whole, top) &&
+    if (sharper.views.size() >= kLeastTrackTopViews && isObject(sharper, options)) top = std::move(sharper);
+    if (top.views.size() >= kLeastTopViews && isTopFace(top, options) && !isTaken(whole, top) &&
         !isTaken(kept, top))
       kept.push_back(std::move(top));
   }
@@ -323,7 +325,7 @@ std::vector<Group> groupViews(const std::vector<Candidate>& candidates, const Me
     if (!join(piece, options, meanwhile, groups)) groups.push_back(std::move(piece));
   }
   for (auto& group : groups) group = refined(group, options, meanwhile);
-  settleOverlaps(options, meanwhile, groups);
+  resolveOverlaps(options, meanwhile, groups);
   std::sort(groups.begin(), groups.end(),
             [](const Group& a, const Group& b) { return isEarlier(a.views.front(), b.views.front()); });
   return groups;

@@ -18,11 +18,11 @@ struct PlacedHull {
   Polygon hull_m;
 };
 
-/// Views that go together.
-struct Pile {
+/// Views of one object.
+struct HullStack {
   std::vector<PlacedHull> hulls;
   ObjectKind kind = ObjectKind::kUnknown;
-  Polygon common_m;  ///< convex: what its hulls share, those left out that share nothing with the rest
+  Polygon common_m;  ///< convex: region common to its hulls, without those that share nothing with the rest
 };
 
 /// The intersection of two convex polygons.
@@ -40,12 +40,12 @@ bool isPlacedEarlier(const PlacedHull& a, const PlacedHull& b) {
          std::tie(b.view->time_ns, b.view->robot, b.view->track_id);
 }
 
-/// Hulls robot by robot, so that the few that are taken are of all of them.
+/// Hulls ordered by robot, so that the few that are used come from all robots.
 Polygon overlaid(const std::vector<PlacedHull>& hulls, double share) {
   const std::size_t n = std::min(hulls.size(), kMaxHulls);
   std::vector<std::vector<Polygon>> maps;
   for (std::size_t i = 0; i < n; ++i) maps.push_back({hulls[i * hulls.size() / n].hull_m});
-  // Where they do not all meet, what most of them cover.
+  // If they do not all meet: the region that most of them cover.
   for (int votes = std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(n)))); votes > 0;
        --votes) {
     const auto regions = outline::overlay(maps, votes);
@@ -56,41 +56,41 @@ Polygon overlaid(const std::vector<PlacedHull>& hulls, double share) {
   return {};
 }
 
-bool overlaps(const Pile& a, const Pile& b) {
+bool overlaps(const HullStack& a, const HullStack& b) {
   const double smaller = std::min(signedArea(a.common_m), signedArea(b.common_m));
   return smaller > 0.0 && outline::convexIntersectionArea(a.common_m, b.common_m) >= kSharedPart * smaller;
 }
 
-/// One pile per track, its views thinned: a track is one thing to the robot that follows it.
-std::vector<Pile> pilesOf(const std::vector<Candidate>& candidates) {
-  std::vector<Pile> piles;
+/// One stack per track, its views thinned: for the robot that follows it, a track is one object.
+std::vector<HullStack> hullStacksOf(const std::vector<Candidate>& candidates) {
+  std::vector<HullStack> stacks;
   for (const Candidate& candidate : candidates) {
-    Pile pile;
-    pile.kind = candidate.kind;
+    HullStack stack;
+    stack.kind = candidate.kind;
     const std::size_t n = std::min(candidate.views.size(), kMaxHulls);
     for (std::size_t i = 0; i < n; ++i) {
       const ObjectView& view = candidate.views[i * candidate.views.size() / n];
       Polygon hull = hullOf(view);
       if (hull.size() < 3) continue;
-      const Polygon common = pile.hulls.empty() ? hull : shared(pile.common_m, hull);
-      if (!common.empty()) pile.common_m = common;
-      pile.hulls.push_back({&view, std::move(hull)});
+      const Polygon common = stack.hulls.empty() ? hull : shared(stack.common_m, hull);
+      if (!common.empty()) stack.common_m = common;
+      stack.hulls.push_back({&view, std::move(hull)});
     }
-    if (!pile.hulls.empty()) piles.push_back(std::move(pile));
+    if (!stack.hulls.empty()) stacks.push_back(std::move(stack));
   }
-  return piles;
+  return stacks;
 }
 
-void joinOverlapping(std::vector<Pile>& piles) {
+void joinOverlapping(std::vector<HullStack>& stacks) {
   for (bool changed = true; changed;) {
     changed = false;
-    for (std::size_t i = 0; i < piles.size() && !changed; ++i) {
-      for (std::size_t k = i + 1; k < piles.size() && !changed; ++k) {
-        if (!overlaps(piles[i], piles[k])) continue;
-        piles[i].hulls.insert(piles[i].hulls.end(), piles[k].hulls.begin(), piles[k].hulls.end());
-        piles[i].kind = std::max(piles[i].kind, piles[k].kind);
-        piles[i].common_m = shared(piles[i].common_m, piles[k].common_m);
-        piles.erase(piles.begin() + static_cast<std::ptrdiff_t>(k));
+    for (std::size_t i = 0; i < stacks.size() && !changed; ++i) {
+      for (std::size_t k = i + 1; k < stacks.size() && !changed; ++k) {
+        if (!overlaps(stacks[i], stacks[k])) continue;
+        stacks[i].hulls.insert(stacks[i].hulls.end(), stacks[k].hulls.begin(), stacks[k].hulls.end());
+        stacks[i].kind = std::max(stacks[i].kind, stacks[k].kind);
+        stacks[i].common_m = shared(stacks[i].common_m, stacks[k].common_m);
+        stacks.erase(stacks.begin() + static_cast<std::ptrdiff_t>(k));
         changed = true;
       }
     }
@@ -121,15 +121,15 @@ Polygon hullOf(const ObjectView& view) {
 }
 
 std::vector<Group> overlayHulls(const std::vector<Candidate>& candidates, const MergerOptions& options) {
-  std::vector<Pile> piles = pilesOf(candidates);
-  joinOverlapping(piles);
+  std::vector<HullStack> stacks = hullStacksOf(candidates);
+  joinOverlapping(stacks);
   std::vector<Group> groups;
-  for (Pile& pile : piles) {
+  for (HullStack& stack : stacks) {
     Group group;
-    group.kind = pile.kind;
-    group.fit.footprint_m = overlaid(pile.hulls, options.hull_share);
-    std::sort(pile.hulls.begin(), pile.hulls.end(), isPlacedEarlier);
-    for (const PlacedHull& hull : pile.hulls) group.views.push_back(hull.view);
+    group.kind = stack.kind;
+    group.fit.footprint_m = overlaid(stack.hulls, options.hull_share);
+    std::sort(stack.hulls.begin(), stack.hulls.end(), isPlacedEarlier);
+    for (const PlacedHull& hull : stack.hulls) group.views.push_back(hull.view);
     group.fit.valid = group.fit.footprint_m.size() >= 3;
     group.fit.covariance.setZero();
     if (group.fit.valid) group.centre_m = group.fit.centre_m = centroid(group.fit.footprint_m);

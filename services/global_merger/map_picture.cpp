@@ -10,11 +10,11 @@ namespace {
 
 const cv::Scalar kPaper(255, 255, 255), kUnknown(235, 232, 228), kFree(255, 255, 255), kOccupied(70, 62, 55),
     kLines(222, 216, 210), kInk(60, 52, 45), kFaint(150, 140, 130), kObstacle(60, 110, 230);
-constexpr double kTint = 0.3;                               // of an object over its cells
+constexpr double kTint = 0.3;                               // opacity of an object over its cells
 constexpr int kFont = cv::FONT_HERSHEY_DUPLEX, kShift = 4;  // coordinates in sixteenths of a pixel
 constexpr int kTop = 84, kBottom = 92, kSide = 64;
 
-/// Distinct on white, also for the colour-blind (Okabe & Ito), BGR.
+/// Distinguishable on white, also for the colour-blind (Okabe & Ito), BGR.
 cv::Scalar robotColour(std::size_t i) {
   static const cv::Scalar kColours[] = {{178, 114, 0},  {115, 158, 0}, {167, 121, 204},
                                         {233, 180, 86}, {0, 94, 213},  {66, 228, 240}};
@@ -62,7 +62,7 @@ class Canvas {
   void text(const std::string& words, cv::Point at, double size, const cv::Scalar& colour, int weight = 1) {
     cv::putText(image_, words, at, kFont, size, colour, weight, cv::LINE_AA);
   }
-  /// Centred on a point, or beside it where another label stands; with a halo, to be read on anything.
+  /// Text centred on a point, or beside it if another label is there, with a halo for contrast.
   void label(const std::string& words, const Eigen::Vector2d& at, double size, const cv::Scalar& colour) {
     int base = 0;
     const cv::Size box = cv::getTextSize(words, kFont, size, 1, &base);
@@ -80,7 +80,7 @@ class Canvas {
     text(words, from, size, kPaper, 4);
     text(words, from, size, colour, 1);
   }
-  /// A filled polygon through which the map shows.
+  /// A translucent filled polygon.
   void tint(const Polygon& polygon, const cv::Scalar& colour, double strength) {
     const auto points = fine(polygon);
     if (points.size() < 3) return;
@@ -105,7 +105,7 @@ class Canvas {
 
   const MapPicture& picture_;
   cv::Mat image_;
-  std::vector<cv::Rect> labels_;  // where words stand
+  std::vector<cv::Rect> labels_;  // areas of the labels drawn so far
   Eigen::Vector2d low_{1e9, 1e9}, high_{-1e9, -1e9};
   double scale_ = 1.0, left_ = 0.0;
 };
@@ -134,7 +134,7 @@ void Canvas::drawCells() {
                                    static_cast<std::size_t>(x)];
       if (cell < 0) continue;
       const Eigen::Vector2d corner = grid.origin_m + grid.resolution_m * Eigen::Vector2d(x, y);
-      // The far corner is the next cell's corner to the last bit: no gap between them.
+      // The far corner equals the corner of the next cell to the last bit, so there is no gap.
       const Eigen::Vector2d next = grid.origin_m + grid.resolution_m * Eigen::Vector2d(x + 1, y + 1);
       const cv::Point2d a = pixel(corner), b = pixel(next);
       const cv::Rect box(cv::Point(cvRound(a.x), cvRound(b.y)), cv::Point(cvRound(b.x), cvRound(a.y)));
@@ -232,7 +232,7 @@ void Canvas::drawScaleBar() {
 void Canvas::drawLegend() {
   int x = kSide;
   int y = image_.rows - 52;
-  const int scale_bar = image_.cols - kSide - 340;  // its longest begins here
+  const int scale_bar = image_.cols - kSide - 340;  // the longest scale bar begins here
   const auto entry = [&](const std::string& words, const cv::Scalar& fill, const cv::Scalar& edge) {
     const int width = 40 + cv::getTextSize(words, kFont, 0.5, 1, nullptr).width;
     if (x > kSide && x + width > scale_bar) x = kSide, y += 22;

@@ -11,7 +11,7 @@
 
 namespace omnifleet::global_merger {
 
-/// What is drawn.
+/// Content of the picture.
 struct MapPicture {
   const dataset::OccupancyGrid& grid;
   const std::vector<dataset::MapObject>& objects;
@@ -19,8 +19,8 @@ struct MapPicture {
   const std::map<std::string, RobotBody>& bodies;
 };
 
-/// The merged map as a picture (BGR): cells, outlines with ids, the robots' ways and where they stand now,
-/// metre grid, scale bar, title and legend. About 1600 pixels on the longer side.
+/// The merged map as a picture (BGR): cells, outlines with ids, paths and current poses of the robots, metre
+/// grid, scale bar, title and legend. About 1600 pixels on the longer side.
 cv::Mat drawMap(const MapPicture& picture);
 
 }  // namespace omnifleet::global_merger

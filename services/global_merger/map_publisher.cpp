@@ -1,5 +1,7 @@
 #include "global_merger/map_publisher.h"
 
+#include "common/messages.h"
+
 #include "adapters/common.h"
 
 namespace omnifleet::services {
@@ -11,7 +13,7 @@ constexpr std::size_t kMaxOutlines = 256, kMaxVertices = 128, kMaxObservers = 32
 
 template <class T>
 void put(bus::Writer<T>& writer, const T& sample, bus::StatusBoard& status) {
-  if (!writer.write(sample)) status.error("map: " + writer.error());
+  if (!writer.write(sample)) status.report(services::writeFailed("map", writer.error()));
 }
 
 void outlineToWire(const dataset::MapObject& from, v1::Outline& to) {
@@ -29,15 +31,15 @@ void outlineToWire(const dataset::MapObject& from, v1::Outline& to) {
 }  // namespace
 
 MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string& map_name,
-                           const std::string& replica, bool speaks)
+                           const std::string& replica, bool publishes)
     : map_name_(map_name),
       replica_(replica),
-      speaks_(speaks),
+      publishes_(publishes),
       clock_(context.options.mode == bus::RunMode::kLive     ? adapters::RunClock::kSystem
              : context.options.mode == bus::RunMode::kReplay ? adapters::RunClock::kDataset
                                                              : adapters::RunClock::kSim),
       hash_(context.bus.writer(context.topics.map_hash)) {
-  if (!speaks) return;
+  if (!publishes) return;
   octree_ = context.bus.writer(context.topics.map_octree);
   grid_ = context.bus.writer(context.topics.map_grid);
   outlines_ = context.bus.writer(context.topics.map_outlines);
@@ -48,10 +50,10 @@ void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force,
   if (!force && last_ns_ != INT64_MIN && now - last_ns_ < kPeriodNs) return;
   last_ns_ = now;
   if (!force && merger.map().hash() == last_hash_) return;
-  if (speaks_) merger.outlines(meanwhile);
+  if (publishes_) merger.outlines(meanwhile);
   last_hash_ = merger.map().hash();
   ++sequence_;
-  if (speaks_) publishMap(merger, now, status);
+  if (publishes_) publishMap(merger, now, status);
   publishHash(merger, now, status);
 }
 

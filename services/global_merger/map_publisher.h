@@ -9,14 +9,14 @@
 
 namespace omnifleet::services {
 
-/// The merged map on the wire: octree, grid, outlines (by the replica that speaks) and hash (by all).
+/// Publishes the merged map: octree, grid and outlines (publishing replica only) and hash (all replicas).
 class MapPublisher {
  public:
   MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
-               bool speaks);
+               bool publishes);
 
-  /// Publishes when a second of data time has passed and the map has changed, or when `force`. `meanwhile`
-  /// may add to the map.
+  /// Publishes if one second of data time has passed and the map has changed, or if `force`. `meanwhile` may
+  /// add to the map.
   void update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
               const global_merger::Meanwhile& meanwhile = {});
 
@@ -25,7 +25,7 @@ class MapPublisher {
   void publishHash(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
 
   std::string map_name_, replica_;
-  bool speaks_;
+  bool publishes_;
   adapters::RunClock clock_;
   std::unique_ptr<bus::Writer<v1::OctreeMap>> octree_;
   std::unique_ptr<bus::Writer<v1::Grid>> grid_;

@@ -7,12 +7,12 @@
 
 #include "global_merger/candidates.h"
 #include "global_merger/contradiction.h"
+#include "global_merger/floor_markings.h"
 #include "global_merger/grouping.h"
 #include "global_merger/hull_overlay.h"
-#include "global_merger/marks.h"
 #include "global_merger/named_landmarks.h"
 #include "global_merger/save.h"
-#include "global_merger/strangers.h"
+#include "global_merger/unlisted_robots.h"
 
 namespace omnifleet::global_merger {
 
@@ -39,31 +39,31 @@ MergerOptions MergerOptions::read(const options::Section& section) {
 
 namespace {
 
-bool isOften(const Group& group) {
+bool isOftenSeen(const Group& group) {
   constexpr std::size_t kViews = 10;
   return group.views.size() >= kViews;
 }
 
-/// A body of the fleet that is not accounted for by any pose fits the views: a robot that publishes nothing.
-bool isSilentRobot(const Group& group, const MergerOptions& options,
-                   const occupancy::ContributionStore& store,
-                   const std::map<std::string, RobotBody>& bodies) {
+/// The views fit the body of a fleet robot of which nothing has been received: a robot that publishes
+/// nothing.
+bool isSilentFleetRobot(const Group& group, const MergerOptions& options,
+                        const occupancy::ContributionStore& store,
+                        const std::map<std::string, RobotBody>& bodies) {
   std::vector<outline::PrismView> views;
   for (const auto* view : group.views) views.push_back(view->prism);
   return std::any_of(bodies.begin(), bodies.end(), [&](const auto& entry) {
     const auto* path = store.find(entry.first);
     if (path != nullptr && !path->empty()) return false;
     const auto fit = outline::fitBody(views, knownBody(entry.second), options.prism, std::nan(""));
-    // Twice as well as the recipe asks: an obstacle may be of about a robot's size.
+    // Twice as strict as robot_rms_m: an obstacle may have about a robot's size.
     return fit.valid && fit.rms_m < 0.5 * options.robot_rms_m;
   });
 }
 
-/// What is hardly ever seen by itself, in views that do not quite agree: its outline may be that of what
-/// stands beside or behind it, or the half of it that differs from the floor. Or views that do not agree at
-/// all.
-bool isUnclear(const Group& group) {
-  constexpr double kShare = 0.8, kAgree = 0.7, kDisagree = 1.5;  // of the views; spread of views of one body
+/// The views disagree, or disagree slightly and hardly ever show the candidate alone. In the latter case the
+/// outline may belong to a neighbour, or to the half of it that differs from the floor.
+bool isDisagreeing(const Group& group) {
+  constexpr double kShare = 0.8, kAgree = 0.7, kDisagree = 1.5;  // share of the views; spreads in σ
   if (!(group.views.front()->prism.camera_height_m > 0.0)) return false;
   const auto flawed = std::count_if(group.views.begin(), group.views.end(),
                                     [](const ObjectView* view) { return view->is_flawed; });
@@ -71,7 +71,7 @@ bool isUnclear(const Group& group) {
   return group.fit.spread > (is_seldom_seen ? kAgree : kDisagree);
 }
 
-/// By the parallax of its points, surely.
+/// Its height, from the parallax of its points, is surely above 8 cm.
 bool isTall(const Group& group) {
   constexpr double kLeast_m = 0.08, kSigmas = 3.0;
   return group.fit.height_sigma_m > 0 && group.fit.height_m - kSigmas * group.fit.height_sigma_m > kLeast_m;
@@ -96,10 +96,11 @@ dataset::MapObject objectOf(const Group& group) {
   std::set<std::string> observers;
   for (const auto* view : group.views) observers.insert(view->robot);
   object.observers.assign(observers.begin(), observers.end());
-  constexpr double kVague_m = 0.05;  // else it is mostly what is thought of things before their top is seen
-  // Rounded to 0.1 mm, as everything that goes into the fit is.
-  const bool is_told = group.fit.height_sigma_m > 0 && group.fit.height_sigma_m < kVague_m;
-  if (is_told) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
+  constexpr double kVague_m =
+      0.05;  // m, with a larger σ the height is mostly the prior for objects whose top was not seen
+  // Rounded to 0.1 mm, like all inputs of the fit.
+  const bool is_known = group.fit.height_sigma_m > 0 && group.fit.height_sigma_m < kVague_m;
+  if (is_known) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
   return object;
 }
 
@@ -133,7 +134,7 @@ void Merger::addTrajectory(const PoseEstimate& pose) {
   const auto after =
       std::upper_bound(path.begin(), path.end(), pose.acquired_ns,
                        [](TimeNs time_ns, const dataset::StampedPose& p) { return time_ns < p.time_ns; });
-  // Causal: the first estimate of a time stays.
+  // Causal: the first estimate of a time is kept.
   if (after != path.begin() && std::prev(after)->time_ns == pose.acquired_ns) return;
   auto& covariances = covariances_[pose.robot];
   covariances.insert(covariances.begin() + (after - path.begin()),
@@ -141,42 +142,44 @@ void Merger::addTrajectory(const PoseEstimate& pose) {
   path.insert(after, {pose.acquired_ns, pose.map_from_base});
 }
 
-bool Merger::isOneThing(const Group& group) const {
+bool Merger::isOneObject(const Group& group) const {
   if (!group.fit.valid || group.fit.spread > options_.max_spread) return false;
   const Eigen::Vector2d sigma = group.fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   return sigma.maxCoeff() <= options_.max_sigma_m;
 }
 
 bool Merger::isObject(const Group& group) const {
-  if (!isOneThing(group)) return false;
+  if (!isOneObject(group)) return false;
   if (options_.method != "hull" && (isPiece(group, options_, map_.store()) || isRough(group, options_)))
     return false;
   if (!finished_ && static_cast<int>(group.views.size()) < options_.min_views) return false;
   if (group.kind == ObjectKind::kUnknown &&
-      (!finished_ || isSilentRobot(group, options_, map_.store(), bodies_))) {
+      (!finished_ || isSilentFleetRobot(group, options_, map_.store(), bodies_))) {
     return false;
   }
   return !isFlat(group, options_) && !isPattern(group, options_, map_.store()) &&
-         floorSays(group, options_, map_.store()) != FloorSays::kNotThere;
+         floorEvidence(group, options_, map_.store()) != FloorEvidence::kAbsent;
 }
 
-/// Why it is no object, where people should know; nothing where the floor was seen more often than what is no
-/// one thing anyway, and has no height.
-std::optional<Unmapped::Why> Merger::whyUnmapped(const Group& group) const {
+/// Reason why a candidate is not an object, if it is to be reported. Not reported are robots, candidates with
+/// few views, and candidates contradicted by the floor that are flat, or have no single shape and were rarely
+/// seen, or have no single shape and no height and were seen less often than the floor.
+std::optional<RejectedCandidate::Reason> Merger::rejectionReason(const Group& group) const {
   if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
-  if (isSilentRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
+  if (isSilentFleetRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
   const bool is_flat = isFlat(group, options_);
-  if (floorSays(group, options_, map_.store()) == FloorSays::kNotThere) {
-    if (is_flat || (!isOneThing(group) && !isOften(group))) return std::nullopt;
-    if (isOneThing(group) || !isMostlyFloor(group, map_.store())) return Unmapped::Why::kFloorSeen;
-    return isTall(group) ? std::optional(Unmapped::Why::kFloats) : std::nullopt;
+  if (floorEvidence(group, options_, map_.store()) == FloorEvidence::kAbsent) {
+    if (is_flat || (!isOneObject(group) && !isOftenSeen(group))) return std::nullopt;
+    if (isOneObject(group) || !isMostlyFloor(group, map_.store()))
+      return RejectedCandidate::Reason::kFloorSeen;
+    return isTall(group) ? std::optional(RejectedCandidate::Reason::kTopFaceOnly) : std::nullopt;
   }
-  const bool is_mark = is_flat || isPattern(group, options_, map_.store());
-  return is_mark ? Unmapped::Why::kFlat : Unmapped::Why::kNoShape;
+  const bool is_floor_marking = is_flat || isPattern(group, options_, map_.store());
+  return is_floor_marking ? RejectedCandidate::Reason::kFlat : RejectedCandidate::Reason::kNoShape;
 }
 
-/// A robot drove there, so near.
-bool Merger::isWay(const Eigen::Vector2d& at_m, double within_m) const {
+/// Whether a robot drove within this distance.
+bool Merger::wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const {
   return std::any_of(trajectories_.begin(), trajectories_.end(), [&](const auto& trajectory) {
     return std::any_of(trajectory.second.begin(), trajectory.second.end(), [&](const auto& pose) {
       return (pose.map_from_base.translation() - at_m).squaredNorm() < within_m * within_m;
@@ -184,55 +187,59 @@ bool Merger::isWay(const Eigen::Vector2d& at_m, double within_m) const {
   });
 }
 
-/// Not told are pieces of what is mapped, and of robots: nothing stands where one drove. What floats comes
-/// last: its place is the vaguest.
-void Merger::findUnmapped(const std::vector<Group>& groups) {
+/// Pieces of mapped objects are not reported, nor are places where a robot drove, because no obstacle is
+/// there. Top faces come last, because their places are the least accurate.
+void Merger::findRejected(const std::vector<Group>& groups) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
     return (a - b).squaredNorm() < within_m * within_m;
   };
-  std::vector<Unmapped> found;
+  std::vector<RejectedCandidate> found;
   for (const Group& group : groups)
-    if (const auto why = whyUnmapped(group)) found.push_back({group.centre_m, *why});
-  std::stable_partition(found.begin(), found.end(),
-                        [](const Unmapped& place) { return place.why != Unmapped::Why::kFloats; });
-  for (const Unmapped& place : found) {
+    if (const auto reason = rejectionReason(group)) found.push_back({group.centre_m, *reason});
+  std::stable_partition(found.begin(), found.end(), [](const RejectedCandidate& place) {
+    return place.reason != RejectedCandidate::Reason::kTopFaceOnly;
+  });
+  for (const RejectedCandidate& place : found) {
     const Eigen::Vector2d& at_m = place.at_m;
-    const bool is_told = std::any_of(unmapped_.begin(), unmapped_.end(), [&](const Unmapped& other) {
-      return isNear(other.at_m, at_m, kSame_m);
-    });
+    const bool is_listed =
+        std::any_of(rejected_.begin(), rejected_.end(),
+                    [&](const RejectedCandidate& other) { return isNear(other.at_m, at_m, kSame_m); });
     const bool is_mapped = std::any_of(
         outlines_.begin(), outlines_.end(),
         [&](const dataset::MapObject& object) { return distanceTo(object.outline_m, at_m) < kPiece_m; });
-    if (!is_told && !is_mapped && !isWay(at_m, kPiece_m)) unmapped_.push_back(place);
+    if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
 }
 
-/// What ends in a mark is no obstacle, whatever its track was told to be: the floor goes on there.
-void Merger::findMarks(const std::vector<Group>& groups) {
-  std::vector<Polygon> marks_m;
+/// Rays that end in a floor marking hit no obstacle, whatever the kind of their track: the floor continues
+/// there.
+void Merger::findFloorMarkings(const std::vector<Group>& groups) {
+  std::vector<Polygon> markings_m;
   std::set<std::pair<std::string, std::uint16_t>> upright;
   for (const Group& group : groups) {
-    if (isMark(group, options_)) marks_m.push_back(group.fit.footprint_m);
+    if (isFloorMarking(group, options_)) markings_m.push_back(group.fit.footprint_m);
     if (isFlat(group, options_)) continue;
     for (const ObjectView* view : group.views)
       upright.emplace(view->robot, static_cast<std::uint16_t>(view->track_id));
   }
-  for (const auto& track : tracksOfMarks(marks_m, map_.store()))
+  for (const auto& track : tracksOfFloorMarkings(markings_m, map_.store()))
     if (upright.count(track) == 0) kinds_[track] = ObjectKind::kUnknown;
 }
 
-/// Of what they explain nothing else is left to ask. Where a robot drove nothing floats.
-void Merger::addTops(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
-                     std::vector<Group>& groups) const {
+/// Adds objects of which only the top face is segmented, and removes the groups whose views they explain.
+/// None is added where a robot drove.
+void Merger::addTopFaces(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
+                         std::vector<Group>& groups) const {
   std::vector<Group> whole;
   std::copy_if(groups.begin(), groups.end(), std::back_inserter(whole),
                [&](const Group& group) { return isObject(group); });
   constexpr double kWay_m = 0.1;
-  std::vector<Group> tops = groupTops(candidates, whole, options_, meanwhile);
-  tops.erase(std::remove_if(tops.begin(), tops.end(),
-                            [&](const Group& top) { return !isObject(top) || isWay(top.centre_m, kWay_m); }),
-             tops.end());
+  std::vector<Group> tops = groupTopFaces(candidates, whole, options_, meanwhile);
+  tops.erase(
+      std::remove_if(tops.begin(), tops.end(),
+                     [&](const Group& top) { return !isObject(top) || wasDrivenAt(top.centre_m, kWay_m); }),
+      tops.end());
   std::set<const ObjectView*> explained;
   for (const Group& top : tops) explained.insert(top.views.begin(), top.views.end());
   const auto isExplained = [&](const Group& group) {
@@ -248,10 +255,10 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   is_stale_ = false;
   auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
-  faint_m_.clear();
-  unclear_m_.clear();
+  low_contrast_m_.clear();
+  disagreeing_m_.clear();
   kinds_.clear();
-  tellStrangers(candidates);
+  findUnlistedRobots(candidates);
   const auto obstacles = std::stable_partition(
       candidates.begin(), candidates.end(), [](const Candidate& c) { return c.kind == ObjectKind::kRobot; });
   for (auto robot = candidates.begin(); robot != obstacles; ++robot)
@@ -260,20 +267,20 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   std::set<std::uint64_t> taken;
   auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
                                           : groupViews(candidates, options_, meanwhile);
-  if (finished_ && options_.method != "hull") addTops(candidates, meanwhile, groups);
+  if (finished_ && options_.method != "hull") addTopFaces(candidates, meanwhile, groups);
   for (const auto& group : groups) {
     if (!isObject(group)) continue;
     outlines_.push_back(objectOf(group));
     outlines_.back().id = idOf(group, bodies_, taken);
-    if (finished_ && floorSays(group, options_, map_.store()) == FloorSays::kLess)
-      faint_m_.push_back(outlines_.back().centroid_m);
-    else if (finished_ && options_.method != "hull" && isUnclear(group))
-      unclear_m_.push_back(outlines_.back().centroid_m);
+    if (finished_ && floorEvidence(group, options_, map_.store()) == FloorEvidence::kConflicting)
+      low_contrast_m_.push_back(outlines_.back().centroid_m);
+    else if (finished_ && options_.method != "hull" && isDisagreeing(group))
+      disagreeing_m_.push_back(outlines_.back().centroid_m);
     for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
   }
-  if (finished_) findMarks(groups);
-  unmapped_.clear();
-  if (finished_ && options_.method != "hull") findUnmapped(groups);
+  if (finished_) findFloorMarkings(groups);
+  rejected_.clear();
+  if (finished_ && options_.method != "hull") findRejected(groups);
   for (dataset::MapObject& landmark : namedLandmarks(map_.store(), options_.min_views)) {
     while (!taken.insert(landmark.id).second) ++landmark.id;
     outlines_.push_back(std::move(landmark));
@@ -284,9 +291,9 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
 
 void Merger::finish() {
   finished_ = is_stale_ = true;
-  map_.judge({});  // what an earlier end decided must not weigh on this one
+  map_.overrideKinds({});  // decisions of an earlier finish() must not influence this one
   outlines();
-  map_.judge(kinds_);
+  map_.overrideKinds(kinds_);
 }
 
 std::vector<std::string> Merger::save(const std::string& folder) {

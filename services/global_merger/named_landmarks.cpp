@@ -12,8 +12,8 @@ namespace omnifleet::global_merger {
 namespace {
 
 constexpr int kVertices = 24, kIterations = 10;
-constexpr double kCauchy = 2.0;              // σ at which a view counts half
-constexpr std::uint64_t kFirstId = 1000000;  // beyond those of outlines
+constexpr double kCauchy = 2.0;              // σ at which a view has half the weight
+constexpr std::uint64_t kFirstId = 1000000;  // beyond the ids of outlines
 
 struct NamedViews {
   std::vector<Eigen::Vector2d> places_m;  ///< map
@@ -35,7 +35,7 @@ void addView(const occupancy::Contribution& contribution, const Pose2& map_from_
   }
   const double n = static_cast<double>(supports.size());
   views.places_m.push_back(map_from_base * metres(seen.position));
-  views.sigmas_m.push_back(std::sqrt(variance / n) + 0.02);  // the pose is not exact either
+  views.sigmas_m.push_back(std::sqrt(variance / n) + 0.02);  // plus the error of the pose
   views.radius_m += radius / n;
   views.observers.insert(contribution.robot);
 }
@@ -68,10 +68,10 @@ std::map<std::string, NamedViews> gather(const occupancy::ContributionStore& sto
   std::map<std::string, NamedViews> all;
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.seen || !occupancy::standingOf(keyframe.pose)) continue;
+      if (!keyframe.corrected || !occupancy::integerPoseOf(keyframe.pose)) continue;
       const Pose2 map_from_base = keyframe.pose->mapFromBase();
-      for (const occupancy::SupportView& seen : keyframe.seen->views) {
-        if (!seen.name.empty()) addView(*keyframe.seen, map_from_base, seen, all[seen.name]);
+      for (const occupancy::SupportView& seen : keyframe.corrected->views) {
+        if (!seen.name.empty()) addView(*keyframe.corrected, map_from_base, seen, all[seen.name]);
       }
     }
   }

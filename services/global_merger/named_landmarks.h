@@ -7,9 +7,9 @@
 
 namespace omnifleet::global_merger {
 
-/// Landmarks that are told from all others by name (range and bearing detectors), in order of name: each
-/// where the views of all robots put it (mean with Cauchy weights, so that a wrongly read name loses its
-/// vote), as a disc of the size that was reported. Those with fewer than `min_views` views are left out.
+/// Landmarks with unique names (range and bearing detectors), ordered by name. Each is placed at the mean of
+/// the views of all robots, with Cauchy weights, so that a misread name loses its influence, as a disc of the
+/// reported size. Landmarks with fewer than `min_views` views are left out.
 std::vector<dataset::MapObject> namedLandmarks(const occupancy::ContributionStore& store, int min_views);
 
 }  // namespace omnifleet::global_merger

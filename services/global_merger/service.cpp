@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "global_merger/map_doubts.h"
+#include "global_merger/map_warnings.h"
+#include "global_merger/messages.h"
 
 namespace omnifleet::services {
 namespace {
@@ -14,8 +15,8 @@ using std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kSavePeriod{10};
 
-constexpr std::size_t kCorrectedAtOnce = 8;  // contributions: 2 ms
-constexpr std::size_t kMaxWaiting = 64;      // frames whose other half may still come (live)
+constexpr std::size_t kCorrectedAtOnce = 8;  // contributions per slice: 2 ms
+constexpr std::size_t kMaxWaiting = 64;      // frames whose objects or pose may still arrive (live)
 
 std::string contributionStream(const std::string& robot) {
   return "map/contribution " + robot;
@@ -32,7 +33,7 @@ std::string correctionStream(const std::string& robot) {
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       robot_(fleet.robot(context.options.robot).name),
-      speaks_(fleet.locatedRobots().front() == robot_),
+      publishes_(fleet.locatedRobots().front() == robot_),
       ends_(context),
       objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
                {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
@@ -43,14 +44,14 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                         fleet::expectedReaders(fleet, "map/contribution", robot_)),
       pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
-      publisher_(context, fleet.name, robot_, speaks_),
+      publisher_(context, fleet.name, robot_, publishes_),
       maker_(global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"))),
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
   replica_.setLenses(fleet.lensSpreads());
-  // Replicas write to one another: one that stopped reading while it waits would keep the others waiting.
   if (context.options.mode == bus::RunMode::kLive) replica_.correctLater();
+  // Replicas write to each other. A replica that stopped reading while it waits would block the others.
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
   for (const std::string& robot : fleet.locatedRobots()) {
@@ -90,8 +91,9 @@ bool GlobalMergerService::pull() {
   return pullSets() || any;
 }
 
-/// A robot that has nothing to tell for minutes holds nobody up: neither poses nor objects of it will come
-/// that a pose of another one says are not to come (every frame of objects has a pose).
+/// A robot without data for minutes must not delay the others. Each pose lists the last published times of
+/// the other robots: they have no poses and no objects between that time and the time of the pose (every
+/// frame of objects has a pose).
 void GlobalMergerService::promise(const v1::Pose& pose) {
   for (const v1::PublishedPose& other : pose.published()) {
     const auto stream = stream_of_pose_.find(other.robot().to_string());
@@ -109,12 +111,12 @@ bool GlobalMergerService::pullSets() {
     any = true;
     const std::string robot = contribution_.robot().to_string();
     ++sets_[contributionStream(robot)].arrived;
-    if (robot == robot_) continue;  // has it since it made it
+    if (robot == robot_) continue;  // already added when it was made
     if (adapters::fromWire(contribution_, contribution)) {
       replica_.add(contribution);
     } else {
       status().dropped();
-      status().error("a contribution of " + robot + " was rejected: not consistent");
+      status().report(global_merger::contributionRejected(robot));
     }
   }
   occupancy::KeyframePose pose;
@@ -127,8 +129,8 @@ bool GlobalMergerService::pullSets() {
   return any;
 }
 
-/// All that has come.
-bool GlobalMergerService::takeIn() {
+/// Receives and processes everything that is available.
+bool GlobalMergerService::receiveAndProcess() {
   bool any = pull();
   while (merger_.nextBatch(batch_)) {
     process();
@@ -138,7 +140,7 @@ bool GlobalMergerService::takeIn() {
 }
 
 bool GlobalMergerService::spin() {
-  bool any = takeIn();
+  bool any = receiveAndProcess();
   if (!contributed_all_ && merger_.finished()) {
     contribution_out_.end(ends_);
     pose_out_.end(ends_);
@@ -146,7 +148,7 @@ bool GlobalMergerService::spin() {
   }
   if (contributed_all_ && !ended_ && setsComplete()) {
     replica_.finish();
-    tellDoubts();
+    reportMapWarnings();
     publisher_.update(replica_, batch_.time, true, status());
     save();
     ended_ = any = true;
@@ -176,23 +178,23 @@ void GlobalMergerService::process() {
     }
   }
   contribute();
-  news_ = true;
+  has_new_batches_ = true;
   if (own_frame) status().processed(steady_clock::now() - begun, valid);
   if (bus::isDeterministic(context_.options.mode)) publisher_.update(replica_, batch_.time, false, status());
 }
 
 bool GlobalMergerService::background() {
   if (replica_.correctSome(kCorrectedAtOnce)) return true;
-  if (!news_) return false;
-  news_ = false;
+  if (!has_new_batches_) return false;
+  has_new_batches_ = false;
   publisher_.update(replica_, batch_.time, false, status(), [this] { pause(); });
-  saveNowAndThen();
+  savePeriodically();
   return true;
 }
 
-/// Live, the fits of the outlines hold no frame up.
+/// Live: the fits of the outlines must not delay frames.
 void GlobalMergerService::pause() {
-  bus::awaitLull(context_.bus, lull(), [this] { return takeIn(); });
+  bus::awaitIdleWindow(context_.bus, idleWindow(), [this] { return receiveAndProcess(); });
 }
 
 void GlobalMergerService::contribute() {
@@ -222,8 +224,8 @@ void GlobalMergerService::contribute() {
   while (waiting_poses_.size() > kMaxWaiting) waiting_poses_.pop_front();
 }
 
-/// Live, a run may end by a power cut: what was mapped until a little before is on the disk.
-void GlobalMergerService::saveNowAndThen() {
+/// Live: a run may end by a power failure, so the map is saved periodically.
+void GlobalMergerService::savePeriodically() {
   const auto now = steady_clock::now();
   if (now - saved_at_ < kSavePeriod) return;
   saved_at_ = now;
@@ -232,7 +234,7 @@ void GlobalMergerService::saveNowAndThen() {
 }
 
 void GlobalMergerService::save(bool as_fitted) {
-  if (saved_ || !speaks_ || context_.options.out.empty()) return;
+  if (saved_ || !publishes_ || context_.options.out.empty()) return;
   saved_ = true;
   save_failed_ = false;
   const std::string& out = context_.options.out;
@@ -241,96 +243,48 @@ void GlobalMergerService::save(bool as_fitted) {
   save_failed_ = true;
   std::string files;
   for (const std::string& problem : problems) {
-    status().error(problem, true);
+    status().report(fileWriteFailed(problem), true);
     const std::string path = problem.substr(0, problem.find(": "));
     files += (files.empty() ? "" : ", ") + std::filesystem::path(path).filename().string();
   }
-  status().error(
-      "not saved: " + files + " (" + problems.front().substr(problems.front().rfind(": ") + 2) + ")", true);
+  status().report(
+      global_merger::mapNotSaved(files, problems.front().substr(problems.front().rfind(": ") + 2)), true);
 }
 
-namespace {
-
-/// Places to be told, the first of them one by one.
-class Places {
- public:
-  void add(const Eigen::Vector2d& at_m) {
-    if (count_++ < kNamed)
-      named_ += fmt::format("{}({:.2f}, {:.2f})", count_ > 1 ? ", " : "", at_m.x(), at_m.y());
-  }
-  bool any() const { return count_ > 0; }
-  std::size_t count() const { return count_; }
-  std::string text() const {
-    return named_ + (count_ > kNamed ? fmt::format(" and {} more", count_ - kNamed) : "") + " m";
-  }
-
- private:
-  static constexpr std::size_t kNamed = 12;
-  std::string named_;
-  std::size_t count_ = 0;
-};
-
-}  // namespace
-
-void GlobalMergerService::tellDoubts() {
-  if (!speaks_) return;
-  if (context_.options.life > 1 && !context_.options.out.empty())
-    status().error(
-        "trajectories/ and covariances/ begin where this merger took the place of one that died; what was "
-        "driven "
-        "before is in the map alone");
-  const std::size_t unmapped =
-      tellUnmapped(global_merger::Unmapped::Why::kNoShape, "the views do not agree on what") +
-      tellUnmapped(global_merger::Unmapped::Why::kFloorSeen,
-                   "the floor was seen there, too (gone, or hardly to be told from the floor)") +
-      tellUnmapped(global_merger::Unmapped::Why::kFlat,
-                   "they are no higher than marks on the floor, or low and seldom seen") +
-      tellUnmapped(
-          global_merger::Unmapped::Why::kFloats,
-          "they have a height, but mostly the floor was seen there (the tops of things whose sides look like "
-          "the floor, half a metre around)");
+void GlobalMergerService::reportMapWarnings() {
+  namespace gm = global_merger;
+  if (!publishes_) return;
+  if (context_.options.incarnation > 1 && !context_.options.out.empty())
+    status().report(gm::trajectoryIncomplete());
+  gm::MapWarningCounts counts;
+  for (const auto reason :
+       {gm::RejectedCandidate::Reason::kNoShape, gm::RejectedCandidate::Reason::kFloorSeen,
+        gm::RejectedCandidate::Reason::kFlat, gm::RejectedCandidate::Reason::kTopFaceOnly})
+    counts.rejected += reportRejected(reason);
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
-  Places slivers, bare, faint, unclear;
+  std::vector<Eigen::Vector2d> slivers_m;
   for (const dataset::MapObject& object : objects)
-    if (global_merger::isSliver(object.outline_m)) slivers.add(centroid(object.outline_m));
-  for (const Eigen::Vector2d& at_m : global_merger::bareCells(replica_.map().grid(objects), objects))
-    bare.add(at_m);
-  for (const Eigen::Vector2d& at_m : replica_.faint()) faint.add(at_m);
-  for (const Eigen::Vector2d& at_m : replica_.unclear()) unclear.add(at_m);
-  if (faint.any())
-    status().error(
-        "in the map, but hardly to be told from the floor, which was seen there, too; the outline may be "
-        "off: " +
-        faint.text());
-  if (unclear.any())
-    status().error(
-        "in the map by views that do not agree, or hardly ever show them by themselves and do not quite "
-        "agree; place and outline may be off: " +
-        unclear.text());
-  if (slivers.any())
-    status().error(
-        "boards, or dark sides of things that else look like the floor, of which the map shows no more: " +
-        slivers.text());
-  if (bare.any())
-    status().error(
-        "occupied, but without an outline (hardly seen, or run together with what is beside it): " +
-        bare.text());
-  // The last line is all that who follows the status sees.
-  if (unmapped + slivers.count() + bare.count() + faint.count() + unclear.count() > 0)
-    status().error(
-        fmt::format("the map may show too little: {} seen but not in it, {} but thin, {} without an outline, "
-                    "{} hardly to be told from the floor, {} seen unclearly; where and why: "
-                    "the lines before this one in the log",
-                    unmapped, slivers.count(), bare.count(), faint.count(), unclear.count()));
+    if (gm::isSliver(object.outline_m)) slivers_m.push_back(centroid(object.outline_m));
+  const auto report = [this](const std::vector<Eigen::Vector2d>& at_m, auto message) {
+    if (!at_m.empty()) status().report(message(at_m));
+    return at_m.size();
+  };
+  counts.low_contrast = report(replica_.lowContrast(), gm::outlinesLowContrast);
+  counts.disagreeing = report(replica_.disagreeing(), gm::outlinesDisagree);
+  counts.thin = report(slivers_m, gm::outlinesThin);
+  counts.without_outline =
+      report(gm::occupiedWithoutOutline(replica_.map().grid(objects), objects), gm::cellsWithoutOutline);
+  // The status shows only the last message, so the summary comes last.
+  if (counts.total() > 0) status().report(gm::mapIncomplete(counts));
 }
 
-/// Returns how many.
-std::size_t GlobalMergerService::tellUnmapped(global_merger::Unmapped::Why why, const char* reason) {
-  Places places;
-  for (const global_merger::Unmapped& unmapped : replica_.unmapped())
-    if (unmapped.why == why) places.add(unmapped.at_m);
-  if (places.any()) status().error(fmt::format("seen but not in the map, for {}: {}", reason, places.text()));
-  return places.count();
+/// @return number of candidates rejected for this reason
+std::size_t GlobalMergerService::reportRejected(global_merger::RejectedCandidate::Reason reason) {
+  std::vector<Eigen::Vector2d> at_m;
+  for (const global_merger::RejectedCandidate& candidate : replica_.rejected())
+    if (candidate.reason == reason) at_m.push_back(candidate.at_m);
+  if (!at_m.empty()) status().report(global_merger::candidatesRejected(reason, at_m));
+  return at_m.size();
 }
 
 void GlobalMergerService::drain() {
@@ -340,10 +294,10 @@ void GlobalMergerService::drain() {
   pull();
   while (merger_.nextBatch(batch_)) process();
   replica_.finish();
-  tellDoubts();
-  // Saved before it is told: whoever stops a fleet wants its map above all.
+  reportMapWarnings();
+  // Saves before publishing: the map matters most when a fleet is stopped.
   if (replica_.map().store().robots().empty()) {
-    status().error("nothing was mapped, so no map is saved");
+    status().report(global_merger::mapEmpty());
   } else {
     save();
   }

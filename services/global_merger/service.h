@@ -14,9 +14,9 @@
 
 namespace omnifleet::services {
 
-/// One robot's replica of the map. From its robot's objects and poses it makes contributions for everybody;
-/// from everybody's contributions and keyframe poses it builds the map. The first robot's replica speaks: it
-/// publishes and saves the map.
+/// One robot's replica of the map. It makes contributions for all replicas from its robot's objects and
+/// poses, and it builds the map from the contributions and keyframe poses of all robots. The replica of the
+/// first robot publishes and saves the map.
 class GlobalMergerService : public bus::Service {
  public:
   GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -34,7 +34,7 @@ class GlobalMergerService : public bus::Service {
 
  private:
   using Payload = std::variant<std::monostate, Objects, PoseEstimate>;
-  /// A stream into the set: no order, only a count at the end.
+  /// A stream into the set: unordered, with a count at the end.
   struct SetStream {
     std::uint64_t arrived = 0;
     std::optional<std::uint64_t> announced;
@@ -42,7 +42,7 @@ class GlobalMergerService : public bus::Service {
   };
 
   bool pull();
-  bool takeIn();
+  bool receiveAndProcess();
   bool pullSets();
   void promise(const v1::Pose& pose);
   void process();
@@ -50,14 +50,14 @@ class GlobalMergerService : public bus::Service {
   void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
-  void tellDoubts();
-  std::size_t tellUnmapped(global_merger::Unmapped::Why why, const char* reason);
+  void reportMapWarnings();
+  std::size_t reportRejected(global_merger::RejectedCandidate::Reason reason);
   void save(bool as_fitted = false);
-  void saveNowAndThen();
+  void savePeriodically();
 
   bus::ServiceContext context_;
   std::string robot_;
-  bool speaks_;
+  bool publishes_;
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
@@ -72,11 +72,11 @@ class GlobalMergerService : public bus::Service {
   global_merger::ContributionMaker maker_;
   global_merger::Merger replica_;
   std::map<std::string, SetStream> sets_;
-  std::deque<Objects> waiting_objects_;               ///< whose pose has not come yet
+  std::deque<Objects> waiting_objects_;               ///< whose pose has not arrived yet
   std::deque<PoseEstimate> waiting_poses_;            ///< of the own robot
-  v1::Contribution contribution_, own_contribution_;  ///< as taken; as written
+  v1::Contribution contribution_, own_contribution_;  ///< as received; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
-  bool news_ = false;  ///< batches since the map was last published or found not to be due
+  bool has_new_batches_ = false;  ///< batches arrived since the map was last published or not due
   bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };

@@ -21,15 +21,16 @@ namespace fs = std::filesystem;
 using Fields = std::vector<std::string_view>;
 
 fs::path folderOf(const std::string& source) {
-  if (!fs::is_directory(source)) throw options::Error(source + ": no such folder");
+  if (!fs::is_directory(source))
+    throw options::Error(source + ": no such folder; give the folder or .tar.gz of the data set");
   if (fs::exists(fs::path(source) / "Barcodes.dat")) return source;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(source)) {
     if (entry.path().filename() == "Barcodes.dat") return entry.path().parent_path();
   }
-  throw options::Error(source + ": holds no Barcodes.dat; this is no MRCLAM data set");
+  throw options::Error(source + ": contains no Barcodes.dat, so it is not an MRCLAM data set");
 }
 
-/// Rows of a time and numbers.
+/// A row with a time and numbers.
 struct Row {
   TimeNs time_ns = 0;
   std::vector<double> values;
@@ -77,7 +78,9 @@ class Importer {
     for (const auto& [subject, barcode] : barcodes) {
       if (isRobot(subject)) robots.push_back(robot(subject));
     }
-    if (robots.empty()) throw options::Error(folder_.string() + ": holds no Robot1_Odometry.dat");
+    if (robots.empty())
+      throw options::Error(folder_.string() +
+                           ": contains no Robot<n>_Odometry.dat of a subject in Barcodes.dat");
     report_.robots = static_cast<int>(robots.size());
     report_.landmarks = static_cast<int>(landmarks_.size());
     dataset::writeDatasetYaml(out_, robots);
@@ -104,13 +107,13 @@ class Importer {
     return robot;
   }
 
-  /// Time of the first row.
+  /// @return time of the first row
   TimeNs writeWheels(int subject, const std::string& name) {
     dataset::WheelsWriter writer(out_, name);
     TimeNs first_ns = INT64_MAX, last_ns = INT64_MIN;
     for (const Row& row :
          readTimed(folder_ / fmt::format("Robot{}_Odometry.dat", subject), 2, report_.warnings)) {
-      if (row.time_ns <= last_ns) continue;  // two rows within the log's millisecond
+      if (row.time_ns <= last_ns) continue;  // two rows within one millisecond, the resolution of the log
       const double half_turn_mps = 0.5 * row.values[1] * options_.wheel_separation_m;
       writer.write({row.time_ns, row.values[0] - half_turn_mps, row.values[0] + half_turn_mps});
       last_ns = row.time_ns;
@@ -166,7 +169,7 @@ class Importer {
       scene.push_back(std::move(object));
     }
     dataset::writeTruthScene(out_, scene);
-    std::filesystem::remove(out_ + "/landmarks.yaml");  // of an import before this
+    std::filesystem::remove(out_ + "/landmarks.yaml");  // of an earlier import
     if (options_.survey) dataset::writeLandmarks(out_ + "/landmarks.yaml", survey);
   }
 
@@ -174,7 +177,7 @@ class Importer {
   std::string out_;
   MrclamOptions options_;
   MrclamReport report_;
-  std::map<int, int> subject_of_;  ///< by barcode
+  std::map<int, int> subject_of_;  ///< key: barcode
   std::map<int, std::vector<double>> landmarks_;
 };
 
@@ -191,7 +194,7 @@ void unpack(const std::string& archive, const std::string& folder) {
   int how = 0;
   if (posix_spawnp(&child, "tar", nullptr, nullptr, argv, environ) != 0 || waitpid(child, &how, 0) != child ||
       !WIFEXITED(how) || WEXITSTATUS(how) != 0) {
-    throw options::Error(archive + ": tar cannot unpack it");
+    throw options::Error(archive + ": tar failed to unpack it; check that it is a complete .tar.gz");
   }
 }
 

@@ -1,4 +1,4 @@
-// import_mrclam SOURCE OUT: a UTIAS MRCLAM data set as a dataset of this project.
+// import_mrclam SOURCE OUT: converts a UTIAS MRCLAM data set to a dataset of this project.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -10,11 +10,11 @@
 
 namespace {
 
-/// A folder that goes away with it.
+/// A temporary folder; the destructor removes it.
 struct TemporaryFolder {
   TemporaryFolder() {
     std::string pattern = (std::filesystem::temp_directory_path() / "omnifleet_import_XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be created");
+    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot create this folder");
     path = pattern;
   }
   ~TemporaryFolder() {
@@ -36,7 +36,7 @@ int run(const std::string& source, const std::string& out, const omnifleet::impo
   }
   for (const std::string& warning : report.warnings) std::fprintf(stderr, "%s\n", warning.c_str());
   std::printf(
-      "%s: %d robots, %d landmarks, %zu rows of odometry, %zu observations, %zu of barcodes unknown\n",
+      "%s: %d robots, %d landmarks, %zu rows of odometry, %zu observations, %zu of unknown barcodes\n",
       out.c_str(), report.robots, report.landmarks, report.odometry_rows, report.observations,
       report.unknown_barcodes);
   return 0;
@@ -45,17 +45,20 @@ int run(const std::string& source, const std::string& out, const omnifleet::impo
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Writes a UTIAS MRCLAM data set as a dataset: wheels, observations and truth of every robot.");
+  CLI::App app(
+      "Converts a UTIAS MRCLAM data set to a dataset: wheel speeds, observations and truth of every robot.");
   std::string source, out;
   omnifleet::import::MrclamOptions options;
   app.add_option("SOURCE", source, "folder or .tar.gz of the data set")->required();
-  app.add_option("OUT", out, "folder of the dataset, created")->required();
-  app.add_option("--wheel-separation", options.wheel_separation_m, "m")
+  app.add_option("OUT", out, "dataset folder to create")->required();
+  app.add_option("--wheel-separation", options.wheel_separation_m, "distance between the wheels, metres")
       ->check(omnifleet::options::within({0.01, 10.0}));
-  app.add_flag("--initial-poses", options.initial_poses, "tell where each robot starts");
-  app.add_flag("--survey", options.survey, "tell where the landmarks stand (landmarks.yaml)");
+  app.add_flag("--initial-poses", options.initial_poses,
+               "write the initial pose of each robot (from the truth)");
+  app.add_flag("--survey", options.survey,
+               "write the surveyed landmark positions to landmarks.yaml (from the truth)");
   bool force = false;
-  app.add_flag("--force", force, "write over a dataset that is there already");
+  app.add_flag("--force", force, "overwrite an existing dataset");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -63,7 +66,7 @@ int main(int argc, char** argv) {
   }
   try {
     if (!force && std::filesystem::exists(std::filesystem::path(out) / "dataset.yaml"))
-      throw omnifleet::options::Error(out + " holds a dataset already; --force writes over it");
+      throw omnifleet::options::Error(out + " already contains a dataset; use --force to overwrite it");
     return run(source, out, options);
   } catch (const omnifleet::options::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

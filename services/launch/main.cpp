@@ -1,4 +1,4 @@
-// Starts a fleet's processes and keeps them alive: `run FLEET.yaml` or `replay DATASET`.
+// Starts and supervises the processes of a fleet: `run FLEET.yaml` or `replay DATASET`.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -20,25 +20,27 @@ using omnifleet::launch::RunRequest;
 using omnifleet::options::within;
 
 void addCommon(CLI::App& app, RunRequest& request) {
-  app.add_option("--config", request.overlays, "option overlay, repeatable")->check(CLI::ExistingFile);
-  app.add_option("--host", request.host, "start only this host's part");
-  app.add_option("--duration", request.duration_s, "stop after so many seconds")->check(within({0.1, 1e9}));
-  app.add_option("--stop-within", request.stop_within_s, "seconds that all processes have to end when asked")
+  app.add_option("--config", request.overlays, "YAML on top of the fleet file; repeatable")
+      ->check(CLI::ExistingFile);
+  app.add_option("--host", request.host, "start only the part of the fleet for this host");
+  app.add_option("--duration", request.duration_s, "stop after this many seconds")->check(within({0.1, 1e9}));
+  app.add_option("--stop-within", request.stop_within_s,
+                 "seconds within which all processes must end after a stop request")
       ->check(within({0.1, 600.0}))
       ->envname("OMNIFLEET_STOP_WITHIN")
       ->capture_default_str();
   app.add_option("--domain", request.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
-  app.add_flag("--debug-images", request.debug_images, "draw every local map into OUT/debug");
-  app.add_flag("--record", request.record, "write the run itself as a dataset into OUT/recording");
+  app.add_flag("--debug-images", request.debug_images, "write an image of every local map to OUT/debug");
+  app.add_flag("--record", request.record, "record the run as a dataset in OUT/recording");
 }
 
 std::string programFolder() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
 }
 
-/// Of a run that is to have an end.
+/// The run was stopped before its end. Live runs have no end of their own.
 bool isCutShort(const omnifleet::supervisor::RunReport& run, const std::string& mode) {
   return run.reason == omnifleet::supervisor::EndReason::kSignal && mode != "live";
 }
@@ -58,12 +60,13 @@ int report(const omnifleet::supervisor::RunReport& run, const std::string& mode,
 
 int launch(const RunRequest& request) {
   using namespace omnifleet;
-  const supervisor::StopSignals signals;  // before any thread: one that took Ctrl-C would end the program
+  const supervisor::StopSignals
+      signals;  // before any thread: a thread that receives Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
   const bus::DomainClaim claim(request.domain, request.host);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
-  services::forgetPaths(fleet, request.out, request.host);
+  services::removeOldTrajectories(fleet, request.out, request.host);
   supervisor::Options options;
   options.duration_s = request.duration_s;
   options.stop_budget_s = request.stop_within_s;
@@ -72,7 +75,7 @@ int launch(const RunRequest& request) {
                launch::modeOf(request, fleet).c_str(), request.out.c_str());
   supervisor::Callbacks callbacks;
   callbacks.on_restart = [](const std::string& name, double delay_s) {
-    std::fprintf(stderr, "%s died, starts again in %.1f s\n", name.c_str(), delay_s);
+    std::fprintf(stderr, "%s failed, restart in %.1f s\n", name.c_str(), delay_s);
   };
   std::optional<launch::Progress> progress;
   progress.emplace(launch::Listening{request.domain, request.host, launch::services(request, fleet),
@@ -87,16 +90,15 @@ int launch(const RunRequest& request) {
 
 int main(int argc, char** argv) {
   using omnifleet::bus::ExitCode;
-  CLI::App app{"Starts a fleet, one process per service and robot"};
+  CLI::App app{"Starts a fleet: one process per service and robot"};
   app.require_subcommand(1);
   RunRequest request;
-  auto* run = app.add_subcommand("run", "a fleet file");
+  auto* run = app.add_subcommand("run", "run the fleet of a fleet file");
   run->add_option("fleet", request.fleet_file, "fleet file")->required();
   run->add_option("--out", request.out, "run directory")->default_val("out/run");
-  run->add_flag("--realtime", request.realtime,
-                "the arena, folders of pictures and videos by the wall clock");
+  run->add_flag("--realtime", request.realtime, "run the arena, image folders and videos in real time");
   addCommon(*run, request);
-  auto* replay = app.add_subcommand("replay", "a recording, as fast as it goes, no frame lost");
+  auto* replay = app.add_subcommand("replay", "replay a recording at full speed, without losing frames");
   replay->add_option("dataset", request.dataset, "dataset folder")->required();
   replay->add_option("--out", request.out, "run directory")->required();
   addCommon(*replay, request);

@@ -15,7 +15,7 @@ namespace omnifleet::launch {
 
 namespace {
 
-/// Everything that goes in lies on disk already.
+/// All input data is on disk.
 bool isRecorded(const fleet::Fleet& fleet) {
   if (!fleet.dataset.empty()) return true;
   const bool on_disk =
@@ -57,14 +57,14 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     add("--dataset", fleet.dataset);
     for (const std::string& overlay : request.overlays) add("--config", overlay);
     add(process.instance.find('/') == std::string::npos ? "--robot" : "--camera", process.instance);
-    spec.life_option = "--life";
+    spec.incarnation_option = "--incarnation";
     if (request.debug_images) spec.argv.push_back("--debug-images");
     if (request.record) spec.argv.push_back("--record");
     spec.log_path = request.out + "/log/" + spec.name + ".log";
     spec.level = process.stage;
     spec.sink = process.service == "global_merger";
-    // Where nothing may be lost a lost process is the end of the run; live, the fleet goes on without it.
-    // A simulated world that dies takes its time and places along: there is nothing to go on with.
+    // In deterministic modes a failed process ends the run. In live mode the other processes continue. A
+    // failed simulated world always ends the run, because its time and poses are lost.
     spec.restart = mode == "live" && process.service != "world" ? supervisor::RestartPolicy::kOnFailure
                                                                 : supervisor::RestartPolicy::kNever;
     spec.refusal_code = static_cast<int>(bus::ExitCode::kBadOptions);
@@ -93,16 +93,16 @@ ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
 
 namespace {
 
-/// A host that no part of the fleet is on would start nothing.
+/// Rejects a host on which no part of the fleet runs.
 void checkHost(const std::string& host, const fleet::Fleet& fleet) {
   if (host.empty()) return;
   std::set<std::string> hosts;
   for (const fleet::ProcessSpec& process : fleet::processes(fleet, {})) hosts.insert(process.host);
   if (hosts.count(host)) return;
   hosts.erase("");
-  throw options::Error(fmt::format(
-      "--host {}: nothing of this fleet runs there; {}", host,
-      hosts.empty() ? "its file names no hosts" : fmt::format("its hosts are {}", fmt::join(hosts, ", "))));
+  throw options::Error(fmt::format("--host {}: no part of this fleet runs there; {}", host,
+                                   hosts.empty() ? "the fleet file names no hosts"
+                                                 : fmt::format("its hosts are {}", fmt::join(hosts, ", "))));
 }
 
 }  // namespace

@@ -9,37 +9,37 @@
 
 namespace omnifleet::launch {
 
-/// What the command line asks for.
+/// The parsed command line.
 struct RunRequest {
-  std::string fleet_file;  ///< or
+  std::string fleet_file;  ///< this or `dataset`
   std::string dataset;
   std::vector<std::string> overlays;
   std::string out;
-  std::string host;  ///< only this host's part; empty: all
+  std::string host;  ///< start only the part for this host; empty: all
   double duration_s = 0.0;
-  double stop_within_s = 1.8;  ///< s, from the first signal to the last process killed; the merger may save
+  double stop_within_s = 1.8;  ///< s, from the first signal to the last kill; sinks have longer to save
   bool record = false;
   bool debug_images = false;
-  bool realtime = false;  ///< the arena, folders and videos by the wall clock
+  bool realtime = false;  ///< arena, image folders and videos in real time
   int domain = 0;
 };
 
-/// "replay" of what lies on disk (a recording; folders of pictures and videos unless --realtime is asked),
-/// "lockstep" or "live".
+/// "replay" for input on disk (a recording; image folders and videos without --realtime), "lockstep" or
+/// "live".
 std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 
-/// One entry per process of the fleet on this host. `program_folder` holds the service programs.
+/// One entry per process of the fleet on this host. `program_folder` contains the service programs.
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
                                           const std::string& program_folder);
 
-/// What each of them calls itself on service/status: "camera r1/fisheye", "world".
+/// Names of these services on service/status: "camera r1/fisheye", "world".
 std::vector<std::string> services(const RunRequest& request, const fleet::Fleet& fleet);
 
-/// Of the robot that has the most.
+/// Number of frames of the robot with the most frames.
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet);
 
-/// Throws options::Error before anything is started: every option of every service, enough shared memory for
-/// the frames, a run directory that can be written.
+/// Throws options::Error before any process starts: checks every option of every service, the shared memory
+/// for the frames, and write access to the run directory.
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::launch

@@ -24,7 +24,7 @@ namespace omnifleet::launch {
 using std::chrono::steady_clock;
 
 std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, double seconds, bool ended) {
-  // Over less than a second a rate says nothing.
+  // A rate over less than one second is not meaningful.
   const double rate = seconds >= 1.0 ? static_cast<double>(done) / seconds : 0.0;
   const std::uint64_t total = expected.frames;
   const std::string share = total > 0 && !expected.at_most ? fmt::format("/{}", total) : "";
@@ -47,7 +47,7 @@ bool closed(int pipe_end) {
   return poll(&state, 1, 0) > 0;
 }
 
-/// The process that listens.
+/// The process that listens to service/status.
 class Listener {
  public:
   explicit Listener(const Listening& listening)
@@ -58,12 +58,12 @@ class Listener {
         reader_(bus_->reader(topics_.service_status)),
         watch_(*bus_, topics_, listening.services, listening.host, steady_clock::now()) {}
 
-  /// Until `stop` is closed at its other end.
+  /// Runs until the other end of the pipe `stop` is closed.
   void run(int stop) {
     while (!closed(stop)) {
       bus_->wait(std::chrono::milliseconds(100));
-      while (reader_->take(sample_)) hear();
-      for (const std::string& news : watch_.look(steady_clock::now())) say(news);
+      while (reader_->take(sample_)) onStatus();
+      for (const std::string& change : watch_.check(steady_clock::now())) print(change);
       showWhenDue();
     }
     if (shown_ > 0) show("\n", true);
@@ -74,25 +74,25 @@ class Listener {
     bus::DdsBusOptions options;
     options.name = "omnifleet_launch";
     options.domain = domain;
-    // A busy machine must not make the fleet think that it has gone.
+    // On a busy machine the fleet must not consider this participant gone.
     options.lease = std::chrono::seconds(30);
     return options;
   }
 
-  void hear() {
+  void onStatus() {
     const std::string service = sample_.service().to_string(), instance = sample_.instance().to_string();
-    if (service == "launch") return;  // says what we say
-    const std::string who = instance.empty() ? service : service + " " + instance;
+    if (service == "launch") return;  // this launcher publishes it itself
+    const std::string name = instance.empty() ? service : service + " " + instance;
     const std::string error = sample_.last_error().to_string();
-    if (!error.empty() && last_error_[who] != error) {
-      last_error_[who] = error;
-      say(who + ": " + error);
+    if (!error.empty() && last_error_[name] != error) {
+      last_error_[name] = error;
+      print(name + ": [" + sample_.error_code().to_string() + "] " + error);
     }
     if (service == "global_merger") done_[instance] = sample_.processed();
-    watch_.heard(who, sample_.state() == v1::SERVICE_FINISHED, steady_clock::now());
+    watch_.heard(name, sample_.state() == v1::SERVICE_FINISHED, steady_clock::now());
   }
 
-  void say(const std::string& line) const {
+  void print(const std::string& line) const {
     std::fprintf(stderr, "%s%s\n", terminal_ ? "\r\033[K" : "", line.c_str());
   }
 
@@ -122,8 +122,8 @@ class Listener {
   std::unique_ptr<bus::Reader<v1::ServiceStatus>> reader_;
   Watch watch_;
   v1::ServiceStatus sample_;
-  std::map<std::string, std::uint64_t> done_;      // of each merger
-  std::map<std::string, std::string> last_error_;  // of each process
+  std::map<std::string, std::uint64_t> done_;      // per merger
+  std::map<std::string, std::string> last_error_;  // per process
   std::optional<steady_clock::time_point> first_frame_;
   steady_clock::time_point printed_ = steady_clock::now();
   std::uint64_t shown_ = 0;
@@ -145,7 +145,7 @@ Progress::Progress(const Listening& listening) {
     try {
       Listener(listening).run(ends[0]);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "no progress is shown: %s\n", error.what());
+      std::fprintf(stderr, "progress display not available: %s\n", error.what());
     }
     std::fflush(nullptr);
     _exit(0);
@@ -160,7 +160,7 @@ Progress::~Progress() {
   while (waitpid(listener_, &status, 0) < 0 && errno == EINTR) {
   }
   if (WIFSIGNALED(status))
-    std::fprintf(stderr, "the progress line was lost (signal %d); the run was not touched\n",
+    std::fprintf(stderr, "the progress display ended by signal %d; the run is not affected\n",
                  WTERMSIG(status));
 }
 

@@ -7,16 +7,16 @@
 namespace omnifleet::launch {
 namespace {
 
-// Longer than people see a service as silent who watch it: a word that a busy machine delays is no news.
+// Longer than the limits of the status table: a status that a busy machine delays is not reported.
 constexpr bus::Silence::Limits kLimits{std::chrono::seconds(5), std::chrono::seconds(15)};
 
 }  // namespace
 
 std::string silentText(const std::vector<bus::Silence::Silent>& silent) {
-  constexpr std::size_t kRoom = 220;  // of the status' 256 characters
+  constexpr std::size_t kRoom = 450;  // characters; last_error holds 512
   std::string text;
   for (std::size_t i = 0; i < silent.size(); ++i) {
-    const std::string one = silent[i].who + " " + toString(silent[i]);
+    const std::string one = silent[i].name + " " + toString(silent[i]);
     if (text.size() + 2 + one.size() > kRoom) return text + fmt::format(", {} more", silent.size() - i);
     text += (text.empty() ? "" : ", ") + one;
   }
@@ -41,29 +41,29 @@ Watch::~Watch() {
   bus_.flush(std::chrono::milliseconds(200));
 }
 
-void Watch::heard(const std::string& who, bool finished, Clock::time_point now) {
-  if (services_.count(who) > 0) silence_.heard(who, finished, now);
+void Watch::heard(const std::string& name, bool finished, Clock::time_point now) {
+  if (services_.count(name) > 0) silence_.heard(name, finished, now);
 }
 
-std::vector<std::string> Watch::look(Clock::time_point now) {
+std::vector<std::string> Watch::check(Clock::time_point now) {
   const std::vector<bus::Silence::Silent> silent = silence_.silent(now);
-  std::vector<std::string> news;
+  std::vector<std::string> changes;
   std::set<std::string> names;
   for (const bus::Silence::Silent& one : silent) {
-    names.insert(one.who);
-    if (silent_.count(one.who) == 0) news.push_back(one.who + ": " + toString(one));
+    names.insert(one.name);
+    if (silent_.count(one.name) == 0) changes.push_back(one.name + ": " + toString(one));
   }
   for (const std::string& before : silent_) {
-    if (names.count(before) == 0) news.push_back(before + ": speaks again");
+    if (names.count(before) == 0) changes.push_back(before + ": publishes its status again");
   }
   silent_ = std::move(names);
   if (silent.empty()) {
     board_.clearError();
   } else {
-    board_.error(silentText(silent), true);
+    board_.report({ErrorCode::kServiceSilent, silentText(silent)}, true);
   }
   publisher_.update(board_, now);
-  return news;
+  return changes;
 }
 
 }  // namespace omnifleet::launch

@@ -9,36 +9,37 @@
 
 namespace omnifleet::launch {
 
-/// Who of the started processes is silent: told to people at once, and on service/status as the launcher's
-/// own state, for a hung process is not seen by whoever comes later.
+/// Detects started processes that are silent. Reports them to the user at once, and on service/status as the
+/// state of the launcher, because a late joiner cannot detect a hung process.
 class Watch {
  public:
   using Clock = bus::Silence::Clock;
 
-  /// `services`: all that were started, "camera r1/fisheye". `host`: the part of the fleet, instance of the
-  /// status.
+  /// @param services all started services, e.g. "camera r1/fisheye" @param host the part of the fleet, used
+  /// as instance of the status
   Watch(bus::Bus& bus, const bus::Topics& topics, const std::vector<std::string>& services,
         const std::string& host, Clock::time_point now);
-  /// Says that it has ended, as every service does, so that nobody takes it for silent.
+  /// Publishes the state kFinished, as every service does, so that the launcher is not reported as silent.
   ~Watch();
   Watch(const Watch&) = delete;
   Watch& operator=(const Watch&) = delete;
 
-  /// A word of `who`, one of the services or not.
-  void heard(const std::string& who, bool finished, Clock::time_point now);
-  /// What is new since the last look: "classifier r1: silent for 5 s", "classifier r1: speaks again".
-  std::vector<std::string> look(Clock::time_point now);
+  /// A status of service `name` arrived; other services than the started ones are ignored.
+  void heard(const std::string& name, bool finished, Clock::time_point now);
+  /// Changes since the last call: "classifier r1: silent for 5 s", "classifier r1: publishes its status
+  /// again".
+  std::vector<std::string> check(Clock::time_point now);
 
  private:
   bus::Bus& bus_;
   std::set<std::string> services_;
   bus::Silence silence_;
-  std::set<std::string> silent_;  ///< at the last look
+  std::set<std::string> silent_;  ///< at the last check
   bus::StatusBoard board_;
   bus::StatusPublisher publisher_;
 };
 
-/// "classifier r1 silent for 5 s"; of many as many as there is room for in a status, and how many more.
+/// "classifier r1 silent for 5 s", comma-separated; "N more" replaces those that do not fit into a status.
 std::string silentText(const std::vector<bus::Silence::Silent>& silent);
 
 }  // namespace omnifleet::launch

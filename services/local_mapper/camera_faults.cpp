@@ -10,7 +10,7 @@ FaultOptions FaultOptions::read(const options::Section& section) {
   FaultOptions o;
   section.read("frozen_m", o.frozen_m, {0.0, 100.0});
   section.read("frozen_rad", o.frozen_rad, {0.001, 100.0});
-  section.read("cover_step", o.cover_step, {0.0, 10.0});
+  section.read("occlusion_step", o.occlusion_step, {0.0, 10.0});
   section.finish();
   return o;
 }
@@ -20,7 +20,7 @@ FreezeCheck::FreezeCheck(const ground::FloorView& view, const FaultOptions& opti
 
 /// Of every other row of cells.
 std::uint64_t FreezeCheck::fingerprintOf(const cv::Mat3f& means) const {
-  // FNV-1a, in four parts: one multiplication need not wait for the other.
+  // FNV-1a in four parts, so that one multiplication need not wait for another.
   constexpr std::uint64_t kPrime = 1099511628211U;
   std::uint64_t a = 14695981039346656037U, b = 1, c = 2, d = 3;
   for (std::size_t y = 0; y < rows_.size(); y += 2) {
@@ -45,43 +45,47 @@ bool FreezeCheck::isFrozen(const cv::Mat3f& means, const Motion& wheels) {
   if (fingerprint != fingerprint_) {
     fingerprint_ = fingerprint;
     rolled_m_ = turned_rad_ = 0.0;
-    shows_things_ = false;  // until saw()
+    shows_objects_ = false;  // until setObjectCount()
     return false;
   }
   if (wheels.valid) {
     rolled_m_ += wheels.previous_from_current.translation().norm();
     turned_rad_ += std::abs(wheels.previous_from_current.theta_rad);
   }
-  return shows_things_ && (rolled_m_ > options_.frozen_m || turned_rad_ > options_.frozen_rad);
+  return shows_objects_ && (rolled_m_ > options_.frozen_m || turned_rad_ > options_.frozen_rad);
 }
 
-bool CoverCheck::differs(const cv::Vec3f& floor) const {
-  return cv::norm(floor - floor_) > options_.cover_step * cv::norm(floor_);
+bool OcclusionCheck::differs(const cv::Vec3f& floor) const {
+  return cv::norm(floor - floor_) > options_.occlusion_step * cv::norm(floor_);
 }
 
-const char* CoverCheck::faultOf(const Sight& sight, const Motion& wheels) {
-  if (options_.cover_step <= 0.0) return "";
-  const bool is_hidden = sight.horizon == HorizonSight::kHidden;
-  if (sight.objects == 0 && objects_ > 0 && differs(sight.floor))
-    return "all things vanished as the floor changed its colour: covered";
-  if (saw_horizon_ && is_hidden && differs(sight.floor))
-    return "the horizon vanished as the floor changed its colour: covered";
-  objects_ = sight.objects;
-  floor_ = sight.floor;
-  saw_horizon_ = sight.horizon == HorizonSight::kSeen;
-  has_seen_ = has_seen_ || sight.objects > 0 || sight.walls;
+FrameFault OcclusionCheck::faultOf(const FrameContent& content, const Motion& wheels) {
+  if (options_.occlusion_step <= 0.0) return {};
+  const bool is_hidden = content.horizon == HorizonState::kHidden;
+  if (content.objects == 0 && objects_ > 0 && differs(content.floor))
+    return {ErrorCode::kLensOccluded,
+            "lens occluded: all objects vanished in the frame in which the floor's colour changed"};
+  if (had_horizon_ && is_hidden && differs(content.floor))
+    return {ErrorCode::kLensOccluded,
+            "lens occluded: the horizon vanished in the frame in which the floor's colour changed"};
+  objects_ = content.objects;
+  floor_ = content.floor;
+  had_horizon_ = content.horizon == HorizonState::kVisible;
+  has_seen_ = has_seen_ || content.objects > 0 || content.walls;
   if (!has_seen_ && is_hidden)
-    return "no thing so far, and above the horizon the same as below it all around: covered";
+    return {ErrorCode::kLensOccluded,
+            "lens occluded: no object so far, and the image is the same above and below the horizon"};
   if (wheels.valid) bare_m_ += wheels.previous_from_current.translation().norm();
-  if (has_seen_ || saw_horizon_) bare_m_ = 0.0;
-  return "";
+  if (has_seen_ || had_horizon_) bare_m_ = 0.0;
+  return {};
 }
 
-HorizonSight lookAtHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell_means) {
-  // By so much of the brightness, and in colour at equal brightness: covers are lit unevenly.
+HorizonState classifyHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell_means) {
+  // Minimum differences in brightness and in colour at equal brightness, as shares of the brightness:
+  // occluders are lit unevenly.
   constexpr float kAlong = 0.15f, kAcross = 0.05f;
-  constexpr int kOtherOf = 12;  // one sector in so many may show something
-  if (horizon == nullptr) return HorizonSight::kOutOfView;
+  constexpr int kOtherOf = 12;  // with at most one differing sector in this many, the horizon is hidden
+  if (horizon == nullptr) return HorizonState::kOutOfView;
   int seen = 0, other = 0;
   for (int sector = 1; sector <= ground::Horizon::kSectors; ++sector) {
     const cv::Vec4f& colour = horizon->colours()[static_cast<std::size_t>(sector)];
@@ -95,8 +99,8 @@ HorizonSight lookAtHorizon(const ground::Horizon* horizon, const cv::Mat3f& cell
     const float across2 = below.dot(below) / square - gain * gain;
     other += std::abs(gain - 1.0f) > kAlong || across2 > kAcross * kAcross ? 1 : 0;
   }
-  if (4 * seen < ground::Horizon::kSectors) return HorizonSight::kOutOfView;
-  return kOtherOf * other <= seen ? HorizonSight::kHidden : HorizonSight::kSeen;
+  if (4 * seen < ground::Horizon::kSectors) return HorizonState::kOutOfView;
+  return kOtherOf * other <= seen ? HorizonState::kHidden : HorizonState::kVisible;
 }
 
 }  // namespace omnifleet::local_mapper

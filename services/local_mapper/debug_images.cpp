@@ -10,12 +10,12 @@ namespace omnifleet::local_mapper {
 namespace {
 
 constexpr int kMapSize_px = 900;
-constexpr double kMapRange_m = 2.8;  // from the middle to the edge of the floor pictures
+constexpr double kMapRange_m = 2.8;  // from the middle to the edge of the floor images
 
 const cv::Scalar kRed(40, 40, 230), kWhite(255, 255, 255), kGrid(225, 225, 225), kInk(40, 40, 40),
     kFloor(214, 236, 214);
 
-/// Ten colours that differ also for the colour-blind (Okabe–Ito, repeated darker), BGR.
+/// Eight colours that colour-blind readers can distinguish, too (Okabe–Ito and grey), BGR.
 cv::Scalar labelColour(int label) {
   static const cv::Scalar kColours[8] = {{0, 159, 230}, {233, 180, 86}, {115, 158, 0},   {66, 228, 240},
                                          {178, 114, 0}, {0, 94, 213},   {167, 121, 204}, {150, 150, 150}};
@@ -31,7 +31,7 @@ cv::Mat toBgr(const cv::Mat& image) {
   return bgr;
 }
 
-/// base_link → picture: x forward is up, y left is left.
+/// base_link → image: x (forward) points up, y (left) points left.
 cv::Point toPicture(const Eigen::Vector2d& p) {
   const double scale = 0.5 * kMapSize_px / kMapRange_m;
   const auto bounded = [](double v) {
@@ -109,7 +109,7 @@ cv::Mat drawCorrected(const LocalMap& map) {
   return picture;
 }
 
-/// Blue on the floor over green to red at the camera's height.
+/// Blue on the floor, then green, red at the camera height.
 cv::Scalar heightColour(double share) {
   const auto ramp = [&](double middle) {
     return 255.0 * std::min(1.0, std::max(0.0, 1.5 - std::abs(4.0 * share - middle)));
@@ -117,7 +117,7 @@ cv::Scalar heightColour(double share) {
   return {ramp(1.0), ramp(2.0), ramp(3.0)};
 }
 
-/// Points of surfaces where they stand, heights as colours.
+/// Surface points at their position, coloured by height.
 void drawPoints(const LocalMap& map, cv::Mat& picture) {
   constexpr int kBar_px = 200, kLeft_px = 20, kTop_px = 30;
   for (const auto& o : map.objects) {
@@ -178,9 +178,10 @@ std::vector<std::string> DebugImages::save(const std::string& prefix) const {
   const auto write = [&](const std::string& name, const cv::Mat& picture) {
     const std::string path = prefix + "_" + name + ".png";
     try {
-      if (!cv::imwrite(path, picture)) problems.push_back(path + ": cannot be written");
+      if (!cv::imwrite(path, picture))
+        problems.push_back(path + ": image not written; check the folder and the free disk space");
     } catch (const cv::Exception& error) {
-      problems.push_back(path + ": " + error.err);
+      problems.push_back(path + ": image not written: " + error.err);
     }
   };
   write("labels", labels);

@@ -9,15 +9,15 @@
 
 namespace omnifleet::local_mapper {
 
-/// The four pictures of Choi's Figs. 15–17 for one frame, BGR8.
+/// The four images of Choi's Figs. 15–17 for one frame, BGR8.
 struct DebugImages {
   cv::Mat labels;     ///< regions with their rectangles before (thin) and after (thick) Algorithm 1
-  cv::Mat vectors;    ///< motion vectors on the fisheye image; the points are their starts
-  cv::Mat corrected;  ///< the same vectors on the floor, own motion removed in red
+  cv::Mat vectors;    ///< motion vectors on the fisheye image; dots mark where they begin
+  cv::Mat corrected;  ///< the same vectors on the floor; in red the robot's own motion, which was removed
   cv::Mat local_map;  ///< scan, hulls, contacts, points in space coloured by height; 1 m grid, robot in the
-                      ///< middle, its front up
+                      ///< middle, forward is up
 
-  /// @param mapper after process(image) gave `map`
+  /// @param mapper after process(image) returned `map`
   static DebugImages render(const LocalMapper& mapper, const LocalMap& map, const cv::Mat& image);
 
   /// Writes PREFIX_labels.png, PREFIX_vectors.png, PREFIX_corrected.png and PREFIX_local_map.png.

@@ -11,13 +11,15 @@ namespace omnifleet::local_mapper {
 
 namespace {
 
-constexpr double kMarch_m = 0.01;  // step along a ray when the visible floor is measured, once per camera
+constexpr double kMarch_m = 0.01;  // step along a ray for measuring the visible floor, once per camera
 
-constexpr double kWalls_m = 4.0;  // up to here it is looked where walls stand
-// Blocks before a told wall's foot that what is a part of it may begin: steps are joined over gaps.
+constexpr double kWalls_m = 4.0;  // walls are searched for up to this range
+// A part of a wall may begin this many blocks in front of the known foot of the wall, because edges are
+// joined over gaps.
 constexpr double kBeforeWall = 1.0, kBeforeFoot = 2.5;
-constexpr double kAbout = 1.1;      // times its range: a cell may begin before the foot
-constexpr std::size_t kEdge = 200;  // steps before a wall's growth within which its foot is looked for
+constexpr double kRangeFactor = 1.1;  // multiple of the range of a cell, which may begin in front of the foot
+constexpr std::size_t kEdge =
+    200;  // steps in front of the growing of a wall within which its foot is searched for
 
 std::uint8_t kindAt(const FloorScan::Room& room, int u, int v) {
   const int x = u / ground::FloorView::kCell, y = v / ground::FloorView::kCell;
@@ -25,7 +27,7 @@ std::uint8_t kindAt(const FloorScan::Room& room, int u, int v) {
 }
 
 bool isInTheWay(std::uint8_t object) {
-  return object != 0 && object != ground::WallFinder::kShade;
+  return object != 0 && object != ground::WallFinder::kShadow;
 }
 
 cv::Vec3f pixelAt(const cv::Mat& image, int u, int v) {
@@ -33,7 +35,7 @@ cv::Vec3f pixelAt(const cv::Mat& image, int u, int v) {
   return cv::Vec3f::all(image.at<std::uint8_t>(v, u));
 }
 
-/// Metres on the floor of one pixel, radially, at a floor point.
+/// Radial extent of one pixel on the floor, metres, at a floor point.
 double radialMetres(const lens::Camera& camera, const Eigen::Vector2d& floor) {
   const auto pixel = camera.pixelFromPoint({floor.x(), floor.y(), 0.0});
   if (!pixel) return 0.0;
@@ -74,7 +76,7 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
       const bool seen = cv::Rect({0, 0}, view.imageSize()).contains(at) && view.mask()(at) != 0;
       if (seen && begin < 0) begin = r;
       if (!seen && begin >= 0) break;
-      // Of a thing that the edge of the view cuts, nothing may be left there: no floor is seen for sure.
+      // Of an object that the edge of the view cuts, nothing may be left there, so no floor is certain.
       const bool sure = seen && !view.nearCut(static_cast<float>(at.x), static_cast<float>(at.y));
       if (sure && r <= options.max_range_m + 1e-9) end = r;
       if (seen) steps_.push_back({static_cast<std::int16_t>(at.x), static_cast<std::int16_t>(at.y)});
@@ -91,15 +93,16 @@ FloorScan::FloorScan(const lens::Camera& camera, const ground::FloorView& view, 
   }
   if (steps_.empty())
     throw options::Error(
-        "sees no floor: between its own body (self_mask_radius_px) and where its view ends (fov_deg) hardly "
-        "a "
-        "pixel is left; check focal_px, position_m, rotation_rpy_deg, too");
+        "no floor visible: hardly a pixel is left between the robot's own body (self_mask_radius_px) and "
+        "the end of the view (fov_deg); check these keys and focal_px, position_m, rotation_rpy_deg in "
+        "its sensor.yaml");
   step_begin_.push_back(steps_.size());
-  along_.reserve(steps_.size() / bearing_.size() + 1);
+  ray_samples_.reserve(steps_.size() / bearing_.size() + 1);
   findSectors();
 }
 
-/// Per sector a ray that is surely not beyond where it begins: one more, rounding does not matter.
+/// Finds a ray per sector that is certainly not beyond the sector's beginning. It subtracts one ray, so
+/// rounding does not matter.
 void FloorScan::findSectors() {
   first_.resize(kSectors);
   for (std::size_t k = 0; k < kSectors; ++k) {
@@ -133,7 +136,7 @@ void FloorScan::add(const FloorContour& contour, std::uint16_t label) {
   }
 }
 
-/// Sectors are even along the square |x| + |y| = 1.
+/// The sectors divide the square |x| + |y| = 1 evenly.
 std::size_t FloorScan::sectorOf(const Eigen::Vector2d& to) {
   const double x = to.x(), y = to.y(), sum = std::abs(x) + std::abs(y);
   if (!(sum > 0.0)) return 0;
@@ -141,7 +144,7 @@ std::size_t FloorScan::sectorOf(const Eigen::Vector2d& to) {
   return std::min(kSectors - 1, static_cast<std::size_t>(along * (kSectors / 4.0)));
 }
 
-/// The last ray that a direction does not lie before.
+/// Index of the last ray at or before a direction.
 std::size_t FloorScan::rayBefore(const Eigen::Vector2d& to) const {
   const auto isBefore = [&](std::size_t ray) {
     const Eigen::Vector2d& d = bearing_[ray];
@@ -159,7 +162,7 @@ void FloorScan::addAll(const cv::Mat1b& objects) {
       if (!isInTheWay(objects(steps_[k].v, steps_[k].u))) continue;
       const double range =
           static_cast<double>(floor_begin_m_[ray]) + kMarch_m * static_cast<double>(k - step_begin_[ray]);
-      if (range < nearest_m_[ray] - kMarch_m) {  // else a contour tells it better
+      if (range < nearest_m_[ray] - kMarch_m) {  // otherwise the contour is more accurate
         nearest_m_[ray] = range;
         object_[ray] = 0;
       }
@@ -186,8 +189,8 @@ void FloorScan::findWalls(const Room& room) {
     const bool is_grown = k < end && !isInTheWay(valueAt(k));
     meets_wall_[ray] = k < end && (is_grown || valueAt(k) == ground::WallFinder::kWall) ? 1 : 0;
     if (begin == end) continue;
-    const double foot_m = footByAll(ray, room);
-    if (std::isfinite(foot_m) && (k == end || foot_m <= kAbout * rangeAt(ray, k))) {
+    const double foot_m = footByLines(ray, room);
+    if (std::isfinite(foot_m) && (k == end || foot_m <= kRangeFactor * rangeAt(ray, k))) {
       meets_wall_[ray] = 1;
       wall_m_[ray] = foot_m;
       continue;
@@ -197,41 +200,42 @@ void FloorScan::findWalls(const Room& room) {
   }
 }
 
-/// Where the walls' line tells it; infinite where it does not.
-double FloorScan::footByAll(std::size_t ray, const Room& room) const {
+/// Range at which WallFoot found a line; infinite where it found none.
+double FloorScan::footByLines(std::size_t ray, const Room& room) const {
   if (!room.foot.any()) return std::numeric_limits<double>::infinity();
   constexpr std::size_t kBearings = ground::WallFoot::kBearings;
   const std::size_t rays = bearing_.size(), nearest = (ray * kBearings + rays / 2) / rays % kBearings;
   return static_cast<double>(room.foot.range_m()[nearest]);
 }
 
-/// Behind the last cell that is surely floor and before that of a step, which is surely wall, or little
-/// behind: where the colours are parted best in two (least squares), as shadows at its foot fade and its
-/// texture evens out. The floor's growth stops some blocks before the edge, the walls' may have gone over it.
+/// Finds the foot between the last cell that is certainly floor and the cell of `step`, which is certainly
+/// wall, or slightly behind it. It is where the colours divide best in two (least squares), because shadows
+/// at the foot fade and the wall's texture averages out. The growing of the floor stops some blocks before
+/// the edge; that of the wall may have crossed it.
 std::size_t FloorScan::footOfWall(std::size_t ray, std::size_t step, const Room& room) {
-  constexpr std::size_t kStops = 3;  // blocks before an edge
+  constexpr std::size_t kStops = 3;  // blocks before an edge where growing stops
   std::size_t first = step;
   while (first > step_begin_[ray] && step - first < kEdge &&
          kindAt(room, steps_[first].u, steps_[first].v) != ground::WallFinder::kFloorGrown)
     --first;
-  along_.clear();
+  ray_samples_.clear();
   cv::Vec3f sum(0, 0, 0);
   const std::size_t reach = kStops * static_cast<std::size_t>(room.block_px);
-  for (std::size_t k = first; k < step_begin_[ray + 1] && (k <= step || along_.size() < reach); ++k) {
+  for (std::size_t k = first; k < step_begin_[ray + 1] && (k <= step || ray_samples_.size() < reach); ++k) {
     if (k > first && steps_[k].u == steps_[k - 1].u && steps_[k].v == steps_[k - 1].v) continue;
-    along_.push_back({k, sum});
+    ray_samples_.push_back({k, sum});
     sum += pixelAt(room.image, steps_[k].u, steps_[k].v);
   }
-  const auto n = static_cast<float>(along_.size());
+  const auto n = static_cast<float>(ray_samples_.size());
   float best = 0.0f;
   std::size_t foot = step;
-  for (std::size_t i = 1; i < along_.size(); ++i) {
+  for (std::size_t i = 1; i < ray_samples_.size(); ++i) {
     const auto before = static_cast<float>(i), after = n - before;
-    const cv::Vec3f apart = along_[i].sum_before / before - (sum - along_[i].sum_before) / after;
+    const cv::Vec3f apart = ray_samples_[i].sum_before / before - (sum - ray_samples_[i].sum_before) / after;
     const float between = before * after * apart.dot(apart);
     if (between <= best) continue;
     best = between;
-    foot = along_[i].step;
+    foot = ray_samples_[i].step;
   }
   return foot;
 }
@@ -254,11 +258,11 @@ std::optional<Eigen::Vector2d> FloorScan::wallBeside(long ray, long step) const 
   return std::nullopt;
 }
 
-bool FloorScan::isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d& contact_m) const {
+bool FloorScan::isInFrontOfWalls(const FloorContour& contour, const Eigen::Vector2d& contact_m) const {
   constexpr double kBefore_m = 0.04, kBefore_px = 2.5;
   const Eigen::Vector2d at = contact_m - camera_->foot();
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size()), bearing = std::atan2(at.y(), at.x());
-  double right = 0.0, left = 0.0;  // of the contact's bearing
+  double right = 0.0, left = 0.0;  // extent beside the contact's bearing
   for (const Eigen::Vector2d& p : contour.points_m) {
     const Eigen::Vector2d to = p - camera_->foot();
     const double beside = wrapAngle(std::atan2(to.y(), to.x()) - bearing);
@@ -274,7 +278,7 @@ bool FloorScan::isBeforeWalls(const FloorContour& contour, const Eigen::Vector2d
   return away.dot(*a - at) >= before;
 }
 
-/// Visits (ray, place on the floor from the camera's foot) of each pixel.
+/// Visits (ray, floor point relative to the camera foot) for each pixel.
 template <typename Visit>
 void FloorScan::forFloor(const ground::Blob& blob, Visit visit) const {
   const double step = 2.0 * M_PI / static_cast<double>(bearing_.size());
@@ -302,9 +306,9 @@ bool FloorScan::isOfWalls(const ground::Blob& blob, double blocks) const {
   return 2 * at_walls > all;
 }
 
-std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob, Doubt doubt) {
-  if (doubt == Doubt::kBoard && isOfWalls(blob, kBeforeWall)) return std::nullopt;
-  if (doubt == Doubt::kStep && isOfWalls(blob, kBeforeFoot)) return std::nullopt;
+std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob, Candidate candidate) {
+  if (candidate == Candidate::kBoard && isOfWalls(blob, kBeforeWall)) return std::nullopt;
+  if (candidate == Candidate::kIntensityEdge && isOfWalls(blob, kBeforeFoot)) return std::nullopt;
   double nearest_m = std::numeric_limits<double>::infinity();
   std::optional<Eigen::Vector2d> contact_m;
   forFloor(blob, [&](std::size_t ray, const Eigen::Vector2d& at) {
@@ -316,7 +320,7 @@ std::optional<Eigen::Vector2d> FloorScan::addUndecided(const ground::Blob& blob,
   return contact_m;
 }
 
-/// The rays from one end of a segment to the other, the shorter way around.
+/// Tests the rays from one end of a segment to the other, the shorter way around.
 void FloorScan::addSegment(const Eigen::Vector2d& a, std::size_t before_a, const Eigen::Vector2d& b,
                            std::size_t before_b, std::uint16_t label) {
   const bool left = a.x() * b.y() - a.y() * b.x() > 0.0;

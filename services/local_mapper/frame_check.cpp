@@ -34,7 +34,7 @@ FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& 
                        const FrameCheckOptions& options)
     : size_(model.image_width_px, model.image_height_px), options_(options) {
   intervals_s_.reserve(kIntervals);
-  constexpr int kStep_px = 16;  // a few thousand pixels tell the exposure
+  constexpr int kStep_px = 16;  // a few thousand pixels are enough for the exposure
   for (int y = 0; y < size_.height; y += kStep_px)
     for (int x = 0; x < size_.width; x += kStep_px)
       if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
@@ -43,7 +43,7 @@ FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& 
 }
 
 void FrameCheck::sampleBeyond(const lens::CameraModel& model) {
-  constexpr double kFrom = 1.03, kTo = 1.12;  // of F: what is blurred over the edge of the image is left out
+  constexpr double kFrom = 1.03, kTo = 1.12;  // of F; pixels blurred over the edge of the image are left out
   constexpr int kStep_px = 3;
   for (int y = 0; y < size_.height; y += kStep_px) {
     for (int x = 0; x < size_.width; x += kStep_px) {
@@ -64,7 +64,7 @@ void FrameCheck::resume(const FrameCheck& before) {
 
 FrameState FrameCheck::check(const Frame& frame) {
   follows_ = false;
-  constexpr TimeNs kDoubled_ns = 1000000;  // a camera that gives one frame twice, with another time
+  constexpr TimeNs kDoubled_ns = 1000000;  // some cameras deliver one frame twice, with another time
   const bool in_order = !has_previous_ || frame.acquired_ns >= previous_ns_ + kDoubled_ns;
   FrameState state = frame.state;
   if (state == FrameState::kOk) {
@@ -92,7 +92,7 @@ FrameState FrameCheck::check(const Frame& frame) {
   return state;
 }
 
-/// Rows that are missing in a recording leave no hole in the sequence.
+/// Rows that are missing in a recording leave no gap in the sequence numbers.
 bool FrameCheck::isGap(double since_s) {
   bool gap = since_s > options_.max_gap_s;
   if (intervals_s_.size() >= kFewestIntervals) {

@@ -19,16 +19,15 @@ laser::Options laserOptions(const fleet::Fleet& fleet) {
   return laser::Options::read(fleet.service("local_mapper").child("laser"));
 }
 
-std::vector<std::string> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
-                                    const char* fault) {
-  const bool good = map.state == FrameState::kOk;
-  return runs.add(fmt::format("scan {} of laser {}", map.sequence, robot), good ? ""
-                                                                           : *fault != '\0'
-                                                                               ? fault
-                                                                               : toString(map.state));
+std::vector<Message> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
+                                const char* fault) {
+  Message message;
+  if (map.state != FrameState::kOk)
+    message = {ErrorCode::kScanRejected, *fault != '\0' ? fault : toString(map.state)};
+  return runs.add(fmt::format("scan {} of laser {}", map.sequence, robot), message);
 }
 
-Taken takeScan(const v1::LaserScan& wire, LaserInput& scan) {
+Validity takeScan(const v1::LaserScan& wire, LaserInput& scan) {
   scan.sequence = wire.header().sequence_number();
   return orInvalid(adapters::fromWire(wire, scan.row));
 }
@@ -69,7 +68,7 @@ bool LaserMapperService::spin() {
     any = true;
   }
   if (!ended_ && merger_.finished()) {
-    for (const std::string& text : faults_.end()) status().error(text);
+    for (const Message& message : faults_.end()) status().report(message);
     out_.end(ends_);
     ended_ = any = true;
   }
@@ -83,14 +82,19 @@ void LaserMapperService::process() {
     integrator_.add(row.time_ns, row.left_mps, row.right_mps);
   }
   const LaserInput& scan = std::get<LaserInput>(batch_.inputs.front().payload);
-  local_map_ = mapper_.process(scan.row, scan.sequence, integrator_.motionTo(scan.row.time_ns));
+  const Motion wheels = integrator_.motionTo(scan.row.time_ns);
+  if (wheels_) {
+    const auto message = wheel_check_.add(scan.row.time_ns, wheels.valid, rowsOf(*wheels_));
+    if (message) status().report(*message);
+  }
+  local_map_ = mapper_.process(scan.row, scan.sequence, wheels);
   local_map_.robot = robot_;
   adapters::toWire(local_map_, runClock(context_.options), sample_);
   out_.write(sample_, status());
   const bool good = local_map_.state == FrameState::kOk;
   status().processed(steady_clock::now() - begun, good);
-  for (const std::string& text : scanFaults(faults_, robot_, local_map_, mapper_.fault()))
-    status().error(text);
+  for (const Message& message : scanFaults(faults_, robot_, local_map_, mapper_.fault()))
+    status().report(message);
 }
 
 }  // namespace omnifleet::services

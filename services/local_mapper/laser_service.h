@@ -9,6 +9,7 @@
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "laser/laser_mapper.h"
+#include "local_mapper/wheel_check.h"
 #include "motion/wheel_integrator.h"
 
 namespace omnifleet::services {
@@ -19,8 +20,8 @@ struct LaserInput {
   std::uint32_t sequence = 0;
 };
 
-/// The local mapper of a robot without a fisheye camera: its laser scans and wheel speeds in, one local map
-/// per scan out.
+/// The local mapper of a robot without a fisheye camera: laser scans and wheel speeds in, one local map per
+/// scan out.
 class LaserMapperService : public bus::Service {
  public:
   LaserMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -49,6 +50,7 @@ class LaserMapperService : public bus::Service {
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
+  local_mapper::WheelCheck wheel_check_{robot_};
   laser::LaserMapper mapper_;
   LocalMap local_map_;
   v1::LocalMap sample_;
@@ -58,12 +60,18 @@ class LaserMapperService : public bus::Service {
 
 /// Options of `services: {local_mapper: {laser: …}}`.
 laser::Options laserOptions(const fleet::Fleet& fleet);
-/// What is to be said of a scan and those before. @param map of it @param fault LaserMapper::fault()
-std::vector<std::string> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
-                                    const char* fault);
+/// Messages about a scan, given the scans before it. @param map of the scan @param fault LaserMapper::fault()
+std::vector<Message> scanFaults(FaultRuns& runs, const std::string& robot, const LocalMap& map,
+                                const char* fault);
 
-Taken takeScan(const v1::LaserScan& wire, LaserInput& scan);
-/// The wheels of a robot as its local mapper integrates them.
+Validity takeScan(const v1::LaserScan& wire, LaserInput& scan);
+/// Wheel integrator of a robot, as its local mapper uses it.
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot);
+
+/// Times of the wheel rows that `wheels` has received.
+template <class Wheels>
+local_mapper::WheelCheck::Rows rowsOf(const Wheels& wheels) {
+  return {wheels.firstNs(), wheels.lastNs(), wheels.receivedAny()};
+}
 
 }  // namespace omnifleet::services

@@ -9,7 +9,7 @@ Options Options::read(const options::Section& section) {
   Options o;
   o.check = FrameCheckOptions::read(section.child("frame"));
   o.faults = FaultOptions::read(section.child("faults"));
-  o.cover = ViewCoverOptions::read(section.child("cover"));
+  o.lens_occlusion = LensOcclusionOptions::read(section.child("lens_occlusion"));
   o.view = ground::ViewOptions::read(section.child("view"));
   o.lens = lens::CorrectionOptions::read(section.child("lens"));
   o.ground = ground::SegmenterOptions::read(section.child("ground"));
@@ -31,16 +31,16 @@ static ground::SegmenterOptions groundOptions(const Options& o) {
   return ground;
 }
 
-/// The steps of §III in their order, with the buffers that live from frame to frame.
+/// The steps of §III in their order, with the buffers that are kept from frame to frame.
 struct LocalMapper::Stages {
-  Stages(const lens::Camera& c, const Options& o, const cv::Mat1b& covered)
+  Stages(const lens::Camera& c, const Options& o, const cv::Mat1b& occluded)
       : options(o),
         camera(c),
         correction(lens::correctionCamera(c, o.lens)),
-        view(camera, o.view, covered),
+        view(camera, o.view, occluded),
         check(camera.model(), view, o.check),
         freeze(view, o.faults),
-        cover(o.faults),
+        occlusion(o.faults),
         segmenter(camera, view, groundOptions(o)),
         walls(camera, view, o.walls, o.ground),
         connection(o.connection),
@@ -56,7 +56,7 @@ struct LocalMapper::Stages {
   void begin(const Frame& frame, const Motion& wheels);
   FrameState findRegions(const cv::Mat& image, const Motion& wheels);
   void discard();
-  CoverCheck::Sight sight() const;
+  OcclusionCheck::FrameContent content() const;
   void measureObjects(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
@@ -65,15 +65,15 @@ struct LocalMapper::Stages {
   }
   void keep(bool is_object, const ground::Blob& blob);
   void addUndecided(const std::vector<ground::Blob>& regions,
-                    FloorScan::Doubt doubt = FloorScan::Doubt::kRegion);
+                    FloorScan::Candidate candidate = FloorScan::Candidate::kRegion);
 
   Options options;
   lens::Camera camera;
-  lens::Camera correction;  // §III.4: of single points
+  lens::Camera correction;  // §III.4: for single points
   ground::FloorView view;
   FrameCheck check;
   FreezeCheck freeze;
-  CoverCheck cover;
+  OcclusionCheck occlusion;
   ground::GroundSegmenter segmenter;
   ground::Labeller labeller;
   ground::WallFinder walls;
@@ -87,7 +87,8 @@ struct LocalMapper::Stages {
 
   const std::vector<ground::Blob>* labelled = nullptr;
   const std::vector<ground::Blob>* blobs = nullptr;
-  std::vector<ground::Blob> object_blobs;  // region of each object; may be more than there are objects
+  std::vector<ground::Blob>
+      object_blobs;  // region of each object; may have more entries than there are objects
   std::vector<std::size_t> blob_of_object;
   std::vector<ground::Contour> part_contours;
   std::vector<double> part_contact_m;
@@ -97,22 +98,22 @@ struct LocalMapper::Stages {
   ObjectObservation object;
   std::vector<Eigen::Vector2d> undecided_m;
   bool has_walls = false;
-  const char* fault = "";
+  FrameFault fault;
   LocalMap map;
-  std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object gets the n-th's again
+  std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object reuses the n-th
 };
 
-/// Whether the frames show the world, and where. Lives longer than the stages: these begin anew where another
-/// part of the view is covered.
+/// Checks whether and where the frames show the scene. It outlives the stages, which are rebuilt when another
+/// part of the view is occluded.
 struct LocalMapper::Watch {
   Watch(const lens::Camera& c, const ground::FloorView& view, const Options& o)
-      : camera(c), blocks(camera, view), cover(blocks, o.cover), cut(blocks) {}
-  Watch(const Watch&) = delete;  // they refer to camera and blocks
+      : camera(c), blocks(camera, view), occlusion(blocks, o.lens_occlusion), cut(blocks) {}
+  Watch(const Watch&) = delete;  // the members refer to camera and blocks
   Watch& operator=(const Watch&) = delete;
 
   lens::Camera camera;
   ViewBlocks blocks;
-  ViewCover cover;
+  LensOcclusion occlusion;
   SceneCut cut;
   bool is_cut = false;
 };
@@ -124,10 +125,10 @@ LocalMapper::~LocalMapper() = default;
 LocalMapper::LocalMapper(LocalMapper&&) noexcept = default;
 LocalMapper& LocalMapper::operator=(LocalMapper&&) noexcept = default;
 
-/// What is covered lies outside of the view from now on, or no more.
-void LocalMapper::startAnew() {
+/// Rebuilds the stages. What is occluded is then outside of their view.
+void LocalMapper::restart() {
   try {
-    auto next = std::make_unique<Stages>(stages_->camera, stages_->options, watch_->cover.mask());
+    auto next = std::make_unique<Stages>(stages_->camera, stages_->options, watch_->occlusion.mask());
     next->check.resume(stages_->check);
     stages_ = std::move(next);
     is_blind_ = false;
@@ -141,9 +142,9 @@ void LocalMapper::watch(const Frame& frame, const Motion& wheels) {
   Watch& w = *watch_;
   w.blocks.read(frame.image);
   const bool was_cut = w.is_cut;
-  w.is_cut = stages_->options.faults.cover_step > 0.0 && w.cut.look(w.cover.usable(), wheels);
+  w.is_cut = stages_->options.faults.occlusion_step > 0.0 && w.cut.update(w.occlusion.usable(), wheels);
   if (was_cut && !w.is_cut) w.blocks.forgetBefore();
-  if (!w.is_cut && w.cover.look(wheels)) startAnew();
+  if (!w.is_cut && w.occlusion.update(wheels)) restart();
 }
 
 const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
@@ -153,20 +154,21 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   s.map.state = s.check.check(frame);
   if (s.map.state == FrameState::kOk && is_blind_) {
     s.map.state = FrameState::kDark;
-    s.fault = "covered where the floor is learned";
+    s.fault = {ErrorCode::kLensOccluded, "lens occluded where the floor's colour is learned"};
   }
   if (s.map.state == FrameState::kOk && watch_->is_cut) {
     s.map.state = FrameState::kDark;
-    s.fault = "all of the picture changed within one frame, and does not move as the robot does: covered";
+    s.fault = {ErrorCode::kLensOccluded,
+               "lens occluded: the whole image changed within one frame and does not move with the robot"};
   }
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
   if (s.map.state != FrameState::kOk) return s.map;
   s.flow.push(frame.image, {s.segmenter.cellMeans(), s.view.rows()}, *s.blobs);  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
-  s.freeze.saw(s.map.objects.size());
-  s.fault = s.cover.faultOf(s.sight(), wheels);
-  if (*s.fault != '\0') {
+  s.freeze.setObjectCount(s.map.objects.size());
+  s.fault = s.occlusion.faultOf(s.content(), wheels);
+  if (s.fault.code != ErrorCode::kNone) {
     s.discard();
     return s.map;
   }
@@ -177,7 +179,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   return s.map;
 }
 
-/// Nothing of what a covered camera shows is true.
+/// Rejects what an occluded camera shows.
 void LocalMapper::Stages::discard() {
   map.state = FrameState::kDark;
   flow.forget();
@@ -187,13 +189,14 @@ void LocalMapper::Stages::discard() {
   map.scan.object.clear();
 }
 
-CoverCheck::Sight LocalMapper::Stages::sight() const {
+OcclusionCheck::FrameContent LocalMapper::Stages::content() const {
   cv::Vec3d sum(0, 0, 0);
   for (const cv::Point& cell : view.seedCells()) sum += cv::Vec3d(segmenter.cellMeans()(cell));
   const cv::Vec3f floor = sum / static_cast<double>(view.seedCells().size());
-  const bool shows_things = !map.objects.empty() || has_walls;
-  return {map.objects.size(), has_walls, floor,
-          shows_things ? HorizonSight::kSeen : lookAtHorizon(segmenter.horizon(), segmenter.cellMeans())};
+  const bool shows_objects = !map.objects.empty() || has_walls;
+  return {
+      map.objects.size(), has_walls, floor,
+      shows_objects ? HorizonState::kVisible : classifyHorizon(segmenter.horizon(), segmenter.cellMeans())};
 }
 
 void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
@@ -205,7 +208,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   silhouette.forgetRejected();
   flow.forgetRejected();
   undecided_m.clear();
-  fault = "";
+  fault = {};
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
   map.scan.label.clear();
@@ -215,8 +218,9 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
 FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& wheels) {
   const bool has_floor = segmenter.segment(image);  // §III.2: ground removed by its histogram
   if (freeze.isFrozen(segmenter.cellMeans(), wheels)) {
-    fault = "the picture stays the same while the wheels turn";
-    return FrameState::kOutOfOrder;  // an old picture with a new time
+    fault = {ErrorCode::kImageFrozen,
+             "image frozen: it stays the same while the wheels turn; restart the camera"};
+    return FrameState::kOutOfOrder;  // an old image with a new time
   }
   if (!has_floor) return FrameState::kDark;
   labelled = &labeller.label(segmenter.bits(), segmenter.area(), options.silhouette.min_area_px);
@@ -235,7 +239,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   for (const ground::Blob& blob : *blobs) {
     tracer.trace(contourFrame(image, segmenter.objects()), blob, contour);
     const bool is_object = silhouette.measure(blob, contour, {}, object) &&
-                           (!has_walls || scan.isBeforeWalls(silhouette.floorContour(), object.contact_m));
+                           (!has_walls || scan.isInFrontOfWalls(silhouette.floorContour(), object.contact_m));
     if (is_object && silhouette.isLine()) continue;
     if (is_object && object.solidity < options.split.max_solidity && measureParts(image, blob)) continue;
     keep(is_object, blob);
@@ -244,25 +248,26 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   if (closed) scan.addAll(segmenter.objects());
   if (has_walls) scan.addWalls();
   addUndecided(segmenter.undecided());
-  addUndecided(segmenter.boards(), FloorScan::Doubt::kBoard);
-  addUndecided(segmenter.steps(), FloorScan::Doubt::kStep);
-  addUndecided(segmenter.grainy(), FloorScan::Doubt::kStep);
-  if (!has_walls) {  // shade on a wall is no thing before it
+  addUndecided(segmenter.boards(), FloorScan::Candidate::kBoard);
+  addUndecided(segmenter.intensityEdges(), FloorScan::Candidate::kIntensityEdge);
+  addUndecided(segmenter.coarseTexture(), FloorScan::Candidate::kIntensityEdge);
+  if (!has_walls) {  // a shadow on a wall is no object in front of it
     addUndecided(segmenter.vague());
-    for (const ground::Blob& face : segmenter.faces()) scan.addUndecided(face, FloorScan::Doubt::kRegion);
+    for (const ground::Blob& face : segmenter.faces()) scan.addUndecided(face, FloorScan::Candidate::kRegion);
   }
   scan.finish(map.scan);
 }
 
-void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions, FloorScan::Doubt doubt) {
+void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions,
+                                       FloorScan::Candidate candidate) {
   for (const ground::Blob& blob : regions) {
-    const auto contact_m = scan.addUndecided(blob, doubt);
+    const auto contact_m = scan.addUndecided(blob, candidate);
     if (contact_m && (*contact_m - camera.foot()).norm() <= options.silhouette.max_contact_m)
       undecided_m.push_back(*contact_m);
   }
 }
 
-/// A region that shows several things, each for itself. False where it is one thing.
+/// Measures each object of a region that shows several. @return false where it is one object
 bool LocalMapper::Stages::measureParts(const cv::Mat& image, const ground::Blob& blob) {
   const auto* parts = &splitter.split(image, blob);
   const bool by_colour = !parts->empty();
@@ -279,8 +284,8 @@ bool LocalMapper::Stages::measureParts(const cv::Mat& image, const ground::Blob&
   return true;
 }
 
-/// Of two colours that meet, the one with the nearer contact stands in front, and the outline between them is
-/// its own; a chord between notches is nobody's.
+/// Where two colours meet, the part with the nearer contact stands in front, and the outline between them is
+/// its own. A chord between notches belongs to neither part.
 void LocalMapper::Stages::measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour) {
   hides.assign(parts.size() + 1, false);
   for (std::size_t k = 0; k < parts.size(); ++k)
@@ -290,12 +295,12 @@ void LocalMapper::Stages::measurePart(const std::vector<ground::Blob>& parts, st
   keep(is_object, parts[i]);
 }
 
-/// What was just measured becomes an object, or merely stands in the way of the scan.
+/// Adds the region just measured as an object, or only as an obstacle of the scan.
 void LocalMapper::Stages::keep(bool is_object, const ground::Blob& blob) {
   if (is_object) {
-    constexpr float kRoughly = 15.0f;  // times the σ of an outline of which most is inferred
+    constexpr float kRoughly = 15.0f;  // multiple of the σ of an outline that is mostly inferred
     if (segmenter.isRough(blob)) {
-      for (float& sigma : object.supports.sigma_m) sigma *= kRoughly;  // below 0 where there is none
+      for (float& sigma : object.supports.sigma_m) sigma *= kRoughly;  // negative where there is none
     }
     const std::size_t n = map.objects.size();
     object.label = static_cast<std::uint16_t>(n + 1);
@@ -338,8 +343,8 @@ double LocalMapper::freeShare() const {
   return stages_->scan.freeShare();
 }
 
-double LocalMapper::coveredShare() const {
-  return watch_->cover.share();
+double LocalMapper::occludedShare() const {
+  return watch_->occlusion.share();
 }
 
 double LocalMapper::litBeyondLens() const {
@@ -347,14 +352,14 @@ double LocalMapper::litBeyondLens() const {
 }
 
 double LocalMapper::bare_m() const {
-  return stages_->cover.bare_m();
+  return stages_->occlusion.bare_m();
 }
 
 double LocalMapper::gap_s() const {
   return stages_->check.gap_s();
 }
 
-const char* LocalMapper::fault() const {
+const FrameFault& LocalMapper::fault() const {
   return stages_->fault;
 }
 

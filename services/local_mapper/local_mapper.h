@@ -16,32 +16,33 @@
 #include "local_mapper/camera_faults.h"
 #include "local_mapper/floor_scan.h"
 #include "local_mapper/frame_check.h"
+#include "local_mapper/lens_occlusion.h"
 #include "local_mapper/silhouette.h"
-#include "local_mapper/view_cover.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
 namespace omnifleet::local_mapper {
 
 struct Options {
-  FrameCheckOptions check;               ///< `frame`: what counts as black, overexposed, a gap
-  FaultOptions faults;                   ///< `faults`: a frozen or a covered camera
-  ViewCoverOptions cover;                ///< `cover`: a part of the view that is covered
+  FrameCheckOptions check;               ///< `frame`: limits of dark, overexposed and missing frames
+  FaultOptions faults;                   ///< `faults`: frozen or fully occluded camera
+  LensOcclusionOptions lens_occlusion;   ///< `lens_occlusion`: partly occluded view
   ground::ViewOptions view;              ///< `view`: which pixels can show floor
-  lens::CorrectionOptions lens;          ///< `lens`: §III.4, which lens carries points to the floor
+  lens::CorrectionOptions lens;          ///< `lens`: §III.4, lens model that projects points to the floor
   ground::SegmenterOptions ground;       ///< `ground`: §III.2, ground removal
-  ground::WallOptions walls;             ///< `walls`: a room's walls, and what stands before them
+  ground::WallOptions walls;             ///< `walls`: walls of a room, and what stands in front of them
   ground::ConnectionOptions connection;  ///< `connection`: Algorithm 1
   ground::ContourOptions contour;        ///< `contour`: sub-pixel outline
-  ground::SplitOptions split;            ///< `split`: things one before the other, by their colours
-  ground::NotchOptions notches;          ///< `notches`: things of one colour, by their outline
-  SilhouetteOptions silhouette;          ///< `silhouette`: outline, supports, which blobs are objects
+  ground::SplitOptions split;            ///< `split`: objects in front of one another, by colour
+  ground::NotchOptions notches;          ///< `notches`: objects of one colour, by outline
+  SilhouetteOptions silhouette;          ///< `silhouette`: outline, support function, which blobs are objects
   ScanOptions scan;                      ///< `scan`
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5
   static Options read(const options::Section& section);
 };
 
-/// The stage. Calls must come in the order of acquisition; it keeps the previous frame for the optical flow.
+/// The stage. Calls must come in the order of acquisition, because it keeps the previous frame for the
+/// optical flow.
 class LocalMapper {
  public:
   /// Throws options::Error when the camera shows no floor or the seed region is empty.
@@ -50,50 +51,49 @@ class LocalMapper {
   LocalMapper(LocalMapper&&) noexcept;
   LocalMapper& operator=(LocalMapper&&) noexcept;
 
-  /// One sample for each frame, invalid ones too (`state` says why, no objects, no scan).
+  /// Returns one local map per frame, invalid frames included (`state` gives the reason; no objects, no
+  /// scan).
   /// @param frame image BGR8 or grey, only read during the call
-  /// @param wheels motion base_link(previous) ← base_link(this frame) by odometry; `valid` false where there
-  /// is none
+  /// @param wheels motion base_link(previous) ← base_link(this frame) by odometry; `valid` false without
+  /// odometry
   /// @return the local map (robot name left empty), valid until the next call
   const LocalMap& process(const Frame& frame, const Motion& wheels);
 
-  /// What the debug pictures show: the regions of the last valid frame, before and after Algorithm 1.
+  /// For debug images: the regions of the last valid frame, before and after Algorithm 1.
   const std::vector<ground::Blob>& labelledBlobs() const;
   const std::vector<ground::Blob>& connectedBlobs() const;
-  /// The outline on the floor of each object of the last local map, in its order.
+  /// Outline on the floor of each object of the last local map, in the same order.
   const std::vector<FloorContour>& floorContours() const;
   const lens::Camera& camera() const;
-  /// Points of the last frame (of outlines and vectors) that the correcting lens gives no floor for (Choi
-  /// eq. 7: r ≥ F); they are left out.
+  /// Points of the last frame (of outlines and vectors) for which the correcting lens has no floor point
+  /// (Choi eq. 7: r ≥ F). They are left out.
   std::size_t rejectedPoints() const;
-  /// Where regions of the last frame within the reach of objects begin that may be things of the floor's
-  /// colour, a part of its pattern or a shadow: none of `objects`, the scan ends at them. base_link, metres.
-  /// Whoever answers for missed things must know.
+  /// Where regions of the last frame begin that may be objects of the floor's colour, part of its pattern or
+  /// a shadow, within the reach of objects. They are not among `objects`; the scan ends at them. base_link,
+  /// metres. Consumers need them to know where objects may be missing.
   const std::vector<Eigen::Vector2d>& undecided() const;
-  /// Share of the visible floor's depth that was free in the last valid frame, the middle one of all
-  /// bearings.
+  /// Free share of the visible floor's depth in the last valid frame, the median over all bearings.
   double freeShare() const;
-  /// Share of the view that shows nothing of the world; it is left out as what lies beyond the view's edge
-  /// is.
-  double coveredShare() const;
+  /// Occluded share of the view. It is left out like pixels beyond the edge of the view.
+  double occludedShare() const;
   /// See FrameCheck::litBeyondLens().
   double litBeyondLens() const;
-  /// Metres rolled without having seen anything but floor, nor a horizon, since the beginning.
+  /// See OcclusionCheck::bare_m().
   double bare_m() const;
-  /// Seconds for which nothing came before the last frame, where they are so many that it follows nothing.
+  /// See FrameCheck::gap_s().
   double gap_s() const;
-  /// Why the last frame was not used, where its state alone does not say it; else empty.
-  const char* fault() const;
+  /// Why the last frame was rejected, if its state does not say so; else kNone.
+  const FrameFault& fault() const;
 
  private:
   void watch(const Frame& frame, const Motion& wheels);
-  void startAnew();
+  void restart();
 
   struct Stages;
   struct Watch;
   std::unique_ptr<Stages> stages_;
   std::unique_ptr<Watch> watch_;
-  bool is_blind_ = false;  ///< nothing is left to learn the floor from
+  bool is_blind_ = false;  ///< no usable seed is left for learning the floor
 };
 
 }  // namespace omnifleet::local_mapper

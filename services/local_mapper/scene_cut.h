@@ -9,20 +9,20 @@
 
 namespace omnifleet::local_mapper {
 
-/// A lens that is covered as a whole, whatever the cover looks like: within one frame all of the picture
-/// becomes another, though the robot hardly moved. Another light does not do that: it leaves the structure.
-/// It ends when the former picture is back, or when the picture moves as the robot drives, as no cover's
-/// does: then the robot was carried off, or the light changed beyond recognition.
+/// Detects a lens that is fully occluded, whatever the occluder's appearance: within one frame the whole
+/// image changes, although the robot hardly moves. A change of light keeps the structure and is not detected.
+/// The occlusion ends when the former image is back, or when the image moves as the robot drives. An occluder
+/// does not move in the image, so in that case the robot was kidnapped, or the light changed too much.
 class SceneCut {
  public:
-  /// @param blocks are kept by reference
+  /// @param blocks kept by reference
   explicit SceneCut(const ViewBlocks& blocks);
 
-  /// Looks at the frame that `blocks` has read.
-  /// @param usable one each block: whether it is known to show the world
-  /// @param wheels since the frame before; where they are not valid nothing is told
-  /// @return whether the camera is covered
-  bool look(const std::vector<std::uint8_t>& usable, const Motion& wheels);
+  /// Processes the frame that `blocks` has read.
+  /// @param usable per block: whether it is known to show the scene
+  /// @param wheels motion since the previous frame; where it is not valid, no occlusion is detected
+  /// @return whether the camera is occluded
+  bool update(const std::vector<std::uint8_t>& usable, const Motion& wheels);
 
  private:
   bool isCut();
@@ -34,11 +34,11 @@ class SceneCut {
   void remember();
 
   const ViewBlocks& blocks_;
-  std::vector<int> looked_at_;             ///< usable blocks
-  std::vector<std::uint8_t> has_changed_;  ///< one each
-  ViewBlocks::Means world_, covered_;      ///< as seen last, and as it was when the cover came up
-  bool has_world_ = false, is_covered_ = false;
-  Pose2 since_world_, since_covered_;  ///< driven
+  std::vector<int> tested_;                ///< usable blocks
+  std::vector<std::uint8_t> has_changed_;  ///< per block
+  ViewBlocks::Means scene_, occluded_;     ///< as seen last; as it was when the occluder appeared
+  bool has_scene_ = false, is_occluded_ = false;
+  Pose2 since_scene_, since_occluded_;  ///< motion since then
 };
 
 }  // namespace omnifleet::local_mapper

@@ -6,17 +6,17 @@
 
 #include "dataset/atomic_file.h"
 #include "laser/join.h"
+#include "local_mapper/messages.h"
 
 namespace omnifleet::services {
 namespace {
 
 using std::chrono::steady_clock;
 
-constexpr std::size_t kNamedDoubts = 16; // of places that come together
-constexpr int kLastingFrames = 10;       // what is shut in for so long is told
-constexpr double kLongBare_m = 0.5;      // beyond that a floor with nothing on it is told of
-constexpr double kLitBeyond = 0.5;       // share of the pixels where the lens has no image
-constexpr double kLittleFloor = 0.2;     // share of its visible depth, below which hardly any is seen
+constexpr int kEnclosedFrames = 10;   // frames with hardly any floor, after which this is reported
+constexpr double kFloorOnly_m = 0.5;  // metres with only floor in view, after which this is reported
+constexpr double kLitBeyond = 0.5;    // share of lit pixels where the lens has no image
+constexpr double kLittleFloor = 0.2;  // share of its depth, below which hardly any floor is visible
 
 const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& robot) {
   const fleet::CameraSpec* camera = fleet.fisheyeOf(fleet.robot(robot).name);
@@ -109,7 +109,7 @@ bool LocalMapperService::pull() {
 bool LocalMapperService::spin() {
   bool any = pull();
   while (merger_.nextBatch(batch_)) {
-    takeBeside();
+    takeSideInputs();
     for (const auto& item : batch_.inputs) {
       if (const auto* view = std::get_if<bus::FrameView>(&item.payload)) process(*view);
     }
@@ -117,20 +117,21 @@ bool LocalMapperService::spin() {
     pull();
   }
   if (!ended_ && merger_.finished()) {
-    tellUndecided(true);
+    reportUndecided(true);
     for (FaultRuns* runs : {&faults_, &scan_faults_})
-      for (const std::string& text : runs->end()) status().error(text);
+      for (const Message& message : runs->end()) status().report(message);
     out_.end(ends_);
     ended_ = any = true;
     if (rejected_points_ > 0)
-      context_.log->info("{}: {} points lay beyond the lens' image of the floor (Choi eq. 7: r >= F)",
-                         camera_.id, rejected_points_);
+      context_.log->info(
+          "camera {}: {} points rejected, they lie beyond the lens' image of the floor (Choi eq. 7: r >= F)",
+          camera_.id, rejected_points_);
   }
   return any;
 }
 
-/// What came beside the frames: wheel rows, and the scan of this moment.
-void LocalMapperService::takeBeside() {
+/// Takes what arrived beside the frames: wheel rows, and the scan of this time.
+void LocalMapperService::takeSideInputs() {
   for (const auto& item : batch_.side) {
     const auto& row = std::get<dataset::WheelRow>(item.payload);
     integrator_.add(row.time_ns, row.left_mps, row.right_mps);
@@ -142,8 +143,8 @@ void LocalMapperService::takeBeside() {
 
 void LocalMapperService::joinLaser() {
   const LocalMap& by_laser = laser_->process(scan_->row, scan_->sequence, {});
-  for (const std::string& text : scanFaults(scan_faults_, camera_.robot, by_laser, laser_->fault()))
-    status().error(text);
+  for (const Message& message : scanFaults(scan_faults_, camera_.robot, by_laser, laser_->fault()))
+    status().report(message);
   laser::join(by_laser, local_map_.scan);
 }
 
@@ -151,25 +152,26 @@ void LocalMapperService::process(const bus::FrameView& view) {
   const auto begun = steady_clock::now();
   const cv::Mat image = asMat(view);
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
-  local_map_ = mapper_.process(frame, integrator_.motionTo(frame.acquired_ns));
+  const Motion wheels = integrator_.motionTo(frame.acquired_ns);
+  if (wheels_) {
+    const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, rowsOf(*wheels_));
+    if (message) status().report(*message);
+  }
+  local_map_ = mapper_.process(frame, wheels);
   local_map_.robot = camera_.robot;
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     joinLaser();
   rejected_points_ += mapper_.rejectedPoints();
-  tellLens();
-  tellCover();
+  reportLens();
+  reportOcclusion();
   if (local_map_.state == FrameState::kOk) {
     undecided_.take(local_map_.motion, mapper_.undecided(), local_map_.objects);
-    tellUndecided(false);
+    reportUndecided(false);
   }
-  const bool hemmed_in = local_map_.state == FrameState::kOk && mapper_.freeShare() < kLittleFloor;
-  hemmed_in_frames_ = hemmed_in ? hemmed_in_frames_ + 1 : 0;
-  if (hemmed_in_frames_ == kLastingFrames) {
-    status().error(
-        fmt::format("camera {}: hardly any floor is seen around the robot: things stand close on all sides, "
-                    "or its own body is "
-                    "taken for the floor (self_mask_radius_px of its sensor.yaml is {:g})",
-                    camera_.id, camera_.model.self_mask_radius_px));
+  const bool is_enclosed = local_map_.state == FrameState::kOk && mapper_.freeShare() < kLittleFloor;
+  enclosed_frames_ = is_enclosed ? enclosed_frames_ + 1 : 0;
+  if (enclosed_frames_ == kEnclosedFrames) {
+    status().report(local_mapper::floorHidden(camera_.id, camera_.model.self_mask_radius_px));
   }
   if (!debug_folder_.empty() && local_map_.state == FrameState::kOk) saveDebugImages(image);
   if (!frames_.release(status())) {
@@ -180,71 +182,52 @@ void LocalMapperService::process(const bus::FrameView& view) {
   adapters::toWire(local_map_, runClock(context_.options), sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
-  tellFault();
+  reportFault();
 }
 
-void LocalMapperService::tellFault() {
-  if (mapper_.gap_s() > 0.0) {
-    status().error(
-        fmt::format("camera {}: nothing came for {:.1f} s before frame {}: no vectors go across it",
-                    camera_.id, mapper_.gap_s(), local_map_.sequence));
-  }
-  std::string where, what;
+void LocalMapperService::reportFault() {
+  if (mapper_.gap_s() > 0.0)
+    status().report(local_mapper::frameGap(camera_.id, mapper_.gap_s(), local_map_.sequence));
+  std::string where;
+  Message fault;
   if (local_map_.state != FrameState::kOk) {
-    const std::string fault = mapper_.fault();
     where = fmt::format("frame {} of camera {}", local_map_.sequence, camera_.id);
-    what = fault.empty() ? toString(local_map_.state) : fault;
+    const local_mapper::FrameFault& found = mapper_.fault();
+    fault = found.code != ErrorCode::kNone ? Message{found.code, found.text}
+                                           : Message{codeOf(local_map_.state), toString(local_map_.state)};
   }
-  for (const std::string& text : faults_.add(where, what)) status().error(text);
+  for (const Message& message : faults_.add(where, fault)) status().report(message);
 }
 
-/// The first at once, then what has come together: a floor with a strong pattern has many such places.
-void LocalMapperService::tellUndecided(bool ended) {
-  for (const Eigen::Vector2d& at_m : undecided_.toTell(ended)) doubts_.push_back({local_map_.sequence, at_m});
-  ++frames_since_told_;
-  if (doubts_.empty() || (!ended && frames_since_told_ < kTellEvery)) return;
-  std::string places;
-  const std::size_t named = std::min(doubts_.size(), kNamedDoubts);
-  for (std::size_t i = 0; i < named; ++i) {
-    const auto& [sequence, at_m] = doubts_[i];
-    places += fmt::format("{}in frame {} {:.2f} m ahead, {:.2f} m left", i > 0 ? "; " : "", sequence,
-                          at_m.x(), at_m.y());
-  }
-  if (named < doubts_.size()) places += fmt::format("; and {} more", doubts_.size() - named);
-  status().error(fmt::format(
-      "camera {}: something nearly of the floor's colour (a thing, a wall, a pattern, a shadow): {}; it is "
-      "left out of the map and nothing behind it counts as seen",
-      camera_.id, places));
-  doubts_.clear();
-  frames_since_told_ = 0;
+/// Reports the first region at once, the following ones together: a floor with a strong pattern has many.
+void LocalMapperService::reportUndecided(bool ended) {
+  for (const Eigen::Vector2d& at_m : undecided_.toReport(ended))
+    unreported_.emplace_back(local_map_.sequence, at_m);
+  ++frames_since_report_;
+  if (unreported_.empty() || (!ended && frames_since_report_ < kReportEvery)) return;
+  status().report(local_mapper::undecidedRegions(camera_.id, unreported_));
+  unreported_.clear();
+  frames_since_report_ = 0;
 }
 
-/// The lens is not what its sensor.yaml says: told once.
-void LocalMapperService::tellLens() {
-  if (told_lens_ || mapper_.litBeyondLens() < kLitBeyond) return;
-  status().error(fmt::format(
-      "camera {}: {:.0f} % of the pixels beyond r = F ({:g} px) show something, where an orthographic lens "
-      "has no image: see projection and focal_px of its sensor.yaml",
-      camera_.id, 100.0 * mapper_.litBeyondLens(), camera_.model.focal_px.x()));
-  told_lens_ = true;
+/// Reports once that the image contradicts the lens of its sensor.yaml.
+void LocalMapperService::reportLens() {
+  if (reported_lens_ || mapper_.litBeyondLens() < kLitBeyond) return;
+  status().report(local_mapper::lensMismatch(camera_.id, mapper_.litBeyondLens(), camera_.model));
+  reported_lens_ = true;
 }
 
-void LocalMapperService::tellCover() {
-  const double share = mapper_.coveredShare();
-  if (share > 0.0 && share != told_cover_) {
-    status().error(fmt::format(
-        "camera {}: {:.0f} % of its view are covered from frame {} on: they are left out, the rest goes on",
-        camera_.id, 100.0 * share, local_map_.sequence));
-  }
-  if (share == 0.0 && told_cover_ > 0.0) {
-    context_.log->info("camera {}: its view is free again from frame {} on", camera_.id, local_map_.sequence);
-  }
-  told_cover_ = share;
-  if (mapper_.bare_m() > kLongBare_m && !told_bare_) {
-    status().error(fmt::format(
-        "camera {}: nothing but one floor in the first {:.1f} m: a bare floor, or the lens is covered",
-        camera_.id, mapper_.bare_m()));
-    told_bare_ = true;
+void LocalMapperService::reportOcclusion() {
+  const double share = mapper_.occludedShare();
+  if (share > 0.0 && share != reported_occlusion_)
+    status().report(local_mapper::lensPartlyOccluded(camera_.id, share, local_map_.sequence));
+  if (share == 0.0 && reported_occlusion_ > 0.0)
+    context_.log->info("camera {}: lens no longer occluded from frame {} on", camera_.id,
+                       local_map_.sequence);
+  reported_occlusion_ = share;
+  if (mapper_.bare_m() > kFloorOnly_m && !reported_bare_) {
+    status().report(local_mapper::floorOnly(camera_.id, mapper_.bare_m()));
+    reported_bare_ = true;
   }
 }
 
@@ -252,7 +235,7 @@ void LocalMapperService::saveDebugImages(const cv::Mat& image) {
   const auto pictures = local_mapper::DebugImages::render(mapper_, local_map_, image);
   for (const std::string& problem :
        pictures.save(fmt::format("{}/{:06d}", debug_folder_, local_map_.sequence))) {
-    status().error(problem);
+    status().report(fileWriteFailed(problem));
   }
 }
 

@@ -13,18 +13,19 @@
 #include "fleet/fleet.h"
 #include "local_mapper/debug_images.h"
 #include "local_mapper/laser_service.h"
-#include "local_mapper/lasting_places.h"
 #include "local_mapper/local_mapper.h"
+#include "local_mapper/persistent_places.h"
+#include "local_mapper/wheel_check.h"
 #include "motion/wheel_integrator.h"
 
 namespace omnifleet::services {
 
-/// One robot's frames and wheel speeds in, one local map per frame out. Where the robot has a laser, too, the
-/// scan of the frame's moment (at most `services: {local_mapper: {laser_age_s}}` before it) takes the place
-/// of the camera's rays (laser/join.h).
+/// One robot's frames and wheel speeds in, one local map per frame out. If the robot also has a laser, the
+/// scan at the time of the frame (at most `services: {local_mapper: {laser_age_s}}` earlier) replaces the
+/// camera's rays (laser/join.h).
 class LocalMapperService : public bus::Service {
  public:
-  /// `debug_images`: write the four pictures of Choi's Figs. 15–17 of every frame into OUT/debug/<robot>.
+  /// `debug_images`: write the four images of Choi's Figs. 15–17 of every frame to OUT/debug/<robot>.
   LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet, bool debug_images);
 
   std::vector<bus::Expectation> expectations() const override { return {out_.expectation()}; }
@@ -40,13 +41,13 @@ class LocalMapperService : public bus::Service {
   using Payload = std::variant<std::monostate, bus::FrameView, dataset::WheelRow, LaserInput>;
 
   bool pull();
-  void takeBeside();
+  void takeSideInputs();
   void process(const bus::FrameView& view);
   void joinLaser();
-  void tellLens();
-  void tellCover();
-  void tellFault();
-  void tellUndecided(bool ended);
+  void reportLens();
+  void reportOcclusion();
+  void reportFault();
+  void reportUndecided(bool ended);
   void saveDebugImages(const cv::Mat& image);
 
   bus::ServiceContext context_;
@@ -60,30 +61,28 @@ class LocalMapperService : public bus::Service {
   std::optional<Inlet<v1::LaserScan, Payload>> scans_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
+  local_mapper::WheelCheck wheel_check_{camera_.robot};
   local_mapper::LocalMapper mapper_;
   std::optional<laser::LaserMapper> laser_;
   TimeNs laser_age_ns_;
   std::optional<LaserInput> scan_;  ///< the latest
-  std::string debug_folder_;        ///< empty: no pictures
+  std::string debug_folder_;        ///< empty: no debug images
   LocalMap local_map_;
   v1::LocalMap sample_;
-  std::size_t rejected_points_ = 0;  ///< that the correcting lens has no floor for
+  std::size_t rejected_points_ = 0;  ///< for which the correcting lens has no floor point
   FaultRuns faults_, scan_faults_;
-  local_mapper::LastingPlaces undecided_;
-  static constexpr int kTellEvery = 50;  ///< frames
-  struct Doubt {
-    std::uint32_t sequence;
-    Eigen::Vector2d at_m;  ///< base_link of that frame
-  };
-  std::vector<Doubt> doubts_;  ///< not told yet
-  int frames_since_told_ = kTellEvery;
-  double told_cover_ = 0.0;  ///< share of the view
-  bool told_bare_ = false, told_lens_ = false;
-  int hemmed_in_frames_ = 0;  ///< in a row that show hardly any floor
+  local_mapper::PersistentPlaces undecided_;
+  static constexpr int kReportEvery = 50;  ///< frames
+  /// Undecided regions that are not reported yet: frame, place in its base_link.
+  std::vector<std::pair<std::uint32_t, Eigen::Vector2d>> unreported_;
+  int frames_since_report_ = kReportEvery;
+  double reported_occlusion_ = 0.0;  ///< share of the view
+  bool reported_bare_ = false, reported_lens_ = false;
+  int enclosed_frames_ = 0;  ///< consecutive frames with hardly any visible floor
   bool ended_ = false;
 };
 
-/// By the robot's fisheye camera; by its laser where it has none.
+/// For the robot's fisheye camera, or for its laser if it has no such camera.
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context);
 
 }  // namespace omnifleet::services

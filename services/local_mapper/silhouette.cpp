@@ -11,8 +11,8 @@ namespace omnifleet::local_mapper {
 
 namespace {
 
-constexpr std::size_t kAhead = 8;       // points of an outline that are asked for before they are needed
-constexpr std::size_t kNearHidden = 3;  // points of an outline to each side
+constexpr std::size_t kAhead = 8;       // points of an outline that are prefetched
+constexpr std::size_t kNearHidden = 3;  // points of an outline to each side of a border
 
 }  // namespace
 
@@ -54,7 +54,7 @@ bool Silhouette::measure(const ground::Blob& blob, const ground::Contour& contou
   object.rect_height_px = blob.rect.height;
   measureHull(object);
   if (object.hull_m.size() < 3) return false;
-  // Far away a few pixels of the floor's pattern are as large as a thing, but ragged.
+  // Far away, a few pixels of the floor's pattern are as large as an object, but ragged.
   if (contact_m > options_.max_contact_m &&
       (object.truncated || object.solidity < options_.far_solidity || blob.area_px < options_.far_area_px))
     return false;
@@ -76,7 +76,7 @@ double Silhouette::contactDistance(const ground::Contour& contour) const {
 void Silhouette::projectToFloor(const ground::Contour& contour, const std::vector<bool>& hides) {
   bool is_cut = false;
   const auto isHidden = [&](std::size_t begin, std::size_t end, std::size_t i) {
-    // The points next to the border between two things are of neither.
+    // Points next to the border between two objects belong to neither.
     for (std::size_t k = 0; k <= 2 * kNearHidden && !hides.empty(); ++k) {
       const std::size_t at = begin + (i - begin + end - begin + k - kNearHidden) % (end - begin);
       if (hides[contour.beside[at]]) return true;
@@ -111,12 +111,12 @@ void Silhouette::projectToFloor(const ground::Contour& contour, const std::vecto
     is_cut = is_cut || cut;
     floor_.cut.push_back(hidden || cut ? 1 : 0);
   }
-  // What is wholly seen ends where it seems to, however near to the edge of the view.
+  // An object that is wholly visible ends where it appears to, however near to the edge of the view.
   for (std::size_t i = 0; i < floor_.cut.size() && is_cut; ++i)
     if (view_->nearCut(floor_.pixels[i].x(), floor_.pixels[i].y())) floor_.cut[i] = 1;
 }
 
-/// By the crossings of the contour with a ray from there.
+/// Counts the crossings of the contour with a ray from the camera foot.
 bool Silhouette::closesAroundFoot() const {
   const Eigen::Vector2d foot = camera_->foot();
   bool inside = false;
@@ -155,10 +155,11 @@ bool Silhouette::isLine() const {
   return camera_->height() * stretched / (1.0 + stretched) < kHighest_m || hasParallelSides();
 }
 
-/// Of a straight thin region that leads away from the camera: as wide far away as near.
+/// Is a straight thin region that leads away from the camera as wide far away as near?
 bool Silhouette::hasParallelSides() const {
-  constexpr double kFarther = 1.25, kShare = 0.35;  // than the near part; of how much farther, that wider
-  constexpr double kEnds = 0.1, kPart = 0.3;        // of the length: left out; taken
+  constexpr double kFarther = 1.25, kShare = 0.35;  // minimum ratio of the distances; how much wider the far
+                                                    // part may be, per how much farther
+  constexpr double kEnds = 0.1, kPart = 0.3;  // shares of the length: left out at each end; used at each end
   Eigen::Vector2d middle(0.0, 0.0);
   for (const Eigen::Vector2d& p : floor_.points_m) middle += p;
   middle /= static_cast<double>(floor_.points_m.size());
@@ -203,8 +204,8 @@ void Silhouette::findContact(ObjectObservation& object) const {
   }
 }
 
-/// Leaves out what lies within a triangle of two other points and the middle of all: it is no corner of the
-/// hull. Exact, as whatever is doubtful stays.
+/// Leaves out points inside of a triangle of two other points and the middle of all points, because they are
+/// no corners of the hull. The result is exact, because points in doubt are kept.
 void Silhouette::findOutermost() {
   constexpr double kDoubt_m2 = 1e-12;  // far above the rounding of an area
   Eigen::Vector2d middle(0.0, 0.0);
@@ -245,7 +246,7 @@ void Silhouette::measureHull(ObjectObservation& object) {
     area += 0.5 * std::abs(twice);
   }
   const double hull_area = signedArea(object.hull_m);
-  // What stands before it bites into its outline: that does not make it several things.
+  // An object in front cuts into the outline; the region is still one object.
   object.solidity = hull_area > 0.0 && !is_hidden_ ? std::min(1.0, area / hull_area) : 1.0;
 }
 
@@ -260,7 +261,8 @@ void Silhouette::measureCentroid(const ground::Blob& blob, ObjectObservation& ob
 }
 
 Eigen::Matrix2d Silhouette::jacobian(const Eigen::Vector2f& pixel) const {
-  // Two pixels to each side: the table errs by hundredths of one. Where it ends the lens itself is asked.
+  // Two pixels to each side, because the table has errors of hundredths of a pixel. Beyond the table the lens
+  // itself is used.
   constexpr float kTableStep_px = 2.0f;
   constexpr double kStep_px = 0.5;
   Eigen::Matrix2d j = Eigen::Matrix2d::Zero();
@@ -313,7 +315,8 @@ void Silhouette::supportsFromCorners(ObjectObservation& object) {
   auto& supports = object.supports;
   supports.b_m.resize(directions_.size());
   supports.sigma_m.resize(directions_.size());
-  // The corners go around as the directions do: the farthest in one is at or behind that of the one before.
+  // The corners have the same order as the directions: the farthest corner in a direction is at or behind
+  // that of the previous direction.
   std::size_t at = 0;
   double reach = directions_.front().dot(corners_.front().from_foot_m);
   for (std::size_t i = 1; i < corners_.size(); ++i) {

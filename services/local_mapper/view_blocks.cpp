@@ -28,7 +28,8 @@ ViewBlocks::ViewBlocks(const lens::Camera& camera, const ground::FloorView& view
   findRim();
 }
 
-/// Beside what can be reached from outside of the image without crossing the view.
+/// Finds the blocks beside everything that can be reached from outside of the image without crossing the
+/// view.
 void ViewBlocks::findRim() {
   enum : std::uint8_t { kFree = 0, kView = 1, kReached = 2, kRim = 3 };
   cv::Mat1b area(grid_.height + 2, grid_.width + 2, std::uint8_t{kFree});
@@ -77,7 +78,7 @@ float ViewBlocks::difference(const cv::Vec3f& a, const cv::Vec3f& b) {
 }
 
 float ViewBlocks::hueDifference(const cv::Vec3f& a, const cv::Vec3f& b) {
-  constexpr double kDark = 15.0;  // length: below it noise makes the hue
+  constexpr double kDark = 15.0;  // norm; below it noise determines the hue
   const double length_a = cv::norm(a), length_b = cv::norm(b);
   if (length_a < kDark || length_b < kDark) return 0.0f;
   return static_cast<float>(
@@ -88,9 +89,9 @@ bool ViewBlocks::differs(int block, const Means& then, float levels) const {
   constexpr int kAround = 2;
   const cv::Vec3f& now = means_[static_cast<std::size_t>(block)];
   cv::Vec3f low = then[static_cast<std::size_t>(block)], high = low;
-  if (difference(now, low) <= levels) return false;  // as most of a picture, most of the time
+  if (difference(now, low) <= levels) return false;  // true for most of an image, most of the time
   const int x = block % grid_.width, y = block / grid_.width;
-  float hue = 1.0f;  // the nearest
+  float hue = 1.0f;  // smallest difference so far
   for (int v = std::max(0, y - kAround); v <= std::min(grid_.height - 1, y + kAround); ++v) {
     for (int u = std::max(0, x - kAround); u <= std::min(grid_.width - 1, x + kAround); ++u) {
       const int at = v * grid_.width + u;
@@ -103,13 +104,13 @@ bool ViewBlocks::differs(int block, const Means& then, float levels) const {
       }
     }
   }
-  if (hue > kAnotherHue) return true;  // between bright and dark any brightness may be
+  if (hue > kAnotherHue) return true;  // next to bright and dark blocks any brightness is possible
   for (int c = 0; c < 3; ++c)
     if (now[c] < low[c] - levels || now[c] > high[c] + levels) return true;
   return false;
 }
 
-/// The block that showed, before the robot turned, what this one shows; −1 outside of the view.
+/// Block that showed the content of this block before the robot turned; −1 outside of the view.
 int ViewBlocks::turned(int block, double angle_rad) const {
   if (angle_rad == 0.0) return block;
   const double half = 0.5 * (side_px_ - 1);
@@ -125,8 +126,8 @@ int ViewBlocks::turned(int block, double angle_rad) const {
   return at.y * grid_.width + at.x;
 }
 
-std::optional<double> ViewBlocks::likeness(const std::vector<int>& blocks, const Means& then,
-                                           double turned_rad) const {
+std::optional<double> ViewBlocks::correlation(const std::vector<int>& blocks, const Means& then,
+                                              double turned_rad) const {
   constexpr double kStructure = 0.05;  // σ of the logarithm
   const auto brightness = [](const cv::Vec3f& c) { return std::log(1.0 + c[0] + c[1] + c[2]); };
   double n = 0.0, a = 0.0, b = 0.0, aa = 0.0, bb = 0.0, ab = 0.0;

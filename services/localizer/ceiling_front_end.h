@@ -13,13 +13,15 @@
 
 namespace omnifleet::localizer {
 
-/// A ceiling camera's image → one absolute pose measurement per robot seen (source "ceiling/<camera>").
+/// Front end of a ceiling camera: image in, one absolute pose measurement per visible robot out (source
+/// "ceiling/<camera>").
 class CeilingFrontEnd {
  public:
   CeilingFrontEnd(const std::string& camera_id, const lens::CameraModel& camera,
                   const dataset::MarkerSet& markers, const markers::FinderOptions& options);
 
-  /// `bgr`: CV_8UC3 of the camera's size (throws std::runtime_error otherwise). Robots in order of name.
+  /// `bgr`: CV_8UC3 of the camera's size; throws std::runtime_error otherwise. Measurements are ordered by
+  /// robot name.
   std::vector<Measurement> process(TimeNs acquired, std::uint32_t sequence, const cv::Mat& bgr);
 
   /// The detections of the last image, for pictures.

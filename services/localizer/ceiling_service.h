@@ -11,8 +11,7 @@
 
 namespace omnifleet::services {
 
-/// The front end beside one ceiling camera: frames in, one sample of absolute pose measurements per frame
-/// out.
+/// The front end of one ceiling camera: frames in, one sample of absolute pose measurements per frame out.
 class CeilingService : public bus::Service {
  public:
   CeilingService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

@@ -71,8 +71,9 @@ std::vector<PoseEstimate> EstimatorStage::process(TimeNs time, const std::vector
   return all;
 }
 
-std::string EstimatorStage::status(const std::string& robot) const {
-  return robots_.count(robot) > 0 ? estimator_.status(robot).text : "not in the fleet";
+Message EstimatorStage::status(const std::string& robot) const {
+  if (robots_.count(robot) == 0) return {ErrorCode::kNotLocalized, "this robot is not in the fleet file"};
+  return estimator_.status(robot).message;
 }
 
 }  // namespace omnifleet::localizer

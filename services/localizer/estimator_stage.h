@@ -15,10 +15,10 @@ class EstimatorStage {
  public:
   EstimatorStage(std::vector<estimation::RobotSetup> robots, const estimation::EstimatorOptions& options);
 
-  /// All samples of one time. Returns exactly one PoseEstimate per frame, in the order given: invalid when
-  /// nothing is known yet, for robots that the fleet does not have, and for frames that are out of order.
-  /// Measurements with non-finite numbers, without positive variances or of unknown robots are counted and
-  /// left out.
+  /// Processes all samples of one time. Returns exactly one PoseEstimate per frame, in the order given. It is
+  /// invalid if the pose is not known yet, for robots that are not in the fleet, and for frames out of order.
+  /// Measurements with non-finite numbers, without a positive definite covariance or of unknown robots are
+  /// counted and ignored.
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
 
@@ -27,7 +27,7 @@ class EstimatorStage {
     estimator_.addWheels(robot, time, left_mps, right_mps);
   }
 
-  /// See FleetEstimator: the work that can wait until the poses are published, and whether it is time for it.
+  /// See FleetEstimator: the work that can wait until the poses are published, and whether it is due.
   void refine() { estimator_.refine(); }
   bool refineDue() const { return estimator_.refineDue(); }
 
@@ -36,13 +36,13 @@ class EstimatorStage {
 
   /// See FleetEstimator.
   std::vector<PoseEstimate> takeRevised() { return estimator_.takeRevised(); }
-  std::vector<std::string> takeFindings() { return estimator_.takeFindings(); }
+  std::vector<Message> takeFindings() { return estimator_.takeFindings(); }
 
   const estimation::FleetEstimator& estimator() const { return estimator_; }
   std::uint64_t rejectedMeasurements() const { return rejected_measurements_; }
   std::uint64_t rejectedFrames() const { return rejected_frames_; }
-  /// One line for service/status of one robot; empty when all is well.
-  std::string status(const std::string& robot) const;
+  /// Message for service/status about one robot; code kNone if there is no problem.
+  Message status(const std::string& robot) const;
 
  private:
   bool usable(const Measurement& measurement) const;

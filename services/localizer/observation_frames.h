@@ -12,32 +12,32 @@
 namespace omnifleet::localizer {
 
 struct ObservationOptions {
-  double landmark_radius_m = 0.06;  ///< m, of the discs that stand for named landmarks in the map
+  double landmark_radius_m = 0.06;  ///< m, radius of the discs that represent named landmarks in the map
 
   static ObservationOptions read(const options::Section& section);
 };
 
 /// Frames of robots that report ranges and bearings instead of images: one per report, and one for every such
-/// robot that another one saw at that time, so that a sighting ties two poses of the same moment.
+/// robot that another one observed at that time, so that an observation connects two poses of the same time.
 class ObservationFrames {
  public:
-  /// `robots`: those without a camera.
+  /// `robots`: the robots without a camera.
   ObservationFrames(std::set<std::string> robots, const ObservationOptions& options)
       : robots_(std::move(robots)), options_(options) {}
 
-  /// Everything that a robot reported at one time.
+  /// All values that a robot reported at one time.
   struct Report {
     std::string robot;
     std::uint32_t sequence = 0;
     std::vector<Measurement> values;
   };
 
-  /// The frames of one time, reporting robots first and in their order. Without motion: the estimator
-  /// integrates the wheels itself. Valid until the next call.
+  /// Frames of one time: reporting robots first, in their order. They contain no motion, because the
+  /// estimator integrates the wheels itself. Valid until the next call.
   const std::vector<Objects>& framesAt(TimeNs time, const std::vector<const Report*>& reports);
 
-  /// What a report shows of landmarks, for the map: discs where the detector, as it is known by now, puts
-  /// them, and the free way to each. Robots are left out.
+  /// Landmarks in a report, as objects for the map: discs at the places given by the currently calibrated
+  /// detector, and the free ray to each. Robots are left out.
   Objects objectsOf(const Report& report, TimeNs time, const estimation::FleetEstimator& estimator,
                     const std::set<std::string>& fleet);
 
@@ -47,7 +47,7 @@ class ObservationFrames {
   std::set<std::string> robots_;
   ObservationOptions options_;
   std::vector<Objects> frames_;
-  std::map<std::string, std::map<std::string, std::uint32_t>> ids_;  ///< track of a name, by robot
+  std::map<std::string, std::map<std::string, std::uint32_t>> ids_;  ///< by robot: track id of each name
 };
 
 }  // namespace omnifleet::localizer

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "localizer/ceiling_service.h"
+#include "localizer/messages.h"
 
 namespace omnifleet::services {
 namespace {
@@ -13,7 +14,8 @@ namespace {
 using std::chrono::steady_clock;
 
 constexpr std::size_t kRevisedAtOnce = 20;
-constexpr std::chrono::seconds kListening{2};  // for what the replicas know: they answer within milliseconds
+constexpr std::chrono::seconds kRecoveryTimeout{
+    2};  // to receive the state that the replicas hold; they answer within milliseconds
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
   std::vector<estimation::RobotSetup> all;
@@ -23,7 +25,7 @@ std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
     all.push_back({robot.name, robot.body, robot.initial_pose, false, lenses[robot.name]});
     tied = tied || robot.initial_pose;
   }
-  // Nothing says where `map` is: it is the first robot's first base_link.
+  // Nothing defines `map`, so it is the first base_link of the first robot.
   const std::vector<std::string> located = fleet.locatedRobots();
   for (auto& setup : all) {
     if (!tied && !located.empty() && setup.name == located.front()) {
@@ -58,7 +60,7 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
     : context_(context),
       ends_(context),
       estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
-      term_(static_cast<std::uint32_t>(context.options.life)),
+      term_(static_cast<std::uint32_t>(context.options.incarnation)),
       estimator_(setups(fleet), estimator_options_),
       observation_frames_(
           asSet(fleet.observingRobots()),
@@ -68,16 +70,16 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   readCameras(fleet);
   readMeasurements(fleet);
   readObservers(fleet);
-  if (context.options.life == 1) return;
-  succession_.emplace(setups(fleet), estimator_options_,
-                      static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
-                      asSet(fleet.mappingRobots()));
+  if (context.options.incarnation == 1) return;
+  state_recovery_.emplace(setups(fleet), estimator_options_,
+                          static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
+                          asSet(fleet.mappingRobots()));
   keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);
 }
 
 void LocalizerService::start() {
   status().state(bus::ServiceState::kRunning);
-  if (succession_) listen_until_ = steady_clock::now() + kListening;
+  if (state_recovery_) recovery_deadline_ = steady_clock::now() + kRecoveryTimeout;
 }
 
 void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& robot) {
@@ -96,8 +98,10 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
 }
 
 void LocalizerService::readCameras(const fleet::Fleet& fleet) {
-  // Only a successor asks for what was kept: in its first life it takes a classifier that keeps nothing, too.
-  const auto& topic = context_.options.life == 1 ? context_.topics.objects : context_.topics.objects_kept;
+  // Only a restarted localizer requests kept samples. In its first incarnation it also accepts a classifier
+  // that keeps none.
+  const auto& topic =
+      context_.options.incarnation == 1 ? context_.topics.objects : context_.topics.objects_kept;
   for (const std::string& robot : fleet.mappingRobots()) {
     objects_.push_back(std::make_unique<Inlet<v1::Objects, Payload>>(
         context_.bus.reader(topic, robot), merger_, ends_,
@@ -153,7 +157,7 @@ bool LocalizerService::pull() {
     any |= inlet->pull(status(), [this](const v1::Objects& wire, Payload& payload) {
       Objects& objects = payload.emplace<Objects>();
       const auto read = orInvalid(adapters::fromWire(wire, objects));
-      if (succession_) succession_->hear(objects);
+      if (state_recovery_) state_recovery_->receive(objects);
       return read;
     }) > 0;
   }
@@ -179,36 +183,37 @@ bool LocalizerService::pull() {
   return any;
 }
 
-/// Before a successor knows where the robots are, or that nobody does, their frames wait.
-bool LocalizerService::listening() {
-  if (!listen_until_) return false;
+/// After a restart, frames wait until the poses of the robots are known, or it is known that no replica holds
+/// them.
+bool LocalizerService::isRecovering() {
+  if (!recovery_deadline_) return false;
   occupancy::KeyframePose pose;
   while (keyframe_poses_->take(keyframe_pose_)) {
-    if (adapters::fromWire(keyframe_pose_, pose)) succession_->hear(pose);
+    if (adapters::fromWire(keyframe_pose_, pose)) state_recovery_->receive(pose);
   }
-  if (!succession_->heardOfAll() && steady_clock::now() < *listen_until_) return true;
-  listen_until_.reset();
+  if (!state_recovery_->isComplete() && steady_clock::now() < *recovery_deadline_) return true;
+  recovery_deadline_.reset();
   keyframe_poses_.reset();
-  estimator_ = localizer::EstimatorStage(succession_->setups(), estimator_options_);
+  estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_);
   return false;
 }
 
 bool LocalizerService::spin() {
   bool any = pull();
-  if (listening()) return any;
-  // One at a time: where a robot tells nothing for minutes, minutes are there at once when it does, and
-  // neither who writes nor who watches is to wait for all of them.
+  if (isRecovering()) return any;
+  // One batch at a time. If a robot sends nothing for minutes, minutes of data become available at once when
+  // it does; neither the writers nor the supervisor may wait for all of them.
   if (merger_.nextBatch(batch_)) {
     process();
     any = true;
   }
   if (!ended_ && merger_.finished()) {
     const std::vector<PoseEstimate> last = estimator_.finish();
-    tellFindings(std::numeric_limits<std::size_t>::max());
+    reportFindings(std::numeric_limits<std::size_t>::max());
     publishCorrections(last);
     finish("");
     ended_ = any = true;
-    tellNeverLocated();
+    reportNeverLocalized();
   }
   return any;
 }
@@ -239,38 +244,38 @@ void LocalizerService::process() {
   }
   const std::size_t published = frames_.size() + reported_.size();
   for (const Objects& frame : observation_frames_.framesAt(batch_.time, reported_)) frames_.push_back(&frame);
-  if (succession_) placeAll();
+  if (state_recovery_) addRecoveredPoses();
   const std::uint64_t rejected = estimator_.rejectedMeasurements() + estimator_.rejectedFrames();
   const std::vector<PoseEstimate> poses = estimator_.process(batch_.time, frames_, values_);
-  tellPublished(published, poses);
-  // Frames beyond these are of robots that were seen but reported nothing themselves.
+  notePublished(published, poses);
+  // The remaining frames belong to robots that were seen but reported nothing themselves.
   for (std::size_t i = 0; i < published; ++i) publishPose(poses[i]);
   for (const Report* report : reported_) publishObjects(*report);
   surveyed_.clear();
   status().dropped(estimator_.rejectedMeasurements() + estimator_.rejectedFrames() - rejected);
   status().processed(steady_clock::now() - begun);
   if (bus::isDeterministic(context_.options.mode)) refine();
-  tellFindings(kRevisedAtOnce);
+  reportFindings(kRevisedAtOnce);
 }
 
 bool LocalizerService::isPast(const std::string& robot) const {
-  return succession_ && succession_->isPast(robot, batch_.time);
+  return state_recovery_ && state_recovery_->isPast(robot, batch_.time);
 }
 
-/// Tells the estimator where the robots are of which a successor gets the first frames.
-void LocalizerService::placeAll() {
-  placings_.clear();
+/// After a restart: gives the estimator the recovered poses of the robots whose first frames are in this
+/// batch.
+void LocalizerService::addRecoveredPoses() {
+  recovered_poses_.clear();
   for (const Objects* frame : frames_) {
-    if (auto placing = succession_->place(*frame)) placings_.push_back(std::move(*placing));
+    if (auto recovered_pose = state_recovery_->recoverPose(*frame))
+      recovered_poses_.push_back(std::move(*recovered_pose));
   }
-  for (const Measurement& placing : placings_) values_.push_back(&placing);
-  for (const std::string& robot : succession_->takeUnknown())
-    status().error(robot +
-                   ": started again, and no replica of the map knows where it is; it has no pose until "
-                   "a camera or another robot that has one sees it");
+  for (const Measurement& recovered_pose : recovered_poses_) values_.push_back(&recovered_pose);
+  for (const std::string& robot : state_recovery_->takeUnknownRobots())
+    status().report(localizer::restartedWithoutPose(robot));
 }
 
-/// What the new frames teach of the whole window: the next frames are the first to need it.
+/// Re-estimates the whole window with the new frames. The result is needed by the next frames only.
 bool LocalizerService::refine() {
   if (!estimator_.refineDue()) return false;
   estimator_.refine();
@@ -279,14 +284,14 @@ bool LocalizerService::refine() {
 
 bool LocalizerService::background() {
   const bool refined = refine();
-  const bool told = tellFindings(kRevisedAtOnce);
-  return refined || told;
+  const bool published = reportFindings(kRevisedAtOnce);
+  return refined || published;
 }
 
-/// Revised poses go a few at a time: live, a reader holds 64.
-/// @return whether any was told
-bool LocalizerService::tellFindings(std::size_t at_most) {
-  for (const std::string& finding : estimator_.takeFindings()) status().error(finding);
+/// Revised poses are published a few at a time: live, a reader holds 64.
+/// @return whether any was published
+bool LocalizerService::reportFindings(std::size_t at_most) {
+  for (const Message& finding : estimator_.takeFindings()) status().report(finding);
   for (PoseEstimate& pose : estimator_.takeRevised()) revised_.push_back(std::move(pose));
   const std::size_t now = std::min(revised_.size(), at_most);
   if (now == 0) return false;
@@ -296,8 +301,9 @@ bool LocalizerService::tellFindings(std::size_t at_most) {
   return true;
 }
 
-/// In order of time nothing else up to this batch will come; whoever needs all poses up to then is told so.
-void LocalizerService::tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses) {
+/// Poses are published in order of time, so no other pose up to this batch will follow. The message reports
+/// this to readers that need all poses up to a time.
+void LocalizerService::notePublished(std::size_t published, const std::vector<PoseEstimate>& poses) {
   if (!bus::isDeterministic(context_.options.mode)) return;
   for (std::size_t i = 0; i < published; ++i) last_ns_[poses[i].robot] = batch_.time;
   sample_.published().clear();
@@ -309,33 +315,31 @@ void LocalizerService::tellPublished(std::size_t published, const std::vector<Po
 }
 
 void LocalizerService::publishPose(const PoseEstimate& pose) {
-  noteLocated(pose);
-  adapters::toWire(pose, runClock(context_.options), term_, sample_);  // leaves `published` as it is
+  noteLocalized(pose);
+  adapters::toWire(pose, runClock(context_.options), term_, sample_);  // does not change `published`
   outputs_.at(pose.robot).pose.write(sample_, status());
-  const std::string text = estimator_.status(pose.robot);
-  std::string& told = outputs_.at(pose.robot).trouble;
-  if (text == told) return;  // once, though other robots have troubles of their own
-  told = text;
-  if (!text.empty()) status().error(pose.robot + ": " + text);
+  const Message message = estimator_.status(pose.robot);
+  Message& reported = outputs_.at(pose.robot).reported;
+  if (message == reported) return;  // once, even while other robots report problems of their own
+  reported = message;
+  if (message.code != ErrorCode::kNone) status().report({message.code, pose.robot + ": " + message.text});
 }
 
-void LocalizerService::noteLocated(const PoseEstimate& pose) {
-  bool& is_located = is_located_[pose.robot];
-  is_located = is_located || pose.valid;
+void LocalizerService::noteLocalized(const PoseEstimate& pose) {
+  bool& is_localized = is_localized_[pose.robot];
+  is_localized = is_localized || pose.valid;
 }
 
 bool LocalizerService::succeeded() const {
-  const auto isLocated = [](const auto& robot) { return robot.second; };
-  return !ended_ || is_located_.empty() || std::any_of(is_located_.begin(), is_located_.end(), isLocated);
+  const auto isLocalized = [](const auto& robot) { return robot.second; };
+  return !ended_ || is_localized_.empty() ||
+         std::any_of(is_localized_.begin(), is_localized_.end(), isLocalized);
 }
 
-void LocalizerService::tellNeverLocated() {
-  for (const auto& [robot, is_located] : is_located_)
-    if (!is_located) status().error(robot + ": was never located; nothing that it saw is in the map");
-  if (!succeeded())
-    status().error(
-        "no robot was ever located: there is no map. Where none starts at a known place (initial_pose in the "
-        "fleet's file), a ceiling camera or surveyed landmarks must tell where one of them is");
+void LocalizerService::reportNeverLocalized() {
+  for (const auto& [robot, is_localized] : is_localized_)
+    if (!is_localized) status().report(localizer::neverLocalized(robot));
+  if (!succeeded()) status().report(localizer::noRobotLocalized());
 }
 
 void LocalizerService::publishObjects(const Report& report) {

@@ -14,16 +14,17 @@
 #include "fleet/fleet.h"
 #include "localizer/estimator_stage.h"
 #include "localizer/observation_frames.h"
-#include "localizer/succession.h"
+#include "localizer/state_recovery.h"
 
 namespace omnifleet::services {
 
-/// The estimator: objects of every robot and measurements of every front end in, one pose per robot and frame
-/// out; frames whose poses have become others are corrected (`map/keyframe_pose`), and what is found wrong
-/// with what was told of the fleet is said once. For robots without a camera that report ranges and bearings
-/// it also integrates the wheels, makes their frames and publishes the landmarks they see as their objects.
-/// At the end of a run it publishes the smoothed poses as corrected keyframe poses. One that takes another's
-/// place in the middle of a run begins where the map last saw the robots, and tells no pose before it knows.
+/// The fleet's estimator. Input: objects of every robot and measurements of every front end. Output: one pose
+/// per robot and frame, corrections of frames whose poses changed (`map/keyframe_pose`), and messages about
+/// errors found in the fleet description, each reported once. For robots without a camera that report ranges
+/// and bearings it also integrates the wheels, makes their frames and publishes the landmarks they see as
+/// their objects. At the end of a run it publishes the smoothed poses as corrected keyframe poses. A
+/// localizer that is restarted during a run begins at the latest poses of the robots in the map, and
+/// publishes no valid pose before it knows them.
 class LocalizerService : public bus::Service {
  public:
   LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -37,8 +38,9 @@ class LocalizerService : public bus::Service {
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
-  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return listen_until_; }
-  /// A run to its end in which frames came and no robot was ever located has no map.
+  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return recovery_deadline_; }
+  /// Returns false if a run has ended in which frames arrived but no robot was ever localized: there is no
+  /// map.
   bool succeeded() const override;
 
  private:
@@ -51,7 +53,7 @@ class LocalizerService : public bus::Service {
     Outlet<v1::Pose> pose;
     Outlet<v1::KeyframePose> correction;
     std::optional<Outlet<v1::Objects>> objects;  ///< of a robot without a camera
-    std::string trouble;                         ///< what was told of it last
+    Message reported;                            ///< last message about the robot
   };
 
   void readCameras(const fleet::Fleet& fleet);
@@ -60,18 +62,18 @@ class LocalizerService : public bus::Service {
   void addOutputs(const fleet::Fleet& fleet, const std::string& robot);
 
   bool pull();
-  bool listening();
+  bool isRecovering();
   bool isPast(const std::string& robot) const;
-  void placeAll();
+  void addRecoveredPoses();
   void process();
   void takeWheels();
   void publishPose(const PoseEstimate& pose);
-  void noteLocated(const PoseEstimate& pose);
-  void tellNeverLocated();
-  void tellPublished(std::size_t published, const std::vector<PoseEstimate>& poses);
+  void noteLocalized(const PoseEstimate& pose);
+  void reportNeverLocalized();
+  void notePublished(std::size_t published, const std::vector<PoseEstimate>& poses);
   void publishObjects(const Report& report);
   bool refine();
-  bool tellFindings(std::size_t at_most);
+  bool reportFindings(std::size_t at_most);
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 
@@ -85,27 +87,26 @@ class LocalizerService : public bus::Service {
   std::map<int, std::string> robot_of_wheels_;  ///< by stream
   std::map<std::string, RobotOutputs> outputs_;
   estimation::EstimatorOptions estimator_options_;
-  std::uint32_t term_;  ///< of its poses; mergers' own first guesses have term 0
+  std::uint32_t term_;  ///< of the published poses; the mergers' own first estimates have term 0
   localizer::EstimatorStage estimator_;
   localizer::ObservationFrames observation_frames_;
-  std::vector<Measurement> surveyed_;  ///< landmarks whose place is known, told once
+  std::vector<Measurement> surveyed_;  ///< landmarks with known positions, passed to the estimator once
   std::set<std::string> names_;        ///< of all robots
   std::vector<const Report*> reported_;
   std::vector<const Objects*> frames_;
   std::vector<const Measurement*> values_;
-  std::map<std::string, TimeNs> last_ns_;  ///< of the poses published, this batch's included; not when live
-  /// Of one that takes another's place in the middle of a run; and until when it waits for what that one
-  /// told.
-  std::optional<localizer::Succession> succession_;
-  std::optional<std::chrono::steady_clock::time_point> listen_until_;
+  std::map<std::string, TimeNs> last_ns_;  ///< of the published poses, including this batch; not used live
+  /// After a restart during a run: the state to recover, and until when the localizer waits for it.
+  std::optional<localizer::StateRecovery> state_recovery_;
+  std::optional<std::chrono::steady_clock::time_point> recovery_deadline_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
   v1::KeyframePose keyframe_pose_;
-  std::vector<Measurement> placings_;
+  std::vector<Measurement> recovered_poses_;
   v1::Pose sample_;
   v1::Objects objects_sample_;
-  std::deque<PoseEstimate> revised_;  ///< not published yet
+  std::deque<PoseEstimate> revised_;  ///< not yet published
   std::uint32_t revision_ = 0;
-  std::map<std::string, bool> is_located_;  ///< whether it ever was, of the robots of which frames came
+  std::map<std::string, bool> is_localized_;  ///< whether a robot of which frames arrived was ever localized
   bool ended_ = false;
 };
 

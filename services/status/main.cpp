@@ -1,4 +1,4 @@
-// How every service of a running fleet is: a table that renews itself, or one look.
+// Shows the status of every service of a running fleet: a table that is updated, or printed once.
 
 #include <unistd.h>
 
@@ -15,14 +15,14 @@ namespace {
 using omnifleet::status::Table;
 using Clock = Table::Clock;
 
-constexpr int kSomebodySilent = 3;  // as of a service that ends because another one is silent
+constexpr int kServiceSilent = 3;  // the code of a service that ends because another one is silent
 
-/// What a fleet says of itself, for whoever looks on.
-struct Voices {
-  explicit Voices(omnifleet::bus::Bus& bus)
+/// Readers of the status topics.
+struct StatusReaders {
+  explicit StatusReaders(omnifleet::bus::Bus& bus)
       : statuses(bus.reader(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).service_status)),
         states(
-            bus.reader(inPassing(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).formation_state))) {}
+            bus.reader(bestEffort(omnifleet::bus::Topics(omnifleet::bus::RunMode::kLive).formation_state))) {}
 
   void takeAll(Table& table) {
     omnifleet::v1::ServiceStatus status;
@@ -31,10 +31,10 @@ struct Voices {
     while (states->take(state)) table.put(state);
   }
 
-  /// A stream that keeps all waits for its reliable readers: a look that somebody suspends must not hold up a
-  /// run.
+  /// The writer of a keep-all stream waits for its reliable readers. Best effort ensures that a suspended
+  /// status table cannot block a run.
   template <class T>
-  static omnifleet::bus::Topic<T> inPassing(omnifleet::bus::Topic<T> topic) {
+  static omnifleet::bus::Topic<T> bestEffort(omnifleet::bus::Topic<T> topic) {
     topic.qos.reliable = false;
     return topic;
   }
@@ -43,12 +43,12 @@ struct Voices {
   std::unique_ptr<omnifleet::bus::Reader<omnifleet::v1::FormationState>> states;
 };
 
-int look(int domain, bool once, double wait_s) {
+int show(int domain, bool once, double wait_s) {
   omnifleet::bus::DdsBusOptions options;
   options.name = "omnifleet_status";
   options.domain = domain;
   const auto bus = omnifleet::bus::makeDdsBus(options);
-  Voices voices(*bus);
+  StatusReaders readers(*bus);
   const bool terminal = isatty(STDOUT_FILENO) == 1;
   const auto end =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
@@ -56,31 +56,31 @@ int look(int domain, bool once, double wait_s) {
   auto shown = Clock::now();
   while (!once || Clock::now() < end) {
     bus->wait(std::chrono::milliseconds(200));
-    voices.takeAll(table);
-    table.look(Clock::now());
+    readers.takeAll(table);
+    table.update(Clock::now());
     if (once || Clock::now() - shown < std::chrono::seconds(1)) continue;
     shown = Clock::now();
     std::printf("%s%s%s", terminal ? "\033[H\033[J" : "", table.text().c_str(), terminal ? "" : "\n");
     std::fflush(stdout);
   }
   if (table.size() == 0) {
-    std::fprintf(stderr, "no fleet on domain %d\n", domain);
+    std::fprintf(stderr, "no fleet found on DDS domain %d; check --domain and that the fleet runs\n", domain);
     return 1;
   }
   std::fputs(table.text().c_str(), stdout);
-  return table.anybodySilent() ? kSomebodySilent : 0;
+  return table.anySilent() ? kServiceSilent : 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Shows how every service of a running fleet is"};
+  CLI::App app{"Shows the status of every service of a running fleet"};
   int domain = 0;
   bool once = false;
   double wait_s = 2.5;
   app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
   app.add_flag("--once", once,
-               "print one table and end; exit code 1: there is no fleet, 3: a service is silent");
+               "print one table and exit; exit code 1: no fleet found, 3: a service is silent");
   app.add_option("--wait", wait_s, "with --once: seconds to listen")
       ->check(omnifleet::options::within({0.1, 3600.0}));
   try {
@@ -89,7 +89,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    return look(domain, once, wait_s);
+    return show(domain, once, wait_s);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "status: %s\n", error.what());
     return 1;

@@ -11,8 +11,8 @@ bus::ServiceState stateOf(const v1::ServiceStatus& sample) {
   return static_cast<bus::ServiceState>(sample.state());
 }
 
-/// A launcher's status is degraded while it misses somebody, and for nothing else.
-bool missesSomebody(const v1::ServiceStatus& sample) {
+/// The status of a launcher is degraded while a service is silent, and in no other case.
+bool reportsSilence(const v1::ServiceStatus& sample) {
   return sample.service() == "launch" && stateOf(sample) == bus::ServiceState::kDegraded;
 }
 
@@ -24,7 +24,7 @@ std::string leaderOf(const v1::FormationState& state) {
   return fmt::format("{} (term {})", state.leader().to_string(), state.term());
 }
 
-/// "leader: r2 (term 1)": the latest succession holds. Who was lost in it is named until it obeys, too.
+/// "leader: r2 (term 1)": the leader of the latest term. Robots that follow another leader are listed.
 std::string leaderLine(const std::map<std::string, v1::FormationState>& states) {
   if (states.empty()) return {};
   const auto latest = std::max_element(states.begin(), states.end(), [](const auto& a, const auto& b) {
@@ -33,47 +33,53 @@ std::string leaderLine(const std::map<std::string, v1::FormationState>& states) 
   const std::string leader = leaderOf(latest->second);
   std::string line = "leader: " + leader;
   for (const auto& [robot, state] : states) {
-    if (leaderOf(state) != leader) line += fmt::format("; {} last obeyed {}", robot, leaderOf(state));
+    if (leaderOf(state) != leader) line += fmt::format("; {} last followed {}", robot, leaderOf(state));
   }
   return line + "\n";
+}
+
+/// "[code] text"; empty without an error.
+std::string errorOf(const v1::ServiceStatus& status) {
+  const std::string code = status.error_code().to_string(), text = status.last_error().to_string();
+  return code.empty() ? text : "[" + code + "] " + text;
 }
 
 }  // namespace
 
 void Table::put(const v1::ServiceStatus& sample, Clock::time_point now) {
   const std::string service = sample.service().to_string(), instance = sample.instance().to_string();
-  const std::string who = instance.empty() ? service : service + " " + instance;
-  rows_[who] = sample;
-  silence_.heard(who, stateOf(sample) == bus::ServiceState::kFinished, now);
+  const std::string name = instance.empty() ? service : service + " " + instance;
+  rows_[name] = sample;
+  silence_.heard(name, stateOf(sample) == bus::ServiceState::kFinished, now);
 }
 
 void Table::put(const v1::FormationState& sample) {
   states_[sample.robot().to_string()] = sample;
 }
 
-void Table::look(Clock::time_point now) {
+void Table::update(Clock::time_point now) {
   silent_.clear();
-  for (const bus::Silence::Silent& one : silence_.silent(now)) silent_[one.who] = toString(one);
+  for (const bus::Silence::Silent& one : silence_.silent(now)) silent_[one.name] = toString(one);
 }
 
-bool Table::anybodySilent() const {
+bool Table::anySilent() const {
   return !silent_.empty() ||
-         std::any_of(rows_.begin(), rows_.end(), [](const auto& row) { return missesSomebody(row.second); });
+         std::any_of(rows_.begin(), rows_.end(), [](const auto& row) { return reportsSilence(row.second); });
 }
 
 std::string Table::text() const {
   std::size_t width = 7;
-  for (const auto& [who, sample] : rows_) width = std::max(width, who.size());
+  for (const auto& [name, sample] : rows_) width = std::max(width, name.size());
   std::string out =
       fmt::format("{:<{}}  {:<9} {:>7} {:>8} {:>8} {:>9} {:>7} {:>7}  {}\n", "service", width, "state",
                   "rate Hz", "p50 ms", "p99 ms", "processed", "invalid", "dropped", "last error");
-  for (const auto& [who, s] : rows_) {
-    const auto silent = silent_.find(who);
-    const bool speaks = silent == silent_.end();
-    out += fmt::format("{:<{}}  {:<9} {:>7.1f} {:>8.2f} {:>8.2f} {:>9} {:>7} {:>7}  {}\n", who, width,
-                       speaks ? bus::toString(stateOf(s)) : "silent", s.rate_hz(), s.latency_p50_ms(),
+  for (const auto& [name, s] : rows_) {
+    const auto silent = silent_.find(name);
+    const bool is_heard = silent == silent_.end();
+    out += fmt::format("{:<{}}  {:<9} {:>7.1f} {:>8.2f} {:>8.2f} {:>9} {:>7} {:>7}  {}\n", name, width,
+                       is_heard ? bus::toString(stateOf(s)) : "silent", s.rate_hz(), s.latency_p50_ms(),
                        s.latency_p99_ms(), s.processed(), s.invalid(), s.dropped(),
-                       lastColumn(speaks ? "" : silent->second, s.last_error().to_string()));
+                       lastColumn(is_heard ? "" : silent->second, errorOf(s)));
   }
   return out + leaderLine(states_);
 }

@@ -11,28 +11,28 @@
 
 namespace omnifleet::status {
 
-/// The last words of every service of a fleet, as a table for people.
+/// The last status of every service of a fleet, as a table.
 class Table {
  public:
   using Clock = bus::Silence::Clock;
 
   void put(const v1::ServiceStatus& sample, Clock::time_point now);
   void put(const v1::FormationState& sample);
-  /// Sees who is silent now; as often as bus::Silence wants to be asked.
-  void look(Clock::time_point now);
-  /// One line per service, sorted: state, rate, latency, counters, last error. Who had said nothing for three
-  /// seconds at the last look and has not finished is "silent", and for how long. Then who leads the
-  /// formation, and which robots last said otherwise.
+  /// Updates the silent services. Call as often as bus::Silence requires.
+  void update(Clock::time_point now);
+  /// One line per service, sorted: state, rate, latency, counters, last error. A service is "silent" when its
+  /// status is older than three seconds and it has not finished; its line states for how long. The last line
+  /// names the leader of the formation and the robots that last followed another one.
   std::string text() const;
-  /// Somebody is: seen here, or missed by a launcher, which knows who should be there although a hung process
-  /// cannot be seen by whoever comes later.
-  bool anybodySilent() const;
+  /// True when a service is silent: found here, or reported by a launcher. The launcher knows the started
+  /// services; a late joiner cannot detect a hung process.
+  bool anySilent() const;
   std::size_t size() const { return rows_.size(); }
 
  private:
   std::map<std::string, v1::ServiceStatus> rows_;  ///< by service and instance
   bus::Silence silence_{bus::Silence::Limits{}};
-  std::map<std::string, std::string> silent_;         ///< since when, for people
+  std::map<std::string, std::string> silent_;         ///< duration of the silence, as text
   std::map<std::string, v1::FormationState> states_;  ///< by robot
 };
 

@@ -11,10 +11,10 @@ namespace omnifleet::services {
 namespace {
 using std::chrono::steady_clock;
 constexpr int kRowsPerSpin = 64;
-constexpr std::size_t kMostValues = 64;  // of one sample on the wire
+constexpr std::size_t kMaxValues = 64;  // bound of one sample in localizer.idl
 }  // namespace
 
-/// One stream of the recording and its writer.
+/// One stream of the recording with its writer.
 class DatasetWorldService::Stream {
  public:
   virtual ~Stream() = default;
@@ -99,12 +99,13 @@ class DatasetWorldService::ObservationStream final : public Stream {
   void write(bus::StatusBoard& status) override {
     std::size_t end = next_ + 1;
     while (end < rows_.size() && rows_[end].time_ns == time()) ++end;
-    if (end - next_ > kMostValues) {
+    if (end - next_ > kMaxValues) {
       status.dropped();
-      status.error(robot_ + ": more than 64 observations at one time, the rest is left out");
+      status.report({ErrorCode::kRowsRejected,
+                     robot_ + ": more than 64 observations at one time; the rest of them is ignored"});
     }
     const auto values =
-        dataset::measurementsOf(robot_, &rows_[next_], std::min(end - next_, kMostValues), noise_);
+        dataset::measurementsOf(robot_, &rows_[next_], std::min(end - next_, kMaxValues), noise_);
     adapters::toWire("observations/" + robot_, time(), sequence_++, FrameState::kOk, values, clock_, sample_);
     out_.write(sample_, status);
     next_ = end;
@@ -126,7 +127,7 @@ class DatasetWorldService::ObservationStream final : public Stream {
 DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context), ends_(context) {
   dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
-  tellWarnings(recording.warnings);
+  reportWarnings(recording.warnings);
   for (dataset::RobotRecording& robot : recording.robots) {
     if (!robot.wheels.empty()) streams_.push_back(std::make_unique<WheelStream>(context, fleet, robot));
     if (!robot.laser.empty()) streams_.push_back(std::make_unique<LaserStream>(context, fleet, robot));
@@ -135,13 +136,14 @@ DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, con
   }
 }
 
-/// Each is a line of the log; the last one is what the status holds, so it counts the others.
-void DatasetWorldService::tellWarnings(const std::vector<std::string>& warnings) {
+/// Logs each warning. The status keeps the last message, which therefore counts the others.
+void DatasetWorldService::reportWarnings(const std::vector<std::string>& warnings) {
   if (warnings.empty()) return;
   const std::size_t others = warnings.size() - 1;
   status().dropped(warnings.size());
-  for (std::size_t i = 1; i <= others; ++i) status().error(warnings[i]);
-  status().error(warnings.front() + (others > 0 ? fmt::format("; and {} more, see the log", others) : ""));
+  for (std::size_t i = 1; i <= others; ++i) status().report({ErrorCode::kRowsRejected, warnings[i]});
+  status().report({ErrorCode::kRowsRejected,
+                   warnings.front() + (others > 0 ? fmt::format("; {} more in the log", others) : "")});
 }
 
 DatasetWorldService::~DatasetWorldService() = default;

@@ -11,9 +11,10 @@
 
 namespace omnifleet::services {
 
-/// Plays what a recording holds beside images: wheel speeds, laser scans, ranges and bearings. Nothing is
-/// lost: writers wait for their readers. One thread plays all streams, always the earliest row next: a reader
-/// that needs several streams up to some time gets them, so none can wait for another.
+/// Replays the data of a recording except images: wheel speeds, laser scans, range-bearing observations. No
+/// sample is lost: writers wait for their readers. One thread replays all streams and always writes the
+/// earliest row. A reader that needs several streams up to a time receives all of them, which prevents
+/// deadlock.
 class DatasetWorldService : public bus::Service {
  public:
   DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -32,7 +33,7 @@ class DatasetWorldService : public bus::Service {
   class ObservationStream;
   Stream* earliest();
   void finish(const std::string& reason);
-  void tellWarnings(const std::vector<std::string>& warnings);
+  void reportWarnings(const std::vector<std::string>& warnings);
 
   bus::ServiceContext context_;
   RunEnds ends_;

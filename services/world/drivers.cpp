@@ -11,8 +11,8 @@ std::map<std::string, RobotBody> bodiesOf(const synthetic::Arena& arena) {
 
 }  // namespace
 
-Drivers::Drivers(const World& world, const ObserverOptions& eyes)
-    : eyes_(eyes),
+Drivers::Drivers(const World& world, const ObserverOptions& observer_options)
+    : observer_options_(observer_options),
       next_(world.arena().robots.size()),
       commands_(next_.size()),
       before_(world.now().map_from_bases) {
@@ -24,7 +24,7 @@ Drivers::Drivers(const World& world, const ObserverOptions& eyes)
     if (!arena.has_formation) {
       own.leader = robot.name;
       own.command.waypoints_m = robot.waypoints_m;
-      own.lead.wait_speed = 1.0;  // nobody follows
+      own.lead.wait_speed = 1.0;  // without a formation there are no followers
     }
     formations_.emplace_back(robot.name, bodiesOf(arena), own);
   }
@@ -39,14 +39,14 @@ const std::vector<motion::WheelSpeeds>& Drivers::commands(const World& world) {
       commands_[i] = fromTable(arena.robots[i], time_s);
       continue;
     }
-    Objects objects = observe(world, i, eyes_);
+    Objects objects = observe(world, i, observer_options_);
     if (before_ns_ > 0) objects.motion = exactMotion(before_[i], world.now().map_from_bases[i], before_ns_);
-    const formation::Formation::Output output = formations_[i].process(objects, published_, heard_);
+    const formation::Formation::Output output = formations_[i].process(objects, published_, received_states_);
     next_[i] = output.command.speeds;
     states_[output.state.robot] = output.state;
   }
-  heard_.clear();
-  for (const auto& [robot, state] : states_) heard_.push_back(state);
+  received_states_.clear();
+  for (const auto& [robot, state] : states_) received_states_.push_back(state);
   before_ = world.now().map_from_bases;
   before_ns_ = world.now().time_ns;
   published_ = exactPoses(world);

@@ -10,31 +10,31 @@
 
 namespace omnifleet::world {
 
-/// Drives the robots of an arena without any camera, for recordings, experiments and tests: in formation
-/// where the arena has one, else each by its own waypoints or blindly by its table of speeds. The commands
-/// answer the frame before, as in a run with all stages (CONTRIBUTING, "Determinism").
+/// Drives the robots of an arena without cameras, for recordings, experiments and tests. Robots drive in the
+/// formation of the arena, or else each to its own waypoints or open loop by its table of speeds. The
+/// commands answer the previous frame, as in a run with all stages (CONTRIBUTING, "Determinism").
 class Drivers {
  public:
-  /// Throws options::Error when the arena's `formation:` is wrong.
-  explicit Drivers(const World& world, const ObserverOptions& eyes = {});
+  /// Throws options::Error when `formation:` of the arena is invalid.
+  explicit Drivers(const World& world, const ObserverOptions& observer_options = {});
 
   /// Wheel speeds for the next step of the world, one per robot.
   const std::vector<motion::WheelSpeeds>& commands(const World& world);
 
-  /// Latest state per robot; robots that are driven blindly have none.
+  /// Latest state per robot. Robots with a table of speeds have none.
   const std::map<std::string, motion::FormationState>& states() const { return states_; }
-  /// True once everybody who has a goal has arrived and has been told to stand.
+  /// True when all robots with a goal have arrived and all commanded speeds are zero.
   bool arrived() const;
 
  private:
   motion::WheelSpeeds fromTable(const synthetic::ArenaRobot& robot, double time_s) const;
 
-  ObserverOptions eyes_;
-  std::vector<formation::Formation> formations_;  ///< per robot; unused for robots with a table
+  ObserverOptions observer_options_;
+  std::vector<formation::Formation> formations_;  ///< one per robot; unused for robots with a table of speeds
   std::vector<motion::WheelSpeeds> next_, commands_;
   std::vector<Pose2> before_;
   std::vector<PoseEstimate> published_;
-  std::vector<motion::FormationState> heard_;
+  std::vector<motion::FormationState> received_states_;
   TimeNs before_ns_ = 0;
   std::map<std::string, motion::FormationState> states_;
 };

@@ -17,30 +17,31 @@ int run(const std::string& arena_file, const std::string& out, bool random, bool
     if (!quiet) std::fprintf(stderr, "\rframe %d of at most %d", frame, frames);
   });
   if (!quiet) std::fprintf(stderr, "\n");
-  std::printf("%s: %d frames, %s, %zu contacts\n", out.c_str(), report.frames,
-              report.arrived ? "arrived" : "not arrived", report.collisions.size());
+  std::printf("%s: %d frames, %s, %zu collisions\n", out.c_str(), report.frames,
+              report.arrived ? "all robots arrived" : "not all robots arrived", report.collisions.size());
   return 0;
 }
 
 }  // namespace
 
-/// Makes a dataset from an arena, without any of the pipeline's services.
+/// Creates a dataset from an arena, without the services of the pipeline.
 int main(int argc, char** argv) {
-  CLI::App app("Drive a simulated arena and write it as a dataset");
+  CLI::App app("Drive the robots of a simulated arena and write the run as a dataset");
   omnifleet::world::RecordingOptions options;
   std::string arena, out;
   bool random = false, no_ceiling = false, quiet = false, force = false;
   app.add_option("ARENA", arena, "arena file (config/arenas)")->required();
-  app.add_option("--out", out, "folder of the dataset, created")->required();
-  app.add_option("--seed", options.seed, "of wheels, textures and noise; with --random of the whole scene")
+  app.add_option("--out", out, "dataset folder to create")->required();
+  app.add_option("--seed", options.seed,
+                 "seed of wheels, textures and noise; with --random of the whole scene")
       ->default_val(1);
-  app.add_flag("--random", random, "obstacles, colours, light and starts of the seed's own");
-  app.add_option("--format", options.extension, "png or jpg")
+  app.add_flag("--random", random, "random obstacles, colours, light and initial poses");
+  app.add_option("--format", options.extension, "image format, png or jpg")
       ->check(CLI::IsMember({"png", "jpg"}))
       ->default_val("png");
-  app.add_flag("--no-ceiling", no_ceiling, "leave the ceiling cameras out");
+  app.add_flag("--no-ceiling", no_ceiling, "omit the ceiling cameras");
   app.add_flag("--quiet", quiet, "no progress line");
-  app.add_flag("--force", force, "write over a recording that is there already");
+  app.add_flag("--force", force, "overwrite an existing recording");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -49,7 +50,8 @@ int main(int argc, char** argv) {
   options.ceiling = !no_ceiling;
   try {
     if (!force && std::filesystem::exists(std::filesystem::path(out) / "dataset.yaml")) {
-      throw omnifleet::options::Error("--out " + out + " holds a recording already; --force writes over it");
+      throw omnifleet::options::Error("--out " + out +
+                                      " already contains a recording; use --force to overwrite it");
     }
     return run(arena, out, random, quiet, options);
   } catch (const omnifleet::options::Error& error) {

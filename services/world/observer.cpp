@@ -12,22 +12,22 @@ struct Hit {
   std::uint16_t object;
 };
 
-/// Where a ray enters and leaves a thing; infinity where it misses it.
+/// Distances at which a ray enters and leaves an object; infinity when it misses the object.
 struct Span {
   double enter_m = INFINITY, leave_m = INFINITY;
 };
 
-/// Along the unit ray through a disc.
+/// Intersection of a ray with a disc. @param unit direction of the ray, unit length
 Span throughDisc(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Eigen::Vector2d& centre_m,
                  double radius_m) {
   const Eigen::Vector2d to = centre_m - from_m;
-  const double along_m = unit.dot(to), aside2 = to.squaredNorm() - along_m * along_m;
-  if (along_m <= 0.0 || aside2 >= radius_m * radius_m) return {};
-  const double half_m = std::sqrt(radius_m * radius_m - aside2);
+  const double along_m = unit.dot(to), offset2 = to.squaredNorm() - along_m * along_m;
+  if (along_m <= 0.0 || offset2 >= radius_m * radius_m) return {};
+  const double half_m = std::sqrt(radius_m * radius_m - offset2);
   return {std::max(0.0, along_m - half_m), along_m + half_m};
 }
 
-/// Along the ray through a box at its own pose (slab test).
+/// Intersection of a ray with a box at its pose (slab test).
 Span throughBox(const Eigen::Vector2d& from_m, const Eigen::Vector2d& unit, const Pose2& map_from_box,
                 const Eigen::Vector2d& size_m) {
   const Pose2 box_from_map = map_from_box.inverse();
@@ -56,8 +56,8 @@ std::uint16_t trackOf(std::size_t robot) {
   return static_cast<std::uint16_t>(robot + 1);
 }
 
-/// Where a thing is seen first; infinity where it is not.
-double seenAt(const Span& span, double blind_m) {
+/// Distance at which an object becomes visible; infinity when it is not visible.
+double visibleAt(const Span& span, double blind_m) {
   return span.leave_m > blind_m ? std::max(span.enter_m, blind_m) : INFINITY;
 }
 
@@ -71,9 +71,9 @@ Hit firstHit(const World& world, std::size_t robot, const Eigen::Vector2d& unit,
     const synthetic::Solid& solid = arena.solids[i];
     const Pose2 pose = arena.solidAt(static_cast<int>(i), time_s);
     const bool box = solid.kind == synthetic::SolidKind::kBox;
-    const double range_m = seenAt(box ? throughBox(from_m, unit, pose, solid.size_m)
-                                      : throughDisc(from_m, unit, pose.translation(), solid.radius_m),
-                                  options.blind_m);
+    const double range_m = visibleAt(box ? throughBox(from_m, unit, pose, solid.size_m)
+                                         : throughDisc(from_m, unit, pose.translation(), solid.radius_m),
+                                     options.blind_m);
     const auto id = static_cast<std::uint16_t>(arena.robots.size() + 1 + i);
     if (range_m < hit.range_m) hit = {range_m, RayLabel::kObstacle, id};
   }

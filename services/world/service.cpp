@@ -9,7 +9,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-constexpr double kRestS = 1.0;  // all robots told to stand for so long: the run is over
+constexpr double kRest_s = 1.0;  // s; the run ends when all commanded speeds are zero for this long
 
 const synthetic::Arena& arenaOf(const fleet::Fleet& fleet) {
   return fleet.arena.value();
@@ -110,7 +110,7 @@ bool ArenaWorldService::spin() {
   return true;
 }
 
-/// True when the next frame may be published: everybody has answered the last one, or its time has come.
+/// True when the next frame may be published: all robots have answered the last one, or (live) it is due.
 bool ArenaWorldService::answered() {
   if (realtime_) {
     takeCommands();
@@ -135,7 +135,8 @@ void ArenaWorldService::takeCommands() {
   }
 }
 
-/// What the bases do now: in lockstep as they were told for this very frame.
+/// Commands for the next step. Lockstep: the answers to this frame. Live: the latest commands, zero when too
+/// old.
 const std::vector<motion::WheelSpeeds>& ArenaWorldService::heldCommands() {
   if (!realtime_) return commands_;
   const auto hold_ns = static_cast<TimeNs>(options_.command_hold_s * 1e9);
@@ -151,8 +152,7 @@ void ArenaWorldService::publishFrame() {
   publishTruth(world_.now());
   publishScans(world_.now());
   last_published_ = world_.finished();
-  // The speeds of the interval that begins now were commanded in answer to the frame before (CONTRIBUTING,
-  // "Determinism").
+  // The speeds of the interval that begins now answer the previous frame (CONTRIBUTING, "Determinism").
   publishWheels(world_.step(heldCommands()));
   status().processed(steady_clock::now() - begun);
 }
@@ -197,7 +197,7 @@ void ArenaWorldService::publishWheels(const world::World::Driven& driven) {
     }
   }
   for (const world::World::Collision& collision : driven.collisions) {
-    status().error(collision.robot + " touches " + collision.with, true);
+    status().report({ErrorCode::kCollision, collision.robot + " collides with " + collision.with}, true);
   }
 }
 
@@ -207,7 +207,7 @@ bool ArenaWorldService::atRest() {
     still = still && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
   moved_ = moved_ || !still;
   resting_frames_ = still && moved_ ? resting_frames_ + 1 : 0;
-  return resting_frames_ >= kRestS * fleet_.arena->rate_hz;
+  return resting_frames_ >= kRest_s * fleet_.arena->rate_hz;
 }
 
 void ArenaWorldService::finish(const std::string& reason) {
@@ -235,8 +235,7 @@ void ArenaWorldService::saveTruth() {
     dataset::writeTruthRoom(folder, fleet_.arena->truthRoom());
     if (fleet_.markers) dataset::writeMarkers(folder, *fleet_.markers);
   } catch (const std::runtime_error& error) {
-    status().error(error.what(), true);
-    context_.log->error("{}", error.what());
+    status().report(fileWriteFailed(error.what()), true);
   }
 }
 

@@ -16,10 +16,10 @@
 
 namespace omnifleet::services {
 
-/// The simulated arena: commands in; true poses (for its cameras), laser scans and wheel odometry out. In
-/// lockstep a step is taken when every robot has answered the frame before; by the clock (live) with the
-/// latest commands, where a robot that has not been told anything for `command_hold_s` stands, as every base
-/// does. Writes the truth to OUT/recording when the run ends.
+/// The simulated arena. Input: wheel commands. Output: true poses (for its cameras), laser scans and wheel
+/// odometry. In lockstep mode a step is taken when every robot has answered the previous frame. In live mode
+/// steps follow the clock and use the latest commands; a robot without a command for `command_hold_s` stops,
+/// as real bases do. Writes the truth to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
   ArenaWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -49,7 +49,7 @@ class ArenaWorldService : public bus::Service {
     Outlet<v1::WheelOdometry> wheels;
     SideOutput<dataset::WheelsWriter> recorder;
     std::vector<dataset::StampedPose> path;
-    std::unique_ptr<Laser> laser;  ///< where the arena has one
+    std::unique_ptr<Laser> laser;  ///< if the arena has a laser
   };
 
   std::unique_ptr<Laser> makeLaser(const std::string& robot);
@@ -84,7 +84,7 @@ class ArenaWorldService : public bus::Service {
   std::optional<std::chrono::steady_clock::time_point> wake_at_;
 };
 
-/// The arena, or the world of a recording.
+/// The service of the arena, or of a recording.
 std::unique_ptr<bus::Service> makeWorld(const bus::ServiceContext& context);
 
 }  // namespace omnifleet::services

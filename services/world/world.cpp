@@ -12,7 +12,7 @@ double finiteOrZero(double value) {
 }
 
 double normal(std::mt19937& generator) {
-  // Box–Muller on the generator's own bits: std::normal_distribution differs between standard libraries.
+  // Box–Muller on the raw bits of the generator: std::normal_distribution differs between standard libraries.
   const double u = (static_cast<double>(generator()) + 0.5) / 4294967296.0;
   const double v = (static_cast<double>(generator()) + 0.5) / 4294967296.0;
   return std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * M_PI * v);
@@ -22,7 +22,7 @@ double towards(double value, double wanted, double most) {
   return value + std::clamp(wanted - value, -most, most);
 }
 
-/// Radius of the circle about base_link that holds the body.
+/// Radius of the circle around base_link that contains the body.
 double reach(const RobotBody& body) {
   double reach_m = body.radius_m;
   for (const Eigen::Vector2d& vertex : body.footprint_m) reach_m = std::max(reach_m, vertex.norm());
@@ -64,7 +64,7 @@ World::World(synthetic::Arena arena, const Options& options, std::uint32_t seed)
 
 const World::Driven& World::step(const std::vector<motion::WheelSpeeds>& commands) {
   if (commands.size() != arena_.robots.size())
-    throw std::runtime_error("world: one command per robot is needed");
+    throw std::runtime_error("world: step() needs one command per robot");
   for (auto& rows : driven_.wheels) rows.clear();
   driven_.collisions.clear();
   for (int row = 0; row < options_.rows_per_frame; ++row) driveRow(row, commands);
@@ -111,36 +111,37 @@ void World::driveRobot(std::size_t robot, const motion::WheelSpeeds& command, do
   const Pose2 next =
       state_.map_from_bases[robot] * motion::rolled(left_m, right_m, separation_m, motion::Integration::kArc);
   const auto time_ns = arena_.start_ns + static_cast<TimeNs>(std::llround(time_s * 1e9));
-  if (!touches(robot, next, time_s, time_ns) || !options_.collisions_stop) {
+  if (!collides(robot, next, time_s, time_ns) || !options_.collisions_stop) {
     state_.map_from_bases[robot] = next;
   } else {
-    // The wheels stand against the thing: they are blocked and report it.
+    // The obstacle blocks the wheels, and they report it.
     rolled_m_[robot].left_mps -= speeds.left_mps * dt_s;
     rolled_m_[robot].right_mps -= speeds.right_mps * dt_s;
     speeds = {};
   }
 }
 
-bool World::touches(std::size_t robot, const Pose2& pose, double time_s, TimeNs time_ns) {
+bool World::collides(std::size_t robot, const Pose2& pose, double time_s, TimeNs time_ns) {
   const double own_reach_m = reach(arena_.robots[robot].body);
   const Eigen::Vector2d place_m = pose.translation(), before_m = state_.map_from_bases[robot].translation();
   bool blocked = false;
-  const auto meet = [&](const std::string& name, double gap_m, double gap_before_m) {
+  const auto checkContact = [&](const std::string& name, double gap_m, double gap_before_m) {
     if (gap_m >= 0.0) return;
     report(robot, name, -gap_m, time_ns);
-    blocked = blocked || gap_m < gap_before_m;  // moving apart is always allowed
+    blocked = blocked || gap_m < gap_before_m;  // a motion that increases the gap is always allowed
   };
   for (std::size_t i = 0; i < arena_.solids.size(); ++i) {
     const Pose2 solid = arena_.solidAt(static_cast<int>(i), time_s);
     const double gap_m = arena_.solids[i].distance(place_m, solid) - own_reach_m;
-    meet((arena_.solids[i].wall ? "wall " : "obstacle ") + std::to_string(i), gap_m,
-         arena_.solids[i].distance(before_m, solid) - own_reach_m);
+    checkContact((arena_.solids[i].wall ? "wall " : "obstacle ") + std::to_string(i), gap_m,
+                 arena_.solids[i].distance(before_m, solid) - own_reach_m);
   }
   for (std::size_t i = 0; i < arena_.robots.size(); ++i) {
     if (i == robot) continue;
     const Eigen::Vector2d other_m = state_.map_from_bases[i].translation();
     const double both_m = own_reach_m + reach(arena_.robots[i].body);
-    meet(arena_.robots[i].name, (place_m - other_m).norm() - both_m, (before_m - other_m).norm() - both_m);
+    checkContact(arena_.robots[i].name, (place_m - other_m).norm() - both_m,
+                 (before_m - other_m).norm() - both_m);
   }
   return blocked;
 }

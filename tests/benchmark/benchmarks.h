@@ -5,7 +5,8 @@
 
 namespace omnifleet::bench {
 
-// One per source file. Scenes and plan outlive the run of the benchmarks.
+// Each function registers the benchmarks of one source file. `scenes` and `plan` must exist until all have
+// run.
 void registerLocalMapper(Scenes& scenes, const Plan& plan);
 void registerMap(const Plan& plan);
 void registerStages(Scenes& scenes, const Plan& plan);

@@ -5,16 +5,16 @@
 
 namespace omnifleet::bench {
 
-/// How well two mappers agree on one frame.
+/// Agreement of the local mapper and the naive mapper on one frame, as counts.
 struct Agreement {
-  int objects = 0;  ///< of ours: within 2 m, and for the most part on the naive mapper's plan
-  int found = 0;    ///< of these: its regions cover at least half of the object
-  int regions = 0;  ///< of the naive mapper: large ones within the same distance
-  int known = 0;    ///< of these: at least half lies on objects of ours
-  int rays = 0;     ///< of our scan that end at something near
-  int alike = 0;    ///< of these: the naive mapper's end within a decimetre
+  int objects = 0;          ///< local mapper: contact within 2 m, at least half of the hull on the naive plan
+  int matched_objects = 0;  ///< of `objects`: naive regions fill at least half of the part on the plan
+  int regions = 0;          ///< naive mapper: at least 240 cm² large, nearest point within 2 m
+  int matched_regions = 0;  ///< of `regions`: at least half lies inside hulls of the local mapper
+  int rays = 0;             ///< local mapper: rays that end at an object within 2 m
+  int equal_rays = 0;       ///< of `rays`: the naive range differs by less than 0.1 m
 };
-Agreement compare(const LocalMap& ours, const NaiveMapper& naive,
+Agreement compare(const LocalMap& local_map, const NaiveMapper& naive,
                   const std::vector<NaiveMapper::Region>& regions);
 
 }  // namespace omnifleet::bench

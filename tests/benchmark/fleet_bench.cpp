@@ -1,7 +1,7 @@
-// Three robots at 10 Hz, live: from the moment a camera hands its frame over until a replica of the map, in
-// another process, has changed by it. Local mappers, classifiers, localizer and mergers are the real
-// programs; cameras (frames preloaded) and wheels are played here, and one more replica listens here, so that
-// both moments are read from one clock.
+// Latency from frame to map change, live, three robots at 10 Hz. The time runs from the publication of a
+// frame until it has changed a replica of the map in another process. Local mappers, classifiers, localizer
+// and mergers are the real programs. This process plays cameras (preloaded frames) and wheels, and holds one
+// more replica, so that both times are read from one clock.
 
 #include <algorithm>
 #include <chrono>
@@ -11,7 +11,7 @@
 
 #include "adapters/adapters.h"
 #include "bus/dds_bus.h"
-#include "bus/lull.h"
+#include "bus/idle_window.h"
 #include "bus/topics.h"
 #include "fleet/fleet.h"
 #include "occupancy/occupancy_map.h"
@@ -24,16 +24,16 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kDomain = 94;
-constexpr int kWarmUpSteps = 30;  // 3 s: everybody has matched, buffers have grown
-constexpr auto kPatience = std::chrono::seconds(30);
+constexpr int kWarmUpSteps = 30;  // 3 s: all endpoints have matched and buffers have their final size
+constexpr auto kMatchTimeout = std::chrono::seconds(30);
 
-/// The programs of the fleet but for sources and formation.
+/// The programs of the fleet, without cameras, world and formation.
 class Programs {
  public:
   explicit Programs(const fleet::Fleet& fleet) : folder_(test::freshDir("frame_to_map")) {
     for (const fleet::ProcessSpec& spec : fleet::processes(fleet)) {
       if (spec.service == "camera" || spec.service == "world" || spec.service == "formation") continue;
-      if (spec.service == "localizer" && !spec.instance.empty()) continue;  // no ceiling camera here
+      if (spec.service == "localizer" && !spec.instance.empty()) continue;  // ceiling camera: none here
       start(spec);
     }
   }
@@ -58,18 +58,18 @@ bus::DdsBusOptions busOptions() {
   return options;
 }
 
-/// When the cameras of a fleet go off.
-enum class Shutters {
-  kTogether,  ///< all at one moment: the hardest case
-  kApart      ///< each at its own, as nothing ties robots' clocks: here a third of a period after the other
+/// Times at which the cameras of the fleet take their frames.
+enum class CameraTiming {
+  kTogether,  ///< all at the same time: the hardest case
+  kApart      ///< a third of a period apart, as with clocks that are not synchronized
 };
 
-/// Cameras and wheels of every robot, from the recording.
+/// Publishes camera frames and wheel speeds of every robot from the recording.
 class Sources {
  public:
-  Sources(bus::Bus& bus, const bus::Topics& topics, const Recording& recording, Shutters shutters)
+  Sources(bus::Bus& bus, const bus::Topics& topics, const Recording& recording, CameraTiming timing)
       : recording_(recording),
-        shift_ns_(shutters == Shutters::kTogether
+        shift_ns_(timing == CameraTiming::kTogether
                       ? 0
                       : recording.arena().periodNs() / static_cast<TimeNs>(recording.robots().size())) {
     for (std::size_t r = 0; r < recording.robots().size(); ++r) {
@@ -79,21 +79,22 @@ class Sources {
     }
   }
 
+  /// Waits for a reader of each stream. Returns false on timeout.
   bool matched() {
     bool all = true;
-    for (auto& camera : cameras_) all = all && camera->waitForReaders(1, kPatience);
-    for (auto& wheels : wheels_) all = all && wheels->waitForReaders(1, kPatience);
+    for (auto& camera : cameras_) all = all && camera->waitForReaders(1, kMatchTimeout);
+    for (auto& wheels : wheels_) all = all && wheels->waitForReaders(1, kMatchTimeout);
     return all;
   }
 
   std::size_t robots() const { return cameras_.size(); }
   const std::string& robot(std::size_t r) const { return recording_.robots()[r]; }
-  /// When the frame of a step was taken.
+  /// Acquisition time of a frame.
   TimeNs time(std::size_t r, int step) const { return recording_.time(step) + shiftNs(r); }
-  /// How much later than the first robot's.
+  /// Shift of the robot's frames against those of the first robot.
   TimeNs shiftNs(std::size_t r) const { return static_cast<TimeNs>(r) * shift_ns_; }
 
-  /// The frames of a step into the loans.
+  /// Copies the frames of a step into the loans.
   bool prepare(int step) {
     bus::FrameHeader header;
     header.sequence = static_cast<std::uint32_t>(step);
@@ -110,7 +111,7 @@ class Sources {
   }
 
   bool publish(std::size_t r) { return cameras_[r]->publish(); }
-  /// What the wheels say from the frame's time on.
+  /// Publishes the wheel speeds from the frame's time on.
   bool publishWheels(std::size_t robot, int step) {
     const dataset::WheelRow row = recording_.wheels(robot, step);
     v1::WheelOdometry wire;
@@ -129,7 +130,7 @@ class Sources {
   std::vector<std::unique_ptr<bus::Writer<v1::WheelOdometry>>> wheels_;
 };
 
-/// The map as any robot's merger holds it, live.
+/// The map as every robot's merger holds it in live mode.
 class Replica {
  public:
   Replica(bus::Bus& bus, const bus::Topics& topics, const fleet::Fleet& fleet)
@@ -141,7 +142,8 @@ class Replica {
   }
 
   using Name = std::pair<std::string, TimeNs>;
-  /// Takes what has arrived; `changed` is called for each keyframe that is now in the map.
+  /// Takes all samples that have arrived and calls `changed` for each keyframe that is now in the map.
+  /// Returns false if no sample has arrived.
   template <class Changed>
   bool pull(const Changed& changed) {
     bool any = false;
@@ -157,7 +159,7 @@ class Replica {
     }
     return any;
   }
-  /// In a lull, as the mergers; false where there is nothing to do.
+  /// Recomputes deferred contributions in an idle window, as the mergers do. Returns false if there are none.
   bool correctSome() { return map_.correctSome(kCorrectedAtOnce); }
 
  private:
@@ -167,7 +169,7 @@ class Replica {
     if (keyframe && keyframe->contribution && keyframe->pose && keyframe->pose->valid) changed(name);
   }
 
-  static constexpr std::size_t kCorrectedAtOnce = 8;  // as the mergers
+  static constexpr std::size_t kCorrectedAtOnce = 8;  // as in the mergers
 
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> poses_;
@@ -178,7 +180,7 @@ class Replica {
   occupancy::OccupancyMap map_;
 };
 
-/// When each robot's sample of each stage was heard here.
+/// Receives the samples of the stages in between.
 class Stages {
  public:
   Stages(bus::Bus& bus, const bus::Topics& topics)
@@ -186,12 +188,12 @@ class Stages {
         objects_(bus.reader(topics.objects)),
         poses_(bus.reader(topics.pose)) {}
 
-  /// `heard(stage, robot, time)` for all that has arrived.
-  template <class Heard>
-  void pull(const Heard& heard) {
-    while (local_maps_->take(local_map_)) heard("local_map", name(local_map_));
-    while (objects_->take(sample_)) heard("objects", name(sample_));
-    while (poses_->take(pose_)) heard("pose", name(pose_));
+  /// Calls `received(stage, {robot, acquisition time})` for all samples that have arrived.
+  template <class Received>
+  void pull(const Received& received) {
+    while (local_maps_->take(local_map_)) received("local_map", name(local_map_));
+    while (objects_->take(sample_)) received("objects", name(sample_));
+    while (poses_->take(pose_)) received("pose", name(pose_));
   }
 
  private:
@@ -207,12 +209,13 @@ class Stages {
   v1::Pose pose_;
 };
 
-using Latencies = std::map<std::string, std::vector<double>>;  ///< by stage, ms since the frame; "map" too
+/// Milliseconds since publication of the frame, by stage; "map": until the map has changed.
+using Latencies = std::map<std::string, std::vector<double>>;
 
-/// One step: frames out at their time, then the map watched until the next.
+/// Publishes the frames of each step at their times and receives map changes in between.
 class Run {
  public:
-  /// `stages`: may be null; listening to them costs their writers some time.
+  /// `stages` may be null: reading these topics slows down their writers.
   Run(Sources& sources, Replica& replica, Stages* stages, bus::Bus& bus, std::chrono::nanoseconds period)
       : sources_(sources),
         replica_(replica),
@@ -226,36 +229,37 @@ class Run {
     const Clock::time_point due = next_;
     for (std::size_t r = 0; r < sources_.robots(); ++r) {
       next_ = due + std::chrono::nanoseconds(sources_.shiftNs(r));
-      watch(latencies_ms);
+      receive(latencies_ms);
       sent_[{sources_.robot(r), sources_.time(r, step)}] = Clock::now();
       good = good && sources_.publish(r);
-      const bool others_wait = r + 1 < sources_.robots() && sources_.shiftNs(r + 1) == sources_.shiftNs(r);
-      for (; !others_wait && wheels_sent_ <= r; ++wheels_sent_)
+      const bool next_is_due = r + 1 < sources_.robots() && sources_.shiftNs(r + 1) == sources_.shiftNs(r);
+      for (; !next_is_due && wheels_sent_ <= r; ++wheels_sent_)
         good = sources_.publishWheels(wheels_sent_, step) && good;
     }
     wheels_sent_ = 0;
     next_ = due + period_;
     return good;
   }
-  /// Until the next frames are due.
-  void watch(Latencies& latencies_ms) {
-    const auto heard = [&](const char* stage, const Replica::Name& name) {
+  /// Receives map changes until the next frames are due.
+  void receive(Latencies& latencies_ms) {
+    const auto received = [&](const char* stage, const Replica::Name& name) {
       const auto sent = sent_.find(name);
       if (sent == sent_.end()) return;
       latencies_ms[stage].push_back(
           std::chrono::duration<double, std::milli>(Clock::now() - sent->second).count());
     };
     const auto pull = [&] {
-      if (stages_) stages_->pull(heard);
-      if (replica_.pull([&](const Replica::Name& name) { heard("map", name); })) lull_.heard(Clock::now());
+      if (stages_) stages_->pull(received);
+      if (replica_.pull([&](const Replica::Name& name) { received("map", name); }))
+        idle_window_.onInput(Clock::now());
     };
     for (auto now = Clock::now(); now < next_; now = Clock::now()) {
       pull();
-      if (lull_.here(now)) {
-        lull_.used();
+      if (idle_window_.isOpen(now)) {
+        idle_window_.onUse();
         if (replica_.correctSome()) continue;
       }
-      bus_.wait((lull_.here(now) ? next_ : std::min(next_, lull_.next(now))) - now);
+      bus_.wait((idle_window_.isOpen(now) ? next_ : std::min(next_, idle_window_.opensAt(now))) - now);
     }
     pull();
   }
@@ -267,8 +271,8 @@ class Run {
   bus::Bus& bus_;
   std::chrono::nanoseconds period_;
   Clock::time_point next_;
-  std::size_t wheels_sent_ = 0;  ///< of so many robots in this step
-  bus::Lull lull_;
+  std::size_t wheels_sent_ = 0;  ///< number of robots whose wheel speeds of this step are published
+  bus::IdleWindow idle_window_;
   std::map<Replica::Name, Clock::time_point> sent_;
 };
 
@@ -281,17 +285,16 @@ void report(Latencies& latencies_ms, benchmark::State& state) {
   }
 }
 
-void frameToMap(benchmark::State& state, const Recording& recording, Shutters shutters,
-                bool listen_to_stages) {
+void frameToMap(benchmark::State& state, const Recording& recording, CameraTiming timing, bool read_stages) {
   const fleet::Fleet fleet = fleet::Fleet::load(benchmarkFile("fleet.yaml"), "", {});
   const bus::Topics topics(bus::RunMode::kLive);
   const auto dds = bus::makeDdsBus(busOptions());
-  Sources sources(*dds, topics, recording, shutters);
+  Sources sources(*dds, topics, recording, timing);
   Replica replica(*dds, topics, fleet);
   std::optional<Stages> stages;
-  if (listen_to_stages) stages.emplace(*dds, topics);
+  if (read_stages) stages.emplace(*dds, topics);
   const Programs programs(fleet);
-  if (!sources.matched()) return state.SkipWithError("the programs of the fleet did not come up");
+  if (!sources.matched()) return state.SkipWithError("the programs of the fleet did not match within 30 s");
   Latencies latencies_ms;
   Run run(sources, replica, stages ? &*stages : nullptr, *dds,
           std::chrono::nanoseconds(recording.arena().periodNs()));
@@ -305,29 +308,29 @@ void frameToMap(benchmark::State& state, const Recording& recording, Shutters sh
     state.SetIterationTime(all.empty() ? 0.0 : 1e-3 * all.back());
     ++step;
   }
-  run.watch(latencies_ms);
-  if (!good) state.SkipWithError("a frame could not be sent");
+  run.receive(latencies_ms);
+  if (!good) state.SkipWithError("a frame or wheel speed could not be published");
   if (latencies_ms["map"].size() < static_cast<std::size_t>(state.iterations()) / 2)
-    state.SkipWithError("frames do not become part of the map");
+    state.SkipWithError("less than half a keyframe per step reached the map");
   report(latencies_ms, state);
 }
 
 }  // namespace
 
 void registerFleet(Scenes& scenes, const Plan& plan) {
-  const auto add = [&](const char* name, Shutters shutters, bool stages, int iterations) {
+  const auto add = [&](const char* name, CameraTiming timing, bool stages, int iterations) {
     benchmark::RegisterBenchmark(name,
-                                 [&scenes, shutters, stages](benchmark::State& state) {
+                                 [&scenes, timing, stages](benchmark::State& state) {
                                    guarded(state,
-                                           [&] { frameToMap(state, scenes.typical(), shutters, stages); });
+                                           [&] { frameToMap(state, scenes.typical(), timing, stages); });
                                  })
         ->Iterations(plan.smoke ? 20 : iterations)
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
   };
-  add("fleet/frame_to_map", Shutters::kTogether, false, 300);
-  add("fleet/frame_to_map/stages", Shutters::kTogether, true, 100);
-  add("fleet/frame_to_map/apart", Shutters::kApart, false, 300);
+  add("fleet/frame_to_map", CameraTiming::kTogether, false, 300);
+  add("fleet/frame_to_map/stages", CameraTiming::kTogether, true, 100);
+  add("fleet/frame_to_map/apart", CameraTiming::kApart, false, 300);
 }
 
 }  // namespace omnifleet::bench

@@ -7,8 +7,8 @@
 
 namespace omnifleet::bench {
 
-/// Backward mapping of a whole frame to a plan of the floor, of 4 mm a pixel around the camera's foot: for
-/// every pixel of the plan a place in the frame, computed once.
+/// Maps a whole frame backward to a plan of the floor, 4 mm per pixel, centred at the camera's foot. The
+/// place in the frame of every plan pixel is computed once.
 class FloorRemap {
  public:
   static constexpr double kMetresPerPixel = 0.004;
@@ -16,10 +16,12 @@ class FloorRemap {
   FloorRemap(const lens::Camera& camera, const cv::Size& plan_px);
 
   void apply(const cv::Mat3b& frame, cv::Mat3b& plan) const;
-  /// 255 where the camera sees the floor, and within the ring around the robot that is taken for floor.
+  /// Masks of the plan. seen: 255 where the floor is in view. seed: 255 in the ring around the robot, 0.30 to
+  /// 0.45 m from the foot, that is assumed to be floor.
   const cv::Mat1b& seen() const { return seen_; }
   const cv::Mat1b& seed() const { return seed_; }
 
+  /// Floor points are metres in base_link, plan points are pixels.
   Eigen::Vector2d planFromFloor(const Eigen::Vector2d& point_m) const;
   Eigen::Vector2d floorFromPlan(const Eigen::Vector2d& pixel) const;
 

@@ -1,5 +1,5 @@
-// The other process of the transport benchmark: takes frames, answers each on standard output with its
-// latency.
+// Reading process of the transport benchmark: takes frames and prints for each its latency (ms) and 1 if it
+// arrived intact, else 0.
 //   omnifleet_bench_reader live|replay|udp|shm DOMAIN BYTES COUNT
 
 #include <chrono>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kTimeout_s = 20;
 
-/// Every page of the frame must hold what was sent: the frame's number.
+/// True if the first byte of every KiB is what the writer wrote: the low byte of the frame's number.
 bool intact(const std::uint8_t* pixels, std::size_t bytes, int number) {
   for (std::size_t i = 0; i < bytes; i += 1024) {
     if (pixels[i] != static_cast<std::uint8_t>(number)) return false;
@@ -30,9 +30,9 @@ void answer(double latency_ms, bool good) {
   std::fflush(stdout);
 }
 
-/// The writer knows of this reader before this reader knows of it, and what is written in between is lost
-/// where nothing is repeated.
-void tellReady() {
+/// The writer matches this reader before this reader matches the writer. A best-effort frame that is written
+/// in between is lost, so the writer waits for this signal.
+void signalReady() {
   std::puts("ready");
   std::fflush(stdout);
 }
@@ -44,7 +44,7 @@ int readLoans(bus::RunMode mode, int domain, std::size_t bytes, int count) {
   const auto dds = bus::makeDdsBus(options);
   const auto reader = dds->frameReader("bench", bytes);
   if (!reader->waitForWriters(1, std::chrono::seconds(kTimeout_s))) return 1;
-  tellReady();
+  signalReady();
   for (int n = 0; n < count; ++n) {
     auto frame = reader->take();
     while (!frame) {
@@ -60,7 +60,7 @@ int readLoans(bus::RunMode mode, int domain, std::size_t bytes, int count) {
 
 int readRaw(RawTransport transport, int domain, std::size_t bytes, int count) {
   RawFrameReader reader(transport, domain, bytes);
-  tellReady();  // reliable
+  signalReady();  // needs no match: reliable frames are repeated
   for (int n = 0; n < count; ++n) {
     std::int64_t stamp_ns = 0;
     const std::uint8_t* pixels = nullptr;

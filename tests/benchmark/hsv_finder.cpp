@@ -6,7 +6,7 @@
 namespace omnifleet::bench {
 namespace {
 
-constexpr int kHueTolerance = 8;  // of 180
+constexpr int kHueTolerance = 8;  // OpenCV hue, 0–179
 constexpr double kDistanceTolerance_m = 0.02;
 
 int hueOf(const dataset::Rgb& rgb) {

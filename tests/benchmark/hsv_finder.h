@@ -11,17 +11,17 @@
 
 namespace omnifleet::bench {
 
-/// Robots from their patches as one would write it first: the image in HSV, inRange and connected components
-/// for each colour, the pair of team and individual patch at the right distance.
+/// The naive peer of the patch finder: converts the image to HSV, extracts each colour by inRange and
+/// connected components, and pairs team and individual patches that are at the right distance.
 class HsvFinder {
  public:
   HsvFinder(const lens::Camera& camera, const dataset::MarkerSet& markers);
-  /// Position of base_link in map per robot found.
+  /// Position of base_link in map (metres) for each robot that was found.
   const std::map<std::string, Eigen::Vector2d>& find(const cv::Mat3b& bgr);
 
  private:
   struct Colour {
-    std::string robot;  ///< empty: the team
+    std::string robot;  ///< owner of the individual patch
     int hue;
   };
   void patchesOf(int hue, std::vector<Eigen::Vector2d>& centres_m);

@@ -1,4 +1,5 @@
-// Ceiling patches against HSV and inRange; points through the lens against the whole image back through it.
+// Ceiling patch finder against HSV and inRange. Forward projection of points to the floor against backward
+// mapping of the whole image.
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
@@ -17,7 +18,7 @@ lens::Camera ceilingCamera(const Recording& recording) {
   return lens::Camera(recording.arena().camera("ceiling/c1").model);
 }
 
-/// `tracked` false: every image as if it were the first.
+/// `tracked` false: a new finder for each image, which searches the whole image.
 void findPatches(benchmark::State& state, const Recording& recording, bool tracked) {
   const lens::Camera camera = ceilingCamera(recording);
   const auto make = [&] { return markers::MarkerFinder::make(camera, *recording.arena().markers, {}); };
@@ -30,11 +31,12 @@ void findPatches(benchmark::State& state, const Recording& recording, bool track
     const double begun = threadCpuMs();
     const auto& found = finder->find(recording.ceiling(step), recording.time(step));
     samples.add(threadCpuMs() - begun);
-    if (found.size() != recording.robots().size()) state.SkipWithError("a robot was not found");
+    if (found.size() != recording.robots().size())
+      state.SkipWithError("the number of robots found differs from the recording");
     for (std::size_t r = 0; r < found.size(); ++r) {
       const double error_m =
           (found[r].map_from_base.translation() - recording.truth(r, step).translation()).norm();
-      if (error_m > 0.01) state.SkipWithError("a robot was found at a wrong place");
+      if (error_m > 0.01) state.SkipWithError("the position of a robot is more than 1 cm wrong");
     }
     ++step;
   }
@@ -49,20 +51,22 @@ void findByHsv(benchmark::State& state, const Recording& recording) {
     const double begun = threadCpuMs();
     const auto& found = finder.find(recording.ceiling(step));
     samples.add(threadCpuMs() - begun);
-    if (found.size() != recording.robots().size()) state.SkipWithError("a robot was not found");
+    if (found.size() != recording.robots().size())
+      state.SkipWithError("the number of robots found differs from the recording");
     for (const auto& [robot, position_m] : found) {
       const auto& names = recording.robots();
       const auto r = static_cast<std::size_t>(std::find(names.begin(), names.end(), robot) - names.begin());
-      // Whole-pixel masks: a centimetre and a half is three pixels.
+      // The masks have whole pixels: 1.5 cm is three pixels.
       if ((position_m - recording.truth(r, step).translation()).norm() > 0.015)
-        state.SkipWithError("a robot was found at a wrong place");
+        state.SkipWithError("the position of a robot is more than 1.5 cm wrong");
     }
     ++step;
   }
   samples.report();
 }
 
-/// Every pixel that a typical frame needs on the floor: its contours and its vectors' ends (Choi §III.4).
+/// All pixels of a typical frame that have to be projected to the floor: contours and ends of vectors (Choi
+/// §III.4).
 std::vector<Eigen::Vector2f> pointsOf(const Recording& recording, const lens::Camera& camera) {
   local_mapper::LocalMapper mapper(camera, {});
   std::vector<Eigen::Vector2f> points;
@@ -114,7 +118,7 @@ void forward(benchmark::State& state, const Recording& recording, bool by_table)
   state.counters["table_error_mm"] = 1e3 * worst_m;
 }
 
-/// The peer's most favourable form: the maps are there, fixed-point, and the image is only interpolated.
+/// The peer in its fastest form: fixed-point maps are precomputed, and only the interpolation is measured.
 void backward(benchmark::State& state, const Recording& recording) {
   const lens::Camera camera(recording.arena().camera(recording.robots().front() + "/fisheye").model);
   FloorRemap remap(camera, {camera.model().image_width_px, camera.model().image_height_px});

@@ -1,4 +1,4 @@
-// Choi §III, one 1280×960 frame: ours against the naive pipeline of the same outcome.
+// One 1280×960 frame (Choi §III): the local mapper against a naive mapper with the same outputs.
 
 #include <memory>
 #include <opencv2/core.hpp>
@@ -12,7 +12,7 @@
 namespace omnifleet::bench {
 namespace {
 
-/// Our mapper fed from a recording.
+/// Feeds mappers with the images and wheel speeds of a recording's first robot.
 class Feeder {
  public:
   explicit Feeder(const Recording& recording)
@@ -22,11 +22,12 @@ class Feeder {
         mapper_(camera_, local_mapper::Options{}) {}
 
   const lens::Camera& camera() const { return camera_; }
-  /// Of the frame prepared last.
+  /// Image and motion of the frame that was prepared last.
   const cv::Mat3b& image() const { return image_; }
   const Pose2& motion() const { return motion_.previous_from_current; }
-  /// All that happens before the stage itself: the frame has just been written, as by a camera's process into
-  /// shared memory, so it does not come from a recording that is larger than any cache.
+  /// Does everything that precedes the stage and is not measured. The image is copied first: a camera
+  /// process, too, writes the frame to shared memory shortly before. The recording itself is larger than any
+  /// cache.
   void prepare(int step) {
     if (step > 0) add(step - 1);
     recording_.image(0, step).copyTo(image_);
@@ -49,12 +50,13 @@ class Feeder {
   Motion motion_;
 };
 
-constexpr int kRounds = 5;  // forward and back; as many frames as `ours` measures, in rounds
+constexpr int kRounds = 5;  // measured; one round is the recording forward and backward
 
-void ours(benchmark::State& state, const Recording& recording) {
+void measureLocalMapper(benchmark::State& state, const Recording& recording) {
   Feeder feeder(recording);
   int step = 0;
-  // Two rounds: every buffer has had its largest content, and the heap is looked at in the same frame again.
+  // Two rounds to warm up: afterwards every buffer has its largest size. Whole rounds, so that the heap is
+  // compared at the same frame of the recording.
   for (; step < 2 * recording.round(); ++step) {
     feeder.prepare(step);
     feeder.process();
@@ -68,7 +70,7 @@ void ours(benchmark::State& state, const Recording& recording) {
     const double begun = threadCpuMs();
     const LocalMap& local_map = feeder.process();
     samples.add(threadCpuMs() - begun);
-    if (local_map.state != FrameState::kOk) state.SkipWithError("a frame was refused");
+    if (local_map.state != FrameState::kOk) state.SkipWithError("the local mapper rejected a frame");
     objects += static_cast<double>(local_map.objects.size());
     for (const auto& object : local_map.objects) vectors += static_cast<double>(object.vectors.size());
   }
@@ -78,7 +80,7 @@ void ours(benchmark::State& state, const Recording& recording) {
   state.counters["vectors"] = benchmark::Counter(vectors, benchmark::Counter::kAvgIterations);
 }
 
-void naive(benchmark::State& state, const Recording& recording) {
+void measureNaiveMapper(benchmark::State& state, const Recording& recording) {
   Feeder feeder(recording);
   NaiveMapper mapper(feeder.camera());
   for (int first : {0, 1}) {
@@ -101,8 +103,8 @@ void naive(benchmark::State& state, const Recording& recording) {
   state.counters["regions"] = benchmark::Counter(regions, benchmark::Counter::kAvgIterations);
 }
 
-/// Both over the recording: the comparison is only fair where both find the same.
-void agreement(benchmark::State& state, const Recording& recording, double least) {
+/// Runs both mappers over the recording. Their times are comparable only if both find the same objects.
+void checkAgreement(benchmark::State& state, const Recording& recording, double min_share) {
   Feeder feeder(recording);
   NaiveMapper mapper(feeder.camera());
   Agreement sum;
@@ -113,46 +115,50 @@ void agreement(benchmark::State& state, const Recording& recording, double least
     ++step;
     const Agreement one = compare(feeder.process(), mapper, regions);
     sum.objects += one.objects;
-    sum.found += one.found;
+    sum.matched_objects += one.matched_objects;
     sum.regions += one.regions;
-    sum.known += one.known;
+    sum.matched_regions += one.matched_regions;
     sum.rays += one.rays;
-    sum.alike += one.alike;
+    sum.equal_rays += one.equal_rays;
   }
-  state.counters["found"] = static_cast<double>(sum.found) / std::max(1, sum.objects);
-  state.counters["known"] = static_cast<double>(sum.known) / std::max(1, sum.regions);
-  state.counters["scan_alike"] = static_cast<double>(sum.alike) / std::max(1, sum.rays);
+  state.counters["matched_objects"] = static_cast<double>(sum.matched_objects) / std::max(1, sum.objects);
+  state.counters["matched_regions"] = static_cast<double>(sum.matched_regions) / std::max(1, sum.regions);
+  state.counters["scan_agreement"] = static_cast<double>(sum.equal_rays) / std::max(1, sum.rays);
   state.counters["objects"] = sum.objects;
-  if (sum.objects == 0) state.SkipWithError("our local mapper found nothing near");
-  if (sum.found < least * sum.objects) state.SkipWithError("the naive mapper misses objects that ours finds");
-  if (sum.rays == 0 || sum.alike < least * sum.rays) state.SkipWithError("the scans differ");
-  if (sum.known < least * sum.regions)
-    state.SkipWithError("our mapper misses objects that the naive one finds");
+  if (sum.objects == 0) state.SkipWithError("the local mapper found no object within 2 m");
+  if (sum.matched_objects < min_share * sum.objects)
+    state.SkipWithError("the naive mapper misses objects that the local mapper finds");
+  if (sum.rays == 0 || sum.equal_rays < min_share * sum.rays)
+    state.SkipWithError("the scans of the two mappers differ");
+  if (sum.matched_regions < min_share * sum.regions)
+    state.SkipWithError("the local mapper misses objects that the naive mapper finds");
 }
 
 }  // namespace
 
 void registerLocalMapper(Scenes& scenes, const Plan& plan) {
-  const auto add = [&](const std::string& scene, const Recording& (Scenes::*recording)(), double least) {
+  const auto add = [&](const std::string& scene, const Recording& (Scenes::*recording)(), double min_share) {
     const std::string name = "local_mapper/" + scene;
-    benchmark::RegisterBenchmark(name.c_str(),
-                                 [&, recording](benchmark::State& s) { ours(s, (scenes.*recording)()); })
+    benchmark::RegisterBenchmark(
+        name.c_str(), [&, recording](benchmark::State& s) { measureLocalMapper(s, (scenes.*recording)()); })
         ->Iterations(scenes.round() * (plan.smoke ? 1 : kRounds))
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
-    benchmark::RegisterBenchmark((name + "/naive").c_str(),
-                                 [&, recording](benchmark::State& s) { naive(s, (scenes.*recording)()); })
+    benchmark::RegisterBenchmark(
+        (name + "/naive").c_str(),
+        [&, recording](benchmark::State& s) { measureNaiveMapper(s, (scenes.*recording)()); })
         ->Iterations(plan.iterations(80))
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
-    benchmark::RegisterBenchmark(
-        (name + "/same_objects").c_str(),
-        [&, recording, least](benchmark::State& s) { agreement(s, (scenes.*recording)(), least); })
+    benchmark::RegisterBenchmark((name + "/same_objects").c_str(),
+                                 [&, recording, min_share](benchmark::State& s) {
+                                   checkAgreement(s, (scenes.*recording)(), min_share);
+                                 })
         ->Iterations(plan.iterations(40))
         ->Unit(benchmark::kMillisecond);
   };
   add("typical", &Scenes::typical, 0.95);
-  // The naive mapper's one histogram for the whole room loses some of the many things in uneven light.
+  // In uneven light the naive mapper, with one histogram for the whole room, misses some of the many objects.
   add("cluttered", &Scenes::cluttered, 0.80);
 }
 

@@ -1,5 +1,5 @@
-// Every hot path beside its naive peer in one run; ends with a table of ratios and budgets.
-// Exits with 1 when a benchmark reports an error, e.g. that the two of a pair do not do the same work.
+// Runs every hot path and its naive peer, then prints a table of ratios and budgets.
+// Returns 1 if a benchmark reports an error, e.g. if the two of a pair do different work.
 
 #include <malloc.h>
 
@@ -9,7 +9,7 @@
 #include "tests/benchmark/benchmarks.h"
 #include "tests/benchmark/summary.h"
 
-constexpr int kLargest_bytes = 32 << 20;  // that malloc accepts
+constexpr int kLargest_bytes = 32 << 20;  // largest M_MMAP_THRESHOLD that malloc accepts
 constexpr int kKept_bytes = 1 << 30;
 
 int main(int argc, char** argv) {
@@ -24,9 +24,9 @@ int main(int argc, char** argv) {
   }
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
-  cv::setNumThreads(1);  // one core, and thread CPU time sees all of it
-  // What is freed stays with the process: whether a peer's temporary images cost page faults (a third of the
-  // naive mapper's time) would else depend on what happens to lie behind them on the heap.
+  cv::setNumThreads(1);  // one core, so that the thread's CPU time contains all work
+  // Freed memory stays with the process. Otherwise the heap layout decides whether temporary images of a peer
+  // cost page faults (a third of the naive mapper's time).
   mallopt(M_MMAP_THRESHOLD, kLargest_bytes);
   mallopt(M_TRIM_THRESHOLD, kKept_bytes);
   Scenes scenes(plan.smoke);

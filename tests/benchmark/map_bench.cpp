@@ -1,6 +1,6 @@
-// A 360-ray scan with 64 points in space into the map, as robots send them: ours (integer counts, octree
-// written where a cell changes class) against OctoMap's insertPointCloud, both ending with the same map. The
-// robot drives about in one room for long, so that a cost that grows with the run would show.
+// Merges scans of 360 rays and 64 points in space, as robots send them, into the map. OccupancyMap (integer
+// counts; the octree is written where a cell changes its class) against OctoMap's insertPointCloud. Both end
+// with the same map. The robot drives for a long time in one room, so that a growing cost becomes visible.
 
 #include <octomap/OcTree.h>
 
@@ -18,7 +18,7 @@ using namespace occupancy;
 constexpr int kRays = 360;
 constexpr double kMaxRange_m = 5.0, kResolution_m = 0.05;
 
-/// A room of 8.8 m × 6.8 m with columns, in closed form.
+/// A column in a room of 8.8 m × 6.8 m. Ranges are computed in closed form.
 struct Column {
   double x, y, radius;
 };
@@ -38,10 +38,10 @@ double rangeTo(double x, double y, double bearing) {
   return range;
 }
 
-/// What cameras follow in the room: places on the surfaces of the columns and along the walls.
+/// A trackable point on a column or a wall; map, metres.
 struct Feature {
   double x, y, z;
-  std::uint16_t track;  ///< of the thing
+  std::uint16_t track;  ///< of the column or wall
 };
 
 std::vector<Feature> featuresOf(std::mt19937& random) {
@@ -69,10 +69,10 @@ std::vector<Feature> featuresOf(std::mt19937& random) {
 }
 
 constexpr double kCameraHeight_m = 0.5;
-constexpr double kFeatureRange_m = 3.0;  // 16 bits of tenths of a millimetre reach 3.2 m
+constexpr double kFeatureRange_m = 3.0;  // 16 bits of 0.1 mm reach 3.2 m
 constexpr int kTracks = 9;
 
-/// One scan for each of the two.
+/// The same scans in the form that each of the two maps takes.
 struct Scans {
   explicit Scans(int count) {
     const auto features = featuresOf(random_);
@@ -82,9 +82,9 @@ struct Scans {
 
   std::vector<Contribution> contributions;
   std::vector<KeyframePose> poses;
-  std::vector<octomap::Pointcloud> clouds;  ///< ends of the rays, in the layer
+  std::vector<octomap::Pointcloud> clouds;  ///< ends of the rays, in the lowest layer of cells
   std::vector<octomap::point3d> origins;
-  std::vector<octomap::Pointcloud> points;  ///< in space
+  std::vector<octomap::Pointcloud> points;  ///< the points in space
   std::vector<octomap::point3d> cameras;
 
  private:
@@ -122,7 +122,7 @@ struct Scans {
     origins.emplace_back(map_from_base.x_m, map_from_base.y_m, kResolution_m / 2);
   }
 
-  /// The things that the points are of, each with an outline.
+  /// One view with an outline for each object that the points belong to.
   static void addViews(Contribution& contribution) {
     for (std::uint32_t track = 1; track <= kTracks; ++track) {
       SupportView view;
@@ -134,7 +134,7 @@ struct Scans {
     }
   }
 
-  /// The nearest of the features that nothing hides, seen a little beside where they are.
+  /// The nearest visible features, with noise along the line of sight.
   void addPoints(const Pose2& map_from_base, const std::vector<Feature>& features,
                  Contribution& contribution) {
     std::vector<std::pair<double, const Feature*>> seen;
@@ -174,7 +174,7 @@ OccupancyMap emptyMap() {
   return OccupancyMap(options, {{"r1", {0.15, {}, 0.3, 0.3}}});
 }
 
-/// What a scan costs at the beginning and at the end of the run.
+/// Reports the median cost of a scan in the first and in the last quarter of the run.
 void reportQuarters(const std::vector<double>& costs_ms, benchmark::State& state) {
   const auto middle = [](auto begin, auto end) {
     std::vector<double> some(begin, end);
@@ -186,7 +186,7 @@ void reportQuarters(const std::vector<double>& costs_ms, benchmark::State& state
   state.counters["last_quarter_ms"] = middle(costs_ms.end() - quarter, costs_ms.end());
 }
 
-void ours(benchmark::State& state) {
+void mergeIntoOccupancyMap(benchmark::State& state) {
   const Scans scans(static_cast<int>(state.max_iterations));
   OccupancyMap map = emptyMap();
   Samples samples(state);
@@ -222,8 +222,8 @@ void insertPointCloud(benchmark::State& state) {
   reportQuarters(costs, state);
 }
 
-/// Same scans, same map: at least 97 % of the cells known to both are of the same class (rays graze cells
-/// that one rounds in and the other out), and both know the same cells but for those and the robot's own.
+/// Checks that both maps agree: at least 97 % of the cells known to both have the same class, and at most 3 %
+/// are known to only one map. They differ in cells that a ray only grazes and in cells under the robot.
 void sameMap(benchmark::State& state) {
   const Scans scans(static_cast<int>(state.max_iterations));
   OccupancyMap map = emptyMap();
@@ -250,14 +250,15 @@ void sameMap(benchmark::State& state) {
   state.counters["cells"] = both;
   state.counters["equal"] = static_cast<double>(equal) / std::max(1, both);
   state.counters["known_to_one"] = static_cast<double>(one) / std::max(1, both);
-  if (both < 1000 || equal < 0.97 * both || one > 0.03 * both) state.SkipWithError("the two maps differ");
+  if (both < 1000 || equal < 0.97 * both || one > 0.03 * both)
+    state.SkipWithError("the maps differ in more than 3 % of the cells, or share fewer than 1000");
 }
 
 }  // namespace
 
 void registerMap(const Plan& plan) {
-  constexpr int kScans = 2000;  // 400 s at five a second
-  benchmark::RegisterBenchmark("map/scan", ours)
+  constexpr int kScans = 2000;  // 400 s at 5 Hz
+  benchmark::RegisterBenchmark("map/scan", mergeIntoOccupancyMap)
       ->Iterations(plan.iterations(kScans))
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);

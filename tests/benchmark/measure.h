@@ -8,32 +8,31 @@
 
 namespace omnifleet::bench {
 
-/// How much is measured: everything, or each benchmark a moment long to see that it works.
+/// Extent of a run. smoke: four iterations per benchmark, to check that it works.
 struct Plan {
   bool smoke = false;
   int iterations(int full) const { return smoke ? 4 : full; }
 };
 
-/// CPU time of this thread since some moment, milliseconds: other programs on the machine do not count.
+/// CPU time of this thread, milliseconds, from an arbitrary zero. Time of other programs does not count.
 double threadCpuMs();
-/// The host's monotonic clock, nanoseconds: the same in every process.
+/// Monotonic clock of the host, nanoseconds, common to all processes.
 std::int64_t hostNs();
 
-/// Order statistics as counters p50_ms and p99_ms (nearest rank).
+/// Sets the counters p50_ms and p99_ms (nearest rank).
 void reportPercentiles(std::vector<double> ms, benchmark::State& state);
 
-/// What each iteration took.
+/// Times of the iterations of one benchmark.
 class Samples {
  public:
   explicit Samples(benchmark::State& state) : state_(state) {}
-  /// Room for all iterations, so that measuring the heap does not measure this.
+  /// Reserves memory for all iterations, so that MemoryWatch does not count it.
   void reserve() { ms_.reserve(static_cast<std::size_t>(state_.max_iterations)); }
-  /// One iteration's time; also Google Benchmark's (manual time).
+  /// Adds one iteration and sets it as Google Benchmark's manual time.
   void add(double ms);
   void report() { reportPercentiles(ms_, state_); }
-  /// Of samples that go round after round over the same frames, also frame_p99_ms: the p99 over the frames of
-  /// each one's median over the rounds. It is the program's own; p99_ms is also that of a machine with other
-  /// work.
+  /// For samples that repeat the same `round` frames: also sets frame_p99_ms, the p99 over the frames of each
+  /// frame's median over the rounds. Other load on the machine increases p99_ms, but hardly frame_p99_ms.
   void report(std::size_t round);
 
  private:
@@ -41,7 +40,7 @@ class Samples {
   std::vector<double> ms_;
 };
 
-/// Runs a benchmark's body; an exception is that benchmark's error, not the end of all.
+/// Runs the body of a benchmark. An exception becomes an error of this benchmark; the others still run.
 template <class Body>
 void guarded(benchmark::State& state, const Body& body) {
   try {
@@ -51,14 +50,14 @@ void guarded(benchmark::State& state, const Body& body) {
   }
 }
 
-/// Value at a share 0–1 of sorted samples, nearest rank; 0 where there are none.
+/// Value at a share (0–1) of sorted samples, nearest rank; 0 without samples.
 double percentile(const std::vector<double>& sorted, double share);
 
-/// Page faults of this thread and bytes on the heap since construction.
+/// Counts minor page faults of this thread and the change of the heap (bytes) since construction.
 class MemoryWatch {
  public:
   MemoryWatch();
-  /// Counters minor_faults and heap_bytes: totals over the loop.
+  /// Sets the counters minor_faults and heap_bytes: totals since construction.
   void report(benchmark::State& state) const;
 
  private:

@@ -9,12 +9,12 @@ namespace omnifleet::bench {
 namespace {
 
 constexpr int kMinArea_px = 200, kMaxCorners = 500;
-constexpr double kMaxReturn_px = 0.5;  // forward–backward error, as ours
-constexpr double kMaxRatio = 3.0;      // of a vector's length to the median of its region, as ours
-constexpr double kMaxAngle_rad = 35.0 * M_PI / 180.0;  // from the median direction, as ours
-constexpr double kStill_m = 0.01;                      // shorter vectors have no direction
-constexpr double kScanRange_m = 2.5;                   // as ours
-constexpr int kPlan_px = 2 * 640;                      // that, all around
+constexpr double kMaxReturn_px = 0.5;  // forward–backward error, as in the local mapper
+constexpr double kMaxRatio = 3.0;      // vector length to median length of the region, as in the local mapper
+constexpr double kMaxAngle_rad = 35.0 * M_PI / 180.0;  // from the median direction, as in the local mapper
+constexpr double kStill_m = 0.01;                      // shorter vectors have no reliable direction
+constexpr double kScanRange_m = 2.5;                   // as in the local mapper
+constexpr int kPlan_px = 2 * 640;                      // covers the scan range on all sides
 static_assert(kPlan_px / 2 * FloorRemap::kMetresPerPixel >= kScanRange_m);
 
 double medianOf(std::vector<double> values) {
@@ -45,7 +45,7 @@ const std::vector<NaiveMapper::Region>& NaiveMapper::process(const cv::Mat3b& bg
   remap_.apply(bgr, plan_);
   removeGround();
   cv::connectedComponentsWithStats(objects_, labels_, statistics_, centroids_, 8, CV_32S);
-  follow();
+  trackCorners();
   makeRegions();
   for (Region& region : regions_) filter(previous_from_current, region);
   makeScan();
@@ -65,19 +65,18 @@ void NaiveMapper::removeGround() {
   cv::medianBlur(objects_, objects_, 5);
 }
 
-void NaiveMapper::follow() {
+void NaiveMapper::trackCorners() {
   cv::cvtColor(plan_, grey_, cv::COLOR_BGR2GRAY);
   cv::goodFeaturesToTrack(grey_, corners_, kMaxCorners, 0.01, 5, objects_, 3, true, 0.04);
-  followed_.assign(corners_.size(), 0);
+  tracked_.assign(corners_.size(), 0);
   if (!previous_grey_.empty() && !corners_.empty()) {
     const cv::Size window(21, 21);
-    cv::calcOpticalFlowPyrLK(grey_, previous_grey_, corners_, previous_corners_, followed_, error_, window,
-                             3);
-    cv::calcOpticalFlowPyrLK(previous_grey_, grey_, previous_corners_, returned_, returned_well_, error_,
+    cv::calcOpticalFlowPyrLK(grey_, previous_grey_, corners_, previous_corners_, tracked_, error_, window, 3);
+    cv::calcOpticalFlowPyrLK(previous_grey_, grey_, previous_corners_, returned_, returned_status_, error_,
                              window, 3);
     for (std::size_t i = 0; i < corners_.size(); ++i) {
-      const bool back = returned_well_[i] != 0 && cv::norm(returned_[i] - corners_[i]) <= kMaxReturn_px;
-      followed_[i] = followed_[i] != 0 && back ? 1 : 0;
+      const bool back = returned_status_[i] != 0 && cv::norm(returned_[i] - corners_[i]) <= kMaxReturn_px;
+      tracked_[i] = tracked_[i] != 0 && back ? 1 : 0;
     }
   }
   grey_.copyTo(previous_grey_);
@@ -108,13 +107,13 @@ void NaiveMapper::sortCorners(const std::vector<int>& region_of) {
   const auto floor = [&](const cv::Point2f& p) { return remap_.floorFromPlan({p.x, p.y}); };
   for (std::size_t i = 0; i < corners_.size(); ++i) {
     const int n = region_of[static_cast<std::size_t>(labels_(cv::Point(corners_[i])))];
-    if (n < 0 || !followed_[i]) continue;
+    if (n < 0 || !tracked_[i]) continue;
     regions_[static_cast<std::size_t>(n)].from_m.push_back(floor(previous_corners_[i]));
     regions_[static_cast<std::size_t>(n)].to_m.push_back(floor(corners_[i]));
   }
 }
 
-/// Own motion out, then what differs from most of the region's vectors.
+/// Removes the robot's own motion, then drops vectors that differ from the median of the region.
 void NaiveMapper::filter(const Pose2& previous_from_current, Region& region) {
   if (region.to_m.empty()) return;
   const Pose2 current_from_previous = previous_from_current.inverse();

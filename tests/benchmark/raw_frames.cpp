@@ -25,7 +25,7 @@ using Code = eprosima::fastrtps::types::ReturnCode_t;
 
 constexpr std::uint32_t kSocketBuffer = 4u << 20, kSegment = 16u << 20;
 
-/// Either frame class behind one face.
+/// Common interface of the frame types of different size.
 struct AnyFrame {
   virtual ~AnyFrame() = default;
   virtual void* sample() = 0;
@@ -60,7 +60,7 @@ dds::DomainParticipantQos participantQos(RawTransport transport) {
   if (transport == RawTransport::kSharedMemory) {
     auto shared = std::make_shared<eprosima::fastdds::rtps::SharedMemTransportDescriptor>();
     shared->segment_size(kSegment);
-    qos.transport().user_transports.push_back(shared);  // preferred on one host
+    qos.transport().user_transports.push_back(shared);  // Fast DDS prefers it on one host
   }
   return qos;
 }
@@ -76,12 +76,12 @@ void setCommon(Qos& qos) {
   qos.data_sharing().off();
 }
 
-/// What both ends have.
+/// Participant, type and topic, common to writer and reader.
 struct End {
   End(RawTransport transport, int domain, std::size_t bytes) : frame(frameFor(bytes)) {
     participant = dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<std::uint32_t>(domain), participantQos(transport));
-    if (participant == nullptr) throw std::runtime_error("no DDS participant");
+    if (participant == nullptr) throw std::runtime_error("raw frames: the DDS participant cannot be created");
     frame->type->auto_fill_type_information(false);
     frame->type->auto_fill_type_object(false);
     participant->register_type(frame->type);
@@ -118,7 +118,7 @@ RawFrameWriter::RawFrameWriter(RawTransport transport, int domain, std::size_t b
   qos.reliable_writer_qos().times.heartbeatPeriod = eprosima::fastrtps::Duration_t(0, 4'000'000u);
   impl_->writer =
       impl_->participant->create_publisher(dds::PUBLISHER_QOS_DEFAULT)->create_datawriter(impl_->topic, qos);
-  if (impl_->writer == nullptr) throw std::runtime_error("no raw frame writer");
+  if (impl_->writer == nullptr) throw std::runtime_error("raw frames: the DDS writer cannot be created");
 }
 RawFrameWriter::~RawFrameWriter() = default;
 
@@ -130,7 +130,7 @@ bool RawFrameWriter::write(std::int64_t stamp_ns) {
   v1::FrameInfo& info = impl_->frame->info();
   info.acquired_ns_high(static_cast<std::uint32_t>(static_cast<std::uint64_t>(stamp_ns) >> 32));
   info.acquired_ns_low(static_cast<std::uint32_t>(stamp_ns));
-  constexpr int kTries = 50;  // a full history takes the frame as soon as one is acknowledged; 0.1 s each
+  constexpr int kTries = 50;  // up to 0.1 s each; a full history accepts the frame after an acknowledgement
   for (int n = 0; n < kTries; ++n) {
     if (impl_->writer->write(impl_->frame->sample())) return true;
   }
@@ -155,7 +155,7 @@ RawFrameReader::RawFrameReader(RawTransport transport, int domain, std::size_t b
   setCommon(qos);
   impl_->reader = impl_->participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
                       ->create_datareader(impl_->topic, qos);
-  if (impl_->reader == nullptr) throw std::runtime_error("no raw frame reader");
+  if (impl_->reader == nullptr) throw std::runtime_error("raw frames: the DDS reader cannot be created");
 }
 RawFrameReader::~RawFrameReader() = default;
 

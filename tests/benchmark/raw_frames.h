@@ -7,18 +7,18 @@
 namespace omnifleet::bench {
 
 enum class RawTransport {
-  kUdp,           ///< UDP alone, on the loopback, 4 MB socket buffers
-  kSharedMemory,  ///< Fast DDS's shared-memory transport, 16 MB segment; no data-sharing
+  kUdp,           ///< UDP only, loopback, socket buffers of 4 MiB
+  kSharedMemory,  ///< shared-memory transport of Fast DDS, segment of 16 MiB, no data-sharing
 };
 
-/// Frames over plain Fast DDS: the project's own frame type and histories (reliable, keep all 8), but through
-/// a transport, which copies, instead of data-sharing.
+/// Frames over plain Fast DDS. Frame types and histories (reliable, keep all 8) are those of this project. A
+/// transport copies the frames, where this project uses data-sharing.
 class RawFrameWriter {
  public:
   RawFrameWriter(RawTransport transport, int domain, std::size_t bytes);
   ~RawFrameWriter();
   std::uint8_t* pixels();
-  /// `stamp_ns` travels with the frame.
+  /// Sends the frame with `stamp_ns`. Returns false if the history stays full.
   bool write(std::int64_t stamp_ns);
   bool waitForReader(int seconds);
 
@@ -31,7 +31,7 @@ class RawFrameReader {
  public:
   RawFrameReader(RawTransport transport, int domain, std::size_t bytes);
   ~RawFrameReader();
-  /// Blocks until a frame was copied into the reader's own memory. False on timeout.
+  /// Blocks until a frame has been copied into the reader's memory. Returns false on timeout.
   bool take(std::int64_t& stamp_ns, const std::uint8_t*& pixels, int timeout_s);
 
  private:

@@ -80,9 +80,10 @@ std::vector<PoseEstimate> Recording::poses(int step) const {
 }
 
 const Recording& Scenes::typical() {
-  constexpr int kUnderWay = 15;  // frames until all drive
+  constexpr int kDepartureFrames = 15;  // until all robots drive
   if (!typical_) {
-    typical_ = std::make_unique<Recording>(benchmarkFile("typical.yaml"), kUnderWay, frames_, true, true);
+    typical_ =
+        std::make_unique<Recording>(benchmarkFile("typical.yaml"), kDepartureFrames, frames_, true, true);
   }
   return *typical_;
 }

@@ -11,27 +11,27 @@
 
 namespace omnifleet::bench {
 
-/// A drive through an arena, rendered before anything is timed. Played forward and backward in turn, so that
-/// it may last as long as a benchmark wants: step i shows frame frameOf(i), and the wheels turn backward
-/// where it runs backward.
+/// A drive through an arena, rendered before any measurement. It is played forward and backward in turn, so
+/// that a benchmark may use any number of steps. Step i shows frame frameOf(i); wheel speeds are negated
+/// while it runs backward.
 class Recording {
  public:
-  /// Renders `frames` frames after `skipped` ones. `all_robots` false: the first robot's camera only.
+  /// Renders `frames` frames after `skipped` ones. `all_robots` false: only the first robot's camera.
   Recording(const std::string& arena_file, int skipped, int frames, bool all_robots, bool ceiling);
 
   const synthetic::Arena& arena() const { return arena_; }
   const std::vector<std::string>& robots() const { return robots_; }
   int frameOf(int step) const;
-  /// Steps after which everything comes again: forward and back.
+  /// Number of steps after which the recording repeats: forward and backward.
   int round() const { return 2 * (static_cast<int>(truth_.front().size()) - 1); }
   TimeNs time(int step) const { return arena_.start_ns + step * arena_.periodNs(); }
   const cv::Mat3b& image(std::size_t robot, int step) const {
     return images_[robot][static_cast<std::size_t>(frameOf(step))];
   }
-  /// What the wheels report from this step's time on, until the next step.
+  /// Wheel speeds from this step until the next one.
   dataset::WheelRow wheels(std::size_t robot, int step) const;
   Pose2 truth(std::size_t robot, int step) const;
-  /// The truth of a step as the localizer would publish it.
+  /// The true poses of a step in the form that the localizer publishes.
   std::vector<PoseEstimate> poses(int step) const;
   const cv::Mat3b& ceiling(int step) const { return ceiling_[static_cast<std::size_t>(frameOf(step))]; }
 
@@ -44,7 +44,7 @@ class Recording {
   std::vector<cv::Mat3b> ceiling_;
 };
 
-/// The recordings that benchmarks share, rendered when first asked for.
+/// Recordings that the benchmarks share. Each is rendered at its first use.
 class Scenes {
  public:
   explicit Scenes(bool small) : frames_(small ? 4 : 40) {}
@@ -58,7 +58,7 @@ class Scenes {
   std::unique_ptr<Recording> typical_, cluttered_;
 };
 
-/// A file of this folder.
+/// Path of a file in tests/benchmark.
 std::string benchmarkFile(const std::string& name);
 
 }  // namespace omnifleet::bench

@@ -8,15 +8,15 @@
 namespace omnifleet::bench {
 namespace {
 
-/// A line of the table: a counter of ours, of a peer's benchmark, and what it must come to.
+/// A row of the table: a counter of a benchmark, the same counter of a peer's benchmark, and the budget.
 struct Row {
   const char* title;
   const char* benchmark;
   const char* counter = "p50_ms";
-  const char* peer = nullptr;  ///< its counter of the same name; null: none
+  const char* peer = nullptr;  ///< benchmark of the peer; null: no peer
   const char* peer_title = "";
-  double most = -1;        ///< budget; negative: none
-  double least_ratio = 0;  ///< peer ÷ ours; 0: none
+  double max_value = -1;  ///< largest value; negative: no limit
+  double min_ratio = 0;   ///< smallest ratio peer ÷ omnifleet; 0: no limit
 };
 
 const Row kRows[] = {
@@ -24,13 +24,14 @@ const Row kRows[] = {
      5.0, 13.0},
     {"local mapper, typical, p99 ms", "local_mapper/typical", "p99_ms", "local_mapper/typical/naive", "naive",
      8.0},
-    {"local mapper, typical, p99 of medians, ms", "local_mapper/typical", "frame_p99_ms", nullptr, "", 8.0},
+    {"local mapper, typical, p99 of each frame's median, ms", "local_mapper/typical", "frame_p99_ms", nullptr,
+     "", 8.0},
     {"local mapper, cluttered, p50 ms", "local_mapper/cluttered", "p50_ms", "local_mapper/cluttered/naive",
      "naive"},
     {"local mapper, cluttered, p99 ms", "local_mapper/cluttered", "p99_ms", "local_mapper/cluttered/naive",
      "naive", 12.0},
-    {"local mapper, cluttered, p99 of medians, ms", "local_mapper/cluttered", "frame_p99_ms", nullptr, "",
-     12.0},
+    {"local mapper, cluttered, p99 of each frame's median, ms", "local_mapper/cluttered", "frame_p99_ms",
+     nullptr, "", 12.0},
     {"page faults of 390 frames, typical", "local_mapper/typical", "minor_faults", nullptr, "", 0},
     {"heap growth of 390 frames, typical, bytes", "local_mapper/typical", "heap_bytes", nullptr, "", 0},
     {"page faults of 390 frames, cluttered", "local_mapper/cluttered", "minor_faults", nullptr, "", 0},
@@ -44,18 +45,19 @@ const Row kRows[] = {
     {"formation, one frame, p50 ms", "formation/frame"},
     {"colour patches, full, p50 ms", "patches/full", "p50_ms", "patches/hsv", "HSV + inRange", 2.5},
     {"colour patches, tracked, p50 ms", "patches/tracked", "p50_ms", "patches/hsv", "HSV + inRange", 0.6},
-    {"lens: points forward, p50 ms", "lens/points", "p50_ms", "lens/remap", "image backward"},
-    {"frame, 1.2 MB, live, p50 ms", "frames/1.2MB/live", "p50_ms", "frames/1.2MB/udp", "UDP"},
-    {"frame, 1.2 MB, live, p50 ms", "frames/1.2MB/live", "p50_ms", "frames/1.2MB/shm", "shared memory"},
-    {"frame, 3.7 MB, live, p50 ms", "frames/3.7MB/live", "p50_ms", "frames/3.7MB/udp", "UDP", 0.3},
-    {"frame, 3.7 MB, live, p50 ms", "frames/3.7MB/live", "p50_ms", "frames/3.7MB/shm", "shared memory", 0.3},
-    {"frame, 3.7 MB, live, p99 ms", "frames/3.7MB/live", "p99_ms", "frames/3.7MB/udp", "UDP", 2.0},
-    {"frame, 3.7 MB, replay, p50 ms", "frames/3.7MB/replay", "p50_ms", "frames/3.7MB/udp", "UDP", 0.3},
-    {"frame, 3.7 MB, replay, p99 ms", "frames/3.7MB/replay", "p99_ms", "frames/3.7MB/udp", "UDP", 2.0},
+    {"lens, points forward, p50 ms", "lens/points", "p50_ms", "lens/remap", "image backward"},
+    {"frame of 1.2 MB, live, p50 ms", "frames/1.2MB/live", "p50_ms", "frames/1.2MB/udp", "UDP"},
+    {"frame of 1.2 MB, live, p50 ms", "frames/1.2MB/live", "p50_ms", "frames/1.2MB/shm", "shared memory"},
+    {"frame of 3.7 MB, live, p50 ms", "frames/3.7MB/live", "p50_ms", "frames/3.7MB/udp", "UDP", 0.3},
+    {"frame of 3.7 MB, live, p50 ms", "frames/3.7MB/live", "p50_ms", "frames/3.7MB/shm", "shared memory",
+     0.3},
+    {"frame of 3.7 MB, live, p99 ms", "frames/3.7MB/live", "p99_ms", "frames/3.7MB/udp", "UDP", 2.0},
+    {"frame of 3.7 MB, replay, p50 ms", "frames/3.7MB/replay", "p50_ms", "frames/3.7MB/udp", "UDP", 0.3},
+    {"frame of 3.7 MB, replay, p99 ms", "frames/3.7MB/replay", "p99_ms", "frames/3.7MB/udp", "UDP", 2.0},
     {"frame to map change, cameras together, p50 ms", "fleet/frame_to_map", "p50_ms", nullptr, "", 20.0},
     {"frame to map change, cameras together, p99 ms", "fleet/frame_to_map", "p99_ms", nullptr, "", 50.0},
-    {"frame to map change, each by itself, p50 ms", "fleet/frame_to_map/apart", "p50_ms", nullptr, "", 20.0},
-    {"frame to map change, each by itself, p99 ms", "fleet/frame_to_map/apart", "p99_ms", nullptr, "", 50.0},
+    {"frame to map change, cameras apart, p50 ms", "fleet/frame_to_map/apart", "p50_ms", nullptr, "", 20.0},
+    {"frame to map change, cameras apart, p99 ms", "fleet/frame_to_map/apart", "p99_ms", nullptr, "", 50.0},
 };
 
 std::string number(double value) {
@@ -65,8 +67,8 @@ std::string number(double value) {
 
 std::string budget(const Row& row) {
   std::string text;
-  if (row.most >= 0) text = "<= " + number(row.most);
-  if (row.least_ratio > 0) text += fmt::format("{}{:.0f} x", text.empty() ? ">= " : ", >= ", row.least_ratio);
+  if (row.max_value >= 0) text = "<= " + number(row.max_value);
+  if (row.min_ratio > 0) text += fmt::format("{}{:.0f} x", text.empty() ? ">= " : ", >= ", row.min_ratio);
   return text;
 }
 
@@ -98,18 +100,18 @@ std::optional<double> Summary::counter(const std::string& benchmark, const std::
 }
 
 void Summary::printTable(std::FILE* out) const {
-  fmt::print(out, "\n{:<45} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", "", "ours", "peer", "", "ratio",
-             "budget", "reached");
+  fmt::print(out, "\n{:<56} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", "quantity", "omnifleet", "peer",
+             "name of the peer", "ratio", "budget", "met");
   for (const Row& row : kRows) {
-    const std::optional<double> ours = counter(row.benchmark, row.counter);
-    if (!ours) continue;
+    const std::optional<double> value = counter(row.benchmark, row.counter);
+    if (!value) continue;
     const std::optional<double> peer = row.peer ? counter(row.peer, row.counter) : std::nullopt;
-    const double ratio = peer && *ours > 0 ? *peer / *ours : 0.0;
-    const bool has_budget = row.most >= 0 || row.least_ratio > 0;
-    const bool reached = (row.most < 0 || *ours <= row.most) && (!peer || ratio >= row.least_ratio);
-    fmt::print(out, "{:<45} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", row.title, number(*ours),
+    const double ratio = peer && *value > 0 ? *peer / *value : 0.0;
+    const bool has_budget = row.max_value >= 0 || row.min_ratio > 0;
+    const bool met = (row.max_value < 0 || *value <= row.max_value) && (!peer || ratio >= row.min_ratio);
+    fmt::print(out, "{:<56} {:>9} {:>9}  {:<17} {:>7}  {:<16} {}\n", row.title, number(*value),
                peer ? number(*peer) : "", row.peer_title, peer ? fmt::format("{:.1f}", ratio) : "",
-               budget(row), has_budget ? (reached ? "yes" : "NO") : "");
+               budget(row), has_budget ? (met ? "yes" : "NO") : "");
   }
   for (const std::string& error : errors_) fmt::print(out, "FAILED {}\n", error);
 }

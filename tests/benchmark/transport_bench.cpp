@@ -1,7 +1,7 @@
-// A frame from one process to another, 30 times a second: from the moment the finished frame is handed over
-// until the reader has it. Ours lies in the loan and is read where it lies; the peers are copied. Ours once
-// as the fleet runs live (best effort) and once as in a replay (reliable, as the peers): what is reliable is
-// acknowledged to the writer, by a socket, before the reader gets it.
+// Transport of a frame from one process to another at 30 Hz. The time runs from the call that publishes the
+// finished frame until the reader has it. The bus writes into a loan, and the reader reads it in place; the
+// peers copy the frame. The bus is measured as in live mode (best effort) and as in replay (reliable, as the
+// peers). A reliable frame is acknowledged to the writer through a socket before the reader gets it.
 
 #include <chrono>
 #include <cstdio>
@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kDomain = 93, kTimeout_s = 20;
 constexpr auto kPeriod = std::chrono::nanoseconds(1'000'000'000 / 30);
-constexpr int kWarmUp = 12;  // frames until every slot has been written and read once
+constexpr int kWarmUp = 12;  // frames, so that every slot has been written and read at least once
 
 struct Size {
   const char* name;
@@ -29,7 +29,7 @@ struct Size {
 };
 const Size kSizes[] = {{"1.2MB", 736, 552}, {"3.7MB", 1280, 960}};
 
-/// The reading process and its answers.
+/// Starts the reading process and reads its answers.
 class ReaderProcess {
  public:
   ReaderProcess(const std::string& kind, std::size_t bytes, int count) {
@@ -44,24 +44,24 @@ class ReaderProcess {
   ReaderProcess(const ReaderProcess&) = delete;
   ReaderProcess& operator=(const ReaderProcess&) = delete;
 
-  /// False when it ended before it could read.
+  /// Waits until the process is ready to read. Returns false if it ended before.
   bool isReady() {
     char word[8] = {};
     return answers_ && std::fscanf(answers_, "%7s", word) == 1 && std::string(word) == "ready";
   }
-  /// Latency of the next frame; empty when it arrived whole, else what happened.
+  /// Reads the latency of the next frame. Returns the error, or an empty string if the frame arrived intact.
   std::string answer(double& latency_ms) {
     int intact = 0;
     if (!answers_ || std::fscanf(answers_, "%lf %d", &latency_ms, &intact) != 2)
-      return "a frame did not arrive";
-    return intact == 1 ? "" : "a frame did not arrive whole";
+      return "a frame did not arrive at the reading process";
+    return intact == 1 ? "" : "a frame arrived damaged";
   }
 
  private:
   std::FILE* answers_ = nullptr;
 };
 
-/// Hands frame n over, filled with n; false when that failed.
+/// Publishes frame n, filled with the low byte of n. Returns false on failure.
 using Send = std::function<bool(int n)>;
 
 void run(benchmark::State& state, ReaderProcess& reader, const Send& send) {
@@ -70,9 +70,9 @@ void run(benchmark::State& state, ReaderProcess& reader, const Send& send) {
   int n = 0;
   const auto one = [&](double& latency_ms) {
     std::this_thread::sleep_until(next += kPeriod);
-    const std::string problem = send(n++) ? reader.answer(latency_ms) : "a frame was not sent";
-    if (!problem.empty()) state.SkipWithError(problem.c_str());
-    return problem.empty();
+    const std::string error = send(n++) ? reader.answer(latency_ms) : "a frame could not be published";
+    if (!error.empty()) state.SkipWithError(error.c_str());
+    return error.empty();
   };
   double latency_ms = 0;
   while (n < kWarmUp) {
@@ -93,8 +93,9 @@ void loan(benchmark::State& state, const Size& size, bus::RunMode mode) {
   options.mode = mode;
   const auto dds = bus::makeDdsBus(options);
   const auto writer = dds->frameWriter("bench", size.bytes());
-  const bool known = writer->waitForReaders(1, std::chrono::seconds(kTimeout_s));
-  if (!known || !reader.isReady()) return state.SkipWithError("no reader");
+  const bool matched = writer->waitForReaders(1, std::chrono::seconds(kTimeout_s));
+  if (!matched || !reader.isReady())
+    return state.SkipWithError("the reading process did not match the writer within 20 s");
   bus::FrameHeader header;
   header.width_px = size.width;
   header.height_px = size.height;
@@ -113,7 +114,8 @@ void raw(benchmark::State& state, const Size& size, RawTransport transport) {
   const char* kind = transport == RawTransport::kUdp ? "udp" : "shm";
   ReaderProcess reader(kind, size.bytes(), kWarmUp + static_cast<int>(state.max_iterations));
   RawFrameWriter writer(transport, kDomain, size.bytes());
-  if (!writer.waitForReader(kTimeout_s) || !reader.isReady()) return state.SkipWithError("no reader");
+  if (!writer.waitForReader(kTimeout_s) || !reader.isReady())
+    return state.SkipWithError("the reading process did not match the writer within 20 s");
   run(state, reader, [&](int n) {
     std::memset(writer.pixels(), n & 255, size.bytes());
     return writer.write(hostNs());

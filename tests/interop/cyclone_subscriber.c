@@ -1,6 +1,6 @@
-/* A stranger: Cyclone DDS, C, types from its own idlc. Reads objects, pose and map/grid of a running fleet and prints
- * one line per sample with every field, so that a test can compare them with what was written. Ends when it has so many
- * of each; exit code 1 when it has not after so many seconds.
+/* An external DDS participant: Cyclone DDS in C, with types from its own IDL compiler. Reads objects, pose and map/grid
+ * of a running fleet. Prints one line per sample with every field, so that a test can compare it with the written
+ * sample. Ends when it has received the requested number of each; exit code 1 if that takes more than SECONDS.
  * usage: cyclone_subscriber DOMAIN SECONDS OBJECTS POSES GRIDS */
 #include <inttypes.h>
 #include <stdio.h>
@@ -32,7 +32,7 @@ static void print_motion(const omnifleet_v1_Motion *m) {
   printf(" %d %" PRId64, (int)m->valid, m->since_ns);
   printf(" %.17g %.17g %.17g", m->previous_from_current.x, m->previous_from_current.y, m->previous_from_current.theta);
   print_doubles(m->covariance, 9);
-  printf(" %.17g %.17g %d", m->left_m, m->right_m, m->refuted);
+  printf(" %.17g %.17g %d", m->left_m, m->right_m, m->wheels_rejected);
 }
 
 static void print_scan(const omnifleet_v1_Scan *s) {

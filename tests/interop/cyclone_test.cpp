@@ -1,4 +1,4 @@
-// Another vendor's DDS reads a running fleet: every field must be what our own reader gets.
+// DDS of another vendor reads a running fleet: every field must equal what the project's own reader receives.
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// The lines of cyclone_subscriber.c, printed from our own samples.
+/// The lines of cyclone_subscriber.c, printed from the samples of the project's own reader.
 class Line {
  public:
   Line& put(const char* format, ...) __attribute__((format(printf, 2, 3))) {
@@ -89,7 +89,7 @@ std::string lineOf(const v1::Objects& o) {
   line.put(" %.17g %.17g %.17g", m.previous_from_current().x(), m.previous_from_current().y(),
            m.previous_from_current().theta());
   line.doubles(m.covariance());
-  line.put(" %.17g %.17g %d", m.left_m(), m.right_m(), m.refuted());
+  line.put(" %.17g %.17g %d", m.left_m(), m.right_m(), m.wheels_rejected());
   line.put(" %zu", o.tracks().size());
   for (const v1::Track& t : o.tracks()) put(line, t);
   line.point(o.scan().origin());
@@ -112,7 +112,7 @@ std::string lineOf(const v1::Grid& g) {
   return line.text();
 }
 
-TEST(Interop, CycloneReadsEveryFieldOfARunningFleet) {
+TEST(Interop, CycloneReadsEveryFieldOfRunningFleet) {
   const std::string out = freshDir("cyclone");
   Listener listener(81);
   auto objects = listener.bus().reader(listener.topics().objects);
@@ -126,15 +126,15 @@ TEST(Interop, CycloneReadsEveryFieldOfARunningFleet) {
   Process launch({program("launch"), "run", sourceDir() + "/config/fleets/small.yaml", "--realtime",
                   "--config", sourceDir() + "/tests/multiprocess/long.yaml", "--out", out, "--domain", "81"},
                  out + "/launch.log");
-  std::set<std::string> ours;
+  std::set<std::string> own_lines;
   std::optional<int> code;
   const auto takeAll = [&] {
     v1::Objects o;
-    while (objects->take(o)) ours.insert(lineOf(o));
+    while (objects->take(o)) own_lines.insert(lineOf(o));
     v1::Pose p;
-    while (poses->take(p)) ours.insert(lineOf(p));
+    while (poses->take(p)) own_lines.insert(lineOf(p));
     v1::Grid g;
-    while (grids->take(g)) ours.insert(lineOf(g));
+    while (grids->take(g)) own_lines.insert(lineOf(g));
   };
   listener.until(
       [&] {
@@ -143,13 +143,13 @@ TEST(Interop, CycloneReadsEveryFieldOfARunningFleet) {
         return code.has_value();
       },
       60s);
-  // What the stranger took last may reach us a little later.
+  // The last samples that Cyclone took may arrive here a little later.
   listener.until(
       [&] {
         takeAll();
         std::istringstream lines(cyclone.output());
         for (std::string line; std::getline(lines, line);) {
-          if (!ours.count(line)) return false;
+          if (!own_lines.count(line)) return false;
         }
         return true;
       },
@@ -161,8 +161,8 @@ TEST(Interop, CycloneReadsEveryFieldOfARunningFleet) {
   std::istringstream lines(cyclone.output());
   for (std::string line; std::getline(lines, line);) {
     const std::string topic = line.substr(0, line.find(' '));
-    EXPECT_TRUE(ours.count(line)) << "differs: " << line.substr(0, 400);
-    if (ours.count(line)) ++equal[topic];
+    EXPECT_TRUE(own_lines.count(line)) << "differs: " << line.substr(0, 400);
+    if (own_lines.count(line)) ++equal[topic];
   }
   EXPECT_GE(equal["objects"], 20);
   EXPECT_GE(equal["pose"], 20);

@@ -1,4 +1,5 @@
-// A whole fleet of processes, seen from outside. Each scenario has its own DDS domain and waits for events.
+// Runs whole fleets of processes and observes them from outside. Each scenario has its own DDS domain and
+// waits for events.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,13 +21,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// 2 s, and the launcher's own end; a sanitized build is given more by its preset.
+/// 2 s plus the end of the launcher. The presets of sanitized builds allow more.
 std::chrono::duration<double> stopBudget() {
   const char* within_s = std::getenv("OMNIFLEET_STOP_WITHIN");
   return std::chrono::duration<double>(within_s ? std::stod(within_s) : 2.0) + 1s;
 }
 
-TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
+TEST(FleetProcesses, LockstepRunEndsByItselfAndSavesMap) {
   const std::string out = freshDir("lockstep");
   Listener listener(61);
   auto hashes = listener.bus().reader(listener.topics().map_hash);
@@ -40,7 +41,7 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   std::optional<int> code;
   listener.until(
       [&] {
-        code = launch.wait(0ms);  // first: what was said until then has arrived, and is looked at once more
+        code = launch.wait(0ms);  // before the last take, so that every earlier sample is taken
         v1::MapHash hash;
         while (hashes->take(hash)) last_hash[hash.replica().to_string()] = hash;
         v1::ServiceStatus status;
@@ -53,10 +54,10 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
       120s);
   ASSERT_TRUE(code.has_value()) << "the run did not end\n" << launch.output();
   EXPECT_EQ(*code, 0) << launch.output();
-  EXPECT_EQ(seen, instances(smallFleet())) << "every process tells its status";
-  EXPECT_EQ(finished, seen) << "to its last word";
+  EXPECT_EQ(seen, instances(smallFleet())) << "every process must publish its status";
+  EXPECT_EQ(finished, seen) << "every process must publish its end";
   ASSERT_EQ(last_hash.size(), 2u) << "one hash per replica";
-  EXPECT_EQ(last_hash["r1"].sha256(), last_hash["r2"].sha256()) << "equal sets must give equal maps";
+  EXPECT_EQ(last_hash["r1"].sha256(), last_hash["r2"].sha256()) << "equal contributions must give equal maps";
   EXPECT_GT(last_hash["r1"].contributions(), 2u);
   for (const char* file :
        {"map.bt", "map.pgm", "map.yaml", "map.png", "objects.geojson", "trajectories/r1.tum"}) {
@@ -66,7 +67,7 @@ TEST(FleetProcesses, LockstepRunEndsByItselfWithAMap) {
   EXPECT_FALSE(std::filesystem::exists(out + "/trajectories/gone.tum"));
 }
 
-TEST(FleetProcesses, ALateSubscriberGetsTheMap) {
+TEST(FleetProcesses, LateSubscriberReceivesMap) {
   LiveFleet fleet("late", 62);
   {
     auto early = fleet.listener.bus().reader(fleet.listener.topics().map_grid);
@@ -83,7 +84,7 @@ TEST(FleetProcesses, ALateSubscriberGetsTheMap) {
   ASSERT_TRUE(late.untilSample<v1::Grid>(
       *grids, grid, [](const v1::Grid& g) { return g.width() > 0; }, 10s));
   EXPECT_EQ(grid.cells().size(), static_cast<std::size_t>(grid.width()) * grid.height());
-  EXPECT_THAT(grid.cells(), testing::Contains(0)) << "free floor is known";
+  EXPECT_THAT(grid.cells(), testing::Contains(0)) << "the map must contain free cells";
   v1::OctreeMap octree;
   ASSERT_TRUE(late.untilSample<v1::OctreeMap>(
       *octrees, octree, [](const v1::OctreeMap&) { return true; }, 10s));
@@ -95,7 +96,7 @@ TEST(FleetProcesses, ALateSubscriberGetsTheMap) {
 
 class StopSignal : public testing::TestWithParam<int> {};
 
-TEST_P(StopSignal, EndsEveryServiceAndLeavesNothing) {
+TEST_P(StopSignal, EndsEveryServiceAndLeavesNoFiles) {
   const int domain = GetParam() == SIGINT ? 63 : 64;
   const std::string name = GetParam() == SIGINT ? "sigint" : "sigterm";
   std::vector<pid_t> pids;
@@ -125,17 +126,17 @@ TEST_P(StopSignal, EndsEveryServiceAndLeavesNothing) {
         fleet.launch.wait(std::chrono::duration_cast<std::chrono::milliseconds>(stopBudget()) + 10s);
     ASSERT_TRUE(code.has_value()) << "still running\n" << fleet.launch.output();
     EXPECT_EQ(*code, 0) << fleet.launch.output();
-    EXPECT_LT(std::chrono::steady_clock::now() - sent, stopBudget()) << "and the launcher's own end";
-    EXPECT_FALSE(fileText(fleet.out + "/map.bt").empty()) << "the merger drains and saves";
+    EXPECT_LT(std::chrono::steady_clock::now() - sent, stopBudget()) << "includes the end of the launcher";
+    EXPECT_FALSE(fileText(fleet.out + "/map.bt").empty()) << "the merger must save the map";
     for (const pid_t pid : pids) EXPECT_FALSE(alive(pid)) << pid;
   }
   EXPECT_THAT(sharedMemoryFiles(), testing::Each(testing::Not(testing::HasSubstr("datasharing"))))
-      << "frames leave no shared memory behind";
+      << "shared memory of frames must be removed";
 }
 INSTANTIATE_TEST_SUITE_P(Both, StopSignal, testing::Values(SIGINT, SIGTERM),
                          [](const auto& test) { return test.param == SIGINT ? "SIGINT" : "SIGTERM"; });
 
-TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
+TEST(FleetProcesses, RestartsKilledServiceAndRunContinues) {
   LiveFleet fleet("killed", 65);
   auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
   auto objects = fleet.listener.bus().reader(fleet.listener.topics().objects, "r1");
@@ -150,9 +151,10 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(*statuses, status, classifier, 10s));
   Process second({program("launch"), "run", smallFleet(), "--out", freshDir("second"), "--domain", "65"},
                  fleet.out + "/second.log");
-  EXPECT_EQ(second.wait(20s), 2) << "two fleets on one domain would hear each other";
+  EXPECT_EQ(second.wait(20s), 2) << "two fleets on one domain would receive each other's data";
   EXPECT_THAT(second.output(), testing::HasSubstr("DDS domain 65"));
-  for (const int number : {SIGKILL, SIGTERM}) {  // in order or not: it has not been asked to end
+  for (const int number :
+       {SIGKILL, SIGTERM}) {  // a restart is due in both cases, because no stop was requested
     const auto victim = status.process_id();
     ASSERT_EQ(kill(static_cast<pid_t>(victim), number), 0);
     ASSERT_TRUE(fleet.listener.untilSample<v1::ServiceStatus>(
@@ -163,7 +165,7 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
     ASSERT_TRUE(fleet.listener.untilSample<v1::Objects>(
         *objects, sample,
         [&](const v1::Objects& o) { return o.header().acquired_ns() > before + 1'000'000'000; }, 20s))
-        << "the restarted classifier publishes";
+        << "the restarted classifier must publish";
   }
   auto poses = fleet.listener.bus().reader(fleet.listener.topics().pose, "r1");
   v1::Pose pose;
@@ -171,9 +173,9 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
   EXPECT_TRUE(fleet.listener.untilSample<v1::Pose>(
       *poses, pose, [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > restarted; },
       20s))
-      << "the line behind it goes on";
+      << "the later stages must continue";
 
-  // Nor does a run hang on the process that shows its progress.
+  // A run does not depend on the process that displays its progress.
   const pid_t progress = childNamed(fleet.launch.pid(), "omnifleet_launc");
   ASSERT_GT(progress, 0);
   ASSERT_EQ(kill(progress, SIGKILL), 0);
@@ -183,36 +185,36 @@ TEST(FleetProcesses, AKilledServiceIsRestartedAndTheRunGoesOn) {
       [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > killed + 500'000'000; }, 20s));
   fleet.launch.signal(SIGINT);
   EXPECT_EQ(fleet.launch.wait(20s), 0) << fleet.launch.output();
-  EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress line was lost (signal 9)"));
+  EXPECT_THAT(fleet.launch.output(), testing::HasSubstr("progress display ended by signal 9"));
 }
 
-/// A fleet that nothing but itself locates, and what its localizer tells before and after it is killed.
-class Succession {
+/// A fleet without ceiling cameras, and the poses of its localizer before and after a kill.
+class LocalizerRestart {
  public:
-  explicit Succession(const std::string& name, int domain)
-      : fleet_(name, domain, "long", false, unwatchedFleet(name + "_fleet")) {}
+  explicit LocalizerRestart(const std::string& name, int domain)
+      : fleet_(name, domain, "long", false, fleetWithoutCeiling(name + "_fleet")) {}
 
-  /// Kills the localizer when `ready` and expects poses of both robots of the next one, all of them true.
+  /// Kills the localizer when `ready`. Expects correct poses of both robots from the restarted localizer.
   template <class Ready>
   void killWhen(Ready ready) {
     const auto isReady = [&] {
-      hear();
+      takeAll();
       return localizer_ != 0 && ready(*this);
     };
     ASSERT_TRUE(fleet_.listener.until(isReady, 60s)) << fleet_.launch.output();
-    const std::int64_t first_life = localizer_;
-    ASSERT_EQ(kill(static_cast<pid_t>(first_life), SIGKILL), 0);
-    told_.clear();
-    const auto toldOfBoth = [&] {
-      hear();
+    const std::int64_t first_process = localizer_;
+    ASSERT_EQ(kill(static_cast<pid_t>(first_process), SIGKILL), 0);
+    received_.clear();
+    const auto receivedFromBoth = [&] {
+      takeAll();
       std::map<std::string, int> valid;
-      for (const v1::Pose& pose : told_)
+      for (const v1::Pose& pose : received_)
         if (pose.term() == 2 && pose.valid()) ++valid[pose.robot().to_string()];
       return valid["r1"] >= 10 && valid["r2"] >= 10;
     };
-    ASSERT_TRUE(fleet_.listener.until(toldOfBoth, 30s)) << fleet_.launch.output();
-    EXPECT_NE(localizer_, first_life);
-    expectTrue();
+    ASSERT_TRUE(fleet_.listener.until(receivedFromBoth, 30s)) << fleet_.launch.output();
+    EXPECT_NE(localizer_, first_process);
+    expectCorrect();
   }
   std::size_t frames() const { return true_m_.size(); }  ///< of all robots
   double driven_m(const std::string& robot) const {
@@ -221,7 +223,7 @@ class Succession {
   }
 
  private:
-  void hear() {
+  void takeAll() {
     v1::ServiceStatus status;
     while (statuses_->take(status)) {
       if (nameOf(status) == "localizer ") localizer_ = status.process_id();
@@ -234,11 +236,11 @@ class Succession {
       true_m_[{truth.robot().to_string(), truth.header().acquired_ns()}] = at_m;
     }
     v1::Pose pose;
-    while (poses_->take(pose)) told_.push_back(pose);
+    while (poses_->take(pose)) received_.push_back(pose);
   }
-  void expectTrue() const {
+  void expectCorrect() const {
     int compared = 0;
-    for (const v1::Pose& pose : told_) {
+    for (const v1::Pose& pose : received_) {
       const auto truth = true_m_.find({pose.robot().to_string(), pose.header().acquired_ns()});
       if (!pose.valid() || truth == true_m_.end()) continue;
       ++compared;
@@ -256,110 +258,110 @@ class Succession {
       fleet_.listener.bus().reader(fleet_.listener.topics().world_truth);
   std::map<std::pair<std::string, std::int64_t>, Eigen::Vector2d> true_m_;
   std::map<std::string, Eigen::Vector2d> first_m_, last_m_;
-  std::vector<v1::Pose> told_;
+  std::vector<v1::Pose> received_;
   std::int64_t localizer_ = 0;
 };
 
-/// Nothing that is not so: neither where the robots started nor where they were a while ago.
-TEST(FleetProcesses, ALocalizerThatTakesAnothersPlaceTellsOnlyWhereTheRobotsAre) {
-  Succession succession("succession", 66);
-  // More frames than classifiers keep of their objects: what is kept does not reach back to the starts.
-  succession.killWhen([](const Succession& run) {
+/// The restarted localizer must not publish the initial poses or outdated poses.
+TEST(FleetProcesses, RestartedLocalizerPublishesOnlyCorrectPoses) {
+  LocalizerRestart restart("localizer_restart", 66);
+  // More frames than the history of `objects` holds, so that it does not reach back to the initial poses.
+  restart.killWhen([](const LocalizerRestart& run) {
     return run.frames() > 2 * 80 && run.driven_m("r1") > 0.5 && run.driven_m("r2") > 0.5;
   });
 }
 
-/// Nothing is mapped yet, and the first frames were lost before anybody had found their camera.
-TEST(FleetProcesses, ALocalizerThatDiesAtOnceLeavesTheStarts) {
-  Succession succession("succession_at_once", 67);
-  succession.killWhen([](const Succession& run) { return run.frames() > 0; });
+/// No map exists yet, and the first frames were lost before their readers were matched.
+TEST(FleetProcesses, LocalizerRestartedAtOnceUsesInitialPoses) {
+  LocalizerRestart restart("localizer_restart_at_once", 67);
+  restart.killWhen([](const LocalizerRestart& run) { return run.frames() > 0; });
 }
 
-/// Who leads by what r1 and r2 say, and the processes of r1's formation.
+/// The leaders that r1 and r2 report, and the process of r1's formation service.
 class Leadership {
  public:
   explicit Leadership(Listener& listener)
       : statuses_(listener.bus().reader(listener.topics().service_status)),
         states_(listener.bus().reader(listener.topics().formation_state)) {}
-  /// Takes in all that has come.
-  void hear() {
+  /// Takes all arrived samples.
+  void takeAll() {
     v1::ServiceStatus status;
     while (statuses_->take(status)) {
       if (status.service() == "formation" && status.instance() == "r1")
         pid = static_cast<pid_t>(status.process_id());
     }
     v1::FormationState state;
-    while (states_->take(state)) said[state.robot().to_string()] = state;
+    while (states_->take(state)) states[state.robot().to_string()] = state;
   }
-  bool obeys(const std::string& robot, const std::string& leader) const {
-    const auto state = said.find(robot);
-    return state != said.end() && state->second.leader() == leader;
+  bool follows(const std::string& robot, const std::string& leader) const {
+    const auto state = states.find(robot);
+    return state != states.end() && state->second.leader() == leader;
   }
 
-  pid_t pid = 0;  ///< of r1's formation, the latest
-  std::map<std::string, v1::FormationState> said;
+  pid_t pid = 0;  ///< of r1's formation service, the latest process
+  std::map<std::string, v1::FormationState> states;
 
  private:
   std::unique_ptr<bus::Reader<v1::ServiceStatus>> statuses_;
   std::unique_ptr<bus::Reader<v1::FormationState>> states_;
 };
 
-/// The leader's formation dies, again and again, so that each restart comes later than the one before: the
-/// other robot takes over and drives, the lost one stands, and follows once it is back.
-TEST(FleetProcesses, ALostLeaderIsSucceeded) {
-  LiveFleet fleet("succession", 71, "slow_leader");
+/// Kills the formation service of the leader repeatedly, so that each restart is delayed further. The other
+/// robot becomes leader and drives. The lost robot stops, and follows after its restart.
+TEST(FleetProcesses, OtherRobotBecomesLeaderAfterFailure) {
+  LiveFleet fleet("leader_failover", 71, "slow_leader");
   Leadership leadership(fleet.listener);
   auto truths = fleet.listener.bus().reader(fleet.listener.topics().world_truth, "r1");
   auto commands = fleet.listener.bus().reader(fleet.listener.topics().wheels_command, "r2");
   ASSERT_TRUE(fleet.listener.until(
       [&] {
-        leadership.hear();
-        return leadership.pid > 0 && leadership.obeys("r2", "r1") && leadership.obeys("r1", "r1");
+        leadership.takeAll();
+        return leadership.pid > 0 && leadership.follows("r2", "r1") && leadership.follows("r1", "r1");
       },
       60s))
       << fleet.launch.output();
   std::set<pid_t> killed;
   const auto killAgain = [&] {
-    leadership.hear();
+    leadership.takeAll();
     if (killed.insert(leadership.pid).second) kill(leadership.pid, SIGKILL);
   };
   ASSERT_TRUE(fleet.listener.until(
       [&] {
         killAgain();
-        return leadership.obeys("r2", "r2");
+        return leadership.follows("r2", "r2");
       },
       60s))
       << fleet.launch.output();
-  EXPECT_GE(leadership.said["r2"].term(), 1u);
-  EXPECT_EQ(leadership.said["r2"].role(), v1::FormationRole::ROLE_LEADER);
+  EXPECT_GE(leadership.states["r2"].term(), 1u);
+  EXPECT_EQ(leadership.states["r2"].role(), v1::FormationRole::ROLE_LEADER);
   v1::Truth truth;
   double x_m = NAN;
   EXPECT_TRUE(fleet.listener.until(
       [&] {
         killAgain();
-        bool stands = false;
+        bool is_stopped = false;
         while (truths->take(truth)) {
-          stands = truth.map_from_base().x() == x_m;
+          is_stopped = truth.map_from_base().x() == x_m;
           x_m = truth.map_from_base().x();
         }
-        return stands;
+        return is_stopped;
       },
       15s))
-      << "a robot that nobody steers stands";
+      << "a robot without commands must stop";
   v1::WheelCommand command;
   EXPECT_TRUE(fleet.listener.untilSample<v1::WheelCommand>(
       *commands, command, [](const v1::WheelCommand& c) { return c.v_left_mps() + c.v_right_mps() > 0.05; },
       20s))
-      << "the new leader drives";
+      << "the new leader must drive";
   EXPECT_TRUE(fleet.listener.until(
       [&] {
-        leadership.hear();
-        return leadership.obeys("r1", "r2") && leadership.said["r1"].term() >= 1;
+        leadership.takeAll();
+        return leadership.follows("r1", "r2") && leadership.states["r1"].term() >= 1;
       },
       30s))
-      << "who comes back follows\n"
+      << "the restarted robot must follow\n"
       << fleet.launch.output();
-  EXPECT_EQ(leadership.said["r1"].role(), v1::FormationRole::ROLE_FOLLOWER);
+  EXPECT_EQ(leadership.states["r1"].role(), v1::FormationRole::ROLE_FOLLOWER);
 }
 
 TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
@@ -374,16 +376,17 @@ TEST(FleetProcesses, TruthReachesOnlyTheRenderers) {
       },
       60s))
       << fleet.launch.output();
-  // A writer of our own is matched by every reader of truth in the fleet, whoever it is.
+  // Every reader of the truth in the fleet matches this writer.
   auto truth = fleet.listener.bus().writer(fleet.listener.topics().world_truth, "r1");
   const int cameras = static_cast<int>(std::count_if(
       running.begin(), running.end(), [](const std::string& name) { return name.rfind("camera ", 0) == 0; }));
   ASSERT_GT(cameras, 0);
   EXPECT_TRUE(truth->waitForReaders(cameras, 10s));
-  EXPECT_FALSE(truth->waitForReaders(cameras + 1, 2s)) << "somebody beside the renderers reads the truth";
+  EXPECT_FALSE(truth->waitForReaders(cameras + 1, 2s))
+      << "another service than the renderers reads the truth";
 }
 
-TEST(FleetProcesses, ABadOptionStartsNothing) {
+TEST(FleetProcesses, InvalidOptionStartsNoProcess) {
   const std::string out = freshDir("bad_option");
   Process launch({program("launch"), "run", smallFleet(), "--config",
                   sourceDir() + "/tests/multiprocess/bad.yaml", "--out", out + "/run", "--domain", "67"},
@@ -397,7 +400,7 @@ TEST(FleetProcesses, ABadOptionStartsNothing) {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
 }
 
-TEST(FleetProcesses, ACameraThatCannotBeOpenedStartsNothing) {
+TEST(FleetProcesses, CameraThatCannotBeOpenedStartsNoProcess) {
   const std::string out = freshDir("bad_source");
   std::ofstream(out + "/sensor.yaml")
       << "camera_model: fisheye\nprojection: equidistant\nimage_width: 640\nimage_height: 480\n"
@@ -413,7 +416,7 @@ TEST(FleetProcesses, ACameraThatCannotBeOpenedStartsNothing) {
     EXPECT_EQ(launch.wait(20s), std::optional<int>(2)) << launch.output();
     EXPECT_THAT(launch.output(), testing::HasSubstr("cameras.r1/fisheye"));
     EXPECT_THAT(launch.output(), testing::HasSubstr(path));
-    EXPECT_FALSE(std::filesystem::exists(out + "/run/log/camera_r1_fisheye.log")) << "nothing was started";
+    EXPECT_FALSE(std::filesystem::exists(out + "/run/log/camera_r1_fisheye.log")) << "no process may start";
   }
 }
 

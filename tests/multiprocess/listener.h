@@ -11,7 +11,8 @@
 
 namespace omnifleet::test {
 
-/// A stranger on the fleet's domain: reads what the fleet publishes, waits for what a test asks for.
+/// An external participant on the domain of the fleet: reads what the fleet publishes and waits for
+/// conditions.
 class Listener {
  public:
   explicit Listener(int domain) : bus_(bus::makeDdsBus(options(domain))), topics_(bus::RunMode::kLive) {}
@@ -19,10 +20,10 @@ class Listener {
   bus::Bus& bus() { return *bus_; }
   const bus::Topics& topics() const { return topics_; }
 
-  /// Calls `look` after every event until it is true; false on timeout.
-  bool until(const std::function<bool()>& look, std::chrono::seconds timeout) {
+  /// Evaluates `condition` after every event until it is true. Returns false on timeout.
+  bool until(const std::function<bool()>& condition, std::chrono::seconds timeout) {
     const auto end = std::chrono::steady_clock::now() + timeout;
-    while (!look()) {
+    while (!condition()) {
       const auto left = end - std::chrono::steady_clock::now();
       if (left <= std::chrono::nanoseconds(0)) return false;
       bus_->wait(std::min<std::chrono::nanoseconds>(left, std::chrono::milliseconds(200)));
@@ -30,7 +31,7 @@ class Listener {
     return true;
   }
 
-  /// Takes samples until one satisfies `wanted`.
+  /// Takes samples until one satisfies `wanted`. Returns false on timeout.
   template <class T>
   bool untilSample(bus::Reader<T>& reader, T& sample, const std::function<bool(const T&)>& wanted,
                    std::chrono::seconds timeout) {
@@ -49,7 +50,7 @@ class Listener {
     bus::DdsBusOptions o;
     o.name = "listener";
     o.domain = domain;
-    // A busy machine must not make the fleet think that it has gone.
+    // On a busy machine the fleet must not consider this participant gone.
     o.lease = std::chrono::seconds(30);
     return o;
   }

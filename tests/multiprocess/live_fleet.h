@@ -17,18 +17,17 @@ inline std::string smallFleet() {
   return sourceDir() + "/config/fleets/small.yaml";
 }
 
-/// The same in a room without ceiling cameras: nothing but the fleet itself tells where it is.
-inline std::string unwatchedFleet(const std::string& name) {
+/// The small fleet in a room without ceiling cameras, so that only the robots localize each other.
+inline std::string fleetWithoutCeiling(const std::string& name) {
   const std::string folder = freshDir(name);
   YAML::Node arena = YAML::LoadFile(sourceDir() + "/config/arenas/small.yaml");
   arena.remove("ceiling");
   std::ofstream(folder + "/arena.yaml") << arena;
-  std::ofstream(folder + "/fleet.yaml") << "name: unwatched\nworld: {arena: arena.yaml, seed: 1}\n";
+  std::ofstream(folder + "/fleet.yaml") << "name: no_ceiling\nworld: {arena: arena.yaml, seed: 1}\n";
   return folder + "/fleet.yaml";
 }
 
-/// The small fleet (or another) in processes, by the wall clock unless it is told to run in lockstep, and who
-/// listens to it.
+/// The small fleet (or another one) as processes, in real time or in lockstep, with a listener.
 struct LiveFleet {
   LiveFleet(const std::string& name, int domain, const std::string& config = "long", bool lockstep = false,
             const std::string& fleet = smallFleet())
@@ -58,12 +57,12 @@ struct LiveFleet {
   Listener listener;
 };
 
-/// What a status calls its service: "classifier r1", "world ".
+/// Service and instance of a status: "classifier r1", "world ".
 inline std::string nameOf(const v1::ServiceStatus& status) {
   return status.service().to_string() + " " + status.instance().to_string();
 }
 
-/// All whose status a fleet on one machine has: its services, and the launcher that watches them.
+/// All services that publish a status in a fleet on one machine, including the launcher.
 inline std::set<std::string> instances(const std::string& fleet_file) {
   std::set<std::string> names{"launch "};
   for (const fleet::ProcessSpec& process : fleet::processes(fleet::Fleet::load(fleet_file, "", {})))

@@ -1,6 +1,6 @@
-// Real robots, other people's data (MRCLAM, Leung et al., IJRR 2011): imported, replayed by processes and by
-// one process to the same bytes, evaluated against motion capture. OMNIFLEET_MRCLAM_S: seconds of it that are
-// used (140 where it is not set: until all have been located); 0: all, in the slow set.
+// Real robots and external data (MRCLAM, Leung et al., IJRR 2011): imported, replayed by processes and by one
+// process with identical results, evaluated against motion capture. OMNIFLEET_MRCLAM_S: number of seconds to
+// use; default 140, until all robots are localized; 0: all, in the slow set.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,14 +20,14 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 3000s;  // of the whole, on a machine that has other things to do
+constexpr auto kPatience = 3000s;  // for the whole replay, on a busy machine
 
 double secondsUsed() {
   const char* text = std::getenv("OMNIFLEET_MRCLAM_S");
   return text != nullptr ? std::atof(text) : 140.0;
 }
 
-/// Seconds or nanoseconds in a row's first field; 0 for a comment.
+/// Time in the first field of a row (seconds or nanoseconds), in seconds; 0 for a comment.
 double secondsOf(const std::string& row) {
   const double number = std::strtod(row.c_str(), nullptr);
   return number > 1e15 ? 1e-9 * number : number;
@@ -41,7 +41,7 @@ void cutFile(const fs::path& path, double until_s) {
   }
 }
 
-/// Leaves the first seconds of a dataset, counted from the first row of any robot's wheels.
+/// Keeps only the first seconds of a dataset, counted from the first row of any robot's wheels.
 void cut(const std::string& dataset, double seconds) {
   double first_s = 1e300;
   std::vector<fs::path> files;
@@ -90,7 +90,7 @@ nlohmann::json evaluated(const std::string& folder, const std::string& out,
   return nlohmann::json::parse(fileText(out + "/metrics.json"));
 }
 
-/// Replays by processes and in one, expects the same bytes, and returns the metrics of the processes' run.
+/// Replays by processes and in one process, expects identical results. @return metrics of the processes' run
 nlohmann::json replayed(const std::string& folder, int domain, const std::vector<std::string>& align) {
   const std::string data = folder + "/data", out = folder + "/processes", one = folder + "/in_process";
   const fs::path build = fs::path(program("launch")).parent_path().parent_path();
@@ -109,8 +109,8 @@ nlohmann::json replayed(const std::string& folder, int domain, const std::vector
   return evaluated(folder, out, align);
 }
 
-/// The same on a machine that rounds otherwise: without fused multiplications.
-nlohmann::json roundedOtherwise(const std::string& folder, const std::vector<std::string>& align) {
+/// The same run with other rounding: without fused multiply-add.
+nlohmann::json withOtherRounding(const std::string& folder, const std::vector<std::string>& align) {
   const std::string out = folder + "/rounded";
   Process alone({program("fleet_in_process"), "--dataset", folder + "/data", "--out", out},
                 folder + "/rounded.log", {{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2"}});
@@ -129,15 +129,15 @@ void expectAllRobots(const nlohmann::json& metrics) {
   for (const auto& [name, path] : metrics["paths"].items()) EXPECT_GT(path["poses"], 0) << name;
 }
 
-/// Of all poses together, neither too sure nor far too modest. (The first minutes have 2.3 to 2.5, the
-/// whole 2.8 to 3.7, as the machine rounds.)
+/// The NEES of all poses: not over-confident and not too conservative. Measured: 2.3 to 2.5 in the first
+/// minutes, 2.8 to 3.7 for the whole data set, depending on rounding.
 void expectConsistent(const nlohmann::json& metrics) {
   const double nees = metrics["paths_mean"]["consistency"]["nees_mean"];
   EXPECT_LE(nees, secondsUsed() > 0 ? 3.4 : 4.2);
   EXPECT_GE(nees, 1.0);
 }
 
-TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
+TEST(Mrclam, LocalizesWithin10cmBySurveyedLandmarks) {
   OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
   const auto metrics = replayed(imported("mrclam_surveyed", {"--survey"}), 86, {});
   expectAllRobots(metrics);
@@ -145,12 +145,13 @@ TEST(Mrclam, SurveyedLandmarksLocateRealRobotsWithinTenCentimetres) {
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.10);
   EXPECT_LT(mean_m, wheels_m);
-  // 3 is right; the true heading of one robot wanders by 1.5° against its own course (docs/methods.md).
+  // The consistent value is 3. The true heading of one robot wanders by 1.5° relative to its own course
+  // (docs/methods/evaluation.md).
   expectConsistent(metrics);
-  EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm: they stay where they were put
+  EXPECT_LE(metrics["landmarks"]["mean_m"], 0.02);  // surveyed to 5 mm, so they must not move
 }
 
-TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
+TEST(Mrclam, LocalizesWithin15cmByUnknownLandmarks) {
   OMNIFLEET_NEEDS_DATA(archive, "mrclam/MRCLAM_Dataset7.tar.gz");
   const std::string folder = imported("mrclam_unknown", {});
   const auto metrics = replayed(folder, 87, {"--align", "fleet"});
@@ -159,17 +160,17 @@ TEST(Mrclam, UnknownLandmarksAreMappedAndLocateWithinFifteenCentimetres) {
   std::printf("mean %.3f m, wheels alone %.3f m\n", mean_m, wheels_m);
   EXPECT_LE(mean_m, 0.15);
   EXPECT_LT(mean_m, wheels_m);
-  // Each pose against what its covariance is against: the first ones the start, then the points.
-  // What rounding leaves of stiff steps was once taken for measurements: single robots turned away within
-  // these first minutes (NEES 7.6, or 5.4 where the machine rounds otherwise).
-  const auto otherwise = roundedOtherwise(folder, {"--align", "fleet"});
-  for (const auto* each : {&metrics, &otherwise}) {
+  // Each pose is compared in the datum of its covariance: first the initial pose, later the landmarks. The
+  // rounding error of stiff steps once acted as measurements. Single robots then turned away within these
+  // first minutes (NEES 7.6, or 5.4 with the other rounding).
+  const auto other = withOtherRounding(folder, {"--align", "fleet"});
+  for (const auto* each : {&metrics, &other}) {
     EXPECT_LE((*each)["paths_mean"]["distance_m"], 0.15);
     expectConsistent(*each);
     for (const auto& [name, path] : (*each)["paths"].items())
       EXPECT_LE(path["consistency"]["nees_mean"], secondsUsed() > 0 ? 4.5 : 6.5) << name;
   }
-  // After two minutes some landmarks have been seen once or twice only.
+  // After two minutes some landmarks have been observed only once or twice.
   EXPECT_LE(metrics["landmarks"]["mean_m"], secondsUsed() > 0 ? 0.30 : 0.20);
 }
 

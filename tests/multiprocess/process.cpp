@@ -79,7 +79,7 @@ std::string sourceDir() {
 }
 
 namespace {
-/// Tests lie in BUILD/tests, programs in BUILD/bin.
+/// Tests are in BUILD/tests, programs in BUILD/bin.
 fs::path buildDir() {
   return fs::read_symlink("/proc/self/exe").parent_path().parent_path();
 }

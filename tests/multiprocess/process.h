@@ -10,7 +10,7 @@
 
 namespace omnifleet::test {
 
-/// A child process of a test: its own process group, output into a file; killed by the destructor.
+/// A child process of a test in its own process group, with its output in a file. The destructor kills it.
 class Process {
  public:
   Process(const std::vector<std::string>& argv, const std::string& log_path,
@@ -21,7 +21,7 @@ class Process {
 
   pid_t pid() const { return pid_; }
   void signal(int number) const;
-  /// Exit code (128 + signal when killed), or nothing on timeout. Waits for the event (pidfd), does not poll.
+  /// Exit code (128 + signal when killed), or empty on timeout. Waits for the event (pidfd) without polling.
   std::optional<int> wait(std::chrono::milliseconds timeout);
   std::string output() const;
 
@@ -32,16 +32,16 @@ class Process {
   std::optional<int> exit_code_;
 };
 
-std::string sourceDir();                        ///< of the project
-std::string program(const std::string& name);   ///< bin/omnifleet_<name>
-std::string testProgram(const std::string& name);  ///< beside this test
-std::string freshDir(const std::string& name);  ///< empty folder below the build's test output
-std::vector<std::string> sharedMemoryFiles();   ///< DDS files in /dev/shm
+std::string sourceDir();                           ///< of the project
+std::string program(const std::string& name);      ///< bin/omnifleet_<name>
+std::string testProgram(const std::string& name);  ///< in the folder of this test
+std::string freshDir(const std::string& name);     ///< empty folder below the test output of the build
+std::vector<std::string> sharedMemoryFiles();      ///< DDS files in /dev/shm
 bool alive(pid_t pid);
-std::string fileText(const std::string& path);  ///< empty when it is not there
-std::string testDataDir();                      ///< other people's data; empty when not on this machine
+std::string fileText(const std::string& path);  ///< empty when the file does not exist
+std::string testDataDir();                      ///< external data; empty when not on this machine
 
-/// The kernel's name of a program has 15 characters; 0 where there is no such child.
+/// The first child with this name, or 0. The kernel cuts names of programs to 15 characters.
 pid_t childNamed(pid_t parent, const std::string& name);
 
 }  // namespace omnifleet::test

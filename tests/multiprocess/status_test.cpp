@@ -1,4 +1,4 @@
-// What people see of a fleet by omnifleet_status. Each scenario has its own DDS domain and waits for events.
+// The output of omnifleet_status for a fleet. Each scenario has its own DDS domain and waits for events.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,29 +16,29 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-/// One look at a fleet, from a process of its own.
-struct Look {
-  Look(int domain, const std::string& log) {
+/// One table of `omnifleet_status --once`, run as a process.
+struct StatusOutput {
+  StatusOutput(int domain, const std::string& log) {
     Process status({program("status"), "--once", "--domain", std::to_string(domain)}, log);
     code = status.wait(20s);
     text = status.output();
   }
-  std::string lineOf(const std::string& who) const {
+  std::string lineOf(const std::string& name) const {
     std::istringstream lines(text);
     for (std::string line; std::getline(lines, line);) {
-      if (line.rfind(who + " ", 0) == 0) return line;
+      if (line.rfind(name + " ", 0) == 0) return line;
     }
     return {};
   }
-  /// Named as nameOf() does.
+  /// Names as nameOf() returns them.
   std::set<std::string> running() const {
     std::istringstream lines(text);
     std::set<std::string> names;
     for (std::string line; std::getline(lines, line);) {
       if (line.find("  running") == std::string::npos) continue;
-      std::string who = line.substr(0, line.find("  "));
-      if (who.find(' ') == std::string::npos) who += " ";
-      names.insert(who);
+      std::string name = line.substr(0, line.find("  "));
+      if (name.find(' ') == std::string::npos) name += " ";
+      names.insert(name);
     }
     return names;
   }
@@ -46,16 +46,17 @@ struct Look {
   std::string text;
 };
 
-/// Looks until it is as wanted, as people do: on a busy machine one look may be too short to hear everybody.
-Look lookUntil(int domain, const std::string& log, const std::function<bool(const Look&)>& wanted) {
+/// Repeats the table until it is as `wanted`: on a busy machine one run may be too short to receive every
+/// status.
+StatusOutput statusUntil(int domain, const std::string& log,
+                         const std::function<bool(const StatusOutput&)>& wanted) {
   const auto end = std::chrono::steady_clock::now() + 60s;
-  Look look(domain, log);
-  while (!wanted(look) && std::chrono::steady_clock::now() < end) look = Look(domain, log);
-  return look;
+  StatusOutput output(domain, log);
+  while (!wanted(output) && std::chrono::steady_clock::now() < end) output = StatusOutput(domain, log);
+  return output;
 }
 
-/// What people see of a running fleet: everybody, at work.
-TEST(Status, ShowsEveryServiceAtWork) {
+TEST(Status, ShowsEveryRunningService) {
   LiveFleet fleet("status", 69);
   auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
   std::set<std::string> running;
@@ -70,76 +71,77 @@ TEST(Status, ShowsEveryServiceAtWork) {
         return running == expected;
       },
       30s));
-  const Look look =
-      lookUntil(69, fleet.out + "/status.txt", [&](const Look& l) { return l.running() == expected; });
-  EXPECT_EQ(look.code, std::optional<int>(0)) << look.text;
-  EXPECT_EQ(look.running(), expected) << look.text;
+  const StatusOutput output = statusUntil(69, fleet.out + "/status.txt",
+                                          [&](const StatusOutput& l) { return l.running() == expected; });
+  EXPECT_EQ(output.code, std::optional<int>(0)) << output.text;
+  EXPECT_EQ(output.running(), expected) << output.text;
 }
 
-TEST(Status, SaysWhereThereIsNoFleet) {
+TEST(Status, ReportsMissingFleet) {
   Process status({program("status"), "--once", "--wait", "0.3", "--domain", "70"},
                  freshDir("no_fleet") + "/out");
   EXPECT_EQ(status.wait(20s), std::optional<int>(1));
-  EXPECT_THAT(status.output(), HasSubstr("no fleet on domain 70"));
+  EXPECT_THAT(status.output(), HasSubstr("no fleet found on DDS domain 70"));
 }
 
-/// A process that hangs cannot say so: who watches names it, who comes later learns it from the launcher. In
-/// lockstep, where nobody takes a process of a busy machine for dead before half a minute is over.
-TEST(Status, NamesAServiceThatHangsUntilItGoesOn) {
+/// A hung process cannot report itself. A running status table detects it, and a late one shows what the
+/// launcher reports. Uses lockstep, in which a busy machine has half a minute before a process is considered
+/// lost.
+TEST(Status, NamesHungServiceUntilItContinues) {
   constexpr int kDomain = 82;
   LiveFleet fleet("hung", kDomain, "long", true);
   auto statuses = fleet.listener.bus().reader(fleet.listener.topics().service_status);
   std::map<std::string, v1::ServiceStatus> last;
-  const auto hear = [&] {
+  const auto takeAll = [&] {
     v1::ServiceStatus s;
     while (statuses->take(s)) last[nameOf(s)] = s;
   };
-  const std::string who = "classifier r1";
+  const std::string name = "classifier r1";
   ASSERT_TRUE(fleet.listener.until(
       [&] {
-        hear();
-        return last.count(who) > 0 && last[who].processed() > 0 && last.count("launch ") > 0;
+        takeAll();
+        return last.count(name) > 0 && last[name].processed() > 0 && last.count("launch ") > 0;
       },
       60s))
       << fleet.launch.output();
   Process watching({program("status"), "--domain", std::to_string(kDomain)}, fleet.out + "/watching.txt");
-  ASSERT_TRUE(fleet.listener.until([&] { return watching.output().find(who) != std::string::npos; }, 20s));
-  const auto hung = static_cast<pid_t>(last[who].process_id());
+  ASSERT_TRUE(fleet.listener.until([&] { return watching.output().find(name) != std::string::npos; }, 20s));
+  const auto hung = static_cast<pid_t>(last[name].process_id());
   ASSERT_GT(hung, 0);
   ASSERT_EQ(kill(hung, SIGSTOP), 0);
   ASSERT_TRUE(fleet.listener.until(
       [&] {
-        hear();
-        return last["launch "].last_error().to_string().find(who + " silent for ") != std::string::npos;
+        takeAll();
+        return last["launch "].last_error().to_string().find(name + " silent for ") != std::string::npos;
       },
       30s))
       << fleet.launch.output();
   EXPECT_EQ(last["launch "].state(), v1::SERVICE_DEGRADED);
   EXPECT_TRUE(
       fleet.listener.until([&] { return watching.output().find("silent for ") != std::string::npos; }, 20s))
-      << "who has seen it speak";
-  const Look late = lookUntil(kDomain, fleet.out + "/hung.txt", [](const Look& l) {
+      << "the running table has received its status before";
+  const StatusOutput late = statusUntil(kDomain, fleet.out + "/hung.txt", [](const StatusOutput& l) {
     return !l.lineOf("launch").empty() && !l.lineOf("world").empty();
   });
   EXPECT_EQ(late.code, std::optional<int>(3)) << late.text;
-  EXPECT_THAT(late.lineOf("launch"), HasSubstr(who + " silent for ")) << late.text;
+  EXPECT_THAT(late.lineOf("launch"), HasSubstr(name + " silent for ")) << late.text;
   EXPECT_THAT(late.lineOf("world"), HasSubstr("running")) << late.text;
 
   ASSERT_EQ(kill(hung, SIGCONT), 0);
   ASSERT_TRUE(fleet.listener.until(
       [&] {
-        hear();
-        return last["launch "].last_error().to_string().find(who) == std::string::npos;
+        takeAll();
+        return last["launch "].last_error().to_string().find(name) == std::string::npos;
       },
       60s))
       << fleet.launch.output();
-  const Look after = lookUntil(kDomain, fleet.out + "/going_on.txt", [&](const Look& l) {
-    return l.code == std::optional<int>(0) && !l.lineOf("launch").empty() && !l.lineOf(who).empty();
+  const StatusOutput after = statusUntil(kDomain, fleet.out + "/going_on.txt", [&](const StatusOutput& l) {
+    return l.code == std::optional<int>(0) && !l.lineOf("launch").empty() && !l.lineOf(name).empty();
   });
   EXPECT_EQ(after.code, std::optional<int>(0)) << after.text;
-  EXPECT_THAT(after.lineOf(who), HasSubstr("running")) << after.text;
-  EXPECT_THAT(fleet.launch.output(), HasSubstr(who + ": silent for "));
-  EXPECT_THAT(fleet.launch.output(), HasSubstr(who + ": speaks again"));
+  EXPECT_THAT(after.lineOf(name), HasSubstr("running")) << after.text;
+  EXPECT_THAT(fleet.launch.output(), HasSubstr(name + ": silent for "));
+  EXPECT_THAT(fleet.launch.output(), HasSubstr(name + ": publishes its status again"));
 }
 
 }  // namespace

@@ -1,8 +1,9 @@
-// Other people's frames (CVSystem, see the test data's README): two robots stand at the two known poses, the
-// whole line maps them. The cubes' faces of the README lie where it says, in one map.
+// External images (CVSystem, see the README of the test data): two robots stand at the two known poses, and
+// the whole pipeline maps them. The faces of the cubes must be at the positions of the README, in one map.
 //
-// The floor's distance is not in the README (its laser plane is 0.95 m below the camera): the same corners of
-// a cube's foot, triangulated from both poses with the README's lens, lie 1.245 to 1.250 m below.
+// The README does not state the distance to the floor (its laser plane is 0.95 m below the camera). The same
+// corners of a cube's foot, triangulated from both poses with the lens of the README, are 1.245 to 1.250 m
+// below the camera.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -24,11 +25,11 @@ using namespace std::chrono_literals;
 
 constexpr double kWithin_m = 0.03;
 
-/// A robot that stands and sees the same picture six times; its tilts are those of lens_test's foreign scene.
-void writeRobot(const std::string& folder, const std::string& picture) {
+/// A robot that stands still and records the same image six times. Its tilts are those of foreign_scene_test.
+void writeRobot(const std::string& folder, const std::string& image) {
   fs::create_directories(folder + "/fisheye/data");
   fs::create_directories(folder + "/wheels");
-  fs::copy_file(picture, folder + "/fisheye/data/view.jpg");
+  fs::copy_file(image, folder + "/fisheye/data/view.jpg");
   std::ofstream rows(folder + "/fisheye/data.csv"), wheels(folder + "/wheels/data.csv");
   rows << "#timestamp [ns],filename\n";
   for (int i = 0; i < 6; ++i) rows << 1000000000 + 100000000 * i << ",view.jpg\n";
@@ -43,7 +44,7 @@ void writeRobot(const std::string& folder, const std::string& picture) {
 struct Box {
   double x_min = std::numeric_limits<double>::infinity(), x_max = -x_min, y_min = x_min, y_max = -x_min;
   std::vector<std::string> observers;
-  /// Of a cube's size (half a metre), not a mark on the floor.
+  /// True for the size of a cube (0.5 m), false for a floor marking.
   bool isCube() const {
     const auto fits = [](double length_m) { return length_m > 0.4 && length_m < 0.8; };
     return fits(x_max - x_min) && fits(y_max - y_min);
@@ -69,12 +70,12 @@ std::vector<Box> cubes(const std::string& geojson) {
 
 TEST(TwoPoses, CubeFacesLieInOneMap) {
   if (testDataDir().empty()) GTEST_SKIP() << "test data missing";
-  const std::string pictures = testDataDir() + "/fisheye_downward/sim_two_pose/";
-  if (!fs::exists(pictures)) GTEST_SKIP() << "test data missing: " << pictures;
+  const std::string images = testDataDir() + "/fisheye_downward/sim_two_pose/";
+  if (!fs::exists(images)) GTEST_SKIP() << "test data missing: " << images;
   const std::string data = freshDir("two_poses_data"), out = freshDir("two_poses");
-  writeRobot(data + "/r1", pictures + "pose0_x0_y0_rot0.jpg");
-  writeRobot(data + "/r2", pictures + "pose1_x200_y1600_rot20.jpg");
-  // Their (200, 1600) mm, 20° clockwise: 1.6 m ahead, 0.2 m to the right.
+  writeRobot(data + "/r1", images + "pose0_x0_y0_rot0.jpg");
+  writeRobot(data + "/r2", images + "pose1_x200_y1600_rot20.jpg");
+  // (200, 1600) mm and 20° clockwise in the README: 1.6 m ahead, 0.2 m to the right.
   std::ofstream(data + "/dataset.yaml")
       << "format: omnifleet-dataset\nversion: 1\nrobots:\n"
          "  r1: {initial_pose: [0, 0, 0], body: {radius_m: 0.1, height_m: 0.3}, wheel_separation_m: 0.2}\n"
@@ -86,12 +87,13 @@ TEST(TwoPoses, CubeFacesLieInOneMap) {
   const std::vector<Box> found = cubes(fileText(out + "/objects.geojson"));
   ASSERT_EQ(found.size(), 3u);
   int shared = 0;
-  double left_m = 9.0, right_m = 9.0, front_m = 9.0;  // distances of faces from where the README has them
+  double left_m = 9.0, right_m = 9.0,
+         front_m = 9.0;  // distances of the faces from their positions in the README
   for (const Box& cube : found) {
     shared += cube.observers.size() == 2u;
-    left_m = std::min(left_m, std::abs(cube.y_min - 0.926));    // their x −926 mm
-    right_m = std::min(right_m, std::abs(cube.y_max + 0.513));  // their x 513 mm
-    front_m = std::min(front_m, std::abs(cube.x_min - 1.779));  // their y 1779 mm
+    left_m = std::min(left_m, std::abs(cube.y_min - 0.926));    // x = −926 mm in the README
+    right_m = std::min(right_m, std::abs(cube.y_max + 0.513));  // x = 513 mm in the README
+    front_m = std::min(front_m, std::abs(cube.x_min - 1.779));  // y = 1779 mm in the README
   }
   RecordProperty("left_mm", std::to_string(1000.0 * left_m));
   RecordProperty("right_mm", std::to_string(1000.0 * right_m));
@@ -99,7 +101,7 @@ TEST(TwoPoses, CubeFacesLieInOneMap) {
   EXPECT_LE(left_m, kWithin_m);
   EXPECT_LE(right_m, kWithin_m);
   EXPECT_LE(front_m, kWithin_m);
-  EXPECT_GE(shared, 1) << "a cube seen from both poses is one object";
+  EXPECT_GE(shared, 1) << "a cube observed from both poses must be one object";
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-constexpr double kFarthest_m = 20.0;  // beyond it the floor is but haze
+constexpr double kFarthest_m = 20.0;  // farther floor is rendered as haze
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
 std::uint32_t mixed(std::uint32_t bits) {
@@ -21,14 +21,14 @@ std::uint32_t mixed(std::uint32_t bits) {
   return bits ^ (bits >> 16U);
 }
 
-/// In [0, 1], the same for the same.
+/// Hash of cell and seed in [0, 1].
 double randomAt(int x, int y, unsigned seed) {
   const auto at = mixed(static_cast<std::uint32_t>(x) * 73856093U) ^
                   mixed(static_cast<std::uint32_t>(y) * 19349663U + 0x9e3779b9U);
   return mixed(at + seed * 83492791U) / 4294967295.0;
 }
 
-/// Smooth in between (value noise); 1 is a cell.
+/// Value noise in [0, 1]: smooth interpolation between cells of size 1.
 double smoothAt(double x, double y, unsigned seed) {
   const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
   const auto eased = [](double t) { return t * t * (3.0 - 2.0 * t); };
@@ -43,8 +43,8 @@ struct Hit {
   const Solid* solid = nullptr;
 };
 
-/// Of a ray in the solid's own frame.
-void meetBox(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+/// Intersects a ray with the solid, both in the frame of the solid. Updates `best` if the hit is nearer.
+void intersectBox(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
   const Vector low(-0.5 * solid.size_m.x(), -0.5 * solid.size_m.y(), 0.0),
       high(0.5 * solid.size_m.x(), 0.5 * solid.size_m.y(), solid.height_m);
   double enter = 1e-6, leave = best.range_m;
@@ -67,7 +67,7 @@ void meetBox(const Solid& solid, const Vector& from, const Vector& along, Hit& b
   best = {enter, normal, &solid};
 }
 
-void meetCylinder(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+void intersectCylinder(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
   const double radius = 0.5 * solid.size_m.x(), a = along.head<2>().squaredNorm(),
                b = from.head<2>().dot(along.head<2>()),
                discriminant = b * b - a * (from.head<2>().squaredNorm() - radius * radius);
@@ -84,16 +84,16 @@ void meetCylinder(const Solid& solid, const Vector& from, const Vector& along, H
   if (isNearer(range) && at.head<2>().norm() < radius) best = {range, Vector::UnitZ(), &solid};
 }
 
-void meet(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
+void intersect(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
   const Pose2 to = solid.map_from_solid.inverse();
   Vector own_from = from, own_along = along;
   own_from.head<2>() = to * Eigen::Vector2d(from.head<2>());
   own_along.head<2>() = to.rotation() * along.head<2>();
   const double before = best.range_m;
   if (solid.round)
-    meetCylinder(solid, own_from, own_along, best);
+    intersectCylinder(solid, own_from, own_along, best);
   else
-    meetBox(solid, own_from, own_along, best);
+    intersectBox(solid, own_from, own_along, best);
   if (best.range_m < before) {
     const Eigen::Vector2d turned = solid.map_from_solid.rotation() * best.normal.head<2>();
     best.normal.head<2>() = turned;
@@ -107,13 +107,13 @@ Vector parquet(Vector albedo, double x, double y, unsigned seed) {
   const int plank = static_cast<int>(std::floor(along));
   const double bright = 1 + 0.18 * (randomAt(row, plank, seed) - 0.5),
                hue = 0.05 * (randomAt(row, plank, seed + 1) - 0.5),
-               grain = 1 + 0.10 * (smoothAt(8 * x, 150 * y, seed + 2) - 0.5);
-  albedo = bright * grain * albedo.cwiseProduct(Vector(1 + hue, 1.0, 1 - hue));
+               texture = 1 + 0.10 * (smoothAt(8 * x, 150 * y, seed + 2) - 0.5);
+  albedo = bright * texture * albedo.cwiseProduct(Vector(1 + hue, 1.0, 1 - hue));
   const bool joint = y / kWide - row < 0.012 || along - plank < 0.0015;
   return joint ? Vector(0.55 * albedo) : albedo;
 }
 
-/// Every fibre has a hue of its own.
+/// Each fibre (cell of 4 mm) has its own random hue.
 Vector carpet(Vector albedo, double x, double y, unsigned seed) {
   constexpr double kFibre = 0.004;
   const int i = static_cast<int>(std::floor(x / kFibre)), j = static_cast<int>(std::floor(y / kFibre));
@@ -133,9 +133,9 @@ Vector concrete(const Vector& albedo, double x, double y, unsigned seed) {
 }
 
 Vector floorAt(const Room& room, const Eigen::Vector2d& at) {
-  for (auto mark = room.marks.rbegin(); mark != room.marks.rend(); ++mark) {
-    const Eigen::Vector2d own = mark->map_from_mark.inverse() * at;
-    if ((2.0 * own.cwiseAbs() - mark->size_m).maxCoeff() < 0) return mark->albedo;
+  for (auto marking = room.markings.rbegin(); marking != room.markings.rend(); ++marking) {
+    const Eigen::Vector2d own = marking->map_from_marking.inverse() * at;
+    if ((2.0 * own.cwiseAbs() - marking->size_m).maxCoeff() < 0) return marking->albedo;
   }
   switch (room.floor) {
     case Floor::kParquet:
@@ -156,29 +156,29 @@ Vector colourOf(const Room& room, const Hit& hit, const Vector& at) {
   return (hit.solid->chequered && square % 2 != 0 ? 0.7 : 1.0) * hit.solid->albedo;
 }
 
-/// Whether something stands between. Most are not near the way.
+/// True if a solid lies between the two points. Solids far from the line are skipped early.
 bool isHidden(const std::vector<const Solid*>& solids, const Vector& from, const Vector& to) {
   const Vector along = to - from;
-  const Eigen::Vector2d way = along.head<2>();
+  const Eigen::Vector2d line = along.head<2>();
   return std::any_of(solids.begin(), solids.end(), [&](const Solid* solid) {
     const Eigen::Vector2d beside = solid->map_from_solid.translation() - from.head<2>();
-    const double share = std::clamp(beside.dot(way) / std::max(1e-12, way.squaredNorm()), 0.0, 1.0);
-    if ((beside - share * way).norm() > 0.5 * solid->size_m.norm()) return false;
+    const double share = std::clamp(beside.dot(line) / std::max(1e-12, line.squaredNorm()), 0.0, 1.0);
+    if ((beside - share * line).norm() > 0.5 * solid->size_m.norm()) return false;
     Hit hit;
     hit.range_m = 1.0;
-    meet(*solid, from, along, hit);
+    intersect(*solid, from, along, hit);
     return hit.solid != nullptr;
   });
 }
 
-/// A point of the lamp, another one for each `chance`.
+/// A random point of the lamp's disc; `chance` selects it.
 Vector pointOf(const Lamp& lamp, unsigned chance) {
   const double radius = lamp.radius_m * std::sqrt(randomAt(1, 0, chance)),
                angle = 2.0 * M_PI * randomAt(2, 0, chance);
   return lamp.at_m + Vector(radius * std::cos(angle), radius * std::sin(angle), 0.0);
 }
 
-/// Lamps and sky; things darken the floor at their foot.
+/// Ambient light and lamps. Solids darken the floor at their foot (contact shadow).
 double lightAt(const Room& room, const std::vector<const Solid*>& solids, const Hit& hit, const Vector& at,
                unsigned chance) {
   double light = room.ambient * (0.6 + 0.4 * hit.normal.z());
@@ -199,7 +199,7 @@ double lightAt(const Room& room, const std::vector<const Solid*>& solids, const 
 Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, const Vector& from,
                      const Vector& along, unsigned chance) {
   Hit hit;
-  for (const Solid* solid : solids) meet(*solid, from, along, hit);
+  for (const Solid* solid : solids) intersect(*solid, from, along, hit);
   const double floor_m = along.z() < 0 ? -from.z() / along.z() : kNone;
   if (hit.solid == nullptr && floor_m > kFarthest_m) {
     const bool skirting = std::abs(along.z()) < 0.12;
@@ -210,7 +210,7 @@ Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, 
   return lightAt(room, solids, hit, at, chance) * colourOf(room, hit, at);
 }
 
-/// Off the axis; negative beyond the image circle.
+/// Angle off the optical axis, radians; −1 outside of the image circle.
 double angleAt(const lens::CameraModel& camera, double radius_px) {
   const double r = radius_px / camera.focal_px.x();
   double angle = r;
@@ -228,7 +228,7 @@ double toneOf(const Room& room, double linear) {
 
 cv::Mat3b render(const Room& room, const lens::CameraModel& camera, const Pose2& map_from_camera,
                  const std::vector<Solid>& robots, unsigned frame) {
-  constexpr int kSamples = 2;  // in each direction
+  constexpr int kSamples = 2;  // per axis
   std::vector<const Solid*> solids;
   for (const auto* list : {&room.solids, &robots})
     for (const Solid& solid : *list) solids.push_back(&solid);

@@ -8,23 +8,23 @@
 #include "geometry/pose2.h"
 #include "lens/camera.h"
 
-/// A second renderer, for tests: it shares no line with `synthetic`, so what the fleet does well in both it
-/// has not learned from one. Light of two lamps on surfaces (Lambert), four samples a pixel, the tone curve
-/// of sRGB, and floors that people have. Colours are linear albedos (R, G, B), lengths metres, in map.
+/// A second renderer for tests. It shares no code with `synthetic`, so a result that holds for both was not
+/// tuned to one of them. Lamps light Lambert surfaces, with four samples per pixel and the tone curve of
+/// sRGB; the floors imitate real ones. Colours are linear albedos (R, G, B). Lengths are metres, in map.
 namespace omnifleet::raycast {
 
 struct Solid {
-  bool round = false;    ///< an upright cylinder of diameter size_m.x(), else a box
-  Pose2 map_from_solid;  ///< its middle, on the floor
+  bool round = false;    ///< true: an upright cylinder of diameter size_m.x(); false: a box
+  Pose2 map_from_solid;  ///< centre of the footprint
   Eigen::Vector2d size_m = Eigen::Vector2d::Zero();
   double height_m = 0.0;
   Eigen::Vector3d albedo = Eigen::Vector3d::Zero();
   bool chequered = false;
 };
 
-/// Flat, on the floor: tape, a sheet of paper.
-struct Mark {
-  Pose2 map_from_mark;
+/// A flat rectangle on the floor: tape or a sheet of paper.
+struct FloorMarking {
+  Pose2 map_from_marking;
   Eigen::Vector2d size_m = Eigen::Vector2d::Zero();
   Eigen::Vector3d albedo = Eigen::Vector3d::Zero();
 };
@@ -32,7 +32,7 @@ struct Mark {
 struct Lamp {
   Eigen::Vector3d at_m = Eigen::Vector3d::Zero();
   double power = 1.0;
-  double radius_m = 0.0;  ///< of the disc that it is: so soft are its shadows; 0: it casts none
+  double radius_m = 0.0;  ///< of the luminous disc, which softens its shadows; 0: no shadows
 };
 
 enum class Floor { kLino, kParquet, kCarpet, kConcrete };
@@ -41,23 +41,25 @@ struct Room {
   Floor floor = Floor::kLino;
   Eigen::Vector3d floor_albedo = Eigen::Vector3d::Constant(0.4);
   std::vector<Solid> solids;
-  std::vector<Mark> marks;
+  std::vector<FloorMarking> markings;
   std::vector<Lamp> lamps;
-  double light = 1.0;
-  double ambient = 0.35;   ///< light from all around
-  double vignette = 0.0;   ///< share of the light that is lost at the horizon, as the square of the angle
-  bool is_linear = false;  ///< the camera's response; else sRGB's tone curve
-  double noise = 1.5;      ///< grey levels
+  double light = 1.0;      ///< factor on all light
+  double ambient = 0.35;   ///< light without direction
+  double vignette = 0.0;   ///< share of the light lost at 90° off the axis; ∝ square of the angle
+  bool is_linear = false;  ///< response of the camera; false: tone curve of sRGB
+  double noise = 1.5;      ///< σ, grey levels
   unsigned seed = 0;       ///< of textures and noise
 };
 
-/// What a camera that looks straight down from `height_m` over `map_from_camera` sees.
-/// @param camera equidistant, equisolid or stereographic @param robots likewise solid, of this moment
-/// @param frame another number, other noise
+/// Renders the image (BGR) of a camera at `map_from_camera` that looks straight down from the height
+/// camera.position_m.z().
+/// @param camera equidistant, equisolid or stereographic
+/// @param robots bodies of the other robots at this time
+/// @param frame number that selects the noise
 cv::Mat3b render(const Room& room, const lens::CameraModel& camera, const Pose2& map_from_camera,
                  const std::vector<Solid>& robots, unsigned frame);
 
-/// The footprint, as truth has it.
+/// Footprint of a solid as an object of the truth.
 dataset::MapObject truthOf(const Solid& solid, std::uint64_t id);
 
 }  // namespace omnifleet::raycast

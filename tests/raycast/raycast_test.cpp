@@ -1,5 +1,5 @@
-// The whole fleet in one process on pictures of a renderer that nothing was developed on: other light,
-// another tone curve, floors of lino, parquet and carpet, tape on them.
+// The whole fleet in one process on images of a second renderer, which was not used in development. It has
+// other light, another tone curve, floors of lino, parquet and carpet, and tape on the floor.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -22,14 +22,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Called on the folder of a recording before it is mapped.
-using Mishap = std::function<void(const std::string& folder)>;
+/// Changes the recording in `folder` before it is mapped.
+using Edit = std::function<void(const std::string& folder)>;
 
-evaluation::MapMetrics mapped(const RecordingOptions& options, const Mishap& mishap = {}) {
+/// Renders a recording, maps it, and compares the map with the truth.
+evaluation::MapMetrics mapRecording(const RecordingOptions& options, const Edit& edit = {}) {
   const fs::path folder =
       fs::path(::testing::TempDir()) / ("omnifleet_raycast_" + std::to_string(::getpid()));
   record((folder / "recording").string(), options);
-  if (mishap) mishap((folder / "recording").string());
+  if (edit) edit((folder / "recording").string());
   services::InProcessRun run;
   run.dataset = (folder / "recording").string();
   run.out = (folder / "out").string();
@@ -45,38 +46,38 @@ evaluation::MapMetrics mapped(const RecordingOptions& options, const Mishap& mis
   return metrics;
 }
 
-RecordingOptions small(unsigned seed, Floor floor) {
+RecordingOptions smallRecording(unsigned seed, Floor floor) {
   RecordingOptions options;
   options.seed = seed;
   options.floor = floor;
   options.frames = 15;
-  options.things = 6;
+  options.obstacles = 6;
   options.width_px = 480;
   options.height_px = 360;
   return options;
 }
 
-/// Planks that differ, and their joints, are no things.
-TEST(RayCast, ThingsOnParquetAreMapped) {
-  RecordingOptions options = small(1702, Floor::kParquet);
+/// Planks of different colour and the joints between them are floor.
+TEST(RayCast, MapsObstaclesOnParquet) {
+  RecordingOptions options = smallRecording(1702, Floor::kParquet);
   options.projection = lens::Projection::kEquisolid;
-  const auto metrics = mapped(options);
-  EXPECT_GE(metrics.matches.size(), 5U);  // one is seen from afar only
+  const auto metrics = mapRecording(options);
+  EXPECT_GE(metrics.matches.size(), 5U);  // one obstacle is only seen from a distance
   EXPECT_TRUE(metrics.falsely_found.empty());
   EXPECT_LT(std::max(metrics.x_error_m, metrics.y_error_m), 0.01);
 }
 
-/// Nor is tape, of another hue than the floor all along, which the things stand on.
-TEST(RayCast, TapeIsNoThing) {
-  RecordingOptions options = small(1708, Floor::kLino);
+/// Tape is floor, although it differs from the floor in hue everywhere and obstacles stand on it.
+TEST(RayCast, MapsNoTapeAsObstacle) {
+  RecordingOptions options = smallRecording(1708, Floor::kLino);
   options.tape = true;
-  const auto metrics = mapped(options);
+  const auto metrics = mapRecording(options);
   EXPECT_GE(metrics.matches.size(), 5U);
   EXPECT_TRUE(metrics.falsely_found.empty());
   EXPECT_LT(std::max(metrics.x_error_m, metrics.y_error_m), 0.02);
 }
 
-/// The first robot's wheels slip for a second: told at 1.5 m/s while it goes at a tenth of that.
+/// The first robot's wheels slip for one second: they report 1.5 m/s while the robot drives at most 0.3 m/s.
 void slip(const std::string& folder) {
   const std::string path = folder + "/r1/wheels/data.csv";
   std::ifstream in(path);
@@ -89,10 +90,10 @@ void slip(const std::string& folder) {
   for (const std::string& line : lines) out << line << "\n";
 }
 
-TEST(RayCast, WheelsThatSlipForASecondSmearNothing) {
-  RecordingOptions options = small(1702, Floor::kParquet);
+TEST(RayCast, KeepsMapAccurateWhileWheelsSlipForOneSecond) {
+  RecordingOptions options = smallRecording(1702, Floor::kParquet);
   options.projection = lens::Projection::kEquisolid;
-  const auto metrics = mapped(options, slip);
+  const auto metrics = mapRecording(options, slip);
   EXPECT_GE(metrics.matches.size(), 5U);
   EXPECT_TRUE(metrics.falsely_found.empty());
   EXPECT_LT(std::max(metrics.x_error_m, metrics.y_error_m), 0.01);

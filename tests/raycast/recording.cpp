@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kFrame_s = 0.2, kRadius_m = 0.15, kHeight_m = 0.3, kSeparation_m = 0.26;
 constexpr TimeNs kBegin_ns = 1'000'000'000'000, kFrame_ns = 200'000'000;
-constexpr int kMostTries = 1'000'000;
+constexpr int kMaxTries = 1'000'000;
 
 class Random {
  public:
@@ -27,46 +27,47 @@ class Random {
   std::mt19937 engine_;
 };
 
-struct Way {
+struct Path {
   std::vector<Pose2> poses;
-  std::vector<Eigen::Vector2d> wheels_mps;  ///< left, right, until the next
+  std::vector<Eigen::Vector2d> wheels_mps;  ///< left, right; from this pose to the next
 };
 
-Way randomWay(int robot, const RecordingOptions& options, Random& random) {
+Path randomPath(int robot, const RecordingOptions& options, Random& random) {
   const double begin = 2.0 * M_PI * robot / options.robots + random.between(0.0, 1.0),
                away_m = random.between(0.9, 1.5);
   Pose2 pose{away_m * std::cos(begin), 0.8 * away_m * std::sin(begin), 0.0};
   pose.theta_rad = std::atan2(-pose.y_m, -pose.x_m) + random.between(-1.0, 1.0);
-  Way way;
+  Path path;
   double speed = 0.0, turning = 0.0;
   for (int k = 0; k < options.frames; ++k) {
     if (k % 10 == 0) {
-      const bool rests = random.between(0.0, 1.0) < 0.15;
-      speed = random.between(0.1, 0.3) * (rests ? 0.0 : 1.0);
+      const bool stands = random.between(0.0, 1.0) < 0.15;
+      speed = random.between(0.1, 0.3) * (stands ? 0.0 : 1.0);
       turning = random.between(-0.6, 0.6);
     }
-    way.poses.push_back(pose);
-    way.wheels_mps.emplace_back(speed - 0.5 * kSeparation_m * turning, speed + 0.5 * kSeparation_m * turning);
+    path.poses.push_back(pose);
+    path.wheels_mps.emplace_back(speed - 0.5 * kSeparation_m * turning,
+                                 speed + 0.5 * kSeparation_m * turning);
     const double half = 0.5 * turning * kFrame_s,
                  chord = speed * kFrame_s * (std::abs(half) < 1e-9 ? 1.0 : std::sin(half) / half);
     pose = {pose.x_m + chord * std::cos(pose.theta_rad + half),
             pose.y_m + chord * std::sin(pose.theta_rad + half), pose.theta_rad + 2.0 * half};
   }
-  return way;
+  return path;
 }
 
 double distance(const Pose2& a, const Pose2& b) {
   return (a.translation() - b.translation()).norm();
 }
 
-/// Within the room and apart.
-bool areFree(const std::vector<Way>& ways) {
-  for (std::size_t a = 0; a < ways.size(); ++a) {
-    for (std::size_t k = 0; k < ways[a].poses.size(); ++k) {
-      const Pose2& pose = ways[a].poses[k];
+/// True if all paths lie inside the room and the robots keep 0.5 m between their centres.
+bool areFree(const std::vector<Path>& paths) {
+  for (std::size_t a = 0; a < paths.size(); ++a) {
+    for (std::size_t k = 0; k < paths[a].poses.size(); ++k) {
+      const Pose2& pose = paths[a].poses[k];
       if (std::abs(pose.x_m) > 2.2 || std::abs(pose.y_m) > 1.6) return false;
       for (std::size_t b = 0; b < a; ++b)
-        if (distance(pose, ways[b].poses[k]) < 0.5) return false;
+        if (distance(pose, paths[b].poses[k]) < 0.5) return false;
     }
   }
   return true;
@@ -74,42 +75,43 @@ bool areFree(const std::vector<Way>& ways) {
 
 template <typename Make, typename IsGood>
 auto firstGood(Make make, IsGood isGood, const char* what) {
-  for (int tries = 0; tries < kMostTries; ++tries)
+  for (int tries = 0; tries < kMaxTries; ++tries)
     if (auto one = make(); isGood(one)) return one;
-  throw std::runtime_error(std::string("raycast: no room for ") + what);
+  throw std::runtime_error(std::string("raycast: no valid ") + what +
+                           " in 1000000 random tries; choose another seed");
 }
 
 double reach(const Solid& solid) {
   return 0.5 * (solid.round ? solid.size_m.x() : solid.size_m.norm());
 }
 
-Solid randomThing(const Eigen::Vector3d& floor, Random& random) {
-  Solid thing;
-  thing.round = random.between(0.0, 1.0) < 0.45;
-  thing.map_from_solid = {random.between(-2.6, 2.6), random.between(-2.0, 2.0), random.between(0.0, M_PI)};
-  thing.size_m = {random.between(0.14, 0.42), random.between(0.14, 0.42)};
-  if (thing.round) thing.size_m.y() = thing.size_m.x();
-  thing.height_m = random.between(0.08, 0.28);
-  thing.albedo = firstGood(
+Solid randomObstacle(const Eigen::Vector3d& floor, Random& random) {
+  Solid obstacle;
+  obstacle.round = random.between(0.0, 1.0) < 0.45;
+  obstacle.map_from_solid = {random.between(-2.6, 2.6), random.between(-2.0, 2.0), random.between(0.0, M_PI)};
+  obstacle.size_m = {random.between(0.14, 0.42), random.between(0.14, 0.42)};
+  if (obstacle.round) obstacle.size_m.y() = obstacle.size_m.x();
+  obstacle.height_m = random.between(0.08, 0.28);
+  obstacle.albedo = firstGood(
       [&] { return random.colour(); },
       [&](const Eigen::Vector3d& c) { return (c.cwiseQuotient(floor).array() - 1.0).abs().maxCoeff() > 0.4; },
-      "a colour");
-  thing.chequered = random.between(0.0, 1.0) < 0.3;
-  return thing;
+      "obstacle colour");
+  obstacle.chequered = random.between(0.0, 1.0) < 0.3;
+  return obstacle;
 }
 
-/// Near to some way and on none, apart from the others.
-bool isFree(const Solid& thing, const std::vector<Way>& ways, const std::vector<Solid>& others) {
+/// True if the obstacle is near a path, blocks no path, and keeps its distance to the other obstacles.
+bool isFree(const Solid& obstacle, const std::vector<Path>& paths, const std::vector<Solid>& others) {
   double nearest = 1e9;
-  for (const Way& way : ways)
-    for (const Pose2& pose : way.poses) nearest = std::min(nearest, distance(pose, thing.map_from_solid));
-  if (nearest < reach(thing) + 0.28 || nearest > 1.3) return false;
+  for (const Path& path : paths)
+    for (const Pose2& pose : path.poses) nearest = std::min(nearest, distance(pose, obstacle.map_from_solid));
+  if (nearest < reach(obstacle) + 0.28 || nearest > 1.3) return false;
   return std::none_of(others.begin(), others.end(), [&](const Solid& other) {
-    return distance(other.map_from_solid, thing.map_from_solid) < reach(thing) + reach(other) + 0.25;
+    return distance(other.map_from_solid, obstacle.map_from_solid) < reach(obstacle) + reach(other) + 0.25;
   });
 }
 
-Room randomRoom(const RecordingOptions& options, const std::vector<Way>& ways, Random& random) {
+Room randomRoom(const RecordingOptions& options, const std::vector<Path>& paths, Random& random) {
   Room room;
   room.seed = options.seed;
   room.floor = options.floor;
@@ -127,21 +129,22 @@ Room randomRoom(const RecordingOptions& options, const std::vector<Way>& ways, R
     room.vignette = 0.3;
     room.is_linear = true;
   }
-  for (int i = 0; i < options.things; ++i)
-    room.solids.push_back(firstGood([&] { return randomThing(room.floor_albedo, random); },
-                                    [&](const Solid& thing) { return isFree(thing, ways, room.solids); },
-                                    "a thing"));
+  for (int i = 0; i < options.obstacles; ++i)
+    room.solids.push_back(
+        firstGood([&] { return randomObstacle(room.floor_albedo, random); },
+                  [&](const Solid& obstacle) { return isFree(obstacle, paths, room.solids); }, "obstacle"));
   for (int i = 0; i < options.sheets; ++i)
-    room.marks.push_back({{random.between(-2.0, 2.0), random.between(-1.5, 1.5), random.between(0.0, M_PI)},
-                          {0.297, 0.21},
-                          random.colour()});
+    room.markings.push_back(
+        {{random.between(-2.0, 2.0), random.between(-1.5, 1.5), random.between(0.0, M_PI)},
+         {0.297, 0.21},
+         random.colour()});
   if (options.tape)
     for (const Pose2& at : {Pose2{0.0, 0.3, 0.1}, Pose2{0.4, 0.0, 1.5}})
-      room.marks.push_back({at, {6.0, 0.05}, {0.8, 0.7, 0.05}});
+      room.markings.push_back({at, {6.0, 0.05}, {0.8, 0.7, 0.05}});
   return room;
 }
 
-/// 185°, as large as the image is high.
+/// A lens of 185° whose image circle is as large as the image is high.
 lens::CameraModel cameraOf(const RecordingOptions& options, Random& random) {
   lens::CameraModel camera;
   camera.projection = options.projection;
@@ -162,11 +165,11 @@ lens::CameraModel cameraOf(const RecordingOptions& options, Random& random) {
   return camera;
 }
 
-std::vector<Solid> robotsAt(const std::vector<Way>& ways, std::size_t frame) {
+std::vector<Solid> robotsAt(const std::vector<Path>& paths, std::size_t frame) {
   std::vector<Solid> robots;
-  for (std::size_t r = 0; r < ways.size(); ++r)
+  for (std::size_t r = 0; r < paths.size(); ++r)
     robots.push_back({true,
-                      ways[r].poses[frame],
+                      paths[r].poses[frame],
                       {2.0 * kRadius_m, 2.0 * kRadius_m},
                       kHeight_m,
                       r % 2 != 0 ? Eigen::Vector3d(0.10, 0.10, 0.12) : Eigen::Vector3d(0.60, 0.60, 0.62)});
@@ -174,20 +177,20 @@ std::vector<Solid> robotsAt(const std::vector<Way>& ways, std::size_t frame) {
 }
 
 void recordRobot(const std::string& folder, const std::string& name, std::size_t robot, const Room& room,
-                 const lens::CameraModel& camera, const std::vector<Way>& ways, Random& random) {
+                 const lens::CameraModel& camera, const std::vector<Path>& paths, Random& random) {
   dataset::ImageStreamWriter images(folder, name + "/fisheye", camera);
   dataset::WheelsWriter wheels(folder, name);
   const Eigen::Vector2d scale(1.0 + random.normal(0.01), 1.0 + random.normal(0.01));
   std::vector<dataset::StampedPose> truth;
-  for (std::size_t k = 0; k < ways[robot].poses.size(); ++k) {
+  for (std::size_t k = 0; k < paths[robot].poses.size(); ++k) {
     const TimeNs now_ns = kBegin_ns + static_cast<TimeNs>(k) * kFrame_ns;
-    const Pose2& pose = ways[robot].poses[k];
-    const Eigen::Vector2d driven = ways[robot].wheels_mps[k].cwiseProduct(scale);
+    const Pose2& pose = paths[robot].poses[k];
+    const Eigen::Vector2d driven = paths[robot].wheels_mps[k].cwiseProduct(scale);
     wheels.write(
         {now_ns, driven.x() * (1.0 + random.normal(0.02)), driven.y() * (1.0 + random.normal(0.02))});
     truth.push_back({now_ns, pose});
-    const auto frame = static_cast<unsigned>(k * ways.size() + robot);
-    images.write(now_ns, render(room, camera, pose, robotsAt(ways, k), frame));
+    const auto frame = static_cast<unsigned>(k * paths.size() + robot);
+    images.write(now_ns, render(room, camera, pose, robotsAt(paths, k), frame));
   }
   dataset::writeTruthTrajectory(folder, name, truth);
 }
@@ -197,27 +200,27 @@ void recordRobot(const std::string& folder, const std::string& name, std::size_t
 void record(const std::string& folder, const RecordingOptions& options) {
   Random random(options.seed);
   const auto drive = [&] {
-    std::vector<Way> ways;
-    for (int r = 0; r < options.robots; ++r) ways.push_back(randomWay(r, options, random));
-    return ways;
+    std::vector<Path> paths;
+    for (int r = 0; r < options.robots; ++r) paths.push_back(randomPath(r, options, random));
+    return paths;
   };
-  const std::vector<Way> ways = firstGood(drive, areFree, "the robots' ways");
-  const Room room = randomRoom(options, ways, random);
+  const std::vector<Path> paths = firstGood(drive, areFree, "robot paths");
+  const Room room = randomRoom(options, paths, random);
   const lens::CameraModel camera = cameraOf(options, random);
-  std::vector<dataset::RobotRecording> robots(ways.size());
+  std::vector<dataset::RobotRecording> robots(paths.size());
   std::vector<dataset::MapObject> scene;
-  for (const Solid& thing : room.solids) scene.push_back(truthOf(thing, scene.size()));
-  for (std::size_t r = 0; r < ways.size(); ++r) {
+  for (const Solid& obstacle : room.solids) scene.push_back(truthOf(obstacle, scene.size()));
+  for (std::size_t r = 0; r < paths.size(); ++r) {
     robots[r].name = "r" + std::to_string(r + 1);
-    robots[r].initial_pose = ways[r].poses.front();
+    robots[r].initial_pose = paths[r].poses.front();
     robots[r].body.radius_m = kRadius_m;
     robots[r].body.height_m = kHeight_m;
     robots[r].body.wheel_separation_m = kSeparation_m;
   }
   dataset::writeDatasetYaml(folder, robots);
   dataset::writeTruthScene(folder, scene);
-  for (std::size_t r = 0; r < ways.size(); ++r)
-    recordRobot(folder, robots[r].name, r, room, camera, ways, random);
+  for (std::size_t r = 0; r < paths.size(); ++r)
+    recordRobot(folder, robots[r].name, r, room, camera, paths, random);
 }
 
 }  // namespace omnifleet::raycast

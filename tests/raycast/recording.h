@@ -8,26 +8,27 @@
 namespace omnifleet::raycast {
 
 enum class Light {
-  kSoft,     ///< two lamps, things darken the floor at their feet
-  kShadows,  ///< the same lamps cast shadows
-  kOneLamp   ///< casts shadows, little light from elsewhere; a linear camera that darkens to its rim
+  kSoft,     ///< two lamps without cast shadows; contact shadows at the foot of obstacles
+  kShadows,  ///< two lamps that cast shadows
+  kOneLamp   ///< one lamp that casts shadows, weak ambient light; a linear camera with vignetting
 };
 
 struct RecordingOptions {
-  unsigned seed = 0;  ///< of the room, the ways and all noise
+  unsigned seed = 0;  ///< of room, paths and noise
   Floor floor = Floor::kLino;
   lens::Projection projection = lens::Projection::kEquidistant;
-  int robots = 3, things = 8, frames = 25;
+  int robots = 3, obstacles = 8;
+  int frames = 25;  ///< per robot, at 5 Hz
   int width_px = 640, height_px = 480;
-  double light = 1.0;
+  double light = 1.0;  ///< brightness; 1: bright
   Light lit_by = Light::kSoft;
   bool tape = false;  ///< two strips of yellow tape, 5 cm wide, through the room
-  int sheets = 0;     ///< of paper on the floor
+  int sheets = 0;     ///< number of sheets of paper (A4) on the floor
 };
 
-/// Robots, light and dark, drive at random among things of any colour but the floor's; wheels are off by one
-/// per cent. Writes a data set with its truth. Throws std::runtime_error where no ways are found or a file
-/// cannot be written.
+/// Writes a data set with its truth. Light and dark robots drive random paths among obstacles whose colours
+/// differ from the floor's. Each wheel has a constant scale error (σ 1 %) and noise per sample (σ 2 %).
+/// Throws std::runtime_error if no free paths are found or a file cannot be written.
 void record(const std::string& folder, const RecordingOptions& options);
 
 }  // namespace omnifleet::raycast

@@ -1,7 +1,4 @@
-// Writes a recording of the second renderer, for looking at and for figures that no tuning has seen.
-// Usage: raycast_recording OUT SEED [FLOOR [PROJECTION [LIGHT [tape | shadows | lamp]]]]
-// FLOOR: lino, parquet, carpet, concrete; PROJECTION: equidistant, equisolid, stereographic; LIGHT: 1 is
-// bright; shadows: two lamps cast them; lamp: one does, in a dark room, a linear camera.
+// Writes a recording of the second renderer, for inspection and for results on images without tuning.
 
 #include <cstdio>
 #include <cstdlib>
@@ -24,8 +21,17 @@ int main(int argc, char** argv) try {
   const std::map<std::string, raycast::Light> lights{{"shadows", raycast::Light::kShadows},
                                                      {"lamp", raycast::Light::kOneLamp}};
   if (argc < 3) {
-    std::fputs("usage: raycast_recording OUT SEED [FLOOR [PROJECTION [LIGHT [tape | shadows | lamp]]]]\n",
-               stderr);
+    std::fputs(
+        "usage: raycast_recording OUT SEED [FLOOR [PROJECTION [LIGHT [tape | shadows | lamp]]]]\n"
+        "  OUT         folder of the recording\n"
+        "  SEED        integer; sets room, paths and noise\n"
+        "  FLOOR       lino (default), parquet, carpet or concrete\n"
+        "  PROJECTION  equidistant (default), equisolid or stereographic\n"
+        "  LIGHT       brightness, default 1 (bright)\n"
+        "  tape        two strips of tape on the floor\n"
+        "  shadows     two lamps that cast shadows\n"
+        "  lamp        one lamp in a dark room, linear camera\n",
+        stderr);
     return 2;
   }
   raycast::RecordingOptions options;

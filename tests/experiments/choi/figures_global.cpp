@@ -46,7 +46,7 @@ struct StandingRobot {
   Pose2 pose;
 };
 
-/// Where the run says that the robots are at a time.
+/// Estimated poses of the robots at the frame nearest to `time_ns`.
 std::vector<StandingRobot> robotsAt(const std::string& recording, const std::string& run, TimeNs time_ns) {
   std::vector<StandingRobot> robots;
   for (const auto& [name, body] : fleet::Fleet::load("", recording, {}).bodies()) {
@@ -82,7 +82,7 @@ Bounds roomOf(const std::vector<dataset::MapObject>& scene, const std::vector<St
   return bounds;
 }
 
-/// The tracks that one robot shows at its last time.
+/// Tracks of one robot in its last frame.
 std::vector<dataset::TrackRow> lastTracks(const std::string& run, const std::string& robot) {
   std::vector<std::string> warnings;
   auto rows = dataset::readTracks(run + "/tracks/" + robot + ".csv", warnings);
@@ -92,7 +92,7 @@ std::vector<dataset::TrackRow> lastTracks(const std::string& run, const std::str
   return rows;
 }
 
-/// Fig. 11: what one robot knows of the others and of the obstacles: centre, distance, bearing, kind.
+/// Fig. 11: objects that one robot tracks, with centre, distance, bearing and kind.
 cv::Mat drawInformation(const SeedData& data, const std::string& method, const std::string& title) {
   const std::string run = data.fixed_runs.at(method);
   const auto scene = dataset::GroundTruth::load(data.fixed).scene;
@@ -109,7 +109,7 @@ cv::Mat drawInformation(const SeedData& data, const std::string& method, const s
     const cv::Scalar colour = !is_known ? ink::kGrey : is_robot ? ink::kBlue : ink::kOrange;
     plot.line({self.pose.translation(), at}, {ink::kFaint * 0.85, 1, false, false, ""});
     plot.dot(at, colour, 6,
-             !is_known  ? "centre O of something unknown"
+             !is_known  ? "centre O of an unclassified object"
              : is_robot ? "centre O of a robot"
                         : "centre O of an obstacle");
     plot.words(fmt::format("{:.2f} m, {:.0f} deg", row.position_m.norm(),
@@ -122,9 +122,9 @@ cv::Mat drawInformation(const SeedData& data, const std::string& method, const s
   return plot.image();
 }
 
-/// Fig. 12: the formation with its distances and angles while it drives.
+/// Fig. 12: the formation while driving, with its distances and angles.
 cv::Mat drawFormation(const SeedData& data) {
-  const std::string run = data.moving_runs.at("ours");
+  const std::string run = data.moving_runs.at("omnifleet");
   const auto truth = dataset::GroundTruth::load(data.moving);
   const auto& leader_path = truth.trajectories.begin()->second;
   const TimeNs time_ns = leader_path[leader_path.size() * 3 / 5].time_ns;
@@ -134,12 +134,12 @@ cv::Mat drawFormation(const SeedData& data) {
   Plot plot = mapPlot("formation while driving: d and theta of the followers, seen from the leader", bounds,
                       {1200, 860});
   for (const auto& object : dataset::readObjects(run + "/objects.geojson")) {
-    plot.area(object.outline_m, ink::kOrange, 0.35, "obstacle of the map");
+    plot.area(object.outline_m, ink::kOrange, 0.35, "obstacle in the map");
   }
   constexpr double kSight_m = 2.0;  // SilhouetteOptions::max_contact_m
   for (std::size_t i = 0; i < robots.size(); ++i) {
     plot.circle(robots[i].pose.translation(), kSight_m,
-                {ink::robot(i), 1, true, false, fmt::format("reach of {}'s objects, 2 m", robots[i].name)});
+                {ink::robot(i), 1, true, false, fmt::format("range of {}'s objects, 2 m", robots[i].name)});
   }
   const StandingRobot& leader = robots.front();
   const Eigen::Vector2d from = leader.pose.translation();
@@ -151,18 +151,18 @@ cv::Mat drawFormation(const SeedData& data) {
                to, ink::kBlack, in_leader.y() > 0.0 ? 74 : -74, 0.5);
   }
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    std::vector<Eigen::Vector2d> way;
+    std::vector<Eigen::Vector2d> path;
     for (const auto& pose :
          dataset::flat(dataset::readTum(run + "/trajectories/" + robots[i].name + ".tum"))) {
-      if (pose.time_ns <= time_ns) way.push_back(pose.map_from_base.translation());
+      if (pose.time_ns <= time_ns) path.push_back(pose.map_from_base.translation());
     }
-    plot.line(way, {ink::robot(i), 2, false, false, "way of " + robots[i].name});
+    plot.line(path, {ink::robot(i), 2, false, false, "path of " + robots[i].name});
   }
   drawRobots(plot, robots);
   return plot.image();
 }
 
-/// Fig. 13: the robots' local maps over one another, and what becomes of them.
+/// Fig. 13: local maps of all robots overlaid, and the global map made of them.
 cv::Mat drawOverlay(const SeedData& data, const std::string& method, const std::string& title) {
   const std::vector<std::string> overlays =
       method == "literal" ? std::vector<std::string>{data.overlay} : std::vector<std::string>{};
@@ -185,18 +185,18 @@ cv::Mat drawOverlay(const SeedData& data, const std::string& method, const std::
   return plot.image();
 }
 
-/// Fig. 18: the global map of §V.1 beside the truth.
+/// Fig. 18: global map of §V.1 and the true footprints.
 cv::Mat drawStaticMap(const SeedData& data) {
   const auto scene = dataset::GroundTruth::load(data.fixed).scene;
-  const auto robots = robotsAt(data.fixed, data.fixed_runs.at("ours"), INT64_MAX / 2);
+  const auto robots = robotsAt(data.fixed, data.fixed_runs.at("omnifleet"), INT64_MAX / 2);
   Plot plot = mapPlot("global map of V.1", roomOf(scene, robots), {1200, 960});
   for (const auto& object : dataset::readObjects(data.fixed_runs.at("literal") + "/objects.geojson")) {
     plot.line(object.outline_m, {ink::kOrange, 2, false, true, "as printed"});
     plot.dot(centroid(object.outline_m), ink::kOrange, 4);
   }
-  for (const auto& object : dataset::readObjects(data.fixed_runs.at("ours") + "/objects.geojson")) {
+  for (const auto& object : dataset::readObjects(data.fixed_runs.at("omnifleet") + "/objects.geojson")) {
     plot.area(object.outline_m, ink::kBlue, 0.3);
-    plot.line(object.outline_m, {ink::kBlue, 2, false, true, "ours"});
+    plot.line(object.outline_m, {ink::kBlue, 2, false, true, "omnifleet"});
     plot.dot(centroid(object.outline_m), ink::kBlue, 4);
   }
   drawTruth(plot, scene);
@@ -209,13 +209,13 @@ cv::Mat drawStaticMap(const SeedData& data) {
 void drawGlobalFigures(const SeedData& data, const std::string& folder) {
   const std::string to = folder + "/";
   save(to + "fig11_information.png",
-       beside({drawInformation(data, "literal", "robots and objects as r1 tells them: as printed"),
-               drawInformation(data, "ours", "ours")},
+       beside({drawInformation(data, "literal", "robots and objects observed by r1: as printed"),
+               drawInformation(data, "omnifleet", "omnifleet")},
               {"distance and bearing from r1"}));
   save(to + "fig12_formation.png", drawFormation(data));
   save(to + "fig13_global_map.png",
        beside({drawOverlay(data, "literal", "local maps overlaid: as printed"),
-               drawOverlay(data, "ours", "silhouettes and fitted footprints: ours")},
+               drawOverlay(data, "omnifleet", "silhouettes and fitted footprints: omnifleet")},
               {}));
   save(to + "fig18_static_map.png", drawStaticMap(data));
 }

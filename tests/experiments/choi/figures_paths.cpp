@@ -16,7 +16,7 @@ namespace omnifleet::choi {
 namespace {
 
 const char* nameOf(const std::string& method) {
-  return method == "literal" ? "as printed" : "ours";
+  return method == "literal" ? "as printed" : "omnifleet";
 }
 
 Paths pathsOf(const SeedData& data, const std::string& method) {
@@ -27,13 +27,13 @@ Paths pathsOf(const SeedData& data, const std::string& method) {
   return paths;
 }
 
-/// Fig. 20: the drive from the ceiling, six moments.
+/// Fig. 20: six moments of the drive, seen from the ceiling.
 void drawSnapshots(const SeedData& data, const std::string& path) {
   const dataset::Dataset recording = dataset::Dataset::open(data.moving_ceiling);
   if (recording.ceiling.empty()) return;
   const dataset::ImageStream& stream = recording.ceiling.front();
   constexpr std::size_t kMoments = 6;
-  constexpr int kSnapshot_px = 600;  // wide
+  constexpr int kSnapshot_px = 600;  // width
   const std::size_t n = stream.rows.size();
   std::vector<cv::Mat> pictures;
   std::vector<std::string> captions;
@@ -64,9 +64,9 @@ void drawSnapshots(const SeedData& data, const std::string& path) {
 /// Fig. 21: the paths.
 void drawPaths(const SeedData& data, const std::string& path) {
   const auto truth = dataset::GroundTruth::load(data.moving);
-  const Paths literal = pathsOf(data, "literal"), ours = pathsOf(data, "ours");
+  const Paths literal = pathsOf(data, "literal"), omnifleet = pathsOf(data, "omnifleet");
   Axes axes;
-  axes.title = "paths of V.2: ceiling tracker, as printed, ours";
+  axes.title = "paths of V.2: ceiling tracker, as printed, omnifleet";
   axes.x_label = "x (m)";
   axes.y_label = "y (m)";
   axes.equal = true;
@@ -89,7 +89,7 @@ void drawPaths(const SeedData& data, const std::string& path) {
     plot.line(points, line);
   };
   for (const auto& [robot, poses] : literal) draw(poses, {ink::kOrange, 2, false, false, "as printed"});
-  for (const auto& [robot, poses] : ours) draw(poses, {ink::kBlue, 2, false, false, "ours"});
+  for (const auto& [robot, poses] : omnifleet) draw(poses, {ink::kBlue, 2, false, false, "omnifleet"});
   for (const auto& [robot, poses] : data.ceiling) {
     for (std::size_t i = 0; i < poses.size(); i += 4)
       plot.dot(poses[i].map_from_base.translation(), ink::kBlack, 2, "ceiling tracker (every 4th frame)");
@@ -128,13 +128,13 @@ cv::Mat drawErrors(const std::vector<ErrorTrace>& traces, const std::string& tit
   axes.title = title;
   axes.x_label = "time (s)";
   axes.y_label = std::string(x_axis ? "x" : "y") + " error (cm)";
-  double most = 0.05, end = 1.0;
+  double max_cm = 0.05, end = 1.0;
   for (const ErrorTrace& trace : traces) {
-    for (const double v : x_axis ? trace.x_cm : trace.y_cm) most = std::max(most, std::abs(v));
+    for (const double v : x_axis ? trace.x_cm : trace.y_cm) max_cm = std::max(max_cm, std::abs(v));
     if (!trace.t_s.empty()) end = std::max(end, trace.t_s.back());
   }
-  axes.low = {0.0, -1.15 * most};
-  axes.high = {1.14 * end, 1.15 * most};  // the legend has a place of its own
+  axes.low = {0.0, -1.15 * max_cm};
+  axes.high = {1.14 * end, 1.15 * max_cm};  // space for the legend
   Plot plot(axes, {860, 420});
   plot.line({{0.0, 0.0}, {end, 0.0}}, {ink::kGrey, 1, false, false, ""});
   for (std::size_t i = 0; i < traces.size(); ++i) {
@@ -146,18 +146,18 @@ cv::Mat drawErrors(const std::vector<ErrorTrace>& traces, const std::string& tit
   return plot.image();
 }
 
-/// Fig. 22: errors over time against the ceiling tracker (the paper's reference) and the exact truth.
+/// Fig. 22: path errors over time, against the ceiling tracker (the paper's reference) and the exact truth.
 void drawErrorFigure(const SeedData& data, const std::string& path) {
   const Paths truth = dataset::GroundTruth::load(data.moving).trajectories;
   std::vector<cv::Mat> rows;
-  for (const std::string method : {"literal", "ours"}) {
+  for (const std::string method : {"literal", "omnifleet"}) {
     const Paths paths = pathsOf(data, method);
     const auto against_ceiling = errorsOf(data.ceiling, paths), against_truth = errorsOf(truth, paths);
     const std::string name = nameOf(method);
     rows.push_back(beside({drawErrors(against_ceiling, name + " against the ceiling tracker", true),
                            drawErrors(against_ceiling, name + " against the ceiling tracker", false)},
                           {}));
-    if (method == "ours") {
+    if (method == "omnifleet") {
       rows.push_back(beside({drawErrors(against_truth, name + " against the exact truth", true),
                              drawErrors(against_truth, name + " against the exact truth", false)},
                             {}));
@@ -201,7 +201,7 @@ cv::Mat drawTeamPlot(const std::vector<SeedResult>& results, const std::vector<s
                      double top) {
   Axes axes;
   axes.title = title;
-  axes.x_label = "robots whose views make the map";
+  axes.x_label = "number of robots whose views form the map";
   axes.y_label = unit;
   axes.low = {0.5, 0.0};
   axes.high = {*sizes.rbegin() + 0.5, top};
@@ -221,13 +221,13 @@ cv::Mat drawTeamPlot(const std::vector<SeedResult>& results, const std::vector<s
       const TeamColumn column = columnOf(results, method, n);
       const auto& values = column.*part;
       if (values.empty()) continue;
-      const auto [least, most] = std::minmax_element(values.begin(), values.end());
+      const auto [min, max] = std::minmax_element(values.begin(), values.end());
       const double x = n + (shown.size() < 2 ? 0.0 : literal ? -0.04 : 0.04);
-      plot.bar(x, *least, *most, colour);
+      plot.bar(x, *min, *max, colour);
       means.emplace_back(x, meanOf(values));
       plot.dot(means.back(), colour, 4);
     }
-    plot.line(means, {colour, 2, false, false, std::string(nameOf(method)) + ": mean, least, most"});
+    plot.line(means, {colour, 2, false, false, std::string(nameOf(method)) + ": mean, minimum, maximum"});
   }
   return plot.image();
 }
@@ -246,13 +246,13 @@ void drawTeams(const std::vector<SeedResult>& results, const std::string& path) 
     for (const TeamScore& team : result.teams) sizes.insert(team.robots);
   }
   if (sizes.empty()) return;
-  const std::vector<std::string> both{"literal", "ours"};
-  save(path, stacked({beside({drawTeamPlot(results, {"ours"}, sizes, "error of the places, ours", "cm",
+  const std::vector<std::string> both{"literal", "omnifleet"};
+  save(path, stacked({beside({drawTeamPlot(results, {"omnifleet"}, sizes, "position error, omnifleet", "cm",
                                            &TeamColumn::error_cm, 0.0),
-                              drawTeamPlot(results, {"literal"}, sizes, "error of the places, as printed",
-                                           "cm", &TeamColumn::error_cm, 0.0)},
+                              drawTeamPlot(results, {"literal"}, sizes, "position error, as printed", "cm",
+                                           &TeamColumn::error_cm, 0.0)},
                              {}),
-                      beside({drawTeamPlot(results, both, sizes, "overlap of the footprints", "IoU",
+                      beside({drawTeamPlot(results, both, sizes, "overlap of footprints", "IoU",
                                            &TeamColumn::iou, 1.05),
                               drawTeamPlot(results, both, sizes, "obstacles found (15 cm, IoU 0.3)", "%",
                                            &TeamColumn::found, 105.0)},

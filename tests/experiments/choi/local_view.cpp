@@ -13,10 +13,10 @@
 namespace omnifleet::choi {
 namespace {
 
-constexpr float kDrawnLonger = 3.0f;  // 5 cm are few pixels
+constexpr float kVectorScale = 3.0f;  // 5 cm are few pixels
 constexpr double kReach_m = 2.2;      // from the robot to the edge of the floor pictures
 
-LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot) {
+LocalView makeView(const fleet::Fleet& fleet, const dataset::RobotRecording& robot) {
   const options::Section section = fleet.service("local_mapper");
   motion::WheelIntegrator wheels(robot.body.wheel_separation_m,
                                  motion::WheelIntegrator::Options::read(section.child("wheels")));
@@ -30,7 +30,7 @@ LocalView lookOf(const fleet::Fleet& fleet, const dataset::RobotRecording& robot
   dataset::FrameInfo info;
   for (std::size_t i = 0; i <= last && source->next(view.image, info); ++i) {
     if (i != 0 && i != last) continue;
-    const std::uint32_t sequence = i == 0 ? 0 : 1;  // the frames between are left out, not lost
+    const std::uint32_t sequence = i == 0 ? 0 : 1;  // consecutive numbers: skipped frames are no gap
     view.map =
         mapper.process({info.time_ns, sequence, info.state, view.image}, wheels.motionTo(info.time_ns));
   }
@@ -87,7 +87,7 @@ std::vector<LocalView> localViews(const std::string& recording, const std::vecto
   std::vector<LocalView> views;
   for (const dataset::RobotRecording& robot : dataset::Dataset::open(recording).robots) {
     if (!robot.fisheye || robot.fisheye->rows.empty()) continue;
-    views.push_back(lookOf(fleet, robot));
+    views.push_back(makeView(fleet, robot));
     views.back().map_from_base = truth.at(robot.name).back().map_from_base;
   }
   return views;
@@ -122,7 +122,7 @@ cv::Mat vectorPicture(const LocalView& view) {
   const int width = std::max(1, picture.rows / 480);
   for (const ObjectObservation& object : view.map.objects) {
     for (const FlowVector& v : object.vectors) {
-      const Eigen::Vector2f tip = v.from_px + kDrawnLonger * (v.to_px - v.from_px);
+      const Eigen::Vector2f tip = v.from_px + kVectorScale * (v.to_px - v.from_px);
       const cv::Point from(cvRound(v.from_px.x()), cvRound(v.from_px.y())),
           to(cvRound(tip.x()), cvRound(tip.y()));
       cv::arrowedLine(picture, from, to, {30, 30, 255}, width + 1, cv::LINE_AA, 0, 0.3);

@@ -9,7 +9,7 @@
 
 namespace omnifleet::choi {
 
-/// What one robot makes of its first and last frame of §V.1, 5 cm apart.
+/// Local map of one robot from its first and last frame of §V.1, 5 cm apart.
 struct LocalView {
   std::string robot;
   cv::Mat image;  ///< the last frame
@@ -19,13 +19,13 @@ struct LocalView {
   Pose2 map_from_base;  ///< true pose at the last frame
 };
 
-/// All robots of a recording, with the options of the data set and `overlays` on top.
+/// Views of all robots of a recording. `overlays` override the default options.
 std::vector<LocalView> localViews(const std::string& recording, const std::vector<std::string>& overlays);
 
-/// False for a region of too few feature points (Choi §III.5).
+/// Returns false for a region with too few feature points (Choi §III.5).
 bool hasOutline(const ObjectObservation& object);
 
-/// Figs. 4–6, 8, 9: the square around the image circle, or base_link in metres.
+/// Figs. 4–6 show the square around the image circle, figs. 8 and 9 base_link in metres.
 cv::Mat labelPicture(const LocalView& view);
 cv::Mat connectedPicture(const LocalView& view);
 cv::Mat vectorPicture(const LocalView& view);

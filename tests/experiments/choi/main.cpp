@@ -1,5 +1,5 @@
-// Choi et al. 2014, §V: `seed` runs one seed's arenas, `report` prints the tables of all and draws their
-// figures.
+// Experiments of Choi et al. 2014, §V. `seed` runs the arenas of one seed. `report` prints the tables of all
+// seeds and draws their figures.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -22,7 +22,7 @@ std::string resultFile(const std::string& out, std::uint32_t seed) {
   return out + "/seeds/" + std::to_string(seed) + "/result.json";
 }
 
-/// A result of the very same settings is there already.
+/// True if a result with the same settings exists.
 bool isDone(const SeedOptions& options, const std::string& file) {
   if (!fs::exists(file)) return false;
   try {
@@ -52,7 +52,9 @@ int reportAll(const std::string& out, std::uint32_t first, std::uint32_t last) {
   for (std::uint32_t seed = first; seed <= last; ++seed) {
     if (fs::exists(resultFile(out, seed))) results.push_back(SeedResult::load(resultFile(out, seed)));
   }
-  if (results.empty()) throw std::runtime_error(out + ": no seed is done");
+  if (results.empty())
+    throw std::runtime_error(out + ": no results of seeds " + std::to_string(first) + " to " +
+                             std::to_string(last) + "; run `seed` first");
   const std::string text = report(results);
   std::fputs(text.c_str(), stdout);
   omnifleet::dataset::writeAtomic(out + "/table1.txt", text);
@@ -68,20 +70,21 @@ int main(int argc, char** argv) {
   std::string out;
   SeedOptions options;
   bool verbose = false, with_figures = false;
-  auto* seed = app.add_subcommand("seed", "one seed: rooms, runs, scores");
-  seed->add_option("SEED", options.seed)->required();
-  seed->add_option("--config", options.config, "the folder config/")->required();
-  seed->add_option("--image-scale", options.image_scale, "of all cameras")->check(within({0.1, 2.0}));
-  seed->add_option("--duration", options.duration_s, "s, at most, of the drive")
-      ->check(within({0.1, 3600.0}));
-  seed->add_flag("--figures", with_figures, "draw them");
-  seed->add_flag("--keep", options.keep, "leave recordings and runs");
-  seed->add_flag("--verbose", verbose, "tell each step");
+  auto* seed =
+      app.add_subcommand("seed", "run one seed: render its rooms, replay them, compare with the truth");
+  seed->add_option("SEED", options.seed, "seed of the rooms and of the noise")->required();
+  seed->add_option("--config", options.config, "path of the folder config/")->required();
+  seed->add_option("--image-scale", options.image_scale, "factor on the image size of all cameras")
+      ->check(within({0.1, 2.0}));
+  seed->add_option("--duration", options.duration_s, "longest drive, s")->check(within({0.1, 3600.0}));
+  seed->add_flag("--figures", with_figures, "draw the figures");
+  seed->add_flag("--keep", options.keep, "keep recordings and runs");
+  seed->add_flag("--verbose", verbose, "print each step");
   std::uint32_t first = 1000, last = 1019;
-  auto* all = app.add_subcommand("report", "tables of the seeds that are done");
-  all->add_option("--first", first);
-  all->add_option("--last", last);
-  for (auto* command : {seed, all}) command->add_option("--out", out)->required();
+  auto* all = app.add_subcommand("report", "print the tables of all finished seeds");
+  all->add_option("--first", first, "first seed");
+  all->add_option("--last", last, "last seed");
+  for (auto* command : {seed, all}) command->add_option("--out", out, "folder of the results")->required();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

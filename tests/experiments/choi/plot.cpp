@@ -24,7 +24,7 @@ void write(cv::Mat& image, const std::string& text, cv::Point at, double size, c
   cv::putText(image, text, at, kFont, size, colour, weight, cv::LINE_AA);
 }
 
-/// 1, 2 or 5 times a power of ten, about `wanted` of them over the span.
+/// Tick distance: 1, 2 or 5 times a power of ten, so that about `wanted` ticks fit into the span.
 double tickStep(double span, double wanted) {
   const double raw = span / wanted, power = std::pow(10.0, std::floor(std::log10(raw)));
   for (const double factor : {1.0, 2.0, 5.0}) {
@@ -40,9 +40,10 @@ std::string number(double value, double step) {
   return text;
 }
 
-/// The place of that size along the sides of the frame where the least is drawn; the upper right one of equals.
+/// Place of that size at the left or right side of the frame with the fewest drawn pixels; among equals the
+/// upper right one.
 cv::Rect emptiest(const cv::Mat& image, const cv::Rect& frame, cv::Size size) {
-  constexpr int kMargin_px = 6, kDrawn = 190;  // the grid is lighter than anything drawn
+  constexpr int kMargin_px = 6, kDrawn = 190;  // grey level; the grid is lighter, drawn items are darker
   const int right = frame.br().x - size.width - kMargin_px, bottom = frame.br().y - size.height - kMargin_px;
   const int left = frame.x + kMargin_px, top = frame.y + kMargin_px, middle = (top + bottom) / 2;
   cv::Rect best;
@@ -90,7 +91,7 @@ Plot::Plot(const Axes& axes, cv::Size size)
 
 Eigen::Vector2d Plot::pixel(const Eigen::Vector2d& at) const {
   const Eigen::Vector2d share = (at - axes_.low).cwiseQuotient(axes_.high - axes_.low);
-  // Far beyond the frame is as good as farther: integers must hold it.
+  // Limited, because the pixel coordinates are converted to integers.
   const Eigen::Vector2d bounded = share.cwiseMax(-20.0).cwiseMin(20.0);
   return {frame_.x + bounded.x() * frame_.width, frame_.y + (1.0 - bounded.y()) * frame_.height};
 }
@@ -134,7 +135,7 @@ void Plot::line(const std::vector<Eigen::Vector2d>& points, const Line& line) {
   remember(line.name, line.colour, line.dashed ? 1 : 0);
   cv::Mat inside = image_(frame_);
   const std::size_t n = points.size(), segments = line.closed ? n : (n > 0 ? n - 1 : 0);
-  double walked = 0.0;  // pixels, so that dashes go on over short segments
+  double walked = 0.0;  // pixels, so that the dash pattern continues across short segments
   for (std::size_t i = 0; i < segments; ++i) {
     const Eigen::Vector2d a = pixel(points[i]), b = pixel(points[(i + 1) % n]);
     const double length = (b - a).norm();

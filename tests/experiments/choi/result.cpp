@@ -12,21 +12,26 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// JSON has no NaN: null is one.
+/// JSON has no NaN. NaN is stored as null.
 double number(const Json& json) {
   return json.is_null() ? std::numeric_limits<double>::quiet_NaN() : json.get<double>();
 }
 
 Json toJson(const MapScore& s) {
-  return {{"truths", s.truths},           {"told", s.told}, {"found", s.found},
-          {"paired", s.paired},           {"x_m", s.x_m},   {"y_m", s.y_m},
-          {"distances_m", s.distances_m}, {"iou", s.iou}};
+  return {{"truths", s.truths},
+          {"reported", s.reported},
+          {"found", s.found},
+          {"paired", s.paired},
+          {"x_m", s.x_m},
+          {"y_m", s.y_m},
+          {"distances_m", s.distances_m},
+          {"iou", s.iou}};
 }
 
 MapScore mapScore(const Json& json) {
   const auto count = [&](const char* key) { return json.at(key).get<int>(); };
   return {count("truths"),
-          count("told"),
+          count("reported"),
           count("found"),
           count("paired"),
           number(json.at("x_m")),

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::vector<std::string>& methods() {
-  static const std::vector<std::string> kMethods{"literal", "ours"};
+  static const std::vector<std::string> kMethods{"literal", "omnifleet"};
   return kMethods;
 }
 
@@ -37,7 +37,8 @@ void scaleImages(double scale, synthetic::Arena& arena) {
   }
 }
 
-/// The lens that eq. 6–7 describe in the place of the 185° one: its image circle, as far as 90°, is as large.
+/// Replaces the lens of 185° by the orthographic lens of eq. 6–7. Its image circle ends at 90° and has the
+/// same size.
 void makeOrthographic(synthetic::Arena& arena) {
   for (synthetic::ArenaCamera& camera : arena.cameras) {
     if (camera.robot.empty()) continue;
@@ -56,7 +57,7 @@ MapScore score(const std::vector<dataset::MapObject>& truth, const std::vector<d
   const evaluation::MapMetrics wide = evaluation::compareMaps(truth, objects, {kPair_m, 0.0});
   MapScore s;
   s.truths = wide.truths;
-  s.told = wide.estimates;
+  s.reported = wide.estimates;
   s.found = static_cast<int>(strict.matches.size());
   s.paired = static_cast<int>(wide.matches.size());
   s.x_m = wide.x_error_m;
@@ -66,7 +67,7 @@ MapScore score(const std::vector<dataset::MapObject>& truth, const std::vector<d
   return s;
 }
 
-/// Mean over robots, weighted by their frames.
+/// Mean over robots, weighted by their number of frames.
 class PathMean {
  public:
   void add(const evaluation::PathMetrics& p) {
@@ -96,8 +97,8 @@ PathScore compare(const Paths& reference, const Paths& estimate) {
 
 class Experiment {
  public:
-  Experiment(const SeedOptions& options, const std::function<void(const std::string&)>& say)
-      : options_(options), say_(say) {
+  Experiment(const SeedOptions& options, const std::function<void(const std::string&)>& progress)
+      : options_(options), progress_(progress) {
     result_.seed = options.seed;
     result_.settings = settingsOf(options);
     data_.overlay = options.config + "/papers/choi.yaml";
@@ -109,7 +110,7 @@ class Experiment {
     staticExperiment();
     dynamicExperiment();
     if (!options_.figures.empty()) {
-      say_("figures");
+      progress_("figures");
       drawFigures(data_, options_.figures);
     }
     if (!options_.keep) fs::remove_all(work());
@@ -127,7 +128,7 @@ class Experiment {
   }
 
   std::string record(const synthetic::Arena& room, const std::string& name, bool ceiling) {
-    say_("recording " + name);
+    progress_("recording " + name);
     world::RecordingOptions how;
     how.seed = options_.seed;
     how.ceiling = ceiling;
@@ -137,10 +138,10 @@ class Experiment {
     return folder;
   }
 
-  /// `observers`: whose views shape the map; empty: everybody's.
+  /// `observers`: robots whose views shape the map; empty: all robots.
   std::string replay(const std::string& recording, const std::string& method, const std::string& name,
                      const std::vector<std::string>& observers = {}) {
-    say_(name);
+    progress_(name);
     services::InProcessRun run;
     run.dataset = recording;
     run.out = (work() / name).string();
@@ -153,7 +154,7 @@ class Experiment {
                                        fmt::join(observers, ", ")));
       run.overlays.push_back(file);
     }
-    if (!services::runInProcess(run)) throw std::runtime_error(run.out + ": the map could not be saved");
+    if (!services::runInProcess(run)) throw std::runtime_error(run.out + ": the run did not save its map");
     return run.out;
   }
 
@@ -182,7 +183,7 @@ class Experiment {
           mapScore(recording, replay(recording, method, "static_orthographic_" + method));
   }
 
-  /// §IV.4: every robot alone, every pair.
+  /// §IV.4: maps from each single robot and each pair.
   void teams(const synthetic::Arena& room, const std::string& method) {
     std::vector<std::vector<std::string>> chosen;
     for (const auto& a : room.robots) {
@@ -224,8 +225,8 @@ class Experiment {
     }
   }
 
-  /// The robots must not be located by what is to judge them: the ceiling camera becomes a recording of its
-  /// own.
+  /// Moves the ceiling cameras to a recording of their own. They serve as the reference, so the replay must
+  /// not localize the robots by them. Returns the folder, or an empty string without ceiling cameras.
   std::string setCeilingAside(const std::string& recording, const std::string& name) {
     const fs::path from = fs::path(recording) / "ceiling", to = work() / name;
     if (!fs::exists(from)) return {};
@@ -236,7 +237,7 @@ class Experiment {
   }
 
   void trackFromCeiling(const std::string& folder) {
-    say_("ceiling tracker");
+    progress_("ceiling tracker");
     const dataset::Dataset recording = dataset::Dataset::open(folder);
     data_.moving_ceiling = folder;
     for (const dataset::ImageStream& stream : recording.ceiling) {
@@ -253,7 +254,7 @@ class Experiment {
   }
 
   SeedOptions options_;
-  std::function<void(const std::string&)> say_;
+  std::function<void(const std::string&)> progress_;
   SeedResult result_;
   SeedData data_;
 };
@@ -269,8 +270,8 @@ std::string settingsOf(const SeedOptions& options) {
                      digest);
 }
 
-SeedResult runSeed(const SeedOptions& options, const std::function<void(const std::string&)>& say) {
-  return Experiment(options, say).run();
+SeedResult runSeed(const SeedOptions& options, const std::function<void(const std::string&)>& progress) {
+  return Experiment(options, progress).run();
 }
 
 }  // namespace omnifleet::choi

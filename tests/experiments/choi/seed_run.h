@@ -1,7 +1,8 @@
 #pragma once
 
-// Choi et al. 2014, §V.1 and §V.2 in one seed's arenas: recorded, replayed as printed ("literal",
-// config/papers/choi.yaml) and as the house does it ("ours"), scored against the truth.
+// Choi et al. 2014, §V.1 and §V.2, in the arenas of one seed. Each recording is replayed with the method as
+// printed ("literal", config/papers/choi.yaml) and with the default options ("omnifleet"), and compared with
+// the truth.
 
 #include <functional>
 #include <map>
@@ -15,29 +16,29 @@ namespace omnifleet::choi {
 
 struct SeedOptions {
   std::uint32_t seed = 1000;
-  std::string config;        ///< the folder config/
-  std::string folder;        ///< of this seed; created
-  double image_scale = 1.0;  ///< 1, of all cameras; 1: the paper's 1280×960
-  double duration_s = 0.0;   ///< s, at most, of the drive in §V.2; 0: the arena's
+  std::string config;        ///< path of the folder config/
+  std::string folder;        ///< folder of this seed; created if missing
+  double image_scale = 1.0;  ///< factor on the image size of all cameras; 1: 1280×960 as in the paper
+  double duration_s = 0.0;   ///< s, longest drive in §V.2; 0: duration of the arena
   std::string figures;       ///< folder for the figures; empty: none
-  bool keep = false;         ///< leave the recordings and runs
+  bool keep = false;         ///< keep the recordings and runs
 };
 
 using Paths = std::map<std::string, std::vector<dataset::StampedPose>>;
 
-/// Where everything of one seed lies while its figures are drawn.
+/// Folders and paths of one seed, from which its figures are drawn.
 struct SeedData {
-  std::string fixed, moving;                  ///< recordings of §V.1 and §V.2, robots alone
-  std::string fixed_ceiling, moving_ceiling;  ///< their ceiling cameras; empty: none
+  std::string fixed, moving;                  ///< recordings of §V.1 and §V.2, robots only
+  std::string fixed_ceiling, moving_ceiling;  ///< recordings of their ceiling cameras; empty: none
   std::map<std::string, std::string> fixed_runs, moving_runs;  ///< by method
   std::string overlay;                                         ///< config/papers/choi.yaml
-  Paths ceiling;                                               ///< what the ceiling tracker says
+  Paths ceiling;                                               ///< paths from the ceiling tracker
 };
 
-/// Names everything that the result depends on.
+/// Describes everything that the result depends on: options and a digest of configuration and program.
 std::string settingsOf(const SeedOptions& options);
 
-/// `say` is told what is being done. Throws options::Error, std::runtime_error.
-SeedResult runSeed(const SeedOptions& options, const std::function<void(const std::string&)>& say);
+/// Calls `progress` with the name of each step. Throws options::Error and std::runtime_error.
+SeedResult runSeed(const SeedOptions& options, const std::function<void(const std::string&)>& progress);
 
 }  // namespace omnifleet::choi

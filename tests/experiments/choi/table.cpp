@@ -12,6 +12,9 @@
 namespace omnifleet::choi {
 namespace {
 
+// Widths of the columns: label, paper, mean of a method, its spread.
+constexpr int kLabel = 42, kPaper = 7, kMean = 9, kSpread = 19;
+
 using Value = std::function<double(const SeedResult&)>;
 
 Spread over(const std::vector<SeedResult>& results, const Value& value) {
@@ -40,16 +43,17 @@ Value againstCeiling(const std::string& key, const std::function<double(const Pa
 }
 
 std::string cell(const Spread& spread, int decimals) {
-  if (spread.seeds == 0) return fmt::format("{:>8}{:20}", "-", "");
-  return fmt::format("{:>8.{}f} {:<19}", spread.mean, decimals,
-                     fmt::format("({:.{}f}, {:.{}f}-{:.{}f})", spread.deviation, decimals, spread.least,
-                                 decimals, spread.most, decimals));
+  if (spread.seeds == 0) return fmt::format("{:>{}} {:{}}", "-", kMean, "", kSpread);
+  return fmt::format("{:>{}.{}f} {:<{}}", spread.mean, kMean, decimals,
+                     fmt::format("({:.{}f}, {:.{}f}-{:.{}f})", spread.deviation, decimals, spread.min,
+                                 decimals, spread.max, decimals),
+                     kSpread);
 }
 
 std::string row(const std::string& what, const std::string& paper, const std::vector<SeedResult>& results,
-                const Value& literal, const Value& ours, int decimals = 2) {
-  return fmt::format("  {:<42} {:>7} {} {}\n", what, paper, cell(over(results, literal), decimals),
-                     cell(over(results, ours), decimals));
+                const Value& literal, const Value& omnifleet, int decimals = 2) {
+  return fmt::format("  {:<{}} {:>{}} {} {}\n", what, kLabel, paper, kPaper,
+                     cell(over(results, literal), decimals), cell(over(results, omnifleet), decimals));
 }
 
 double x(const MapScore& s) {
@@ -70,28 +74,29 @@ double found(const MapScore& s) {
 double paired(const MapScore& s) {
   return s.truths > 0 ? 100.0 * s.paired / s.truths : std::nan("");
 }
-double surplus(const MapScore& s) {
-  return s.told - s.found;
+double unmatched(const MapScore& s) {
+  return s.reported - s.found;
 }
 
 std::string mapRows(const std::vector<SeedResult>& results, const std::string& suffix, bool paper) {
   const auto line = [&](const std::string& what, const std::string& printed, double (*part)(const MapScore&),
                         int decimals = 2) {
     return row(what, paper ? printed : "-", results, ofMap("literal" + suffix, part),
-               ofMap("ours" + suffix, part), decimals);
+               ofMap("omnifleet" + suffix, part), decimals);
   };
-  return line("x error of places, cm", "2.23", x) + line("y error of places, cm", "1.49", y) +
-         line("error of distances between them, cm", "-", distances) +
+  return line("x error of centroids, cm", "2.23", x) + line("y error of centroids, cm", "1.49", y) +
+         line("error of distances between centroids, cm", "-", distances) +
          line("overlap of footprints, IoU", "-", overlap) +
-         line("of the true ones so paired (0.5 m), %", "-", paired, 0) +
-         line("found (15 cm, IoU 0.3), %", "-", found, 0) + line("objects too many", "-", surplus, 1);
+         line("true obstacles paired (0.5 m), %", "-", paired, 0) +
+         line("true obstacles found (15 cm, IoU 0.3), %", "-", found, 0) +
+         line("objects that match no true obstacle", "-", unmatched, 1);
 }
 
 std::string pathRows(const std::vector<SeedResult>& results, bool ceiling) {
   const auto line = [&](const std::string& what, const std::string& printed,
                         double (*part)(const PathScore&)) {
     return row(what, printed, results, ceiling ? againstCeiling("literal", part) : ofPath("literal", part),
-               ceiling ? againstCeiling("ours", part) : ofPath("ours", part));
+               ceiling ? againstCeiling("omnifleet", part) : ofPath("omnifleet", part));
   };
   return line("x error of paths, cm", ceiling ? "5.65" : "-",
               [](const PathScore& s) { return 100.0 * s.x_m; }) +
@@ -120,7 +125,7 @@ std::string teamRows(const std::vector<SeedResult>& results) {
     };
     const auto line = [&](const std::string& what, double (*part)(const MapScore&), int decimals = 2) {
       return row(fmt::format("{} robot{}: {}", n, n == 1 ? "" : "s", what), "-", results,
-                 mean("literal", part), mean("ours", part), decimals);
+                 mean("literal", part), mean("omnifleet", part), decimals);
     };
     text += line("x error, cm", x) + line("y error, cm", y) + line("IoU", overlap) +
             line("paired, %", paired, 0) + line("found, %", found, 0);
@@ -132,23 +137,22 @@ std::string tableOne(const std::vector<SeedResult>& results) {
   const auto distance = [](const PathScore& s) { return 100.0 * s.distance_m; };
   std::string text = "Table 1. Comparison of experiment results for global paths: distance error, cm\n";
   const auto line = [&](const std::string& what, const std::string& value) {
-    text += fmt::format("  {:<62} {:>8}\n", what, value);
+    text += fmt::format("  {:<64} {:>8}\n", what, value);
   };
   const auto mean = [&](const Value& value) {
     const Spread spread = over(results, value);
     return spread.seeds > 0 ? fmt::format("{:.2f}", spread.mean) : std::string("-");
   };
-  line("the paper's method, as the paper reports it", "7.32");
-  line("the paper's method here (literal), against the ceiling tracker",
-       mean(againstCeiling("literal", distance)));
-  line("ours, against the ceiling tracker", mean(againstCeiling("ours", distance)));
-  line("ours, against the exact truth", mean(ofPath("ours", distance)));
-  line("wheels alone, exactly integrated, against the exact truth", mean(ofPath("wheels", distance)));
-  line("Ladybug camera in 2012 [31], as the paper reports it", "8.51");
-  line("spherical image in 2011 [32], likewise", "7.11");
-  line("upward camera and CHL map in 2007 [33], likewise", "19.6");
-  line("topological navigation in 2007 [34], likewise", "11");
-  line("scan matching in 2006 [35], likewise", "10");
+  line("Choi et al. 2014, as reported", "7.32");
+  line("literal, against the ceiling tracker", mean(againstCeiling("literal", distance)));
+  line("omnifleet, against the ceiling tracker", mean(againstCeiling("omnifleet", distance)));
+  line("omnifleet, against the exact truth", mean(ofPath("omnifleet", distance)));
+  line("wheels only, exact integration, against the exact truth", mean(ofPath("wheels", distance)));
+  line("Ladybug camera in 2012 [31], as reported by Choi et al.", "8.51");
+  line("spherical image in 2011 [32], as reported by Choi et al.", "7.11");
+  line("upward camera, CHL map in 2007 [33], as reported by Choi et al.", "19.6");
+  line("topological navigation in 2007 [34], as reported by Choi et al.", "11");
+  line("scan matching in 2006 [35], as reported by Choi et al.", "10");
   return text;
 }
 
@@ -157,18 +161,18 @@ std::string tableOne(const std::vector<SeedResult>& results) {
 Spread Spread::of(const std::vector<double>& values) {
   Spread s;
   double sum = 0.0, square = 0.0;
-  s.least = std::numeric_limits<double>::infinity();
-  s.most = -s.least;
+  s.min = std::numeric_limits<double>::infinity();
+  s.max = -s.min;
   for (const double v : values) {
     if (!std::isfinite(v)) continue;
     ++s.seeds;
     sum += v;
     square += v * v;
-    s.least = std::min(s.least, v);
-    s.most = std::max(s.most, v);
+    s.min = std::min(s.min, v);
+    s.max = std::max(s.max, v);
   }
   if (s.seeds == 0) {
-    s.mean = s.deviation = s.least = s.most = std::nan("");
+    s.mean = s.deviation = s.min = s.max = std::nan("");
     return s;
   }
   s.mean = sum / s.seeds;
@@ -178,45 +182,50 @@ Spread Spread::of(const std::vector<double>& values) {
 
 std::string report(const std::vector<SeedResult>& results) {
   std::string text = fmt::format(
-      "Choi et al. 2014, redone over {} seeds ({} to {}).\n"
-      "literal: as printed (config/papers/choi.yaml). Mean over the seeds (standard deviation, "
-      "least-most).\n\n",
+      "Choi et al. 2014, repeated over {} seeds ({} to {}).\n"
+      "paper: value in the paper. literal: method as printed (config/papers/choi.yaml). omnifleet: default "
+      "options.\n"
+      "Mean over the seeds (standard deviation, minimum-maximum).\n\n",
       results.size(), results.front().seed, results.back().seed);
-  const std::string head =
-      fmt::format("  {:<42} {:>7} {:>8}{:20} {:>8}\n", "", "paper", "literal", "", "ours");
-  text += "V.1 Static: three robots drive 5 cm; places of things within 0.5 m of a true one\n" + head +
-          mapRows(results, "", true);
-  text +=
-      "\nV.1 with the lens that eq. 6-7 describe (orthographic, 180 deg) in the place of the 185 deg one\n" +
-      head + mapRows(results, " orthographic", false);
-  text += "\nV.2 Dynamic: paths of three robots in formation against the ceiling tracker, as in the paper\n" +
+  const std::string head = fmt::format("  {:<{}} {:>{}} {:>{}} {:{}} {:>{}}\n", "", kLabel, "paper", kPaper,
+                                       "literal", kMean, "", kSpread, "omnifleet", kMean);
+  text += "V.1 Static: three robots drive 5 cm. Errors over the objects within 0.5 m of a true obstacle\n" +
+          head + mapRows(results, "", true);
+  text += "\nV.1 with the lens of eq. 6-7 (orthographic, 180 deg) instead of the lens of 185 deg\n" + head +
+          mapRows(results, " orthographic", false);
+  text += "\nV.2 Dynamic: paths of three robots in formation, against the ceiling tracker as in the paper\n" +
           head + pathRows(results, true);
-  text += "\nV.2 against the exact truth\n" + head + pathRows(results, false);
+  text += "\nV.2 Paths against the exact truth\n" + head + pathRows(results, false);
   const auto ceiling = [&](double scale, double PathScore::*part) {
     return over(results, ofPath("ceiling", [=](const PathScore& s) { return scale * (s.*part); }));
   };
-  text += fmt::format("  {:<42} {:>7} {:>28} {}\n", "the ceiling tracker itself, cm", "4.16", "",
-                      cell(ceiling(100.0, &PathScore::distance_m), 2));
-  text += fmt::format("  {:<42} {:>7} {:>28} {}\n", "the ceiling tracker itself, deg", "4.46", "",
-                      cell(ceiling(kDegrees, &PathScore::heading_rad), 2));
-  text += "\nV.2 The map that the drive leaves\n" + head;
+  const auto ceilingRow = [&](const char* what, const char* paper, const Spread& spread) {
+    return fmt::format("  {:<{}} {:>{}} {:{}} {}\n", what, kLabel, paper, kPaper, "", kMean + 1 + kSpread,
+                       cell(spread, 2));
+  };
+  text +=
+      ceilingRow("distance error of the ceiling tracker, cm", "4.16", ceiling(100.0, &PathScore::distance_m));
+  text += ceilingRow("heading error of the ceiling tracker, deg", "4.46",
+                     ceiling(kDegrees, &PathScore::heading_rad));
+  text += "\nV.2 Map of the drive\n" + head;
   for (const auto& [what, part, decimals] :
        std::vector<std::tuple<std::string, double (*)(const MapScore&), int>>{
-           {"x error of places, cm", x, 2},
-           {"y error of places, cm", y, 2},
+           {"x error of centroids, cm", x, 2},
+           {"y error of centroids, cm", y, 2},
            {"overlap of footprints, IoU", overlap, 2},
-           {"of the true ones so paired (0.5 m), %", paired, 0},
-           {"found (15 cm, IoU 0.3), %", found, 0},
-           {"objects too many", surplus, 1}})
-    text += row(what, "-", results, ofMap("dynamic literal", part), ofMap("dynamic ours", part), decimals);
-  text += "\nIV.2 Robots told from obstacles, F1 per object and frame\n" + head;
+           {"true obstacles paired (0.5 m), %", paired, 0},
+           {"true obstacles found (15 cm, IoU 0.3), %", found, 0},
+           {"objects that match no true obstacle", unmatched, 1}})
+    text +=
+        row(what, "-", results, ofMap("dynamic literal", part), ofMap("dynamic omnifleet", part), decimals);
+  text += "\nIV.2 Robots distinguished from obstacles, F1 over objects and frames\n" + head;
   for (const std::string where : {"static", "dynamic"}) {
     const auto f1 = [&](const std::string& method) -> Value {
       return of<double>(&SeedResult::robots_f1, where + " " + method, [](const double& v) { return v; });
     };
-    text += row(where, "-", results, f1("literal"), f1("ours"), 3);
+    text += row(where, "-", results, f1("literal"), f1("omnifleet"), 3);
   }
-  text += "\nIV.4 The static map from the views of fewer robots (mean over all such teams)\n" + head +
+  text += "\nIV.4 Static map from the views of fewer robots (mean over all teams of that size)\n" + head +
           teamRows(results);
   return text + "\n" + tableOne(results);
 }
@@ -234,8 +243,8 @@ std::string summary(const SeedResult& result) {
     const auto found_at = result.paths.find(key);
     return found_at == result.paths.end() ? std::string("-") : cm(found_at->second.distance_m);
   };
-  return fmt::format("static x/y {} literal, {} ours; path {} literal, {} ours (cm)", map("literal"),
-                     map("ours"), path("literal"), path("ours"));
+  return fmt::format("static x/y {} literal, {} omnifleet; path {} literal, {} omnifleet (cm)",
+                     map("literal"), map("omnifleet"), path("literal"), path("omnifleet"));
 }
 
 }  // namespace omnifleet::choi

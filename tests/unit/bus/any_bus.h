@@ -1,6 +1,6 @@
 #pragma once
 
-// Runs one test on every kind of bus: what services rely on must hold on the fake one as on DDS.
+// Runs each test on every kind of bus: services rely on the same behaviour of the fake bus and of DDS.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -18,21 +18,21 @@
 
 namespace omnifleet::bus {
 
-inline constexpr std::chrono::seconds kPatience{10};  ///< events end waits; this only ends a failed test
+inline constexpr std::chrono::seconds kPatience{10};  ///< limit for failing tests; events end the waits
 
-/// A domain that no other test process, and no launched fleet, uses at this time.
+/// A domain that no other test process and no launched fleet uses at this time.
 inline int ownDomain() {
-  constexpr int kFirst = 20, kCount = 40;  // those of the tests of whole fleets are above
+  constexpr int kFirst = 20, kCount = 40;  // the tests of whole fleets use higher domains
   static const int domain = [] {
     for (int i = 0; i < kCount; ++i) {
       const int tried = kFirst + (static_cast<int>(::getpid()) + i) % kCount;
       try {
         static const DomainClaim claim(tried, "");
         return tried;
-      } catch (const options::Error&) {  // taken
+      } catch (const options::Error&) {  // in use
       }
     }
-    throw std::runtime_error("all domains for tests are taken");
+    throw std::runtime_error("all DDS domains for tests are in use");
   }();
   return domain;
 }
@@ -44,25 +44,26 @@ struct Participant {
   std::vector<std::string>* reports = nullptr;
 };
 
-/// Makes participants of one network: fake or DDS on loopback in a domain of its own.
+/// Creates participants of one network: fake, or DDS on loopback in its own domain.
 class Network {
  public:
   explicit Network(bool dds) : dds_(dds), fake_(makeFakeNetwork()) {}
 
-  std::unique_ptr<Bus> join(const Participant& who = {}) const {
+  std::unique_ptr<Bus> join(const Participant& participant = {}) const {
     Report report;
-    if (who.reports != nullptr)
-      report = [reports = who.reports](const std::string& line) { reports->push_back(line); };
-    return dds_ ? joinDds(who, report) : makeFakeBus(fake_, {who.mode, who.machine, who.idl_hash, report});
+    if (participant.reports != nullptr)
+      report = [reports = participant.reports](const std::string& line) { reports->push_back(line); };
+    return dds_ ? joinDds(participant, report)
+                : makeFakeBus(fake_, {participant.mode, participant.machine, participant.idl_hash, report});
   }
 
  private:
-  static std::unique_ptr<Bus> joinDds(const Participant& who, const Report& report) {
+  static std::unique_ptr<Bus> joinDds(const Participant& participant, const Report& report) {
     DdsBusOptions options;
     options.domain = ownDomain();
-    options.mode = who.mode;
-    options.machine = who.machine;
-    options.idl_hash = who.idl_hash;
+    options.mode = participant.mode;
+    options.machine = participant.machine;
+    options.idl_hash = participant.idl_hash;
     options.report = report;
     return makeDdsBus(options);
   }
@@ -76,7 +77,7 @@ class AnyBus : public testing::TestWithParam<const char*> {
   Network network{onDds()};
 };
 
-/// Takes until `count` samples have come (or patience ends).
+/// Takes samples until `count` have arrived or kPatience has passed.
 template <class T>
 std::vector<T> receive(Bus& bus, Reader<T>& reader, std::size_t count) {
   std::vector<T> samples;

@@ -22,7 +22,7 @@ std::vector<std::int64_t> times(const std::vector<v1::Pose>& poses) {
   return result;
 }
 
-TEST_P(AnyBus, FortyRobotsOnOneTopicArriveWholeAndInOrderPerRobot) {
+TEST_P(AnyBus, DeliversSamplesOfFortyRobotsInOrderPerRobot) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLockstep);
   const auto writer = a->writer(topics.pose);
@@ -42,7 +42,7 @@ TEST_P(AnyBus, FortyRobotsOnOneTopicArriveWholeAndInOrderPerRobot) {
   EXPECT_EQ(reader->counters().lost, 0u);
 }
 
-TEST_P(AnyBus, NestedFieldsSurvive) {
+TEST_P(AnyBus, TransfersNestedFieldsUnchanged) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLockstep);
   const auto writer = a->writer(topics.local_map, "r1");
@@ -68,7 +68,7 @@ TEST_P(AnyBus, NestedFieldsSurvive) {
   EXPECT_TRUE(got[0] == map);
 }
 
-TEST_P(AnyBus, ARobotsStagesReadItsPartitionStrangersReadAll) {
+TEST_P(AnyBus, ReaderWithRobotReadsItsPartitionOtherReadersReadAll) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLockstep);
   const auto r1 = a->writer(topics.pose, "r1");
@@ -88,14 +88,14 @@ TEST_P(AnyBus, ARobotsStagesReadItsPartitionStrangersReadAll) {
   EXPECT_EQ(own->alive(), 1);
 }
 
-TEST_P(AnyBus, WildcardsAreNoNames) {
+TEST_P(AnyBus, RejectsNamesWithWildcards) {
   const auto a = network.join();
   const Topics topics(RunMode::kLive);
   EXPECT_THROW(a->writer(topics.pose, "r*"), std::runtime_error);
   EXPECT_THROW(a->reader(topics.pose, "r?"), std::runtime_error);
 }
 
-TEST_P(AnyBus, LateJoinersGetTheLast64OfEachRobot) {
+TEST_P(AnyBus, LateJoinerReceivesLast64SamplesOfEachRobot) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLive);
   const auto writer = a->writer(topics.map_keyframe_pose);
@@ -117,7 +117,7 @@ TEST_P(AnyBus, LateJoinersGetTheLast64OfEachRobot) {
   EXPECT_EQ(got["r2"], last64);
 }
 
-TEST_P(AnyBus, LateJoinersOfVolatileTopicsGetNothingOld) {
+TEST_P(AnyBus, LateJoinerOfVolatileTopicReceivesNoOldSample) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLive);
   const auto writer = a->writer(topics.pose);
@@ -132,7 +132,7 @@ TEST_P(AnyBus, LateJoinersOfVolatileTopicsGetNothingOld) {
   EXPECT_THAT(times(receive(*b, *late, 1)), ElementsAre(2));
 }
 
-TEST_P(AnyBus, DeterministicStreamsLoseNothingToAReaderThatIsYetToMatch) {
+TEST_P(AnyBus, DeterministicStreamReachesReaderThatMatchesLater) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kReplay);
   const auto writer = a->writer(topics.pose, "r1");
@@ -143,8 +143,8 @@ TEST_P(AnyBus, DeterministicStreamsLoseNothingToAReaderThatIsYetToMatch) {
   EXPECT_EQ(times(receive(*b, *reader, 60)), all);
 }
 
-/// The corrections at the end of a long run: many more of one robot than the history holds, all at once.
-TEST_P(AnyBus, ABurstLosesNothingWhereNothingMayBeLost) {
+/// The corrections at the end of a long run: at once many more samples of one robot than the history holds.
+TEST_P(AnyBus, DeterministicJournalLosesNoSampleOfBurst) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kReplay);
   const auto writer = a->writer(topics.map_keyframe_pose, "r1");
@@ -167,23 +167,23 @@ TEST_P(AnyBus, ABurstLosesNothingWhereNothingMayBeLost) {
   for (int t = 0; t < kBurst; ++t) EXPECT_EQ(got[static_cast<std::size_t>(t)].header().acquired_ns(), t);
 }
 
-TEST_P(AnyBus, DeterministicStreamsGoOnWithoutAnyReader) {
+TEST_P(AnyBus, DeterministicStreamDoesNotBlockWithoutReader) {
   const auto a = network.join();
   const auto writer = a->writer(Topics(RunMode::kReplay).pose, "r1");
   for (int t = 0; t < 200; ++t) ASSERT_TRUE(writer->write(poseOf("r1", t))) << writer->error();
 }
 
-TEST_P(AnyBus, KeepLastKeepsTheNewestOfEachRobotAndCountsTheRest) {
+TEST_P(AnyBus, KeepLastKeepsNewestPerRobotAndCountsLostSamples) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLive);
   const auto writer = a->writer(topics.pose);
   const auto reader = b->reader(topics.pose);
   ASSERT_TRUE(writer->waitForReaders(1, kPatience));
   ASSERT_TRUE(writer->write(poseOf("r1", -1)));
-  ASSERT_EQ(receive(*b, *reader, 1).size(), 1u);  // gaps count from the first sample on
+  ASSERT_EQ(receive(*b, *reader, 1).size(), 1u);  // gaps are counted from the first sample on
   for (int t = 0; t < 50; ++t) ASSERT_TRUE(writer->write(poseOf("r1", t)));
   ASSERT_TRUE(writer->write(poseOf("r2", 7)));
-  ASSERT_TRUE(a->flush(kPatience));  // all that is going to arrive has arrived
+  ASSERT_TRUE(a->flush(kPatience));  // no further sample can arrive
   const auto got = receive(*b, *reader, 17);
   ASSERT_EQ(got.size(), 17u) << "16 of r1 and the one of r2";
   v1::Pose more;
@@ -198,7 +198,7 @@ TEST_P(AnyBus, KeepLastKeepsTheNewestOfEachRobotAndCountsTheRest) {
   EXPECT_EQ(reader->counters().lost, 34u);
 }
 
-TEST_P(AnyBus, OneKeyTooManyIsRefusedAtOnceAndSaidSo) {
+TEST_P(AnyBus, RejectsKeyBeyondMaxInstancesWithError) {
   const auto a = network.join();
   const Topics topics(RunMode::kLockstep);
   const auto writer = a->writer(topics.pose);
@@ -207,35 +207,35 @@ TEST_P(AnyBus, OneKeyTooManyIsRefusedAtOnceAndSaidSo) {
   }
   EXPECT_FALSE(writer->write(poseOf("one more", 0)));
   EXPECT_THAT(writer->error(), HasSubstr("max_instances"));
-  EXPECT_TRUE(writer->write(poseOf("r0", 1))) << "known keys go on";
+  EXPECT_TRUE(writer->write(poseOf("r0", 1))) << "known keys are still accepted";
   EXPECT_THAT(writer->error(), IsEmpty());
 }
 
-TEST_P(AnyBus, SamplesOfAnotherIdlAreDroppedCountedAndReportedOnce) {
+TEST_P(AnyBus, DropsCountsAndReportsSamplesOfAnotherIdl) {
   std::vector<std::string> reports;
   const auto other = network.join({RunMode::kLockstep, "here", "another layout"});
   const auto same = network.join();
   const auto b = network.join({RunMode::kLockstep, "here", "", &reports});
   const Topics topics(RunMode::kLockstep);
-  const auto stranger = other->writer(topics.pose);
-  const auto friendly = same->writer(topics.pose);
+  const auto foreign = other->writer(topics.pose);
+  const auto known = same->writer(topics.pose);
   const auto reader = b->reader(topics.pose);
-  ASSERT_TRUE(stranger->waitForReaders(1, kPatience));
-  ASSERT_TRUE(friendly->waitForReaders(1, kPatience));
-  for (int t = 0; t < 3; ++t) ASSERT_TRUE(stranger->write(poseOf("r1", t)));
+  ASSERT_TRUE(foreign->waitForReaders(1, kPatience));
+  ASSERT_TRUE(known->waitForReaders(1, kPatience));
+  for (int t = 0; t < 3; ++t) ASSERT_TRUE(foreign->write(poseOf("r1", t)));
   ASSERT_TRUE(other->flush(kPatience));
-  ASSERT_TRUE(friendly->write(poseOf("r2", 77)));
+  ASSERT_TRUE(known->write(poseOf("r2", 77)));
   EXPECT_THAT(times(receive(*b, *reader, 1)), ElementsAre(77));
   v1::Pose none;
-  EXPECT_FALSE(reader->take(none));  // keys may be taken in any order: by now all were looked at
+  EXPECT_FALSE(reader->take(none));  // keys may be taken in any order; all were processed by now
   EXPECT_EQ(reader->counters().rejected, 3u);
   EXPECT_EQ(reader->counters().received, 1u);
   EXPECT_THAT(reports, ElementsAre(HasSubstr("another IDL")));
 }
 
-TEST_P(AnyBus, WakeEndsAWaitAndIsNotLost) {
+TEST_P(AnyBus, WakeEndsWaitAndIsNotLost) {
   const auto a = network.join();
-  a->wait(milliseconds(0));  // nothing of the start is left
+  a->wait(milliseconds(0));  // removes events of the construction
   a->wake();
   a->wake();
   EXPECT_TRUE(a->wait(kPatience)) << "a wake before the wait counts";
@@ -245,7 +245,7 @@ TEST_P(AnyBus, WakeEndsAWaitAndIsNotLost) {
   other.join();
 }
 
-TEST_P(AnyBus, StopEndsAWaitForReaders) {
+TEST_P(AnyBus, StopEndsWaitForReaders) {
   const auto a = network.join();
   const auto writer = a->writer(Topics(RunMode::kLive).pose);
   EXPECT_FALSE(writer->waitForReaders(1, milliseconds(5)));
@@ -255,7 +255,7 @@ TEST_P(AnyBus, StopEndsAWaitForReaders) {
   EXPECT_TRUE(a->stopping());
 }
 
-TEST_P(AnyBus, AReaderThatGoesIsUnmatched) {
+TEST_P(AnyBus, DestroyedReaderIsUnmatched) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLockstep);
   const auto writer = a->writer(topics.pose);
@@ -301,7 +301,7 @@ TEST_P(AnyBus, FramesArriveWithHeaderAndPixels) {
   const auto reader = b->frameReader("cam", frameHeader(0).bytes());
   ASSERT_TRUE(writer->waitForReaders(1, kPatience));
   ASSERT_TRUE(reader->waitForWriters(1, kPatience));
-  for (std::uint32_t k = 0; k < 30; ++k) {  // more than the history and its slots
+  for (std::uint32_t k = 0; k < 30; ++k) {  // more than the slots of the history
     ASSERT_TRUE(send(*writer, k)) << writer->error();
     const auto view = next(*b, *reader);
     ASSERT_TRUE(view);
@@ -315,13 +315,13 @@ TEST_P(AnyBus, FramesArriveWithHeaderAndPixels) {
     EXPECT_TRUE(reader->holding());
     EXPECT_FALSE(reader->take()) << "one loan at a time";
     reader->release();
-    EXPECT_FALSE(reader->stillValid()) << "nothing is held";
+    EXPECT_FALSE(reader->stillValid()) << "no frame is held";
   }
   EXPECT_EQ(reader->counters().received, 30u);
   EXPECT_EQ(reader->counters().lost + reader->counters().torn, 0u);
 }
 
-TEST_P(AnyBus, DeterministicRunsLoseNoFrameBehindASlowReader) {
+TEST_P(AnyBus, DeterministicModeLosesNoFrameWithSlowReader) {
   const auto a = network.join(), b = network.join();
   const auto writer = a->frameWriter("cam", frameHeader(0).bytes());
   const auto reader = b->frameReader("cam", frameHeader(0).bytes());
@@ -332,7 +332,7 @@ TEST_P(AnyBus, DeterministicRunsLoseNoFrameBehindASlowReader) {
       if (send(*writer, sent)) {
         ++sent;
       } else {
-        a->wait(milliseconds(100));  // every slot is taken
+        a->wait(milliseconds(100));  // all slots are in use
       }
     }
   });
@@ -340,7 +340,8 @@ TEST_P(AnyBus, DeterministicRunsLoseNoFrameBehindASlowReader) {
     const auto view = next(*b, *reader);
     ASSERT_TRUE(view);
     EXPECT_EQ(view->header.sequence, k);
-    // Held until the 8 slots of the history are full again: were this one reused, it would be now.
+    // Holds the frame until the 8 slots of the history are full again, when a reuse of this slot would be
+    // due.
     while (sent < std::min(60u, k + 9)) std::this_thread::yield();
     EXPECT_TRUE(std::all_of(view->data, view->data + view->header.bytes(), [&](auto v) { return v == k; }));
     EXPECT_TRUE(reader->stillValid());
@@ -350,13 +351,13 @@ TEST_P(AnyBus, DeterministicRunsLoseNoFrameBehindASlowReader) {
   EXPECT_EQ(reader->counters().torn + reader->counters().lost, 0u);
 }
 
-/// Sends one and waits for the news of it, as slow as cameras are: a reader's thread that is overtaken in the
-/// middle of a burst may never come back (docs/methods.md, "DDS as measured").
+/// Sends one frame and waits until the reader's bus is notified, at a camera's pace. The thread of a reader
+/// that is overtaken within a burst may never return (docs/methods/dds.md).
 bool sendPaced(FrameWriter& writer, std::uint32_t sequence, Bus& readers_bus) {
   return send(writer, sequence) && readers_bus.wait(kPatience);
 }
 
-TEST_P(AnyBus, LiveKeepsTheNewestFramesAndCountsTheRest) {
+TEST_P(AnyBus, LiveModeKeepsNewestFramesAndCountsLostOnes) {
   const auto a = network.join({RunMode::kLive}), b = network.join({RunMode::kLive});
   const auto writer = a->frameWriter("cam", frameHeader(0).bytes());
   const auto reader = b->frameReader("cam", frameHeader(0).bytes());
@@ -366,7 +367,8 @@ TEST_P(AnyBus, LiveKeepsTheNewestFramesAndCountsTheRest) {
   ASSERT_TRUE(send(*writer, 0));
   ASSERT_TRUE(next(*b, *reader));
   reader->release();
-  for (std::uint32_t k = 1; k < kFrames; ++k) ASSERT_TRUE(sendPaced(*writer, k, *b)) << "live never blocks";
+  for (std::uint32_t k = 1; k < kFrames; ++k)
+    ASSERT_TRUE(sendPaced(*writer, k, *b)) << "live mode must not block";
   for (std::uint32_t k = kFrames - kKept; k < kFrames; ++k) {
     const auto view = next(*b, *reader);
     ASSERT_TRUE(view);
@@ -379,19 +381,19 @@ TEST_P(AnyBus, LiveKeepsTheNewestFramesAndCountsTheRest) {
   EXPECT_EQ(reader->counters().torn, 0u);
 }
 
-TEST_P(AnyBus, FramesStayOnTheirMachineAndInTheirClass) {
+TEST_P(AnyBus, FramesMatchOnlySameMachineAndFrameClass) {
   const auto a = network.join(), b = network.join(), far = network.join({RunMode::kLockstep, "elsewhere"});
   const auto writer = a->frameWriter("cam", frameHeader(0).bytes());
   const auto away = far->frameReader("cam", frameHeader(0).bytes());
   const auto other_class = b->frameReader("cam", 2000000);
   const auto here = b->frameReader("cam2", frameHeader(0).bytes());
   const auto writer2 = a->frameWriter("cam2", frameHeader(0).bytes());
-  ASSERT_TRUE(writer2->waitForReaders(1, kPatience)) << "by now the others would have matched too";
+  ASSERT_TRUE(writer2->waitForReaders(1, kPatience)) << "wrong matches would exist by now";
   EXPECT_EQ(writer->matched(), 0);
   EXPECT_EQ(away->matched(), 0);
 }
 
-TEST_P(AnyBus, InvalidFramesGoDownTheLineAndLargeOnesAreRefused) {
+TEST_P(AnyBus, DeliversInvalidFramesAndRejectsTooLargeOnes) {
   const auto a = network.join(), b = network.join();
   const auto writer = a->frameWriter("cam", frameHeader(0).bytes());
   const auto reader = b->frameReader("cam", frameHeader(0).bytes());
@@ -412,7 +414,7 @@ TEST_P(AnyBus, InvalidFramesGoDownTheLineAndLargeOnesAreRefused) {
   header.width_px = 4000;
   header.height_px = 3000;
   EXPECT_EQ(writer->begin(header), nullptr);
-  EXPECT_THAT(writer->error(), HasSubstr("does not fit Frame1M"));
+  EXPECT_THAT(writer->error(), HasSubstr("is larger than frame class Frame1M"));
   EXPECT_THROW(a->frameWriter("huge", 1u << 30), std::runtime_error);
 }
 

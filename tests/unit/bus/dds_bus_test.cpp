@@ -1,4 +1,4 @@
-// What only DDS has: saturated writers, foreign vendors, processes that die, files in shared memory.
+// Behaviour that only DDS has: saturated writers, other vendors, killed processes, files in shared memory.
 
 #include <gmock/gmock.h>
 #include <filesystem>
@@ -29,7 +29,7 @@ DdsBusOptions onOwnDomain(RunMode mode = RunMode::kLockstep) {
   return options;
 }
 
-TEST(DdsBus, ASaturatedWriterGivesUpAtItsTimeoutAndGoesOnWhenThereIsRoom) {
+TEST(DdsBus, SaturatedWriteFailsAtTimeoutAndContinuesWithRoom) {
   DdsBusOptions options = onOwnDomain();
   options.write_timeout = milliseconds(300);
   const auto a = makeDdsBus(options), b = makeDdsBus(options);
@@ -39,10 +39,10 @@ TEST(DdsBus, ASaturatedWriterGivesUpAtItsTimeoutAndGoesOnWhenThereIsRoom) {
   ASSERT_TRUE(writer->waitForReaders(1, kPatience));
   int written = 0;
   while (written < 1000 && writer->write(poseOf("r1", written))) ++written;
-  // Both histories hold 64 of one key; what is under way between them may add a few.
+  // Both histories hold 64 samples of one key. Samples in transit may add a few.
   EXPECT_GE(written, 64);
   EXPECT_LE(written, 2 * 64 + 8);
-  EXPECT_THAT(writer->error(), HasSubstr("not written"));
+  EXPECT_THAT(writer->error(), HasSubstr("omnifleet/pose: "));
 
   std::vector<std::int64_t> got;
   const auto take = [&] {
@@ -56,12 +56,12 @@ TEST(DdsBus, ASaturatedWriterGivesUpAtItsTimeoutAndGoesOnWhenThereIsRoom) {
     ++written;
   }
   take();
-  ASSERT_EQ(static_cast<int>(got.size()), written) << "nothing is lost";
+  ASSERT_EQ(static_cast<int>(got.size()), written) << "no sample may be lost";
   for (int k = 0; k < written; ++k) ASSERT_EQ(got[k], k);
 }
 
-// Replicas of the map do so: each writes more than both histories hold before it reads what the other wrote.
-TEST(DdsBus, TwoThatWriteToOneAnotherDoNotWaitForEver) {
+// As for replicas of the map: each writes more than both histories hold before it reads the other's samples.
+TEST(DdsBus, TwoWritersInRingDoNotDeadlock) {
   constexpr int kSamples = 1000;
   const Topics topics(RunMode::kReplay);
   struct Side {
@@ -101,12 +101,13 @@ TEST(DdsBus, TwoThatWriteToOneAnotherDoNotWaitForEver) {
   for (const Side& side : sides) {
     EXPECT_EQ(side.written, kSamples) << side.name << ": " << side.writer->error();
     ASSERT_THAT(side.got, SizeIs(kSamples)) << "written to " << side.name;
-    const std::set<std::int64_t> different(side.got.begin(), side.got.end());  // a map's set needs no order
+    const std::set<std::int64_t> different(
+        side.got.begin(), side.got.end());  // replicas form a set, so the order is irrelevant
     EXPECT_THAT(different, SizeIs(kSamples)) << "written to " << side.name;
   }
 }
 
-TEST(DdsBus, StopEndsASaturatedWriteWithinAQuarterSecond) {
+TEST(DdsBus, StopEndsSaturatedWriteWithinOneSecond) {
   const auto a = makeDdsBus(onOwnDomain()), b = makeDdsBus(onOwnDomain());
   const Topics topics(RunMode::kLockstep);
   const auto writer = a->writer(topics.pose);
@@ -123,16 +124,16 @@ TEST(DdsBus, StopEndsASaturatedWriteWithinAQuarterSecond) {
   }
   const auto deadline = Clock::now() + kPatience;
   while (a->flush(milliseconds(50)))
-    ASSERT_LT(Clock::now(), deadline);  // the reader takes no more: it fills up
+    ASSERT_LT(Clock::now(), deadline);  // the reader takes no more samples, so its history fills up
   stopped = Clock::now();
   a->requestStop();
   filler.join();
-  // 0.2 s of retries, one attempt of 0.1 s that was under way, and a loaded machine.
+  // 0.2 s of retries, one running attempt of 0.1 s, and a margin for a loaded machine.
   EXPECT_LT(Clock::now() - stopped, seconds(1));
 }
 
-// A stage that ends within the time that finding one another takes; its status tells how it ended.
-TEST(DdsBus, TheLastWordOfAShortLifeReachesReadersThatItHadNotFoundYet) {
+// A stage that ends during discovery; its last status shows how it ended.
+TEST(DdsBus, FlushReachesReadersNotYetDiscovered) {
   const auto b = makeDdsBus(onOwnDomain());
   const Topics topics(RunMode::kLockstep);
   const auto reader = b->reader(topics.service_status);
@@ -142,26 +143,26 @@ TEST(DdsBus, TheLastWordOfAShortLifeReachesReadersThatItHadNotFoundYet) {
     v1::ServiceStatus status;
     status.service("camera");
     ASSERT_TRUE(writer->write(status));
-    ASSERT_EQ(writer->matched(), 0) << "nobody has been found yet";
+    ASSERT_EQ(writer->matched(), 0) << "no peer is discovered yet";
     EXPECT_TRUE(a->flush(kPatience));
   }
   EXPECT_THAT(receive(*b, *reader, 1), SizeIs(1));
 }
 
-TEST(DdsBus, WhoHasBeenThereForLongFlushesAtOnceThoughAPeerReadsNothing) {
+TEST(DdsBus, FlushReturnsAtOnceWithKnownPeerWithoutReaders) {
   const auto a = makeDdsBus(onOwnDomain()), b = makeDdsBus(onOwnDomain());
   const Topics topics(RunMode::kLockstep);
   const auto reads_nothing = b->writer(topics.pose);
   const auto reader = a->reader(topics.pose);
   const auto writer = a->writer(topics.service_status);
   ASSERT_TRUE(reader->waitForWriters(1, kPatience));
-  ASSERT_TRUE(a->flush(kPatience));  // until it is clear that nothing of b is on its way
+  ASSERT_TRUE(a->flush(kPatience));  // until discovery of b is complete
   const auto before = Clock::now();
   EXPECT_TRUE(a->flush(kPatience));
   EXPECT_LT(Clock::now() - before, milliseconds(500));
 }
 
-TEST(DdsBus, AWriterWithoutAHashIsAForeignVendorAndIsHeard) {
+TEST(DdsBus, AcceptsSamplesOfWriterWithoutHash) {
   DdsBusOptions foreign = onOwnDomain();
   foreign.announce_hash = false;
   const auto a = makeDdsBus(foreign), b = makeDdsBus(onOwnDomain());
@@ -174,7 +175,7 @@ TEST(DdsBus, AWriterWithoutAHashIsAForeignVendorAndIsHeard) {
   EXPECT_EQ(reader->counters().rejected, 0u);
 }
 
-TEST(DdsBus, LargeSamplesPassSmallDatagrams) {
+TEST(DdsBus, TransfersLargeSamplesInSmallDatagrams) {
   DdsBusOptions options = onOwnDomain();
   options.max_message_bytes = 1400;
   const auto a = makeDdsBus(options), b = makeDdsBus(options);
@@ -237,9 +238,9 @@ bool isWhole(const FrameView& view) {
   return std::all_of(view.data, view.data + view.header.bytes(), [&](auto v) { return v == value; });
 }
 
-constexpr std::size_t kFrameBytes = 640 * 480 * 3;  // as peer.cpp sends them
+constexpr std::size_t kFrameBytes = 640 * 480 * 3;  // frames of peer.cpp
 
-TEST(DdsFrames, AFrameThatIsOverwrittenWhileHeldIsNoticed) {
+TEST(DdsFrames, DetectsFrameOverwrittenWhileHeld) {
   const auto a = makeDdsBus(onOwnDomain(RunMode::kLive)), b = makeDdsBus(onOwnDomain(RunMode::kLive));
   const auto writer = a->frameWriter("cam", kFrameBytes);
   const auto reader = b->frameReader("cam", kFrameBytes);
@@ -260,34 +261,34 @@ TEST(DdsFrames, AFrameThatIsOverwrittenWhileHeldIsNoticed) {
   ASSERT_TRUE(view);
   EXPECT_TRUE(isWhole(*view));
   EXPECT_TRUE(reader->stillValid());
-  for (std::uint32_t k = 1; k <= 12; ++k) {  // more than the 4 + 2 slots, as slow as cameras are
+  for (std::uint32_t k = 1; k <= 12; ++k) {  // more than the 4 + 2 slots, at a camera's pace
     send(k);
     ASSERT_TRUE(b->wait(kPatience));
   }
-  EXPECT_FALSE(isWhole(*view)) << "else this test shows nothing";
+  EXPECT_FALSE(isWhole(*view)) << "the frame must be overwritten for this test to be meaningful";
   EXPECT_FALSE(reader->stillValid());
   EXPECT_FALSE(reader->stillValid());
   reader->release();
   EXPECT_EQ(reader->counters().torn, 1u);
 }
 
-TEST(DdsProcesses, AHeldFrameOutlivesItsKilledCamera) {
+TEST(DdsProcesses, HeldFrameStaysReadableAfterCameraIsKilled) {
   const auto bus = makeDdsBus(onOwnDomain());
   const auto reader = bus->frameReader("cam", kFrameBytes);
   Peer camera({"camera", std::to_string(ownDomain()), "3"});
   const auto view = next(*bus, *reader);
   ASSERT_TRUE(view);
-  // Killed in the microsecond in which it holds the reader's notification lock, it would take the reader with
-  // it (Boost aborts in a thread of DDS; a supervisor's business): so let it finish sending.
+  // Lets the camera finish sending. A kill in the microsecond in which it holds the reader's notification
+  // lock would also end the reader: Boost aborts in a thread of DDS, and the supervisor handles that.
   ASSERT_EQ(camera.line(), "sent");
   camera.end(SIGKILL);
   while (reader->matched() > 0) ASSERT_TRUE(bus->wait(kPatience));  // the lease of 3 s
   EXPECT_TRUE(isWhole(*view));
-  EXPECT_TRUE(reader->stillValid()) << "nobody is left who could overwrite it";
+  EXPECT_TRUE(reader->stillValid()) << "no writer is left that could overwrite it";
   reader->release();
   while (const auto rest = reader->take()) reader->release();
 
-  // A successor is heard by the same reader.
+  // The same reader receives the frames of a restarted camera.
   Peer successor({"camera", std::to_string(ownDomain()), "3"});
   const auto again = next(*bus, *reader);
   ASSERT_TRUE(again);
@@ -296,7 +297,7 @@ TEST(DdsProcesses, AHeldFrameOutlivesItsKilledCamera) {
   reader->release();
 }
 
-TEST(DdsProcesses, AHeldFrameOutlivesItsCamerasRegularEnd) {
+TEST(DdsProcesses, HeldFrameStaysReadableAfterCameraEnds) {
   const auto bus = makeDdsBus(onOwnDomain());
   const auto reader = bus->frameReader("cam", kFrameBytes);
   Peer camera({"camera", std::to_string(ownDomain()), "1"});
@@ -309,35 +310,37 @@ TEST(DdsProcesses, AHeldFrameOutlivesItsCamerasRegularEnd) {
   reader->release();
 }
 
-TEST(DdsProcesses, WhatAKilledCameraLeavesInSharedMemoryIsRemovedAndNothingElse) {
-  removeStaleSharedMemory();  // of earlier runs
+TEST(DdsProcesses, RemovesOnlySharedMemoryOfKilledCamera) {
+  removeStaleSharedMemory();  // files of earlier runs
   const auto before = sharedFrameFiles();
   Peer living({"camera", std::to_string(ownDomain()), "0"});
   const auto with_living = sharedFrameFiles();
   Peer killed({"camera", std::to_string(ownDomain()), "0"});
   const auto with_both = sharedFrameFiles();
   killed.end(SIGKILL);
-  // Others may work in shared memory at the same time: only what appeared between these lines is ours.
+  // Other processes may use shared memory at the same time. Only files that appeared between these lines
+  // belong to this test.
   EXPECT_THAT(without(with_both, with_living), SizeIs(Ge(1u)));
   const auto removed = removeStaleSharedMemory();
-  EXPECT_THAT(removed, IsSupersetOf(without(with_both, with_living))) << "what the killed one left";
-  EXPECT_THAT(sharedFrameFiles(), IsSupersetOf(without(with_living, before))) << "the living one's stay";
+  EXPECT_THAT(removed, IsSupersetOf(without(with_both, with_living))) << "the files of the killed camera";
+  EXPECT_THAT(sharedFrameFiles(), IsSupersetOf(without(with_living, before)))
+      << "the files of the running camera stay";
   EXPECT_EQ(living.end(SIGTERM), 0);
   EXPECT_THAT(without(without(with_living, before), sharedFrameFiles()), SizeIs(Ge(1u)))
-      << "a regular end cleans";
+      << "a regular end removes the files";
 }
 
-TEST(SharedMemory, TooLittleRoomIsSaidBeforehand) {
+TEST(SharedMemory, RejectsTooLittleFreeSharedMemory) {
   EXPECT_NO_THROW(requireSharedMemory(1));
-  EXPECT_THAT(
-      [] { requireSharedMemory(std::size_t{1} << 60); },
-      testing::ThrowsMessage<std::runtime_error>(HasSubstr("MiB free, the cameras need 1099511627777 MiB")));
+  EXPECT_THAT([] { requireSharedMemory(std::size_t{1} << 60); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  HasSubstr("MiB free, but the frames of the cameras need 1099511627777 MiB")));
   // 8 + 2 slots of 12 MiB.
   EXPECT_GE(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{120} << 20);
   EXPECT_LT(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{121} << 20);
 }
 
-TEST(SharedMemory, CleaningSparesOtherNamesAndFilesInUse) {
+TEST(SharedMemory, CleaningKeepsOtherNamesAndFilesInUse) {
   const fs::path folder = fs::path(testing::TempDir()) / ("shm" + std::to_string(::getpid()));
   fs::create_directories(folder);
   for (const char* name : {"fast_datasharing_1", "fastrtps_2", "fastrtps_open", "other"})

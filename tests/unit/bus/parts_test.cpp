@@ -1,4 +1,4 @@
-// The small parts: topic table, type descriptors, IDL hashes, second mappings, wake events.
+// Small parts: topic table, type descriptors, IDL hashes, second mappings, wake events.
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -28,16 +28,16 @@ using testing::StartsWith;
 
 class EveryMode : public testing::TestWithParam<RunMode> {};
 
-TEST_P(EveryMode, TopicsCarryThePrefixAndOnlyDeterministicRunsKeepAll) {
+TEST_P(EveryMode, TopicsHavePrefixAndKeepAllOnlyInDeterministicModes) {
   const Topics topics(GetParam());
   std::set<std::string> names;
   const auto check = [&](const auto& topic) {
     EXPECT_THAT(topic.name, StartsWith("omnifleet/"));
-    EXPECT_TRUE(names.insert(topic.name).second) << topic.name << " twice";
-    EXPECT_FALSE(topic.qos.data_sharing) << "keyed types cannot";
+    EXPECT_TRUE(names.insert(topic.name).second) << topic.name << " is used twice";
+    EXPECT_FALSE(topic.qos.data_sharing) << "keyed types do not support data-sharing";
     EXPECT_GE(topic.qos.max_instances, 2) << topic.name;
     EXPECT_LE(topic.qos.depth, topic.qos.max_samples_per_instance)
-        << topic.name << ": DDS calls that inconsistent";
+        << topic.name << ": DDS rejects this as inconsistent";
   };
   const auto stream = [&](const auto& topic) {
     check(topic);
@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(Each, EveryMode,
                          testing::Values(RunMode::kLive, RunMode::kReplay, RunMode::kLockstep),
                          [](const auto& mode) { return std::string(toString(mode.param)); });
 
-TEST(TypeDescriptor, TheKeyIsTheRobotAndNothingElse) {
+TEST(TypeDescriptor, KeyContainsOnlyTheRobot) {
   const TypeDescriptor& type = describe<v1::Pose>();
   EXPECT_EQ(type.name, "omnifleet::v1::Pose");
   v1::Pose a, b;
@@ -93,8 +93,8 @@ TEST(TypeDescriptor, TheKeyIsTheRobotAndNothingElse) {
   EXPECT_TRUE(*static_cast<const v1::Pose*>(copy.get()) == b);
 }
 
-TEST(TypeDescriptor, TheHashIsThatOfItsFile) {
-  EXPECT_EQ(describe<v1::Pose>().idl_hash, describe<v1::Place>().idl_hash) << "one file";
+TEST(TypeDescriptor, TypesOfOneFileShareItsHash) {
+  EXPECT_EQ(describe<v1::Pose>().idl_hash, describe<v1::Place>().idl_hash) << "both are declared in one file";
   std::set<std::string> hashes = {
       describe<v1::Pose>().idl_hash,          describe<v1::LocalMap>().idl_hash,
       describe<v1::Objects>().idl_hash,       describe<v1::Grid>().idl_hash,
@@ -104,7 +104,7 @@ TEST(TypeDescriptor, TheHashIsThatOfItsFile) {
   for (const auto& hash : hashes) EXPECT_EQ(hash.size(), 64u);
 }
 
-/// hashes.h as cmake/IdlHashes.cmake writes it for main.idl in `folder`.
+/// hashes.h for main.idl in `folder`, written by cmake/IdlHashes.cmake.
 std::string hashesOf(const fs::path& folder) {
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
   const std::string script = (fs::path(source == nullptr ? "." : source) / "cmake/IdlHashes.cmake").string();
@@ -117,8 +117,8 @@ std::string hashesOf(const fs::path& folder) {
   return text.str();
 }
 
-TEST(IdlHashes, ChangeWithTheLayoutOfTheFileOrItsIncludesNotWithComments) {
-  ASSERT_NE(std::getenv("OMNIFLEET_SOURCE_DIR"), nullptr) << "ctest names the source folder";
+TEST(IdlHashes, ChangeWithLayoutOfFileOrIncludesOnly) {
+  ASSERT_NE(std::getenv("OMNIFLEET_SOURCE_DIR"), nullptr) << "ctest sets the source folder";
   const fs::path folder = fs::path(testing::TempDir()) / ("idl" + std::to_string(::getpid()));
   fs::create_directories(folder);
   const auto write = [&](const char* name, const char* text) { std::ofstream(folder / name) << text; };
@@ -126,7 +126,7 @@ TEST(IdlHashes, ChangeWithTheLayoutOfTheFileOrItsIncludesNotWithComments) {
   write("main.idl", "#include \"part.idl\"\nstruct Main { Part p; };\n");
   const std::string first = hashesOf(folder);
   EXPECT_THAT(first, testing::HasSubstr("kMainHash[]"));
-  write("part.idl", "// a word\nstruct Part {\n  long x;  // metres\n};\n");
+  write("part.idl", "// a comment\nstruct Part {\n  long x;  // metres\n};\n");
   EXPECT_EQ(hashesOf(folder), first);
   write("part.idl", "struct Part { short x; };\n");
   const std::string second = hashesOf(folder);
@@ -136,7 +136,7 @@ TEST(IdlHashes, ChangeWithTheLayoutOfTheFileOrItsIncludesNotWithComments) {
   fs::remove_all(folder);
 }
 
-TEST(FrameClass, TheSmallestThatHolds) {
+TEST(FrameClass, SelectsSmallestThatFits) {
   EXPECT_STREQ(frameClassFor(0).name, "Frame1M");
   EXPECT_STREQ(frameClassFor(1280 * 960).name, "Frame1M");
   EXPECT_STREQ(frameClassFor(1310721).name, "Frame4M");
@@ -145,35 +145,35 @@ TEST(FrameClass, TheSmallestThatHolds) {
   EXPECT_THROW(frameClassFor(12582913), std::runtime_error);
 }
 
-TEST(SharedSegments, AKeptByteOutlivesTheMappingItWasSeenIn) {
+TEST(SharedSegments, KeptByteStaysReadableAfterUnmap) {
   const std::string path = testing::TempDir() + "segment" + std::to_string(::getpid());
   constexpr std::size_t kBytes = 3 * 4096;
   std::ofstream(path) << std::string(kBytes, 'a');
   const int file = ::open(path.c_str(), O_RDWR);
   auto* writer =
       static_cast<std::uint8_t*>(::mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0));
-  auto* theirs = static_cast<std::uint8_t*>(::mmap(nullptr, kBytes, PROT_READ, MAP_SHARED, file, 0));
+  auto* mapping = static_cast<std::uint8_t*>(::mmap(nullptr, kBytes, PROT_READ, MAP_SHARED, file, 0));
   ::close(file);
   fs::remove(path);
   {
     SharedSegments segments;
-    const std::uint8_t* ours = segments.keep(theirs + 5000);
-    ASSERT_NE(ours, nullptr);
-    EXPECT_NE(ours, theirs + 5000);
-    EXPECT_EQ(segments.keep(theirs + 5001), ours + 1);
+    const std::uint8_t* kept = segments.keep(mapping + 5000);
+    ASSERT_NE(kept, nullptr);
+    EXPECT_NE(kept, mapping + 5000);
+    EXPECT_EQ(segments.keep(mapping + 5001), kept + 1);
     EXPECT_EQ(segments.size(), 1u) << "one mapping per segment";
-    ::munmap(theirs, kBytes);
-    EXPECT_EQ(*ours, 'a');
+    ::munmap(mapping, kBytes);
+    EXPECT_EQ(*kept, 'a');
     writer[5000] = 'b';
-    EXPECT_EQ(*ours, 'b') << "the same pages, not a copy";
+    EXPECT_EQ(*kept, 'b') << "the same pages, not a copy";
     segments.clear();
     EXPECT_EQ(segments.size(), 0u);
-    EXPECT_EQ(segments.keep(theirs + 5000), nullptr) << "nothing is mapped there any more";
+    EXPECT_EQ(segments.keep(mapping + 5000), nullptr) << "the address is no longer mapped";
   }
   ::munmap(writer, kBytes);
 }
 
-TEST(SharedSegments, PrivateMemoryIsRefused) {
+TEST(SharedSegments, RejectsPrivateMemory) {
   SharedSegments segments;
   const std::vector<std::uint8_t> own(100);
   EXPECT_EQ(segments.keep(own.data()), nullptr);
@@ -181,10 +181,10 @@ TEST(SharedSegments, PrivateMemoryIsRefused) {
 
 WakeEvent* signalled = nullptr;
 
-TEST(WakeEvent, ASignalHandlerEndsAWait) {
+TEST(WakeEvent, SignalHandlerEndsWait) {
 #if defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "ThreadSanitizer holds a handler back that a signal calls just before ppoll, until ppoll "
-                  "returns: the handler that ends the wait waits for its end";
+  GTEST_SKIP() << "ThreadSanitizer delays a signal handler that runs just before ppoll until ppoll "
+                  "returns, so the handler cannot end the wait";
 #endif
   WakeEvent event;
   signalled = &event;
@@ -196,11 +196,11 @@ TEST(WakeEvent, ASignalHandlerEndsAWait) {
   EXPECT_FALSE(event.wait(milliseconds(0))) << "consumed";
 }
 
-TEST(BusSignal, WaitUntilSwallowsNoEvent) {
+TEST(BusSignal, WaitUntilLeavesEventForNextWait) {
   BusSignal signal;
   signal.event.signal();
   EXPECT_TRUE(signal.waitUntil([] { return true; }, seconds(1)));
-  EXPECT_TRUE(signal.event.wait(milliseconds(0))) << "whoever waits next must look for data";
+  EXPECT_TRUE(signal.event.wait(milliseconds(0))) << "the next wait must check for data";
   EXPECT_FALSE(signal.waitUntil([] { return false; }, milliseconds(1)));
   signal.stop = true;
   EXPECT_FALSE(signal.waitUntil([] { return false; }, seconds(1000)));

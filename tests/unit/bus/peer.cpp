@@ -1,6 +1,6 @@
-// The other process of the bus's tests.
-//   bus_peer camera DOMAIN COUNT   sends COUNT frames to its first reader, then waits for a signal
-//   bus_peer service …             a service on runService(); its own option is --behaviour
+// The other process of the bus tests.
+// bus_peer camera DOMAIN COUNT: sends COUNT frames to its first reader, then waits for SIGTERM.
+// bus_peer service …: a service on runService() with the additional option --behaviour.
 
 #include <unistd.h>
 
@@ -49,7 +49,7 @@ int runCamera(int domain, std::uint32_t count) {
   return 0;
 }
 
-/// Does what the test wants to see the runner react to.
+/// Behaves as the test requests with --behaviour.
 class TestService : public Service {
  public:
   TestService(const ServiceContext& context, std::string behaviour) : behaviour_(std::move(behaviour)) {
@@ -68,7 +68,7 @@ class TestService : public Service {
   bool spin() override {
     v1::Pose pose;
     if (!poses_->take(pose)) return false;
-    if (behaviour_ == "throws") throw std::runtime_error("a pose was too much");
+    if (behaviour_ == "throws") throw std::runtime_error("test exception");
     status().processed(std::chrono::milliseconds(2));
     v1::FormationState answer;
     answer.robot(pose.robot());

@@ -11,15 +11,15 @@
 
 namespace omnifleet::bus {
 
-/// The program of peer.cpp as another process; killed at the latest when this goes.
+/// Runs the program of peer.cpp as another process. The destructor kills it if it still runs.
 class Peer {
  public:
-  /// Returns when the peer has said that it is ready (or has ended).
+  /// Returns when the peer has printed its first line ("ready") or has ended.
   explicit Peer(std::vector<std::string> arguments) {
     start(std::move(arguments));
     line();
   }
-  /// For start(): does not wait for it to be ready.
+  /// Use with start(): does not wait until the peer is ready.
   Peer() = default;
   void start(std::vector<std::string> arguments) {
     int ends[2];
@@ -44,7 +44,7 @@ class Peer {
     return text;
   }
   void signal(int number) const { ::kill(pid_, number); }
-  /// Sends the signal (0: none) and waits; exit code, or −signal when it was killed.
+  /// Sends the signal (0: none) and waits for the end. @return exit code, or −signal when it was killed
   int end(int number) {
     if (pid_ <= 0) return code_;
     if (number != 0) ::kill(pid_, number);

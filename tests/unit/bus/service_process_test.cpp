@@ -1,4 +1,4 @@
-// runService() as a process: signals, exit codes, status on the wire.
+// runService() as a process: signals, exit codes, status on DDS.
 
 #include <gmock/gmock.h>
 
@@ -19,7 +19,7 @@ std::vector<std::string> service(const std::string& mode, std::vector<std::strin
 
 class ServiceProcess : public testing::Test {
  protected:
-  /// The next status of the service; fails after a while.
+  /// The next status of the service; a default status after kPatience.
   v1::ServiceStatus status() {
     const auto got = receive(*bus, *statuses, 1);
     return got.empty() ? v1::ServiceStatus() : got.front();
@@ -42,18 +42,18 @@ class ServiceProcess : public testing::Test {
 
 class Signals : public ServiceProcess, public testing::WithParamInterface<int> {};
 
-TEST_P(Signals, EndARunningServiceWithinTwoSecondsWhichSaysSo) {
+TEST_P(Signals, EndRunningServiceWithinTwoSecondsWithStatus) {
   Peer peer(service("live"));
   waitFor(v1::SERVICE_RUNNING);
   const auto before = Clock::now();
-  EXPECT_EQ(peer.end(GetParam()), 128 + GetParam()) << "its work was not done";
+  EXPECT_EQ(peer.end(GetParam()), 128 + GetParam()) << "its work was not complete";
   EXPECT_LT(Clock::now() - before, std::chrono::seconds(2));
   EXPECT_EQ(peer.line(), "drained");
   waitFor(v1::SERVICE_FINISHED);
 }
 INSTANTIATE_TEST_SUITE_P(Each, Signals, testing::Values(SIGTERM, SIGINT));
 
-TEST_F(ServiceProcess, ASignalWhileItWaitsForPeersEndsItToo) {
+TEST_F(ServiceProcess, SignalEndsServiceThatWaitsForPeers) {
   poses.reset();
   Peer peer;
   peer.start(service("replay"));
@@ -63,14 +63,14 @@ TEST_F(ServiceProcess, ASignalWhileItWaitsForPeersEndsItToo) {
   EXPECT_LT(Clock::now() - before, std::chrono::seconds(2));
 }
 
-TEST_F(ServiceProcess, WhoCannotLeaveEndsAllTheSameAndHasSavedBefore) {
+TEST_F(ServiceProcess, EndsWithNormalExitCodeWhenDestructionHangs) {
   Peer peer(service("live", {"--behaviour", "hangs"}));
   waitFor(v1::SERVICE_RUNNING);
-  EXPECT_EQ(peer.end(SIGTERM), 128 + SIGTERM) << "as if nothing hung";
+  EXPECT_EQ(peer.end(SIGTERM), 128 + SIGTERM) << "the exit code must not show the hanging destructor";
   EXPECT_EQ(peer.line(), "drained");
 }
 
-TEST_F(ServiceProcess, ItAnswersEverySampleAndEndsByItself) {
+TEST_F(ServiceProcess, AnswersEverySampleAndEndsByItself) {
   Peer peer(service("replay"));
   ASSERT_TRUE(poses->waitForReaders(1, kPatience));
   ASSERT_TRUE(answers->waitForWriters(1, kPatience));
@@ -82,14 +82,14 @@ TEST_F(ServiceProcess, ItAnswersEverySampleAndEndsByItself) {
   const auto got = receive(*bus, *answers, 100);
   ASSERT_EQ(got.size(), 100u) << "the last one is " << (got.empty() ? -1 : got.back().header().acquired_ns());
   for (int k = 0; k < 100; ++k)
-    EXPECT_EQ(got[k].header().acquired_ns(), k);  // also those just before its end
+    EXPECT_EQ(got[k].header().acquired_ns(), k);  // includes the samples just before its end
   EXPECT_EQ(peer.end(0), 0);
 }
 
-TEST_F(ServiceProcess, ExitCodesTellWhatWentWrong) {
+TEST_F(ServiceProcess, ExitCodeNamesCauseOfFailure) {
   EXPECT_EQ(Peer(service("replay", {"--behaviour", "bad-options"})).end(0), 2);
   EXPECT_EQ(Peer(service("replay", {"--bogus"})).end(0), 2);
-  EXPECT_EQ(Peer(service("replay", {"--silence-limit", "1"})).end(0), 3) << "no pose comes";
+  EXPECT_EQ(Peer(service("replay", {"--silence-limit", "1"})).end(0), 3) << "no pose arrives";
   Peer throws(service("replay", {"--behaviour", "throws"}));
   ASSERT_TRUE(poses->waitForReaders(1, kPatience));
   ASSERT_TRUE(poses->write(poseOf("r1", 1)));

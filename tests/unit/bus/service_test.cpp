@@ -3,7 +3,7 @@
 
 #include <thread>
 
-#include "bus/lull.h"
+#include "bus/idle_window.h"
 #include "bus/service_runner.h"
 #include "tests/unit/bus/any_bus.h"
 
@@ -17,7 +17,7 @@ using testing::HasSubstr;
 using testing::StartsWith;
 using testing::ThrowsMessage;
 
-TEST(StatusBoard, RateQuantilesAndCounts) {
+TEST(StatusBoard, ComputesRateQuantilesAndCounts) {
   StatusBoard board;
   const StatusBoard::Clock::time_point start = StatusBoard::Clock::now();
   board.state(ServiceState::kRunning);
@@ -28,7 +28,7 @@ TEST(StatusBoard, RateQuantilesAndCounts) {
   board.expected(500);
   const auto figures = board.snapshot(start + seconds(4));
   EXPECT_DOUBLE_EQ(figures.rate_hz, 25.0);
-  EXPECT_NEAR(figures.latency_p50_ms, 50.5, 0.5);  // between the two middle ones
+  EXPECT_NEAR(figures.latency_p50_ms, 50.5, 0.5);  // between the two middle values
   EXPECT_NEAR(figures.latency_p99_ms, 99.0, 0.5);
   EXPECT_EQ(figures.processed, 100u);
   EXPECT_EQ(figures.invalid, 10u);
@@ -37,109 +37,110 @@ TEST(StatusBoard, RateQuantilesAndCounts) {
   EXPECT_DOUBLE_EQ(board.snapshot(start + seconds(5)).rate_hz, 0.0);
 }
 
-TEST(StatusBoard, LatenciesForgetWhatIsLongAgo) {
+TEST(StatusBoard, KeepsOnlyTheLastLatencies) {
   StatusBoard board;
   for (int i = 0; i < 1024; ++i) board.processed(seconds(1));
   for (int i = 0; i < 1024; ++i) board.processed(milliseconds(1));
   EXPECT_NEAR(board.snapshot(StatusBoard::Clock::now()).latency_p99_ms, 1.0, 1e-6);
 }
 
-TEST(StatusBoard, AnErrorShowsAtOnceAndDegradesUntilCleared) {
+TEST(StatusBoard, ErrorIsPublishedAtOnceAndDegradesUntilCleared) {
   StatusBoard board;
   const auto now = StatusBoard::Clock::now();
   board.state(ServiceState::kRunning);
   board.snapshot(now);
-  board.error("disk full", true);
+  board.report({ErrorCode::kFileWriteFailed, "disk full"}, true);
   EXPECT_TRUE(board.changed());
   EXPECT_EQ(board.snapshot(now).state, ServiceState::kDegraded);
-  board.error("disk full", true);
-  EXPECT_FALSE(board.changed()) << "the same again is no news";
+  board.report({ErrorCode::kFileWriteFailed, "disk full"}, true);
+  EXPECT_FALSE(board.changed()) << "a repeated error is no change";
   board.clearError();
   EXPECT_TRUE(board.changed());
   EXPECT_EQ(board.snapshot(now).state, ServiceState::kRunning);
-  EXPECT_EQ(board.snapshot(now).last_error, "");
+  EXPECT_EQ(board.snapshot(now).last_error, Message{});
 }
 
-TEST(Lull, IsASilenceOrTheEndOfPatience) {
-  const auto start = Lull::Clock::now();
-  Lull lull;
-  EXPECT_TRUE(lull.here(start)) << "nothing has come yet";
-  lull.heard(start);
-  EXPECT_FALSE(lull.here(start + Lull::kSilence - milliseconds(1)));
-  EXPECT_TRUE(lull.here(start + Lull::kSilence));
-  for (milliseconds ago{0}; ago < Lull::kPatience; ago += milliseconds(5)) {
-    lull.heard(start + ago);
-    EXPECT_FALSE(lull.here(start + ago));
+TEST(IdleWindow, OpensAfterSilenceOrPatience) {
+  const auto start = IdleWindow::Clock::now();
+  IdleWindow idle_window;
+  EXPECT_TRUE(idle_window.isOpen(start)) << "no input so far";
+  idle_window.onInput(start);
+  EXPECT_FALSE(idle_window.isOpen(start + IdleWindow::kSilence - milliseconds(1)));
+  EXPECT_TRUE(idle_window.isOpen(start + IdleWindow::kSilence));
+  for (milliseconds ago{0}; ago < IdleWindow::kPatience; ago += milliseconds(5)) {
+    idle_window.onInput(start + ago);
+    EXPECT_FALSE(idle_window.isOpen(start + ago));
   }
-  EXPECT_EQ(lull.next(start), start + Lull::kPatience);
-  lull.used();
-  EXPECT_TRUE(lull.here(start)) << "nothing has come since";
-  lull.heard(start + Lull::kPatience);
-  EXPECT_EQ(lull.next(start), start + Lull::kPatience + Lull::kSilence);
+  EXPECT_EQ(idle_window.opensAt(start), start + IdleWindow::kPatience);
+  idle_window.onUse();
+  EXPECT_TRUE(idle_window.isOpen(start)) << "no input since the last use";
+  idle_window.onInput(start + IdleWindow::kPatience);
+  EXPECT_EQ(idle_window.opensAt(start), start + IdleWindow::kPatience + IdleWindow::kSilence);
 }
 
-TEST(Lull, EndsBeforeTheNextBurstIsDue) {
-  const auto start = Lull::Clock::now();
+TEST(IdleWindow, ClosesBeforeNextBurstIsDue) {
+  const auto start = IdleWindow::Clock::now();
   constexpr milliseconds kPeriod{100}, kBurst{7};
-  Lull lull;
+  IdleWindow idle_window;
   const auto burstAt = [&](milliseconds at) {
-    lull.heard(start + at);
-    lull.heard(start + at + kBurst);
-    lull.used();
+    idle_window.onInput(start + at);
+    idle_window.onInput(start + at + kBurst);
+    idle_window.onUse();
   };
   burstAt(milliseconds(0));
   burstAt(kPeriod);
-  EXPECT_TRUE(lull.here(start + 2 * kPeriod)) << "one period is no rhythm";
+  EXPECT_TRUE(idle_window.isOpen(start + 2 * kPeriod)) << "one period does not make bursts regular";
   burstAt(2 * kPeriod + milliseconds(5));
   const auto due = start + 3 * kPeriod + milliseconds(10);
-  EXPECT_TRUE(lull.here(due - Lull::kAhead - milliseconds(1)));
-  EXPECT_FALSE(lull.here(due - Lull::kAhead));
-  EXPECT_FALSE(lull.here(due));
-  EXPECT_EQ(lull.next(due - milliseconds(1)), due + Lull::kAhead) << "it has ceased";
-  EXPECT_TRUE(lull.here(due + Lull::kAhead));
+  EXPECT_TRUE(idle_window.isOpen(due - IdleWindow::kAhead - milliseconds(1)));
+  EXPECT_FALSE(idle_window.isOpen(due - IdleWindow::kAhead));
+  EXPECT_FALSE(idle_window.isOpen(due));
+  EXPECT_EQ(idle_window.opensAt(due - milliseconds(1)), due + IdleWindow::kAhead)
+      << "opens again when the burst does not come";
+  EXPECT_TRUE(idle_window.isOpen(due + IdleWindow::kAhead));
   burstAt(4 * kPeriod + milliseconds(60));
-  EXPECT_TRUE(lull.here(start + 6 * kPeriod)) << "out of step";
+  EXPECT_TRUE(idle_window.isOpen(start + 6 * kPeriod)) << "the burst came off schedule";
 }
 
-TEST(Lull, IsAwaitedWhereABurstIsDue) {
+TEST(IdleWindow, IsAwaitedWhileBurstIsDue) {
   const auto bus = makeFakeBus(makeFakeNetwork());
-  const auto now = Lull::Clock::now();
+  const auto now = IdleWindow::Clock::now();
   constexpr milliseconds kPeriod{100}, kLeft{5};
-  Lull lull;
-  for (int ago = 3; ago >= 1; --ago) lull.heard(now + kLeft - ago * kPeriod);
-  awaitLull(*bus, lull, [] { return false; });
-  EXPECT_GE(Lull::Clock::now() - now, kLeft + Lull::kAhead);
+  IdleWindow idle_window;
+  for (int ago = 3; ago >= 1; --ago) idle_window.onInput(now + kLeft - ago * kPeriod);
+  awaitIdleWindow(*bus, idle_window, [] { return false; });
+  EXPECT_GE(IdleWindow::Clock::now() - now, kLeft + IdleWindow::kAhead);
 }
 
-TEST(Lull, ForeseesNothingWhereFramesComeQuickly) {
-  const auto start = Lull::Clock::now();
-  Lull lull;
+TEST(IdleWindow, PredictsNoBurstForShortPeriods) {
+  const auto start = IdleWindow::Clock::now();
+  IdleWindow idle_window;
   for (milliseconds at{0}; at < milliseconds(1000); at += milliseconds(33)) {
-    lull.heard(start + at);
-    lull.used();
-    EXPECT_TRUE(lull.here(start + at + milliseconds(32)));
+    idle_window.onInput(start + at);
+    idle_window.onUse();
+    EXPECT_TRUE(idle_window.isOpen(start + at + milliseconds(32)));
   }
 }
 
-TEST(Lull, IsAwaitedOnlyWhereSomethingCame) {
+TEST(IdleWindow, IsAwaitedOnlyAfterInput) {
   const auto bus = makeFakeBus(makeFakeNetwork());
-  Lull lull;
-  int samples = 0, asked = 0;
-  const auto pull = [&] { return ++asked, samples-- > 0; };
-  awaitLull(*bus, lull, pull);
-  EXPECT_EQ(asked, 1);
+  IdleWindow idle_window;
+  int samples = 0, pulls = 0;
+  const auto pull = [&] { return ++pulls, samples-- > 0; };
+  awaitIdleWindow(*bus, idle_window, pull);
+  EXPECT_EQ(pulls, 1);
   samples = 2;
-  const auto begun = Lull::Clock::now();
-  awaitLull(*bus, lull, pull);
-  EXPECT_GE(asked, 1 + 3);
-  EXPECT_GE(Lull::Clock::now() - begun, Lull::kSilence);
+  const auto begun = IdleWindow::Clock::now();
+  awaitIdleWindow(*bus, idle_window, pull);
+  EXPECT_GE(pulls, 1 + 3);
+  EXPECT_GE(IdleWindow::Clock::now() - begun, IdleWindow::kSilence);
   bus->requestStop();
-  asked = 0;
-  awaitLull(*bus, lull, pull);
-  EXPECT_EQ(asked, 0);
+  pulls = 0;
+  awaitIdleWindow(*bus, idle_window, pull);
+  EXPECT_EQ(pulls, 0);
 }
 
-/// A stage that adds one to x and passes the pose on, on topics "pose/<n>".
+/// A stage that adds one to x and publishes the pose, on topics "pose/<n>".
 class AddOne : public Service {
  public:
   AddOne(Bus& bus, const Topic<v1::Pose>& in, const Topic<v1::Pose>& out, int samples)
@@ -198,7 +199,7 @@ class RunLoop : public testing::Test {
   std::shared_ptr<FakeNetwork> network = makeFakeNetwork();
   std::unique_ptr<Bus> bus = makeFakeBus(network), others = makeFakeBus(network);
   Topics topics{RunMode::kReplay};
-  // Every status: the topic itself keeps the last one only.
+  // Receives every status; the topic itself keeps only the last one.
   Topic<v1::ServiceStatus> all_status = [this] {
     auto topic = topics.service_status;
     topic.qos.keep_all = true;
@@ -216,7 +217,7 @@ class RunLoop : public testing::Test {
   spdlog::logger log{"test", std::make_shared<spdlog::sinks::null_sink_mt>()};
 };
 
-TEST_F(RunLoop, WaitsForItsExpectationsRunsToTheEndAndTellsIt) {
+TEST_F(RunLoop, WaitsForExpectationsRunsToEndAndPublishesStatus) {
   AddOne service(*bus, stage(0), stage(1), 3);
   const auto output = others->reader(stage(1));
   std::thread feeder([&] {
@@ -235,7 +236,7 @@ TEST_F(RunLoop, WaitsForItsExpectationsRunsToTheEndAndTellsIt) {
   EXPECT_EQ(last_status.process_id(), static_cast<std::uint32_t>(::getpid()));
 }
 
-TEST_F(RunLoop, AnExpectationThatIsNeverMetEndsTheRunAndIsNamed) {
+TEST_F(RunLoop, UnmetExpectationEndsRunWithItsName) {
   AddOne service(*bus, stage(0), stage(1), 3);
   EXPECT_EQ(run(service), ExitCode::kSilentStage);
   EXPECT_EQ(service.log, "drain ");
@@ -243,20 +244,21 @@ TEST_F(RunLoop, AnExpectationThatIsNeverMetEndsTheRunAndIsNamed) {
   EXPECT_THAT(last_status.last_error(), HasSubstr("a writer of the input"));
 }
 
-TEST_F(RunLoop, ASilentStageEndsTheRunAndIsNamed) {
+TEST_F(RunLoop, SilentInputEndsRunWithItsName) {
   AddOne service(*bus, stage(0), stage(1), 3);
   const auto silent = others->writer(stage(0));
   EXPECT_EQ(run(service), ExitCode::kSilentStage);
   EXPECT_EQ(service.log, "start drain ");
   states();
-  EXPECT_EQ(last_status.last_error(), "nothing for 1 s from: the input of a stage");
+  EXPECT_EQ(last_status.error_code(), toString(ErrorCode::kStreamSilent));
+  EXPECT_THAT(last_status.last_error().to_string(), StartsWith("the input of a stage: no sample for 1 s"));
 }
 
-TEST_F(RunLoop, LiveWaitsForNobodyAndMindsNoSilence) {
+TEST_F(RunLoop, LiveModeIgnoresExpectationsAndSilence) {
   options.mode = RunMode::kLive;
   AddOne service(*bus, stage(0), stage(1), 3);
   std::thread stopper([&] {
-    v1::ServiceStatus status;  // two of them are a second apart: longer than the silence limit
+    v1::ServiceStatus status;  // two statuses are one second apart, which exceeds the silence limit
     for (int running = 0; running < 3;) {
       if (!watcher->take(status)) {
         others->wait(kPatience);
@@ -271,7 +273,7 @@ TEST_F(RunLoop, LiveWaitsForNobodyAndMindsNoSilence) {
   EXPECT_THAT(service.log, StartsWith("start background 3 "));
 }
 
-TEST_F(RunLoop, LiveTheBackgroundHasItsTurnWhenNothingMoreComes) {
+TEST_F(RunLoop, LiveModeRunsBackgroundWithoutInput) {
   options.mode = RunMode::kLive;
   AddOne service(*bus, stage(0), stage(1), 4);
   service.in_background = [&] { bus->requestStop(); };
@@ -281,16 +283,17 @@ TEST_F(RunLoop, LiveTheBackgroundHasItsTurnWhenNothingMoreComes) {
   EXPECT_EQ(service.log, "start background 1 drain ");
 }
 
-TEST_F(RunLoop, AnExceptionIsAFailureThatStatusTells) {
+TEST_F(RunLoop, ReportsExceptionAsFailureInStatus) {
   AddOne service(*bus, stage(0), stage(1), 3);
   const auto writer = others->writer(stage(0));
   ASSERT_TRUE(writer->write(poseOf("r1", 0, -1)));
   EXPECT_EQ(run(service), ExitCode::kFailure);
   states();
+  EXPECT_EQ(last_status.error_code(), toString(ErrorCode::kServiceFailed));
   EXPECT_EQ(last_status.last_error(), "x below zero");
 }
 
-TEST_F(RunLoop, StoppedBeforeTheStartItOnlyDrains) {
+TEST_F(RunLoop, DrainsOnlyWhenStoppedBeforeStart) {
   AddOne service(*bus, stage(0), stage(1), 3);
   bus->requestStop();
   EXPECT_EQ(run(service), ExitCode::kStopped);
@@ -299,7 +302,7 @@ TEST_F(RunLoop, StoppedBeforeTheStartItOnlyDrains) {
 
 class InProcess : public RunLoop, public testing::WithParamInterface<bool> {};
 
-TEST_P(InProcess, AChainGivesTheSameInAnyOrderOfStages) {
+TEST_P(InProcess, ResultsDoNotDependOnOrderOfStages) {
   InProcessFleet fleet;
   const auto source = others->writer(stage(0));
   const auto sink = others->reader(stage(3));
@@ -321,23 +324,24 @@ TEST_P(InProcess, AChainGivesTheSameInAnyOrderOfStages) {
 }
 INSTANTIATE_TEST_SUITE_P(Order, InProcess, testing::Bool());
 
-TEST_F(RunLoop, AStuckFleetNamesWhoWaitsForWhat) {
+TEST_F(RunLoop, DeadlockNamesServiceAndMissingStream) {
   InProcessFleet fleet;
   const auto source = others->writer(stage(0));
   fleet.add("adder", std::make_unique<AddOne>(*bus, stage(0), stage(1), 2));
   ASSERT_TRUE(source->write(poseOf("r1", 0)));
   EXPECT_THAT([&] { fleet.run(); },
-              ThrowsMessage<std::runtime_error>("the fleet is stuck: adder waits for the input of a stage"));
+              ThrowsMessage<std::runtime_error>(
+                  "deadlock, no service can continue: adder waits for the input of a stage"));
 }
 
-TEST_F(RunLoop, AFleetWithAnUnmetExpectationDoesNotStart) {
+TEST_F(RunLoop, FleetWithUnmetExpectationDoesNotStart) {
   InProcessFleet fleet;
   fleet.add("adder", std::make_unique<AddOne>(*bus, stage(0), stage(1), 2));
   EXPECT_THAT([&] { fleet.run(); },
               ThrowsMessage<std::runtime_error>("adder expects: a writer of the input"));
 }
 
-TEST_F(RunLoop, AFleetCanBeStoppedBetweenRounds) {
+TEST_F(RunLoop, FleetStopsBetweenRounds) {
   InProcessFleet fleet;
   const auto source = others->writer(stage(0));
   fleet.add("adder", std::make_unique<AddOne>(*bus, stage(0), stage(1), 2));
@@ -404,7 +408,7 @@ TEST(CommandLine, ReadsEveryCommonOption) {
   EXPECT_EQ(parsed.options.max_message_bytes, 1400);
 }
 
-TEST(CommandLine, TheDomainComesFromTheEnvironmentUnlessGiven) {
+TEST(CommandLine, ReadsDomainFromEnvironmentUnlessGiven) {
   ::setenv("OMNIFLEET_DOMAIN", "42", 1);
   EXPECT_EQ(parse({}).options.domain, 42);
   EXPECT_EQ(parse({"--domain", "3"}).options.domain, 3);
@@ -412,7 +416,7 @@ TEST(CommandLine, TheDomainComesFromTheEnvironmentUnlessGiven) {
   EXPECT_EQ(parse({}).options.domain, 0);
 }
 
-TEST(CommandLine, BadOptionsAreNamedInOneLine) {
+TEST(CommandLine, NamesInvalidOptionInOneLine) {
   for (const auto& [arguments, named] : std::vector<std::pair<std::vector<const char*>, std::string>>{
            {{"--domain", "233"}, "--domain"},
            {{"--mode", "fast"}, "--mode"},

@@ -11,55 +11,56 @@ using std::chrono::seconds;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-/// Looks twice a second, as who watches does.
-class Watched : public testing::Test {
+/// Checks for silent services twice per second, as the real callers do.
+class SilenceTest : public testing::Test {
  protected:
   std::vector<std::string> after(milliseconds time) {
-    std::vector<std::string> said;
+    std::vector<std::string> reports;
     for (const auto end = now_ + time; now_ < end;) {
       now_ += milliseconds(500);
-      said.clear();
-      for (const Silence::Silent& one : silence_.silent(now_)) said.push_back(one.who + ": " + toString(one));
+      reports.clear();
+      for (const Silence::Silent& one : silence_.silent(now_))
+        reports.push_back(one.name + ": " + toString(one));
     }
-    return said;
+    return reports;
   }
-  void speak(const std::string& who, bool finished = false) { silence_.heard(who, finished, now_); }
+  void publish(const std::string& name, bool finished = false) { silence_.heard(name, finished, now_); }
 
   Silence::Clock::time_point now_{seconds(1000)};
   Silence silence_{{seconds(3), seconds(15)}};
 };
 
-TEST_F(Watched, WhoSaysNothingMoreIsSilentUntilItSpeaks) {
-  speak("camera r1/fisheye");
-  speak("world");
+TEST_F(SilenceTest, ReportsServiceUntilItsNextStatus) {
+  publish("camera r1/fisheye");
+  publish("world");
   EXPECT_THAT(after(seconds(3)), IsEmpty());
-  speak("world");
+  publish("world");
   EXPECT_THAT(after(seconds(1)), ElementsAre("camera r1/fisheye: silent for 4 s"));
   EXPECT_THAT(after(seconds(3)), ElementsAre("camera r1/fisheye: silent for 7 s", "world: silent for 4 s"));
-  speak("camera r1/fisheye");
+  publish("camera r1/fisheye");
   EXPECT_THAT(after(seconds(1)), ElementsAre("world: silent for 5 s"));
 }
 
-TEST_F(Watched, WhoIsExpectedAndNeverSpeaksIsNamedLater) {
+TEST_F(SilenceTest, ReportsExpectedServiceThatNeverStartsAfterLongerLimit) {
   silence_.expect("localizer", now_);
   EXPECT_THAT(after(seconds(15)), IsEmpty());
   EXPECT_THAT(after(seconds(1)), ElementsAre("localizer: not heard in 16 s"));
-  speak("localizer");
+  publish("localizer");
   silence_.expect("localizer", now_);
-  EXPECT_THAT(after(seconds(4)), ElementsAre("localizer: silent for 4 s")) << "it has spoken";
+  EXPECT_THAT(after(seconds(4)), ElementsAre("localizer: silent for 4 s")) << "a status has arrived";
 }
 
-TEST_F(Watched, WhoHasFinishedMayBeSilent) {
-  speak("world", true);
+TEST_F(SilenceTest, IgnoresFinishedService) {
+  publish("world", true);
   EXPECT_THAT(after(seconds(60)), IsEmpty());
-  speak("world");
-  EXPECT_THAT(after(seconds(4)), ElementsAre("world: silent for 4 s")) << "started again";
+  publish("world");
+  EXPECT_THAT(after(seconds(4)), ElementsAre("world: silent for 4 s")) << "restarted";
 }
 
-TEST_F(Watched, WhenTheWatchItselfWasHeldUpNobodyWasSilent) {
-  speak("world");
+TEST_F(SilenceTest, IgnoresTimeInWhichTheCallerWasStalled) {
+  publish("world");
   EXPECT_THAT(after(seconds(2)), IsEmpty());
-  now_ += seconds(60);  // stopped by job control, or a machine that slept
+  now_ += seconds(60);  // suspended by job control, or the machine slept
   EXPECT_THAT(after(seconds(1)), IsEmpty());
   EXPECT_THAT(after(seconds(1)), ElementsAre("world: silent for 3 s"));
 }

@@ -34,7 +34,7 @@ std::vector<std::string> names(const std::vector<Merger::Item>& items) {
   return result;
 }
 
-/// All batches that come out now, one line each: "t: feedback | side | inputs".
+/// All batches that are ready, one line each: "t: feedback | side | inputs".
 std::vector<std::string> drain(Merger& merger) {
   std::vector<std::string> lines;
   Merger::Batch batch;
@@ -49,7 +49,7 @@ std::vector<std::string> drain(Merger& merger) {
   return lines;
 }
 
-TEST(TimeMerger, TiesGoOutInRobotThenTopicOrderWhateverTheOrderOfArrival) {
+TEST(TimeMerger, SortsEqualTimesByRobotThenRank) {
   Merger merger;
   const int b1 = merger.addStream(input("r2", 1));
   const int a2 = merger.addStream(input("r1", 2));
@@ -67,7 +67,7 @@ TEST(TimeMerger, TiesGoOutInRobotThenTopicOrderWhateverTheOrderOfArrival) {
   EXPECT_FALSE(merger.nextBatch(batch));
 }
 
-TEST(TimeMerger, AGapInOneStreamIsNoReasonToWait) {
+TEST(TimeMerger, DoesNotWaitForGapInStream) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -79,7 +79,7 @@ TEST(TimeMerger, AGapInOneStreamIsNoReasonToWait) {
   EXPECT_THAT(drain(merger), ElementsAre("1: | | a1@1", "2: | | a2@2", "3: | | a3@3 b3@3"));
 }
 
-TEST(TimeMerger, ASampleTakenAtATimeSaysThatNothingEarlierIsMissing) {
+TEST(TimeMerger, WaitsForStreamThatHasNotReachedTheTime) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -87,10 +87,10 @@ TEST(TimeMerger, ASampleTakenAtATimeSaysThatNothingEarlierIsMissing) {
   merger.push(b, 5, "b5");
   EXPECT_THAT(drain(merger), ElementsAre("5: | | a5@5 b5@5"));
   merger.push(a, 6, "a6");
-  EXPECT_THAT(drain(merger), IsEmpty()) << "b may still have something at 6";
+  EXPECT_THAT(drain(merger), IsEmpty()) << "b may still have a sample at 6";
 }
 
-TEST(TimeMerger, AWatermarkReleasesWithoutASampleAndForbidsEarlierOnes) {
+TEST(TimeMerger, WatermarkReleasesBatchAndRejectsEarlierSamples) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -101,12 +101,12 @@ TEST(TimeMerger, AWatermarkReleasesWithoutASampleAndForbidsEarlierOnes) {
   EXPECT_THAT(drain(merger), ElementsAre("5: | | a5@5"));
   EXPECT_FALSE(merger.push(b, 5, "late"));
   EXPECT_EQ(merger.rejected(b), 1u);
-  merger.advance(b, 2);  // goes nowhere
+  merger.advance(b, 2);  // an earlier watermark has no effect
   EXPECT_FALSE(merger.push(b, 4, "late"));
   EXPECT_TRUE(merger.push(b, 6, "b6"));
 }
 
-TEST(TimeMerger, TimesThatDoNotGrowAreRejectedAndCounted) {
+TEST(TimeMerger, RejectsAndCountsSampleOutOfOrder) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   EXPECT_TRUE(merger.push(a, 7, "a7"));
@@ -116,7 +116,7 @@ TEST(TimeMerger, TimesThatDoNotGrowAreRejectedAndCounted) {
   EXPECT_THAT(drain(merger), ElementsAre("7: | | a7@7"));
 }
 
-TEST(TimeMerger, AnEndThatOvertakesItsSamplesWaitsForThem) {
+TEST(TimeMerger, EndThatArrivesBeforeItsSamplesWaitsForThem) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -125,7 +125,8 @@ TEST(TimeMerger, AnEndThatOvertakesItsSamplesWaitsForThem) {
   merger.end(b, 2);
   EXPECT_THAT(drain(merger), IsEmpty());
   merger.push(b, 2, "b2");
-  EXPECT_THAT(drain(merger), ElementsAre("1: | | a1@1", "2: | | b2@2")) << "one of b is still under way";
+  EXPECT_THAT(drain(merger), ElementsAre("1: | | a1@1", "2: | | b2@2"))
+      << "one sample of b has not arrived yet";
   merger.push(b, 3, "b3");
   EXPECT_THAT(drain(merger), ElementsAre("3: | | b3@3", "9: | | a9@9"));
   EXPECT_FALSE(merger.finished()) << "a has not ended";
@@ -133,7 +134,7 @@ TEST(TimeMerger, AnEndThatOvertakesItsSamplesWaitsForThem) {
   EXPECT_TRUE(merger.finished());
 }
 
-TEST(TimeMerger, ARejectedSampleStillCountsAsArrived) {
+TEST(TimeMerger, CountsRejectedSampleAsArrived) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   merger.push(a, 1, "a1");
@@ -143,7 +144,7 @@ TEST(TimeMerger, ARejectedSampleStillCountsAsArrived) {
   EXPECT_TRUE(merger.finished());
 }
 
-TEST(TimeMerger, AnEmptyStreamEndsAtOnce) {
+TEST(TimeMerger, EmptyStreamEndsAtOnce) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -154,24 +155,25 @@ TEST(TimeMerger, AnEmptyStreamEndsAtOnce) {
   EXPECT_TRUE(merger.wants(a));
 }
 
-TEST(TimeMerger, FeedbackIsThePreviousFramesAndIsWaitedFor) {
+TEST(TimeMerger, WaitsForFeedbackOfPreviousFrame) {
   Merger merger;
   const int a = merger.addStream(input("r1"));
   const int pose = merger.addStream(with(input("r1", 9), StreamRole::kFeedback));
   merger.push(a, 10, "a");
   merger.push(a, 20, "a");
   merger.push(a, 30, "a");
-  EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10")) << "20 needs the pose of 10";
+  EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10")) << "the batch at 20 needs the pose at 10";
   merger.push(pose, 10, "p");
   EXPECT_THAT(drain(merger), ElementsAre("20: p@10 | | a@20"));
   merger.push(pose, 20, "p");
   merger.push(pose, 30, "p");
-  EXPECT_THAT(drain(merger), ElementsAre("30: p@20 | | a@30")) << "30's own pose is not to be known yet";
+  EXPECT_THAT(drain(merger), ElementsAre("30: p@20 | | a@30"))
+      << "the batch at 30 must not contain its own pose";
   merger.push(a, 40, "a");
   EXPECT_THAT(drain(merger), ElementsAre("40: p@30 | | a@40"));
 }
 
-TEST(TimeMerger, FeedbackThatEndedOrHasAWatermarkHoldsNobodyUp) {
+TEST(TimeMerger, DoesNotWaitForFeedbackWithEndOrWatermark) {
   Merger merger;
   const int a = merger.addStream(input("r1"));
   const int pose = merger.addStream(with(input("r1"), StreamRole::kFeedback));
@@ -183,7 +185,7 @@ TEST(TimeMerger, FeedbackThatEndedOrHasAWatermarkHoldsNobodyUp) {
   EXPECT_THAT(drain(merger), ElementsAre("10: | | a@10", "20: | | a@20"));
 }
 
-TEST(TimeMerger, APromiseCountsOnceItsLastSampleIsThere) {
+TEST(TimeMerger, PromiseCountsOnceItsLastSampleArrived) {
   Merger merger;
   const int a = merger.addStream(input("r1"));
   const int own = merger.addStream(with(input("r1"), StreamRole::kFeedback));
@@ -195,13 +197,14 @@ TEST(TimeMerger, APromiseCountsOnceItsLastSampleIsThere) {
   merger.push(own, 10, "p1");
   merger.promise(none, INT64_MIN, 10);
   merger.promise(other, 7, 10);
-  EXPECT_THAT(drain(merger), IsEmpty()) << "r2's pose of 7 is still on its way";
+  EXPECT_THAT(drain(merger), IsEmpty()) << "the pose of r2 at 7 has not arrived yet";
   merger.push(other, 7, "p2");
-  EXPECT_THAT(drain(merger), ElementsAre("20: p2@7 p1@10 | | a@20")) << "and its next is later than 10";
+  EXPECT_THAT(drain(merger), ElementsAre("20: p2@7 p1@10 | | a@20"))
+      << "the next pose of r2 is later than 10";
   EXPECT_TRUE(merger.push(other, 17, "p2"));
 }
 
-TEST(TimeMerger, OfTwoPromisesTheNewerCountsInWhateverOrderTheyArrive) {
+TEST(TimeMerger, NewerPromiseCountsInAnyOrderOfArrival) {
   Merger merger;
   const int a = merger.addStream(input("r1"));
   const int other = merger.addStream(with(input("r2"), StreamRole::kFeedback));
@@ -214,7 +217,7 @@ TEST(TimeMerger, OfTwoPromisesTheNewerCountsInWhateverOrderTheyArrive) {
   EXPECT_THAT(drain(merger), ElementsAre("20: p@7 | | a@20", "30: p@17 | | a@30"));
 }
 
-TEST(TimeMerger, FeedbackFollowsThePrimaryStreamOnly) {
+TEST(TimeMerger, FeedbackFollowsPrimaryStreamOnly) {
   Merger merger;
   const int frame = merger.addStream(input("r1"));
   StreamSpec second = input("r2");
@@ -228,19 +231,19 @@ TEST(TimeMerger, FeedbackFollowsThePrimaryStreamOnly) {
   EXPECT_THAT(drain(merger), ElementsAre("10: | | f@10"));
   merger.push(pose, 10, "p");
   EXPECT_THAT(drain(merger), ElementsAre("11: p@10 | | o@11", "20: | | f@20"))
-      << "20 needs no more than 10; 21 needs the pose of 20";
+      << "the batch at 20 needs only the pose at 10; the one at 21 needs the pose at 20";
 }
 
-TEST(TimeMerger, SideRowsGoOutBeforeTheBatchAndNeedTheirWatermark) {
+TEST(TimeMerger, ReturnsSideRowsBeforeBatchAndWaitsForThem) {
   Merger merger;
   const int frame = merger.addStream(input("r1"));
   const int wheels = merger.addStream(with(input("r1", 1), StreamRole::kSide));
   merger.push(wheels, 1, "w");
   merger.push(wheels, 4, "w");
   merger.push(frame, 5, "f");
-  EXPECT_THAT(drain(merger), IsEmpty()) << "another row before 5 may come";
+  EXPECT_THAT(drain(merger), IsEmpty()) << "another row before 5 may arrive";
   merger.push(wheels, 5, "w");
-  EXPECT_THAT(drain(merger), ElementsAre("5: | w@1 w@4 | f@5")) << "the row at 5 holds from 5 on";
+  EXPECT_THAT(drain(merger), ElementsAre("5: | w@1 w@4 | f@5")) << "the row at 5 is valid from 5 on";
   merger.push(frame, 7, "f");
   merger.end(wheels, 3);
   EXPECT_THAT(drain(merger), ElementsAre("7: | w@5 | f@7"));
@@ -248,7 +251,7 @@ TEST(TimeMerger, SideRowsGoOutBeforeTheBatchAndNeedTheirWatermark) {
   EXPECT_TRUE(merger.finished());
 }
 
-TEST(TimeMerger, SideRowsAloneMakeNoBatch) {
+TEST(TimeMerger, SideRowsAloneFormNoBatch) {
   Merger merger;
   merger.addStream(input("r1"));
   const int wheels = merger.addStream(with(input("r1", 1), StreamRole::kSide));
@@ -256,7 +259,7 @@ TEST(TimeMerger, SideRowsAloneMakeNoBatch) {
   EXPECT_THAT(drain(merger), IsEmpty());
 }
 
-TEST(TimeMerger, LiveNeverWaitsAndOrdersWhatIsThere) {
+TEST(TimeMerger, LiveModeNeverWaitsAndSortsAvailableSamples) {
   Merger merger;
   const int a = merger.addStream(live(input("a")));
   const int b = merger.addStream(live(input("b")));
@@ -269,23 +272,23 @@ TEST(TimeMerger, LiveNeverWaitsAndOrdersWhatIsThere) {
   merger.push(pose, 99, "p");
   EXPECT_THAT(drain(merger), ElementsAre("7: p@99 | | a@7", "9: | | b@9"));
   EXPECT_FALSE(merger.waitingFor({}));
-  EXPECT_FALSE(merger.push(b, 9, "b")) << "within a stream times grow in live mode too";
+  EXPECT_FALSE(merger.push(b, 9, "b")) << "times within a stream must increase in live mode too";
 }
 
-TEST(TimeMerger, ALiveStreamAmongLockstepOnesHoldsNobodyUp) {
+TEST(TimeMerger, DoesNotWaitForLiveStreamAmongLockstepStreams) {
   Merger merger;
   const int frames = merger.addStream(input("r1"));
-  const int command = merger.addStream(live(input("people")));
+  const int command = merger.addStream(live(input("operator")));
   merger.push(frames, 1, "f");
   EXPECT_THAT(drain(merger), ElementsAre("1: | | f@1"));
   merger.push(command, 3, "c");
   merger.push(frames, 4, "f");
   EXPECT_THAT(drain(merger), ElementsAre("3: | | c@3", "4: | | f@4"));
   merger.end(frames, 2);
-  EXPECT_TRUE(merger.finished()) << "people never end";
+  EXPECT_TRUE(merger.finished()) << "a live stream never ends";
 }
 
-TEST(TimeMerger, WantsOneFrameAtATime) {
+TEST(TimeMerger, RequestsOneFrameAtATime) {
   Merger merger;
   const int camera = merger.addStream(input("r1"));
   const int other = merger.addStream(input("r2"));
@@ -301,7 +304,7 @@ TEST(TimeMerger, WantsOneFrameAtATime) {
   EXPECT_FALSE(merger.wants(camera));
 }
 
-TEST(TimeMerger, NamesTheSilentStreamAndForHowLong) {
+TEST(TimeMerger, NamesSilentStreamAndDuration) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -313,15 +316,15 @@ TEST(TimeMerger, NamesTheSilentStreamAndForHowLong) {
   EXPECT_EQ(waiting->name, "input of b");
   EXPECT_EQ(waiting->silent, seconds(0));
   EXPECT_EQ(merger.waitingFor(start + seconds(12))->silent, seconds(12));
-  merger.push(b, 0, "b0");  // it lives, though it is behind
+  merger.push(b, 0, "b0");  // it makes progress, although it is behind
   drain(merger);
   EXPECT_EQ(merger.waitingFor(start + seconds(13))->silent, seconds(0));
   EXPECT_EQ(merger.waitingFor(start + seconds(43))->silent, seconds(30));
   merger.push(b, 1, "b1");
-  EXPECT_FALSE(merger.waitingFor(start + seconds(44))) << "a batch is ready: nobody is to blame";
+  EXPECT_FALSE(merger.waitingFor(start + seconds(44))) << "a batch is ready: no stream blocks it";
 }
 
-TEST(TimeMerger, AMissingSampleAtTheEndIsNamed) {
+TEST(TimeMerger, NamesStreamWithMissingLastSample) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   const int b = merger.addStream(input("b"));
@@ -338,7 +341,7 @@ TEST(TimeMerger, AMissingSampleAtTheEndIsNamed) {
   EXPECT_FALSE(merger.waitingFor({}));
 }
 
-TEST(TimeMerger, MissingFeedbackIsNamedAndOfSeveralTheSlowest) {
+TEST(TimeMerger, NamesMissingFeedbackAndSlowestOfSeveralStreams) {
   Merger merger;
   const int a = merger.addStream(input("a"));
   merger.addStream(with({"pose of a", "a"}, StreamRole::kFeedback));
@@ -350,12 +353,12 @@ TEST(TimeMerger, MissingFeedbackIsNamedAndOfSeveralTheSlowest) {
   Merger idle;
   const int fast = idle.addStream(input("fast"));
   idle.addStream(input("slow"));
-  EXPECT_EQ(idle.waitingFor({})->name, "input of fast") << "both silent: the first";
+  EXPECT_EQ(idle.waitingFor({})->name, "input of fast") << "both are silent, so the first is named";
   idle.advance(fast, 5);
   EXPECT_EQ(idle.waitingFor({})->name, "input of slow");
 }
 
-/// What a stage's streams hold, independent of the merger: made per seed, pushed in a random interleaving.
+/// Random content of the streams of a stage, one per seed, which the test pushes in a random interleaving.
 struct Recording {
   std::vector<StreamSpec> specs;
   std::vector<std::vector<TimeNs>> times;
@@ -376,7 +379,7 @@ struct Recording {
     for (int i = 0; i < count; ++i) row.push_back(t += std::uniform_int_distribution<int>(1, 4)(random));
     times.push_back(row);
   }
-  /// Batches by definition: every time at which an input has a sample, inputs sorted by (robot, rank).
+  /// The batches by definition: one per time at which an input has a sample, inputs sorted by (robot, rank).
   std::vector<std::string> expected() const {
     std::vector<TimeNs> all;
     for (std::size_t s = 0; s < specs.size(); ++s) {
@@ -429,7 +432,8 @@ TEST_P(Interleavings, GiveTheSameBatches) {
   }()) {
     const std::size_t s = std::uniform_int_distribution<std::size_t>(0, streams - 1)(random);
     if (!ended[s] && std::uniform_int_distribution<int>(0, 20)(random) == 0) {
-      merger.end(static_cast<int>(s), recording.times[s].size());  // overtakes, on another writer
+      merger.end(static_cast<int>(s),
+                 recording.times[s].size());  // may arrive before samples, because run/end has its own writer
       ended[s] = true;
     } else if (next[s] < recording.times[s].size()) {
       const auto& spec = recording.specs[s];

@@ -18,7 +18,7 @@ std::string refusal(const std::string& size, double square_m) {
   return "";
 }
 
-TEST(Board, IsReadOrRefused) {
+TEST(Board, ParsesSizeOrRejectsIt) {
   const Board board = Board::parse("9x6", 0.116);
   EXPECT_EQ(board.columns, 9);
   EXPECT_EQ(board.rows, 6);
@@ -27,10 +27,10 @@ TEST(Board, IsReadOrRefused) {
   for (const char* wrong : {"9", "9x", "x6", "9x6x2", "9 by 6", "2x6", "9x101", ""})
     EXPECT_THAT(refusal(wrong, 0.1), ::testing::HasSubstr("--board")) << wrong;
   for (const double wrong : {0.0, -1.0, std::nan("")})
-    EXPECT_THAT(refusal("9x6", wrong), ::testing::HasSubstr("--square_m"));
+    EXPECT_THAT(refusal("9x6", wrong), ::testing::HasSubstr("--square-m"));
 }
 
-/// Largest distance between found and true corners; the detector may count from the other end.
+/// Largest distance between found and true corners. The detector may count from the other end.
 double worst_px(std::vector<Eigen::Vector2d> found, const std::vector<Eigen::Vector2d>& truth) {
   if ((found.front() - truth.front()).norm() > (found.back() - truth.front()).norm())
     std::reverse(found.begin(), found.end());
@@ -39,10 +39,10 @@ double worst_px(std::vector<Eigen::Vector2d> found, const std::vector<Eigen::Vec
   return worst;
 }
 
-// Corners of rendered boards, bent by a 185° lens, against the lens's own equations. A corner's saddle in a
-// noiseless picture of 8-bit greys is found to some hundredths of a pixel; bent edges cost a little more, most where squares are
-// small (9 px at 60°).
-TEST(Board, CornersOfARenderedBoardAreSubPixel) {
+// Corners of rendered boards, bent by a 185° lens, against the equations of the lens. In a noiseless 8-bit
+// image the saddle point of a corner is found to some hundredths of a pixel. Bent edges add a little, most
+// where the squares are small (9 px at 60°).
+TEST(Board, FindsCornersOfRenderedBoardToSubPixel) {
   const Board board = Board::parse("7x5", 0.06);
   const lens::CameraModel model = lensModel(lens::Projection::kEquidistant);
   const auto lens = lens::Lens::make(model);
@@ -51,11 +51,12 @@ TEST(Board, CornersOfARenderedBoardAreSubPixel) {
         boardAt(board, theta_deg * M_PI / 180.0, 0.7, 0.45, Eigen::Vector3d(0.2, -0.15, 0.3));
     const auto corners = findBoard(picture(model, board, pose), board);
     ASSERT_TRUE(corners) << theta_deg;
-    EXPECT_LT(worst_px(*corners, viewOf(*lens, board, pose).corners_px), theta_deg < 50.0 ? 0.1 : 0.15) << theta_deg;
+    EXPECT_LT(worst_px(*corners, viewOf(*lens, board, pose).corners_px), theta_deg < 50.0 ? 0.1 : 0.15)
+        << theta_deg;
   }
 }
 
-TEST(Board, OneThatIsCountedInSquaresIsToldSo) {
+TEST(Board, SuggestsSizeWhenSquaresWereCounted) {
   const Board board = Board::parse("7x5", 0.06);
   const lens::CameraModel model = lensModel(lens::Projection::kEquidistant);
   const cv::Mat image =
@@ -69,12 +70,12 @@ TEST(Board, OneThatIsCountedInSquaresIsToldSo) {
   EXPECT_FALSE(findOtherSize(image, Board::parse("11x9", 0.06)));
 }
 
-TEST(Board, IsNotFoundWhereThereIsNone) {
+TEST(Board, FindsNoBoardInHalfHiddenOrEmptyImage) {
   const Board board = Board::parse("7x5", 0.06);
   const lens::CameraModel model = lensModel(lens::Projection::kEquidistant);
   cv::Mat half = picture(model, board, boardAt(board, 0.0, 0.0, 0.45, Eigen::Vector3d::Zero()));
   half(cv::Rect(half.cols / 2, 0, half.cols / 2, half.rows)) = cv::Scalar(110);
-  EXPECT_FALSE(findBoard(half, board)) << "half of it is covered";
+  EXPECT_FALSE(findBoard(half, board)) << "half of the board is hidden";
   EXPECT_FALSE(findBoard(cv::Mat::zeros(480, 640, CV_8U), board));
 }
 

@@ -27,7 +27,7 @@ inline lens::CameraModel lensModel(lens::Projection projection) {
   return m;
 }
 
-/// A board whose middle lies at an angle from the axis, turned towards the camera and then tilted.
+/// A board whose centre lies at an angle from the axis, turned towards the camera and then tilted.
 inline Eigen::Isometry3d boardAt(const Board& board, double theta_rad, double azimuth_rad, double distance_m,
                                  const Eigen::Vector3d& tilt_rad) {
   const Eigen::Vector3d to(std::sin(theta_rad) * std::cos(azimuth_rad),
@@ -43,8 +43,10 @@ inline Eigen::Isometry3d boardAt(const Board& board, double theta_rad, double az
   return pose * Eigen::Translation3d(-middle.x(), -middle.y(), 0.0);
 }
 
-/// Places over the whole field of view up to `last_rad` (the board's middle), all round, tilted at random.
-inline std::vector<Eigen::Isometry3d> placesOf(const Board& board, double last_rad, int count, unsigned seed) {
+/// Poses over the whole field of view up to `last_rad` (centre of the board), at all azimuths, with random
+/// tilts.
+inline std::vector<Eigen::Isometry3d> placesOf(const Board& board, double last_rad, int count,
+                                               unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> tilt(-0.5, 0.5), distance(0.35, 0.6);
   std::vector<Eigen::Isometry3d> poses;
@@ -65,7 +67,7 @@ inline View viewOf(const lens::Lens& lens, const Board& board, const Eigen::Isom
   return view;
 }
 
-/// The board with a white margin of a square on grey ground, 5×5 rays a pixel.
+/// The board with a white margin one square wide on grey ground, 5×5 rays per pixel.
 inline cv::Mat picture(const lens::CameraModel& model, const Board& board, const Eigen::Isometry3d& pose) {
   const auto lens = lens::Lens::make(model);
   const Eigen::Isometry3d board_from_camera = pose.inverse();
@@ -76,7 +78,8 @@ inline cv::Mat picture(const lens::CameraModel& model, const Board& board, const
     const Eigen::Vector3d from = board_from_camera.translation(), along = board_from_camera.linear() * *ray;
     const double t = -from.z() / along.z();
     if (!(t > 0.0)) return 110.0;
-    const double x = (from.x() + t * along.x()) / board.square_m, y = (from.y() + t * along.y()) / board.square_m;
+    const double x = (from.x() + t * along.x()) / board.square_m,
+                 y = (from.y() + t * along.y()) / board.square_m;
     if (x < -2 || y < -2 || x > board.columns + 1 || y > board.rows + 1) return 110.0;
     if (x < -1 || y < -1 || x > board.columns || y > board.rows) return 235.0;
     return (static_cast<int>(std::floor(x)) + static_cast<int>(std::floor(y))) % 2 == 0 ? 25.0 : 235.0;

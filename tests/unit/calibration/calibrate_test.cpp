@@ -5,8 +5,8 @@
 
 #include <opencv2/calib3d.hpp>
 
+#include "calibration/initial_guess.h"
 #include "calibration/projection.h"
-#include "calibration/start.h"
 #include "tests/unit/calibration/boards_for_tests.h"
 
 namespace omnifleet::calibration::test {
@@ -20,10 +20,10 @@ Request requestFor(const lens::CameraModel& m) {
   return {m.projection, m.image_width_px, m.image_height_px, m.fov_deg};
 }
 
-// Exact corners of a known lens, up to 92° from the axis: its numbers come back. Only rounding and the
-// solver's end (1e-12 of the cost) lie between; 1e-4 px is far below what any picture shows. The polynomials
-// are compared by what they do, not by their coefficients.
-TEST_P(Lenses, KnownIntrinsicsAreRecovered) {
+// Exact corners of a known lens, up to 92° from the axis: the calibration recovers its numbers. Only rounding
+// and the solver's tolerance (1e-12 of the cost) remain. 1e-4 px is far below the noise of any image.
+// Polynomials are compared by their values, not by their coefficients.
+TEST_P(Lenses, RecoversKnownIntrinsics) {
   const Board board = Board::parse("7x5", 0.05);
   const lens::CameraModel truth = lensModel(GetParam());
   const auto true_lens = lens::Lens::make(truth);
@@ -50,8 +50,8 @@ TEST_P(Lenses, KnownIntrinsicsAreRecovered) {
   }
 }
 
-// The solver's equations are those of libs/lens.
-TEST_P(Lenses, ProjectorIsTheLens) {
+// The equations of the solver are those of libs/lens.
+TEST_P(Lenses, MatchesProjectorAndLens) {
   const lens::CameraModel m = lensModel(GetParam());
   const auto lens = lens::Lens::make(m);
   std::array<double, kIntrinsics> p{m.focal_px.x(), m.focal_px.y(), m.principal_point_px.x(),
@@ -61,8 +61,8 @@ TEST_P(Lenses, ProjectorIsTheLens) {
   if (GetParam() == Projection::kOcam) {
     const std::vector<double>& d = m.distortion;
     const double s = kOcamScale_px;
-    p = {d[5], d[7], m.principal_point_px.x(), m.principal_point_px.y(), d[6], d[0], d[2] * s, d[3] * s * s,
-         d[4] * s * s * s};
+    p = {d[5],     d[7],         m.principal_point_px.x(), m.principal_point_px.y(), d[6], d[0],
+         d[2] * s, d[3] * s * s, d[4] * s * s * s};
   }
   int compared = 0;
   for (double theta = 0.0; theta < 1.6; theta += 0.05) {
@@ -84,8 +84,8 @@ INSTANTIATE_TEST_SUITE_P(All, Lenses,
                                            Projection::kKannalaBrandt, Projection::kOcam,
                                            Projection::kPinhole));
 
-// Corners made by OpenCV's own fisheye model, with K and D of its own order: an independent truth.
-TEST(Calibrate, FindsTheLensThatOpenCvDrewWith) {
+// Corners from OpenCV's own fisheye model, with K and D in its order: an independent reference.
+TEST(Calibrate, RecoversFisheyeLensOfOpenCv) {
   const Board board = Board::parse("7x5", 0.05);
   const cv::Matx33d k(231.0, 0, 397.0, 0, 233.5, 322.0, 0, 0, 1);
   const cv::Vec4d d(0.03, -0.012, 0.006, -0.0015);
@@ -109,7 +109,7 @@ TEST(Calibrate, FindsTheLensThatOpenCvDrewWith) {
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(found.model.distortion.at(i), d[i], 1e-4) << i;
 }
 
-TEST(Calibrate, PoseOfAPlaneFromRaysBeyondNinetyDegrees) {
+TEST(Calibrate, EstimatesPoseFromRaysBeyondNinetyDegrees) {
   const Board board = Board::parse("6x4", 0.08);
   const Eigen::Isometry3d truth = boardAt(board, 1.55, 2.0, 0.6, {0.3, -0.2, 0.9});
   std::vector<Eigen::Vector3d> rays;
@@ -123,7 +123,7 @@ TEST(Calibrate, PoseOfAPlaneFromRaysBeyondNinetyDegrees) {
   EXPECT_LT((found.matrix() - truth.matrix()).norm(), 1e-9);
 }
 
-TEST(Calibrate, RefusesWhatItCannotDo) {
+TEST(Calibrate, RejectsFewerThanThreeViews) {
   const Board board = Board::parse("7x5", 0.05);
   const lens::CameraModel truth = lensModel(Projection::kEquidistant);
   const auto lens = lens::Lens::make(truth);
@@ -132,8 +132,8 @@ TEST(Calibrate, RefusesWhatItCannotDo) {
   EXPECT_THROW(calibrate({views[0], views[1]}, board, requestFor(truth)), std::runtime_error);
 }
 
-// r = θ − 0.06 θ³ stops growing at θ = √(1/0.18) = 135.05°: such a lens serves 250°, not 290°.
-TEST(Calibrate, RefusesAFieldOfViewBeyondWhereTheLensTurnsBack) {
+// r = θ − 0.06 θ³ stops increasing at θ = √(1/0.18) = 135.05°. Such a lens supports 250°, not 290°.
+TEST(Calibrate, RejectsFieldOfViewBeyondInvertibleRange) {
   const Board board = Board::parse("7x5", 0.05);
   lens::CameraModel truth = lensModel(Projection::kKannalaBrandt);
   truth.distortion = {-0.06, 0.0, 0.0, 0.0};

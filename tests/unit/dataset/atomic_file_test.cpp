@@ -19,7 +19,7 @@ std::size_t filesIn(const std::string& folder) {
   return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
 }
 
-TEST(WriteAtomic, ReplacesWholeAndLeavesNothingBeside) {
+TEST(WriteAtomic, ReplacesWholeFileAndLeavesNoTemporary) {
   const test::TempFolder folder;
   writeAtomic(folder / "deep/er/map.txt", "first");
   writeAtomic(folder / "deep/er/map.txt", std::string(100000, 'x'));
@@ -27,7 +27,7 @@ TEST(WriteAtomic, ReplacesWholeAndLeavesNothingBeside) {
   EXPECT_EQ(filesIn(folder / "deep/er"), 1u);
 }
 
-/// Files of this process cannot grow beyond `bytes` while it lives: what a full disk does to write().
+/// Limits the size of files that this process writes, while it exists. write() then fails as on a full disk.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) {
@@ -45,7 +45,7 @@ class FileSizeLimit {
   rlimit old_{};
 };
 
-TEST(WriteAtomic, FailedWriteReportsAndKeepsTheOldFile) {
+TEST(WriteAtomic, ReportsFailedWriteAndKeepsOldFile) {
   const test::TempFolder folder;
   writeAtomic(folder / "map.txt", "old");
   std::string message;
@@ -59,21 +59,21 @@ TEST(WriteAtomic, FailedWriteReportsAndKeepsTheOldFile) {
   }
   EXPECT_THAT(message, HasSubstr("map.txt: cannot be written: File too large"));
   EXPECT_EQ(readFile(folder / "map.txt"), "old");
-  EXPECT_EQ(filesIn(folder.path()), 1u) << "no temporary file stays behind";
+  EXPECT_EQ(filesIn(folder.path()), 1u) << "no temporary file remains";
 }
 
-TEST(WriteAtomic, UnwritableTargetIsNamed) {
+TEST(WriteAtomic, NamesTargetThatCannotBeCreated) {
   const test::TempFolder folder;
   writeAtomic(folder / "file", "x");
   try {
     writeAtomic(folder / "file/below/map.txt", "y");
-    FAIL() << "a file is no directory";
+    FAIL() << "a file accepted as a directory";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr("file/below: cannot be created"));
   }
 }
 
-TEST(AtomicFile, ForLibrariesThatWriteByName) {
+TEST(AtomicFile, ChangesTargetOnlyOnCommit) {
   const test::TempFolder folder;
   writeAtomic(folder / "map.bt", "old");
   {
@@ -90,7 +90,7 @@ TEST(AtomicFile, ForLibrariesThatWriteByName) {
   EXPECT_THROW(never.commit(), std::runtime_error) << "nothing was written";
 }
 
-TEST(ReadFile, NamesWhatItCannotRead) {
+TEST(ReadFile, RejectsMissingFileAndFolder) {
   const test::TempFolder folder;
   EXPECT_THROW(readFile(folder / "missing"), std::runtime_error);
   EXPECT_THROW(readFile(folder.path()), std::runtime_error);

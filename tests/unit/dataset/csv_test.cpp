@@ -13,7 +13,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-TEST(Parse, Times) {
+TEST(Parse, ParsesTimes) {
   TimeNs t = 0;
   EXPECT_TRUE(parseTime(" 1700000000000000001 ", t));
   EXPECT_EQ(t, 1700000000000000001);
@@ -23,7 +23,7 @@ TEST(Parse, Times) {
   }
 }
 
-TEST(Parse, Numbers) {
+TEST(Parse, ParsesNumbers) {
   double x = 0.0;
   EXPECT_TRUE(parseNumber("+1.5e-3", x));
   EXPECT_EQ(x, 1.5e-3);
@@ -32,7 +32,7 @@ TEST(Parse, Numbers) {
   }
 }
 
-TEST(Parse, SecondsKeepNanoseconds) {
+TEST(Parse, KeepsNanosecondsOfSeconds) {
   TimeNs t = 0;
   EXPECT_TRUE(parseSeconds("1700000000.123456789", t));
   EXPECT_EQ(t, 1700000000123456789);
@@ -40,7 +40,7 @@ TEST(Parse, SecondsKeepNanoseconds) {
   EXPECT_EQ(t, 1305031098665900000);
   EXPECT_TRUE(parseSeconds("12", t));
   EXPECT_EQ(t, 12000000000);
-  EXPECT_TRUE(parseSeconds("1.2345678901234", t)) << "more digits than nanoseconds have";
+  EXPECT_TRUE(parseSeconds("1.2345678901234", t)) << "more digits than nanoseconds";
   EXPECT_EQ(t, 1234567890);
   EXPECT_TRUE(parseSeconds("-0.5", t));
   EXPECT_EQ(t, -500000000);
@@ -49,7 +49,7 @@ TEST(Parse, SecondsKeepNanoseconds) {
   for (const char* bad : {"", ".", "1.2.3", "nan", "1e300", "abc"}) EXPECT_FALSE(parseSeconds(bad, t)) << bad;
 }
 
-TEST(Split, SeparatorsAndBlanks) {
+TEST(Split, SplitsAtSeparatorsAndBlanks) {
   std::vector<std::string_view> fields;
   split(" a , b,,c ", ',', fields);
   EXPECT_THAT(fields, ElementsAre("a", "b", "", "c"));
@@ -59,7 +59,7 @@ TEST(Split, SeparatorsAndBlanks) {
   EXPECT_THAT(fields, ElementsAre("1", "2", "3"));
 }
 
-TEST(ReadRows, CountsLinesAndForgivesLineEndings) {
+TEST(ReadRows, CountsLinesAndAcceptsAnyLineEnding) {
   const test::TempFolder folder;
   writeAtomic(folder / "a.csv", "#head\r\n1\r\n\r\nbad\r\n 2");
   std::vector<std::string> warnings, seen;
@@ -69,10 +69,10 @@ TEST(ReadRows, CountsLinesAndForgivesLineEndings) {
     return {};
   });
   EXPECT_THAT(seen, ElementsAre("1", "2"));
-  EXPECT_THAT(warnings, ElementsAre(HasSubstr("a.csv:4: is bad (row left out)")));
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("a.csv:4: is bad (row ignored)")));
 }
 
-TEST(ReadRows, AByteOrderMarkIsNoPartOfTheFirstLine) {
+TEST(ReadRows, RemovesByteOrderMark) {
   const test::TempFolder folder;
   std::vector<std::string> warnings, seen;
   const auto keep = [&](const std::vector<std::string_view>& fields) -> std::string {
@@ -86,20 +86,20 @@ TEST(ReadRows, AByteOrderMarkIsNoPartOfTheFirstLine) {
   EXPECT_THAT(seen, ElementsAre("1",
                                 "\xEF\xBB\xBF"
                                 "2"))
-      << "a header; elsewhere it is part of a row";
+      << "removed before a header; elsewhere it is part of a row";
   seen.clear();
   writeAtomic(folder / "b.csv",
               "\xEF\xBB\xBF"
               "1\n");
   readRows(folder / "b.csv", ',', warnings, keep);
-  EXPECT_THAT(seen, ElementsAre("1")) << "no header";
+  EXPECT_THAT(seen, ElementsAre("1")) << "removed before a row";
   seen.clear();
   writeAtomic(folder / "c.csv", "\xEF\xBB\xBF");
   readRows(folder / "c.csv", ',', warnings, keep);
-  EXPECT_THAT(seen, testing::IsEmpty()) << "an empty file of such an editor";
+  EXPECT_THAT(seen, testing::IsEmpty()) << "a file that contains only the mark";
 }
 
-TEST(ReadRows, AFileWithoutAGoodRowIsAnError) {
+TEST(ReadRows, RejectsFileWithoutValidRow) {
   const test::TempFolder folder;
   std::vector<std::string> warnings;
   const auto refuse = [](const std::vector<std::string_view>&) { return std::string("no"); };

@@ -1,5 +1,5 @@
-// Files that were cut, flipped or invented: an error or a warning, never a crash and never another frame's
-// pixels.
+// Truncated, corrupted and random files cause an error or a warning, never a crash or the pixels of another
+// frame.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -33,21 +33,22 @@ std::string text(const std::vector<unsigned char>& bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// Without the sync to disk of the library's own writer: hundreds of files are written here.
+/// Writes a file without the sync to disk of the library, because these tests write hundreds of files.
 void put(const std::string& path, const std::string& content) {
   std::ofstream(path, std::ios::binary).write(content.data(), static_cast<std::streamsize>(content.size()));
 }
 
 class DamagedImages : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(DamagedImages, NoCutPassesAsAFrame) {
+TEST_P(DamagedImages, RejectsTruncatedImageAtAnyLength) {
   const test::TempFolder folder;
   const std::vector<unsigned char> whole = encoded(GetParam());
   std::vector<unsigned char> buffer;
   std::string note;
   const std::string path = folder / "image";
   int taken = 0;
-  // Every cut of the header, then in strides; the last bytes of a PNG (its IEND chunk) carry no pixels.
+  // Every length within the header, then in strides. The last bytes of a PNG (its IEND chunk) contain no
+  // pixels.
   for (std::size_t size = 0; size + 16 < whole.size(); size += size < 700 ? 1 : 97) {
     put(path, text({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)}));
     cv::Mat image = noise(2);
@@ -57,7 +58,7 @@ TEST_P(DamagedImages, NoCutPassesAsAFrame) {
   EXPECT_EQ(taken, 0);
 }
 
-TEST_P(DamagedImages, FlippedBitsNeverMoveTheCallersMemory) {
+TEST_P(DamagedImages, KeepsMemoryOfCallerWithFlippedBits) {
   const test::TempFolder folder;
   const std::vector<unsigned char> whole = encoded(GetParam());
   std::mt19937 random(4);
@@ -75,13 +76,13 @@ TEST_P(DamagedImages, FlippedBitsNeverMoveTheCallersMemory) {
     EXPECT_EQ(note.empty(), state == FrameState::kOk);
   }
   for (std::size_t i = 64 * 48 * 3; i < loan.size(); ++i)
-    EXPECT_EQ(loan[i], 0xAB) << "written beyond the frame";
+    EXPECT_EQ(loan[i], 0xAB) << "bytes beyond the frame were overwritten";
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, DamagedImages, ::testing::Values(".png", ".jpg"),
                          [](const auto& one) { return std::string(one.param + 1); });
 
-/// A text with some bytes replaced by others that mean something in csv, YAML or JSON.
+/// Replaces some bytes by others that have a meaning in csv, YAML or JSON.
 std::string scrambled(std::string content, std::mt19937& random) {
   constexpr std::string_view kBytes = ",:[]{}\"'#-+.eEnai09\n\t \\\xff\x00";
   for (int i = 0; i < 4; ++i) content[random() % content.size()] = kBytes[random() % kBytes.size()];
@@ -98,15 +99,15 @@ void neverCrashes(const std::string& name, const std::string& content, const Rea
     put(folder / name, scrambled(content, random));
     try {
       read(folder / name);
-    } catch (const std::runtime_error& error) {  // options::Error is one
+    } catch (const std::runtime_error& error) {  // options::Error derives from it
       ++refused;
-      EXPECT_THAT(error.what(), ::testing::HasSubstr(name)) << "an error names its file";
+      EXPECT_THAT(error.what(), ::testing::HasSubstr(name)) << "the error does not name the file";
     }
   }
   EXPECT_GT(refused, 0);
 }
 
-TEST(DamagedText, Objects) {
+TEST(DamagedText, SurvivesDamagedObjects) {
   MapObject object;
   object.outline_m = {{0, 0}, {1, 0}, {1, 1}};
   object.observers = {"r1"};
@@ -115,18 +116,18 @@ TEST(DamagedText, Objects) {
   });
 }
 
-TEST(DamagedText, Trajectories) {
+TEST(DamagedText, SurvivesDamagedTrajectories) {
   neverCrashes("r1.tum", tumText({{1, Pose2{1, 2, 3}}}), [](const std::string& path) {
     for (const StampedPose3& pose : readTum(path)) EXPECT_TRUE(pose.flat().map_from_base.isFinite());
   });
 }
 
-TEST(DamagedText, Graphs) {
+TEST(DamagedText, SurvivesDamagedGraphs) {
   neverCrashes("p.g2o", "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0.5\nEDGE_SE2 0 1 1 0 0.5 1 0 0 1 0 1\n",
                [](const std::string& path) { readG2o(path); });
 }
 
-TEST(DamagedText, SensorFiles) {
+TEST(DamagedText, SurvivesDamagedSensorFiles) {
   neverCrashes(
       "sensor.yaml",
       "camera_model: fisheye\nprojection: equidistant\nimage_width: 64\nimage_height: 48\nfocal_px: 15.5\n"
@@ -138,7 +139,7 @@ TEST(DamagedText, SensorFiles) {
       });
 }
 
-TEST(DamagedText, Wheels) {
+TEST(DamagedText, SurvivesDamagedWheelTables) {
   neverCrashes("data.csv", "#t,l,r\n10,0.5,0.25\n20,0.5,0.25\n30,0.125,1e-3\n", [](const std::string& path) {
     std::vector<std::string> warnings;
     TimeNs latest = std::numeric_limits<TimeNs>::min();

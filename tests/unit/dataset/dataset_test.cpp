@@ -25,7 +25,7 @@ constexpr const char* kSensor =
     "camera_model: fisheye\nprojection: equidistant\nimage_width: 64\nimage_height: 48\nfocal_px: 15\n"
     "principal_point_px: [31.5, 23.5]\nfov_deg: 185\n";
 
-/// A data set on disk whose files a test changes one by one.
+/// A dataset on disk, whose files each test modifies.
 class DatasetFiles : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -48,7 +48,7 @@ class DatasetFiles : public ::testing::Test {
   test::TempFolder folder_;
 };
 
-TEST_F(DatasetFiles, RobotsSortedWithBodies) {
+TEST_F(DatasetFiles, ReadsRobotsSortedByName) {
   const Dataset d = open();
   ASSERT_EQ(d.robots.size(), 2u);
   EXPECT_EQ(d.robots[0].name, "r1");
@@ -57,7 +57,7 @@ TEST_F(DatasetFiles, RobotsSortedWithBodies) {
   EXPECT_EQ(d.robots[0].body.wheel_separation_m, 0.26);
   ASSERT_TRUE(d.robots[1].initial_pose);
   EXPECT_NEAR(d.robots[1].initial_pose->theta_rad, 3.5 - 2 * M_PI, 1e-15);
-  EXPECT_GT(signedArea(d.robots[1].body.footprint_m), 0.0) << "turned counter-clockwise";
+  EXPECT_GT(signedArea(d.robots[1].body.footprint_m), 0.0) << "reordered to counter-clockwise";
   EXPECT_EQ(d.findRobot("r3"), nullptr);
   ASSERT_NE(d.findStream("r1/fisheye"), nullptr);
   EXPECT_EQ(d.findStream("r1/front"), nullptr);
@@ -65,13 +65,13 @@ TEST_F(DatasetFiles, RobotsSortedWithBodies) {
   EXPECT_THAT(d.findStream("r1/fisheye")->rows[1].path, HasSubstr("r1/fisheye/data/b.png"));
 }
 
-TEST_F(DatasetFiles, BadRowsAreLeftOutAndListed) {
+TEST_F(DatasetFiles, ListsRejectedRows) {
   put("r1/fisheye/data.csv",
       "#timestamp [ns],filename\n10,a.png\nnan,b.png\r\n30.5,c.png\n\n40,\n50,d.png,x\n60, e.png \n");
   const Dataset d = open();
   const auto& rows = d.robots[0].fisheye->rows;
   ASSERT_EQ(rows.size(), 3u);
-  EXPECT_EQ(rows[1].path, "") << "a row that names no file is a missing frame";
+  EXPECT_EQ(rows[1].path, "") << "a row without a file name is a missing frame";
   EXPECT_EQ(rows[1].sequence, 3u) << "rejected rows keep their number";
   EXPECT_THAT(rows[2].path, HasSubstr("data/e.png"));
   EXPECT_THAT(d.warnings,
@@ -79,7 +79,7 @@ TEST_F(DatasetFiles, BadRowsAreLeftOutAndListed) {
                           HasSubstr("data.csv:7: expected the columns")));
 }
 
-TEST_F(DatasetFiles, FilesOutsideOfTheFolderAreNotFollowed) {
+TEST_F(DatasetFiles, RejectsFileOutsideOfDataFolder) {
   put("r1/fisheye/data.csv", "10,a.png\n20,../../../secret.png\n30,/etc/secret.png\n40,x/../b.png\n");
   const Dataset dataset = open();
   const std::vector<ImageRow>& rows = dataset.robots[0].fisheye->rows;
@@ -89,7 +89,7 @@ TEST_F(DatasetFiles, FilesOutsideOfTheFolderAreNotFollowed) {
                                             HasSubstr("data.csv:3: the file '/etc/secret.png'")));
 }
 
-TEST_F(DatasetFiles, WheelsRejectNonFiniteAndDisorder) {
+TEST_F(DatasetFiles, RejectsWheelRowNotFiniteOrOutOfOrder) {
   put("r1/wheels/data.csv",
       "#t,l,r\n10,0.1,0.2\n20,nan,0.2\n30,0.3,inf\n25,1,1\n24,1,1\n25,2,2\n40,-0.5,+1e-3\n");
   const Dataset d = open();
@@ -98,12 +98,12 @@ TEST_F(DatasetFiles, WheelsRejectNonFiniteAndDisorder) {
   EXPECT_EQ(wheels[1].time_ns, 25);
   EXPECT_EQ(wheels[2].left_mps, -0.5);
   EXPECT_EQ(wheels[2].right_mps, 1e-3);
-  EXPECT_THAT(d.warnings,
-              ElementsAre(HasSubstr(":3: wheel speeds"), HasSubstr(":4: wheel speeds"),
-                          HasSubstr(":6: time 24 is not after 25"), HasSubstr(":7: time 25 is not after")));
+  EXPECT_THAT(d.warnings, ElementsAre(HasSubstr(":3: wheel speeds"), HasSubstr(":4: wheel speeds"),
+                                      HasSubstr(":6: time 24 is not after the latest time 25"),
+                                      HasSubstr(":7: time 25 is not after the latest")));
 }
 
-TEST_F(DatasetFiles, ObservationsAndLaser) {
+TEST_F(DatasetFiles, ReadsObservationsAndLaser) {
   put("r2/observations.csv", "#t,id,range,bearing\n10,7,1.5,3.5\n10,r1,2.5,-0.25\n10,,1,1\n11,8,-1,0\n");
   put("r2/laser/data.csv", "#t,min,inc,ranges\n5,-1.57,0.01,1.0,inf,nan,0,-1,2.5\n6,0,0,1\n7,0,0.1,x\n");
   const Dataset d = open();
@@ -117,7 +117,7 @@ TEST_F(DatasetFiles, ObservationsAndLaser) {
   EXPECT_EQ(d.warnings.size(), 4u);
 }
 
-TEST_F(DatasetFiles, ObservationsThatCannotBeAreLeftOutAndNamed) {
+TEST_F(DatasetFiles, RejectsImpossibleObservations) {
   put("r2/observations.csv",
       "10,7,1.5,0.5\n10,r2,1,0\n10,8,1e9,0\n11,8,1000,99\n11,8,1000,6.28\n11,9,2,-0.1\n11,8,999,6.2\n12,8,2,"
       "0\n12,9,0,0\n");
@@ -125,20 +125,20 @@ TEST_F(DatasetFiles, ObservationsThatCannotBeAreLeftOutAndNamed) {
   const RobotRecording& r2 = *d.findRobot("r2");
   EXPECT_EQ(r2.observations.size(), 4u);
   EXPECT_THAT(d.warnings,
-              ElementsAre(HasSubstr(":2: the robot 'r2' cannot sight itself"),
-                          HasSubstr(":3: the range must be above 0, up to 1000 m"),
-                          HasSubstr(":4: the bearing must lie within ±2π rad, 99 looks like degrees"),
-                          HasSubstr(":7: '8' is sighted twice at one time, the first row counts"),
+              ElementsAre(HasSubstr(":2: the robot 'r2' cannot observe itself"),
+                          HasSubstr(":3: the range must be above 0 and at most 1000 m"),
+                          HasSubstr(":4: the bearing must be within ±2π rad; 99 looks like degrees"),
+                          HasSubstr(":7: '8' is observed twice at the same time; the first row is used"),
                           HasSubstr(":9: the range must be above 0")));
 }
 
-TEST_F(DatasetFiles, ObservationsInDegreesAreRefusedAsAWhole) {
+TEST_F(DatasetFiles, RejectsObservationsInDegrees) {
   put("r2/observations.csv", "10,7,1.5,45\n11,7,1.5,3\n12,7,1.5,-70\n13,7,1.5,1\n");
-  EXPECT_THAT([&] { open(); }, ::testing::ThrowsMessage<options::Error>(HasSubstr(
-                                   "2 of 4 bearings lie beyond ±2π: they must be given in radians")));
+  EXPECT_THAT([&] { open(); }, ::testing::ThrowsMessage<options::Error>(
+                                   HasSubstr("2 of 4 bearings are beyond ±2π; bearings must be in radians")));
 }
 
-TEST_F(DatasetFiles, ATimeTooFarAheadIsTheBrokenOne) {
+TEST_F(DatasetFiles, RejectsOnlyTheTimeTooFarAhead) {
   put("r1/wheels/data.csv", "10,1,1\n20,1,1\n99999,1,1\n30,1,1\n40,1,1\n50,1,1\n60,1,1\n");
   put("r2/observations.csv", "10,7,1,0\n99999,7,1,0\n20,7,1,0\n20,8,1,0\n30,7,1,0\n");
   put("r1/fisheye/data.csv", "10,a.png\n99999,b.png\n20,c.png\n30,d.png\n40,e.png\n");
@@ -146,33 +146,34 @@ TEST_F(DatasetFiles, ATimeTooFarAheadIsTheBrokenOne) {
   EXPECT_EQ(d.findRobot("r1")->wheels.size(), 6u);
   EXPECT_EQ(d.findRobot("r2")->observations.size(), 4u);
   EXPECT_EQ(d.findStream("r1/fisheye")->rows.size(), 4u);
-  EXPECT_THAT(d.warnings, ::testing::UnorderedElementsAre(
-                              HasSubstr("wheels/data.csv:3: its time is after that of the next 3 rows"),
-                              HasSubstr("observations.csv:2: its time is after"),
-                              HasSubstr("fisheye/data.csv:2: its time is after")));
+  EXPECT_THAT(d.warnings,
+              ::testing::UnorderedElementsAre(
+                  HasSubstr("wheels/data.csv:3: the time is later than the times of the next 3 rows"),
+                  HasSubstr("observations.csv:2: the time is later"),
+                  HasSubstr("fisheye/data.csv:2: the time is later")));
 }
 
-TEST_F(DatasetFiles, TablesWithoutARowAreToldOf) {
+TEST_F(DatasetFiles, WarnsAboutTableWithoutRow) {
   put("r1/fisheye/data.csv", "#timestamp [ns],filename\n");
   put("r1/wheels/data.csv", "");
   const Dataset d = open();
-  EXPECT_THAT(d.warnings, ElementsAre(HasSubstr("r1/fisheye/data.csv: holds no row"),
-                                      HasSubstr("r1/wheels/data.csv: holds no row")));
+  EXPECT_THAT(d.warnings, ElementsAre(HasSubstr("r1/fisheye/data.csv: contains no row"),
+                                      HasSubstr("r1/wheels/data.csv: contains no row")));
 }
 
-TEST_F(DatasetFiles, ARobotWithoutAFolderIsToldOf) {
+TEST_F(DatasetFiles, WarnsAboutRobotWithoutFolder) {
   EXPECT_TRUE(open().warnings.empty());
   std::filesystem::remove_all(folder_ / "r2");
   const Dataset d = open();
   EXPECT_EQ(d.robots.size(), 2u);
   EXPECT_THAT(d.warnings,
-              ElementsAre(AllOf(HasSubstr("dataset.yaml: robots.r2: there is no folder"), HasSubstr("/r2"))));
+              ElementsAre(AllOf(HasSubstr("dataset.yaml: robots.r2: folder "), HasSubstr("/r2"))));
   std::filesystem::remove_all(folder_ / "r1");
-  EXPECT_TRUE(open().warnings.empty()) << "the truth alone, as a simulated run leaves it";
+  EXPECT_TRUE(open().warnings.empty()) << "ground truth only, as a simulated run writes it";
 }
 
-/// No clock of a recording runs before its epoch.
-TEST_F(DatasetFiles, TimesBelowZeroAreLeftOut) {
+/// Clocks of recordings do not run before their epoch.
+TEST_F(DatasetFiles, RejectsNegativeTimes) {
   put("r1/fisheye/data.csv", "#timestamp [ns],filename\n-10,a.png\n20,b.png\n");
   put("r1/wheels/data.csv", "-5,1,1\n0,1,1\n");
   const Dataset d = open();
@@ -183,7 +184,7 @@ TEST_F(DatasetFiles, TimesBelowZeroAreLeftOut) {
               ElementsAre(HasSubstr("data.csv:2: the timestamp"), HasSubstr("data.csv:1: the timestamp")));
 }
 
-TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
+TEST_F(DatasetFiles, ReadsCeilingCamerasAndBothMarkerKinds) {
   put("ceiling/c2/sensor.yaml", kSensor);
   put("ceiling/c2/data.csv", "1,x.jpg\n");
   put("ceiling/c1/sensor.yaml", kSensor);
@@ -212,7 +213,7 @@ TEST_F(DatasetFiles, CeilingCamerasAndBothKindsOfMarkers) {
   EXPECT_EQ(MarkerSet::read(options::Section::parse(d.markers->toYaml(), "m")).toYaml(), d.markers->toYaml());
 }
 
-TEST_F(DatasetFiles, CeilingCamerasWithoutMarkersAndALaserWithoutScansAreTold) {
+TEST_F(DatasetFiles, ReportsMissingMarkersAndMissingScans) {
   put("ceiling/c1/sensor.yaml", kSensor);
   put("ceiling/c1/data.csv", "1,x.jpg\n");
   EXPECT_THAT(open().warnings, testing::Contains(HasSubstr("ceiling/markers.yaml: is missing")));
@@ -220,7 +221,7 @@ TEST_F(DatasetFiles, CeilingCamerasWithoutMarkersAndALaserWithoutScansAreTold) {
   EXPECT_THAT(refusal(), HasSubstr("r2/laser/data.csv: is missing"));
 }
 
-/// As editors and spreadsheets of other systems leave text: a byte order mark, CRLF.
+/// The text as some editors and spreadsheets save it: with a byte order mark and CRLF.
 std::string editedElsewhere(const std::string& text) {
   std::string edited = "\xEF\xBB\xBF";
   for (const char c : text) {
@@ -230,7 +231,7 @@ std::string editedElsewhere(const std::string& text) {
   return edited;
 }
 
-TEST_F(DatasetFiles, EveryFileMayHaveAByteOrderMarkAndForeignLineEnds) {
+TEST_F(DatasetFiles, AcceptsByteOrderMarkAndCrlfInEveryFile) {
   const std::map<std::string, std::string> files{
       {"dataset.yaml", kDataset},
       {"landmarks.yaml", "landmarks:\n  \"6\": {position_m: [0.5, -4.25]}\n"},
@@ -253,9 +254,9 @@ TEST_F(DatasetFiles, EveryFileMayHaveAByteOrderMarkAndForeignLineEnds) {
   ASSERT_EQ(d.robots.size(), 2u);
   const RobotRecording &r1 = d.robots[0], &r2 = d.robots[1];
   ASSERT_EQ(r1.fisheye->rows.size(), 2u);
-  EXPECT_EQ(r1.fisheye->rows[0].sequence, 0u) << "the header is no rejected row";
+  EXPECT_EQ(r1.fisheye->rows[0].sequence, 0u) << "the header does not count as a rejected row";
   EXPECT_THAT(r1.fisheye->rows[1].path, testing::EndsWith("data/b.png"));
-  EXPECT_EQ(r1.wheels.size(), 2u) << "no header: the mark stands before a number";
+  EXPECT_EQ(r1.wheels.size(), 2u) << "without a header the mark precedes a number";
   EXPECT_EQ(r2.observations.size(), 1u);
   ASSERT_EQ(r2.laser.size(), 1u);
   EXPECT_THAT(r2.laser[0].range_m, ElementsAre(1.0f, 2.0f));
@@ -268,7 +269,7 @@ TEST_F(DatasetFiles, EveryFileMayHaveAByteOrderMarkAndForeignLineEnds) {
   EXPECT_EQ(truth.trajectories.at("r1")[0].time_ns, 10);
 }
 
-TEST_F(DatasetFiles, ErrorsNameFileLineAndWhatToDo) {
+TEST_F(DatasetFiles, NamesFileLineAndRemedyInErrors) {
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string text = kDataset;
     text.replace(text.find(from), from.size(), to);
@@ -286,7 +287,7 @@ TEST_F(DatasetFiles, ErrorsNameFileLineAndWhatToDo) {
               AllOf(HasSubstr("dataset.yaml:8: robots.r1.body"), HasSubstr("is required")));
   EXPECT_THAT(with("[1, 2, 3.5]", "[1, 1e7, 0]"),
               AllOf(HasSubstr("dataset.yaml:5: robots.r2.initial_pose"), HasSubstr("±1000 m")));
-  EXPECT_THAT(with("  r1:", "  ceiling:"), HasSubstr("not ceiling"));
+  EXPECT_THAT(with("  r1:", "  ceiling:"), HasSubstr("must not be ceiling"));
   put("r1/wheels/data.csv", "#timestamp [ns],v_left,v_right\n10,0,0\n");
   EXPECT_THAT(with("    wheel_separation_m: 0.26\n", ""),
               AllOf(HasSubstr("dataset.yaml: robots.r1.wheel_separation_m"), HasSubstr("is required")));

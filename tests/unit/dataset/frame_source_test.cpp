@@ -16,8 +16,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-cv::Mat picture(int width, int height, int shade) {
-  cv::Mat image(height, width, CV_8UC3, cv::Scalar(shade, 2 * shade, 255 - shade));
+cv::Mat picture(int width, int height, int brightness) {
+  cv::Mat image(height, width, CV_8UC3, cv::Scalar(brightness, 2 * brightness, 255 - brightness));
   cv::circle(image, {width / 2, height / 2}, height / 4, {10, 200, 30}, cv::FILLED);
   return image;
 }
@@ -47,7 +47,7 @@ class Frames : public ::testing::Test {
   ImageStream stream_;
 };
 
-TEST_F(Frames, EveryRowGivesOneFrameInItsState) {
+TEST_F(Frames, ReturnsOneFramePerRowWithItsState) {
   const std::vector<std::pair<const char*, FrameState>> files{{"good.png", FrameState::kOk},
                                                               {"good.jpg", FrameState::kOk},
                                                               {"nowhere.png", FrameState::kMissing},
@@ -76,7 +76,7 @@ TEST_F(Frames, EveryRowGivesOneFrameInItsState) {
   EXPECT_FALSE(source->next(image, info));
 }
 
-TEST_F(Frames, DecodesIntoForeignMemory) {
+TEST_F(Frames, DecodesIntoMemoryOfCaller) {
   add(1, "good.png");
   add(2, "large.png");
   add(3, "good.jpg");
@@ -89,7 +89,7 @@ TEST_F(Frames, DecodesIntoForeignMemory) {
   EXPECT_EQ(std::vector<unsigned char>(expected.datastart, expected.dataend), loan);
 }
 
-TEST_F(Frames, GreyOnDemand) {
+TEST_F(Frames, ConvertsToGreyOnRequest) {
   add(1, "good.png");
   cv::Mat image;
   FrameInfo info;
@@ -98,7 +98,7 @@ TEST_F(Frames, GreyOnDemand) {
   EXPECT_EQ(cv::norm(image, cv::imread(folder_ / "good.png", cv::IMREAD_GRAYSCALE), cv::NORM_INF), 0.0);
 }
 
-TEST_F(Frames, TimeThatDoesNotAdvanceIsOutOfOrder) {
+TEST_F(Frames, MarksTimeThatDoesNotAdvanceOutOfOrder) {
   for (const TimeNs time_ns : {10, 30, 30, 20, 40}) add(time_ns, "good.png");
   const auto source = openStream(stream_, Colour::kBgr);
   cv::Mat image;
@@ -109,7 +109,7 @@ TEST_F(Frames, TimeThatDoesNotAdvanceIsOutOfOrder) {
   EXPECT_THAT(states, ::testing::ElementsAre(ok, ok, bad, bad, ok));
 }
 
-TEST_F(Frames, FolderIsSortedAndItsFirstImageDecidesTheSize) {
+TEST_F(Frames, SortsFolderAndTakesSizeOfFirstImage) {
   const auto source = openFolder(folder_.path(), Colour::kBgr, {}, 100, 7);
   cv::Mat image;
   FrameInfo info;
@@ -125,7 +125,7 @@ TEST_F(Frames, FolderIsSortedAndItsFirstImageDecidesTheSize) {
                                              "unreadable"));
 }
 
-TEST_F(Frames, WhatCannotBeOpenedIsNamed) {
+TEST_F(Frames, NamesSourceThatCannotBeOpened) {
   const auto message = [](const auto& open) {
     try {
       open();
@@ -137,16 +137,16 @@ TEST_F(Frames, WhatCannotBeOpenedIsNamed) {
   EXPECT_THAT(message([&] { openFolder(folder_ / "nowhere", Colour::kBgr, {}, 1); }), HasSubstr("nowhere"));
   std::filesystem::create_directory(folder_ / "bare");
   EXPECT_THAT(message([&] { openFolder(folder_ / "bare", Colour::kBgr, {}, 1); }),
-              HasSubstr("holds no image"));
+              HasSubstr("contains no image"));
   EXPECT_THAT(message([&] { openVideo(folder_ / "text.png", Colour::kBgr, {}); }), HasSubstr("text.png"));
   EXPECT_THAT(message([&] { openVideo(folder_ / "none.avi", Colour::kBgr, {}); }), HasSubstr("none.avi"));
   EXPECT_THAT(message([&] { openDevice("/dev/video97", Colour::kBgr, {}); }), HasSubstr("/dev/video97"));
 }
 
-TEST_F(Frames, VideoFileWithItsOwnRate) {
+TEST_F(Frames, ReadsVideoAtItsOwnRate) {
   const std::string path = folder_ / "v.avi";
   cv::VideoWriter writer(path, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20.0, {64, 48});
-  ASSERT_TRUE(writer.isOpened()) << "OpenCV carries its own Motion JPEG writer";
+  ASSERT_TRUE(writer.isOpened()) << "OpenCV has a built-in Motion JPEG writer";
   for (int i = 0; i < 5; ++i) writer.write(picture(64, 48, 20 * i));
   writer.release();
   const auto source = openVideo(path, Colour::kBgr, {}, 1000);
@@ -156,7 +156,7 @@ TEST_F(Frames, VideoFileWithItsOwnRate) {
   for (; source->next(image, info); ++n) {
     EXPECT_EQ(info.state, FrameState::kOk) << info.fault;
     EXPECT_EQ(info.time_ns, 1000 + n * 50000000LL);
-    // JPEG moves a flat colour by a few grey levels; frames differ by 20 to 40.
+    // JPEG changes a flat colour by a few grey levels; frames differ by 20 to 40.
     const cv::Mat first = image.rowRange(0, 8), expected = picture(64, 48, 20 * n).rowRange(0, 8);
     EXPECT_LT(cv::norm(first, expected, cv::NORM_L1) / (first.total() * 3.0), 8.0);
   }
@@ -166,7 +166,7 @@ TEST_F(Frames, VideoFileWithItsOwnRate) {
   EXPECT_EQ(info.state, FrameState::kWrongSize);
 }
 
-TEST(OtherPeoplesFrames, FolderAndVideo) {
+TEST(ExternalFrames, ReadsFolderAndVideo) {
   OMNIFLEET_NEEDS_DATA(folder, "fisheye_downward/real_table");
   OMNIFLEET_NEEDS_DATA(video, "overhead/vss/robot_move.mp4");
   cv::Mat image;

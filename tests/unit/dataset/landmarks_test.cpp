@@ -21,23 +21,24 @@ class Landmarks : public ::testing::Test {
     std::ofstream(path_) << text;
     return readLandmarks(path_);
   }
-  /// What is said of a file that is refused.
+  /// Error message for the file, or "accepted".
   std::string refusal(const std::string& text) {
     try {
       read(text);
     } catch (const options::Error& error) {
       return error.what();
     }
-    return "taken";
+    return "accepted";
   }
   const test::TempFolder folder_;
   const std::string path_ = folder_ / "landmarks.yaml";
 };
 
-TEST_F(Landmarks, AreReadByNameWithADefaultSigma) {
-  const auto all = read("landmarks:\n  door: {position_m: [1.5, -2]}\n  \"7\": {position_m: [0, 3], sigma_m: 0.02}\n");
+TEST_F(Landmarks, ReadsLandmarksByNameWithDefaultSigma) {
+  const auto all =
+      read("landmarks:\n  door: {position_m: [1.5, -2]}\n  \"7\": {position_m: [0, 3], sigma_m: 0.02}\n");
   ASSERT_EQ(all.size(), 2u);
-  EXPECT_EQ(all[0].name, "7");  // sorted
+  EXPECT_EQ(all[0].name, "7");  // sorted by name
   EXPECT_EQ(all[0].position_m, Eigen::Vector2d(0, 3));
   EXPECT_EQ(all[0].sigma_m, 0.02);
   EXPECT_EQ(all[1].name, "door");
@@ -45,7 +46,7 @@ TEST_F(Landmarks, AreReadByNameWithADefaultSigma) {
   EXPECT_EQ(all[1].sigma_m, Landmark().sigma_m);
 }
 
-TEST_F(Landmarks, WhatIsWrittenIsRead) {
+TEST_F(Landmarks, ReadsWhatItWrites) {
   writeLandmarks(path_, {{"a", {1.0 / 3.0, -2e-7}, 0.005}, {"b 2", {1e3, 0}, 0.1}});
   const auto all = readLandmarks(path_);
   ASSERT_EQ(all.size(), 2u);
@@ -54,7 +55,7 @@ TEST_F(Landmarks, WhatIsWrittenIsRead) {
   EXPECT_EQ(all[1].sigma_m, 0.1);
 }
 
-TEST_F(Landmarks, BadFilesAreRefusedWithFileAndLine) {
+TEST_F(Landmarks, RejectsBadFilesWithFileAndLine) {
   EXPECT_THAT(refusal("landmarks:\n  a: {position_m: [1, 2]}\n  b: {sigma_m: 0.1}\n"),
               HasSubstr("landmarks.yaml:3: landmarks.b.position_m: is required"));
   EXPECT_THAT(refusal("landmarks:\n  a: {position_m: [1, 2, 3]}\n"), HasSubstr("landmarks.yaml:2"));
@@ -66,7 +67,7 @@ TEST_F(Landmarks, BadFilesAreRefusedWithFileAndLine) {
   EXPECT_THROW(readLandmarks(folder_ / "none.yaml"), options::Error);
 }
 
-TEST_F(Landmarks, ARecordingCarriesThem) {
+TEST_F(Landmarks, ReadsLandmarksOfDataset) {
   RobotRecording robot;
   robot.name = "r1";
   robot.body = {0.15, {}, 0.3, 0.26};

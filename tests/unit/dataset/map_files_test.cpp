@@ -14,7 +14,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-TEST(Objects, RoundTripWithAllProperties) {
+TEST(Objects, ReadsAllPropertiesThatItWrites) {
   const test::TempFolder folder;
   MapObject box;
   box.id = 7;
@@ -25,7 +25,7 @@ TEST(Objects, RoundTripWithAllProperties) {
   box.height_m = 0.25;
   MapObject robot = box;
   robot.kind = "robot";
-  robot.id = 9007199254740993u;  // beyond what a double holds
+  robot.id = 9007199254740993u;  // exceeds the integers of a double
   robot.outline_m = {{0, 0}, {1, 0}, {1, 1}, {1e-9, 1}};
   robot.height_m = 0.0;
   writeObjects(folder / "objects.geojson", {box, robot});
@@ -39,18 +39,18 @@ TEST(Objects, RoundTripWithAllProperties) {
   EXPECT_EQ(back[0].height_m, 0.25);
   EXPECT_EQ(back[1].kind, "robot");
   EXPECT_EQ(back[1].id, robot.id);
-  EXPECT_EQ(back[1].outline_m[3], Eigen::Vector2d(0, 1)) << "coordinates are to 1 µm";
+  EXPECT_EQ(back[1].outline_m[3], Eigen::Vector2d(0, 1)) << "coordinates are rounded to 1 µm";
   EXPECT_EQ(objectsText(back), objectsText({box, robot}));
 }
 
-TEST(Objects, RingsAreClosedAndCounterClockwise) {
+TEST(Objects, WritesClosedCounterClockwiseRings) {
   MapObject object;
   object.outline_m = {{0, 0}, {0, 1}, {1, 1}};
   EXPECT_THAT(objectsText({object}), HasSubstr("[[[1.0,1.0],[0.0,1.0],[0.0,0.0],[1.0,1.0]]]"));
   EXPECT_THAT(objectsText({}), HasSubstr("\"features\""));
 }
 
-TEST(Objects, ForeignFilesAndDamage) {
+TEST(Objects, ReadsFilesOfOtherProgramsAndRejectsDamage) {
   const test::TempFolder folder;
   writeAtomic(
       folder / "m.geojson",
@@ -98,7 +98,7 @@ TEST(MapServer, WritesWhatMapServerReads) {
   ASSERT_EQ(image.size(), cv::Size(3, 2));
   const std::vector<unsigned char> pixels(image.datastart, image.dataend);
   EXPECT_THAT(pixels, ::testing::ElementsAre(205, 0, 254, 254, 0, 205))
-      << "the image's first row is the map's last";
+      << "the first row of the image is the last row of the map";
   EXPECT_THAT(readFile(folder / "map.yaml"), AllOf(HasSubstr("image: map.pgm"), HasSubstr("resolution: 0.05"),
                                                    HasSubstr("origin: [-1.25, 2.5, 0]")));
   const OccupancyGrid back = readMapServer(folder / "map.yaml");
@@ -106,7 +106,7 @@ TEST(MapServer, WritesWhatMapServerReads) {
   EXPECT_THAT(back.cells, ::testing::ElementsAre(0, 100, -1, -1, 100, 0));
 }
 
-TEST(MapServer, RefusesNonsense) {
+TEST(MapServer, RejectsInvalidGridAndImage) {
   const test::TempFolder folder;
   OccupancyGrid grid = someGrid();
   grid.cells.pop_back();

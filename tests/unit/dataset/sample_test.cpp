@@ -1,5 +1,5 @@
-// A recording rendered by others: our frames, lens and extrinsics put every true obstacle where its pixels
-// are.
+// An externally rendered recording. With frames, lens and extrinsics of this project, every true obstacle
+// projects to its pixels.
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
@@ -12,7 +12,7 @@
 namespace omnifleet::dataset {
 namespace {
 
-/// The silhouette of a prism: hull of its projected bottom and top vertices.
+/// Silhouette of a prism: the hull of its projected bottom and top vertices.
 cv::Mat silhouette(const lens::Camera& camera, const Pose2& map_from_base, const MapObject& object) {
   std::vector<cv::Point2f> points;
   for (const Eigen::Vector2d& vertex : object.outline_m) {
@@ -35,7 +35,8 @@ struct Fractions {
   double inside_is_object, around_is_floor;
 };
 
-/// "Object": a channel ratio or brightness unlike the floor's (grey, R ≈ G ≈ B > 110 in this scene).
+/// A pixel counts as "object" if its channel ratio or brightness differs from that of the floor (grey, R ≈ G
+/// ≈ B > 110 in this scene).
 Fractions compare(const cv::Mat& image, const cv::Mat& mask) {
   const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {5, 5});
   cv::Mat inner, near, far;
@@ -53,7 +54,7 @@ Fractions compare(const cv::Mat& image, const cv::Mat& mask) {
           static_cast<double>(cv::countNonZero(floor & ring)) / cv::countNonZero(ring)};
 }
 
-TEST(RenderedSample, ObstaclesLieWhereTheirPixelsAre) {
+TEST(RenderedSample, ProjectsObstaclesOntoTheirPixels) {
   OMNIFLEET_NEEDS_DATA(folder, "rendered_sample");
   const Dataset d = Dataset::open(folder);
   const GroundTruth truth = GroundTruth::load(folder);
@@ -69,14 +70,14 @@ TEST(RenderedSample, ObstaclesLieWhereTheirPixelsAre) {
     const cv::Mat mask = silhouette(camera, pose.map_from_base, object);
     ASSERT_FALSE(mask.empty());
     const Fractions f = compare(image, mask);
-    // JPEG chroma is halved, so borders blur by a pixel; a shift by 3 px (0.3°) or a mirrored axis fails
-    // clearly.
+    // JPEG halves the resolution of chroma, so borders blur by one pixel. A shift by 3 px (0.3°) or a
+    // mirrored axis fails clearly.
     EXPECT_GT(f.inside_is_object, 0.95) << "object " << object.id;
     EXPECT_GT(f.around_is_floor, 0.90) << "object " << object.id;
   }
 }
 
-TEST(RenderedSample, IsReadWholeWithoutWarnings) {
+TEST(RenderedSample, ReadsCompleteRecordingWithoutWarnings) {
   OMNIFLEET_NEEDS_DATA(folder, "rendered_sample");
   const Dataset d = Dataset::open(folder);
   EXPECT_TRUE(d.warnings.empty());

@@ -11,7 +11,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TEST(Tum, RoundTripKeepsNanosecondsAndHeadings) {
+TEST(Tum, KeepsNanosecondsAndHeadings) {
   const test::TempFolder folder;
   std::vector<StampedPose> poses;
   for (int i = 0; i < 50; ++i) {
@@ -22,14 +22,14 @@ TEST(Tum, RoundTripKeepsNanosecondsAndHeadings) {
   ASSERT_EQ(back.size(), poses.size());
   for (std::size_t i = 0; i < poses.size(); ++i) {
     EXPECT_EQ(back[i].time_ns, poses[i].time_ns);
-    // Nine decimals of half the angle's sine and cosine: 1e-9 each.
+    // Sine and cosine of half the angle have nine decimals: an error of 1e-9 each.
     EXPECT_NEAR(wrapAngle(back[i].map_from_base.theta_rad - poses[i].map_from_base.theta_rad), 0.0, 3e-9);
     EXPECT_NEAR(back[i].map_from_base.x_m, poses[i].map_from_base.x_m, 1e-9);
     EXPECT_NEAR(back[i].map_from_base.y_m, poses[i].map_from_base.y_m, 1e-9);
   }
 }
 
-TEST(Covariances, SurviveAFileAndDamagedRowsAreTold) {
+TEST(Covariances, ReadsWhatItWritesAndListsDamagedRows) {
   const test::TempFolder folder;
   Eigen::Matrix3d covariance;
   covariance << 1e-4, 2e-6, -3e-6, 2e-6, 4e-4, 5e-6, -3e-6, 5e-6, 9e-4;
@@ -48,12 +48,12 @@ TEST(Covariances, SurviveAFileAndDamagedRowsAreTold) {
   EXPECT_EQ(warnings.size(), 4u);
 }
 
-TEST(Tum, TextIsTheSameForEqualPoses) {
+TEST(Tum, WritesEqualTextForEqualPoses) {
   EXPECT_EQ(tumText({{-1500000000, Pose2{-1e-12, 1.0, 0.0}}}),
             "-1.500000000 0.000000000 1.000000000 0 0 0 0.000000000 1.000000000\n");
 }
 
-TEST(Tum, BadRowsAreListed) {
+TEST(Tum, ListsBadRows) {
   const test::TempFolder folder;
   writeAtomic(folder / "x.tum",
               "# comment\n1.5 1 2 3 0 0 0 2\n2 1 2 3 0 0 0\n3 nan 0 0 0 0 0 1\n4 0 0 0 0 0 0 0\n1e1 0 0 0 0 "
@@ -70,14 +70,14 @@ TEST(Tum, BadRowsAreListed) {
   EXPECT_THROW(readTum(folder / "none.tum"), std::runtime_error);
 }
 
-TEST(Tum, OtherPeoplesFiles) {
+TEST(Tum, ReadsPublishedFile) {
   OMNIFLEET_NEEDS_DATA(path, "trajectories_and_maps/fr2_desk_groundtruth.txt");
   std::vector<std::string> warnings;
   EXPECT_EQ(readTum(path, &warnings).size(), 20957u);
   EXPECT_TRUE(warnings.empty());
 }
 
-TEST(G2o, RoundTrip) {
+TEST(G2o, ReadsWhatItWrites) {
   const test::TempFolder folder;
   G2oGraph graph;
   graph.vertices = {{0, {0, 0, 0}}, {4, {1.25, -2, 3.0}}};

@@ -21,7 +21,7 @@ RobotRecording robot(const std::string& name) {
   return r;
 }
 
-TEST(Writer, WhatIsWrittenIsRead) {
+TEST(Writer, ReadsWhatItWrites) {
   const test::TempFolder folder;
   RobotRecording square = robot("r2");
   square.initial_pose.reset();
@@ -64,7 +64,7 @@ TEST(Writer, WhatIsWrittenIsRead) {
   EXPECT_EQ(info.state, FrameState::kMissing);
 }
 
-TEST(Writer, TruthStandsApart) {
+TEST(Writer, KeepsGroundTruthSeparate) {
   const test::TempFolder folder;
   EXPECT_THROW(GroundTruth::load(folder.path()), std::runtime_error);
   MapObject box;
@@ -84,7 +84,7 @@ TEST(Writer, TruthStandsApart) {
   EXPECT_THROW(GroundTruth::load(folder.path()), std::runtime_error);
 }
 
-TEST(Writer, UnwritableFolderIsReported) {
+TEST(Writer, ReportsUnwritableFolder) {
   EXPECT_THROW(WheelsWriter("/proc/nowhere", "r1"), std::runtime_error);
   EXPECT_THROW(writeDatasetYaml("/proc/nowhere", {robot("r1")}), std::runtime_error);
 }

@@ -32,25 +32,25 @@ class Drive {
     estimator_.finish();
     hear();
   }
-  int accused() const { return count("minus what is seen"); }
-  int takenBack() const { return count("taken back"); }
+  int accused() const { return count("minus estimate"); }
+  int takenBack() const { return count("withdrawn"); }
   const FleetEstimator& estimator() const { return estimator_; }
 
  private:
   void hear() {
-    for (std::string& line : estimator_.takeFindings()) {
-      std::printf("  %s\n", line.c_str());
-      heard_.push_back(std::move(line));
+    for (Message& message : estimator_.takeFindings()) {
+      std::printf("  %s\n", toLogLine(message).c_str());
+      heard_.push_back(std::move(message));
     }
   }
   int count(const char* what) const {
-    return static_cast<int>(std::count_if(heard_.begin(), heard_.end(), [&](const std::string& line) {
-      return line.find(what) != std::string::npos;
+    return static_cast<int>(std::count_if(heard_.begin(), heard_.end(), [&](const Message& message) {
+      return message.code == ErrorCode::kCalibrationError && message.text.find(what) != std::string::npos;
     }));
   }
 
   FleetEstimator estimator_;
-  std::vector<std::string> heard_;
+  std::vector<Message> heard_;
 };
 
 TEST(Accused, NoExactCameraWhereThingsHaveADarkSide) {

@@ -15,7 +15,7 @@ namespace {
 std::string tellError(const CameraError& error, const CameraCovariance& covariance,
                       const CameraOptions& options) {
   const CameraFinding finding(error, covariance, options);
-  return finding.tell(finding.wrong());
+  return finding.describe(finding.wrong());
 }
 
 constexpr double kHeight_m = 0.5;

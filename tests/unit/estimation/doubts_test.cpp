@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "estimation/estimator.h"
+#include "estimation/messages.h"
 #include "fleet_simulator.h"
 
 namespace omnifleet::estimation {
@@ -45,7 +46,7 @@ TEST(FleetEstimator, WheelsThatWhatIsSeenRefutesAreTold) {
         motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
         motion.valid = known;
         motion.left_m += 0.3, motion.right_m += 0.3;
-        motion.refuted = true;
+        motion.wheels_rejected = true;
       }
       const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
       worst_m = std::max(
@@ -63,7 +64,7 @@ TEST(FleetEstimator, WheelsThatAreRefutedByLittleAreNotTold) {
   FleetEstimator estimator(simulator.setups(), {});
   for (int f = 0; f < 30; ++f) {
     auto frames = simulator.frames(f);
-    frames[0].motion.refuted = f == 20;
+    frames[0].motion.wheels_rejected = f == 20;
     estimator.process(simulator.time(f), pointers(frames), {});
   }
   EXPECT_EQ(estimator.status("r1").slips, 0);
@@ -134,12 +135,12 @@ TEST(FleetEstimator, ARobotThatSeesHowItIsCarriedIsPlacedAtOnce) {
       motion.previous_from_current = simulator.truth(0, f - 1).inverse() * simulator.truth(1, f);
       motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
       motion.left_m = motion.right_m = 0.0;
-      motion.refuted = true;
+      motion.wheels_rejected = true;
     }
     const auto estimates = estimator.process(simulator.time(f), {&frames[0], &frames[1], &frames[2]}, {});
     EXPECT_TRUE(estimates[0].valid) << f;
     if (f == kCarried) {
-      EXPECT_EQ(estimator.status("r1").text, "moved by hand: placed anew by what it sees");
+      EXPECT_EQ(estimator.status("r1").message, relocalized(false));
     }
     const Pose2& truth = simulator.truth(f < kCarried ? 0 : 1, f);
     EXPECT_LT((estimates[0].map_from_base.translation() - truth.translation()).norm(), 0.03) << f;
@@ -154,7 +155,7 @@ TEST(FleetEstimator, WhoSeemsToBeCarriedAgainAndAgainMayHaveAnotherLens) {
   options.speed_mps = 0.1;
   FleetSimulator simulator(options, 21);
   FleetEstimator estimator(simulator.setups(), {});
-  std::vector<std::string> told;
+  std::vector<Message> told;
   int before = 0;
   for (int f = 0; f < 45; ++f) {
     auto frames = simulator.frames(f);
@@ -166,15 +167,15 @@ TEST(FleetEstimator, WhoSeemsToBeCarriedAgainAndAgainMayHaveAnotherLens) {
       motion.previous_from_current = simulator.truth(before, f - 1).inverse() * simulator.truth(where, f);
       motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
     }
-    if (where != before) motion.left_m = motion.right_m = 0.0, motion.refuted = true;
+    if (where != before) motion.left_m = motion.right_m = 0.0, motion.wheels_rejected = true;
     frames[0].motion = motion;
     estimator.process(simulator.time(f), pointers(frames), {});
-    if (where != before) told.push_back(estimator.status("r1").text);
+    if (where != before) told.push_back(estimator.status("r1").message);
     before = where;
   }
   ASSERT_EQ(told.size(), 5U);
-  EXPECT_EQ(told[2], "moved by hand: placed anew by what it sees");
-  EXPECT_EQ(told[3], "moved by hand again and again: does its sensor.yaml belong to its camera?");
+  EXPECT_EQ(told[2], relocalized(false));
+  EXPECT_EQ(told[3], relocalized(true));
 }
 
 TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {

@@ -30,7 +30,7 @@ struct Outcome {
   double worst_m = 0.0, worst_rad = 0.0;  ///< of the poses of the last second
   double between_m = 0.0;                 ///< likewise, of the others' places as the first robot has them
   int valid = 0;                          ///< of these poses
-  std::vector<std::string> findings;
+  std::vector<Message> findings;
   std::map<std::string, std::map<TimeNs, Pose2>> revised;  ///< the last word on each frame
   std::vector<RobotStatus> status;
   int landmarks = 0, shared = 0;  ///< by several robots
@@ -103,8 +103,8 @@ Outcome runWith(const SimulationOptions& options, std::uint32_t seed, const std:
   estimator.finish();
   for (const PoseEstimate& e : estimator.takeRevised())
     outcome.revised[e.robot][e.acquired_ns] = e.map_from_base;
-  for (std::string& finding : estimator.takeFindings()) {
-    if (finding.find("initial_pose") != std::string::npos) outcome.findings.push_back(std::move(finding));
+  for (Message& finding : estimator.takeFindings()) {
+    if (finding.code == ErrorCode::kInitialPoseRejected) outcome.findings.push_back(std::move(finding));
   }
   for (const RobotSetup& setup : setups) outcome.status.push_back(estimator.status(setup.name));
   for (const LandmarkEstimate& landmark : estimator.landmarks()) {
@@ -138,7 +138,8 @@ void expectFound(const Outcome& outcome, const std::string& robot, std::uint32_t
   EXPECT_LT(outcome.worst_m, 0.02) << "seed " << seed;
   EXPECT_LT(outcome.worst_rad, 0.02) << "seed " << seed;
   ASSERT_EQ(outcome.findings.size(), 1U) << "seed " << seed;
-  EXPECT_EQ(outcome.findings.front().substr(0, robot.size() + 1), robot + ":") << outcome.findings.front();
+  EXPECT_EQ(outcome.findings.front().text.substr(0, robot.size() + 1), robot + ":")
+      << outcome.findings.front().text;
 }
 
 TEST(Starts, ARobotThatStartedElsewhereIsPlacedWhereItIs) {
@@ -239,10 +240,10 @@ TEST(Starts, AMarkerSeenFromTheCeilingTellsAWrongOneAndMendsIt) {
       }
       estimator.finish();
       for (const PoseEstimate& e : estimator.takeRevised()) note(e);
-      const std::vector<std::string> findings = estimator.takeFindings();
+      const std::vector<Message> findings = estimator.takeFindings();
       ASSERT_EQ(findings.size(), 1U) << "seed " << seed;
-      EXPECT_EQ(findings.front().rfind("r2: it started", 0), 0U) << findings.front();
-      EXPECT_EQ(findings.front().find("unless"), std::string::npos) << findings.front();
+      EXPECT_EQ(findings.front().text.rfind("r2: initial_pose is wrong", 0), 0U) << findings.front().text;
+      EXPECT_EQ(findings.front().text.find("or the other"), std::string::npos) << findings.front().text;
       for (int r = 0; r < options.robots; ++r) {
         const RobotStatus status = estimator.status(FleetSimulator::name(r));
         EXPECT_EQ(status.wrong_starts, r == 1 ? 1 : 0) << "seed " << seed;
@@ -264,7 +265,7 @@ TEST(Starts, RobotsThatAllSeeLittleAreBelieved) {
     for (const View view : {View::kEachOthers, View::kEachOthersBeforeAWall}) {
       const Outcome outcome = runWith(crowded(), seed, {}, view);
       EXPECT_EQ(outcome.valid, 15) << "seed " << seed;
-      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front();
+      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front().text;
     }
   }
 }
@@ -277,7 +278,8 @@ TEST(Starts, WhatAWallSwallowsIsNotMissing) {
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
     const Outcome before_a_wall = runWith(options, seed, {}, View::kOneOthersBeforeAWall);
     EXPECT_EQ(before_a_wall.valid, 15) << "seed " << seed;
-    EXPECT_TRUE(before_a_wall.findings.empty()) << "seed " << seed << ": " << before_a_wall.findings.front();
+    EXPECT_TRUE(before_a_wall.findings.empty())
+        << "seed " << seed << ": " << before_a_wall.findings.front().text;
     const Outcome on_open_floor = runWith(options, seed, {}, View::kOneOthers);
     contradicted += on_open_floor.findings.empty() ? 0 : 1;
   }
@@ -292,7 +294,7 @@ TEST(Starts, WhatNobodyCanDecideIsSaid) {
   few.frames = 70;
   const auto says = [](const Outcome& outcome) {
     return std::any_of(outcome.status.begin(), outcome.status.end(),
-                       [](const RobotStatus& status) { return !status.text.empty(); });
+                       [](const RobotStatus& status) { return status.message.code != ErrorCode::kNone; });
   };
   int undecided = 0, agreeing = 0, doubted = 0;
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + 9; ++seed) {
@@ -339,7 +341,7 @@ TEST(Starts, RightOnesAreLeftAlone) {
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
     for (const SimulationOptions& options : {crowded(), few, unsure}) {
       const Outcome outcome = runWith(options, seed, {});
-      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front();
+      EXPECT_TRUE(outcome.findings.empty()) << "seed " << seed << ": " << outcome.findings.front().text;
       EXPECT_EQ(outcome.valid, 15);
     }
   }

@@ -12,6 +12,10 @@
 namespace omnifleet::estimation::testing {
 namespace {
 
+bool isKidnapping(ErrorCode code) {
+  return code == ErrorCode::kKidnapped || code == ErrorCode::kLocalizationLost;
+}
+
 constexpr double kSeparation_m = 0.26, kSlip_rad = 0.1;
 
 class Deceiver {
@@ -116,12 +120,12 @@ TroubleResult run(const Trouble& trouble, const EstimatorOptions& options, std::
     const int until = deceiver.lastFrame() + static_cast<int>(2.0 / trouble.simulation.period_s);
     for (std::size_t r = 0; r < robots; ++r) {
       const RobotStatus& status = estimator.status(FleetSimulator::name(static_cast<int>(r)));
-      const bool says = status.state != RobotState::kOk || status.text.find("hand") != std::string::npos;
-      result.by_hand += status.text.find("hand") != std::string::npos ? 1 : 0;
+      const bool says = status.state != RobotState::kOk || isKidnapping(status.message.code);
+      result.by_hand += isKidnapping(status.message.code) ? 1 : 0;
       const bool due = r < troubled && f >= trouble.at_frame && f <= until;
       if (says && due && told[r] < 0) told[r] = f;
       const bool dark = (r == 0 || trouble.all) && deceiver.isDark(f);
-      if (status.text.find("wheels seem") != std::string::npos) of_wheels.insert(r);
+      if (status.message.code == ErrorCode::kWheelAssignment) of_wheels.insert(r);
       if (says && !due && !dark) ++result.told_wrongly;
       if (f < trouble.at_frame || dark) continue;
       ++frames_after;

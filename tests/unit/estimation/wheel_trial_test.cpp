@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "estimation/factors.h"
+#include "estimation/messages.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -61,7 +62,7 @@ Wiring verdictOf(const Drive& drive, Wiring wiring, int frames = 12) {
 TEST(WheelTrial, EveryWrongReadingIsNamed) {
   for (const Wiring wiring : kAll) {
     EXPECT_EQ(verdictOf({}, wiring), wiring) << static_cast<int>(wiring);
-    EXPECT_EQ(tellWiring(wiring).empty(), wiring == Wiring::kAsTold);
+    EXPECT_EQ(wheelAssignmentWrong(wiring).code == ErrorCode::kNone, wiring == Wiring::kAsTold);
   }
 }
 

@@ -17,7 +17,7 @@ struct Best {
   double cost = 0.0;
 };
 
-/// Every way to give the rows columns (or none): most pairs first, then cheapest.
+/// Tries every assignment of columns (or none) to rows. The most pairs win, then the least cost.
 void search(const Eigen::MatrixXd& cost, Eigen::Index row, std::vector<bool>& used, int pairs, double sum,
             Best& best) {
   if (row == cost.rows()) {
@@ -38,7 +38,7 @@ Best value(const Eigen::MatrixXd& cost, const std::vector<int>& column_of) {
   std::vector<bool> used(static_cast<std::size_t>(cost.cols()), false);
   for (std::size_t i = 0; i < column_of.size(); ++i) {
     if (column_of[i] < 0) continue;
-    EXPECT_FALSE(used[column_of[i]]) << "a column twice";
+    EXPECT_FALSE(used[column_of[i]]) << "a column is assigned twice";
     used[column_of[i]] = true;
     ++result.pairs;
     result.cost += cost(static_cast<Eigen::Index>(i), column_of[i]);
@@ -46,7 +46,7 @@ Best value(const Eigen::MatrixXd& cost, const std::vector<int>& column_of) {
   return result;
 }
 
-TEST(Assign, EqualsBruteForce) {
+TEST(Assign, MatchesBruteForce) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> number(-1.0, 3.0);
   for (int trial = 0; trial < 600; ++trial) {
@@ -62,14 +62,14 @@ TEST(Assign, EqualsBruteForce) {
   }
 }
 
-TEST(Assign, NearestIsNotAlwaysBest) {
+TEST(Assign, MinimisesTotalCostNotSingleCosts) {
   Eigen::MatrixXd cost(2, 2);
   cost << 1.0, 2.0, 1.1, 9.0;
   EXPECT_EQ(assign(cost), (std::vector<int>{1, 0}));
 }
 
-TEST(Assign, LargeProblemAgainstItsKnownOptimum) {
-  // Costs u_i + v_j + (0 on a permutation, positive elsewhere) have that permutation as the optimum.
+TEST(Assign, FindsKnownOptimumOfLargeProblem) {
+  // Costs u_i + v_j + (0 on a permutation, positive elsewhere) have this permutation as the optimum.
   std::mt19937 random(9);
   std::uniform_real_distribution<double> number(0.0, 1.0);
   const int n = 120;
@@ -85,7 +85,7 @@ TEST(Assign, LargeProblemAgainstItsKnownOptimum) {
   EXPECT_EQ(assign(cost), permutation);
 }
 
-TEST(Assign, EmptyAndForbidden) {
+TEST(Assign, LeavesForbiddenRowsUnassigned) {
   EXPECT_TRUE(assign(Eigen::MatrixXd(0, 3)).empty());
   EXPECT_EQ(assign(Eigen::MatrixXd(2, 0)), (std::vector<int>{-1, -1}));
   EXPECT_EQ(assign(Eigen::MatrixXd::Constant(2, 3, kInfinity)), (std::vector<int>{-1, -1}));

@@ -9,7 +9,7 @@ namespace {
 
 using dataset::TrackRow;
 
-/// r1 at (1, 0) facing up, r2 at (1, 2); a box around (−1, 0).
+/// r1 at (1, 0) with heading 90°, r2 at (1, 2); a box around (−1, 0).
 class Kinds : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -25,13 +25,13 @@ class Kinds : public ::testing::Test {
   std::vector<dataset::MapObject> scene_;
 };
 
-// In r1's base_link, r2 is 2 m ahead and the box 2 m to the left.
-TEST_F(Kinds, EveryOutcomeIsCounted) {
-  const KindMetrics m = compare({{0, 1, ObjectKind::kRobot, {2.1, 0}},       // right
-                                 {50, 1, ObjectKind::kObstacle, {2, 0.1}},   // a robot called obstacle
-                                 {50, 2, ObjectKind::kObstacle, {0, 1.7}},   // right (inside the footprint)
-                                 {60, 2, ObjectKind::kUnknown, {0.1, 2.3}},  // an obstacle not told
-                                 {70, 3, ObjectKind::kRobot, {-2, -2}},      // nothing there
+// In base_link of r1, r2 is 2 m ahead and the box 2 m to the left.
+TEST_F(Kinds, CountsEveryOutcome) {
+  const KindMetrics m = compare({{0, 1, ObjectKind::kRobot, {2.1, 0}},       // correct
+                                 {50, 1, ObjectKind::kObstacle, {2, 0.1}},   // a robot classified as obstacle
+                                 {50, 2, ObjectKind::kObstacle, {0, 1.7}},   // correct (inside the footprint)
+                                 {60, 2, ObjectKind::kUnknown, {0.1, 2.3}},  // an obstacle of unknown kind
+                                 {70, 3, ObjectKind::kRobot, {-2, -2}},      // no true object here
                                  {999, 3, ObjectKind::kRobot, {2, 0}}});     // no truth at this time
   EXPECT_EQ(m.robot.right, 1);
   EXPECT_EQ(m.robot.missed, 1);
@@ -43,12 +43,12 @@ TEST_F(Kinds, EveryOutcomeIsCounted) {
   EXPECT_NEAR(m.robot.f1(), 2.0 / 4.0, 1e-15);
 }
 
-TEST_F(Kinds, NothingToTell) {
+TEST_F(Kinds, ReturnsNanWithoutSamples) {
   EXPECT_TRUE(std::isnan(compare({}).robot.f1()));
   EXPECT_EQ(compareKinds("r9", {{0, 1, ObjectKind::kRobot, {2, 0}}}, truth_, scene_).robot.wrong, 0);
 }
 
-TEST(TrackFiles, RoundTripOfVisibleTracks) {
+TEST(TrackFiles, ReadsVisibleTracksThatItWrites) {
   const test::TempFolder folder;
   Objects objects;
   objects.acquired_ns = 1234;

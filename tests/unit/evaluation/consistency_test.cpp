@@ -1,4 +1,4 @@
-// Normalised errors against drawn ones, whose distribution is known, and against tables of χ².
+// Normalised errors of samples drawn from a known distribution, and quantiles against tables of χ².
 
 #include "evaluation/consistency.h"
 
@@ -14,8 +14,8 @@ namespace {
 using dataset::StampedCovariance;
 using dataset::StampedPose;
 
-/// Poses on a circle whose errors in base_link are drawn from root · rootᵀ times factor², each resembling the
-/// one before by `memory`.
+/// Poses on a circle. Their errors in base_link are drawn from root · rootᵀ times factor². `memory` is the
+/// correlation of successive errors.
 struct Drawn {
   std::vector<StampedPose> truth, estimate;
   std::vector<StampedCovariance> covariances;
@@ -38,10 +38,10 @@ struct Drawn {
       covariances.push_back({time_ns, root * root.transpose()});
     }
   }
-  ToldPath path() const { return {truth, estimate, covariances}; }
+  EstimatedPath path() const { return {truth, estimate, covariances}; }
   Consistency check() const { return checkConsistency(path()); }
 
-  /// From a pose on, covariances are against something else, whose place in the truth is another.
+  /// From pose `from` on, covariances have another reference, which has another pose in the truth.
   void move(std::size_t from, std::uint32_t datum, const Pose2& map_from_truth) {
     for (std::size_t i = from; i < estimate.size(); ++i) {
       estimate[i].map_from_base = map_from_truth * estimate[i].map_from_base;
@@ -54,7 +54,7 @@ bool within(double value, const Consistency::Bounds& bounds) {
   return value >= bounds.lower && value <= bounds.upper;
 }
 
-TEST(ChiSquare, QuantilesAreThoseOfTheTables) {
+TEST(ChiSquare, MatchesTabulatedQuantiles) {
   EXPECT_NEAR(chiSquareQuantile(3, 1.6449), 7.815, 0.08);
   EXPECT_NEAR(chiSquareQuantile(10, 1.9600), 20.483, 0.1);
   EXPECT_NEAR(chiSquareQuantile(10, -1.9600), 3.247, 0.05);
@@ -62,7 +62,7 @@ TEST(ChiSquare, QuantilesAreThoseOfTheTables) {
   EXPECT_NEAR(chiSquareQuantile(300, -1.9600), 253.91, 0.2);
 }
 
-TEST(Consistency, TrueCovariancesAreConsistentInNineteenOfTwentyRuns) {
+TEST(Consistency, AcceptsTrueCovariancesInNineteenOfTwentyRuns) {
   int consistent = 0, strictly = 0;
   double mean = 0.0, inside = 0.0;
   for (unsigned seed = 0; seed < 100; ++seed) {
@@ -79,15 +79,16 @@ TEST(Consistency, TrueCovariancesAreConsistentInNineteenOfTwentyRuns) {
   EXPECT_GE(consistent, strictly);
 }
 
-TEST(Consistency, ErrorsTwiceAsLargeAsSaidAreOverConfidentHalfAsLargeTooModest) {
+TEST(Consistency, DetectsOverconfidentAndConservativeCovariances) {
   const Consistency large = Drawn(1, 400, 2.0, 0.0).check(), small = Drawn(1, 400, 0.5, 0.0).check();
   EXPECT_NEAR(large.mean, 12.0, 1.0);
   EXPECT_GT(large.mean, large.bounds.upper);
   EXPECT_LT(small.mean, small.bounds.lower);
 }
 
-// With a memory of 0.9 the ε resemble one another by 0.81: n samples are worth n·(1 − 0.81)/(1 + 0.81).
-TEST(Consistency, ErrorsThatResembleOneAnotherAreWorthFewerSamples) {
+// With a memory of 0.9 the correlation of successive ε is 0.81: n samples equal n·(1 − 0.81)/(1 + 0.81)
+// independent ones.
+TEST(Consistency, CountsCorrelatedErrorsAsFewerSamples) {
   int consistent = 0, strictly = 0;
   double independent = 0.0;
   for (unsigned seed = 0; seed < 100; ++seed) {
@@ -98,10 +99,10 @@ TEST(Consistency, ErrorsThatResembleOneAnotherAreWorthFewerSamples) {
   }
   EXPECT_NEAR(independent, 400.0 * 0.19 / 1.81, 10.0);
   EXPECT_GE(consistent, 85);
-  EXPECT_LT(strictly, 70) << "bounds of independent samples are too narrow here";
+  EXPECT_LT(strictly, 70) << "bounds for independent samples are too narrow here";
 }
 
-TEST(Consistency, OnlyPosesWithTruthAndCovarianceCount) {
+TEST(Consistency, IgnoresPosesWithoutTruthOrCovariance) {
   Drawn drawn(3, 50, 1.0, 0.0);
   drawn.covariances.erase(drawn.covariances.begin() + 10, drawn.covariances.begin() + 15);
   drawn.truth.resize(40);
@@ -112,7 +113,7 @@ TEST(Consistency, OnlyPosesWithTruthAndCovarianceCount) {
   EXPECT_FALSE(drawn.check().consistent());
 }
 
-TEST(Consistency, PositionsAloneHaveTwoDegreesOfFreedom) {
+TEST(Consistency, GivesPositionsTwoDegreesOfFreedom) {
   double position = 0.0;
   for (unsigned seed = 0; seed < 100; ++seed) position += Drawn(seed, 400, 1.0, 0.0).check().position / 100;
   EXPECT_NEAR(position, 2.0, 0.04);  // 40000 samples: σ 0.01
@@ -123,51 +124,51 @@ TEST(Consistency, PositionsAloneHaveTwoDegreesOfFreedom) {
   EXPECT_GT(turned.check().mean, 100.0);
 }
 
-const Pose2 kStart{0.4, -1.0, 2.0}, kPoints{-0.3, 0.2, 1.2};
+const Pose2 kInitialPose{0.4, -1.0, 2.0}, kPoints{-0.3, 0.2, 1.2};
 
-TEST(Consistency, OfExactPosesEachDatumIsFoundExactly) {
+TEST(Consistency, LocatesEachDatumExactlyForExactPoses) {
   Drawn first(1, 60, 0.0, 0.0), second(2, 40, 0.0, 0.0);
   for (Drawn* drawn : {&first, &second}) {
-    drawn->move(0, 1, kStart);
-    drawn->move(20, 2, kPoints * kStart.inverse());
+    drawn->move(0, 1, kInitialPose);
+    drawn->move(20, 2, kPoints * kInitialPose.inverse());
   }
   const DatumPlaces places = placeData({first.path(), second.path()});
   ASSERT_EQ(places.size(), 2u);
-  EXPECT_LT((places.at(1) * kStart).vector().norm(), 1e-9);
+  EXPECT_LT((places.at(1) * kInitialPose).vector().norm(), 1e-9);
   EXPECT_LT((places.at(2) * kPoints).vector().norm(), 1e-9);
   EXPECT_LT(checkConsistency(first.path(), places).mean, 1e-12);
 }
 
-// Errors against two things, each as large as told: consistent where each is brought onto the truth by
-// itself, and by no one motion.
-TEST(Consistency, EachDatumIsComparedWhereItLiesItself) {
+// Errors against two references, each as large as reported. They are consistent if each datum is aligned with
+// the truth by itself, not by one common motion.
+TEST(Consistency, AlignsEachDatumByItself) {
   std::vector<Consistency> apart, together;
   for (unsigned seed = 0; seed < 20; ++seed) {
     Drawn drawn(seed, 200, 1.0, 0.0);
-    drawn.move(0, 1, kStart);
-    drawn.move(80, 2, kPoints * kStart.inverse());
+    drawn.move(0, 1, kInitialPose);
+    drawn.move(80, 2, kPoints * kInitialPose.inverse());
     apart.push_back(checkConsistency(drawn.path(), placeData({drawn.path()})));
-    ToldPath one = drawn.path();
+    EstimatedPath one = drawn.path();
     for (StampedCovariance& row : one.covariances) row.datum = 0;
     together.push_back(checkConsistency(one, placeData({one})));
   }
-  // Of 3·200 degrees of freedom each datum takes 3: 2.97 is right, σ of 4000 samples 0.04.
+  // Each datum takes 3 of the 3·200 degrees of freedom, so 2.97 is correct; σ of 4000 samples is 0.04.
   EXPECT_NEAR(pooled(apart).mean, 2.97, 0.11);
   EXPECT_GT(pooled(together).mean, 100.0);
 }
 
-TEST(Consistency, AnErrorOfOneRobotIsNotMovedAway) {
+TEST(Consistency, KeepsErrorOfOneRobotAfterAlignment) {
   Drawn right(1, 200, 1.0, 0.0), off(2, 200, 1.0, 0.0);
   for (StampedPose& pose : off.estimate) pose.map_from_base = Pose2{0.3, 0.0, 0.0} * pose.map_from_base;
   const DatumPlaces places = placeData({right.path(), off.path()});
   const Consistency all =
       pooled({checkConsistency(right.path(), places), checkConsistency(off.path(), places)});
-  EXPECT_GT(all.mean, 10.0);  // 15 cm each at best, of 2 to 3 cm told
+  EXPECT_GT(all.mean, 10.0);  // at best 15 cm each, with 2 to 3 cm reported
 }
 
-// A bias that lasts in map is one sample, however the robot turns: a robot on a circle, errors constant
-// there.
-TEST(Consistency, ABiasOfTheMapIsOneSampleThoughTheRobotTurns) {
+// A constant bias in map counts as one sample, even if the robot turns. Here a robot drives on a circle with
+// constant errors.
+TEST(Consistency, CountsBiasInMapAsOneSample) {
   Drawn drawn(6, 400, 0.0, 0.0);
   for (StampedPose& pose : drawn.estimate) pose.map_from_base = Pose2{0.03, -0.02, 0.0} * pose.map_from_base;
   for (StampedCovariance& row : drawn.covariances)
@@ -175,33 +176,34 @@ TEST(Consistency, ABiasOfTheMapIsOneSampleThoughTheRobotTurns) {
   EXPECT_LT(drawn.check().independent, 2.0);
 }
 
-// Robots that err alike are worth one of them, robots that do not as many as they are.
-TEST(Consistency, RobotsThatErrAlikeAreWorthOne) {
+// Robots with equal errors count as one robot, robots with independent errors as many.
+TEST(Consistency, CountsRobotsWithEqualErrorsAsOne) {
   const Drawn one(7, 300, 1.0, 0.5), other(8, 300, 1.0, 0.5);
   const double single = one.check().independent, two = other.check().independent;
   const Consistency alike = checkFleet({one.path(), one.path(), one.path()});
   EXPECT_NEAR(alike.independent, single, 1e-6 * single);
   EXPECT_EQ(alike.samples, 900);
   EXPECT_NEAR(alike.mean, one.check().mean, 1e-9);
-  // ρ of 300 samples that have nothing in common is 0.06, of its square little remains.
+  // ρ of 300 independent samples is 0.06; its square is negligible.
   EXPECT_NEAR(checkFleet({one.path(), other.path()}).independent, single + two, 0.1 * (single + two));
   EXPECT_LT(alike.bounds.lower, pooled({one.check(), one.check(), one.check()}).bounds.lower);
 }
 
-// What is told is right where the start that all share errs as it is said to, and lasts: nineteen of twenty
-// runs are called consistent, though each is worth hardly more than one sample.
-TEST(Consistency, AStartThatAllShareWidensTheBounds) {
+// The covariances are correct: all robots share one initial pose, whose error is as large as reported and
+// constant. Nineteen of twenty runs are called consistent, although each counts as little more than one
+// sample.
+TEST(Consistency, WidensBoundsForSharedInitialPose) {
   int consistent = 0, by_robot = 0;
   for (unsigned seed = 0; seed < 200; ++seed) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
     const double x = 0.03 * normal(random), y = 0.03 * normal(random), turn = 0.01 * normal(random);
-    std::vector<ToldPath> fleet;
+    std::vector<EstimatedPath> fleet;
     std::vector<Consistency> singles;
     for (unsigned robot = 0; robot < 3; ++robot) {
       Drawn drawn(3 * seed + robot, 60, 0.0, 0.0);
       for (std::size_t i = 0; i < drawn.estimate.size(); ++i) {
-        // About the robot's own place: the same error for all.
+        // About the position of the robot, so that the error is the same for all.
         StampedPose& pose = drawn.estimate[i];
         const Pose2 exact = pose.map_from_base;
         pose.map_from_base = {exact.x_m + x, exact.y_m + y, exact.theta_rad + turn};
@@ -213,11 +215,11 @@ TEST(Consistency, AStartThatAllShareWidensTheBounds) {
     consistent += checkFleet(fleet).consistent() ? 1 : 0;
     by_robot += pooled(singles).consistent() ? 1 : 0;
   }
-  EXPECT_GE(consistent, 170);  // 190 expected of exact counts
+  EXPECT_GE(consistent, 170);  // 190 expected with exact counts
   EXPECT_LT(by_robot, 140);
 }
 
-TEST(Consistency, RobotsArePooledBySamples) {
+TEST(Consistency, PoolsRobotsBySamples) {
   const Consistency a = Drawn(4, 100, 1.0, 0.0).check(), b = Drawn(5, 300, 2.0, 0.0).check();
   const Consistency all = pooled({a, {}, b});
   EXPECT_EQ(all.samples, 400);

@@ -1,4 +1,4 @@
-// ATE and RPE of other people's trajectories against the figures of evo and of an independent computation.
+// ATE and RPE of published trajectories against the figures of evo and of an independent computation.
 #include <gtest/gtest.h>
 
 #include "evaluation/trajectory_metrics.h"
@@ -13,22 +13,22 @@ PosePairs load(const std::string& folder, const char* truth, const char* estimat
   return associate(dataset::readTum(folder + "/" + truth), dataset::readTum(folder + "/" + estimate));
 }
 
-// evo's documentation (doc/performance.md) prints `evo_ape tum fr2_desk_groundtruth.txt fr2_desk_ORB.txt
-// --align`: max 0.024300, mean 0.007492, median 0.007415, min 0.000350, rmse 0.008119, sse 0.143305, std
-// 0.003129.
-TEST(Evo, PublishedApeOfFr2Desk) {
+// The documentation of evo (doc/performance.md) prints for `evo_ape tum fr2_desk_groundtruth.txt
+// fr2_desk_ORB.txt --align`: max 0.024300, mean 0.007492, median 0.007415, min 0.000350, rmse 0.008119, sse
+// 0.143305, std 0.003129.
+TEST(Evo, MatchesPublishedApeOfFr2Desk) {
   OMNIFLEET_NEEDS_DATA(folder, "trajectories_and_maps");
   const Statistics ape =
       absoluteTrajectoryError(load(folder, "fr2_desk_groundtruth.txt", "fr2_desk_ORB.txt"), Alignment::kSe3);
-  constexpr double kPrinted = 0.6e-6;  // six decimals are printed
+  constexpr double kPrinted = 0.6e-6;  // six decimals are published
   EXPECT_NEAR(ape.max, 0.024300, kPrinted);
   EXPECT_NEAR(ape.mean, 0.007492, kPrinted);
   EXPECT_NEAR(ape.median, 0.007415, kPrinted);
   EXPECT_NEAR(ape.min, 0.000350, kPrinted);
   EXPECT_NEAR(ape.rmse, 0.008119, kPrinted);
   EXPECT_EQ(ape.count, 2174);
-  // The sum shows what single pairs do: stamps equally far on both sides fall to either side in evo's
-  // floating-point seconds and to the earlier one in nanoseconds.
+  // Single pairs change the sum. For a stamp halfway between two others, evo's floating-point seconds select
+  // either, nanoseconds the earlier one.
   EXPECT_NEAR(ape.rmse * ape.rmse * ape.count, 0.143305, 3e-6);
   EXPECT_NEAR(ape.std, 0.003129, kPrinted);
 }
@@ -40,7 +40,7 @@ struct Reference {
   double rpe_m, rpe_deg;                  ///< RPE rmse, delta 1 frame
 };
 
-// Computed once with numpy from evo's definitions (nearest stamps within 10 ms in whole nanoseconds, Umeyama
+// Computed with numpy from the definitions of evo (nearest stamps within 10 ms in whole nanoseconds, Umeyama
 // by SVD, E = (Q⁻¹Q')⁻¹(P⁻¹P')).
 constexpr Reference kReferences[] = {
     {"fr2_desk_groundtruth.txt", "fr2_desk_ORB.txt", 2174, 3.173993808, 0.008118926, 0.006123161,
@@ -55,9 +55,9 @@ constexpr Reference kReferences[] = {
      0.009754582, 1.1056223637, 0.025265936, 0.884848960},
 };
 
-TEST(Evo, IndependentComputation) {
+TEST(Evo, MatchesIndependentComputation) {
   OMNIFLEET_NEEDS_DATA(folder, "trajectories_and_maps");
-  constexpr double kQuoted = 1e-9;  // nine decimals are quoted
+  constexpr double kQuoted = 1e-9;  // nine decimals are listed
   for (const Reference& r : kReferences) {
     SCOPED_TRACE(r.estimate);
     const PosePairs pairs = load(folder, r.truth, r.estimate);
@@ -68,7 +68,7 @@ TEST(Evo, IndependentComputation) {
     EXPECT_NEAR(align(pairs.estimate, pairs.truth, Alignment::kSe3, true).scale, r.scale, 1e-9);
     const RelativeError rpe = relativePoseError(pairs);
     EXPECT_NEAR(rpe.translation_m.rmse, r.rpe_m, kQuoted);
-    // numpy's reference takes acos of the trace, which loses digits near zero angle.
+    // The numpy reference takes acos of the trace, which loses digits near zero angle.
     EXPECT_NEAR(rpe.rotation_rad.rmse * kDegrees, r.rpe_deg, 1e-6);
   }
 }

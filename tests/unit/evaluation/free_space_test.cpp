@@ -7,7 +7,7 @@
 namespace omnifleet::evaluation {
 namespace {
 
-/// 40 × 20 cells of 5 cm from (0, 0) on: 2 m × 1 m, all free.
+/// 40 × 20 cells of 5 cm from (0, 0): 2 m × 1 m, all free.
 dataset::OccupancyGrid freeGrid() {
   dataset::OccupancyGrid grid;
   grid.width = 40;
@@ -27,8 +27,8 @@ dataset::MapObject object(const std::string& kind, const Polygon& outline_m) {
   return made;
 }
 
-// Along the cells' borders areas are exact.
-TEST(FreeSpace, IsCountedWhereNobodyCanBe) {
+// Areas are exact along the borders of the cells.
+TEST(FreeSpace, MeasuresFreeAreaInsideObstaclesAndOutsideRoom) {
   const auto m = compareFreeSpace(
       freeGrid(), {},
       {object("obstacle", rectangle(0.2, 0.2, 0.5, 0.4)), object("robot", rectangle(1, 0, 2, 1))},
@@ -39,7 +39,7 @@ TEST(FreeSpace, IsCountedWhereNobodyCanBe) {
   EXPECT_NEAR(*m.outside_m2, 0.5, 1e-9);
 }
 
-TEST(FreeSpace, OnlyWhatIsCalledFreeIsWrong) {
+TEST(FreeSpace, IgnoresOccupiedAndUnknownCells) {
   dataset::OccupancyGrid grid = freeGrid();
   for (std::size_t i = 0; i < 800; ++i)
     if (i % 40 >= 30) grid.cells[i] = i % 2 == 0 ? 100 : -1;
@@ -50,22 +50,23 @@ TEST(FreeSpace, OnlyWhatIsCalledFreeIsWrong) {
   EXPECT_NEAR(m.free_m2, 1.5, 1e-9);
 }
 
-TEST(FreeSpace, TheRunIsMovedFirst) {
+TEST(FreeSpace, AlignsRunBeforeComparison) {
   const auto m = compareFreeSpace(freeGrid(), {10.0, 5.0, M_PI_2}, {}, rectangle(9, 5, 10, 6));
-  EXPECT_NEAR(m.outside_m2.value(), 1.0, 1e-9) << "the grid lies at x 9 to 10, y 5 to 7 there";
+  EXPECT_NEAR(m.outside_m2.value(), 1.0, 1e-9) << "in the truth the grid spans x 9 to 10, y 5 to 7";
 }
 
-TEST(FreeSpace, WallsAreFoundWhereTheirCellsAreOccupied) {
+TEST(FreeSpace, FindsWallsWithOccupiedCells) {
   dataset::OccupancyGrid grid = freeGrid();
   EXPECT_EQ(compareFreeSpace(grid, {}, {}, rectangle(0, 0, 2, 1)).walls_found.value(), 0.0);
   for (std::size_t i = 0; i < 40; ++i) grid.cells[i] = 100;  // y < 5 cm
-  // The side along x, 2 m of 6, and of both beside it the points up to √(15² − 2.5²) = 14.8 cm above those
-  // cells' middles at 2.5 cm: at 2.5, 7.5, 12.5 and 17.5 … less than 17.3: three each, 5 cm apart.
+  // Found are the side along x (2 m of 6 m) and parts of both sides next to it: points up to √(15² − 2.5²) =
+  // 14.8 cm above the centres of those cells at 2.5 cm, i.e. below 17.3 cm. Points are 5 cm apart, at 2.5,
+  // 7.5, 12.5 and 17.5 cm, so three per side.
   EXPECT_NEAR(compareFreeSpace(grid, {}, {}, rectangle(0, 0, 2, 1)).walls_found.value(), (40 + 2 * 3) / 120.0,
               1e-9);
 }
 
-TEST(FreeSpace, WithoutARoomNothingIsSaidOfIt) {
+TEST(FreeSpace, ReturnsNoWallsWithoutRoom) {
   const auto m = compareFreeSpace(freeGrid(), {}, {}, {});
   EXPECT_FALSE(m.outside_m2);
   EXPECT_FALSE(m.walls_found);

@@ -16,7 +16,7 @@ dataset::MapObject box(double x, double y, double side = 0.2, const char* kind =
   return object;
 }
 
-TEST(CompareMaps, ErrorsInClosedForm) {
+TEST(CompareMaps, MatchesErrorsInClosedForm) {
   const std::vector<dataset::MapObject> truth{box(0, 0), box(1, 0), box(0, 2)};
   const std::vector<dataset::MapObject> got{box(0.01, 2.0), box(0.02, -0.01), box(1.0, 0.04)};
   const MapMetrics m = compareMaps(truth, got, {});
@@ -36,16 +36,16 @@ TEST(CompareMaps, ErrorsInClosedForm) {
   EXPECT_NEAR(m.distances_error_m, expected, 1e-12);
 }
 
-TEST(CompareMaps, GateAndOverlapDecideWhatCounts) {
-  // 0.16 m away: beyond the gate. 0.14 m away: IoU of 0.2 m boxes is 0.06/0.34, too little; of 0.6 m boxes
-  // enough.
+TEST(CompareMaps, MatchesOnlyWithinGateAndWithOverlap) {
+  // 0.16 m apart: beyond the gate. 0.14 m apart: the IoU of 0.2 m boxes is 0.06/0.34, too little; that of 0.6
+  // m boxes is enough.
   EXPECT_EQ(compareMaps({box(0, 0, 0.6)}, {box(0.16, 0, 0.6)}, {}).matches.size(), 0u);
   EXPECT_EQ(compareMaps({box(0, 0, 0.2)}, {box(0.14, 0, 0.2)}, {}).matches.size(), 0u);
   EXPECT_EQ(compareMaps({box(0, 0, 0.6)}, {box(0.14, 0, 0.6)}, {}).matches.size(), 1u);
   EXPECT_EQ(compareMaps({box(0, 0, 0.2)}, {box(0, 0, 0.1)}, {}).matches.size(), 0u) << "IoU 0.25";
 }
 
-TEST(CompareMaps, MissedAndFalseAreNamedRobotsIgnored) {
+TEST(CompareMaps, ListsMissedAndFalseAndIgnoresRobots) {
   const std::vector<dataset::MapObject> truth{box(0, 0), box(1, 0), box(5, 5, 0.2, "robot")};
   const std::vector<dataset::MapObject> got{box(3, 3), box(1, 0), box(9, 9, 0.3, "robot")};
   const MapMetrics m = compareMaps(truth, got, {});
@@ -55,17 +55,17 @@ TEST(CompareMaps, MissedAndFalseAreNamedRobotsIgnored) {
   EXPECT_EQ(m.estimates, 2);
   EXPECT_EQ(m.recall, 0.5);
   EXPECT_EQ(m.precision, 0.5);
-  EXPECT_TRUE(std::isnan(m.distances_error_m)) << "one match has no distances";
+  EXPECT_TRUE(std::isnan(m.distances_error_m)) << "one match gives no pair of distances";
 }
 
-TEST(CompareMaps, DoubledObjectCountsOnce) {
+TEST(CompareMaps, CountsDuplicateObjectAsFalse) {
   const MapMetrics m = compareMaps({box(0, 0)}, {box(0.02, 0), box(0.01, 0)}, {});
   ASSERT_EQ(m.matches.size(), 1u);
-  EXPECT_EQ(m.matches[0].estimate, 1) << "the nearer one";
+  EXPECT_EQ(m.matches[0].estimate, 1) << "the nearer estimate";
   EXPECT_THAT(m.falsely_found, ElementsAre(0));
 }
 
-TEST(CompareMaps, NothingThereNothingSaid) {
+TEST(CompareMaps, ReturnsFullRecallForEmptyMaps) {
   const MapMetrics m = compareMaps({}, {}, {});
   EXPECT_EQ(m.recall, 1.0);
   EXPECT_EQ(m.precision, 1.0);

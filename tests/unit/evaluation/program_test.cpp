@@ -1,5 +1,5 @@
-// The evaluate program as its users run it: output, file and exit codes; and that nothing else reads the
-// truth.
+// The evaluate program as users run it: output, file and exit codes. Also checks that no other code includes
+// the ground truth.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -33,7 +33,7 @@ Outcome run(const std::string& arguments) {
   return result;
 }
 
-/// A run that says exactly the truth of the rendered sample.
+/// A run that reports exactly the ground truth of the rendered sample.
 class Program : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -50,34 +50,34 @@ class Program : public ::testing::Test {
   const test::TempFolder out_;
 };
 
-TEST_F(Program, PrintsTheTableAndWritesMetrics) {
+TEST_F(Program, PrintsTableAndWritesMetrics) {
   const Outcome result = run(out_.path() + " " + recording_);
   EXPECT_EQ(result.code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("found 5 of 5, missed 0, false 0"));
   EXPECT_THAT(dataset::readFile(out_ / "metrics.json"), HasSubstr("\"recall\": 1.0"));
 }
 
-TEST_F(Program, AlignsARunWhoseFrameIsFreeAndRefusesOtherAlignments) {
+TEST_F(Program, AlignsFleetAndRejectsOtherAlignments) {
   const Outcome aligned = run(out_.path() + " " + recording_ + " --align fleet");
   EXPECT_EQ(aligned.code, 0) << aligned.output;
-  EXPECT_THAT(aligned.output, HasSubstr("moved onto the truth by (0.000, 0.000) m"));
+  EXPECT_THAT(aligned.output, HasSubstr("aligned to the truth by (0.000, 0.000) m"));
   EXPECT_EQ(run(out_.path() + " " + recording_ + " --align none").code, 0);
   const Outcome unknown = run(out_.path() + " " + recording_ + " --align robots");
   EXPECT_EQ(unknown.code, 2);
   EXPECT_THAT(unknown.output, HasSubstr("--align"));
 }
 
-TEST_F(Program, BadInputIsExitCodeTwo) {
+TEST_F(Program, ReturnsTwoForBadInput) {
   EXPECT_EQ(run("").code, 2);
   EXPECT_EQ(run("--unknown " + out_.path() + " " + recording_).code, 2);
   const Outcome missing = run("/nowhere/at/all " + recording_);
   EXPECT_EQ(missing.code, 2);
   EXPECT_THAT(missing.output, HasSubstr("/nowhere/at/all: no such folder"));
-  EXPECT_EQ(run(out_.path() + " " + out_.path()).code, 2) << "a run is no recording";
+  EXPECT_EQ(run(out_.path() + " " + out_.path()).code, 2) << "a run is not a recording";
   EXPECT_EQ(run("--help").code, 0);
 }
 
-TEST_F(Program, DamagedOrMissingResultsAreExitCodeOne) {
+TEST_F(Program, ReturnsOneForDamagedOrMissingResult) {
   dataset::writeAtomic(out_ / "objects.geojson", "{\"type\": \"Feat");
   const Outcome damaged = run(out_.path() + " " + recording_);
   EXPECT_EQ(damaged.code, 1);
@@ -87,15 +87,15 @@ TEST_F(Program, DamagedOrMissingResultsAreExitCodeOne) {
   EXPECT_FALSE(fs::exists(out_ / "metrics.json"));
 }
 
-TEST_F(Program, ATableThatCannotBePrintedIsExitCodeOneAndTheMetricsAreWritten) {
+TEST_F(Program, ReturnsOneIfTableCannotBePrinted) {
   EXPECT_EQ(run(out_.path() + " " + recording_ + " >/dev/full").code, 1);
   EXPECT_THAT(dataset::readFile(out_ / "metrics.json"), HasSubstr("\"recall\": 1.0"));
 }
 
-// docs/methods.md: truth is never read by the pipeline, only by evaluate.
-TEST(GroundTruthHeader, IsIncludedByEvaluateAndTestsOnly) {
+// The pipeline never reads the ground truth; only evaluate and tests do.
+TEST(GroundTruthHeader, IsIncludedOnlyByEvaluateAndTests) {
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
-  ASSERT_NE(source, nullptr) << "ctest names the source folder";
+  ASSERT_NE(source, nullptr) << "ctest must set OMNIFLEET_SOURCE_DIR";
   int readers = 0;
   for (const char* part : {"libs", "services"}) {
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(fs::path(source) / part)) {
@@ -108,7 +108,7 @@ TEST(GroundTruthHeader, IsIncludedByEvaluateAndTestsOnly) {
       ++readers;
     }
   }
-  EXPECT_GE(readers, 2) << "the check itself sees the includes";
+  EXPECT_GE(readers, 2) << "the check must find the includes of evaluate";
 }
 
 }  // namespace

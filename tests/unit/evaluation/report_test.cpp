@@ -26,7 +26,7 @@ dataset::MapObject box(std::uint64_t id, double x, double y) {
   return object;
 }
 
-/// A recording with truth and a run that is off by 2 cm in x.
+/// A recording with ground truth, and a run with an error of 2 cm in x.
 class Evaluate : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -59,7 +59,7 @@ class Evaluate : public ::testing::Test {
   const std::string recording_ = folder_ / "recording", out_ = folder_ / "out";
 };
 
-TEST_F(Evaluate, FindsTheErrorsThatWerePutIn) {
+TEST_F(Evaluate, MeasuresInsertedErrors) {
   const Report report = evaluateRun(out_, recording_);
   ASSERT_TRUE(report.map);
   EXPECT_EQ(report.map->matches.size(), 1u);
@@ -71,24 +71,24 @@ TEST_F(Evaluate, FindsTheErrorsThatWerePutIn) {
   EXPECT_EQ(r1.frames, 10);
   EXPECT_EQ(r1.path.poses, 10);
   EXPECT_NEAR(r1.path.distance_m, kShift_m, 1e-8);
-  EXPECT_LT(r1.ate_m.rmse, 1e-8) << "a shift is aligned away";
+  EXPECT_LT(r1.ate_m.rmse, 1e-8) << "alignment removes a shift";
   ASSERT_TRUE(r1.shape_difference);
-  EXPECT_NEAR(*r1.shape_difference, 0.0, 1e-9) << "scale does not count";
+  EXPECT_NEAR(*r1.shape_difference, 0.0, 1e-9) << "the shape difference is invariant to scale";
   ASSERT_TRUE(report.kinds);
   EXPECT_EQ(report.kinds->obstacle.right, 1);
 }
 
-TEST_F(Evaluate, RefusesTheRunOfAnotherRecording) {
+TEST_F(Evaluate, RejectsRunOfAnotherRecording) {
   dataset::writeTum(out_ + "/trajectories/r3.tum", std::vector<dataset::StampedPose>{{0, Pose2{}}});
   try {
     evaluateRun(out_, recording_);
-    FAIL() << "taken";
+    FAIL() << "accepted";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("r3.tum"), HasSubstr("has no robot 'r3'")));
   }
 }
 
-TEST_F(Evaluate, TableAndJsonSayTheSame) {
+TEST_F(Evaluate, ReportsSameValuesInTableAndJson) {
   const Report report = evaluateRun(out_, recording_);
   EXPECT_THAT(table(report), AllOf(HasSubstr("found 1 of 2, missed 1, false 1"), HasSubstr("2.00 /  0.00 cm"),
                                    HasSubstr("10/10"), HasSubstr("missed, at (-1.00, 0.00) m"),
@@ -97,14 +97,14 @@ TEST_F(Evaluate, TableAndJsonSayTheSame) {
   EXPECT_NEAR(json["map"]["x_error_m"].get<double>(), kShift_m, 1e-9);
   EXPECT_EQ(json["map"]["missed"], nlohmann::json::array({1}));
   EXPECT_EQ(json["map"]["false"], nlohmann::json::array({8}));
-  EXPECT_TRUE(json["map"]["distances_error_m"].is_null()) << "one match has no distances";
+  EXPECT_TRUE(json["map"]["distances_error_m"].is_null()) << "one match gives no pair of distances";
   EXPECT_NEAR(json["paths"]["r1"]["distance_m"].get<double>(), kShift_m, 1e-8);
   EXPECT_EQ(json["paths_mean"]["robots"], 1);
   EXPECT_EQ(json["kinds"]["obstacle"]["f1"], 1.0);
 }
 
-TEST_F(Evaluate, CovariancesAreComparedWithTheErrors) {
-  EXPECT_FALSE(evaluateRun(out_, recording_).robots[0].consistency) << "the run tells no covariances";
+TEST_F(Evaluate, ComparesCovariancesWithErrors) {
+  EXPECT_FALSE(evaluateRun(out_, recording_).robots[0].consistency) << "the run has no covariances";
   EXPECT_EQ(metricsJson(evaluateRun(out_, recording_)).find("nees"), std::string::npos);
   std::vector<dataset::StampedCovariance> rows;
   for (int i = 0; i < 10; ++i)
@@ -113,31 +113,31 @@ TEST_F(Evaluate, CovariancesAreComparedWithTheErrors) {
   const Report report = evaluateRun(out_, recording_);
   ASSERT_TRUE(report.robots[0].consistency);
   EXPECT_EQ(report.robots[0].consistency->samples, 10);
-  EXPECT_NEAR(report.robots[0].consistency->mean, 1.0, 1e-6) << "off by one σ in one direction";
+  EXPECT_NEAR(report.robots[0].consistency->mean, 1.0, 1e-6) << "the error is one σ in one direction";
   const auto json = nlohmann::json::parse(metricsJson(report));
   EXPECT_NEAR(json["paths"]["r1"]["consistency"]["nees_mean"].get<double>(), 1.0, 1e-6);
   EXPECT_EQ(json["paths_mean"]["consistency"]["samples"], 10);
   EXPECT_THAT(table(report), HasSubstr("NEES"));
 }
 
-TEST_F(Evaluate, FreeSpaceBehindWallsIsTold) {
+TEST_F(Evaluate, ReportsFreeSpaceOutsideWalls) {
   EXPECT_FALSE(evaluateRun(out_, recording_).free_space) << "the run has no grid";
   dataset::OccupancyGrid grid;
   grid.width = grid.height = 100;
   grid.origin_m = {-2.5, -2.5};
   grid.cells.assign(10000, 0);
   dataset::writeMapServer(out_ + "/map", grid);
-  EXPECT_FALSE(evaluateRun(out_, recording_).free_space->outside_m2) << "no room is known";
+  EXPECT_FALSE(evaluateRun(out_, recording_).free_space->outside_m2) << "the truth has no room";
   dataset::writeTruthRoom(recording_, {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}});
   const Report report = evaluateRun(out_, recording_);
   EXPECT_NEAR(report.free_space->outside_m2.value(), 25.0 - 16.0, 1e-9);
-  EXPECT_NEAR(report.free_space->in_obstacles_m2, 2 * 0.04, 1e-9) << "two boxes of 20 cm, cells of 5";
+  EXPECT_NEAR(report.free_space->in_obstacles_m2, 2 * 0.04, 1e-9) << "two boxes of 20 cm, cells of 5 cm";
   const auto json = nlohmann::json::parse(metricsJson(report));
   EXPECT_NEAR(json["free_space"]["behind_walls_m2"].get<double>(), 9.0, 1e-9);
-  EXPECT_THAT(table(report), HasSubstr("behind walls   9.00 m²"));
+  EXPECT_THAT(table(report), HasSubstr("outside the walls   9.00 m²"));
 }
 
-TEST_F(Evaluate, WhatIsMissingIsNamed) {
+TEST_F(Evaluate, NamesMissingResults) {
   std::filesystem::remove(out_ + "/trajectories/r1.tum");
   const Report report = evaluateRun(out_, recording_);
   EXPECT_FALSE(report.robots[0].has_trajectory);
@@ -149,16 +149,15 @@ TEST_F(Evaluate, WhatIsMissingIsNamed) {
   EXPECT_THROW(evaluateRun(out_, recording_), options::Error);
 }
 
-/// Two robots on arcs, wheels that say so exactly, three named landmarks; the run has all of it in a frame of
-/// its own.
+/// Two robots on arcs with exact wheels, and three named landmarks. The run is in an arbitrary frame.
 class FreeFrame : public ::testing::Test {
  protected:
   static constexpr double kSpeed_mps = 0.2, kTurn_radps = 0.1, kSeparation_m = 0.3;
   const Pose2 map_from_truth{0.7, -1.3, 2.1};
 
-  static Pose2 truth(const Pose2& start, double t) {
+  static Pose2 truth(const Pose2& initial, double t) {
     const double a = kTurn_radps * t, r = kSpeed_mps / kTurn_radps;
-    return start * Pose2{r * std::sin(a), r * (1.0 - std::cos(a)), a};
+    return initial * Pose2{r * std::sin(a), r * (1.0 - std::cos(a)), a};
   }
   static dataset::MapObject landmark(std::uint64_t id, const std::string& name, const Eigen::Vector2d& at) {
     dataset::MapObject object = box(id, at.x(), at.y());
@@ -168,7 +167,7 @@ class FreeFrame : public ::testing::Test {
 
   void SetUp() override {
     std::vector<dataset::RobotRecording> robots;
-    for (const auto& [name, start] : starts_) {
+    for (const auto& [name, initial] : initial_poses_) {
       dataset::RobotRecording robot;
       robot.name = name;
       robot.body = {0.15, {}, 0.3, kSeparation_m};
@@ -178,7 +177,7 @@ class FreeFrame : public ::testing::Test {
       dataset::ObservationsWriter observations(recording_, name);
       for (int i = 0; i <= 100; ++i) {
         const TimeNs time = i * 100'000'000LL;
-        exact.push_back({time, truth(start, 0.1 * i)});
+        exact.push_back({time, truth(initial, 0.1 * i)});
         run.push_back({time, map_from_truth * exact.back().map_from_base});
         const double half_mps = 0.5 * kTurn_radps * kSeparation_m;
         wheels.write({time, kSpeed_mps - half_mps, kSpeed_mps + half_mps});
@@ -195,23 +194,23 @@ class FreeFrame : public ::testing::Test {
     }
     found[1].centroid_m += Eigen::Vector2d(0.03, 0.04);
     found.erase(found.begin());
-    found.push_back(landmark(20, "stranger", {5, 5}));
+    found.push_back(landmark(20, "unlisted", {5, 5}));
     dataset::writeTruthScene(recording_, scene);
     dataset::writeObjects(out_ + "/objects.geojson", found);
   }
 
-  const std::vector<std::pair<std::string, Pose2>> starts_{{"r1", {0, 0, 0}}, {"r2", {1, -1, 1.5}}};
+  const std::vector<std::pair<std::string, Pose2>> initial_poses_{{"r1", {0, 0, 0}}, {"r2", {1, -1, 1.5}}};
   const std::vector<std::pair<std::string, Eigen::Vector2d>> places_{
       {"a", {1, 1}}, {"b", {-2, 0}}, {"c", {0, 3}}};
   test::TempFolder folder_;
   const std::string recording_ = folder_ / "recording", out_ = folder_ / "out";
 };
 
-TEST_F(FreeFrame, OneRigidMotionBringsTheWholeRunOntoTheTruth) {
+TEST_F(FreeFrame, AlignsWholeRunByOneRigidMotion) {
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   ASSERT_TRUE(report.truth_from_map);
   const Pose2 back = *report.truth_from_map * map_from_truth;
-  EXPECT_LT(back.translation().norm(), 1e-7);  // files hold nine decimals
+  EXPECT_LT(back.translation().norm(), 1e-7);  // files have nine decimals
   EXPECT_LT(std::abs(back.theta_rad), 1e-7);
   ASSERT_EQ(report.robots.size(), 2u);
   for (const RobotReport& robot : report.robots) {
@@ -219,18 +218,18 @@ TEST_F(FreeFrame, OneRigidMotionBringsTheWholeRunOntoTheTruth) {
     EXPECT_LT(robot.path.max_m, 1e-7) << robot.name;
     EXPECT_LT(robot.path.heading_rad, 1e-7) << robot.name;
   }
-  EXPECT_THAT(table(report), HasSubstr("the run was moved onto the truth"));
+  EXPECT_THAT(table(report), HasSubstr("the run is aligned to the truth"));
   EXPECT_NEAR(nlohmann::json::parse(metricsJson(report))["truth_from_map"][2].get<double>(),
               -map_from_truth.theta_rad, 1e-6);
 }
 
-TEST_F(FreeFrame, WithoutTheMotionItsErrorsAreThoseOfTheFrame) {
+TEST_F(FreeFrame, KeepsErrorsOfFrameWithoutAlignment) {
   const Report report = evaluateRun(out_, recording_);
   EXPECT_FALSE(report.truth_from_map);
   EXPECT_GT(report.robots[0].path.distance_m, 1.0);
 }
 
-TEST_F(FreeFrame, OneMotionForAllHidesNoErrorBetweenTheRobots) {
+TEST_F(FreeFrame, KeepsErrorBetweenRobotsAfterAlignment) {
   std::vector<dataset::StampedPose> off;
   for (const auto& pose : dataset::flat(dataset::readTum(out_ + "/trajectories/r2.tum")))
     off.push_back({pose.time_ns, Pose2{0.2, 0, 0} * pose.map_from_base});
@@ -238,13 +237,13 @@ TEST_F(FreeFrame, OneMotionForAllHidesNoErrorBetweenTheRobots) {
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   double sum_m = 0.0;
   for (const RobotReport& robot : report.robots) sum_m += robot.path.distance_m;
-  EXPECT_GT(sum_m, 0.1);  // of 20 cm between them, a turn of the whole may hide a part
+  EXPECT_GT(sum_m, 0.1);  // 20 cm between the robots; a common rotation may hide part of it
 }
 
-// The first twenty poses are against something that lies elsewhere than the rest.
-TEST_F(FreeFrame, CovariancesAreComparedWhereTheirDatumLies) {
-  for (const auto& start : starts_) {
-    const std::string trajectory = out_ + "/trajectories/" + start.first + ".tum";
+// The first twenty poses have another reference than the rest.
+TEST_F(FreeFrame, ComparesCovariancesInTheirDatum) {
+  for (const auto& initial : initial_poses_) {
+    const std::string trajectory = out_ + "/trajectories/" + initial.first + ".tum";
     auto poses = dataset::flat(dataset::readTum(trajectory));
     std::vector<dataset::StampedCovariance> rows;
     for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -252,19 +251,19 @@ TEST_F(FreeFrame, CovariancesAreComparedWhereTheirDatumLies) {
       rows.push_back({poses[i].time_ns, 1e-4 * Eigen::Matrix3d::Identity(), i < 20 ? 1u : 2u});
     }
     dataset::writeTum(trajectory, poses);
-    dataset::writeCovariances(out_ + "/covariances/" + start.first + ".csv", rows);
+    dataset::writeCovariances(out_ + "/covariances/" + initial.first + ".csv", rows);
   }
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   for (const RobotReport& robot : report.robots) {
     ASSERT_TRUE(robot.consistency);
     EXPECT_LT(robot.consistency->mean, 1e-6);
-    EXPECT_GT(robot.path.max_m, 0.3) << "paths are those in the one frame of the run";
+    EXPECT_GT(robot.path.max_m, 0.3) << "paths are compared in the frame of the run";
   }
   const Report same = evaluateRun(out_, recording_, Frame::kSame);
-  EXPECT_GT(same.robots[0].consistency->mean, 100.0) << "who was told where map is, moves nothing";
+  EXPECT_GT(same.robots[0].consistency->mean, 100.0) << "a run with a fixed map frame is not aligned";
 }
 
-TEST_F(FreeFrame, LandmarksAreMatchedByName) {
+TEST_F(FreeFrame, MatchesLandmarksByName) {
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   ASSERT_TRUE(report.landmarks);
   EXPECT_EQ(report.landmarks->truths, 3);
@@ -274,7 +273,7 @@ TEST_F(FreeFrame, LandmarksAreMatchedByName) {
   EXPECT_THAT(table(report), HasSubstr("found 2 of 3"));
 }
 
-TEST_F(FreeFrame, ExactWheelsAloneGiveTheTruth) {
+TEST_F(FreeFrame, RecoversTruthFromExactWheels) {
   const Report report = evaluateRun(out_, recording_, Frame::kFree);
   for (const RobotReport& robot : report.robots) {
     ASSERT_TRUE(robot.dead_reckoning) << robot.name;
@@ -284,7 +283,7 @@ TEST_F(FreeFrame, ExactWheelsAloneGiveTheTruth) {
   EXPECT_THAT(table(report), HasSubstr("wheels alone"));
 }
 
-TEST(EvaluateSample, TruthAgainstItselfIsPerfect) {
+TEST(EvaluateSample, ReportsNoErrorForTruth) {
   OMNIFLEET_NEEDS_DATA(recording, "rendered_sample");
   const test::TempFolder out;
   std::filesystem::copy(recording + "/groundtruth/scene.geojson", out / "objects.geojson");

@@ -9,16 +9,16 @@ namespace {
 
 const Polygon kSquare{{0, 0}, {1, 0}, {1, 1}, {0, 1}};
 
-TEST(SurfaceDistance, OfABox) {
+TEST(SurfaceDistance, MeasuresDistanceToBox) {
   EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {0.5, 0.9, 0.2}), -0.1);    // the side is nearest
-  EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {0.5, 0.5, 0.45}), -0.05);  // the top is
+  EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {0.5, 0.5, 0.45}), -0.05);  // the top is nearest
   EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {0.5, 0.5, 0.7}), 0.2);
   EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {1.3, 0.5, 0.2}), 0.3);
   EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {1.3, 1.4, 0.1}), 0.5);  // beside the corner
   EXPECT_DOUBLE_EQ(surfaceDistance(kSquare, 0.5, {1.3, 0.5, 0.9}), 0.5);  // beside and above
 }
 
-TEST(CompareSolids, CountsWhatLiesOutsideOfTheNearest) {
+TEST(CompareSolids, MeasuresDistanceOutsideNearestSolid) {
   dataset::MapObject box, flat;
   box.outline_m = kSquare;
   box.height_m = 0.5;
@@ -31,7 +31,7 @@ TEST(CompareSolids, CountsWhatLiesOutsideOfTheNearest) {
   EXPECT_NEAR(metrics.max_m, 0.3, 1e-12);
 }
 
-TEST(CompareSolids, SaysNothingWhereThereIsNothing) {
+TEST(CompareSolids, ReturnsNanWithoutPointsOrSolids) {
   dataset::MapObject flat;
   flat.outline_m = kSquare;
   EXPECT_EQ(compareSolids({flat}, {{0, 0, 0}}).points, 0);

@@ -24,7 +24,7 @@ std::vector<StampedPose> moved(const Pose2& by, std::vector<StampedPose> poses) 
   return poses;
 }
 
-TEST(StatisticsOf, SmallSamples) {
+TEST(StatisticsOf, MatchesClosedFormsForSmallSamples) {
   const Statistics s = Statistics::of({3.0, 1.0, 2.0, 6.0});
   EXPECT_EQ(s.count, 4);
   EXPECT_EQ(s.mean, 3.0);
@@ -36,7 +36,7 @@ TEST(StatisticsOf, SmallSamples) {
   EXPECT_TRUE(std::isnan(Statistics::of({}).mean));
 }
 
-TEST(ComparePaths, UnalignedErrorsAtEstimateTimes) {
+TEST(ComparePaths, MeasuresUnalignedErrorsAtEstimateTimes) {
   const std::vector<StampedPose> truth = curve(30);
   std::vector<StampedPose> estimate(truth.begin() + 5, truth.begin() + 15);
   for (std::size_t i = 0; i < estimate.size(); ++i) {
@@ -56,22 +56,23 @@ TEST(ComparePaths, UnalignedErrorsAtEstimateTimes) {
   EXPECT_NEAR(m.heading_rad, 0.1, 1e-12);
 }
 
-TEST(PoseAt, InterpolatesOverShortGapsOnly) {
+TEST(PoseAt, InterpolatesOnlyOverShortGaps) {
   const std::vector<StampedPose> truth{{0, {0, 0, 3.1}}, {100, {1, 2, -3.1}}, {5'000'000'000, {5, 5, 0}}};
   Pose2 pose;
   ASSERT_TRUE(poseAt(truth, 25, 1'000'000'000, pose));
   EXPECT_NEAR(pose.x_m, 0.25, 1e-15);
   EXPECT_NEAR(pose.y_m, 0.5, 1e-15);
-  EXPECT_NEAR(pose.theta_rad, 3.1 + 0.25 * (2 * M_PI - 6.2), 1e-12) << "the short way round";
+  EXPECT_NEAR(pose.theta_rad, 3.1 + 0.25 * (2 * M_PI - 6.2), 1e-12)
+      << "interpolates along the shorter rotation";
   EXPECT_TRUE(poseAt(truth, 100, 0, pose));
   EXPECT_EQ(pose.x_m, 1.0);
-  EXPECT_FALSE(poseAt(truth, 200, 1'000'000'000, pose)) << "five seconds are no neighbours";
+  EXPECT_FALSE(poseAt(truth, 200, 1'000'000'000, pose)) << "a gap of five seconds is not interpolated";
   EXPECT_FALSE(poseAt(truth, -1, 1'000'000'000, pose));
   EXPECT_FALSE(poseAt(truth, 6'000'000'000, 1'000'000'000, pose));
   EXPECT_FALSE(poseAt({}, 0, 1, pose));
 }
 
-TEST(Ate, AlignmentRemovesWhatItMay) {
+TEST(Ate, RemovesRigidMotionByAlignment) {
   const std::vector<StampedPose3> truth = lift(curve(40)),
                                   estimate = lift(moved({0.4, -0.7, 0.9}, curve(40)));
   const PosePairs pairs = associate(truth, estimate);
@@ -84,7 +85,7 @@ TEST(Ate, AlignmentRemovesWhatItMay) {
   EXPECT_LT(rpe.rotation_rad.max, 1e-7);
 }
 
-TEST(Ate, ScaleAndSpatialRotation) {
+TEST(Ate, RemovesScaleAndSpatialRotationOnRequest) {
   const std::vector<StampedPose3> truth = lift(curve(40));
   std::vector<StampedPose3> estimate = truth;
   const Eigen::Matrix3d turn =
@@ -95,11 +96,11 @@ TEST(Ate, ScaleAndSpatialRotation) {
   EXPECT_GT(absoluteTrajectoryError(pairs, Alignment::kSe3).rmse, 0.1);
   EXPECT_LT(absoluteTrajectoryError(pairs, Alignment::kSe3, true).max, 1e-12);
   EXPECT_NEAR(align(pairs.estimate, pairs.truth, Alignment::kSe3, true).scale, 2.5, 1e-12);
-  EXPECT_GT(absoluteTrajectoryError(pairs, Alignment::kSe2, true).rmse, 0.1) << "a plane cannot tilt";
+  EXPECT_GT(absoluteTrajectoryError(pairs, Alignment::kSe2, true).rmse, 0.1) << "SE2 has no tilt";
 }
 
-// The alignment is the least-squares one: no small motion of it lowers the error.
-TEST(Ate, AlignmentIsOptimal) {
+// The alignment is a least-squares solution: every small motion increases the error.
+TEST(Ate, FindsOptimalAlignment) {
   std::mt19937 random(2);
   std::normal_distribution<double> noise(0.0, 0.05);
   std::vector<StampedPose> bent = moved({0.4, -0.7, 0.9}, curve(40));
@@ -118,7 +119,7 @@ TEST(Ate, AlignmentIsOptimal) {
   }
 }
 
-TEST(Rpe, ConstantDriftPerStep) {
+TEST(Rpe, MeasuresConstantDriftPerStep) {
   std::vector<StampedPose> truth, estimate;
   for (int i = 0; i < 20; ++i) {
     truth.push_back({i, Pose2{0.1 * i, 0, 0}});
@@ -130,7 +131,7 @@ TEST(Rpe, ConstantDriftPerStep) {
   EXPECT_EQ(relativePoseError(pairs, 4).translation_m.count, 4);
 }
 
-TEST(Associate, NearestWithinTheLimit) {
+TEST(Associate, MatchesNearestWithinLimit) {
   const auto at = [](TimeNs t) {
     return StampedPose3{t, Eigen::Vector3d(static_cast<double>(t), 0, 0), Eigen::Quaterniond::Identity()};
   };
@@ -151,9 +152,9 @@ TEST(ShapeDifference, IgnoresSimilarityAndReflection) {
   EXPECT_NEAR(shapeDifference(a, b), 0.0, 1e-12);
 }
 
-// Axis-aligned crosses with arms (1, 1) and (1, s): AᵀC = diag(2, 2s), ‖A‖² = 4, ‖C‖² = 2 + 2s²:
-// μ = 1 − (2 + 2s)² / (4 (2 + 2s²)).
-TEST(ShapeDifference, ClosedForm) {
+// Axis-aligned crosses with arms (1, 1) and (1, s): AᵀC = diag(2, 2s), ‖A‖² = 4, ‖C‖² = 2 + 2s²: μ = 1 − (2 +
+// 2s)² / (4 (2 + 2s²)).
+TEST(ShapeDifference, MatchesClosedForm) {
   for (const double s : {1.0, 0.5, 0.1, 0.0}) {
     const std::vector<Eigen::Vector2d> a{{1, 0}, {-1, 0}, {0, 1}, {0, -1}},
         c{{1, 0}, {-1, 0}, {0, s}, {0, -s}};

@@ -1,4 +1,4 @@
-// Fleet files: what they give, which processes follow, and what is refused with which words.
+// Fleet files: content, resulting processes, and messages for rejected files.
 
 #include "fleet/fleet.h"
 
@@ -65,7 +65,7 @@ std::vector<std::string> names(const std::vector<ProcessSpec>& processes) {
   return all;
 }
 
-TEST_F(FleetFile, GivesRobotsAndCamerasInOrder) {
+TEST_F(FleetFile, SortsRobotsAndCameras) {
   const Fleet fleet = load(std::string(kRobots) + kCameras);
   ASSERT_EQ(fleet.robots.size(), 2u);
   EXPECT_EQ(fleet.robots[0].name, "r1");
@@ -73,13 +73,14 @@ TEST_F(FleetFile, GivesRobotsAndCamerasInOrder) {
   EXPECT_FALSE(fleet.robots[0].has_wheels);
   EXPECT_TRUE(fleet.robots[1].has_wheels);
   EXPECT_FALSE(fleet.robots[1].initial_pose);
-  EXPECT_EQ(fleet.camera("r1/fisheye").path, (folder_ / "pictures").string()) << "beside the fleet file";
+  EXPECT_EQ(fleet.camera("r1/fisheye").path, (folder_ / "pictures").string())
+      << "relative to the folder of the fleet file";
   EXPECT_EQ(fleet.camera("r1/fisheye").rate_hz, 4.0);
   EXPECT_EQ(fleet.camera("r2/fisheye").path, "/dev/video0");
   EXPECT_EQ(fleet.mappingRobots(), (std::vector<std::string>{"r1", "r2"}));
 }
 
-TEST_F(FleetFile, ProcessesFollowUpstreamFirst) {
+TEST_F(FleetFile, ListsProcessesUpstreamFirst) {
   const Fleet fleet = load(std::string(kRobots) + kCameras);
   EXPECT_EQ(names(processes(fleet)),
             (std::vector<std::string>{"camera r1/fisheye", "camera r2/fisheye", "local_mapper r1",
@@ -89,8 +90,8 @@ TEST_F(FleetFile, ProcessesFollowUpstreamFirst) {
                                                                       "classifier r2", "global_merger r2"}));
 }
 
-/// Independent count of who reads what: from the processes, by the table of idl/README.md.
-TEST_F(FleetFile, ExpectedReadersAreTheProcessesThatReadThem) {
+/// Independent count of the readers: from the processes, by the table of idl/README.md.
+TEST_F(FleetFile, ExpectsReadersOfAllReadingProcesses) {
   for (const std::string& more : {std::string(), std::string("services: {formation: {}}\n")}) {
     const Fleet fleet = load(std::string(kRobots) + kCameras + more);
     std::map<std::string, int> of;
@@ -102,7 +103,7 @@ TEST_F(FleetFile, ExpectedReadersAreTheProcessesThatReadThem) {
   }
 }
 
-TEST_F(FleetFile, AnOverlayWinsKeyByKey) {
+TEST_F(FleetFile, OverridesKeyByKeyWithOverlay) {
   const std::string overlay = write("overlay.yaml", "robots: {r1: {body: {height_m: 0.5}}}\nname: other\n");
   const Fleet fleet = load(std::string("name: lab\n") + kRobots + kCameras, {overlay});
   EXPECT_EQ(fleet.name, "other");
@@ -111,7 +112,7 @@ TEST_F(FleetFile, AnOverlayWinsKeyByKey) {
   EXPECT_EQ(fleet.robot("r2").body.height_m, 0.3);
 }
 
-TEST_F(FleetFile, ServiceOptionsAreThoseOfTheFile) {
+TEST_F(FleetFile, PassesServiceOptionsOfFile) {
   const Fleet fleet =
       load(std::string(kRobots) + kCameras + "services: {classifier: {anything: 3, host: pc9}}\n");
   const options::Section section = fleet.service("classifier");
@@ -127,7 +128,7 @@ struct Refused {
   std::string names_line, names_problem;
 };
 
-TEST_F(FleetFile, MistakesAreNamedWithFileLineKeyAndBound) {
+TEST_F(FleetFile, NamesFileLineKeyAndBoundInErrors) {
   const std::string good = std::string(kRobots) + kCameras;
   const std::vector<Refused> cases{
       {"unknown key", good + "robot: {}\n", "fleet.yaml:7", "robot"},
@@ -142,7 +143,7 @@ TEST_F(FleetFile, MistakesAreNamedWithFileLineKeyAndBound) {
        "wheel_separation_m"},
       {"two shapes", std::string("robots:\n  r1: {body: {height_m: 1}, wheel_separation_m: 1}\n"),
        "fleet.yaml:2", "either radius_m or footprint_m"},
-      {"camera of nobody", good + "  fisheye: {source: folder, path: p, sensor: sensor.yaml}\n",
+      {"camera without robot", good + "  fisheye: {source: folder, path: p, sensor: sensor.yaml}\n",
        "fleet.yaml:7", "ROBOT/fisheye"},
       {"no such source",
        std::string(kRobots) + "cameras:\n  r1/fisheye: {source: film, path: p, sensor: s}\n", "fleet.yaml:5",
@@ -155,38 +156,38 @@ TEST_F(FleetFile, MistakesAreNamedWithFileLineKeyAndBound) {
        std::string(kRobots) + "cameras:\n  r9/fisheye: {source: folder, path: p, sensor: sensor.yaml}\n",
        "fleet.yaml:5", "belongs to robot 'r9'"},
       {"two worlds", std::string(kRobots) + "dataset: .\nworld: {arena: a.yaml}\n", "fleet.yaml",
-       "both stand here"},
+       "conflicts with dataset"},
   };
   for (const Refused& c : cases) {
     const std::string problem = problemOf(c.text);
     EXPECT_THAT(problem, HasSubstr(c.names_line)) << c.what;
     EXPECT_THAT(problem, HasSubstr(c.names_problem)) << c.what;
-    EXPECT_EQ(problem.find('\n'), std::string::npos) << c.what << ": one line, not " << problem;
+    EXPECT_EQ(problem.find('\n'), std::string::npos) << c.what << ": expected one line, got " << problem;
   }
 }
 
-TEST_F(FleetFile, NamesThatTheWireCannotCarryAreRefused) {
+TEST_F(FleetFile, RejectsNamesThatExceedTheWireFormat) {
   const auto robot = [](const std::string& name) {
     return "robots: {\"" + name + "\": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}}\n";
   };
   const std::string longest(32, 'a');
   const std::string camera = "/fisheye: {source: folder, path: p, sensor: sensor.yaml}\n";
   EXPECT_EQ(load(robot(longest) + "cameras:\n  " + longest + camera).robots[0].name.size(), 32u);
-  EXPECT_THAT(problemOf(robot(std::string(33, 'a'))), HasSubstr("33 characters, allowed are 1 to 32"));
+  EXPECT_THAT(problemOf(robot(std::string(33, 'a'))), HasSubstr("33 characters; 1 to 32 are allowed"));
   EXPECT_THAT(problemOf(robot("r*")), HasSubstr("'r*'"));  // a DDS partition pattern
   EXPECT_THAT(problemOf(robot("a/b")), HasSubstr("'a/b'"));
   EXPECT_THAT(problemOf(robot("r1") + "name: a fleet\n"), HasSubstr("'a fleet'"));
-  EXPECT_THAT(problemOf("name: nobody\n"), HasSubstr("at least one robot"));
+  EXPECT_THAT(problemOf("name: empty\n"), HasSubstr("at least one robot"));
   std::string many = "robots:\n";
   for (int i = 0; i < 33; ++i)
     many += "  r" + std::to_string(i) + ": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}\n";
-  EXPECT_THAT(problemOf(many), HasSubstr("there are 33, allowed are 1 to 32"));
+  EXPECT_THAT(problemOf(many), HasSubstr("robots: 33 robots; 1 to 32 are allowed"));
 }
 
-/// Nothing would ever come, nothing would ever end.
-TEST_F(FleetFile, AFleetThatSeesNothingIsRefused) {
+/// Such a fleet would receive no data and never end.
+TEST_F(FleetFile, RejectsFleetWithoutSensors) {
   EXPECT_THAT(problemOf(kRobots),
-              testing::AllOf(HasSubstr("fleet.yaml:2: robots: none has"), HasSubstr("nothing to run")));
+              testing::AllOf(HasSubstr("fleet.yaml:2: robots: no robot has"), HasSubstr("nothing to run")));
   const fs::path truth = folder_ / "recording";
   fs::create_directories(truth / "groundtruth");
   std::ofstream(truth / "dataset.yaml")
@@ -196,13 +197,13 @@ TEST_F(FleetFile, AFleetThatSeesNothingIsRefused) {
     Fleet::load("", truth.string(), {});
     FAIL() << "accepted";
   } catch (const options::Error& error) {
-    EXPECT_THAT(
-        std::string(error.what()),
-        testing::AllOf(HasSubstr("recording/dataset.yaml: robots: none has"), HasSubstr("nothing to run")));
+    EXPECT_THAT(std::string(error.what()),
+                testing::AllOf(HasSubstr("recording/dataset.yaml: robots: no robot has"),
+                               HasSubstr("nothing to run")));
   }
 }
 
-TEST_F(FleetFile, ACameraThatSeesNoFloorIsToldByItsFileAndKey) {
+TEST_F(FleetFile, RejectsCameraBelowFloorWithFileAndKey) {
   std::string sensor(kSensor);
   sensor.erase(sensor.find("position_m"));
   write("sensor.yaml", sensor);

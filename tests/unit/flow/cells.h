@@ -1,6 +1,6 @@
 #pragma once
 
-// Mean colours of an image's cells, pixel by pixel.
+// Mean colours of the cells of an image, computed pixel by pixel.
 
 #include <opencv2/core.hpp>
 #include <vector>

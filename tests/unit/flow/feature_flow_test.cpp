@@ -16,11 +16,11 @@ lens::CameraModel fisheye() {
   model.focal_px = {148.66, 148.66};
   model.principal_point_px = {319.5, 239.5};
   model.fov_deg = 185.0;
-  model.position_m = {0.04, -0.02, 0.5};  // not over the axle: rotation moves the camera too
+  model.position_m = {0.04, -0.02, 0.5};  // off the axle, so that rotation moves the camera too
   return model;
 }
 
-/// What the camera sees of a textured plane at one height, fixed in the world.
+/// Image of a textured plane at one height, fixed in the world.
 cv::Mat1b planeSeen(const lens::Camera& camera, const Pose2& world_from_base, double height_m,
                     const testing::Texture& texture) {
   cv::Mat1b image(camera.model().image_height_px, camera.model().image_width_px, std::uint8_t{128});
@@ -46,7 +46,7 @@ class FeatureFlowTest : public ::testing::Test {
  protected:
   FeatureFlowTest() : camera_(fisheye()), texture_(0.08, 11) {}
 
-  std::vector<ObjectObservation> track(double height_m, const Motion& told, bool forget = false) {
+  std::vector<ObjectObservation> track(double height_m, const Motion& motion, bool forget = false) {
     FeatureFlow flow(camera_, {});
     const Pose2 before{0.3, -0.2, 0.4}, after = before * moved_;
     const std::vector<ground::Blob> regions{region(0, 0, 1, 1), region(380, 150, 60, 60),
@@ -55,7 +55,7 @@ class FeatureFlowTest : public ::testing::Test {
     if (forget) flow.forget();
     push(flow, planeSeen(camera_, after, height_m, texture_), regions);
     std::vector<ObjectObservation> objects(2);
-    flow.track(regions, {1, 2}, told, objects);
+    flow.track(regions, {1, 2}, motion, objects);
     return objects;
   }
   static void push(FeatureFlow& flow, const cv::Mat1b& image, const std::vector<ground::Blob>& regions) {
@@ -72,10 +72,10 @@ class FeatureFlowTest : public ::testing::Test {
   lens::Camera camera_;
   testing::Texture texture_;
   Pose2 moved_{0.045, 0.004, 0.06};
-  std::optional<std::vector<ground::Blob>> first_regions_;  ///< of the frame before, if others
+  std::optional<std::vector<ground::Blob>> first_regions_;  ///< regions of the previous frame, if different
 };
 
-TEST_F(FeatureFlowTest, FloorPointsLeaveNoResidual) {
+TEST_F(FeatureFlowTest, LeavesNoResidualOnFloor) {
   for (const auto& object : track(0.0, truth())) {
     ASSERT_GE(object.vectors.size(), 8U);
     for (const auto& v : object.vectors) {
@@ -91,7 +91,7 @@ TEST_F(FeatureFlowTest, FloorPointsLeaveNoResidual) {
   }
 }
 
-TEST_F(FeatureFlowTest, LengthsGiveTheHeightOfStandingThings) {
+TEST_F(FeatureFlowTest, EstimatesHeightOfStaticObject) {
   for (const double height_m : {0.1, 0.2}) {
     const double s = camera_.height() / (camera_.height() - height_m);
     const Eigen::Vector2d u = moved_.inverse() * camera_.foot() - camera_.foot();
@@ -104,7 +104,7 @@ TEST_F(FeatureFlowTest, LengthsGiveTheHeightOfStandingThings) {
   }
 }
 
-TEST_F(FeatureFlowTest, WithoutOdometryThereAreVectorsButNoHeight) {
+TEST_F(FeatureFlowTest, ReturnsVectorsWithoutHeightWithoutOdometry) {
   for (const auto& object : track(0.0, Motion{})) {
     EXPECT_GE(object.vectors.size(), 8U);
     EXPECT_EQ(object.height_sigma_m, 0.0);
@@ -112,20 +112,21 @@ TEST_F(FeatureFlowTest, WithoutOdometryThereAreVectorsButNoHeight) {
   }
 }
 
-TEST_F(FeatureFlowTest, NothingAcrossAGap) {
+TEST_F(FeatureFlowTest, ReturnsNoVectorsAfterGap) {
   for (const auto& object : track(0.0, truth(), true)) EXPECT_TRUE(object.vectors.empty());
 }
 
-TEST_F(FeatureFlowTest, WhatHadNoRegionBeforeIsNotFollowed) {
+TEST_F(FeatureFlowTest, SkipsObjectWithoutPreviousRegion) {
   first_regions_ = {region(180, 280, 70, 50)};
   const auto objects = track(0.0, truth());
   EXPECT_TRUE(objects[0].vectors.empty());
   EXPECT_GE(objects[1].vectors.size(), 8U);
 }
 
-TEST_F(FeatureFlowTest, ManyRegionsAroundAThingChangeNothing) {
+TEST_F(FeatureFlowTest, KeepsVectorsWhenRegionsOverlap) {
   const auto expected = track(0.1, truth());
-  first_regions_ = std::vector<ground::Blob>(40, region(100, 100, 400, 300));  // more than all of the frame
+  first_regions_ =
+      std::vector<ground::Blob>(40, region(100, 100, 400, 300));  // more area than the whole frame
   const auto objects = track(0.1, truth());
   for (std::size_t i = 0; i < objects.size(); ++i) {
     ASSERT_EQ(objects[i].vectors.size(), expected[i].vectors.size());
@@ -134,7 +135,7 @@ TEST_F(FeatureFlowTest, ManyRegionsAroundAThingChangeNothing) {
   }
 }
 
-TEST(FeatureFlowOptions, NestedKeysAreRead) {
+TEST(FeatureFlowOptions, ReadsNestedKeys) {
   const auto o = FeatureFlowOptions::read(
       options::Section::parse("{harris: {m: 0.3, per_label: false}, sigma_px: 0.2}", "t.yaml"));
   EXPECT_EQ(o.harris.m, 0.3);

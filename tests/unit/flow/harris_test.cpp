@@ -16,7 +16,7 @@ ground::Blob block(int x, int y, int width, int height) {
   return blob;
 }
 
-/// Eq. 2 spelled out with OpenCV's filters: central differences, products, Gaussian window, det − k·trace².
+/// Eq. 2 written out with OpenCV filters: central differences, products, Gaussian window, det − k·trace².
 cv::Mat1d referenceResponse(const cv::Mat1b& grey, const HarrisOptions& options) {
   const cv::Mat1d kernel = (cv::Mat1d(1, 3) << -0.5, 0.0, 0.5);
   cv::Mat1d image, dx, dy, xx, xy, yy;
@@ -34,7 +34,7 @@ cv::Mat1d referenceResponse(const cv::Mat1b& grey, const HarrisOptions& options)
   return xx.mul(yy) - xy.mul(xy) - options.k * trace.mul(trace);
 }
 
-TEST(Harris, ResponseIsEquation2) {
+TEST(Harris, MatchesEquation2) {
   const cv::Mat1b grey = testing::Texture(6.0, 1).image(120, 100);
   HarrisOptions options;
   Harris harris(options);
@@ -46,17 +46,18 @@ TEST(Harris, ResponseIsEquation2) {
   cv::minMaxLoc(cv::abs(reference), nullptr, &largest);
   for (int y = 0; y < rect.height; ++y)
     for (int x = 0; x < rect.width; ++x)
-      ASSERT_NEAR(response(y, x), reference(rect.y + y, rect.x + x), 1e-4 * largest);  // float against double
+      ASSERT_NEAR(response(y, x), reference(rect.y + y, rect.x + x),
+                  1e-4 * largest);  // float compared with double
 }
 
-TEST(Harris, FindsTheCornersOfAChessboardLikeOpenCvsBoxWeightedDetector) {
+TEST(Harris, FindsChessboardCornersLikeOpenCv) {
   cv::Mat1b board(160, 160);
   for (int y = 0; y < 160; ++y)
     for (int x = 0; x < 160; ++x) board(y, x) = ((x / 20) + (y / 20)) % 2 != 0 ? 200 : 60;
   cv::GaussianBlur(board, board, {5, 5}, 1.0);
   Harris harris(HarrisOptions{});
   const auto& corners = harris.detect(board, {block(10, 10, 140, 140)});
-  ASSERT_EQ(corners.size(), 20U);  // the option's maximum of the 49 inside
+  ASSERT_EQ(corners.size(), 20U);  // maximum of the option; the board has 49 inside
   cv::Mat1f box;
   cv::cornerHarris(board, box, 5, 3, 0.04);
   double strongest = 0;
@@ -68,11 +69,13 @@ TEST(Harris, FindsTheCornersOfAChessboardLikeOpenCvsBoxWeightedDetector) {
     const cv::Rect near(static_cast<int>(corner.pixel.x()) - 1, static_cast<int>(corner.pixel.y()) - 1, 3, 3);
     double here = 0;
     cv::minMaxLoc(box(near), nullptr, &here);
-    EXPECT_GT(here, 0.5 * strongest);  // the box window puts its maximum within a pixel of ours
+    EXPECT_GT(
+        here,
+        0.5 * strongest);  // the box window has its maximum within one pixel of that of the Gaussian window
   }
 }
 
-TEST(Harris, LargeRegionsAreSearchedAtHalfTheResolution) {
+TEST(Harris, SearchesLargeRegionsAtHalfResolution) {
   cv::Mat1b board(160, 160), half;
   for (int y = 0; y < 160; ++y)
     for (int x = 0; x < 160; ++x) board(y, x) = ((x / 20) + (y / 20)) % 2 != 0 ? 200 : 60;
@@ -87,19 +90,19 @@ TEST(Harris, LargeRegionsAreSearchedAtHalfTheResolution) {
   EXPECT_EQ(inFirst(found), 20);
   for (const Corner& corner : found) {
     for (const float at : {corner.pixel.x(), corner.pixel.y()}) {
-      const float off = std::remainder(at - 19.5f, 20.0f);  // between two pixels
+      const float off = std::remainder(at - 19.5f, 20.0f);  // the corner lies between two pixels
       EXPECT_LE(std::abs(off), 1.5f) << corner.pixel.transpose();
       if (corner.blob == 0) {
         EXPECT_EQ(std::fmod(at, 2.0f), 0.0f);
       }
     }
   }
-  // The small one is as it always was.
+  // The corners of the small region are unchanged.
   ASSERT_EQ(found.size() - 20U, whole.size() - 20U);
   for (std::size_t i = 20; i < found.size(); ++i) EXPECT_EQ(found[i].pixel, whole[i].pixel);
 }
 
-TEST(Harris, LooksOnlyInTheLabelledRegions) {
+TEST(Harris, FindsCornersOnlyInLabelledRegions) {
   const cv::Mat1b grey = testing::Texture(6.0, 2).image(160, 120);
   Harris harris(HarrisOptions{});
   const std::vector<ground::Blob> blobs = {block(10, 10, 30, 30), block(90, 60, 40, 20)};
@@ -111,10 +114,10 @@ TEST(Harris, LooksOnlyInTheLabelledRegions) {
   EXPECT_TRUE(harris.detect(grey, {}).empty());
 }
 
-TEST(Harris, ThresholdIsRelativeToTheLabelOrToTheFrame) {
+TEST(Harris, AppliesThresholdPerLabelOrPerFrame) {
   cv::Mat1b grey = testing::Texture(6.0, 3).image(160, 120);
   cv::Mat1b faint = grey(cv::Rect(80, 0, 80, 120));
-  faint.convertTo(faint, CV_8U, 0.1, 115.0);  // a tenth of the contrast: a ten-thousandth of the response
+  faint.convertTo(faint, CV_8U, 0.1, 115.0);  // a tenth of the contrast, so a ten-thousandth of the response
   const std::vector<ground::Blob> blobs = {block(5, 5, 60, 100), block(90, 5, 60, 100)};
   HarrisOptions options;
   options.m = 0.3;
@@ -131,7 +134,7 @@ TEST(Harris, ThresholdIsRelativeToTheLabelOrToTheFrame) {
   EXPECT_EQ(countOf(false, 1), 0);
 }
 
-TEST(Harris, KeepsTheStrongestAtTheirDistance) {
+TEST(Harris, KeepsStrongestCornersAtMinimumDistance) {
   const cv::Mat1b grey = testing::Texture(5.0, 4).image(160, 120);
   HarrisOptions options;
   options.max_per_label = 7;

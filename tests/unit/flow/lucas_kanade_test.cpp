@@ -22,8 +22,8 @@ struct Result {
   int lost = 0;
 };
 
-Result ours(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& motion,
-            const LucasKanadeOptions& options) {
+Result ownResult(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& motion,
+                 const LucasKanadeOptions& options) {
   Pyramid from(options.levels), to(options.levels);
   from.build(a);
   to.build(b);
@@ -43,7 +43,7 @@ Result ours(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& motio
   return result;
 }
 
-Result openCvs(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& motion, int side) {
+Result openCvResult(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& motion, int side) {
   std::vector<cv::Point2f> points, found;
   for (const auto& p : lattice(a, 60)) points.emplace_back(p.x(), p.y());
   std::vector<std::uint8_t> status;
@@ -64,7 +64,7 @@ Result openCvs(const cv::Mat1b& a, const cv::Mat1b& b, const Eigen::Vector2f& mo
   return result;
 }
 
-TEST(LucasKanade, FollowsKnownMotionAsWellAsOpenCv) {
+TEST(LucasKanade, TracksKnownMotionAsWellAsOpenCv) {
   const testing::Texture texture(8.0, 5);
   LucasKanadeOptions options;
   options.radius_px = 6;
@@ -73,16 +73,16 @@ TEST(LucasKanade, FollowsKnownMotionAsWellAsOpenCv) {
   for (const Eigen::Vector2f& motion :
        {Eigen::Vector2f(0.3f, -0.6f), Eigen::Vector2f(4.25f, 2.5f), Eigen::Vector2f(-14.3f, 9.7f)}) {
     const cv::Mat1b a = texture.image(320, 240), b = texture.image(320, 240, motion.x(), motion.y());
-    const Result mine = ours(a, b, motion, options);
-    const Result reference = openCvs(a, b, motion, 2 * options.radius_px + 1);
-    EXPECT_LE(mine.lost, reference.lost + 1) << motion.transpose();
-    EXPECT_LT(mine.rms, 0.04) << motion.transpose();  // 8-bit rounding, and the last step may be 0.02 px
-    EXPECT_LT(mine.rms, 1.5 * reference.rms + 0.005) << motion.transpose();
+    const Result own = ownResult(a, b, motion, options);
+    const Result reference = openCvResult(a, b, motion, 2 * options.radius_px + 1);
+    EXPECT_LE(own.lost, reference.lost + 1) << motion.transpose();
+    EXPECT_LT(own.rms, 0.04) << motion.transpose();  // 8-bit rounding, plus a last step of up to 0.02 px
+    EXPECT_LT(own.rms, 1.5 * reference.rms + 0.005) << motion.transpose();
   }
 }
 
-/// As far as with the levels smoothed all the way.
-TEST(LucasKanade, FollowsFarMotionByTheCells) {
+/// The range equals that of a pyramid with all levels smoothed.
+TEST(LucasKanade, TracksLargeMotionWithCellLevels) {
   const testing::Texture texture(8.0, 5);
   LucasKanadeOptions options;
   const Eigen::Vector2f motion(-14.3f, 9.7f);
@@ -104,13 +104,13 @@ TEST(LucasKanade, FollowsFarMotionByTheCells) {
     lost_without +=
         tracker.followBothWays(fine_from, fine_to, p, q) && (q - p - motion).norm() < 0.2f ? 0 : 1;
   }
-  const Result smoothed = ours(a, b, motion, options);
+  const Result smoothed = ownResult(a, b, motion, options);
   EXPECT_LE(lost, smoothed.lost + 2);
   EXPECT_LT(lost, points / 4);
   EXPECT_GT(lost_without, points / 2);
 }
 
-TEST(LucasKanade, AGuessReplacesThePyramid) {
+TEST(LucasKanade, TracksFromInitialGuessWithoutPyramid) {
   const testing::Texture texture(8.0, 6);
   const Eigen::Vector2f motion(31.0f, -22.5f);
   const cv::Mat1b a = texture.image(320, 240), b = texture.image(320, 240, motion.x(), motion.y());
@@ -126,8 +126,8 @@ TEST(LucasKanade, AGuessReplacesThePyramid) {
   EXPECT_LT((q - p - motion).norm(), 0.05f);
 }
 
-TEST(LucasKanade, GaussianWeightsFollowTheMiddleOfTheWindowWhereMotionVaries) {
-  // Left of u = 160 the scene stands, right of it it moves by 2 px: near the seam equal weights mix both
+TEST(LucasKanade, FollowsCentreOfWindowWithGaussianWeights) {
+  // Left of u = 160 the scene is static, right of it it moves by 2 px. Near the seam equal weights mix both
   // motions.
   const testing::Texture still(8.0, 7), moving(8.0, 8);
   cv::Mat1b a = still.image(320, 240), b = a.clone();
@@ -152,7 +152,7 @@ TEST(LucasKanade, GaussianWeightsFollowTheMiddleOfTheWindowWhereMotionVaries) {
   EXPECT_LT(errorWith(2.0), 0.8 * errorWith(0.0));
 }
 
-TEST(LucasKanade, PointsThatCannotBeFollowedAreLost) {
+TEST(LucasKanade, RejectsPointsThatCannotBeTracked) {
   const testing::Texture texture(8.0, 9);
   const cv::Mat1b a = texture.image(320, 240);
   Pyramid from(3), to(3), flat(3), other(3);
@@ -172,7 +172,7 @@ TEST(LucasKanade, PointsThatCannotBeFollowedAreLost) {
   EXPECT_LE(kept, 2);  // unrelated images
 }
 
-TEST(LucasKanadeOptions, AreBounded) {
+TEST(LucasKanadeOptions, RejectsRadiusAboveLimit) {
   EXPECT_THROW(LucasKanadeOptions::read(options::Section::parse("radius_px: 11", "t.yaml")), options::Error);
   EXPECT_EQ(LucasKanadeOptions::read(options::Section::parse("levels: 2", "t.yaml")).levels, 2);
 }

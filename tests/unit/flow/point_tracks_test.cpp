@@ -19,11 +19,11 @@ lens::CameraModel model(lens::Projection projection, double fov_deg) {
   m.focal_px = {148.66, 148.66};
   m.principal_point_px = {319.5, 239.5};
   m.fov_deg = fov_deg;
-  m.position_m = {0.04, -0.02, 0.5};  // not over the axle: rotation moves the camera too
+  m.position_m = {0.04, -0.02, 0.5};  // off the axle, so that rotation moves the camera too
   return m;
 }
 
-/// A robot on a random way among points, and what its camera sees of them.
+/// A robot on a random path among points, and the pixels where its camera sees them.
 class Drive {
  public:
   Drive(const lens::Camera& camera, const PointOptions& options, unsigned seed)
@@ -47,8 +47,9 @@ class Drive {
     return {p.x(), p.y(), world.z()};
   }
 
-  /// One frame on; `told` is what the wheels say. Points out of sight leave.
-  void step(const Pose2& moved, Motion told, double noise_px) {
+  /// Advances one frame. `measured` is the motion from the wheels. Points outside the field of view are
+  /// removed.
+  void step(const Pose2& moved, Motion measured, double noise_px) {
     std::normal_distribution<double> normal;
     world_from_base_ = world_from_base_ * moved;
     const auto hidden = [&](Seen& seen) {
@@ -59,7 +60,7 @@ class Drive {
       return false;
     };
     points.erase(std::remove_if(points.begin(), points.end(), hidden), points.end());
-    tracks_.advance(told);
+    tracks_.advance(measured);
     std::vector<Seen*> followed;
     for (Seen& seen : points)
       if (!seen.last.isZero()) followed.push_back(&seen);
@@ -97,7 +98,7 @@ struct LensCase {
 
 class PointTracksOfLens : public ::testing::TestWithParam<LensCase> {};
 
-TEST_P(PointTracksOfLens, FindsPointsAtAnyHeight) {
+TEST_P(PointTracksOfLens, LocatesPointsAtAnyHeight) {
   const lens::Camera camera(model(GetParam().projection, GetParam().fov_deg));
   Drive drive(camera, {}, 3);
   for (int i = 0; i < 60; ++i) {
@@ -114,7 +115,7 @@ TEST_P(PointTracksOfLens, FindsPointsAtAnyHeight) {
     if (!(seen.point.sigma_m > 0)) continue;
     ++found;
     above_camera += seen.world.z() > camera.height();
-    // Pixels are floats: 3e-5 px, which the least parallax of 2° makes 30 times longer.
+    // Pixels are floats: 3e-5 px, which the minimum parallax of 2° magnifies 30 times.
     EXPECT_LT((seen.point.point_m.cast<double>() - drive.inBase(seen.world)).norm(), 1e-4);
     EXPECT_LE(seen.point.sigma_m, 0.05f);
   }
@@ -125,13 +126,13 @@ TEST_P(PointTracksOfLens, FindsPointsAtAnyHeight) {
 INSTANTIATE_TEST_SUITE_P(Lenses, PointTracksOfLens,
                          ::testing::Values(LensCase{lens::Projection::kEquidistant, 185.0, 0.4},
                                            LensCase{lens::Projection::kEquidistant, 240.0,
-                                                    1.0},  // sees what is above it
+                                                    1.0},  // sees points above it
                                            LensCase{lens::Projection::kOrthographic, 178.0, 0.4},
                                            LensCase{lens::Projection::kEquisolid, 200.0, 0.4},
                                            LensCase{lens::Projection::kStereographic, 185.0, 0.4}));
 
-TEST(PointTracks, TheLengthOnTheFloorGivesTheHeight) {
-  // Without turning: the floor-projected displacement is −t·H/(H − h).
+TEST(PointTracks, MatchesHeightFromFloorDisplacement) {
+  // Without a turn, the displacement projected to the floor is −t·H/(H − h).
   const lens::Camera camera(model(lens::Projection::kEquidistant, 185.0));
   Drive drive(camera, {}, 4);
   for (int i = 0; i < 9; ++i) drive.add({0.9 + 0.05 * i, -0.8 + 0.15 * i, 0.04 * i});
@@ -150,11 +151,12 @@ TEST(PointTracks, TheLengthOnTheFloorGivesTheHeight) {
   EXPECT_GE(found, 3);
 }
 
-TEST(PointTracks, ErrorsAreAsLargeAsToldAndShrinkWithTheWay) {
+TEST(PointTracks, ReportsConsistentSigmaThatShrinksWithBaseline) {
   const lens::Camera camera(model(lens::Projection::kEquidistant, 185.0));
   PointOptions options;
   options.max_sigma_m = 1.0;
-  options.drift_px = options.baseline_sigma = options.turn_sigma_radpm = 0.0;  // none here
+  options.drift_px = options.baseline_sigma = options.turn_sigma_radpm =
+      0.0;  // this test has no systematic errors
   double squares = 0.0, first = 0.0, last = 0.0;
   int n = 0, n_first = 0, n_last = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
@@ -180,18 +182,18 @@ TEST(PointTracks, ErrorsAreAsLargeAsToldAndShrinkWithTheWay) {
     }
   }
   ASSERT_GT(n, 300);
-  // The larger of a pixel's two angles is taken for both, and a share of the error lies across: within a
-  // half.
+  // The larger angle of a pixel is used for both directions, and part of the error is across the line of
+  // sight. So the tolerance is 0.3.
   EXPECT_NEAR(std::sqrt(squares / n), 0.9, 0.3);
   EXPECT_LT(last / n_last, 0.7 * first / n_first);
 }
 
-TEST(PointTracks, WhatMovesIsNotTold) {
+TEST(PointTracks, RejectsMovingPoints) {
   const lens::Camera camera(model(lens::Projection::kEquidistant, 185.0));
   Drive drive(camera, {}, 5);
-  for (int i = 0; i < 12; ++i) drive.add({0.9 + 0.04 * i, -0.8 + 0.1 * i, 0.2});  // stands
-  for (int i = 0; i < 6; ++i) drive.add({1.0, 0.1 * i, 0.1});                     // drives along with us
-  for (int i = 0; i < 6; ++i) drive.add({0.2, 0.6 + 0.05 * i, 0.1});              // crosses
+  for (int i = 0; i < 12; ++i) drive.add({0.9 + 0.04 * i, -0.8 + 0.1 * i, 0.2});  // static
+  for (int i = 0; i < 6; ++i) drive.add({1.0, 0.1 * i, 0.1});                     // moves with the robot
+  for (int i = 0; i < 6; ++i) drive.add({0.2, 0.6 + 0.05 * i, 0.1});              // crosses the path
   drive.begin();
   int standing = 0;
   for (int k = 0; k < 8; ++k) {
@@ -211,8 +213,7 @@ TEST(PointTracks, WhatMovesIsNotTold) {
   EXPECT_GE(standing, 20);
 }
 
-/// Median distance of points told from where they are, metres, in the last 20 of 160 frames of wheels of
-/// which one tells 2 % too much.
+/// Median error (metres) of reported points in the last 20 of 160 frames. One wheel measures 2 % too much.
 double medianError(double turn_sigma_radpm) {
   const lens::Camera camera(model(lens::Projection::kEquidistant, 185.0));
   PointOptions options;
@@ -220,7 +221,7 @@ double medianError(double turn_sigma_radpm) {
   Drive drive(camera, options, 6);
   std::vector<double> errors;
   for (int k = 0; k < 160; ++k) {
-    if (k % 8 == 0) {  // what was followed is lost, other things come
+    if (k % 8 == 0) {  // all tracks are lost, other points appear
       drive.points.clear();
       for (int i = 0; i < 20; ++i) {
         const double phi = drive.in(-M_PI, M_PI), r = drive.in(0.5, 1.3);
@@ -229,10 +230,11 @@ double medianError(double turn_sigma_radpm) {
       }
     }
     const Pose2 moved = arc(0.04, 0.02 * std::sin(0.2 * k));
-    Motion told = Drive::motion(moved);
-    told.right_m *= 1.02;
-    told.previous_from_current = arc(0.5 * (told.left_m + told.right_m), (told.right_m - told.left_m) / 0.26);
-    drive.step(moved, told, 0.1);
+    Motion measured = Drive::motion(moved);
+    measured.right_m *= 1.02;
+    measured.previous_from_current =
+        arc(0.5 * (measured.left_m + measured.right_m), (measured.right_m - measured.left_m) / 0.26);
+    drive.step(moved, measured, 0.1);
     for (const auto& seen : drive.points) {
       if (seen.point.sigma_m > 0 && k >= 140)
         errors.push_back((seen.point.point_m.cast<double>() - drive.inBase(seen.world)).norm());
@@ -244,34 +246,34 @@ double medianError(double turn_sigma_radpm) {
   return errors[errors.size() / 2];
 }
 
-TEST(PointTracks, TheWheelsLastingErrorIsLearned) {
+TEST(PointTracks, EstimatesSystematicWheelError) {
   const double learned = medianError(0.1), believed = medianError(0.0);
-  // The way is 1 % too long, and so are the ranges of 1 m.
+  // The distance is 1 % too long, and so are the ranges of 1 m.
   EXPECT_LT(learned, 0.02);
   EXPECT_GT(believed, 2.0 * learned);
 }
 
-TEST(PointTracks, NothingAcrossAGap) {
+TEST(PointTracks, RestartsTracksAfterGap) {
   const lens::Camera camera(model(lens::Projection::kEquidistant, 185.0));
   Drive drive(camera, {}, 7);
   for (int i = 0; i < 10; ++i) drive.add({0.9, -0.8 + 0.15 * i, 0.2});
   drive.begin();
   const Pose2 moved = arc(0.04, 0.0);
-  const auto told = [&] {
+  const auto reported = [&] {
     return std::count_if(drive.points.begin(), drive.points.end(),
                          [](auto& p) { return p.point.sigma_m > 0; });
   };
   for (int k = 0; k < 6; ++k) drive.step(moved, Drive::motion(moved), 0.0);
-  EXPECT_GE(told(), 5);
+  EXPECT_GE(reported(), 5);
   drive.step(moved, Motion{}, 0.0);
   const Pose2 little = arc(0.01, 0.0);
   drive.step(little, Drive::motion(little), 0.0);
-  EXPECT_EQ(told(), 0);  // 1 cm is too little parallax
+  EXPECT_EQ(reported(), 0);  // the parallax of 1 cm is too small
   for (int k = 0; k < 6; ++k) drive.step(moved, Drive::motion(moved), 0.0);
-  EXPECT_GE(told(), 5);
+  EXPECT_GE(reported(), 5);
 }
 
-TEST(PointOptions, KeysAreReadWithinBounds) {
+TEST(PointOptions, ReadsKeysWithinBounds) {
   const auto o = PointOptions::read(options::Section::parse("{max_sigma_m: 0.02, max_frames: 9}", "t.yaml"));
   EXPECT_EQ(o.max_sigma_m, 0.02);
   EXPECT_EQ(o.max_frames, 9);

@@ -9,7 +9,7 @@
 namespace omnifleet::flow {
 namespace {
 
-TEST(Pyramid, IsOpenCvsBitByBitAtEvenAndOddSizes) {
+TEST(Pyramid, MatchesOpenCvBitByBitAtEvenAndOddSizes) {
   cv::RNG random(5);
   for (const cv::Size size : {cv::Size(160, 120), cv::Size(163, 91), cv::Size(64, 37), cv::Size(41, 40)}) {
     cv::Mat3b image(size);
@@ -27,7 +27,7 @@ TEST(Pyramid, IsOpenCvsBitByBitAtEvenAndOddSizes) {
   }
 }
 
-TEST(Pyramid, OfSomeRectanglesIsThatOfTheWholeThere) {
+TEST(Pyramid, MatchesWholePyramidWithinRectangles) {
   cv::RNG random(6);
   constexpr int kLevels = 3;
   const int loss = Pyramid::lossOf(kLevels);
@@ -61,8 +61,8 @@ TEST(Pyramid, OfSomeRectanglesIsThatOfTheWholeThere) {
   }
 }
 
-/// Cells that are a plane of brightness: what a level holds tells where its pixels lie.
-TEST(Pyramid, CoarseLevelsOfCellsLieWhereTheySay) {
+/// Cells with a linear brightness, so that the value of a pixel gives its position.
+TEST(Pyramid, PlacesCellLevelsAtTheirOffset) {
   const auto brightness = [](float x, float y) { return 20.0f + 0.5f * x + 0.3f * y; };
   cv::Mat3b image(200, 300);
   for (int y = 0; y < image.rows; ++y)
@@ -88,7 +88,7 @@ TEST(Pyramid, CoarseLevelsOfCellsLieWhereTheySay) {
   }
 }
 
-TEST(Pyramid, BeyondTheCellsKnownTheOutermostComeAgain) {
+TEST(Pyramid, RepeatsOutermostCellsBeyondKnownOnes) {
   const cv::Mat3b image(64, 96, cv::Vec3b(100, 100, 100));
   testing::Cells cells(image);
   for (cv::Range& row : cells.known()) row = {5, 20};

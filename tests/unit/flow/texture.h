@@ -1,6 +1,6 @@
 #pragma once
 
-// A smooth random texture that can be evaluated anywhere, so that images moved by any amount are exact.
+// A smooth random texture that can be evaluated at any position, so that shifted images are exact.
 
 #include <cmath>
 #include <opencv2/core.hpp>
@@ -9,7 +9,7 @@
 
 namespace omnifleet::flow::testing {
 
-/// Sum of plane waves of wavelengths between `shortest` and 8 × that, mean 128, bounded to 8 bits.
+/// Sum of plane waves with wavelengths between `shortest` and 8 times that; mean 128, clamped to 8 bits.
 class Texture {
  public:
   Texture(double shortest, unsigned seed) {

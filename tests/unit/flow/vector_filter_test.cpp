@@ -13,12 +13,12 @@ Displacement at(double length, double angle, double sigma = 0.001) {
   return {length * Eigen::Vector2d(std::cos(angle), std::sin(angle)), sigma};
 }
 
-TEST(VectorFilter, KeepsTheLabelsMotionAndSortsByAngle) {
+TEST(VectorFilter, KeepsCommonMotionSortedByAngle) {
   std::mt19937 random(1);
   std::normal_distribution<double> gauss(0.0, 0.05);
   std::vector<Displacement> vectors;
   for (int i = 0; i < 20; ++i)
-    vectors.push_back(at(0.05 * (1 + 0.5 * (i % 3)), 3.1 + gauss(random)));  // across ±π
+    vectors.push_back(at(0.05 * (1 + 0.5 * (i % 3)), 3.1 + gauss(random)));  // around ±π
   vectors.push_back(at(0.05, 0.4));                                          // another direction
   vectors.push_back(at(0.05, -1.5));
   vectors.push_back(at(0.9, 3.1));    // far too long
@@ -32,28 +32,28 @@ TEST(VectorFilter, KeepsTheLabelsMotionAndSortsByAngle) {
   }
 }
 
-TEST(VectorFilter, StandingPointsHaveNoDirection) {
+TEST(VectorFilter, KeepsDisplacementsWithinNoise) {
   std::mt19937 random(2);
   std::normal_distribution<double> gauss(0.0, 0.001);
   std::vector<Displacement> vectors;
   for (int i = 0; i < 30; ++i) vectors.push_back({{gauss(random), gauss(random)}, 0.001});
-  EXPECT_GE(filterVectors(vectors, {}).size(), 28U);  // P(|d| > 3σ) = 1.1 % a vector
+  EXPECT_GE(filterVectors(vectors, {}).size(), 28U);  // P(|d| > 3σ) = 1.1 % per vector
   vectors.push_back(at(0.2, 1.0));
   const auto kept = filterVectors(vectors, {});
   EXPECT_EQ(std::count(kept.begin(), kept.end(), vectors.size() - 1), 0);
 }
 
-TEST(VectorFilter, EmptyStaysEmpty) {
+TEST(VectorFilter, AcceptsEmptyInput) {
   EXPECT_TRUE(filterVectors({}, {}).empty());
 }
 
-TEST(HeightFromVectors, InvertsTheProjection) {
+TEST(HeightFromVectors, RecoversHeightOfPoints) {
   const double camera_height = 0.5;
   const Eigen::Vector2d u(-0.05, 0.01);
   for (const double h : {0.0, 0.1, 0.2, 0.35}) {
     std::vector<Displacement> vectors;
     for (int i = 0; i < 11; ++i) {
-      const double height = h * std::min(1.0, 0.1 * i + 0.3);  // points all the way up, several at the top
+      const double height = h * std::min(1.0, 0.1 * i + 0.3);  // points at all heights, several at the top
       vectors.push_back({u * camera_height / (camera_height - height), 0.0005});
     }
     const Height found = heightFromVectors(vectors, u, camera_height);
@@ -64,7 +64,7 @@ TEST(HeightFromVectors, InvertsTheProjection) {
   }
 }
 
-TEST(HeightFromVectors, SaysNothingWithoutMotion) {
+TEST(HeightFromVectors, ReturnsUnknownWithoutMotion) {
   EXPECT_EQ(heightFromVectors({at(0.05, 1.0)}, {0.001, 0.0}, 0.5).sigma_m, 0.0);
   EXPECT_EQ(heightFromVectors({}, {0.05, 0.0}, 0.5).sigma_m, 0.0);
 }

@@ -15,16 +15,16 @@ Eigen::Matrix3d matrix(const Pose2& p) {
   return m;
 }
 
-TEST(WrapAngle, HalfOpenInterval) {
+TEST(WrapAngle, ReturnsAngleInHalfOpenInterval) {
   EXPECT_EQ(wrapAngle(M_PI), M_PI);
-  EXPECT_NEAR(wrapAngle(-M_PI), M_PI, 1e-15) << "−π is π";
+  EXPECT_NEAR(wrapAngle(-M_PI), M_PI, 1e-15) << "−π wraps to π";
   EXPECT_EQ(wrapAngle(0.0), 0.0);
   for (double a = -3.1; a <= 3.1; a += 0.31) {
     for (int turns = -5; turns <= 5; ++turns) EXPECT_NEAR(wrapAngle(a + 2 * M_PI * turns), a, 1e-13);
   }
 }
 
-TEST(Pose2, IsTheGroupOfHomogeneousMatrices) {
+TEST(Pose2, ComposesLikeHomogeneousMatrices) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> number(-3.0, 3.0);
   for (int i = 0; i < 50; ++i) {
@@ -39,8 +39,9 @@ TEST(Pose2, IsTheGroupOfHomogeneousMatrices) {
   EXPECT_FALSE((Pose2{0, std::nan(""), 0}).isFinite());
 }
 
-// Against the spread of 200 000 perturbed compositions: its standard error is about 1/√(2·200 000) = 0.16 %.
-TEST(ComposeCovariance, AgainstSampling) {
+// Compared with the spread of 200 000 perturbed compositions, whose standard error is about 1/√(2·200 000) =
+// 0.16 %.
+TEST(ComposeCovariance, MatchesSampledCovariance) {
   const Pose2 ab{0.4, -0.3, 0.8}, bc{1.1, 0.6, -0.5};
   Eigen::Matrix3d cov_ab, cov_bc;
   cov_ab << 4e-4, 1e-4, 2e-5, 1e-4, 3e-4, -1e-5, 2e-5, -1e-5, 1e-4;
@@ -58,12 +59,12 @@ TEST(ComposeCovariance, AgainstSampling) {
     sum += e * e.transpose();
   }
   const Eigen::Matrix3d expected = composeCovariance(cov_ab, bc, cov_bc);
-  // Four standard errors, plus the second-order terms that the first-order formula leaves out (variance 1e-4
+  // Four standard errors, plus the second-order terms that the first-order formula omits (variance 1e-4
   // rad²).
   EXPECT_LT((sum / kSamples - expected).norm(), 0.01 * expected.norm());
 }
 
-TEST(RotationFromRpy, OrderAndUnits) {
+TEST(RotationFromRpy, AppliesRollPitchYawInDegrees) {
   EXPECT_LT((rotationFromRpyDeg({0, 0, 90}) * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(),
             1e-15);
   EXPECT_LT((rotationFromRpyDeg({0, -90, 0}) * Eigen::Vector3d(0, 0, -1) - Eigen::Vector3d::UnitX()).norm(),

@@ -13,16 +13,16 @@ namespace {
 
 const cv::Size kImage(640, 480);
 
-/// Bands of a thing as they are told from the floor, and what the completer makes of them.
+/// Bands of an object as the segmentation finds them, and the completion around them.
 class BandCompleterTest : public ::testing::Test {
  protected:
-  BandCompleterTest() : raw_(kImage, std::uint8_t{0}), looks_(kImage, kFloorLook) {}
+  BandCompleterTest() : raw_(kImage, std::uint8_t{0}), appearances_(kImage, kFloorAppearance) {}
 
-  void paint(const cv::Rect& rect, Look look) {
-    raw_(rect) = look == kFloorLook ? 0 : 1;
-    looks_(rect) = look;
+  void paint(const cv::Rect& rect, Appearance appearance) {
+    raw_(rect) = appearance == kFloorAppearance ? 0 : 1;
+    appearances_(rect) = appearance;
   }
-  /// Pixels found around the things painted so far.
+  /// Mask of the pixels found around the objects painted so far.
   cv::Mat1b found() {
     std::vector<cv::Point> points;
     cv::findNonZero(raw_, points);
@@ -32,71 +32,74 @@ class BandCompleterTest : public ::testing::Test {
     BitMask cleaned(kImage);
     for (const cv::Point& p : points) cleaned.set(p.y, p.x, p.x + 1);
     cv::Mat1b mask(kImage, std::uint8_t{0});
-    for (const ground::Run& run : completer_.find(region, {cleaned, cleaned, looks_}))
+    for (const ground::Run& run : completer_.find(region, {cleaned, cleaned, appearances_}))
       mask.row(run.row).colRange(run.begin, run.end) = 1;
     return mask;
   }
 
   BandCompleter completer_{kImage};
-  cv::Mat1b raw_, looks_;
+  cv::Mat1b raw_, appearances_;
 };
 
-TEST_F(BandCompleterTest, WhatLiesBetweenBandsIsOfTheThing) {
-  const cv::Rect thing(300, 200, 30, 28);
-  for (const Look between : {kFloorLook, greyLook(0.7f), greyLook(1.05f)}) {
-    paint(thing, between);
-    for (int y = 0; y < thing.height; y += 8) paint({thing.x, thing.y + y, thing.width, 4}, kColourLook);
+TEST_F(BandCompleterTest, FillsGapsBetweenBands) {
+  const cv::Rect object(300, 200, 30, 28);
+  for (const Appearance between : {kFloorAppearance, greyAppearance(0.7f), greyAppearance(1.05f)}) {
+    paint(object, between);
+    for (int y = 0; y < object.height; y += 8)
+      paint({object.x, object.y + y, object.width, 4}, kColourAppearance);
     const cv::Mat1b mask = found();
-    EXPECT_EQ(cv::countNonZero(mask(thing)), thing.area());
-    EXPECT_EQ(cv::countNonZero(mask), thing.area());
+    EXPECT_EQ(cv::countNonZero(mask(object)), object.area());
+    EXPECT_EQ(cv::countNonZero(mask), object.area());
   }
 }
 
-TEST_F(BandCompleterTest, BandsAlongAndAcrossTheImageAreFoundAlike) {
-  const cv::Rect thing(300, 200, 28, 30);
-  for (int x = 0; x < thing.width; x += 8) paint({thing.x + x, thing.y, 4, thing.height}, greyLook(0.1f));
-  EXPECT_EQ(cv::countNonZero(found()), thing.area());
+TEST_F(BandCompleterTest, FindsVerticalBands) {
+  const cv::Rect object(300, 200, 28, 30);
+  for (int x = 0; x < object.width; x += 8)
+    paint({object.x + x, object.y, 4, object.height}, greyAppearance(0.1f));
+  EXPECT_EQ(cv::countNonZero(found()), object.area());
 }
 
-TEST_F(BandCompleterTest, ALastBandThatWasHalfLostComesBack) {
-  const cv::Rect thing(300, 200, 30, 28);
-  for (int y = 0; y < thing.height; y += 8) paint({thing.x, thing.y + y, thing.width, 4}, kColourLook);
-  paint({thing.x, thing.y + 8, 12, 4}, kFloorLook);  // these columns are left with two in a row
-  EXPECT_EQ(cv::countNonZero(found()), thing.area());
+TEST_F(BandCompleterTest, RestoresPartlyLostLastBand) {
+  const cv::Rect object(300, 200, 30, 28);
+  for (int y = 0; y < object.height; y += 8)
+    paint({object.x, object.y + y, object.width, 4}, kColourAppearance);
+  paint({object.x, object.y + 8, 12, 4}, kFloorAppearance);  // leaves two bands in a row in these columns
+  EXPECT_EQ(cv::countNonZero(found()), object.area());
 }
 
-TEST_F(BandCompleterTest, TwoThingsWithShadeBetweenThemAreNone) {
-  paint({300, 200, 30, 8}, kColourLook);
-  paint({300, 208, 30, 6}, greyLook(0.6f));
-  paint({300, 214, 30, 8}, kColourLook);
+TEST_F(BandCompleterTest, RejectsTwoObjectsWithShadowBetween) {
+  paint({300, 200, 30, 8}, kColourAppearance);
+  paint({300, 208, 30, 6}, greyAppearance(0.6f));
+  paint({300, 214, 30, 8}, kColourAppearance);
   EXPECT_EQ(cv::countNonZero(found()), 0);
 }
 
-TEST_F(BandCompleterTest, ThingsFarApartOrAtUnlikeDistancesAreNone) {
-  for (const int y : {0, 20, 40, 60}) paint({100, 200 + y, 30, 6}, kColourLook);
+TEST_F(BandCompleterTest, RejectsWideOrUnequalGaps) {
+  for (const int y : {0, 20, 40, 60}) paint({100, 200 + y, 30, 6}, kColourAppearance);
   EXPECT_EQ(cv::countNonZero(found()), 0);
-  for (const int y : {0, 8, 20}) paint({300, 100 + y, 30, 6}, kColourLook);  // two and six pixels
-  for (const int y : {0, 8, 23}) paint({400, 100 + y, 30, 6}, kColourLook);  // two and nine
+  for (const int y : {0, 8, 20}) paint({300, 100 + y, 30, 6}, kColourAppearance);  // gaps of 2 and 6 pixels
+  for (const int y : {0, 8, 23}) paint({400, 100 + y, 30, 6}, kColourAppearance);  // gaps of 2 and 9 pixels
   const cv::Mat1b mask = found();
   EXPECT_GT(cv::countNonZero(mask(cv::Rect(300, 100, 30, 26))), 0);
   EXPECT_EQ(cv::countNonZero(mask(cv::Rect(400, 100, 30, 29))), 0);
 }
 
-TEST_F(BandCompleterTest, AFewLinesOfNoiseAreNone) {
-  for (int y = 0; y < 32; y += 8) paint({300, 200 + y, 5, 4}, kColourLook);
+TEST_F(BandCompleterTest, RejectsFewMatchingLines) {
+  for (int y = 0; y < 32; y += 8) paint({300, 200 + y, 5, 4}, kColourAppearance);
   EXPECT_EQ(cv::countNonZero(found()), 0);
 }
 
-TEST_F(BandCompleterTest, LinesOfAGridAreNone) {
+TEST_F(BandCompleterTest, RejectsGridLines) {
   for (int k = 0; k < 6; ++k) {
-    paint({300, 200 + 10 * k, 60, 2}, kColourLook);
-    paint({300 + 10 * k, 200, 2, 52}, kColourLook);
+    paint({300, 200 + 10 * k, 60, 2}, kColourAppearance);
+    paint({300 + 10 * k, 200, 2, 52}, kColourAppearance);
   }
   EXPECT_EQ(cv::countNonZero(found()), 0);
 }
 
-/// Boxes in bands of any width, of which every other one is of the floor's own colour, stand as a whole.
-TEST(BandedThings, AreSegmentedWhole) {
+/// Boxes with bands of any width are segmented as a whole. Every other band has the floor's own colour.
+TEST(BandedObjects, AreSegmentedAsAWhole) {
   const auto model = testing::fisheye();
   const lens::Camera camera(model);
   const FloorView view(camera, ViewOptions{});
@@ -121,7 +124,7 @@ TEST(BandedThings, AreSegmentedWhole) {
       const int within = cv::countNonZero(segmenter.objects()(box)),
                 all = cv::countNonZero(segmenter.objects());
       const double share = static_cast<double>(within) / box.area();
-      // Bands whose edges fall on the cells' run together by pairs.
+      // Pairs of bands merge if their edges coincide with cell borders.
       EXPECT_GT(share, 0.75) << band << " px wide, from row " << box.y;
       EXPECT_LT(all - within, 0.02 * box.area()) << band << " px wide, from row " << box.y;
       sum += share;

@@ -1,4 +1,4 @@
-// Masks of bits against OpenCV's on bytes.
+// Compares the operations on bit masks with OpenCV's on byte masks.
 
 #include "ground/bit_ops.h"
 
@@ -13,7 +13,7 @@ namespace {
 
 using testing::Bits;
 
-/// Noise over several words, with a width that is no multiple of a word's.
+/// Noise over several words. The width is no multiple of the word length.
 class BitOpsTest : public ::testing::TestWithParam<int> {
  protected:
   BitOpsTest() {
@@ -24,7 +24,7 @@ class BitOpsTest : public ::testing::TestWithParam<int> {
       where_(cv::Rect(s.begin_px, s.cell_row * FloorView::kCell, s.end_px - s.begin_px, FloorView::kCell))
           .setTo(255);
   }
-  /// An operation's result on the strips; elsewhere what was there stays.
+  /// Expects the result of an operation on the strips and unchanged pixels elsewhere.
   template <typename Operation>
   void expect(const cv::Mat1b& expected, Operation operation) const {
     const Bits all(bytes_);
@@ -50,7 +50,7 @@ cv::Mat square(int radius) {
   return {2 * radius + 1, 2 * radius + 1, CV_8U, cv::Scalar(1)};
 }
 
-TEST_P(BitOpsTest, AreErosionAndDilationBySquares) {
+TEST_P(BitOpsTest, ErodesAndDilatesBySquares) {
   for (int radius = 1; radius <= kMaxReach; ++radius) {
     cv::Mat1b eroded, dilated;
     const auto border = cv::BORDER_CONSTANT;
@@ -63,7 +63,7 @@ TEST_P(BitOpsTest, AreErosionAndDilationBySquares) {
   }
 }
 
-TEST_P(BitOpsTest, TheMedianIsThatOfTwentyFivePixelsAndCornersGrowBack) {
+TEST_P(BitOpsTest, TakesMedianOf5x5AndRegrowsCorners) {
   cv::Mat1b framed, median, near;
   cv::copyMakeBorder(bytes_, framed, 4, 4, 4, 4, cv::BORDER_CONSTANT, cv::Scalar(0));
   cv::medianBlur(framed, median, 5);
@@ -76,7 +76,7 @@ TEST_P(BitOpsTest, TheMedianIsThatOfTwentyFivePixelsAndCornersGrowBack) {
   });
 }
 
-TEST_P(BitOpsTest, GrowsByOnePixelWithinAMaskEvenOntoTheMaskItself) {
+TEST_P(BitOpsTest, GrowsWithinMaskByOnePixelAlsoInPlace) {
   cv::Mat1b noise(size_), grown;
   cv::RNG(4).fill(noise, cv::RNG::UNIFORM, 0, 256);
   const cv::Mat1b within = noise < 130;
@@ -92,7 +92,7 @@ TEST_P(BitOpsTest, GrowsByOnePixelWithinAMaskEvenOntoTheMaskItself) {
 
 INSTANTIATE_TEST_SUITE_P(Densities, BitOpsTest, ::testing::Values(20, 128, 236));
 
-TEST(BitMask, HoldsWhatWasPackedOnTheStripsAndNothingElse) {
+TEST(BitMask, PacksAndClearsOnlyTheStrips) {
   cv::Mat1b bytes(32, 200), expected(bytes.size(), std::uint8_t{0});
   cv::RNG(5).fill(bytes, cv::RNG::UNIFORM, 0, 3);
   const std::vector<Strip> strips = {{1, 16, 48}, {1, 176, 200}, {5, 0, 112}, {6, 52, 124}};
@@ -106,7 +106,7 @@ TEST(BitMask, HoldsWhatWasPackedOnTheStripsAndNothingElse) {
   EXPECT_EQ(cv::countNonZero(Bits::bytesOf(bits.mask)), 0);
 }
 
-TEST(BitMask, ClearsAndKeepsWithinARow) {
+TEST(BitMask, ClearsAndKeepsColumnsOfARow) {
   const cv::Mat1b set(8, 200, std::uint8_t{255});
   cv::Mat1b other(set.size(), std::uint8_t{0}), expected = set.clone();
   other.colRange(60, 70).setTo(255);
@@ -122,7 +122,7 @@ TEST(BitMask, ClearsAndKeepsWithinARow) {
   EXPECT_EQ(cv::countNonZero(Bits::bytesOf(bits.mask) != expected), 0);
 }
 
-TEST(Strips, ClearedStripsAreZeroAndNothingElseIs) {
+TEST(Strips, ClearsOnlyTheStrips) {
   cv::Mat1b mask(32, 64, std::uint8_t{9});
   clearStrips({{1, 16, 48}, {5, 0, 16}}, mask);
   EXPECT_EQ(cv::countNonZero(mask == 0), (32 + 16) * FloorView::kCell);

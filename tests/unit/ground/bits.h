@@ -13,7 +13,7 @@ inline std::vector<Strip> wholeImage(cv::Size size) {
   return strips;
 }
 
-/// A mask of bytes as bits, on strips of it.
+/// A byte mask as bits, on some of its strips.
 struct Bits {
   std::vector<Strip> strips;
   BitArea area;
@@ -26,7 +26,7 @@ struct Bits {
   }
   explicit Bits(const cv::Mat1b& bytes) : Bits(bytes, wholeImage(bytes.size())) {}
 
-  /// 0 or 255, everywhere.
+  /// 0 or 255 for every pixel of the image.
   static cv::Mat1b bytesOf(const BitMask& mask) {
     cv::Mat1b bytes(mask.image());
     unpack(wholeImage(mask.image()), mask, bytes);

@@ -1,22 +1,22 @@
-// What pixels may be off by, of many cells at once, against the same of one (FloorTolerance::testFor).
+// Compares the tolerances of many cells at once with those of single cells (FloorTolerance::testFor).
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "ground/cell_test.h"
-#include "ground/floor_growth.h"
+#include "ground/region_growing.h"
 
 namespace omnifleet::ground {
 namespace {
 
-TEST(CellLimits, AreThoseOfEachCell) {
+TEST(CellLimits, MatchSingleCellTolerances) {
   constexpr int kCells = 37;  // no multiple of a vector's length
   const FloorTolerance tolerance{0.11, 0.035, 3.0};
   const FloorNoise noise{2.4, 0.9};
   CellLimits limits(kCells);
   std::vector<cv::Vec3f> floor;
-  for (int round = 0; round < 2; ++round) {  // nothing stays of the row before
+  for (int round = 0; round < 2; ++round) {  // the second row must not depend on the first
     limits.clear();
     floor.clear();
     for (int x = 0; x < kCells - round; ++x) {

@@ -34,7 +34,7 @@ TEST(RegionConnection, JoinsOverlappingAndContainedRectangles) {
 }
 
 TEST(RegionConnection, ComparesAllPairsUntilNothingChanges) {
-  // The third bridges the first two only after they have grown: neighbours in the list do not touch.
+  // The third block bridges the first two only after they have grown. Neighbours in the list do not touch.
   RegionConnection connection(rectangles(0));
   const auto& joined = connection.connect(
       {block(1, 0, 0, 5, 5), block(2, 20, 0, 5, 20), block(3, 4, 15, 17, 3), block(4, 0, 3, 5, 13)});
@@ -55,7 +55,7 @@ TEST(RegionConnection, RelabelsAndSortsByPosition) {
   for (int i = 0; i < 3; ++i) EXPECT_EQ(sorted[static_cast<std::size_t>(i)].label, i + 1);
 }
 
-TEST(RegionConnection, CloselyLocatedIsAnOption) {
+TEST(RegionConnection, JoinsRegionsWithinTheGapOption) {
   const std::vector<Blob> apart = {block(1, 0, 0, 5, 5), block(2, 8, 0, 5, 5)};  // 3 background columns
   EXPECT_EQ(RegionConnection(rectangles(2)).connect(apart).size(), 2U);
   EXPECT_EQ(RegionConnection(rectangles(4)).connect(apart).size(), 1U);
@@ -66,7 +66,7 @@ TEST(RegionConnection, CloselyLocatedIsAnOption) {
   EXPECT_EQ(RegionConnection(pixels).connect(apart).size(), 1U);
 }
 
-TEST(RegionConnection, PixelsKeepApartWhatOnlyRectanglesJoin) {
+TEST(RegionConnection, SeparatesByPixelsWhatRectanglesJoin) {
   Blob corner = block(1, 0, 0, 30, 2);  // an L around the second block
   for (int row = 2; row < 30; ++row) corner.runs.push_back({row, 0, 2});
   corner.rect = {0, 0, 30, 30};
@@ -75,7 +75,7 @@ TEST(RegionConnection, PixelsKeepApartWhatOnlyRectanglesJoin) {
   EXPECT_EQ(RegionConnection(ConnectionOptions{}).connect(blobs).size(), 2U);
 }
 
-TEST(PixelGap, IsTheChebyshevDistanceByBruteForce) {
+TEST(PixelGap, EqualsBruteForceChebyshevDistance) {
   std::mt19937 random(3);
   std::uniform_int_distribution<int> place(0, 25), size(1, 6);
   for (int trial = 0; trial < 300; ++trial) {
@@ -91,7 +91,7 @@ TEST(PixelGap, IsTheChebyshevDistanceByBruteForce) {
   }
 }
 
-TEST(ConnectionOptions, RefusesUnknownMethods) {
+TEST(ConnectionOptions, RejectsUnknownMethodAndNegativeGap) {
   EXPECT_THROW(ConnectionOptions::read(options::Section::parse("method: colours", "t.yaml")), options::Error);
   EXPECT_THROW(ConnectionOptions::read(options::Section::parse("gap_px: -1", "t.yaml")), options::Error);
   EXPECT_EQ(ConnectionOptions::read(options::Section::parse("method: rectangles", "t.yaml")).method,

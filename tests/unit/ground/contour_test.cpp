@@ -15,7 +15,8 @@ class ContourTest : public ::testing::Test {
  protected:
   ContourTest() : camera_(testing::fisheye()), view_(camera_, ViewOptions{}) {}
 
-  /// Of the outline of a disc around (150.3, 260.7), refined from what covers a pixel at all; pixels.
+  /// Mean radial error in pixels of the outline of a disc around (150.3, 260.7). It is refined from a mask of
+  /// all pixels that the disc touches.
   double meanError(const cv::Mat3b& image, double radius_px, float hue_noise = 0.0f) {
     cv::Mat1b mask(image.size(), std::uint8_t{0});
     testing::drawDisc<std::uint8_t>(mask, 150.3, 260.7, radius_px, 255);
@@ -61,7 +62,7 @@ class ContourTest : public ::testing::Test {
     return 0.5 * twice;
   }
 
-  /// A dark shape on a light floor, every pixel the mean of 16 × 16 samples.
+  /// A dark shape on a bright floor. Every pixel is the mean of 16 × 16 samples.
   template <typename Inside>
   static cv::Mat1b drawn(const Inside& isInside) {
     constexpr int kSub = 16;
@@ -78,8 +79,8 @@ class ContourTest : public ::testing::Test {
     return image;
   }
 
-  /// Mean and worst difference of the outline's support function from the true one, pixels, positive: too far
-  /// out.
+  /// Mean and worst difference between the outline's support function and the true one, pixels. Positive: too
+  /// far outside.
   template <typename Support>
   std::pair<double, double> supportError(const cv::Mat1b& image, const Eigen::Vector2d& middle,
                                          const Support& support) {
@@ -100,12 +101,12 @@ class ContourTest : public ::testing::Test {
   FloorView view_;
 };
 
-TEST_F(ContourTest, PointsAreTheMidpointsOfPixelEdges) {
+TEST_F(ContourTest, TracesMidpointsOfPixelEdges) {
   cv::Mat1b mask(480, 640, std::uint8_t{0});
   mask(cv::Rect(100, 200, 3, 2)).setTo(255);
   const Contour contour = trace(mask, mask, false);
   ASSERT_EQ(contour.loop_begin.size(), 1U);
-  ASSERT_EQ(contour.points_px.size(), 10U);  // the perimeter in pixel edges
+  ASSERT_EQ(contour.points_px.size(), 10U);  // perimeter in pixel edges
   for (const auto& p : contour.points_px) {
     const bool horizontal = p.y() == 199.5f || p.y() == 201.5f, vertical = p.x() == 99.5f || p.x() == 102.5f;
     EXPECT_TRUE(horizontal != vertical) << p.transpose();
@@ -113,7 +114,7 @@ TEST_F(ContourTest, PointsAreTheMidpointsOfPixelEdges) {
   EXPECT_GT(loopArea(contour, 0), 0.0);  // v down: positive is clockwise on the screen
 }
 
-TEST_F(ContourTest, HolesAreLeftOutAndPiecesFollowedOneByOne) {
+TEST_F(ContourTest, OmitsHolesAndTracesEachPiece) {
   cv::Mat1b mask(480, 640, std::uint8_t{0});
   cv::circle(mask, {110, 200}, 20, 255, cv::FILLED);
   cv::circle(mask, {112, 203}, 9, 0, cv::FILLED);
@@ -123,13 +124,13 @@ TEST_F(ContourTest, HolesAreLeftOutAndPiecesFollowedOneByOne) {
   ASSERT_EQ(contour.loop_begin.size(), 3U);
   cv::Mat1b filled(480, 640, std::uint8_t{0});
   cv::circle(filled, {110, 200}, 20, 255, cv::FILLED);
-  // Cutting each pixel corner takes half of a corner triangle's 1/4 px² away; the corners number at most the
+  // Each cut pixel corner removes half of a corner triangle's 1/4 px². The number of corners is at most the
   // perimeter.
   EXPECT_NEAR(loopArea(contour, 0), cv::countNonZero(filled), 0.125 * 130);
   EXPECT_NEAR(loopArea(contour, 2), 100.0, 0.5 + 1e-6);
 }
 
-TEST_F(ContourTest, DiagonalNeighboursBelongTogether) {
+TEST_F(ContourTest, ConnectsDiagonalNeighbours) {
   cv::Mat1b mask(480, 640, std::uint8_t{0});
   for (int i = 0; i < 5; ++i) mask(200 + i, 100 + i) = 255;
   const Contour contour = trace(mask, mask, false);
@@ -137,12 +138,12 @@ TEST_F(ContourTest, DiagonalNeighboursBelongTogether) {
   EXPECT_EQ(contour.points_px.size(), 20U);
 }
 
-TEST_F(ContourTest, RefinementFindsTheEdgeOfADiscToAFewHundredthsOfAPixel) {
+TEST_F(ContourTest, RefinesDiscEdgeToHundredthsOfAPixel) {
   for (const double level : {30.0, 90.0, 235.0}) {
     cv::Mat1b image(480, 640, std::uint8_t{160});
     testing::drawDisc<std::uint8_t>(image, 150.3, 260.7, 24.4, cv::saturate_cast<std::uint8_t>(level));
-    // The mask as the segmentation makes it: whatever is a little unlike the floor, so it is up to a pixel
-    // too large.
+    // A mask as the segmentation makes it: all pixels that differ slightly from the floor. It is up to one
+    // pixel too large.
     const cv::Mat1b mask = cv::abs(image - 160) > 10;
     const Contour rough = trace(image, mask, false), fine = trace(image, mask, true);
     const auto statistics = [](const Contour& contour) {
@@ -157,14 +158,14 @@ TEST_F(ContourTest, RefinementFindsTheEdgeOfADiscToAFewHundredthsOfAPixel) {
                             std::sqrt(square / static_cast<double>(contour.points_px.size()) - mean * mean));
     };
     EXPECT_GT(statistics(rough).first, 0.15);
-    // Box-filtered pixels interpolated linearly and a polygonal normal leave a few hundredths.
+    // Linear interpolation of box-filtered pixels and a polygonal normal leave a few hundredths of a pixel.
     EXPECT_NEAR(statistics(fine).first, 0.0, 0.06) << level;
     EXPECT_LT(statistics(fine).second, 0.12) << level;
   }
 }
 
-TEST_F(ContourTest, TheShadowOnTheFloorBesideAThingIsNotPartOfIt) {
-  // Where a thing meets the floor less light arrives: up to 30 % less, over a few pixels.
+TEST_F(ContourTest, ExcludesSoftShadowBesideObject) {
+  // Less light reaches the floor beside an object: up to 30 % less, over a few pixels.
   for (const auto& [reach_px, most_px] : std::map<double, double>{{2.0, 0.28}, {4.0, 0.19}, {8.0, 0.09}}) {
     cv::Mat1b image(480, 640, std::uint8_t{160});
     constexpr int kSub = 8;
@@ -185,32 +186,33 @@ TEST_F(ContourTest, TheShadowOnTheFloorBesideAThingIsNotPartOfIt) {
     for (const auto& p : contour.points_px)
       mean +=
           (std::hypot(p.x() - 150.3, p.y() - 260.7) - 24.4) / static_cast<double>(contour.points_px.size());
-    // Halfway between thing and plain floor lies 0.32, 0.33 and 0.16 px too far out.
+    // The position halfway between object and plain floor lies 0.32, 0.33 and 0.16 px too far outside.
     EXPECT_NEAR(mean, 0.0, most_px) << reach_px;
   }
 }
 
-/// A thrown shadow of which only a narrow rim shows before the thing, hardly lighter than the thing itself.
-TEST_F(ContourTest, ANarrowShadowBesideAThingOfAnotherHueIsNotPartOfIt) {
+/// A cast shadow of which only a narrow rim is visible before the object. It is hardly brighter than the
+/// object.
+TEST_F(ContourTest, ExcludesNarrowShadowBesideObjectOfOtherHue) {
   for (const bool faint : {false, true}) {
     for (const double width_px : {1.0, 1.5, 2.5}) {
       cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
       const cv::Vec3b shadow = faint ? cv::Vec3b(120, 120, 120) : cv::Vec3b(80, 80, 80),
-                      thing = faint ? cv::Vec3b(127, 118, 109) : cv::Vec3b(50, 75, 30);
+                      object = faint ? cv::Vec3b(127, 118, 109) : cv::Vec3b(50, 75, 30);
       testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4 + width_px, shadow);
-      testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, thing);
-      EXPECT_NEAR(meanError(image, 24.4), 0.0, 0.1) << width_px;  // by brightness most of the shadow's width
+      testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, object);
+      EXPECT_NEAR(meanError(image, 24.4), 0.0, 0.1) << width_px;  // by brightness: most of the shadow's width
     }
   }
 }
 
-TEST_F(ContourTest, AFaintHueIsNotAskedWhereNoiseHidesIt) {
+TEST_F(ContourTest, IgnoresFaintHueHiddenByNoise) {
   cv::Mat3b image(480, 640, cv::Vec3b(160, 160, 160));
   testing::drawDisc<cv::Vec3b>(image, 150.3, 260.7, 24.4, {127, 118, 109});
   EXPECT_NEAR(meanError(testing::withNoise(image, 12.0, 3), 24.4, 12.0f), 0.0, 0.1);
 }
 
-TEST_F(ContourTest, CornersAreGivenBackToAFewTenthsOfAPixel) {
+TEST_F(ContourTest, RestoresCornersToTenthsOfAPixel) {
   const Eigen::Vector2d middle(150.2, 260.4), half(28.0, 19.0);
   for (const double turn : {0.2, 0.5, 0.9, 1.3}) {
     const Eigen::Matrix2d axes = Eigen::Rotation2Dd(turn).toRotationMatrix();
@@ -225,7 +227,7 @@ TEST_F(ContourTest, CornersAreGivenBackToAFewTenthsOfAPixel) {
   }
 }
 
-TEST_F(ContourTest, NarrowRoundEndsAreNotMadeCorners) {
+TEST_F(ContourTest, KeepsNarrowRoundEndsRound) {
   const Eigen::Vector2d middle(150.2, 260.4);
   for (const double narrow : {6.0, 9.0, 13.0}) {  // radii of 1 to 5 px at the ends
     const Eigen::Vector2d half(34.0, narrow);
@@ -243,7 +245,7 @@ TEST_F(ContourTest, NarrowRoundEndsAreNotMadeCorners) {
   }
 }
 
-TEST_F(ContourTest, LowContrastStaysAtTheMidpoints) {
+TEST_F(ContourTest, KeepsMidpointsAtLowContrast) {
   cv::Mat1b image(480, 640, std::uint8_t{160});
   cv::Mat1b mask(480, 640, std::uint8_t{0});
   mask(cv::Rect(100, 200, 20, 20)).setTo(255);

@@ -17,7 +17,7 @@ using testing::kDisplay;
 using testing::kLinear;
 using testing::Lamp;
 
-/// Of the view, what is taken for objects.
+/// Share of the view that is segmented as objects.
 double shareOfObjects(const Lamp& lamp, const lens::CameraModel& model, double curve) {
   const lens::Camera camera(model);
   const FloorView view(camera, ViewOptions{});
@@ -26,35 +26,35 @@ double shareOfObjects(const Lamp& lamp, const lens::CameraModel& model, double c
   return static_cast<double>(cv::countNonZero(segmenter.objects())) / cv::countNonZero(view.mask());
 }
 
-TEST(FarFloor, UnderALowLampIsFloorToTheHorizon) {
+TEST(FarFloor, SegmentsFloorToTheHorizonUnderLowLamp) {
   for (const int width : {640, 1280})
     EXPECT_LT(shareOfObjects({1.6}, testing::fisheye(width, width * 3 / 4), kLinear), 0.001) << width;
 }
 
-TEST(FarFloor, UnderLampsOfRoomsIsFloorAsCamerasShowIt) {
+TEST(FarFloor, SegmentsFloorUnderRoomLampsWithToneCurve) {
   for (const double height : {2.0, 2.6, 3.5})
     for (const double aside : {0.0, 1.0})
       EXPECT_LT(shareOfObjects({height, aside}, testing::fisheye(), kDisplay), 0.001)
           << height << " " << aside;
 }
 
-// No tone curve: all that a lamp loses by distance is in the picture.
-TEST(FarFloor, UnderLampsOfRoomsIsFloorToALinearCamera) {
+// Without a tone curve the image shows the full decrease of a lamp's light with distance.
+TEST(FarFloor, SegmentsFloorUnderRoomLampsWithLinearCamera) {
   for (const double height : {1.6, 2.0, 2.6, 3.5})
     for (const double aside : {0.0, 1.0})
       EXPECT_LT(shareOfObjects({height, aside}, testing::fisheye(), kLinear), 0.005)
           << height << " " << aside;
 }
 
-TEST(FarFloor, AwayFromALampIsFloorWhereItDarkens) {
+TEST(FarFloor, SegmentsDarkFloorAwayFromLamp) {
   for (const double height : {1.6, 2.0, 2.6, 3.5}) {
     EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kDisplay), 0.02) << height;
     EXPECT_LT(shareOfObjects({height, 2.5}, testing::fisheye(), kLinear), 0.07) << height;
   }
 }
 
-// Equidistant: a block shows h·Δθ/cos²θ of floor outward.
-TEST(FarFloor, SteepensAsTheFloorOfABlockGrows) {
+// Equidistant lens: a block shows h·Δθ/cos²θ of floor in the outward direction.
+TEST(FarFloor, SteepensWithFloorLengthPerBlock) {
   const auto model = testing::fisheye();
   const lens::Camera camera(model);
   const int block = 4;
@@ -79,7 +79,7 @@ TEST(FarFloor, SteepensAsTheFloorOfABlockGrows) {
   EXPECT_GT(compared, 15);
 }
 
-TEST(FarFloor, GoesOnNowhereBeyondTheHorizon) {
+TEST(FarFloor, HasNoOutwardStepBeyondTheHorizon) {
   const auto model = testing::fisheye();
   const lens::Camera camera(model);
   const int columns = model.image_width_px / 4;

@@ -21,13 +21,14 @@ using testing::lampLightAt;
 
 constexpr int kCell = FloorView::kCell;
 
-/// Growth over a floor whose cells have the brightness of a law, and the light fitted to what it reaches.
+/// Region growing over a floor whose cells follow a brightness law, and the light that is fitted to its
+/// result.
 class FloorLightTest : public ::testing::Test {
  protected:
   FloorLightTest()
       : camera_(testing::fisheye()),
         view_(camera_, ViewOptions{}),
-        growth_(view_.coverage(), view_.seeds(), {0.06, 0.022, 3.0}, 0.004),
+        growing_(view_.coverage(), view_.seeds(), {0.06, 0.022, 3.0}, 0.004),
         light_(camera_, view_.cells(), kCell, 1) {}
 
   std::optional<Eigen::Vector2d> floorOf(int y, int x) const {
@@ -36,7 +37,7 @@ class FloorLightTest : public ::testing::Test {
   }
   template <typename Law>
   bool fit(Law law) {
-    cv::Mat3f& means = growth_.means();
+    cv::Mat3f& means = growing_.means();
     for (int y = 0; y < means.rows; ++y) {
       for (int x = 0; x < means.cols; ++x) {
         const auto at = floorOf(y, x);
@@ -44,22 +45,22 @@ class FloorLightTest : public ::testing::Test {
         means(y, x) = {0.9f * level, level, 1.1f * level};
       }
     }
-    EXPECT_TRUE(growth_.grow({}));
-    EXPECT_TRUE(light_.fit(growth_));
+    EXPECT_TRUE(growing_.grow({}));
+    EXPECT_TRUE(light_.fit(growing_));
     return light_.darkest() < 0.65;
   }
-  /// Beneath the lamp 1.
+  /// Illumination relative to the point beneath the lamp.
   static double lit(const Lamp& lamp, const Eigen::Vector2d& at) {
     return kAmbient + (1.0 - kAmbient) * lampLightAt(lamp, at);
   }
 
   lens::Camera camera_;
   FloorView view_;
-  FloorGrowth growth_;
+  RegionGrowing growing_;
   FloorLight light_;
 };
 
-TEST_F(FloorLightTest, IsKnownWhereNoGrowthHasGotTo) {
+TEST_F(FloorLightTest, PredictsLightBeyondRegionGrowing) {
   const Lamp lamp{2.6, 1.2};
   ASSERT_TRUE(fit([&](const Eigen::Vector2d& at) { return lit(lamp, at); }));
   const cv::Mat1f& light = light_.ofBlocks();
@@ -74,11 +75,11 @@ TEST_F(FloorLightTest, IsKnownWhereNoGrowthHasGotTo) {
   EXPECT_LT(worst, 0.1);
 }
 
-TEST_F(FloorLightTest, SaysHowMuchIsNotTheLamps) {
+TEST_F(FloorLightTest, EstimatesAmbientShare) {
   const Lamp lamp{2.6, 1.2};
   ASSERT_TRUE(fit([&](const Eigen::Vector2d& at) { return lit(lamp, at); }));
   light_.ofBlocks();
-  const cv::Mat1f& beside = light_.besideLampOfCells();
+  const cv::Mat1f& beside = light_.ambientShareOfCells();
   for (int y = 0; y < beside.rows; y += 5) {
     for (int x = 0; x < beside.cols; x += 5) {
       const auto at = floorOf(y, x);
@@ -89,7 +90,7 @@ TEST_F(FloorLightTest, SaysHowMuchIsNotTheLamps) {
   }
 }
 
-TEST_F(FloorLightTest, LeadsOverTheFloorToThePlaceBeneathTheLamp) {
+TEST_F(FloorLightTest, PointsTowardsTheLamp) {
   const Lamp lamp{2.6, 1.2};
   ASSERT_TRUE(fit([&](const Eigen::Vector2d& at) { return lit(lamp, at); }));
   light_.ofBlocks();
@@ -110,12 +111,12 @@ TEST_F(FloorLightTest, LeadsOverTheFloorToThePlaceBeneathTheLamp) {
   EXPECT_GT(compared, 50);
 }
 
-TEST_F(FloorLightTest, EvenLightIsNoLamps) {
+TEST_F(FloorLightTest, RejectsEvenLight) {
   EXPECT_FALSE(fit([](const Eigen::Vector2d&) { return 1.0; }));
 }
 
-// A lens that loses a third of the light towards its rim, under even light.
-TEST_F(FloorLightTest, WhatTheLensLosesIsNoLamps) {
+// A lens with vignetting of a third at its rim, under even light.
+TEST_F(FloorLightTest, RejectsVignetting) {
   const double rim_m = 4.0;
   EXPECT_FALSE(fit([&](const Eigen::Vector2d& at) {
     const double angle = std::atan2(at.norm(), 0.5), rim = std::atan2(rim_m, 0.5);
@@ -123,51 +124,51 @@ TEST_F(FloorLightTest, WhatTheLensLosesIsNoLamps) {
   }));
 }
 
-/// A cylinder in plain colour on the floor under a lamp, and its shadow.
-class UnderALamp : public ::testing::Test {
+/// A cylinder of plain colour on the floor under a lamp, with its shadow.
+class UnderLampTest : public ::testing::Test {
  protected:
-  UnderALamp() : camera_(testing::fisheye()), view_(camera_, ViewOptions{}) {
+  UnderLampTest() : camera_(testing::fisheye()), view_(camera_, ViewOptions{}) {
     image_ = floorUnder(lamp_, camera_, kLinear);
-    is_thing_ = cv::Mat1b(image_.size(), std::uint8_t{0});
-    is_shadow_ = is_thing_.clone();
+    is_object_ = cv::Mat1b(image_.size(), std::uint8_t{0});
+    is_shadow_ = is_object_.clone();
   }
 
-  /// @param gains of the floor's light at its foot
-  /// @param depth of its shadow, as a share of what is not the lamp's
-  void stand(const Eigen::Vector2d& at_m, const cv::Vec3d& gains, double depth = 1.0) {
+  /// @param gains brightness of the cylinder per channel, relative to the light at its foot
+  /// @param depth light in the shadow, as a share of the ambient light
+  void addCylinder(const Eigen::Vector2d& at_m, const cv::Vec3d& gains, double depth = 1.0) {
     constexpr double kRadius_m = 0.15, kHeight_m = 0.3;
     const auto isWithin = [&](const std::optional<Eigen::Vector2d>& point) {
       return point && (*point - at_m).norm() < kRadius_m;
     };
-    const double light = lightAt(at_m), shade = depth * kAmbient / light;
+    const double light = lightAt(at_m), shadow = depth * kAmbient / light;
     std::mt19937 random(2);
     std::normal_distribution<double> gauss(0.0, 1.5);
     for (int v = 0; v < image_.rows; ++v) {
       for (int u = 0; u < image_.cols; ++u) {
         const Eigen::Vector2d pixel(u, v);
-        for (double z = 0.0; z <= kHeight_m && is_thing_(v, u) == 0; z += 0.01)
-          is_thing_(v, u) = isWithin(camera_.planeFromPixel(pixel, z)) ? 1 : 0;
+        for (double z = 0.0; z <= kHeight_m && is_object_(v, u) == 0; z += 0.01)
+          is_object_(v, u) = isWithin(camera_.planeFromPixel(pixel, z)) ? 1 : 0;
         const auto floor = camera_.floorFromPixel(pixel);
         for (double z = 0.0; floor && z <= kHeight_m && is_shadow_(v, u) == 0; z += 0.01)
           is_shadow_(v, u) = isWithin(*floor + z / lamp_.height_m * (lamp_.foot() - *floor)) ? 1 : 0;
-        if (is_thing_(v, u) != 0) is_shadow_(v, u) = 0;
+        if (is_object_(v, u) != 0) is_shadow_(v, u) = 0;
         for (int c = 0; c < 3; ++c) {
           auto& level = image_(v, u)[c];
-          if (is_shadow_(v, u) != 0) level = cv::saturate_cast<std::uint8_t>(shade * level);
-          if (is_thing_(v, u) != 0)
+          if (is_shadow_(v, u) != 0) level = cv::saturate_cast<std::uint8_t>(shadow * level);
+          if (is_object_(v, u) != 0)
             level = cv::saturate_cast<std::uint8_t>(gains[c] * (150.0 + 12.0 * c) * light + gauss(random));
         }
       }
     }
   }
-  /// Something flat, of the floor's hue.
-  void lay(const Eigen::Vector2d& at_m, double gain) {
+  /// Adds a flat patch of the floor's hue.
+  void addPatch(const Eigen::Vector2d& at_m, double gain) {
     constexpr double kRadius_m = 0.2;
     for (int v = 0; v < image_.rows; ++v) {
       for (int u = 0; u < image_.cols; ++u) {
         const auto floor = camera_.floorFromPixel(Eigen::Vector2d(u, v));
         if (!floor || (*floor - at_m).norm() > kRadius_m) continue;
-        is_thing_(v, u) = 1;
+        is_object_(v, u) = 1;
         is_shadow_(v, u) = 0;
         for (int c = 0; c < 3; ++c) image_(v, u)[c] = cv::saturate_cast<std::uint8_t>(gain * image_(v, u)[c]);
       }
@@ -176,13 +177,13 @@ class UnderALamp : public ::testing::Test {
   double lightAt(const Eigen::Vector2d& at_m) const {
     return kAmbient + (1.0 - kAmbient) * lampLightAt(lamp_, at_m) / lampLightAt(lamp_, camera_.foot());
   }
-  /// Of the thing's pixels and of its shadow's the shares that are objects.
+  /// Shares of the object's pixels and of its shadow's pixels that are segmented as objects.
   std::pair<double, double> found() {
     GroundSegmenter segmenter(camera_, view_, SegmenterOptions{});
     EXPECT_TRUE(segmenter.segment(image_));
     const cv::Mat1b objects = segmenter.objects() != 0;
     return {
-        cv::countNonZero(objects & (is_thing_ != 0)) / static_cast<double>(cv::countNonZero(is_thing_)),
+        cv::countNonZero(objects & (is_object_ != 0)) / static_cast<double>(cv::countNonZero(is_object_)),
         cv::countNonZero(objects & (is_shadow_ != 0)) / static_cast<double>(cv::countNonZero(is_shadow_))};
   }
 
@@ -190,47 +191,49 @@ class UnderALamp : public ::testing::Test {
   lens::Camera camera_;
   FloorView view_;
   cv::Mat3b image_;
-  cv::Mat1b is_thing_, is_shadow_;
+  cv::Mat1b is_object_, is_shadow_;
 };
 
-TEST_F(UnderALamp, TheShadowOfAColouredThingIsFloor) {
-  stand({0.5, 0.8}, {0.2, 0.3, 1.1});
-  const auto [thing, shadow] = found();
-  EXPECT_GT(thing, 0.95);
+TEST_F(UnderLampTest, TreatsShadowOfColouredObjectAsFloor) {
+  addCylinder({0.5, 0.8}, {0.2, 0.3, 1.1});
+  const auto [object, shadow] = found();
+  EXPECT_GT(object, 0.95);
   EXPECT_LT(shadow, 0.15);
 }
 
-TEST_F(UnderALamp, ABlackThingIsWhole) {
-  stand({0.5, 0.8}, {0.04, 0.04, 0.04});
+TEST_F(UnderLampTest, SegmentsBlackObjectAsAWhole) {
+  addCylinder({0.5, 0.8}, {0.04, 0.04, 0.04});
   EXPECT_GT(found().first, 0.95);
 }
 
-// Darker than grey things are told from shade by, lighter than the lamp's shadow.
-TEST_F(UnderALamp, AGreyThingIsWhole) {
-  stand({0.5, 0.8}, {0.33, 0.33, 0.33});
+// Darker than the limit between grey objects and shadow, brighter than the lamp's shadow.
+TEST_F(UnderLampTest, SegmentsGreyObjectAsAWhole) {
+  addCylinder({0.5, 0.8}, {0.33, 0.33, 0.33});
   EXPECT_GT(found().first, 0.95);
 }
 
-// A thing keeps some of what is not the lamp's off its shadow, too: it is darker than that alone.
-TEST_F(UnderALamp, ADeepShadowIsFloorWhereSomethingThrowsIt) {
-  stand({0.5, 0.8}, {0.2, 0.3, 1.1}, 0.7);
-  const auto [thing, shadow] = found();
-  EXPECT_GT(thing, 0.95);
+// An object also occludes some ambient light from its shadow, so the shadow is darker than ambient light
+// alone.
+TEST_F(UnderLampTest, TreatsDeepShadowOfAnObjectAsFloor) {
+  addCylinder({0.5, 0.8}, {0.2, 0.3, 1.1}, 0.7);
+  const auto [object, shadow] = found();
+  EXPECT_GT(object, 0.95);
   EXPECT_LT(shadow, 0.15);
 }
 
-// A shadow falls away from the lamp: what is as dark before a thing, and runs together with it, is none.
-TEST_F(UnderALamp, AsDarkAsItsShadowButBeforeItIsAThing) {
-  const Eigen::Vector2d thing_m(0.5, 0.8);
+// A shadow falls away from the lamp. A patch that is equally dark, but lies before an object and merges with
+// it, is no shadow.
+TEST_F(UnderLampTest, SegmentsDarkPatchBeforeObject) {
+  const Eigen::Vector2d object_m(0.5, 0.8);
   constexpr double kDepth = 0.65;
-  stand(thing_m, {0.2, 0.3, 1.1}, kDepth);
-  is_thing_ = std::uint8_t{0};
-  lay(thing_m + 0.3 * (lamp_.foot() - thing_m).normalized(), kDepth * kAmbient / lightAt(thing_m));
+  addCylinder(object_m, {0.2, 0.3, 1.1}, kDepth);
+  is_object_ = std::uint8_t{0};
+  addPatch(object_m + 0.3 * (lamp_.foot() - object_m).normalized(), kDepth * kAmbient / lightAt(object_m));
   EXPECT_GT(found().first, 0.9);
 }
 
-// The lamp goes out, and others all over the room on.
-TEST(FloorLight, ALampThatGoesOutIsGivenUpAndANewOneFoundInThatFrame) {
+// The lamp is switched off, and other lamps all over the room are switched on.
+TEST(FloorLight, DropsLampThatGoesOutAndFindsNextInSameFrame) {
   const lens::Camera camera(testing::fisheye());
   const FloorView view(camera, ViewOptions{});
   GroundSegmenter segmenter(camera, view, SegmenterOptions{});
@@ -244,9 +247,8 @@ TEST(FloorLight, ALampThatGoesOutIsGivenUpAndANewOneFoundInThatFrame) {
   EXPECT_LT(shareOfObjects({2.0, -1.0}), 0.005);
 }
 
-// No frame loses much floor: the lamp is found by a look that is spread over frames, which ends in no more
-// than two times ten.
-TEST(FloorLight, ALampThatComesOnSlowlyIsFoundByAndBy) {
+// No frame loses much floor. The search for a lamp, spread over frames, finds it within two times ten frames.
+TEST(FloorLight, FindsLampThatBrightensSlowly) {
   constexpr int kSlowly = 20;  // frames
   const lens::Camera camera(testing::fisheye());
   const FloorView view(camera, ViewOptions{});
@@ -276,7 +278,7 @@ TEST(FloorLight, ALampThatComesOnSlowlyIsFoundByAndBy) {
   EXPECT_EQ(shareOfFloor(1.0), all);
 }
 
-/// Objects within a disc in the dark far off, and around it.
+/// Number of object pixels inside a disc in the dark far away, and outside it.
 struct Found {
   int within = 0, beyond = 0;
 };
@@ -301,8 +303,9 @@ Found foundAround(const Lamp& lamp, const cv::Vec3d& gains) {
   return found;
 }
 
-// Growth ends before its edge: what is known of the light behind it is that of floor as far away.
-TEST(FloorLight, AThingInTheDarkIsWholeAndNoMore) {
+// Region growing ends before the disc's edge. The light behind it is predicted from floor at the same
+// distance.
+TEST(FloorLight, SegmentsObjectInTheDarkAsAWhole) {
   const double area_px = M_PI * 15.0 * 15.0, rim_px = 2.0 * M_PI * 15.0;
   const Found red = foundAround({2.6, 0.0}, {0.4, 0.6, 1.2});
   EXPECT_GT(red.within, 0.9 * area_px);

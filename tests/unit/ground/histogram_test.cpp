@@ -5,7 +5,7 @@
 namespace omnifleet::ground {
 namespace {
 
-TEST(GroundHistogram, LearnsTheFloorAndNotTheObjectThatStandsAmongTheSamples) {
+TEST(GroundHistogram, LearnsFloorAndExcludesObjectInSamples) {
   GroundHistogram histogram;
   for (int i = 0; i < 700; ++i) histogram.add(static_cast<std::uint8_t>(150 + i % 20), 160, 170);
   for (int i = 0; i < 300; ++i) histogram.add(30, 200, 220);
@@ -14,7 +14,7 @@ TEST(GroundHistogram, LearnsTheFloorAndNotTheObjectThatStandsAmongTheSamples) {
   EXPECT_FALSE(histogram.isGround(30, 200, 220));
 }
 
-TEST(GroundHistogram, AllModesAreGroundInThePapersReading) {
+TEST(GroundHistogram, UsesAllModesInPaperMode) {
   GroundHistogram histogram;
   for (int i = 0; i < 700; ++i) histogram.add(150, 160, 170);
   for (int i = 0; i < 300; ++i) histogram.add(30, 200, 220);
@@ -23,8 +23,8 @@ TEST(GroundHistogram, AllModesAreGroundInThePapersReading) {
   EXPECT_FALSE(histogram.isGround(200, 30, 30));
 }
 
-TEST(GroundHistogram, ASpreadModeBeatsAConcentratedObject) {
-  // Uneven light spreads the floor over many bins; none of them is as full as the object's single bin.
+TEST(GroundHistogram, PrefersSpreadFloorOverConcentratedObject) {
+  // Uneven light spreads the floor over many bins. Each of them holds less than the object's single bin.
   GroundHistogram histogram;
   for (int i = 0; i < 600; ++i)
     histogram.add(static_cast<std::uint8_t>(80 + i % 120), static_cast<std::uint8_t>(80 + i % 120), 100);
@@ -34,7 +34,7 @@ TEST(GroundHistogram, ASpreadModeBeatsAConcentratedObject) {
   EXPECT_FALSE(histogram.isGround(10, 10, 220));
 }
 
-TEST(GroundHistogram, GrowsByWholeBinsAndForgets) {
+TEST(GroundHistogram, GrowsByWholeBinsAndClears) {
   GroundHistogram histogram;
   for (int i = 0; i < 100; ++i) histogram.add(100, 100, 100);  // bin 12, 12, 12: levels 96–103
   histogram.settle(0.01, 0, false);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kWidth = 61, kHeight = 47;
 
-/// Mean and number of the marked pixels around one, by a loop over all of them.
+/// Sum and number of the marked pixels around one pixel, by a loop over all of them.
 struct SumsAround {
   cv::Vec3d sum{0, 0, 0};
   int count = 0;
@@ -34,7 +34,7 @@ struct Scene {
     random.fill(image, cv::RNG::UNIFORM, 0, 256);
     random.fill(marks, cv::RNG::UNIFORM, 0, 4);
   }
-  /// Rows of one or two runs, some of them missing.
+  /// Rows of one or two runs; some rows are missing.
   std::vector<Run> region() {
     std::vector<Run> runs;
     for (int y = 0; y < kHeight; ++y) {
@@ -47,11 +47,11 @@ struct Scene {
   }
 };
 
-TEST(HueWindow, SumsWhatIsMarkedAroundEachPixelOfARegion) {
+TEST(HueWindow, SumsMarkedPixelsAroundEachPixel) {
   Scene scene;
   HueWindow window(kWidth);
   int seen = 0;
-  for (int region = 0; region < 20; ++region) {  // one after the other: nothing of the last one stays
+  for (int region = 0; region < 20; ++region) {  // consecutive regions must not influence each other
     scene.random.fill(scene.marks, cv::RNG::UNIFORM, 0, 4);
     window.begin();
     for (const ground::Run& run : scene.region()) {

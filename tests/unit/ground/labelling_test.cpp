@@ -9,7 +9,7 @@
 namespace omnifleet::ground {
 namespace {
 
-/// OpenCV's labels are the reference: every blob must be exactly one of its components.
+/// Compares with OpenCV's labels: every blob must be exactly one of its components.
 void compareWithOpenCv(const cv::Mat1b& mask, int min_area) {
   Labeller labeller;
   const testing::Bits bits(mask);
@@ -35,7 +35,7 @@ void compareWithOpenCv(const cv::Mat1b& mask, int min_area) {
   }
 }
 
-TEST(Labeller, AgreesWithOpenCvOnNoiseOfEveryDensity) {
+TEST(Labeller, MatchesOpenCvOnNoiseOfAnyDensity) {
   std::mt19937 random(7);
   for (const double density : {0.05, 0.3, 0.45, 0.6, 0.95, 1.0}) {
     cv::Mat1b mask(96, 328);
@@ -46,7 +46,7 @@ TEST(Labeller, AgreesWithOpenCvOnNoiseOfEveryDensity) {
   }
 }
 
-TEST(Labeller, AgreesWithOpenCvOnShapesThatMeetLate) {
+TEST(Labeller, MatchesOpenCvOnBranchesThatMergeLate) {
   cv::Mat1b mask(96, 128, std::uint8_t{0});
   for (int r = 4; r < 44; r += 6) cv::circle(mask, {60, 48}, r, 255, 2);
   cv::line(mask, {60, 48}, {60, 95}, 255, 3);
@@ -54,7 +54,7 @@ TEST(Labeller, AgreesWithOpenCvOnShapesThatMeetLate) {
   compareWithOpenCv(mask, 1);
 }
 
-TEST(Labeller, LooksOnlyAtTheStrips) {
+TEST(Labeller, ReadsOnlyTheStrips) {
   cv::Mat1b mask(40, 40, std::uint8_t{255});
   Labeller labeller;
   const testing::Bits bits(mask, {{2, 8, 16}, {3, 8, 12}, {8, 0, 4}}), none(mask, {});

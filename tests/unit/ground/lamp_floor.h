@@ -15,18 +15,18 @@ struct Lamp {
   Eigen::Vector2d foot() const { return {aside_m, 0.0}; }
 };
 
-/// Of the light beneath the lamp, what is not the lamp's.
+/// Ambient light as a share of the light beneath the lamp.
 constexpr double kAmbient = 0.08;
 /// Exponents of the camera's tone curve.
 constexpr double kLinear = 1.0, kDisplay = 1.0 / 2.2;
 
-/// Lambert: the cube of the cosine over the squared height, as a share of that beneath the lamp.
+/// Lambert's law: the cube of the cosine over the squared height, relative to the point beneath the lamp.
 inline double lampLightAt(const Lamp& lamp, const Eigen::Vector2d& floor_m) {
   const double tangent = (floor_m - lamp.foot()).norm() / lamp.height_m;
   return std::pow(1.0 + tangent * tangent, -1.5);
 }
 
-/// A bare floor under a lamp; 160 grey levels at the camera's foot.
+/// A bare floor under a lamp, with 160 grey levels at the camera's foot.
 inline cv::Mat3b floorUnder(const Lamp& lamp, const lens::Camera& camera, double curve) {
   const auto& model = camera.model();
   cv::Mat3b image(model.image_height_px, model.image_width_px, cv::Vec3b(60, 70, 80));

@@ -9,7 +9,7 @@
 namespace omnifleet::ground {
 namespace {
 
-/// One region, drawn from several shapes, with the outline of its pixels.
+/// One region that consists of several shapes, with the outline of its pixels.
 class NotchSplitterTest : public ::testing::Test {
  protected:
   NotchSplitterTest()
@@ -17,23 +17,23 @@ class NotchSplitterTest : public ::testing::Test {
         view_(camera_, ViewOptions{}),
         tracer_(view_, rough()),
         splitter_(view_, {}),
-        covered_(480, 640, std::uint8_t{0}) {}
+        region_(480, 640, std::uint8_t{0}) {}
 
   static ContourOptions rough() {
     ContourOptions options;
     options.refine = false;
     return options;
   }
-  void disc(int u, int v, int radius) { cv::circle(covered_, {u, v}, radius, 255, cv::FILLED); }
-  void box(const cv::Rect& rect) { cv::rectangle(covered_, rect, 255, cv::FILLED); }
+  void disc(int u, int v, int radius) { cv::circle(region_, {u, v}, radius, 255, cv::FILLED); }
+  void box(const cv::Rect& rect) { cv::rectangle(region_, rect, 255, cv::FILLED); }
 
   const std::vector<Blob>& split() {
-    const testing::Bits bits(covered_);
+    const testing::Bits bits(region_);
     const auto& blobs = labeller_.label(bits.mask, bits.area, 1);
     EXPECT_EQ(blobs.size(), 1U);
     blob_ = blobs.front();
     const cv::Mat3f floor(view_.cells(), cv::Vec3f(160, 160, 160));
-    tracer_.trace({covered_, covered_, covered_, floor, 0.0f}, blob_, contour_);
+    tracer_.trace({region_, region_, region_, floor, 0.0f}, blob_, contour_);
     return splitter_.split(blob_, contour_);
   }
 
@@ -42,21 +42,21 @@ class NotchSplitterTest : public ::testing::Test {
   ContourTracer tracer_;
   NotchSplitter splitter_;
   Labeller labeller_;
-  cv::Mat1b covered_;
+  cv::Mat1b region_;
   Blob blob_;
   Contour contour_;
 };
 
-TEST_F(NotchSplitterTest, TwoThatTouchPartAtTheNeck) {
+TEST_F(NotchSplitterTest, SplitsTouchingObjectsAtTheNeck) {
   disc(480, 200, 20);
-  const int first = cv::countNonZero(covered_);
-  covered_.setTo(0);
+  const int first = cv::countNonZero(region_);
+  region_.setTo(0);
   disc(516, 200, 17);
-  const int second = cv::countNonZero(covered_);
+  const int second = cv::countNonZero(region_);
   disc(480, 200, 20);
   const auto& parts = split();
   ASSERT_EQ(parts.size(), 2U);
-  // The lens that they share, two pixels deep, and half of the neck's pixels.
+  // The shapes share a lens two pixels deep, and half of the neck's pixels.
   EXPECT_NEAR(std::max(parts[0].area_px, parts[1].area_px), first, 25);
   EXPECT_NEAR(std::min(parts[0].area_px, parts[1].area_px), second, 25);
   for (const Blob& part : parts) EXPECT_EQ(part.label, blob_.label);
@@ -65,7 +65,7 @@ TEST_F(NotchSplitterTest, TwoThatTouchPartAtTheNeck) {
   EXPECT_EQ(cv::countNonZero(splitter_.mask()), blob_.area_px);
 }
 
-TEST_F(NotchSplitterTest, OneBehindTheOtherPartsFromNotchToNotch) {
+TEST_F(NotchSplitterTest, SplitsOccludedObjectFromNotchToNotch) {
   box({460, 190, 60, 40});
   box({475, 165, 26, 30});
   const auto& parts = split();
@@ -74,30 +74,30 @@ TEST_F(NotchSplitterTest, OneBehindTheOtherPartsFromNotchToNotch) {
   EXPECT_NEAR(std::min(parts[0].area_px, parts[1].area_px), 26 * 25, 70);
 }
 
-TEST_F(NotchSplitterTest, ThreeInARow) {
+TEST_F(NotchSplitterTest, SplitsThreeObjectsInARow) {
   disc(470, 200, 14);
   disc(496, 200, 14);
   disc(522, 200, 14);
   EXPECT_EQ(split().size(), 3U);
 }
 
-TEST_F(NotchSplitterTest, ConvexAndRaggedThingsStayWhole) {
+TEST_F(NotchSplitterTest, KeepsConvexAndRaggedObjectsWhole) {
   disc(480, 200, 20);
   EXPECT_TRUE(split().empty());
-  covered_.setTo(0);
+  region_.setTo(0);
   box({460, 180, 50, 40});
-  for (int x = 462; x < 508; x += 6) covered_(cv::Rect(x, 180, 2, 2)).setTo(0);  // a rough edge
+  for (int x = 462; x < 508; x += 6) region_(cv::Rect(x, 180, 2, 2)).setTo(0);  // a rough edge
   EXPECT_TRUE(split().empty());
-  EXPECT_EQ(cv::countNonZero(splitter_.mask()), 0);  // nothing left over
+  EXPECT_EQ(cv::countNonZero(splitter_.mask()), 0);  // nothing remains of the previous region
 }
 
-TEST_F(NotchSplitterTest, ASliverIsNoThing) {
+TEST_F(NotchSplitterTest, IgnoresSliver) {
   box({460, 180, 60, 40});
   box({485, 172, 4, 8});  // 32 px
   EXPECT_TRUE(split().empty());
 }
 
-TEST(NotchOptions, ReadsAndBounds) {
+TEST(NotchOptions, ReadsValueAndRejectsOutOfRange) {
   EXPECT_DOUBLE_EQ(NotchOptions::read(options::Section::parse("min_gain: 0.8\n", "o.yaml")).min_gain, 0.8);
   EXPECT_THROW(NotchOptions::read(options::Section::parse("min_gain: 1.2\n", "o.yaml")), options::Error);
 }

@@ -15,12 +15,12 @@ Blob blobOf(const cv::Mat1b& mask) {
   return Labeller().label(bits.mask, bits.area, 1).front();
 }
 
-/// A floor of one brightness, on which a region is painted.
+/// A floor of uniform brightness with a painted region.
 class PatternTest : public ::testing::Test {
  protected:
   using Gain = std::function<double(int, int)>;
 
-  /// @param gain of the pixels of a square of 40 pixels, by its columns and rows
+  /// @param gain brightness of the pixels of a square of 40 pixels, by column and row
   float turnsOf(const Gain& gain, double noise = 1.5) {
     for (int y = 0; y < kSide; ++y)
       for (int x = 0; x < kSide; ++x) image_(kTop + y, kLeft + x) = cv::Vec3b(cv::Vec3d(kFloor) * gain(x, y));
@@ -42,25 +42,26 @@ class PatternTest : public ::testing::Test {
   Pattern pattern_ = Pattern(image_.size());
 };
 
-TEST_F(PatternTest, BrightnessTurnsAtEveryPatch) {
+TEST_F(PatternTest, CountsTurnAtEveryPatch) {
   const auto chequers = [](int x, int y) { return (x / 8 + y / 8) % 2 == 0 ? 1.3 : 0.7; };
   EXPECT_NEAR(turnsOf(chequers), 3.0, 0.01);  // five patches a line, four steps
   EXPECT_NEAR(turnsOf(chequers, 8.0), 3.0, 0.01);
 }
 
-TEST_F(PatternTest, ShadeAndPlainFacesHardlyTurn) {
+TEST_F(PatternTest, CountsFewTurnsInShadowsAndPlainFaces) {
   EXPECT_EQ(turnsOf([](int x, int) { return 0.5 + 0.4 * x / kSide; }), 0.0f);
   EXPECT_LE(turnsOf([](int x, int y) { return std::hypot(x - 20, y - 20) < 12 ? 0.3 : 0.7; }), 1.0f);
   EXPECT_LE(turnsOf([](int x, int y) { return y < 15 ? 1.4 : x < 20 ? 0.9 : 0.6; }), 1.0f);
 }
 
-/// A pattern in one direction, as boards of wood or the slats of a grid are, is none of a thing.
-TEST_F(PatternTest, StripesTurnAcrossThemOnly) {
+/// A pattern in one direction, such as boards of wood or slats of a grid, is no pattern of an object.
+TEST_F(PatternTest, IgnoresStripesInOneDirection) {
   EXPECT_EQ(turnsOf([](int x, int) { return x / 4 % 2 == 0 ? 1.2 : 0.8; }), 0.0f);
 }
 
-/// Speckles of a shaded floor are finer than any print: none of them becomes the thing's.
-TEST_F(PatternTest, GrainIsNoPattern) {
+/// The texture of a floor in shadow is finer than any print. None of its pixels may become part of the
+/// object.
+TEST_F(PatternTest, IgnoresFloorTexture) {
   cv::Mat3b wide(480, 640, cv::Vec3b(kFloor));
   const cv::Rect at(400, 200, kSide, kSide);
   for (int y = at.y; y < at.br().y; ++y)
@@ -76,28 +77,28 @@ TEST_F(PatternTest, GrainIsNoPattern) {
   EXPECT_EQ(cv::countNonZero(marks == 3), 0);
 }
 
-TEST_F(PatternTest, NoiseTurnsNothing) {
+TEST_F(PatternTest, IgnoresNoise) {
   EXPECT_EQ(turnsOf([](int, int) { return 0.6; }, 12.0), 0.0f);
 }
 
-/// Of a region that is half chequered, half in the shade, the one half is told from the other.
-TEST_F(PatternTest, PatchesAreTheThingsButNotTheShadowBesideThem) {
-  constexpr std::uint8_t kCore = 1, kShade = 2;
-  constexpr int kPatch = 5, kEnd = 20;  // the left half is chequered, the right one in the shade
+/// Half of the region is chequered and half is in shadow. Only the chequered half may become core.
+TEST_F(PatternTest, FillsPatchesWithoutAdjacentShadow) {
+  constexpr std::uint8_t kCore = 1, kShadow = 2;
+  constexpr int kPatch = 5, kEnd = 20;  // the left half is chequered, the right one in shadow
   turnsOf([](int x, int y) { return x >= kEnd ? 0.7 : (x / kPatch + y / kPatch) % 2 == 0 ? 0.9 : 0.5; });
   cv::Mat1b marks(mask_.size(), std::uint8_t{0});
-  marks.setTo(kShade, mask_);
-  pattern_.fill(blobOf(mask_), frame(), kCore, kShade, marks);
-  int chequered = 0, shaded = 0;
+  marks.setTo(kShadow, mask_);
+  pattern_.fill(blobOf(mask_), frame(), kCore, kShadow, marks);
+  int chequered = 0, shadowed = 0;
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
-      const bool is_core = marks(kTop + y, kLeft + x) == (kCore | kShade);
+      const bool is_core = marks(kTop + y, kLeft + x) == (kCore | kShadow);
       chequered += is_core && x < kEnd;
-      shaded += is_core && x >= kEnd;
+      shadowed += is_core && x >= kEnd;
     }
   }
   EXPECT_GT(chequered, 0.9 * kSide * kEnd);
-  EXPECT_EQ(shaded, 0);
+  EXPECT_EQ(shadowed, 0);
 }
 
 }  // namespace

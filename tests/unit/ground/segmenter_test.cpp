@@ -34,7 +34,7 @@ class SegmenterTest : public ::testing::Test {
     truth_ = truth_ > 127;
   }
 
-  /// Every disc found within two pixels all around, and nothing else.
+  /// Expects every disc to be found within two pixels all around, and nothing else.
   void expectDiscs(const GroundSegmenter& segmenter) {
     const auto disc = [](int r) {
       return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1});
@@ -54,8 +54,8 @@ class SegmenterTest : public ::testing::Test {
   cv::Mat1b truth_;
 };
 
-/// Large images are grown in blocks of several cells: a ring that holds no whole one shows no floor.
-TEST_F(SegmenterTest, ARingThinnerThanABlockIsNoFloor) {
+/// Large images are grown in blocks of several cells. A seed region without a whole block gives no floor.
+TEST_F(SegmenterTest, ReportsNoFloorForSeedsThinnerThanABlock) {
   lens::CameraModel large = model_;
   large.image_width_px *= 2;
   large.image_height_px *= 2;
@@ -70,8 +70,8 @@ TEST_F(SegmenterTest, ARingThinnerThanABlockIsNoFloor) {
   EXPECT_FALSE(segmenter.segment(cv::Mat3b(view.imageSize(), cv::Vec3b(150, 150, 150))));
 }
 
-TEST_F(SegmenterTest, FindsObjectsWhereTheFarFloorIsAsDarkAsThey) {
-  // The floor falls to 35 % towards the rim: brighter there than the dark disc near the robot by nothing.
+TEST_F(SegmenterTest, FindsObjectsAsDarkAsTheFarFloor) {
+  // The floor darkens to 35 % towards the rim. There it is no brighter than the dark disc near the robot.
   cv::Mat3b image = testing::unevenFloor(model_, 0.35, 2.0, 1);
   addDiscs(image);
   GroundSegmenter segmenter(camera_, view_, {});
@@ -79,7 +79,7 @@ TEST_F(SegmenterTest, FindsObjectsWhereTheFarFloorIsAsDarkAsThey) {
   expectDiscs(segmenter);
 }
 
-TEST_F(SegmenterTest, OneHistogramForTheWholeImageFailsThereAndWorksInEvenLight) {
+TEST_F(SegmenterTest, NeedsEvenLightForSingleHistogram) {
   SegmenterOptions literal;
   literal.method = "histogram";
   GroundSegmenter segmenter(camera_, view_, literal);
@@ -89,10 +89,10 @@ TEST_F(SegmenterTest, OneHistogramForTheWholeImageFailsThereAndWorksInEvenLight)
   expectDiscs(segmenter);
   cv::Mat3b uneven = testing::unevenFloor(model_, 0.35, 2.0, 1);
   ASSERT_TRUE(segmenter.segment(uneven));
-  EXPECT_GT(cv::countNonZero(segmenter.objects()), 10000);  // the dark rim is taken for objects
+  EXPECT_GT(cv::countNonZero(segmenter.objects()), 10000);  // the dark rim is segmented as objects
 }
 
-TEST_F(SegmenterTest, BareNoisyFloorIsFloor) {
+TEST_F(SegmenterTest, SegmentsBareNoisyFloorAsFloor) {
   for (const double noise : {0.0, 2.0, 6.0}) {
     GroundSegmenter segmenter(camera_, view_, {});
     ASSERT_TRUE(segmenter.segment(testing::unevenFloor(model_, 0.5, noise, 3)));
@@ -102,8 +102,8 @@ TEST_F(SegmenterTest, BareNoisyFloorIsFloor) {
   }
 }
 
-/// As a camera that compresses gives it: colours at half the resolution, rounded by blocks of 16 × 16 pixels.
-TEST_F(SegmenterTest, ColoursThatRingBesideAThingAreFloor) {
+/// Simulates a compressing camera: colours at half the resolution, quantised in blocks of 16 × 16 pixels.
+TEST_F(SegmenterTest, TreatsJpegColourRingingAsFloor) {
   for (unsigned seed = 0; seed < 5; ++seed) {
     cv::Mat3b image = testing::unevenFloor(model_, 0.8, 1.5, seed);
     for (auto& pixel : image) pixel = 0.55 * pixel;
@@ -120,21 +120,21 @@ TEST_F(SegmenterTest, ColoursThatRingBesideAThingAreFloor) {
     ASSERT_TRUE(cv::imencode(".jpg", image, file, {cv::IMWRITE_JPEG_QUALITY, 70}));
     GroundSegmenter segmenter(camera_, view_, {});
     ASSERT_TRUE(segmenter.segment(cv::imdecode(file, cv::IMREAD_COLOR)));
-    cv::Mat1b inner, outer;  // two pixels of colour, each halved, are mixed on both sides of the edge
+    cv::Mat1b inner, outer;  // chroma at half resolution mixes two pixels on each side of the edge
     cv::erode(truth_ > 127, inner, cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5}));
     cv::dilate(truth_ > 127, outer, cv::getStructuringElement(cv::MORPH_ELLIPSE, {7, 7}));
-    // A few are still of the edge itself; without the rule there are 900.
+    // The few remaining pixels belong to the edge itself. Without the ringing rule there are 900.
     EXPECT_LE(cv::countNonZero(segmenter.objects() & ~outer), 4) << seed;
     EXPECT_EQ(cv::countNonZero(inner & ~segmenter.objects()), 0) << seed;
   }
 }
 
-TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
+TEST_F(SegmenterTest, GrowsAcrossGridLinesAndTreatsThemAsFloor) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
   for (int k = 10; k < 640; k += 36) cv::line(image, {k, 0}, {k, 479}, {70, 75, 80}, 2, cv::LINE_AA);
   for (int k = 10; k < 480; k += 36) cv::line(image, {0, k}, {639, k}, {70, 75, 80}, 2, cv::LINE_AA);
   SegmenterOptions options;
-  options.line_width_m = 0.025;  // the anti-aliased lines are up to 4 px wide, one pixel 4 to 5 mm
+  options.line_width_m = 0.025;  // the anti-aliased lines are up to 4 px wide; one pixel is 4 to 5 mm
   GroundSegmenter segmenter(camera_, view_, options);
   ASSERT_TRUE(segmenter.segment(image));
   EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
@@ -144,10 +144,10 @@ TEST_F(SegmenterTest, GridLinesAreFloorAndDoNotStopTheGrowth) {
   const auto& blobs = labeller.label(segmenter.bits(), segmenter.area(), 20);
   ASSERT_EQ(blobs.size(), 1U);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 256,
-              200);  // a ring of a pixel is 100 px²; stubs of the lines the rest
+              200);  // a ring of one pixel is 100 px²; the rest are stubs of the lines
 }
 
-/// A patch of floor, as the camera sees it.
+/// Paints a patch of floor as the camera sees it.
 void paintFloor(cv::Mat3b& image, const lens::Camera& camera, double from_m, double to_m, double bearing_rad,
                 double half_wide_m) {
   const Eigen::Rotation2Dd turn(bearing_rad);
@@ -165,9 +165,9 @@ void paintFloor(cv::Mat3b& image, const lens::Camera& camera, double from_m, dou
   cv::fillPoly(image, std::vector<std::vector<cv::Point>>{outline}, cv::Scalar(40, 160, 210), cv::LINE_AA, 4);
 }
 
-// The silhouette of a box of .3 m two metres away is as thin as a grid's line near by. Tape that leads away
-// from the camera is as thin there, too, but all the way; what lies across is thinner still.
-TEST_F(SegmenterTest, FarThingsAsThinAsLinesAreFoundAndTapeIsNot) {
+// The silhouette of a box of 0.3 m at two metres is as thin as a near grid line. Tape that leads away from
+// the camera is equally thin there, but along its whole length. Tape across is thinner still.
+TEST_F(SegmenterTest, FindsFarThinObjectsButNoTape) {
   const auto found = [&](double from_m, double to_m, double bearing_rad, double half_wide_m) {
     cv::Mat3b image = testing::unevenFloor(model_, 0.8, 1.0, 4);
     paintFloor(image, camera_, from_m, to_m, bearing_rad, half_wide_m);
@@ -184,9 +184,9 @@ TEST_F(SegmenterTest, FarThingsAsThinAsLinesAreFoundAndTapeIsNot) {
   }
 }
 
-// A line all round is one on the floor, or the robot's own body where its mask is too small: walls have a
-// height, and floor before them.
-TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
+// A closed line around the robot is a line on the floor, or the robot's own body if its mask is too small.
+// Walls have a height, and floor before them.
+TEST_F(SegmenterTest, RejectsClosedLinesAsWalls) {
   const cv::Point foot(cvRound(model_.principal_point_px.x()), cvRound(model_.principal_point_px.y()));
   const int own = cvRound(model_.self_mask_radius_px);
   for (const auto& [radius_px, width_px] : {std::pair{own + 40, 3}, {own + 1, 6}, {own + 1, 30}}) {
@@ -203,13 +203,13 @@ TEST_F(SegmenterTest, LinesAllRoundAreNoWalls) {
   EXPECT_TRUE(segmenter.hasLowWalls());
 }
 
-/// In little light a grey wall's hue differs from the floor's by less than the noise of a pixel, and its
-/// brightness by nothing.
+/// In dim light the hue of a grey wall differs from the floor's by less than the noise of a pixel. Its
+/// brightness equals the floor's.
 class FaintWallTest : public SegmenterTest {
  protected:
   static constexpr double kLevel = 38.0, kNoise = 2.1;
   cv::Mat3b floor() const { return testing::dimFloor(model_, kLevel, 0.0, 1); }
-  /// Grey, as bright as the floor at each pixel.
+  /// Draws the wall in grey, as bright as the floor at each pixel.
   void drawWall(cv::Mat3b& image, const cv::Mat1b& where) const {
     for (int y = 0; y < image.rows; ++y)
       for (int x = 0; x < image.cols; ++x) {
@@ -226,7 +226,7 @@ class FaintWallTest : public SegmenterTest {
   }
 };
 
-TEST_F(FaintWallTest, IsFoundWithWhatStandsBeforeIt) {
+TEST_F(FaintWallTest, FindsWallAndObjectBeforeIt) {
   for (const int radius_px : {160, 185}) {
     cv::Mat3b image = floor();
     cv::Mat1b wall = ring(radius_px, 28);
@@ -238,20 +238,20 @@ TEST_F(FaintWallTest, IsFoundWithWhatStandsBeforeIt) {
     for (unsigned seed = 1; seed <= 3; ++seed) {
       ASSERT_TRUE(segmenter.segment(testing::withNoise(image, kNoise, seed)));
       ASSERT_TRUE(segmenter.hasLowWalls()) << radius_px << " " << seed;
-      const cv::Mat1b found = segmenter.objects() == LowWalls::kWall, things = segmenter.objects() == 255;
+      const cv::Mat1b found = segmenter.objects() == LowWalls::kWall, objects = segmenter.objects() == 255;
       EXPECT_GT(cv::countNonZero(found & wall), 0.8 * cv::countNonZero(wall)) << radius_px << " " << seed;
       EXPECT_LT(cv::countNonZero(found & ~ring(radius_px, 38)), 20) << radius_px << " " << seed;
       cv::Mat1b disc(image.size(), std::uint8_t{0});
       cv::circle(disc, at, 12, 255, cv::FILLED);
-      EXPECT_GT(cv::countNonZero(things & disc), 0.95 * cv::countNonZero(disc)) << radius_px << " " << seed;
+      EXPECT_GT(cv::countNonZero(objects & disc), 0.95 * cv::countNonZero(disc)) << radius_px << " " << seed;
       cv::circle(disc, at, 18, 255, cv::FILLED);
-      EXPECT_LT(cv::countNonZero(things & ~disc), 60) << radius_px << " " << seed;
+      EXPECT_LT(cv::countNonZero(objects & ~disc), 60) << radius_px << " " << seed;
     }
   }
 }
 
-/// What is seen beyond it up to the end of the view is no wall.
-TEST_F(FaintWallTest, IsFoundBeforeItsShadowOnTheFloorBeyond) {
+/// The floor visible beyond the wall, up to the border of the view, is no wall.
+TEST_F(FaintWallTest, FindsWallBeforeItsShadowOnTheFloor) {
   cv::Mat3b image = floor();
   const cv::Mat1b wall = ring(160, 28);
   drawWall(image, wall);
@@ -265,11 +265,11 @@ TEST_F(FaintWallTest, IsFoundBeforeItsShadowOnTheFloorBeyond) {
     ASSERT_TRUE(segmenter.hasLowWalls()) << seed;
     const cv::Mat1b found = segmenter.objects() == LowWalls::kWall;
     EXPECT_GT(cv::countNonZero(found & wall), 0.8 * cv::countNonZero(wall)) << seed;
-    EXPECT_LT(cv::countNonZero(found & ring(70, 138)), 20) << seed << ": before its foot";
+    EXPECT_LT(cv::countNonZero(found & ring(70, 138)), 20) << seed << " (before the wall's foot)";
   }
 }
 
-TEST_F(FaintWallTest, LinesAndGridsOfItsColourAreNone) {
+TEST_F(FaintWallTest, RejectsLinesAndGridsOfWallColour) {
   cv::Mat3b line = floor(), grid = floor(), nothing = floor();
   drawWall(line, ring(140, 4));
   cv::Mat1b lines(grid.size(), std::uint8_t{0});
@@ -280,13 +280,13 @@ TEST_F(FaintWallTest, LinesAndGridsOfItsColourAreNone) {
     GroundSegmenter segmenter(camera_, view_, {});
     ASSERT_TRUE(segmenter.segment(testing::withNoise(image, kNoise, 4)));
     EXPECT_FALSE(segmenter.hasLowWalls());
-    EXPECT_LT(cv::countNonZero(segmenter.objects()), 200) << "but for specks";
+    EXPECT_LT(cv::countNonZero(segmenter.objects()), 200) << "only specks may remain";
   }
 }
 
-TEST_F(SegmenterTest, GridLinesOfACentimetreAreFloorUnasked) {
+TEST_F(SegmenterTest, TreatsCentimetreGridLinesAsFloorByDefault) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.6, 1.0, 4);
-  // Anti-aliased: up to 3 px, 12 to 15 mm near the robot, more where they cross.
+  // Anti-aliased lines are up to 3 px wide, 12 to 15 mm near the robot, and wider where they cross.
   for (int k = 10; k < 640; k += 72) cv::line(image, {k, 0}, {k + 40, 479}, {70, 75, 80}, 1, cv::LINE_AA);
   for (int k = 10; k < 480; k += 72) cv::line(image, {0, k}, {639, k + 40}, {70, 75, 80}, 1, cv::LINE_AA);
   GroundSegmenter segmenter(camera_, view_, {});
@@ -294,10 +294,10 @@ TEST_F(SegmenterTest, GridLinesOfACentimetreAreFloorUnasked) {
   EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
 }
 
-TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
+TEST_F(SegmenterTest, FindsObjectInTheSeedRing) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.7, 2.0, 5);
   truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
-  testing::drawDisc<cv::Vec3b>(image, 450, 240, 34, {20, 190, 210});  // fills the ring's width
+  testing::drawDisc<cv::Vec3b>(image, 450, 240, 34, {20, 190, 210});  // as wide as the ring
   GroundSegmenter segmenter(camera_, view_, {});
   ASSERT_TRUE(segmenter.segment(image));
   Labeller labeller;
@@ -306,8 +306,9 @@ TEST_F(SegmenterTest, AnObjectInTheSeedRingStaysAnObject) {
   EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 250);
 }
 
-TEST_F(SegmenterTest, AnObjectInTheSeedRingOfADimRoomStaysAnObject) {
-  // A green thing and the floor differ by a few grey levels there, and blur fills the levels between.
+TEST_F(SegmenterTest, FindsObjectInTheSeedRingInDimLight) {
+  // A green object and the floor differ by a few grey levels in dim light. Blur fills the levels between
+  // them.
   cv::Mat3b image = testing::dimFloor(model_, 24.0, 0.0, 8);
   testing::drawDisc<cv::Vec3b>(image, 450, 240, 34, {10, 32, 12});
   const cv::Mat3b noisy = testing::withNoise(testing::blurred(image, 2.0), 2.5, 9);
@@ -319,8 +320,9 @@ TEST_F(SegmenterTest, AnObjectInTheSeedRingOfADimRoomStaysAnObject) {
   EXPECT_NEAR(blobs[0].area_px, M_PI * 34 * 34, 350);  // a rim of 1.6 px
 }
 
-TEST_F(SegmenterTest, ThingsThatHardlyStandOutOfTheNoiseOfADimRoomAreWhole) {
-  // 3 σ of a pixel's noise are a third of the floor's brightness, as much as the discs differ from it.
+TEST_F(SegmenterTest, SegmentsObjectsNearNoiseLevelAsAWhole) {
+  // 3 σ of a pixel's noise are a third of the floor's brightness. The discs differ from the floor by the same
+  // amount.
   cv::Mat3b image = testing::dimFloor(model_, 24.0, 0.0, 10);
   truth_ = cv::Mat1b(image.size(), std::uint8_t{0});
   const std::vector<Disc> discs = {{160, 150, 20, {14, 15, 16}}, {480, 330, 16, {12, 16, 34}}};
@@ -335,25 +337,25 @@ TEST_F(SegmenterTest, ThingsThatHardlyStandOutOfTheNoiseOfADimRoomAreWhole) {
   const cv::Mat1b truth = truth_ > 127;
   const int common = cv::countNonZero(truth & segmenter.objects()),
             either = cv::countNonZero(truth | segmenter.objects());
-  EXPECT_GT(common, 0.85 * either);  // a rim of a pixel around discs of 16 and 20: 0.89
+  EXPECT_GT(common, 0.85 * either);  // a rim of one pixel around discs of 16 and 20 px gives 0.89
 }
 
-/// White things on a warm floor, as bright as it: their hue differs by 6 % of the brightness. Grain changes
-/// brightness pixel by pixel, theirs and the floor's.
-class FaintHues : public SegmenterTest {
+/// White objects on a warm floor of equal brightness. Their hue differs by 6 % of the brightness. Texture
+/// changes the brightness of objects and floor from pixel to pixel.
+class FaintHueTest : public SegmenterTest {
  protected:
-  FaintHues() : image_(testing::unevenFloor(model_, 0.7, 0.0, 12)) {
+  FaintHueTest() : image_(testing::unevenFloor(model_, 0.7, 0.0, 12)) {
     truth_ = cv::Mat1b(image_.size(), std::uint8_t{0});
   }
   void add(const Disc& d) {
     testing::drawDisc<cv::Vec3b>(image_, d.u, d.v, d.r, d.colour);
     testing::drawDisc<std::uint8_t>(truth_, d.u, d.v, d.r, 255);
   }
-  /// Share of what the truth and the objects cover that they have in common.
-  double overlap(double grain, double noise) {
+  /// Intersection over union of the true discs and the segmented objects.
+  double overlap(double texture, double noise) {
     cv::Mat3b image = image_.clone();
     std::mt19937 random(13);
-    std::normal_distribution<double> gauss(1.0, grain);
+    std::normal_distribution<double> gauss(1.0, texture);
     for (auto& pixel : image) {
       const double light = gauss(random);
       for (int c = 0; c < 3; ++c) pixel[c] = cv::saturate_cast<std::uint8_t>(light * pixel[c]);
@@ -368,38 +370,38 @@ class FaintHues : public SegmenterTest {
   cv::Mat3b image_;
 };
 
-TEST_F(FaintHues, AreToldThoughTheGrainHidesThemInSinglePixels) {
+TEST_F(FaintHueTest, DistinguishesHuesHiddenByTexture) {
   add({160, 150, 20, {150, 150, 150}});
   add({480, 330, 16, {140, 140, 140}});
-  for (const double grain : {0.08, 0.15}) EXPECT_GT(overlap(grain, 1.5), 0.85) << grain;
+  for (const double texture : {0.08, 0.15}) EXPECT_GT(overlap(texture, 1.5), 0.85) << texture;
 }
 
-TEST_F(FaintHues, AreToldThoughTheNoiseHidesThemInSinglePixels) {
+TEST_F(FaintHueTest, DistinguishesHuesHiddenByNoise) {
   add({160, 150, 20, {150, 150, 150}});
   add({480, 330, 16, {140, 140, 140}});
   EXPECT_GT(overlap(0.0, 4.0), 0.85);
 }
 
-TEST_F(FaintHues, AreTheSameOnFacesInOtherLight) {
+TEST_F(FaintHueTest, JoinsFacesInDifferentLight) {
   add({160, 150, 24, {135, 135, 135}});
   image_(cv::Rect(130, 120, 60, 30)).setTo(cv::Vec3b(235, 235, 235), truth_(cv::Rect(130, 120, 60, 30)));
   EXPECT_GT(overlap(0.06, 2.0), 0.9);
 }
 
-// What of a grey thing is not plainly of another hue than the floor is not its shadow.
-TEST_F(FaintHues, OfThingsInLittleLightAreThoseOfAllTheirPixels) {
+// The parts of a grey object whose hue is not clearly different from the floor's are not its shadow.
+TEST_F(FaintHueTest, SegmentsDimGreyObjectAsAWhole) {
   image_ = testing::dimFloor(model_, 64.0, 0.0, 17);
   add({160, 150, 24, {43, 42, 41}});
   image_(cv::Rect(130, 150, 60, 30)).setTo(cv::Vec3b(33, 33, 33), truth_(cv::Rect(130, 150, 60, 30)));
   EXPECT_GT(overlap(0.02, 1.5), 0.9);
 }
 
-TEST_F(FaintHues, InTheSeedRingAreNoSeeds) {
-  add({450, 240, 30, {158, 158, 158}});  // in a bin of the histogram beside the floor's
+TEST_F(FaintHueTest, ExcludesFaintHueFromSeeds) {
+  add({450, 240, 30, {158, 158, 158}});  // in a bin of the histogram next to the floor's
   EXPECT_GT(overlap(0.03, 1.5), 0.85);
 }
 
-TEST_F(FaintHues, OfTilesAreTheFloors) {
+TEST_F(FaintHueTest, TreatsFaintTilesAsFloor) {
   for (int y = 0; y < image_.rows; ++y)
     for (int x = 0; x < image_.cols; ++x)
       if ((x / 40 + y / 40) % 3 == 0) image_(y, x)[0] = static_cast<std::uint8_t>(image_(y, x)[0] * 1.06);
@@ -408,15 +410,16 @@ TEST_F(FaintHues, OfTilesAreTheFloors) {
   EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
 }
 
-// A carpet's border: without noise single pixels tell enough, and halfway to it would be floor.
-TEST_F(FaintHues, OfABorderAreNotSoughtInAPictureWithoutNoise) {
+// The border of a carpet. Without noise single pixels are sufficient, and a limit halfway to the faint hue
+// would be too strict.
+TEST_F(FaintHueTest, TreatsCarpetBorderAsFloorWithoutNoise) {
   image_(cv::Rect(0, 0, 170, image_.rows)) += cv::Scalar(-7, 0, 7);
   GroundSegmenter segmenter(camera_, view_, {});
   ASSERT_TRUE(segmenter.segment(testing::withNoise(image_, 0.4, 18)));
   EXPECT_EQ(cv::countNonZero(segmenter.objects()), 0);
 }
 
-TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {
+TEST_F(SegmenterTest, SegmentsGreyImagesAndCarriesNothingOver) {
   cv::Mat3b image = testing::unevenFloor(model_, 0.5, 1.5, 6);
   const cv::Mat3b bare = image.clone();
   addDiscs(image);
@@ -433,7 +436,7 @@ TEST_F(SegmenterTest, GreyImagesWorkAndFramesLeaveNoTrace) {
   EXPECT_EQ(cv::countNonZero(segmenter.objects() != first), 0);
 }
 
-TEST(SegmenterOptions, AreBoundedAndNamed) {
+TEST(SegmenterOptions, RejectsUnknownKeysAndValuesOutOfRange) {
   EXPECT_THROW(SegmenterOptions::read(options::Section::parse("method: magic", "t.yaml")), options::Error);
   EXPECT_THROW(SegmenterOptions::read(options::Section::parse("reference: {tolerance_along: 2}", "t.yaml")),
                options::Error);

@@ -10,11 +10,11 @@
 namespace omnifleet::ground {
 namespace {
 
-/// Shares of the floor's colour, by channel.
+/// Shares of the floor's colour per channel.
 using Paint = cv::Vec3d;
 
-/// A box on a floor, drawn face by face through the lens: each face is the floor's own pixels in another
-/// light and of a little other hue, so that its noise is that of the floor.
+/// A box on a floor, drawn face by face through the lens. Each face consists of the floor's own pixels in
+/// other light and with a slightly different hue, so that its noise is the floor's.
 class SideCompleterTest : public ::testing::Test {
  protected:
   SideCompleterTest()
@@ -24,7 +24,7 @@ class SideCompleterTest : public ::testing::Test {
         image_(testing::unevenFloor(model_, 0.8, 2.0, 21)),
         truth_(image_.size(), std::uint8_t{0}) {}
 
-  /// The image of a polygon in space, its edges as curved as the lens makes them.
+  /// Mask of a polygon in space. The lens bends its edges.
   cv::Mat1b maskOf(const std::vector<Eigen::Vector3d>& corners) const {
     constexpr int kSteps = 16;
     std::vector<cv::Point> outline;
@@ -49,7 +49,7 @@ class SideCompleterTest : public ::testing::Test {
     truth_ |= mask;
   }
 
-  /// A box ahead of the robot, 18 cm wide, its front across.
+  /// Draws a box ahead of the robot, 18 cm wide, with its front face across.
   void drawBox(const Paint& front, const Paint& top) {
     const double near = 0.80, far = 0.98, half = 0.09, h = height_m_;
     paint(maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}}), top);
@@ -58,19 +58,20 @@ class SideCompleterTest : public ::testing::Test {
     paint(side, front);
   }
 
-  /// On the floor around where drawBox() draws it, fading over 8 cm, grainy.
+  /// Draws a shadow on the floor around the box of drawBox(). It fades over 8 cm and has texture.
   void drawFootShadow(double deep) {
     std::mt19937 random(7);
-    std::normal_distribution<double> grain(0.0, 0.05);
+    std::normal_distribution<double> texture(0.0, 0.05);
     for (int y = 0; y < image_.rows; ++y) {
       for (int x = 0; x < image_.cols; ++x) {
         const auto floor = camera_.floorFromPixel({x, y});
         if (!floor || floor->norm() > 1.6) continue;
         const double ahead = std::max({0.80 - floor->x(), floor->x() - 0.98, 0.0}),
                      beside = std::max(std::abs(floor->y()) - 0.09, 0.0);
-        const double shade = deep * std::exp(-std::hypot(ahead, beside) / 0.08), light = 1.0 + grain(random);
-        for (int c = 0; c < 3 && shade > 0.01; ++c)
-          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * (1.0 - shade) * light);
+        const double shadow = deep * std::exp(-std::hypot(ahead, beside) / 0.08),
+                     light = 1.0 + texture(random);
+        for (int c = 0; c < 3 && shadow > 0.01; ++c)
+          image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * (1.0 - shadow) * light);
       }
     }
   }
@@ -83,7 +84,7 @@ class SideCompleterTest : public ::testing::Test {
     return labeller.label(segmenter.bits(), segmenter.area(), 20);
   }
 
-  /// One region, and that the whole box: two pixels of its outline are what the lens' noise may cost.
+  /// Expects one region that is the whole box. The lens noise may cost two pixels of the outline.
   void expectTheBox() {
     EXPECT_EQ(blobs().size(), 1U);
     const cv::Mat1b disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
@@ -102,37 +103,38 @@ class SideCompleterTest : public ::testing::Test {
   double height_m_ = 0.2;
 };
 
-TEST_F(SideCompleterTest, ATopAsBrightAsTheFloorIsTakenInByItsHue) {
+TEST_F(SideCompleterTest, AddsTopByItsHue) {
   drawBox({0.68, 0.65, 0.62}, {1.04, 1.0, 0.96});
   expectTheBox();
 }
 
-TEST_F(SideCompleterTest, ATopOfTheFloorsHueIsTakenInByItsLight) {
+TEST_F(SideCompleterTest, AddsTopByItsBrightness) {
   drawBox({0.65, 0.65, 0.65}, {1.08, 1.08, 1.08});
   expectTheBox();
 }
 
-TEST_F(SideCompleterTest, ALightTopAndItsSideInTheShadeAreOneThing) {
+TEST_F(SideCompleterTest, JoinsBrightTopAndShadowedSide) {
   drawBox({0.74, 0.74, 0.74}, {1.3, 1.3, 1.3});
   expectTheBox();
 }
 
-TEST_F(SideCompleterTest, ATopOfLittleLessLightIsTakenIn) {
+TEST_F(SideCompleterTest, AddsSlightlyDarkerTop) {
   drawBox({0.68, 0.65, 0.62}, {0.98, 0.94, 0.90});
   expectTheBox();
 }
 
-TEST_F(SideCompleterTest, WhereNothingLiesBehindASideNothingIsTakenIn) {
+TEST_F(SideCompleterTest, AddsNothingIfFloorLiesBehindTheSide) {
   drawBox({0.65, 0.65, 0.65}, {1.0, 1.0, 1.0});
   const cv::Mat1b side =
       maskOf({{0.8, -0.09, 0}, {0.8, 0.09, 0}, {0.8, 0.09, height_m_}, {0.8, -0.09, height_m_}});
   const auto found = blobs();
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_NEAR(found[0].area_px, cv::countNonZero(side), 0.12 * cv::countNonZero(side));  // a pixel all around
+  EXPECT_NEAR(found[0].area_px, cv::countNonZero(side),
+              0.12 * cv::countNonZero(side));  // one pixel all around
 }
 
-TEST_F(SideCompleterTest, TheSoftShadowOfALightThingIsNoSide) {
-  // Larger than the thing, and fading out as far as it lies deep.
+TEST_F(SideCompleterTest, RejectsSoftShadowOfBrightObjectAsSide) {
+  // The shadow is larger than the object and fades over a distance like its depth.
   const double r = 10;
   for (int y = 0; y < image_.rows; ++y) {
     for (int x = 0; x < image_.cols; ++x) {
@@ -146,7 +148,7 @@ TEST_F(SideCompleterTest, TheSoftShadowOfALightThingIsNoSide) {
   EXPECT_NEAR(found[0].area_px, M_PI * r * r, 1.5 * 2.0 * M_PI * r);
 }
 
-TEST_F(SideCompleterTest, TheShadowBeforeADarkThingIsNoneOfIt) {
+TEST_F(SideCompleterTest, ExcludesShadowBeforeDarkObject) {
   drawBox({0.39, 0.39, 0.39}, {0.44, 0.44, 0.44});
   const cv::Mat1b box = truth_.clone();
   for (int i = 0; i < 5; ++i) {
@@ -158,14 +160,14 @@ TEST_F(SideCompleterTest, TheShadowBeforeADarkThingIsNoneOfIt) {
   expectTheBox();
 }
 
-TEST_F(SideCompleterTest, ALightTopOfADarkThingIsOfIt) {
+TEST_F(SideCompleterTest, AddsBrightTopOfDarkObject) {
   drawBox({0.38, 0.38, 0.38}, {0.68, 0.68, 0.68});
   expectTheBox();
 }
 
-/// The floor gets darker towards its foot, ragged by its grain: that fringe is neither the outline that tells
-/// a side from a shadow nor of the thing.
-TEST_F(SideCompleterTest, ASideWithAShadowAtItsFootIsFoundAndEndsThere) {
+/// The floor darkens towards the foot, ragged by its texture. This fringe does not belong to the object, and
+/// its outline must not decide between side and shadow.
+TEST_F(SideCompleterTest, EndsSideAtTheShadowAtItsFoot) {
   for (const double deep : {0.15, 0.28}) {
     image_ = testing::unevenFloor(model_, 0.8, 2.0, 21);
     truth_.setTo(0);
@@ -175,16 +177,17 @@ TEST_F(SideCompleterTest, ASideWithAShadowAtItsFootIsFoundAndEndsThere) {
   }
 }
 
-/// Most of its outline is its foot, which fades: what lies behind and beside tells.
-TEST_F(SideCompleterTest, ALowSideWithAShadowAtItsFootIsFound) {
+/// Most of the outline is the foot, which fades. The outline behind and beside it decides.
+TEST_F(SideCompleterTest, FindsLowSideWithShadowAtItsFoot) {
   height_m_ = 0.08;
   drawFootShadow(0.28);
   drawBox({0.72, 0.72, 0.72}, {1.08, 1.08, 1.08});
   EXPECT_EQ(blobs().size(), 1U);
 }
 
-/// Its side is lit from the right: so little darker than the floor there that only the rest is a region.
-TEST_F(SideCompleterTest, WhereThereIsNoShadowAtTheFootTheFaintEndOfASideIsOfIt) {
+/// The side is lit from the right. There it is so little darker than the floor that only the rest is
+/// segmented.
+TEST_F(SideCompleterTest, AddsFaintEndOfSideWithoutFootShadow) {
   drawBox({0.65, 0.65, 0.65}, {1.1, 1.1, 1.1});
   for (int k = 0; k < 6; ++k) {
     const double a = 0.09 - 0.03 * k, b = a - 0.03, light = 1.0 + 0.06 * k;
@@ -196,22 +199,23 @@ TEST_F(SideCompleterTest, WhereThereIsNoShadowAtTheFootTheFaintEndOfASideIsOfIt)
   expectTheBox();
 }
 
-/// The completer by itself, on a floor of one colour that is told to it.
+/// Tests of the completer alone, on a floor of one known colour.
 class CompletionTest : public SideCompleterTest {
  protected:
   static constexpr double kFloor = 150.0;
-  CompletionTest() : floor_(view_.cells(), cv::Vec3f::all(kFloor)), looks_(image_.size(), kFloorLook) {
+  CompletionTest()
+      : floor_(view_.cells(), cv::Vec3f::all(kFloor)), appearances_(image_.size(), kFloorAppearance) {
     image_.setTo(cv::Scalar::all(kFloor));
   }
 
-  /// A dark strip of 30×10 pixels beyond the robot's front, and around it as far as told what is so much
-  /// brighter.
+  /// Draws a dark strip of 10×30 pixels to the right of the camera. A margin of `spread_px` around it has
+  /// `brighter` times the floor's brightness.
   Blob drawStrip(int spread_px, double brighter) {
     const cv::Rect strip(460, 320, 10, 30);
     const cv::Rect area(strip.x, strip.y - spread_px, strip.width + spread_px, strip.height + 2 * spread_px);
     image_(area).setTo(cv::Scalar::all(kFloor * brighter));
     image_(strip).setTo(cv::Scalar::all(kFloor * 0.65));
-    looks_(strip).setTo(greyLook(0.65f));
+    appearances_(strip).setTo(greyAppearance(0.65f));
     Blob blob;
     blob.rect = strip;
     blob.area_px = strip.area();
@@ -221,37 +225,37 @@ class CompletionTest : public SideCompleterTest {
   }
 
   int complete(SideCompleter& completer, const Blob& side, float noise) {
-    const ShadeFilter::Frame shade{image_, floor_, 0.02f, noise, completer.foot(), view_.mask()};
+    const ShadowFilter::Frame shadow{image_, floor_, 0.02f, noise, completer.foot(), view_.mask()};
     BitMask found(image_.size());
     for (const ground::Run& run : side.runs) found.set(run.row, run.begin, run.end);
     int area = 0;
-    for (const ground::Run& run : completer.complete({shade, view_.mask(), looks_, found}, side))
+    for (const ground::Run& run : completer.complete({shadow, view_.mask(), appearances_, found}, side))
       area += run.end - run.begin;
     return area;
   }
 
   cv::Mat3f floor_;
-  cv::Mat1b looks_;
+  cv::Mat1b appearances_;
 };
 
-TEST_F(CompletionTest, ASideWithNothingBehindItStaysAsItIs) {
+TEST_F(CompletionTest, AddsNothingToIsolatedSide) {
   SideCompleter completer(camera_, image_.size());
   EXPECT_EQ(complete(completer, drawStrip(0, 1.0), 1.0f), 0);
 }
 
-TEST_F(CompletionTest, WhatEndsByItselfIsTakenIn) {
+TEST_F(CompletionTest, AddsBoundedSurface) {
   SideCompleter completer(camera_, image_.size());
   const Blob side = drawStrip(8, 1.08);
-  EXPECT_NEAR(complete(completer, side, 1.0f), 18 * 46, 100);  // its corners are cut by the 5×5 means
+  EXPECT_NEAR(complete(completer, side, 1.0f), 18 * 46, 100);  // the 5×5 means cut its corners
 }
 
-TEST_F(CompletionTest, WhatGoesOnAsFarAsItIsLookedForIsFloor) {
+TEST_F(CompletionTest, RejectsSurfaceThatFillsTheSearchArea) {
   SideCompleter completer(camera_, image_.size());
   const Blob side = drawStrip(90, 1.08);
   EXPECT_EQ(complete(completer, side, 1.0f), 0);
 }
 
-TEST_F(CompletionTest, WhatWasCompletedBeforeChangesNothing) {
+TEST_F(CompletionTest, CarriesNothingOverToTheNextSide) {
   SideCompleter used(camera_, image_.size()), fresh(camera_, image_.size());
   for (const int spread_px : {90, 24, 60}) complete(used, drawStrip(spread_px, 1.08), 1.0f);
   image_.setTo(cv::Scalar::all(kFloor));
@@ -259,7 +263,7 @@ TEST_F(CompletionTest, WhatWasCompletedBeforeChangesNothing) {
   EXPECT_EQ(complete(used, side, 1.0f), complete(fresh, side, 1.0f));
 }
 
-TEST_F(CompletionTest, AHueThatTheNoiseMayMakeIsNone) {
+TEST_F(CompletionTest, IgnoresHueWithinTheNoise) {
   SideCompleter completer(camera_, image_.size());
   const Blob side = drawStrip(8, 1.0);
   for (int y = 300; y < 380; ++y) {

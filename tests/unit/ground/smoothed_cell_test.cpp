@@ -22,7 +22,7 @@ void expectBlurred(const cv::Mat& image) {
   }
 }
 
-TEST(SmoothedCell, IsOpenCvsBoxAlsoAlongTheImagesEdges) {
+TEST(SmoothedCell, MatchesOpenCvBoxFilterAlsoAtImageEdges) {
   cv::Mat3b colours(24, 32);
   cv::Mat1b greys(24, 32);
   cv::RNG random(3);

@@ -25,7 +25,7 @@ inline lens::CameraModel fisheye(int width = 640, int height = 480) {
   return model;
 }
 
-/// Greyish floor whose light falls off outward to `far_share` of the middle's, with noise (σ in grey levels).
+/// Greyish floor whose light decreases outward to `far_share` of the centre's, with noise (σ in grey levels).
 inline cv::Mat3b unevenFloor(const lens::CameraModel& model, double far_share, double noise, unsigned seed) {
   cv::Mat3b image(model.image_height_px, model.image_width_px);
   std::mt19937 random(seed);
@@ -42,7 +42,7 @@ inline cv::Mat3b unevenFloor(const lens::CameraModel& model, double far_share, d
   return image;
 }
 
-/// A copy with noise (σ in grey levels) on each channel of each pixel.
+/// Copy of an image with noise (σ in grey levels) on each channel of each pixel.
 inline cv::Mat3b withNoise(const cv::Mat3b& image, double noise, unsigned seed) {
   cv::Mat3b noisy = image.clone();
   std::mt19937 random(seed);
@@ -52,7 +52,7 @@ inline cv::Mat3b withNoise(const cv::Mat3b& image, double noise, unsigned seed) 
   return noisy;
 }
 
-/// The same floor in little light: grey `level` in the middle.
+/// The same floor in dim light: grey level `level` in the centre.
 inline cv::Mat3b dimFloor(const lens::CameraModel& model, double level, double noise, unsigned seed) {
   cv::Mat3b image = unevenFloor(model, 0.7, 0.0, seed);
   for (auto& pixel : image)
@@ -66,7 +66,7 @@ inline cv::Mat3b blurred(const cv::Mat3b& image, double sigma_px) {
   return out;
 }
 
-/// Anti-aliased filled disc: each pixel by its covered share (8×8 samples).
+/// Anti-aliased filled disc. Each pixel is weighted by its share inside the disc (8×8 samples).
 template <typename Pixel, int kChannels = static_cast<int>(sizeof(Pixel))>
 void drawDisc(cv::Mat_<Pixel>& image, double u, double v, double radius, const Pixel& colour) {
   for (int y = 0; y < image.rows; ++y) {

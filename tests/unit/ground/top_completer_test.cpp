@@ -10,8 +10,8 @@
 namespace omnifleet::ground {
 namespace {
 
-/// Boxes of exactly the floor's hue, drawn through the lens: tops in more light, sides of the floor's
-/// brightness, a little more here and less there.
+/// Boxes of exactly the floor's hue, drawn through the lens. Tops are in more light. Sides have the floor's
+/// brightness on average, with small local variations.
 class TopCompleterTest : public ::testing::Test {
  protected:
   TopCompleterTest()
@@ -37,7 +37,7 @@ class TopCompleterTest : public ::testing::Test {
     return mask;
   }
 
-  /// Brightness of the image's pixels, of the floor's: a little more here and less there.
+  /// Brightness factors per pixel: 1 on average, with small local variations.
   cv::Mat1f mottle(double sigma, int seed) const {
     cv::Mat1f gain(image_.size());
     cv::RNG random(static_cast<std::uint64_t>(seed));
@@ -55,7 +55,8 @@ class TopCompleterTest : public ::testing::Test {
           image_(y, x)[c] = cv::saturate_cast<std::uint8_t>(image_(y, x)[c] * gain(y, x));
   }
 
-  /// 28 cm wide and 20 cm high, its front across, so far ahead. @return its silhouette
+  /// Draws a box 28 cm wide and 20 cm high, with its front face across at distance `near`.
+  /// @return its silhouette
   cv::Mat1b drawBox(double near, double top_gain, double mottled, double deep = 0.22) {
     const double far = near + deep, half = 0.14, h = 0.2;
     const cv::Mat1b top = maskOf({{near, -half, h}, {near, half, h}, {far, half, h}, {far, -half, h}});
@@ -66,7 +67,8 @@ class TopCompleterTest : public ::testing::Test {
     return top | side;
   }
 
-  /// On the floor, behind the robot. @return where
+  /// Draws a bright patch on the floor behind the robot.
+  /// @return its mask
   cv::Mat1b drawPatch() {
     const cv::Mat1b patch = maskOf({{-0.9, -0.2, 0}, {-0.9, 0.2, 0}, {-1.3, 0.2, 0}, {-1.3, -0.2, 0}});
     light(patch, cv::Mat1f(image_.size(), 1.29f));
@@ -84,10 +86,10 @@ class TopCompleterTest : public ::testing::Test {
   cv::Mat3b image_;
 };
 
-TEST_F(TopCompleterTest, ASideAsBrightAsTheFloorIsOfTheTop) {
+TEST_F(TopCompleterTest, AddsSideAsBrightAsTheFloor) {
   const cv::Mat1b box = drawBox(0.8, 1.29, 0.09);
   ASSERT_TRUE(segmenter_.segment(image_));
-  // Two pixels of the outline; the top alone is half of it.
+  // Tolerance: two pixels of the outline. The top alone is half of the silhouette.
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
   Labeller labeller;
   const auto& regions = labeller.label(segmenter_.bits(), segmenter_.area(), 20);
@@ -95,22 +97,21 @@ TEST_F(TopCompleterTest, ASideAsBrightAsTheFloorIsOfTheTop) {
   EXPECT_TRUE(segmenter_.isRough(regions[0]));
 }
 
-TEST_F(TopCompleterTest, WhatIsUndecidedByItsTopIsDecidedByItsSides) {
+TEST_F(TopCompleterTest, DecidesUndecidedTopByItsSides) {
   const cv::Mat1b box = drawBox(0.8, 1.16, 0.09);
   ASSERT_TRUE(segmenter_.segment(image_));
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
   EXPECT_TRUE(segmenter_.undecided().empty());
 }
 
-TEST_F(TopCompleterTest, ASideWhoseFootTheRobotHidesGoesUpToThere) {
+TEST_F(TopCompleterTest, ExtendsSideToTheRobotThatHidesItsFoot) {
   const cv::Mat1b box = drawBox(0.3, 1.29, 0.09) & view_.mask();
   ASSERT_TRUE(segmenter_.segment(image_));
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
 }
 
-/// Both of its faces are lighter than the floor, the one by little of what the other is: no patch of light
-/// that fades.
-TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreLitLessIsSeen) {
+/// Both faces are brighter than the floor, one of them only slightly. It is no patch of light that fades.
+TEST_F(TopCompleterTest, FindsWhiteObjectWithLessLitSides) {
   const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
   image_ = 0.6 * image_;
   const cv::Mat1b box = drawBox(0.8, 2.3, 0.0);
@@ -119,9 +120,9 @@ TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreLitLessIsSeen) {
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
 }
 
-/// Of which the sides differ from the floor by a tenth: too little for a step, while most of what is seen is
-/// side. That the outline is sharp along the top decides.
-TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreNearlyFloorIsSeen) {
+/// The sides differ from the floor by a tenth, too little for an intensity edge, and most of the visible area
+/// is side. The sharp outline along the top decides.
+TEST_F(TopCompleterTest, FindsWhiteObjectWithSidesLikeTheFloor) {
   const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
   image_ = 0.7 * image_;
   const cv::Mat1b box = drawBox(0.8, 1.6, 0.0);
@@ -131,8 +132,8 @@ TEST_F(TopCompleterTest, AWhiteThingWhoseSidesAreNearlyFloorIsSeen) {
   EXPECT_TRUE(segmenter_.vague().empty());
 }
 
-/// Of the floor's colour and brightness on the mean, but without its grain.
-TEST_F(TopCompleterTest, ASideIsToldByLackingTheFloorsGrain) {
+/// The side has the floor's colour and mean brightness, but not its texture.
+TEST_F(TopCompleterTest, DistinguishesSideByMissingFloorTexture) {
   const cv::Mat3b smooth = image_.clone();
   light(cv::Mat1b(image_.size(), std::uint8_t{255}), mottle(0.05, 8));
   const cv::Mat1b side = maskOf({{0.8, -0.14, 0}, {0.8, 0.14, 0}, {0.8, 0.14, 0.2}, {0.8, -0.14, 0.2}});
@@ -142,8 +143,8 @@ TEST_F(TopCompleterTest, ASideIsToldByLackingTheFloorsGrain) {
   EXPECT_GT(overlap(segmenter_.objects() == 255, box), 0.85);
 }
 
-/// A light mark, and before it floor that is worn a little smoother: no side.
-TEST_F(TopCompleterTest, FloorOfAnotherGrainBeforeALightMarkIsNoSide) {
+/// A bright mark, and before it worn floor that is slightly smoother. The worn floor is no side.
+TEST_F(TopCompleterTest, RejectsWornFloorBeforeBrightMark) {
   const cv::Mat1b mark = maskOf({{0.85, -0.2, 0}, {0.85, 0.2, 0}, {1.15, 0.2, 0}, {1.15, -0.2, 0}}),
                   worn = maskOf({{0.6, -0.2, 0}, {0.6, 0.2, 0}, {0.85, 0.2, 0}, {0.85, -0.2, 0}});
   cv::Mat1f gain = mottle(0.05, 8);
@@ -157,8 +158,8 @@ TEST_F(TopCompleterTest, FloorOfAnotherGrainBeforeALightMarkIsNoSide) {
   EXPECT_GT(cv::countNonZero(segmenter_.objects() & mark), 0);
 }
 
-/// Before the side lies something else, as mottled as half of it.
-TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
+/// A mat lies before the side and varies half as much in brightness.
+TEST_F(TopCompleterTest, FindsNoFootIfNoFloorFollows) {
   const cv::Mat1b mat = maskOf({{0.3, -0.2, 0}, {0.3, 0.2, 0}, {0.82, 0.2, 0}, {0.82, -0.2, 0}});
   light(mat, mottle(0.05, 6));
   drawBox(0.8, 1.29, 0.09);
@@ -168,7 +169,7 @@ TEST_F(TopCompleterTest, WhereNoFloorFollowsNoFootIsKnown) {
     EXPECT_FALSE(segmenter_.isRough(region));
 }
 
-TEST_F(TopCompleterTest, BeforeASharpPatchOfLightThereIsOnlyFloor) {
+TEST_F(TopCompleterTest, AddsNoSideToSharpPatchOfLight) {
   const cv::Mat1b patch = drawPatch();
   ASSERT_TRUE(segmenter_.segment(image_));
   cv::Mat1b near;
@@ -180,7 +181,7 @@ TEST_F(TopCompleterTest, BeforeASharpPatchOfLightThereIsOnlyFloor) {
     EXPECT_FALSE(segmenter_.isRough(region));
 }
 
-TEST_F(TopCompleterTest, BesideSuchThingsWhatIsLightAndNotKnownToBeWholeIsUndecided) {
+TEST_F(TopCompleterTest, ReportsPatchBesideCompletedTopAsUndecided) {
   const cv::Mat1b patch = drawPatch();
   drawBox(0.8, 1.29, 0.09);
   ASSERT_TRUE(segmenter_.segment(image_));
@@ -188,8 +189,8 @@ TEST_F(TopCompleterTest, BesideSuchThingsWhatIsLightAndNotKnownToBeWholeIsUndeci
   EXPECT_EQ(segmenter_.undecided().size(), 1U);
 }
 
-/// Beside such things of late; what shows its side, too, is whole.
-TEST_F(TopCompleterTest, ForAWhileALightRegionAloneIsUndecided) {
+/// Such objects were visible in recent frames. An object that also shows its side is complete.
+TEST_F(TopCompleterTest, ReportsBrightRegionAsUndecidedForAWhile) {
   const cv::Mat3b floor = image_.clone();
   drawBox(0.8, 1.29, 0.09);
   ASSERT_TRUE(segmenter_.segment(image_));
@@ -208,14 +209,14 @@ TEST_F(TopCompleterTest, ForAWhileALightRegionAloneIsUndecided) {
   EXPECT_GT(cv::countNonZero(segmenter_.objects() & patch), 0);
 }
 
-TEST_F(TopCompleterTest, ATopTooFarOffForItsFootIsUndecided) {
-  drawBox(1.4, 1.29, 0.09, 0.5);  // there a pixel is 3 cm of the floor
+TEST_F(TopCompleterTest, ReportsTopTooFarAwayAsUndecided) {
+  drawBox(1.4, 1.29, 0.09, 0.5);  // there a pixel covers 3 cm of the floor
   ASSERT_TRUE(segmenter_.segment(image_));
   EXPECT_EQ(cv::countNonZero(segmenter_.objects()), 0);
   EXPECT_FALSE(segmenter_.undecided().empty());
 }
 
-TEST_F(TopCompleterTest, WhatWasCompletedBeforeChangesNothing) {
+TEST_F(TopCompleterTest, CarriesNothingOverFromThePreviousFrame) {
   GroundSegmenter fresh(camera_, view_, {});
   const cv::Mat3b floor = image_.clone();
   drawBox(0.9, 1.4, 0.12);

@@ -8,14 +8,15 @@
 namespace omnifleet::ground {
 namespace {
 
-TEST(FloorView, EndsAtTheHorizonAndAtTheRobotsOwnMask) {
+TEST(FloorView, EndsAtHorizonAndRobotMask) {
   const auto model = testing::fisheye();
   const FloorView view(lens::Camera(model), ViewOptions{});
   const double f = model.focal_px.x();
   const auto at = [&](double r_px) { return view.mask()(240, static_cast<int>(std::lround(319.5 + r_px))); };
   EXPECT_EQ(at(model.self_mask_radius_px - 2.0), 0);
   EXPECT_EQ(at(model.self_mask_radius_px + 6.0), 255);
-  const double rim = f * (90.0 - 2.0) * M_PI / 180.0;  // equidistant: r = f·θ, two degrees below the horizon
+  const double rim =
+      f * (90.0 - 2.0) * M_PI / 180.0;  // equidistant lens: r = f·θ, two degrees below the horizon
   EXPECT_EQ(at(rim - 4.0), 255);
   EXPECT_EQ(at(rim + 1.0), 0);
   EXPECT_TRUE(view.nearBorder(static_cast<float>(319.5 + rim - 2.0), 240.0f));
@@ -23,16 +24,16 @@ TEST(FloorView, EndsAtTheHorizonAndAtTheRobotsOwnMask) {
   EXPECT_TRUE(view.nearBorder(-5.0f, 1000.0f));
 }
 
-TEST(FloorView, ATiltedCameraSeesMoreFloorOnOneSide) {
+TEST(FloorView, ExtendsOnOneSideOfATiltedCamera) {
   auto model = testing::fisheye();
   model.rotation_rpy_deg = {0.0, -10.0, 0.0};  // the optical axis turns forward (up in the image)
   const FloorView view(lens::Camera(model), ViewOptions{});
   const int u = 320, top_px = static_cast<int>(239.5 - model.focal_px.x() * 84.0 * M_PI / 180.0);
-  EXPECT_EQ(view.mask()(top_px, u), 0);  // would be floor 6° below an untilted horizon
+  EXPECT_EQ(view.mask()(top_px, u), 0);  // would be floor 6° below the horizon without the tilt
   EXPECT_EQ(view.mask()(479 - top_px, u), 255);
 }
 
-TEST(FloorView, SeedsLieInTheRingOrWhereTheOptionsSay) {
+TEST(FloorView, PlacesSeedsInRingRectangleOrAnnulus) {
   const auto model = testing::fisheye();
   ViewOptions options;
   const FloorView ring(lens::Camera(model), options);
@@ -50,10 +51,10 @@ TEST(FloorView, SeedsLieInTheRingOrWhereTheOptionsSay) {
   options.seed_rectangle_px.clear();
   options.seed_annulus_px = {420, 120, 0, 10};
   const FloorView disc(lens::Camera(model), options);
-  EXPECT_NEAR(cv::countNonZero(disc.seeds()) * 16.0, M_PI * 100.0, 64.0);  // to a few cells
+  EXPECT_NEAR(cv::countNonZero(disc.seeds()) * 16.0, M_PI * 100.0, 64.0);  // within a few cells
 }
 
-TEST(FloorView, RefusesCamerasAndSeedsThatShowNoFloor) {
+TEST(FloorView, RejectsCamerasAndSeedsWithoutFloor) {
   auto upward = testing::fisheye();
   upward.rotation_rpy_deg = {180.0, 0.0, 0.0};
   upward.fov_deg = 150.0;

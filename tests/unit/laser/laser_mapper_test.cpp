@@ -20,14 +20,15 @@ dataset::LaserSensor sensor() {
   return s;
 }
 
-/// RMS of the usable supports against the footprint's own about `c`, and how many there are.
-struct Against {
+/// RMS of the usable supports against the true ones of the footprint about `c`, and their number.
+struct SupportError {
   double rms_m = 0.0, worst_sigmas = 0.0;
   int usable = 0;
 };
-Against against(const SupportFunction& seen, const Polygon& footprint, const Eigen::Vector2d& c) {
+SupportError compareSupports(const SupportFunction& seen, const Polygon& footprint,
+                             const Eigen::Vector2d& c) {
   const SupportFunction truth = SupportFunction::of(footprint, c, 1.0);
-  Against a;
+  SupportError a;
   for (std::size_t k = 0; k < seen.size(); ++k) {
     if (seen.sigma_m[k] <= 0.0f) continue;
     const double off = seen.b_m[k] - truth.b_m[k];
@@ -39,8 +40,8 @@ Against against(const SupportFunction& seen, const Polygon& footprint, const Eig
   return a;
 }
 
-/// Seen over one corner: both facing sides, 180° less the angle that the box spans.
-TEST(LaserMapper, TheFacingSidesOfABoxWithoutNoise) {
+/// A box seen over one corner: supports of both facing sides, 180° minus the angle that the box spans.
+TEST(LaserMapper, MeasuresFacingSidesOfABoxWithoutNoise) {
   test::Room room;
   room.polygons.push_back(test::box({1.2, 0.3}, {0.30, 0.20}, 0.5));
   LaserMapper mapper(sensor(), {});
@@ -49,15 +50,15 @@ TEST(LaserMapper, TheFacingSidesOfABoxWithoutNoise) {
   EXPECT_EQ(map.sequence, 7u);
   EXPECT_EQ(map.camera_height_m, 0.0);
   ASSERT_EQ(map.objects.size(), 1u);
-  const Against a = against(map.objects[0].supports, room.polygons[0], {0, 0});
-  // The ends are known to half a beam: 0.25° at 1.2 m are 5 mm; the faces exactly.
+  const SupportError a = compareSupports(map.objects[0].supports, room.polygons[0], {0, 0});
+  // The ends are known to half a beam: 0.25° at 1.2 m are 5 mm. The faces are exact.
   EXPECT_LT(a.rms_m, 0.003);
-  // Of 96 directions those between the tangents' normals: the box spans about 16°.
+  // Of 96 directions, those between the normals of the tangents. The box spans about 16°.
   EXPECT_NEAR(a.usable, (180.0 - 16.0) / 3.75, 2.0);
   EXPECT_FALSE(map.objects[0].truncated);
 }
 
-TEST(LaserMapper, SupportsStayWithinTheirNoise) {
+TEST(LaserMapper, KeepsSupportsWithinTheirNoise) {
   double squares = 0.0;
   int views = 0;
   for (std::uint32_t seed = 0; seed < 40; ++seed) {
@@ -73,30 +74,31 @@ TEST(LaserMapper, SupportsStayWithinTheirNoise) {
     const LocalMap& map = mapper.process(room.scan(720, kSigma_m, seed), 0, {});
     ASSERT_EQ(map.objects.size(), 1u) << seed;
     const Polygon truth = seed % 2 == 0 ? room.polygons[0] : circlePolygon(at, 0.12, 720);
-    const Against a = against(map.objects[0].supports, truth, {0, 0});
+    const SupportError a = compareSupports(map.objects[0].supports, truth, {0, 0});
     EXPECT_GT(a.usable, 34) << seed;
     EXPECT_LT(a.rms_m, 0.02) << seed;
     squares += a.rms_m * a.rms_m;
     ++views;
   }
-  // σ of one echo is 5 mm, a face has ten or more of them, its end is known to half a beam (5 mm at 1.2 m).
+  // σ of one echo is 5 mm. A face has ten or more echoes. Its end is known to half a beam (5 mm at 1.2 m).
   EXPECT_LT(std::sqrt(squares / views), 0.006);
 }
 
-/// An arc is told from faces and gives its circle's supports.
-TEST(LaserMapper, ACylinderIsRound) {
+/// An arc is distinguished from faces and gives the supports of its circle.
+TEST(LaserMapper, RecognizesCylinder) {
   test::Room room;
   room.discs.push_back({{0.0, -1.0}, 0.15});
   LaserMapper mapper(sensor(), {});
   const LocalMap& map = mapper.process(room.scan(720), 0, {});
   ASSERT_EQ(map.objects.size(), 1u);
-  const Against a = against(map.objects[0].supports, circlePolygon({0.0, -1.0}, 0.15, 1440), {0, 0});
-  EXPECT_LT(a.rms_m, 1e-4);  // float ranges
+  const SupportError a =
+      compareSupports(map.objects[0].supports, circlePolygon({0.0, -1.0}, 0.15, 1440), {0, 0});
+  EXPECT_LT(a.rms_m, 1e-4);  // float rounding of the ranges
   EXPECT_NEAR(map.objects[0].contact_m.y(), -0.85, 1e-3);
 }
 
-/// The scanner sits off the middle and turned: everything still comes in base_link.
-TEST(LaserMapper, TheMountingIsTakenIntoAccount) {
+/// The scanner is mounted off the centre and turned. All output is in base_link.
+TEST(LaserMapper, AppliesMountingPose) {
   dataset::LaserSensor mounted = sensor();
   mounted.position_m = {0.10, -0.05, 0.2};
   mounted.yaw_deg = 90.0;
@@ -108,11 +110,11 @@ TEST(LaserMapper, TheMountingIsTakenIntoAccount) {
   EXPECT_NEAR(map.objects[0].contact_m.x(), 0.10, 2e-3);
   EXPECT_NEAR(map.objects[0].contact_m.y(), -0.05 + 0.85, 1e-3);
   EXPECT_EQ(map.scan.origin_m, Eigen::Vector2d(0.10, -0.05));
-  EXPECT_NEAR(map.scan.range_m[180], 0.85, 1e-3) << "straight to the left";
+  EXPECT_NEAR(map.scan.range_m[180], 0.85, 1e-3) << "directly to the left";
 }
 
-/// What is hidden says nothing: half of the farther box stands behind the nearer one.
-TEST(LaserMapper, HiddenEndsGiveNoSupports) {
+/// Half of the farther box is hidden behind the nearer one.
+TEST(LaserMapper, OmitsSupportsOfHiddenEnds) {
   test::Room room;
   room.polygons = {test::box({0.8, -0.12}, {0.2, 0.2}, 0.0), test::box({1.6, 0.0}, {0.2, 0.4}, 0.0)};
   LaserMapper mapper(sensor(), {});
@@ -121,12 +123,12 @@ TEST(LaserMapper, HiddenEndsGiveNoSupports) {
   for (const ObjectObservation& object : map.objects) {
     const bool near = object.contact_m.x() < 1.0;
     EXPECT_EQ(object.truncated, !near);
-    EXPECT_LT(against(object.supports, room.polygons[near ? 0 : 1], {0, 0}).rms_m, 0.003);
+    EXPECT_LT(compareSupports(object.supports, room.polygons[near ? 0 : 1], {0, 0}).rms_m, 0.003);
   }
 }
 
-/// Two boxes that touch in a hollow are two things.
-TEST(LaserMapper, AHollowPartsWhatTouches) {
+/// Two boxes that touch at a concave corner are two objects.
+TEST(LaserMapper, SeparatesTouchingObjectsAtConcaveCorner) {
   test::Room room;
   room.polygons = {test::box({1.0, 0.15}, {0.3, 0.3}, 0.0), test::box({1.2, -0.15}, {0.3, 0.3}, 0.0)};
   LaserMapper mapper(sensor(), {});
@@ -135,9 +137,8 @@ TEST(LaserMapper, AHollowPartsWhatTouches) {
   EXPECT_GT(std::abs(map.objects[0].contact_m.x() - map.objects[1].contact_m.x()), 0.1);
 }
 
-/// Walls are no objects; their rays are obstacles, those that see nothing are free as far as the scanner
-/// reaches.
-TEST(LaserMapper, TheScanOfAHalfOpenRoom) {
+/// Walls are no objects; their rays are obstacles. Rays without an echo are free up to the maximum range.
+TEST(LaserMapper, LabelsScanOfAHalfOpenRoom) {
   test::Room room;
   room.polygons = {{{2.0, -2.0}, {2.2, -2.0}, {2.2, 2.0}, {2.0, 2.0}}};
   room.discs.push_back({{0.0, 1.0}, 0.2});
@@ -156,8 +157,8 @@ TEST(LaserMapper, TheScanOfAHalfOpenRoom) {
   EXPECT_EQ(scan.range_m[250], 5.0f);
 }
 
-/// Rays where the scanner does not look are invalid.
-TEST(LaserMapper, AHalfTurnLeavesTheOtherHalfUnknown) {
+/// Rays outside of the field of view are invalid.
+TEST(LaserMapper, LeavesRaysOutsideTheFieldOfViewInvalid) {
   test::Room room;
   room.polygons.push_back(test::box({0.0, 0.0}, {4.0, 4.0}, 0.0));
   dataset::LaserRow row = room.scan(720);
@@ -174,9 +175,9 @@ TEST(LaserMapper, AHalfTurnLeavesTheOtherHalfUnknown) {
   EXPECT_NEAR(scan.range_m[0], 2.0, 1e-5);
 }
 
-/// In a room without walls what a scan shows may be robots that drive, here two of three: no scan is matched
-/// by it.
-TEST(LaserMapper, WhatMayDriveTellsNoMotion) {
+/// In a room without walls the objects in a scan may be moving robots, here two of three: the scan is not
+/// matched.
+TEST(LaserMapper, IgnoresObjectsThatMayMoveInScanMatching) {
   const Pose2 truth{0.05, 0.0, 0.02};
   const auto roomWith = [](const Pose2& pose, double gone_m) {
     const Pose2 here = pose.inverse();
@@ -197,8 +198,8 @@ TEST(LaserMapper, WhatMayDriveTellsNoMotion) {
   EXPECT_EQ(motion.covariance, wheels.covariance);
 }
 
-/// Of a scanner that tells nothing the room is not free.
-TEST(LaserMapper, AScanWithoutAnyEchoTellsNothing) {
+/// A scan without any echo must not make the room free.
+TEST(LaserMapper, RejectsScanWithoutAnyEcho) {
   test::Room room;
   room.discs.push_back({{1.0, 0.0}, 0.1});
   LaserMapper mapper(sensor(), {});
@@ -208,7 +209,7 @@ TEST(LaserMapper, AScanWithoutAnyEchoTellsNothing) {
   dataset::LaserRow millimetres = row;
   for (float& range : millimetres.range_m) range *= 1000.0f;
   EXPECT_EQ(mapper.process(millimetres, 1, {}).state, FrameState::kDark);
-  EXPECT_THAT(mapper.fault(), ::testing::HasSubstr("metres?"));
+  EXPECT_THAT(mapper.fault(), ::testing::HasSubstr("in metres"));
   row.range_m.assign(row.range_m.size(), INFINITY);
   const LocalMap& map = mapper.process(row, 2, {});
   EXPECT_EQ(map.state, FrameState::kDark);
@@ -216,7 +217,7 @@ TEST(LaserMapper, AScanWithoutAnyEchoTellsNothing) {
   EXPECT_THAT(mapper.fault(), ::testing::HasSubstr("no beam has an echo"));
 }
 
-TEST(LaserMapper, ImpossibleScansAreSaidToBeSo) {
+TEST(LaserMapper, ReportsStateOfInvalidScans) {
   test::Room room;
   room.discs.push_back({{1.0, 0.0}, 0.1});
   LaserMapper mapper(sensor(), {});
@@ -231,13 +232,13 @@ TEST(LaserMapper, ImpossibleScansAreSaidToBeSo) {
   };
   EXPECT_EQ(stateOf([](auto& row) { row.angle_increment_rad = 0.0; }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.angle_increment_rad *= 2.0; }), FrameState::kNonFinite)
-      << "two turns";
+      << "more than one full turn";
   EXPECT_EQ(stateOf([](auto& row) { row.angle_min_rad = std::nan(""); }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m[5] = std::nanf(""); }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m[5] = -1.0f; }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m.clear(); }), FrameState::kNonFinite);
   EXPECT_EQ(stateOf([](auto& row) { row.range_m.pop_back(); }), FrameState::kWrongSize);
-  EXPECT_EQ(mapper.process(good, 0, {}).state, FrameState::kOk) << "and it goes on";
+  EXPECT_EQ(mapper.process(good, 0, {}).state, FrameState::kOk) << "a valid scan after invalid ones";
 }
 
 }  // namespace

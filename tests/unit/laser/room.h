@@ -13,14 +13,14 @@ struct Disc {
   double radius_m;
 };
 
-/// Polygons and discs about a scanner in the origin; distances in closed form.
+/// Polygons and discs around a scanner at the origin, with distances in closed form.
 struct Room {
   std::vector<Polygon> polygons;
   std::vector<Disc> discs;
 
-  /// To the nearest surface; +inf where there is none.
+  /// Distance to the nearest surface; +inf if there is none.
   double distance(double bearing_rad) const;
-  /// A whole turn from −π on, with Gaussian noise.
+  /// One full turn from −π, with Gaussian noise.
   dataset::LaserRow scan(int beams, double sigma_m = 0.0, std::uint32_t seed = 1) const;
 };
 

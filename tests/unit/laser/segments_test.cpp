@@ -24,7 +24,7 @@ Beams beamsOf(const dataset::LaserRow& row, double range_max_m = 6.0) {
   return beams;
 }
 
-TEST(Segments, ARoomIsOneSurfaceWithoutEnds) {
+TEST(Segments, ReturnsClosedRoomAsOneSurface) {
   test::Room room;
   room.polygons.push_back(test::box({0.2, -0.1}, {4.0, 3.0}, 0.1));
   const auto found = cut(beamsOf(room.scan(720)));
@@ -33,40 +33,40 @@ TEST(Segments, ARoomIsOneSurfaceWithoutEnds) {
   EXPECT_FALSE(found[0].hidden_before || found[0].hidden_after);
 }
 
-/// A box before the wall and one across the seam of the scan (behind the robot): three surfaces.
-TEST(Segments, JumpsPartWhatStandsBeforeTheWall) {
+/// A box in front of the wall, and one across the seam of the scan (behind the robot): three surfaces.
+TEST(Segments, SeparatesBoxesFromTheWall) {
   test::Room room;
   room.polygons = {test::box({0.0, 0.0}, {5.0, 5.0}, 0.0), test::box({1.2, 0.0}, {0.3, 0.3}, 0.3),
                    test::box({-1.0, 0.0}, {0.2, 0.4}, 0.0)};
   const Beams beams = beamsOf(room.scan(720, 0.005));
   const auto found = cut(beams);
-  ASSERT_EQ(found.size(), 4u) << "the wall is cut in two";
+  ASSERT_EQ(found.size(), 4u) << "the boxes cut the wall in two";
   int free_ends = 0;
   std::size_t behind = 0;
   for (const Segment& s : found) {
     free_ends += !s.hidden_before && !s.hidden_after ? 1 : 0;
-    // The box behind spans 2·atan(0.2/0.9) = 25.06°, 50 beams at 0.5°.
+    // The box behind the robot spans 2·atan(0.2/0.9) = 25.06°, 50 beams at 0.5°.
     if (std::abs(beams.at(s.first + s.count / 2).point_m.x() + 0.9) < 0.02) behind = s.count;
   }
-  EXPECT_EQ(free_ends, 2) << "boxes end by themselves, the wall goes on behind them";
+  EXPECT_EQ(free_ends, 2) << "the ends of the boxes are visible, the wall continues behind them";
   EXPECT_NEAR(static_cast<double>(behind), 50.1, 1.0);
 }
 
-TEST(Segments, WhatIsPartlyBehindAnotherSaysSo) {
+TEST(Segments, MarksPartlyHiddenSurface) {
   test::Room room;
   room.discs.push_back({{1.0, 0.2}, 0.1});
   room.polygons = {test::box({2.0, 0.0}, {0.2, 1.6}, 0.0)};
   const Beams beams = beamsOf(room.scan(720));
   const auto found = cut(beams);
-  ASSERT_EQ(found.size(), 3u) << "the farther box on both sides of the nearer one";
+  ASSERT_EQ(found.size(), 3u) << "the farther box is visible on both sides of the nearer one";
   for (const Segment& s : found) {
     const bool near = beams.at(s.first).range_m < 1.3;
     EXPECT_EQ(s.hidden_before || s.hidden_after, !near);
   }
 }
 
-/// No echo within a known reach is free; without a known reach nothing is known.
-TEST(Segments, NoEchoIsFreeOnlyWithinAKnownReach) {
+/// No echo within a known maximum range means free. With an unknown maximum range it means unknown.
+TEST(Segments, TreatsNoEchoAsFreeOnlyWithKnownRange) {
   test::Room room;
   room.discs.push_back({{1.0, 0.0}, 0.1});
   EXPECT_EQ(beamsOf(room.scan(360)).at(0).echo, Echo::kNone);
@@ -75,8 +75,8 @@ TEST(Segments, NoEchoIsFreeOnlyWithinAKnownReach) {
   EXPECT_TRUE(cut(beamsOf(room.scan(360), 0.0))[0].hidden_before);
 }
 
-/// The field of view's end cuts a thing; the same scan read clockwise gives the same.
-TEST(Segments, ClockwiseScannersAndTheEndOfTheView) {
+/// The end of the field of view cuts an object. The same scan in clockwise order gives the same result.
+TEST(Segments, HandlesClockwiseScansAndEndOfView) {
   test::Room room;
   room.discs.push_back({{0.0, 1.0}, 0.2});
   dataset::LaserRow row;

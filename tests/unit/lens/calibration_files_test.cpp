@@ -35,7 +35,7 @@ constexpr const char* kSensor =
     "0.1, 0.5]\n"
     "rotation_rpy_deg: [0.0, -90.0, 3]\nself_mask_radius_px: 99\n";
 
-TEST(SensorYaml, EveryKeyAndBack) {
+TEST(SensorYaml, ReadsAndWritesEveryKey) {
   const omnifleet::test::TempFolder folder;
   const CameraModel m = CameraModel::load(written(folder, "sensor.yaml", kSensor));
   EXPECT_EQ(m.kind, CameraKind::kFisheye);
@@ -55,7 +55,7 @@ TEST(SensorYaml, EveryKeyAndBack) {
   EXPECT_EQ(again.distortion, m.distortion);
 }
 
-TEST(SensorYaml, ErrorsNameFileLineKeyAndBound) {
+TEST(SensorYaml, NamesFileLineKeyAndBoundInErrors) {
   const omnifleet::test::TempFolder folder;
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string text = kSensor;
@@ -83,7 +83,7 @@ TEST(SensorYaml, ErrorsNameFileLineKeyAndBound) {
               AllOf(HasSubstr("nowhere.yaml"), HasSubstr("cannot be read")));
 }
 
-TEST(SensorYaml, PanoramaNeedsNoIntrinsics) {
+TEST(SensorYaml, FillsIntrinsicsOfPanorama) {
   const omnifleet::test::TempFolder folder;
   const CameraModel m = CameraModel::load(
       written(folder, "p.yaml", "camera_model: equirectangular\nimage_width: 1000\nimage_height: 500\n"));
@@ -92,7 +92,7 @@ TEST(SensorYaml, PanoramaNeedsNoIntrinsics) {
   EXPECT_LT((*lens->pixelFromRay({1, 0, 0}) - Eigen::Vector2d(749.5, 249.5)).norm(), 1e-9);
 }
 
-TEST(OpenCvFile, PinholeAndFisheyeAsXmlAndYaml) {
+TEST(OpenCvFile, ReadsPinholeAndFisheyeFromXmlAndYaml) {
   const omnifleet::test::TempFolder folder;
   for (const char* name : {"c.xml", "c.yml", "f.xml", "f.yml"}) {
     const bool fisheye = name[0] == 'f';
@@ -117,7 +117,7 @@ TEST(OpenCvFile, PinholeAndFisheyeAsXmlAndYaml) {
   }
 }
 
-TEST(OpenCvFile, MayBeginWithAByteOrderMark) {
+TEST(OpenCvFile, AcceptsByteOrderMark) {
   const omnifleet::test::TempFolder folder;
   for (const char* name : {"c.xml", "c.yml"}) {
     cv::FileStorage file(name, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
@@ -128,13 +128,14 @@ TEST(OpenCvFile, MayBeginWithAByteOrderMark) {
   }
 }
 
-TEST(OpenCvFile, MayStandUnderASensorYamlThatPlacesIt) {
+TEST(OpenCvFile, SuppliesIntrinsicsToSensorYaml) {
   const omnifleet::test::TempFolder folder;
   {
     cv::FileStorage file(folder / "c.yml", cv::FileStorage::WRITE);
     file << "camera_matrix" << cv::Mat(cv::Matx33d(250, 0, 401, 0, 251, 299, 0, 0, 1));
   }
-  EXPECT_THAT(refusal(folder / "c.yml"), HasSubstr("image_width")) << "the file does not say its size";
+  EXPECT_THAT(refusal(folder / "c.yml"), HasSubstr("image_width"))
+      << "the file does not state the image size";
   const CameraModel m = CameraModel::load(written(folder, "sensor.yaml",
                                                   "camera_model: pinhole\ncalibration: c.yml\nimage_width: "
                                                   "800\nimage_height: 600\nposition_m: [0, 0, 2.5]\n"));
@@ -143,7 +144,7 @@ TEST(OpenCvFile, MayStandUnderASensorYamlThatPlacesIt) {
   EXPECT_EQ(m.position_m.z(), 2.5);
 }
 
-TEST(OpenCvFile, DamagedOrIncompleteIsRefused) {
+TEST(OpenCvFile, RejectsDamagedOrIncompleteFile) {
   const omnifleet::test::TempFolder folder;
   EXPECT_THAT(refusal(written(folder, "d.yml", "%YAML:1.0\n---\ncamera_matrix: [1, 2\n")),
               HasSubstr("d.yml"));
@@ -151,7 +152,7 @@ TEST(OpenCvFile, DamagedOrIncompleteIsRefused) {
               HasSubstr("camera_matrix"));
 }
 
-TEST(OpenCvFile, OtherPeoplesFile) {
+TEST(OpenCvFile, ReadsPublishedCalibration) {
   OMNIFLEET_NEEDS_DATA(path, "overhead/vss/cameraCoefficients.xml");
   const CameraModel m = CameraModel::load(path);
   EXPECT_EQ(m.image_width_px, 640);
@@ -168,7 +169,7 @@ constexpr const char* kKalibr =
     "  rostopic: /cam0/image_raw\n  T_cam_imu:\n  - [1.0, 0.0, 0.0, 0.0]\n  - [0.0, 1.0, 0.0, 0.0]\n"
     "  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n";
 
-TEST(KalibrFile, Camchain) {
+TEST(KalibrFile, ReadsFirstCameraOfCamchain) {
   const omnifleet::test::TempFolder folder;
   const CameraModel m = CameraModel::load(written(folder, "camchain.yaml", kKalibr));
   EXPECT_EQ(m.projection, Projection::kKannalaBrandt);
@@ -180,7 +181,7 @@ TEST(KalibrFile, Camchain) {
   EXPECT_THAT(refusal(written(folder, "o.yaml", other)), HasSubstr("distortion_model"));
 }
 
-TEST(CameraInfoFile, PlainYamlWithOpenCvKeys) {
+TEST(CameraInfoFile, ReadsPlainYamlWithOpenCvKeys) {
   const omnifleet::test::TempFolder folder;
   const CameraModel m = CameraModel::load(
       written(folder, "info.yaml",

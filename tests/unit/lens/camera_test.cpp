@@ -5,7 +5,7 @@
 namespace omnifleet::lens::test {
 namespace {
 
-TEST(Extrinsics, DownwardCameraHasForwardUpAndLeftLeft) {
+TEST(Extrinsics, MapsForwardUpAndLeftLeftForDownwardCamera) {
   CameraModel m = model(Projection::kEquidistant);
   m.position_m = {0.0, 0.0, 0.5};
   const Camera camera(m);
@@ -19,13 +19,13 @@ TEST(Extrinsics, DownwardCameraHasForwardUpAndLeftLeft) {
   EXPECT_NEAR(m.principal_point_px.y() - ahead.y(), m.focal_px.y() * std::atan2(1.0, 0.5), 1e-9);
 }
 
-TEST(Extrinsics, ForwardCameraLooksAlongX) {
+TEST(Extrinsics, AlignsAxisWithXForForwardCamera) {
   CameraModel m = pinhole({});
   m.position_m = {0.1, 0.0, 0.3};
   m.rotation_rpy_deg = {0.0, -90.0, 0.0};
   const Camera camera(m);
   const Eigen::Matrix3d r = camera.parentFromCamera().linear();
-  EXPECT_LT((r.col(2) - Eigen::Vector3d(1, 0, 0)).norm(), 1e-12);   // viewing direction
+  EXPECT_LT((r.col(2) - Eigen::Vector3d(1, 0, 0)).norm(), 1e-12);   // optical axis
   EXPECT_LT((r.col(0) - Eigen::Vector3d(0, -1, 0)).norm(), 1e-12);  // image right
   EXPECT_LT((r.col(1) - Eigen::Vector3d(0, 0, -1)).norm(), 1e-12);  // image down
   const auto floor = camera.floorFromPixel(m.principal_point_px + Eigen::Vector2d(0.0, 815.0 * 0.3 / 2.0));
@@ -37,7 +37,7 @@ TEST(Extrinsics, ForwardCameraLooksAlongX) {
 
 // Choi et al. 2014, eq. 6–7 for the orthographic lens: floor point = (x_d, y_d)·L/F·(height/F), L = F²/√(F² −
 // r²).
-TEST(Choi, CorrectionOfFeaturePoints) {
+TEST(Choi, MatchesCorrectionOfFeaturePoints) {
   CameraModel m = model(Projection::kOrthographic);
   m.focal_px = {300.0, 300.0};
   m.position_m = {0.0, 0.0, 0.42};
@@ -57,7 +57,7 @@ TEST(Choi, CorrectionOfFeaturePoints) {
   }
 }
 
-TEST(Camera, PlanesAndPointsAreInverse) {
+TEST(Camera, InvertsPlaneAndPointProjection) {
   CameraModel m = simulatedOcam();
   m.position_m = {0.05, -0.02, 0.55};
   m.rotation_rpy_deg = {1.3, -2.1, 14.0};
@@ -74,7 +74,7 @@ TEST(Camera, PlanesAndPointsAreInverse) {
   }
 }
 
-TEST(Camera, CeilingCameraSeesTheFloorInMap) {
+TEST(Camera, MapsFloorPixelToMapForCeilingCamera) {
   CameraModel m = pinhole({-0.1, 0.01, 0.0, 0.0, 0.0});
   m.position_m = {-0.75, 0.2, 3.0};
   m.rotation_rpy_deg = {2.0, 1.0, 90.0};

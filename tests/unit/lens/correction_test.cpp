@@ -27,14 +27,14 @@ CorrectionOptions orthographic(double focal_px) {
   return options;
 }
 
-TEST(Correction, TheSensorsOwnLensUnlessToldOtherwise) {
+TEST(Correction, UsesSensorProjectionByDefault) {
   const Camera sensor(downward(Projection::kEquidistant, 297.0, 185.0));
   const Camera same = correctionCamera(sensor, {});
   EXPECT_EQ(same.model().projection, Projection::kEquidistant);
   EXPECT_EQ(*same.floorFromPixel({800.0, 300.0}), *sensor.floorFromPixel({800.0, 300.0}));
 }
 
-TEST(Correction, IsEquationsSixAndSevenTimesHeightOverF) {
+TEST(Correction, MatchesEquations6And7ScaledByHeight) {
   const Camera sensor(downward(Projection::kEquidistant, 297.0, 185.0));
   const double f = 360.0, height_m = 0.5;
   const Camera camera = correctionCamera(sensor, orthographic(f));
@@ -42,7 +42,7 @@ TEST(Correction, IsEquationsSixAndSevenTimesHeightOverF) {
   for (const Eigen::Vector2d& d : pixels) {
     const double l = f * f / std::sqrt(f * f - d.squaredNorm());  // eq. 7
     const Eigen::Vector2d corrected = d * l / f;                  // eq. 6
-    // Image right is −y of the robot, image down is −x.
+    // Image right is −y of the robot; image down is −x.
     const Eigen::Vector2d expected = height_m / f * Eigen::Vector2d(-corrected.y(), -corrected.x());
     const auto floor = camera.floorFromPixel(Eigen::Vector2d(639.5, 479.5) + d);
     ASSERT_TRUE(floor);
@@ -50,7 +50,7 @@ TEST(Correction, IsEquationsSixAndSevenTimesHeightOverF) {
   }
 }
 
-TEST(Correction, GivesNothingAtAndBeyondF) {
+TEST(Correction, ReturnsNothingAtAndBeyondF) {
   const Camera camera =
       correctionCamera(Camera(downward(Projection::kEquidistant, 297.0, 185.0)), orthographic(360.0));
   EXPECT_TRUE(camera.floorFromPixel({639.5 + 359.9, 479.5}));
@@ -59,12 +59,12 @@ TEST(Correction, GivesNothingAtAndBeyondF) {
   EXPECT_LE(camera.model().fov_deg, 180.0);
 }
 
-TEST(Correction, TheFitFindsTheFocalLengthOfAnOrthographicLens) {
+TEST(Correction, RecoversFocalLengthOfOrthographicLens) {
   const Camera sensor(downward(Projection::kOrthographic, 470.0, 170.0));
-  EXPECT_NEAR(fittedFocalPx(sensor, 1.5), 470.0, 0.01);  // thirds of a bracket of 2 %, 40 times
+  EXPECT_NEAR(fittedFocalPx(sensor, 1.5), 470.0, 0.01);  // ternary search, 40 steps on a bracket of 2 %
 }
 
-TEST(Correction, TheFitIsBetterThanItsNeighboursAndNeverExact) {
+TEST(Correction, FitsBestFocalLengthWithResidualError) {
   const Camera sensor(downward(Projection::kEquidistant, 297.0, 185.0));
   const auto error = [&](double focal_px) {
     const Camera camera = correctionCamera(sensor, orthographic(focal_px));
@@ -76,11 +76,11 @@ TEST(Correction, TheFitIsBetterThanItsNeighboursAndNeverExact) {
     return std::sqrt(sum / 30.0);
   };
   const double fitted = fittedFocalPx(sensor, 1.5);
-  EXPECT_LT(error(fitted), error(297.0));           // F taken from the sensor's lens
-  EXPECT_LT(error(fitted), error(297.0 * M_PI_2));  // F where the image circle ends
+  EXPECT_LT(error(fitted), error(297.0));           // F of the sensor's projection
+  EXPECT_LT(error(fitted), error(297.0 * M_PI_2));  // F at the edge of the image circle
   EXPECT_LT(error(fitted), error(1.03 * fitted));
   EXPECT_LT(error(fitted), error(0.97 * fitted));
-  EXPECT_GT(error(fitted), 0.05);  // a 185° lens is not orthographic: centimetres remain
+  EXPECT_GT(error(fitted), 0.05);  // a 185° lens is not orthographic: an error of centimetres remains
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ CameraModel downward(CameraModel m) {
   return m;
 }
 
-/// Largest error over sub-pixel positions, in pixels of that place: metres ÷ metres per pixel (radially).
+/// Largest error over sub-pixel positions, in pixels of that position: metres ÷ metres per pixel (radially).
 double worstError_px(const CameraModel& m, int step_px, double last_m, double plane_m) {
   const Camera camera(m);
   const FloorTable table(camera, step_px);
@@ -34,8 +34,9 @@ double worstError_px(const CameraModel& m, int step_px, double last_m, double pl
   return worst;
 }
 
-// Contours are good to 0.2–0.4 px, so 0.01 px is nothing; without a lattice only float's digits remain.
-TEST(FloorTable, ErrsByLessThanContoursDo) {
+// Contours are accurate to 0.2–0.4 px, so 0.01 px is negligible. With step 1 only the rounding of float
+// remains.
+TEST(FloorTable, KeepsErrorBelowThatOfContours) {
   for (const CameraModel& m :
        {downward(model(Projection::kEquidistant)), downward(model(Projection::kStereographic)),
         downward(model(Projection::kEquisolid)), downward(simulatedOcam()),
@@ -48,21 +49,21 @@ TEST(FloorTable, ErrsByLessThanContoursDo) {
   }
 }
 
-TEST(FloorTable, NothingAboveTheHorizonOrOutside) {
+TEST(FloorTable, ReturnsNanAboveHorizonAndOutsideImage) {
   const CameraModel m = downward(model(Projection::kEquidistant));
   const FloorTable table{Camera(m)};
   const float cx = 641.3f, cy = 478.2f, f = 297.0f;
   EXPECT_TRUE(table.at(cx, cy).allFinite());
   EXPECT_TRUE(std::isnan(table.at(cx + f * 1.59f, cy).x())) << "91° is above the horizon";
-  EXPECT_TRUE(table.ray(cx + f * 1.59f, cy).allFinite()) << "but it is seen";
-  EXPECT_TRUE(std::isnan(table.ray(cx + f * 1.65f, cy).x())) << "94.5° is not";
+  EXPECT_TRUE(table.ray(cx + f * 1.59f, cy).allFinite()) << "but inside the field of view";
+  EXPECT_TRUE(std::isnan(table.ray(cx + f * 1.65f, cy).x())) << "94.5° is outside the field of view";
   EXPECT_TRUE(std::isnan(table.at(-30.0f, 100.0f).x()));
   EXPECT_TRUE(std::isnan(table.at(100.0f, 5000.0f).x()));
   EXPECT_TRUE(std::isnan(table.at(std::nanf(""), 100.0f).x()));
 }
 
-// At the edge of the field of view the lattice has holes; there the exact function answers.
-TEST(FloorTable, IsCompleteUpToTheEdgeOfTheFieldOfView) {
+// At the edge of the field of view lattice points are missing; there the exact function answers.
+TEST(FloorTable, IsCompleteUpToEdgeOfFieldOfView) {
   CameraModel m = downward(model(Projection::kEquidistant, 160.0));
   const Camera camera(m);
   const FloorTable table(camera, 8);
@@ -70,7 +71,7 @@ TEST(FloorTable, IsCompleteUpToTheEdgeOfTheFieldOfView) {
     for (double u = 0.5; u < m.image_width_px; u += 3.3) {
       const auto exact = camera.floorFromPixel({u, v});
       const double r = (Eigen::Vector2d(u, v) - m.principal_point_px).cwiseQuotient(m.focal_px).norm();
-      if (std::abs(r - 80.0 * kDeg) < 1e-5) continue;  // float pixels may fall on either side
+      if (std::abs(r - 80.0 * kDeg) < 1e-5) continue;  // rounding to float may put the pixel on either side
       EXPECT_EQ(exact.has_value(), table.at(static_cast<float>(u), static_cast<float>(v)).allFinite())
           << u << " " << v;
     }

@@ -20,8 +20,8 @@ inline CameraModel model(Projection projection, double fov_deg = 185.0) {
   return m;
 }
 
-/// The simulated camera of CVSystem, calibrated by its authors (see the test data's README) with OCamCalib:
-/// xc = 960.6058 (row), yc = 960.5975 (column), 1-based.
+/// The simulated camera of CVSystem, calibrated by its authors with OCamCalib (see the README of the test
+/// data): xc = 960.6058 (row), yc = 960.5975 (column), 1-based.
 inline CameraModel simulatedOcam(double fov_deg = 185.0) {
   CameraModel m = model(Projection::kOcam, fov_deg);
   m.image_width_px = m.image_height_px = 1920;
@@ -30,7 +30,7 @@ inline CameraModel simulatedOcam(double fov_deg = 185.0) {
   return m;
 }
 
-/// The same camera in the Kannala–Brandt model, calibrated independently of the above (RMS 0.28 px).
+/// The same camera in the Kannala–Brandt model, calibrated independently (RMS 0.28 px).
 inline CameraModel simulatedKannalaBrandt(double fov_deg = 185.0) {
   CameraModel m = model(Projection::kKannalaBrandt, fov_deg);
   m.image_width_px = m.image_height_px = 1920;

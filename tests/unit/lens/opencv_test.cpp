@@ -37,8 +37,8 @@ void expectSame(const CameraModel& m, const std::vector<cv::Point3d>& points,
   }
 }
 
-// OpenCV's model divides by z, so it is a reference below 90° only.
-TEST(AgainstOpenCv, FisheyeProjectPoints) {
+// OpenCV's model divides by z, so it is a reference only below 90°.
+TEST(AgainstOpenCv, MatchesFisheyeProjectPoints) {
   const CameraModel m = simulatedKannalaBrandt();
   const std::vector<cv::Point3d> points = rays(89.0);
   std::vector<cv::Point2d> pixels;
@@ -47,7 +47,7 @@ TEST(AgainstOpenCv, FisheyeProjectPoints) {
   expectSame(m, points, pixels);
 }
 
-TEST(AgainstOpenCv, ProjectPoints) {
+TEST(AgainstOpenCv, MatchesProjectPoints) {
   for (const std::vector<double>& d :
        {std::vector<double>{}, std::vector<double>{-0.28, 0.09, 0.001, -0.0007},
         std::vector<double>{-0.28, 0.09, 0.001, -0.0007, -0.012},
@@ -60,9 +60,9 @@ TEST(AgainstOpenCv, ProjectPoints) {
   }
 }
 
-// Two calibrations of one simulated camera, by different people's tools with different models (KB RMS 0.28
-// px): they agree where both saw the chessboard. 1-based centres would shift the whole image by 1.4 px.
-TEST(AgainstOtherCalibration, OcamAndKannalaBrandtOfTheSameCamera) {
+// Two independent calibrations of one simulated camera with different tools and models (Kannala–Brandt RMS
+// 0.28 px). They agree where both saw the chessboard. 1-based centres would shift the whole image by 1.4 px.
+TEST(AgainstOtherCalibration, AgreesBetweenOcamAndKannalaBrandt) {
   const auto ocam = Lens::make(simulatedOcam(140.0)), kannala = Lens::make(simulatedKannalaBrandt(140.0));
   double sum = 0.0, most = 0.0;
   int n = 0;
@@ -78,14 +78,14 @@ TEST(AgainstOtherCalibration, OcamAndKannalaBrandtOfTheSameCamera) {
   EXPECT_LT(most, 1.2);
 }
 
-// OCamCalib's cam2world in its own frame (x down, y right, z backward; 1-based centre), written out.
-TEST(AgainstOtherCalibration, OcamFormulaOfItsAuthors) {
+// cam2world of OCamCalib in its own frame (x down, y right, z backward; 1-based centre), written out.
+TEST(AgainstOtherCalibration, MatchesPublishedOcamFormula) {
   const CameraModel m = simulatedOcam();
   const std::vector<double>& d = m.distortion;
   const auto lens = Lens::make(m);
   for (double row = 61.0; row < 1900.0; row += 91.0) {
     for (double column = 101.0; column < 1900.0; column += 83.0) {
-      const double a = row + 1.0 - 960.6058, b = column + 1.0 - 960.5975;  // MATLAB counts from 1
+      const double a = row + 1.0 - 960.6058, b = column + 1.0 - 960.5975;  // MATLAB indices are 1-based
       const double determinant = d[5] - d[6] * d[7];
       const double x = (a - d[6] * b) / determinant, y = (-d[7] * a + d[5] * b) / determinant;
       const double rho = std::hypot(x, y);

@@ -27,23 +27,24 @@ double namedAngle(const std::string& message) {
 }
 
 // ρ' = 1 + 3 k1 θ² vanishes at θ = √(−1/(3 k1)).
-TEST(Refusal, KannalaBrandtNamesTheAngle) {
+TEST(Refusal, NamesBreakAngleOfKannalaBrandt) {
   CameraModel m = model(Projection::kKannalaBrandt);
   m.distortion = {-0.2, 0.0, 0.0, 0.0};
   EXPECT_NEAR(namedAngle(refusal(m)), std::sqrt(1.0 / 0.6) / kDeg, 0.01);
-  m.fov_deg = 2.0 * 73.0;  // 73.97° is where it breaks
+  m.fov_deg = 2.0 * 73.0;  // the break is at 73.97°
   EXPECT_EQ(refusal(m), "");
 }
 
-// z(ρ) = 300 + 0.004 ρ² turns back where z − ρ z' = 300 − 0.004 ρ² = 0: tan θ = ρ/z at ρ = √(300/0.004).
-TEST(Refusal, OcamNamesTheAngle) {
+// z(ρ) = 300 + 0.004 ρ² stops increasing in θ where z − ρ z' = 300 − 0.004 ρ² = 0: tan θ = ρ/z at ρ =
+// √(300/0.004).
+TEST(Refusal, NamesBreakAngleOfOcam) {
   CameraModel m = simulatedOcam();
   m.distortion = {-300.0, 0.0, -0.004, 1.0, 0.0, 0.0};
   const double rho = std::sqrt(300.0 / 0.004);
   EXPECT_NEAR(namedAngle(refusal(m)), std::atan2(rho, 600.0) / kDeg, 0.01);
 }
 
-TEST(Refusal, OcamSignAndAffine) {
+TEST(Refusal, RejectsOcamWithWrongSignOrAffinePart) {
   CameraModel m = simulatedOcam();
   for (std::size_t i = 0; i < 5; ++i) m.distortion[i] = -m.distortion[i];
   EXPECT_THAT(refusal(m), HasSubstr("ss0 must be negative"));
@@ -53,13 +54,13 @@ TEST(Refusal, OcamSignAndAffine) {
   EXPECT_THAT(refusal(m), HasSubstr("c − d·e"));
 }
 
-// g' = 1 + 3 k1 r² vanishes at r = √(−1/(3 k1)); the image's edge lies beyond.
-TEST(Refusal, PinholeThatTurnsBackInsideTheImage) {
+// g' = 1 + 3 k1 r² vanishes at r = √(−1/(3 k1)); the edge of the image lies beyond.
+TEST(Refusal, RejectsPinholeThatBreaksInsideImage) {
   const std::string message = refusal(pinhole({-1.5, 0.0, 0.0, 0.0, 0.0}));
   EXPECT_NEAR(namedAngle(message), std::atan(std::sqrt(1.0 / 4.5)) / kDeg, 0.02);
 }
 
-TEST(Refusal, PinholeRefusesPointsBeyondItsMonotonicRange) {
+TEST(Refusal, ReturnsNothingBeyondMonotonicRangeOfPinhole) {
   CameraModel m = pinhole({-0.3, 0.0, 0.0, 0.0, 0.0});
   m.focal_px = {1000.0, 1000.0};
   const auto lens = Lens::make(m);
@@ -72,8 +73,9 @@ TEST(Refusal, PinholeRefusesPointsBeyondItsMonotonicRange) {
   EXPECT_FALSE(lens->rayFromPixel(m.principal_point_px + Eigen::Vector2d(edge_px + 0.1, 0.0)));
 }
 
-// The break may lie beyond 90°: ρ' = 1 − 3 a θ² vanishes at 100°, for 92.5° it does not matter.
-TEST(Refusal, KannalaBrandtThatBreaksBeyondNinetyDegrees) {
+// The break may lie beyond 90°: ρ' = 1 − 3 a θ² vanishes at 100°. A field of view of 92.5° from the axis does
+// not reach it.
+TEST(Refusal, AcceptsKannalaBrandtThatBreaksOutsideFieldOfView) {
   const double break_rad = 100.0 * kDeg;
   CameraModel m = model(Projection::kKannalaBrandt, 2.0 * 99.9);
   m.distortion = {-1.0 / (3.0 * break_rad * break_rad), 0.0, 0.0, 0.0};
@@ -88,9 +90,9 @@ TEST(Refusal, KannalaBrandtThatBreaksBeyondNinetyDegrees) {
   EXPECT_NEAR(namedAngle(refusal(m)), 100.0, 0.01);
 }
 
-// z(ρ) = 300 − b ρ³: θ' ∝ z − ρ z' = 300 + 2 b ρ³ > 0 for ever, θ tends to 180°. With + c ρ⁴ it turns back
-// where 300 + 2 b ρ³ − 3 c ρ⁴ = 0, here beyond 90°.
-TEST(Refusal, OcamThatBreaksBeyondNinetyDegrees) {
+// z(ρ) = 300 − b ρ³: θ' ∝ z − ρ z' = 300 + 2 b ρ³ > 0 for every ρ, so θ tends to 180°. With + c ρ⁴, θ stops
+// increasing where 300 + 2 b ρ³ − 3 c ρ⁴ = 0, here beyond 90°.
+TEST(Refusal, AcceptsOcamThatBreaksOutsideFieldOfView) {
   CameraModel m = simulatedOcam(185.0);
   const double b = 2e-5, c = 2e-8;
   m.distortion = {-300.0, 0.0, 0.0, b, -c, 1.0, 0.0, 0.0};
@@ -104,7 +106,7 @@ TEST(Refusal, OcamThatBreaksBeyondNinetyDegrees) {
   EXPECT_NEAR(namedAngle(refusal(m)), break_deg, 0.05);
 }
 
-TEST(Refusal, NumbersOfTheWrongKind) {
+TEST(Refusal, RejectsInvalidNumbers) {
   CameraModel m = model(Projection::kEquidistant);
   m.focal_px = {0.0, 100.0};
   EXPECT_THAT(refusal(m), StartsWith("focal_px:"));

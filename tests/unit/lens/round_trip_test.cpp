@@ -39,7 +39,7 @@ std::vector<Case> cases() {
 
 class RoundTrip : public ::testing::TestWithParam<Case> {};
 
-TEST_P(RoundTrip, RayToPixelToRay) {
+TEST_P(RoundTrip, ReturnsSameRay) {
   const auto lens = Lens::make(GetParam().model);
   for (int i = 0; i <= 400; ++i) {
     const double theta = GetParam().last_deg * kDeg * i / 400.0;
@@ -50,15 +50,15 @@ TEST_P(RoundTrip, RayToPixelToRay) {
       const auto back = lens->rayFromPixel(*pixel);
       ASSERT_TRUE(back) << theta / kDeg << "°";
       EXPECT_NEAR(back->norm(), 1.0, 1e-14);
-      // The orthographic lens flattens out at its edge (dr/dθ = cos θ): there a digit of the pixel is worth
-      // 1/cos θ.
+      // The slope of the orthographic lens vanishes at its edge (dr/dθ = cos θ). There one digit of the pixel
+      // is worth 1/cos θ.
       const bool flat = GetParam().model.projection == Projection::kOrthographic && theta > 85.0 * kDeg;
       EXPECT_LT((*back - ray).norm(), flat ? 1e-9 : 5e-13) << theta / kDeg << "°";
     }
   }
 }
 
-TEST_P(RoundTrip, PixelToRayToPixel) {
+TEST_P(RoundTrip, ReturnsSamePixel) {
   const auto lens = Lens::make(GetParam().model);
   int seen = 0;
   for (double v = 0.0; v < GetParam().model.image_height_px; v += 17.3) {
@@ -69,15 +69,15 @@ TEST_P(RoundTrip, PixelToRayToPixel) {
       ASSERT_TRUE(ray->allFinite());
       const auto pixel = lens->pixelFromRay(*ray);
       ASSERT_TRUE(pixel) << u << ", " << v;
-      // 1e-9 px is a hundred times the spacing of doubles at 1000 px; near the orthographic edge it is lost
-      // too.
+      // 1e-9 px is a hundred times the spacing of doubles at 1000 px. Near the edge of the orthographic lens
+      // that precision is lost, too.
       EXPECT_LT((*pixel - Eigen::Vector2d(u, v)).norm(), 1e-9) << u << ", " << v;
     }
   }
   EXPECT_GT(seen, 500);
 }
 
-TEST_P(RoundTrip, NonFiniteInputIsNotSeen) {
+TEST_P(RoundTrip, ReturnsNothingForNonFiniteInput) {
   const auto lens = Lens::make(GetParam().model);
   const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
   EXPECT_FALSE(lens->rayFromPixel({nan, 100.0}));
@@ -104,7 +104,7 @@ TEST(FieldOfView, EndsExactlyAtItsEdge) {
 }
 
 // Choi eq. 7: L = F²/√(F² − r²) does not exist for r ≥ F.
-TEST(FieldOfView, OrthographicIsUndefinedFromNinetyDegreesOn) {
+TEST(FieldOfView, EndsBelowNinetyDegreesForOrthographicLens) {
   const CameraModel m = model(Projection::kOrthographic);
   const auto lens = Lens::make(m);
   EXPECT_FALSE(lens->pixelFromRay(rayAt(M_PI / 2, 0.3)));

@@ -12,14 +12,14 @@ Spread spreadOf(CameraModel model) {
   return Spread::of(Camera(model));
 }
 
-TEST(Spread, OfTheProjectionsIsTheirFormula) {
+TEST(Spread, ReturnsKappaOfClosedFormProjections) {
   EXPECT_NEAR(spreadOf(test::model(Projection::kOrthographic)).kappa(), 1.0, 1e-4);
   EXPECT_NEAR(spreadOf(test::model(Projection::kEquisolid)).kappa(), 0.25, 1e-4);
   EXPECT_NEAR(spreadOf(test::model(Projection::kEquidistant)).kappa(), 0.0, 1e-4);
   EXPECT_LT(spreadOf(test::model(Projection::kStereographic)).kappa(), -0.4);
 }
 
-TEST(Spread, IsWhatTheLensDoes) {
+TEST(Spread, MatchesRadiusRatioOfLens) {
   for (const CameraModel& model :
        {test::model(Projection::kOrthographic), test::model(Projection::kEquisolid),
         test::model(Projection::kStereographic), test::simulatedOcam(), test::simulatedKannalaBrandt()}) {

@@ -1,4 +1,4 @@
-// Labels against OpenCV's, colours against the definition.
+// Labels are compared with OpenCV, colours with their definition.
 
 #include "markers/blobs.h"
 
@@ -13,7 +13,7 @@ namespace {
 
 const std::vector<dataset::Rgb> kColours{{20, 90, 220}, {230, 60, 60}, {60, 200, 60}};
 
-TEST(ColourTable, LightDoesNotChangeTheClassOthersHaveNone) {
+TEST(ColourTable, KeepsClassUnderDimmerLight) {
   const ColourTable table(kColours, {0.16, 40, 0.25});
   EXPECT_EQ(table.classes(), 4U);
   for (std::size_t c = 0; c < kColours.size(); ++c) {
@@ -29,7 +29,7 @@ TEST(ColourTable, LightDoesNotChangeTheClassOthersHaveNone) {
   EXPECT_EQ(table.classOf(yellow), 0);
 }
 
-TEST(BlobFinder, AgreesWithOpenCvOnRandomMasks) {
+TEST(BlobFinder, MatchesOpenCvOnRandomMasks) {
   const ColourTable table(kColours, {0.16, 40, 0.25});
   cv::RNG random(8);
   BlobFinder finder;
@@ -46,9 +46,9 @@ TEST(BlobFinder, AgreesWithOpenCvOnRandomMasks) {
     }
     cv::medianBlur(image, image, 3);
     using Key = std::array<int, 6>;
-    std::vector<Key> ours, theirs;
+    std::vector<Key> found, reference;
     for (const Blob& b : finder.find(image, table, 4)) {
-      ours.push_back({b.colour, b.area_px, b.left, b.top, b.right - b.left + 1, b.bottom - b.top + 1});
+      found.push_back({b.colour, b.area_px, b.left, b.top, b.right - b.left + 1, b.bottom - b.top + 1});
     }
     for (int colour = 1; colour <= 3; ++colour) {
       cv::Mat mask(image.size(), CV_8U), labels, stats, centroids;
@@ -59,19 +59,19 @@ TEST(BlobFinder, AgreesWithOpenCvOnRandomMasks) {
       const int n = cv::connectedComponentsWithStats(mask, labels, stats, centroids, 8);
       for (int i = 1; i < n; ++i) {
         if (stats.at<int>(i, cv::CC_STAT_AREA) < 4) continue;
-        theirs.push_back({colour, stats.at<int>(i, cv::CC_STAT_AREA), stats.at<int>(i, cv::CC_STAT_LEFT),
-                          stats.at<int>(i, cv::CC_STAT_TOP), stats.at<int>(i, cv::CC_STAT_WIDTH),
-                          stats.at<int>(i, cv::CC_STAT_HEIGHT)});
+        reference.push_back({colour, stats.at<int>(i, cv::CC_STAT_AREA), stats.at<int>(i, cv::CC_STAT_LEFT),
+                             stats.at<int>(i, cv::CC_STAT_TOP), stats.at<int>(i, cv::CC_STAT_WIDTH),
+                             stats.at<int>(i, cv::CC_STAT_HEIGHT)});
       }
     }
-    std::sort(ours.begin(), ours.end());
-    std::sort(theirs.begin(), theirs.end());
-    EXPECT_EQ(ours, theirs);
-    EXPECT_GT(ours.size(), 10U);
+    std::sort(found.begin(), found.end());
+    std::sort(reference.begin(), reference.end());
+    EXPECT_EQ(found, reference);
+    EXPECT_GT(found.size(), 10U);
   }
 }
 
-TEST(BlobFinder, WindowsShowTheBlobsOfTheWholeImageThatLieWithin) {
+TEST(BlobFinder, FindsSameBlobsInWindowsAsInWholeImage) {
   const ColourTable table(kColours, {0.16, 40, 0.25});
   cv::RNG random(4);
   cv::Mat image(120, 200, CV_8UC3, cv::Scalar::all(128));
@@ -90,7 +90,7 @@ TEST(BlobFinder, WindowsShowTheBlobsOfTheWholeImageThatLieWithin) {
     return all;
   };
   BlobFinder finder;
-  // The first two overlap: one window. Beyond the image's border nothing goes on.
+  // The first two windows overlap, so they merge into one. No blob continues beyond the border of the image.
   const std::vector<cv::Rect> apart{windows[0] | windows[1], windows[2], windows[3]};
   std::vector<Blob> within;
   for (const Blob& b : finder.find(image, table, 4)) {
@@ -106,7 +106,7 @@ TEST(BlobFinder, WindowsShowTheBlobsOfTheWholeImageThatLieWithin) {
   EXPECT_GT(expected.size(), 5U);
 }
 
-TEST(ColourTable, NoColourIsOverlookedByTheQuickLook) {
+TEST(ColourTable, FindsEveryColourInFastTest) {
   const ColourTable table(kColours, {0.16, 40, 0.25});
   std::uint8_t pixels[3 * ColourTable::kBlock];
   int coloured = 0, skipped = 0;
@@ -120,7 +120,7 @@ TEST(ColourTable, NoColourIsOverlookedByTheQuickLook) {
     ASSERT_TRUE(may || table.classOf(one) == 0) << colour;
   }
   EXPECT_GT(coloured, 100);
-  EXPECT_GT(skipped, 5000);  // grey and near it
+  EXPECT_GT(skipped, 5000);  // grey and almost grey colours
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Real ceiling video of other people (no truth): parked robots must stand still, ids must stay, and neither
-// the yellow team nor the ball may be taken for one of ours. Where a robot is hidden by the stick that pushes
-// it nothing can be asked; those frames are told by an independent look at the pixels.
+// A published ceiling video without ground truth. Parked robots must not move, ids must not change, and
+// neither the yellow team nor the ball may be reported as a robot. Frames in which a stick hides the pushed
+// robot are not tested; an independent colour test detects them.
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ namespace {
 
 constexpr int kGui_px = 95;
 
-/// A camera 2 m above the field that gives 311 px/m at the height of the markers.
+/// A camera 2 m above the field with 311 px/m at the height of the markers.
 lens::CameraModel assumedCamera(int width, int height) {
   lens::CameraModel model;
   model.kind = lens::CameraKind::kPinhole;
@@ -48,7 +48,7 @@ double rms(const std::vector<Eigen::Vector2d>& points) {
   return std::sqrt(sum / 2.0);  // per axis
 }
 
-/// Pixels of the green and of the light-blue patches, by hue: no part of the code under test.
+/// Number of pixels of the green and of the light-blue patches, by hue. Independent of the code under test.
 struct Visible {
   int green_px, blue_px;
 };
@@ -84,7 +84,7 @@ void draw(const cv::Mat& image, const std::vector<Detection>& detections, const 
   cv::imwrite(path, picture);
 }
 
-/// Runs the finder over the film; OVERLAYS=DIR writes every 25th frame with what was found.
+/// Runs the detector over the video. OVERLAYS=DIR writes every 25th frame with its detections.
 Film follow(cv::VideoCapture& video) {
   const auto markers = dataset::MarkerSet::load(sourceFolder() + "/tests/unit/markers/vss_markers.yaml");
   FinderOptions options;
@@ -113,7 +113,7 @@ Film follow(cv::VideoCapture& video) {
   return film;
 }
 
-TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
+TEST(OverheadVideo, KeepsIdsAndPositionsOfParkedRobots) {
   const std::string path = dataFolder() + "/overhead/vss/robot_move.mp4";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
   cv::VideoCapture video(path);
@@ -122,9 +122,9 @@ TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
   ASSERT_EQ(film.frames, 502);
   ASSERT_EQ(film.trails.size(), 3U);
 
-  // Never moved: `pink` stands free, `red` at the left edge, half of its red patch beyond the image. Asked
-  // are 0.25 px RMS of parked real robots; around frame 110 the whole picture jerks by 2 px, which is in
-  // it.
+  // Two robots never move: `pink` is fully visible; `red` is at the left edge, with half of its red patch
+  // outside the image. The requirement for parked real robots is 0.25 px RMS. That includes a shift of the
+  // whole image by 2 px around frame 110.
   for (const char* parked : {"pink", "red"}) {
     const Trail& trail = film.trails.at(parked);
     EXPECT_GE(trail.frames.size(), 497U) << parked;
@@ -133,7 +133,7 @@ TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
                 rms(trail.middles_px));
   }
 
-  // `green` is pushed by a stick that hides it at times: seen wherever its patches are.
+  // `green` is pushed by a stick that hides it at times. It must be found wherever its patches are visible.
   std::vector<int> greens, blues;
   for (const Visible& v : film.visible) greens.push_back(v.green_px), blues.push_back(v.blue_px);
   const int green = median(greens), blue = median(blues);
@@ -141,7 +141,7 @@ TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
   int shown = 0, found = 0;
   for (int f = 0; f < film.frames; ++f) {
     const Visible& v = film.visible[static_cast<std::size_t>(f)];
-    if (v.green_px < 0.8 * green || v.blue_px < 0.93 * blue) continue;  // one patch of three hidden: 0.67
+    if (v.green_px < 0.8 * green || v.blue_px < 0.93 * blue) continue;  // one of three patches hidden: 0.67
     ++shown;
     found += std::count(trail.frames.begin(), trail.frames.end(), f) > 0 ? 1 : 0;
   }
@@ -149,13 +149,13 @@ TEST(OverheadVideo, LightBlueRobotsKeepTheirIdsAndParkedOnesStandStill) {
   EXPECT_GE(shown, 450);
   EXPECT_GE(found, 0.99 * shown);
   for (std::size_t i = 1; i < trail.frames.size(); ++i) {
-    // Pushed by hand at up to 0.7 m/s: 7 px a frame. Another robot is 100 px away.
+    // Pushed at up to 0.7 m/s, which is 7 px per frame. The next robot is 100 px away.
     const int gap = trail.frames[i] - trail.frames[i - 1];
     EXPECT_LE((trail.middles_px[i] - trail.middles_px[i - 1]).norm(), 10.0 * gap)
         << "frame " << trail.frames[i];
   }
 
-  // The yellow team and the ball never move and are never reported.
+  // The yellow team and the ball never move and must never be reported.
   for (const Eigen::Vector2d& other : {Eigen::Vector2d(368, 47), {429, 209}, {366, 335}}) {
     for (const auto& [robot, t] : film.trails) {
       for (const auto& p : t.middles_px) EXPECT_GT((p - other).norm(), 25.0) << robot;

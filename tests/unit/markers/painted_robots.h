@@ -11,8 +11,8 @@
 
 namespace omnifleet::markers {
 
-/// Images with exact truth: polygons painted by OpenCV, eight-fold oversampled, through the camera's own
-/// projection of every corner.
+/// Renders images with exact ground truth: polygons drawn by OpenCV with eight-fold oversampling. Each corner
+/// is projected by the camera model.
 class Painter {
  public:
   explicit Painter(const lens::CameraModel& model)
@@ -22,7 +22,7 @@ class Painter {
 
   void rectangle(const Pose2& pose, double height_m, const Eigen::Vector2d& offset,
                  const Eigen::Vector2d& size, const dataset::Rgb& rgb) {
-    constexpr int kShift = 4, kSteps = 8;  // along each edge, so that a distorted edge is bent
+    constexpr int kShift = 4, kSteps = 8;  // steps along each edge, so that distortion bends it
     std::vector<cv::Point> outline;
     const Eigen::Vector2d corners[] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     for (int c = 0; c < 4; ++c) {
@@ -47,17 +47,17 @@ class Painter {
     rectangle(pose, set.height_m, set.individual_offset_m, set.patch_size_m, set.robots.at(name).individual);
   }
 
-  /// The image, its light scaled, with Gaussian noise.
+  /// The image with scaled brightness and Gaussian noise.
   cv::Mat image(double gain = 1.0, double noise = 0.0) const {
     cv::Mat fine, result;
     cv::resize(large_, fine, {camera.model().image_width_px, camera.model().image_height_px}, 0, 0,
                cv::INTER_AREA);
     fine.convertTo(result, CV_16SC3, gain);
     if (noise > 0) {
-      cv::Mat grain(result.size(), CV_16SC3);
+      cv::Mat pixel_noise(result.size(), CV_16SC3);
       cv::RNG random(1);
-      random.fill(grain, cv::RNG::NORMAL, 0, noise);
-      result += grain;
+      random.fill(pixel_noise, cv::RNG::NORMAL, 0, noise);
+      result += pixel_noise;
     }
     result.convertTo(fine, CV_8UC3);
     return fine;

@@ -19,7 +19,7 @@ struct Worst {
   int found = 0;
 };
 
-/// `count` random places of one robot, each in its own image.
+/// Detects one robot at `count` random poses, each in its own image.
 Worst scatter(const lens::CameraModel& model, double gain, double noise, int count) {
   const auto set = patchSet();
   std::mt19937 random(3);
@@ -43,30 +43,30 @@ Worst scatter(const lens::CameraModel& model, double gain, double noise, int cou
   return worst;
 }
 
-TEST(PatchFinder, CleanImagesAreMeasuredToAFractionOfAMillimetre) {
+TEST(PatchFinder, MeasuresCleanImagesToHalfAMillimetre) {
   const Worst worst = scatter(ceilingCamera(), 1.0, 0.0, 20);
   EXPECT_EQ(worst.found, 20);
-  EXPECT_LT(worst.m, 0.0005);                 // asked: ≤ 1 mm; one pixel is 6.6 mm
-  EXPECT_LT(worst.rad, 0.15 * M_PI / 180.0);  // asked: ≤ 0.2°
+  EXPECT_LT(worst.m, 0.0005);                 // required: ≤ 1 mm; one pixel is 6.6 mm
+  EXPECT_LT(worst.rad, 0.15 * M_PI / 180.0);  // required: ≤ 0.2°
 }
 
-TEST(PatchFinder, TiltedDistortedDimAndNoisy) {
+TEST(PatchFinder, MeasuresTiltedDistortedDimNoisyImages) {
   lens::CameraModel hard = ceilingCamera();
   hard.rotation_rpy_deg = {4.0, -3.0, 20.0};
   hard.distortion = {-0.12, 0.03, 0.0005, -0.0005, 0.0};
   const Worst worst = scatter(hard, 0.55, 5.0, 20);
   EXPECT_EQ(worst.found, 20);
-  EXPECT_LT(worst.m, 0.0025);  // asked in the hard scene
+  EXPECT_LT(worst.m, 0.0025);  // required for this scene
   EXPECT_LT(worst.rad, 0.7 * M_PI / 180.0);
 }
 
-TEST(PatchFinder, TheHeightOfTheMarkersMatters) {
+TEST(PatchFinder, CorrectsParallaxByMarkerHeight) {
   Painter painter(ceilingCamera());
   const auto set = patchSet();
   const Pose2 truth{1.1, 0.8, 0.4};
   painter.robot(set, "r1", truth);
   auto flat = set;
-  flat.height_m = 0.27;  // 3 cm wrong at 1.3 m from the foot: 1.3 · 0.03/2.7 = 14 mm
+  flat.height_m = 0.27;  // an error of 3 cm at 1.3 m from the foot of the camera: 1.3 · 0.03/2.7 = 14 mm
   const auto right = MarkerFinder::make(painter.camera, set, {})->find(painter.image(), 0);
   const auto wrong = MarkerFinder::make(painter.camera, flat, {})->find(painter.image(), 0);
   ASSERT_EQ(right.size(), 1U);
@@ -75,15 +75,15 @@ TEST(PatchFinder, TheHeightOfTheMarkersMatters) {
   EXPECT_NEAR((wrong[0].map_from_base.translation() - truth.translation()).norm(), 0.0142, 0.001);
 }
 
-TEST(PatchFinder, CardsOnTheFloorAreNoRobots) {
+TEST(PatchFinder, RejectsCardsOnTheFloor) {
   Painter painter(ceilingCamera());
   const auto set = patchSet();
   const Pose2 truth{0.6, 0.3, -1.0}, decoy{-0.5, -0.5, 0.7};
   painter.robot(set, "r3", truth);
-  // The same colours at the same distance, but at floor level: 10 % smaller and nearer as seen from 3 m.
+  // The same colours at the same distance, but on the floor: 10 % smaller and closer together, seen from 3 m.
   painter.rectangle(decoy, 0.0, set.team_offset_m, set.patch_size_m, set.team);
   painter.rectangle(decoy, 0.0, set.individual_offset_m, set.patch_size_m, set.robots.at("r3").individual);
-  // Single cards, and a pair with too great a distance.
+  // Single cards, and a pair whose distance is too large.
   painter.rectangle({-0.9, 0.4, 0.0}, 0.0, {0, 0}, {0.1, 0.1}, set.team);
   painter.rectangle({0.9, -0.6, 0.0}, 0.3, {0, 0}, {0.09, 0.12}, set.team);
   painter.rectangle({0.9, -0.6, 0.0}, 0.3, {0.17, 0}, {0.09, 0.12}, set.robots.at("r1").individual);
@@ -96,26 +96,27 @@ TEST(PatchFinder, CardsOnTheFloorAreNoRobots) {
   }
 }
 
-TEST(PatchFinder, AMarkerCutByTheBorderIsMeasuredByItsVisibleEdgesOrNotAtAll) {
+TEST(PatchFinder, MeasuresCutMarkerByVisibleEdges) {
   const auto set = patchSet();
-  // The left border (u = 0) looks at y = −0.1 + 319.5/410·2.7 = 2.004 m on the plane of the markers.
+  // The left border (u = 0) is at y = −0.1 + 319.5/410·2.7 = 2.004 m on the plane of the markers.
   int found_cut = 0;
   for (int i = 0; i < 12; ++i) {
     Painter painter(ceilingCamera());
-    const Pose2 truth{0.2 + 0.03 * i, 1.90 + 0.012 * i, M_PI / 2};  // the individual patch leaves first
+    const Pose2 truth{0.2 + 0.03 * i, 1.90 + 0.012 * i,
+                      M_PI / 2};  // the individual patch leaves the image first
     painter.robot(set, "r1", truth);
     auto finder = MarkerFinder::make(painter.camera, set, {});
     for (const Detection& d : finder->find(painter.image(), 0)) {
       found_cut += truth.y_m + 0.06 + 0.045 > 2.004 ? 1 : 0;
       const Pose2 e = truth.inverse() * d.map_from_base;
-      EXPECT_LT(e.translation().norm(), 0.002) << truth.y_m;  // 8 mm and 7° if it were not treated
+      EXPECT_LT(e.translation().norm(), 0.002) << truth.y_m;  // without the edge fit: 8 mm and 7°
       EXPECT_LT(std::abs(e.theta_rad), 1.0 * M_PI / 180.0) << truth.y_m;
     }
   }
   EXPECT_GE(found_cut, 3);
 }
 
-TEST(PatchFinder, CovarianceFitsTheErrors) {
+TEST(PatchFinder, ReportsConsistentCovariance) {
   const auto set = patchSet();
   std::mt19937 random(5);
   std::uniform_real_distribution<double> place(-0.9, 0.9), heading(-M_PI, M_PI);
@@ -131,12 +132,13 @@ TEST(PatchFinder, CovarianceFitsTheErrors) {
     const Eigen::Vector3d e = (found[0].map_from_base.inverse() * truth).vector();
     nees += e.dot(found[0].covariance.inverse() * e) / kRuns;
   }
-  // 3 would be exact; the floor for lenses that are not perfect keeps it below, over-confidence would be
+  // 3 is exact. The lower bound for inexact lenses keeps the value below 3; over-confidence would raise it
   // above.
   EXPECT_LT(nees, 3.5);
 }
 
-/// Robots on their way in frame k: r3 comes at frame 3, r2 is carried away at frame 6, r1 is gone from 11 on.
+/// Moving robots in frame k: r3 appears at frame 3, r2 is kidnapped at frame 6, r1 is absent from frame 11
+/// on.
 std::map<std::string, Pose2> robotsAt(int k) {
   std::map<std::string, Pose2> robots;
   if (k < 11) robots["r1"] = {0.3 + 0.4 * std::cos(0.2 * k), -0.3 + 0.4 * std::sin(0.2 * k), 0.2 * k};
@@ -145,7 +147,7 @@ std::map<std::string, Pose2> robotsAt(int k) {
   return robots;
 }
 
-TEST(PatchFinder, NearTheLastPlacesIsFoundExactlyWhatTheWholeImageShows) {
+TEST(PatchFinder, FindsSameRobotsInWindowsAsInWholeImage) {
   const auto set = patchSet();
   FinderOptions everywhere, near_by;
   everywhere.search_every_frames = 1;
@@ -171,7 +173,7 @@ TEST(PatchFinder, NearTheLastPlacesIsFoundExactlyWhatTheWholeImageShows) {
   EXPECT_GT(compared, 30U);
 }
 
-TEST(PatchFinder, RefusesWhatItCannotDo) {
+TEST(PatchFinder, RejectsUnsupportedInput) {
   const lens::Camera camera(ceilingCamera());
   auto set = patchSet();
   auto finder = MarkerFinder::make(camera, set, {});

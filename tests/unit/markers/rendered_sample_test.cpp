@@ -1,4 +1,4 @@
-// Against a foreign renderer's images and exact truth.
+// Detections in externally rendered images against their exact ground truth.
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@
 namespace omnifleet::markers {
 namespace {
 
-TEST(RenderedSample, EveryWholeRobotIsFoundToAThirdOfAPixel) {
+TEST(RenderedSample, LocatesEveryVisibleRobotToAThirdOfAPixel) {
   const std::string folder = dataFolder() + "/rendered_sample";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder;
   const auto data = dataset::Dataset::open(folder);
@@ -36,7 +36,7 @@ TEST(RenderedSample, EveryWholeRobotIsFoundToAThirdOfAPixel) {
       const cv::Mat image = cv::imread(row.path);
       const auto detections = finder->find(image, row.time_ns);
       for (const auto& [robot, poses] : truth) {
-        // Whole in the image: both patches with their corners (8 cm beyond their centres).
+        // Fully visible: both patches with their corners (8 cm beyond their centres).
         const Pose2& pose = poses.at(row.time_ns);
         bool whole = true;
         for (const double x : {-0.14, 0.14}) {
@@ -68,9 +68,9 @@ TEST(RenderedSample, EveryWholeRobotIsFoundToAThirdOfAPixel) {
   std::printf("found %d of %d whole robots; mean %.2f mm %.3f deg, worst %.2f mm %.3f deg\n", found, inside,
               1e3 * sum_m / found, sum_rad / found * 180 / M_PI, 1e3 * worst_m, worst_rad * 180 / M_PI);
   EXPECT_GE(found, inside);
-  // The renderer samples points: an edge along the grid is off by up to half a pixel (3.3 mm), and all of a
-  // robot's edges are where it drives along x (r2); slanted ones average to 0.3 mm. So the mean tells, and
-  // the worst is bounded by the pixel.
+  // The renderer samples points, so an edge along the pixel grid is off by up to half a pixel (3.3 mm). All
+  // edges of a robot that drives along x (r2) are such edges; slanted edges average to 0.3 mm. So the mean is
+  // the criterion, and the worst error is limited by the pixel size.
   EXPECT_LE(sum_m / found, 0.001);
   EXPECT_LE(sum_rad / found, 0.15 * M_PI / 180.0);
   EXPECT_LE(worst_m, 0.0025);

@@ -17,7 +17,7 @@ Surroundings wallAhead(double x_m, double from_y_m, double to_y_m) {
   return around;
 }
 
-TEST(Avoidance, NothingThereNothingChanged) {
+TEST(Avoidance, KeepsDesiredVelocityWithoutObstacles) {
   Avoidance avoidance({});
   const auto result = avoidance.steer({}, {0.2, 0.1}, 0.0);
   EXPECT_FALSE(result.turned);
@@ -26,39 +26,40 @@ TEST(Avoidance, NothingThereNothingChanged) {
             0.0);
 }
 
-TEST(Avoidance, FreeWayToAPointAndPastIt) {
+TEST(Avoidance, MeasuresFreeDistanceToAPointAndPastIt) {
   Avoidance::Options options;
   options.least_margin_m = 0.0;
   const Avoidance avoidance(options);
   Surroundings around;
   around.radius_m = 0.15;
   around.points_m = {{1.0, 0.0}};
-  // Straight at it: the centre may come up to radius + margin.
-  EXPECT_NEAR(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 0.75, 1e-12);
+  // Straight towards the point: the centre may come up to radius + margin.
+  EXPECT_NEAR(avoidance.freeDistance(around, {1, 0}, 0.2, 0.1, 2.0), 0.75, 1e-12);
   around.points_m = {{1.0, 0.15}};
-  EXPECT_NEAR(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 1.0 - 0.2, 1e-12);  // 3-4-5: √(0.25² − 0.15²)
+  EXPECT_NEAR(avoidance.freeDistance(around, {1, 0}, 0.2, 0.1, 2.0), 1.0 - 0.2,
+              1e-12);  // 3-4-5: √(0.25² − 0.15²)
   around.points_m = {{1.0, 0.26}, {-0.3, 0.0}};
-  EXPECT_EQ(avoidance.freeWay(around, {1, 0}, 0.2, 0.1, 2.0), 2.0);
+  EXPECT_EQ(avoidance.freeDistance(around, {1, 0}, 0.2, 0.1, 2.0), 2.0);
 }
 
-TEST(Avoidance, TurnsToTheNearerSideAndStaysThere) {
+TEST(Avoidance, TurnsToTheNearerSideAndKeepsIt) {
   Avoidance avoidance({});
   const Surroundings around = wallAhead(0.7, -0.5, 0.2);  // the left end is nearer
   const auto first = avoidance.steer(around, {0.25, 0.0}, 0.0);
   EXPECT_TRUE(first.turned);
   EXPECT_GT(headingOf(first.velocity_mps), 0.2);
-  // Now the middle is a little on the left: without a memory it would turn to the right.
+  // Now the middle is slightly to the left: without memory of its heading it would turn right.
   const auto second = avoidance.steer(wallAhead(0.7, -0.34, 0.36), {0.25, 0.0}, 0.0);
   EXPECT_GT(headingOf(second.velocity_mps), 0.0);
   Avoidance fresh({});
   EXPECT_LT(headingOf(fresh.steer(wallAhead(0.7, -0.34, 0.36), {0.25, 0.0}, 0.0).velocity_mps), 0.0);
 }
 
-TEST(Avoidance, SlowsSoThatItCanBrake) {
+TEST(Avoidance, LimitsSpeedToTheBrakingDistance) {
   Avoidance::Options options;
   options.headings = 8;
   Avoidance avoidance(options);
-  Surroundings around;  // a closed ring: nowhere to go
+  Surroundings around;  // a closed ring: no heading is free
   for (int i = 0; i < 360; ++i) {
     around.points_m.push_back(0.28 * Eigen::Vector2d(std::cos(i * M_PI / 180), std::sin(i * M_PI / 180)));
   }
@@ -67,17 +68,17 @@ TEST(Avoidance, SlowsSoThatItCanBrake) {
   EXPECT_LT(result.free_m, 0.05);
 }
 
-TEST(Avoidance, SqueezesOutOfAMarginButNotIntoThings) {
+TEST(Avoidance, LeavesAViolatedMarginButComesNoNearer) {
   Avoidance avoidance({});
   Surroundings around;
   around.radius_m = 0.15;
-  around.points_m = {{0.0, 0.20}};                                     // nearer than any margin, on the left
-  EXPECT_GT(avoidance.freeWay(around, {1, 0}, 0.2, 0.10, 1.0), 0.99);  // along it
-  EXPECT_LT(avoidance.freeWay(around, {0, 1}, 0.2, 0.10, 1.0), 0.02);  // towards it
-  EXPECT_GT(avoidance.freeWay(around, {0, -1}, 0.2, 0.10, 1.0), 0.99);
+  around.points_m = {{0.0, 0.20}};  // nearer than any margin, on the left
+  EXPECT_GT(avoidance.freeDistance(around, {1, 0}, 0.2, 0.10, 1.0), 0.99);  // along the obstacle
+  EXPECT_LT(avoidance.freeDistance(around, {0, 1}, 0.2, 0.10, 1.0), 0.02);  // towards the obstacle
+  EXPECT_GT(avoidance.freeDistance(around, {0, -1}, 0.2, 0.10, 1.0), 0.99);
 }
 
-TEST(Avoidance, RobotsDrivingAlongAreNoObstacle) {
+TEST(Avoidance, IgnoresRobotAheadAtTheSameVelocity) {
   Avoidance avoidance({});
   Surroundings around;
   around.robots = {{{0.6, 0.0}, {0.25, 0.0}, 0.15}};
@@ -86,29 +87,29 @@ TEST(Avoidance, RobotsDrivingAlongAreNoObstacle) {
   EXPECT_TRUE(avoidance.steer(around, {0.25, 0.0}, 0.0).turned);
 }
 
-TEST(Avoidance, OnlyWhatCanBeBrakedStraightOn) {
+TEST(Avoidance, BrakableSpeedKeepsTheLeastMargin) {
   Avoidance::Options options;
   const Avoidance avoidance(options);
   const double step_s = 0.2;
   Surroundings around;
   around.radius_m = 0.15;
-  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.4, step_s), 0.4);
-  // 10 cm beyond the body and the least margin: v · 0.2 s + v² / (2 · 0.5 m/s²) = 0.1 m, standing before.
+  EXPECT_EQ(avoidance.brakableSpeed(around, 0.4, 0.4, step_s), 0.4);
+  // 10 cm beyond the body and the least margin, from standstill: v · 0.2 s + v² / (2 · 0.5 m/s²) = 0.1 m.
   around.points_m = {{0.29, 0.0}};
-  const double most_mps = avoidance.brakable(around, 0.4, 0.0, step_s);
+  const double most_mps = avoidance.brakableSpeed(around, 0.4, 0.0, step_s);
   EXPECT_NEAR(most_mps * step_s + most_mps * most_mps, 0.1, 1e-9);
-  EXPECT_LT(avoidance.brakable(around, 0.4, 0.2, step_s), most_mps);
-  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.6, step_s), 0.0);
-  EXPECT_EQ(avoidance.brakable(around, -0.2, 0.0, step_s), -0.2) << "away from it";
+  EXPECT_LT(avoidance.brakableSpeed(around, 0.4, 0.2, step_s), most_mps);
+  EXPECT_EQ(avoidance.brakableSpeed(around, 0.4, 0.6, step_s), 0.0);
+  EXPECT_EQ(avoidance.brakableSpeed(around, -0.2, 0.0, step_s), -0.2) << "the obstacle is behind";
   around.points_m = {{-0.29, 0.0}};
-  EXPECT_NEAR(avoidance.brakable(around, -0.4, 0.0, step_s), -most_mps, 1e-9);
+  EXPECT_NEAR(avoidance.brakableSpeed(around, -0.4, 0.0, step_s), -most_mps, 1e-9);
   around.points_m = {{0.29, 0.2}};
-  EXPECT_EQ(avoidance.brakable(around, 0.4, 0.4, step_s), 0.4) << "past it";
+  EXPECT_EQ(avoidance.brakableSpeed(around, 0.4, 0.4, step_s), 0.4) << "the obstacle is beside the path";
 }
 
-/// One behind the other, each command obeyed a step late: whatever the one ahead does that it can, the least
-/// margin is kept.
-TEST(Avoidance, WhoBrakesAheadIsNotTouched) {
+/// Two robots in line, each command taking effect one step late. Whatever the robot ahead does within its
+/// limits, the least margin is kept.
+TEST(Avoidance, KeepsLeastMarginWhenRobotAheadBrakes) {
   Avoidance::Options options;
   options.look_ahead_m = 2.0;
   const Avoidance avoidance(options);
@@ -120,9 +121,9 @@ TEST(Avoidance, WhoBrakesAheadIsNotTouched) {
     bool brakes = false;
     for (int i = 0; i < 60; ++i) {
       around.robots = {{{ahead_m - here_m, 0.0}, {ahead_mps, 0.0}, 0.15}};
-      // Nobody reverses at once: that fast it changes.
+      // The deceleration per step is bounded.
       const double command_mps =
-          std::max(speed_mps - 0.6 * step_s, avoidance.brakable(around, wanted_mps, speed_mps, step_s));
+          std::max(speed_mps - 0.6 * step_s, avoidance.brakableSpeed(around, wanted_mps, speed_mps, step_s));
       brakes = brakes || ahead_m > apart_m + 0.1 + brakes_from_m;
       const double next_mps = brakes ? std::max(0.0, ahead_mps - options.braking_mps2 * step_s)
                                      : std::min(wanted_mps, ahead_mps + 0.6 * step_s);
@@ -133,11 +134,11 @@ TEST(Avoidance, WhoBrakesAheadIsNotTouched) {
       least_m = std::min(least_m, ahead_m - here_m);
     }
     EXPECT_GE(least_m, apart_m - 1e-9) << brakes_from_m;
-    EXPECT_LT(ahead_m - here_m, apart_m + 0.05) << "nor does it stay behind";
+    EXPECT_LT(ahead_m - here_m, apart_m + 0.05) << "the follower must not fall behind";
   }
 }
 
-TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
+TEST(Surroundings, CollectsRaysAndTracksToAvoid) {
   Objects objects;
   objects.scan.origin_m = {0.1, 0.0};
   objects.scan.range_m = {1.0f, 2.0f, 3.0f, 4.0f};
@@ -150,7 +151,7 @@ TEST(Surroundings, RaysAndTracksBecomeThingsToAvoid) {
   hidden.kind = ObjectKind::kObstacle;
   hidden.position_m = {5.0, 5.0};
   hidden.covariance = 1e-4 * Eigen::Matrix2d::Identity();
-  Track somewhere = hidden;  // out of sight, and nobody knows where: nothing to steer by
+  Track somewhere = hidden;  // not visible and its position unknown: not used for steering
   somewhere.position_m = {-5.0, 5.0};
   somewhere.covariance = Eigen::Matrix2d::Identity();
   objects.tracks = {robot, hidden, somewhere};

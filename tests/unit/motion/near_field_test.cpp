@@ -11,7 +11,8 @@ namespace {
 constexpr double kBlindM = 0.42, kRadiusM = 0.10;
 constexpr int kRays = 360;
 
-/// A disc as a camera sees it whose robot hides the floor up to `blind_m`: what is nearer stands out beyond.
+/// Scan of a disc by a camera whose robot hides the floor up to `blind_m`. Only the part of the disc that
+/// extends beyond is seen.
 Scan scanOf(const Eigen::Vector2d& disc_m, double blind_m = kBlindM, RayLabel label = RayLabel::kObstacle) {
   Scan scan;
   scan.blind_m = blind_m;
@@ -34,7 +35,7 @@ double nearest(const NearField& field) {
   return least_m;
 }
 
-/// Drives straight on, in steps of 4 cm, past a disc that starts 0.8 m ahead.
+/// Drives straight on, in steps of 4 cm, past a disc that is 0.8 m ahead at first.
 Eigen::Vector2d passed(NearField& field, double aside_m, double way_m, RayLabel label = RayLabel::kObstacle) {
   Eigen::Vector2d disc_m(0.8, aside_m);
   field.see(scanOf(disc_m, kBlindM, label));
@@ -46,16 +47,17 @@ Eigen::Vector2d passed(NearField& field, double aside_m, double way_m, RayLabel 
   return disc_m;
 }
 
-TEST(NearField, WhatHasComeUnderTheBodysEdgeStandsWhereItWasSeen) {
+TEST(NearField, KeepsPointsOfObstacleHiddenByTheBody) {
   NearField field;
   const Eigen::Vector2d disc_m = passed(field, 0.30, 0.8);
-  // Rays stand 1° apart: at 0.42 m, 7 mm.
+  // Rays are 1° apart: 7 mm at 0.42 m.
   EXPECT_NEAR(nearest(field), disc_m.norm() - kRadiusM, 0.01);
   for (const Eigen::Vector2d& point_m : field.points_m())
-    EXPECT_NEAR((point_m - disc_m).norm(), kRadiusM, 0.002) << "nothing that only stands out beyond the edge";
+    EXPECT_NEAR((point_m - disc_m).norm(), kRadiusM, 0.002)
+        << "points at the edge of the visible floor must not be kept";
 }
 
-TEST(NearField, ItTurnsWithTheRobot) {
+TEST(NearField, RotatesPointsWithTheRobot) {
   NearField field;
   const Eigen::Vector2d disc_m = passed(field, 0.30, 0.8);
   const Pose2 turn{0.02, 0.0, 0.7};
@@ -66,13 +68,13 @@ TEST(NearField, ItTurnsWithTheRobot) {
     EXPECT_NEAR((point_m - turned_m).norm(), kRadiusM, 0.002);
 }
 
-TEST(NearField, WhatIsInSightAgainIsLeftToTheScan) {
+TEST(NearField, DropsPointsThatAreVisibleAgain) {
   NearField field;
   passed(field, 0.30, 1.6);
   EXPECT_TRUE(field.points_m().empty());
 }
 
-TEST(NearField, StandingAtTheEdgeItDoesNotGrow) {
+TEST(NearField, DoesNotAccumulatePointsAtTheEdge) {
   NearField field;
   Eigen::Vector2d disc_m = passed(field, 0.30, 0.6);
   const std::size_t before = field.points_m().size();
@@ -85,17 +87,17 @@ TEST(NearField, StandingAtTheEdgeItDoesNotGrow) {
   EXPECT_LT(field.points_m().size(), before + 10);
 }
 
-TEST(NearField, RobotsAreNotKept) {
+TEST(NearField, IgnoresRobots) {
   NearField field;
   passed(field, 0.30, 0.8, RayLabel::kRobot);
   EXPECT_TRUE(field.points_m().empty());
   const Eigen::Vector2d disc_m = passed(field, 0.30, 0.8);
   ASSERT_FALSE(field.points_m().empty());
-  field.clear(disc_m, 0.15);  // it turned out to be one
+  field.clear(disc_m, 0.15);  // the obstacle was classified as a robot later
   EXPECT_TRUE(field.points_m().empty());
 }
 
-TEST(NearField, WhereNothingIsHiddenNothingIsKept) {
+TEST(NearField, KeepsNothingWithoutABlindZone) {
   NearField field;
   field.see(scanOf({0.8, 0.3}, 0.0));
   field.moved({0.5, 0.0, 0.0});

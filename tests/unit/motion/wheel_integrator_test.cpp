@@ -22,11 +22,11 @@ WheelIntegrator::Options quiet() {
   return options;
 }
 
-TEST(WheelIntegrator, RowsHoldUntilTheNext) {
+TEST(WheelIntegrator, HoldsRowSpeedsUntilTheNextRow) {
   WheelIntegrator wheels(kSeparationM, {});
   ASSERT_TRUE(wheels.add(0, 0.2, 0.2));
   ASSERT_TRUE(wheels.add(150 * kMs, 0.4, 0.4));
-  EXPECT_FALSE(wheels.motionTo(100 * kMs).valid);  // the first frame has nothing before it
+  EXPECT_FALSE(wheels.motionTo(100 * kMs).valid);  // the first frame has no previous frame
   const Motion motion = wheels.motionTo(300 * kMs);
   ASSERT_TRUE(motion.valid);
   EXPECT_EQ(motion.since_ns, 100 * kMs);
@@ -35,7 +35,7 @@ TEST(WheelIntegrator, RowsHoldUntilTheNext) {
   EXPECT_NEAR(motion.right_m, 0.07, 1e-12);
 }
 
-TEST(WheelIntegrator, ManyFramesComposeToTheWholePath) {
+TEST(WheelIntegrator, ComposesFrameMotionsToTheWholePath) {
   WheelIntegrator fine(kSeparationM, {}), coarse(kSeparationM, {});
   std::mt19937 random(7);
   std::uniform_real_distribution<double> speed(-0.3, 0.5);
@@ -56,7 +56,7 @@ TEST(WheelIntegrator, ManyFramesComposeToTheWholePath) {
   EXPECT_LT((pose.vector() - whole.vector()).norm(), 1e-9);
 }
 
-TEST(WheelIntegrator, CovarianceIsWhatRandomRowsShow) {
+TEST(WheelIntegrator, CovarianceMatchesMonteCarloRows) {
   WheelIntegrator::Options options = quiet();
   options.noise = 0.05;
   const double speeds[4][2] = {{0.3, 0.4}, {0.35, 0.2}, {0.4, 0.5}, {0.1, 0.3}};
@@ -79,7 +79,7 @@ TEST(WheelIntegrator, CovarianceIsWhatRandomRowsShow) {
     const Pose2 off = nominal.previous_from_current.inverse() * run(&random).previous_from_current;
     sampled += off.vector() * off.vector().transpose() / samples;
   }
-  // 20 000 samples give a variance to 1 % (σ √(2/n)); the linearisation adds about as much.
+  // 20 000 samples determine a variance to 1 % (σ √(2/n)); the linearization contributes about as much.
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(nominal.covariance(i, i) / sampled(i, i), 1.0, 0.05) << i;
   for (const auto& [a, b] : {std::pair{0, 1}, {0, 2}, {1, 2}}) {
     const double scale = std::sqrt(sampled(a, a) * sampled(b, b));
@@ -87,19 +87,19 @@ TEST(WheelIntegrator, CovarianceIsWhatRandomRowsShow) {
   }
 }
 
-TEST(WheelIntegrator, ScaleErrorsAddUpOverRows) {
+TEST(WheelIntegrator, AccumulatesScaleErrorsOverRows) {
   WheelIntegrator::Options options = quiet();
   options.scale_sigma = 0.02;
   WheelIntegrator wheels(kSeparationM, options);
   for (int i = 0; i < 5; ++i) wheels.add(i * 200 * kMs, 0.5, 0.5);
   wheels.motionTo(0);
   const Motion motion = wheels.motionTo(1000 * kMs);
-  // 0.5 m straight on, each wheel wrong by 2 % throughout: σ_x = 0.5·0.02/√2, σ_θ = √2·0.01/L.
+  // 0.5 m straight on, with a constant scale error of 2 % per wheel: σ_x = 0.5·0.02/√2, σ_θ = √2·0.01/L.
   EXPECT_NEAR(std::sqrt(motion.covariance(0, 0)), 0.01 / std::sqrt(2.0), 1e-5);
   EXPECT_NEAR(std::sqrt(motion.covariance(2, 2)), std::sqrt(2.0) * 0.01 / kSeparationM, 1e-4);
 }
 
-TEST(WheelIntegrator, CovarianceIsAlwaysPositiveDefinite) {
+TEST(WheelIntegrator, KeepsCovariancePositiveDefinite) {
   WheelIntegrator wheels(kSeparationM, {});
   wheels.add(0, 0.0, 0.0);
   wheels.motionTo(0);
@@ -108,7 +108,7 @@ TEST(WheelIntegrator, CovarianceIsAlwaysPositiveDefinite) {
   EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(still.covariance).eigenvalues().minCoeff(), 0.0);
 }
 
-TEST(WheelIntegrator, LateRowsGrowUncertainThenSayNothing) {
+TEST(WheelIntegrator, InflatesLateRowsThenRejectsThem) {
   WheelIntegrator wheels(kSeparationM, {});
   wheels.add(0, 0.3, 0.3);
   wheels.motionTo(0);
@@ -122,7 +122,7 @@ TEST(WheelIntegrator, LateRowsGrowUncertainThenSayNothing) {
   EXPECT_TRUE(wheels.motionTo(1500 * kMs).valid);
 }
 
-TEST(WheelIntegrator, NoMotionBeforeTheFirstRowNorWithoutWheels) {
+TEST(WheelIntegrator, IsInvalidBeforeFirstRowAndWithoutWheels) {
   WheelIntegrator wheels(kSeparationM, {});
   wheels.motionTo(0);
   wheels.add(100 * kMs, 0.3, 0.3);
@@ -134,7 +134,7 @@ TEST(WheelIntegrator, NoMotionBeforeTheFirstRowNorWithoutWheels) {
   EXPECT_FALSE(none.motionTo(200 * kMs).valid);
 }
 
-TEST(WheelIntegrator, BadRowsAndFramesAreLeftAlone) {
+TEST(WheelIntegrator, IgnoresInvalidRowsAndFrames) {
   WheelIntegrator wheels(kSeparationM, {});
   EXPECT_TRUE(wheels.add(0, 0.3, 0.3));
   EXPECT_FALSE(wheels.add(100 * kMs, std::numeric_limits<double>::quiet_NaN(), 0.3));
@@ -142,7 +142,7 @@ TEST(WheelIntegrator, BadRowsAndFramesAreLeftAlone) {
   EXPECT_FALSE(wheels.add(0, 0.5, 0.5));
   wheels.motionTo(0);
   EXPECT_TRUE(wheels.motionTo(200 * kMs).valid);
-  EXPECT_FALSE(wheels.motionTo(150 * kMs).valid);  // a frame out of order changes nothing
+  EXPECT_FALSE(wheels.motionTo(150 * kMs).valid);  // a frame out of order has no effect
   const Motion next = wheels.motionTo(400 * kMs);
   EXPECT_TRUE(next.valid);
   EXPECT_EQ(next.since_ns, 200 * kMs);
@@ -151,7 +151,7 @@ TEST(WheelIntegrator, BadRowsAndFramesAreLeftAlone) {
   EXPECT_THROW(WheelIntegrator(0.0, {}), std::runtime_error);
 }
 
-TEST(WheelIntegrator, OptionsAreBounded) {
+TEST(WheelIntegrator, RejectsInvalidOptions) {
   const auto read = [](const std::string& text) {
     return WheelIntegrator::Options::read(options::Section::parse(text, "test"));
   };

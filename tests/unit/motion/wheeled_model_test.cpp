@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kSeparationM = 0.26;
 
-TEST(WheeledModel, Equation1) {
+TEST(WheeledModel, ImplementsEquation1) {
   const Twist twist = twistFromWheels({0.2, 0.3}, kSeparationM);
   EXPECT_DOUBLE_EQ(twist.forward_mps, 0.25);
   EXPECT_DOUBLE_EQ(twist.turn_radps, 0.1 / kSeparationM);
@@ -18,7 +18,7 @@ TEST(WheeledModel, Equation1) {
   EXPECT_NEAR(back.right_mps, 0.3, 1e-15);
 }
 
-TEST(WheeledModel, StraightAndOnTheSpot) {
+TEST(WheeledModel, IntegratesStraightMotionAndTurnOnTheSpot) {
   const Pose2 straight = rolled(0.5, 0.5, kSeparationM, Integration::kArc);
   EXPECT_EQ(straight.vector(), Eigen::Vector3d(0.5, 0.0, 0.0));
   const double quarter_m = 0.5 * M_PI * 0.5 * kSeparationM;
@@ -27,7 +27,7 @@ TEST(WheeledModel, StraightAndOnTheSpot) {
   EXPECT_NEAR(turn.translation().norm(), 0.0, 1e-15);
 }
 
-TEST(WheeledModel, QuarterCircleEndsWhereGeometrySays) {
+TEST(WheeledModel, IntegratesAQuarterCircleExactly) {
   // A quarter circle of radius R about a centre on the left: the end is (R, R), turned by 90°.
   const double radius_m = 0.8, angle_rad = 0.5 * M_PI;
   const Pose2 end = rolled((radius_m - 0.5 * kSeparationM) * angle_rad,
@@ -37,7 +37,7 @@ TEST(WheeledModel, QuarterCircleEndsWhereGeometrySays) {
   EXPECT_NEAR(end.theta_rad, angle_rad, 1e-12);
 }
 
-TEST(WheeledModel, ArcIsTheLimitOfThePapersEulerSteps) {
+TEST(WheeledModel, ConvergesToTheArcFromEulerSteps) {
   const Pose2 exact = rolled(0.3, 0.5, kSeparationM, Integration::kArc);
   double error_before = 0.0;
   for (const int steps : {100, 200}) {
@@ -46,7 +46,7 @@ TEST(WheeledModel, ArcIsTheLimitOfThePapersEulerSteps) {
       pose = pose * rolled(0.3 / steps, 0.5 / steps, kSeparationM, Integration::kEuler);
     const double error = (pose.translation() - exact.translation()).norm();
     EXPECT_LT(error, 2e-3);
-    // Euler's error halves with the step: first order.
+    // The error of Euler steps halves with the step size (first order).
     if (steps == 200) {
       EXPECT_NEAR(error / error_before, 0.5, 0.01);
     }
@@ -54,16 +54,16 @@ TEST(WheeledModel, ArcIsTheLimitOfThePapersEulerSteps) {
   }
 }
 
-TEST(WheeledModel, SmallAnglesAreSmooth) {
-  // Both branches of the chord agree where they meet (angle 2e-4).
+TEST(WheeledModel, IsContinuousAtSmallAngles) {
+  // Both branches of the chord formula agree where they meet (angle 2e-4).
   const double eps = 1e-9, angle_m = 2e-4 * kSeparationM;
   const Pose2 below = rolled(1.0, 1.0 + angle_m - eps, kSeparationM, Integration::kArc);
   const Pose2 above = rolled(1.0, 1.0 + angle_m + eps, kSeparationM, Integration::kArc);
-  // They differ by the step's own 2·eps only: at most its length and its leverage eps / separation.
+  // They differ only by the 2·eps of the inputs. The bound is four times that, over the separation.
   EXPECT_LT((above.vector() - below.vector()).norm(), 4.0 * 2.0 * eps / kSeparationM);
 }
 
-TEST(WheeledModel, LimitKeepsTheCurvature) {
+TEST(WheeledModel, KeepsCurvatureWhenLimited) {
   const WheelSpeeds fast = limited({0.6, -1.2}, 0.4);
   EXPECT_DOUBLE_EQ(fast.right_mps, -0.4);
   EXPECT_DOUBLE_EQ(fast.left_mps / fast.right_mps, 0.6 / -1.2);

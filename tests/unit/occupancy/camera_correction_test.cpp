@@ -1,5 +1,5 @@
-// Contributions of a wrongly calibrated camera against what the camera would have seen had it been right:
-// each point goes through the real lens to a pixel and by the calibrated one back to the floor.
+// Contributions of a wrongly calibrated camera, compared with those of a correctly calibrated one. Each point
+// is projected to a pixel with the real lens and back to the floor with the calibrated one.
 #include "occupancy/camera_correction.h"
 
 #include <gtest/gtest.h>
@@ -31,14 +31,14 @@ lens::CameraModel calibrated(const CameraErrorPpm& error, lens::Projection proje
   return model;
 }
 
-/// Where a camera with that error takes a point of the floor for.
+/// Floor position that a camera with that error computes for a floor point.
 Eigen::Vector2d seen(const Eigen::Vector2d& floor_m, const CameraErrorPpm& error,
                      lens::Projection projection = lens::Projection::kEquidistant) {
   const lens::Camera real(calibrated({}, projection)), wrong(calibrated(error, projection));
   return wrong.floorFromPixel(*real.pixelFromPoint({floor_m.x(), floor_m.y(), 0.0})).value();
 }
 
-/// Of an upright cylinder: the foot, and the top as it falls on the floor behind.
+/// Silhouette of an upright cylinder: its foot, and its top projected onto the floor behind.
 Polygon silhouette() {
   const double height_m = 0.2, shadow = kHeight_m / (kHeight_m - height_m);
   Polygon points;
@@ -51,7 +51,7 @@ Polygon silhouette() {
   return points;
 }
 
-/// What a camera with that error contributes.
+/// Contribution of a camera with that error.
 Contribution contribution(const CameraErrorPpm& error,
                           lens::Projection projection = lens::Projection::kEquidistant) {
   Objects objects;
@@ -69,7 +69,7 @@ Contribution contribution(const CameraErrorPpm& error,
   track.contact_m = seen({0.6, 0.2}, error, projection);
   objects.tracks.push_back(track);
   objects.scan.origin_m = kFoot_m;
-  for (int i = 0; i < 360; ++i) {  // a round wall; rays about the foot
+  for (int i = 0; i < 360; ++i) {  // a round wall; rays around the foot
     const double a = i * M_PI / 180.0;
     const Eigen::Vector2d along(std::cos(a), std::sin(a));
     objects.scan.range_m.push_back(
@@ -85,17 +85,17 @@ double rms(const std::vector<std::int32_t>& a, const std::vector<std::int32_t>& 
   return std::sqrt(squares / static_cast<double>(a.size()));
 }
 
-TEST(CameraCorrection, WhatAWrongCameraSawIsWhatARightOneWouldHaveSeen) {
+TEST(CameraCorrection, RecoversContributionOfCalibratedCamera) {
   for (const auto projection :
        {lens::Projection::kEquidistant, lens::Projection::kOrthographic, lens::Projection::kStereographic}) {
     SCOPED_TRACE(static_cast<int>(projection));
     const Contribution exact = contribution({}, projection), wrong = contribution(kError, projection);
     Contribution right =
         withoutCameraError(wrong, kError, lens::Spread::of(lens::Camera(calibrated({}, projection))));
-    EXPECT_EQ(right.views[0].b_dmm[7], wrong.views[0].b_dmm[7]);  // not to be used
+    EXPECT_EQ(right.views[0].b_dmm[7], wrong.views[0].b_dmm[7]);  // unusable direction
     right.views[0].b_dmm[7] = exact.views[0].b_dmm[7];
     EXPECT_NEAR(right.camera_height_dmm, exact.camera_height_dmm, 1);
-    // Second order in the error, which is larger near the rim of an orthographic lens.
+    // Second order in the error; larger near the rim of an orthographic lens.
     const double second = projection == lens::Projection::kOrthographic ? 0.06 : 0.05;
     const double before_m = rms(wrong.views[0].b_dmm, exact.views[0].b_dmm);
     EXPECT_GT(before_m, 0.015);
@@ -113,7 +113,7 @@ TEST(CameraCorrection, WhatAWrongCameraSawIsWhatARightOneWouldHaveSeen) {
   }
 }
 
-TEST(CameraCorrection, PointsStayAsFarBelowTheCameraAsParallaxSaid) {
+TEST(CameraCorrection, KeepsPointDistanceBelowTheCamera) {
   const Eigen::Vector3d point(0.7, 0.4, 0.15);
   const double below_m = kHeight_m - point.z(), taken_for_m = kHeight_m * (1.0 + 1e-6 * kError[1]);
   const Eigen::Vector2d on_floor = kFoot_m + (point.head<2>() - kFoot_m) * (kHeight_m / below_m);
@@ -130,16 +130,16 @@ TEST(CameraCorrection, PointsStayAsFarBelowTheCameraAsParallaxSaid) {
   EXPECT_EQ(right.points[0].sigma_dmm, 20);
 }
 
-TEST(CameraCorrection, NothingChangesWithoutAnErrorOrACamera) {
+TEST(CameraCorrection, LeavesContributionWithoutErrorUnchanged) {
   Contribution c = contribution(kError);
   EXPECT_EQ(canonicalBytes(withoutCameraError(c, {}, {})), canonicalBytes(c));
   c.camera_height_dmm = 0;  // a laser
   EXPECT_EQ(canonicalBytes(withoutCameraError(c, kError, {})), canonicalBytes(c));
 }
 
-TEST(CameraCorrection, NearTheHorizonNothingIsMadeUp) {
+TEST(CameraCorrection, InvalidatesValuesNearTheHorizon) {
   Contribution c = contribution({});
-  c.range_dmm[0] = 10'000'000;  // a kilometre: u = 2000
+  c.range_dmm[0] = 10'000'000;  // one kilometre: u = 2000
   c.views[0].b_dmm[0] = 10'000'000;
   c.views[0].position = {10'000'000, 0};
   const Contribution right = withoutCameraError(c, kError, {});
@@ -158,7 +158,7 @@ KeyframePose poseAt(TimeNs time_ns, const CameraErrorPpm& error) {
   return pose;
 }
 
-TEST(CameraCorrection, TheLatestPoseSpeaksForAllContributionsInAnyOrder) {
+TEST(CameraCorrection, AppliesErrorOfLatestPoseInAnyOrder) {
   const Contribution early = contribution(kError);
   const auto expected = canonicalBytes(withoutCameraError(early, kError, {}));
   KeyframePose settled = poseAt(5, kError), invalid = poseAt(11, {1, 1, 1, 1});
@@ -173,16 +173,16 @@ TEST(CameraCorrection, TheLatestPoseSpeaksForAllContributionsInAnyOrder) {
       i < poses.size() ? store.add(poses[i]) : store.add(early);
     }
     store.correctNext(10);
-    ASSERT_EQ(canonicalBytes(*store.find("r1", 5)->seen), expected);
+    ASSERT_EQ(canonicalBytes(*store.find("r1", 5)->corrected), expected);
     ASSERT_EQ(store.cameraError("r1"), kError);
-    // Others are sent what was seen, whose camera they know as well.
+    // Peers receive the contribution as observed; they know the camera error as well.
     ASSERT_EQ(canonicalBytes(store.contributionsBetween("r1", 5, 5).front()), canonicalBytes(early));
   } while (std::next_permutation(order.begin(), order.end()));
 }
 
-/// A map that takes its time is the same map in the end, whatever the errors were in between, and never does
-/// more at once than it was told to.
-TEST(CameraCorrection, AFewAtATimeComeToTheSame) {
+/// A map that defers its corrections becomes the same map, whatever the errors were in between. It never
+/// corrects more at once than requested.
+TEST(CameraCorrection, GivesSameMapWhenCorrectionsAreDeferred) {
   constexpr int kContributions = 20;
   constexpr std::size_t kAtOnce = 3;
   OccupancyMap at_once({}, {}), slowly({}, {});

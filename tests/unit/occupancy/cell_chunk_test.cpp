@@ -19,7 +19,8 @@ struct Mark {
   int hits, misses;
 };
 
-/// All marks of a bucket summed, then folded in order of bucket: what the chunk must tell whatever it packs.
+/// Reference: all marks of a bucket summed, then folded in order of bucket. The chunk must give the same,
+/// whatever it packs.
 std::int32_t folded(const std::vector<Mark>& marks, std::size_t cell) {
   std::map<std::int64_t, std::pair<int, int>> sums;
   for (const Mark& m : marks) {
@@ -38,7 +39,7 @@ std::int32_t add(CellChunk& chunk, const Mark& mark) {
   return chunk.add(chunk.layerFor(mark.bucket, kFold), mark.cell, mark.hits, mark.misses, kFold);
 }
 
-/// Marks as a run of many buckets gives them: in order of time.
+/// Marks in order of time, as a run of many buckets gives them.
 std::vector<Mark> marksOf(int buckets, std::uint32_t seed) {
   std::mt19937 random(seed);
   std::vector<Mark> marks;
@@ -51,7 +52,7 @@ std::vector<Mark> marksOf(int buckets, std::uint32_t seed) {
   return marks;
 }
 
-TEST(CellChunk, PacksWhatIsOldAndTellsTheSame) {
+TEST(CellChunk, KeepsLogOddsWhenPackingOldLayers) {
   const auto marks = marksOf(40, 1);
   CellChunk chunk;
   std::vector<Mark> so_far;
@@ -62,13 +63,13 @@ TEST(CellChunk, PacksWhatIsOldAndTellsTheSame) {
   EXPECT_EQ(chunk.packedLayers(), 40 - CellChunk::kOpenLayers);
 }
 
-TEST(CellChunk, AnyOrderGivesTheSameAndALateMarkUnpacks) {
+TEST(CellChunk, IsIndependentOfOrderAndUnpacksForLateMarks) {
   auto marks = marksOf(40, 2);
   CellChunk in_order, shuffled;
   for (const Mark& mark : marks) add(in_order, mark);
   const Sha256 digest = in_order.digest();
   EXPECT_NE(digest, Sha256{});
-  // A mark of long ago: all that follows is folded anew, also after it is taken back.
+  // A late mark: everything after it is refolded, also after the mark is removed again.
   std::vector<Mark> with = marks;
   with.push_back({3, 5, 2, 0});
   EXPECT_EQ(add(in_order, with.back()), folded(with, 5));
@@ -82,7 +83,7 @@ TEST(CellChunk, AnyOrderGivesTheSameAndALateMarkUnpacks) {
   EXPECT_EQ(shuffled.digest(), digest);
 }
 
-TEST(CellChunk, ABucketThatIsNewButOldIsPutBetween) {
+TEST(CellChunk, InsertsLateBucketBetweenPackedOnes) {
   CellChunk chunk;
   std::vector<Mark> marks;
   for (int b = 0; b < 20; ++b) marks.push_back({2 * b, 0, b % 3 == 0, b % 3 != 0});
@@ -94,7 +95,7 @@ TEST(CellChunk, ABucketThatIsNewButOldIsPutBetween) {
   }
 }
 
-TEST(CellChunk, MoreMarksThanEightBitsHoldStayExact) {
+TEST(CellChunk, StaysExactBeyondEightBitCounts) {
   CellChunk chunk;
   std::vector<Mark> marks;
   for (int b = 0; b < 12; ++b)
@@ -105,7 +106,7 @@ TEST(CellChunk, MoreMarksThanEightBitsHoldStayExact) {
   EXPECT_EQ(l, folded(marks, 1));
 }
 
-TEST(CellChunk, WhatIsAllTakenOutLeavesNoDigest) {
+TEST(CellChunk, HasZeroDigestAfterRemovingAllMarks) {
   CellChunk chunk;
   for (int b = 0; b < 10; ++b) add(chunk, {b, 2, 1, 0});
   for (int b = 0; b < 10; ++b) add(chunk, {b, 2, -1, 0});

@@ -1,7 +1,7 @@
 #pragma once
 
-// An analytic fleet for the tests of the map: boxes on a floor, robots on given paths, each seeing the floor
-// contact of what stands around it (ray casting against polygons, closed form) and the supports of its
+// An analytic fleet for the tests of the map: boxes on a floor and robots on given paths. Each robot sees the
+// floor contact of what is around it (ray casting against polygons, closed form) and the supports of its
 // silhouettes.
 
 #include <cmath>
@@ -28,7 +28,7 @@ inline Polygon boxPolygon(const Eigen::Vector2d& centre, double length_m, double
   return corners;
 }
 
-/// Distance along a ray (origin, unit direction) to a polygon; nothing when it misses.
+/// Distance along a ray (origin, unit direction) to a polygon; nothing if the ray misses it.
 inline std::optional<double> rayDistance(const Eigen::Vector2d& origin, const Eigen::Vector2d& direction,
                                          const Polygon& polygon) {
   std::optional<double> nearest;
@@ -43,7 +43,7 @@ inline std::optional<double> rayDistance(const Eigen::Vector2d& origin, const Ei
   return nearest;
 }
 
-struct SimThing {
+struct SimObstacle {
   Polygon footprint_m;
   double height_m = 0.2;
   std::uint16_t track = 0;
@@ -61,15 +61,16 @@ struct SimOptions {
   double range_noise_m = 0.0;
   double support_noise = 0.0;  ///< in σ of 0.4 px and 1 mm at 1 m from a 960 px lens
   double pose_noise_m = 0.0;
-  ObjectKind robots_are = ObjectKind::kRobot;  ///< what the classifier says of the other robots
+  ObjectKind robots_are = ObjectKind::kRobot;  ///< kind that the classifier reports for the other robots
 };
 
 class FleetSim {
  public:
-  FleetSim(std::vector<SimThing> things, std::vector<SimRobot> robots, SimOptions options, unsigned seed = 1)
-      : things_(std::move(things)), robots_(std::move(robots)), options_(options), random_(seed) {
+  FleetSim(std::vector<SimObstacle> obstacles, std::vector<SimRobot> robots, SimOptions options,
+           unsigned seed = 1)
+      : obstacles_(std::move(obstacles)), robots_(std::move(robots)), options_(options), random_(seed) {
     std::uint16_t track = 1;
-    for (auto& thing : things_) thing.track = track++;
+    for (auto& obstacle : obstacles_) obstacle.track = track++;
   }
 
   struct Frame {
@@ -77,7 +78,7 @@ class FleetSim {
     PoseEstimate pose;
   };
 
-  std::vector<SimThing>& things() { return things_; }
+  std::vector<SimObstacle>& obstacles() { return obstacles_; }
   const RobotBody& body() const { return body_; }
   std::map<std::string, RobotBody> bodies() const {
     std::map<std::string, RobotBody> all;
@@ -85,16 +86,16 @@ class FleetSim {
     return all;
   }
 
-  /// What all robots see at a time, in the order of robots.
+  /// Frames of all robots at a time, in the order of the robots.
   std::vector<Frame> at(double time_s) {
     std::vector<Frame> frames;
-    for (const auto& robot : robots_) frames.push_back(seenBy(robot, time_s));
+    for (const auto& robot : robots_) frames.push_back(frameOf(robot, time_s));
     return frames;
   }
 
  private:
-  std::vector<SimThing> around(const SimRobot& self, double time_s) const {
-    std::vector<SimThing> all = things_;
+  std::vector<SimObstacle> around(const SimRobot& self, double time_s) const {
+    std::vector<SimObstacle> all = obstacles_;
     std::uint16_t track = 100;
     for (const auto& robot : robots_) {
       ++track;
@@ -105,7 +106,7 @@ class FleetSim {
     return all;
   }
 
-  Frame seenBy(const SimRobot& robot, double time_s) {
+  Frame frameOf(const SimRobot& robot, double time_s) {
     std::normal_distribution<double> normal;
     Frame frame;
     const Pose2 truth = robot.path(time_s);
@@ -115,7 +116,7 @@ class FleetSim {
     objects.camera_height_m = kCameraHeightM;
     const auto all = around(robot, time_s);
     castScan(all, truth, objects.scan);
-    for (const auto& thing : all) addTrack(thing, truth, objects);
+    for (const auto& obstacle : all) addTrack(obstacle, truth, objects);
     frame.pose.valid = true;
     frame.pose.map_from_base = {truth.x_m + options_.pose_noise_m * normal(random_),
                                 truth.y_m + options_.pose_noise_m * normal(random_),
@@ -124,22 +125,22 @@ class FleetSim {
     return frame;
   }
 
-  void castScan(const std::vector<SimThing>& all, const Pose2& truth, Scan& scan) {
+  void castScan(const std::vector<SimObstacle>& all, const Pose2& truth, Scan& scan) {
     std::normal_distribution<double> normal;
     for (int i = 0; i < options_.rays; ++i) {
       const double bearing = truth.theta_rad + 2.0 * M_PI * i / options_.rays;
       double range = options_.range_m;
       RayLabel label = RayLabel::kFloorEnd;
       std::uint16_t track = 0;
-      for (const auto& thing : all) {
+      for (const auto& obstacle : all) {
         const auto hit =
-            rayDistance(truth.translation(), {std::cos(bearing), std::sin(bearing)}, thing.footprint_m);
+            rayDistance(truth.translation(), {std::cos(bearing), std::sin(bearing)}, obstacle.footprint_m);
         if (!hit || *hit >= range) continue;
         range = *hit;
-        track = thing.track;
-        label = thing.kind == ObjectKind::kRobot      ? RayLabel::kRobot
-                : thing.kind == ObjectKind::kObstacle ? RayLabel::kObstacle
-                                                      : RayLabel::kUnknown;
+        track = obstacle.track;
+        label = obstacle.kind == ObjectKind::kRobot      ? RayLabel::kRobot
+                : obstacle.kind == ObjectKind::kObstacle ? RayLabel::kObstacle
+                                                         : RayLabel::kUnknown;
       }
       if (track != 0) range += options_.range_noise_m * normal(random_);
       scan.range_m.push_back(static_cast<float>(range));
@@ -149,20 +150,20 @@ class FleetSim {
     }
   }
 
-  void addTrack(const SimThing& thing, const Pose2& truth, Objects& objects) {
-    const double distance = (centroid(thing.footprint_m) - truth.translation()).norm();
+  void addTrack(const SimObstacle& obstacle, const Pose2& truth, Objects& objects) {
+    const double distance = (centroid(obstacle.footprint_m) - truth.translation()).norm();
     if (distance > 2.0) return;
     std::normal_distribution<double> normal;
     Track track;
-    track.id = thing.track;
-    track.kind = thing.kind;
+    track.id = obstacle.track;
+    track.kind = obstacle.kind;
     track.visible = true;
-    track.position_m = truth.inverse() * centroid(thing.footprint_m);
+    track.position_m = truth.inverse() * centroid(obstacle.footprint_m);
     track.contact_m = track.position_m * (1.0 - 0.1 / distance);
     const outline::PrismView view{truth, {0, 0}, kCameraHeightM, {}};
-    track.supports = outline::prismSupports(thing.footprint_m, thing.height_m, view, 1.0);
+    track.supports = outline::prismSupports(obstacle.footprint_m, obstacle.height_m, view, 1.0);
     for (std::size_t k = 0; k < track.supports.size(); ++k) {
-      const double scale = kCameraHeightM / (kCameraHeightM - thing.height_m);
+      const double scale = kCameraHeightM / (kCameraHeightM - obstacle.height_m);
       const double at = track.supports.b_m[k] > 0 ? distance * scale : distance;
       const double sigma =
           0.4 * (kCameraHeightM * kCameraHeightM + at * at) / (kCameraHeightM * 305.0) + 0.001;
@@ -172,7 +173,7 @@ class FleetSim {
     objects.tracks.push_back(track);
   }
 
-  std::vector<SimThing> things_;
+  std::vector<SimObstacle> obstacles_;
   std::vector<SimRobot> robots_;
   SimOptions options_;
   RobotBody body_{0.15, {}, 0.3, 0.26};

@@ -26,7 +26,7 @@ FleetSim threeRobots(SimOptions options = {}) {
   std::vector<SimRobot> robots;
   robots.push_back({"r1", [](double t) { return Pose2{-0.9 + 0.2 * t, 0.0, 0.1 * t}; }});
   robots.push_back({"r2", [](double t) { return Pose2{1.0, -0.9 + 0.15 * t, 1.5}; }});
-  robots.push_back({"r3", [](double) { return Pose2{0.2, 1.2, -2.0}; }});  // stands all the time
+  robots.push_back({"r3", [](double) { return Pose2{0.2, 1.2, -2.0}; }});  // stationary
   return FleetSim(
       {{boxPolygon({0.0, -0.9}, 0.4, 0.3, 0.3), 0.2}, {boxPolygon({1.6, 0.9}, 0.3, 0.3, 0.0), 0.2}}, robots,
       options);
@@ -58,7 +58,7 @@ void expectEqual(const OccupancyMap& a, const OccupancyMap& b) {
   EXPECT_EQ(a.octreeBytes(), b.octreeBytes());
 }
 
-/// Adds everything in a random order, some of it twice.
+/// Adds everything twice, in a random order.
 OccupancyMap shuffled(const Sets& sets, const std::map<std::string, RobotBody>& bodies, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<std::pair<int, std::size_t>> order;
@@ -72,7 +72,7 @@ OccupancyMap shuffled(const Sets& sets, const std::map<std::string, RobotBody>& 
   return map;
 }
 
-TEST(OccupancyMap, OrderAndDuplicatesDoNotMatter) {
+TEST(OccupancyMap, IsIndependentOfOrderAndDuplicates) {
   auto sim = threeRobots();
   const Sets sets = record(sim, 0.0, 8.0);
   const OccupancyMap reference = build(sets, sim.bodies());
@@ -80,7 +80,7 @@ TEST(OccupancyMap, OrderAndDuplicatesDoNotMatter) {
   for (unsigned seed = 1; seed <= 8; ++seed) expectEqual(shuffled(sets, sim.bodies(), seed), reference);
 }
 
-TEST(OccupancyMap, CorrectedPosesGiveTheMapBuiltFromScratch) {
+TEST(OccupancyMap, MatchesRebuiltMapAfterPoseCorrections) {
   auto sim = threeRobots();
   const Sets sets = record(sim, 0.0, 6.0);
   Sets corrected = sets;
@@ -108,7 +108,7 @@ TEST(OccupancyMap, CorrectedPosesGiveTheMapBuiltFromScratch) {
   for (unsigned seed = 11; seed <= 14; ++seed) expectEqual(shuffled(history, sim.bodies(), seed), reference);
 }
 
-TEST(OccupancyMap, HigherTermWinsWhateverItsRevision) {
+TEST(OccupancyMap, PrefersHigherTermOverHigherRevision) {
   auto sim = threeRobots();
   Sets sets = record(sim, 0.0, 0.5);
   KeyframePose late = sets.poses[0];
@@ -127,7 +127,7 @@ TEST(OccupancyMap, HigherTermWinsWhateverItsRevision) {
   EXPECT_EQ(a.store().find("r1", 0)->pose->position.x_dmm, late.position.x_dmm);
 }
 
-TEST(OccupancyMap, TakingEverythingOutLeavesNothing) {
+TEST(OccupancyMap, IsEmptyAfterAllPosesBecomeInvalid) {
   auto sim = threeRobots();
   const Sets sets = record(sim, 0.0, 3.0);
   OccupancyMap map = build(sets, sim.bodies());
@@ -140,33 +140,33 @@ TEST(OccupancyMap, TakingEverythingOutLeavesNothing) {
   EXPECT_EQ(map.grid().width, 0);
 }
 
-TEST(OccupancyMap, ObstaclesAreMarkedAndFloorIsFree) {
+TEST(OccupancyMap, MarksObstaclesAndFreeFloor) {
   auto sim = threeRobots();
   const OccupancyMap map = build(record(sim, 0.0, 8.0), sim.bodies());
-  for (const auto& thing : sim.things()) {
+  for (const auto& obstacle : sim.obstacles()) {
     int marked = 0;
-    for (const auto& corner : thing.footprint_m) {
-      const Eigen::Vector2d inside = 0.9 * corner + 0.1 * centroid(thing.footprint_m);
+    for (const auto& corner : obstacle.footprint_m) {
+      const Eigen::Vector2d inside = 0.9 * corner + 0.1 * centroid(obstacle.footprint_m);
       marked += map.at(inside) == CellClass::kOccupied;
     }
-    EXPECT_GE(marked, 2);  // the corners that robots face
+    EXPECT_GE(marked, 2);  // the corners that face robots
   }
   EXPECT_EQ(map.at({-0.3, 0.6}), CellClass::kFree);
   EXPECT_EQ(map.at({5.0, 5.0}), CellClass::kUnknown);
 }
 
-/// No cell may be occupied that lies farther than a cell's diagonal from every obstacle.
-int marksAwayFrom(const std::vector<omnifleet::testing::SimThing>& things, const OccupancyMap& map) {
+/// Number of occupied cells that do not belong to an obstacle (within its half diagonal and a cell).
+int marksAwayFrom(const std::vector<omnifleet::testing::SimObstacle>& obstacles, const OccupancyMap& map) {
   const auto grid = map.grid();
   int away = 0;
   for (int y = 0; y < grid.height; ++y) {
     for (int x = 0; x < grid.width; ++x) {
       if (grid.cells[static_cast<std::size_t>(y * grid.width + x)] != 100) continue;
       const Eigen::Vector2d centre = grid.origin_m + grid.resolution_m * Eigen::Vector2d(x + 0.5, y + 0.5);
-      const bool near = std::any_of(things.begin(), things.end(), [&](const auto& thing) {
-        if (contains(thing.footprint_m, centre)) return true;
-        return std::any_of(thing.footprint_m.begin(), thing.footprint_m.end(), [&](const auto& corner) {
-          return (corner - centre).norm() < 0.36;  // within the box's half diagonal and a cell
+      const bool near = std::any_of(obstacles.begin(), obstacles.end(), [&](const auto& obstacle) {
+        if (contains(obstacle.footprint_m, centre)) return true;
+        return std::any_of(obstacle.footprint_m.begin(), obstacle.footprint_m.end(), [&](const auto& corner) {
+          return (corner - centre).norm() < 0.36;  // the half diagonal of the box and a cell
         });
       });
       away += near ? 0 : 1;
@@ -175,22 +175,22 @@ int marksAwayFrom(const std::vector<omnifleet::testing::SimThing>& things, const
   return away;
 }
 
-TEST(OccupancyMap, RobotsLeaveNothingWhateverTheyAreCalled) {
+TEST(OccupancyMap, LeavesOutRobotsOfAnyClassifiedKind) {
   for (const ObjectKind kind : {ObjectKind::kRobot, ObjectKind::kObstacle, ObjectKind::kUnknown}) {
     SimOptions options;
-    options.robots_are = kind;  // kObstacle: the classifier is wrong all the time, poses alone tell
+    options.robots_are = kind;  // kObstacle: the classifier is always wrong, only poses identify robots
     auto sim = threeRobots(options);
     const OccupancyMap map = build(record(sim, 0.0, 8.0), sim.bodies());
-    EXPECT_EQ(marksAwayFrom(sim.things(), map), 0) << toString(kind);
+    EXPECT_EQ(marksAwayFrom(sim.obstacles(), map), 0) << toString(kind);
   }
 }
 
-TEST(OccupancyMap, ARobotLearnedLateIsTakenOut) {
+TEST(OccupancyMap, RemovesRobotWhosePosesArriveLate) {
   SimOptions options;
   options.robots_are = ObjectKind::kObstacle;
   auto sim = threeRobots(options);
   Sets sets = record(sim, 0.0, 4.0);
-  Sets poses_of_r3;  // r3 stands still and publishes nothing until the end
+  Sets poses_of_r3;  // r3 is stationary and publishes nothing until the end
   OccupancyMap map({}, sim.bodies());
   for (const auto& c : sets.contributions) map.add(c);
   for (const auto& p : sets.poses) {
@@ -200,22 +200,22 @@ TEST(OccupancyMap, ARobotLearnedLateIsTakenOut) {
       map.add(p);
     }
   }
-  EXPECT_GT(marksAwayFrom(sim.things(), map), 0);
+  EXPECT_GT(marksAwayFrom(sim.obstacles(), map), 0);
   OccupancyMap by_track = build({}, sim.bodies());
   for (const auto& p : poses_of_r3.poses) map.add(p);
-  EXPECT_EQ(marksAwayFrom(sim.things(), map), 0);
+  EXPECT_EQ(marksAwayFrom(sim.obstacles(), map), 0);
   expectEqual(map, build(sets, sim.bodies()));
 }
 
-TEST(OccupancyMap, ATrackThatTurnsOutARobotIsTakenOut) {
+TEST(OccupancyMap, RemovesTrackClassifiedAsRobotLate) {
   SimOptions options;
   options.robots_are = ObjectKind::kObstacle;
   auto sim = threeRobots(options);
   Sets sets = record(sim, 0.0, 4.0);
-  Sets without = sets;  // r3's own data never arrive; the others' classifier finds out in the last frame
+  Sets without = sets;  // r3's own data never arrive; the classifiers of the others decide in the last frame
   const auto is_r3 = [](const auto& item) { return item.robot == "r3"; };
   without.poses.erase(std::remove_if(without.poses.begin(), without.poses.end(), is_r3), without.poses.end());
-  EXPECT_GT(marksAwayFrom(sim.things(), build(without, sim.bodies())), 0);
+  EXPECT_GT(marksAwayFrom(sim.obstacles(), build(without, sim.bodies())), 0);
   for (auto& c : without.contributions) {
     if (c.acquired_ns != 3750000000) continue;
     for (auto& view : c.views) {
@@ -223,11 +223,11 @@ TEST(OccupancyMap, ATrackThatTurnsOutARobotIsTakenOut) {
     }
   }
   const OccupancyMap map = build(without, sim.bodies());
-  EXPECT_EQ(marksAwayFrom(sim.things(), map), 0);
+  EXPECT_EQ(marksAwayFrom(sim.obstacles(), map), 0);
   for (unsigned seed = 21; seed <= 23; ++seed) expectEqual(shuffled(without, sim.bodies(), seed), map);
 }
 
-TEST(OccupancyMap, JudgementsActAndAreUndone) {
+TEST(OccupancyMap, AppliesAndRevertsKindOverrides) {
   SimOptions options;
   options.robots_are = ObjectKind::kUnknown;
   auto sim = threeRobots(options);
@@ -244,19 +244,20 @@ TEST(OccupancyMap, JudgementsActAndAreUndone) {
   const std::string before = hexText(map.hash());
   const Eigen::Vector2d face(1.46, 0.8);  // just inside the box, towards r2
   EXPECT_NE(map.at(face), CellClass::kOccupied);
-  map.judge({{{"r1", 2}, ObjectKind::kObstacle},
-             {{"r2", 2}, ObjectKind::kObstacle},
-             {{"r3", 2}, ObjectKind::kObstacle}});
+  map.overrideKinds({{{"r1", 2}, ObjectKind::kObstacle},
+                     {{"r2", 2}, ObjectKind::kObstacle},
+                     {{"r3", 2}, ObjectKind::kObstacle}});
   EXPECT_EQ(map.at(face), CellClass::kOccupied);
-  map.judge({});
+  map.overrideKinds({});
   EXPECT_EQ(hexText(map.hash()), before);
 }
 
-TEST(OccupancyMap, AMovedBoxVanishesAndReappearsWhereItIs) {
+TEST(OccupancyMap, ClearsOldPlaceOfAMovedBox) {
   auto sim = threeRobots();
-  const Eigen::Vector2d old_place = 0.5 * (sim.things()[0].footprint_m[2] + sim.things()[0].footprint_m[3]);
+  const Eigen::Vector2d old_place =
+      0.5 * (sim.obstacles()[0].footprint_m[2] + sim.obstacles()[0].footprint_m[3]);
   Sets sets = record(sim, 0.0, 5.0);
-  for (auto& corner : sim.things()[0].footprint_m) corner += Eigen::Vector2d(-0.7, 0.2);
+  for (auto& corner : sim.obstacles()[0].footprint_m) corner += Eigen::Vector2d(-0.7, 0.2);
   const Sets later = record(sim, 5.0, 12.0);
   OccupancyMap map = build(sets, sim.bodies());
   const Eigen::Vector2d inwards = old_place + Eigen::Vector2d(0.0, -0.02);
@@ -264,10 +265,11 @@ TEST(OccupancyMap, AMovedBoxVanishesAndReappearsWhereItIs) {
   for (const auto& c : later.contributions) map.add(c);
   for (const auto& p : later.poses) map.add(p);
   EXPECT_EQ(map.at(inwards), CellClass::kFree);
-  EXPECT_EQ(marksAwayFrom(sim.things(), map), 0);
+  EXPECT_EQ(marksAwayFrom(sim.obstacles(), map), 0);
 }
 
-/// The same scans through OctoMap's own insertion, at half a cell's height so that all stays in one layer.
+/// The same scans inserted with OctoMap's own functions, at half a cell's height so that everything is in one
+/// layer.
 octomap::OcTree throughOctomap(const Sets& sets, double max_range_m) {
   octomap::OcTree tree(0.05);
   for (std::size_t i = 0; i < sets.contributions.size(); ++i) {
@@ -290,7 +292,7 @@ octomap::OcTree throughOctomap(const Sets& sets, double max_range_m) {
       }
     }
     octomap::KeySet cloud_free;
-    tree.computeUpdate(hits, origin, cloud_free, occupied, -1.0);  // what insertPointCloud does first
+    tree.computeUpdate(hits, origin, cloud_free, occupied, -1.0);  // the first step of insertPointCloud
     free.insert(cloud_free.begin(), cloud_free.end());
     for (const auto& key : free) {
       if (occupied.find(key) == occupied.end()) tree.updateNode(key, false);
@@ -300,14 +302,14 @@ octomap::OcTree throughOctomap(const Sets& sets, double max_range_m) {
   return tree;
 }
 
-TEST(OccupancyMap, ClassesAgreeWithOctomapsInsertion) {
+TEST(OccupancyMap, MatchesClassesOfOctomapInsertion) {
   std::vector<SimRobot> robots{{"r1", [](double t) { return Pose2{-0.3 + 0.2 * t, 0.1, 0.1 * t}; }}};
   FleetSim sim({{boxPolygon({0.5, -0.9}, 0.4, 0.3, 0.3), 0.2}, {boxPolygon({0.3, 1.2}, 0.5, 0.2, 0.0), 0.2}},
                robots, {});
   const Sets sets = record(sim, 0.0, 4.0);
   OccupancyOptions options;
   options.robot_margin_m = 0.0;
-  options.bucket_s = 0.25;  // a bucket per scan, as OctoMap clamps after each
+  options.bucket_s = 0.25;  // one bucket per scan, as OctoMap clamps after each scan
   OccupancyMap map({options}, {{"r1", RobotBody{0.001, {}, 0.1, 0.2}}});
   for (const auto& c : sets.contributions) map.add(c);
   for (const auto& p : sets.poses) map.add(p);
@@ -324,13 +326,13 @@ TEST(OccupancyMap, ClassesAgreeWithOctomapsInsertion) {
       (map.at(centre) == expected ? same : differ) += 1;
     }
   }
-  // Rays that graze a corner may fall on either side: OctoMap computes in floats. And cells under the robot
-  // (1 mm) stay.
+  // Rays that graze a corner may fall on either side, because OctoMap computes in floats. Cells under the
+  // robot (1 mm) stay.
   EXPECT_LT(differ, 0.015 * same) << same << " cells agree";
   EXPECT_GT(same, 5000);
 }
 
-TEST(OccupancyMap, OctreeFileIsReadByOctomap) {
+TEST(OccupancyMap, WritesOctreeReadableByOctomap) {
   auto sim = threeRobots();
   const OccupancyMap map = build(record(sim, 0.0, 4.0), sim.bodies());
   const std::string bytes = map.octreeBytes();
@@ -352,20 +354,20 @@ TEST(OccupancyMap, OctreeFileIsReadByOctomap) {
   EXPECT_EQ(tree.getNumLeafNodes(), known);
   std::ostringstream again(std::ios::binary);
   ASSERT_TRUE(tree.writeBinaryConst(again));
-  EXPECT_EQ(again.str(), bytes);  // byte for byte what OctoMap itself writes
+  EXPECT_EQ(again.str(), bytes);  // equal to OctoMap's own output byte for byte
 }
 
-TEST(OccupancyMap, ObjectsStandAsColumnsInTheOctree) {
+TEST(OccupancyMap, WritesObjectsAsColumnsOfTheOctree) {
   auto sim = threeRobots();
   const OccupancyMap map = build(record(sim, 0.0, 1.0), sim.bodies());
   dataset::MapObject box, flat;
   box.outline_m = {{0.0, 0.0}, {0.30, 0.0}, {0.30, 0.20}, {0.0, 0.20}};
   box.height_m = 0.21;
-  flat.outline_m = {{1.0, 0.0}, {1.30, 0.0}, {1.30, 0.20}, {1.0, 0.20}};  // of unknown height
+  flat.outline_m = {{1.0, 0.0}, {1.30, 0.0}, {1.30, 0.20}, {1.0, 0.20}};  // unknown height
   std::istringstream in(map.octreeBytes({box, flat}), std::ios::binary);
   octomap::OcTree tree(0.1);
   ASSERT_TRUE(tree.readBinary(in));
-  // 6 × 4 cells of 5 cm, four levels of which reach up to 20 cm: the fifth would end 4 cm above the box.
+  // 6 × 4 cells of 5 cm. Four levels reach up to 20 cm; a fifth would end 4 cm above the box.
   int above_ground = 0, of_flat = 0;
   for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
     if (leaf.getZ() < 0.05) {
@@ -378,14 +380,14 @@ TEST(OccupancyMap, ObjectsStandAsColumnsInTheOctree) {
     EXPECT_LT(leaf.getZ(), box.height_m);
   }
   EXPECT_EQ(above_ground, 6 * 4 * 3);
-  EXPECT_EQ(of_flat, 6 * 4) << "in the layer";
+  EXPECT_EQ(of_flat, 6 * 4) << "an object of unknown height occupies the layer";
   const std::string before = map.octreeBytes();
   EXPECT_NE(map.octreeBytes({box}), before);
   EXPECT_EQ(map.octreeBytes(), before);
 }
 
-// Rays of frames that lost it see floor there.
-TEST(OccupancyMap, WhereAnObjectStandsTheGridIsOccupied) {
+// In frames that missed the object the rays see floor there.
+TEST(OccupancyMap, MarksGridOccupiedUnderObjects) {
   auto sim = threeRobots();
   const OccupancyMap map = build(record(sim, 0.0, 1.0), sim.bodies());
   const auto rays = map.grid();
@@ -401,7 +403,7 @@ TEST(OccupancyMap, WhereAnObjectStandsTheGridIsOccupied) {
                                                           static_cast<double>(free / rays.width));
   box.outline_m = {corner, corner + Eigen::Vector2d(0.05, 0.0), corner + Eigen::Vector2d(0.05, 0.05),
                    corner + Eigen::Vector2d(0.0, 0.05)};
-  beyond.outline_m = {{90.0, 0.0}, {90.3, 0.0}, {90.3, 0.2}};  // of what is known: left out
+  beyond.outline_m = {{90.0, 0.0}, {90.3, 0.0}, {90.3, 0.2}};  // outside the known cells: ignored
   const auto grid = map.grid({box, beyond});
   EXPECT_EQ(grid.width, rays.width);
   EXPECT_EQ(cellAt(rays, corner.array() + 0.025), 0);
@@ -414,8 +416,9 @@ TEST(OccupancyMap, WhereAnObjectStandsTheGridIsOccupied) {
   EXPECT_EQ(differ(), 1);
 }
 
-TEST(OccupancyMap, FootprintsOfOtherShapesTurnWithTheRobot) {
-  // A long robot stands across r1's view, said to be an obstacle; only its turned footprint hides it.
+TEST(OccupancyMap, RotatesPolygonFootprintsWithTheRobot) {
+  // A long robot stands across r1's view and is labelled as an obstacle. Only its rotated footprint removes
+  // it.
   std::vector<SimRobot> robots{{"r1", [](double) { return Pose2{0, 0, 0}; }}};
   const Polygon body{{-0.1, -0.05}, {0.5, -0.05}, {0.5, 0.05}, {-0.1, 0.05}};
   const Pose2 long_robot{0.8, -0.3, 1.2};
@@ -436,12 +439,12 @@ TEST(OccupancyMap, FootprintsOfOtherShapesTurnWithTheRobot) {
   map.add(pose);
   EXPECT_EQ(marksAwayFrom({}, map), 0);
   pose.revision = 1;
-  pose.theta_dmrad = -3000;  // turned away, the obstacle is there again
+  pose.theta_dmrad = -3000;  // rotated away: the obstacle is visible again
   map.add(pose);
   EXPECT_GT(marksAwayFrom({}, map), 0);
 }
 
-TEST(OccupancyMap, BrokenInputIsLeftOut) {
+TEST(OccupancyMap, IgnoresInvalidInput) {
   OccupancyMap map({}, {});
   Contribution broken;
   broken.robot = "r1";
@@ -456,16 +459,16 @@ TEST(OccupancyMap, BrokenInputIsLeftOut) {
   EXPECT_EQ(map.grid().width, 0);
   pose.revision = 1;
   pose.position = {0, 0};
-  map.add(pose);  // only the overlong ray counts, as free up to the greatest range
+  map.add(pose);  // only the overlong ray counts, as free up to the maximum range
   EXPECT_GT(map.grid().width, 0);
   const auto grid = map.grid();
   EXPECT_EQ(std::count(grid.cells.begin(), grid.cells.end(), 100), 0);
   EXPECT_EQ(map.at({std::nan(""), 0}), CellClass::kUnknown);
 }
 
-TEST(OccupancyMap, TheOctreeIsWrittenOnlyWhereACellChangesClass) {
-  // What makes merging quick (the benchmark has the figure): 240 scans mark some thousands of cells each, a
-  // cell changes class when first seen and then hardly ever.
+TEST(OccupancyMap, WritesOctreeOnlyOnClassChanges) {
+  // This makes merging fast (see the benchmark). 240 scans mark some thousands of cells each. A cell changes
+  // class when first seen, and then rarely.
   auto sim = threeRobots();
   const Sets sets = record(sim, 0.0, 20.0);
   const OccupancyMap map = build(sets, sim.bodies());
@@ -476,7 +479,7 @@ TEST(OccupancyMap, TheOctreeIsWrittenOnlyWhereACellChangesClass) {
   EXPECT_LT(map.classChanges(), 3 * static_cast<std::uint64_t>(known));
 }
 
-TEST(OccupancyOptions, ReadsAndBounds) {
+TEST(OccupancyOptions, ReadsAndRejectsInvalidValues) {
   const auto o = OccupancyOptions::read(options::Section::parse("resolution_m: 0.1\nhold_s: 2\n", "o.yaml"));
   EXPECT_DOUBLE_EQ(o.resolution_m, 0.1);
   EXPECT_THROW(OccupancyOptions::read(options::Section::parse("resolution_m: 0.05005\n", "o.yaml")),

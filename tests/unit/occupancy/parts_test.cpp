@@ -14,7 +14,7 @@
 namespace omnifleet::occupancy {
 namespace {
 
-TEST(FixedTrig, FollowsTheLibrarysSine) {
+TEST(FixedTrig, MatchesStandardSineAndCosine) {
   for (int angle = -70000; angle <= 70000; angle += 13) {
     const Direction d = directionOf(turnFromDmrad(angle));
     EXPECT_NEAR(static_cast<double>(d.cos_q30) / (1 << 30), std::cos(1e-4 * angle), 2e-7);
@@ -22,14 +22,14 @@ TEST(FixedTrig, FollowsTheLibrarysSine) {
   }
 }
 
-TEST(FixedTrig, ExactAtTheAxes) {
+TEST(FixedTrig, IsExactAtTheAxes) {
   EXPECT_EQ(directionOf(0).sin_q30, 0);
   EXPECT_EQ(directionOf(turnOfBearing(1, 2)).sin_q30, 0);
   EXPECT_EQ(directionOf(turnOfBearing(1, 4)).cos_q30, 0);
   EXPECT_NEAR(static_cast<double>(directionOf(turnOfBearing(3, 4)).sin_q30), -(1 << 30), 100);
 }
 
-TEST(FixedTrig, RotatesAndBack) {
+TEST(FixedTrig, RotatesForwardAndBack) {
   std::mt19937 random(1);
   std::uniform_int_distribution<std::int32_t> any(-30000, 30000);
   for (int i = 0; i < 1000; ++i) {
@@ -46,7 +46,7 @@ TEST(FixedTrig, RotatesAndBack) {
   }
 }
 
-TEST(FixedTrig, Divisions) {
+TEST(FixedTrig, RoundsDivisionsAndRootsDown) {
   EXPECT_EQ(floorDivide(-1, 500), -1);
   EXPECT_EQ(floorDivide(-500, 500), -1);
   EXPECT_EQ(floorDivide(-501, 500), -2);
@@ -56,12 +56,12 @@ TEST(FixedTrig, Divisions) {
   EXPECT_EQ(integerSqrt(100), 10);
 }
 
-TEST(Sha256, KnownAnswers) {  // FIPS 180-4 examples
+TEST(Sha256, MatchesFips180Examples) {  // FIPS 180-4 examples
   EXPECT_EQ(hexText(sha256("abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(hexText(sha256("")), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
 }
 
-TEST(BodyMask, AgreesWithThePolygonAndItsMargin) {
+TEST(BodyMask, MatchesThePolygonAndItsMargin) {
   const Polygon footprint{{-0.1, -0.12}, {0.25, -0.12}, {0.32, 0.0}, {0.25, 0.12}, {-0.1, 0.12}};
   const BodyMask exact({0.0, footprint, 0.2, 0.2}, 0.0, 0.1), grown({0.0, footprint, 0.2, 0.2}, 0.03, 0.1);
   std::mt19937 random(2);
@@ -90,7 +90,7 @@ KeyframePose poseAt(TimeNs time_ns, std::int32_t x, std::int32_t theta) {
   return pose;
 }
 
-TEST(RobotPaths, InterpolatesTheShortWayRound) {
+TEST(RobotPaths, InterpolatesAlongTheShorterRotation) {
   ContributionStore store;
   store.add(poseAt(0, 0, 31000));
   store.add(poseAt(1000000000, 1000, -31000));
@@ -102,16 +102,16 @@ TEST(RobotPaths, InterpolatesTheShortWayRound) {
   EXPECT_EQ(half->position.y_dmm, -500);
   EXPECT_NEAR(std::abs(wrapAngle(1e-4 * half->theta_dmrad)), M_PI, 2e-4);
   EXPECT_EQ(paths.at("r1", 0)->theta_dmrad, 31000);
-  EXPECT_EQ(paths.at("r1", 1800000000)->position.x_dmm, 1000);  // held
-  EXPECT_FALSE(paths.at("r1", 10000000000));                    // the gap is too wide
+  EXPECT_EQ(paths.at("r1", 1800000000)->position.x_dmm, 1000);  // held at the nearest pose
+  EXPECT_FALSE(paths.at("r1", 10000000000));                    // the gap is too long
   EXPECT_EQ(paths.at("r1", 19500000000)->position.x_dmm, 5000);
   EXPECT_FALSE(paths.at("r2", 0));
 }
 
-TEST(ContributionStore, KeepsTheWinnerAndCountsWhatItHolds) {
+TEST(ContributionStore, KeepsTheWinningPoseAndCountsItems) {
   ContributionStore a, b;
   const KeyframePose first = poseAt(5, 10, 0);
-  KeyframePose twin = first;  // same rank, other content: the larger bytes stay, in either order
+  KeyframePose twin = first;  // same rank, other content: the larger bytes are kept, in either order
   twin.position.x_dmm = 20;
   EXPECT_TRUE(a.add(first));
   EXPECT_FALSE(a.add(first));
@@ -137,7 +137,7 @@ TEST(ContributionStore, KeepsTheWinnerAndCountsWhatItHolds) {
   EXPECT_TRUE(a.posesBetween("r9", 0, 6).empty());
 }
 
-TEST(Contribution, QuantisesAndLeavesOutWhatIsNoNumber) {
+TEST(Contribution, QuantizesAndRejectsNonFiniteValues) {
   Objects objects;
   objects.robot = "r1";
   objects.camera_height_m = 0.5;
@@ -156,7 +156,7 @@ TEST(Contribution, QuantisesAndLeavesOutWhatIsNoNumber) {
   EXPECT_EQ(c.camera_height_dmm, 5000);
   EXPECT_EQ(c.range_dmm, (std::vector<std::int32_t>{10000, 0, 0, 0}));
   EXPECT_EQ(c.label[1], RayLabel::kInvalid);
-  ASSERT_EQ(c.views.size(), 1U);  // the predicted track is no view
+  ASSERT_EQ(c.views.size(), 1U);  // a predicted track gives no view
   EXPECT_EQ(c.views[0].solidity_permille, 900);
   EXPECT_EQ(c.views[0].sigma_dmm, (std::vector<std::uint16_t>{20, 0, 0}));
   const SupportFunction supports = supportsOf(c.views[0]);

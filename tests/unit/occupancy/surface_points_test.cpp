@@ -1,5 +1,4 @@
-// Points of surfaces in the map: where they stand, that they vanish, and that the order of things does not
-// matter.
+// Surface points in the map: their places, their removal and their independence of order.
 
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
@@ -34,7 +33,7 @@ FleetSim fleet(SimOptions options = {}) {
   return FleetSim({{boxPolygon({0.0, -0.9}, 0.4, 0.3, 0.3), kBoxHeightM}}, robots, options);
 }
 
-/// Points all over the sides of what is seen, robots too, with an error of up to 1 cm.
+/// Points over the whole sides of visible objects and robots, with an error of up to 1 cm.
 void addPoints(const Polygon& footprint, double height_m, const Pose2& map_from_base, std::mt19937& random,
                std::vector<ScenePoint>& points) {
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -58,8 +57,8 @@ Frames recordPoints(FleetSim& sim, double from_s, double to_s) {
         const bool is_robot = track.id > 100;
         const Polygon body =
             circlePolygon(frame.pose.map_from_base * track.position_m, sim.body().radius_m, 48);
-        addPoints(is_robot ? body : sim.things().front().footprint_m, kBoxHeightM, frame.pose.map_from_base,
-                  random, track.points);
+        addPoints(is_robot ? body : sim.obstacles().front().footprint_m, kBoxHeightM,
+                  frame.pose.map_from_base, random, track.points);
       }
       sets.contributions.push_back(makeContribution(frame.objects));
       sets.poses.push_back(makeKeyframePose(frame.pose));
@@ -73,7 +72,7 @@ void addAll(const Frames& sets, OccupancyMap& map) {
   for (const auto& p : sets.poses) map.add(p);
 }
 
-/// Middles of the occupied voxels above the floor's layer.
+/// Centres of the occupied voxels above the floor layer.
 std::vector<Eigen::Vector3d> voxelsOf(const OccupancyMap& map) {
   std::istringstream in(map.octreeBytes(), std::ios::binary);
   octomap::OcTree tree(0.1);
@@ -96,20 +95,21 @@ double distanceToEdge(const Polygon& polygon, const Eigen::Vector2d& p) {
   return least;
 }
 
-TEST(SurfacePoints, StandOnTheSurfacesInTheOctree) {
+TEST(SurfacePoints, LieOnTheSurfacesInTheOctree) {
   auto sim = fleet();
   OccupancyMap map({}, sim.bodies());
   addAll(recordPoints(sim, 0.0, 6.0), map);
   const auto voxels = voxelsOf(map);
-  EXPECT_GT(voxels.size(), 60U);  // of about 28 × 5 on the sides
+  EXPECT_GT(voxels.size(), 60U);  // about 28 × 5 are on the sides
   for (const auto& v : voxels) {
-    // Half a voxel's diagonal in the plane, and the points' error.
-    EXPECT_LT(distanceToEdge(sim.things().front().footprint_m, v.head<2>()), 0.036 + 0.015) << v.transpose();
+    // Half a voxel diagonal in the plane, plus the error of the points.
+    EXPECT_LT(distanceToEdge(sim.obstacles().front().footprint_m, v.head<2>()), 0.036 + 0.015)
+        << v.transpose();
     EXPECT_LT(v.z(), kBoxHeightM + 0.026);
   }
 }
 
-TEST(SurfacePoints, OrderAndDuplicatesAndCorrectionsDoNotMatter) {
+TEST(SurfacePoints, AreIndependentOfOrderAndCorrections) {
   auto sim = fleet();
   const Frames sets = recordPoints(sim, 0.0, 5.0);
   Frames all = sets, last = sets;
@@ -140,9 +140,9 @@ TEST(SurfacePoints, OrderAndDuplicatesAndCorrectionsDoNotMatter) {
   }
 }
 
-TEST(SurfacePoints, OfAMovedBoxVanish) {
+TEST(SurfacePoints, VanishWhenTheBoxIsMoved) {
   auto sim = fleet();
-  const Polygon before = sim.things().front().footprint_m, after = boxPolygon({0.0, 1.0}, 0.4, 0.3, 0.3);
+  const Polygon before = sim.obstacles().front().footprint_m, after = boxPolygon({0.0, 1.0}, 0.4, 0.3, 0.3);
   OccupancyMap map({}, sim.bodies());
   addAll(recordPoints(sim, 0.0, 3.0), map);
   const auto near = [&](const Polygon& place) {
@@ -152,14 +152,14 @@ TEST(SurfacePoints, OfAMovedBoxVanish) {
   };
   EXPECT_GT(near(before), 30);
   const auto hash = map.hash();
-  sim.things().front().footprint_m = after;
+  sim.obstacles().front().footprint_m = after;
   addAll(recordPoints(sim, 3.0, 16.0), map);
   EXPECT_EQ(near(before), 0);
   EXPECT_GT(near(after), 30);
   EXPECT_NE(map.hash(), hash);
 }
 
-TEST(SurfacePoints, OfRobotsNeverEnter) {
+TEST(SurfacePoints, AreNeverMappedFromRobots) {
   SimOptions taken_for_obstacles;
   taken_for_obstacles.robots_are = ObjectKind::kObstacle;
   for (const SimOptions& options : {SimOptions{}, taken_for_obstacles}) {
@@ -168,31 +168,31 @@ TEST(SurfacePoints, OfRobotsNeverEnter) {
     const Frames sets = recordPoints(sim, 0.0, 4.0);
     addAll(sets, map);
     for (const auto& v : voxelsOf(map))
-      EXPECT_LT(distanceToEdge(sim.things().front().footprint_m, v.head<2>()), 0.06);
+      EXPECT_LT(distanceToEdge(sim.obstacles().front().footprint_m, v.head<2>()), 0.06);
     EXPECT_EQ(std::any_of(sets.contributions.begin(), sets.contributions.end(),
                           [](const Contribution& c) {
                             return std::any_of(c.points.begin(), c.points.end(),
                                                [](const SurfacePoint& p) { return p.track > 100; });
                           }),
-              options.robots_are == ObjectKind::kObstacle);  // robots known are not even told
+              options.robots_are == ObjectKind::kObstacle);  // points of known robots are not published
   }
 }
 
-TEST(SurfacePoints, OfWhatTurnsOutToBeARobotAreTakenOut) {
+TEST(SurfacePoints, AreRemovedIfTheTrackIsARobot) {
   auto sim = fleet();
   Frames sets = recordPoints(sim, 0.0, 3.0);
   OccupancyMap map({}, {});
   addAll(sets, map);
   EXPECT_FALSE(voxelsOf(map).empty());
-  map.judge({{{"r1", 1}, ObjectKind::kRobot}, {{"r2", 1}, ObjectKind::kRobot}});
+  map.overrideKinds({{{"r1", 1}, ObjectKind::kRobot}, {{"r2", 1}, ObjectKind::kRobot}});
   EXPECT_TRUE(voxelsOf(map).empty());
-  map.judge({});
+  map.overrideKinds({});
   EXPECT_FALSE(voxelsOf(map).empty());
 }
 
-/// One point, later views that see the floor up to one range all around: the voxel goes where its middle
+/// One point, then views that see the floor up to one range all around. The voxel is removed if its centre
 /// would hide floor that is seen.
-TEST(SurfacePoints, GoWhereTheFloorBehindThemIsSeen) {
+TEST(SurfacePoints, AreRemovedIfTheFloorBehindIsSeen) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   OccupancyOptions options;
@@ -243,15 +243,15 @@ TEST(SurfacePoints, GoWhereTheFloorBehindThemIsSeen) {
   EXPECT_GT(kept, 20);
 }
 
-TEST(SurfacePoints, TheSurestAreTold) {
+TEST(SurfacePoints, AreLimitedToThoseOfSmallestSigma) {
   Objects objects;
   Track track;
-  track.id = 70001;  // 16 bits go on
+  track.id = 70001;  // 16 bits are transmitted
   track.visible = true;
   for (int i = 0; i < 100; ++i)
     track.points.push_back({{1.0f, 0.01f * i, 0.2f}, 0.001f * static_cast<float>(1 + (i * 37) % 100)});
-  track.points.push_back({{4.0f, 0.0f, 0.2f}, 0.0005f});  // farther than 16 bits reach
-  track.points.push_back({{1.0f, 0.0f, 0.2f}, 0.0f});     // not known
+  track.points.push_back({{4.0f, 0.0f, 0.2f}, 0.0005f});  // beyond the range of 16 bits
+  track.points.push_back({{1.0f, 0.0f, 0.2f}, 0.0f});     // σ unknown
   objects.tracks = {track};
   const auto points = makeContribution(objects).points;
   ASSERT_EQ(points.size(), Contribution::kMaxPoints);

@@ -9,7 +9,7 @@
 namespace omnifleet::occupancy {
 namespace {
 
-/// A robot that looks around from somewhere along 16 m × 8 m, five times what its rays reach.
+/// A contribution at a random pose within 16 m × 8 m, five times the range of its rays.
 Applied anywhere(std::mt19937& random, TimeNs time_ns) {
   const auto between = [&](int low, int high) {
     return std::uniform_int_distribution<std::int32_t>(low, high)(random);
@@ -34,9 +34,9 @@ Applied anywhere(std::mt19937& random, TimeNs time_ns) {
   return what;
 }
 
-// A voxel that is there gets the misses of those that come, one that is new those of all that have come: the
-// sums can only be equal in every order where none is left out.
-TEST(VoxelCounts, AreTheSameInEveryOrderHoweverFarRobotsDrive) {
+// An existing voxel gets the misses of contributions added later; a new voxel gets the misses of all earlier
+// ones. The sums are equal in every order only if none is left out.
+TEST(VoxelCounts, IsIndependentOfOrderForDistantRobots) {
   std::mt19937 random(5);
   std::vector<Applied> all;
   for (int i = 0; i < 300; ++i) all.push_back(anywhere(random, i * 400'000'000LL));
@@ -59,7 +59,7 @@ TEST(VoxelCounts, AreTheSameInEveryOrderHoweverFarRobotsDrive) {
   }
 }
 
-TEST(Bearings, AreTheLastThatAreNotBeyond) {
+TEST(Bearings, FindsLastBearingNotBeyondADirection) {
   std::mt19937 random(8);
   for (const std::uint32_t rays : {1U, 2U, 7U, 90U, 360U, 3600U}) {
     const Bearings bearings(rays);
@@ -73,7 +73,7 @@ TEST(Bearings, AreTheLastThatAreNotBeyond) {
       if (turn < 0.0) turn += 1.0;
       const double ray = turn * rays;
       const auto found = static_cast<double>(bearings.before(to));
-      // A direction of 30 bits is off by less than a thousandth of a ray.
+      // The error of a direction of 30 bits is less than a thousandth of a ray.
       EXPECT_LE(found, ray + 1e-3) << rays << ": " << to.x_dmm << ", " << to.y_dmm;
       EXPECT_GT(found + 1.0, ray - 1e-3) << rays << ": " << to.x_dmm << ", " << to.y_dmm;
     }

@@ -66,7 +66,7 @@ TEST(Section, ReadsEveryType) {
   EXPECT_FALSE(s.isList("absent"));
 }
 
-TEST(Section, AbsentKeysKeepTheirDefaults) {
+TEST(Section, KeepsDefaultOfAbsentKey) {
   const Section s = parse("");
   double value = 4.5;
   std::vector<double> list{1.0};
@@ -78,7 +78,7 @@ TEST(Section, AbsentKeysKeepTheirDefaults) {
               AllOf(HasSubstr("f.yaml"), HasSubstr("value: is required")));
 }
 
-TEST(Section, ErrorsNameFileLineKeyAndBound) {
+TEST(Section, NamesFileLineKeyAndBoundInErrors) {
   const Section s = parse("a: 1\nb:\n  c: -2\n  d: [1, x]\n  e: .nan\n  f: 2.5\n  g: {h: 1}\n");
   const Section b = s.child("b");
   int whole = 0;
@@ -99,7 +99,7 @@ TEST(Section, ErrorsNameFileLineKeyAndBound) {
   EXPECT_THAT(failure([&] { b.list("c"); }), HasSubstr("expected a list"));
 }
 
-TEST(Section, VectorsOfTheWrongLength) {
+TEST(Section, RejectsVectorOfWrongLength) {
   const Section s = parse("v: [1, 2, 3]\np: [[1, 2], [3]]\n");
   Eigen::Vector2d v;
   std::vector<Eigen::Vector2d> p;
@@ -107,7 +107,7 @@ TEST(Section, VectorsOfTheWrongLength) {
   EXPECT_THAT(failure([&] { s.read("p", p); }), HasSubstr("f.yaml:2: p: expected a list of points"));
 }
 
-TEST(Section, UnknownKeysAreErrors) {
+TEST(Section, RejectsUnknownKey) {
   const Section s = parse("known: 1\nunknwon: 2\n");
   double value = 0.0;
   s.read("known", value);
@@ -115,7 +115,7 @@ TEST(Section, UnknownKeysAreErrors) {
               AllOf(StartsWith("f.yaml:2: unknwon: unknown key"), HasSubstr("known here: known")));
 }
 
-TEST(Section, LaterLayersOverrideKeyByKey) {
+TEST(Section, OverridesKeyByKeyInLaterLayers) {
   Section base = Section::parse("a: 1\nsub:\n  x: 1\n  y: 2\n", "base.yaml");
   base.overlay(Section::parse("sub:\n  y: 20\n", "top.yaml"));
   const Section sub = base.child("sub");
@@ -129,7 +129,7 @@ TEST(Section, LaterLayersOverrideKeyByKey) {
   EXPECT_THAT(base.keys(), ElementsAre("a", "sub"));
 }
 
-TEST(Section, ListsOfMappings) {
+TEST(Section, ReadsListOfMappings) {
   const Section s = parse("cameras:\n  - {name: a}\n  - {name: b, size: -1}\n");
   const std::vector<Section> cameras = s.list("cameras");
   ASSERT_EQ(cameras.size(), 2u);
@@ -142,7 +142,7 @@ TEST(Section, ListsOfMappings) {
   EXPECT_TRUE(s.list("absent").empty());
 }
 
-TEST(Section, AKeyThatStandsTwiceIsRefused) {
+TEST(Section, RejectsDuplicateKey) {
   EXPECT_THAT(failure([&] { parse("a: 1\nb: 2\na: 3\n"); }),
               AllOf(StartsWith("f.yaml:3: a:"), HasSubstr("first in line 1")));
   EXPECT_THAT(failure([&] { parse("top:\n  - {x: 1}\n  - {x: 1, y: 2, x: 3}\n"); }),
@@ -150,7 +150,7 @@ TEST(Section, AKeyThatStandsTwiceIsRefused) {
   EXPECT_EQ(failure([&] { parse("top:\n  - {x: 1}\n  - {x: 2}\nother: {x: 3}\n"); }), "");
 }
 
-TEST(Section, FilesThatAreNoMapping) {
+TEST(Section, RejectsFileThatIsNoMapping) {
   const test::TempFolder folder;
   EXPECT_THAT(failure([&] { Section::load(folder / "none.yaml"); }),
               AllOf(HasSubstr("none.yaml"), HasSubstr("cannot be read")));

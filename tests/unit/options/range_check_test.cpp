@@ -5,7 +5,7 @@
 namespace omnifleet::options {
 namespace {
 
-/// What a program makes of `--seconds TEXT`: the number, or the message of its refusal.
+/// Result of parsing `--seconds TEXT`: the number, or the message of the rejection.
 struct Parsed {
   double seconds = -1.0;
   std::string refusal;
@@ -23,7 +23,7 @@ Parsed parse(const std::string& text) {
   return parsed;
 }
 
-TEST(RangeCheck, TakesWhatLiesWithinTheEndsIncluded) {
+TEST(RangeCheck, AcceptsNumbersWithinBoundsIncluded) {
   for (const double value : {0.5, 7.25, 60.0}) {
     const Parsed parsed = parse(std::to_string(value));
     EXPECT_EQ(parsed.refusal, "");
@@ -31,7 +31,7 @@ TEST(RangeCheck, TakesWhatLiesWithinTheEndsIncluded) {
   }
 }
 
-TEST(RangeCheck, RefusesWhatIsOutsideOrNoNumberAndNamesTheBounds) {
+TEST(RangeCheck, RejectsOtherTextAndNamesTheBounds) {
   for (const char* text :
        {"0.49", "60.01", "-7", "nan", "-nan", "NaN", "inf", "-inf", "1e999", "7s", "seven", ""}) {
     const Parsed parsed = parse(text);

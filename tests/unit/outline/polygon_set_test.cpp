@@ -42,21 +42,21 @@ TEST(ConvexHull, AgreesWithOpenCv) {
   }
 }
 
-TEST(ConvexHull, DegenerateInput) {
+TEST(ConvexHull, HandlesDegenerateInput) {
   EXPECT_TRUE(convexHull({}).empty());
   EXPECT_EQ(convexHull({{1, 2}}).size(), 1U);
   EXPECT_EQ(convexHull({{1, 2}, {1, 2}, {1, 2}}).size(), 1U);
   EXPECT_EQ(convexHull({{0, 0}, {1, 1}, {2, 2}, {0.5, 0.5}}).size(), 2U);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(convexHull({{0, 0}, {1, 0}, {nan, 1}, {0, 1}}).size(), 3U);
-  // Collinear points on an edge go, and the first vertex is the smallest.
+  // Collinear points on an edge are dropped. The first vertex is the smallest.
   const Polygon square = convexHull({{1, 1}, {0, 0}, {0.5, 0}, {1, 0}, {0, 1}, {0, 0.5}});
   ASSERT_EQ(square.size(), 4U);
   EXPECT_EQ(square.front(), Eigen::Vector2d(0, 0));
 }
 
-TEST(PolygonSet, UnionOfSquaresInClosedForm) {
-  // Two unit squares that share a quarter, and one apart.
+TEST(PolygonSet, UnitesSquaresAsInClosedForm) {
+  // Two unit squares that share a quarter, and one separate square.
   const auto regions = outline::unite({box({0, 0}, 1, 1, 0), box({0.5, 0.5}, 1, 1, 0), box({5, 5}, 2, 1, 0)});
   ASSERT_EQ(regions.size(), 2U);
   EXPECT_NEAR(regions[0].area(), 1.75, 1e-12);
@@ -65,7 +65,7 @@ TEST(PolygonSet, UnionOfSquaresInClosedForm) {
   EXPECT_NEAR(outline::area(regions), 3.75, 1e-12);
 }
 
-TEST(PolygonSet, OrderAndOrientationDoNotMatter) {
+TEST(PolygonSet, IgnoresOrderAndOrientation) {
   std::mt19937 random(2);
   std::vector<Polygon> polygons;
   for (int i = 0; i < 12; ++i) {
@@ -79,7 +79,7 @@ TEST(PolygonSet, OrderAndOrientationDoNotMatter) {
   EXPECT_NEAR(outline::area(outline::unite(polygons)), reference, 1e-9);
 }
 
-TEST(PolygonSet, DifferenceLeavesAHole) {
+TEST(PolygonSet, SubtractsToARegionWithAHole) {
   const auto ring = outline::subtract({box({0, 0}, 4, 4, 0)}, {box({0, 0}, 2, 1, 0)});
   ASSERT_EQ(ring.size(), 1U);
   ASSERT_EQ(ring[0].holes.size(), 1U);
@@ -88,32 +88,32 @@ TEST(PolygonSet, DifferenceLeavesAHole) {
   EXPECT_TRUE(outline::subtract({box({0, 0}, 1, 1, 0)}, {box({0, 0}, 2, 2, 0)}).empty());
 }
 
-TEST(PolygonSet, IouInClosedForm) {
+TEST(PolygonSet, ComputesIouAsInClosedForm) {
   EXPECT_NEAR(outline::iou(box({0, 0}, 1, 1, 0), box({0.5, 0}, 1, 1, 0)), 1.0 / 3.0, 1e-12);
   EXPECT_NEAR(outline::iou(box({0, 0}, 1, 1, 0.3), box({0, 0}, 1, 1, 0.3)), 1.0, 1e-12);
   EXPECT_EQ(outline::iou(box({0, 0}, 1, 1, 0), box({3, 0}, 1, 1, 0)), 0.0);
   EXPECT_EQ(outline::iou({}, box({3, 0}, 1, 1, 0)), 0.0);
 }
 
-TEST(PolygonSet, SelfCrossingAndBrokenInput) {
-  const Polygon bow_tie{{0, 0}, {1, 1}, {1, 0}, {0, 1}};  // stands for its hull, the unit square
+TEST(PolygonSet, HandlesSelfIntersectingAndInvalidInput) {
+  const Polygon bow_tie{{0, 0}, {1, 1}, {1, 0}, {0, 1}};  // replaced by its hull, the unit square
   EXPECT_NEAR(outline::area(outline::unite({bow_tie})), 1.0, 1e-12);
   EXPECT_TRUE(outline::unite({{{0, 0}, {1, 1}}, {{0, 0}, {1, 1}, {2, 2}}}).empty());
   EXPECT_NEAR(outline::area(outline::unite({{{0, 0}, {0, 0}, {1, 0}, {1, 1}, {0, 0}}})), 0.5, 1e-12);
 }
 
-TEST(PolygonSet, OverlayOfThreeMapsByVotes) {
+TEST(PolygonSet, OverlaysThreeMapsByVotes) {
   const std::vector<std::vector<Polygon>> maps{
       {box({0, 0}, 2, 2, 0)}, {box({1, 0}, 2, 2, 0)}, {box({0, 0}, 1, 1, 0), box({9, 9}, 1, 1, 0)}};
   EXPECT_NEAR(outline::area(outline::overlay(maps, 1)), 7.0, 1e-12);
-  // Two votes: the strip both large squares share (1 × 2) and the small square's left half beside it (0.5 ×
-  // 1).
+  // Two votes: the strip that both large squares share (1 × 2), and the left half of the small square beside
+  // it (0.5 × 1).
   EXPECT_NEAR(outline::area(outline::overlay(maps, 2)), 2.5, 1e-12);
   EXPECT_NEAR(outline::area(outline::overlay(maps, 3)), 0.5, 1e-12);
   EXPECT_TRUE(outline::overlay(maps, 4).empty());
 }
 
-TEST(HalfPlanes, GiveAPolygonBackFromItsSupports) {
+TEST(HalfPlanes, ReconstructPolygonFromItsSupports) {
   std::mt19937 random(3);
   for (int run = 0; run < 20; ++run) {
     const Polygon polygon = convexHull(cloud(random, 12));
@@ -129,7 +129,7 @@ TEST(HalfPlanes, GiveAPolygonBackFromItsSupports) {
   EXPECT_TRUE(outline::intersectHalfPlanes({{{1, 0}, -1}, {{-1, 0}, -1}}).empty());
 }
 
-TEST(HalfPlanes, QuickIouAgreesWithTheExactOne) {
+TEST(HalfPlanes, ComputeSameIouAsExactArithmetic) {
   std::mt19937 random(4);
   for (int run = 0; run < 30; ++run) {
     const Polygon a = convexHull(cloud(random, 10)), b = convexHull(cloud(random, 10));

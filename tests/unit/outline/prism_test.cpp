@@ -33,12 +33,12 @@ std::vector<Prism> scene() {
           {circlePolygon({0.2, 1.1}, 0.2, 6), 0.10},   {box({-1.4, 0.2}, 0.25, 0.25, 0.1), 0.35}};
 }
 
-TEST(Prism, ViewsWithoutNoiseGiveTheFootprintBack) {
+TEST(Prism, RecoversFootprintFromViewsWithoutNoise) {
   std::mt19937 random(1);
   for (const auto& prism : scene()) {
     const PrismFit fit = fitPrism(testing::views(prism, 3, 4, random, kNoBias), {});
     ASSERT_TRUE(fit.valid);
-    // Twelve headings of 96 directions each leave edges known to 0.3°; curves become polygons of some 20
+    // Twelve headings with 96 directions each determine edges to 0.3°. Curves become polygons of about 20
     // vertices.
     EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.97);
     EXPECT_LT((centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm(), 0.0006);
@@ -47,7 +47,7 @@ TEST(Prism, ViewsWithoutNoiseGiveTheFootprintBack) {
   }
 }
 
-TEST(Prism, ThreeRobotsReachTheFiguresOfTheRecipe) {
+TEST(Prism, ReachesSpecifiedAccuracyWithThreeRobots) {
   std::mt19937 random(2);
   double error = 0.0, overlap = 0.0, height = 0.0;
   int count = 0;
@@ -57,7 +57,7 @@ TEST(Prism, ThreeRobotsReachTheFiguresOfTheRecipe) {
       ASSERT_TRUE(fit.valid);
       const double one = (centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm();
       const double iou = convexIou(fit.footprint_m, prism.footprint_m);
-      EXPECT_LT(one, 0.004);  // the worst of 30
+      EXPECT_LT(one, 0.004);  // m, the worst of 30
       EXPECT_GT(iou, 0.92);
       error += one, overlap += iou, height += std::abs(fit.height_m - prism.height_m);
       ++count;
@@ -68,12 +68,12 @@ TEST(Prism, ThreeRobotsReachTheFiguresOfTheRecipe) {
   RecordProperty("height_mm", std::to_string(1000 * height / count));
   std::cout << "mean centroid " << 100 * error / count << " cm, IoU " << overlap / count << ", height "
             << 1000 * height / count << " mm\n";
-  EXPECT_LT(error / count, 0.0010);  // docs/methods.md: centroids to 0.1 cm
-  EXPECT_GT(overlap / count, 0.97);  // docs/methods.md: IoU 0.94
-  EXPECT_LT(height / count, 0.003);  // docs/methods.md: heights to 3 mm
+  EXPECT_LT(error / count, 0.0010);  // docs/results.md: centroids to 0.1 cm
+  EXPECT_GT(overlap / count, 0.97);  // docs/results.md: IoU 0.94
+  EXPECT_LT(height / count, 0.003);  // docs/results.md: heights to 3 mm
 }
 
-TEST(Prism, OneViewPerRobotIsEnough) {
+TEST(Prism, NeedsOnlyOneViewPerRobot) {
   std::mt19937 random(3);
   double error = 0.0, overlap = 0.0, height = 0.0;
   for (const auto& prism : scene()) {
@@ -85,12 +85,12 @@ TEST(Prism, OneViewPerRobotIsEnough) {
   }
   std::cout << "mean centroid " << 100 * error << " cm, IoU " << overlap << ", height " << 1000 * height
             << " mm\n";
-  EXPECT_LT(error, 0.003);  // noise of one view at 1 m is 0.3 to 1 cm per direction
+  EXPECT_LT(error, 0.003);  // m; noise of one view at 1 m is 0.3 to 1 cm per direction
   EXPECT_GT(overlap, 0.90);
   EXPECT_LT(height, 0.008);
 }
 
-TEST(Prism, OneViewWithAHeightGivesTheFarSideToo) {
+TEST(Prism, CompletesOneViewWithKnownHeight) {
   std::mt19937 random(4);
   for (const auto& prism : scene()) {
     const auto view = testing::views(prism, 1, 1, random, kNoBias);
@@ -99,24 +99,24 @@ TEST(Prism, OneViewWithAHeightGivesTheFarSideToo) {
     EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.90);  // an edge is known to half of 3.75°
     Eigen::Vector2d steiner;
     ASSERT_TRUE(outline::steinerPoint(view.front(), prism.height_m, steiner));
-    // The Steiner point of the polygon and of its sampled support function differ by the sampling only.
+    // The Steiner points of the polygon and of its sampled support function differ only by the sampling.
     EXPECT_LT((steiner - fit.centre_m).norm(), 0.002);
   }
 }
 
-TEST(Prism, OneViewAloneTakesTheHeightFromItsTangents) {
+TEST(Prism, EstimatesHeightOfOneViewFromTangents) {
   std::mt19937 random(5);
   for (const auto& prism : scene()) {
     PrismOptions free;
     free.plain_shapes = false;
     const PrismFit fit = fitPrism(testing::views(prism, 1, 1, random, 0.3), free);
     ASSERT_TRUE(fit.valid);
-    std::cout << "height " << fit.height_m << " ± " << fit.height_sigma_m << ", is " << prism.height_m
+    std::cout << "height " << fit.height_m << " ± " << fit.height_sigma_m << ", true " << prism.height_m
               << "\n";
-    EXPECT_GT(fit.height_sigma_m, 0.01);  // honest about it
+    EXPECT_GT(fit.height_sigma_m, 0.01);  // the uncertainty is reported
     EXPECT_LT(std::abs(fit.height_m - prism.height_m), 4 * fit.height_sigma_m);
     EXPECT_LT((centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm(),
-              0.12);  // it is a start, no map
+              0.12);  // m; an initial estimate, not accurate enough for a map
   }
 }
 
@@ -124,8 +124,8 @@ bool isPlain(const Prism& prism) {
   return prism.footprint_m.size() == 4 || prism.footprint_m.size() > 8;
 }
 
-/// Its tangents may lie where directions begin again.
-TEST(Prism, OneViewAloneTellsTheSameWhereverItLooks) {
+/// The tangents may lie at the wrap-around of the directions.
+TEST(Prism, EstimatesSameHeightAtEveryBearing) {
   PrismOptions options;
   options.plain_shapes = false;
   constexpr int kBearings = 48;  // as many as directions of a view
@@ -148,7 +148,7 @@ TEST(Prism, OneViewAloneTellsTheSameWhereverItLooks) {
   }
 }
 
-TEST(Prism, OneViewOfABoxOrADiscTellsTheHeight) {
+TEST(Prism, EstimatesHeightOfBoxOrDiscFromOneView) {
   std::mt19937 random(15);
   for (const auto& prism : scene()) {
     if (!isPlain(prism)) continue;
@@ -157,8 +157,8 @@ TEST(Prism, OneViewOfABoxOrADiscTellsTheHeight) {
       ASSERT_TRUE(fit.valid);
       EXPECT_LT(std::abs(fit.height_m - prism.height_m), std::max(4 * fit.height_sigma_m, 0.004));
       EXPECT_LT(fit.height_sigma_m, 0.02);
-      // The views stand up to 1.5 m off: the far edge of the tall box lies 5 m from the foot, where a pixel
-      // is 17 cm. The fit knows.
+      // The views are up to 1.5 m away. The far edge of the tall box then lies 5 m from the foot, where a
+      // pixel is 17 cm. The reported covariance includes this.
       const double error_m = (centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm();
       EXPECT_LT(error_m, 4 * std::sqrt(fit.covariance.trace()));
       EXPECT_LT(error_m, 0.03);
@@ -166,7 +166,7 @@ TEST(Prism, OneViewOfABoxOrADiscTellsTheHeight) {
   }
 }
 
-TEST(Prism, WhatIsNeitherBoxNorDiscKeepsItsOutline) {
+TEST(Prism, KeepsOutlineOfOtherShapes) {
   std::mt19937 random(16);
   for (const auto& prism : scene()) {
     if (isPlain(prism)) continue;
@@ -179,11 +179,11 @@ TEST(Prism, WhatIsNeitherBoxNorDiscKeepsItsOutline) {
   }
 }
 
-TEST(Prism, WhatIsHiddenOfABoxIsCompleted) {
+TEST(Prism, CompletesHiddenPartOfABox) {
   std::mt19937 random(17);
   const Prism prism = scene().front();
   auto views = testing::views(prism, 2, 2, random, 0.5);
-  // From every side a third of the outline, the same in map, is behind something else.
+  // In every view the same third of the outline, in map, is hidden behind another object.
   for (auto& view : views) {
     for (std::size_t k = 0; k < view.supports.size(); ++k) {
       const double angle =
@@ -199,36 +199,36 @@ TEST(Prism, WhatIsHiddenOfABoxIsCompleted) {
   EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.90);
 }
 
-/// The side that faces the camera: the top is out of the lens's view, or higher than the camera.
+/// The contact side alone: the top is outside of the lens's view, or higher than the camera.
 PrismView contactSide(PrismView view) {
   for (std::size_t k = 0; k < view.supports.size(); ++k)
     if (view.supports.b_m[k] >= 0.0F) view.supports.sigma_m[k] = -1.0F;
   return view;
 }
 
-PrismView lookAlongX(const Prism& prism) {
+PrismView viewAlongX(const Prism& prism) {
   PrismView view;
   view.camera_height_m = 0.5;
   view.supports = outline::prismSupports(prism.footprint_m, prism.height_m, view, 0.002);
   return contactSide(view);
 }
 
-TEST(Prism, WhoseTopIsNotSeenIsCompletedFromOneSide) {
+TEST(Prism, CompletesOneSideWhenTheTopIsNotVisible) {
   const outline::HeightPrior vague{0.25, 0.125};
   for (const Prism& prism :
        {Prism{circlePolygon({0.9, 0.1}, 0.14, 96), 0.4}, Prism{box({0.8, 0.0}, 0.24, 0.18, 0.6), 0.4}}) {
-    const PrismFit fit = fitPrism({lookAlongX(prism)}, {}, vague);
+    const PrismFit fit = fitPrism({viewAlongX(prism)}, {}, vague);
     ASSERT_TRUE(fit.valid);
-    EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.97);  // the supports are without noise
-    EXPECT_GT(fit.height_sigma_m, 0.05);                             // nothing told it
+    EXPECT_GT(convexIou(fit.footprint_m, prism.footprint_m), 0.97);  // the supports have no noise
+    EXPECT_GT(fit.height_sigma_m, 0.05);                             // no information on the height
   }
-  // Of one face nobody knows how deep the thing is.
-  EXPECT_FALSE(fitPrism({lookAlongX({box({0.8, 0.0}, 0.24, 0.18, 0.0), 0.4})}, {}, vague).valid);
+  // A single face gives no information on the depth of the object.
+  EXPECT_FALSE(fitPrism({viewAlongX({box({0.8, 0.0}, 0.24, 0.18, 0.0), 0.4})}, {}, vague).valid);
 }
 
-TEST(Prism, FlawedCalibrationDegradesGently) {
-  // Focal length 0.3 % off scales every distance by about that; tilt of 0.2° moves a point at 1 m by 0.2°·(H²
-  // + d²)/H.
+TEST(Prism, ToleratesCalibrationErrors) {
+  // An error of the focal length of 0.3 % scales every distance by about that. A tilt of 0.2° moves a point
+  // at distance d by 0.2°·(H² + d²)/H.
   std::mt19937 random(6);
   double error = 0.0, overlap = 0.0;
   for (const auto& prism : scene()) {
@@ -246,12 +246,12 @@ TEST(Prism, FlawedCalibrationDegradesGently) {
     error += (centroid(fit.footprint_m) - centroid(prism.footprint_m)).norm() / 6;
     overlap += convexIou(fit.footprint_m, prism.footprint_m) / 6;
   }
-  std::cout << "flawed: mean centroid " << 100 * error << " cm, IoU " << overlap << "\n";
-  EXPECT_LT(error, 0.010);  // asked: ≤ 1.0 cm
+  std::cout << "calibration errors: mean centroid " << 100 * error << " cm, IoU " << overlap << "\n";
+  EXPECT_LT(error, 0.010);  // m, required: ≤ 1.0 cm
   EXPECT_GT(overlap, 0.85);
 }
 
-TEST(Prism, UnusableDirectionsAndMergedSilhouettesAreBorne) {
+TEST(Prism, ToleratesUnusableDirectionsAndMergedSilhouette) {
   std::mt19937 random(7);
   for (const auto& prism : scene()) {
     auto views = testing::views(prism, 3, 4, random);
@@ -259,7 +259,7 @@ TEST(Prism, UnusableDirectionsAndMergedSilhouettesAreBorne) {
       for (std::size_t k = 0; k < 24; ++k) views[v].supports.sigma_m[(7 * v + k) % 96] = 0.0F;
     }
     for (std::size_t k = 30; k < 60; ++k)
-      views[0].supports.b_m[k] += 0.15F;  // something else stuck to one view
+      views[0].supports.b_m[k] += 0.15F;  // another object is merged in one view
     views[1].supports.b_m[5] = std::numeric_limits<float>::quiet_NaN();
     const PrismFit fit = fitPrism(views, {});
     ASSERT_TRUE(fit.valid);
@@ -269,7 +269,7 @@ TEST(Prism, UnusableDirectionsAndMergedSilhouettesAreBorne) {
   }
 }
 
-TEST(Prism, RefusesAnOpenOutline) {
+TEST(Prism, RejectsOpenOutline) {
   std::mt19937 random(8);
   auto views = testing::views(scene().front(), 1, 1, random);
   for (std::size_t k = 0; k < 50; ++k) views[0].supports.sigma_m[k] = -1.0F;
@@ -280,7 +280,7 @@ TEST(Prism, RefusesAnOpenOutline) {
   EXPECT_FALSE(fitPrism({PrismView{}}, {}).valid);
 }
 
-TEST(Prism, ManyViewsAreThinnedAndStillRight) {
+TEST(Prism, StaysAccurateWhenViewsAreThinned) {
   std::mt19937 random(9);
   const Prism prism = scene().front();
   const auto many = testing::views(prism, 4, 30, random);
@@ -292,7 +292,7 @@ TEST(Prism, ManyViewsAreThinnedAndStillRight) {
   EXPECT_EQ(used, PrismOptions{}.max_views);
 }
 
-TEST(Vertices, ABoxHasFourCorners) {
+TEST(Vertices, FindFourCornersOfABox) {
   const Polygon truth = box({3.0, -2.0}, 0.5, 0.12, 0.7);
   std::mt19937 random(13);
   std::normal_distribution<double> normal(0.0, 0.001);
@@ -309,7 +309,7 @@ TEST(Vertices, ABoxHasFourCorners) {
   EXPECT_GT(convexIou(found, truth), 0.995);
 }
 
-TEST(Vertices, ACircleStaysRound) {
+TEST(Vertices, KeepCircleRound) {
   std::vector<outline::SupportSample> samples;
   for (int i = 0; i < 600; ++i) samples.push_back({0.011 * i, 0.15, 1e7});
   const Polygon found = outline::polygonOfSamples(samples, {0, 0}, 6.0);
@@ -318,7 +318,7 @@ TEST(Vertices, ACircleStaysRound) {
   EXPECT_TRUE(outline::polygonOfSamples({}, {0, 0}, 6.0).empty());
 }
 
-TEST(Body, RoundRobotIsFoundFromOneView) {
+TEST(Body, FitsRoundRobotFromOneView) {
   std::mt19937 random(10);
   const KnownBody body{circlePolygon({0, 0}, 0.15, 48), 0.3, true};
   const Prism robot{circlePolygon({0.7, -0.4}, 0.15, 64), 0.3};
@@ -329,16 +329,16 @@ TEST(Body, RoundRobotIsFoundFromOneView) {
   EXPECT_LT(fit.rms_m, 0.01);
 }
 
-TEST(Body, ABoxOfOtherSizeIsNoRobot) {
+TEST(Body, RejectsBoxOfOtherSize) {
   std::mt19937 random(11);
   const KnownBody body{circlePolygon({0, 0}, 0.15, 48), 0.3, true};
   const Prism crate{box({0.7, -0.4}, 0.6, 0.3, 0.3), 0.2};
   const BodyFit fit = fitBody(testing::views(crate, 2, 2, random), body, {}, 0.0);
   ASSERT_TRUE(fit.valid);
-  EXPECT_GT(fit.rms_m, 0.05);  // docs/methods.md: rms < 5 cm is a robot
+  EXPECT_GT(fit.rms_m, 0.05);  // docs/methods/classifier.md: rms < 5 cm indicates a robot
 }
 
-TEST(Body, HeadingOfALongRobot) {
+TEST(Body, FitsHeadingOfALongRobot) {
   std::mt19937 random(12);
   const KnownBody body{{{-0.1, -0.12}, {0.25, -0.12}, {0.32, 0.0}, {0.25, 0.12}, {-0.1, 0.12}}, 0.2, false};
   for (const double heading : {0.3, 2.2, -2.9}) {
@@ -355,7 +355,7 @@ TEST(Body, HeadingOfALongRobot) {
   }
 }
 
-TEST(PrismOptions, ReadsAndBounds) {
+TEST(PrismOptions, ReadsValuesAndRejectsInvalidOnes) {
   const auto good =
       PrismOptions::read(options::Section::parse("directions: 48\npose_sigma_m: 0.01\n", "o.yaml"));
   EXPECT_EQ(good.directions, 48);

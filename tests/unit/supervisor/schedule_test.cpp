@@ -9,43 +9,43 @@
 namespace omnifleet::supervisor {
 namespace {
 
-TEST(Backoff, StartsAgainAfterATenthAndDoublesOnlyForTheYoung) {
+TEST(Backoff, DoublesDelayOnlyForEarlyFailures) {
   Options options;
   options.restart_limit = 0;
   Backoff backoff(options);
-  EXPECT_DOUBLE_EQ(backoff.died(60.0), 0.1);
-  EXPECT_DOUBLE_EQ(backoff.died(60.0), 0.1);
-  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.1);
-  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.2);
-  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.4);
-  EXPECT_DOUBLE_EQ(backoff.died(5.0), 0.1);
-  EXPECT_DOUBLE_EQ(backoff.died(0.2), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(60.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(60.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(0.2), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(0.2), 0.2);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(0.2), 0.4);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(5.0), 0.1);
+  EXPECT_DOUBLE_EQ(backoff.restartDelay(0.2), 0.1);
 }
 
-TEST(Backoff, NeverWaitsLongerThanTheCap) {
+TEST(Backoff, LimitsDelayToCap) {
   Options options;
   options.restart_limit = 0;
   Backoff backoff(options);
   double longest = 0.0;
-  for (int i = 0; i < 200; ++i) longest = std::max(longest, backoff.died(0.0));
+  for (int i = 0; i < 200; ++i) longest = std::max(longest, backoff.restartDelay(0.0));
   EXPECT_DOUBLE_EQ(longest, options.restart_cap_s);
-  EXPECT_FALSE(backoff.hopeless());
+  EXPECT_FALSE(backoff.exhausted());
 }
 
-TEST(Backoff, GivesUpAfterTheLimit) {
+TEST(Backoff, IsExhaustedAfterRestartLimit) {
   Options options;
   options.restart_limit = 3;
   Backoff backoff(options);
-  backoff.died(0.1);
-  backoff.died(0.1);
-  EXPECT_FALSE(backoff.hopeless());
-  backoff.died(0.1);
-  EXPECT_TRUE(backoff.hopeless());
-  backoff.died(10.0);
-  EXPECT_FALSE(backoff.hopeless());
+  backoff.restartDelay(0.1);
+  backoff.restartDelay(0.1);
+  EXPECT_FALSE(backoff.exhausted());
+  backoff.restartDelay(0.1);
+  EXPECT_TRUE(backoff.exhausted());
+  backoff.restartDelay(10.0);
+  EXPECT_FALSE(backoff.exhausted());
 }
 
-TEST(LevelDeadline, KeepsHalfOfTheBudgetForTheLast) {
+TEST(LevelDeadline, KeepsHalfOfBudgetForLastLevel) {
   EXPECT_DOUBLE_EQ(levelDeadline(0, 1, 2.0), 2.0);
   EXPECT_DOUBLE_EQ(levelDeadline(0, 2, 2.0), 1.0);
   EXPECT_DOUBLE_EQ(levelDeadline(1, 2, 2.0), 2.0);
@@ -54,7 +54,7 @@ TEST(LevelDeadline, KeepsHalfOfTheBudgetForTheLast) {
   EXPECT_DOUBLE_EQ(levelDeadline(4, 5, 2.0), 2.0);
 }
 
-TEST(LastLines, AreTheLast) {
+TEST(LastLines, ReturnsLastLinesOfFile) {
   const std::string path = testing::TempDir() + "last_lines.log";
   {
     std::ofstream file(path);
@@ -69,7 +69,7 @@ TEST(LastLines, AreTheLast) {
   EXPECT_TRUE(lastLines(path, 0).empty());
 }
 
-TEST(SupervisorOptions, AreBounded) {
+TEST(SupervisorOptions, RejectsInvalidValuesAndUnknownKeys) {
   EXPECT_THROW(Options::read(options::Section::parse("stop_budget_s: 0", "t")), options::Error);
   EXPECT_THROW(Options::read(options::Section::parse("no_such: 1", "t")), options::Error);
   EXPECT_DOUBLE_EQ(Options::read(options::Section::parse("young_s: 2.5", "t")).young_s, 2.5);

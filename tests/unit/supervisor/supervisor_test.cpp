@@ -1,5 +1,5 @@
-// Real children of /bin/sh. Nothing here sleeps to be safe: children tell through files and signals, and the
-// bounds on time are those of the contract.
+// Tests with real children of /bin/sh. No test sleeps for safety: children communicate by files and signals,
+// and the time bounds are those of the contract.
 
 #include "supervisor/supervisor.h"
 
@@ -43,7 +43,7 @@ class SupervisorTest : public testing::Test {
     spec.level = level;
     return spec;
   }
-  /// Runs until told to end; says so in the file `order`.
+  /// A service that runs until SIGTERM and then appends its name to the file `order`.
   ProcessSpec service(const std::string& name, int level, const std::string& at_end = "") const {
     return shell(
         name, "trap '" + at_end + "echo " + name + " >> $D/order; exit 0' TERM; echo up; " + kForever, level);
@@ -54,7 +54,7 @@ class SupervisorTest : public testing::Test {
     return std::string(std::istreambuf_iterator<char>(file), {});
   }
 
-  /// `wait` is interrupted by the trap; `sleep` alone would not be.
+  /// The trap interrupts `wait`; `sleep` alone would not end.
   static constexpr const char* kForever = "while :; do sleep 1000 & wait; done";
   std::string folder_;
 };
@@ -69,8 +69,7 @@ double secondsOf(const std::function<void()>& what) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
 }
 
-/// Sends a signal to ourselves as soon as so many processes have started (each start is reported by the
-/// supervisor).
+/// Sends a signal to this process when `processes` have started (the supervisor reports each start).
 Callbacks signalWhenStarted(int processes, int number) {
   Callbacks callbacks;
   callbacks.on_start = [left = processes, number](const std::string&, pid_t) mutable {
@@ -79,7 +78,7 @@ Callbacks signalWhenStarted(int processes, int number) {
   return callbacks;
 }
 
-TEST_F(SupervisorTest, EndsWhenTheSinksAreDone) {
+TEST_F(SupervisorTest, EndsWhenSinksAreDone) {
   auto sink = shell("sink", "exit 0", 1);
   sink.sink = true;
   const auto report = Supervisor({}).run({service("source", 0), sink});
@@ -94,16 +93,16 @@ TEST_F(SupervisorTest, WithoutSinksEndsWhenAllAreDone) {
   EXPECT_EQ(read(folder_ + "/a") + read(folder_ + "/b"), "a\nb\n");
 }
 
-TEST_F(SupervisorTest, LogsOutputAndErrorsOfEachProcess) {
+TEST_F(SupervisorTest, LogsStdoutAndStderrOfEachProcess) {
   Supervisor({}).run({shell("talker", "echo out; echo err >&2"), shell("other", "echo other")});
   EXPECT_EQ(read(log("talker")), "out\nerr\n");
   EXPECT_EQ(read(log("other")), "other\n");
 }
 
-TEST_F(SupervisorTest, PassesTheEnvironmentAndNothingElse) {
+TEST_F(SupervisorTest, PassesOnlyTheEnvironment) {
   auto spec = shell("env", "echo $EXTRA; ls /proc/self/fd | wc -l; readlink /proc/self/fd/0");
   spec.env["EXTRA"] = "extra value";
-  const int leaked = dup(STDERR_FILENO);  // a descriptor without close-on-exec, as libraries leave them
+  const int leaked = dup(STDERR_FILENO);  // a descriptor without close-on-exec, as libraries leave it
   Supervisor({}).run({spec});
   close(leaked);
   EXPECT_EQ(read(log("env")), "extra value\n4\n/dev/null\n");  // 0, 1, 2 and the folder that ls reads
@@ -112,8 +111,7 @@ TEST_F(SupervisorTest, PassesTheEnvironmentAndNothingElse) {
 TEST_F(SupervisorTest, StopsUpstreamFirst) {
   for (const int number : {SIGINT, SIGTERM}) {
     fs::remove(folder_ + "/order");
-    // Each waits for its trap to be set: it is told only after it said "up" through a fifo-less rendezvous,
-    // its log.
+    // The signal is sent only after each process has set its trap and printed "up" to its log.
     std::vector<ProcessSpec> processes{service("merger", 2), service("camera", 0), service("mapper", 1)};
     auto last = shell("signal",
                       "until grep -q up $D/log/merger.log && grep -q up $D/log/camera.log && "
@@ -130,7 +128,7 @@ TEST_F(SupervisorTest, StopsUpstreamFirst) {
   }
 }
 
-TEST_F(SupervisorTest, KillsWhatDoesNotEndAndSaysWho) {
+TEST_F(SupervisorTest, KillsAndReportsProcessThatDoesNotEnd) {
   const auto stubborn = shell("stubborn", "trap '' TERM INT; echo stubborn up; " + std::string(kForever), 0);
   auto ready = shell("signal",
                      "until grep -q up $D/log/stubborn.log && grep -q up $D/log/merger.log; do :; done; "
@@ -149,22 +147,23 @@ TEST_F(SupervisorTest, KillsWhatDoesNotEndAndSaysWho) {
   ASSERT_EQ(report.failures[0].last_lines.size(), 1U);
   EXPECT_EQ(report.failures[0].last_lines[0], "stubborn up");
   EXPECT_EQ(read(folder_ + "/order"), "merger\n")
-      << "the merger must have its time although the camera hangs";
+      << "the merger must have its time to end although the camera hangs";
   EXPECT_EQ(report.exit_code(), 1);
 }
 
-TEST_F(SupervisorTest, TellsWhichLifeItIsFromTheSecondOn) {
-  auto spec = shell("cat", "echo \"$@\" >> $D/lives; [ $(wc -l < $D/lives) -ge 3 ] || kill -9 $$");
+TEST_F(SupervisorTest, PassesIncarnationFromSecondStartOn) {
+  auto spec =
+      shell("cat", "echo \"$@\" >> $D/incarnations; [ $(wc -l < $D/incarnations) -ge 3 ] || kill -9 $$");
   spec.argv.push_back("name");
-  spec.life_option = "--life";
+  spec.incarnation_option = "--incarnation";
   spec.sink = true;
   EXPECT_EQ(Supervisor({}).run({spec}).restarts, 2);
-  EXPECT_EQ(read(folder_ + "/lives"), "\n--life 2\n--life 3\n");
+  EXPECT_EQ(read(folder_ + "/incarnations"), "\n--incarnation 2\n--incarnation 3\n");
 }
 
-TEST_F(SupervisorTest, RestartsWhatWasKilled) {
-  // Kills itself in its first life, in its second it does its work.
-  auto spec = shell("phoenix", "if [ -e $D/second ]; then exit 0; fi; touch $D/second; kill -9 $$");
+TEST_F(SupervisorTest, RestartsProcessKilledByItself) {
+  // Kills itself in its first incarnation and succeeds in its second.
+  auto spec = shell("restarting", "if [ -e $D/second ]; then exit 0; fi; touch $D/second; kill -9 $$");
   spec.sink = true;
   std::vector<double> delays;
   Callbacks callbacks;
@@ -176,11 +175,11 @@ TEST_F(SupervisorTest, RestartsWhatWasKilled) {
   EXPECT_EQ(report.exit_code(), 0);
   EXPECT_EQ(delays, std::vector<double>{0.1});
   EXPECT_GE(took, 0.1);
-  EXPECT_NE(read(log("phoenix")).find("killed by signal 9 (Killed); starts again in 0.10 s"),
+  EXPECT_NE(read(log("restarting")).find("killed by signal 9 (Killed); restart in 0.10 s"),
             std::string::npos);
 }
 
-TEST_F(SupervisorTest, RestartsWhatSomebodyElseKilled) {
+TEST_F(SupervisorTest, RestartsProcessKilledByOthers) {
   std::vector<pid_t> pids;
   Callbacks callbacks;
   callbacks.on_start = [&](const std::string& name, pid_t pid) {
@@ -195,7 +194,7 @@ TEST_F(SupervisorTest, RestartsWhatSomebodyElseKilled) {
   EXPECT_EQ(report.exit_code(), 0);
 }
 
-TEST_F(SupervisorTest, GivesUpOnWhatDiesYoungTooOften) {
+TEST_F(SupervisorTest, EndsRunAfterTooManyEarlyFailures) {
   Options options;
   options.restart_delay_s = 0.01;
   options.restart_limit = 3;
@@ -204,11 +203,11 @@ TEST_F(SupervisorTest, GivesUpOnWhatDiesYoungTooOften) {
   EXPECT_EQ(report.restarts, 2);
   ASSERT_EQ(report.failures.size(), 1U);
   EXPECT_EQ(report.failures[0].name, "bad");
-  EXPECT_EQ(report.failures[0].how, "died young too often, at last: exit code 3");
+  EXPECT_EQ(report.failures[0].how, "3 consecutive failures soon after start, the last: exit code 3");
   EXPECT_EQ(report.failures[0].last_lines.back(), "no luck");
 }
 
-TEST_F(SupervisorTest, AFailureThatMayNotBeMadeGoodEndsTheRun) {
+TEST_F(SupervisorTest, FailureWithoutRestartPolicyEndsRun) {
   auto spec = shell("replayed", "echo broken; exit 4");
   spec.restart = RestartPolicy::kNever;
   const auto report = Supervisor({}).run({spec, service("other", 1)});
@@ -218,7 +217,7 @@ TEST_F(SupervisorTest, AFailureThatMayNotBeMadeGoodEndsTheRun) {
   EXPECT_EQ(report.exit_code(), 1);
 }
 
-TEST_F(SupervisorTest, AMissingProgramIsNamed) {
+TEST_F(SupervisorTest, NamesMissingProgram) {
   ProcessSpec spec = shell("missing", "");
   spec.argv = {folder_ + "/no_such_program"};
   const auto report = Supervisor({}).run({service("other", 0), spec});
@@ -227,7 +226,7 @@ TEST_F(SupervisorTest, AMissingProgramIsNamed) {
   EXPECT_NE(report.failures[0].how.find("No such file or directory"), std::string::npos);
 }
 
-TEST_F(SupervisorTest, ALogThatCannotBeWrittenIsNamed) {
+TEST_F(SupervisorTest, NamesLogThatCannotBeWritten) {
   ProcessSpec spec = shell("mute", "exit 0");
   spec.log_path = "/proc/no/such/place.log";
   const auto report = Supervisor({}).run({spec});
@@ -235,7 +234,7 @@ TEST_F(SupervisorTest, ALogThatCannotBeWrittenIsNamed) {
   EXPECT_NE(report.failures[0].how.find("/proc/no/such/place.log"), std::string::npos);
 }
 
-TEST_F(SupervisorTest, StopsInSuccessWhenTheDurationIsOver) {
+TEST_F(SupervisorTest, StopsSuccessfullyAfterDuration) {
   Options options;
   options.duration_s = 0.2;
   RunReport report;
@@ -248,7 +247,7 @@ TEST_F(SupervisorTest, StopsInSuccessWhenTheDurationIsOver) {
   EXPECT_LT(took, 0.2 + 2.0);
 }
 
-TEST_F(SupervisorTest, AnErrorWhileStoppingIsReported) {
+TEST_F(SupervisorTest, ReportsErrorWhileStopping) {
   const auto clumsy =
       shell("clumsy", "trap 'echo could not save; exit 7' TERM; echo up; " + std::string(kForever));
   const auto ready = shell("signal", "until grep -q up $D/log/clumsy.log; do :; done; kill -INT $PPID");
@@ -258,9 +257,9 @@ TEST_F(SupervisorTest, AnErrorWhileStoppingIsReported) {
   EXPECT_EQ(report.failures[0].last_lines.back(), "could not save");
 }
 
-TEST_F(SupervisorTest, LeavesNoGrandchildrenBehind) {
-  // One in the child's own group, and one that has left it: setsid makes it an orphan that only a subreaper
-  // gets.
+TEST_F(SupervisorTest, LeavesNoGrandchildren) {
+  // One grandchild is in the process group of its parent. The other has left it: after setsid only a
+  // subreaper can reap it.
   const auto report = Supervisor({}).run(
       {shell("mother", "sleep 1000 & echo $! > $D/pids; setsid sleep 1000 & echo $! >> $D/pids; exit 0")});
   EXPECT_EQ(report.exit_code(), 0);
@@ -270,7 +269,7 @@ TEST_F(SupervisorTest, LeavesNoGrandchildrenBehind) {
   EXPECT_EQ(count, 2);
 }
 
-TEST_F(SupervisorTest, ChildrenDieWithTheSupervisor) {
+TEST_F(SupervisorTest, ChildrenEndWithSupervisor) {
   int ends[2];
   ASSERT_EQ(pipe(ends), 0);
   const pid_t supervisor = fork();
@@ -297,20 +296,20 @@ TEST_F(SupervisorTest, ChildrenDieWithTheSupervisor) {
   close(ends[0]);
 }
 
-TEST_F(SupervisorTest, DoesNotTouchChildrenThatWereThereBefore) {
-  const pid_t mine = fork();
-  ASSERT_GE(mine, 0);
-  if (mine == 0) {
+TEST_F(SupervisorTest, IgnoresEarlierChildren) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
     pause();
     _exit(0);
   }
   Supervisor({}).run({shell("a", "exit 0")});
-  EXPECT_TRUE(alive(mine));
-  kill(mine, SIGKILL);
-  EXPECT_EQ(waitpid(mine, nullptr, 0), mine);
+  EXPECT_TRUE(alive(child));
+  kill(child, SIGKILL);
+  EXPECT_EQ(waitpid(child, nullptr, 0), child);
 }
 
-TEST_F(SupervisorTest, ASecondSignalKillsAtOnce) {
+TEST_F(SupervisorTest, SecondSignalKillsAtOnce) {
   const auto stubborn = shell("stubborn", "trap 'kill -TERM $PPID' TERM; echo up; " + std::string(kForever));
   const auto ready =
       shell("signal", "until grep -q up $D/log/stubborn.log; do :; done; kill -INT $PPID; exit 0");
@@ -319,12 +318,12 @@ TEST_F(SupervisorTest, ASecondSignalKillsAtOnce) {
   options.one_press_s = 0.0;
   RunReport report;
   EXPECT_LT(secondsOf([&] { report = Supervisor(options).run({stubborn, ready}); }), 10.0);
-  ASSERT_FALSE(report.failures.empty());  // the one that signals may be among them
+  ASSERT_FALSE(report.failures.empty());  // the process that signals may be among them
   EXPECT_EQ(report.failures[0].name, "stubborn");
   EXPECT_EQ(report.failures[0].how, "killed at once on a second signal");
 }
 
-TEST_F(SupervisorTest, GivesTheSignalMaskBack) {
+TEST_F(SupervisorTest, RestoresSignalMask) {
   sigset_t before, after;
   pthread_sigmask(SIG_SETMASK, nullptr, &before);
   Supervisor({}).run({shell("a", "exit 0")});
@@ -333,7 +332,7 @@ TEST_F(SupervisorTest, GivesTheSignalMaskBack) {
   EXPECT_EQ(sigismember(&before, SIGTERM), sigismember(&after, SIGTERM));
 }
 
-TEST_F(SupervisorTest, RefusesABadList) {
+TEST_F(SupervisorTest, RejectsInvalidList) {
   EXPECT_THROW(Supervisor({}).run({}), options::Error);
   EXPECT_THROW(Supervisor({}).run({shell("a", "exit 0"), shell("a", "exit 0")}), options::Error);
   ProcessSpec empty;
@@ -341,7 +340,7 @@ TEST_F(SupervisorTest, RefusesABadList) {
   EXPECT_THROW(Supervisor({}).run({empty}), options::Error);
 }
 
-TEST_F(SupervisorTest, StandsAHundredProcesses) {
+TEST_F(SupervisorTest, RunsHundredProcesses) {
   std::vector<ProcessSpec> processes;
   for (int i = 0; i < 100; ++i) processes.push_back(shell("p" + std::to_string(i), "exit 0", i % 7));
   const auto report = Supervisor({}).run(processes, signalWhenStarted(1000, SIGINT));
@@ -349,7 +348,7 @@ TEST_F(SupervisorTest, StandsAHundredProcesses) {
   EXPECT_EQ(report.exit_code(), 0);
 }
 
-TEST_F(SupervisorTest, WhatRefusesToRunIsNotStartedAgain) {
+TEST_F(SupervisorTest, DoesNotRestartProcessThatRefusesFirstStart) {
   ProcessSpec refusing = shell("refusing", "echo x >> $D/starts; exit 2");
   refusing.refusal_code = 2;
   const RunReport report = Supervisor({}).run({refusing, service("other", 1)});
@@ -360,8 +359,8 @@ TEST_F(SupervisorTest, WhatRefusesToRunIsNotStartedAgain) {
   EXPECT_EQ(read(folder_ + "/starts"), "x\n");
 }
 
-/// A camera that was unplugged cannot be opened for a while either: it has run before, so it is tried again.
-TEST_F(SupervisorTest, WhatHasRunBeforeIsStartedAgainThoughItRefuses) {
+/// A camera that was unplugged cannot be opened for a while. It has run before, so it is restarted.
+TEST_F(SupervisorTest, RestartsProcessThatRefusesLaterStart) {
   ProcessSpec flaky = shell("flaky",
                             "echo x >> $D/starts; n=$(wc -l < $D/starts); [ $n = 1 ] && exit 1; "
                             "[ $n = 2 ] && exit 2; exit 0");
@@ -372,12 +371,12 @@ TEST_F(SupervisorTest, WhatHasRunBeforeIsStartedAgainThoughItRefuses) {
   EXPECT_EQ(report.restarts, 2);
 }
 
-/// The map is saved by the sink: it is not killed with the others when the machine is busy.
-TEST_F(SupervisorTest, ASinkHasItsGraceBeyondTheBudget) {
+/// The sink saves the map and must not be killed with the other processes when the machine is busy.
+TEST_F(SupervisorTest, SinkHasGraceTimeBeyondBudget) {
   Options options;
   options.stop_budget_s = 0.2;
   options.sink_grace_s = 20.0;
-  // It ends only after the stubborn one was killed for its delay: later than the budget.
+  // The sink ends only after the kill of the process "stubborn", which is later than the budget.
   auto stubborn = shell("stubborn", "trap '' TERM; echo $$ > $D/pid; " + std::string(kForever), 0);
   auto sink = shell("sink",
                     "trap 'while kill -0 $(cat $D/pid) 2>/dev/null; do sleep 0.01; done; "
@@ -393,7 +392,7 @@ TEST_F(SupervisorTest, ASinkHasItsGraceBeyondTheBudget) {
   EXPECT_EQ(read(folder_ + "/map"), "saved\n");
 }
 
-TEST_F(SupervisorTest, OnePressThatArrivesTwiceIsOnePress) {
+TEST_F(SupervisorTest, TreatsTwoSignalsOfOneKeyPressAsOne) {
   auto ready =
       shell("signal",
             "until grep -q up $D/log/merger.log; do :; done; kill -INT $PPID; kill -TERM $PPID; exit 0", 0);

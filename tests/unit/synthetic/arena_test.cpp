@@ -48,7 +48,7 @@ std::string errorOf(const std::string& text) {
   return "no error";
 }
 
-TEST(Arena, ReadsAllOfAFile) {
+TEST(Arena, ReadsCompleteFile) {
   const Arena arena = parse(kSmall);
   EXPECT_EQ(arena.frames(), 21);
   EXPECT_EQ(arena.frameTimeNs(3), 50'300'000'000);
@@ -61,12 +61,12 @@ TEST(Arena, ReadsAllOfAFile) {
   EXPECT_EQ(arena.robots[1].body.radius_m, 0.15);
   ASSERT_EQ(arena.cameras.size(), 3u);
   EXPECT_EQ(arena.cameras[0].id, "a/fisheye");
-  EXPECT_EQ(arena.cameras[0].model.image_width_px, 1280);  // the paper's rig is the default
+  EXPECT_EQ(arena.cameras[0].model.image_width_px, 1280);  // the default is the camera of the paper
   EXPECT_EQ(arena.cameras[2].id, "ceiling/c1");
   EXPECT_FALSE(arena.has_formation);
 }
 
-TEST(Arena, ThePapersRigSeesBeyondTheHorizonAndNotThroughItsBody) {
+TEST(Arena, MasksBodyAndSeesBeyondHorizonWithPaperCamera) {
   const lens::Camera camera(paperFisheye());
   EXPECT_TRUE(camera.pixelFromPoint(camera.model().position_m + Eigen::Vector3d(1.0, 0.0, 0.04)).has_value());
   const Eigen::Vector2d rim = *camera.pixelFromPoint({0.15, 0.0, 0.30});
@@ -75,7 +75,7 @@ TEST(Arena, ThePapersRigSeesBeyondTheHorizonAndNotThroughItsBody) {
   EXPECT_LT(camera.model().self_mask_radius_px, radius_px + 5.0);
 }
 
-TEST(Arena, ErrorsNameFileLineAndKey) {
+TEST(Arena, NamesFileLineAndKeyInErrors) {
   EXPECT_THAT(errorOf(replaced("rate_hz: 10", "rate_hz: 0")), HasSubstr("arena.yaml:2: frames.rate_hz"));
   EXPECT_THAT(errorOf(replaced("size_m: [4, 3]", "sise_m: [4, 3]")), HasSubstr("arena.yaml:3"));
   EXPECT_THAT(errorOf(replaced("obstacle: 1,", "obstacle: 2,")), HasSubstr("arena.yaml:9"));
@@ -89,7 +89,7 @@ TEST(Arena, ErrorsNameFileLineAndKey) {
   EXPECT_THAT(errorOf(std::string(kSmall) + "wind: 3\n"), HasSubstr("wind"));
 }
 
-TEST(Arena, MovesRunEvenly) {
+TEST(Arena, MovesObstacleAtConstantSpeed) {
   const Arena arena = parse(kSmall);
   EXPECT_EQ(arena.solidAt(1, 0.99).vector(), Eigen::Vector3d(-1, 0.5, 0));
   EXPECT_LT((arena.solidAt(1, 1.25).vector() - Eigen::Vector3d(-1, 0.0, 0.5)).norm(), 1e-12);
@@ -97,7 +97,7 @@ TEST(Arena, MovesRunEvenly) {
   EXPECT_EQ(arena.solidAt(0, 9.0).x_m, 1.0);
 }
 
-TEST(Arena, TruthHoldsObstaclesButNoWalls) {
+TEST(Arena, ListsObstaclesWithoutWallsInTruth) {
   const auto scene = parse(kSmall).truthScene(2.0);
   ASSERT_EQ(scene.size(), 2u);
   EXPECT_NEAR(signedArea(scene[0].outline_m), 0.06, 1e-12);
@@ -107,16 +107,16 @@ TEST(Arena, TruthHoldsObstaclesButNoWalls) {
   EXPECT_EQ(scene[1].height_m, 0.3);
 }
 
-TEST(Arena, ItsWallsAreItsRoom) {
+TEST(Arena, ReturnsRoomInsideWalls) {
   EXPECT_NEAR(signedArea(parse(kSmall).truthRoom()), 4.0 * 3.0, 1e-12);
   EXPECT_TRUE(parse(replaced("walls: {height_m: 0.4, thickness_m: 0.1}", "")).truthRoom().empty());
 }
 
-TEST(Solid, DistanceIsThatToItsOutline) {
+TEST(Solid, MatchesDistanceToSampledOutline) {
   const Arena arena = parse(kSmall);
   for (int solid = 0; solid < 2; ++solid) {
     const Solid& s = arena.solids[solid];
-    // The outline as many points; their nearest is the distance to half their spacing.
+    // The outline sampled by points. The distance to the nearest one is accurate to half their spacing.
     Polygon points;
     const Polygon outline = s.footprint();
     for (std::size_t i = 0; i < outline.size(); ++i) {
@@ -136,14 +136,14 @@ TEST(Solid, DistanceIsThatToItsOutline) {
   }
 }
 
-TEST(Light, NeverGoesOut) {
+TEST(Light, KeepsMinimumBrightness) {
   Light light;
   light.gradient_per_m = {1.0, 0.0};
   EXPECT_EQ(light.at({-50.0, 0.0}, 0.0), 0.05);
   EXPECT_DOUBLE_EQ(light.at({0.5, 0.0}, 0.0), 1.5);
 }
 
-TEST(Arena, EveryFileOfTheConfigurationLoads) {
+TEST(Arena, LoadsEveryArenaFile) {
   const char* source = std::getenv("OMNIFLEET_SOURCE_DIR");
   ASSERT_NE(source, nullptr) << "OMNIFLEET_SOURCE_DIR is not set; ctest sets it";
   int files = 0;

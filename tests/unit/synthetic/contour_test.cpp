@@ -1,5 +1,4 @@
-// Rendered contours against closed forms: the share of each pixel that a solid covers, through several
-// lenses.
+// Rendered contours against closed forms: the share of each pixel that a solid covers, for several lenses.
 
 #include <gtest/gtest.h>
 
@@ -39,7 +38,7 @@ struct Errors {
   int contour_pixels = 0, wrong_pixels = 0;
 };
 
-/// Black solids on a floor of level 200.
+/// Black solids on a floor with level 200.
 Errors compare(const Arena& arena, const cv::Mat& bgr, const Pose2& map_from_parent, double own_radius_px) {
   const lens::Camera camera(arena.cameras.front().model);
   const Eigen::Vector2d centre = camera.model().principal_point_px;
@@ -65,8 +64,8 @@ Errors compare(const Arena& arena, const cv::Mat& bgr, const Pose2& map_from_par
   return errors;
 }
 
-// A contour that is off by d px changes the coverage of its pixels by about d. Sixteen rays per pixel resolve
-// 1/16, so a single pixel may err by some 0.1, while the mean tells of a bias that would shift every contour.
+// A contour error of d px changes the coverage of its pixels by about d. Sixteen rays per pixel resolve 1/16,
+// so a single pixel may have an error of 0.1. The mean shows a bias that would shift every contour.
 void expectUnbiased(const Errors& errors) {
   EXPECT_GT(errors.contour_pixels, 100);
   EXPECT_EQ(errors.wrong_pixels, 0);
@@ -75,7 +74,7 @@ void expectUnbiased(const Errors& errors) {
   EXPECT_LT(errors.worst, 0.2);
 }
 
-TEST(Contours, FisheyeOnARobot) {
+TEST(Contours, RendersUnbiasedContoursInFisheye) {
   Arena arena = test::plainArena();
   const Pose2 pose{0.05, -0.03, 0.7};
   test::addRobot(arena, "r1", pose, test::smallFisheye());
@@ -109,7 +108,7 @@ lens::CameraModel modelNamed(const std::string& name) {
   return model;
 }
 
-TEST_P(CeilingLens, AnyLens) {
+TEST_P(CeilingLens, RendersUnbiasedContours) {
   Arena arena = test::plainArena();
   test::hangCamera(arena, modelNamed(GetParam()));
   arena.solids = threeSolids();
@@ -123,8 +122,8 @@ INSTANTIATE_TEST_SUITE_P(All, CeilingLens,
                                          "kannala_brandt"),
                          [](const auto& lens) { return std::string(lens.param); });
 
-TEST(Contours, NearHidesFar) {
-  // A low white box in front of a tall black one, both in one line from the camera.
+TEST(Contours, HidesFarObjectBehindNearOne) {
+  // A low red box in front of a tall black one, both in one direction from the camera.
   Arena arena = test::plainArena();
   const Pose2 pose;
   test::addRobot(arena, "r1", pose, test::smallFisheye());
@@ -144,7 +143,7 @@ TEST(Contours, NearHidesFar) {
   EXPECT_LT(level(bgr, std::lround(top.x()), std::lround(top.y()), 2), 20);
 }
 
-TEST(Contours, MarkersStandWhereTheirPlanesAre) {
+TEST(Contours, RendersMarkersAtTheirHeight) {
   Arena arena = test::plainArena();
   const Pose2 pose{0.35, 0.1, 0.6};
   test::addRobot(arena, "r1", pose, test::smallFisheye());
@@ -160,8 +159,8 @@ TEST(Contours, MarkersStandWhereTheirPlanesAre) {
   arena.markers = markers;
   cv::Mat bgr;
   Renderer(arena, "ceiling/c", 1).render(0, {pose}, bgr);
-  // Centroid of the pure blue: weights are the shares of the pixels that it covers; a pinhole far above a
-  // small plate keeps centroids to some 0.01 px.
+  // Centroid of the pure blue patch, weighted by the share of each pixel that it covers. The pinhole camera
+  // is far above a small plate, so centroids are accurate to some 0.01 px.
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (int v = 0; v < bgr.rows; ++v) {
     for (int u = 0; u < bgr.cols; ++u) {
@@ -176,7 +175,7 @@ TEST(Contours, MarkersStandWhereTheirPlanesAre) {
   EXPECT_NEAR(sum.y() / sum.z(), expected.y(), 0.05);
 }
 
-TEST(Contours, TheOwnBodyFillsTheSelfMask) {
+TEST(Contours, RendersOwnBodyInSelfMask) {
   Arena arena = test::plainArena();
   test::addRobot(arena, "r1", Pose2{}, test::smallFisheye());
   arena.robots[0].rgb = {0, 0, 0};
@@ -186,7 +185,7 @@ TEST(Contours, TheOwnBodyFillsTheSelfMask) {
   for (int v = 40; v < 200; ++v) {
     for (int u = 80; u < 240; ++u) covered += 1.0 - level(bgr, u, v, 0) / 200.0;
   }
-  // The rim of the top: 0.15 m beside and 0.2 m below the camera; a circle of f·θ.
+  // The rim of the top is 0.15 m beside and 0.2 m below the camera: a circle with radius f·θ.
   const double radius_px = arena.cameras[0].model.focal_px.x() * std::atan2(0.15, 0.20);
   EXPECT_NEAR(std::sqrt(covered / M_PI), radius_px, 0.03);
 }

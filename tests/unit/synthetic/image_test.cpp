@@ -1,4 +1,4 @@
-// What a picture is made of besides contours: floor, light, noise, determinism.
+// Properties of rendered images other than contours: floor, light, noise, determinism.
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ bool equal(const cv::Mat& a, const cv::Mat& b) {
 Arena livelyArena() {
   Arena arena = test::plainArena();
   arena.floor.clouds = 0.05;
-  arena.floor.grain = 0.04;
+  arena.floor.texture = 0.04;
   arena.light.flicker = 0.1;
   arena.light.contact_shadow = 0.2;
   arena.image.noise = 2.0;
@@ -47,7 +47,7 @@ std::pair<double, double> statistics(const cv::Mat& bgr, int u0, int v0, int siz
   return {mean, std::sqrt(squares / n - mean * mean)};
 }
 
-TEST(Images, EqualWhateverWasRenderedBefore) {
+TEST(Images, RendersEqualImagesInAnyOrder) {
   const Arena arena = livelyArena();
   const std::vector<Pose2> here{{0, 0, 0}, {0.7, -0.6, 1.0}}, there{{0.3, 0.1, 0.4}, {0.5, -0.9, 2.0}};
   for (const char* camera : {"r1/fisheye", "ceiling/c"}) {
@@ -65,7 +65,7 @@ TEST(Images, EqualWhateverWasRenderedBefore) {
   }
 }
 
-TEST(Images, ContactShadowsGoWithWhatMoves) {
+TEST(Images, MovesContactShadowsWithObstacle) {
   const Arena moved = livelyArena();
   Arena there_at_once = moved;
   there_at_once.solids[0].map_from_solid = moved.moves[0].map_from_solid;
@@ -79,7 +79,7 @@ TEST(Images, ContactShadowsGoWithWhatMoves) {
   EXPECT_LE(cv::norm(a, b, cv::NORM_INF), 1.0);
 }
 
-TEST(Images, WrittenInPlaceOrRefused) {
+TEST(Images, WritesInPlaceAndRejectsOtherBuffers) {
   const Arena arena = livelyArena();
   Renderer renderer(arena, "r1/fisheye", 1);
   std::vector<unsigned char> memory(320 * 240 * 3);
@@ -93,7 +93,7 @@ TEST(Images, WrittenInPlaceOrRefused) {
   EXPECT_THROW(Renderer(arena, "r9/fisheye", 1), options::Error);
 }
 
-TEST(Images, BlackOutsideTheImageCircle) {
+TEST(Images, IsBlackOutsideTheImageCircle) {
   const Arena arena = livelyArena();
   cv::Mat bgr;
   Renderer(arena, "r1/fisheye", 1).render(0, {{}, {0.7, -0.6, 1.0}}, bgr);
@@ -107,7 +107,7 @@ TEST(Images, BlackOutsideTheImageCircle) {
   }
 }
 
-TEST(Images, SensorNoiseIsAsOrdered) {
+TEST(Images, AddsNoiseOfConfiguredSigma) {
   Arena arena = test::plainArena();
   arena.floor.rgb = {60, 120, 180};
   arena.image.noise = 2.0;
@@ -120,8 +120,8 @@ TEST(Images, SensorNoiseIsAsOrdered) {
   const double levels[] = {180, 120, 60};
   for (int channel = 0; channel < 3; ++channel) {
     const auto [mean, sigma] = statistics(a, 20, 20, 200, channel);
-    EXPECT_NEAR(mean, levels[channel], 0.1);  // σ / √40000 = 0.02, and rounding
-    // Rounding to whole levels adds 1/12 to the variance; 40 000 pixels give σ to 0.4 %.
+    EXPECT_NEAR(mean, levels[channel], 0.1);  // σ / √40000 = 0.02, plus rounding
+    // Rounding to integer levels adds 1/12 to the variance. 40 000 pixels determine σ to 0.4 %.
     const double expected = std::sqrt(4.0 + 0.0225 * levels[channel] + 1.0 / 12.0);
     EXPECT_NEAR(sigma / expected, 1.0, 0.03);
     double product = 0.0;
@@ -134,31 +134,31 @@ TEST(Images, SensorNoiseIsAsOrdered) {
   }
 }
 
-TEST(Images, FloorTextureHasItsMeanAndContrast) {
+TEST(Images, RendersFloorTextureWithMeanAndContrast) {
   Arena arena = test::plainArena();
   arena.floor.rgb = {150, 150, 150};
-  arena.floor.grain = 0.05;
-  arena.floor.grain_size_m = 0.02;
-  test::hangCamera(arena, test::ceilingPinhole(0.8));  // 3.6 mm per pixel: the grain is resolved
+  arena.floor.texture = 0.05;
+  arena.floor.texture_size_m = 0.02;
+  test::hangCamera(arena, test::ceilingPinhole(0.8));  // 3.6 mm per pixel resolves the texture
   cv::Mat bgr;
   Renderer(arena, "ceiling/c", 3).render(0, {}, bgr);
   const auto [mean, sigma] = statistics(bgr, 20, 20, 200, 0);
   EXPECT_NEAR(mean, 150.0, 1.5);
-  // `grain` is the amplitude; smooth noise in [−1, 1] (times 1.7) has about half of it as σ.
+  // `texture` is the amplitude. σ of smooth noise in [−1, 1] (times 1.7) is about half of it.
   EXPECT_GT(sigma, 0.3 * 0.05 * 150);
   EXPECT_LT(sigma, 1.0 * 0.05 * 150);
 }
 
-TEST(Images, FarFloorDoesNotAlias) {
+TEST(Images, AveragesTextureOfDistantFloor) {
   Arena arena = test::plainArena();
-  arena.floor.grain = 0.2;
-  test::hangCamera(arena, test::ceilingPinhole(20.0));  // 9 cm per pixel: the grain averages out
+  arena.floor.texture = 0.2;
+  test::hangCamera(arena, test::ceilingPinhole(20.0));  // 9 cm per pixel averages the texture
   cv::Mat bgr;
   Renderer(arena, "ceiling/c", 3).render(0, {}, bgr);
   EXPECT_LT(statistics(bgr, 20, 20, 200, 0).second, 0.02 * 200);
 }
 
-TEST(Images, GridLinesLieOnTheirMultiples) {
+TEST(Images, PlacesGridLinesAtMultiplesOfSpacing) {
   Arena arena = test::plainArena();
   arena.floor.grid_m = 0.25;
   arena.floor.grid_width_m = 0.012;
@@ -169,7 +169,7 @@ TEST(Images, GridLinesLieOnTheirMultiples) {
   const lens::Camera camera(arena.cameras[0].model);
   for (const double x_m : {-0.25, 0.0, 0.25, 0.5}) {
     for (const double y_m : {-0.65, -0.35, 0.1}) {
-      // The camera's u axis runs along −y, v along −x: lines x = const are rows.
+      // The u axis of the image is along −y, the v axis along −x. So lines of constant x are rows.
       const Eigen::Vector2d pixel = *camera.pixelFromPoint({x_m, y_m, 0.0});
       const int u = static_cast<int>(std::lround(pixel.x())), v0 = static_cast<int>(std::lround(pixel.y()));
       double sum = 0.0, moment = 0.0;
@@ -178,15 +178,15 @@ TEST(Images, GridLinesLieOnTheirMultiples) {
         sum += dark;
         moment += dark * v;
       }
-      // The floor is sampled once per pixel, over texels of nearly its size: a line of 1.8 px keeps its place
-      // to 0.1 px.
+      // The floor is sampled once per pixel, on texels of almost the same size. So the position of a line of
+      // 1.8 px is accurate to 0.1 px.
       EXPECT_NEAR(moment / sum, pixel.y(), 0.1) << x_m << " " << y_m;
       EXPECT_NEAR(sum / 200.0, 0.012 * 220.0 / 1.5, 0.1);
     }
   }
 }
 
-TEST(Images, LightVariesOverTheRoomAndTime) {
+TEST(Images, VariesLightOverRoomAndTime) {
   Arena arena = test::plainArena();
   arena.floor.rgb = {100, 100, 100};
   arena.light.gradient_per_m = {0.2, 0.0};
@@ -207,7 +207,7 @@ TEST(Images, LightVariesOverTheRoomAndTime) {
   }
 }
 
-TEST(Images, ObstaclesMoveByTheirScript) {
+TEST(Images, MovesObstacleAtConfiguredTime) {
   Arena arena = livelyArena();
   arena.image.noise = arena.image.shot_noise = 0.0;
   Renderer renderer(arena, "ceiling/c", 1);
@@ -227,7 +227,7 @@ TEST(Images, ObstaclesMoveByTheirScript) {
   EXPECT_TRUE(red(bgr, {-0.8, -0.4}));
 }
 
-TEST(Images, LambertTurnsFacesAwayFromTheLampDark) {
+TEST(Images, DarkensFacesAwayFromLamp) {
   Arena arena = test::plainArena();
   arena.light.ambient = 0.4;
   arena.light.sun = {1.0, 0.0, 1.0};
@@ -242,7 +242,8 @@ TEST(Images, LambertTurnsFacesAwayFromTheLampDark) {
   const lens::Camera camera(arena.cameras[0].model);
   const Eigen::Vector2d lit = *camera.pixelFromPoint({-0.7, 0.0, 0.1});
   const Eigen::Vector2d top = *camera.pixelFromPoint({-0.8, 0.0, 0.2});
-  // Facing the camera and the lamp: cos 45° against cos 45° on the top, so as bright as the top, full light.
+  // This side faces the camera and the lamp, both at 45°, like the top. So it is as bright as the top: full
+  // light.
   EXPECT_NEAR(level(bgr, std::lround(lit.x()), std::lround(lit.y()), 0), 100.0, 1.0);
   EXPECT_NEAR(level(bgr, std::lround(top.x()), std::lround(top.y()), 0), 100.0, 1.0);
   cv::Mat behind;
@@ -251,7 +252,7 @@ TEST(Images, LambertTurnsFacesAwayFromTheLampDark) {
   EXPECT_NEAR(level(behind, std::lround(dark.x()), std::lround(dark.y()), 0), 40.0, 1.0);
 }
 
-TEST(Images, VignettingAndBlur) {
+TEST(Images, AppliesVignettingAndBlur) {
   Arena arena = test::plainArena();
   arena.image.vignetting = 0.4;
   test::hangCamera(arena, test::ceilingPinhole(2.0));

@@ -32,7 +32,7 @@ double gap(const Solid& a, const Solid& b) {
   return least;
 }
 
-TEST(Randomised, EqualSeedsEqualArenas) {
+TEST(Randomised, ReturnsEqualArenasForEqualSeeds) {
   const Arena a = randomised(base(), 12), b = randomised(base(), 12), c = randomised(base(), 13);
   ASSERT_EQ(a.solids.size(), b.solids.size());
   for (std::size_t i = 0; i < a.solids.size(); ++i) {
@@ -45,7 +45,7 @@ TEST(Randomised, EqualSeedsEqualArenas) {
   EXPECT_NE(a.solids[0].map_from_solid.vector(), c.solids[0].map_from_solid.vector());
 }
 
-TEST(Randomised, KeepsPassagesStartsAndGoalFree) {
+TEST(Randomised, KeepsPassagesInitialPosesAndGoalFree) {
   std::size_t fewest = 99, most = 0;
   for (std::uint32_t seed = 0; seed < 40; ++seed) {
     const Arena arena = randomised(base(), seed);
@@ -56,7 +56,7 @@ TEST(Randomised, KeepsPassagesStartsAndGoalFree) {
         EXPECT_GE(gap(arena.solids[i], arena.solids[j]), 0.6 - 1e-9) << seed;
       const Solid& solid = arena.solids[i];
       for (const ArenaRobot& robot : arena.robots) {
-        // Starts are moved by up to 5 cm per axis after obstacles were kept away from them, not before.
+        // Initial poses are shifted by up to 5 cm per axis before obstacles are placed around them.
         EXPECT_GT(solid.distance(robot.initial_map_from_base.translation(), solid.map_from_solid), 0.15 + 0.2)
             << seed;
       }
@@ -67,7 +67,7 @@ TEST(Randomised, KeepsPassagesStartsAndGoalFree) {
   EXPECT_EQ(most, 7u);
 }
 
-TEST(Randomised, NoRoomIsAnError) {
+TEST(Randomised, RejectsArenaWithoutRoom) {
   Arena arena = base();
   arena.random = options::Section::parse("{obstacles: [60, 60], passage_m: 2.0}", "crowded.yaml");
   EXPECT_THROW(randomised(arena, 1), options::Error);

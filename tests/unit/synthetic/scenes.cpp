@@ -6,7 +6,7 @@
 namespace omnifleet::synthetic::test {
 namespace {
 
-/// Ways along the ray where it enters and leaves; enter > leave: missed.
+/// Distances along the ray at which it enters and leaves a solid; enter > leave: no hit.
 struct Span {
   double enter = 0.0, leave = INFINITY;
 };
@@ -23,18 +23,18 @@ void cut(Span& span, double from, double along, double low, double high) {
 
 Span spanOf(const Solid& solid, const Eigen::Vector3d& from, const Eigen::Vector3d& ray) {
   const Pose2 solid_from_map = solid.map_from_solid.inverse();
-  const Eigen::Vector2d start = solid_from_map * Eigen::Vector2d(from.head<2>());
+  const Eigen::Vector2d origin = solid_from_map * Eigen::Vector2d(from.head<2>());
   const Eigen::Vector2d way = solid_from_map.rotation() * ray.head<2>();
   Span span;
   cut(span, from.z(), ray.z(), 0.0, solid.height_m);
   if (solid.kind == SolidKind::kBox) {
     for (int axis = 0; axis < 2; ++axis) {
-      cut(span, start[axis], way[axis], -0.5 * solid.size_m[axis], 0.5 * solid.size_m[axis]);
+      cut(span, origin[axis], way[axis], -0.5 * solid.size_m[axis], 0.5 * solid.size_m[axis]);
     }
     return span;
   }
-  const double a = way.squaredNorm(), b = start.dot(way),
-               c = start.squaredNorm() - solid.radius_m * solid.radius_m;
+  const double a = way.squaredNorm(), b = origin.dot(way),
+               c = origin.squaredNorm() - solid.radius_m * solid.radius_m;
   const double root = b * b - a * c;
   if (root < 0.0 || a < 1e-18) return c < 0.0 ? span : Span{1.0, 0.0};
   span.enter = std::max(span.enter, (-b - std::sqrt(root)) / a);
@@ -49,7 +49,7 @@ Arena plainArena() {
   arena.name = "plain";
   arena.floor.rgb = {200, 200, 200};
   arena.floor.clouds = 0.0;
-  arena.floor.grain = 0.0;
+  arena.floor.texture = 0.0;
   arena.light.ambient = 1.0;
   arena.image.noise = 0.0;
   arena.image.shot_noise = 0.0;

@@ -31,7 +31,7 @@ double radialPixel(const Scene& scene, double rho) {
   return (h * h + rho * rho) / (h * scene.focal_px);
 }
 
-/// Same across.
+/// The same in the tangential direction.
 double acrossPixel(const Scene& scene, double rho) {
   const double theta = std::max(0.05, std::atan2(rho, scene.camera_height_m));
   return std::max(rho, 0.02) / (scene.focal_px * theta);
@@ -136,7 +136,7 @@ SupportFunction measure(const Scene& scene, const Polygon& hull) {
   return support;
 }
 
-/// Corners of the top face, followed from the previous frame to this one.
+/// Corners of the top face, tracked from the previous frame to this one.
 void addVectors(const Scene& scene, const Scene& before, std::size_t self, std::size_t body,
                 const Motion& motion, std::mt19937& rng, ObjectObservation& object) {
   const double s =
@@ -150,7 +150,7 @@ void addVectors(const Scene& scene, const Scene& before, std::size_t self, std::
     const Eigen::Vector2d from = s * (then * outline[i]), to = s * (now * outline[i]);
     const double pixel = radialPixel(scene, to.norm());
     FlowVector vector;
-    vector.from_px.setZero();  // pixels play no part here
+    vector.from_px.setZero();  // pixels are not used
     vector.to_px.setZero();
     vector.from_m = from.cast<float>();
     vector.to_m = (to + pixel * Eigen::Vector2d(normal(rng), normal(rng))).cast<float>();
@@ -177,7 +177,7 @@ ObjectObservation observe(const Scene& scene, const std::vector<Polygon>& silhou
   return object;
 }
 
-void lookAtFloor(Scan& scan) {
+void fillWithFloor(Scan& scan) {
   constexpr std::size_t kRays = 360;
   scan.range_m.assign(kRays, 3.0F);
   scan.sigma_m.assign(kRays, 0.01F);
@@ -185,7 +185,7 @@ void lookAtFloor(Scan& scan) {
   scan.object.assign(kRays, 0);
 }
 
-/// @param label of what is hit there, by silhouettes
+/// @param label of the rays that hit a silhouette @param label_of object label of each silhouette
 void castRays(const std::vector<Polygon>& silhouettes, RayLabel label,
               const std::vector<std::uint16_t>& label_of, Scan& scan) {
   const std::size_t rays = scan.range_m.size();
@@ -285,8 +285,8 @@ void Scene::steerClear(double speed_mps, std::mt19937& rng) {
   }
 }
 
-LocalMap look(const Scene& scene, std::size_t self, const Scene* before, int frame, std::mt19937& rng,
-              std::vector<std::vector<std::size_t>>* blob_bodies) {
+LocalMap localMapOf(const Scene& scene, std::size_t self, const Scene* before, int frame, std::mt19937& rng,
+                    std::vector<std::vector<std::size_t>>* blob_bodies) {
   LocalMap map;
   map.robot = scene.bodies[self].name;
   map.acquired_ns = static_cast<TimeNs>(frame * scene.step_s * 1e9);
@@ -320,7 +320,7 @@ LocalMap look(const Scene& scene, std::size_t self, const Scene* before, int fra
     }
     map.objects.push_back(object);
   }
-  lookAtFloor(map.scan);
+  fillWithFloor(map.scan);
   castRays(hints, RayLabel::kUndecided, std::vector<std::uint16_t>(hints.size(), 0), map.scan);
   castRays(silhouettes, RayLabel::kUnknown, label_of, map.scan);
   return map;

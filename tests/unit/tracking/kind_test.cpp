@@ -1,4 +1,4 @@
-// When a label is taken back.
+// When KindJudge gives and changes a label.
 
 #include <gtest/gtest.h>
 
@@ -9,14 +9,14 @@ namespace {
 
 constexpr TimeNs kStep_ns = 200'000'000;
 
-/// Seconds until a robot whose evidence adds up to `log_odds` of one is called an obstacle; 10 if never.
+/// Seconds until a robot with the given log-odds is labelled an obstacle; 10 if never.
 double secondsUntilRenamed(double log_odds) {
   LocalMap map;
   map.objects.emplace_back();
   TrackState track(1, PrismFilter({}, {1.5, 0.0}, 0.5));
   track.kind = ObjectKind::kRobot;
   track.blob = 0;
-  track.evidence.motion = 5.0;  // it drove
+  track.evidence.motion = 5.0;  // it moved earlier
   track.evidence.shape = log_odds - track.evidence.motion;
   std::vector<TrackState> tracks = {track};
   KindJudge judge({}, 0.15);
@@ -29,23 +29,23 @@ double secondsUntilRenamed(double log_odds) {
   return 10.0;
 }
 
-TEST(KindJudge, TakesALabelBackAtOnceWhereItIsSure) {
-  EXPECT_NEAR(secondsUntilRenamed(-3.0), 0.4, 1e-9);  // 1 : 20, three frames
+TEST(KindJudge, ChangesLabelAfterThreeFramesWhenCertain) {
+  EXPECT_NEAR(secondsUntilRenamed(-3.0), 0.4, 1e-9);  // odds 1 : 20, three frames
 }
 
-TEST(KindJudge, TakesALabelBackAfterAWhileWhereItIsLessSure) {
-  EXPECT_GT(secondsUntilRenamed(-2.0), 0.9);  // 1 : 7
+TEST(KindJudge, ChangesLabelAfterOneSecondWhenLessCertain) {
+  EXPECT_GT(secondsUntilRenamed(-2.0), 0.9);  // odds 1 : 7
   EXPECT_LT(secondsUntilRenamed(-2.0), 1.5);
 }
 
-TEST(KindJudge, LeavesALabelThatIsMerelyDoubted) {
-  EXPECT_EQ(secondsUntilRenamed(-1.0), 10.0);  // 1 : 3
+TEST(KindJudge, KeepsLabelThatIsOnlyDoubtful) {
+  EXPECT_EQ(secondsUntilRenamed(-1.0), 10.0);  // odds 1 : 3
 }
 
-/// What is seen `off_m` from where a robot says that it stands, of no robot's shape: what it is called after
-/// two seconds. @param sigma_m of both places @param may_be_there the robot, where it says
-ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -4.0,
-                                  bool may_be_there = false) {
+/// Label after two seconds of an object at `off_m` from the published place of a robot. @param sigma_m
+/// combined σ of both places @param shape log-odds of its shape @param may_be_there the frame shows no floor
+/// at the robot's published place
+ObjectKind kindOfObjectBeside(double off_m, double sigma_m, double shape = -4.0, bool may_be_there = false) {
   LocalMap map;
   map.objects.emplace_back();
   RobotBody body;
@@ -61,7 +61,7 @@ ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -
   track.filter.placeAt({1.5 + off_m, 0.0}, Eigen::Vector2d::Zero(), covariance);
   track.blob = 0;
   track.views = 1;
-  track.evidence.motion = -1.0;  // it stands
+  track.evidence.motion = -1.0;  // it stands still
   track.evidence.shape = shape;
   std::vector<TrackState> tracks = {track};
   KindJudge judge({}, 0.15);
@@ -74,24 +74,24 @@ ObjectKind kindOfWhatStandsBeside(double off_m, double sigma_m, double shape = -
   return tracks.front().kind;
 }
 
-TEST(KindJudge, WhoStandsJustWhereARobotSaysIsTheRobotWhateverRunsTogetherWithIt) {
-  EXPECT_EQ(kindOfWhatStandsBeside(0.02, 0.01), ObjectKind::kRobot);
-  EXPECT_NE(kindOfWhatStandsBeside(0.02, 0.06), ObjectKind::kRobot) << "its place is not known so well";
-  EXPECT_NE(kindOfWhatStandsBeside(0.10, 0.01), ObjectKind::kRobot) << "it may stand beside it";
+TEST(KindJudge, AcceptsAnyShapeExactlyAtAPublishedPlace) {
+  EXPECT_EQ(kindOfObjectBeside(0.02, 0.01), ObjectKind::kRobot);
+  EXPECT_NE(kindOfObjectBeside(0.02, 0.06), ObjectKind::kRobot) << "the places are too uncertain";
+  EXPECT_NE(kindOfObjectBeside(0.10, 0.01), ObjectKind::kRobot) << "it may stand beside the robot";
 }
 
-// Who may stand where he says, hidden by it, is not what looks like him and stands 0.75 m from there; who is
-// not to be seen there may be it.
-TEST(KindJudge, WhatHidesARobotIsNotIt) {
+// An object with the shape of a robot, 0.75 m from a published place. If the robot may be hidden at its
+// published place, the object is not the robot. If the floor is visible there, it may be the robot.
+TEST(KindJudge, RejectsLookAlikeIfTheRobotMayBeHidden) {
   constexpr double kLooksLikeIt = 2.5;
-  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt), ObjectKind::kUnknown);
-  EXPECT_EQ(kindOfWhatStandsBeside(0.75, 0.03, kLooksLikeIt, true), ObjectKind::kObstacle);
+  EXPECT_EQ(kindOfObjectBeside(0.75, 0.03, kLooksLikeIt), ObjectKind::kUnknown);
+  EXPECT_EQ(kindOfObjectBeside(0.75, 0.03, kLooksLikeIt, true), ObjectKind::kObstacle);
 }
 
-// However vague both places are.
-TEST(KindJudge, NothingBeyondThePeersGateIsThePeer) {
-  EXPECT_EQ(kindOfWhatStandsBeside(0.30, 0.3, 0.0), ObjectKind::kRobot);
-  EXPECT_NE(kindOfWhatStandsBeside(0.45, 0.3, 0.0), ObjectKind::kRobot);
+// The gate holds for uncertain places too.
+TEST(KindJudge, RejectsPeerBeyondItsGate) {
+  EXPECT_EQ(kindOfObjectBeside(0.30, 0.3, 0.0), ObjectKind::kRobot);
+  EXPECT_NE(kindOfObjectBeside(0.45, 0.3, 0.0), ObjectKind::kRobot);
 }
 
 }  // namespace

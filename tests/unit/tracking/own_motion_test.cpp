@@ -36,20 +36,21 @@ TEST(OwnMotion, InterpolatesItsPath) {
   EXPECT_NEAR(middle->x_m, 0.5, 1e-12);
   EXPECT_NEAR(middle->theta_rad, 0.2, 1e-12);
   EXPECT_FALSE(own.odomFromBaseAt(-1));
-  EXPECT_FALSE(own.odomFromBaseAt(2'000'000'000)) << "the future is not known";
+  EXPECT_FALSE(own.odomFromBaseAt(2'000'000'000)) << "the time is in the future";
 }
 
-TEST(OwnMotion, AGapIsToldAndCutsThePath) {
+TEST(OwnMotion, ReportsAGapAndClearsThePath) {
   OwnMotion own;
   own.advance({}, 0);
   own.advance(step(0, {1.0, 0.0, 0.0}), 100);
   EXPECT_FALSE(own.advance({}, 200)) << "no motion";
   EXPECT_FALSE(own.odomFromBaseAt(50)) << "nothing may be compared across the gap";
   EXPECT_TRUE(own.advance(step(200, {0.5, 0.0, 0.0}), 100'000'000));
-  EXPECT_FALSE(own.advance(step(50'000'000, {0.5, 0.0, 0.0}), 200'000'000)) << "since a frame nobody saw";
+  EXPECT_FALSE(own.advance(step(50'000'000, {0.5, 0.0, 0.0}), 200'000'000))
+      << "it begins at an unknown frame";
 }
 
-TEST(OwnMotion, AMotionMaySpanAFrameThatWasMissed) {
+TEST(OwnMotion, AcceptsMotionAcrossAMissedFrame) {
   OwnMotion own;
   own.advance({}, 0);
   own.advance(step(0, {0.1, 0.0, 0.0}), 100'000'000);
@@ -58,7 +59,7 @@ TEST(OwnMotion, AMotionMaySpanAFrameThatWasMissed) {
   EXPECT_NEAR(own.odomFromBase().x_m, 0.4, 1e-12);
 }
 
-TEST(OwnMotion, RefusesTimeThatDoesNotPass) {
+TEST(OwnMotion, RejectsMotionOfZeroDuration) {
   OwnMotion own;
   own.advance({}, 100);
   EXPECT_FALSE(own.advance(step(100, {0.1, 0.0, 0.0}), 100));

@@ -27,7 +27,7 @@ class PeersTest : public testing::Test {
     body.height_m = 0.3;
     bodies_ = {{"r1", body}, {"r2", body}, {"r3", body}};
   }
-  /// r1 drives straight at 0.3 m/s up to a frame.
+  /// Moves r1 straight at 0.3 m/s up to a frame.
   void drive(int frame) {
     for (int i = next_; i <= frame; ++i) {
       Motion motion;
@@ -43,7 +43,7 @@ class PeersTest : public testing::Test {
   OwnMotion own_;
 };
 
-TEST_F(PeersTest, CarriesEverybodyOnToThisFrame) {
+TEST_F(PeersTest, ExtrapolatesAllPeersToThisFrame) {
   Peers peers({}, "r1", bodies_);
   const auto r1 = [](int i) { return pose("r1", i * kFrame_ns, {1.0, 1.0 + 0.03 * i, M_PI / 2}); };
   const auto r2 = [](int i) { return pose("r2", i * kFrame_ns, {2.0 + 0.02 * i, 1.5, 0.0}); };
@@ -55,7 +55,7 @@ TEST_F(PeersTest, CarriesEverybodyOnToThisFrame) {
   ASSERT_EQ(all[0].robot, "r2");
   EXPECT_TRUE(all[0].known);
   EXPECT_FALSE(all[1].known) << "r3 has published nothing";
-  // map → odom by hand: r1 started at (1, 1) facing +y, its odom is that frame.
+  // map → odom in closed form: r1 started at (1, 1) facing +y, which is its odom frame.
   const Pose2 map_from_odom{1.0, 1.0, M_PI / 2};
   const Eigen::Vector2d expected = map_from_odom.inverse() * Eigen::Vector2d(2.2, 1.5);
   EXPECT_LT((all[0].centre_m - expected).norm(), 1e-3);  // the velocity is a running mean of steps
@@ -63,8 +63,8 @@ TEST_F(PeersTest, CarriesEverybodyOnToThisFrame) {
   EXPECT_LT(all[0].covariance.trace(), 0.01);
 }
 
-/// Its odom begins anew with every frame.
-TEST_F(PeersTest, WithoutWheelsTheOwnPoseGoesOnAsItWent) {
+/// Without wheels odom restarts with every frame.
+TEST_F(PeersTest, ExtrapolatesOwnPoseByVelocityWithoutWheels) {
   Peers peers({}, "r1", bodies_);
   const auto r1 = [](int i) { return pose("r1", i * kFrame_ns, {1.0, 1.0 + 0.03 * i, M_PI / 2}); };
   const auto r2 = [](int i) { return pose("r2", i * kFrame_ns, {2.0, 1.5, 0.0}); };
@@ -81,10 +81,10 @@ TEST_F(PeersTest, WithoutWheelsTheOwnPoseGoesOnAsItWent) {
     trace = all[0].covariance.trace();
   }
   drive(10);
-  EXPECT_GT(trace, peers.predict({}, own_)[0].covariance.trace()) << "less sure than by wheels";
+  EXPECT_GT(trace, peers.predict({}, own_)[0].covariance.trace()) << "less certain than with wheels";
 }
 
-TEST_F(PeersTest, SilenceMakesUnknown) {
+TEST_F(PeersTest, DropsPeerWithAnOldPose) {
   Peers peers({}, "r1", bodies_);
   drive(1);
   peers.predict({pose("r1", 0, {}), pose("r2", 0, {1.0, 0.0, 0.0})}, own_);
@@ -94,10 +94,10 @@ TEST_F(PeersTest, SilenceMakesUnknown) {
       << "its pose is three seconds old";
 }
 
-TEST_F(PeersTest, UntilSomebodyHasPublishedTheyStandWhereTheyStart) {
+TEST_F(PeersTest, UsesInitialPosesUntilTheFirstPose) {
   Peers peers({}, "r1", bodies_);
   drive(0);
-  peers.assume(
+  peers.setInitialPoses(
       {pose("r1", 0, {1.0, 1.0, 0.0}), pose("r2", 0, {1.5, 1.0, 0.0}), pose("r3", 0, {1.0, 2.0, 0.0})});
   const auto& all = peers.predict({}, own_);
   ASSERT_EQ(all.size(), 2U);
@@ -108,17 +108,17 @@ TEST_F(PeersTest, UntilSomebodyHasPublishedTheyStandWhereTheyStart) {
   peers.predict({pose("r1", 0, {2.0, 1.0, 0.0}), pose("r2", 0, {2.7, 1.0, 0.0})}, own_);
   ASSERT_TRUE(all[0].known);
   EXPECT_NEAR((all[0].centre_m - Eigen::Vector2d(0.7, 0.0)).norm(), 0.0, 1e-9);
-  EXPECT_NEAR(all[0].velocity_mps.norm(), 0.0, 1e-9) << "what was assumed is no step";
+  EXPECT_NEAR(all[0].velocity_mps.norm(), 0.0, 1e-9) << "an initial pose gives no velocity";
   EXPECT_FALSE(all[1].known) << "others have published, r3 has not";
 }
 
-TEST_F(PeersTest, WithoutTheOwnPoseNobodyIsPlaced) {
+TEST_F(PeersTest, PlacesNoPeerWithoutOwnPose) {
   Peers peers({}, "r1", bodies_);
   drive(1);
   EXPECT_FALSE(peers.predict({pose("r2", 0, {1.0, 0.0, 0.0})}, own_)[0].known);
 }
 
-TEST_F(PeersTest, InvalidAndNonFinitePosesAreNoPoses) {
+TEST_F(PeersTest, IgnoresInvalidAndNonFinitePoses) {
   Peers peers({}, "r1", bodies_);
   drive(1);
   PoseEstimate invalid = pose("r2", 0, {1.0, 0.0, 0.0}), broken = pose("r3", 0, {std::nan(""), 0.0, 0.0});
@@ -128,7 +128,7 @@ TEST_F(PeersTest, InvalidAndNonFinitePosesAreNoPoses) {
   EXPECT_FALSE(all[1].known);
 }
 
-TEST_F(PeersTest, AnUncertainPoseIsNoPlace) {
+TEST_F(PeersTest, IgnoresUncertainPose) {
   Peers peers({}, "r1", bodies_);
   drive(1);
   PoseEstimate lost = pose("r2", 0, {1.0, 0.0, 0.0});
@@ -136,7 +136,8 @@ TEST_F(PeersTest, AnUncertainPoseIsNoPlace) {
   EXPECT_FALSE(peers.predict({pose("r1", 0, {}), lost}, own_)[0].known);
 }
 
-/// A point at height h, standing or moving, seen from a camera at height H = 0.5 that went by `motion`.
+/// Flow vector of a point at height h, stationary or moved by `moved`, for a camera at H = 0.5 m that moved
+/// by `motion`.
 FlowVector vectorOf(const Eigen::Vector2d& point, double height_m, const Eigen::Vector2d& moved,
                     const Motion& motion) {
   const double s = 0.5 / (0.5 - height_m);
@@ -150,7 +151,7 @@ FlowVector vectorOf(const Eigen::Vector2d& point, double height_m, const Eigen::
   return vector;
 }
 
-TEST(VectorMotion, WhatStandsShowsItsHeightAndNothingElse) {
+TEST(VectorMotion, SeparatesStaticPointsFromMovingOnes) {
   Motion motion;
   motion.valid = true;
   motion.previous_from_current = {0.05, 0.01, 0.2};
@@ -158,7 +159,7 @@ TEST(VectorMotion, WhatStandsShowsItsHeightAndNothingElse) {
   for (int i = 0; i < 8; ++i) {
     const Eigen::Vector2d point(0.8 + 0.03 * i, 0.3 - 0.02 * i);
     standing.vectors.push_back(vectorOf(point, 0.04 * i, {0.0, 0.0}, motion));
-    moving.vectors.push_back(vectorOf(point, 0.04 * i, {0.05, 0.01}, motion));  // keeps pace with us
+    moving.vectors.push_back(vectorOf(point, 0.04 * i, {0.05, 0.01}, motion));  // moves with the robot
   }
   const VectorMotion still = vectorMotion(standing, motion, {0.0, 0.0}, 1e-3);
   ASSERT_TRUE(still.valid);
@@ -169,7 +170,7 @@ TEST(VectorMotion, WhatStandsShowsItsHeightAndNothingElse) {
   EXPECT_EQ(kindByVectors(pacing, motion), ObjectKind::kRobot);
 }
 
-TEST(VectorMotion, SaysNothingWithoutMotionOrVectors) {
+TEST(VectorMotion, IsInvalidWithoutMotionOrVectors) {
   Motion motion;
   EXPECT_FALSE(vectorMotion({}, motion, {0.0, 0.0}, 1e-3).valid);
   motion.valid = true;

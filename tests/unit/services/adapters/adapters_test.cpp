@@ -1,5 +1,5 @@
-// Domain types over the wire and back: every field, each with a value of its own; numbers that are none are
-// refused wherever they stand.
+// Domain types survive the conversion to IDL types and back: every field has its own value. Non-finite
+// numbers are rejected in every field.
 
 #include "adapters/adapters.h"
 
@@ -15,7 +15,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
 
-/// A new value at every call, exactly representable as a float.
+/// Returns a new value at every call, exactly representable as float.
 struct Counter {
   double next() { return value_ += 0.25; }
   float nextF() { return static_cast<float>(next()); }
@@ -43,7 +43,7 @@ Motion someMotion(Counter& n) {
   m.covariance = n.matrix<3>();
   m.left_m = n.next();
   m.right_m = n.next();
-  m.refuted = true;
+  m.wheels_rejected = true;
   return m;
 }
 
@@ -129,7 +129,7 @@ void expectEqual(const Motion& a, const Motion& b) {
   EXPECT_EQ(a.covariance, b.covariance);
   EXPECT_EQ(a.left_m, b.left_m);
   EXPECT_EQ(a.right_m, b.right_m);
-  EXPECT_EQ(a.refuted, b.refuted);
+  EXPECT_EQ(a.wheels_rejected, b.wheels_rejected);
 }
 
 void expectEqual(const Scan& a, const Scan& b) {
@@ -162,7 +162,7 @@ void expectEqualFrames(const Frame& a, const Frame& b) {
   expectEqual(a.scan, b.scan);
 }
 
-TEST(Adapters, ALocalMapComesBackWhole) {
+TEST(Adapters, PreservesLocalMap) {
   Counter n;
   auto map = someFrame<LocalMap>(n);
   map.objects = {someObservation(n)};
@@ -196,7 +196,7 @@ TEST(Adapters, ALocalMapComesBackWhole) {
   expectEqual(a.vectors[0].point, b.vectors[0].point);
 }
 
-TEST(Adapters, ObjectsComeBackWhole) {
+TEST(Adapters, PreservesObjects) {
   Counter n;
   auto objects = someFrame<Objects>(n);
   objects.tracks = {someTrack(n), someTrack(n)};
@@ -227,8 +227,8 @@ TEST(Adapters, ObjectsComeBackWhole) {
   }
 }
 
-/// A contribution could not hold it.
-TEST(Adapters, UndecidedRaysAreOfLocalMapsAlone) {
+/// A contribution cannot represent this label.
+TEST(Adapters, AcceptsUndecidedRaysOnlyInLocalMap) {
   LocalMap map;
   map.scan.range_m = {1.0F};
   map.scan.sigma_m = {0.01F};
@@ -249,7 +249,7 @@ TEST(Adapters, UndecidedRaysAreOfLocalMapsAlone) {
   EXPECT_TRUE(fromWire(wire, again));
 }
 
-TEST(Adapters, APoseComesBackWhole) {
+TEST(Adapters, PreservesPose) {
   Counter n;
   PoseEstimate pose;
   pose.robot = "r2";
@@ -279,7 +279,7 @@ TEST(Adapters, APoseComesBackWhole) {
   EXPECT_EQ(back.sightings[1].robot, "r3");
 }
 
-TEST(Adapters, ContributionsComeBackToTheLastByte) {
+TEST(Adapters, PreservesContributionsExactly) {
   Counter n;
   auto objects = someFrame<Objects>(n);
   objects.state = FrameState::kOk;
@@ -311,7 +311,7 @@ TEST(Adapters, ContributionsComeBackToTheLastByte) {
   EXPECT_EQ(keyframe_back.camera_error, (occupancy::CameraErrorPpm{1000, -2000, 3000, -4000}));
 }
 
-TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
+TEST(Adapters, RejectsNonFiniteNumbersInEveryField) {
   Counter n;
   auto map = someFrame<LocalMap>(n);
   map.objects = {someObservation(n)};
@@ -345,7 +345,7 @@ TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
     damages[i](damaged);
     EXPECT_FALSE(fromWire(damaged, back)) << "damage " << i;
   }
-  // A direction that is no number cannot be used; the others can.
+  // A support direction with a non-finite value is unused; the others stay valid.
   v1::LocalMap direction = good;
   direction.objects()[0].support().b_m()[3] = kNanF;
   ASSERT_TRUE(fromWire(direction, back));
@@ -353,8 +353,8 @@ TEST(Adapters, ANumberThatIsNoneIsRefusedWhereverItStands) {
   EXPECT_GT(back.objects[0].supports.sigma_m[4], 0.0);
 }
 
-/// What no bound of the wire can hold is cut, not written past its end.
-TEST(Adapters, MoreObjectsThanTheWireHoldsAreCut) {
+/// Elements beyond the bound of an IDL sequence are omitted.
+TEST(Adapters, OmitsObjectsBeyondIdlBound) {
   Counter n;
   auto map = someFrame<LocalMap>(n);
   map.objects.assign(80, someObservation(n));

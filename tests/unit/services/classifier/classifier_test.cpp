@@ -1,5 +1,5 @@
-// Robots told from obstacles in an analytic arena. Seeds 0–99 are for tuning; the tests count on seeds from
-// 1000 on, OMNIFLEET_SEEDS=FIRST:LAST widens them.
+// Classification of robots and obstacles in an analytic arena. Seeds 0–99 are for tuning. The tests use seeds
+// from 1000 on; OMNIFLEET_SEEDS=FIRST:LAST selects others.
 
 #include <gtest/gtest.h>
 
@@ -43,34 +43,34 @@ void roam(Scene& scene, int, std::mt19937& rng) {
   scene.steerClear(0.3, rng);
 }
 
-/// F1 ≥ 0.98 is what docs/methods.md asks. Ids change only where two things that have always been one blob
-/// come apart, or one turns up from behind another: at most one in `runs` robots' runs.
+/// docs/methods/evaluation.md requires F1 ≥ 0.98. Ids change only where two objects that were always one blob
+/// separate, or one appears from behind another: at most once in three robots' runs.
 void expectRight(const Score& score) {
   const auto [first, last] = seeds();
   const int runs = 3 * static_cast<int>(last - first + 1);
   EXPECT_GE(score.f1(), 0.98);
   EXPECT_LE(score.switches, runs / 3);
   EXPECT_LT(score.meanError(),
-            0.03);  // a fifth of a robot's radius: nothing downstream mistakes one for another
+            0.03);  // m, a fifth of a robot's radius: no later stage confuses two robots
 }
 
-TEST(Classifier, TellsRoamingRobots) {
+TEST(Classifier, ClassifiesRoamingRobots) {
   expectRight(runAll({"roaming", 80, mixedScene, roam}));
 }
 
-TEST(Classifier, TellsStandingRobots) {
+TEST(Classifier, ClassifiesStandingRobots) {
   expectRight(runAll({"standing", 40, mixedScene}));
 }
 
-TEST(Classifier, TellsTurningRobots) {
+TEST(Classifier, ClassifiesTurningRobots) {
   expectRight(runAll({"turning", 60, mixedScene, [](Scene& scene, int, std::mt19937&) {
                         for (int i = 0; i < 3; ++i)
                           scene.bodies[static_cast<std::size_t>(i)].w_radps = 0.8 - 0.6 * i;
                       }}));
 }
 
-/// Three abreast with the same speed: each sees the others stand still beside it while everything else goes
-/// by.
+/// Three robots side by side at the same speed. For each one the others stand still while everything else
+/// passes.
 Scene abreast(std::mt19937& rng) {
   Scene scene = mixedScene(rng);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -85,18 +85,18 @@ Scene abreast(std::mt19937& rng) {
   return scene;
 }
 
-TEST(Classifier, TellsRobotsThatDriveInParallel) {
+TEST(Classifier, ClassifiesRobotsThatDriveInParallel) {
   expectRight(runAll({"parallel", 60, abreast}));
 }
 
-TEST(Classifier, TellsOneThatStops) {
+TEST(Classifier, ClassifiesRobotThatStops) {
   expectRight(runAll({"one stops", 80, abreast, [](Scene& scene, int frame, std::mt19937&) {
                         if (frame == 25) scene.bodies[1].v_mps = 0.0;
                       }}));
 }
 
-/// r2 publishes nothing and stands: only its shape speaks. Then it drives: its motion does.
-TEST(Classifier, TellsASilentRobot) {
+/// r2 publishes nothing and stands still: only its shape is evidence. Then it moves.
+TEST(Classifier, ClassifiesSilentRobot) {
   Scenario scenario{"silent", 80, [](std::mt19937& rng) {
                       Scene scene = mixedScene(rng);
                       scene.bodies[1].publishes = false;
@@ -106,12 +106,12 @@ TEST(Classifier, TellsASilentRobot) {
     if (frame > 30) scene.steerClear(0.3, rng);
   };
   const Score score = runAll(scenario);
-  EXPECT_GE(score.f1(), 0.93);  // an obstacle of a robot's shape cannot be told from a silent standing robot
+  EXPECT_GE(score.f1(), 0.93);  // an obstacle of a robot's shape looks like a silent standing robot
 }
 
-/// Nobody publishes and no robot has the body that the fleet file promises: motion alone.
-TEST(Classifier, TellsStrangersByTheirMotion) {
-  Scenario scenario{"strangers", 80,
+/// No robot publishes, and no robot has the body of the fleet file: only the motion is evidence.
+TEST(Classifier, ClassifiesUnknownBodiesByMotion) {
+  Scenario scenario{"unknown_bodies", 80,
                     [](std::mt19937& rng) {
                       Scene scene = mixedScene(rng);
                       for (std::size_t i = 0; i < 3; ++i) {
@@ -121,18 +121,18 @@ TEST(Classifier, TellsStrangersByTheirMotion) {
                       return scene;
                     },
                     roam};
-  scenario.warm_up = 25;  // they must have moved before anybody can know
+  scenario.warm_up = 25;  // frames; the robots must move first
   EXPECT_GE(runAll(scenario).f1(), 0.85);
 }
 
-/// A robot that nobody of the fleet knows of crosses between them, and stops.
+/// A robot that is not listed in the fleet crosses between the others and stops.
 Scenario crossing(double speed_mps, int stops_at = 100) {
-  Scenario scenario{"a stranger at " + std::to_string(speed_mps) + " m/s", 180, [](std::mt19937& rng) {
+  Scenario scenario{"an unlisted robot at " + std::to_string(speed_mps) + " m/s", 180, [](std::mt19937& rng) {
                       Scene scene = apartScene(rng);
-                      Body stranger = round("stranger", 0.15, 0.3, {-0.4, -0.75, 0.0});
-                      stranger.robot = true;
-                      stranger.publishes = stranger.declared = false;
-                      scene.bodies.insert(scene.bodies.begin() + 3, stranger);
+                      Body unlisted = round("unlisted", 0.15, 0.3, {-0.4, -0.75, 0.0});
+                      unlisted.robot = true;
+                      unlisted.publishes = unlisted.declared = false;
+                      scene.bodies.insert(scene.bodies.begin() + 3, unlisted);
                       return scene;
                     }};
   scenario.drive = [=](Scene& scene, int frame, std::mt19937&) {
@@ -145,21 +145,21 @@ Scenario crossing(double speed_mps, int stops_at = 100) {
   return scenario;
 }
 
-TEST(Classifier, TellsAStrangerThatCrawls) {
-  // At 6 cm/s outlines that change hide the motion for a while.
+TEST(Classifier, ClassifiesSlowUnlistedRobot) {
+  // At 6 cm/s changes of the outlines hide the motion for a while.
   for (const auto& [speed_mps, least_f1] : {std::pair{0.06, 0.95}, std::pair{0.1, 0.98}}) {
     Scenario scenario = crossing(speed_mps);
     scenario.warm_up =
-        static_cast<int>(2.0 / speed_mps);  // it must have moved before anybody can know: 20 cm
+        static_cast<int>(2.0 / speed_mps);  // frames in which it moves 20 cm; the motion is the evidence
     EXPECT_GE(runAll(scenario).f1(), least_f1);
   }
 }
 
-TEST(Classifier, KeepsAStrangerARobotWhenItStops) {
-  // It has the shape of a robot, for which a second on its way is enough; some see less of it.
+TEST(Classifier, KeepsUnlistedRobotARobotWhenItStops) {
+  // It has the shape of a robot, so one second of motion is enough. Some robots see less of its motion.
   for (const auto& [stops_at, most_missed] : {std::pair{100, 0}, std::pair{34, 150}}) {
     Scenario scenario = crossing(0.2, stops_at);
-    scenario.warm_up = stops_at + 20;  // it stands since two seconds
+    scenario.warm_up = stops_at + 20;  // it has stood still for two seconds
     const Score score = runAll(scenario);
     EXPECT_LE(score.robots_missed, most_missed) << stops_at;
     EXPECT_EQ(score.obstacles_as_robots, 0) << stops_at;
@@ -177,11 +177,11 @@ TEST(Classifier, KeepsIdsThroughTwoSecondsOfLoss) {
   scenario.lost = [](std::size_t body, int frame) { return frame >= 20 && frame < 40 && body != 0; };
   const Score score = runAll(scenario);
   EXPECT_EQ(score.switches, 0);
-  EXPECT_EQ(score.robots_missed, 0) << "robots that come back are robots still";
+  EXPECT_EQ(score.robots_missed, 0) << "a robot that reappears is still a robot";
   EXPECT_EQ(score.obstacles_as_robots, 0);
 }
 
-/// Who publishes where it is remains who it was, wherever it drove unseen and however long.
+/// A robot that publishes its pose keeps its id, however far and long it moves unseen.
 TEST(Classifier, KeepsIdsOfRobotsThatPublish) {
   Scenario scenario{"robots lost for 7 s", 110, apartScene};
   scenario.drive = [](Scene& scene, int frame, std::mt19937&) {
@@ -196,8 +196,8 @@ TEST(Classifier, KeepsIdsOfRobotsThatPublish) {
   EXPECT_GT(score.robots_right, 0);
 }
 
-/// What stands is where it was, however long nobody saw it.
-TEST(Classifier, KeepsIdsOfWhatStandsThroughTenSecondsOfLoss) {
+/// A stationary object keeps its id, however long it is not visible.
+TEST(Classifier, KeepsIdsOfObstaclesThroughTenSecondsOfLoss) {
   Scenario scenario{"obstacles lost for 10 s", 140, apartScene};
   scenario.drive = [](Scene& scene, int, std::mt19937&) {
     for (std::size_t i = 0; i < 3; ++i) scene.bodies[i].w_radps = 0.6;
@@ -208,24 +208,24 @@ TEST(Classifier, KeepsIdsOfWhatStandsThroughTenSecondsOfLoss) {
   EXPECT_GT(score.obstacles_right, 0);
 }
 
-/// What has a robot's shape is none where every robot may be where it says: r2 is not seen, and no floor
-/// either where it stands.
-TEST(Classifier, AHiddenRobotIsNotLookedForElsewhere) {
+/// An object with a robot's shape is an obstacle if every robot may be at its published place. r2 is not
+/// visible, but neither is the floor at its place.
+TEST(Classifier, RejectsLookAlikeOfAHiddenRobot) {
   Scenario scenario{"one hidden", 40, [](std::mt19937& rng) {
                       Scene scene = apartScene(rng);
                       scene.bodies[3] = round("o4", 0.15, 0.3, scene.bodies[1].pose * Pose2{0.7, 0.0, 0.0});
                       return scene;
                     }};
   scenario.lost = [](std::size_t body, int) { return body == 1; };
-  scenario.warm_up = 20;  // nobody has published at first
+  scenario.warm_up = 20;  // no pose is published at first
   const Score score = runAll(scenario);
   EXPECT_EQ(score.obstacles_as_robots, 0);
   EXPECT_EQ(score.undecided, 0);
   EXPECT_GT(score.obstacles_right, 0);
 }
 
-/// One robot pushes a box: the box moves, and is an obstacle still.
-TEST(Classifier, APushedBoxIsAMovingObstacle) {
+/// One robot pushes a box. The box moves but is an obstacle.
+TEST(Classifier, ReportsPushedBoxAsMovingObstacle) {
   Scenario scenario{"pushed", 60, [](std::mt19937& rng) {
                       Scene scene = apartScene(rng);
                       scene.bodies[0].pose = {-0.8, 0.0, 0.0};
@@ -239,7 +239,7 @@ TEST(Classifier, APushedBoxIsAMovingObstacle) {
   double sum = 0.0;
   int count = 0;
   scenario.watch = [&](const Scene& scene, const Objects& objects, int frame) {
-    if (objects.robot != "r3" || frame < 40) return;  // it sees the box before its pusher
+    if (objects.robot != "r3" || frame < 40) return;  // r3 sees the box in front of its pusher
     const Pose2 map_from_base = scene.bodies[2].pose;
     for (const Track& track : objects.tracks) {
       const double apart_m = (map_from_base * track.position_m - scene.bodies[3].pose.translation()).norm();
@@ -249,10 +249,10 @@ TEST(Classifier, APushedBoxIsAMovingObstacle) {
     }
   };
   const Score score = runAll(scenario);
-  EXPECT_LT(score.obstacles_as_robots, score.obstacles_right / 100);  // while it comes apart from its pusher
+  EXPECT_LT(score.obstacles_as_robots, score.obstacles_right / 100);  // while it separates from its pusher
   ASSERT_GT(count, 50);
   EXPECT_NEAR(sum / count, 0.25,
-              0.08);  // learned from a part of the outline, with the pusher's in the same blob
+              0.08);  // estimated from part of the outline, in one blob with the pusher
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What the classifier makes of everything that the wire may bring.
+// Classifier with every input that the wire may bring.
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ namespace {
 
 using classifier::Classifier;
 
-/// Everything that the wire may bring: invalid frames, gaps, frames without supports or with broken numbers.
+/// Inputs: invalid frames, gaps, frames without supports, non-finite numbers.
 class ClassifierInput : public testing::Test {
  protected:
   ClassifierInput() : rng_(5), scene_(apartScene(rng_)) {
@@ -24,7 +24,7 @@ class ClassifierInput : public testing::Test {
   LocalMap next() {
     const Scene before = scene_;
     if (frame_ > 0) scene_.advance();
-    LocalMap map = look(scene_, 0, frame_ ? &before : nullptr, frame_, rng_);
+    LocalMap map = localMapOf(scene_, 0, frame_ ? &before : nullptr, frame_, rng_);
     ++frame_;
     return map;
   }
@@ -34,7 +34,7 @@ class ClassifierInput : public testing::Test {
   int frame_ = 0;
 };
 
-TEST_F(ClassifierInput, OneSampleOutPerSampleInWithItsHeader) {
+TEST_F(ClassifierInput, PublishesOneSamplePerInputWithItsHeader) {
   Classifier classifier = make();
   for (int i = 0; i < 5; ++i) {
     const LocalMap map = next();
@@ -47,7 +47,7 @@ TEST_F(ClassifierInput, OneSampleOutPerSampleInWithItsHeader) {
   }
 }
 
-TEST_F(ClassifierInput, AnInvalidFrameKeepsTheTracksUnseen) {
+TEST_F(ClassifierInput, KeepsTracksNotVisibleInInvalidFrame) {
   Classifier classifier = make();
   classifier.process(next(), {});
   const std::size_t before = classifier.process(next(), {}).tracks.size();
@@ -68,9 +68,9 @@ TEST_F(ClassifierInput, AnInvalidFrameKeepsTheTracksUnseen) {
   }
 }
 
-TEST_F(ClassifierInput, PointsGoToTheTrackThatTheyLieOn) {
+TEST_F(ClassifierInput, AssignsPointsToTheirTrack) {
   Classifier classifier = make();
-  int told = 0;
+  int checked = 0;
   for (int i = 0; i < 4; ++i) {
     LocalMap map = next();
     for (auto& object : map.objects) {
@@ -86,28 +86,28 @@ TEST_F(ClassifierInput, PointsGoToTheTrackThatTheyLieOn) {
       ASSERT_EQ(track.points.size(), 1U);
       EXPECT_EQ(track.points[0].point_m.head<2>(), track.contact_m.cast<float>());
       EXPECT_EQ(track.points[0].sigma_m, 0.01F);
-      ++told;
+      ++checked;
     }
   }
-  EXPECT_GE(told, 12);
+  EXPECT_GE(checked, 12);
 }
 
-TEST_F(ClassifierInput, IdsAreNeverUsedTwice) {
+TEST_F(ClassifierInput, NeverReusesIds) {
   Classifier classifier = make();
   std::map<std::uint32_t, int> last_seen;
   for (int i = 0; i < 60; ++i) {
     LocalMap map = next();
-    if (i % 20 >= 8) map.objects.clear();  // gone for longer than a new track is kept
+    if (i % 20 >= 8) map.objects.clear();  // longer than a new track is kept
     const Objects& objects = classifier.process(map, {});
     for (const Track& track : objects.tracks) {
       const auto last = last_seen.find(track.id);
-      EXPECT_TRUE(last == last_seen.end() || last->second == i - 1) << "id " << track.id << " came back";
+      EXPECT_TRUE(last == last_seen.end() || last->second == i - 1) << "id " << track.id << " was reused";
       last_seen[track.id] = i;
     }
   }
 }
 
-TEST_F(ClassifierInput, TheScanIsLabelledByTrack) {
+TEST_F(ClassifierInput, LabelsScanByTrack) {
   Classifier classifier = make();
   const std::vector<PoseEstimate> poses = publish(scene_, 0, rng_);
   classifier.process(next(), poses);
@@ -131,10 +131,10 @@ TEST_F(ClassifierInput, TheScanIsLabelledByTrack) {
   EXPECT_GT(hits, 20);
 }
 
-TEST_F(ClassifierInput, AcrossAGapNothingSeemsToHaveMoved) {
+TEST_F(ClassifierInput, SeesNoMotionAcrossAGap) {
   Classifier classifier = make();
   for (int i = 0; i < 15; ++i) classifier.process(next(), {});
-  scene_.bodies[0].pose = scene_.bodies[0].pose * Pose2{0.25, 0.1, 0.0};  // carried away while nobody looked
+  scene_.bodies[0].pose = scene_.bodies[0].pose * Pose2{0.25, 0.1, 0.0};  // kidnapped during the gap
   LocalMap after = next();
   after.motion.valid = false;
   classifier.process(after, {});
@@ -150,7 +150,7 @@ TEST_F(ClassifierInput, AcrossAGapNothingSeemsToHaveMoved) {
   }
 }
 
-TEST_F(ClassifierInput, BrokenNumbersStayOut) {
+TEST_F(ClassifierInput, IgnoresNonFiniteNumbers) {
   Classifier classifier = make();
   for (int i = 0; i < 12; ++i) {
     LocalMap map = next();
@@ -178,7 +178,7 @@ TEST_F(ClassifierInput, BrokenNumbersStayOut) {
   }
 }
 
-TEST_F(ClassifierInput, TheSameInputGivesTheSameOutput) {
+TEST_F(ClassifierInput, IsDeterministic) {
   std::vector<double> first, second;
   for (std::vector<double>* values : {&first, &second}) {
     rng_.seed(5);
@@ -195,9 +195,9 @@ TEST_F(ClassifierInput, TheSameInputGivesTheSameOutput) {
   EXPECT_EQ(first, second);
 }
 
-/// Wheels that turn the robot by less than they say: all that stands seems to go round it.
-TEST_F(ClassifierInput, WhatStandsHasNotMovedWhereThePublishedPosesSaySo) {
-  scene_.bodies[3].outline = scene_.bodies[1].outline;  // a thing of nearly a robot's shape
+/// The wheels underreport the turn of the robot: stationary objects seem to move around it.
+TEST_F(ClassifierInput, UsesPublishedPosesAgainstWheelTurnError) {
+  scene_.bodies[3].outline = scene_.bodies[1].outline;  // an object of nearly a robot's shape
   for (Eigen::Vector2d& vertex : scene_.bodies[3].outline) vertex *= 1.15;
   scene_.bodies[3].height_m = 0.29;
   Classifier classifier = make();
@@ -211,7 +211,7 @@ TEST_F(ClassifierInput, WhatStandsHasNotMovedWhereThePublishedPosesSaySo) {
       bool is_robot = false;
       for (std::size_t k = 1; k < 3; ++k)
         is_robot = is_robot || (scene_.bodies[k].pose.translation() - place).norm() < 0.2;
-      if (is_robot || i <= 20) continue;  // what shape alone said at first is taken back
+      if (is_robot || i <= 20) continue;  // the first label, from shape alone, is corrected by then
       ++obstacles;
       robots += track.kind == ObjectKind::kRobot ? 1 : 0;
     }
@@ -230,12 +230,12 @@ TEST_F(ClassifierInput, WhatStandsHasNotMovedWhereThePublishedPosesSaySo) {
   EXPECT_EQ(robots, 0);
 }
 
-TEST_F(ClassifierInput, ThePapersRuleTellsByVectorsAlone) {
+TEST_F(ClassifierInput, ClassifiesByVectorsAloneWithChoisRule) {
   Classifier::Options options;
-  options.kind.method = "choi";
+  options.kind.method = "vectors";
   for (std::size_t i = 0; i < 3; ++i) {
     scene_.bodies[i].pose.theta_rad = 0.0;
-    scene_.bodies[i].v_mps = 0.3;  // the paper's case: everybody at one constant speed
+    scene_.bodies[i].v_mps = 0.3;  // the paper's case: all robots at one constant speed
   }
   Classifier classifier = make(options);
   int right = 0, wrong = 0;
@@ -255,16 +255,16 @@ TEST_F(ClassifierInput, ThePapersRuleTellsByVectorsAlone) {
   EXPECT_GT(right, 8 * wrong);
 }
 
-TEST_F(ClassifierInput, ARobotWithoutABodyIsRefused) {
+TEST_F(ClassifierInput, RejectsRobotWithoutABody) {
   EXPECT_THROW(Classifier({}, "r9", bodies_), options::Error);
 }
 
-TEST(ClassifierOptions, AreBounded) {
+TEST(ClassifierOptions, RejectsUnknownAndOutOfRangeValues) {
   const auto read = [](const std::string& text) {
     return Classifier::Options::read(options::Section::parse(text, "t"));
   };
   EXPECT_DOUBLE_EQ(read("kind: {moved_m: 0.2}").kind.moved_m, 0.2);
-  EXPECT_EQ(read("kind: {method: choi}").kind.method, "choi");
+  EXPECT_EQ(read("kind: {method: vectors}").kind.method, "vectors");
   EXPECT_THROW(read("kind: {method: guess}"), options::Error);
   EXPECT_THROW(read("tracker: {gate_m: -1}"), options::Error);
   EXPECT_THROW(read("tracker: {filter: {no_such: 1}}"), options::Error);

@@ -1,4 +1,4 @@
-// Robots of the fleet of which the camera tells but pieces from the floor, in an analytic arena.
+// Robots of the fleet of which the camera separates only pieces from the floor, in an analytic arena.
 
 #include <gtest/gtest.h>
 
@@ -11,41 +11,41 @@ namespace {
 
 constexpr unsigned kFirst = 1000, kLast = 1003;
 
-/// Of the robots' sights of each other within 1.8 m, those in which a track within 10 cm tells a robot.
-struct Told {
+/// Counts, for every robot within 1.8 m of another one, whether the nearest track within 10 cm is a robot.
+struct Recall {
   long all = 0, robots = 0, others = 0;
   double share() const { return static_cast<double>(robots) / static_cast<double>(std::max(1L, all)); }
 };
 
-void count(const Scene& scene, const Objects& objects, Told& told) {
+void count(const Scene& scene, const Objects& objects, Recall& recall) {
   const auto own = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                 [&](const Body& body) { return body.name == objects.robot; });
   for (const Body& body : scene.bodies) {
     const Eigen::Vector2d place = own->pose.inverse() * body.pose.translation();
     if (&body == &*own || !body.robot || place.norm() > 1.8) continue;
-    ++told.all;
+    ++recall.all;
     const Track* nearest = nullptr;
     for (const Track& track : objects.tracks) {
       if (!track.visible || (track.position_m - place).norm() > 0.1) continue;
       if (nearest == nullptr || track.kind == ObjectKind::kRobot) nearest = &track;
     }
-    told.robots += nearest != nullptr && nearest->kind == ObjectKind::kRobot ? 1 : 0;
-    told.others += nearest != nullptr && nearest->kind != ObjectKind::kRobot ? 1 : 0;
+    recall.robots += nearest != nullptr && nearest->kind == ObjectKind::kRobot ? 1 : 0;
+    recall.others += nearest != nullptr && nearest->kind != ObjectKind::kRobot ? 1 : 0;
   }
 }
 
-Scenario roaming(Shows shows, Told& told) {
+Scenario roaming(Shows shows, Recall& recall) {
   Scenario scenario{"pieces", 60, [shows](std::mt19937& rng) {
                       Scene scene = mixedScene(rng);
-                      scene.bodies.resize(5);  // tops of many would run together
-                      scene.sight_m = 6.0;     // where tops seem to stand
+                      scene.bodies.resize(5);  // the tops of more bodies would merge
+                      scene.sight_m = 6.0;     // m, range at which tops seem to stand
                       for (Body& body : scene.bodies)
                         if (body.robot) body.shows = shows;
                       return scene;
                     }};
   scenario.drive = [](Scene& scene, int, std::mt19937& rng) { scene.steerClear(0.3, rng); };
-  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
-    if (frame > 0) count(scene, objects, told);
+  scenario.watch = [&recall](const Scene& scene, const Objects& objects, int frame) {
+    if (frame > 0) count(scene, objects, recall);
     for (const RayLabel label : objects.scan.label) EXPECT_NE(label, RayLabel::kUndecided);
   };
   return scenario;
@@ -57,66 +57,67 @@ Score runAll(const Scenario& scenario) {
   return total;
 }
 
-TEST(Pieces, RobotsThatShowButTheirTopsAreTold) {
-  Told told;
-  const Score score = runAll(roaming(Shows::kTop, told));
-  EXPECT_GT(told.share(), 0.85);  // some are hidden, some run together with others
-  EXPECT_EQ(told.others, 0);
+TEST(Pieces, RecognizesRobotsByTheirTops) {
+  Recall recall;
+  const Score score = runAll(roaming(Shows::kTop, recall));
+  EXPECT_GT(recall.share(), 0.85);  // some are hidden, some are merged with others
+  EXPECT_EQ(recall.others, 0);
   EXPECT_EQ(score.obstacles_as_robots, 0);
   EXPECT_GT(score.obstacles_right, 500);
 }
 
-TEST(Pieces, RobotsThatTheFloorHidesAreTold) {
-  Told told;
-  const Score score = runAll(roaming(Shows::kHint, told));
-  EXPECT_GT(told.share(), 0.9);  // others stand before some
+TEST(Pieces, RecognizesRobotsFromUndecidedScans) {
+  Recall recall;
+  const Score score = runAll(roaming(Shows::kHint, recall));
+  EXPECT_GT(recall.share(), 0.9);  // objects stand in front of some
   EXPECT_EQ(score.obstacles_as_robots, 0);
 }
 
-/// Nobody publishes for a second: their tops are things, which are nobody's any more from the first pose on.
-TEST(Pieces, TopsThatWereThingsAreRobotsFromTheFirstPoseOn) {
+/// No pose is published for one second, so the tops are tracked as objects. From the first pose on they are
+/// pieces of the robots.
+TEST(Pieces, ConvertsTopsToRobotsAtTheFirstPose) {
   constexpr int kSilent = 10, kSettled = 14;
-  Told told;
-  Scenario scenario = roaming(Shows::kTop, told);
+  Recall recall;
+  Scenario scenario = roaming(Shows::kTop, recall);
   scenario.garble = [frame = 0](std::vector<PoseEstimate>& poses) mutable {
     if (frame++ % 60 < kSilent) poses.clear();
   };
-  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
-    if (frame > kSettled) count(scene, objects, told);
+  scenario.watch = [&recall](const Scene& scene, const Objects& objects, int frame) {
+    if (frame > kSettled) count(scene, objects, recall);
     for (const Track& track : objects.tracks) {
       if (frame > kSettled && track.visible && track.kind != ObjectKind::kRobot) {
-        EXPECT_FALSE(track.supports.empty()) << "frame " << frame << ": seen, but by nothing";
+        EXPECT_FALSE(track.supports.empty()) << "frame " << frame << ": visible without supports";
       }
     }
   };
   const Score score = runAll(scenario);
-  EXPECT_GT(told.share(), 0.8);
-  EXPECT_EQ(told.others, 0);
+  EXPECT_GT(recall.share(), 0.8);
+  EXPECT_EQ(recall.others, 0);
   EXPECT_GT(score.obstacles_right, 300);
 }
 
-/// One whose published place is wrong: floor is seen there.
-TEST(Pieces, NobodyIsSeenWhereTheFloorIs) {
+/// The published place of one robot is wrong: the floor is visible there.
+TEST(Pieces, SeesNoRobotWhereTheFloorIsVisible) {
   constexpr double kOff_m = 0.6;
-  Told told;
-  Scenario scenario = roaming(Shows::kHint, told);
-  scenario.watch = [&told](const Scene& scene, const Objects& objects, int frame) {
+  Recall recall;
+  Scenario scenario = roaming(Shows::kHint, recall);
+  scenario.watch = [&recall](const Scene& scene, const Objects& objects, int frame) {
     Scene claimed = scene;
     claimed.bodies[1].pose.y_m += kOff_m;
     claimed.bodies[2].robot = false;
-    if (frame > 0 && objects.robot == "r1") count(claimed, objects, told);
+    if (frame > 0 && objects.robot == "r1") count(claimed, objects, recall);
   };
   scenario.garble = [](std::vector<PoseEstimate>& poses) {
     for (PoseEstimate& pose : poses)
       if (pose.robot == "r2") pose.map_from_base.y_m += kOff_m;
   };
   runAll(scenario);
-  EXPECT_GT(told.all, 50);
-  EXPECT_LT(told.share(), 0.1);  // where r3 happens to be
+  EXPECT_GT(recall.all, 50);
+  EXPECT_LT(recall.share(), 0.1);  // where r3 happens to be
 }
 
-/// Its outline would pass for a piece of the robot beside it.
-TEST(Pieces, AThingThatIsKnownToStandThereIsNone) {
+/// The outline of the obstacle fits a piece of the robot beside it.
+TEST(Pieces, KeepsKnownObstacleBesideARobot) {
   constexpr int kSilent = 10, kFrames = 40;
   Scenario scenario{"beside", kFrames, [](std::mt19937&) {
                       Scene scene;
@@ -142,21 +143,21 @@ TEST(Pieces, AThingThatIsKnownToStandThereIsNone) {
   EXPECT_EQ(seen, (kLast - kFirst + 1) * (kFrames - kSilent));
 }
 
-TEST(Pieces, AreNotAskedByThePapersRule) {
-  Told told;
-  Scenario scenario = roaming(Shows::kHint, told);
+TEST(Pieces, AreNotUsedByChoisRule) {
+  Recall recall;
+  Scenario scenario = roaming(Shows::kHint, recall);
   classifier::Classifier::Options options;
-  options.kind.method = "choi";
+  options.kind.method = "vectors";
   run(scenario, kFirst, options);
-  EXPECT_GT(told.all, 50);
-  EXPECT_EQ(told.robots + told.others, 0);
+  EXPECT_GT(recall.all, 50);
+  EXPECT_EQ(recall.robots + recall.others, 0);
 }
 
-/// Small ones right before robots of which only the top is seen: theirs are the pieces that touch the floor
-/// nearer than the robot does.
-TEST(Pieces, WhatStandsBeforeARobotIsNoPieceOfIt) {
-  Told told;
-  Scenario scenario = roaming(Shows::kTop, told);
+/// Small objects directly in front of robots whose tops alone are visible: a piece that touches the floor in
+/// front of the robot belongs to such an object.
+TEST(Pieces, RejectsPieceInFrontOfTheRobot) {
+  Recall recall;
+  Scenario scenario = roaming(Shows::kTop, recall);
   scenario.make = [](std::mt19937&) {
     Scene scene;
     scene.bodies.push_back(round("r1", 0.15, 0.3, {-1.0, 0.0, 0.0}));

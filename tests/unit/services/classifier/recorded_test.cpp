@@ -1,5 +1,5 @@
-// A foreign renderer's recording through local mapper and classifier: which of the things on its floor are
-// robots. Truth is compared with, and stands in for the poses that the localizer would feed back.
+// A recording from another renderer through local mapper and classifier. The ground truth replaces the poses
+// that the localizer would publish, and is the reference for the labels.
 
 #include <gtest/gtest.h>
 
@@ -59,7 +59,7 @@ class Recorded : public testing::Test {
     return poses;
   }
 
-  /// Compares every visible track with the robot that stands in its place, if one does.
+  /// Compares every visible track with the robot at its place, if there is one.
   void compare(const Objects& objects, const std::string& self, std::size_t frame,
                std::map<std::string, std::uint32_t>& ids, Count& count) const {
     std::map<std::string, const Track*> track_of;
@@ -80,7 +80,7 @@ class Recorded : public testing::Test {
       }
       ++(track.kind == ObjectKind::kRobot ? count.right : count.missed);
       if (track.kind == ObjectKind::kRobot) count.error_m += apart;
-      if (frame < 2) continue;  // before the first poses come back, what stands in line is one blob
+      if (frame < 2) continue;  // before the first poses arrive, objects in line are one blob
       const auto id = ids.emplace(here, track.id).first;
       count.switches += id->second != track.id ? 1 : 0;
       id->second = track.id;
@@ -130,16 +130,16 @@ class Recorded : public testing::Test {
   std::map<std::string, RobotBody> bodies_;
 };
 
-TEST_F(Recorded, RobotsAreToldWithPoses) {
+TEST_F(Recorded, ClassifiesRobotsWithPoses) {
   const Count count = replay(true);
-  EXPECT_GE(count.f1(), 0.98);  // docs/methods.md
+  EXPECT_GE(count.f1(), 0.98);  // docs/methods/evaluation.md
   EXPECT_EQ(count.switches, 0);
   EXPECT_GT(count.right, 20);
 }
 
-TEST_F(Recorded, RobotsAreToldByShapeAndMotionAlone) {
+TEST_F(Recorded, ClassifiesRobotsByShapeAndMotionAlone) {
   const Count count = replay(false);
-  EXPECT_GE(count.f1(), 0.90);  // robots in one blob with something else cannot be told until they part
+  EXPECT_GE(count.f1(), 0.90);  // a robot merged with another object is not recognized until they separate
   EXPECT_EQ(count.switches, 0);
 }
 

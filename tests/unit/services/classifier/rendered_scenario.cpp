@@ -17,15 +17,16 @@
 namespace omnifleet::rendered {
 namespace {
 
-constexpr double kMatch_m = 0.3;        // as evaluate matches
-constexpr double kFree_m = 0.20;        // about every body on its way
-constexpr double kApart_m = 0.40;       // between obstacles
-constexpr double kBeside_m = 1.3;       // none is farther from every robot's way
-constexpr double kPoseSigma_m = 0.005;  // of the localizer's estimates
+constexpr double kMatch_m = 0.3;        // m, as `evaluate` matches
+constexpr double kFree_m = 0.20;        // m, free space around the path of every body
+constexpr double kApart_m = 0.40;       // m, between obstacles
+constexpr double kBeside_m = 1.3;       // m, largest distance of an obstacle from the nearest path
+constexpr double kPoseSigma_m = 0.005;  // m, of the localizer's estimates
 constexpr double kPoseSigmaRad = 0.005;
-constexpr double kStartSigma_m = 0.05, kStartSigmaRad = 0.05;  // as the service takes starts for
-constexpr double kNearest_m = 0.35;                            // between two robots' middles
-constexpr unsigned kAnew = 100000;                             // to the seed, where starts are thrown again
+constexpr double kInitialSigma_m = 0.05,
+                 kInitialSigmaRad = 0.05;  // σ of the initial poses in the classifier service
+constexpr double kNearest_m = 0.35;        // m, between the centres of two robots
+constexpr unsigned kRedraw = 100000;       // added to the seed when the initial poses are drawn again
 constexpr int kTries = 4000;
 
 const char* const kRoom = R"(
@@ -38,22 +39,21 @@ rigs:
 random: {obstacles: [0, 0], start_jitter_m: 0.05, start_jitter_rad: 0.1}
 )";
 
-/// A pushed box is in touch with its pusher and is no reason to stand.
+/// A pushed box touches its pusher, which must not stop for it.
 world::World::Options unstopped() {
   world::World::Options options;
   options.collisions_stop = false;
   return options;
 }
 
-/// The obstacles of a seed: sizes, colours and places from the random part of the house, thrown until they
-/// are beside everybody's way.
+/// The obstacles of a seed: random sizes, colours and places, drawn until no obstacle lies on a robot's path.
 class Room {
  public:
   Room(const Scenario& scenario, unsigned seed) : scenario_(scenario), seed_(seed), dice_(seed) {
     const std::string text = std::string(kRoom) + "robots:\n" + scenario.robots;
-    const synthetic::Arena house = synthetic::Arena::read(options::Section::parse(text, scenario.name));
-    for (unsigned thrown = seed; paths_.empty() || closest() < kNearest_m; thrown += kAnew) {
-      arena = synthetic::randomised(house, thrown);
+    const synthetic::Arena layout = synthetic::Arena::read(options::Section::parse(text, scenario.name));
+    for (unsigned thrown = seed; paths_.empty() || closest() < kNearest_m; thrown += kRedraw) {
+      arena = synthetic::randomised(layout, thrown);
       arena.duration_s = scenario.duration_s;
       driveThrough();
     }
@@ -77,7 +77,8 @@ class Room {
     }
   }
 
-  /// Any two robots' middles, at any time: nobody drives through anybody.
+  /// Smallest distance between the centres of two robots at any time: robots must not drive through each
+  /// other.
   double closest() const {
     double least_m = INFINITY;
     for (const auto& poses : paths_) {
@@ -89,7 +90,7 @@ class Room {
     return least_m;
   }
 
-  /// A box before the pusher's bow that goes as the pusher goes.
+  /// A box in front of the pusher that moves with it.
   void addPushed() {
     std::size_t pusher = 0;
     while (arena.robots[pusher].name != scenario_.pushed_by) ++pusher;
@@ -106,7 +107,7 @@ class Room {
     }
   }
 
-  /// A box nearly as high as the cameras, which hides whatever passes behind it.
+  /// A box nearly as high as the cameras, which hides everything that passes behind it.
   void addScreen(const Pose2& screen) {
     synthetic::Solid box;
     box.size_m = {in(0.12, 0.20), in(0.40, 0.60)};
@@ -116,7 +117,7 @@ class Room {
     arena.solids.push_back(box);
   }
 
-  bool isBesideTheWay(const Eigen::Vector2d& place_m, double reach_m) const {
+  bool isBesidePaths(const Eigen::Vector2d& place_m, double reach_m) const {
     double least_m = INFINITY;
     for (const auto& poses : paths_) {
       for (const Pose2& pose : poses) least_m = std::min(least_m, (pose.translation() - place_m).norm());
@@ -142,10 +143,9 @@ class Room {
       solid.height_m = in(0.10, 0.26);
       for (std::uint8_t& channel : solid.rgb) channel = static_cast<std::uint8_t>(in(15, 225));
       const auto [least, most] = std::minmax_element(solid.rgb.begin(), solid.rgb.end());
-      if (*most - *least < 70) continue;  // grey ones are the floor's own study
+      if (*most - *least < 70) continue;  // grey obstacles are tested by the floor segmentation study
       const bool box = solid.kind == synthetic::SolidKind::kBox;
-      if (isBesideTheWay(solid.map_from_solid.translation(),
-                         box ? 0.5 * solid.size_m.norm() : solid.radius_m))
+      if (isBesidePaths(solid.map_from_solid.translation(), box ? 0.5 * solid.size_m.norm() : solid.radius_m))
         arena.solids.push_back(solid);
     }
   }
@@ -156,7 +156,7 @@ class Room {
   std::vector<std::vector<Pose2>> paths_;  ///< per frame
 };
 
-/// One robot's eye, mapper and classifier.
+/// Renderer, mapper and classifier of one robot.
 struct Observer {
   std::size_t robot;
   synthetic::Renderer renderer;
@@ -167,8 +167,8 @@ struct Observer {
   cv::Mat image;
 };
 
-/// Which true thing stands where a track says.
-struct Thing {
+/// The true body at the place of a track.
+struct TrueObject {
   std::string name;
   bool robot = false;
   double away_m = INFINITY;
@@ -201,11 +201,11 @@ class Run {
   }
 
   Score all() {
-    assumeStarts(world_.now());
+    assumeInitialPoses(world_.now());
     for (bool more = true; more;) {
       const world::World::State state = world_.now();
       const std::vector<PoseEstimate> published = publish(state);
-      for (Observer& observer : observers_) look(observer, state);
+      for (Observer& observer : observers_) observe(observer, state);
       poses_ = published;
       more = !world_.finished();
       if (!more) break;
@@ -219,13 +219,13 @@ class Run {
   }
 
  private:
-  /// As the service takes them from a fleet file, which is right to half a centimetre.
-  void assumeStarts(const world::World::State& state) {
-    std::vector<PoseEstimate> starts = publish(state);
-    for (PoseEstimate& start : starts)
-      start.covariance =
-          Eigen::Vector3d(kStartSigma_m, kStartSigma_m, kStartSigmaRad).cwiseAbs2().asDiagonal();
-    for (Observer& observer : observers_) observer.classifier.assume(starts);
+  /// As the service reads them from the fleet file: correct to 0.5 cm.
+  void assumeInitialPoses(const world::World::State& state) {
+    std::vector<PoseEstimate> initial_poses = publish(state);
+    for (PoseEstimate& initial : initial_poses)
+      initial.covariance =
+          Eigen::Vector3d(kInitialSigma_m, kInitialSigma_m, kInitialSigmaRad).cwiseAbs2().asDiagonal();
+    for (Observer& observer : observers_) observer.classifier.setInitialPoses(initial_poses);
   }
 
   std::vector<PoseEstimate> publish(const world::World::State& state) {
@@ -245,7 +245,7 @@ class Run {
     return poses;
   }
 
-  void look(Observer& observer, const world::World::State& state) {
+  void observe(Observer& observer, const world::World::State& state) {
     local_mapper::Frame frame;
     frame.acquired_ns = state.time_ns;
     frame.sequence = static_cast<std::uint32_t>(state.frame);
@@ -256,20 +256,21 @@ class Run {
     judge(observer, observer.classifier.process(map, poses_), state);
   }
 
-  Thing nearest(const Eigen::Vector2d& place_m, std::size_t self, const world::World::State& state) const {
-    Thing thing;
+  TrueObject nearest(const Eigen::Vector2d& place_m, std::size_t self,
+                     const world::World::State& state) const {
+    TrueObject object;
     for (std::size_t i = 0; i < arena_.robots.size(); ++i) {
       const double away_m = (state.map_from_bases[i].translation() - place_m).norm();
-      if (i != self && away_m < thing.away_m) thing = {arena_.robots[i].name, true, away_m};
+      if (i != self && away_m < object.away_m) object = {arena_.robots[i].name, true, away_m};
     }
     const double time_s = static_cast<double>(state.frame) / arena_.rate_hz;
     for (std::size_t i = 0; i < arena_.solids.size(); ++i) {
       const Pose2 pose = arena_.solidAt(static_cast<int>(i), time_s);
       const double inside_m = arena_.solids[i].distance(place_m, pose);
       const double away_m = inside_m <= 0.0 ? 0.0 : (pose.translation() - place_m).norm();
-      if (away_m < thing.away_m) thing = {"o" + std::to_string(i), false, away_m};
+      if (away_m < object.away_m) object = {"o" + std::to_string(i), false, away_m};
     }
-    return thing;
+    return object;
   }
 
   void judge(Observer& observer, const Objects& objects, const world::World::State& state) {
@@ -277,14 +278,14 @@ class Run {
     std::map<std::string, std::pair<double, const Track*>> seen;
     for (const Track& track : objects.tracks) {
       if (!track.visible) continue;
-      const Thing thing =
+      const TrueObject object =
           nearest(state.map_from_bases[observer.robot] * track.position_m, observer.robot, state);
-      const bool any = thing.away_m <= kMatch_m;
-      if (counted) count(any && thing.robot, any && !thing.robot, track.kind);
-      if (counted) tell(observer, track, thing, state);
+      const bool any = object.away_m <= kMatch_m;
+      if (counted) count(any && object.robot, any && !object.robot, track.kind);
+      if (counted) trace(observer, track, object, state);
       if (!any) continue;
-      const auto best = seen.emplace(thing.name, std::make_pair(thing.away_m, &track)).first;
-      if (thing.away_m < best->second.first) best->second = {thing.away_m, &track};
+      const auto best = seen.emplace(object.name, std::make_pair(object.away_m, &track)).first;
+      if (object.away_m < best->second.first) best->second = {object.away_m, &track};
     }
     for (const auto& [name, match] : seen) {
       const auto [id, first] = observer.id_of.emplace(name, match.second->id);
@@ -297,27 +298,28 @@ class Run {
     }
   }
 
-  void count(bool is_robot, bool is_obstacle, ObjectKind said) {
-    const auto add = [](bool is, bool said_so, evaluation::ClassCounts& counts) {
-      counts.right += is && said_so;
-      counts.missed += is && !said_so;
-      counts.wrong += !is && said_so;
+  void count(bool is_robot, bool is_obstacle, ObjectKind label) {
+    const auto add = [](bool is, bool labelled, evaluation::ClassCounts& counts) {
+      counts.right += is && labelled;
+      counts.missed += is && !labelled;
+      counts.wrong += !is && labelled;
     };
-    add(is_robot, said == ObjectKind::kRobot, score_.robots);
-    add(is_obstacle, said == ObjectKind::kObstacle, score_.obstacles);
+    add(is_robot, label == ObjectKind::kRobot, score_.robots);
+    add(is_obstacle, label == ObjectKind::kObstacle, score_.obstacles);
     score_.nothing += !is_robot && !is_obstacle;
   }
 
-  void tell(const Observer& observer, const Track& track, const Thing& thing,
-            const world::World::State& state) const {
+  void trace(const Observer& observer, const Track& track, const TrueObject& object,
+             const world::World::State& state) const {
     if (!std::getenv("OMNIFLEET_TRACE")) return;
-    const bool any = thing.away_m <= kMatch_m;
-    if (any && (thing.robot ? track.kind == ObjectKind::kRobot : track.kind == ObjectKind::kObstacle)) return;
+    const bool any = object.away_m <= kMatch_m;
+    if (any && (object.robot ? track.kind == ObjectKind::kRobot : track.kind == ObjectKind::kObstacle))
+      return;
     std::cerr << arena_.robots[observer.robot].name << " " << state.frame << " "
-              << (any ? thing.name : "nothing") << " " << thing.away_m << " m off: track " << track.id << " "
-              << toString(track.kind) << " p " << track.kind_probability << " at " << track.position_m.norm()
-              << " m, v " << track.velocity_mps.norm() << " h " << track.height_m << " solidity "
-              << track.solidity << (track.truncated ? " truncated" : "") << "\n";
+              << (any ? object.name : "nothing") << " " << object.away_m << " m off: track " << track.id
+              << " " << toString(track.kind) << " p " << track.kind_probability << " at "
+              << track.position_m.norm() << " m, v " << track.velocity_mps.norm() << " h " << track.height_m
+              << " solidity " << track.solidity << (track.truncated ? " truncated" : "") << "\n";
   }
 
   const Scenario& scenario_;

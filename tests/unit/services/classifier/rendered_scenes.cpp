@@ -1,4 +1,4 @@
-// What happens in each scenario.
+// Robots and their speeds in each scenario.
 
 #include <cmath>
 
@@ -42,7 +42,7 @@ std::vector<Scenario> scenarios() {
        {},
        "r1",
        0.0},
-      {"silent_stranger",
+      {"silent_unlisted",
        robot("r1", "-0.7, -0.9, 0.3", on) + robot("r2", "1.3, -1.0, 2.0", wait) +
            robot("r3", "0.9, 0.9, -2.6", "0, 0.1, 0.14") + robot("x1", "-1.3, 0.8, -0.2", "0, 0.25, 0.22"),
        {"x1"},
@@ -55,7 +55,7 @@ std::vector<Scenario> moreScenarios() {
   const std::string on = "0, 0.2, 0.2", wait = "0, 0, 0";
   const std::string hops =
       "0, 0.2, 0.2, 1.5, 0, 0, 3, 0.2, 0.2, 4.5, 0, 0, 6, 0.2, 0.2, 7.5, 0, 0, 9, 0.2, 0.2, 10.5, 0, 0";
-  // What r1 watches passes behind a box before it.
+  // The robot that r1 watches passes behind a box in front of r1.
   const auto watched = [&](const std::string& passing, const std::string& speeds) {
     return robot("r1", "-0.2, -1.1, 1.6", wait) + robot("r2", "1.4, -1.2, 2.2", "0, 0.06, 0.05") +
            robot(passing, "-1.5, 0.45, 0", speeds);
@@ -84,14 +84,14 @@ std::vector<Scenario> moreScenarios() {
        "",
        0.0,
        20.0},
-      {"two_strangers",
+      {"two_unlisted",
        robot("r1", "-0.9, -0.9, 0.6", "0, 0.12, 0.12") + robot("r2", "1.5, 0.1, 2.8", wait) +
            robot("x1", "-1.3, 0.9, -0.1", "0, 0.2, 0.2") + robot("x2", "1.3, -0.9, 2.9", "0, 0.18, 0.22"),
        {"x1", "x2"},
        "",
        1.5},
       {"hidden_robot", watched("r3", "0, 0.2, 0.2"), {}, "", 0.0, 14.0, {screen}},
-      {"hidden_stranger", watched("x1", "0, 0.2, 0.2"), {"x1"}, "", 1.5, 14.0, {screen}},
+      {"hidden_unlisted", watched("x1", "0, 0.2, 0.2"), {"x1"}, "", 1.5, 14.0, {screen}},
   };
 }
 

@@ -1,6 +1,6 @@
-// Robots told from obstacles in rendered arenas: frames → local mapper → classifier, with poses as the
-// localizer would publish them (truth and noise, a frame late). OMNIFLEET_SEEDS=FIRST:LAST chooses the seeds;
-// by default one, ten in the slow set. OMNIFLEET_TRACE=1 tells what was mistaken.
+// Classification of robots and obstacles in rendered arenas: frames → local mapper → classifier. The poses
+// are the truth with the localizer's noise, one frame late. OMNIFLEET_SEEDS=FIRST:LAST selects the seeds; the
+// default is one seed, ten in the slow set. OMNIFLEET_TRACE=1 prints every wrong label.
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ Score runAll(const Scenario& scenario) {
     total += score;
   }
   std::printf(
-      "%s: F1 robots %.4f (%d right, %d missed, %d wrong), obstacles %.4f (%d, %d, %d), nothing there %d, "
+      "%s: F1 robots %.4f (%d right, %d missed, %d wrong), obstacles %.4f (%d, %d, %d), no object there %d, "
       "switches %d\n",
       scenario.name.c_str(), total.robots.f1(), total.robots.right, total.robots.missed, total.robots.wrong,
       total.obstacles.f1(), total.obstacles.right, total.obstacles.missed, total.obstacles.wrong,
@@ -39,7 +39,7 @@ Score runAll(const Scenario& scenario) {
   return total;
 }
 
-/// All of them where seeds are chosen, else those that a single seed of tells most.
+/// All scenarios if seeds are selected; otherwise those that are most significant with a single seed.
 std::vector<Scenario> wanted() {
   std::vector<Scenario> all = scenarios();
   if (!std::getenv("OMNIFLEET_SEEDS")) return all;
@@ -49,9 +49,9 @@ std::vector<Scenario> wanted() {
 
 class RenderedScenes : public testing::TestWithParam<Scenario> {};
 
-/// The figure of docs/methods.md. Ids may change where two things that have always been one blob come apart:
+/// Limits of docs/methods/evaluation.md. Ids may change where two objects that were always one blob separate:
 /// at most once in three robots' runs.
-TEST_P(RenderedScenes, RobotsAndObstaclesAreTold) {
+TEST_P(RenderedScenes, ClassifiesRobotsAndObstacles) {
   const Score score = runAll(GetParam());
   const auto [first, last] = seeds();
   EXPECT_GE(score.robots.f1(), 0.98);
@@ -69,32 +69,32 @@ Score runOne(const std::string& name, unsigned seed) {
   return run(*scenario, seed);
 }
 
-/// Who publishes nothing passes behind a high box: it is nowhere to be seen meanwhile, not at the box's edge,
-/// and comes out as who it was. Seed 0: beside others, who keep their ids. 6: long hidden. 1001: something
-/// else stands behind the box. 25: for longer than its track is kept.
-TEST(HiddenStranger, ComesOutAsWhoItWas) {
+/// An unlisted robot passes behind a high box. While hidden it is not reported, also not at the box's edge,
+/// and it reappears with its id. Seed 0: beside other robots, which keep their ids. Seed 6: hidden for long.
+/// Seed 1001: another object stands behind the box. Seed 25: hidden for longer than its track is kept.
+TEST(HiddenUnlistedRobot, KeepsIdWhenItReappears) {
   Score total;
   for (const unsigned seed : {0U, 6U, 25U, 1001U}) {
-    const Score score = runOne("hidden_stranger", seed);
+    const Score score = runOne("hidden_unlisted", seed);
     EXPECT_EQ(score.switches, 0) << "seed " << seed;
     total += score;
   }
   EXPECT_GE(total.robots.f1(), 0.98);
 }
 
-/// What touches the floor far before a thing is not that thing, however well the rest of the blob fits.
-TEST(HiddenStranger, DoesNotGiveItsBlobToWhatStandsBehind) {
-  EXPECT_LE(runOne("hidden_stranger", 29).nothing, 2);
+/// A blob that touches the floor far in front of an object is not that object, however well the rest fits.
+TEST(HiddenUnlistedRobot, KeepsItsBlobFromObjectBehind) {
+  EXPECT_LE(runOne("hidden_unlisted", 29).nothing, 2);
 }
 
-/// Two things stand behind a robot, in one blob with it, for seconds: their far edges are no place.
-TEST(FarEdge, TellsNoPlaceHoweverLongItIsSeen) {
+/// Two objects stand behind a robot, in one blob with it, for seconds: their far edges determine no place.
+TEST(FarEdge, GivesNoPlaceHoweverLongVisible) {
   EXPECT_LE(runOne("stopping", 23).nothing, 2);
 }
 
-/// Seen as one blob with its pusher most of the time. Seed 7: a flat box, nearer than its mean radius tells.
-/// 8: it is let go before its pusher stands where it is thought to be.
-TEST(PushedBox, IsItselfAndNoRobot) {
+/// The box and its pusher are one blob most of the time. Seed 7: a flat box, which is nearer than its mean
+/// radius suggests. Seed 8: it is released before its pusher reaches its estimated place.
+TEST(PushedBox, IsAnObstacleWithItsOwnTrack) {
   for (const unsigned seed : {7U, 8U}) {
     const Score score = runOne("pushed", seed);
     EXPECT_EQ(score.robots.wrong, 0) << "seed " << seed;
@@ -103,35 +103,35 @@ TEST(PushedBox, IsItselfAndNoRobot) {
   }
 }
 
-/// Its own pusher sees no more than two ends of it, one blob or two.
-TEST(PushedBox, IsOneThingToItsPusher) {
+/// Its pusher sees only two ends of the box, as one blob or as two.
+TEST(PushedBox, IsOneTrackForItsPusher) {
   EXPECT_EQ(runOne("pushed", 21).switches, 0);
 }
 
-/// It and a robot that stands before it are one blob until the robot's pose comes.
-TEST(PushedBox, KeepsItsIdWhenTheOtherIsKnown) {
+/// The box and a robot in front of it are one blob until the robot's pose arrives.
+TEST(PushedBox, KeepsItsIdWhenTheRobotsPoseArrives) {
   EXPECT_EQ(runOne("pushed", 23).switches, 0);
 }
 
-/// For some frames it is thought to stand where its pusher is, and given up: who comes to light there is
-/// itself.
-TEST(PushedBox, IsItselfWhereItWasGivenUp) {
+/// For some frames the estimated place of the box overlaps its pusher, and its track is deleted. When it
+/// reappears it continues that track.
+TEST(PushedBox, ContinuesItsDeletedTrack) {
   EXPECT_EQ(runOne("pushed", 27).switches, 0);
 }
 
-/// A robot came out from behind something that had been one blob with it: what is left of it is taken for as
-/// wide as it now shows itself.
-TEST(PushedBox, IsSeenAnewWhereItsBlobWasTwo) {
+/// A robot separates from a blob that it shared with another object. The rest of the blob takes the width
+/// that is now visible.
+TEST(PushedBox, UpdatesItsWidthWhenItsBlobSplits) {
   const Score score = runOne("pushed", 22);
-  EXPECT_LE(score.nothing, 1);  // a far edge, once
+  EXPECT_LE(score.nothing, 1);  // a far edge, in one frame
   EXPECT_LE(score.switches, 1);
 }
 
-/// Pushed before anybody has seen them apart: one blob, whose middle is not far from where the pusher says
-/// that it is. From the first pose of the pusher on they are two. Seed 3: a blob is explained by one of them
-/// only where nothing stands out of it. 18: what nothing was left of comes to light later. 48: not beside the
-/// pusher, but wider.
-TEST(PushedBox, IsNotItsPusherFromTheFirstPoseOn) {
+/// The box is pushed before any robot has seen it apart from its pusher: one blob, whose centre is near the
+/// pusher's published place. From the pusher's first pose on they are two tracks. Seed 3: one object explains
+/// a blob only if nothing exceeds its outline. Seed 18: an object with no remaining outline reappears later.
+/// Seed 48: the blob is not beside the pusher's place, but wider.
+TEST(PushedBox, SeparatesFromItsPusherAtTheFirstPose) {
   for (const unsigned seed : {3U, 17U, 18U, 48U}) {
     const Score score = runOne("pushed", seed);
     EXPECT_LE(score.robots.wrong, seed == 48 ? 6 : 0) << "seed " << seed;
@@ -139,19 +139,20 @@ TEST(PushedBox, IsNotItsPusherFromTheFirstPoseOn) {
   }
 }
 
-/// Behind a robot, before things that stand behind: what is left of the blob's outline is theirs. Seed 5:
-/// hidden for a while before, it may have gone anywhere. 21: the robot keeps its id too. 23: a sliver of it
-/// is seen at a time. 29: one corner far behind supports half of the directions.
-class SilentStranger : public testing::TestWithParam<unsigned> {};
+/// An unlisted robot behind a listed robot and in front of other objects: the rest of the blob's outline
+/// belongs to those objects. Seed 5: it was hidden before and its place is uncertain. Seed 21: the listed
+/// robot keeps its id too. Seed 23: only a narrow part of it is visible at a time. Seed 29: one far corner
+/// supports half of the directions.
+class SilentUnlistedRobot : public testing::TestWithParam<unsigned> {};
 
-TEST_P(SilentStranger, IsNotPulledAwayByWhatStandsBehind) {
-  const Score score = runOne("silent_stranger", GetParam());
+TEST_P(SilentUnlistedRobot, KeepsItsPlaceInFrontOfOtherObjects) {
+  const Score score = runOne("silent_unlisted", GetParam());
   const int most = GetParam() == 23 ? 2 : 0;
   EXPECT_LE(score.robots.wrong, most);
   EXPECT_LE(score.switches, most);
 }
 
-INSTANTIATE_TEST_SUITE_P(Behind, SilentStranger, testing::Values(5U, 21U, 22U, 23U, 29U));
+INSTANTIATE_TEST_SUITE_P(Behind, SilentUnlistedRobot, testing::Values(5U, 21U, 22U, 23U, 29U));
 
 INSTANTIATE_TEST_SUITE_P(All, RenderedScenes, testing::ValuesIn(wanted()),
                          [](const auto& scenario) { return scenario.param.name; });

@@ -14,9 +14,9 @@ namespace omnifleet::sim {
 namespace {
 
 constexpr double kMatch_m = 0.20;
-constexpr std::uint32_t kSettled = 3;  // before the first poses come back, what stands in line is one blob
+constexpr std::uint32_t kSettled = 3;  // frames; before the first poses arrive, objects in line are one blob
 
-/// One robot's classifier beside what it should say.
+/// One robot's classifier with the true bodies of each blob, and their tracks so far.
 struct Observer {
   std::size_t self;
   classifier::Classifier classifier;
@@ -25,7 +25,7 @@ struct Observer {
   std::vector<std::vector<std::size_t>> blobs;
 };
 
-/// Bodies that stand out in this frame, alone in their blob or not.
+/// Bodies visible in this frame, alone in their blob or merged.
 std::vector<std::size_t> seenBodies(const Observer& observer) {
   std::vector<std::size_t> seen;
   for (const auto& blob : observer.blobs) seen.insert(seen.end(), blob.begin(), blob.end());
@@ -127,7 +127,7 @@ Score run(const Scenario& scenario, unsigned seed, const classifier::Classifier:
   std::vector<PoseEstimate> poses;
   for (int frame = 0; frame < scenario.frames; ++frame) {
     for (Observer& observer : observers) {
-      LocalMap map = look(scene, observer.self, frame ? &before : nullptr, frame, rng, &observer.blobs);
+      LocalMap map = localMapOf(scene, observer.self, frame ? &before : nullptr, frame, rng, &observer.blobs);
       for (std::size_t b = observer.blobs.size(); b-- > 0;) {
         if (observer.blobs[b].size() != 1 || !scenario.lost(observer.blobs[b].front(), frame)) continue;
         observer.blobs.erase(observer.blobs.begin() + static_cast<std::ptrdiff_t>(b));

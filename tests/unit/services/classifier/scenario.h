@@ -1,6 +1,6 @@
 #pragma once
 
-// Declared scenarios for the classifier, and what came of them against the truth of the simulator.
+// Scenarios for the classifier, and their scores against the truth of the simulator.
 
 #include <functional>
 #include <string>
@@ -14,23 +14,23 @@ struct Scenario {
   std::string name;
   int frames = 60;
   std::function<Scene(std::mt19937&)> make;
-  /// Sets the robots' wheels before each frame.
+  /// Sets the wheel speeds of the robots before each step.
   std::function<void(Scene&, int frame, std::mt19937&)> drive = [](Scene&, int, std::mt19937&) {};
-  /// Blobs of a body that the local mapper loses at this frame.
+  /// True if the local mapper loses the blobs of this body in this frame.
   std::function<bool(std::size_t body, int frame)> lost = [](std::size_t, int) { return false; };
   std::function<void(const Scene&, const Objects&, int frame)> watch = [](const Scene&, const Objects&, int) {
   };
   bool feedback = true;
   std::function<void(std::vector<PoseEstimate>&)> garble = [](std::vector<PoseEstimate>&) {
-  };                ///< what is published
+  };                ///< changes the published poses
   int warm_up = 0;  ///< first frames that are not counted
 };
 
-/// Counted over bodies that the robots saw (at least partly) within 2 m, and frames.
+/// Counted per frame and per body that a robot sees, at least partly, within 2 m.
 struct Score {
   long robots_right = 0, robots_missed = 0, obstacles_right = 0, obstacles_as_robots = 0, undecided = 0;
-  int switches = 0;      ///< a body's track id changed
-  int relabels = 0;      ///< a body's label went from one kind to the other
+  int switches = 0;      ///< changes of a body's track id
+  int relabels = 0;      ///< changes of a body's label from one kind to the other
   double error_m = 0.0;  ///< sum over visible tracks alone in their blob
   long errors = 0;
   double slowest_ms = 0.0, total_ms = 0.0;
@@ -46,10 +46,10 @@ struct Score {
 /// Runs the classifiers of all robots of the scene.
 Score run(const Scenario& scenario, unsigned seed, const classifier::Classifier::Options& options = {});
 
-/// Three robots (radius 15 cm, height 30 cm) and five obstacles of many shapes in 4 × 4 m, none nearer than
-/// 25 cm.
+/// Three robots (radius 15 cm, height 30 cm) and five obstacles of different shapes in 4 × 4 m, at least 25
+/// cm apart.
 Scene mixedScene(std::mt19937& rng);
-/// Three robots and three boxes so far apart that nothing hides anything: nothing excuses a changed id.
+/// Three robots and three boxes, so far apart that none hides another: no id may change.
 Scene apartScene(std::mt19937& rng);
 
 }  // namespace omnifleet::sim

@@ -1,8 +1,8 @@
-// Whole fleets with rendered cameras, every stage, in seeded arenas: each run reaches its goal, nothing is
-// touched, the formation is regained after an obstacle, and kept to 3 cm where nothing disturbs. Judged by
-// the truth that the world writes, with geometry of its own. OMNIFLEET_ARENAS=FIRST:LAST chooses the seeds of
-// the arenas, which take turns in the four shapes; by default one of them and one of the shapes straight on, all in
-// the slow set.
+// Whole fleets with rendered cameras and all stages, in seeded arenas. Each run must reach its goal without
+// collisions, regain the formation after an obstacle, and keep it to 3 cm where nothing disturbs it.
+// Evaluated with the ground truth that the world writes and geometry of its own. OMNIFLEET_ARENAS=FIRST:LAST
+// selects the seeds of the arenas, which alternate between the four shapes. The default is one arena and one
+// shape straight ahead; the slow tests run all.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -28,18 +28,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kRadiusM = 0.15;   // the demo's robots
-constexpr double kInPlaceM = 0.15;  // half a body out of place is out of formation
+constexpr double kRadiusM = 0.15;   // m, the demo's robots
+constexpr double kInPlaceM = 0.15;  // m, half a body; larger errors are out of formation
 constexpr int kSteadySeeds = 1;
 constexpr double kNearM =
-    0.45;  // an obstacle so near to a robot or its place disturbs: body, margin, reserve
+    0.45;  // m, obstacles within this distance of a robot or its place disturb it: body, margin, reserve
 
 struct Outcome {
-  double goal_m = INFINITY;    ///< leader to goal at the end
-  double gap_m = INFINITY;     ///< least between bodies and obstacles
-  double robots_m = INFINITY;  ///< least between bodies
+  double goal_m = INFINITY;    ///< m, from the leader to the goal at the end
+  double gap_m = INFINITY;     ///< m, least gap between bodies and obstacles
+  double robots_m = INFINITY;  ///< m, least gap between bodies
   double regain_s = 0.0;       ///< longest time out of place with no obstacle near
-  double seconds = 0.0;        ///< whole run
+  double seconds = 0.0;        ///< duration of the run
 };
 
 double toPolygon(const Eigen::Vector2d& point, const Polygon& polygon) {
@@ -60,13 +60,13 @@ double toScene(const Eigen::Vector2d& point, const std::vector<dataset::MapObjec
   return least_m;
 }
 
-/// Judges one run by its truth. `orders`: what the formation was told.
-Outcome judge(const dataset::GroundTruth& truth, const motion::FormationCommand& orders) {
+/// Evaluates one run with its ground truth. `command`: command of the formation.
+Outcome evaluate(const dataset::GroundTruth& truth, const motion::FormationCommand& command) {
   Outcome outcome;
   std::vector<const std::vector<dataset::StampedPose>*> paths;
   for (const auto& [robot, path] : truth.trajectories) paths.push_back(&path);
   const std::size_t frames = paths.front()->size();
-  const std::vector<Eigen::Vector2d> places = motion::placesOf(orders, paths.size());
+  const std::vector<Eigen::Vector2d> places = motion::placesOf(command, paths.size());
   double out_s = 0.0;
   for (std::size_t f = 0; f < frames; ++f) {
     const Pose2& leader = (*paths[0])[f].map_from_base;
@@ -88,22 +88,22 @@ Outcome judge(const dataset::GroundTruth& truth, const motion::FormationCommand&
     outcome.regain_s = std::max(outcome.regain_s, out_s);
     outcome.seconds += dt_s;
   }
-  outcome.goal_m = (paths[0]->back().map_from_base.translation() - orders.waypoints_m.back()).norm();
+  outcome.goal_m = (paths[0]->back().map_from_base.translation() - command.waypoints_m.back()).norm();
   return outcome;
 }
 
-/// RMS of a follower's distance from its place beside the leader while that is on its last two metres at full
-/// speed.
-double steadyRms(const dataset::GroundTruth& truth, const motion::FormationCommand& orders,
+/// RMS distance of a follower from its place beside the leader, while the leader is on its last two metres at
+/// full speed.
+double steadyRms(const dataset::GroundTruth& truth, const motion::FormationCommand& command,
                  std::size_t follower) {
   std::vector<const std::vector<dataset::StampedPose>*> paths;
   for (const auto& [robot, path] : truth.trajectories) paths.push_back(&path);
-  const Eigen::Vector2d place_m = motion::placesOf(orders, paths.size())[follower];
+  const Eigen::Vector2d place_m = motion::placesOf(command, paths.size())[follower];
   double squares = 0.0;
   int n = 0;
   for (std::size_t f = 0; f < paths[0]->size(); ++f) {
     const Pose2& leader = (*paths[0])[f].map_from_base;
-    const double left_m = (orders.waypoints_m.back() - leader.translation()).norm();
+    const double left_m = (command.waypoints_m.back() - leader.translation()).norm();
     if (left_m < 0.6 || left_m > 2.6) continue;
     squares += ((*paths[follower])[f].map_from_base.translation() - leader * place_m).squaredNorm();
     ++n;
@@ -120,13 +120,14 @@ std::pair<int, int> seeds() {
 
 const char* const kShapes[] = {"line", "column", "wedge", "triangle"};
 
-/// One run of a fleet: its truth and its orders.
+/// Ground truth and command of one run of a fleet.
 struct Driven {
   dataset::GroundTruth truth;
-  motion::FormationCommand orders;
+  motion::FormationCommand command;
 };
 
-/// `files`: by name, into a folder of their own; one is overlay.yaml, fleet.yaml stands in for the demo's.
+/// `files`: by name, written to a folder of their own. One is overlay.yaml; fleet.yaml replaces that of the
+/// demo.
 Driven drive(const std::map<std::string, std::string>& files) {
   const fs::path folder = fs::path(testing::TempDir()) / ("omnifleet_arena_" + std::to_string(::getpid()));
   fs::create_directories(folder);
@@ -150,7 +151,7 @@ Outcome driveArena(int seed, const std::string& shape, const std::string& more =
   const Driven run = drive(
       {{"overlay.yaml", "world: {seed: " + std::to_string(seed) +
                             ", randomised: true}\nservices: {formation: {shape: " + shape + more + "}}\n"}});
-  const Outcome outcome = judge(run.truth, run.orders);
+  const Outcome outcome = evaluate(run.truth, run.command);
   std::printf(
       "arena %d %s%s: %5.1f s, goal %4.1f cm, gap to obstacles %4.1f cm, between robots %4.1f cm, regained "
       "in "
@@ -158,20 +159,20 @@ Outcome driveArena(int seed, const std::string& shape, const std::string& more =
       seed, shape.c_str(), more.c_str(), outcome.seconds, 1e2 * outcome.goal_m, 1e2 * outcome.gap_m,
       1e2 * outcome.robots_m, outcome.regain_s);
   std::fflush(stdout);
-  EXPECT_LT(outcome.goal_m, 0.08) << seed;  // arrived_m is 5 cm by its own estimate, then it brakes
+  EXPECT_LT(outcome.goal_m, 0.08) << seed;  // arrived_m is 5 cm by its own estimate; then it brakes
   EXPECT_GT(outcome.gap_m, 0.0) << seed;
   EXPECT_GT(outcome.robots_m, 0.0) << seed;
   return outcome;
 }
 
-TEST(Arenas, GoalReachedNothingTouchedFormationRegained) {
+TEST(Arenas, ReachGoalWithoutCollisionAndRegainFormation) {
   const auto [first, last] = seeds();
   for (int seed = first; seed <= last; ++seed)
     EXPECT_LE(driveArena(seed, kShapes[seed % 4]).regain_s, 10.0) << seed;  // issue 3, point 6
 }
 
-/// The paper's own way: followers know of the others only what their cameras see.
-TEST(Arenas, LikewiseByTheirOwnCamerasAlone) {
+/// As in the paper: followers know the other robots only from their own cameras.
+TEST(Arenas, ReachGoalWithOwnCamerasOnly) {
   EXPECT_LE(driveArena(1002, "wedge", ", published_poses: false").regain_s, 10.0);
 }
 
@@ -179,7 +180,7 @@ class SteadyWithCameras : public testing::TestWithParam<const char*> {};
 
 const char* const kStraight = R"(
 frames: {rate_hz: 5, duration_s: 40}
-floor: {size_m: [8.0, 5.0], clouds: 0.05, grain: 0.04}
+floor: {size_m: [8.0, 5.0], clouds: 0.05, texture: 0.04}
 obstacles:
   - {kind: box, pose: [-1.9, 1.45, 0.3], size_m: [0.34, 0.22], height_m: 0.20, rgb: [190, 52, 40]}
   - {kind: cylinder, pose: [-1.2, -1.40, 0], radius_m: 0.13, height_m: 0.24, rgb: [40, 78, 170]}
@@ -194,7 +195,7 @@ robots:
 formation: {shape: SHAPE, distance_m: 0.75, angle_rad: 0.6, waypoints: [[2.6, 0.0]]}
 )";
 
-TEST_P(SteadyWithCameras, StraightOnTheErrorIsSmall) {
+TEST_P(SteadyWithCameras, KeepsThreeCentimetresRmsStraightAhead) {
   std::string arena = kStraight;
   arena.replace(arena.find("SHAPE"), 5, GetParam());
   double most_m = 0.0;
@@ -203,7 +204,7 @@ TEST_P(SteadyWithCameras, StraightOnTheErrorIsSmall) {
                               {"fleet.yaml", "name: straight\nworld: {arena: arena.yaml}\n"},
                               {"overlay.yaml", "world: {seed: " + std::to_string(seed) + "}\n"}});
     for (std::size_t follower = 1; follower < 3; ++follower) {
-      const double rms_m = steadyRms(run.truth, run.orders, follower);
+      const double rms_m = steadyRms(run.truth, run.command, follower);
       std::printf("%s %d: r%zu %.2f cm RMS\n", GetParam(), seed, follower + 1, 1e2 * rms_m);
       most_m = std::max(most_m, rms_m);
     }

@@ -30,7 +30,7 @@ struct Outcome {
   bool arrived = false;
   std::size_t collisions = 0;
   double goal_error_m = 0.0;
-  double gap_m = INFINITY;  ///< least between bodies and obstacles
+  double gap_m = INFINITY;  ///< m, least gap between bodies and obstacles
 };
 
 double leastGap(const World& world) {
@@ -46,9 +46,9 @@ double leastGap(const World& world) {
   return least_m;
 }
 
-Outcome drive(const synthetic::Arena& the_arena, std::uint32_t seed, const ObserverOptions& eyes = {}) {
+Outcome drive(const synthetic::Arena& the_arena, std::uint32_t seed, const ObserverOptions& observer = {}) {
   World world(the_arena, {}, seed);
-  Drivers drivers(world, eyes);
+  Drivers drivers(world, observer);
   Outcome run;
   while (!world.finished() && !drivers.arrived()) {
     run.collisions += world.step(drivers.commands(world)).collisions.size();
@@ -61,28 +61,30 @@ Outcome drive(const synthetic::Arena& the_arena, std::uint32_t seed, const Obser
 
 class ArenasWithObstacles : public testing::TestWithParam<const char*> {};
 
-/// Perfect tracks and scans (arenas_test.cpp has the cameras). The goal is free; an obstacle near it may keep
-/// followers out of their places, the leader arrives all the same.
-TEST_P(ArenasWithObstacles, EveryRunArrivesAndTouchesNothing) {
-  const std::string orders = std::string("formation: {shape: ") + GetParam() +
-                             ", distance_m: 0.75, angle_rad: 0.6, waypoints: [[-0.6, -0.15], [2.5, 0.15]]}\n";
+/// Perfect tracks and scans (arenas_test.cpp uses cameras). The goal is free. An obstacle near it may keep
+/// followers out of their places, but the leader still arrives.
+TEST_P(ArenasWithObstacles, ArriveWithoutCollision) {
+  const std::string formation =
+      std::string("formation: {shape: ") + GetParam() +
+      ", distance_m: 0.75, angle_rad: 0.6, waypoints: [[-0.6, -0.15], [2.5, 0.15]]}\n";
   for (std::uint32_t seed = 1000; seed < 1025; ++seed) {
-    const Outcome run = drive(synthetic::randomised(arena(orders), seed), seed);
+    const Outcome run = drive(synthetic::randomised(arena(formation), seed), seed);
     EXPECT_TRUE(run.arrived) << seed;
     EXPECT_EQ(run.collisions, 0u) << seed;
     EXPECT_LT(run.goal_error_m, 0.08) << seed;
   }
 }
 
-/// Likewise where the body hides as much of the floor as that of demo's robots does: the least margin is kept
-/// of what has come too near to be seen, too.
-TEST_P(ArenasWithObstacles, NorWhatTheBodyHides) {
-  const std::string orders = std::string("formation: {shape: ") + GetParam() +
-                             ", distance_m: 0.75, angle_rad: 0.6, waypoints: [[-0.6, -0.15], [2.5, 0.15]]}\n";
-  ObserverOptions eyes;
-  eyes.blind_m = 0.42;
+/// As above, with a body that hides as much of the floor as those of the demo. The least margin is also kept
+/// to obstacles that are too near to be seen.
+TEST_P(ArenasWithObstacles, KeepMarginToObstaclesHiddenByTheBody) {
+  const std::string formation =
+      std::string("formation: {shape: ") + GetParam() +
+      ", distance_m: 0.75, angle_rad: 0.6, waypoints: [[-0.6, -0.15], [2.5, 0.15]]}\n";
+  ObserverOptions observer;
+  observer.blind_m = 0.42;
   for (std::uint32_t seed = 1000; seed < 1025; ++seed) {
-    const Outcome run = drive(synthetic::randomised(arena(orders), seed), seed, eyes);
+    const Outcome run = drive(synthetic::randomised(arena(formation), seed), seed, observer);
     EXPECT_TRUE(run.arrived) << seed;
     EXPECT_EQ(run.collisions, 0u) << seed;
     EXPECT_LT(run.goal_error_m, 0.08) << seed;
@@ -95,12 +97,12 @@ INSTANTIATE_TEST_SUITE_P(All, ArenasWithObstacles, testing::Values("line", "colu
 
 class SteadyShapes : public testing::TestWithParam<const char*> {};
 
-TEST_P(SteadyShapes, StraightOnTheErrorIsSmall) {
-  // 5 m straight on from a formation that is not yet in place; the last half of the way counts.
-  const std::string orders =
+TEST_P(SteadyShapes, KeepFifteenMillimetresRmsStraightAhead) {
+  // 5 m straight ahead, from a formation that is not yet in place. The last half of the path counts.
+  const std::string formation =
       std::string("formation: {shape: ") + GetParam() +
       ", distance_m: 0.8, angle_rad: 0.6, waypoints: [[3.2, 0.0]], limits: {cruise_mps: 0.2}}\n";
-  World world(arena(orders), {}, 3);
+  World world(arena(formation), {}, 3);
   Drivers drivers(world);
   double squares = 0.0;
   int n = 0;
@@ -116,7 +118,7 @@ TEST_P(SteadyShapes, StraightOnTheErrorIsSmall) {
   }
   ASSERT_GT(n, 50);
   EXPECT_TRUE(drivers.arrived());
-  // Issue 3 asks for 3 cm RMS with real cameras; with perfect tracks the law itself must stay well below.
+  // Issue 3 requires 3 cm RMS with real cameras. With perfect tracks the law itself must stay well below.
   RecordProperty("rms_mm", std::to_string(1e3 * std::sqrt(squares / n)));
   EXPECT_LT(std::sqrt(squares / n), 0.015) << GetParam();
 }
@@ -124,7 +126,7 @@ TEST_P(SteadyShapes, StraightOnTheErrorIsSmall) {
 INSTANTIATE_TEST_SUITE_P(All, SteadyShapes, testing::Values("line", "column", "wedge", "triangle"),
                          [](const auto& shape) { return std::string(shape.param); });
 
-TEST(ClosedLoop, TheLeaderTurnsForAnObstacleAndTheOthersTurnToo) {
+TEST(ClosedLoop, FormationTurnsWithTheLeaderForAnObstacle) {
   const synthetic::Arena blocked =
       arena(kWedge, "obstacles:\n  - {kind: cylinder, pose: [0.6, 0.0, 0], radius_m: 0.15, height_m: 0.2}\n");
   World world(blocked, {}, 1);
@@ -144,7 +146,7 @@ TEST(ClosedLoop, TheLeaderTurnsForAnObstacleAndTheOthersTurnToo) {
   EXPECT_GT(leader_aside_m, 0.30);
 }
 
-TEST(ClosedLoop, AColumnIsStraightAgainAsSoonAsTheLastHasPassedTheBend) {
+TEST(ClosedLoop, ColumnIsStraightAfterLastRobotPassedTheBend) {
   const synthetic::Arena bend = synthetic::Arena::read(options::Section::parse(R"(
 frames: {rate_hz: 5, duration_s: 60}
 floor: {size_m: [7, 6]}
@@ -169,11 +171,11 @@ formation: {shape: column, distance_m: 0.7, waypoints: [[1.0, -2.0], [1.0, 2.5]]
   EXPECT_TRUE(drivers.arrived());
   ASSERT_GT(turned_s, 0.0);
   RecordProperty("seconds", std::to_string(straight_s - turned_s));
-  // The last is two distances back on the way: 7 s at 0.2 m/s; two more for the rounding of the bend.
+  // The last robot is two distances behind: 7 s at 0.2 m/s, plus 2 s for the rounding of the bend.
   EXPECT_LT(straight_s - turned_s, 9.0);
 }
 
-TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
+TEST(ClosedLoop, FormationQueuesThroughADoorway) {
   // 80 cm between two walls: two robots of 30 cm abreast would touch them.
   const synthetic::Arena door = arena(kWedge, R"(obstacles:
   - {kind: box, pose: [0.4, 1.2, 0], size_m: [0.2, 1.6], height_m: 0.2}
@@ -183,7 +185,7 @@ TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
   Drivers drivers(world);
   std::size_t collisions = 0;
   double widest_m = 0.0, narrowest = 1.0;
-  bool drawn_in = false;
+  bool narrowed = false;
   while (!world.finished() && !drivers.arrived()) {
     collisions += world.step(drivers.commands(world)).collisions.size();
     for (std::size_t i = 0; i < 3; ++i) {
@@ -192,15 +194,15 @@ TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
     }
     for (const char* follower : {"r2", "r3"}) {
       const double narrowing = drivers.states().at(follower).narrowing;
-      drawn_in = drawn_in || narrowing > 0.5;
+      narrowed = narrowed || narrowing > 0.5;
       narrowest = narrowing;
     }
   }
   EXPECT_TRUE(drivers.arrived());
   EXPECT_EQ(collisions, 0u);
   EXPECT_LT(widest_m, 0.25);
-  EXPECT_TRUE(drawn_in);
-  EXPECT_LT(narrowest, 0.1) << "behind the door they spread out again";
+  EXPECT_TRUE(narrowed);
+  EXPECT_LT(narrowest, 0.1) << "the formation spreads out again behind the door";
   const Pose2& leader = world.now().map_from_bases[0];
   motion::FormationCommand wedge;
   wedge.distance_m = 0.75;
@@ -210,8 +212,8 @@ TEST(ClosedLoop, ThroughADoorwayTheyGoOneAfterTheOther) {
   }
 }
 
-TEST(ClosedLoop, WhatStandsBeyondTheGoalKeepsNobodyOutOfItsPlace) {
-  // 35 cm ahead of r2's body in its last place: it would be in the way only if all drove on.
+TEST(ClosedLoop, ObstacleBeyondTheGoalDoesNotNarrow) {
+  // 35 cm ahead of r2's body in its final place. It would be in the way only if all robots drove on.
   const std::string beyond = R"(
 frames: {rate_hz: 5, duration_s: 60}
 floor: {size_m: [7, 4.4]}
@@ -222,8 +224,8 @@ robots:
 obstacles:
   - {kind: cylinder, pose: [2.15, 0.75, 0], radius_m: 0.15, height_m: 0.2}
 )";
-  const char* const kOrders = "formation: {shape: line, distance_m: 0.75, waypoints: [[1.5, 0.0]]}";
-  World world(synthetic::Arena::read(options::Section::parse(beyond + kOrders, "beyond.yaml")), {}, 1);
+  const char* const kFormation = "formation: {shape: line, distance_m: 0.75, waypoints: [[1.5, 0.0]]}";
+  World world(synthetic::Arena::read(options::Section::parse(beyond + kFormation, "beyond.yaml")), {}, 1);
   Drivers drivers(world);
   while (!world.finished() && !drivers.arrived()) {
     world.step(drivers.commands(world));
@@ -238,7 +240,7 @@ obstacles:
   for (std::size_t i = 1; i < 3; ++i) EXPECT_LT((at[i].translation() - at[0] * places[i]).norm(), 0.08) << i;
 }
 
-TEST(ClosedLoop, RobotsWithoutAFormationDriveTheirOwnWays) {
+TEST(ClosedLoop, RobotsWithoutFormationDriveTheirOwnPaths) {
   const synthetic::Arena alone = synthetic::Arena::read(options::Section::parse(R"(
 frames: {rate_hz: 5, duration_s: 30}
 robots:

@@ -1,4 +1,4 @@
-// Commands at run time: sender and formations on the fake bus, the formations in a thread of their own.
+// Commands at run time: sender and formation services on the fake bus, the services in a thread of their own.
 
 #include <gtest/gtest.h>
 #include <spdlog/sinks/null_sink.h>
@@ -21,7 +21,7 @@ const bus::Topics& topics() {
   return kTopics;
 }
 
-/// Formations that get an empty frame as often as they like, until the end of the scope.
+/// Formation services that receive empty frames continuously, until the end of the scope.
 class Formations {
  public:
   Formations(const std::shared_ptr<bus::FakeNetwork>& network, const fleet::Fleet& fleet,
@@ -84,7 +84,7 @@ class Command : public testing::Test {
   std::unique_ptr<bus::Bus> bus_;
 };
 
-TEST_F(Command, EveryRobotObeysAndWhatIsNotGivenStays) {
+TEST_F(Command, ReachesAllRobotsAndKeepsUnsetFields) {
   const Formations formations(network_, fleet_, {"r1", "r2"});
   CommandRequest request;
   request.distance_m = 0.55;
@@ -98,13 +98,13 @@ TEST_F(Command, EveryRobotObeysAndWhatIsNotGivenStays) {
   CommandRequest second;
   second.shape = motion::FormationShape::kLine;
   CommandSender sender(*bus_, topics(), fleet_);
-  // The clock of the second person is slow: the command in force still gives way.
+  // The clock of the second sender is behind. Its command still replaces the one in force.
   ASSERT_TRUE(sender.send(second, 500, seconds(30)));
-  EXPECT_EQ(sender.sent().distance_m, 0.55) << "learned from the formations, not from the file";
+  EXPECT_EQ(sender.sent().distance_m, 0.55) << "taken from the formations' states, not from the file";
   EXPECT_GT(sender.sent().acquired_ns, 1'000);
 }
 
-TEST_F(Command, WhoStartsLaterLearnsItFromTheOthers) {
+TEST_F(Command, IsReceivedByLateJoiners) {
   const Formations first(network_, fleet_, {"r1"});
   auto reader = bus_->reader(topics().formation_state, "r2");
   TimeNs sent_ns = 0;
@@ -121,22 +121,23 @@ TEST_F(Command, WhoStartsLaterLearnsItFromTheOthers) {
   }
   const Formations restarted(network_, fleet_, {"r2"});
   const auto until = std::chrono::steady_clock::now() + seconds(30);
-  TimeNs obeyed_ns = 0;
-  while (obeyed_ns != sent_ns && std::chrono::steady_clock::now() < until) {
+  TimeNs command_ns = 0;
+  while (command_ns != sent_ns && std::chrono::steady_clock::now() < until) {
     if (reader->take(state)) {
-      obeyed_ns = state.command_ns();
+      command_ns = state.command_ns();
     } else {
       bus_->wait(std::chrono::milliseconds(10));
     }
   }
-  EXPECT_EQ(obeyed_ns, sent_ns);
+  EXPECT_EQ(command_ns, sent_ns);
 }
 
-TEST_F(Command, WhoDoesNotAnswerIsNamed) {
+TEST_F(Command, NamesRobotsThatDoNotAnswer) {
   const Formations formations(network_, fleet_, {"r1"});
   CommandSender sender(*bus_, topics(), fleet_);
   EXPECT_FALSE(sender.send({}, 1'000, std::chrono::milliseconds(200)));
-  EXPECT_EQ(sender.missing(), (std::vector<std::string>{"r1", "r2"})) << "nothing is sent to half a fleet";
+  EXPECT_EQ(sender.missing(), (std::vector<std::string>{"r1", "r2"}))
+      << "a command is not sent to part of a fleet";
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ std::map<std::string, RobotBody> threeBodies() {
   return {{"r1", body}, {"r2", body}, {"r3", body}};
 }
 
-Formation::Options columnOrders() {
+Formation::Options columnOptions() {
   Formation::Options options;
   options.command.shape = motion::FormationShape::kColumn;
   options.command.distance_m = 0.8;
@@ -56,8 +56,8 @@ double forward(const Formation::Output& output) {
   return 0.5 * (output.command.speeds.left_mps + output.command.speeds.right_mps);
 }
 
-TEST(Formation, TheFirstByNameLeadsUnlessToldOtherwise) {
-  Formation::Options options = columnOrders();
+TEST(Formation, SelectsFirstNameOrConfiguredLeader) {
+  Formation::Options options = columnOptions();
   Formation first("r1", threeBodies(), options);
   EXPECT_EQ(first.process(frame(0), {}).state.role, motion::FormationRole::kLeader);
   options.leader = "r3";
@@ -67,24 +67,24 @@ TEST(Formation, TheFirstByNameLeadsUnlessToldOtherwise) {
   EXPECT_EQ(output.state.leader, "r3");
   options.leader = "r9";
   EXPECT_THROW(Formation("r1", threeBodies(), options), std::runtime_error);
-  EXPECT_THROW(Formation("r9", threeBodies(), columnOrders()), std::runtime_error);
+  EXPECT_THROW(Formation("r9", threeBodies(), columnOptions()), std::runtime_error);
 }
 
-TEST(Formation, WithoutOrdersItIsIdle) {
+TEST(Formation, IsIdleWithoutACommand) {
   Formation formation("r1", threeBodies(), {});
   const auto output = formation.process(frame(0), {pose("r1", -1, {})});
   EXPECT_EQ(output.state.role, motion::FormationRole::kIdle);
   EXPECT_EQ(forward(output), 0.0);
 }
 
-TEST(Formation, TheLeaderNeedsItsPoseToDrive) {
-  Formation formation("r1", threeBodies(), columnOrders());
+TEST(Formation, StopsLeaderWithoutAPose) {
+  Formation formation("r1", threeBodies(), columnOptions());
   EXPECT_EQ(forward(formation.process(frame(0), {})), 0.0);
   EXPECT_GT(forward(formation.process(frame(1), {pose("r1", 0, {})})), 0.05);
 }
 
-TEST(Formation, FollowsWhatItsOwnCameraSeesRatherThanThePublishedPose) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, PrefersOwnCameraOverPublishedPose) {
+  Formation formation("r2", threeBodies(), columnOptions());
   Objects objects = frame(1);
   objects.tracks = {robotAt(1.0, 0.0)};  // published: 0.9 m
   const auto output = formation.process(objects, {pose("r1", 0, {0.9, 0, 0}), pose("r2", 0, {})});
@@ -92,28 +92,28 @@ TEST(Formation, FollowsWhatItsOwnCameraSeesRatherThanThePublishedPose) {
   EXPECT_GT(forward(output), 0.05);
 }
 
-TEST(Formation, LostSightFallsBackToThePublishedPose) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, UsesPublishedPoseWhenLeaderIsNotVisible) {
+  Formation formation("r2", threeBodies(), columnOptions());
   const auto output = formation.process(frame(1), {pose("r1", 0, {1.1, 0, 0}), pose("r2", 0, {})});
   EXPECT_NEAR(output.state.distance_error_m, 0.3, 1e-9);
   EXPECT_GT(forward(output), 0.05);
 }
 
-TEST(Formation, APublishedPoseIsCarriedForward) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, PropagatesPublishedPosesToTheFrame) {
+  Formation formation("r2", threeBodies(), columnOptions());
   formation.process(frame(1), {pose("r1", 0, {1.0, 0, 0}), pose("r2", 0, {})});
   Objects objects = frame(2);
   objects.motion.valid = true;
   objects.motion.since_ns = objects.acquired_ns - kPeriod;
   objects.motion.previous_from_current = {0.05, 0.0, 0.0};
   const auto output = formation.process(objects, {pose("r1", 1, {1.06, 0, 0}), pose("r2", 1, {})});
-  // r1 drove 6 cm in the last period, half of which is believed at once (smoothing): 1.06 + 0.03; r2 itself 5
-  // cm.
+  // r1 drove 6 cm in the last period, half of which enters its speed at once (smoothing): 1.06 + 0.03. r2
+  // itself drove 5 cm.
   EXPECT_NEAR(output.state.distance_error_m, 1.09 - 0.05 - 0.8, 1e-9);
 }
 
-TEST(Formation, SeenButUnpublishedIsFollowedByItsOwnWay) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, FollowsTrackMotionWithoutPublishedPose) {
+  Formation formation("r2", threeBodies(), columnOptions());
   Objects objects = frame(0);
   objects.tracks = {robotAt(0.9, 0.0, 0.2)};
   const auto output = formation.process(objects, {});
@@ -121,8 +121,8 @@ TEST(Formation, SeenButUnpublishedIsFollowedByItsOwnWay) {
   EXPECT_GT(forward(output), 0.05);
 }
 
-TEST(Formation, SightingsNameTheTrack) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, SelectsTrackNamedBySighting) {
+  Formation formation("r2", threeBodies(), columnOptions());
   PoseEstimate own = pose("r2", 0, {});
   own.sightings = {{7, "r1"}};
   Objects objects = frame(1);
@@ -133,8 +133,8 @@ TEST(Formation, SightingsNameTheTrack) {
   EXPECT_NEAR(output.state.distance_error_m, 0.3, 1e-9);
 }
 
-TEST(Formation, NeitherSeenNorPublishedItStopsInTime) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, StopsAfterLostLimitWithoutAnyObservation) {
+  Formation formation("r2", threeBodies(), columnOptions());
   Objects objects = frame(0);
   objects.tracks = {robotAt(1.1, 0.0, 0.25)};
   formation.process(objects, {});
@@ -146,13 +146,13 @@ TEST(Formation, NeitherSeenNorPublishedItStopsInTime) {
     if (stopped_at < 0 && moved && forward(output) == 0.0) stopped_at = i;
   }
   EXPECT_TRUE(moved);
-  // lost_limit_s is 2 s, and braking from 0.4 m/s at 0.6 m/s² takes less than one.
+  // lost_limit_s is 2 s; braking from 0.4 m/s at 0.6 m/s² takes less than 1 s.
   EXPECT_GT(stopped_at, 5);
   EXPECT_LT(stopped_at, 16);
 }
 
-TEST(Formation, AnInvalidFrameHoldsStill) {
-  Formation formation("r2", threeBodies(), columnOrders());
+TEST(Formation, StopsOnInvalidFrame) {
+  Formation formation("r2", threeBodies(), columnOptions());
   Objects objects = frame(1);
   objects.tracks = {robotAt(1.1, 0.0)};
   EXPECT_GT(forward(formation.process(objects, {})), 0.0);
@@ -161,8 +161,8 @@ TEST(Formation, AnInvalidFrameHoldsStill) {
   EXPECT_EQ(forward(formation.process(objects, {})), 0.0);
 }
 
-TEST(Formation, OrdersOfOtherFleetsAndOldOnesAreLeftAlone) {
-  Formation::Options options = columnOrders();
+TEST(Formation, IgnoresCommandsOfOtherFleetsAndOldOnes) {
+  Formation::Options options = columnOptions();
   options.command.fleet = "demo";
   Formation formation("r1", threeBodies(), options);
   motion::FormationCommand command = options.command;
@@ -177,7 +177,7 @@ TEST(Formation, OrdersOfOtherFleetsAndOldOnesAreLeftAlone) {
   EXPECT_FALSE(formation.command(command));
 }
 
-motion::FormationCommand orderAt(TimeNs time_ns, motion::FormationShape shape) {
+motion::FormationCommand commandAt(TimeNs time_ns, motion::FormationShape shape) {
   motion::FormationCommand command;
   command.acquired_ns = time_ns;
   command.shape = shape;
@@ -185,27 +185,28 @@ motion::FormationCommand orderAt(TimeNs time_ns, motion::FormationShape shape) {
   return command;
 }
 
-TEST(Formation, ACommandWithoutWaypointsKeepsTheWay) {
-  Formation formation("r1", threeBodies(), columnOrders());
-  EXPECT_TRUE(formation.command(orderAt(5, motion::FormationShape::kLine)));
-  EXPECT_FALSE(formation.command(orderAt(5, motion::FormationShape::kWedge))) << "the same one again";
+TEST(Formation, KeepsWaypointsIfCommandHasNone) {
+  Formation formation("r1", threeBodies(), columnOptions());
+  EXPECT_TRUE(formation.command(commandAt(5, motion::FormationShape::kLine)));
+  EXPECT_FALSE(formation.command(commandAt(5, motion::FormationShape::kWedge)))
+      << "same time and sequence as the command in force";
   const auto output = formation.process(frame(1), {pose("r1", 0, {})});
   EXPECT_GT(forward(output), 0.05);
   EXPECT_NEAR(output.state.target_m.x(), 5.0, 1e-9);
   EXPECT_EQ(output.state.command_ns, 5);
 }
 
-TEST(Formation, HaltStandsUntilTheNextCommand) {
-  Formation formation("r1", threeBodies(), columnOrders());
-  motion::FormationCommand halt = orderAt(5, motion::FormationShape::kLine);
+TEST(Formation, HaltsUntilTheNextCommand) {
+  Formation formation("r1", threeBodies(), columnOptions());
+  motion::FormationCommand halt = commandAt(5, motion::FormationShape::kLine);
   halt.halt = true;
   EXPECT_TRUE(formation.command(halt));
   EXPECT_EQ(forward(formation.process(frame(1), {pose("r1", 0, {})})), 0.0);
-  EXPECT_TRUE(formation.command(orderAt(6, motion::FormationShape::kLine)));
+  EXPECT_TRUE(formation.command(commandAt(6, motion::FormationShape::kLine)));
   EXPECT_GT(forward(formation.process(frame(2), {pose("r1", 1, {})})), 0.05);
 }
 
-/// What the leader r1 says of itself.
+/// State as published by a robot.
 motion::FormationState stateOf(const std::string& robot, int number, const std::string& leader,
                                std::uint32_t term, std::uint32_t next_waypoint) {
   motion::FormationState state;
@@ -218,8 +219,8 @@ motion::FormationState stateOf(const std::string& robot, int number, const std::
   return state;
 }
 
-TEST(Formation, ASuccessorGoesOnWhereTheLostLeaderWas) {
-  Formation::Options options = columnOrders();
+TEST(Formation, ContinuesWaypointsAfterLeaderFailover) {
+  Formation::Options options = columnOptions();
   options.command.waypoints_m = {{1.0, 0.0}, {1.0, 5.0}};
   Formation formation("r2", threeBodies(), options);
   Formation::Output output;
@@ -229,14 +230,14 @@ TEST(Formation, ASuccessorGoesOnWhereTheLostLeaderWas) {
         stateOf("r3", i - 1, output.state.leader, output.state.term, 0)};
     if (i < 10) {
       poses.push_back(pose("r1", i - 1, {0.9, 0.0, 0.5 * M_PI}));
-      states.push_back(stateOf("r1", i - 1, "r1", 0, 1));  // has passed the first waypoint
+      states.push_back(stateOf("r1", i - 1, "r1", 0, 1));  // r1 has passed the first waypoint
     }
     Objects standing = frame(i);
     standing.motion.valid = true;
     standing.motion.since_ns = standing.acquired_ns - kPeriod;
     output = formation.process(standing, poses, states);
     if (i == 15) {
-      EXPECT_EQ(output.state.leader, "r1") << "a second of silence is no loss yet";
+      EXPECT_EQ(output.state.leader, "r1") << "one second of silence is below the timeout";
     }
   }
   EXPECT_EQ(output.state.role, motion::FormationRole::kLeader);
@@ -246,7 +247,7 @@ TEST(Formation, ASuccessorGoesOnWhereTheLostLeaderWas) {
   EXPECT_LT((output.state.target_m - Eigen::Vector2d(1.0, 5.0)).norm(), 1e-9);
 }
 
-TEST(Formation, OptionsAreBounded) {
+TEST(Formation, RejectsInvalidOptions) {
   const auto read = [](const std::string& text) {
     return Formation::Options::read(options::Section::parse(text, "formation.yaml"));
   };

@@ -10,7 +10,7 @@ using dataset::MapObject;
 using omnifleet::testing::boxPolygon;
 using omnifleet::testing::SimRobot;
 
-std::vector<SimThing> fiveObstacles() {
+std::vector<SimObstacle> fiveObstacles() {
   return {{boxPolygon({0.0, -1.0}, 0.40, 0.25, 0.3), 0.20},
           {boxPolygon({1.7, 0.7}, 0.30, 0.30, 0.1), 0.25},
           {circlePolygon({-0.2, 0.95}, 0.12, 48), 0.30},
@@ -18,12 +18,12 @@ std::vector<SimThing> fiveObstacles() {
           {circlePolygon({0.8, -0.1}, 0.15, 6), 0.10}};
 }
 
-FleetSim arena(SimOptions options, unsigned seed, std::vector<SimThing> things) {
+FleetSim arena(SimOptions options, unsigned seed, std::vector<SimObstacle> obstacles) {
   std::vector<SimRobot> robots;
   robots.push_back({"r1", [](double t) { return Pose2{-1.0 + 0.15 * t, 0.1, 0.1 + 0.05 * t}; }});
   robots.push_back({"r2", [](double t) { return Pose2{0.9, -0.9 + 0.02 * t, 1.5 - 0.1 * t}; }});
-  robots.push_back({"r3", [](double) { return Pose2{0.9, 1.2, -2.0}; }});  // stands all the time
-  return FleetSim(std::move(things), robots, options, seed);
+  robots.push_back({"r3", [](double) { return Pose2{0.9, 1.2, -2.0}; }});  // stationary
+  return FleetSim(std::move(obstacles), robots, options, seed);
 }
 
 SimOptions noisy() {
@@ -57,14 +57,14 @@ Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies,
   return merger;
 }
 
-Score score(const std::vector<MapObject>& objects, const std::vector<SimThing>& truth) {
+Score score(const std::vector<MapObject>& objects, const std::vector<SimObstacle>& truth) {
   Score s;
   std::vector<bool> used(objects.size(), false);
-  for (const auto& thing : truth) {
+  for (const auto& obstacle : truth) {
     std::size_t best = objects.size();
-    double least = 0.15;  // as evaluate matches
+    double least = 0.15;  // as in evaluate
     for (std::size_t i = 0; i < objects.size(); ++i) {
-      const double apart = (objects[i].centroid_m - centroid(thing.footprint_m)).norm();
+      const double apart = (objects[i].centroid_m - centroid(obstacle.footprint_m)).norm();
       if (!used[i] && apart < least) best = i, least = apart;
     }
     if (best == objects.size()) {
@@ -74,8 +74,8 @@ Score score(const std::vector<MapObject>& objects, const std::vector<SimThing>& 
     used[best] = true;
     ++s.matched;
     s.error_m += least;
-    s.iou += outline::iou(objects[best].outline_m, thing.footprint_m);
-    s.height_m += std::abs(objects[best].height_m - thing.height_m);
+    s.iou += outline::iou(objects[best].outline_m, obstacle.footprint_m);
+    s.height_m += std::abs(objects[best].height_m - obstacle.height_m);
   }
   s.extra = static_cast<int>(std::count(used.begin(), used.end(), false));
   const double n = std::max(s.matched, 1);

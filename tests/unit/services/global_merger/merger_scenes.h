@@ -1,6 +1,6 @@
 #pragma once
 
-// Fleets among five obstacles, what they contribute, and how well a merger's objects fit the truth.
+// Fleets among five obstacles, their contributions, and a score of a merger's objects against the truth.
 
 #include <map>
 #include <string>
@@ -12,12 +12,12 @@
 namespace omnifleet::global_merger::testing {
 
 using omnifleet::testing::FleetSim;
+using omnifleet::testing::SimObstacle;
 using omnifleet::testing::SimOptions;
-using omnifleet::testing::SimThing;
 
-std::vector<SimThing> fiveObstacles();
-/// Three robots among them; the third stands all the time.
-FleetSim arena(SimOptions options, unsigned seed, std::vector<SimThing> things = fiveObstacles());
+std::vector<SimObstacle> fiveObstacles();
+/// Three robots among the obstacles; the third is stationary.
+FleetSim arena(SimOptions options, unsigned seed, std::vector<SimObstacle> obstacles = fiveObstacles());
 SimOptions noisy();
 
 struct Sets {
@@ -28,13 +28,13 @@ Sets record(FleetSim& sim, double from_s, double to_s, double step_s = 0.2);
 Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies,
               const MergerOptions& options = {});
 
-/// Objects and true things paired by centroid (15 cm); means over the pairs.
+/// Objects and true obstacles paired by centroid (15 cm); means over the pairs.
 struct Score {
   int matched = 0, missed = 0, extra = 0;
   double error_m = 0.0, iou = 0.0, height_m = 0.0;
 };
-Score score(const std::vector<dataset::MapObject>& objects, const std::vector<SimThing>& truth);
-/// As objects.geojson.
+Score score(const std::vector<dataset::MapObject>& objects, const std::vector<SimObstacle>& truth);
+/// Content of objects.geojson.
 std::string text(Merger& merger);
 
 }  // namespace omnifleet::global_merger::testing

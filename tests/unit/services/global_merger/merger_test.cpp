@@ -7,7 +7,7 @@
 #include <ctime>
 #include <random>
 
-#include "global_merger/map_doubts.h"
+#include "global_merger/map_warnings.h"
 #include "merger_scenes.h"
 #include "outline/half_planes.h"
 #include "outline/polygon_set.h"
@@ -20,25 +20,25 @@ using omnifleet::testing::boxPolygon;
 using omnifleet::testing::SimRobot;
 using namespace testing;  // NOLINT
 
-TEST(Merger, FindsAllObstaclesAndNothingElse) {
+TEST(Merger, FindsAllObstaclesWithoutFalseOnes) {
   for (unsigned seed = 1; seed <= 4; ++seed) {
     auto sim = arena(noisy(), seed);
     Merger merger = merged(record(sim, 0.0, 8.0), sim.bodies());
     merger.finish();
-    EXPECT_TRUE(merger.unmapped().empty());
-    const Score s = score(merger.outlines(), sim.things());
+    EXPECT_TRUE(merger.rejected().empty());
+    const Score s = score(merger.outlines(), sim.obstacles());
     std::cout << "centroid " << 100 * s.error_m << " cm, IoU " << s.iou << ", height " << 1000 * s.height_m
               << " mm\n";
     EXPECT_EQ(s.missed, 0);
     EXPECT_EQ(s.extra, 0);
     EXPECT_LT(s.error_m,
-              0.002);        // asked: ≤ 0.3 cm per axis with exact calibration, vision's errors included
-    EXPECT_GT(s.iou, 0.95);  // asked: ≥ 0.90
+              0.002);        // required: ≤ 0.3 cm per axis with exact calibration, including vision errors
+    EXPECT_GT(s.iou, 0.95);  // required: ≥ 0.90
     EXPECT_LT(s.height_m, 0.005);
   }
 }
 
-TEST(MapDoubts, ASliverMayBeTheSideOfSomething) {
+TEST(MapWarnings, DetectsThinSlivers) {
   const auto turned = [](Polygon polygon) {
     for (Eigen::Vector2d& p : polygon) p = Pose2{1.0, -2.0, 0.7} * p;
     return polygon;
@@ -49,7 +49,7 @@ TEST(MapDoubts, ASliverMayBeTheSideOfSomething) {
   EXPECT_FALSE(isSliver({}));
 }
 
-TEST(MapDoubts, WhatIsOccupiedWithoutAnOutlineIsNamed) {
+TEST(MapWarnings, ListsOccupiedCellsWithoutOutline) {
   dataset::OccupancyGrid grid;
   grid.width = 60;
   grid.height = 40;
@@ -59,20 +59,20 @@ TEST(MapDoubts, WhatIsOccupiedWithoutAnOutlineIsNamed) {
     for (int v = y; v < y + height; ++v)
       std::fill_n(grid.cells.begin() + v * grid.width + x, width, std::int8_t{100});
   };
-  occupy(10, 10, 5, 4);  // a box, …
-  occupy(15, 10, 6, 4);  // … and another that has run together with it
+  occupy(10, 10, 5, 4);  // a box
+  occupy(15, 10, 6, 4);  // another one that merges with it
   occupy(40, 2, 2, 36);  // a wall
   occupy(50, 20, 2, 2);  // noise
   dataset::MapObject box;
   box.outline_m = boxPolygon({-0.375, 0.1}, 0.25, 0.2, 0.0);
-  const auto bare = bareCells(grid, {box});
+  const auto bare = occupiedWithoutOutline(grid, {box});
   ASSERT_EQ(bare.size(), 1U);
   EXPECT_NEAR(bare.front().x(), -1.0 + 0.05 * 19.0, 0.06);
   EXPECT_NEAR(bare.front().y(), 0.1, 0.03);
-  EXPECT_TRUE(bareCells({}, {}).empty());
+  EXPECT_TRUE(occupiedWithoutOutline({}, {}).empty());
 }
 
-TEST(Merger, OutlinesAreAFunctionOfTheSets) {
+TEST(Merger, OutlinesAreIndependentOfOrderAndDuplicates) {
   auto sim = arena(noisy(), 5);
   const Sets sets = record(sim, 0.0, 6.0);
   Merger reference = merged(sets, sim.bodies());
@@ -85,7 +85,7 @@ TEST(Merger, OutlinesAreAFunctionOfTheSets) {
     std::shuffle(other.contributions.begin(), other.contributions.end(), random);
     std::shuffle(other.poses.begin(), other.poses.end(), random);
     Merger merger = merged(other, sim.bodies());
-    merger.outlines();  // asked in between, as live
+    merger.outlines();  // requested in between, as in a live run
     merger.finish();
     merger.finish();
     EXPECT_EQ(text(merger), text(reference));
@@ -94,7 +94,7 @@ TEST(Merger, OutlinesAreAFunctionOfTheSets) {
   }
 }
 
-TEST(Merger, WhatComesBetweenTheFitsIsForTheNextTime) {
+TEST(Merger, IgnoresDataAddedBetweenFitsUntilNextCall) {
   FleetSim sim = arena(noisy(), 9);
   const Sets first = record(sim, 0.0, 3.0), later = record(sim, 3.0, 4.0);
   Merger paused = merged(first, sim.bodies()), straight = merged(first, sim.bodies());
@@ -115,7 +115,7 @@ TEST(Merger, WhatComesBetweenTheFitsIsForTheNextTime) {
   EXPECT_FALSE(before.empty());
   EXPECT_TRUE(equal(before, straight.outlines()));
   EXPECT_TRUE(equal(before, paused.lastOutlines()));
-  ASSERT_GE(pauses, later.poses.size());  // a pause between any two fits
+  ASSERT_GE(pauses, later.poses.size());  // called before every fit
   for (std::size_t i = 0; i < later.poses.size(); ++i) {
     straight.add(later.contributions[i]);
     straight.add(later.poses[i]);
@@ -125,68 +125,69 @@ TEST(Merger, WhatComesBetweenTheFitsIsForTheNextTime) {
   EXPECT_FALSE(equal(after, before));
 }
 
-TEST(Merger, RobotsAreNoObstaclesWhateverTheClassifierSays) {
+TEST(Merger, LeavesOutRobotsClassifiedWrongly) {
   for (const ObjectKind kind : {ObjectKind::kObstacle, ObjectKind::kUnknown}) {
     SimOptions options = noisy();
     options.robots_are = kind;
     auto sim = arena(options, 6);
     Merger merger = merged(record(sim, 0.0, 8.0), sim.bodies());
     merger.finish();
-    const Score s = score(merger.outlines(), sim.things());
+    const Score s = score(merger.outlines(), sim.obstacles());
     EXPECT_EQ(s.extra, 0) << toString(kind);
     EXPECT_EQ(s.missed, 0) << toString(kind);
   }
 }
 
-TEST(Merger, ASilentRobotThatNobodyNamedIsNotTakenForAnObstacle) {
+TEST(Merger, LeavesOutSilentFleetRobot) {
   SimOptions options = noisy();
   options.robots_are = ObjectKind::kUnknown;
   auto sim = arena(options, 7);
   Sets sets = record(sim, 0.0, 6.0);
-  const auto is_r3 = [](const auto& item) { return item.robot == "r3"; };  // stands, publishes nothing
+  const auto is_r3 = [](const auto& item) { return item.robot == "r3"; };  // stationary, publishes nothing
   sets.contributions.erase(std::remove_if(sets.contributions.begin(), sets.contributions.end(), is_r3),
                            sets.contributions.end());
   sets.poses.erase(std::remove_if(sets.poses.begin(), sets.poses.end(), is_r3), sets.poses.end());
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  EXPECT_TRUE(merger.unmapped().empty());
-  const Score s = score(merger.outlines(), sim.things());
+  EXPECT_TRUE(merger.rejected().empty());
+  const Score s = score(merger.outlines(), sim.obstacles());
   EXPECT_EQ(s.extra, 0);
   EXPECT_EQ(s.missed, 0);
 }
 
-TEST(Merger, UndecidedThingsAreDecidedAtTheEnd) {
-  auto things = fiveObstacles();
-  for (auto& thing : things) thing.kind = ObjectKind::kUnknown;
-  auto sim = arena(noisy(), 8, things);
+TEST(Merger, DecidesUndecidedCandidatesAtTheEnd) {
+  auto obstacles = fiveObstacles();
+  for (auto& obstacle : obstacles) obstacle.kind = ObjectKind::kUnknown;
+  auto sim = arena(noisy(), 8, obstacles);
   Merger merger = merged(record(sim, 0.0, 6.0), sim.bodies());
   EXPECT_TRUE(merger.outlines().empty());
   const auto grid = merger.map().grid();
   EXPECT_EQ(std::count(grid.cells.begin(), grid.cells.end(), 100), 0);
   merger.finish();
-  EXPECT_EQ(score(merger.outlines(), sim.things()).matched, 5);
+  EXPECT_EQ(score(merger.outlines(), sim.obstacles()).matched, 5);
   const auto decided = merger.map().grid();
   EXPECT_GT(std::count(decided.cells.begin(), decided.cells.end(), 100), 20);
 }
 
-void expectOne(const std::vector<Unmapped>& told, const Eigen::Vector2d& at_m, Unmapped::Why why) {
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_LT((told[0].at_m - at_m).norm(), 0.05);
-  EXPECT_EQ(told[0].why, why);
+void expectOne(const std::vector<RejectedCandidate>& rejected, const Eigen::Vector2d& at_m,
+               RejectedCandidate::Reason reason) {
+  ASSERT_EQ(rejected.size(), 1U);
+  EXPECT_LT((rejected[0].at_m - at_m).norm(), 0.05);
+  EXPECT_EQ(rejected[0].reason, reason);
 }
 
-TEST(Merger, AMovedBoxIsWhereItIsNow) {
+TEST(Merger, MapsMovedBoxAtItsNewPlaceOnly) {
   auto sim = arena(noisy(), 9);
   Sets sets = record(sim, 0.0, 4.0);
-  const Eigen::Vector2d old_m = centroid(sim.things()[0].footprint_m);
-  for (auto& corner : sim.things()[0].footprint_m) corner += Eigen::Vector2d(-0.45, 0.1);
+  const Eigen::Vector2d old_m = centroid(sim.obstacles()[0].footprint_m);
+  for (auto& corner : sim.obstacles()[0].footprint_m) corner += Eigen::Vector2d(-0.45, 0.1);
   const Sets later = record(sim, 4.0, 10.0);
   sets.contributions.insert(sets.contributions.end(), later.contributions.begin(), later.contributions.end());
   sets.poses.insert(sets.poses.end(), later.poses.begin(), later.poses.end());
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  expectOne(merger.unmapped(), old_m, Unmapped::Why::kFloorSeen);
-  const Score s = score(merger.outlines(), sim.things());
+  expectOne(merger.rejected(), old_m, RejectedCandidate::Reason::kFloorSeen);
+  const Score s = score(merger.outlines(), sim.obstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
   PoseEstimate driven;
@@ -196,11 +197,11 @@ TEST(Merger, AMovedBoxIsWhereItIsNow) {
   Merger by_robot = merged(sets, sim.bodies());
   by_robot.addTrajectory(driven);
   by_robot.finish();
-  EXPECT_TRUE(by_robot.unmapped().empty()) << "a robot drove there";
+  EXPECT_TRUE(by_robot.rejected().empty()) << "a robot drove there";
 }
 
-/// Seen in three frames of seven and then no more: not for longer than that happens.
-TEST(Merger, WhatComesAndGoesHasNotGone) {
+/// Seen in three of seven frames and then missing, but not for longer than such gaps usually last.
+TEST(Merger, KeepsObjectThatIsMissedIntermittently) {
   auto sim = arena(noisy(), 9);
   auto others = fiveObstacles();
   others.erase(others.begin());
@@ -215,31 +216,31 @@ TEST(Merger, WhatComesAndGoesHasNotGone) {
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
 }
 
-/// By less than its length: as a whole its track is no outline.
-TEST(Merger, ABoxPushedAsideIsWhereItIsNow) {
+/// Moved by less than its length: its track as a whole has no outline.
+TEST(Merger, MapsPushedBoxAtItsNewPlace) {
   for (const Eigen::Vector2d& by_m : {Eigen::Vector2d(-0.28, 0.06), Eigen::Vector2d(0.2, 0.1)}) {
     auto sim = arena(noisy(), 9);
     Sets sets = record(sim, 0.0, 4.0);
-    for (auto& corner : sim.things()[0].footprint_m) corner += by_m;
+    for (auto& corner : sim.obstacles()[0].footprint_m) corner += by_m;
     const Sets later = record(sim, 4.0, 6.0);
     sets.contributions.insert(sets.contributions.end(), later.contributions.begin(),
                               later.contributions.end());
     sets.poses.insert(sets.poses.end(), later.poses.begin(), later.poses.end());
     Merger merger = merged(sets, sim.bodies());
     merger.finish();
-    const Score s = score(merger.outlines(), sim.things());
+    const Score s = score(merger.outlines(), sim.obstacles());
     EXPECT_EQ(s.missed, 0);
     EXPECT_EQ(s.extra, 0);
     EXPECT_LT(s.error_m, 0.005);
   }
 }
 
-TEST(Merger, MergedSilhouettesDoNotBendOutlines) {
+TEST(Merger, IgnoresMergedSilhouettesInOutlines) {
   auto sim = arena(noisy(), 10);
   Sets sets = record(sim, 0.0, 6.0);
   for (auto& c : sets.contributions) {
     if (c.robot != "r1") continue;
-    for (auto& view : c.views) {  // r1 always sees box 1 stuck to something
+    for (auto& view : c.views) {  // r1 always sees box 1 merged with another object
       if (view.track_id != 1) continue;
       view.solidity_permille = 800;
       for (std::size_t k = 20; k < 50; ++k) view.b_dmm[k] += 2500;
@@ -247,24 +248,24 @@ TEST(Merger, MergedSilhouettesDoNotBendOutlines) {
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  EXPECT_TRUE(merger.unmapped().empty());
-  const Score s = score(merger.outlines(), sim.things());
+  EXPECT_TRUE(merger.rejected().empty());
+  const Score s = score(merger.outlines(), sim.obstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
   EXPECT_GT(s.iou, 0.88);
 }
 
-/// Of which another piece is seen now and then, else nothing but that something ends the floor there: no
-/// views of one flat thing, together they look like a low one.
-TEST(Merger, PiecesOfAPatternAreNoObstacle) {
-  constexpr std::uint32_t kMark = 6;  // after the five
+/// Another piece of the pattern is seen now and then; otherwise only an end of the floor is seen there. The
+/// views do not show one flat object, but together they look like a low one.
+TEST(Merger, RejectsPiecesOfAFloorPattern) {
+  constexpr std::uint32_t kMarking = 6;  // id after the five obstacles
   const Eigen::Vector2d at_m(0.3, 0.35);
   std::vector<Sets> seen;
   for (int piece = 0; piece < 4; ++piece) {
-    auto things = fiveObstacles();
+    auto obstacles = fiveObstacles();
     const Eigen::Vector2d off_m = 0.02 * Eigen::Vector2d(std::cos(2.0 * piece), std::sin(2.0 * piece));
-    things.push_back({boxPolygon(at_m + off_m, 0.18 + 0.03 * piece, 0.2, 0.4 * piece), 0.03});
-    auto sim = arena(noisy(), 21, things);
+    obstacles.push_back({boxPolygon(at_m + off_m, 0.18 + 0.03 * piece, 0.2, 0.4 * piece), 0.03});
+    auto sim = arena(noisy(), 21, obstacles);
     seen.push_back(record(sim, 0.0, 6.0));
   }
   Sets sets = seen[0];
@@ -274,19 +275,19 @@ TEST(Merger, PiecesOfAPatternAreNoObstacle) {
       c = seen[i / 5 % seen.size()].contributions[i];
       continue;
     }
-    const auto isMark = [&](const auto& view) { return view.track_id == kMark; };
-    c.views.erase(std::remove_if(c.views.begin(), c.views.end(), isMark), c.views.end());
-    std::replace(c.object.begin(), c.object.end(), std::uint16_t{kMark}, std::uint16_t{0});
+    const auto isMarking = [&](const auto& view) { return view.track_id == kMarking; };
+    c.views.erase(std::remove_if(c.views.begin(), c.views.end(), isMarking), c.views.end());
+    std::replace(c.object.begin(), c.object.end(), std::uint16_t{kMarking}, std::uint16_t{0});
   }
   Merger merger = merged(sets, arena(noisy(), 21).bodies());
   merger.finish();
-  expectOne(merger.unmapped(), at_m, Unmapped::Why::kFlat);
+  expectOne(merger.rejected(), at_m, RejectedCandidate::Reason::kFlat);
   const Score s = score(merger.outlines(), fiveObstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
 }
 
-TEST(Merger, AHeightThatNothingToldIsUnknown) {
+TEST(Merger, LeavesUnobservedHeightUnknown) {
   FleetSim sim({{circlePolygon({0.8, 0.1}, 0.14, 48), 0.4}}, {SimRobot{"r1", [](double) { return Pose2{}; }}},
                {});
   Sets sets;
@@ -297,7 +298,7 @@ TEST(Merger, AHeightThatNothingToldIsUnknown) {
     for (std::size_t k = 0; k < track.supports.size(); ++k)  // its top is beyond the edge of the view
       if (track.supports.b_m[k] >= 0.0F) track.supports.sigma_m[k] = -1.0F;
     track.truncated = true;
-    track.height_m = 0.25;  // what is thought of things that were not seen whole yet
+    track.height_m = 0.25;  // the prior for objects that were never seen whole
     track.height_sigma_m = 0.125;
     const auto made = maker.make(frame.objects, frame.pose);
     ASSERT_TRUE(made);
@@ -311,12 +312,12 @@ TEST(Merger, AHeightThatNothingToldIsUnknown) {
   EXPECT_LT((merger.outlines().front().centroid_m - Eigen::Vector2d(0.8, 0.1)).norm(), 0.01);
 }
 
-TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
+TEST(Merger, RejectsCandidateOfOneFrameOnSeenFloor) {
   FleetSim sim = arena(noisy(), 22);
-  auto things = fiveObstacles();
-  things.push_back({boxPolygon({0.3, 0.35}, 0.25, 0.25, 0.2), 0.15});
-  FleetSim haunted = arena(noisy(), 22, things);
-  const Sets truth = record(sim, 0.0, 3.0), ghost = record(haunted, 1.0, 1.1);
+  auto obstacles = fiveObstacles();
+  obstacles.push_back({boxPolygon({0.3, 0.35}, 0.25, 0.25, 0.2), 0.15});
+  FleetSim with_ghost = arena(noisy(), 22, obstacles);
+  const Sets truth = record(sim, 0.0, 3.0), ghost = record(with_ghost, 1.0, 1.1);
   Sets sets = ghost;
   for (std::size_t i = 0; i < truth.contributions.size(); ++i) {
     const auto& c = truth.contributions[i];
@@ -329,24 +330,24 @@ TEST(Merger, WhatOneFrameShowsAndTheOthersSeeThroughWasNeverThere) {
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  expectOne(merger.unmapped(), {0.3, 0.35}, Unmapped::Why::kFloorSeen);
+  expectOne(merger.rejected(), {0.3, 0.35}, RejectedCandidate::Reason::kFloorSeen);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
   Merger alone = merged(ghost, sim.bodies());
   alone.finish();
-  EXPECT_EQ(score(alone.outlines(), things).matched, 6);  // nobody says otherwise
+  EXPECT_EQ(score(alone.outlines(), obstacles).matched, 6);  // no other frame contradicts it
 }
 
-/// Of what everybody sees one face only nothing tells how deep it is: it is no object, and that is told.
-TEST(Merger, WhatIsSeenButCannotBeMappedIsTold) {
-  auto things = fiveObstacles();
+/// If all robots see only one face, its depth is unknown: it is rejected, and that is reported.
+TEST(Merger, ReportsCandidateWithoutDepth) {
+  auto obstacles = fiveObstacles();
   const Eigen::Vector2d place(0.3, 0.35);
-  things.push_back({boxPolygon(place, 0.25, 0.25, 0.2), 0.15});
-  FleetSim sim = arena(noisy(), 22, things);
+  obstacles.push_back({boxPolygon(place, 0.25, 0.25, 0.2), 0.15});
+  FleetSim sim = arena(noisy(), 22, obstacles);
   Sets sets = record(sim, 0.0, 3.0);
   for (auto& c : sets.contributions) {
     for (auto& view : c.views) {
-      if (view.track_id != things.size()) continue;
+      if (view.track_id != obstacles.size()) continue;
       const auto n = view.b_dmm.size();
       const auto contact = static_cast<std::size_t>(std::min_element(view.b_dmm.begin(), view.b_dmm.end()) -
                                                     view.b_dmm.begin());
@@ -355,32 +356,32 @@ TEST(Merger, WhatIsSeenButCannotBeMappedIsTold) {
   }
   Merger merger = merged(sets, sim.bodies());
   merger.outlines();
-  EXPECT_TRUE(merger.unmapped().empty()) << "the end has not come";
+  EXPECT_TRUE(merger.rejected().empty()) << "nothing is rejected before the end";
   merger.finish();
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).missed, 0);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
-  ASSERT_FALSE(merger.unmapped().empty());
-  for (const Unmapped& unmapped : merger.unmapped()) {
-    EXPECT_LT((unmapped.at_m - place).norm(), 0.3);
-    EXPECT_EQ(unmapped.why, Unmapped::Why::kNoShape);
+  ASSERT_FALSE(merger.rejected().empty());
+  for (const RejectedCandidate& rejected : merger.rejected()) {
+    EXPECT_LT((rejected.at_m - place).norm(), 0.3);
+    EXPECT_EQ(rejected.reason, RejectedCandidate::Reason::kNoShape);
   }
 }
 
-TEST(Merger, TrackIdsThatChangeDoNotDoubleObjects) {
+TEST(Merger, DoesNotDuplicateObjectsWhenTrackIdsChange) {
   auto sim = arena(noisy(), 11);
   Sets sets = record(sim, 0.0, 6.0);
   for (auto& c : sets.contributions) {
     if (c.acquired_ns < 3000000000) continue;
-    for (auto& view : c.views) view.track_id += 200;  // every track was lost and found again
+    for (auto& view : c.views) view.track_id += 200;  // every track was lost and started again
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  const Score s = score(merger.outlines(), sim.things());
+  const Score s = score(merger.outlines(), sim.obstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);
 }
 
-TEST(Merger, IdsComeFromTheEarliestContributionAndStay) {
+TEST(Merger, KeepsIdsOfTheEarliestContribution) {
   auto sim = arena(noisy(), 12);
   const Sets sets = record(sim, 0.0, 4.0), later = record(sim, 4.0, 8.0);
   Merger merger = merged(sets, sim.bodies());
@@ -397,18 +398,18 @@ TEST(Merger, IdsComeFromTheEarliestContributionAndStay) {
   }
 }
 
-TEST(Merger, FittingKeepsUpWithPublication) {
+TEST(Merger, FitsOutlinesWithinThePublishingPeriod) {
   auto sim = arena(noisy(), 13);
   const Sets sets = record(sim, 0.0, 12.0);
   Merger merger = merged(sets, sim.bodies());
-  const std::clock_t start = std::clock();  // of this process alone: others may be busy
+  const std::clock_t start = std::clock();  // CPU time of this process only
   merger.outlines();
   const double ms = 1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   std::cout << ms << " ms for the outlines of " << sets.contributions.size() << " contributions\n";
-  EXPECT_LT(ms, 2000);  // live it is asked for once a second; the margin is for sanitizers
+  EXPECT_LT(ms, 2000);  // live, once per second is required; the margin is for sanitizers
 }
 
-TEST(Merger, OnlyNamedObserversShapeTheOutlinesAndRobotsStayOut) {
+TEST(Merger, UsesOnlyConfiguredObserversForOutlines) {
   auto sim = arena(noisy(), 13);
   MergerOptions options;
   options.observers = {"r2"};
@@ -416,10 +417,10 @@ TEST(Merger, OnlyNamedObserversShapeTheOutlinesAndRobotsStayOut) {
   merger.finish();
   ASSERT_FALSE(merger.outlines().empty());
   for (const auto& object : merger.outlines()) EXPECT_THAT(object.observers, ::testing::ElementsAre("r2"));
-  EXPECT_EQ(score(merger.outlines(), sim.things()).extra, 0);
+  EXPECT_EQ(score(merger.outlines(), sim.obstacles()).extra, 0);
 }
 
-TEST(MergerOptions, ReadAndBounded) {
+TEST(MergerOptions, ReadsAndRejectsInvalidValues) {
   const auto o =
       MergerOptions::read(options::Section::parse("gate_m: 0.2\nprism: {directions: 48}\n", "o.yaml"));
   EXPECT_DOUBLE_EQ(o.gate_m, 0.2);

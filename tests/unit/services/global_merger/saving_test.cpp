@@ -1,4 +1,4 @@
-// What becomes a keyframe, and the files of a map.
+// Selection of keyframes, and the files of a map.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ omnifleet::testing::FleetSim::Frame frameAt(double t, double x) {
   return sim.at(t).front();
 }
 
-TEST(ContributionMaker, ChoosesKeyframesByDistanceAndTime) {
+TEST(ContributionMaker, SelectsKeyframesByDistanceAndTime) {
   ContributionMaker maker({0.10, 0.2, 1.0, 0.15});
   const auto make = [&](double t, double x) {
     const auto frame = frameAt(t, x);
@@ -35,12 +35,12 @@ TEST(ContributionMaker, ChoosesKeyframesByDistanceAndTime) {
   EXPECT_FALSE(make(0.1, 0.5));   // too soon
   EXPECT_FALSE(make(0.3, 0.05));  // not far enough
   EXPECT_TRUE(make(0.4, 0.12));
-  EXPECT_FALSE(make(0.4, 0.9));  // the same time again
+  EXPECT_FALSE(make(0.4, 0.9));  // same time as the keyframe before
   EXPECT_FALSE(make(1.3, 0.12));
-  EXPECT_TRUE(make(1.5, 0.12));  // standing still
+  EXPECT_TRUE(make(1.5, 0.12));  // at rest
 }
 
-TEST(ContributionMaker, ARobotThatStandsForHoursFillsNoMemoryAndStillTellsWhatIsNew) {
+TEST(ContributionMaker, MakesFewKeyframesAtRestUnlessObjectsChange) {
   ContributionMaker maker({});
   const auto standing = frameAt(0.0, 0.0);
   const auto make = [&](double t, const std::vector<Track>& tracks) {
@@ -62,7 +62,7 @@ TEST(ContributionMaker, ARobotThatStandsForHoursFillsNoMemoryAndStillTellsWhatIs
   }
   EXPECT_GE(first_minute, 20);
   EXPECT_LE(second_hour, 360 + 1);  // one in 10 s
-  // What comes, moves, is known to be something else, or goes is told at once, and again soon after.
+  // An object that appears, moves, changes its kind or vanishes is contributed at once, and again soon after.
   Track second = box, moved = box, known = box;
   second.id = 2;
   moved.position_m.x() += 0.1;
@@ -75,7 +75,7 @@ TEST(ContributionMaker, ARobotThatStandsForHoursFillsNoMemoryAndStillTellsWhatIs
   }
 }
 
-TEST(ContributionMaker, LeavesOutInvalidSamples) {
+TEST(ContributionMaker, RejectsInvalidSamples) {
   ContributionMaker maker({});
   auto frame = frameAt(0.0, 0.0);
   frame.objects.state = FrameState::kDark;
@@ -126,7 +126,7 @@ class Saving : public ::testing::Test {
   fs::path folder_;
 };
 
-TEST_F(Saving, HowFarAPoseMayBeWrongIsSavedWithWhatThatIsAgainst) {
+TEST_F(Saving, WritesCovariancesWithTheirDatum) {
   Merger merger = full(14);
   PoseEstimate pose;
   pose.robot = "r9";
@@ -146,7 +146,7 @@ TEST_F(Saving, HowFarAPoseMayBeWrongIsSavedWithWhatThatIsAgainst) {
   }
 }
 
-TEST_F(Saving, EverythingIsThereAndReadable) {
+TEST_F(Saving, WritesAllFilesReadably) {
   Merger merger = full(14);
   EXPECT_TRUE(merger.save(folder_.string()).empty());
   EXPECT_EQ(dataset::readObjects((folder_ / "objects.geojson").string()).size(), 5U);
@@ -161,14 +161,14 @@ TEST_F(Saving, EverythingIsThereAndReadable) {
     fs::copy_file(folder_ / "map.png", keep, fs::copy_options::overwrite_existing);
 }
 
-TEST_F(Saving, TwoRunsAreIdenticalByteForByte) {
+TEST_F(Saving, IsReproducibleByteForByte) {
   Merger a = full(15), b = full(15);
   ASSERT_TRUE(a.save((folder_ / "a").string()).empty());
   ASSERT_TRUE(b.save((folder_ / "b").string()).empty());
   EXPECT_EQ(contents(folder_ / "a"), contents(folder_ / "b"));
 }
 
-TEST_F(Saving, WhatCannotBeWrittenIsToldAndTheOldFileStays) {
+TEST_F(Saving, ReportsFailedFileAndKeepsTheOthers) {
   Merger merger = full(16);
   ASSERT_TRUE(merger.save(folder_.string()).empty());
   const auto before = contents(folder_);
@@ -183,7 +183,7 @@ TEST_F(Saving, WhatCannotBeWrittenIsToldAndTheOldFileStays) {
   EXPECT_EQ(after.at("map.png"), before.at("map.png"));
 }
 
-TEST_F(Saving, AnEmptyMapIsSavedToo) {
+TEST_F(Saving, WritesAnEmptyMap) {
   Merger merger({}, {}, {});
   merger.finish();
   EXPECT_THAT(merger.save(folder_.string()), ::testing::IsEmpty());

@@ -1,5 +1,5 @@
-// A small MRCLAM data set written by hand: what the importer makes of each of its files, and what it says of
-// files that are damaged.
+// A small hand-written MRCLAM data set: the import of each of its files, and the messages about damaged
+// files.
 #include "import/mrclam.h"
 
 #include <gmock/gmock.h>
@@ -45,7 +45,7 @@ class Mrclam : public ::testing::Test {
   const test::TempFolder source_, folder_;
 };
 
-TEST_F(Mrclam, WheelsTurnAsTheOdometrySays) {
+TEST_F(Mrclam, ConvertsOdometryToWheelSpeeds) {
   const MrclamReport report = import();
   EXPECT_EQ(report.robots, 2);
   EXPECT_EQ(report.odometry_rows, 4u);
@@ -67,7 +67,7 @@ TEST_F(Mrclam, WheelsTurnAsTheOdometrySays) {
   }
 }
 
-TEST_F(Mrclam, BarcodesBecomeLandmarksRobotsAndStrangers) {
+TEST_F(Mrclam, ResolvesBarcodesToLandmarksAndRobots) {
   const MrclamReport report = import();
   EXPECT_EQ(report.observations, 4u);
   EXPECT_EQ(report.unknown_barcodes, 1u);
@@ -84,7 +84,7 @@ TEST_F(Mrclam, BarcodesBecomeLandmarksRobotsAndStrangers) {
   EXPECT_EQ(recording.robots[1].observations[0].id, "r1");
 }
 
-TEST_F(Mrclam, TruthIsForTheJudgeAloneUnlessAskedFor) {
+TEST_F(Mrclam, WritesTruthForEvaluationOnlyUnlessRequested) {
   import();
   EXPECT_TRUE(dataset::Dataset::open(out()).landmarks.empty());
   const auto truth = dataset::GroundTruth::load(out());
@@ -98,17 +98,17 @@ TEST_F(Mrclam, TruthIsForTheJudgeAloneUnlessAskedFor) {
   MrclamOptions all;
   all.survey = all.initial_poses = true;
   import(all);
-  const dataset::Dataset told = dataset::Dataset::open(out());
-  ASSERT_EQ(told.landmarks.size(), 2u);
-  EXPECT_EQ(told.landmarks[1].name, "7");
-  EXPECT_NEAR(told.landmarks[1].position_m.y(), 3.0, 1e-9);
-  // The last truth at or before its first row of odometry; where there is none, the first after it.
-  ASSERT_TRUE(told.robots[0].initial_pose && told.robots[1].initial_pose);
-  EXPECT_NEAR(told.robots[0].initial_pose->x_m, 1.1, 1e-9);
-  EXPECT_NEAR(told.robots[1].initial_pose->theta_rad, -3.0, 1e-9);
+  const dataset::Dataset surveyed = dataset::Dataset::open(out());
+  ASSERT_EQ(surveyed.landmarks.size(), 2u);
+  EXPECT_EQ(surveyed.landmarks[1].name, "7");
+  EXPECT_NEAR(surveyed.landmarks[1].position_m.y(), 3.0, 1e-9);
+  // The last true pose at or before the first row of odometry, or else the first one after it.
+  ASSERT_TRUE(surveyed.robots[0].initial_pose && surveyed.robots[1].initial_pose);
+  EXPECT_NEAR(surveyed.robots[0].initial_pose->x_m, 1.1, 1e-9);
+  EXPECT_NEAR(surveyed.robots[1].initial_pose->theta_rad, -3.0, 1e-9);
 }
 
-TEST_F(Mrclam, DamagedRowsAreLeftOutAndNamed) {
+TEST_F(Mrclam, SkipsAndNamesDamagedRows) {
   put("Robot1_Odometry.dat", "1000.0 0.2 0.5\n1000.1 nan 0.5\n1000.2 0.2\n1000.3 0.2 0.1\n");
   put("Robot1_Measurement.dat", "1000.05 27 2.5 0.25\nnever 72 2.5 0.2\n");
   put("Landmark_Groundtruth.dat", "6  1.5 -2.25\n7 here there\n");
@@ -122,11 +122,12 @@ TEST_F(Mrclam, DamagedRowsAreLeftOutAndNamed) {
   EXPECT_EQ(recording.robots[0].wheels.size(), 2u);
   EXPECT_EQ(report.landmarks, 1);
   ASSERT_EQ(recording.robots[0].observations.size(), 1u);
-  EXPECT_EQ(recording.robots[0].observations[0].id, "7") << "a landmark all the same, of unknown place";
+  EXPECT_EQ(recording.robots[0].observations[0].id, "7")
+      << "it must still be a landmark, with unknown position";
 }
 
-TEST_F(Mrclam, WhatCannotBeUsedIsRefused) {
-  put("Robot1_Odometry.dat", "no numbers at all\n");
+TEST_F(Mrclam, RejectsUnusableInput) {
+  put("Robot1_Odometry.dat", "no numbers\n");
   EXPECT_THROW(import(), options::Error);
   std::filesystem::remove(source_ / "Robot1_Odometry.dat");
   std::filesystem::remove(source_ / "Robot2_Odometry.dat");
@@ -136,7 +137,7 @@ TEST_F(Mrclam, WhatCannotBeUsedIsRefused) {
   EXPECT_THROW(importMrclam(source_ / "nowhere", out(), {}), options::Error);
 }
 
-/// Exit code and output of the program.
+/// Runs the import program. @return exit code and output
 std::pair<int, std::string> run(const std::string& arguments) {
   std::FILE* pipe = ::popen((std::string(OMNIFLEET_IMPORT_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
   std::string output;
@@ -146,10 +147,11 @@ std::pair<int, std::string> run(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, output};
 }
 
-TEST_F(Mrclam, TheProgramTakesFoldersAndArchivesAndNamesWhatIsNone) {
+TEST_F(Mrclam, ProgramReadsFoldersAndArchivesAndNamesInvalidOnes) {
   const auto [code, output] = run(source_.path() + " " + out());
   EXPECT_EQ(code, 0) << output;
-  EXPECT_THAT(output, HasSubstr("2 robots, 2 landmarks, 4 rows of odometry, 4 observations, 1 of barcodes"));
+  EXPECT_THAT(output,
+              HasSubstr("2 robots, 2 landmarks, 4 rows of odometry, 4 observations, 1 of unknown barcodes"));
   const std::string archive = folder_ / "set.tar.gz";
   ASSERT_EQ(std::system(("tar -czf " + archive + " -C " + source_.path() + " .").c_str()), 0);
   EXPECT_EQ(run(archive + " " + (folder_ / "from_archive")).first, 0);
@@ -160,7 +162,8 @@ TEST_F(Mrclam, TheProgramTakesFoldersAndArchivesAndNamesWhatIsNone) {
   EXPECT_EQ(cut, 2);
   EXPECT_THAT(why, HasSubstr("set.tar.gz"));
   EXPECT_EQ(run("/nowhere/at/all " + (folder_ / "from_nowhere")).first, 2);
-  const std::string again = folder_ / "from_archive";  // surveyed, then not: nothing of before may stay
+  const std::string again =
+      folder_ / "from_archive";  // an import without --survey must remove the survey of an earlier one
   EXPECT_THAT(run(source_.path() + " " + again + " --survey").second, HasSubstr("--force"));
   EXPECT_EQ(run(source_.path() + " " + again + " --survey --force").first, 0);
   EXPECT_FALSE(dataset::Dataset::open(again).landmarks.empty());

@@ -5,22 +5,22 @@
 namespace omnifleet::launch {
 namespace {
 
-TEST(ProgressLine, OfARecordingTellsWhatIsLeft) {
+TEST(ProgressLine, ShowsRemainingTimeOfRecording) {
   EXPECT_EQ(progressLine(120, {250, false}, 10.0, false),
             "120/250 frames per robot, 12.0 frames/s, 11 s left");
   EXPECT_EQ(progressLine(120, {250, false}, 0.5, false), "120/250 frames per robot")
-      << "too early for a rate";
+      << "no rate in the first second";
   EXPECT_EQ(progressLine(250, {250, false}, 10.0, true), "250/250 frames per robot, 25.0 frames/s");
 }
 
-TEST(ProgressLine, OfAnArenaIsNoCountThatMustBeReached) {
+TEST(ProgressLine, ShowsUpperBoundForArena) {
   EXPECT_EQ(progressLine(100, {301, true}, 10.0, false),
             "100 frames per robot (at most 301), 10.0 frames/s, at most 20 s left");
   EXPECT_EQ(progressLine(133, {301, true}, 10.0, true), "133 frames per robot (at most 301), 13.3 frames/s")
-      << "all have arrived: nothing is left";
+      << "the run has ended: no remaining time";
 }
 
-TEST(ProgressLine, OfAFleetWithoutEndTellsHowLongItHasRun) {
+TEST(ProgressLine, ShowsElapsedTimeOfLiveFleet) {
   EXPECT_EQ(progressLine(50, {}, 10.0, false), "50 frames per robot, 5.0 frames/s, 10 s");
 }
 

@@ -13,18 +13,18 @@ using std::chrono::seconds;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-class Watched : public testing::Test {
+class WatchTest : public testing::Test {
  protected:
-  /// All that is told in this time; looked for as often as the launcher does.
+  /// All changes in this time, checked as often as the launcher does.
   std::vector<std::string> after(milliseconds time) {
-    std::vector<std::string> told;
+    std::vector<std::string> changes;
     for (const auto end = now_ + time; now_ < end;) {
       now_ += milliseconds(100);
-      for (const std::string& news : watch_->look(now_)) told.push_back(news);
+      for (const std::string& change : watch_->check(now_)) changes.push_back(change);
     }
-    return told;
+    return changes;
   }
-  void speak(const std::string& who, bool finished = false) { watch_->heard(who, finished, now_); }
+  void publish(const std::string& name, bool finished = false) { watch_->heard(name, finished, now_); }
   v1::ServiceStatus status() {
     while (reader_->take(status_)) {
     }
@@ -32,59 +32,59 @@ class Watched : public testing::Test {
   }
 
   std::shared_ptr<bus::FakeNetwork> network_ = bus::makeFakeNetwork();
-  std::unique_ptr<bus::Bus> bus_ = bus::makeFakeBus(network_), people_ = bus::makeFakeBus(network_);
+  std::unique_ptr<bus::Bus> bus_ = bus::makeFakeBus(network_), observer_ = bus::makeFakeBus(network_);
   bus::Topics topics_{bus::RunMode::kLive};
-  std::unique_ptr<bus::Reader<v1::ServiceStatus>> reader_ = people_->reader(topics_.service_status);
+  std::unique_ptr<bus::Reader<v1::ServiceStatus>> reader_ = observer_->reader(topics_.service_status);
   Watch::Clock::time_point now_{seconds(1000)};
   std::optional<Watch> watch_{
       std::in_place, *bus_, topics_, std::vector<std::string>{"world", "classifier r1"}, "robot1", now_};
   v1::ServiceStatus status_;
 };
 
-TEST_F(Watched, ASilentServiceIsToldOnceAndStaysInTheStatus) {
-  speak("classifier r1");
-  speak("world");
+TEST_F(WatchTest, ReportsSilentServiceOnceAndKeepsItInStatus) {
+  publish("classifier r1");
+  publish("world");
   EXPECT_THAT(after(seconds(5)), IsEmpty());
   EXPECT_EQ(status().state(), v1::SERVICE_RUNNING);
   EXPECT_EQ(status().service(), "launch");
   EXPECT_EQ(status().instance(), "robot1");
-  speak("world");
+  publish("world");
   EXPECT_THAT(after(seconds(4)), ElementsAre("classifier r1: silent for 5 s"));
   EXPECT_EQ(status().state(), v1::SERVICE_DEGRADED);
   EXPECT_EQ(status().last_error(), "classifier r1 silent for 9 s");
-  speak("classifier r1");
-  EXPECT_THAT(after(milliseconds(100)), ElementsAre("classifier r1: speaks again"));
+  publish("classifier r1");
+  EXPECT_THAT(after(milliseconds(100)), ElementsAre("classifier r1: publishes its status again"));
   EXPECT_EQ(status().state(), v1::SERVICE_RUNNING);
   EXPECT_EQ(status().last_error(), "");
 }
 
-TEST_F(Watched, AServiceThatWasStartedAndNeverSpeaksIsNamed) {
-  speak("world", true);
+TEST_F(WatchTest, ReportsStartedServiceThatNeverPublishes) {
+  publish("world", true);
   EXPECT_THAT(after(seconds(16)), ElementsAre("classifier r1: not heard in 15 s"));
 }
 
-TEST_F(Watched, StrangersMayComeAndGo) {
-  speak("world", true);
-  speak("classifier r1", true);
-  speak("somebody's own stage");
+TEST_F(WatchTest, IgnoresServicesThatItDidNotStart) {
+  publish("world", true);
+  publish("classifier r1", true);
+  publish("a user's own stage");
   EXPECT_THAT(after(seconds(60)), IsEmpty());
 }
 
-TEST_F(Watched, ItsEndIsSaid) {
+TEST_F(WatchTest, PublishesItsEnd) {
   after(seconds(20));
   EXPECT_EQ(status().state(), v1::SERVICE_DEGRADED);
   watch_.reset();
   EXPECT_EQ(status().state(), v1::SERVICE_FINISHED);
-  EXPECT_EQ(status().last_error(), "") << "who has ended misses nobody";
+  EXPECT_EQ(status().last_error(), "") << "a finished launcher reports no silent service";
 }
 
-TEST(SilentText, NamesAsManyAsThereIsRoomFor) {
+TEST(SilentText, NamesAsManyServicesAsFit) {
   std::vector<bus::Silence::Silent> silent(30, {"local_mapper r1", seconds(12), true});
   EXPECT_EQ(silentText({silent[0]}), "local_mapper r1 silent for 12 s");
   EXPECT_EQ(silentText({silent[0], silent[1]}),
             "local_mapper r1 silent for 12 s, local_mapper r1 silent for 12 s");
   const std::string text = silentText(silent);
-  EXPECT_LE(text.size(), 256u) << "the room in a status";
+  EXPECT_LE(text.size(), 256u) << "the limit for the status text";
   EXPECT_THAT(text, testing::EndsWith(", 24 more"));
 }
 

@@ -1,4 +1,4 @@
-// Prints how far the local mapper's support functions lie from the truth of a rendered data set, per
+// Prints the errors of the local mapper's support functions against the truth of a rendered data set, by
 // distance. Usage: local_mapper_accuracy DATASET [OPTIONS.yaml] [DEBUG_FOLDER]
 
 #include <chrono>

@@ -27,11 +27,11 @@ class CameraFaults : public ::testing::Test {
     scene_.prisms = {{box(0.9, 0.1, 0.2, 0.15, 0.4), 0.12, {40, 40, 200}}};
   }
   cv::Mat picture(const Pose2& pose = {}) { return testing::renderScene(scene_, camera_, pose); }
-  cv::Mat covered(const cv::Vec3b& colour = {90, 85, 80}) {
-    testing::Scene cover;
-    cover.floor = colour;
-    cover.seed = sequence_;
-    return testing::renderScene(cover, camera_, {});
+  cv::Mat occluded(const cv::Vec3b& colour = {90, 85, 80}) {
+    testing::Scene occluder;
+    occluder.floor = colour;
+    occluder.seed = sequence_;
+    return testing::renderScene(occluder, camera_, {});
   }
   FrameState see(const cv::Mat& image, const Motion& wheels) {
     return mapper_.process(testing::frameOf(image, sequence_++), wheels).state;
@@ -43,64 +43,65 @@ class CameraFaults : public ::testing::Test {
   std::uint32_t sequence_ = 0;
 };
 
-TEST_F(CameraFaults, OnePictureForEverWhileTheWheelsTurnIsAnOldOne) {
+TEST_F(CameraFaults, RejectsFrozenImageWhileWheelsTurn) {
   const cv::Mat image = picture();
   EXPECT_EQ(see(image, {}), FrameState::kOk);
-  EXPECT_EQ(see(image, rolled(0.02)), FrameState::kOk) << "too little to tell";
+  EXPECT_EQ(see(image, rolled(0.02)), FrameState::kOk) << "too little motion for a decision";
   EXPECT_EQ(see(image, rolled(0.02)), FrameState::kOutOfOrder);
-  EXPECT_STRNE(mapper_.fault(), "");
-  EXPECT_EQ(see(image, rolled(0.0)), FrameState::kOutOfOrder) << "standing does not make it new";
+  EXPECT_EQ(mapper_.fault().code, ErrorCode::kImageFrozen);
+  EXPECT_EQ(see(image, rolled(0.0)), FrameState::kOutOfOrder) << "standing still does not make the image new";
   EXPECT_EQ(see(picture({0.05, 0.0, 0.0}), rolled(0.01)), FrameState::kOk);
-  EXPECT_STREQ(mapper_.fault(), "");
+  EXPECT_EQ(mapper_.fault().code, ErrorCode::kNone);
   const cv::Mat turned = picture({0.05, 0.0, 0.1});
   EXPECT_EQ(see(turned, rolled(0.0, 0.1)), FrameState::kOk);
   EXPECT_EQ(see(turned, rolled(0.0, 0.1)), FrameState::kOutOfOrder);
 }
 
-TEST_F(CameraFaults, WhoStandsSeesTheSameRightly) {
+TEST_F(CameraFaults, AcceptsUnchangedImageAtRest) {
   const cv::Mat image = picture();
   for (int i = 0; i < 20; ++i) EXPECT_EQ(see(image, rolled(0.0)), FrameState::kOk);
-  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(image, {}), FrameState::kOk) << "nobody knows of a motion";
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(image, {}), FrameState::kOk) << "the motion is unknown";
 }
 
-TEST_F(CameraFaults, ABareFloorMayLookTheSameEverywhere) {
+TEST_F(CameraFaults, AcceptsUnchangedBareFloorWhileDriving) {
   scene_.prisms.clear();
   const cv::Mat image = picture();
   for (int i = 0; i < 10; ++i) EXPECT_EQ(see(image, rolled(0.1)), FrameState::kOk);
 }
 
-TEST_F(CameraFaults, ACoverOfOneColourIsNoFloor) {
+TEST_F(CameraFaults, RejectsOccluderOfOneColour) {
   EXPECT_EQ(see(picture(), {}), FrameState::kOk);
-  EXPECT_EQ(see(covered(), rolled(0.02)), FrameState::kDark);
-  EXPECT_STRNE(mapper_.fault(), "");
+  EXPECT_EQ(see(occluded(), rolled(0.02)), FrameState::kDark);
+  EXPECT_EQ(mapper_.fault().code, ErrorCode::kLensOccluded);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_EQ(see(covered(), rolled(0.02)), FrameState::kDark);
-    const LocalMap& map = mapper_.process(testing::frameOf(covered(), sequence_++), rolled(0.0));
+    EXPECT_EQ(see(occluded(), rolled(0.02)), FrameState::kDark);
+    const LocalMap& map = mapper_.process(testing::frameOf(occluded(), sequence_++), rolled(0.0));
     EXPECT_TRUE(map.scan.range_m.empty());
   }
-  EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.02)), FrameState::kOk) << "the thing is back";
+  EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.02)), FrameState::kOk) << "the object is back";
   EXPECT_EQ(mapper_.process(testing::frameOf(picture({0.1, 0.0, 0.0}), sequence_++), {}).objects.size(), 1U);
 }
 
-TEST_F(CameraFaults, ItEndsWhereTheFloorOrAThingIsBackHoweverFarTheRobotDrives) {
+TEST_F(CameraFaults, EndsOcclusionWhenFloorOrObjectIsBack) {
   scene_.prisms[0].footprint_m = box(1.6, 0.1, 0.2, 0.15, 0.4);
   EXPECT_EQ(see(picture(), {}), FrameState::kOk);
-  EXPECT_EQ(see(covered(), {}), FrameState::kDark);
-  EXPECT_EQ(see(covered(scene_.floor), rolled(0.1)), FrameState::kOk) << "bare floor as it was";
+  EXPECT_EQ(see(occluded(), {}), FrameState::kDark);
+  EXPECT_EQ(see(occluded(scene_.floor), rolled(0.1)), FrameState::kOk) << "bare floor of the former colour";
   EXPECT_EQ(see(picture(), {}), FrameState::kOk);
-  EXPECT_EQ(see(covered(), {}), FrameState::kDark);
-  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(covered(), rolled(0.11)), FrameState::kDark);
+  EXPECT_EQ(see(occluded(), {}), FrameState::kDark);
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(see(occluded(), rolled(0.11)), FrameState::kDark);
   EXPECT_EQ(see(picture(), {}), FrameState::kOk);
 }
 
-TEST_F(CameraFaults, NeitherAnotherLightNorAThingTakenAwayIsACover) {
+TEST_F(CameraFaults, AcceptsLightChangeAndRemovedObject) {
   EXPECT_EQ(see(picture(), {}), FrameState::kOk);
-  EXPECT_EQ(see(picture() * 0.7, {}), FrameState::kOk) << "the light changed, the thing stands";
-  EXPECT_EQ(see(covered({105, 112, 119}), {}), FrameState::kOk) << "the thing left, the floor stayed";
-  EXPECT_EQ(see(covered({60, 65, 70}), {}), FrameState::kOk) << "nothing stood there before";
+  EXPECT_EQ(see(picture() * 0.7, {}), FrameState::kOk) << "the light changed, the object stayed";
+  EXPECT_EQ(see(occluded({105, 112, 119}), {}), FrameState::kOk)
+      << "the object was removed, the floor stayed";
+  EXPECT_EQ(see(occluded({60, 65, 70}), {}), FrameState::kOk) << "no object was there before";
 }
 
-/// One colour wherever the lens has an image, brighter to the right by `uneven` of it from edge to edge.
+/// One colour wherever the lens has an image, brighter to the right by the share `uneven` from edge to edge.
 cv::Mat plain(const lens::Camera& camera, const cv::Vec3b& colour, double uneven, unsigned seed) {
   cv::Mat3b image(camera.model().image_height_px, camera.model().image_width_px, cv::Vec3b(0, 0, 0));
   cv::RNG rng(seed);
@@ -115,7 +116,7 @@ cv::Mat plain(const lens::Camera& camera, const cv::Vec3b& colour, double uneven
   return image;
 }
 
-TEST_F(CameraFaults, CoveredFromTheFirstFrameOnItShowsNoHorizon) {
+TEST_F(CameraFaults, RejectsOcclusionFromFirstFrameOn) {
   for (const double uneven : {0.0, 0.5}) {
     mapper_ = LocalMapper(camera_, {});
     for (unsigned i = 0; i < 5; ++i) {
@@ -123,31 +124,31 @@ TEST_F(CameraFaults, CoveredFromTheFirstFrameOnItShowsNoHorizon) {
       const LocalMap& map = mapper_.process(testing::frameOf(image, sequence_++), rolled(0.3));
       EXPECT_EQ(map.state, FrameState::kDark);
       EXPECT_TRUE(map.scan.range_m.empty());
-      EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("covered"));
+      EXPECT_EQ(mapper_.fault().code, ErrorCode::kLensOccluded);
     }
-    EXPECT_EQ(see(picture(), rolled(0.3)), FrameState::kOk) << "taken off";
+    EXPECT_EQ(see(picture(), rolled(0.3)), FrameState::kOk) << "the occluder was removed";
     EXPECT_EQ(mapper_.bare_m(), 0.0);
   }
 }
 
-TEST_F(CameraFaults, ABareFloorShowsAHorizon) {
+TEST_F(CameraFaults, AcceptsBareFloorWithHorizon) {
   scene_.prisms.clear();
   for (int i = 0; i < 5; ++i) EXPECT_EQ(see(picture(), rolled(0.3)), FrameState::kOk);
   EXPECT_EQ(mapper_.bare_m(), 0.0);
 }
 
-TEST_F(CameraFaults, WhereNothingStandsTheHorizonVanishesBehindACover) {
+TEST_F(CameraFaults, RejectsOcclusionThatHidesHorizon) {
   EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk);
   scene_.prisms.clear();
-  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "driven away from all";
+  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "the robot drove away from all objects";
   for (unsigned i = 0; i < 3; ++i)
     EXPECT_EQ(see(plain(camera_, {40, 75, 110}, 0.2, i), rolled(0.1)), FrameState::kDark);
-  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "taken off";
+  EXPECT_EQ(see(picture(), rolled(0.1)), FrameState::kOk) << "the occluder was removed";
   EXPECT_EQ(see(plain(camera_, scene_.floor, 0.0, 1), rolled(0.1)), FrameState::kOk)
       << "the floor's own colour may be fog, or a room of one colour";
 }
 
-TEST_F(CameraFaults, WhereNoHorizonIsInViewHowFarNothingWasSeenIsTold) {
+TEST_F(CameraFaults, ReportsDistanceWithOnlyFloorInView) {
   lens::CameraModel model = testing::fisheyeModel();
   model.fov_deg = 150.0;
   const lens::Camera narrow(model);
@@ -159,10 +160,10 @@ TEST_F(CameraFaults, WhereNoHorizonIsInViewHowFarNothingWasSeenIsTold) {
   mapper.process(testing::frameOf(testing::renderScene(scene_, narrow, {}), 4), rolled(0.3));
   EXPECT_EQ(mapper.bare_m(), 0.0);
   mapper.process(testing::frameOf(plain(narrow, scene_.floor, 0.0, 5), 5), rolled(0.3));
-  EXPECT_EQ(mapper.bare_m(), 0.0) << "something was seen once";
+  EXPECT_EQ(mapper.bare_m(), 0.0) << "an object was visible once";
 }
 
-/// Squares of two colours, darker towards the edge, as a cloth is.
+/// Squares of two colours, darker towards the edge, like a cloth.
 cv::Mat cloth(const lens::Camera& camera, int square_px, unsigned seed) {
   cv::Mat3b image(camera.model().image_height_px, camera.model().image_width_px, cv::Vec3b(0, 0, 0));
   cv::RNG rng(seed);
@@ -179,33 +180,35 @@ cv::Mat cloth(const lens::Camera& camera, int square_px, unsigned seed) {
   return image;
 }
 
-TEST_F(CameraFaults, ACoverWithAPatternShowsNoThings) {
+TEST_F(CameraFaults, RejectsPatternedOccluder) {
   for (const int square_px : {35, 60, 100}) {
     mapper_ = LocalMapper(camera_, {});
     EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
     for (unsigned i = 0; i < 12; ++i) {
       EXPECT_EQ(see(cloth(camera_, square_px, i), rolled(0.05)), FrameState::kDark) << square_px << " " << i;
-      EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("covered"));
+      EXPECT_EQ(mapper_.fault().code, ErrorCode::kLensOccluded);
     }
-    EXPECT_EQ(see(picture({0.65, 0.5, 0.0}), rolled(0.05)), FrameState::kOk) << "taken off elsewhere";
-    EXPECT_EQ(mapper_.coveredShare(), 0.0);
+    EXPECT_EQ(see(picture({0.65, 0.5, 0.0}), rolled(0.05)), FrameState::kOk)
+        << "the occluder was removed at another place";
+    EXPECT_EQ(mapper_.occludedShare(), 0.0);
   }
 }
 
-TEST_F(CameraFaults, NoiseIsNoWorld) {
+TEST_F(CameraFaults, RejectsNoiseImages) {
   EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
   cv::RNG rng(1);
   cv::Mat noise(picture().size(), CV_8UC3);
   for (int i = 0; i < 8; ++i) {
     rng.fill(noise, cv::RNG::UNIFORM, 0, 256);
     EXPECT_EQ(see(noise, rolled(0.05)), FrameState::kDark) << i;
-    EXPECT_THAT(mapper_.fault(), ::testing::HasSubstr("within one frame"));
+    EXPECT_THAT(mapper_.fault().text, ::testing::HasSubstr("within one frame"));
   }
   EXPECT_EQ(see(picture({0.1, 0.0, 0.0}), rolled(0.05)), FrameState::kOk);
 }
 
-/// Where it was put down all looks different, but it moves as the robot drives.
-TEST_F(CameraFaults, WhoIsCarriedToAnotherFloorIsBackWhenItDrives) {
+/// Everything has another appearance where the robot was put down, but it moves in the image as the robot
+/// drives.
+TEST_F(CameraFaults, RecoversAfterKidnappingWhenRobotDrives) {
   EXPECT_EQ(see(picture(), rolled(0.05)), FrameState::kOk);
   scene_.floor = {60, 75, 95};
   scene_.prisms = {{box(0.5, 0.5, 0.3, 0.2, 0.1), 0.2, {200, 190, 180}}};
@@ -216,21 +219,21 @@ TEST_F(CameraFaults, WhoIsCarriedToAnotherFloorIsBackWhenItDrives) {
       1U);
 }
 
-TEST_F(CameraFaults, AnotherLightLeavesTheStructure) {
+TEST_F(CameraFaults, AcceptsRepeatedLightChanges) {
   EXPECT_EQ(see(picture(), rolled(0.0)), FrameState::kOk);
   for (const double light : {0.4, 1.0, 0.5, 1.4, 0.6}) {
     EXPECT_EQ(see(picture() * light, rolled(0.0)), FrameState::kOk) << light;
-    EXPECT_EQ(mapper_.coveredShare(), 0.0) << light;
+    EXPECT_EQ(mapper_.occludedShare(), 0.0) << light;
   }
 }
 
-TEST(FaultOptions, AreBoundedAndSwitchedOff) {
-  EXPECT_THROW(FaultOptions::read(options::Section::parse("{cover_step: -1}", "t.yaml")), options::Error);
-  const auto off = FaultOptions::read(options::Section::parse("{cover_step: 0, frozen_m: 0}", "t.yaml"));
-  CoverCheck cover(off);
-  EXPECT_STREQ(cover.faultOf({0, false, {100, 100, 100}, HorizonSight::kHidden}, {}), "");
-  EXPECT_STREQ(cover.faultOf({3, false, {100, 100, 100}, HorizonSight::kSeen}, {}), "");
-  EXPECT_STREQ(cover.faultOf({0, false, {50, 50, 50}, HorizonSight::kSeen}, {}), "");
+TEST(FaultOptions, RejectsNegativeStepAndDisablesChecksByZero) {
+  EXPECT_THROW(FaultOptions::read(options::Section::parse("{occlusion_step: -1}", "t.yaml")), options::Error);
+  const auto off = FaultOptions::read(options::Section::parse("{occlusion_step: 0, frozen_m: 0}", "t.yaml"));
+  OcclusionCheck check(off);
+  EXPECT_EQ(check.faultOf({0, false, {100, 100, 100}, HorizonState::kHidden}, {}).code, ErrorCode::kNone);
+  EXPECT_EQ(check.faultOf({3, false, {100, 100, 100}, HorizonState::kVisible}, {}).code, ErrorCode::kNone);
+  EXPECT_EQ(check.faultOf({0, false, {50, 50, 50}, HorizonState::kVisible}, {}).code, ErrorCode::kNone);
 }
 
 }  // namespace

@@ -35,15 +35,15 @@ Frame frameOf(const cv::Mat& image, std::uint32_t sequence) {
 
 namespace {
 
-/// A prism in base_link with what is needed to paint it.
+/// A prism in base_link with everything needed to render it.
 struct Seen {
   Polygon top_m, silhouette_m;
   Eigen::Vector2d low, high;  ///< bounds of the silhouette
   const Prism* prism;
 };
 
-/// A texture fixed to the object, so that there are corners to follow.
-double grain(const Eigen::Vector2d& p) {
+/// A texture fixed to the object, so that it has corners for the optical flow.
+double texture(const Eigen::Vector2d& p) {
   return 0.85 + 0.15 * std::sin(90.0 * p.x()) * std::sin(80.0 * p.y() + 40.0 * p.x());
 }
 
@@ -70,7 +70,7 @@ cv::Mat3b renderScene(const Scene& scene, const lens::Camera& camera, const Pose
       if (!contains(s.silhouette_m, *floor)) continue;
       const auto top = camera.planeFromPixel(pixel, s.prism->height_m);
       const bool on_top = top && contains(s.top_m, *top);
-      const double light = on_top ? grain(world_from_base * *top) : 0.7;
+      const double light = on_top ? texture(world_from_base * *top) : 0.7;
       return cv::Vec3d(s.prism->colour[0], s.prism->colour[1], s.prism->colour[2]) * light;
     }
     return {double(scene.floor[0]), double(scene.floor[1]), double(scene.floor[2])};

@@ -1,8 +1,8 @@
 #pragma once
 
-// Small exact renderings for the tests of the stage: a floor, prisms standing on it, seen by a fisheye
-// camera. Every pixel is the mean of its samples, so outlines are anti-aliased; what a prism hides is decided
-// by its exact silhouette.
+// Small exact renderings for the tests of the stage: a floor and prisms on it, seen by a fisheye camera.
+// Every pixel is the mean of its samples, so outlines are anti-aliased. The exact silhouette of a prism
+// determines what it hides.
 
 #include <opencv2/core.hpp>
 #include <vector>

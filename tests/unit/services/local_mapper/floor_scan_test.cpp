@@ -38,7 +38,7 @@ class FloorScanTest : public ::testing::Test {
   FloorScan scan_;
 };
 
-TEST_F(FloorScanTest, FreeFloorEndsWhereItIsTrusted) {
+TEST_F(FloorScanTest, EndsRaysOfFreeFloorAtMaximumRange) {
   Scan scan;
   scan_.begin();
   scan_.finish(scan);
@@ -53,7 +53,7 @@ TEST_F(FloorScanTest, FreeFloorEndsWhereItIsTrusted) {
   EXPECT_NEAR(scan.sigma_m[10], expected, 0.05 * expected);
 }
 
-TEST_F(FloorScanTest, TellsHowFarTheOwnBodyHidesTheFloor) {
+TEST_F(FloorScanTest, ReportsBlindRadiusOfOwnBody) {
   Scan scan;
   scan_.begin();
   scan_.finish(scan);
@@ -61,8 +61,8 @@ TEST_F(FloorScanTest, TellsHowFarTheOwnBodyHidesTheFloor) {
   EXPECT_NEAR(scan.blind_m, 0.5 * std::tan(mask_px / 148.66), 0.02);  // a step of the march and a pixel
 }
 
-/// A narrow lens: a thing that stands at the edge of its view is not seen there, but in the way.
-TEST_F(FloorScanTest, NoFloorIsSeenForSureAtTheEdgeOfTheView) {
+/// A narrow lens: an object at the edge of its view is not visible there, but an obstacle.
+TEST_F(FloorScanTest, EndsFloorBeforeEdgeOfView) {
   lens::CameraModel model = camera_.model();
   model.fov_deg = 140.0;
   const lens::Camera narrow(model);
@@ -75,11 +75,11 @@ TEST_F(FloorScanTest, NoFloorIsSeenForSureAtTheEdgeOfTheView) {
   const double sure_m = 0.5 * std::tan((edge_px - options.cut_reach_px) / 148.66);
   for (std::size_t i = 0; i < 360; ++i) {
     EXPECT_EQ(seen.label[i], RayLabel::kFloorEnd) << i;
-    EXPECT_NEAR(seen.range_m[i], sure_m, 0.03) << i;  // of a pixel, 2 cm
+    EXPECT_NEAR(seen.range_m[i], sure_m, 0.03) << i;  // pixel rounding: 2 cm
   }
 }
 
-TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
+TEST_F(FloorScanTest, EndsKnownFloorAtUndecidedRegion) {
   ground::Blob blob;  // a patch of 20 × 20 px ahead
   const auto pixel = camera_.pixelFromPoint({1.2, 0.0, 0.0});
   ASSERT_TRUE(pixel);
@@ -87,7 +87,7 @@ TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   for (int row = v - 10; row < v + 10; ++row) blob.runs.push_back({row, u - 10, u + 10});
   Scan scan;
   scan_.begin();
-  const auto begins_m = scan_.addUndecided(blob, FloorScan::Doubt::kRegion);
+  const auto begins_m = scan_.addUndecided(blob, FloorScan::Candidate::kRegion);
   scan_.finish(scan);
   const auto nearest = camera_.floorFromPixel({u, v + 9});
   ASSERT_TRUE(nearest);
@@ -102,7 +102,7 @@ TEST_F(FloorScanTest, WhatIsUndecidedEndsTheKnownFloor) {
   EXPECT_NEAR(scan.range_m[0], 2.5, 0.011);
 }
 
-TEST_F(FloorScanTest, HitsTheNearestEdgeOfEachBearing) {
+TEST_F(FloorScanTest, HitsNearestEdgeOfEachBearing) {
   const Polygon front = testing::box(1.0, 0.3, 0.3, 0.2, 0.5), behind = testing::box(1.7, 0.4, 0.4, 0.4, 0.0),
                 across = testing::box(-0.9, 0.0, 0.2, 0.5, 0.1);  // over ±π
   Scan scan;
@@ -125,12 +125,12 @@ TEST_F(FloorScanTest, HitsTheNearestEdgeOfEachBearing) {
     const double expected = (0.25 + nearest * nearest) / 0.5 / 148.66;
     EXPECT_NEAR(scan.sigma_m[i], expected, 0.05 * expected);
   }
-  scan_.begin();  // nothing stays from the last frame
+  scan_.begin();  // nothing is left from the last frame
   scan_.finish(scan);
   EXPECT_EQ(scan.label[17], RayLabel::kFloorEnd);
 }
 
-TEST(FloorScan, KnowsNothingWhereTheCameraSeesNoFloor) {
+TEST(FloorScan, MarksBearingsWithoutFloorInvalid) {
   auto model = testing::fisheyeModel();
   model.rotation_rpy_deg = {0.0, -60.0, 0.0};  // looks forward and down
   model.fov_deg = 90.0;
@@ -145,7 +145,7 @@ TEST(FloorScan, KnowsNothingWhereTheCameraSeesNoFloor) {
   EXPECT_EQ(scan.label[180], RayLabel::kInvalid);
 }
 
-TEST(FloorScan, RefusesACameraThatSeesHardlyTheFloorUnderIt) {
+TEST(FloorScan, RejectsCameraWithHardlyAnyFloorInView) {
   auto model = testing::fisheyeModel();
   model.focal_px = {1e9, 1e9};
   model.self_mask_radius_px = 0.0;

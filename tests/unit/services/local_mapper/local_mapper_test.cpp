@@ -40,7 +40,7 @@ class LocalMapperTest : public ::testing::Test {
   testing::Scene scene_;
 };
 
-TEST_F(LocalMapperTest, SilhouettesLieOnTheTruth) {
+TEST_F(LocalMapperTest, MeasuresSilhouettesWithSubpixelError) {
   LocalMapper mapper(camera_, {});
   const Pose2 pose{0.02, -0.03, 0.2};
   const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, pose), 0), {});
@@ -59,9 +59,9 @@ TEST_F(LocalMapperTest, SilhouettesLieOnTheTruth) {
       mean += e.pixels / static_cast<double>(errors.size());
       square += e.pixels * e.pixels / static_cast<double>(errors.size());
     }
-    // Corners are blunted and smooth outlines exaggerated by the maximum; each within two tenths of a pixel.
+    // Corners are blunted, and the maximum exaggerates smooth outlines; each within two tenths of a pixel.
     EXPECT_NEAR(mean, 0.0, 0.2) << i;
-    EXPECT_LT(std::sqrt(square), 0.4) << i;  // the σ that the supports claim
+    EXPECT_LT(std::sqrt(square), 0.4) << i;  // the σ of the support values
     EXPECT_FALSE(seen.truncated);
     EXPECT_GT(seen.solidity, 0.94);
     double contact = 1e9;
@@ -71,7 +71,7 @@ TEST_F(LocalMapperTest, SilhouettesLieOnTheTruth) {
   }
 }
 
-TEST_F(LocalMapperTest, ScanEndsAtTheObjectsAndLabelsThem) {
+TEST_F(LocalMapperTest, EndsScanAtObjectsAndLabelsThem) {
   LocalMapper mapper(camera_, {});
   const LocalMap& map = mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {});
   ASSERT_EQ(map.scan.range_m.size(), 360U);
@@ -85,8 +85,8 @@ TEST_F(LocalMapperTest, ScanEndsAtTheObjectsAndLabelsThem) {
   EXPECT_EQ(map.scan.label[45], RayLabel::kFloorEnd);
 }
 
-/// One region that closes around the robot: the scan ends at its near side, and it is no object.
-TEST_F(LocalMapperTest, ScanEndsAtTheWallsOfARoom) {
+/// One region closes around the robot: the scan ends at its near side, and it is no object.
+TEST_F(LocalMapperTest, EndsScanAtWallsOfRoom) {
   scene_.prisms.clear();
   for (int side = 0; side < 4; ++side) {
     const double turn = 0.5 * M_PI * side;
@@ -101,13 +101,13 @@ TEST_F(LocalMapperTest, ScanEndsAtTheWallsOfARoom) {
     const double bearing = static_cast<double>(i) * M_PI / 180.0;
     const double wall_m = 1.25 / std::max(std::abs(std::cos(bearing)), std::abs(std::sin(bearing)));
     EXPECT_EQ(map.scan.label[i], RayLabel::kObstacle) << i;
-    EXPECT_NEAR(map.scan.range_m[i], wall_m, 0.04) << i;  // of a pixel, 1 to 3 cm
+    EXPECT_NEAR(map.scan.range_m[i], wall_m, 0.04) << i;  // pixel rounding: 1 to 3 cm
   }
   EXPECT_NEAR(mapper.freeShare(), 0.55, 0.05);
 }
 
-/// Plaster as light as the floor: nothing but its grain tells it.
-TEST_F(LocalMapperTest, NoFloorIsKnownBehindWallsThatAreGrainierThanIt) {
+/// Plaster as light as the floor: only its texture distinguishes it.
+TEST_F(LocalMapperTest, EndsScanAtWallsOfCoarserTexture) {
   scene_.prisms.clear();
   const cv::Mat3b bare = testing::renderScene(scene_, camera_, {});
   for (int side = 0; side < 4; ++side) {
@@ -140,7 +140,7 @@ TEST_F(LocalMapperTest, NoFloorIsKnownBehindWallsThatAreGrainierThanIt) {
   EXPECT_LT(short_of, 18);
 }
 
-TEST_F(LocalMapperTest, ABodyThatIsTakenForTheFloorLeavesHardlyAny) {
+TEST_F(LocalMapperTest, ReportsLittleFreeFloorForUnmaskedBody) {
   cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   const Eigen::Vector2d& middle = camera_.model().principal_point_px;
   cv::circle(image, {cvRound(middle.x()), cvRound(middle.y())}, 95, cv::Scalar(40, 40, 45), cv::FILLED);
@@ -153,8 +153,8 @@ TEST_F(LocalMapperTest, ABodyThatIsTakenForTheFloorLeavesHardlyAny) {
   EXPECT_LT(blind.freeShare(), 0.2);
 }
 
-/// Tape of 5 cm across the lines of sight, along one and askew; the ray goes on over it.
-TEST_F(LocalMapperTest, LinesOnTheFloorAreNoObjects) {
+/// Tape of 5 cm across the lines of sight, along one and oblique; the rays continue over it.
+TEST_F(LocalMapperTest, IgnoresLinesOnTheFloor) {
   scene_.prisms.pop_back();
   scene_.prisms.push_back({box(-0.6, -0.2, 0.05, 1.0, 0.1), 0.001, {40, 200, 220}});
   scene_.prisms.push_back({box(0.45, -0.55, 0.7, 0.05, -0.885), 0.001, {40, 200, 220}});
@@ -169,9 +169,9 @@ TEST_F(LocalMapperTest, LinesOnTheFloorAreNoObjects) {
   }
 }
 
-/// As thin as tape and as long, but they stand: the far side of what runs across shows the height, upright
-/// sides of what leads away part.
-TEST_F(LocalMapperTest, ThinWallsAndPostsAreNoLines) {
+/// As thin and long as tape, but upright. Across the lines of sight the far side shows the height; along one
+/// the upright sides diverge.
+TEST_F(LocalMapperTest, KeepsThinWallsAndPostsAsObjects) {
   scene_.prisms = {{box(-0.8, 0.0, 0.05, 0.6, 0.0), 0.15, {40, 200, 220}},
                    {box(0.55, 0.0, 0.05, 0.05, 0.0), 0.25, {40, 200, 220}},
                    {box(0.0, 0.65, 0.05, 0.3, 0.0), 0.25, {40, 200, 220}},
@@ -182,7 +182,7 @@ TEST_F(LocalMapperTest, ThinWallsAndPostsAreNoLines) {
   EXPECT_EQ(map.objects.size(), scene_.prisms.size());
 }
 
-TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
+TEST_F(LocalMapperTest, EstimatesHeightsFromVectors) {
   LocalMapper mapper(camera_, {});
   const Pose2 before{0, 0, 0}, step{0.05, 0.0, 0.02}, after = before * step;
   mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, before), 0), {});
@@ -192,7 +192,7 @@ TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
   for (const auto& prism : scene_.prisms) truth.push_back(truthOf(prism, after));
   const auto matches = testing::match(truth, map.objects);
   int vectors = 0;
-  for (std::size_t i = 0; i < 3; ++i) {  // the fourth is too far for vectors to tell anything
+  for (std::size_t i = 0; i < 3; ++i) {  // the fourth is too far for its vectors
     ASSERT_GE(matches[i], 0);
     const auto& seen = map.objects[static_cast<std::size_t>(matches[i])];
     vectors += static_cast<int>(seen.vectors.size());
@@ -202,7 +202,7 @@ TEST_F(LocalMapperTest, VectorsTellStandingThingsAndTheirHeights) {
   EXPECT_GE(vectors, 12);
 }
 
-TEST_F(LocalMapperTest, NoVectorsAcrossGapsAndBadFrames) {
+TEST_F(LocalMapperTest, ComputesNoVectorsAcrossGapsAndBadFrames) {
   const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   const auto vectorsOf = [](const LocalMap& map) {
     std::size_t n = 0;
@@ -223,7 +223,7 @@ TEST_F(LocalMapperTest, NoVectorsAcrossGapsAndBadFrames) {
   EXPECT_GT(vectorsOf(mapper.process(testing::frameOf(image, 8), motion({}))), 0U);
 }
 
-TEST_F(LocalMapperTest, EqualFramesGiveEqualMaps) {
+TEST_F(LocalMapperTest, GivesEqualMapsForEqualFrames) {
   const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   LocalMapper a(camera_, {}), b(camera_, {});
   b.process(testing::frameOf(testing::renderScene({}, camera_, {}), 0), {});
@@ -235,8 +235,8 @@ TEST_F(LocalMapperTest, EqualFramesGiveEqualMaps) {
   EXPECT_EQ(first.scan.range_m, second.scan.range_m);
 }
 
-TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
-  // A disc of a tenth less brightness, sharp-edged, at that distance ahead.
+TEST_F(LocalMapperTest, ReportsRegionsThatMayBeObjectsOfFloorColour) {
+  // A disc with a tenth less brightness and a sharp edge, at that distance ahead.
   LocalMapper mapper(camera_, {});
   scene_.prisms.clear();
   const auto undecided = [&](double distance_m) -> const std::vector<Eigen::Vector2d>& {
@@ -251,14 +251,14 @@ TEST_F(LocalMapperTest, WhatMayBeAThingOfTheFloorsColourIsTold) {
   const auto disc = camera_.pixelFromPoint({1.0, 0.0, 0.0});
   const auto begin = camera_.pixelFromPoint({undecided(1.0)[0].x(), undecided(1.0)[0].y(), 0.0});
   ASSERT_TRUE(disc && begin);
-  EXPECT_NEAR((*begin - *disc).norm(), 14.0, 2.0) << "its rim, where it is nearest";
+  EXPECT_NEAR((*begin - *disc).norm(), 14.0, 2.0) << "nearest point of its rim";
   EXPECT_TRUE(undecided(0.0).empty());
   EXPECT_TRUE(undecided(3.2).empty()) << "beyond the reach of objects";
 }
 
-/// A box comes in over the edge of a narrow lens, at all angles: whatever support is given as seen is that of
-/// the whole box, not of the part in view.
-TEST_F(LocalMapperTest, WhatTheEdgeOfANarrowLensCutsIsSeenAsFarAsItIs) {
+/// A box enters the view of a narrow lens, at all angles. Each usable support value is that of the whole box,
+/// not of the visible part.
+TEST_F(LocalMapperTest, GivesSupportsOfWholeObjectAtEdgeOfView) {
   lens::CameraModel model = camera_.model();
   model.fov_deg = 140.0;
   const lens::Camera narrow(model);
@@ -284,7 +284,7 @@ TEST_F(LocalMapperTest, WhatTheEdgeOfANarrowLensCutsIsSeenAsFarAsItIs) {
   EXPECT_GE(given, 300);
 }
 
-TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
+TEST_F(LocalMapperTest, MarksCutBlobAsTruncatedAndSkipsFarBlob) {
   scene_.prisms = {{box(0.42, 0.0, 0.2, 0.2, 0.0), 0.1, {40, 40, 200}},
                    {box(-2.4, 0.3, 0.3, 0.3, 0.0), 0.15, {45, 45, 45}}};
   Options options;
@@ -297,12 +297,12 @@ TEST_F(LocalMapperTest, BlobsCutByTheMaskOrTooFarAreMarkedOrLeftOut) {
   for (const float sigma : map.objects[0].supports.sigma_m) unusable += sigma > 0 ? 0 : 1;
   EXPECT_GT(unusable, 0);
   EXPECT_LT(unusable, SupportFunction::kDirections);
-  const std::size_t towards_far = 173;  // bearing of the far box: seen, but no object
+  const std::size_t towards_far = 173;  // bearing of the far box: an obstacle of the scan, but no object
   EXPECT_EQ(map.scan.label[towards_far], RayLabel::kUnknown);
   EXPECT_EQ(map.scan.object[towards_far], 0);
 }
 
-TEST_F(LocalMapperTest, BeyondTwoMetresOnlyWhatHasOneClearShapeIsAnObject) {
+TEST_F(LocalMapperTest, AcceptsOnlyClearShapesBeyondTwoMetres) {
   const auto objectsWith = [&](const Options& options) {
     LocalMapper mapper(camera_, options);
     return mapper.process(testing::frameOf(testing::renderScene(scene_, camera_, {}), 0), {}).objects.size();
@@ -312,7 +312,7 @@ TEST_F(LocalMapperTest, BeyondTwoMetresOnlyWhatHasOneClearShapeIsAnObject) {
   scene_.prisms = {{box(2.4, 0.1, 0.3, 0.3, 0.4), 0.2, {40, 40, 200}}};
   EXPECT_EQ(objectsWith({}), 1U);
   EXPECT_EQ(objectsWith(without), 0U);
-  // A ragged one there, large enough, as a worn place of the floor is; near by it is taken.
+  // A large ragged region, like a worn place of the floor: accepted only nearby.
   for (const double away : {2.15, 1.3}) {
     scene_.prisms = {{box(away, 0.1, 0.2, 1.2, 0.0), 0.01, {40, 40, 200}},
                      {box(away + 0.4, -0.4, 0.8, 0.2, 0.0), 0.01, {40, 40, 200}}};
@@ -322,17 +322,17 @@ TEST_F(LocalMapperTest, BeyondTwoMetresOnlyWhatHasOneClearShapeIsAnObject) {
   EXPECT_EQ(objectsWith({}), 0U);
 }
 
-TEST_F(LocalMapperTest, PointsBeyondFOfEquationSevenAreLeftOutAndCounted) {
+TEST_F(LocalMapperTest, SkipsAndCountsPointsBeyondFOfEquationSeven) {
   Options options;
   options.lens.projection = "orthographic";
-  // F so that the floor at 1 m lies just beyond it: of four things the near half of one remains.
+  // F is chosen so that the floor at 1 m is just beyond it: of four objects the near half of one remains.
   const Eigen::Vector2d at_1m = *camera_.pixelFromPoint({1.0, 0.0, 0.0});
   options.lens.focal_px = (at_1m - camera_.model().principal_point_px).norm();
-  LocalMapper literal(camera_, options), ours(camera_, {});
+  LocalMapper literal(camera_, options), calibrated(camera_, {});
   const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   for (std::uint32_t i = 0; i < 2; ++i) {
     const LocalMap& map = literal.process(testing::frameOf(image, i), motion({}));
-    ours.process(testing::frameOf(image, i), motion({}));
+    calibrated.process(testing::frameOf(image, i), motion({}));
     EXPECT_LT(map.objects.size(), scene_.prisms.size());
     for (const auto& object : map.objects) {
       for (const auto& p : object.hull_m) EXPECT_TRUE(p.allFinite());
@@ -340,10 +340,10 @@ TEST_F(LocalMapperTest, PointsBeyondFOfEquationSevenAreLeftOutAndCounted) {
     }
   }
   EXPECT_GT(literal.rejectedPoints(), 100U);
-  EXPECT_EQ(ours.rejectedPoints(), 0U);
+  EXPECT_EQ(calibrated.rejectedPoints(), 0U);
 }
 
-TEST_F(LocalMapperTest, HullsOfFeaturesAreThoseOfTheVectorsEnds) {
+TEST_F(LocalMapperTest, BuildsFeatureHullsFromEndsOfVectors) {
   Options options;
   options.silhouette.outline = "features";
   LocalMapper mapper(camera_, options);
@@ -367,13 +367,13 @@ TEST_F(LocalMapperTest, HullsOfFeaturesAreThoseOfTheVectorsEnds) {
       const double phi = 2.0 * M_PI * static_cast<double>(k) / static_cast<double>(object.supports.size());
       double b = -1e9;
       for (const auto& p : hull) b = std::max(b, p.x * std::cos(phi) + p.y * std::sin(phi));
-      EXPECT_NEAR(object.supports.b_m[k], b, 1e-5);  // float
+      EXPECT_NEAR(object.supports.b_m[k], b, 1e-5);  // float precision
     }
   }
   EXPECT_GE(checked, 2);
 }
 
-TEST_F(LocalMapperTest, DebugPicturesShowTheObjects) {
+TEST_F(LocalMapperTest, RendersObjectsInDebugImages) {
   LocalMapper mapper(camera_, {});
   const cv::Mat3b image = testing::renderScene(scene_, camera_, {});
   mapper.process(testing::frameOf(image, 0), {});
@@ -391,7 +391,7 @@ TEST_F(LocalMapperTest, DebugPicturesShowTheObjects) {
   EXPECT_NE(problems[0].find("/nonexistent/folder/frame_labels.png"), std::string::npos);
 }
 
-TEST(LocalMapperOptions, EveryKeyIsKnownAndBounded) {
+TEST(LocalMapperOptions, ReadsAllKeysAndChecksBounds) {
   const auto o =
       Options::read(options::Section::parse("{frame: {dark_level: 5}, view: {seed_ring_px: 30}, ground: "
                                             "{method: histogram}, connection: {method: rectangles},"
@@ -411,11 +411,11 @@ TEST(LocalMapperOptions, EveryKeyIsKnownAndBounded) {
                options::Error);
 }
 
-/// What hangs together with a dark thing in the picture and is like its shadow, but for its sharp outline and
-/// soft foot, may be another thing: nobody sees the floor through it. Shadows are seen through.
-TEST_F(LocalMapperTest, RaysEndAtWhatMayBeAFaceBesideAThing) {
+/// A region connected to a dark object that resembles its shadow, except for its sharp outline and soft foot,
+/// may be another object: no floor is visible through it. Floor is visible through shadows.
+TEST_F(LocalMapperTest, EndsRaysAtPossibleFaceBesideObject) {
   scene_.prisms.clear();
-  const cv::Rect face(300, 370, 50, 40), thing(340, 360, 60, 60);
+  const cv::Rect face(300, 370, 50, 40), dark_object(340, 360, 60, 60);
   const Eigen::Vector2d behind = *camera_.floorFromPixel(Eigen::Vector2d(322, 408));
   const Eigen::Vector2d before = *camera_.floorFromPixel(Eigen::Vector2d(320, 370));
   for (const float foot_px : {14.0f, 1.0f}) {
@@ -424,7 +424,7 @@ TEST_F(LocalMapperTest, RaysEndAtWhatMayBeAFaceBesideAThing) {
       const float depth = std::clamp((static_cast<float>(y - face.y) + 0.5f) / foot_px + 0.5f, 0.0f, 1.0f);
       for (int x = face.x; x < face.br().x; ++x) image.at<cv::Vec3b>(y, x) *= 1.0f - 0.4f * depth;
     }
-    image(thing).setTo(cv::Scalar::all(15));
+    image(dark_object).setTo(cv::Scalar::all(15));
     LocalMapper mapper(camera_, {});
     const LocalMap& map = mapper.process(testing::frameOf(image, 0), {});
     ASSERT_EQ(map.state, FrameState::kOk);
@@ -438,7 +438,7 @@ TEST_F(LocalMapperTest, RaysEndAtWhatMayBeAFaceBesideAThing) {
     } else {
       EXPECT_GT(map.scan.range_m[ray], to.norm());
     }
-    EXPECT_TRUE(mapper.undecided().empty()) << "too many to be told";
+    EXPECT_TRUE(mapper.undecided().empty()) << "too many to be reported";
   }
 }
 

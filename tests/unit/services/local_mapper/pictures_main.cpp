@@ -1,4 +1,4 @@
-// The local mapper over a folder of images: debug pictures of each, for looking at.
+// Runs the local mapper over a folder of images and writes debug images of each, for visual inspection.
 // Usage: local_mapper_pictures SENSOR.yaml OPTIONS.yaml FOLDER OUT
 
 #include <cstdio>
@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   local_mapper::Frame frame;
   dataset::FrameInfo info;
   while (source->next(frame.image, info)) {
-    local_mapper::LocalMapper mapper(camera, options);  // the images do not follow one another
+    local_mapper::LocalMapper mapper(camera, options);  // the images are no sequence
     frame.acquired_ns = info.time_ns;
     frame.sequence = info.sequence;
     frame.state = info.state;

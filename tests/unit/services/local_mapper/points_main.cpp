@@ -1,5 +1,5 @@
-// Prints how far the local mapper's points of surfaces lie from the true surfaces of a rendered data set,
-// with the motion as the wheels tell it, or as it was. Usage: local_mapper_points DATASET [OPTIONS.yaml]
+// Prints the distances of the local mapper's surface points from the true surfaces of a rendered data set,
+// with the motion from the wheels or from the truth. Usage: local_mapper_points DATASET [OPTIONS.yaml]
 // [ROWS.csv] [truth]
 
 #include <algorithm>
@@ -20,7 +20,7 @@ using namespace omnifleet::local_mapper::testing;
 
 struct Errors {
   std::vector<double> away_m;
-  double squares = 0.0;  ///< of errors along the line of sight over their σ, as far as the surface tells
+  double squares = 0.0;  ///< of distances from the surface over the σ of the points
   void print(const std::string& name) {
     if (away_m.empty()) return;
     std::sort(away_m.begin(), away_m.end());

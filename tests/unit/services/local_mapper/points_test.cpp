@@ -1,5 +1,5 @@
-// Points of surfaces in rendered rooms, against the true surfaces; and the outline that they give against the
-// one of the same features on the floor, as Choi et al. 2014 §III.5 has it.
+// Surface points in rendered rooms against the true surfaces. Their outline is compared with that of the same
+// features projected to the floor, as in Choi et al. 2014 §III.5.
 
 #include <gtest/gtest.h>
 
@@ -28,12 +28,12 @@ rigs:
 )";
 
 struct Gathered {
-  std::vector<double> away_m;               ///< of points from the nearest true surface, signed
-  std::map<std::size_t, Polygon> on_floor;  ///< per solid, map: features as they are seen on the floor
-  std::map<std::size_t, Polygon> in_space;  ///< the same features where they are
+  std::vector<double> away_m;               ///< signed distance of the points from the nearest true surface
+  std::map<std::size_t, Polygon> on_floor;  ///< per solid, map: features projected to the floor
+  std::map<std::size_t, Polygon> in_space;  ///< the same features at their positions in space
 };
 
-/// One robot drives past, its wheels tell the truth.
+/// One robot drives past with true wheel odometry.
 Gathered drivePast(const synthetic::Arena& arena) {
   const lens::Camera camera(arena.cameras.front().model);
   synthetic::Renderer renderer(arena, arena.cameras.front().id, 3);
@@ -85,14 +85,14 @@ double areaOf(const Polygon& polygon) {
   return 0.5 * twice;
 }
 
-/// How far a hull reaches beyond a footprint.
+/// Distance by which a hull extends beyond a footprint.
 double smear(const Polygon& hull, const synthetic::Solid& solid) {
   double farthest = 0.0;
   for (const auto& p : hull) farthest = std::max(farthest, solid.distance(p, solid.map_from_solid));
   return farthest;
 }
 
-TEST(Points, LieOnTheSurfacesAndTheirHullIsNotSmearedOutward) {
+TEST(Points, LieOnSurfacesWithoutSmearingTheirHull) {
   const auto arena = synthetic::Arena::read(options::Section::parse(kRoom, "room"));
   Gathered gathered = drivePast(arena);
   auto& away = gathered.away_m;
@@ -111,10 +111,10 @@ TEST(Points, LieOnTheSurfacesAndTheirHullIsNotSmearedOutward) {
     std::printf(
         "solid %zu: reaches %.3f m beyond on the floor, %.3f m in space; area %.3f, %.3f of %.3f m2\n", i,
         smear(floor, solid), smear(space, solid), areaOf(floor), areaOf(space), areaOf(solid.footprint()));
-    // The top is thrown out by h/(H − h) of its distance: 1.4 m for the box, 0.5 m for the cylinder.
+    // The top is projected outward by h/(H − h) of its distance: 1.4 m for the box, 0.5 m for the cylinder.
     EXPECT_GT(smear(floor, solid), 0.5);
-    // A hull is as good as its worst point: corners between an outline and what lies behind it wander with
-    // the camera, and a few of them pass for points that stand.
+    // The worst point determines a hull: corners between an outline and its background move with the camera,
+    // and a few of them are taken for static points.
     EXPECT_LT(smear(space, solid), 0.25 * smear(floor, solid));
     EXPECT_LT(areaOf(space), 2.0 * areaOf(solid.footprint()));
   }

@@ -1,4 +1,4 @@
-// The stage on images that nobody here made. Skipped where they are missing.
+// The stage on external images. Skipped where they are missing.
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 namespace omnifleet::local_mapper {
 namespace {
 
-TEST(Recordings, EveryObstacleAndRobotOfTheRenderedSampleIsFoundAndNothingElse) {
+TEST(Recordings, FindsAllObjectsOfRenderedSampleAndNoOthers) {
   OMNIFLEET_NEEDS_DATA(folder, "rendered_sample");
   const auto data = dataset::Dataset::open(folder);
   const auto truth = dataset::GroundTruth::load(folder);
@@ -54,15 +54,15 @@ TEST(Recordings, EveryObstacleAndRobotOfTheRenderedSampleIsFoundAndNothingElse) 
   }
   EXPECT_EQ(frames, 51);
   ASSERT_GT(contact_n, 5000);
-  // What is asked of outlines.
+  // Required accuracy of outlines.
   EXPECT_NEAR(contact_px / contact_n, 0.0, 0.1);
   EXPECT_NEAR(top_px / top_n, 0.0, 0.2);
 }
 
 class RealTable : public ::testing::TestWithParam<std::pair<std::string, std::vector<cv::Point>>> {};
 
-/// A block of real_table as seen by eye: a pixel on it; and the bare grid must be floor.
-TEST_P(RealTable, BlocksAreObjectsAndTheBareGridIsFloor) {
+/// Each block of real_table as seen by eye, given by a pixel on it. The bare grid must be floor.
+TEST_P(RealTable, FindsBlocksAndTakesBareGridForFloor) {
   const auto& [file, blocks] = GetParam();
   OMNIFLEET_NEEDS_DATA(folder, "fisheye_downward/real_table");
   lens::CameraModel model;
@@ -75,7 +75,7 @@ TEST_P(RealTable, BlocksAreObjectsAndTheBareGridIsFloor) {
   model.distortion = {
       -368.4018, 0,     0.001229407337764, -1.541328325870701e-06, 3.209246532312631e-09, 1.0002,
       -0.0101,   0.0095};
-  model.position_m = {0, 0, 0.5};  // unknown; only the picture is judged here
+  model.position_m = {0, 0, 0.5};  // unknown; only the image is evaluated here
   Options options;
   options.view.seed_rectangle_px = {800, 200, 350, 350};
   options.view.min_depression_deg = 5.0;
@@ -97,7 +97,7 @@ TEST_P(RealTable, BlocksAreObjectsAndTheBareGridIsFloor) {
     return 0;
   };
   for (const auto& block : blocks) EXPECT_GT(blobAt(block), 0) << block;
-  // The part of the grid that is bare in every picture.
+  // The part of the grid that is bare in every image.
   int covered = 0;
   for (const auto& blob : mapper.connectedBlobs())
     for (const auto& run : blob.runs)

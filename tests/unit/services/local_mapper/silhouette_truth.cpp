@@ -94,7 +94,7 @@ std::vector<SupportError> supportErrors(const TrueObject& truth, const ObjectObs
                                      [&](const auto& a, const auto& b) { return n.dot(a) < n.dot(b); });
     const auto pixel = camera.pixelFromPoint({at->x(), at->y(), 0.0});
     if (!pixel) continue;
-    // Metres per pixel along n: the floor's Jacobian by differences.
+    // Metres per pixel along n: Jacobian of the floor by differences.
     Eigen::Matrix2d j;
     bool whole = true;
     for (int axis = 0; axis < 2; ++axis) {

@@ -1,7 +1,7 @@
 #pragma once
 
-// What a perfect local mapper would see: prisms of known footprint and height from a known pose, and how far
-// measured support functions lie from that. Test code only: it reads ground truth.
+// Output of a perfect local mapper: prisms of known footprint and height from a known pose, and the errors of
+// measured support functions against it. Test code only: it reads ground truth.
 
 #include <string>
 #include <vector>
@@ -13,33 +13,33 @@
 
 namespace omnifleet::local_mapper::testing {
 
-/// One thing standing in the scene, seen from one robot at one time.
+/// One object in the scene, seen from one robot at one time.
 struct TrueObject {
   std::string name;
   bool is_robot = false;
   double height_m = 0.0;
   Polygon floor_m;         ///< footprint, base_link
   Polygon silhouette_m;    ///< footprint and the top's projection, convex hull, base_link, CCW
-  double contact_m = 0.0;  ///< distance of the footprint from the camera's foot
+  double contact_m = 0.0;  ///< distance of the footprint from the camera foot
 };
 
-/// Footprint and height → silhouette on the floor: the top appears scaled about the foot by s = H/(H − h).
+/// Silhouette on the floor from footprint and height: the top appears scaled about the foot by s = H/(H − h).
 Polygon prismSilhouette(const Polygon& floor_m, double height_m, const Eigen::Vector2d& foot_m,
                         double camera_height_m);
 
-/// Everything around `robot` at one time, in its base_link, nearest first.
+/// All objects around `robot` at one time, in its base_link, nearest first.
 std::vector<TrueObject> trueObjects(const dataset::Dataset& data, const dataset::GroundTruth& truth,
                                     const std::string& robot, TimeNs time_ns, const lens::Camera& camera);
 
 Pose2 truePose(const dataset::GroundTruth& truth, const std::string& robot, TimeNs time_ns);
 
-/// For each true object the index of the observation whose silhouette covers it best; −1: missed.
+/// For each true object the index of the observation whose silhouette overlaps it best; −1: missed.
 std::vector<int> match(const std::vector<TrueObject>& truth, const std::vector<ObjectObservation>& seen);
 
 /// Measured minus true support per direction, in metres and in pixels at the supporting point.
 struct SupportError {
   double metres = 0.0, pixels = 0.0;
-  bool far_side = false;  ///< b ≥ 0: the shadow of the top, else the contact with the floor
+  bool far_side = false;  ///< b ≥ 0: the projection of the top, else the contact with the floor
 };
 std::vector<SupportError> supportErrors(const TrueObject& truth, const ObjectObservation& seen,
                                         const lens::Camera& camera);

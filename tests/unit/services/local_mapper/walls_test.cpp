@@ -1,4 +1,4 @@
-// Rooms whose walls are higher than the camera, rendered: in the picture they swallow what stands before
+// Rendered rooms whose walls are higher than the camera: in the image they merge with the objects in front of
 // them.
 
 #include <gtest/gtest.h>
@@ -14,9 +14,8 @@ namespace {
 
 class Walls : public ::testing::Test {
  protected:
-  /// @param more keys of the room, obstacles among them
-  /// @param floor of the floor
-  static synthetic::Arena room(const std::string& more, const std::string& floor = "grain: 0.04") {
+  /// @param more keys of the room, obstacles among them @param floor keys of the floor
+  static synthetic::Arena room(const std::string& more, const std::string& floor = "texture: 0.04") {
     return synthetic::Arena::read(options::Section::parse("floor: {size_m: [4.4, 3.6], " + floor + "}" + R"(
 frames: {rate_hz: 5, duration_s: 1}
 image: {noise: 1.5, shot_noise: 0.06}
@@ -33,8 +32,8 @@ rigs:
     renderer.render(0, {map_from_base}, image);
     return image;
   }
-  /// Up to the horizon and above it: what is seen there is as the floor below.
-  static void letFloorGoOn(const synthetic::Arena& arena, cv::Mat& image) {
+  /// Copies the floor's appearance up to the horizon and above it.
+  static void extendFloorToHorizon(const synthetic::Arena& arena, cv::Mat& image) {
     const lens::Camera camera(arena.cameras.front().model);
     for (int v = 0; v < image.rows; ++v) {
       for (int u = 0; u < image.cols; ++u) {
@@ -45,7 +44,7 @@ rigs:
       }
     }
   }
-  /// How far the walls of the room are in the direction of a ray.
+  /// Distance to the walls of the room in the direction of a ray.
   static double wallAlong(std::size_t ray, const Pose2& at) {
     const double x_m = at.x_m, y_m = at.y_m;
     const double bearing = static_cast<double>(ray) * M_PI / 180.0 + at.theta_rad, c = std::cos(bearing),
@@ -54,12 +53,12 @@ rigs:
                  along_y = s > 0 ? (1.8 - y_m) / s : (1.8 + y_m) / -s;
     return std::min(along_x, along_y);
   }
-  /// So many pixels on the floor, radially.
+  /// Radial extent of this many pixels on the floor.
   static double pixelsAt(double range_m, double pixels) {
     return pixels * (0.25 + range_m * range_m) / 0.5 / 148.7;
   }
-  /// Rays that see floor behind the walls, and those that end at them, or before, and are said to: by more
-  /// than two cells of the map and two pixels.
+  /// Rays that see floor behind the walls, and rays with the label of a wall that end at one or short of it,
+  /// by more than two cells of the map and two pixels.
   struct Ends {
     int behind = 0, at_walls = 0, short_of = 0;
   };
@@ -81,22 +80,22 @@ rigs:
     frame.image = image;
     return mapper.process(frame, {});
   }
-  /// Of the room's `objects` things, which are all that is seen, the first is one.
+  /// The first of the room's `objects` visible objects is found, and no other than these.
   static void expectFirstIsSeen(const std::string& more, std::size_t objects) {
     const synthetic::Arena arena = room(more);
     const LocalMap map = mapOf(arena, pictureOf(arena));
     EXPECT_EQ(map.objects.size(), objects);
     EXPECT_EQ(objectsAt(arena.solids[0], map), 1U);
   }
-  /// kThings, each by itself, and nothing else.
-  static void expectThingsAreSeen(const synthetic::Arena& arena, const LocalMap& map, const char* walls) {
+  /// Each object of kObjects is found separately, and nothing else.
+  static void expectObjectsAreSeen(const synthetic::Arena& arena, const LocalMap& map, const char* walls) {
     EXPECT_EQ(map.objects.size(), 5U) << walls;
     for (const synthetic::Solid& solid : arena.solids) {
       if (solid.wall) continue;
       EXPECT_EQ(objectsAt(solid, map), 1U) << walls << " " << solid.map_from_solid.x_m;
     }
   }
-  /// Objects whose contact lies within 6 cm, two pixels there, of an obstacle's edge.
+  /// Number of objects whose contact lies within 6 cm (two pixels there) of an obstacle's edge.
   static std::size_t objectsAt(const synthetic::Solid& solid, const LocalMap& map) {
     return static_cast<std::size_t>(
         std::count_if(map.objects.begin(), map.objects.end(), [&](const ObjectObservation& object) {
@@ -105,8 +104,9 @@ rigs:
   }
 };
 
-// One beside another, in a corner, of a robot's size and colour: all of them reach the wall in the picture.
-const char* const kThings = R"(
+// Objects beside one another, in a corner, and of a robot's size and colour. All of them reach the wall in
+// the image.
+const char* const kObjects = R"(
 obstacles:
   - {kind: box, pose: [1.5, 0.2, 0.3], size_m: [0.30, 0.22], height_m: 0.20, rgb: [190, 52, 40]}
   - {kind: cylinder, pose: [0.2, 1.2, 0], radius_m: 0.14, height_m: 0.24, rgb: [40, 78, 170]}
@@ -119,14 +119,14 @@ const char* const kUnevenLight =
     "light: {level: 0.95, gradient_per_m: [0.02, -0.03], spot: 0.15, spot_m: [-1.0, 0.8], spot_size_m: 1.2, "
     "contact_shadow: 0.25}\n";
 
-TEST_F(Walls, WhatStandsBeforeThemIsSeen) {
+TEST_F(Walls, FindsObjectsInFrontOfHighWalls) {
   for (const char* walls :
        {"walls: {height_m: 2.4, rgb: [112, 104, 88]}", "walls: {height_m: 0.8, texture: 0.3}",
         "walls: {height_m: 1.0, rgb: [108, 193, 196]}"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    const synthetic::Arena arena = room(std::string(kObjects) + walls);
     const cv::Mat image = pictureOf(arena);
     const LocalMap map = mapOf(arena, image);
-    expectThingsAreSeen(arena, map, walls);
+    expectObjectsAreSeen(arena, map, walls);
     for (const ObjectObservation& object : map.objects) EXPECT_GT(object.solidity, 0.94) << walls;
     Options without;
     without.walls.enabled = false;
@@ -134,36 +134,36 @@ TEST_F(Walls, WhatStandsBeforeThemIsSeen) {
   }
 }
 
-// Walls whose tops are seen: what stands before them is seen by itself, grey things as well, and nothing
+// Walls with visible tops: objects in front of them are found separately, grey ones as well, and nothing
 // else.
-TEST_F(Walls, LowerThanTheCameraTheySwallowNothing) {
+TEST_F(Walls, FindsObjectsInFrontOfLowWalls) {
   for (const char* walls :
        {"walls: {height_m: 0.2, rgb: [130, 160, 70]}", "walls: {height_m: 0.3, rgb: [120, 90, 60]}",
         "walls: {height_m: 0.25, rgb: [90, 130, 170], texture: 0.1}"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    const synthetic::Arena arena = room(std::string(kObjects) + walls);
     const cv::Mat image = pictureOf(arena);
     const LocalMap map = mapOf(arena, image);
-    expectThingsAreSeen(arena, map, walls);
+    expectObjectsAreSeen(arena, map, walls);
     Options without;
     without.ground.low_walls = false;
     EXPECT_LT(mapOf(arena, image, without).objects.size(), 5U) << walls;
     const Ends ends = endsOf(map, {});
     EXPECT_EQ(ends.behind, 0) << walls;
     EXPECT_GT(ends.at_walls, 180) << walls;
-    EXPECT_LT(ends.short_of, 12) << walls;  // beside things of nearly their colour
+    EXPECT_LT(ends.short_of, 12) << walls;  // beside objects of nearly their colour
   }
 }
 
-// Far off they are as thin as markings are near by, and taken out as such they would leave but pieces; and of
-// sides that are lit as the floor is, pieces are all that is seen.
-TEST_F(Walls, AsThinAsMarkingsTheyAreWallsAllRound) {
+// Distant walls are as thin as nearby markings; removed as markings they would leave only pieces. Of sides
+// that are lit like the floor only pieces are visible.
+TEST_F(Walls, DetectsWallsAsThinAsMarkings) {
   const std::string sun = "light: {ambient: 0.5, sun: [-0.6, 0.5, 0.7]}\n";
   for (const std::string walls : {"walls: {height_m: 0.08, thickness_m: 0.04, rgb: [70, 60, 50]}",
                                   "walls: {height_m: 0.08, thickness_m: 0.04, rgb: [190, 90, 60]}",
                                   "walls: {height_m: 0.1, thickness_m: 0.05, rgb: [200, 180, 140]}"}) {
-    const synthetic::Arena arena = room(sun + kThings + walls);
+    const synthetic::Arena arena = room(sun + kObjects + walls);
     const LocalMap map = mapOf(arena, pictureOf(arena));
-    expectThingsAreSeen(arena, map, walls.c_str());
+    expectObjectsAreSeen(arena, map, walls.c_str());
   }
   const synthetic::Arena bare = room(
       "light: {ambient: 0.6, sun: [-0.8, 0.3, 1.0]}\n"
@@ -171,8 +171,8 @@ TEST_F(Walls, AsThinAsMarkingsTheyAreWallsAllRound) {
   EXPECT_TRUE(mapOf(bare, pictureOf(bare, {0.9, -0.5, 2.0})).objects.empty());
 }
 
-// Three pixels of floor between a thing's top and the wall are neither's: a thing ends where it does.
-TEST_F(Walls, TheFloorBeforeThemIsNoPartOfWhatStandsThere) {
+// Three pixels of floor between an object's top and the wall belong to neither.
+TEST_F(Walls, ExcludesFloorBetweenObjectAndWall) {
   const synthetic::Arena arena = room(
       "obstacles: [{kind: box, pose: [1.14, 0, 0], size_m: [0.3, 0.4], height_m: 0.18, rgb: [40, 78, 170]}]\n"
       "walls: {height_m: 0.25, rgb: [160, 70, 50]}");
@@ -184,8 +184,8 @@ TEST_F(Walls, TheFloorBeforeThemIsNoPartOfWhatStandsThere) {
   EXPECT_NEAR(far_m, top_m, pixelsAt(top_m, 1.0));
 }
 
-// What hangs together over half of the turn and less is a thing, however large.
-TEST_F(Walls, AThingNearbyIsNone) {
+// A connected region over less than half of the turn is an object, however large.
+TEST_F(Walls, KeepsLargeNearbyObjectAsObject) {
   const synthetic::Arena arena = room(
       "obstacles: [{kind: box, pose: [0.75, 0, 0], size_m: [0.4, 1.6], height_m: 0.2, rgb: [160, 70, 50]}]");
   const LocalMap map = mapOf(arena, pictureOf(arena));
@@ -193,11 +193,11 @@ TEST_F(Walls, AThingNearbyIsNone) {
   EXPECT_EQ(std::count(map.scan.label.begin(), map.scan.label.end(), RayLabel::kObstacle), 0);
 }
 
-// Where the frame before showed something else nothing of it is left.
-TEST_F(Walls, WhatWasSeenBeforeLeavesNoTrace) {
+// The result does not depend on what the previous frame showed.
+TEST_F(Walls, KeepsNothingOfThePreviousFrame) {
   for (const char* walls :
        {"walls: {height_m: 0.25, rgb: [120, 90, 60]}", "walls: {height_m: 2.4, rgb: [112, 104, 88]}"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + walls);
+    const synthetic::Arena arena = room(std::string(kObjects) + walls);
     LocalMapper mapper(lens::Camera(arena.cameras.front().model), Options{}),
         fresh(lens::Camera(arena.cameras.front().model), Options{});
     Frame frame;
@@ -215,10 +215,10 @@ TEST_F(Walls, WhatWasSeenBeforeLeavesNoTrace) {
   }
 }
 
-TEST_F(Walls, TheScanEndsAtThemAsBefore) {
-  const synthetic::Arena arena = room(std::string(kThings) + "walls: {height_m: 1.0, rgb: [112, 104, 88]}");
+TEST_F(Walls, EndsScanAtHighWalls) {
+  const synthetic::Arena arena = room(std::string(kObjects) + "walls: {height_m: 1.0, rgb: [112, 104, 88]}");
   const LocalMap map = mapOf(arena, pictureOf(arena));
-  for (const std::size_t bearing_deg : {55U, 105U, 180U, 250U, 350U}) {  // nothing stands there
+  for (const std::size_t bearing_deg : {55U, 105U, 180U, 250U, 350U}) {  // no object there
     const double bearing = static_cast<double>(bearing_deg) * M_PI / 180.0;
     const double wall_m = std::min(2.2 / std::max(1e-9, std::abs(std::cos(bearing))),
                                    1.8 / std::max(1e-9, std::abs(std::sin(bearing))));
@@ -231,8 +231,8 @@ TEST_F(Walls, TheScanEndsAtThemAsBefore) {
   EXPECT_GT(map.scan.object[8], 0) << "the red box";
 }
 
-TEST_F(Walls, WhatStandsFreelyIsStillSeen) {
-  const synthetic::Arena arena = room(std::string(kThings) + R"(
+TEST_F(Walls, FindsFreeStandingObject) {
+  const synthetic::Arena arena = room(std::string(kObjects) + R"(
   - {kind: box, pose: [0.55, 0.45, 0.3], size_m: [0.16, 0.16], height_m: 0.08, rgb: [190, 52, 40]}
 walls: {height_m: 1.0, rgb: [112, 104, 88]}
 )");
@@ -241,8 +241,8 @@ walls: {height_m: 1.0, rgb: [112, 104, 88]}
   EXPECT_EQ(objectsAt(arena.solids[5], map), 1U);
 }
 
-TEST_F(Walls, EachMayHaveAColourOfItsOwn) {
-  const synthetic::Arena arena = room(std::string(kThings) + R"(
+TEST_F(Walls, AcceptsWallsOfDifferentColours) {
+  const synthetic::Arena arena = room(std::string(kObjects) + R"(
   - {kind: box, pose: [2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [60, 90, 140]}
   - {kind: box, pose: [-2.25, 0, 0], size_m: [0.1, 3.8], height_m: 1.2, rgb: [205, 200, 120]}
   - {kind: box, pose: [0, 1.85, 0], size_m: [4.4, 0.1], height_m: 1.2, rgb: [112, 104, 88]}
@@ -253,8 +253,8 @@ TEST_F(Walls, EachMayHaveAColourOfItsOwn) {
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(objectsAt(arena.solids[i], map), 1U) << i;
 }
 
-/// Farther than the scan ranges, where things are still seen.
-TEST_F(Walls, FarOnesHaveThingsBeforeThem) {
+/// Walls beyond the range of the scan, where objects are still visible.
+TEST_F(Walls, FindsObjectsInFrontOfFarWalls) {
   expectFirstIsSeen(R"(
 obstacles:
   - {kind: box, pose: [2.55, 0.2, 0.3], size_m: [0.30, 0.30], height_m: 0.30, rgb: [190, 52, 40]}
@@ -267,8 +267,8 @@ obstacles:
                     2U);
 }
 
-/// It hides where the wall ends: on one side of it only is there any.
-TEST_F(Walls, AtTheEndOfOneStandsAThing) {
+/// The object hides the end of the wall, so that wall is visible only on one side of it.
+TEST_F(Walls, FindsObjectAtTheEndOfAWall) {
   expectFirstIsSeen(R"(
 obstacles:
   - {kind: box, pose: [1.45, 1.3, 0.73], size_m: [0.30, 0.30], height_m: 0.25, rgb: [190, 52, 40]}
@@ -277,8 +277,8 @@ obstacles:
                     1U);
 }
 
-/// Doors and skirtings touch the floor where the wall does.
-TEST_F(Walls, WhatIsAPartOfThemIsNoThing) {
+/// Doors and skirting boards touch the floor where the wall does.
+TEST_F(Walls, IgnoresPartsOfWalls) {
   const synthetic::Arena arena = room(R"(
 obstacles:
   - {kind: box, pose: [2.19, 0.3, 0], size_m: [0.02, 0.7], height_m: 0.42, rgb: [120, 70, 30]}
@@ -288,39 +288,40 @@ walls: {height_m: 1.0, rgb: [108, 193, 196]}
 )");
   const LocalMap map = mapOf(arena, pictureOf(arena));
   ASSERT_EQ(map.objects.size(), 1U);
-  EXPECT_EQ(objectsAt(arena.solids[2], map), 1U) << "a box that stands against the wall is one";
+  EXPECT_EQ(objectsAt(arena.solids[2], map), 1U) << "a box against the wall is an object";
 }
 
-/// What is higher than the camera, but no room's walls, stays a thing.
-TEST_F(Walls, APillarIsAThing) {
+/// Something higher than the camera that is not a wall of a room remains an object.
+TEST_F(Walls, KeepsPillarAsObject) {
   expectFirstIsSeen(R"(
 obstacles: [{kind: cylinder, pose: [0.9, 0.3, 0], radius_m: 0.15, height_m: 0.9, rgb: [40, 78, 170]}]
 )",
                     1U);
 }
 
-// By the growth of the floor alone nothing of such walls is an object: they pass for floor or its shade.
+// By the region growing of the floor alone no part of such walls is an object: they are taken for floor or
+// its shadow.
 constexpr const char* kNearFloor[] = {"walls: {height_m: 2.5, rgb: [205, 190, 160], texture: 0.15}",
                                       "walls: {height_m: 2.5, rgb: [235, 235, 230], texture: 0.1}",
                                       "walls: {height_m: 2.5, rgb: [150, 150, 150], texture: 0.1}"};
 
-TEST_F(Walls, OfNearlyTheFloorsColourEndTheScanToo) {
+TEST_F(Walls, EndsScanAtWallsOfNearlyTheFloorColour) {
   for (const char* walls : kNearFloor) {
-    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + walls);
+    const synthetic::Arena arena = room(std::string(kObjects) + kUnevenLight + walls);
     const LocalMap map = mapOf(arena, pictureOf(arena));
     const Ends ends = endsOf(map, {});
-    EXPECT_LE(ends.behind, 10) << walls;  // beside things, where an edge of theirs is nearer
+    EXPECT_LE(ends.behind, 10) << walls;  // beside objects, where one of their edges is nearer
     EXPECT_GE(ends.at_walls, 200) << walls;
     EXPECT_LE(ends.short_of, 30) << walls;
     std::size_t seen = 0;
     for (const synthetic::Solid& solid : arena.solids) seen += solid.wall ? 0 : objectsAt(solid, map);
-    EXPECT_GE(seen, 4U) << walls;  // one may be undecided, where it and a patch of wall make one region
+    EXPECT_GE(seen, 4U) << walls;  // one may be undecided, if it and a patch of wall form one region
     EXPECT_EQ(map.objects.size(), seen) << walls;
   }
 }
 
-/// In the ring that the floor's colours are learned from.
-TEST_F(Walls, BesideARobotTheyAreNotLearnedAsFloor) {
+/// The walls lie in the ring from which the floor's colours are learned.
+TEST_F(Walls, DoesNotLearnNearbyWallsAsFloor) {
   for (const char* walls : kNearFloor) {
     const synthetic::Arena arena = room(std::string(kUnevenLight) + walls);
     const Ends ends = endsOf(mapOf(arena, pictureOf(arena, {-1.7, -1.3, 0})), {-1.7, -1.3, 0});
@@ -329,9 +330,9 @@ TEST_F(Walls, BesideARobotTheyAreNotLearnedAsFloor) {
   }
 }
 
-/// What is above the horizon then is no wall: it does not go on below.
-TEST_F(Walls, WithoutThemThereAreNone) {
-  const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight);
+/// What is above the horizon does not continue below it, so it is no wall.
+TEST_F(Walls, FindsNoWallsWhereThereAreNone) {
+  const synthetic::Arena arena = room(std::string(kObjects) + kUnevenLight);
   const LocalMap map = mapOf(arena, pictureOf(arena));
   EXPECT_EQ(map.objects.size(), 5U);
   for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle);
@@ -340,18 +341,18 @@ TEST_F(Walls, WithoutThemThereAreNone) {
 constexpr const char* kDark = "walls: {height_m: 1.0, rgb: [112, 104, 88]}";
 constexpr const char* kWhite = "walls: {height_m: 2.4, rgb: [235, 235, 230], texture: 0.05}";
 
-/// White ones on grey floors: the side that is lit as the floor is can be told from it by the step at its
-/// foot alone, and the floor's growth climbs it. That there is a room was seen before, of a side in other
-/// light.
-TEST_F(Walls, LitAsTheFloorIsTheyEndTheScanToo) {
+/// White walls on grey floors: only the intensity edge at its foot distinguishes a side that is lit like the
+/// floor, and the region growing of the floor leaks onto it. An earlier frame with a side in other light
+/// showed that there is a room.
+TEST_F(Walls, EndsScanAtWallsLitLikeTheFloor) {
   for (const char* floor :
-       {"rgb: [130, 130, 130], grain: 0.03, clouds: 0.04", "rgb: [150, 150, 150], grain: 0.03",
-        "rgb: [165, 165, 165], grain: 0.04", "rgb: [180, 180, 180], grain: 0.02",
-        "rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight + kWhite, floor);
+       {"rgb: [130, 130, 130], texture: 0.03, clouds: 0.04", "rgb: [150, 150, 150], texture: 0.03",
+        "rgb: [165, 165, 165], texture: 0.04", "rgb: [180, 180, 180], texture: 0.02",
+        "rgb: [150, 150, 150], texture: 0.03, grid_m: 0.5, tile_variation: 0.05"}) {
+    const synthetic::Arena arena = room(std::string(kObjects) + kUnevenLight + kWhite, floor);
     LocalMapper mapper(lens::Camera(arena.cameras.front().model), {});
     Frame frame;
-    frame.image = pictureOf(room(std::string(kThings) + kDark, floor));
+    frame.image = pictureOf(room(std::string(kObjects) + kDark, floor));
     mapper.process(frame, {});
     for (const Pose2& at : {Pose2{}, Pose2{-0.3, -0.2, 1.0}, Pose2{0.7, -0.4, 2.5}}) {
       frame.image = pictureOf(arena, at);
@@ -364,9 +365,9 @@ TEST_F(Walls, LitAsTheFloorIsTheyEndTheScanToo) {
   }
 }
 
-/// In corners the line of the one goes on where the other is nearer.
-TEST_F(Walls, LitAsTheFloorIsTheyMeetInCorners) {
-  const char* floor = "rgb: [150, 150, 150], grain: 0.03";
+/// In corners the line of one wall continues where the other wall is nearer.
+TEST_F(Walls, JoinsWallsLitLikeTheFloorInCorners) {
+  const char* floor = "rgb: [150, 150, 150], texture: 0.03";
   const synthetic::Arena arena = room(std::string(kUnevenLight) + kWhite, floor);
   LocalMapper mapper(lens::Camera(arena.cameras.front().model), {});
   Frame frame;
@@ -382,21 +383,21 @@ TEST_F(Walls, LitAsTheFloorIsTheyMeetInCorners) {
   }
 }
 
-/// What has the floor's colour above the horizon is no wall where nothing ends the floor before.
-TEST_F(Walls, AFloorThatGoesOnUpToTheHorizonHasNone) {
-  for (const char* floor : {"rgb: [150, 150, 150], grain: 0.03, grid_m: 0.5, tile_variation: 0.05",
-                            "rgb: [40, 40, 44], grain: 0.03"}) {
-    const synthetic::Arena arena = room(std::string(kThings) + kUnevenLight, floor);
+/// What has the floor's colour above the horizon is no wall if nothing ends the floor before it.
+TEST_F(Walls, FindsNoWallsOnFloorUpToTheHorizon) {
+  for (const char* floor : {"rgb: [150, 150, 150], texture: 0.03, grid_m: 0.5, tile_variation: 0.05",
+                            "rgb: [40, 40, 44], texture: 0.03"}) {
+    const synthetic::Arena arena = room(std::string(kObjects) + kUnevenLight, floor);
     cv::Mat image = pictureOf(arena);
-    letFloorGoOn(arena, image);
+    extendFloorToHorizon(arena, image);
     const LocalMap map = mapOf(arena, image);
     EXPECT_EQ(map.objects.size(), 5U) << floor;
     for (const RayLabel label : map.scan.label) EXPECT_NE(label, RayLabel::kObstacle) << floor;
   }
 }
 
-TEST_F(Walls, GreyPicturesHaveThemToo) {
-  const synthetic::Arena arena = room(std::string(kThings) + "walls: {height_m: 1.0, rgb: [120, 120, 120]}");
+TEST_F(Walls, FindsObjectsInFrontOfWallsInGreyImages) {
+  const synthetic::Arena arena = room(std::string(kObjects) + "walls: {height_m: 1.0, rgb: [120, 120, 120]}");
   cv::Mat grey;
   cv::cvtColor(pictureOf(arena), grey, cv::COLOR_BGR2GRAY);
   const LocalMap map = mapOf(arena, grey);

@@ -32,7 +32,7 @@ lens::CameraModel overhead() {
   return model;
 }
 
-/// A robot's two patches painted by OpenCV (eight-fold oversampled), through the camera's projection.
+/// Paints a robot's two patches with OpenCV (eight-fold oversampling), through the camera's projection.
 void paint(cv::Mat& image, const lens::Camera& camera, const dataset::MarkerSet& set,
            const std::string& robot, const Pose2& pose) {
   constexpr int kFold = 8;
@@ -43,7 +43,7 @@ void paint(cv::Mat& image, const lens::Camera& camera, const dataset::MarkerSet&
     for (const auto& c : {Eigen::Vector2d(-1, -1), {1, -1}, {1, 1}, {-1, 1}}) {
       const Eigen::Vector2d p = pose * (offset + c.cwiseProduct(half));
       const Eigen::Vector2d pixel = *camera.pixelFromPoint({p.x(), p.y(), set.height_m});
-      // Centre of a pixel to its fine grid, in 1/16 of a fine pixel.
+      // From the centre of a pixel to the fine grid, in 1/16 of a fine pixel.
       const auto fine = [](double v) {
         return static_cast<int>(std::lround(((v + 0.5) * kFold - 0.5) * 16));
       };
@@ -57,7 +57,7 @@ void paint(cv::Mat& image, const lens::Camera& camera, const dataset::MarkerSet&
   cv::resize(large, image, image.size(), 0, 0, cv::INTER_AREA);
 }
 
-TEST(CeilingFrontEnd, GivesOneAbsolutePosePerRobotInMap) {
+TEST(CeilingFrontEnd, MeasuresOneAbsolutePosePerRobot) {
   const lens::Camera camera(overhead());
   const auto set = markerSet();
   cv::Mat image(480, 640, CV_8UC3, cv::Scalar(150, 160, 165));
@@ -77,13 +77,13 @@ TEST(CeilingFrontEnd, GivesOneAbsolutePosePerRobotInMap) {
     EXPECT_EQ(m.acquired_ns, 12345);
     EXPECT_EQ(m.sequence, 6U);
     const Pose2 e = truth[i]->inverse() * Pose2::fromVector(m.value);
-    EXPECT_LT(e.translation().norm(), 0.001);  // clean images ≤ 1 mm …
-    EXPECT_LT(std::abs(e.theta_rad), 0.0035);  // … and 0.2°
+    EXPECT_LT(e.translation().norm(), 0.001);  // on clean images ≤ 1 mm
+    EXPECT_LT(std::abs(e.theta_rad), 0.0035);  // on clean images ≤ 0.2°
     EXPECT_GT(m.covariance.determinant(), 0.0);
   }
 }
 
-TEST(CeilingFrontEnd, RefusesImagesOfAnotherSize) {
+TEST(CeilingFrontEnd, RejectsImagesOfAnotherSize) {
   CeilingFrontEnd front_end("c1", overhead(), markerSet(), {});
   EXPECT_THROW(front_end.process(0, 0, cv::Mat(480, 320, CV_8UC3, cv::Scalar::all(0))), std::runtime_error);
   EXPECT_THROW(front_end.process(0, 0, cv::Mat(480, 640, CV_8UC1, cv::Scalar::all(0))), std::runtime_error);

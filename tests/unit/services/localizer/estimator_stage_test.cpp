@@ -39,25 +39,25 @@ Measurement pose(const std::string& robot, TimeNs time, const Eigen::Vector3d& v
   return m;
 }
 
-TEST(EstimatorStage, OnePosePerFrameInOrderAlways) {
+TEST(EstimatorStage, ReturnsOnePosePerFrameInOrder) {
   EstimatorStage stage(fleet(), {});
-  const Objects a = frame("r2", 100, 7), b = frame("stranger", 100, 8), c = frame("r1", 100, 9);
+  const Objects a = frame("r2", 100, 7), b = frame("unlisted", 100, 8), c = frame("r1", 100, 9);
   const auto poses = stage.process(100, {&a, &b, &c}, {});
   ASSERT_EQ(poses.size(), 3U);
   EXPECT_EQ(poses[0].robot, "r2");
-  EXPECT_FALSE(poses[0].valid);  // no start, nothing measured
-  EXPECT_EQ(poses[1].robot, "stranger");
+  EXPECT_FALSE(poses[0].valid);  // no initial pose, no measurement
+  EXPECT_EQ(poses[1].robot, "unlisted");
   EXPECT_FALSE(poses[1].valid);
   EXPECT_EQ(poses[1].sequence, 8U);
   EXPECT_TRUE(poses[2].valid);
-  EXPECT_NEAR(poses[2].map_from_base.x_m, 1.0, 1e-9);  // the prior is all there is
+  EXPECT_NEAR(poses[2].map_from_base.x_m, 1.0, 1e-9);  // the prior is the only information
   EXPECT_EQ(poses[2].sequence, 9U);
   EXPECT_EQ(stage.rejectedFrames(), 1U);
-  EXPECT_FALSE(stage.status("r2").empty());
-  EXPECT_TRUE(stage.status("r1").empty());
+  EXPECT_EQ(stage.status("r2").code, ErrorCode::kNotLocalized);
+  EXPECT_EQ(stage.status("r1").code, ErrorCode::kNone);
 }
 
-TEST(EstimatorStage, BadMeasurementsAreCountedAndLeftOut) {
+TEST(EstimatorStage, CountsAndIgnoresInvalidMeasurements) {
   EstimatorStage stage(fleet(), {});
   const Objects f = frame("r2", 100);
   const Measurement nan = pose("r2", 100, {kNan, 0, 0}), unknown = pose("r9", 100, {0, 0, 0});
@@ -72,12 +72,12 @@ TEST(EstimatorStage, BadMeasurementsAreCountedAndLeftOut) {
   EXPECT_FALSE(poses[0].valid);
   const Objects g = frame("r2", 200);
   const Measurement good = pose("r2", 200, {0.3, 0.4, 3.0});
-  const auto located = stage.process(200, {&g}, {&good});
-  ASSERT_TRUE(located[0].valid);
-  EXPECT_NEAR(located[0].map_from_base.y_m, 0.4, 1e-6);
+  const auto localized = stage.process(200, {&g}, {&good});
+  ASSERT_TRUE(localized[0].valid);
+  EXPECT_NEAR(localized[0].map_from_base.y_m, 0.4, 1e-6);
 }
 
-TEST(EstimatorStage, AFrameThatIsNotOkStillGetsItsPose) {
+TEST(EstimatorStage, EstimatesPoseForInvalidFrame) {
   EstimatorStage stage(fleet(), {});
   Objects first = frame("r1", 0), second = frame("r1", 100000000);
   stage.process(0, {&first}, {});
@@ -93,7 +93,7 @@ TEST(EstimatorStage, AFrameThatIsNotOkStillGetsItsPose) {
   EXPECT_NEAR(poses[0].map_from_base.y_m, 2.0 + 0.05 * std::sin(0.5), 1e-6);
 }
 
-TEST(EstimatorStage, AKidnappedRobotFollowsTheCeilingOnceItInsists) {
+TEST(EstimatorStage, FollowsCeilingCameraAfterKidnapping) {
   EstimatorStage stage(fleet(), {});
   std::vector<PoseEstimate> poses;
   for (int i = 0; i < 8; ++i) {
@@ -102,11 +102,11 @@ TEST(EstimatorStage, AKidnappedRobotFollowsTheCeilingOnceItInsists) {
     f.motion.valid = i > 0;
     f.motion.since_ns = time - 100000000LL;
     f.motion.covariance = 1e-6 * Eigen::Matrix3d::Identity();
-    // Carried half a metre between frames 3 and 4 while the wheels stand still.
+    // Kidnapped by half a metre between frames 3 and 4, without wheel motion.
     const Measurement m = pose("r1", time, {i < 4 ? 1.0 : 1.5, 2.0, 0.5});
     poses = stage.process(time, {&f}, {&m});
     if (i == 4) {
-      EXPECT_NEAR(poses[0].map_from_base.x_m, 1.0, 0.01);  // one voice is not enough
+      EXPECT_NEAR(poses[0].map_from_base.x_m, 1.0, 0.01);  // one measurement is not enough
     }
   }
   EXPECT_NEAR(poses[0].map_from_base.x_m, 1.5, 0.01);

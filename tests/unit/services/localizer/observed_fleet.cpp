@@ -16,8 +16,8 @@ TimeNs timeAt(double seconds) {
   return kStart_ns + static_cast<TimeNs>(std::llround(seconds * 1e9));
 }
 
-/// Circles that drift. No feedback from the pose: what corrects the way after a slip would follow the slip
-/// in time, and pass for a delay.
+/// Drives circles that drift. There is no feedback from the pose: a correction of the path after a slip would
+/// follow the slip in time and look like a delay.
 struct Driver {
   Pose2 pose;
   double phase_rad, speed_mps;
@@ -60,28 +60,28 @@ ObservedFleet::ObservedFleet(const ObservedFleetOptions& o, std::uint32_t seed) 
   const int ticks = static_cast<int>(o.duration_s * o.wheel_rate_hz);
   const double dt = 1.0 / o.wheel_rate_hz;
   const int per_report = static_cast<int>(std::lround(o.wheel_rate_hz / o.rate_hz));
-  bool carried = false;
+  bool kidnapped = false;
   for (int tick = 0; tick <= ticks; ++tick) {
     const double now = tick * dt;
-    if (o.kidnapped_s >= 0 && now >= o.kidnapped_s && !carried) {
+    if (o.kidnapped_s >= 0 && now >= o.kidnapped_s && !kidnapped) {
       Pose2& pose = drivers[0].pose;
       pose = {pose.x_m > 0 ? pose.x_m - 2.0 : pose.x_m + 2.0, pose.y_m, wrapAngle(pose.theta_rad + 2.0)};
-      carried = true;
+      kidnapped = true;
     }
     for (std::size_t r = 0; r < drivers.size(); ++r) {
       auto& robot = recording.robots[r];
       truth[robot.name].push_back({timeAt(now), drivers[r].pose});
-      // Robots report at times of their own.
+      // Each robot reports at times of its own.
       if ((tick + 2 * static_cast<int>(r)) % per_report != 0 || tick < per_report) continue;
       const auto report = [&](const std::string& id, const Eigen::Vector2d& target) {
-        const Eigen::Vector2d at = drivers[r].pose.inverse() * target - Eigen::Vector2d(o.place_m, 0.0);
+        const Eigen::Vector2d at = drivers[r].pose.inverse() * target - Eigen::Vector2d(o.mounting_m, 0.0);
         const double beta = std::atan2(at.y(), at.x()), range = at.norm();
         if (range > o.sight_m || std::abs(beta) > o.half_view_rad || range < 0.3) return;
-        const double seen = range * (1.0 - o.obliqueness * (1.0 - std::cos(beta - o.axis_rad)));
+        const double measured = range * (1.0 - o.obliqueness * (1.0 - std::cos(beta - o.axis_rad)));
         const bool wrong = uniform(0.0, 1.0) < o.outliers;
         const auto other = static_cast<std::size_t>(uniform(0.0, o.landmarks - 0.001));
         robot.observations.push_back({timeAt(now + o.lag_s), wrong ? recording.landmarks[other].name : id,
-                                      seen + gauss(o.range_sigma_m + o.range_sigma_per_m * range),
+                                      measured + gauss(o.range_sigma_m + o.range_sigma_per_m * range),
                                       beta + o.bearing_bias_rad + gauss(o.bearing_sigma_rad)});
       };
       for (const auto& landmark : recording.landmarks) report(landmark.name, landmark.position_m);
@@ -90,7 +90,7 @@ ObservedFleet::ObservedFleet(const ObservedFleetOptions& o, std::uint32_t seed) 
       }
     }
     for (std::size_t r = 0; r < drivers.size(); ++r) {
-      // What happens is what the wheels say and an error that they do not know of.
+      // The true motion is that of the wheels plus an error that they do not measure.
       const double rate = drivers[r].rate(now), speed = drivers[r].speed_mps;
       const double slip = gauss((o.turn_walk + o.turn_walk_turning * std::abs(rate)) / std::sqrt(dt));
       const Eigen::Vector3d& e = errors[r];

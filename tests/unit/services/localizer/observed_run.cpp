@@ -15,7 +15,7 @@ namespace {
 
 using Report = ObservationFrames::Report;
 
-/// Every report of a recording, in order of time, then robot.
+/// All reports of a recording, ordered by time, then robot.
 std::map<TimeNs, std::vector<Report>> reportsOf(const dataset::Dataset& recording) {
   std::map<TimeNs, std::vector<Report>> all;
   for (const auto& robot : recording.robots) {

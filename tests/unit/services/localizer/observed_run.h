@@ -10,8 +10,8 @@
 
 namespace omnifleet::localizer::testing {
 
-/// A recording of wheels, ranges and bearings through the estimator and its frames, without a bus: what the
-/// localizer does with it.
+/// A recording of wheels, ranges and bearings, processed by the estimator and its frames without a bus, as
+/// the localizer does.
 struct ObservedRun {
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories;  ///< causal
   std::map<std::string, double> nees;                                     ///< mean of eᵀP⁻¹e, with truth
@@ -26,14 +26,14 @@ struct ObservedRun {
 struct ObservedRunOptions {
   estimation::EstimatorOptions estimator;
   bool survey = false;   ///< use recording.landmarks
-  double until_s = 1e9;  ///< of the recording, from its first row
+  double until_s = 1e9;  ///< time of the recording from its first row
 };
 
 /// `truth` may be empty.
 ObservedRun runObserved(const dataset::Dataset& recording, const ObservedRunOptions& options,
                         const std::map<std::string, std::vector<dataset::StampedPose>>& truth);
 
-/// One rigid motion of the whole fleet onto the truth: the frame is free where no landmark is surveyed.
+/// Rigid motion of the whole fleet onto the truth, because the frame is arbitrary if no landmark is surveyed.
 /// @return truth_from_map
 Pose2 alignToTruth(const ObservedRun& run,
                    const std::map<std::string, std::vector<dataset::StampedPose>>& truth);

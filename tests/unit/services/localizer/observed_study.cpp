@@ -1,6 +1,6 @@
-// Prints what the estimator makes of a recording of wheels, ranges and bearings, beside dead reckoning:
-// observed_study DATASET [OPTIONS.yaml] [seconds]. The dataset's landmarks.yaml, where there is one, is used.
-// DATASET may be simulate:SEED (landmarks unknown) or surveyed:SEED.
+// Prints figures of the estimator on a recording of wheels, ranges and bearings:
+// observed_study DATASET [OPTIONS.yaml] [seconds]. Uses landmarks.yaml of the dataset if it exists. DATASET
+// may be simulate:SEED (unknown landmarks) or surveyed:SEED.
 
 #include <chrono>
 #include <cstdio>
@@ -38,12 +38,12 @@ int main(int argc, char** argv) {
   const auto run = localizer::testing::runObserved(recording, options, truth.trajectories);
   const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   const Pose2 aligned = localizer::testing::alignToTruth(run, truth.trajectories);
-  const auto told = [&](const std::string& name) {
-    return evaluation::ToldPath{truth.trajectories.at(name), run.trajectories.at(name),
-                                run.covariances.at(name)};
+  const auto estimatedPath = [&](const std::string& name) {
+    return evaluation::EstimatedPath{truth.trajectories.at(name), run.trajectories.at(name),
+                                     run.covariances.at(name)};
   };
-  std::vector<evaluation::ToldPath> fleet;
-  for (const auto& entry : run.trajectories) fleet.push_back(told(entry.first));
+  std::vector<evaluation::EstimatedPath> fleet;
+  for (const auto& entry : run.trajectories) fleet.push_back(estimatedPath(entry.first));
   const auto places = options.survey ? evaluation::DatumPlaces{} : evaluation::placeData(fleet);
   double mean = 0.0, mean_aligned = 0.0;
   for (const auto& [name, path] : run.trajectories) {
@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
     const auto& d = run.detectors.at(name);
     const auto& s = run.status.at(name);
     const Eigen::Vector3d parts = run.parts.count(name) > 0 ? run.parts.at(name) : Eigen::Vector3d::Zero();
-    const auto nees = evaluation::checkConsistency(told(name), places);
+    const auto nees = evaluation::checkConsistency(estimatedPath(name), places);
     std::printf("%s poses %5d  mean %.4f m  rmse %.4f  max %.3f  aligned %.4f  heading %.3f\n", name.c_str(),
                 plain.poses, plain.distance_m, plain.rmse_m, plain.max_m, free.distance_m, plain.heading_rad);
     std::printf("   NEES %.2f, x y %.2f (%.1f %.1f %.1f), %.2f to %.2f of %.0f, %.1f %% inside\n", nees.mean,

@@ -15,45 +15,47 @@
 namespace omnifleet::localizer::testing {
 namespace {
 
-struct Eyes {
+struct RobotPipeline {
   const dataset::RobotRecording* recording;
   std::unique_ptr<local_mapper::LocalMapper> mapper;
   std::unique_ptr<classifier::Classifier> classifier;
   motion::WheelIntegrator wheels;
 };
 
-std::vector<Eyes> openEyes(const dataset::Dataset& data) {
+std::vector<RobotPipeline> openPipelines(const dataset::Dataset& data) {
   std::map<std::string, RobotBody> bodies;
   for (const auto& robot : data.robots) bodies[robot.name] = robot.body;
-  std::vector<Eyes> eyes;
+  std::vector<RobotPipeline> pipelines;
   for (const auto& robot : data.robots) {
-    Eyes e;
-    e.recording = &robot;
-    e.mapper = std::make_unique<local_mapper::LocalMapper>(lens::Camera(robot.fisheye->camera),
-                                                           local_mapper::Options());
-    e.classifier =
+    RobotPipeline pipeline;
+    pipeline.recording = &robot;
+    pipeline.mapper = std::make_unique<local_mapper::LocalMapper>(lens::Camera(robot.fisheye->camera),
+                                                                  local_mapper::Options());
+    pipeline.classifier =
         std::make_unique<classifier::Classifier>(classifier::Classifier::Options(), robot.name, bodies);
-    e.wheels = motion::WheelIntegrator(robot.body.wheel_separation_m, {});
-    for (const auto& row : robot.wheels) e.wheels.add(row.time_ns, row.left_mps, row.right_mps);
-    eyes.push_back(std::move(e));
+    pipeline.wheels = motion::WheelIntegrator(robot.body.wheel_separation_m, {});
+    for (const auto& row : robot.wheels) pipeline.wheels.add(row.time_ns, row.left_mps, row.right_mps);
+    pipelines.push_back(std::move(pipeline));
   }
-  return eyes;
+  return pipelines;
 }
 
-Objects look(Eyes& eyes, const dataset::ImageRow& row, const std::vector<PoseEstimate>& previous) {
+Objects observe(RobotPipeline& pipeline, const dataset::ImageRow& row,
+                const std::vector<PoseEstimate>& previous) {
   local_mapper::Frame frame;
   frame.acquired_ns = row.time_ns;
   frame.sequence = row.sequence;
   frame.image = cv::imread(row.path);
-  LocalMap map = eyes.mapper->process(frame, eyes.wheels.motionTo(row.time_ns));
-  map.robot = eyes.recording->name;
-  return eyes.classifier->process(map, previous);
+  LocalMap map = pipeline.mapper->process(frame, pipeline.wheels.motionTo(row.time_ns));
+  map.robot = pipeline.recording->name;
+  return pipeline.classifier->process(map, previous);
 }
 
-/// The estimator with a judge beside it.
-class Judged {
+/// The estimator, with an evaluation of its poses against the truth.
+class EvaluatedEstimator {
  public:
-  Judged(const dataset::Dataset& data, const estimation::EstimatorOptions& options, const Truth& truth)
+  EvaluatedEstimator(const dataset::Dataset& data, const estimation::EstimatorOptions& options,
+                     const Truth& truth)
       : stage_(setups(data), options), truth_(truth) {}
 
   const std::vector<PoseEstimate>& process(const RecordedTime& time) {
@@ -115,15 +117,16 @@ class Judged {
 
 RecordedRun runRecorded(const dataset::Dataset& data, const estimation::EstimatorOptions& options,
                         bool ceiling, const Truth& truth, std::vector<RecordedTime>* times) {
-  Judged estimator(data, options, truth);
-  std::vector<Eyes> eyes = openEyes(data);
+  EvaluatedEstimator estimator(data, options, truth);
+  std::vector<RobotPipeline> pipelines = openPipelines(data);
   std::vector<CeilingFrontEnd> front_ends;
   for (const auto& stream : data.ceiling)
     front_ends.emplace_back(stream.name, stream.camera, *data.markers, markers::FinderOptions());
   std::vector<PoseEstimate> poses;
   for (std::size_t f = 0; f < data.robots[0].fisheye->rows.size(); ++f) {
     RecordedTime time;
-    for (Eyes& e : eyes) time.frames.push_back(look(e, e.recording->fisheye->rows[f], poses));
+    for (RobotPipeline& pipeline : pipelines)
+      time.frames.push_back(observe(pipeline, pipeline.recording->fisheye->rows[f], poses));
     for (std::size_t c = 0; c < front_ends.size() && ceiling; ++c) {
       const auto& row = data.ceiling[c].rows[f];
       const auto found = front_ends[c].process(row.time_ns, row.sequence, cv::imread(row.path));
@@ -137,7 +140,7 @@ RecordedRun runRecorded(const dataset::Dataset& data, const estimation::Estimato
 
 RecordedRun runFrames(const dataset::Dataset& data, const std::vector<RecordedTime>& times,
                       const estimation::EstimatorOptions& options, const Truth& truth) {
-  Judged estimator(data, options, truth);
+  EvaluatedEstimator estimator(data, options, truth);
   for (const RecordedTime& time : times) estimator.process(time);
   return estimator.finish();
 }

@@ -1,6 +1,6 @@
-// A foreign renderer's recording through the stages before the estimator, as the services chain them, in one
-// process: images → local map → objects → poses, with and without the ceiling cameras. The truth is only
-// compared with.
+// An external renderer's recording through the stages before the estimator, chained as in the services, in
+// one process: images → local map → objects → poses, with and without the ceiling cameras. The truth is used
+// only for comparison.
 
 #include <gtest/gtest.h>
 
@@ -33,7 +33,7 @@ class RecordedLine : public ::testing::Test {
   Truth truth_;
 };
 
-TEST_F(RecordedLine, WithoutCeilingCameras) {
+TEST_F(RecordedLine, IsAccurateToOneCentimetreWithoutCeilingCameras) {
   estimation::EstimatorOptions wheels;
   wheels.use_landmarks = wheels.use_sightings = false;
   const RecordedRun alone = run(wheels, false), all = run({}, false);
@@ -46,8 +46,9 @@ TEST_F(RecordedLine, WithoutCeilingCameras) {
   }
 }
 
-/// Calibrations made wrong: a centimetre of height, half a per cent of focal length, a third of a degree.
-TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
+/// Wrong calibrations: one centimetre of height, half a per cent of focal length, a third of a degree of
+/// tilt.
+TEST_F(RecordedLine, EstimatesCalibrationErrors) {
   std::map<std::string, estimation::CameraError> wrong;
   double sign = 1.0;
   for (auto& robot : data_.robots) {
@@ -63,8 +64,9 @@ TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
   }
   estimation::EstimatorOptions as_calibrated;
   as_calibrated.camera.estimate = false;
-  const RecordedRun suffered = run(as_calibrated, false), estimated = run({}, false);
-  EXPECT_LT(estimated.mean_m, 0.6 * suffered.mean_m);  // which outlines that misfit as a whole count less in
+  const RecordedRun without_estimate = run(as_calibrated, false), estimated = run({}, false);
+  EXPECT_LT(estimated.mean_m,
+            0.6 * without_estimate.mean_m);  // outlines that misfit as a whole have less weight in it
   EXPECT_LT(estimated.mean_m, 0.0025);
   EXPECT_LT(estimated.nees, 5.7);  // 3 dof of 3 robots, hardly independent in time: 3 ± 2.6·√(6/9) at 99 %
   double tilt_error = 0.0, tilt_left = 0.0;
@@ -73,9 +75,9 @@ TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
     std::printf("%s (1e-3) wrong by %.1f %.1f %.1f %.1f, left %.1f %.1f %.1f %.1f\n", robot.c_str(),
                 1e3 * error(0), 1e3 * error(1), 1e3 * error(2), 1e3 * error(3), 1e3 * off(0), 1e3 * off(1),
                 1e3 * off(2), 1e3 * off(3));
-    // A focal length and a height (ten σ of the prior) look much alike in 17 frames near the robot: what they
-    // do together to the floor two heights away is told. Tilts are told each, though what one robot happens
-    // to see may tell little of one of them.
+    // Focal length and height (ten σ of the prior) have similar effects in 17 frames close to the robot. Only
+    // their combined effect on the floor, two heights away, is observable. Each tilt is observable, though
+    // what one robot happens to see may constrain one of them weakly.
     const auto radial = [](const estimation::CameraError& e) {
       return 2.0 * e(1) - 5.0 * std::atan(2.0) * e(0);
     };
@@ -87,7 +89,7 @@ TEST_F(RecordedLine, WrongCalibrationsAreEstimatedNotSuffered) {
   EXPECT_LT(std::sqrt(tilt_left), 0.35 * std::sqrt(tilt_error));
 }
 
-TEST_F(RecordedLine, WithCeilingCameras) {
+TEST_F(RecordedLine, IsAccurateToTwoMillimetresWithCeilingCameras) {
   EXPECT_LT(run({}, true).mean_m, 0.002);
 }
 

@@ -1,9 +1,9 @@
-// Prints what the estimator makes of recordings with cameras, ceiling cameras left out: recorded_study [-n N]
-// "OPTIONS;OPTIONS…" DATASET…, where OPTIONS is YAML of the estimator's options. The images are looked at
+// Prints figures of the estimator on recordings with cameras, without ceiling cameras: recorded_study [-n N]
+// "OPTIONS;OPTIONS…" DATASET…, where OPTIONS is YAML of the estimator's options. The images are processed
 // once, with the first options.
-//   -n N   N runs of each recording, the errors of starts and calibrations drawn as the first options say:
-//          NEES tells whether covariances are true only where what is given errs as it is said to. Of a start
-//          that is exact, any honest estimate is called too modest.
+//   -n N   N runs of each recording, with random errors of the initial poses and calibrations, drawn as the
+//          first options state. NEES shows whether covariances are consistent only if the given values have
+//          the stated errors. With exact initial poses every consistent estimate appears too pessimistic.
 
 #include <cmath>
 #include <cstdio>
@@ -23,7 +23,7 @@ struct Variant {
   std::string name;
   estimation::EstimatorOptions options;
   RecordedRun sum;
-  double squares = 0.0;  ///< of the runs' NEES
+  double squares = 0.0;  ///< sum of squares of the runs' NEES
   int runs = 0;
 };
 
@@ -37,8 +37,8 @@ std::vector<Variant> variantsOf(const std::string& texts) {
   return variants;
 }
 
-/// The data as it would be given by people who measure as well as the options say.
-void flaw(dataset::Dataset& data, const estimation::EstimatorOptions& o, std::mt19937& random) {
+/// Adds errors to initial poses and calibrations, with the standard deviations that the options state.
+void addErrors(dataset::Dataset& data, const estimation::EstimatorOptions& o, std::mt19937& random) {
   std::normal_distribution<double> unit(0.0, 1.0);
   for (auto& robot : data.robots) {
     auto& camera = robot.fisheye->camera;
@@ -83,7 +83,7 @@ int main(int argc, char** argv) {
     for (int draw = 0; draw < std::max(1, draws); ++draw) {
       auto data = dataset::Dataset::open(argv[i]);
       std::mt19937 random(static_cast<std::uint32_t>(1000 * i + draw));
-      if (draws > 0) flaw(data, variants.front().options, random);
+      if (draws > 0) addErrors(data, variants.front().options, random);
       std::vector<localizer::testing::RecordedTime> times;
       for (std::size_t v = 0; v < variants.size(); ++v) {
         const RecordedRun run =

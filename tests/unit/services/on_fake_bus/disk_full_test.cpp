@@ -1,4 +1,4 @@
-// A disk that fills up: the old map stays whole, the run tells what could not be written and goes on.
+// A full disk: the old map stays intact, the run reports what could not be written and continues.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +20,8 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-/// Files of this process cannot grow beyond `bytes` while it lives: what a full disk does to write().
+/// During its lifetime files of this process cannot exceed `bytes`, which write() reports as a full disk
+/// does.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) {
@@ -49,7 +50,7 @@ std::map<std::string, std::string> mapFiles(const fs::path& out) {
   return files;
 }
 
-TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
+TEST(DiskFull, KeepsOldMapAndReportsFailure) {
   const fs::path out = fs::temp_directory_path() / ("omnifleet_disk_full_" + std::to_string(::getpid()));
   services::InProcessRun run;
   run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
@@ -58,68 +59,69 @@ TEST(DiskFull, TheOldMapStaysWholeAndTheRunSaysSo) {
   const auto before = mapFiles(out);
   for (const auto& [name, bytes] : before) EXPECT_FALSE(bytes.empty()) << name;
 
-  // Another run into the same place: another map, and no room for it. Whom this one never locates has no
-  // path.
+  // A second run with another map into the same folder, with no space left. Robots that this run never
+  // localizes must have no trajectory files.
   std::ofstream(out / "trajectories" / "gone.tum") << "1 0 0 0 0 0 0 1\n";
   std::ofstream(out / "covariances" / "gone.csv") << "1\n";
-  std::ofstream(out / "trajectories" / "notes.txt") << "of a person\n";
+  std::ofstream(out / "trajectories" / "notes.txt") << "a user's notes\n";
   const fs::path overlay = out / "overlay.yaml";
   std::ofstream(overlay) << "world: {seed: 2}\n";
   run.overlays = {overlay};
   run.log_level = "off";
-  std::string told;
-  run.on_problem = [&](const std::string& service, const std::string& problem) {
-    told += service + ": " + problem + "\n";
+  std::string log;
+  run.on_message = [&](const std::string& service, const Message& message) {
+    log += service + ": " + toLogLine(message) + "\n";
   };
   {
     const FullDisk full(100);
-    EXPECT_FALSE(services::runInProcess(run)) << "the caller must know";
+    EXPECT_FALSE(services::runInProcess(run)) << "the failure must be returned";
   }
   for (const auto& [name, bytes] : mapFiles(out)) {
     if (name == "map.yaml") continue;  // small enough to fit
-    EXPECT_TRUE(bytes == before.at(name)) << name << " was damaged";
-    EXPECT_THAT(told, HasSubstr(name + ": cannot be written"));
+    EXPECT_TRUE(bytes == before.at(name)) << name << " must be unchanged";
+    EXPECT_THAT(log, HasSubstr("/" + name + ": "));
   }
   EXPECT_FALSE(fs::exists(out / "trajectories" / "gone.tum"));
   EXPECT_FALSE(fs::exists(out / "covariances" / "gone.csv"));
   EXPECT_TRUE(fs::exists(out / "trajectories" / "notes.txt"));
-  EXPECT_THAT(told, HasSubstr("tracks")) << "the rows beside the map are given up, too";
+  EXPECT_THAT(log, HasSubstr("tracks")) << "side outputs must be reported as well";
+  EXPECT_THAT(log, HasSubstr("[file_write_failed] map not saved completely"));
   for (const auto& entry : fs::directory_iterator(out)) {
-    EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path() << " was left behind";
+    EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path() << " must be removed";
   }
   fs::remove_all(out);
 }
 
-TEST(DiskFull, AnOutputThatCannotBeMadeIsNamedBeforeTheRun) {
+TEST(DiskFull, NamesUnusableOutputBeforeRun) {
   const fs::path out = fs::temp_directory_path() / ("omnifleet_no_out_" + std::to_string(::getpid()));
-  std::ofstream(out) << "a file where the folder would be";
+  std::ofstream(out) << "a file in place of the folder";
   services::InProcessRun run;
   run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
   run.out = out;
-  const auto everyRound = [](std::uint64_t) { ADD_FAILURE() << "it ran"; };
+  const auto everyRound = [](std::uint64_t) { ADD_FAILURE() << "the run must not start"; };
   try {
     services::runInProcess(run, everyRound);
-    ADD_FAILURE() << "taken";
+    ADD_FAILURE() << "the output must be rejected";
   } catch (const options::Error& error) {
     EXPECT_THAT(error.what(), HasSubstr(out.string()));
   }
   fs::remove_all(out);
 }
 
-TEST(DiskFull, ARowFileThatCannotBeMadeIsGivenUpAndTheMapIsSaved) {
+TEST(DiskFull, SavesMapWhenSideOutputFails) {
   const fs::path out = fs::temp_directory_path() / ("omnifleet_no_rows_" + std::to_string(::getpid()));
   fs::create_directories(out);
-  std::ofstream(out / "tracks") << "a file where the folder would be";
+  std::ofstream(out / "tracks") << "a file in place of the folder";
   services::InProcessRun run;
   run.fleet_file = std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml";
   run.out = out;
   run.log_level = "off";
-  std::string told;
-  run.on_problem = [&](const std::string& service, const std::string& problem) {
-    told += service + ": " + problem + "\n";
+  std::string log;
+  run.on_message = [&](const std::string& service, const Message& message) {
+    log += service + ": " + toLogLine(message) + "\n";
   };
   EXPECT_TRUE(services::runInProcess(run));
-  EXPECT_THAT(told, HasSubstr("tracks: cannot be"));
+  EXPECT_THAT(log, AllOf(HasSubstr("[file_write_failed]"), HasSubstr("tracks")));
   EXPECT_FALSE(mapFiles(out).at("map.bt").empty());
   fs::remove_all(out);
 }

@@ -9,17 +9,23 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-TEST(FaultRuns, ACameraOfAnotherSizeIsToldOnceAndCounted) {
+Message mismatch(const std::string& text) {
+  return {ErrorCode::kImageSizeMismatch, text};
+}
+
+TEST(FaultRuns, ReportsRepeatedFaultOnceAndCountsFrames) {
   FaultRuns faults;
-  EXPECT_THAT(faults.add("", ""), IsEmpty());
-  EXPECT_THAT(faults.add("a.png", "is 641×480"), ElementsAre("a.png: is 641×480"));
-  for (int i = 0; i < 20; ++i) EXPECT_THAT(faults.add("b.png", "is 641×480"), IsEmpty());
-  EXPECT_THAT(faults.add("c.png", "is 320×240"),
-              ElementsAre("21 frames in a row: is 641×480", "c.png: is 320×240"));
-  EXPECT_THAT(faults.add("", ""), IsEmpty()) << "one only";
-  EXPECT_THAT(faults.add("d.png", "is 320×240"), ElementsAre("d.png: is 320×240")) << "again";
-  faults.add("e.png", "is 320×240");
-  EXPECT_THAT(faults.end(), ElementsAre("2 frames in a row: is 320×240"));
+  const Message wide = mismatch("641×480"), small = mismatch("320×240");
+  EXPECT_THAT(faults.add("", {}), IsEmpty());
+  EXPECT_THAT(faults.add("a.png", wide), ElementsAre(mismatch("a.png: 641×480; frame rejected")));
+  for (int i = 0; i < 20; ++i) EXPECT_THAT(faults.add("b.png", wide), IsEmpty());
+  EXPECT_THAT(faults.add("c.png", small), ElementsAre(mismatch("21 consecutive frames rejected: 641×480"),
+                                                      mismatch("c.png: 320×240; frame rejected")));
+  EXPECT_THAT(faults.add("", {}), IsEmpty()) << "a single frame needs no count";
+  EXPECT_THAT(faults.add("d.png", small), ElementsAre(mismatch("d.png: 320×240; frame rejected")))
+      << "a new fault after a good frame";
+  faults.add("e.png", small);
+  EXPECT_THAT(faults.end(), ElementsAre(mismatch("2 consecutive frames rejected: 320×240")));
   EXPECT_THAT(faults.end(), IsEmpty());
 }
 

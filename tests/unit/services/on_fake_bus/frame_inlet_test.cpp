@@ -1,4 +1,4 @@
-// The end of a camera's frames, also where the last of them were lost.
+// The end of a camera's frames, including the case in which the last frames were lost.
 
 #include <gtest/gtest.h>
 
@@ -13,13 +13,13 @@ namespace {
 
 using std::chrono::steady_clock;
 
-/// A camera that says that it gave five frames, of which three came.
+/// A camera that announces five frames, of which three arrive.
 class LostFrames : public testing::TestWithParam<bus::RunMode> {
  protected:
   LostFrames()
       : network_(bus::makeFakeNetwork()),
-        theirs_(bus::makeFakeBus(network_, {})),
-        mine_(bus::makeFakeBus(network_, {})),
+        camera_bus_(bus::makeFakeBus(network_, {})),
+        inlet_bus_(bus::makeFakeBus(network_, {})),
         topics_(GetParam()) {
     options_.mode = GetParam();
     camera_.id = "r1/fisheye";
@@ -42,13 +42,13 @@ class LostFrames : public testing::TestWithParam<bus::RunMode> {
             std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>())};
   }
 
-  /// How long the inlet took to see the end; empty when it does not within `limit`.
-  /// @param stopped the camera has been told to stop before it says so
+  /// Time until the inlet detects the end; empty if it does not within `limit`. @param stopped the camera was
+  /// stopped before the announcement
   std::optional<steady_clock::duration> endAfter(TimeNs last, steady_clock::duration limit,
                                                  bool stopped = false) {
-    auto writer = theirs_->frameWriter(camera_.id, 16 * 16 * 3);
-    RunEnds mine(context(*mine_)), theirs(context(*theirs_));
-    FrameInlet inlet(context(*mine_), camera_, mine);
+    auto writer = camera_bus_->frameWriter(camera_.id, 16 * 16 * 3);
+    RunEnds inlet_ends(context(*inlet_bus_)), camera_ends(context(*camera_bus_));
+    FrameInlet inlet(context(*inlet_bus_), camera_, inlet_ends);
     bus::StatusBoard status;
     for (TimeNs t = 1; t <= 3; ++t) {
       send(*writer, t);
@@ -56,41 +56,41 @@ class LostFrames : public testing::TestWithParam<bus::RunMode> {
       EXPECT_TRUE(inlet.release(status));
     }
     EXPECT_FALSE(inlet.ended());
-    if (stopped) theirs_->requestStop();
-    theirs.announce("camera r1/fisheye", last, 5);
+    if (stopped) camera_bus_->requestStop();
+    camera_ends.announce("camera r1/fisheye", last, 5);
     const auto begun = steady_clock::now();
     while (steady_clock::now() - begun < limit) {
-      mine.poll();
+      inlet_ends.poll();
       if (inlet.ended()) return steady_clock::now() - begun;
     }
     return std::nullopt;
   }
 
   std::shared_ptr<bus::FakeNetwork> network_;
-  std::unique_ptr<bus::Bus> theirs_, mine_;
+  std::unique_ptr<bus::Bus> camera_bus_, inlet_bus_;
   bus::Topics topics_;
   bus::ServiceOptions options_;
   fleet::CameraSpec camera_;
 };
 
-TEST_P(LostFrames, TheEndIsSeenLiveAndWaitedForWhereNothingMayBeLost) {
+TEST_P(LostFrames, LiveModeEndsAfterGraceReplayWaitsForFrames) {
   const auto took = endAfter(5, 4 * FrameInlet::kGrace);
   if (GetParam() == bus::RunMode::kLive) {
     ASSERT_TRUE(took);
-    EXPECT_GE(*took, FrameInlet::kGrace) << "frames may be on their way";
+    EXPECT_GE(*took, FrameInlet::kGrace) << "frames may still arrive";
   } else {
     EXPECT_FALSE(took);
   }
 }
 
-TEST_P(LostFrames, TheEndIsSeenAtOnceWhereTheLastFrameCame) {
+TEST_P(LostFrames, EndsAtOnceAfterLastFrame) {
   const auto took = endAfter(3, 4 * FrameInlet::kGrace);
   ASSERT_TRUE(took);
   EXPECT_LT(*took, FrameInlet::kGrace);
 }
 
-/// Live it may be started again, and its frames go on; where nothing may be lost it may not.
-TEST_P(LostFrames, WhoIsStoppedEndsHisStreamWhereNobodyStartsHimAgain) {
+/// In live mode a stopped camera may be restarted and continue; in replay mode it may not.
+TEST_P(LostFrames, StoppedCameraEndsItsStreamOnlyInReplay) {
   EXPECT_EQ(endAfter(3, 2 * FrameInlet::kGrace, true).has_value(), GetParam() == bus::RunMode::kReplay);
 }
 

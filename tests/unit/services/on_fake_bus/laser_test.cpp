@@ -1,5 +1,5 @@
-// A robot with a laser and no camera: its local mapper fed by a scanner, good and bad; and a whole fleet of
-// such robots over a recording made in the arena.
+// A robot with a laser and no camera: its local mapper with valid and invalid scans, and a fleet of such
+// robots on a recording of the arena.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -46,7 +46,7 @@ class Folder {
 
 constexpr int kImageWidth = 480, kImageHeight = 360;
 
-/// `camera`: a fisheye beside the laser.
+/// @param camera adds a fisheye
 std::string fleetFile(const Folder& folder, bool camera = false) {
   std::ofstream(folder / "laser.yaml") << "position_m: [0, 0, 0.1]\nrange_max_m: 5\nrange_sigma_m: 0.005\n";
   std::ofstream(folder / "fleet.yaml")
@@ -60,7 +60,7 @@ std::string fleetFile(const Folder& folder, bool camera = false) {
   return folder / "fleet.yaml";
 }
 
-/// The local mapper of r1, its scanner and its wheels.
+/// The local mapper of r1 with its scanner and wheels.
 class LaserStage : public testing::Test {
  protected:
   explicit LaserStage(bool camera = false)
@@ -70,7 +70,7 @@ class LaserStage : public testing::Test {
         wheels_(bench_.bus().writer(bench_.topics.wheels_odometry, "r1")),
         maps_(bench_.bus().reader(bench_.topics.local_map, "r1")) {}
 
-  /// A disc of 15 cm straight ahead, 1 m away.
+  /// A disc of 15 cm radius, 1 m straight ahead.
   v1::LaserScan scan(std::uint32_t index) const {
     v1::LaserScan sample;
     sample.robot("r1");
@@ -96,16 +96,24 @@ class LaserStage : public testing::Test {
     sample.v_right_mps(0.1);
     ASSERT_TRUE(wheels_->write(sample));
   }
-  /// One scan in, the stage's one answer out.
+  /// Sends one scan. @return the stage's answer
   v1::LocalMap answerTo(const v1::LaserScan& sample) {
     EXPECT_TRUE(scans_->write(sample));
     sendWheels(sample.header().acquired_ns());
     bench_.spin();
     v1::LocalMap answer, none;
-    EXPECT_TRUE(maps_->take(answer)) << "every scan has an answer";
-    EXPECT_FALSE(maps_->take(none)) << "and only one";
+    EXPECT_TRUE(maps_->take(answer)) << "every scan must have an answer";
+    EXPECT_FALSE(maps_->take(none)) << "a scan must have only one answer";
     EXPECT_EQ(answer.header().sequence_number(), sample.header().sequence_number());
     return answer;
+  }
+
+  /// Expects one new message.
+  void expectMessage(ErrorCode code, const std::string& text) {
+    const std::vector<Message> messages = bench_.messages();
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(messages[0].code, code);
+    EXPECT_THAT(messages[0].text, HasSubstr(text));
   }
 
   Folder folder_;
@@ -115,7 +123,7 @@ class LaserStage : public testing::Test {
   std::unique_ptr<bus::Reader<v1::LocalMap>> maps_;
 };
 
-TEST_F(LaserStage, AScanBecomesALocalMap) {
+TEST_F(LaserStage, ConvertsScanToLocalMap) {
   answerTo(scan(0));
   const v1::LocalMap map = answerTo(scan(1));
   EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
@@ -126,50 +134,50 @@ TEST_F(LaserStage, AScanBecomesALocalMap) {
   EXPECT_NEAR(map.objects()[0].contact().x(), 0.85, 1e-3);
   ASSERT_EQ(map.scan().range_m().size(), kBeams);
   EXPECT_NEAR(map.scan().range_m()[0], 0.85, 1e-3);
-  EXPECT_EQ(map.scan().range_m()[180], 5.0f) << "free as far as the scanner reaches";
+  EXPECT_EQ(map.scan().range_m()[180], 5.0f) << "free up to the range of the scanner";
 }
 
-TEST_F(LaserStage, ImpossibleScansAreRejectedAndCountedAndTheStageGoesOn) {
+TEST_F(LaserStage, RejectsInvalidScansAndContinues) {
   EXPECT_EQ(answerTo(scan(0)).state(), v1::FrameState::FRAME_OK);
   std::uint32_t index = 0, invalid = 0;
-  const auto spoilt = [&](auto&& spoil) {
+  const auto stateWith = [&](auto&& damage) {
     v1::LaserScan sample = scan(++index);
-    spoil(sample);
+    damage(sample);
     const v1::LocalMap map = answerTo(sample);
     EXPECT_TRUE(map.objects().empty() && map.scan().range_m().empty());
     EXPECT_EQ(bench_.status().invalid, ++invalid);
-    EXPECT_THAT(bench_.status().last_error, HasSubstr("scan " + std::to_string(index) + " of laser r1"));
+    EXPECT_THAT(bench_.status().last_error.text, HasSubstr("scan " + std::to_string(index) + " of laser r1"));
     EXPECT_EQ(answerTo(scan(++index)).state(), v1::FrameState::FRAME_OK);
     return map.state();
   };
-  EXPECT_EQ(spoilt([](auto& s) { s.range_m()[7] = std::nanf(""); }), v1::FrameState::FRAME_NON_FINITE);
-  EXPECT_EQ(spoilt([](auto& s) { s.range_m()[7] = -0.5f; }), v1::FrameState::FRAME_NON_FINITE);
-  EXPECT_EQ(spoilt([](auto& s) { s.angle_increment_rad(0.0); }), v1::FrameState::FRAME_NON_FINITE);
-  EXPECT_EQ(spoilt([](auto& s) { s.angle_min_rad(std::nan("")); }), v1::FrameState::FRAME_NON_FINITE);
-  EXPECT_EQ(spoilt([](auto& s) { s.range_max_m(-1.0f); }), v1::FrameState::FRAME_NON_FINITE);
-  EXPECT_EQ(spoilt([](auto& s) { s.range_m().clear(); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.range_m()[7] = std::nanf(""); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.range_m()[7] = -0.5f; }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.angle_increment_rad(0.0); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.angle_min_rad(std::nan("")); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.range_max_m(-1.0f); }), v1::FrameState::FRAME_NON_FINITE);
+  EXPECT_EQ(stateWith([](auto& s) { s.range_m().clear(); }), v1::FrameState::FRAME_NON_FINITE);
   EXPECT_EQ(bench_.status().drops, 6u);
-  EXPECT_EQ(spoilt([](auto& s) { s.range_m().pop_back(); }), v1::FrameState::FRAME_WRONG_SIZE);
+  EXPECT_EQ(stateWith([](auto& s) { s.range_m().pop_back(); }), v1::FrameState::FRAME_WRONG_SIZE);
   EXPECT_EQ(answerTo(scan(++index)).state(), v1::FrameState::FRAME_OK);
 }
 
-/// However many of its scans come.
-TEST_F(LaserStage, ADeadScannerIsToldOnceAndLeavesTheMapAlone) {
+/// The failed scanner sends five scans.
+TEST_F(LaserStage, ReportsFailedScannerOnceAndSendsNoScan) {
   answerTo(scan(0));
-  bench_.problems();
+  bench_.messages();
   for (std::uint32_t index = 1; index < 6; ++index) {
-    v1::LaserScan dead = scan(index);
-    for (float& range : dead.range_m()) range = std::numeric_limits<float>::infinity();
-    const v1::LocalMap map = answerTo(dead);
+    v1::LaserScan failed = scan(index);
+    for (float& range : failed.range_m()) range = std::numeric_limits<float>::infinity();
+    const v1::LocalMap map = answerTo(failed);
     EXPECT_EQ(map.state(), v1::FrameState::FRAME_DARK);
     EXPECT_TRUE(map.scan().range_m().empty());
   }
-  EXPECT_THAT(bench_.problems(), testing::ElementsAre(HasSubstr("scan 1 of laser r1: no beam has an echo")));
+  expectMessage(ErrorCode::kScanRejected, "scan 1 of laser r1: ");
   EXPECT_EQ(answerTo(scan(6)).state(), v1::FrameState::FRAME_OK);
-  EXPECT_THAT(bench_.problems(), testing::ElementsAre(HasSubstr("5 frames in a row: no beam has an echo")));
+  expectMessage(ErrorCode::kScanRejected, "5 consecutive frames rejected: ");
 }
 
-TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
+TEST_F(LaserStage, RejectsScanOutOfOrder) {
   answerTo(scan(2));
   ASSERT_TRUE(scans_->write(scan(1)));
   ASSERT_TRUE(scans_->write(scan(2)));
@@ -177,10 +185,11 @@ TEST_F(LaserStage, AScanOutOfOrderIsDroppedAndCounted) {
   v1::LocalMap none;
   EXPECT_FALSE(maps_->take(none));
   EXPECT_EQ(bench_.status().drops, 2u);
-  EXPECT_THAT(bench_.status().last_error, HasSubstr("laser r1: a sample out of order"));
+  EXPECT_EQ(bench_.status().last_error.code, ErrorCode::kSampleOutOfOrder);
+  EXPECT_THAT(bench_.status().last_error.text, HasSubstr("laser r1: "));
 }
 
-/// The same robot with a camera, too, that sees nothing but floor.
+/// The same robot with an additional camera that sees only floor.
 class LaserBesideCamera : public LaserStage {
  protected:
   LaserBesideCamera()
@@ -204,8 +213,7 @@ class LaserBesideCamera : public LaserStage {
     EXPECT_TRUE(scans_->write(older));
     sendFrame(index);
     sendWheels(index * kScanPeriod);
-    v1::LaserScan next =
-        scan(index);  // lockstep waits until it knows that no other scan comes before the frame
+    v1::LaserScan next = scan(index);  // lockstep waits until no other scan can precede the frame
     next.header().acquired_ns(index * kScanPeriod + 1);
     if (age > 0) {
       EXPECT_TRUE(scans_->write(next));
@@ -213,30 +221,30 @@ class LaserBesideCamera : public LaserStage {
     bench_.spin();
     v1::LocalMap answer, none;
     EXPECT_TRUE(maps_->take(answer));
-    EXPECT_FALSE(maps_->take(none)) << "scans alone make no local map";
+    EXPECT_FALSE(maps_->take(none)) << "a scan alone must not give a local map";
     return answer;
   }
 
   std::unique_ptr<bus::FrameWriter> camera_;
 };
 
-TEST_F(LaserBesideCamera, TheScanOfTheMomentJoinsTheCameras) {
+TEST_F(LaserBesideCamera, MergesScanOfSameTimeWithCamera) {
   const v1::LocalMap map = answerTo(1, 0);
   EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
-  EXPECT_NEAR(map.camera_height_m(), 0.5, 1e-9) << "the camera's local map";
+  EXPECT_NEAR(map.camera_height_m(), 0.5, 1e-9) << "the local map must be that of the camera";
   EXPECT_NEAR(map.scan().range_m()[0], 0.85, 2e-3);
   EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kUnknown));
   EXPECT_EQ(map.scan().label()[180], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
-  EXPECT_LT(map.scan().range_m()[180], 4.0f) << "as far as the camera sees floor";
+  EXPECT_LT(map.scan().range_m()[180], 4.0f) << "limited to the range of the camera";
 }
 
-TEST_F(LaserBesideCamera, AnOlderScanDoesNot) {
+TEST_F(LaserBesideCamera, IgnoresOlderScan) {
   const v1::LocalMap map = answerTo(1, kScanPeriod / 2);
   EXPECT_EQ(map.state(), v1::FrameState::FRAME_OK);
   EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
 }
 
-/// Two robots drive past three obstacles within walls, each once round them.
+/// Two robots drive past two obstacles within walls, one on each side.
 synthetic::Arena arena() {
   return synthetic::Arena::read(options::Section::parse(R"(
 name: lasers
@@ -265,7 +273,7 @@ std::map<std::string, std::string> resultsOf(const fs::path& out) {
   return files;
 }
 
-TEST(LaserFleet, ARecordingOfScansBecomesAMapTwiceTheSame) {
+TEST(LaserFleet, MapsRecordingOfScansReproducibly) {
   const Folder folder("omnifleet_laser_fleet");
   const synthetic::Arena scene = arena();
   world::RecordingOptions options;
@@ -278,16 +286,16 @@ TEST(LaserFleet, ARecordingOfScansBecomesAMapTwiceTheSame) {
 
   const auto found = dataset::readObjects(folder / "one/objects.geojson");
   const auto truth = scene.truthScene(0.0);
-  ASSERT_EQ(found.size(), truth.size()) << "nothing missed, nothing false: walls and robots are no obstacles";
+  ASSERT_EQ(found.size(), truth.size()) << "no missed and no false obstacle: walls and robots do not count";
   for (const auto& object : truth) {
     double nearest = 1.0;
     for (const auto& seen : found) nearest = std::min(nearest, (seen.centroid_m - object.centroid_m).norm());
-    EXPECT_LT(nearest, 0.02) << "each side is known to half a centimetre, the paths to a centimetre";
+    EXPECT_LT(nearest, 0.02) << "sides are accurate to 0.5 cm, paths to 1 cm";
   }
   for (const std::string robot : {"r1", "r2"}) {
     const auto path = dataset::readTum((folder / ("one/trajectories/" + robot + ".tum")).string());
     const auto true_path = dataset::readTum((folder / ("recording/groundtruth/" + robot + ".tum")).string());
-    ASSERT_EQ(path.size(), true_path.size()) << "a row per scan";
+    ASSERT_EQ(path.size(), true_path.size()) << "one row per scan";
     const Eigen::Vector2d off = (path.back().position_m - true_path.back().position_m).head<2>();
     EXPECT_LT(off.norm(), 0.05) << robot;
   }
@@ -296,7 +304,7 @@ TEST(LaserFleet, ARecordingOfScansBecomesAMapTwiceTheSame) {
     const auto* node = tree.search(x, y, 0.0);
     return node == nullptr ? -1 : tree.isNodeOccupied(node) ? 1 : 0;
   };
-  EXPECT_EQ(occupied(-0.6, 0.4), 0) << "open floor";
+  EXPECT_EQ(occupied(-0.6, 0.4), 0) << "free floor";
   EXPECT_EQ(occupied(0.7, 0.23), 1) << "the near side of the cylinder";
   EXPECT_EQ(occupied(-0.6, 1.62), 1) << "a wall";
 

@@ -1,4 +1,5 @@
-// When the replica that speaks goes on: live, when it publishes the map; replayed, for whom it waits.
+// Progress of the replica that publishes the map. Live mode: when it publishes. Replay mode: which poses it
+// waits for.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,11 +15,11 @@ namespace {
 
 constexpr TimeNs kStep = 400'000'000;
 
-/// The first robot's merger; its classifier, its localizer and the other robot are played.
-class PlayedMerger : public testing::Test {
+/// The merger of the first robot. The test plays its classifier, its localizer and the other robot.
+class MergerFixture : public testing::Test {
  protected:
-  explicit PlayedMerger(bus::RunMode mode) : bench_("global_merger", "r1", "", "", mode) {}
-  /// @param lump something stands a metre ahead, without a track
+  explicit MergerFixture(bus::RunMode mode) : bench_("global_merger", "r1", "", "", mode) {}
+  /// @param lump an obstacle without a track, one metre ahead
   void objects(int step, bool lump = false) {
     Objects seen;
     seen.robot = "r1";
@@ -40,7 +41,7 @@ class PlayedMerger : public testing::Test {
     ASSERT_TRUE(objects_->write(wire));
     bench_.spin();
   }
-  /// @param others how far poses of others have been published
+  /// @param others last published pose times of the other robots
   void pose(const std::string& robot, int step, const std::map<std::string, int>& others = {}) {
     PoseEstimate estimate;
     estimate.robot = robot;
@@ -78,57 +79,57 @@ class PlayedMerger : public testing::Test {
       bench_.bus().reader(bench_.topics.map_contribution);
 };
 
-class LiveMerger : public PlayedMerger {
+class LiveMerger : public MergerFixture {
  protected:
-  LiveMerger() : PlayedMerger(bus::RunMode::kLive) {}
+  LiveMerger() : MergerFixture(bus::RunMode::kLive) {}
 };
 
-TEST_F(LiveMerger, PublishesInALull) {
-  bench_.lull();
-  EXPECT_EQ(maps(), 0);  // nothing was mapped
+TEST_F(LiveMerger, PublishesInIdleWindow) {
+  bench_.idle();
+  EXPECT_EQ(maps(), 0);  // no map yet
   int published = 0;
   for (int step = 1; step <= 12; ++step) {
-    pose("r2", step);  // the others may be ahead
+    pose("r2", step);  // other robots may be ahead
     objects(step);
     pose("r1", step);
     EXPECT_EQ(contributions(), 1) << step;
-    EXPECT_EQ(maps(), 0) << step;  // others' frames may still be on their way
-    bench_.lull();
+    EXPECT_EQ(maps(), 0) << step;  // frames of other robots may still arrive
+    bench_.idle();
     published += maps();
   }
   EXPECT_EQ(published, 4);  // every 1.2 s
 }
 
-TEST_F(LiveMerger, PublishesWithoutFramesOfItsOwn) {
+TEST_F(LiveMerger, PublishesWithoutOwnFrames) {
   for (int step = 1; step <= 2; ++step) {
     objects(step);
     pose("r1", step);
-    bench_.lull();
+    bench_.idle();
   }
   EXPECT_EQ(contributions(), 2);
-  EXPECT_EQ(maps(), 1);  // without what the second one saw
-  objects(3);            // the localizer is lost: no pose of r1 comes any more
-  bench_.lull();
+  EXPECT_EQ(maps(), 1);  // without the second contribution
+  objects(3);            // the localizer is lost: no further pose of r1 arrives
+  bench_.idle();
   EXPECT_EQ(maps(), 0);
   pose("r2", 4);
-  bench_.lull();
+  bench_.idle();
   EXPECT_EQ(maps(), 1);
 }
 
-class ReplayedMerger : public PlayedMerger {
+class ReplayedMerger : public MergerFixture {
  protected:
-  ReplayedMerger() : PlayedMerger(bus::RunMode::kReplay) {}
+  ReplayedMerger() : MergerFixture(bus::RunMode::kReplay) {}
 };
 
-TEST_F(ReplayedMerger, WaitsForThoseWhoMayStillTellSomething) {
+TEST_F(ReplayedMerger, WaitsForRobotsThatMayPublishEarlierPoses) {
   objects(1);
   pose("r1", 1);
-  EXPECT_EQ(contributions(), 0);  // a pose of r2 may come that is as old
+  EXPECT_EQ(contributions(), 0);  // an equally old pose of r2 may arrive
   pose("r2", 1);
   EXPECT_EQ(contributions(), 1);
 }
 
-TEST_F(ReplayedMerger, ARobotThatTellsNothingHoldsNobodyUp) {
+TEST_F(ReplayedMerger, DoesNotWaitForRobotWithoutNewPoses) {
   objects(1);
   pose("r2", 1);
   pose("r1", 1);
@@ -140,23 +141,24 @@ TEST_F(ReplayedMerger, ARobotThatTellsNothingHoldsNobodyUp) {
   }
 }
 
-/// The last line is all that who follows the status sees.
-TEST_F(ReplayedMerger, ItsLastLineSaysInHowManyPlacesTheMapMayShowTooLittle) {
+/// The status keeps only the last message.
+TEST_F(ReplayedMerger, LastMessageCountsMapWarnings) {
   for (int step = 1; step <= 4; ++step) {
     objects(step, true);
     pose("r2", step);
     pose("r1", step, {{"r2", step}});
   }
-  EXPECT_EQ(bench_.status().last_error, "");
+  EXPECT_EQ(bench_.status().last_error, Message{});
   bench_.drain();
-  const std::vector<std::string> told = bench_.problems();
-  ASSERT_GE(told.size(), 2u);
-  EXPECT_THAT(told.front(), testing::HasSubstr("occupied, but without an outline"));
-  EXPECT_THAT(told.back(),
-              testing::HasSubstr("the map may show too little: 0 seen but not in it, 0 but thin, 1 without"));
+  const std::vector<Message> messages = bench_.messages();
+  ASSERT_GE(messages.size(), 2u);
+  EXPECT_EQ(messages.front().code, ErrorCode::kOutlinesUncertain);
+  EXPECT_EQ(messages.back().code, ErrorCode::kMapIncomplete);
+  EXPECT_THAT(messages.back().text,
+              testing::HasSubstr("0 candidates rejected, 0 thin, 1 without an outline"));
 }
 
-TEST_F(ReplayedMerger, ARobotWithoutFramesOfItsOwnTakesWhatTheOthersTell) {
+TEST_F(ReplayedMerger, ContributesWhenOwnFramesStartLate) {
   for (int step = 1; step <= 5; ++step) pose("r2", step, {{"r1", 0}});
   objects(6);
   pose("r1", 6, {{"r2", 5}});

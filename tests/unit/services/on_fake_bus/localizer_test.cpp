@@ -1,4 +1,4 @@
-// What the localizer tells people, and what it does in a lull.
+// Messages of the localizer, its idle window, and its state recovery after a restart.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,11 +13,13 @@
 namespace omnifleet {
 namespace {
 
-using ::testing::HasSubstr;
+MATCHER_P2(IsMessage, code, text, "") {
+  return arg.code == code && arg.text.find(text) != std::string::npos;
+}
 
 constexpr TimeNs kFrame = 200'000'000;
 
-/// One frame of a robot, with nothing in sight yet.
+/// One frame of a robot without objects.
 Objects frameOf(const std::string& robot, int step) {
   Objects seen;
   seen.robot = robot;
@@ -40,8 +42,8 @@ bool write(bus::Writer<v1::Objects>& writer, const Objects& objects) {
   return writer.write(wire);
 }
 
-/// Both robots' classifiers are played: they stand, and each sees a thing that the other does
-/// not.
+/// The test plays the classifiers of both robots. The robots stand still, and each sees an obstacle that the
+/// other one does not see.
 class LiveLocalizer : public testing::Test {
  protected:
   LiveLocalizer() {
@@ -57,7 +59,7 @@ class LiveLocalizer : public testing::Test {
     bench_.spin();
   }
 
-  /// Round, 20 cm wide, 15 cm high; base_link.
+  /// An obstacle of 20 cm diameter and 15 cm height, in base_link.
   static Track bin(const Eigen::Vector2d& at_m) {
     Track track;
     track.id = 1;
@@ -80,19 +82,19 @@ class LiveLocalizer : public testing::Test {
   std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::Objects>>>> objects_;
 };
 
-/// What is in sight contradicts both starts, frame by frame.
-TEST_F(LiveLocalizer, ATroubleThatLastsIsToldOnceOfEachRobot) {
+/// The observations contradict both initial poses in every frame.
+TEST_F(LiveLocalizer, ReportsLastingContradictionOncePerRobot) {
   for (int step = 0; step < 40; ++step) {
     frames(step);
-    bench_.lull();
+    bench_.idle();
   }
-  const std::vector<std::string> told = bench_.problems();
-  ASSERT_EQ(told.size(), 2U);
-  for (const std::string& line : told) EXPECT_THAT(line, HasSubstr("is its initial_pose right?"));
-  EXPECT_NE(told[0], told[1]);
+  const std::vector<Message> messages = bench_.messages();
+  ASSERT_EQ(messages.size(), 2U);
+  for (const Message& message : messages) EXPECT_EQ(message.code, ErrorCode::kInitialPoseRejected);
+  EXPECT_NE(messages[0].text, messages[1].text);
 }
 
-TEST_F(LiveLocalizer, TheWindowIsSolvedAnewInALullOnceForEachRoundOfFrames) {
+TEST_F(LiveLocalizer, SolvesWindowInIdleTimeOncePerRoundOfFrames) {
   EXPECT_FALSE(bench_.background());
   for (int step = 0; step < 3; ++step) {
     frames(step);
@@ -101,12 +103,13 @@ TEST_F(LiveLocalizer, TheWindowIsSolvedAnewInALullOnceForEachRoundOfFrames) {
   }
 }
 
-/// The estimator has died in the middle of a run; the robots drive on, 5 cm a frame, and see nothing.
-class Successor : public testing::Test {
+/// The estimator was restarted in the middle of a run. The robots continue to drive, 5 cm per frame, and see
+/// no object.
+class RestartedLocalizer : public testing::Test {
  protected:
   static constexpr double kStep_m = 0.05;
 
-  Successor() {
+  RestartedLocalizer() {
     for (const char* robot : {"r1", "r2"}) {
       objects_.emplace_back(robot, bench_.bus().writer(bench_.topics.objects_kept, robot));
       keyframes_.emplace_back(robot, bench_.bus().writer(bench_.topics.map_keyframe_pose, robot));
@@ -121,7 +124,7 @@ class Successor : public testing::Test {
       ASSERT_TRUE(write(*writer, seen));
     }
   }
-  /// What the replicas of the map hold of a robot that drives along +x at this y.
+  /// Keyframe poses as the replicas of the map hold them.
   void keyframe(std::size_t robot, int step, const Pose2& at,
                 const Eigen::Vector4d& camera_error = {0, 0, 0, 0}, std::uint32_t term = 0) {
     PoseEstimate pose;
@@ -146,8 +149,8 @@ class Successor : public testing::Test {
     }
     bench_.spin();
   }
-  /// All that it told since the last call, invalid ones too.
-  std::vector<PoseEstimate> told(std::size_t robot) {
+  /// All poses since the last call, including invalid ones.
+  std::vector<PoseEstimate> published(std::size_t robot) {
     std::vector<PoseEstimate> all;
     v1::Pose wire;
     while (poses_[robot].second->take(wire)) adapters::fromWire(wire, all.emplace_back());
@@ -162,97 +165,100 @@ class Successor : public testing::Test {
   std::vector<std::pair<std::string, std::unique_ptr<bus::Reader<v1::Pose>>>> poses_;
 };
 
-TEST_F(Successor, GoesOnWhereTheMapLastSawTheRobotsAndTellsNoPoseBefore) {
+TEST_F(RestartedLocalizer, ContinuesFromLastMappedPoses) {
   for (int step = 50; step < 60; ++step) frame(step);
   bench_.spin();
-  EXPECT_TRUE(told(0).empty()) << "does not know yet where the robots are";
+  EXPECT_TRUE(published(0).empty()) << "the poses of the robots are not known yet";
   keyframe(0, 54, {3.0, 1.0, 0.0});
   keyframe(0, 55, {3.4, 1.0, 0.0});
-  keyframe(0, 55, {3.05, 1.0, 0.0}, {0.01, 0, 0, 0}, 1);  // as corrected
+  keyframe(0, 55, {3.05, 1.0, 0.0}, {0.01, 0, 0, 0}, 1);  // a correction with a newer term
   bench_.spin();
-  EXPECT_TRUE(told(0).empty()) << "of r2 nothing is known";
+  EXPECT_TRUE(published(0).empty()) << "the pose of r2 is not known yet";
   keyframe(1, 57, {-2.0, 0.5, M_PI});
   bench_.spin();
   for (const std::size_t robot : {0U, 1U}) {
-    const std::vector<PoseEstimate> poses = told(robot);
+    const std::vector<PoseEstimate> poses = published(robot);
     const int first = robot == 0 ? 55 : 57;
-    ASSERT_EQ(poses.size(), static_cast<std::size_t>(60 - first)) << "what came before was told already";
+    ASSERT_EQ(poses.size(), static_cast<std::size_t>(60 - first))
+        << "earlier poses were published before the restart";
     for (const PoseEstimate& pose : poses) {
-      const double way_m = kStep_m * static_cast<double>(pose.sequence - static_cast<std::uint32_t>(first));
+      const double driven_m =
+          kStep_m * static_cast<double>(pose.sequence - static_cast<std::uint32_t>(first));
       EXPECT_TRUE(pose.valid);
-      EXPECT_NEAR(pose.map_from_base.x_m, robot == 0 ? 3.05 + way_m : -2.0 - way_m, 1e-3);
+      EXPECT_NEAR(pose.map_from_base.x_m, robot == 0 ? 3.05 + driven_m : -2.0 - driven_m, 1e-3);
       EXPECT_NEAR(pose.map_from_base.y_m, robot == 0 ? 1.0 : 0.5, 1e-3);
-      EXPECT_GT(pose.covariance(0, 0), 1e-4) << "not as sure as a start";
+      EXPECT_GT(pose.covariance(0, 0), 1e-4) << "less certain than an initial pose";
       EXPECT_NEAR(pose.camera_error(0), robot == 0 ? 0.01 : 0.0, 1e-9)
-          << "what was found of the camera holds";
+          << "the estimated camera error must be kept";
     }
   }
-  EXPECT_TRUE(bench_.problems().empty());
+  EXPECT_TRUE(bench_.messages().empty());
 }
 
-/// Replicas tell what they hold from the oldest on.
-TEST_F(Successor, WaitsForAPoseFromWhichItsFramesLeadOn) {
+/// Replicas publish their content from the oldest entry on.
+TEST_F(RestartedLocalizer, WaitsForPoseThatPrecedesItsFrames) {
   keyframe(0, 20, {1.5, 1.0, 0.0});
   keyframe(1, 57, {-2.0, 0.5, M_PI});
   for (int step = 50; step < 60; ++step) frame(step);
   bench_.spin();
-  EXPECT_TRUE(told(0).empty()) << "r1 went on for 30 frames of which nothing is known";
+  EXPECT_TRUE(published(0).empty()) << "the motion of r1 in 30 frames is unknown";
   keyframe(0, 35, {2.25, 1.0, 0.0});
   bench_.spin();
-  EXPECT_TRUE(told(0).empty());
+  EXPECT_TRUE(published(0).empty());
   keyframe(0, 55, {3.25, 1.0, 0.0});
   bench_.spin();
-  const std::vector<PoseEstimate> poses = told(0);
+  const std::vector<PoseEstimate> poses = published(0);
   ASSERT_EQ(poses.size(), 5U);
   EXPECT_NEAR(poses.front().map_from_base.x_m, 3.25, 1e-3);
 }
 
-TEST_F(Successor, IsTheLessSureTheLongerNobodySawTheWay) {
+TEST_F(RestartedLocalizer, UncertaintyGrowsWithUnobservedTime) {
   keyframe(0, 40, {3.0, 1.0, 0.0});
   keyframe(1, 50, {2.0, 0.0, 0.0});
   for (int step = 50; step < 52; ++step) frame(step);
   bench_.spin();
-  ASSERT_TRUE(bench_.wakeAt()) << "a later pose of r1 may come";
+  ASSERT_TRUE(bench_.wakeAt()) << "a later pose of r1 may arrive";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
-  const auto r1 = told(0), r2 = told(1);
+  const auto r1 = published(0), r2 = published(1);
   ASSERT_EQ(r1.size(), 2U);
-  EXPECT_GT(std::sqrt(r1[0].covariance(0, 0)), 0.5) << "two seconds of driving at up to 0.5 m/s, at 1 σ";
+  EXPECT_GT(std::sqrt(r1[0].covariance(0, 0)), 0.5) << "2 s of driving at up to 0.5 m/s, at 1 σ";
   EXPECT_LT(std::sqrt(r2.at(0).covariance(0, 0)), 0.03);
 }
 
-TEST_F(Successor, HasNoPoseWhereNobodyKnowsAndSaysSo) {
-  for (int step = 60; step < 65; ++step) frame(step);  // older ones may have been kept no more
+TEST_F(RestartedLocalizer, ReportsRobotsWithoutKnownPose) {
+  for (int step = 60; step < 65; ++step) frame(step);  // older frames may no longer be in the history
   bench_.spin();
-  EXPECT_TRUE(told(0).empty());
-  ASSERT_TRUE(bench_.wakeAt()) << "it listens first";
+  EXPECT_TRUE(published(0).empty());
+  ASSERT_TRUE(bench_.wakeAt()) << "it must wait for replicas first";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
-  for (const PoseEstimate& pose : told(0)) EXPECT_FALSE(pose.valid);
-  EXPECT_THAT(bench_.problems(), testing::Contains(HasSubstr("r1: started again, and no replica")));
-  EXPECT_TRUE(bench_.succeeded()) << "the run goes on";
+  for (const PoseEstimate& pose : published(0)) EXPECT_FALSE(pose.valid);
+  EXPECT_THAT(bench_.messages(), testing::Contains(IsMessage(ErrorCode::kNotLocalized, "r1: no replica")));
+  EXPECT_TRUE(bench_.succeeded()) << "the run continues";
   end(65);
-  const std::vector<std::string> told_at_end = bench_.problems();
-  EXPECT_THAT(told_at_end, testing::Contains(HasSubstr("r2: was never located")));
-  EXPECT_THAT(told_at_end, testing::Contains(HasSubstr("no robot was ever located")));
+  const std::vector<Message> at_end = bench_.messages();
+  EXPECT_THAT(at_end, testing::Contains(IsMessage(ErrorCode::kNotLocalized, "r2: never localized")));
+  EXPECT_THAT(at_end, testing::Contains(IsMessage(ErrorCode::kNotLocalized, "no robot was ever localized")));
   EXPECT_FALSE(bench_.succeeded());
 }
 
-/// It died before anything was mapped: the run has only begun, and the first frames nobody ever had.
-TEST_F(Successor, OfRobotsWhoseFirstFrameIsThereTheStartsHold) {
+/// The localizer failed before the first map contribution. The run has just begun, and the first frames never
+/// arrived.
+TEST_F(RestartedLocalizer, UsesInitialPosesEarlyInRun) {
   for (int step = 9; step < 12; ++step) frame(step);
   bench_.spin();
-  ASSERT_TRUE(bench_.wakeAt()) << "it listens first";
+  ASSERT_TRUE(bench_.wakeAt()) << "it must wait for replicas first";
   std::this_thread::sleep_until(*bench_.wakeAt());
   bench_.spin();
-  const auto poses = told(0);
+  const auto poses = published(0);
   ASSERT_EQ(poses.size(), 3U);
   EXPECT_TRUE(poses[0].valid);
   const Pose2 off = fleet_.robots.front().initial_pose->inverse() * poses[2].map_from_base;
   EXPECT_NEAR(off.x_m, 2 * kStep_m, 1e-3);
   EXPECT_NEAR(off.y_m, 0.0, 1e-3);
   end(12);
-  EXPECT_TRUE(bench_.problems().empty());
+  EXPECT_TRUE(bench_.messages().empty());
   EXPECT_TRUE(bench_.succeeded());
 }
 

@@ -1,5 +1,5 @@
-// Wheels that slip, a robot that is carried away, wheels that say nothing at all: the whole fleet over
-// recordings of the arena, without ceiling cameras. It is told, and the map is not smeared.
+// Slipping wheels, a kidnapped robot, missing odometry: the whole fleet on recordings of the arena, without
+// ceiling cameras. Faults are reported, and the map is not smeared.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -25,8 +25,8 @@ using ::testing::HasSubstr;
 
 constexpr double kRate_hz = 5.0;
 
-/// r1 drives on from `start` past five obstacles, r2 stands and looks on. Speeds and noise are those of the
-/// arena's defaults.
+/// r1 drives from `start` past five obstacles; r2 stands still and observes. Speeds and noise are the
+/// defaults of the arena.
 std::string arenaText(const std::string& start, double duration_s, bool alone) {
   const std::string r2 = "  r2: {initial_pose: [1.0, -0.9, 2.0], speeds: [0, 0, 0]}\n";
   return "name: lost\nframes: {rate_hz: 5, duration_s: " + std::to_string(duration_s) +
@@ -46,14 +46,14 @@ std::string arenaText(const std::string& start, double duration_s, bool alone) {
          "    fov_deg: 185\n    position_m: [0, 0, 0.5]\n    self_mask_radius_px: 99\n";
 }
 
-/// Rows of a file with the time of its first column moved; the header is left out.
+/// Rows of a file with the times of the first column moved by `by_ns`, without the header.
 std::string later(const fs::path& path, TimeNs by_ns) {
   std::ifstream file(path);
   std::string text;
   for (std::string row; std::getline(file, row);) {
     if (row.empty() || row[0] == '#') continue;
     const std::size_t end = row.find_first_of(", ");
-    const bool seconds = row.find(' ') < row.find(',');  // TUM
+    const bool seconds = row.find(' ') < row.find(',');  // TUM format: seconds
     std::ostringstream time;
     if (seconds) {
       time.precision(9);
@@ -66,12 +66,12 @@ std::string later(const fs::path& path, TimeNs by_ns) {
   return text;
 }
 
-/// Recordings, made once, and what a run of one of them says.
+/// Recordings, created once, and the results of their runs.
 class LostRobot : public ::testing::Test {
  protected:
   struct Run {
     evaluate::Report report;
-    std::set<std::string> problems;
+    std::set<std::string> messages;
     std::string trajectory;  ///< of r1
     const evaluate::RobotReport& robot(std::size_t i) const { return report.robots.at(i); }
   };
@@ -108,17 +108,17 @@ class LostRobot : public ::testing::Test {
     options.dataset = data;
     options.out = *folder_ / (name + "_out");
     options.log_level = "off";
-    options.on_problem = [&](const std::string& service, const std::string& problem) {
-      result.problems.insert(service + ": " + problem);
+    options.on_message = [&](const std::string& service, const Message& message) {
+      result.messages.insert(service + ": " + toLogLine(message));
     };
     EXPECT_TRUE(services::runInProcess(options));
     result.report = evaluate::evaluateRun(options.out, data);
     std::printf("%s\n%s", name.c_str(), evaluate::table(result.report).c_str());
-    for (const std::string& problem : result.problems) std::printf("  %s\n", problem.c_str());
+    for (const std::string& message : result.messages) std::printf("  %s\n", message.c_str());
     return result;
   }
 
-  /// As good as the map of an undisturbed run: nothing missed, nothing twice, and as exact.
+  /// A map as good as that of an undisturbed run: no obstacle missed or doubled, and the same accuracy.
   void expectWholeMap(const Run& run) {
     const auto& map = *run.report.map;
     EXPECT_TRUE(map.missed.empty());
@@ -132,16 +132,16 @@ class LostRobot : public ::testing::Test {
 };
 test::TempFolder* LostRobot::folder_ = nullptr;
 
-TEST_F(LostRobot, UndisturbedNothingIsSaid) {
+TEST_F(LostRobot, UndisturbedRunReportsNoWheelFault) {
   const Run plain = run(undisturbed(), "undisturbed");
   expectWholeMap(plain);
-  for (const std::string& problem : plain.problems) EXPECT_THAT(problem, Not(HasSubstr("wheels")));
+  for (const std::string& message : plain.messages) EXPECT_THAT(message, Not(HasSubstr("[wheel_")));
   EXPECT_LT(plain.robot(0).path.distance_m, 0.01);
 }
 
-TEST_F(LostRobot, SlippingWheelsAreTold) {
+TEST_F(LostRobot, ReportsWheelSlip) {
   const std::string data = copyOf(undisturbed(), "slipping");
-  // For 0.6 s the wheels turn three times as fast as the robot drives: 18 cm that nobody drove.
+  // For 0.6 s the wheels turn three times as fast as the robot drives: 18 cm of false distance.
   std::ifstream rows(undisturbed() + "/r1/wheels/data.csv");
   std::ofstream out(data + "/r1/wheels/data.csv");
   TimeNs first = 0;
@@ -159,13 +159,13 @@ TEST_F(LostRobot, SlippingWheelsAreTold) {
   }
   out.close();
   const Run slipping = run(data, "slipping");
-  EXPECT_THAT(slipping.problems, Contains(HasSubstr("r1: wheels disagree with what is seen")));
+  EXPECT_THAT(slipping.messages, Contains(HasSubstr("[wheel_slip] r1: ")));
   EXPECT_LT(slipping.robot(0).path.max_m, 0.05);
   EXPECT_GT(slipping.robot(0).dead_reckoning->max_m, 0.10);
   expectWholeMap(slipping);
 }
 
-/// Appends a take to a recording, so many seconds after it; the wheels stood meanwhile.
+/// Appends a second recording to the first, `gap_s` later. The wheels stand still in the gap.
 void append(const std::string& after, double gap_s, const std::vector<const char*>& robots,
             const std::string& data) {
   const auto step = static_cast<TimeNs>(1e9 / kRate_hz);
@@ -198,36 +198,36 @@ void append(const std::string& after, double gap_s, const std::vector<const char
   }
 }
 
-TEST_F(LostRobot, ARobotCarriedAwayIsToldAndDoesNotSmearTheMap) {
-  // Two takes of one room, the second after r1 was carried 1.5 m and turned; r2 did not move.
-  const std::string data = copyOf(recorded("before", "[-1.3, -0.1, 0.0]", 3.0), "carried");
+TEST_F(LostRobot, RelocalizesKidnappedRobotWithoutSmearingMap) {
+  // Two recordings in one room; between them r1 was moved by 1.5 m and turned, r2 did not move.
+  const std::string data = copyOf(recorded("before", "[-1.3, -0.1, 0.0]", 3.0), "kidnapped");
   append(recorded("after", "[0.75, 0.05, 2.6]", 4.0), 0.0, {"r1", "r2"}, data);
-  const Run carried = run(data, "carried");
-  EXPECT_THAT(carried.problems, Contains(HasSubstr("r1: moved by hand: placed anew by what it sees")));
-  expectWholeMap(carried);
-  EXPECT_LT(carried.robot(0).path.max_m, 0.10);  // no frame at a wrong place is called a pose
-  EXPECT_GT(carried.robot(0).path.poses, 20);    // of 35: it found itself again
-  EXPECT_LT(carried.robot(1).path.max_m, 0.03);
+  const Run kidnapped = run(data, "kidnapped");
+  EXPECT_THAT(kidnapped.messages, Contains(HasSubstr("[kidnapped] r1: ")));
+  expectWholeMap(kidnapped);
+  EXPECT_LT(kidnapped.robot(0).path.max_m, 0.10);  // no valid pose may be wrong by more
+  EXPECT_GT(kidnapped.robot(0).path.poses, 20);    // of 35 frames: it relocalized
+  EXPECT_LT(kidnapped.robot(1).path.max_m, 0.03);
 }
 
-/// Nobody else tells where it is, and where it is put down it has seen little of what stands there.
-TEST_F(LostRobot, ALoneRobotCarriedBetweenTwoFramesOrInALongGapKeepsTheMap) {
+/// No other robot localizes it, and at its new place it has observed few of the obstacles there.
+TEST_F(LostRobot, KeepsMapWhenLoneRobotIsKidnapped) {
   const std::string before = recorded("lone_before", "[-1.3, -0.1, 0.0]", 1.6, true);
   const std::string after = recorded("lone_after", "[0.75, -0.2, -0.1]", 4.0, true);
   for (const double gap_s : {0.0, 8.0}) {
     const std::string name = gap_s > 0 ? "lone_gap" : "lone_at_once";
     const std::string data = copyOf(before, name);
     append(after, gap_s, {"r1"}, data);
-    const Run carried = run(data, name);
-    EXPECT_THAT(carried.problems, Contains(HasSubstr("moved by hand"))) << name;
-    ASSERT_TRUE(carried.report.map) << name;
-    EXPECT_TRUE(carried.report.map->falsely_found.empty()) << name;
-    EXPECT_LE(carried.report.map->missed.size(), 2u) << name;
-    EXPECT_LT(carried.robot(0).path.distance_m, 0.10) << name;
+    const Run kidnapped = run(data, name);
+    EXPECT_THAT(kidnapped.messages, Contains(HasSubstr("[kidnapped]"))) << name;
+    ASSERT_TRUE(kidnapped.report.map) << name;
+    EXPECT_TRUE(kidnapped.report.map->falsely_found.empty()) << name;
+    EXPECT_LE(kidnapped.report.map->missed.size(), 2u) << name;
+    EXPECT_LT(kidnapped.robot(0).path.distance_m, 0.10) << name;
   }
 }
 
-TEST_F(LostRobot, WithoutWheelsSightAloneLocates) {
+TEST_F(LostRobot, LocalizesWithoutWheelOdometry) {
   const std::string data = copyOf(undisturbed(), "no_wheels");
   for (const char* robot : {"r1", "r2"}) fs::remove_all(fs::path(data) / robot / "wheels");
   const Run blind = run(data, "no_wheels");

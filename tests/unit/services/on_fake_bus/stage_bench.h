@@ -15,8 +15,8 @@
 
 namespace omnifleet::test {
 
-/// A bare floor and what lies above its horizon, as an equidistant lens of 111.494 px shows them in the
-/// middle of its image, BGR8.
+/// A bare floor and the surroundings above its horizon in the centre of an image, BGR8, for an equidistant
+/// lens with f = 111.494 px.
 inline void drawBareFloor(std::uint8_t* pixels, int width, int height) {
   constexpr double kHorizon_px = 111.494 * 0.5 * M_PI;
   constexpr std::uint8_t kFloor = 120, kAbove = 60;
@@ -28,15 +28,16 @@ inline void drawBareFloor(std::uint8_t* pixels, int width, int height) {
   }
 }
 
-/// One stage of config/fleets/small.yaml, or of another fleet file, on the fake bus; the test plays its
+/// One stage of config/fleets/small.yaml (or of another fleet file) on the fake bus. The test plays its
 /// neighbours.
 class StageBench {
  public:
   explicit StageBench(const std::string& service, const std::string& robot, const std::string& out = {},
-                      const std::string& fleet = {}, bus::RunMode mode = bus::RunMode::kLockstep, int life = 1)
+                      const std::string& fleet = {}, bus::RunMode mode = bus::RunMode::kLockstep,
+                      int incarnation = 1)
       : network_(bus::makeFakeNetwork()),
-        theirs_(bus::makeFakeBus(network_, {})),
-        mine_(bus::makeFakeBus(network_, {})),
+        stage_bus_(bus::makeFakeBus(network_, {})),
+        test_bus_(bus::makeFakeBus(network_, {})),
         topics(mode) {
     bus::ServiceOptions options;
     options.fleet = fleet;
@@ -45,35 +46,35 @@ class StageBench {
     options.robot = robot;
     options.out = out;
     options.mode = mode;
-    options.life = life;
+    options.incarnation = incarnation;
     auto log = std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>());
-    stage_ = services::factoryOf(service)({*theirs_, options, topics, log});
+    stage_ = services::factoryOf(service)({*stage_bus_, options, topics, log});
     stage_->start();
   }
 
-  bus::Bus& bus() { return *mine_; }
+  bus::Bus& bus() { return *test_bus_; }
   void spin() {
     while (stage_->spin()) {
     }
   }
-  /// Nothing has come for a while.
-  void lull() {
+  /// Lets the stage work as in an idle window.
+  void idle() {
     do {
       spin();
     } while (stage_->background());
   }
-  /// The run is over, or was stopped.
+  /// The run has ended or was stopped.
   void drain() { stage_->drain(); }
   auto wakeAt() { return stage_->wakeAt(); }
   bool background() { return stage_->background(); }
   bool succeeded() const { return stage_->succeeded(); }
-  /// Told since the last call.
-  std::vector<std::string> problems() { return stage_->status().takeProblems(); }
+  /// Messages since the last call.
+  std::vector<Message> messages() { return stage_->status().takeMessages(); }
   bus::StatusBoard::Snapshot status() { return stage_->status().snapshot(bus::StatusBoard::Clock::now()); }
 
  private:
   std::shared_ptr<bus::FakeNetwork> network_;
-  std::unique_ptr<bus::Bus> theirs_, mine_;
+  std::unique_ptr<bus::Bus> stage_bus_, test_bus_;
 
  public:
   bus::Topics topics;

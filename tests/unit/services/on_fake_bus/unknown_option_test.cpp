@@ -1,4 +1,4 @@
-// A fleet in one process takes no option that it does not know.
+// A fleet in one process rejects unknown options and an unknown leader.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
 
-TEST(UnknownOption, IsRefusedInEveryService) {
+TEST(UnknownOption, IsRejectedInEveryService) {
   const fs::path folder = fs::temp_directory_path() / ("omnifleet_unknown_" + std::to_string(::getpid()));
   fs::create_directories(folder);
   for (const char* service :
@@ -31,7 +31,7 @@ TEST(UnknownOption, IsRefusedInEveryService) {
     run.out = folder / "out";
     try {
       services::runInProcess(run);
-      ADD_FAILURE() << service << ": taken";
+      ADD_FAILURE() << service << ": the option must be rejected";
     } catch (const options::Error& error) {
       EXPECT_THAT(error.what(), AllOf(HasSubstr("typo.yaml"), HasSubstr("no_such_option"))) << service;
     }
@@ -40,7 +40,7 @@ TEST(UnknownOption, IsRefusedInEveryService) {
   fs::remove_all(folder);
 }
 
-TEST(UnknownLeader, IsRefusedByFileAndKey) {
+TEST(UnknownLeader, IsRejectedWithFileAndKey) {
   const fs::path folder = fs::temp_directory_path() / ("omnifleet_leader_" + std::to_string(::getpid()));
   fs::create_directories(folder);
   const fs::path overlay = folder / "leader.yaml";
@@ -50,10 +50,10 @@ TEST(UnknownLeader, IsRefusedByFileAndKey) {
   run.overlays = {overlay};
   try {
     services::runInProcess(run);
-    ADD_FAILURE() << "taken";
+    ADD_FAILURE() << "the leader must be rejected";
   } catch (const options::Error& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("leader.yaml"), HasSubstr("leader"), HasSubstr("'r9' is no robot"),
-                                    HasSubstr("r1, r2")));
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("leader.yaml"), HasSubstr("leader"),
+                                    HasSubstr("'r9' is not a robot"), HasSubstr("r1, r2")));
   }
   fs::remove_all(folder);
 }

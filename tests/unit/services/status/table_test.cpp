@@ -24,17 +24,17 @@ v1::ServiceStatus sample(const std::string& service, const std::string& instance
   return s;
 }
 
-class Shown : public testing::Test {
+class StatusTable : public testing::Test {
  protected:
   void put(const v1::ServiceStatus& s) { table_.put(s, now_); }
-  /// Looks five times a second, as the program does.
+  /// Updates the table five times per second, as the program does.
   void wait(milliseconds time) {
-    for (const auto end = now_ + time; now_ < end; table_.look(now_)) now_ += milliseconds(200);
+    for (const auto end = now_ + time; now_ < end; table_.update(now_)) now_ += milliseconds(200);
   }
-  std::string lineOf(const std::string& who) const {
+  std::string lineOf(const std::string& name) const {
     std::istringstream lines(table_.text());
     for (std::string line; std::getline(lines, line);) {
-      if (line.rfind(who + " ", 0) == 0) return line;
+      if (line.rfind(name + " ", 0) == 0) return line;
     }
     return {};
   }
@@ -43,39 +43,39 @@ class Shown : public testing::Test {
   Table table_;
 };
 
-TEST_F(Shown, WhoHangsIsNamedWithTheTimeItHasBeenSilent) {
+TEST_F(StatusTable, ShowsSilentServiceWithDuration) {
   put(sample("classifier", "r1", v1::SERVICE_RUNNING, "a sample out of order was rejected"));
   put(sample("world", "", v1::SERVICE_RUNNING));
   wait(seconds(2));
   put(sample("world", "", v1::SERVICE_RUNNING));
   EXPECT_THAT(lineOf("classifier r1"), HasSubstr("  running"));
-  EXPECT_FALSE(table_.anybodySilent());
+  EXPECT_FALSE(table_.anySilent());
   wait(seconds(2));
   EXPECT_THAT(lineOf("classifier r1"),
               AllOf(HasSubstr("  silent"), HasSubstr("silent for 4 s; before: a sample out of order")));
   EXPECT_THAT(lineOf("world"), AllOf(HasSubstr("  running"), Not(HasSubstr("silent"))));
-  EXPECT_TRUE(table_.anybodySilent());
+  EXPECT_TRUE(table_.anySilent());
   put(sample("classifier", "r1", v1::SERVICE_RUNNING));
   put(sample("world", "", v1::SERVICE_RUNNING));
   wait(milliseconds(200));
   EXPECT_THAT(lineOf("classifier r1"), HasSubstr("  running"));
-  EXPECT_FALSE(table_.anybodySilent()) << "it speaks again";
+  EXPECT_FALSE(table_.anySilent()) << "it publishes its status again";
 }
 
-TEST_F(Shown, WhoHasFinishedIsNotSilent) {
+TEST_F(StatusTable, FinishedServiceIsNotSilent) {
   put(sample("world", "", v1::SERVICE_FINISHED));
   wait(seconds(60));
   EXPECT_THAT(lineOf("world"), HasSubstr("  finished"));
-  EXPECT_FALSE(table_.anybodySilent());
+  EXPECT_FALSE(table_.anySilent());
 }
 
-TEST_F(Shown, WhomALauncherMissesIsSilentThoughItWasNeverHeardHere) {
+TEST_F(StatusTable, CountsServiceThatLauncherReportsAsSilent) {
   put(sample("launch", "", v1::SERVICE_DEGRADED, "classifier r1 silent for 40 s"));
   put(sample("localizer", "", v1::SERVICE_DEGRADED, "r1 slips"));
-  EXPECT_TRUE(table_.anybodySilent());
+  EXPECT_TRUE(table_.anySilent());
   EXPECT_THAT(lineOf("launch"), HasSubstr("classifier r1 silent for 40 s"));
   put(sample("launch", "", v1::SERVICE_RUNNING));
-  EXPECT_FALSE(table_.anybodySilent()) << "another service's trouble is no silence";
+  EXPECT_FALSE(table_.anySilent()) << "the error of another service is no silence";
 }
 
 v1::FormationState state(const std::string& robot, const std::string& leader, std::uint32_t term) {
@@ -86,14 +86,14 @@ v1::FormationState state(const std::string& robot, const std::string& leader, st
   return s;
 }
 
-TEST_F(Shown, WhoLeadsTheFormationAndWhoHasNotHeardOfIt) {
+TEST_F(StatusTable, ShowsLeaderAndRobotsThatFollowAnother) {
   put(sample("world", "", v1::SERVICE_RUNNING));
   EXPECT_EQ(lineOf("leader:"), "") << "a fleet without a formation";
   for (const char* robot : {"r1", "r2", "r3"}) table_.put(state(robot, "r1", 0));
   EXPECT_EQ(lineOf("leader:"), "leader: r1 (term 0)");
   table_.put(state("r2", "r2", 1));
   table_.put(state("r3", "r2", 1));
-  EXPECT_EQ(lineOf("leader:"), "leader: r2 (term 1); r1 last obeyed r1 (term 0)");
+  EXPECT_EQ(lineOf("leader:"), "leader: r2 (term 1); r1 last followed r1 (term 0)");
   table_.put(state("r1", "r2", 1));
   EXPECT_EQ(lineOf("leader:"), "leader: r2 (term 1)");
 }

@@ -21,11 +21,11 @@ robots:
                {}, 1);
 }
 
-TEST(Observer, RangesAreGeometry) {
+TEST(Observer, MeasuresRangesByGeometry) {
   const World world = someWorld();
   const Objects objects = observe(world, 0);
   ASSERT_EQ(objects.scan.range_m.size(), 360u);
-  // The robot looks north: ahead is the cylinder, on the right the box, on the left r2.
+  // The robot faces north: the cylinder is ahead, the box on the right, r2 on the left.
   EXPECT_NEAR(objects.scan.range_m[0], 0.9, 1e-6);
   EXPECT_EQ(objects.scan.label[0], RayLabel::kObstacle);
   EXPECT_NEAR(objects.scan.range_m[270], 0.9, 1e-6);
@@ -35,10 +35,10 @@ TEST(Observer, RangesAreGeometry) {
   EXPECT_EQ(objects.scan.label[180], RayLabel::kFloorEnd);
 }
 
-TEST(Observer, TracksAreRobotsInSight) {
+TEST(Observer, TracksOnlyVisibleRobots) {
   World world = someWorld();
   const Objects objects = observe(world, 0);
-  ASSERT_EQ(objects.tracks.size(), 1u);  // r3 hides behind r2
+  ASSERT_EQ(objects.tracks.size(), 1u);  // r3 is hidden behind r2
   EXPECT_EQ(objects.tracks[0].kind, ObjectKind::kRobot);
   EXPECT_LT((objects.tracks[0].position_m - Eigen::Vector2d(0.0, 1.2)).norm(), 1e-9);
   EXPECT_EQ(objects.scan.object[90], objects.tracks[0].id);
@@ -50,10 +50,10 @@ TEST(Observer, VelocityIsOverGroundInBaseLink) {
   for (int i = 0; i < 5; ++i) world.step({{}, {0.2, 0.2}, {}});
   const Track track = observe(world, 0).tracks[0];
   EXPECT_LT((track.velocity_mps - Eigen::Vector2d(0.0, -0.2)).norm(),
-            1e-9);  // eastward, seen from a robot facing north
+            1e-9);  // eastward, in the frame of a robot that faces north
 }
 
-TEST(Observer, ExactMotionIsTheDifference) {
+TEST(Observer, ExactMotionIsDifferenceOfPoses) {
   const Pose2 before{1, 2, 0.5}, after = before * Pose2{0.1, 0.02, 0.3};
   const Motion motion = exactMotion(before, after, 77);
   EXPECT_TRUE(motion.valid);

@@ -60,7 +60,7 @@ std::map<std::string, std::string> filesOf(const std::string& folder) {
   return files;
 }
 
-TEST_F(Recording, IsACompleteDataset) {
+TEST_F(Recording, IsCompleteDataset) {
   const RecordingReport report = record(tinyArena(), {}, folder_);
   EXPECT_TRUE(report.collisions.empty());
   const dataset::Dataset data = dataset::Dataset::open(folder_);
@@ -82,7 +82,7 @@ TEST_F(Recording, IsACompleteDataset) {
   ASSERT_EQ(truth.scene.size(), 1u);
 }
 
-TEST_F(Recording, WheelsLeadToTheTruth) {
+TEST_F(Recording, WheelsIntegrateToTruth) {
   RecordingOptions options;
   options.world.scale_sigma = 0.0;
   options.world.noise = 0.0;
@@ -97,14 +97,14 @@ TEST_F(Recording, WheelsLeadToTheTruth) {
     for (const dataset::StampedPose& stamped : truth.trajectories.at(robot.name)) {
       const Motion motion = wheels.motionTo(stamped.time_ns);
       if (motion.valid) pose = pose * motion.previous_from_current;
-      // Rows are written to 1 µm/s and hold means over a frame in which the motors change their speeds.
+      // Rows are written to 1 µm/s and hold mean speeds over a frame in which the motors change their speed.
       EXPECT_LT((pose.translation() - stamped.map_from_base.translation()).norm(), 2e-3) << robot.name;
     }
     EXPECT_GT((pose.translation() - robot.initial_pose->translation()).norm(), 0.08) << robot.name;
   }
 }
 
-TEST_F(Recording, EqualByteForByte) {
+TEST_F(Recording, IsReproducible) {
   record(tinyArena(), {}, folder_);
   const auto first = filesOf(folder_);
   std::filesystem::remove_all(folder_);
@@ -113,7 +113,7 @@ TEST_F(Recording, EqualByteForByte) {
   EXPECT_GT(first.size(), 30u);
 }
 
-TEST_F(Recording, SaysWhereItCannotWrite) {
+TEST_F(Recording, ThrowsWhenFolderIsNotWritable) {
   std::ofstream(folder_) << "a file";
   EXPECT_THROW(record(tinyArena(), {}, folder_), std::runtime_error);
 }

@@ -1,0 +1,97 @@
+#include "global_merger/messages.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace omnifleet::global_merger {
+namespace {
+
+std::string places(const std::vector<Eigen::Vector2d>& at_m) {
+  constexpr std::size_t kListed = 12;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(at_m.size(), kListed); ++i)
+    text += fmt::format("{}({:.2f}, {:.2f})", i > 0 ? ", " : "", at_m[i].x(), at_m[i].y());
+  if (at_m.size() > kListed) text += fmt::format(" and {} more", at_m.size() - kListed);
+  return text + " m";
+}
+
+const char* reasonOf(RejectedCandidate::Reason reason) {
+  switch (reason) {
+    case RejectedCandidate::Reason::kNoShape:
+      return "their views do not agree on a shape";
+    case RejectedCandidate::Reason::kFloorSeen:
+      return "the floor was seen at the same place (they are gone, or of the floor's colour)";
+    case RejectedCandidate::Reason::kFlat:
+      return "they are as flat as floor markings, or low and rarely seen";
+    case RejectedCandidate::Reason::kTopFaceOnly:
+      return "parallax gives them a height, but mostly floor was seen there (only their top face is "
+             "segmented; they stand within 0.5 m)";
+  }
+  return "";
+}
+
+}  // namespace
+
+Message contributionRejected(const std::string& robot) {
+  return {ErrorCode::kContributionRejected,
+          robot + ": map contribution rejected, its content is inconsistent; check the publisher's version"};
+}
+
+Message mapNotSaved(const std::string& files, const std::string& reason) {
+  return {ErrorCode::kFileWriteFailed, "map not saved completely, missing: " + files + " (" + reason +
+                                           "); earlier files stay as they were"};
+}
+
+Message mapEmpty() {
+  return {ErrorCode::kMapEmpty,
+          "no robot contributed to the map, so no map is saved; see the localizer's log"};
+}
+
+Message trajectoryIncomplete() {
+  return {ErrorCode::kTrajectoryIncomplete,
+          "this merger was restarted: trajectories/ and covariances/ begin at the restart, and contributions "
+          "of its "
+          "own robot from before may be missing in the map"};
+}
+
+Message candidatesRejected(RejectedCandidate::Reason reason, const std::vector<Eigen::Vector2d>& at_m) {
+  return {ErrorCode::kCandidatesRejected,
+          fmt::format("candidates not in the map, because {}: {}", reasonOf(reason), places(at_m))};
+}
+
+Message outlinesLowContrast(const std::vector<Eigen::Vector2d>& at_m) {
+  return {ErrorCode::kOutlinesUncertain,
+          "mapped, but hardly distinguishable from the floor, which was seen there as well; the outline may "
+          "be off: " +
+              places(at_m)};
+}
+
+Message outlinesDisagree(const std::vector<Eigen::Vector2d>& at_m) {
+  return {ErrorCode::kOutlinesUncertain,
+          "mapped from views that disagree or hardly ever show the obstacle alone; place and outline may be "
+          "off: " +
+              places(at_m)};
+}
+
+Message outlinesThin(const std::vector<Eigen::Vector2d>& at_m) {
+  return {ErrorCode::kOutlinesUncertain,
+          "mapped as thin slivers: boards, or dark sides of obstacles of which the rest has the floor's "
+          "colour: " +
+              places(at_m)};
+}
+
+Message cellsWithoutOutline(const std::vector<Eigen::Vector2d>& at_m) {
+  return {ErrorCode::kOutlinesUncertain,
+          "occupied cells without an outline (rarely seen, or merged with a neighbour): " + places(at_m)};
+}
+
+Message mapIncomplete(const MapWarningCounts& counts) {
+  return {ErrorCode::kMapIncomplete,
+          fmt::format("map incomplete: {} candidates rejected, {} thin, {} without an outline, {} of low "
+                      "contrast, {} from disagreeing views; the log lists places and reasons",
+                      counts.rejected, counts.thin, counts.without_outline, counts.low_contrast,
+                      counts.disagreeing)};
+}
+
+}  // namespace omnifleet::global_merger

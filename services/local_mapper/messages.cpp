@@ -1,0 +1,80 @@
+#include "local_mapper/messages.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace omnifleet::local_mapper {
+
+Message floorHidden(const std::string& camera, double self_mask_radius_px) {
+  return {ErrorCode::kFloorHidden,
+          fmt::format("camera {}: hardly any floor is visible around the robot; obstacles stand close on all "
+                      "sides, or its own body is taken for floor. If the room is open, enlarge "
+                      "self_mask_radius_px ({:g}) in its sensor.yaml",
+                      camera, self_mask_radius_px)};
+}
+
+Message frameGap(const std::string& camera, double gap_s, std::uint32_t frame) {
+  return {ErrorCode::kFrameGap,
+          fmt::format("camera {}: no frame for {:.1f} s before frame {}; optical flow restarts there", camera,
+                      gap_s, frame)};
+}
+
+Message undecidedRegions(const std::string& camera,
+                         const std::vector<std::pair<std::uint32_t, Eigen::Vector2d>>& at) {
+  constexpr std::size_t kListed = 4;
+  std::string places;
+  const std::size_t listed = std::min(at.size(), kListed);
+  for (std::size_t i = 0; i < listed; ++i) {
+    const auto& [frame, at_m] = at[i];
+    places += fmt::format("{}frame {} at {:.2f} m ahead, {:.2f} m left", i > 0 ? "; " : "", frame, at_m.x(),
+                          at_m.y());
+  }
+  if (listed < at.size()) places += fmt::format("; and {} more", at.size() - listed);
+  return {ErrorCode::kUndecidedRegions,
+          fmt::format("camera {}: region nearly of the floor's colour (obstacle, wall, floor pattern or "
+                      "shadow): {}. It is not mapped, and the space behind it stays unknown",
+                      camera, places)};
+}
+
+Message lensMismatch(const std::string& camera, double lit, const lens::CameraModel& model) {
+  return {ErrorCode::kLensMismatch,
+          fmt::format("camera {}: {:.0f} % of the pixels beyond r = F ({:g} px) are lit, where an "
+                      "orthographic lens has no image; distances are wrong. Check projection and focal_px in "
+                      "its sensor.yaml",
+                      camera, 100.0 * lit, model.focal_px.x())};
+}
+
+Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame) {
+  return {ErrorCode::kLensOccluded,
+          fmt::format("camera {}: {:.0f} % of the view is occluded from frame {} on; that part is ignored, "
+                      "the rest is used. Clean the lens or remove what hides it",
+                      camera, 100.0 * share, frame)};
+}
+
+Message floorOnly(const std::string& camera, double driven_m) {
+  return {ErrorCode::kFloorOnly,
+          fmt::format("camera {}: only floor in the first {:.1f} m driven; the room is empty, or the lens is "
+                      "occluded. If the room is not empty, look at the image",
+                      camera, driven_m)};
+}
+
+Message wheelsUnmatched(const std::string& robot, const std::pair<TimeNs, TimeNs>& frames,
+                        const std::pair<TimeNs, TimeNs>& rows) {
+  const auto seconds = [](TimeNs ns) { return 1e-9 * static_cast<double>(ns); };
+  return {ErrorCode::kWheelsUnmatched,
+          fmt::format("{}: no wheel row covers a frame; odometry is not used. Frames are stamped {:.3f} to "
+                      "{:.3f} s, wheel rows {:.3f} to {:.3f} s. Use one clock for both, times in ns",
+                      robot, seconds(frames.first), seconds(frames.second), seconds(rows.first),
+                      seconds(rows.second))};
+}
+
+Message wheelsSilent(const std::string& robot, int frames) {
+  return {
+      ErrorCode::kWheelsUnmatched,
+      fmt::format("{}: no wheel row during the first {} frames; odometry is not used. Check the publisher "
+                  "of wheels/odometry and its partition",
+                  robot, frames)};
+}
+
+}  // namespace omnifleet::local_mapper

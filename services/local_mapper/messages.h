@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lens/camera.h"
+#include "observation/error_code.h"
+#include "observation/observation.h"
+
+// What the local mapper reports about a camera. `camera` is its id, `frame` its sequence number.
+namespace omnifleet::local_mapper {
+
+/// Hardly any free floor around the robot.
+Message floorHidden(const std::string& camera, double self_mask_radius_px);
+/// No frame for `gap_s` seconds before `frame`.
+Message frameGap(const std::string& camera, double gap_s, std::uint32_t frame);
+/// Regions of nearly the floor's colour. @param at a frame and the place in its base_link, metres, of each
+Message undecidedRegions(const std::string& camera,
+                         const std::vector<std::pair<std::uint32_t, Eigen::Vector2d>>& at);
+/// An orthographic lens shows something beyond r = F. @param lit share of the pixels there
+Message lensMismatch(const std::string& camera, double lit, const lens::CameraModel& model);
+/// @param share of the view that is occluded
+Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame);
+/// Only floor for the first `driven_m` metres.
+Message floorOnly(const std::string& camera, double driven_m);
+
+/// No wheel row covers a frame. @param frames, rows first and last acquisition time
+Message wheelsUnmatched(const std::string& robot, const std::pair<TimeNs, TimeNs>& frames,
+                        const std::pair<TimeNs, TimeNs>& rows);
+/// No wheel row has arrived during `frames` frames.
+Message wheelsSilent(const std::string& robot, int frames);
+
+}  // namespace omnifleet::local_mapper
