@@ -131,8 +131,9 @@ ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, Stat
   try {
     return Loop{bus, service, options, publisher, log}.run();
   } catch (const std::exception& problem) {
-    log.error("{}", problem.what());
-    service.status().report({ErrorCode::kServiceFailed, problem.what()}, true);
+    const Message failed{ErrorCode::kServiceFailed, problem.what()};
+    log.error("{}", toLogLine(failed));
+    service.status().report(failed, true);
     publisher.update(service.status(), Clock::now(), true);
     return ExitCode::kFailure;
   }

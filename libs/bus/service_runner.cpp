@@ -139,7 +139,7 @@ int runService(int argc, char** argv, const std::string& name, const ServiceFact
     log->error("{}", problem.what());
     return static_cast<int>(ExitCode::kBadOptions);
   } catch (const std::exception& problem) {
-    log->error("{}", problem.what());
+    log->error("{}", toLogLine({ErrorCode::kServiceFailed, problem.what()}));
     return static_cast<int>(ExitCode::kFailure);
   }
 }

@@ -8,29 +8,46 @@
 namespace omnifleet::estimation {
 
 Message notLocalizedYet() {
-  return {ErrorCode::kNotLocalized, "not localized yet; its observations are not mapped"};
+  return {
+      ErrorCode::kNotLocalized,
+      "not localized yet; its observations are not mapped. It needs an initial_pose, a ceiling camera or a "
+      "localized robot that observes it"};
 }
 
 Message localizationLost() {
+  return {
+      ErrorCode::kLocalizationLost,
+      "localization lost, its observations do not match the map; its map updates are paused. If the robot "
+      "was lifted, let it drive on; else check its sensor.yaml and wheels"};
+}
+
+Message headingLost() {
   return {ErrorCode::kLocalizationLost,
-          "localization lost, its observations do not match the map; map updates paused. If the robot was "
-          "lifted, wait; else check its sensor.yaml and wheels"};
+          "localization lost, no wheel motion and heading sigma above 0.5 rad; its map updates are paused. "
+          "Check that wheel samples arrive and use the clock of the frames"};
 }
 
 Message relocalized(bool often) {
   if (often)
-    return {ErrorCode::kKidnapped,
-            "relocalized for the fourth time or more; its sensor.yaml probably belongs to another camera"};
-  return {ErrorCode::kKidnapped, "kidnapped (moved without its wheels): relocalized by its observations"};
+    return {
+        ErrorCode::kKidnapped,
+        "relocalized for the fourth time or more, its map is unreliable; its sensor.yaml probably belongs to "
+        "another camera"};
+  return {
+      ErrorCode::kKidnapped,
+      "kidnapped (moved without its wheels), relocalized by its observations; mapping continues. No action "
+      "if somebody moved it, else check its wheels"};
 }
 
 Message wheelSlip() {
-  return {ErrorCode::kWheelSlip,
-          "wheel slip, odometry contradicts the observations; odometry is ignored for this step"};
+  return {
+      ErrorCode::kWheelSlip,
+      "wheel slip, odometry contradicts the observations; odometry is ignored for this step. If it repeats, "
+      "check unit, scale and clock of the wheels"};
 }
 
 Message wheelAssignmentWrong(Wiring wiring) {
-  constexpr const char* kUntil = "; odometry is ignored until then";
+  constexpr const char* kUntil = "; its odometry is ignored for the rest of the run";
   const auto message = [&](const std::string& text) {
     return Message{ErrorCode::kWheelAssignment, text + kUntil};
   };
@@ -66,7 +83,9 @@ Message initialPoseDoubtful(bool has_initial_pose) {
 
 Message initialPoseUnconfirmed() {
   return {ErrorCode::kInitialPoseUnconfirmed,
-          "its initial_pose is not confirmed: too few obstacles are seen by it and by other robots"};
+          "its initial_pose is not confirmed, too few obstacles are seen by it and by other robots; an error "
+          "would "
+          "double obstacles in the map. Measure initial_pose or let the robots meet"};
 }
 
 Message initialPoseWrong(const std::string& robot, const Pose2& moved, const Pose2& initial_pose,

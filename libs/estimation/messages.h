@@ -11,6 +11,8 @@ namespace omnifleet::estimation {
 
 Message notLocalizedYet();
 Message localizationLost();
+/// Without wheels a robot may have any heading after a while in which it observes nothing known.
+Message headingLost();
 /// @param often three times before: the calibration is suspected
 Message relocalized(bool often);
 Message wheelSlip();

@@ -223,7 +223,7 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   if (!frame.fresh || !robot.located()) return;
   const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
   robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
-  robot.status.message = lost ? localizationLost() : tellDoubt(fleet, robot);
+  robot.status.message = lost ? (robot.adrift ? headingLost() : localizationLost()) : tellDoubt(fleet, robot);
   if (robot.start.contradicted) robot.status.message = initialPoseNotMapped();
   if (frame.placed_anew) {
     constexpr int kOften = 3;  // nobody carries a robot so often

@@ -7,7 +7,7 @@
 
 namespace omnifleet::ground {
 
-/// Standard deviations of equal colours, grey levels. The texture of a floor (grain, dirt) changes its
+/// Standard deviations of equal colours, grey levels. The texture of a floor (fibres, dirt) changes its
 /// brightness from pixel to pixel, but hardly its hue. A camera's noise affects both.
 struct FloorNoise {
   double channel = 0.0;  ///< of one channel

@@ -68,7 +68,7 @@ FrameState LaserMapper::check(const dataset::LaserRow& row) {
   return beams == beam_count_ ? FrameState::kOk : FrameState::kWrongSize;
 }
 
-/// A scan without any echo: the scanner is defective or covered, or its ranges are not in metres. The room
+/// A scan without any echo: the scanner is defective or occluded, or its ranges are not in metres. The room
 /// must not appear free.
 void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
   const auto is_hit = [](const Beam& beam) { return beam.echo == Echo::kHit; };
@@ -82,7 +82,7 @@ void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
   map_.state = FrameState::kDark;
   fault_ = 2 * beyond > numbers
                ? "all ranges exceed range_max_m in sensor.yaml; check that they are in metres"
-               : "no beam has an echo; check that the scanner works and is not covered, and range_max_m in "
+               : "no beam has an echo; check that the scanner works and is not occluded, and range_max_m in "
                  "sensor.yaml";
 }
 

@@ -17,7 +17,7 @@ namespace omnifleet::motion {
 class LeaderFailover {
  public:
   struct Options {
-    double silent_s = 2.0;  ///< s, a robot that publishes no state for this long is lost
+    double silent_s = 2.0;  ///< s, a robot that publishes no state for this long counts as silent
 
     static Options read(const options::Section& section);
   };
@@ -32,9 +32,9 @@ class LeaderFailover {
 
   const std::string& leader() const { return leader_; }
   std::uint32_t term() const { return term_; }
-  /// Robots that are not lost: the leader first, the others in order.
+  /// Robots that are not silent: the leader first, the others in order.
   const std::vector<std::string>& ranks() const { return ranks_; }
-  /// Latest states of the robots that are not lost.
+  /// Latest states of the robots that are not silent.
   const std::map<std::string, FormationState>& received() const { return received_; }
 
  private:
@@ -46,7 +46,7 @@ class LeaderFailover {
   std::map<std::string, FormationState> received_;
   std::string leader_;
   std::uint32_t term_ = 0;
-  TimeNs since_ns_ = 0;  ///< own first frame: no robot is lost until silent_s have passed
+  TimeNs since_ns_ = 0;  ///< own first frame: no robot counts as silent until silent_s have passed
   std::vector<std::string> ranks_;
 };
 

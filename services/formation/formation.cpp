@@ -66,7 +66,7 @@ Formation::Options Formation::Options::read(const options::Section& section) {
   section.read("own_points_m", options.own_points_m, {0.0, 2.0});
   section.read("published_poses", options.published_poses);
   section.read("pose_age_limit_s", options.pose_age_limit_s, options::kPositive);
-  section.read("lost_limit_s", options.lost_limit_s, options::kPositive);
+  section.read("unseen_limit_s", options.unseen_limit_s, options::kPositive);
   section.finish();
   return options;
 }

@@ -25,7 +25,7 @@ namespace omnifleet::formation {
 /// One robot's part of the formation (Choi et al. 2014 §IV.3, Fig. 12). The leader drives from waypoint to
 /// waypoint and avoids obstacles. A follower keeps distance d and angle θ to the robot it follows, as seen by
 /// its own camera; if that robot is not visible, its published pose is used. Beyond the paper, the leader
-/// plans paths around obstacles that it remembers, followers move in where the passage is narrow, and a lost
+/// plans paths around obstacles that it remembers, followers move in where the passage is narrow, and a silent
 /// leader is replaced. Called once per frame; uses no clock.
 class Formation {
  public:
@@ -47,7 +47,7 @@ class Formation {
         0.10;  ///< m, scan points within this distance of the body of a published robot belong to it
     bool published_poses = true;  ///< false: other robots are known from the own camera only, as in the paper
     double pose_age_limit_s = 1.0;  ///< s, older published poses are not used
-    double lost_limit_s =
+    double unseen_limit_s =
         2.0;  ///< s, a follower stops if the followed robot is neither visible nor published for this long
 
     static Options read(const options::Section& section);

@@ -88,7 +88,7 @@ std::optional<motion::Followed> Formation::followed(const Objects& objects, cons
     last_followed_ = result;
     last_followed_ns_ = objects.acquired_ns;
     trail_.add(result->position_m);
-  } else if (last_followed_ && seconds(last_followed_ns_, objects.acquired_ns) <= options_.lost_limit_s) {
+  } else if (last_followed_ && seconds(last_followed_ns_, objects.acquired_ns) <= options_.unseen_limit_s) {
     result = last_followed_;
     result->seen = false;
   }

@@ -87,11 +87,17 @@ Message cellsWithoutOutline(const std::vector<Eigen::Vector2d>& at_m) {
 }
 
 Message mapIncomplete(const MapWarningCounts& counts) {
-  return {ErrorCode::kMapIncomplete,
-          fmt::format("map incomplete: {} candidates rejected, {} thin, {} without an outline, {} of low "
-                      "contrast, {} from disagreeing views; the log lists places and reasons",
-                      counts.rejected, counts.thin, counts.without_outline, counts.low_contrast,
-                      counts.disagreeing)};
+  std::string parts;
+  const auto add = [&](std::size_t count, const char* what) {
+    if (count > 0) parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", count, what);
+  };
+  add(counts.rejected, "candidate(s) not mapped");
+  add(counts.thin, "mapped as thin slivers");
+  add(counts.without_outline, "group(s) of occupied cells without an outline");
+  add(counts.low_contrast, "outline(s) of low contrast");
+  add(counts.disagreeing, "outline(s) from disagreeing views");
+  return {ErrorCode::kMapIncomplete, "map uncertain in places: " + parts +
+                                         "; the log lists places and reasons. Look there, or drive closer"};
 }
 
 }  // namespace omnifleet::global_merger

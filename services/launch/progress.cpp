@@ -31,6 +31,7 @@ std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, dou
   std::string line =
       fmt::format("{}{} {} per robot", done, share, done == 1 && share.empty() ? "frame" : "frames");
   if (expected.at_most) line += fmt::format(" (at most {})", total);
+  if (ended && total > 0 && done < total && !expected.at_most) line += " (robot with the fewest frames)";
   if (rate > 0) line += fmt::format(", {:.1f} frames/s", rate);
   if (total == 0) return line + fmt::format(", {:.0f} s", seconds);
   if (rate > 0 && done < total && !ended) {

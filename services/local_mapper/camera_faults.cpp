@@ -64,17 +64,20 @@ FrameFault OcclusionCheck::faultOf(const FrameContent& content, const Motion& wh
   const bool is_hidden = content.horizon == HorizonState::kHidden;
   if (content.objects == 0 && objects_ > 0 && differs(content.floor))
     return {ErrorCode::kLensOccluded,
-            "lens occluded: all objects vanished in the frame in which the floor's colour changed"};
+            "lens occluded: all objects vanished in the frame in which the floor's colour changed; clean the "
+            "lens"};
   if (had_horizon_ && is_hidden && differs(content.floor))
     return {ErrorCode::kLensOccluded,
-            "lens occluded: the horizon vanished in the frame in which the floor's colour changed"};
+            "lens occluded: the horizon vanished in the frame in which the floor's colour changed; clean the "
+            "lens"};
   objects_ = content.objects;
   floor_ = content.floor;
   had_horizon_ = content.horizon == HorizonState::kVisible;
   has_seen_ = has_seen_ || content.objects > 0 || content.walls;
   if (!has_seen_ && is_hidden)
     return {ErrorCode::kLensOccluded,
-            "lens occluded: no object so far, and the image is the same above and below the horizon"};
+            "lens occluded: no object so far, and the image is the same above and below the horizon; clean "
+            "the lens"};
   if (wheels.valid) bare_m_ += wheels.previous_from_current.translation().norm();
   if (has_seen_ || had_horizon_) bare_m_ = 0.0;
   return {};

@@ -154,12 +154,14 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   s.map.state = s.check.check(frame);
   if (s.map.state == FrameState::kOk && is_blind_) {
     s.map.state = FrameState::kDark;
-    s.fault = {ErrorCode::kLensOccluded, "lens occluded where the floor's colour is learned"};
+    s.fault = {ErrorCode::kLensOccluded,
+               "lens occluded next to the robot, where the floor's colour is learned; clean the lens"};
   }
   if (s.map.state == FrameState::kOk && watch_->is_cut) {
     s.map.state = FrameState::kDark;
     s.fault = {ErrorCode::kLensOccluded,
-               "lens occluded: the whole image changed within one frame and does not move with the robot"};
+               "lens occluded: the whole image changed within one frame and does not move with the robot; "
+               "clean the lens"};
   }
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
   if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();

@@ -3,8 +3,48 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace omnifleet::local_mapper {
+namespace {
+
+const char* reasonOf(FrameState state) {
+  switch (state) {
+    case FrameState::kOk:
+      return "";
+    case FrameState::kMissing:
+      return "the camera has no image for it; see the log of the camera";
+    case FrameState::kUnreadable:
+      return "the camera cannot decode its image; see the log of the camera";
+    case FrameState::kWrongSize:
+      return "the image has another size than sensor.yaml says; use the calibration of this resolution";
+    case FrameState::kEmpty:
+      return "the image has no pixels; see the log of the camera";
+    case FrameState::kNonFinite:
+      return "a number is not finite; check the publisher";
+    case FrameState::kDark:
+      return "the image is dark; check lens cap, light and exposure";
+    case FrameState::kOverexposed:
+      return "the image is overexposed; shorten the exposure";
+    case FrameState::kTorn:
+      return "the camera overwrote it while it was read; the host is too slow";
+    case FrameState::kOutOfOrder:
+      return "it is not later than the frame before; check the camera's clock";
+  }
+  return "";
+}
+
+/// "0.33 m behind, 0.50 m right" of a place in base_link.
+std::string placeOf(const Eigen::Vector2d& at_m) {
+  return fmt::format("{:.2f} m {}, {:.2f} m {}", std::abs(at_m.x()), at_m.x() < 0 ? "behind" : "ahead",
+                     std::abs(at_m.y()), at_m.y() < 0 ? "right" : "left");
+}
+
+}  // namespace
+
+Message frameRejected(FrameState state) {
+  return {codeOf(state), reasonOf(state)};
+}
 
 Message floorHidden(const std::string& camera, double self_mask_radius_px) {
   return {ErrorCode::kFloorHidden,
@@ -27,8 +67,7 @@ Message undecidedRegions(const std::string& camera,
   const std::size_t listed = std::min(at.size(), kListed);
   for (std::size_t i = 0; i < listed; ++i) {
     const auto& [frame, at_m] = at[i];
-    places += fmt::format("{}frame {} at {:.2f} m ahead, {:.2f} m left", i > 0 ? "; " : "", frame, at_m.x(),
-                          at_m.y());
+    places += fmt::format("{}frame {}, {}", i > 0 ? "; " : "", frame, placeOf(at_m));
   }
   if (listed < at.size()) places += fmt::format("; and {} more", at.size() - listed);
   return {ErrorCode::kUndecidedRegions,
@@ -38,11 +77,12 @@ Message undecidedRegions(const std::string& camera,
 }
 
 Message lensMismatch(const std::string& camera, double lit, const lens::CameraModel& model) {
-  return {ErrorCode::kLensMismatch,
-          fmt::format("camera {}: {:.0f} % of the pixels beyond r = F ({:g} px) are lit, where an "
-                      "orthographic lens has no image; distances are wrong. Check projection and focal_px in "
-                      "its sensor.yaml",
-                      camera, 100.0 * lit, model.focal_px.x())};
+  return {
+      ErrorCode::kLensMismatch,
+      fmt::format("camera {}: the image continues beyond focal_px ({:g} px) from its centre ({:.0f} % of the "
+                  "pixels there), where an orthographic lens shows nothing; distances are wrong. Correct "
+                  "projection (probably equidistant) and focal_px in its sensor.yaml",
+                  camera, model.focal_px.x(), 100.0 * lit)};
 }
 
 Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame) {
@@ -62,17 +102,19 @@ Message floorOnly(const std::string& camera, double driven_m) {
 Message wheelsUnmatched(const std::string& robot, const std::pair<TimeNs, TimeNs>& frames,
                         const std::pair<TimeNs, TimeNs>& rows) {
   const auto seconds = [](TimeNs ns) { return 1e-9 * static_cast<double>(ns); };
-  return {ErrorCode::kWheelsUnmatched,
-          fmt::format("{}: no wheel row covers a frame; odometry is not used. Frames are stamped {:.3f} to "
-                      "{:.3f} s, wheel rows {:.3f} to {:.3f} s. Use one clock for both, times in ns",
-                      robot, seconds(frames.first), seconds(frames.second), seconds(rows.first),
-                      seconds(rows.second))};
+  return {
+      ErrorCode::kWheelsUnmatched,
+      fmt::format("{}: no wheel sample at the time of a frame; odometry is not used. The first frames are "
+                  "stamped {:.3f} to {:.3f} s, wheel samples {:.3f} to {:.3f} s. Use one clock for both, "
+                  "times in ns",
+                  robot, seconds(frames.first), seconds(frames.second), seconds(rows.first),
+                  seconds(rows.second))};
 }
 
 Message wheelsSilent(const std::string& robot, int frames) {
   return {
       ErrorCode::kWheelsUnmatched,
-      fmt::format("{}: no wheel row during the first {} frames; odometry is not used. Check the publisher "
+      fmt::format("{}: no wheel sample during the first {} frames; odometry is not used. Check the publisher "
                   "of wheels/odometry and its partition",
                   robot, frames)};
 }

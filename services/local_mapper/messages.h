@@ -13,6 +13,8 @@
 // What the local mapper reports about a camera. `camera` is its id, `frame` its sequence number.
 namespace omnifleet::local_mapper {
 
+/// Why a frame of this state is rejected, and what to do.
+Message frameRejected(FrameState state);
 /// Hardly any free floor around the robot.
 Message floorHidden(const std::string& camera, double self_mask_radius_px);
 /// No frame for `gap_s` seconds before `frame`.

@@ -194,7 +194,7 @@ void LocalMapperService::reportFault() {
     where = fmt::format("frame {} of camera {}", local_map_.sequence, camera_.id);
     const local_mapper::FrameFault& found = mapper_.fault();
     fault = found.code != ErrorCode::kNone ? Message{found.code, found.text}
-                                           : Message{codeOf(local_map_.state), toString(local_map_.state)};
+                                           : local_mapper::frameRejected(local_map_.state);
   }
   for (const Message& message : faults_.add(where, fault)) status().report(message);
 }
@@ -225,7 +225,7 @@ void LocalMapperService::reportOcclusion() {
     context_.log->info("camera {}: lens no longer occluded from frame {} on", camera_.id,
                        local_map_.sequence);
   reported_occlusion_ = share;
-  if (mapper_.bare_m() > kFloorOnly_m && !reported_bare_) {
+  if (mapper_.bare_m() > kFloorOnly_m && !reported_bare_ && !reported_lens_) {
     status().report(local_mapper::floorOnly(camera_.id, mapper_.bare_m()));
     reported_bare_ = true;
   }

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <string>
 
 #include "observation/error_code.h"
+#include "observation/observation.h"
 
 namespace omnifleet::localizer {
 
@@ -23,6 +26,15 @@ inline Message noRobotLocalized() {
       ErrorCode::kNotLocalized,
       "no robot was ever localized, so there is no map. Give one robot an initial_pose in the fleet file, "
       "or provide a ceiling camera or surveyed landmarks"};
+}
+
+/// A message of the estimator with robot, acquisition time and, if the robot is localized, its place in map.
+inline Message ofRobot(const PoseEstimate& pose, const Message& message) {
+  const std::string place =
+      pose.valid ? fmt::format(", now at ({:.2f}, {:.2f}) m", pose.map_from_base.x_m, pose.map_from_base.y_m)
+                 : "";
+  return {message.code, fmt::format("{} at {:.1f} s{}: {}", pose.robot,
+                                    1e-9 * static_cast<double>(pose.acquired_ns), place, message.text)};
 }
 
 }  // namespace omnifleet::localizer

@@ -322,7 +322,7 @@ void LocalizerService::publishPose(const PoseEstimate& pose) {
   Message& reported = outputs_.at(pose.robot).reported;
   if (message == reported) return;  // once, even while other robots report problems of their own
   reported = message;
-  if (message.code != ErrorCode::kNone) status().report({message.code, pose.robot + ": " + message.text});
+  if (message.code != ErrorCode::kNone) status().report(localizer::ofRobot(pose, message));
 }
 
 void LocalizerService::noteLocalized(const PoseEstimate& pose) {

@@ -1,5 +1,7 @@
 #include "world/service.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "world/dataset_service.h"
@@ -197,7 +199,12 @@ void ArenaWorldService::publishWheels(const world::World::Driven& driven) {
     }
   }
   for (const world::World::Collision& collision : driven.collisions) {
-    status().report({ErrorCode::kCollision, collision.robot + " collides with " + collision.with}, true);
+    const double seconds = 1e-9 * static_cast<double>(world_.now().time_ns - fleet_.arena->start_ns);
+    status().report(
+        {ErrorCode::kCollision, fmt::format("{} collides with {} at {:.1f} s of the run; reduce its speed or "
+                                            "enlarge formation's margin_m",
+                                            collision.robot, collision.with, seconds)},
+        true);
   }
 }
 

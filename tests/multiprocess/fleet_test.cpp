@@ -307,7 +307,7 @@ class Leadership {
 };
 
 /// Kills the formation service of the leader repeatedly, so that each restart is delayed further. The other
-/// robot becomes leader and drives. The lost robot stops, and follows after its restart.
+/// robot becomes leader and drives. The killed robot stops, and follows after its restart.
 TEST(FleetProcesses, OtherRobotBecomesLeaderAfterFailure) {
   LiveFleet fleet("leader_failover", 71, "slow_leader");
   Leadership leadership(fleet.listener);

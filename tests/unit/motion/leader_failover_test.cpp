@@ -95,7 +95,7 @@ TEST(LeaderFailover, KeepsLeaderThatReturnsWithinTimeout) {
   EXPECT_EQ(fleet["r2"].term(), 0u);
 }
 
-TEST(LeaderFailover, RemovesLostFollowerFromRanks) {
+TEST(LeaderFailover, RemovesSilentFollowerFromRanks) {
   Fleet fleet(3);
   fleet.run(5);
   fleet.lose("r2");

@@ -133,7 +133,7 @@ TEST(Formation, SelectsTrackNamedBySighting) {
   EXPECT_NEAR(output.state.distance_error_m, 0.3, 1e-9);
 }
 
-TEST(Formation, StopsAfterLostLimitWithoutAnyObservation) {
+TEST(Formation, StopsAfterUnseenLimitWithoutObservation) {
   Formation formation("r2", threeBodies(), columnOptions());
   Objects objects = frame(0);
   objects.tracks = {robotAt(1.1, 0.0, 0.25)};
@@ -146,7 +146,7 @@ TEST(Formation, StopsAfterLostLimitWithoutAnyObservation) {
     if (stopped_at < 0 && moved && forward(output) == 0.0) stopped_at = i;
   }
   EXPECT_TRUE(moved);
-  // lost_limit_s is 2 s; braking from 0.4 m/s at 0.6 m/s² takes less than 1 s.
+  // unseen_limit_s is 2 s; braking from 0.4 m/s at 0.6 m/s² takes less than 1 s.
   EXPECT_GT(stopped_at, 5);
   EXPECT_LT(stopped_at, 16);
 }

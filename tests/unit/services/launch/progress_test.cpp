@@ -11,6 +11,8 @@ TEST(ProgressLine, ShowsRemainingTimeOfRecording) {
   EXPECT_EQ(progressLine(120, {250, false}, 0.5, false), "120/250 frames per robot")
       << "no rate in the first second";
   EXPECT_EQ(progressLine(250, {250, false}, 10.0, true), "250/250 frames per robot, 25.0 frames/s");
+  EXPECT_EQ(progressLine(17, {25, false}, 10.0, true),
+            "17/25 frames per robot (robot with the fewest frames), 1.7 frames/s");
 }
 
 TEST(ProgressLine, ShowsUpperBoundForArena) {

@@ -84,8 +84,8 @@ TEST(SilentText, NamesAsManyServicesAsFit) {
   EXPECT_EQ(silentText({silent[0], silent[1]}),
             "local_mapper r1 silent for 12 s, local_mapper r1 silent for 12 s");
   const std::string text = silentText(silent);
-  EXPECT_LE(text.size(), 256u) << "the limit for the status text";
-  EXPECT_THAT(text, testing::EndsWith(", 24 more"));
+  EXPECT_LE(text.size(), 512u) << "the limit of ServiceStatus::last_error";
+  EXPECT_THAT(text, testing::EndsWith(", 17 more"));
 }
 
 }  // namespace

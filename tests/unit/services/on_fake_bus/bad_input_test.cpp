@@ -140,9 +140,9 @@ TEST_F(LocalMapperStage, ReportsLaterUndecidedRegionsTogether) {
   }
   ASSERT_EQ(reports.size(), 2u);
   EXPECT_EQ(reports[0].first, 9u);
-  EXPECT_THAT(reports[0].second, HasSubstr("frame 9 at "));
+  EXPECT_THAT(reports[0].second, HasSubstr("frame 9, "));
   EXPECT_EQ(reports[1].first, 59u);
-  EXPECT_THAT(reports[1].second, HasSubstr("frame 31 at "));
+  EXPECT_THAT(reports[1].second, HasSubstr("frame 31, "));
 }
 
 TEST_F(LocalMapperStage, ReportsUndecidedRegionAtEndOfShortRun) {

@@ -154,8 +154,7 @@ TEST_F(ReplayedMerger, LastMessageCountsMapWarnings) {
   ASSERT_GE(messages.size(), 2u);
   EXPECT_EQ(messages.front().code, ErrorCode::kOutlinesUncertain);
   EXPECT_EQ(messages.back().code, ErrorCode::kMapIncomplete);
-  EXPECT_THAT(messages.back().text,
-              testing::HasSubstr("0 candidates rejected, 0 thin, 1 without an outline"));
+  EXPECT_THAT(messages.back().text, testing::HasSubstr("1 group(s) of occupied cells without an outline"));
 }
 
 TEST_F(ReplayedMerger, ContributesWhenOwnFramesStartLate) {
