@@ -84,18 +84,42 @@ void intersectCylinder(const Solid& solid, const Vector& from, const Vector& alo
   if (isNearer(range) && at.head<2>().norm() < radius) best = {range, Vector::UnitZ(), &solid};
 }
 
-void intersect(const Solid& solid, const Vector& from, const Vector& along, Hit& best) {
-  const Pose2 to = solid.map_from_solid.inverse();
+/// A solid with what does not change from ray to ray.
+struct Placed {
+  explicit Placed(const Solid& s)
+      : solid(&s),
+        rotation(s.map_from_solid.inverse().rotation()),
+        translation(s.map_from_solid.inverse().translation()),
+        middle_m(s.map_from_solid.translation()),
+        reach2_m2((s.round ? 0.25 * s.size_m.x() * s.size_m.x() : 0.25 * s.size_m.squaredNorm()) + 1e-9) {}
+
+  /// False if the vertical plane of the ray passes beside the solid.
+  bool mayMeet(const Vector& from, const Vector& along) const {
+    const Eigen::Vector2d to = middle_m - from.head<2>();
+    const double length2 = along.head<2>().squaredNorm(), cross = along.x() * to.y() - along.y() * to.x();
+    if (cross * cross > reach2_m2 * length2) return false;
+    return along.head<2>().dot(to) >= 0.0 || to.squaredNorm() <= reach2_m2;
+  }
+
+  const Solid* solid;
+  Eigen::Matrix2d rotation;  ///< map to solid
+  Eigen::Vector2d translation, middle_m;
+  double reach2_m2;  ///< squared radius of the circle around the footprint
+};
+
+void intersect(const Placed& placed, const Vector& from, const Vector& along, Hit& best) {
+  if (!placed.mayMeet(from, along)) return;
+  const Solid& solid = *placed.solid;
   Vector own_from = from, own_along = along;
-  own_from.head<2>() = to * Eigen::Vector2d(from.head<2>());
-  own_along.head<2>() = to.rotation() * along.head<2>();
+  own_from.head<2>() = placed.rotation * from.head<2>() + placed.translation;
+  own_along.head<2>() = placed.rotation * along.head<2>();
   const double before = best.range_m;
   if (solid.round)
     intersectCylinder(solid, own_from, own_along, best);
   else
     intersectBox(solid, own_from, own_along, best);
   if (best.range_m < before) {
-    const Eigen::Vector2d turned = solid.map_from_solid.rotation() * best.normal.head<2>();
+    const Eigen::Vector2d turned = placed.rotation.transpose() * best.normal.head<2>();
     best.normal.head<2>() = turned;
   }
 }
@@ -157,16 +181,16 @@ Vector colourOf(const Room& room, const Hit& hit, const Vector& at) {
 }
 
 /// True if a solid lies between the two points. Solids far from the line are skipped early.
-bool isHidden(const std::vector<const Solid*>& solids, const Vector& from, const Vector& to) {
+bool isHidden(const std::vector<Placed>& solids, const Vector& from, const Vector& to) {
   const Vector along = to - from;
   const Eigen::Vector2d line = along.head<2>();
-  return std::any_of(solids.begin(), solids.end(), [&](const Solid* solid) {
-    const Eigen::Vector2d beside = solid->map_from_solid.translation() - from.head<2>();
+  return std::any_of(solids.begin(), solids.end(), [&](const Placed& solid) {
+    const Eigen::Vector2d beside = solid.middle_m - from.head<2>();
     const double share = std::clamp(beside.dot(line) / std::max(1e-12, line.squaredNorm()), 0.0, 1.0);
-    if ((beside - share * line).norm() > 0.5 * solid->size_m.norm()) return false;
+    if ((beside - share * line).norm() > 0.5 * solid.solid->size_m.norm()) return false;
     Hit hit;
     hit.range_m = 1.0;
-    intersect(*solid, from, along, hit);
+    intersect(solid, from, along, hit);
     return hit.solid != nullptr;
   });
 }
@@ -179,14 +203,15 @@ Vector pointOf(const Lamp& lamp, unsigned chance) {
 }
 
 /// Ambient light and lamps. Solids darken the floor at their foot (contact shadow).
-double lightAt(const Room& room, const std::vector<const Solid*>& solids, const Hit& hit, const Vector& at,
+double lightAt(const Room& room, const std::vector<Placed>& solids, const Hit& hit, const Vector& at,
                unsigned chance) {
   double light = room.ambient * (0.6 + 0.4 * hit.normal.z());
-  for (const Solid* solid : solids) {
-    const double inner = 0.5 * (solid->round ? solid->size_m.x() : solid->size_m.minCoeff());
-    const double gap = std::max(0.0, (at.head<2>() - solid->map_from_solid.translation()).norm() - inner);
-    if (hit.solid == nullptr && gap < 0.3)
-      light *= 1 - solid->height_m / (solid->height_m + gap) * 0.45 * std::exp(-gap / 0.06);
+  for (const Placed& placed : solids) {
+    if (hit.solid != nullptr) break;
+    const Solid& solid = *placed.solid;
+    const double inner = 0.5 * (solid.round ? solid.size_m.x() : solid.size_m.minCoeff());
+    const double gap = std::max(0.0, (at.head<2>() - placed.middle_m).norm() - inner);
+    if (gap < 0.3) light *= 1 - solid.height_m / (solid.height_m + gap) * 0.45 * std::exp(-gap / 0.06);
   }
   for (const Lamp& lamp : room.lamps) {
     const Vector to = lamp.at_m - at;
@@ -196,10 +221,10 @@ double lightAt(const Room& room, const std::vector<const Solid*>& solids, const 
   return light;
 }
 
-Vector radianceAlong(const Room& room, const std::vector<const Solid*>& solids, const Vector& from,
+Vector radianceAlong(const Room& room, const std::vector<Placed>& solids, const Vector& from,
                      const Vector& along, unsigned chance) {
   Hit hit;
-  for (const Solid* solid : solids) intersect(*solid, from, along, hit);
+  for (const Placed& solid : solids) intersect(solid, from, along, hit);
   const double floor_m = along.z() < 0 ? -from.z() / along.z() : kNone;
   if (hit.solid == nullptr && floor_m > kFarthest_m) {
     const bool skirting = std::abs(along.z()) < 0.12;
@@ -229,9 +254,9 @@ double toneOf(const Room& room, double linear) {
 cv::Mat3b render(const Room& room, const lens::CameraModel& camera, const Pose2& map_from_camera,
                  const std::vector<Solid>& robots, unsigned frame) {
   constexpr int kSamples = 2;  // per axis
-  std::vector<const Solid*> solids;
+  std::vector<Placed> solids;
   for (const auto* list : {&room.solids, &robots})
-    for (const Solid& solid : *list) solids.push_back(&solid);
+    for (const Solid& solid : *list) solids.emplace_back(solid);
   cv::Mat3b image(camera.image_height_px, camera.image_width_px, cv::Vec3b(0, 0, 0));
   const Vector from(map_from_camera.x_m, map_from_camera.y_m, camera.position_m.z());
   cv::parallel_for_({0, image.rows}, [&](const cv::Range& rows) {

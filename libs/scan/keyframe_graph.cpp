@@ -1,0 +1,124 @@
+#include "scan/keyframe_graph.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+namespace omnifleet::scan {
+namespace {
+
+/// Residual and Jacobians by right perturbations of both poses.
+struct Linearised {
+  Eigen::Vector3d residual;
+  Eigen::Matrix3d by_from, by_to;
+};
+
+Eigen::Matrix2d crossed() {
+  return (Eigen::Matrix2d() << 0.0, -1.0, 1.0, 0.0).finished();
+}
+
+/// residual = vector of measured⁻¹ · (from⁻¹ · to).
+Linearised linearise(const Pose2& from, const Pose2& to, const Pose2& measured) {
+  const Pose2 between = from.inverse() * to, off = measured.inverse() * between;
+  Linearised l;
+  l.residual = {off.x_m, off.y_m, wrapAngle(off.theta_rad)};
+  const Eigen::Matrix2d turned = measured.rotation().transpose();
+  l.by_to.setZero();
+  l.by_to.topLeftCorner<2, 2>() = turned * between.rotation();
+  l.by_to(2, 2) = 1.0;
+  l.by_from.setZero();
+  l.by_from.topLeftCorner<2, 2>() = -turned;
+  l.by_from.topRightCorner<2, 1>() = -turned * crossed() * between.translation();
+  l.by_from(2, 2) = -1.0;
+  return l;
+}
+
+}  // namespace
+
+/// The normal equations at the present poses.
+struct KeyframeGraph::System {
+  Eigen::SparseMatrix<double> h;
+  Eigen::VectorXd g;
+
+  explicit System(const KeyframeGraph& graph) {
+    const auto n = static_cast<Eigen::Index>(3 * graph.poses_.size());
+    g = Eigen::VectorXd::Zero(n);
+    std::vector<Eigen::Triplet<double>> entries;
+    entries.reserve(graph.constraints_.size() * 27 + static_cast<std::size_t>(n));
+    const auto addBlock = [&](Id row, Id column, const Eigen::Matrix3d& block) {
+      if (row < column) return;  // the lower triangle
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          if (row != column || i >= j)
+            entries.emplace_back(static_cast<int>(3 * row) + i, static_cast<int>(3 * column) + j,
+                                 block(i, j));
+    };
+    const double scale2 = graph.options_.robust_sigmas * graph.options_.robust_sigmas;
+    for (const Constraint& c : graph.constraints_) {
+      const bool absolute = c.from == kMap;
+      const Linearised l =
+          linearise(absolute ? Pose2{} : graph.poses_[c.from], graph.poses_[c.to], c.measured);
+      const double chi2 = l.residual.dot(c.information * l.residual);
+      const Eigen::Matrix3d information = c.information / (1.0 + chi2 / (3.0 * scale2));
+      addBlock(c.to, c.to, l.by_to.transpose() * information * l.by_to);
+      g.segment<3>(3 * c.to) -= l.by_to.transpose() * information * l.residual;
+      if (absolute) continue;
+      addBlock(c.from, c.from, l.by_from.transpose() * information * l.by_from);
+      addBlock(c.to, c.from, l.by_to.transpose() * information * l.by_from);
+      addBlock(c.from, c.to, l.by_from.transpose() * information * l.by_to);
+      g.segment<3>(3 * c.from) -= l.by_from.transpose() * information * l.residual;
+    }
+    for (Eigen::Index i = 0; i < n; ++i) entries.emplace_back(i, i, 1e-9);
+    h.resize(n, n);
+    h.setFromTriplets(entries.begin(), entries.end());
+  }
+};
+
+KeyframeGraph::Id KeyframeGraph::add(const Pose2& map_from_keyframe) {
+  poses_.push_back(map_from_keyframe);
+  return static_cast<Id>(poses_.size() - 1);
+}
+
+void KeyframeGraph::addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance) {
+  constraints_.push_back({from, to, from_to, covariance.inverse()});
+}
+
+void KeyframeGraph::addAbsolute(Id keyframe, const Pose2& map_from_keyframe,
+                                const Eigen::Matrix3d& covariance) {
+  constraints_.push_back({kMap, keyframe, map_from_keyframe, covariance.inverse()});
+}
+
+double KeyframeGraph::optimise() {
+  const std::vector<Pose2> before = poses_;
+  for (int i = 0; i < options_.iterations && !poses_.empty(); ++i) {
+    const System system(*this);
+    const auto solver = std::make_shared<Solver>(system.h);
+    const Eigen::VectorXd step = solver->solve(system.g);
+    if (solver->info() != Eigen::Success || !step.allFinite()) break;
+    solver_ = solver;
+    for (std::size_t k = 0; k < poses_.size(); ++k) {
+      const Eigen::Vector3d d = step.segment<3>(static_cast<Eigen::Index>(3 * k));
+      poses_[k] = poses_[k] * Pose2{d.x(), d.y(), d.z()};
+    }
+    if (step.cwiseAbs().maxCoeff() < options_.converged_m) break;
+  }
+  double moved = 0.0;
+  for (std::size_t k = 0; k < poses_.size(); ++k)
+    moved = std::max(moved, (poses_[k].translation() - before[k].translation()).norm());
+  return moved;
+}
+
+Eigen::Matrix3d KeyframeGraph::covariance(Id keyframe) const {
+  const auto at = static_cast<Eigen::Index>(3 * keyframe);
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_->rows(), 3);
+  unit.block<3, 3>(at, 0).setIdentity();
+  const Eigen::MatrixXd columns = solver_->solve(unit);
+  const Eigen::Matrix3d covariance = columns.block<3, 3>(at, 0);
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+}  // namespace omnifleet::scan

@@ -1,0 +1,90 @@
+// Lines fitted to exact scans of polygons: closed forms.
+#include "scan/line_scan.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "room_scans.h"
+
+namespace omnifleet::scan {
+namespace {
+
+constexpr double kNoise = 0.003;  // 1/m: a quarter of a pixel of a camera of 640 × 480 at 0.5 m
+
+TEST(LineScan, FindsTheWallsOfARoom) {
+  std::mt19937 random(1);
+  const testing::Scene square{{{{-2, -1.5}, {2, -1.5}, {2, 1.5}, {-2, 1.5}}}};
+  LineScan scan;
+  scan.fit(square.scan({0.3, 0.2, 0.0}, 0.0, random));
+  int near = 0, right = 0;
+  for (const LineScan::Beam& beam : scan.beams()) {
+    if (!beam.has_line) continue;
+    const Eigen::Vector2d normal = beam.line.cast<double>().normalized();
+    const double distance = 1.0 / beam.line.cast<double>().norm();
+    // Each beam's line is one of the four walls, seen from (0.3, 0.2).
+    const double expected = normal.x() > 0.9 ? 1.7 : normal.x() < -0.9 ? 2.3 : normal.y() > 0.9 ? 1.3 : 1.7;
+    near += std::abs(distance - expected) < 1e-3 ? 1 : 0;
+    right += std::abs(std::max(std::abs(normal.x()), std::abs(normal.y())) - 1.0) < 1e-5 ? 1 : 0;
+  }
+  EXPECT_GT(scan.lines(), 680U);  // all but the corners
+  EXPECT_EQ(near, static_cast<int>(scan.lines()));
+  EXPECT_EQ(right, static_cast<int>(scan.lines()));
+}
+
+TEST(LineScan, LeavesOutDepthJumpsAndOutliers) {
+  std::mt19937 random(2);
+  const testing::Scene room = testing::furnishedRoom();
+  Boundary boundary = room.scan({0.0, 0.0, 0.3}, kNoise, random);
+  for (std::size_t i = 0; i < boundary.inverse_m.size(); i += 20) boundary.inverse_m[i] *= 1.5f;
+  LineScan scan;
+  scan.fit(boundary);
+  for (std::size_t i = 0; i < boundary.inverse_m.size(); i += 20) EXPECT_FALSE(scan.beams()[i].has_line) << i;
+  EXPECT_GT(scan.lines(), 400U);
+}
+
+TEST(LineScan, EstimatesNoiseThatIsLargerThanStated) {
+  std::mt19937 random(3);
+  Boundary boundary = testing::furnishedRoom().scan({0.0, 0.0, 0.0}, 2.0 * kNoise, random);
+  for (float& sigma : boundary.sigma) sigma = static_cast<float>(kNoise);
+  LineScan scan;
+  scan.fit(boundary);
+  EXPECT_NEAR(scan.noiseScale(), 2.0, 0.2);  // median of 700 values: 5 %
+}
+
+TEST(LineScan, CovarianceOfLinesMatchesTheirErrors) {
+  std::mt19937 random(4);
+  const testing::Scene square{{{{-2, -1.5}, {2, -1.5}, {2, 1.5}, {-2, 1.5}}}};
+  double sum = 0.0;
+  int n = 0;
+  for (int k = 0; k < 300; ++k) {
+    LineScan scan;
+    scan.fit(square.scan({0.0, 0.0, 0.0}, kNoise, random));
+    const LineScan::Beam& beam = scan.beams()[0];  // towards the wall at x = 2
+    if (!beam.has_line) continue;
+    const Eigen::Vector2d off = beam.line.cast<double>() - Eigen::Vector2d(0.5, 0.0);
+    sum += off.dot(beam.line_covariance.cast<double>().inverse() * off);
+    ++n;
+  }
+  EXPECT_GT(n, 280);
+  EXPECT_NEAR(sum / n, 2.0, 0.5);  // χ² of two parameters; windows are chosen by their fit: a little less
+}
+
+TEST(LineScan, IgnoresBeamsThatMeasureNothingOrAreMasked) {
+  std::mt19937 random(5);
+  Boundary boundary = testing::furnishedRoom().scan({0.0, 0.0, 0.0}, kNoise, random);
+  boundary.inverse_m[10] = std::nanf("");
+  boundary.sigma[11] = 0.0f;
+  std::vector<bool> usable(boundary.inverse_m.size(), true);
+  usable[12] = false;
+  LineScan scan;
+  scan.fit(boundary, usable);
+  for (const std::size_t i : {10U, 11U, 12U}) EXPECT_FALSE(scan.beams()[i].has_line) << i;
+  boundary.inverse_m.resize(30);
+  boundary.sigma.resize(30);
+  scan.fit(boundary);
+  EXPECT_EQ(scan.lines(), 0U) << "too few beams for a window";
+}
+
+}  // namespace
+}  // namespace omnifleet::scan

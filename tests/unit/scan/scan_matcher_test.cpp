@@ -1,0 +1,110 @@
+// Poses recovered from exact scans of polygons with known noise.
+#include "scan/scan_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "room_scans.h"
+
+namespace omnifleet::scan {
+namespace {
+
+constexpr double kSigma = 0.003;                                             // 1/m
+const Eigen::Matrix3d kLoose = Eigen::Vector3d(1e2, 1e2, 1e2).asDiagonal();  // prior: 0.1 m, 0.1 rad
+
+struct Pair {
+  LineScan reference, scan;
+  Pose2 truth;
+};
+
+Pair pairOf(const testing::Scene& scene, const Pose2& at, const Pose2& moved, std::mt19937& random) {
+  Pair pair;
+  pair.reference.fit(scene.scan(at, kSigma, random));
+  pair.truth = at * moved;
+  pair.scan.fit(scene.scan(pair.truth, kSigma, random));
+  return pair;
+}
+
+TEST(ScanMatcher, RecoversThePoseFromAWrongStart) {
+  const testing::Scene room = testing::furnishedRoom();
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    std::mt19937 random(seed);
+    const Pose2 at{-0.2, 0.1, 0.4};
+    const Pair pair = pairOf(room, at, {0.20, -0.10, 0.15}, random);
+    ScanMatcher matcher;
+    const Match match =
+        matcher.match(pair.scan, pair.truth * Pose2{0.05, -0.04, 0.04}, kLoose, {{&pair.reference, at}});
+    ASSERT_TRUE(match.valid) << seed;
+    // 0.003/m at 2 m is 12 mm per beam; some 300 beams leave about a millimetre.
+    EXPECT_LT((match.map_from_scan.translation() - pair.truth.translation()).norm(), 0.004) << seed;
+    EXPECT_LT(std::abs(wrapAngle(match.map_from_scan.theta_rad - pair.truth.theta_rad)), 0.003) << seed;
+    EXPECT_GT(match.matched, 0.8) << seed;
+  }
+}
+
+TEST(ScanMatcher, InformationMatchesTheErrors) {
+  const testing::Scene room = testing::furnishedRoom();
+  double sum = 0.0;
+  constexpr int kRuns = 200;
+  for (unsigned seed = 0; seed < kRuns; ++seed) {
+    std::mt19937 random(seed);
+    const Pose2 at{0.1, 0.2, 0.0};
+    const Pair pair = pairOf(room, at, {0.15, 0.05, 0.1}, random);
+    ScanMatcher matcher;
+    const Match match = matcher.match(pair.scan, pair.truth, 1e-3 * kLoose, {{&pair.reference, at}});
+    ASSERT_TRUE(match.valid);
+    const Pose2 off = pair.truth.inverse() * match.map_from_scan;
+    const Eigen::Vector3d e(off.x_m, off.y_m, wrapAngle(off.theta_rad));
+    sum += e.dot(match.information * e);
+  }
+  // Every second beam is used and lines of the reference share beams: between 3 (independent) and twice that.
+  EXPECT_GT(sum / kRuns, 1.5);
+  EXPECT_LT(sum / kRuns, 7.0);
+}
+
+TEST(ScanMatcher, LeavesTheLengthOfACorridorToThePrior) {
+  std::mt19937 random(1);
+  const Pair pair = pairOf(testing::corridor(), {0.0, 0.0, 0.0}, {0.1, 0.05, 0.02}, random);
+  ScanMatcher matcher;
+  const Pose2 start = pair.truth * Pose2{0.08, 0.03, 0.03};
+  const Match match = matcher.match(pair.scan, start, kLoose, {{&pair.reference, Pose2{}}});
+  ASSERT_TRUE(match.valid);
+  EXPECT_NEAR(match.map_from_scan.y_m, pair.truth.y_m, 0.004);
+  EXPECT_NEAR(match.map_from_scan.theta_rad, pair.truth.theta_rad, 0.003);
+  EXPECT_NEAR(match.map_from_scan.x_m, start.x_m, 0.02) << "the prior decides";
+  const Eigen::Matrix2d position = match.information.topLeftCorner<2, 2>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(position);
+  EXPECT_LT(solver.eigenvalues()(0), 1e-3 * solver.eigenvalues()(1));
+}
+
+TEST(ScanMatcher, ToleratesThatFortyPercentOfTheBeamsAreBlocked) {
+  const testing::Scene room = testing::furnishedRoom();
+  std::mt19937 random(7);
+  const Pose2 at{0.0, 0.0, 0.0}, truth = at * Pose2{0.2, 0.0, 0.1};
+  LineScan reference, scan;
+  reference.fit(room.scan(at, kSigma, random));
+  Boundary blocked = room.scan(truth, kSigma, random);
+  for (std::size_t i = 0; i < blocked.inverse_m.size(); ++i)  // legs at 0.6 to 0.8 m around the robot
+    if (i % 100 < 40) blocked.inverse_m[i] = 1.4f + 0.2f * std::sin(0.3f * static_cast<float>(i));
+  scan.fit(blocked);
+  ScanMatcher matcher;
+  const Match match = matcher.match(scan, truth * Pose2{0.03, 0.02, 0.02}, kLoose, {{&reference, at}});
+  ASSERT_TRUE(match.valid);
+  EXPECT_LT((match.map_from_scan.translation() - truth.translation()).norm(), 0.006);
+}
+
+TEST(ScanMatcher, RefusesAScanWithoutCommonLines) {
+  std::mt19937 random(1);
+  LineScan reference, scan;
+  reference.fit(testing::furnishedRoom().scan({0.0, 0.0, 0.0}, kSigma, random));
+  const testing::Scene elsewhere{{{{-0.5, -0.4}, {0.5, -0.4}, {0.5, 0.4}, {-0.5, 0.4}}}};
+  scan.fit(elsewhere.scan({0.0, 0.0, 0.0}, kSigma, random));
+  ScanMatcher matcher;
+  EXPECT_FALSE(matcher.match(scan, {}, kLoose, {{&reference, Pose2{}}}).valid);
+  EXPECT_FALSE(matcher.match(scan, {}, kLoose, {}).valid) << "no reference";
+}
+
+}  // namespace
+}  // namespace omnifleet::scan
