@@ -159,7 +159,7 @@ TEST_F(LostRobot, ReportsWheelSlip) {
   }
   out.close();
   const Run slipping = run(data, "slipping");
-  EXPECT_THAT(slipping.messages, Contains(HasSubstr("[wheel_slip] r1: ")));
+  EXPECT_THAT(slipping.messages, Contains(HasSubstr("[wheel_slip] r1 at ")));
   EXPECT_LT(slipping.robot(0).path.max_m, 0.05);
   EXPECT_GT(slipping.robot(0).dead_reckoning->max_m, 0.10);
   expectWholeMap(slipping);
@@ -203,7 +203,7 @@ TEST_F(LostRobot, RelocalizesKidnappedRobotWithoutSmearingMap) {
   const std::string data = copyOf(recorded("before", "[-1.3, -0.1, 0.0]", 3.0), "kidnapped");
   append(recorded("after", "[0.75, 0.05, 2.6]", 4.0), 0.0, {"r1", "r2"}, data);
   const Run kidnapped = run(data, "kidnapped");
-  EXPECT_THAT(kidnapped.messages, Contains(HasSubstr("[kidnapped] r1: ")));
+  EXPECT_THAT(kidnapped.messages, Contains(HasSubstr("[kidnapped] r1 at ")));
   expectWholeMap(kidnapped);
   EXPECT_LT(kidnapped.robot(0).path.max_m, 0.10);  // no valid pose may be wrong by more
   EXPECT_GT(kidnapped.robot(0).path.poses, 20);    // of 35 frames: it relocalized
