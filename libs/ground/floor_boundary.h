@@ -25,16 +25,15 @@ struct BoundaryOptions {
 /// gives the first pixel that is no floor; the edge is then located in the image along the bearing:
 /// brightness is projected onto the difference between the colours on both sides, the floor's own gradient
 /// (light that falls off) is extrapolated to the edge, and the area under the profile within ±2.5 px places
-/// the edge (shared recipe "Room SLAM from the floor boundary"). All of it is per bearing; nothing assumes
+/// the edge. All of it is per bearing; nothing assumes
 /// objects or closed outlines.
 class FloorBoundary {
  public:
   /// Throws options::Error if no bearing shows floor.
   FloorBoundary(const lens::Camera& camera, const FloorView& view, const BoundaryOptions& options);
 
-  /// @param image BGR8 or grey @param is_floor_end of the values of `objects` that end the floor
-  /// @param objects full resolution, 0 on floor
-  /// Valid until the next call.
+  /// @param image BGR8 or grey @param objects full resolution, 0 on floor
+  /// @return valid until the next call
   const Boundary& find(const cv::Mat& image, const cv::Mat1b& objects);
 
  private:
