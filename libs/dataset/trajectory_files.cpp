@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -42,6 +43,35 @@ bool numbers(const Fields& fields, std::size_t first, std::size_t count, double*
     if (!parseNumber(fields[first + i], out[i])) return false;
   }
   return true;
+}
+
+/// Finds the value with this name. Returns the problem, which lists the valid names, or an empty string.
+template <typename Names, typename Value>
+std::string parseName(std::string_view field, const char* what, const Names& values, Value& value) {
+  const auto* const at =
+      std::find_if(values.begin(), values.end(), [&](Value one) { return field == toString(one); });
+  if (at != values.end()) {
+    value = *at;
+    return {};
+  }
+  std::string names;
+  for (const Value one : values) names += std::string(names.empty() ? "" : ", ") + toString(one);
+  return fmt::format("the {} must be one of {}", what, names);
+}
+
+std::string parseLocalization(const Fields& fields, StampedLocalization& row) {
+  constexpr double kMaxCorrection = 1e9;  // σ
+  if (fields.size() != 4)
+    return fmt::format("expected 4 values: timestamp [ns],state,event,correction [sigma], got {}",
+                       fields.size());
+  if (!parseTime(fields[0], row.time_ns)) return "the timestamp must be whole nanoseconds";
+  std::string problem = parseName(fields[1], "state", kLocalizationStates, row.state);
+  if (problem.empty()) problem = parseName(fields[2], "event", kPoseEvents, row.event);
+  if (!problem.empty()) return problem;
+  if (!parseNumber(fields[3], row.correction_sigmas) || row.correction_sigmas < 0.0 ||
+      row.correction_sigmas > kMaxCorrection)
+    return fmt::format("the correction must be between 0 and {:g} sigma", kMaxCorrection);
+  return {};
 }
 
 std::string parseVertex(const Fields& fields, G2oGraph& graph) {
@@ -129,6 +159,27 @@ std::vector<StampedCovariance> readCovariances(const std::string& path, std::vec
     row.covariance << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
     rows.push_back(row);
     return {};
+  });
+  return rows;
+}
+
+void writeLocalization(const std::string& path, const std::vector<StampedLocalization>& rows) {
+  std::string text = "#timestamp [ns],state,event,correction [sigma]\n";
+  for (const StampedLocalization& row : rows)
+    text += fmt::format("{},{},{},{:.9g}\n", row.time_ns, toString(row.state), toString(row.event),
+                        row.correction_sigmas);
+  writeAtomic(path, text);
+}
+
+std::vector<StampedLocalization> readLocalization(const std::string& path,
+                                                  std::vector<std::string>* warnings) {
+  std::vector<StampedLocalization> rows;
+  std::vector<std::string> local;
+  readRows(path, ',', warnings ? *warnings : local, [&](const Fields& fields) {
+    StampedLocalization row;
+    std::string problem = parseLocalization(fields, row);
+    if (problem.empty()) rows.push_back(row);
+    return problem;
   });
   return rows;
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,20 @@ struct StampedCovariance {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   std::uint32_t datum = 0;  ///< reference of the covariance (PoseEstimate::datum)
 };
+
+/// What a pose sample of the localizer rests on. Also samples without a pose have a row.
+struct StampedLocalization {
+  TimeNs time_ns = 0;
+  LocalizationState state = LocalizationState::kUnlocated;
+  PoseEvent event = PoseEvent::kNone;
+  double correction_sigmas = 0.0;  ///< size of the correction of the event, σ of the prediction
+};
+
+inline constexpr std::array kLocalizationStates{LocalizationState::kUnlocated, LocalizationState::kLocalized,
+                                                LocalizationState::kOdometryOnly, LocalizationState::kLost,
+                                                LocalizationState::kRelocalized};
+inline constexpr std::array kPoseEvents{PoseEvent::kNone, PoseEvent::kRelocalized, PoseEvent::kLoopClosed,
+                                        PoseEvent::kAbsolute, PoseEvent::kCorrected};
 
 /// A complete row of a TUM file: `timestamp[s] tx ty tz qx qy qz qw`.
 struct StampedPose3 {
@@ -50,6 +65,14 @@ void writeCovariances(const std::string& path, const std::vector<StampedCovarian
 /// read.
 std::vector<StampedCovariance> readCovariances(const std::string& path,
                                                std::vector<std::string>* warnings = nullptr);
+
+/// States and events of a robot's pose samples: "#timestamp [ns],state,event,correction [sigma]", state and
+/// event by their names (toString). Writes atomically. Throws std::runtime_error.
+void writeLocalization(const std::string& path, const std::vector<StampedLocalization>& rows);
+/// Malformed rows, unknown names and corrections outside of 0 to 1e9 σ are ignored and listed in `warnings`.
+/// Throws std::runtime_error when the file cannot be read.
+std::vector<StampedLocalization> readLocalization(const std::string& path,
+                                                  std::vector<std::string>* warnings = nullptr);
 
 /// g2o format: VERTEX_SE2 id x y θ; EDGE_SE2 from to x y θ and the upper triangle of the information matrix.
 struct G2oVertex {

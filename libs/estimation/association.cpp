@@ -237,6 +237,9 @@ void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& s
     link.observer = pose;
     link.view = s.view;
     link.track = s.track->id;
+    // Two robots that their scans hold to the same keyframes need no sighting: what looks like a robot may be
+    // a piece of furniture.
+    if (s.peer != nullptr && observer.scan_aid.suffices && s.peer->scan_aid.suffices) continue;
     if (s.peer != nullptr) {
       link.object = s.peer_at.pose;
       link.size = fleet.size(*s.peer);

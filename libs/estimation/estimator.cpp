@@ -10,6 +10,7 @@
 #include "estimation/factors.h"
 #include "estimation/fleet_state.h"
 #include "estimation/jumps.h"
+#include "estimation/localization.h"
 #include "estimation/locating.h"
 #include "estimation/map_frame.h"
 #include "estimation/measurements.h"
@@ -31,7 +32,8 @@ constexpr double kStartCauchy = 2.0;                  // σ at which a start as 
 
 class FleetEstimator::Impl {
  public:
-  Impl(std::vector<RobotSetup> robots, const EstimatorOptions& options) : fleet(std::move(robots), options) {}
+  Impl(std::vector<RobotSetup> robots, const EstimatorOptions& options)
+      : fleet(std::move(robots), options), scans_(options.scan) {}
 
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);
@@ -67,6 +69,7 @@ class FleetEstimator::Impl {
   std::vector<PoseEstimate> report(const std::vector<Frame>& frames);
 
   MeasurementQueue queue_;
+  ScanSource scans_;
   bool settled_ = false;  ///< at the end of a run
   bool whole_ = false;    ///< the newest frames went through a solve of the whole window already
 };
@@ -80,6 +83,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   const auto unrefined = [](const Frame& frame) { return frame.fresh && frame.robot->unrefined; };
   if (std::any_of(frames.begin(), frames.end(), unrefined)) refine();
   locate(frames, time);
+  for (Frame& frame : frames) scans_.observe(fleet, frame);
   associate(frames);
   solveNewest(frames);
   checkSteps(frames);  // before views are held against poses that slipping wheels hold where they are not, …
@@ -87,6 +91,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   checkSteps(frames);  // … and where a wrong view hid it
   updateUncertainty(fleet, whole_, settled_);
   noticeCarried(fleet, frames);
+  for (Frame& frame : frames) localize(fleet, frame);
   for (const Frame& frame : frames) noteState(fleet, frame);
   for (Frame& frame : frames) frame.robot->unrefined |= frame.fresh;
   return report(frames);
@@ -122,6 +127,7 @@ void FleetEstimator::Impl::refine() {
   releaseFrame(fleet);
   fleet.forgetLandmarks();
   reviseTold(fleet, false);
+  scans_.keep(fleet);
   fleet.slide();
   fleet.forgetWheels();
   holdFrame(fleet);
@@ -234,7 +240,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   for (Frame& frame : frames) {
     if (!frame.fresh || !frame.robot->located()) continue;
     noteSight(*frame.robot, *frame.objects, frame.seen);
-    fresh.push_back(frame.robot);
+    if (!frame.robot->scan_aid.suffices) fresh.push_back(frame.robot);
   }
   checkStarts(fleet, fresh);
   for (Frame& frame : frames) {
@@ -244,15 +250,16 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
     frame.robot->unsettled_rad += frame.robot->window.back().rolled_rad;
   }
   for (Frame& frame : frames) {
-    if (!frame.isPlaced()) continue;
+    if (!frame.isPlaced() || frame.robot->scan_aid.suffices) continue;
     alignByTracks(fleet, *frame.robot, *frame.objects, frame.seen);
   }
   noticeJumps(fleet, frames);
   for (Frame& frame : frames) {
     if (!frame.isPlaced()) continue;
     associateOne(frame);
-    if (frame.sees()) noticeLoss(fleet, frame);
-    if (fleet.options.use_landmarks) foundLandmarks(fleet, *frame.robot, frame.seen);
+    const bool by_scan = frame.robot->scan_aid.suffices;
+    if (frame.sees() && !by_scan) noticeLoss(fleet, frame);
+    if (fleet.options.use_landmarks && !by_scan) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
   }
   noteObserved(frames);
@@ -260,7 +267,8 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
 
 void FleetEstimator::Impl::associateOne(Frame& frame) {
   if (fleet.options.use_sightings) matchPeers(fleet, *frame.robot, *frame.objects, frame.seen);
-  if (fleet.options.use_landmarks) matchLandmarks(fleet, *frame.robot, frame.seen);
+  if (fleet.options.use_landmarks && !frame.robot->scan_aid.suffices)
+    matchLandmarks(fleet, *frame.robot, frame.seen);
 }
 
 void FleetEstimator::Impl::reweight() {
@@ -363,12 +371,17 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     estimate.acquired_ns = frame.objects->acquired_ns;
     estimate.sequence = frame.objects->sequence;
     RobotNode& robot = *frame.robot;
-    estimate.valid = frame.fresh && robot.located() && robot.status.state != RobotState::kLost;
+    estimate.valid = frame.fresh && robot.located() && !robot.start.contradicted &&
+                     robot.monitor.state() != LocalizationState::kLost;
+    estimate.state = robot.monitor.state();
+    estimate.event = robot.event;
+    estimate.correction_sigmas = robot.correction_sigmas;
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
       estimate.covariance = robot.covariance;
       estimate.datum = fleet.map_frame.datum;
       estimate.camera_error = robot.camera_told;
+      estimate.covariance += suspectedMove(robot);
       for (const Seen& seen : frame.seen) {
         if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
       }

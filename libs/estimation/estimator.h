@@ -16,6 +16,9 @@
 
 #include "estimation/camera_error.h"
 #include "estimation/detector_model.h"
+#include "estimation/keyframe_map.h"
+#include "estimation/relocalizer.h"
+#include "estimation/scan_source.h"
 #include "estimation/wheel_log.h"
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
@@ -71,6 +74,9 @@ struct EstimatorOptions {
   WheelLogOptions wheel_log;            ///< of robots whose wheels the estimator integrates itself
   DetectorOptions detector;
   CameraOptions camera;
+  KeyframeOptions keyframes;
+  ScanSourceOptions scan;
+  RelocalizerOptions relocalizer;
 
   static EstimatorOptions read(const options::Section& section);
 };

@@ -30,11 +30,13 @@ Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double the
   return base_from_map * map_covariance * base_from_map.transpose();
 }
 
-FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o) : options(o) {
+FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o)
+    : options(o), keyframes(o.keyframes) {
   for (auto& setup : setups) {
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
+    robot.relocalizer.emplace(options.relocalizer);
     robot.camera_told = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
@@ -211,6 +213,8 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   Eigen::Matrix3d covariance =
       composeCovariance(robot.covariance, step.previous_from_current, step.motion_covariance);
   robot.covariance = covariance;
+  robot.scan_aid.relative_covariance = composeCovariance(robot.scan_aid.relative_covariance,
+                                                         step.previous_from_current, step.motion_covariance);
   const Pose2 predicted = pose(previous) * step.previous_from_current;
   Step& added = newStep(robot, std::move(step), predicted, frame);
   // Unwrapped: angles in the graph run on.
@@ -227,6 +231,7 @@ void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_
   robot.refusals = 0;
   robot.unobserved = 0;
   robot.refused.clear();
+  ScanSource::forget(robot);
   newStep(robot, predictStep(robot, frame), map_from_base, frame);
   robot.status.state = RobotState::kOk;
   robot.status.message = {};
@@ -236,6 +241,7 @@ void FleetState::release(RobotNode& robot) {
   std::vector<VariableId> gone;
   for (const Step& step : robot.window) {
     for (const ViewLink& link : step.views) graph.removeFactor(link.factor);
+    if (step.scan.factor != kNoFactor) graph.removeFactor(step.scan.factor);
     gone.push_back(step.pose);
   }
   robot.window.clear();
@@ -460,11 +466,21 @@ void FleetState::freezeViews(const Step& step) {
   }
 }
 
+/// The scan of a frame that leaves the window says nothing new as long as later scans hold the window to the
+/// keyframes. Without them it is the last that did.
+void FleetState::dropScan(RobotNode& robot) {
+  const Step& front = robot.window.front();
+  const bool held = std::any_of(std::next(robot.window.begin()), robot.window.end(),
+                                [](const Step& step) { return step.scan.factor != kNoFactor; });
+  if (held && front.scan.factor != kNoFactor) graph.removeFactor(front.scan.factor);
+}
+
 void FleetState::slide() {
   std::vector<VariableId> gone;
   for (RobotNode& robot : robots) {
     while (static_cast<int>(robot.window.size()) > options.window_frames) {
       freezeViews(robot.window.front());
+      dropScan(robot);
       gone.push_back(robot.window.front().pose);
       robot.window.pop_front();
       robot.window.front().motion = kNoFactor;

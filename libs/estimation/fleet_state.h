@@ -13,7 +13,10 @@
 #include "estimation/estimator.h"
 #include "estimation/graph.h"
 #include "estimation/landmark.h"
+#include "estimation/localization_monitor.h"
 #include "estimation/prism_factors.h"
+#include "estimation/relocalizer.h"
+#include "estimation/scan_source.h"
 #include "estimation/view.h"
 #include "estimation/wheel_log.h"
 #include "estimation/wheel_trial.h"
@@ -51,6 +54,7 @@ struct Step {
   bool keyframe = false;
   std::optional<Pose2> told;  ///< what was reported of it
   std::vector<ViewLink> views;
+  ScanLink scan;
 };
 
 /// What a track was taken for the last time.
@@ -152,6 +156,11 @@ struct RobotNode {
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
   std::deque<Step> window;     ///< empty while unlocated
   TimeNs last_frame_ns = 0;
+  ScanAid scan_aid;
+  LocalizationMonitor monitor;
+  std::optional<Relocalizer> relocalizer;
+  PoseEvent event = PoseEvent::kNone;                    ///< of the newest frame
+  double correction_sigmas = 0.0;                        ///< of that event
   bool unrefined = false;                                ///< its newest frame is not in the last whole solve
   bool started = false;                                  ///< a frame has come
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
@@ -223,6 +232,7 @@ class FleetState {
 
   const EstimatorOptions options;
   Graph graph;
+  KeyframeMap keyframes;
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)
@@ -303,6 +313,7 @@ class FleetState {
   bool fromLog(const RobotNode& robot, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);
   void freezeViews(const Step& step);
+  void dropScan(RobotNode& robot);
 
   std::uint32_t next_landmark_ = 1;
 };

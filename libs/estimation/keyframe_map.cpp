@@ -1,9 +1,15 @@
 #include "estimation/keyframe_map.h"
 
+#include "estimation/boundary_correction.h"
+
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <queue>
+#include <utility>
 
 namespace omnifleet::estimation {
 namespace {
@@ -11,7 +17,20 @@ namespace {
 constexpr double kPairMatched = 0.5;  // share of beams that two neighbours must have in common
 constexpr double kPairChi2 = 4.0;     // mean χ² above which two scans do not show the same place
 constexpr double kBothNoisy = 2.0;    // both scans of a pair have noise; the match counts that of one
-constexpr double kWeakest_m = 0.05;   // m; a pair that leaves more than this open in some direction says so
+constexpr double kOpen_m = 0.5;       // σ of a direction that a pair of scans leaves open
+constexpr double kMoved_m = 0.0005;   // of a keyframe: less is no news
+
+/// Right perturbation of the scan's pose by that of base_link. The scan has base_link's axes.
+Eigen::Matrix3d scanByBase(const Pose2& base_from_scan) {
+  Eigen::Matrix3d j = Eigen::Matrix3d::Identity();
+  j(0, 2) = -base_from_scan.y_m;
+  j(1, 2) = base_from_scan.x_m;
+  return j;
+}
+
+double placeVariance(const Eigen::Matrix3d& covariance) {
+  return 0.5 * covariance.topLeftCorner<2, 2>().trace();
+}
 
 }  // namespace
 
@@ -20,23 +39,29 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   section.read("spacing_m", o.spacing_m, {0.02, 10.0});
   section.read("references", o.references, {1, 64});
   section.read("reach_m", o.reach_m, {0.1, 100.0});
+  section.read("trust_m", o.trust_m, {0.001, 10.0});
   section.read("pair_reach_m", o.pair_reach_m, {0.05, 100.0});
+  section.read("pairs", o.pairs, {1, 1000});
   section.read("min_lines", o.min_lines, {10, 1440});
   section.read("sigma_m", o.sigma_m, {0.0, 1.0});
   section.read("sigma_per_m2", o.sigma_per_m2, {0.0, 1.0});
   section.read("sigma_rad", o.sigma_rad, {0.0, 0.1});
   section.read("sigma_rad_per_m2", o.sigma_rad_per_m2, {0.0, 0.1});
+  section.read("least_baseline_m", o.least_baseline_m, options::kNotNegative);
+  section.read("correlated", o.correlated, {1.0, 1e6});
   section.finish();
   return o;
 }
 
-std::vector<KeyframeMap::Id> KeyframeMap::near(const Pose2& map_from_base) const {
+std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Pose2& map_from_base,
+                                                  const std::vector<Id>& candidates, int most) const {
   std::vector<std::pair<double, Id>> by_distance;
-  for (Id k = 0; k < keyframes_.size(); ++k) {
+  for (const Id k : candidates) {
     const double distance = (graph_.pose(k).translation() - map_from_base.translation()).norm();
     if (distance <= options_.reach_m) by_distance.emplace_back(distance, k);
   }
-  const auto count = std::min(by_distance.size(), static_cast<std::size_t>(options_.references));
+  const auto count =
+      std::min(by_distance.size(), static_cast<std::size_t>(most > 0 ? most : options_.references));
   std::partial_sort(by_distance.begin(), by_distance.begin() + static_cast<std::ptrdiff_t>(count),
                     by_distance.end());
   std::vector<Id> ids;
@@ -44,17 +69,79 @@ std::vector<KeyframeMap::Id> KeyframeMap::near(const Pose2& map_from_base) const
   return ids;
 }
 
-scan::Reference KeyframeMap::reference(Id keyframe) const {
-  const Keyframe& k = keyframes_[keyframe];
-  return {&k.scan, graph_.pose(keyframe) * k.base_from_scan};
+/// Which keyframes are known relative to one of them (Dijkstra's algorithm over variances).
+std::vector<bool> KeyframeMap::related(Id from, double variance_m2) const {
+  const double most_m2 = options_.trust_m * options_.trust_m;
+  using Entry = std::pair<double, Id>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  std::vector<double> best(keyframes_.size(), std::numeric_limits<double>::infinity());
+  std::vector<bool> known(keyframes_.size(), false);
+  best[from] = std::min(variance_m2, most_m2);  // the keyframe itself is always known
+  open.emplace(best[from], from);
+  while (!open.empty()) {
+    const auto [variance, at] = open.top();
+    open.pop();
+    if (variance > best[at]) continue;
+    known[at] = true;
+    for (const Edge& edge : keyframes_[at].edges) {
+      const double there = variance + edge.variance_m2;
+      if (there > most_m2 || there >= best[edge.to]) continue;
+      best[edge.to] = there;
+      open.emplace(there, edge.to);
+    }
+  }
+  return known;
 }
 
-bool KeyframeMap::wants(const Pose2& map_from_base, const scan::LineScan& scan) const {
-  if (scan.lines() < static_cast<std::size_t>(options_.min_lines)) return false;
+std::vector<KeyframeMap::Id> KeyframeMap::references(Id from, double variance_m2, const Pose2& map_from_base,
+                                                     int count) const {
+  const std::vector<bool> known = related(from, variance_m2);
+  std::vector<Id> ids;
   for (Id k = 0; k < keyframes_.size(); ++k)
-    if ((graph_.pose(k).translation() - map_from_base.translation()).norm() < options_.spacing_m)
-      return false;
-  return true;
+    if (known[k]) ids.push_back(k);
+  return nearest(map_from_base, ids, count);
+}
+
+std::vector<KeyframeMap::Id> KeyframeMap::references(double variance_m2, const Pose2& map_from_base) const {
+  std::vector<Id> known;
+  for (Id k = 0; k < keyframes_.size(); ++k)
+    if (variance_m2 + placeVariance(covariance(k)) <= options_.trust_m * options_.trust_m) known.push_back(k);
+  return nearest(map_from_base, known);
+}
+
+std::vector<KeyframeMap::Id> KeyframeMap::all() const {
+  std::vector<Id> ids(keyframes_.size());
+  std::iota(ids.begin(), ids.end(), Id{0});
+  return ids;
+}
+
+std::vector<KeyframeMap::Id> KeyframeMap::unrelated(Id from, double variance_m2, const Pose2& map_from_base,
+                                                    double radius_m) const {
+  const std::vector<bool> known = related(from, variance_m2);
+  std::vector<Id> ids;
+  for (Id k = 0; k < keyframes_.size(); ++k) {
+    const double distance_m = (graph_.pose(k).translation() - map_from_base.translation()).norm();
+    if (!known[k] && distance_m <= radius_m) ids.push_back(k);
+  }
+  return ids;
+}
+
+scan::Reference KeyframeMap::reference(Id keyframe) const {
+  const Keyframe& k = keyframes_[keyframe];
+  return {&k.scan, graph_.pose(keyframe) * k.source.base_from_scan};
+}
+
+const Eigen::Matrix3d& KeyframeMap::covariance(Id keyframe) const {
+  if (!covariance_[keyframe]) covariance_[keyframe] = graph_.covariance(keyframe);
+  return *covariance_[keyframe];
+}
+
+bool KeyframeMap::wants(const Pose2& map_from_base, const std::vector<Id>& references,
+                        const scan::LineScan& scan) const {
+  if (scan.lines() < static_cast<std::size_t>(options_.min_lines)) return false;
+  return std::none_of(references.begin(), references.end(), [&](Id k) {
+    return (graph_.pose(k).translation() - map_from_base.translation()).norm() < options_.spacing_m;
+  });
 }
 
 Eigen::Matrix3d KeyframeMap::systematic(double distance_m) const {
@@ -63,38 +150,98 @@ Eigen::Matrix3d KeyframeMap::systematic(double distance_m) const {
   return Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
 }
 
-KeyframeMap::Id KeyframeMap::add(const std::string& robot, TimeNs time_ns, const Pose2& map_from_base,
-                                 const Pose2& base_from_scan, const scan::LineScan& scan, const Held& held) {
+KeyframeMap::Id KeyframeMap::add(const Pose2& map_from_base, Source source, const scan::LineScan& scan,
+                                 const Held& held, const std::vector<Id>& references) {
   const Id id = graph_.add(map_from_base);
-  keyframes_.push_back({robot, time_ns, base_from_scan, scan});
+  graph_.setCamera(source.camera, source.assumed);
+  scan::BeamFields fields = beamFields(scan, source.camera_height_m, source.lens);
+  keyframes_.push_back({std::move(source), scan, std::move(fields), {}});
+  keyframes_.back().scan.compact();
   if (held.previous)
-    graph_.addRelative(*held.previous, id, held.previous_from_this, held.covariance);
+    relate(*held.previous, id, held.previous_from_this, held.covariance);
   else
     graph_.addAbsolute(id, map_from_base, held.covariance);
-  constrainPairs(id);
-  moved_m_ = graph_.optimise();
+  constrainPairs(id, references);
+  solve();
   return id;
 }
 
-/// Relative poses to all neighbours, each by its own match.
-void KeyframeMap::constrainPairs(Id id) {
+void KeyframeMap::assume(std::uint32_t camera, const Eigen::Vector4d& error) {
+  Boundary corrected;
+  for (Keyframe& k : keyframes_) {
+    if (k.source.camera != camera) continue;
+    k.source.assumed = error;
+    correctBoundary(k.source.seen, error, k.source.camera_height_m, k.source.lens, corrected);
+    k.scan.fit(corrected, k.source.usable);
+    k.scan.compact();
+    k.fields = beamFields(k.scan, k.source.camera_height_m, k.source.lens);
+  }
+  graph_.setCamera(camera, error);
+  solve();
+}
+
+scan::CameraEvidence KeyframeMap::cameraEvidence() const {
+  scan::CameraEvidence evidence = graph_.cameraEvidence();
+  evidence.information /= options_.correlated;
+  evidence.gradient /= options_.correlated;
+  return evidence;
+}
+
+void KeyframeMap::addAbsolute(Id keyframe, const Pose2& map_from_base, const Eigen::Matrix3d& covariance) {
+  graph_.addAbsolute(keyframe, map_from_base, covariance);
+}
+
+void KeyframeMap::closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance) {
+  relate(from, to, from_to, covariance);
+  solve();
+}
+
+void KeyframeMap::relate(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
+                         const scan::CameraDependence* cameras) {
+  graph_.addRelative(from, to, from_to, covariance, cameras);
+  const double variance_m2 = placeVariance(covariance);
+  keyframes_[from].edges.push_back({to, variance_m2});
+  keyframes_[to].edges.push_back({from, variance_m2});
+}
+
+void KeyframeMap::solve() {
+  revision_ += graph_.optimise() > kMoved_m ? 1 : 0;
+  covariance_.assign(keyframes_.size(), std::nullopt);
+}
+
+/// Relative poses to the nearest neighbours whose place is known, each by its own match.
+void KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
   const Keyframe& added = keyframes_[id];
-  const Pose2 map_from_scan = graph_.pose(id) * added.base_from_scan;
+  const Pose2 map_from_scan = graph_.pose(id) * added.source.base_from_scan,
+              scan_from_base = added.source.base_from_scan.inverse();
   const Eigen::Matrix3d prior = Eigen::Vector3d(1e3, 1e3, 1e4).asDiagonal();  // 3 cm, 0.6°
-  for (Id k = 0; k < id; ++k) {
+  const Eigen::Matrix3d scan_by_base = scanByBase(added.source.base_from_scan);
+  for (const Id k : known) {
     const double distance_m = (graph_.pose(k).translation() - graph_.pose(id).translation()).norm();
-    if (distance_m > options_.pair_reach_m) continue;
+    if (k == id || distance_m > options_.pair_reach_m) continue;
     const scan::Reference other = reference(k);
     const scan::Match match = matcher_.match(added.scan, map_from_scan, prior, {other});
     if (!match.valid || match.matched < kPairMatched || match.chi2 > kPairChi2) continue;
-    const Pose2 from_to = graph_.pose(k).inverse() * match.map_from_scan * added.base_from_scan.inverse();
-    // A direction that the scans leave open stays open: its variance is the prior's.
-    const Eigen::Matrix3d information =
-        match.information / kBothNoisy +
-        Eigen::Matrix3d(Eigen::Vector3d(1.0 / (kWeakest_m * kWeakest_m), 1.0 / (kWeakest_m * kWeakest_m), 1.0)
-                            .asDiagonal()) *
-            1e-2;
-    graph_.addRelative(k, id, from_to, information.inverse() + systematic(distance_m));
+    const Pose2 from_to = graph_.pose(k).inverse() * match.map_from_scan * scan_from_base;
+    Eigen::Matrix3d information = scan_by_base.transpose() * match.information * scan_by_base / kBothNoisy;
+    information.diagonal().array() += 1.0 / (kOpen_m * kOpen_m);
+    const Eigen::Matrix3d covariance = information.inverse() + systematic(distance_m);
+    if (added.fields.empty() || keyframes_[k].fields.empty()) {
+      relate(k, id, from_to, covariance);
+      continue;
+    }
+    const scan::CalibrationTerms terms =
+        matcher_.calibrationTerms(added.scan, match.map_from_scan, other, added.fields, keyframes_[k].fields);
+    scan::CameraDependence cameras;
+    cameras.from_camera = keyframes_[k].source.camera;
+    cameras.to_camera = added.source.camera;
+    cameras.assumed << added.source.assumed, keyframes_[k].source.assumed;
+    cameras.by_error = scan_by_base.inverse() * terms.pose_by_error;
+    if (distance_m >= options_.least_baseline_m) {
+      cameras.information = terms.information / match.scatter;
+      cameras.gradient = terms.gradient / match.scatter;
+    }
+    relate(k, id, from_to, covariance, &cameras);
   }
 }
 

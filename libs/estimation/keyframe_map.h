@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "lens/spread.h"
 #include "observation/observation.h"
 #include "options/options.h"
 #include "scan/keyframe_graph.h"
@@ -19,12 +20,18 @@ struct KeyframeOptions {
   double spacing_m = 0.25;       ///< m; a frame farther than this from every keyframe becomes one
   int references = 6;            ///< nearest keyframes that a frame is matched against
   double reach_m = 2.5;          ///< m, of these; farther ones share little and are over-confident
-  double pair_reach_m = 1.3;     ///< m; keyframes nearer than this are constrained pair by pair
+  double trust_m = 0.05;         ///< m, σ of the place of a reference relative to the robot, at most
+  double pair_reach_m = 1.3;     ///< m; keyframes nearer than this are constrained pair by pair, …
+  int pairs = 16;                ///< … at most so many, the nearest
   int min_lines = 60;            ///< beams with a line that a keyframe needs
   double sigma_m = 0.001;        ///< m, systematic error of a match, …
   double sigma_per_m2 = 0.0015;  ///< 1/m, … and its growth with the square of the distance between the scans
   double sigma_rad = 0.00035;    ///< rad, likewise (0.02°)
   double sigma_rad_per_m2 = 0.00052;  ///< rad/m², likewise (0.03°/m²)
+  double least_baseline_m = 0.15;     ///< m; nearer pairs say nothing about calibrations
+  /// 1; the evidence of pairs about calibrations is divided by it: pairs that share a scan are not
+  /// independent
+  double correlated = 8.0;
   static KeyframeOptions read(const options::Section& section);
 };
 
@@ -36,46 +43,90 @@ class KeyframeMap {
 
   explicit KeyframeMap(const KeyframeOptions& options) : options_(options) {}
 
-  /// Nearest keyframes within reach, the nearest first.
-  std::vector<Id> near(const Pose2& map_from_base) const;
+  /// Keyframes to match a frame against, the nearest first: within reach, and with a place relative to `from`
+  /// that is known to trust_m. That uncertainty is the smallest sum of variances of the constraints on a path
+  /// through the graph. So the far end of an open loop is no reference, however near it seems.
+  /// @param from a keyframe relative to which the frame is known @param variance_m2 how well
+  /// @param count at most so many; 0: options.references
+  std::vector<Id> references(Id from, double variance_m2, const Pose2& map_from_base, int count = 0) const;
+  /// The same for a robot that knows its pose in map only. @param variance_m2 of its position
+  std::vector<Id> references(double variance_m2, const Pose2& map_from_base) const;
+
+  /// Of some keyframes those within reach, the nearest first. @param most at most so many; 0:
+  /// options.references
+  std::vector<Id> nearest(const Pose2& map_from_base, const std::vector<Id>& candidates, int most = 0) const;
+  std::vector<Id> all() const;
+  /// Keyframes within a radius that are no references of a frame known relative to `from`: the place relative
+  /// to them is too uncertain. A robot that returns there closes a loop.
+  std::vector<Id> unrelated(Id from, double variance_m2, const Pose2& map_from_base, double radius_m) const;
+
   scan::Reference reference(Id keyframe) const;
   Pose2 pose(Id keyframe) const { return graph_.pose(keyframe); }
-  /// Of the keyframe's pose in map, right perturbation; as of the last add().
-  Eigen::Matrix3d covariance(Id keyframe) const { return graph_.covariance(keyframe); }
+  /// Of the keyframe's pose in map, right perturbation; as of the last solution.
+  const Eigen::Matrix3d& covariance(Id keyframe) const;
   std::size_t size() const { return keyframes_.size(); }
+  const KeyframeOptions& options() const { return options_; }
 
-  /// Whether a robot's frame should become a keyframe.
-  bool wants(const Pose2& map_from_base, const scan::LineScan& scan) const;
+  /// Whether a frame should become a keyframe: no reference is near, and the scan shows enough.
+  bool wants(const Pose2& map_from_base, const std::vector<Id>& references, const scan::LineScan& scan) const;
 
-  /// What holds a new keyframe besides its scan.
+  /// What holds a new keyframe besides the scans of its neighbours.
   struct Held {
-    std::optional<Id> previous;                                ///< keyframe of the same robot
-    Pose2 previous_from_this;                                  ///< by the robot's own estimate since
+    std::optional<Id> previous;                                ///< a keyframe
+    Pose2 previous_from_this;                                  ///< by odometry
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of it; without `previous` of map_from_base
   };
-  /// Matches the new keyframe against its neighbours and solves the graph. @return its id
-  Id add(const std::string& robot, TimeNs time_ns, const Pose2& map_from_base, const Pose2& base_from_scan,
-         const scan::LineScan& scan, const Held& held);
+  /// A scan as it was seen, and the camera that saw it.
+  struct Source {
+    std::uint32_t camera = 0;  ///< counts the robots
+    Boundary seen;
+    std::vector<bool> usable;  ///< beams
+    Pose2 base_from_scan;
+    double camera_height_m = 0.0;  ///< 0: a laser
+    lens::Spread lens;
+    Eigen::Vector4d assumed = Eigen::Vector4d::Zero();  ///< calibration error taken off
+  };
+  /// Matches the new keyframe against its neighbours and solves the graph.
+  /// @param scan lines of `source`, corrected for `assumed` @param references of the frame @return its id
+  Id add(const Pose2& map_from_base, Source source, const scan::LineScan& scan, const Held& held,
+         const std::vector<Id>& references);
+  /// Takes another calibration error off all scans of a camera and solves the graph.
+  void assume(std::uint32_t camera, const Eigen::Vector4d& error);
+  /// What the keyframes say about calibrations.
+  scan::CameraEvidence cameraEvidence() const;
+  /// A measurement of a keyframe's pose in map; takes effect with the next solution.
+  void addAbsolute(Id keyframe, const Pose2& map_from_base, const Eigen::Matrix3d& covariance);
+  /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
+  void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 
   /// Systematic covariance of a match over a distance, right perturbation.
   Eigen::Matrix3d systematic(double distance_m) const;
-  /// Largest move of a keyframe by the last add(), metres.
-  double moved_m() const { return moved_m_; }
+  /// Counts solutions that moved a keyframe noticeably.
+  std::uint32_t revision() const { return revision_; }
 
  private:
-  struct Keyframe {
-    std::string robot;
-    TimeNs time_ns = 0;
-    Pose2 base_from_scan;
-    scan::LineScan scan;
+  struct Edge {
+    Id to;
+    double variance_m2;
   };
-  void constrainPairs(Id id);
+  struct Keyframe {
+    Source source;
+    scan::LineScan scan;
+    scan::BeamFields fields;
+    std::vector<Edge> edges;
+  };
+  std::vector<bool> related(Id from, double variance_m2) const;
+  void relate(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
+              const scan::CameraDependence* cameras = nullptr);
+  void constrainPairs(Id id, const std::vector<Id>& known);
+  void solve();
 
   KeyframeOptions options_;
   scan::KeyframeGraph graph_;
   scan::ScanMatcher matcher_;
   std::deque<Keyframe> keyframes_;
-  double moved_m_ = 0.0;
+  std::uint32_t revision_ = 0;
+  mutable std::vector<std::optional<Eigen::Matrix3d>> covariance_;  ///< computed on demand
 };
 
 }  // namespace omnifleet::estimation

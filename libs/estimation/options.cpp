@@ -51,6 +51,9 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.wheel_log = WheelLogOptions::read(section.child("wheel_log"));
   o.detector = DetectorOptions::read(section.child("detector"));
   o.camera = CameraOptions::read(section.child("camera"));
+  o.keyframes = KeyframeOptions::read(section.child("keyframes"));
+  o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
+  o.scan = ScanSourceOptions::read(section.child("scan"));
   section.finish();
   return o;
 }

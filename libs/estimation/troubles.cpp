@@ -124,6 +124,7 @@ bool isAfterGap(const RobotNode& robot, TimeNs time_ns) {
 void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
   // Who was as blind as it is bears no robot out: they may all have been carried alike.
   for (RobotFrame& frame : frames) {
+    frame.settled = frame.settled || frame.robot->scan_aid.suffices;
     if (frame.isPlaced() && frame.after_gap) frame.robot->unsure = kUnsureFrames + 1;
   }
   for (const bool peers : {false, true}) {

@@ -79,7 +79,8 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
   for (RobotNode& robot : fleet.robots) {
     if (!robot.located()) continue;
     const Pose2 pose = fleet.pose(robot.window.back().pose);
-    robot.covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
+    robot.scan_aid.relative_covariance = bodyCovariance(covariance.block<3, 3>(at, at), pose.theta_rad);
+    robot.covariance = ScanSource::inMap(fleet, robot);
     at += 3;
   }
   for (auto& [id, landmark] : fleet.landmarks) {

@@ -31,7 +31,6 @@ void Beams::set(const dataset::LaserRow& row, const dataset::LaserSensor& sensor
     Beam& b = beam[i];
     b.bearing_rad = yaw + row.angle_min_rad + static_cast<double>(k) * row.angle_increment_rad;
     b.echo = echoOf(row.range_m[k], sensor);
-    b.is_static = true;
     b.range_m = b.echo == Echo::kHit ? static_cast<double>(row.range_m[k]) : sensor.range_max_m;
     b.point_m = b.range_m * Eigen::Vector2d(std::cos(b.bearing_rad), std::sin(b.bearing_rad));
   }

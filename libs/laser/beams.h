@@ -18,7 +18,6 @@ struct Beam {
   double bearing_rad = 0.0;  ///< about the scanner, in the axes of base_link, increasing from beam to beam
   double range_m = 0.0;      ///< of kHit and kNone
   Echo echo = Echo::kBlind;
-  bool is_static = true;  ///< false if it hits an object small enough to be a moving robot
   Eigen::Vector2d point_m = Eigen::Vector2d::Zero();  ///< from the scanner, axes of base_link
 };
 

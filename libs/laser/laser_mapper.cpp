@@ -22,7 +22,6 @@ Options Options::read(const options::Section& section) {
   section.read("max_size_m", o.max_size_m, {0.05, 100.0});
   section.read("max_contact_m", o.max_contact_m, {0.1, 100.0});
   section.read("min_beams", o.min_beams, {3, 1000});
-  section.read("match", o.match);
   section.finish();
   return o;
 }
@@ -35,22 +34,15 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
   map_.motion = wheels;
   map_.objects.clear();
   map_.scan = Scan{};
+  map_.boundary.clear();
   fault_ = "";
   map_.state = check(row);
   if (map_.state == FrameState::kOk) {
     beams_.set(row, sensor_);
     checkEchoes(row);
   }
-  if (map_.state != FrameState::kOk) {
-    matcher_.forget();
-    return map_;
-  }
+  if (map_.state != FrameState::kOk) return map_;
   segments(beams_, sensor_.range_sigma_m, options_.segments, segments_);  // cut at range jumps
-  if (options_.match) {
-    for (const Segment& segment : segments_) markMovable(segment);
-    map_.motion =
-        matcher_.refine(beams_, sensor_.baseFromLaser().translation(), sensor_.range_sigma_m, wheels);
-  }
   label_.assign(beams_.size(), RayLabel::kUnknown);
   object_.assign(beams_.size(), 0);
   for (const Segment& segment : segments_) {
@@ -58,6 +50,7 @@ const LocalMap& LaserMapper::process(const dataset::LaserRow& row, std::uint32_t
     for (const Segment& part : convex_) measure(part);
   }
   fillScan();
+  fillBoundary();
   return map_;
 }
 
@@ -84,15 +77,6 @@ void LaserMapper::checkEchoes(const dataset::LaserRow& row) {
                ? "all ranges exceed range_max_m in sensor.yaml; check that they are in metres"
                : "no beam has an echo; check that the scanner works and is not occluded, and range_max_m in "
                  "sensor.yaml";
-}
-
-/// Marks surfaces not longer than `max_size_m`: they may be moving robots.
-void LaserMapper::markMovable(const Segment& segment) {
-  Eigen::AlignedBox2d box;
-  for (std::size_t i = 0; i < segment.count; ++i) box.extend(beams_.at(segment.first + i).point_m);
-  if (box.diagonal().norm() > options_.max_size_m) return;
-  for (std::size_t i = 0; i < segment.count; ++i)
-    beams_.beam[(segment.first + i) % beams_.size()].is_static = false;
 }
 
 bool LaserMapper::isConcave(const Piece& before, const Piece& after) const {
@@ -161,6 +145,22 @@ void LaserMapper::fillScan() {
   map_.scan.origin_m = sensor_.baseFromLaser().translation();
   map_.scan.range_m.resize(rays);
   resample(beams_, label_, object_, sensor_.range_sigma_m, map_.scan);
+}
+
+/// Echoes as inverse ranges. σ of a range, σ_r, is σ_r/r² in inverse range.
+void LaserMapper::fillBoundary() {
+  const Scan& scan = map_.scan;
+  const std::size_t rays = scan.range_m.size();
+  Boundary& boundary = map_.boundary;
+  boundary.origin_m = scan.origin_m;
+  boundary.inverse_m.assign(rays, 0.0f);
+  boundary.sigma.assign(rays, 0.0f);
+  for (std::size_t i = 0; i < rays; ++i) {
+    const bool hit = scan.label[i] == RayLabel::kObstacle || scan.label[i] == RayLabel::kUnknown;
+    if (!hit || !(scan.range_m[i] > 0.0f)) continue;
+    boundary.inverse_m[i] = 1.0f / scan.range_m[i];
+    boundary.sigma[i] = scan.sigma_m[i] * boundary.inverse_m[i] * boundary.inverse_m[i];
+  }
 }
 
 void resample(const Beams& beams, const std::vector<RayLabel>& label,

@@ -4,7 +4,7 @@
 
 #include "dataset/laser.h"
 #include "laser/facing_side.h"
-#include "laser/scan_match.h"
+#include "laser/segments.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -19,15 +19,14 @@ struct Options {
   double max_size_m = 1.2;     ///< m, longer surfaces are walls: in the scan, but no objects
   double max_contact_m = 3.0;  ///< m, surfaces farther away are no objects
   int min_beams = 4;           ///< least number of echoes of an object
-  bool match = true;           ///< correct the wheels' motion by scan matching
   static Options read(const options::Section& section);
 };
 
 /// Replaces the camera by a laser (Choi et al. 2014, future work): one local map per scan, in the same form
 /// for classifier, localizer and merger. Differences: `camera_height_m` is 0 (no heights, because no top is
 /// visible). Objects have no pixels and no vectors; their hull and supports are those of the side that faces
-/// the scanner. The motion is that of the wheels, corrected by matching the scan with the previous one
-/// (`match`). Pure: no DDS, no clock, no thread.
+/// the scanner. The motion is that of the wheels; the localizer matches the scans
+/// (`boundary`). Pure: no DDS, no clock, no thread.
 class LaserMapper {
  public:
   LaserMapper(const dataset::LaserSensor& sensor, const Options& options)
@@ -43,13 +42,13 @@ class LaserMapper {
  private:
   FrameState check(const dataset::LaserRow& row);
   void checkEchoes(const dataset::LaserRow& row);
-  void markMovable(const Segment& segment);
   bool isConcave(const Piece& before, const Piece& after) const;
   void splitAtConcaveCorners(const Segment& segment);
   void measure(const Segment& segment);
   void addObject(const Segment& segment);
   void label(const Segment& segment, RayLabel kind, std::uint16_t object);
   void fillScan();
+  void fillBoundary();
 
   dataset::LaserSensor sensor_;
   Options options_;
@@ -58,7 +57,6 @@ class LaserMapper {
   std::vector<Segment> segments_, convex_;
   std::vector<Piece> pieces_;
   FacingSide side_;
-  ScanMatcher matcher_;
   std::vector<RayLabel> label_;  ///< per beam
   std::vector<std::uint16_t> object_;
   LocalMap map_;

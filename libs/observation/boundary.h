@@ -13,6 +13,14 @@ struct Boundary {
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();  ///< foot of the camera (or laser) in base_link
   std::vector<float> inverse_m;                        ///< 1/range, 1/m; 0: no edge found
   std::vector<float> sigma;                            ///< 1/m, of inverse_m; 0 where no edge was found
+  /// 1: the beam ends at a robot or at another moving object, so localisation does not use it. Empty: none.
+  std::vector<std::uint8_t> moving;
+
+  void clear() {
+    inverse_m.clear();
+    sigma.clear();
+    moving.clear();
+  }
 };
 
 }  // namespace omnifleet

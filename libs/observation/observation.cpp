@@ -40,6 +40,38 @@ const char* toString(ObjectKind kind) {
   return "?";
 }
 
+const char* toString(LocalizationState state) {
+  switch (state) {
+    case LocalizationState::kUnlocated:
+      return "unlocated";
+    case LocalizationState::kLocalized:
+      return "localized";
+    case LocalizationState::kOdometryOnly:
+      return "odometry_only";
+    case LocalizationState::kLost:
+      return "lost";
+    case LocalizationState::kRelocalized:
+      return "relocalized";
+  }
+  return "?";
+}
+
+const char* toString(PoseEvent event) {
+  switch (event) {
+    case PoseEvent::kNone:
+      return "none";
+    case PoseEvent::kRelocalized:
+      return "relocalized";
+    case PoseEvent::kLoopClosed:
+      return "loop_closed";
+    case PoseEvent::kAbsolute:
+      return "absolute";
+    case PoseEvent::kCorrected:
+      return "corrected";
+  }
+  return "?";
+}
+
 Polygon RobotBody::outline() const {
   return footprint_m.size() >= 3 ? footprint_m : circlePolygon(Eigen::Vector2d::Zero(), radius_m, 48);
 }

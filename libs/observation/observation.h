@@ -11,6 +11,7 @@
 
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
+#include "observation/boundary.h"
 #include "observation/support_function.h"
 
 namespace omnifleet {
@@ -42,7 +43,7 @@ struct Motion {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the right perturbation (x, y, θ); m, rad
   double left_m = 0.0, right_m = 0.0;  ///< distance that each wheel has rolled, metres (0 without wheels)
   bool wheels_rejected = false;        ///< The surrounding objects contradict the wheels. The motion is then
-                                 ///< estimated from the objects, or unknown (`valid` is false).
+                                       ///< estimated from the objects, or unknown (`valid` is false).
 };
 
 /// A point on the surface of an object.
@@ -109,6 +110,7 @@ struct LocalMap {
   Motion motion;
   std::vector<ObjectObservation> objects;
   Scan scan;
+  Boundary boundary;  ///< for scan matching
 };
 
 enum class ObjectKind : std::uint8_t { kUnknown = 0, kObstacle = 1, kRobot = 2 };
@@ -144,6 +146,7 @@ struct Objects {
   Motion motion;
   std::vector<Track> tracks;
   Scan scan;  ///< with decided labels; `object` is the track id
+  Boundary boundary;
 };
 
 struct Sighting {
@@ -151,11 +154,34 @@ struct Sighting {
   std::string robot;
 };
 
+/// What the pose of a robot rests on.
+enum class LocalizationState : std::uint8_t {
+  kUnlocated = 0,     ///< no pose yet
+  kLocalized = 1,     ///< scan, landmarks, other robots or absolute measurements confirm the pose
+  kOdometryOnly = 2,  ///< only odometry determines the pose; its covariance grows
+  kLost = 3,          ///< neither observations nor odometry determine the pose
+  kRelocalized = 4    ///< the first frame after the pose was found again
+};
+const char* toString(LocalizationState state);
+
+/// Why a pose differs from what the poses before it and odometry predict.
+enum class PoseEvent : std::uint8_t {
+  kNone = 0,
+  kRelocalized = 1,  ///< found again by a unique match
+  kLoopClosed = 2,   ///< a return to a known place corrected the path
+  kAbsolute = 3,     ///< an absolute measurement corrected it
+  kCorrected = 4     ///< any other correction beyond 3 σ
+};
+const char* toString(PoseEvent event);
+
 struct PoseEstimate {
   std::string robot;
   TimeNs acquired_ns = 0;
   std::uint32_t sequence = 0;
   bool valid = false;
+  LocalizationState state = LocalizationState::kUnlocated;
+  PoseEvent event = PoseEvent::kNone;
+  double correction_sigmas = 0.0;  ///< size of the correction of an event, in σ of the prediction
   Pose2 map_from_base;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< (x, y, θ) of the right perturbation
   /// Reference of the covariance. Poses with the same number have the same reference. 0: `map` as configured.

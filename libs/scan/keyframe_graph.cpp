@@ -61,7 +61,7 @@ struct KeyframeGraph::System {
     for (const Constraint& c : graph.constraints_) {
       const bool absolute = c.from == kMap;
       const Linearised l =
-          linearise(absolute ? Pose2{} : graph.poses_[c.from], graph.poses_[c.to], c.measured);
+          linearise(absolute ? Pose2{} : graph.poses_[c.from], graph.poses_[c.to], graph.corrected(c));
       const double chi2 = l.residual.dot(c.information * l.residual);
       const Eigen::Matrix3d information = c.information / (1.0 + chi2 / (3.0 * scale2));
       addBlock(c.to, c.to, l.by_to.transpose() * information * l.by_to);
@@ -83,13 +83,78 @@ KeyframeGraph::Id KeyframeGraph::add(const Pose2& map_from_keyframe) {
   return static_cast<Id>(poses_.size() - 1);
 }
 
-void KeyframeGraph::addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance) {
-  constraints_.push_back({from, to, from_to, covariance.inverse()});
+void KeyframeGraph::addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
+                                const CameraDependence* cameras) {
+  constraints_.push_back({from, to, from_to, covariance.inverse(),
+                          cameras == nullptr ? nullptr : std::make_shared<CameraDependence>(*cameras)});
+  if (cameras == nullptr) return;
+  const std::size_t count = std::max(cameras->from_camera, cameras->to_camera) + 1;
+  if (cameras_.size() < count) cameras_.resize(count, Eigen::Vector4d::Zero());
+}
+
+void KeyframeGraph::setCamera(std::uint32_t camera, const Eigen::Vector4d& error) {
+  if (cameras_.size() <= camera) cameras_.resize(camera + 1, Eigen::Vector4d::Zero());
+  cameras_[camera] = error;
+}
+
+CameraDependence::Vector KeyframeGraph::errorsOf(const CameraDependence& cameras) const {
+  CameraDependence::Vector errors;
+  errors << cameras_[cameras.to_camera], cameras_[cameras.from_camera];
+  return errors;
+}
+
+Pose2 KeyframeGraph::corrected(const Constraint& c) const {
+  if (!c.cameras) return c.measured;
+  const Eigen::Vector3d off = c.cameras->by_error * (errorsOf(*c.cameras) - c.cameras->assumed);
+  return c.measured * Pose2{off.x(), off.y(), off.z()}.inverse();
+}
+
+CameraEvidence KeyframeGraph::cameraEvidence() const {
+  CameraEvidence evidence;
+  const auto n = static_cast<Eigen::Index>(4 * cameras_.size()),
+             rows = static_cast<Eigen::Index>(3 * poses_.size());
+  if (n == 0 || !solver_ || solver_->rows() != rows) return evidence;
+  evidence.at.resize(n);
+  for (std::size_t k = 0; k < cameras_.size(); ++k)
+    evidence.at.segment<4>(static_cast<Eigen::Index>(4 * k)) = cameras_[k];
+  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(rows, n), information = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd g = Eigen::VectorXd::Zero(rows), gradient = Eigen::VectorXd::Zero(n);
+  const double scale2 = options_.robust_sigmas * options_.robust_sigmas;
+  for (const Constraint& c : constraints_) {
+    const bool absolute = c.from == kMap;
+    const Linearised l = linearise(absolute ? Pose2{} : poses_[c.from], poses_[c.to], corrected(c));
+    const double chi2 = l.residual.dot(c.information * l.residual);
+    const Eigen::Matrix3d weight = c.information / (1.0 + chi2 / (3.0 * scale2));
+    g.segment<3>(3 * c.to) -= l.by_to.transpose() * weight * l.residual;
+    if (!absolute) g.segment<3>(3 * c.from) -= l.by_from.transpose() * weight * l.residual;
+    if (!c.cameras) continue;
+    const CameraDependence& d = *c.cameras;
+    const CameraDependence::Vector off = errorsOf(d) - d.assumed;
+    const Eigen::Matrix<double, 8, 1> own = d.gradient - d.information * off,
+                                      by_pose = -d.by_error.transpose() * weight * l.residual;
+    const Eigen::Matrix<double, 8, 8> own_information =
+        d.information + d.by_error.transpose() * weight * d.by_error;
+    const Eigen::Index at[] = {4 * static_cast<Eigen::Index>(d.to_camera),
+                               4 * static_cast<Eigen::Index>(d.from_camera)};
+    for (int i = 0; i < 2; ++i) {
+      const Eigen::Matrix<double, 3, 4> by = d.by_error.middleCols<4>(4 * i);
+      gradient.segment<4>(at[i]) += own.segment<4>(4 * i) + by_pose.segment<4>(4 * i);
+      cross.block<3, 4>(3 * c.to, at[i]) += l.by_to.transpose() * weight * by;
+      if (!absolute) cross.block<3, 4>(3 * c.from, at[i]) += l.by_from.transpose() * weight * by;
+      for (int k = 0; k < 2; ++k)
+        information.block<4, 4>(at[i], at[k]) += own_information.block<4, 4>(4 * i, 4 * k);
+    }
+  }
+  const Eigen::MatrixXd gain = solver_->solve(cross);
+  evidence.information = information - cross.transpose() * gain;
+  evidence.information = 0.5 * (evidence.information + evidence.information.transpose()).eval();
+  evidence.gradient = gradient - gain.transpose() * g;
+  return evidence;
 }
 
 void KeyframeGraph::addAbsolute(Id keyframe, const Pose2& map_from_keyframe,
                                 const Eigen::Matrix3d& covariance) {
-  constraints_.push_back({kMap, keyframe, map_from_keyframe, covariance.inverse()});
+  constraints_.push_back({kMap, keyframe, map_from_keyframe, covariance.inverse(), nullptr});
 }
 
 double KeyframeGraph::optimise() {

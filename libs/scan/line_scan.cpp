@@ -123,4 +123,24 @@ void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable) {
   }
 }
 
+Eigen::Matrix3d LineScan::information(const std::vector<std::uint8_t>& skip) const {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < beams_.size(); ++i) {
+    const Beam& beam = beams_[i];
+    if (!beam.has_line || (!skip.empty() && skip[i] != 0)) continue;
+    const Eigen::Vector2d a = beam.line.cast<double>(), u = bearings_[i].cast<double>();
+    // s = a·u; a shift t of the scan turns a into a / (1 − a·t), a turn δ turns u.
+    const double s = a.dot(u);
+    const Eigen::Vector3d jacobian(s * a.x(), s * a.y(), a.dot(Eigen::Vector2d(-u.y(), u.x())));
+    const double sigma = static_cast<double>(beam.sigma);
+    sum += jacobian * jacobian.transpose() / (sigma * sigma);
+  }
+  return sum;
+}
+
+void LineScan::compact() {
+  prefix_ = {};
+  second_ = {};
+}
+
 }  // namespace omnifleet::scan

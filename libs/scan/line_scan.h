@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "observation/boundary.h"
@@ -26,6 +27,12 @@ class LineScan {
   /// jumps) take part in no match. Prefix sums make the cost independent of the windows.
   /// @param usable false: leave the beam out (it hits a robot); empty: all count
   void fit(const Boundary& boundary, const std::vector<bool>& usable = {});
+
+  /// Information about the pose of the scan that its lines carry: that of a match against a noiseless copy of
+  /// itself. Right perturbation. @param skip not 0: leave the beam out; empty: all count
+  Eigen::Matrix3d information(const std::vector<std::uint8_t>& skip = {}) const;
+  /// Releases the memory that only fit() needs, for scans that are kept.
+  void compact();
 
   const std::vector<Beam>& beams() const { return beams_; }
   /// Unit vector of each bearing.

@@ -1,6 +1,7 @@
 #include "scan/scan_matcher.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -11,6 +12,9 @@ constexpr int kFirstReach = 8, kReach = 4, kFirstRounds = 3;  // beams to both s
 constexpr double kLeastDepth = 0.05;    // of a line before the scan's origin, as a share of its distance
 constexpr double kLeastInverse = 0.02;  // 1/m
 constexpr double kPointSigmas = 3.0;
+constexpr double kLoose = 1.0;  // 1/m², 1/rad²: information where a match leaves a direction open
+constexpr std::size_t kSectors = 48;
+constexpr int kPoseParameters = 3;
 constexpr double kConverged = 2e-5;  // m, rad
 
 }  // namespace
@@ -37,8 +41,18 @@ MatchOptions MatchOptions::read(const options::Section& section) {
   return o;
 }
 
-void ScanMatcher::addReference(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
-                               double gate, Sums& sums) {
+/// A beam and the line of a reference that it meets.
+struct Pair {
+  std::size_t beam, other;  ///< indices
+  Eigen::Vector2d line;     ///< of the reference, seen from the scan
+  double residual, variance, weight;
+  Eigen::Vector3d jacobian;  ///< of the predicted inverse range by the pose, right perturbation
+  double z2() const { return residual * residual / variance; }
+};
+
+template <typename Visit>
+void ScanMatcher::forEachPair(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
+                              double gate, const std::vector<std::uint8_t>& skip, Visit visit) const {
   const Pose2 relative = reference.map_from_scan.inverse() * pose;
   const Eigen::Matrix2d rotation = relative.rotation();
   const Eigen::Vector2d shift = relative.translation();
@@ -50,56 +64,139 @@ void ScanMatcher::addReference(const LineScan& scan, const Reference& reference,
   const double per_radian = m / (2.0 * M_PI);
   for (std::size_t j = 0; j < beams.size(); j += static_cast<std::size_t>(options_.stride)) {
     const LineScan::Beam& beam = beams[j];
-    if (!beam.has_line) continue;
+    if (!beam.has_line || (!skip.empty() && skip[j] != 0)) continue;
     const Eigen::Vector2d point = beam.point_m.cast<double>(), there = relative * point;
     const int centre = static_cast<int>(std::lround(std::atan2(there.y(), there.x()) * per_radian));
-    const LineScan::Beam* nearest = nullptr;
+    std::size_t nearest = others.size();
     double nearest2 = 0.0;
     for (int d = -reach; d <= reach; ++d) {
-      const LineScan::Beam& other = others[static_cast<std::size_t>((centre + d + 2 * m) % m)];
-      if (!other.has_line) continue;
-      const double distance2 = (other.point_m.cast<double>() - there).squaredNorm();
-      if (nearest == nullptr || distance2 < nearest2) nearest = &other, nearest2 = distance2;
+      const auto k = static_cast<std::size_t>((centre + d + 2 * m) % m);
+      if (!others[k].has_line) continue;
+      const double distance2 = (others[k].point_m.cast<double>() - there).squaredNorm();
+      if (nearest == others.size() || distance2 < nearest2) nearest = k, nearest2 = distance2;
     }
-    if (nearest == nullptr) continue;
+    if (nearest == others.size()) continue;
     const double range_m = point.norm(), sigma_m = static_cast<double>(beam.sigma) * range_m * range_m;
     const double reach_m = options_.gate_m + kPointSigmas * sigma_m;
     if (nearest2 > reach_m * reach_m) continue;
     // The reference's line a·p = 1, seen from the scan: (Rᵀa / (1 − a·t))·p = 1.
-    const Eigen::Vector2d a = nearest->line.cast<double>();
+    const LineScan::Beam& other = others[nearest];
+    const Eigen::Vector2d a = other.line.cast<double>();
     const double depth = 1.0 - a.dot(shift);
     if (depth < kLeastDepth) continue;
-    const Eigen::Vector2d line = rotation.transpose() * a / depth, own = beam.line.cast<double>();
-    if (own.dot(line) < options_.min_cosine * own.norm() * line.norm()) continue;
+    Pair pair;
+    pair.beam = j;
+    pair.other = nearest;
+    pair.line = rotation.transpose() * a / depth;
+    const Eigen::Vector2d own = beam.line.cast<double>();
+    if (own.dot(pair.line) < options_.min_cosine * own.norm() * pair.line.norm()) continue;
     const Eigen::Vector2d u = scan.bearings()[j].cast<double>();
-    const double predicted = line.dot(u);
+    const double predicted = pair.line.dot(u);
     if (predicted < kLeastInverse) continue;
     const Eigen::Vector2d by_line = (rotation * u + predicted * shift) / depth;
-    const double variance = static_cast<double>(beam.sigma) * beam.sigma +
-                            by_line.dot(nearest->line_covariance.cast<double>() * by_line);
-    const double residual = static_cast<double>(beam.s) - predicted, z2 = residual * residual / variance;
-    if (z2 > gate * gate) continue;
-    const double weight = 1.0 / (1.0 + z2 / (options_.robust_sigmas * options_.robust_sigmas));
+    pair.variance = static_cast<double>(beam.sigma) * beam.sigma +
+                    by_line.dot(other.line_covariance.cast<double>() * by_line);
+    pair.residual = static_cast<double>(beam.s) - predicted;
+    if (pair.z2() > gate * gate) continue;
+    pair.weight = 1.0 / (1.0 + pair.z2() / (options_.robust_sigmas * options_.robust_sigmas));
     const Eigen::Vector2d by_shift = predicted / depth * (rotation.transpose() * a);
-    const Eigen::Vector3d jacobian(by_shift.x(), by_shift.y(), (turning * a).dot(u) / depth);
-    sums.h += weight / variance * jacobian * jacobian.transpose();
-    sums.g += weight / variance * residual * jacobian;
-    sums.chi2 += weight * z2;
-    sums.weight += weight;
-    ++sums.pairs;
-    sums.beams += hit_[j] == 0 ? 1 : 0;
-    hit_[j] = 1;
+    pair.jacobian = {by_shift.x(), by_shift.y(), (turning * a).dot(u) / depth};
+    visit(pair);
   }
 }
 
+void ScanMatcher::addReference(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
+                               double gate, const std::vector<std::uint8_t>& skip, Sums& sums) {
+  forEachPair(scan, reference, pose, reach, gate, skip, [&](const Pair& pair) {
+    const Eigen::Matrix3d h = pair.weight / pair.variance * pair.jacobian * pair.jacobian.transpose();
+    const Eigen::Vector3d g = pair.weight / pair.variance * pair.residual * pair.jacobian;
+    Sector& sector = sectors_[pair.beam * sectors_.size() / scan.beams().size()];
+    sums.h += h;
+    sums.g += g;
+    sector.h += h;
+    sector.g += g;
+    sums.chi2 += pair.weight * pair.z2();
+    sums.weight += pair.weight;
+    ++sums.pairs;
+    sums.beams += hit_[pair.beam] == 0 ? 1 : 0;
+    hit_[pair.beam] = 1;
+  });
+}
+
+CalibrationTerms ScanMatcher::calibrationTerms(const LineScan& scan, const Pose2& map_from_scan,
+                                               const Reference& reference, const BeamFields& of_scan,
+                                               const BeamFields& of_reference) const {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, 3, 8> cross = Eigen::Matrix<double, 3, 8>::Zero();
+  Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 8, 1> moment = Eigen::Matrix<double, 8, 1>::Zero();
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  const Eigen::Matrix2d scan_from_reference = (map_from_scan.inverse() * reference.map_from_scan).rotation();
+  const std::vector<std::uint8_t> none;
+  forEachPair(scan, reference, map_from_scan, kReach, options_.last_gate_sigmas, none, [&](const Pair& pair) {
+    // A point that is measured beside its place by Δ changes s by −s·(line·Δ).
+    const double s = static_cast<double>(scan.beams()[pair.beam].s);
+    Eigen::Matrix<double, 1, 8> by_error = Eigen::Matrix<double, 1, 8>::Zero();
+    if (!of_scan.empty()) by_error.head<4>() = -s * pair.line.transpose() * of_scan[pair.beam].cast<double>();
+    if (!of_reference.empty())
+      by_error.tail<4>() =
+          s * pair.line.transpose() * scan_from_reference * of_reference[pair.other].cast<double>();
+    const double weight = pair.weight / pair.variance;
+    h += weight * pair.jacobian * pair.jacobian.transpose();
+    g += weight * pair.residual * pair.jacobian;
+    cross += weight * pair.jacobian * by_error;
+    information += weight * by_error.transpose() * by_error;
+    moment += weight * pair.residual * by_error.transpose();
+  });
+  // residual(x + dx, e) = residual − jacobian·dx + by_error·(error that is taken for zero)
+  CalibrationTerms terms;
+  h.diagonal().array() += kLoose;
+  const Eigen::LDLT<Eigen::Matrix3d> ldlt(h);
+  terms.pose_by_error = ldlt.solve(cross);
+  terms.information = information - cross.transpose() * terms.pose_by_error;
+  terms.gradient = moment - cross.transpose() * ldlt.solve(g);
+  return terms;
+}
+
+/// Mean over the directions of the pose of the variance of the sectors' gradients at the optimum of the scan,
+/// over the information (cluster-robust covariance; Liang, Zeger 1986). Of sums over all references; divided
+/// by their number it is that of their mean.
+double ScanMatcher::scatter() const {
+  Eigen::Matrix3d total = Eigen::Matrix3d::Zero(), spread = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  int filled = 0;
+  for (const Sector& sector : sectors_) {
+    total += sector.h;
+    g += sector.g;
+    filled += sector.h.isZero() ? 0 : 1;
+  }
+  if (filled <= kPoseParameters) return 1.0;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(total);
+  const Eigen::Vector3d roots = solver.eigenvalues();
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  int directions = 0;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (!(roots(i) > kLoose)) continue;
+    inverse += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).transpose() / roots(i);
+    ++directions;
+  }
+  if (directions == 0) return 1.0;
+  const Eigen::Vector3d optimum = inverse * g;
+  for (const Sector& sector : sectors_) {
+    const Eigen::Vector3d left = sector.g - sector.h * optimum;
+    spread += left * left.transpose();
+  }
+  return static_cast<double>(filled) / (filled - kPoseParameters) * (inverse * spread).trace() / directions;
+}
+
 Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::Matrix3d& prior,
-                         const std::vector<Reference>& references) {
+                         const std::vector<Reference>& references, const std::vector<std::uint8_t>& skip) {
   Match match;
   match.map_from_scan = start;
   if (references.empty()) return match;
   int possible = 0;
   for (std::size_t j = 0; j < scan.beams().size(); j += static_cast<std::size_t>(options_.stride))
-    possible += scan.beams()[j].has_line ? 1 : 0;
+    possible += scan.beams()[j].has_line && (skip.empty() || skip[j] == 0) ? 1 : 0;
   Pose2 pose = start;
   for (int round = 0; round < options_.iterations; ++round) {
     // Gates shrink geometrically and reach their last value after three quarters of the iterations.
@@ -107,9 +204,10 @@ Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::
     const double gate =
         options_.first_gate_sigmas * std::pow(options_.last_gate_sigmas / options_.first_gate_sigmas, share);
     hit_.assign(scan.beams().size(), 0);
+    sectors_.assign(kSectors, Sector{});
     Sums sums;
     for (const Reference& reference : references)
-      addReference(scan, reference, pose, round < kFirstRounds ? kFirstReach : kReach, gate, sums);
+      addReference(scan, reference, pose, round < kFirstRounds ? kFirstReach : kReach, gate, skip, sums);
     if (sums.beams < options_.min_beams) return match;
     const double per_reference = 1.0 / static_cast<double>(references.size());
     sums.h *= per_reference;
@@ -119,8 +217,9 @@ Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::
     const Eigen::Vector3d step = (sums.h + prior).ldlt().solve(sums.g + prior * to_start);
     if (!step.allFinite()) return match;
     pose = pose * Pose2{step.x(), step.y(), step.z()};
-    match.information = sums.h;
-    match.gradient = sums.g - sums.h * step;
+    match.scatter = std::max(1.0, scatter() * per_reference);
+    match.information = sums.h / match.scatter;
+    match.gradient = (sums.g - sums.h * step) / match.scatter;
     match.chi2 = sums.chi2 / std::max(1e-9, sums.weight);
     match.matched = static_cast<double>(sums.beams) / std::max(1, possible);
     match.beams = sums.beams;

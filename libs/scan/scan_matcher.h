@@ -22,6 +22,19 @@ struct MatchOptions {
   static MatchOptions read(const options::Section& section);
 };
 
+/// Derivative of each beam's point by the parameters of its camera: point as measured minus true point, per
+/// unit error of each parameter, axes of the scan. Empty: not known.
+using BeamFields = std::vector<Eigen::Matrix<float, 2, 4>>;
+
+/// What a match of two scans says about the errors of their cameras. r is the residual, x the pose, e the
+/// errors of the camera of the scan (first four) and of the reference (last four).
+struct CalibrationTerms {
+  Eigen::Matrix<double, 3, 8> pose_by_error = Eigen::Matrix<double, 3, 8>::Zero();  ///< dx/de of the match
+  /// Of e with the pose eliminated: information, and information · (optimum − value).
+  Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 8, 1> gradient = Eigen::Matrix<double, 8, 1>::Zero();
+};
+
 /// A scan to match against, at its pose. The scan is kept by reference.
 struct Reference {
   const LineScan* scan = nullptr;
@@ -32,10 +45,13 @@ struct Match {
   bool valid = false;
   Pose2 map_from_scan;  ///< by the scan and the prior
   /// Of the scan alone, right perturbation: rank-deficient where the scene leaves a direction open (a
-  /// corridor).
+  /// corridor). Divided by `scatter`.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   /// Where the scan alone would move the pose: information · (scan's optimum − map_from_scan).
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  /// Variance of the gradient as it scatters between sectors of the scan, relative to that of independent
+  /// beams; at least 1. Errors of neighbouring beams go together: contact shadows, light, texture.
+  double scatter = 1.0;
   double chi2 = 0.0;     ///< mean squared residual of the matched beams, in σ²
   double matched = 0.0;  ///< share of the scan's beams with a line that met a line of some reference
   int beams = 0;         ///< so many of them
@@ -49,16 +65,31 @@ class ScanMatcher {
   explicit ScanMatcher(const MatchOptions& options = {}) : options_(options) {}
 
   /// @param start map_from_scan before @param prior information of `start`, right perturbation
+  /// @param skip not 0: the beam takes no part; empty: all take part
   Match match(const LineScan& scan, const Pose2& start, const Eigen::Matrix3d& prior,
-              const std::vector<Reference>& references);
+              const std::vector<Reference>& references, const std::vector<std::uint8_t>& skip = {});
+
+  /// Dependence of a match with one reference on the errors of both cameras. @param map_from_scan as matched
+  CalibrationTerms calibrationTerms(const LineScan& scan, const Pose2& map_from_scan,
+                                    const Reference& reference, const BeamFields& of_scan,
+                                    const BeamFields& of_reference) const;
 
  private:
   struct Sums;
+  template <typename Visit>
+  void forEachPair(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
+                   double gate, const std::vector<std::uint8_t>& skip, Visit visit) const;
   void addReference(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
-                    double gate, Sums& sums);
+                    double gate, const std::vector<std::uint8_t>& skip, Sums& sums);
 
   MatchOptions options_;
   std::vector<std::uint8_t> hit_;
+  struct Sector {
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  };
+  double scatter() const;
+  std::vector<Sector> sectors_;
 };
 
 }  // namespace omnifleet::scan

@@ -80,6 +80,27 @@ bool fromWire(const v1::Scan& from, Scan& to) {
   return to.origin_m.allFinite() && finite(to.blind_m);
 }
 
+void toWire(const Boundary& from, v1::Boundary& to) {
+  const auto n = static_cast<std::ptrdiff_t>(std::min(from.inverse_m.size(), kMaxRays));
+  to.origin(point(from.origin_m));
+  to.inverse_m().assign(from.inverse_m.begin(), from.inverse_m.begin() + n);
+  to.sigma().assign(from.sigma.begin(), from.sigma.begin() + n);
+  to.moving().assign(from.moving.begin(),
+                     from.moving.begin() + std::min(n, static_cast<std::ptrdiff_t>(from.moving.size())));
+}
+
+bool fromWire(const v1::Boundary& from, Boundary& to) {
+  const std::size_t n = from.inverse_m().size();
+  if (from.sigma().size() != n || (!from.moving().empty() && from.moving().size() != n)) return false;
+  to.origin_m = point(from.origin());
+  to.inverse_m = from.inverse_m();
+  to.sigma = from.sigma();
+  to.moving = from.moving();
+  for (std::size_t i = 0; i < n; ++i)
+    if (!finite(to.inverse_m[i], to.sigma[i])) return false;
+  return to.origin_m.allFinite();
+}
+
 void toWire(const SupportFunction& from, v1::Supports& to) {
   const auto n = static_cast<std::ptrdiff_t>(std::min(from.size(), kMaxDirections));
   to.b_m().assign(from.b_m.begin(), from.b_m.begin() + n);

@@ -77,6 +77,8 @@ void toWire(const Motion& from, v1::Motion& to);
 bool fromWire(const v1::Motion& from, Motion& to);
 void toWire(const Scan& from, v1::Scan& to);
 bool fromWire(const v1::Scan& from, Scan& to);
+void toWire(const Boundary& from, v1::Boundary& to);
+bool fromWire(const v1::Boundary& from, Boundary& to);
 void toWire(const SupportFunction& from, v1::Supports& to);
 void fromWire(const v1::Supports& from, SupportFunction& to);
 void toWire(const Polygon& from, std::vector<v1::Point2>& to);
@@ -91,6 +93,7 @@ void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   to.camera_height_m(from.camera_height_m);
   toWire(from.motion, to.motion());
   toWire(from.scan, to.scan());
+  toWire(from.boundary, to.boundary());
 }
 /// Reduces an invalid frame to its robot, time and sequence number. @return false
 template <typename Frame>
@@ -111,7 +114,8 @@ bool frameFromWire(const Wire& from, Frame& to) {
   to.camera_height_m = from.camera_height_m();
   bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
   good = fromWire(from.motion(), to.motion) && good;
-  return fromWire(from.scan(), to.scan) && good && finite(to.camera_height_m);
+  good = fromWire(from.scan(), to.scan) && good;
+  return fromWire(from.boundary(), to.boundary) && good && finite(to.camera_height_m);
 }
 
 }  // namespace omnifleet::adapters

@@ -17,6 +17,9 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
   const Eigen::Vector4d& e = from.camera_error;
   to.camera_error({e(0), e(1), e(2), e(3)});
   to.datum(from.datum);
+  to.state(static_cast<v1::LocalizationState>(from.state));
+  to.event(static_cast<v1::PoseEvent>(from.event));
+  to.correction_sigmas(from.correction_sigmas);
 }
 
 bool fromWire(const v1::Pose& from, PoseEstimate& to) {
@@ -32,8 +35,16 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};
   }
   to.camera_error = Eigen::Map<const Eigen::Vector4d>(from.camera_error().data());
-  if (to.map_from_base.isFinite() && to.covariance.allFinite() && to.camera_error.allFinite()) return true;
+  to.correction_sigmas = from.correction_sigmas();
+  const bool known = enumFromWire(from.state(), LocalizationState::kRelocalized, to.state) &&
+                     enumFromWire(from.event(), PoseEvent::kCorrected, to.event);
+  if (known && finite(to.correction_sigmas) && to.map_from_base.isFinite() && to.covariance.allFinite() &&
+      to.camera_error.allFinite())
+    return true;
   to.valid = false;
+  to.state = LocalizationState::kUnlocated;
+  to.event = PoseEvent::kNone;
+  to.correction_sigmas = 0.0;
   to.camera_error.setZero();
   to.map_from_base = Pose2();
   to.covariance.setIdentity();

@@ -87,6 +87,7 @@ const Objects& Classifier::process(const LocalMap& received, const std::vector<P
   tracker_.write(local_map, own_motion_, objects_.tracks);
   if (paper_centroids_) placeByCentroids(local_map);
   labelScan(local_map);
+  labelBoundary();
   return objects_;
 }
 
@@ -98,6 +99,7 @@ void Classifier::copyHeader(const LocalMap& local_map) {
   objects_.camera_height_m = local_map.camera_height_m;
   objects_.motion = local_map.motion;
   objects_.scan = local_map.scan;
+  objects_.boundary = local_map.boundary;
 }
 
 void Classifier::placeByCentroids(const LocalMap& local_map) {
@@ -131,6 +133,28 @@ void Classifier::labelScan(const LocalMap& local_map) {
     if (!track) continue;
     scan.label[i] = rayLabel(track->kind);
     scan.object[i] = static_cast<std::uint16_t>(track->id);
+  }
+}
+
+/// Marks beams that end at robots and at other moving objects: at the near side of their outlines.
+void Classifier::labelBoundary() {
+  constexpr double kMargin_m = 0.05;    // of outlines
+  constexpr double kMoving_mps = 0.08;  // as in the estimator: faster objects are no landmarks
+  Boundary& boundary = objects_.boundary;
+  const std::size_t beams = boundary.inverse_m.size();
+  boundary.moving.assign(beams, 0);
+  for (const Track& track : objects_.tracks) {
+    const bool moves = track.kind == ObjectKind::kRobot || track.velocity_mps.norm() > kMoving_mps;
+    if (!track.visible || !moves || track.hull_m.size() < 3) continue;
+    double reach_m = 0.0;
+    for (const Eigen::Vector2d& p : track.hull_m) reach_m = std::max(reach_m, (p - boundary.origin_m).norm());
+    for (std::size_t i = 0; i < beams; ++i) {
+      if (!(boundary.inverse_m[i] > 0) || boundary.inverse_m[i] * (reach_m + kMargin_m) < 1.0) continue;
+      const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(beams);
+      const Eigen::Vector2d end = boundary.origin_m + Eigen::Vector2d(std::cos(bearing), std::sin(bearing)) /
+                                                          static_cast<double>(boundary.inverse_m[i]);
+      if (distanceTo(track.hull_m, end) < kMargin_m) boundary.moving[i] = 1;
+    }
   }
 }
 

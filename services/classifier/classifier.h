@@ -49,6 +49,7 @@ class Classifier {
   const LocalMap& withCheckedMotion(const LocalMap& received);
   void copyHeader(const LocalMap& local_map);
   void placeByCentroids(const LocalMap& local_map);
+  void labelBoundary();
   void labelScan(const LocalMap& local_map);
 
   bool paper_centroids_;

@@ -78,7 +78,8 @@ void removeOldTrajectories(const fleet::Fleet& fleet, const std::string& out, co
                    [](const fleet::ProcessSpec& process) { return process.service == "global_merger"; }))
     return;
   try {
-    for (const auto& [folder, kind] : {std::pair{"trajectories", ".tum"}, {"covariances", ".csv"}}) {
+    for (const auto& [folder, kind] :
+         {std::pair{"trajectories", ".tum"}, {"covariances", ".csv"}, {"localization", ".csv"}}) {
       const fs::path path = fs::path(out) / folder;
       if (!fs::is_directory(path)) continue;
       for (const auto& entry : fs::directory_iterator(path)) {

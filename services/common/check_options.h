@@ -20,10 +20,10 @@ void checkOutput(const fleet::Fleet& fleet, const std::string& out);
 /// be lost.
 void makeOutput(const std::string& folder);
 
-/// Removes the trajectory files of an earlier run from the run directory. Otherwise the file of a robot that
-/// is never localized in this run would be an old one. Only on a host (empty: any) that runs a global merger,
-/// and only at the start of a run: a restarted merger must keep the trajectories of robots that have
-/// finished. Throws options::Error.
+/// Removes the trajectory, covariance and localization files of an earlier run from the run directory.
+/// Otherwise the file of a robot that is never localized in this run would be an old one. Only on a host
+/// (empty: any) that runs a global merger, and only at the start of a run: a restarted merger must keep the
+/// trajectories of robots that have finished. Throws options::Error.
 void removeOldTrajectories(const fleet::Fleet& fleet, const std::string& out, const std::string& host = {});
 
 }  // namespace omnifleet::services

@@ -180,6 +180,19 @@ evaluation::DatumPlaces placesOf(const fs::path& out, const dataset::GroundTruth
   return evaluation::placeData(fleet);
 }
 
+/// Empty when the run has no localization states. `estimate` is in the frame of the truth.
+std::optional<evaluation::LocalizationMetrics> compareStates(const fs::path& out, const std::string& name,
+                                                             const std::vector<StampedPose>& truth,
+                                                             const std::vector<StampedPose>& estimate,
+                                                             int frame_count,
+                                                             std::vector<std::string>& warnings) {
+  const fs::path path = out / "localization" / (name + ".csv");
+  if (!fs::exists(path)) return std::nullopt;
+  const auto rows = dataset::readLocalization(path.string(), &warnings);
+  if (rows.empty()) return std::nullopt;
+  return evaluation::compareLocalization(rows, truth, estimate, frame_count, kMaxGap_ns);
+}
+
 RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording, const std::string& name,
                          const std::vector<StampedPose>& truth, const Pose2& truth_from_map,
                          std::vector<std::string>& warnings) {
@@ -196,6 +209,7 @@ RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording,
         evaluation::comparePaths(truth, deadReckoning(*robot, truth, estimate), kMaxGap_ns);
   }
   report.path = evaluation::comparePaths(truth, estimate, kMaxGap_ns);
+  report.localization = compareStates(out, name, truth, estimate, report.frames, warnings);
   const auto pairs = evaluation::associate(evaluation::lift(truth), evaluation::lift(estimate));
   report.ate_m = evaluation::absoluteTrajectoryError(pairs, evaluation::Alignment::kSe2);
   report.rpe = evaluation::relativePoseError(pairs);

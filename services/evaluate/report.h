@@ -7,6 +7,7 @@
 #include "evaluation/classification.h"
 #include "evaluation/consistency.h"
 #include "evaluation/free_space.h"
+#include "evaluation/localization_metrics.h"
 #include "evaluation/map_metrics.h"
 #include "evaluation/solid_metrics.h"
 #include "evaluation/trajectory_metrics.h"
@@ -23,7 +24,9 @@ struct RobotReport {
   evaluation::Statistics ate_m;   ///< evo's APE, translation, SE(2) alignment
   evaluation::RelativeError rpe;  ///< evo's RPE, delta 1 frame
   std::optional<evaluation::Consistency>
-      consistency;                         ///< if OUT/covariances/<robot>.csv exists and its poses have truth
+      consistency;  ///< if OUT/covariances/<robot>.csv exists and its poses have truth
+  std::optional<evaluation::LocalizationMetrics>
+      localization;                        ///< if OUT/localization/<robot>.csv exists and has rows
   std::optional<double> shape_difference;  ///< μ of OUT/places/<robot>.g2o
   int places = 0;                          ///< number of its nodes that have truth
 };

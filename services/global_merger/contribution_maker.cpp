@@ -46,9 +46,19 @@ bool ContributionMaker::isDue(const Objects& objects, const Pose2& map_from_base
   return passed_s >= (moved ? options_.min_interval_s : std::max(options_.min_interval_s, wait_s));
 }
 
+/// A guess is no fact: while only odometry determines the pose, frames are mapped as long as it is as good as
+/// a cell of the map.
+static bool isSure(const PoseEstimate& pose) {
+  constexpr double kSigma_m = 0.03, kSigma_rad = 0.02;
+  if (pose.state != LocalizationState::kOdometryOnly && pose.state != LocalizationState::kLost) return true;
+  return 0.5 * pose.covariance.topLeftCorner<2, 2>().trace() <= kSigma_m * kSigma_m &&
+         pose.covariance(2, 2) <= kSigma_rad * kSigma_rad;
+}
+
 std::optional<ContributionMaker::Made> ContributionMaker::make(const Objects& objects,
                                                                const PoseEstimate& pose) {
   if (objects.state != FrameState::kOk || !pose.valid || !pose.map_from_base.isFinite()) return std::nullopt;
+  if (!isSure(pose)) return std::nullopt;
   if (objects.acquired_ns != pose.acquired_ns || objects.robot != pose.robot) return std::nullopt;
   if (any_ && (objects.acquired_ns <= last_ns_ || !isDue(objects, pose.map_from_base))) return std::nullopt;
   Made made{occupancy::makeContribution(objects), occupancy::makeKeyframePose(pose)};

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <optional>
 #include <set>
 
 #include "global_merger/candidates.h"
@@ -104,6 +107,15 @@ dataset::MapObject objectOf(const Group& group) {
   return object;
 }
 
+/// Where a row of this time belongs in rows in order of time. Empty if there is a row of this time.
+template <typename Row>
+std::optional<std::ptrdiff_t> freePlace(const std::vector<Row>& rows, TimeNs time_ns) {
+  const auto after = std::upper_bound(rows.begin(), rows.end(), time_ns,
+                                      [](TimeNs time, const Row& row) { return time < row.time_ns; });
+  if (after != rows.begin() && std::prev(after)->time_ns == time_ns) return std::nullopt;
+  return after - rows.begin();
+}
+
 }  // namespace
 
 Merger::Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
@@ -129,17 +141,17 @@ bool Merger::correctSome(std::size_t at_most) {
 }
 
 void Merger::addTrajectory(const PoseEstimate& pose) {
+  auto& states = localization_[pose.robot];
+  if (const auto place = freePlace(states, pose.acquired_ns))
+    states.insert(states.begin() + *place,
+                  {pose.acquired_ns, pose.state, pose.event, pose.correction_sigmas});
   if (!pose.valid || !pose.map_from_base.isFinite()) return;
   auto& path = trajectories_[pose.robot];
-  const auto after =
-      std::upper_bound(path.begin(), path.end(), pose.acquired_ns,
-                       [](TimeNs time_ns, const dataset::StampedPose& p) { return time_ns < p.time_ns; });
-  // Causal: the first estimate of a time is kept.
-  if (after != path.begin() && std::prev(after)->time_ns == pose.acquired_ns) return;
+  const auto place = freePlace(path, pose.acquired_ns);
+  if (!place) return;
   auto& covariances = covariances_[pose.robot];
-  covariances.insert(covariances.begin() + (after - path.begin()),
-                     {pose.acquired_ns, pose.covariance, pose.datum});
-  path.insert(after, {pose.acquired_ns, pose.map_from_base});
+  covariances.insert(covariances.begin() + *place, {pose.acquired_ns, pose.covariance, pose.datum});
+  path.insert(path.begin() + *place, {pose.acquired_ns, pose.map_from_base});
 }
 
 bool Merger::isOneObject(const Group& group) const {

@@ -122,7 +122,8 @@ class Merger {
   void correctLater() { map_.correctLater(); }
   /// Returns false if there is nothing to correct.
   bool correctSome(std::size_t at_most);
-  /// Every pose estimate, used for the trajectories only; invalid ones are ignored.
+  /// Every pose sample of the localizer. Valid ones are used for the trajectories, all of them for
+  /// localization(). Causal: of several samples with one time the first is kept.
   void addTrajectory(const PoseEstimate& pose);
 
   const occupancy::OccupancyMap& map() const { return map_; }
@@ -133,6 +134,10 @@ class Merger {
   /// Covariances of the poses in trajectories(), row by row.
   const std::map<std::string, std::vector<dataset::StampedCovariance>>& covariances() const {
     return covariances_;
+  }
+  /// States and events of all pose samples, valid or not, in order of time.
+  const std::map<std::string, std::vector<dataset::StampedLocalization>>& localization() const {
+    return localization_;
   }
 
   /// Obstacles fitted over all views, ordered by id; fitted again only if the sets changed. What `meanwhile`
@@ -150,9 +155,9 @@ class Merger {
   /// At run/end: decides undecided candidates by fit and covariance, and updates the cells. Idempotent.
   void finish();
 
-  /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum and
-  /// covariances/<robot>.csv, each completely or not at all. Returns one line per file that could not be
-  /// written, which keeps its old content. Empty: all files are saved.
+  /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum,
+  /// covariances/<robot>.csv and localization/<robot>.csv, each completely or not at all. Returns one line
+  /// per file that could not be written, which keeps its old content. Empty: all files are saved.
   std::vector<std::string> save(const std::string& folder);
   /// The same with the outlines as last fitted: for live runs, where fitting all outlines would delay frames.
   std::vector<std::string> saveAsFitted(const std::string& folder) const;
@@ -172,6 +177,7 @@ class Merger {
   occupancy::OccupancyMap map_;
   std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
   std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
+  std::map<std::string, std::vector<dataset::StampedLocalization>> localization_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<RejectedCandidate> rejected_;
   std::vector<Eigen::Vector2d> low_contrast_m_, disagreeing_m_;

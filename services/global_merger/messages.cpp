@@ -49,10 +49,10 @@ Message mapEmpty() {
 }
 
 Message trajectoryIncomplete() {
-  return {ErrorCode::kTrajectoryIncomplete,
-          "this merger was restarted: trajectories/ and covariances/ begin at the restart, and contributions "
-          "of its "
-          "own robot from before may be missing in the map"};
+  return {
+      ErrorCode::kTrajectoryIncomplete,
+      "this merger was restarted: trajectories/, covariances/ and localization/ begin at the restart, and "
+      "contributions of its own robot from before may be missing in the map"};
 }
 
 Message candidatesRejected(RejectedCandidate::Reason reason, const std::vector<Eigen::Vector2d>& at_m) {

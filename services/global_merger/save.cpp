@@ -47,6 +47,11 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
       dataset::writeCovariances(folder + "/covariances/" + name + ".csv", covariances);
     });
   }
+  for (const auto& [robot, rows] : merger.localization()) {
+    attempt([&, &name = robot, &localization = rows] {
+      dataset::writeLocalization(folder + "/localization/" + name + ".csv", localization);
+    });
+  }
   attempt([&] {
     writePicture(folder + "/map.png", {grid, objects, merger.trajectories(), merger.bodies()});
   });

@@ -20,6 +20,7 @@ Options Options::read(const options::Section& section) {
   o.notches = ground::NotchOptions::read(section.child("notches"));
   o.silhouette = SilhouetteOptions::read(section.child("silhouette"));
   o.scan = ScanOptions::read(section.child("scan"));
+  o.boundary = ground::BoundaryOptions::read(section.child("boundary"));
   o.flow = flow::FeatureFlowOptions::read(section.child("flow"));
   section.finish();
   return o;
@@ -49,6 +50,7 @@ struct LocalMapper::Stages {
         notches(view, o.notches),
         silhouette(correction, view, o.silhouette),
         scan(correction, view, o.scan),
+        boundary(camera, view, o.boundary),
         flow(correction, o.flow) {}
   Stages(const Stages&) = delete;  // the steps refer to camera and view
   Stages& operator=(const Stages&) = delete;
@@ -83,6 +85,7 @@ struct LocalMapper::Stages {
   ground::NotchSplitter notches;
   Silhouette silhouette;
   FloorScan scan;
+  ground::FloorBoundary boundary;
   flow::FeatureFlow flow;
 
   const std::vector<ground::Blob>* labelled = nullptr;
@@ -174,6 +177,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     s.discard();
     return s.map;
   }
+  s.map.boundary = s.boundary.find(frame.image, s.segmenter.objects());
   s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
     for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
@@ -189,6 +193,7 @@ void LocalMapper::Stages::discard() {
   map.scan.sigma_m.clear();
   map.scan.label.clear();
   map.scan.object.clear();
+  map.boundary.clear();
 }
 
 OcclusionCheck::FrameContent LocalMapper::Stages::content() const {
@@ -215,6 +220,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   map.scan.sigma_m.clear();
   map.scan.label.clear();
   map.scan.object.clear();
+  map.boundary.clear();
 }
 
 FrameState LocalMapper::Stages::findRegions(const cv::Mat& image, const Motion& wheels) {

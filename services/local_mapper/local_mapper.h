@@ -7,6 +7,7 @@
 #include "flow/feature_flow.h"
 #include "ground/blob_splitter.h"
 #include "ground/contour.h"
+#include "ground/floor_boundary.h"
 #include "ground/ground_segmenter.h"
 #include "ground/notch_splitter.h"
 #include "ground/region_connection.h"
@@ -37,6 +38,7 @@ struct Options {
   ground::NotchOptions notches;          ///< `notches`: objects of one colour, by outline
   SilhouetteOptions silhouette;          ///< `silhouette`: outline, support function, which blobs are objects
   ScanOptions scan;                      ///< `scan`
+  ground::BoundaryOptions boundary;      ///< `boundary`: where the floor ends, for localization
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5
   static Options read(const options::Section& section);
 };

@@ -178,6 +178,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
     local_map_.state = FrameState::kTorn;
     local_map_.objects.clear();
     local_map_.scan = {};
+    local_map_.boundary.clear();
   }
   adapters::toWire(local_map_, runClock(context_.options), sample_);
   out_.write(sample_, status());

@@ -73,9 +73,9 @@ std::map<std::string, std::string> resultsOf(const std::string& out) {
   std::map<std::string, std::string> files;
   for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
     files[part] = fileText(out + "/" + part);
-  for (const char* folder : {"/trajectories", "/covariances"}) {
+  for (const char* folder : {"/trajectories/", "/covariances/", "/localization/"}) {
     for (const auto& entry : fs::directory_iterator(out + folder))
-      files[entry.path().filename().string()] = fileText(entry.path().string());
+      files[folder + entry.path().filename().string()] = fileText(entry.path().string());
   }
   return files;
 }

@@ -44,7 +44,7 @@ std::map<std::string, std::string> results(const std::string& out) {
   std::map<std::string, std::string> files;
   for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
     files[part] = fileText(out + "/" + part);
-  for (const char* folder : {"trajectories", "places"}) {
+  for (const char* folder : {"trajectories", "localization", "places"}) {
     if (!fs::exists(out + "/" + folder)) continue;
     for (const auto& entry : fs::directory_iterator(out + "/" + folder)) {
       files[std::string(folder) + "/" + entry.path().filename().string()] = fileText(entry.path().string());

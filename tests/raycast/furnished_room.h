@@ -1,40 +1,43 @@
 #pragma once
 
-#include <string>
+#include <Eigen/Core>
 #include <vector>
 
+#include "geometry/polygon.h"
+#include "tests/raycast/furnished_options.h"
+#include "tests/raycast/random.h"
 #include "tests/raycast/ray_caster.h"
 
 namespace omnifleet::raycast {
 
-enum class Furniture {
-  kTall,  ///< cupboards, shelves, sofas, tables as boxes, chairs, pillars: most higher than the camera
-  kLow,   ///< free-standing boxes and cylinders lower than the camera
+inline constexpr double kClearance_m = 0.28;  ///< planned distance of a robot's centre from everything
+
+/// Axis-parallel inside of one room.
+struct Extent {
+  Eigen::Vector2d low, high;
+  Eigen::Vector2d size() const { return high - low; }
 };
 
-struct FurnishedOptions {
-  unsigned seed = 0;  ///< of room, paths and noise
-  int robots = 1;
-  int frames = 200;  ///< per robot
-  double rate_hz = 5.0;
-  double step_min_m = 0.0,
-         step_max_m = 0.0;  ///< > 0: images by distance instead of time, at random in between
-  int width_px = 1280, height_px = 960;
-  int pieces = 10;  ///< of furniture
-  Furniture furniture = Furniture::kTall;
-  int rooms = 1;  ///< 2: joined by a door
-  bool walls = true;
-  bool dim = false;  ///< low contrast, light that falls off towards the walls
-  bool wheels = true;
-  double wheel_bias = 0.015;                          ///< σ of each wheel's scale error
-  double focal_error = 0.0;                           ///< relative error of the focal length in sensor.yaml
-  double tilt_error_deg = 0.0;                        ///< error of roll and pitch in sensor.yaml
-  double start_error_m = 0.0, start_error_rad = 0.0;  ///< error of each initial_pose
+struct House {
+  std::vector<Extent> rooms;
+  Polygon inside;  ///< of the walls
+  std::vector<Solid> walls, furniture;
 };
 
-/// Robots drive smooth paths between random goals in a furnished room; writes a data set with poses,
-/// footprints of the furniture (scene.geojson) and the inside of the walls (room.geojson). Throws
-/// std::runtime_error if no free path exists or a file cannot be written.
-void recordFurnished(const std::string& folder, const FurnishedOptions& options);
+/// Distance from a point to the footprint of a solid, metres. At most 0 inside.
+double distanceTo(const Solid& solid, const Eigen::Vector2d& at);
+
+/// Distance along the unit vector `along` to the footprint of a solid; infinity if the ray misses it.
+double rangeTo(const Solid& solid, const Eigen::Vector2d& from, const Eigen::Vector2d& along);
+
+/// The solid turned by 180° about the origin.
+Solid turnedAround(Solid solid);
+
+/// Walls around one room, or around two rooms joined by a door; furniture that leaves each room reachable.
+/// In a symmetric house walls and furniture come in pairs: number 2k + 1 is number 2k turned around.
+House furnishedHouse(const FurnishedOptions& options, Random& random);
+
+/// The house with floor, lamps and final colours.
+Room litRoom(const House& house, const FurnishedOptions& options, Random& random);
 
 }  // namespace omnifleet::raycast

@@ -168,6 +168,8 @@ Vector floorAt(const Room& room, const Eigen::Vector2d& at) {
       return carpet(room.floor_albedo, at.x(), at.y(), room.seed);
     case Floor::kConcrete:
       return concrete(room.floor_albedo, at.x(), at.y(), room.seed);
+    case Floor::kPlain:
+      return room.floor_albedo;
     default:
       return lino(room.floor_albedo, at.x(), at.y(), room.seed);
   }

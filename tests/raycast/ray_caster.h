@@ -35,7 +35,7 @@ struct Lamp {
   double radius_m = 0.0;  ///< of the luminous disc, which softens its shadows; 0: no shadows
 };
 
-enum class Floor { kLino, kParquet, kCarpet, kConcrete };
+enum class Floor { kLino, kParquet, kCarpet, kConcrete, kPlain };
 
 struct Room {
   Floor floor = Floor::kLino;

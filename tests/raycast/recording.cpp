@@ -2,10 +2,10 @@
 
 #include <cmath>
 #include <functional>
-#include <random>
 #include <stdexcept>
 
 #include "dataset/writer.h"
+#include "tests/raycast/random.h"
 
 namespace omnifleet::raycast {
 namespace {
@@ -13,19 +13,6 @@ namespace {
 constexpr double kFrame_s = 0.2, kRadius_m = 0.15, kHeight_m = 0.3, kSeparation_m = 0.26;
 constexpr TimeNs kBegin_ns = 1'000'000'000'000, kFrame_ns = 200'000'000;
 constexpr int kMaxTries = 1'000'000;
-
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double between(double low, double high) { return low + (high - low) * (engine_() / 4294967296.0); }
-  double normal(double sigma) {
-    return sigma * std::sqrt(-2.0 * std::log(between(1e-12, 1.0))) * std::cos(between(0.0, 2.0 * M_PI));
-  }
-  Eigen::Vector3d colour() { return {between(0.03, 0.8), between(0.03, 0.8), between(0.03, 0.8)}; }
-
- private:
-  std::mt19937 engine_;
-};
 
 struct Path {
   std::vector<Pose2> poses;
@@ -93,7 +80,7 @@ Solid randomObstacle(const Eigen::Vector3d& floor, Random& random) {
   if (obstacle.round) obstacle.size_m.y() = obstacle.size_m.x();
   obstacle.height_m = random.between(0.08, 0.28);
   obstacle.albedo = firstGood(
-      [&] { return random.colour(); },
+      [&] { return random.colour(0.03, 0.8); },
       [&](const Eigen::Vector3d& c) { return (c.cwiseQuotient(floor).array() - 1.0).abs().maxCoeff() > 0.4; },
       "obstacle colour");
   obstacle.chequered = random.between(0.0, 1.0) < 0.3;
@@ -137,7 +124,7 @@ Room randomRoom(const RecordingOptions& options, const std::vector<Path>& paths,
     room.markings.push_back(
         {{random.between(-2.0, 2.0), random.between(-1.5, 1.5), random.between(0.0, M_PI)},
          {0.297, 0.21},
-         random.colour()});
+         random.colour(0.03, 0.8)});
   if (options.tape)
     for (const Pose2& at : {Pose2{0.0, 0.3, 0.1}, Pose2{0.4, 0.0, 1.5}})
       room.markings.push_back({at, {6.0, 0.05}, {0.8, 0.7, 0.05}});

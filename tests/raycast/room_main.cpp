@@ -5,30 +5,89 @@
 #include <exception>
 #include <string>
 
-#include "tests/raycast/furnished_room.h"
+#include "tests/raycast/room_recording.h"
+
+namespace {
+
+using omnifleet::raycast::Interval;
+
+Interval intervalOf(const std::string& option, const std::string& text) {
+  Interval interval;
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%lf-%lf%n", &interval.begin_s, &interval.end_s, &used) != 2 ||
+      used != static_cast<int>(text.size()) || !(interval.begin_s < interval.end_s))
+    throw CLI::ValidationError(
+        option, "\"" + text + "\" is invalid; the option needs two times in seconds, A-B, with A before B");
+  return interval;
+}
+
+void addFaults(CLI::App& app, omnifleet::raycast::FurnishedOptions& options) {
+  const std::string group = "Faults, all off by default; the ground truth stays true";
+  app.add_option_function<std::string>(
+         "--black", [&](const std::string& text) { options.black = intervalOf("--black", text); },
+         "A-B: frames of robot 1 between A and B seconds are black")
+      ->group(group);
+  app.add_option("--occluded,--blocked", options.occluded_share,
+                 "persons walk around robot 1 and occlude this share of its bearings within 1.5 m (mean)")
+      ->check(CLI::Range(0.0, 0.9))
+      ->group(group);
+  app.add_option("--kidnapped,--carried", options.kidnapped_s,
+                 "at this time (s) robot 1 is lifted and set down elsewhere 2 s later; meanwhile it takes no "
+                 "frames and its wheels stand still")
+      ->check(CLI::NonNegativeNumber)
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--slip", [&](const std::string& text) { options.slip = intervalOf("--slip", text); },
+         "A-B: between A and B seconds the wheels of robot 1 turn 40 % farther than it moves")
+      ->group(group);
+  app.add_flag("--symmetric", options.symmetric,
+               "the room equals itself turned by 180 degrees; plain floor; one room only")
+      ->group(group);
+  app.add_flag_callback(
+         "--wheels-clock", [&] { options.wheel_clock_offset_s = 1000.0; },
+         "the wheels of all robots use another clock, 1000 s ahead")
+      ->group(group);
+  app.add_option("--wheels-scale", options.wheel_speed_factor,
+                 "factor on the wheel speeds of all robots; 100: cm/s instead of m/s")
+      ->check(CLI::PositiveNumber)
+      ->group(group);
+}
+
+}  // namespace
 
 int main(int argc, char** argv) try {
   omnifleet::raycast::FurnishedOptions options;
   CLI::App app{"Records robots that drive through a furnished room (independent renderer)"};
   std::string out;
+  double minutes = 0.0;
   bool by_distance = false, vga = false, low = false, no_walls = false, no_wheels = false, flawed = false;
   app.add_option("OUT", out, "folder of the recording")->required();
   app.add_option("SEED", options.seed, "seed of room, paths and noise")->required();
-  app.add_option("--robots", options.robots, "number of robots")->check(CLI::Range(1, 8));
-  app.add_option("--frames", options.frames, "frames per robot")->check(CLI::Range(1, 100000));
+  app.add_option("--robots", options.robots, "number of robots, default 1")->check(CLI::Range(1, 8));
+  auto* frames = app.add_option("--frames", options.frames, "frames per robot, default 200")
+                     ->check(CLI::Range(1, 100000));
+  app.add_option("--minutes", minutes, "length of the drive in place of --frames")
+      ->check(CLI::Range(0.01, 600.0))
+      ->excludes(frames);
   app.add_option("--rooms", options.rooms, "1, or 2 joined by a door")->check(CLI::Range(1, 2));
   app.add_option("--pieces", options.pieces, "pieces of furniture")->check(CLI::Range(0, 40));
   app.add_flag("--by-distance", by_distance, "one image per 10 to 16 cm instead of 5 Hz");
-  app.add_flag("--vga", vga, "640x480 images instead of 1280x960");
+  auto* vga_flag = app.add_flag("--vga", vga, "640x480 images instead of 1280x960");
+  app.add_option("--width", options.width_px, "width of the images, default 1280; the height is 3/4 of it")
+      ->check(CLI::Range(64, 4096))
+      ->excludes(vga_flag);
   app.add_flag("--low", low, "only free-standing obstacles lower than the camera");
   app.add_flag("--no-walls", no_walls, "no walls");
   app.add_flag("--no-wheels", no_wheels, "no wheel odometry");
   app.add_flag("--dim", options.dim, "low contrast, light that falls off");
   app.add_flag("--flawed", flawed,
                "calibration and initial poses slightly wrong (0.3 %, 0.2 deg, 0.5 cm, 0.3 deg)");
+  addFaults(app, options);
   CLI11_PARSE(app, argc, argv);
+  options.duration_s = 60.0 * minutes;
   if (by_distance) options.step_min_m = 0.10, options.step_max_m = 0.16;
-  if (vga) options.width_px = 640, options.height_px = 480;
+  if (vga) options.width_px = 640;
+  options.height_px = options.width_px * 3 / 4;
   if (low) options.furniture = omnifleet::raycast::Furniture::kLow;
   options.walls = !no_walls;
   options.wheels = !no_wheels;

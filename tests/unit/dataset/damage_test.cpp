@@ -122,6 +122,12 @@ TEST(DamagedText, SurvivesDamagedTrajectories) {
   });
 }
 
+TEST(DamagedText, SurvivesDamagedLocalizationFiles) {
+  neverCrashes("r1.csv", "#t,s,e,c\n10,localized,none,0\n", [](const std::string& path) {
+    for (const StampedLocalization& row : readLocalization(path)) EXPECT_GE(row.correction_sigmas, 0.0);
+  });
+}
+
 TEST(DamagedText, SurvivesDamagedGraphs) {
   neverCrashes("p.g2o", "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0.5\nEDGE_SE2 0 1 1 0 0.5 1 0 0 1 0 1\n",
                [](const std::string& path) { readG2o(path); });

@@ -48,6 +48,61 @@ TEST(Covariances, ReadsWhatItWritesAndListsDamagedRows) {
   EXPECT_EQ(warnings.size(), 4u);
 }
 
+TEST(Localization, ReadsWhatItWrites) {
+  const test::TempFolder folder;
+  std::vector<StampedLocalization> rows;
+  for (const LocalizationState state : kLocalizationStates)
+    for (const PoseEvent event : kPoseEvents)
+      rows.push_back({1'500'000'000'123'456'789 + static_cast<TimeNs>(rows.size()), state, event,
+                      event == PoseEvent::kNone ? 0.0 : 4.25 + static_cast<double>(rows.size())});
+  writeLocalization(folder / "r1.csv", rows);
+  std::vector<std::string> warnings;
+  const auto back = readLocalization(folder / "r1.csv", &warnings);
+  EXPECT_TRUE(warnings.empty());
+  ASSERT_EQ(back.size(), rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(back[i].time_ns, rows[i].time_ns);
+    EXPECT_EQ(back[i].state, rows[i].state);
+    EXPECT_EQ(back[i].event, rows[i].event);
+    EXPECT_EQ(back[i].correction_sigmas, rows[i].correction_sigmas);
+  }
+}
+
+TEST(Localization, WritesNamesAndHeader) {
+  const test::TempFolder folder;
+  writeLocalization(folder / "r1.csv", {{7, LocalizationState::kOdometryOnly, PoseEvent::kNone, 0.0},
+                                        {8, LocalizationState::kLocalized, PoseEvent::kLoopClosed, 12.5}});
+  EXPECT_EQ(readFile(folder / "r1.csv"),
+            "#timestamp [ns],state,event,correction [sigma]\n7,odometry_only,none,0\n"
+            "8,localized,loop_closed,12.5\n");
+}
+
+TEST(Localization, ListsDamagedRowsAndRejectsUnusableFiles) {
+  const test::TempFolder folder;
+  writeAtomic(folder / "damaged.csv",
+              "#t\n1,lost,none,0\nx,lost,none,0\n2,gone,none,0\n3,lost,crash,0\n4,lost,none,-1\n"
+              "5,lost,none,nan\n6,lost,none\n7,lost,none,2e9\n8,lost,none,0,0\n 9 , lost , none , 0 \r\n");
+  std::vector<std::string> warnings;
+  const auto rows = readLocalization(folder / "damaged.csv", &warnings);
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[1].time_ns, 9);
+  EXPECT_THAT(
+      warnings,
+      ::testing::ElementsAre(
+          HasSubstr("damaged.csv:3: the timestamp must be whole nanoseconds"),
+          HasSubstr("damaged.csv:4: the state must be one of unlocated, localized, odometry_only, lost, "
+                    "relocalized"),
+          HasSubstr("damaged.csv:5: the event must be one of none, relocalized, loop_closed, absolute, "
+                    "corrected"),
+          HasSubstr("damaged.csv:6: the correction must be between 0 and 1e+09 sigma"),
+          HasSubstr("damaged.csv:7: the correction"), HasSubstr("damaged.csv:8: expected 4 values"),
+          HasSubstr("damaged.csv:9: the correction"), HasSubstr("damaged.csv:10: expected 4 values")));
+  EXPECT_EQ(readLocalization(folder / "damaged.csv").size(), 2u) << "warnings are optional";
+  writeAtomic(folder / "unusable.csv", "1,lost\n");
+  EXPECT_THROW(readLocalization(folder / "unusable.csv"), std::runtime_error);
+  EXPECT_THROW(readLocalization(folder / "none.csv"), std::runtime_error);
+}
+
 TEST(Tum, WritesEqualTextForEqualPoses) {
   EXPECT_EQ(tumText({{-1500000000, Pose2{-1e-12, 1.0, 0.0}}}),
             "-1.500000000 0.000000000 1.000000000 0 0 0 0.000000000 1.000000000\n");

@@ -120,6 +120,52 @@ TEST_F(Evaluate, ComparesCovariancesWithErrors) {
   EXPECT_THAT(table(report), HasSubstr("NEES"));
 }
 
+TEST_F(Evaluate, GroupsErrorsByLocalizationState) {
+  EXPECT_FALSE(evaluateRun(out_, recording_).robots[0].localization) << "the run has no states";
+  EXPECT_THAT(table(evaluateRun(out_, recording_)), ::testing::Not(HasSubstr("States")));
+  EXPECT_EQ(metricsJson(evaluateRun(out_, recording_)).find("localization"), std::string::npos);
+  // Of ten frames seven are localized, one is a relocalization, one is odometry, one has no row.
+  std::vector<dataset::StampedLocalization> rows;
+  for (int i = 0; i < 9; ++i) rows.push_back({i * 100, LocalizationState::kLocalized, PoseEvent::kNone, 0.0});
+  rows[2].state = LocalizationState::kOdometryOnly;
+  rows[3] = {300, LocalizationState::kRelocalized, PoseEvent::kRelocalized, 8.0};
+  rows[6].event = rows[8].event = PoseEvent::kLoopClosed;
+  rows[6].correction_sigmas = 14.25;
+  rows[8].correction_sigmas = 3.5;
+  dataset::writeLocalization(out_ + "/localization/r1.csv", rows);
+  const Report report = evaluateRun(out_, recording_);
+  ASSERT_TRUE(report.robots[0].localization);
+  EXPECT_THAT(table(report),
+              HasSubstr("  r1         localized 70.0 % (2.00 / 2.00 cm, 0.00 / 0.00°), odometry_only 10.0 % "
+                        "(2.00 / 2.00 cm, 0.00 / 0.00°), lost 0.0 %, relocalized 10.0 % (2.00 / 2.00 cm, "
+                        "0.00 / 0.00°), no pose sample 10.0 %; events: relocalized 1, loop_closed 2, "
+                        "largest correction 14.2 σ\n"));
+  const auto json = nlohmann::json::parse(metricsJson(report))["paths"]["r1"]["localization"];
+  EXPECT_EQ(json["frames"], 10);
+  EXPECT_EQ(json["without_state"], 1);
+  EXPECT_EQ(json["states"].size(), 5u);
+  EXPECT_EQ(json["states"]["localized"]["frames"], 7);
+  EXPECT_NEAR(json["states"]["localized"]["share"].get<double>(), 0.7, 1e-12);
+  EXPECT_NEAR(json["states"]["odometry_only"]["max_m"].get<double>(), kShift_m, 1e-8);
+  EXPECT_TRUE(json["states"]["lost"]["mean_m"].is_null()) << "no frame";
+  EXPECT_EQ(json["events"].size(), 2u);
+  EXPECT_EQ(json["events"]["loop_closed"]["count"], 2);
+  EXPECT_EQ(json["events"]["loop_closed"]["largest_correction_sigmas"], 14.25);
+}
+
+TEST_F(Evaluate, ReportsDamagedLocalizationFile) {
+  dataset::writeAtomic(out_ + "/localization/r1.csv", "0,lost,none,0\n100,adrift,none,0\n");
+  const Report report = evaluateRun(out_, recording_);
+  ASSERT_EQ(report.warnings.size(), 1u);
+  EXPECT_THAT(report.warnings[0], AllOf(HasSubstr("localization/r1.csv:2"), HasSubstr("row ignored")));
+  EXPECT_EQ(report.robots[0].localization->states.at(LocalizationState::kLost).frames, 1);
+  EXPECT_THAT(table(report), HasSubstr("events: none"));
+  dataset::writeAtomic(out_ + "/localization/r1.csv", "0,lost\n");
+  EXPECT_THROW(evaluateRun(out_, recording_), std::runtime_error) << "no row is usable";
+  dataset::writeAtomic(out_ + "/localization/r1.csv", "#timestamp [ns],state,event,correction [sigma]\n");
+  EXPECT_FALSE(evaluateRun(out_, recording_).robots[0].localization) << "a file without rows";
+}
+
 TEST_F(Evaluate, ReportsFreeSpaceOutsideWalls) {
   EXPECT_FALSE(evaluateRun(out_, recording_).free_space) << "the run has no grid";
   dataset::OccupancyGrid grid;
@@ -261,6 +307,19 @@ TEST_F(FreeFrame, ComparesCovariancesInTheirDatum) {
   }
   const Report same = evaluateRun(out_, recording_, Frame::kSame);
   EXPECT_GT(same.robots[0].consistency->mean, 100.0) << "a run with a fixed map frame is not aligned";
+}
+
+TEST_F(FreeFrame, AlignsPosesBeforeGroupingByState) {
+  const auto poses = dataset::readTum(out_ + "/trajectories/r2.tum");
+  std::vector<dataset::StampedLocalization> rows;
+  for (const auto& pose : poses) rows.push_back({pose.time_ns, LocalizationState::kLocalized});
+  dataset::writeLocalization(out_ + "/localization/r2.csv", rows);
+  const Report report = evaluateRun(out_, recording_, Frame::kFree);
+  EXPECT_FALSE(report.robots[0].localization);
+  const auto& localized = report.robots[1].localization.value().states.at(LocalizationState::kLocalized);
+  EXPECT_EQ(localized.poses, 101);
+  EXPECT_EQ(localized.share, 1.0);
+  EXPECT_LT(localized.max_m, 1e-7);  // files have nine decimals
 }
 
 TEST_F(FreeFrame, MatchesLandmarksByName) {

@@ -146,6 +146,42 @@ TEST_F(Saving, WritesCovariancesWithTheirDatum) {
   }
 }
 
+TEST_F(Saving, WritesStatesOfAllPoseSamplesInOrderOfTime) {
+  Merger merger({}, {}, {});
+  PoseEstimate pose;
+  pose.robot = "r9";
+  const auto add = [&](TimeNs time_ns, bool valid, LocalizationState state, PoseEvent event, double sigmas) {
+    pose.acquired_ns = time_ns;
+    pose.valid = valid;
+    pose.state = state;
+    pose.event = event;
+    pose.correction_sigmas = sigmas;
+    merger.addTrajectory(pose);
+  };
+  add(10, false, LocalizationState::kUnlocated, PoseEvent::kNone, 0.0);
+  add(30, true, LocalizationState::kRelocalized, PoseEvent::kRelocalized, 7.5);
+  add(20, false, LocalizationState::kLost, PoseEvent::kNone, 0.0);
+  add(20, true, LocalizationState::kLocalized, PoseEvent::kCorrected, 9.0);  // not causal
+  add(30, true, LocalizationState::kLocalized, PoseEvent::kNone, 0.0);
+  EXPECT_TRUE(merger.save(folder_.string()).empty());
+  EXPECT_EQ(dataset::readFile((folder_ / "localization/r9.csv").string()),
+            "#timestamp [ns],state,event,correction [sigma]\n10,unlocated,none,0\n20,lost,none,0\n"
+            "30,relocalized,relocalized,7.5\n");
+  ASSERT_EQ(merger.trajectories().at("r9").size(), 2U);
+  EXPECT_EQ(merger.covariances().at("r9").size(), 2U);
+  EXPECT_EQ(merger.trajectories().at("r9")[0].time_ns, 20) << "the first valid pose of this time";
+}
+
+TEST_F(Saving, WritesStatesOfRobotThatWasNeverLocalized) {
+  Merger merger({}, {}, {});
+  PoseEstimate pose;
+  pose.robot = "r9";
+  merger.addTrajectory(pose);
+  EXPECT_TRUE(merger.save(folder_.string()).empty());
+  EXPECT_EQ(dataset::readLocalization((folder_ / "localization/r9.csv").string()).size(), 1U);
+  EXPECT_FALSE(fs::exists(folder_ / "trajectories/r9.tum"));
+}
+
 TEST_F(Saving, WritesAllFilesReadably) {
   Merger merger = full(14);
   EXPECT_TRUE(merger.save(folder_.string()).empty());

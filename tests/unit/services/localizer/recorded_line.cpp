@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "classifier/classifier.h"
 #include "evaluation/consistency.h"
@@ -51,6 +52,12 @@ Objects observe(RobotPipeline& pipeline, const dataset::ImageRow& row,
   return pipeline.classifier->process(map, previous);
 }
 
+const dataset::ImageRow* rowAt(const std::vector<dataset::ImageRow>& rows, TimeNs time_ns) {
+  const auto at = std::find_if(rows.begin(), rows.end(),
+                               [&](const dataset::ImageRow& row) { return row.time_ns == time_ns; });
+  return at == rows.end() ? nullptr : &*at;
+}
+
 /// The estimator, with an evaluation of its poses against the truth.
 class EvaluatedEstimator {
  public:
@@ -63,6 +70,7 @@ class EvaluatedEstimator {
     std::vector<const Measurement*> measurements;
     for (const auto& objects : time.frames) frames.push_back(&objects);
     for (const auto& m : time.measurements) measurements.push_back(&m);
+    if (frames.empty()) return poses_;
     poses_ = stage_.process(frames.front()->acquired_ns, frames, measurements);
     for (const auto& pose : poses_) compare(pose);
     return poses_;
@@ -102,7 +110,10 @@ class EvaluatedEstimator {
     run_.mean_m += e.translation().norm();
     run_.worst_m = std::max(run_.worst_m, e.translation().norm());
     run_.worst_rad = std::max(run_.worst_rad, std::abs(e.theta_rad));
-    run_.nees += evaluation::normalisedSquare(pose.map_from_base, pose.covariance, exact->map_from_base);
+    const double nees =
+        evaluation::normalisedSquare(pose.map_from_base, pose.covariance, exact->map_from_base);
+    run_.nees += nees;
+    run_.compared.push_back({pose, e, nees});
     run_.heading_nees += e.theta_rad * e.theta_rad / pose.covariance(2, 2);
     ++run_.poses;
   }
@@ -123,13 +134,19 @@ RecordedRun runRecorded(const dataset::Dataset& data, const estimation::Estimato
   for (const auto& stream : data.ceiling)
     front_ends.emplace_back(stream.name, stream.camera, *data.markers, markers::FinderOptions());
   std::vector<PoseEstimate> poses;
-  for (std::size_t f = 0; f < data.robots[0].fisheye->rows.size(); ++f) {
+  std::set<TimeNs> when;
+  for (const auto& robot : data.robots)
+    for (const auto& row : robot.fisheye->rows) when.insert(row.time_ns);
+  for (const TimeNs now : when) {
     RecordedTime time;
-    for (RobotPipeline& pipeline : pipelines)
-      time.frames.push_back(observe(pipeline, pipeline.recording->fisheye->rows[f], poses));
+    for (RobotPipeline& pipeline : pipelines) {
+      const dataset::ImageRow* row = rowAt(pipeline.recording->fisheye->rows, now);
+      if (row != nullptr) time.frames.push_back(observe(pipeline, *row, poses));
+    }
     for (std::size_t c = 0; c < front_ends.size() && ceiling; ++c) {
-      const auto& row = data.ceiling[c].rows[f];
-      const auto found = front_ends[c].process(row.time_ns, row.sequence, cv::imread(row.path));
+      const dataset::ImageRow* row = rowAt(data.ceiling[c].rows, now);
+      if (row == nullptr) continue;
+      const auto found = front_ends[c].process(row->time_ns, row->sequence, cv::imread(row->path));
       time.measurements.insert(time.measurements.end(), found.begin(), found.end());
     }
     poses = estimator.process(time);

@@ -16,12 +16,20 @@ struct RecordedTime {
   std::vector<Measurement> measurements;  ///< from the ceiling cameras
 };
 
+/// A pose with its error.
+struct ComparedPose {
+  PoseEstimate pose;
+  Pose2 error;        ///< estimate⁻¹ · truth
+  double nees = 0.0;  ///< eᵀP⁻¹e
+};
+
 /// Comparison of a run of a recording with its truth.
 struct RecordedRun {
   double mean_m = 0.0, worst_m = 0.0, worst_rad = 0.0;
   double nees = 0.0;          ///< mean of eᵀP⁻¹e over frames and robots; 3 if consistent
   double heading_nees = 0.0;  ///< of the heading alone; 1 if consistent
   int poses = 0, invalid = 0;
+  std::vector<ComparedPose> compared;  ///< in order of time
   std::vector<estimation::LandmarkEstimate> landmarks;
   std::map<std::string, estimation::CameraError> cameras;
 };

@@ -1,9 +1,11 @@
-// Prints figures of the estimator on recordings with cameras, without ceiling cameras: recorded_study [-n N]
-// "OPTIONS;OPTIONS…" DATASET…, where OPTIONS is YAML of the estimator's options. The images are processed
+// Prints figures of the estimator on recordings with cameras, without ceiling cameras: recorded_study [-n N |
+// -p] "OPTIONS;OPTIONS…" DATASET…, where OPTIONS is YAML of the estimator's options. The images are processed
 // once, with the first options.
 //   -n N   N runs of each recording, with random errors of the initial poses and calibrations, drawn as the
 //          first options state. NEES shows whether covariances are consistent only if the given values have
 //          the stated errors. With exact initial poses every consistent estimate appears too pessimistic.
+
+//   -p     also prints each pose: robot, time, error, σ, NEES, state, event
 
 #include <cmath>
 #include <cstdio>
@@ -71,10 +73,41 @@ void print(const std::string& name, const Variant& variant, const RecordedRun& r
   std::fflush(stdout);
 }
 
+void printPoses(const RecordedRun& run) {
+  for (const auto& [pose, error, nees] : run.compared) {
+    std::printf("  %s %.2f s  %.2f cm %.3f deg  sigma %.2f cm %.3f deg  NEES %.1f  %s %s %.1f\n",
+                pose.robot.c_str(), 1e-9 * static_cast<double>(pose.acquired_ns),
+                100 * error.translation().norm(), 57.2958 * std::abs(error.theta_rad),
+                100 * std::sqrt(pose.covariance.topLeftCorner<2, 2>().trace()),
+                57.2958 * std::sqrt(pose.covariance(2, 2)), nees, toString(pose.state), toString(pose.event),
+                pose.correction_sigmas);
+  }
+}
+
+/// By robot: poses, invalid ones, mean and largest error, NEES.
+void printRobots(const RecordedRun& run) {
+  std::map<std::string, RecordedRun> by_robot;
+  for (const auto& [pose, error, nees] : run.compared) {
+    RecordedRun& r = by_robot[pose.robot];
+    ++r.poses;
+    r.mean_m += error.translation().norm();
+    r.worst_m = std::max(r.worst_m, error.translation().norm());
+    r.worst_rad = std::max(r.worst_rad, std::abs(error.theta_rad));
+    r.nees += nees;
+    r.invalid += pose.state == LocalizationState::kLocalized ? 0 : 1;
+  }
+  for (const auto& [robot, r] : by_robot)
+    std::printf("    %s: %d poses, %d not localized, %.2f / %.2f cm, %.3f deg, NEES %.2f\n", robot.c_str(),
+                r.poses, r.invalid, 100 * r.mean_m / r.poses, 100 * r.worst_m, 57.2958 * r.worst_rad,
+                r.nees / r.poses);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   int first = 1, draws = 0;
+  const bool poses = argc > 2 && std::string(argv[1]) == "-p";
+  if (poses) first = 2;
   if (argc > 3 && std::string(argv[1]) == "-n") draws = std::atoi(argv[2]), first = 3;
   if (argc < first + 2) return 2;
   std::vector<Variant> variants = variantsOf(argv[first]);
@@ -90,6 +123,8 @@ int main(int argc, char** argv) {
             v == 0 ? localizer::testing::runRecorded(data, variants[v].options, false, truth, &times)
                    : localizer::testing::runFrames(data, times, variants[v].options, truth);
         print(argv[i], variants[v], run);
+        printRobots(run);
+        if (poses) printPoses(run);
         add(variants[v], run);
       }
     }

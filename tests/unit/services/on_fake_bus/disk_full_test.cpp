@@ -63,6 +63,7 @@ TEST(DiskFull, KeepsOldMapAndReportsFailure) {
   // localizes must have no trajectory files.
   std::ofstream(out / "trajectories" / "gone.tum") << "1 0 0 0 0 0 0 1\n";
   std::ofstream(out / "covariances" / "gone.csv") << "1\n";
+  std::ofstream(out / "localization" / "gone.csv") << "1\n";
   std::ofstream(out / "trajectories" / "notes.txt") << "a user's notes\n";
   const fs::path overlay = out / "overlay.yaml";
   std::ofstream(overlay) << "world: {seed: 2}\n";
@@ -83,6 +84,7 @@ TEST(DiskFull, KeepsOldMapAndReportsFailure) {
   }
   EXPECT_FALSE(fs::exists(out / "trajectories" / "gone.tum"));
   EXPECT_FALSE(fs::exists(out / "covariances" / "gone.csv"));
+  EXPECT_FALSE(fs::exists(out / "localization" / "gone.csv"));
   EXPECT_TRUE(fs::exists(out / "trajectories" / "notes.txt"));
   EXPECT_THAT(log, HasSubstr("tracks")) << "side outputs must be reported as well";
   EXPECT_THAT(log, HasSubstr("[file_write_failed] map not saved completely"));

@@ -1,0 +1,24 @@
+#include "estimation/localization_monitor.h"
+
+namespace omnifleet::estimation {
+
+LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
+  const bool had_pose = state_ != LocalizationState::kUnlocated;
+  unconfirmed_ = e.located && (e.confirmed || e.found) ? 0 : unconfirmed_ + 1;
+  contradicted_ = e.contradicted && !e.found ? contradicted_ + 1 : 0;
+  if (!e.located) {
+    state_ = had_pose ? LocalizationState::kLost : LocalizationState::kUnlocated;
+  } else if (e.found) {
+    state_ = LocalizationState::kRelocalized;
+  } else if (e.confirmed || !had_pose) {
+    state_ = LocalizationState::kLocalized;
+  } else if (state_ == LocalizationState::kRelocalized) {
+    state_ = LocalizationState::kLocalized;
+  } else if (state_ != LocalizationState::kLost && unconfirmed_ >= options_.patience) {
+    const bool lost = !e.odometry && e.sigma_m > options_.lost_m;
+    state_ = lost ? LocalizationState::kLost : LocalizationState::kOdometryOnly;
+  }
+  return state_;
+}
+
+}  // namespace omnifleet::estimation

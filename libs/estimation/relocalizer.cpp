@@ -1,0 +1,122 @@
+#include "estimation/relocalizer.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kSame_m = 0.15, kSame_rad = 0.1;  // places that are one
+constexpr int kMostMissed = 2;                     // frames in a row that end a hypothesis
+constexpr double kMaxChi2 = 6.0;
+constexpr double kLever_m = 2.0;  // to which a turn counts as travel without translation
+
+bool same(const Pose2& a, const Pose2& b) {
+  const Pose2 by = a.inverse() * b;
+  return by.translation().norm() < kSame_m && std::abs(by.theta_rad) < kSame_rad;
+}
+
+}  // namespace
+
+RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
+  using options::kPositive;
+  RelocalizerOptions o;
+  section.read("min_score", o.min_score, {0.0, 1.0});
+  section.read("min_matched", o.min_matched, {0.0, 1.0});
+  section.read("rival", o.rival, {0.0, 1.0});
+  section.read("look_every_m", o.look_every_m, kPositive);
+  section.read("confirm_m", o.confirm_m, options::kNotNegative);
+  section.read("confirm_rad", o.confirm_rad, options::kNotNegative);
+  section.read("confirm_frames", o.confirm_frames, {1, 1000});
+  o.search = scan::PlaceSearchOptions::read(section.child("search"));
+  section.finish();
+  return o;
+}
+
+void Relocalizer::forget() {
+  hypotheses_.clear();
+  since_look_m_ = std::numeric_limits<double>::infinity();
+  ambiguous_ = false;
+}
+
+std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, const ScanAid& aid,
+                                                    const Pose2& predicted, const Pose2& motion,
+                                                    const std::vector<KeyframeMap::Id>& among, double reach_m,
+                                                    double reach_rad) {
+  const double way_m = motion.translation().norm(), turn_rad = std::abs(motion.theta_rad);
+  since_look_m_ += way_m + turn_rad / kLever_m;
+  for (Hypothesis& h : hypotheses_) {
+    h.map_from_base = h.map_from_base * motion;
+    h.keyframe_from_base = h.keyframe_from_base * motion;
+    h.travelled_m += way_m;
+    h.turned_rad += turn_rad;
+  }
+  if (!aid.has_scan || among.empty()) return std::nullopt;
+  const auto ended = [&](Hypothesis& h) { return !follow(map, aid, among, h) && h.missed > kMostMissed; };
+  hypotheses_.erase(std::remove_if(hypotheses_.begin(), hypotheses_.end(), ended), hypotheses_.end());
+  if (since_look_m_ >= options_.look_every_m) {
+    since_look_m_ = 0.0;
+    search(map, aid, predicted, among, reach_m, reach_rad);
+  }
+  return decide();
+}
+
+/// Matches the scan at a hypothesis. @return whether it agrees
+bool Relocalizer::follow(const KeyframeMap& map, const ScanAid& aid,
+                         const std::vector<KeyframeMap::Id>& among, Hypothesis& h) {
+  const std::vector<KeyframeMap::Id> near = map.nearest(h.map_from_base, among);
+  ++h.missed;
+  if (near.empty()) return false;
+  std::vector<scan::Reference> references;
+  for (const KeyframeMap::Id k : near) references.push_back(map.reference(k));
+  const Eigen::Matrix3d prior = Eigen::Vector3d(100.0, 100.0, 400.0).asDiagonal();  // 10 cm, 3°
+  const scan::Match match = matcher_.match(aid.scan, h.map_from_base * aid.base_from_scan, prior, references);
+  if (!match.valid || match.matched < options_.min_matched || match.chi2 > kMaxChi2) return false;
+  h.missed = 0;
+  ++h.agreed;
+  h.matched += (match.matched - h.matched) / h.agreed;
+  h.map_from_base = match.map_from_scan * aid.base_from_scan.inverse();
+  h.keyframe = near.front();
+  h.keyframe_from_base = map.pose(h.keyframe).inverse() * h.map_from_base;
+  Eigen::Matrix3d information = match.information;
+  information.diagonal().array() += 100.0;
+  h.covariance = information.inverse() + map.systematic(h.keyframe_from_base.translation().norm());
+  return true;
+}
+
+void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
+                         const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad) {
+  if (among != searched_ || map.revision() != revision_) {
+    std::vector<scan::Reference> references;
+    for (const KeyframeMap::Id k : among) references.push_back(map.reference(k));
+    search_.setReferences(references);
+    searched_ = among;
+    revision_ = map.revision();
+  }
+  for (const scan::PlaceCandidate& candidate :
+       search_.search(aid.scan, predicted * aid.base_from_scan, reach_m, reach_rad)) {
+    if (candidate.score < options_.min_score) continue;
+    Hypothesis h;
+    h.map_from_base = candidate.map_from_scan * aid.base_from_scan.inverse();
+    const auto known = [&](const Hypothesis& other) { return same(h.map_from_base, other.map_from_base); };
+    if (std::any_of(hypotheses_.begin(), hypotheses_.end(), known)) continue;
+    if (!follow(map, aid, among, h) || std::any_of(hypotheses_.begin(), hypotheses_.end(), known)) continue;
+    hypotheses_.push_back(h);
+  }
+}
+
+std::optional<Relocalizer::Found> Relocalizer::decide() {
+  const Hypothesis* best = nullptr;
+  for (const Hypothesis& h : hypotheses_)
+    if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
+  ambiguous_ = false;
+  if (best == nullptr || best->missed > 0 || best->agreed < options_.confirm_frames) return std::nullopt;
+  if (best->travelled_m < options_.confirm_m && best->turned_rad < options_.confirm_rad) return std::nullopt;
+  for (const Hypothesis& h : hypotheses_)
+    ambiguous_ = ambiguous_ || (&h != best && h.missed == 0 && h.matched > options_.rival * best->matched);
+  if (ambiguous_) return std::nullopt;
+  return Found{best->map_from_base, best->keyframe, best->keyframe_from_base, best->covariance};
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "estimation/keyframe_map.h"
+#include "estimation/scan_source.h"
+#include "geometry/pose2.h"
+#include "options/options.h"
+#include "scan/place_search.h"
+#include "scan/scan_matcher.h"
+
+namespace omnifleet::estimation {
+
+struct RelocalizerOptions {
+  double min_score = 0.6;     ///< 1, of a candidate of the search
+  double min_matched = 0.6;   ///< 1, share of a scan's lines that must meet lines of keyframes there
+  double rival = 0.8;         ///< 1, of the best share: another place that reaches it is as good
+  double look_every_m = 0.3;  ///< m of travel between two searches while something is followed
+  double confirm_m = 0.5;     ///< m of travel over which a place must agree, …
+  double confirm_rad = 1.0;   ///< rad, … or so much turn
+  int confirm_frames = 3;     ///< frames that must agree
+  scan::PlaceSearchOptions search;
+  static RelocalizerOptions read(const options::Section& section);
+};
+
+/// Finds a robot again whose pose is wrong or too uncertain to match keyframes around it: by a search of its
+/// scan among keyframes, followed over travel. A place is accepted only if it keeps matching and no other
+/// place matches nearly as well. It serves robots that were moved by hand and returns after long ways alike.
+class Relocalizer {
+ public:
+  explicit Relocalizer(const RelocalizerOptions& options) : options_(options), search_(options.search) {}
+
+  struct Found {
+    Pose2 map_from_base;
+    KeyframeMap::Id keyframe = 0;  ///< the nearest one that matches
+    Pose2 keyframe_from_base;
+    Eigen::Matrix3d covariance;  ///< of keyframe_from_base
+  };
+
+  /// One frame. @param aid with the frame's scan @param predicted map_from_base @param motion since the frame
+  /// before @param among keyframes to search @param reach_m, reach_rad about `predicted`
+  std::optional<Found> look(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
+                            const Pose2& motion, const std::vector<KeyframeMap::Id>& among, double reach_m,
+                            double reach_rad);
+  void forget();
+  /// Several places match alike, as in a symmetric room.
+  bool isAmbiguous() const { return ambiguous_; }
+
+ private:
+  struct Hypothesis {
+    Pose2 map_from_base;
+    int agreed = 0, missed = 0;
+    double travelled_m = 0.0, turned_rad = 0.0;
+    double matched = 0.0;  ///< mean share over the frames that agreed
+    KeyframeMap::Id keyframe = 0;
+    Pose2 keyframe_from_base;
+    Eigen::Matrix3d covariance;
+  };
+  bool follow(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
+              Hypothesis& hypothesis);
+  void search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
+              const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad);
+  std::optional<Found> decide();
+
+  RelocalizerOptions options_;
+  scan::PlaceSearch search_;
+  scan::ScanMatcher matcher_;
+  std::vector<KeyframeMap::Id> searched_;  ///< references of search_
+  std::uint32_t revision_ = 0;
+  std::vector<Hypothesis> hypotheses_;
+  double since_look_m_ = std::numeric_limits<double>::infinity();
+  bool ambiguous_ = false;
+};
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "estimation/graph.h"
+#include "estimation/keyframe_map.h"
+#include "scan/line_scan.h"
+#include "scan/scan_matcher.h"
+
+namespace omnifleet::estimation {
+
+class FleetState;
+struct RobotFrame;
+struct RobotNode;
+
+struct ScanSourceOptions {
+  bool use = true;           ///< scans correct the poses
+  double min_matched = 0.4;  ///< 1, share of a scan's beams with a line that must meet a line of a keyframe
+  double max_chi2 = 6.0;     ///< 1, mean squared residual of these, in σ²
+  double shift_m = 0.08;     ///< m, largest correction of a prediction, …
+  double shift_per_step = 0.3;  ///< 1, … plus this share of the step
+  double turn_rad = 0.105;      ///< rad, largest correction of a heading (6°)
+  /// 1, share of the bearings that must show lines off free-standing objects so that landmarks are not
+  /// needed. Few surfaces have few independent errors, whatever their number of beams.
+  double suffices_share = 0.25;
+  double suffices_m = 0.003;    ///< m, σ of a pose by these lines, at most; …
+  double suffices_rad = 0.003;  ///< rad, … of its heading
+  double full_rank_m = 0.01;  ///< m, σ of a match in every direction that relates keyframes without odometry
+  static ScanSourceOptions read(const options::Section& section);
+};
+
+/// A match of a step's scan, as a factor of the window.
+struct ScanLink {
+  FactorId factor = kNoFactor;
+  KeyframeMap::Id keyframe = 0;  ///< nearest of those that it was matched against
+  Pose2 keyframe_from_base;      ///< as matched
+  Eigen::Matrix3d information;   ///< of the scan alone, right perturbation
+  Eigen::Vector3d gradient;      ///< information · (scan's optimum − match)
+  Eigen::Matrix3d systematic;    ///< covariance
+  Pose2 map_from_keyframe;       ///< that the factor assumes
+};
+
+/// What the scan source knows of one robot. Written by ScanSource alone.
+struct ScanAid {
+  scan::LineScan scan;  ///< of the newest frame
+  Pose2 base_from_scan;
+  bool has_scan = false;      ///< the newest frame shows enough lines
+  double scatter = 4.0;       ///< of its last match; before the first one a usual value
+  bool matched = false;       ///< it agrees with keyframes around the predicted pose
+  bool contradicted = false;  ///< keyframes are around, but it does not agree with them
+  bool suffices = false;      ///< matched, and determined without free-standing objects
+  int unmatched = 0;          ///< frames in a row that disagreed
+  std::vector<KeyframeMap::Id> references;
+  std::vector<std::uint8_t> on_object;  ///< per beam: ends at a free-standing object
+  Eigen::Matrix3d relative_covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose to the keyframes
+  /// The newest pose relative to a keyframe: by the last match, then by odometry.
+  struct Anchor {
+    KeyframeMap::Id keyframe = 0;
+    Pose2 map_from_keyframe;  ///< that the window assumes
+    Pose2 keyframe_from_base;
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  };
+  std::optional<Anchor> anchor;
+  Boundary seen;                                      ///< of the newest frame, as seen
+  std::vector<bool> usable;                           ///< its beams that do not end at robots
+  Eigen::Vector4d assumed = Eigen::Vector4d::Zero();  ///< calibration error that is taken off the scans
+  double camera_height_m = 0.0;
+  std::vector<float> previous_inverse;  ///< boundary of the frame before, for the turn without wheels
+};
+
+/// Scan matching against keyframes (docs/methods/localizer.md). Each frame's boundary is matched with the
+/// nearest keyframes and becomes a factor on its pose. Keyframes are fixed in the window; their own errors
+/// are added to the published covariance. Factors of scans leave with their frames, so the window holds no
+/// more than the last seconds of them, and moves along when the keyframes move.
+class ScanSource {
+ public:
+  explicit ScanSource(const ScanSourceOptions& options) : options_(options) {}
+
+  /// Fits lines to the newest frame, matches it, and adds the factor. After the pose is predicted.
+  void observe(FleetState& fleet, RobotFrame& frame);
+  /// Makes keyframes of newest frames that are far from all, and follows the keyframes that moved.
+  void keep(FleetState& fleet);
+  /// To be called before a robot's pose is put elsewhere: its odometry relates it to no keyframe any more.
+  static void forget(RobotNode& robot);
+  /// Robot's covariance in map: relative to the keyframes, and theirs.
+  static Eigen::Matrix3d inMap(const FleetState& fleet, const RobotNode& robot);
+
+ private:
+  void fit(const FleetState& fleet, RobotFrame& frame);
+  std::optional<double> turnByShift(const Boundary& boundary, const ScanAid& aid, double reach_rad) const;
+  void match(FleetState& fleet, RobotNode& robot, const Boundary& boundary);
+  bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& covariance,
+              double step_m) const;
+  void link(FleetState& fleet, RobotNode& robot, const scan::Match& match);
+  static void assumeCameras(FleetState& fleet);
+  void weighCameras(FleetState& fleet);
+  static void followKeyframes(FleetState& fleet, RobotNode& robot);
+
+  ScanSourceOptions options_;
+  scan::ScanMatcher matcher_;
+  FactorId camera_factor_ = kNoFactor;  ///< what keyframes say about the cameras
+  std::size_t weighed_ = 0;             ///< keyframes of which it speaks
+  Boundary corrected_;
+  std::vector<scan::Reference> references_;
+};
+
+}  // namespace omnifleet::estimation
