@@ -258,6 +258,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
     if (!frame.isPlaced()) continue;
     associateOne(frame);
     const bool by_scan = frame.robot->scan_aid.suffices;
+    if (by_scan) frame.robot->displaced = frame.robot->adrift = false;
     if (frame.sees() && !by_scan) noticeLoss(fleet, frame);
     if (fleet.options.use_landmarks && !by_scan) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
@@ -371,7 +372,8 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     estimate.acquired_ns = frame.objects->acquired_ns;
     estimate.sequence = frame.objects->sequence;
     RobotNode& robot = *frame.robot;
-    estimate.valid = frame.fresh && robot.located() && !robot.start.contradicted &&
+    // Lost by its landmarks a robot has no pose; by its scan it has one whose covariance says so.
+    estimate.valid = frame.fresh && robot.located() && robot.status.state != RobotState::kLost &&
                      robot.monitor.state() != LocalizationState::kLost;
     estimate.state = robot.monitor.state();
     estimate.event = robot.event;

@@ -16,7 +16,7 @@ struct LocalizationEvidence {
 
 struct LocalizationMonitorOptions {
   int patience = 5;     ///< frames without confirmation that change nothing yet
-  double lost_m = 0.5;  ///< m, σ of a position that no odometry measures: beyond it a robot is lost
+  double lost_m = 1.0;  ///< m, σ of a position that no odometry measures: beyond it a robot is lost
 };
 
 /// State of one robot's localisation: localized → odometry_only → lost → relocalized. Only a robot without

@@ -10,7 +10,7 @@ namespace {
 constexpr double kSame_m = 0.15, kSame_rad = 0.1;  // places that are one
 constexpr int kMostMissed = 2;                     // frames in a row that end a hypothesis
 constexpr double kMaxChi2 = 6.0;
-constexpr double kLever_m = 2.0;  // to which a turn counts as travel without translation
+constexpr double kPerRadian_m = 0.5;  // of travel that a turn counts as
 
 bool same(const Pose2& a, const Pose2& b) {
   const Pose2 by = a.inverse() * b;
@@ -45,7 +45,7 @@ std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, cons
                                                     const std::vector<KeyframeMap::Id>& among, double reach_m,
                                                     double reach_rad) {
   const double way_m = motion.translation().norm(), turn_rad = std::abs(motion.theta_rad);
-  since_look_m_ += way_m + turn_rad / kLever_m;
+  since_look_m_ += way_m + turn_rad * kPerRadian_m;
   for (Hypothesis& h : hypotheses_) {
     h.map_from_base = h.map_from_base * motion;
     h.keyframe_from_base = h.keyframe_from_base * motion;

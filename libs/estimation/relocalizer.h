@@ -18,7 +18,7 @@ struct RelocalizerOptions {
   double min_score = 0.6;     ///< 1, of a candidate of the search
   double min_matched = 0.6;   ///< 1, share of a scan's lines that must meet lines of keyframes there
   double rival = 0.8;         ///< 1, of the best share: another place that reaches it is as good
-  double look_every_m = 0.3;  ///< m of travel between two searches while something is followed
+  double look_every_m = 0.3;  ///< m of travel between two searches
   double confirm_m = 0.5;     ///< m of travel over which a place must agree, …
   double confirm_rad = 1.0;   ///< rad, … or so much turn
   int confirm_frames = 3;     ///< frames that must agree

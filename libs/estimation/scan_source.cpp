@@ -92,7 +92,7 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
 void ScanSource::forget(RobotNode& robot) {
   robot.scan_aid.anchor.reset();
   robot.scan_aid.references.clear();
-  robot.scan_aid.matched = robot.scan_aid.suffices = false;
+  robot.scan_aid.matched = robot.scan_aid.suffices = robot.scan_aid.held = false;
 }
 
 /// Lines of the newest frame. Beams that end at other robots are left out.
@@ -172,7 +172,7 @@ bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const 
 void ScanSource::observe(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   ScanAid& aid = robot.scan_aid;
-  aid.matched = aid.contradicted = aid.suffices = aid.has_scan = false;
+  aid.matched = aid.contradicted = aid.suffices = aid.has_scan = aid.rich = false;
   if (!options_.use || !frame.isPlaced()) return;
   const Step& step = robot.window.back();
   if (aid.anchor && step.motion != kNoFactor) {
@@ -194,6 +194,15 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   ScanAid& aid = robot.scan_aid;
   const Step& step = robot.window.back();
   const KeyframeMap& map = fleet.keyframes;
+  const Eigen::Matrix3d j = scanByBase(aid.base_from_scan);
+  // Evidence counts once: what stands free belongs to the landmarks where the rest of the scan is not enough.
+  const Eigen::Matrix3d rest = j.transpose() * aid.scan.information(aid.on_object) * j / aid.scatter;
+  const Eigen::Matrix3d rest_covariance = (rest + 1e-6 * Eigen::Matrix3d::Identity()).inverse();
+  const int rest_lines = linesOf(aid.scan, aid.on_object);
+  aid.rich = rest_lines >= options_.suffices_share * static_cast<double>(aid.scan.beams().size()) &&
+             rest_covariance.topLeftCorner<2, 2>().trace() < options_.suffices_m * options_.suffices_m &&
+             rest_covariance(2, 2) < options_.suffices_rad * options_.suffices_rad;
+  const bool suffices = aid.rich;
   Pose2 predicted = fleet.pose(step.pose);
   const double variance_m2 = 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace();
   aid.references = aid.anchor
@@ -203,26 +212,15 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   references_.clear();
   for (const KeyframeMap::Id k : aid.references) references_.push_back(map.reference(k));
   const double distance_m = (map.pose(aid.references.front()).translation() - predicted.translation()).norm();
-  const Eigen::Matrix3d j = scanByBase(aid.base_from_scan);
   const Eigen::Matrix3d covariance =
       (aid.anchor ? aid.relative_covariance : robot.covariance) + map.systematic(distance_m);
   const Eigen::Matrix3d prior = (j * covariance * j.transpose()).inverse();
-  // Evidence counts once: what stands free belongs to the landmarks where the rest of the scan is not enough.
-  const Eigen::Matrix3d rest = j.transpose() * aid.scan.information(aid.on_object) * j / aid.scatter;
-  const Eigen::Matrix3d rest_covariance = (rest + 1e-6 * Eigen::Matrix3d::Identity()).inverse();
-  const int rest_lines = linesOf(aid.scan, aid.on_object);
-  const bool suffices =
-      rest_lines >= options_.suffices_share * static_cast<double>(aid.scan.beams().size()) &&
-      rest_covariance.topLeftCorner<2, 2>().trace() < options_.suffices_m * options_.suffices_m &&
-      rest_covariance(2, 2) < options_.suffices_rad * options_.suffices_rad;
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
   // Few surfaces in sight: landmarks tell more, where there are any.
   if (!suffices && fleet.options.use_landmarks &&
-      (robot.unobserved <= kRecently || rest_lines < map.options().min_lines)) {
-    aid.references.clear();
+      (robot.unobserved <= kRecently || rest_lines < map.options().min_lines))
     return;
-  }
   const double step_m = step.previous_from_current.translation().norm();
   const auto better = [](const scan::Match& a, const scan::Match& b) {
     return a.valid && (!b.valid || a.matched > b.matched);
@@ -278,6 +276,7 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   if (full_rank)
     aid.anchor = ScanAid::Anchor{link.keyframe, map.pose(link.keyframe), link.keyframe_from_base,
                                  link.information.inverse() + link.systematic};
+  aid.held = true;
   step.scan = std::move(link);
 }
 
@@ -287,6 +286,8 @@ void ScanSource::keep(FleetState& fleet) {
   for (RobotNode& robot : fleet.robots) {
     ScanAid& aid = robot.scan_aid;
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
+    // Where landmarks confirm the pose and little else is in sight, scans add nothing but their own errors.
+    if (!aid.rich && fleet.options.use_landmarks && robot.unobserved <= kRecently) continue;
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
     if (!map.wants(map_from_base, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;
@@ -352,6 +353,7 @@ void ScanSource::weighCameras(FleetState& fleet) {
     at.emplace_back(error);
     rows.push_back(4 * k);
   }
+  if (rows.empty()) return;  // lasers
   const auto cameras = static_cast<Eigen::Index>(rows.size());
   Eigen::MatrixXd information(4 * cameras, 4 * cameras);
   Eigen::VectorXd gradient(4 * cameras);
@@ -408,9 +410,10 @@ void ScanSource::followKeyframes(FleetState& fleet, RobotNode& robot) {
 
 Eigen::Matrix3d ScanSource::inMap(const FleetState& fleet, const RobotNode& robot) {
   const ScanAid& aid = robot.scan_aid;
-  const bool by_scan = std::any_of(robot.window.begin(), robot.window.end(),
-                                   [](const Step& step) { return step.scan.factor != kNoFactor; });
-  if (!aid.anchor || !by_scan) return aid.relative_covariance;
+  const bool in_window = std::any_of(robot.window.begin(), robot.window.end(),
+                                     [](const Step& step) { return step.scan.factor != kNoFactor; });
+  const bool by_landmarks = robot.unobserved == 0 && !in_window;
+  if (!aid.anchor || by_landmarks || !aid.held) return aid.relative_covariance;
   const KeyframeMap& map = fleet.keyframes;
   const Pose2 way = map.pose(aid.anchor->keyframe).inverse() * fleet.pose(robot.window.back().pose);
   return composeCovariance(map.covariance(aid.anchor->keyframe), way,

@@ -48,6 +48,8 @@ struct ScanAid {
   scan::LineScan scan;  ///< of the newest frame
   Pose2 base_from_scan;
   bool has_scan = false;      ///< the newest frame shows enough lines
+  bool rich = false;          ///< the newest scan shows enough off free-standing objects
+  bool held = false;          ///< scans have related it to keyframes
   double scatter = 4.0;       ///< of its last match; before the first one a usual value
   bool matched = false;       ///< it agrees with keyframes around the predicted pose
   bool contradicted = false;  ///< keyframes are around, but it does not agree with them

@@ -24,7 +24,7 @@ struct PlaceSearchOptions {
   int beams = 180;              ///< at most so many beams of the scan are used
   int min_beams = 30;           ///< scans with fewer beams give nothing
   int most = 4;                 ///< candidates, at most
-  int max_nodes = 5'000'000;    ///< of the search tree; a search that needs more gives nothing
+  int max_nodes = 1'000'000;    ///< of the search tree; a search that needs more gives nothing
   static PlaceSearchOptions read(const options::Section& section);
 };
 

@@ -14,9 +14,9 @@ constexpr LocalizationEvidence kConfirmed{true, true, true, false, false, 0.01};
 constexpr LocalizationEvidence kOdometry{true, true, false, false, false, 0.01};
 constexpr LocalizationEvidence kContradicted{true, true, false, true, false, 0.01};
 constexpr LocalizationEvidence kFound{true, true, false, false, true, 0.01};
-constexpr LocalizationEvidence kBlindAndFar{true, false, false, false, false, 1.0};
+constexpr LocalizationEvidence kBlindAndFar{true, false, false, false, false, 2.0};
 constexpr LocalizationEvidence kBlindAndNear{true, false, false, false, false, 0.1};
-constexpr LocalizationEvidence kReleased{false, true, false, false, false, 1.0};
+constexpr LocalizationEvidence kReleased{false, true, false, false, false, 2.0};
 
 struct Transition {
   std::string name;
