@@ -59,7 +59,7 @@ struct BareChain {
 
 /// `count` keyframes on a circle; the last one stands beside the first one. @param drift_m of each step,
 /// along x of map
-BareChain circle(int count, const KeyframeOptions& options = {}, double drift_m = 0.0) {
+BareChain keyframeCircle(int count, const KeyframeOptions& options = {}, double drift_m = 0.0) {
   BareChain chain(options);
   for (int k = 0; k < count; ++k) {
     const double angle = 2.0 * M_PI * k / count;
@@ -79,7 +79,7 @@ bool contains(const std::vector<Id>& ids, Id id) {
 }
 
 TEST(KeyframeMap, ReferencesEndWhereThePathIsTooUncertain) {
-  const BareChain chain = circle(16);
+  const BareChain chain = keyframeCircle(16);
   const KeyframeMap& map = chain.map;
   const double trust_m2 = map.options().trust_m * map.options().trust_m, link_m2 = kLinkSigma * kLinkSigma;
   for (const Id from : {Id{0}, Id{7}, Id{15}}) {
@@ -97,7 +97,7 @@ TEST(KeyframeMap, ReferencesEndWhereThePathIsTooUncertain) {
 }
 
 TEST(KeyframeMap, ReferencesTakeTheBestOfSeveralPaths) {
-  BareChain chain = circle(16);
+  BareChain chain = keyframeCircle(16);
   const auto isReference = [&](Id k) {
     return contains(chain.map.references(15, 0.0, chain.map.pose(15), 100), k);
   };
@@ -110,7 +110,7 @@ TEST(KeyframeMap, ReferencesTakeTheBestOfSeveralPaths) {
 }
 
 TEST(KeyframeMap, ReferencesInMapNeedACertainPlace) {
-  const BareChain chain = circle(16);
+  const BareChain chain = keyframeCircle(16);
   const KeyframeMap& map = chain.map;
   const double trust_m2 = map.options().trust_m * map.options().trust_m;
   const auto known = [&](double variance_m2) {
@@ -130,7 +130,7 @@ TEST(KeyframeMap, ReferencesInMapNeedACertainPlace) {
 TEST(KeyframeMap, NearestAreSortedWithinReach) {
   KeyframeOptions options;
   options.reach_m = 0.8;
-  const BareChain chain = circle(16, options);
+  const BareChain chain = keyframeCircle(16, options);
   const Pose2 at{0.5, 0.1, 0.0};
   const auto distance = [&](Id k) { return (chain.map.pose(k).translation() - at.translation()).norm(); };
   const std::vector<Id> within = chain.map.nearest(at, chain.map.all(), 100);
@@ -147,7 +147,7 @@ TEST(KeyframeMap, NearestAreSortedWithinReach) {
 }
 
 TEST(KeyframeMap, UnrelatedAreTheComplementWithinARadius) {
-  const BareChain chain = circle(16);
+  const BareChain chain = keyframeCircle(16);
   for (const double radius_m : {0.3, 0.9, 5.0}) {
     const Pose2 at = chain.map.pose(15);
     const std::vector<Id> ids = chain.map.unrelated(15, 0.0004, at, radius_m),
@@ -237,7 +237,7 @@ TEST(KeyframeMap, AllowsForTheMountOfTheScanner) {
 }
 
 TEST(KeyframeMap, CorrectsDriftWhenALoopCloses) {
-  BareChain chain = circle(16, {}, 0.004);
+  BareChain chain = keyframeCircle(16, {}, 0.004);
   EXPECT_NEAR(chain.farthest(), 15 * 0.004, 1e-6) << "at the open end";
   const std::uint32_t revision = chain.map.revision();
   chain.map.closeLoop(0, 15, chain.truth[0].inverse() * chain.truth[15], diagonal(0.001, 0.001));
@@ -248,7 +248,7 @@ TEST(KeyframeMap, CorrectsDriftWhenALoopCloses) {
 }
 
 TEST(KeyframeMap, UncertaintyGrowsAlongAChainAndShrinksWhenItCloses) {
-  BareChain chain = circle(16);
+  BareChain chain = keyframeCircle(16);
   const auto variance = [&](Id k) { return chain.map.covariance(k).topLeftCorner<2, 2>().trace(); };
   std::vector<double> open;
   for (Id k = 0; k < chain.map.size(); ++k) open.push_back(variance(k));
@@ -261,7 +261,7 @@ TEST(KeyframeMap, UncertaintyGrowsAlongAChainAndShrinksWhenItCloses) {
 }
 
 TEST(KeyframeMap, AbsolutePosesTakeEffectWithTheNextSolution) {
-  BareChain chain = circle(4);
+  BareChain chain = keyframeCircle(4);
   const Pose2 moved = Pose2{0.02, 0.0, 0.0} * chain.truth[3];
   chain.map.addAbsolute(3, moved, diagonal(0.001, 0.001));
   EXPECT_LT((chain.map.pose(3).translation() - chain.truth[3].translation()).norm(), 1e-6);

@@ -1,5 +1,5 @@
-// What matches and the graph say about errors of calibrations: exact scans of a room by a camera whose errors
-// are known, and chains with closed forms.
+// Evidence of matches and of the graph about errors of calibrations: exact scans of a room by a camera whose
+// errors are known, and chains with closed forms.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -256,7 +256,7 @@ TEST(CameraEvidence, OfAChainHasTheClosedForm) {
   EXPECT_EQ(evidence.at.norm(), 0.0);
 }
 
-TEST(CameraEvidence, TellsApartTheCamerasOfBothEnds) {
+TEST(CameraEvidence, SeparatesTheCamerasOfBothEnds) {
   CameraChain chain(0.0004, -0.0002, 1, 0);  // the second camera sees `to`
   chain.graph.optimise();
   const CameraEvidence evidence = chain.graph.cameraEvidence();
@@ -315,7 +315,7 @@ TEST(CameraEvidence, CountsFromTheErrorsThatWereTakenOff) {
   EXPECT_NEAR(evidence.gradient(0) / evidence.information(0, 0), 0.001, 1e-5);
 }
 
-TEST(CameraEvidence, AddsWhatTheMatchesSayThemselves) {
+TEST(CameraEvidence, AddsTheEvidenceOfTheMatches) {
   CameraDependence own;
   own.information.topLeftCorner<4, 4>() = Eigen::Vector4d(0.0, 0.0, 50.0, 20.0).asDiagonal();
   own.gradient(2) = 50.0 * 0.01;
