@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kNorthSigma_rad = 0.2;
 
-class PlacedByPoints : public testing::Test {
+class PlacedByPoints : public ::testing::Test {
  protected:
   PlacedByPoints() : fleet_({setup("r1"), setup("r2")}, {}) {
     frame_.acquired_ns = 1'000'000'000;
