@@ -154,7 +154,8 @@ KeyframeMap::Id KeyframeMap::add(const Pose2& map_from_base, Source source, cons
                                  const Held& held, const std::vector<Id>& references) {
   const Id id = graph_.add(map_from_base);
   graph_.setCamera(source.camera, source.assumed);
-  scan::BeamFields fields = beamFields(scan, source.camera_height_m, source.lens);
+  scan::BeamFields fields;
+  if (source.rich) fields = beamFields(scan, source.camera_height_m, source.lens);
   keyframes_.push_back({std::move(source), scan, std::move(fields), {}});
   keyframes_.back().scan.compact();
   if (held.previous)
@@ -174,7 +175,7 @@ void KeyframeMap::assume(std::uint32_t camera, const Eigen::Vector4d& error) {
     correctBoundary(k.source.seen, error, k.source.camera_height_m, k.source.lens, corrected);
     k.scan.fit(corrected, k.source.usable);
     k.scan.compact();
-    k.fields = beamFields(k.scan, k.source.camera_height_m, k.source.lens);
+    if (k.source.rich) k.fields = beamFields(k.scan, k.source.camera_height_m, k.source.lens);
   }
   graph_.setCamera(camera, error);
   solve();

@@ -85,6 +85,7 @@ class KeyframeMap {
     double camera_height_m = 0.0;  ///< 0: a laser
     lens::Spread lens;
     Eigen::Vector4d assumed = Eigen::Vector4d::Zero();  ///< calibration error taken off
+    bool rich = true;  ///< shows enough surfaces to say something about calibrations
   };
   /// Matches the new keyframe against its neighbours and solves the graph.
   /// @param scan lines of `source`, corrected for `assumed` @param references of the frame @return its id

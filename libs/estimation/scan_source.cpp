@@ -286,8 +286,6 @@ void ScanSource::keep(FleetState& fleet) {
   for (RobotNode& robot : fleet.robots) {
     ScanAid& aid = robot.scan_aid;
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
-    // Where landmarks confirm the pose and little else is in sight, scans add nothing but their own errors.
-    if (!aid.rich && fleet.options.use_landmarks && robot.unobserved <= kRecently) continue;
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
     if (!map.wants(map_from_base, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;
@@ -311,7 +309,8 @@ void ScanSource::keep(FleetState& fleet) {
                                aid.base_from_scan,
                                aid.camera_height_m,
                                robot.setup.lens,
-                               aid.assumed};
+                               aid.assumed,
+                               aid.rich};
     const KeyframeMap::Id id = map.add(map_from_base, std::move(source), aid.scan, held, known);
     aid.anchor = ScanAid::Anchor{id, map_from_base, Pose2{}, Eigen::Matrix3d::Zero()};
   }
