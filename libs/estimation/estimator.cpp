@@ -33,7 +33,7 @@ constexpr double kStartCauchy = 2.0;                  // σ at which a start as 
 class FleetEstimator::Impl {
  public:
   Impl(std::vector<RobotSetup> robots, const EstimatorOptions& options)
-      : fleet(std::move(robots), options), scans_(options.scan) {}
+      : fleet(std::move(robots), options), scans_(options.scan, options.match) {}
 
   std::vector<PoseEstimate> process(TimeNs time, const std::vector<const Objects*>& frames,
                                     const std::vector<const Measurement*>& measurements);

@@ -77,6 +77,7 @@ struct EstimatorOptions {
   KeyframeOptions keyframes;
   ScanSourceOptions scan;
   RelocalizerOptions relocalizer;
+  scan::MatchOptions match;  ///< of scans
 
   static EstimatorOptions read(const options::Section& section);
 };

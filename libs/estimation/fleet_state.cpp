@@ -31,12 +31,12 @@ Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double the
 }
 
 FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o)
-    : options(o), keyframes(o.keyframes) {
+    : options(o), keyframes(o.keyframes, o.match) {
   for (auto& setup : setups) {
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
-    robot.relocalizer.emplace(options.relocalizer);
+    robot.relocalizer.emplace(options.relocalizer, options.match);
     robot.camera_told = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());

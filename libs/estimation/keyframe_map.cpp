@@ -20,19 +20,18 @@ constexpr double kBothNoisy = 2.0;    // both scans of a pair have noise; the ma
 constexpr double kOpen_m = 0.5;       // σ of a direction that a pair of scans leaves open
 constexpr double kMoved_m = 0.0005;   // of a keyframe: less is no news
 
-/// Right perturbation of the scan's pose by that of base_link. The scan has base_link's axes.
+double placeVariance(const Eigen::Matrix3d& covariance) {
+  return 0.5 * covariance.topLeftCorner<2, 2>().trace();
+}
+
+}  // namespace
+
 Eigen::Matrix3d scanByBase(const Pose2& base_from_scan) {
   Eigen::Matrix3d j = Eigen::Matrix3d::Identity();
   j(0, 2) = -base_from_scan.y_m;
   j(1, 2) = base_from_scan.x_m;
   return j;
 }
-
-double placeVariance(const Eigen::Matrix3d& covariance) {
-  return 0.5 * covariance.topLeftCorner<2, 2>().trace();
-}
-
-}  // namespace
 
 KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   KeyframeOptions o;
@@ -186,10 +185,6 @@ scan::CameraEvidence KeyframeMap::cameraEvidence() const {
   evidence.information /= options_.correlated;
   evidence.gradient /= options_.correlated;
   return evidence;
-}
-
-void KeyframeMap::addAbsolute(Id keyframe, const Pose2& map_from_base, const Eigen::Matrix3d& covariance) {
-  graph_.addAbsolute(keyframe, map_from_base, covariance);
 }
 
 void KeyframeMap::closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance) {

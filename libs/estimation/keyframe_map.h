@@ -35,13 +35,17 @@ struct KeyframeOptions {
   static KeyframeOptions read(const options::Section& section);
 };
 
+/// Derivative of the scan's pose by that of base_link, right perturbations. The scan has base_link's axes.
+Eigen::Matrix3d scanByBase(const Pose2& base_from_scan);
+
 /// Scans at known places, of all robots in one map, and the graph that holds these places together. It is the
 /// long-term memory of localisation: returning to an old place matches old keyframes, which closes the loop.
 class KeyframeMap {
  public:
   using Id = scan::KeyframeGraph::Id;
 
-  explicit KeyframeMap(const KeyframeOptions& options) : options_(options) {}
+  explicit KeyframeMap(const KeyframeOptions& options, const scan::MatchOptions& match = {})
+      : options_(options), matcher_(match) {}
 
   /// Keyframes to match a frame against, the nearest first: within reach, and with a place relative to `from`
   /// that is known to trust_m. That uncertainty is the smallest sum of variances of the constraints on a path
@@ -95,8 +99,6 @@ class KeyframeMap {
   void assume(std::uint32_t camera, const Eigen::Vector4d& error);
   /// What the keyframes say about calibrations.
   scan::CameraEvidence cameraEvidence() const;
-  /// A measurement of a keyframe's pose in map; takes effect with the next solution.
-  void addAbsolute(Id keyframe, const Pose2& map_from_base, const Eigen::Matrix3d& covariance);
   /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
   void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 

@@ -9,8 +9,7 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr int kPatience = 5;           // frames that contradict a pose before it is searched for elsewhere
-constexpr double kEvent_sigmas = 3.0;  // corrections beyond are told
+constexpr double kEvent_sigmas = 3.0;  // larger corrections are events
 constexpr double kLever_m = 1.0;       // at which a heading's σ counts as one of a position
 constexpr double kReachSigmas = 3.0;
 constexpr double kEverywhere_m = 1e3;
@@ -37,7 +36,7 @@ void moveTo(FleetState& fleet, RobotFrame& frame, const Relocalizer::Found& foun
   robot.scan_aid.anchor = ScanAid::Anchor{found.keyframe, fleet.keyframes.pose(found.keyframe),
                                           found.keyframe_from_base, found.covariance};
   robot.scan_aid.relative_covariance = found.covariance;
-  robot.scan_aid.unmatched = 0;
+  robot.scan_aid.held = true;
   robot.covariance = covariance;
   frame.seen.clear();
   frame.placed_anew = robot.correction_sigmas > kEvent_sigmas;
@@ -49,7 +48,10 @@ void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& fo
   ScanAid& aid = robot.scan_aid;
   robot.correction_sigmas =
       sigmasOf(fleet.pose(robot.window.back().pose), robot.covariance, found.map_from_base);
-  robot.event = PoseEvent::kLoopClosed;
+  if (robot.correction_sigmas > kEvent_sigmas)
+    robot.event = PoseEvent::kLoopClosed;
+  else
+    robot.correction_sigmas = 0.0;
   const Pose2 from_to = aid.anchor->keyframe_from_base * found.keyframe_from_base.inverse();
   const Eigen::Matrix3d covariance =
       composeCovariance(aid.anchor->covariance, found.keyframe_from_base.inverse(), found.covariance);
@@ -74,13 +76,13 @@ void localize(FleetState& fleet, RobotFrame& frame) {
     evidence.sigma_m = std::sqrt(robot.covariance.topLeftCorner<2, 2>().trace() +
                                  kLever_m * kLever_m * robot.covariance(2, 2));
     const KeyframeMap& map = fleet.keyframes;
-    const bool lost = (aid.contradicted && robot.monitor.contradicted() + 1 >= kPatience) ||
-                      robot.monitor.state() == LocalizationState::kLost;
+    const bool lost =
+        (aid.has_scan && robot.monitor.isInDoubt()) || robot.monitor.state() == LocalizationState::kLost;
     std::vector<KeyframeMap::Id> among;
     double reach_m = kEverywhere_m, reach_rad = M_PI;
     if (lost) {
       among = map.all();
-    } else if (aid.anchor && !aid.contradicted) {
+    } else if (aid.anchor && aid.rich && !aid.contradicted) {
       const double sigma_m = std::sqrt(robot.covariance.topLeftCorner<2, 2>().trace());
       reach_m = kReachSigmas * sigma_m + map.options().spacing_m;
       reach_rad = std::min(M_PI, kReachSigmas * std::sqrt(robot.covariance(2, 2)) + 0.1);
@@ -104,9 +106,9 @@ void localize(FleetState& fleet, RobotFrame& frame) {
 
 Eigen::Matrix3d suspectedMove(const RobotNode& robot) {
   constexpr double kCarried_m = 0.3, kCarried_rad = 0.3;  // rms per patience
-  const int frames = robot.monitor.contradicted();
-  if (frames < kPatience) return Eigen::Matrix3d::Zero();
-  const double times = std::min(10.0, static_cast<double>(frames) / kPatience);
+  const LocalizationMonitor& monitor = robot.monitor;
+  if (!monitor.isInDoubt()) return Eigen::Matrix3d::Zero();
+  const double times = std::min(10.0, static_cast<double>(monitor.unconfirmed()) / monitor.patience());
   const double m = kCarried_m * times, rad = std::min(M_PI, kCarried_rad * times);
   return Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
 }

@@ -5,7 +5,10 @@ namespace omnifleet::estimation {
 LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
   const bool had_pose = state_ != LocalizationState::kUnlocated;
   unconfirmed_ = e.located && (e.confirmed || e.found) ? 0 : unconfirmed_ + 1;
-  contradicted_ = e.contradicted && !e.found ? contradicted_ + 1 : 0;
+  if (unconfirmed_ == 0)
+    contradicted_ = 0;
+  else if (e.contradicted)
+    ++contradicted_;
   if (!e.located) {
     state_ = had_pose ? LocalizationState::kLost : LocalizationState::kUnlocated;
   } else if (e.found) {

@@ -4,7 +4,7 @@
 
 namespace omnifleet::estimation {
 
-/// What one frame tells about the localisation of a robot.
+/// Evidence of one frame about the localisation of a robot.
 struct LocalizationEvidence {
   bool located = false;    ///< it has a pose
   bool odometry = false;   ///< its motion since the frame before was measured
@@ -29,8 +29,11 @@ class LocalizationMonitor {
   LocalizationState state() const { return state_; }
   /// Frames in a row without confirmation, …
   int unconfirmed() const { return unconfirmed_; }
-  /// … and with a contradiction.
+  /// … and of them with a contradiction. So many that the pose may be wrong:
   int contradicted() const { return contradicted_; }
+  /// From then on until something confirms the pose or finds another one.
+  bool isInDoubt() const { return contradicted_ >= options_.patience; }
+  int patience() const { return options_.patience; }
 
  private:
   LocalizationMonitorOptions options_;

@@ -52,6 +52,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.detector = DetectorOptions::read(section.child("detector"));
   o.camera = CameraOptions::read(section.child("camera"));
   o.keyframes = KeyframeOptions::read(section.child("keyframes"));
+  o.match = scan::MatchOptions::read(section.child("match"));
   o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
   section.finish();

@@ -37,7 +37,6 @@ RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
 void Relocalizer::forget() {
   hypotheses_.clear();
   since_look_m_ = std::numeric_limits<double>::infinity();
-  ambiguous_ = false;
 }
 
 std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, const ScanAid& aid,
@@ -106,16 +105,18 @@ void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid, const Pose2
   }
 }
 
-std::optional<Relocalizer::Found> Relocalizer::decide() {
+/// The best hypothesis, if it agreed for long enough and no other place matches nearly as well, as in a
+/// symmetric room.
+std::optional<Relocalizer::Found> Relocalizer::decide() const {
   const Hypothesis* best = nullptr;
   for (const Hypothesis& h : hypotheses_)
     if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
-  ambiguous_ = false;
   if (best == nullptr || best->missed > 0 || best->agreed < options_.confirm_frames) return std::nullopt;
   if (best->travelled_m < options_.confirm_m && best->turned_rad < options_.confirm_rad) return std::nullopt;
-  for (const Hypothesis& h : hypotheses_)
-    ambiguous_ = ambiguous_ || (&h != best && h.missed == 0 && h.matched > options_.rival * best->matched);
-  if (ambiguous_) return std::nullopt;
+  const bool rivalled = std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& h) {
+    return &h != best && h.missed == 0 && h.matched > options_.rival * best->matched;
+  });
+  if (rivalled) return std::nullopt;
   return Found{best->map_from_base, best->keyframe, best->keyframe_from_base, best->covariance};
 }
 

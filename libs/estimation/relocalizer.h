@@ -28,10 +28,12 @@ struct RelocalizerOptions {
 
 /// Finds a robot again whose pose is wrong or too uncertain to match keyframes around it: by a search of its
 /// scan among keyframes, followed over travel. A place is accepted only if it keeps matching and no other
-/// place matches nearly as well. It serves robots that were moved by hand and returns after long ways alike.
+/// place matches nearly as well. It serves kidnapped robots and
+/// returns after long paths.
 class Relocalizer {
  public:
-  explicit Relocalizer(const RelocalizerOptions& options) : options_(options), search_(options.search) {}
+  explicit Relocalizer(const RelocalizerOptions& options, const scan::MatchOptions& match = {})
+      : options_(options), search_(options.search), matcher_(match) {}
 
   struct Found {
     Pose2 map_from_base;
@@ -46,8 +48,6 @@ class Relocalizer {
                             const Pose2& motion, const std::vector<KeyframeMap::Id>& among, double reach_m,
                             double reach_rad);
   void forget();
-  /// Several places match alike, as in a symmetric room.
-  bool isAmbiguous() const { return ambiguous_; }
 
  private:
   struct Hypothesis {
@@ -63,7 +63,7 @@ class Relocalizer {
               Hypothesis& hypothesis);
   void search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
               const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad);
-  std::optional<Found> decide();
+  std::optional<Found> decide() const;
 
   RelocalizerOptions options_;
   scan::PlaceSearch search_;
@@ -72,7 +72,6 @@ class Relocalizer {
   std::uint32_t revision_ = 0;
   std::vector<Hypothesis> hypotheses_;
   double since_look_m_ = std::numeric_limits<double>::infinity();
-  bool ambiguous_ = false;
 };
 
 }  // namespace omnifleet::estimation

@@ -27,14 +27,6 @@ constexpr double kNearlyAll = 0.8;       // … until this share of the lines is
 constexpr double kExact = 1e-8;          // m², rad²; no odometry is better
 constexpr double kOdometryScale = 0.02;  // σ of the scale of odometry between keyframes
 
-/// Right perturbation of the scan's pose by that of base_link. The scan has base_link's axes.
-Eigen::Matrix3d scanByBase(const Pose2& base_from_scan) {
-  Eigen::Matrix3d j = Eigen::Matrix3d::Identity();
-  j(0, 2) = -base_from_scan.y_m;
-  j(1, 2) = base_from_scan.x_m;
-  return j;
-}
-
 double largestSigma(const Eigen::Matrix3d& information) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(information, Eigen::EigenvaluesOnly);
   return 1.0 / std::sqrt(std::max(solver.eigenvalues().minCoeff(), 1e-12));
@@ -217,7 +209,7 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   const Eigen::Matrix3d prior = (j * covariance * j.transpose()).inverse();
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
-  // Few surfaces in sight: landmarks tell more, where there are any.
+  // Few surfaces are visible: landmarks are more accurate, where there are any.
   if (!suffices && fleet.options.use_landmarks &&
       (robot.unobserved <= kRecently || rest_lines < map.options().min_lines))
     return;
@@ -247,7 +239,6 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   }
   const bool accepted = accept(found, predicted * aid.base_from_scan, covariance, step_m);
   aid.contradicted = !accepted;
-  aid.unmatched = accepted ? 0 : aid.unmatched + 1;
   if (!accepted) return;
   aid.matched = true;
   aid.suffices = suffices;
@@ -286,6 +277,7 @@ void ScanSource::keep(FleetState& fleet) {
   for (RobotNode& robot : fleet.robots) {
     ScanAid& aid = robot.scan_aid;
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
+    if (robot.monitor.isInDoubt()) continue;  // a wrong place must not enter the map
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
     if (!map.wants(map_from_base, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;
@@ -362,7 +354,7 @@ void ScanSource::weighCameras(FleetState& fleet) {
       information.block<4, 4>(4 * i, 4 * k) = evidence.information.block<4, 4>(
           rows[static_cast<std::size_t>(i)], rows[static_cast<std::size_t>(k)]);
   }
-  // Another height of the camera scales all that is seen alike: scans alone do not tell it.
+  // A height error scales a whole scan, so scans alone do not determine it.
   for (Eigen::Index i = CameraOptions::kHeight; i < 4 * cameras; i += 4) {
     information.row(i).setZero();
     information.col(i).setZero();
@@ -391,6 +383,7 @@ void ScanSource::followKeyframes(FleetState& fleet, RobotNode& robot) {
   if (!robot.located() || !anchor) return;
   const Pose2 moved = map.pose(anchor->keyframe) * anchor->map_from_keyframe.inverse();
   anchor->map_from_keyframe = map.pose(anchor->keyframe);
+  if (!robot.scan_aid.held) return;
   for (Step& step : robot.window) {
     Eigen::VectorXd& value = fleet.graph.value(step.pose);
     const Eigen::Vector2d place = moved * Eigen::Vector2d(value.head<2>());

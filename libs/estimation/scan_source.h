@@ -54,7 +54,6 @@ struct ScanAid {
   bool matched = false;       ///< it agrees with keyframes around the predicted pose
   bool contradicted = false;  ///< keyframes are around, but it does not agree with them
   bool suffices = false;      ///< matched, and determined without free-standing objects
-  int unmatched = 0;          ///< frames in a row that disagreed
   std::vector<KeyframeMap::Id> references;
   std::vector<std::uint8_t> on_object;  ///< per beam: ends at a free-standing object
   Eigen::Matrix3d relative_covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose to the keyframes
@@ -79,7 +78,8 @@ struct ScanAid {
 /// more than the last seconds of them, and moves along when the keyframes move.
 class ScanSource {
  public:
-  explicit ScanSource(const ScanSourceOptions& options) : options_(options) {}
+  explicit ScanSource(const ScanSourceOptions& options, const scan::MatchOptions& match = {})
+      : options_(options), matcher_(match) {}
 
   /// Fits lines to the newest frame, matches it, and adds the factor. After the pose is predicted.
   void observe(FleetState& fleet, RobotFrame& frame);

@@ -101,7 +101,7 @@ nlohmann::json replayed(const std::string& folder, int domain, const std::vector
   Process alone({program("fleet_in_process"), "--dataset", data, "--out", one}, folder + "/in_process.log");
   EXPECT_EQ(alone.wait(kPatience), std::optional<int>(0)) << alone.output();
   const auto by_processes = resultsOf(out), in_process = resultsOf(one);
-  EXPECT_EQ(by_processes.size(), 14u);
+  EXPECT_EQ(by_processes.size(), 19u);
   for (const auto& [file, bytes] : by_processes) {
     EXPECT_FALSE(bytes.empty()) << file;
     EXPECT_TRUE(in_process.at(file) == bytes) << file << " differs between processes and one process";

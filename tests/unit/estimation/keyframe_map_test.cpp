@@ -260,14 +260,5 @@ TEST(KeyframeMap, UncertaintyGrowsAlongAChainAndShrinksWhenItCloses) {
   EXPECT_NEAR(variance(15), 2.0 * 15.0 / 16.0 * kLinkSigma * kLinkSigma, 0.1 * variance(15));
 }
 
-TEST(KeyframeMap, AbsolutePosesTakeEffectWithTheNextSolution) {
-  BareChain chain = keyframeCircle(4);
-  const Pose2 moved = Pose2{0.02, 0.0, 0.0} * chain.truth[3];
-  chain.map.addAbsolute(3, moved, diagonal(0.001, 0.001));
-  EXPECT_LT((chain.map.pose(3).translation() - chain.truth[3].translation()).norm(), 1e-6);
-  chain.add({0.0, 0.0, 0.0});
-  EXPECT_LT((chain.map.pose(3).translation() - moved.translation()).norm(), 0.002);
-}
-
 }  // namespace
 }  // namespace omnifleet::estimation

@@ -77,12 +77,16 @@ TEST_P(Transitions, FollowTheTable) {
 INSTANTIATE_TEST_SUITE_P(LocalizationMonitor, Transitions, ::testing::Range<std::size_t>(0, 17),
                          [](const auto& row) { return transitions()[row.param].name; });
 
-TEST(LocalizationMonitor, CountsContradictionsInARow) {
+TEST(LocalizationMonitor, DoubtLastsUntilThePoseIsConfirmed) {
   LocalizationMonitor monitor;
   for (int i = 0; i < 4; ++i) monitor.update(kContradicted);
-  EXPECT_EQ(monitor.contradicted(), 4);
-  monitor.update(kOdometry);
-  EXPECT_EQ(monitor.contradicted(), 0);
+  EXPECT_FALSE(monitor.isInDoubt());
+  monitor.update(kContradicted);
+  EXPECT_TRUE(monitor.isInDoubt());
+  for (int i = 0; i < 9; ++i) monitor.update(kOdometry);
+  EXPECT_TRUE(monitor.isInDoubt()) << "nothing to compare with is no confirmation";
+  monitor.update(kConfirmed);
+  EXPECT_FALSE(monitor.isInDoubt());
 }
 
 }  // namespace

@@ -154,7 +154,7 @@ TEST_F(Evaluate, GroupsErrorsByLocalizationState) {
 }
 
 TEST_F(Evaluate, ReportsDamagedLocalizationFile) {
-  dataset::writeAtomic(out_ + "/localization/r1.csv", "0,lost,none,0\n100,adrift,none,0\n");
+  dataset::writeAtomic(out_ + "/localization/r1.csv", "0,lost,none,0\n100,unknown_state,none,0\n");
   const Report report = evaluateRun(out_, recording_);
   ASSERT_EQ(report.warnings.size(), 1u);
   EXPECT_THAT(report.warnings[0], AllOf(HasSubstr("localization/r1.csv:2"), HasSubstr("row ignored")));

@@ -1,0 +1,169 @@
+// The estimator of one robot in a furnished room that sees no object: only its scans and its wheels, which
+// err by 3 %, determine its pose. The scans are exact intersections with noise.
+
+#include "estimation/scan_source.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "estimation/estimator.h"
+#include "tests/unit/scan/room_scans.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kInverseSigma = 0.003;  // 1/m, of scans
+constexpr double kStep_m = 0.06, kTurn_rad = 0.08;
+constexpr double kWheelError = 0.03;
+constexpr TimeNs kFrame_ns = 200000000;
+
+/// Twice around a circle inside the room, once per 79 frames.
+std::vector<Pose2> circularPath(int frames) {
+  std::vector<Pose2> path{{0.2, -1.2, 0.0}};
+  for (int i = 1; i < frames; ++i) path.push_back(path.back() * Pose2{kStep_m, 0.0, kTurn_rad});
+  return path;
+}
+
+struct ScanRun {
+  std::vector<PoseEstimate> poses;
+  std::vector<double> errors_m;
+  double worst_m = 0.0, nees = 0.0;
+  std::size_t count(LocalizationState state) const {
+    return static_cast<std::size_t>(
+        std::count_if(poses.begin(), poses.end(), [&](const PoseEstimate& p) { return p.state == state; }));
+  }
+};
+
+/// @param change what a test does to the frame of a number
+ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options,
+                 const std::function<void(std::size_t, Objects&)>& change = {}) {
+  RobotSetup setup;
+  setup.name = "r1";
+  setup.body.radius_m = 0.1;
+  setup.body.wheel_separation_m = 0.2;
+  setup.initial_pose = path.front();
+  FleetEstimator estimator({setup}, options);
+  const scan::testing::Scene room = scan::testing::furnishedRoom();
+  std::mt19937 random(7);
+  ScanRun run;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    Objects frame;
+    frame.robot = "r1";
+    frame.acquired_ns = static_cast<TimeNs>(i + 1) * kFrame_ns;
+    frame.sequence = static_cast<std::uint32_t>(i);
+    frame.boundary = room.scan(path[i], kInverseSigma, random);
+    frame.motion.since_ns = frame.acquired_ns - kFrame_ns;
+    frame.motion.valid = i > 0;
+    if (i > 0) {
+      frame.motion.previous_from_current = path[i - 1].inverse() * path[i];
+      frame.motion.previous_from_current.x_m *= 1.0 + kWheelError;
+      frame.motion.previous_from_current.theta_rad *= 1.0 - kWheelError;
+      const double way_m = 0.02 * frame.motion.previous_from_current.x_m + 0.001, turn_rad = 0.004;
+      frame.motion.covariance = Eigen::Vector3d(way_m * way_m, 1e-6, turn_rad * turn_rad).asDiagonal();
+    }
+    if (change) change(i, frame);
+    const PoseEstimate pose = estimator.process(frame.acquired_ns, {&frame}, {}).front();
+    if (estimator.refineDue()) estimator.refine();
+    const Pose2 error = pose.map_from_base.inverse() * path[i];
+    run.errors_m.push_back(error.translation().norm());
+    run.worst_m = std::max(run.worst_m, run.errors_m.back());
+    const Eigen::Vector3d e = error.vector();
+    if (pose.valid) run.nees += e.dot(pose.covariance.ldlt().solve(e)) / static_cast<double>(path.size());
+    run.poses.push_back(pose);
+  }
+  return run;
+}
+
+TEST(ScanSource, HoldsARobotWhoseWheelsDrift) {
+  const std::vector<Pose2> path = circularPath(150);
+  EstimatorOptions wheels_only;
+  wheels_only.scan.use = false;
+  const ScanRun by_wheels = runScans(path, wheels_only), by_scan = runScans(path, {});
+  EXPECT_GT(by_wheels.worst_m, 0.05);
+  EXPECT_LT(by_scan.worst_m, 0.01);
+  EXPECT_LT(by_scan.nees, 6.0);
+  EXPECT_EQ(by_scan.count(LocalizationState::kLocalized), path.size());
+}
+
+TEST(ScanSource, GivesTheSameBitsTwice) {
+  const std::vector<Pose2> path = circularPath(60);
+  const ScanRun first = runScans(path, {}), second = runScans(path, {});
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    EXPECT_EQ(first.poses[i].map_from_base.vector(), second.poses[i].map_from_base.vector()) << i;
+    EXPECT_EQ(first.poses[i].covariance, second.poses[i].covariance) << i;
+  }
+}
+
+TEST(ScanSource, FiveDarkSecondsLeaveOdometryAndAGrowingCovariance) {
+  const std::vector<Pose2> path = circularPath(110);
+  constexpr std::size_t kFrom = 40, kTo = 65;
+  const ScanRun run = runScans(path, {}, [&](std::size_t i, Objects& frame) {
+    if (i < kFrom || i >= kTo) return;
+    frame.state = FrameState::kDark;
+    frame.boundary = {};
+  });
+  const auto sigma = [&](std::size_t i) { return run.poses[i].covariance.topLeftCorner<2, 2>().trace(); };
+  for (std::size_t i = kFrom; i < kTo; ++i) EXPECT_TRUE(run.poses[i].valid) << i;
+  EXPECT_EQ(run.poses[kTo - 1].state, LocalizationState::kOdometryOnly);
+  EXPECT_GT(sigma(kTo - 1), 1.5 * sigma(kFrom - 1));
+  EXPECT_EQ(run.poses[kTo + 3].state, LocalizationState::kLocalized);
+  EXPECT_LT(run.errors_m.back(), 0.01);
+}
+
+TEST(ScanSource, ASlipIsCorrectedAtOnce) {
+  const std::vector<Pose2> path = circularPath(80);
+  const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
+    if (i >= 40 && i < 50) frame.motion.previous_from_current.x_m *= 1.4;
+  });
+  EXPECT_LT(run.worst_m, 0.02);
+  EXPECT_EQ(run.count(LocalizationState::kLocalized), path.size());
+}
+
+TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
+  std::vector<Pose2> path = circularPath(50);
+  path.push_back({-1.6, 0.6, 2.2});  // carried, wheels at rest
+  for (int i = 0; i < 50; ++i) path.push_back(path.back() * Pose2{kStep_m, 0.0, i < 25 ? -0.1 : 0.1});
+  const auto carry = [](std::size_t i, Objects& frame) {
+    if (i == 50) frame.motion.previous_from_current = {};
+  };
+  const ScanRun run = runScans(path, {}, carry);
+  EXPECT_FALSE(run.poses[56].state == LocalizationState::kLocalized && run.errors_m[56] > 0.1)
+      << "a wrong pose is not confirmed";
+  const auto found = std::find_if(run.poses.begin(), run.poses.end(),
+                                  [](const PoseEstimate& p) { return p.event == PoseEvent::kRelocalized; });
+  ASSERT_NE(found, run.poses.end());
+  EXPECT_GT(found->correction_sigmas, 0.0);
+  EXPECT_LT(run.errors_m.back(), 0.03);
+  EstimatorOptions never;
+  never.relocalizer.min_matched = 1.0;
+  const ScanRun unfound = runScans(path, never, carry);
+  EXPECT_GT(unfound.errors_m.back(), 0.5) << "only the search finds it";
+  EXPECT_EQ(unfound.poses.back().state, LocalizationState::kOdometryOnly);
+  EXPECT_GT(std::sqrt(unfound.poses.back().covariance.topLeftCorner<2, 2>().trace()), 0.5);
+}
+
+TEST(ScanSource, BeamsOnMovingObjectsAreLeftOut) {
+  const std::vector<Pose2> path = circularPath(80);
+  // Something stands before a third of the beams and goes with the robot.
+  const auto hide = [](bool labelled) {
+    return [labelled](std::size_t, Objects& frame) {
+      Boundary& b = frame.boundary;
+      b.moving.assign(b.inverse_m.size(), 0);
+      for (std::size_t k = 0; k < b.inverse_m.size() / 3; ++k) {
+        b.inverse_m[k] = 2.5f;
+        b.moving[k] = labelled ? 1 : 0;
+      }
+    };
+  };
+  const double labelled_m = runScans(path, {}, hide(true)).worst_m;
+  EXPECT_LT(labelled_m, 0.01);
+  EXPECT_GT(runScans(path, {}, hide(false)).worst_m, 2.0 * labelled_m);
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
