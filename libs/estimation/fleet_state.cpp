@@ -148,6 +148,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     step.motion_covariance = longer * unknownMotion(dt);
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
+  if (step.wheels && !step.refuted) addOdometryErrors(robot, step);
   step.own_covariance = step.motion_covariance;
   if (frame.state != FrameState::kOk && previous != nullptr) {
     const double unseen_s = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
@@ -156,6 +157,20 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
         options.carried_per_s * unseen_s * Eigen::Vector3d(m * m, m * m, rad * rad);
   }
   return step;
+}
+
+/// Wheels err as the matches of scans have shown.
+void FleetState::addOdometryErrors(const RobotNode& robot, Step& step) const {
+  const ScanAid::OdometryQuality& quality = robot.scan_aid.odometry;
+  step.claimed_covariance = step.motion_covariance;
+  step.motion_covariance = quality.scaled(step.claimed_covariance);
+  step.wheel_covariance = step.motion_covariance;
+  const double m = quality.jitter_m, rad = quality.jitter_rad;
+  step.jitter = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+  if (robot.located())
+    step.motion_covariance =
+        composeCovariance(robot.window.back().jitter, step.previous_from_current, step.motion_covariance);
+  step.motion_covariance += step.jitter;
 }
 
 Eigen::Matrix3d FleetState::unknownMotion(double over_s) const {

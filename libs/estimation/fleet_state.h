@@ -45,6 +45,9 @@ struct Step {
   Pose2 measured;               ///< as measured
   Eigen::Matrix3d motion_covariance = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d own_covariance = Eigen::Matrix3d::Identity();  ///< of it without what people may do unseen
+  Eigen::Matrix3d claimed_covariance = Eigen::Matrix3d::Zero();  ///< of the motion, by the wheels
+  Eigen::Matrix3d wheel_covariance = Eigen::Matrix3d::Zero();    ///< of the wheels' way
+  Eigen::Matrix3d jitter = Eigen::Matrix3d::Zero();              ///< of this frame's place on it
   WheelJacobian by_model = WheelJacobian::Zero();  ///< derivative of `measured` by the wheel model …
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
@@ -309,6 +312,7 @@ class FleetState {
   void forgetPoints();
   void loosen(RobotNode& robot, std::size_t step, const Eigen::Matrix3d& covariance);
   Eigen::Matrix3d unknownMotion(double over_s) const;
+  void addOdometryErrors(const RobotNode& robot, Step& step) const;
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -14,11 +15,15 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kPairMatched = 0.5;  // share of beams that two neighbours must have in common
-constexpr double kPairChi2 = 4.0;     // mean χ² above which two scans do not show the same place
-constexpr double kBothNoisy = 2.0;    // both scans of a pair have noise; the match counts that of one
-constexpr double kOpen_m = 0.5;       // σ of a direction that a pair of scans leaves open
-constexpr double kMoved_m = 0.0005;   // of a keyframe: less is no news
+constexpr double kLeastOverlap = 0.3;  // share of the bearings that a reference must have measured, …
+constexpr double kSameView = 0.7;      // … and a keyframe that makes another one needless
+constexpr double kPairMatched = 0.3;   // share of beams that two neighbours must have in common
+constexpr double kCalibrates = 0.5;    // share from which a pair says something about calibrations
+constexpr double kPairChi2 = 4.0;      // mean χ² above which two scans do not show the same place
+constexpr double kBothNoisy = 2.0;     // both scans of a pair have noise; the match counts that of one
+constexpr double kOpen_m = 0.5;        // σ of a direction that a pair of scans leaves open
+constexpr double kExact = 1e-8;        // m², rad²; no clock is better
+constexpr double kMoved_m = 0.0005;    // of a keyframe: less is no news
 
 double placeVariance(const Eigen::Matrix3d& covariance) {
   return 0.5 * covariance.topLeftCorner<2, 2>().trace();
@@ -52,12 +57,13 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   return o;
 }
 
-std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Pose2& map_from_base,
-                                                  const std::vector<Id>& candidates, int most) const {
+std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Viewpoint& at, const std::vector<Id>& candidates,
+                                                  int most) const {
   std::vector<std::pair<double, Id>> by_distance;
   for (const Id k : candidates) {
-    const double distance = (graph_.pose(k).translation() - map_from_base.translation()).norm();
-    if (distance <= options_.reach_m) by_distance.emplace_back(distance, k);
+    const double distance = (pose(k).translation() - at.map_from_base.translation()).norm();
+    if (distance <= options_.reach_m && overlap(at, k) >= kLeastOverlap)
+      by_distance.emplace_back(distance, k);
   }
   const auto count =
       std::min(by_distance.size(), static_cast<std::size_t>(most > 0 ? most : options_.references));
@@ -92,20 +98,20 @@ std::vector<bool> KeyframeMap::related(Id from, double variance_m2) const {
   return known;
 }
 
-std::vector<KeyframeMap::Id> KeyframeMap::references(Id from, double variance_m2, const Pose2& map_from_base,
+std::vector<KeyframeMap::Id> KeyframeMap::references(Id from, double variance_m2, const Viewpoint& at,
                                                      int count) const {
   const std::vector<bool> known = related(from, variance_m2);
   std::vector<Id> ids;
   for (Id k = 0; k < keyframes_.size(); ++k)
     if (known[k]) ids.push_back(k);
-  return nearest(map_from_base, ids, count);
+  return nearest(at, ids, count);
 }
 
-std::vector<KeyframeMap::Id> KeyframeMap::references(double variance_m2, const Pose2& map_from_base) const {
+std::vector<KeyframeMap::Id> KeyframeMap::references(double variance_m2, const Viewpoint& at) const {
   std::vector<Id> known;
   for (Id k = 0; k < keyframes_.size(); ++k)
     if (variance_m2 + placeVariance(covariance(k)) <= options_.trust_m * options_.trust_m) known.push_back(k);
-  return nearest(map_from_base, known);
+  return nearest(at, known);
 }
 
 std::vector<KeyframeMap::Id> KeyframeMap::all() const {
@@ -119,7 +125,7 @@ std::vector<KeyframeMap::Id> KeyframeMap::unrelated(Id from, double variance_m2,
   const std::vector<bool> known = related(from, variance_m2);
   std::vector<Id> ids;
   for (Id k = 0; k < keyframes_.size(); ++k) {
-    const double distance_m = (graph_.pose(k).translation() - map_from_base.translation()).norm();
+    const double distance_m = (pose(k).translation() - map_from_base.translation()).norm();
     if (!known[k] && distance_m <= radius_m) ids.push_back(k);
   }
   return ids;
@@ -127,19 +133,31 @@ std::vector<KeyframeMap::Id> KeyframeMap::unrelated(Id from, double variance_m2,
 
 scan::Reference KeyframeMap::reference(Id keyframe) const {
   const Keyframe& k = keyframes_[keyframe];
-  return {&k.scan, graph_.pose(keyframe) * k.source.base_from_scan};
+  return {&k.scan, pose(keyframe) * k.source.base_from_scan};
 }
 
 const Eigen::Matrix3d& KeyframeMap::covariance(Id keyframe) const {
-  if (!covariance_[keyframe]) covariance_[keyframe] = graph_.covariance(keyframe);
+  if (!covariance_[keyframe]) covariance_[keyframe] = graph_.covariance(keyframes_[keyframe].node);
   return *covariance_[keyframe];
 }
 
-bool KeyframeMap::wants(const Pose2& map_from_base, const std::vector<Id>& references,
+/// Share of the bearings that a frame has measured which the keyframe has measured, too.
+double KeyframeMap::overlap(const Viewpoint& at, Id keyframe) const {
+  constexpr double kSectors = 64.0;
+  if (at.sectors == 0 || keyframes_[keyframe].sectors == 0) return 1.0;
+  const double turn = wrapAngle(at.map_from_base.theta_rad - pose(keyframe).theta_rad);
+  const auto by = static_cast<unsigned>(std::lround(turn * kSectors / (2.0 * M_PI)) + 64) % 64;
+  const std::uint64_t turned = by == 0 ? at.sectors : (at.sectors << by) | (at.sectors >> (64 - by));
+  return static_cast<double>(std::bitset<64>(turned & keyframes_[keyframe].sectors).count()) /
+         static_cast<double>(std::bitset<64>(at.sectors).count());
+}
+
+bool KeyframeMap::wants(const Viewpoint& at, const std::vector<Id>& references,
                         const scan::LineScan& scan) const {
   if (scan.lines() < static_cast<std::size_t>(options_.min_lines)) return false;
   return std::none_of(references.begin(), references.end(), [&](Id k) {
-    return (graph_.pose(k).translation() - map_from_base.translation()).norm() < options_.spacing_m;
+    return (pose(k).translation() - at.map_from_base.translation()).norm() < options_.spacing_m &&
+           overlap(at, k) >= kSameView;
   });
 }
 
@@ -151,19 +169,54 @@ Eigen::Matrix3d KeyframeMap::systematic(double distance_m) const {
 
 KeyframeMap::Id KeyframeMap::add(const Pose2& map_from_base, Source source, const scan::LineScan& scan,
                                  const Held& held, const std::vector<Id>& references) {
-  const Id id = graph_.add(map_from_base);
+  const Id id = static_cast<Id>(keyframes_.size()), node = graph_.add(map_from_base);
   graph_.setCamera(source.camera, source.assumed);
   scan::BeamFields fields;
   if (source.rich) fields = beamFields(scan, source.camera_height_m, source.lens);
-  keyframes_.push_back({std::move(source), scan, std::move(fields), {}});
+  keyframes_.push_back({node, {}, 0, std::move(source), scan, std::move(fields), scan.sectors(), {}});
   keyframes_.back().scan.compact();
-  if (held.previous)
+  if (held.odometry) chainOdometry(id, *held.odometry);
+  // A match of the frame says again what those of the pairs say, which follow the calibration.
+  const bool paired = constrainPairs(id, references);
+  if (held.previous && !paired)
     relate(*held.previous, id, held.previous_from_this, held.covariance);
-  else
-    graph_.addAbsolute(id, map_from_base, held.covariance);
-  constrainPairs(id, references);
+  else if (!held.previous && !held.odometry)
+    graph_.addAbsolute(node, map_from_base, held.covariance);
   solve();
   return id;
+}
+
+Eigen::Matrix3d KeyframeMap::jitter(Id keyframe) const {
+  const std::uint32_t robot = keyframes_[keyframe].source.camera;
+  const Eigen::Matrix3d exact = kExact * Eigen::Matrix3d::Identity();
+  return robot < jitter_.size() ? Eigen::Matrix3d(jitter_[robot] + exact) : exact;
+}
+
+void KeyframeMap::setJitter(std::uint32_t robot, const Eigen::Matrix3d& covariance) {
+  if (jitter_.size() <= robot) jitter_.resize(robot + 1, Eigen::Matrix3d::Zero());
+  jitter_[robot] = covariance;
+  for (Id k = 0; k < keyframes_.size(); ++k) {
+    const Keyframe& keyframe = keyframes_[k];
+    if (keyframe.odometry && keyframe.source.camera == robot)
+      graph_.setCovariance(keyframe.beside, jitter(k));
+  }
+}
+
+/// Where the odometry was when a keyframe was taken.
+scan::KeyframeGraph::Id KeyframeMap::odometryNode(Id keyframe) {
+  Keyframe& k = keyframes_[keyframe];
+  if (k.odometry) return *k.odometry;
+  k.odometry = graph_.add(pose(keyframe));
+  k.beside = graph_.addRelative(*k.odometry, k.node, {}, jitter(keyframe));
+  return *k.odometry;
+}
+
+void KeyframeMap::chainOdometry(Id id, const Odometry& odometry) {
+  const auto from = odometryNode(odometry.previous), to = odometryNode(id);
+  graph_.addRelative(from, to, odometry.previous_from_this, odometry.covariance);
+  const double variance_m2 = placeVariance(odometry.covariance + 2.0 * jitter(id));
+  keyframes_[odometry.previous].edges.push_back({id, variance_m2});
+  keyframes_[id].edges.push_back({odometry.previous, variance_m2});
 }
 
 void KeyframeMap::assume(std::uint32_t camera, const Eigen::Vector4d& error) {
@@ -194,7 +247,7 @@ void KeyframeMap::closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::M
 
 void KeyframeMap::relate(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
                          const scan::CameraDependence* cameras) {
-  graph_.addRelative(from, to, from_to, covariance, cameras);
+  graph_.addRelative(keyframes_[from].node, keyframes_[to].node, from_to, covariance, cameras);
   const double variance_m2 = placeVariance(covariance);
   keyframes_[from].edges.push_back({to, variance_m2});
   keyframes_[to].edges.push_back({from, variance_m2});
@@ -206,19 +259,21 @@ void KeyframeMap::solve() {
 }
 
 /// Relative poses to the nearest neighbours whose place is known, each by its own match.
-void KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
+bool KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
   const Keyframe& added = keyframes_[id];
-  const Pose2 map_from_scan = graph_.pose(id) * added.source.base_from_scan,
+  const Pose2 map_from_scan = pose(id) * added.source.base_from_scan,
               scan_from_base = added.source.base_from_scan.inverse();
   const Eigen::Matrix3d prior = Eigen::Vector3d(1e3, 1e3, 1e4).asDiagonal();  // 3 cm, 0.6°
   const Eigen::Matrix3d scan_by_base = scanByBase(added.source.base_from_scan);
+  bool any = false;
   for (const Id k : known) {
-    const double distance_m = (graph_.pose(k).translation() - graph_.pose(id).translation()).norm();
+    const double distance_m = (pose(k).translation() - pose(id).translation()).norm();
     if (k == id || distance_m > options_.pair_reach_m) continue;
     const scan::Reference other = reference(k);
     const scan::Match match = matcher_.match(added.scan, map_from_scan, prior, {other});
     if (!match.valid || match.matched < kPairMatched || match.chi2 > kPairChi2) continue;
-    const Pose2 from_to = graph_.pose(k).inverse() * match.map_from_scan * scan_from_base;
+    any = true;
+    const Pose2 from_to = pose(k).inverse() * match.map_from_scan * scan_from_base;
     Eigen::Matrix3d information = scan_by_base.transpose() * match.information * scan_by_base / kBothNoisy;
     information.diagonal().array() += 1.0 / (kOpen_m * kOpen_m);
     const Eigen::Matrix3d covariance = information.inverse() + systematic(distance_m);
@@ -233,12 +288,13 @@ void KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
     cameras.to_camera = added.source.camera;
     cameras.assumed << added.source.assumed, keyframes_[k].source.assumed;
     cameras.by_error = scan_by_base.inverse() * terms.pose_by_error;
-    if (distance_m >= options_.least_baseline_m) {
+    if (distance_m >= options_.least_baseline_m && match.matched >= kCalibrates) {
       cameras.information = terms.information / match.scatter;
       cameras.gradient = terms.gradient / match.scatter;
     }
     relate(k, id, from_to, covariance, &cameras);
   }
+  return any;
 }
 
 }  // namespace omnifleet::estimation

@@ -20,7 +20,7 @@ struct KeyframeOptions {
   double spacing_m = 0.25;       ///< m; a frame farther than this from every keyframe becomes one
   int references = 6;            ///< nearest keyframes that a frame is matched against
   double reach_m = 2.5;          ///< m, of these; farther ones share little and are over-confident
-  double trust_m = 0.05;         ///< m, σ of the place of a reference relative to the robot, at most
+  double trust_m = 0.15;         ///< m, σ of the place of a reference relative to the robot, at most
   double pair_reach_m = 1.3;     ///< m; keyframes nearer than this are constrained pair by pair, …
   int pairs = 16;                ///< … at most so many, the nearest
   int min_lines = 60;            ///< beams with a line that a keyframe needs
@@ -47,42 +47,58 @@ class KeyframeMap {
   explicit KeyframeMap(const KeyframeOptions& options, const scan::MatchOptions& match = {})
       : options_(options), matcher_(match) {}
 
+  /// Where a frame is, and which bearings it has measured (LineScan::sectors).
+  struct Viewpoint {
+    Pose2 map_from_base;
+    std::uint64_t sectors = ~std::uint64_t{0};
+    Viewpoint(const Pose2& pose, std::uint64_t measured = ~std::uint64_t{0})  // NOLINT: a pose sees all
+        : map_from_base(pose), sectors(measured) {}
+  };
+
   /// Keyframes to match a frame against, the nearest first: within reach, and with a place relative to `from`
   /// that is known to trust_m. That uncertainty is the smallest sum of variances of the constraints on a path
   /// through the graph. So the far end of an open loop is no reference, however near it seems.
   /// @param from a keyframe relative to which the frame is known @param variance_m2 how well
   /// @param count at most so many; 0: options.references
-  std::vector<Id> references(Id from, double variance_m2, const Pose2& map_from_base, int count = 0) const;
+  std::vector<Id> references(Id from, double variance_m2, const Viewpoint& at, int count = 0) const;
   /// The same for a robot that knows its pose in map only. @param variance_m2 of its position
-  std::vector<Id> references(double variance_m2, const Pose2& map_from_base) const;
+  std::vector<Id> references(double variance_m2, const Viewpoint& at) const;
 
-  /// Of some keyframes those within reach, the nearest first. @param most at most so many; 0:
-  /// options.references
-  std::vector<Id> nearest(const Pose2& map_from_base, const std::vector<Id>& candidates, int most = 0) const;
+  /// Of some keyframes those within reach that look the same way, the nearest first. @param most at most so
+  /// many; 0: options.references
+  std::vector<Id> nearest(const Viewpoint& at, const std::vector<Id>& candidates, int most = 0) const;
   std::vector<Id> all() const;
   /// Keyframes within a radius that are no references of a frame known relative to `from`: the place relative
   /// to them is too uncertain. A robot that returns there closes a loop.
   std::vector<Id> unrelated(Id from, double variance_m2, const Pose2& map_from_base, double radius_m) const;
 
   scan::Reference reference(Id keyframe) const;
-  Pose2 pose(Id keyframe) const { return graph_.pose(keyframe); }
+  const Pose2& pose(Id keyframe) const { return graph_.pose(keyframes_[keyframe].node); }
   /// Of the keyframe's pose in map, right perturbation; as of the last solution.
   const Eigen::Matrix3d& covariance(Id keyframe) const;
   std::size_t size() const { return keyframes_.size(); }
   const KeyframeOptions& options() const { return options_; }
 
   /// Whether a frame should become a keyframe: no reference is near, and the scan shows enough.
-  bool wants(const Pose2& map_from_base, const std::vector<Id>& references, const scan::LineScan& scan) const;
+  bool wants(const Viewpoint& at, const std::vector<Id>& references, const scan::LineScan& scan) const;
 
+  /// The way from a keyframe of the same robot by its wheels alone.
+  struct Odometry {
+    Id previous = 0;
+    Pose2 previous_from_this;
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the wheels, without jitter
+  };
   /// What holds a new keyframe besides the scans of its neighbours.
   struct Held {
-    std::optional<Id> previous;                                ///< a keyframe
-    Pose2 previous_from_this;                                  ///< by odometry
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of it; without `previous` of map_from_base
+    std::optional<Id> previous;  ///< a keyframe
+    Pose2 previous_from_this;    ///< by a match since, or by motion without wheels
+    /// Of it; without `previous` and `odometry` of map_from_base.
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
+    std::optional<Odometry> odometry;
   };
   /// A scan as it was seen, and the camera that saw it.
   struct Source {
-    std::uint32_t camera = 0;  ///< counts the robots
+    std::uint32_t camera = 0;  ///< of which robot; they count from 0
     Boundary seen;
     std::vector<bool> usable;  ///< beams
     Pose2 base_from_scan;
@@ -95,6 +111,9 @@ class KeyframeMap {
   /// @param scan lines of `source`, corrected for `assumed` @param references of the frame @return its id
   Id add(const Pose2& map_from_base, Source source, const scan::LineScan& scan, const Held& held,
          const std::vector<Id>& references);
+  /// Covariance of where a robot's wheels say a frame was, relative to their own way: wheels that are read at
+  /// another time than the scans are wrong about each frame, but not about the way.
+  void setJitter(std::uint32_t robot, const Eigen::Matrix3d& covariance);
   /// Takes another calibration error off all scans of a camera and solves the graph.
   void assume(std::uint32_t camera, const Eigen::Vector4d& error);
   /// What the keyframes say about calibrations.
@@ -113,21 +132,31 @@ class KeyframeMap {
     double variance_m2;
   };
   struct Keyframe {
+    scan::KeyframeGraph::Id node;                     ///< its pose in the graph
+    std::optional<scan::KeyframeGraph::Id> odometry;  ///< where the wheels were then, …
+    std::size_t beside = 0;                           ///< … and the constraint between both
     Source source;
     scan::LineScan scan;
     scan::BeamFields fields;
+    std::uint64_t sectors;
     std::vector<Edge> edges;
   };
+  double overlap(const Viewpoint& at, Id keyframe) const;
   std::vector<bool> related(Id from, double variance_m2) const;
   void relate(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
               const scan::CameraDependence* cameras = nullptr);
-  void constrainPairs(Id id, const std::vector<Id>& known);
+  Eigen::Matrix3d jitter(Id keyframe) const;
+  scan::KeyframeGraph::Id odometryNode(Id keyframe);
+  void chainOdometry(Id id, const Odometry& odometry);
+  /// @return whether some pair is constrained
+  bool constrainPairs(Id id, const std::vector<Id>& known);
   void solve();
 
   KeyframeOptions options_;
   scan::KeyframeGraph graph_;
   scan::ScanMatcher matcher_;
   std::deque<Keyframe> keyframes_;
+  std::vector<Eigen::Matrix3d> jitter_;  ///< by robot
   std::uint32_t revision_ = 0;
   mutable std::vector<std::optional<Eigen::Matrix3d>> covariance_;  ///< computed on demand
 };

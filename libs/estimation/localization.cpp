@@ -34,7 +34,8 @@ void moveTo(FleetState& fleet, RobotFrame& frame, const Relocalizer::Found& foun
                         {robot.window.back().pose});
   robot.scan_aid = std::move(aid);
   robot.scan_aid.anchor = ScanAid::Anchor{found.keyframe, fleet.keyframes.pose(found.keyframe),
-                                          found.keyframe_from_base, found.covariance};
+                                          found.keyframe_from_base, found.covariance, true};
+  robot.scan_aid.way.reset();
   robot.scan_aid.relative_covariance = found.covariance;
   robot.scan_aid.held = true;
   robot.covariance = covariance;

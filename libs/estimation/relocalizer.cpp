@@ -1,6 +1,7 @@
 #include "estimation/relocalizer.h"
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -10,6 +11,7 @@ namespace {
 constexpr double kSame_m = 0.15, kSame_rad = 0.1;  // places that are one
 constexpr int kMostMissed = 2;                     // frames in a row that end a hypothesis
 constexpr double kMaxChi2 = 6.0;
+constexpr double kOpen_m = 0.1;       // σ of a match beyond which it confirms no place
 constexpr double kPerRadian_m = 0.5;  // of travel that a turn counts as
 
 bool same(const Pose2& a, const Pose2& b) {
@@ -26,7 +28,9 @@ RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
   section.read("min_matched", o.min_matched, {0.0, 1.0});
   section.read("rival", o.rival, {0.0, 1.0});
   section.read("look_every_m", o.look_every_m, kPositive);
+  section.read("look_share", o.look_share, {0.0, 10.0});
   section.read("confirm_m", o.confirm_m, options::kNotNegative);
+  section.read("confirm_share", o.confirm_share, {0.0, 10.0});
   section.read("confirm_rad", o.confirm_rad, options::kNotNegative);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});
   o.search = scan::PlaceSearchOptions::read(section.child("search"));
@@ -54,17 +58,26 @@ std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, cons
   if (!aid.has_scan || among.empty()) return std::nullopt;
   const auto ended = [&](Hypothesis& h) { return !follow(map, aid, among, h) && h.missed > kMostMissed; };
   hypotheses_.erase(std::remove_if(hypotheses_.begin(), hypotheses_.end(), ended), hypotheses_.end());
-  if (since_look_m_ >= options_.look_every_m) {
+  const double extent_m = extentOf(map, among, reach_m);
+  if (since_look_m_ >= std::max(options_.look_every_m, options_.look_share * extent_m)) {
     since_look_m_ = 0.0;
     search(map, aid, predicted, among, reach_m, reach_rad);
   }
-  return decide();
+  return decide(std::max(options_.confirm_m, options_.confirm_share * extent_m));
+}
+
+/// Width of the area that is searched.
+double Relocalizer::extentOf(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among,
+                             double reach_m) {
+  Eigen::AlignedBox2d extent;
+  for (const KeyframeMap::Id k : among) extent.extend(map.pose(k).translation());
+  return std::min(2.0 * reach_m, extent.diagonal().norm());
 }
 
 /// Matches the scan at a hypothesis. @return whether it agrees
 bool Relocalizer::follow(const KeyframeMap& map, const ScanAid& aid,
                          const std::vector<KeyframeMap::Id>& among, Hypothesis& h) {
-  const std::vector<KeyframeMap::Id> near = map.nearest(h.map_from_base, among);
+  const std::vector<KeyframeMap::Id> near = map.nearest({h.map_from_base, aid.scan.sectors()}, among);
   ++h.missed;
   if (near.empty()) return false;
   std::vector<scan::Reference> references;
@@ -73,6 +86,12 @@ bool Relocalizer::follow(const KeyframeMap& map, const ScanAid& aid,
   const scan::Match match = matcher_.match(aid.scan, h.map_from_base * aid.base_from_scan, prior, references);
   if (!match.valid || match.matched < options_.min_matched || match.chi2 > kMaxChi2) return false;
   h.missed = 0;
+  const Eigen::Matrix2d place = match.information.topLeftCorner<2, 2>();
+  if (place.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff() < 1.0 / (kOpen_m * kOpen_m)) {
+    // In a corridor one place is like the next.
+    h.map_from_base = match.map_from_scan * aid.base_from_scan.inverse();
+    return true;
+  }
   ++h.agreed;
   h.matched += (match.matched - h.matched) / h.agreed;
   h.map_from_base = match.map_from_scan * aid.base_from_scan.inverse();
@@ -107,12 +126,14 @@ void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid, const Pose2
 
 /// The best hypothesis, if it agreed for long enough and no other place matches nearly as well, as in a
 /// symmetric room.
-std::optional<Relocalizer::Found> Relocalizer::decide() const {
+std::optional<Relocalizer::Found> Relocalizer::decide(double confirm_m) const {
   const Hypothesis* best = nullptr;
   for (const Hypothesis& h : hypotheses_)
     if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
   if (best == nullptr || best->missed > 0 || best->agreed < options_.confirm_frames) return std::nullopt;
-  if (best->travelled_m < options_.confirm_m && best->turned_rad < options_.confirm_rad) return std::nullopt;
+  if (best->travelled_m < confirm_m &&
+      best->turned_rad * confirm_m < options_.confirm_rad * options_.confirm_m)
+    return std::nullopt;
   const bool rivalled = std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& h) {
     return &h != best && h.missed == 0 && h.matched > options_.rival * best->matched;
   });

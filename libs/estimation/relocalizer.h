@@ -15,13 +15,15 @@
 namespace omnifleet::estimation {
 
 struct RelocalizerOptions {
-  double min_score = 0.6;     ///< 1, of a candidate of the search
-  double min_matched = 0.6;   ///< 1, share of a scan's lines that must meet lines of keyframes there
-  double rival = 0.8;         ///< 1, of the best share: another place that reaches it is as good
-  double look_every_m = 0.3;  ///< m of travel between two searches
-  double confirm_m = 0.5;     ///< m of travel over which a place must agree, …
-  double confirm_rad = 1.0;   ///< rad, … or so much turn
-  int confirm_frames = 3;     ///< frames that must agree
+  double min_score = 0.6;      ///< 1, of a candidate of the search
+  double min_matched = 0.6;    ///< 1, share of a scan's lines that must meet lines of keyframes there
+  double rival = 0.8;          ///< 1, of the best share: another place that reaches it is as good
+  double look_every_m = 0.3;   ///< m of travel between two searches, at least; …
+  double look_share = 0.1;     ///< 1, … and as a share of the extent of the search
+  double confirm_m = 0.5;      ///< m of travel over which a place must agree, at least; …
+  double confirm_share = 0.1;  ///< 1, … and as a share of the extent of the search: large maps repeat; …
+  double confirm_rad = 1.0;    ///< rad, … or so much turn
+  int confirm_frames = 3;      ///< frames that must agree
   scan::PlaceSearchOptions search;
   static RelocalizerOptions read(const options::Section& section);
 };
@@ -61,9 +63,10 @@ class Relocalizer {
   };
   bool follow(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
               Hypothesis& hypothesis);
+  static double extentOf(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among, double reach_m);
   void search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
               const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad);
-  std::optional<Found> decide() const;
+  std::optional<Found> decide(double confirm_m) const;
 
   RelocalizerOptions options_;
   scan::PlaceSearch search_;

@@ -16,10 +16,17 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kBody_m = 0.05;         // margin around a robot's body
-constexpr double kOutline_m = 0.05;      // margin around an object's outline
-constexpr double kUnknown_m = 0.5;       // σ of a direction that a scan leaves open: no information
-constexpr double kMoved_m = 0.0002;      // m, rad; a keyframe that moved less is where it was
+constexpr double kBody_m = 0.05;     // margin around a robot's body
+constexpr double kOutline_m = 0.05;  // margin around an object's outline
+constexpr double kUnknown_m = 0.5;   // σ of a direction that a scan leaves open: no information
+constexpr double kMoved_m = 0.0002;  // m, rad; a keyframe that moved less is where it was
+constexpr double kSigmas = 3.0;      // of a prediction: its reach
+constexpr double kBasin_m = 0.12, kBasin_rad = 0.1;  // beyond it a match from a start finds other lines
+constexpr double kSearch_m = 3.0;                    // m; to look farther is the relocalizer's task
+constexpr double kConfirms = 4.0;  // χ² of a correction of three degrees of freedom that is none
+constexpr double kWider = 2.0;     // times the gates, where nearly all lines are found
+constexpr double kMissed = 0.7;    // χ² of a line that meets none, neighbours being alike
+constexpr double kKnown = 0.5;     // share of the beams that end in space that keyframes saw: they must agree
 constexpr double kTurnSigmas = 3.0;      // of the predicted heading: reach of a turn without wheels
 constexpr int kRecently = 3;             // frames since landmarks or robots have confirmed the pose
 constexpr int kRestarts = 3;             // of a match, …
@@ -73,6 +80,7 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
   section.read("shift_m", o.shift_m, kPositive);
   section.read("shift_per_step", o.shift_per_step, options::kNotNegative);
   section.read("turn_rad", o.turn_rad, kPositive);
+  section.read("turn_per_step", o.turn_per_step, options::kNotNegative);
   section.read("suffices_share", o.suffices_share, {0.0, 1.0});
   section.read("suffices_m", o.suffices_m, options::kNotNegative);
   section.read("suffices_rad", o.suffices_rad, options::kNotNegative);
@@ -83,6 +91,7 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
 
 void ScanSource::forget(RobotNode& robot) {
   robot.scan_aid.anchor.reset();
+  robot.scan_aid.way.reset();
   robot.scan_aid.references.clear();
   robot.scan_aid.matched = robot.scan_aid.suffices = robot.scan_aid.held = false;
 }
@@ -150,15 +159,95 @@ std::optional<double> ScanSource::turnByShift(const Boundary& boundary, const Sc
   return 2.0 * M_PI * best_shift / n;
 }
 
-bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& covariance,
-                        double step_m) const {
-  if (!match.valid || match.matched < options_.min_matched || match.chi2 > options_.max_chi2) return false;
-  const Pose2 by = predicted.inverse() * match.map_from_scan;
+/// Largest correction of a prediction: metres, radians.
+Eigen::Vector2d ScanSource::gates(const Step& step, const Eigen::Matrix3d& covariance) const {
   const double sigma_m = std::sqrt(covariance.topLeftCorner<2, 2>().trace()),
                sigma_rad = std::sqrt(covariance(2, 2));
-  return by.translation().norm() <
-             std::max(options_.shift_m + options_.shift_per_step * step_m, 3.0 * sigma_m) &&
-         std::abs(by.theta_rad) < std::max(options_.turn_rad, 3.0 * sigma_rad);
+  const Pose2& way = step.previous_from_current;
+  return {
+      std::max(options_.shift_m + options_.shift_per_step * way.translation().norm(), kSigmas * sigma_m),
+      std::max(options_.turn_rad + options_.turn_per_step * std::abs(way.theta_rad), kSigmas * sigma_rad)};
+}
+
+/// A match that confirms the prediction needs half the lines: both scans may be blocked by people.
+bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior,
+                        const Eigen::Vector2d& gates) const {
+  if (!match.valid || match.chi2 > options_.max_chi2) return false;
+  const Pose2 by = predicted.inverse() * match.map_from_scan;
+  const bool confirms = by.vector().dot(prior * by.vector()) < kConfirms;
+  if (match.matched < (confirms ? 0.5 : 1.0) * options_.min_matched) return false;
+  const double wider = match.matched < kNearlyAll ? 1.0 : kWider;
+  return by.translation().norm() < wider * gates.x() && std::abs(by.theta_rad) < wider * gates.y();
+}
+
+/// Learns from the corrections how good the odometry is. Errors of the way are independent from step to step;
+/// jitter of the single frames enters two consecutive corrections with opposite signs, so the product of both
+/// tells it apart. @param by correction of the prediction @param of_match its covariance
+void ScanSource::weighOdometry(RobotNode& robot, const Pose2& by, const Eigen::Matrix3d& of_match) {
+  constexpr double kSteps = 30.0;                       // that the means reach back
+  constexpr double kPrior = 5.0;                        // steps that say that the wheels are as they claim
+  constexpr double kOff_m = 0.5, kOff_rad = 0.5;        // no jitter: wheels that slip, or a wrong match
+  constexpr double kSharp_rad = 0.01, kSharp_m = 0.02;  // σ of a match that can tell
+  ScanAid::OdometryQuality& quality = robot.scan_aid.odometry;
+  const Step& step = robot.window.back();
+  const Eigen::Vector2d off_m = by.translation();
+  const bool usable =
+      step.wheels && !step.refuted && off_m.norm() < kOff_m && std::abs(by.theta_rad) < kOff_rad;
+  const double keep = 1.0 - 1.0 / kSteps;
+  const auto add = [&](ScanAid::OdometryQuality::Moments& m, bool told, const Eigen::Vector2d& off,
+                       double wheels, double match) {
+    if (!told) {
+      m.last.reset();
+      return;
+    }
+    m.square = keep * m.square + off.squaredNorm();
+    m.wheels = keep * m.wheels + wheels;
+    m.matches = keep * m.matches + match;
+    m.steps = keep * m.steps + 1.0;
+    if (m.last) {
+      m.product = keep * m.product + off.dot(*m.last);
+      m.pairs = keep * m.pairs + 1.0;
+    }
+    m.last = off;
+  };
+  const Eigen::Matrix3d& claimed = step.claimed_covariance;
+  const double match_m2 = of_match.topLeftCorner<2, 2>().trace(), match_rad2 = of_match(2, 2);
+  add(quality.turn, usable && match_rad2 < kSharp_rad * kSharp_rad, {by.theta_rad, 0.0}, claimed(2, 2),
+      match_rad2);
+  // The frame before was turned by its jitter.
+  const double swing_m = quality.jitter_rad * step.previous_from_current.translation().norm();
+  add(quality.way, usable && match_m2 < kSharp_m * kSharp_m, off_m / std::sqrt(2.0),
+      0.5 * claimed.topLeftCorner<2, 2>().trace(), 0.5 * (match_m2 + swing_m * swing_m));
+  // Up to its standard error the corrections count as jitter: what is left is error of the way for sure.
+  const auto jitter2 = [&](const ScanAid::OdometryQuality::Moments& m) {
+    if (!(m.steps > 0)) return 0.0;
+    const double square = m.square / m.steps, match = m.matches / m.steps,
+                 share = m.steps / (m.steps + kPrior);
+    const double product = m.pairs > 0 ? m.product / m.pairs : 0.0,
+                 error = m.pairs > 0 ? square / std::sqrt(m.pairs) : square;
+    return share * std::min(std::max(0.0, -product - match) + error, 0.5 * std::max(0.0, square - match));
+  };
+  const auto errors = [&](const ScanAid::OdometryQuality::Moments& m) {
+    if (!(m.wheels > 0)) return 1.0;
+    const double way = m.square - m.matches - 2.0 * jitter2(m) * m.steps, prior = m.wheels * kPrior / m.steps;
+    return (way + prior) / (m.wheels + prior);
+  };
+  quality.jitter_m = std::sqrt(jitter2(quality.way));
+  quality.jitter_rad = std::sqrt(jitter2(quality.turn));
+  quality.way_scale = std::sqrt(std::max(1.0, errors(quality.way)));
+  quality.turn_scale = std::sqrt(std::max(1.0, errors(quality.turn)));
+}
+
+/// The way of the wheels alone since the last keyframe.
+void ScanSource::followOdometry(ScanAid& aid, const Step& step) {
+  if (!aid.way) return;
+  if (!step.wheels || step.refuted) {
+    aid.way.reset();
+    return;
+  }
+  aid.way->covariance =
+      composeCovariance(aid.way->covariance, step.previous_from_current, step.wheel_covariance);
+  aid.way->previous_from_this = aid.way->previous_from_this * step.previous_from_current;
 }
 
 void ScanSource::observe(FleetState& fleet, RobotFrame& frame) {
@@ -167,6 +256,7 @@ void ScanSource::observe(FleetState& fleet, RobotFrame& frame) {
   aid.matched = aid.contradicted = aid.suffices = aid.has_scan = aid.rich = false;
   if (!options_.use || !frame.isPlaced()) return;
   const Step& step = robot.window.back();
+  if (step.motion != kNoFactor) followOdometry(aid, step);
   if (aid.anchor && step.motion != kNoFactor) {
     aid.anchor->keyframe_from_base = aid.anchor->keyframe_from_base * step.previous_from_current;
     aid.anchor->covariance =
@@ -194,30 +284,55 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   aid.rich = rest_lines >= options_.suffices_share * static_cast<double>(aid.scan.beams().size()) &&
              rest_covariance.topLeftCorner<2, 2>().trace() < options_.suffices_m * options_.suffices_m &&
              rest_covariance(2, 2) < options_.suffices_rad * options_.suffices_rad;
+  // What stands free in a laser's scan belongs to its scan: its outlines are no more accurate.
+  const bool is_laser = !(aid.camera_height_m > 0);
+  aid.rich = aid.rich || is_laser;
   const bool suffices = aid.rich;
   Pose2 predicted = fleet.pose(step.pose);
   const double variance_m2 = 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace();
   aid.references = aid.anchor
-                       ? map.references(aid.anchor->keyframe, variance_m2, predicted)
-                       : map.references(0.5 * robot.covariance.topLeftCorner<2, 2>().trace(), predicted);
+                       ? map.references(aid.anchor->keyframe, variance_m2, {predicted, aid.scan.sectors()})
+                       : map.references(0.5 * robot.covariance.topLeftCorner<2, 2>().trace(),
+                                        {predicted, aid.scan.sectors()});
   if (aid.references.empty()) return;
   references_.clear();
   for (const KeyframeMap::Id k : aid.references) references_.push_back(map.reference(k));
   const double distance_m = (map.pose(aid.references.front()).translation() - predicted.translation()).norm();
   const Eigen::Matrix3d covariance =
       (aid.anchor ? aid.relative_covariance : robot.covariance) + map.systematic(distance_m);
-  const Eigen::Matrix3d prior = (j * covariance * j.transpose()).inverse();
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
   // Few surfaces are visible: landmarks are more accurate, where there are any.
   if (!suffices && fleet.options.use_landmarks &&
       (robot.unobserved <= kRecently || rest_lines < map.options().min_lines))
     return;
-  const double step_m = step.previous_from_current.translation().norm();
-  const auto better = [](const scan::Match& a, const scan::Match& b) {
-    return a.valid && (!b.valid || a.matched > b.matched);
+  const Eigen::Vector2d gates = this->gates(step, covariance);
+  const Pose2 scan_predicted = predicted * aid.base_from_scan;
+  const scan::Match found = align(aid, step, boundary, scan_predicted, covariance, skip);
+  const bool accepted = accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates);
+  aid.contradicted = !accepted && search_.evaluate(aid.scan, scan_predicted).known > kKnown;
+  if (!accepted) return;
+  aid.matched = true;
+  aid.suffices = suffices;
+  aid.scatter = found.scatter;
+  link(fleet, robot, found);
+}
+
+/// Matches a scan with `references_` from the predicted pose, and from others where it may lie elsewhere.
+scan::Match ScanSource::align(const ScanAid& aid, const Step& step, const Boundary& boundary,
+                              const Pose2& predicted, const Eigen::Matrix3d& covariance,
+                              const std::vector<std::uint8_t>& skip) {
+  const Eigen::Matrix3d j = scanByBase(aid.base_from_scan);
+  const Eigen::Matrix3d prior = (j * covariance * j.transpose()).inverse();
+  // χ² of the prediction's correction, and of the lines that meet none: each is as bad as one at the gate.
+  const auto cost = [&](const scan::Match& m) {
+    const Eigen::Vector3d by = (predicted.inverse() * m.map_from_scan).vector();
+    return kMissed * m.beams * (1.0 / m.matched - 1.0) + by.dot(prior * by);
   };
-  scan::Match found = matcher_.match(aid.scan, predicted * aid.base_from_scan, prior, references_, skip);
+  const auto better = [&](const scan::Match& a, const scan::Match& b) {
+    return a.valid && (!b.valid || cost(a) < cost(b));
+  };
+  scan::Match found = matcher_.match(aid.scan, predicted, prior, references_, skip);
   const auto tryFrom = [&](const Pose2& start) {
     const scan::Match other = matcher_.match(aid.scan, start, prior, references_, skip);
     if (better(other, found)) found = other;
@@ -227,8 +342,8 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
     if (const auto turn = turnByShift(boundary, aid, kTurnSigmas * std::sqrt(covariance(2, 2)))) {
       const double heading = wrapAngle(predicted.theta_rad - step.previous_from_current.theta_rad + *turn);
       const Eigen::Vector2d before = (predicted * step.previous_from_current.inverse()).translation();
-      tryFrom(Pose2{predicted.x_m, predicted.y_m, heading} * aid.base_from_scan);
-      tryFrom(Pose2{before.x(), before.y(), heading} * aid.base_from_scan);
+      tryFrom({predicted.x_m, predicted.y_m, heading});
+      tryFrom({before.x(), before.y(), heading});
     }
   }
   // A start beside the optimum pairs some lines wrongly. From where it has led the rest are found.
@@ -237,13 +352,16 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
     tryFrom(found.map_from_scan);
     if (found.matched <= before) break;
   }
-  const bool accepted = accept(found, predicted * aid.base_from_scan, covariance, step_m);
-  aid.contradicted = !accepted;
-  if (!accepted) return;
-  aid.matched = true;
-  aid.suffices = suffices;
-  aid.scatter = found.scatter;
-  link(fleet, robot, found);
+  // Where the pose may lie beyond the reach of such a start, all of it is searched.
+  const Eigen::Vector2d gates = this->gates(step, covariance);
+  const bool is_far = kSigmas * std::sqrt(covariance.topLeftCorner<2, 2>().trace()) > kBasin_m ||
+                      kSigmas * std::sqrt(covariance(2, 2)) > kBasin_rad;
+  if (accept(found, predicted, prior, gates) && !(is_far && found.matched < kNearlyAll)) return found;
+  search_.setReferences(references_);
+  for (const scan::PlaceCandidate& candidate :
+       search_.search(aid.scan, predicted, std::min(kWider * gates.x(), kSearch_m), kWider * gates.y()))
+    tryFrom(candidate.map_from_scan);
+  return found;
 }
 
 void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& match) {
@@ -259,14 +377,25 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   link.information = j.transpose() * match.information * j;
   link.gradient = j.transpose() * match.gradient;
   link.systematic = map.systematic(link.keyframe_from_base.translation().norm());
+  const Pose2 by = fleet.pose(step.pose).inverse() * map_from_base;
   Eigen::VectorXd& value = fleet.graph.value(step.pose);
   link.factor = fleet.graph.addFactor(scanFactor(link, map_from_base, value), {step.pose});
   value.head<2>() = map_from_base.translation();
   value(2) += wrapAngle(map_from_base.theta_rad - value(2));
   const bool full_rank = largestSigma(link.information) < options_.full_rank_m;
-  if (full_rank)
-    aid.anchor = ScanAid::Anchor{link.keyframe, map.pose(link.keyframe), link.keyframe_from_base,
-                                 link.information.inverse() + link.systematic};
+  const Eigen::Matrix3d loose = Eigen::Matrix3d::Identity() / (kUnknown_m * kUnknown_m);
+  weighOdometry(robot, by, (link.information + loose).inverse() + link.systematic);
+  if (full_rank) {
+    const Eigen::Matrix3d covariance = link.information.inverse() + link.systematic;
+    aid.anchor =
+        ScanAid::Anchor{link.keyframe, map.pose(link.keyframe), link.keyframe_from_base, covariance, true};
+  } else if (aid.anchor) {
+    // The directions that the scan leaves open stay with the odometry.
+    aid.anchor->keyframe_from_base = map.pose(aid.anchor->keyframe).inverse() * map_from_base;
+    aid.anchor->covariance =
+        (aid.anchor->covariance.inverse() + link.information).inverse() + link.systematic;
+    aid.anchor->by_match = true;
+  }
   aid.held = true;
   step.scan = std::move(link);
 }
@@ -279,21 +408,24 @@ void ScanSource::keep(FleetState& fleet) {
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
     if (robot.monitor.isInDoubt()) continue;  // a wrong place must not enter the map
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
-    if (!map.wants(map_from_base, aid.references, aid.scan)) continue;
+    if (!map.wants({map_from_base, aid.scan.sectors()}, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;
     held.covariance = robot.covariance;
     std::vector<KeyframeMap::Id> known = aid.references;
+    held.odometry = aid.way;
+    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), robot.window.back().jitter);
     if (aid.anchor) {
-      held.previous = aid.anchor->keyframe;
+      if (aid.anchor->by_match || !aid.way) held.previous = aid.anchor->keyframe;
       held.previous_from_this = aid.anchor->keyframe_from_base;
       held.covariance = aid.anchor->covariance;
-      const double way_m = kOdometryScale * held.previous_from_this.translation().norm(),
-                   turn_rad = kOdometryScale * std::abs(held.previous_from_this.theta_rad);
+      const double scale = aid.anchor->by_match ? 0.0 : kOdometryScale;
+      const double way_m = scale * held.previous_from_this.translation().norm(),
+                   turn_rad = scale * std::abs(held.previous_from_this.theta_rad);
       held.covariance.diagonal() +=
           Eigen::Vector3d(way_m * way_m + kExact, way_m * way_m + kExact, turn_rad * turn_rad + kExact);
       known =
           map.references(aid.anchor->keyframe, 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace(),
-                         map_from_base, map.options().pairs);
+                         {map_from_base, aid.scan.sectors()}, map.options().pairs);
     }
     KeyframeMap::Source source{static_cast<std::uint32_t>(&robot - fleet.robots.data()),
                                aid.seen,
@@ -305,6 +437,7 @@ void ScanSource::keep(FleetState& fleet) {
                                aid.rich};
     const KeyframeMap::Id id = map.add(map_from_base, std::move(source), aid.scan, held, known);
     aid.anchor = ScanAid::Anchor{id, map_from_base, Pose2{}, Eigen::Matrix3d::Zero()};
+    aid.way = KeyframeMap::Odometry{id, Pose2{}, kExact * Eigen::Matrix3d::Identity()};
   }
   if (fleet.options.camera.estimate) {
     weighCameras(fleet);

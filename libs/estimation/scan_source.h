@@ -8,6 +8,7 @@
 #include "estimation/graph.h"
 #include "estimation/keyframe_map.h"
 #include "scan/line_scan.h"
+#include "scan/place_search.h"
 #include "scan/scan_matcher.h"
 
 namespace omnifleet::estimation {
@@ -15,6 +16,7 @@ namespace omnifleet::estimation {
 class FleetState;
 struct RobotFrame;
 struct RobotNode;
+struct Step;
 
 struct ScanSourceOptions {
   bool use = true;           ///< scans correct the poses
@@ -22,7 +24,8 @@ struct ScanSourceOptions {
   double max_chi2 = 6.0;     ///< 1, mean squared residual of these, in σ²
   double shift_m = 0.08;     ///< m, largest correction of a prediction, …
   double shift_per_step = 0.3;  ///< 1, … plus this share of the step
-  double turn_rad = 0.105;      ///< rad, largest correction of a heading (6°)
+  double turn_rad = 0.105;      ///< rad, largest correction of a heading (6°), …
+  double turn_per_step = 0.5;   ///< 1, … plus this share of the turn
   /// 1, share of the bearings that must show lines off free-standing objects so that landmarks are not
   /// needed. Few surfaces have few independent errors, whatever their number of beams.
   double suffices_share = 0.25;
@@ -47,10 +50,32 @@ struct ScanLink {
 struct ScanAid {
   scan::LineScan scan;  ///< of the newest frame
   Pose2 base_from_scan;
-  bool has_scan = false;      ///< the newest frame shows enough lines
-  bool rich = false;          ///< the newest scan shows enough off free-standing objects
-  bool held = false;          ///< scans have related it to keyframes
-  double scatter = 4.0;       ///< of its last match; before the first one a usual value
+  bool has_scan = false;  ///< the newest frame shows enough lines
+  bool rich = false;      ///< the newest scan shows enough off free-standing objects
+  bool held = false;      ///< scans have related it to keyframes
+  double scatter = 4.0;   ///< of its last match; before the first one a usual value
+  /// How good the odometry of this robot is, learnt from corrections by matches.
+  struct OdometryQuality {
+    /// Moments of the corrections, in metres per axis or in radians, and of what is known of them.
+    struct Moments {
+      double square = 0.0, product = 0.0;  ///< of one correction, of two consecutive ones
+      double wheels = 0.0, matches = 0.0;  ///< variances that the wheels and the matches claim
+      double steps = 0.0, pairs = 0.0;     ///< how many
+      std::optional<Eigen::Vector2d> last;
+    };
+    Moments way, turn;
+    double jitter_m = 0.0, jitter_rad = 0.0;  ///< σ of each frame's place on the way of the wheels
+    /// σ of that way and of its turns, in units of what the wheels claim; at least 1.
+    double way_scale = 1.0, turn_scale = 1.0;
+    /// Covariance of a step by what the wheels claim.
+    Eigen::Matrix3d scaled(const Eigen::Matrix3d& claimed) const {
+      const Eigen::Vector3d scale(way_scale, way_scale, turn_scale);
+      return scale.asDiagonal() * claimed * scale.asDiagonal();
+    }
+  };
+  OdometryQuality odometry;
+  /// By the wheels alone since a keyframe of this robot; none where some step was not measured.
+  std::optional<KeyframeMap::Odometry> way;
   bool matched = false;       ///< it agrees with keyframes around the predicted pose
   bool contradicted = false;  ///< keyframes are around, but it does not agree with them
   bool suffices = false;      ///< matched, and determined without free-standing objects
@@ -63,6 +88,7 @@ struct ScanAid {
     Pose2 map_from_keyframe;  ///< that the window assumes
     Pose2 keyframe_from_base;
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    bool by_match = false;  ///< a match has told it since the keyframe was made
   };
   std::optional<Anchor> anchor;
   Boundary seen;                                      ///< of the newest frame, as seen
@@ -94,8 +120,13 @@ class ScanSource {
   void fit(const FleetState& fleet, RobotFrame& frame);
   std::optional<double> turnByShift(const Boundary& boundary, const ScanAid& aid, double reach_rad) const;
   void match(FleetState& fleet, RobotNode& robot, const Boundary& boundary);
-  bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& covariance,
-              double step_m) const;
+  scan::Match align(const ScanAid& aid, const Step& step, const Boundary& boundary, const Pose2& predicted,
+                    const Eigen::Matrix3d& covariance, const std::vector<std::uint8_t>& skip);
+  Eigen::Vector2d gates(const Step& step, const Eigen::Matrix3d& covariance) const;
+  bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior,
+              const Eigen::Vector2d& gates) const;
+  static void weighOdometry(RobotNode& robot, const Pose2& by, const Eigen::Matrix3d& of_match);
+  static void followOdometry(ScanAid& aid, const Step& step);
   void link(FleetState& fleet, RobotNode& robot, const scan::Match& match);
   static void assumeCameras(FleetState& fleet);
   void weighCameras(FleetState& fleet);
@@ -103,6 +134,7 @@ class ScanSource {
 
   ScanSourceOptions options_;
   scan::ScanMatcher matcher_;
+  scan::PlaceSearch search_;
   FactorId camera_factor_ = kNoFactor;  ///< what keyframes say about the cameras
   std::size_t weighed_ = 0;             ///< keyframes of which it speaks
   Boundary corrected_;

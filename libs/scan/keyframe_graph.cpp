@@ -83,13 +83,14 @@ KeyframeGraph::Id KeyframeGraph::add(const Pose2& map_from_keyframe) {
   return static_cast<Id>(poses_.size() - 1);
 }
 
-void KeyframeGraph::addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
-                                const CameraDependence* cameras) {
+std::size_t KeyframeGraph::addRelative(Id from, Id to, const Pose2& from_to,
+                                       const Eigen::Matrix3d& covariance, const CameraDependence* cameras) {
   constraints_.push_back({from, to, from_to, covariance.inverse(),
                           cameras == nullptr ? nullptr : std::make_shared<CameraDependence>(*cameras)});
-  if (cameras == nullptr) return;
+  if (cameras == nullptr) return constraints_.size() - 1;
   const std::size_t count = std::max(cameras->from_camera, cameras->to_camera) + 1;
   if (cameras_.size() < count) cameras_.resize(count, Eigen::Vector4d::Zero());
+  return constraints_.size() - 1;
 }
 
 void KeyframeGraph::setCamera(std::uint32_t camera, const Eigen::Vector4d& error) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <Eigen/SparseCholesky>
 #include <cstdint>
 #include <memory>
@@ -46,8 +47,12 @@ class KeyframeGraph {
 
   Id add(const Pose2& map_from_keyframe);
   /// @param from_to pose of `to` in `from` @param covariance of its right perturbation (m, m, rad)
-  void addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
-                   const CameraDependence* cameras = nullptr);
+  /// @return index of the constraint
+  std::size_t addRelative(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance,
+                          const CameraDependence* cameras = nullptr);
+  void setCovariance(std::size_t constraint, const Eigen::Matrix3d& covariance) {
+    constraints_[constraint].information = covariance.inverse();
+  }
   /// @param covariance of the right perturbation
   void addAbsolute(Id keyframe, const Pose2& map_from_keyframe, const Eigen::Matrix3d& covariance);
 

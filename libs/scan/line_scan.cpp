@@ -138,6 +138,14 @@ Eigen::Matrix3d LineScan::information(const std::vector<std::uint8_t>& skip) con
   return sum;
 }
 
+std::uint64_t LineScan::sectors() const {
+  constexpr std::size_t kSectors = 64;
+  std::uint64_t sectors = 0;
+  for (std::size_t i = 0; i < beams_.size(); ++i)
+    if (beams_[i].sigma > 0) sectors |= std::uint64_t{1} << (i * kSectors / beams_.size());
+  return sectors;
+}
+
 void LineScan::compact() {
   prefix_ = {};
   second_ = {};

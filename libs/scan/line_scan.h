@@ -34,6 +34,9 @@ class LineScan {
   /// Releases the memory that only fit() needs, for scans that are kept.
   void compact();
 
+  /// Bearings that measured something, in 64 sectors from bearing 0.
+  std::uint64_t sectors() const;
+
   const std::vector<Beam>& beams() const { return beams_; }
   /// Unit vector of each bearing.
   const std::vector<Eigen::Vector2f>& bearings() const { return bearings_; }

@@ -50,6 +50,13 @@ struct Pair {
   double z2() const { return residual * residual / variance; }
 };
 
+/// Of a scan that shows little all beams are used.
+std::size_t ScanMatcher::stride(const LineScan& scan) const {
+  constexpr std::size_t kEnough = 4;  // times min_beams
+  const auto least = kEnough * static_cast<std::size_t>(options_.min_beams);
+  return std::clamp(scan.lines() / least, std::size_t{1}, static_cast<std::size_t>(options_.stride));
+}
+
 template <typename Visit>
 void ScanMatcher::forEachPair(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
                               double gate, const std::vector<std::uint8_t>& skip, Visit visit) const {
@@ -62,7 +69,7 @@ void ScanMatcher::forEachPair(const LineScan& scan, const Reference& reference, 
   const auto& others = reference.scan->beams();
   const int m = static_cast<int>(others.size());
   const double per_radian = m / (2.0 * M_PI);
-  for (std::size_t j = 0; j < beams.size(); j += static_cast<std::size_t>(options_.stride)) {
+  for (std::size_t j = 0, step = stride(scan); j < beams.size(); j += step) {
     const LineScan::Beam& beam = beams[j];
     if (!beam.has_line || (!skip.empty() && skip[j] != 0)) continue;
     const Eigen::Vector2d point = beam.point_m.cast<double>(), there = relative * point;
@@ -195,7 +202,7 @@ Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::
   match.map_from_scan = start;
   if (references.empty()) return match;
   int possible = 0;
-  for (std::size_t j = 0; j < scan.beams().size(); j += static_cast<std::size_t>(options_.stride))
+  for (std::size_t j = 0, step = stride(scan); j < scan.beams().size(); j += step)
     possible += scan.beams()[j].has_line && (skip.empty() || skip[j] == 0) ? 1 : 0;
   Pose2 pose = start;
   for (int round = 0; round < options_.iterations; ++round) {

@@ -17,7 +17,7 @@ struct MatchOptions {
   double robust_sigmas = 2.0;       ///< σ at which a residual counts half (Cauchy)
   double min_cosine = 0.85;         ///< 1, between the normals of two lines that may be one
   int iterations = 8;               ///< Gauss–Newton steps, at most
-  int stride = 2;                   ///< every so many beams are used
+  int stride = 2;                   ///< every so many beams are used, of scans with many lines
   int min_beams = 30;               ///< fewer matched beams are no match
   static MatchOptions read(const options::Section& section);
 };
@@ -76,6 +76,7 @@ class ScanMatcher {
 
  private:
   struct Sums;
+  std::size_t stride(const LineScan& scan) const;
   template <typename Visit>
   void forEachPair(const LineScan& scan, const Reference& reference, const Pose2& pose, int reach,
                    double gate, const std::vector<std::uint8_t>& skip, Visit visit) const;

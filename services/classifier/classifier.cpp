@@ -34,6 +34,21 @@ RayLabel rayLabel(ObjectKind kind) {
   return RayLabel::kUnknown;
 }
 
+/// True if most of what the floor's boundary shows is no object: walls and furniture. What seems to be an
+/// object there is often a part of these, and does not outvote the wheels.
+bool seesRoom(const LocalMap& local_map) {
+  const Boundary& boundary = local_map.boundary;
+  const Scan& scan = local_map.scan;
+  const std::size_t beams = boundary.inverse_m.size(), rays = scan.object.size();
+  std::size_t room = 0, objects = 0;
+  for (std::size_t i = 0; i < beams; ++i) {
+    if (!(boundary.sigma[i] > 0)) continue;
+    const bool on_object = rays > 0 && scan.object[i * rays / beams] != 0;
+    ++(on_object ? objects : room);
+  }
+  return room > objects;
+}
+
 }  // namespace
 
 Classifier::Options Classifier::Options::read(const options::Section& section) {
@@ -52,12 +67,19 @@ Classifier::Classifier(const Options& options, const std::string& robot,
       tracker_(trackerOptions(options)),
       judge_(options.kind, ownRadius(robot, bodies)) {}
 
-/// Returns the local map with the motion corrected by the objects. Heights and points computed from the
-/// rejected motion are removed.
+/// Returns the local map with the motion corrected by the objects. The scans, where they show
+/// enough, must agree with that: two kinds of evidence reject the wheels. Heights and points computed from
+/// the rejected motion are removed.
 const LocalMap& Classifier::withCheckedMotion(const LocalMap& received) {
   if (received.state != FrameState::kOk || paper_centroids_) return received;
   const auto motion = tracking::checkMotion(tracker_.tracks(), received, own_motion_);
   if (!motion) return received;
+  const auto judge = [&](const Motion& m) {
+    return step_check_.judge(m.since_ns, m.previous_from_current, m.covariance, received.boundary);
+  };
+  using Verdict = scan::StepCheck::Verdict;
+  if (judge(received.motion) == Verdict::kAgrees) return received;
+  if (motion->valid ? judge(*motion) == Verdict::kDiffers : seesRoom(received)) return received;
   corrected_ = received;
   corrected_.motion = *motion;
   for (ObjectObservation& object : corrected_.objects) {
@@ -88,6 +110,7 @@ const Objects& Classifier::process(const LocalMap& received, const std::vector<P
   if (paper_centroids_) placeByCentroids(local_map);
   labelScan(local_map);
   labelBoundary();
+  step_check_.remember(received.acquired_ns, received.boundary);
   return objects_;
 }
 

@@ -9,6 +9,7 @@
 
 #include "observation/observation.h"
 #include "options/options.h"
+#include "scan/step_check.h"
 #include "tracking/kind.h"
 #include "tracking/own_motion.h"
 #include "tracking/peers.h"
@@ -57,6 +58,7 @@ class Classifier {
   tracking::Peers peers_;
   tracking::Tracker tracker_;
   tracking::KindJudge judge_;
+  scan::StepCheck step_check_;
   LocalMap corrected_;  ///< local map with a corrected motion, if the objects reject that of the wheels
   Objects objects_;
 };

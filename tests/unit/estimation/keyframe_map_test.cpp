@@ -28,12 +28,18 @@ scan::LineScan roomScan(const Pose2& pose, std::mt19937& random) {
   return scan;
 }
 
+KeyframeOptions narrow() {
+  KeyframeOptions options;
+  options.trust_m = 0.05;
+  return options;
+}
+
 /// Keyframes without scans, related to their predecessors only.
 struct BareChain {
   KeyframeMap map;
   std::vector<Pose2> truth;
 
-  explicit BareChain(const KeyframeOptions& options = {}) : map(options) {}
+  explicit BareChain(const KeyframeOptions& options = narrow()) : map(options) {}
 
   /// @param measured pose of the new keyframe in the one before it
   Id add(const Pose2& pose, const Pose2& measured, double sigma_m = kLinkSigma) {
@@ -59,7 +65,7 @@ struct BareChain {
 
 /// `count` keyframes on a circle; the last one stands beside the first one. @param drift_m of each step,
 /// along x of map
-BareChain keyframeCircle(int count, const KeyframeOptions& options = {}, double drift_m = 0.0) {
+BareChain keyframeCircle(int count, const KeyframeOptions& options = narrow(), double drift_m = 0.0) {
   BareChain chain(options);
   for (int k = 0; k < count; ++k) {
     const double angle = 2.0 * M_PI * k / count;
@@ -143,7 +149,7 @@ TEST(KeyframeMap, NearestAreSortedWithinReach) {
   EXPECT_EQ(few, std::vector<Id>(within.begin(), within.begin() + 3));
   EXPECT_EQ(chain.map.nearest(at, chain.map.all()).size(), static_cast<std::size_t>(options.references));
   EXPECT_EQ(chain.map.nearest(at, {3, 2, 14}, 100).size(), 3U) << "only of the candidates";
-  EXPECT_TRUE(chain.map.nearest({5.0, 0.0, 0.0}, chain.map.all()).empty());
+  EXPECT_TRUE(chain.map.nearest(Pose2{5.0, 0.0, 0.0}, chain.map.all()).empty());
 }
 
 TEST(KeyframeMap, UnrelatedAreTheComplementWithinARadius) {
@@ -168,15 +174,15 @@ TEST(KeyframeMap, WantsFramesThatAreFarFromReferencesAndShowEnough) {
   chain.add({});
   chain.add({0.5, 0.0, 0.0});
   const scan::LineScan scan = roomScan({}, random);
-  EXPECT_TRUE(chain.map.wants({0.0, 0.26, 0.0}, {0, 1}, scan));
-  EXPECT_FALSE(chain.map.wants({0.0, 0.24, 0.0}, {0, 1}, scan));
-  EXPECT_FALSE(chain.map.wants({0.3, 0.0, 1.0}, {0, 1}, scan)) << "near the second one";
-  EXPECT_TRUE(chain.map.wants({0.3, 0.0, 1.0}, {0}, scan)) << "which is no reference here";
-  EXPECT_TRUE(chain.map.wants({}, {}, scan));
+  EXPECT_TRUE(chain.map.wants(Pose2{0.0, 0.26, 0.0}, {0, 1}, scan));
+  EXPECT_FALSE(chain.map.wants(Pose2{0.0, 0.24, 0.0}, {0, 1}, scan));
+  EXPECT_FALSE(chain.map.wants(Pose2{0.3, 0.0, 1.0}, {0, 1}, scan)) << "near the second one";
+  EXPECT_TRUE(chain.map.wants(Pose2{0.3, 0.0, 1.0}, {0}, scan)) << "which is no reference here";
+  EXPECT_TRUE(chain.map.wants(Pose2{}, {}, scan));
   options.min_lines = static_cast<int>(scan.lines());
-  EXPECT_TRUE(KeyframeMap(options).wants({}, {}, scan));
+  EXPECT_TRUE(KeyframeMap(options).wants(Pose2{}, {}, scan));
   ++options.min_lines;
-  EXPECT_FALSE(KeyframeMap(options).wants({}, {}, scan));
+  EXPECT_FALSE(KeyframeMap(options).wants(Pose2{}, {}, scan));
 }
 
 /// Keyframes along a way through the room whose odometry is wrong by 3 cm and 1° each time.
