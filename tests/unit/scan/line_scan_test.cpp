@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "room_scans.h"
 
@@ -84,6 +85,48 @@ TEST(LineScan, IgnoresBeamsThatMeasureNothingOrAreMasked) {
   boundary.sigma.resize(30);
   scan.fit(boundary);
   EXPECT_EQ(scan.lines(), 0U) << "too few beams for a window";
+}
+
+/// A boundary that measures 2 m at some bearings and nothing at the others.
+Boundary measuredAt(std::size_t beams, const std::function<bool(std::size_t)>& measures) {
+  Boundary boundary;
+  for (std::size_t i = 0; i < beams; ++i) {
+    boundary.inverse_m.push_back(measures(i) ? 0.5f : 0.0f);
+    boundary.sigma.push_back(measures(i) ? 0.003f : 0.0f);
+  }
+  return boundary;
+}
+
+TEST(LineScan, SectorsShowWhichBearingsMeasured) {
+  LineScan scan;
+  EXPECT_EQ(scan.sectors(), 0U);
+  for (const std::size_t beams : {180U, 360U, 720U}) {
+    const auto sectors = [&](const std::function<bool(std::size_t)>& measures) {
+      scan.fit(measuredAt(beams, measures));
+      return scan.sectors();
+    };
+    EXPECT_EQ(sectors([](std::size_t) { return true; }), ~std::uint64_t{0}) << beams;
+    EXPECT_EQ(sectors([](std::size_t) { return false; }), 0U) << beams;
+    const std::size_t half = beams / 2;
+    EXPECT_EQ(sectors([&](std::size_t i) { return i < half; }), 0x00000000ffffffffULL) << beams;
+    EXPECT_EQ(sectors([&](std::size_t i) { return i >= half; }), 0xffffffff00000000ULL) << beams;
+    // A scanner that looks forward: sectors 0–15 on the left and 48–63 on the right.
+    EXPECT_EQ(sectors([&](std::size_t i) { return i < half / 2 || i >= beams - half / 2; }),
+              0xffff00000000ffffULL)
+        << beams;
+    EXPECT_EQ(sectors([&](std::size_t i) { return i == half; }), std::uint64_t{1} << 32) << beams;
+  }
+}
+
+TEST(LineScan, SectorsLeaveOutMaskedBeams) {
+  const Boundary boundary = measuredAt(720, [](std::size_t) { return true; });
+  std::vector<bool> usable(720, true);
+  for (std::size_t i = 0; i < 360; ++i) usable[i] = false;
+  LineScan scan;
+  scan.fit(boundary, usable);
+  EXPECT_EQ(scan.sectors(), 0xffffffff00000000ULL);
+  scan.compact();
+  EXPECT_EQ(scan.sectors(), 0xffffffff00000000ULL) << "kept scans have them, too";
 }
 
 }  // namespace

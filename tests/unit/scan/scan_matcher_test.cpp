@@ -106,5 +106,60 @@ TEST(ScanMatcher, RefusesAScanWithoutCommonLines) {
   EXPECT_FALSE(matcher.match(scan, {}, kLoose, {}).valid) << "no reference";
 }
 
+/// Keeps `count` beams of a scan, from bearing `from` on.
+Boundary windowOf(Boundary boundary, std::size_t from, std::size_t count) {
+  const std::size_t n = boundary.inverse_m.size();
+  for (std::size_t i = count; i < n; ++i)
+    boundary.inverse_m[(from + i) % n] = boundary.sigma[(from + i) % n] = 0.0f;
+  return boundary;
+}
+
+TEST(ScanMatcher, UsesAllBeamsOfAScanWithFewLines) {
+  const testing::Scene room = testing::furnishedRoom();
+  const Pose2 at{-0.2, 0.1, 0.0}, truth = at * Pose2{0.12, -0.06, 0.1};
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    std::mt19937 random(seed);
+    LineScan reference, scan;
+    reference.fit(room.scan(at, kSigma, random, 360));
+    // 90° about the corner at (−2.5, −2).
+    scan.fit(windowOf(room.scan(truth, kSigma, random, 360), 170, 90));
+    ASSERT_NEAR(static_cast<double>(scan.lines()), 80.0, 10.0);
+    ScanMatcher matcher;
+    const Match match = matcher.match(scan, truth * Pose2{0.03, 0.02, -0.02}, kLoose, {{&reference, at}});
+    ASSERT_TRUE(match.valid) << seed;
+    EXPECT_GT(match.beams, static_cast<int>(scan.lines()) / 2 + 5) << "every second beam would be half";
+    // Some 75 beams of 18 mm each at 2.5 m leave 2 mm per axis; walls at an angle leave more.
+    EXPECT_LT((match.map_from_scan.translation() - truth.translation()).norm(), 0.02) << seed;
+    EXPECT_LT(std::abs(wrapAngle(match.map_from_scan.theta_rad - truth.theta_rad)), 0.01) << seed;
+  }
+}
+
+TEST(ScanMatcher, MatchesAScanWithLessThanTwiceTheLeastBeams) {
+  const testing::Scene room = testing::furnishedRoom();
+  std::mt19937 random(3);
+  const Pose2 at{-0.2, 0.1, 0.0}, truth = at * Pose2{0.05, -0.03, 0.05};
+  LineScan reference, scan;
+  reference.fit(room.scan(at, kSigma, random, 360));
+  scan.fit(windowOf(room.scan(truth, kSigma, random, 360), 188, 54));
+  const MatchOptions options;
+  ASSERT_LT(static_cast<int>(scan.lines()), 2 * options.min_beams);
+  ASSERT_GT(static_cast<int>(scan.lines()), options.min_beams + 5);
+  ScanMatcher matcher(options);
+  const Match match = matcher.match(scan, truth * Pose2{0.02, 0.01, -0.01}, kLoose, {{&reference, at}});
+  ASSERT_TRUE(match.valid) << "every second beam would be too few";
+  EXPECT_LT((match.map_from_scan.translation() - truth.translation()).norm(), 0.03);
+}
+
+TEST(ScanMatcher, UsesEverySecondBeamOfAScanWithManyLines) {
+  std::mt19937 random(3);
+  const Pair pair = pairOf(testing::furnishedRoom(), {}, {0.05, 0.02, 0.02}, random);
+  ASSERT_GT(pair.scan.lines(), 400U);
+  ScanMatcher matcher;
+  const Match match = matcher.match(pair.scan, pair.truth, kLoose, {{&pair.reference, Pose2{}}});
+  ASSERT_TRUE(match.valid);
+  EXPECT_LT(match.beams, static_cast<int>(pair.scan.lines()) * 6 / 10);
+  EXPECT_GT(match.beams, static_cast<int>(pair.scan.lines()) * 4 / 10);
+}
+
 }  // namespace
 }  // namespace omnifleet::scan

@@ -1,0 +1,169 @@
+// What matches of scans tell about the wheels of a robot: whether each frame is turned on their way (another
+// clock), or their steps err independently.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "estimation/factors.h"
+#include "estimation/fleet_state.h"
+#include "estimation/scan_source.h"
+#include "estimation/troubles.h"
+#include "estimation/uncertainty.h"
+#include "tests/unit/scan/room_scans.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr double kClaimed_m = 0.002, kClaimed_rad = 0.004;  // σ of a step, as the wheels state it
+constexpr TimeNs kPeriod_ns = 100000000;
+
+/// Errors of the wheels: σ of each frame on their way, and of each step in units of what they claim.
+struct WheelErrors {
+  double jitter_m = 0.0, jitter_rad = 0.0;
+  double way_scale = 1.0, turn_scale = 1.0;
+};
+
+/// Means of what is learnt, over the frames after the first 40.
+struct LearntQuality {
+  double jitter_m = 0.0, jitter_rad = 0.0, way_scale = 0.0, turn_scale = 0.0;
+  double worst_m = 0.0;
+};
+
+/// One robot with a laser drives circles in the furnished room. As the estimator does it, but without
+/// objects.
+class WheelsUnderScans {
+ public:
+  explicit WheelsUnderScans(unsigned seed)
+      : random_(seed), source_(options_.scan, options_.match), fleet_({setup()}, options_) {}
+
+  LearntQuality drive(const WheelErrors& errors, int frames = 110) {
+    LearntQuality mean;
+    constexpr int kFrom = 40;
+    for (int i = 0; i < frames; ++i) {
+      process(i, errors);
+      const Pose2 off = at_.inverse() * fleet_.pose(robot().window.back().pose);
+      mean.worst_m = std::max(mean.worst_m, off.translation().norm());
+      if (i < kFrom) continue;
+      const double share = 1.0 / (frames - kFrom);
+      const ScanAid::OdometryQuality& learnt = robot().scan_aid.odometry;
+      mean.jitter_m += share * learnt.jitter_m;
+      mean.jitter_rad += share * learnt.jitter_rad;
+      mean.way_scale += share * learnt.way_scale;
+      mean.turn_scale += share * learnt.turn_scale;
+    }
+    return mean;
+  }
+
+ private:
+  static RobotSetup setup() {
+    RobotSetup robot;
+    robot.name = "r1";
+    robot.initial_pose = Pose2{0.2, -1.2, 0.0};
+    return robot;
+  }
+  RobotNode& robot() { return fleet_.robots.front(); }
+
+  Pose2 drawn(double m, double rad) {
+    std::normal_distribution<double> normal(0.0, 1.0);
+    const double x = m * normal(random_), y = m * normal(random_);
+    return {x, y, rad * normal(random_)};
+  }
+
+  Objects frameOf(int i, const WheelErrors& errors) {
+    Objects frame;
+    frame.robot = "r1";
+    frame.acquired_ns = (i + 1) * kPeriod_ns;
+    const Pose2 moved = i > 0 ? Pose2{0.06, 0.0, 0.08} : Pose2{};
+    at_ = at_ * moved;
+    frame.boundary = scan::testing::furnishedRoom().scan(at_, 0.003, random_, 360);
+    frame.motion.since_ns = frame.acquired_ns - kPeriod_ns;
+    frame.motion.valid = i > 0;
+    const Pose2 jitter = drawn(errors.jitter_m, errors.jitter_rad);
+    frame.motion.previous_from_current =
+        jitter_.inverse() * moved * jitter *
+        drawn(errors.way_scale * kClaimed_m, errors.turn_scale * kClaimed_rad);
+    frame.motion.covariance = Eigen::Vector3d(kClaimed_m, kClaimed_m, kClaimed_rad).cwiseAbs2().asDiagonal();
+    jitter_ = jitter;
+    return frame;
+  }
+
+  void process(int i, const WheelErrors& errors) {
+    const Objects objects = frameOf(i, errors);
+    if (i == 0) {
+      fleet_.place(robot(), objects, at_);
+      robot().covariance = 1e-6 * Eigen::Matrix3d::Identity();
+      fleet_.graph.addFactor(absolutePoseFactor(at_, robot().covariance), {robot().window.back().pose});
+    } else {
+      fleet_.advance(robot(), objects);
+    }
+    robot().started = robot().unrefined = true;
+    RobotFrame frame{&objects, &robot(), true, {}};
+    source_.observe(fleet_, frame);
+    fleet_.graph.solve(fleet_.options.solver_iterations);
+    updateUncertainty(fleet_, true, false);
+    source_.keep(fleet_);
+    fleet_.slide();
+    robot().unrefined = false;
+  }
+
+  std::mt19937 random_;
+  EstimatorOptions options_;
+  ScanSource source_;
+  FleetState fleet_;
+  Pose2 at_{0.2, -1.2, 0.0}, jitter_;
+};
+
+TEST(OdometryQuality, TakesWheelsAtTheirWord) {
+  const LearntQuality learnt = WheelsUnderScans(1).drive({});
+  EXPECT_LT(learnt.turn_scale, 1.3);
+  EXPECT_LT(learnt.way_scale, 1.3);
+  // The standard error of a mean over 30 steps counts as jitter: σ/30^¼ = 0.43 σ.
+  EXPECT_LT(learnt.jitter_rad, 0.6 * kClaimed_rad);
+  EXPECT_LT(learnt.jitter_m, 0.6 * kClaimed_m);
+  EXPECT_LT(learnt.worst_m, 0.01);
+}
+
+TEST(OdometryQuality, FindsThatFramesAreTurned) {
+  for (const double jitter_rad : {0.01, 0.02}) {
+    const LearntQuality learnt = WheelsUnderScans(2).drive({0.0, jitter_rad});
+    EXPECT_GT(learnt.jitter_rad, jitter_rad / 1.6);
+    EXPECT_LT(learnt.jitter_rad, jitter_rad * 1.6);
+    EXPECT_LT(learnt.jitter_m, kClaimed_m) << "the places agree with the wheels";
+    EXPECT_LT(learnt.way_scale, 1.3);
+    // Independent errors of this size would be √(1 + 2·jitter²/σ²): 3.7 and 7.1. What the prior of kPrior
+    // steps without jitter leaves counts as such errors.
+    EXPECT_LT(learnt.turn_scale, 0.45 * std::hypot(1.0, std::sqrt(2.0) * jitter_rad / kClaimed_rad));
+    EXPECT_LT(learnt.worst_m, 0.01);
+  }
+}
+
+TEST(OdometryQuality, FindsThatFramesAreShifted) {
+  const LearntQuality learnt = WheelsUnderScans(3).drive({0.01, 0.0});
+  EXPECT_GT(learnt.jitter_m, 0.01 / 1.6);
+  EXPECT_LT(learnt.jitter_m, 0.01 * 1.6);
+  EXPECT_LT(learnt.jitter_rad, kClaimed_rad);
+  EXPECT_LT(learnt.turn_scale, 1.3);
+}
+
+TEST(OdometryQuality, FindsThatTurnsErrMoreThanClaimed) {
+  const LearntQuality learnt = WheelsUnderScans(4).drive({0.0, 0.0, 1.0, 5.0});
+  EXPECT_GT(learnt.turn_scale, 2.0);
+  EXPECT_LT(learnt.turn_scale, 6.0);
+  // Jitter of this size would be 5·σ/√2 = 0.014 rad.
+  EXPECT_LT(learnt.jitter_rad, 0.8 * 5.0 * kClaimed_rad / std::sqrt(2.0));
+  EXPECT_LT(learnt.way_scale, 1.3);
+  EXPECT_LT(learnt.worst_m, 0.01);
+}
+
+TEST(OdometryQuality, FindsThatWaysErrMoreThanClaimed) {
+  const LearntQuality learnt = WheelsUnderScans(5).drive({0.0, 0.0, 5.0, 1.0});
+  EXPECT_GT(learnt.way_scale, 2.0);
+  EXPECT_LT(learnt.way_scale, 6.0);
+  EXPECT_LT(learnt.turn_scale, 1.3);
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation

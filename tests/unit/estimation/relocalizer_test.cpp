@@ -1,0 +1,80 @@
+// The travel over which a place must agree before a robot is placed there.
+#include "estimation/relocalizer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "tests/unit/scan/room_scans.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+scan::LineScan scanInRoom(const Pose2& pose, std::mt19937& random) {
+  scan::LineScan scan;
+  scan.fit(scan::testing::furnishedRoom().scan(pose, 0.003, random));
+  return scan;
+}
+
+/// Four keyframes in the furnished room, and one in another, small room that stands `far_m` away; 0: none.
+KeyframeMap mapAround(double far_m, std::mt19937& random) {
+  KeyframeMap map{KeyframeOptions{}};
+  KeyframeMap::Held held;
+  held.covariance = 1e-6 * Eigen::Matrix3d::Identity();
+  for (const Pose2& pose :
+       {Pose2{0.0, 0.0, 0.0}, Pose2{-1.0, 0.3, 1.0}, Pose2{0.2, -1.2, -0.5}, Pose2{1.2, 0.2, 2.0}})
+    map.add(pose, {}, scanInRoom(pose, random), held, {});
+  const scan::testing::Scene small{{{{-0.5, -0.4}, {0.9, -0.4}, {-0.5, 0.8}}}};
+  scan::LineScan scan;
+  scan.fit(small.scan({}, 0.003, random));
+  if (far_m > 0) map.add({far_m, 0.0, 0.0}, {}, scan, held, {});
+  return map;
+}
+
+/// Drives a circle after the robot was put elsewhere. @return travel at which it is found; infinite: never
+double travelUntilFound(double far_m, double reach_m, const RelocalizerOptions& options) {
+  std::mt19937 random(3);
+  const KeyframeMap map = mapAround(far_m, random);
+  Relocalizer relocalizer(options);
+  const Pose2 moved{0.06, 0.0, 0.08}, wrong{-1.0, -0.5, 2.0};
+  Pose2 truth{0.2, -1.2, 0.0};
+  for (int i = 0; i < 60; ++i) {
+    ScanAid aid;
+    aid.scan = scanInRoom(truth, random);
+    aid.has_scan = true;
+    const auto found = relocalizer.look(map, aid, wrong, i > 0 ? moved : Pose2{}, map.all(), reach_m, M_PI);
+    if (found) {
+      EXPECT_LT((found->map_from_base.translation() - truth.translation()).norm(), 0.03);
+      return 0.06 * i;
+    }
+    truth = truth * moved;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+TEST(Relocalizer, ALargerMapNeedsMoreTravel) {
+  RelocalizerOptions options;
+  options.confirm_rad = 1e3;  // travel alone counts
+  const double step_m = 0.06;
+  // The keyframes in the room are 2.7 m apart: 0.5 m of travel. With 20 m to the other one: a tenth of 21 m.
+  EXPECT_NEAR(travelUntilFound(0.0, 50.0, options), options.confirm_m, step_m);
+  EXPECT_NEAR(travelUntilFound(20.0, 50.0, options), options.confirm_share * 21.0, 1.5 * step_m);
+  // No more than the extent of the search counts: 2 · 2 m.
+  EXPECT_NEAR(travelUntilFound(20.0, 2.0, options), options.confirm_m, step_m);
+  options.confirm_share = 0.0;
+  EXPECT_NEAR(travelUntilFound(20.0, 50.0, options), options.confirm_m, step_m);
+}
+
+TEST(Relocalizer, ATurnCountsLikeTravel) {
+  RelocalizerOptions options;
+  options.confirm_m = 100.0;
+  options.confirm_share = 0.0;
+  // 1 rad is 12.5 of these steps.
+  EXPECT_NEAR(travelUntilFound(0.0, 50.0, options), 12.5 * 0.06, 0.06);
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
