@@ -165,8 +165,7 @@ void FleetState::addOdometryErrors(const RobotNode& robot, Step& step) const {
   step.claimed_covariance = step.motion_covariance;
   step.motion_covariance = quality.scaled(step.claimed_covariance);
   step.wheel_covariance = step.motion_covariance;
-  const double m = quality.jitter_m, rad = quality.jitter_rad;
-  step.jitter = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+  step.jitter = quality.jitter();
   if (robot.located())
     step.motion_covariance =
         composeCovariance(robot.window.back().jitter, step.previous_from_current, step.motion_covariance);

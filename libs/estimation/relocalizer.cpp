@@ -132,7 +132,7 @@ std::optional<Relocalizer::Found> Relocalizer::decide(double confirm_m) const {
     if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
   if (best == nullptr || best->missed > 0 || best->agreed < options_.confirm_frames) return std::nullopt;
   if (best->travelled_m < confirm_m &&
-      best->turned_rad * confirm_m < options_.confirm_rad * options_.confirm_m)
+      best->turned_rad * options_.confirm_m < options_.confirm_rad * confirm_m)
     return std::nullopt;
   const bool rivalled = std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& h) {
     return &h != best && h.missed == 0 && h.matched > options_.rival * best->matched;

@@ -413,7 +413,7 @@ void ScanSource::keep(FleetState& fleet) {
     held.covariance = robot.covariance;
     std::vector<KeyframeMap::Id> known = aid.references;
     held.odometry = aid.way;
-    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), robot.window.back().jitter);
+    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), aid.odometry.jitter());
     if (aid.anchor) {
       if (aid.anchor->by_match || !aid.way) held.previous = aid.anchor->keyframe;
       held.previous_from_this = aid.anchor->keyframe_from_base;

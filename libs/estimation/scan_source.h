@@ -67,6 +67,11 @@ struct ScanAid {
     double jitter_m = 0.0, jitter_rad = 0.0;  ///< σ of each frame's place on the way of the wheels
     /// σ of that way and of its turns, in units of what the wheels claim; at least 1.
     double way_scale = 1.0, turn_scale = 1.0;
+    /// Of a frame's place on the way of the wheels, right perturbation.
+    Eigen::Matrix3d jitter() const {
+      const double m2 = jitter_m * jitter_m;
+      return Eigen::Vector3d(m2, m2, jitter_rad * jitter_rad).asDiagonal();
+    }
     /// Covariance of a step by what the wheels claim.
     Eigen::Matrix3d scaled(const Eigen::Matrix3d& claimed) const {
       const Eigen::Vector3d scale(way_scale, way_scale, turn_scale);

@@ -11,7 +11,6 @@ namespace {
 
 constexpr std::size_t kLeastObjects = 2, kAnywhere = 3;
 constexpr double kNear_m = 0.5, kNear_rad = 0.5;          // largest deviation that two objects alone may show
-constexpr double kHolds_s = 1.0;                          // s; a robot has another velocity afterwards
 constexpr double kLeap_m = 0.15, kLeap_rad = 0.3;         // against the last velocity
 constexpr double kFromRest_m = 0.5, kFromRest_rad = 1.0;  // against standing still, on the first frames
 constexpr double kBeyond_mps = 3.0;
@@ -318,8 +317,6 @@ Motion withMotion(const Motion& given, const Pose2& way, const Eigen::Matrix3d& 
 std::optional<Motion> motionWithoutMatch(Search& search, const Place& given, const Motion& motion,
                                          const Extrapolation& extrapolation) {
   if (given.here > 0 || !extrapolation.isLeap(given.odom_from_base)) return {};
-  // A velocity holds for a while only: after a long step any possible motion is as good.
-  if (extrapolation.dt_s > kHolds_s && !extrapolation.isImpossible(given.odom_from_base)) return {};
   if (extrapolation.is_known && search.at(extrapolation.odom_from_base).here > 0) {
     return withMotion(motion, extrapolation.odom_from_since.inverse() * extrapolation.odom_from_base,
                       squares(kLastVelocity_m, kLastVelocity_rad));

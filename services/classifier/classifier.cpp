@@ -7,6 +7,9 @@
 namespace omnifleet::classifier {
 namespace {
 
+constexpr double kGap_s = 1.0,
+                 kGapSteps = 5.0;  // s, usual steps: longer, and people may have moved the robot
+
 double ownRadius(const std::string& robot, const std::map<std::string, RobotBody>& bodies) {
   const auto own = bodies.find(robot);
   if (own == bodies.end()) throw options::Error("robot '" + robot + "' is not listed in the fleet file");
@@ -79,7 +82,10 @@ const LocalMap& Classifier::withCheckedMotion(const LocalMap& received) {
   };
   using Verdict = scan::StepCheck::Verdict;
   if (judge(received.motion) == Verdict::kAgrees) return received;
-  if (motion->valid ? judge(*motion) == Verdict::kDiffers : seesRoom(received)) return received;
+  const double step_s = static_cast<double>(received.acquired_ns - received.motion.since_ns) * 1e-9;
+  const bool after_gap = step_s > std::max(kGap_s, kGapSteps * own_motion_.step_s());
+  const bool stands = motion->valid ? judge(*motion) == Verdict::kDiffers : seesRoom(received);
+  if (stands && !after_gap) return received;
   corrected_ = received;
   corrected_.motion = *motion;
   for (ObjectObservation& object : corrected_.objects) {

@@ -68,6 +68,10 @@ TEST(Relocalizer, ALargerMapNeedsMoreTravel) {
   EXPECT_NEAR(travelUntilFound(20.0, 50.0, options), options.confirm_m, step_m);
 }
 
+TEST(Relocalizer, ALargerMapNeedsMoreTurn) {
+  EXPECT_GT(travelUntilFound(20.0, 50.0, {}), travelUntilFound(0.0, 50.0, {}));
+}
+
 TEST(Relocalizer, ATurnCountsLikeTravel) {
   RelocalizerOptions options;
   options.confirm_m = 100.0;
