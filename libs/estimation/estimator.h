@@ -76,6 +76,7 @@ struct EstimatorOptions {
   CameraOptions camera;
   KeyframeOptions keyframes;
   ScanSourceOptions scan;
+  OdometryQualityOptions odometry;
   RelocalizerOptions relocalizer;
   scan::MatchOptions match;  ///< of scans
 

@@ -16,7 +16,6 @@ namespace {
 constexpr double kSecond_ns = 1e9;
 constexpr double kTurnSigma_rad = 0.2;           // of a landmark's frame: free, but held where it is round
 constexpr double kSizeSigma = 0.1;               // 1, of a landmark's size: as free
-constexpr double kMotionFloor = 1e-8;            // m², rad²: no step is known better than 0.1 mm, 0.1 mrad
 constexpr int kMovedAfter = 5;                   // misfits in a row after which a landmark has moved away
 constexpr TimeNs kExtrapolation_ns = 500000000;  // how far a robot's last motion is trusted
 // Of a camera's error that was found before: what cameras' views have in common, twice; contours not at all.
@@ -37,6 +36,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
     robot.relocalizer.emplace(options.relocalizer, options.match);
+    robot.scan_aid.odometry = OdometryQuality(options.odometry);
     robot.camera_told = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
@@ -113,93 +113,6 @@ VariableId FleetState::size(RobotNode& robot) {
 
 CameraError FleetState::cameraError(const RobotNode& robot) const {
   return robot.camera == 0 ? CameraError::Zero() : CameraError(graph.value(robot.camera));
-}
-
-Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const {
-  Step step;
-  step.time_ns = frame.acquired_ns;
-  step.sequence = frame.sequence;
-  const Step* previous = robot.located() ? &robot.window.back() : nullptr;
-  const Motion& motion = frame.motion;
-  step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
-  const double separation = robot.setup.body.wheel_separation_m;
-  step.refuted = motion.wheels_rejected && motion.since_ns == step.since_ns;
-  step.wheels = motion.valid && (robot.wiring == Wiring::kAsTold || step.refuted) &&
-                motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
-                motion.since_ns == step.since_ns;
-  if (step.wheels) {
-    step.previous_from_current = motion.previous_from_current;
-    step.motion_covariance = motion.covariance;
-    step.rolled_m = std::max(std::abs(motion.left_m), std::abs(motion.right_m));
-    step.rolled_rad =
-        separation > 0 ? (std::abs(motion.left_m) + std::abs(motion.right_m)) / separation : 0.0;
-    if (separation > 0 && !step.refuted)
-      step.by_model.leftCols<2>() = arcBiasJacobian(motion.left_m, motion.right_m, separation);
-  } else if (previous != nullptr && fromLog(robot, step)) {
-    step.wheels = true;
-  } else if (previous != nullptr) {
-    const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
-    const double last_dt = static_cast<double>(previous->time_ns - previous->since_ns) / kSecond_ns;
-    if (previous->motion != kNoFactor && last_dt > 0) {
-      step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
-    }
-    // While nothing tells, a wrong speed stays wrong: σ grows with time, not with its root.
-    const double longer = 2.0 * robot.unobserved + 1.0;
-    step.motion_covariance = longer * unknownMotion(dt);
-  }
-  step.motion_covariance.diagonal().array() += kMotionFloor;
-  if (step.wheels && !step.refuted) addOdometryErrors(robot, step);
-  step.own_covariance = step.motion_covariance;
-  if (frame.state != FrameState::kOk && previous != nullptr) {
-    const double unseen_s = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
-    const double m = options.carried_m, rad = options.carried_rad;
-    step.motion_covariance.diagonal() +=
-        options.carried_per_s * unseen_s * Eigen::Vector3d(m * m, m * m, rad * rad);
-  }
-  return step;
-}
-
-/// Wheels err as the matches of scans have shown.
-void FleetState::addOdometryErrors(const RobotNode& robot, Step& step) const {
-  const ScanAid::OdometryQuality& quality = robot.scan_aid.odometry;
-  step.claimed_covariance = step.motion_covariance;
-  step.motion_covariance = quality.scaled(step.claimed_covariance);
-  step.wheel_covariance = step.motion_covariance;
-  step.jitter = quality.jitter();
-  if (robot.located())
-    step.motion_covariance =
-        composeCovariance(robot.window.back().jitter, step.previous_from_current, step.motion_covariance);
-  step.motion_covariance += step.jitter;
-}
-
-Eigen::Matrix3d FleetState::unknownMotion(double over_s) const {
-  const double way = options.no_wheels_sigma_mps * over_s, turn = options.no_wheels_sigma_radps * over_s;
-  return Eigen::Vector3d(way * way, way * way, turn * turn).asDiagonal();
-}
-
-bool FleetState::fromLog(const RobotNode& robot, Step& step) const {
-  if (!robot.log) return false;
-  step.model = graph.value(robot.wheels);
-  WheelLog::Motion motion;
-  if (!robot.log->between(step.since_ns, step.time_ns, robot.setup.body.wheel_separation_m, step.model,
-                          robot.delay_sigma_s, motion))
-    return false;
-  step.previous_from_current = motion.previous_from_current;
-  step.motion_covariance = motion.covariance;
-  step.by_model = motion.jacobian;
-  return true;
-}
-
-bool FleetState::motionBetween(const RobotNode& robot, TimeNs from_ns, const Objects& frame,
-                               Pose2& motion) const {
-  Step step;
-  step.since_ns = from_ns;
-  step.time_ns = frame.acquired_ns;
-  const Motion& own = frame.motion;
-  const bool measured = own.valid && own.since_ns == from_ns && own.previous_from_current.isFinite();
-  if (!measured && !fromLog(robot, step)) return false;
-  motion = measured ? own.previous_from_current : step.previous_from_current;
-  return true;
 }
 
 Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame) {

@@ -15,15 +15,11 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kLeastOverlap = 0.3;  // share of the bearings that a reference must have measured, …
-constexpr double kSameView = 0.7;      // … and a keyframe that makes another one needless
-constexpr double kPairMatched = 0.3;   // share of beams that two neighbours must have in common
-constexpr double kCalibrates = 0.5;    // share from which a pair says something about calibrations
-constexpr double kPairChi2 = 4.0;      // mean χ² above which two scans do not show the same place
-constexpr double kBothNoisy = 2.0;     // both scans of a pair have noise; the match counts that of one
-constexpr double kOpen_m = 0.5;        // σ of a direction that a pair of scans leaves open
-constexpr double kExact = 1e-8;        // m², rad²; no clock is better
-constexpr double kMoved_m = 0.0005;    // of a keyframe: less is no news
+constexpr double kPairChi2 = 4.0;    // mean χ² above which two scans do not show the same place
+constexpr double kBothNoisy = 2.0;   // both scans of a pair have noise; the match counts that of one
+constexpr double kOpen_m = 0.5;      // σ of a direction that a pair of scans leaves open
+constexpr double kExact = 1e-8;      // m², rad²; no clock is better
+constexpr double kMoved_m = 0.0005;  // of a keyframe: less is no news
 
 double placeVariance(const Eigen::Matrix3d& covariance) {
   return 0.5 * covariance.topLeftCorner<2, 2>().trace();
@@ -46,6 +42,10 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   section.read("trust_m", o.trust_m, {0.001, 10.0});
   section.read("pair_reach_m", o.pair_reach_m, {0.05, 100.0});
   section.read("pairs", o.pairs, {1, 1000});
+  section.read("pair_matched", o.pair_matched, {0.0, 1.0});
+  section.read("calibrates", o.calibrates, {0.0, 1.0});
+  section.read("least_overlap", o.least_overlap, {0.0, 1.0});
+  section.read("same_view", o.same_view, {0.0, 1.0});
   section.read("min_lines", o.min_lines, {10, 1440});
   section.read("sigma_m", o.sigma_m, {0.0, 1.0});
   section.read("sigma_per_m2", o.sigma_per_m2, {0.0, 1.0});
@@ -62,7 +62,7 @@ std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Viewpoint& at, const std
   std::vector<std::pair<double, Id>> by_distance;
   for (const Id k : candidates) {
     const double distance = (pose(k).translation() - at.map_from_base.translation()).norm();
-    if (distance <= options_.reach_m && overlap(at, k) >= kLeastOverlap)
+    if (distance <= options_.reach_m && overlap(at, k) >= options_.least_overlap)
       by_distance.emplace_back(distance, k);
   }
   const auto count =
@@ -157,7 +157,7 @@ bool KeyframeMap::wants(const Viewpoint& at, const std::vector<Id>& references,
   if (scan.lines() < static_cast<std::size_t>(options_.min_lines)) return false;
   return std::none_of(references.begin(), references.end(), [&](Id k) {
     return (pose(k).translation() - at.map_from_base.translation()).norm() < options_.spacing_m &&
-           overlap(at, k) >= kSameView;
+           overlap(at, k) >= options_.same_view;
   });
 }
 
@@ -271,7 +271,7 @@ bool KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
     if (k == id || distance_m > options_.pair_reach_m) continue;
     const scan::Reference other = reference(k);
     const scan::Match match = matcher_.match(added.scan, map_from_scan, prior, {other});
-    if (!match.valid || match.matched < kPairMatched || match.chi2 > kPairChi2) continue;
+    if (!match.valid || match.matched < options_.pair_matched || match.chi2 > kPairChi2) continue;
     any = true;
     const Pose2 from_to = pose(k).inverse() * match.map_from_scan * scan_from_base;
     Eigen::Matrix3d information = scan_by_base.transpose() * match.information * scan_by_base / kBothNoisy;
@@ -288,7 +288,7 @@ bool KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
     cameras.to_camera = added.source.camera;
     cameras.assumed << added.source.assumed, keyframes_[k].source.assumed;
     cameras.by_error = scan_by_base.inverse() * terms.pose_by_error;
-    if (distance_m >= options_.least_baseline_m && match.matched >= kCalibrates) {
+    if (distance_m >= options_.least_baseline_m && match.matched >= options_.calibrates) {
       cameras.information = terms.information / match.scatter;
       cameras.gradient = terms.gradient / match.scatter;
     }

@@ -23,6 +23,10 @@ struct KeyframeOptions {
   double trust_m = 0.15;         ///< m, σ of the place of a reference relative to the robot, at most
   double pair_reach_m = 1.3;     ///< m; keyframes nearer than this are constrained pair by pair, …
   int pairs = 16;                ///< … at most so many, the nearest
+  double pair_matched = 0.3;     ///< 1, share of lines that a pair must have in common, …
+  double calibrates = 0.5;       ///< 1, … and from which it says something about calibrations
+  double least_overlap = 0.3;    ///< 1, share of a frame's bearings that a reference has measured, at least
+  double same_view = 0.7;        ///< 1, of a keyframe that makes another one there needless
   int min_lines = 60;            ///< beams with a line that a keyframe needs
   double sigma_m = 0.001;        ///< m, systematic error of a match, …
   double sigma_per_m2 = 0.0015;  ///< 1/m, … and its growth with the square of the distance between the scans

@@ -55,6 +55,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.match = scan::MatchOptions::read(section.child("match"));
   o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
+  o.odometry = OdometryQualityOptions::read(section.child("odometry"));
   section.finish();
   return o;
 }

@@ -16,21 +16,14 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kBody_m = 0.05;     // margin around a robot's body
-constexpr double kOutline_m = 0.05;  // margin around an object's outline
-constexpr double kUnknown_m = 0.5;   // σ of a direction that a scan leaves open: no information
-constexpr double kMoved_m = 0.0002;  // m, rad; a keyframe that moved less is where it was
-constexpr double kSigmas = 3.0;      // of a prediction: its reach
-constexpr double kBasin_m = 0.12, kBasin_rad = 0.1;  // beyond it a match from a start finds other lines
-constexpr double kSearch_m = 3.0;                    // m; to look farther is the relocalizer's task
-constexpr double kConfirms = 4.0;  // χ² of a correction of three degrees of freedom that is none
-constexpr double kWider = 2.0;     // times the gates, where nearly all lines are found
-constexpr double kMissed = 0.7;    // χ² of a line that meets none, neighbours being alike
-constexpr double kKnown = 0.5;     // share of the beams that end in space that keyframes saw: they must agree
+constexpr double kBody_m = 0.05;         // margin around a robot's body
+constexpr double kOutline_m = 0.05;      // margin around an object's outline
+constexpr double kUnknown_m = 0.5;       // σ of a direction that a scan leaves open: no information
+constexpr double kMoved_m = 0.0002;      // m, rad; a keyframe that moved less is where it was
+constexpr double kSigmas = 3.0;          // of a prediction: its reach
 constexpr double kTurnSigmas = 3.0;      // of the predicted heading: reach of a turn without wheels
 constexpr int kRecently = 3;             // frames since landmarks or robots have confirmed the pose
-constexpr int kRestarts = 3;             // of a match, …
-constexpr double kNearlyAll = 0.8;       // … until this share of the lines is found
+constexpr int kRestarts = 3;             // of a match with few lines
 constexpr double kExact = 1e-8;          // m², rad²; no odometry is better
 constexpr double kOdometryScale = 0.02;  // σ of the scale of odometry between keyframes
 
@@ -84,6 +77,14 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
   section.read("suffices_share", o.suffices_share, {0.0, 1.0});
   section.read("suffices_m", o.suffices_m, options::kNotNegative);
   section.read("suffices_rad", o.suffices_rad, options::kNotNegative);
+  section.read("confirms_chi2", o.confirms_chi2, options::kNotNegative);
+  section.read("nearly_all", o.nearly_all, {0.0, 1.0});
+  section.read("wider", o.wider, {1.0, 100.0});
+  section.read("missed_chi2", o.missed_chi2, options::kNotNegative);
+  section.read("known", o.known, {0.0, 1.0});
+  section.read("basin_m", o.basin_m, options::kNotNegative);
+  section.read("basin_rad", o.basin_rad, options::kNotNegative);
+  section.read("search_m", o.search_m, kPositive);
   section.read("full_rank_m", o.full_rank_m, kPositive);
   section.finish();
   return o;
@@ -174,74 +175,16 @@ bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const 
                         const Eigen::Vector2d& gates) const {
   if (!match.valid || match.chi2 > options_.max_chi2) return false;
   const Pose2 by = predicted.inverse() * match.map_from_scan;
-  const bool confirms = by.vector().dot(prior * by.vector()) < kConfirms;
+  const bool confirms = by.vector().dot(prior * by.vector()) < options_.confirms_chi2;
   if (match.matched < (confirms ? 0.5 : 1.0) * options_.min_matched) return false;
-  const double wider = match.matched < kNearlyAll ? 1.0 : kWider;
+  const double wider = match.matched < options_.nearly_all ? 1.0 : options_.wider;
   return by.translation().norm() < wider * gates.x() && std::abs(by.theta_rad) < wider * gates.y();
-}
-
-/// Learns from the corrections how good the odometry is. Errors of the way are independent from step to step;
-/// jitter of the single frames enters two consecutive corrections with opposite signs, so the product of both
-/// tells it apart. @param by correction of the prediction @param of_match its covariance
-void ScanSource::weighOdometry(RobotNode& robot, const Pose2& by, const Eigen::Matrix3d& of_match) {
-  constexpr double kSteps = 30.0;                       // that the means reach back
-  constexpr double kPrior = 5.0;                        // steps that say that the wheels are as they claim
-  constexpr double kOff_m = 0.5, kOff_rad = 0.5;        // no jitter: wheels that slip, or a wrong match
-  constexpr double kSharp_rad = 0.01, kSharp_m = 0.02;  // σ of a match that can tell
-  ScanAid::OdometryQuality& quality = robot.scan_aid.odometry;
-  const Step& step = robot.window.back();
-  const Eigen::Vector2d off_m = by.translation();
-  const bool usable =
-      step.wheels && !step.refuted && off_m.norm() < kOff_m && std::abs(by.theta_rad) < kOff_rad;
-  const double keep = 1.0 - 1.0 / kSteps;
-  const auto add = [&](ScanAid::OdometryQuality::Moments& m, bool told, const Eigen::Vector2d& off,
-                       double wheels, double match) {
-    if (!told) {
-      m.last.reset();
-      return;
-    }
-    m.square = keep * m.square + off.squaredNorm();
-    m.wheels = keep * m.wheels + wheels;
-    m.matches = keep * m.matches + match;
-    m.steps = keep * m.steps + 1.0;
-    if (m.last) {
-      m.product = keep * m.product + off.dot(*m.last);
-      m.pairs = keep * m.pairs + 1.0;
-    }
-    m.last = off;
-  };
-  const Eigen::Matrix3d& claimed = step.claimed_covariance;
-  const double match_m2 = of_match.topLeftCorner<2, 2>().trace(), match_rad2 = of_match(2, 2);
-  add(quality.turn, usable && match_rad2 < kSharp_rad * kSharp_rad, {by.theta_rad, 0.0}, claimed(2, 2),
-      match_rad2);
-  // The frame before was turned by its jitter.
-  const double swing_m = quality.jitter_rad * step.previous_from_current.translation().norm();
-  add(quality.way, usable && match_m2 < kSharp_m * kSharp_m, off_m / std::sqrt(2.0),
-      0.5 * claimed.topLeftCorner<2, 2>().trace(), 0.5 * (match_m2 + swing_m * swing_m));
-  // Up to its standard error the corrections count as jitter: what is left is error of the way for sure.
-  const auto jitter2 = [&](const ScanAid::OdometryQuality::Moments& m) {
-    if (!(m.steps > 0)) return 0.0;
-    const double square = m.square / m.steps, match = m.matches / m.steps,
-                 share = m.steps / (m.steps + kPrior);
-    const double product = m.pairs > 0 ? m.product / m.pairs : 0.0,
-                 error = m.pairs > 0 ? square / std::sqrt(m.pairs) : square;
-    return share * std::min(std::max(0.0, -product - match) + error, 0.5 * std::max(0.0, square - match));
-  };
-  const auto errors = [&](const ScanAid::OdometryQuality::Moments& m) {
-    if (!(m.wheels > 0)) return 1.0;
-    const double way = m.square - m.matches - 2.0 * jitter2(m) * m.steps, prior = m.wheels * kPrior / m.steps;
-    return (way + prior) / (m.wheels + prior);
-  };
-  quality.jitter_m = std::sqrt(jitter2(quality.way));
-  quality.jitter_rad = std::sqrt(jitter2(quality.turn));
-  quality.way_scale = std::sqrt(std::max(1.0, errors(quality.way)));
-  quality.turn_scale = std::sqrt(std::max(1.0, errors(quality.turn)));
 }
 
 /// The way of the wheels alone since the last keyframe.
 void ScanSource::followOdometry(ScanAid& aid, const Step& step) {
   if (!aid.way) return;
-  if (!step.wheels || step.refuted) {
+  if (!step.wheels || step.wheels_rejected) {
     aid.way.reset();
     return;
   }
@@ -310,7 +253,7 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   const Pose2 scan_predicted = predicted * aid.base_from_scan;
   const scan::Match found = align(aid, step, boundary, scan_predicted, covariance, skip);
   const bool accepted = accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates);
-  aid.contradicted = !accepted && search_.evaluate(aid.scan, scan_predicted).known > kKnown;
+  aid.contradicted = !accepted && search_.evaluate(aid.scan, scan_predicted).known > options_.known;
   if (!accepted) return;
   aid.matched = true;
   aid.suffices = suffices;
@@ -327,7 +270,7 @@ scan::Match ScanSource::align(const ScanAid& aid, const Step& step, const Bounda
   // χ² of the prediction's correction, and of the lines that meet none: each is as bad as one at the gate.
   const auto cost = [&](const scan::Match& m) {
     const Eigen::Vector3d by = (predicted.inverse() * m.map_from_scan).vector();
-    return kMissed * m.beams * (1.0 / m.matched - 1.0) + by.dot(prior * by);
+    return options_.missed_chi2 * m.beams * (1.0 / m.matched - 1.0) + by.dot(prior * by);
   };
   const auto better = [&](const scan::Match& a, const scan::Match& b) {
     return a.valid && (!b.valid || cost(a) < cost(b));
@@ -347,19 +290,21 @@ scan::Match ScanSource::align(const ScanAid& aid, const Step& step, const Bounda
     }
   }
   // A start beside the optimum pairs some lines wrongly. From where it has led the rest are found.
-  for (int i = 0; i < kRestarts && found.valid && found.matched < kNearlyAll; ++i) {
+  for (int i = 0; i < kRestarts && found.valid && found.matched < options_.nearly_all; ++i) {
     const double before = found.matched;
     tryFrom(found.map_from_scan);
     if (found.matched <= before) break;
   }
   // Where the pose may lie beyond the reach of such a start, all of it is searched.
   const Eigen::Vector2d gates = this->gates(step, covariance);
-  const bool is_far = kSigmas * std::sqrt(covariance.topLeftCorner<2, 2>().trace()) > kBasin_m ||
-                      kSigmas * std::sqrt(covariance(2, 2)) > kBasin_rad;
-  if (accept(found, predicted, prior, gates) && !(is_far && found.matched < kNearlyAll)) return found;
+  const bool is_far = kSigmas * std::sqrt(covariance.topLeftCorner<2, 2>().trace()) > options_.basin_m ||
+                      kSigmas * std::sqrt(covariance(2, 2)) > options_.basin_rad;
+  if (accept(found, predicted, prior, gates) && !(is_far && found.matched < options_.nearly_all))
+    return found;
   search_.setReferences(references_);
   for (const scan::PlaceCandidate& candidate :
-       search_.search(aid.scan, predicted, std::min(kWider * gates.x(), kSearch_m), kWider * gates.y()))
+       search_.search(aid.scan, predicted, std::min(options_.wider * gates.x(), options_.search_m),
+                      options_.wider * gates.y()))
     tryFrom(candidate.map_from_scan);
   return found;
 }
@@ -384,7 +329,11 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   value(2) += wrapAngle(map_from_base.theta_rad - value(2));
   const bool full_rank = largestSigma(link.information) < options_.full_rank_m;
   const Eigen::Matrix3d loose = Eigen::Matrix3d::Identity() / (kUnknown_m * kUnknown_m);
-  weighOdometry(robot, by, (link.information + loose).inverse() + link.systematic);
+  if (step.wheels && !step.wheels_rejected)
+    aid.odometry.add(by, (link.information + loose).inverse() + link.systematic, step.claimed_covariance,
+                     step.previous_from_current.translation().norm());
+  else
+    aid.odometry.interrupt();
   if (full_rank) {
     const Eigen::Matrix3d covariance = link.information.inverse() + link.systematic;
     aid.anchor =

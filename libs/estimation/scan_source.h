@@ -7,6 +7,7 @@
 
 #include "estimation/graph.h"
 #include "estimation/keyframe_map.h"
+#include "estimation/odometry_quality.h"
 #include "scan/line_scan.h"
 #include "scan/place_search.h"
 #include "scan/scan_matcher.h"
@@ -31,6 +32,14 @@ struct ScanSourceOptions {
   double suffices_share = 0.25;
   double suffices_m = 0.003;    ///< m, σ of a pose by these lines, at most; …
   double suffices_rad = 0.003;  ///< rad, … of its heading
+  double confirms_chi2 = 4.0;   ///< χ² of a correction, at most, that needs only half of min_matched
+  double nearly_all = 0.8;      ///< 1, share of lines that are matched without doubt: …
+  double wider = 2.0;           ///< 1, … the correction may be so many times larger
+  double missed_chi2 = 0.7;     ///< χ² of a line that meets none when matches compete; neighbours are alike
+  double known = 0.5;           ///< 1, share of beams into seen space from which a missing match contradicts
+  double basin_m = 0.12;        ///< m, 3 σ of a prediction from which the area around it is searched, …
+  double basin_rad = 0.1;       ///< rad, … or of its heading
+  double search_m = 3.0;        ///< m, radius of that search, at most; beyond is the relocalizer's task
   double full_rank_m = 0.01;  ///< m, σ of a match in every direction that relates keyframes without odometry
   static ScanSourceOptions read(const options::Section& section);
 };
@@ -50,36 +59,12 @@ struct ScanLink {
 struct ScanAid {
   scan::LineScan scan;  ///< of the newest frame
   Pose2 base_from_scan;
-  bool has_scan = false;  ///< the newest frame shows enough lines
-  bool rich = false;      ///< the newest scan shows enough off free-standing objects
-  bool held = false;      ///< scans have related it to keyframes
-  double scatter = 4.0;   ///< of its last match; before the first one a usual value
-  /// How good the odometry of this robot is, learnt from corrections by matches.
-  struct OdometryQuality {
-    /// Moments of the corrections, in metres per axis or in radians, and of what is known of them.
-    struct Moments {
-      double square = 0.0, product = 0.0;  ///< of one correction, of two consecutive ones
-      double wheels = 0.0, matches = 0.0;  ///< variances that the wheels and the matches claim
-      double steps = 0.0, pairs = 0.0;     ///< how many
-      std::optional<Eigen::Vector2d> last;
-    };
-    Moments way, turn;
-    double jitter_m = 0.0, jitter_rad = 0.0;  ///< σ of each frame's place on the way of the wheels
-    /// σ of that way and of its turns, in units of what the wheels claim; at least 1.
-    double way_scale = 1.0, turn_scale = 1.0;
-    /// Of a frame's place on the way of the wheels, right perturbation.
-    Eigen::Matrix3d jitter() const {
-      const double m2 = jitter_m * jitter_m;
-      return Eigen::Vector3d(m2, m2, jitter_rad * jitter_rad).asDiagonal();
-    }
-    /// Covariance of a step by what the wheels claim.
-    Eigen::Matrix3d scaled(const Eigen::Matrix3d& claimed) const {
-      const Eigen::Vector3d scale(way_scale, way_scale, turn_scale);
-      return scale.asDiagonal() * claimed * scale.asDiagonal();
-    }
-  };
-  OdometryQuality odometry;
-  /// By the wheels alone since a keyframe of this robot; none where some step was not measured.
+  bool has_scan = false;     ///< the newest frame shows enough lines
+  bool rich = false;         ///< the newest scan shows enough off free-standing objects
+  bool held = false;         ///< scans have related it to keyframes
+  double scatter = 4.0;      ///< of its last match; before the first one a usual value
+  OdometryQuality odometry;  ///< estimated from corrections by matches
+  /// By the wheels alone since a keyframe of this robot; none where the wheels did not measure some step.
   std::optional<KeyframeMap::Odometry> way;
   bool matched = false;       ///< it agrees with keyframes around the predicted pose
   bool contradicted = false;  ///< keyframes are around, but it does not agree with them
@@ -93,7 +78,7 @@ struct ScanAid {
     Pose2 map_from_keyframe;  ///< that the window assumes
     Pose2 keyframe_from_base;
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    bool by_match = false;  ///< a match has told it since the keyframe was made
+    bool by_match = false;  ///< determined by a match since the keyframe was made
   };
   std::optional<Anchor> anchor;
   Boundary seen;                                      ///< of the newest frame, as seen
@@ -130,7 +115,6 @@ class ScanSource {
   Eigen::Vector2d gates(const Step& step, const Eigen::Matrix3d& covariance) const;
   bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior,
               const Eigen::Vector2d& gates) const;
-  static void weighOdometry(RobotNode& robot, const Pose2& by, const Eigen::Matrix3d& of_match);
   static void followOdometry(ScanAid& aid, const Step& step);
   void link(FleetState& fleet, RobotNode& robot, const scan::Match& match);
   static void assumeCameras(FleetState& fleet);

@@ -97,7 +97,7 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
 void noteRefuted(RobotFrame& frame) {
   constexpr double kTold_m = 0.03, kTold_rad = 0.05;  // less is no news to people
   const Step& step = frame.robot->window.back();
-  if (!step.refuted || !(frame.robot->setup.body.wheel_separation_m > 0)) return;
+  if (!step.wheels_rejected || !(frame.robot->setup.body.wheel_separation_m > 0)) return;
   const Pose2& way = step.previous_from_current;
   const Motion& motion = frame.objects->motion;
   const Pose2 off =

@@ -7,9 +7,6 @@
 namespace omnifleet::classifier {
 namespace {
 
-constexpr double kGap_s = 1.0,
-                 kGapSteps = 5.0;  // s, usual steps: longer, and people may have moved the robot
-
 double ownRadius(const std::string& robot, const std::map<std::string, RobotBody>& bodies) {
   const auto own = bodies.find(robot);
   if (own == bodies.end()) throw options::Error("robot '" + robot + "' is not listed in the fleet file");
@@ -59,6 +56,9 @@ Classifier::Options Classifier::Options::read(const options::Section& section) {
   o.tracker = tracking::TrackerOptions::read(section.child("tracker"));
   o.kind = tracking::KindOptions::read(section.child("kind"));
   o.peers = tracking::PeerOptions::read(section.child("peers"));
+  o.step_check = scan::StepCheckOptions::read(section.child("step_check"));
+  section.read("gap_s", o.gap_s, options::kNotNegative);
+  section.read("gap_steps", o.gap_steps, options::kNotNegative);
   section.finish();
   return o;
 }
@@ -66,13 +66,16 @@ Classifier::Options Classifier::Options::read(const options::Section& section) {
 Classifier::Classifier(const Options& options, const std::string& robot,
                        const std::map<std::string, RobotBody>& bodies)
     : paper_centroids_(options.kind.method == "vectors"),
+      gap_s_(options.gap_s),
+      gap_steps_(options.gap_steps),
       peers_(options.peers, robot, bodies),
       tracker_(trackerOptions(options)),
-      judge_(options.kind, ownRadius(robot, bodies)) {}
+      judge_(options.kind, ownRadius(robot, bodies)),
+      step_check_(options.step_check) {}
 
-/// Returns the local map with the motion corrected by the objects. The scans, where they show
-/// enough, must agree with that: two kinds of evidence reject the wheels. Heights and points computed from
-/// the rejected motion are removed.
+/// Returns the local map with the motion corrected by the objects. Where the scans show enough they must
+/// agree with the objects: only two kinds of evidence reject the wheels. Heights and points computed from the
+/// rejected motion are removed.
 const LocalMap& Classifier::withCheckedMotion(const LocalMap& received) {
   if (received.state != FrameState::kOk || paper_centroids_) return received;
   const auto motion = tracking::checkMotion(tracker_.tracks(), received, own_motion_);
@@ -83,7 +86,7 @@ const LocalMap& Classifier::withCheckedMotion(const LocalMap& received) {
   using Verdict = scan::StepCheck::Verdict;
   if (judge(received.motion) == Verdict::kAgrees) return received;
   const double step_s = static_cast<double>(received.acquired_ns - received.motion.since_ns) * 1e-9;
-  const bool after_gap = step_s > std::max(kGap_s, kGapSteps * own_motion_.step_s());
+  const bool after_gap = step_s > std::max(gap_s_, gap_steps_ * own_motion_.step_s());
   const bool stands = motion->valid ? judge(*motion) == Verdict::kDiffers : seesRoom(received);
   if (stands && !after_gap) return received;
   corrected_ = received;

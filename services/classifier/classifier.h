@@ -26,6 +26,9 @@ class Classifier {
     tracking::TrackerOptions tracker;
     tracking::KindOptions kind;
     tracking::PeerOptions peers;
+    scan::StepCheckOptions step_check;
+    double gap_s = 1.0;      ///< s; after a longer gap people may have moved the robot, …
+    double gap_steps = 5.0;  ///< 1, … if it is also so many times longer than the step before
 
     static Options read(const options::Section& section);
   };
@@ -54,6 +57,7 @@ class Classifier {
   void labelScan(const LocalMap& local_map);
 
   bool paper_centroids_;
+  double gap_s_, gap_steps_;
   tracking::OwnMotion own_motion_;
   tracking::Peers peers_;
   tracking::Tracker tracker_;

@@ -1,5 +1,5 @@
-// What matches of scans tell about the wheels of a robot: whether each frame is turned on their way (another
-// clock), or their steps err independently.
+// Scan matches separate two errors of wheels: jitter of the single frames (another clock) and independent
+// errors of the steps.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -48,11 +48,11 @@ class WheelsUnderScans {
       mean.worst_m = std::max(mean.worst_m, off.translation().norm());
       if (i < kFrom) continue;
       const double share = 1.0 / (frames - kFrom);
-      const ScanAid::OdometryQuality& learnt = robot().scan_aid.odometry;
-      mean.jitter_m += share * learnt.jitter_m;
-      mean.jitter_rad += share * learnt.jitter_rad;
-      mean.way_scale += share * learnt.way_scale;
-      mean.turn_scale += share * learnt.turn_scale;
+      const OdometryQuality& learnt = robot().scan_aid.odometry;
+      mean.jitter_m += share * learnt.jitterM();
+      mean.jitter_rad += share * learnt.jitterRad();
+      mean.way_scale += share * learnt.wayScale();
+      mean.turn_scale += share * learnt.turnScale();
     }
     return mean;
   }
