@@ -84,6 +84,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
   if (std::any_of(frames.begin(), frames.end(), unrefined)) refine();
   locate(frames, time);
   for (Frame& frame : frames) scans_.observe(fleet, frame);
+  for (Frame& frame : frames) noteRejectedWheels(fleet, frame);
   associate(frames);
   solveNewest(frames);
   checkSteps(frames);  // before views are held against poses that slipping wheels hold where they are not, …
@@ -191,7 +192,6 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
       fleet.advance(robot, *frame.objects);
-      noteRefuted(frame);
       ++robot.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
       placeInitially(robot, *frame.objects);

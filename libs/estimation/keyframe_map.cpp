@@ -16,10 +16,14 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr double kPairChi2 = 4.0;    // mean χ² above which two scans do not show the same place
-constexpr double kBothNoisy = 2.0;   // both scans of a pair have noise; the match counts that of one
 constexpr double kOpen_m = 0.5;      // σ of a direction that a pair of scans leaves open
 constexpr double kExact = 1e-8;      // m², rad²; no clock is better
 constexpr double kMoved_m = 0.0005;  // of a keyframe: less is no news
+
+/// m, length that the distances of scans are measured by. A scan without lines has 1 m.
+double rangeOf(const scan::LineScan& scan) {
+  return scan.meanRangeM() > 0 ? scan.meanRangeM() : 1.0;
+}
 
 double placeVariance(const Eigen::Matrix3d& covariance) {
   return 0.5 * covariance.topLeftCorner<2, 2>().trace();
@@ -38,19 +42,18 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   KeyframeOptions o;
   section.read("spacing_m", o.spacing_m, {0.02, 10.0});
   section.read("references", o.references, {1, 64});
-  section.read("reach_m", o.reach_m, {0.1, 100.0});
+  section.read("reach", o.reach, {0.1, 100.0});
   section.read("trust_m", o.trust_m, {0.001, 10.0});
-  section.read("pair_reach_m", o.pair_reach_m, {0.05, 100.0});
+  section.read("pair_reach", o.pair_reach, {0.05, 100.0});
   section.read("pairs", o.pairs, {1, 1000});
   section.read("pair_matched", o.pair_matched, {0.0, 1.0});
   section.read("calibrates", o.calibrates, {0.0, 1.0});
   section.read("least_overlap", o.least_overlap, {0.0, 1.0});
   section.read("same_view", o.same_view, {0.0, 1.0});
   section.read("min_lines", o.min_lines, {10, 1440});
-  section.read("sigma_m", o.sigma_m, {0.0, 1.0});
-  section.read("sigma_per_m2", o.sigma_per_m2, {0.0, 1.0});
-  section.read("sigma_rad", o.sigma_rad, {0.0, 0.1});
-  section.read("sigma_rad_per_m2", o.sigma_rad_per_m2, {0.0, 0.1});
+  section.read("sigma_share", o.sigma_share, {0.0, 10.0});
+  section.read("sigma_growth", o.sigma_growth, {0.0, 1000.0});
+  section.read("sigma_turn", o.sigma_turn, {0.0, 10.0});
   section.read("least_baseline_m", o.least_baseline_m, options::kNotNegative);
   section.read("correlated", o.correlated, {1.0, 1e6});
   section.finish();
@@ -62,7 +65,7 @@ std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Viewpoint& at, const std
   std::vector<std::pair<double, Id>> by_distance;
   for (const Id k : candidates) {
     const double distance = (pose(k).translation() - at.map_from_base.translation()).norm();
-    if (distance <= options_.reach_m && overlap(at, k) >= options_.least_overlap)
+    if (distance <= reachM(k) && overlap(at, k) >= options_.least_overlap)
       by_distance.emplace_back(distance, k);
   }
   const auto count =
@@ -161,10 +164,23 @@ bool KeyframeMap::wants(const Viewpoint& at, const std::vector<Id>& references,
   });
 }
 
-Eigen::Matrix3d KeyframeMap::systematic(double distance_m) const {
-  const double square = distance_m * distance_m, m = options_.sigma_m + options_.sigma_per_m2 * square,
-               rad = options_.sigma_rad + options_.sigma_rad_per_m2 * square;
+Eigen::Matrix3d KeyframeMap::systematic(Id keyframe, double distance_m) const {
+  const scan::LineScan& scan = keyframes_[keyframe].scan;
+  const double range_m = rangeOf(scan), ranges = distance_m / range_m,
+               m = options_.sigma_share * scan.medianSigmaM() *
+                   (1.0 + options_.sigma_growth * ranges * ranges),
+               rad = options_.sigma_turn * m / range_m;
   return Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+}
+
+double KeyframeMap::reachM(Id keyframe) const {
+  return options_.reach * rangeOf(keyframes_[keyframe].scan);
+}
+
+double KeyframeMap::reachM() const {
+  double reach_m = 0.0;
+  for (Id k = 0; k < keyframes_.size(); ++k) reach_m = std::max(reach_m, reachM(k));
+  return reach_m;
 }
 
 KeyframeMap::Id KeyframeMap::add(const Pose2& map_from_base, Source source, const scan::LineScan& scan,
@@ -258,25 +274,30 @@ void KeyframeMap::solve() {
   covariance_.assign(keyframes_.size(), std::nullopt);
 }
 
-/// Relative poses to the nearest neighbours whose place is known, each by its own match.
+/// Relative poses to the nearest neighbours whose place is known, each by its own match. The n matches of one
+/// scan share its noise: together they are as good as one with a scan of 1/n of the noise.
 bool KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
   const Keyframe& added = keyframes_[id];
   const Pose2 map_from_scan = pose(id) * added.source.base_from_scan,
               scan_from_base = added.source.base_from_scan.inverse();
   const Eigen::Matrix3d prior = Eigen::Vector3d(1e3, 1e3, 1e4).asDiagonal();  // 3 cm, 0.6°
   const Eigen::Matrix3d scan_by_base = scanByBase(added.source.base_from_scan);
-  bool any = false;
+  std::vector<std::pair<Id, scan::Match>> pairs;
   for (const Id k : known) {
     const double distance_m = (pose(k).translation() - pose(id).translation()).norm();
-    if (k == id || distance_m > options_.pair_reach_m) continue;
+    if (k == id || distance_m > options_.pair_reach * rangeOf(keyframes_[k].scan)) continue;
+    const scan::Match match = matcher_.match(added.scan, map_from_scan, prior, {reference(k)});
+    if (match.valid && match.matched >= options_.pair_matched && match.chi2 <= kPairChi2)
+      pairs.emplace_back(k, match);
+  }
+  const double noise = static_cast<double>(pairs.size()) + 1.0;
+  for (const auto& [k, match] : pairs) {
     const scan::Reference other = reference(k);
-    const scan::Match match = matcher_.match(added.scan, map_from_scan, prior, {other});
-    if (!match.valid || match.matched < options_.pair_matched || match.chi2 > kPairChi2) continue;
-    any = true;
+    const double distance_m = (pose(k).translation() - pose(id).translation()).norm();
     const Pose2 from_to = pose(k).inverse() * match.map_from_scan * scan_from_base;
-    Eigen::Matrix3d information = scan_by_base.transpose() * match.information * scan_by_base / kBothNoisy;
+    Eigen::Matrix3d information = scan_by_base.transpose() * match.information * scan_by_base / noise;
     information.diagonal().array() += 1.0 / (kOpen_m * kOpen_m);
-    const Eigen::Matrix3d covariance = information.inverse() + systematic(distance_m);
+    const Eigen::Matrix3d covariance = information.inverse() + systematic(k, distance_m);
     if (added.fields.empty() || keyframes_[k].fields.empty()) {
       relate(k, id, from_to, covariance);
       continue;
@@ -294,7 +315,7 @@ bool KeyframeMap::constrainPairs(Id id, const std::vector<Id>& known) {
     }
     relate(k, id, from_to, covariance, &cameras);
   }
-  return any;
+  return !pairs.empty();
 }
 
 }  // namespace omnifleet::estimation

@@ -17,22 +17,21 @@
 namespace omnifleet::estimation {
 
 struct KeyframeOptions {
-  double spacing_m = 0.25;       ///< m; a frame farther than this from every keyframe becomes one
-  int references = 6;            ///< nearest keyframes that a frame is matched against
-  double reach_m = 2.5;          ///< m, of these; farther ones share little and are over-confident
-  double trust_m = 0.15;         ///< m, σ of the place of a reference relative to the robot, at most
-  double pair_reach_m = 1.3;     ///< m; keyframes nearer than this are constrained pair by pair, …
-  int pairs = 16;                ///< … at most so many, the nearest
-  double pair_matched = 0.3;     ///< 1, share of lines that a pair must have in common, …
-  double calibrates = 0.5;       ///< 1, … and from which it says something about calibrations
-  double least_overlap = 0.3;    ///< 1, share of a frame's bearings that a reference has measured, at least
-  double same_view = 0.7;        ///< 1, of a keyframe that makes another one there needless
-  int min_lines = 60;            ///< beams with a line that a keyframe needs
-  double sigma_m = 0.001;        ///< m, systematic error of a match, …
-  double sigma_per_m2 = 0.0015;  ///< 1/m, … and its growth with the square of the distance between the scans
-  double sigma_rad = 0.00035;    ///< rad, likewise (0.02°)
-  double sigma_rad_per_m2 = 0.00052;  ///< rad/m², likewise (0.03°/m²)
-  double least_baseline_m = 0.15;     ///< m; nearer pairs say nothing about calibrations
+  double spacing_m = 0.25;     ///< m; a frame farther than this from every keyframe becomes one
+  int references = 6;          ///< nearest keyframes that a frame is matched against
+  double reach = 1.3;          ///< 1, … not farther away than so many mean ranges of their scans
+  double trust_m = 0.15;       ///< m, σ of the place of a reference relative to the robot, at most
+  double pair_reach = 0.68;    ///< 1, mean ranges; nearer keyframes are constrained pair by pair, …
+  int pairs = 16;              ///< … at most so many, the nearest
+  double pair_matched = 0.3;   ///< 1, share of lines that a pair must have in common, …
+  double calibrates = 0.5;     ///< 1, … and from which it says something about calibrations
+  double least_overlap = 0.3;  ///< 1, share of a frame's bearings that a reference has measured, at least
+  double same_view = 0.7;      ///< 1, of a keyframe that makes another one there needless
+  int min_lines = 60;          ///< beams with a line that a keyframe needs
+  double sigma_share = 0.13;   ///< 1, systematic error of a match in units of the σ of a beam, …
+  double sigma_growth = 5.4;  ///< 1, … its growth with the square of (distance of the scans / mean range), …
+  double sigma_turn = 0.67;        ///< 1, … and of its heading in units of (error / mean range)
+  double least_baseline_m = 0.15;  ///< m; nearer pairs say nothing about calibrations
   /// 1; the evidence of pairs about calibrations is divided by it: pairs that share a scan are not
   /// independent
   double correlated = 8.0;
@@ -125,8 +124,12 @@ class KeyframeMap {
   /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
   void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 
-  /// Systematic covariance of a match over a distance, right perturbation.
-  Eigen::Matrix3d systematic(double distance_m) const;
+  /// Systematic covariance of a match with a keyframe over a distance, right perturbation: what the beams
+  /// have in common. Errors of a range grow with it, and scans from afar show other sides of things.
+  Eigen::Matrix3d systematic(Id keyframe, double distance_m) const;
+  /// m; scans farther away from a keyframe have too little in common with it.
+  double reachM(Id keyframe) const;
+  double reachM() const;  ///< m, largest of all keyframes
   /// Counts solutions that moved a keyframe noticeably.
   std::uint32_t revision() const { return revision_; }
 

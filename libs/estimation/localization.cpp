@@ -88,7 +88,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
       reach_m = kReachSigmas * sigma_m + map.options().spacing_m;
       reach_rad = std::min(M_PI, kReachSigmas * std::sqrt(robot.covariance(2, 2)) + 0.1);
       among = map.unrelated(aid.anchor->keyframe, 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace(),
-                            fleet.pose(step.pose), reach_m + map.options().reach_m);
+                            fleet.pose(step.pose), reach_m + map.reachM());
     }
     if (among.empty()) {
       robot.relocalizer->forget();

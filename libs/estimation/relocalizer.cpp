@@ -99,7 +99,8 @@ bool Relocalizer::follow(const KeyframeMap& map, const ScanAid& aid,
   h.keyframe_from_base = map.pose(h.keyframe).inverse() * h.map_from_base;
   Eigen::Matrix3d information = match.information;
   information.diagonal().array() += 100.0;
-  h.covariance = information.inverse() + map.systematic(h.keyframe_from_base.translation().norm());
+  h.covariance =
+      information.inverse() + map.systematic(h.keyframe, h.keyframe_from_base.translation().norm());
   return true;
 }
 

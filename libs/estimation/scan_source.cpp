@@ -241,8 +241,8 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   references_.clear();
   for (const KeyframeMap::Id k : aid.references) references_.push_back(map.reference(k));
   const double distance_m = (map.pose(aid.references.front()).translation() - predicted.translation()).norm();
-  const Eigen::Matrix3d covariance =
-      (aid.anchor ? aid.relative_covariance : robot.covariance) + map.systematic(distance_m);
+  const Eigen::Matrix3d covariance = (aid.anchor ? aid.relative_covariance : robot.covariance) +
+                                     map.systematic(aid.references.front(), distance_m);
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
   // Few surfaces are visible: landmarks are more accurate, where there are any.
@@ -321,7 +321,7 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   link.keyframe_from_base = map.pose(link.keyframe).inverse() * map_from_base;
   link.information = j.transpose() * match.information * j;
   link.gradient = j.transpose() * match.gradient;
-  link.systematic = map.systematic(link.keyframe_from_base.translation().norm());
+  link.systematic = map.systematic(link.keyframe, link.keyframe_from_base.translation().norm());
   const Pose2 by = fleet.pose(step.pose).inverse() * map_from_base;
   Eigen::VectorXd& value = fleet.graph.value(step.pose);
   link.factor = fleet.graph.addFactor(scanFactor(link, map_from_base, value), {step.pose});
@@ -490,8 +490,9 @@ Eigen::Matrix3d ScanSource::inMap(const FleetState& fleet, const RobotNode& robo
   if (!aid.anchor || by_landmarks || !aid.held) return aid.relative_covariance;
   const KeyframeMap& map = fleet.keyframes;
   const Pose2 way = map.pose(aid.anchor->keyframe).inverse() * fleet.pose(robot.window.back().pose);
-  return composeCovariance(map.covariance(aid.anchor->keyframe), way,
-                           aid.relative_covariance + map.systematic(way.translation().norm()));
+  return composeCovariance(
+      map.covariance(aid.anchor->keyframe), way,
+      aid.relative_covariance + map.systematic(aid.anchor->keyframe, way.translation().norm()));
 }
 
 }  // namespace omnifleet::estimation

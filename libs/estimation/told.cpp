@@ -13,19 +13,24 @@ constexpr double kRevise_m = 0.01, kRevise_rad = 0.01;  // what a map is exact t
 constexpr double kWrong = 6.0;                          // σ of the prior beyond which a start was wrong
 constexpr std::size_t kMostHistory = 3000;              // frames: ten minutes at 5 Hz
 
-bool isWrong(const FleetState& fleet, const Start& start) {
+/// A frame lies beside the path of the wheels by the jitter of the odometry, the first one, too.
+bool isWrong(const FleetState& fleet, const RobotNode& robot) {
+  const Start& start = robot.start;
   const Pose2 by = start.told->inverse() * start.moved * *start.told;
-  const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
+  const OdometryQuality& odometry = robot.scan_aid.odometry;
+  const double m = std::hypot(fleet.options.initial_sigma_m, odometry.jitterM()),
+               rad = std::hypot(fleet.options.initial_sigma_rad, odometry.jitterRad());
   return std::hypot(by.translation().norm() / m, by.theta_rad / rad) > kWrong;
 }
 
 void conclude(FleetState& fleet, RobotNode& robot) {
   Start& start = robot.start;
   start.pose = start.anchor = 0;
-  if (!start.told || !isWrong(fleet, start)) return;
+  if (!start.told || !isWrong(fleet, robot)) return;
+  if (fleet.robots.size() == 1 && !fleet.tied) return;  // its initial pose defines the map
   ++robot.status.wrong_starts;
   const auto right = std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
-    return &other != &robot && other.start.told && !isWrong(fleet, other.start);
+    return &other != &robot && other.start.told && !isWrong(fleet, other);
   });
   fleet.findings.push_back(
       initialPoseWrong(robot.setup.name, start.moved, *start.told, fleet.tied || right > 1));

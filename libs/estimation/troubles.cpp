@@ -94,17 +94,23 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
   if (std::exchange(robot.wiring, verdict) == Wiring::kAsTold) fleet.disbelieveWheels(robot);
 }
 
-void noteRefuted(RobotFrame& frame) {
-  constexpr double kTold_m = 0.03, kTold_rad = 0.05;  // less is no news to people
-  const Step& step = frame.robot->window.back();
+void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
+  constexpr double kNews_m = 0.03, kNews_rad = 0.05;  // less is no news to people
+  const auto& window = frame.robot->window;
+  if (!frame.fresh || window.size() < 2) return;
+  const Step& step = window.back();
   if (!step.wheels_rejected || !(frame.robot->setup.body.wheel_separation_m > 0)) return;
-  const Pose2& way = step.previous_from_current;
+  const Pose2 way = fleet.pose(window[window.size() - 2].pose).inverse() * fleet.pose(step.pose);
   const Motion& motion = frame.objects->motion;
   const Pose2 off =
       arc(motion.left_m, motion.right_m, frame.robot->setup.body.wheel_separation_m).inverse() * way;
-  if (step.wheels && off.translation().norm() < kTold_m && std::abs(off.theta_rad) < kTold_rad) return;
-  if (!step.wheels || (way.translation().norm() < step.rolled_m + kSlip_m &&
-                       std::abs(way.theta_rad) < step.rolled_rad + kSlip_rad)) {
+  if (step.wheels && off.translation().norm() < kNews_m && std::abs(off.theta_rad) < kNews_rad) return;
+  // Slip makes no robot go farther than its wheels. Wheels with another clock do, by their jitter.
+  constexpr double kJitters = 3.0 * M_SQRT2;  // σ of a difference of two frames
+  const OdometryQuality& odometry = frame.robot->scan_aid.odometry;
+  if (!step.wheels ||
+      (way.translation().norm() < step.rolled_m + kSlip_m + kJitters * odometry.jitterM() &&
+       std::abs(way.theta_rad) < step.rolled_rad + kSlip_rad + kJitters * odometry.jitterRad())) {
     tellSlip(frame);
     return;
   }

@@ -29,9 +29,9 @@ struct RobotFrame {
 /// before (`before_ns`); they count for nothing once that is otherwise than they are told.
 void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns);
 
-/// The frame's own motion is by what is seen, which refutes the wheels: they slip, or somebody carries the
-/// robot.
-void noteRefuted(RobotFrame& frame);
+/// What is seen has rejected the wheels: they slip, or somebody carries the robot. Decides by the motion that
+/// the pose shows after the scan is matched.
+void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame);
 
 /// No frame has come for a second at least, and for several times as long as between the frames before.
 bool isAfterGap(const RobotNode& robot, TimeNs time_ns);

@@ -8,9 +8,10 @@ namespace omnifleet::scan {
 namespace {
 
 constexpr int kWidest = 20;
-constexpr int kHalfWidths[] = {kWidest, 10, 5, 3};
+constexpr int kHalfWidths[] = {kWidest, 10, 5, 3, 2};
 constexpr double kMostChi2 = 2.0;       // per degree of freedom
 constexpr double kOutlier = 3.0;        // σ of a beam off its own line
+constexpr int kFewest = 4;              // beams; three fit almost anything
 constexpr double kFilled = 0.7;         // share of a window's beams that measured something
 constexpr double kLeastInverse = 0.02;  // 1/m: 50 m
 constexpr double kNoiseLow = 0.5, kNoiseHigh = 4.0;
@@ -82,7 +83,7 @@ void LineScan::fitBeam(int i) {
     double best = kMostChi2;
     for (const int shift : {0, -half, half}) {
       const Sums sums = window(i + shift - half, i + shift + half + 1);
-      if (sums.n < std::max(5, static_cast<int>(kFilled * (2 * half + 1)))) continue;
+      if (sums.n < std::max(kFewest, static_cast<int>(kFilled * (2 * half + 1)))) continue;
       Eigen::Matrix2d information;
       information << sums.cc, sums.cs, sums.cs, sums.ss;
       if (!(information.determinant() > 1e-9 * sums.cc * sums.ss)) continue;
@@ -108,6 +109,7 @@ void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable) {
   prepareBearings(n);
   beams_.assign(n, Beam{});
   lines_ = 0;
+  mean_range_m_ = median_sigma_m_ = 0.0;
   if (n <= 4 * kWidest) return;
   for (std::size_t i = 0; i < n; ++i) {
     const float s = boundary.inverse_m[i], sigma = boundary.sigma[i];
@@ -121,6 +123,22 @@ void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable) {
     fitBeam(static_cast<int>(i));
     lines_ += beams_[i].has_line ? 1 : 0;
   }
+  summarise();
+}
+
+void LineScan::summarise() {
+  mean_range_m_ = median_sigma_m_ = 0.0;
+  if (lines_ == 0) return;
+  second_.clear();
+  for (const Beam& beam : beams_) {
+    if (!beam.has_line) continue;
+    mean_range_m_ += 1.0 / static_cast<double>(beam.s);
+    second_.push_back(beam.sigma / (beam.s * beam.s));
+  }
+  mean_range_m_ /= static_cast<double>(lines_);
+  const auto middle = second_.begin() + static_cast<std::ptrdiff_t>(second_.size() / 2);
+  std::nth_element(second_.begin(), middle, second_.end());
+  median_sigma_m_ = static_cast<double>(*middle);
 }
 
 Eigen::Matrix3d LineScan::information(const std::vector<std::uint8_t>& skip) const {

@@ -22,7 +22,7 @@ class LineScan {
     Eigen::Vector2f point_m = Eigen::Vector2f::Zero();  ///< on the line, at this bearing, from the origin
   };
 
-  /// Fits all beams. For each one the widest window of ±20, 10, 5 or 3 beams (centred, or with the beam at
+  /// Fits all beams. For each one the widest window of ±20, 10, 5, 3 or 2 beams (centred, or with the beam at
   /// one end) that a line explains with χ² per degree of freedom below 2. Beams without one (corners, depth
   /// jumps) take part in no match. Prefix sums make the cost independent of the windows.
   /// @param usable false: leave the beam out (it hits a robot); empty: all count
@@ -41,6 +41,10 @@ class LineScan {
   /// Unit vector of each bearing.
   const std::vector<Eigen::Vector2f>& bearings() const { return bearings_; }
   std::size_t lines() const { return lines_; }
+  /// m, mean range of the beams with a line; 0: there are none.
+  double meanRangeM() const { return mean_range_m_; }
+  /// m, median of the σ of the ranges of the beams with a line.
+  double medianSigmaM() const { return median_sigma_m_; }
   /// Ratio of the noise found in this scan (median of second differences) to the σ it came with.
   double noiseScale() const { return noise_scale_; }
 
@@ -59,12 +63,14 @@ class LineScan {
   void sumUp();
   Sums window(int from, int to) const;
   void fitBeam(int i);
+  void summarise();
 
   std::vector<Beam> beams_;
   std::vector<Eigen::Vector2f> bearings_;
   std::vector<Sums> prefix_;  ///< over the circle and 2·kWidest beams on both sides of it
   std::vector<float> second_;
   double noise_scale_ = 1.0;
+  double mean_range_m_ = 0.0, median_sigma_m_ = 0.0;
   std::size_t lines_ = 0;
 };
 

@@ -68,6 +68,7 @@ void ScanMatcher::forEachPair(const LineScan& scan, const Reference& reference, 
   const auto& beams = scan.beams();
   const auto& others = reference.scan->beams();
   const int m = static_cast<int>(others.size());
+  if (m == 0) return;
   const double per_radian = m / (2.0 * M_PI);
   for (std::size_t j = 0, step = stride(scan); j < beams.size(); j += step) {
     const LineScan::Beam& beam = beams[j];
@@ -122,6 +123,9 @@ void ScanMatcher::addReference(const LineScan& scan, const Reference& reference,
     sums.g += g;
     sector.h += h;
     sector.g += g;
+    // Of the gradient by the residual, in units of the weighted square: Cauchy's ψ′ over ψ/z.
+    sector.derivative +=
+        pair.weight * (1.0 - pair.z2() / (options_.robust_sigmas * options_.robust_sigmas)) * h;
     sums.chi2 += pair.weight * pair.z2();
     sums.weight += pair.weight;
     ++sums.pairs;
@@ -165,35 +169,54 @@ CalibrationTerms ScanMatcher::calibrationTerms(const LineScan& scan, const Pose2
   return terms;
 }
 
-/// Mean over the directions of the pose of the variance of the sectors' gradients at the optimum of the scan,
-/// over the information (cluster-robust covariance; Liang, Zeger 1986). Of sums over all references; divided
-/// by their number it is that of their mean.
+/// Mean over the directions of the pose of its variance by the sectors' gradients, over that by the
+/// information (cluster-robust covariance of an M-estimator; Liang, Zeger 1986): the gradients are weighed by
+/// the true derivative of the robust cost, and adjacent sectors go together (Newey, West 1987, lag 1). Far
+/// from the optimum, where the prior holds the pose, the robust cost is not convex: there the information
+/// stands for the derivative. Of sums over all references; divided by their number it is that of their mean.
 double ScanMatcher::scatter() const {
-  Eigen::Matrix3d total = Eigen::Matrix3d::Zero(), spread = Eigen::Matrix3d::Zero();
+  constexpr double kAdjacent = 0.5;         // weight of lag 1
+  constexpr double kLeastDerivative = 0.5;  // 1, of the information; normal noise has 0.8
+  Eigen::Matrix3d total = Eigen::Matrix3d::Zero(), derivative = Eigen::Matrix3d::Zero();
   Eigen::Vector3d g = Eigen::Vector3d::Zero();
   int filled = 0;
   for (const Sector& sector : sectors_) {
     total += sector.h;
+    derivative += sector.derivative;
     g += sector.g;
     filled += sector.h.isZero() ? 0 : 1;
   }
   if (filled <= kPoseParameters) return 1.0;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(total);
+  const Eigen::Matrix3d axes = solver.eigenvectors();
   const Eigen::Vector3d roots = solver.eigenvalues();
-  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  const auto determined = [&](Eigen::Index i) { return roots(i) > kLoose; };
   int directions = 0;
+  bool convex = true;
   for (Eigen::Index i = 0; i < 3; ++i) {
-    if (!(roots(i) > kLoose)) continue;
-    inverse += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).transpose() / roots(i);
+    if (!determined(i)) continue;
     ++directions;
+    convex = convex && axes.col(i).dot(derivative * axes.col(i)) > kLeastDerivative * roots(i);
   }
   if (directions == 0) return 1.0;
-  const Eigen::Vector3d optimum = inverse * g;
-  for (const Sector& sector : sectors_) {
-    const Eigen::Vector3d left = sector.g - sector.h * optimum;
-    spread += left * left.transpose();
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (!determined(i)) continue;
+    const double slope = convex ? axes.col(i).dot(derivative * axes.col(i)) : roots(i);
+    inverse += axes.col(i) * axes.col(i).transpose() / slope;
   }
-  return static_cast<double>(filled) / (filled - kPoseParameters) * (inverse * spread).trace() / directions;
+  const Eigen::Vector3d optimum = inverse * g;
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  const auto left = [&](std::size_t k) -> Eigen::Vector3d {
+    const Sector& sector = sectors_[k % sectors_.size()];
+    return sector.g - (convex ? sector.derivative : sector.h) * optimum;
+  };
+  for (std::size_t k = 0; k < sectors_.size(); ++k) {
+    const Eigen::Vector3d own = left(k), next = left(k + 1);
+    spread += own * own.transpose() + kAdjacent * (own * next.transpose() + next * own.transpose());
+  }
+  const Eigen::Matrix3d covariance = inverse * spread * inverse;
+  return static_cast<double>(filled) / (filled - kPoseParameters) * (covariance * total).trace() / directions;
 }
 
 Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::Matrix3d& prior,

@@ -88,6 +88,7 @@ class ScanMatcher {
   struct Sector {
     Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
     Eigen::Vector3d g = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d derivative = Eigen::Matrix3d::Zero();  ///< of −g by the pose
   };
   double scatter() const;
   std::vector<Sector> sectors_;

@@ -14,6 +14,9 @@ constexpr double kNear_m = 0.5, kNear_rad = 0.5;          // largest deviation t
 constexpr double kLeap_m = 0.15, kLeap_rad = 0.3;         // against the last velocity
 constexpr double kFromRest_m = 0.5, kFromRest_rad = 1.0;  // against standing still, on the first frames
 constexpr double kBeyond_mps = 3.0;
+/// Wheels that grip reach no more: friction of 0.4 g; turning, with 0.5 m from the centre. Beyond some tenths
+/// of a second the last velocity says nothing.
+constexpr double kAcceleration_mps2 = 4.0, kTurning_radps2 = 8.0;
 constexpr double kLastVelocity_m = 0.1,
                  kLastVelocity_rad = 0.2;          // σ of the last velocity where one object confirms it
 constexpr double kOutline_m = 0.01, kMost = 16.0;  // σ of a typical distance; χ² of a missing object
@@ -291,11 +294,14 @@ struct Extrapolation {
     is_known = way.has_value();
     if (way) odom_from_base = since * *way;
   }
-  bool isLeap(const Pose2& given) const {
-    return !isNear(odom_from_base, given, is_known ? kLeap_m : kFromRest_m,
-                   is_known ? kLeap_rad : kFromRest_rad);
-  }
   /// True if no robot can change its speed by so much between two frames.
+  bool isLeap(const Pose2& given) const {
+    const double square = dt_s * dt_s;
+    return !isNear(odom_from_base, given,
+                   std::max(is_known ? kLeap_m : kFromRest_m, kAcceleration_mps2 * square),
+                   std::max(is_known ? kLeap_rad : kFromRest_rad, kTurning_radps2 * square));
+  }
+  /// True if no robot can drive so far between two frames.
   bool isImpossible(const Pose2& given) const {
     return !isNear(odom_from_base, given, std::max(kFromRest_m, kBeyond_mps * dt_s), M_PI);
   }

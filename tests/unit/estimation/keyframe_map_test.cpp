@@ -133,9 +133,62 @@ TEST(KeyframeMap, ReferencesInMapNeedACertainPlace) {
   EXPECT_TRUE(map.references(1.01 * trust_m2, map.pose(0)).empty());
 }
 
+/// Systematic errors and reach follow the noise and the ranges of the scans: twice as large a room has twice
+/// as large a reach, and at twice the distance the same share of the noise.
+TEST(KeyframeMap, ReachAndSystematicErrorsScaleWithTheScans) {
+  const auto mapOf = [](double scale) {
+    scan::testing::Scene room = scan::testing::furnishedRoom();
+    for (Polygon& outline : room.outlines)
+      for (auto& corner : outline) corner *= scale;
+    std::mt19937 random(4);
+    scan::LineScan scan;
+    scan.fit(room.scan({}, kScanSigma / scale, random));  // σ of the range grows in proportion
+    KeyframeMap map({});
+    map.add({}, {}, scan, {}, {});
+    return map;
+  };
+  const KeyframeMap small = mapOf(1.0), large = mapOf(2.0);
+  EXPECT_NEAR(large.reachM(0), 2.0 * small.reachM(0), 0.02 * small.reachM(0));
+  for (const double distance_m : {0.0, 0.5, 2.0}) {
+    const Eigen::Vector3d a = small.systematic(0, distance_m).diagonal().cwiseSqrt(),
+                          b = large.systematic(0, 2.0 * distance_m).diagonal().cwiseSqrt();
+    EXPECT_NEAR(b.x(), 2.0 * a.x(), 0.05 * a.x()) << distance_m;
+    EXPECT_NEAR(b.z(), a.z(), 0.05 * a.z()) << distance_m;
+  }
+  EXPECT_GT(small.systematic(0, 1.0)(0, 0), small.systematic(0, 0.0)(0, 0));
+}
+
+/// Many matches of one scan are no more certain than one match with a scan without noise.
+TEST(KeyframeMap, PairsOfAScanShareItsNoise) {
+  KeyframeOptions options;
+  options.sigma_share = 0.0;
+  options.spacing_m = 0.02;
+  const auto sigma2 = [&](int neighbours) {
+    KeyframeMap map(options);
+    std::mt19937 random(5);
+    const auto add = [&](const Pose2& pose) {
+      KeyframeMap::Held held;
+      held.covariance = diagonal(1e-6, 1e-6);
+      std::vector<Id> known = map.all();
+      if (map.size() < static_cast<std::size_t>(neighbours)) {
+        known.clear();  // known absolutely
+      } else {
+        held.previous = 0;
+        held.previous_from_this = map.pose(0).inverse() * pose;
+      }
+      return map.add(pose, {}, roomScan(pose, random), held, known);
+    };
+    for (int k = 0; k < neighbours; ++k) add({0.03 * k, 0.0, 0.0});
+    return map.covariance(add({0.0, 0.1, 0.0}))(0, 0);
+  };
+  const double one = sigma2(1), eight = sigma2(8);
+  EXPECT_LT(eight, one);
+  EXPECT_NEAR(eight / one, (1.0 + 1.0 / 8.0) / 2.0, 0.15) << "σ² (1 + 1/n)";
+}
+
 TEST(KeyframeMap, NearestAreSortedWithinReach) {
   KeyframeOptions options;
-  options.reach_m = 0.8;
+  options.reach = 0.8;
   const BareChain chain = keyframeCircle(16, options);
   const Pose2 at{0.5, 0.1, 0.0};
   const auto distance = [&](Id k) { return (chain.map.pose(k).translation() - at.translation()).norm(); };
@@ -143,7 +196,7 @@ TEST(KeyframeMap, NearestAreSortedWithinReach) {
   EXPECT_TRUE(
       std::is_sorted(within.begin(), within.end(), [&](Id a, Id b) { return distance(a) < distance(b); }));
   for (Id k = 0; k < chain.map.size(); ++k)
-    EXPECT_EQ(contains(within, k), distance(k) <= options.reach_m) << k;
+    EXPECT_EQ(contains(within, k), distance(k) <= chain.map.reachM(k)) << k;
   ASSERT_GT(within.size(), 6U);
   const std::vector<Id> few = chain.map.nearest(at, chain.map.all(), 3);
   EXPECT_EQ(few, std::vector<Id>(within.begin(), within.begin() + 3));

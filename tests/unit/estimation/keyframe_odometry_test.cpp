@@ -141,7 +141,7 @@ TEST(KeyframeOdometry, JitterThatIsLearntLaterAppliesToEarlierKeyframes) {
 
 TEST(KeyframeOdometry, ReferencesEndWhereTheWayIsTooUncertain) {
   KeyframeOptions options;
-  options.reach_m = 100.0;
+  options.reach = 100.0;
   options.trust_m = 0.01;
   KeyframeMap map(options);
   KeyframeMap::Held held;

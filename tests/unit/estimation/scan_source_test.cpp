@@ -149,12 +149,12 @@ TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
 
 TEST(ScanSource, BeamsOnMovingObjectsAreLeftOut) {
   const std::vector<Pose2> path = circularPath(80);
-  // Something stands before a third of the beams and goes with the robot.
+  // Something stands before half of the beams and goes with the robot.
   const auto hide = [](bool labelled) {
     return [labelled](std::size_t, Objects& frame) {
       Boundary& b = frame.boundary;
       b.moving.assign(b.inverse_m.size(), 0);
-      for (std::size_t k = 0; k < b.inverse_m.size() / 3; ++k) {
+      for (std::size_t k = 0; k < b.inverse_m.size() / 2; ++k) {
         b.inverse_m[k] = 2.5f;
         b.moving[k] = labelled ? 1 : 0;
       }

@@ -383,5 +383,28 @@ TEST(MatchScatter, IsLargeForErrorsCommonToNeighbours) {
   }
 }
 
+/// The prior of slipping wheels holds the pose away from the scan's optimum. That is no scatter of the scan.
+TEST(MatchScatter, IsBoundedWhereAPriorHoldsThePoseOff) {
+  const testing::Scene room = plainRoom();
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    std::mt19937 random(seed);
+    Boundary boundary = testing::seenBy({}, room, {}, kCameraSigma);
+    testing::addNoise(boundary, random);
+    LineScan reference, scan;
+    reference.fit(boundary);
+    const Pose2 truth{0.1, 0.1, 0.05};
+    boundary = testing::seenBy({}, room, truth, kCameraSigma);
+    testing::addNoise(boundary, random);
+    scan.fit(boundary);
+    ScanMatcher matcher;
+    const Eigen::Matrix3d sure = Eigen::Vector3d(1e8, 1e8, 1e8).asDiagonal();
+    for (const double off_m : {0.01, 0.02, 0.04}) {
+      const Match match = matcher.match(scan, truth * Pose2{off_m, 0.0, 0.0}, sure, {{&reference, {}}});
+      if (!match.valid) continue;
+      EXPECT_LT(match.scatter, 10.0) << seed << ", " << off_m;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace omnifleet::scan

@@ -33,6 +33,47 @@ TEST(LineScan, FindsTheWallsOfARoom) {
   EXPECT_EQ(right, static_cast<int>(scan.lines()));
 }
 
+TEST(LineScan, HasTheMeanRangeAndTheNoiseOfItsRanges) {
+  // A regular polygon of many sides around the scanner: all ranges are 2 m.
+  Polygon round;
+  for (int k = 0; k < 90; ++k) {
+    const double angle = 2.0 * M_PI * k / 90;
+    round.push_back({2.0 * std::cos(angle), 2.0 * std::sin(angle)});
+  }
+  std::mt19937 random(6);
+  LineScan scan;
+  scan.fit(testing::Scene{{round}}.scan({}, kNoise, random));
+  EXPECT_NEAR(scan.meanRangeM(), 2.0, 0.005);
+  EXPECT_NEAR(scan.medianSigmaM(), 4.0 * kNoise, 0.1 * 4.0 * kNoise);  // σ of r is r²·σ of 1/r
+  Boundary nothing;
+  nothing.inverse_m.assign(360, 0.0f);
+  nothing.sigma.assign(360, 0.0f);
+  scan.fit(nothing);
+  EXPECT_EQ(scan.meanRangeM(), 0.0);
+  EXPECT_EQ(scan.medianSigmaM(), 0.0);
+}
+
+TEST(LineScan, FindsNoLineInThreeBeams) {
+  // Between two depth jumps few beams show a face: four have a line, three fit almost anything.
+  for (const int beams : {3, 4, 5}) {
+    std::mt19937 random(7);
+    Boundary boundary = testing::Scene{{{{-2, -1.5}, {2, -1.5}, {2, 1.5}, {-2, 1.5}}}}.scan({}, 0.0, random);
+    for (auto& sigma : boundary.sigma) sigma = static_cast<float>(kNoise);
+    for (std::size_t i = 200; i < 220; ++i) boundary.inverse_m[i] = 0.0f;
+    const testing::Scene post{{{{-0.9, 0.0}, {-0.85, 0.0}, {-0.85, 1.0}, {-0.9, 1.0}}}};
+    const Boundary face = post.scan({}, 0.0, random);
+    int shown = 0;
+    for (std::size_t i = 290; shown < beams; ++i, ++shown) boundary.inverse_m[i] = face.inverse_m[i];
+    for (std::size_t i = 285; i < 290; ++i) boundary.inverse_m[i] = boundary.inverse_m[i + 15] = 0.0f;
+    LineScan scan;
+    scan.fit(boundary);
+    int lines = 0;
+    for (std::size_t i = 290; i < 300; ++i)
+      lines += scan.beams()[i].has_line && scan.beams()[i].s > 0.9f ? 1 : 0;
+    EXPECT_EQ(lines > 0, beams >= 4) << beams;
+  }
+}
+
 TEST(LineScan, LeavesOutDepthJumpsAndOutliers) {
   std::mt19937 random(2);
   const testing::Scene room = testing::furnishedRoom();

@@ -44,6 +44,14 @@ TEST(ScanMatcher, RecoversThePoseFromAWrongStart) {
   }
 }
 
+TEST(ScanMatcher, MatchesNothingWithAnEmptyReference) {
+  std::mt19937 random(1);
+  const LineScan empty;
+  LineScan scan;
+  scan.fit(testing::furnishedRoom().scan({}, kSigma, random));
+  EXPECT_FALSE(ScanMatcher().match(scan, {}, kLoose, {{&empty, {}}}).valid);
+}
+
 TEST(ScanMatcher, InformationMatchesTheErrors) {
   const testing::Scene room = testing::furnishedRoom();
   double sum = 0.0;

@@ -143,5 +143,21 @@ TEST(StepScans, ConfirmALeapThatNoObjectShows) {
   EXPECT_FALSE(runStep(step).used.valid);
 }
 
+/// A robot that may have sped up for three seconds is not where its last speed would put it.
+TEST(StepScans, TheLastSpeedRejectsNoWheelsAfterALongStep) {
+  StepInScene step;
+  step.in_room = false;
+  TimeNs later_ns = 0;
+  step.change = [](Scene& scene) { scene.bodies[0].pose = scene.bodies[0].pose * Pose2{0.6, 0.0, 0.0}; };
+  step.garble = [&](LocalMap& map) {
+    map.acquired_ns += later_ns;
+    map.objects.clear();
+    map.scan.object.assign(map.scan.object.size(), 1);  // all beams end at objects
+  };
+  EXPECT_FALSE(runStep(step).used.valid) << "0.6 m from one frame to the next";
+  later_ns = 3000000000;
+  EXPECT_TRUE(runStep(step).isGiven()) << "0.6 m in three seconds";
+}
+
 }  // namespace
 }  // namespace omnifleet::sim
