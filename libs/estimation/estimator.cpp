@@ -178,7 +178,7 @@ std::vector<FleetEstimator::Impl::Frame> FleetEstimator::Impl::admit(
     RobotNode* robot = fleet.find(objects->robot);
     if (robot == nullptr) throw std::runtime_error("estimator: unknown robot '" + objects->robot + "'");
     const bool fresh = !robot->started || objects->acquired_ns > robot->last_frame_ns;
-    frames.push_back({objects, robot, fresh, {}, false});
+    frames.push_back({objects, robot, fresh, {}});
   }
   return frames;
 }
@@ -188,10 +188,16 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
   for (Frame& frame : frames) {
     if (!frame.fresh) continue;
     RobotNode& robot = *frame.robot;
+    robot.measured = false;
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
+      const Eigen::Matrix3d before = robot.covariance;
       fleet.advance(robot, *frame.objects);
+      const Step& step = robot.window.back();
+      frame.predicted = fleet.pose(step.pose);
+      frame.predicted_covariance =
+          composeCovariance(before, step.previous_from_current, step.motion_covariance);
       ++robot.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
       placeInitially(robot, *frame.objects);

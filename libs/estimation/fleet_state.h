@@ -162,10 +162,11 @@ struct RobotNode {
   ScanAid scan_aid;
   LocalizationMonitor monitor;
   std::optional<Relocalizer> relocalizer;
-  PoseEvent event = PoseEvent::kNone;                    ///< of the newest frame
-  double correction_sigmas = 0.0;                        ///< of that event
-  bool unrefined = false;                                ///< its newest frame is not in the last whole solve
-  bool started = false;                                  ///< a frame has come
+  bool measured = false;               ///< since its last frame an absolute measurement has been accepted
+  PoseEvent event = PoseEvent::kNone;  ///< of the newest frame
+  double correction_sigmas = 0.0;      ///< of that event
+  bool unrefined = false;              ///< its newest frame is not in the last whole solve
+  bool started = false;                ///< a frame has come
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
   CameraCovariance camera_covariance = CameraCovariance::Identity();  ///< of its camera's error
   Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error

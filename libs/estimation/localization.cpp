@@ -59,6 +59,16 @@ void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& fo
   fleet.keyframes.closeLoop(aid.anchor->keyframe, found.keyframe, from_to, covariance);
 }
 
+/// A pose that no search has moved, but whatever else by more than 3 σ of its prediction.
+void noteCorrection(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
+  if (robot.event != PoseEvent::kNone || !frame.predicted || !robot.located()) return;
+  const double sigmas =
+      sigmasOf(*frame.predicted, frame.predicted_covariance, fleet.pose(robot.window.back().pose));
+  if (!(sigmas > kEvent_sigmas)) return;
+  robot.correction_sigmas = sigmas;
+  robot.event = robot.measured ? PoseEvent::kAbsolute : PoseEvent::kCorrected;
+}
+
 }  // namespace
 
 void localize(FleetState& fleet, RobotFrame& frame) {
@@ -103,6 +113,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
     }
   }
   robot.monitor.update(evidence);
+  noteCorrection(fleet, robot, frame);
 }
 
 Eigen::Matrix3d suspectedMove(const RobotNode& robot) {

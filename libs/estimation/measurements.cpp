@@ -87,6 +87,9 @@ void MeasurementQueue::attach(FleetState& fleet, TimeNs time, const std::vector<
   for (const Measurement& measurement : waiting_) {
     const Outcome outcome = attachOne(fleet, measurement, frames);
     if (outcome == Outcome::kDone) {
+      const bool absolute = measurement.kind == MeasurementKind::kAbsolutePose ||
+                            measurement.kind == MeasurementKind::kPosition;
+      if (RobotNode* robot = fleet.find(measurement.to); robot != nullptr && absolute) robot->measured = true;
       for (const std::string* name : {&measurement.from, &measurement.to}) {
         if (RobotNode* robot = fleet.find(*name)) robot->unobserved = 0;
       }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "estimation/association.h"
@@ -18,6 +20,9 @@ struct RobotFrame {
   bool unfamiliar = false;   ///< of what it sees little is known, and what is known is not seen
   bool settled = false;      ///< it is where its motion has put it, or has been put elsewhere
   bool after_gap = false;    ///< for much longer than usual no frame has come: what was done to it nobody saw
+  /// The pose by the last one and its motion alone; none on a robot's first frame.
+  std::optional<Pose2> predicted = std::nullopt;
+  Eigen::Matrix3d predicted_covariance = Eigen::Matrix3d::Identity();  ///< of it in map, right perturbation
 
   bool isPlaced() const { return fresh && robot->located(); }
   /// It was watched all the way here, and sees now.

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -39,9 +40,10 @@ struct ScanRun {
   }
 };
 
-/// @param change what a test does to the frame of a number
+/// @param change what a test does to the frame of a number @param measure absolute pose at that frame
 ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options,
-                 const std::function<void(std::size_t, Objects&)>& change = {}) {
+                 const std::function<void(std::size_t, Objects&)>& change = {},
+                 const std::function<std::optional<Pose2>(std::size_t)>& measure = {}) {
   RobotSetup setup;
   setup.name = "r1";
   setup.body.radius_m = 0.1;
@@ -67,7 +69,16 @@ ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options
       frame.motion.covariance = Eigen::Vector3d(way_m * way_m, 1e-6, turn_rad * turn_rad).asDiagonal();
     }
     if (change) change(i, frame);
-    const PoseEstimate pose = estimator.process(frame.acquired_ns, {&frame}, {}).front();
+    Measurement measurement;
+    std::vector<const Measurement*> measurements;
+    if (const auto measured = measure ? measure(i) : std::nullopt) {
+      measurement.to = "r1";
+      measurement.acquired_ns = frame.acquired_ns;
+      measurement.value = measured->vector();
+      measurement.covariance = 1e-6 * Eigen::Matrix3d::Identity();
+      measurements.push_back(&measurement);
+    }
+    const PoseEstimate pose = estimator.process(frame.acquired_ns, {&frame}, measurements).front();
     if (estimator.refineDue()) estimator.refine();
     const Pose2 error = pose.map_from_base.inverse() * path[i];
     run.errors_m.push_back(error.translation().norm());
@@ -122,6 +133,32 @@ TEST(ScanSource, ASlipIsCorrectedAtOnce) {
   });
   EXPECT_LT(run.worst_m, 0.02);
   EXPECT_EQ(run.count(LocalizationState::kLocalized), path.size());
+}
+
+TEST(ScanSource, ACorrectionBeyondThreeSigmasIsAnEvent) {
+  const std::vector<Pose2> path = circularPath(60);
+  for (const PoseEstimate& pose : runScans(path, {}).poses) EXPECT_EQ(pose.event, PoseEvent::kNone);
+  const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
+    if (i == 40) frame.motion.previous_from_current.x_m += 0.06;
+  });
+  EXPECT_EQ(run.poses[39].event, PoseEvent::kNone);
+  EXPECT_EQ(run.poses[40].event, PoseEvent::kCorrected);
+  EXPECT_GT(run.poses[40].correction_sigmas, 3.0);
+  EXPECT_LT(run.errors_m[40], 0.02);
+}
+
+TEST(ScanSource, ACorrectionByAnAbsoluteMeasurementIsAnEventOfItsOwn) {
+  const std::vector<Pose2> path = circularPath(60);
+  const auto measure = [&](std::size_t i) -> std::optional<Pose2> {
+    if (i < 40) return std::nullopt;
+    return Pose2{path[i].x_m + 0.3, path[i].y_m, path[i].theta_rad};
+  };
+  const ScanRun run = runScans(path, {}, {}, measure);
+  const auto corrected = std::find_if(run.poses.begin(), run.poses.end(),
+                                      [](const PoseEstimate& p) { return p.event != PoseEvent::kNone; });
+  ASSERT_NE(corrected, run.poses.end());
+  EXPECT_EQ(corrected->event, PoseEvent::kAbsolute);
+  EXPECT_GT(corrected->correction_sigmas, 3.0);
 }
 
 TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
