@@ -33,6 +33,8 @@ class OdometryQuality {
   /// A step without wheels, or with rejected ones: the next correction has no predecessor.
   void interrupt();
 
+  /// As many matches as the prior weighs have measured its turns.
+  bool isConfirmed() const { return turn_.steps >= options_.prior_steps; }
   double jitterM() const { return jitter_m_; }      ///< m, σ of a frame's place on the path of the wheels
   double jitterRad() const { return jitter_rad_; }  ///< rad, of its heading
   double wayScale() const { return way_scale_; }  ///< σ of the path, in units of what the wheels claim; ≥ 1

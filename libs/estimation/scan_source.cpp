@@ -356,6 +356,11 @@ void ScanSource::keep(FleetState& fleet) {
     ScanAid& aid = robot.scan_aid;
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
     if (robot.monitor.isInDoubt()) continue;  // a wrong place must not enter the map
+    // Where nothing of a scan matches, only the wheels say where it belongs: those that matches have
+    // confirmed.
+    const Step& step = robot.window.back();
+    const bool by_wheels = step.wheels && !step.wheels_rejected && aid.odometry.isConfirmed();
+    if (aid.held && !aid.matched && !by_wheels) continue;
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
     if (!map.wants({map_from_base, aid.scan.sectors()}, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;

@@ -108,7 +108,8 @@ void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
   // Slip makes no robot go farther than its wheels. Wheels with another clock do, by their jitter.
   constexpr double kJitters = 3.0 * M_SQRT2;  // σ of a difference of two frames
   const OdometryQuality& odometry = frame.robot->scan_aid.odometry;
-  if (!step.wheels ||
+  // A scan that matches around the robot is evidence against a kidnapping.
+  if (!step.wheels || frame.robot->scan_aid.suffices ||
       (way.translation().norm() < step.rolled_m + kSlip_m + kJitters * odometry.jitterM() &&
        std::abs(way.theta_rad) < step.rolled_rad + kSlip_rad + kJitters * odometry.jitterRad())) {
     tellSlip(frame);

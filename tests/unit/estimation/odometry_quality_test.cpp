@@ -116,6 +116,22 @@ class WheelsUnderScans {
   Pose2 at_{0.2, -1.2, 0.0}, jitter_;
 };
 
+TEST(OdometryQuality, IsConfirmedByMatchesOfItsTurnsOnly) {
+  OdometryQualityOptions options;
+  OdometryQuality sharp(options), vague(options), wrong(options);
+  const Eigen::Matrix3d claimed = 1e-4 * Eigen::Matrix3d::Identity(),
+                        match = 1e-6 * Eigen::Matrix3d::Identity(),
+                        loose = 1e-2 * Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 3 * static_cast<int>(options.prior_steps); ++i) {
+    EXPECT_EQ(sharp.isConfirmed(), i > static_cast<int>(options.prior_steps)) << i;
+    sharp.add({0.001, 0.0, 0.001}, match, claimed, 0.1);
+    vague.add({0.001, 0.0, 0.001}, loose, claimed, 0.1);
+    wrong.add({1.0, 0.0, 1.0}, match, claimed, 0.1);
+  }
+  EXPECT_FALSE(vague.isConfirmed()) << "a corridor shows no turn";
+  EXPECT_FALSE(wrong.isConfirmed()) << "too far off to be noise";
+}
+
 TEST(OdometryQuality, TakesWheelsAtTheirWord) {
   const LearntQuality learnt = WheelsUnderScans(1).drive({});
   EXPECT_LT(learnt.turn_scale, 1.3);
