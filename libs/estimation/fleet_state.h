@@ -52,7 +52,7 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
-  bool wheels_rejected = false;             ///< the wheels told another one, which what is seen refutes
+  bool wheels_rejected = false;             ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
   std::optional<Pose2> told;  ///< what was reported of it

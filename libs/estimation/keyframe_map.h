@@ -31,7 +31,7 @@ struct KeyframeOptions {
   double sigma_share = 0.13;   ///< 1, systematic error of a match in units of the σ of a beam, …
   double sigma_growth = 5.4;  ///< 1, … its growth with the square of (distance of the scans / mean range), …
   double sigma_turn = 0.67;        ///< 1, … and of its heading in units of (error / mean range)
-  double least_baseline_m = 0.15;  ///< m; nearer pairs say nothing about calibrations
+  double least_baseline_m = 0.15;  ///< m; nearer pairs are no evidence about calibrations
   /// 1; the evidence of pairs about calibrations is divided by it: pairs that share a scan are not
   /// independent
   double correlated = 8.0;
@@ -124,8 +124,8 @@ class KeyframeMap {
   /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
   void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 
-  /// Systematic covariance of a match with a keyframe over a distance, right perturbation: what the beams
-  /// have in common. Errors of a range grow with it, and scans from afar show other sides of things.
+  /// Systematic covariance of a match with a keyframe over a distance, right perturbation: errors that
+  /// the beams share. They grow with the distance, because the two scans then show other sides of the objects.
   Eigen::Matrix3d systematic(Id keyframe, double distance_m) const;
   /// m; scans farther away from a keyframe have too little in common with it.
   double reachM(Id keyframe) const;

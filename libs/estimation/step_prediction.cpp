@@ -42,7 +42,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     if (previous->motion != kNoFactor && last_dt > 0) {
       step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
     }
-    // While nothing tells, a wrong speed stays wrong: σ grows with time, not with its root.
+    // Without observations a wrong speed stays wrong: σ grows with time, not with its root.
     const double longer = robot.scan_aid.matched ? 1.0 : 2.0 * robot.unobserved + 1.0;
     step.motion_covariance = longer * unknownMotion(dt);
   }

@@ -27,7 +27,6 @@ void conclude(FleetState& fleet, RobotNode& robot) {
   Start& start = robot.start;
   start.pose = start.anchor = 0;
   if (!start.told || !isWrong(fleet, robot)) return;
-  if (fleet.robots.size() == 1 && !fleet.tied) return;  // its initial pose defines the map
   ++robot.status.wrong_starts;
   const auto right = std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
     return &other != &robot && other.start.told && !isWrong(fleet, other);

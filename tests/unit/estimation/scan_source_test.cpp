@@ -34,6 +34,7 @@ struct ScanRun {
   std::vector<PoseEstimate> poses;
   std::vector<double> errors_m;
   double worst_m = 0.0, nees = 0.0;
+  RobotStatus status;  ///< at the end
   std::size_t count(LocalizationState state) const {
     return static_cast<std::size_t>(
         std::count_if(poses.begin(), poses.end(), [&](const PoseEstimate& p) { return p.state == state; }));
@@ -87,6 +88,7 @@ ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options
     if (pose.valid) run.nees += e.dot(pose.covariance.ldlt().solve(e)) / static_cast<double>(path.size());
     run.poses.push_back(pose);
   }
+  run.status = estimator.status("r1");
   return run;
 }
 
@@ -159,6 +161,33 @@ TEST(ScanSource, ACorrectionByAnAbsoluteMeasurementIsAnEventOfItsOwn) {
   ASSERT_NE(corrected, run.poses.end());
   EXPECT_EQ(corrected->event, PoseEvent::kAbsolute);
   EXPECT_GT(corrected->correction_sigmas, 3.0);
+}
+
+/// Wheels that no match has confirmed put the robot far outside of the map, where nothing contradicts it. Its
+/// scans must not extend the map there and then confirm themselves.
+TEST(ScanSource, AWrongPlaceOutsideTheMapDoesNotConfirmItself) {
+  const std::vector<Pose2> path = circularPath(60);
+  const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
+    if (i == 3) frame.motion.previous_from_current.x_m += 30.0;
+  });
+  int wrong = 0;
+  for (std::size_t i = 10; i < path.size(); ++i)
+    wrong += run.poses[i].state == LocalizationState::kLocalized && run.errors_m[i] > 0.1 ? 1 : 0;
+  EXPECT_EQ(wrong, 0);
+}
+
+/// Objects have replaced the motion of wheels that count nothing. The scan confirms the pose: nobody moved
+/// the robot.
+TEST(ScanSource, StalledWheelsAreNoKidnappingWhileTheScanMatches) {
+  const std::vector<Pose2> path = circularPath(60);
+  const ScanRun run = runScans(path, {}, [&](std::size_t i, Objects& frame) {
+    if (i < 30 || i >= 40) return;
+    frame.motion.previous_from_current = path[i - 1].inverse() * path[i];
+    frame.motion.wheels_rejected = true;  // left_m and right_m are 0
+  });
+  EXPECT_EQ(run.status.losses, 0);
+  EXPECT_GT(run.status.slips, 0);
+  EXPECT_LT(run.worst_m, 0.02);
 }
 
 TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
