@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
@@ -25,12 +26,32 @@ Json point(const Eigen::Vector2d& p) {
   return Json::array({rounded(p.x()), rounded(p.y())});
 }
 
-Json feature(const MapObject& object) {
-  Json ring = Json::array();
+Json geometryOf(const MapObject& object) {
+  Json points = Json::array();
   Polygon outline = object.outline_m;
-  if (signedArea(outline) < 0.0) std::reverse(outline.begin(), outline.end());
-  for (const Eigen::Vector2d& vertex : outline) ring.push_back(point(vertex));
-  if (!outline.empty()) ring.push_back(point(outline.front()));
+  if (!object.isOpen() && signedArea(outline) < 0.0) std::reverse(outline.begin(), outline.end());
+  for (const Eigen::Vector2d& vertex : outline) points.push_back(point(vertex));
+  if (object.isOpen()) return {{"type", "LineString"}, {"coordinates", points}};
+  if (!outline.empty()) points.push_back(point(outline.front()));
+  return {{"type", "Polygon"}, {"coordinates", Json::array({points})}};
+}
+
+/// Rounds to 0.01 mm².
+Json covariance(const Eigen::Matrix2d& m2) {
+  Json rows = Json::array();
+  for (int i = 0; i < 4; ++i) rows.push_back(std::round(m2(i / 2, i % 2) * 1e8) / 1e8 + 0.0);
+  return rows;
+}
+
+Json feature(const RejectedPlace& place) {
+  Json result;
+  result["type"] = "Feature";
+  result["properties"] = {{"kind", "rejected"}, {"reason", place.reason}, {"observations", place.observations}};
+  result["geometry"] = {{"type", "Point"}, {"coordinates", point(place.at_m)}};
+  return result;
+}
+
+Json feature(const MapObject& object) {
   Json properties;
   properties["id"] = object.id;
   properties["kind"] = object.kind;
@@ -39,21 +60,28 @@ Json feature(const MapObject& object) {
   properties["observations"] = object.observations;
   properties["observers"] = object.observers;
   if (object.height_m > 0.0) properties["height_m"] = rounded(object.height_m);
+  if (!object.covariance_m2.isZero()) properties["covariance_m2"] = covariance(object.covariance_m2);
+  if (!object.quality.empty()) properties["quality"] = object.quality;
   Json result;
   result["type"] = "Feature";
   result["properties"] = properties;
-  result["geometry"] = {{"type", "Polygon"}, {"coordinates", Json::array({ring})}};
+  result["geometry"] = geometryOf(object);
   return result;
 }
 
-Polygon readRing(const Json& ring) {
-  Polygon polygon;
-  for (const Json& p : ring) polygon.emplace_back(p.at(0).get<double>(), p.at(1).get<double>());
-  if (polygon.size() > 1 && polygon.front() == polygon.back()) polygon.pop_back();
-  if (polygon.size() < 3) throw std::runtime_error("a ring needs at least 3 different vertices");
-  for (const Eigen::Vector2d& p : polygon) {
+std::vector<Eigen::Vector2d> readPoints(const Json& list) {
+  std::vector<Eigen::Vector2d> points;
+  for (const Json& p : list) points.emplace_back(p.at(0).get<double>(), p.at(1).get<double>());
+  for (const Eigen::Vector2d& p : points) {
     if (!p.allFinite()) throw std::runtime_error("coordinates must be finite numbers");
   }
+  return points;
+}
+
+Polygon readRing(const Json& ring) {
+  Polygon polygon = readPoints(ring);
+  if (polygon.size() > 1 && polygon.front() == polygon.back()) polygon.pop_back();
+  if (polygon.size() < 3) throw std::runtime_error("a ring needs at least 3 different vertices");
   if (signedArea(polygon) < 0.0) std::reverse(polygon.begin(), polygon.end());
   return polygon;
 }
@@ -73,6 +101,10 @@ void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& ob
   object.height_m = properties.value("height_m", 0.0);
   const Json& geometry = json.at("geometry");
   const std::string type = geometry.at("type");
+  if (type == "LineString" && object.isOpen()) {
+    object.outline_m = readPoints(geometry.at("coordinates"));
+    objects.push_back(object);
+  }
   if (type != "Polygon" && type != "MultiPolygon") return;
   const Json& coordinates = geometry.at("coordinates");
   const Json polygons = type == "Polygon" ? Json::array({coordinates}) : coordinates;
@@ -131,17 +163,33 @@ Pgm readPgm(const std::string& path) {
 
 }  // namespace
 
-std::string objectsText(const std::vector<MapObject>& objects) {
-  std::string text = "{\"type\": \"FeatureCollection\", \"features\": [";
-  for (std::size_t i = 0; i < objects.size(); ++i) {
-    text += i ? ",\n" : "\n";
-    text += feature(objects[i]).dump();
+double MapObject::distanceTo(const Eigen::Vector2d& at_m) const {
+  if (!isOpen()) return omnifleet::distanceTo(outline_m, at_m);
+  double nearest_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i + 1 < outline_m.size(); ++i) {
+    const Eigen::Vector2d along = outline_m[i + 1] - outline_m[i], to = at_m - outline_m[i];
+    const double share = std::clamp(to.dot(along) / std::max(along.squaredNorm(), 1e-18), 0.0, 1.0);
+    nearest_m = std::min(nearest_m, (to - share * along).norm());
   }
+  return nearest_m;
+}
+
+std::string objectsText(const std::vector<MapObject>& objects, const std::vector<RejectedPlace>& rejected) {
+  std::string text = "{\"type\": \"FeatureCollection\", \"features\": [";
+  bool any = false;
+  const auto add = [&](const Json& one) {
+    text += any ? ",\n" : "\n";
+    text += one.dump();
+    any = true;
+  };
+  for (const MapObject& object : objects) add(feature(object));
+  for (const RejectedPlace& place : rejected) add(feature(place));
   return text + "\n]}\n";
 }
 
-void writeObjects(const std::string& path, const std::vector<MapObject>& objects) {
-  writeAtomic(path, objectsText(objects));
+void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
+                  const std::vector<RejectedPlace>& rejected) {
+  writeAtomic(path, objectsText(objects, rejected));
 }
 
 std::vector<MapObject> readObjects(const std::string& path) {

@@ -12,21 +12,37 @@ namespace omnifleet::dataset {
 /// One object of objects.geojson or scene.geojson. Metres, map frame.
 struct MapObject {
   std::uint64_t id = 0;
-  std::string kind = "obstacle";  ///< obstacle | robot
+  std::string kind = "obstacle";  ///< obstacle | robot | structure: an open outline of walls or furniture
   std::string name;               ///< name of a landmark; not written if empty
-  Polygon outline_m;              ///< counter-clockwise, last vertex not repeated
+  Polygon outline_m;              ///< counter-clockwise, last vertex not repeated; structure: a polyline
   Eigen::Vector2d centroid_m = Eigen::Vector2d::Zero();
   int observations = 0;
   std::vector<std::string> observers;
   double height_m = 0.0;  ///< ≤ 0: unknown, not written
+  Eigen::Matrix2d covariance_m2 =
+      Eigen::Matrix2d::Zero();       ///< of the centroid; structure: of its points. Zero: unknown, not written
+  std::vector<std::string> quality;  ///< codes of what is uncertain; see docs/methods/global_merger.md
+
+  bool isOpen() const { return kind == "structure"; }
+  /// Metres from a point to the outline; 0 inside of a closed one.
+  double distanceTo(const Eigen::Vector2d& at_m) const;
 };
 
-/// GeoJSON FeatureCollection of Polygons (closed rings, counter-clockwise), coordinates rounded to 1 µm.
-/// Deterministic text.
-std::string objectsText(const std::vector<MapObject>& objects);
+/// A candidate that is not in the map. Metres, map frame.
+struct RejectedPlace {
+  Eigen::Vector2d at_m = Eigen::Vector2d::Zero();
+  std::string reason;    ///< code; see docs/methods/global_merger.md
+  int observations = 0;  ///< number of views
+};
+
+/// GeoJSON FeatureCollection of Polygons (closed rings, counter-clockwise), of LineStrings for structure, and
+/// of Points (kind rejected) for rejected candidates. Coordinates rounded to 1 µm. Deterministic text.
+std::string objectsText(const std::vector<MapObject>& objects,
+                        const std::vector<RejectedPlace>& rejected = {});
 /// Writes atomically. Throws std::runtime_error.
-void writeObjects(const std::string& path, const std::vector<MapObject>& objects);
-/// Reads Polygon and MultiPolygon features. Each outer ring becomes one object; holes are ignored. The
+void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
+                  const std::vector<RejectedPlace>& rejected = {});
+/// Reads Polygon and MultiPolygon features, and LineString features of kind structure. Each outer ring becomes one object; holes are ignored. The
 /// default kind is obstacle; a missing centroid is computed from the polygon. Throws std::runtime_error that
 /// names file and feature.
 std::vector<MapObject> readObjects(const std::string& path);

@@ -85,7 +85,7 @@ enum class RayLabel : std::uint8_t {
   kRobot = 3,
   kUnknown = 4,  ///< an object of undecided kind
   kUndecided =
-      5  ///< local_map only: floor seen up to the range; beyond it, floor or an object that resembles it
+      5  ///< floor seen up to the range; beyond it, floor or an object that resembles it
 };
 
 /// Range per bearing from the foot of the camera, in base_link: bearing_i = 2πi/N.

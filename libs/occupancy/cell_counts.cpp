@@ -162,7 +162,7 @@ void CellCounts::forEachKnown(const std::function<void(std::int64_t, std::int64_
 }
 
 Sha256 CellCounts::hash() const {
-  std::string bytes = "omnifleet-map-2";
+  std::string bytes = "omnifleet-map-3";
   putBytes(bytes, resolution_dmm_);
   putBytes(bytes, bucket_ns_);
   for (const std::int32_t parameter : {fold_.hit, fold_.miss, fold_.min, fold_.max})

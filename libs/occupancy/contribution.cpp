@@ -63,6 +63,8 @@ void quantiseScan(const Scan& scan, Contribution& out) {
     const bool valid =
         has_origin && scan.label[i] != RayLabel::kInvalid && quantise(scan.range_m[i], range) && range > 0;
     out.range_dmm.push_back(valid ? range : 0);
+    out.sigma_dmm.push_back(valid && i < scan.sigma_m.size() ? quantiseSigma(scan.sigma_m[i])
+                                                             : std::uint16_t{0});
     out.label.push_back(valid ? scan.label[i] : RayLabel::kInvalid);
     out.object.push_back(valid && i < scan.object.size() ? scan.object[i] : std::uint16_t{0});
   }
@@ -127,13 +129,13 @@ Pose2 KeyframePose::mapFromBase() const {
   return {position.x_dmm / kDmmPerMetre, position.y_dmm / kDmmPerMetre, theta_dmrad / kDmmPerMetre};
 }
 
-Contribution makeContribution(const Objects& objects) {
+Contribution makeContribution(const Objects& objects, const Scan& rays) {
   Contribution out;
   out.robot = objects.robot;
   out.acquired_ns = objects.acquired_ns;
   out.sequence = objects.sequence;
   if (!quantise(objects.camera_height_m, out.camera_height_dmm)) out.camera_height_dmm = 0;
-  quantiseScan(objects.scan, out);
+  quantiseScan(rays, out);
   for (const auto& track : objects.tracks) {
     if (track.visible) out.views.push_back(makeView(track));
   }
@@ -174,6 +176,8 @@ std::string canonicalBytes(const Contribution& c) {
   bytes.put(c.robot).put(c.acquired_ns).put(c.sequence).put(c.camera_height_dmm).put(c.scan_origin);
   bytes.put(static_cast<std::uint32_t>(c.range_dmm.size()));
   for (const auto range : c.range_dmm) bytes.put(range);
+  bytes.put(static_cast<std::uint32_t>(c.sigma_dmm.size()));
+  for (const auto sigma : c.sigma_dmm) bytes.put(sigma);
   bytes.put(static_cast<std::uint32_t>(c.label.size()));
   for (const auto label : c.label) bytes.put(static_cast<std::uint8_t>(label));
   bytes.put(static_cast<std::uint32_t>(c.object.size()));

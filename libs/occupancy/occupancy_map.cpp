@@ -12,6 +12,7 @@
 #include "occupancy/ray_window.h"
 #include "occupancy/robot_paths.h"
 #include "occupancy/track_kinds.h"
+#include "occupancy/visible_map.h"
 #include "occupancy/voxel_counts.h"
 
 namespace omnifleet::occupancy {
@@ -30,6 +31,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
   section.read("unknown_is_hit", o.unknown_is_hit);
+  section.read("least_gap_m", o.least_gap_m, {0.0, 1.0});
   section.read("least_point_hits", o.least_point_hits, {1, 1000});
   if (std::abs(o.resolution_m * 1e4 - std::round(o.resolution_m * 1e4)) > 1e-6) {
     section.fail("resolution_m", "must be a multiple of 0.0001");
@@ -53,7 +55,7 @@ class OccupancyMap::Impl {
         window(resolution_dmm, static_cast<std::int32_t>(std::lround(given.max_range_m * 1e4))),
         default_mask(maskOf(RobotBody{})) {
     for (const auto& [robot, body] : bodies) masks.emplace(robot, maskOf(body));
-    on_change = [this](std::int64_t x, std::int64_t y, CellClass) { changed.emplace_back(x, y); };
+    on_change = [this](std::int64_t, std::int64_t, CellClass) { ++class_changes; };
   }
 
   bool add(const Contribution& contribution);
@@ -69,8 +71,8 @@ class OccupancyMap::Impl {
   CellCounts cells;
   VoxelCounts voxels;
   LayerOctree octree;
-  bool is_octree_stale = false;                                ///< a cell became unknown again
-  std::vector<std::pair<std::int64_t, std::int64_t>> changed;  ///< cells that changed class in this refresh
+  structure::SurfaceMap visible;  ///< as of the last call of freshVisible(); in the octree
+  bool is_visible_stale = true;
   RobotPaths paths;
   RayWindow window;
   std::map<std::string, BodyMask> masks;
@@ -80,7 +82,7 @@ class OccupancyMap::Impl {
   std::uint64_t class_changes = 0;
   bool correct_later = false;  ///< corrections are left to correctSome()
 
-  const LayerOctree& freshOctree();
+  const structure::SurfaceMap& freshVisible();
 
  private:
   BodyMask maskOf(const RobotBody& body) const {
@@ -99,7 +101,6 @@ class OccupancyMap::Impl {
   void placePoints(const std::vector<Sighting>& sightings, Applied& what) const;
   bool bring(const std::optional<Applied>& now, Applied& old);
   void enter(const Applied& what, int sign);
-  void writeChanged();
   void coverAll(const Applied& what, std::uint8_t bit);
   std::int64_t bucketOf(const Applied& what) const {
     return floorDivide(what.contribution->acquired_ns, bucket_ns);
@@ -199,7 +200,7 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
   } else if (!bring(now, found->second)) {
     applied.erase(found);
   }
-  writeChanged();
+  is_visible_stale = true;
 }
 
 /// Replaces the old application by the new one; if only the robots' footprints changed, only the cells that
@@ -226,26 +227,39 @@ bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) 
   return true;
 }
 
-void OccupancyMap::Impl::writeChanged() {
-  for (const auto& [x, y] : changed) {
-    const CellClass now = cells.at(x, y);
-    ++class_changes;
-    if (now == CellClass::kUnknown) {
-      is_octree_stale = true;
-    } else {
-      octree.set(x, y, now);
-    }
+/// Computes the visible cells again, if anything changed, and writes the changed ones into the octree.
+const structure::SurfaceMap& OccupancyMap::Impl::freshVisible() {
+  if (!is_visible_stale) return visible;
+  is_visible_stale = false;
+  structure::SurfaceMap now = visibleMap(cells, applied, options);
+  const auto cellOf = [&](const structure::SurfaceMap& map, std::size_t at) {
+    return std::pair{std::llround(map.origin_m.x() / options.resolution_m) +
+                         static_cast<std::int64_t>(at) % map.width,
+                     std::llround(map.origin_m.y() / options.resolution_m) +
+                         static_cast<std::int64_t>(at) / map.width};
+  };
+  const auto classIn = [&](const structure::SurfaceMap& map, std::int64_t x, std::int64_t y) {
+    if (map.width == 0) return structure::Cell::kUnknown;
+    const auto [x_low, y_low] = cellOf(map, 0);
+    const std::int64_t u = x - x_low, v = y - y_low;
+    if (u < 0 || v < 0 || u >= map.width || v >= map.height) return structure::Cell::kUnknown;
+    return map.cells[static_cast<std::size_t>(v * map.width + u)];
+  };
+  bool vanished = false;
+  for (std::size_t at = 0; at < visible.cells.size() && !vanished; ++at) {
+    if (visible.cells[at] == structure::Cell::kUnknown) continue;
+    const auto [x, y] = cellOf(visible, at);
+    vanished = classIn(now, x, y) == structure::Cell::kUnknown;
   }
-  changed.clear();
-}
-
-const LayerOctree& OccupancyMap::Impl::freshOctree() {
-  if (is_octree_stale) {
-    octree = LayerOctree(options.resolution_m);
-    cells.forEachKnown([this](std::int64_t x, std::int64_t y, CellClass now) { octree.set(x, y, now); });
-    is_octree_stale = false;
+  if (vanished) octree = LayerOctree(options.resolution_m);  // see LayerOctree::set()
+  for (std::size_t at = 0; at < now.cells.size(); ++at) {
+    if (now.cells[at] == structure::Cell::kUnknown) continue;
+    const auto [x, y] = cellOf(now, at);
+    if (vanished || classIn(visible, x, y) != now.cells[at])
+      octree.set(x, y, now.cells[at] == structure::Cell::kOccupied ? CellClass::kOccupied : CellClass::kFree);
   }
-  return octree;
+  visible = std::move(now);
+  return visible;
 }
 
 void OccupancyMap::Impl::refreshBetween(TimeNs first_ns, TimeNs last_ns) {
@@ -303,9 +317,13 @@ const ContributionStore& OccupancyMap::store() const {
 std::uint64_t OccupancyMap::classChanges() const {
   return impl_->class_changes;
 }
+const structure::SurfaceMap& OccupancyMap::visible() const {
+  return impl_->freshVisible();
+}
 std::string OccupancyMap::octreeBytes(const std::vector<dataset::MapObject>& objects) const {
   const auto columns = columnsOf(objects, impl_->options.resolution_m);
-  const LayerOctree& ground = impl_->freshOctree();
+  impl_->freshVisible();
+  const LayerOctree& ground = impl_->octree;
   const auto points = impl_->voxels.occupied();
   return columns.empty() && points.empty() ? ground.bytes() : ground.with(columns, points).bytes();
 }
@@ -323,24 +341,19 @@ CellClass OccupancyMap::at(const Eigen::Vector2d& point_m) const {
 }
 
 dataset::OccupancyGrid OccupancyMap::grid(const std::vector<dataset::MapObject>& objects) const {
+  const structure::SurfaceMap& visible = impl_->freshVisible();
   dataset::OccupancyGrid grid;
   grid.resolution_m = impl_->options.resolution_m;
-  if (impl_->cells.known() == 0) return grid;
-  constexpr std::int64_t kFar = std::int64_t{1} << 40U;
-  std::int64_t x_low = kFar, y_low = kFar, x_high = -kFar, y_high = -kFar;
-  impl_->cells.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass) {
-    x_low = std::min(x_low, x), x_high = std::max(x_high, x);
-    y_low = std::min(y_low, y), y_high = std::max(y_high, y);
-  });
-  grid.width = static_cast<int>(x_high - x_low + 1);
-  grid.height = static_cast<int>(y_high - y_low + 1);
-  grid.origin_m = Eigen::Vector2d(static_cast<double>(x_low), static_cast<double>(y_low)) * grid.resolution_m;
-  grid.cells.assign(static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height),
-                    std::int8_t{-1});
-  impl_->cells.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass now) {
-    const auto index = static_cast<std::size_t>((y - y_low) * grid.width + (x - x_low));
-    grid.cells[index] = now == CellClass::kOccupied ? std::int8_t{100} : std::int8_t{0};
-  });
+  grid.width = visible.width;
+  grid.height = visible.height;
+  grid.origin_m = visible.origin_m;
+  grid.cells.reserve(visible.cells.size());
+  for (const structure::Cell cell : visible.cells)
+    grid.cells.push_back(cell == structure::Cell::kOccupied ? std::int8_t{100}
+                         : cell == structure::Cell::kFree   ? std::int8_t{0}
+                                                            : std::int8_t{-1});
+  const std::int64_t x_low = std::llround(grid.origin_m.x() / grid.resolution_m),
+                     y_low = std::llround(grid.origin_m.y() / grid.resolution_m);
   for (const LayerOctree::Column& column : columnsOf(objects, grid.resolution_m)) {
     const std::int64_t x = column.x - x_low, y = column.y - y_low;
     if (x < 0 || y < 0 || x >= grid.width || y >= grid.height) continue;

@@ -12,6 +12,7 @@
 #include "observation/observation.h"
 #include "occupancy/contribution_store.h"
 #include "options/options.h"
+#include "structure/surface_map.h"
 
 namespace omnifleet::occupancy {
 
@@ -28,6 +29,7 @@ struct OccupancyOptions {
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body
   bool unknown_is_hit = false;     ///< whether rays at objects of undecided kind mark a cell as hit
+  double least_gap_m = 0.15;       ///< m, floor is not seen through narrower gaps between occupied cells
   int least_point_hits = 2;        ///< contributions that must have seen a point in a voxel before it counts
 
   static OccupancyOptions read(const options::Section& section);
@@ -69,8 +71,11 @@ class OccupancyMap {
   void overrideKinds(const std::map<std::pair<std::string, std::uint32_t>, ObjectKind>& kinds);
 
   const ContributionStore& store() const;
+  /// Class by the counts alone.
   CellClass at(const Eigen::Vector2d& point_m) const;
-  /// Bounding grid of all known cells (−1 unknown, 0 free, 100 occupied); width 0 if no cell is known. Cells
+  /// The cells without those that contradict each other (visible_map.h). Computed when the map has changed.
+  const structure::SurfaceMap& visible() const;
+  /// Grid of the visible cells (−1 unknown, 0 free, 100 occupied); width 0 if no cell is known. Cells
   /// whose centre lies in an object's footprint are occupied regardless of rays: an object of about the
   /// floor's colour is missed in many frames, where the rays see floor in its place.
   dataset::OccupancyGrid grid(const std::vector<dataset::MapObject>& objects = {}) const;

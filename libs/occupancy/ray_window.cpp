@@ -9,6 +9,16 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
   return {at.position.x_dmm + offset.x_dmm, at.position.y_dmm + offset.y_dmm};
 }
 
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, std::int64_t resolution_dmm,
+                   std::int64_t max_range_dmm) {
+  const std::int64_t range = contribution.range_dmm[i];
+  if (range > max_range_dmm) return {max_range_dmm, 0, RayRole::kFree};
+  if (role == RayRole::kFree) return {range, 0, role};
+  const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
+  const bool is_vague = role == RayRole::kHit && 2 * sigma > resolution_dmm;
+  return {range, std::min(sigma, range), is_vague ? RayRole::kOpen : role};
+}
+
 RayWindow::RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm)
     : resolution_(resolution_dmm), max_range_(max_range_dmm) {
   const int radius = max_range_dmm / resolution_dmm + 2;
@@ -27,22 +37,25 @@ void RayWindow::draw(const Contribution& contribution, const IntegerPose& at,
   const Turn heading = turnFromDmrad(at.theta_dmrad);
   const auto count = static_cast<std::uint32_t>(roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
-    RayRole role = roles[i];
-    if (role == RayRole::kNone) continue;
-    std::int64_t range = contribution.range_dmm[i];
-    if (range > max_range_) {
-      range = max_range_;
-      role = RayRole::kFree;
-    }
+    if (roles[i] == RayRole::kNone) continue;
+    const RayExtent ray = extentOf(contribution, i, roles[i], resolution_, max_range_);
     const Direction d = directionOf(heading + turnOfBearing(i, count));
-    drawRay(origin,
-            {static_cast<std::int32_t>(origin.x_dmm + roundQ30(range * d.cos_q30)),
-             static_cast<std::int32_t>(origin.y_dmm + roundQ30(range * d.sin_q30))},
-            role);
+    const auto pointAt = [&](std::int64_t length) {
+      return PointDmm{static_cast<std::int32_t>(origin.x_dmm + roundQ30(length * d.cos_q30)),
+                      static_cast<std::int32_t>(origin.y_dmm + roundQ30(length * d.sin_q30))};
+    };
+    drawRay(origin, pointAt(ray.range - ray.sigma), ray.role == RayRole::kFree ? kMiss : 0);
+    if (ray.role == RayRole::kHit) mark(pointAt(ray.range), kHit);
   }
 }
 
-void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, RayRole role) {
+void RayWindow::mark(const PointDmm& at, std::uint8_t bit) {
+  const std::int64_t x = floorDivide(at.x_dmm, resolution_) - first_x_,
+                     y = floorDivide(at.y_dmm, resolution_) - first_y_;
+  marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
+}
+
+void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t at_end) {
   // From here on lengths are relative to the window, so never negative.
   const std::int64_t left = first_x_ * resolution_, low = first_y_ * resolution_;
   const std::int64_t x0 = from.x_dmm - left, y0 = from.y_dmm - low, x1 = to.x_dmm - left, y1 = to.y_dmm - low;
@@ -65,8 +78,7 @@ void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, RayRole role) 
     next_x += across_x ? add_x : 0;
     next_y += across_x ? 0 : add_y;
   }
-  if (role == RayRole::kHit) *cell |= kHit;
-  if (role == RayRole::kFree) *cell |= kMiss;
+  *cell |= at_end;
 }
 
 void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit) {

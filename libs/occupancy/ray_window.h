@@ -9,9 +9,19 @@
 
 namespace omnifleet::occupancy {
 
-/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to its
-/// end, which is hit. kOpen: free up to but excluding its end.
+/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to one σ before its
+/// end, which is hit. kOpen: free up to but excluding the cell one σ before its end.
 enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen };
+
+/// How far a ray is drawn, in 0.1 mm.
+struct RayExtent {
+  std::int64_t range, sigma;
+  RayRole role;
+};
+/// Ray i of a contribution. Beyond the maximum range it is cut there, and it ends at nothing. A hit whose σ
+/// exceeds half a cell cannot be assigned to a cell: the ray shows only floor before it.
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, std::int64_t resolution_dmm,
+                   std::int64_t max_range_dmm);
 
 /// Cells are identified by integer coordinates; chunks are squares of kChunk cells.
 inline constexpr int kChunk = 16;
@@ -41,7 +51,9 @@ class RayWindow {
   }
 
  private:
-  void drawRay(const PointDmm& from, const PointDmm& to, RayRole role);
+  /// Marks the cells from one point up to but excluding that of the other, and that one with `at_end`.
+  void drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t at_end);
+  void mark(const PointDmm& at, std::uint8_t bit);
 
   std::int64_t resolution_, max_range_;
   int chunks_, width_;

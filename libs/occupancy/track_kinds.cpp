@@ -66,6 +66,7 @@ struct Known {
 
 RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
   if (label == RayLabel::kFloorEnd) return RayRole::kFree;
+  if (label == RayLabel::kUndecided) return RayRole::kOpen;
   if (known.sighted || label == RayLabel::kRobot || known.kind == ObjectKind::kRobot) return RayRole::kNone;
   if (known.is_floor_marking) return RayRole::kOpen;
   const bool is_obstacle = label == RayLabel::kObstacle || known.kind == ObjectKind::kObstacle;
@@ -84,7 +85,7 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
   Known known;
   for (std::size_t i = 0; i < count; ++i) {
     const RayLabel label = contribution.label[i];
-    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUnknown) continue;
+    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUndecided) continue;
     const std::uint16_t track = i < contribution.object.size() ? contribution.object[i] : std::uint16_t{0};
     if (track != last) {
       last = track;

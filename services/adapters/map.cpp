@@ -53,6 +53,7 @@ void toWire(const occupancy::Contribution& from, RunClock clock, v1::Contributio
   to.camera_height(from.camera_height_dmm);
   to.scan_origin(pointToWire(from.scan_origin));
   to.range(from.range_dmm);
+  to.sigma(from.sigma_dmm);
   to.label().resize(from.label.size());
   for (std::size_t i = 0; i < from.label.size(); ++i)
     to.label()[i] = static_cast<std::uint8_t>(from.label[i]);
@@ -68,11 +69,13 @@ bool fromWire(const v1::Contribution& from, occupancy::Contribution& to) {
   to.camera_height_dmm = from.camera_height();
   to.scan_origin = pointFromWire(from.scan_origin());
   to.range_dmm = from.range();
+  to.sigma_dmm = from.sigma();
   to.object = from.object();
   to.label.resize(from.label().size());
-  bool good = to.label.size() == to.range_dmm.size() && to.object.size() == to.range_dmm.size();
+  bool good = to.label.size() == to.range_dmm.size() && to.object.size() == to.range_dmm.size() &&
+              (to.sigma_dmm.empty() || to.sigma_dmm.size() == to.range_dmm.size());
   for (std::size_t i = 0; i < to.label.size(); ++i) {
-    good = enumFromWire(from.label()[i], RayLabel::kUnknown, to.label[i]) && good;
+    good = enumFromWire(from.label()[i], RayLabel::kUndecided, to.label[i]) && good;
   }
   to.views.resize(from.views().size());
   for (std::size_t i = 0; i < to.views.size(); ++i) good = viewFromWire(from.views()[i], to.views[i]) && good;

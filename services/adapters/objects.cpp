@@ -60,8 +60,6 @@ void toWire(const Objects& from, RunClock clock, v1::Objects& to) {
 
 bool fromWire(const v1::Objects& from, Objects& to) {
   bool good = frameFromWire(from, to);
-  for (const RayLabel label : to.scan.label)
-    good = good && label != RayLabel::kUndecided;  // valid only in local_map
   to.tracks.resize(from.tracks().size());
   for (std::size_t i = 0; i < to.tracks.size(); ++i)
     good = trackFromWire(from.tracks()[i], to.tracks[i]) && good;

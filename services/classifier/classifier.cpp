@@ -148,9 +148,8 @@ void Classifier::labelScan(const LocalMap& local_map) {
   for (std::size_t i = 0; i < rays; ++i) {
     const std::uint16_t label = scan.object[i];
     scan.object[i] = 0;
-    if (scan.label[i] == RayLabel::kUndecided)
-      scan.label[i] = RayLabel::kFloorEnd;  // `objects` has no undecided label
-    if (scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd) continue;
+    const bool shows_nothing = scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd;
+    if (shows_nothing || scan.label[i] == RayLabel::kUndecided) continue;
     if (scan.label[i] == RayLabel::kObstacle && label == 0)
       continue;  // a wall that the laser mapper has labelled
     scan.label[i] = RayLabel::kUnknown;

@@ -61,7 +61,7 @@ std::optional<ContributionMaker::Made> ContributionMaker::make(const Objects& ob
   if (!isSure(pose)) return std::nullopt;
   if (objects.acquired_ns != pose.acquired_ns || objects.robot != pose.robot) return std::nullopt;
   if (any_ && (objects.acquired_ns <= last_ns_ || !isDue(objects, pose.map_from_base))) return std::nullopt;
-  Made made{occupancy::makeContribution(objects), occupancy::makeKeyframePose(pose)};
+  Made made{occupancy::makeContribution(objects, rays_.of(objects)), occupancy::makeKeyframePose(pose)};
   if (!made.pose.valid) return std::nullopt;
   if (!any_) changed_ns_ = objects.acquired_ns;
   any_ = true;

@@ -18,18 +18,6 @@ struct Ends {
 
 }  // namespace
 
-bool isFlat(const Group& group, const MergerOptions& options) {
-  return group.fit.height_sigma_m > 0 && group.fit.height_m + group.fit.height_sigma_m < options.flat_m;
-}
-
-bool isFloorMarking(const Group& group, const MergerOptions& options) {
-  constexpr std::size_t kViews = 10;
-  constexpr double kSigma_m = 0.01, kSpread = 1.0;
-  const outline::PrismFit& fit = group.fit;
-  return options.method != "hull" && fit.valid && group.views.size() >= kViews && fit.spread <= kSpread &&
-         fit.covariance.diagonal().maxCoeff() <= kSigma_m * kSigma_m && isFlat(group, options);
-}
-
 std::set<std::pair<std::string, std::uint16_t>> tracksOfFloorMarkings(
     const std::vector<Polygon>& markings_m, const occupancy::ContributionStore& store) {
   if (markings_m.empty()) return {};

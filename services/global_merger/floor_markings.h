@@ -13,12 +13,6 @@
 
 namespace omnifleet::global_merger {
 
-/// Whether it is no higher than a floor marking, as far as the views show.
-bool isFlat(const Group& group, const MergerOptions& options);
-
-/// Whether it is surely no higher than a floor marking and many views agree on its place: a rug, a sheet.
-bool isFloorMarking(const Group& group, const MergerOptions& options);
-
 /// Tracks (robot, low 16 bits of the id as in scans) whose rays end in floor markings wherever they were
 /// seen, including pieces of markings for which nothing can be fitted.
 /// @param markings_m footprints of the markings, map

@@ -167,6 +167,7 @@ void Canvas::drawMetreGrid() {
 }
 
 void Canvas::drawObject(const dataset::MapObject& object) {
+  if (object.isOpen()) return;
   if (object.outline_m.size() < 3) return;
   tint(object.outline_m, kObstacle, kTint);
   outline(object.outline_m, kObstacle, 2);

@@ -1,6 +1,9 @@
 #include "global_merger/map_publisher.h"
 
+#include <algorithm>
+
 #include "common/messages.h"
+#include "global_merger/verdict.h"
 
 #include "adapters/common.h"
 
@@ -9,7 +12,7 @@ namespace {
 
 constexpr TimeNs kPeriodNs = 1'000'000'000;
 constexpr std::uint32_t kTerm = 1;
-constexpr std::size_t kMaxOutlines = 256, kMaxVertices = 128, kMaxObservers = 32;
+constexpr std::size_t kMaxOutlines = 256, kMaxVertices = 128, kMaxObservers = 32, kMaxRejected = 64;
 
 template <class T>
 void put(bus::Writer<T>& writer, const T& sample, bus::StatusBoard& status) {
@@ -18,14 +21,51 @@ void put(bus::Writer<T>& writer, const T& sample, bus::StatusBoard& status) {
 
 void outlineToWire(const dataset::MapObject& from, v1::Outline& to) {
   to.id(static_cast<std::uint32_t>(from.id));
-  to.kind(static_cast<std::uint8_t>(from.kind == "robot" ? ObjectKind::kRobot : ObjectKind::kObstacle));
+  to.kind(from.kind == "robot" ? v1::OUTLINE_ROBOT
+          : from.isOpen()      ? v1::OUTLINE_STRUCTURE
+                               : v1::OUTLINE_OBSTACLE);
+  std::uint8_t quality = 0;
+  for (const auto flag :
+       {global_merger::Quality::kLowContrast, global_merger::Quality::kDisagreeing, global_merger::Quality::kThin})
+    if (std::count(from.quality.begin(), from.quality.end(), global_merger::toString(flag)) > 0)
+      quality |= static_cast<std::uint8_t>(flag);
+  to.quality(quality);
   to.centroid(adapters::point(from.centroid_m));
-  adapters::sequenceToWire(from.outline_m, kMaxVertices, to.footprint(),
-                           [](const Eigen::Vector2d& p, v1::Point2& w) { w = adapters::point(p); });
-  to.height_m(from.height_m);
+  to.footprint().clear();
+  for (std::size_t i = 0; i < std::min(from.outline_m.size(), kMaxVertices); ++i) {
+    to.footprint().push_back(static_cast<float>(from.outline_m[i].x()));
+    to.footprint().push_back(static_cast<float>(from.outline_m[i].y()));
+  }
+  to.height_m(static_cast<float>(from.height_m));
+  const Eigen::Matrix2f covariance = from.covariance_m2.cast<float>();
+  to.covariance({covariance(0, 0), covariance(0, 1), covariance(1, 1)});
   to.observations(static_cast<std::uint32_t>(from.observations));
   adapters::sequenceToWire(from.observers, kMaxObservers, to.observers(),
                            [](const std::string& name, auto& w) { w = name; });
+}
+
+v1::RejectionReason reasonToWire(global_merger::Reason reason) {
+  using global_merger::Reason;
+  switch (reason) {
+    case Reason::kUncertainPlace:
+      return v1::REJECTED_UNCERTAIN_PLACE;
+    case Reason::kPiece:
+      return v1::REJECTED_PIECE;
+    case Reason::kRough:
+      return v1::REJECTED_ROUGH;
+    case Reason::kFlat:
+      return v1::REJECTED_FLAT;
+    case Reason::kPattern:
+      return v1::REJECTED_PATTERN;
+    case Reason::kFloorSeen:
+      return v1::REJECTED_FLOOR_SEEN;
+    case Reason::kHidden:
+      return v1::REJECTED_HIDDEN;
+    case Reason::kTopFaceOnly:
+      return v1::REJECTED_TOP_FACE_ONLY;
+    default:
+      return v1::REJECTED_NO_SHAPE;
+  }
 }
 
 }  // namespace
@@ -85,6 +125,12 @@ void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, b
   adapters::fillHeader(now, sequence_, clock_, outlines.header());
   outlines.term(kTerm);
   adapters::sequenceToWire(merger.lastOutlines(), kMaxOutlines, outlines.objects(), outlineToWire);
+  adapters::sequenceToWire(merger.rejected(), kMaxRejected, outlines.rejected(),
+                           [](const global_merger::RejectedCandidate& from, v1::RejectedCandidate& to) {
+                             to.position(adapters::point(from.at_m));
+                             to.reason(reasonToWire(from.reason));
+                             to.observations(static_cast<std::uint32_t>(from.observations));
+                           });
   put(*outlines_, outlines, status);
 }
 

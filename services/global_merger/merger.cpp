@@ -7,15 +7,20 @@
 #include <iterator>
 #include <optional>
 #include <set>
+#include <cstdio>
+#include <cstdlib>
 
 #include "global_merger/candidates.h"
-#include "global_merger/contradiction.h"
+#include "global_merger/evidence.h"
 #include "global_merger/floor_markings.h"
 #include "global_merger/grouping.h"
 #include "global_merger/hull_overlay.h"
 #include "global_merger/named_landmarks.h"
+#include "global_merger/outline_cells.h"
 #include "global_merger/save.h"
+#include "global_merger/structure_objects.h"
 #include "global_merger/unlisted_robots.h"
+#include "global_merger/verdict.h"
 
 namespace omnifleet::global_merger {
 
@@ -36,16 +41,15 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
   section.read("flat_m", o.flat_m, {0.0, 1.0});
   section.read("gone_after", o.gone_after, {1, 100000});
+  section.read("least_alone", o.least_alone, {0.0, 1.0});
+  section.read("least_seen", o.least_seen, {0.0, 1.0});
+  section.read("least_met", o.least_met, {0.0, 1.0});
+  o.structure = structure::PolylineOptions::read(section.child("structure"));
   section.finish();
   return o;
 }
 
 namespace {
-
-bool isOftenSeen(const Group& group) {
-  constexpr std::size_t kViews = 10;
-  return group.views.size() >= kViews;
-}
 
 /// The views fit the body of a fleet robot of which nothing has been received: a robot that publishes
 /// nothing.
@@ -63,23 +67,6 @@ bool isSilentFleetRobot(const Group& group, const MergerOptions& options,
   });
 }
 
-/// The views disagree, or disagree slightly and hardly ever show the candidate alone. In the latter case the
-/// outline may belong to a neighbour, or to the half of it that differs from the floor.
-bool isDisagreeing(const Group& group) {
-  constexpr double kShare = 0.8, kAgree = 0.7, kDisagree = 1.5;  // share of the views; spreads in σ
-  if (!(group.views.front()->prism.camera_height_m > 0.0)) return false;
-  const auto flawed = std::count_if(group.views.begin(), group.views.end(),
-                                    [](const ObjectView* view) { return view->is_flawed; });
-  const bool is_seldom_seen = static_cast<double>(flawed) >= kShare * static_cast<double>(group.views.size());
-  return group.fit.spread > (is_seldom_seen ? kAgree : kDisagree);
-}
-
-/// Its height, from the parallax of its points, is surely above 8 cm.
-bool isTall(const Group& group) {
-  constexpr double kLeast_m = 0.08, kSigmas = 3.0;
-  return group.fit.height_sigma_m > 0 && group.fit.height_m - kSigmas * group.fit.height_sigma_m > kLeast_m;
-}
-
 std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& bodies,
                    std::set<std::uint64_t>& taken) {
   const ObjectView& first = *group.views.front();
@@ -90,7 +77,7 @@ std::uint64_t idOf(const Group& group, const std::map<std::string, RobotBody>& b
   return id;
 }
 
-dataset::MapObject objectOf(const Group& group) {
+dataset::MapObject objectOf(const Group& group, const Verdict& verdict) {
   dataset::MapObject object;
   object.kind = "obstacle";
   object.outline_m = group.fit.footprint_m;
@@ -104,7 +91,13 @@ dataset::MapObject objectOf(const Group& group) {
   // Rounded to 0.1 mm, like all inputs of the fit.
   const bool is_known = group.fit.height_sigma_m > 0 && group.fit.height_sigma_m < kVague_m;
   if (is_known) object.height_m = std::round(group.fit.height_m * 1e4) * 1e-4;
+  object.covariance_m2 = group.fit.covariance;
+  object.quality = qualityOf(verdict);
   return object;
+}
+
+bool standsThere(const Verdict& verdict) {
+  return verdict.decision == Decision::kObstacle || verdict.decision == Decision::kStructure;
 }
 
 /// Where a row of this time belongs in rows in order of time. Empty if there is a row of this time.
@@ -154,40 +147,41 @@ void Merger::addTrajectory(const PoseEstimate& pose) {
   path.insert(path.begin() + *place, {pose.acquired_ns, pose.map_from_base});
 }
 
-bool Merger::isOneObject(const Group& group) const {
-  if (!group.fit.valid || group.fit.spread > options_.max_spread) return false;
-  const Eigen::Vector2d sigma = group.fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  return sigma.maxCoeff() <= options_.max_sigma_m;
-}
-
-bool Merger::isObject(const Group& group) const {
-  if (!isOneObject(group)) return false;
-  if (options_.method != "hull" && (isPiece(group, options_, map_.store()) || isRough(group, options_)))
-    return false;
-  if (!finished_ && static_cast<int>(group.views.size()) < options_.min_views) return false;
-  if (group.kind == ObjectKind::kUnknown &&
-      (!finished_ || isSilentFleetRobot(group, options_, map_.store(), bodies_))) {
-    return false;
+/// Verdicts of all groups.
+std::vector<Verdict> Merger::judge(const std::vector<Group>& groups) const {
+  constexpr double kWay_m = 0.1;
+  std::vector<Evidence> evidence;
+  std::vector<Verdict> verdicts;
+  for (const Group& group : groups) {
+    Evidence& e = evidence.emplace_back(evidenceOf(group, map_.store()));
+    if (finished_) e.fits_silent_robot = isSilentFleetRobot(group, options_, map_.store(), bodies_);
+    e.was_driven_at = wasDrivenAt(group.centre_m, kWay_m);
+    verdicts.push_back(verdictOf(e, options_, finished_));
   }
-  return !isFlat(group, options_) && !isPattern(group, options_, map_.store()) &&
-         floorEvidence(group, options_, map_.store()) != FloorEvidence::kAbsent;
-}
-
-/// Reason why a candidate is not an object, if it is to be reported. Not reported are robots, candidates with
-/// few views, and candidates contradicted by the floor that are flat, or have no single shape and were rarely
-/// seen, or have no single shape and no height and were seen less often than the floor.
-std::optional<RejectedCandidate::Reason> Merger::rejectionReason(const Group& group) const {
-  if (isObject(group) || static_cast<int>(group.views.size()) < options_.min_views) return std::nullopt;
-  if (isSilentFleetRobot(group, options_, map_.store(), bodies_)) return std::nullopt;
-  const bool is_flat = isFlat(group, options_);
-  if (floorEvidence(group, options_, map_.store()) == FloorEvidence::kAbsent) {
-    if (is_flat || (!isOneObject(group) && !isOftenSeen(group))) return std::nullopt;
-    if (isOneObject(group) || !isMostlyFloor(group, map_.store()))
-      return RejectedCandidate::Reason::kFloorSeen;
-    return isTall(group) ? std::optional(RejectedCandidate::Reason::kTopFaceOnly) : std::nullopt;
+  if (options_.method == "hull") return verdicts;
+  // What stands against an obstacle is explained by it, until that turns out to be no obstacle.
+  const structure::SurfaceMap& cells = map_.visible();
+  for (bool changed = true; changed;) {
+    changed = false;
+    std::vector<Polygon> outlines_m;
+    for (std::size_t i = 0; i < groups.size(); ++i)
+      outlines_m.push_back(verdicts[i].decision == Decision::kObstacle ? groups[i].fit.footprint_m : Polygon{});
+    const std::vector<OutlineCells> around = cellsAt(outlines_m, cells);
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      if (verdicts[i].decision != Decision::kObstacle) continue;
+      evidence[i].seen = around[i].seen;
+      evidence[i].alone = around[i].alone;
+      verdicts[i] = verdictOf(evidence[i], options_, finished_);
+      changed = changed || verdicts[i].decision != Decision::kObstacle;
+    }
   }
-  const bool is_floor_marking = is_flat || isPattern(group, options_, map_.store());
-  return is_floor_marking ? RejectedCandidate::Reason::kFlat : RejectedCandidate::Reason::kNoShape;
+  if (std::getenv("OMNI_EV") != nullptr)
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      const Evidence& e = evidence[i];
+      if (e.views < 3 && verdicts[i].decision != Decision::kObstacle) continue;
+      std::fprintf(stderr, "EV %.2f %.2f views %d cut %d flawed %d shape %d spread %.2f rms %.4f sig %.4f h %.3f+-%.3f seen %.2f faced %.2f alone %.2f -> %d %s\n", groups[i].centre_m.x(), groups[i].centre_m.y(), e.views, e.cut_views, e.flawed_views, e.has_shape, e.spread, e.rms_m, e.sigma_m, e.height_m, e.height_sigma_m, e.seen, e.faced, e.alone, static_cast<int>(verdicts[i].decision), toString(verdicts[i].reason));
+    }
+  return verdicts;
 }
 
 /// Whether a robot drove within this distance.
@@ -201,16 +195,19 @@ bool Merger::wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const {
 
 /// Pieces of mapped objects are not reported, nor are places where a robot drove, because no obstacle is
 /// there. Top faces come last, because their places are the least accurate.
-void Merger::findRejected(const std::vector<Group>& groups) {
+void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
     return (a - b).squaredNorm() < within_m * within_m;
   };
+  rejected_.clear();
+  if (options_.method == "hull") return;
   std::vector<RejectedCandidate> found;
-  for (const Group& group : groups)
-    if (const auto reason = rejectionReason(group)) found.push_back({group.centre_m, *reason});
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    if (verdicts[i].to_report)
+      found.push_back({groups[i].centre_m, verdicts[i].reason, static_cast<int>(groups[i].views.size())});
   std::stable_partition(found.begin(), found.end(), [](const RejectedCandidate& place) {
-    return place.reason != RejectedCandidate::Reason::kTopFaceOnly;
+    return place.reason != Reason::kTopFaceOnly;
   });
   for (const RejectedCandidate& place : found) {
     const Eigen::Vector2d& at_m = place.at_m;
@@ -219,20 +216,20 @@ void Merger::findRejected(const std::vector<Group>& groups) {
                     [&](const RejectedCandidate& other) { return isNear(other.at_m, at_m, kSame_m); });
     const bool is_mapped = std::any_of(
         outlines_.begin(), outlines_.end(),
-        [&](const dataset::MapObject& object) { return distanceTo(object.outline_m, at_m) < kPiece_m; });
+        [&](const dataset::MapObject& object) { return object.distanceTo(at_m) < kPiece_m; });
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
 }
 
 /// Rays that end in a floor marking hit no obstacle, whatever the kind of their track: the floor continues
 /// there.
-void Merger::findFloorMarkings(const std::vector<Group>& groups) {
+void Merger::findFloorMarkings(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts) {
   std::vector<Polygon> markings_m;
   std::set<std::pair<std::string, std::uint16_t>> upright;
-  for (const Group& group : groups) {
-    if (isFloorMarking(group, options_)) markings_m.push_back(group.fit.footprint_m);
-    if (isFlat(group, options_)) continue;
-    for (const ObjectView* view : group.views)
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (verdicts[i].decision == Decision::kFloorMarking) markings_m.push_back(groups[i].fit.footprint_m);
+    if (verdicts[i].is_flat) continue;
+    for (const ObjectView* view : groups[i].views)
       upright.emplace(view->robot, static_cast<std::uint16_t>(view->track_id));
   }
   for (const auto& track : tracksOfFloorMarkings(markings_m, map_.store()))
@@ -240,26 +237,27 @@ void Merger::findFloorMarkings(const std::vector<Group>& groups) {
 }
 
 /// Adds objects of which only the top face is segmented, and removes the groups whose views they explain.
-/// None is added where a robot drove.
 void Merger::addTopFaces(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
                          std::vector<Group>& groups) const {
   std::vector<Group> whole;
-  std::copy_if(groups.begin(), groups.end(), std::back_inserter(whole),
-               [&](const Group& group) { return isObject(group); });
-  constexpr double kWay_m = 0.1;
+  const std::vector<Verdict> verdicts = judge(groups);
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    if (standsThere(verdicts[i])) whole.push_back(groups[i]);
   std::vector<Group> tops = groupTopFaces(candidates, whole, options_, meanwhile);
-  tops.erase(
-      std::remove_if(tops.begin(), tops.end(),
-                     [&](const Group& top) { return !isObject(top) || wasDrivenAt(top.centre_m, kWay_m); }),
-      tops.end());
+  const std::vector<Verdict> of_tops = judge(tops);
   std::set<const ObjectView*> explained;
-  for (const Group& top : tops) explained.insert(top.views.begin(), top.views.end());
+  std::vector<Group> kept;
+  for (std::size_t i = 0; i < tops.size(); ++i) {
+    if (!standsThere(of_tops[i])) continue;
+    explained.insert(tops[i].views.begin(), tops[i].views.end());
+    kept.push_back(std::move(tops[i]));
+  }
   const auto isExplained = [&](const Group& group) {
     return std::all_of(group.views.begin(), group.views.end(),
                        [&](const ObjectView* view) { return explained.count(view) > 0; });
   };
   groups.erase(std::remove_if(groups.begin(), groups.end(), isExplained), groups.end());
-  std::move(tops.begin(), tops.end(), std::back_inserter(groups));
+  std::move(kept.begin(), kept.end(), std::back_inserter(groups));
 }
 
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
@@ -267,8 +265,6 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   is_stale_ = false;
   auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
-  low_contrast_m_.clear();
-  disagreeing_m_.clear();
   kinds_.clear();
   findUnlistedRobots(candidates);
   const auto obstacles = std::stable_partition(
@@ -280,25 +276,45 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   auto groups = options_.method == "hull" ? overlayHulls(candidates, options_)
                                           : groupViews(candidates, options_, meanwhile);
   if (finished_ && options_.method != "hull") addTopFaces(candidates, meanwhile, groups);
-  for (const auto& group : groups) {
-    if (!isObject(group)) continue;
-    outlines_.push_back(objectOf(group));
-    outlines_.back().id = idOf(group, bodies_, taken);
-    if (finished_ && floorEvidence(group, options_, map_.store()) == FloorEvidence::kConflicting)
-      low_contrast_m_.push_back(outlines_.back().centroid_m);
-    else if (finished_ && options_.method != "hull" && isDisagreeing(group))
-      disagreeing_m_.push_back(outlines_.back().centroid_m);
-    for (const auto* view : group.views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
+  const std::vector<Verdict> verdicts = judge(groups);
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (!standsThere(verdicts[i])) continue;
+    for (const auto* view : groups[i].views)
+      kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
+    if (verdicts[i].decision != Decision::kObstacle) continue;
+    outlines_.push_back(objectOf(groups[i], verdicts[i]));
+    outlines_.back().id = idOf(groups[i], bodies_, taken);
   }
-  if (finished_) findFloorMarkings(groups);
-  rejected_.clear();
-  if (finished_ && options_.method != "hull") findRejected(groups);
+  if (finished_) findFloorMarkings(groups, verdicts);
   for (dataset::MapObject& landmark : namedLandmarks(map_.store(), options_.min_views)) {
     while (!taken.insert(landmark.id).second) ++landmark.id;
     outlines_.push_back(std::move(landmark));
   }
   std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  findStructure();
+  findRejected(groups, verdicts);
   return outlines_;
+}
+
+/// Adds what the cells show beside the fitted obstacles: open outlines as structure, closed ones as
+/// obstacles. Replaces what an earlier call added.
+void Merger::findStructure() {
+  if (options_.method == "hull") return;
+  outlines_.erase(std::remove_if(outlines_.begin(), outlines_.end(),
+                                 [](const dataset::MapObject& o) { return o.id >= kFirstStructureId; }),
+                  outlines_.end());
+  std::vector<std::string> robots;
+  for (const auto& [robot, path] : map_.store().robots()) robots.push_back(robot);
+  for (dataset::MapObject& object :
+       structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_, robots))
+    outlines_.push_back(std::move(object));
+}
+
+std::vector<dataset::RejectedPlace> Merger::rejectedPlaces() const {
+  std::vector<dataset::RejectedPlace> places;
+  for (const RejectedCandidate& candidate : rejected_)
+    places.push_back({candidate.at_m, toString(candidate.reason), candidate.observations});
+  return places;
 }
 
 void Merger::finish() {
@@ -306,6 +322,7 @@ void Merger::finish() {
   map_.overrideKinds({});  // decisions of an earlier finish() must not influence this one
   outlines();
   map_.overrideKinds(kinds_);
+  findStructure();
 }
 
 std::vector<std::string> Merger::save(const std::string& folder) {

@@ -12,9 +12,11 @@
 #include "dataset/trajectory_files.h"
 #include "observation/observation.h"
 #include "occupancy/contribution.h"
+#include "occupancy/map_rays.h"
 #include "occupancy/occupancy_map.h"
 #include "options/options.h"
 #include "outline/prism.h"
+#include "structure/polylines.h"
 
 namespace omnifleet::global_merger {
 
@@ -55,6 +57,7 @@ class ContributionMaker {
   bool isDue(const Objects& objects, const Pose2& map_from_base);
 
   KeyframeOptions options_;
+  occupancy::MapRays rays_;
   bool any_ = false;
   TimeNs last_ns_ = 0;
   TimeNs changed_ns_ = 0;  ///< last motion of the robot or change of the objects that it sees
@@ -79,6 +82,12 @@ struct MergerOptions {
                                 ///< (objects in 26 rooms: 0.012 at most)
   double max_sigma_m = 0.05;    ///< m, a centre with a larger σ is no object
   double flat_m = 0.02;         ///< m, what is surely lower is a floor marking
+  double least_alone = 0.5;  ///< 1, share of the occupied cells connected with an outline that must lie at
+                             ///< it: otherwise it stands against something
+  double least_seen = 0.75;  ///< 1, share of the outline of an object whose top was not seen that must have
+                             ///< been seen: otherwise it would be closed by guessing
+  double least_met = 0.1;    ///< 1, share of an outline at which rays must have ended: otherwise it is hidden
+  structure::PolylineOptions structure;
   int gone_after =
       3;  ///< contributions that later, from as near, saw the floor through its centre: it is gone
 
@@ -87,18 +96,14 @@ struct MergerOptions {
 
 struct Candidate;
 struct Group;
+struct Verdict;
+enum class Reason : std::uint8_t;
 
 /// A place where several views saw a candidate that is not in the map, and the reason.
 struct RejectedCandidate {
-  enum class Reason : std::uint8_t {
-    kNoShape,      ///< the views do not agree on a shape
-    kFlat,         ///< as flat as a floor marking, or low and rarely seen
-    kFloorSeen,    ///< the floor was seen at the same place: gone, or hardly distinguishable from the floor
-    kTopFaceOnly,  ///< mostly floor was seen there, but parallax gives it a height: only the top face is
-                   ///< segmented
-  };
   Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  ///< map
-  Reason reason = Reason::kNoShape;
+  Reason reason{};
+  int observations = 0;  ///< number of views
 };
 
 /// Called between the fits of outlines, which together take longer than a frame may wait.
@@ -140,18 +145,16 @@ class Merger {
     return localization_;
   }
 
-  /// Obstacles fitted over all views, ordered by id; fitted again only if the sets changed. What `meanwhile`
+  /// Obstacles fitted over all views and the structure around them, ordered by id; found again only if the
+  /// sets changed. What `meanwhile`
   /// adds to the sets is used by the next call.
   const std::vector<dataset::MapObject>& outlines(const Meanwhile& meanwhile = {});
   /// The outlines as last fitted.
   const std::vector<dataset::MapObject>& lastOutlines() const { return outlines_; }
-  /// After finish(): rejected candidates, at most one within 0.3 m.
+  /// Rejected candidates, at most one within 0.3 m. Live: so far.
   const std::vector<RejectedCandidate>& rejected() const { return rejected_; }
-  /// After finish(): centres of outlines where the floor was seen as well, hardly distinguishable from it.
-  const std::vector<Eigen::Vector2d>& lowContrast() const { return low_contrast_m_; }
-  /// After finish(): centres of outlines whose views disagree, or disagree slightly and hardly ever show the
-  /// obstacle alone.
-  const std::vector<Eigen::Vector2d>& disagreeing() const { return disagreeing_m_; }
+  /// The same with the codes of the reasons.
+  std::vector<dataset::RejectedPlace> rejectedPlaces() const;
   /// At run/end: decides undecided candidates by fit and covariance, and updates the cells. Idempotent.
   void finish();
 
@@ -163,14 +166,13 @@ class Merger {
   std::vector<std::string> saveAsFitted(const std::string& folder) const;
 
  private:
-  bool isOneObject(const Group& group) const;
-  bool isObject(const Group& group) const;
-  std::optional<RejectedCandidate::Reason> rejectionReason(const Group& group) const;
+  std::vector<Verdict> judge(const std::vector<Group>& groups) const;
   bool wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const;
-  void findFloorMarkings(const std::vector<Group>& groups);
+  void findFloorMarkings(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts);
   void addTopFaces(const std::vector<Candidate>& candidates, const Meanwhile& meanwhile,
                    std::vector<Group>& groups) const;
-  void findRejected(const std::vector<Group>& groups);
+  void findRejected(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts);
+  void findStructure();
 
   MergerOptions options_;
   std::map<std::string, RobotBody> bodies_;
@@ -180,7 +182,6 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedLocalization>> localization_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<RejectedCandidate> rejected_;
-  std::vector<Eigen::Vector2d> low_contrast_m_, disagreeing_m_;
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind>
       kinds_;             ///< of the tracks that form the outlines; unknown: floor markings
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted

@@ -1,5 +1,7 @@
 #include "global_merger/messages.h"
 
+#include "global_merger/verdict.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,19 +18,29 @@ std::string places(const std::vector<Eigen::Vector2d>& at_m) {
   return text + " m";
 }
 
-const char* reasonOf(RejectedCandidate::Reason reason) {
+const char* reasonOf(Reason reason) {
   switch (reason) {
-    case RejectedCandidate::Reason::kNoShape:
+    case Reason::kNoShape:
       return "their views do not agree on a shape";
-    case RejectedCandidate::Reason::kFloorSeen:
+    case Reason::kUncertainPlace:
+      return "their place is too uncertain";
+    case Reason::kPiece:
+      return "they were always cut and rarely seen: pieces of what stands there";
+    case Reason::kHidden:
+      return "no ray ended at their outlines: pieces of something behind what stands there";
+    case Reason::kRough:
+      return "they were rarely seen, and no upright body explains the views";
+    case Reason::kFloorSeen:
       return "the floor was seen at the same place (they are gone, or of the floor's colour)";
-    case RejectedCandidate::Reason::kFlat:
+    case Reason::kFlat:
+    case Reason::kPattern:
       return "they are as flat as floor markings, or low and rarely seen";
-    case RejectedCandidate::Reason::kTopFaceOnly:
+    case Reason::kTopFaceOnly:
       return "parallax gives them a height, but mostly floor was seen there (only their top face is "
              "segmented; they stand within 0.5 m)";
+    default:
+      return toString(reason);
   }
-  return "";
 }
 
 }  // namespace
@@ -55,7 +67,7 @@ Message trajectoryIncomplete() {
       "contributions of its own robot from before may be missing in the map"};
 }
 
-Message candidatesRejected(RejectedCandidate::Reason reason, const std::vector<Eigen::Vector2d>& at_m) {
+Message candidatesRejected(Reason reason, const std::vector<Eigen::Vector2d>& at_m) {
   return {ErrorCode::kCandidatesRejected,
           fmt::format("candidates not in the map, because {}: {}", reasonOf(reason), places(at_m))};
 }

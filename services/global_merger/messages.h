@@ -17,7 +17,7 @@ Message mapEmpty();
 /// Trajectories begin where this incarnation of the merger began.
 Message trajectoryIncomplete();
 /// Candidates that are not in the map for one reason.
-Message candidatesRejected(RejectedCandidate::Reason reason, const std::vector<Eigen::Vector2d>& at_m);
+Message candidatesRejected(Reason reason, const std::vector<Eigen::Vector2d>& at_m);
 /// Mapped, but the floor was seen there as well.
 Message outlinesLowContrast(const std::vector<Eigen::Vector2d>& at_m);
 /// Mapped from views that disagree.

@@ -36,7 +36,7 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
     grid.width = grid.height = 1, grid.cells = {-1};  // nothing known yet: one unknown cell
   attempt([&] { dataset::writeAtomic(folder + "/map.bt", merger.map().octreeBytes(objects)); });
   attempt([&] { dataset::writeMapServer(folder + "/map", grid); });
-  attempt([&] { dataset::writeObjects(folder + "/objects.geojson", objects); });
+  attempt([&] { dataset::writeObjects(folder + "/objects.geojson", objects, merger.rejectedPlaces()); });
   for (const auto& [robot, path] : merger.trajectories()) {
     attempt([&, &name = robot, &poses = path] {
       dataset::writeTum(folder + "/trajectories/" + name + ".tum", poses);

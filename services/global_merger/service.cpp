@@ -7,6 +7,7 @@
 
 #include "global_merger/map_warnings.h"
 #include "global_merger/messages.h"
+#include "global_merger/verdict.h"
 
 namespace omnifleet::services {
 namespace {
@@ -257,21 +258,25 @@ void GlobalMergerService::reportMapWarnings() {
   if (context_.options.incarnation > 1 && !context_.options.out.empty())
     status().report(gm::trajectoryIncomplete());
   gm::MapWarningCounts counts;
-  for (const auto reason :
-       {gm::RejectedCandidate::Reason::kNoShape, gm::RejectedCandidate::Reason::kFloorSeen,
-        gm::RejectedCandidate::Reason::kFlat, gm::RejectedCandidate::Reason::kTopFaceOnly})
+  for (const auto reason : {gm::Reason::kNoShape, gm::Reason::kUncertainPlace, gm::Reason::kPiece,
+                            gm::Reason::kRough, gm::Reason::kFloorSeen, gm::Reason::kFlat,
+                            gm::Reason::kPattern, gm::Reason::kHidden, gm::Reason::kTopFaceOnly})
     counts.rejected += reportRejected(reason);
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
-  std::vector<Eigen::Vector2d> slivers_m;
-  for (const dataset::MapObject& object : objects)
-    if (gm::isSliver(object.outline_m)) slivers_m.push_back(centroid(object.outline_m));
+  const auto flagged = [&](gm::Quality quality) {
+    std::vector<Eigen::Vector2d> at_m;
+    for (const dataset::MapObject& object : objects)
+      for (const std::string& flag : object.quality)
+        if (flag == gm::toString(quality)) at_m.push_back(object.centroid_m);
+    return at_m;
+  };
   const auto report = [this](const std::vector<Eigen::Vector2d>& at_m, auto message) {
     if (!at_m.empty()) status().report(message(at_m));
     return at_m.size();
   };
-  counts.low_contrast = report(replica_.lowContrast(), gm::outlinesLowContrast);
-  counts.disagreeing = report(replica_.disagreeing(), gm::outlinesDisagree);
-  counts.thin = report(slivers_m, gm::outlinesThin);
+  counts.low_contrast = report(flagged(gm::Quality::kLowContrast), gm::outlinesLowContrast);
+  counts.disagreeing = report(flagged(gm::Quality::kDisagreeing), gm::outlinesDisagree);
+  counts.thin = report(flagged(gm::Quality::kThin), gm::outlinesThin);
   counts.without_outline =
       report(gm::occupiedWithoutOutline(replica_.map().grid(objects), objects), gm::cellsWithoutOutline);
   // The status shows only the last message, so the summary comes last.
@@ -279,7 +284,7 @@ void GlobalMergerService::reportMapWarnings() {
 }
 
 /// @return number of candidates rejected for this reason
-std::size_t GlobalMergerService::reportRejected(global_merger::RejectedCandidate::Reason reason) {
+std::size_t GlobalMergerService::reportRejected(global_merger::Reason reason) {
   std::vector<Eigen::Vector2d> at_m;
   for (const global_merger::RejectedCandidate& candidate : replica_.rejected())
     if (candidate.reason == reason) at_m.push_back(candidate.at_m);

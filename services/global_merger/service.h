@@ -51,7 +51,7 @@ class GlobalMergerService : public bus::Service {
   bool setsComplete() const;
   void listenTo(const std::string& stream);
   void reportMapWarnings();
-  std::size_t reportRejected(global_merger::RejectedCandidate::Reason reason);
+  std::size_t reportRejected(global_merger::Reason reason);
   void save(bool as_fitted = false);
   void savePeriodically();
 

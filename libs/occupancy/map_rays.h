@@ -1,0 +1,34 @@
+#pragma once
+
+#include "observation/observation.h"
+#include "scan/line_scan.h"
+
+namespace omnifleet::occupancy {
+
+/// Combines the two descriptions of what ends the floor into the rays that the map is made of: the labelled
+/// scan (what stands there) and the boundary (where the floor ends, with its σ). Buffers are reused.
+///
+/// Per bearing of the labelled scan:
+/// - An edge of the boundary ends the ray. Where a line fits around it, its range is that of the line, with
+///   the σ of the line. The label is that of the scan; what belongs to no tracked object is an obstacle.
+///   An edge on a robot or on another moving object becomes a robot's ray.
+/// - If the scan ends clearly before the edge, one of them is wrong. The ray is undecided from the nearer one.
+/// - Without an edge, an obstacle of the scan ends the ray.
+/// - Without an edge and without an obstacle, the floor reaches to the end of the view, or something of the
+///   floor's colour stands there. A frame in which more bearings end at walls and furniture than show nothing
+///   was taken in a room; there the ray is invalid. Otherwise it shows floor, as labelled.
+class MapRays {
+ public:
+  /// Valid until the next call. Throws nothing; sizes that differ are cut to the shortest.
+  const Scan& of(const Objects& objects);
+
+ private:
+  void placeAtEdge(const Scan& scan, std::size_t i, double range_m, double sigma_m, bool moves);
+  /// Edge at a beam: range and σ in metres.
+  std::pair<double, double> edgeAt(const Boundary& boundary, std::size_t beam) const;
+
+  scan::LineScan lines_;
+  Scan rays_;
+};
+
+}  // namespace omnifleet::occupancy

@@ -1,0 +1,240 @@
+#include "occupancy/visible_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "occupancy/fixed_trig.h"
+
+namespace omnifleet::occupancy {
+namespace {
+
+using structure::Cell;
+using structure::SurfaceMap;
+
+constexpr std::uint8_t kSolid = 1;    ///< counted as occupied
+constexpr std::uint8_t kGap = 2;      ///< free or unknown in a narrow gap between occupied cells
+constexpr std::uint8_t kSeen = 4;     ///< a ray reached it
+constexpr std::uint8_t kReached = 8;  ///< a ray ended there first
+
+/// Ray ends in one cell. Positions in 0.1 mm relative to the corner of the map, weights relative to a σ of
+/// 1 mm: integers, so that the sums do not depend on their order.
+struct Ends {
+  std::int64_t weight = 0, x = 0, y = 0;
+  std::uint32_t keyframes = 0;
+  std::int64_t last_keyframe = -1;
+  std::uint64_t observers = 0;
+};
+
+class Canvas {
+ public:
+  Canvas(const CellCounts& counts, const OccupancyOptions& options)
+      : resolution_(std::llround(options.resolution_m * kDmmPerMetre)),
+        max_range_(std::llround(options.max_range_m * kDmmPerMetre)) {
+    constexpr std::int64_t kFar = std::int64_t{1} << 40U;
+    std::int64_t x_high = -kFar, y_high = -kFar;
+    x_low_ = y_low_ = kFar;
+    counts.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass) {
+      x_low_ = std::min(x_low_, x), x_high = std::max(x_high, x);
+      y_low_ = std::min(y_low_, y), y_high = std::max(y_high, y);
+    });
+    width_ = x_high - x_low_ + 1;
+    height_ = y_high - y_low_ + 1;
+    classes_.assign(static_cast<std::size_t>(width_ * height_), CellClass::kUnknown);
+    marks_.assign(classes_.size(), 0);
+    ends_index_.assign(classes_.size(), -1);
+    counts.forEachKnown([&](std::int64_t x, std::int64_t y, CellClass now) {
+      const auto at = static_cast<std::size_t>((y - y_low_) * width_ + x - x_low_);
+      classes_[at] = now;
+      if (now == CellClass::kOccupied) marks_[at] = kSolid;
+    });
+    markGaps(static_cast<int>(options.least_gap_m / options.resolution_m + 1e-9));
+  }
+
+  void draw(const Applied& what, std::int64_t keyframe, std::uint64_t observer);
+  SurfaceMap result(double resolution_m) const;
+
+ private:
+  void markGaps(int widest);
+  void drawRay(const PointDmm& from, const Direction& along, std::int64_t range, std::int64_t sigma,
+               RayRole role);
+  void addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma);
+
+  std::int64_t resolution_, max_range_;
+  std::int64_t x_low_, y_low_, width_ = 0, height_ = 0;
+  std::vector<CellClass> classes_;
+  std::vector<std::uint8_t> marks_;
+  std::vector<std::int32_t> ends_index_;
+  std::vector<Ends> ends_;
+  std::int64_t keyframe_ = 0;
+  std::uint64_t observer_ = 0;
+};
+
+/// Marks the cells between two occupied ones that are at most `widest` cells apart in a row, a column or a
+/// diagonal.
+void Canvas::markGaps(int widest) {
+  constexpr std::array<std::pair<int, int>, 4> kDirections{{{1, 0}, {0, 1}, {1, 1}, {1, -1}}};
+  for (std::int64_t y = 0; y < height_; ++y) {
+    for (std::int64_t x = 0; x < width_; ++x) {
+      if ((marks_[static_cast<std::size_t>(y * width_ + x)] & kSolid) == 0) continue;
+      for (const auto& [dx, dy] : kDirections) {
+        int other = 1;
+        const auto isSolid = [&](int k) {
+          const std::int64_t u = x + k * dx, v = y + k * dy;
+          return u >= 0 && u < width_ && v >= 0 && v < height_ &&
+                 (marks_[static_cast<std::size_t>(v * width_ + u)] & kSolid) != 0;
+        };
+        while (other <= widest + 1 && !isSolid(other)) ++other;
+        if (other > widest + 1) continue;
+        for (int k = 1; k < other; ++k)
+          marks_[static_cast<std::size_t>((y + k * dy) * width_ + x + k * dx)] |= kGap;
+      }
+    }
+  }
+}
+
+void Canvas::addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma) {
+  constexpr std::int64_t kUnit = 10, kWeight = 1024;  // 1 mm: no ray end is known better
+  std::int32_t& index = ends_index_[at];
+  if (index < 0) {
+    index = static_cast<std::int32_t>(ends_.size());
+    ends_.emplace_back();
+  }
+  Ends& ends = ends_[static_cast<std::size_t>(index)];
+  const std::int64_t s = std::max(sigma, kUnit);
+  const std::int64_t weight = std::max<std::int64_t>(1, kWeight * kUnit * kUnit / (s * s));
+  ends.weight += weight;
+  ends.x += weight * (end.x_dmm - x_low_ * resolution_);
+  ends.y += weight * (end.y_dmm - y_low_ * resolution_);
+  if (ends.last_keyframe != keyframe_) ++ends.keyframes;
+  ends.last_keyframe = keyframe_;
+  ends.observers |= observer_;
+}
+
+/// Walks over the cells of a ray up to its end, and one cell farther if it ends at a surface.
+void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t range, std::int64_t sigma,
+                     RayRole role) {
+  const bool is_hit = role == RayRole::kHit;
+  const auto pointAt = [&](std::int64_t length) {
+    return PointDmm{static_cast<std::int32_t>(from.x_dmm + roundQ30(length * along.cos_q30)),
+                    static_cast<std::int32_t>(from.y_dmm + roundQ30(length * along.sin_q30))};
+  };
+  const PointDmm end = pointAt(range), to = pointAt(is_hit ? range + resolution_ : range),
+                 free_end = pointAt(std::max<std::int64_t>(0, range - sigma));
+  const auto cellOf = [&](const PointDmm& p) {
+    return std::pair{floorDivide(p.x_dmm, resolution_) - x_low_, floorDivide(p.y_dmm, resolution_) - y_low_};
+  };
+  const auto [end_x, end_y] = cellOf(end);
+  const auto [free_x, free_y] = cellOf(free_end);
+  auto [x, y] = cellOf(from);
+  const auto [to_x, to_y] = cellOf(to);
+  const std::int64_t dx = std::abs(std::int64_t{to.x_dmm} - from.x_dmm),
+                     dy = std::abs(std::int64_t{to.y_dmm} - from.y_dmm);
+  const std::int64_t step_x = to.x_dmm >= from.x_dmm ? 1 : -1, step_y = to.y_dmm >= from.y_dmm ? 1 : -1;
+  const std::int64_t in_x = from.x_dmm - (x + x_low_) * resolution_,
+                     in_y = from.y_dmm - (y + y_low_) * resolution_;
+  std::int64_t next_x = (step_x > 0 ? resolution_ - in_x : in_x + 1) * dy,
+               next_y = (step_y > 0 ? resolution_ - in_y : in_y + 1) * dx;
+  const std::int64_t steps = std::abs(to_x - x) + std::abs(to_y - y);
+  bool sees_floor = true, in_gap = false;
+  for (std::int64_t i = 0; i <= steps; ++i) {
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) return;
+    const auto at = static_cast<std::size_t>(y * width_ + x);
+    std::uint8_t& mark = marks_[at];
+    if ((mark & kSolid) != 0) {
+      if (is_hit && std::abs(x - end_x) <= 1 && std::abs(y - end_y) <= 1) {
+        mark |= kReached;
+        addEnd(at, end, sigma);
+      }
+      return;
+    }
+    const bool is_gap = (mark & kGap) != 0;
+    if (in_gap && !is_gap) sees_floor = false;  // through a gap
+    in_gap = is_gap;
+    const bool is_end = x == free_x && y == free_y;
+    if (sees_floor && (!is_end || role == RayRole::kFree)) mark |= kSeen;
+    if (is_end) sees_floor = false;
+    const bool across_x = next_x < next_y;
+    x += across_x ? step_x : 0;
+    y += across_x ? 0 : step_y;
+    next_x += across_x ? resolution_ * dy : 0;
+    next_y += across_x ? 0 : resolution_ * dx;
+  }
+}
+
+void Canvas::draw(const Applied& what, std::int64_t keyframe, std::uint64_t observer) {
+  keyframe_ = keyframe;
+  observer_ = observer;
+  const Contribution& seen = *what.contribution;
+  const PointDmm origin = scanOrigin(seen, what.at);
+  const Turn heading = turnFromDmrad(what.at.theta_dmrad);
+  const auto count = static_cast<std::uint32_t>(what.roles.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (what.roles[i] == RayRole::kNone) continue;
+    const RayExtent ray = extentOf(seen, i, what.roles[i], resolution_, max_range_);
+    drawRay(origin, directionOf(heading + turnOfBearing(i, count)), ray.range, ray.sigma, ray.role);
+  }
+}
+
+SurfaceMap Canvas::result(double resolution_m) const {
+  SurfaceMap map;
+  map.resolution_m = resolution_m;
+  map.origin_m =
+      resolution_m * Eigen::Vector2d(static_cast<double>(x_low_), static_cast<double>(y_low_));
+  map.width = static_cast<int>(width_);
+  map.height = static_cast<int>(height_);
+  map.cells.assign(classes_.size(), Cell::kUnknown);
+  for (std::size_t at = 0; at < classes_.size(); ++at) {
+    if (classes_[at] == CellClass::kOccupied && (marks_[at] & kReached) != 0) map.cells[at] = Cell::kOccupied;
+    if (classes_[at] == CellClass::kFree && (marks_[at] & kSeen) != 0) map.cells[at] = Cell::kFree;
+    if (map.cells[at] != Cell::kOccupied || ends_index_[at] < 0) continue;
+    const Ends& ends = ends_[static_cast<std::size_t>(ends_index_[at])];
+    const auto weight = static_cast<double>(ends.weight);
+    structure::SurfaceCell cell;
+    cell.x = static_cast<int>(at % static_cast<std::size_t>(width_));
+    cell.y = static_cast<int>(at / static_cast<std::size_t>(width_));
+    cell.mean_m = map.origin_m + Eigen::Vector2d(static_cast<double>(ends.x), static_cast<double>(ends.y)) /
+                                     (weight * kDmmPerMetre);
+    constexpr double kUnit_m = 0.001, kWeight = 1024.0;
+    cell.sigma_m = kUnit_m * std::sqrt(kWeight / weight);
+    cell.observations = ends.keyframes;
+    cell.observers = ends.observers;
+    map.surface.push_back(cell);
+  }
+  return map;
+}
+
+/// Keyframes that are drawn: of each robot the latest three per square of two cells.
+std::vector<const AppliedSet::value_type*> chosen(const AppliedSet& applied, std::int64_t resolution) {
+  constexpr int kPerSquare = 3, kCells = 2;
+  std::map<std::tuple<std::string, std::int64_t, std::int64_t>, int> taken;
+  std::vector<const AppliedSet::value_type*> some;
+  for (auto entry = applied.rbegin(); entry != applied.rend(); ++entry) {
+    const PointDmm origin = scanOrigin(*entry->second.contribution, entry->second.at);
+    int& count = taken[{entry->first.first, floorDivide(origin.x_dmm, kCells * resolution),
+                        floorDivide(origin.y_dmm, kCells * resolution)}];
+    if (count++ < kPerSquare) some.push_back(&*entry);
+  }
+  return some;
+}
+
+}  // namespace
+
+SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied, const OccupancyOptions& options) {
+  if (counts.known() == 0) return {};
+  Canvas canvas(counts, options);
+  std::map<std::string, std::uint64_t> bits;
+  for (const auto& [key, what] : applied)
+    bits.emplace(key.first, std::uint64_t{1} << (bits.size() % 64U));
+  std::int64_t keyframe = 0;
+  for (const auto* entry : chosen(applied, std::llround(options.resolution_m * kDmmPerMetre)))
+    canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));
+  return canvas.result(options.resolution_m);
+}
+
+}  // namespace omnifleet::occupancy

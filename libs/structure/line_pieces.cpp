@@ -1,0 +1,345 @@
+#include "structure/line_pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace omnifleet::structure::detail {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double kLeastSigma_m = 0.001;  // no mean is known better
+constexpr double kCornerSigma_cells =
+    0.15;  // of the mean of a cell that contains a corner: it is up to 0.25 off a face
+constexpr double kCornerOff_cells = 0.3;  // largest distance of such a mean from a face
+constexpr double kAtCorner_cells = 0.75;  // largest distance of such a mean from the corner: half a diagonal
+constexpr double kReach_cells = 1.5;      // of an intersection from the corner's cell
+constexpr double kLeastTurn = 0.09;       // sin 5°: lines that are closer to parallel have no intersection
+
+double cross(const Vector2d& a, const Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
+struct Line {
+  Vector2d at = Vector2d::Zero(), along = Vector2d::UnitX();
+
+  double distanceTo(const Vector2d& p) const { return std::abs(cross(along, p - at)); }
+  Vector2d projected(const Vector2d& p) const { return at + along * along.dot(p - at); }
+};
+
+std::optional<Vector2d> intersection(const Line& a, const Line& b) {
+  const double turn = cross(a.along, b.along);
+  if (std::abs(turn) < kLeastTurn) return std::nullopt;
+  return a.at + a.along * (cross(b.at - a.at, b.along) / turn);
+}
+
+/// Length of the ray from a point of a square to its border.
+double lengthInside(const Vector2d& from, const Vector2d& along, const Vector2d& low, const Vector2d& high) {
+  double length = (high - low).norm();
+  for (int k = 0; k < 2; ++k) {
+    if (along[k] > 0) length = std::min(length, (high[k] - from[k]) / along[k]);
+    if (along[k] < 0) length = std::min(length, (low[k] - from[k]) / along[k]);
+  }
+  return length;
+}
+
+double distanceToSegment(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
+  const double length = (b - a).squaredNorm();
+  const double share = length > 0.0 ? std::clamp((p - a).dot(b - a) / length, 0.0, 1.0) : 0.0;
+  return (p - a - share * (b - a)).norm();
+}
+
+/// The stretch and the corners found so far. Positions count along the stretch; in a ring they continue
+/// beyond its ends.
+class LinePieces {
+ public:
+  LinePieces(const Stretch& stretch, const SurfaceMap& map, const PolylineOptions& options)
+      : stretch_(stretch), map_(map), options_(options), size_(static_cast<int>(stretch.cells.size())) {}
+
+  void findCorners();
+  void mergePieces();
+  void sharpenCorners();
+  void fit();
+  std::vector<Vector2d> vertices() const { return vertices_; }
+
+ private:
+  const SurfaceCell& cell(int at) const {
+    const int wrapped = at % size_;
+    return *stretch_.cells[static_cast<std::size_t>(wrapped < 0 ? wrapped + size_ : wrapped)];
+  }
+  const Vector2d& mean(int at) const { return cell(at).mean_m; }
+  double within(int at, double tolerance_m) const {
+    return std::max(tolerance_m, options_.tolerance_sigmas * cell(at).sigma_m);
+  }
+
+  int corners() const { return static_cast<int>(corners_.size()); }
+  int pieces() const { return stretch_.is_ring ? corners() : corners() - 1; }
+  /// Position of a corner; in a ring the number may be beyond its ends.
+  int corner(int number) const {
+    const int count = corners(), turn = number < 0 ? -1 : number / count;
+    return corners_[static_cast<std::size_t>(number - turn * count)] + turn * size_;
+  }
+  bool isEnd(int at) const { return !stretch_.is_ring && (at == 0 || at == size_ - 1); }
+
+  void split(int first, int last, std::vector<int>& found) const;
+  int farthestFrom(int at) const;
+  Line lineOf(int first, int last, const std::vector<Vector2d>& corners_m) const;
+  Line lineOf(int first, int last) const;
+  Line lineOf(int piece) const;
+  bool isStraight(int first, int last) const;
+  bool isCornerOf(const Line& before, const Line& after, int first, int last) const;
+  bool agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const;
+  Vector2d vertexAt(int number, const std::vector<Line>& lines) const;
+  void findVertices();
+  void moveCorners();
+
+  const Stretch& stretch_;
+  const SurfaceMap& map_;
+  const PolylineOptions& options_;
+  int size_;
+  std::vector<int> corners_;        ///< positions, increasing; of an open stretch with both ends
+  std::vector<Vector2d> vertices_;  ///< of the corners
+};
+
+int LinePieces::farthestFrom(int at) const {
+  int farthest = at;
+  for (int i = 0; i < size_; ++i)
+    if ((mean(i) - mean(at)).squaredNorm() > (mean(farthest) - mean(at)).squaredNorm()) farthest = i;
+  return farthest;
+}
+
+/// Douglas–Peucker: appends the corners between two positions, in any order.
+void LinePieces::split(int first, int last, std::vector<int>& found) const {
+  std::vector<std::pair<int, int>> open{{first, last}};
+  while (!open.empty()) {
+    const auto [from, to] = open.back();
+    open.pop_back();
+    int worst = -1;
+    double most = 1.0;
+    for (int i = from + 1; i < to; ++i) {
+      const double share = distanceToSegment(mean(i), mean(from), mean(to)) / within(i, options_.tolerance_m);
+      if (share > most) most = share, worst = i;
+    }
+    if (worst < 0) continue;
+    found.push_back(worst);
+    open.emplace_back(from, worst);
+    open.emplace_back(worst, to);
+  }
+}
+
+void LinePieces::findCorners() {
+  if (stretch_.is_ring) {
+    const int far = farthestFrom(0), other = farthestFrom(far);
+    const int low = std::min(far, other), high = std::max(far, other);
+    corners_ = {low, high};
+    split(low, high, corners_);
+    split(high, low + size_, corners_);
+    for (int& at : corners_) at %= size_;
+  } else {
+    corners_ = {0, size_ - 1};
+    split(0, size_ - 1, corners_);
+  }
+  std::sort(corners_.begin(), corners_.end());
+  corners_.erase(std::unique(corners_.begin(), corners_.end()), corners_.end());
+}
+
+/// Weighted total least squares. Cells near `corners_m` have a larger σ.
+Line LinePieces::lineOf(int first, int last, const std::vector<Vector2d>& corners_m) const {
+  const double corner_sigma_m = kCornerSigma_cells * map_.resolution_m;
+  const auto weightOf = [&](int at) {
+    const bool is_at_corner = std::any_of(corners_m.begin(), corners_m.end(), [&](const Vector2d& corner_m) {
+      return (mean(at) - corner_m).norm() <= kAtCorner_cells * map_.resolution_m;
+    });
+    const double sigma = std::max(cell(at).sigma_m, kLeastSigma_m);
+    return 1.0 / (sigma * sigma + (is_at_corner ? corner_sigma_m * corner_sigma_m : 0.0));
+  };
+  double sum = 0.0;
+  Vector2d moment = Vector2d::Zero(), origin = mean(first);
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (int i = first; i <= last; ++i) {
+    const double weight = weightOf(i);
+    const Vector2d p = mean(i) - origin;
+    sum += weight;
+    moment += weight * p;
+    scatter += weight * p * p.transpose();
+  }
+  scatter -= moment * moment.transpose() / sum;
+  const double angle = 0.5 * std::atan2(2.0 * scatter(0, 1), scatter(0, 0) - scatter(1, 1));
+  Line line{origin + moment / sum, {std::cos(angle), std::sin(angle)}};
+  if (line.along.dot(mean(last) - mean(first)) < 0) line.along = -line.along;
+  return line;
+}
+
+Line LinePieces::lineOf(int first, int last) const {
+  std::vector<Vector2d> corners_m;
+  for (const int at : {first, last})
+    if (!isEnd(at)) corners_m.push_back(mean(at));
+  return lineOf(first, last, corners_m);
+}
+
+Line LinePieces::lineOf(int piece) const {
+  return lineOf(corner(piece), corner(piece + 1));
+}
+
+/// One line fits all cells; those at the ends may contain a corner.
+bool LinePieces::isStraight(int first, int last) const {
+  const Line line = lineOf(first, last);
+  for (int i = first; i <= last; ++i) {
+    const bool is_corner = (i == first || i == last) && !isEnd(i);
+    const double tolerance_m = is_corner
+                                   ? std::max(options_.tolerance_m, kCornerOff_cells * map_.resolution_m)
+                                   : 0.5 * options_.tolerance_m;
+    if (line.distanceTo(mean(i)) > within(i, tolerance_m)) return false;
+  }
+  return true;
+}
+
+void LinePieces::mergePieces() {
+  std::vector<int> kept;
+  if (!stretch_.is_ring) kept.push_back(0);
+  const int least = stretch_.is_ring ? 3 : 2;
+  int left = corners();
+  // The piece before corner k begins at the corner kept last.
+  for (int k = stretch_.is_ring ? 0 : 1; k < corners(); ++k) {
+    const int before = kept.empty() ? corner(-1) : kept.back();
+    const auto after = [&] {
+      return k + 1 == corners() && !kept.empty() ? kept.front() + size_ : corner(k + 1);
+    };
+    if (!isEnd(corner(k)) && left > least && isStraight(before, after())) {
+      --left;
+    } else {
+      kept.push_back(corner(k));
+    }
+  }
+  corners_ = std::move(kept);
+}
+
+/// The mean of a cell lies on one of the two faces of a corner, or the cell contains the corner and its mean
+/// is a mixture of the two parts of the faces.
+bool LinePieces::agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const {
+  const double tolerance_m = within(at, 0.5 * options_.tolerance_m);
+  const double along = before.along.dot(mean(at) - corner_m), beyond = after.along.dot(mean(at) - corner_m);
+  if (along <= 0 && before.distanceTo(mean(at)) <= tolerance_m) return true;
+  if (beyond >= 0 && after.distanceTo(mean(at)) <= tolerance_m) return true;
+  constexpr double kMargin_cells = 0.1;
+  const Vector2d low =
+      map_.origin_m + map_.resolution_m * Vector2d(cell(at).x - kMargin_cells, cell(at).y - kMargin_cells);
+  const Vector2d high = low + Vector2d::Constant(map_.resolution_m * (1.0 + 2.0 * kMargin_cells));
+  if ((corner_m - low).minCoeff() < 0 || (high - corner_m).minCoeff() < 0) return false;
+  const Vector2d a = corner_m - 0.5 * lengthInside(corner_m, -before.along, low, high) * before.along;
+  const Vector2d b = corner_m + 0.5 * lengthInside(corner_m, after.along, low, high) * after.along;
+  return distanceToSegment(mean(at), a, b) <= tolerance_m;
+}
+
+/// The cells of the positions agree with a corner between two lines.
+bool LinePieces::isCornerOf(const Line& before, const Line& after, int first, int last) const {
+  constexpr double kLeastCorner = 0.5;  // sin 30°: arcs have no sharp corners
+  if (std::abs(cross(before.along, after.along)) < kLeastCorner) return false;
+  const Vector2d corner_m = *intersection(before, after);
+  double nearest = kReach_cells * map_.resolution_m;
+  for (int i = first; i <= last; ++i) {
+    nearest = std::min(nearest, (mean(i) - corner_m).norm());
+    if (!agrees(i, before, after, corner_m)) return false;
+  }
+  return nearest <= map_.resolution_m;
+}
+
+void LinePieces::sharpenCorners() {
+  constexpr int kMostPieces = 3, kMostCells = 4;
+  for (int number = stretch_.is_ring ? 0 : 1; number < corners(); ++number) {
+    for (int run = kMostPieces; run >= 1; --run) {
+      // Corners number … number + run become one; each neighbour has a cell of its own.
+      if (corners() < run + 3 || (!stretch_.is_ring && number + run > corners() - 2)) continue;
+      const int first = corner(number), last = corner(number + run);
+      if (last - first > kMostCells || first - corner(number - 1) < 2 || corner(number + run + 1) - last < 2)
+        continue;
+      const Line before = lineOf(number - 1), after = lineOf(number + run);
+      if (!isCornerOf(before, after, first, last)) continue;
+      const Vector2d corner_m = *intersection(before, after);
+      int nearest = first;
+      for (int i = first; i <= last; ++i)
+        if ((mean(i) - corner_m).norm() < (mean(nearest) - corner_m).norm()) nearest = i;
+      std::vector<int> kept;
+      for (int k = number + run + 1; k < number + corners(); ++k)
+        kept.push_back(((corner(k) % size_) + size_) % size_);
+      kept.push_back(nearest % size_);
+      std::sort(kept.begin(), kept.end());
+      corners_ = std::move(kept);
+      break;
+    }
+  }
+}
+
+Vector2d LinePieces::vertexAt(int number, const std::vector<Line>& lines) const {
+  const Vector2d& at = mean(corner(number));
+  if (isEnd(corner(number))) return (number == 0 ? lines.front() : lines.back()).projected(at);
+  const Line& before = lines[static_cast<std::size_t>((number + pieces() - 1) % pieces())];
+  const Line& after = lines[static_cast<std::size_t>(number)];
+  const std::optional<Vector2d> corner_m = intersection(before, after);
+  const bool is_near = corner_m && (*corner_m - at).norm() <= kReach_cells * map_.resolution_m;
+  return is_near ? *corner_m : Vector2d(0.5 * (before.projected(at) + after.projected(at)));
+}
+
+/// Lines of all pieces and their vertices. The vertices of the last pass mark the cells at corners.
+void LinePieces::findVertices() {
+  std::vector<Line> lines;
+  for (int k = 0; k < pieces(); ++k) {
+    std::vector<Vector2d> corners_m;
+    for (const int number : {k, k + 1})
+      if (!isEnd(corner(number)))
+        corners_m.push_back(vertices_[static_cast<std::size_t>(number % corners())]);
+    lines.push_back(lineOf(corner(k), corner(k + 1), corners_m));
+  }
+  std::vector<Vector2d> found;
+  for (int k = 0; k < corners(); ++k) found.push_back(vertexAt(k, lines));
+  // A piece of two or three cells may be turned around by its intersections.
+  vertices_ = found;
+  for (int k = 0; k < pieces(); ++k) {
+    const auto next = static_cast<std::size_t>((k + 1) % corners()), here = static_cast<std::size_t>(k);
+    if ((found[next] - found[here]).dot(mean(corner(k + 1)) - mean(corner(k))) > 0) continue;
+    vertices_[here] = mean(corner(k));
+    vertices_[next] = mean(corner(k + 1));
+  }
+}
+
+/// Moves each corner to the cell that is nearest to its vertex, at most two cells and not past its
+/// neighbours.
+void LinePieces::moveCorners() {
+  constexpr int kMost = 2;
+  for (int k = 0; k < corners(); ++k) {
+    const int at = corner(k);
+    if (isEnd(at)) continue;
+    const Vector2d& vertex = vertices_[static_cast<std::size_t>(k)];
+    int nearest = at;
+    for (int i = std::max(corner(k - 1) + 1, at - kMost); i <= std::min(corner(k + 1) - 1, at + kMost); ++i)
+      if ((mean(i) - vertex).norm() < (mean(nearest) - vertex).norm()) nearest = i;
+    corners_[static_cast<std::size_t>(k)] = nearest;
+  }
+}
+
+void LinePieces::fit() {
+  vertices_.clear();
+  for (int k = 0; k < corners(); ++k) vertices_.push_back(mean(corner(k)));
+  constexpr int kPasses = 3;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    findVertices();
+    if (pass + 1 < kPasses) moveCorners();
+  }
+}
+
+}  // namespace
+
+std::vector<Vector2d> verticesOf(const Stretch& stretch, const SurfaceMap& map,
+                                 const PolylineOptions& options) {
+  LinePieces pieces(stretch, map, options);
+  pieces.findCorners();
+  pieces.mergePieces();
+  pieces.sharpenCorners();
+  pieces.mergePieces();
+  pieces.fit();
+  return pieces.vertices();
+}
+
+}  // namespace omnifleet::structure::detail

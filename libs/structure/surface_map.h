@@ -1,0 +1,30 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+namespace omnifleet::structure {
+
+enum class Cell : std::uint8_t { kUnknown, kFree, kOccupied };
+
+/// Where rays ended in one occupied cell.
+struct SurfaceCell {
+  int x = 0, y = 0;                                  ///< cell
+  Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();  ///< map; weighted mean of the ends of rays
+  double sigma_m = 0.0;                              ///< of the mean, one direction
+  std::uint32_t observations = 0;                    ///< number of keyframes
+  std::uint64_t observers = 0;                       ///< bit per robot
+};
+
+/// Cells of an occupancy map with the surfaces found in them.
+struct SurfaceMap {
+  double resolution_m = 0.05;
+  Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();  ///< lower-left corner of cell (0, 0), map
+  int width = 0, height = 0;
+  std::vector<Cell> cells;  ///< index = x + y·width
+  std::vector<SurfaceCell>
+      surface;  ///< of the occupied cells with ray ends; any order; an occupied cell may have none
+};
+
+}  // namespace omnifleet::structure

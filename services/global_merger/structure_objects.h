@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "dataset/map_files.h"
+#include "structure/polylines.h"
+
+namespace omnifleet::global_merger {
+
+/// Ids of objects that come from cells begin here; those of fitted obstacles are smaller.
+inline constexpr std::uint64_t kFirstStructureId = 1'000'000;
+
+/// Objects for the polylines that do not belong to a fitted obstacle: structure, or obstacles where a line is
+/// closed. A polyline belongs to an obstacle if most of its points lie within kBeside_m of its outline.
+/// @param robots names, in the order of the bits of Polyline::observers
+std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Polyline>& lines,
+                                                 const std::vector<dataset::MapObject>& obstacles,
+                                                 const std::vector<std::string>& robots);
+inline constexpr double kBeside_m = 0.075;  ///< one and a half cells
+
+}  // namespace omnifleet::global_merger
