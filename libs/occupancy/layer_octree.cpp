@@ -86,7 +86,7 @@ std::vector<LayerOctree::Column> columnsOf(const std::vector<dataset::MapObject>
   constexpr double kMostCells = 400.0;  // per side; wider outlines are not objects
   std::vector<LayerOctree::Column> columns;
   for (const dataset::MapObject& object : objects) {
-    if (object.outline_m.size() < 3) continue;
+    if (object.isOpen() || object.outline_m.size() < 3) continue;
     Eigen::Vector2d low = object.outline_m.front(), high = low;
     for (const Eigen::Vector2d& p : object.outline_m) low = low.cwiseMin(p), high = high.cwiseMax(p);
     if (!low.allFinite() || !high.allFinite() || (high - low).maxCoeff() > kMostCells * resolution_m)

@@ -52,18 +52,22 @@ const Scan& MapRays::of(const Objects& objects) {
                     beams = std::min(boundary.inverse_m.size(), boundary.sigma.size());
   if (rays == 0 || beams == 0 || rays > beams) return rays_;
   lines_.fit(boundary);
-  std::size_t structure = 0, nothing = 0;
+  constexpr double kKept = 0.9;  // of the counts, from frame to frame
+  structure_ *= kKept;
+  nothing_ *= kKept;
   for (std::size_t i = 0; i < rays; ++i) {
     const std::size_t beam = i * beams / rays;
     const bool has_edge = boundary.sigma[beam] > 0 && boundary.inverse_m[beam] > 0;
     if (has_edge) {
       const auto [range_m, sigma_m] = edgeAt(boundary, beam);
       placeAtEdge(scan, i, range_m, sigma_m, beam < boundary.moving.size() && boundary.moving[beam] != 0);
+    } else if (rays_.label[i] == RayLabel::kObstacle && rays_.object[i] == 0) {
+      rays_.label[i] = RayLabel::kUnknown;
     }
-    if (rays_.label[i] == RayLabel::kFloorEnd) ++nothing;
-    if (isHit(rays_.label[i]) && rays_.object[i] == 0) ++structure;
+    if (rays_.label[i] == RayLabel::kFloorEnd) nothing_ += 1.0;
+    if (isHit(rays_.label[i]) && rays_.object[i] == 0) structure_ += 1.0;
   }
-  if (structure <= nothing) return rays_;
+  if (structure_ <= nothing_) return rays_;
   for (std::size_t i = 0; i < rays; ++i)
     if (rays_.label[i] == RayLabel::kFloorEnd) rays_.label[i] = RayLabel::kInvalid;
   return rays_;

@@ -13,10 +13,12 @@ namespace omnifleet::occupancy {
 ///   the σ of the line. The label is that of the scan; what belongs to no tracked object is an obstacle.
 ///   An edge on a robot or on another moving object becomes a robot's ray.
 /// - If the scan ends clearly before the edge, one of them is wrong. The ray is undecided from the nearer one.
-/// - Without an edge, an obstacle of the scan ends the ray.
+/// - Without an edge, something ends the ray, but what differs little from the floor may begin before that.
+///   Such a ray has the label kUnknown and object 0: it hits, and shows no floor. A tracked object keeps its
+///   label.
 /// - Without an edge and without an obstacle, the floor reaches to the end of the view, or something of the
-///   floor's colour stands there. A frame in which more bearings end at walls and furniture than show nothing
-///   was taken in a room; there the ray is invalid. Otherwise it shows floor, as labelled.
+///   floor's colour stands there. Where more bearings end at walls and furniture than show nothing, the robot
+///   is in a room (mean of the last ten frames or so); there the ray is invalid. Otherwise it shows floor.
 class MapRays {
  public:
   /// Valid until the next call. Throws nothing; sizes that differ are cut to the shortest.
@@ -29,6 +31,7 @@ class MapRays {
 
   scan::LineScan lines_;
   Scan rays_;
+  double structure_ = 0.0, nothing_ = 0.0;  ///< numbers of such rays, decaying from frame to frame
 };
 
 }  // namespace omnifleet::occupancy

@@ -15,7 +15,8 @@ RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role
   if (range > max_range_dmm) return {max_range_dmm, 0, RayRole::kFree};
   if (role == RayRole::kFree) return {range, 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
-  const bool is_vague = role == RayRole::kHit && 2 * sigma > resolution_dmm;
+  const bool is_vague = role != RayRole::kOpen && 2 * sigma > resolution_dmm;
+  if (role == RayRole::kHitOnly) return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit};
   return {range, std::min(sigma, range), is_vague ? RayRole::kOpen : role};
 }
 

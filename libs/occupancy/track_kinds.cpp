@@ -61,12 +61,13 @@ namespace {
 
 struct Known {
   ObjectKind kind = ObjectKind::kUnknown;
-  bool sighted = false, is_floor_marking = false;
+  bool sighted = false, is_floor_marking = false, is_tracked = false;
 };
 
 RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
   if (label == RayLabel::kFloorEnd) return RayRole::kFree;
   if (label == RayLabel::kUndecided) return RayRole::kOpen;
+  if (label == RayLabel::kUnknown && !known.is_tracked) return RayRole::kHitOnly;
   if (known.sighted || label == RayLabel::kRobot || known.kind == ObjectKind::kRobot) return RayRole::kNone;
   if (known.is_floor_marking) return RayRole::kOpen;
   const bool is_obstacle = label == RayLabel::kObstacle || known.kind == ObjectKind::kObstacle;
@@ -95,7 +96,7 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
           return static_cast<std::uint16_t>(s.track_id) == track;
         });
         found->second = {kinds.kindOf(contribution.robot, track), sighted,
-                         kinds.isFloorMarking(contribution.robot, track)};
+                         kinds.isFloorMarking(contribution.robot, track), true};
       }
       known = found->second;
     }

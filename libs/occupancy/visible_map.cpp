@@ -142,17 +142,19 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t 
                next_y = (step_y > 0 ? resolution_ - in_y : in_y + 1) * dx;
   const std::int64_t steps = std::abs(to_x - x) + std::abs(to_y - y);
   bool sees_floor = true, in_gap = false;
+  int since_free = 2;  // cells since the last one that is counted as free
   for (std::int64_t i = 0; i <= steps; ++i) {
     if (x < 0 || y < 0 || x >= width_ || y >= height_) return;
     const auto at = static_cast<std::size_t>(y * width_ + x);
     std::uint8_t& mark = marks_[at];
     if ((mark & kSolid) != 0) {
-      if (is_hit && std::abs(x - end_x) <= 1 && std::abs(y - end_y) <= 1) {
+      if (is_hit && since_free < 2 && std::abs(x - end_x) <= 1 && std::abs(y - end_y) <= 1) {
         mark |= kReached;
         addEnd(at, end, sigma);
       }
       return;
     }
+    since_free = classes_[at] == CellClass::kFree ? 0 : since_free + 1;
     const bool is_gap = (mark & kGap) != 0;
     if (in_gap && !is_gap) sees_floor = false;  // through a gap
     in_gap = is_gap;

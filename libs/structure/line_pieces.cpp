@@ -183,15 +183,19 @@ Line LinePieces::lineOf(int piece) const {
   return lineOf(corner(piece), corner(piece + 1));
 }
 
-/// One line fits all cells; those at the ends may contain a corner.
+/// One line fits all cells; those at the ends may contain a corner. At the tip of a thin wall the cells
+/// return along the same line.
 bool LinePieces::isStraight(int first, int last) const {
   const Line line = lineOf(first, last);
+  double farthest = line.along.dot(mean(first));
   for (int i = first; i <= last; ++i) {
     const bool is_corner = (i == first || i == last) && !isEnd(i);
     const double tolerance_m = is_corner
                                    ? std::max(options_.tolerance_m, kCornerOff_cells * map_.resolution_m)
                                    : 0.5 * options_.tolerance_m;
     if (line.distanceTo(mean(i)) > within(i, tolerance_m)) return false;
+    farthest = std::max(farthest, line.along.dot(mean(i)));
+    if (line.along.dot(mean(i)) < farthest - kReach_cells * map_.resolution_m) return false;
   }
   return true;
 }

@@ -49,32 +49,71 @@ std::vector<const SurfaceCell*> cellsInOrder(const Border& border, const Surface
   return cells;
 }
 
-/// Appends a cell to a stretch. At a single protruding cell the border returns to the cell before it at once;
-/// the stretch does not.
-void append(Stretch& stretch, const SurfaceCell* cell) {
-  std::vector<const SurfaceCell*>& cells = stretch.cells;
-  const bool is_return = cells.size() >= 2 && (cells.back() == cell || cells[cells.size() - 2] == cell);
-  if (!is_return) cells.push_back(cell);
+/// Cells in order along a border, without immediate returns. Around a corner or a single protruding cell, the
+/// border passes by a cell twice, before and after the protruding cell. The stretch has it once, in the order
+/// that gives the shorter line.
+class StretchCells {
+ public:
+  void append(const SurfaceCell* cell) {
+    const std::size_t size = cells_.size();
+    if (size >= 1 && cells_.back() == cell) return;
+    if (size >= 2 && cells_[size - 2] == cell) {
+      has_returned_ = true;
+      return;
+    }
+    if (has_returned_ && size >= 3) {
+      const SurfaceCell *before = cells_[size - 3], *&twice = cells_[size - 2], *&between = cells_[size - 1];
+      const double as_met = distance(before, twice) + distance(between, cell);
+      if (distance(before, between) + distance(twice, cell) < as_met - kNegligible_m)
+        std::swap(twice, between);
+    }
+    has_returned_ = false;
+    cells_.push_back(cell);
+  }
+  const std::vector<const SurfaceCell*>& cells() const { return cells_; }
+
+ private:
+  static constexpr double kNegligible_m = 1e-9;
+  static double distance(const SurfaceCell* a, const SurfaceCell* b) {
+    return (a->mean_m - b->mean_m).norm();
+  }
+
+  std::vector<const SurfaceCell*> cells_;
+  bool has_returned_ = false;
+};
+
+/// Joins the ends of a ring: removes immediate returns there too. The lowest cell remains the first.
+std::vector<const SurfaceCell*> ringOf(std::vector<const SurfaceCell*> cells) {
+  const SurfaceCell* lowest = cells.front();
+  std::rotate(cells.begin(), cells.begin() + static_cast<std::ptrdiff_t>(cells.size() / 2), cells.end());
+  StretchCells joined;
+  for (const SurfaceCell* cell : cells) joined.append(cell);
+  cells = joined.cells();
+  if (cells.size() > 1 && cells.back() == cells.front()) cells.pop_back();
+  std::rotate(cells.begin(), std::find(cells.begin(), cells.end(), lowest), cells.end());
+  return cells;
 }
 
 /// Splits a border where too many cells in a row have no ray ends.
 std::vector<Stretch> stretchesOf(const Border& border, const SurfaceIndex& surface, int max_gap) {
-  std::vector<Stretch> stretches(1);
+  std::vector<StretchCells> parts(1);
   int missing = 0;
   for (const SurfaceCell* cell : cellsInOrder(border, surface)) {
     missing = cell == nullptr ? missing + 1 : 0;
-    if (missing == max_gap + 1) stretches.emplace_back();
-    if (cell != nullptr) append(stretches.back(), cell);
+    if (missing == max_gap + 1) parts.emplace_back();
+    if (cell != nullptr) parts.back().append(cell);
   }
-  if (missing > max_gap) {
-    stretches.pop_back();
-  } else if (stretches.size() == 1) {
-    stretches.front().is_ring = true;
-  } else {  // the last stretch continues at the beginning
-    for (const SurfaceCell* cell : stretches.front().cells) append(stretches.back(), cell);
-    std::swap(stretches.front(), stretches.back());
-    stretches.pop_back();
+  if (parts.size() == 1) {
+    if (parts.front().cells().empty()) return {};
+    return {Stretch{ringOf(parts.front().cells()), true}};
   }
+  if (missing <= max_gap) {  // the last part continues at the beginning
+    for (const SurfaceCell* cell : parts.front().cells()) parts.back().append(cell);
+    std::swap(parts.front(), parts.back());
+  }
+  parts.pop_back();
+  std::vector<Stretch> stretches;
+  for (const StretchCells& part : parts) stretches.push_back({part.cells(), false});
   return stretches;
 }
 

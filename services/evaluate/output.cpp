@@ -212,6 +212,50 @@ Json freeSpaceJson(const evaluation::FreeSpaceMetrics& free) {
           {"walls_found", free.walls_found.value_or(kNone)}};
 }
 
+/// A share in per cent; a dash for NaN.
+std::string percent(double share) {
+  return cell(100.0 * share, 0, 1) + " %";
+}
+
+/// "96.4 % (obstacles 95.0 %, structure 97.2 %)"
+std::string splitShare(const evaluation::CellMetrics& cells, double evaluation::FaceMetrics::*share) {
+  return fmt::format("{} (obstacles {}, structure {})", percent(cells.all.*share),
+                     percent(cells.obstacles.*share), percent(cells.structure.*share));
+}
+
+std::string cellTable(const evaluation::CellMetrics& cells) {
+  using evaluation::FaceMetrics;
+  std::string text =
+      fmt::format("Cells       occupied {}, of them inside known outlines {}; of the others:\n",
+                  cells.occupied, cells.filled);
+  text += fmt::format("  within 2 cm of a true face       {}\n", splitShare(cells, &FaceMetrics::within_2cm));
+  text += fmt::format("  within 5 cm of a true face       {}\n", splitShare(cells, &FaceMetrics::within_5cm));
+  text += fmt::format("  occupied per crossed cell        {}\n", cell(cells.occupied_per_crossed, 0, 2));
+  text +=
+      fmt::format("  faces seen within 1.8 m occupied {}\n", splitShare(cells, &FaceMetrics::seen_occupied));
+  return text + fmt::format("  free area wrong                  {}\n", percent(cells.free_wrong));
+}
+
+Json faceJson(const evaluation::FaceMetrics& faces) {
+  return {{"cells", faces.cells},
+          {"within_2cm", faces.within_2cm},
+          {"within_5cm", faces.within_5cm},
+          {"seen_points", faces.seen},
+          {"seen_occupied", faces.seen_occupied}};
+}
+
+Json cellJson(const evaluation::CellMetrics& cells) {
+  return {{"occupied", cells.occupied},
+          {"inside_outlines", cells.filled},
+          {"all", faceJson(cells.all)},
+          {"obstacles", faceJson(cells.obstacles)},
+          {"structure", faceJson(cells.structure)},
+          {"crossed", cells.crossed},
+          {"occupied_per_crossed", cells.occupied_per_crossed},
+          {"free", cells.free},
+          {"free_wrong", cells.free_wrong}};
+}
+
 Json statistics(const evaluation::Statistics& s) {
   return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
           {"std", s.std},     {"min", s.min},   {"max", s.max}};
@@ -309,6 +353,7 @@ std::string table(const Report& report) {
         cell(100.0 * report.space->share90_m, 4, 1), cell(100.0 * report.space->max_m, 4, 1));
   }
   if (report.free_space) text += freeSpaceTable(*report.free_space);
+  if (report.cells) text += cellTable(*report.cells);
   if (report.landmarks) {
     text +=
         fmt::format("Landmarks   found {} of {}, mean error {} cm, largest {} cm\n", report.landmarks->found,
@@ -336,6 +381,7 @@ std::string metricsJson(const Report& report) {
                      {"outside_max_m", report.space->max_m}};
   }
   if (report.free_space) json["free_space"] = freeSpaceJson(*report.free_space);
+  if (report.cells) json["cells"] = cellJson(*report.cells);
   if (report.landmarks) {
     json["landmarks"] = {{"truths", report.landmarks->truths},
                          {"found", report.landmarks->found},

@@ -244,13 +244,15 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
-/// Compares the free cells of the run's grid with the truth. Empty without a grid.
-std::optional<evaluation::FreeSpaceMetrics> compareGrid(const fs::path& map,
-                                                        const dataset::GroundTruth& truth,
-                                                        const Pose2& truth_from_map) {
-  if (!fs::exists(map)) return std::nullopt;
-  return evaluation::compareFreeSpace(dataset::readMapServer(map.string()), truth_from_map, truth.scene,
-                                      truth.room);
+/// Compares the run's grid with the truth. Needs the run's objects in the frame of the truth. Changes nothing
+/// without a grid.
+void compareGrid(const fs::path& map, const dataset::GroundTruth& truth, Report& report) {
+  if (!fs::exists(map)) return;
+  const dataset::OccupancyGrid grid = dataset::readMapServer(map.string());
+  const Pose2 truth_from_map = report.truth_from_map.value_or(Pose2{});
+  report.free_space = evaluation::compareFreeSpace(grid, truth_from_map, truth.scene, truth.room);
+  report.cells = evaluation::compareCells(grid, truth_from_map, report.objects, truth.scene, truth.room,
+                                          truth.trajectories);
 }
 
 }  // namespace
@@ -274,8 +276,7 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
     report.space =
         compareSpace(fs::path(out) / "map.bt", truth.scene, report.truth_from_map.value_or(Pose2{}));
-    report.free_space =
-        compareGrid(fs::path(out) / "map.yaml", truth, report.truth_from_map.value_or(Pose2{}));
+    compareGrid(fs::path(out) / "map.yaml", truth, report);
     report.landmarks = compareLandmarks(report);
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});

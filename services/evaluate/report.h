@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/cell_metrics.h"
 #include "evaluation/classification.h"
 #include "evaluation/consistency.h"
 #include "evaluation/free_space.h"
@@ -43,7 +44,8 @@ struct Report {
   std::optional<evaluation::SolidMetrics>
       space;  ///< voxels of map.bt above the floor, if the scene has heights
   std::optional<evaluation::FreeSpaceMetrics>
-      free_space;                           ///< free cells of map.yaml, if the recording has scene.geojson
+      free_space;  ///< free cells of map.yaml, if the recording has scene.geojson
+  std::optional<evaluation::CellMetrics> cells;  ///< cells of map.yaml at the true faces; likewise
   std::optional<LandmarkReport> landmarks;  ///< if the scene has named objects; these do not count in `map`
   std::optional<Pose2> truth_from_map;      ///< alignment applied to the run before the comparison
   std::vector<RobotReport> robots;

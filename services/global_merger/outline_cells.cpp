@@ -54,7 +54,7 @@ std::vector<OutlineCells> cellsAt(const std::vector<Polygon>& outlines_m, const 
       for (int v = std::max(0, y - reach); v <= std::min(map.height - 1, y + reach); ++v) {
         for (int u = std::max(0, x - reach); u <= std::min(map.width - 1, x + reach); ++u) {
           const double away = (Eigen::Vector2d(u + 0.5, v + 0.5) - at).norm();
-          if (occupied(v, u) == 0 || away > OutlineCells::kBeside + 0.5) continue;
+          if (occupied(v, u) == 0 || away > OutlineCells::kBeside) continue;
           found = true;
           const auto k = static_cast<std::size_t>(part(v, u));
           parts_at[i].insert(k);

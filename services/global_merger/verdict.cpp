@@ -124,6 +124,7 @@ Reason structureReason(const Evidence& e, const MergerOptions& options) {
   const bool top_unseen = e.from_camera && e.cut_views > kMostlyCut * e.views;
   // Of a sliver, rays that ended at one side are near the other one as well.
   const double seen = e.is_thin ? std::min(e.seen, e.faced) : e.seen;
+  if (e.is_thin && e.faced < options.least_seen && isDisagreeing(e)) return Reason::kOpenOutline;
   return top_unseen && seen < options.least_seen ? Reason::kOpenOutline : Reason::kNone;
 }
 
