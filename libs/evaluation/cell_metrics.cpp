@@ -106,7 +106,7 @@ class Cells {
     }
     return found;
   }
-  Vector2d Eigen::Vector2i at(const Vector2d& point) const {
+  Eigen::Vector2i at(const Vector2d& point) const {
     return ((point - grid_.origin_m) / grid_.resolution_m).array().floor().cast<int>();
   }
   bool hasOccupiedWithin(double distance_m, const Vector2d& point) const {

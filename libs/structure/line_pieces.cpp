@@ -1,7 +1,9 @@
 #include "structure/line_pieces.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -13,7 +15,7 @@ using Eigen::Vector2d;
 constexpr double kLeastSigma_m = 0.001;  // no mean is known better
 constexpr double kCornerSigma_cells =
     0.15;  // of the mean of a cell that contains a corner: it is up to 0.25 off a face
-constexpr double kCornerOff_cells = 0.3;  // largest distance of such a mean from a face
+constexpr double kCornerOff_cells = 0.4;  // largest distance of such a mean from a face
 constexpr double kAtCorner_cells = 0.75;  // largest distance of such a mean from the corner: half a diagonal
 constexpr double kReach_cells = 1.5;      // of an intersection from the corner's cell
 constexpr double kLeastTurn = 0.09;       // sin 5°: lines that are closer to parallel have no intersection
@@ -21,6 +23,10 @@ constexpr double kLeastTurn = 0.09;       // sin 5°: lines that are closer to p
 double cross(const Vector2d& a, const Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
+
+/// At both ends of a piece.
+using Corners = std::array<Vector2d, 2>;
+const Vector2d kNoCorner = Vector2d::Constant(std::numeric_limits<double>::infinity());
 
 struct Line {
   Vector2d at = Vector2d::Zero(), along = Vector2d::UnitX();
@@ -61,7 +67,7 @@ class LinePieces {
   void findCorners();
   void mergePieces();
   void sharpenCorners();
-  void fit();
+  void fit(int passes);
   std::vector<Vector2d> vertices() const { return vertices_; }
 
  private:
@@ -85,11 +91,12 @@ class LinePieces {
 
   void split(int first, int last, std::vector<int>& found) const;
   int farthestFrom(int at) const;
-  Line lineOf(int first, int last, const std::vector<Vector2d>& corners_m) const;
+  Line lineOf(int first, int last, const Corners& corners_m) const;
   Line lineOf(int first, int last) const;
   Line lineOf(int piece) const;
   bool isStraight(int first, int last) const;
   bool isCornerOf(const Line& before, const Line& after, int first, int last) const;
+  void replaceCorners(int number, int run, int at);
   bool agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const;
   Vector2d vertexAt(int number, const std::vector<Line>& lines) const;
   void findVertices();
@@ -110,9 +117,15 @@ int LinePieces::farthestFrom(int at) const {
   return farthest;
 }
 
-/// Douglas–Peucker: appends the corners between two positions, in any order.
+/// Douglas–Peucker: appends the corners between two positions, in any order. It is quadratic for lines like a
+/// spiral, so it begins with a corner every 100 cells. mergePieces() removes those on straight walls.
 void LinePieces::split(int first, int last, std::vector<int>& found) const {
-  std::vector<std::pair<int, int>> open{{first, last}};
+  constexpr int kMostCells = 100;
+  std::vector<std::pair<int, int>> open;
+  for (int from = first; from < last; from += kMostCells) {
+    if (from > first) found.push_back(from);
+    open.emplace_back(from, std::min(from + kMostCells, last));
+  }
   while (!open.empty()) {
     const auto [from, to] = open.back();
     open.pop_back();
@@ -146,12 +159,12 @@ void LinePieces::findCorners() {
 }
 
 /// Weighted total least squares. Cells near `corners_m` have a larger σ.
-Line LinePieces::lineOf(int first, int last, const std::vector<Vector2d>& corners_m) const {
+Line LinePieces::lineOf(int first, int last, const Corners& corners_m) const {
   const double corner_sigma_m = kCornerSigma_cells * map_.resolution_m;
+  const double reach = std::pow(kAtCorner_cells * map_.resolution_m, 2);
   const auto weightOf = [&](int at) {
-    const bool is_at_corner = std::any_of(corners_m.begin(), corners_m.end(), [&](const Vector2d& corner_m) {
-      return (mean(at) - corner_m).norm() <= kAtCorner_cells * map_.resolution_m;
-    });
+    const bool is_at_corner =
+        (mean(at) - corners_m[0]).squaredNorm() <= reach || (mean(at) - corners_m[1]).squaredNorm() <= reach;
     const double sigma = std::max(cell(at).sigma_m, kLeastSigma_m);
     return 1.0 / (sigma * sigma + (is_at_corner ? corner_sigma_m * corner_sigma_m : 0.0));
   };
@@ -173,10 +186,7 @@ Line LinePieces::lineOf(int first, int last, const std::vector<Vector2d>& corner
 }
 
 Line LinePieces::lineOf(int first, int last) const {
-  std::vector<Vector2d> corners_m;
-  for (const int at : {first, last})
-    if (!isEnd(at)) corners_m.push_back(mean(at));
-  return lineOf(first, last, corners_m);
+  return lineOf(first, last, {isEnd(first) ? kNoCorner : mean(first), isEnd(last) ? kNoCorner : mean(last)});
 }
 
 Line LinePieces::lineOf(int piece) const {
@@ -187,15 +197,15 @@ Line LinePieces::lineOf(int piece) const {
 /// return along the same line.
 bool LinePieces::isStraight(int first, int last) const {
   const Line line = lineOf(first, last);
+  const double corner_off_m = kCornerOff_cells * map_.resolution_m;
   double farthest = line.along.dot(mean(first));
   for (int i = first; i <= last; ++i) {
     const bool is_corner = (i == first || i == last) && !isEnd(i);
-    const double tolerance_m = is_corner
-                                   ? std::max(options_.tolerance_m, kCornerOff_cells * map_.resolution_m)
-                                   : 0.5 * options_.tolerance_m;
-    if (line.distanceTo(mean(i)) > within(i, tolerance_m)) return false;
-    farthest = std::max(farthest, line.along.dot(mean(i)));
-    if (line.along.dot(mean(i)) < farthest - kReach_cells * map_.resolution_m) return false;
+    const double tolerance_m = within(i, 0.5 * options_.tolerance_m);
+    const double off_m = line.distanceTo(mean(i)), along = line.along.dot(mean(i));
+    if (off_m > (is_corner ? std::hypot(tolerance_m, corner_off_m) : tolerance_m)) return false;
+    farthest = std::max(farthest, along);
+    if (along < farthest - kReach_cells * map_.resolution_m) return false;
   }
   return true;
 }
@@ -250,6 +260,19 @@ bool LinePieces::isCornerOf(const Line& before, const Line& after, int first, in
   return nearest <= map_.resolution_m;
 }
 
+/// Replaces the corners number … number + run by one.
+void LinePieces::replaceCorners(int number, int run, int at) {
+  const int beyond = std::max(0, number + run + 1 - corners());  // of a ring: at its beginning
+  const auto from = corners_.begin() + number;
+  corners_.erase(from + 1, from + 1 + run - beyond);
+  corners_[static_cast<std::size_t>(number)] = at;
+  corners_.erase(corners_.begin(), corners_.begin() + beyond);
+  if (at >= size_) {
+    corners_.back() = at - size_;
+    std::rotate(corners_.begin(), corners_.end() - 1, corners_.end());
+  }
+}
+
 void LinePieces::sharpenCorners() {
   constexpr int kMostPieces = 3, kMostCells = 4;
   for (int number = stretch_.is_ring ? 0 : 1; number < corners(); ++number) {
@@ -265,12 +288,7 @@ void LinePieces::sharpenCorners() {
       int nearest = first;
       for (int i = first; i <= last; ++i)
         if ((mean(i) - corner_m).norm() < (mean(nearest) - corner_m).norm()) nearest = i;
-      std::vector<int> kept;
-      for (int k = number + run + 1; k < number + corners(); ++k)
-        kept.push_back(((corner(k) % size_) + size_) % size_);
-      kept.push_back(nearest % size_);
-      std::sort(kept.begin(), kept.end());
-      corners_ = std::move(kept);
+      replaceCorners(number, run, nearest);
       break;
     }
   }
@@ -290,11 +308,10 @@ Vector2d LinePieces::vertexAt(int number, const std::vector<Line>& lines) const 
 void LinePieces::findVertices() {
   std::vector<Line> lines;
   for (int k = 0; k < pieces(); ++k) {
-    std::vector<Vector2d> corners_m;
-    for (const int number : {k, k + 1})
-      if (!isEnd(corner(number)))
-        corners_m.push_back(vertices_[static_cast<std::size_t>(number % corners())]);
-    lines.push_back(lineOf(corner(k), corner(k + 1), corners_m));
+    const auto cornerAt = [&](int number) {
+      return isEnd(corner(number)) ? kNoCorner : vertices_[static_cast<std::size_t>(number % corners())];
+    };
+    lines.push_back(lineOf(corner(k), corner(k + 1), {cornerAt(k), cornerAt(k + 1)}));
   }
   std::vector<Vector2d> found;
   for (int k = 0; k < corners(); ++k) found.push_back(vertexAt(k, lines));
@@ -323,13 +340,12 @@ void LinePieces::moveCorners() {
   }
 }
 
-void LinePieces::fit() {
+void LinePieces::fit(int passes) {
   vertices_.clear();
   for (int k = 0; k < corners(); ++k) vertices_.push_back(mean(corner(k)));
-  constexpr int kPasses = 3;
-  for (int pass = 0; pass < kPasses; ++pass) {
+  for (int pass = 0; pass < passes; ++pass) {
     findVertices();
-    if (pass + 1 < kPasses) moveCorners();
+    if (pass + 1 < passes) moveCorners();
   }
 }
 
@@ -341,8 +357,9 @@ std::vector<Vector2d> verticesOf(const Stretch& stretch, const SurfaceMap& map,
   pieces.findCorners();
   pieces.mergePieces();
   pieces.sharpenCorners();
+  pieces.fit(2);
   pieces.mergePieces();
-  pieces.fit();
+  pieces.fit(3);
   return pieces.vertices();
 }
 

@@ -225,15 +225,15 @@ std::string splitShare(const evaluation::CellMetrics& cells, double evaluation::
 
 std::string cellTable(const evaluation::CellMetrics& cells) {
   using evaluation::FaceMetrics;
-  std::string text =
-      fmt::format("Cells       occupied {}, of them inside known outlines {}; of the others:\n",
-                  cells.occupied, cells.filled);
-  text += fmt::format("  within 2 cm of a true face       {}\n", splitShare(cells, &FaceMetrics::within_2cm));
-  text += fmt::format("  within 5 cm of a true face       {}\n", splitShare(cells, &FaceMetrics::within_5cm));
-  text += fmt::format("  occupied per crossed cell        {}\n", cell(cells.occupied_per_crossed, 0, 2));
-  text +=
-      fmt::format("  faces seen within 1.8 m occupied {}\n", splitShare(cells, &FaceMetrics::seen_occupied));
-  return text + fmt::format("  free area wrong                  {}\n", percent(cells.free_wrong));
+  return fmt::format(
+      "Cells       occupied {}; of these, {} fill known outlines and do not count below\n"
+      "            within 2 cm of a true face {}\n"
+      "            within 5 cm of a true face {}\n"
+      "            faces seen within 1.8 m occupied {}\n"
+      "            occupied per crossed cell {}; free area wrong {}\n",
+      cells.occupied, cells.filled, splitShare(cells, &FaceMetrics::within_2cm),
+      splitShare(cells, &FaceMetrics::within_5cm), splitShare(cells, &FaceMetrics::seen_occupied),
+      cell(cells.occupied_per_crossed, 0, 2), percent(cells.free_wrong));
 }
 
 Json faceJson(const evaluation::FaceMetrics& faces) {

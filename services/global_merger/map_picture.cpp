@@ -9,10 +9,11 @@ namespace omnifleet::global_merger {
 namespace {
 
 const cv::Scalar kPaper(255, 255, 255), kUnknown(235, 232, 228), kFree(255, 255, 255), kOccupied(70, 62, 55),
-    kLines(222, 216, 210), kInk(60, 52, 45), kFaint(150, 140, 130), kObstacle(60, 110, 230);
+    kLines(222, 216, 210), kInk(60, 52, 45), kFaint(150, 140, 130), kObstacle(60, 110, 230),
+    kStructure(120, 84, 28), kRejected(150, 70, 150);
 constexpr double kTint = 0.3;                               // opacity of an object over its cells
 constexpr int kFont = cv::FONT_HERSHEY_DUPLEX, kShift = 4;  // coordinates in sixteenths of a pixel
-constexpr int kTop = 84, kBottom = 92, kSide = 64;
+constexpr int kTop = 84, kBottom = 136, kSide = 64;
 
 /// Distinguishable on white, also for the colour-blind (Okabe & Ito), BGR.
 cv::Scalar robotColour(std::size_t i) {
@@ -36,6 +37,7 @@ class Canvas {
     drawCells();
     drawMetreGrid();
     for (const auto& object : picture_.objects) drawObject(object);
+    for (const auto& place : picture_.rejected) drawRejected(place);
     std::size_t i = 0;
     for (const auto& [robot, path] : picture_.trajectories) drawRobot(robot, path, robotColour(i++));
     drawTitle();
@@ -97,6 +99,9 @@ class Canvas {
   void drawCells();
   void drawMetreGrid();
   void drawObject(const dataset::MapObject& object);
+  void drawStructure(const dataset::MapObject& object);
+  void drawRejected(const dataset::RejectedPlace& place);
+  std::string numberOf(const std::string& reason) const;
   void drawRobot(const std::string& robot, const std::vector<dataset::StampedPose>& path,
                  const cv::Scalar& colour);
   void drawTitle();
@@ -166,8 +171,45 @@ void Canvas::drawMetreGrid() {
   }
 }
 
+/// Walls and furniture: a thick line, as one would draw them.
+void Canvas::drawStructure(const dataset::MapObject& object) {
+  const auto points = fine(object.outline_m);
+  cv::polylines(image_, std::vector<std::vector<cv::Point>>{points}, false, kStructure,
+                std::clamp(cvRound(0.03 * scale_), 2, 9), cv::LINE_AA, kShift);
+}
+
+/// A hatched disc with the number of its reason in the legend.
+void Canvas::drawRejected(const dataset::RejectedPlace& place) {
+  constexpr double kRadius_m = 0.12;
+  const cv::Point2d centre = pixel(place.at_m);
+  const double radius = kRadius_m * scale_;
+  const auto at = [&](double x, double y) {
+    return cv::Point(cvRound((centre.x + x) * (1 << kShift)), cvRound((centre.y + y) * (1 << kShift)));
+  };
+  for (double offset = -0.8; offset <= 0.81; offset += 0.4) {
+    const double half = std::sqrt(1.0 - offset * offset), d = std::sqrt(0.5);
+    // The line x·d + y·d = offset within the disc.
+    cv::line(image_, at(radius * d * (offset - half), radius * d * (offset + half)),
+             at(radius * d * (offset + half), radius * d * (offset - half)), kRejected, 1, cv::LINE_AA, kShift);
+  }
+  cv::circle(image_, at(0, 0), cvRound(radius * (1 << kShift)), kRejected, 1, cv::LINE_AA, kShift);
+  label(numberOf(place.reason), place.at_m, 0.5, kRejected);
+}
+
+/// Reasons are numbered in the order in which they occur.
+std::string Canvas::numberOf(const std::string& reason) const {
+  std::vector<std::string> reasons;
+  for (const dataset::RejectedPlace& place : picture_.rejected)
+    if (std::find(reasons.begin(), reasons.end(), place.reason) == reasons.end())
+      reasons.push_back(place.reason);
+  return std::to_string(std::find(reasons.begin(), reasons.end(), reason) - reasons.begin() + 1);
+}
+
 void Canvas::drawObject(const dataset::MapObject& object) {
-  if (object.isOpen()) return;
+  if (object.isOpen()) {
+    drawStructure(object);
+    return;
+  }
   if (object.outline_m.size() < 3) return;
   tint(object.outline_m, kObstacle, kTint);
   outline(object.outline_m, kObstacle, 2);
@@ -211,8 +253,10 @@ void Canvas::drawTitle() {
     }
   }
   char words[160];
-  std::snprintf(words, sizeof words, "%zu obstacles, %zu robots, %.1f m driven, cells of %.0f cm",
-                picture_.objects.size(), picture_.trajectories.size(), length,
+  const auto obstacles =
+      std::count_if(picture_.objects.begin(), picture_.objects.end(), [](const auto& o) { return !o.isOpen(); });
+  std::snprintf(words, sizeof words, "%td obstacles, %zu robots, %.1f m driven, cells of %.0f cm", obstacles,
+                picture_.trajectories.size(), length,
                 100 * picture_.grid.resolution_m);
   text(words, {kSide, 64}, 0.55, kFaint, 1);
 }
@@ -232,7 +276,7 @@ void Canvas::drawScaleBar() {
 
 void Canvas::drawLegend() {
   int x = kSide;
-  int y = image_.rows - 52;
+  int y = image_.rows - kBottom + 40;
   const int scale_bar = image_.cols - kSide - 340;  // the longest scale bar begins here
   const auto entry = [&](const std::string& words, const cv::Scalar& fill, const cv::Scalar& edge) {
     const int width = 40 + cv::getTextSize(words, kFont, 0.5, 1, nullptr).width;
@@ -246,10 +290,20 @@ void Canvas::drawLegend() {
   entry("occupied", kOccupied, kOccupied);
   entry("unknown", kUnknown, kFaint);
   entry("obstacle #id of objects.geojson", (1.0 - kTint) * kOccupied + kTint * kObstacle, kObstacle);
+  if (std::any_of(picture_.objects.begin(), picture_.objects.end(), [](const auto& o) { return o.isOpen(); }))
+    entry("wall or furniture, outline open", kStructure, kStructure);
   std::size_t i = 0;
   for (const auto& [robot, path] : picture_.trajectories) {
     if (i < 8) entry(robot, robotColour(i), robotColour(i));
     ++i;
+  }
+  std::vector<std::string> listed;
+  for (const dataset::RejectedPlace& place : picture_.rejected) {
+    if (std::find(listed.begin(), listed.end(), place.reason) != listed.end()) continue;
+    listed.push_back(place.reason);
+    std::string words = place.reason;
+    std::replace(words.begin(), words.end(), '_', ' ');
+    entry(numberOf(place.reason) + "  not mapped: " + words, kPaper, kRejected);
   }
 }
 

@@ -17,9 +17,11 @@ struct MapPicture {
   const std::vector<dataset::MapObject>& objects;
   const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories;
   const std::map<std::string, RobotBody>& bodies;
+  const std::vector<dataset::RejectedPlace>& rejected;
 };
 
-/// The merged map as a picture (BGR): cells, outlines with ids, paths and current poses of the robots, metre
+/// The merged map as a picture (BGR): cells, outlines with ids, walls and furniture as lines,
+/// rejected candidates as hatched places with their reason in the legend, paths and current poses of the robots, metre
 /// grid, scale bar, title and legend. About 1600 pixels on the longer side.
 cv::Mat drawMap(const MapPicture& picture);
 

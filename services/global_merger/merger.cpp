@@ -43,7 +43,6 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("gone_after", o.gone_after, {1, 100000});
   section.read("least_alone", o.least_alone, {0.0, 1.0});
   section.read("least_seen", o.least_seen, {0.0, 1.0});
-  section.read("least_met", o.least_met, {0.0, 1.0});
   o.structure = structure::PolylineOptions::read(section.child("structure"));
   section.finish();
   return o;
@@ -98,6 +97,15 @@ dataset::MapObject objectOf(const Group& group, const Verdict& verdict) {
 
 bool standsThere(const Verdict& verdict) {
   return verdict.decision == Decision::kObstacle || verdict.decision == Decision::kStructure;
+}
+
+bool isShapeReason(Reason reason) {
+  return reason == Reason::kNoShape || reason == Reason::kUncertainPlace;
+}
+
+/// The evidence speaks against an obstacle, not only against the shape that was fitted.
+bool isNoObstacle(const Verdict& verdict) {
+  return !standsThere(verdict) && !isShapeReason(verdict.reason);
 }
 
 /// Where a row of this time belongs in rows in order of time. Empty if there is a row of this time.
@@ -193,7 +201,7 @@ bool Merger::wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const {
   });
 }
 
-/// Pieces of mapped objects are not reported, nor are places where a robot drove, because no obstacle is
+/// Pieces of mapped objects are not reported, nor candidates without a shape where structure is mapped, nor are places where a robot drove, because no obstacle is
 /// there. Top faces come last, because their places are the least accurate.
 void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
@@ -216,7 +224,9 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
                     [&](const RejectedCandidate& other) { return isNear(other.at_m, at_m, kSame_m); });
     const bool is_mapped = std::any_of(
         outlines_.begin(), outlines_.end(),
-        [&](const dataset::MapObject& object) { return object.distanceTo(at_m) < kPiece_m; });
+        [&](const dataset::MapObject& object) {
+          return object.distanceTo(at_m) < kPiece_m && (!object.isOpen() || isShapeReason(place.reason));
+        });
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
 }
@@ -291,6 +301,9 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
     outlines_.push_back(std::move(landmark));
   }
   std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  not_obstacles_m_.clear();
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    if (isNoObstacle(verdicts[i])) not_obstacles_m_.push_back(groups[i].centre_m);
   findStructure();
   findRejected(groups, verdicts);
   return outlines_;
@@ -306,7 +319,8 @@ void Merger::findStructure() {
   std::vector<std::string> robots;
   for (const auto& [robot, path] : map_.store().robots()) robots.push_back(robot);
   for (dataset::MapObject& object :
-       structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_, robots))
+       structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_,
+                        not_obstacles_m_, robots))
     outlines_.push_back(std::move(object));
 }
 

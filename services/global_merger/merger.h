@@ -86,7 +86,6 @@ struct MergerOptions {
                              ///< it: otherwise it stands against something
   double least_seen = 0.75;  ///< 1, share of the outline of an object whose top was not seen that must have
                              ///< been seen: otherwise it would be closed by guessing
-  double least_met = 0.1;    ///< 1, share of an outline at which rays must have ended: otherwise it is hidden
   structure::PolylineOptions structure;
   int gone_after =
       3;  ///< contributions that later, from as near, saw the floor through its centre: it is gone
@@ -182,6 +181,7 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedLocalization>> localization_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<RejectedCandidate> rejected_;
+  std::vector<Eigen::Vector2d> not_obstacles_m_;  ///< centres of candidates that are surely no obstacles
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind>
       kinds_;             ///< of the tracks that form the outlines; unknown: floor markings
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted

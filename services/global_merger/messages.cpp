@@ -25,9 +25,9 @@ const char* reasonOf(Reason reason) {
     case Reason::kUncertainPlace:
       return "their place is too uncertain";
     case Reason::kPiece:
-      return "they were always cut and rarely seen: pieces of what stands there";
+      return "they were very rarely seen, and always cut";
     case Reason::kHidden:
-      return "no ray ended at their outlines: pieces of something behind what stands there";
+      return "they were rarely seen, and always above something nearer";
     case Reason::kRough:
       return "they were rarely seen, and no upright body explains the views";
     case Reason::kFloorSeen:

@@ -53,7 +53,8 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
     });
   }
   attempt([&] {
-    writePicture(folder + "/map.png", {grid, objects, merger.trajectories(), merger.bodies()});
+    writePicture(folder + "/map.png",
+                 {grid, objects, merger.trajectories(), merger.bodies(), merger.rejectedPlaces()});
   });
   return problems;
 }

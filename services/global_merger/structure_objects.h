@@ -13,10 +13,11 @@ namespace omnifleet::global_merger {
 inline constexpr std::uint64_t kFirstStructureId = 1'000'000;
 
 /// Objects for the polylines that do not belong to a fitted obstacle: structure, or obstacles where a line is
-/// closed. A polyline belongs to an obstacle if most of its points lie within kBeside_m of its outline.
+/// closed and contains no place of a candidate that is none. A polyline belongs to an obstacle if most of its points lie within kBeside_m of its outline.
 /// @param robots names, in the order of the bits of Polyline::observers
 std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Polyline>& lines,
                                                  const std::vector<dataset::MapObject>& obstacles,
+                                                 const std::vector<Eigen::Vector2d>& not_obstacles_m,
                                                  const std::vector<std::string>& robots);
 inline constexpr double kBeside_m = 0.075;  ///< one and a half cells
 

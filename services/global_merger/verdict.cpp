@@ -69,10 +69,9 @@ Floor floorOf(const Evidence& e, const MergerOptions& options) {
   return e.floor_after >= kManyTimes * (1 + e.ended_after) ? Floor::kAbsent : Floor::kConflicting;
 }
 
-/// Rarely seen, and cut in every view: with very few views, or always behind another object. What a wall
-/// shows above another object is a piece of the wall, and moves with the camera.
+/// Very rarely seen, and cut in every view.
 bool isPiece(const Evidence& e, const MergerOptions& options) {
-  return e.views < kRarely && e.cut_views == e.views && (e.views < options.min_views || e.always_behind);
+  return e.cut_views == e.views && e.views < options.min_views;
 }
 
 /// Rarely seen, and no upright body explains the views well.
@@ -134,11 +133,10 @@ Reason problemOf(const Evidence& e, const MergerOptions& options, Floor floor) {
   if (const Reason shape = shapeProblem(e, options); shape != Reason::kNone) return shape;
   const bool is_paper = options.method == "hull";
   if (!is_paper && isPiece(e, options)) return Reason::kPiece;
+  if (!is_paper && e.always_behind && e.views < kRarely) return Reason::kHidden;
   if (!is_paper && isRough(e, options)) return Reason::kRough;
   if (isFlat(e, options)) return Reason::kFlat;
   if (!is_paper && isPattern(e)) return Reason::kPattern;
-  if (!is_paper && floor == Floor::kNothing && !e.is_top_face && e.seen < options.least_met)
-    return Reason::kHidden;
   if (floor == Floor::kAbsent || (e.is_top_face && e.was_driven_at)) return Reason::kFloorSeen;
   return Reason::kNone;
 }

@@ -26,12 +26,13 @@ enum class Reason : std::uint8_t {
   kSilentRobot,     ///< has the body of a fleet robot of which nothing has been received
   kNoShape,         ///< the views do not agree on a shape
   kUncertainPlace,  ///< the σ of its centre is too large
-  kPiece,           ///< always cut, and rarely seen or always behind something else: a piece of what stands there
+  kPiece,           ///< very rarely seen, and always cut: a piece of what stands there
   kRough,           ///< rarely seen, and no upright body explains the views well
   kFlat,            ///< no higher than a floor marking
   kPattern,         ///< low, and missed as often as it was seen: tiles, stains
   kFloorSeen,       ///< the floor was seen at its place: it is gone, or was never there
-  kHidden,          ///< no ray ended at its outline: a piece of something behind what stands there
+  kHidden,          ///< rarely seen, and always above something nearer: a piece of a wall, which moves with the
+                    ///< camera
   kTopFaceOnly,     ///< mostly floor was seen there, but parallax gives it a height
   kAttached,        ///< its outline continues beyond it: it stands against a wall or other furniture
   kOpenOutline,     ///< its top was never seen, and parts of its outline were seen by nobody

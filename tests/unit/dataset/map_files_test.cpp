@@ -13,6 +13,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST(Objects, ReadsAllPropertiesThatItWrites) {
   const test::TempFolder folder;
@@ -79,6 +80,70 @@ TEST(Objects, ReadsFilesOfOtherProgramsAndRejectsDamage) {
           R"({"type":"FeatureCollection","features":[{"geometry":{"type":"Polygon","coordinates":[[[0,0],[1,"x"]]]}}]})"),
       AllOf(HasSubstr("d.geojson"), HasSubstr("feature 1")));
   EXPECT_THROW(readObjects(folder / "none.geojson"), std::runtime_error);
+}
+
+/// An open wall and what is uncertain about a box.
+MapObject someStructure() {
+  MapObject wall;
+  wall.id = 1000000;
+  wall.kind = "structure";
+  wall.outline_m = {{2, 1}, {0, 1}, {0, 0}};
+  wall.centroid_m = {0.6, 0.8};
+  wall.observations = 4;
+  wall.observers = {"r2"};
+  wall.covariance_m2 << 9e-6, 0, 0, 9e-6;
+  return wall;
+}
+
+TEST(Objects, WritesStructureAsLineStringInItsOrder) {
+  const std::string text = objectsText({someStructure()});
+  EXPECT_THAT(text, AllOf(HasSubstr(R"("kind":"structure")"),
+                          HasSubstr(R"("type":"LineString","coordinates":[[2.0,1.0],[0.0,1.0],[0.0,0.0]])")));
+  EXPECT_THAT(text, Not(HasSubstr("Polygon")));
+}
+
+TEST(Objects, WritesRejectedCandidatesAsPointsWithTheirReason) {
+  const std::string text = objectsText({}, {{{1.5, -0.25}, "few_views", 7}});
+  EXPECT_THAT(
+      text,
+      HasSubstr(
+          R"({"type":"Feature","properties":{"kind":"rejected","reason":"few_views","observations":7},"geometry":{"type":"Point","coordinates":[1.5,-0.25]}})"));
+}
+
+TEST(Objects, WritesCovarianceAndQualityWhereKnown) {
+  MapObject box;
+  box.outline_m = {{0, 0}, {1, 0}, {1, 2}, {0, 2}};
+  EXPECT_THAT(objectsText({box}), AllOf(Not(HasSubstr("covariance_m2")), Not(HasSubstr("quality"))));
+  box.covariance_m2 << 4e-6, -1e-6, -1e-6, 2.5e-5;
+  box.quality = {"low_contrast", "thin"};
+  EXPECT_THAT(objectsText({box}), AllOf(HasSubstr(R"("covariance_m2":[4e-06,-1e-06,-1e-06,2.5e-05])"),
+                                        HasSubstr(R"("quality":["low_contrast","thin"])")));
+}
+
+TEST(Objects, ReadsStructureAndSkipsRejectedCandidates) {
+  const test::TempFolder folder;
+  MapObject box;
+  box.id = 7;
+  box.outline_m = {{0, 0}, {1, 0}, {1, 2}, {0, 2}};
+  writeObjects(folder / "objects.geojson", {box, someStructure()}, {{{1.5, -0.25}, "no_shape", 7}});
+  const std::vector<MapObject> back = readObjects(folder / "objects.geojson");
+  ASSERT_EQ(back.size(), 2U);
+  EXPECT_EQ(back[0].kind, "obstacle");
+  EXPECT_EQ(back[1].id, 1000000U);
+  EXPECT_TRUE(back[1].isOpen());
+  EXPECT_EQ(back[1].outline_m, someStructure().outline_m);
+  EXPECT_EQ(back[1].observations, 4);
+  EXPECT_EQ(back[1].observers, someStructure().observers);
+}
+
+TEST(Objects, MeasuresDistancesToOpenAndClosedOutlines) {
+  const MapObject wall = someStructure();
+  EXPECT_DOUBLE_EQ(wall.distanceTo({1.0, 0.5}), 0.5) << "between the ends there is no line";
+  EXPECT_DOUBLE_EQ(wall.distanceTo({2.3, 1.4}), 0.5) << "beyond an end";
+  EXPECT_DOUBLE_EQ(wall.distanceTo({0.0, 0.25}), 0.0);
+  MapObject closed = wall;
+  closed.kind = "obstacle";
+  EXPECT_DOUBLE_EQ(closed.distanceTo({0.2, 0.8}), 0.0) << "inside";
 }
 
 OccupancyGrid someGrid() {

@@ -183,6 +183,38 @@ TEST_F(Evaluate, ReportsFreeSpaceOutsideWalls) {
   EXPECT_THAT(table(report), HasSubstr("outside the walls   9.00 m²"));
 }
 
+// The true box 0 spans x and y from 0.9 m to 1.1 m. Its left side is occupied, as are two cells 5 m away.
+TEST_F(Evaluate, ReportsCellsAtTrueFaces) {
+  EXPECT_FALSE(evaluateRun(out_, recording_).cells) << "the run has no grid";
+  EXPECT_THAT(table(evaluateRun(out_, recording_)), ::testing::Not(HasSubstr("Cells")));
+  dataset::OccupancyGrid grid;
+  grid.width = grid.height = 160;
+  grid.origin_m = {-2.525, -2.525};
+  grid.cells.assign(25600, -1);
+  for (const int row : {69, 70}) grid.cells[row * 160 + 68] = 100;     // around (0.9, 0.95) and (0.9, 1.0)
+  for (const int row : {140, 141}) grid.cells[row * 160 + 140] = 100;  // around (4.5, 4.5)
+  dataset::writeMapServer(out_ + "/map", grid);
+  const Report report = evaluateRun(out_, recording_);
+  ASSERT_TRUE(report.cells);
+  EXPECT_EQ(report.cells->occupied, 4);
+  EXPECT_EQ(report.cells->obstacles.within_2cm, 0.5);
+  EXPECT_GT(report.cells->obstacles.seen, 0) << "the robot starts 1.4 m from the box";
+  const std::string text = table(report);
+  EXPECT_THAT(text, HasSubstr("Cells       occupied 4; of these, 0 fill known outlines"));
+  EXPECT_THAT(text, HasSubstr("within 2 cm of a true face 50.0 % (obstacles 50.0 %, structure - %)\n"));
+  EXPECT_THAT(text, HasSubstr("free area wrong - %\n")) << "no free cell";
+  const auto json = nlohmann::json::parse(metricsJson(report))["cells"];
+  EXPECT_EQ(json["occupied"], 4);
+  EXPECT_EQ(json["inside_outlines"], 0);
+  EXPECT_EQ(json["obstacles"]["within_2cm"], 0.5);
+  EXPECT_EQ(json["all"]["within_5cm"], 0.5);
+  EXPECT_EQ(json["all"]["seen_points"], report.cells->all.seen);
+  EXPECT_EQ(json["crossed"], report.cells->crossed);
+  EXPECT_DOUBLE_EQ(json["occupied_per_crossed"].get<double>(), 4.0 / report.cells->crossed);
+  EXPECT_TRUE(json["structure"]["within_2cm"].is_null()) << "the truth has no room";
+  EXPECT_TRUE(json["free_wrong"].is_null());
+}
+
 TEST_F(Evaluate, NamesMissingResults) {
   std::filesystem::remove(out_ + "/trajectories/r1.tum");
   const Report report = evaluateRun(out_, recording_);

@@ -169,6 +169,41 @@ TEST(Polylines, WeightCellsByTheirSigma) {
   EXPECT_DOUBLE_EQ(lines[0].sigma_m, 0.001);
 }
 
+TEST(Polylines, HaveNoCornersAlongAStraightWall) {
+  // Douglas–Peucker begins with a corner every 100 cells; these walls have 240 and 60.
+  const SurfaceScene scene{testing::rectangle({0.013, 0.021}, 12.01, 3.03), {}, {{-4, 0}, {0, 0}, {4, 0}}};
+  const std::vector<Polyline> lines = polylinesOf(scene.map(0.05, 0.002), {});
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].points_m.size(), 5U);
+}
+
+TEST(Polylines, SetCornersWhereTheyExceedTheTolerance) {
+  // A step of 60 mm in the upper wall.
+  const Polygon steps{{-1.992, -1.494}, {2.018, -1.494}, {2.018, 1.536},
+                      {0.513, 1.536},   {0.513, 1.476},  {-1.992, 1.476}};
+  const SurfaceScene scene{steps, {}, {{1.0, 0.0}, {-1.0, 0.0}}};
+  PolylineOptions rough;
+  rough.tolerance_m = 0.1;
+  EXPECT_EQ(polylinesOf(scene.map(), {}).at(0).points_m.size(), 7U);
+  EXPECT_EQ(polylinesOf(scene.map(), rough).at(0).points_m.size(), 5U);
+  // The same with means that are that uncertain.
+  SurfaceMap map = scene.map();
+  for (SurfaceCell& cell : map.surface) cell.sigma_m = 0.025;
+  EXPECT_EQ(polylinesOf(map, {}).at(0).points_m.size(), 5U);
+}
+
+TEST(Polylines, PassAProtrudingCellOnce) {
+  const std::vector<Polyline> lines = polylinesOf(testing::drawing({"........", "...#....", "########"}), {});
+  ASSERT_EQ(lines.size(), 1U);
+  const std::vector<Vector2d>& points = lines[0].points_m;
+  const auto isTip = [](const Vector2d& p) { return (p - Vector2d(0.35, 0.15)).norm() < 0.01; };
+  EXPECT_EQ(std::count_if(points.begin(), points.end(), isTip), 1);
+  // The cell below the tip is in the line once: it returns on another way.
+  double length = 0.0;
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) length += (points[i + 1] - points[i]).norm();
+  EXPECT_LT(length, 0.3 + 0.1 + std::sqrt(2.0) * 0.1 + 0.3 + 0.001);
+}
+
 TEST(Polylines, OmitSmallGroupsOfCells) {
   const std::vector<std::string> one{".....", ".....", "..#..", ".....", "....."};
   const std::vector<std::string> two{".....", ".....", "..##.", ".....", "....."};

@@ -227,26 +227,26 @@ TEST(Adapters, PreservesObjects) {
   }
 }
 
-/// A contribution cannot represent this label.
-TEST(Adapters, AcceptsUndecidedRaysOnlyInLocalMap) {
-  LocalMap map;
-  map.scan.range_m = {1.0F};
-  map.scan.sigma_m = {0.01F};
-  map.scan.label = {RayLabel::kUndecided};
-  map.scan.object = {0};
-  v1::LocalMap wire_map;
-  toWire(map, RunClock::kDataset, wire_map);
-  LocalMap map_again;
-  ASSERT_TRUE(fromWire(wire_map, map_again));
-  EXPECT_EQ(map_again.scan.label.front(), RayLabel::kUndecided);
+TEST(Adapters, KeepsUndecidedRaysDownToTheMap) {
   Objects objects;
-  objects.scan = map.scan;
+  objects.robot = "r1";
+  objects.scan.range_m = {1.0F};
+  objects.scan.sigma_m = {0.01F};
+  objects.scan.label = {RayLabel::kUndecided};
+  objects.scan.object = {0};
   v1::Objects wire;
   toWire(objects, RunClock::kDataset, wire);
   Objects again;
-  EXPECT_FALSE(fromWire(wire, again));
-  wire.scan().label().front() = static_cast<std::uint8_t>(RayLabel::kFloorEnd);
-  EXPECT_TRUE(fromWire(wire, again));
+  ASSERT_TRUE(fromWire(wire, again));
+  EXPECT_EQ(again.scan.label.front(), RayLabel::kUndecided);
+  v1::Contribution wire_contribution;
+  toWire(occupancy::makeContribution(again), RunClock::kDataset, wire_contribution);
+  occupancy::Contribution contribution;
+  ASSERT_TRUE(fromWire(wire_contribution, contribution));
+  EXPECT_EQ(contribution.label.front(), RayLabel::kUndecided);
+  EXPECT_EQ(contribution.sigma_dmm, (std::vector<std::uint16_t>{100}));
+  wire.scan().label().front() = 6;
+  EXPECT_FALSE(fromWire(wire, again)) << "no such label";
 }
 
 TEST(Adapters, PreservesPose) {

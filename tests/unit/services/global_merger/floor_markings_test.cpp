@@ -43,7 +43,7 @@ TEST(FloorMarkings, LeaveNoOutlineAndNoOccupiedCells) {
   merger.finish();
   ASSERT_EQ(merger.rejected().size(), 1U);
   EXPECT_LT((merger.rejected()[0].at_m - centroid(obstacles.back().footprint_m)).norm(), 0.05);
-  EXPECT_EQ(merger.rejected()[0].reason, RejectedCandidate::Reason::kFlat);
+  EXPECT_EQ(merger.rejected()[0].reason, Reason::kFlat);
   EXPECT_EQ(occupiedIn(merger, obstacles.back().footprint_m), 0);
   EXPECT_GT(occupiedIn(merger, obstacles.front().footprint_m), 3);
   const Score s = score(merger.outlines(), fiveObstacles());

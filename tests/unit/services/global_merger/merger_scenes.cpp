@@ -1,6 +1,7 @@
 #include "merger_scenes.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "outline/polygon_set.h"
 
@@ -57,7 +58,10 @@ Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies,
   return merger;
 }
 
-Score score(const std::vector<MapObject>& objects, const std::vector<SimObstacle>& truth) {
+Score score(const std::vector<MapObject>& all, const std::vector<SimObstacle>& truth) {
+  std::vector<MapObject> objects;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(objects),
+               [](const MapObject& object) { return !object.isOpen(); });
   Score s;
   std::vector<bool> used(objects.size(), false);
   for (const auto& obstacle : truth) {
@@ -81,6 +85,21 @@ Score score(const std::vector<MapObject>& objects, const std::vector<SimObstacle
   const double n = std::max(s.matched, 1);
   s.error_m /= n, s.iou /= n, s.height_m /= n;
   return s;
+}
+
+std::vector<dataset::MapObject> obstaclesOf(Merger& merger) {
+  std::vector<dataset::MapObject> obstacles;
+  for (const dataset::MapObject& object : merger.outlines())
+    if (!object.isOpen()) obstacles.push_back(object);
+  return obstacles;
+}
+
+std::vector<Eigen::Vector2d> flagged(Merger& merger, Quality quality) {
+  std::vector<Eigen::Vector2d> at_m;
+  for (const dataset::MapObject& object : merger.outlines())
+    if (std::count(object.quality.begin(), object.quality.end(), toString(quality)) > 0)
+      at_m.push_back(object.centroid_m);
+  return at_m;
 }
 
 std::string text(Merger& merger) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "global_merger/merger.h"
+#include "global_merger/verdict.h"
 #include "tests/unit/occupancy/fleet_sim.h"
 
 namespace omnifleet::global_merger::testing {
@@ -28,12 +29,16 @@ Sets record(FleetSim& sim, double from_s, double to_s, double step_s = 0.2);
 Merger merged(const Sets& sets, const std::map<std::string, RobotBody>& bodies,
               const MergerOptions& options = {});
 
-/// Objects and true obstacles paired by centroid (15 cm); means over the pairs.
+/// Obstacles (not structure) and true obstacles paired by centroid (15 cm); means over the pairs.
 struct Score {
   int matched = 0, missed = 0, extra = 0;
   double error_m = 0.0, iou = 0.0, height_m = 0.0;
 };
 Score score(const std::vector<dataset::MapObject>& objects, const std::vector<SimObstacle>& truth);
+/// The obstacles among the outlines, without structure.
+std::vector<dataset::MapObject> obstaclesOf(Merger& merger);
+/// Centroids of the objects with this flag.
+std::vector<Eigen::Vector2d> flagged(Merger& merger, Quality quality);
 /// Content of objects.geojson.
 std::string text(Merger& merger);
 

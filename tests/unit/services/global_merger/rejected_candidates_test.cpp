@@ -79,7 +79,7 @@ TEST_F(SixthObject, IsMappedFromFewViewsOnlyIfSharp) {
     const auto isSixth = [&](const MapObject& object) {
       return (object.centroid_m - centroid(obstacles_.back().footprint_m)).norm() < 0.15;
     };
-    const auto& outlines = merger.outlines();
+    const auto outlines = obstaclesOf(merger);
     EXPECT_EQ(std::any_of(outlines.begin(), outlines.end(), isSixth), sharp);
   }
 }
@@ -104,7 +104,8 @@ TEST_F(SixthObject, IsRejectedIfSeenOnceAndMissedInPlainSight) {
   }
   Merger merger = map(sets);
   const auto isSixth = [&](const MapObject& object) { return (object.centroid_m - at_m).norm() < 0.15; };
-  EXPECT_TRUE(std::none_of(merger.outlines().begin(), merger.outlines().end(), isSixth));
+  const auto outlines = obstaclesOf(merger);
+  EXPECT_TRUE(std::none_of(outlines.begin(), outlines.end(), isSixth));
 }
 
 /// It flickers until the end, as light on the floor does; no other robot observes it.
@@ -123,7 +124,7 @@ TEST_F(SixthObject, IsRejectedIfFloorIsSeenAsOftenFromAsNear) {
     return (object.centroid_m - centroid(obstacles_.back().footprint_m)).norm() < 0.15;
   };
   Merger merger = map(sets);
-  const auto& outlines = merger.outlines();
+  const auto outlines = obstaclesOf(merger);
   EXPECT_TRUE(std::none_of(outlines.begin(), outlines.end(), isSixth));
 }
 
@@ -205,8 +206,8 @@ class LaterFrames : public ::testing::Test {
 TEST_F(LaterFrames, KeepUprightObjectIfRaysStillEndThere) {
   Merger merger = mapWithLater(alternating());
   EXPECT_EQ(score(merger.outlines(), obstacles_).matched, 6);
-  ASSERT_EQ(merger.lowContrast().size(), 1U) << "the floor seen there must be reported";
-  EXPECT_LT((merger.lowContrast()[0] - place()).norm(), 0.05);
+  ASSERT_EQ(flagged(merger, Quality::kLowContrast).size(), 1U) << "the floor seen there must be reported";
+  EXPECT_LT((flagged(merger, Quality::kLowContrast)[0] - place()).norm(), 0.05);
   EXPECT_TRUE(merger.rejected().empty());
 }
 
@@ -214,9 +215,9 @@ TEST_F(LaterFrames, RemoveUprightObjectIfOnlyFloorIsSeen) {
   Merger merger = mapWithLater(floorOnly());
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
-  EXPECT_TRUE(merger.lowContrast().empty());
+  EXPECT_TRUE(flagged(merger, Quality::kLowContrast).empty());
   ASSERT_EQ(merger.rejected().size(), 1U);
-  EXPECT_EQ(merger.rejected()[0].reason, RejectedCandidate::Reason::kFloorSeen);
+  EXPECT_EQ(merger.rejected()[0].reason, Reason::kFloorSeen);
 }
 
 /// Views that no upright body explains: a pattern, a shadow.
@@ -228,7 +229,7 @@ TEST_F(LaterFrames, RemovePatternEvenIfRaysStillEndThere) {
   Merger merger = mapWithLater(alternating());
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
-  EXPECT_TRUE(merger.lowContrast().empty());
+  EXPECT_TRUE(flagged(merger, Quality::kLowContrast).empty());
 }
 
 /// A candidate without a single shape is reported if the floor was seen there less often than the candidate.
@@ -242,13 +243,13 @@ TEST_F(LaterFrames, ReportShapelessCandidateUnlessMostlyFloor) {
         view.sigma_dmm[(contact + k) % n] = 0;  // only one face of it is seen
     }
   }
-  const auto isListed = [&](const Merger& merger, RejectedCandidate::Reason reason) {
+  const auto isListed = [&](const Merger& merger, Reason reason) {
     return std::any_of(merger.rejected().begin(), merger.rejected().end(),
                        [&](const RejectedCandidate& rejected) {
                          return rejected.reason == reason && (rejected.at_m - place()).norm() < 0.3;
                        });
   };
-  EXPECT_TRUE(isListed(mapWithLater(alternating()), RejectedCandidate::Reason::kFloorSeen));
+  EXPECT_TRUE(isListed(mapWithLater(alternating()), Reason::kFloorSeen));
   later_ns_ = 2600000000;
   EXPECT_TRUE(mapWithLater(floorOnly()).rejected().empty());
   // The top face of an object whose sides look like the floor: parallax gives its height, whatever is seen
@@ -260,7 +261,7 @@ TEST_F(LaterFrames, ReportShapelessCandidateUnlessMostlyFloor) {
       view.height_sigma_dmm = 100;
     }
   }
-  EXPECT_TRUE(isListed(mapWithLater(floorOnly()), RejectedCandidate::Reason::kTopFaceOnly));
+  EXPECT_TRUE(isListed(mapWithLater(floorOnly()), Reason::kTopFaceOnly));
 }
 
 /// An object that merges with another one in every view of one robot: its outline changes with the part that
@@ -280,7 +281,7 @@ TEST_F(LaterFrames, ListMergedObjectIfItsViewsDisagreeSlightly) {
     Merger merger = merged(sets, {});
     merger.finish();
     EXPECT_EQ(score(merger.outlines(), obstacles_).matched, 6) << off_dmm << " " << solidity;
-    return merger.disagreeing();
+    return flagged(merger, Quality::kDisagreeing);
   };
   const auto disagreeing = seen(150.0, 850);
   ASSERT_EQ(disagreeing.size(), 1U);
@@ -307,7 +308,7 @@ std::vector<dataset::MapObject> outlinesOfOne(const std::vector<double>& times_s
   }
   Merger merger = merged(sets, sim.bodies());
   merger.finish();
-  return merger.outlines();
+  return obstaclesOf(merger);
 }
 
 /// A candidate that is cut behind another object in every view is a piece of that object. A candidate cut by
@@ -334,7 +335,7 @@ TEST(Merger, RejectsFewViewsThatNoUprightBodyExplains) {
        {std::tuple(&few, MergerOptions{}, 5U), std::tuple(&few, strict, 0U), std::tuple(&many, strict, 5U)}) {
     Merger merger = merged(*sets, sim.bodies(), options);
     merger.finish();
-    EXPECT_EQ(merger.outlines().size(), expected);
+    EXPECT_EQ(obstaclesOf(merger).size(), expected);
   }
 }
 

@@ -69,8 +69,8 @@ TEST_F(SixthTopFace, IsMappedAtEndAndListedAsLowContrast) {
   EXPECT_LT((top->centroid_m - place()).norm(), 0.02);
   EXPECT_NEAR(top->height_m, obstacles_.back().height_m, 0.02);
   EXPECT_GT(outline::convexIou(top->outline_m, obstacles_.back().footprint_m), 0.8);
-  ASSERT_EQ(merger.lowContrast().size(), 1U) << "the floor is seen at its place";
-  EXPECT_LT((merger.lowContrast()[0] - place()).norm(), 0.02);
+  ASSERT_EQ(flagged(merger, Quality::kLowContrast).size(), 1U) << "the floor is seen at its place";
+  EXPECT_LT((flagged(merger, Quality::kLowContrast)[0] - place()).norm(), 0.02);
   EXPECT_TRUE(merger.rejected().empty());
 }
 
@@ -92,7 +92,7 @@ TEST_F(SixthTopFace, IsRemovedIfFloorIsSeenOftenLater) {
   Merger merger = finished(sets_);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).matched, 5);
   EXPECT_EQ(score(merger.outlines(), fiveObstacles()).extra, 0);
-  EXPECT_TRUE(merger.lowContrast().empty());
+  EXPECT_TRUE(flagged(merger, Quality::kLowContrast).empty());
 }
 
 TEST_F(SixthTopFace, IsNotMappedWhereARobotDrove) {
