@@ -103,7 +103,11 @@ void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& ob
   const std::string type = geometry.at("type");
   if (type == "LineString" && object.isOpen()) {
     object.outline_m = readPoints(geometry.at("coordinates"));
+    if (properties.contains("centroid"))
+      object.centroid_m = {properties["centroid"].at(0).get<double>(),
+                           properties["centroid"].at(1).get<double>()};
     objects.push_back(object);
+    return;
   }
   if (type != "Polygon" && type != "MultiPolygon") return;
   const Json& coordinates = geometry.at("coordinates");

@@ -42,7 +42,8 @@ std::string objectsText(const std::vector<MapObject>& objects,
 /// Writes atomically. Throws std::runtime_error.
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
                   const std::vector<RejectedPlace>& rejected = {});
-/// Reads Polygon and MultiPolygon features, and LineString features of kind structure. Each outer ring becomes one object; holes are ignored. The
+/// Reads Polygon and MultiPolygon features, and LineString features of kind structure.
+/// Covariances and quality are not read. Each outer ring becomes one object; holes are ignored. The
 /// default kind is obstacle; a missing centroid is computed from the polygon. Throws std::runtime_error that
 /// names file and feature.
 std::vector<MapObject> readObjects(const std::string& path);

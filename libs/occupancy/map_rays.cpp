@@ -57,7 +57,7 @@ const Scan& MapRays::of(const Objects& objects) {
   nothing_ *= kKept;
   for (std::size_t i = 0; i < rays; ++i) {
     const std::size_t beam = i * beams / rays;
-    const bool has_edge = boundary.sigma[beam] > 0 && boundary.inverse_m[beam] > 0;
+    const bool has_edge = boundary.sigma[beam] > 0 && std::isfinite(boundary.sigma[beam]) && boundary.inverse_m[beam] > 0;
     if (has_edge) {
       const auto [range_m, sigma_m] = edgeAt(boundary, beam);
       placeAtEdge(scan, i, range_m, sigma_m, beam < boundary.moving.size() && boundary.moving[beam] != 0);

@@ -29,7 +29,7 @@ struct OccupancyOptions {
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body
   bool unknown_is_hit = false;     ///< whether rays at objects of undecided kind mark a cell as hit
-  double least_gap_m = 0.15;       ///< m, floor is not seen through narrower gaps between occupied cells
+  double least_gap_m = 0.15;       ///< m, gaps between occupied cells of at most this hide the floor behind
   int least_point_hits = 2;        ///< contributions that must have seen a point in a voxel before it counts
 
   static OccupancyOptions read(const options::Section& section);

@@ -12,6 +12,8 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
 RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, std::int64_t resolution_dmm,
                    std::int64_t max_range_dmm) {
   const std::int64_t range = contribution.range_dmm[i];
+  if (range > max_range_dmm && role == RayRole::kHitOnly)
+    return {max_range_dmm, max_range_dmm, RayRole::kOpen};
   if (range > max_range_dmm) return {max_range_dmm, 0, RayRole::kFree};
   if (role == RayRole::kFree) return {range, 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;

@@ -141,10 +141,21 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t 
   std::int64_t next_x = (step_x > 0 ? resolution_ - in_x : in_x + 1) * dy,
                next_y = (step_y > 0 ? resolution_ - in_y : in_y + 1) * dx;
   const std::int64_t steps = std::abs(to_x - x) + std::abs(to_y - y);
-  bool sees_floor = true, in_gap = false;
+  bool sees_floor = true, in_gap = false, has_entered = false;  // the known cells
   int since_free = 2;  // cells since the last one that is counted as free
-  for (std::int64_t i = 0; i <= steps; ++i) {
-    if (x < 0 || y < 0 || x >= width_ || y >= height_) return;
+  const auto advance = [&] {
+    const bool across_x = next_x < next_y;
+    x += across_x ? step_x : 0;
+    y += across_x ? 0 : step_y;
+    next_x += across_x ? resolution_ * dy : 0;
+    next_y += across_x ? 0 : resolution_ * dx;
+  };
+  for (std::int64_t i = 0; i <= steps; ++i, advance()) {
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) {
+      if (has_entered) return;
+      continue;
+    }
+    has_entered = true;
     const auto at = static_cast<std::size_t>(y * width_ + x);
     std::uint8_t& mark = marks_[at];
     if ((mark & kSolid) != 0) {
@@ -161,11 +172,6 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t 
     const bool is_end = x == free_x && y == free_y;
     if (sees_floor && (!is_end || role == RayRole::kFree)) mark |= kSeen;
     if (is_end) sees_floor = false;
-    const bool across_x = next_x < next_y;
-    x += across_x ? step_x : 0;
-    y += across_x ? 0 : step_y;
-    next_x += across_x ? resolution_ * dy : 0;
-    next_y += across_x ? 0 : resolution_ * dx;
   }
 }
 
@@ -236,7 +242,9 @@ SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied, const
   std::int64_t keyframe = 0;
   for (const auto* entry : chosen(applied, std::llround(options.resolution_m * kDmmPerMetre)))
     canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));
-  return canvas.result(options.resolution_m);
+  SurfaceMap map = canvas.result(options.resolution_m);
+  for (const auto& [robot, bit] : bits) map.robots.push_back(robot);
+  return map;
 }
 
 }  // namespace omnifleet::occupancy

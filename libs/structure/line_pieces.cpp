@@ -13,12 +13,13 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr double kLeastSigma_m = 0.001;  // no mean is known better
-constexpr double kCornerSigma_cells =
-    0.15;  // of the mean of a cell that contains a corner: it is up to 0.25 off a face
-constexpr double kCornerOff_cells = 0.4;  // largest distance of such a mean from a face
-constexpr double kAtCorner_cells = 0.75;  // largest distance of such a mean from the corner: half a diagonal
-constexpr double kReach_cells = 1.5;      // of an intersection from the corner's cell
-constexpr double kLeastTurn = 0.09;       // sin 5°: lines that are closer to parallel have no intersection
+// The mean of a cell that contains a corner: its σ (it is up to a quarter of a cell off a face), its largest
+// distance from a face, and from the corner (half a diagonal).
+constexpr double kCornerSigma_cells = 0.15;
+constexpr double kCornerOff_cells = 0.4;
+constexpr double kAtCorner_cells = 0.75;
+constexpr double kReach_cells = 1.5;  // of an intersection from the corner's cell
+constexpr double kLeastTurn = 0.09;   // sin 5°: lines that are closer to parallel have no intersection
 
 double cross(const Vector2d& a, const Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
@@ -67,7 +68,7 @@ class LinePieces {
   void findCorners();
   void mergePieces();
   void sharpenCorners();
-  void fit(int passes);
+  void fit();
   std::vector<Vector2d> vertices() const { return vertices_; }
 
  private:
@@ -100,7 +101,6 @@ class LinePieces {
   bool agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const;
   Vector2d vertexAt(int number, const std::vector<Line>& lines) const;
   void findVertices();
-  void moveCorners();
 
   const Stretch& stretch_;
   const SurfaceMap& map_;
@@ -313,40 +313,14 @@ void LinePieces::findVertices() {
     };
     lines.push_back(lineOf(corner(k), corner(k + 1), {cornerAt(k), cornerAt(k + 1)}));
   }
-  std::vector<Vector2d> found;
-  for (int k = 0; k < corners(); ++k) found.push_back(vertexAt(k, lines));
-  // A piece of two or three cells may be turned around by its intersections.
-  vertices_ = found;
-  for (int k = 0; k < pieces(); ++k) {
-    const auto next = static_cast<std::size_t>((k + 1) % corners()), here = static_cast<std::size_t>(k);
-    if ((found[next] - found[here]).dot(mean(corner(k + 1)) - mean(corner(k))) > 0) continue;
-    vertices_[here] = mean(corner(k));
-    vertices_[next] = mean(corner(k + 1));
-  }
+  for (int k = 0; k < corners(); ++k) vertices_[static_cast<std::size_t>(k)] = vertexAt(k, lines);
 }
 
-/// Moves each corner to the cell that is nearest to its vertex, at most two cells and not past its
-/// neighbours.
-void LinePieces::moveCorners() {
-  constexpr int kMost = 2;
-  for (int k = 0; k < corners(); ++k) {
-    const int at = corner(k);
-    if (isEnd(at)) continue;
-    const Vector2d& vertex = vertices_[static_cast<std::size_t>(k)];
-    int nearest = at;
-    for (int i = std::max(corner(k - 1) + 1, at - kMost); i <= std::min(corner(k + 1) - 1, at + kMost); ++i)
-      if ((mean(i) - vertex).norm() < (mean(nearest) - vertex).norm()) nearest = i;
-    corners_[static_cast<std::size_t>(k)] = nearest;
-  }
-}
-
-void LinePieces::fit(int passes) {
+void LinePieces::fit() {
   vertices_.clear();
   for (int k = 0; k < corners(); ++k) vertices_.push_back(mean(corner(k)));
-  for (int pass = 0; pass < passes; ++pass) {
-    findVertices();
-    if (pass + 1 < passes) moveCorners();
-  }
+  constexpr int kPasses = 3;
+  for (int pass = 0; pass < kPasses; ++pass) findVertices();
 }
 
 }  // namespace
@@ -357,9 +331,8 @@ std::vector<Vector2d> verticesOf(const Stretch& stretch, const SurfaceMap& map,
   pieces.findCorners();
   pieces.mergePieces();
   pieces.sharpenCorners();
-  pieces.fit(2);
   pieces.mergePieces();
-  pieces.fit(3);
+  pieces.fit();
   return pieces.vertices();
 }
 

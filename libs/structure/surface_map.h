@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace omnifleet::structure {
@@ -19,6 +20,7 @@ struct SurfaceCell {
 
 /// Cells of an occupancy map with the surfaces found in them.
 struct SurfaceMap {
+  std::vector<std::string> robots;  ///< of the bits of SurfaceCell::observers
   double resolution_m = 0.05;
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();  ///< lower-left corner of cell (0, 0), map
   int width = 0, height = 0;

@@ -18,6 +18,7 @@ struct Ray {
   bool valid = false;
   double beyond_m = 0.0;  ///< range of the ray beyond the point
   bool meets_object = false;
+  bool shows_floor = false;  ///< up to its end
 };
 
 Ray rayAlong(const occupancy::Contribution& contribution, const Pose2& map_from_base,
@@ -29,7 +30,9 @@ Ray rayAlong(const occupancy::Contribution& contribution, const Pose2& map_from_
   const auto k = static_cast<std::size_t>(std::lround((turns + 1.0) * static_cast<double>(rays))) % rays;
   return {contribution.label[k] != RayLabel::kInvalid,
           contribution.range_dmm[k] / occupancy::kDmmPerMetre - to.norm(),
-          k < contribution.object.size() && contribution.object[k] != 0};
+          k < contribution.object.size() && contribution.object[k] != 0,
+          contribution.label[k] != RayLabel::kUnknown ||
+              (k < contribution.object.size() && contribution.object[k] != 0)};
 }
 
 /// Distance from its centre to its near side, as seen from the foot.
@@ -67,7 +70,7 @@ void countRays(const Group& group, const occupancy::ContributionStore& store, Ev
       if (!ray.valid) continue;
       const Eigen::Vector2d foot_m = map_from_base * occupancy::metres(seen.scan_origin);
       const double away_m = (foot_m - group.centre_m).norm();
-      const bool is_floor = ray.beyond_m > kBeyond_m, is_near = away_m <= near_m;
+      const bool is_floor = ray.shows_floor && ray.beyond_m > kBeyond_m, is_near = away_m <= near_m;
       evidence.floor_ever += is_floor ? 1 : 0;
       evidence.floor_since_first += is_floor && time_ns > first_ns ? 1 : 0;
       evidence.floor_before += is_floor && is_near && time_ns > first_ns && time_ns <= last_ns ? 1 : 0;

@@ -7,8 +7,6 @@
 #include <iterator>
 #include <optional>
 #include <set>
-#include <cstdio>
-#include <cstdlib>
 
 #include "global_merger/candidates.h"
 #include "global_merger/evidence.h"
@@ -183,12 +181,6 @@ std::vector<Verdict> Merger::judge(const std::vector<Group>& groups) const {
       changed = changed || verdicts[i].decision != Decision::kObstacle;
     }
   }
-  if (std::getenv("OMNI_EV") != nullptr)
-    for (std::size_t i = 0; i < groups.size(); ++i) {
-      const Evidence& e = evidence[i];
-      if (e.views < 3 && verdicts[i].decision != Decision::kObstacle) continue;
-      std::fprintf(stderr, "EV %.2f %.2f views %d cut %d flawed %d shape %d spread %.2f rms %.4f sig %.4f h %.3f+-%.3f seen %.2f faced %.2f alone %.2f -> %d %s\n", groups[i].centre_m.x(), groups[i].centre_m.y(), e.views, e.cut_views, e.flawed_views, e.has_shape, e.spread, e.rms_m, e.sigma_m, e.height_m, e.height_sigma_m, e.seen, e.faced, e.alone, static_cast<int>(verdicts[i].decision), toString(verdicts[i].reason));
-    }
   return verdicts;
 }
 
@@ -316,11 +308,9 @@ void Merger::findStructure() {
   outlines_.erase(std::remove_if(outlines_.begin(), outlines_.end(),
                                  [](const dataset::MapObject& o) { return o.id >= kFirstStructureId; }),
                   outlines_.end());
-  std::vector<std::string> robots;
-  for (const auto& [robot, path] : map_.store().robots()) robots.push_back(robot);
   for (dataset::MapObject& object :
        structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_,
-                        not_obstacles_m_, robots))
+                        not_obstacles_m_, map_.visible().robots))
     outlines_.push_back(std::move(object));
 }
 

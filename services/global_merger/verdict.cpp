@@ -220,7 +220,7 @@ static Verdict decide(const Evidence& e, const MergerOptions& options, bool is_f
   const Floor floor = floorOf(e, options);
   const Reason problem = problemOf(e, options, floor);
   if (problem == Reason::kSilentRobot) return {Decision::kRobot, problem, 0, false, false};
-  if (problem == Reason::kFlat && isFloorMarking(e, options)) return {Decision::kFloorMarking, problem, 0, false, false};
+  if (problem == Reason::kFlat && isFloorMarking(e, options)) return {Decision::kFloorMarking, problem, 0, false, e.views >= options.min_views};
   if (problem != Reason::kNone) return rejected(e, options, problem, floor);
   if (!is_final && e.views < options.min_views) return {Decision::kUndecided, Reason::kFewViews, 0, false, false};
   if (!is_final && e.kind == ObjectKind::kUnknown)
@@ -229,10 +229,8 @@ static Verdict decide(const Evidence& e, const MergerOptions& options, bool is_f
   const Reason open = is_paper ? Reason::kNone : structureReason(e, options);
   if (open != Reason::kNone) return {Decision::kStructure, open, 0, false, false};
   Verdict verdict{Decision::kObstacle, Reason::kNone, 0, false, false};
-  if (floor == Floor::kConflicting)
-    verdict.quality |= static_cast<std::uint8_t>(Quality::kLowContrast);
-  else if (!is_paper && isDisagreeing(e))
-    verdict.quality |= static_cast<std::uint8_t>(Quality::kDisagreeing);
+  if (floor == Floor::kConflicting) verdict.quality |= static_cast<std::uint8_t>(Quality::kLowContrast);
+  if (!is_paper && isDisagreeing(e)) verdict.quality |= static_cast<std::uint8_t>(Quality::kDisagreeing);
   if (e.is_thin) verdict.quality |= static_cast<std::uint8_t>(Quality::kThin);
   return verdict;
 }

@@ -268,6 +268,27 @@ TEST(Polylines, ReturnAThinPanelAsALine) {
   EXPECT_NEAR((lines[0].points_m[0] - lines[0].points_m[1]).norm(), 0.6, 1e-9);
 }
 
+TEST(Polylines, ReturnAnAngledThinPanelAsALine) {
+  const std::vector<Polyline> lines =
+      polylinesOf(testing::drawing({".........", ".#.......", ".#.......", ".#.......", ".#.......",
+                                    ".#######.", "........."}),
+                  {});
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_FALSE(lines[0].closed);
+  ASSERT_EQ(lines[0].points_m.size(), 3U);
+  EXPECT_LT((lines[0].points_m[1] - Vector2d(0.15, 0.15)).norm(), 0.001);
+}
+
+TEST(Polylines, EndOnTheFittedLine) {
+  SurfaceMap map = testing::drawing({"##########", ".........."});
+  for (SurfaceCell& cell : map.surface)
+    if (cell.x == 0 || cell.x == 9) cell.mean_m.y() += cell.x == 0 ? 0.006 : -0.006;
+  const std::vector<Polyline> lines = polylinesOf(map, {});
+  ASSERT_EQ(lines.size(), 1U);
+  ASSERT_EQ(lines[0].points_m.size(), 2U);
+  for (const Vector2d& p : lines[0].points_m) EXPECT_LT(std::abs(p.y() - 0.15), 0.004);
+}
+
 TEST(Polylines, FollowAThinWallIntoTheRoomAndBack) {
   const std::vector<Polyline> lines =
       polylinesOf(testing::drawing({"##########", "#........#", "#........#", "#........#", "#######..#",
@@ -345,11 +366,15 @@ TEST(Polylines, AreEmptyForAnEmptyMap) {
 }
 
 TEST(Polylines, IgnoreEntriesOfOtherCells) {
-  SurfaceMap map = testing::drawing({"......", ".####.", ".####.", "......"});
+  SurfaceMap map = testing::drawing({"######", "#....#", "#....#", "##  ##"});
   const std::vector<Polyline> lines = polylinesOf(map, {});
-  map.surface.push_back({0, 0, {5, 5}, 0.001, 1, 1});     // free
-  map.surface.push_back({-1, 2, {5, 5}, 0.001, 1, 1});    // outside
-  map.surface.push_back({100, 99, {5, 5}, 0.001, 1, 1});  // outside
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines[0].points_m.front(), lines[0].points_m.back());
+  map.surface.push_back({2, 0, {0.25, 0.05}, 0.001, 1, 1});  // unknown
+  map.surface.push_back({3, 0, {0.35, 0.05}, 0.001, 1, 1});
+  map.surface.push_back({-1, 2, {5, 5}, 0.001, 1, 1});  // outside
+  map.surface.push_back({6, 1, {5, 5}, 0.001, 1, 1});
+  map.surface.push_back({100, 99, {5, 5}, 0.001, 1, 1});
   const std::vector<Polyline> again = polylinesOf(map, {});
   ASSERT_EQ(again.size(), 1U);
   EXPECT_EQ(again[0].points_m, lines[0].points_m);

@@ -281,7 +281,7 @@ TEST(Merger, RejectsPiecesOfAFloorPattern) {
   }
   Merger merger = merged(sets, arena(noisy(), 21).bodies());
   merger.finish();
-  expectOne(merger.rejected(), at_m, Reason::kFlat);
+  expectOne(merger.rejected(), at_m, Reason::kPattern);
   const Score s = score(merger.outlines(), fiveObstacles());
   EXPECT_EQ(s.missed, 0);
   EXPECT_EQ(s.extra, 0);

@@ -306,7 +306,9 @@ std::vector<dataset::MapObject> outlinesOfOne(const std::vector<double>& times_s
     sets.contributions.push_back(made->contribution);
     sets.poses.push_back(made->pose);
   }
-  Merger merger = merged(sets, sim.bodies());
+  MergerOptions options;
+  options.least_seen = 0.0;  // it is seen from one side
+  Merger merger = merged(sets, sim.bodies(), options);
   merger.finish();
   return obstaclesOf(merger);
 }

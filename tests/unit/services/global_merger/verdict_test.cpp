@@ -172,7 +172,7 @@ TEST(Verdict, RejectsARoughFitOfFewViews) {
 }
 
 TEST(Verdict, IsAFloorMarkingWhereCertainlyFlat) {
-  const Expected marking{Decision::kFloorMarking, Reason::kFlat, false, 0, true};
+  const Expected marking{Decision::kFloorMarking, Reason::kFlat, true, 0, true};
   const Expected flat{Decision::kRejected, Reason::kFlat, true, 0, true};
   const Expected flat_unreported{Decision::kRejected, Reason::kFlat, false, 0, true};
   const auto low = [](double height_m, double spread, int floor_after) {
