@@ -46,7 +46,8 @@ Json covariance(const Eigen::Matrix2d& m2) {
 Json feature(const RejectedPlace& place) {
   Json result;
   result["type"] = "Feature";
-  result["properties"] = {{"kind", "rejected"}, {"reason", place.reason}, {"observations", place.observations}};
+  result["properties"] = {
+      {"kind", "rejected"}, {"reason", place.reason}, {"observations", place.observations}};
   result["geometry"] = {{"type", "Point"}, {"coordinates", point(place.at_m)}};
   return result;
 }

@@ -20,7 +20,7 @@ struct MapObject {
   std::vector<std::string> observers;
   double height_m = 0.0;  ///< ≤ 0: unknown, not written
   Eigen::Matrix2d covariance_m2 =
-      Eigen::Matrix2d::Zero();       ///< of the centroid; structure: of its points. Zero: unknown, not written
+      Eigen::Matrix2d::Zero();  ///< of the centroid; structure: of its points. Zero: unknown, not written
   std::vector<std::string> quality;  ///< codes of what is uncertain; see docs/methods/global_merger.md
 
   bool isOpen() const { return kind == "structure"; }

@@ -83,9 +83,8 @@ enum class RayLabel : std::uint8_t {
   kFloorEnd = 1,  ///< floor seen up to the range, nothing hit
   kObstacle = 2,
   kRobot = 3,
-  kUnknown = 4,  ///< an object of undecided kind
-  kUndecided =
-      5  ///< floor seen up to the range; beyond it, floor or an object that resembles it
+  kUnknown = 4,   ///< an object of undecided kind
+  kUndecided = 5  ///< floor seen up to the range; beyond it, floor or an object that resembles it
 };
 
 /// Range per bearing from the foot of the camera, in base_link: bearing_i = 2πi/N.

@@ -51,8 +51,8 @@ struct Contribution {
   TimeNs acquired_ns = 0;
   std::uint32_t sequence = 0;
   std::int32_t camera_height_dmm = 0;
-  PointDmm scan_origin;                 ///< foot of the camera; also the origin of the supports
-  std::vector<std::int32_t> range_dmm;  ///< bearing i = 2πi/N; 0: invalid
+  PointDmm scan_origin;                  ///< foot of the camera; also the origin of the supports
+  std::vector<std::int32_t> range_dmm;   ///< bearing i = 2πi/N; 0: invalid
   std::vector<std::uint16_t> sigma_dmm;  ///< of the range; 0: exact. Empty: all are exact
   std::vector<RayLabel> label;
   std::vector<std::uint16_t> object;  ///< track id (low 16 bits), 0: none
@@ -81,8 +81,8 @@ struct KeyframePose {
   Pose2 mapFromBase() const;
 };
 
-/// Quantize. `rays` replaces the scan of `objects` (see map_rays.h). Values that are not finite or exceed 1500 m become invalid rays, unusable directions or an
-/// invalid pose.
+/// Quantize. `rays` replaces the scan of `objects` (see map_rays.h). Values that are not finite or exceed
+/// 1500 m become invalid rays, unusable directions or an invalid pose.
 Contribution makeContribution(const Objects& objects, const Scan& rays);
 inline Contribution makeContribution(const Objects& objects) {
   return makeContribution(objects, objects.scan);

@@ -47,8 +47,8 @@ const Scan& MapRays::of(const Objects& objects) {
   const Scan& scan = objects.scan;
   const Boundary& boundary = objects.boundary;
   rays_ = scan;
-  const std::size_t rays = std::min({scan.range_m.size(), scan.sigma_m.size(), scan.label.size(),
-                                     scan.object.size()}),
+  const std::size_t rays = std::min(
+                        {scan.range_m.size(), scan.sigma_m.size(), scan.label.size(), scan.object.size()}),
                     beams = std::min(boundary.inverse_m.size(), boundary.sigma.size());
   if (rays == 0 || beams == 0 || rays > beams) return rays_;
   lines_.fit(boundary);
@@ -57,7 +57,8 @@ const Scan& MapRays::of(const Objects& objects) {
   nothing_ *= kKept;
   for (std::size_t i = 0; i < rays; ++i) {
     const std::size_t beam = i * beams / rays;
-    const bool has_edge = boundary.sigma[beam] > 0 && std::isfinite(boundary.sigma[beam]) && boundary.inverse_m[beam] > 0;
+    const bool has_edge =
+        boundary.sigma[beam] > 0 && std::isfinite(boundary.sigma[beam]) && boundary.inverse_m[beam] > 0;
     if (has_edge) {
       const auto [range_m, sigma_m] = edgeAt(boundary, beam);
       placeAtEdge(scan, i, range_m, sigma_m, beam < boundary.moving.size() && boundary.moving[beam] != 0);

@@ -12,7 +12,8 @@ namespace omnifleet::occupancy {
 /// - An edge of the boundary ends the ray. Where a line fits around it, its range is that of the line, with
 ///   the σ of the line. The label is that of the scan; what belongs to no tracked object is an obstacle.
 ///   An edge on a robot or on another moving object becomes a robot's ray.
-/// - If the scan ends clearly before the edge, one of them is wrong. The ray is undecided from the nearer one.
+/// - If the scan ends clearly before the edge, one of them is wrong. The ray is undecided from the nearer
+/// one.
 /// - Without an edge, something ends the ray, but what differs little from the floor may begin before that.
 ///   Such a ray has the label kUnknown and object 0: it hits, and shows no floor. A tracked object keeps its
 ///   label.

@@ -233,10 +233,9 @@ const structure::SurfaceMap& OccupancyMap::Impl::freshVisible() {
   is_visible_stale = false;
   structure::SurfaceMap now = visibleMap(cells, applied, options);
   const auto cellOf = [&](const structure::SurfaceMap& map, std::size_t at) {
-    return std::pair{std::llround(map.origin_m.x() / options.resolution_m) +
-                         static_cast<std::int64_t>(at) % map.width,
-                     std::llround(map.origin_m.y() / options.resolution_m) +
-                         static_cast<std::int64_t>(at) / map.width};
+    return std::pair{
+        std::llround(map.origin_m.x() / options.resolution_m) + static_cast<std::int64_t>(at) % map.width,
+        std::llround(map.origin_m.y() / options.resolution_m) + static_cast<std::int64_t>(at) / map.width};
   };
   const auto classIn = [&](const structure::SurfaceMap& map, std::int64_t x, std::int64_t y) {
     if (map.width == 0) return structure::Cell::kUnknown;

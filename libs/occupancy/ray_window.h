@@ -9,8 +9,8 @@
 
 namespace omnifleet::occupancy {
 
-/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to one σ before its
-/// end, which is hit. kOpen: free up to but excluding the cell one σ before its end. kHitOnly: its
+/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to one σ
+/// before its end, which is hit. kOpen: free up to but excluding the cell one σ before its end. kHitOnly: its
 /// end is hit, the cells before are not free.
 enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly };
 

@@ -86,7 +86,8 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
   Known known;
   for (std::size_t i = 0; i < count; ++i) {
     const RayLabel label = contribution.label[i];
-    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUndecided) continue;
+    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUndecided)
+      continue;
     const std::uint16_t track = i < contribution.object.size() ? contribution.object[i] : std::uint16_t{0};
     if (track != last) {
       last = track;

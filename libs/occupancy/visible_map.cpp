@@ -192,8 +192,7 @@ void Canvas::draw(const Applied& what, std::int64_t keyframe, std::uint64_t obse
 SurfaceMap Canvas::result(double resolution_m) const {
   SurfaceMap map;
   map.resolution_m = resolution_m;
-  map.origin_m =
-      resolution_m * Eigen::Vector2d(static_cast<double>(x_low_), static_cast<double>(y_low_));
+  map.origin_m = resolution_m * Eigen::Vector2d(static_cast<double>(x_low_), static_cast<double>(y_low_));
   map.width = static_cast<int>(width_);
   map.height = static_cast<int>(height_);
   map.cells.assign(classes_.size(), Cell::kUnknown);
@@ -237,8 +236,7 @@ SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied, const
   if (counts.known() == 0) return {};
   Canvas canvas(counts, options);
   std::map<std::string, std::uint64_t> bits;
-  for (const auto& [key, what] : applied)
-    bits.emplace(key.first, std::uint64_t{1} << (bits.size() % 64U));
+  for (const auto& [key, what] : applied) bits.emplace(key.first, std::uint64_t{1} << (bits.size() % 64U));
   std::int64_t keyframe = 0;
   for (const auto* entry : chosen(applied, std::llround(options.resolution_m * kDmmPerMetre)))
     canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));

@@ -10,8 +10,8 @@ namespace omnifleet::occupancy {
 /// sees floor behind a wall. Where the counts of all rays find a surface, a ray that went on misses it (the
 /// surface has the floor's colour there), and neither floor nor edges that it shows behind are valid. So a
 /// free cell is kept only if a ray reaches it without crossing an occupied cell, and an occupied cell only if
-/// a ray ends at it that crosses no other and comes from free cells. Gaps of at most `least_gap_m` between occupied cells hide the
-/// floor behind them: surfaces are seen through them, floor is not.
+/// a ray ends at it that crosses no other and comes from free cells. Gaps of at most `least_gap_m` between
+/// occupied cells hide the floor behind them: surfaces are seen through them, floor is not.
 ///
 /// Rays of up to three keyframes of each robot are used per square of two cells, the latest ones. A function
 /// of the counts and of the applied contributions.

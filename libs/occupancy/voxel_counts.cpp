@@ -55,7 +55,9 @@ bool VoxelCounts::seesThrough(const Observer& observer, const VoxelKey& key) con
   if (bearings_.size() != rays) bearings_ = Bearings(rays);
   const std::size_t before = bearings_.before(in_base);
   for (const std::size_t i : {before, (before + 1) % rays}) {
-    if (what.roles[i] == RayRole::kNone || what.roles[i] == RayRole::kHitOnly || what.contribution->range_dmm[i] <= hidden) return false;
+    if (what.roles[i] == RayRole::kNone || what.roles[i] == RayRole::kHitOnly ||
+        what.contribution->range_dmm[i] <= hidden)
+      return false;
   }
   return true;
 }

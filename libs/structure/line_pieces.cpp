@@ -1,9 +1,7 @@
 #include "structure/line_pieces.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -24,10 +22,6 @@ constexpr double kLeastTurn = 0.09;   // sin 5°: lines that are closer to paral
 double cross(const Vector2d& a, const Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
-
-/// At both ends of a piece.
-using Corners = std::array<Vector2d, 2>;
-const Vector2d kNoCorner = Vector2d::Constant(std::numeric_limits<double>::infinity());
 
 struct Line {
   Vector2d at = Vector2d::Zero(), along = Vector2d::UnitX();
@@ -68,8 +62,7 @@ class LinePieces {
   void findCorners();
   void mergePieces();
   void sharpenCorners();
-  void fit();
-  std::vector<Vector2d> vertices() const { return vertices_; }
+  std::vector<Vector2d> vertices() const;
 
  private:
   const SurfaceCell& cell(int at) const {
@@ -92,22 +85,19 @@ class LinePieces {
 
   void split(int first, int last, std::vector<int>& found) const;
   int farthestFrom(int at) const;
-  Line lineOf(int first, int last, const Corners& corners_m) const;
   Line lineOf(int first, int last) const;
   Line lineOf(int piece) const;
   bool isStraight(int first, int last) const;
-  bool isCornerOf(const Line& before, const Line& after, int first, int last) const;
+  std::optional<Vector2d> cornerOf(const Line& before, const Line& after, int first, int last) const;
   void replaceCorners(int number, int run, int at);
   bool agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const;
   Vector2d vertexAt(int number, const std::vector<Line>& lines) const;
-  void findVertices();
 
   const Stretch& stretch_;
   const SurfaceMap& map_;
   const PolylineOptions& options_;
   int size_;
-  std::vector<int> corners_;        ///< positions, increasing; of an open stretch with both ends
-  std::vector<Vector2d> vertices_;  ///< of the corners
+  std::vector<int> corners_;  ///< positions, increasing; of an open stretch with both ends
 };
 
 int LinePieces::farthestFrom(int at) const {
@@ -158,13 +148,15 @@ void LinePieces::findCorners() {
   corners_.erase(std::unique(corners_.begin(), corners_.end()), corners_.end());
 }
 
-/// Weighted total least squares. Cells near `corners_m` have a larger σ.
-Line LinePieces::lineOf(int first, int last, const Corners& corners_m) const {
+/// Weighted total least squares. Cells near a corner at either end have a larger σ.
+Line LinePieces::lineOf(int first, int last) const {
   const double corner_sigma_m = kCornerSigma_cells * map_.resolution_m;
   const double reach = std::pow(kAtCorner_cells * map_.resolution_m, 2);
+  const auto isNear = [&](int at, int corner) {
+    return !isEnd(corner) && (mean(at) - mean(corner)).squaredNorm() <= reach;
+  };
   const auto weightOf = [&](int at) {
-    const bool is_at_corner =
-        (mean(at) - corners_m[0]).squaredNorm() <= reach || (mean(at) - corners_m[1]).squaredNorm() <= reach;
+    const bool is_at_corner = isNear(at, first) || isNear(at, last);
     const double sigma = std::max(cell(at).sigma_m, kLeastSigma_m);
     return 1.0 / (sigma * sigma + (is_at_corner ? corner_sigma_m * corner_sigma_m : 0.0));
   };
@@ -183,10 +175,6 @@ Line LinePieces::lineOf(int first, int last, const Corners& corners_m) const {
   Line line{origin + moment / sum, {std::cos(angle), std::sin(angle)}};
   if (line.along.dot(mean(last) - mean(first)) < 0) line.along = -line.along;
   return line;
-}
-
-Line LinePieces::lineOf(int first, int last) const {
-  return lineOf(first, last, {isEnd(first) ? kNoCorner : mean(first), isEnd(last) ? kNoCorner : mean(last)});
 }
 
 Line LinePieces::lineOf(int piece) const {
@@ -247,17 +235,13 @@ bool LinePieces::agrees(int at, const Line& before, const Line& after, const Vec
   return distanceToSegment(mean(at), a, b) <= tolerance_m;
 }
 
-/// The cells of the positions agree with a corner between two lines.
-bool LinePieces::isCornerOf(const Line& before, const Line& after, int first, int last) const {
-  constexpr double kLeastCorner = 0.5;  // sin 30°: arcs have no sharp corners
-  if (std::abs(cross(before.along, after.along)) < kLeastCorner) return false;
-  const Vector2d corner_m = *intersection(before, after);
-  double nearest = kReach_cells * map_.resolution_m;
-  for (int i = first; i <= last; ++i) {
-    nearest = std::min(nearest, (mean(i) - corner_m).norm());
-    if (!agrees(i, before, after, corner_m)) return false;
-  }
-  return nearest <= map_.resolution_m;
+/// The corner between two lines, if the cells of the positions agree with it.
+std::optional<Vector2d> LinePieces::cornerOf(const Line& before, const Line& after, int first,
+                                             int last) const {
+  const std::optional<Vector2d> corner_m = intersection(before, after);
+  for (int i = first; corner_m && i <= last; ++i)
+    if (!agrees(i, before, after, *corner_m)) return std::nullopt;
+  return corner_m;
 }
 
 /// Replaces the corners number … number + run by one.
@@ -282,12 +266,12 @@ void LinePieces::sharpenCorners() {
       const int first = corner(number), last = corner(number + run);
       if (last - first > kMostCells || first - corner(number - 1) < 2 || corner(number + run + 1) - last < 2)
         continue;
-      const Line before = lineOf(number - 1), after = lineOf(number + run);
-      if (!isCornerOf(before, after, first, last)) continue;
-      const Vector2d corner_m = *intersection(before, after);
+      const std::optional<Vector2d> corner_m =
+          cornerOf(lineOf(number - 1), lineOf(number + run), first, last);
+      if (!corner_m) continue;
       int nearest = first;
       for (int i = first; i <= last; ++i)
-        if ((mean(i) - corner_m).norm() < (mean(nearest) - corner_m).norm()) nearest = i;
+        if ((mean(i) - *corner_m).norm() < (mean(nearest) - *corner_m).norm()) nearest = i;
       replaceCorners(number, run, nearest);
       break;
     }
@@ -304,23 +288,12 @@ Vector2d LinePieces::vertexAt(int number, const std::vector<Line>& lines) const 
   return is_near ? *corner_m : Vector2d(0.5 * (before.projected(at) + after.projected(at)));
 }
 
-/// Lines of all pieces and their vertices. The vertices of the last pass mark the cells at corners.
-void LinePieces::findVertices() {
+std::vector<Vector2d> LinePieces::vertices() const {
   std::vector<Line> lines;
-  for (int k = 0; k < pieces(); ++k) {
-    const auto cornerAt = [&](int number) {
-      return isEnd(corner(number)) ? kNoCorner : vertices_[static_cast<std::size_t>(number % corners())];
-    };
-    lines.push_back(lineOf(corner(k), corner(k + 1), {cornerAt(k), cornerAt(k + 1)}));
-  }
-  for (int k = 0; k < corners(); ++k) vertices_[static_cast<std::size_t>(k)] = vertexAt(k, lines);
-}
-
-void LinePieces::fit() {
-  vertices_.clear();
-  for (int k = 0; k < corners(); ++k) vertices_.push_back(mean(corner(k)));
-  constexpr int kPasses = 3;
-  for (int pass = 0; pass < kPasses; ++pass) findVertices();
+  for (int k = 0; k < pieces(); ++k) lines.push_back(lineOf(k));
+  std::vector<Vector2d> found;
+  for (int k = 0; k < corners(); ++k) found.push_back(vertexAt(k, lines));
+  return found;
 }
 
 }  // namespace
@@ -332,7 +305,6 @@ std::vector<Vector2d> verticesOf(const Stretch& stretch, const SurfaceMap& map,
   pieces.mergePieces();
   pieces.sharpenCorners();
   pieces.mergePieces();
-  pieces.fit();
   return pieces.vertices();
 }
 

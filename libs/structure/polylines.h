@@ -10,21 +10,19 @@
 namespace omnifleet::structure {
 
 struct PolylineOptions {
-  double tolerance_m =
-      0.015;  ///< m, distance of a cell's mean from its straight piece from which a corner is set
+  double tolerance_m = 0.015;     ///< m, a mean farther from its straight piece sets a corner
   double tolerance_sigmas = 4.0;  ///< σ of the cell's mean; the larger tolerance applies
   int least_cells = 3;            ///< a stretch with fewer cells is omitted
   int max_gap_cells = 1;          ///< cells without ray ends in a row that a stretch bridges
-  int least_free_cells = 4;  ///< the outer border of a smaller free area is omitted (specks inside furniture)
+  int least_free_cells = 4;       ///< a smaller free area has no outer border (specks inside furniture)
 
   static PolylineOptions read(const options::Section& section);
 };
 
 /// A stretch of walls or furniture as seen from the free area, which is on its right side.
 struct Polyline {
-  /// Map, in order. The border of a room that was seen completely is a ring from inside, clockwise: it is
-  /// open
-  /// (`closed` false), and its last point equals its first.
+  /// Map, in order. The border of a room that was seen completely is a ring from inside, clockwise. It is
+  /// open (`closed` false), and its last point equals its first.
   std::vector<Eigen::Vector2d> points_m;
   /// True for an island that was seen all around (an obstacle). Its points are counter-clockwise, the first
   /// is not repeated, and there are at least three.
@@ -44,8 +42,7 @@ struct Polyline {
 ///
 /// Corners of a stretch: Douglas & Peucker 1973 on the cells' means. Each straight piece is then fitted by
 /// weighted total least squares, and neighbouring pieces are intersected (line_pieces.h).
-/// @param map each cell has at most one entry in `surface`; entries of cells that are not occupied are
-/// ignored
+/// @param map has at most one entry per cell in `surface`; entries of other than occupied cells are ignored
 std::vector<Polyline> polylinesOf(const SurfaceMap& map, const PolylineOptions& options);
 
 }  // namespace omnifleet::structure

@@ -58,38 +58,42 @@ row_of() {
     }
     END {
       matched = v["map/matched"]
-      printf "%d\t%s\t%d\t%d\t%s\t%s\t%s\t%s\t%s\t%d\t%d\t%d\n", seed, variant, robots, frames,
+      printf "%d\t%s\t%d\t%d\t%s\t%s\t%s\t%s\t%s\t%d\t%d\t%d\t%s\t%s\t%s\t%s\t%s\n", seed, variant, robots, frames,
         (frames > 0 ? sprintf("%.1f", 100 * v["paths_mean/poses"] / frames) : "-"),
         number("paths_mean/distance_m", 100, 2), number("paths_mean/max_m", 100, 2),
         number("paths_mean/heading_rad", 57.29578, 3), number("paths_mean/consistency/nees_mean", 1, 2),
-        matched, v["map/truths"] - matched, v["map/estimates"] - matched
+        matched, v["map/truths"] - matched, v["map/estimates"] - matched,
+        number("cells/all/within_2cm", 100, 1), number("cells/all/seen_occupied", 100, 1),
+        number("cells/occupied_per_crossed", 1, 2), number("cells/free_wrong", 100, 2),
+        robots > 1 ? number("kinds/robot/f1", 1, 3) : "-"
     }' "$3"
 }
 
 layout() {
-  awk -F '\t' '{ printf "%6s  %-12s %6s %6s %9s %7s %7s %9s %7s %6s %6s %6s\n", $1, $2, $3, $4, $5, $6, $7, $8, $9,
-                 $10, $11, $12 }'
+  awk -F '\t' '{ printf "%6s  %-12s %6s %6s %9s %7s %7s %9s %7s %6s %6s %6s %7s %7s %7s %7s %7s\n", $1, $2, $3,
+                 $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17 }'
 }
 
 heading() {
-  printf 'seed\tvariant\trobots\tframes\tlocalized\tmean\tmax\theading\tNEES\tfound\tmissed\tfalse\n' | layout
-  printf '\t\t\t\t%%\tcm\tcm\tdeg\t\t\t\t\n' | layout
+  printf 'seed\tvariant\trobots\tframes\tlocalized\tmean\tmax\theading\tNEES\tfound\tmissed\tfalse\tcells\tfaces\tthick\twrong\tF1\n' | layout
+  printf '\t\t\t\t%%\tcm\tcm\tdeg\t\t\t\t\t%%\t%%\t\t%%\t\n' | layout
 }
 
-# Medians and worst values of the columns from "localized" on. Small is worse for "localized" and "found".
+# Medians and worst values of the columns from "localized" on. Small is worse for "localized", "found",
+# "cells" (within 2 cm of a true face), "faces" (seen within 1.8 m, occupied) and "F1".
 summary() {
   awk -F '\t' '
-    { for (c = 5; c <= 12; ++c) if ($c != "-") sample[c, ++count[c]] = $c }
+    { for (c = 5; c <= 17; ++c) if ($c != "-") sample[c, ++count[c]] = $c }
     END {
-      for (c = 5; c <= 12; ++c) {
+      for (c = 5; c <= 17; ++c) {
         n = count[c]
         for (i = 2; i <= n; ++i)
           for (j = i; j > 1 && sample[c, j - 1] + 0 > sample[c, j] + 0; --j) {
             swap = sample[c, j]; sample[c, j] = sample[c, j - 1]; sample[c, j - 1] = swap
           }
         middle = n % 2 ? sample[c, (n + 1) / 2] : (sample[c, n / 2] + sample[c, n / 2 + 1]) / 2
-        median = median "\t" (n == 0 ? "-" : sprintf("%." (c == 8 ? 3 : c > 5 && c < 10 ? 2 : 1) "f", middle))
-        worst = worst "\t" (n == 0 ? "-" : c == 5 || c == 10 ? sample[c, 1] : sample[c, n])
+        median = median "\t" (n == 0 ? "-" : sprintf("%." (c == 8 || c == 17 ? 3 : (c > 5 && c < 10) || c == 15 || c == 16 ? 2 : 1) "f", middle))
+        worst = worst "\t" (n == 0 ? "-" : c == 5 || c == 10 || c == 13 || c == 14 || c == 17 ? sample[c, 1] : sample[c, n])
       }
       print "\tmedian\t\t" median
       print "\tworst\t\t" worst

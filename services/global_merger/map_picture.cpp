@@ -190,7 +190,8 @@ void Canvas::drawRejected(const dataset::RejectedPlace& place) {
     const double half = std::sqrt(1.0 - offset * offset), d = std::sqrt(0.5);
     // The line x·d + y·d = offset within the disc.
     cv::line(image_, at(radius * d * (offset - half), radius * d * (offset + half)),
-             at(radius * d * (offset + half), radius * d * (offset - half)), kRejected, 1, cv::LINE_AA, kShift);
+             at(radius * d * (offset + half), radius * d * (offset - half)), kRejected, 1, cv::LINE_AA,
+             kShift);
   }
   cv::circle(image_, at(0, 0), cvRound(radius * (1 << kShift)), kRejected, 1, cv::LINE_AA, kShift);
   label(numberOf(place.reason), place.at_m, 0.5, kRejected);
@@ -253,11 +254,10 @@ void Canvas::drawTitle() {
     }
   }
   char words[160];
-  const auto obstacles =
-      std::count_if(picture_.objects.begin(), picture_.objects.end(), [](const auto& o) { return !o.isOpen(); });
+  const auto obstacles = std::count_if(picture_.objects.begin(), picture_.objects.end(),
+                                       [](const auto& o) { return !o.isOpen(); });
   std::snprintf(words, sizeof words, "%td obstacles, %zu robots, %.1f m driven, cells of %.0f cm", obstacles,
-                picture_.trajectories.size(), length,
-                100 * picture_.grid.resolution_m);
+                picture_.trajectories.size(), length, 100 * picture_.grid.resolution_m);
   text(words, {kSide, 64}, 0.55, kFaint, 1);
 }
 

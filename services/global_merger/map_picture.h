@@ -21,8 +21,8 @@ struct MapPicture {
 };
 
 /// The merged map as a picture (BGR): cells, outlines with ids, walls and furniture as lines,
-/// rejected candidates as hatched places with their reason in the legend, paths and current poses of the robots, metre
-/// grid, scale bar, title and legend. About 1600 pixels on the longer side.
+/// rejected candidates as hatched places with their reason in the legend, paths and current poses of the
+/// robots, metre grid, scale bar, title and legend. About 1600 pixels on the longer side.
 cv::Mat drawMap(const MapPicture& picture);
 
 }  // namespace omnifleet::global_merger

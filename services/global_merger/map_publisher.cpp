@@ -25,8 +25,8 @@ void outlineToWire(const dataset::MapObject& from, v1::Outline& to) {
           : from.isOpen()      ? v1::OUTLINE_STRUCTURE
                                : v1::OUTLINE_OBSTACLE);
   std::uint8_t quality = 0;
-  for (const auto flag :
-       {global_merger::Quality::kLowContrast, global_merger::Quality::kDisagreeing, global_merger::Quality::kThin})
+  for (const auto flag : {global_merger::Quality::kLowContrast, global_merger::Quality::kDisagreeing,
+                          global_merger::Quality::kThin})
     if (std::count(from.quality.begin(), from.quality.end(), global_merger::toString(flag)) > 0)
       quality |= static_cast<std::uint8_t>(flag);
   to.quality(quality);

@@ -101,9 +101,11 @@ bool isShapeReason(Reason reason) {
   return reason == Reason::kNoShape || reason == Reason::kUncertainPlace;
 }
 
-/// The evidence speaks against an obstacle, not only against the shape that was fitted.
-bool isNoObstacle(const Verdict& verdict) {
-  return !standsThere(verdict) && !isShapeReason(verdict.reason);
+/// Structure that goes on farther than any candidate is large: the candidate is a piece of it.
+bool reachesBeyond(const dataset::MapObject& structure, const Eigen::Vector2d& at_m) {
+  constexpr double kBeyond_m = 0.6;
+  return std::any_of(structure.outline_m.begin(), structure.outline_m.end(),
+                     [&](const Eigen::Vector2d& p) { return (p - at_m).norm() > kBeyond_m; });
 }
 
 /// Where a row of this time belongs in rows in order of time. Empty if there is a row of this time.
@@ -171,7 +173,8 @@ std::vector<Verdict> Merger::judge(const std::vector<Group>& groups) const {
     changed = false;
     std::vector<Polygon> outlines_m;
     for (std::size_t i = 0; i < groups.size(); ++i)
-      outlines_m.push_back(verdicts[i].decision == Decision::kObstacle ? groups[i].fit.footprint_m : Polygon{});
+      outlines_m.push_back(verdicts[i].decision == Decision::kObstacle ? groups[i].fit.footprint_m
+                                                                       : Polygon{});
     const std::vector<OutlineCells> around = cellsAt(outlines_m, cells);
     for (std::size_t i = 0; i < groups.size(); ++i) {
       if (verdicts[i].decision != Decision::kObstacle) continue;
@@ -193,8 +196,8 @@ bool Merger::wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const {
   });
 }
 
-/// Pieces of mapped objects are not reported, nor candidates without a shape where structure is mapped, nor are places where a robot drove, because no obstacle is
-/// there. Top faces come last, because their places are the least accurate.
+/// Pieces of mapped objects are not reported, nor pieces of structure, nor are places where a robot drove,
+/// because no obstacle is there. Top faces come last, because their places are the least accurate.
 void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Verdict>& verdicts) {
   constexpr double kPiece_m = 0.2, kSame_m = 0.3;
   const auto isNear = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double within_m) {
@@ -206,18 +209,17 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
   for (std::size_t i = 0; i < groups.size(); ++i)
     if (verdicts[i].to_report)
       found.push_back({groups[i].centre_m, verdicts[i].reason, static_cast<int>(groups[i].views.size())});
-  std::stable_partition(found.begin(), found.end(), [](const RejectedCandidate& place) {
-    return place.reason != Reason::kTopFaceOnly;
-  });
+  std::stable_partition(found.begin(), found.end(),
+                        [](const RejectedCandidate& place) { return place.reason != Reason::kTopFaceOnly; });
   for (const RejectedCandidate& place : found) {
     const Eigen::Vector2d& at_m = place.at_m;
     const bool is_listed =
         std::any_of(rejected_.begin(), rejected_.end(),
                     [&](const RejectedCandidate& other) { return isNear(other.at_m, at_m, kSame_m); });
-    const bool is_mapped = std::any_of(
-        outlines_.begin(), outlines_.end(),
-        [&](const dataset::MapObject& object) {
-          return object.distanceTo(at_m) < kPiece_m && (!object.isOpen() || isShapeReason(place.reason));
+    const bool is_mapped =
+        std::any_of(outlines_.begin(), outlines_.end(), [&](const dataset::MapObject& object) {
+          if (object.distanceTo(at_m) >= kPiece_m) return false;
+          return !object.isOpen() || isShapeReason(place.reason) || reachesBeyond(object, at_m);
         });
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
@@ -281,8 +283,7 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   const std::vector<Verdict> verdicts = judge(groups);
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (!standsThere(verdicts[i])) continue;
-    for (const auto* view : groups[i].views)
-      kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
+    for (const auto* view : groups[i].views) kinds_[{view->robot, view->track_id}] = ObjectKind::kObstacle;
     if (verdicts[i].decision != Decision::kObstacle) continue;
     outlines_.push_back(objectOf(groups[i], verdicts[i]));
     outlines_.back().id = idOf(groups[i], bodies_, taken);
@@ -293,9 +294,9 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
     outlines_.push_back(std::move(landmark));
   }
   std::sort(outlines_.begin(), outlines_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
-  not_obstacles_m_.clear();
+  standing_m_.clear();
   for (std::size_t i = 0; i < groups.size(); ++i)
-    if (isNoObstacle(verdicts[i])) not_obstacles_m_.push_back(groups[i].centre_m);
+    if (verdicts[i].decision == Decision::kStructure) standing_m_.push_back(groups[i].centre_m);
   findStructure();
   findRejected(groups, verdicts);
   return outlines_;
@@ -309,8 +310,8 @@ void Merger::findStructure() {
                                  [](const dataset::MapObject& o) { return o.id >= kFirstStructureId; }),
                   outlines_.end());
   for (dataset::MapObject& object :
-       structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_,
-                        not_obstacles_m_, map_.visible().robots))
+       structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_, standing_m_,
+                        map_.visible().robots))
     outlines_.push_back(std::move(object));
 }
 

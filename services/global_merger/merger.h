@@ -82,8 +82,8 @@ struct MergerOptions {
                                 ///< (objects in 26 rooms: 0.012 at most)
   double max_sigma_m = 0.05;    ///< m, a centre with a larger σ is no object
   double flat_m = 0.02;         ///< m, what is surely lower is a floor marking
-  double least_alone = 0.5;  ///< 1, share of the occupied cells connected with an outline that must lie at
-                             ///< it: otherwise it stands against something
+  double least_alone = 0.5;     ///< 1, share of the occupied cells connected with an outline that must lie at
+                                ///< it: otherwise it stands against something
   double least_seen = 0.75;  ///< 1, share of the outline of an object whose top was not seen that must have
                              ///< been seen: otherwise it would be closed by guessing
   structure::PolylineOptions structure;
@@ -181,7 +181,7 @@ class Merger {
   std::map<std::string, std::vector<dataset::StampedLocalization>> localization_;
   std::vector<dataset::MapObject> outlines_;
   std::vector<RejectedCandidate> rejected_;
-  std::vector<Eigen::Vector2d> not_obstacles_m_;  ///< centres of candidates that are surely no obstacles
+  std::vector<Eigen::Vector2d> standing_m_;  ///< centres of candidates that stand there with an open outline
   std::map<std::pair<std::string, std::uint32_t>, ObjectKind>
       kinds_;             ///< of the tracks that form the outlines; unknown: floor markings
   bool is_stale_ = true;  ///< the sets changed since the outlines were fitted

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 
 #include "global_merger/map_warnings.h"
 #include "global_merger/messages.h"
@@ -277,8 +278,11 @@ void GlobalMergerService::reportMapWarnings() {
   counts.low_contrast = report(flagged(gm::Quality::kLowContrast), gm::outlinesLowContrast);
   counts.disagreeing = report(flagged(gm::Quality::kDisagreeing), gm::outlinesDisagree);
   counts.thin = report(flagged(gm::Quality::kThin), gm::outlinesThin);
+  std::vector<dataset::MapObject> closed;  // small structure is as uncertain as cells without any outline
+  std::copy_if(objects.begin(), objects.end(), std::back_inserter(closed),
+               [](const dataset::MapObject& object) { return !object.isOpen(); });
   counts.without_outline =
-      report(gm::occupiedWithoutOutline(replica_.map().grid(objects), objects), gm::cellsWithoutOutline);
+      report(gm::occupiedWithoutOutline(replica_.map().grid(objects), closed), gm::cellsWithoutOutline);
   // The status shows only the last message, so the summary comes last.
   if (counts.total() > 0) status().report(gm::mapIncomplete(counts));
 }

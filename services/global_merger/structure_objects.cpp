@@ -43,7 +43,7 @@ Eigen::Vector2d middleOf(const std::vector<Eigen::Vector2d>& points_m) {
 
 std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Polyline>& lines,
                                                  const std::vector<dataset::MapObject>& obstacles,
-                                                 const std::vector<Eigen::Vector2d>& not_obstacles_m,
+                                                 const std::vector<Eigen::Vector2d>& standing_m,
                                                  const std::vector<std::string>& robots) {
   constexpr double kMost = 0.5;
   std::vector<dataset::MapObject> objects;
@@ -52,8 +52,9 @@ std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Po
     dataset::MapObject object;
     object.id = kFirstStructureId + objects.size();
     const bool is_obstacle =
-        line.closed && std::none_of(not_obstacles_m.begin(), not_obstacles_m.end(),
-                                    [&](const Eigen::Vector2d& at_m) { return contains(line.points_m, at_m); });
+        line.closed && std::any_of(standing_m.begin(), standing_m.end(), [&](const Eigen::Vector2d& at_m) {
+          return contains(line.points_m, at_m);
+        });
     object.kind = is_obstacle ? "obstacle" : "structure";
     object.outline_m = line.points_m;
     if (line.closed && !is_obstacle) object.outline_m.push_back(line.points_m.front());

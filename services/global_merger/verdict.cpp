@@ -54,10 +54,10 @@ bool wasNeverThere(const Evidence& e, const MergerOptions& options) {
   return e.floor_before + e.floor_after >= e.views || e.floor_since_first >= kManyTimes * e.views;
 }
 
-/// Not part of the overlay as printed in Choi §IV.4. Gone: the floor was seen later, more often than explained
-/// by the share of views that missed the object before. Never there: see above. A candidate that one upright
-/// body explains well is gone only if the floor was seen afterwards many times as often as rays ended at its
-/// place.
+/// Not part of the overlay as printed in Choi §IV.4. Gone: the floor was seen later, more often than
+/// explained by the share of views that missed the object before. Never there: see above. A candidate that
+/// one upright body explains well is gone only if the floor was seen afterwards many times as often as rays
+/// ended at its place.
 Floor floorOf(const Evidence& e, const MergerOptions& options) {
   if (e.is_top_face)  // the floor is always seen at the place of its sides
     return e.floor_after >= kManyTimes * e.views ? Floor::kAbsent : Floor::kConflicting;
@@ -145,7 +145,8 @@ Reason problemOf(const Evidence& e, const MergerOptions& options, Floor floor) {
 /// contradicted by the floor that are flat, or have no single shape and were rarely seen, or have no single
 /// shape and no height and were seen less often than the floor.
 Verdict rejected(const Evidence& e, const MergerOptions& options, Reason problem, Floor floor) {
-  Verdict verdict{Decision::kRejected, problem, 0, false, e.views >= options.min_views && !e.fits_silent_robot};
+  Verdict verdict{Decision::kRejected, problem, 0, false,
+                  e.views >= options.min_views && !e.fits_silent_robot};
   if (floor != Floor::kAbsent) return verdict;
   const bool is_one = shapeProblem(e, options) == Reason::kNone;
   if (isFlat(e, options) || (!is_one && e.views < kRarely)) {
@@ -220,9 +221,11 @@ static Verdict decide(const Evidence& e, const MergerOptions& options, bool is_f
   const Floor floor = floorOf(e, options);
   const Reason problem = problemOf(e, options, floor);
   if (problem == Reason::kSilentRobot) return {Decision::kRobot, problem, 0, false, false};
-  if (problem == Reason::kFlat && isFloorMarking(e, options)) return {Decision::kFloorMarking, problem, 0, false, e.views >= options.min_views};
+  if (problem == Reason::kFlat && isFloorMarking(e, options))
+    return {Decision::kFloorMarking, problem, 0, false, e.views >= options.min_views};
   if (problem != Reason::kNone) return rejected(e, options, problem, floor);
-  if (!is_final && e.views < options.min_views) return {Decision::kUndecided, Reason::kFewViews, 0, false, false};
+  if (!is_final && e.views < options.min_views)
+    return {Decision::kUndecided, Reason::kFewViews, 0, false, false};
   if (!is_final && e.kind == ObjectKind::kUnknown)
     return {Decision::kUndecided, Reason::kUndecidedKind, 0, false, false};
   const bool is_paper = options.method == "hull";

@@ -31,11 +31,11 @@ enum class Reason : std::uint8_t {
   kFlat,            ///< no higher than a floor marking
   kPattern,         ///< low, and missed as often as it was seen: tiles, stains
   kFloorSeen,       ///< the floor was seen at its place: it is gone, or was never there
-  kHidden,          ///< rarely seen, and always above something nearer: a piece of a wall, which moves with the
-                    ///< camera
-  kTopFaceOnly,     ///< mostly floor was seen there, but parallax gives it a height
-  kAttached,        ///< its outline continues beyond it: it stands against a wall or other furniture
-  kOpenOutline,     ///< its top was never seen, and parts of its outline were seen by nobody
+  kHidden,       ///< rarely seen, and always above something nearer: a piece of a wall, which moves with the
+                 ///< camera
+  kTopFaceOnly,  ///< mostly floor was seen there, but parallax gives it a height
+  kAttached,     ///< its outline continues beyond it: it stands against a wall or other furniture
+  kOpenOutline,  ///< its top was never seen, and parts of its outline were seen by nobody
 };
 /// Code as published: lower case with underscores.
 const char* toString(Reason reason);
@@ -51,9 +51,9 @@ const char* toString(Quality quality);
 struct Verdict {
   Decision decision = Decision::kRejected;
   Reason reason = Reason::kNone;
-  std::uint8_t quality = 0;   ///< of an obstacle: a set of Quality
-  bool is_flat = false;       ///< no higher than a floor marking, as far as the views show
-  bool to_report = false;     ///< rejected, but something may stand there
+  std::uint8_t quality = 0;  ///< of an obstacle: a set of Quality
+  bool is_flat = false;      ///< no higher than a floor marking, as far as the views show
+  bool to_report = false;    ///< rejected, but something may stand there
 };
 
 /// Codes of the flags of a verdict.

@@ -169,8 +169,7 @@ TEST(Merger, DecidesUndecidedCandidatesAtTheEnd) {
   EXPECT_GT(std::count(decided.cells.begin(), decided.cells.end(), 100), 20);
 }
 
-void expectOne(const std::vector<RejectedCandidate>& rejected, const Eigen::Vector2d& at_m,
-               Reason reason) {
+void expectOne(const std::vector<RejectedCandidate>& rejected, const Eigen::Vector2d& at_m, Reason reason) {
   ASSERT_EQ(rejected.size(), 1U);
   EXPECT_LT((rejected[0].at_m - at_m).norm(), 0.05);
   EXPECT_EQ(rejected[0].reason, reason);

@@ -50,10 +50,12 @@ TEST(StructureObjects, KeepAnOpenLineAsStructure) {
   EXPECT_EQ(objects[0].covariance_m2(0, 1), 0.0);
 }
 
-TEST(StructureObjects, AreObstaclesWhereTheLineIsClosed) {
-  const auto objects = structureObjects(
-      {openLine({{5, 0}, {6, 0}}), closedLine({{0, 0}, {2, 0}, {2, 1}, {0, 1}})}, {}, {}, {"r1"});
+TEST(StructureObjects, AreObstaclesWhereALineIsClosedAroundACandidateThatStandsThere) {
+  const auto objects =
+      structureObjects({openLine({{5, 0}, {6, 0}}), closedLine({{0, 0}, {2, 0}, {2, 1}, {0, 1}})}, {},
+                       {{5.5, 0.0}, {0.5, 0.5}}, {"r1"});
   ASSERT_EQ(objects.size(), 2U);
+  EXPECT_EQ(objects[0].kind, "structure") << "open";
   EXPECT_EQ(objects[1].kind, "obstacle");
   EXPECT_FALSE(objects[1].isOpen());
   EXPECT_EQ(objects[1].id, kFirstStructureId + 1);
@@ -61,15 +63,14 @@ TEST(StructureObjects, AreObstaclesWhereTheLineIsClosed) {
   EXPECT_EQ(objects[1].centroid_m, Eigen::Vector2d(1.0, 0.5));
 }
 
-TEST(StructureObjects, AreStructureWhereAClosedLineContainsARejectedCandidate) {
+TEST(StructureObjects, AreStructureWhereAClosedLineContainsNoCandidateThatStandsThere) {
   const structure::Polyline box = closedLine({{0, 0}, {2, 0}, {2, 1}, {0, 1}});
-  const auto inside = structureObjects({box}, {}, {{5.0, 5.0}, {0.5, 0.5}}, {"r1"});
+  const auto inside = structureObjects({box}, {}, {{2.5, 0.5}}, {"r1"});
   ASSERT_EQ(inside.size(), 1U);
-  EXPECT_EQ(inside[0].kind, "structure");
+  EXPECT_EQ(inside[0].kind, "structure") << "a candidate beside it";
   EXPECT_EQ(inside[0].outline_m.size(), 5U) << "the line returns to its first point";
   EXPECT_EQ(inside[0].outline_m.front(), inside[0].outline_m.back());
   EXPECT_EQ(inside[0].centroid_m, Eigen::Vector2d(1.0, 0.5));
-  EXPECT_EQ(structureObjects({box}, {}, {{2.5, 0.5}}, {"r1"}).front().kind, "obstacle") << "beside it";
 }
 
 TEST(StructureObjects, LeaveOutLinesOfFittedObstacles) {

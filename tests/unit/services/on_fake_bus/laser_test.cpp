@@ -3,8 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
 #include <octomap/OcTree.h>
 #include <unistd.h>
+#include <algorithm>
 
 #include <cmath>
 #include <cstring>
@@ -284,7 +286,10 @@ TEST(LaserFleet, MapsRecordingOfScansReproducibly) {
   run.out = folder / "one";
   ASSERT_TRUE(services::runInProcess(run));
 
-  const auto found = dataset::readObjects(folder / "one/objects.geojson");
+  auto found = dataset::readObjects(folder / "one/objects.geojson");
+  const auto open = [](const dataset::MapObject& object) { return object.isOpen(); };
+  EXPECT_TRUE(std::any_of(found.begin(), found.end(), open)) << "the walls";
+  found.erase(std::remove_if(found.begin(), found.end(), open), found.end());
   const auto truth = scene.truthScene(0.0);
   ASSERT_EQ(found.size(), truth.size()) << "no missed and no false obstacle: walls and robots do not count";
   for (const auto& object : truth) {
