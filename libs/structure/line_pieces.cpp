@@ -36,16 +36,6 @@ std::optional<Vector2d> intersection(const Line& a, const Line& b) {
   return a.at + a.along * (cross(b.at - a.at, b.along) / turn);
 }
 
-/// Length of the ray from a point of a square to its border.
-double lengthInside(const Vector2d& from, const Vector2d& along, const Vector2d& low, const Vector2d& high) {
-  double length = (high - low).norm();
-  for (int k = 0; k < 2; ++k) {
-    if (along[k] > 0) length = std::min(length, (high[k] - from[k]) / along[k]);
-    if (along[k] < 0) length = std::min(length, (low[k] - from[k]) / along[k]);
-  }
-  return length;
-}
-
 double distanceToSegment(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
   const double length = (b - a).squaredNorm();
   const double share = length > 0.0 ? std::clamp((p - a).dot(b - a) / length, 0.0, 1.0) : 0.0;
@@ -218,21 +208,15 @@ void LinePieces::mergePieces() {
   corners_ = std::move(kept);
 }
 
-/// The mean of a cell lies on one of the two faces of a corner, or the cell contains the corner and its mean
-/// is a mixture of the two parts of the faces.
+/// The mean of a cell lies on one of the two faces of a corner, or the cell contains the corner.
 bool LinePieces::agrees(int at, const Line& before, const Line& after, const Vector2d& corner_m) const {
   const double tolerance_m = within(at, 0.5 * options_.tolerance_m);
   const double along = before.along.dot(mean(at) - corner_m), beyond = after.along.dot(mean(at) - corner_m);
   if (along <= 0 && before.distanceTo(mean(at)) <= tolerance_m) return true;
   if (beyond >= 0 && after.distanceTo(mean(at)) <= tolerance_m) return true;
   constexpr double kMargin_cells = 0.1;
-  const Vector2d low =
-      map_.origin_m + map_.resolution_m * Vector2d(cell(at).x - kMargin_cells, cell(at).y - kMargin_cells);
-  const Vector2d high = low + Vector2d::Constant(map_.resolution_m * (1.0 + 2.0 * kMargin_cells));
-  if ((corner_m - low).minCoeff() < 0 || (high - corner_m).minCoeff() < 0) return false;
-  const Vector2d a = corner_m - 0.5 * lengthInside(corner_m, -before.along, low, high) * before.along;
-  const Vector2d b = corner_m + 0.5 * lengthInside(corner_m, after.along, low, high) * after.along;
-  return distanceToSegment(mean(at), a, b) <= tolerance_m;
+  const Vector2d in_cell = (corner_m - map_.origin_m) / map_.resolution_m - Vector2d(cell(at).x, cell(at).y);
+  return (in_cell.array() - 0.5).abs().maxCoeff() <= 0.5 + kMargin_cells;
 }
 
 /// The corner between two lines, if the cells of the positions agree with it.

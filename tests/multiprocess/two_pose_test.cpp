@@ -55,6 +55,7 @@ std::vector<Box> cubes(const std::string& geojson) {
   std::vector<Box> found;
   const nlohmann::json map = nlohmann::json::parse(geojson);
   for (const auto& feature : map.at("features")) {
+    if (feature.at("geometry").at("type") != "Polygon") continue;  // structure, rejected candidates
     Box box;
     box.observers = feature.at("properties").at("observers").get<std::vector<std::string>>();
     for (const auto& corner : feature.at("geometry").at("coordinates").at(0)) {
