@@ -86,6 +86,18 @@ TEST(Polylines, CloseABoxSeenAllAround) {
   }
 }
 
+TEST(Polylines, KeepTheCornersOfASmallBox) {
+  // The mean of a corner's cell lies inside the corner, which looks cut off.
+  SurfaceScene scene = boxSeenAllAround(0.0);
+  scene.obstacles = {testing::rectangle({0.051584, 0.037592}, 0.214827, 0.162793, 2.55724)};
+  const std::vector<Polyline> closed = closedOf(polylinesOf(scene.map(), {}));
+  ASSERT_EQ(closed.size(), 1U);
+  EXPECT_EQ(closed[0].points_m.size(), 4U);
+  // Most cells of so short a face are at a corner, where means are up to a quarter of a cell off: 12.5 mm. A
+  // corner that is cut off is 34 mm away.
+  EXPECT_LT(vertexError(closed[0].points_m, scene.obstacles[0]), 0.0125);
+}
+
 TEST(Polylines, LeaveABoxSeenFromOneSideOpen) {
   for (int degrees = 0; degrees < 90; degrees += 5) {
     SurfaceScene scene = boxSeenAllAround(degrees * kDegree);
