@@ -88,7 +88,7 @@ class OccupancyMap {
   /// hits, misses) in order. If there are voxels with points, the SHA-256 over that hash and their counts.
   /// Only chunks that changed are hashed again.
   std::array<std::uint8_t, 32> hash() const;
-  /// Number of class changes of cells since construction: work done on the octree.
+  /// Number of class changes of cells by their counts since construction.
   std::uint64_t classChanges() const;
 
  private:

@@ -302,8 +302,8 @@ const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhi
   return outlines_;
 }
 
-/// Adds what the cells show beside the fitted obstacles: open outlines as structure, closed ones as
-/// obstacles. Replaces what an earlier call added.
+/// Adds what the cells show beside the fitted obstacles (structure_objects.h). Replaces what an earlier call
+/// added.
 void Merger::findStructure() {
   if (options_.method == "hull") return;
   outlines_.erase(std::remove_if(outlines_.begin(), outlines_.end(),

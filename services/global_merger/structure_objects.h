@@ -13,8 +13,8 @@ namespace omnifleet::global_merger {
 inline constexpr std::uint64_t kFirstStructureId = 1'000'000;
 
 /// Objects for the polylines that do not belong to a fitted obstacle. A line is structure, unless it is
-/// closed around a candidate that surely stands there: then it is an obstacle. Cells alone do not tell a
-/// marking on the floor from what stands on it. A polyline belongs to an obstacle if most of its points lie
+/// closed around a candidate that surely stands there: then it is an obstacle. Cells alone do not distinguish
+/// a marking on the floor from what stands on it. A polyline belongs to an obstacle if most of its points lie
 /// within kBeside_m of its outline.
 /// @param standing_m centres of candidates that stand there, but whose outline could not be fitted all around
 /// @param robots names, in the order of the bits of Polyline::observers

@@ -35,7 +35,7 @@ enum class Reason : std::uint8_t {
                  ///< camera
   kTopFaceOnly,  ///< mostly floor was seen there, but parallax gives it a height
   kAttached,     ///< its outline continues beyond it: it stands against a wall or other furniture
-  kOpenOutline,  ///< its top was never seen, and parts of its outline were seen by nobody
+  kOpenOutline,  ///< its top was never seen, and no camera saw parts of its outline
 };
 /// Code as published: lower case with underscores.
 const char* toString(Reason reason);

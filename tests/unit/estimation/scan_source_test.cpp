@@ -176,8 +176,8 @@ TEST(ScanSource, AWrongPlaceOutsideTheMapDoesNotConfirmItself) {
   EXPECT_EQ(wrong, 0);
 }
 
-/// Objects have replaced the motion of wheels that count nothing. The scan confirms the pose: nobody moved
-/// the robot.
+/// Objects have replaced the motion of wheels that count nothing. The scan confirms the pose: the
+/// robot was not moved by hand.
 TEST(ScanSource, StalledWheelsAreNoKidnappingWhileTheScanMatches) {
   const std::vector<Pose2> path = circularPath(60);
   const ScanRun run = runScans(path, {}, [&](std::size_t i, Objects& frame) {
