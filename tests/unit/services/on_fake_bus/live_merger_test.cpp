@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -33,7 +34,8 @@ class MergerFixture : public testing::Test {
       seen.scan.label.assign(360, RayLabel::kFloorEnd);
       for (std::size_t k = 0; k < 12; ++k) {
         seen.scan.label[k] = RayLabel::kObstacle;
-        seen.scan.range_m[k] = k % 2 == 0 ? 1.0F : 1.2F;
+        const float from_middle = std::abs(static_cast<float>(k) - 6.0F);
+        seen.scan.range_m[k] = 1.0F + 0.03F * from_middle;  // a corner that faces the robot
       }
     }
     v1::Objects wire;
