@@ -17,6 +17,11 @@
 
 namespace omnifleet::occupancy {
 
+RayLimits rayLimitsOf(const OccupancyOptions& options) {
+  return {std::llround(options.resolution_m * kDmmPerMetre), std::llround(options.max_range_m * kDmmPerMetre),
+          std::llround(options.free_sigmas * 1000.0)};
+}
+
 OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   OccupancyOptions o;
   section.read("resolution_m", o.resolution_m, {0.005, 1.0});
@@ -31,7 +36,10 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
   section.read("unknown_is_hit", o.unknown_is_hit);
+  section.read("free_sigmas", o.free_sigmas, {0.0, 10.0});
+  section.read("least_share", o.least_share, {0.0, 0.5});
   section.read("least_gap_m", o.least_gap_m, {0.0, 1.0});
+  o.mirrors = structure::MirrorOptions::read(section.child("mirrors"));
   section.read("least_point_hits", o.least_point_hits, {1, 1000});
   if (std::abs(o.resolution_m * 1e4 - std::round(o.resolution_m * 1e4)) > 1e-6) {
     section.fail("resolution_m", "must be a multiple of 0.0001");
@@ -52,7 +60,7 @@ class OccupancyMap::Impl {
         voxels(given),
         octree(given.resolution_m),
         paths(store, std::llround(given.hold_s * 1e9), std::llround(given.max_gap_s * 1e9)),
-        window(resolution_dmm, static_cast<std::int32_t>(std::lround(given.max_range_m * 1e4))),
+        window(rayLimitsOf(given)),
         default_mask(maskOf(RobotBody{})) {
     for (const auto& [robot, body] : bodies) masks.emplace(robot, maskOf(body));
     on_change = [this](std::int64_t, std::int64_t, CellClass) { ++class_changes; };
@@ -232,6 +240,9 @@ const structure::SurfaceMap& OccupancyMap::Impl::freshVisible() {
   if (!is_visible_stale) return visible;
   is_visible_stale = false;
   structure::SurfaceMap now = visibleMap(cells, applied, options);
+  std::vector<Eigen::Vector2d> robots_m;
+  for (const auto& [key, what] : applied) robots_m.push_back(metres(scanOrigin(*what.contribution, what.at)));
+  structure::hideBehindMirrors(now, robots_m, options.mirrors);
   const auto cellOf = [&](const structure::SurfaceMap& map, std::size_t at) {
     return std::pair{
         std::llround(map.origin_m.x() / options.resolution_m) + static_cast<std::int64_t>(at) % map.width,

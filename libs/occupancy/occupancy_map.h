@@ -12,6 +12,7 @@
 #include "observation/observation.h"
 #include "occupancy/contribution_store.h"
 #include "options/options.h"
+#include "structure/mirrors.h"
 #include "structure/surface_map.h"
 
 namespace omnifleet::occupancy {
@@ -29,8 +30,13 @@ struct OccupancyOptions {
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body
   bool unknown_is_hit = false;     ///< whether rays at objects of undecided kind mark a cell as hit
-  double least_gap_m = 0.15;       ///< m, gaps between occupied cells of at most this hide the floor behind
-  int least_point_hits = 2;        ///< contributions that must have seen a point in a voxel before it counts
+  double free_sigmas = 3.0;        ///< σ before the end of a ray up to which it shows floor
+  /// Of the weight of the ray ends in a cell and in the next one along the rays; a cell with less holds the
+  /// noise of the other. 0.2: the surface lies about one σ beyond the border between the two.
+  double least_share = 0.2;
+  double least_gap_m = 0.15;  ///< m, gaps between occupied cells of at most this hide the floor behind
+  structure::MirrorOptions mirrors;
+  int least_point_hits = 2;  ///< contributions that must have seen a point in a voxel before it counts
 
   static OccupancyOptions read(const options::Section& section);
 };

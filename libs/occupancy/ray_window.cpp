@@ -9,22 +9,19 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
   return {at.position.x_dmm + offset.x_dmm, at.position.y_dmm + offset.y_dmm};
 }
 
-RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, std::int64_t resolution_dmm,
-                   std::int64_t max_range_dmm) {
-  const std::int64_t range = contribution.range_dmm[i];
-  if (range > max_range_dmm && role == RayRole::kHitOnly)
-    return {max_range_dmm, max_range_dmm, RayRole::kOpen};
-  if (range > max_range_dmm) return {max_range_dmm, 0, RayRole::kFree};
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits) {
+  const std::int64_t range = contribution.range_dmm[i], max_range = limits.max_range;
+  if (range > max_range && role == RayRole::kHitOnly) return {max_range, max_range, RayRole::kOpen};
+  if (range > max_range) return {max_range, 0, RayRole::kFree};
   if (role == RayRole::kFree) return {range, 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
-  const bool is_vague = role != RayRole::kOpen && 2 * sigma > resolution_dmm;
+  const bool is_vague = role != RayRole::kOpen && 2 * sigma > limits.resolution;
   if (role == RayRole::kHitOnly) return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit};
-  return {range, std::min(sigma, range), is_vague ? RayRole::kOpen : role};
+  return {range, std::min(sigma * limits.free_permille / 1000, range), is_vague ? RayRole::kOpen : role};
 }
 
-RayWindow::RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm)
-    : resolution_(resolution_dmm), max_range_(max_range_dmm) {
-  const int radius = max_range_dmm / resolution_dmm + 2;
+RayWindow::RayWindow(const RayLimits& limits) : limits_(limits) {
+  const int radius = static_cast<int>(limits.max_range / limits.resolution) + 2;
   chunks_ = (2 * radius + kChunk - 1) / kChunk + 1;
   width_ = chunks_ * kChunk;
   marks_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(width_));
@@ -34,43 +31,44 @@ void RayWindow::draw(const Contribution& contribution, const IntegerPose& at,
                      const std::vector<RayRole>& roles) {
   std::fill(marks_.begin(), marks_.end(), std::uint8_t{0});
   const PointDmm origin = scanOrigin(contribution, at);
-  const std::int64_t radius = max_range_ / resolution_ + 2;
-  first_x_ = floorDivide(floorDivide(origin.x_dmm, resolution_) - radius, kChunk) * kChunk;
-  first_y_ = floorDivide(floorDivide(origin.y_dmm, resolution_) - radius, kChunk) * kChunk;
+  const std::int64_t radius = limits_.max_range / limits_.resolution + 2;
+  first_x_ = floorDivide(floorDivide(origin.x_dmm, limits_.resolution) - radius, kChunk) * kChunk;
+  first_y_ = floorDivide(floorDivide(origin.y_dmm, limits_.resolution) - radius, kChunk) * kChunk;
   const Turn heading = turnFromDmrad(at.theta_dmrad);
   const auto count = static_cast<std::uint32_t>(roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
     if (roles[i] == RayRole::kNone) continue;
-    const RayExtent ray = extentOf(contribution, i, roles[i], resolution_, max_range_);
+    const RayExtent ray = extentOf(contribution, i, roles[i], limits_);
     const Direction d = directionOf(heading + turnOfBearing(i, count));
     const auto pointAt = [&](std::int64_t length) {
       return PointDmm{static_cast<std::int32_t>(origin.x_dmm + roundQ30(length * d.cos_q30)),
                       static_cast<std::int32_t>(origin.y_dmm + roundQ30(length * d.sin_q30))};
     };
-    drawRay(origin, pointAt(ray.range - ray.sigma), ray.role == RayRole::kFree ? kMiss : 0);
+    drawRay(origin, pointAt(ray.range - ray.free), ray.role == RayRole::kFree ? kMiss : 0);
     if (ray.role == RayRole::kHit) mark(pointAt(ray.range), kHit);
   }
 }
 
 void RayWindow::mark(const PointDmm& at, std::uint8_t bit) {
-  const std::int64_t x = floorDivide(at.x_dmm, resolution_) - first_x_,
-                     y = floorDivide(at.y_dmm, resolution_) - first_y_;
+  const std::int64_t x = floorDivide(at.x_dmm, limits_.resolution) - first_x_,
+                     y = floorDivide(at.y_dmm, limits_.resolution) - first_y_;
   marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
 }
 
 void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t at_end) {
   // From here on lengths are relative to the window, so never negative.
-  const std::int64_t left = first_x_ * resolution_, low = first_y_ * resolution_;
+  const std::int64_t left = first_x_ * limits_.resolution, low = first_y_ * limits_.resolution;
   const std::int64_t x0 = from.x_dmm - left, y0 = from.y_dmm - low, x1 = to.x_dmm - left, y1 = to.y_dmm - low;
-  const std::int64_t cell_x = x0 / resolution_, cell_y = y0 / resolution_;
+  const std::int64_t cell_x = x0 / limits_.resolution, cell_y = y0 / limits_.resolution;
   const std::int64_t dx = std::abs(x1 - x0), dy = std::abs(y1 - y0);
-  const std::int64_t steps = std::abs(x1 / resolution_ - cell_x) + std::abs(y1 / resolution_ - cell_y);
+  const std::int64_t steps =
+      std::abs(x1 / limits_.resolution - cell_x) + std::abs(y1 / limits_.resolution - cell_y);
   // Time to the next border, times dx·dy: crossing x costs (distance to it)·dy, crossing y costs (distance to
   // it)·dx.
-  const std::int64_t in_x = x0 - cell_x * resolution_, in_y = y0 - cell_y * resolution_;
-  std::int64_t next_x = (x1 >= x0 ? resolution_ - in_x : in_x + 1) * dy;
-  std::int64_t next_y = (y1 >= y0 ? resolution_ - in_y : in_y + 1) * dx;
-  const std::int64_t add_x = resolution_ * dy, add_y = resolution_ * dx;
+  const std::int64_t in_x = x0 - cell_x * limits_.resolution, in_y = y0 - cell_y * limits_.resolution;
+  std::int64_t next_x = (x1 >= x0 ? limits_.resolution - in_x : in_x + 1) * dy;
+  std::int64_t next_y = (y1 >= y0 ? limits_.resolution - in_y : in_y + 1) * dx;
+  const std::int64_t add_x = limits_.resolution * dy, add_y = limits_.resolution * dx;
   const std::int64_t step_x = x1 >= x0 ? 1 : -1,
                      step_y = (y1 >= y0 ? 1 : -1) * static_cast<std::int64_t>(width_);
   std::uint8_t* cell = &marks_[static_cast<std::size_t>(cell_y * width_ + cell_x)];
@@ -87,17 +85,18 @@ void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t a
 void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit) {
   const Direction d = directionOf(turnFromDmrad(at.theta_dmrad));
   const auto range = [&](std::int64_t centre, std::int64_t first) {
-    const std::int64_t low = floorDivide(centre - body.reachDmm(), resolution_) - first;
-    const std::int64_t high = floorDivide(centre + body.reachDmm(), resolution_) - first;
+    const std::int64_t low = floorDivide(centre - body.reachDmm(), limits_.resolution) - first;
+    const std::int64_t high = floorDivide(centre + body.reachDmm(), limits_.resolution) - first;
     return std::pair{std::max<std::int64_t>(low, 0), std::min<std::int64_t>(high, width_ - 1)};
   };
   const auto [x_low, x_high] = range(at.position.x_dmm, first_x_);
   const auto [y_low, y_high] = range(at.position.y_dmm, first_y_);
   for (std::int64_t y = y_low; y <= y_high; ++y) {
     for (std::int64_t x = x_low; x <= x_high; ++x) {
-      const PointDmm centre{
-          static_cast<std::int32_t>((first_x_ + x) * resolution_ + resolution_ / 2 - at.position.x_dmm),
-          static_cast<std::int32_t>((first_y_ + y) * resolution_ + resolution_ / 2 - at.position.y_dmm)};
+      const PointDmm centre{static_cast<std::int32_t>((first_x_ + x) * limits_.resolution +
+                                                      limits_.resolution / 2 - at.position.x_dmm),
+                            static_cast<std::int32_t>((first_y_ + y) * limits_.resolution +
+                                                      limits_.resolution / 2 - at.position.y_dmm)};
       if (body.covers(unrotate(d, centre))) marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
     }
   }
@@ -106,7 +105,7 @@ void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t 
 bool RayWindow::isNear(const BodyMask& body, const IntegerPose& at, const Contribution& contribution,
                        const IntegerPose& of) const {
   const PointDmm origin = scanOrigin(contribution, of);
-  const std::int64_t reach = max_range_ + 2 * resolution_ + body.reachDmm();
+  const std::int64_t reach = limits_.max_range + 2 * limits_.resolution + body.reachDmm();
   const std::int64_t dx = std::int64_t{at.position.x_dmm} - origin.x_dmm,
                      dy = std::int64_t{at.position.y_dmm} - origin.y_dmm;
   return std::abs(dx) <= reach && std::abs(dy) <= reach;

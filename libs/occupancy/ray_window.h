@@ -6,23 +6,30 @@
 #include "occupancy/body_mask.h"
 #include "occupancy/contribution.h"
 #include "occupancy/fixed_trig.h"
+#include "occupancy/occupancy_map.h"
 
 namespace omnifleet::occupancy {
 
-/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to one σ
-/// before its end, which is hit. kOpen: free up to but excluding the cell one σ before its end. kHitOnly: its
+/// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to
+/// `free_sigmas` σ before its end, which is hit. kOpen: free up to but excluding the cell there. kHitOnly: its
 /// end is hit, the cells before are not free.
 enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly };
 
-/// How far a ray is drawn, in 0.1 mm.
+/// Lengths in 0.1 mm.
+struct RayLimits {
+  std::int64_t resolution, max_range;
+  std::int64_t free_permille = 3000;  ///< floor is shown up to this many thousandths of σ before the end
+};
+RayLimits rayLimitsOf(const OccupancyOptions& options);
+
+/// How far a ray is drawn, in 0.1 mm: free up to `free` before the end at `range`.
 struct RayExtent {
-  std::int64_t range, sigma;
+  std::int64_t range, free;
   RayRole role;
 };
 /// Ray i of a contribution. Beyond the maximum range it is cut there, and it ends at nothing. A hit whose σ
 /// exceeds half a cell cannot be assigned to a cell: the ray shows only floor before it.
-RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, std::int64_t resolution_dmm,
-                   std::int64_t max_range_dmm);
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits);
 
 /// Cells are identified by integer coordinates; chunks are squares of kChunk cells.
 inline constexpr int kChunk = 16;
@@ -32,7 +39,7 @@ class RayWindow {
  public:
   static constexpr std::uint8_t kMiss = 1, kHit = 2, kMaskA = 4, kMaskB = 8;
 
-  RayWindow(std::int32_t resolution_dmm, std::int32_t max_range_dmm);
+  explicit RayWindow(const RayLimits& limits);
 
   /// Clears the window, centres it on the origin of the scan and draws its rays. `roles`: one per ray.
   void draw(const Contribution& contribution, const IntegerPose& at, const std::vector<RayRole>& roles);
@@ -56,7 +63,7 @@ class RayWindow {
   void drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t at_end);
   void mark(const PointDmm& at, std::uint8_t bit);
 
-  std::int64_t resolution_, max_range_;
+  RayLimits limits_;
   int chunks_, width_;
   std::int64_t first_x_ = 0, first_y_ = 0;  ///< lower left cell, multiples of kChunk
   std::vector<std::uint8_t> marks_;

@@ -22,6 +22,22 @@ constexpr std::uint8_t kGap = 2;      ///< free or unknown in a narrow gap betwe
 constexpr std::uint8_t kSeen = 4;     ///< a ray reached it
 constexpr std::uint8_t kReached = 8;  ///< a ray ended there first
 
+constexpr std::int64_t kUnit = 10, kWeight = 1024;  // 1 mm: no ray end is known better
+
+std::int64_t weightOf(std::int64_t sigma) {
+  const std::int64_t s = std::max(sigma, kUnit);
+  return std::max<std::int64_t>(1, kWeight * kUnit * kUnit / (s * s));
+}
+
+std::int64_t sigmaOf(const Contribution& seen, std::uint32_t i) {
+  return i < seen.sigma_dmm.size() ? std::int64_t{seen.sigma_dmm[i]} : 0;
+}
+
+/// Weight of the ray ends in one cell, and their mean direction times weight.
+struct Peak {
+  std::int64_t weight = 0, x = 0, y = 0;
+};
+
 /// Ray ends in one cell. Positions in 0.1 mm relative to the corner of the map, weights relative to a σ of
 /// 1 mm: integers, so that the sums do not depend on their order.
 struct Ends {
@@ -34,8 +50,7 @@ struct Ends {
 class Canvas {
  public:
   Canvas(const CellCounts& counts, const OccupancyOptions& options)
-      : resolution_(std::llround(options.resolution_m * kDmmPerMetre)),
-        max_range_(std::llround(options.max_range_m * kDmmPerMetre)) {
+      : limits_(rayLimitsOf(options)), resolution_(limits_.resolution) {
     constexpr std::int64_t kFar = std::int64_t{1} << 40U;
     std::int64_t x_high = -kFar, y_high = -kFar;
     x_low_ = y_low_ = kFar;
@@ -53,22 +68,27 @@ class Canvas {
       classes_[at] = now;
       if (now == CellClass::kOccupied) marks_[at] = kSolid;
     });
-    markGaps(static_cast<int>(options.least_gap_m / options.resolution_m + 1e-9));
+    peaks_.resize(classes_.size());
   }
 
+  /// First for all contributions.
+  void weigh(const Applied& what);
+  /// Between weighing and drawing.
+  void removeNoise(const OccupancyOptions& options);
   void draw(const Applied& what, std::int64_t keyframe, std::uint64_t observer);
   SurfaceMap result(double resolution_m) const;
 
  private:
   void markGaps(int widest);
-  void drawRay(const PointDmm& from, const Direction& along, std::int64_t range, std::int64_t sigma,
-               RayRole role);
+  void drawRay(const PointDmm& from, const Direction& along, const RayExtent& ray, std::int64_t sigma);
   void addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma);
 
-  std::int64_t resolution_, max_range_;
+  RayLimits limits_;
+  std::int64_t resolution_;
   std::int64_t x_low_, y_low_, width_ = 0, height_ = 0;
   std::vector<CellClass> classes_;
   std::vector<std::uint8_t> marks_;
+  std::vector<Peak> peaks_;
   std::vector<std::int32_t> ends_index_;
   std::vector<Ends> ends_;
   std::int64_t keyframe_ = 0;
@@ -98,16 +118,69 @@ void Canvas::markGaps(int widest) {
   }
 }
 
+void Canvas::weigh(const Applied& what) {
+  const Contribution& seen = *what.contribution;
+  const PointDmm origin = scanOrigin(seen, what.at);
+  const Turn heading = turnFromDmrad(what.at.theta_dmrad);
+  const auto count = static_cast<std::uint32_t>(what.roles.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (what.roles[i] == RayRole::kNone) continue;
+    const RayExtent ray = extentOf(seen, i, what.roles[i], limits_);
+    if (ray.role != RayRole::kHit) continue;
+    const Direction along = directionOf(heading + turnOfBearing(i, count));
+    const std::int64_t x = floorDivide(origin.x_dmm + roundQ30(ray.range * along.cos_q30), resolution_) -
+                           x_low_,
+                       y = floorDivide(origin.y_dmm + roundQ30(ray.range * along.sin_q30), resolution_) -
+                           y_low_;
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
+    Peak& peak = peaks_[static_cast<std::size_t>(y * width_ + x)];
+    const std::int64_t weight = weightOf(sigmaOf(seen, i));
+    peak.weight += weight;
+    peak.x += weight * (along.cos_q30 >> 20);
+    peak.y += weight * (along.sin_q30 >> 20);
+  }
+}
+
+/// A surface has ray ends in the cells before and behind it, too: their σ may be as large as half a cell. An
+/// occupied cell with a small share of the ends in it and in the next one along the rays is no surface of its
+/// own.
+void Canvas::removeNoise(const OccupancyOptions& options) {
+  std::vector<std::size_t> noise;
+  const auto isNoiseOf = [&](std::size_t at, std::int64_t x, std::int64_t y) {
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) return false;
+    const auto other = static_cast<std::size_t>(y * width_ + x);
+    if (classes_[other] != CellClass::kOccupied) return false;
+    const auto weight = static_cast<double>(peaks_[at].weight);
+    return weight < options.least_share * (weight + static_cast<double>(peaks_[other].weight));
+  };
+  for (std::size_t at = 0; at < classes_.size(); ++at) {
+    if (classes_[at] != CellClass::kOccupied || peaks_[at].weight == 0) continue;
+    const Peak& peak = peaks_[at];
+    const std::int64_t longest = std::max(std::abs(peak.x), std::abs(peak.y));
+    if (longest == 0) continue;
+    const auto step = [&](std::int64_t part) {
+      return (2 * std::abs(part) >= longest ? 1 : 0) * (part < 0 ? -1 : 1);
+    };
+    const std::int64_t x = static_cast<std::int64_t>(at) % width_, y = static_cast<std::int64_t>(at) / width_;
+    if (isNoiseOf(at, x + step(peak.x), y + step(peak.y)) ||
+        isNoiseOf(at, x - step(peak.x), y - step(peak.y)))
+      noise.push_back(at);
+  }
+  for (const std::size_t at : noise) {
+    classes_[at] = CellClass::kUnknown;
+    marks_[at] = 0;
+  }
+  markGaps(static_cast<int>(options.least_gap_m / options.resolution_m + 1e-9));
+}
+
 void Canvas::addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma) {
-  constexpr std::int64_t kUnit = 10, kWeight = 1024;  // 1 mm: no ray end is known better
   std::int32_t& index = ends_index_[at];
   if (index < 0) {
     index = static_cast<std::int32_t>(ends_.size());
     ends_.emplace_back();
   }
   Ends& ends = ends_[static_cast<std::size_t>(index)];
-  const std::int64_t s = std::max(sigma, kUnit);
-  const std::int64_t weight = std::max<std::int64_t>(1, kWeight * kUnit * kUnit / (s * s));
+  const std::int64_t weight = weightOf(sigma);
   ends.weight += weight;
   ends.x += weight * (end.x_dmm - x_low_ * resolution_);
   ends.y += weight * (end.y_dmm - y_low_ * resolution_);
@@ -117,15 +190,14 @@ void Canvas::addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma) {
 }
 
 /// Walks over the cells of a ray up to its end, and one cell farther if it ends at a surface.
-void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t range, std::int64_t sigma,
-                     RayRole role) {
-  const bool is_hit = role == RayRole::kHit;
+void Canvas::drawRay(const PointDmm& from, const Direction& along, const RayExtent& ray, std::int64_t sigma) {
+  const bool is_hit = ray.role == RayRole::kHit;
   const auto pointAt = [&](std::int64_t length) {
     return PointDmm{static_cast<std::int32_t>(from.x_dmm + roundQ30(length * along.cos_q30)),
                     static_cast<std::int32_t>(from.y_dmm + roundQ30(length * along.sin_q30))};
   };
-  const PointDmm end = pointAt(range), to = pointAt(is_hit ? range + resolution_ : range),
-                 free_end = pointAt(std::max<std::int64_t>(0, range - sigma));
+  const PointDmm end = pointAt(ray.range), to = pointAt(is_hit ? ray.range + resolution_ : ray.range),
+                 free_end = pointAt(ray.range - ray.free);
   const auto cellOf = [&](const PointDmm& p) {
     return std::pair{floorDivide(p.x_dmm, resolution_) - x_low_, floorDivide(p.y_dmm, resolution_) - y_low_};
   };
@@ -170,7 +242,7 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, std::int64_t 
     if (in_gap && !is_gap) sees_floor = false;  // through a gap
     in_gap = is_gap;
     const bool is_end = x == free_x && y == free_y;
-    if (sees_floor && (!is_end || role == RayRole::kFree)) mark |= kSeen;
+    if (sees_floor && (!is_end || ray.role == RayRole::kFree)) mark |= kSeen;
     if (is_end) sees_floor = false;
   }
 }
@@ -184,8 +256,8 @@ void Canvas::draw(const Applied& what, std::int64_t keyframe, std::uint64_t obse
   const auto count = static_cast<std::uint32_t>(what.roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
     if (what.roles[i] == RayRole::kNone) continue;
-    const RayExtent ray = extentOf(seen, i, what.roles[i], resolution_, max_range_);
-    drawRay(origin, directionOf(heading + turnOfBearing(i, count)), ray.range, ray.sigma, ray.role);
+    drawRay(origin, directionOf(heading + turnOfBearing(i, count)), extentOf(seen, i, what.roles[i], limits_),
+            sigmaOf(seen, i));
   }
 }
 
@@ -207,8 +279,8 @@ SurfaceMap Canvas::result(double resolution_m) const {
     cell.y = static_cast<int>(at / static_cast<std::size_t>(width_));
     cell.mean_m = map.origin_m + Eigen::Vector2d(static_cast<double>(ends.x), static_cast<double>(ends.y)) /
                                      (weight * kDmmPerMetre);
-    constexpr double kUnit_m = 0.001, kWeight = 1024.0;
-    cell.sigma_m = kUnit_m * std::sqrt(kWeight / weight);
+    cell.sigma_m =
+        static_cast<double>(kUnit) / kDmmPerMetre * std::sqrt(static_cast<double>(kWeight) / weight);
     cell.observations = ends.keyframes;
     cell.observers = ends.observers;
     map.surface.push_back(cell);
@@ -237,9 +309,11 @@ SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied, const
   Canvas canvas(counts, options);
   std::map<std::string, std::uint64_t> bits;
   for (const auto& [key, what] : applied) bits.emplace(key.first, std::uint64_t{1} << (bits.size() % 64U));
+  const auto keyframes = chosen(applied, std::llround(options.resolution_m * kDmmPerMetre));
+  for (const auto* entry : keyframes) canvas.weigh(entry->second);
+  canvas.removeNoise(options);
   std::int64_t keyframe = 0;
-  for (const auto* entry : chosen(applied, std::llround(options.resolution_m * kDmmPerMetre)))
-    canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));
+  for (const auto* entry : keyframes) canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));
   SurfaceMap map = canvas.result(options.resolution_m);
   for (const auto& [robot, bit] : bits) map.robots.push_back(robot);
   return map;

@@ -18,6 +18,12 @@ struct SurfaceCell {
   std::uint64_t observers = 0;                       ///< bit per robot
 };
 
+/// Ends of a gap in a wall that can be a mirror (mirrors.h), map.
+struct PossibleMirror {
+  Eigen::Vector2d from_m, to_m;
+  Eigen::Vector2d middle() const { return 0.5 * (from_m + to_m); }
+};
+
 /// Cells of an occupancy map with the surfaces found in them.
 struct SurfaceMap {
   std::vector<std::string> robots;  ///< of the bits of SurfaceCell::observers
@@ -27,6 +33,12 @@ struct SurfaceMap {
   std::vector<Cell> cells;  ///< index = x + y·width
   std::vector<SurfaceCell>
       surface;  ///< of the occupied cells with ray ends; any order; an occupied cell may have none
+  std::vector<PossibleMirror> mirrors;
+  std::vector<std::uint8_t>
+      mirrored;  ///< per cell: 1 if it is unknown because of a mirror; empty if there is none
+
+  /// Whether a place lies behind a possible mirror.
+  bool isMirrored(const Eigen::Vector2d& at_m) const;
 };
 
 }  // namespace omnifleet::structure

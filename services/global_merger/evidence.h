@@ -39,6 +39,7 @@ struct Evidence {
   double faced = 0.0;    ///< share of its outline that faced a camera in some view
 
   // The map around it.
+  bool is_mirrored = false;  ///< its centre lies behind a possible mirror (structure/mirrors.h)
   double seen = 1.0;   ///< share of its outline at which rays ended
   double alone = 1.0;  ///< share of the occupied cells connected with its outline that lie at it or at the
                        ///< outline of another obstacle; 1 if there are none

@@ -59,6 +59,8 @@ v1::RejectionReason reasonToWire(global_merger::Reason reason) {
       return v1::REJECTED_PATTERN;
     case Reason::kFloorSeen:
       return v1::REJECTED_FLOOR_SEEN;
+    case Reason::kPossibleMirror:
+      return v1::REJECTED_POSSIBLE_MIRROR;
     case Reason::kHidden:
       return v1::REJECTED_HIDDEN;
     case Reason::kTopFaceOnly:

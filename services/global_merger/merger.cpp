@@ -164,6 +164,7 @@ std::vector<Verdict> Merger::judge(const std::vector<Group>& groups) const {
     Evidence& e = evidence.emplace_back(evidenceOf(group, map_.store()));
     if (finished_) e.fits_silent_robot = isSilentFleetRobot(group, options_, map_.store(), bodies_);
     e.was_driven_at = wasDrivenAt(group.centre_m, kWay_m);
+    e.is_mirrored = options_.method != "hull" && map_.visible().isMirrored(group.centre_m);
     verdicts.push_back(verdictOf(e, options_, finished_));
   }
   if (options_.method == "hull") return verdicts;
@@ -223,6 +224,8 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
         });
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
+  for (const structure::PossibleMirror& mirror : map_.visible().mirrors)
+    rejected_.push_back({mirror.middle(), Reason::kPossibleMirror, 0});
 }
 
 /// Rays that end in a floor marking hit no obstacle, whatever the kind of their track: the floor continues

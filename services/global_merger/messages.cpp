@@ -38,6 +38,10 @@ const char* reasonOf(Reason reason) {
     case Reason::kTopFaceOnly:
       return "parallax gives them a height, but mostly floor was seen there (only their top face is "
              "segmented; they stand within 0.5 m)";
+    case Reason::kPossibleMirror:
+      return "they are gaps in a wall that can be doors or mirrors; the map behind them stays unknown until "
+             "a robot "
+             "drives through";
     default:
       return toString(reason);
   }

@@ -259,9 +259,10 @@ void GlobalMergerService::reportMapWarnings() {
   if (context_.options.incarnation > 1 && !context_.options.out.empty())
     status().report(gm::trajectoryIncomplete());
   gm::MapWarningCounts counts;
-  for (const auto reason : {gm::Reason::kNoShape, gm::Reason::kUncertainPlace, gm::Reason::kPiece,
-                            gm::Reason::kRough, gm::Reason::kFloorSeen, gm::Reason::kFlat,
-                            gm::Reason::kPattern, gm::Reason::kHidden, gm::Reason::kTopFaceOnly})
+  for (const auto reason :
+       {gm::Reason::kNoShape, gm::Reason::kUncertainPlace, gm::Reason::kPiece, gm::Reason::kRough,
+        gm::Reason::kFloorSeen, gm::Reason::kFlat, gm::Reason::kPattern, gm::Reason::kHidden,
+        gm::Reason::kTopFaceOnly, gm::Reason::kPossibleMirror})
     counts.rejected += reportRejected(reason);
   const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
   const auto flagged = [&](gm::Quality quality) {

@@ -194,6 +194,8 @@ const char* toString(Reason reason) {
       return "attached";
     case Reason::kOpenOutline:
       return "open_outline";
+    case Reason::kPossibleMirror:
+      return "possible_mirror";
   }
   return "none";
 }
@@ -221,6 +223,7 @@ static Verdict decide(const Evidence& e, const MergerOptions& options, bool is_f
   const Floor floor = floorOf(e, options);
   const Reason problem = problemOf(e, options, floor);
   if (problem == Reason::kSilentRobot) return {Decision::kRobot, problem, 0, false, false};
+  if (e.is_mirrored) return {Decision::kRejected, Reason::kPossibleMirror, 0, false, false};
   if (problem == Reason::kFlat && isFloorMarking(e, options))
     return {Decision::kFloorMarking, problem, 0, false, e.views >= options.min_views};
   if (problem != Reason::kNone) return rejected(e, options, problem, floor);

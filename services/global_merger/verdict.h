@@ -36,6 +36,7 @@ enum class Reason : std::uint8_t {
   kTopFaceOnly,  ///< mostly floor was seen there, but parallax gives it a height
   kAttached,     ///< its outline continues beyond it: it stands against a wall or other furniture
   kOpenOutline,  ///< its top was never seen, and no camera saw parts of its outline
+  kPossibleMirror,  ///< it lies behind a gap in a wall that can be a mirror
 };
 /// Code as published: lower case with underscores.
 const char* toString(Reason reason);

@@ -29,6 +29,8 @@ struct FurnishedOptions {
   int rooms = 1;  ///< 2: joined by a door
   bool walls = true;
   bool dim = false;        ///< low contrast, light that falls off towards the walls
+  bool mirror = false;     ///< a mirror of 1.4 x 2 m stands at a wall
+  bool glass = false;      ///< 1.6 m of a wall are glass; behind it floor
   bool symmetric = false;  ///< the room equals itself turned by 180° about the origin; plain floor
   bool wheels = true;
   double wheel_noise = 0.02;                          ///< σ of each row's relative error

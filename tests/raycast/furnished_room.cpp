@@ -10,6 +10,7 @@ namespace omnifleet::raycast {
 namespace {
 
 constexpr double kWallHeight_m = 2.4, kWall_m = 0.1, kDoor_m = 0.95;
+constexpr double kMirror_m = 1.4, kMirrorHeight_m = 2.0, kGlass_m = 1.6;  // widths and height
 
 Solid boxOf(const Eigen::Vector2d& low, const Eigen::Vector2d& high, double height_m,
             const Eigen::Vector3d& albedo) {
@@ -62,8 +63,31 @@ House walled(const FurnishedOptions& options, Random& random) {
   wall(low.x() - kWall_m, low.y() - kWall_m, right + kWall_m, low.y());
   wall(low.x() - kWall_m, high.y(), right + kWall_m, high.y() + kWall_m);
   wall(low.x() - kWall_m, low.y(), low.x(), high.y());
-  wall(right, low.y(), right + kWall_m, high.y());
+  if (!options.glass) {
+    wall(right, low.y(), right + kWall_m, high.y());
+    return house;
+  }
+  const double edge = 0.5 * kGlass_m;
+  wall(right, low.y(), right + kWall_m, -edge);
+  wall(right, edge, right + kWall_m, high.y());
+  wall(right, -edge, right + 0.02, edge);
+  house.walls.back().surface = Surface::kGlass;
   return house;
+}
+
+/// In the middle of the left wall, 1 cm thick.
+void addMirror(House& house) {
+  const double left = house.rooms.front().low.x(), edge = 0.5 * kMirror_m;
+  house.walls.push_back(
+      boxOf({left, -edge}, {left + 0.01, edge}, kMirrorHeight_m, Eigen::Vector3d::Constant(0.5)));
+  house.walls.back().surface = Surface::kMirror;
+}
+
+/// Furniture does not stand in front of a mirror or of glass.
+bool hidesReflections(const Solid& piece, const House& house) {
+  return std::any_of(house.walls.begin(), house.walls.end(), [&](const Solid& wall) {
+    return wall.surface != Surface::kMatt && distanceTo(wall, piece.map_from_solid.translation()) < 1.0;
+  });
 }
 
 /// Against a wall of the room: along it, its back at the wall.
@@ -182,6 +206,7 @@ void furnish(House& house, const FurnishedOptions& options, Random& random) {
     bool fits = !options.symmetric || !overlaps(piece, turnedAround(piece), std::max(0.005, gap));
     for (const Solid& other : house.furniture) fits = fits && !overlaps(piece, other, std::max(0.005, gap));
     for (const Solid& wall : house.walls) fits = fits && !overlaps(piece, wall, -1e-3);
+    fits = fits && !hidesReflections(piece, house);
     if (!fits) continue;
     house.furniture.push_back(piece);
     if (options.symmetric) house.furniture.push_back(turnedAround(piece));
@@ -250,6 +275,7 @@ Solid turnedAround(Solid solid) {
 
 House furnishedHouse(const FurnishedOptions& options, Random& random) {
   House house = walled(options, random);
+  if (options.mirror) addMirror(house);
   furnish(house, options, random);
   return house;
 }

@@ -211,6 +211,7 @@ double lightAt(const Room& room, const std::vector<Placed>& solids, const Hit& h
   for (const Placed& placed : solids) {
     if (hit.solid != nullptr) break;
     const Solid& solid = *placed.solid;
+    if (solid.surface != Surface::kMatt) continue;
     const double inner = 0.5 * (solid.round ? solid.size_m.x() : solid.size_m.minCoeff());
     const double gap = std::max(0.0, (at.head<2>() - placed.middle_m).norm() - inner);
     if (gap < 0.3) light *= 1 - solid.height_m / (solid.height_m + gap) * 0.45 * std::exp(-gap / 0.06);
@@ -224,7 +225,9 @@ double lightAt(const Room& room, const std::vector<Placed>& solids, const Hit& h
 }
 
 Vector radianceAlong(const Room& room, const std::vector<Placed>& solids, const Vector& from,
-                     const Vector& along, unsigned chance) {
+                     const Vector& along, unsigned chance, int bounces = 0) {
+  constexpr int kMostBounces = 3;
+  constexpr double kMirrored = 0.9, kReflected = 0.08, kTransmitted = 0.88, kPast_m = 1e-4;
   Hit hit;
   for (const Placed& solid : solids) intersect(solid, from, along, hit);
   const double floor_m = along.z() < 0 ? -from.z() / along.z() : kNone;
@@ -234,6 +237,16 @@ Vector radianceAlong(const Room& room, const std::vector<Placed>& solids, const 
   }
   if (floor_m < hit.range_m) hit = {floor_m, Vector::UnitZ(), nullptr};
   const Vector at = from + hit.range_m * along;
+  const Surface surface = hit.solid == nullptr ? Surface::kMatt : hit.solid->surface;
+  if (surface != Surface::kMatt) {
+    if (bounces == kMostBounces) return Vector::Zero();
+    const Vector reflected = along - 2.0 * along.dot(hit.normal) * hit.normal;
+    const auto follow = [&](const Vector& to) {
+      return radianceAlong(room, solids, at + kPast_m * to, to, chance, bounces + 1);
+    };
+    if (surface == Surface::kMirror) return kMirrored * follow(reflected);
+    return kTransmitted * follow(along) + kReflected * follow(reflected);
+  }
   return lightAt(room, solids, hit, at, chance) * colourOf(room, hit, at);
 }
 

@@ -13,6 +13,12 @@
 /// sRGB; the floors imitate real ones. Colours are linear albedos (R, G, B). Lengths are metres, in map.
 namespace omnifleet::raycast {
 
+enum class Surface {
+  kMatt,
+  kMirror,  ///< reflects 90 % of the light
+  kGlass,   ///< reflects 8 %, lets 88 % through
+};
+
 struct Solid {
   bool round = false;    ///< true: an upright cylinder of diameter size_m.x(); false: a box
   Pose2 map_from_solid;  ///< centre of the footprint
@@ -20,6 +26,7 @@ struct Solid {
   double height_m = 0.0;
   Eigen::Vector3d albedo = Eigen::Vector3d::Zero();
   bool chequered = false;
+  Surface surface = Surface::kMatt;
 };
 
 /// A flat rectangle on the floor: tape or a sheet of paper.

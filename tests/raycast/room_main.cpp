@@ -80,6 +80,8 @@ int main(int argc, char** argv) try {
   app.add_flag("--no-walls", no_walls, "no walls");
   app.add_flag("--no-wheels", no_wheels, "no wheel odometry");
   app.add_flag("--dim", options.dim, "low contrast, light that falls off");
+  app.add_flag("--mirror", options.mirror, "a mirror that reaches to the floor stands at a wall");
+  app.add_flag("--glass", options.glass, "a part of a wall is glass; behind it floor");
   app.add_flag("--flawed", flawed,
                "calibration and initial poses slightly wrong (0.3 %, 0.2 deg, 0.5 cm, 0.3 deg)");
   addFaults(app, options);

@@ -233,6 +233,30 @@ TEST_P(AnyBus, DropsCountsAndReportsSamplesOfAnotherIdl) {
   EXPECT_THAT(reports, ElementsAre(HasSubstr("another IDL")));
 }
 
+/// A merger of an older version publishes outlines without quality and rejected candidates.
+TEST_P(AnyBus, DropsOutlinesOfAnOlderLayout) {
+  std::vector<std::string> reports;
+  const auto older = network.join({RunMode::kLockstep, "here", "layout of last year"});
+  const auto b = network.join({RunMode::kLockstep, "here", "", &reports});
+  const Topics topics(RunMode::kLockstep);
+  const auto writer = older->writer(topics.map_outlines);
+  const auto reader = b->reader(topics.map_outlines);
+  ASSERT_TRUE(writer->waitForReaders(1, kPatience));
+  v1::Outlines outlines;
+  outlines.map_name("map");
+  ASSERT_TRUE(writer->write(outlines));
+  ASSERT_TRUE(older->flush(kPatience));
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  v1::Outlines none;
+  while (reader->counters().rejected == 0 && std::chrono::steady_clock::now() < deadline) {
+    b->wait(milliseconds(10));
+    EXPECT_FALSE(reader->take(none));
+  }
+  EXPECT_EQ(reader->counters().rejected, 1u);
+  EXPECT_EQ(reader->counters().received, 0u);
+  EXPECT_THAT(reports, ElementsAre(HasSubstr("another IDL")));
+}
+
 TEST_P(AnyBus, WakeEndsWaitAndIsNotLost) {
   const auto a = network.join();
   a->wait(milliseconds(0));  // removes events of the construction

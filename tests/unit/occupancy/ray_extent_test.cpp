@@ -38,8 +38,7 @@ Contribution scanWith(const SingleRay& ray, TimeNs time_ns = 0) {
 }
 
 /// A small robot in the middle of cell (0, 0) that looks along the row of cells y = 0.
-OccupancyMap rowMap(const std::vector<SingleRay>& rays) {
-  OccupancyOptions options;
+OccupancyMap rowMap(const std::vector<SingleRay>& rays, OccupancyOptions options = {}) {
   options.robot_margin_m = 0.0;
   OccupancyMap map(options, {{"r1", RobotBody{0.001, {}, 0.1, 0.1}}});
   TimeNs time_ns = 0;
@@ -95,7 +94,7 @@ std::string cellsOf(int unknown, int free, int unknown_after, bool is_hit) {
 TEST(RayExtent, IsAHitUpToASigmaOfHalfACell) {
   const auto roleFor = [](std::uint16_t sigma_dmm, RayRole role) {
     const SingleRay ray{RayLabel::kObstacle, 10000, sigma_dmm, 0};
-    return extentOf(scanWith(ray), 0, role, kCellDmm, kFarDmm).role;
+    return extentOf(scanWith(ray), 0, role, {kCellDmm, kFarDmm}).role;
   };
   for (const RayRole role : {RayRole::kHit, RayRole::kHitOnly}) {
     EXPECT_EQ(roleFor(0, role), RayRole::kHit);
@@ -106,27 +105,27 @@ TEST(RayExtent, IsAHitUpToASigmaOfHalfACell) {
   EXPECT_EQ(roleFor(400, RayRole::kFree), RayRole::kFree);
 }
 
-TEST(RayExtent, HasItsSigmaUpToItsRange) {
+TEST(RayExtent, ShowsFloorUpToThreeSigmaBeforeItsEnd) {
   const auto extent = [](std::uint16_t sigma_dmm, RayRole role) {
     const SingleRay ray{RayLabel::kObstacle, 1000, sigma_dmm, 0};
-    return extentOf(scanWith(ray), 0, role, kCellDmm, kFarDmm);
+    return extentOf(scanWith(ray), 0, role, {kCellDmm, kFarDmm});
   };
   EXPECT_EQ(extent(120, RayRole::kHit).range, 1000);
-  EXPECT_EQ(extent(120, RayRole::kHit).sigma, 120);
-  EXPECT_EQ(extent(1500, RayRole::kOpen).sigma, 1000);
-  EXPECT_EQ(extent(120, RayRole::kFree).sigma, 0);
-  EXPECT_EQ(extent(120, RayRole::kHitOnly).sigma, 1000) << "no floor before its end";
+  EXPECT_EQ(extent(120, RayRole::kHit).free, 360);
+  EXPECT_EQ(extent(1500, RayRole::kOpen).free, 1000);
+  EXPECT_EQ(extent(120, RayRole::kFree).free, 0);
+  EXPECT_EQ(extent(120, RayRole::kHitOnly).free, 1000) << "no floor before its end";
   Contribution exact = scanWith({RayLabel::kObstacle, 1000, 0, 0});
   exact.sigma_dmm.clear();
-  EXPECT_EQ(extentOf(exact, 0, RayRole::kHit, kCellDmm, kFarDmm).sigma, 0);
+  EXPECT_EQ(extentOf(exact, 0, RayRole::kHit, {kCellDmm, kFarDmm}).free, 0);
 }
 
 TEST(RayExtent, IsCutAtTheMaximumRangeWithoutAHit) {
   const RayExtent at =
-      extentOf(scanWith({RayLabel::kObstacle, 30000, 0, 0}), 0, RayRole::kHit, kCellDmm, kFarDmm);
+      extentOf(scanWith({RayLabel::kObstacle, 30000, 0, 0}), 0, RayRole::kHit, {kCellDmm, kFarDmm});
   EXPECT_EQ(at.role, RayRole::kHit);
   const RayExtent cut =
-      extentOf(scanWith({RayLabel::kObstacle, 30001, 0, 0}), 0, RayRole::kHit, kCellDmm, kFarDmm);
+      extentOf(scanWith({RayLabel::kObstacle, 30001, 0, 0}), 0, RayRole::kHit, {kCellDmm, kFarDmm});
   EXPECT_EQ(cut.role, RayRole::kFree);
   EXPECT_EQ(cut.range, kFarDmm);
 }
@@ -135,14 +134,22 @@ TEST(RayExtent, IsCutAtTheMaximumRangeWithoutAHit) {
 
 TEST(RayExtent, MarksFloorBeforeAHit) {
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 0, 0}})), cellsOf(0, 19, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 250, 0}})), cellsOf(0, 19, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 9800, 200, 0}})), cellsOf(0, 18, 1, true))
-      << "cell 19 is within one σ of the end";
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 250, 0}})), cellsOf(0, 18, 1, true));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 9800, 200, 0}})), cellsOf(0, 17, 2, true))
+      << "a part of cell 18 is within three σ of the end";
 }
 
-TEST(RayExtent, MarksOnlyFloorUpToOneSigmaBeforeAVagueHit) {
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 251, 0}})), cellsOf(0, 18, 0, false));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 1000, 0}})), cellsOf(0, 17, 0, false));
+TEST(RayExtent, MarksFloorUpToTheSigmasOfTheOptions) {
+  OccupancyOptions options;
+  options.free_sigmas = 1.0;
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 9800, 200, 0}}, options)), cellsOf(0, 18, 1, true));
+  options.free_sigmas = 0.0;
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 9800, 200, 0}}, options)), cellsOf(0, 19, 0, true));
+}
+
+TEST(RayExtent, MarksOnlyFloorUpToThreeSigmaBeforeAVagueHit) {
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 251, 0}})), cellsOf(0, 17, 0, false));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 1000, 0}})), cellsOf(0, 13, 0, false));
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 20000, 0}})), cellsOf(0, 0, 0, false));
 }
 
@@ -152,7 +159,7 @@ TEST(RayExtent, MarksFloorIncludingTheEndOfAFloorRay) {
 
 TEST(RayExtent, LeavesAllBehindAnUndecidedRayUnknown) {
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kUndecided, 10000, 0, 0}})), cellsOf(0, 19, 0, false));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUndecided, 10000, 1000, 0}})), cellsOf(0, 17, 0, false));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUndecided, 10000, 1000, 0}})), cellsOf(0, 13, 0, false));
   EXPECT_EQ(visibleRow(rowMap({{RayLabel::kUndecided, 10000, 0, 0}})), cellsOf(0, 19, 0, false));
   // An undecided track shows as much floor, and no hit.
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 0, 5}})), cellsOf(0, 19, 0, false));

@@ -208,6 +208,29 @@ TEST(VisibleMap, FindsTheWallWithinTwoMillimetres) {
   }
 }
 
+TEST(VisibleMap, ShowsOneRowOfCellsForAWallWithNoisyRanges) {
+  TwoWalls walls;
+  walls.front_m = 1.075;  // the middle of a row of cells: its borders are 1.4 σ away
+  walls.noise_m = 0.018;
+  const Observed all = driveAlong(walls, 3);
+  const OccupancyMap map = mapFrom(all);
+  const Numbers before = cellsBetween(map, 1.0, 1.05), wall = cellsBetween(map, 1.05, 1.1),
+                behind = cellsBetween(map, 1.1, 1.15);
+  EXPECT_GT(before.counted_occupied + behind.counted_occupied, 15) << "or the test shows nothing";
+  EXPECT_EQ(wall.visible_occupied, 20);
+  EXPECT_EQ(before.visible_occupied + behind.visible_occupied, 0);
+
+  OccupancyOptions all_cells;
+  all_cells.least_share = 0.0;
+  const OccupancyMap noisy = mapFrom(all, all_cells);
+  EXPECT_GT(cellsBetween(noisy, 1.0, 1.05).visible_occupied + cellsBetween(noisy, 1.1, 1.15).visible_occupied,
+            5);
+
+  walls.front_m = 1.05;  // on the border of two rows: half of the ends are in each
+  const OccupancyMap border = mapFrom(driveAlong(walls, 3));
+  EXPECT_GE(cellsBetween(border, 1.0, 1.05).visible_occupied, 18);
+}
+
 TEST(VisibleMap, UsesTheLatestThreeKeyframesOfOnePlace) {
   std::mt19937 random(1);
   OccupancyMap map({}, {});

@@ -106,6 +106,16 @@ TEST(Verdict, IsARobotWithTheBodyOfASilentOne) {
   expectVerdicts(rows, {}, false);
 }
 
+TEST(Verdict, RejectsWhatLiesBehindAPossibleMirror) {
+  // The mirror itself is reported once, not each candidate behind it.
+  const Expected behind = asRejected(Reason::kPossibleMirror, false);
+  const std::vector<Row> rows{
+      {"obstacle", [](Evidence& e) { e.is_mirrored = true; }, behind},
+      {"flat", [](Evidence& e) { e.is_mirrored = true, e.height_m = 0.005; }, behind},
+      {"without shape", [](Evidence& e) { e.is_mirrored = true, e.has_shape = false; }, behind}};
+  expectVerdicts(rows);
+}
+
 TEST(Verdict, NeedsOneShapeAtACertainPlace) {
   expectVerdicts({{"no shape", [](Evidence& e) { e.has_shape = false; }, asRejected(Reason::kNoShape)},
                   {"spread", [](Evidence& e) { e.spread = 4.01; }, asRejected(Reason::kNoShape)},
@@ -390,9 +400,9 @@ TEST(Verdict, UsesOnlyShapeHeightAndLaterFloorForTheOverlayOfHulls) {
 
 TEST(Verdict, HasOneCodePerReason) {
   std::set<std::string> codes;
-  for (int i = 0; i <= static_cast<int>(Reason::kOpenOutline); ++i)
+  for (int i = 0; i <= static_cast<int>(Reason::kPossibleMirror); ++i)
     codes.insert(toString(static_cast<Reason>(i)));
-  EXPECT_EQ(codes.size(), static_cast<std::size_t>(Reason::kOpenOutline) + 1);
+  EXPECT_EQ(codes.size(), static_cast<std::size_t>(Reason::kPossibleMirror) + 1);
   for (const std::string& code : codes)
     EXPECT_EQ(code.find_first_not_of("abcdefghijklmnopqrstuvwxyz_"), std::string::npos) << code;
 }
