@@ -13,6 +13,14 @@ bool isHit(RayLabel label) {
 
 }  // namespace
 
+MapRaysOptions MapRaysOptions::read(const options::Section& section) {
+  MapRaysOptions o;
+  section.read("room_share", o.room_share, {0.0, 1.0});
+  section.read("room_frames", o.room_frames, {1, 1000});
+  section.finish();
+  return o;
+}
+
 std::pair<double, double> MapRays::edgeAt(const Boundary& boundary, std::size_t beam) const {
   const scan::LineScan::Beam& fitted = lines_.beams()[beam];
   const Eigen::Vector2f& along = lines_.bearings()[beam];
@@ -52,9 +60,9 @@ const Scan& MapRays::of(const Objects& objects) {
                     beams = std::min(boundary.inverse_m.size(), boundary.sigma.size());
   if (rays == 0 || beams == 0 || rays > beams) return rays_;
   lines_.fit(boundary);
-  constexpr double kKept = 0.9;  // of the counts, from frame to frame
-  structure_ *= kKept;
-  nothing_ *= kKept;
+  const double kept = 1.0 - 1.0 / options_.room_frames;
+  structure_ *= kept;
+  nothing_ *= kept;
   for (std::size_t i = 0; i < rays; ++i) {
     const std::size_t beam = i * beams / rays;
     const bool has_edge =
@@ -68,7 +76,7 @@ const Scan& MapRays::of(const Objects& objects) {
     if (rays_.label[i] == RayLabel::kFloorEnd) nothing_ += 1.0;
     if (isHit(rays_.label[i]) && rays_.object[i] == 0) structure_ += 1.0;
   }
-  if (structure_ <= nothing_) return rays_;
+  if (structure_ <= options_.room_share * (structure_ + nothing_)) return rays_;
   for (std::size_t i = 0; i < rays; ++i)
     if (rays_.label[i] == RayLabel::kFloorEnd) rays_.label[i] = RayLabel::kInvalid;
   return rays_;

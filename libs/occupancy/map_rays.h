@@ -1,9 +1,19 @@
 #pragma once
 
 #include "observation/observation.h"
+#include "options/options.h"
 #include "scan/line_scan.h"
 
 namespace omnifleet::occupancy {
+
+struct MapRaysOptions {
+  /// The robot is in a room if more than this share of the bearings ends at walls or furniture. Bearings that
+  /// end at tracked objects do not count, so in an open arena hardly any does.
+  double room_share = 0.2;
+  int room_frames = 10;  ///< number of frames over which the share is averaged (exponential weights)
+
+  static MapRaysOptions read(const options::Section& section);
+};
 
 /// Combines the two descriptions of what ends the floor into the rays that the map is made of: the labelled
 /// scan (what stands there) and the boundary (where the floor ends, with its σ). Buffers are reused.
@@ -18,10 +28,13 @@ namespace omnifleet::occupancy {
 ///   Such a ray has the label kUnknown and object 0: it hits, and shows no floor. A tracked object keeps its
 ///   label.
 /// - Without an edge and without an obstacle, the floor reaches to the end of the view, or something of the
-///   floor's colour stands there. Where more bearings end at walls and furniture than show nothing, the robot
-///   is in a room (mean of the last ten frames or so); there the ray is invalid. Otherwise it shows floor.
+///   floor's colour stands there. Where `room_share` of such bearings and of those that end at walls or
+///   furniture end there, the robot is in a room (mean of the last `room_frames` or so); there the ray is
+///   invalid. Otherwise it shows floor.
 class MapRays {
  public:
+  explicit MapRays(const MapRaysOptions& options) : options_(options) {}
+
   /// Valid until the next call. Throws nothing; sizes that differ are cut to the shortest.
   const Scan& of(const Objects& objects);
 
@@ -30,6 +43,7 @@ class MapRays {
   /// Edge at a beam: range and σ in metres.
   std::pair<double, double> edgeAt(const Boundary& boundary, std::size_t beam) const;
 
+  MapRaysOptions options_;
   scan::LineScan lines_;
   Scan rays_;
   double structure_ = 0.0, nothing_ = 0.0;  ///< numbers of such rays, decaying from frame to frame

@@ -186,6 +186,7 @@ MirrorOptions MirrorOptions::read(const options::Section& section) {
   section.read("least_piece_m", o.least_piece_m, {0.05, 10.0});
   section.read("least_width_m", o.least_width_m, {0.05, 10.0});
   section.read("greatest_width_m", o.greatest_width_m, {0.05, 30.0});
+  section.finish();
   return o;
 }
 

@@ -7,6 +7,7 @@ namespace omnifleet::global_merger {
 
 KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   KeyframeOptions o;
+  o.rays = occupancy::MapRaysOptions::read(section.child("rays"));
   section.read("distance_m", o.distance_m, {0.0, 100.0});
   section.read("rotation_rad", o.rotation_rad, {0.0, 6.3});
   section.read("interval_s", o.interval_s, {0.0, 3600.0});

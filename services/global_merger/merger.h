@@ -27,6 +27,7 @@ struct KeyframeOptions {
   double min_interval_s = 0.15;  ///< s, shortest interval (limits the traffic)
   double at_rest_share = 0.1;    ///< 1, interval at rest per time since the last change, up to `at_rest_s`
   double at_rest_s = 10.0;       ///< s, longest interval at rest
+  occupancy::MapRaysOptions rays;
 
   static KeyframeOptions read(const options::Section& section);
 };
@@ -36,7 +37,7 @@ struct KeyframeOptions {
 /// less often.
 class ContributionMaker {
  public:
-  explicit ContributionMaker(const KeyframeOptions& options) : options_(options) {}
+  explicit ContributionMaker(const KeyframeOptions& options) : options_(options), rays_(options.rays) {}
 
   struct Made {
     occupancy::Contribution contribution;

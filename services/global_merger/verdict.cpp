@@ -234,6 +234,9 @@ static Verdict decide(const Evidence& e, const MergerOptions& options, bool is_f
   const bool is_paper = options.method == "hull";
   const Reason open = is_paper ? Reason::kNone : structureReason(e, options);
   if (open != Reason::kNone) return {Decision::kStructure, open, 0, false, false};
+  // Its views disagree, and floor was seen there as well: its outline would be a guess.
+  if (!is_paper && floor == Floor::kConflicting && isDisagreeing(e))
+    return {Decision::kRejected, Reason::kNoShape, 0, false, true};
   Verdict verdict{Decision::kObstacle, Reason::kNone, 0, false, false};
   if (floor == Floor::kConflicting) verdict.quality |= static_cast<std::uint8_t>(Quality::kLowContrast);
   if (!is_paper && isDisagreeing(e)) verdict.quality |= static_cast<std::uint8_t>(Quality::kDisagreeing);

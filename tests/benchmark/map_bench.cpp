@@ -204,6 +204,25 @@ void mergeIntoOccupancyMap(benchmark::State& state) {
   reportQuarters(costs, state);
 }
 
+/// The visible cells once per second of 5 scans, as the merger publishes them. Without the cost of the scans.
+void visibleCells(benchmark::State& state) {
+  constexpr int kScansPerSecond = 5;
+  const Scans scans(kScansPerSecond * static_cast<int>(state.max_iterations));
+  OccupancyMap map = emptyMap();
+  Samples samples(state);
+  std::size_t i = 0;
+  for (auto _ : state) {
+    for (int k = 0; k < kScansPerSecond; ++k, ++i) {
+      map.add(scans.contributions[i]);
+      map.add(scans.poses[i]);
+    }
+    const double begun = threadCpuMs();
+    benchmark::DoNotOptimize(map.visible().surface.size());
+    samples.add(threadCpuMs() - begun);
+  }
+  samples.report();
+}
+
 void insertPointCloud(benchmark::State& state) {
   const Scans scans(static_cast<int>(state.max_iterations));
   octomap::OcTree tree(kResolution_m);
@@ -260,6 +279,10 @@ void registerMap(const Plan& plan) {
   constexpr int kScans = 2000;  // 400 s at 5 Hz
   benchmark::RegisterBenchmark("map/scan", mergeIntoOccupancyMap)
       ->Iterations(plan.iterations(kScans))
+      ->UseManualTime()
+      ->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("map/visible", visibleCells)
+      ->Iterations(plan.iterations(200))
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);
   benchmark::RegisterBenchmark("map/scan/octomap", insertPointCloud)

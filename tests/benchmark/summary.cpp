@@ -40,6 +40,7 @@ const Row kRows[] = {
      10.0},
     {"merging the last 500 of 2000 scans, p50 ms", "map/scan", "last_quarter_ms", "map/scan/octomap",
      "insertPointCloud", 0.25, 10.0},
+    {"visible cells of the map, once per second, p50 ms", "map/visible"},
     {"classifier, one frame, p50 ms", "classifier/frame"},
     {"estimator, three frames, p50 ms", "estimator/frame", "p50_ms", "estimator/frame/batch", "whole batch"},
     {"formation, one frame, p50 ms", "formation/frame"},

@@ -64,7 +64,7 @@ TEST(MapRays, EndsRayAtTheEdgeWithItsSigma) {
   addEdge(objects, 200, 2.5, 0.03);
   setRay(objects, 300, 0.0, RayLabel::kInvalid);
   addEdge(objects, 300, 1.1, 0.004);
-  MapRays map_rays;
+  MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 90, 1.7, RayLabel::kObstacle);
   EXPECT_NEAR(rays.sigma_m[90], 0.012, 1e-6);
@@ -83,7 +83,7 @@ double roomInverse(double bearing) {
 TEST(MapRays, PlacesRaysOnTheFittedWallWithTheSigmaOfTheLine) {
   std::mt19937 random(11);
   std::normal_distribution<double> noise(0.0, kInverseSigma);
-  MapRays map_rays;
+  MapRays map_rays({});
   double raw = 0.0, fitted = 0.0, normalised = 0.0;
   int count = 0;
   for (int frame = 0; frame < 20; ++frame) {
@@ -124,7 +124,7 @@ TEST(MapRays, IsUndecidedFromTheScanThatEndsClearlyBeforeTheEdge) {
   setRay(objects, 30, 1.2, RayLabel::kUnknown, 7);
   setRay(objects, 40, 1.2, RayLabel::kUndecided);
   setRay(objects, 50, 1.2, RayLabel::kRobot, 8);
-  MapRays map_rays;
+  MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 10, 1.92, RayLabel::kUndecided);
   EXPECT_EQ(rays.sigma_m[10], objects.scan.sigma_m[10]);
@@ -143,7 +143,7 @@ TEST(MapRays, KeepsLabelAndTrackOfAnObjectAtTheEdge) {
   setRay(objects, 40, 1.98, RayLabel::kUnknown, 0);  // belongs to no track
   setRay(objects, 50, 1.5, RayLabel::kUnknown, 9);   // no edge
   setRay(objects, 60, 1.5, RayLabel::kObstacle, 9);
-  MapRays map_rays;
+  MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 10, 2.0, RayLabel::kUnknown, 7);
   expectRay(rays, 20, 2.0, RayLabel::kObstacle, 7);
@@ -158,7 +158,7 @@ TEST(MapRays, MakesMovingBeamsRobots) {
   for (const std::size_t i : {10U, 20U, 30U}) addEdge(objects, i, 1.4, 0.01);
   objects.boundary.moving[beamOf(10)] = objects.boundary.moving[beamOf(20)] = 1;
   setRay(objects, 20, 1.4, RayLabel::kObstacle, 3);
-  MapRays map_rays;
+  MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 10, 1.4, RayLabel::kRobot);
   expectRay(rays, 20, 1.4, RayLabel::kRobot, 3);
@@ -171,7 +171,7 @@ TEST(MapRays, IsUnknownWithoutAnEdgeWhereTheScanEndsAtNoTrack) {
   Objects objects = openFloor();
   setRay(objects, 10, 1.3, RayLabel::kObstacle);
   setRay(objects, 20, 1.3, RayLabel::kUndecided);
-  MapRays map_rays;
+  MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 10, 1.3, RayLabel::kUnknown);
   EXPECT_EQ(rays.sigma_m[10], objects.scan.sigma_m[10]);
@@ -190,28 +190,28 @@ Objects partlyWalled(std::size_t edges, std::uint16_t object = 0) {
 
 TEST(MapRays, ShowsNothingWithoutAnEdgeInARoom) {
   const auto labelOfLast = [](const Objects& objects) {
-    MapRays map_rays;
+    MapRays map_rays({});
     return map_rays.of(objects).label.back();
   };
-  EXPECT_EQ(labelOfLast(partlyWalled(181)), RayLabel::kInvalid);
-  EXPECT_EQ(labelOfLast(partlyWalled(180)), RayLabel::kFloorEnd) << "as many rays show nothing";
-  EXPECT_EQ(labelOfLast(partlyWalled(60)), RayLabel::kFloorEnd) << "an open arena";
+  EXPECT_EQ(labelOfLast(partlyWalled(73)), RayLabel::kInvalid);
+  EXPECT_EQ(labelOfLast(partlyWalled(72)), RayLabel::kFloorEnd) << "a fifth of 360 rays";
+  EXPECT_EQ(labelOfLast(partlyWalled(20)), RayLabel::kFloorEnd) << "an open arena";
   EXPECT_EQ(labelOfLast(partlyWalled(300, 5)), RayLabel::kFloorEnd) << "a tracked object is no structure";
 }
 
 TEST(MapRays, RemembersTheRoomForSeveralFrames) {
-  MapRays map_rays;
+  MapRays map_rays({});
   for (int frame = 0; frame < 30; ++frame) map_rays.of(partlyWalled(300));
   const Objects open = openFloor();
   int frames_in_room = 0;
   while (frames_in_room < 100 && map_rays.of(open).label.back() == RayLabel::kInvalid) ++frames_in_room;
-  // 3000·0.9ᵏ > 600·0.9ᵏ + 3600·(1 − 0.9ᵏ) up to k = 4.
-  EXPECT_GE(frames_in_room, 3);
-  EXPECT_LE(frames_in_room, 10);
+  // The share falls as 0.83·0.9ᵏ: below 0.2 after k = 13.
+  EXPECT_GE(frames_in_room, 11);
+  EXPECT_LE(frames_in_room, 15);
 }
 
 TEST(MapRays, LeavesTheScanUnchangedWithoutABoundary) {
-  MapRays map_rays;
+  MapRays map_rays({});
   Objects objects = partlyWalled(300);
   map_rays.of(objects);
   objects.boundary.clear();

@@ -26,7 +26,11 @@ omnifleet::testing::FleetSim::Frame frameAt(double t, double x) {
 }
 
 TEST(ContributionMaker, SelectsKeyframesByDistanceAndTime) {
-  ContributionMaker maker({0.10, 0.2, 1.0, 0.15});
+  KeyframeOptions options;
+  options.distance_m = 0.10;
+  options.rotation_rad = 0.2;
+  options.interval_s = 1.0;
+  ContributionMaker maker(options);
   const auto make = [&](double t, double x) {
     const auto frame = frameAt(t, x);
     return maker.make(frame.objects, frame.pose).has_value();

@@ -111,9 +111,17 @@ TEST(Verdict, RejectsWhatLiesBehindAPossibleMirror) {
   const Expected behind = asRejected(Reason::kPossibleMirror, false);
   const std::vector<Row> rows{
       {"obstacle", [](Evidence& e) { e.is_mirrored = true; }, behind},
-      {"flat", [](Evidence& e) { e.is_mirrored = true, e.height_m = 0.005; }, behind},
       {"without shape", [](Evidence& e) { e.is_mirrored = true, e.has_shape = false; }, behind}};
   expectVerdicts(rows);
+}
+
+TEST(Verdict, RejectsDisagreeingViewsWhereFloorWasSeen) {
+  const auto disputed = [](double spread, int floor) {
+    return [=](Evidence& e) { e.spread = spread, e.floor_before = floor; };
+  };
+  expectVerdicts({{"views agree", disputed(1.2, 40), withQuality(kLow)},
+                  {"no floor", disputed(1.6, 0), withQuality(kDisagree)},
+                  {"both", disputed(1.6, 40), asRejected(Reason::kNoShape)}});
 }
 
 TEST(Verdict, NeedsOneShapeAtACertainPlace) {
