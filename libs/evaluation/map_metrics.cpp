@@ -1,5 +1,6 @@
 #include "evaluation/map_metrics.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -41,6 +42,27 @@ Eigen::MatrixXd costs(const Objects& truth, const Objects& estimate, const std::
     }
   }
   return cost;
+}
+
+/// Whether enough of the outline of a true obstacle lies at lines of kind "structure".
+bool isDrawnAsStructure(const dataset::MapObject& truth, const Objects& estimate) {
+  constexpr double kStep_m = 0.02, kNear_m = 0.05, kLeastShare = 0.2;
+  int points = 0, near = 0;
+  for (std::size_t i = 0; i < truth.outline_m.size(); ++i) {
+    const Eigen::Vector2d& a = truth.outline_m[i];
+    const Eigen::Vector2d side = truth.outline_m[(i + 1) % truth.outline_m.size()] - a;
+    const int steps = std::max(1, static_cast<int>(side.norm() / kStep_m));
+    for (int k = 0; k < steps; ++k, ++points) {
+      const Eigen::Vector2d at = a + side * (k / static_cast<double>(steps));
+      near += std::any_of(estimate.begin(), estimate.end(),
+                          [&](const dataset::MapObject& object) {
+                            return object.kind == "structure" && object.distanceTo(at) <= kNear_m;
+                          })
+                  ? 1
+                  : 0;
+    }
+  }
+  return near >= kLeastShare * points;
 }
 
 double distancesError(const Objects& truth, const Objects& estimate,
@@ -91,6 +113,7 @@ MapMetrics compareMaps(const Objects& truth, const Objects& estimate, const MapO
   for (std::size_t i = 0; i < t.size(); ++i) {
     if (partner[i] < 0) {
       metrics.missed.push_back(t[i]);
+      if (isDrawnAsStructure(truth[t[i]], estimate)) metrics.drawn_as_structure.push_back(t[i]);
       continue;
     }
     const int j = partner[i];

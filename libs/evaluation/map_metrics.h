@@ -26,7 +26,10 @@ struct ObstacleMatch {
 struct MapMetrics {
   int truths = 0, estimates = 0;
   std::vector<ObstacleMatch> matches;
-  std::vector<int> missed, falsely_found;   ///< indices of truths / estimates without a match
+  std::vector<int> missed, falsely_found;  ///< indices of truths / estimates without a match
+  /// Of the missed: a fifth of the outline (less than one side of a box) or more lies within 5 cm of
+  /// structure.
+  std::vector<int> drawn_as_structure;
   double recall = 0.0, precision = 0.0;     ///< 1 if there is no truth / no estimate
   double x_error_m = 0.0, y_error_m = 0.0;  ///< mean |Δx|, |Δy|
   double iou = 0.0;
@@ -35,7 +38,8 @@ struct MapMetrics {
   double distances_error_m = 0.0;
 };
 
-/// Compares objects of kind "obstacle". Other objects (robots) are ignored in both lists.
+/// Compares objects of kind "obstacle". Other objects (robots) are ignored in both lists; lines of kind
+/// "structure" in `estimate` only fill `drawn_as_structure`.
 MapMetrics compareMaps(const std::vector<dataset::MapObject>& truth,
                        const std::vector<dataset::MapObject>& estimate, const MapOptions& options);
 

@@ -38,7 +38,7 @@ void MapRays::placeAtEdge(const Scan& scan, std::size_t i, double range_m, doubl
   const double before_m = range_m - static_cast<double>(scan.range_m[i]);
   const bool is_hit = isHit(scan.label[i]) || scan.label[i] == RayLabel::kUndecided;
   if (is_hit && before_m > kCell_m + kSigmas * sigma_m) {
-    rays_.label[i] = scan.label[i] == RayLabel::kRobot ? RayLabel::kRobot : RayLabel::kUndecided;
+    rays_.label[i] = moves || scan.label[i] == RayLabel::kRobot ? RayLabel::kRobot : RayLabel::kUndecided;
     return;
   }
   rays_.range_m[i] = static_cast<float>(range_m);

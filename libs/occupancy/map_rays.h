@@ -28,9 +28,9 @@ struct MapRaysOptions {
 ///   Such a ray has the label kUnknown and object 0: it hits, and shows no floor. A tracked object keeps its
 ///   label.
 /// - Without an edge and without an obstacle, the floor reaches to the end of the view, or something of the
-///   floor's colour stands there. Where `room_share` of such bearings and of those that end at walls or
-///   furniture end there, the robot is in a room (mean of the last `room_frames` or so); there the ray is
-///   invalid. Otherwise it shows floor.
+///   floor's colour stands there. Of all bearings that end at no tracked object, those that end at something
+///   are counted (mean of the last `room_frames` or so). If their share exceeds `room_share`, the robot is in
+///   a room, and the ray is invalid. Otherwise it shows floor.
 class MapRays {
  public:
   explicit MapRays(const MapRaysOptions& options) : options_(options) {}

@@ -12,9 +12,13 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
 RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits) {
   const std::int64_t range = contribution.range_dmm[i], max_range = limits.max_range;
   if (range > max_range && role == RayRole::kHitOnly) return {max_range, max_range, RayRole::kOpen};
-  if (range > max_range) return {max_range, 0, RayRole::kFree};
-  if (role == RayRole::kFree) return {range, 0, role};
+  if (role == RayRole::kFree) return {std::min(range, max_range), 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
+  if (range > max_range) {
+    const std::int64_t floor_end = range - sigma * limits.free_permille / 1000;
+    if (floor_end >= max_range) return {max_range, 0, RayRole::kFree};
+    return {max_range, std::min(max_range - floor_end, max_range), RayRole::kOpen};
+  }
   const bool is_vague = role != RayRole::kOpen && 2 * sigma > limits.resolution;
   if (role == RayRole::kHitOnly) return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit};
   return {range, std::min(sigma * limits.free_permille / 1000, range), is_vague ? RayRole::kOpen : role};

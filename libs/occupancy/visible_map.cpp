@@ -42,7 +42,7 @@ struct Peak {
 /// 1 mm: integers, so that the sums do not depend on their order.
 struct Ends {
   std::int64_t weight = 0, x = 0, y = 0;
-  std::uint32_t keyframes = 0;
+  std::uint32_t rays = 0, keyframes = 0;
   std::int64_t last_keyframe = -1;
   std::uint64_t observers = 0;
 };
@@ -184,6 +184,7 @@ void Canvas::addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma) {
   ends.weight += weight;
   ends.x += weight * (end.x_dmm - x_low_ * resolution_);
   ends.y += weight * (end.y_dmm - y_low_ * resolution_);
+  ++ends.rays;
   if (ends.last_keyframe != keyframe_) ++ends.keyframes;
   ends.last_keyframe = keyframe_;
   ends.observers |= observer_;
@@ -279,8 +280,10 @@ SurfaceMap Canvas::result(double resolution_m) const {
     cell.y = static_cast<int>(at / static_cast<std::size_t>(width_));
     cell.mean_m = map.origin_m + Eigen::Vector2d(static_cast<double>(ends.x), static_cast<double>(ends.y)) /
                                      (weight * kDmmPerMetre);
-    cell.sigma_m =
-        static_cast<double>(kUnit) / kDmmPerMetre * std::sqrt(static_cast<double>(kWeight) / weight);
+    // The ends of one keyframe share its error: only keyframes are independent.
+    const double of_one_m = static_cast<double>(kUnit) / kDmmPerMetre *
+                            std::sqrt(static_cast<double>(kWeight) * ends.rays / weight);
+    cell.sigma_m = of_one_m / std::sqrt(static_cast<double>(ends.keyframes));
     cell.observations = ends.keyframes;
     cell.observers = ends.observers;
     map.surface.push_back(cell);
@@ -288,9 +291,9 @@ SurfaceMap Canvas::result(double resolution_m) const {
   return map;
 }
 
-/// Keyframes that are drawn: of each robot the latest three per square of two cells.
+/// Keyframes that are drawn: of each robot the latest three per square of four cells (0.2 m).
 std::vector<const AppliedSet::value_type*> chosen(const AppliedSet& applied, std::int64_t resolution) {
-  constexpr int kPerSquare = 3, kCells = 2;
+  constexpr int kPerSquare = 3, kCells = 4;
   std::map<std::tuple<std::string, std::int64_t, std::int64_t>, int> taken;
   std::vector<const AppliedSet::value_type*> some;
   for (auto entry = applied.rbegin(); entry != applied.rend(); ++entry) {

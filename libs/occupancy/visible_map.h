@@ -13,7 +13,7 @@ namespace omnifleet::occupancy {
 /// a ray ends at it that crosses no other and comes from free cells. Gaps of at most `least_gap_m` between
 /// occupied cells hide the floor behind them: surfaces are seen through them, floor is not.
 ///
-/// Rays of up to three keyframes of each robot are used per square of two cells, the latest ones. A function
+/// Rays of up to three keyframes of each robot are used per square of four cells, the latest ones. A function
 /// of the counts and of the applied contributions.
 /// The result also has, for each occupied cell, the weighted mean of the ray ends in it.
 structure::SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied,

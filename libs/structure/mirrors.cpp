@@ -110,7 +110,7 @@ std::vector<Gap> Search::gaps() const {
       if (std::abs(back.dot(second.from - first.to)) > map_.resolution_m) continue;
       const Vector2d joined = (second.from - first.to).normalized();
       const Gap gap{first.to, joined, Vector2d(-joined.y(), joined.x()), width};
-      // Floor must be seen through most of the gap, and nothing may stand in it.
+      // Floor must be seen through most of the gap.
       int free = 0, steps = 0;
       for (double at = 0.5 * map_.resolution_m; at < width; at += map_.resolution_m, ++steps) {
         const Vector2d on = gap.from + at * gap.along;

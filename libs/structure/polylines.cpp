@@ -158,6 +158,18 @@ T medianOf(std::vector<T> values) {
   return *middle;
 }
 
+double distanceTo(const Polyline& line, const Eigen::Vector2d& p) {
+  const std::size_t points = line.points_m.size(), sides = line.closed ? points : points - 1;
+  double least = points == 0 ? 0.0 : (line.points_m.front() - p).norm();
+  for (std::size_t i = 0; points > 0 && i < sides; ++i) {
+    const Eigen::Vector2d& a = line.points_m[i];
+    const Eigen::Vector2d along = line.points_m[(i + 1) % points] - a;
+    const double share = std::clamp((p - a).dot(along) / std::max(1e-12, along.squaredNorm()), 0.0, 1.0);
+    least = std::min(least, (a + share * along - p).norm());
+  }
+  return least;
+}
+
 Polyline polylineOf(const Stretch& stretch, bool is_island, const SurfaceMap& map,
                     const PolylineOptions& options) {
   Polyline line;
@@ -165,14 +177,16 @@ Polyline polylineOf(const Stretch& stretch, bool is_island, const SurfaceMap& ma
   line.closed = stretch.is_ring && is_island && line.points_m.size() >= 3;
   if (stretch.is_ring && !line.closed && line.points_m.size() >= 3)
     line.points_m.push_back(line.points_m.front());
-  std::vector<double> sigmas_m;
+  std::vector<double> sigmas_m, offsets_m;
   std::vector<std::uint32_t> observations;
   for (const SurfaceCell* cell : stretch.cells) {
     sigmas_m.push_back(cell->sigma_m);
+    offsets_m.push_back(distanceTo(line, cell->mean_m));
     observations.push_back(cell->observations);
     line.observers |= cell->observers;
   }
-  line.sigma_m = medianOf(std::move(sigmas_m));
+  constexpr double kNormal = 1.4826;  // σ of a normal distribution ÷ median of the absolute values
+  line.sigma_m = std::hypot(medianOf(std::move(sigmas_m)), kNormal * medianOf(std::move(offsets_m)));
   line.observations = medianOf(std::move(observations));
   return line;
 }

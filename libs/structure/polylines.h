@@ -27,7 +27,7 @@ struct Polyline {
   /// True for an island that was seen all around (an obstacle). Its points are counter-clockwise, the first
   /// is not repeated, and there are at least three.
   bool closed = false;
-  double sigma_m = 0.0;            ///< median σ of the cells' means, one direction
+  double sigma_m = 0.0;  ///< one direction: median σ of the cells' means, and their scatter about the line
   std::uint32_t observations = 0;  ///< median number of keyframes per cell
   std::uint64_t observers = 0;     ///< bit per robot: union over the cells
 };

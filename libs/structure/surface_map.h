@@ -13,9 +13,9 @@ enum class Cell : std::uint8_t { kUnknown, kFree, kOccupied };
 struct SurfaceCell {
   int x = 0, y = 0;                                  ///< cell
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();  ///< map; weighted mean of the ends of rays
-  double sigma_m = 0.0;                              ///< of the mean, one direction
-  std::uint32_t observations = 0;                    ///< number of keyframes
-  std::uint64_t observers = 0;                       ///< bit per robot
+  double sigma_m = 0.0;            ///< of the mean, one direction; keyframes are independent
+  std::uint32_t observations = 0;  ///< number of keyframes
+  std::uint64_t observers = 0;     ///< bit per robot
 };
 
 /// Ends of a gap in a wall that can be a mirror (mirrors.h), map.

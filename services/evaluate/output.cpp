@@ -23,9 +23,12 @@ std::string cell(double value, int width, int decimals) {
 
 std::string mapTable(const Report& report) {
   const evaluation::MapMetrics& m = *report.map;
+  const std::string drawn = m.drawn_as_structure.empty() ? ""
+                                                         : fmt::format(" ({} of them drawn as structure)",
+                                                                       m.drawn_as_structure.size());
   std::string text = fmt::format(
-      "Obstacles   found {} of {}, missed {}, false {}   recall {}, precision {}\n", m.matches.size(),
-      m.truths, m.missed.size(), m.falsely_found.size(), cell(m.truths > 0 ? m.recall : kNone, 5, 3),
+      "Obstacles   found {} of {}, missed {}{}, false {}   recall {}, precision {}\n", m.matches.size(),
+      m.truths, m.missed.size(), drawn, m.falsely_found.size(), cell(m.truths > 0 ? m.recall : kNone, 5, 3),
       cell(m.estimates > 0 ? m.precision : kNone, 5, 3));
   text += fmt::format("  mean error x / y                 {} / {} cm\n", cell(100.0 * m.x_error_m, 6, 2),
                       cell(100.0 * m.y_error_m, 5, 2));
@@ -41,8 +44,13 @@ std::string mapTable(const Report& report) {
     const Eigen::Vector2d c = centroid(object.outline_m);
     return fmt::format("({:.2f}, {:.2f}) m", c.x(), c.y());
   };
-  for (const int i : m.missed)
-    text += fmt::format("  {:>4}     -   missed, at {}\n", report.truth[i].id, place(report.truth[i]));
+  for (const int i : m.missed) {
+    const bool is_drawn =
+        std::find(m.drawn_as_structure.begin(), m.drawn_as_structure.end(), i) != m.drawn_as_structure.end();
+    text +=
+        fmt::format("  {:>4}     -   {}, at {}\n", report.truth[i].id,
+                    is_drawn ? "no closed outline, drawn as structure" : "missed", place(report.truth[i]));
+  }
   for (const int i : m.falsely_found)
     text += fmt::format("     -  {:>4}   false, at {}\n", report.objects[i].id, place(report.objects[i]));
   return text;
@@ -296,7 +304,7 @@ Json localizationJson(const evaluation::LocalizationMetrics& m) {
 
 Json mapJson(const Report& report) {
   const evaluation::MapMetrics& m = *report.map;
-  Json matches = Json::array(), missed = Json::array(), wrong = Json::array();
+  Json matches = Json::array(), missed = Json::array(), drawn = Json::array(), wrong = Json::array();
   for (const evaluation::ObstacleMatch& match : m.matches) {
     matches.push_back({{"truth", report.truth[match.truth].id},
                        {"object", report.objects[match.estimate].id},
@@ -305,6 +313,7 @@ Json mapJson(const Report& report) {
                        {"iou", match.iou}});
   }
   for (const int i : m.missed) missed.push_back(report.truth[i].id);
+  for (const int i : m.drawn_as_structure) drawn.push_back(report.truth[i].id);
   for (const int i : m.falsely_found) wrong.push_back(report.objects[i].id);
   return {{"truths", m.truths},
           {"estimates", m.estimates},
@@ -317,6 +326,7 @@ Json mapJson(const Report& report) {
           {"distances_error_m", m.distances_error_m},
           {"matches", matches},
           {"missed", missed},
+          {"drawn_as_structure", drawn},
           {"false", wrong}};
 }
 

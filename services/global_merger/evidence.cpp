@@ -138,7 +138,9 @@ Evidence evidenceOf(const Group& group, const occupancy::ContributionStore& stor
   e.has_shape = group.fit.valid;
   e.spread = group.fit.spread;
   e.rms_m = group.fit.rms_m;
-  e.sigma_m = std::sqrt(std::max(0.0, group.fit.covariance.diagonal().maxCoeff()));
+  const Eigen::Matrix2d& covariance = group.fit.covariance;
+  const double mean = 0.5 * covariance.trace(), difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
+  e.sigma_m = std::sqrt(std::max(0.0, mean + std::hypot(difference, covariance(0, 1))));  // larger axis
   e.height_m = group.fit.height_m;
   e.height_sigma_m = group.fit.height_sigma_m;
   e.is_thin = e.has_shape && isSliver(group.fit.footprint_m);

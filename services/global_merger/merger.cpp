@@ -97,6 +97,18 @@ bool standsThere(const Verdict& verdict) {
   return verdict.decision == Decision::kObstacle || verdict.decision == Decision::kStructure;
 }
 
+/// Reasons that claim floor. Where the map shows none at the place, there is nothing to warn of.
+bool isFloorReason(Reason reason) {
+  return reason == Reason::kFlat || reason == Reason::kPattern || reason == Reason::kFloorSeen;
+}
+
+structure::Cell cellAt(const structure::SurfaceMap& map, const Eigen::Vector2d& at_m) {
+  const Eigen::Vector2d cell = (at_m - map.origin_m) / map.resolution_m;
+  const int x = static_cast<int>(std::floor(cell.x())), y = static_cast<int>(std::floor(cell.y()));
+  if (x < 0 || y < 0 || x >= map.width || y >= map.height) return structure::Cell::kUnknown;
+  return map.cells[static_cast<std::size_t>(x + y * map.width)];
+}
+
 bool isShapeReason(Reason reason) {
   return reason == Reason::kNoShape || reason == Reason::kUncertainPlace;
 }
@@ -206,6 +218,8 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
   };
   rejected_.clear();
   if (options_.method == "hull") return;
+  for (const structure::PossibleMirror& mirror : map_.visible().mirrors)
+    rejected_.push_back({mirror.middle(), Reason::kPossibleMirror, 0});
   std::vector<RejectedCandidate> found;
   for (std::size_t i = 0; i < groups.size(); ++i)
     if (verdicts[i].to_report)
@@ -222,10 +236,9 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
           if (object.distanceTo(at_m) >= kPiece_m) return false;
           return !object.isOpen() || isShapeReason(place.reason) || reachesBeyond(object, at_m);
         });
+    if (isFloorReason(place.reason) && cellAt(map_.visible(), at_m) != structure::Cell::kFree) continue;
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
-  for (const structure::PossibleMirror& mirror : map_.visible().mirrors)
-    rejected_.push_back({mirror.middle(), Reason::kPossibleMirror, 0});
 }
 
 /// Rays that end in a floor marking hit no obstacle, whatever the kind of their track: the floor continues
@@ -314,7 +327,7 @@ void Merger::findStructure() {
                   outlines_.end());
   for (dataset::MapObject& object :
        structureObjects(structure::polylinesOf(map_.visible(), options_.structure), outlines_, standing_m_,
-                        map_.visible().robots))
+                        map_.visible().robots, {options_.prism.pose_sigma_m, options_.min_views}))
     outlines_.push_back(std::move(object));
 }
 

@@ -44,11 +44,13 @@ Eigen::Vector2d middleOf(const std::vector<Eigen::Vector2d>& points_m) {
 std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Polyline>& lines,
                                                  const std::vector<dataset::MapObject>& obstacles,
                                                  const std::vector<Eigen::Vector2d>& standing_m,
-                                                 const std::vector<std::string>& robots) {
+                                                 const std::vector<std::string>& robots,
+                                                 const StructureRules& rules) {
   constexpr double kMost = 0.5;
   std::vector<dataset::MapObject> objects;
   for (const structure::Polyline& line : lines) {
-    if (line.points_m.size() < 2 || shareAt(line, obstacles) > kMost) continue;
+    if (line.points_m.size() < 2 || static_cast<int>(line.observations) < rules.min_views) continue;
+    if (shareAt(line, obstacles) > kMost) continue;
     dataset::MapObject object;
     object.id = kFirstStructureId + objects.size();
     const bool is_obstacle =
@@ -62,7 +64,8 @@ std::vector<dataset::MapObject> structureObjects(const std::vector<structure::Po
     object.observations = static_cast<int>(line.observations);
     for (std::size_t i = 0; i < robots.size(); ++i)
       if ((line.observers >> (i % 64U) & 1U) != 0) object.observers.push_back(robots[i]);
-    object.covariance_m2 = line.sigma_m * line.sigma_m * Eigen::Matrix2d::Identity();
+    object.covariance_m2 =
+        (line.sigma_m * line.sigma_m + rules.pose_sigma_m * rules.pose_sigma_m) * Eigen::Matrix2d::Identity();
     objects.push_back(std::move(object));
   }
   return objects;

@@ -58,6 +58,19 @@ TEST(CompareMaps, ListsMissedAndFalseAndIgnoresRobots) {
   EXPECT_TRUE(std::isnan(m.distances_error_m)) << "one match gives no pair of distances";
 }
 
+TEST(CompareMaps, ListsMissedObstaclesThatAreDrawnAsStructure) {
+  dataset::MapObject front;
+  front.kind = "structure";
+  front.outline_m = {{-0.1, -0.13}, {0.1, -0.13}};  // 3 cm before one side of the first box
+  const std::vector<dataset::MapObject> truth{box(0, 0), box(1, 0)};
+  const MapMetrics m = compareMaps(truth, {front}, {});
+  EXPECT_THAT(m.missed, ElementsAre(0, 1));
+  EXPECT_THAT(m.drawn_as_structure, ElementsAre(0));
+  EXPECT_TRUE(m.falsely_found.empty());
+  front.outline_m = {{-0.1, -0.17}, {0.1, -0.17}};
+  EXPECT_TRUE(compareMaps(truth, {front}, {}).drawn_as_structure.empty()) << "7 cm away";
+}
+
 TEST(CompareMaps, CountsDuplicateObjectAsFalse) {
   const MapMetrics m = compareMaps({box(0, 0)}, {box(0.02, 0), box(0.01, 0)}, {});
   ASSERT_EQ(m.matches.size(), 1u);
