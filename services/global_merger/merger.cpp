@@ -97,7 +97,7 @@ bool standsThere(const Verdict& verdict) {
   return verdict.decision == Decision::kObstacle || verdict.decision == Decision::kStructure;
 }
 
-/// Reasons that claim floor. Where the map shows none at the place, there is nothing to warn of.
+/// Reasons that claim floor. Where the map is occupied at the place, there is nothing to warn of.
 bool isFloorReason(Reason reason) {
   return reason == Reason::kFlat || reason == Reason::kPattern || reason == Reason::kFloorSeen;
 }
@@ -236,7 +236,7 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
           if (object.distanceTo(at_m) >= kPiece_m) return false;
           return !object.isOpen() || isShapeReason(place.reason) || reachesBeyond(object, at_m);
         });
-    if (isFloorReason(place.reason) && cellAt(map_.visible(), at_m) != structure::Cell::kFree) continue;
+    if (isFloorReason(place.reason) && cellAt(map_.visible(), at_m) == structure::Cell::kOccupied) continue;
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
 }
