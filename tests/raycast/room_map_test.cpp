@@ -115,7 +115,7 @@ TEST(RoomMap, ForgetsPersonsWhoWalkedAway) {
   std::printf("occupied cells: %d of the last second, %d of persons before, %d elsewhere; %d free\n", now,
               gone, elsewhere, free);
   EXPECT_GT(free, 300) << "cells that persons walked over";
-  EXPECT_LT(gone, 0.01 * free) << "where no ray came since";
+  EXPECT_LT(gone, 0.01 * free) << "of the cells that persons walked over";
 }
 
 }  // namespace
