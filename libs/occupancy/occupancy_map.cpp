@@ -242,7 +242,9 @@ const structure::SurfaceMap& OccupancyMap::Impl::freshVisible() {
   structure::SurfaceMap now = visibleMap(cells, applied, options);
   std::vector<Eigen::Vector2d> robots_m;
   for (const auto& [key, what] : applied) robots_m.push_back(metres(scanOrigin(*what.contribution, what.at)));
-  structure::hideBehindMirrors(now, robots_m, options.mirrors);
+  structure::hideBehindMirrors(now, robots_m,
+                               options.default_radius_m + options.robot_margin_m + 2.0 * options.resolution_m,
+                               options.mirrors);
   const auto cellOf = [&](const structure::SurfaceMap& map, std::size_t at) {
     return std::pair{
         std::llround(map.origin_m.x() / options.resolution_m) + static_cast<std::int64_t>(at) % map.width,

@@ -80,6 +80,8 @@ class Canvas {
 
  private:
   void markGaps(int widest);
+  template <typename Visit>
+  void forEachRay(const Applied& what, const Visit& visit) const;
   void drawRay(const PointDmm& from, const Direction& along, const RayExtent& ray, std::int64_t sigma);
   void addEnd(std::size_t at, const PointDmm& end, std::int64_t sigma);
 
@@ -118,27 +120,35 @@ void Canvas::markGaps(int widest) {
   }
 }
 
-void Canvas::weigh(const Applied& what) {
+/// Calls visit(origin, direction, extent, σ) for each ray that has an effect.
+template <typename Visit>
+void Canvas::forEachRay(const Applied& what, const Visit& visit) const {
   const Contribution& seen = *what.contribution;
   const PointDmm origin = scanOrigin(seen, what.at);
   const Turn heading = turnFromDmrad(what.at.theta_dmrad);
   const auto count = static_cast<std::uint32_t>(what.roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
     if (what.roles[i] == RayRole::kNone) continue;
-    const RayExtent ray = extentOf(seen, i, what.roles[i], limits_);
-    if (ray.role != RayRole::kHit) continue;
-    const Direction along = directionOf(heading + turnOfBearing(i, count));
-    const std::int64_t x = floorDivide(origin.x_dmm + roundQ30(ray.range * along.cos_q30), resolution_) -
-                           x_low_,
-                       y = floorDivide(origin.y_dmm + roundQ30(ray.range * along.sin_q30), resolution_) -
-                           y_low_;
-    if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
-    Peak& peak = peaks_[static_cast<std::size_t>(y * width_ + x)];
-    const std::int64_t weight = weightOf(sigmaOf(seen, i));
-    peak.weight += weight;
-    peak.x += weight * (along.cos_q30 >> 20);
-    peak.y += weight * (along.sin_q30 >> 20);
+    visit(origin, directionOf(heading + turnOfBearing(i, count)), extentOf(seen, i, what.roles[i], limits_),
+          sigmaOf(seen, i));
   }
+}
+
+void Canvas::weigh(const Applied& what) {
+  forEachRay(
+      what, [this](const PointDmm& origin, const Direction& along, const RayExtent& ray, std::int64_t sigma) {
+        if (ray.role != RayRole::kHit) return;
+        const std::int64_t x = floorDivide(origin.x_dmm + roundQ30(ray.range * along.cos_q30), resolution_) -
+                               x_low_,
+                           y = floorDivide(origin.y_dmm + roundQ30(ray.range * along.sin_q30), resolution_) -
+                               y_low_;
+        if (x < 0 || y < 0 || x >= width_ || y >= height_) return;
+        Peak& peak = peaks_[static_cast<std::size_t>(y * width_ + x)];
+        const std::int64_t weight = weightOf(sigma);
+        peak.weight += weight;
+        peak.x += weight * (along.cos_q30 >> 20);
+        peak.y += weight * (along.sin_q30 >> 20);
+      });
 }
 
 /// A surface has ray ends in the cells before and behind it, too: their σ may be as large as half a cell. An
@@ -251,15 +261,8 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, const RayExte
 void Canvas::draw(const Applied& what, std::int64_t keyframe, std::uint64_t observer) {
   keyframe_ = keyframe;
   observer_ = observer;
-  const Contribution& seen = *what.contribution;
-  const PointDmm origin = scanOrigin(seen, what.at);
-  const Turn heading = turnFromDmrad(what.at.theta_dmrad);
-  const auto count = static_cast<std::uint32_t>(what.roles.size());
-  for (std::uint32_t i = 0; i < count; ++i) {
-    if (what.roles[i] == RayRole::kNone) continue;
-    drawRay(origin, directionOf(heading + turnOfBearing(i, count)), extentOf(seen, i, what.roles[i], limits_),
-            sigmaOf(seen, i));
-  }
+  forEachRay(what, [this](const PointDmm& origin, const Direction& along, const RayExtent& ray,
+                          std::int64_t sigma) { drawRay(origin, along, ray, sigma); });
 }
 
 SurfaceMap Canvas::result(double resolution_m) const {

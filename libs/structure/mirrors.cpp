@@ -38,14 +38,13 @@ class Search {
   };
   Region regionBehind(const Gap& gap) const;
   bool isMirrorImage(const Region& region, const Gap& gap) const;
+  /// Whether a robot was behind the gap, in the region or next to it: cells under a robot that turns in place
+  /// stay unknown.
+  bool wasVisited(const Region& region, const Gap& gap, const std::vector<Vector2d>& robots_m,
+                  double reach_m) const;
 
   Vector2d middleOf(int at) const {
     return map_.origin_m + map_.resolution_m * Vector2d(at % map_.width + 0.5, at / map_.width + 0.5);
-  }
-  int cellAt(const Vector2d& p) const {
-    const Vector2d cell = (p - map_.origin_m) / map_.resolution_m;
-    const int x = static_cast<int>(std::floor(cell.x())), y = static_cast<int>(std::floor(cell.y()));
-    return x < 0 || y < 0 || x >= map_.width || y >= map_.height ? -1 : x + y * map_.width;
   }
 
  private:
@@ -71,14 +70,14 @@ void Search::forEachAround(int at, int reach, const Visit& visit) const {
 }
 
 bool Search::isAllAround(const Vector2d& p, int reach, Cell wanted) const {
-  const int at = cellAt(p);
+  const int at = map_.indexAt(p);
   bool all = at >= 0;
   if (all) forEachAround(at, reach, [&](int other) { all = all && classAt(other) == wanted; });
   return all;
 }
 
 bool Search::isAnyAround(const Vector2d& p, int reach, Cell wanted) const {
-  const int at = cellAt(p);
+  const int at = map_.indexAt(p);
   bool any = false;
   if (at >= 0) forEachAround(at, reach, [&](int other) { any = any || classAt(other) == wanted; });
   return any;
@@ -114,8 +113,8 @@ std::vector<Gap> Search::gaps() const {
       int free = 0, steps = 0;
       for (double at = 0.5 * map_.resolution_m; at < width; at += map_.resolution_m, ++steps) {
         const Vector2d on = gap.from + at * gap.along;
-        const bool before = classAt(cellAt(on - map_.resolution_m * gap.back)) == Cell::kFree,
-                   after = classAt(cellAt(on + map_.resolution_m * gap.back)) == Cell::kFree;
+        const bool before = map_.cellAt(on - map_.resolution_m * gap.back) == Cell::kFree,
+                   after = map_.cellAt(on + map_.resolution_m * gap.back) == Cell::kFree;
         free += before && after ? 1 : 0;
       }
       if (2 * free > steps) gaps.push_back(gap);
@@ -136,7 +135,7 @@ Search::Region Search::regionBehind(const Gap& gap) const {
     (found == Cell::kFree ? region.free : region.occupied).push_back(at);
   };
   for (double at = 0.0; at <= gap.width; at += 0.5 * map_.resolution_m) {
-    const int seed = cellAt(gap.from + at * gap.along + map_.resolution_m * gap.back);
+    const int seed = map_.indexAt(gap.from + at * gap.along + map_.resolution_m * gap.back);
     if (classAt(seed) == Cell::kFree) take(seed);
   }
   for (std::size_t next = 0; next < region.free.size(); ++next) {
@@ -154,6 +153,18 @@ Search::Region Search::regionBehind(const Gap& gap) const {
   return region;
 }
 
+bool Search::wasVisited(const Region& region, const Gap& gap, const std::vector<Vector2d>& robots_m,
+                        double reach_m) const {
+  std::vector<std::uint8_t> visited(map_.cells.size(), 0);
+  for (const Vector2d& robot : robots_m) {
+    const int at = map_.indexAt(robot), reach = static_cast<int>(std::ceil(reach_m / map_.resolution_m));
+    if (at < 0 || gap.behind(robot) <= 0.0) continue;
+    forEachAround(at, reach, [&](int other) { visited[static_cast<std::size_t>(other)] = 1; });
+  }
+  return std::any_of(region.free.begin(), region.free.end(),
+                     [&](int at) { return visited[static_cast<std::size_t>(at)] != 0; });
+}
+
 bool Search::isMirrorImage(const Region& region, const Gap& gap) const {
   constexpr int kReach = 2;
   constexpr double kSigmas = 3.0;
@@ -167,7 +178,7 @@ bool Search::isMirrorImage(const Region& region, const Gap& gap) const {
   }
   // What stands on this side must not be missing on the other one.
   for (const int at : region.free) {
-    const int image = cellAt(gap.image(middleOf(at)));
+    const int image = map_.indexAt(gap.image(middleOf(at)));
     if (image < 0 || classAt(image) != Cell::kOccupied || taken[static_cast<std::size_t>(image)] != 0)
       continue;
     taken[static_cast<std::size_t>(image)] = 1;
@@ -190,28 +201,19 @@ MirrorOptions MirrorOptions::read(const options::Section& section) {
   return o;
 }
 
-bool SurfaceMap::isMirrored(const Vector2d& at_m) const {
-  if (mirrored.empty()) return false;
-  const Vector2d cell = (at_m - origin_m) / resolution_m;
-  const int x = static_cast<int>(std::floor(cell.x())), y = static_cast<int>(std::floor(cell.y()));
-  if (x < 0 || y < 0 || x >= width || y >= height) return false;
-  return mirrored[static_cast<std::size_t>(x + y * width)] != 0;
-}
-
-void hideBehindMirrors(SurfaceMap& map, const std::vector<Vector2d>& robots_m, const MirrorOptions& options) {
+void hideBehindMirrors(SurfaceMap& map, const std::vector<Vector2d>& robots_m, double reach_m,
+                       const MirrorOptions& options) {
   map.mirrors.clear();
+  map.mirrored.clear();
   if (!options.search || map.cells.empty()) return;
   std::vector<std::uint8_t> hidden(map.cells.size(), 0);
   {
     const Search search(map, options);
-    std::vector<std::uint8_t> visited(map.cells.size(), 0);
-    for (const Vector2d& robot : robots_m)
-      if (const int at = search.cellAt(robot); at >= 0) visited[static_cast<std::size_t>(at)] = 1;
     for (const Gap& gap : search.gaps()) {
       const Search::Region region = search.regionBehind(gap);
-      const bool was_there = std::any_of(region.free.begin(), region.free.end(),
-                                         [&](int at) { return visited[static_cast<std::size_t>(at)] != 0; });
-      if (region.free.empty() || was_there || !search.isMirrorImage(region, gap)) continue;
+      if (region.free.empty() || search.wasVisited(region, gap, robots_m, reach_m) ||
+          !search.isMirrorImage(region, gap))
+        continue;
       for (const auto* cells : {&region.free, &region.occupied})
         for (const int at : *cells) hidden[static_cast<std::size_t>(at)] = 1;
       map.mirrors.push_back({gap.from, gap.from + gap.width * gap.along});

@@ -19,15 +19,14 @@ struct MirrorOptions {
 };
 
 /// Finds gaps in straight walls that can be mirrors or doors, for nothing in the images distinguishes the
-/// two. A gap is bordered by two straight pieces in one line and has floor on both sides. It is a door
-/// - if a robot was on the other side, or
-/// - if the other side is no mirror image: where something stands, its image in this side is free floor, or
-/// the
-///   other way round. Cells within two cells of the image count as equal (σ of mirrored ends).
-/// Else all that is connected with the gap on its other side becomes unknown, and the gap is added to
-/// `map.mirrors`. A function of the map and of the set of places.
+/// two. A gap is bordered by two straight pieces in one line and has floor on both sides. It is a door if a
+/// robot was on the other side, or if the other side is no mirror image: where something stands, its image on
+/// this side is free floor, or the other way round. Cells within two cells of the image count as equal (σ of
+/// mirrored ends). Else all that is connected with the gap on its other side becomes unknown, and the gap is
+/// added to `map.mirrors`. A function of the map and of the set of places.
 /// @param robots_m places of the robots, map
-void hideBehindMirrors(SurfaceMap& map, const std::vector<Eigen::Vector2d>& robots_m,
+/// @param reach_m from a robot's place to cells that its body does not cover
+void hideBehindMirrors(SurfaceMap& map, const std::vector<Eigen::Vector2d>& robots_m, double reach_m,
                        const MirrorOptions& options);
 
 }  // namespace omnifleet::structure

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -37,8 +38,21 @@ struct SurfaceMap {
   std::vector<std::uint8_t>
       mirrored;  ///< per cell: 1 if it is unknown because of a mirror; empty if there is none
 
+  /// Index of the cell at a place, map; −1 outside.
+  int indexAt(const Eigen::Vector2d& at_m) const {
+    const Eigen::Vector2d cell = (at_m - origin_m) / resolution_m;
+    const int x = static_cast<int>(std::floor(cell.x())), y = static_cast<int>(std::floor(cell.y()));
+    return x < 0 || y < 0 || x >= width || y >= height ? -1 : x + y * width;
+  }
+  Cell cellAt(const Eigen::Vector2d& at_m) const {
+    const int at = indexAt(at_m);
+    return at < 0 ? Cell::kUnknown : cells[static_cast<std::size_t>(at)];
+  }
   /// Whether a place lies behind a possible mirror.
-  bool isMirrored(const Eigen::Vector2d& at_m) const;
+  bool isMirrored(const Eigen::Vector2d& at_m) const {
+    const int at = mirrored.empty() ? -1 : indexAt(at_m);
+    return at >= 0 && mirrored[static_cast<std::size_t>(at)] != 0;
+  }
 };
 
 }  // namespace omnifleet::structure

@@ -102,13 +102,6 @@ bool isFloorReason(Reason reason) {
   return reason == Reason::kFlat || reason == Reason::kPattern || reason == Reason::kFloorSeen;
 }
 
-structure::Cell cellAt(const structure::SurfaceMap& map, const Eigen::Vector2d& at_m) {
-  const Eigen::Vector2d cell = (at_m - map.origin_m) / map.resolution_m;
-  const int x = static_cast<int>(std::floor(cell.x())), y = static_cast<int>(std::floor(cell.y()));
-  if (x < 0 || y < 0 || x >= map.width || y >= map.height) return structure::Cell::kUnknown;
-  return map.cells[static_cast<std::size_t>(x + y * map.width)];
-}
-
 bool isShapeReason(Reason reason) {
   return reason == Reason::kNoShape || reason == Reason::kUncertainPlace;
 }
@@ -236,7 +229,7 @@ void Merger::findRejected(const std::vector<Group>& groups, const std::vector<Ve
           if (object.distanceTo(at_m) >= kPiece_m) return false;
           return !object.isOpen() || isShapeReason(place.reason) || reachesBeyond(object, at_m);
         });
-    if (isFloorReason(place.reason) && cellAt(map_.visible(), at_m) == structure::Cell::kOccupied) continue;
+    if (isFloorReason(place.reason) && map_.visible().cellAt(at_m) == structure::Cell::kOccupied) continue;
     if (!is_listed && !is_mapped && !wasDrivenAt(at_m, kPiece_m)) rejected_.push_back(place);
   }
 }

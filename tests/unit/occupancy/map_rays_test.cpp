@@ -155,14 +155,16 @@ TEST(MapRays, KeepsLabelAndTrackOfAnObjectAtTheEdge) {
 
 TEST(MapRays, MakesMovingBeamsRobots) {
   Objects objects = openFloor();
-  for (const std::size_t i : {10U, 20U, 30U}) addEdge(objects, i, 1.4, 0.01);
-  objects.boundary.moving[beamOf(10)] = objects.boundary.moving[beamOf(20)] = 1;
+  for (const std::size_t i : {10U, 20U, 30U, 40U}) addEdge(objects, i, 1.4, 0.01);
+  for (const std::size_t i : {10U, 20U, 40U}) objects.boundary.moving[beamOf(i)] = 1;
+  setRay(objects, 40, 0.9, RayLabel::kObstacle);  // the scan ends clearly before the edge
   setRay(objects, 20, 1.4, RayLabel::kObstacle, 3);
   MapRays map_rays({});
   const Scan& rays = map_rays.of(objects);
   expectRay(rays, 10, 1.4, RayLabel::kRobot);
   expectRay(rays, 20, 1.4, RayLabel::kRobot, 3);
   expectRay(rays, 30, 1.4, RayLabel::kObstacle);
+  expectRay(rays, 40, 0.9, RayLabel::kRobot);
   objects.boundary.moving.clear();
   expectRay(map_rays.of(objects), 10, 1.4, RayLabel::kObstacle);
 }

@@ -130,6 +130,17 @@ TEST(RayExtent, IsCutAtTheMaximumRangeWithoutAHit) {
   EXPECT_EQ(cut.range, kFarDmm);
 }
 
+/// What lies beyond the range may begin before it, within the σ of the end.
+TEST(RayExtent, ShowsFloorBeforeTheRangeOnlyUpToThreeSigmaBeforeAFartherEnd) {
+  const auto extent = [](std::uint16_t sigma_dmm) {
+    return extentOf(scanWith({RayLabel::kObstacle, 30500, sigma_dmm, 0}), 0, RayRole::kHit,
+                    {kCellDmm, kFarDmm});
+  };
+  EXPECT_EQ(extent(100).role, RayRole::kFree) << "3.05 m − 3 cm is beyond the range";
+  EXPECT_EQ(extent(1000).role, RayRole::kOpen);
+  EXPECT_EQ(extent(1000).range - extent(1000).free, 27500);
+}
+
 // The end at 1.025 m is in the middle of cell 20; that at 1.005 m is 0.5 cm behind the border of cell 20.
 
 TEST(RayExtent, MarksFloorBeforeAHit) {

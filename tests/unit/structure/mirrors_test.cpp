@@ -15,6 +15,7 @@ namespace {
 using Eigen::Vector2d;
 using testing::SurfaceScene;
 
+constexpr double kReach_m = 0.3;
 constexpr double kThick_m = 0.02, kHalfGap_m = 0.6;
 const std::vector<Vector2d> kPath{{-2.0, -0.8}, {-1.3, -0.2}, {-0.5, 0.0}};
 
@@ -55,7 +56,7 @@ TEST(Mirrors, HidesWhatAMirrorShows) {
     ASSERT_GT(cellsBehind(seen, Cell::kFree), 500);
     ASSERT_GT(cellsBehind(seen, Cell::kOccupied), 30);
     SurfaceMap map = seen;
-    hideBehindMirrors(map, kPath, {});
+    hideBehindMirrors(map, kPath, kReach_m, {});
     ASSERT_EQ(map.mirrors.size(), 1U);
     EXPECT_NEAR(map.mirrors[0].middle().x(), 0.0, 0.05);
     EXPECT_NEAR(map.mirrors[0].middle().y(), 0.0, 0.05);
@@ -76,10 +77,37 @@ TEST(Mirrors, KeepsTheRoomInWhichARobotWas) {
   const std::vector<Cell> before = map.cells;
   std::vector<Vector2d> path = kPath;
   path.emplace_back(1.0, 0.1);
-  hideBehindMirrors(map, path, {});
+  hideBehindMirrors(map, path, kReach_m, {});
   EXPECT_TRUE(map.mirrors.empty());
   EXPECT_TRUE(map.mirrored.empty());
   EXPECT_EQ(map.cells, before);
+}
+
+/// Cells under a robot that never drives are unknown.
+TEST(Mirrors, KeepsTheRoomInWhichARobotTurnsInPlace) {
+  SurfaceMap map = mirrorScene().map();
+  const Vector2d place(1.0, 0.1);
+  for (std::size_t at = 0; at < map.cells.size(); ++at) {
+    const auto width = static_cast<std::size_t>(map.width);
+    const Vector2d cell = map.origin_m + map.resolution_m * Vector2d(at % width + 0.5, at / width + 0.5);
+    if ((cell - place).norm() < 0.2) map.cells[at] = Cell::kUnknown;
+  }
+  SurfaceMap without = map;
+  hideBehindMirrors(without, kPath, kReach_m, {});
+  ASSERT_EQ(without.mirrors.size(), 1U) << "or the test shows nothing";
+  std::vector<Vector2d> path = kPath;
+  path.push_back(place);
+  hideBehindMirrors(map, path, kReach_m, {});
+  EXPECT_TRUE(map.mirrors.empty());
+}
+
+/// A robot near a mirror on this side was not behind it.
+TEST(Mirrors, HidesWhatAMirrorBesideARobotShows) {
+  SurfaceMap map = mirrorScene().map();
+  std::vector<Vector2d> path = kPath;
+  path.emplace_back(-0.1, 0.0);
+  hideBehindMirrors(map, path, kReach_m, {});
+  EXPECT_EQ(map.mirrors.size(), 1U);
 }
 
 TEST(Mirrors, KeepsARoomThatDiffersFromItsImage) {
@@ -95,7 +123,7 @@ TEST(Mirrors, KeepsARoomThatDiffersFromItsImage) {
   for (const auto& [name, scene] : cases) {
     SurfaceMap map = scene.map();
     const std::vector<Cell> before = map.cells;
-    hideBehindMirrors(map, kPath, {});
+    hideBehindMirrors(map, kPath, kReach_m, {});
     EXPECT_TRUE(map.mirrors.empty()) << name;
     EXPECT_TRUE(map.cells == before) << name;
   }
@@ -105,11 +133,11 @@ TEST(Mirrors, KeepsARoomThatDiffersFromItsImage) {
 TEST(Mirrors, AllowForAShareOfContradictingCells) {
   const SurfaceScene scene = twoRooms({kBox}, {kImage, testing::rectangle({1.3, -0.6}, 0.12, 0.12)});
   SurfaceMap map = scene.map(), strict = map;
-  hideBehindMirrors(map, kPath, {});
+  hideBehindMirrors(map, kPath, kReach_m, {});
   EXPECT_EQ(map.mirrors.size(), 1U);
   MirrorOptions options;
   options.contradicting_share = 0.0;
-  hideBehindMirrors(strict, kPath, options);
+  hideBehindMirrors(strict, kPath, kReach_m, options);
   EXPECT_TRUE(strict.mirrors.empty());
 }
 
@@ -119,7 +147,7 @@ TEST(Mirrors, NeedsAStraightWallOnBothSides) {
   for (SurfaceCell& cell : map.surface)
     if (std::abs(cell.mean_m.x()) < 0.05 && cell.mean_m.y() > kHalfGap_m)
       map.cells[static_cast<std::size_t>(cell.x + cell.y * map.width)] = Cell::kUnknown;
-  hideBehindMirrors(map, kPath, {});
+  hideBehindMirrors(map, kPath, kReach_m, {});
   EXPECT_TRUE(map.mirrors.empty());
 }
 
@@ -127,7 +155,7 @@ TEST(Mirrors, AreNotSearchedIfSwitchedOff) {
   SurfaceMap map = mirrorScene().map();
   MirrorOptions options;
   options.search = false;
-  hideBehindMirrors(map, kPath, options);
+  hideBehindMirrors(map, kPath, kReach_m, options);
   EXPECT_TRUE(map.mirrors.empty());
   EXPECT_GT(cellsBehind(map, Cell::kFree), 500);
 }
@@ -135,8 +163,8 @@ TEST(Mirrors, AreNotSearchedIfSwitchedOff) {
 TEST(Mirrors, DoNotDependOnTheOrderOfTheCells) {
   SurfaceMap map = mirrorScene().map(), reversed = map;
   std::reverse(reversed.surface.begin(), reversed.surface.end());
-  hideBehindMirrors(map, kPath, {});
-  hideBehindMirrors(reversed, {kPath.rbegin(), kPath.rend()}, {});
+  hideBehindMirrors(map, kPath, kReach_m, {});
+  hideBehindMirrors(reversed, {kPath.rbegin(), kPath.rend()}, kReach_m, {});
   EXPECT_EQ(map.cells, reversed.cells);
   ASSERT_EQ(map.mirrors.size(), reversed.mirrors.size());
   EXPECT_EQ(map.mirrors[0].from_m, reversed.mirrors[0].from_m);
@@ -144,7 +172,7 @@ TEST(Mirrors, DoNotDependOnTheOrderOfTheCells) {
 
 TEST(Mirrors, IgnoreAnEmptyMap) {
   SurfaceMap map;
-  hideBehindMirrors(map, kPath, {});
+  hideBehindMirrors(map, kPath, kReach_m, {});
   EXPECT_TRUE(map.mirrors.empty());
 }
 

@@ -109,5 +109,16 @@ TEST(StructureObjects, NeedTwoPoints) {
   EXPECT_TRUE(structureObjects({openLine({}), openLine({{1, 1}})}, {}, {}, {"r1"}).empty());
 }
 
+TEST(StructureObjects, NeedTheLeastNumberOfKeyframesAndShareTheErrorOfThePose) {
+  structure::Polyline line = openLine({{0, 0}, {2, 0}});
+  line.observations = 2;
+  line.sigma_m = 0.003;
+  EXPECT_TRUE(structureObjects({line}, {}, {}, {"r1"}, {0.004, 3}).empty());
+  line.observations = 3;
+  const auto objects = structureObjects({line}, {}, {}, {"r1"}, {0.004, 3});
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_NEAR(objects[0].covariance_m2(0, 0), 25e-6, 1e-9);
+}
+
 }  // namespace
 }  // namespace omnifleet::global_merger
