@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <set>
 
 namespace omnifleet::evaluation {
@@ -119,7 +120,6 @@ class Cells {
     return false;
   }
 
- private:
   Square square(int x, int y) const {
     const Vector2d corner = grid_.origin_m + grid_.resolution_m * Vector2d(x, y);
     return {corner, corner + Vector2d::Constant(grid_.resolution_m)};
@@ -129,28 +129,52 @@ class Cells {
     return grid_.cells[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width) +
                        static_cast<std::size_t>(x)];
   }
+
+ private:
   const dataset::OccupancyGrid& grid_;
 };
 
-/// Lines of sight between positions of robots and points of faces.
+/// A robot's camera at one of its positions.
+struct View {
+  Pose2 pose;
+  double half_view_rad;
+
+  bool shows(const Vector2d& point) const {
+    if (half_view_rad >= M_PI) return true;
+    const Vector2d seen = pose.inverse() * point;
+    return std::abs(std::atan2(seen.y(), seen.x())) <= half_view_rad;
+  }
+};
+
+/// Lines of sight between cameras of robots and points of faces.
 class Sight {
  public:
   Sight(const std::vector<Region>& obstacles, const std::vector<Region>& rooms,
-        const std::vector<Vector2d>& positions)
-      : obstacles_(obstacles), rooms_(rooms), positions_(positions) {}
+        const std::vector<View>& views)
+      : obstacles_(obstacles), rooms_(rooms), views_(views) {}
 
   /// Smallest limit of kSeen_m and kCrossed_m within which a position sees the point; infinite if none does.
   double seenWithin(const Vector2d& point, const Face& own) {
     double within_m = kInfinite;
-    for (const Vector2d& position : positions_) {
+    for (const View& view : views_) {
+      const Vector2d position = view.pose.translation();
       const double distance_m = (position - point).norm() - kRounding_m;
       const double limit_m =
           distance_m <= CellMetrics::kSeen_m ? CellMetrics::kSeen_m : CellMetrics::kCrossed_m;
-      if (distance_m > limit_m || limit_m >= within_m || isBlocked(position, point, own)) continue;
+      if (distance_m > limit_m || limit_m >= within_m || !view.shows(point) ||
+          isBlocked(position, point, own))
+        continue;
       within_m = limit_m;
       if (within_m == CellMetrics::kSeen_m) break;
     }
     return within_m;
+  }
+  bool isSeenClose(const Vector2d& point, const Face& own) {
+    return std::any_of(views_.begin(), views_.end(), [&](const View& view) {
+      const Vector2d position = view.pose.translation();
+      return (position - point).norm() <= CellMetrics::kClose_m && view.shows(point) &&
+             !isBlocked(position, point, own);
+    });
   }
 
  private:
@@ -176,20 +200,26 @@ class Sight {
   }
 
   const std::vector<Region>&obstacles_, &rooms_;
-  const std::vector<Vector2d>& positions_;
+  const std::vector<View>& views_;
   const Face* last_ = nullptr;
 };
 
-/// Positions of all robots, at least kPathStep_m apart along each path.
-std::vector<Vector2d> positionsInMap(const std::map<std::string, std::vector<dataset::StampedPose>>& paths,
-                                     const Pose2& map_from_truth) {
-  std::vector<Vector2d> used;
-  for (const auto& [name, poses] : paths) {
+/// Views of all robots with a camera, at least kPathStep_m or kTurnStep_rad apart along each path.
+std::vector<View> viewsInMap(const std::map<std::string, TrueRobot>& robots, const Pose2& map_from_truth) {
+  std::vector<View> used;
+  for (const auto& [name, robot] : robots) {
+    if (robot.half_view_rad <= 0.0) continue;
     const std::size_t first = used.size();
-    for (const dataset::StampedPose& pose : poses) {
-      const Vector2d at = map_from_truth * pose.map_from_base.translation();
-      if (used.size() > first && (at - used.back()).norm() < CellMetrics::kPathStep_m - kRounding_m) continue;
-      used.push_back(at);
+    for (const dataset::StampedPose& pose : robot.path) {
+      const Pose2 at = map_from_truth * pose.map_from_base;
+      if (used.size() > first) {
+        const Pose2 way = used.back().pose.inverse() * at;
+        const bool moved = way.translation().norm() >= CellMetrics::kPathStep_m - kRounding_m;
+        const bool turned =
+            robot.half_view_rad < M_PI && std::abs(way.theta_rad) >= CellMetrics::kTurnStep_rad;
+        if (!moved && !turned) continue;
+      }
+      used.push_back({at, robot.half_view_rad});
     }
   }
   return used;
@@ -202,22 +232,25 @@ double shareOf(int part, int whole) {
 
 /// Numerators of the shares of FaceMetrics.
 struct FaceCounts {
-  int cells = 0, near = 0, wide = 0, seen = 0, seen_occupied = 0;
+  int cells = 0, tight = 0, near = 0, wide = 0, seen = 0, seen_occupied = 0;
 
   void addCell(double distance_m) {
     ++cells;
+    tight += distance_m <= CellMetrics::kTight_m + kRounding_m;
     near += distance_m <= CellMetrics::kNear_m + kRounding_m;
     wide += distance_m <= CellMetrics::kWide_m + kRounding_m;
   }
   void operator+=(const FaceCounts& other) {
     cells += other.cells;
+    tight += other.tight;
     near += other.near;
     wide += other.wide;
     seen += other.seen;
     seen_occupied += other.seen_occupied;
   }
   FaceMetrics metrics() const {
-    return {cells, shareOf(near, cells), shareOf(wide, cells), seen, shareOf(seen_occupied, seen)};
+    return {cells, shareOf(tight, cells),       shareOf(near, cells), shareOf(wide, cells),
+            seen,  shareOf(seen_occupied, seen)};
   }
 };
 
@@ -251,8 +284,41 @@ struct Regions {
   std::vector<Region> obstacles, rooms, outlines;
 };
 
-void countOccupied(const Cells& cells, const Regions& regions, CellMetrics& metrics, FaceCounts& at_obstacles,
-                   FaceCounts& at_structure) {
+/// The face nearest to a square, and the point of it that is nearest to the square's centre.
+std::pair<const Face*, Vector2d> nearestFace(const Square& square, const Regions& regions) {
+  const Face* nearest = nullptr;
+  double nearest_m = kInfinite;
+  for (const auto* all : {&regions.obstacles, &regions.rooms}) {
+    for (const Region& region : *all) {
+      if (square.exteriorDistance(region.box) > nearest_m) continue;
+      for (const Face& face : region.faces) {
+        const double face_m = pointToFace(square.center(), face);
+        if (face_m >= nearest_m) continue;
+        nearest_m = face_m;
+        nearest = &face;
+      }
+    }
+  }
+  if (!nearest) return {nullptr, square.center()};
+  const Vector2d along = nearest->to - nearest->from;
+  const double length = std::max(along.squaredNorm(), 1e-12);
+  const double t = std::clamp(along.dot(square.center() - nearest->from) / length, 0.0, 1.0);
+  return {nearest, nearest->from + t * along};
+}
+
+struct Mean {
+  double sum = 0.0;
+  int count = 0;
+  void add(double value) {
+    sum += value;
+    ++count;
+  }
+  double value() const { return count > 0 ? sum / count : std::numeric_limits<double>::quiet_NaN(); }
+};
+
+void countOccupied(const Cells& cells, const Regions& regions, Sight& sight, CellMetrics& metrics,
+                   FaceCounts& at_obstacles, FaceCounts& at_structure) {
+  Mean close, distant;
   for (const Square& square : cells.squares(kOccupiedCell)) {
     ++metrics.occupied;
     const double obstacle_m = squareToRegions(square, regions.obstacles, kInfinite);
@@ -263,8 +329,56 @@ void countOccupied(const Cells& cells, const Regions& regions, CellMetrics& metr
       ++metrics.filled;
     } else if (face_m < kInfinite) {
       (obstacle_m <= structure_m ? at_obstacles : at_structure).addCell(face_m);
+      const auto [face, point] = nearestFace(square, regions);
+      (face && sight.isSeenClose(point, *face) ? close : distant).add(face_m);
     }
   }
+  metrics.near_error_m = close.value();
+  metrics.far_error_m = distant.value();
+}
+
+/// Occupied cells whose centre lay in the body of a robot at one of its true poses.
+int countOnRobots(const Cells& cells, const std::map<std::string, TrueRobot>& robots,
+                  const Pose2& map_from_truth) {
+  constexpr double kStep_m = 0.02, kTurn_rad = 0.05;  // between the poses that are compared
+  std::vector<Region> bodies;
+  for (const auto& [name, robot] : robots) {
+    if (robot.body_m.size() < 3) continue;
+    std::optional<Pose2> last;
+    for (const dataset::StampedPose& pose : robot.path) {
+      const Pose2 at = map_from_truth * pose.map_from_base;
+      if (last) {
+        const Pose2 way = last->inverse() * at;
+        if (way.translation().norm() < kStep_m && std::abs(way.theta_rad) < kTurn_rad) continue;
+      }
+      last = at;
+      bodies.push_back(regionInMap(robot.body_m, at));
+    }
+  }
+  const auto occupied = cells.squares(kOccupiedCell);
+  return static_cast<int>(std::count_if(occupied.begin(), occupied.end(), [&](const Square& square) {
+    return isInAny(bodies, square.center());
+  }));
+}
+
+/// Share of the floor of the room whose cell is free.
+double shareComplete(const Cells& cells, double resolution_m, const Regions& regions) {
+  if (regions.rooms.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const Square& box = regions.rooms.front().box;
+  const Eigen::Vector2i low = cells.at(box.min()), high = cells.at(box.max());
+  int floor = 0, free = 0;
+  for (int y = low.y(); y <= high.y(); ++y) {
+    for (int x = low.x(); x <= high.x(); ++x) {
+      const Square square = cells.square(x, y);
+      // A cell that a face crosses is rightly occupied.
+      if (!isInAny(regions.rooms, square.center()) || isInAny(regions.obstacles, square.center())) continue;
+      if (squareToRegions(square, regions.obstacles, resolution_m) <= 0.0) continue;
+      if (squareToRegions(square, regions.rooms, resolution_m) <= 0.0) continue;
+      ++floor;
+      free += cells.valueAt(x, y) == kFreeCell;
+    }
+  }
+  return shareOf(free, floor);
 }
 
 int countFreeWrong(const std::vector<Square>& free, const Regions& regions) {
@@ -279,17 +393,18 @@ int countFreeWrong(const std::vector<Square>& free, const Regions& regions) {
 CellMetrics compareCells(const dataset::OccupancyGrid& grid, const Pose2& truth_from_map,
                          const std::vector<dataset::MapObject>& found,
                          const std::vector<dataset::MapObject>& scene, const Polygon& room,
-                         const std::map<std::string, std::vector<dataset::StampedPose>>& paths) {
+                         const std::map<std::string, TrueRobot>& robots) {
   const Pose2 map_from_truth = truth_from_map.inverse();
   Regions regions{obstaclesInMap(scene, map_from_truth), {}, obstaclesInMap(found, map_from_truth)};
   if (!room.empty()) regions.rooms.push_back(regionInMap(room, map_from_truth));
   const Cells cells(grid);
   CellMetrics metrics;
   FaceCounts at_obstacles, at_structure;
-  countOccupied(cells, regions, metrics, at_obstacles, at_structure);
+  const std::vector<View> views = viewsInMap(robots, map_from_truth);
+  Sight sight(regions.obstacles, regions.rooms, views);
+  countOccupied(cells, regions, sight, metrics, at_obstacles, at_structure);
+  metrics.on_robots = countOnRobots(cells, robots, map_from_truth);
 
-  const auto positions = positionsInMap(paths, map_from_truth);
-  Sight sight(regions.obstacles, regions.rooms, positions);
   std::set<std::pair<int, int>> crossed;
   countSeen(regions.obstacles, cells, sight, at_obstacles, crossed);
   countSeen(regions.rooms, cells, sight, at_structure, crossed);
@@ -303,6 +418,7 @@ CellMetrics compareCells(const dataset::OccupancyGrid& grid, const Pose2& truth_
   const auto free = cells.squares(kFreeCell);
   metrics.free = static_cast<int>(free.size());
   metrics.free_wrong = shareOf(countFreeWrong(free, regions), metrics.free);
+  metrics.free_complete = shareComplete(cells, grid.resolution_m, regions);
   return metrics;
 }
 

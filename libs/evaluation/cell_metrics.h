@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <string>
@@ -15,6 +16,8 @@ namespace omnifleet::evaluation {
 /// without cells or points.
 struct FaceMetrics {
   int cells = 0;  ///< occupied cells whose nearest face has this class; those of CellMetrics::filled excluded
+  double within_1_5cm =
+      std::numeric_limits<double>::quiet_NaN();                  ///< share of them within kTight_m of a face
   double within_2cm = std::numeric_limits<double>::quiet_NaN();  ///< share of them within kNear_m of a face
   double within_5cm = std::numeric_limits<double>::quiet_NaN();  ///< share of them within kWide_m of a face
   int seen = 0;  ///< face points, 1 cm apart, that a robot has seen from within kSeen_m
@@ -33,15 +36,33 @@ struct CellMetrics {
   FaceMetrics structure;  ///< faces of the room
   int crossed = 0;        ///< cells that contain a face point seen from within kCrossed_m
   double occupied_per_crossed = std::numeric_limits<double>::quiet_NaN();  ///< without filled cells
-  int free = 0;                                                            ///< free cells
+  /// Mean distance of the cells from their faces, where a robot saw the nearest point of the face from within
+  /// kClose_m, and elsewhere. Of the cells counted in `all`; NaN without any.
+  double near_error_m = std::numeric_limits<double>::quiet_NaN();
+  double far_error_m = std::numeric_limits<double>::quiet_NaN();
+  int on_robots = 0;  ///< occupied cells whose centre lay in the body of a robot at any time
+  int free = 0;       ///< free cells
   double free_wrong = std::numeric_limits<double>::quiet_NaN();  ///< share of them whose centre lies inside
                                                                  ///< an obstacle or outside the room
 
-  static constexpr double kNear_m = 0.02, kWide_m = 0.05;
-  static constexpr double kSeen_m = 1.8, kCrossed_m = 3.0;
+  double free_complete =
+      std::numeric_limits<double>::quiet_NaN();  ///< share of the floor of the room that is
+                                                 ///< free in the map; NaN without a room
+
+  static constexpr double kTight_m = 0.015, kNear_m = 0.02, kWide_m = 0.05;
+  static constexpr double kClose_m = 1.0, kSeen_m = 1.8, kCrossed_m = 3.0;
   static constexpr double kFaceStep_m = 0.01;  ///< between face points
-  static constexpr double kPathStep_m = 0.1;   ///< least distance between positions of a robot
-  static constexpr double kEnd_m = 0.003;      ///< at the end of a line of sight, faces do not occlude
+  static constexpr double kPathStep_m = 0.1;   ///< least distance between positions of a robot, …
+  static constexpr double kTurnStep_rad =
+      0.1;                                 ///< … or least rotation, if its camera does not see all around
+  static constexpr double kEnd_m = 0.003;  ///< at the end of a line of sight, faces do not occlude
+};
+
+/// A robot of the truth.
+struct TrueRobot {
+  std::vector<dataset::StampedPose> path;
+  double half_view_rad = M_PI;  ///< the camera sees bearings of base_link up to this; 0: no camera
+  Polygon body_m;               ///< base_link; empty: unknown
 };
 
 /// A robot has seen a face point if the line from one of its true positions crosses no other face. Walls
@@ -51,10 +72,9 @@ struct CellMetrics {
 /// @param found objects of the run, in the frame of the truth; outlines of kind "obstacle" are used
 /// @param scene objects of kind "obstacle" are compared
 /// @param room inner side of the walls; empty: unknown
-/// @param paths true poses per robot
 CellMetrics compareCells(const dataset::OccupancyGrid& grid, const Pose2& truth_from_map,
                          const std::vector<dataset::MapObject>& found,
                          const std::vector<dataset::MapObject>& scene, const Polygon& room,
-                         const std::map<std::string, std::vector<dataset::StampedPose>>& paths);
+                         const std::map<std::string, TrueRobot>& robots);
 
 }  // namespace omnifleet::evaluation

@@ -235,21 +235,22 @@ std::string cellTable(const evaluation::CellMetrics& cells) {
   using evaluation::FaceMetrics;
   return fmt::format(
       "Cells       occupied {}; of these, {} fill known outlines and do not count below\n"
-      "            within 2 cm of a true face {}\n"
+      "            within 1.5 cm of a true face {}, within 2 cm {}\n"
       "            within 5 cm of a true face {}\n"
       "            faces seen within 1.8 m occupied {}\n"
-      "            occupied per crossed cell {}; free area wrong {}\n",
-      cells.occupied, cells.filled, splitShare(cells, &FaceMetrics::within_2cm),
-      splitShare(cells, &FaceMetrics::within_5cm), splitShare(cells, &FaceMetrics::seen_occupied),
-      cell(cells.occupied_per_crossed, 0, 2), percent(cells.free_wrong));
+      "            occupied per crossed cell {}; free area wrong {}; floor of the room free {}\n"
+      "            mean error of faces seen within 1 m {} cm, of others {} cm; cells on robots {}\n",
+      cells.occupied, cells.filled, percent(cells.all.within_1_5cm),
+      splitShare(cells, &FaceMetrics::within_2cm), splitShare(cells, &FaceMetrics::within_5cm),
+      splitShare(cells, &FaceMetrics::seen_occupied), cell(cells.occupied_per_crossed, 0, 2),
+      percent(cells.free_wrong), percent(cells.free_complete), cell(100.0 * cells.near_error_m, 0, 2),
+      cell(100.0 * cells.far_error_m, 0, 2), cells.on_robots);
 }
 
 Json faceJson(const evaluation::FaceMetrics& faces) {
-  return {{"cells", faces.cells},
-          {"within_2cm", faces.within_2cm},
-          {"within_5cm", faces.within_5cm},
-          {"seen_points", faces.seen},
-          {"seen_occupied", faces.seen_occupied}};
+  return {{"cells", faces.cells},           {"within_1_5cm", faces.within_1_5cm},
+          {"within_2cm", faces.within_2cm}, {"within_5cm", faces.within_5cm},
+          {"seen_points", faces.seen},      {"seen_occupied", faces.seen_occupied}};
 }
 
 Json cellJson(const evaluation::CellMetrics& cells) {
@@ -260,8 +261,12 @@ Json cellJson(const evaluation::CellMetrics& cells) {
           {"structure", faceJson(cells.structure)},
           {"crossed", cells.crossed},
           {"occupied_per_crossed", cells.occupied_per_crossed},
+          {"near_error_m", cells.near_error_m},
+          {"far_error_m", cells.far_error_m},
+          {"on_robots", cells.on_robots},
           {"free", cells.free},
-          {"free_wrong", cells.free_wrong}};
+          {"free_wrong", cells.free_wrong},
+          {"free_complete", cells.free_complete}};
 }
 
 Json statistics(const evaluation::Statistics& s) {

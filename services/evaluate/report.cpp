@@ -54,12 +54,17 @@ void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
   if (got.size() > 1) report.shape_difference = evaluation::shapeDifference(got, expected);
 }
 
-/// Number of frames, or of observation times for a robot without camera.
-int expectedPoses(const dataset::RobotRecording* robot) {
+/// Number of frames; of observation times for a robot without camera; of times of the ceiling cameras for a
+/// robot that has only markers.
+int expectedPoses(const dataset::RobotRecording* robot, const dataset::Dataset& recording) {
   if (const dataset::ImageStream* stream = frames(robot)) return static_cast<int>(stream->rows.size());
   std::set<TimeNs> times;
   if (robot) {
     for (const auto& row : robot->observations) times.insert(row.time_ns);
+    if (times.empty() && recording.markers && recording.markers->robots.count(robot->name) > 0) {
+      for (const dataset::ImageStream& camera : recording.ceiling)
+        for (const dataset::ImageRow& row : camera.rows) times.insert(row.time_ns);
+    }
   }
   return static_cast<int>(times.size());
 }
@@ -200,7 +205,7 @@ RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording,
   report.name = name;
   const dataset::RobotRecording* robot = recording.findRobot(name);
   const dataset::ImageStream* stream = frames(robot);
-  report.frames = expectedPoses(robot);
+  report.frames = expectedPoses(robot, recording);
   report.has_trajectory = fs::exists(out / "trajectories" / (name + ".tum"));
   std::vector<StampedPose> estimate = readEstimate(out, name, &warnings);
   for (StampedPose& pose : estimate) pose.map_from_base = truth_from_map * pose.map_from_base;
@@ -244,15 +249,36 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
+/// The true robots: their paths, bodies and what their cameras see.
+std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& recording,
+                                                        const dataset::GroundTruth& truth) {
+  std::map<std::string, evaluation::TrueRobot> all;
+  for (const auto& [name, poses] : truth.trajectories) {
+    evaluation::TrueRobot& robot = all[name];
+    robot.path = poses;
+    const dataset::RobotRecording* recorded = recording.findRobot(name);
+    if (!recorded) continue;
+    if (recorded->body.radius_m > 0.0 || !recorded->body.footprint_m.empty())
+      robot.body_m = recorded->body.outline();
+    if (recorded->fisheye || !recorded->laser.empty() || !recorded->observations.empty()) continue;
+    robot.half_view_rad = 0.0;
+    if (!recorded->front) continue;
+    const lens::CameraModel& camera = recorded->front->camera;
+    robot.half_view_rad = std::atan(0.5 * camera.image_width_px / camera.focal_px.x());
+  }
+  return all;
+}
+
 /// Compares the run's grid with the truth. Needs the run's objects in the frame of the truth. Changes nothing
 /// without a grid.
-void compareGrid(const fs::path& map, const dataset::GroundTruth& truth, Report& report) {
+void compareGrid(const fs::path& map, const dataset::Dataset& recording, const dataset::GroundTruth& truth,
+                 Report& report) {
   if (!fs::exists(map)) return;
   const dataset::OccupancyGrid grid = dataset::readMapServer(map.string());
   const Pose2 truth_from_map = report.truth_from_map.value_or(Pose2{});
   report.free_space = evaluation::compareFreeSpace(grid, truth_from_map, truth.scene, truth.room);
   report.cells = evaluation::compareCells(grid, truth_from_map, report.objects, truth.scene, truth.room,
-                                          truth.trajectories);
+                                          trueRobots(recording, truth));
 }
 
 }  // namespace
@@ -276,7 +302,7 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
     report.space =
         compareSpace(fs::path(out) / "map.bt", truth.scene, report.truth_from_map.value_or(Pose2{}));
-    compareGrid(fs::path(out) / "map.yaml", truth, report);
+    compareGrid(fs::path(out) / "map.yaml", recording, truth, report);
     report.landmarks = compareLandmarks(report);
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});

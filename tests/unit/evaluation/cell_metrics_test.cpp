@@ -7,7 +7,7 @@
 namespace omnifleet::evaluation {
 namespace {
 
-using Paths = std::map<std::string, std::vector<dataset::StampedPose>>;
+using Paths = std::map<std::string, TrueRobot>;
 
 constexpr std::int8_t kUnknownCell = -1;
 
@@ -51,8 +51,9 @@ dataset::MapObject objectOf(const Polygon& outline_m, const std::string& kind = 
 
 Paths robotAt(const std::vector<Eigen::Vector2d>& places) {
   Paths paths;
+  auto& path = paths["r1"].path;
   for (const Eigen::Vector2d& place : places)
-    paths["r1"].push_back({static_cast<TimeNs>(paths["r1"].size()), {place.x(), place.y(), 0.3}});
+    path.push_back({static_cast<TimeNs>(path.size()), {place.x(), place.y(), 0.3}});
   return paths;
 }
 
@@ -194,7 +195,7 @@ TEST(CellMetrics, UsesPositionsTenCentimetresApartOfAllRobots) {
   EXPECT_EQ(seen(robotAt({{0, 0}, {0.06, 0}})), 2 * 99);
   EXPECT_EQ(seen(robotAt({{0, 0}, {0.06, 0}, {0.1, 0}})), 2 * 99 + 10);
   Paths two = robotAt({{0, 0}});
-  two["r2"].push_back({0, {0.06, 0, 0}});
+  two["r2"].path.push_back({0, {0.06, 0, 0}});
   EXPECT_EQ(seen(two), 2 * 99 + 6) << "each robot has its own path";
 }
 
@@ -211,6 +212,48 @@ TEST(CellMetrics, MeasuresShareOfSeenFacesThatIsOccupied) {
                    22.0 / 198);
   grid.origin_m.y() += 0.006;
   EXPECT_EQ(compareCells(grid, {}, {}, {}, kWideRoom, robotAt({{0, 0}})).structure.seen_occupied, 0.0);
+}
+
+// A camera of 90° that looks along +y sees the wall at y = 1.5 m where |x| < 1.5 m; within 1.8 m that is all.
+// One that looks along −y sees nothing of it.
+TEST(CellMetrics, RestrictsForwardCamerasToTheirView) {
+  const auto seenFrom = [](double theta_rad, double half_view_rad) {
+    Paths robots;
+    robots["r1"] = {{{0, {0.0, 0.0, theta_rad}}}, half_view_rad, {}};
+    return compareCells(squareGrid(1, 0.0), {}, {}, {}, kWideRoom, robots).structure.seen;
+  };
+  EXPECT_EQ(seenFrom(M_PI / 2, M_PI / 4), 2 * 99);
+  EXPECT_EQ(seenFrom(M_PI / 2, M_PI / 8), 2 * 62) << "|x| < 1.5 m · tan 22.5° = 0.621 m";
+  EXPECT_EQ(seenFrom(-M_PI / 2, M_PI / 4), 0);
+  EXPECT_EQ(seenFrom(M_PI / 2, 0.0), 0) << "no camera";
+}
+
+// The wall at y = 2.125 m crosses row 42; the cells of row 43 lie 2.5 cm beyond it. The robot 0.5 m before
+// the wall sees its middle 0.8 m to both sides from within 1 m: |x − 1.1| < √(1 − 0.525²) = 0.851 m.
+TEST(CellMetrics, SeparatesErrorsOfNearAndFarFaces) {
+  dataset::OccupancyGrid grid = squareGrid(46, 0.0);
+  fill(grid, 15, 42, 30, 42);  // near, exact
+  fill(grid, 4, 43, 4, 43);    // x = 0.225 m: farther than 1 m
+  const CellMetrics m = compareCells(grid, {}, {}, {}, kRoom, robotAt({{1.1, 1.6}}));
+  EXPECT_EQ(m.near_error_m, 0.0);
+  EXPECT_NEAR(m.far_error_m, 0.025, 1e-9);
+  EXPECT_NEAR(m.all.within_1_5cm, 16.0 / 17, 1e-9);
+}
+
+TEST(CellMetrics, CountsOccupiedCellsInBodiesOfRobots) {
+  dataset::OccupancyGrid grid = squareGrid(45, 0.0);
+  fill(grid, 20, 20, 20, 20);  // 1.0 m to 1.05 m
+  fill(grid, 30, 20, 30, 20);
+  Paths robots;
+  robots["r1"] = {{{0, {0.5, 1.0, 0.0}}, {1, {1.0, 1.0, 0.0}}}, M_PI, box(-0.08, -0.06, 0.08, 0.06)};
+  EXPECT_EQ(compareCells(grid, {}, {}, {}, kRoom, robots).on_robots, 1);
+}
+
+// 39 × 39 cells lie wholly inside the walls of kRoom; half of the rows are free.
+TEST(CellMetrics, MeasuresShareOfTheFloorThatIsFree) {
+  dataset::OccupancyGrid grid = squareGrid(45, 0.0);
+  fill(grid, 3, 3, 41, 22, 0);
+  EXPECT_NEAR(compareCells(grid, {}, {}, {}, kRoom, {}).free_complete, 20.0 / 39, 1e-9);
 }
 
 /// Edges along the middle of cells: 20 × 10 cells, 56 of them crossed, 18 × 8 = 144 inside. A robot below it,
