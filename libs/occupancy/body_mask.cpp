@@ -37,4 +37,30 @@ bool BodyMask::covers(const PointDmm& p) const {
                      [&](const Edge& e) { return e.normal_x * x + e.normal_y * y <= e.offset; });
 }
 
+std::optional<std::int64_t> BodyMask::entry(const PointDmm& origin, const Direction& along) const {
+  constexpr int kShift = 14;  // directions in 2⁻¹⁶: products of 25 bits (1.5 km) and 16 bits fit
+  const std::int64_t x = origin.x_dmm, y = origin.y_dmm;
+  const std::int64_t dx = along.cos_q30 >> kShift, dy = along.sin_q30 >> kShift;
+  const std::int64_t across = roundQ30(x * along.sin_q30 - y * along.cos_q30);
+  if (across * across > reach_dmm_ * reach_dmm_) return std::nullopt;
+  const std::int64_t nearest = -roundQ30(x * along.cos_q30 + y * along.sin_q30);
+  const std::int64_t half = integerSqrt(reach_dmm_ * reach_dmm_ - across * across);
+  std::int64_t enters = std::max<std::int64_t>(nearest - half, 0), leaves = nearest + half;
+  for (const Edge& edge : edges_) {
+    const std::int64_t slack = edge.offset - edge.normal_x * x - edge.normal_y * y;
+    const std::int64_t rate = edge.normal_x * dx + edge.normal_y * dy;
+    if (rate == 0) {
+      if (slack < 0) return std::nullopt;
+      continue;
+    }
+    const std::int64_t scaled = slack * (std::int64_t{1} << (30 - kShift));
+    if (rate > 0)
+      leaves = std::min(leaves, floorDivide(scaled, rate));
+    else
+      enters = std::max(enters, floorDivide(-scaled, -rate));
+  }
+  if (leaves < enters) return std::nullopt;
+  return enters;
+}
+
 }  // namespace omnifleet::occupancy

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "observation/observation.h"
@@ -26,6 +27,9 @@ class BodyMask {
   std::int64_t reachDmm() const { return reach_dmm_; }
   /// `point`: in the robot's base_link.
   bool covers(const PointDmm& point) const;
+  /// Distance along a ray at which it enters the footprint, in 0.1 mm, rounded down; 0 if it begins inside.
+  /// `origin` and `along`: in the robot's base_link. Nothing if the ray misses it.
+  std::optional<std::int64_t> entry(const PointDmm& origin, const Direction& along) const;
 
  private:
   struct Edge {

@@ -62,7 +62,10 @@ class OccupancyMap::Impl {
         paths(store, std::llround(given.hold_s * 1e9), std::llround(given.max_gap_s * 1e9)),
         window(rayLimitsOf(given)),
         default_mask(maskOf(RobotBody{})) {
-    for (const auto& [robot, body] : bodies) masks.emplace(robot, maskOf(body));
+    for (const auto& [robot, body] : bodies) {
+      masks.emplace(robot, maskOf(body));
+      footprints.emplace(robot, BodyMask(body, 0.0, options.default_radius_m));
+    }
     on_change = [this](std::int64_t, std::int64_t, CellClass) { ++class_changes; };
   }
 
@@ -83,7 +86,7 @@ class OccupancyMap::Impl {
   bool is_visible_stale = true;
   RobotPaths paths;
   RayWindow window;
-  std::map<std::string, BodyMask> masks;
+  std::map<std::string, BodyMask> masks, footprints;  ///< with margin; without
   BodyMask default_mask;
   AppliedSet applied;
   CellCounts::OnChange on_change;
@@ -107,6 +110,7 @@ class OccupancyMap::Impl {
   void refreshBetween(TimeNs first_ns, TimeNs last_ns);
   void refreshAll(const std::string& robot);
   void placePoints(const std::vector<Sighting>& sightings, Applied& what) const;
+  void cutRays(Applied& what) const;
   bool bring(const std::optional<Applied>& now, Applied& old);
   void enter(const Applied& what, int sign);
   void coverAll(const Applied& what, std::uint8_t bit);
@@ -166,8 +170,31 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
       what.robots.emplace_back(other, *robot_pose);
     }
   }
+  cutRays(what);
   placePoints(keyframe->pose->sightings, what);
   return what;
+}
+
+/// Ends the rays that cross the footprint of another robot there: what they show behind it is wrong.
+void OccupancyMap::Impl::cutRays(Applied& what) const {
+  const Contribution& seen = *what.contribution;
+  const PointDmm origin = scanOrigin(seen, what.at);
+  const auto count = static_cast<std::uint32_t>(what.roles.size());
+  for (const auto& [robot, at] : what.robots) {
+    const auto footprint = footprints.find(robot);
+    if (robot == seen.robot || footprint == footprints.end()) continue;
+    const Turn heading = turnFromDmrad(at.theta_dmrad);
+    const PointDmm from =
+        unrotate(directionOf(heading), {origin.x_dmm - at.position.x_dmm, origin.y_dmm - at.position.y_dmm});
+    const Turn to_scan = turnFromDmrad(what.at.theta_dmrad) - heading;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      if (what.roles[i] == RayRole::kNone) continue;
+      const auto entry = footprint->second.entry(from, directionOf(to_scan + turnOfBearing(i, count)));
+      if (!entry || *entry >= rangeOf(seen, i, what.cuts)) continue;
+      if (what.cuts.empty()) what.cuts.assign(count, 0);
+      what.cuts[i] = static_cast<std::int32_t>(std::max<std::int64_t>(*entry, 1));
+    }
+  }
 }
 
 /// Adds the voxels of its points, except points of robots, undecided objects and floor markings, and points
@@ -214,8 +241,8 @@ void OccupancyMap::Impl::refresh(const std::string& robot, TimeNs time_ns) {
 /// Replaces the old application by the new one; if only the robots' footprints changed, only the cells that
 /// they cover. Returns false if nothing of the contribution remains.
 bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) {
-  const bool same_rays =
-      now && old.contribution == now->contribution && old.at == now->at && old.roles == now->roles;
+  const bool same_rays = now && old.contribution == now->contribution && old.at == now->at &&
+                         old.roles == now->roles && old.cuts == now->cuts;
   const bool same_robots = same_rays && old.robots == now->robots;
   const bool same_points = same_rays && old.voxels == now->voxels;
   if (same_robots && same_points) return true;
@@ -224,7 +251,7 @@ bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) 
     enter(old, -1);
     if (now) enter(*now, 1);
   } else if (!same_robots) {
-    window.draw(*old.contribution, old.at, old.roles);
+    window.draw(*old.contribution, old.at, old.roles, old.cuts);
     coverAll(old, RayWindow::kMaskA);
     coverAll(*now, RayWindow::kMaskB);
     cells.exchangeMasks(window, bucketOf(old), on_change);
@@ -293,7 +320,7 @@ void OccupancyMap::Impl::coverAll(const Applied& what, std::uint8_t bit) {
 }
 
 void OccupancyMap::Impl::enter(const Applied& what, int sign) {
-  window.draw(*what.contribution, what.at, what.roles);
+  window.draw(*what.contribution, what.at, what.roles, what.cuts);
   coverAll(what, RayWindow::kMaskA);
   cells.apply(window, bucketOf(what), sign, RayWindow::kMaskA, on_change);
 }

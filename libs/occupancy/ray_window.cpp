@@ -9,8 +9,13 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
   return {at.position.x_dmm + offset.x_dmm, at.position.y_dmm + offset.y_dmm};
 }
 
-RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits) {
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits,
+                   const RayCuts& cuts) {
   const std::int64_t range = contribution.range_dmm[i], max_range = limits.max_range;
+  if (const std::int64_t cut = rangeOf(contribution, i, cuts); cut < range) {
+    const std::int64_t end = std::min(cut, max_range);
+    return {end, role == RayRole::kHitOnly ? end : 0, RayRole::kOpen};
+  }
   if (range > max_range && role == RayRole::kHitOnly) return {max_range, max_range, RayRole::kOpen};
   if (role == RayRole::kFree) return {std::min(range, max_range), 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
@@ -32,7 +37,7 @@ RayWindow::RayWindow(const RayLimits& limits) : limits_(limits) {
 }
 
 void RayWindow::draw(const Contribution& contribution, const IntegerPose& at,
-                     const std::vector<RayRole>& roles) {
+                     const std::vector<RayRole>& roles, const RayCuts& cuts) {
   std::fill(marks_.begin(), marks_.end(), std::uint8_t{0});
   const PointDmm origin = scanOrigin(contribution, at);
   const std::int64_t radius = limits_.max_range / limits_.resolution + 2;
@@ -42,7 +47,7 @@ void RayWindow::draw(const Contribution& contribution, const IntegerPose& at,
   const auto count = static_cast<std::uint32_t>(roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
     if (roles[i] == RayRole::kNone) continue;
-    const RayExtent ray = extentOf(contribution, i, roles[i], limits_);
+    const RayExtent ray = extentOf(contribution, i, roles[i], limits_, cuts);
     const Direction d = directionOf(heading + turnOfBearing(i, count));
     const auto pointAt = [&](std::int64_t length) {
       return PointDmm{static_cast<std::int32_t>(origin.x_dmm + roundQ30(length * d.cos_q30)),

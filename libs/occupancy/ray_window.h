@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -11,8 +12,8 @@
 namespace omnifleet::occupancy {
 
 /// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to
-/// `free_sigmas` σ before its end, which is hit. kOpen: free up to but excluding the cell there. kHitOnly: its
-/// end is hit, the cells before are not free.
+/// `free_sigmas` σ before its end, which is hit. kOpen: free up to but excluding the cell there. kHitOnly:
+/// its end is hit, the cells before are not free.
 enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly };
 
 /// Lengths in 0.1 mm.
@@ -27,9 +28,19 @@ struct RayExtent {
   std::int64_t range, free;
   RayRole role;
 };
+/// Per ray, the range at which it enters the footprint of another robot, in 0.1 mm; 0: it crosses none.
+/// Empty: none does. Nothing is known of what lies beyond.
+using RayCuts = std::vector<std::int32_t>;
+/// Range of ray i, at most that of its cut.
+inline std::int64_t rangeOf(const Contribution& contribution, std::size_t i, const RayCuts& cuts) {
+  const std::int32_t range = contribution.range_dmm[i];
+  return i < cuts.size() && cuts[i] > 0 ? std::min(range, cuts[i]) : range;
+}
 /// Ray i of a contribution. Beyond the maximum range it is cut there, and it ends at nothing. A hit whose σ
-/// exceeds half a cell cannot be assigned to a cell: the ray shows only floor before it.
-RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits);
+/// exceeds half a cell cannot be assigned to a cell: the ray shows only floor before it. A ray that crosses
+/// the footprint of another robot ends there at nothing.
+RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits,
+                   const RayCuts& cuts = {});
 
 /// Cells are identified by integer coordinates; chunks are squares of kChunk cells.
 inline constexpr int kChunk = 16;
@@ -42,7 +53,8 @@ class RayWindow {
   explicit RayWindow(const RayLimits& limits);
 
   /// Clears the window, centres it on the origin of the scan and draws its rays. `roles`: one per ray.
-  void draw(const Contribution& contribution, const IntegerPose& at, const std::vector<RayRole>& roles);
+  void draw(const Contribution& contribution, const IntegerPose& at, const std::vector<RayRole>& roles,
+            const RayCuts& cuts = {});
   /// Sets `bit` in the cells whose centres lie under a body.
   void cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit);
   /// Whether the body can cover any cell of the window.

@@ -129,8 +129,8 @@ void Canvas::forEachRay(const Applied& what, const Visit& visit) const {
   const auto count = static_cast<std::uint32_t>(what.roles.size());
   for (std::uint32_t i = 0; i < count; ++i) {
     if (what.roles[i] == RayRole::kNone) continue;
-    visit(origin, directionOf(heading + turnOfBearing(i, count)), extentOf(seen, i, what.roles[i], limits_),
-          sigmaOf(seen, i));
+    visit(origin, directionOf(heading + turnOfBearing(i, count)),
+          extentOf(seen, i, what.roles[i], limits_, what.cuts), sigmaOf(seen, i));
   }
 }
 

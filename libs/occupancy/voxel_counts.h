@@ -32,7 +32,8 @@ struct VoxelKey {
 struct Applied {
   std::shared_ptr<const Contribution> contribution;
   IntegerPose at;
-  std::vector<RayRole> roles;    ///< of its rays
+  std::vector<RayRole> roles;  ///< of its rays
+  RayCuts cuts;
   std::vector<VoxelKey> voxels;  ///< that contain its points, sorted, without duplicates
   std::vector<std::pair<std::string, IntegerPose>> robots;  ///< those that cover cells, sorted by name
 };

@@ -185,6 +185,46 @@ TEST(OccupancyMap, LeavesOutRobotsOfAnyClassifiedKind) {
   }
 }
 
+/// A wall 1 m ahead; rays of r1 that miss the parked r2 in front of it report the wall behind it, too.
+TEST(OccupancyMap, CutsRaysThatCrossAnotherRobot) {
+  Contribution seen;
+  seen.robot = "r1";
+  seen.acquired_ns = 1'000'000'000;
+  for (int i = 0; i < 720; ++i) {
+    const double along = std::cos(2.0 * M_PI * i / 720);
+    const bool ahead = along > 0.5;
+    seen.range_dmm.push_back(ahead ? static_cast<std::int32_t>(10100.0 / along) : 0);
+    seen.label.push_back(ahead ? RayLabel::kObstacle : RayLabel::kInvalid);
+  }
+  seen.sigma_dmm.assign(720, 20);
+  seen.object.assign(720, 0);
+  const auto poseOf = [](const std::string& robot, std::int32_t x_dmm) {
+    KeyframePose pose;
+    pose.robot = robot;
+    pose.acquired_ns = 1'000'000'000;
+    pose.valid = true;
+    pose.position = {x_dmm, 0};
+    return pose;
+  };
+  RobotBody box;
+  box.footprint_m = {{-0.08, -0.06}, {0.08, -0.06}, {0.08, 0.06}, {-0.08, 0.06}};
+  OccupancyMap map({}, {{"r1", box}, {"r2", box}});
+  map.add(seen);
+  map.add(poseOf("r1", 0));
+  EXPECT_EQ(map.at({1.01, 0.0}), CellClass::kOccupied);
+  EXPECT_EQ(map.at({0.8, 0.0}), CellClass::kFree);
+  const auto alone = map.hash();
+  map.add(poseOf("r2", 5000));  // as of the same time
+  EXPECT_EQ(map.at({1.01, 0.0}), CellClass::kUnknown) << "the wall behind the robot";
+  EXPECT_EQ(map.at({0.8, 0.0}), CellClass::kUnknown) << "the floor behind the robot";
+  EXPECT_EQ(map.at({0.3, 0.0}), CellClass::kFree) << "the floor before the robot";
+  EXPECT_EQ(map.at({1.01, 0.4}), CellClass::kOccupied) << "the wall beside the robot";
+  KeyframePose elsewhere = poseOf("r2", 50000);
+  elsewhere.term = 1;
+  map.add(elsewhere);
+  EXPECT_EQ(hexText(map.hash()), hexText(alone)) << "the robot was not there";
+}
+
 TEST(OccupancyMap, RemovesRobotWhosePosesArriveLate) {
   SimOptions options;
   options.robots_are = ObjectKind::kObstacle;

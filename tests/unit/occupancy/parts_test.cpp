@@ -80,6 +80,41 @@ TEST(BodyMask, MatchesThePolygonAndItsMargin) {
   EXPECT_EQ(unknown.reachDmm(), 1000);
 }
 
+TEST(BodyMask, IsEnteredWhereARayMeetsItsNearSide) {
+  const Polygon footprint{{-0.05, -0.06}, {0.11, -0.06}, {0.11, 0.06}, {-0.05, 0.06}};
+  const BodyMask box({0.0, footprint, 0.2, 0.2}, 0.0, 0.1), disc({0.15, {}, 0.2, 0.2}, 0.0, 0.1);
+  std::mt19937 random(5);
+  std::uniform_int_distribution<std::int32_t> any(-15000, 15000);
+  std::uniform_int_distribution<std::uint32_t> turn;
+  int met = 0, grazed = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const PointDmm from{any(random), any(random)};
+    const Turn heading = turn(random);
+    const double angle = 2.0 * M_PI * heading / 4294967296.0;
+    const Eigen::Vector2d p = metres(from), along(std::cos(angle), std::sin(angle));
+    const auto firstInside = [&](const auto& isInside) {  // by steps of 0.5 mm
+      for (double t = 0.0; t < 4.5; t += 0.0005)
+        if (isInside(Eigen::Vector2d(p + t * along))) return t;
+      return -1.0;
+    };
+    const auto check = [&](const BodyMask& mask, double expected_m, const char* what) {
+      const auto entry = mask.entry(from, directionOf(heading));
+      if (expected_m < 0.0) {
+        grazed += entry ? 1 : 0;  // a corner between two steps
+        return;
+      }
+      ++met;
+      ASSERT_TRUE(entry) << what << " " << i;
+      EXPECT_NEAR(1e-4 * static_cast<double>(*entry), expected_m, 0.0012) << what << " " << i;
+    };
+    if (i % 10 != 0) continue;
+    check(box, firstInside([&](const Eigen::Vector2d& q) { return contains(footprint, q); }), "box");
+    check(disc, firstInside([](const Eigen::Vector2d& q) { return q.norm() < 0.15; }), "disc");
+  }
+  EXPECT_GT(met, 100);
+  EXPECT_LT(grazed, 5);
+}
+
 KeyframePose poseAt(TimeNs time_ns, std::int32_t x, std::int32_t theta) {
   KeyframePose pose;
   pose.robot = "r1";
