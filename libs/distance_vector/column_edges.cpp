@@ -1,0 +1,216 @@
+#include "distance_vector/column_edges.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace omnifleet::distance_vector {
+namespace {
+
+constexpr int kReach_px = 16;  // of the profile to both sides of the expected row
+constexpr int kLength = 2 * kReach_px + 1;
+constexpr float kWindow_px = 2.0f;                          // half width of the area that places the edge
+constexpr float kPlateau_px = 2.0f, kPlateauEnd_px = 4.0f;  // of the object
+constexpr float kFloor_px = 2.0f, kFloorEnd_px = 9.0f;      // of the line through the floor
+constexpr int kLeastFloor_px = 2;                           // pixels
+constexpr float kSlopePrior = 0.5f;    // grey levels per pixel: σ of the floor's slope before the fit
+constexpr float kProfileNoise = 2.0f;  // grey levels, against which the prior counts
+constexpr int kRounds = 3;
+constexpr float kNoiseSamples = 4.0f;  // weight of the pixel noise against the residuals of the floor
+constexpr float kMostMove_px = 3.0f;   // of the edge during the rounds
+constexpr int kLeastLength_px = 10;    // of a profile
+constexpr float kColourNoise = 1.5f;   // noise of one channel ÷ noise of luma
+constexpr float kNoiseGain = 3.0f;     // σ of the edge ÷ (noise ÷ contrast), of these windows
+constexpr float kLuma[3] = {0.114f, 0.587f, 0.299f};
+
+float luma(const std::uint8_t* p) {
+  return kLuma[0] * p[0] + kLuma[1] * p[1] + kLuma[2] * p[2];
+}
+
+}  // namespace
+
+/// Values along the column; index i is i − kReach_px pixels above the expected row.
+struct ColumnEdges::Profile {
+  std::array<float, kLength> value;
+  int first = 0, end = kLength;  ///< indices inside the image
+
+  float mean(float from, float to, int& n) const {
+    float sum = 0.0f;
+    n = 0;
+    const int begin = std::max(first, static_cast<int>(std::ceil(from))),
+              last = std::min(end - 1, static_cast<int>(std::floor(to)));
+    for (int i = begin; i <= last; ++i, ++n) sum += value[static_cast<std::size_t>(i)];
+    return n > 0 ? sum / static_cast<float>(n) : 0.0f;
+  }
+  float at(float i) const {
+    const float x = std::clamp(i, static_cast<float>(first), static_cast<float>(end) - 1.001f);
+    const auto k = static_cast<std::size_t>(x);
+    const float f = x - static_cast<float>(k);
+    return value[k] * (1.0f - f) + value[k + 1] * f;
+  }
+};
+
+namespace {
+
+/// A straight line through the floor below an edge: value = level + slope·(i − edge).
+struct FloorLine {
+  float level = 0.0f, slope = 0.0f;
+  float squares = 0.0f;  ///< of the residuals
+  int n = 0;
+};
+
+template <class Profile>
+FloorLine fitFloor(const Profile& profile, float edge) {
+  float n = 0, si = 0, sii = 0, sy = 0, siy = 0, syy = 0;
+  const int from = std::max(profile.first, static_cast<int>(std::ceil(edge - kFloorEnd_px))),
+            to = static_cast<int>(std::floor(edge - kFloor_px));
+  for (int i = from; i <= to; ++i) {
+    const float d = static_cast<float>(i) - edge, y = profile.value[static_cast<std::size_t>(i)];
+    n += 1.0f;
+    si += d;
+    sii += d * d;
+    sy += y;
+    siy += d * y;
+    syy += y * y;
+  }
+  FloorLine line;
+  line.n = static_cast<int>(n);
+  if (line.n < kLeastFloor_px) return line;
+  constexpr float kRidge = kProfileNoise * kProfileNoise / (kSlopePrior * kSlopePrior);
+  const float xx = sii - si * si / n, xy = siy - si * sy / n, yy = syy - sy * sy / n;
+  line.slope = xy / (xx + kRidge);
+  line.level = (sy - line.slope * si) / n;
+  line.squares = std::max(0.0f, yy - 2.0f * line.slope * xy + line.slope * line.slope * xx);
+  return line;
+}
+
+/// The nearest clear step of the profile around `expected`.
+template <class Profile>
+bool locate(const Profile& profile, float expected, float max_shift, float& edge) {
+  constexpr float kClear = 0.5f;  // of the largest step
+  const int from = std::max(profile.first + 2, static_cast<int>(expected) - 3),
+            to = std::min(profile.end - 3, static_cast<int>(expected + max_shift));
+  std::array<float, kLength> steps{};
+  float largest = 0.0f;
+  for (int i = from; i <= to; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    steps[k] =
+        std::abs(profile.value[k + 1] + profile.value[k + 2] - profile.value[k] - profile.value[k - 1]);
+    largest = std::max(largest, steps[k]);
+  }
+  for (int i = from; i <= to; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    if (steps[k] < kClear * largest || (i < to && steps[k + 1] > steps[k])) continue;
+    edge = static_cast<float>(i) + 0.5f;
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+/// @param noise σ of a value @param fixed_px σ that does not depend on the contrast
+std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, int row, float noise,
+                                                      float fixed_px) const {
+  float edge = 0.0f, contrast = 0.0f;
+  if (!locate(profile, static_cast<float>(kReach_px), static_cast<float>(options_.max_shift_px), edge))
+    return std::nullopt;
+  const float begun = edge;
+  FloorLine line;
+  for (int round = 0; round < kRounds; ++round) {
+    line = fitFloor(profile, edge);
+    int count = 0;
+    const float object = profile.mean(edge + kPlateau_px, edge + kPlateauEnd_px, count);
+    if (line.n < kLeastFloor_px || count < 2) return std::nullopt;
+    contrast = object - line.level;
+    if (std::abs(contrast) < 1.0f) return std::nullopt;
+    float outside = 0.0f;
+    int samples = 0;
+    constexpr float kStep_px = 0.25f;
+    for (float d = -kWindow_px + 0.5f * kStep_px; d < kWindow_px; d += kStep_px, ++samples) {
+      const float above = profile.at(edge + d) - line.level - line.slope * std::min(d, 0.0f);
+      outside += std::clamp(above / contrast, -0.5f, 1.5f);
+    }
+    edge += std::clamp((0.5f - outside / static_cast<float>(samples)) * 2.0f * kWindow_px, -1.5f, 1.5f);
+    if (std::abs(edge - begun) > kMostMove_px) return std::nullopt;
+  }
+  // The floor's own deviations, with the pixel noise as prior.
+  const float variance = (kNoiseSamples * noise * noise + line.squares) /
+                         (kNoiseSamples + std::max(0.0f, static_cast<float>(line.n) - 1.5f));
+  const float least = std::max(static_cast<float>(options_.min_contrast),
+                               static_cast<float>(options_.min_sigmas) * std::sqrt(variance));
+  if (std::abs(contrast) < least) return std::nullopt;
+  const float random = kNoiseGain * std::sqrt(variance) / std::abs(contrast);
+  return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px)};
+}
+
+std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, int u, int row, float noise,
+                                                   const FloorSample& floor) const {
+  Profile profile;
+  std::array<const std::uint8_t*, kLength> pixels;
+  profile.first = std::max(0, row + kReach_px - (bgr.rows - 1));
+  profile.end = std::min(kLength, row + kReach_px + 1);
+  if (profile.end - profile.first < kLeastLength_px) return std::nullopt;
+  for (int i = profile.first; i < profile.end; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    pixels[k] = bgr.ptr<std::uint8_t>(row + kReach_px - i) + 3 * u;
+    profile.value[k] = luma(pixels[k]);
+  }
+  const auto fixed_px = static_cast<float>(options_.sigma_px),
+             hue_px = static_cast<float>(options_.hue_sigma_px);
+  const std::optional<Edge> by_luma = measure(profile, row, noise, fixed_px);
+  if (by_luma && by_luma->sigma_px <= 1.5f * hue_px) return by_luma;
+
+  // The mixture of colours that separates both sides best: Σ⁻¹·(object − floor) with the covariance Σ of the
+  // floor, noise in all channels and texture along its colour.
+  cv::Vec3f below(0, 0, 0), above(0, 0, 0);
+  int n = 0, m = 0;
+  for (int i = profile.first; i < profile.end; ++i) {
+    const std::uint8_t* p = pixels[static_cast<std::size_t>(i)];
+    const cv::Vec3f colour(p[0], p[1], p[2]);
+    if (i >= kReach_px - 8 && i <= kReach_px - 3) below += colour, ++n;
+    if (i >= kReach_px + 4 && i <= kReach_px + 8) above += colour, ++m;
+  }
+  if (n < kLeastFloor_px || m < 2) return by_luma;
+  cv::Vec3f axis = above * (1.0f / static_cast<float>(m)) - below * (1.0f / static_cast<float>(n));
+  const float texture = floor.along * floor.along, pixel_noise = kColourNoise * noise;
+  axis -= floor.direction * (floor.direction.dot(axis) * texture / (texture + pixel_noise * pixel_noise));
+  const auto length = static_cast<float>(cv::norm(axis));
+  if (length < 1.0f) return by_luma;
+  axis *= 1.0f / length;
+  for (int i = profile.first; i < profile.end; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    profile.value[k] = axis[0] * pixels[k][0] + axis[1] * pixels[k][1] + axis[2] * pixels[k][2];
+  }
+  const std::optional<Edge> by_colour = measure(profile, row, pixel_noise, hue_px);
+  return by_colour && (!by_luma || by_colour->sigma_px < by_luma->sigma_px) ? by_colour : by_luma;
+}
+
+float ColumnEdges::noise(const cv::Mat& bgr, int first_row, int end_row) {
+  constexpr float kPerLevel = 2.0f;                 // bins per grey level
+  constexpr float kToSigma = 1.4826f / 2.4494897f;  // median of |a − 2b + c| → σ
+  counts_.fill(0);
+  int total = 0;
+  for (int v = std::max(1, first_row); v + 1 < std::min(end_row, bgr.rows); v += 2) {
+    const std::uint8_t *above = bgr.ptr<std::uint8_t>(v - 1), *here = bgr.ptr<std::uint8_t>(v),
+                       *below = bgr.ptr<std::uint8_t>(v + 1);
+    for (int u = 0; u < bgr.cols; u += 2) {
+      const float second = luma(above + 3 * u) - 2.0f * luma(here + 3 * u) + luma(below + 3 * u);
+      ++counts_[std::min(counts_.size() - 1, static_cast<std::size_t>(kPerLevel * std::abs(second)))];
+      ++total;
+    }
+  }
+  int seen = 0;
+  for (std::size_t bin = 0; bin < counts_.size(); ++bin) {
+    if (2 * (seen + counts_[bin]) < total || counts_[bin] == 0) {
+      seen += counts_[bin];
+      continue;
+    }
+    const float part =
+        (0.5f * static_cast<float>(total) - static_cast<float>(seen)) / static_cast<float>(counts_[bin]);
+    return std::max(0.3f, kToSigma * (static_cast<float>(bin) + part) / kPerLevel);
+  }
+  return 1.0f;
+}
+
+}  // namespace omnifleet::distance_vector

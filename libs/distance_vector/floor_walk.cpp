@@ -1,0 +1,233 @@
+#include "distance_vector/floor_walk.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace omnifleet::distance_vector {
+namespace {
+
+constexpr float kSqrt3 = 1.7320508f;                    // level (length of a BGR vector) of one grey level
+constexpr float kHueRate = 0.02f;                       // per row
+constexpr float kLevelRate = 0.2f, kSlopeRate = 0.02f;  // per row: an alpha–beta filter, critically damped
+constexpr float kLagRows = 1.0f / kLevelRate;
+constexpr float kMaxSlope = 0.03f;   // of the level, per row
+constexpr float kDrift = 2.0f;       // hue limits from the seed's hue: more is no floor, however slow
+constexpr int kBlur_px = 4;          // an edge is at most this wide (filter, JPEG's coarse chroma)
+constexpr int kReturn_px = 2;        // floor pixels that end a band
+constexpr int kHorizonSlack_px = 3;  // error of the horizon that calibration and filter may cause
+constexpr int kBottomRows = 3;
+constexpr float kBottomRate = 0.1f;                  // per column
+constexpr float kDarkest = 0.5f, kBrightest = 1.7f;  // level of the floor in one image, of the seed's level
+
+}  // namespace
+
+FloorWalk::FloorWalk(const ColumnView& view, const WalkOptions& options) : view_(&view), options_(options) {
+  const cv::Size size = view.size();
+  walkers_.resize(static_cast<std::size_t>(size.width));
+  ends_.resize(walkers_.size());
+  bottom_.resize(walkers_.size());
+  step_m_.resize(walkers_.size() * static_cast<std::size_t>(size.height));
+  for (int u = 0; u < size.width; ++u)
+    for (int v = 0; v < size.height; ++v)
+      step_m_[static_cast<std::size_t>(v * size.width + u)] = depth(u, v + 1, v);
+}
+
+float FloorWalk::depth(int u, int below, int above) const {
+  constexpr float kFar_m = 1e3f;
+  if (above <= view_->horizonRow(u)) return kFar_m;
+  const float far = view_->inverseRange(u, static_cast<float>(above));
+  const float near = view_->inverseRange(u, static_cast<float>(below));
+  return far > 0.0f ? std::min(kFar_m, 1.0f / far - 1.0f / near) : kFar_m;
+}
+
+float FloorWalk::levelTolerance(int u, int v, float level) const {
+  const float row_m = step_m_[static_cast<std::size_t>(v * view_->size().width + u)];
+  const float falloff = std::min(0.15f, static_cast<float>(options_.falloff_per_m) * kLagRows * row_m);
+  return std::max(level_limit_, static_cast<float>(options_.contrast_share) * level) + falloff * level;
+}
+
+FloorWalk::Deviation FloorWalk::compare(const Walker& w, const float* colour, float expected,
+                                        float tolerance) const {
+  const float along = colour[0] * w.hue[0] + colour[1] * w.hue[1] + colour[2] * w.hue[2];
+  const float x = colour[0] - along * w.hue[0], y = colour[1] - along * w.hue[1],
+              z = colour[2] - along * w.hue[2];
+  const float first = colour[0] * seed_[0] + colour[1] * seed_[1] + colour[2] * seed_[2];
+  const float a = colour[0] - first * seed_[0], b = colour[1] - first * seed_[1],
+              c = colour[2] - first * seed_[2];
+  const float limit = hue_limit_ * hue_limit_;
+  return {x * x + y * y + z * z > limit || a * a + b * b + c * c > kDrift * kDrift * limit,
+          std::abs(along - expected) > tolerance, along};
+}
+
+const std::vector<ColumnEnd>& FloorWalk::walk(const SmoothedImage& image, const FloorSample& floor) {
+  const cv::Size size = view_->size();
+  begin(image, floor);
+  int top = size.height;
+  for (int u = 0; u < size.width; ++u) top = std::min(top, view_->checkRow(u));
+  for (int v = size.height - 1; v >= top; --v) {
+    const std::uint16_t *b = image.row(0, v), *g = image.row(1, v), *r = image.row(2, v);
+    for (int u = 0; u < size.width; ++u) {
+      const State state = walkers_[static_cast<std::size_t>(u)].state;
+      if (state == State::kDone) continue;
+      if (v < view_->checkRow(u)) {
+        finishAtHorizon(u);
+        continue;
+      }
+      const float colour[3] = {SmoothedImage::kScale * b[u], SmoothedImage::kScale * g[u],
+                               SmoothedImage::kScale * r[u]};
+      if (state == State::kFloor)
+        stepFloor(u, v, colour);
+      else
+        stepBand(u, v, colour);
+    }
+  }
+  for (int u = 0; u < size.width; ++u)
+    if (walkers_[static_cast<std::size_t>(u)].state != State::kDone) finishAtHorizon(u);
+  return ends_;
+}
+
+/// Level of the floor at the bottom of each column, from the seed's column to both sides.
+void FloorWalk::begin(const SmoothedImage& image, const FloorSample& floor) {
+  const cv::Size size = view_->size();
+  seed_ = floor.direction;
+  hue_limit_ =
+      std::max(static_cast<float>(options_.min_chroma), static_cast<float>(options_.sigmas) * floor.across);
+  level_limit_ = std::max(kSqrt3 * static_cast<float>(options_.min_contrast),
+                          static_cast<float>(options_.sigmas) * floor.along);
+  const auto follow = [&](int from, int to, int step) {
+    float level = floor.level;
+    for (int u = from; u != to; u += step) {
+      cv::Vec3f colour(0, 0, 0);
+      for (int k = 1; k <= kBottomRows; ++k)
+        colour += image.colour(u, size.height - k) * (1.0f / kBottomRows);
+      const float along = colour.dot(seed_);
+      const bool is_floor = floor.distance(colour) < hue_limit_ && along > kDarkest * floor.level &&
+                            along < kBrightest * floor.level &&
+                            std::abs(along - level) < std::max(level_limit_, 0.15f * level);
+      if (is_floor) level += kBottomRate * (along - level);
+      beginColumn(u, is_floor ? 0.5f * (level + along) : level, floor);
+    }
+  };
+  follow(floor.column, size.width, 1);
+  follow(floor.column, -1, -1);
+}
+
+void FloorWalk::beginColumn(int u, float level, const FloorSample& floor) {
+  Walker& w = walkers_[static_cast<std::size_t>(u)];
+  w = Walker{};
+  for (int c = 0; c < 3; ++c) w.hue[c] = floor.direction[c];
+  w.level = level;
+  w.slope = 0.0f;
+  ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
+  end = ColumnEnd{};
+  end.floor = view_->size().height;
+  if (view_->limitRow(u) + options_.min_run_px >= view_->size().height) w.state = State::kDone;
+}
+
+void FloorWalk::stepFloor(int u, int v, const float* colour) {
+  Walker& w = walkers_[static_cast<std::size_t>(u)];
+  const float expected = w.level + w.slope;
+  const Deviation d = compare(w, colour, expected, levelTolerance(u, v, w.level));
+  if (d.hue || d.level) {
+    w.state = State::kBand;
+    w.begin = v;
+    w.count = w.hue_run = w.hue_count = w.floor_run = 0;
+    w.band_sum = 0.0f;
+    stepBand(u, v, colour);
+    return;
+  }
+  const float error = d.along - expected;
+  w.level = expected + kLevelRate * error;
+  w.slope = std::clamp(w.slope + kSlopeRate * error, -kMaxSlope * w.level, kMaxSlope * w.level);
+  const float rate = kHueRate / std::max(1.0f, d.along);
+  float square = 0.0f;
+  for (int c = 0; c < 3; ++c) {
+    w.hue[c] += rate * (colour[c] - d.along * w.hue[c]);
+    square += w.hue[c] * w.hue[c];
+  }
+  const float length = 1.5f - 0.5f * square;  // first order of 1/√square, which is near 1
+  for (float& c : w.hue) c *= length;
+}
+
+void FloorWalk::stepBand(int u, int v, const float* colour) {
+  Walker& w = walkers_[static_cast<std::size_t>(u)];
+  const Deviation d = compare(w, colour, w.level, 1.2f * levelTolerance(u, v, w.level));
+  ++w.count;
+  if (!d.hue && !d.level) {
+    w.hue_run = 0;
+    if (++w.floor_run >= kReturn_px) endBand(u, v + kReturn_px);
+    return;
+  }
+  w.floor_run = 0;
+  w.band_sum += d.along;
+  if (!d.hue) {
+    w.hue_run = 0;
+    return;
+  }
+  if (w.hue_run == 0) w.hue_begin = v;
+  ++w.hue_run;
+  ++w.hue_count;
+  if (w.hue_run < options_.min_run_px) return;
+  const bool from_begin = w.begin - w.hue_begin <= kBlur_px;
+  if (!(depth(u, w.begin, v) > static_cast<float>(options_.max_marking_m))) return;
+  const int before = w.count - w.hue_run;
+  const bool shadow =
+      !from_begin && before > 0 && w.hue_count - w.hue_run <= kBlur_px && w.hue_begin > view_->limitRow(u) &&
+      w.band_sum / static_cast<float>(w.count) < w.level &&
+      w.band_sum / static_cast<float>(w.count) > static_cast<float>(options_.shadow_ratio) * w.level;
+  finish(u, End::kEdge, shadow ? w.hue_begin : w.begin);
+}
+
+/// Floor follows on a band that ends below row v.
+void FloorWalk::endBand(int u, int v) {
+  Walker& w = walkers_[static_cast<std::size_t>(u)];
+  const int rows = w.begin - v + 1;
+  const float ratio = rows > 0 ? w.band_sum / (static_cast<float>(w.count - w.floor_run) * w.level) : 1.0f;
+  if (rows <= 1 || depth(u, w.begin, v) <= static_cast<float>(options_.max_marking_m)) {
+    w.state = State::kFloor;
+  } else if (3 * w.hue_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
+             ratio < static_cast<float>(options_.shadow_ratio)) {
+    finish(u, End::kEdge, w.begin);
+  } else {
+    finish(u, End::kUndecided, w.begin);
+  }
+}
+
+void FloorWalk::finish(int u, End end, int row) {
+  walkers_[static_cast<std::size_t>(u)].state = State::kDone;
+  const int bottom = view_->size().height - 1;
+  ColumnEnd& out = ends_[static_cast<std::size_t>(u)];
+  out.end = end;
+  out.row = row;
+  out.floor = row + 1;
+  if (end == End::kOutside) out.floor = bottom + 1;
+  if (row >= bottom - 1) {  // not even two rows of floor
+    out.end = End::kNear;
+    out.floor = bottom + 1;
+    return;
+  }
+  if (end != End::kEdge) return;
+  if (row < view_->horizonRow(u) - kHorizonSlack_px && view_->seesHorizon(u)) {
+    out.end = End::kUndecided;
+    out.floor = bottom + 1;
+  } else if (row < view_->limitRow(u)) {
+    out.end = End::kFloorEnd;
+    out.row = view_->limitRow(u);
+    out.floor = view_->limitRow(u);
+  }
+}
+
+void FloorWalk::finishAtHorizon(int u) {
+  const Walker& w = walkers_[static_cast<std::size_t>(u)];
+  if (w.state == State::kBand) {
+    finish(u, End::kEdge, w.begin);
+  } else if (view_->seesHorizon(u)) {
+    finish(u, End::kUndecided, view_->horizonRow(u) - kHorizonSlack_px - 1);
+    ends_[static_cast<std::size_t>(u)].floor = view_->size().height;
+  } else {
+    finish(u, End::kEdge, view_->limitRow(u) - 1);  // the image ends before the floor does
+  }
+}
+
+}  // namespace omnifleet::distance_vector

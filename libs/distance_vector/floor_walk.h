@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "distance_vector/column_view.h"
+#include "distance_vector/floor_colour.h"
+#include "distance_vector/smoothed_image.h"
+
+namespace omnifleet::distance_vector {
+
+/// What ends the floor in an image column.
+enum class End : std::uint8_t {
+  kOutside,    ///< the column sees no floor
+  kEdge,       ///< something that is no floor
+  kFloorEnd,   ///< nothing up to the farthest row that is measured
+  kUndecided,  ///< floor-like pixels beyond the horizon, or a band that is a shadow or a low object
+  kNear        ///< no floor at the bottom of the image
+};
+
+struct ColumnEnd {
+  End end = End::kOutside;
+  int row = 0;    ///< first row (upwards) that is no floor; of kFloorEnd the farthest row that is measured
+  int floor = 0;  ///< uppermost floor row, for the mask; the image height: none
+};
+
+/// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue
+/// adapts slowly, its level follows light that falls off (a level and a slope per row). A pixel deviates in
+/// hue (distance from the expected direction) or in level. A run of deviating pixels is a band:
+/// - its floor depth is at most `max_marking_m` and floor follows: a line or a seam; the walk goes on;
+/// - it deviates in hue: an object, whatever is above it;
+/// - in level alone, up to the horizon: an object;
+/// - in level alone, darker than the floor, and a deviation in hue follows: a shadow, then an object;
+/// - in level alone, and floor follows: an object if it is brighter than light_ratio or darker than
+///   shadow_ratio, otherwise undecided (a shadow, or an object lower than the camera).
+/// Floor-like pixels above the horizon are no floor, so such a column is undecided.
+class FloorWalk {
+ public:
+  FloorWalk(const ColumnView& view, const WalkOptions& options);
+
+  /// @return one entry per column, valid until the next call
+  const std::vector<ColumnEnd>& walk(const SmoothedImage& image, const FloorSample& floor);
+
+ private:
+  enum class State : std::uint8_t { kFloor, kBand, kDone };
+  struct Walker {
+    float hue[3];
+    float level, slope;     ///< expected at the next row, and its change per row
+    float band_sum = 0.0f;  ///< of the levels of the band
+    int begin = 0;          ///< first row of the band
+    int hue_begin = 0;      ///< first row of the present run of pixels that deviate in hue
+    int hue_run = 0, hue_count = 0, floor_run = 0, count = 0;
+    State state = State::kFloor;
+  };
+  struct Deviation {
+    bool hue, level;
+    float along;
+  };
+
+  void begin(const SmoothedImage& image, const FloorSample& floor);
+  void beginColumn(int u, float level, const FloorSample& floor);
+  Deviation compare(const Walker& w, const float* colour, float expected, float tolerance) const;
+  void stepFloor(int u, int v, const float* colour);
+  void stepBand(int u, int v, const float* colour);
+  void endBand(int u, int v);
+  void finish(int u, End end, int row);
+  void finishAtHorizon(int u);
+  /// Metres of floor between two rows; infinite from the horizon upwards.
+  float depth(int u, int below, int above) const;
+  float levelTolerance(int u, int v, float level) const;
+
+  const ColumnView* view_;
+  WalkOptions options_;
+  cv::Vec3f seed_{0, 0, 0};
+  float hue_limit_ = 0.0f, level_limit_ = 0.0f;
+  std::vector<Walker> walkers_;
+  std::vector<ColumnEnd> ends_;
+  std::vector<float> bottom_;
+  std::vector<float> step_m_;  ///< metres of floor per row, [v·width + u]; large at the horizon
+};
+
+}  // namespace omnifleet::distance_vector

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <string>
+
+#include "options/options.h"
+
+namespace omnifleet::distance_vector {
+
+enum class Method {
+  kProjected,  ///< each boundary pixel is projected to the floor by the calibration
+  kLiteral  ///< Ahmed et al. 2013, eq. 1–5: pixels times α(d_r); the image column is taken as the bearing
+};
+
+/// Which pixels are floor.
+struct WalkOptions {
+  double seed_rows = 0.125;      ///< share of the image height: the strip at the bottom that shows the floor
+  double min_chroma = 7.0;       ///< grey levels: least deviation across the floor's colour that is no floor
+  double min_contrast = 8.0;     ///< grey levels: least deviation in brightness that is no floor
+  double contrast_share = 0.07;  ///< of the floor's brightness: likewise. Texture of usual floors is below.
+  double sigmas = 5.0;           ///< both limits are at least this many σ of the floor's own variation
+  double falloff_per_m = 0.3;    ///< 1/m: share of the brightness that light may fall off per metre of floor
+  double shadow_ratio = 0.4;     ///< brightness of a shadow ÷ brightness of the floor beside it, at least
+  double light_ratio = 1.25;     ///< what is brighter than this ratio and of the floor's hue is an object
+  /// Metres of floor along the line of sight. A narrower band with floor behind it is a line or a seam of the
+  /// floor. So an object lower than H·w/(d + w) at distance d is overlooked (0.3 m, H = 8.5 cm: 1 cm).
+  double max_marking_m = 0.04;
+  int min_run_px = 3;        ///< pixels in a row that are no floor
+  double horizon_px = 4.0;   ///< pixels below the horizon: the farthest floor that is measured
+  double check_px = 8.0;     ///< pixels above the horizon up to which floor-like pixels are followed
+  int new_floor_frames = 5;  ///< frames of another colour until it counts as a new floor
+  static WalkOptions read(const options::Section& section);
+};
+
+/// Where the floor ends in a column.
+struct EdgeOptions {
+  double min_contrast =
+      8.0;                  ///< grey levels between floor and object in luma; below, the best colour mixture
+  double min_sigmas = 4.0;  ///< least contrast in σ of the pixel noise
+  double max_shift_px = 6.0;  ///< pixels between the first pixel that is no floor and the edge
+  double sigma_px = 0.04;     ///< pixels: σ of an edge of perfect contrast, in luma
+  double hue_sigma_px = 0.1;  ///< pixels: likewise where hue takes part, which JPEG subsamples
+  static EdgeOptions read(const options::Section& section);
+};
+
+struct LiteralOptions {
+  std::string scale_file;              ///< file that fit_scale has written; empty: the paper's polynomial
+  double metres_per_ceiling_px = 0.0;  ///< m; 0: not given (required for the literal method)
+  double field_of_view_deg = 90.0;     ///< degrees: the columns span it evenly (§2.3)
+  static LiteralOptions read(const options::Section& section);
+};
+
+struct Options {
+  Method method = Method::kProjected;
+  int bearings = 1440;          ///< over the full turn
+  double max_range_m = 20.0;    ///< metres from the camera's foot; floor beyond is not measured
+  double jump_px = 2.0;         ///< pixels: larger steps between columns are silhouettes
+  int jump_columns = 1;         ///< columns on both sides of a silhouette without an edge (mixed pixels)
+  double outlier_sigmas = 5.0;  ///< a column that deviates more from both neighbouring sides has no edge
+  WalkOptions walk;
+  EdgeOptions edge;
+  LiteralOptions literal;
+  /// Keys: method (projected, literal), bearings, max_range_m, jump_px, jump_columns, outlier_sigmas and the
+  /// sections walk, edge, literal.
+  static Options read(const options::Section& section);
+};
+
+}  // namespace omnifleet::distance_vector
