@@ -106,12 +106,15 @@ const std::vector<Blob>& BlobFinder::find(const cv::Mat& bgr, const ColourTable&
     const int first = root(static_cast<int>(i));
     if (first == static_cast<int>(i)) {
       run.blob = static_cast<int>(all_.size());
-      all_.push_back({run.colour, 0, run.begin, run.row, run.end - 1, run.row});
+      all_.push_back({run.colour, 0, run.begin, run.row, run.end - 1, run.row, 0.0, 0.0});
     } else {
       run.blob = runs_[static_cast<std::size_t>(first)].blob;
     }
     Blob& blob = all_[static_cast<std::size_t>(run.blob)];
-    blob.area_px += run.end - run.begin;
+    const int length = run.end - run.begin;
+    blob.area_px += length;
+    blob.sum_x += 0.5 * length * (run.begin + run.end - 1);
+    blob.sum_y += 1.0 * length * run.row;
     blob.left = std::min(blob.left, run.begin);
     blob.right = std::max(blob.right, run.end - 1);
     blob.bottom = run.row;

@@ -20,6 +20,10 @@ struct Blob {
   std::uint8_t colour = 0;
   int area_px = 0;
   int left = 0, top = 0, right = 0, bottom = 0;  ///< inclusive
+  double sum_x = 0.0, sum_y = 0.0;               ///< sums of the pixels' coordinates
+
+  double x() const { return sum_x / area_px; }  ///< of the centroid
+  double y() const { return sum_y / area_px; }
 };
 
 /// Run-length labelling with union–find; buffers are reused between images.

@@ -13,6 +13,10 @@ Eigen::Vector3d chroma(const Eigen::Vector3d& rgb) {
 
 }  // namespace
 
+double chromaDistance(const dataset::Rgb& a, const dataset::Rgb& b) {
+  return (chroma({1.0 * a[0], 1.0 * a[1], 1.0 * a[2]}) - chroma({1.0 * b[0], 1.0 * b[1], 1.0 * b[2]})).norm();
+}
+
 ColourTable::ColourTable(const std::vector<dataset::Rgb>& colours, const ColourOptions& options)
     : colours_(colours.size()) {
   std::vector<Eigen::Vector3d> wanted;

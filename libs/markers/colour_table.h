@@ -14,6 +14,9 @@ struct ColourOptions {
   double min_saturation;    ///< 1 − min/max
 };
 
+/// Distance of two colours after the division by their brightest channels.
+double chromaDistance(const dataset::Rgb& a, const dataset::Rgb& b);
+
 /// Class of a pixel by its chroma, normalised by the brightest channel so that it does not depend on
 /// illumination. A table with 32 steps per channel (32 KB, fits the cache). Class 0 is none, class i + 1 is
 /// the i-th colour. The nearest colour within the tolerance is used.
