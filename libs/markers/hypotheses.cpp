@@ -11,8 +11,9 @@ constexpr double kLeastCutArea = 0.25;  // share of a component; a smaller visib
 constexpr double kCentroid_px = 0.5;    // error of a centroid: noise and mixed colours at the edges of a blob
 constexpr double kLeastLever = 0.15;    // distance of two components ÷ size of the marker; a shorter line between
                                         // them gives no heading
-constexpr double kLeastVote = 0.5;      // share of points with the right class
-constexpr double kVoteMargin = 0.25;    // a hypothesis with less than the best of its place minus this is wrong
+constexpr double kLeastVote = 0.35;     // mean similarity of the colours
+constexpr double kVoteMargin = 0.2;     // a hypothesis with less than the best of its place minus this is wrong
+constexpr std::size_t kMostPerObject = 6;  // hypotheses of an object that are fitted
 constexpr double kSameTurn = 0.5;       // rad
 
 }  // namespace
@@ -75,27 +76,80 @@ void HypothesisFinder::pair(const cv::Mat& bgr, std::size_t pattern, const Compo
   }
 }
 
-double HypothesisFinder::vote(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base) const {
-  const auto pixelOf = [&](const Eigen::Vector2d& in_base) {
-    const Eigen::Vector2d p = map_from_base * in_base;
-    return camera_.pixelFromPoint({p.x(), p.y(), height_m_});
-  };
-  const Rectangle& bounds = layout_.bounds();
-  const auto middle = pixelOf(bounds.centre_m),
-             ahead = pixelOf(bounds.centre_m + Eigen::Vector2d(bounds.half_m.x(), 0)),
-             left = pixelOf(bounds.centre_m + Eigen::Vector2d(0, bounds.half_m.y()));
-  if (!middle || !ahead || !left) return 0.0;
-  Eigen::Matrix2d scale;
-  scale << (*ahead - *middle) / bounds.half_m.x(), (*left - *middle) / bounds.half_m.y();
-  std::size_t inside = 0, right = 0;
+/// Pixel of a point and the motion in the image per metre on the plane.
+bool HypothesisFinder::localScale(const Eigen::Vector2d& centre_m, Eigen::Vector2d& pixel,
+                                  Eigen::Matrix2d& px_per_m) const {
+  const double reach_m = layout_.bounds().half_m.minCoeff();
+  const auto middle = camera_.pixelFromPoint({centre_m.x(), centre_m.y(), height_m_}),
+             right = camera_.pixelFromPoint({centre_m.x() + reach_m, centre_m.y(), height_m_}),
+             up = camera_.pixelFromPoint({centre_m.x(), centre_m.y() + reach_m, height_m_});
+  if (!middle || !right || !up) return false;
+  pixel = *middle;
+  px_per_m << (*right - *middle) / reach_m, (*up - *middle) / reach_m;
+  return true;
+}
+
+/// px_per_m: of base_link.
+double HypothesisFinder::voteAt(const cv::Mat& bgr, const Pattern& pattern, const Eigen::Vector2d& middle_px,
+                                const Eigen::Matrix2d& px_per_m) const {
+  std::size_t inside = 0;
+  float sum = 0.0F;
   for (const LabelledPoint& point : pattern.points) {
-    const Eigen::Vector2d p = *middle + scale * (point.place_m - bounds.centre_m);
+    const Eigen::Vector2d p = middle_px + px_per_m * (point.place_m - layout_.bounds().centre_m);
     const int x = cvRound(p.x()), y = cvRound(p.y());
     if (x < 0 || y < 0 || x >= bgr.cols || y >= bgr.rows) continue;
     ++inside;
-    right += table_.classOf(bgr.ptr<std::uint8_t>(y) + 3 * x) == point.colour ? 1 : 0;
+    sum += table_.similarity(bgr.ptr<std::uint8_t>(y) + 3 * x, point.colour);
   }
-  return 3 * inside < pattern.points.size() ? 0.0 : static_cast<double>(right) / static_cast<double>(inside);
+  return 3 * inside < pattern.points.size() ? 0.0 : sum / static_cast<double>(inside);
+}
+
+double HypothesisFinder::vote(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base) const {
+  Eigen::Vector2d pixel;
+  Eigen::Matrix2d px_per_m;
+  if (!localScale(map_from_base * layout_.bounds().centre_m, pixel, px_per_m)) return 0.0;
+  return voteAt(bgr, pattern, pixel, px_per_m * map_from_base.rotation());
+}
+
+std::optional<Eigen::Vector2d> HypothesisFinder::placeOf(const Blob& object) const {
+  return camera_.planeFromPixel({object.x(), object.y()}, height_m_);
+}
+
+const std::vector<Hypothesis>& HypothesisFinder::findInObject(const cv::Mat& bgr, const Blob& object) {
+  all_.clear();
+  kept_.clear();
+  const auto centre = placeOf(object);
+  Eigen::Vector2d pixel;
+  Eigen::Matrix2d px_per_m;
+  if (!centre || !localScale(*centre, pixel, px_per_m)) return kept_;
+  const double pixels = layout_.area() * std::abs(px_per_m.determinant());
+  if (object.area_px < options_.min_area_ratio * pixels || object.area_px > options_.max_area_ratio * pixels)
+    return kept_;
+  const Eigen::Matrix2d m_per_px = px_per_m.inverse();
+  const double px_of_half = layout_.bounds().half_m.norm() * std::sqrt(std::abs(px_per_m.determinant()));
+  // A turn by one step moves the corners by about 1.5 pixels.
+  const int headings = std::max(12, static_cast<int>(std::ceil(2.0 * M_PI * px_of_half / 1.5)));
+  for (int k = 0; k < headings; ++k) {
+    const double theta = 2.0 * M_PI * k / headings;
+    const Eigen::Matrix2d turn = Eigen::Rotation2Dd(theta).toRotationMatrix();
+    for (std::size_t p = 0; p < layout_.patterns().size(); ++p) {
+      Hypothesis best{p, {}, 1.5, 0.0};
+      for (const int dy : {-1, 0, 1}) {
+        for (const int dx : {-1, 0, 1}) {
+          const Eigen::Vector2d shift(1.5 * dx, 1.5 * dy);
+          const double vote = voteAt(bgr, layout_.patterns()[p], pixel + shift, px_per_m * turn);
+          if (vote <= best.vote) continue;
+          const Eigen::Vector2d origin = *centre + m_per_px * shift - turn * layout_.bounds().centre_m;
+          best.vote = vote;
+          best.map_from_base = {origin.x(), origin.y(), wrapAngle(theta)};
+        }
+      }
+      if (best.vote >= kLeastVote) all_.push_back(best);
+    }
+  }
+  thinOut();
+  if (kept_.size() > kMostPerObject) kept_.resize(kMostPerObject);
+  return kept_;
 }
 
 /// Keeps the best of equal hypotheses, and of those at one place only the ones that are about as good.
@@ -109,7 +163,7 @@ void HypothesisFinder::thinOut() {
       const double distance = (k.map_from_base.translation() - h.map_from_base.translation()).norm();
       const double turn = std::abs(wrapAngle(k.map_from_base.theta_rad - h.map_from_base.theta_rad));
       const bool same = distance < near_m && k.pattern == h.pattern && turn < kSameTurn;
-      return same || (distance < 2.0 * near_m && h.vote < k.vote - kVoteMargin);
+      return same || (distance < 3.0 * near_m && h.vote < k.vote - kVoteMargin);
     });
     if (!worse) kept_.push_back(h);
   }

@@ -17,7 +17,7 @@ struct Hypothesis {
   std::size_t pattern = 0;
   Pose2 map_from_base;
   double error_px = 0.0;  ///< about how far the pose is wrong
-  double vote = 0.0;      ///< share of the marker's points that have the right class in the image
+  double vote = 0.0;      ///< mean similarity of the image's colours at the marker's points
 };
 
 /// Finds possible robots: two blobs with the classes, the distance and about the areas of two components of a
@@ -28,10 +28,16 @@ class HypothesisFinder {
   HypothesisFinder(const lens::Camera& camera, double height_m, const Layout& layout, const ColourTable& table,
                    const FinderOptions& options);
 
-  /// Best vote first.
+  /// Hypotheses from pairs of blobs, best vote first.
   const std::vector<Hypothesis>& find(const cv::Mat& bgr, const std::vector<Blob>& blobs);
 
-  /// Share of the marker's points inside the image that have the right class; 0 if less than a third is inside.
+  /// Hypotheses for one object that has about the area of a marker, all headings and robots. For markers so
+  /// small or blurred that their regions show mixed colours and form no blobs. Best vote first.
+  const std::vector<Hypothesis>& findInObject(const cv::Mat& bgr, const Blob& object);
+  /// Position of an object on the plane of the markers, map.
+  std::optional<Eigen::Vector2d> placeOf(const Blob& object) const;
+
+  /// Mean similarity of the colours at the marker's points inside the image; 0 if less than a third is inside.
   double vote(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base) const;
 
  private:
@@ -47,6 +53,9 @@ class HypothesisFinder {
   bool plausible(const Area& area, const Component& component) const;
   void pair(const cv::Mat& bgr, std::size_t pattern, const Component& a, const Component& b);
   void thinOut();
+  bool localScale(const Eigen::Vector2d& centre_m, Eigen::Vector2d& pixel, Eigen::Matrix2d& px_per_m) const;
+  double voteAt(const cv::Mat& bgr, const Pattern& pattern, const Eigen::Vector2d& middle_px,
+                const Eigen::Matrix2d& px_per_m) const;
 
   const lens::Camera& camera_;
   double height_m_;

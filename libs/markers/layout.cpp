@@ -72,8 +72,17 @@ Layout::Layout(const dataset::MarkerSet& markers, const ColourOptions& options) 
       pattern.colours.push_back(classOf(colour.rgb));
     }
     describe(pattern);
+    for (std::size_t i = 0; i < pattern.colours.size(); ++i)
+      for (std::size_t k = 0; k < i; ++k)
+        if (pattern.colours[i] != pattern.colours[k])
+          touching_.push_back({pattern.colours[i] - 1U, pattern.colours[k] - 1U});
     patterns_.push_back(std::move(pattern));
   }
+  Pattern silhouette;
+  silhouette.colours.assign(rectangles_.size(), 1);
+  const std::vector<Component> parts = componentsOf(silhouette);
+  connected_ = parts.size() == 1;
+  for (const Component& part : parts) area_m2_ += part.area_m2;
   checkDistinct();
 }
 
@@ -95,30 +104,36 @@ std::uint8_t Layout::labelAt(const Pattern& pattern, const Eigen::Vector2d& plac
   return 0;
 }
 
-/// Finds components and labelled points on a grid over the marker.
 void Layout::describe(Pattern& pattern) const {
+  pattern.components = componentsOf(pattern);
   const Eigen::Vector2d step = 2.0 * bounds_.half_m / kGrid, low = bounds_.centre_m - bounds_.half_m;
-  std::array<std::array<std::uint8_t, kGrid>, kGrid> labels{};
+  for (int i = kEachPoint / 2; i < kGrid; i += kEachPoint) {
+    for (int j = kEachPoint / 2; j < kGrid; j += kEachPoint) {
+      const Eigen::Vector2d place = low + Eigen::Vector2d(i + 0.5, j + 0.5).cwiseProduct(step);
+      const std::uint8_t colour = labelAt(pattern, place);
+      bool inside = colour != 0;
+      for (const int di : {-1, 0, 1})
+        for (const int dj : {-1, 0, 1})
+          inside = inside &&
+                   labelAt(pattern, place + 0.5 * kEachPoint * Eigen::Vector2d(di, dj).cwiseProduct(step)) == colour;
+      if (inside) pattern.points.push_back({place, colour});
+    }
+  }
+}
+
+/// Connected areas of one colour, on a grid over the marker.
+std::vector<Component> Layout::componentsOf(const Pattern& pattern) const {
+  const Eigen::Vector2d step = 2.0 * bounds_.half_m / kGrid, low = bounds_.centre_m - bounds_.half_m;
   const auto placeOf = [&](int i, int j) {
     return Eigen::Vector2d(low + Eigen::Vector2d(i + 0.5, j + 0.5).cwiseProduct(step));
   };
+  std::array<std::array<std::uint8_t, kGrid>, kGrid> labels{};
   const auto at = [&](int i, int j) -> std::uint8_t& {
     return labels[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   };
   for (int i = 0; i < kGrid; ++i)
     for (int j = 0; j < kGrid; ++j) at(i, j) = labelAt(pattern, placeOf(i, j));
-
-  for (int i = kEachPoint / 2; i < kGrid; i += kEachPoint) {
-    for (int j = kEachPoint / 2; j < kGrid; j += kEachPoint) {
-      bool inside = at(i, j) != 0;
-      for (int di = -kEachPoint / 2; di <= kEachPoint / 2; ++di)
-        for (int dj = -kEachPoint / 2; dj <= kEachPoint / 2; ++dj) {
-          const int k = i + di, l = j + dj;
-          inside = inside && k >= 0 && l >= 0 && k < kGrid && l < kGrid && at(k, l) == at(i, j);
-        }
-      if (inside) pattern.points.push_back({placeOf(i, j), at(i, j)});
-    }
-  }
+  std::vector<Component> components;
   std::vector<std::pair<int, int>> open;
   for (int i = 0; i < kGrid; ++i) {
     for (int j = 0; j < kGrid; ++j) {
@@ -140,9 +155,10 @@ void Layout::describe(Pattern& pattern) const {
           open.emplace_back(m, n);
         }
       }
-      pattern.components.push_back({colour, sum / count, count * step.prod()});
+      components.push_back({colour, sum / count, count * step.prod()});
     }
   }
+  return components;
 }
 
 /// Share of the marker's area on which two patterns differ when b is turned about the middle of the marker.

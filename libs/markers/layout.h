@@ -51,6 +51,11 @@ class Layout {
   const std::vector<Rectangle>& rectangles() const { return rectangles_; }
   const std::vector<dataset::Rgb>& colours() const { return colours_; }  ///< colour of class i + 1
   const std::vector<Pattern>& patterns() const { return patterns_; }     ///< ordered by robot
+  /// Pairs of colours on one marker.
+  const std::vector<ColourPair>& touching() const { return touching_; }
+  /// Whether the rectangles form one connected area.
+  bool isConnected() const { return connected_; }
+  double area() const { return area_m2_; }  ///< m², of all rectangles together
   const Rectangle& bounds() const { return bounds_; }
   /// m, from base_link to the farthest corner.
   double reach() const { return bounds_.centre_m.norm() + bounds_.half_m.norm(); }
@@ -59,6 +64,7 @@ class Layout {
   std::uint8_t classOf(const dataset::Rgb& rgb);
   std::uint8_t labelAt(const Pattern& pattern, const Eigen::Vector2d& place_m) const;
   void describe(Pattern& pattern) const;
+  std::vector<Component> componentsOf(const Pattern& pattern) const;
   double difference(const Pattern& a, const Pattern& b, int quarter_turns) const;
   void checkDistinct() const;
 
@@ -66,7 +72,10 @@ class Layout {
   std::vector<Rectangle> rectangles_;
   std::vector<dataset::Rgb> colours_;
   std::vector<Pattern> patterns_;
+  std::vector<ColourPair> touching_;
   Rectangle bounds_;
+  bool connected_ = false;
+  double area_m2_ = 0.0;
 };
 
 }  // namespace omnifleet::markers

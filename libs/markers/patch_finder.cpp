@@ -34,7 +34,7 @@ class TemplateFinder final : public MarkerFinder {
         options_(options),
         height_m_(markers.height_m),
         layout_(markers, coloursOf(options)),
-        table_(layout_.colours(), coloursOf(options)),
+        table_(layout_.colours(), coloursOf(options), layout_.touching()),
         hypotheses_(camera_, height_m_, layout_, table_, options),
         fit_(camera_, height_m_, layout_, table_, {options.pixel_sigma_px, options.scale_sigma}) {
     if (!(markers.height_m < camera.height())) {
@@ -77,6 +77,7 @@ class TemplateFinder final : public MarkerFinder {
   bool windowsAround(cv::Size image);
   bool search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows);
   std::optional<Candidate> examine(const cv::Mat& bgr, const Hypothesis& hypothesis);
+  void examineObjects(const cv::Mat& bgr);
   bool isMarker(const Fit& fit, const Pattern& pattern) const;
   bool hasColour(const FittedRegion& region, std::uint8_t colour) const;
   bool overlap(const Candidate& a, const Candidate& b) const;
@@ -132,6 +133,7 @@ bool TemplateFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<c
   candidates_.clear();
   for (const Hypothesis& hypothesis : hypotheses_.find(bgr, blobs_.find(bgr, table_, kLeastArea_px, windows)))
     if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+  if (layout_.isConnected()) examineObjects(bgr);
   rejectOverlapping();
   chooseOnePerRobot(time);
   return std::all_of(trails_.begin(), trails_.end(), [&](const auto& trail) {
@@ -146,6 +148,7 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
                                                                  const Hypothesis& hypothesis) {
   const Pattern& pattern = layout_.patterns()[hypothesis.pattern];
   const auto fit = fit_.fit(bgr, pattern, hypothesis.map_from_base, hypothesis.error_px);
+  if(getenv("DBG")){ auto q=camera_.pixelFromPoint({hypothesis.map_from_base.x_m,hypothesis.map_from_base.y_m,height_m_}); printf("    %s vote %.2f at %.0f %.0f: ",pattern.robot.c_str(),hypothesis.vote,q->x(),q->y()); if(!fit)printf("diverged\n"); else {printf("rms %.3f misfit %.3f outline %.2f scale %.3f±%.3f blur %.2f %.2f %s",fit->rms,fit->misfit,fit->outline,fit->scale,fit->scale_sigma,fit->luma_blur_px,fit->chroma_blur_px,isMarker(*fit,pattern)?"OK":"no"); for(size_t i=0;i<fit->regions.size();++i)printf(" [%.0f %.0f %.0f v%.2f %s]",fit->regions[i].bgr[2],fit->regions[i].bgr[1],fit->regions[i].bgr[0],fit->regions[i].visible,hasColour(fit->regions[i],pattern.colours[i])?"":"COL"); printf("\n");}} //DBG
   if (!fit || !isMarker(*fit, pattern)) return std::nullopt;
   Candidate candidate;
   candidate.pattern = hypothesis.pattern;
@@ -162,6 +165,22 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
   d.team_px = pixelOf(rectangles[rectangles.size() - 2]);
   d.individual_px = pixelOf(rectangles.back());
   return candidate;
+}
+
+/// Searches markers in the objects that contain no candidate yet.
+void TemplateFinder::examineObjects(const cv::Mat& bgr) {
+  constexpr int kLeastObject_px = 20;
+  const std::size_t known = candidates_.size();
+  for (const Blob& object : blobs_.objects(kLeastObject_px)) {
+    const auto place = hypotheses_.placeOf(object);
+    if (!place) continue;
+    const bool explained = std::any_of(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(known), [&](const Candidate& c) {
+      return layout_.bounds().contains(c.detection.map_from_base.inverse() * *place);
+    });
+    if (explained) continue;
+    for (const Hypothesis& hypothesis : hypotheses_.findInObject(bgr, object))
+      if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+  }
 }
 
 bool TemplateFinder::isMarker(const Fit& fit, const Pattern& pattern) const {

@@ -247,24 +247,28 @@ Fit TemplateFit::judge(const Pose2& start, const State& state) const {
   double sum = 0.0, fitting = 0.0, misfits = 0.0, outline = 0.0, seen = 0.0;
   fit.regions.resize(static_cast<std::size_t>(model_.regions()));
   for (Eigen::Index i = 0; i < count_; ++i) {
+    double covered = 0.0;
+    Eigen::Vector3d own(0.0, 0.0, 0.0);
+    for (std::size_t r = 0; r < fit.regions.size(); ++r) {
+      const double share = luma_.value(i, static_cast<Eigen::Index>(r));
+      covered += share;
+      own += share * state.colours[r];
+      if (squares[i] <= limit) fit.regions[r].visible += share;
+    }
+    if (covered < 0.25) continue;
+    if (covered < 0.75) {
+      outline += 1.0;
+      const Eigen::Vector3d around = pixels_.surround().row(i).matrix().transpose().cast<double>();
+      seen += (own / covered - around).norm() > kLeastContrast ? 1.0 : 0.0;
+    }
+    // Pixels that show mainly surroundings do not speak against the marker.
+    if (covered < 0.5) continue;
     if (squares[i] > limit) {
       misfits += 1.0;
       continue;
     }
     sum += squares[i];
     fitting += 1.0;
-    double covered = 0.0;
-    Eigen::Vector3d own(0.0, 0.0, 0.0);
-    for (std::size_t r = 0; r < fit.regions.size(); ++r) {
-      const double share = luma_.value(i, static_cast<Eigen::Index>(r));
-      fit.regions[r].visible += share;
-      covered += share;
-      own += share * state.colours[r];
-    }
-    if (covered < 0.25 || covered > 0.75) continue;
-    outline += 1.0;
-    const Eigen::Vector3d around = pixels_.surround().row(i).matrix().transpose().cast<double>();
-    seen += (own / covered - around).norm() > kLeastContrast ? 1.0 : 0.0;
   }
   const double pixel_m2 = fit.metres_per_px * fit.metres_per_px;
   for (std::size_t r = 0; r < fit.regions.size(); ++r) {
