@@ -2,33 +2,41 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "markers/blobs.h"
 #include "markers/colour_table.h"
-#include "markers/pairing.h"
-#include "markers/rectangle_fit.h"
-#include "markers/sub_pixel.h"
+#include "markers/hypotheses.h"
+#include "markers/layout.h"
+#include "markers/template_fit.h"
 
 namespace omnifleet::markers {
 namespace {
 
 constexpr TimeNs kMemory_ns = 500000000;  // how long the last position of a robot is used to detect jumps
+constexpr double kLeastOutline = 0.6;     // share of the outline that must have contrast
+constexpr double kLeastRegion = 0.3;      // share of each region that must be visible: it identifies the robot
+constexpr double kFittedTolerance = 1.5;  // chroma tolerance of a fitted colour ÷ that of a pixel
+constexpr double kOverlap = 0.25;         // share of one marker inside another one: only one can be right
+// A second interpretation of the same pixels is rejected if its score is greater by this factor and offset.
+constexpr double kScoreFactor = 1.25, kScoreOffset = 0.01;
 
-class PatchFinder final : public MarkerFinder {
+ColourOptions coloursOf(const FinderOptions& options) {
+  return {options.chroma_tolerance, options.min_brightness, options.min_saturation};
+}
+
+class TemplateFinder final : public MarkerFinder {
  public:
-  PatchFinder(const lens::Camera& camera, const dataset::MarkerSet& markers, const FinderOptions& options)
+  TemplateFinder(const lens::Camera& camera, const dataset::MarkerSet& markers, const FinderOptions& options)
       : camera_(camera),
         options_(options),
         height_m_(markers.height_m),
-        pairs_(markers, options),
-        fit_(markers, options),
-        reach_m_(std::max(markers.team_offset_m.norm(), markers.individual_offset_m.norm()) +
-                 0.5 * markers.patch_size_m.norm()),
-        robots_(markers.robots.size()),
-        table_(pairs_.colours(), {options.chroma_tolerance, options.min_brightness, options.min_saturation}) {
+        layout_(markers, coloursOf(options)),
+        table_(layout_.colours(), coloursOf(options), layout_.touching()),
+        hypotheses_(camera_, height_m_, layout_, table_, options),
+        fit_(camera_, height_m_, layout_, table_, {options.pixel_sigma_px, options.scale_sigma}) {
     if (!(markers.height_m < camera.height())) {
       throw options::Error("markers: height_m: must be below the ceiling camera");
     }
@@ -45,11 +53,14 @@ class PatchFinder final : public MarkerFinder {
         !search(bgr, time, windows_)) {
       windows_.assign(1, cv::Rect({0, 0}, bgr.size()));
       search(bgr, time, windows_);
+      conflicts_ = contested_;
       since_search_ = 0;
     }
     report(time);
     return detections_;
   }
+
+  const std::vector<Conflict>& conflicts() const override { return conflicts_; }
 
  private:
   struct Trail {
@@ -57,38 +68,47 @@ class PatchFinder final : public MarkerFinder {
     TimeNs time_ns = 0;
     int seen = 0;  ///< consecutive frames with a detection
   };
+  struct Candidate {
+    std::size_t pattern = 0;
+    Detection detection;
+    bool rejected = false;
+  };
 
   bool windowsAround(cv::Size image);
   bool search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows);
-  void collectPatches(const cv::Mat& bgr, const std::vector<cv::Rect>& windows);
-  void preferContinuity(TimeNs time);
-  void choose();
+  std::optional<Candidate> examine(const cv::Mat& bgr, const Hypothesis& hypothesis);
+  void examineObjects(const cv::Mat& bgr);
+  bool isMarker(const Fit& fit, const Pattern& pattern) const;
+  bool hasColour(const FittedRegion& region, std::uint8_t colour) const;
+  bool overlap(const Candidate& a, const Candidate& b) const;
+  void rejectOverlapping();
+  void chooseOnePerRobot(TimeNs time);
+  const Candidate* continuous(const std::vector<const Candidate*>& of_robot, TimeNs time) const;
   void report(TimeNs time);
   bool confirmed(const Detection& detection, TimeNs time);
 
   lens::Camera camera_;
   FinderOptions options_;
   double height_m_;
-  PatchPairs pairs_;
-  RectangleFit fit_;
-  double reach_m_;      ///< m, from base_link to the farthest corner of a patch
-  std::size_t robots_;  ///< number of robots in the marker set
+  Layout layout_;
   ColourTable table_;
   BlobFinder blobs_;
+  HypothesisFinder hypotheses_;
+  TemplateFit fit_;
   int since_search_ = 1 << 20;  ///< frames since the last search of the whole image
   std::vector<cv::Rect> windows_;
-  std::vector<Patch> patches_;
-  std::vector<Pair> candidates_;
+  std::vector<Candidate> candidates_;
   std::vector<Detection> detections_;
+  std::vector<Conflict> contested_, conflicts_;  ///< of the last search, of the last search of the whole image
   std::map<std::string, Trail> trails_;
   TimeNs last_ns_ = 0;  ///< time of the previous frame
 };
 
 /// Sets the windows that can contain the robots. False unless all robots were found in the last frame.
-bool PatchFinder::windowsAround(cv::Size image) {
-  constexpr int kMargin_px = 8;  // margin around a patch for sub-pixel refinement
+bool TemplateFinder::windowsAround(cv::Size image) {
+  constexpr int kMargin_px = 8;  // margin around a marker for the fit
   windows_.clear();
-  const double reach = reach_m_ + options_.window_m;
+  const double reach = layout_.reach() + options_.window_m;
   for (const auto& [robot, trail] : trails_) {
     if (trail.time_ns != last_ns_) continue;
     cv::Rect window;
@@ -104,15 +124,18 @@ bool PatchFinder::windowsAround(cv::Size image) {
     }
     windows_.push_back(window & cv::Rect({0, 0}, image));
   }
-  return windows_.size() == robots_ && robots_ > 0;
+  return !windows_.empty() && windows_.size() == layout_.patterns().size();
 }
 
 /// Detects robots in the windows. False if a robot found in the last frame is missing.
-bool PatchFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows) {
-  collectPatches(bgr, windows);
-  pairs_.find(patches_, candidates_);
-  preferContinuity(time);
-  choose();
+bool TemplateFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows) {
+  constexpr int kLeastArea_px = 6;
+  candidates_.clear();
+  for (const Hypothesis& hypothesis : hypotheses_.find(bgr, blobs_.find(bgr, table_, kLeastArea_px, windows)))
+    if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+  if (layout_.isConnected()) examineObjects(bgr);
+  rejectOverlapping();
+  chooseOnePerRobot(time);
   return std::all_of(trails_.begin(), trails_.end(), [&](const auto& trail) {
     return trail.second.time_ns != last_ns_ ||
            std::any_of(detections_.begin(), detections_.end(),
@@ -120,33 +143,143 @@ bool PatchFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::
   });
 }
 
-void PatchFinder::collectPatches(const cv::Mat& bgr, const std::vector<cv::Rect>& windows) {
-  constexpr int kLeastArea_px = 6;
-  patches_.clear();
-  const int right = bgr.cols - 1 - options_.border_px, bottom = bgr.rows - 1 - options_.border_px;
-  for (const Blob& blob : blobs_.find(bgr, table_, kLeastArea_px, windows)) {
-    auto patch = refine(bgr, table_, blob, camera_, height_m_);
-    if (!patch) continue;
-    patch->cut = blob.left < options_.border_px || blob.top < options_.border_px || blob.right > right ||
-                 blob.bottom > bottom;
-    patches_.push_back(std::move(*patch));
+/// Fits the marker of a hypothesis. Empty if the image shows another object.
+std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& bgr,
+                                                                 const Hypothesis& hypothesis) {
+  const Pattern& pattern = layout_.patterns()[hypothesis.pattern];
+  const auto fit = fit_.fit(bgr, pattern, hypothesis.map_from_base, hypothesis.error_px);
+  if(getenv("DBG")){ auto q=camera_.pixelFromPoint({hypothesis.map_from_base.x_m,hypothesis.map_from_base.y_m,height_m_}); printf("    %s vote %.2f at %.0f %.0f: ",pattern.robot.c_str(),hypothesis.vote,q->x(),q->y()); if(!fit)printf("diverged\n"); else {printf("rms %.3f misfit %.3f outline %.2f scale %.3f±%.3f blur %.2f %.2f %s",fit->rms,fit->misfit,fit->outline,fit->scale,fit->scale_sigma,fit->luma_blur_px,fit->chroma_blur_px,isMarker(*fit,pattern)?"OK":"no"); for(size_t i=0;i<fit->regions.size();++i)printf(" [%.0f %.0f %.0f v%.2f %s]",fit->regions[i].bgr[2],fit->regions[i].bgr[1],fit->regions[i].bgr[0],fit->regions[i].visible,hasColour(fit->regions[i],pattern.colours[i])?"":"COL"); printf("\n");}} //DBG
+  if (!fit || !isMarker(*fit, pattern)) return std::nullopt;
+  Candidate candidate;
+  candidate.pattern = hypothesis.pattern;
+  Detection& d = candidate.detection;
+  d.robot = pattern.robot;
+  d.map_from_base = fit->map_from_base;
+  d.covariance = fit->covariance;
+  d.score = fit->rms + fit->misfit;
+  const auto pixelOf = [&](const Rectangle& rectangle) {
+    const Eigen::Vector2d p = d.map_from_base * rectangle.centre_m;
+    return camera_.pixelFromPoint({p.x(), p.y(), height_m_}).value_or(Eigen::Vector2d(-1, -1));
+  };
+  const auto& rectangles = layout_.rectangles();
+  d.team_px = pixelOf(rectangles[rectangles.size() - 2]);
+  d.individual_px = pixelOf(rectangles.back());
+  return candidate;
+}
+
+/// Searches markers in the objects that contain no candidate yet.
+void TemplateFinder::examineObjects(const cv::Mat& bgr) {
+  constexpr int kLeastObject_px = 20;
+  const std::size_t known = candidates_.size();
+  for (const Blob& object : blobs_.objects(kLeastObject_px)) {
+    const auto place = hypotheses_.placeOf(object);
+    if (!place) continue;
+    const bool explained = std::any_of(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(known), [&](const Candidate& c) {
+      return layout_.bounds().contains(c.detection.map_from_base.inverse() * *place);
+    });
+    if (explained) continue;
+    for (const Hypothesis& hypothesis : hypotheses_.findInObject(bgr, object))
+      if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
   }
 }
 
-/// Prefers a pair near the last position of its robot over an equal one elsewhere.
-void PatchFinder::preferContinuity(TimeNs time) {
-  for (Pair& pair : candidates_) {
-    const auto trail = trails_.find(pair.detection.robot);
-    if (trail == trails_.end() || time - trail->second.time_ns > kMemory_ns) continue;
+bool TemplateFinder::isMarker(const Fit& fit, const Pattern& pattern) const {
+  if (fit.rms > options_.max_fit_rms || fit.misfit > options_.max_misfit || fit.outline < kLeastOutline)
+    return false;
+  if (std::abs(fit.scale - 1.0) > options_.max_scale_error + 2.0 * fit.scale_sigma) return false;
+  for (std::size_t i = 0; i < fit.regions.size(); ++i)
+    if (fit.regions[i].visible < kLeastRegion || !hasColour(fit.regions[i], pattern.colours[i])) return false;
+  return fit.covariance.allFinite();
+}
+
+/// Whether the fitted colour is nearest to this class of all and within the tolerance.
+bool TemplateFinder::hasColour(const FittedRegion& region, std::uint8_t colour) const {
+  dataset::Rgb rgb;
+  for (std::size_t c = 0; c < 3; ++c)
+    rgb[c] = cv::saturate_cast<std::uint8_t>(region.bgr[static_cast<Eigen::Index>(2 - c)]);
+  const auto& colours = layout_.colours();
+  const double own = chromaDistance(rgb, colours[colour - 1U]);
+  return own < kFittedTolerance * options_.chroma_tolerance &&
+         std::all_of(colours.begin(), colours.end(),
+                     [&](const dataset::Rgb& other) { return own <= chromaDistance(rgb, other); });
+}
+
+bool TemplateFinder::overlap(const Candidate& a, const Candidate& b) const {
+  const Pose2 b_from_a = b.detection.map_from_base.inverse() * a.detection.map_from_base;
+  const auto& points = layout_.patterns()[a.pattern].points;
+  const auto inside = std::count_if(points.begin(), points.end(), [&](const LabelledPoint& point) {
+    return layout_.bounds().contains(b_from_a * point.place_m);
+  });
+  return static_cast<double>(inside) > kOverlap * static_cast<double>(points.size());
+}
+
+/// Of overlapping candidates the best one is kept. None is kept if another robot or heading is about as good.
+void TemplateFinder::rejectOverlapping() {
+  std::stable_sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.detection.score < b.detection.score;
+  });
+  for (std::size_t i = 0; i < candidates_.size(); ++i) {
+    if (candidates_[i].rejected) continue;
+    Candidate& best = candidates_[i];
+    bool ambiguous = false;
+    for (std::size_t j = i + 1; j < candidates_.size(); ++j) {
+      Candidate& other = candidates_[j];
+      if (other.rejected || !overlap(best, other)) continue;
+      other.rejected = true;
+      const Pose2 apart = best.detection.map_from_base.inverse() * other.detection.map_from_base;
+      const bool differs = other.pattern != best.pattern || std::abs(apart.theta_rad) > 0.5;
+      ambiguous = ambiguous ||
+                  (differs && other.detection.score < kScoreFactor * best.detection.score + kScoreOffset);
+    }
+    best.rejected = ambiguous;
+  }
+  candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
+                                   [](const Candidate& c) { return c.rejected; }),
+                    candidates_.end());
+}
+
+/// The candidate that continues the track of the robot, if it is clearly nearer than the others.
+const TemplateFinder::Candidate* TemplateFinder::continuous(const std::vector<const Candidate*>& of_robot,
+                                                            TimeNs time) const {
+  const auto trail = trails_.find(of_robot.front()->detection.robot);
+  if (trail == trails_.end() || time - trail->second.time_ns > kMemory_ns) return nullptr;
+  const Candidate* nearest = nullptr;
+  double least = options_.gate_m, second = 1e9;
+  for (const Candidate* candidate : of_robot) {
     const double jump =
-        (trail->second.pose.translation() - pair.detection.map_from_base.translation()).norm();
-    pair.detection.score += std::min(4.0, (jump / options_.gate_m) * (jump / options_.gate_m));
+        (trail->second.pose.translation() - candidate->detection.map_from_base.translation()).norm();
+    if (jump <= least) {
+      second = nearest != nullptr ? least : second;
+      least = jump;
+      nearest = candidate;
+    } else {
+      second = std::min(second, jump);
+    }
   }
-  std::stable_sort(candidates_.begin(), candidates_.end(),
-                   [](const Pair& a, const Pair& b) { return a.detection.score < b.detection.score; });
+  return second > 2.0 * least ? nearest : nullptr;
 }
 
-bool PatchFinder::confirmed(const Detection& detection, TimeNs time) {
+void TemplateFinder::chooseOnePerRobot(TimeNs time) {
+  detections_.clear();
+  contested_.clear();
+  for (std::size_t p = 0; p < layout_.patterns().size(); ++p) {
+    std::vector<const Candidate*> of_robot;
+    for (const Candidate& candidate : candidates_)
+      if (candidate.pattern == p) of_robot.push_back(&candidate);
+    if (of_robot.empty()) continue;
+    const Candidate* chosen = of_robot.front();
+    if (of_robot.size() > 1) {
+      chosen = continuous(of_robot, time);
+      Conflict conflict{layout_.patterns()[p].robot, {}, chosen != nullptr};
+      for (const Candidate* candidate : of_robot)
+        conflict.map_from_base.push_back(candidate->detection.map_from_base);
+      contested_.push_back(std::move(conflict));
+    }
+    if (chosen != nullptr) detections_.push_back(chosen->detection);
+  }
+}
+
+bool TemplateFinder::confirmed(const Detection& detection, TimeNs time) {
   Trail& trail = trails_[detection.robot];
   const bool recent = trail.seen > 0 && time - trail.time_ns <= kMemory_ns;
   const double jump = (trail.pose.translation() - detection.map_from_base.translation()).norm();
@@ -158,22 +291,7 @@ bool PatchFinder::confirmed(const Detection& detection, TimeNs time) {
   return trail.seen >= options_.confirm_frames && !jumped;
 }
 
-void PatchFinder::choose() {
-  std::set<std::size_t> used;
-  std::set<std::string> robots;
-  detections_.clear();
-  for (const Pair& pair : candidates_) {
-    if (used.count(pair.team) > 0 || used.count(pair.individual) > 0) continue;
-    if (!robots.insert(pair.detection.robot).second) continue;
-    used.insert(pair.team);
-    used.insert(pair.individual);
-    Detection detection = pair.detection;
-    if (fit_.refine(patches_[pair.team], patches_[pair.individual], detection))
-      detections_.push_back(std::move(detection));
-  }
-}
-
-void PatchFinder::report(TimeNs time) {
+void TemplateFinder::report(TimeNs time) {
   detections_.erase(std::remove_if(detections_.begin(), detections_.end(),
                                    [&](const Detection& d) { return !confirmed(d, time); }),
                     detections_.end());
@@ -194,6 +312,9 @@ FinderOptions FinderOptions::read(const options::Section& section) {
   section.read("max_area_ratio", o.max_area_ratio, {1.0, 100.0});
   section.read("border_px", o.border_px, {0, 1000});
   section.read("max_fit_rms", o.max_fit_rms, {0.0, 1.0});
+  section.read("max_misfit", o.max_misfit, {0.0, 1.0});
+  section.read("max_scale_error", o.max_scale_error, {0.0, 0.3});
+  section.read("scale_sigma", o.scale_sigma, {1e-4, 0.3});
   section.read("pixel_sigma_px", o.pixel_sigma_px, options::kPositive);
   section.read("gate_m", o.gate_m, options::kPositive);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});
@@ -206,13 +327,7 @@ FinderOptions FinderOptions::read(const options::Section& section) {
 std::unique_ptr<MarkerFinder> MarkerFinder::make(const lens::Camera& camera,
                                                  const dataset::MarkerSet& markers,
                                                  const FinderOptions& options) {
-  switch (markers.kind) {
-    case dataset::MarkerKind::kPatches:
-      return std::make_unique<PatchFinder>(camera, markers, options);
-    case dataset::MarkerKind::kCoverTailHead:
-      break;
-  }
-  throw options::Error("markers: kind: must be patches; no detector supports the other kinds");
+  return std::make_unique<TemplateFinder>(camera, markers, options);
 }
 
 }  // namespace omnifleet::markers

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "geometry/pose2.h"
+#include "lens/camera.h"
+#include "markers/colour_table.h"
+#include "markers/layout.h"
+#include "markers/plane_window.h"
+
+namespace omnifleet::markers {
+
+/// Luma and two chroma channels of a colour, grey levels (ITU-R BT.601). JPEG and video files store the
+/// chroma with half the resolution, so luma and chroma have different blurs.
+Eigen::Vector3f lumaChroma(float blue, float green, float red);
+Eigen::Vector3d bgrFrom(const Eigen::Vector3d& luma_chroma);
+
+/// The pixels of one marker and around it, prepared for a fit at an approximate pose. Buffers are kept from
+/// marker to marker.
+class MarkerPixels {
+ public:
+  /// Pixels of a region that are farther than the blur from every edge. They measure its colour only.
+  struct Deep {
+    int count = 0;
+    Eigen::Vector3d sum{0.0, 0.0, 0.0};
+    double squares = 0.0;
+    int misfits = 0;  ///< pixels of another colour, not in the sums
+  };
+
+  MarkerPixels(const lens::Camera& camera, double height_m, const Layout& layout, const ColourTable& table);
+
+  /// Collects the pixels. False if less than a quarter of the marker is inside the image.
+  bool collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base);
+
+  Eigen::Index count() const { return count_; }
+  const Eigen::ArrayXf& u() const { return u_; }  ///< in base_link at the approximate pose, m
+  const Eigen::ArrayXf& v() const { return v_; }
+  const Eigen::ArrayXXf& colour() const { return colour_; }      ///< luma and chroma
+  const Eigen::ArrayXXf& surround() const { return surround_; }  ///< colour of the surroundings nearby
+  const std::vector<Deep>& deep() const { return deep_; }
+  /// First estimate of the colour of each region.
+  const std::vector<Eigen::Vector3d>& regionColours() const { return region_colours_; }
+  double metresPerPx() const { return metres_per_px_; }
+  /// Motion on the plane in map per pixel.
+  const Eigen::Matrix2d& scale() const { return plane_.scale(); }
+  double visibleShare() const { return visible_share_; }
+
+ private:
+  cv::Rect windowAround(const Pose2& map_from_base, cv::Size image) const;
+  void measureRegions(const cv::Mat& bgr, const cv::Rect& window, const Pattern& pattern);
+  void sumSurroundings(const cv::Rect& window);
+  Eigen::Vector3f surroundAt(int x, int y) const;
+  void addPixels(const cv::Rect& window);
+  void addDeep(std::size_t region, const Eigen::Vector3f& colour);
+
+  struct Pixel {
+    float u, v;
+    float outside_px;  ///< distance from the outline, negative inside
+    float edge_px;     ///< distance to the nearest edge
+    int region;        ///< topmost rectangle, −1: none
+    Eigen::Vector3f colour;
+  };
+
+  lens::Camera camera_;
+  double height_m_;
+  const Layout& layout_;
+  const ColourTable& table_;
+  PlaneWindow plane_;
+  double metres_per_px_ = 0.0, visible_share_ = 0.0;
+  int width_ = 0, height_ = 0;  ///< of the window
+  std::vector<Pixel> pixels_;   ///< of the window, row by row
+  std::vector<std::array<float, 4>> sums_;  ///< integral image of weight and weighted colours of surroundings
+  Eigen::Vector3f mean_surround_{0.0F, 0.0F, 0.0F};
+  Eigen::Index count_ = 0;
+  Eigen::ArrayXf u_, v_;
+  Eigen::ArrayXXf colour_, surround_;
+  std::vector<Deep> deep_;
+  std::vector<Eigen::Vector3d> region_colours_;
+};
+
+}  // namespace omnifleet::markers
