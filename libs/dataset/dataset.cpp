@@ -108,14 +108,15 @@ void readStreams(const std::string& folder, RobotRecording& robot, std::vector<s
   }
 }
 
-/// Warns about robots without a folder. A recording that contains only ground truth has no such folder, so it
-/// gives no warning.
+/// Warns about robots without a folder, unless ceiling cameras locate them by their markers. A recording that
+/// contains only ground truth has no such folder, so it gives no warning.
 void warnAboutMissingFolders(Dataset& dataset) {
   const auto folder = [&](const RobotRecording& robot) { return fs::path(dataset.folder) / robot.name; };
   const auto has = [&](const RobotRecording& robot) { return fs::is_directory(folder(robot)); };
   if (std::none_of(dataset.robots.begin(), dataset.robots.end(), has)) return;
   for (const RobotRecording& robot : dataset.robots) {
-    if (!has(robot))
+    const bool is_marked = dataset.markers && dataset.markers->robots.count(robot.name) > 0;
+    if (!has(robot) && !(is_marked && !dataset.ceiling.empty()))
       dataset.warnings.push_back(fmt::format(
           "{}/dataset.yaml: robots.{}: folder {} does not exist; nothing is replayed for this robot",
           dataset.folder, robot.name, folder(robot).string()));
@@ -149,7 +150,6 @@ Dataset Dataset::open(const std::string& folder) {
   dataset.folder = folder;
   dataset.robots = readRobots((fs::path(folder) / "dataset.yaml").string());
   for (RobotRecording& robot : dataset.robots) readStreams(folder, robot, dataset.warnings);
-  warnAboutMissingFolders(dataset);
   dataset.ceiling = readCeiling(folder, dataset.warnings);
   const fs::path markers = fs::path(folder) / "ceiling" / "markers.yaml";
   if (fs::exists(markers))
@@ -157,6 +157,7 @@ Dataset Dataset::open(const std::string& folder) {
   else if (!dataset.ceiling.empty())
     dataset.warnings.push_back(
         fmt::format("{}: is missing; the ceiling cameras locate no robot", markers.string()));
+  warnAboutMissingFolders(dataset);
   const fs::path landmarks = fs::path(folder) / "landmarks.yaml";
   if (fs::exists(landmarks)) dataset.landmarks = readLandmarks(landmarks.string());
   return dataset;

@@ -55,6 +55,7 @@ class FleetEstimator::Impl {
 
   std::vector<Frame> admit(const std::vector<const Objects*>& frames);
   void locate(std::vector<Frame>& frames, TimeNs time);
+  void startAtFix(const Frame& frame);
   void placeInitially(RobotNode& robot, const Objects& frame);
   void associate(std::vector<Frame>& frames);
   void associateOne(Frame& frame);
@@ -189,6 +190,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     if (!frame.fresh) continue;
     RobotNode& robot = *frame.robot;
     robot.measured = false;
+    robot.fix.reset();
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
@@ -209,12 +211,24 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     fresh.push_back(frame.objects);
   }
   queue_.attach(fleet, time, fresh);
+  for (const Frame& frame : frames)
+    if (frame.fresh && frame.robot->located()) startAtFix(frame);
   for (Frame& frame : frames) {
     if (!frame.fresh || frame.robot->located()) continue;
     if (!locateByPoints(fleet, *frame.robot, *frame.objects))
       locateBySightings(fleet, *frame.robot, *frame.objects, fresh);
   }
   fleet.shareKeyframes(time);
+}
+
+/// Scans and views are matched from where absolute measurements put the new frame.
+void FleetEstimator::Impl::startAtFix(const Frame& frame) {
+  const RobotNode& robot = *frame.robot;
+  if (!robot.fix || !frame.predicted || robot.window.back().motion == kNoFactor) return;
+  const AbsoluteFix start = AbsoluteFix::fuse({*frame.predicted, frame.predicted_covariance}, *robot.fix);
+  Eigen::VectorXd& value = fleet.graph.value(robot.window.back().pose);
+  value.head<2>() = start.map_from_base.translation();
+  value(2) += wrapAngle(start.map_from_base.theta_rad - value(2));
 }
 
 /// The initial pose is that of the first frame, or of the first row of the wheels where they come earlier.

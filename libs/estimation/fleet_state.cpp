@@ -23,6 +23,13 @@ const CameraError kFound = (CameraError() << 0.001, 0.002, 0.0007, 0.0007, 1.0).
 const Eigen::VectorXd kWhole = Eigen::VectorXd::Ones(1);  // a size that is as it was said to be
 }  // namespace
 
+AbsoluteFix AbsoluteFix::fuse(const AbsoluteFix& a, const AbsoluteFix& b) {
+  const Eigen::Vector3d off = (a.map_from_base.inverse() * b.map_from_base).vector();
+  const Eigen::Matrix3d gain = a.covariance * (a.covariance + b.covariance).inverse();
+  return {a.map_from_base * Pose2::fromVector(gain * off),
+          (Eigen::Matrix3d::Identity() - gain) * a.covariance};
+}
+
 Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double theta_rad) {
   Eigen::Matrix3d base_from_map = Eigen::Matrix3d::Identity();
   base_from_map.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(-theta_rad).toRotationMatrix();

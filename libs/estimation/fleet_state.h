@@ -52,7 +52,7 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
-  bool wheels_rejected = false;             ///< the wheels measured another one, which the observations contradict
+  bool wheels_rejected = false;  ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
   std::optional<Pose2> told;  ///< what was reported of it
@@ -145,6 +145,15 @@ struct Suspect {
   Eigen::Vector2d said_m;   ///< where that robot was said to be
 };
 
+/// What absolute measurements alone say about a frame.
+struct AbsoluteFix {
+  Pose2 map_from_base;
+  Eigen::Matrix3d covariance;  ///< right perturbation
+
+  /// Of two independent ones.
+  static AbsoluteFix fuse(const AbsoluteFix& a, const AbsoluteFix& b);
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -162,6 +171,7 @@ struct RobotNode {
   ScanAid scan_aid;
   LocalizationMonitor monitor;
   std::optional<Relocalizer> relocalizer;
+  std::optional<AbsoluteFix> fix;      ///< of its newest frame
   bool measured = false;               ///< since its last frame an absolute measurement has been accepted
   PoseEvent event = PoseEvent::kNone;  ///< of the newest frame
   double correction_sigmas = 0.0;      ///< of that event

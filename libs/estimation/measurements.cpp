@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <utility>
 
 #include "estimation/factors.h"
@@ -30,12 +31,25 @@ const Objects* frameOf(const std::vector<const Objects*>& frames, const std::str
   return at == frames.end() ? nullptr : *at;
 }
 
-double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement& m) {
+/// @param is_new the newest frame of the robot has come since its covariance was computed
+double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement& m, bool is_new) {
   const Pose2 difference = at.map_from_base.inverse() * Pose2::fromVector(m.value);
   Eigen::Matrix3d covariance = robot.covariance + m.covariance;
+  const Step& step = robot.window.back();
+  if (is_new && step.motion != kNoFactor)
+    covariance = m.covariance + composeCovariance(robot.covariance, step.previous_from_current,
+                                                  step.motion_covariance);
   covariance.diagonal() += Eigen::Vector3d(kSlack_m2, kSlack_m2, kSlack_rad2);
   const Eigen::Vector3d e = difference.vector();
   return e.dot(covariance.ldlt().solve(e));
+}
+
+/// Keeps an accepted absolute pose of the newest frame.
+void noteFix(RobotNode& robot, const Measurement& m) {
+  constexpr TimeNs kSame_ns = 1000000;  // as frames: closer times are the same
+  if (std::abs(robot.window.back().time_ns - m.acquired_ns) > kSame_ns) return;
+  const AbsoluteFix fix{Pose2::fromVector(m.value), m.covariance};
+  robot.fix = robot.fix ? AbsoluteFix::fuse(*robot.fix, fix) : fix;
 }
 
 /// In base_link at the time of the measurement.
@@ -148,6 +162,7 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
     }
     fleet.graph.value(at->pose) = (measured * at->offset.inverse()).vector();
     fleet.graph.addFactor(absolutePoseFactor(measured, m.covariance, at->offset), {at->pose});
+    noteFix(*robot, m);
     return Outcome::kDone;
   }
   if (robot->window.back().time_ns < m.acquired_ns) return Outcome::kWait;
@@ -158,7 +173,7 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
                           {at->pose}, kCauchy);
     return Outcome::kDone;
   }
-  if (disagreement(*robot, *at, m) > kGate) {
+  if (disagreement(*robot, *at, m, frame != nullptr) > kGate) {
     if (++robot->disagreements < kKidnapped || frame == nullptr) return Outcome::kRejected;
     if (isOpen(robot->start)) {
       moveStart(fleet, *robot, measured * at->map_from_base.inverse(), m.covariance);
@@ -172,6 +187,7 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
   robot->disagreements = 0;
   robot->start.borne_out = true;
   fleet.graph.addFactor(absolutePoseFactor(measured, m.covariance, at->offset), {at->pose}, kCauchy);
+  noteFix(*robot, m);
   return Outcome::kDone;
 }
 

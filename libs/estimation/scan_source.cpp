@@ -181,6 +181,18 @@ bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const 
   return by.translation().norm() < wider * gates.x() && std::abs(by.theta_rad) < wider * gates.y();
 }
 
+/// Whether the scan alone puts the robot elsewhere than absolute measurements do.
+/// @param prior covariance of `predicted`, which rests on these measurements
+bool ScanSource::contradicts(const scan::Match& match, const Pose2& predicted,
+                             const Eigen::Matrix3d& prior) const {
+  constexpr double kChi2 = 16.3;  // 3 dof, 99.9 %
+  const Eigen::Matrix3d loose = Eigen::Matrix3d::Identity() / (kUnknown_m * kUnknown_m);
+  const Eigen::Matrix3d by_scan = (match.information + loose).inverse();
+  const Eigen::Vector3d off = (predicted.inverse() * match.map_from_scan).vector() + by_scan * match.gradient;
+  const Eigen::Matrix3d covariance = prior + by_scan;
+  return off.dot(covariance.ldlt().solve(off)) > kChi2;
+}
+
 /// The way of the wheels alone since the last keyframe.
 void ScanSource::followOdometry(ScanAid& aid, const Step& step) {
   if (!aid.way) return;
@@ -232,17 +244,22 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   aid.rich = aid.rich || is_laser;
   const bool suffices = aid.rich;
   Pose2 predicted = fleet.pose(step.pose);
+  const Eigen::Matrix3d& known = robot.fix ? robot.fix->covariance : robot.covariance;
   const double variance_m2 = 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace();
-  aid.references = aid.anchor
-                       ? map.references(aid.anchor->keyframe, variance_m2, {predicted, aid.scan.sectors()})
-                       : map.references(0.5 * robot.covariance.topLeftCorner<2, 2>().trace(),
-                                        {predicted, aid.scan.sectors()});
+  aid.references =
+      aid.anchor && !robot.fix
+          ? map.references(aid.anchor->keyframe, variance_m2, {predicted, aid.scan.sectors()})
+          : map.references(0.5 * known.topLeftCorner<2, 2>().trace(), {predicted, aid.scan.sectors()});
   if (aid.references.empty()) return;
   references_.clear();
   for (const KeyframeMap::Id k : aid.references) references_.push_back(map.reference(k));
   const double distance_m = (map.pose(aid.references.front()).translation() - predicted.translation()).norm();
-  const Eigen::Matrix3d covariance = (aid.anchor ? aid.relative_covariance : robot.covariance) +
-                                     map.systematic(aid.references.front(), distance_m);
+  const KeyframeMap::Id nearest = aid.references.front();
+  const Eigen::Matrix3d covariance =
+      (robot.fix    ? Eigen::Matrix3d(robot.fix->covariance + map.covariance(nearest))
+       : aid.anchor ? aid.relative_covariance
+                    : robot.covariance) +
+      map.systematic(nearest, distance_m);
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
   // Few surfaces are visible: landmarks are more accurate, where there are any.
@@ -252,7 +269,8 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   const Eigen::Vector2d gates = this->gates(step, covariance);
   const Pose2 scan_predicted = predicted * aid.base_from_scan;
   const scan::Match found = align(aid, step, boundary, scan_predicted, covariance, skip);
-  const bool accepted = accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates);
+  const bool accepted = accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates) &&
+                        !(robot.fix && contradicts(found, scan_predicted, j * covariance * j.transpose()));
   aid.contradicted = !accepted && search_.evaluate(aid.scan, scan_predicted).known > options_.known;
   if (!accepted) return;
   aid.matched = true;
@@ -368,7 +386,7 @@ void ScanSource::keep(FleetState& fleet) {
     std::vector<KeyframeMap::Id> known = aid.references;
     held.odometry = aid.way;
     map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), aid.odometry.jitter());
-    if (aid.anchor) {
+    if (aid.anchor && !robot.fix) {
       if (aid.anchor->by_match || !aid.way) held.previous = aid.anchor->keyframe;
       held.previous_from_this = aid.anchor->keyframe_from_base;
       held.covariance = aid.anchor->covariance;

@@ -113,6 +113,7 @@ class ScanSource {
   scan::Match align(const ScanAid& aid, const Step& step, const Boundary& boundary, const Pose2& predicted,
                     const Eigen::Matrix3d& covariance, const std::vector<std::uint8_t>& skip);
   Eigen::Vector2d gates(const Step& step, const Eigen::Matrix3d& covariance) const;
+  bool contradicts(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior) const;
   bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior,
               const Eigen::Vector2d& gates) const;
   static void followOdometry(ScanAid& aid, const Step& step);

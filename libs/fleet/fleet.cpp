@@ -132,9 +132,9 @@ void checkServices(const options::Section& services) {
 
 /// Rejects a fleet without images, scans or observations, whose processes would wait forever.
 void checkSensors(const Fleet& fleet) {
-  if (!fleet.locatedRobots().empty() || !fleet.ceilingCameras().empty()) return;
+  if (!fleet.locatedRobots().empty()) return;
   const std::string problem =
-      "no robot has a fisheye camera, a laser or observations, and no ceiling camera with markers sees one; "
+      "no robot has a camera, a laser or observations, and no ceiling camera with markers sees one; "
       "there is nothing to run";
   if (fleet.dataset.empty()) fleet.file.fail("robots", problem);
   throw options::Error(fleet.dataset + "/dataset.yaml: robots: " + problem);
@@ -206,10 +206,31 @@ const CameraSpec* Fleet::fisheyeOf(const std::string& robot_name) const {
   return nullptr;
 }
 
+const CameraSpec* Fleet::frontOf(const std::string& robot_name) const {
+  for (const CameraSpec& camera : cameras) {
+    if (camera.robot == robot_name && camera.role == CameraRole::kFront) return &camera;
+  }
+  return nullptr;
+}
+
+const CameraSpec* Fleet::mapCameraOf(const std::string& robot_name) const {
+  std::string method = "auto";
+  file.child("services").child("local_mapper").read("method", method, {"auto", "distance_vector"});
+  const CameraSpec* fisheye = method == "auto" ? fisheyeOf(robot_name) : nullptr;
+  return fisheye ? fisheye : frontOf(robot_name);
+}
+
+bool Fleet::isUsed(const CameraSpec& camera) const {
+  if (camera.role == CameraRole::kCeiling) return true;
+  const CameraSpec* used = mapCameraOf(camera.robot);
+  return used != nullptr && used->id == camera.id;
+}
+
 std::map<std::string, lens::Spread> Fleet::lensSpreads() const {
   std::map<std::string, lens::Spread> all;
   for (const CameraSpec& camera : cameras) {
-    if (camera.role == CameraRole::kFisheye) all[camera.robot] = lens::Spread::of(lens::Camera(camera.model));
+    if (camera.role == CameraRole::kFisheye && isUsed(camera))
+      all[camera.robot] = lens::Spread::of(lens::Camera(camera.model));
   }
   return all;
 }
@@ -222,7 +243,7 @@ std::map<std::string, RobotBody> Fleet::bodies() const {
 
 bool Fleet::maps(const std::string& robot_name) const {
   const auto has_laser = [&](const RobotSpec& robot) { return robot.name == robot_name && robot.laser; };
-  return fisheyeOf(robot_name) != nullptr || std::any_of(robots.begin(), robots.end(), has_laser);
+  return mapCameraOf(robot_name) != nullptr || std::any_of(robots.begin(), robots.end(), has_laser);
 }
 
 std::vector<std::string> Fleet::mappingRobots() const {
@@ -241,11 +262,33 @@ std::vector<std::string> Fleet::observingRobots() const {
   return names;
 }
 
+std::vector<std::string> Fleet::markedRobots() const {
+  std::vector<std::string> names;
+  if (ceilingCameras().empty()) return names;
+  for (const RobotSpec& robot : robots) {
+    if (!maps(robot.name) && !robot.has_observations && markers->robots.count(robot.name) > 0)
+      names.push_back(robot.name);
+  }
+  return names;
+}
+
 std::vector<std::string> Fleet::locatedRobots() const {
+  const std::vector<std::string> marked = markedRobots();
+  std::vector<std::string> names;
+  for (const RobotSpec& robot : robots) {
+    const bool is_marked = std::find(marked.begin(), marked.end(), robot.name) != marked.end();
+    if (maps(robot.name) || robot.has_observations || is_marked) names.push_back(robot.name);
+  }
+  return names;
+}
+
+std::vector<std::string> Fleet::replicas() const {
   std::vector<std::string> names;
   for (const RobotSpec& robot : robots) {
     if (maps(robot.name) || robot.has_observations) names.push_back(robot.name);
   }
+  const std::vector<std::string> marked = markedRobots();
+  if (names.empty() && !marked.empty()) names.push_back(marked.front());
   return names;
 }
 

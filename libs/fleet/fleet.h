@@ -68,19 +68,31 @@ struct Fleet {
   const RobotSpec& robot(const std::string& robot_name) const;   ///< throws options::Error
   const CameraSpec& camera(const std::string& camera_id) const;  ///< throws options::Error
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
+  const CameraSpec* frontOf(const std::string& robot_name) const;
+  /// The camera that a robot maps with: the fisheye camera, else the forward camera; with
+  /// `services: {local_mapper: {method: distance_vector}}` the forward camera. Null without one.
+  const CameraSpec* mapCameraOf(const std::string& robot_name) const;
+  /// False for a robot's camera that it does not map with.
+  bool isUsed(const CameraSpec& camera) const;
   std::map<std::string, RobotBody> bodies() const;
   /// Radial projection (lens::Spread) of the fisheye lens of each robot that has one.
   std::map<std::string, lens::Spread> lensSpreads() const;
 
-  /// Robots that map with a fisheye camera or a laser. Each has local_mapper, classifier, global_merger (and
-  /// formation).
+  /// Robots that map with a fisheye camera, a forward camera or a laser. Each has local_mapper, classifier,
+  /// global_merger (and formation).
   std::vector<std::string> mappingRobots() const;
   bool maps(const std::string& robot_name) const;  ///< true for a mapping robot
   /// Robots without camera and laser that report ranges and bearings. The localizer publishes their
   /// `objects`; they have a global_merger.
   std::vector<std::string> observingRobots() const;
-  /// Mapping and observing robots, by name. Each has a pose per frame and a replica of the map.
+  /// Robots without sensors that only ceiling cameras locate, by their markers. Each has a pose per frame of
+  /// the ceiling cameras that shows it.
+  std::vector<std::string> markedRobots() const;
+  /// Mapping, observing and marked robots, by name. Each has a pose stream.
   std::vector<std::string> locatedRobots() const;
+  /// Robots with a replica of the map (a global_merger): mapping and observing robots. Without any, the first
+  /// marked robot, whose replica saves the paths.
+  std::vector<std::string> replicas() const;
   std::vector<std::string> ceilingCameras() const;
   bool hasFormation() const;  ///< the fleet drives its robots
   bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser

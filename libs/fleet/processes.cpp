@@ -24,7 +24,7 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   };
   if (fleet.hasWorld()) add("world", "", "", kSources);
   for (const CameraSpec& camera : fleet.cameras) {
-    if (camera.role != CameraRole::kFront) add("camera", camera.id, camera.host, kSources);
+    if (fleet.isUsed(camera)) add("camera", camera.id, camera.host, kSources);
   }
   const std::vector<std::string> robots = fleet.mappingRobots();
   for (const std::string& robot : robots) add("local_mapper", robot, fleet.robot(robot).host, kMappers);
@@ -35,7 +35,7 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   if (fleet.hasFormation()) {
     for (const std::string& robot : robots) add("formation", robot, fleet.robot(robot).host, kFormations);
   }
-  for (const std::string& robot : fleet.locatedRobots())
+  for (const std::string& robot : fleet.replicas())
     add("global_merger", robot, fleet.robot(robot).host, kMergers);
   if (!host.empty()) {
     all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }),
@@ -46,7 +46,7 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
 
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance) {
   const int robots = static_cast<int>(fleet.mappingRobots().size());
-  const int located = static_cast<int>(fleet.locatedRobots().size());
+  const int replicas = static_cast<int>(fleet.replicas().size());
   const int formations = fleet.hasFormation() ? robots : 0;
   const bool maps = !instance.empty() && fleet.maps(instance);
   if (topic == "camera") return 1;
@@ -59,15 +59,15 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "objects" && observes) return 1;  // published by the localizer, read by the merger
   if (topic == "objects") return 2 + (fleet.hasFormation() ? 1 : 0);  // localizer, merger, formation
   if (topic == "measurement") return 1;
-  if (topic == "pose") {  // every merger; for mapping robots also every classifier and formation
-    return located + (maps ? robots + formations : 0);
+  if (topic == "pose") {  // every merger; also every classifier and formation unless the robot only observes
+    return replicas + (observes ? 0 : robots + formations);
   }
   if (topic == "formation/state") return std::max(0, formations - 1);  // all other formations
-  if (topic == "map/contribution" || topic == "map/keyframe_pose") return located;
+  if (topic == "map/contribution" || topic == "map/keyframe_pose") return replicas;
   if (topic == "world/truth") {
     return static_cast<int>(
-        std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [](const CameraSpec& camera) {
-          return camera.source == CameraSource::kArena && camera.role != CameraRole::kFront;
+        std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [&](const CameraSpec& camera) {
+          return camera.source == CameraSource::kArena && fleet.isUsed(camera);
         }));
   }
   return 0;

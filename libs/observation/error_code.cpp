@@ -66,6 +66,12 @@ const char* toString(ErrorCode code) {
       return "wheel_assignment";
     case ErrorCode::kCalibrationError:
       return "calibration_error";
+    case ErrorCode::kMeasurementRejected:
+      return "measurement_rejected";
+    case ErrorCode::kCamerasDisagree:
+      return "cameras_disagree";
+    case ErrorCode::kMarkersAmbiguous:
+      return "markers_ambiguous";
     case ErrorCode::kCommandRejected:
       return "command_rejected";
     case ErrorCode::kGoalUnreachable:

@@ -46,6 +46,9 @@ enum class ErrorCode : std::uint8_t {
   kWheelsUnmatched,
   kWheelAssignment,
   kCalibrationError,
+  kMeasurementRejected,
+  kCamerasDisagree,
+  kMarkersAmbiguous,
   // formation, world
   kCommandRejected,
   kGoalUnreachable,

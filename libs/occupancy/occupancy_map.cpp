@@ -32,6 +32,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("clamp_min", o.clamp_min, {0.001, 0.499});
   section.read("clamp_max", o.clamp_max, {0.501, 0.999});
   section.read("robot_margin_m", o.robot_margin_m, {0.0, 1.0});
+  section.read("robot_window_m", o.robot_window_m, {0.0, 10.0});
   section.read("hold_s", o.hold_s, {0.0, 60.0});
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
@@ -97,6 +98,11 @@ class OccupancyMap::Impl {
 
  private:
   BodyMask maskOf(const RobotBody& body) const {
+    if (const double half = 0.5 * options.robot_window_m; half > 0.0) {
+      RobotBody square;
+      square.footprint_m = {{-half, -half}, {half, -half}, {half, half}, {-half, half}};
+      return {square, 0.0, half};
+    }
     // A cell counts as under the robot if any part of it is: the margin grows by half a diagonal.
     return {body, options.robot_margin_m + 0.5 * std::sqrt(2.0) * options.resolution_m,
             options.default_radius_m};
@@ -166,9 +172,11 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
   what.roles = rolesOf(*keyframe->contribution, keyframe->pose->sightings, kinds, options.unknown_is_hit);
   for (const auto& [other, path] : store.robots()) {
     const auto robot_pose = paths.at(other, time_ns);
-    if (robot_pose && window.isNear(maskOf(other), *robot_pose, *what.contribution, what.at)) {
-      what.robots.emplace_back(other, *robot_pose);
-    }
+    if (!robot_pose || !window.isNear(maskOf(other), *robot_pose, *what.contribution, what.at)) continue;
+    const bool has_window = options.robot_window_m > 0.0;
+    if (has_window && other == robot) continue;
+    what.robots.emplace_back(other, *robot_pose);
+    if (has_window) what.robots.back().second.theta_dmrad = 0;
   }
   cutRays(what);
   placePoints(keyframe->pose->sightings, what);
@@ -177,6 +185,7 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
 
 /// Ends the rays that cross the footprint of another robot there: what they show behind it is wrong.
 void OccupancyMap::Impl::cutRays(Applied& what) const {
+  if (options.robot_window_m > 0.0) return;
   const Contribution& seen = *what.contribution;
   const PointDmm origin = scanOrigin(seen, what.at);
   const auto count = static_cast<std::uint32_t>(what.roles.size());

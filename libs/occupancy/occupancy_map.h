@@ -26,6 +26,9 @@ struct OccupancyOptions {
   double clamp_min = 0.1192;  ///< OctoMap's clamping thresholds, probabilities
   double clamp_max = 0.971;
   double robot_margin_m = 0.05;  ///< m, kept free of marks around a robot's footprint
+  /// m, side of the square around other robots, parallel to the axes of map, in which nothing is mapped
+  /// (Ahmed et al. 2013 §2.2; rays are not cut there); 0: their footprints.
+  double robot_window_m = 0.0;
   double hold_s = 1.0;     ///< s, a robot is assumed at its nearest pose for this long before and after it
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body

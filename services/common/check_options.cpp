@@ -6,8 +6,12 @@
 #include "formation/formation.h"
 #include "global_merger/merger.h"
 #include "laser/laser_mapper.h"
+#include "local_mapper/front_service.h"
 #include "local_mapper/local_mapper.h"
+#include "local_mapper/service.h"
+#include "localizer/ceiling_agreement.h"
 #include "localizer/estimator_stage.h"
+#include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
 #include "markers/patch_finder.h"
 #include "motion/wheel_integrator.h"
@@ -35,15 +39,14 @@ void checkFormation(const fleet::Fleet& fleet) {
 }  // namespace
 
 void checkCameras(const fleet::Fleet& fleet) {
-  const options::Section mapper = fleet.service("local_mapper");
-  mapper.child("wheels");
-  mapper.child("laser");
-  mapper.has("laser_age_s");
-  const auto options = local_mapper::Options::read(mapper);
+  const local_mapper::Options fisheye = fisheyeOptions(fleet);
+  const local_mapper::FrontMapper::Options front = frontOptions(fleet);
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     try {
       const lens::Camera lens(camera.model);
-      if (camera.role == fleet::CameraRole::kFisheye) local_mapper::LocalMapper(lens, options);
+      if (!fleet.isUsed(camera)) continue;
+      if (camera.role == fleet::CameraRole::kFisheye) local_mapper::LocalMapper(lens, fisheye);
+      if (camera.role == fleet::CameraRole::kFront) local_mapper::FrontMapper(lens, front);
     } catch (const std::runtime_error& error) {
       throw options::Error("camera " + camera.id + ": " + error.what());
     }
@@ -98,7 +101,8 @@ void checkOptions(const fleet::Fleet& fleet) {
   laser::Options::read(mapper.child("laser"));
   double laser_age_s = 0.0;
   mapper.read("laser_age_s", laser_age_s, {0.0, 1.0});
-  local_mapper::Options::read(mapper);
+  fisheyeOptions(fleet);
+  frontOptions(fleet);
 
   classifier::Classifier::Options::read(fleet.service("classifier"));
 
@@ -106,6 +110,8 @@ void checkOptions(const fleet::Fleet& fleet) {
   estimation::EstimatorOptions::read(localizer.child("estimator"));
   markers::FinderOptions::read(localizer.child("markers"));
   localizer::ObservationOptions::read(localizer.child("observations"));
+  localizer::MarkedOptions::read(localizer.child("marked"));
+  localizer::AgreementOptions::read(localizer.child("agreement"));
   localizer.finish();
 
   const options::Section merger = fleet.service("global_merger");

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <string>
@@ -20,7 +21,9 @@ class PoseFeedback {
   PoseFeedback(const bus::ServiceContext& context, const fleet::Fleet& fleet,
                bus::TimeMerger<Payload>& merger, RunEnds& ends)
       : merger_(merger) {
-    for (const std::string& robot : fleet.mappingRobots()) {
+    const std::vector<std::string> observing = fleet.observingRobots();
+    for (const std::string& robot : fleet.locatedRobots()) {
+      if (std::find(observing.begin(), observing.end(), robot) != observing.end()) continue;
       poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
           context.bus.reader(context.topics.pose, robot), merger, ends,
           bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kFeedback,

@@ -35,10 +35,8 @@ std::string correctionStream(const std::string& robot) {
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       robot_(fleet.robot(context.options.robot).name),
-      publishes_(fleet.locatedRobots().front() == robot_),
+      publishes_(fleet.replicas().front() == robot_),
       ends_(context),
-      objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
-               {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
       contributions_(context.bus.reader(context.topics.map_contribution)),
       keyframe_poses_(context.bus.reader(context.topics.map_keyframe_pose)),
       contribution_out_(context.bus.writer(context.topics.map_contribution, robot_),
@@ -51,18 +49,25 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
+  if (fleet.maps(robot_) || fleet.robot(robot_).has_observations) {
+    objects_.emplace(
+        context.bus.reader(context.topics.objects, robot_), merger_, ends_,
+        bus::StreamSpec{"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)});
+  }
   replica_.setLenses(fleet.lensSpreads());
   if (context.options.mode == bus::RunMode::kLive) replica_.correctLater();
   // Replicas write to each other. A replica that stopped reading while it waits would block the others.
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
+  const std::vector<std::string> replicas = fleet.replicas();
   for (const std::string& robot : fleet.locatedRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
         bus::StreamSpec{"pose " + robot, robot, 1, bus::StreamRole::kInput, streamMode(context.options),
                         false}));
     stream_of_pose_[robot] = poses_.back()->stream();
-    if (robot != robot_) {
+    const bool is_replica = std::find(replicas.begin(), replicas.end(), robot) != replicas.end();
+    if (robot != robot_ && is_replica) {
       listenTo(contributionStream(robot));
       listenTo(poseStream(robot));
     }
@@ -81,9 +86,11 @@ std::vector<bus::Expectation> GlobalMergerService::expectations() const {
 
 bool GlobalMergerService::pull() {
   bool any = ends_.poll();
-  any |= objects_.pull(status(), [](const v1::Objects& wire, Payload& payload) {
-    return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
-  }) > 0;
+  if (objects_) {
+    any |= objects_->pull(status(), [](const v1::Objects& wire, Payload& payload) {
+      return orInvalid(adapters::fromWire(wire, payload.emplace<Objects>()));
+    }) > 0;
+  }
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [this](const v1::Pose& wire, Payload& payload) {
       promise(wire);
@@ -101,8 +108,8 @@ void GlobalMergerService::promise(const v1::Pose& pose) {
     const auto stream = stream_of_pose_.find(other.robot().to_string());
     if (stream == stream_of_pose_.end()) continue;
     merger_.promise(stream->second, other.last_ns(), pose.header().acquired_ns());
-    if (stream->first == robot_)
-      merger_.promise(objects_.stream(), other.last_ns(), pose.header().acquired_ns());
+    if (stream->first == robot_ && objects_)
+      merger_.promise(objects_->stream(), other.last_ns(), pose.header().acquired_ns());
   }
 }
 

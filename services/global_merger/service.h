@@ -3,6 +3,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -61,7 +62,7 @@ class GlobalMergerService : public bus::Service {
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
-  Inlet<v1::Objects, Payload> objects_;
+  std::optional<Inlet<v1::Objects, Payload>> objects_;  ///< of a robot with sensors
   std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
   std::map<std::string, int> stream_of_pose_;  ///< by robot
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;

@@ -169,6 +169,15 @@ cv::Mat drawLocalMap(const LocalMap& map) {
 
 }  // namespace
 
+void writePicture(const std::string& path, const cv::Mat& picture, std::vector<std::string>& problems) {
+  try {
+    if (!cv::imwrite(path, picture))
+      problems.push_back(path + ": image not written; check the folder and the free disk space");
+  } catch (const cv::Exception& error) {
+    problems.push_back(path + ": image not written: " + error.err);
+  }
+}
+
 DebugImages DebugImages::render(const LocalMapper& mapper, const LocalMap& map, const cv::Mat& image) {
   return {drawLabels(mapper, map, image), drawVectors(map, image), drawCorrected(map), drawLocalMap(map)};
 }
@@ -176,13 +185,7 @@ DebugImages DebugImages::render(const LocalMapper& mapper, const LocalMap& map, 
 std::vector<std::string> DebugImages::save(const std::string& prefix) const {
   std::vector<std::string> problems;
   const auto write = [&](const std::string& name, const cv::Mat& picture) {
-    const std::string path = prefix + "_" + name + ".png";
-    try {
-      if (!cv::imwrite(path, picture))
-        problems.push_back(path + ": image not written; check the folder and the free disk space");
-    } catch (const cv::Exception& error) {
-      problems.push_back(path + ": image not written: " + error.err);
-    }
+    writePicture(prefix + "_" + name + ".png", picture, problems);
   };
   write("labels", labels);
   write("vectors", vectors);

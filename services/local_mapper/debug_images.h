@@ -25,4 +25,7 @@ struct DebugImages {
   std::vector<std::string> save(const std::string& prefix) const;
 };
 
+/// Writes a picture and adds a description of the problem, if there is one.
+void writePicture(const std::string& path, const cv::Mat& picture, std::vector<std::string>& problems);
+
 }  // namespace omnifleet::local_mapper

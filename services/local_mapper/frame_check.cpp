@@ -30,14 +30,14 @@ FrameCheckOptions FrameCheckOptions::read(const options::Section& section) {
   return o;
 }
 
-FrameCheck::FrameCheck(const lens::CameraModel& model, const ground::FloorView& view,
+FrameCheck::FrameCheck(const lens::CameraModel& model, const cv::Mat1b& view,
                        const FrameCheckOptions& options)
     : size_(model.image_width_px, model.image_height_px), options_(options) {
   intervals_s_.reserve(kIntervals);
   constexpr int kStep_px = 16;  // a few thousand pixels are enough for the exposure
   for (int y = 0; y < size_.height; y += kStep_px)
     for (int x = 0; x < size_.width; x += kStep_px)
-      if (view.mask()(y, x) != 0) samples_.emplace_back(x, y);
+      if (view(y, x) != 0) samples_.emplace_back(x, y);
   if (model.kind == lens::CameraKind::kFisheye && model.projection == lens::Projection::kOrthographic)
     sampleBeyond(model);
 }

@@ -3,7 +3,6 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground/floor_view.h"
 #include "lens/camera.h"
 #include "observation/observation.h"
 #include "options/options.h"
@@ -32,7 +31,8 @@ struct FrameCheckOptions {
 /// Checks whether a frame can be used and whether it follows its predecessor without a gap.
 class FrameCheck {
  public:
-  FrameCheck(const lens::CameraModel& model, const ground::FloorView& view, const FrameCheckOptions& options);
+  /// `view`: 255 where pixels show the world, of the camera's size; the exposure is judged there.
+  FrameCheck(const lens::CameraModel& model, const cv::Mat1b& view, const FrameCheckOptions& options);
 
   /// kOk, the state the frame came with, or what is detected here: kEmpty, kWrongSize (other size or pixel
   /// type than the calibration), kOutOfOrder (less than a millisecond after the last accepted frame), kDark,

@@ -39,7 +39,7 @@ struct LocalMapper::Stages {
         camera(c),
         correction(lens::correctionCamera(c, o.lens)),
         view(camera, o.view, occluded),
-        check(camera.model(), view, o.check),
+        check(camera.model(), view.mask(), o.check),
         freeze(view, o.faults),
         occlusion(o.faults),
         segmenter(camera, view, groundOptions(o)),

@@ -54,6 +54,15 @@ Message floorHidden(const std::string& camera, double self_mask_radius_px) {
                       camera, self_mask_radius_px)};
 }
 
+Message noFloorAhead() {
+  return {ErrorCode::kFloorHidden,
+          "the image shows no floor; check pitch and height of the camera in its sensor.yaml"};
+}
+
+Message obstacleTooNear() {
+  return {ErrorCode::kFloorHidden, "an obstacle fills the view; the robot must drive backwards or turn"};
+}
+
 Message frameGap(const std::string& camera, double gap_s, std::uint32_t frame) {
   return {ErrorCode::kFrameGap,
           fmt::format("camera {}: no frame for {:.1f} s before frame {}; optical flow restarts there", camera,

@@ -17,6 +17,10 @@ namespace omnifleet::local_mapper {
 Message frameRejected(FrameState state);
 /// Hardly any free floor around the robot.
 Message floorHidden(const std::string& camera, double self_mask_radius_px);
+/// A forward camera shows no floor: it looks at the sky or at an even surface.
+Message noFloorAhead();
+/// An obstacle fills the view of a forward camera.
+Message obstacleTooNear();
 /// No frame for `gap_s` seconds before `frame`.
 Message frameGap(const std::string& camera, double gap_s, std::uint32_t frame);
 /// Regions of nearly the floor's colour. @param at a frame and the place in its base_link, metres, of each

@@ -6,6 +6,7 @@
 
 #include "dataset/atomic_file.h"
 #include "laser/join.h"
+#include "local_mapper/front_service.h"
 #include "local_mapper/messages.h"
 
 namespace omnifleet::services {
@@ -24,14 +25,6 @@ const fleet::CameraSpec& fisheye(const fleet::Fleet& fleet, const std::string& r
   return *camera;
 }
 
-local_mapper::Options mapperOptions(const fleet::Fleet& fleet) {
-  const options::Section section = fleet.service("local_mapper");
-  section.has("wheels");
-  section.has("laser");
-  section.has("laser_age_s");
-  return local_mapper::Options::read(section);
-}
-
 double laserAge(const fleet::Fleet& fleet) {
   double age_s = 0.02;
   fleet.service("local_mapper").read("laser_age_s", age_s, {0.0, 1.0});
@@ -47,6 +40,12 @@ local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const loca
 }
 
 }  // namespace
+
+local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet) {
+  const options::Section section = fleet.service("local_mapper");
+  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector"}) section.has(key);
+  return local_mapper::Options::read(section);
+}
 
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
   const auto options = motion::WheelIntegrator::Options::read(fleet.service("local_mapper").child("wheels"));
@@ -65,7 +64,7 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
-      mapper_(makeMapper(camera_, mapperOptions(fleet))),
+      mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   if (const auto& sensor = fleet.robot(camera_.robot).laser) {
     laser_.emplace(*sensor, laserOptions(fleet));
@@ -243,8 +242,10 @@ void LocalMapperService::saveDebugImages(const cv::Mat& image) {
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context) {
   const auto& o = context.options;
   const fleet::Fleet fleet = fleet::Fleet::load(o.fleet, o.dataset, o.configs);
-  if (!fleet.fisheyeOf(o.robot) && fleet.robot(o.robot).laser)
-    return std::make_unique<LaserMapperService>(context, fleet);
+  const fleet::CameraSpec* camera = fleet.mapCameraOf(o.robot);
+  if (!camera && fleet.robot(o.robot).laser) return std::make_unique<LaserMapperService>(context, fleet);
+  if (camera && camera->role == fleet::CameraRole::kFront)
+    return std::make_unique<FrontMapperService>(context, fleet, o.debug_images);
   return std::make_unique<LocalMapperService>(context, fleet, o.debug_images);
 }
 

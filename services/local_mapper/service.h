@@ -82,7 +82,11 @@ class LocalMapperService : public bus::Service {
   bool ended_ = false;
 };
 
-/// For the robot's fisheye camera, or for its laser if it has no such camera.
+/// Options of a fisheye camera's mapper: `services: {local_mapper: …}`. Marks the keys of the other mappers
+/// as known. Throws options::Error for an unknown key.
+local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet);
+
+/// For the camera that the robot maps with, or for its laser if it has none.
 std::unique_ptr<bus::Service> makeLocalMapper(const bus::ServiceContext& context);
 
 }  // namespace omnifleet::services

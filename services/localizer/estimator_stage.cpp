@@ -72,7 +72,9 @@ std::vector<PoseEstimate> EstimatorStage::process(TimeNs time, const std::vector
 }
 
 Message EstimatorStage::status(const std::string& robot) const {
-  if (robots_.count(robot) == 0) return {ErrorCode::kNotLocalized, "this robot is not in the fleet file; its observations are ignored. Add it"};
+  if (robots_.count(robot) == 0)
+    return {ErrorCode::kNotLocalized,
+            "this robot is not in the fleet file; its observations are ignored. Add it"};
   return estimator_.status(robot).message;
 }
 

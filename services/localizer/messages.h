@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <string>
 
 #include "observation/error_code.h"
@@ -28,6 +29,21 @@ inline Message noRobotLocalized() {
       "or provide a ceiling camera or surveyed landmarks"};
 }
 
+inline Message measurementTooOld(const std::string& source, const std::string& robot, double age_s) {
+  return {
+      ErrorCode::kMeasurementRejected,
+      fmt::format("{}: its pose of {} is {:.1f} s old and is rejected; check the clock and the load of its "
+                  "machine",
+                  source, robot, age_s)};
+}
+inline Message camerasDisagree(const std::string& first, const std::string& second, const std::string& robot,
+                               double off_m, double off_rad) {
+  return {
+      ErrorCode::kCamerasDisagree,
+      fmt::format("{} and {}: their poses of {} differ by {:.1f} cm and {:.1f} degrees; both are rejected. "
+                  "Measure position_m and rotation_rpy_deg of both cameras again",
+                  first, second, robot, 100.0 * off_m, off_rad * 180.0 / M_PI)};
+}
 /// A message of the estimator with robot, acquisition time and, if the robot is localized, its place in map.
 inline Message ofRobot(const PoseEstimate& pose, const Message& message) {
   const std::string place =

@@ -65,11 +65,15 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
       observation_frames_(
           asSet(fleet.observingRobots()),
           localizer::ObservationOptions::read(fleet.service("localizer").child("observations"))),
+      marked_robots_(asSet(fleet.markedRobots()),
+                     localizer::MarkedOptions::read(fleet.service("localizer").child("marked"))),
+      agreement_(localizer::AgreementOptions::read(fleet.service("localizer").child("agreement"))),
       surveyed_(surveyed(fleet)) {
   for (const fleet::RobotSpec& robot : fleet.robots) names_.insert(robot.name);
   readCameras(fleet);
   readMeasurements(fleet);
   readObservers(fleet);
+  for (const std::string& robot : marked_robots_.names()) addOutputs(fleet, robot);
   if (context.options.incarnation == 1) return;
   state_recovery_.emplace(setups(fleet), estimator_options_,
                           static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
@@ -89,7 +93,7 @@ void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& 
                         "map/keyframe_pose localizer " + robot, readers("map/keyframe_pose")},
                        {},
                        {}};
-  if (!fleet.maps(robot)) {
+  if (!fleet.maps(robot) && marked_robots_.names().count(robot) == 0) {
     outputs.objects.emplace(context_.bus.writer(context_.topics.objects, robot), "objects " + robot,
                             readers("objects"));
   }
@@ -242,6 +246,11 @@ void LocalizerService::process() {
     for (const Measurement& value : measured != nullptr ? measured->values : report->values)
       values_.push_back(&value);
   }
+  const std::uint64_t rejected_poses = agreement_.rejected();
+  agreement_.check(batch_.time, values_);
+  for (const Message& message : agreement_.takeMessages()) status().report(message);
+  status().dropped(agreement_.rejected() - rejected_poses);
+  for (const Objects& frame : marked_robots_.framesAt(batch_.time, values_)) frames_.push_back(&frame);
   const std::size_t published = frames_.size() + reported_.size();
   for (const Objects& frame : observation_frames_.framesAt(batch_.time, reported_)) frames_.push_back(&frame);
   if (state_recovery_) addRecoveredPoses();
@@ -318,6 +327,7 @@ void LocalizerService::publishPose(const PoseEstimate& pose) {
   noteLocalized(pose);
   adapters::toWire(pose, runClock(context_.options), term_, sample_);  // does not change `published`
   outputs_.at(pose.robot).pose.write(sample_, status());
+  if (marked_robots_.names().count(pose.robot) > 0 && marked_robots_.isDue(pose)) publishCorrections({pose});
   const Message message = estimator_.status(pose.robot);
   Message& reported = outputs_.at(pose.robot).reported;
   if (message == reported) return;  // once, even while other robots report problems of their own

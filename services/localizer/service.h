@@ -12,7 +12,9 @@
 #include "common/inlet.h"
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
+#include "localizer/ceiling_agreement.h"
 #include "localizer/estimator_stage.h"
+#include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
 #include "localizer/state_recovery.h"
 
@@ -90,6 +92,8 @@ class LocalizerService : public bus::Service {
   std::uint32_t term_;  ///< of the published poses; the mergers' own first estimates have term 0
   localizer::EstimatorStage estimator_;
   localizer::ObservationFrames observation_frames_;
+  localizer::MarkedRobots marked_robots_;
+  localizer::CeilingAgreement agreement_;
   std::vector<Measurement> surveyed_;  ///< landmarks with known positions, passed to the estimator once
   std::set<std::string> names_;        ///< of all robots
   std::vector<const Report*> reported_;

@@ -11,7 +11,7 @@ namespace {
 class FrameCheckTest : public ::testing::Test {
  protected:
   FrameCheckTest()
-      : camera_(testing::fisheyeModel()), view_(camera_, {}), check_(camera_.model(), view_, {}) {}
+      : camera_(testing::fisheyeModel()), view_(camera_, {}), check_(camera_.model(), view_.mask(), {}) {}
 
   static cv::Mat grey(int level) { return cv::Mat(480, 640, CV_8UC1, cv::Scalar(level)); }
   FrameState stateOf(const cv::Mat& image, std::uint32_t sequence) {

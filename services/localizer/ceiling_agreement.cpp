@@ -1,0 +1,122 @@
+#include "localizer/ceiling_agreement.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "localizer/messages.h"
+
+namespace omnifleet::localizer {
+namespace {
+
+std::string pairKey(const std::string& first, const std::string& second, const std::string& robot) {
+  return "pair " + first + " " + second + " " + robot;
+}
+
+}  // namespace
+
+AgreementOptions AgreementOptions::read(const options::Section& section) {
+  AgreementOptions o;
+  section.read("max_age_s", o.max_age_s, options::kPositive);
+  section.read("pair_s", o.pair_s, options::kNotNegative);
+  section.read("hold_s", o.hold_s, options::kNotNegative);
+  section.read("speed_mps", o.speed_mps, options::kNotNegative);
+  section.read("calibration_sigma_m", o.calibration_sigma_m, options::kNotNegative);
+  section.read("calibration_sigma_rad", o.calibration_sigma_rad, options::kNotNegative);
+  section.read("gate_chi2", o.gate_chi2, options::kPositive);
+  section.finish();
+  return o;
+}
+
+bool CeilingAgreement::isOld(TimeNs newest_ns, const Measurement& measurement) {
+  const double age_s = 1e-9 * static_cast<double>(newest_ns - measurement.acquired_ns);
+  const bool is_old = age_s > options_.max_age_s;
+  report("age " + measurement.source + " " + measurement.to, is_old,
+         measurementTooOld(measurement.source, measurement.to, age_s));
+  return is_old;
+}
+
+/// Compares a pose with those of other cameras; enlarges its covariance to explain the difference.
+/// @return false if the difference is too large
+bool CeilingAgreement::agree(Measurement& now, const Measurement& other) {
+  const Eigen::Vector3d off =
+      (Pose2::fromVector(now.value).inverse() * Pose2::fromVector(other.value)).vector();
+  const double way_m =
+      options_.speed_mps * 1e-9 * static_cast<double>(std::abs(now.acquired_ns - other.acquired_ns));
+  Eigen::Matrix3d measured = now.covariance + other.covariance;
+  measured.topLeftCorner<2, 2>() += way_m * way_m * Eigen::Matrix2d::Identity();
+  const double m2 = options_.calibration_sigma_m * options_.calibration_sigma_m,
+               rad2 = options_.calibration_sigma_rad * options_.calibration_sigma_rad;
+  const Eigen::Matrix3d calibration = Eigen::Vector3d(2.0 * m2, 2.0 * m2, 2.0 * rad2).asDiagonal();
+  const bool differ = off.dot((measured + calibration).ldlt().solve(off)) > options_.gate_chi2;
+  const auto& [first, second] = std::minmax(now.source, other.source);
+  report(pairKey(first, second, now.to), differ,
+         camerasDisagree(first, second, now.to, off.head<2>().norm(), std::abs(off.z())));
+  if (differ) return false;
+  const double share = off.dot(measured.ldlt().solve(off)) / 3.0;
+  if (share > 1.0) now.covariance *= share;
+  return true;
+}
+
+void CeilingAgreement::compare(std::size_t index) {
+  Kept& now = kept_[index];
+  const Measurement original = now.measurement;
+  for (const auto& [source, other] : latest_[original.to]) {
+    if (source == original.source) continue;
+    const double apart_s = 1e-9 * static_cast<double>(std::abs(original.acquired_ns - other.acquired_ns));
+    const auto& [first, second] = std::minmax(source, original.source);
+    if (apart_s > options_.pair_s) {
+      const bool is_faulty = faulty_.count(pairKey(first, second, original.to)) > 0;
+      if (is_faulty && apart_s <= options_.hold_s) now.is_good = false;
+      continue;
+    }
+    const bool do_agree = agree(now.measurement, other);
+    if (!do_agree) now.is_good = false;
+    for (std::size_t i = 0; i < index; ++i) {  // the other one is of this call, too
+      Kept& before = kept_[i];
+      if (before.measurement.to != original.to || before.measurement.source != source) continue;
+      if (do_agree)
+        agree(before.measurement, original);
+      else
+        before.is_good = false;
+    }
+  }
+  latest_[original.to][original.source] = original;
+}
+
+void CeilingAgreement::report(const std::string& key, bool is_faulty, const Message& message) {
+  if (!is_faulty) {
+    faulty_.erase(key);
+  } else if (faulty_.insert(key).second) {
+    messages_.push_back(message);
+  }
+}
+
+void CeilingAgreement::check(TimeNs newest_ns, std::vector<const Measurement*>& measurements) {
+  kept_.clear();
+  std::vector<const Measurement*> passed;
+  for (const Measurement* measurement : measurements) {
+    if (measurement->kind != MeasurementKind::kAbsolutePose) {
+      passed.push_back(measurement);
+    } else if (isOld(newest_ns, *measurement)) {
+      ++rejected_;
+    } else {
+      kept_.push_back({*measurement});
+    }
+  }
+  for (std::size_t i = 0; i < kept_.size(); ++i) compare(i);
+  for (const Kept& kept : kept_) {
+    if (kept.is_good)
+      passed.push_back(&kept.measurement);
+    else
+      ++rejected_;
+  }
+  measurements.swap(passed);
+}
+
+std::vector<Message> CeilingAgreement::takeMessages() {
+  return std::exchange(messages_, {});
+}
+
+}  // namespace omnifleet::localizer
