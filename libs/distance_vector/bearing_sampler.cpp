@@ -8,6 +8,8 @@ namespace {
 
 constexpr std::size_t kLeastColumns = 2;   // of a piece, after its ends are dropped: fewer are specks
 constexpr std::size_t kLeastTriples = 24;  // second differences that estimate the noise
+constexpr std::size_t kEndFit = 5;         // columns that predict the end of their piece
+constexpr float kBeyond = 0.2f;            // columns beyond the ends of a piece; a pixel sees half a column
 constexpr std::size_t kLag = 6;            // columns: beyond the texture that neighbours share
 constexpr float kLeastScale = 0.7f, kMostScale = 5.0f;
 
@@ -43,7 +45,9 @@ void BearingSampler::sample(std::vector<ColumnHit>& hits, const Eigen::Vector2d&
     }
     std::size_t end = i + 1;
     while (end < hits.size() && !dropped_[end] && joined_[end - 1]) ++end;
-    if (end - i >= kLeastColumns) samplePiece(hits, i, end);
+    const std::size_t least =
+        hits[i].end == End::kEdge ? kLeastColumns : static_cast<std::size_t>(options_.min_floor_end);
+    if (end - i >= std::max(kLeastColumns, least)) samplePiece(hits, i, end);
     i = end;
   }
 }
@@ -122,14 +126,52 @@ void BearingSampler::dropOutliers(const std::vector<ColumnHit>& hits) {
   }
 }
 
+/// Drops the columns at the ends of each piece that do not continue it: they show parts of both surfaces.
 void BearingSampler::dropSilhouettes(const std::vector<ColumnHit>& hits) {
-  const auto columns = static_cast<std::size_t>(options_.jump_columns);
-  for (std::size_t i = 0; i + 1 < hits.size(); ++i) {
-    if (joined_[i]) continue;
-    for (std::size_t k = 0; k < columns; ++k) {
-      if (i >= k) dropped_[i - k] = 1;
-      if (i + 1 + k < hits.size()) dropped_[i + 1 + k] = 1;
+  for (std::size_t begin = 0; begin < hits.size();) {
+    std::size_t end = begin + 1;
+    while (end < hits.size() && joined_[end - 1]) ++end;
+    if (hits[begin].end == End::kEdge) {
+      trim(hits, begin, end, begin > 0, false);
+      trim(hits, begin, end, end < hits.size(), true);
     }
+    begin = end;
+  }
+}
+
+/// @param silhouette the piece ends there; otherwise at the border of the image @param last at its right end
+void BearingSampler::trim(const std::vector<ColumnHit>& hits, std::size_t begin, std::size_t end,
+                          bool silhouette, bool last) {
+  if (!silhouette) return;
+  const std::size_t columns = end - begin;
+  const auto most = static_cast<std::size_t>(options_.jump_columns);
+  for (std::size_t k = 0; k < most; ++k) {
+    const std::size_t at = last ? end - 1 - k : begin + k;
+    if (columns < k + 1 + kEndFit) {  // too short for a fit: drop what may be mixed
+      if (k == 0) dropped_[at] = 1;
+      return;
+    }
+    // Line through the next columns, in inverse range over bearing.
+    double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0, variance = 0;
+    for (std::size_t j = 1; j <= kEndFit; ++j) {
+      const ColumnHit& hit = hits[last ? at - j : at + j];
+      const double x = static_cast<double>(hit.bearing_rad - hits[at].bearing_rad);
+      n += 1.0;
+      sx += x;
+      sy += static_cast<double>(hit.inverse_m);
+      sxx += x * x;
+      sxy += x * static_cast<double>(hit.inverse_m);
+      variance += static_cast<double>(hit.sigma * hit.sigma);
+    }
+    const double spread = sxx - sx * sx / n;
+    if (!(spread > 0.0)) return;
+    const double slope = (sxy - sx * sy / n) / spread, expected = (sy - slope * sx) / n;
+    const double sigma = static_cast<double>(hits[at].sigma);
+    const double total = sigma * sigma + variance / n * (1.0 / n + sx * sx / (n * n) / spread);
+    if (std::abs(static_cast<double>(hits[at].inverse_m) - expected) <=
+        options_.silhouette_sigmas * std::sqrt(total))
+      return;
+    dropped_[at] = 1;
   }
 }
 
@@ -151,15 +193,17 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
   const float bin_rad = static_cast<float>(2.0 * M_PI) / static_cast<float>(options_.bearings);
   const End kind = hits[begin].end;
   std::size_t i = begin, first = begin;
-  const int high = static_cast<int>(std::floor(hits[begin].bearing_rad / bin_rad)),
-            low = static_cast<int>(std::ceil(hits[end - 1].bearing_rad / bin_rad));
+  const float left = kBeyond * (hits[begin].bearing_rad - hits[begin + 1].bearing_rad),
+              right = kBeyond * (hits[end - 2].bearing_rad - hits[end - 1].bearing_rad);
+  const int high = static_cast<int>(std::floor((hits[begin].bearing_rad + left) / bin_rad)),
+            low = static_cast<int>(std::ceil((hits[end - 1].bearing_rad - right) / bin_rad));
   for (int bin = high; bin >= low; --bin) {
     const float bearing = static_cast<float>(bin) * bin_rad;
     while (i + 2 < end && hits[i + 1].bearing_rad > bearing) ++i;
     const ColumnHit &a = hits[i], &b = hits[i + 1];
     const float across = a.bearing_rad - b.bearing_rad;
     if (!(across > 0.0f)) continue;
-    const float f = std::clamp((a.bearing_rad - bearing) / across, 0.0f, 1.0f);
+    const float f = std::clamp((a.bearing_rad - bearing) / across, -kBeyond, 1.0f + kBeyond);
     if (kind == End::kFloorEnd) {
       set(bin, kind, std::max(a.inverse_m, b.inverse_m), std::max(a.sigma, b.sigma));
       continue;

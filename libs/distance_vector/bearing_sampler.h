@@ -42,6 +42,8 @@ class BearingSampler {
   void scaleNoise(std::vector<ColumnHit>& hits);
   void dropOutliers(const std::vector<ColumnHit>& hits);
   void dropSilhouettes(const std::vector<ColumnHit>& hits);
+  void trim(const std::vector<ColumnHit>& hits, std::size_t begin, std::size_t end, bool silhouette,
+            bool last);
   void samplePiece(const std::vector<ColumnHit>& hits, std::size_t begin, std::size_t end);
   void set(int bin, End end, float inverse_m, float sigma);
 

@@ -13,14 +13,15 @@ constexpr float kWindow_px = 2.0f;                          // half width of the
 constexpr float kPlateau_px = 2.0f, kPlateauEnd_px = 4.0f;  // of the object
 constexpr float kFloor_px = 2.0f, kFloorEnd_px = 9.0f;      // of the line through the floor
 constexpr int kLeastFloor_px = 2;                           // pixels
-constexpr float kSlopePrior = 0.5f;    // grey levels per pixel: σ of the floor's slope before the fit
-constexpr float kProfileNoise = 2.0f;  // grey levels, against which the prior counts
+constexpr float kProfileNoise = 2.0f;                       // grey levels, against which the prior counts
+constexpr float kFarthest = 0.02f;                          // 1/m: farther floor counts as if it were here
 constexpr int kRounds = 3;
 constexpr float kNoiseSamples = 4.0f;  // weight of the pixel noise against the residuals of the floor
 constexpr float kMostMove_px = 3.0f;   // of the edge during the rounds
 constexpr int kLeastLength_px = 10;    // of a profile
 constexpr float kColourNoise = 1.5f;   // noise of one channel ÷ noise of luma
-constexpr float kNoiseGain = 3.0f;     // σ of the edge ÷ (noise ÷ contrast), of these windows
+constexpr float kTextureGain =
+    1.3f;  // texture is similar in neighbouring rows: their mean varies more than noise
 constexpr float kLuma[3] = {0.114f, 0.587f, 0.299f};
 
 float luma(const std::uint8_t* p) {
@@ -32,7 +33,8 @@ float luma(const std::uint8_t* p) {
 /// Values along the column; index i is i − kReach_px pixels above the expected row.
 struct ColumnEdges::Profile {
   std::array<float, kLength> value;
-  int first = 0, end = kLength;  ///< indices inside the image
+  std::array<float, kLength> range_m;  ///< of the floor; decreasing with the distance from the edge downwards
+  int first = 0, end = kLength;        ///< indices inside the image
 
   float mean(float from, float to, int& n) const {
     float sum = 0.0f;
@@ -42,44 +44,53 @@ struct ColumnEdges::Profile {
     for (int i = begin; i <= last; ++i, ++n) sum += value[static_cast<std::size_t>(i)];
     return n > 0 ? sum / static_cast<float>(n) : 0.0f;
   }
-  float at(float i) const {
+  float at(float i) const { return mixed(value, i); }
+  float rangeAt(float i) const { return mixed(range_m, i); }
+  float mixed(const std::array<float, kLength>& table, float i) const {
     const float x = std::clamp(i, static_cast<float>(first), static_cast<float>(end) - 1.001f);
     const auto k = static_cast<std::size_t>(x);
     const float f = x - static_cast<float>(k);
-    return value[k] * (1.0f - f) + value[k + 1] * f;
+    return table[k] * (1.0f - f) + table[k + 1] * f;
   }
 };
 
 namespace {
 
-/// A straight line through the floor below an edge: value = level + slope·(i − edge).
+/// The floor below an edge: value = level + slope·(range − range of the edge). Light that falls off evenly is
+/// linear in the range, not in the rows.
 struct FloorLine {
-  float level = 0.0f, slope = 0.0f;
-  float squares = 0.0f;  ///< of the residuals
+  float level = 0.0f, slope = 0.0f;  ///< grey levels, and per metre
+  float squares = 0.0f;              ///< of the residuals
+  float variance = 1.0f;             ///< of the level, in units of the variance of a value
   int n = 0;
 };
 
+/// @param slope_share 1/m: σ of the slope before the fit, share of the level
 template <class Profile>
-FloorLine fitFloor(const Profile& profile, float edge) {
-  float n = 0, si = 0, sii = 0, sy = 0, siy = 0, syy = 0;
+FloorLine fitFloor(const Profile& profile, float edge, float slope_share) {
+  float n = 0, sx = 0, sxx = 0, sy = 0, sxy = 0, syy = 0;
   const int from = std::max(profile.first, static_cast<int>(std::ceil(edge - kFloorEnd_px))),
             to = static_cast<int>(std::floor(edge - kFloor_px));
+  const float edge_m = profile.rangeAt(edge);
   for (int i = from; i <= to; ++i) {
-    const float d = static_cast<float>(i) - edge, y = profile.value[static_cast<std::size_t>(i)];
+    const float x = profile.range_m[static_cast<std::size_t>(i)] - edge_m,
+                y = profile.value[static_cast<std::size_t>(i)];
     n += 1.0f;
-    si += d;
-    sii += d * d;
+    sx += x;
+    sxx += x * x;
     sy += y;
-    siy += d * y;
+    sxy += x * y;
     syy += y * y;
   }
   FloorLine line;
   line.n = static_cast<int>(n);
   if (line.n < kLeastFloor_px) return line;
-  constexpr float kRidge = kProfileNoise * kProfileNoise / (kSlopePrior * kSlopePrior);
-  const float xx = sii - si * si / n, xy = siy - si * sy / n, yy = syy - sy * sy / n;
-  line.slope = xy / (xx + kRidge);
-  line.level = (sy - line.slope * si) / n;
+  const float prior = std::max(1.0f, std::abs(sy / n)) * slope_share;
+  const float xx = sxx - sx * sx / n, xy = sxy - sx * sy / n, yy = syy - sy * sy / n;
+  const float information = xx + kProfileNoise * kProfileNoise / (prior * prior);
+  line.slope = xy / information;
+  line.variance = 1.0f / n + sx * sx / (n * n) / information;
+  line.level = (sy - line.slope * sx) / n;
   line.squares = std::max(0.0f, yy - 2.0f * line.slope * xy + line.slope * line.slope * xx);
   return line;
 }
@@ -118,7 +129,8 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
   const float begun = edge;
   FloorLine line;
   for (int round = 0; round < kRounds; ++round) {
-    line = fitFloor(profile, edge);
+    line = fitFloor(profile, edge, static_cast<float>(options_.falloff_per_m));
+    const float edge_m = profile.rangeAt(edge);
     int count = 0;
     const float object = profile.mean(edge + kPlateau_px, edge + kPlateauEnd_px, count);
     if (line.n < kLeastFloor_px || count < 2) return std::nullopt;
@@ -128,7 +140,8 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
     int samples = 0;
     constexpr float kStep_px = 0.25f;
     for (float d = -kWindow_px + 0.5f * kStep_px; d < kWindow_px; d += kStep_px, ++samples) {
-      const float above = profile.at(edge + d) - line.level - line.slope * std::min(d, 0.0f);
+      const float range_m = profile.rangeAt(edge + std::min(d, 0.0f));
+      const float above = profile.at(edge + d) - line.level - line.slope * (range_m - edge_m);
       outside += std::clamp(above / contrast, -0.5f, 1.5f);
     }
     edge += std::clamp((0.5f - outside / static_cast<float>(samples)) * 2.0f * kWindow_px, -1.5f, 1.5f);
@@ -140,12 +153,15 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
   const float least = std::max(static_cast<float>(options_.min_contrast),
                                static_cast<float>(options_.min_sigmas) * std::sqrt(variance));
   if (std::abs(contrast) < least) return std::nullopt;
-  const float random = kNoiseGain * std::sqrt(variance) / std::abs(contrast);
+  // The area over 2·kWindow_px values; half of it moves with the floor's level, half with the object's.
+  constexpr float kObjectValues = kPlateauEnd_px - kPlateau_px + 1.0f;
+  const float gain = 2.0f * kWindow_px + kWindow_px * kWindow_px * (line.variance + 1.0f / kObjectValues);
+  const float random = kTextureGain * std::sqrt(gain * variance) / std::abs(contrast);
   return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px)};
 }
 
-std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, int u, int row, float noise,
-                                                   const FloorSample& floor) const {
+std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row,
+                                                   float noise, const FloorSample& floor) const {
   Profile profile;
   std::array<const std::uint8_t*, kLength> pixels;
   profile.first = std::max(0, row + kReach_px - (bgr.rows - 1));
@@ -155,6 +171,8 @@ std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, int u, in
     const auto k = static_cast<std::size_t>(i);
     pixels[k] = bgr.ptr<std::uint8_t>(row + kReach_px - i) + 3 * u;
     profile.value[k] = luma(pixels[k]);
+    profile.range_m[k] =
+        1.0f / std::max(kFarthest, view.inverseRange(u, static_cast<float>(row + kReach_px - i)));
   }
   const auto fixed_px = static_cast<float>(options_.sigma_px),
              hue_px = static_cast<float>(options_.hue_sigma_px);

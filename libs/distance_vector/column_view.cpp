@@ -50,13 +50,13 @@ void ColumnView::readColumn(const lens::Camera& camera, const Options& options, 
   }
   const int horizon = v + 1;
   if (horizon >= size_.height) return;
+  horizon_[column] = horizon;  // inverseRange() needs it
   blind_m_ =
       std::max(blind_m_, 1.0 / static_cast<double>(inverseRange(u, static_cast<float>(size_.height - 1))));
   const bool above = horizon > 0;  // the image shows what is above the floor
   int limit = horizon + (above ? static_cast<int>(std::ceil(options.walk.horizon_px)) : 0);
   const auto nearest = static_cast<float>(1.0 / options.max_range_m);
   while (limit < size_.height - 1 && inverseRange(u, static_cast<float>(limit)) < nearest) ++limit;
-  horizon_[column] = horizon;
   limit_[column] = std::min(limit, size_.height - 1);
   check_[column] = std::max(0, horizon - static_cast<int>(std::ceil(options.walk.check_px)));
   sees_horizon_[column] = horizon - check_[column] >= options.walk.min_run_px ? 1 : 0;

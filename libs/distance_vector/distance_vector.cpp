@@ -110,7 +110,7 @@ void DistanceVector::project(const cv::Mat& bgr) {
     hit.row = static_cast<float>(ends_[i].row);
     float sigma_px = 0.5f;
     if (hit.end == End::kEdge) {
-      const auto edge = edges_.find(bgr, u, ends_[i].row, noise, floor_);
+      const auto edge = edges_.find(bgr, view_, u, ends_[i].row, noise, floor_);
       if (!edge) {
         hit.end = End::kUndecided;
         continue;

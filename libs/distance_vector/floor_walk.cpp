@@ -11,11 +11,13 @@ constexpr float kSqrt3 = 1.7320508f;                    // level (length of a BG
 constexpr float kHueRate = 0.02f;                       // per row
 constexpr float kLevelRate = 0.2f, kSlopeRate = 0.02f;  // per row: an alpha–beta filter, critically damped
 constexpr float kLagRows = 1.0f / kLevelRate;
-constexpr float kMaxSlope = 0.03f;   // of the level, per row
-constexpr float kDrift = 2.0f;       // hue limits from the seed's hue: more is no floor, however slow
-constexpr int kBlur_px = 4;          // an edge is at most this wide (filter, JPEG's coarse chroma)
-constexpr int kReturn_px = 2;        // floor pixels that end a band
-constexpr int kHorizonSlack_px = 3;  // error of the horizon that calibration and filter may cause
+constexpr float kMaxSlope = 0.03f;     // of the level, per row
+constexpr float kDrift = 2.0f;         // hue limits from the seed's hue: more is no floor, however slow
+constexpr int kBlur_px = 4;            // an edge is at most this wide (filter, JPEG's coarse chroma)
+constexpr int kReturn_px = 2;          // floor pixels that end a band
+constexpr int kHorizonSlack_px = 3;    // error of the horizon that calibration and filter may cause
+constexpr float kSaturated = 250.0f;   // grey levels
+constexpr float kSaturatedHue = 4.0f;  // hue limits of such pixels, in the usual ones
 constexpr int kBottomRows = 3;
 constexpr float kBottomRate = 0.1f;                  // per column
 constexpr float kDarkest = 0.5f, kBrightest = 1.7f;  // level of the floor in one image, of the seed's level
@@ -55,7 +57,10 @@ FloorWalk::Deviation FloorWalk::compare(const Walker& w, const float* colour, fl
   const float first = colour[0] * seed_[0] + colour[1] * seed_[1] + colour[2] * seed_[2];
   const float a = colour[0] - first * seed_[0], b = colour[1] - first * seed_[1],
               c = colour[2] - first * seed_[2];
-  const float limit = hue_limit_ * hue_limit_;
+  // A saturated channel is darker than it should be: hue means little, and level may be higher.
+  const float brightest = std::max(colour[0], std::max(colour[1], colour[2]));
+  const float hue_limit = brightest < kSaturated ? hue_limit_ : kSaturatedHue * hue_limit_;
+  const float limit = hue_limit * hue_limit;
   return {x * x + y * y + z * z > limit || a * a + b * b + c * c > kDrift * kDrift * limit,
           std::abs(along - expected) > tolerance, along};
 }

@@ -25,6 +25,7 @@ EdgeOptions EdgeOptions::read(const options::Section& section) {
   EdgeOptions o;
   section.read("min_contrast", o.min_contrast, {1.0, 255.0});
   section.read("min_sigmas", o.min_sigmas, {1.0, 50.0});
+  section.read("falloff_per_m", o.falloff_per_m, {0.001, 100.0});
   section.read("max_shift_px", o.max_shift_px, {1.0, 8.0});
   section.read("sigma_px", o.sigma_px, {0.001, 5.0});
   section.read("hue_sigma_px", o.hue_sigma_px, {0.001, 5.0});
@@ -50,6 +51,8 @@ Options Options::read(const options::Section& section) {
   section.read("max_range_m", o.max_range_m, options::kPositive);
   section.read("jump_px", o.jump_px, {0.5, 50.0});
   section.read("jump_columns", o.jump_columns, {0, 20});
+  section.read("silhouette_sigmas", o.silhouette_sigmas, {0.5, 100.0});
+  section.read("min_floor_end", o.min_floor_end, {1, 10000});
   section.read("outlier_sigmas", o.outlier_sigmas, {2.0, 100.0});
   o.walk = WalkOptions::read(section.child("walk"));
   o.edge = EdgeOptions::read(section.child("edge"));

@@ -15,7 +15,7 @@ enum class Method {
 struct WalkOptions {
   double seed_rows = 0.125;      ///< share of the image height: the strip at the bottom that shows the floor
   double min_chroma = 7.0;       ///< grey levels: least deviation across the floor's colour that is no floor
-  double min_contrast = 8.0;     ///< grey levels: least deviation in brightness that is no floor
+  double min_contrast = 8.0;     ///< grey levels between floor and object
   double contrast_share = 0.07;  ///< of the floor's brightness: likewise. Texture of usual floors is below.
   double sigmas = 5.0;           ///< both limits are at least this many σ of the floor's own variation
   double falloff_per_m = 0.3;    ///< 1/m: share of the brightness that light may fall off per metre of floor
@@ -33,12 +33,12 @@ struct WalkOptions {
 
 /// Where the floor ends in a column.
 struct EdgeOptions {
-  double min_contrast =
-      8.0;                  ///< grey levels between floor and object in luma; below, the best colour mixture
-  double min_sigmas = 4.0;  ///< least contrast in σ of the pixel noise
-  double max_shift_px = 6.0;  ///< pixels between the first pixel that is no floor and the edge
-  double sigma_px = 0.04;     ///< pixels: σ of an edge of perfect contrast, in luma
-  double hue_sigma_px = 0.1;  ///< pixels: likewise where hue takes part, which JPEG subsamples
+  double min_contrast = 8.0;   ///< grey levels between floor and object
+  double min_sigmas = 4.0;     ///< least contrast in σ of the pixel noise
+  double falloff_per_m = 0.5;  ///< 1/m: σ of the change of the floor's brightness, as a share of it
+  double max_shift_px = 6.0;   ///< pixels between the first pixel that is no floor and the edge
+  double sigma_px = 0.04;      ///< pixels: σ of an edge of perfect contrast, in luma
+  double hue_sigma_px = 0.1;   ///< pixels: likewise where hue takes part, which JPEG subsamples
   static EdgeOptions read(const options::Section& section);
 };
 
@@ -51,16 +51,18 @@ struct LiteralOptions {
 
 struct Options {
   Method method = Method::kProjected;
-  int bearings = 1440;          ///< over the full turn
-  double max_range_m = 20.0;    ///< metres from the camera's foot; floor beyond is not measured
-  double jump_px = 2.0;         ///< pixels: larger steps between columns are silhouettes
-  int jump_columns = 1;         ///< columns on both sides of a silhouette without an edge (mixed pixels)
-  double outlier_sigmas = 5.0;  ///< a column that deviates more from both neighbouring sides has no edge
+  int bearings = 1440;             ///< over the full turn
+  double max_range_m = 20.0;       ///< metres from the camera's foot; floor beyond is not measured
+  double jump_px = 2.0;            ///< pixels: larger steps between columns are silhouettes
+  int jump_columns = 3;            ///< columns at most that a silhouette may mix (pixel, JPEG blocks)
+  double silhouette_sigmas = 2.0;  ///< a column at a silhouette that deviates more from its piece is mixed
+  int min_floor_end = 8;           ///< columns side by side; fewer without an edge are undecided
+  double outlier_sigmas = 5.0;     ///< a column that deviates more from both neighbouring sides has no edge
   WalkOptions walk;
   EdgeOptions edge;
   LiteralOptions literal;
-  /// Keys: method (projected, literal), bearings, max_range_m, jump_px, jump_columns, outlier_sigmas and the
-  /// sections walk, edge, literal.
+  /// Keys: method (projected, literal), bearings, max_range_m, jump_px, jump_columns, silhouette_sigmas,
+  /// min_floor_end, outlier_sigmas and the sections walk, edge, literal.
   static Options read(const options::Section& section);
 };
 

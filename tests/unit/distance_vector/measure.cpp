@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 namespace omnifleet::test {
 
@@ -35,13 +36,11 @@ void Accuracy::add(const distance_vector::DistanceVector& vector, const RayCaste
     }
     if (!hit) continue;
     ++hits;
-    const double sigma = static_cast<double>(scan.sigma_m[i]);
     const double error = truth ? static_cast<double>(scan.range_m[i]) - *truth : 1e3;
     // In inverse range the noise is even: errors of far edges are compared there.
     const double inverse_sigma = static_cast<double>(vector.boundary().sigma[i]);
     const double normalised =
         truth ? (1.0 / static_cast<double>(scan.range_m[i]) - 1.0 / *truth) / inverse_sigma : 1e3;
-    (void)sigma;
     if (std::abs(normalised) > kOutlier) {
       ++outliers;
       continue;
@@ -66,6 +65,30 @@ std::string Accuracy::text() const {
                     "({} wrong)\n",
                     hits, outliers, 100.0 * outliers / std::max(1, hits), 100.0 * found / std::max(1, seen),
                     seen, free, wrong_free);
+}
+
+cv::Mat picture(const cv::Mat& image, const distance_vector::DistanceVector& vector) {
+  using distance_vector::End;
+  cv::Mat plain, mask, marked, both;
+  cv::resize(image, plain, {}, 2, 2, cv::INTER_NEAREST);
+  cv::resize(vector.floorMask(), mask, {}, 2, 2, cv::INTER_NEAREST);
+  marked = plain.clone();
+  marked.setTo(cv::Scalar(0, 160, 0), mask);
+  cv::addWeighted(plain, 0.6, marked, 0.4, 0.0, marked);
+  for (std::size_t u = 0; u < vector.edgeRows().size(); ++u) {
+    const float row = vector.edgeRows()[u];
+    const auto& end = vector.columnEnds()[u];
+    const bool located = std::isfinite(row);
+    const cv::Scalar colour = end.end == End::kEdge
+                                  ? (located ? cv::Scalar(0, 0, 255) : cv::Scalar(0, 128, 255))
+                              : end.end == End::kFloorEnd  ? cv::Scalar(255, 0, 0)
+                              : end.end == End::kUndecided ? cv::Scalar(0, 255, 255)
+                                                           : cv::Scalar(255, 0, 255);
+    const float at = located ? row : static_cast<float>(end.row);
+    cv::circle(marked, {static_cast<int>(2 * u), static_cast<int>(2.0f * at)}, 1, colour, -1);
+  }
+  cv::hconcat(plain, marked, both);
+  return both;
 }
 
 }  // namespace omnifleet::test

@@ -30,4 +30,8 @@ struct Accuracy {
   std::string text() const;
 };
 
+/// The image, and beside it the floor in green with the boundary: red edges, orange edges without a sub-pixel
+/// position, blue ends of the measured floor, yellow undecided columns, magenta no floor at the bottom.
+cv::Mat picture(const cv::Mat& image, const distance_vector::DistanceVector& vector);
+
 }  // namespace omnifleet::test

@@ -8,6 +8,8 @@
 namespace omnifleet::test {
 namespace {
 
+/// Brightness of the sides of a block.
+constexpr float kFaces[4] = {1.0f, 0.75f, 0.88f, 0.65f};
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 /// Entry and exit of a horizontal line into a block, and which side it enters.
@@ -142,7 +144,6 @@ cv::Vec3f RayCaster::trace(const World& world, const Eigen::Vector3d& from,
     nearest = wall_t;
     colour = world.wall_bgr[wall] * light(world, from2 + wall_t * along2);
   }
-  constexpr float kFaces[4] = {1.0f, 0.75f, 0.88f, 0.65f};
   for (const Block& block : world.blocks) {
     const Crossing at = cross(block, from2, along2);
     if (!(at.in < nearest)) continue;
@@ -222,10 +223,12 @@ World randomWorld(std::uint32_t seed) {
   world.texture = in(0.01, 0.05);
   world.light_per_m = {in(-0.25, 0.25), in(-0.25, 0.25)};
   world.room_half_m = {in(0.7, 1.6), in(0.5, 1.4)};
-  const auto colour = [&] {  // not the floor's own
+  const auto colour = [&] {  // every face differs from the floor by 25 grey levels, or as much in hue
     for (;;) {
       const cv::Vec3f c = colours[random() % 9];
-      if (cv::norm(c - world.floor_bgr) > 60.0) return c;
+      double nearest = 1e3;
+      for (const float face : kFaces) nearest = std::min(nearest, cv::norm(c * face - world.floor_bgr));
+      if (nearest > 43.0) return c;
     }
   };
   for (cv::Vec3f& wall : world.wall_bgr) wall = colour();

@@ -1,0 +1,99 @@
+// Accuracy against the exact distances of an independent renderer. OMNIFLEET_SEEDS=A-B prints the figures of
+// other worlds; OMNIFLEET_PICTURES=DIR writes the pictures of all.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "tests/unit/distance_vector/measure.h"
+
+namespace omnifleet::test {
+namespace {
+
+using distance_vector::DistanceVector;
+
+void drawIfAsked(const std::string& name, const cv::Mat& image, const DistanceVector& vector) {
+  const char* folder = std::getenv("OMNIFLEET_PICTURES");
+  if (folder) cv::imwrite(fmt::format("{}/{}.png", folder, name), picture(image, vector));
+}
+
+/// Worlds of seeds from–to, each with a new distance vector.
+template <class Change>
+Accuracy measure(const std::string& name, int from, int to, const Change& change) {
+  const lens::Camera camera(forwardCamera());
+  const RayCaster caster(camera);
+  Accuracy accuracy;
+  for (int seed = from; seed <= to; ++seed) {
+    World world = randomWorld(static_cast<std::uint32_t>(seed));
+    change(world);
+    DistanceVector vector(camera, {});
+    const cv::Mat image = caster.render(world, {});
+    vector.process(image);
+    accuracy.add(vector, caster, world, {});
+    drawIfAsked(fmt::format("{}_{}", name, seed), image, vector);
+  }
+  std::printf("%s, seeds %d-%d\n%s", name.c_str(), from, to, accuracy.text().c_str());
+  return accuracy;
+}
+
+TEST(DistanceVectorAccuracy, PrintsTheSeedsThatAreAskedFor) {
+  const char* seeds = std::getenv("OMNIFLEET_SEEDS");
+  if (!seeds) GTEST_SKIP() << "OMNIFLEET_SEEDS=A-B is not set";
+  int from = 0, to = 0;
+  ASSERT_EQ(std::sscanf(seeds, "%d-%d", &from, &to), 2);
+  const Accuracy accuracy = measure("plain", from, to, [](World&) {});
+  EXPECT_GT(accuracy.hits, 0);
+}
+
+// The bounds are those asked for; the seeds were never used for tuning.
+TEST(DistanceVectorAccuracy, MeetsItsBoundsInUnseenWorlds) {
+  const Accuracy accuracy = measure("unseen", 1000, 1024, [](World&) {});
+  const double bounds_m[] = {0.0009, 0.0028, 0.009, 0.030};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& band = accuracy.bands[i];
+    EXPECT_GT(band.n, 200) << "to " << band.to_m << " m";
+    EXPECT_LT(band.rms_m(), bounds_m[i]) << "to " << band.to_m << " m";
+    EXPECT_GT(band.normalised_rms(), 0.7) << "sigma is too large, to " << band.to_m << " m";
+    EXPECT_LT(band.normalised_rms(), 1.5) << "sigma is too small, to " << band.to_m << " m";
+  }
+  EXPECT_LT(accuracy.outliers, 0.02 * accuracy.hits);
+  EXPECT_GT(accuracy.found, 0.97 * accuracy.seen);
+  EXPECT_LE(accuracy.wrong_free, 0.002 * accuracy.seen);
+}
+
+// What is lower than the camera (4 cm) has floor behind it. The nearest boundary counts.
+TEST(DistanceVectorAccuracy, FindsStepsLowerThanTheCamera) {
+  const Accuracy accuracy = measure("steps", 1100, 1109, [](World& world) {
+    for (Block& block : world.blocks) block.height_m = 0.04;
+  });
+  EXPECT_LT(accuracy.outliers, 0.05 * accuracy.hits);
+  EXPECT_GT(accuracy.found, 0.93 * accuracy.seen);
+  EXPECT_LE(accuracy.wrong_free, 0.01 * accuracy.seen);
+}
+
+TEST(DistanceVectorAccuracy, IgnoresTheLinesOfATiledFloor) {
+  const Accuracy accuracy = measure("grid", 1200, 1209, [](World& world) { world.grid_m = 0.2; });
+  EXPECT_LT(accuracy.outliers, 0.06 * accuracy.hits);
+  EXPECT_GT(accuracy.found, 0.9 * accuracy.seen);
+  EXPECT_LE(accuracy.wrong_free, 0.01 * accuracy.seen);
+}
+
+// A shadow has the hue of the floor. It ends no floor, and no floor behind a real object is claimed.
+TEST(DistanceVectorAccuracy, TakesNoShadowForAnObjectWhereAnObjectFollows) {
+  const Accuracy accuracy = measure("shadows", 1300, 1309, [](World& world) {
+    for (const Block& block : world.blocks) {
+      const Eigen::Vector2d beside = block.centre_m + Eigen::Vector2d(-0.03, 0.06);
+      world.spots.push_back({beside, block.half_m.norm() + 0.02, {0.6f, 0.6f, 0.6f}});
+    }
+  });
+  EXPECT_LT(accuracy.outliers, 0.2 * accuracy.hits);
+  EXPECT_GT(accuracy.found, 0.6 * accuracy.seen);
+  EXPECT_LE(accuracy.wrong_free, 0.01 * accuracy.seen);
+}
+
+}  // namespace
+}  // namespace omnifleet::test

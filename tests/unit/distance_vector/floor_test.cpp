@@ -1,0 +1,86 @@
+// Which pixels count as floor.
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/distance_vector/measure.h"
+
+namespace omnifleet::test {
+namespace {
+
+using distance_vector::DistanceVector;
+
+class DistanceVectorFloor : public testing::Test {
+ protected:
+  /// A wall at 0.8 m; the row of its foot in the middle column.
+  DistanceVectorFloor() {
+    world_.blocks.push_back({{0.04 + 0.85, 0.0}, {0.05, 3.0}, 0.0, 0.4, {60, 60, 170}});
+  }
+  double foot() const { return camera_.pixelFromPoint({0.84, 0.0, 0.0})->y(); }
+  float middleEdge() {
+    vector_.process(caster_.render(world_, {}));
+    return vector_.edgeRows()[160];
+  }
+
+  World world_;
+  lens::Camera camera_{forwardCamera()};
+  RayCaster caster_{camera_};
+  DistanceVector vector_{camera_, {}};
+};
+
+TEST_F(DistanceVectorFloor, EndsAtTheFootOfAWall) {
+  EXPECT_NEAR(middleEdge(), foot(), 0.3);
+  const cv::Mat& mask = vector_.floorMask();
+  EXPECT_EQ(mask.at<std::uint8_t>(static_cast<int>(foot()) + 5, 160), 255);
+  EXPECT_EQ(mask.at<std::uint8_t>(static_cast<int>(foot()) - 5, 160), 0);
+}
+
+// A dark disc with floor behind it is a shadow or a low object: no hit and no free ray there.
+TEST_F(DistanceVectorFloor, LeavesAShadowBeforeFloorUndecided) {
+  world_.spots.push_back({{0.4, 0.0}, 0.08, {0.65f, 0.65f, 0.65f}});
+  middleEdge();
+  EXPECT_EQ(vector_.columnEnds()[160].end, distance_vector::End::kUndecided);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kInvalid);
+  EXPECT_EQ(vector_.columnEnds()[20].end, distance_vector::End::kEdge);
+}
+
+// The shadow reaches the wall, which differs in hue: the wall ends the floor.
+TEST_F(DistanceVectorFloor, FollowsAShadowToTheObjectBehindIt) {
+  world_.spots.push_back({{0.75, 0.0}, 0.25, {0.6f, 0.6f, 0.6f}});
+  EXPECT_NEAR(middleEdge(), foot(), 0.5);
+}
+
+TEST_F(DistanceVectorFloor, EndsAtAStainOfAnotherHue) {
+  world_.spots.push_back({{0.4, 0.0}, 0.08, {0.5f, 0.8f, 1.3f}});
+  const double near = camera_.pixelFromPoint({0.32, 0.0, 0.0})->y();
+  EXPECT_NEAR(middleEdge(), near, 0.7);
+}
+
+TEST_F(DistanceVectorFloor, CrossesALineOfOneCentimetre) {
+  world_.grid_m = 0.3;
+  world_.grid_line_m = 0.01;
+  world_.grid_factor = 0.4;
+  EXPECT_NEAR(middleEdge(), foot(), 0.5);
+}
+
+TEST_F(DistanceVectorFloor, FollowsLightThatFallsOff) {
+  world_.light_per_m = {-0.6, 0.3};
+  EXPECT_NEAR(middleEdge(), foot(), 0.4);
+}
+
+// Without walls the floor ends at the horizon: free rays up to the farthest row that is measured.
+TEST_F(DistanceVectorFloor, ReachesTheEndOfTheViewInTheOpen) {
+  world_.blocks.clear();
+  middleEdge();
+  int free = 0;
+  for (std::size_t i = 0; i < vector_.scan().label.size(); ++i) {
+    EXPECT_NE(vector_.scan().label[i], RayLabel::kObstacle) << i;
+    if (vector_.scan().label[i] != RayLabel::kFloorEnd) continue;
+    ++free;
+    EXPECT_GT(vector_.scan().range_m[i], 2.0f);
+    EXPECT_LT(vector_.scan().range_m[i], 6.0f);
+  }
+  EXPECT_GT(free, 300);
+}
+
+}  // namespace
+}  // namespace omnifleet::test
