@@ -12,8 +12,11 @@ constexpr double kCentroid_px = 0.5;    // error of a centroid: noise and mixed 
 constexpr double kLeastLever = 0.15;    // distance of two components ÷ size of the marker; a shorter line between
                                         // them gives no heading
 constexpr double kLeastVote = 0.35;     // mean similarity of the colours
+constexpr float kLeastOfColour = 0.04F;  // the same for the points of one colour: each colour must be present
 constexpr double kVoteMargin = 0.2;     // a hypothesis with less than the best of its place minus this is wrong
-constexpr std::size_t kMostPerObject = 6;  // hypotheses of an object that are fitted
+constexpr double kSearchStep_px = 1.5;       // between the hypotheses of an object, at its corners
+constexpr std::size_t kMostHeadings = 24;    // hypotheses of an object whose place is searched
+constexpr std::size_t kMostPerObject = 6;    // hypotheses of an object that are fitted
 constexpr double kSameTurn = 0.5;       // rad
 
 }  // namespace
@@ -94,13 +97,19 @@ double HypothesisFinder::voteAt(const cv::Mat& bgr, const Pattern& pattern, cons
                                 const Eigen::Matrix2d& px_per_m) const {
   std::size_t inside = 0;
   float sum = 0.0F;
+  sums_.assign(table_.classes(), {0.0F, 0.0F});
   for (const LabelledPoint& point : pattern.points) {
     const Eigen::Vector2d p = middle_px + px_per_m * (point.place_m - layout_.bounds().centre_m);
     const int x = cvRound(p.x()), y = cvRound(p.y());
     if (x < 0 || y < 0 || x >= bgr.cols || y >= bgr.rows) continue;
     ++inside;
-    sum += table_.similarity(bgr.ptr<std::uint8_t>(y) + 3 * x, point.colour);
+    const float similarity = table_.similarity(bgr.ptr<std::uint8_t>(y) + 3 * x, point.colour);
+    sum += similarity;
+    sums_[point.colour][0] += similarity;
+    sums_[point.colour][1] += 1.0F;
   }
+  for (const auto& [similar, count] : sums_)
+    if (similar < kLeastOfColour * count) return 0.0;
   return 3 * inside < pattern.points.size() ? 0.0 : sum / static_cast<double>(inside);
 }
 
@@ -127,26 +136,35 @@ const std::vector<Hypothesis>& HypothesisFinder::findInObject(const cv::Mat& bgr
     return kept_;
   const Eigen::Matrix2d m_per_px = px_per_m.inverse();
   const double px_of_half = layout_.bounds().half_m.norm() * std::sqrt(std::abs(px_per_m.determinant()));
-  // A turn by one step moves the corners by about 1.5 pixels.
-  const int headings = std::max(12, static_cast<int>(std::ceil(2.0 * M_PI * px_of_half / 1.5)));
+  const int headings = std::clamp(static_cast<int>(std::ceil(2.0 * M_PI * px_of_half / kSearchStep_px)), 12, 72);
   for (int k = 0; k < headings; ++k) {
     const double theta = 2.0 * M_PI * k / headings;
     const Eigen::Matrix2d turn = Eigen::Rotation2Dd(theta).toRotationMatrix();
     for (std::size_t p = 0; p < layout_.patterns().size(); ++p) {
-      Hypothesis best{p, {}, 1.5, 0.0};
-      for (const int dy : {-1, 0, 1}) {
-        for (const int dx : {-1, 0, 1}) {
-          const Eigen::Vector2d shift(1.5 * dx, 1.5 * dy);
-          const double vote = voteAt(bgr, layout_.patterns()[p], pixel + shift, px_per_m * turn);
-          if (vote <= best.vote) continue;
-          const Eigen::Vector2d origin = *centre + m_per_px * shift - turn * layout_.bounds().centre_m;
-          best.vote = vote;
-          best.map_from_base = {origin.x(), origin.y(), wrapAngle(theta)};
-        }
-      }
-      if (best.vote >= kLeastVote) all_.push_back(best);
+      const double vote = voteAt(bgr, layout_.patterns()[p], pixel, px_per_m * turn);
+      if (vote >= kLeastVote - kVoteMargin) all_.push_back({p, {0.0, 0.0, theta}, kSearchStep_px, vote});
     }
   }
+  std::stable_sort(all_.begin(), all_.end(),
+                   [](const Hypothesis& a, const Hypothesis& b) { return a.vote > b.vote; });
+  if (all_.size() > kMostHeadings) all_.resize(kMostHeadings);
+  for (Hypothesis& h : all_) {
+    const Eigen::Matrix2d turn = h.map_from_base.rotation();
+    Eigen::Vector2d best(0.0, 0.0);
+    for (const int dy : {-1, 0, 1}) {
+      for (const int dx : {-1, 0, 1}) {
+        const Eigen::Vector2d shift(kSearchStep_px * dx, kSearchStep_px * dy);
+        const double vote = voteAt(bgr, layout_.patterns()[h.pattern], pixel + shift, px_per_m * turn);
+        if (vote <= h.vote) continue;
+        h.vote = vote;
+        best = shift;
+      }
+    }
+    const Eigen::Vector2d origin = *centre + m_per_px * best - turn * layout_.bounds().centre_m;
+    h.map_from_base = {origin.x(), origin.y(), wrapAngle(h.map_from_base.theta_rad)};
+  }
+  all_.erase(std::remove_if(all_.begin(), all_.end(), [](const Hypothesis& h) { return h.vote < kLeastVote; }),
+             all_.end());
   thinOut();
   if (kept_.size() > kMostPerObject) kept_.resize(kMostPerObject);
   return kept_;

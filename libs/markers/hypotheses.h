@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -63,6 +64,7 @@ class HypothesisFinder {
   const ColourTable& table_;
   FinderOptions options_;
   std::vector<Area> areas_;
+  mutable std::vector<std::array<float, 2>> sums_;  ///< per class: similarity and number of points
   std::vector<Hypothesis> all_, kept_;
 };
 

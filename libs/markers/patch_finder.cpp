@@ -19,6 +19,10 @@ constexpr TimeNs kMemory_ns = 500000000;  // how long the last position of a rob
 constexpr double kLeastOutline = 0.6;     // share of the outline that must have contrast
 constexpr double kLeastRegion = 0.3;      // share of each region that must be visible: it identifies the robot
 constexpr double kFittedTolerance = 1.5;  // chroma tolerance of a fitted colour ÷ that of a pixel
+// Bias of the outline in a blurred image, where the surroundings are not known near the outline: px per px of
+// blur beyond the width of a pixel. Measured: robots on black plates, blur 0.8 px.
+constexpr double kScaleBias_px = 0.3, kSharp_px = 0.3;
+constexpr double kSameTurn_rad = 0.5;  // a smaller turn is the same interpretation of an object
 constexpr double kOverlap = 0.25;         // share of one marker inside another one: only one can be right
 // A second interpretation of the same pixels is rejected if its score is greater by this factor and offset.
 constexpr double kScoreFactor = 1.25, kScoreOffset = 0.01;
@@ -78,6 +82,7 @@ class TemplateFinder final : public MarkerFinder {
   bool search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows);
   std::optional<Candidate> examine(const cv::Mat& bgr, const Hypothesis& hypothesis);
   void examineObjects(const cv::Mat& bgr);
+  bool isKnown(const Hypothesis& hypothesis) const;
   bool isMarker(const Fit& fit, const Pattern& pattern) const;
   bool hasColour(const FittedRegion& region, std::uint8_t colour) const;
   bool overlap(const Candidate& a, const Candidate& b) const;
@@ -132,7 +137,8 @@ bool TemplateFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<c
   constexpr int kLeastArea_px = 6;
   candidates_.clear();
   for (const Hypothesis& hypothesis : hypotheses_.find(bgr, blobs_.find(bgr, table_, kLeastArea_px, windows)))
-    if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+    if (!isKnown(hypothesis))
+      if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
   if (layout_.isConnected()) examineObjects(bgr);
   rejectOverlapping();
   chooseOnePerRobot(time);
@@ -156,6 +162,7 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
   d.robot = pattern.robot;
   d.map_from_base = fit->map_from_base;
   d.covariance = fit->covariance;
+  d.blur_px = {fit->luma_blur_px, fit->chroma_blur_px};
   d.score = fit->rms + fit->misfit;
   const auto pixelOf = [&](const Rectangle& rectangle) {
     const Eigen::Vector2d p = d.map_from_base * rectangle.centre_m;
@@ -179,14 +186,27 @@ void TemplateFinder::examineObjects(const cv::Mat& bgr) {
     });
     if (explained) continue;
     for (const Hypothesis& hypothesis : hypotheses_.findInObject(bgr, object))
-      if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+      if (!isKnown(hypothesis))
+        if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
   }
+}
+
+/// Whether the fit of an earlier hypothesis ended here.
+bool TemplateFinder::isKnown(const Hypothesis& hypothesis) const {
+  return std::any_of(candidates_.begin(), candidates_.end(), [&](const Candidate& c) {
+    const Pose2 apart = c.detection.map_from_base.inverse() * hypothesis.map_from_base;
+    return c.pattern == hypothesis.pattern && std::abs(apart.theta_rad) < kSameTurn_rad &&
+           apart.translation().norm() < 0.5 * layout_.bounds().half_m.minCoeff();
+  });
 }
 
 bool TemplateFinder::isMarker(const Fit& fit, const Pattern& pattern) const {
   if (fit.rms > options_.max_fit_rms || fit.misfit > options_.max_misfit || fit.outline < kLeastOutline)
     return false;
-  if (std::abs(fit.scale - 1.0) > options_.max_scale_error + 2.0 * fit.scale_sigma) return false;
+  const double half_px = layout_.bounds().half_m.minCoeff() / fit.metres_per_px;
+  const double scale_error = options_.max_scale_error + 2.0 * fit.scale_sigma +
+                             kScaleBias_px * std::max(0.0, fit.luma_blur_px - kSharp_px) / half_px;
+  if (std::abs(fit.scale - 1.0) > scale_error) return false;
   for (std::size_t i = 0; i < fit.regions.size(); ++i)
     if (fit.regions[i].visible < kLeastRegion || !hasColour(fit.regions[i], pattern.colours[i])) return false;
   return fit.covariance.allFinite();
@@ -227,7 +247,7 @@ void TemplateFinder::rejectOverlapping() {
       if (other.rejected || !overlap(best, other)) continue;
       other.rejected = true;
       const Pose2 apart = best.detection.map_from_base.inverse() * other.detection.map_from_base;
-      const bool differs = other.pattern != best.pattern || std::abs(apart.theta_rad) > 0.5;
+      const bool differs = other.pattern != best.pattern || std::abs(apart.theta_rad) > kSameTurn_rad;
       ambiguous = ambiguous ||
                   (differs && other.detection.score < kScoreFactor * best.detection.score + kScoreOffset);
     }
@@ -298,6 +318,9 @@ void TemplateFinder::report(TimeNs time) {
   last_ns_ = time;
   std::sort(detections_.begin(), detections_.end(),
             [](const Detection& a, const Detection& b) { return a.robot < b.robot; });
+  Eigen::Vector2d blur_px(0.0, 0.0);
+  for (const Detection& d : detections_) blur_px += d.blur_px / static_cast<double>(detections_.size());
+  if (!detections_.empty()) fit_.expectBlur(blur_px);
 }
 
 }  // namespace

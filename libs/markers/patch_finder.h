@@ -50,6 +50,7 @@ struct Detection {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< x, y, θ; right perturbation
   /// Centres of the team and the individual patch; cover_tail_head: of tail and head.
   Eigen::Vector2d team_px{0.0, 0.0}, individual_px{0.0, 0.0};
+  Eigen::Vector2d blur_px{0.0, 0.0};  ///< σ of luma and chroma in the image, with the width of a pixel
   double score = 0.0;  ///< lower is better: residual of the fit ÷ contrast + share of pixels that do not fit
 };
 

@@ -4,6 +4,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "geometry/pose2.h"
 #include "lens/camera.h"
 
 namespace omnifleet::markers {
@@ -13,15 +14,11 @@ namespace omnifleet::markers {
 /// some micrometres.
 class PlaneWindow {
  public:
-  /// Evaluates the lens for a window. False unless the plane is visible in all of it.
-  bool set(const lens::Camera& camera, double height_m, const cv::Rect& window);
-  /// Selects a row of the window, in pixels of the image.
-  void setRow(double v);
-  /// For the row of the last setRow(): the point under column u, map.
-  Eigen::Vector2d at(int u) const {
-    const Weights& w = columns_[static_cast<std::size_t>(u - left_)];
-    return w.value[0] * row_[0] + w.value[1] * row_[1] + w.value[2] * row_[2] + w.value[3] * row_[3];
-  }
+  /// Evaluates the lens for a window. Points are given in the frame of this pose. False unless the plane is
+  /// visible in all of the window.
+  bool set(const lens::Camera& camera, double height_m, const cv::Rect& window, const Pose2& map_from_frame);
+  /// Writes the points under the pixels of a row of the window, metres.
+  void row(int v, float* x_m, float* y_m);
   /// Metres per pixel in the middle of the window: columns are the motions for one pixel right and down.
   const Eigen::Matrix2d& scale() const { return scale_; }
 
@@ -32,10 +29,10 @@ class PlaneWindow {
   };
   static Weights weights(const double (&nodes)[kNodes], double at);
 
-  int left_ = 0;
-  std::vector<Weights> columns_;
+  int width_ = 0;
+  std::vector<float> columns_[kNodes];  ///< weight of each node per column
   double u_[kNodes], v_[kNodes];
-  Eigen::Vector2d nodes_[kNodes][kNodes], row_[kNodes];
+  Eigen::Vector2d nodes_[kNodes][kNodes];
   Eigen::Matrix2d scale_ = Eigen::Matrix2d::Identity();
 };
 

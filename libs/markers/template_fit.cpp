@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/wide.h"
+
 namespace omnifleet::markers {
 namespace {
 
 constexpr int kCoarseIterations = 4, kFineIterations = 7;
-constexpr double kSettled_px = 0.01;         // the next step is far below it: the fit converges quadratically
+constexpr double kSettled_px = 0.02;         // the next step is far below it: the fit converges quadratically
+constexpr double kFirstChromaBlur_px = 1.1;  // of an unknown camera, for the choice of pixels
 constexpr double kBlur_px = 0.7, kBlurSpread = 0.8;  // prior of the blur and σ of its logarithm
 constexpr double kLeastBlur_px = 0.28, kMostBlur_px = 3.0;  // a pixel is 1 px wide: σ of 1/√12 = 0.29 px
 constexpr double kLeastSigma = 1.0;          // grey levels: quantisation, gradients of the light
@@ -18,7 +21,56 @@ constexpr double kLeastContrast = 12.0;      // grey levels between the marker a
 constexpr double kOuterShare = 0.03;         // share of surroundings that makes a pixel one of the outline
 // Residuals of neighbouring pixels are correlated (blur that is not Gaussian, blocks of JPEG), so there are
 // fewer independent residuals than pixels. Measured: NEES of simulated images without a lens error.
-constexpr double kCorrelation = 2.0;
+constexpr double kCorrelation = 2.2;
+
+constexpr Eigen::Index kLanes = 16;
+
+/// Products of all pairs of columns, each summed in kLanes parts so that every processor gives the same bits.
+/// The columns are padded with zeros to a multiple of kLanes.
+OMNIFLEET_WIDE void multiplyColumns(const float* columns, Eigen::Index stride, Eigen::Index width,
+                                    Eigen::Index count, double* products) {
+  for (Eigen::Index i = 0; i < width; ++i) {
+    for (Eigen::Index j = i; j < width; ++j) {
+      const float *a = columns + i * stride, *b = columns + j * stride;
+      float sum[kLanes] = {};
+      for (Eigen::Index k = 0; k < count; k += kLanes) {
+#pragma GCC ivdep
+        for (Eigen::Index lane = 0; lane < kLanes; ++lane) sum[lane] += a[k + lane] * b[k + lane];
+      }
+      double total = 0.0;
+      for (const float part : sum) total += static_cast<double>(part);
+      products[i * width + j] = products[j * width + i] = total;
+    }
+  }
+}
+
+/// The part of a region in the derivatives of the predicted image.
+struct Gradient {
+  const float *du, *dv, *d_log_sigma;
+};
+OMNIFLEET_WIDE void addGradient(float own, const float* surround, const float* weight, Gradient of,
+                                Eigen::Index count, float* gx, float* gy, float* gb) {
+#pragma GCC ivdep
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const float contrast = (own - surround[k]) * weight[k];
+    gx[k] += of.du[k] * contrast;
+    gy[k] += of.dv[k] * contrast;
+    gb[k] += of.d_log_sigma[k] * contrast;
+  }
+}
+
+/// Derivatives by turn and scale from those by the place. A right perturbation (dx, dy, dθ) of the pose moves
+/// the pixel by the opposite amount in base_link.
+OMNIFLEET_WIDE void completeGradient(const float* u, const float* v, float middle_u, float middle_v,
+                                     Eigen::Index count, float* gx, float* gy, float* turn, float* scale) {
+#pragma GCC ivdep
+  for (Eigen::Index k = 0; k < count; ++k) {
+    turn[k] = gx[k] * v[k] - gy[k] * u[k];
+    scale[k] = -(gx[k] * (u[k] - middle_u) + gy[k] * (v[k] - middle_v));
+    gx[k] = -gx[k];
+    gy[k] = -gy[k];
+  }
+}
 
 }  // namespace
 
@@ -27,35 +79,40 @@ TemplateFit::TemplateFit(const lens::Camera& camera, double height_m, const Layo
     : options_(options),
       layout_(layout),
       pixels_(camera, height_m, layout, table),
-      model_(layout.rectangles()) {}
+      model_(layout.rectangles()),
+      expected_blur_px_(kBlur_px, kFirstChromaBlur_px) {}
 
 std::optional<Fit> TemplateFit::fit(const cv::Mat& bgr, const Pattern& pattern, const Pose2& start,
                                     double start_blur_px) {
   State state;
   Pose2 from = start;
-  state.log_blur.setConstant(std::log(start_blur_px));
-  if (!pixels_.collect(bgr, pattern, from)) return std::nullopt;
-  state.colours = pixels_.regionColours();
   for (double blur_px = start_blur_px; blur_px > 1.5 * kBlur_px; blur_px *= 0.5) {
+    if (!collect(bgr, pattern, from, blur_px, state)) return std::nullopt;
     state.log_blur.setConstant(std::log(blur_px));
-    if (!iterate(from, state, false, kCoarseIterations)) return std::nullopt;
-    // Pixels are collected anew at the better pose, because the surroundings depend on it.
+    if (!iterate(state, false, kCoarseIterations)) return std::nullopt;
     from = from * state.start_from_base;
-    state.start_from_base = Pose2();
-    if (!pixels_.collect(bgr, pattern, from)) return std::nullopt;
-    state.colours = pixels_.regionColours();
   }
-  state.log_blur.setConstant(std::log(kBlur_px));
-  if (!iterate(from, state, true, kFineIterations)) return std::nullopt;
+  if (!collect(bgr, pattern, from, expected_blur_px_.maxCoeff(), state)) return std::nullopt;
+  state.log_blur = expected_blur_px_.array().log();
+  if (!iterate(state, true, kFineIterations)) return std::nullopt;
   return judge(from, state);
 }
 
+/// Collects the pixels at a better pose, because the surroundings depend on it.
+bool TemplateFit::collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& at, double blur_px,
+                          State& state) {
+  if (!pixels_.collect(bgr, pattern, at, blur_px)) return false;
+  state.start_from_base = Pose2();
+  state.colours = pixels_.regionColours();
+  return true;
+}
+
 /// Steps until the pose has settled. False if it does not stay within the collected pixels.
-bool TemplateFit::iterate(const Pose2& start, State& state, bool free_blur, int iterations) {
+bool TemplateFit::iterate(State& state, bool free_blur, int iterations) {
   count_ = pixels_.count();
   trust_.setConstant(std::max(trust_.size(), count_), 1.0F);
   for (int i = 0; i < iterations; ++i) {
-    predict(start, state, !free_blur || i == 0);
+    predict(state, !free_blur);
     weigh();
     h_.setZero();
     g_.setZero();
@@ -83,11 +140,11 @@ void TemplateFit::place(const State& state) {
 }
 
 /// Coverage at the current state and the residuals.
-void TemplateFit::predict(const Pose2& start, const State& state, bool one_blur) {
+void TemplateFit::predict(const State& state, bool one_blur) {
   place(state);
   one_blur_ = one_blur;
   const Eigen::Matrix2d base_per_px =
-      (start * state.start_from_base).rotation().transpose() * pixels_.scale() * std::exp(-state.log_scale);
+      state.start_from_base.rotation().transpose() * pixels_.scale() * std::exp(-state.log_scale);
   const Eigen::Vector2d per_px(base_per_px.row(0).norm(), base_per_px.row(1).norm());
   model_.evaluate(u_, v_, count_, per_px * std::exp(state.log_blur[0]), luma_);
   if (!one_blur) model_.evaluate(u_, v_, count_, per_px * std::exp(state.log_blur[1]), chroma_);
@@ -140,36 +197,33 @@ void TemplateFit::weigh() {
 
 /// Adds the normal equations of one channel after elimination of the colours.
 void TemplateFit::eliminate(const State& state, int channel) {
-  const Eigen::Index regions = model_.regions(), width = regions + kShared;
-  if (rows_.rows() < count_ || rows_.cols() != width) rows_.resize(pixels_.u().size(), width);
+  const Eigen::Index regions = model_.regions(), width = regions + kShared + 1;
+  const Eigen::Index padded = (count_ + kLanes - 1) / kLanes * kLanes;
+  if (rows_.rows() < padded || rows_.cols() != width) rows_.resize((padded + 255) / 256 * 256, width);
+  rows_.block(count_, 0, padded - count_, width).setZero();
+  if (weight_.size() < count_) weight_.resize(pixels_.u().size());
   const Coverage& coverage = coverageOf(channel);
   const std::size_t k = channel == 0 ? 0 : 1;
   const float in = static_cast<float>(1.0 / sigma_[k][0]), out = static_cast<float>(1.0 / sigma_[k][1]);
-  const Eigen::ArrayXf weight =
-      trust_.head(count_).sqrt() * (in + outer_.head(count_) * (out - in));
-  const auto surround = pixels_.surround().col(channel).head(count_);
-  Eigen::ArrayXf gx = Eigen::ArrayXf::Zero(count_), gy = gx, gb = gx;
+  weight_.head(count_) = trust_.head(count_).sqrt() * (in + outer_.head(count_) * (out - in));
+  const auto column = [&](Eigen::Index i) { return rows_.col(i).data(); };
+  for (const Eigen::Index i : {0, 1, 3}) rows_.col(regions + i).head(count_).setZero();
   for (Eigen::Index r = 0; r < regions; ++r) {
-    const float own = static_cast<float>(state.colours[static_cast<std::size_t>(r)][channel]);
-    const Eigen::ArrayXf contrast = (own - surround) * weight;
-    gx += coverage.du.col(r).head(count_) * contrast;
-    gy += coverage.dv.col(r).head(count_) * contrast;
-    gb += coverage.d_log_sigma.col(r).head(count_) * contrast;
-    rows_.col(r).head(count_) = (coverage.value.col(r).head(count_) * weight).matrix();
+    addGradient(static_cast<float>(state.colours[static_cast<std::size_t>(r)][channel]),
+                pixels_.surround().col(channel).data(), weight_.data(),
+                {coverage.du.col(r).data(), coverage.dv.col(r).data(), coverage.d_log_sigma.col(r).data()},
+                count_, column(regions), column(regions + 1), column(regions + 3));
+    rows_.col(r).head(count_) = coverage.value.col(r).head(count_) * weight_.head(count_);
   }
   const Eigen::Vector2f middle = layout_.bounds().centre_m.cast<float>();
-  const auto u = u_.head(count_), v = v_.head(count_);
-  // A right perturbation (dx, dy, dθ) of the pose moves the pixel by the opposite amount in base_link.
-  rows_.col(regions).head(count_) = -gx.matrix();
-  rows_.col(regions + 1).head(count_) = -gy.matrix();
-  rows_.col(regions + 2).head(count_) = (gx * v - gy * u).matrix();
-  rows_.col(regions + 3).head(count_) = gb.matrix();
-  rows_.col(regions + 4).head(count_) = -(gx * (u - middle.x()) + gy * (v - middle.y())).matrix();
-  const Eigen::VectorXf residual = (residual_.col(channel).head(count_) * weight).matrix();
+  completeGradient(u_.data(), v_.data(), middle.x(), middle.y(), count_, column(regions), column(regions + 1),
+                   column(regions + 2), column(regions + 4));
+  rows_.col(width - 1).head(count_) = residual_.col(channel).head(count_) * weight_.head(count_);
 
-  const auto rows = rows_.topRows(count_);
-  Eigen::MatrixXd normal = (rows.transpose() * rows).cast<double>();
-  Eigen::VectorXd right = (rows.transpose() * residual).cast<double>();
+  Eigen::MatrixXd products(width, width);
+  multiplyColumns(rows_.data(), rows_.rows(), width, padded, products.data());
+  Eigen::MatrixXd normal = products.topLeftCorner(width - 1, width - 1);
+  Eigen::VectorXd right = products.col(width - 1).head(width - 1);
   for (Eigen::Index r = 0; r < regions; ++r) {
     const auto region = static_cast<std::size_t>(r);
     const MarkerPixels::Deep& deep = pixels_.deep()[region];

@@ -49,6 +49,8 @@ class TemplateFit {
   /// Fit from an approximate pose, which may be wrong by about `start_blur_px`. Empty if the fit diverges.
   std::optional<Fit> fit(const cv::Mat& bgr, const Pattern& pattern, const Pose2& start,
                          double start_blur_px);
+  /// Sets the blur at which the fit begins, from an earlier image of the camera. It saves time only.
+  void expectBlur(const Eigen::Vector2d& luma_chroma_px) { expected_blur_px_ = luma_chroma_px; }
 
  private:
   static constexpr Eigen::Index kUnknowns = 6;  // dx, dy, dθ, log luma blur, log chroma blur, log scale
@@ -63,9 +65,10 @@ class TemplateFit {
     std::vector<Eigen::Vector3d> colours;  ///< luma and chroma per region
   };
 
-  bool iterate(const Pose2& start, State& state, bool free_blur, int iterations);
+  bool collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& at, double blur_px, State& state);
+  bool iterate(State& state, bool free_blur, int iterations);
   void place(const State& state);
-  void predict(const Pose2& start, const State& state, bool one_blur);
+  void predict(const State& state, bool one_blur);
   void weigh();
   void eliminate(const State& state, int channel);
   bool step(State& state, bool free_blur, double& size_px);
@@ -77,6 +80,7 @@ class TemplateFit {
   MarkerPixels pixels_;
   TemplateModel model_;
   bool one_blur_ = true;
+  Eigen::Vector2d expected_blur_px_;
 
   Eigen::Index count_ = 0;
   Eigen::ArrayXf u_, v_;       ///< at the current pose
@@ -85,7 +89,8 @@ class TemplateFit {
   Eigen::ArrayXf trust_;       ///< weight of each pixel, 0 to 1
   Eigen::ArrayXf outer_;       ///< 1 for pixels that contain surroundings
   std::array<std::array<double, 2>, 2> sigma_{};  ///< of luma and chroma, inner and outer
-  Eigen::MatrixXf rows_;       ///< weighted rows of one channel: coverage, derivatives, residual
+  Eigen::ArrayXXf rows_;       ///< weighted rows of one channel: coverage, derivatives, residual
+  Eigen::ArrayXf weight_;
   Matrix h_;
   Vector g_;
   std::array<Eigen::MatrixXd, 3> back_;  ///< per channel: colours − back · step

@@ -3,12 +3,53 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/wide.h"
+
 namespace omnifleet::markers {
 namespace {
 
 /// Makes room for count rows. Memory is kept from marker to marker.
 void reserve(Eigen::ArrayXf& array, Eigen::Index count) {
   if (array.size() < count) array.resize((count + 255) / 256 * 256);
+}
+
+/// An edge at `at`, blurred by the B-spline: its value, its derivative by the place and by the logarithm of the
+/// width. The B-spline is the convolution of three boxes.
+OMNIFLEET_WIDE void blurEdge(const float* place, Eigen::Index count, float at, float per_width, float* step,
+                             float* slope, float* widening) {
+#pragma GCC ivdep
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const float t = (place[k] - at) * per_width;
+    const float distance = std::abs(t);
+    const float a = std::max(1.5F - distance, 0.0F), b = std::max(0.5F - distance, 0.0F);
+    const float density = 0.5F * a * a - 1.5F * b * b;
+    const float rest = a * a * a * (1.0F / 6.0F) - 0.5F * b * b * b;
+    step[k] = t < 0.0F ? rest : 1.0F - rest;
+    slope[k] = density * per_width;
+    widening[k] = -t * density;
+  }
+}
+
+OMNIFLEET_WIDE void subtract(const float* a, const float* b, Eigen::Index count, float* to) {
+#pragma GCC ivdep
+  for (Eigen::Index k = 0; k < count; ++k) to[k] = a[k] - b[k];
+}
+
+/// The blurred values of an interval, per pixel.
+struct Blurred {
+  const float *value, *d_place, *d_spread;
+};
+
+/// Adds the product of two blurred intervals, with its derivatives.
+OMNIFLEET_WIDE void addProduct(float sign, Blurred x, Blurred y, Eigen::Index count, float* value, float* du,
+                               float* dv, float* d_log_sigma) {
+#pragma GCC ivdep
+  for (Eigen::Index k = 0; k < count; ++k) {
+    value[k] += sign * (x.value[k] * y.value[k]);
+    du[k] += sign * (x.d_place[k] * y.value[k]);
+    dv[k] += sign * (x.value[k] * y.d_place[k]);
+    d_log_sigma[k] += sign * (x.d_spread[k] * y.value[k] + x.value[k] * y.d_spread[k]);
+  }
 }
 
 }  // namespace
@@ -75,31 +116,18 @@ std::size_t TemplateModel::Axis::interval(double low, double high) {
 }
 
 void TemplateModel::Axis::evaluate(const Eigen::ArrayXf& place, Eigen::Index count, double sigma_m) {
-  // The B-spline is the convolution of three boxes of width w; its variance is w²/4.
-  const float per_width = static_cast<float>(0.5 / sigma_m);
+  const float per_width = static_cast<float>(0.5 / sigma_m);  // the variance of the B-spline is width²/4
   for (std::size_t i = 0; i < edges.size(); ++i) {
     reserve(step[i], count), reserve(slope[i], count), reserve(widening[i], count);
-    const float at = static_cast<float>(edges[i]);
-    float *to_step = step[i].data(), *to_slope = slope[i].data(), *to_widening = widening[i].data();
-    const float* from = place.data();
-#pragma GCC ivdep
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const float t = (from[k] - at) * per_width;
-      const float distance = std::abs(t);
-      const float a = std::max(1.5F - distance, 0.0F), b = std::max(0.5F - distance, 0.0F);
-      const float density = 0.5F * a * a - 1.5F * b * b;
-      const float rest = a * a * a * (1.0F / 6.0F) - 0.5F * b * b * b;
-      to_step[k] = t < 0.0F ? rest : 1.0F - rest;
-      to_slope[k] = density * per_width;
-      to_widening[k] = -t * density;
-    }
+    blurEdge(place.data(), count, static_cast<float>(edges[i]), per_width, step[i].data(), slope[i].data(),
+             widening[i].data());
   }
   for (std::size_t i = 0; i < intervals.size(); ++i) {
     const auto [low, high] = intervals[i];
     reserve(value[i], count), reserve(d_place[i], count), reserve(d_spread[i], count);
-    value[i].head(count) = step[low].head(count) - step[high].head(count);
-    d_place[i].head(count) = slope[low].head(count) - slope[high].head(count);
-    d_spread[i].head(count) = widening[low].head(count) - widening[high].head(count);
+    subtract(step[low].data(), step[high].data(), count, value[i].data());
+    subtract(slope[low].data(), slope[high].data(), count, d_place[i].data());
+    subtract(widening[low].data(), widening[high].data(), count, d_spread[i].data());
   }
 }
 
@@ -111,13 +139,13 @@ void TemplateModel::evaluate(const Eigen::ArrayXf& u, const Eigen::ArrayXf& v, E
     if (part->rows() < count || part->cols() != regions_) part->resize((count + 255) / 256 * 256, regions_);
     part->topRows(count).setZero();
   }
+  const auto of = [](const Axis& axis, std::size_t i) {
+    return Blurred{axis.value[i].data(), axis.d_place[i].data(), axis.d_spread[i].data()};
+  };
   for (const Term& term : terms_) {
-    const auto bx = x_.value[term.x].head(count), by = y_.value[term.y].head(count);
-    coverage.value.col(term.region).head(count) += term.sign * bx * by;
-    coverage.du.col(term.region).head(count) += term.sign * x_.d_place[term.x].head(count) * by;
-    coverage.dv.col(term.region).head(count) += term.sign * bx * y_.d_place[term.y].head(count);
-    coverage.d_log_sigma.col(term.region).head(count) +=
-        term.sign * (x_.d_spread[term.x].head(count) * by + bx * y_.d_spread[term.y].head(count));
+    addProduct(term.sign, of(x_, term.x), of(y_, term.y), count, coverage.value.col(term.region).data(),
+               coverage.du.col(term.region).data(), coverage.dv.col(term.region).data(),
+               coverage.d_log_sigma.col(term.region).data());
   }
 }
 

@@ -22,6 +22,7 @@ struct Imaging {
   double uneven = 0.0;          ///< share by which the light falls from the left to the right border
   dataset::Rgb cast{255, 255, 255};  ///< colour of the light
   int seed = 1;                 ///< of the noise
+  bool tone_curve = false;      ///< mixes and blurs linear light, then encodes it with a gamma of 2.2
 };
 
 /// The robot below a marker.
@@ -108,8 +109,12 @@ class Painter {
   }
 
   cv::Mat image(const Imaging& how) const {
-    cv::Mat light = averaged();
+    cv::Mat light = averaged(how.tone_curve);
     if (how.blur_px > 0) cv::GaussianBlur(light, light, {0, 0}, how.blur_px, how.blur_px, cv::BORDER_REPLICATE);
+    if (how.tone_curve) {
+      cv::pow(light / 255.0, 1.0 / kGamma, light);
+      light *= 255.0;
+    }
     for (int y = 0; y < light.rows; ++y) {
       for (int x = 0; x < light.cols; ++x) {
         const float share = static_cast<float>(how.gain * (1.0 - how.uneven * x / light.cols) / 255.0);
@@ -135,6 +140,7 @@ class Painter {
 
  private:
   static constexpr int kFold = 8;
+  static constexpr double kGamma = 2.2;
   struct Shape {
     std::vector<Eigen::Vector2d> outline;  ///< in sample points
     double top, bottom;
@@ -182,9 +188,12 @@ class Painter {
     }
   }
 
-  cv::Mat averaged() const {
+  cv::Mat averaged(bool linear_light) const {
+    float light[256];
+    for (int k = 0; k < 256; ++k)
+      light[k] = static_cast<float>(linear_light ? 255.0 * std::pow(k / 255.0, kGamma) : k);
     const int width = camera.model().image_width_px, height = camera.model().image_height_px;
-    cv::Mat result(height, width, CV_32FC3), fine(kFold, width * kFold, CV_8UC3), small;
+    cv::Mat result(height, width, CV_32FC3), fine(kFold, width * kFold, CV_8UC3);
     std::vector<double> crossings;
     for (int y = 0; y < height; ++y) {
       fine.setTo(cv::Scalar(floor_[2], floor_[1], floor_[0]));
@@ -193,10 +202,11 @@ class Painter {
           fill(shape, y * kFold + k, fine.ptr<cv::Vec3b>(k), fine.cols, crossings);
       }
       for (int x = 0; x < width; ++x) {
-        cv::Vec3i sum(0, 0, 0);
+        cv::Vec3f sum(0, 0, 0);
         for (int k = 0; k < kFold; ++k)
-          for (int i = 0; i < kFold; ++i) sum += cv::Vec3i(fine.at<cv::Vec3b>(k, x * kFold + i));
-        result.at<cv::Vec3f>(y, x) = cv::Vec3f(sum) / static_cast<float>(kFold * kFold);
+          for (int i = 0; i < kFold; ++i)
+            for (int c = 0; c < 3; ++c) sum[c] += light[fine.at<cv::Vec3b>(k, x * kFold + i)[c]];
+        result.at<cv::Vec3f>(y, x) = sum / static_cast<float>(kFold * kFold);
       }
     }
     return result;

@@ -9,7 +9,7 @@
 #include <random>
 #include <string>
 
-#include "painted_robots.h"
+#include "marker_scenes.h"
 
 namespace omnifleet::markers {
 namespace {
@@ -58,6 +58,17 @@ TEST(PatchFinder, MeasuresTiltedDistortedDimNoisyImages) {
   EXPECT_EQ(worst.found, 20);
   EXPECT_LT(worst.m, 0.0025);  // required for this scene
   EXPECT_LT(worst.rad, 0.7 * M_PI / 180.0);
+}
+
+TEST(PatchFinder, MeasuresHardImages) {
+  for (const Body body : {Body::kPlate, Body::kBox, Body::kFloating}) {
+    const Accuracy a = measure(patchSet(), hardScene(body), 1000, 8, "patches, hard");
+    EXPECT_EQ(a.found, a.asked);
+    EXPECT_EQ(a.wrong, 0);
+    EXPECT_LT(a.mean_m, 0.0015);
+    EXPECT_LT(a.mean_rad, 0.7 * M_PI / 180.0);
+    EXPECT_LT(a.nees, 6.0);  // see CoverFinder.MeasuresHardImages
+  }
 }
 
 TEST(PatchFinder, CorrectsParallaxByMarkerHeight) {
@@ -180,9 +191,6 @@ TEST(PatchFinder, RejectsUnsupportedInput) {
   EXPECT_THROW(finder->find(cv::Mat(480, 639, CV_8UC3, cv::Scalar::all(0)), 0), std::runtime_error);
   EXPECT_TRUE(finder->find(cv::Mat(480, 640, CV_8UC3, cv::Scalar::all(0)), 0).empty());
   set.height_m = 3.5;
-  EXPECT_THROW(MarkerFinder::make(camera, set, {}), options::Error);
-  set = patchSet();
-  set.kind = dataset::MarkerKind::kCoverTailHead;
   EXPECT_THROW(MarkerFinder::make(camera, set, {}), options::Error);
   EXPECT_THROW(FinderOptions::read(options::Section::parse("border_px: -1\n", "t.yaml")), options::Error);
   EXPECT_THROW(FinderOptions::read(options::Section::parse("boarder_px: 1\n", "t.yaml")), options::Error);
