@@ -86,8 +86,8 @@ void ArenaRenderer::shade(const ArenaView& view, const Tiles* only, const cv::Ma
       }
     } else {
       const Surface3 surface = Surface3::fromKey(keys(v, u));
-      for (int k = 0; k < 4; ++k, ++count)
-        sum += view.radiance(surface, view.along(camera_.ray(u, v, 1 + k % 2, 1 + k / 2)));
+      for (; count < 2; ++count)
+        sum += view.radiance(surface, view.along(camera_.ray(u, v, 1 + count, 3 * count)));
     }
     image(v, u) = bgrOf(sum / static_cast<float>(count));
   });

@@ -7,7 +7,7 @@
 
 namespace omnifleet::raycast {
 
-/// Renders an arena for one camera. Pixels that show one surface have 4 samples, all others
+/// Renders an arena for one camera. Pixels that show one surface have two samples, all others
 /// ArenaCamera::kSamples² samples. Images are linear (B, G, R) until they are developed.
 class ArenaRenderer {
  public:

@@ -20,7 +20,8 @@ Eigen::Vector3f albedoOf(const dataset::Rgb& rgb) {
 
 ArenaBox boxOf(const Solid& solid, unsigned texture) {
   ArenaBox box;
-  box.map_from_box = solid.map_from_solid;
+  box.middle_m = solid.map_from_solid.translation();
+  box.map_from_box = solid.map_from_solid.rotation();
   box.half_m = 0.5 * solid.size_m;
   box.height_m = solid.height_m;
   box.albedo = solid.albedo.cast<float>();
@@ -29,16 +30,15 @@ ArenaBox boxOf(const Solid& solid, unsigned texture) {
 }
 
 double distanceTo(const ArenaBox& box, const Eigen::Vector2d& at) {
-  const Eigen::Vector2d own = box.map_from_box.inverse() * at;
+  const Eigen::Vector2d own = box.toBox(at);
   return (own.cwiseAbs() - box.half_m).cwiseMax(0.0).norm();
 }
 
 /// True if the line between two points meets the box.
 bool blocks(const ArenaBox& box, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  const Pose2 box_from_map = box.map_from_box.inverse();
   Eigen::Vector3d a, b;
-  a << box_from_map * Eigen::Vector2d(from.head<2>()), from.z();
-  b << box_from_map * Eigen::Vector2d(to.head<2>()), to.z();
+  a << box.toBox(from.head<2>()), from.z();
+  b << box.toBox(to.head<2>()), to.z();
   const Eigen::Vector3d low(-box.half_m.x(), -box.half_m.y(), 0.0),
       high(box.half_m.x(), box.half_m.y(), box.height_m);
   double enter = 0.0, leave = 1.0;
@@ -169,27 +169,36 @@ void ArenaScene::lightFloor() {
       for (int k = 0; k < kLamps; ++k) {
         const Lamp& lamp = lamps_[static_cast<std::size_t>(k)];
         const Eigen::Vector3d to = lamp.at_m - Eigen::Vector3d(at.x(), at.y(), 0.0);
-        cell[k + 1] =
-            static_cast<float>(lamp.power * to.z() / std::pow(to.norm(), 3.0)) * visibility(lamp, at, boxes_);
+        cell[k + 1] = static_cast<float>(lamp.power * to.z() / std::pow(to.norm(), 3.0)) *
+                      visibility(lamp, at, boxes_.data(), boxes_.size());
       }
     }
   }
 }
 
 /// Share of the lamp's disc that boxes leave visible.
-float ArenaScene::visibility(const Lamp& lamp, const Eigen::Vector2d& at,
-                             const std::vector<ArenaBox>& boxes) const {
+float ArenaScene::visibility(const Lamp& lamp, const Eigen::Vector2d& at, const ArenaBox* boxes,
+                             std::size_t count) {
   constexpr int kPoints = 9;
   constexpr double kGolden_rad = 2.399963;
-  int visible = 0;
-  for (int k = 0; k < kPoints; ++k) {
-    const double radius = lamp.radius_m * std::sqrt((k + 0.5) / kPoints), angle = kGolden_rad * k;
-    const Eigen::Vector3d from(at.x(), at.y(), 1e-4),
-        to = lamp.at_m + radius * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
-    visible +=
-        std::none_of(boxes.begin(), boxes.end(), [&](const ArenaBox& box) { return blocks(box, from, to); });
+  const Eigen::Vector2d to = lamp.at_m.head<2>() - at;
+  std::array<bool, kPoints> hidden{};
+  for (std::size_t b = 0; b < count; ++b) {
+    const ArenaBox& box = boxes[b];
+    // While the ray to the lamp is lower than the box, it stays within `near_m` of `middle`.
+    const double share = 0.5 * box.height_m / lamp.at_m.z(),
+                 near_m = share * (to.norm() + 2.0 * lamp.radius_m);
+    const Eigen::Vector2d middle = at + share * to;
+    if ((box.toBox(middle).cwiseAbs() - box.half_m).maxCoeff() > near_m) continue;
+    for (int k = 0; k < kPoints; ++k) {
+      const double radius = lamp.radius_m * std::sqrt((k + 0.5) / kPoints), angle = kGolden_rad * k;
+      const Eigen::Vector3d from(at.x(), at.y(), 1e-4),
+          end = lamp.at_m + radius * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
+      auto& is_hidden = hidden[static_cast<std::size_t>(k)];
+      is_hidden = is_hidden || blocks(box, from, end);
+    }
   }
-  return static_cast<float>(visible) / kPoints;
+  return static_cast<float>(std::count(hidden.begin(), hidden.end(), false)) / kPoints;
 }
 
 Eigen::Vector3f ArenaScene::floorAt(const Eigen::Vector2d& at, int card, const Eigen::Vector3f& along,
@@ -197,10 +206,10 @@ Eigen::Vector3f ArenaScene::floorAt(const Eigen::Vector2d& at, int card, const E
   Eigen::Vector3f light = irradiance_.at(at);
   for (const ArenaBox& robot : moving) {
     const double reach = kShadow_m + robot.half_m.norm();
-    if ((at - robot.map_from_box.translation()).squaredNorm() > reach * reach) continue;
+    if ((at - robot.middle_m).squaredNorm() > reach * reach) continue;
     light[0] *= static_cast<float>(contactShadow(robot, at));
     for (int k = 0; k < kLamps; ++k)
-      if (light[k + 1] > 0.0F) light[k + 1] *= visibility(lamps_[static_cast<std::size_t>(k)], at, {robot});
+      if (light[k + 1] > 0.0F) light[k + 1] *= visibility(lamps_[static_cast<std::size_t>(k)], at, &robot, 1);
   }
   Eigen::Vector3f albedo = floor_albedo_ * 0.5F;  // outside of the arena
   const Eigen::Vector2d beyond = (at - 0.5 * (room_.low + room_.high)).cwiseAbs() - 0.5 * room_.size();
@@ -232,7 +241,7 @@ Eigen::Vector3f ArenaScene::boxAt(const ArenaBox& box, Surface3::Face face, int 
     const bool along_x = face == Surface3::kBack || face == Surface3::kFront;
     const double sign = face == Surface3::kBack || face == Surface3::kRight ? -1.0 : 1.0;
     const Eigen::Vector2d turned =
-        box.map_from_box.rotation() * (along_x ? Eigen::Vector2d(sign, 0.0) : Eigen::Vector2d(0.0, sign));
+        box.map_from_box * (along_x ? Eigen::Vector2d(sign, 0.0) : Eigen::Vector2d(0.0, sign));
     normal << turned, 0.0;
     u = along_x ? in_box.y() : in_box.x();
     v = in_box.z();
@@ -243,22 +252,21 @@ Eigen::Vector3f ArenaScene::boxAt(const ArenaBox& box, Surface3::Face face, int 
     albedo *= static_cast<float>(1.0 + 0.14 * (smoothAt(20 * u, 130 * v, box.texture) - 0.5) +
                                  0.10 * (smoothAt(60 * u, 60 * v, box.texture + 7U) - 0.5));
   Eigen::Vector3d at;
-  at << box.map_from_box * Eigen::Vector2d(in_box.head<2>()), in_box.z();
+  at << box.toMap(in_box.head<2>()), in_box.z();
   double light = ambient_ * (0.65 + 0.35 * normal.z());
   if (face != Surface3::kTop) light *= 1.0 - 0.3 * std::exp(-in_box.z() / kContact_m);
   for (const Lamp& lamp : lamps_) {
     const Eigen::Vector3d to = lamp.at_m - at;
-    light += lamp.power * std::max(0.0, to.dot(normal)) / std::pow(to.squaredNorm(), 1.5);
+    light += lamp.power * std::max(0.0, to.dot(normal)) / (to.squaredNorm() * to.norm());
   }
   return static_cast<float>(light) * albedo;
 }
 
 /// The room around the arena, out of focus.
 Eigen::Vector3f ArenaScene::skyAlong(const Eigen::Vector3f& along) const {
-  const double azimuth = std::atan2(along.y(), along.x()),
-               elevation = std::asin(std::clamp(along.z(), -1.0F, 1.0F));
-  const double grey = 0.12 + 0.35 * smoothAt(3.0 * (azimuth + M_PI), 5.0 * (elevation + 2.0), seed_ + 11U);
-  const double hue = 0.2 * (smoothAt(2.0 * (azimuth + M_PI), 2.0 * (elevation + 2.0), seed_ + 12U) - 0.5);
+  const double x = along.x(), y = along.y(), z = along.z();
+  const double grey = 0.12 + 0.35 * smoothAt(4.0 * x + 3.0 * z + 20.0, 4.0 * y - 3.0 * z + 20.0, seed_ + 11U);
+  const double hue = 0.2 * (smoothAt(2.0 * x + z + 20.0, 2.0 * y - z + 20.0, seed_ + 12U) - 0.5);
   return static_cast<float>(grey) *
          Eigen::Vector3f(static_cast<float>(1.0 + hue), 1.0F, static_cast<float>(1.0 - hue));
 }

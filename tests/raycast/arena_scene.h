@@ -10,12 +10,18 @@ namespace omnifleet::raycast {
 
 /// A box on the floor: a block, a wall or the body of a robot with markers painted on top.
 struct ArenaBox {
-  Pose2 map_from_box;  ///< centre of the footprint
+  Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();  ///< of the footprint
+  Eigen::Matrix2d map_from_box = Eigen::Matrix2d::Identity();
   Eigen::Vector2d half_m = Eigen::Vector2d::Zero();
   double height_m = 0.0;
   Eigen::Vector3f albedo = Eigen::Vector3f::Zero();
   int robot = -1;  ///< index of the robot, whose colours are painted on top; −1: no robot
   unsigned texture = 0;
+
+  Eigen::Vector2d toBox(const Eigen::Vector2d& in_map) const {
+    return map_from_box.transpose() * (in_map - middle_m);
+  }
+  Eigen::Vector2d toMap(const Eigen::Vector2d& in_box) const { return middle_m + map_from_box * in_box; }
 };
 
 /// What a ray meets. Samples of one pixel with different surfaces show an edge.
@@ -31,7 +37,7 @@ struct Surface3 {
 /// Surfaces and light of an arena. Light and colours are linear. Lengths are metres, in map.
 class ArenaScene {
  public:
-  static constexpr double kShadow_m = 0.22;  ///< farthest shadow of a robot beside it
+  static constexpr double kShadow_m = 0.18;  ///< farthest shadow of a robot beside it
 
   ArenaScene(const ArenaLayout& layout, const ArenaOptions& options);
 
@@ -72,7 +78,8 @@ class ArenaScene {
   FloorMap emptyMap(double cell_m) const;
   void paintFloor();
   void lightFloor();
-  float visibility(const Lamp& lamp, const Eigen::Vector2d& at, const std::vector<ArenaBox>& boxes) const;
+  static float visibility(const Lamp& lamp, const Eigen::Vector2d& at, const ArenaBox* boxes,
+                          std::size_t count);
 
   Extent room_;
   dataset::MarkerSet markers_;

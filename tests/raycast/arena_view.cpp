@@ -15,7 +15,7 @@ std::vector<Eigen::Vector3d> cornersOf(const ArenaBox& box, double wider_m) {
   const Eigen::Vector2d half = box.half_m + Eigen::Vector2d::Constant(wider_m);
   for (const double x : {-half.x(), half.x()}) {
     for (const double y : {-half.y(), half.y()}) {
-      const Eigen::Vector2d corner = box.map_from_box * Eigen::Vector2d(x, y);
+      const Eigen::Vector2d corner = box.toMap({x, y});
       for (const double z : {0.0, box.height_m}) corners.emplace_back(corner.x(), corner.y(), z);
     }
   }
@@ -87,11 +87,10 @@ ArenaView::ArenaView(const ArenaScene& scene, const ArenaCamera& camera, const P
   from_ = map_from_camera_.translation().cast<float>();
   candidates_.resize(static_cast<std::size_t>(camera.tileColumns() * camera.tileRows()));
   const auto add = [&](const ArenaBox& box) {
-    const Pose2 box_from_map = box.map_from_box.inverse();
-    const Eigen::Vector2d from = box_from_map * Eigen::Vector2d(map_from_camera_.translation().head<2>());
+    const Eigen::Vector2d from = box.toBox(map_from_camera_.translation().head<2>());
     const auto index = static_cast<int>(placed_.size());
     placed_.push_back({&box,
-                       box_from_map.rotation().cast<float>(),
+                       box.map_from_box.transpose().cast<float>(),
                        {static_cast<float>(from.x()), static_cast<float>(from.y()), from_.z()}});
     forTiles(box, 0.0, [&](std::size_t tile) { candidates_[tile].push_back(index); });
   };
