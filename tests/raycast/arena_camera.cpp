@@ -8,15 +8,15 @@
 namespace omnifleet::raycast {
 namespace {
 
-/// Fixed-point iteration of the distortion; converges for the mild distortions of this generator.
-Eigen::Vector2d undistorted(const Eigen::Vector2d& distorted, const std::array<double, 5>& k) {
-  Eigen::Vector2d p = distorted;
+/// Fixed-point iteration of the distortion from a guess; converges for the distortions of this generator.
+Eigen::Vector2d undistorted(const Eigen::Vector2d& distorted, const std::array<double, 5>& k,
+                            Eigen::Vector2d p) {
   for (int turn = 0; turn < 60; ++turn) {
     const double s = p.squaredNorm(), radial = 1.0 + s * (k[0] + s * (k[1] + s * k[4]));
     const Eigen::Vector2d shift(2.0 * k[2] * p.x() * p.y() + k[3] * (s + 2.0 * p.x() * p.x()),
                                 k[2] * (s + 2.0 * p.y() * p.y()) + 2.0 * k[3] * p.x() * p.y());
     const Eigen::Vector2d next = (distorted - shift) / radial;
-    if ((next - p).norm() < 1e-10) return next;
+    if ((next - p).norm() < 1e-8) return next;
     p = next;
   }
   return p;
@@ -44,10 +44,12 @@ ArenaCamera::ArenaCamera(const lens::CameraModel& model)
       high(low.size(), {-far, -far});
   std::size_t n = 0;
   for (int y = 0; y < rows_ * kSamples; ++y) {
+    Eigen::Vector2d guess = Eigen::Vector2d::Zero();
     for (int x = 0; x < columns_ * kSamples; ++x, ++n) {
       const Eigen::Vector2d pixel((x + 0.5) / kSamples - 0.5, (y + 0.5) / kSamples - 0.5);
       const Eigen::Vector2d off = (pixel - model.principal_point_px).cwiseQuotient(model.focal_px);
-      rays_[n] = undistorted(off, k).cast<float>();
+      guess = undistorted(off, k, guess);
+      rays_[n] = guess.cast<float>();
       const auto tile =
           static_cast<std::size_t>(y / kSamples / kTile_px * tile_columns_ + x / kSamples / kTile_px);
       low[tile] = low[tile].cwiseMin(rays_[n]);
