@@ -128,6 +128,14 @@ void checkServices(const options::Section& services) {
   }
 }
 
+/// Camera of a robot; null if it has none of this role.
+const CameraSpec* cameraOf(const Fleet& fleet, const std::string& robot_name, CameraRole role) {
+  for (const CameraSpec& camera : fleet.cameras) {
+    if (camera.robot == robot_name && camera.role == role) return &camera;
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 /// Rejects a fleet without images, scans or observations, whose processes would wait forever.
@@ -200,10 +208,16 @@ const CameraSpec& Fleet::camera(const std::string& camera_id) const {
 }
 
 const CameraSpec* Fleet::fisheyeOf(const std::string& robot_name) const {
-  for (const CameraSpec& camera : cameras) {
-    if (camera.robot == robot_name && camera.role == CameraRole::kFisheye) return &camera;
-  }
-  return nullptr;
+  return cameraOf(*this, robot_name, CameraRole::kFisheye);
+}
+
+const CameraSpec* Fleet::frontOf(const std::string& robot_name) const {
+  return cameraOf(*this, robot_name, CameraRole::kFront);
+}
+
+bool Fleet::isRead(const CameraSpec& camera) const {
+  if (camera.role != CameraRole::kFront) return true;
+  return maps(camera.robot) && fisheyeOf(camera.robot) == nullptr && !robot(camera.robot).laser;
 }
 
 std::map<std::string, lens::Spread> Fleet::lensSpreads() const {

@@ -65,9 +65,13 @@ struct Fleet {
   /// `host` is marked as known, so that the service does not report it.
   options::Section service(const std::string& service_name) const;
 
-  const RobotSpec& robot(const std::string& robot_name) const;   ///< throws options::Error
-  const CameraSpec& camera(const std::string& camera_id) const;  ///< throws options::Error
-  const CameraSpec* fisheyeOf(const std::string& robot_name) const;
+  const RobotSpec& robot(const std::string& robot_name) const;       ///< throws options::Error
+  const CameraSpec& camera(const std::string& camera_id) const;      ///< throws options::Error
+  const CameraSpec* fisheyeOf(const std::string& robot_name) const;  ///< null: none
+  const CameraSpec* frontOf(const std::string& robot_name) const;    ///< null: none
+  /// False for a forward camera that no stage reads: its robot maps with a fisheye camera or a laser, or does
+  /// not map.
+  bool isRead(const CameraSpec& camera) const;
   std::map<std::string, RobotBody> bodies() const;
   /// Radial projection (lens::Spread) of the fisheye lens of each robot that has one.
   std::map<std::string, lens::Spread> lensSpreads() const;
