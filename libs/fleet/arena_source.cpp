@@ -7,10 +7,10 @@ void addArena(Fleet& fleet) {
   for (const synthetic::ArenaRobot& simulated : arena.robots) {
     RobotSpec robot;
     robot.name = simulated.name;
-    robot.initial_pose = simulated.initial_map_from_base;
+    if (simulated.initial_pose_known) robot.initial_pose = simulated.initial_map_from_base;
     robot.body = simulated.body;
-    robot.has_wheels = true;
-    if (arena.laser) robot.laser = arena.laser->sensor;
+    robot.has_wheels = simulated.has("wheels");
+    if (arena.laser && simulated.has("laser")) robot.laser = arena.laser->sensor;
     fleet.robots.push_back(robot);
   }
   for (const synthetic::ArenaCamera& simulated : arena.cameras) {

@@ -128,6 +128,14 @@ void checkServices(const options::Section& services) {
   }
 }
 
+/// Camera of a robot; null if it has none of this role.
+const CameraSpec* cameraOf(const Fleet& fleet, const std::string& robot_name, CameraRole role) {
+  for (const CameraSpec& camera : fleet.cameras) {
+    if (camera.robot == robot_name && camera.role == role) return &camera;
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 /// Rejects a fleet without images, scans or observations, whose processes would wait forever.
@@ -200,27 +208,25 @@ const CameraSpec& Fleet::camera(const std::string& camera_id) const {
 }
 
 const CameraSpec* Fleet::fisheyeOf(const std::string& robot_name) const {
-  for (const CameraSpec& camera : cameras) {
-    if (camera.robot == robot_name && camera.role == CameraRole::kFisheye) return &camera;
-  }
-  return nullptr;
+  return cameraOf(*this, robot_name, CameraRole::kFisheye);
 }
 
 const CameraSpec* Fleet::frontOf(const std::string& robot_name) const {
-  for (const CameraSpec& camera : cameras) {
-    if (camera.robot == robot_name && camera.role == CameraRole::kFront) return &camera;
-  }
-  return nullptr;
+  return cameraOf(*this, robot_name, CameraRole::kFront);
 }
 
 const CameraSpec* Fleet::mapCameraOf(const std::string& robot_name) const {
   std::string method = "auto";
   file.child("services").child("local_mapper").read("method", method, {"auto", "distance_vector"});
-  const CameraSpec* fisheye = method == "auto" ? fisheyeOf(robot_name) : nullptr;
-  return fisheye ? fisheye : frontOf(robot_name);
+  if (method == "auto") {
+    if (const CameraSpec* fisheye = fisheyeOf(robot_name)) return fisheye;
+    const auto has_laser = [&](const RobotSpec& robot) { return robot.name == robot_name && robot.laser; };
+    if (std::any_of(robots.begin(), robots.end(), has_laser)) return nullptr;
+  }
+  return frontOf(robot_name);
 }
 
-bool Fleet::isUsed(const CameraSpec& camera) const {
+bool Fleet::isRead(const CameraSpec& camera) const {
   if (camera.role == CameraRole::kCeiling) return true;
   const CameraSpec* used = mapCameraOf(camera.robot);
   return used != nullptr && used->id == camera.id;
@@ -229,7 +235,7 @@ bool Fleet::isUsed(const CameraSpec& camera) const {
 std::map<std::string, lens::Spread> Fleet::lensSpreads() const {
   std::map<std::string, lens::Spread> all;
   for (const CameraSpec& camera : cameras) {
-    if (camera.role == CameraRole::kFisheye && isUsed(camera))
+    if (camera.role == CameraRole::kFisheye && isRead(camera))
       all[camera.robot] = lens::Spread::of(lens::Camera(camera.model));
   }
   return all;

@@ -69,11 +69,11 @@ struct Fleet {
   const CameraSpec& camera(const std::string& camera_id) const;  ///< throws options::Error
   const CameraSpec* fisheyeOf(const std::string& robot_name) const;
   const CameraSpec* frontOf(const std::string& robot_name) const;
-  /// The camera that a robot maps with: the fisheye camera, else the forward camera; with
-  /// `services: {local_mapper: {method: distance_vector}}` the forward camera. Null without one.
+  /// The camera that a robot maps with: the fisheye camera, else, without a laser, the forward camera; with
+  /// `services: {local_mapper: {method: distance_vector}}` always the forward camera. Null without one.
   const CameraSpec* mapCameraOf(const std::string& robot_name) const;
   /// False for a robot's camera that it does not map with.
-  bool isUsed(const CameraSpec& camera) const;
+  bool isRead(const CameraSpec& camera) const;
   std::map<std::string, RobotBody> bodies() const;
   /// Radial projection (lens::Spread) of the fisheye lens of each robot that has one.
   std::map<std::string, lens::Spread> lensSpreads() const;

@@ -24,7 +24,7 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   };
   if (fleet.hasWorld()) add("world", "", "", kSources);
   for (const CameraSpec& camera : fleet.cameras) {
-    if (fleet.isUsed(camera)) add("camera", camera.id, camera.host, kSources);
+    if (fleet.isRead(camera)) add("camera", camera.id, camera.host, kSources);
   }
   const std::vector<std::string> robots = fleet.mappingRobots();
   for (const std::string& robot : robots) add("local_mapper", robot, fleet.robot(robot).host, kMappers);
@@ -67,7 +67,7 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "world/truth") {
     return static_cast<int>(
         std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [&](const CameraSpec& camera) {
-          return camera.source == CameraSource::kArena && fleet.isUsed(camera);
+          return camera.source == CameraSource::kArena && fleet.isRead(camera);
         }));
   }
   return 0;

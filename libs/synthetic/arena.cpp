@@ -19,6 +19,29 @@ RobotBody paperBody() {
   return body;
 }
 
+bool isConvex(const Polygon& polygon) {
+  const std::size_t n = polygon.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Vector2d along = polygon[(i + 1) % n] - polygon[i], next = polygon[(i + 2) % n] - polygon[i];
+    if (along.x() * next.y() - along.y() * next.x() < 0.0) return false;
+  }
+  return true;
+}
+
+/// Sensors of a robot; each must be a rig of the arena or its wheels.
+void readSensors(const options::Section& section, ArenaRobot& robot) {
+  if (!section.has("sensors")) return;
+  std::vector<std::string> names;
+  section.read("sensors", names);
+  robot.sensors.emplace();
+  for (const std::string& name : names) {
+    if (std::find(kSensors.begin(), kSensors.end(), name) == kSensors.end())
+      section.fail("sensors",
+                   fmt::format("{} is not a sensor; sensors are {}", name, fmt::join(kSensors, ", ")));
+    robot.sensors->insert(name);
+  }
+}
+
 RobotBody readBody(const options::Section& section) {
   RobotBody body = paperBody();
   section.read("radius_m", body.radius_m, {0.02, 2.0});
@@ -29,6 +52,7 @@ RobotBody readBody(const options::Section& section) {
     if (body.footprint_m.size() < 3 || signedArea(body.footprint_m) <= 0.0) {
       section.fail("footprint_m", "needs at least 3 vertices in counter-clockwise order");
     }
+    if (!isConvex(body.footprint_m)) section.fail("footprint_m", "must be convex");
     if (section.has("radius_m")) section.fail("radius_m", "give either radius_m or footprint_m, not both");
     body.radius_m = 0.0;
   }
@@ -57,6 +81,13 @@ ArenaRobot readRobot(const options::Section& section, const std::string& name,
   section.read("texture", robot.texture, {0.0, 0.9});
   section.read("waypoints", robot.waypoints_m);
   readRows(section, "speeds", robot.speeds);
+  section.read("tour", robot.tour_m);
+  section.read("tour_mps", robot.tour_mps, {0.01, 10.0});
+  section.read("initial_pose_known", robot.initial_pose_known);
+  readSensors(section, robot);
+  if (robot.tour_m.size() == 1) section.fail("tour", "needs at least two places");
+  if (!robot.tour_m.empty() && (!robot.waypoints_m.empty() || !robot.speeds.empty()))
+    section.fail("tour", "conflicts with waypoints and speeds; give one of them");
   section.finish();
   return robot;
 }
@@ -110,8 +141,14 @@ void readCameras(const options::Section& section, Arena& arena) {
   if (rigs.has("laser")) arena.laser = ArenaLaser::read(rigs.child("laser"));
   rigs.finish();
   for (const ArenaRobot& robot : arena.robots) {
-    if (fisheye) arena.cameras.push_back({robot.name + "/fisheye", robot.name, eye});
-    if (front) arena.cameras.push_back({robot.name + "/front", robot.name, *front});
+    const auto lacks = [&](const std::string& rig, bool exists) {
+      return !exists && robot.sensors && robot.sensors->count(rig) > 0;
+    };
+    if (lacks("fisheye", fisheye) || lacks("front", front.has_value()) ||
+        lacks("laser", arena.laser.has_value()))
+      section.child("robots").child(robot.name).fail("sensors", "lists a sensor that is missing in `rigs`");
+    if (fisheye && robot.has("fisheye")) arena.cameras.push_back({robot.name + "/fisheye", robot.name, eye});
+    if (front && robot.has("front")) arena.cameras.push_back({robot.name + "/front", robot.name, *front});
   }
   const options::Section ceiling = section.child("ceiling");
   for (const std::string& name : ceiling.keys()) {

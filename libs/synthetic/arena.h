@@ -2,6 +2,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -22,7 +23,17 @@ struct ArenaRobot {
   std::vector<Eigen::Vector2d>
       waypoints_m;  ///< map; the robot follows them by itself if the arena has no formation
   std::vector<Eigen::Vector3d> speeds;  ///< open-loop commands, rows (time s, left m/s, right m/s)
+  std::vector<Eigen::Vector2d> tour_m;  ///< map; without a formation the robot visits these places in turn,
+                                        ///< again and again, in straight lines without avoidance
+  double tour_mps = 0.18;               ///< m/s, speed on the tour
+  std::optional<std::set<std::string>> sensors;  ///< of kSensors; nothing: every rig of the arena and wheels
+  bool initial_pose_known = true;  ///< false: the pose is not part of the fleet and of recordings
+
+  bool has(const std::string& sensor) const { return !sensors || sensors->count(sensor) > 0; }
 };
+
+/// What a robot of an arena may carry.
+inline const std::vector<std::string> kSensors{"fisheye", "front", "laser", "wheels"};
 
 struct ArenaCamera {
   std::string id;     ///< "r1/fisheye", "r1/front", "ceiling/c1"
@@ -30,7 +41,7 @@ struct ArenaCamera {
   lens::CameraModel model;
 };
 
-/// The laser scanner that every robot has.
+/// The laser scanner of every robot that has the sensor `laser`.
 struct ArenaLaser {
   dataset::LaserSensor sensor;
   int beams = 360;         ///< beams per scan

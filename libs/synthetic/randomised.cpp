@@ -113,6 +113,12 @@ class Planner {
       const double gap_m = (other.map_from_solid.translation() - place_m).norm() - reachOf(other) - reach_m;
       if (gap_m < options_.passage_m) return false;
     }
+    for (const Solid& other : arena_.solids) {
+      if (!other.fixed) continue;
+      const Eigen::Vector2d other_m = other.map_from_solid.translation();
+      if ((other_m - place_m).norm() - reachOf(other) - reach_m < options_.passage_m) return false;
+    }
+    if (onTour(place_m, reach_m)) return false;
     for (const Eigen::Vector2d& free_m : free_m_) {
       if (solid.distance(free_m, solid.map_from_solid) < body_m_ + options_.start_free_m) return false;
     }
@@ -122,6 +128,19 @@ class Planner {
   std::vector<Solid> placed;
 
  private:
+  /// True if a solid would narrow the tour of a robot.
+  bool onTour(const Eigen::Vector2d& place_m, double reach_m) const {
+    constexpr double kBeside_m = 0.05;  // a robot follows its tour within about 2 cm
+    for (const ArenaRobot& robot : arena_.robots) {
+      Eigen::Vector2d from_m = robot.initial_map_from_base.translation();
+      for (std::size_t i = 0; i < 2 * robot.tour_m.size(); ++i) {  // twice: also from the end to the begin
+        const Eigen::Vector2d& to_m = robot.tour_m[i % robot.tour_m.size()];
+        if (distanceToSegment(place_m, from_m, to_m) < reach_m + body_m_ + kBeside_m) return true;
+        from_m = to_m;
+      }
+    }
+    return false;
+  }
   double toWay(const Eigen::Vector2d& place_m) const {
     double least_m = INFINITY;
     for (const ArenaRobot& robot : arena_.robots) {
@@ -169,11 +188,13 @@ void placeObstacles(const Randomisation& options, Dice& dice, Arena& arena) {
         "obstacles",
         "not enough room for the minimum number; reduce obstacles, size_m, passage_m or start_free_m");
   }
-  std::vector<Solid> walls;
-  std::copy_if(arena.solids.begin(), arena.solids.end(), std::back_inserter(walls),
-               [](const Solid& s) { return s.wall; });
+  std::vector<Solid> lasting;  // fixed obstacles, then walls
+  for (const bool wall : {false, true}) {
+    std::copy_if(arena.solids.begin(), arena.solids.end(), std::back_inserter(lasting),
+                 [&](const Solid& s) { return s.wall == wall && (s.wall || s.fixed); });
+  }
   arena.solids = planner.placed;
-  arena.solids.insert(arena.solids.end(), walls.begin(), walls.end());
+  arena.solids.insert(arena.solids.end(), lasting.begin(), lasting.end());
   arena.moves.clear();
 }
 
@@ -199,6 +220,21 @@ void changeAddedProperties(const Randomisation& options, std::uint32_t seed, Are
   }
   for (Solid& solid : arena.solids) {
     if (!solid.wall && dice.in(0, 1) < options.floor_like_share) solid.rgb = floorLike(arena.floor.rgb, dice);
+  }
+}
+
+/// Colours and heights of obstacles that keep their places, and small shifts of them.
+void changeFixed(const Randomisation& options, std::uint32_t seed, Arena& arena) {
+  constexpr double kShift_m = 0.002, kTurn_rad = 0.01;
+  Dice dice(hash32(seed, 0x2b1c));
+  for (Solid& solid : arena.solids) {
+    if (!solid.fixed) continue;
+    const double hue = dice.in(0, 6), saturation = dice.in(0.5, 0.95), value = dice.in(0.25, 0.85);
+    solid.rgb = fromHsv(hue, saturation, value);
+    solid.height_m = dice.in(options.height_m);
+    Pose2& pose = solid.map_from_solid;
+    pose = {pose.x_m + dice.in(-kShift_m, kShift_m), pose.y_m + dice.in(-kShift_m, kShift_m),
+            pose.theta_rad + dice.in(-kTurn_rad, kTurn_rad)};
   }
 }
 
@@ -266,6 +302,7 @@ Arena randomised(const Arena& arena, std::uint32_t seed) {
   placeObstacles(options, dice, changed);
   changeAppearance(options, dice, changed);
   changeAddedProperties(options, seed, changed);
+  changeFixed(options, seed, changed);
   return changed;
 }
 

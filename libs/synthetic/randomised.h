@@ -41,7 +41,8 @@ struct Randomisation {
 };
 
 /// Varies obstacles, colours, light and initial poses of an arena by the seed. Equal seeds give equal arenas
-/// on every machine. Moves of obstacles are removed; walls stay. Throws options::Error when the section is
+/// on every machine. Moves of obstacles are removed; walls and the places of fixed obstacles
+/// stay. Throws options::Error when the section is
 /// invalid or there is no room for the minimum number of obstacles.
 Arena randomised(const Arena& arena, std::uint32_t seed);
 

@@ -98,6 +98,7 @@ Solid Solid::read(const options::Section& section) {
   section.require("height_m", solid.height_m, options::Range{0.005, 10.0});
   readRgb(section, "rgb", solid.rgb);
   section.read("texture", solid.texture, {0.0, 0.9});
+  section.read("fixed", solid.fixed);
   section.finish();
   return solid;
 }

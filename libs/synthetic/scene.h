@@ -65,6 +65,7 @@ struct Solid {
   Rgb rgb{200, 60, 50};
   double texture = 0.25;  ///< 1, amplitude of the surface variation
   bool wall = false;      ///< walls are not obstacles of scene.geojson
+  bool fixed = false;     ///< a seed keeps the place of this obstacle, and varies its colour and height
 
   /// Footprint in map, counter-clockwise. A cylinder is a 96-gon of equal area.
   Polygon footprint() const { return footprintAt(map_from_solid); }

@@ -80,8 +80,8 @@ void addMarkers(SolidMesh& mesh, const std::string& robot, const dataset::Marker
     plate(markers.individual_offset_m, markers.patch_size_m, found->second.individual, 0);
   } else {
     plate(Eigen::Vector2d::Zero(), markers.cover_size_m, found->second.cover, 0);
-    plate(markers.head_offset_m, markers.head_size_m, found->second.head, 1);
     plate(markers.tail_offset_m, markers.tail_size_m, found->second.tail, 1);
+    plate(markers.head_offset_m, markers.head_size_m, found->second.head, 2);
   }
   for (const Eigen::Vector3f& v : mesh.vertices) {
     mesh.radius_m = std::max(mesh.radius_m, v.head<2>().norm());

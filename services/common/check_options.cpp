@@ -44,7 +44,7 @@ void checkCameras(const fleet::Fleet& fleet) {
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     try {
       const lens::Camera lens(camera.model);
-      if (!fleet.isUsed(camera)) continue;
+      if (!fleet.isRead(camera)) continue;
       if (camera.role == fleet::CameraRole::kFisheye) local_mapper::LocalMapper(lens, fisheye);
       if (camera.role == fleet::CameraRole::kFront) local_mapper::FrontMapper(lens, front);
     } catch (const std::runtime_error& error) {

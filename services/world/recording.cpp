@@ -1,5 +1,6 @@
 #include "world/recording.h"
 
+#include <map>
 #include <memory>
 
 #include "dataset/writer.h"
@@ -40,6 +41,7 @@ std::vector<LaserTrack> openLasers(const synthetic::Arena& arena, std::uint32_t 
   std::vector<LaserTrack> lasers;
   if (!arena.laser) return lasers;
   for (const synthetic::ArenaRobot& robot : arena.robots) {
+    if (!robot.has("laser")) continue;
     lasers.push_back({synthetic::LaserScanner(arena, robot.name, seed),
                       dataset::LaserWriter(folder, robot.name, arena.laser->sensor)});
   }
@@ -51,7 +53,7 @@ void writeDescription(const synthetic::Arena& arena, const std::string& folder) 
   for (const synthetic::ArenaRobot& robot : arena.robots) {
     dataset::RobotRecording recording;
     recording.name = robot.name;
-    recording.initial_pose = robot.initial_map_from_base;
+    if (robot.initial_pose_known) recording.initial_pose = robot.initial_map_from_base;
     recording.body = robot.body;
     robots.push_back(recording);
   }
@@ -68,8 +70,9 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
   writeDescription(arena, folder);
   auto cameras = openCameras(arena, options, folder);
   auto lasers = openLasers(arena, options.seed, folder);
-  std::vector<dataset::WheelsWriter> wheels;
-  for (const synthetic::ArenaRobot& robot : arena.robots) wheels.emplace_back(folder, robot.name);
+  std::map<std::size_t, dataset::WheelsWriter> wheels;  // by robot
+  for (std::size_t i = 0; i < arena.robots.size(); ++i)
+    if (arena.robots[i].has("wheels")) wheels.emplace(i, dataset::WheelsWriter(folder, arena.robots[i].name));
   std::vector<std::vector<dataset::StampedPose>> truth(arena.robots.size());
 
   RecordingReport report;
@@ -82,10 +85,10 @@ RecordingReport record(const synthetic::Arena& arena, const RecordingOptions& op
     for (LaserTrack& laser : lasers)
       laser.writer.write(laser.scanner.scan(state.frame, state.map_from_bases));
     const World::Driven& driven = world.step(drivers.commands(world));
-    for (std::size_t i = 0; i < wheels.size(); ++i) {
+    for (std::size_t i = 0; i < truth.size(); ++i)
       truth[i].push_back({state.time_ns, state.map_from_bases[i]});
-      for (const dataset::WheelRow& row : driven.wheels[i]) wheels[i].write(row);
-    }
+    for (auto& [robot, writer] : wheels)
+      for (const dataset::WheelRow& row : driven.wheels[robot]) writer.write(row);
     report.collisions.insert(report.collisions.end(), driven.collisions.begin(), driven.collisions.end());
     report.frames = state.frame + 1;
     report.arrived = drivers.arrived();

@@ -20,7 +20,7 @@ const synthetic::Arena& arenaOf(const fleet::Fleet& fleet) {
 dataset::RobotRecording recordingOf(const synthetic::ArenaRobot& robot) {
   dataset::RobotRecording recording;
   recording.name = robot.name;
-  recording.initial_pose = robot.initial_map_from_base;
+  if (robot.initial_pose_known) recording.initial_pose = robot.initial_map_from_base;
   recording.body = robot.body;
   return recording;
 }
@@ -54,14 +54,16 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
   }
   if (context.options.record) {
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      outputs_[i].recorder.open(status(), context.options.out + "/recording", fleet.arena->robots[i].name);
+      if (fleet.arena->robots[i].has("wheels"))
+        outputs_[i].recorder.open(status(), context.options.out + "/recording", fleet.arena->robots[i].name);
     }
   }
+  if (!fleet.hasFormation()) drivers_.emplace(world_);
   status().expected(static_cast<std::uint64_t>(fleet.arena->frames()));
 }
 
 std::unique_ptr<ArenaWorldService::Laser> ArenaWorldService::makeLaser(const std::string& robot) {
-  if (!fleet_.arena->laser) return nullptr;
+  if (!fleet_.arena->laser || !fleet_.arena->robot(robot).has("laser")) return nullptr;
   auto laser = std::unique_ptr<Laser>(
       new Laser{{context_.bus.writer(context_.topics.laser, robot), "laser " + robot,
                  fleet::expectedReaders(fleet_, "laser", robot)},
@@ -74,9 +76,10 @@ std::unique_ptr<ArenaWorldService::Laser> ArenaWorldService::makeLaser(const std
 
 std::vector<bus::Expectation> ArenaWorldService::expectations() const {
   std::vector<bus::Expectation> all;
-  for (const RobotOutputs& outputs : outputs_) {
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    const RobotOutputs& outputs = outputs_[i];
     all.push_back(outputs.truth.expectation());
-    all.push_back(outputs.wheels.expectation());
+    if (fleet_.arena->robots[i].has("wheels")) all.push_back(outputs.wheels.expectation());
     if (outputs.laser) all.push_back(outputs.laser->out.expectation());
   }
   return all;
@@ -137,9 +140,11 @@ void ArenaWorldService::takeCommands() {
   }
 }
 
-/// Commands for the next step. Lockstep: the answers to this frame. Live: the latest commands, zero when too
-/// old.
+/// Commands for the next step. Without a formation: the robots drive by themselves. Lockstep: the answers to
+/// this frame. Live: the latest commands, zero when too old.
 const std::vector<motion::WheelSpeeds>& ArenaWorldService::heldCommands() {
+  if (drivers_) commands_ = drivers_->commands(world_);
+  if (drivers_) return commands_;
   if (!realtime_) return commands_;
   const auto hold_ns = static_cast<TimeNs>(options_.command_hold_s * 1e9);
   held_ = commands_;
@@ -176,7 +181,8 @@ void ArenaWorldService::publishTruth(const world::World::State& state) {
 
 void ArenaWorldService::publishScans(const world::World::State& state) {
   v1::LaserScan wire;
-  for (std::size_t i = 0; i < outputs_.size() && fleet_.arena->laser; ++i) {
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    if (!outputs_[i].laser) continue;
     Laser& laser = *outputs_[i].laser;
     const dataset::LaserRow& row = laser.scanner.scan(state.frame, state.map_from_bases);
     adapters::toWire(row, fleet_.arena->robots[i].name, static_cast<std::uint32_t>(state.frame),
@@ -189,6 +195,7 @@ void ArenaWorldService::publishScans(const world::World::State& state) {
 void ArenaWorldService::publishWheels(const world::World::Driven& driven) {
   v1::WheelOdometry wire;
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    if (!fleet_.arena->robots[i].has("wheels")) continue;
     wire.robot(fleet_.arena->robots[i].name);
     for (const dataset::WheelRow& row : driven.wheels[i]) {
       adapters::fillHeader(row.time_ns, wheel_rows_++, adapters::RunClock::kSim, wire.header());

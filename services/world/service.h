@@ -12,6 +12,7 @@
 #include "dataset/writer.h"
 #include "fleet/fleet.h"
 #include "synthetic/laser_scanner.h"
+#include "world/drivers.h"
 #include "world/world.h"
 
 namespace omnifleet::services {
@@ -19,7 +20,8 @@ namespace omnifleet::services {
 /// The simulated arena. Input: wheel commands. Output: true poses (for its cameras), laser scans and wheel
 /// odometry. In lockstep mode a step is taken when every robot has answered the previous frame. In live mode
 /// steps follow the clock and use the latest commands; a robot without a command for `command_hold_s` stops,
-/// as real bases do. Writes the truth to OUT/recording when the run ends.
+/// as real bases do. Without a formation each robot drives by its tour, waypoints or speeds. Writes the truth
+/// to OUT/recording when the run ends.
 class ArenaWorldService : public bus::Service {
  public:
   ArenaWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -77,6 +79,7 @@ class ArenaWorldService : public bus::Service {
   std::map<std::string, std::size_t> robots_;
   std::vector<RobotOutputs> outputs_;
   std::vector<motion::WheelSpeeds> commands_, held_;
+  std::optional<world::Drivers> drivers_;  ///< if the fleet has no formation
   std::vector<TimeNs> commanded_ns_;
   int resting_frames_ = 0;
   std::uint32_t wheel_rows_ = 0;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "world/body_gaps.h"
+
 namespace omnifleet::world {
 namespace {
 
@@ -20,13 +22,6 @@ double normal(std::mt19937& generator) {
 
 double towards(double value, double wanted, double most) {
   return value + std::clamp(wanted - value, -most, most);
-}
-
-/// Radius of the circle around base_link that contains the body.
-double reach(const RobotBody& body) {
-  double reach_m = body.radius_m;
-  for (const Eigen::Vector2d& vertex : body.footprint_m) reach_m = std::max(reach_m, vertex.norm());
-  return reach_m;
 }
 
 }  // namespace
@@ -122,26 +117,27 @@ void World::driveRobot(std::size_t robot, const motion::WheelSpeeds& command, do
 }
 
 bool World::collides(std::size_t robot, const Pose2& pose, double time_s, TimeNs time_ns) {
-  const double own_reach_m = reach(arena_.robots[robot].body);
-  const Eigen::Vector2d place_m = pose.translation(), before_m = state_.map_from_bases[robot].translation();
+  const RobotBody& body = arena_.robots[robot].body;
+  const Pose2& before = state_.map_from_bases[robot];
   bool blocked = false;
   const auto checkContact = [&](const std::string& name, double gap_m, double gap_before_m) {
-    if (gap_m >= 0.0) return;
     report(robot, name, -gap_m, time_ns);
     blocked = blocked || gap_m < gap_before_m;  // a motion that increases the gap is always allowed
   };
   for (std::size_t i = 0; i < arena_.solids.size(); ++i) {
     const Pose2 solid = arena_.solidAt(static_cast<int>(i), time_s);
-    const double gap_m = arena_.solids[i].distance(place_m, solid) - own_reach_m;
+    const double gap_m = gapToSolid(body, pose, arena_.solids[i], solid);
+    if (gap_m >= 0.0) continue;
     checkContact((arena_.solids[i].wall ? "wall " : "obstacle ") + std::to_string(i), gap_m,
-                 arena_.solids[i].distance(before_m, solid) - own_reach_m);
+                 gapToSolid(body, before, arena_.solids[i], solid));
   }
   for (std::size_t i = 0; i < arena_.robots.size(); ++i) {
     if (i == robot) continue;
-    const Eigen::Vector2d other_m = state_.map_from_bases[i].translation();
-    const double both_m = own_reach_m + reach(arena_.robots[i].body);
-    checkContact(arena_.robots[i].name, (place_m - other_m).norm() - both_m,
-                 (before_m - other_m).norm() - both_m);
+    const RobotBody& other = arena_.robots[i].body;
+    const Pose2& there = state_.map_from_bases[i];
+    const double gap_m = gapToBody(body, pose, other, there);
+    if (gap_m >= 0.0) continue;
+    checkContact(arena_.robots[i].name, gap_m, gapToBody(body, before, other, there));
   }
   return blocked;
 }

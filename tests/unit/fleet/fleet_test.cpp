@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
@@ -182,6 +184,42 @@ TEST_F(FleetFile, RejectsNamesThatExceedTheWireFormat) {
   for (int i = 0; i < 33; ++i)
     many += "  r" + std::to_string(i) + ": {body: {radius_m: 1, height_m: 1}, wheel_separation_m: 1}\n";
   EXPECT_THAT(problemOf(many), HasSubstr("robots: 33 robots; 1 to 32 are allowed"));
+}
+
+TEST_F(FleetFile, RunsForwardCameraOnlyIfItsRobotMapsWithIt) {
+  write("front.yaml",
+        "camera_model: pinhole\nprojection: pinhole\nimage_width: 320\nimage_height: 240\nfocal_px: 160\n"
+        "principal_point_px: [159.5, 119.5]\nposition_m: [0.1, 0, 0.085]\nrotation_rpy_deg: [0, -78, 0]\n");
+  const Fleet fleet = load(std::string(kRobots) + kCameras +
+                           "  r1/front: {source: folder, path: front, sensor: front.yaml}\n");
+  ASSERT_NE(fleet.frontOf("r1"), nullptr);
+  EXPECT_EQ(fleet.frontOf("r1")->id, "r1/front");
+  EXPECT_EQ(fleet.frontOf("r2"), nullptr);
+  EXPECT_EQ(fleet.fisheyeOf("r1")->id, "r1/fisheye");
+  EXPECT_FALSE(fleet.isRead(*fleet.frontOf("r1")));  // its local mapper reads the fisheye camera
+  EXPECT_TRUE(fleet.isRead(*fleet.fisheyeOf("r1")));
+  EXPECT_THAT(names(processes(fleet)), testing::Not(testing::Contains("camera r1/front")));
+}
+
+TEST(ArenaFleet, ParkedRobotsHaveNoSensorsAndNoInitialPose) {
+  const Fleet fleet =
+      Fleet::load(std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/ahmed.yaml", "", {});
+  ASSERT_EQ(fleet.robots.size(), 4u);
+  for (const RobotSpec& robot : fleet.robots) {
+    EXPECT_FALSE(robot.has_wheels);
+    EXPECT_FALSE(robot.initial_pose);
+    EXPECT_EQ(robot.body.footprint_m.size(), 4u);
+    EXPECT_EQ(fleet.frontOf(robot.name) != nullptr, robot.name < "r3");
+  }
+  const auto started = names(processes(fleet));
+  EXPECT_THAT(started, testing::IsSupersetOf({"world", "camera ceiling/c1", "camera ceiling/c2"}));
+  EXPECT_THAT(started, testing::Not(testing::Contains("local_mapper r3")));
+  // Every camera that runs reads the true poses, and a forward camera runs if its robot maps.
+  const auto cameras = std::count_if(started.begin(), started.end(), [](const std::string& process) {
+    return process.rfind("camera ", 0) == 0;
+  });
+  EXPECT_EQ(cameras, fleet.maps("r1") ? 4 : 2);
+  EXPECT_EQ(expectedReaders(fleet, "world/truth", "r3"), cameras);
 }
 
 /// Such a fleet would receive no data and never end.
