@@ -10,7 +10,7 @@ bool behaviourFromWire(v1::FormationBehaviour from, motion::Behaviour& to) {
   return enumFromWire(static_cast<std::uint32_t>(from), motion::Behaviour::kExploration, to);
 }
 
-void toWire(const motion::View& from, v1::FormationView& to) {
+void viewToWire(const motion::View& from, v1::FormationView& to) {
   to.origin(point(from.origin_m));
   to.blind_m(from.blind_m);
   to.first_rad(from.first_rad);
@@ -19,7 +19,7 @@ void toWire(const motion::View& from, v1::FormationView& to) {
                                                            from.ray.size(), motion::View::kMostRays)));
 }
 
-bool fromWire(const v1::FormationView& from, motion::View& to) {
+bool viewFromWire(const v1::FormationView& from, motion::View& to) {
   to.origin_m = point(from.origin());
   to.blind_m = from.blind_m();
   to.first_rad = from.first_rad();
@@ -80,13 +80,11 @@ void toWire(const motion::FormationState& from, RunClock clock, v1::FormationSta
   to.narrowing(from.narrowing);
   to.behaviour(static_cast<v1::FormationBehaviour>(from.behaviour));
   to.ground_clear(from.ground_clear);
-  to.stop().x(from.stop.x_m);
-  to.stop().y(from.stop.y_m);
-  to.stop().theta(from.stop.theta_rad);
+  to.stop(pose(from.stop));
   to.has_goal(from.has_goal);
   to.goal(point(from.goal_m));
   to.frontiers(from.frontiers);
-  toWire(from.view, to.view());
+  viewToWire(from.view, to.view());
   sequenceToWire(from.skipped, motion::SkippedFrontier::kMost, to.skipped(),
                  [](const motion::SkippedFrontier& skipped, v1::SkippedFrontier& wire) {
                    wire.place(point(skipped.place_m));
@@ -110,11 +108,11 @@ bool fromWire(const v1::FormationState& from, motion::FormationState& to) {
   to.command_ns = from.command_ns();
   to.narrowing = from.narrowing();
   to.ground_clear = from.ground_clear();
-  to.stop = {from.stop().x(), from.stop().y(), from.stop().theta()};
+  to.stop = pose(from.stop());
   to.has_goal = from.has_goal();
   to.goal_m = point(from.goal());
   to.frontiers = from.frontiers();
-  bool good = behaviourFromWire(from.behaviour(), to.behaviour) && fromWire(from.view(), to.view) &&
+  bool good = behaviourFromWire(from.behaviour(), to.behaviour) && viewFromWire(from.view(), to.view) &&
               to.goal_m.allFinite() && to.stop.isFinite();
   to.skipped.clear();
   for (const v1::SkippedFrontier& skipped : from.skipped()) {

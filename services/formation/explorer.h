@@ -1,0 +1,82 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "formation/shared_grid.h"
+#include "motion/avoidance.h"
+#include "motion/exploration.h"
+
+namespace omnifleet::formation {
+
+/// One robot's part of the exploration: chooses its goal together with the others and drives there. Called
+/// once per frame.
+class Explorer {
+ public:
+  struct Options {
+    motion::Exploration::Options plan;
+    double plan_period_s = 0.4;  ///< s, between two assignments; all robots compute them in the same frames
+    double silent_s = 2.0;       ///< s, a robot without a state for longer does not take part
+    double look_s = 1.2;         ///< s, a frontier in view for this long that stays unknown is skipped
+    double stuck_s = 6.0;        ///< s without progress towards a frontier until it is skipped
+    double longest_s = 45.0;     ///< s, bound of the time for one frontier
+    double arrived_m = 0.06;     ///< m, a viewpoint within this distance is reached
+    double arrived_rad = 0.15;   ///< rad, likewise its heading
+    double turn_in_place_rad = 0.6;  ///< rad, beyond this heading error the robot turns without driving
+
+    static Options read(const options::Section& section);
+  };
+  struct Frame {
+    TimeNs acquired_ns = 0;
+    double dt_s = 0.0;
+    Pose2 map_from_base;          ///< present
+    std::vector<Polygon> solids;  ///< map; outlines of the other robots that are near or stand
+  };
+  struct Drive {
+    bool explored = false;  ///< nothing reachable is unknown
+    /// Wanted twist before the limits of acceleration.
+    motion::Twist twist;
+    std::optional<Eigen::Vector2d> goal_m;  ///< map
+  };
+
+  Explorer(const std::string& robot, const std::map<std::string, RobotBody>& bodies, const Options& options,
+           const motion::DriveLimits& limits);
+
+  /// Begins anew: no goal, nothing skipped.
+  void restart();
+  Drive drive(const Frame& frame, const SharedGrid& shared);
+
+  const std::vector<motion::SkippedFrontier>& skipped() const { return skipped_; }
+  std::uint32_t frontiers() const { return frontiers_; }
+
+ private:
+  std::vector<motion::Explorer> team(const SharedGrid& shared, TimeNs now_ns, std::size_t& own) const;
+  void choose(const Frame& frame, const SharedGrid& shared);
+  motion::Twist approach(const Frame& frame, const motion::ExplorationGrid& grid);
+  motion::Twist turnTo(double off_rad) const;
+  Eigen::Vector2d carrot(const Eigen::Vector2d& here_m, const std::vector<Eigen::Vector2i>& path,
+                         const motion::ExplorationGrid& grid) const;
+  void watch(const Frame& frame, const motion::ExplorationGrid& grid, double left_s, bool looking);
+  void skip(bool looked);
+
+  std::string robot_;
+  std::map<std::string, double> radius_m_;
+  Options options_;
+  motion::DriveLimits limits_;
+  motion::Exploration exploration_;
+  motion::DistanceField field_;
+  cv::Mat1f price_;
+  std::optional<motion::Exploration::Goal> goal_;
+  std::vector<motion::SkippedFrontier> skipped_;
+  std::uint32_t frontiers_ = 0;
+  TimeNs planned_period_ = -1;
+  int done_plans_ = 0;      ///< successive plans without a frontier
+  double looking_s_ = 0.0;  ///< since the goal is in view
+  double since_progress_s_ = 0.0, since_chosen_s_ = 0.0;
+  double least_left_s_ = 0.0;  ///< least time left to the goal
+  double look_m_ = 0.0;        ///< farthest viewpoint; reduced after a look without a result
+  Eigen::Vector2d watched_m_ = Eigen::Vector2d::Zero();  ///< the goal that these times belong to
+};
+
+}  // namespace omnifleet::formation
