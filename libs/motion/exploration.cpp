@@ -6,7 +6,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "motion/frontier_assignment.h"
-#include "motion/motion_guard.h"
 
 namespace omnifleet::motion {
 namespace {
@@ -16,7 +15,26 @@ constexpr double kFieldOfView_rad = M_PI_2;  // until a robot has published a vi
 constexpr double kViewEdge_rad = 0.1;        // a frontier at the edge of the view does not count as seen
 constexpr double kSameM = 0.12;              // m, a goal or skipped place this near a frontier belongs to it
 constexpr double kLeavingM = 0.25;           // m about the robot, where it may leave a tight place
+constexpr double kNearLook = 0.6;            // the last look is from within this share of look_m
+constexpr double kEdgeM = 0.05;              // m beyond the hidden floor
+constexpr double kLookDepthM = 0.2;          // m, least depth of the ring of viewpoints
 constexpr float kTightPrice = 20.0f;         // cost per metre there
+
+/// Visits the cells within a distance of the rectangle around an outline.
+template <typename Visit>
+void forCellsAround(const ExplorationGrid& grid, const Polygon& outline_m, double far_m, Visit visit) {
+  Eigen::Vector2d low_m = outline_m.front(), high_m = low_m;
+  for (const Eigen::Vector2d& vertex : outline_m) {
+    low_m = low_m.cwiseMin(vertex);
+    high_m = high_m.cwiseMax(vertex);
+  }
+  const Eigen::Vector2d far(far_m, far_m);
+  const Eigen::Vector2i low = grid.cellOf(low_m - far).cwiseMax(0);
+  const Eigen::Vector2i high =
+      grid.cellOf(high_m + far).cwiseMin(Eigen::Vector2i(grid.size().width - 1, grid.size().height - 1));
+  for (int row = low.y(); row <= high.y(); ++row)
+    for (int column = low.x(); column <= high.x(); ++column) visit(column, row);
+}
 
 }  // namespace
 
@@ -37,6 +55,7 @@ Exploration::Options Exploration::Options::read(const options::Section& section)
   section.read("look_m", options.look_m, {0.1, 10.0});
   section.read("look_part_s", options.look_part_s, {0.0, 100.0});
   section.read("keep_s", options.keep_s, {0.0, 100.0});
+  section.read("beside_cost", options.beside_cost, {0.0, 100.0});
   section.read("near_s", options.near_s, {0.0, 1000.0});
   section.read("near_m", options.near_m, {0.01, 100.0});
   section.finish();
@@ -45,20 +64,16 @@ Exploration::Options Exploration::Options::read(const options::Section& section)
 }
 
 void Exploration::priceCells(const ExplorationGrid& grid, const Eigen::Vector2d& here_m, double radius_m,
-                             const std::vector<Polygon>& solids, cv::Mat1f& price) const {
+                             const std::vector<Barriers::Solid>& solids, cv::Mat1f& price) const {
   cv::Mat1f clearance_m = grid.occupiedClearance_m().clone();
   const cv::Mat1f& unknown_m = grid.unknownClearance_m();
   const double wide_m = radius_m + options_.wide_margin_m, tight_m = radius_m + options_.margin_m;
-  for (const Polygon& solid : solids) {
-    const int reach = static_cast<int>(std::ceil((wide_m + 0.5) / grid.cell_m()));
-    const Eigen::Vector2i middle = grid.cellOf(centroid(solid));
-    for (int row = std::max(0, middle.y() - reach); row <= std::min(price.rows - 1, middle.y() + reach);
-         ++row)
-      for (int column = std::max(0, middle.x() - reach);
-           column <= std::min(price.cols - 1, middle.x() + reach); ++column) {
-        float& clear_m = clearance_m(row, column);
-        clear_m = std::min(clear_m, static_cast<float>(distanceTo(solid, grid.centreOf({column, row}))));
-      }
+  for (const Barriers::Solid& solid : solids) {
+    const double more_m = solid.margin_m - options_.margin_m;
+    forCellsAround(grid, solid.outline_m, wide_m + std::max(0.0, more_m), [&](int column, int row) {
+      const double clear_m = distanceTo(solid.outline_m, grid.centreOf({column, row})) - more_m;
+      clearance_m(row, column) = std::min(clearance_m(row, column), static_cast<float>(clear_m));
+    });
   }
   const Eigen::Vector2i here = grid.cellOf(here_m);
   const bool inside = grid.isInside(here);
@@ -80,13 +95,26 @@ void Exploration::priceCells(const ExplorationGrid& grid, const Eigen::Vector2d&
   }
 }
 
-ViewpointOptions Exploration::viewpointOptions(const Explorer& robot, double look_m) const {
+/// First from anywhere; floor that the body hides is shown by rays that pass over it. Then from where all of
+/// it is in view, at last from near.
+ViewpointOptions Exploration::viewpointOptions(const Explorer& robot, int look) const {
   ViewpointOptions options;
   const double view_rad = robot.field_of_view_rad > 0.0 ? robot.field_of_view_rad : kFieldOfView_rad;
   options.field_of_view_rad = std::max(kViewEdge_rad, view_rad - kViewEdge_rad);
-  options.nearest_m = robot.blind_m + 0.05;
-  options.farthest_m = std::max(look_m, options.nearest_m + 0.2);
+  options.nearest_m = look == 0 ? robot.radius_m : robot.blind_m + kEdgeM;
+  options.farthest_m = std::max(look < kLooks - 1 ? options_.look_m : kNearLook * options_.look_m,
+                                options.nearest_m + kLookDepthM);
   return options;
+}
+
+/// Other robots that drive are avoided, but they do not stay.
+void Exploration::discourage(const ExplorationGrid& grid, const Polygon& outline_m, double radius_m,
+                             cv::Mat1f& price) const {
+  const double far_m = radius_m + options_.wide_margin_m;
+  forCellsAround(grid, outline_m, far_m, [&](int column, int row) {
+    if (distanceTo(outline_m, grid.centreOf({column, row})) < far_m)
+      price(row, column) += static_cast<float>(options_.beside_cost);
+  });
 }
 
 /// The viewpoint that the robot reaches first; seeing more of the frontier is worth some time.
@@ -108,21 +136,19 @@ Exploration::Choice Exploration::choose(const std::vector<Viewpoint>& views, con
 }
 
 Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots,
-                                    std::size_t own, double own_look_m) {
+                                    std::size_t own, int look) {
   Plan plan;
   plan.frontier_of.assign(robots.size(), -1);
   std::vector<Frontier> found = findFrontiers(grid, options_.extent_m, options_.least_cells);
-  std::vector<Polygon> standing;
+  std::vector<Barriers::Solid> standing;
   cv::Mat1b opaque = cv::Mat1b::zeros(grid.size());
   for (const Explorer& robot : robots) {
-    if (!robot.explores) standing.push_back(robot.outline_m);
+    if (robot.explores) continue;
+    standing.push_back({robot.outline_m, options_.margin_m});
+    forCellsAround(grid, robot.outline_m, 0.0, [&](int column, int row) {
+      if (contains(robot.outline_m, grid.centreOf({column, row}))) opaque(row, column) = 1;
+    });
   }
-  for (int row = 0; row < opaque.rows && !standing.empty(); ++row)
-    for (int column = 0; column < opaque.cols; ++column)
-      for (const Polygon& outline : standing) {
-        const Eigen::Vector2d centre_m = grid.centreOf({column, row});
-        if ((centre_m - outline.front()).norm() < 1.0 && contains(outline, centre_m)) opaque(row, column) = 1;
-      }
 
   // What each robot can reach; robots that drive are not in the way for long.
   fields_.resize(robots.size());
@@ -133,6 +159,9 @@ Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vect
     const Eigen::Vector2i start = grid.cellOf(robots[i].map_from_base.translation());
     if (!robots[i].explores || !grid.isInside(start)) continue;
     priceCells(grid, robots[i].map_from_base.translation(), robots[i].radius_m, standing, price_);
+    for (std::size_t k = 0; k < robots.size(); ++k) {
+      if (k != i && robots[k].explores) discourage(grid, robots[k].outline_m, robots[i].radius_m, price_);
+    }
     fields_[i].from(price_, start);
     here.push_back(start);
     for (int row = 0; row < reachable.rows; ++row)
@@ -157,15 +186,14 @@ Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vect
       const Explorer& robot = robots[i];
       if (!robot.explores || !grid.isInside(grid.cellOf(robot.map_from_base.translation()))) continue;
       if (skippedBy(robot, false)) continue;
-      const auto views =
-          viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, options_.look_m));
+      const auto views = viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, 0));
       Choice choice = choose(views, fields_[i], robot, grid);
       if (i == own) {
         mine = choice.viewpoint;
-        if (own_look_m < options_.look_m && robot.goal_m && isAt(grid, frontier, *robot.goal_m, kSameM)) {
-          const Choice nearer = choose(
-              viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, own_look_m)),
-              fields_[i], robot, grid);
+        if (look > 0 && robot.goal_m && isAt(grid, frontier, *robot.goal_m, kSameM)) {
+          const Choice nearer =
+              choose(viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, look)),
+                     fields_[i], robot, grid);
           if (std::isfinite(nearer.time_s)) mine = nearer.viewpoint;
         }
       }

@@ -9,6 +9,7 @@
 #include "motion/distance_field.h"
 #include "motion/exploration_grid.h"
 #include "motion/frontiers.h"
+#include "motion/motion_guard.h"
 #include "options/options.h"
 
 namespace omnifleet::motion {
@@ -40,6 +41,7 @@ class Exploration {
     double look_m = 1.0;          ///< m, farthest viewpoint of a frontier
     double look_part_s = 3.0;     ///< s, worth of seeing a whole frontier instead of none of it
     double keep_s = 1.5;          ///< s, advantage of the frontier that a robot heads for
+    double beside_cost = 6.0;     ///< 1, additional cost per metre beside a robot that drives
     double near_s = 8.0;          ///< s, cost of two robots at one place
     double near_m = 1.5;          ///< m, apart from which two frontiers do not share their surroundings
     double cruise_mps = 0.25, turn_radps = 1.0;  ///< to estimate times; from the drive limits
@@ -59,16 +61,15 @@ class Exploration {
 
   explicit Exploration(const Options& options) : options_(options) {}
 
-  /// @param robots sorted by name @param own index of this robot @param own_look_m m, farthest viewpoint of
-  /// this robot; at most Options::look_m
-  Plan plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots, std::size_t own,
-            double own_look_m);
+  /// @param robots sorted by name @param own index of this robot @param look number of looks at its goal
+  /// that have shown nothing: the next one is from another distance
+  Plan plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots, std::size_t own, int look);
 
   /// Cost of driving across each cell for a robot of the given radius: infinity on unknown floor and nearer
-  /// to obstacles or to `solids` (outlines in map) than the least clearance. A robot at `here_m` that is
+  /// to obstacles than the least clearance, or to `solids` (map) than theirs. A robot at `here_m` that is
   /// nearer already can leave.
   void priceCells(const ExplorationGrid& grid, const Eigen::Vector2d& here_m, double radius_m,
-                  const std::vector<Polygon>& solids, cv::Mat1f& price) const;
+                  const std::vector<Barriers::Solid>& solids, cv::Mat1f& price) const;
 
   const Options& options() const { return options_; }
 
@@ -79,12 +80,18 @@ class Exploration {
   };
   Choice choose(const std::vector<Viewpoint>& views, const DistanceField& field, const Explorer& robot,
                 const ExplorationGrid& grid) const;
-  ViewpointOptions viewpointOptions(const Explorer& robot, double look_m) const;
+  ViewpointOptions viewpointOptions(const Explorer& robot, int look) const;
+
+  void discourage(const ExplorationGrid& grid, const Polygon& outline_m, double radius_m,
+                  cv::Mat1f& price) const;
 
   Options options_;
   std::vector<DistanceField> fields_;
   cv::Mat1f price_;
 };
+
+/// Number of different distances from which a robot looks at a frontier before it gives up.
+constexpr int kLooks = 3;
 
 /// Whether a place (map) belongs to a frontier: one of its cells is nearer than `near_m`.
 bool isAt(const ExplorationGrid& grid, const Frontier& frontier, const Eigen::Vector2d& place_m,

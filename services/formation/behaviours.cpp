@@ -13,6 +13,7 @@ namespace {
 constexpr double kNearM = 1.2;    // m, remembered obstacles within this distance of the robot are considered
 constexpr double kEdgeM = 0.015;  // m, as in compactView()
 constexpr double kSameRayM = 0.05;  // m, an obstacle this near a ray explains what the ray hits
+constexpr double kMeetM = 0.8;      // m, a robot within this distance may be in the way
 constexpr double kRayStepM = 0.01;
 constexpr double kStoppedRad = 1e-3;
 
@@ -57,6 +58,7 @@ void Formation::behave(const Objects& objects, Output& output) {
       towards(commanded_.forward_mps, wanted.forward_mps, limits.max_mps2 * dt_s_),
       towards(commanded_.turn_radps, wanted.turn_radps, limits.max_turn_radps2 * dt_s_)};
   const motion::MotionGuard::Result guarded = guard_.limit(smooth, commanded_, dt_s_, barriers_);
+  held_ = guarded.limited && guarded.twist.forward_mps == 0.0 && smooth.forward_mps != 0.0;
   commanded_ = guarded.twist;
   output.state.stop = guarded.stop;
   output.state.avoiding = guarded.limited || (!explores && !ground.clear);
@@ -99,11 +101,11 @@ void Formation::updateBarriers(const Objects& objects, const Pose2& map_from_bas
 }
 
 /// The hits of the present scan. An object within the floor that the body hides may begin anywhere before the
-/// range of its rays. If nothing remembered explains it, it begins at the body.
+/// range of its rays. If nothing remembered explains it, it begins at the circle that the body needs to turn.
 void Formation::addScan(const Scan& scan) {
   const std::size_t known = barriers_.points_m.size();
   const double step_rad = 2.0 * M_PI / static_cast<double>(std::max<std::size_t>(1, scan.range_m.size()));
-  const Polygon outline_m = bodies_.at(robot_).outline();
+  const double turning_m = motion::reachOf(bodies_.at(robot_).outline()) + options_.guard.margin_m;
   for (std::size_t i = 0; i < scan.range_m.size(); ++i) {
     const double range_m = scan.range_m[i], bearing_rad = step_rad * static_cast<double>(i);
     if (!isSolid(scan.label[i]) || !(range_m <= kNearM)) continue;
@@ -120,9 +122,7 @@ void Formation::addScan(const Scan& scan) {
     const auto end = barriers_.points_m.begin() + static_cast<std::ptrdiff_t>(known);
     if (std::any_of(barriers_.points_m.begin(), end, explains)) continue;
     double along_m = 0.0;
-    while (along_m < range_m &&
-           distanceTo(outline_m, scan.origin_m + along_m * unit) <= options_.guard.margin_m)
-      along_m += kRayStepM;
+    while (along_m < range_m && (scan.origin_m + along_m * unit).norm() <= turning_m) along_m += kRayStepM;
     barriers_.points_m.push_back(scan.origin_m + along_m * unit);
   }
 }
@@ -155,9 +155,21 @@ motion::Barriers::Solid Formation::reserved(const std::string& name, const Pose2
 }
 
 motion::Twist Formation::explore(const Pose2& map_from_base, TimeNs now_ns, Output& output) {
-  Explorer::Frame frame{now_ns, dt_s_, map_from_base, {}};
+  Explorer::Frame frame;
+  frame.acquired_ns = now_ns;
+  frame.dt_s = dt_s_;
+  frame.map_from_base = map_from_base;
+  frame.held = held_;
   for (const motion::Barriers::Solid& solid : barriers_.solids)
-    frame.solids.push_back(motion::placed(map_from_base, solid.outline_m));
+    frame.solids.push_back({motion::placed(map_from_base, solid.outline_m), solid.margin_m});
+  double least_m = kMeetM;
+  for (const auto& [name, stated] : shared_.stated()) {
+    const auto pose = name == robot_ ? std::nullopt : fleet_.now(name, now_ns);
+    if (!pose || (pose->translation() - map_from_base.translation()).norm() >= least_m) continue;
+    least_m = (pose->translation() - map_from_base.translation()).norm();
+    frame.nearest_m = pose->translation();
+    frame.nearest_first = name < robot_;
+  }
   const Explorer::Drive drive = explorer_.drive(frame, shared_);
   output.state.skipped = explorer_.skipped();
   output.state.frontiers = explorer_.frontiers();

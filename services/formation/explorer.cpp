@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "formation/fleet_view.h"
 #include "motion/motion_guard.h"
@@ -13,7 +14,10 @@ namespace {
 constexpr double kSameGoalM = 0.15;  // m, a frontier that moves by less is the same goal
 constexpr double kProgressS = 0.5;   // s, the time left must fall by this much to count as progress
 constexpr double kCarrotM = 0.6;     // m, farthest point of the path that the robot heads for
-constexpr double kNearLook = 0.6;    // the second look is from within this share of look_m
+constexpr double kUnknownS = 1e9;    // s
+constexpr double kFirstWaits = 4.0;  // times as long as a later robot the first one waits
+constexpr double kRetreatS = 4.0;    // s, longest way made
+constexpr double kRetreatM = 0.8;    // m, likewise
 constexpr int kDonePlans = 3;        // successive plans without frontiers until all is explored
 constexpr double kSlowest = 0.2;     // share of the cruise speed next to a viewpoint
 constexpr double kSlowM = 0.15;      // m, within which the speed falls
@@ -27,6 +31,7 @@ Explorer::Options Explorer::Options::read(const options::Section& section) {
   section.read("silent_s", options.silent_s, options::kPositive);
   section.read("look_s", options.look_s, options::kPositive);
   section.read("stuck_s", options.stuck_s, options::kPositive);
+  section.read("yield_s", options.yield_s, options::kPositive);
   section.read("longest_s", options.longest_s, options::kPositive);
   section.read("arrived_m", options.arrived_m, {0.005, 1.0});
   section.read("arrived_rad", options.arrived_rad, {0.01, 1.0});
@@ -53,7 +58,10 @@ void Explorer::restart() {
   frontiers_ = 0;
   planned_period_ = -1;
   done_plans_ = 0;
-  look_m_ = options_.plan.look_m;
+  look_ = 0;
+  blocked_s_ = 0.0;
+  retreat_.reset();
+  retried_ = false;
 }
 
 /// All robots at their published poses, by name.
@@ -91,7 +99,7 @@ void Explorer::choose(const Frame& frame, const SharedGrid& shared) {
   const std::vector<motion::Explorer> robots = team(shared, frame.acquired_ns, own);
   if (own >= robots.size() || !robots[own].explores) return;
   planned_period_ = period;
-  const motion::Exploration::Plan plan = exploration_.plan(shared.grid(), robots, own, look_m_);
+  const motion::Exploration::Plan plan = exploration_.plan(shared.grid(), robots, own, look_);
   frontiers_ = static_cast<std::uint32_t>(plan.frontiers.size());
   done_plans_ = plan.frontiers.empty() ? done_plans_ + 1 : 0;
   goal_ = plan.own;
@@ -99,8 +107,12 @@ void Explorer::choose(const Frame& frame, const SharedGrid& shared) {
     watched_m_ = goal_->frontier.place_m;
     looking_s_ = since_progress_s_ = since_chosen_s_ = 0.0;
     least_left_s_ = goal_->time_s;
-    look_m_ = options_.plan.look_m;
+    look_ = 0;
   }
+  // Robots may have been in the way.
+  if (plan.frontiers.empty() && !std::exchange(retried_, true))
+    skipped_.erase(std::remove_if(skipped_.begin(), skipped_.end(), [](const auto& s) { return !s.looked; }),
+                   skipped_.end());
 }
 
 Explorer::Drive Explorer::drive(const Frame& frame, const SharedGrid& shared) {
@@ -126,26 +138,68 @@ motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGr
   const Eigen::Vector2i here = grid.cellOf(here_m);
   const double look_rad = wrapAngle(goal_->viewpoint.heading_rad - frame.map_from_base.theta_rad);
   if (!grid.isInside(here)) return {};
-  if ((there_m - here_m).norm() <= options_.arrived_m || here == goal_->viewpoint.cell) {
+  const bool there = (there_m - here_m).norm() <= options_.arrived_m || here == goal_->viewpoint.cell;
+  if (there && !retreat_) {
     const bool looking = std::abs(look_rad) <= options_.arrived_rad;
-    watch(frame, grid, std::abs(look_rad) / limits_.max_turn_radps, looking);
+    watch(frame, std::abs(look_rad) / limits_.max_turn_radps, looking);
     return looking ? motion::Twist{} : turnTo(look_rad);
   }
   price_.create(grid.size());
   exploration_.priceCells(grid, here_m, radius_m_.at(robot_), frame.solids, price_);
   field_.from(price_, here);
-  if (!field_.reaches(goal_->viewpoint.cell)) {
-    watch(frame, grid, least_left_s_, false);
+  const bool blocked = !field_.reaches(goal_->viewpoint.cell);
+  if (yields(frame, grid, blocked || frame.held)) return along(frame, grid, *retreat_);
+  if (blocked) {
+    watch(frame, least_left_s_, false);
     return {};
   }
-  const std::vector<Eigen::Vector2i> path = field_.pathTo(goal_->viewpoint.cell);
-  const double way_m = grid.cell_m() * static_cast<double>(path.size());
-  const Eigen::Vector2d ahead_m = frame.map_from_base.inverse() * carrot(here_m, path, grid);
-  const double off_rad = std::atan2(ahead_m.y(), ahead_m.x());
-  watch(frame, grid,
-        grid.cell_m() * static_cast<double>(field_.cost(goal_->viewpoint.cell)) / limits_.cruise_mps +
-            std::abs(off_rad) / limits_.max_turn_radps,
+  const motion::Twist twist = along(frame, grid, goal_->viewpoint.cell);
+  watch(frame, grid.cell_m() * static_cast<double>(field_.cost(goal_->viewpoint.cell)) / limits_.cruise_mps,
         false);
+  return twist;
+}
+
+/// Whether the robot makes way for another robot that is in its way. The later one by name does so first.
+bool Explorer::yields(const Frame& frame, const motion::ExplorationGrid& grid, bool blocked) {
+  retreat_s_ -= frame.dt_s;
+  if (retreat_ && (retreat_s_ <= 0.0 || !field_.reaches(*retreat_))) retreat_.reset();
+  if (retreat_) return true;
+  blocked_s_ = blocked ? blocked_s_ + frame.dt_s : 0.0;
+  if (!blocked || !frame.nearest_m) return false;
+  if (blocked_s_ < (frame.nearest_first ? 1.0 : kFirstWaits) * options_.yield_s) return false;
+  retreat_ = awayFrom(*frame.nearest_m, frame, grid);
+  retreat_s_ = kRetreatS;
+  blocked_s_ = 0.0;
+  return retreat_.has_value();
+}
+
+/// The reachable cell near the robot that is farthest from another place.
+std::optional<Eigen::Vector2i> Explorer::awayFrom(const Eigen::Vector2d& other_m, const Frame& frame,
+                                                  const motion::ExplorationGrid& grid) const {
+  std::optional<Eigen::Vector2i> best;
+  double most_m = (frame.map_from_base.translation() - other_m).norm() + grid.cell_m();
+  const auto farthest = static_cast<float>(kRetreatM / grid.cell_m());
+  for (int row = 0; row < grid.size().height; ++row) {
+    for (int column = 0; column < grid.size().width; ++column) {
+      const Eigen::Vector2i cell(column, row);
+      const double apart_m = (grid.centreOf(cell) - other_m).norm();
+      if (apart_m <= most_m || !(field_.cost(cell) <= farthest)) continue;
+      most_m = apart_m;
+      best = cell;
+    }
+  }
+  return best;
+}
+
+/// Along the path to a cell.
+motion::Twist Explorer::along(const Frame& frame, const motion::ExplorationGrid& grid,
+                              const Eigen::Vector2i& goal) const {
+  const std::vector<Eigen::Vector2i> path = field_.pathTo(goal);
+  if (path.empty()) return {};
+  const double way_m = grid.cell_m() * static_cast<double>(path.size());
+  const Eigen::Vector2d ahead_m =
+      frame.map_from_base.inverse() * carrot(frame.map_from_base.translation(), path, grid);
+  const double off_rad = std::atan2(ahead_m.y(), ahead_m.x());
   motion::Twist twist = turnTo(off_rad);
   if (std::abs(off_rad) < options_.turn_in_place_rad) {
     const double ahead = std::cos(0.5 * M_PI * off_rad / options_.turn_in_place_rad);
@@ -177,7 +231,7 @@ Eigen::Vector2d Explorer::carrot(const Eigen::Vector2d& here_m, const std::vecto
 }
 
 /// Gives the goal up if it stays unknown in full view, or if the robot makes no progress towards it.
-void Explorer::watch(const Frame& frame, const motion::ExplorationGrid&, double left_s, bool looking) {
+void Explorer::watch(const Frame& frame, double left_s, bool looking) {
   since_chosen_s_ += frame.dt_s;
   since_progress_s_ += frame.dt_s;
   if (left_s < least_left_s_ - kProgressS) {
@@ -187,12 +241,8 @@ void Explorer::watch(const Frame& frame, const motion::ExplorationGrid&, double 
   looking_s_ = looking ? looking_s_ + frame.dt_s : 0.0;
   if (looking_s_ >= options_.look_s) {
     looking_s_ = since_progress_s_ = 0.0;
-    least_left_s_ = 1e9;
-    const double nearer_m = kNearLook * options_.plan.look_m;
-    if (look_m_ > nearer_m)
-      look_m_ = nearer_m;
-    else
-      skip(true);
+    least_left_s_ = kUnknownS;
+    if (++look_ >= motion::kLooks) skip(true);
   } else if (since_progress_s_ >= options_.stuck_s || since_chosen_s_ >= options_.longest_s) {
     skip(false);
   }

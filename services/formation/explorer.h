@@ -20,9 +20,11 @@ class Explorer {
     double silent_s = 2.0;       ///< s, a robot without a state for longer does not take part
     double look_s = 1.2;         ///< s, a frontier in view for this long that stays unknown is skipped
     double stuck_s = 6.0;        ///< s without progress towards a frontier until it is skipped
-    double longest_s = 45.0;     ///< s, bound of the time for one frontier
-    double arrived_m = 0.06;     ///< m, a viewpoint within this distance is reached
-    double arrived_rad = 0.15;   ///< rad, likewise its heading
+    double yield_s = 0.8;     ///< s, behind another robot that is in the way until this robot makes way; the
+                              ///< first robot by name waits longer
+    double longest_s = 45.0;  ///< s, bound of the time for one frontier
+    double arrived_m = 0.06;  ///< m, a viewpoint within this distance is reached
+    double arrived_rad = 0.15;       ///< rad, likewise its heading
     double turn_in_place_rad = 0.6;  ///< rad, beyond this heading error the robot turns without driving
 
     static Options read(const options::Section& section);
@@ -30,8 +32,11 @@ class Explorer {
   struct Frame {
     TimeNs acquired_ns = 0;
     double dt_s = 0.0;
-    Pose2 map_from_base;          ///< present
-    std::vector<Polygon> solids;  ///< map; outlines of the other robots that are near or stand
+    Pose2 map_from_base;                          ///< present
+    std::vector<motion::Barriers::Solid> solids;  ///< map; the other robots
+    std::optional<Eigen::Vector2d> nearest_m;     ///< map; nearest other robot that drives, if it is near
+    bool nearest_first = false;                   ///< its name comes first
+    bool held = false;  ///< the command before was limited because something is near
   };
   struct Drive {
     bool explored = false;  ///< nothing reachable is unknown
@@ -57,7 +62,12 @@ class Explorer {
   motion::Twist turnTo(double off_rad) const;
   Eigen::Vector2d carrot(const Eigen::Vector2d& here_m, const std::vector<Eigen::Vector2i>& path,
                          const motion::ExplorationGrid& grid) const;
-  void watch(const Frame& frame, const motion::ExplorationGrid& grid, double left_s, bool looking);
+  void watch(const Frame& frame, double left_s, bool looking);
+  bool yields(const Frame& frame, const motion::ExplorationGrid& grid, bool blocked);
+  std::optional<Eigen::Vector2i> awayFrom(const Eigen::Vector2d& other_m, const Frame& frame,
+                                          const motion::ExplorationGrid& grid) const;
+  motion::Twist along(const Frame& frame, const motion::ExplorationGrid& grid,
+                      const Eigen::Vector2i& goal) const;
   void skip(bool looked);
 
   std::string robot_;
@@ -75,7 +85,11 @@ class Explorer {
   double looking_s_ = 0.0;  ///< since the goal is in view
   double since_progress_s_ = 0.0, since_chosen_s_ = 0.0;
   double least_left_s_ = 0.0;  ///< least time left to the goal
-  double look_m_ = 0.0;        ///< farthest viewpoint; reduced after a look without a result
+  int look_ = 0;               ///< looks at the goal that have shown nothing
+  double blocked_s_ = 0.0;     ///< since another robot is in the way
+  std::optional<Eigen::Vector2i> retreat_;  ///< where this robot makes way for another
+  double retreat_s_ = 0.0;                  ///< left
+  bool retried_ = false;                    ///< frontiers that were not reached have been tried again
   Eigen::Vector2d watched_m_ = Eigen::Vector2d::Zero();  ///< the goal that these times belong to
 };
 

@@ -37,7 +37,7 @@ class Formation {
   struct Options {
     motion::FormationCommand command;  ///< behaviour, shape, distance_m, angle_rad, waypoints, boundary:
                                        ///< valid until the first command
-    std::string leader;  ///< empty: the first robot by name
+    std::string leader;                ///< empty: the first robot by name
     motion::DriveLimits limits;
     motion::FollowLaw::Options follow;
     motion::LeadLaw::Options lead;
@@ -150,6 +150,7 @@ class Formation {
   Explorer explorer_;
   std::map<std::string, Pose2> parked_;
   motion::Barriers barriers_;  ///< base_link
+  bool held_ = false;          ///< the guard stopped the robot in the frame before
   std::vector<Eigen::Vector2d> remembered_m_;
   std::optional<motion::FormationState> published_;  ///< of the frame before
 };
