@@ -15,7 +15,8 @@ constexpr double kFieldOfView_rad = M_PI_2;  // until a robot has published a vi
 constexpr double kViewEdge_rad = 0.1;        // a frontier at the edge of the view does not count as seen
 constexpr double kSameM = 0.12;              // m, a goal or skipped place this near a frontier belongs to it
 constexpr double kLeavingM = 0.25;           // m about the robot, where it may leave a tight place
-constexpr double kNearLook = 0.6;            // the last look is from within this share of look_m
+constexpr double kElsewhereM = 0.25;         // m, two viewpoints this far apart show different things
+constexpr double kSkippedM = 0.2;            // m, of the cells of a skipped frontier about its place
 constexpr double kEdgeM = 0.05;              // m beyond the hidden floor
 constexpr double kLookDepthM = 0.2;          // m, least depth of the ring of viewpoints
 constexpr float kTightPrice = 20.0f;         // cost per metre there
@@ -34,6 +35,18 @@ void forCellsAround(const ExplorationGrid& grid, const Polygon& outline_m, doubl
       grid.cellOf(high_m + far).cwiseMin(Eigen::Vector2i(grid.size().width - 1, grid.size().height - 1));
   for (int row = low.y(); row <= high.y(); ++row)
     for (int column = low.x(); column <= high.x(); ++column) visit(column, row);
+}
+
+/// Whether most of a frontier has been skipped.
+bool isSkipped(const ExplorationGrid& grid, const Frontier& frontier,
+               const std::vector<SkippedFrontier>& skipped, bool looked) {
+  const auto gone =
+      std::count_if(frontier.cells.begin(), frontier.cells.end(), [&](const Eigen::Vector2i& cell) {
+        return std::any_of(skipped.begin(), skipped.end(), [&](const SkippedFrontier& s) {
+          return s.looked == looked && (grid.centreOf(cell) - s.place_m).norm() <= kSkippedM;
+        });
+      });
+  return 2 * static_cast<std::size_t>(gone) > frontier.cells.size();
 }
 
 }  // namespace
@@ -95,15 +108,14 @@ void Exploration::priceCells(const ExplorationGrid& grid, const Eigen::Vector2d&
   }
 }
 
-/// First from anywhere; floor that the body hides is shown by rays that pass over it. Then from where all of
-/// it is in view, at last from near.
-ViewpointOptions Exploration::viewpointOptions(const Explorer& robot, int look) const {
+/// The floor that the body hides is shown by rays that pass over it. After a look without a result the whole
+/// frontier must be beyond it.
+ViewpointOptions Exploration::viewpointOptions(const Explorer& robot, bool beyond_blind) const {
   ViewpointOptions options;
   const double view_rad = robot.field_of_view_rad > 0.0 ? robot.field_of_view_rad : kFieldOfView_rad;
   options.field_of_view_rad = std::max(kViewEdge_rad, view_rad - kViewEdge_rad);
-  options.nearest_m = look == 0 ? robot.radius_m : robot.blind_m + kEdgeM;
-  options.farthest_m = std::max(look < kLooks - 1 ? options_.look_m : kNearLook * options_.look_m,
-                                options.nearest_m + kLookDepthM);
+  options.nearest_m = beyond_blind ? robot.blind_m + kEdgeM : robot.radius_m;
+  options.farthest_m = std::max(options_.look_m, options.nearest_m + kLookDepthM);
   return options;
 }
 
@@ -119,10 +131,15 @@ void Exploration::discourage(const ExplorationGrid& grid, const Polygon& outline
 
 /// The viewpoint that the robot reaches first; seeing more of the frontier is worth some time.
 Exploration::Choice Exploration::choose(const std::vector<Viewpoint>& views, const DistanceField& field,
-                                        const Explorer& robot, const ExplorationGrid& grid) const {
+                                        const Explorer& robot, const ExplorationGrid& grid,
+                                        const std::vector<Eigen::Vector2d>& failed_m) const {
   Choice best{kInfinity, {}};
   for (const Viewpoint& view : views) {
     if (!field.reaches(view.cell)) continue;
+    const bool failed = std::any_of(failed_m.begin(), failed_m.end(), [&](const Eigen::Vector2d& place_m) {
+      return (grid.centreOf(view.cell) - place_m).norm() < kElsewhereM;
+    });
+    if (failed) continue;
     const double way_m = grid.cell_m() * static_cast<double>(field.cost(view.cell));
     const Eigen::Vector2d straight_m = grid.centreOf(view.cell) - robot.map_from_base.translation();
     const double first_rad = way_m > 2.0 * grid.cell_m()
@@ -135,85 +152,97 @@ Exploration::Choice Exploration::choose(const std::vector<Viewpoint>& views, con
   return best;
 }
 
-Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots,
-                                    std::size_t own, int look) {
-  Plan plan;
-  plan.frontier_of.assign(robots.size(), -1);
-  std::vector<Frontier> found = findFrontiers(grid, options_.extent_m, options_.least_cells);
+/// What each robot can reach and see. Robots that drive are not in the way for long.
+void Exploration::findReachable(const ExplorationGrid& grid, const std::vector<Explorer>& robots) {
   std::vector<Barriers::Solid> standing;
-  cv::Mat1b opaque = cv::Mat1b::zeros(grid.size());
+  opaque_ = cv::Mat1b::zeros(grid.size());
+  standable_ = cv::Mat1b::zeros(grid.size());
   for (const Explorer& robot : robots) {
     if (robot.explores) continue;
     standing.push_back({robot.outline_m, options_.margin_m});
     forCellsAround(grid, robot.outline_m, 0.0, [&](int column, int row) {
-      if (contains(robot.outline_m, grid.centreOf({column, row}))) opaque(row, column) = 1;
+      if (contains(robot.outline_m, grid.centreOf({column, row}))) opaque_(row, column) = 1;
     });
   }
-
-  // What each robot can reach; robots that drive are not in the way for long.
   fields_.resize(robots.size());
+  takes_part_.assign(robots.size(), false);
+  here_.clear();
   price_.create(grid.size());
-  cv::Mat1b reachable = cv::Mat1b::zeros(grid.size());
-  std::vector<Eigen::Vector2i> here;
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    const Eigen::Vector2i start = grid.cellOf(robots[i].map_from_base.translation());
-    if (!robots[i].explores || !grid.isInside(start)) continue;
-    priceCells(grid, robots[i].map_from_base.translation(), robots[i].radius_m, standing, price_);
+    const Eigen::Vector2d here_m = robots[i].map_from_base.translation();
+    takes_part_[i] = robots[i].explores && grid.isInside(grid.cellOf(here_m));
+    if (!takes_part_[i]) continue;
+    priceCells(grid, here_m, robots[i].radius_m, standing, price_);
     for (std::size_t k = 0; k < robots.size(); ++k) {
       if (k != i && robots[k].explores) discourage(grid, robots[k].outline_m, robots[i].radius_m, price_);
     }
-    fields_[i].from(price_, start);
-    here.push_back(start);
-    for (int row = 0; row < reachable.rows; ++row)
-      for (int column = 0; column < reachable.cols; ++column)
-        if (fields_[i].reaches({column, row})) reachable(row, column) = 1;
+    fields_[i].from(price_, grid.cellOf(here_m));
+    here_.push_back(grid.cellOf(here_m));
+    for (int row = 0; row < standable_.rows; ++row)
+      for (int column = 0; column < standable_.cols; ++column)
+        if (fields_[i].reaches({column, row})) standable_(row, column) = 1;
   }
+}
 
+/// Time of each robot to a view of the frontier.
+std::vector<double> Exploration::timesTo(const Frontier& frontier, const ExplorationGrid& grid,
+                                         const std::vector<Explorer>& robots, std::size_t own,
+                                         Viewpoint& own_viewpoint) const {
+  std::vector<double> times_s(robots.size(), kInfinity);
+  std::vector<Viewpoint> views;
+  const Explorer* viewer = nullptr;
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    const Explorer& robot = robots[i];
+    if (!takes_part_[i] || isSkipped(grid, frontier, robot.skipped, false)) continue;
+    const bool same = viewer && viewer->field_of_view_rad == robot.field_of_view_rad &&
+                      viewer->blind_m == robot.blind_m && viewer->radius_m == robot.radius_m;
+    if (!same)
+      views = viewpointsOf(frontier, grid, standable_, opaque_, here_, viewpointOptions(robot, false));
+    viewer = &robot;
+    const Choice choice = choose(views, fields_[i], robot, grid, {});
+    if (i == own) own_viewpoint = choice.viewpoint;
+    const bool kept = robot.goal_m && isAt(grid, frontier, *robot.goal_m, kSameM);
+    times_s[i] = kept ? std::max(0.0, choice.time_s - options_.keep_s) : choice.time_s;
+  }
+  return times_s;
+}
+
+Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots,
+                                    std::size_t own, const std::vector<Eigen::Vector2d>& failed_m) {
+  Plan plan;
+  findReachable(grid, robots);
   std::vector<std::vector<double>> times_s(robots.size());
   std::vector<Eigen::Vector2d> places_m;
-  std::vector<Viewpoint> own_viewpoint;
-  for (Frontier& frontier : found) {
-    const auto skippedBy = [&](const Explorer& robot, bool looked) {
-      return std::any_of(robot.skipped.begin(), robot.skipped.end(), [&](const SkippedFrontier& skipped) {
-        return skipped.looked == looked && isAt(grid, frontier, skipped.place_m, kSameM);
-      });
-    };
-    if (std::any_of(robots.begin(), robots.end(), [&](const Explorer& r) { return skippedBy(r, true); }))
+  std::vector<Viewpoint> own_viewpoints;
+  for (Frontier& frontier : findFrontiers(grid, options_.extent_m, options_.least_cells)) {
+    if (std::any_of(robots.begin(), robots.end(),
+                    [&](const Explorer& robot) { return isSkipped(grid, frontier, robot.skipped, true); }))
       continue;
-    std::vector<double> row_s(robots.size(), kInfinity);
-    Viewpoint mine;
-    for (std::size_t i = 0; i < robots.size(); ++i) {
-      const Explorer& robot = robots[i];
-      if (!robot.explores || !grid.isInside(grid.cellOf(robot.map_from_base.translation()))) continue;
-      if (skippedBy(robot, false)) continue;
-      const auto views = viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, 0));
-      Choice choice = choose(views, fields_[i], robot, grid);
-      if (i == own) {
-        mine = choice.viewpoint;
-        if (look > 0 && robot.goal_m && isAt(grid, frontier, *robot.goal_m, kSameM)) {
-          const Choice nearer =
-              choose(viewpointsOf(frontier, grid, reachable, opaque, here, viewpointOptions(robot, look)),
-                     fields_[i], robot, grid);
-          if (std::isfinite(nearer.time_s)) mine = nearer.viewpoint;
-        }
-      }
-      if (robot.goal_m && isAt(grid, frontier, *robot.goal_m, kSameM))
-        choice.time_s = std::max(0.0, choice.time_s - options_.keep_s);
-      row_s[i] = choice.time_s;
-    }
-    if (std::none_of(row_s.begin(), row_s.end(), [](double t) { return std::isfinite(t); })) continue;
-    for (std::size_t i = 0; i < robots.size(); ++i) times_s[i].push_back(row_s[i]);
+    Viewpoint own_viewpoint;
+    const std::vector<double> to_s = timesTo(frontier, grid, robots, own, own_viewpoint);
+    if (std::none_of(to_s.begin(), to_s.end(), [](double t) { return std::isfinite(t); })) continue;
+    for (std::size_t i = 0; i < robots.size(); ++i) times_s[i].push_back(to_s[i]);
     places_m.push_back(frontier.place_m);
-    own_viewpoint.push_back(mine);
+    own_viewpoints.push_back(own_viewpoint);
     plan.frontiers.push_back(std::move(frontier));
   }
   plan.frontier_of = assignFrontiers(times_s, places_m, options_.near_s, options_.near_m);
-  const int chosen = plan.frontier_of[own];
-  if (chosen >= 0) {
-    const auto j = static_cast<std::size_t>(chosen);
-    plan.own = Goal{plan.frontiers[j], own_viewpoint[j], times_s[own][j]};
-  }
+  if (plan.frontier_of[own] < 0) return plan;
+  const auto mine = static_cast<std::size_t>(plan.frontier_of[own]);
+  plan.own = Goal{plan.frontiers[mine], own_viewpoints[mine], times_s[own][mine], false};
+  if (!failed_m.empty() && robots[own].goal_m && isAt(grid, plan.own->frontier, *robots[own].goal_m, kSameM))
+    lookFromElsewhere(grid, robots[own], own, failed_m, *plan.own);
   return plan;
+}
+
+/// Another viewpoint than those that have shown nothing.
+void Exploration::lookFromElsewhere(const ExplorationGrid& grid, const Explorer& robot, std::size_t own,
+                                    const std::vector<Eigen::Vector2d>& failed_m, Goal& goal) const {
+  const Choice choice =
+      choose(viewpointsOf(goal.frontier, grid, standable_, opaque_, here_, viewpointOptions(robot, true)),
+             fields_[own], robot, grid, failed_m);
+  goal.exhausted = !std::isfinite(choice.time_s);
+  if (!goal.exhausted) goal.viewpoint = choice.viewpoint;
 }
 
 }  // namespace omnifleet::motion

@@ -51,7 +51,8 @@ class Exploration {
   struct Goal {
     Frontier frontier;
     Viewpoint viewpoint;
-    double time_s = 0.0;  ///< estimated, to the view
+    double time_s = 0.0;     ///< estimated, to the view
+    bool exhausted = false;  ///< all viewpoints have shown nothing
   };
   struct Plan {
     std::vector<int> frontier_of;     ///< per robot, as passed; −1: none
@@ -61,9 +62,10 @@ class Exploration {
 
   explicit Exploration(const Options& options) : options_(options) {}
 
-  /// @param robots sorted by name @param own index of this robot @param look number of looks at its goal
-  /// that have shown nothing: the next one is from another distance
-  Plan plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots, std::size_t own, int look);
+  /// @param robots sorted by name @param own index of this robot @param failed_m places (map) from where it
+  /// has looked at its goal and nothing became known
+  Plan plan(const ExplorationGrid& grid, const std::vector<Explorer>& robots, std::size_t own,
+            const std::vector<Eigen::Vector2d>& failed_m);
 
   /// Cost of driving across each cell for a robot of the given radius: infinity on unknown floor and nearer
   /// to obstacles than the least clearance, or to `solids` (map) than theirs. A robot at `here_m` that is
@@ -78,20 +80,26 @@ class Exploration {
     double time_s;
     Viewpoint viewpoint;
   };
-  Choice choose(const std::vector<Viewpoint>& views, const DistanceField& field, const Explorer& robot,
-                const ExplorationGrid& grid) const;
-  ViewpointOptions viewpointOptions(const Explorer& robot, int look) const;
-
+  void findReachable(const ExplorationGrid& grid, const std::vector<Explorer>& robots);
   void discourage(const ExplorationGrid& grid, const Polygon& outline_m, double radius_m,
                   cv::Mat1f& price) const;
+  std::vector<double> timesTo(const Frontier& frontier, const ExplorationGrid& grid,
+                              const std::vector<Explorer>& robots, std::size_t own,
+                              Viewpoint& own_viewpoint) const;
+  Choice choose(const std::vector<Viewpoint>& views, const DistanceField& field, const Explorer& robot,
+                const ExplorationGrid& grid, const std::vector<Eigen::Vector2d>& failed_m) const;
+  void lookFromElsewhere(const ExplorationGrid& grid, const Explorer& robot, std::size_t own,
+                         const std::vector<Eigen::Vector2d>& failed_m, Goal& goal) const;
+  ViewpointOptions viewpointOptions(const Explorer& robot, bool beyond_blind) const;
 
   Options options_;
-  std::vector<DistanceField> fields_;
+  std::vector<DistanceField> fields_;  ///< per robot
+  std::vector<bool> takes_part_;       ///< per robot
+  std::vector<Eigen::Vector2i> here_;  ///< cells of the robots that take part
+  cv::Mat1b standable_;                ///< nonzero: a robot can reach the cell
+  cv::Mat1b opaque_;                   ///< nonzero: a standing robot
   cv::Mat1f price_;
 };
-
-/// Number of different distances from which a robot looks at a frontier before it gives up.
-constexpr int kLooks = 3;
 
 /// Whether a place (map) belongs to a frontier: one of its cells is nearer than `near_m`.
 bool isAt(const ExplorationGrid& grid, const Frontier& frontier, const Eigen::Vector2d& place_m,

@@ -10,7 +10,9 @@ namespace {
 
 constexpr std::size_t kMostSamples = 8;  // cells of a frontier that are tested for visibility
 constexpr int kStride = 2;               // cells between candidates
-constexpr double kNextCells = 1.6;       // the line of sight may end this far (cells) before the frontier
+constexpr double kGrazingCells = 1.1;    // next to an occupied cell
+constexpr double kGrazing = 0.3;
+constexpr double kNextCells = 1.6;  // the line of sight may end this far (cells) before the frontier
 const std::array<Eigen::Vector2i, 4> kBeside{Eigen::Vector2i(1, 0), Eigen::Vector2i(-1, 0),
                                              Eigen::Vector2i(0, 1), Eigen::Vector2i(0, -1)};
 
@@ -61,18 +63,22 @@ std::vector<Eigen::Vector2i> samplesOf(const Frontier& frontier) {
   return samples;
 }
 
-bool isVisible(const ExplorationGrid& grid, const cv::Mat1b& opaque, const Eigen::Vector2i& from,
-               const Eigen::Vector2i& to) {
+/// Share of a line of sight that counts: all if it keeps a cell away from what hides, part if it grazes it,
+/// none if it is hidden.
+double visibility(const ExplorationGrid& grid, const cv::Mat1b& opaque, const Eigen::Vector2i& from,
+                  const Eigen::Vector2i& to) {
   const Eigen::Vector2d way = (to - from).cast<double>();
   const double length = way.norm();
   const int steps = static_cast<int>(std::ceil(2.0 * length));
+  double share = 1.0;
   for (int step = 1; step < steps; ++step) {
     const double along = length * step / steps;
     if (along > length - kNextCells) break;
     const Eigen::Vector2i cell = from + (way * (along / length)).array().round().cast<int>().matrix();
-    if (grid.at(cell) != Cell::kFree || opaque(cell.y(), cell.x())) return false;
+    if (grid.at(cell) != Cell::kFree || opaque(cell.y(), cell.x())) return 0.0;
+    if (grid.occupiedClearance_m()(cell.y(), cell.x()) <= kGrazingCells * grid.cell_m()) share = kGrazing;
   }
-  return true;
+  return share;
 }
 
 /// The heading that shows most of the visible samples, and their share.
@@ -80,24 +86,24 @@ Viewpoint lookFrom(const ExplorationGrid& grid, const cv::Mat1b& opaque,
                    const std::vector<Eigen::Vector2i>& samples, const Eigen::Vector2i& from,
                    const ViewpointOptions& options) {
   Viewpoint view{from, 0.0, 0.0};
-  std::array<double, kMostSamples> bearing_rad{};
+  std::array<double, kMostSamples> bearing_rad{}, share{};
   std::size_t visible = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const Eigen::Vector2i& sample : samples) {
     const Eigen::Vector2d way_m = grid.cell_m() * (sample - from).cast<double>();
     const double range_m = way_m.norm();
     if (range_m < options.nearest_m || range_m > options.farthest_m) continue;
-    if (!isVisible(grid, opaque, from, sample)) continue;
+    share[visible] = visibility(grid, opaque, from, sample);
+    if (share[visible] <= 0.0) continue;
     bearing_rad[visible++] = std::atan2(way_m.y(), way_m.x());
     sum += way_m / range_m;
   }
   if (visible == 0) return view;
   view.heading_rad = std::atan2(sum.y(), sum.x());
-  const auto end = bearing_rad.begin() + static_cast<std::ptrdiff_t>(visible);
-  const auto seen = std::count_if(bearing_rad.begin(), end, [&](double bearing) {
-    return std::abs(wrapAngle(bearing - view.heading_rad)) <= 0.5 * options.field_of_view_rad;
-  });
-  view.seen = static_cast<double>(seen) / static_cast<double>(samples.size());
+  for (std::size_t i = 0; i < visible; ++i) {
+    if (std::abs(wrapAngle(bearing_rad[i] - view.heading_rad)) <= 0.5 * options.field_of_view_rad)
+      view.seen += share[i] / static_cast<double>(samples.size());
+  }
   return view;
 }
 

@@ -11,16 +11,17 @@
 namespace omnifleet::formation {
 namespace {
 
-constexpr double kSameGoalM = 0.15;  // m, a frontier that moves by less is the same goal
-constexpr double kProgressS = 0.5;   // s, the time left must fall by this much to count as progress
-constexpr double kCarrotM = 0.6;     // m, farthest point of the path that the robot heads for
-constexpr double kUnknownS = 1e9;    // s
-constexpr double kFirstWaits = 4.0;  // times as long as a later robot the first one waits
-constexpr double kRetreatS = 4.0;    // s, longest way made
-constexpr double kRetreatM = 0.8;    // m, likewise
-constexpr int kDonePlans = 3;        // successive plans without frontiers until all is explored
-constexpr double kSlowest = 0.2;     // share of the cruise speed next to a viewpoint
-constexpr double kSlowM = 0.15;      // m, within which the speed falls
+constexpr double kSameGoalM = 0.15;    // m, a frontier that moves by less is the same goal
+constexpr double kProgressS = 0.5;     // s, the time left must fall by this much to count as progress
+constexpr double kCarrotM = 0.6;       // m, farthest point of the path that the robot heads for
+constexpr std::size_t kMostLooks = 3;  // from different places, until a frontier is skipped
+constexpr double kUnknownS = 1e9;      // s
+constexpr double kFirstWaits = 4.0;    // times as long as a later robot the first one waits
+constexpr double kRetreatS = 4.0;      // s, longest way made
+constexpr double kRetreatM = 0.8;      // m, likewise
+constexpr int kDonePlans = 3;          // successive plans without frontiers until all is explored
+constexpr double kSlowest = 0.2;       // share of the cruise speed next to a viewpoint
+constexpr double kSlowM = 0.15;        // m, within which the speed falls
 
 }  // namespace
 
@@ -58,7 +59,7 @@ void Explorer::restart() {
   frontiers_ = 0;
   planned_period_ = -1;
   done_plans_ = 0;
-  look_ = 0;
+  failed_m_.clear();
   blocked_s_ = 0.0;
   retreat_.reset();
   retried_ = false;
@@ -99,15 +100,16 @@ void Explorer::choose(const Frame& frame, const SharedGrid& shared) {
   const std::vector<motion::Explorer> robots = team(shared, frame.acquired_ns, own);
   if (own >= robots.size() || !robots[own].explores) return;
   planned_period_ = period;
-  const motion::Exploration::Plan plan = exploration_.plan(shared.grid(), robots, own, look_);
+  const motion::Exploration::Plan plan = exploration_.plan(shared.grid(), robots, own, failed_m_);
   frontiers_ = static_cast<std::uint32_t>(plan.frontiers.size());
   done_plans_ = plan.frontiers.empty() ? done_plans_ + 1 : 0;
   goal_ = plan.own;
+  if (goal_ && goal_->exhausted) return skip(true);
   if (goal_ && (goal_->frontier.place_m - watched_m_).norm() > kSameGoalM) {
     watched_m_ = goal_->frontier.place_m;
     looking_s_ = since_progress_s_ = since_chosen_s_ = 0.0;
     least_left_s_ = goal_->time_s;
-    look_ = 0;
+    failed_m_.clear();
   }
   // Robots may have been in the way.
   if (plan.frontiers.empty() && !std::exchange(retried_, true))
@@ -242,7 +244,8 @@ void Explorer::watch(const Frame& frame, double left_s, bool looking) {
   if (looking_s_ >= options_.look_s) {
     looking_s_ = since_progress_s_ = 0.0;
     least_left_s_ = kUnknownS;
-    if (++look_ >= motion::kLooks) skip(true);
+    failed_m_.push_back(frame.map_from_base.translation());
+    if (failed_m_.size() >= kMostLooks) skip(true);
   } else if (since_progress_s_ >= options_.stuck_s || since_chosen_s_ >= options_.longest_s) {
     skip(false);
   }

@@ -18,7 +18,7 @@ class Explorer {
     motion::Exploration::Options plan;
     double plan_period_s = 0.4;  ///< s, between two assignments; all robots compute them in the same frames
     double silent_s = 2.0;       ///< s, a robot without a state for longer does not take part
-    double look_s = 1.2;         ///< s, a frontier in view for this long that stays unknown is skipped
+    double look_s = 0.8;         ///< s, a frontier in view for this long that stays unknown is skipped
     double stuck_s = 6.0;        ///< s without progress towards a frontier until it is skipped
     double yield_s = 0.8;     ///< s, behind another robot that is in the way until this robot makes way; the
                               ///< first robot by name waits longer
@@ -84,9 +84,9 @@ class Explorer {
   int done_plans_ = 0;      ///< successive plans without a frontier
   double looking_s_ = 0.0;  ///< since the goal is in view
   double since_progress_s_ = 0.0, since_chosen_s_ = 0.0;
-  double least_left_s_ = 0.0;  ///< least time left to the goal
-  int look_ = 0;               ///< looks at the goal that have shown nothing
-  double blocked_s_ = 0.0;     ///< since another robot is in the way
+  double least_left_s_ = 0.0;               ///< least time left to the goal
+  std::vector<Eigen::Vector2d> failed_m_;   ///< map; from where the goal was in view and stayed unknown
+  double blocked_s_ = 0.0;                  ///< since another robot is in the way
   std::optional<Eigen::Vector2i> retreat_;  ///< where this robot makes way for another
   double retreat_s_ = 0.0;                  ///< left
   bool retried_ = false;                    ///< frontiers that were not reached have been tried again
