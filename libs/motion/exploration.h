@@ -37,7 +37,7 @@ class Exploration {
     double wide_margin_m = 0.12;  ///< m, preferred clearance of a path
     double near_cost = 3.0;       ///< 1, additional cost per metre at the least clearance
     double extent_m = 0.5;        ///< m, larger frontiers are divided
-    int least_cells = 3;          ///< smaller frontiers are left out
+    int least_cells = 4;          ///< smaller frontiers are left out
     double look_m = 1.0;          ///< m, farthest viewpoint of a frontier
     double look_part_s = 3.0;     ///< s, worth of seeing a whole frontier instead of none of it
     double keep_s = 1.5;          ///< s, advantage of the frontier that a robot heads for

@@ -9,6 +9,7 @@ namespace {
 
 // As in FloorMemory: two hits make a cell with floor occupied, a removed obstacle is free within 1–2 s.
 constexpr int kHit = 2, kOccupied = 3, kMost = 8;
+constexpr double kFaceCells = 0.75;  // from the centre of a cell to its farthest corner
 constexpr double kFarCells = 1e6;
 constexpr int kMostCells = 400;
 
@@ -20,6 +21,7 @@ ExplorationGrid::Options ExplorationGrid::Options::read(const options::Section& 
   section.read("centre_m", options.centre_m);
   section.read("size_m", options.size_m, {0.5, 200.0});
   section.read("sight_m", options.sight_m, {0.2, 16.0});
+  section.read("robot_m", options.robot_m, {0.0, 1.0});
   section.finish();
   if (options.size_m.maxCoeff() > kMostCells * options.cell_m)
     section.fail("size_m", "must be at most 400 cells");
@@ -68,15 +70,14 @@ void ExplorationGrid::classify(const Eigen::Vector2i& cell) {
   occupied_is_current_ = unknown_is_current_ = false;
 }
 
-void ExplorationGrid::see(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots,
-                          double own_points_m) {
+void ExplorationGrid::see(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots) {
   if (view.ray.empty()) return;
-  markHits(map_from_base, view, robots, own_points_m);
+  markHits(map_from_base, view, robots);
   markFloor(map_from_base, view);
 }
 
 void ExplorationGrid::markHits(const Pose2& map_from_base, const View& view,
-                               const std::vector<Polygon>& robots, double own_points_m) {
+                               const std::vector<Polygon>& robots) {
   hit_now_.setTo(0);
   is_hit_.assign(view.ray.size(), 0);
   for (std::size_t i = 0; i < view.ray.size(); ++i) {
@@ -88,7 +89,7 @@ void ExplorationGrid::markHits(const Pose2& map_from_base, const View& view,
         map_from_base *
         (view.origin_m + range_m * Eigen::Vector2d(std::cos(bearing_rad), std::sin(bearing_rad)));
     const bool robot = std::any_of(robots.begin(), robots.end(), [&](const Polygon& outline) {
-      return distanceTo(outline, place_m) <= own_points_m;
+      return distanceTo(outline, place_m) <= options_.robot_m;
     });
     const Eigen::Vector2i cell = cellOf(place_m);
     if (robot || !isInside(cell) || hit_now_(cell.y(), cell.x())) continue;
@@ -117,7 +118,8 @@ void ExplorationGrid::markFloor(const Pose2& map_from_base, const View& view) {
     if (kind == View::kNothing || kind == View::kSolidNear || range_m >= view.range_m(i)) return;
     std::uint8_t& hits = hits_(cell.y(), cell.x());
     if (range_m < view.blind_m && hits > 0) return;
-    if (hits > 0) --hits;
+    // The face of an obstacle crosses its cells; they are free only if the hits lie clearly beyond them.
+    if (hits > 0 && range_m + kFaceCells * options_.cell_m < view.range_m(i)) --hits;
     floor_(cell.y(), cell.x()) = 1;
     classify(cell);
   });

@@ -30,16 +30,16 @@ class ExplorationGrid {
     Eigen::Vector2d centre_m{0.0, 0.0};  ///< map
     Eigen::Vector2d size_m{8.0, 8.0};    ///< floor outside this rectangle is not explored
     double sight_m = 2.0;                ///< m, range up to which a view is used
+    double robot_m = 0.03;               ///< m, hits within this distance of a robot's outline belong to it
 
     static Options read(const options::Section& section);
   };
 
   explicit ExplorationGrid(const Options& options);
 
-  /// Draws one view. `robots` (map): outlines of all robots at that time; hits within `own_points_m` of them
-  /// are hits of the robot.
-  void see(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots,
-           double own_points_m);
+  /// Draws one view. `robots` (map): outlines of all robots at that time; hits within `robot_m` of them are
+  /// hits of the robot.
+  void see(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots);
   /// A robot stands here: the floor under its outline (map) is free.
   void stand(const Polygon& outline_m);
   /// Unknown floor within a radius of a place (map) counts as free.
@@ -65,8 +65,7 @@ class ExplorationGrid {
  private:
   template <typename Visit>
   void forCellsNear(const Eigen::Vector2d& place_m, double radius_m, Visit visit) const;
-  void markHits(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots,
-                double own_points_m);
+  void markHits(const Pose2& map_from_base, const View& view, const std::vector<Polygon>& robots);
   void markFloor(const Pose2& map_from_base, const View& view);
   void classify(const Eigen::Vector2i& cell);
 

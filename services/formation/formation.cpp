@@ -97,7 +97,7 @@ Formation::Formation(const std::string& robot, const std::map<std::string, Robot
       fleet_(robot, options.pose_age_limit_s, options.published_poses),
       boundary_(options.boundary, bodies.at(robot).outline()),
       guard_(options.guard, bodies.at(robot).outline()),
-      shared_(options.grid, bodies, options.own_points_m),
+      shared_(options.grid, bodies),
       explorer_(robot, bodies, options.exploration, options.limits) {
   lead_.follow(options.command.waypoints_m);
 }

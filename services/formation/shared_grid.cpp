@@ -14,8 +14,8 @@ constexpr TimeNs kParked_ns = -1;
 }  // namespace
 
 SharedGrid::SharedGrid(const motion::ExplorationGrid::Options& options,
-                       const std::map<std::string, RobotBody>& bodies, double own_points_m)
-    : grid_(options), bodies_(bodies), own_points_m_(own_points_m) {
+                       const std::map<std::string, RobotBody>& bodies)
+    : grid_(options), bodies_(bodies) {
   for (const auto& [robot, body] : bodies) outlines_m_[robot] = body.outline();
 }
 
@@ -92,7 +92,7 @@ void SharedGrid::draw(const motion::FormationState& state, const Pose2& map_from
     if (!there) there = pose(robot);
     if (there) others_m.push_back(motion::placed(*there, outline_m));
   }
-  grid_.see(map_from_base, state.view, others_m, own_points_m_);
+  grid_.see(map_from_base, state.view, others_m);
   stated_[state.robot] = {state, map_from_base};
 }
 

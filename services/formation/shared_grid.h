@@ -17,8 +17,7 @@ namespace omnifleet::formation {
 /// samples have equal grids.
 class SharedGrid {
  public:
-  SharedGrid(const motion::ExplorationGrid::Options& options, const std::map<std::string, RobotBody>& bodies,
-             double own_points_m);
+  SharedGrid(const motion::ExplorationGrid::Options& options, const std::map<std::string, RobotBody>& bodies);
 
   /// Robots that stand for good at a known pose and publish nothing.
   void park(const std::map<std::string, Pose2>& map_from_bases);
@@ -48,7 +47,6 @@ class SharedGrid {
   motion::ExplorationGrid grid_;
   std::map<std::string, RobotBody> bodies_;
   std::map<std::string, Polygon> outlines_m_;  ///< base_link
-  double own_points_m_;
   std::map<std::string, std::deque<Timed>> poses_;
   std::map<std::string, std::deque<motion::FormationState>> pending_;
   std::map<std::string, Stated> stated_;
