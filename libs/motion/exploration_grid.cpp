@@ -9,7 +9,8 @@ namespace {
 
 // As in FloorMemory: two hits make a cell with floor occupied, a removed obstacle is free within 1–2 s.
 constexpr int kHit = 2, kOccupied = 3, kMost = 8;
-constexpr double kFaceCells = 0.75;  // from the centre of a cell to its farthest corner
+constexpr double kFaceCells = 0.75;   // from the centre of a cell to its farthest corner
+constexpr double kBeforeCells = 0.4;  // the noise of a hit must not show floor behind the face
 constexpr double kFarCells = 1e6;
 constexpr int kMostCells = 400;
 
@@ -115,7 +116,9 @@ void ExplorationGrid::markFloor(const Pose2& map_from_base, const View& view) {
     if (ray < 0 || ray >= rays) return;
     const auto i = static_cast<std::size_t>(ray);
     const View::Kind kind = view.kind(i);
-    if (kind == View::kNothing || kind == View::kSolidNear || range_m >= view.range_m(i)) return;
+    if (kind == View::kNothing || kind == View::kSolidNear) return;
+    const double before_m = kind == View::kSolid ? kBeforeCells * options_.cell_m : 0.0;
+    if (range_m + before_m >= view.range_m(i)) return;
     std::uint8_t& hits = hits_(cell.y(), cell.x());
     if (range_m < view.blind_m && hits > 0) return;
     // The face of an obstacle crosses its cells; they are free only if the hits lie clearly beyond them.

@@ -14,7 +14,7 @@ constexpr double kNearM = 1.2;    // m, remembered obstacles within this distanc
 constexpr double kEdgeM = 0.015;  // m, as in compactView()
 constexpr double kSameRayM = 0.05;   // m, an obstacle this near a ray explains what the ray hits
 constexpr double kMeetM = 0.8;       // m, a robot within this distance may be in the way
-constexpr double kSharpCells = 0.5;  // σ of a range (cells) up to which a hit is drawn
+constexpr double kSharpCells = 0.4;  // σ of a range (cells) up to which a hit is drawn
 constexpr double kRayStepM = 0.01;
 constexpr double kStoppedRad = 1e-3;
 
@@ -170,6 +170,8 @@ motion::Twist Formation::explore(const Pose2& map_from_base, TimeNs now_ns, Outp
     least_m = (pose->translation() - map_from_base.translation()).norm();
     frame.nearest_m = pose->translation();
     frame.nearest_first = name < robot_;
+    frame.nearest_goal_m.reset();
+    if (stated.state.has_goal) frame.nearest_goal_m = stated.state.goal_m;
   }
   const Explorer::Drive drive = explorer_.drive(frame, shared_);
   output.state.skipped = explorer_.skipped();

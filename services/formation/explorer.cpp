@@ -11,17 +11,19 @@
 namespace omnifleet::formation {
 namespace {
 
-constexpr double kSameGoalM = 0.15;    // m, a frontier that moves by less is the same goal
-constexpr double kProgressS = 0.5;     // s, the time left must fall by this much to count as progress
-constexpr double kCarrotM = 0.6;       // m, farthest point of the path that the robot heads for
-constexpr std::size_t kMostLooks = 3;  // from different places, until a frontier is skipped
-constexpr double kUnknownS = 1e9;      // s
-constexpr double kFirstWaits = 4.0;    // times as long as a later robot the first one waits
-constexpr double kRetreatS = 4.0;      // s, longest way made
-constexpr double kRetreatM = 0.8;      // m, likewise
-constexpr int kDonePlans = 3;          // successive plans without frontiers until all is explored
-constexpr double kSlowest = 0.2;       // share of the cruise speed next to a viewpoint
-constexpr double kSlowM = 0.15;        // m, within which the speed falls
+constexpr double kSameGoalM = 0.15;     // m, a frontier that moves by less is the same goal
+constexpr double kProgressS = 0.5;      // s, the time left must fall by this much to count as progress
+constexpr double kCarrotM = 0.6;        // m, farthest point of the path that the robot heads for
+constexpr std::size_t kMostLooks = 3;   // from different places, until a frontier is skipped
+constexpr double kSameViewCells = 4.0;  // a viewpoint that moves by less is the same
+const Eigen::Vector2d kNowhere_m(1e9, 1e9);
+constexpr double kUnknownS = 1e9;    // s
+constexpr double kFirstWaits = 4.0;  // times as long as a later robot the first one waits
+constexpr double kRetreatS = 4.0;    // s, longest way made
+constexpr double kRetreatM = 0.8;    // m, likewise
+constexpr int kDonePlans = 3;        // successive plans without frontiers until all is explored
+constexpr double kSlowest = 0.2;     // share of the cruise speed next to a viewpoint
+constexpr double kSlowM = 0.15;      // m, within which the speed falls
 
 }  // namespace
 
@@ -103,14 +105,18 @@ void Explorer::choose(const Frame& frame, const SharedGrid& shared) {
   const motion::Exploration::Plan plan = exploration_.plan(shared.grid(), robots, own, failed_m_);
   frontiers_ = static_cast<std::uint32_t>(plan.frontiers.size());
   done_plans_ = plan.frontiers.empty() ? done_plans_ + 1 : 0;
+  const std::optional<motion::Exploration::Goal> before = goal_;
   goal_ = plan.own;
   if (goal_ && goal_->exhausted) return skip(true);
   if (goal_ && (goal_->frontier.place_m - watched_m_).norm() > kSameGoalM) {
     watched_m_ = goal_->frontier.place_m;
     looking_s_ = since_progress_s_ = since_chosen_s_ = 0.0;
-    least_left_s_ = goal_->time_s;
+    least_left_s_ = kUnknownS;
     failed_m_.clear();
   }
+  // From another viewpoint the way may be longer.
+  if (goal_ && before && (goal_->viewpoint.cell - before->viewpoint.cell).norm() > kSameViewCells)
+    least_left_s_ = kUnknownS;
   // Robots may have been in the way.
   if (plan.frontiers.empty() && !std::exchange(retried_, true))
     skipped_.erase(std::remove_if(skipped_.begin(), skipped_.end(), [](const auto& s) { return !s.looked; }),
@@ -121,7 +127,10 @@ Explorer::Drive Explorer::drive(const Frame& frame, const SharedGrid& shared) {
   choose(frame, shared);
   Drive drive;
   drive.explored = done_plans_ >= kDonePlans;
-  if (!goal_) return drive;
+  if (!goal_) {
+    drive.twist = makeWay(frame, shared.grid());
+    return drive;
+  }
   drive.goal_m = goal_->frontier.place_m;
   drive.twist = approach(frame, shared.grid());
   if (!goal_) drive.goal_m.reset();
@@ -161,6 +170,17 @@ motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGr
   return twist;
 }
 
+/// A robot without a goal makes way for one that has a goal nearby.
+motion::Twist Explorer::makeWay(const Frame& frame, const motion::ExplorationGrid& grid) {
+  const Eigen::Vector2i here = grid.cellOf(frame.map_from_base.translation());
+  if (!grid.isInside(here) || !(retreat_ || frame.nearest_goal_m)) return {};
+  price_.create(grid.size());
+  exploration_.priceCells(grid, frame.map_from_base.translation(), radius_m_.at(robot_), frame.solids,
+                          price_);
+  field_.from(price_, here);
+  return yields(frame, grid, true) ? along(frame, grid, *retreat_) : motion::Twist{};
+}
+
 /// Whether the robot makes way for another robot that is in its way. The later one by name does so first.
 bool Explorer::yields(const Frame& frame, const motion::ExplorationGrid& grid, bool blocked) {
   retreat_s_ -= frame.dt_s;
@@ -168,23 +188,28 @@ bool Explorer::yields(const Frame& frame, const motion::ExplorationGrid& grid, b
   if (retreat_) return true;
   blocked_s_ = blocked ? blocked_s_ + frame.dt_s : 0.0;
   if (!blocked || !frame.nearest_m) return false;
-  if (blocked_s_ < (frame.nearest_first ? 1.0 : kFirstWaits) * options_.yield_s) return false;
-  retreat_ = awayFrom(*frame.nearest_m, frame, grid);
+  const bool soon = frame.nearest_first || !goal_;
+  if (blocked_s_ < (soon ? 1.0 : kFirstWaits) * options_.yield_s) return false;
+  retreat_ = wayMade(frame, grid);
   retreat_s_ = kRetreatS;
   blocked_s_ = 0.0;
   return retreat_.has_value();
 }
 
-/// The reachable cell near the robot that is farthest from another place.
-std::optional<Eigen::Vector2i> Explorer::awayFrom(const Eigen::Vector2d& other_m, const Frame& frame,
-                                                  const motion::ExplorationGrid& grid) const {
+/// The reachable cell nearby that is farthest from the other robot and from where it goes.
+std::optional<Eigen::Vector2i> Explorer::wayMade(const Frame& frame,
+                                                 const motion::ExplorationGrid& grid) const {
+  const auto apart = [&](const Eigen::Vector2d& place_m) {
+    const double robot_m = (place_m - *frame.nearest_m).norm();
+    return frame.nearest_goal_m ? std::min(robot_m, (place_m - *frame.nearest_goal_m).norm()) : robot_m;
+  };
   std::optional<Eigen::Vector2i> best;
-  double most_m = (frame.map_from_base.translation() - other_m).norm() + grid.cell_m();
+  double most_m = apart(frame.map_from_base.translation()) + grid.cell_m();
   const auto farthest = static_cast<float>(kRetreatM / grid.cell_m());
   for (int row = 0; row < grid.size().height; ++row) {
     for (int column = 0; column < grid.size().width; ++column) {
       const Eigen::Vector2i cell(column, row);
-      const double apart_m = (grid.centreOf(cell) - other_m).norm();
+      const double apart_m = apart(grid.centreOf(cell));
       if (apart_m <= most_m || !(field_.cost(cell) <= farthest)) continue;
       most_m = apart_m;
       best = cell;
@@ -255,6 +280,7 @@ void Explorer::skip(bool looked) {
   if (skipped_.size() == motion::SkippedFrontier::kMost) skipped_.erase(skipped_.begin());
   skipped_.push_back({goal_->frontier.place_m, looked});
   goal_.reset();
+  watched_m_ = kNowhere_m;
 }
 
 }  // namespace omnifleet::formation

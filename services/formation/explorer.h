@@ -32,10 +32,11 @@ class Explorer {
   struct Frame {
     TimeNs acquired_ns = 0;
     double dt_s = 0.0;
-    Pose2 map_from_base;                          ///< present
-    std::vector<motion::Barriers::Solid> solids;  ///< map; the other robots
-    std::optional<Eigen::Vector2d> nearest_m;     ///< map; nearest other robot that drives, if it is near
-    bool nearest_first = false;                   ///< its name comes first
+    Pose2 map_from_base;                            ///< present
+    std::vector<motion::Barriers::Solid> solids;    ///< map; the other robots
+    std::optional<Eigen::Vector2d> nearest_m;       ///< map; nearest other robot that drives, if it is near
+    std::optional<Eigen::Vector2d> nearest_goal_m;  ///< map; of that robot
+    bool nearest_first = false;                     ///< its name comes first
     bool held = false;  ///< the command before was limited because something is near
   };
   struct Drive {
@@ -64,8 +65,8 @@ class Explorer {
                          const motion::ExplorationGrid& grid) const;
   void watch(const Frame& frame, double left_s, bool looking);
   bool yields(const Frame& frame, const motion::ExplorationGrid& grid, bool blocked);
-  std::optional<Eigen::Vector2i> awayFrom(const Eigen::Vector2d& other_m, const Frame& frame,
-                                          const motion::ExplorationGrid& grid) const;
+  motion::Twist makeWay(const Frame& frame, const motion::ExplorationGrid& grid);
+  std::optional<Eigen::Vector2i> wayMade(const Frame& frame, const motion::ExplorationGrid& grid) const;
   motion::Twist along(const Frame& frame, const motion::ExplorationGrid& grid,
                       const Eigen::Vector2i& goal) const;
   void skip(bool looked);
