@@ -139,7 +139,11 @@ MotionGuard::Result MotionGuard::limit(const Twist& wanted, const Twist& before,
   for (const Eigen::Vector2d& point_m : barriers.points_m) {
     if (point_m.norm() <= far_m) near_.points_m.push_back(point_m);
   }
-  near_.solids = barriers.solids;
+  near_.solids.clear();
+  for (const Barriers::Solid& solid : barriers.solids) {
+    if (distanceTo(solid.outline_m, Eigen::Vector2d::Zero()) <= far_m + solid.margin_m)
+      near_.solids.push_back(solid);
+  }
 
   follow(before, {}, dt_s);
   // The command of the frame before leads here whatever is commanded now.

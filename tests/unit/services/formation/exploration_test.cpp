@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
@@ -27,6 +28,7 @@ struct Outcome {
   int shared_frontiers = 0;  ///< frames in which two robots head for one frontier
   std::size_t skipped = 0;
   std::size_t view_bytes = 0;  ///< largest view
+  bool same_grids = false;     ///< both services have drawn the same grid
 };
 
 Outcome explore(const BlockArena& arena, std::uint32_t seed, const RoverSimulator::Options& options) {
@@ -42,6 +44,9 @@ Outcome explore(const BlockArena& arena, std::uint32_t seed, const RoverSimulato
   outcome.time_s = simulator.time_s();
   outcome.gap_m = simulator.leastGap();
   for (std::size_t i = 0; i < arena.driving; ++i) outcome.skipped += simulator.state(i).skipped.size();
+
+  outcome.same_grids = cv::norm(simulator.formation(0).grid().cells(), simulator.formation(1).grid().cells(),
+                                cv::NORM_INF) == 0.0;
 
   constexpr double kCell_m = 0.04;
   const cv::Mat1b visible = visibleFloor(arena, kCell_m, 0.05, 2.0);
@@ -94,11 +99,40 @@ TEST(Exploration, MapsNinetyEightPercentOfTheReachableFloorWithoutCollision) {
     EXPECT_GE(outcome.mapped, 0.98) << seed;
     EXPECT_GT(outcome.gap_m, 0.0) << seed;
     EXPECT_EQ(outcome.shared_frontiers, 0) << seed;
+    EXPECT_TRUE(outcome.same_grids) << seed;
     EXPECT_LE(outcome.wrong_m2, 0.01) << seed;
     EXPECT_LE(outcome.view_bytes * 5, 1000u) << "bytes per second at 5 Hz";
     sum_s += outcome.time_s;
   }
   std::printf("mean time %.1f s\n", sum_s / (last - first + 1));
+}
+
+TEST(Exploration, ToleratesThatEveryTenthStateIsLost) {
+  RoverSimulator::Options options;
+  options.lost_states = 0.1;
+  for (std::uint32_t seed : {1000u, 1001u, 1002u}) {
+    const Outcome outcome = explore(randomArena(seed), seed, options);
+    print(seed, outcome);
+    EXPECT_TRUE(outcome.finished) << seed;
+    EXPECT_GE(outcome.mapped, 0.98) << seed;
+    EXPECT_GT(outcome.gap_m, 0.0) << seed;
+  }
+}
+
+TEST(Exploration, OneRobotAloneMapsTheEmptyArena) {
+  BlockArena arena = emptyArena();
+  arena.robots.resize(1);
+  arena.driving = 1;
+  RoverSimulator simulator(arena, kExploration, 3);
+  while (simulator.time_s() < kLongest_s && !simulator.allArrived()) simulator.step();
+  EXPECT_TRUE(simulator.allArrived());
+  EXPECT_GT(simulator.leastGap(), 0.0);
+  const motion::ExplorationGrid& grid = simulator.formation(0).grid();
+  for (double x_m = 0.06; x_m < 3.0; x_m += 0.04)
+    for (double y_m = 0.06; y_m < 2.0; y_m += 0.04) {
+      const bool corner = std::min(x_m, 3.0 - x_m) < 0.1 && std::min(y_m, 2.0 - y_m) < 0.1;
+      if (!corner) EXPECT_NE(grid.at(grid.cellOf({x_m, y_m})), motion::Cell::kUnknown) << x_m << " " << y_m;
+    }
 }
 
 }  // namespace
