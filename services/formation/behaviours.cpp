@@ -33,6 +33,17 @@ void Formation::park(const std::map<std::string, Pose2>& map_from_bases) {
   shared_.park(map_from_bases);
 }
 
+/// The own state is used once it is published, like those of the others.
+void Formation::updateShared(const std::vector<PoseEstimate>& poses,
+                             const std::vector<motion::FormationState>& states) {
+  std::vector<motion::FormationState> all;
+  for (const motion::FormationState& state : states) {
+    if (state.robot != robot_) all.push_back(state);
+  }
+  if (published_) all.push_back(*published_);
+  shared_.learn(poses, all);
+}
+
 std::optional<Pose2> Formation::poseOf(const std::string& robot, TimeNs now_ns) const {
   if (const auto pose = fleet_.now(robot, now_ns)) return pose;
   const auto parked = parked_.find(robot);

@@ -17,6 +17,8 @@ constexpr double kCarrotM = 0.6;        // m, farthest point of the path that th
 constexpr std::size_t kMostLooks = 3;   // from different places, until a frontier is skipped
 constexpr double kSameViewCells = 4.0;  // a viewpoint that moves by less is the same
 const Eigen::Vector2d kNowhere_m(1e9, 1e9);
+constexpr TimeNs kSweep_ns = 1000000000;  // in one direction
+constexpr double kSweep_radps = 0.1;
 constexpr double kUnknownS = 1e9;    // s
 constexpr double kFirstWaits = 4.0;  // times as long as a later robot the first one waits
 constexpr double kRetreatS = 4.0;    // s, longest way made
@@ -128,7 +130,7 @@ Explorer::Drive Explorer::drive(const Frame& frame, const SharedGrid& shared) {
   Drive drive;
   drive.explored = done_plans_ >= kDonePlans;
   if (!goal_) {
-    drive.twist = makeWay(frame, shared.grid());
+    if (!drive.explored) drive.twist = makeWay(frame, shared.grid());
     return drive;
   }
   drive.goal_m = goal_->frontier.place_m;
@@ -142,6 +144,13 @@ motion::Twist Explorer::turnTo(double off_rad) const {
           std::clamp(limits_.turn_gain_per_s * off_rad, -limits_.max_turn_radps, limits_.max_turn_radps)};
 }
 
+/// A robot that looks or waits turns slowly to and fro. Its rays meet edges at other places, and a simulated
+/// run does not end while floor is unknown (world: at rest).
+motion::Twist Explorer::sweep(const Frame& frame) const {
+  const bool left = frame.acquired_ns / kSweep_ns % 2 == 0;
+  return {0.0, left ? kSweep_radps : -kSweep_radps};
+}
+
 /// Along the path to the viewpoint; there, to its heading.
 motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGrid& grid) {
   const Eigen::Vector2d here_m = frame.map_from_base.translation();
@@ -153,7 +162,7 @@ motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGr
   if (there && !retreat_) {
     const bool looking = std::abs(look_rad) <= options_.arrived_rad;
     watch(frame, std::abs(look_rad) / limits_.max_turn_radps, looking);
-    return looking ? motion::Twist{} : turnTo(look_rad);
+    return looking ? sweep(frame) : turnTo(look_rad);
   }
   price_.create(grid.size());
   exploration_.priceCells(grid, here_m, radius_m_.at(robot_), frame.solids, price_);
@@ -162,7 +171,7 @@ motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGr
   if (yields(frame, grid, blocked || frame.held)) return along(frame, grid, *retreat_);
   if (blocked) {
     watch(frame, least_left_s_, false);
-    return {};
+    return sweep(frame);
   }
   const motion::Twist twist = along(frame, grid, goal_->viewpoint.cell);
   watch(frame, grid.cell_m() * static_cast<double>(field_.cost(goal_->viewpoint.cell)) / limits_.cruise_mps,
@@ -173,12 +182,13 @@ motion::Twist Explorer::approach(const Frame& frame, const motion::ExplorationGr
 /// A robot without a goal makes way for one that has a goal nearby.
 motion::Twist Explorer::makeWay(const Frame& frame, const motion::ExplorationGrid& grid) {
   const Eigen::Vector2i here = grid.cellOf(frame.map_from_base.translation());
-  if (!grid.isInside(here) || !(retreat_ || frame.nearest_goal_m)) return {};
+  if (!grid.isInside(here)) return {};
+  if (!retreat_ && !frame.nearest_goal_m) return sweep(frame);
   price_.create(grid.size());
   exploration_.priceCells(grid, frame.map_from_base.translation(), radius_m_.at(robot_), frame.solids,
                           price_);
   field_.from(price_, here);
-  return yields(frame, grid, true) ? along(frame, grid, *retreat_) : motion::Twist{};
+  return yields(frame, grid, true) ? along(frame, grid, *retreat_) : sweep(frame);
 }
 
 /// Whether the robot makes way for another robot that is in its way. The later one by name does so first.

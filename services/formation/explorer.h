@@ -61,6 +61,7 @@ class Explorer {
   void choose(const Frame& frame, const SharedGrid& shared);
   motion::Twist approach(const Frame& frame, const motion::ExplorationGrid& grid);
   motion::Twist turnTo(double off_rad) const;
+  motion::Twist sweep(const Frame& frame) const;
   Eigen::Vector2d carrot(const Eigen::Vector2d& here_m, const std::vector<Eigen::Vector2i>& path,
                          const motion::ExplorationGrid& grid) const;
   void watch(const Frame& frame, double left_s, bool looking);

@@ -152,17 +152,6 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   return output;
 }
 
-/// The own state is used once it is published, like those of the others.
-void Formation::updateShared(const std::vector<PoseEstimate>& poses,
-                             const std::vector<motion::FormationState>& states) {
-  std::vector<motion::FormationState> all;
-  for (const motion::FormationState& state : states) {
-    if (state.robot != robot_) all.push_back(state);
-  }
-  if (published_) all.push_back(*published_);
-  shared_.learn(poses, all);
-}
-
 void Formation::applyMotion(const Objects& objects) {
   const TimeNs now_ns = objects.acquired_ns;
   dt_s_ = frame_ns_ > 0 ? std::clamp(seconds(frame_ns_, now_ns), 0.0, kLongestStepS) : kFirstStepS;
