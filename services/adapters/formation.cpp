@@ -1,7 +1,35 @@
+#include <algorithm>
+
 #include "adapters/adapters.h"
 #include "adapters/common.h"
 
 namespace omnifleet::adapters {
+namespace {
+
+bool behaviourFromWire(v1::FormationBehaviour from, motion::Behaviour& to) {
+  return enumFromWire(static_cast<std::uint32_t>(from), motion::Behaviour::kExploration, to);
+}
+
+void viewToWire(const motion::View& from, v1::FormationView& to) {
+  to.origin(point(from.origin_m));
+  to.blind_m(from.blind_m);
+  to.first_rad(from.first_rad);
+  to.step_rad(from.step_rad);
+  to.ray().assign(from.ray.begin(), from.ray.begin() + static_cast<std::ptrdiff_t>(std::min(
+                                                           from.ray.size(), motion::View::kMostRays)));
+}
+
+bool viewFromWire(const v1::FormationView& from, motion::View& to) {
+  to.origin_m = point(from.origin());
+  to.blind_m = from.blind_m();
+  to.first_rad = from.first_rad();
+  to.step_rad = from.step_rad();
+  to.ray.assign(from.ray().begin(), from.ray().end());
+  return to.origin_m.allFinite() && finite(to.blind_m, to.first_rad, to.step_rad) && to.blind_m >= 0.0f &&
+         (to.ray.empty() || (to.step_rad > 0.0f && to.ray.size() <= motion::View::kMostRays));
+}
+
+}  // namespace
 
 void toWire(const motion::FormationCommand& from, RunClock clock, v1::FormationCommand& to) {
   to.fleet(from.fleet);
@@ -12,6 +40,8 @@ void toWire(const motion::FormationCommand& from, RunClock clock, v1::FormationC
   sequenceToWire(from.waypoints_m, 64, to.waypoints(),
                  [](const Eigen::Vector2d& waypoint, v1::Point2& wire) { wire = point(waypoint); });
   to.halt(from.halt);
+  to.behaviour(static_cast<v1::FormationBehaviour>(from.behaviour));
+  to.boundary_m(from.boundary_m);
 }
 
 bool fromWire(const v1::FormationCommand& from, motion::FormationCommand& to) {
@@ -29,7 +59,9 @@ bool fromWire(const v1::FormationCommand& from, motion::FormationCommand& to) {
     good = good && to.waypoints_m.back().allFinite();
   }
   to.halt = from.halt();
-  return good;
+  to.boundary_m = from.boundary_m();
+  return behaviourFromWire(from.behaviour(), to.behaviour) && good && finite(to.boundary_m) &&
+         to.boundary_m > 0.0;
 }
 
 void toWire(const motion::FormationState& from, RunClock clock, v1::FormationState& to) {
@@ -46,6 +78,18 @@ void toWire(const motion::FormationState& from, RunClock clock, v1::FormationSta
   to.next_waypoint(from.next_waypoint);
   to.command_ns(from.command_ns);
   to.narrowing(from.narrowing);
+  to.behaviour(static_cast<v1::FormationBehaviour>(from.behaviour));
+  to.ground_clear(from.ground_clear);
+  to.stop(pose(from.stop));
+  to.has_goal(from.has_goal);
+  to.goal(point(from.goal_m));
+  to.frontiers(from.frontiers);
+  viewToWire(from.view, to.view());
+  sequenceToWire(from.skipped, motion::SkippedFrontier::kMost, to.skipped(),
+                 [](const motion::SkippedFrontier& skipped, v1::SkippedFrontier& wire) {
+                   wire.place(point(skipped.place_m));
+                   wire.looked(skipped.looked);
+                 });
 }
 
 bool fromWire(const v1::FormationState& from, motion::FormationState& to) {
@@ -63,7 +107,19 @@ bool fromWire(const v1::FormationState& from, motion::FormationState& to) {
   to.next_waypoint = from.next_waypoint();
   to.command_ns = from.command_ns();
   to.narrowing = from.narrowing();
-  return finite(to.distance_error_m, to.angle_error_rad, to.narrowing) && to.target_m.allFinite() &&
+  to.ground_clear = from.ground_clear();
+  to.stop = pose(from.stop());
+  to.has_goal = from.has_goal();
+  to.goal_m = point(from.goal());
+  to.frontiers = from.frontiers();
+  bool good = behaviourFromWire(from.behaviour(), to.behaviour) && viewFromWire(from.view(), to.view) &&
+              to.goal_m.allFinite() && to.stop.isFinite();
+  to.skipped.clear();
+  for (const v1::SkippedFrontier& skipped : from.skipped()) {
+    to.skipped.push_back({point(skipped.place()), skipped.looked()});
+    good = good && to.skipped.back().place_m.allFinite();
+  }
+  return good && finite(to.distance_error_m, to.angle_error_rad, to.narrowing) && to.target_m.allFinite() &&
          to.role >= motion::FormationRole::kLeader && to.role <= motion::FormationRole::kIdle;
 }
 

@@ -34,6 +34,8 @@ bool CommandSender::send(const CommandRequest& request, TimeNs now_ns, std::chro
   if (request.shape) command_.shape = *request.shape;
   if (request.distance_m) command_.distance_m = *request.distance_m;
   if (request.angle_rad) command_.angle_rad = *request.angle_rad;
+  if (request.behaviour) command_.behaviour = *request.behaviour;
+  if (request.boundary_m) command_.boundary_m = *request.boundary_m;
   command_.waypoints_m = request.waypoints_m;
   command_.halt = request.halt;
   command_.acquired_ns = std::max(now_ns, command_.acquired_ns + 1);

@@ -18,6 +18,8 @@ namespace omnifleet::services {
 struct CommandRequest {
   std::optional<motion::FormationShape> shape;
   std::optional<double> distance_m, angle_rad;
+  std::optional<motion::Behaviour> behaviour;
+  std::optional<double> boundary_m;
   std::vector<Eigen::Vector2d> waypoints_m;  ///< empty: the formation continues on its current waypoints
   bool halt = false;
 };

@@ -1,6 +1,7 @@
-// Sends a formation command to a running fleet: shape, distance, angle, waypoints.
+// Sends a formation command to a running fleet: behaviour, shape, distance, angle, waypoints.
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <map>
@@ -42,8 +43,8 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
                                                      {"column", FormationShape::kColumn},
                                                      {"wedge", FormationShape::kWedge},
                                                      {"triangle", FormationShape::kTriangle}};
-  std::string shape;
-  double distance_m = 0.0, angle_rad = 0.0;
+  std::string shape, behaviour;
+  double distance_m = 0.0, angle_rad = 0.0, boundary_m = 0.0;
   std::vector<std::string> waypoints;
   app.add_option("fleet", line.fleet, "fleet file of the running fleet")->required();
   app.add_option("--config", line.overlays,
@@ -55,6 +56,13 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   auto* with_angle =
       app.add_option("--angle", angle_rad, "θ, angle between the robot ahead and the own heading, radians")
           ->check(within({0.0, 3.2}));
+  const std::vector<std::string>& behaviours = omnifleet::motion::behaviourNames();
+  auto* with_behaviour =
+      app.add_option("--behaviour", behaviour, "formation, boundary_following or exploration")
+          ->check(CLI::IsMember(behaviours));
+  auto* with_boundary = app.add_option("--boundary", boundary_m,
+                                       "boundary following: distance of base_link to the boundary, metres")
+                            ->check(within({0.05, 5.0}));
   auto* with_way =
       app.add_option("--waypoints", waypoints, "X,Y … in the map frame, metres; the last one is the goal")
           ->expected(1, 64);
@@ -67,12 +75,18 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
       ->envname("OMNIFLEET_DOMAIN");
   app.parse(argc, argv);
   if (with_shape->count() + with_distance->count() + with_angle->count() + with_way->count() +
-          with_halt->count() ==
+          with_halt->count() + with_behaviour->count() + with_boundary->count() ==
       0)
-    throw CLI::ValidationError("no command", "give --shape, --distance, --angle, --waypoints or --halt");
+    throw CLI::ValidationError(
+        "no command", "give --behaviour, --boundary, --shape, --distance, --angle, --waypoints or --halt");
   if (with_shape->count() > 0) line.request.shape = shapes.at(shape);
   if (with_distance->count() > 0) line.request.distance_m = distance_m;
   if (with_angle->count() > 0) line.request.angle_rad = angle_rad;
+  if (with_boundary->count() > 0) line.request.boundary_m = boundary_m;
+  if (with_behaviour->count() > 0) {
+    const auto found = std::find(behaviours.begin(), behaviours.end(), behaviour);
+    line.request.behaviour = static_cast<omnifleet::motion::Behaviour>(found - behaviours.begin());
+  }
   for (const std::string& waypoint : waypoints) line.request.waypoints_m.push_back(pointOf(waypoint));
 }
 
@@ -90,8 +104,16 @@ int send(const CommandLine& line) {
                                     std::chrono::milliseconds(static_cast<int>(1e3 * line.wait_s)));
   const auto& sent = sender.sent();
   if (followed) {
-    std::printf("%s: %s, d %.2f m, angle %.2f rad%s\n", fleet.name.c_str(), motion::toString(sent.shape),
-                sent.distance_m, sent.angle_rad, sent.halt ? ", halted" : "");
+    const std::string halted = sent.halt ? ", halted" : "";
+    if (sent.behaviour == motion::Behaviour::kFormation) {
+      std::printf("%s: %s, d %.2f m, angle %.2f rad%s\n", fleet.name.c_str(), motion::toString(sent.shape),
+                  sent.distance_m, sent.angle_rad, halted.c_str());
+    } else if (sent.behaviour == motion::Behaviour::kBoundaryFollowing) {
+      std::printf("%s: boundary following at %.2f m%s\n", fleet.name.c_str(), sent.boundary_m,
+                  halted.c_str());
+    } else {
+      std::printf("%s: exploration%s\n", fleet.name.c_str(), halted.c_str());
+    }
     return static_cast<int>(bus::ExitCode::kOk);
   }
   for (const std::string& robot : sender.missing())

@@ -54,6 +54,17 @@ Formation::Options Formation::Options::read(const options::Section& section) {
   section.read("angle_rad", options.command.angle_rad, {0.0, M_PI});
   section.read("waypoints", options.command.waypoints_m);
   section.read("leader", options.leader);
+  std::string behaviour = motion::toString(options.command.behaviour);
+  const std::vector<std::string>& behaviours = motion::behaviourNames();
+  section.read("behaviour", behaviour, behaviours);
+  options.command.behaviour = static_cast<motion::Behaviour>(
+      std::find(behaviours.begin(), behaviours.end(), behaviour) - behaviours.begin());
+  section.read("boundary_m", options.command.boundary_m, {0.05, 5.0});
+  options.boundary = motion::BoundaryLaw::Options::read(section.child("boundary"));
+  options.grid = motion::ExplorationGrid::Options::read(section.child("grid"));
+  options.exploration = Explorer::Options::read(section.child("exploration"));
+  options.guard = motion::MotionGuard::Options::read(section.child("guard"));
+  section.read("robot_margin_m", options.robot_margin_m, {0.0, 2.0});
   options.limits = motion::DriveLimits::read(section.child("limits"));
   options.follow = motion::FollowLaw::Options::read(section.child("follow"));
   options.lead = motion::LeadLaw::Options::read(section.child("lead"));
@@ -83,7 +94,11 @@ Formation::Formation(const std::string& robot, const std::map<std::string, Robot
       narrowing_(options.narrowing),
       memory_(options.memory),
       route_(options.route),
-      fleet_(robot, options.pose_age_limit_s, options.published_poses) {
+      fleet_(robot, options.pose_age_limit_s, options.published_poses),
+      boundary_(options.boundary, bodies.at(robot).outline()),
+      guard_(options.guard, bodies.at(robot).outline()),
+      shared_(options.grid, bodies),
+      explorer_(robot, bodies, options.exploration, options.limits) {
   lead_.follow(options.command.waypoints_m);
 }
 
@@ -93,6 +108,7 @@ bool Formation::command(const motion::FormationCommand& command) {
   if (std::tie(command.acquired_ns, command.sequence) <= std::tie(now.acquired_ns, now.sequence))
     return false;
   std::vector<Eigen::Vector2d> way_m = now.waypoints_m;
+  if (command.behaviour != now.behaviour) explorer_.restart();
   options_.command = command;
   if (command.waypoints_m.empty()) {
     options_.command.waypoints_m = std::move(way_m);
@@ -108,6 +124,7 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   fleet_.learn(poses);
   if (const auto own = fleet_.now(robot_, objects.acquired_ns)) trail_.setPose(*own);
   updateLeader(states, objects.acquired_ns);
+  updateShared(poses, states);
   Output output;
   output.command = {robot_, objects.acquired_ns, objects.sequence, {}};
   output.state.robot = robot_;
@@ -117,9 +134,13 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   output.state.term = leader_failover_.term();
   output.state.role = rank_ == 0 ? motion::FormationRole::kLeader : motion::FormationRole::kFollower;
   output.state.command_ns = options_.command.acquired_ns;
-  const bool idle = options_.command.waypoints_m.empty() || options_.command.halt;
+  output.state.behaviour = options_.command.behaviour;
+  const bool formation = options_.command.behaviour == motion::Behaviour::kFormation;
+  const bool idle = (formation && options_.command.waypoints_m.empty()) || options_.command.halt;
   if (idle) output.state.role = motion::FormationRole::kIdle;
-  if (objects.state != FrameState::kOk || idle) {
+  if (!formation) {
+    behave(objects, output);
+  } else if (objects.state != FrameState::kOk || idle) {
     commanded_ = {};
   } else {
     updateSurroundings(objects);
@@ -127,6 +148,7 @@ Formation::Output Formation::process(const Objects& objects, const std::vector<P
   }
   output.state.next_waypoint = static_cast<std::uint32_t>(lead_.next());
   output.command.speeds = motion::wheelsFromTwist(commanded_, bodies_.at(robot_).wheel_separation_m);
+  published_ = output.state;
   return output;
 }
 

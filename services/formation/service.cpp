@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "adapters/adapters.h"
 #include "formation/messages.h"
 
@@ -16,6 +18,16 @@ formation::Formation::Options optionsOf(const fleet::Fleet& fleet) {
   auto options = formation::Formation::Options::read(fleet.service("formation"));
   options.command.fleet = fleet.name;
   return options;
+}
+
+/// Robots without a camera or laser have no stages. They stand where the fleet file places them.
+std::map<std::string, Pose2> parkedRobots(const fleet::Fleet& fleet) {
+  std::map<std::string, Pose2> parked;
+  for (const fleet::RobotSpec& robot : fleet.robots) {
+    if (!fleet.maps(robot.name) && !robot.has_observations && robot.initial_pose)
+      parked[robot.name] = *robot.initial_pose;
+  }
+  return parked;
 }
 
 }  // namespace
@@ -34,6 +46,7 @@ FormationService::FormationService(const bus::ServiceContext& context, const fle
       state_out_(context.bus.writer(context.topics.formation_state, robot_), "formation/state " + robot_,
                  fleet::expectedReaders(fleet, "formation/state", robot_)),
       formation_(robot_, fleet.bodies(), optionsOf(fleet)) {
+  formation_.park(parkedRobots(fleet));
   for (const std::string& robot : fleet.mappingRobots()) {
     if (robot == robot_) continue;
     states_.push_back(std::make_unique<Inlet<v1::FormationState, Payload>>(
@@ -108,11 +121,13 @@ void FormationService::answer(const Objects& objects, const std::vector<PoseEsti
   adapters::toWire(output.state, clock, state_);
   state_out_.write(state_, status());
   updateStandstill(output, objects.acquired_ns);
+  reportSkipped(output.state);
 }
 
 void FormationService::updateStandstill(const formation::Formation::Output& output, TimeNs now_ns) {
   const motion::WheelSpeeds& speeds = output.command.speeds;
-  const bool standing = output.state.role == motion::FormationRole::kLeader && !output.state.arrived &&
+  const bool standing = output.state.behaviour == motion::Behaviour::kFormation &&
+                        output.state.role == motion::FormationRole::kLeader && !output.state.arrived &&
                         !output.state.target_m.isZero() && speeds.left_mps == 0.0 && speeds.right_mps == 0.0;
   if (!standing) {
     standing_since_ns_.reset();
@@ -122,6 +137,18 @@ void FormationService::updateStandstill(const formation::Formation::Output& outp
   left_m_ = output.state.target_m.norm();
   if (!standing_since_ns_) standing_since_ns_ = now_ns;
   if (now_ns - *standing_since_ns_ >= kStandstill_ns) reportStandstill();
+}
+
+void FormationService::reportSkipped(const motion::FormationState& state) {
+  for (const motion::SkippedFrontier& skipped : state.skipped) {
+    const bool known =
+        std::any_of(known_skipped_.begin(), known_skipped_.end(), [&](const motion::SkippedFrontier& other) {
+          return other.looked == skipped.looked && other.place_m == skipped.place_m;
+        });
+    // A frontier that stays unknown in full view is a gap in the map, not a problem of the robot.
+    if (!known && !skipped.looked) status().report(formation::frontierNotReached(robot_, skipped.place_m));
+  }
+  known_skipped_ = state.skipped;
 }
 
 /// A run that ends while the leader stands has not reached its goal.

@@ -39,6 +39,7 @@ class FormationService : public bus::Service {
   void answer(const Objects& objects, const std::vector<PoseEstimate>& known);
   void updateStandstill(const formation::Formation::Output& output, TimeNs now_ns);
   void reportStandstill();
+  void reportSkipped(const motion::FormationState& state);
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -60,6 +61,7 @@ class FormationService : public bus::Service {
   std::optional<TimeNs> standing_since_ns_;  ///< as a leader that has not arrived
   double left_m_ = 0.0;                      ///< distance to the waypoint that it heads for
   bool reported_standstill_ = false;
+  std::vector<motion::SkippedFrontier> known_skipped_;
   bool ended_ = false;
 };
 

@@ -363,5 +363,71 @@ TEST(Adapters, OmitsObjectsBeyondIdlBound) {
   EXPECT_EQ(wire.objects().size(), 64u);
 }
 
+motion::FormationState someState(Counter& n) {
+  motion::FormationState s;
+  s.robot = "r1";
+  s.acquired_ns = 17;
+  s.sequence = 3;
+  s.role = motion::FormationRole::kLeader;
+  s.leader = "r1";
+  s.behaviour = motion::Behaviour::kExploration;
+  s.ground_clear = true;
+  s.stop = n.pose();
+  s.has_goal = true;
+  s.goal_m = n.point();
+  s.frontiers = 9;
+  s.view.origin_m = n.point();
+  s.view.blind_m = n.nextF();
+  s.view.first_rad = n.nextF();
+  s.view.step_rad = n.nextF();
+  s.view.ray = {motion::View::entry(motion::View::kSolid, 1.234),
+                motion::View::entry(motion::View::kFree, 2.5)};
+  s.skipped = {{n.point(), true}, {n.point(), false}};
+  return s;
+}
+
+TEST(FormationState, KeepsTheFieldsOfTheBehaviours) {
+  Counter n;
+  const motion::FormationState from = someState(n);
+  v1::FormationState wire;
+  toWire(from, RunClock::kSim, wire);
+  motion::FormationState to;
+  ASSERT_TRUE(fromWire(wire, to));
+  EXPECT_EQ(to.behaviour, from.behaviour);
+  EXPECT_TRUE(to.ground_clear && to.has_goal);
+  EXPECT_EQ(to.stop.vector(), from.stop.vector());
+  EXPECT_EQ(to.goal_m, from.goal_m);
+  EXPECT_EQ(to.frontiers, from.frontiers);
+  EXPECT_EQ(to.view.origin_m, from.view.origin_m);
+  EXPECT_EQ(to.view.blind_m, from.view.blind_m);
+  EXPECT_EQ(to.view.first_rad, from.view.first_rad);
+  EXPECT_EQ(to.view.step_rad, from.view.step_rad);
+  EXPECT_EQ(to.view.ray, from.view.ray);
+  ASSERT_EQ(to.skipped.size(), 2u);
+  EXPECT_EQ(to.skipped[0].place_m, from.skipped[0].place_m);
+  EXPECT_TRUE(to.skipped[0].looked);
+  EXPECT_FALSE(to.skipped[1].looked);
+}
+
+TEST(FormationState, IsRejectedWithAnInvalidFieldOfTheBehaviours) {
+  const std::vector<std::function<void(v1::FormationState&)>> damages{
+      [](auto& s) { s.behaviour(static_cast<v1::FormationBehaviour>(3)); },
+      [](auto& s) { s.stop().theta(kNan); },
+      [](auto& s) { s.goal().x(kNan); },
+      [](auto& s) { s.view().first_rad(kNanF); },
+      [](auto& s) { s.view().step_rad(0.0f); },
+      [](auto& s) { s.view().blind_m(-1.0f); },
+      [](auto& s) { s.view().ray().resize(motion::View::kMostRays + 1); },
+      [](auto& s) { s.skipped()[0].place().y(kNan); }};
+  for (std::size_t i = 0; i < damages.size(); ++i) {
+    Counter n;
+    v1::FormationState wire;
+    toWire(someState(n), RunClock::kSim, wire);
+    damages[i](wire);
+    motion::FormationState to;
+    EXPECT_FALSE(fromWire(wire, to)) << i;
+  }
+}
+
 }  // namespace
 }  // namespace omnifleet::adapters

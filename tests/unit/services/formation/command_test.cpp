@@ -104,6 +104,23 @@ TEST_F(Command, ReachesAllRobotsAndKeepsUnsetFields) {
   EXPECT_GT(sender.sent().acquired_ns, 1'000);
 }
 
+TEST_F(Command, ChangesTheBehaviourOfAllRobotsUntilAnotherIsCommanded) {
+  const Formations formations(network_, fleet_, {"r1", "r2"});
+  CommandRequest request;
+  request.behaviour = motion::Behaviour::kBoundaryFollowing;
+  request.boundary_m = 0.35;
+  {
+    CommandSender sender(*bus_, topics(), fleet_);
+    ASSERT_TRUE(sender.send(request, 1'000, seconds(30)));
+  }
+  CommandRequest halt;
+  halt.halt = true;
+  CommandSender sender(*bus_, topics(), fleet_);
+  ASSERT_TRUE(sender.send(halt, 2'000, seconds(30)));
+  EXPECT_EQ(sender.sent().behaviour, motion::Behaviour::kBoundaryFollowing);
+  EXPECT_EQ(sender.sent().boundary_m, 0.35);
+}
+
 TEST_F(Command, IsReceivedByLateJoiners) {
   const Formations first(network_, fleet_, {"r1"});
   auto reader = bus_->reader(topics().formation_state, "r2");
