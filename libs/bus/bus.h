@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -11,6 +12,12 @@
 #include "bus/type_descriptor.h"
 
 namespace omnifleet::bus {
+
+/// Payload of samples on topics that other hosts read (QosProfile::off_host), since the bus was created.
+struct Traffic {
+  std::uint64_t out_bytes = 0;  ///< written while a reader was matched; each sample is counted once
+  std::uint64_t in_bytes = 0;   ///< taken, from any host
+};
 
 /// One DDS participant: the only interface through which a stage communicates. DdsBus connects processes,
 /// FakeBus connects stages within one process.
@@ -49,6 +56,13 @@ class Bus {
   /// sample is lost when this bus is destroyed. Includes the readers of participants that were discovered
   /// recently and are not matched yet. Returns false on timeout or stop.
   virtual bool flush(std::chrono::nanoseconds timeout) = 0;
+
+  virtual Traffic traffic() const = 0;
+  /// The process that owns the robot of this bus, if that is another one ("process 4711 on host b"): two
+  /// processes claim to be the same stage of the same robot (robot_claim.h). Meanwhile all writers discard
+  /// their samples, except those with QosProfile::while_outranked. Empty: this process is the owner, or
+  /// claims no robot.
+  virtual std::string rival() const { return {}; }
 
  protected:
   virtual std::unique_ptr<WriterPort> writerPort(const std::string& topic, const QosProfile& qos,

@@ -33,6 +33,8 @@ class DdsBus : public Bus {
   }
   bool stopping() const noexcept override { return participant_->signal().stop; }
   bool flush(std::chrono::nanoseconds timeout) override { return participant_->flush(timeout); }
+  Traffic traffic() const override { return participant_->traffic(); }
+  std::string rival() const override { return participant_->rival(); }
 
  protected:
   std::unique_ptr<WriterPort> writerPort(const std::string& topic, const QosProfile& qos,

@@ -3,10 +3,12 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "bus/bus.h"
+#include "bus/robot_claim.h"
 
 namespace omnifleet::bus {
 
@@ -23,10 +25,11 @@ struct DdsBusOptions {
   std::chrono::milliseconds announcement{500};
   std::chrono::milliseconds heartbeat{20};         ///< 4 ms for keep-all histories
   std::chrono::milliseconds write_timeout{30000};  ///< a write() that slow readers block fails after this
-  std::string machine;        ///< partition of frames, host/<machine>; empty: the host name
-  std::string idl_hash;       ///< replaces the hash of all types when set (tests of the layout guard)
-  bool announce_hash = true;  ///< false: behaves like another DDS vendor (tests)
-  Report report;              ///< receives layout mismatches, once per writer; may be empty
+  std::string machine;              ///< partition of frames, host/<machine>; empty: the host name
+  std::string idl_hash;             ///< replaces the hash of all types when set (tests of the layout guard)
+  bool announce_hash = true;        ///< false: behaves like another DDS vendor (tests)
+  std::optional<RobotClaim> claim;  ///< announced; stages that belong to no robot have none
+  Report report;                    ///< receives layout mismatches, once per writer; may be empty
 };
 
 /// A DDS participant (Fast DDS 2.9). Throws std::runtime_error when it cannot be created. Endpoints must be

@@ -25,7 +25,9 @@ class DdsWriterPort : public WriterPort {
         listener_(participant_->signal()),
         name_(topic),
         type_(type),
-        max_instances_(qos.max_instances) {
+        max_instances_(qos.max_instances),
+        off_host_(qos.off_host),
+        while_outranked_(qos.while_outranked) {
     dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
     writer_ = participant_->publisher(writerPartitions(robot))
                   ->create_datawriter(dds_topic, participant_->writerQos(qos, type.idl_hash), &listener_);
@@ -36,12 +38,16 @@ class DdsWriterPort : public WriterPort {
 
   bool write(const void* sample) override {
     error_.clear();
+    if (!while_outranked_ && participant_->isOutranked()) return true;
     if (!admit(sample)) return false;
     const auto attempt = [&] {
       return writer_->write(const_cast<void*>(sample), eprosima::fastrtps::rtps::InstanceHandle_t());
     };
     const Code code = retryWrite(*participant_, attempt, while_full_);
-    if (code == Code::RETCODE_OK) return true;
+    if (code == Code::RETCODE_OK) {
+      if (off_host_ && listener_.matched > 0) participant_->countOut(type_.size(sample));
+      return true;
+    }
     error_ = name_ + ": " + toString(code);
     return false;
   }
@@ -70,6 +76,7 @@ class DdsWriterPort : public WriterPort {
   std::string name_;
   const TypeDescriptor& type_;
   int max_instances_;
+  bool off_host_, while_outranked_;
   std::set<std::string> keys_;
   dds::DataWriter* writer_ = nullptr;
   std::function<void()> while_full_ = [] {};
@@ -83,7 +90,9 @@ class DdsReaderPort : public ReaderPort {
       : participant_(std::move(participant)),
         listener_(participant_->signal()),
         writers_(*participant_, topic, type.idl_hash),
-        leased_(qos.liveliness_lease.count() > 0) {
+        type_(type),
+        leased_(qos.liveliness_lease.count() > 0),
+        off_host_(qos.off_host) {
     dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
     reader_ = participant_->subscriber(readerPartitions(robot))
                   ->create_datareader(dds_topic, participant_->readerQos(qos), &listener_);
@@ -103,6 +112,7 @@ class DdsReaderPort : public ReaderPort {
       info.writer = writer.number;
       info.source_ns = dds_info.source_timestamp.to_ns();
       ++received_;
+      if (off_host_) participant_->countIn(type_.size(sample));
       return true;
     }
     return false;
@@ -118,7 +128,8 @@ class DdsReaderPort : public ReaderPort {
   std::shared_ptr<DdsParticipant> participant_;
   ReaderMatches listener_;
   KnownWriters writers_;
-  bool leased_;
+  const TypeDescriptor& type_;
+  bool leased_, off_host_;
   std::uint64_t received_ = 0;
   dds::DataReader* reader_ = nullptr;
 };

@@ -72,6 +72,10 @@ dds::DomainParticipantQos participantQos(const DdsBusOptions& options) {
   qos.name(options.name);
   setTransport(qos, options);
   setDiscovery(qos, options);
+  if (options.claim) {
+    const std::string text = options.claim->userData();
+    qos.user_data().data_vec(std::vector<eprosima::fastrtps::rtps::octet>(text.begin(), text.end()));
+  }
   return qos;
 }
 
@@ -227,6 +231,38 @@ void DdsParticipant::on_participant_discovery(dds::DomainParticipant*,
   if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT)
     peers_.erase(prefix);
   peers_changed_.notify_all();
+  noteClaim(info);
+}
+
+/// The caller holds the mutex.
+void DdsParticipant::noteClaim(const eprosima::fastrtps::rtps::ParticipantDiscoveryInfo& info) {
+  using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
+  if (!options_.claim) return;
+  const Prefix& prefix = info.info.m_guid.guidPrefix;
+  if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT) {
+    if (rivals_.erase(prefix) > 0) signal_.event.signal();
+    return;
+  }
+  const auto& data = info.info.m_userData.data_vec();
+  const auto claim = RobotClaim::parse(std::string(data.begin(), data.end()));
+  if (!claim || !claim->isSameStage(*options_.claim)) return;
+  rivals_[prefix] = *claim;
+  any_rivals_ = true;
+  signal_.event.signal();
+}
+
+std::string DdsParticipant::rival() const {
+  if (!any_rivals_) return {};
+  const auto idOf = [](const Prefix& prefix) {
+    return std::string(reinterpret_cast<const char*>(prefix.value), Prefix::size);
+  };
+  const std::string own_id = idOf(participant_->guid().guidPrefix);
+  std::lock_guard<std::mutex> lock(mutex_);
+  for (const auto& [prefix, claim] : rivals_) {
+    if (outranks(claim, idOf(prefix), *options_.claim, own_id) && claim.isAlive(*options_.claim))
+      return claim.describe();
+  }
+  return {};
 }
 
 void DdsParticipant::on_subscriber_discovery(dds::DomainParticipant*,

@@ -2,6 +2,7 @@
 
 // Internals of DdsBus: one Fast DDS participant with its caches. docs/methods/dds.md explains the settings.
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
@@ -56,6 +57,14 @@ class DdsParticipant : public dds::DomainParticipantListener {
   void end(dds::DataWriter* writer);
   bool flush(std::chrono::nanoseconds timeout);
 
+  void countOut(std::size_t bytes) { bytes_out_ += bytes; }
+  void countIn(std::size_t bytes) { bytes_in_ += bytes; }
+  Traffic traffic() const { return {bytes_out_, bytes_in_}; }
+  /// Bus::rival().
+  std::string rival() const;
+  /// The same as a cheap test: false if no other participant ever made the same claim.
+  bool isOutranked() const { return any_rivals_ && !rival().empty(); }
+
   void on_participant_discovery(dds::DomainParticipant* participant,
                                 eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) override;
   void on_subscriber_discovery(dds::DomainParticipant* participant,
@@ -73,6 +82,7 @@ class DdsParticipant : public dds::DomainParticipantListener {
     bool readers_known = false;
   };
   /// Waits until no recently discovered peer can have unmatched readers.
+  void noteClaim(const eprosima::fastrtps::rtps::ParticipantDiscoveryInfo& info);
   void awaitReadersOfPeers(Clock::time_point until);
   bool anyReadersOnTheirWay() const;
 
@@ -86,7 +96,10 @@ class DdsParticipant : public dds::DomainParticipantListener {
   mutable std::mutex mutex_;  ///< guards the members below: DDS threads run discovery
   std::map<Guid, std::string> hashes_;
   std::map<Prefix, Peer> peers_;
+  std::map<Prefix, RobotClaim> rivals_;  ///< participants that claim the same stage of the same robot
   std::condition_variable peers_changed_;
+  std::atomic<bool> any_rivals_{false};
+  std::atomic<std::uint64_t> bytes_out_{0}, bytes_in_{0};
 };
 
 /// Retries `attempt` while the history is full, until the write timeout, or for 0.2 s after a stop request.

@@ -1,6 +1,7 @@
 #include "bus/fake_bus.h"
 
 #include <algorithm>
+#include <atomic>
 #include <set>
 #include <stdexcept>
 
@@ -9,6 +10,11 @@
 
 namespace omnifleet::bus {
 namespace {
+
+/// Counted by all endpoints of one bus.
+struct FakeTraffic {
+  std::atomic<std::uint64_t> out_bytes{0}, in_bytes{0};
+};
 
 struct FakeSample {
   std::shared_ptr<const void> value;
@@ -27,8 +33,12 @@ bool keepLast(std::deque<FakeSample>& samples, const std::string& key, int depth
 class FakeReaderPort : public ReaderPort, public FakeEndpoint {
  public:
   FakeReaderPort(std::shared_ptr<FakeNetwork> network, const TypeDescriptor& type, QosProfile qos,
-                 Report report)
-      : network_(std::move(network)), type_(type), qos_(qos), report_(std::move(report)) {}
+                 Report report, std::shared_ptr<FakeTraffic> traffic)
+      : network_(std::move(network)),
+        type_(type),
+        qos_(qos),
+        report_(std::move(report)),
+        traffic_(std::move(traffic)) {}
   ~FakeReaderPort() override { network_->detach(*this); }
 
   /// The caller holds the mutex.
@@ -49,6 +59,7 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
       ++counters_.received;
     }
     type_.copy(sample, head.value.get());
+    if (qos_.off_host) traffic_->in_bytes += type_.size(sample);
     info.writer = head.writer;
     info.source_ns = 0;
     return true;
@@ -75,6 +86,7 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
   const TypeDescriptor& type_;
   QosProfile qos_;
   Report report_;
+  std::shared_ptr<FakeTraffic> traffic_;
   std::deque<FakeSample> samples_;
   ReaderCounters counters_;
   std::set<std::uint64_t> external_;
@@ -82,8 +94,9 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
 
 class FakeWriterPort : public WriterPort, public FakeEndpoint {
  public:
-  FakeWriterPort(std::shared_ptr<FakeNetwork> network, const TypeDescriptor& type, QosProfile qos)
-      : network_(std::move(network)), type_(type), qos_(qos) {}
+  FakeWriterPort(std::shared_ptr<FakeNetwork> network, const TypeDescriptor& type, QosProfile qos,
+                 std::shared_ptr<FakeTraffic> traffic)
+      : network_(std::move(network)), type_(type), qos_(qos), traffic_(std::move(traffic)) {}
   ~FakeWriterPort() override { network_->detach(*this); }
 
   bool write(const void* value) override {
@@ -97,8 +110,12 @@ class FakeWriterPort : public WriterPort, public FakeEndpoint {
       history_.push_back(sample);
       keepLast(history_, key, qos_.keep_all ? qos_.max_samples_per_instance : qos_.depth);
     }
-    network_->forEachPeer(
-        *this, [&](FakeEndpoint& peer) { dynamic_cast<FakeReaderPort&>(peer).deliver(sample, *this); });
+    bool any = false;
+    network_->forEachPeer(*this, [&](FakeEndpoint& peer) {
+      dynamic_cast<FakeReaderPort&>(peer).deliver(sample, *this);
+      any = true;
+    });
+    if (any && qos_.off_host) traffic_->out_bytes += type_.size(value);
     return true;
   }
   int matched() const override { return network_->matched(*this); }
@@ -126,6 +143,7 @@ class FakeWriterPort : public WriterPort, public FakeEndpoint {
   std::shared_ptr<FakeNetwork> network_;
   const TypeDescriptor& type_;
   QosProfile qos_;
+  std::shared_ptr<FakeTraffic> traffic_;
   std::deque<FakeSample> history_;
   std::set<std::string> keys_;
   std::string error_;
@@ -150,17 +168,18 @@ class FakeBus : public Bus {
   }
   bool stopping() const noexcept override { return signal_->stop; }
   bool flush(std::chrono::nanoseconds) override { return true; }  // write() has already delivered
+  Traffic traffic() const override { return {traffic_->out_bytes, traffic_->in_bytes}; }
 
  protected:
   std::unique_ptr<WriterPort> writerPort(const std::string& topic, const QosProfile& qos,
                                          const TypeDescriptor& type, const std::string& robot) override {
-    auto port = std::make_unique<FakeWriterPort>(network_, type, qos);
+    auto port = std::make_unique<FakeWriterPort>(network_, type, qos, traffic_);
     attach(*port, FakeEndpoint::Kind::kWriter, topic, type, writerPartitions(robot));
     return port;
   }
   std::unique_ptr<ReaderPort> readerPort(const std::string& topic, const QosProfile& qos,
                                          const TypeDescriptor& type, const std::string& robot) override {
-    auto port = std::make_unique<FakeReaderPort>(network_, type, qos, options_.report);
+    auto port = std::make_unique<FakeReaderPort>(network_, type, qos, options_.report, traffic_);
     attach(*port, FakeEndpoint::Kind::kReader, topic, type, readerPartitions(robot));
     return port;
   }
@@ -180,6 +199,7 @@ class FakeBus : public Bus {
   std::shared_ptr<FakeNetwork> network_;
   FakeBusOptions options_;
   std::shared_ptr<BusSignal> signal_;
+  std::shared_ptr<FakeTraffic> traffic_ = std::make_shared<FakeTraffic>();
 };
 
 }  // namespace

@@ -26,6 +26,9 @@ struct QosProfile {
   bool data_sharing = false;          ///< frames only: such types carry no key
   std::chrono::milliseconds liveliness_lease{
       0};  ///< > 0: automatic liveliness with this lease (elections only)
+  bool off_host =
+      true;  ///< read on other hosts: counted as traffic; false: only the robot's own host reads it
+  bool while_outranked = false;  ///< written even while another process owns the same robot (Bus::rival)
 
   /// The total bound, which DDS requires besides the other two.
   int maxSamples() const { return max_instances * max_samples_per_instance; }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 
 #include "bus/service_runner.h"
 
@@ -18,6 +19,14 @@ Message readerMissing(const std::string& what, std::chrono::seconds limit) {
                                         " s; this service ends. Check the log of the missing service"};
 }
 
+Message duplicateRobot(const std::string& robot, const std::string& rival) {
+  return {
+      ErrorCode::kDuplicateRobot,
+      robot + ": " + rival +
+          " runs the same service of this robot and started earlier; this process publishes nothing and adds "
+          "nothing to the map. Stop one of the two, or give each robot a name of its own"};
+}
+
 /// The state of one runLoop().
 struct Loop {
   Bus& bus;
@@ -28,8 +37,23 @@ struct Loop {
 
   IdleWindow& idleWindow() { return service.idleWindow(); }
 
+  std::string rival = {};
+  Clock::time_point rival_reported = {};
+
+  /// Another process may own the robot. The report is repeated, because others replace it in the status.
+  void reportRival() {
+    const std::string before = std::exchange(rival, bus.rival());
+    if (rival.empty()) {
+      if (!before.empty()) service.status().clearError();
+    } else if (rival != before || Clock::now() - rival_reported >= kStatusPeriod) {
+      rival_reported = Clock::now();
+      service.status().report(duplicateRobot(options.robot, rival), true);
+    }
+  }
+
   /// Writes new messages to the log and publishes the status.
   void publishStatus(bool force = false) {
+    reportRival();
     for (const Message& message : service.status().takeMessages()) log.warn("{}", toLogLine(message));
     publisher.update(service.status(), Clock::now(), force);
   }
@@ -129,7 +153,7 @@ struct Loop {
 ExitCode runLoop(Bus& bus, Service& service, const ServiceOptions& options, StatusPublisher& publisher,
                  spdlog::logger& log) {
   try {
-    return Loop{bus, service, options, publisher, log}.run();
+    return Loop{bus, service, options, publisher, log, {}, {}}.run();
   } catch (const std::exception& problem) {
     const Message failed{ErrorCode::kServiceFailed, problem.what()};
     log.error("{}", toLogLine(failed));

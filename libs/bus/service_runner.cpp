@@ -106,6 +106,7 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
   if (isDeterministic(options.mode)) bus.lease = options.silence_limit;
   if (!options.interfaces.empty()) bus.interfaces = options.interfaces;
   bus.max_message_bytes = static_cast<std::uint32_t>(options.max_message_bytes);
+  if (!options.robot.empty()) bus.claim = RobotClaim::ofThisProcess(name, options.robot);
   bus.report = [log](const std::string& line) { log->warn("{}", line); };
   return bus;
 }

@@ -24,14 +24,24 @@ int runService(int argc, char** argv, const std::string& name, const ServiceFact
 /// Publishes the StatusBoard of a service.
 class StatusPublisher {
  public:
+  /// While another process owns the same robot (Bus::rival), the instance is "<instance>@<host>:<process
+  /// id>": both processes appear in the table.
   StatusPublisher(Bus& bus, const Topics& topics, std::string service, std::string instance);
   /// Publishes when one second has passed, the board has changed, or `force` is set.
   void update(StatusBoard& board, std::chrono::steady_clock::time_point now, bool force = false);
 
  private:
+  void setInstance();
+  void setTraffic(std::chrono::steady_clock::time_point now);
+  void write();
+
+  Bus& bus_;
   std::unique_ptr<Writer<v1::ServiceStatus>> writer_;
+  std::string instance_;
   v1::ServiceStatus sample_;
   std::chrono::steady_clock::time_point last_{};
+  Traffic traffic_;  ///< at traffic_at_
+  std::chrono::steady_clock::time_point traffic_at_{};
 };
 
 /// The loop of runService on any bus: expectations, start, spin and wait until the service has finished or

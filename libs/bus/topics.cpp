@@ -43,6 +43,28 @@ QosProfile preview() {
   return qos;
 }
 
+/// The same, read only on the host of the robot.
+QosProfile onHost(QosProfile qos) {
+  qos.off_host = false;
+  return qos;
+}
+
+/// Re-sent samples of the map. Volatile: a late joiner publishes in map/have what it lacks. A topic of its
+/// own, so that re-sent samples do not push a robot's own samples out of the history that late joiners get
+/// first.
+QosProfile resends() {
+  QosProfile qos;
+  qos.depth = 64;
+  return qos;
+}
+
+/// The status also reports that another process owns the robot.
+QosProfile statuses() {
+  QosProfile qos = latest(256);
+  qos.while_outranked = true;
+  return qos;
+}
+
 /// map/have, which replicas exchange continuously; only the latest sample counts.
 QosProfile lastFew() {
   QosProfile qos;
@@ -53,27 +75,28 @@ QosProfile lastFew() {
 }  // namespace
 
 Topics::Topics(RunMode mode)
-    : camera_preview{"omnifleet/camera_preview", preview()},
-      wheels_odometry{"omnifleet/wheels/odometry", stream(mode)},
-      wheels_command{"omnifleet/wheels/command", stream(mode)},
-      laser{"omnifleet/laser", stream(mode)},
-      local_map{"omnifleet/local_map", stream(mode)},
-      objects{"omnifleet/objects", stream(mode)},
-      objects_kept{objects.name, journal(mode)},
+    : camera_preview{"omnifleet/camera_preview", onHost(preview())},
+      wheels_odometry{"omnifleet/wheels/odometry", onHost(stream(mode))},
+      wheels_command{"omnifleet/wheels/command", onHost(stream(mode))},
+      laser{"omnifleet/laser", onHost(stream(mode))},
+      local_map{"omnifleet/local_map", onHost(stream(mode))},
+      objects{"omnifleet/objects", onHost(stream(mode))},
+      objects_kept{objects.name, onHost(journal(mode))},
       measurement{"omnifleet/measurement", stream(mode)},
       pose{"omnifleet/pose", stream(mode)},
       place{"omnifleet/place", journal(mode)},
       map_contribution{"omnifleet/map/contribution", journal(mode)},
       map_keyframe_pose{"omnifleet/map/keyframe_pose", journal(mode)},
       map_have{"omnifleet/map/have", lastFew()},
+      map_resend{"omnifleet/map/resend", resends()},
       map_octree{"omnifleet/map/octree", latest(4)},
       map_grid{"omnifleet/map/grid", latest(4)},
       map_outlines{"omnifleet/map/outlines", latest(4)},
       map_hash{"omnifleet/map/hash", latest()},
       formation_command{"omnifleet/formation/command", latest()},
       formation_state{"omnifleet/formation/state", stream(mode)},
-      service_status{"omnifleet/service/status", latest(256)},
-      world_truth{"omnifleet/world/truth", stream(mode)},
+      service_status{"omnifleet/service/status", statuses()},
+      world_truth{"omnifleet/world/truth", onHost(stream(mode))},
       run_end{"omnifleet/run/end", latest(256)} {}
 
 std::string cameraTopicName(const std::string& camera_id) {

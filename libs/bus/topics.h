@@ -37,6 +37,7 @@ struct Topics {
   Topic<v1::Contribution> map_contribution;       ///< per robot; transient local, history 64
   Topic<v1::KeyframePose> map_keyframe_pose;      ///< per robot; transient local, history 64
   Topic<v1::Have> map_have;                       ///< key replica
+  Topic<v1::Resend> map_resend;                   ///< key replica
   Topic<v1::OctreeMap> map_octree;                ///< transient local, last 1
   Topic<v1::Grid> map_grid;                       ///< transient local, last 1
   Topic<v1::Outlines> map_outlines;               ///< transient local, last 1
@@ -77,6 +78,8 @@ template <>
 const TypeDescriptor& describe<v1::KeyframePose>();
 template <>
 const TypeDescriptor& describe<v1::Have>();
+template <>
+const TypeDescriptor& describe<v1::Resend>();
 template <>
 const TypeDescriptor& describe<v1::OctreeMap>();
 template <>

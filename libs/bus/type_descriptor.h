@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string>
 
@@ -18,6 +19,7 @@ struct TypeDescriptor {
   void (*copy)(void* to, const void* from);  ///< assignment
   std::string (*key)(
       const void* sample);  ///< value of the key fields as bytes; empty for types without a key
+  std::size_t (*size)(const void* sample);              ///< bytes of the serialized sample
   eprosima::fastdds::dds::TopicDataType* (*support)();  ///< a new DDS type support; the caller owns it
 };
 

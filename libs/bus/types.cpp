@@ -37,6 +37,10 @@ TypeDescriptor make(const char* idl_hash) {
   type.create = []() -> std::shared_ptr<void> { return std::make_shared<T>(); };
   type.copy = [](void* to, const void* from) { *static_cast<T*>(to) = *static_cast<const T*>(from); };
   type.key = &keyOf<Support>;
+  type.size = [](const void* sample) -> std::size_t {
+    constexpr std::size_t kEncapsulation = 4;  // bytes before the fields
+    return T::getCdrSerializedSize(*static_cast<const T*>(sample)) + kEncapsulation;
+  };
   type.support = []() -> eprosima::fastdds::dds::TopicDataType* { return new Support(); };
   return type;
 }
@@ -101,6 +105,11 @@ const TypeDescriptor& describe<v1::KeyframePose>() {
 template <>
 const TypeDescriptor& describe<v1::Have>() {
   static const TypeDescriptor type = make<v1::HavePubSubType>(v1::kMapHash);
+  return type;
+}
+template <>
+const TypeDescriptor& describe<v1::Resend>() {
+  static const TypeDescriptor type = make<v1::ResendPubSubType>(v1::kMapHash);
   return type;
 }
 template <>

@@ -24,6 +24,8 @@ const char* toString(ErrorCode code) {
       return "service_failed";
     case ErrorCode::kServiceSilent:
       return "service_silent";
+    case ErrorCode::kDuplicateRobot:
+      return "duplicate_robot";
     case ErrorCode::kFrameUnreadable:
       return "frame_unreadable";
     case ErrorCode::kImageSizeMismatch:

@@ -23,6 +23,7 @@ enum class ErrorCode : std::uint8_t {
   kFileWriteFailed,
   kServiceFailed,
   kServiceSilent,
+  kDuplicateRobot,
   // camera, local mapper
   kFrameUnreadable,
   kImageSizeMismatch,

@@ -92,43 +92,4 @@ const ContributionStore::Keyframe* ContributionStore::find(const std::string& ro
   return found == path->end() ? nullptr : &found->second;
 }
 
-std::vector<Held> ContributionStore::held() const {
-  std::vector<Held> all;
-  for (const auto& [robot, path] : robots_) {
-    Held held;
-    held.robot = robot;
-    held.first_ns = path.begin()->first;
-    held.last_ns = path.rbegin()->first;
-    for (const auto& [time_ns, keyframe] : path) {
-      held.contributions += keyframe.contribution ? 1U : 0U;
-      held.keyframe_poses += keyframe.pose ? 1U : 0U;
-      held.digest += keyframe.contribution_digest + keyframe.pose_digest;
-    }
-    all.push_back(std::move(held));
-  }
-  return all;
-}
-
-std::vector<Contribution> ContributionStore::contributionsBetween(const std::string& robot, TimeNs first_ns,
-                                                                  TimeNs last_ns) const {
-  std::vector<Contribution> found;
-  const Path* path = find(robot);
-  if (path == nullptr) return found;
-  for (auto it = path->lower_bound(first_ns); it != path->end() && it->first <= last_ns; ++it) {
-    if (it->second.contribution) found.push_back(*it->second.contribution);
-  }
-  return found;
-}
-
-std::vector<KeyframePose> ContributionStore::posesBetween(const std::string& robot, TimeNs first_ns,
-                                                          TimeNs last_ns) const {
-  std::vector<KeyframePose> found;
-  const Path* path = find(robot);
-  if (path == nullptr) return found;
-  for (auto it = path->lower_bound(first_ns); it != path->end() && it->first <= last_ns; ++it) {
-    if (it->second.pose) found.push_back(*it->second.pose);
-  }
-  return found;
-}
-
 }  // namespace omnifleet::occupancy

@@ -14,14 +14,6 @@
 
 namespace omnifleet::occupancy {
 
-/// Summary of what is held of one robot (topic map/have).
-struct Held {
-  std::string robot;
-  TimeNs first_ns = 0, last_ns = 0;
-  std::uint32_t contributions = 0, keyframe_poses = 0;
-  std::uint64_t digest = 0;  ///< sum of the digests of all that is held, independent of order
-};
-
 /// The set of contributions and the set of winning keyframe poses, ordered by (robot, time). Adding is
 /// idempotent and commutative. Of two different contributions of the same robot and time, the one with the
 /// larger bytes is kept. Of two poses, the one with the higher (term, revision) is kept, and if these are
@@ -57,13 +49,6 @@ class ContributionStore {
   const Keyframe* find(const std::string& robot, TimeNs acquired_ns) const;
   std::size_t contributions() const { return contributions_; }
   std::size_t poses() const { return poses_; }
-
-  std::vector<Held> held() const;
-  /// Contributions and poses of one robot with first_ns ≤ time ≤ last_ns, in order of time, for a peer that
-  /// lacks them.
-  std::vector<Contribution> contributionsBetween(const std::string& robot, TimeNs first_ns,
-                                                 TimeNs last_ns) const;
-  std::vector<KeyframePose> posesBetween(const std::string& robot, TimeNs first_ns, TimeNs last_ns) const;
 
  private:
   void noteCameraError(const std::string& robot);

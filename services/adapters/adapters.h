@@ -19,6 +19,7 @@
 #include "motion/formation_types.h"
 #include "observation/observation.h"
 #include "occupancy/contribution.h"
+#include "occupancy/reconciler.h"
 
 namespace omnifleet::adapters {
 
@@ -62,5 +63,9 @@ bool fromWire(const v1::Contribution& from, occupancy::Contribution& to);
 
 void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePose& to);
 bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to);
+
+/// Does not fill the header. At most 256 ranges.
+void toWire(const occupancy::Have& from, v1::Have& to);
+bool fromWire(const v1::Have& from, occupancy::Have& to);
 
 }  // namespace omnifleet::adapters

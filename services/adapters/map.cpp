@@ -119,4 +119,32 @@ bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
   return true;
 }
 
+void toWire(const occupancy::Have& from, v1::Have& to) {
+  to.replica(from.replica);
+  to.ending(from.ending);
+  sequenceToWire(from.ranges, 256, to.ranges(), [](const occupancy::HeldRange& r, v1::HeldRange& w) {
+    w.robot(r.robot);
+    w.kind(static_cast<std::uint8_t>(r.kind));
+    w.first_ns(r.first_ns);
+    w.last_ns(r.last_ns);
+    w.count(r.count);
+    w.digest(r.digest);
+  });
+}
+
+bool fromWire(const v1::Have& from, occupancy::Have& to) {
+  to.replica = from.replica().to_string();
+  to.ending = from.ending();
+  to.ranges.resize(from.ranges().size());
+  bool good = true;
+  for (std::size_t i = 0; i < to.ranges.size(); ++i) {
+    const v1::HeldRange& w = from.ranges()[i];
+    occupancy::HeldRange& r = to.ranges[i];
+    r = {w.robot().to_string(), {}, w.first_ns(), w.last_ns(), w.count(), w.digest()};
+    good = enumFromWire(w.kind(), occupancy::SampleKind::kKeyframePose, r.kind) && r.first_ns <= r.last_ns &&
+           good;
+  }
+  return good;
+}
+
 }  // namespace omnifleet::adapters

@@ -15,6 +15,7 @@
 #include "localizer/observation_frames.h"
 #include "markers/patch_finder.h"
 #include "motion/wheel_integrator.h"
+#include "occupancy/reconciler.h"
 #include "world/world.h"
 
 #include <fmt/format.h>
@@ -118,6 +119,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   global_merger::KeyframeOptions::read(merger.child("keyframes"));
   global_merger::MergerOptions::read(merger.child("outlines"));
   occupancy::OccupancyOptions::read(merger.child("occupancy"));
+  occupancy::ReconcilerOptions::read(merger.child("replication"));
   merger.finish();
 
   if (fleet.hasFormation()) checkFormation(fleet);

@@ -55,7 +55,12 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
         bus::StreamSpec{"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)});
   }
   replica_.setLenses(fleet.lensSpreads());
-  if (context.options.mode == bus::RunMode::kLive) replica_.correctLater();
+  const auto replication =
+      occupancy::ReconcilerOptions::read(fleet.service("global_merger").child("replication"));
+  if (context.options.mode == bus::RunMode::kLive) {
+    replica_.correctLater();
+    replication_.emplace(context_, robot_, fleet.locatedRobots(), replication);
+  }
   // Replicas write to each other. A replica that stopped reading while it waits would block the others.
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
@@ -77,7 +82,10 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
 
 void GlobalMergerService::listenTo(const std::string& stream) {
   SetStream& set = sets_[stream];
-  ends_.listen(stream, [&set](TimeNs, std::uint64_t samples) { set.announced = samples; });
+  ends_.listen(stream, [&set](TimeNs, std::uint64_t samples) {
+    set.announced = samples;
+    set.announced_at = steady_clock::now();
+  });
 }
 
 std::vector<bus::Expectation> GlobalMergerService::expectations() const {
@@ -120,9 +128,11 @@ bool GlobalMergerService::pullSets() {
     any = true;
     const std::string robot = contribution_.robot().to_string();
     ++sets_[contributionStream(robot)].arrived;
-    if (robot == robot_) continue;  // already added when it was made
+    // Already added when it was made. Live, another process may have made it: an earlier incarnation, or the
+    // owner of this robot's name.
+    if (robot == robot_ && !replication_) continue;
     if (adapters::fromWire(contribution_, contribution)) {
-      replica_.add(contribution);
+      add(contribution);
     } else {
       status().dropped();
       status().report(global_merger::contributionRejected(robot));
@@ -133,14 +143,52 @@ bool GlobalMergerService::pullSets() {
     any = true;
     const std::string robot = keyframe_pose_.robot().to_string();
     ++sets_[keyframe_pose_.term() == 0 ? poseStream(robot) : correctionStream(robot)].arrived;
-    if (adapters::fromWire(keyframe_pose_, pose)) replica_.add(pose);
+    if (adapters::fromWire(keyframe_pose_, pose)) add(pose);
   }
   return any;
+}
+
+void GlobalMergerService::add(const occupancy::Contribution& contribution) {
+  if (replica_.add(contribution) && replication_)
+    replication_->added(replica_.map().store(), contribution, steady_clock::now());
+}
+
+void GlobalMergerService::add(const occupancy::KeyframePose& pose) {
+  if (replica_.add(pose) && replication_)
+    replication_->added(replica_.map().store(), pose, steady_clock::now());
+}
+
+/// Live: takes what other replicas re-send, and re-sends what they lack.
+bool GlobalMergerService::exchange() {
+  if (!replication_) return false;
+  const bool any = replication_->pull(
+      status(), [this](const occupancy::Contribution& contribution) { add(contribution); },
+      [this](const occupancy::KeyframePose& pose) { add(pose); });
+  replication_->send(replica_.map().store(), steady_clock::now(), status());
+  return any;
+}
+
+/// Live: waits until all replicas hold the same, so that each saves the same map. Other replicas may not stop
+/// at this time, so the wait is short.
+void GlobalMergerService::exchangeFinally() {
+  if (!replication_) return;
+  constexpr std::chrono::milliseconds kSlice{10};
+  const auto end = steady_clock::now() + replication_->longestEnd();
+  replication_->end();
+  while (steady_clock::now() < end && !replication_->isComplete(steady_clock::now())) {
+    if (!receiveAndProcess()) context_.bus.wait(kSlice);
+  }
+}
+
+std::optional<steady_clock::time_point> GlobalMergerService::wakeAt() const {
+  if (!replication_) return std::nullopt;
+  return replication_->wakeAt();
 }
 
 /// Receives and processes everything that is available.
 bool GlobalMergerService::receiveAndProcess() {
   bool any = pull();
+  any |= exchange();
   while (merger_.nextBatch(batch_)) {
     process();
     any = true;
@@ -156,6 +204,7 @@ bool GlobalMergerService::spin() {
     contributed_all_ = any = true;
   }
   if (contributed_all_ && !ended_ && setsComplete()) {
+    exchangeFinally();
     replica_.finish();
     reportMapWarnings();
     publisher_.update(replica_, batch_.time, true, status());
@@ -165,10 +214,14 @@ bool GlobalMergerService::spin() {
   return any;
 }
 
+/// Live, samples may have been lost; the exchange replaces them.
 bool GlobalMergerService::setsComplete() const {
+  constexpr std::chrono::seconds kOnTheWay{1};  // samples that run/end has overtaken
+  const auto now = steady_clock::now();
   for (const auto& [stream, set] : sets_) {
     if (stream == contributionStream(robot_) || stream == poseStream(robot_)) continue;
-    if (!set.complete()) return false;
+    const bool has_waited = replication_ && set.announced && now - set.announced_at >= kOnTheWay;
+    if (!set.complete() && !has_waited) return false;
   }
   return true;
 }
@@ -218,9 +271,11 @@ void GlobalMergerService::contribute() {
       waiting_poses_.pop_front();
       continue;
     }
-    if (auto made = maker_.make(objects, pose)) {
-      replica_.add(made->contribution);
-      replica_.add(made->pose);
+    // The frames of a robot whose name another process owns may be those of another robot.
+    const bool is_owner = context_.bus.rival().empty();
+    if (auto made = is_owner ? maker_.make(objects, pose) : std::nullopt) {
+      add(made->contribution);
+      add(made->pose);
       adapters::toWire(made->contribution, runClock(context_.options), own_contribution_);
       adapters::toWire(made->pose, runClock(context_.options), own_keyframe_pose_);
       contribution_out_.write(own_contribution_, status());
@@ -310,6 +365,7 @@ void GlobalMergerService::drain() {
   if (ended_) return;
   pull();
   while (merger_.nextBatch(batch_)) process();
+  exchangeFinally();
   replica_.finish();
   reportMapWarnings();
   // Saves before publishing: the map matters most when a fleet is stopped.

@@ -12,12 +12,14 @@
 #include "fleet/fleet.h"
 #include "global_merger/map_publisher.h"
 #include "global_merger/merger.h"
+#include "global_merger/replication.h"
 
 namespace omnifleet::services {
 
 /// One robot's replica of the map. It makes contributions for all replicas from its robot's objects and
-/// poses, and it builds the map from the contributions and keyframe poses of all robots. The replica of the
-/// first robot publishes and saves the map.
+/// poses, and it builds the map from the contributions and keyframe poses of all robots. Live, it exchanges
+/// with the other replicas what one of them lacks (replication.h). The replica of the first robot publishes
+/// and saves the map.
 class GlobalMergerService : public bus::Service {
  public:
   GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -29,6 +31,7 @@ class GlobalMergerService : public bus::Service {
   bool finished() const override { return ended_; }
   void drain() override;
   bool succeeded() const override { return !save_failed_; }
+  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override;
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
@@ -39,12 +42,17 @@ class GlobalMergerService : public bus::Service {
   struct SetStream {
     std::uint64_t arrived = 0;
     std::optional<std::uint64_t> announced;
+    std::chrono::steady_clock::time_point announced_at{};
     bool complete() const { return announced && arrived >= *announced; }
   };
 
   bool pull();
   bool receiveAndProcess();
   bool pullSets();
+  bool exchange();
+  void exchangeFinally();
+  void add(const occupancy::Contribution& contribution);
+  void add(const occupancy::KeyframePose& pose);
   void promise(const v1::Pose& pose);
   void process();
   void pause();
@@ -72,6 +80,7 @@ class GlobalMergerService : public bus::Service {
   MapPublisher publisher_;
   global_merger::ContributionMaker maker_;
   global_merger::Merger replica_;
+  std::optional<Replication> replication_;  ///< live only: other modes lose no sample
   std::map<std::string, SetStream> sets_;
   std::deque<Objects> waiting_objects_;               ///< whose pose has not arrived yet
   std::deque<PoseEstimate> waiting_poses_;            ///< of the own robot

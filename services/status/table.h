@@ -22,7 +22,8 @@ class Table {
   void update(Clock::time_point now);
   /// One line per service, sorted: state, rate, latency, counters, last error. A service is "silent" when its
   /// status is older than three seconds and it has not finished; its line states for how long. The last line
-  /// names the leader of the formation and the robots that last followed another one.
+  /// names the leader of the formation and the robots that last followed another one. The line before it is
+  /// the sum of the payload that the services of each robot write to topics that other hosts read.
   std::string text() const;
   /// True when a service is silent: found here, or reported by a launcher. The launcher knows the started
   /// services; a late joiner cannot detect a hung process.

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -42,6 +43,7 @@ struct Participant {
   std::string machine = "here";
   std::string idl_hash = {};
   std::vector<std::string>* reports = nullptr;
+  std::optional<RobotClaim> claim = {};  ///< DDS only
 };
 
 /// Creates participants of one network: fake, or DDS on loopback in its own domain.
@@ -65,6 +67,7 @@ class Network {
     options.machine = participant.machine;
     options.idl_hash = participant.idl_hash;
     options.report = report;
+    options.claim = participant.claim;
     return makeDdsBus(options);
   }
   bool dds_;

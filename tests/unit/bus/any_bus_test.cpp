@@ -22,6 +22,32 @@ std::vector<std::int64_t> times(const std::vector<v1::Pose>& poses) {
   return result;
 }
 
+/// The bytes of a sample on the wire are those of its type support.
+TEST_P(AnyBus, CountsPayloadOfTopicsThatOtherHostsRead) {
+  const auto a = network.join(), b = network.join();
+  const Topics topics(RunMode::kLockstep);
+  const auto poses = a->writer(topics.pose);
+  const auto objects = a->writer(topics.objects);
+  v1::Pose pose = poseOf("r1", 1);
+  ASSERT_TRUE(poses->write(pose));
+  EXPECT_EQ(a->traffic().out_bytes, 0U) << "nobody reads it";
+  const auto reader = b->reader(topics.pose);
+  const auto objects_reader = b->reader(topics.objects);
+  ASSERT_TRUE(poses->waitForReaders(1, kPatience));
+  ASSERT_TRUE(objects->waitForReaders(1, kPatience));
+  pose.header().acquired_ns(2);
+  ASSERT_TRUE(poses->write(pose));
+  v1::Objects seen;
+  seen.robot("r1");
+  ASSERT_TRUE(objects->write(seen));
+  ASSERT_EQ(receive(*b, *objects_reader, 1).size(), 1U);
+  const std::size_t size = v1::Pose::getCdrSerializedSize(pose) + 4;
+  EXPECT_EQ(a->traffic().out_bytes, size) << "objects stay on the host of the robot";
+  ASSERT_EQ(receive(*b, *reader, 2).size(), 2U);
+  EXPECT_EQ(b->traffic().in_bytes, 2 * size) << "the late joiner got the first one as well";
+  EXPECT_EQ(b->traffic().out_bytes, 0U);
+}
+
 TEST_P(AnyBus, DeliversSamplesOfFortyRobotsInOrderPerRobot) {
   const auto a = network.join(), b = network.join();
   const Topics topics(RunMode::kLockstep);

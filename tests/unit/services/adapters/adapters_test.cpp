@@ -311,6 +311,35 @@ TEST(Adapters, PreservesContributionsExactly) {
   EXPECT_EQ(keyframe_back.camera_error, (occupancy::CameraErrorPpm{1000, -2000, 3000, -4000}));
 }
 
+TEST(Adapters, PreservesStatementsOfReplicas) {
+  using namespace occupancy;
+  Have have{"r1",
+            true,
+            {{"r1", SampleKind::kContribution, kEarliest, -5, 3, 0xF123456789ABCDEFULL},
+             {"r2", SampleKind::kKeyframePose, 7, kLatest, 0, 0}}};
+  v1::Have wire;
+  toWire(have, wire);
+  Have back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(back.replica, "r1");
+  EXPECT_TRUE(back.ending);
+  ASSERT_EQ(back.ranges.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(back.ranges[i].robot, have.ranges[i].robot);
+    EXPECT_EQ(back.ranges[i].kind, have.ranges[i].kind);
+    EXPECT_EQ(back.ranges[i].first_ns, have.ranges[i].first_ns);
+    EXPECT_EQ(back.ranges[i].last_ns, have.ranges[i].last_ns);
+    EXPECT_EQ(back.ranges[i].count, have.ranges[i].count);
+    EXPECT_EQ(back.ranges[i].digest, have.ranges[i].digest);
+  }
+  wire.ranges()[1].kind(2);
+  EXPECT_FALSE(fromWire(wire, back));
+  wire.ranges()[1].kind(1);
+  wire.ranges()[1].first_ns(8);
+  wire.ranges()[1].last_ns(7);
+  EXPECT_FALSE(fromWire(wire, back));
+}
+
 TEST(Adapters, RejectsNonFiniteNumbersInEveryField) {
   Counter n;
   auto map = someFrame<LocalMap>(n);

@@ -86,6 +86,24 @@ v1::FormationState state(const std::string& robot, const std::string& leader, st
   return s;
 }
 
+TEST_F(StatusTable, SumsTrafficOfEachRobot) {
+  const auto withTraffic = [](v1::ServiceStatus s, double out_per_s, double in_per_s) {
+    s.bytes_out_per_s(out_per_s);
+    s.bytes_in_per_s(in_per_s);
+    return s;
+  };
+  put(sample("global_merger", "r1", v1::SERVICE_RUNNING));
+  EXPECT_EQ(lineOf("to"), "");
+  put(withTraffic(sample("global_merger", "r1", v1::SERVICE_RUNNING), 20000, 41000));
+  put(withTraffic(sample("formation", "r1", v1::SERVICE_RUNNING), 1500, 0));
+  put(withTraffic(sample("global_merger", "r2", v1::SERVICE_RUNNING), 7000, 0));
+  put(withTraffic(sample("global_merger", "r2@host:4711", v1::SERVICE_DEGRADED), 200, 0));
+  put(withTraffic(sample("localizer", "", v1::SERVICE_RUNNING), 2500, 0));
+  put(withTraffic(sample("classifier", "r2", v1::SERVICE_FINISHED), 9000, 0));
+  EXPECT_EQ(lineOf("to"), "to other hosts, kB/s: r1 21.5, r2 7.2, others 2.5");
+  EXPECT_THAT(lineOf("global_merger r1"), HasSubstr(" 20.0     41.0  "));
+}
+
 TEST_F(StatusTable, ShowsLeaderAndRobotsThatFollowAnother) {
   put(sample("world", "", v1::SERVICE_RUNNING));
   EXPECT_EQ(lineOf("leader:"), "") << "a fleet without a formation";
