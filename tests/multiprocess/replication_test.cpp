@@ -122,6 +122,25 @@ TEST(Replication, LateReplicaReceivesEverything) {
   EXPECT_TRUE(replicas.areEqual());
 }
 
+/// As a robot that was out of reach of the others: its participant is gone for them, and they for it.
+TEST(Replication, SuspendedReplicaRegainsWhatItMissed) {
+  constexpr std::uint32_t kFrames = 120;
+  Replicas replicas("replica_suspended", 105);
+  auto r1 = replicas.start("r1"), r2 = replicas.start("r2");
+  ASSERT_TRUE(replicas.feed.waitForReaders(1, 2, 30s));
+  ASSERT_TRUE(replicas.drive(10));
+  ASSERT_TRUE(replicas.idleUntil([&] { return replicas.last["r2"].contributions() == 10U; }, 20s));
+  r2->signal(SIGSTOP);
+  ASSERT_TRUE(replicas.drive(kFrames - 10));  // more than the history, longer than the lease of 3 s
+  r2->signal(SIGCONT);
+  EXPECT_TRUE(replicas.idleUntil([&] { return replicas.last["r2"].contributions() == kFrames; }, 20s))
+      << replicas.last["r2"].contributions() << " contributions\n"
+      << r2->output();
+  replicas.stop(*r1, *r2);
+  EXPECT_EQ(replicas.last["r1"].contributions(), kFrames);
+  EXPECT_TRUE(replicas.areEqual());
+}
+
 /// Two machines that were started with the same robot name.
 TEST(Replication, SecondMergerOfOneRobotAddsNothingToTheMap) {
   Replicas replicas("replica_duplicate", 103);
