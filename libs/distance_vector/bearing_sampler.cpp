@@ -9,7 +9,7 @@ namespace {
 constexpr std::size_t kLeastColumns = 2;   // of a piece, after its ends are dropped: fewer are specks
 constexpr std::size_t kLeastTriples = 24;  // second differences that estimate the noise
 constexpr std::size_t kEndFit = 5;         // columns that predict the end of their piece
-constexpr float kBeyond = 0.2f;            // columns beyond the ends of a piece; a pixel sees half a column
+constexpr float kBeyond = 0.4f;            // columns beyond the ends of a piece; a pixel sees half a column
 constexpr std::size_t kLag = 6;            // columns: beyond the texture that neighbours share
 constexpr float kLeastScale = 0.7f, kMostScale = 5.0f;
 
@@ -60,10 +60,15 @@ bool BearingSampler::follows(const std::vector<ColumnHit>& hits, std::size_t i) 
   const auto jump = static_cast<float>(options_.jump_px);
   const float step = b.row - a.row;
   if (std::abs(step) <= jump) return true;
-  const bool left =
-      i > 0 && hits[i - 1].end == End::kEdge && std::abs(step - (a.row - hits[i - 1].row)) <= 0.5f * jump;
-  const bool right = i + 2 < hits.size() && hits[i + 2].end == End::kEdge &&
-                     std::abs(step - (hits[i + 2].row - b.row)) <= 0.5f * jump;
+  // Two more steps of the same size on one side: a mixed column makes two steps of about half the jump each.
+  const auto steep = [&](std::size_t first) {
+    for (std::size_t k = first; k < first + 2; ++k) {
+      if (hits[k].end != End::kEdge || hits[k + 1].end != End::kEdge) return false;
+      if (std::abs(hits[k + 1].row - hits[k].row - step) > 0.5f * jump) return false;
+    }
+    return true;
+  };
+  const bool left = i >= 2 && steep(i - 2), right = i + 3 < hits.size() && steep(i + 1);
   return left || right;
 }
 
@@ -217,12 +222,18 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
       sum += w * hits[k].inverse_m;
       place += w * hits[k].bearing_rad;
     }
+    // What neighbouring columns share neither shows in differences nor averages out.
+    const auto shared = static_cast<float>(options_.shared_px) * ((1.0f - f) * a.per_px + f * b.per_px);
     if (n >= 2) {
-      const float slope = (a.inverse_m - b.inverse_m) / across;
-      set(bin, kind, sum / weight + slope * (bearing - place / weight), 1.0f / std::sqrt(weight));
+      const std::size_t last = first + static_cast<std::size_t>(n) - 1;
+      const ColumnHit &from = hits[first >= begin + 2 ? first - 2 : begin],
+                      &to = hits[std::min(end - 1, last + 2)];
+      const float slope = (from.inverse_m - to.inverse_m) / (from.bearing_rad - to.bearing_rad);
+      set(bin, kind, sum / weight + slope * (bearing - place / weight),
+          std::sqrt(1.0f / weight + shared * shared));
     } else {
       const float s = (1.0f - f) * a.sigma, t = f * b.sigma;
-      set(bin, kind, (1.0f - f) * a.inverse_m + f * b.inverse_m, std::sqrt(s * s + t * t));
+      set(bin, kind, (1.0f - f) * a.inverse_m + f * b.inverse_m, std::sqrt(s * s + t * t + shared * shared));
     }
   }
 }

@@ -16,6 +16,7 @@ struct ColumnHit {
   float bearing_rad = 0.0f;
   float inverse_m = 0.0f;  ///< 1/m
   float sigma = 0.0f;      ///< 1/m, of inverse_m
+  float per_px = 0.0f;     ///< 1/m: change of inverse_m per pixel of the row
 };
 
 /// Columns → bearings. Columns whose edges follow each other form a piece; between pieces lies a silhouette,

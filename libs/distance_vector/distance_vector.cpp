@@ -125,7 +125,8 @@ void DistanceVector::project(const cv::Mat& bgr) {
     if (hit.end != End::kEdge && hit.end != End::kFloorEnd) continue;
     hit.bearing_rad = view_.bearing(u, hit.row);
     hit.inverse_m = view_.inverseRange(u, hit.row);
-    hit.sigma = sigma_px * std::abs(view_.slope(u, hit.row));
+    hit.per_px = std::abs(view_.slope(u, hit.row));
+    hit.sigma = sigma_px * hit.per_px;
   }
   sampler_.sample(hits_, foot_m_, view_.blindM());
 }

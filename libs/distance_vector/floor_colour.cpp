@@ -7,14 +7,15 @@
 namespace omnifleet::distance_vector {
 namespace {
 
-constexpr int kBins = 40;                     // of each chroma, 0 to 2/3 of the sum of the channels
-constexpr int kLevelBins = 64;                // of the level, 0 to 442 (white)
-constexpr int kStep_px = 2;                   // every second pixel of every second row
-constexpr double kMinShare = 0.12;            // of the strip's weight: fewer pixels are no candidate
-constexpr float kNear = 0.75f, kFar = 1.33f;  // range of the level around a mode
-constexpr float kDark = 6.0f;                 // level below which a pixel has no hue
-constexpr int kBlock_px = 16;                 // side of the blocks whose inner variation is measured
-constexpr float kToSigma = 1.4826f;           // median absolute deviation → σ
+constexpr int kBins = 40;                           // of each chroma, 0 to 2/3 of the sum of the channels
+constexpr int kLevelBins = 64;                      // of the level, 0 to 442 (white)
+constexpr int kStep_px = 2;                         // every second pixel of every second row
+constexpr double kMinShare = 0.12;                  // of the strip's weight: fewer pixels are no candidate
+constexpr float kNear = 0.75f, kFar = 1.33f;        // range of the level around a mode
+constexpr float kDark = 6.0f;                       // level below which a pixel has no hue
+constexpr int kBlock_px = 16;                       // side of the blocks whose inner variation is measured
+constexpr int kBlockColumns = 128, kBlockRows = 8;  // the strip of an image of 2048×1024 px
+constexpr float kToSigma = 1.4826f;                 // median absolute deviation → σ
 constexpr float kRayleigh = 1.1774f;  // median of the length of a two-dimensional normal deviate ÷ σ
 constexpr double kMemoryRate = 0.1;
 
@@ -147,9 +148,10 @@ std::optional<FloorSample> FloorColour::refined(FloorSample sample) {
     float sum = 0.0f;
     int n = 0;
   };
-  std::array<Block, 512> blocks{};
+  std::array<Block, kBlockColumns * kBlockRows> blocks{};
   const auto blockOf = [&](const Pixel& p) -> Block& {
-    return blocks[static_cast<std::size_t>((p.u / kBlock_px + 64 * (p.v / kBlock_px)) % 512)];
+    const int column = std::min(p.u / kBlock_px, kBlockColumns - 1), row = (p.v / kBlock_px) % kBlockRows;
+    return blocks[static_cast<std::size_t>(column + kBlockColumns * row)];
   };
   differences_.clear();
   double column = 0.0, counted = 0.0;

@@ -52,6 +52,7 @@ Options Options::read(const options::Section& section) {
   section.read("jump_px", o.jump_px, {0.5, 50.0});
   section.read("jump_columns", o.jump_columns, {0, 20});
   section.read("silhouette_sigmas", o.silhouette_sigmas, {0.5, 100.0});
+  section.read("shared_px", o.shared_px, {0.0, 5.0});
   section.read("min_floor_end", o.min_floor_end, {1, 10000});
   section.read("outlier_sigmas", o.outlier_sigmas, {2.0, 100.0});
   o.walk = WalkOptions::read(section.child("walk"));

@@ -56,13 +56,14 @@ struct Options {
   double jump_px = 2.0;            ///< pixels: larger steps between columns are silhouettes
   int jump_columns = 3;            ///< columns at most that a silhouette may mix (pixel, JPEG blocks)
   double silhouette_sigmas = 2.0;  ///< a column at a silhouette that deviates more from its piece is mixed
+  double shared_px = 0.12;         ///< pixels: σ that neighbouring columns share (texture, blocks of JPEG)
   int min_floor_end = 8;           ///< columns side by side; fewer without an edge are undecided
   double outlier_sigmas = 5.0;     ///< a column that deviates more from both neighbouring sides has no edge
   WalkOptions walk;
   EdgeOptions edge;
   LiteralOptions literal;
   /// Keys: method (projected, literal), bearings, max_range_m, jump_px, jump_columns, silhouette_sigmas,
-  /// min_floor_end, outlier_sigmas and the sections walk, edge, literal.
+  /// shared_px, min_floor_end, outlier_sigmas and the sections walk, edge, literal.
   static Options read(const options::Section& section);
 };
 
