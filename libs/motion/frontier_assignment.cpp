@@ -85,10 +85,14 @@ class Assignment {
     return false;
   }
 
-  /// Cheaper; or as cheap, and earlier robots have earlier frontiers.
+  /// Cheaper; or as cheap, and earlier robots have earlier frontiers. −1, without a frontier, is the last.
   bool isBetter(double before_s, const std::vector<int>& before) const {
     const double now_s = cost();
-    return now_s < before_s - kLessS || (now_s < before_s + kLessS && frontier_of_ < before);
+    const auto earlier = [](int a, int b) { return static_cast<unsigned>(a) < static_cast<unsigned>(b); };
+    return now_s < before_s - kLessS ||
+           (now_s < before_s + kLessS &&
+            std::lexicographical_compare(frontier_of_.begin(), frontier_of_.end(), before.begin(),
+                                         before.end(), earlier));
   }
 
   double cost() const {
