@@ -9,7 +9,8 @@ namespace {
 
 // The boundary is sought from behind (its remembered part, which an outer corner leaves there) to ahead.
 constexpr double kBehind_rad = 2.7, kAhead_rad = 0.6;
-constexpr int kHeadings = 72;       // tested in a full turn
+constexpr double kSteepest_rad = M_PI / 3.0;  // away from a boundary that is too near
+constexpr int kHeadings = 72;                 // tested in a full turn
 constexpr double kTested = 0.4;     // share of the tested path that the robot has passed when it obeys
 constexpr double kLessM = 0.01;     // a clearance lower by this much is past the middle of a passage
 constexpr double kAimed_rad = 0.1;  // a smaller heading error does not decide the direction of turning
@@ -108,7 +109,8 @@ std::optional<double> BoundaryLaw::headingAlong(double from_rad, double distance
   for (int i = 0; i < kHeadings; ++i) {
     const double heading_rad = from_rad + i * step_rad, clear_m = clearance(heading_rad);
     if (most_m <= 0.0 && clear_m < fits_m) continue;
-    if (most_m > 0.0 && clear_m < most_m - kLessM) break;
+    const bool steep = std::abs(i * step_rad) > M_PI_2 + kSteepest_rad;
+    if (most_m > 0.0 && (steep || clear_m < most_m - kLessM)) break;
     if (clear_m > most_m) {
       most_m = clear_m;
       best_rad = heading_rad;

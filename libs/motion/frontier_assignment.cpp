@@ -41,7 +41,16 @@ class Assignment {
     }
   }
 
-  /// Moves a robot to another frontier, or exchanges those of two robots, while that is cheaper.
+  /// As many robots as possible get a frontier: a robot without one takes that of another robot, which gets
+  /// one in turn (augmenting paths; Kuhn 1955).
+  void complete() {
+    for (std::size_t i = 0; i < times_s_.size(); ++i) {
+      std::vector<bool> tried(places_m_.size(), false);
+      if (frontier_of_[i] < 0) augment(i, tried);
+    }
+  }
+
+  /// Moves a robot to another frontier, or exchanges those of two robots, while that is better.
   void improve() {
     for (int round = 0; round < kMostRounds; ++round) {
       bool better = false;
@@ -60,6 +69,30 @@ class Assignment {
     if (frontier_of_[robot] >= 0) taken_[static_cast<std::size_t>(frontier_of_[robot])] = false;
     frontier_of_[robot] = frontier;
     if (frontier >= 0) taken_[static_cast<std::size_t>(frontier)] = true;
+  }
+
+  bool augment(std::size_t robot, std::vector<bool>& tried) {
+    for (std::size_t j = 0; j < places_m_.size(); ++j) {
+      if (tried[j] || !std::isfinite(times_s_[robot][j])) continue;
+      tried[j] = true;
+      const auto owner = std::find(frontier_of_.begin(), frontier_of_.end(), static_cast<int>(j));
+      if (owner != frontier_of_.end() &&
+          !augment(static_cast<std::size_t>(owner - frontier_of_.begin()), tried))
+        continue;
+      give(robot, static_cast<int>(j));
+      return true;
+    }
+    return false;
+  }
+
+  /// Cheaper; or as cheap, and earlier robots have earlier frontiers. −1, without a frontier, is the last.
+  bool isBetter(double before_s, const std::vector<int>& before) const {
+    const double now_s = cost();
+    const auto earlier = [](int a, int b) { return static_cast<unsigned>(a) < static_cast<unsigned>(b); };
+    return now_s < before_s - kLessS ||
+           (now_s < before_s + kLessS &&
+            std::lexicographical_compare(frontier_of_.begin(), frontier_of_.end(), before.begin(),
+                                         before.end(), earlier));
   }
 
   double cost() const {
@@ -84,10 +117,10 @@ class Assignment {
   bool tryMove(std::size_t robot, std::size_t frontier) {
     if (taken_[frontier] || !std::isfinite(times_s_[robot][frontier])) return false;
     const double before_s = cost();
-    const int kept = frontier_of_[robot];
+    const std::vector<int> before = frontier_of_;
     give(robot, static_cast<int>(frontier));
-    if (cost() < before_s - kLessS) return true;
-    give(robot, kept);
+    if (isBetter(before_s, before)) return true;
+    give(robot, before[robot]);
     return false;
   }
 
@@ -97,8 +130,9 @@ class Assignment {
     };
     if (!possible(a, frontier_of_[b]) || !possible(b, frontier_of_[a])) return false;
     const double before_s = cost();
+    const std::vector<int> before = frontier_of_;
     std::swap(frontier_of_[a], frontier_of_[b]);
-    if (cost() < before_s - kLessS) return true;
+    if (isBetter(before_s, before)) return true;
     std::swap(frontier_of_[a], frontier_of_[b]);
     return false;
   }
@@ -116,6 +150,7 @@ std::vector<int> assignFrontiers(const std::vector<std::vector<double>>& times_s
                                  const std::vector<Eigen::Vector2d>& places_m, double near_s, double near_m) {
   Assignment assignment(times_s, places_m, near_s, near_m);
   assignment.greedy();
+  assignment.complete();
   assignment.improve();
   return assignment.result();
 }

@@ -8,8 +8,8 @@ namespace omnifleet::motion {
 /// Which robot goes to which frontier, each frontier to at most one robot (coordinated exploration, Burgard
 /// et al. 2005). The sum of the times is minimised, plus `near_s` for two robots whose frontiers are at the
 /// same place, less in proportion up to `near_m` apart: what the one sees there, the other need not visit.
-/// Local search from the greedy assignment; as many robots as possible get a frontier. The result depends on
-/// the arguments alone; of equal assignments the one that gives the first robot the first frontier is kept.
+/// As many robots as possible get a frontier. Local search from the greedy assignment. The result depends on
+/// the arguments alone; among equal neighbours the one that gives earlier robots earlier frontiers.
 ///
 /// @param times_s per robot (in the order of their names) and frontier, s; infinity: the robot cannot get
 /// there

@@ -10,7 +10,7 @@ bool behaviourFromWire(v1::FormationBehaviour from, motion::Behaviour& to) {
   return enumFromWire(static_cast<std::uint32_t>(from), motion::Behaviour::kExploration, to);
 }
 
-void viewToWire(const motion::View& from, v1::FormationView& to) {
+void formationViewToWire(const motion::View& from, v1::FormationView& to) {
   to.origin(point(from.origin_m));
   to.blind_m(from.blind_m);
   to.first_rad(from.first_rad);
@@ -19,7 +19,7 @@ void viewToWire(const motion::View& from, v1::FormationView& to) {
                                                            from.ray.size(), motion::View::kMostRays)));
 }
 
-bool viewFromWire(const v1::FormationView& from, motion::View& to) {
+bool formationViewFromWire(const v1::FormationView& from, motion::View& to) {
   to.origin_m = point(from.origin());
   to.blind_m = from.blind_m();
   to.first_rad = from.first_rad();
@@ -84,7 +84,7 @@ void toWire(const motion::FormationState& from, RunClock clock, v1::FormationSta
   to.has_goal(from.has_goal);
   to.goal(point(from.goal_m));
   to.frontiers(from.frontiers);
-  viewToWire(from.view, to.view());
+  formationViewToWire(from.view, to.view());
   sequenceToWire(from.skipped, motion::SkippedFrontier::kMost, to.skipped(),
                  [](const motion::SkippedFrontier& skipped, v1::SkippedFrontier& wire) {
                    wire.place(point(skipped.place_m));
@@ -112,8 +112,8 @@ bool fromWire(const v1::FormationState& from, motion::FormationState& to) {
   to.has_goal = from.has_goal();
   to.goal_m = point(from.goal());
   to.frontiers = from.frontiers();
-  bool good = behaviourFromWire(from.behaviour(), to.behaviour) && viewFromWire(from.view(), to.view) &&
-              to.goal_m.allFinite() && to.stop.isFinite();
+  bool good = behaviourFromWire(from.behaviour(), to.behaviour) &&
+              formationViewFromWire(from.view(), to.view) && to.goal_m.allFinite() && to.stop.isFinite();
   to.skipped.clear();
   for (const v1::SkippedFrontier& skipped : from.skipped()) {
     to.skipped.push_back({point(skipped.place()), skipped.looked()});

@@ -15,6 +15,7 @@ constexpr double kEdgeM = 0.015;  // m, as in compactView()
 constexpr double kSameRayM = 0.05;   // m, an obstacle this near a ray explains what the ray hits
 constexpr double kMeetM = 0.8;       // m, a robot within this distance may be in the way
 constexpr double kSharpCells = 0.4;  // σ of a range (cells) up to which a hit is drawn
+constexpr double kUnknownM = 0.25;   // m beyond the body, farther than it needs to stop
 constexpr double kRayStepM = 0.01;
 constexpr double kStoppedRad = 1e-3;
 
@@ -24,6 +25,24 @@ bool isSolid(RayLabel label) {
 
 double towards(double from, double to, double most) {
   return from + std::clamp(to - from, -most, most);
+}
+
+/// Adds unknown floor outside the circle in which the body can turn: the robot turns and looks before it
+/// drives there. The body may come up to unknown floor; obstacles there begin at their own hits.
+void addUnknown(const motion::ExplorationGrid& grid, const Pose2& map_from_base, double reach_m,
+                double margin_m, std::vector<Eigen::Vector2d>& points_m) {
+  const double turning_m = reach_m + grid.cell_m();
+  const Pose2 base_from_map = map_from_base.inverse();
+  const int reach = static_cast<int>(std::ceil((turning_m + kUnknownM) / grid.cell_m()));
+  const Eigen::Vector2i here = grid.cellOf(map_from_base.translation());
+  for (int row = -reach; row <= reach; ++row) {
+    for (int column = -reach; column <= reach; ++column) {
+      const Eigen::Vector2i cell = here + Eigen::Vector2i(column, row);
+      if (!grid.isInside(cell) || grid.at(cell) != motion::Cell::kUnknown) continue;
+      const Eigen::Vector2d place_m = base_from_map * grid.centreOf(cell);
+      if (place_m.norm() > turning_m) points_m.push_back(place_m * (1.0 + margin_m / place_m.norm()));
+    }
+  }
 }
 
 }  // namespace
@@ -69,6 +88,10 @@ void Formation::behave(const Objects& objects, Output& output) {
   const motion::Twist smooth{
       towards(commanded_.forward_mps, wanted.forward_mps, limits.max_mps2 * dt_s_),
       towards(commanded_.turn_radps, wanted.turn_radps, limits.max_turn_radps2 * dt_s_)};
+  // Explored paths avoid unknown floor. A boundary leads around corners into it.
+  if (!explores)
+    addUnknown(shared_.grid(), *own, motion::reachOf(bodies_.at(robot_).outline()), options_.guard.margin_m,
+               barriers_.points_m);
   const motion::MotionGuard::Result guarded = guard_.limit(smooth, commanded_, dt_s_, barriers_);
   held_ = guarded.limited && guarded.twist.forward_mps == 0.0 && smooth.forward_mps != 0.0;
   commanded_ = guarded.twist;
