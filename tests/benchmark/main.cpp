@@ -34,7 +34,6 @@ int main(int argc, char** argv) {
   registerMap(plan);
   registerStages(scenes, plan);
   registerImages(scenes, plan);
-  registerDistanceVector(plan);
   registerTransport(plan);
   registerFleet(scenes, plan);
   Summary summary;
