@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
   registerMap(plan);
   registerStages(scenes, plan);
   registerImages(scenes, plan);
+  registerDistanceVector(plan);
   registerTransport(plan);
   registerFleet(scenes, plan);
   Summary summary;
