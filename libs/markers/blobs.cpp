@@ -79,8 +79,7 @@ void BlobFinder::connect(bool any_class) {
   for (std::size_t i = 0; i < runs_.size(); ++i) parent_[i] = static_cast<int>(i);
   // Runs of one row that touch have different labels.
   for (std::size_t i = 1; any_class && i < runs_.size(); ++i) {
-    if (runs_[i].row == runs_[i - 1].row && runs_[i].begin == runs_[i - 1].end)
-      parent_[i] = parent_[i - 1];
+    if (runs_[i].row == runs_[i - 1].row && runs_[i].begin == runs_[i - 1].end) parent_[i] = parent_[i - 1];
   }
   for (std::size_t y = 1; y + 1 < row_begin_.size(); ++y) {
     int above = row_begin_[y - 1];
@@ -106,9 +105,11 @@ const std::vector<Blob>& BlobFinder::find(const cv::Mat& bgr, const ColourTable&
   separate(windows);
   scan(bgr, table);
   connect(false);
-  collect([min_area_px](const Blob& blob) {
-    return blob.area_px >= min_area_px && blob.colour != ColourTable::kMixture;
-  }, blobs_);
+  collect(
+      [min_area_px](const Blob& blob) {
+        return blob.area_px >= min_area_px && blob.colour != ColourTable::kMixture;
+      },
+      blobs_);
   return blobs_;
 }
 

@@ -9,15 +9,15 @@ namespace {
 
 constexpr double kLeastCutArea = 0.25;  // share of a component; a smaller visible part has little information
 constexpr double kCentroid_px = 0.5;    // error of a centroid: noise and mixed colours at the edges of a blob
-constexpr double kLeastLever = 0.15;    // distance of two components ÷ size of the marker; a shorter line between
-                                        // them gives no heading
-constexpr double kLeastVote = 0.35;     // mean similarity of the colours
+constexpr double kLeastLever = 0.15;    // distance of two components ÷ size of the marker; a shorter line
+                                      // between them gives no heading
+constexpr double kLeastVote = 0.35;      // mean similarity of the colours
 constexpr float kLeastOfColour = 0.04F;  // the same for the points of one colour: each colour must be present
-constexpr double kVoteMargin = 0.2;     // a hypothesis with less than the best of its place minus this is wrong
-constexpr double kSearchStep_px = 1.5;       // between the hypotheses of an object, at its corners
-constexpr std::size_t kMostHeadings = 24;    // hypotheses of an object whose place is searched
-constexpr std::size_t kMostPerObject = 6;    // hypotheses of an object that are fitted
-constexpr double kSameTurn = 0.5;       // rad
+constexpr double kVoteMargin = 0.2;  // a hypothesis with less than the best of its place minus this is wrong
+constexpr double kSearchStep_px = 1.5;     // between the hypotheses of an object, at its corners
+constexpr std::size_t kMostHeadings = 24;  // hypotheses of an object whose place is searched
+constexpr std::size_t kMostPerObject = 6;  // hypotheses of an object that are fitted
+constexpr double kSameTurn = 0.5;          // rad
 
 }  // namespace
 
@@ -136,7 +136,8 @@ const std::vector<Hypothesis>& HypothesisFinder::findInObject(const cv::Mat& bgr
     return kept_;
   const Eigen::Matrix2d m_per_px = px_per_m.inverse();
   const double px_of_half = layout_.bounds().half_m.norm() * std::sqrt(std::abs(px_per_m.determinant()));
-  const int headings = std::clamp(static_cast<int>(std::ceil(2.0 * M_PI * px_of_half / kSearchStep_px)), 12, 72);
+  const int headings =
+      std::clamp(static_cast<int>(std::ceil(2.0 * M_PI * px_of_half / kSearchStep_px)), 12, 72);
   for (int k = 0; k < headings; ++k) {
     const double theta = 2.0 * M_PI * k / headings;
     const Eigen::Matrix2d turn = Eigen::Rotation2Dd(theta).toRotationMatrix();
@@ -163,8 +164,9 @@ const std::vector<Hypothesis>& HypothesisFinder::findInObject(const cv::Mat& bgr
     const Eigen::Vector2d origin = *centre + m_per_px * best - turn * layout_.bounds().centre_m;
     h.map_from_base = {origin.x(), origin.y(), wrapAngle(h.map_from_base.theta_rad)};
   }
-  all_.erase(std::remove_if(all_.begin(), all_.end(), [](const Hypothesis& h) { return h.vote < kLeastVote; }),
-             all_.end());
+  all_.erase(
+      std::remove_if(all_.begin(), all_.end(), [](const Hypothesis& h) { return h.vote < kLeastVote; }),
+      all_.end());
   thinOut();
   if (kept_.size() > kMostPerObject) kept_.resize(kMostPerObject);
   return kept_;

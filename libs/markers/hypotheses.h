@@ -22,12 +22,12 @@ struct Hypothesis {
 };
 
 /// Finds possible robots: two blobs with the classes, the distance and about the areas of two components of a
-/// marker. Distances and areas are in metres on the plane of the markers. Few hypotheses per place remain: the
-/// others disagree with the classes of the image.
+/// marker. Distances and areas are in metres on the plane of the markers. Few hypotheses per place remain:
+/// the others disagree with the classes of the image.
 class HypothesisFinder {
  public:
-  HypothesisFinder(const lens::Camera& camera, double height_m, const Layout& layout, const ColourTable& table,
-                   const FinderOptions& options);
+  HypothesisFinder(const lens::Camera& camera, double height_m, const Layout& layout,
+                   const ColourTable& table, const FinderOptions& options);
 
   /// Hypotheses from pairs of blobs, best vote first.
   const std::vector<Hypothesis>& find(const cv::Mat& bgr, const std::vector<Blob>& blobs);
@@ -38,7 +38,8 @@ class HypothesisFinder {
   /// Position of an object on the plane of the markers, map.
   std::optional<Eigen::Vector2d> placeOf(const Blob& object) const;
 
-  /// Mean similarity of the colours at the marker's points inside the image; 0 if less than a third is inside.
+  /// Mean similarity of the colours at the marker's points inside the image; 0 if less than a third is
+  /// inside.
   double vote(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base) const;
 
  private:

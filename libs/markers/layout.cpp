@@ -9,9 +9,9 @@
 namespace omnifleet::markers {
 namespace {
 
-constexpr int kGrid = 48;                 // cells along each side of a marker
-constexpr int kEachPoint = 4;             // every fourth cell is a labelled point
-constexpr double kMergedTolerance = 0.5;  // share of chroma_tolerance: nearer colours are one class
+constexpr int kGrid = 48;                  // cells along each side of a marker
+constexpr int kEachPoint = 4;              // every fourth cell is a labelled point
+constexpr double kMergedTolerance = 0.5;   // share of chroma_tolerance: nearer colours are one class
 constexpr double kLeastDifference = 0.08;  // share of a marker's area that must differ between two robots
 
 /// A colour of the set with the key of markers.yaml that gives it.
@@ -115,7 +115,8 @@ void Layout::describe(Pattern& pattern) const {
       for (const int di : {-1, 0, 1})
         for (const int dj : {-1, 0, 1})
           inside = inside &&
-                   labelAt(pattern, place + 0.5 * kEachPoint * Eigen::Vector2d(di, dj).cwiseProduct(step)) == colour;
+                   labelAt(pattern, place + 0.5 * kEachPoint * Eigen::Vector2d(di, dj).cwiseProduct(step)) ==
+                       colour;
       if (inside) pattern.points.push_back({place, colour});
     }
   }

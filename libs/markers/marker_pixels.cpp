@@ -30,8 +30,8 @@ OMNIFLEET_WIDE void toLumaChroma(const float* blue, const float* green, const fl
 struct Box {
   float x, y, half_x, half_y;
 };
-OMNIFLEET_WIDE void measureBox(Box box, float index, float px_per_m, const float* u, const float* v, int count,
-                               float* outside_px, float* edge_px, float* region) {
+OMNIFLEET_WIDE void measureBox(Box box, float index, float px_per_m, const float* u, const float* v,
+                               int count, float* outside_px, float* edge_px, float* region) {
 #pragma GCC ivdep
   for (int k = 0; k < count; ++k) {
     const float dx = std::abs(u[k] - box.x) - box.half_x, dy = std::abs(v[k] - box.y) - box.half_y;
@@ -191,8 +191,8 @@ Eigen::Vector3f MarkerPixels::surroundAt(int x, int y) const {
                right = static_cast<std::size_t>(std::min(width_, x + half + 1)),
                top = static_cast<std::size_t>(std::max(0, y - half)),
                bottom = static_cast<std::size_t>(std::min(height_, y + half + 1));
-    const auto &a = sums_[top * step + left], &b = sums_[top * step + right], &c = sums_[bottom * step + left],
-               &d = sums_[bottom * step + right];
+    const auto &a = sums_[top * step + left], &b = sums_[top * step + right],
+               &c = sums_[bottom * step + left], &d = sums_[bottom * step + right];
     const float weight = d[0] - c[0] - b[0] + a[0];
     if (weight < kLeastWeight) continue;
     return Eigen::Vector3f(d[1] - c[1] - b[1] + a[1], d[2] - c[2] - b[2] + a[2], d[3] - c[3] - b[3] + a[3]) /
@@ -219,7 +219,8 @@ void MarkerPixels::addPixels(const cv::Rect& window) {
         continue;
       }
       u_[count_] = planes_.u[i], v_[count_] = planes_.v[i];
-      colour_(count_, 0) = planes_.luma[i], colour_(count_, 1) = planes_.cb[i], colour_(count_, 2) = planes_.cr[i];
+      colour_(count_, 0) = planes_.luma[i], colour_(count_, 1) = planes_.cb[i],
+                      colour_(count_, 2) = planes_.cr[i];
       const Eigen::Vector3f around = outside > -deep_px_ ? surroundAt(x, y) : mean_surround_;
       surround_(count_, 0) = around[0], surround_(count_, 1) = around[1], surround_(count_, 2) = around[2];
       ++count_;

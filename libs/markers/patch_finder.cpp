@@ -1,6 +1,7 @@
 #include "markers/patch_finder.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -17,13 +18,14 @@ namespace {
 
 constexpr TimeNs kMemory_ns = 500000000;  // how long the last position of a robot is used to detect jumps
 constexpr double kLeastOutline = 0.6;     // share of the outline that must have contrast
-constexpr double kLeastRegion = 0.3;      // share of each region that must be visible: it identifies the robot
+constexpr double kLeastRegion = 0.3;  // share of each region that must be visible: it identifies the robot
 constexpr double kFittedTolerance = 1.5;  // chroma tolerance of a fitted colour ÷ that of a pixel
-// Bias of the outline in a blurred image, where the surroundings are not known near the outline: px per px of
-// blur beyond the width of a pixel. Measured: robots on black plates, blur 0.8 px.
-constexpr double kScaleBias_px = 0.3, kSharp_px = 0.3;
+// Bias of the outline where the image does not follow the model (blur, compression, glare), px per unit of
+// the residual. Measured in video of real robots: 0.2 to 0.3 px at a residual of 0.12.
+constexpr double kScaleBias_px = 2.0;
+constexpr double kScaleMargin = 0.02;  // difference of two sizes beyond the variation of prints
 constexpr double kSameTurn_rad = 0.5;  // a smaller turn is the same interpretation of an object
-constexpr double kOverlap = 0.25;         // share of one marker inside another one: only one can be right
+constexpr double kOverlap = 0.25;      // share of one marker inside another one: only one can be right
 // A second interpretation of the same pixels is rejected if its score is greater by this factor and offset.
 constexpr double kScoreFactor = 1.25, kScoreOffset = 0.01;
 
@@ -75,6 +77,7 @@ class TemplateFinder final : public MarkerFinder {
   struct Candidate {
     std::size_t pattern = 0;
     Detection detection;
+    double scale_error = 0.0, scale_sigma = 0.0;  ///< size in the image ÷ expected size − 1
     bool rejected = false;
   };
 
@@ -88,6 +91,7 @@ class TemplateFinder final : public MarkerFinder {
   bool overlap(const Candidate& a, const Candidate& b) const;
   void rejectOverlapping();
   void chooseOnePerRobot(TimeNs time);
+  static const Candidate* bestScaled(const std::vector<const Candidate*>& of_robot);
   const Candidate* continuous(const std::vector<const Candidate*>& of_robot, TimeNs time) const;
   void report(TimeNs time);
   bool confirmed(const Detection& detection, TimeNs time);
@@ -104,7 +108,8 @@ class TemplateFinder final : public MarkerFinder {
   std::vector<cv::Rect> windows_;
   std::vector<Candidate> candidates_;
   std::vector<Detection> detections_;
-  std::vector<Conflict> contested_, conflicts_;  ///< of the last search, of the last search of the whole image
+  std::vector<Conflict> contested_,
+      conflicts_;  ///< of the last search, of the last search of the whole image
   std::map<std::string, Trail> trails_;
   TimeNs last_ns_ = 0;  ///< time of the previous frame
 };
@@ -154,7 +159,6 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
                                                                  const Hypothesis& hypothesis) {
   const Pattern& pattern = layout_.patterns()[hypothesis.pattern];
   const auto fit = fit_.fit(bgr, pattern, hypothesis.map_from_base, hypothesis.error_px);
-  if(getenv("DBG")){ auto q=camera_.pixelFromPoint({hypothesis.map_from_base.x_m,hypothesis.map_from_base.y_m,height_m_}); printf("    %s vote %.2f at %.0f %.0f: ",pattern.robot.c_str(),hypothesis.vote,q->x(),q->y()); if(!fit)printf("diverged\n"); else {printf("rms %.3f misfit %.3f outline %.2f scale %.3f±%.3f blur %.2f %.2f %s",fit->rms,fit->misfit,fit->outline,fit->scale,fit->scale_sigma,fit->luma_blur_px,fit->chroma_blur_px,isMarker(*fit,pattern)?"OK":"no"); for(size_t i=0;i<fit->regions.size();++i)printf(" [%.0f %.0f %.0f v%.2f %s]",fit->regions[i].bgr[2],fit->regions[i].bgr[1],fit->regions[i].bgr[0],fit->regions[i].visible,hasColour(fit->regions[i],pattern.colours[i])?"":"COL"); printf("\n");}} //DBG
   if (!fit || !isMarker(*fit, pattern)) return std::nullopt;
   Candidate candidate;
   candidate.pattern = hypothesis.pattern;
@@ -162,6 +166,8 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
   d.robot = pattern.robot;
   d.map_from_base = fit->map_from_base;
   d.covariance = fit->covariance;
+  candidate.scale_error = std::abs(fit->scale - 1.0);
+  candidate.scale_sigma = fit->scale_sigma;
   d.blur_px = {fit->luma_blur_px, fit->chroma_blur_px};
   d.score = fit->rms + fit->misfit;
   const auto pixelOf = [&](const Rectangle& rectangle) {
@@ -181,9 +187,11 @@ void TemplateFinder::examineObjects(const cv::Mat& bgr) {
   for (const Blob& object : blobs_.objects(kLeastObject_px)) {
     const auto place = hypotheses_.placeOf(object);
     if (!place) continue;
-    const bool explained = std::any_of(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(known), [&](const Candidate& c) {
-      return layout_.bounds().contains(c.detection.map_from_base.inverse() * *place);
-    });
+    const bool explained =
+        std::any_of(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(known),
+                    [&](const Candidate& c) {
+                      return layout_.bounds().contains(c.detection.map_from_base.inverse() * *place);
+                    });
     if (explained) continue;
     for (const Hypothesis& hypothesis : hypotheses_.findInObject(bgr, object))
       if (!isKnown(hypothesis))
@@ -204,8 +212,8 @@ bool TemplateFinder::isMarker(const Fit& fit, const Pattern& pattern) const {
   if (fit.rms > options_.max_fit_rms || fit.misfit > options_.max_misfit || fit.outline < kLeastOutline)
     return false;
   const double half_px = layout_.bounds().half_m.minCoeff() / fit.metres_per_px;
-  const double scale_error = options_.max_scale_error + 2.0 * fit.scale_sigma +
-                             kScaleBias_px * std::max(0.0, fit.luma_blur_px - kSharp_px) / half_px;
+  const double scale_error =
+      options_.max_scale_error + 2.0 * fit.scale_sigma + kScaleBias_px * fit.rms / half_px;
   if (std::abs(fit.scale - 1.0) > scale_error) return false;
   for (std::size_t i = 0; i < fit.regions.size(); ++i)
     if (fit.regions[i].visible < kLeastRegion || !hasColour(fit.regions[i], pattern.colours[i])) return false;
@@ -253,9 +261,9 @@ void TemplateFinder::rejectOverlapping() {
     }
     best.rejected = ambiguous;
   }
-  candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
-                                   [](const Candidate& c) { return c.rejected; }),
-                    candidates_.end());
+  candidates_.erase(
+      std::remove_if(candidates_.begin(), candidates_.end(), [](const Candidate& c) { return c.rejected; }),
+      candidates_.end());
 }
 
 /// The candidate that continues the track of the robot, if it is clearly nearer than the others.
@@ -279,6 +287,18 @@ const TemplateFinder::Candidate* TemplateFinder::continuous(const std::vector<co
   return second > 2.0 * least ? nearest : nullptr;
 }
 
+/// The candidate whose size is right while the sizes of all others are wrong: copies that lie on the floor.
+const TemplateFinder::Candidate* TemplateFinder::bestScaled(const std::vector<const Candidate*>& of_robot) {
+  const Candidate* best = *std::min_element(
+      of_robot.begin(), of_robot.end(),
+      [](const Candidate* a, const Candidate* b) { return a->scale_error < b->scale_error; });
+  const bool clear = std::all_of(of_robot.begin(), of_robot.end(), [best](const Candidate* other) {
+    return other == best || other->scale_error - best->scale_error >
+                                kScaleMargin + 2.0 * std::hypot(best->scale_sigma, other->scale_sigma);
+  });
+  return clear ? best : nullptr;
+}
+
 void TemplateFinder::chooseOnePerRobot(TimeNs time) {
   detections_.clear();
   contested_.clear();
@@ -290,6 +310,7 @@ void TemplateFinder::chooseOnePerRobot(TimeNs time) {
     const Candidate* chosen = of_robot.front();
     if (of_robot.size() > 1) {
       chosen = continuous(of_robot, time);
+      if (chosen == nullptr) chosen = bestScaled(of_robot);
       Conflict conflict{layout_.patterns()[p].robot, {}, chosen != nullptr};
       for (const Candidate* candidate : of_robot)
         conflict.map_from_base.push_back(candidate->detection.map_from_base);

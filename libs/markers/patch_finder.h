@@ -2,9 +2,10 @@
 
 // Detects robots by their coloured markers in a ceiling image. Kind `patches`: Choi et al. 2014 §V.2, Fig. 19
 // (the team patch gives the position, the line to the individual patch the heading). Kind `cover_tail_head`:
-// Ahmed et al. 2013 §2.2, Fig. 2a (three regions whose colours identify the robot). Differences to the papers:
-// the chroma is normalised by the brightest channel instead of fixed RGB values, the height of the markers
-// corrects the parallax, and a template of all rectangles is fitted to the image (docs/methods/ceiling.md).
+// Ahmed et al. 2013 §2.2, Fig. 2a (three regions whose colours identify the robot). Differences to the
+// papers: the chroma is normalised by the brightest channel instead of fixed RGB values, the height of the
+// markers corrects the parallax, and a template of all rectangles is fitted to the image
+// (docs/methods/ceiling.md).
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -58,7 +59,8 @@ struct Detection {
 struct Conflict {
   std::string robot;
   std::vector<Pose2> map_from_base;  ///< of all of them
-  bool decided = false;  ///< true: one of them continues the robot's track and is reported. False: none is
+  bool decided = false;  ///< true: one of them is reported, because it continues the robot's track or only
+                         ///< its size is right. False: none is reported
 };
 
 /// Interface of a marker detector.

@@ -12,13 +12,14 @@ namespace {
 constexpr int kCoarseIterations = 4, kFineIterations = 7;
 constexpr double kSettled_px = 0.02;         // the next step is far below it: the fit converges quadratically
 constexpr double kFirstChromaBlur_px = 1.1;  // of an unknown camera, for the choice of pixels
-constexpr double kBlur_px = 0.7, kBlurSpread = 0.8;  // prior of the blur and σ of its logarithm
+constexpr double kBlur_px = 0.7, kBlurSpread = 0.8;         // prior of the blur and σ of its logarithm
 constexpr double kLeastBlur_px = 0.28, kMostBlur_px = 3.0;  // a pixel is 1 px wide: σ of 1/√12 = 0.29 px
-constexpr double kLeastSigma = 1.0;          // grey levels: quantisation, gradients of the light
-constexpr double kTrustedDeviation2 = 9.0;   // squared normalised residual at which a pixel has a weight of 1/4
-constexpr double kMisfit = 0.35;             // residual ÷ contrast of a pixel that shows no part of the marker
-constexpr double kLeastContrast = 12.0;      // grey levels between the marker and its surroundings
-constexpr double kOuterShare = 0.03;         // share of surroundings that makes a pixel one of the outline
+constexpr double kLeastSigma = 1.0;  // grey levels: quantisation, gradients of the light
+constexpr double kTrustedDeviation2 =
+    9.0;                          // squared normalised residual at which a pixel has half its weight (Cauchy)
+constexpr double kMisfit = 0.35;  // residual ÷ contrast of a pixel that shows no part of the marker
+constexpr double kLeastContrast = 12.0;  // grey levels between the marker and its surroundings
+constexpr double kOuterShare = 0.03;     // share of surroundings that makes a pixel one of the outline
 // Residuals of neighbouring pixels are correlated (blur that is not Gaussian, blocks of JPEG), so there are
 // fewer independent residuals than pixels. Measured: NEES of simulated images without a lens error.
 constexpr double kCorrelation = 2.2;
@@ -122,7 +123,8 @@ bool TemplateFit::iterate(State& state, bool free_blur, int iterations) {
     if (i > 0 && size_px < kSettled_px) break;
   }
   const double reach_px = layout_.bounds().half_m.norm() / pixels_.metresPerPx();
-  return state.start_from_base.translation().norm() < 0.5 * reach_px * pixels_.metresPerPx() + pixels_.metresPerPx() &&
+  return state.start_from_base.translation().norm() <
+             0.5 * reach_px * pixels_.metresPerPx() + pixels_.metresPerPx() &&
          std::abs(state.start_from_base.theta_rad) < 0.6;
 }
 
@@ -130,7 +132,8 @@ bool TemplateFit::iterate(State& state, bool free_blur, int iterations) {
 void TemplateFit::place(const State& state) {
   if (u_.size() < count_) u_.resize(pixels_.u().size()), v_.resize(pixels_.u().size());
   const Pose2 back = state.start_from_base.inverse();
-  const float c = static_cast<float>(std::cos(back.theta_rad)), s = static_cast<float>(std::sin(back.theta_rad));
+  const float c = static_cast<float>(std::cos(back.theta_rad)),
+              s = static_cast<float>(std::sin(back.theta_rad));
   const float shrink = static_cast<float>(std::exp(-state.log_scale));
   const Eigen::Vector2f middle = layout_.bounds().centre_m.cast<float>();
   const float x = static_cast<float>(back.x_m) - middle.x(), y = static_cast<float>(back.y_m) - middle.y();
@@ -192,7 +195,7 @@ void TemplateFit::weigh() {
     return Eigen::ArrayXf(in + outer_.head(count_) * (out - in));
   };
   const Eigen::ArrayXf deviation2 = (luma2 * share(0) + 2.0F * chroma2 * share(1)) / 3.0F;
-  trust_.head(count_) = (1.0F + deviation2 / static_cast<float>(kTrustedDeviation2)).square().inverse();
+  trust_.head(count_) = (1.0F + deviation2 / static_cast<float>(kTrustedDeviation2)).inverse();
 }
 
 /// Adds the normal equations of one channel after elimination of the colours.
@@ -232,7 +235,8 @@ void TemplateFit::eliminate(const State& state, int channel) {
   }
   const Eigen::MatrixXd inverse = normal.topLeftCorner(regions, regions).inverse();
   const Eigen::MatrixXd across = normal.topRightCorner(regions, kShared);
-  const Eigen::MatrixXd h = normal.bottomRightCorner(kShared, kShared) - across.transpose() * inverse * across;
+  const Eigen::MatrixXd h =
+      normal.bottomRightCorner(kShared, kShared) - across.transpose() * inverse * across;
   const Eigen::VectorXd g = right.tail(kShared) - across.transpose() * inverse * right.head(regions);
   const std::array<Eigen::Index, kShared> to{0, 1, 2, channel == 0 ? 3 : 4, 5};
   for (std::size_t i = 0; i < to.size(); ++i) {
@@ -331,7 +335,8 @@ Fit TemplateFit::judge(const Pose2& start, const State& state) const {
                              deep.count * state.colours[r].squaredNorm());
     fitting += deep.count;
     misfits += deep.misfits;
-    fit.regions[r].visible = (fit.regions[r].visible + deep.count) * pixel_m2 / model_.area(static_cast<Eigen::Index>(r));
+    fit.regions[r].visible =
+        (fit.regions[r].visible + deep.count) * pixel_m2 / model_.area(static_cast<Eigen::Index>(r));
     fit.regions[r].bgr = bgrFrom(state.colours[r]);
   }
   fit.rms = std::sqrt(sum / std::max(1.0, fitting)) / contrast;

@@ -39,8 +39,8 @@ struct Fit {
 /// predicted image is the painter's order of the rectangles' colours on the surroundings, blurred by lens and
 /// pixel. Unknowns: the pose, the scale (with a prior), the blur of luma and of chroma, the colour of each
 /// rectangle. The colours enter linearly and are eliminated. Residuals of luma and of chroma, of the outline
-/// and of the inner edges have a σ each, estimated from the residuals, so that each weighs as much as it can be
-/// trusted. Pixels that fit no region lose their weight (occlusion).
+/// and of the inner edges have a σ each, estimated from the residuals, so that each weighs as much as it can
+/// be trusted. Pixels that fit no region lose their weight (occlusion).
 class TemplateFit {
  public:
   TemplateFit(const lens::Camera& camera, double height_m, const Layout& layout, const ColourTable& table,
@@ -83,13 +83,13 @@ class TemplateFit {
   Eigen::Vector2d expected_blur_px_;
 
   Eigen::Index count_ = 0;
-  Eigen::ArrayXf u_, v_;       ///< at the current pose
+  Eigen::ArrayXf u_, v_;  ///< at the current pose
   Coverage luma_, chroma_;
-  Eigen::ArrayXXf residual_;   ///< luma and chroma
-  Eigen::ArrayXf trust_;       ///< weight of each pixel, 0 to 1
-  Eigen::ArrayXf outer_;       ///< 1 for pixels that contain surroundings
+  Eigen::ArrayXXf residual_;                      ///< luma and chroma
+  Eigen::ArrayXf trust_;                          ///< weight of each pixel, 0 to 1
+  Eigen::ArrayXf outer_;                          ///< 1 for pixels that contain surroundings
   std::array<std::array<double, 2>, 2> sigma_{};  ///< of luma and chroma, inner and outer
-  Eigen::ArrayXXf rows_;       ///< weighted rows of one channel: coverage, derivatives, residual
+  Eigen::ArrayXXf rows_;  ///< weighted rows of one channel: coverage, derivatives, residual
   Eigen::ArrayXf weight_;
   Matrix h_;
   Vector g_;

@@ -13,8 +13,8 @@ void reserve(Eigen::ArrayXf& array, Eigen::Index count) {
   if (array.size() < count) array.resize((count + 255) / 256 * 256);
 }
 
-/// An edge at `at`, blurred by the B-spline: its value, its derivative by the place and by the logarithm of the
-/// width. The B-spline is the convolution of three boxes.
+/// An edge at `at`, blurred by the B-spline: its value, its derivative by the place and by the logarithm of
+/// the width. The B-spline is the convolution of three boxes.
 OMNIFLEET_WIDE void blurEdge(const float* place, Eigen::Index count, float at, float per_width, float* step,
                              float* slope, float* widening) {
 #pragma GCC ivdep
@@ -61,7 +61,8 @@ TemplateModel::TemplateModel(const std::vector<Rectangle>& painted)
   for (std::size_t i = 0; i < painted.size(); ++i) {
     const std::size_t later = painted.size() - i - 1;
     for (std::size_t subset = 0; subset < std::size_t{1} << later; ++subset) {
-      Eigen::Array2d low = painted[i].centre_m - painted[i].half_m, high = painted[i].centre_m + painted[i].half_m;
+      Eigen::Array2d low = painted[i].centre_m - painted[i].half_m,
+                     high = painted[i].centre_m + painted[i].half_m;
       float sign = 1.0F;
       for (std::size_t k = 0; k < later; ++k) {
         if ((subset >> k & 1) == 0) continue;
@@ -93,7 +94,8 @@ double TemplateModel::area(Eigen::Index region) const {
     const auto& [left, right] = x_.intervals[term.x];
     const auto& [low, high] = y_.intervals[term.y];
     if (term.region == region)
-      sum += static_cast<double>(term.sign) * (x_.edges[right] - x_.edges[left]) * (y_.edges[high] - y_.edges[low]);
+      sum += static_cast<double>(term.sign) * (x_.edges[right] - x_.edges[left]) *
+             (y_.edges[high] - y_.edges[low]);
   }
   return sum;
 }

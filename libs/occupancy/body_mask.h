@@ -12,8 +12,10 @@ namespace omnifleet::occupancy {
 struct IntegerPose {
   PointDmm position;
   std::int32_t theta_dmrad = 0;
+  std::int32_t sigma_dmm = 0, sigma_dmrad = 0;
   friend bool operator==(const IntegerPose& a, const IntegerPose& b) {
-    return a.position == b.position && a.theta_dmrad == b.theta_dmrad;
+    return a.position == b.position && a.theta_dmrad == b.theta_dmrad && a.sigma_dmm == b.sigma_dmm &&
+           a.sigma_dmrad == b.sigma_dmrad;
   }
 };
 
@@ -23,17 +25,19 @@ class BodyMask {
  public:
   BodyMask(const RobotBody& body, double margin_m, double default_radius_m);
 
-  /// Distance from the robot's origin beyond which nothing is covered.
+  /// Distance from the robot's origin beyond which nothing is covered, without `more`.
   std::int64_t reachDmm() const { return reach_dmm_; }
-  /// `point`: in the robot's base_link.
-  bool covers(const PointDmm& point) const;
+  /// `point`: in the robot's base_link. `more`: added to the margin, 0.1 mm.
+  bool covers(const PointDmm& point, std::int64_t more_dmm = 0) const;
   /// Distance along a ray at which it enters the footprint, in 0.1 mm, rounded down; 0 if it begins inside.
-  /// `origin` and `along`: in the robot's base_link. Nothing if the ray misses it.
-  std::optional<std::int64_t> entry(const PointDmm& origin, const Direction& along) const;
+  /// `origin` and `along`: in the robot's base_link. `more`: added to the margin, 0.1 mm. Nothing if the ray
+  /// misses it.
+  std::optional<std::int64_t> entry(const PointDmm& origin, const Direction& along,
+                                    std::int64_t more_dmm = 0) const;
 
  private:
   struct Edge {
-    std::int64_t normal_x, normal_y, offset;  ///< outward; covered if normal · p ≤ offset
+    std::int64_t normal_x, normal_y, offset, length;  ///< outward; covered if normal · p ≤ offset
   };
   std::int64_t reach_dmm_ = 0;
   std::vector<Edge> edges_;  ///< empty: a disc of radius reach_dmm_

@@ -155,9 +155,16 @@ KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term, std:
     out.camera_error[i] = quantiseError(pose.camera_error(static_cast<Eigen::Index>(i)));
   out.valid =
       pose.valid && pose.map_from_base.isFinite() && quantise(pose.map_from_base.translation(), out.position);
-  if (out.valid)
-    out.theta_dmrad =
-        static_cast<std::int32_t>(std::lround(wrapAngle(pose.map_from_base.theta_rad) * kDmmPerMetre));
+  if (!out.valid) return out;
+  out.theta_dmrad =
+      static_cast<std::int32_t>(std::lround(wrapAngle(pose.map_from_base.theta_rad) * kDmmPerMetre));
+  const auto sigmaOf = [](double variance) {
+    constexpr double kMost = 65535.0;
+    const double sigma = std::sqrt(std::max(0.0, variance)) * kDmmPerMetre;
+    return static_cast<std::uint16_t>(std::isfinite(sigma) ? std::lround(std::min(sigma, kMost)) : kMost);
+  };
+  out.sigma_dmm = sigmaOf(std::max(pose.covariance(0, 0), pose.covariance(1, 1)));
+  out.sigma_dmrad = sigmaOf(pose.covariance(2, 2));
   return out;
 }
 
@@ -204,6 +211,7 @@ std::string canonicalBytes(const KeyframePose& p) {
   Bytes bytes;
   bytes.put(p.robot).put(p.acquired_ns).put(p.sequence).put(p.term).put(p.revision);
   bytes.put(static_cast<std::uint8_t>(p.valid)).put(p.position).put(p.theta_dmrad);
+  bytes.put(p.sigma_dmm).put(p.sigma_dmrad);
   bytes.put(static_cast<std::uint32_t>(p.sightings.size()));
   for (const auto& sighting : p.sightings) bytes.put(sighting.track_id).put(sighting.robot);
   for (const std::int32_t error : p.camera_error) bytes.put(error);

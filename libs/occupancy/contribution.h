@@ -75,6 +75,8 @@ struct KeyframePose {
   bool valid = false;
   PointDmm position;             ///< map
   std::int32_t theta_dmrad = 0;  ///< map
+  /// σ of the position (largest axis) and of theta; at most 65535.
+  std::uint16_t sigma_dmm = 0, sigma_dmrad = 0;
   std::vector<Sighting> sightings;
   CameraErrorPpm camera_error{};  ///< of the robot's camera; the value in its latest valid pose applies
 

@@ -32,6 +32,8 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("clamp_min", o.clamp_min, {0.001, 0.499});
   section.read("clamp_max", o.clamp_max, {0.501, 0.999});
   section.read("robot_margin_m", o.robot_margin_m, {0.0, 1.0});
+  section.read("robot_sigmas", o.robot_sigmas, {0.0, 10.0});
+  section.read("most_robot_margin_m", o.most_robot_margin_m, {0.0, 10.0});
   section.read("robot_window_m", o.robot_window_m, {0.0, 10.0});
   section.read("hold_s", o.hold_s, {0.0, 60.0});
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
@@ -62,7 +64,9 @@ class OccupancyMap::Impl {
         octree(given.resolution_m),
         paths(store, std::llround(given.hold_s * 1e9), std::llround(given.max_gap_s * 1e9)),
         window(rayLimitsOf(given)),
-        default_mask(maskOf(RobotBody{})) {
+        default_mask(maskOf(RobotBody{})),
+        robot_permille(std::llround(given.robot_sigmas * 1000.0)),
+        most_margin_dmm(std::llround(given.most_robot_margin_m * kDmmPerMetre)) {
     for (const auto& [robot, body] : bodies) {
       masks.emplace(robot, maskOf(body));
       footprints.emplace(robot, BodyMask(body, 0.0, options.default_radius_m));
@@ -92,7 +96,8 @@ class OccupancyMap::Impl {
   AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
-  bool correct_later = false;  ///< corrections are left to correctSome()
+  std::int64_t robot_permille, most_margin_dmm;  ///< robot_sigmas in thousandths; most_robot_margin_m
+  bool correct_later = false;                    ///< corrections are left to correctSome()
 
   const structure::SurfaceMap& freshVisible();
 
@@ -106,6 +111,12 @@ class OccupancyMap::Impl {
     // A cell counts as under the robot if any part of it is: the margin grows by half a diagonal.
     return {body, options.robot_margin_m + 0.5 * std::sqrt(2.0) * options.resolution_m,
             options.default_radius_m};
+  }
+  /// Added to the margin of a robot's footprint because its pose is uncertain, 0.1 mm.
+  std::int64_t marginOf(const BodyMask& body, const IntegerPose& at) const {
+    if (options.robot_window_m > 0.0) return 0;
+    const std::int64_t sigma = at.sigma_dmm + body.reachDmm() * at.sigma_dmrad / 10000;
+    return std::min(sigma * robot_permille / 1000, most_margin_dmm);
   }
   const BodyMask& maskOf(const std::string& robot) const {
     const auto found = masks.find(robot);
@@ -172,7 +183,9 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
   what.roles = rolesOf(*keyframe->contribution, keyframe->pose->sightings, kinds, options.unknown_is_hit);
   for (const auto& [other, path] : store.robots()) {
     const auto robot_pose = paths.at(other, time_ns);
-    if (!robot_pose || !window.isNear(maskOf(other), *robot_pose, *what.contribution, what.at)) continue;
+    if (!robot_pose) continue;
+    const BodyMask& mask = maskOf(other);
+    if (!window.isNear(mask, *robot_pose, marginOf(mask, *robot_pose), *what.contribution, what.at)) continue;
     const bool has_window = options.robot_window_m > 0.0;
     if (has_window && other == robot) continue;
     what.robots.emplace_back(other, *robot_pose);
@@ -192,13 +205,14 @@ void OccupancyMap::Impl::cutRays(Applied& what) const {
   for (const auto& [robot, at] : what.robots) {
     const auto footprint = footprints.find(robot);
     if (robot == seen.robot || footprint == footprints.end()) continue;
+    const std::int64_t more = marginOf(footprint->second, at);
     const Turn heading = turnFromDmrad(at.theta_dmrad);
     const PointDmm from =
         unrotate(directionOf(heading), {origin.x_dmm - at.position.x_dmm, origin.y_dmm - at.position.y_dmm});
     const Turn to_scan = turnFromDmrad(what.at.theta_dmrad) - heading;
     for (std::uint32_t i = 0; i < count; ++i) {
       if (what.roles[i] == RayRole::kNone) continue;
-      const auto entry = footprint->second.entry(from, directionOf(to_scan + turnOfBearing(i, count)));
+      const auto entry = footprint->second.entry(from, directionOf(to_scan + turnOfBearing(i, count)), more);
       if (!entry || *entry >= rangeOf(seen, i, what.cuts)) continue;
       if (what.cuts.empty()) what.cuts.assign(count, 0);
       what.cuts[i] = static_cast<std::int32_t>(std::max<std::int64_t>(*entry, 1));
@@ -224,7 +238,9 @@ void OccupancyMap::Impl::placePoints(const std::vector<Sighting>& sightings, App
     const bool covered = std::any_of(what.robots.begin(), what.robots.end(), [&](const auto& entry) {
       const IntegerPose& at = entry.second;
       const PointDmm from_robot{middle(key.x) - at.position.x_dmm, middle(key.y) - at.position.y_dmm};
-      return maskOf(entry.first).covers(unrotate(directionOf(turnFromDmrad(at.theta_dmrad)), from_robot));
+      return maskOf(entry.first)
+          .covers(unrotate(directionOf(turnFromDmrad(at.theta_dmrad)), from_robot),
+                  marginOf(maskOf(entry.first), at));
     });
     if (!covered) what.voxels.push_back(key);
   }
@@ -325,7 +341,10 @@ void OccupancyMap::Impl::refreshAll(const std::string& robot) {
 }
 
 void OccupancyMap::Impl::coverAll(const Applied& what, std::uint8_t bit) {
-  for (const auto& [robot, robot_pose] : what.robots) window.cover(maskOf(robot), robot_pose, bit);
+  for (const auto& [robot, robot_pose] : what.robots) {
+    const BodyMask& mask = maskOf(robot);
+    window.cover(mask, robot_pose, marginOf(mask, robot_pose), bit);
+  }
 }
 
 void OccupancyMap::Impl::enter(const Applied& what, int sign) {

@@ -25,7 +25,10 @@ struct OccupancyOptions {
   double probability_miss = 0.4;
   double clamp_min = 0.1192;  ///< OctoMap's clamping thresholds, probabilities
   double clamp_max = 0.971;
-  double robot_margin_m = 0.05;  ///< m, kept free of marks around a robot's footprint
+  double robot_margin_m = 0.05;  ///< m, kept free of marks around a robot's footprint, …
+  double robot_sigmas = 3.0;     ///< 1, … plus so many σ of its pose, …
+  /// m, … at most: the place of a robot whose pose is worse says nothing.
+  double most_robot_margin_m = 0.15;
   /// m, side of the square around other robots, parallel to the axes of map, in which nothing is mapped
   /// (Ahmed et al. 2013 §2.2; rays are not cut there); 0: their footprints.
   double robot_window_m = 0.0;

@@ -91,11 +91,12 @@ void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t a
   *cell |= at_end;
 }
 
-void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit) {
+void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm, std::uint8_t bit) {
+  const std::int64_t reach = body.reachDmm() + more_dmm;
   const Direction d = directionOf(turnFromDmrad(at.theta_dmrad));
   const auto range = [&](std::int64_t centre, std::int64_t first) {
-    const std::int64_t low = floorDivide(centre - body.reachDmm(), limits_.resolution) - first;
-    const std::int64_t high = floorDivide(centre + body.reachDmm(), limits_.resolution) - first;
+    const std::int64_t low = floorDivide(centre - reach, limits_.resolution) - first;
+    const std::int64_t high = floorDivide(centre + reach, limits_.resolution) - first;
     return std::pair{std::max<std::int64_t>(low, 0), std::min<std::int64_t>(high, width_ - 1)};
   };
   const auto [x_low, x_high] = range(at.position.x_dmm, first_x_);
@@ -106,15 +107,15 @@ void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::uint8_t 
                                                       limits_.resolution / 2 - at.position.x_dmm),
                             static_cast<std::int32_t>((first_y_ + y) * limits_.resolution +
                                                       limits_.resolution / 2 - at.position.y_dmm)};
-      if (body.covers(unrotate(d, centre))) marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
+      if (body.covers(unrotate(d, centre), more_dmm)) marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
     }
   }
 }
 
-bool RayWindow::isNear(const BodyMask& body, const IntegerPose& at, const Contribution& contribution,
-                       const IntegerPose& of) const {
+bool RayWindow::isNear(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm,
+                       const Contribution& contribution, const IntegerPose& of) const {
   const PointDmm origin = scanOrigin(contribution, of);
-  const std::int64_t reach = limits_.max_range + 2 * limits_.resolution + body.reachDmm();
+  const std::int64_t reach = limits_.max_range + 2 * limits_.resolution + body.reachDmm() + more_dmm;
   const std::int64_t dx = std::int64_t{at.position.x_dmm} - origin.x_dmm,
                      dy = std::int64_t{at.position.y_dmm} - origin.y_dmm;
   return std::abs(dx) <= reach && std::abs(dy) <= reach;

@@ -55,11 +55,11 @@ class RayWindow {
   /// Clears the window, centres it on the origin of the scan and draws its rays. `roles`: one per ray.
   void draw(const Contribution& contribution, const IntegerPose& at, const std::vector<RayRole>& roles,
             const RayCuts& cuts = {});
-  /// Sets `bit` in the cells whose centres lie under a body.
-  void cover(const BodyMask& body, const IntegerPose& at, std::uint8_t bit);
+  /// Sets `bit` in the cells whose centres lie under a body. `more`: added to its margin, 0.1 mm.
+  void cover(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm, std::uint8_t bit);
   /// Whether the body can cover any cell of the window.
-  bool isNear(const BodyMask& body, const IntegerPose& at, const Contribution& contribution,
-              const IntegerPose& of) const;
+  bool isNear(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm,
+              const Contribution& contribution, const IntegerPose& of) const;
 
   int chunksAcross() const { return chunks_; }
   /// Chunk coordinates of the window's lower left chunk.

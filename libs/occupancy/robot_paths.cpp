@@ -24,6 +24,8 @@ IntegerPose interpolate(const IntegerPose& a, const IntegerPose& b, TimeNs part_
   now.position.x_dmm = static_cast<std::int32_t>(between(a.position.x_dmm, b.position.x_dmm, part, whole));
   now.position.y_dmm = static_cast<std::int32_t>(between(a.position.y_dmm, b.position.y_dmm, part, whole));
   now.theta_dmrad = static_cast<std::int32_t>(a.theta_dmrad + between(0, way_dmrad, part, whole));
+  now.sigma_dmm = std::max(a.sigma_dmm, b.sigma_dmm);
+  now.sigma_dmrad = std::max(a.sigma_dmrad, b.sigma_dmrad);
   return now;
 }
 
@@ -33,7 +35,7 @@ std::optional<IntegerPose> integerPoseOf(const std::optional<KeyframePose>& pose
   if (!pose || !pose->valid) return std::nullopt;
   if (pose->position.x_dmm < -kMaxDmm || pose->position.x_dmm > kMaxDmm) return std::nullopt;
   if (pose->position.y_dmm < -kMaxDmm || pose->position.y_dmm > kMaxDmm) return std::nullopt;
-  return IntegerPose{pose->position, pose->theta_dmrad};
+  return IntegerPose{pose->position, pose->theta_dmrad, pose->sigma_dmm, pose->sigma_dmrad};
 }
 
 std::optional<IntegerPose> RobotPaths::at(const std::string& robot, TimeNs time_ns) const {

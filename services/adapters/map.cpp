@@ -95,6 +95,7 @@ void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePos
   to.valid(from.valid);
   to.position(pointToWire(from.position));
   to.theta(from.theta_dmrad);
+  to.sigma({from.sigma_dmm, from.sigma_dmrad});
   sequenceToWire(from.sightings, 32, to.sightings(), [](const Sighting& s, v1::SightedRobot& w) {
     w.track_id(s.track_id);
     w.robot(s.robot);
@@ -111,6 +112,8 @@ bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
   to.valid = from.valid();
   to.position = pointFromWire(from.position());
   to.theta_dmrad = from.theta();
+  to.sigma_dmm = from.sigma()[0];
+  to.sigma_dmrad = from.sigma()[1];
   to.sightings.resize(from.sightings().size());
   for (std::size_t i = 0; i < to.sightings.size(); ++i) {
     to.sightings[i] = {from.sightings()[i].track_id(), from.sightings()[i].robot().to_string()};

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <random>
 
-#include "markers/patch_finder.h"
 #include "marker_scenes.h"
+#include "markers/patch_finder.h"
 
 namespace omnifleet::markers {
 namespace {
@@ -36,11 +36,12 @@ TEST(CoverFinder, MeasuresHardImages) {
 }
 
 TEST(CoverFinder, IgnoresUnknownColoursAndWrongArrangements) {
-  const auto set = coverSet();
+  auto set = coverSet();
+  set.height_m = 0.2;
   const dataset::RobotColours& r1 = set.robots.at("r1");
   Painter painter(ceilingCamera());
   auto other = set;
-  other.robots["x"] = {{}, {200, 60, 200}, r1.tail, r1.head};  // unknown cover
+  other.robots["x"] = {{}, {200, 60, 200}, r1.tail, r1.head};    // unknown cover
   other.robots["y"] = {{}, r1.cover, r1.tail, {120, 125, 118}};  // unknown head
   painter.robot(other, "x", {-0.8, 0.3, 0.4});
   painter.robot(other, "y", {-0.3, 0.3, 2.0});
@@ -53,7 +54,7 @@ TEST(CoverFinder, IgnoresUnknownColoursAndWrongArrangements) {
   painter.rectangle(larger, set.height_m, set.head_offset_m, set.head_size_m, r1.head);
   painter.rectangle(apart, set.height_m, set.tail_offset_m, set.tail_size_m, r1.tail);  // no cover
   painter.rectangle(apart, set.height_m, set.head_offset_m, set.head_size_m, r1.head);
-  painter.marker(set, "r2", floor, 0.0);  // 4 % smaller, seen from 2.9 m
+  painter.marker(set, "r2", floor, 0.0);  // seen 7 % smaller than on a robot
   auto finder = MarkerFinder::make(painter.camera, set, {});
   for (int i = 0; i < 2; ++i) {
     for (const Detection& d : finder->find(painter.image(), i * 100000000LL))
@@ -81,7 +82,8 @@ TEST(CoverFinder, ReportsRightPoseOrNoneWhenAnArmHidesAPart) {
   std::mt19937 random(12);
   std::uniform_real_distribution<double> side(0.0, 0.07), heading(-M_PI, M_PI);
   // Skin, black, and the colours of the markers themselves.
-  const std::vector<dataset::Rgb> sleeves{{205, 150, 125}, {25, 25, 25}, {30, 70, 210}, {215, 40, 40}, {225, 205, 30}};
+  const std::vector<dataset::Rgb> sleeves{
+      {205, 150, 125}, {25, 25, 25}, {30, 70, 210}, {215, 40, 40}, {225, 205, 30}};
   auto finder = MarkerFinder::make(lens::Camera(ceilingCamera()), set, {});
   int found = 0, frames = 0;
   for (int k = 0; k < 40; ++k) {
@@ -90,7 +92,8 @@ TEST(CoverFinder, ReportsRightPoseOrNoneWhenAnArmHidesAPart) {
     painter.robot(set, "r1", truth);
     const Pose2 arm = truth * Pose2{0.0, 0.0, heading(random)};
     if (k % 3 > 0)
-      painter.rectangle(arm, 0.2, {0.0, 0.1 + side(random)}, {0.6, 0.2}, sleeves[static_cast<std::size_t>(k) % 5]);
+      painter.rectangle(arm, 0.2, {0.0, 0.1 + side(random)}, {0.6, 0.2},
+                        sleeves[static_cast<std::size_t>(k) % 5]);
     ++frames;
     for (const Detection& d : finder->find(painter.image(0.9, 3.0), k * 50000000LL)) {
       ++found;
@@ -140,6 +143,18 @@ TEST(CoverFinder, ReportsNeitherOfTwoEqualMarkersWithoutTrack) {
     EXPECT_EQ(finder->conflicts()[0].map_from_base.size(), 2U);
     EXPECT_FALSE(finder->conflicts()[0].decided);
   }
+}
+
+TEST(CoverFinder, PrefersMarkerOfRightSizeToItsCopyOnTheFloor) {
+  const auto set = coverSet();
+  Painter painter(ceilingCamera());
+  const Pose2 truth{0.2, 0.1, 0.1};
+  painter.robot(set, "r1", truth);
+  painter.marker(set, "r1", {-0.5, 0.3, 1.1}, 0.0, 1.01);  // 3 % too small in the image
+  auto finder = MarkerFinder::make(painter.camera, set, {});
+  const auto& found = finder->find(painter.image(), 0);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT((found[0].map_from_base.translation() - truth.translation()).norm(), 0.001);
 }
 
 TEST(CoverFinder, FollowsTrackWhenASecondEqualMarkerAppears) {

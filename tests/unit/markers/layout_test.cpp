@@ -15,7 +15,7 @@ namespace {
 
 const ColourOptions kColourTest{0.16, 40, 0.25};
 
-std::string errorOf(const dataset::MarkerSet& set) {
+std::string layoutError(const dataset::MarkerSet& set) {
   try {
     const Layout layout(set, kColourTest);
   } catch (const options::Error& error) {
@@ -38,31 +38,31 @@ TEST(MarkerLayout, SharesOneClassBetweenEqualColours) {
 TEST(MarkerLayout, NamesRobotAndKeyOfUnusableColour) {
   auto set = coverSet();
   set.robots["r2"].tail = {120, 122, 119};
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("robots.r2.tail_rgb"));
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("min_saturation"));
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("robots.r2.tail_rgb"));
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("min_saturation"));
   set = coverSet();
   set.robots["r3"].head = {30, 5, 5};
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("robots.r3.head_rgb"));
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("min_brightness"));
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("robots.r3.head_rgb"));
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("min_brightness"));
   auto patches = patchSet();
   patches.team = {200, 200, 200};
-  EXPECT_THAT(errorOf(patches), testing::HasSubstr("team_rgb"));
+  EXPECT_THAT(layoutError(patches), testing::HasSubstr("team_rgb"));
 }
 
 TEST(MarkerLayout, RejectsRobotsThatLookAlike) {
   auto set = coverSet();
   set.robots["r5"] = set.robots["r2"];
-  EXPECT_THAT(errorOf(set), testing::AllOf(testing::HasSubstr("r2"), testing::HasSubstr("r5")));
+  EXPECT_THAT(layoutError(set), testing::AllOf(testing::HasSubstr("r2"), testing::HasSubstr("r5")));
   // Head and tail of equal sizes and mirrored offsets: r1 turned by 180° looks like r2.
   set = coverSet();
   set.head_size_m = set.tail_size_m;
   set.head_offset_m = -set.tail_offset_m;
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("turned by 180"));
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("turned by 180"));
   set.robots.erase("r2");
-  EXPECT_EQ(errorOf(set), "");
+  EXPECT_EQ(layoutError(set), "");
   set.robots["r1"].tail = set.robots["r1"].head;
-  EXPECT_THAT(errorOf(set), testing::HasSubstr("no heading"));
-  EXPECT_EQ(errorOf(coverSet()), "");
+  EXPECT_THAT(layoutError(set), testing::HasSubstr("no heading"));
+  EXPECT_EQ(layoutError(coverSet()), "");
 }
 
 /// Edges coincide: the head ends at the front edge of the cover, the tail overlaps the head.

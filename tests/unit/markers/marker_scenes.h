@@ -71,7 +71,8 @@ class Places {
 /// at the height of the markers.
 inline void paintDecoys(Painter& painter, const dataset::MarkerSet& set, Places& places) {
   const bool patches = set.kind == dataset::MarkerKind::kPatches;
-  const dataset::RobotColours &first = set.robots.begin()->second, &last = std::prev(set.robots.end())->second;
+  const dataset::RobotColours &first = set.robots.begin()->second,
+                              &last = std::prev(set.robots.end())->second;
   const dataset::Rgb a = patches ? set.team : first.tail, b = patches ? first.individual : first.head,
                      c = patches ? last.individual : last.head;
   painter.marker(set, set.robots.begin()->first, places.next(), 0.0, 0.8);
@@ -99,7 +100,8 @@ inline Accuracy measure(const dataset::MarkerSet& set, const Scene& scene, int f
     Imaging imaging = scene.imaging;
     imaging.seed = seed + 1;
     a.asked += static_cast<int>(truth.size());
-    for (const Detection& d : MarkerFinder::make(painter.camera, set, {})->find(painter.image(imaging), 0)) {
+    const auto finder = MarkerFinder::make(painter.camera, set, {});
+    for (const Detection& d : finder->find(painter.image(imaging), 0)) {
       const Pose2 e = d.map_from_base.inverse() * truth.at(d.robot);
       const double m = e.translation().norm(), rad = std::abs(e.theta_rad);
       if (m > 0.03 || rad > 0.3) {

@@ -88,7 +88,8 @@ void draw(const cv::Mat& image, const std::vector<Detection>& detections, const 
 Film follow(cv::VideoCapture& video) {
   const auto markers = dataset::MarkerSet::load(sourceFolder() + "/tests/unit/markers/vss_markers.yaml");
   FinderOptions options;
-  options.min_saturation = 0.2;  // the patches are pale
+  options.min_saturation = 0.2;    // the patches are pale
+  options.max_scale_error = 0.09;  // 1 of 12 px: their sizes are measured by hand in the video
   std::unique_ptr<MarkerFinder> finder;
   std::unique_ptr<lens::Camera> camera;
   Film film;
@@ -127,7 +128,7 @@ TEST(OverheadVideo, KeepsIdsAndPositionsOfParkedRobots) {
   // whole image by 2 px around frame 110.
   for (const char* parked : {"pink", "red"}) {
     const Trail& trail = film.trails.at(parked);
-    EXPECT_GE(trail.frames.size(), 497U) << parked;
+    EXPECT_GE(trail.frames.size(), 500U) << parked;
     EXPECT_LE(rms(trail.middles_px), 0.25) << parked;
     std::printf("%s: %zu of 502 frames, %.3f px rms per axis\n", parked, trail.frames.size(),
                 rms(trail.middles_px));
@@ -147,7 +148,7 @@ TEST(OverheadVideo, KeepsIdsAndPositionsOfParkedRobots) {
   }
   std::printf("green: %d of %d frames where it is visible (%zu in all)\n", found, shown, trail.frames.size());
   EXPECT_GE(shown, 450);
-  EXPECT_GE(found, 0.99 * shown);
+  EXPECT_EQ(found, shown);
   for (std::size_t i = 1; i < trail.frames.size(); ++i) {
     // Pushed at up to 0.7 m/s, which is 7 px per frame. The next robot is 100 px away.
     const int gap = trail.frames[i] - trail.frames[i - 1];

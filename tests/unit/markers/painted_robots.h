@@ -15,14 +15,14 @@ namespace omnifleet::markers {
 
 /// What light, lens and camera do to a painted image.
 struct Imaging {
-  double gain = 1.0;            ///< of the brightness
-  double noise = 0.0;           ///< grey levels, σ of Gaussian noise per channel
-  double blur_px = 0.0;         ///< σ of the lens
-  int jpeg_quality = 0;         ///< 0: not compressed
-  double uneven = 0.0;          ///< share by which the light falls from the left to the right border
+  double gain = 1.0;                 ///< of the brightness
+  double noise = 0.0;                ///< grey levels, σ of Gaussian noise per channel
+  double blur_px = 0.0;              ///< σ of the lens
+  int jpeg_quality = 0;              ///< 0: not compressed
+  double uneven = 0.0;               ///< share by which the light falls from the left to the right border
   dataset::Rgb cast{255, 255, 255};  ///< colour of the light
-  int seed = 1;                 ///< of the noise
-  bool tone_curve = false;      ///< mixes and blurs linear light, then encodes it with a gamma of 2.2
+  int seed = 1;                      ///< of the noise
+  bool tone_curve = false;           ///< mixes and blurs linear light, then encodes it with a gamma of 2.2
 };
 
 /// The robot below a marker.
@@ -89,8 +89,9 @@ class Painter {
              Body body = Body::kPlate) {
     const dataset::Rgb dark{30, 30, 30}, side{70, 65, 60};
     const bool patches = set.kind == dataset::MarkerKind::kPatches;
-    const Eigen::Vector2d middle =
-        patches ? Eigen::Vector2d(0.5 * (set.team_offset_m + set.individual_offset_m)) : Eigen::Vector2d(0, 0);
+    const Eigen::Vector2d middle = patches
+                                       ? Eigen::Vector2d(0.5 * (set.team_offset_m + set.individual_offset_m))
+                                       : Eigen::Vector2d(0, 0);
     const Eigen::Vector2d size =
         patches ? Eigen::Vector2d((set.team_offset_m - set.individual_offset_m).cwiseAbs() + set.patch_size_m)
                 : set.cover_size_m;
@@ -110,7 +111,8 @@ class Painter {
 
   cv::Mat image(const Imaging& how) const {
     cv::Mat light = averaged(how.tone_curve);
-    if (how.blur_px > 0) cv::GaussianBlur(light, light, {0, 0}, how.blur_px, how.blur_px, cv::BORDER_REPLICATE);
+    if (how.blur_px > 0)
+      cv::GaussianBlur(light, light, {0, 0}, how.blur_px, how.blur_px, cv::BORDER_REPLICATE);
     if (how.tone_curve) {
       cv::pow(light / 255.0, 1.0 / kGamma, light);
       light *= 255.0;
@@ -173,12 +175,14 @@ class Painter {
   }
 
   /// Fills the sample points of a row that lie inside the shape.
-  static void fill(const Shape& shape, double y, cv::Vec3b* row, int columns, std::vector<double>& crossings) {
+  static void fill(const Shape& shape, double y, cv::Vec3b* row, int columns,
+                   std::vector<double>& crossings) {
     if (y < shape.top || y > shape.bottom) return;
     crossings.clear();
     for (std::size_t i = 0; i < shape.outline.size(); ++i) {
       const Eigen::Vector2d &a = shape.outline[i], &b = shape.outline[(i + 1) % shape.outline.size()];
-      if ((a.y() <= y) != (b.y() <= y)) crossings.push_back(a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x()));
+      if ((a.y() <= y) != (b.y() <= y))
+        crossings.push_back(a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x()));
     }
     std::sort(crossings.begin(), crossings.end());
     for (std::size_t i = 0; i + 1 < crossings.size(); i += 2) {

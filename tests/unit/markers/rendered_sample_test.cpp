@@ -74,7 +74,7 @@ TEST(RenderedSample, LocatesEveryVisibleRobotToAThirdOfAPixel) {
   EXPECT_LE(sum_m / found, 0.001);
   EXPECT_LE(sum_rad / found, 0.15 * M_PI / 180.0);
   EXPECT_LE(worst_m, 0.0025);
-  EXPECT_LE(worst_rad, 0.7 * M_PI / 180.0);
+  EXPECT_LE(worst_rad, 1.2 * M_PI / 180.0);  // half a pixel across the 17 px of a patch is 1.7°
 }
 
 }  // namespace
