@@ -216,6 +216,7 @@ TEST(SurfacePoints, AreRemovedIfTheFloorBehindIsSeen) {
     PoseEstimate pose;
     pose.robot = "r1";
     pose.valid = true;
+    pose.covariance *= 1e-6;
     pose.map_from_base = {0.317, -0.211, 6.0 * unit(random)};
     OccupancyMap map(options, {});
     for (int k = 0; k < 4; ++k) {
