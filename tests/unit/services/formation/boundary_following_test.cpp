@@ -102,14 +102,19 @@ TEST(BoundaryFollowing, TwoRobotsFollowTheBoundaryWithoutCollision) {
   unsigned first = 1000, last = 1009;
   if (const char* given = std::getenv("OMNIFLEET_EXPLORATION_SEEDS"))
     std::sscanf(given, "%u:%u", &first, &last);
+  int complete = 0;
   for (std::uint32_t seed = first; seed <= last; ++seed) {
     const Round round = drive(randomArena(seed), seed, 150.0, boundary());
     std::printf("seed %u: turned %.1f rad, error %.1f cm, clear %.0f %%, %.1f m, gap %.1f cm, wall %.0f %%\n",
                 seed, round.turned_rad, 100 * round.error_m, 100 * round.clear, round.travelled_m,
                 100 * round.gap_m, 100 * round.wall_share);
-    EXPECT_GT(round.gap_m, 0.0) << seed;
-    EXPECT_GT(round.travelled_m, 3.0) << seed;
+    EXPECT_GT(round.gap_m, 0.03) << seed;
+    EXPECT_GT(round.travelled_m, 10.0) << seed;
+    EXPECT_LT(round.error_m, 0.06) << seed;
+    complete += round.wall_share >= 0.85;
   }
+  // A robot that starts beside a free-standing block may follow that.
+  EXPECT_GE(complete, static_cast<int>(0.7 * (last - first + 1)));
 }
 
 }  // namespace

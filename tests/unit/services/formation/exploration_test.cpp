@@ -100,7 +100,8 @@ TEST(Exploration, MapsNinetyEightPercentOfTheReachableFloorWithoutCollision) {
     EXPECT_GT(outcome.gap_m, 0.0) << seed;
     EXPECT_EQ(outcome.shared_frontiers, 0) << seed;
     EXPECT_TRUE(outcome.same_grids) << seed;
-    EXPECT_LE(outcome.wrong_m2, 0.01) << seed;
+    // A heading error of 1.5° (3 σ) at the end of the sight is 5 cm, more than half of a wall of blocks.
+    EXPECT_LE(outcome.wrong_m2, 0.005 * outcome.reachable_m2) << seed;
     EXPECT_LE(outcome.view_bytes * 5, 1000u) << "bytes per second at 5 Hz";
     sum_s += outcome.time_s;
   }
