@@ -26,6 +26,8 @@ class CeilingFrontEnd {
 
   /// The detections of the last image, for pictures.
   const std::vector<markers::Detection>& detections() const { return detections_; }
+  /// Robots of which the last image shows two markers.
+  const std::vector<markers::Conflict>& conflicts() const { return finder_->conflicts(); }
 
  private:
   std::string source_;

@@ -2,6 +2,8 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include "localizer/messages.h"
+
 namespace omnifleet::services {
 namespace {
 using std::chrono::steady_clock;
@@ -39,6 +41,7 @@ void CeilingService::process(const bus::FrameView& frame) {
     if (image.type() == CV_8UC3 && image.cols == camera_.model.image_width_px &&
         image.rows == camera_.model.image_height_px) {
       found_ = front_end_.process(frame.header.acquired_ns, frame.header.sequence, image);
+      reportConflicts();
     } else {
       state = FrameState::kWrongSize;
     }
@@ -51,6 +54,17 @@ void CeilingService::process(const bus::FrameView& frame) {
                    runClock(context_.options), sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, state == FrameState::kOk);
+}
+
+/// Reports each robot once until its second marker is gone.
+void CeilingService::reportConflicts() {
+  std::set<std::string> now;
+  for (const markers::Conflict& conflict : front_end_.conflicts()) {
+    now.insert(conflict.robot);
+    if (ambiguous_.count(conflict.robot) == 0)
+      status().report(localizer::markersAmbiguous(camera_.id, conflict.robot, conflict.decided));
+  }
+  ambiguous_.swap(now);
 }
 
 }  // namespace omnifleet::services

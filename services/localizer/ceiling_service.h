@@ -2,6 +2,9 @@
 
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "bus/service.h"
 #include "common/frame_inlet.h"
@@ -24,6 +27,7 @@ class CeilingService : public bus::Service {
 
  private:
   void process(const bus::FrameView& frame);
+  void reportConflicts();
 
   bus::ServiceContext context_;
   fleet::CameraSpec camera_;
@@ -32,6 +36,7 @@ class CeilingService : public bus::Service {
   Outlet<v1::Measurement> out_;
   localizer::CeilingFrontEnd front_end_;
   std::vector<Measurement> found_;
+  std::set<std::string> ambiguous_;  ///< robots with two markers in the last image
   v1::Measurement sample_;
   bool ended_ = false;
 };

@@ -44,6 +44,13 @@ inline Message camerasDisagree(const std::string& first, const std::string& seco
                   "Measure position_m and rotation_rpy_deg of both cameras again",
                   first, second, robot, 100.0 * off_m, off_rad * 180.0 / M_PI)};
 }
+/// @param decided the track of the robot says which of the markers is its own
+inline Message markersAmbiguous(const std::string& camera, const std::string& robot, bool decided) {
+  return {ErrorCode::kMarkersAmbiguous,
+          fmt::format("camera {}: two markers have the colours of {}; {}. Remove one or change its colours",
+                      camera, robot,
+                      decided ? "the one near its last pose is used" : "neither is used")};
+}
 /// A message of the estimator with robot, acquisition time and, if the robot is localized, its place in map.
 inline Message ofRobot(const PoseEstimate& pose, const Message& message) {
   const std::string place =

@@ -53,7 +53,7 @@ TEST_F(FrameCheckTest, DetectsLightBeyondOrthographicLens) {
   cv::Mat disc = grey(0);
   cv::circle(disc, {cvRound(model.principal_point_px.x()), cvRound(model.principal_point_px.y())}, 190,
              cv::Scalar(100), cv::FILLED);
-  FrameCheck right(lens.model(), view, {}), wrong(lens.model(), view, {});
+  FrameCheck right(lens.model(), view.mask(), {}), wrong(lens.model(), view.mask(), {});
   EXPECT_EQ(right.check(testing::frameOf(disc, 0)), FrameState::kOk);
   EXPECT_EQ(right.litBeyondLens(), 0.0);
   EXPECT_EQ(wrong.check(testing::frameOf(grey(3), 0)), FrameState::kDark);
