@@ -59,6 +59,16 @@ bool CeilingAgreement::agree(Measurement& now, const Measurement& other) {
   return true;
 }
 
+/// Whether this call has a pose of the same robot by that camera at the same time.
+bool CeilingAgreement::isPaired(std::size_t index, const std::string& source) const {
+  const Measurement& now = kept_[index].measurement;
+  return std::any_of(kept_.begin(), kept_.end(), [&](const Kept& other) {
+    const Measurement& m = other.measurement;
+    return m.to == now.to && m.source == source &&
+           1e-9 * static_cast<double>(std::abs(m.acquired_ns - now.acquired_ns)) <= options_.pair_s;
+  });
+}
+
 void CeilingAgreement::compare(std::size_t index) {
   Kept& now = kept_[index];
   const Measurement original = now.measurement;
@@ -67,6 +77,7 @@ void CeilingAgreement::compare(std::size_t index) {
     const double apart_s = 1e-9 * static_cast<double>(std::abs(original.acquired_ns - other.acquired_ns));
     const auto& [first, second] = std::minmax(source, original.source);
     if (apart_s > options_.pair_s) {
+      if (isPaired(index, source)) continue;  // it is compared with that one
       const bool is_faulty = faulty_.count(pairKey(first, second, original.to)) > 0;
       if (is_faulty && apart_s <= options_.hold_s) now.is_good = false;
       continue;

@@ -50,6 +50,7 @@ class CeilingAgreement {
   };
   bool isOld(TimeNs newest_ns, const Measurement& measurement);
   void compare(std::size_t index);
+  bool isPaired(std::size_t index, const std::string& source) const;
   bool agree(Measurement& now, const Measurement& other);
   void report(const std::string& key, bool is_faulty, const Message& message);
 

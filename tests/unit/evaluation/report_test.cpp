@@ -201,8 +201,9 @@ TEST_F(Evaluate, ReportsCellsAtTrueFaces) {
   EXPECT_GT(report.cells->obstacles.seen, 0) << "the robot starts 1.4 m from the box";
   const std::string text = table(report);
   EXPECT_THAT(text, HasSubstr("Cells       occupied 4; of these, 0 fill known outlines"));
-  EXPECT_THAT(text, HasSubstr("within 2 cm of a true face 50.0 % (obstacles 50.0 %, structure - %)\n"));
-  EXPECT_THAT(text, HasSubstr("free area wrong - %\n")) << "no free cell";
+  EXPECT_THAT(text,
+              HasSubstr("of a true face 50.0 %, within 2 cm 50.0 % (obstacles 50.0 %, structure - %)\n"));
+  EXPECT_THAT(text, HasSubstr("free area wrong - %;")) << "no free cell";
   const auto json = nlohmann::json::parse(metricsJson(report))["cells"];
   EXPECT_EQ(json["occupied"], 4);
   EXPECT_EQ(json["inside_outlines"], 0);

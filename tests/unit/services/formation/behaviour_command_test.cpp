@@ -119,15 +119,16 @@ TEST_F(BehaviourCommand, InvalidCommandsAreRejectedAndTheLastOneHolds) {
   invalid[1].behaviour(static_cast<v1::FormationBehaviour>(256));  // 0 in eight bits
   invalid[2].boundary_m(0.0);
   invalid[3].boundary_m(std::numeric_limits<double>::quiet_NaN());
+  std::vector<Message> messages;
   for (v1::FormationCommand& wire : invalid) {
     wire.header().acquired_ns(++command_ns_);
     ASSERT_TRUE(commands_->write(wire));
     EXPECT_EQ(frame().behaviour(), v1::FormationBehaviour::BEHAVIOUR_EXPLORATION);
-    const std::vector<Message> messages = bench_.messages();
-    ASSERT_EQ(messages.size(), 1u);
-    EXPECT_EQ(messages[0].code, ErrorCode::kCommandRejected);
-    EXPECT_THAT(messages[0].text, testing::HasSubstr("behaviour"));
+    for (const Message& message : bench_.messages()) messages.push_back(message);
   }
+  ASSERT_EQ(messages.size(), 1u) << "the same message is reported once";
+  EXPECT_EQ(messages[0].code, ErrorCode::kCommandRejected);
+  EXPECT_THAT(messages[0].text, testing::HasSubstr("behaviour"));
 }
 
 }  // namespace
