@@ -90,7 +90,7 @@ void Reconciler::noteResent(const std::string& replica, const SampleId& id, std:
   }
 }
 
-/// A replica that has ended is gone sooner: nobody needs to wait for it.
+/// A replica that has ended is gone sooner: no other replica waits for it.
 bool Reconciler::isLive(const Peer& peer, Time now) const {
   return peer.heard != Time{} &&
          now - peer.heard < (peer.is_ending ? seconds(1.0) : seconds(options_.silent_s));

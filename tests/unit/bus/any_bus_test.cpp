@@ -30,7 +30,7 @@ TEST_P(AnyBus, CountsPayloadOfTopicsThatOtherHostsRead) {
   const auto objects = a->writer(topics.objects);
   v1::Pose pose = poseOf("r1", 1);
   ASSERT_TRUE(poses->write(pose));
-  EXPECT_EQ(a->traffic().out_bytes, 0U) << "nobody reads it";
+  EXPECT_EQ(a->traffic().out_bytes, 0U) << "it has no reader";
   const auto reader = b->reader(topics.pose);
   const auto objects_reader = b->reader(topics.objects);
   ASSERT_TRUE(poses->waitForReaders(1, kPatience));

@@ -1,5 +1,4 @@
-// Accuracy against the exact distances of an independent renderer. OMNIFLEET_SEEDS=A-B prints the figures of
-// other worlds; OMNIFLEET_PICTURES=DIR writes the pictures of all.
+// Accuracy against the exact distances of an independent renderer. OMNIFLEET_PICTURES=DIR writes the pictures.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -38,15 +37,6 @@ Accuracy measure(const std::string& name, int from, int to, const Change& change
   }
   std::printf("%s, seeds %d-%d\n%s", name.c_str(), from, to, accuracy.text().c_str());
   return accuracy;
-}
-
-TEST(DistanceVectorAccuracy, PrintsTheSeedsThatAreAskedFor) {
-  const char* seeds = std::getenv("OMNIFLEET_SEEDS");
-  if (!seeds) GTEST_SKIP() << "OMNIFLEET_SEEDS=A-B is not set";
-  int from = 0, to = 0;
-  ASSERT_EQ(std::sscanf(seeds, "%d-%d", &from, &to), 2);
-  const Accuracy accuracy = measure("plain", from, to, [](World&) {});
-  EXPECT_GT(accuracy.hits, 0);
 }
 
 // The bounds are those asked for; the seeds were never used for tuning.

@@ -271,7 +271,7 @@ TEST(Reconciler, FinalExchangeEndsWithinHalfASecondWhenAllAgree) {
   ReplicaNetwork network(robots, 10, {});
   network.drive(robots, seconds(20));
   network.partition({{"r1", 0}, {"r2", 1}, {"r3", 2}});
-  network.drive(robots, seconds(2));  // the last samples reach nobody
+  network.drive(robots, seconds(2));  // the last samples reach no replica
   network.partition({});
   EXPECT_FALSE(network.areEqual());
   for (const std::string& robot : robots) network.at(robot).reconciler->end();

@@ -50,7 +50,7 @@ class Replicas : public testing::Test {
       for (Replica* replica : replicas) spin(*replica);
     }
   }
-  /// Spins until the replica has processed what the others re-send: no new contribution for `quiet`.
+  /// Spins for a time: the clock limits the rate at which replicas re-send.
   static void spinFor(std::initializer_list<Replica*> replicas, milliseconds time) {
     for (const auto end = Clock::now() + time; Clock::now() < end;
          std::this_thread::sleep_for(milliseconds(2)))
