@@ -218,7 +218,8 @@ ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, 
     const auto k = static_cast<std::size_t>(i);
     profile.value[k] = axis[0] * pixels[k][0] + axis[1] * pixels[k][1] + axis[2] * pixels[k][2];
   }
-  pair.hue = measure(profile, row, kColourNoise * noise, static_cast<float>(options_.hue_sigma_px), 0.0f);
+  pair.hue = measure(profile, row, kColourNoise * noise, static_cast<float>(options_.hue_sigma_px),
+                     static_cast<float>(options_.min_hue_contrast));
   return pair;
 }
 

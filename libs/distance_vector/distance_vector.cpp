@@ -24,7 +24,8 @@ DistanceVector::DistanceVector(const lens::Camera& camera, const Options& option
       colour_(options.walk),
       walk_(view_, options.walk),
       edges_(options.edge),
-      fusion_(options.edge.window_px, static_cast<float>(options.jump_px)),
+      fusion_(options.edge.window_px, static_cast<float>(options.jump_px),
+              static_cast<float>(options.edge.hue_shared_px)),
       sampler_(options),
       scale_(makeScale(options.literal)) {
   const auto columns = static_cast<std::size_t>(view_.size().width);

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kLeastOffsets = 24;  // columns that say how far shadows shift edges
 constexpr float kToSigma = 1.4826f;        // median of absolute deviations → σ
-constexpr float kSharedColumns = 8.0f;     // hue is one value per two columns, coded in blocks of sixteen
+constexpr float kSharedColumns = 16.0f;    // JPEG codes hue in blocks of sixteen columns
 constexpr float kSingle_px = 3.0f;         // offsets beyond belong to different edges
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
@@ -26,31 +26,9 @@ float medianOf(std::vector<float>& values) {
 
 }  // namespace
 
-void EdgeFusion::measureScene(const std::vector<Pair>& pairs) {
-  offsets_.clear();
-  float noise = 0.0f;
-  for (const Pair& pair : pairs) {
-    if (!pair.luma || !pair.hue) continue;
-    const float offset = pair.luma->row - pair.hue->row;
-    if (std::abs(offset) > kSingle_px) continue;
-    offsets_.push_back(offset);
-    noise += square(pair.luma->sigma_px) + square(pair.hue->sigma_px);
-  }
-  if (offsets_.size() < kLeastOffsets) return;  // the scene is as before
-  noise /= static_cast<float>(offsets_.size());
-  shift_ = medianOf(offsets_);
-  for (float& offset : offsets_) offset = std::abs(offset - shift_);
-  const float total = kToSigma * medianOf(offsets_);
-  scatter_ = std::sqrt(std::max(square(total) - noise, 0.0f));
-}
-
-EdgeFusion::Edge EdgeFusion::fuseColumn(const std::vector<Pair>& pairs, std::size_t u) const {
-  const Pair& here = pairs[u];
-  if (!here.luma && !here.hue) return {kNone, kNone};
-  // Far apart, they are two edges: that of a shadow, and behind it that of the object.
-  const bool two_edges = here.luma && here.hue && here.luma->row - here.hue->row > kSingle_px;
-  if (!here.luma || two_edges) return {here.hue->row, here.hue->sigma_px};
-  const float luma_variance = square(here.luma->sigma_px);
+/// The mean offset of the boundary around a column, and its variance.
+EdgeFusion::Offset EdgeFusion::offsetAround(const std::vector<Pair>& pairs, std::size_t u) const {
+  if (!pairs[u].luma) return {};
   float weight = 0.0f, sum = 0.0f, columns = 0.0f;
   const auto add = [&](const Pair& pair) {
     if (!pair.hue) return;
@@ -61,9 +39,9 @@ EdgeFusion::Edge EdgeFusion::fuseColumn(const std::vector<Pair>& pairs, std::siz
     sum += w * offset;
     columns += 1.0f;
   };
-  add(here);
+  add(pairs[u]);
   for (const int step : {-1, 1}) {
-    float row = here.luma->row;
+    float row = pairs[u].luma->row;
     for (int k = 1; k <= window_px_; ++k) {
       const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(u) + step * k;
       if (at < 0 || at >= static_cast<std::ptrdiff_t>(pairs.size())) break;
@@ -73,18 +51,44 @@ EdgeFusion::Edge EdgeFusion::fuseColumn(const std::vector<Pair>& pairs, std::siz
       add(pair);
     }
   }
-  const float prior = square(scatter_) + square(shift_) * 0.25f;
-  if (!(weight > 0.0f)) return {here.luma->row - shift_, std::sqrt(luma_variance + prior)};
-  const float variance = std::min(columns, kSharedColumns) / weight;
-  const float gain = prior / (prior + variance);
-  return {here.luma->row - shift_ - gain * (sum / weight - shift_),
-          std::sqrt(luma_variance + gain * variance)};
+  if (!(weight > 0.0f)) return {};
+  return {true, sum / weight, std::min(columns, kSharedColumns) / weight + square(shared_px_)};
+}
+
+/// The offsets of all boundaries of the image say how far shadows shift edges in this scene.
+void EdgeFusion::measureScene(const std::vector<Pair>& pairs) {
+  offsets_.resize(pairs.size());
+  means_.clear();
+  float noise = 0.0f;
+  for (std::size_t u = 0; u < pairs.size(); ++u) {
+    const Offset& offset = offsets_[u] = offsetAround(pairs, u);
+    if (!offset.is_known) continue;
+    means_.push_back(offset.mean_px);
+    noise += offset.variance;
+  }
+  if (means_.size() < kLeastOffsets) return;  // the scene is as before
+  noise /= static_cast<float>(means_.size());
+  shift_ = medianOf(means_);
+  for (float& mean : means_) mean = std::abs(mean - shift_);
+  scatter_ = std::sqrt(std::max(square(kToSigma * medianOf(means_)) - noise, 0.0f));
+}
+
+EdgeFusion::Edge EdgeFusion::fuseColumn(const Pair& here, const Offset& offset) const {
+  if (!here.luma && !here.hue) return {kNone, kNone};
+  // Far apart, they are two edges: that of a shadow, and behind it that of the object.
+  const bool two_edges = here.luma && here.hue && here.luma->row - here.hue->row > kSingle_px;
+  if (!here.luma || two_edges) return {here.hue->row, std::hypot(here.hue->sigma_px, shared_px_)};
+  const float luma_variance = square(here.luma->sigma_px), prior = square(scatter_) + 0.25f * square(shift_);
+  if (!offset.is_known) return {here.luma->row - shift_, std::sqrt(luma_variance + prior)};
+  const float gain = prior > 0.0f ? prior / (prior + offset.variance) : 0.0f;
+  return {here.luma->row - shift_ - gain * (offset.mean_px - shift_),
+          std::sqrt(luma_variance + gain * offset.variance)};
 }
 
 const std::vector<EdgeFusion::Edge>& EdgeFusion::fuse(const std::vector<Pair>& pairs) {
   measureScene(pairs);
   edges_.resize(pairs.size());
-  for (std::size_t u = 0; u < pairs.size(); ++u) edges_[u] = fuseColumn(pairs, u);
+  for (std::size_t u = 0; u < pairs.size(); ++u) edges_[u] = fuseColumn(pairs[u], offsets_[u]);
   return edges_;
 }
 

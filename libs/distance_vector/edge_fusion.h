@@ -23,7 +23,9 @@ class EdgeFusion {
 
   /// @param window_px columns to either side over which an offset is averaged
   /// @param jump_px larger steps between columns end a boundary
-  EdgeFusion(int window_px, float jump_px) : window_px_(window_px), jump_px_(jump_px) {}
+  /// @param shared_px σ of edges in hue that neighbouring columns share
+  EdgeFusion(int window_px, float jump_px, float shared_px)
+      : window_px_(window_px), jump_px_(jump_px), shared_px_(shared_px) {}
 
   /// @param pairs one per column, from left to right. Valid until the next call.
   const std::vector<Edge>& fuse(const std::vector<Pair>& pairs);
@@ -33,13 +35,19 @@ class EdgeFusion {
   float scatter() const { return scatter_; }
 
  private:
+  struct Offset {
+    bool is_known = false;
+    float mean_px = 0.0f, variance = 0.0f;  ///< of luma against hue
+  };
+  Offset offsetAround(const std::vector<Pair>& pairs, std::size_t u) const;
   void measureScene(const std::vector<Pair>& pairs);
-  Edge fuseColumn(const std::vector<Pair>& pairs, std::size_t u) const;
+  Edge fuseColumn(const Pair& here, const Offset& offset) const;
 
   int window_px_;
-  float jump_px_;
+  float jump_px_, shared_px_;
   float shift_ = 0.0f, scatter_ = 0.0f;
-  std::vector<float> offsets_;
+  std::vector<Offset> offsets_;
+  std::vector<float> means_;
   std::vector<Edge> edges_;
 };
 

@@ -208,8 +208,9 @@ void FloorWalk::endBand(int u, int v) {
     w.state = State::kFloor;
   } else if (w.edge >= 0 || 3 * w.object_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
              ratio < static_cast<float>(options_.shadow_ratio)) {
+    const bool may_be_flat = depth(u, w.begin, v) <= static_cast<float>(options_.largest_flat_m);
     finish(u, End::kEdge, w.edge >= 0 ? w.edge : w.begin);
-    ends_[static_cast<std::size_t>(u)].low = true;
+    ends_[static_cast<std::size_t>(u)].low = may_be_flat;
   } else {
     finish(u, End::kUndecided, w.begin);
   }

@@ -23,7 +23,7 @@ struct ColumnEnd {
   End end = End::kOutside;
   int row = 0;    ///< first row (upwards) that is no floor; of kFloorEnd the farthest row that is measured
   int floor = 0;  ///< uppermost floor row, for the mask; the image height: none
-  /// kEdge: floor is seen behind it, so it is lower than the camera, or flat on the floor.
+  /// kEdge: so little of the floor behind it is hidden that it may be flat on the floor.
   bool low = false;
 };
 
@@ -37,8 +37,8 @@ struct ColumnEnd {
 /// in
 ///   hue, are brighter than light_ratio, or darker than shadow_ratio), if what is before them is darker
 ///   floor;
-/// - floor follows: a low or flat object if no shadow explains it, otherwise undecided (a shadow, or a low
-///   object).
+/// - floor follows: an object if no shadow explains it, that may be flat if it hides at most largest_flat_m;
+///   otherwise undecided (a shadow, or a low object).
 /// Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:

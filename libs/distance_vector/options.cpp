@@ -13,6 +13,7 @@ WalkOptions WalkOptions::read(const options::Section& section) {
   section.read("shadow_ratio", o.shadow_ratio, {0.0, 1.0});
   section.read("light_ratio", o.light_ratio, {1.0, 10.0});
   section.read("flat_m", o.flat_m, {0.0, 1.0});
+  section.read("largest_flat_m", o.largest_flat_m, {0.0, 100.0});
   section.read("min_run_px", o.min_run_px, {1, 20});
   section.read("horizon_px", o.horizon_px, {1.0, 200.0});
   section.read("check_px", o.check_px, {2.0, 200.0});
@@ -24,12 +25,14 @@ WalkOptions WalkOptions::read(const options::Section& section) {
 EdgeOptions EdgeOptions::read(const options::Section& section) {
   EdgeOptions o;
   section.read("min_contrast", o.min_contrast, {1.0, 255.0});
+  section.read("min_hue_contrast", o.min_hue_contrast, {0.0, 255.0});
   section.read("min_sigmas", o.min_sigmas, {1.0, 50.0});
   section.read("falloff_per_m", o.falloff_per_m, {0.001, 100.0});
   section.read("max_shift_px", o.max_shift_px, {1.0, 8.0});
   section.read("sigma_px", o.sigma_px, {0.001, 5.0});
   section.read("hue_sigma_px", o.hue_sigma_px, {0.001, 5.0});
   section.read("shading_per_px", o.shading_per_px, {0.0001, 1.0});
+  section.read("hue_shared_px", o.hue_shared_px, {0.0, 5.0});
   section.read("window_px", o.window_px, {0, 100});
   section.finish();
   return o;

@@ -24,6 +24,9 @@ struct WalkOptions {
   /// Metres. What is at most this high is floor: robots drive over it. The floor that is seen behind a band
   /// bounds the height of what stands there: lines, seams and flat cards.
   double flat_m = 0.01;
+  /// Metres along the line of sight: a flat thing on the floor is not larger (the long side of A4). What
+  /// hides more of the floor stands, or is a carpet.
+  double largest_flat_m = 0.3;
   int min_run_px = 3;        ///< pixels in a row that are no floor
   double horizon_px = 4.0;   ///< pixels below the horizon: the farthest floor that is measured
   double check_px = 8.0;     ///< pixels above the horizon up to which floor-like pixels are followed
@@ -33,14 +36,16 @@ struct WalkOptions {
 
 /// Where the floor ends in a column.
 struct EdgeOptions {
-  double min_contrast = 8.0;   ///< grey levels between floor and object
-  double min_sigmas = 4.0;     ///< least contrast in σ of the pixel noise
-  double falloff_per_m = 0.5;  ///< 1/m: σ of the change of the floor's brightness, as a share of it
-  double max_shift_px = 6.0;   ///< pixels between the first pixel that is no floor and the edge
-  double sigma_px = 0.04;      ///< pixels: σ of an edge of perfect contrast, in luma
-  double hue_sigma_px = 0.1;   ///< pixels: likewise in hue, which JPEG subsamples
-  double shading_per_px =
-      0.05;            ///< 1/px: σ of the change of a face's brightness at its foot, as a share of it
+  double min_contrast = 8.0;      ///< grey levels between floor and object
+  double min_hue_contrast = 5.0;  ///< grey levels between floor and object, across the floor's colour
+  double min_sigmas = 4.0;        ///< least contrast in σ of the pixel noise
+  double falloff_per_m = 0.5;     ///< 1/m: σ of the change of the floor's brightness, as a share of it
+  double max_shift_px = 6.0;      ///< pixels between the first pixel that is no floor and the edge
+  double sigma_px = 0.04;         ///< pixels: σ of an edge of perfect contrast, in luma
+  double hue_sigma_px = 0.1;      ///< pixels: likewise in hue, which JPEG subsamples
+  double shading_per_px = 0.05;   ///< 1/px: σ of the change of a face's brightness at its foot, its share
+  double hue_shared_px =
+      0.15;            ///< pixels: σ of edges in hue that neighbouring columns share (coding, shading)
   int window_px = 12;  ///< columns to either side over which the offset of luma and hue is averaged
   static EdgeOptions read(const options::Section& section);
 };

@@ -19,7 +19,7 @@ namespace omnifleet::occupancy {
 
 RayLimits rayLimitsOf(const OccupancyOptions& options) {
   return {std::llround(options.resolution_m * kDmmPerMetre), std::llround(options.max_range_m * kDmmPerMetre),
-          std::llround(options.free_sigmas * 1000.0)};
+          std::llround(options.hit_cells * 1000.0), std::llround(options.free_sigmas * 1000.0)};
 }
 
 OccupancyOptions OccupancyOptions::read(const options::Section& section) {
@@ -40,6 +40,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
   section.read("unknown_is_hit", o.unknown_is_hit);
+  section.read("hit_cells", o.hit_cells, {0.0, 100.0});
   section.read("free_sigmas", o.free_sigmas, {0.0, 10.0});
   section.read("least_share", o.least_share, {0.0, 0.5});
   section.read("least_gap_m", o.least_gap_m, {0.0, 1.0});

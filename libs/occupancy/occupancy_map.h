@@ -37,6 +37,7 @@ struct OccupancyOptions {
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body
   bool unknown_is_hit = false;     ///< whether rays at objects of undecided kind mark a cell as hit
+  double hit_cells = 0.75;         ///< cells: a ray whose σ is larger shows floor, but its end is not a hit
   double free_sigmas = 3.0;        ///< σ before the end of a ray up to which it shows floor
   /// Of the weight of the ray ends in a cell and in the next one along the rays; a cell with less holds the
   /// noise of the other. 0.2: the surface lies about one σ beyond the border between the two.

@@ -24,7 +24,7 @@ RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role
     if (floor_end >= max_range) return {max_range, 0, RayRole::kFree};
     return {max_range, std::min(max_range - floor_end, max_range), RayRole::kOpen};
   }
-  const bool is_vague = role != RayRole::kOpen && 2 * sigma > limits.resolution;
+  const bool is_vague = role != RayRole::kOpen && 1000 * sigma > limits.hit_permille * limits.resolution;
   if (role == RayRole::kHitOnly) return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit};
   return {range, std::min(sigma * limits.free_permille / 1000, range), is_vague ? RayRole::kOpen : role};
 }

@@ -19,6 +19,7 @@ enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly };
 /// Lengths in 0.1 mm.
 struct RayLimits {
   std::int64_t resolution, max_range;
+  std::int64_t hit_permille = 750;    ///< σ of a hit, at most, in thousandths of a cell
   std::int64_t free_permille = 3000;  ///< floor is shown up to this many thousandths of σ before the end
 };
 RayLimits rayLimitsOf(const OccupancyOptions& options);

@@ -49,22 +49,50 @@ TEST_F(DistanceVectorFloor, FollowsAShadowToTheObjectBehindIt) {
   EXPECT_NEAR(middleEdge(), foot(), 0.5);
 }
 
-TEST_F(DistanceVectorFloor, EndsAtAStainOfAnotherHue) {
+// From near, a card may be a low object: the floor is free up to it, and nothing is known of it.
+TEST_F(DistanceVectorFloor, IsUndecidedAtACardFromNear) {
   world_.spots.push_back({{0.4, 0.0}, 0.08, {0.5f, 0.8f, 1.3f}});
   const double near = camera_.pixelFromPoint({0.32, 0.0, 0.0})->y();
   EXPECT_NEAR(middleEdge(), near, 0.7);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kUndecided);
+  EXPECT_EQ(vector_.boundary().inverse_m[0], 0.0f);
 }
 
+// From afar, the floor behind it shows that it is lower than 1 cm.
+TEST_F(DistanceVectorFloor, CrossesACardFromAfar) {
+  world_.blocks[0].centre_m.x() += 0.6;
+  world_.spots.push_back({{1.0, 0.0}, 0.04, {0.5f, 0.8f, 1.3f}});
+  EXPECT_NEAR(middleEdge(), camera_.pixelFromPoint({1.44, 0.0, 0.0})->y(), 0.4);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kObstacle);
+}
+
+// A block of 5 cm hides more than a sheet of paper would.
+TEST_F(DistanceVectorFloor, EndsAtALowBlockFromAfar) {
+  world_.blocks[0].centre_m.x() = 4.0;
+  world_.blocks.push_back({{0.74, 0.0}, {0.04, 0.2}, 0.0, 0.05, {60, 60, 170}});
+  EXPECT_NEAR(middleEdge(), camera_.pixelFromPoint({0.7, 0.0, 0.0})->y(), 0.4);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kObstacle);
+}
+
+// A black block on grey floor has no hue, but no shadow is as dark.
+TEST_F(DistanceVectorFloor, FollowsAShadowToABlackObject) {
+  world_.blocks[0].bgr = {35, 35, 36};
+  world_.spots.push_back({{0.75, 0.0}, 0.25, {0.6f, 0.6f, 0.6f}});
+  EXPECT_NEAR(middleEdge(), foot(), 0.7);
+}
+
+// A line that points at the camera has no floor behind it, so the column beside it is measured.
 TEST_F(DistanceVectorFloor, CrossesALineOfOneCentimetre) {
   world_.grid_m = 0.3;
   world_.grid_line_m = 0.01;
   world_.grid_factor = 0.4;
-  EXPECT_NEAR(middleEdge(), foot(), 0.5);
+  middleEdge();
+  EXPECT_NEAR(vector_.edgeRows()[145], foot(), 0.5);
 }
 
 TEST_F(DistanceVectorFloor, FollowsLightThatFallsOff) {
   world_.light_per_m = {-0.6, 0.3};
-  EXPECT_NEAR(middleEdge(), foot(), 0.4);
+  EXPECT_NEAR(middleEdge(), foot(), 0.5);
 }
 
 // Without walls the floor ends at the horizon: free rays up to the farthest row that is measured.

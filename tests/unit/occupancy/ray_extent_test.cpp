@@ -91,15 +91,15 @@ std::string cellsOf(int unknown, int free, int unknown_after, bool is_hit) {
   return row;
 }
 
-TEST(RayExtent, IsAHitUpToASigmaOfHalfACell) {
+TEST(RayExtent, IsAHitUpToASigmaOfThreeQuartersOfACell) {
   const auto roleFor = [](std::uint16_t sigma_dmm, RayRole role) {
     const SingleRay ray{RayLabel::kObstacle, 10000, sigma_dmm, 0};
     return extentOf(scanWith(ray), 0, role, {kCellDmm, kFarDmm}).role;
   };
   for (const RayRole role : {RayRole::kHit, RayRole::kHitOnly}) {
     EXPECT_EQ(roleFor(0, role), RayRole::kHit);
-    EXPECT_EQ(roleFor(250, role), RayRole::kHit);
-    EXPECT_EQ(roleFor(251, role), RayRole::kOpen);
+    EXPECT_EQ(roleFor(375, role), RayRole::kHit);
+    EXPECT_EQ(roleFor(376, role), RayRole::kOpen);
   }
   EXPECT_EQ(roleFor(400, RayRole::kOpen), RayRole::kOpen);
   EXPECT_EQ(roleFor(400, RayRole::kFree), RayRole::kFree);
@@ -159,7 +159,7 @@ TEST(RayExtent, MarksFloorUpToTheSigmasOfTheOptions) {
 }
 
 TEST(RayExtent, MarksOnlyFloorUpToThreeSigmaBeforeAVagueHit) {
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 251, 0}})), cellsOf(0, 17, 0, false));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 376, 0}})), cellsOf(0, 17, 0, false));
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 1000, 0}})), cellsOf(0, 13, 0, false));
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kObstacle, 10000, 20000, 0}})), cellsOf(0, 0, 0, false));
 }
@@ -178,8 +178,8 @@ TEST(RayExtent, LeavesAllBehindAnUndecidedRayUnknown) {
 
 TEST(RayExtent, MarksOnlyTheEndOfAHitWithoutAnEdge) {
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 0, 0}})), cellsOf(19, 0, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 250, 0}})), cellsOf(19, 0, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 251, 0}})), cellsOf(0, 0, 0, false));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 375, 0}})), cellsOf(19, 0, 0, true));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 376, 0}})), cellsOf(0, 0, 0, false));
 }
 
 TEST(RayExtent, ShowsAHitWithoutAnEdgeOnlyBesideVisibleFloor) {
