@@ -180,7 +180,7 @@ void BearingSampler::trim(const std::vector<ColumnHit>& hits, std::size_t begin,
   }
 }
 
-void BearingSampler::set(int bin, End end, float inverse_m, float sigma) {
+void BearingSampler::set(int bin, RayLabel label, float inverse_m, float sigma) {
   const int n = options_.bearings;
   const auto i = static_cast<std::size_t>(((bin % n) + n) % n);
   if (!(inverse_m > 0.0f)) return;
@@ -188,9 +188,10 @@ void BearingSampler::set(int bin, End end, float inverse_m, float sigma) {
   if (scan_.label[i] != RayLabel::kInvalid && 1.0f / inverse_m >= scan_.range_m[i]) return;
   scan_.range_m[i] = 1.0f / inverse_m;
   scan_.sigma_m[i] = sigma / (inverse_m * inverse_m);
-  scan_.label[i] = end == End::kEdge ? RayLabel::kObstacle : RayLabel::kFloorEnd;
-  boundary_.inverse_m[i] = end == End::kEdge ? inverse_m : 0.0f;
-  boundary_.sigma[i] = end == End::kEdge ? sigma : 0.0f;
+  scan_.label[i] = label;
+  const bool is_edge = label == RayLabel::kObstacle;
+  boundary_.inverse_m[i] = is_edge ? inverse_m : 0.0f;
+  boundary_.sigma[i] = is_edge ? sigma : 0.0f;
 }
 
 /// Bearings fall from left to right. Columns begin..end−1 follow each other.
@@ -210,9 +211,10 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
     if (!(across > 0.0f)) continue;
     const float f = std::clamp((a.bearing_rad - bearing) / across, -kBeyond, 1.0f + kBeyond);
     if (kind == End::kFloorEnd) {
-      set(bin, kind, std::max(a.inverse_m, b.inverse_m), std::max(a.sigma, b.sigma));
+      set(bin, RayLabel::kFloorEnd, std::max(a.inverse_m, b.inverse_m), std::max(a.sigma, b.sigma));
       continue;
     }
+    const RayLabel label = a.low || b.low ? RayLabel::kUndecided : RayLabel::kObstacle;
     while (first < end && hits[first].bearing_rad > bearing + 0.5f * bin_rad) ++first;
     float weight = 0.0f, sum = 0.0f, place = 0.0f;
     int n = 0;
@@ -229,11 +231,11 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
       const ColumnHit &from = hits[first >= begin + 2 ? first - 2 : begin],
                       &to = hits[std::min(end - 1, last + 2)];
       const float slope = (from.inverse_m - to.inverse_m) / (from.bearing_rad - to.bearing_rad);
-      set(bin, kind, sum / weight + slope * (bearing - place / weight),
+      set(bin, label, sum / weight + slope * (bearing - place / weight),
           std::sqrt(1.0f / weight + shared * shared));
     } else {
       const float s = (1.0f - f) * a.sigma, t = f * b.sigma;
-      set(bin, kind, (1.0f - f) * a.inverse_m + f * b.inverse_m, std::sqrt(s * s + t * t + shared * shared));
+      set(bin, label, (1.0f - f) * a.inverse_m + f * b.inverse_m, std::sqrt(s * s + t * t + shared * shared));
     }
   }
 }

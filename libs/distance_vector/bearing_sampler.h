@@ -12,6 +12,7 @@ namespace omnifleet::distance_vector {
 /// One image column on the floor, about the foot of the camera.
 struct ColumnHit {
   End end = End::kOutside;
+  bool low = false;  ///< kEdge: of something low or flat (ColumnEnd)
   float row = 0.0f;  ///< pixels; of kEdge and kFloorEnd
   float bearing_rad = 0.0f;
   float inverse_m = 0.0f;  ///< 1/m
@@ -46,7 +47,7 @@ class BearingSampler {
   void trim(const std::vector<ColumnHit>& hits, std::size_t begin, std::size_t end, bool silhouette,
             bool last);
   void samplePiece(const std::vector<ColumnHit>& hits, std::size_t begin, std::size_t end);
-  void set(int bin, End end, float inverse_m, float sigma);
+  void set(int bin, RayLabel label, float inverse_m, float sigma);
 
   Options options_;
   std::vector<std::uint8_t> joined_;  ///< column i and i + 1 belong together

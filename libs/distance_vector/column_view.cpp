@@ -12,6 +12,7 @@ constexpr double kTurn_rad = 2.0 * M_PI;
 
 ColumnView::ColumnView(const lens::Camera& camera, const Options& options)
     : size_(camera.model().image_width_px, camera.model().image_height_px) {
+  camera_height_m_ = static_cast<float>(camera.height());
   const auto columns = static_cast<std::size_t>(size_.width);
   inverse_m_.assign(columns * static_cast<std::size_t>(size_.height), 0.0f);
   bearing_rad_ = inverse_m_;

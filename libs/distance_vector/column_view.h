@@ -31,6 +31,8 @@ class ColumnView {
   int checkRow(int u) const { return check_[static_cast<std::size_t>(u)]; }
   /// True if the image shows what is above the horizon in this column, so that floor can be rejected there.
   bool seesHorizon(int u) const { return sees_horizon_[static_cast<std::size_t>(u)] != 0; }
+  /// m, of the camera above the floor.
+  float cameraHeight() const { return camera_height_m_; }
   /// Largest distance (m) of the bottom row: nearer floor is hidden in at least one direction.
   double blindM() const { return blind_m_; }
 
@@ -43,6 +45,7 @@ class ColumnView {
   std::vector<int> horizon_, limit_, check_;
   std::vector<unsigned char> sees_horizon_;
   double blind_m_ = 0.0;
+  float camera_height_m_ = 0.0f;
 };
 
 }  // namespace omnifleet::distance_vector

@@ -43,6 +43,14 @@ float FloorWalk::depth(int u, int below, int above) const {
   return far > 0.0f ? std::min(kFar_m, 1.0f / far - 1.0f / near) : kFar_m;
 }
 
+float FloorWalk::heightBound(int u, int below, int above) const {
+  const float height = view_->cameraHeight();
+  if (above <= view_->horizonRow(u)) return height;
+  // The line of sight to the floor behind passes at this height above the near edge.
+  return height * (1.0f - view_->inverseRange(u, static_cast<float>(above)) /
+                              view_->inverseRange(u, static_cast<float>(below)));
+}
+
 float FloorWalk::levelTolerance(int u, int v, float level) const {
   const float row_m = step_m_[static_cast<std::size_t>(v * view_->size().width + u)];
   const float falloff = std::min(0.15f, static_cast<float>(options_.falloff_per_m) * kLagRows * row_m);
@@ -137,6 +145,7 @@ void FloorWalk::stepFloor(int u, int v, const float* colour) {
   if (d.hue || d.level) {
     w.state = State::kBand;
     w.begin = v;
+    w.edge = -1;
     w.count = w.hue_run = w.hue_count = w.floor_run = 0;
     w.band_sum = 0.0f;
     stepBand(u, v, colour);
@@ -173,15 +182,18 @@ void FloorWalk::stepBand(int u, int v, const float* colour) {
   if (w.hue_run == 0) w.hue_begin = v;
   ++w.hue_run;
   ++w.hue_count;
-  if (w.hue_run < options_.min_run_px) return;
+  if (w.edge >= 0 || w.hue_run < options_.min_run_px) return;
+  w.edge = isShadow(u, w) ? w.hue_begin : w.begin;
+}
+
+/// A part in which the level alone is darker, then a deviation in hue.
+bool FloorWalk::isShadow(int u, const Walker& w) const {
   const bool from_begin = w.begin - w.hue_begin <= kBlur_px;
-  if (!(depth(u, w.begin, v) > static_cast<float>(options_.max_marking_m))) return;
   const int before = w.count - w.hue_run;
-  const bool shadow =
-      !from_begin && before > 0 && w.hue_count - w.hue_run <= kBlur_px && w.hue_begin > view_->limitRow(u) &&
-      w.band_sum / static_cast<float>(w.count) < w.level &&
-      w.band_sum / static_cast<float>(w.count) > static_cast<float>(options_.shadow_ratio) * w.level;
-  finish(u, End::kEdge, shadow ? w.hue_begin : w.begin);
+  const float level = w.band_sum / static_cast<float>(w.count);
+  return !from_begin && before > 0 && w.hue_count - w.hue_run <= kBlur_px &&
+         w.hue_begin > view_->limitRow(u) && level < w.level &&
+         level > static_cast<float>(options_.shadow_ratio) * w.level;
 }
 
 /// Floor follows on a band that ends below row v.
@@ -189,11 +201,12 @@ void FloorWalk::endBand(int u, int v) {
   Walker& w = walkers_[static_cast<std::size_t>(u)];
   const int rows = w.begin - v + 1;
   const float ratio = rows > 0 ? w.band_sum / (static_cast<float>(w.count - w.floor_run) * w.level) : 1.0f;
-  if (rows <= 1 || depth(u, w.begin, v) <= static_cast<float>(options_.max_marking_m)) {
+  if (rows <= 1 || heightBound(u, w.begin, v) <= static_cast<float>(options_.flat_m)) {
     w.state = State::kFloor;
-  } else if (3 * w.hue_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
+  } else if (w.edge >= 0 || 3 * w.hue_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
              ratio < static_cast<float>(options_.shadow_ratio)) {
-    finish(u, End::kEdge, w.begin);
+    finish(u, End::kEdge, w.edge >= 0 ? w.edge : w.begin);
+    ends_[static_cast<std::size_t>(u)].low = true;
   } else {
     finish(u, End::kUndecided, w.begin);
   }
@@ -226,7 +239,7 @@ void FloorWalk::finish(int u, End end, int row) {
 void FloorWalk::finishAtHorizon(int u) {
   const Walker& w = walkers_[static_cast<std::size_t>(u)];
   if (w.state == State::kBand) {
-    finish(u, End::kEdge, w.begin);
+    finish(u, End::kEdge, w.edge >= 0 ? w.edge : w.begin);
   } else if (view_->seesHorizon(u)) {
     finish(u, End::kUndecided, view_->horizonRow(u) - kHorizonSlack_px - 1);
     ends_[static_cast<std::size_t>(u)].floor = view_->size().height;

@@ -23,17 +23,21 @@ struct ColumnEnd {
   End end = End::kOutside;
   int row = 0;    ///< first row (upwards) that is no floor; of kFloorEnd the farthest row that is measured
   int floor = 0;  ///< uppermost floor row, for the mask; the image height: none
+  /// kEdge: floor is seen behind it, so it is lower than the camera, or flat on the floor.
+  bool low = false;
 };
 
 /// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue
 /// adapts slowly, its level follows light that falls off (a level and a slope per row). A pixel deviates in
 /// hue (distance from the expected direction) or in level. A run of deviating pixels is a band:
-/// - its floor depth is at most `max_marking_m` and floor follows: a line or a seam; the walk goes on;
-/// - it deviates in hue: an object, whatever is above it;
-/// - in level alone, up to the horizon: an object;
-/// - in level alone, darker than the floor, and a deviation in hue follows: a shadow, then an object;
-/// - in level alone, and floor follows: an object if it is brighter than light_ratio or darker than
-///   shadow_ratio, otherwise undecided (a shadow, or an object lower than the camera).
+/// - floor follows, and what stands at its near edge and hides the floor up to there is at most `flat_m`
+/// high:
+///   a line or a seam; the walk goes on;
+/// - up to the horizon: an object. After a part in which the level alone is darker, a deviation in hue
+/// begins:
+///   a shadow, then an object;
+/// - floor follows: a low or flat object if it deviates in hue, is brighter than light_ratio or darker than
+///   shadow_ratio, otherwise undecided (a shadow, or a low object).
 /// Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:
@@ -49,6 +53,7 @@ class FloorWalk {
     float level, slope;     ///< expected at the next row, and its change per row
     float band_sum = 0.0f;  ///< of the levels of the band
     int begin = 0;          ///< first row of the band
+    int edge = 0;           ///< row where its object begins, once it is no line; −1 before
     int hue_begin = 0;      ///< first row of the present run of pixels that deviate in hue
     int hue_run = 0, hue_count = 0, floor_run = 0, count = 0;
     State state = State::kFloor;
@@ -68,6 +73,9 @@ class FloorWalk {
   void finishAtHorizon(int u);
   /// Metres of floor between two rows; infinite from the horizon upwards.
   float depth(int u, int below, int above) const;
+  /// Height of an object (m) that begins at row `below` and hides the floor up to row `above`, at most.
+  float heightBound(int u, int below, int above) const;
+  bool isShadow(int u, const Walker& w) const;
   float levelTolerance(int u, int v, float level) const;
 
   const ColumnView* view_;

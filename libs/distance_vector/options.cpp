@@ -12,7 +12,7 @@ WalkOptions WalkOptions::read(const options::Section& section) {
   section.read("falloff_per_m", o.falloff_per_m, {0.0, 10.0});
   section.read("shadow_ratio", o.shadow_ratio, {0.0, 1.0});
   section.read("light_ratio", o.light_ratio, {1.0, 10.0});
-  section.read("max_marking_m", o.max_marking_m, {0.0, 1.0});
+  section.read("flat_m", o.flat_m, {0.0, 1.0});
   section.read("min_run_px", o.min_run_px, {1, 20});
   section.read("horizon_px", o.horizon_px, {1.0, 200.0});
   section.read("check_px", o.check_px, {2.0, 200.0});

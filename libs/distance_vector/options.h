@@ -21,9 +21,9 @@ struct WalkOptions {
   double falloff_per_m = 0.3;    ///< 1/m: share of the brightness that light may fall off per metre of floor
   double shadow_ratio = 0.4;     ///< brightness of a shadow ÷ brightness of the floor beside it, at least
   double light_ratio = 1.25;     ///< what is brighter than this ratio and of the floor's hue is an object
-  /// Metres of floor along the line of sight. A narrower band with floor behind it is a line or a seam of the
-  /// floor. So an object lower than H·w/(d + w) at distance d is overlooked (0.3 m, H = 8.5 cm: 1 cm).
-  double max_marking_m = 0.04;
+  /// Metres. What is at most this high is floor: robots drive over it. The floor that is seen behind a band
+  /// bounds the height of what stands there: lines, seams and flat cards.
+  double flat_m = 0.01;
   int min_run_px = 3;        ///< pixels in a row that are no floor
   double horizon_px = 4.0;   ///< pixels below the horizon: the farthest floor that is measured
   double check_px = 8.0;     ///< pixels above the horizon up to which floor-like pixels are followed

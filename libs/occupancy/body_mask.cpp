@@ -31,7 +31,7 @@ BodyMask::BodyMask(const RobotBody& body, double margin_m, double default_radius
 }
 
 bool BodyMask::covers(const PointDmm& p, std::int64_t more_dmm) const {
-  const std::int64_t x = p.x_dmm, y = p.y_dmm, reach = reach_dmm_ + more_dmm;
+  const std::int64_t x = p.x_dmm, y = p.y_dmm, reach = std::max<std::int64_t>(reach_dmm_ + more_dmm, 0);
   if (x * x + y * y > reach * reach) return false;
   return std::all_of(edges_.begin(), edges_.end(), [&](const Edge& e) {
     return e.normal_x * x + e.normal_y * y <= e.offset + more_dmm * e.length;

@@ -95,7 +95,9 @@ void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t 
     if (isEmptyRow(marks)) continue;
     for (int column = 0; column < kChunk; ++column) {
       const std::uint8_t mark = marks[column];
-      if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || (mark & mask_bit) != 0) continue;
+      const bool driven = (mark & RayWindow::kDriven) != 0;
+      const bool seen = (mark & (RayWindow::kMiss | RayWindow::kHit)) != 0 && (mark & mask_bit) == 0;
+      if (!driven && !seen) continue;
       if (chunk == nullptr) {
         chunk = &chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
         layer = chunk->counts.layerFor(bucket, fold_);
@@ -103,7 +105,7 @@ void CellCounts::applyChunk(const RayWindow& window, int i, int j, std::int64_t 
         before = &chunk->counts.before(layer);
         if (chunk->counts.isNewest(layer)) newest = &chunk->counts.counts(layer);
       }
-      const bool hit = (mark & RayWindow::kHit) != 0;
+      const bool hit = !driven && (mark & RayWindow::kHit) != 0;
       const int cell = row * kChunk + column, hits = hit ? sign : 0, misses = hit ? 0 : sign;
       if (newest != nullptr)
         changeNewest(*chunk, *newest, *before, cell, hits, misses, changed);
@@ -123,6 +125,7 @@ void CellCounts::exchangeMasks(const RayWindow& window, std::int64_t bucket, con
         for (int column = 0; column < kChunk; ++column) {
           const std::uint8_t mark = marks[column], masks = mark & kBoth;
           if ((mark & (RayWindow::kMiss | RayWindow::kHit)) == 0 || masks == 0 || masks == kBoth) continue;
+          if ((mark & RayWindow::kDriven) != 0) continue;
           Chunk& chunk = chunkAt(window.firstChunkX() + i, window.firstChunkY() + j);
           const int sign = masks == RayWindow::kMaskA ? 1 : -1;
           const bool hit = (mark & RayWindow::kHit) != 0;
@@ -162,7 +165,7 @@ void CellCounts::forEachKnown(const std::function<void(std::int64_t, std::int64_
 }
 
 Sha256 CellCounts::hash() const {
-  std::string bytes = "omnifleet-map-3";
+  std::string bytes = "omnifleet-map-4";
   putBytes(bytes, resolution_dmm_);
   putBytes(bytes, bucket_ns_);
   for (const std::int32_t parameter : {fold_.hit, fold_.miss, fold_.min, fold_.max})

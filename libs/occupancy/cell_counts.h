@@ -24,7 +24,8 @@ class CellCounts {
   /// Called for each cell whose class changed.
   using OnChange = std::function<void(std::int64_t x, std::int64_t y, CellClass now)>;
 
-  /// Adds (`sign` +1) or removes (−1) the marks of a window, except those under `mask_bit`.
+  /// Adds (`sign` +1) or removes (−1) the marks of a window, except those under `mask_bit`. A cell under the
+  /// robot itself (kDriven) counts as a miss in any case.
   void apply(const RayWindow& window, std::int64_t bucket, int sign, std::uint8_t mask_bit,
              const OnChange& changed);
   /// For the same marks: adds those under kMaskA again and removes those under kMaskB.

@@ -35,6 +35,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("robot_sigmas", o.robot_sigmas, {0.0, 10.0});
   section.read("most_robot_margin_m", o.most_robot_margin_m, {0.0, 10.0});
   section.read("robot_window_m", o.robot_window_m, {0.0, 10.0});
+  section.read("driven_is_free", o.driven_is_free);
   section.read("hold_s", o.hold_s, {0.0, 60.0});
   section.read("max_gap_s", o.max_gap_s, {0.0, 60.0});
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
@@ -70,6 +71,7 @@ class OccupancyMap::Impl {
     for (const auto& [robot, body] : bodies) {
       masks.emplace(robot, maskOf(body));
       footprints.emplace(robot, BodyMask(body, 0.0, options.default_radius_m));
+      if (body.radius_m > 0.0 || body.footprint_m.size() >= 3) given_bodies.insert(robot);
     }
     on_change = [this](std::int64_t, std::int64_t, CellClass) { ++class_changes; };
   }
@@ -92,6 +94,7 @@ class OccupancyMap::Impl {
   RobotPaths paths;
   RayWindow window;
   std::map<std::string, BodyMask> masks, footprints;  ///< with margin; without
+  std::set<std::string> given_bodies;                 ///< robots whose body is known
   BodyMask default_mask;
   AppliedSet applied;
   CellCounts::OnChange on_change;
@@ -112,11 +115,13 @@ class OccupancyMap::Impl {
     return {body, options.robot_margin_m + 0.5 * std::sqrt(2.0) * options.resolution_m,
             options.default_radius_m};
   }
+  /// How far the edge of a body may lie from its place by the σ of its pose, 0.1 mm.
+  std::int64_t sigmaMargin(const BodyMask& body, const IntegerPose& at) const {
+    return (at.sigma_dmm + body.reachDmm() * at.sigma_dmrad / 10000) * robot_permille / 1000;
+  }
   /// Added to the margin of a robot's footprint because its pose is uncertain, 0.1 mm.
   std::int64_t marginOf(const BodyMask& body, const IntegerPose& at) const {
-    if (options.robot_window_m > 0.0) return 0;
-    const std::int64_t sigma = at.sigma_dmm + body.reachDmm() * at.sigma_dmrad / 10000;
-    return std::min(sigma * robot_permille / 1000, most_margin_dmm);
+    return options.robot_window_m > 0.0 ? 0 : std::min(sigmaMargin(body, at), most_margin_dmm);
   }
   const BodyMask& maskOf(const std::string& robot) const {
     const auto found = masks.find(robot);
@@ -127,6 +132,8 @@ class OccupancyMap::Impl {
   void refreshBetween(TimeNs first_ns, TimeNs last_ns);
   void refreshAll(const std::string& robot);
   void placePoints(const std::vector<Sighting>& sightings, Applied& what) const;
+  void placeBody(Applied& what) const;
+  void coverBody(const Applied& what);
   void cutRays(Applied& what) const;
   bool bring(const std::optional<Applied>& now, Applied& old);
   void enter(const Applied& what, int sign);
@@ -191,6 +198,7 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
     what.robots.emplace_back(other, *robot_pose);
     if (has_window) what.robots.back().second.theta_dmrad = 0;
   }
+  placeBody(what);
   cutRays(what);
   placePoints(keyframe->pose->sightings, what);
   return what;
@@ -277,6 +285,7 @@ bool OccupancyMap::Impl::bring(const std::optional<Applied>& now, Applied& old) 
     if (now) enter(*now, 1);
   } else if (!same_robots) {
     window.draw(*old.contribution, old.at, old.roles, old.cuts);
+    coverBody(old);
     coverAll(old, RayWindow::kMaskA);
     coverAll(*now, RayWindow::kMaskB);
     cells.exchangeMasks(window, bucketOf(old), on_change);
@@ -347,8 +356,23 @@ void OccupancyMap::Impl::coverAll(const Applied& what, std::uint8_t bit) {
   }
 }
 
+/// A robot drives on floor only. Nothing is claimed for a body that is not given.
+void OccupancyMap::Impl::placeBody(Applied& what) const {
+  const std::string& robot = what.contribution->robot;
+  const auto found = footprints.find(robot);
+  if (!options.driven_is_free || given_bodies.count(robot) == 0) return;
+  what.body = &found->second;
+  const auto half_cell = static_cast<std::int64_t>(std::ceil(0.5 * std::sqrt(2.0) * resolution_dmm));
+  what.body_margin_dmm = -half_cell - sigmaMargin(found->second, what.at);
+}
+
+void OccupancyMap::Impl::coverBody(const Applied& what) {
+  if (what.body != nullptr) window.cover(*what.body, what.at, what.body_margin_dmm, RayWindow::kDriven);
+}
+
 void OccupancyMap::Impl::enter(const Applied& what, int sign) {
   window.draw(*what.contribution, what.at, what.roles, what.cuts);
+  coverBody(what);
   coverAll(what, RayWindow::kMaskA);
   cells.apply(window, bucketOf(what), sign, RayWindow::kMaskA, on_change);
 }

@@ -32,6 +32,7 @@ struct OccupancyOptions {
   /// m, side of the square around other robots, parallel to the axes of map, in which nothing is mapped
   /// (Ahmed et al. 2013 §2.2; rays are not cut there); 0: their footprints.
   double robot_window_m = 0.0;
+  bool driven_is_free = true;  ///< whether the floor under a robot that maps is free
   double hold_s = 1.0;     ///< s, a robot is assumed at its nearest pose for this long before and after it
   double max_gap_s = 5.0;  ///< s, poses farther apart are not interpolated
   double default_radius_m = 0.15;  ///< m, of robots without a given body

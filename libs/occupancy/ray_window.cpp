@@ -92,24 +92,11 @@ void RayWindow::drawRay(const PointDmm& from, const PointDmm& to, std::uint8_t a
 }
 
 void RayWindow::cover(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm, std::uint8_t bit) {
-  const std::int64_t reach = body.reachDmm() + more_dmm;
-  const Direction d = directionOf(turnFromDmrad(at.theta_dmrad));
-  const auto range = [&](std::int64_t centre, std::int64_t first) {
-    const std::int64_t low = floorDivide(centre - reach, limits_.resolution) - first;
-    const std::int64_t high = floorDivide(centre + reach, limits_.resolution) - first;
-    return std::pair{std::max<std::int64_t>(low, 0), std::min<std::int64_t>(high, width_ - 1)};
-  };
-  const auto [x_low, x_high] = range(at.position.x_dmm, first_x_);
-  const auto [y_low, y_high] = range(at.position.y_dmm, first_y_);
-  for (std::int64_t y = y_low; y <= y_high; ++y) {
-    for (std::int64_t x = x_low; x <= x_high; ++x) {
-      const PointDmm centre{static_cast<std::int32_t>((first_x_ + x) * limits_.resolution +
-                                                      limits_.resolution / 2 - at.position.x_dmm),
-                            static_cast<std::int32_t>((first_y_ + y) * limits_.resolution +
-                                                      limits_.resolution / 2 - at.position.y_dmm)};
-      if (body.covers(unrotate(d, centre), more_dmm)) marks_[static_cast<std::size_t>(y * width_ + x)] |= bit;
-    }
-  }
+  forEachCovered(body, at, more_dmm, limits_.resolution, [&](std::int64_t x, std::int64_t y) {
+    const std::int64_t column = x - first_x_, row = y - first_y_;
+    if (column < 0 || row < 0 || column >= width_ || row >= width_) return;
+    marks_[static_cast<std::size_t>(row * width_ + column)] |= bit;
+  });
 }
 
 bool RayWindow::isNear(const BodyMask& body, const IntegerPose& at, std::int64_t more_dmm,

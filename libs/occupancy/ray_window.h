@@ -49,6 +49,8 @@ inline constexpr int kChunk = 16;
 class RayWindow {
  public:
   static constexpr std::uint8_t kMiss = 1, kHit = 2, kMaskA = 4, kMaskB = 8;
+  /// Under the robot that took the scan: free, whatever rays and masks say.
+  static constexpr std::uint8_t kDriven = 16;
 
   explicit RayWindow(const RayLimits& limits);
 

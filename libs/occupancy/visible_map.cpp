@@ -19,7 +19,7 @@ using structure::SurfaceMap;
 
 constexpr std::uint8_t kSolid = 1;    ///< counted as occupied
 constexpr std::uint8_t kGap = 2;      ///< free or unknown in a narrow gap between occupied cells
-constexpr std::uint8_t kSeen = 4;     ///< a ray reached it
+constexpr std::uint8_t kSeen = 4;     ///< a ray or a robot reached it
 constexpr std::uint8_t kReached = 8;  ///< a ray ended there first
 
 constexpr std::int64_t kUnit = 10, kWeight = 1024;  // 1 mm: no ray end is known better
@@ -76,6 +76,8 @@ class Canvas {
   /// Between weighing and drawing.
   void removeNoise(const OccupancyOptions& options);
   void draw(const Applied& what, std::int64_t keyframe, std::uint64_t observer);
+  /// Robots see what they stand on.
+  void drive(const Applied& what);
   SurfaceMap result(double resolution_m) const;
 
  private:
@@ -265,6 +267,15 @@ void Canvas::draw(const Applied& what, std::int64_t keyframe, std::uint64_t obse
                           std::int64_t sigma) { drawRay(origin, along, ray, sigma); });
 }
 
+void Canvas::drive(const Applied& what) {
+  if (what.body == nullptr) return;
+  forEachCovered(*what.body, what.at, what.body_margin_dmm, resolution_,
+                 [this](std::int64_t x, std::int64_t y) {
+                   if (x < x_low_ || y < y_low_ || x >= x_low_ + width_ || y >= y_low_ + height_) return;
+                   marks_[static_cast<std::size_t>((y - y_low_) * width_ + x - x_low_)] |= kSeen;
+                 });
+}
+
 SurfaceMap Canvas::result(double resolution_m) const {
   SurfaceMap map;
   map.resolution_m = resolution_m;
@@ -320,6 +331,7 @@ SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied, const
   canvas.removeNoise(options);
   std::int64_t keyframe = 0;
   for (const auto* entry : keyframes) canvas.draw(entry->second, keyframe++, bits.at(entry->first.first));
+  for (const auto& [key, what] : applied) canvas.drive(what);
   SurfaceMap map = canvas.result(options.resolution_m);
   for (const auto& [robot, bit] : bits) map.robots.push_back(robot);
   return map;

@@ -36,6 +36,10 @@ struct Applied {
   RayCuts cuts;
   std::vector<VoxelKey> voxels;  ///< that contain its points, sorted, without duplicates
   std::vector<std::pair<std::string, IntegerPose>> robots;  ///< those that cover cells, sorted by name
+  /// Footprint of the robot that took the scan: the cells under it are free. Null: its body is unknown.
+  const BodyMask* body = nullptr;
+  std::int64_t body_margin_dmm = 0;  ///< negative: by what the footprint shrinks for the σ of the pose, and
+                                     ///< so that it covers whole cells
 };
 using AppliedSet = std::map<std::pair<std::string, TimeNs>, Applied>;
 

@@ -47,6 +47,9 @@ class MergerFeed {
            r2_.pose->waitForReaders(poses, timeout);
   }
 
+  /// Processes that read the frames of r1 now.
+  int objectReaders() const { return r1_.objects->matched(); }
+
  private:
   struct Robot {
     std::string name;
