@@ -66,7 +66,7 @@ run_seed() {
     [ "$code" = 0 ] || { say "$1 returned $code" 2>>"$folder/log"; exit "$code"; }
   }
   record() {  # record FOLDER OPTION…
-    local at="$1" arguments="--seed $seed --layout $((1 + seed % 2)) --frames $frames ${*:2}"
+    local at="$1" arguments="--seed $seed --layout $((1 + seed % 2)) --frames $frames${2:+ }${*:2}"
     if [ ! -e "$at/recording" ] || [ "$arguments" != "$(cat "$at/recording.arguments" 2>/dev/null)" ]; then
       rm -rf "$at/recording" "$at/unfinished" "$at/literal" "$at/omnifleet"
       mkdir -p "$at"
@@ -93,7 +93,7 @@ run_seed() {
     step "$root/scripts/ceiling_view.sh" "$folder/omnifleet" "$folder/recording"
     record "$folder/stale" --stale 0.2
     both "$folder/stale"
-    record "$folder/waiting" --stale 0.2 --stop-and-wait 0.8 --ceiling-rate 2.5
+    record "$folder/waiting" --stale 0.2 --stop-and-wait 0.8
     both "$folder/waiting"
   fi
 }

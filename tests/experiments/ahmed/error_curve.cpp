@@ -19,8 +19,9 @@
 namespace omnifleet::ahmed {
 namespace {
 
-constexpr double kBin_m = 0.1, kFarthest_m = 2.0, kInfinite = std::numeric_limits<double>::infinity();
-constexpr int kLeast = 50;  // bearings per bin
+constexpr double kBin_m = 0.1, kFarthest_m = 1.5, kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kNearest_m = 0.2;  // drawn: nearer objects are below the image of a camera 8.5 cm high
+constexpr int kLeast = 50;          // bearings per bin, drawn
 
 /// Distance along a unit vector to the outline of a polygon; infinite if the ray misses it.
 double rangeTo(const Polygon& polygon, const Eigen::Vector2d& from, const Eigen::Vector2d& along) {
@@ -178,12 +179,13 @@ void drawErrorCurve(const ErrorCurve& curve, const std::string& path) {
   axes.title = "Error of the distance vector at true poses";
   axes.x_label = "true distance from base_link (m)";
   axes.y_label = "error of the distance (cm)";
-  axes.low = {0.1, 0.0};
-  axes.high = {0.1, 1.0};
+  axes.low = {kNearest_m, 0.0};
+  axes.high = {kNearest_m, 1.0};
   const auto pointsOf = [&](const std::vector<DistanceErrors>& errors, double DistanceErrors::*part) {
     std::vector<Eigen::Vector2d> points;
     for (std::size_t bin = 0; bin < errors.size(); ++bin)
-      if (errors[bin].count >= kLeast) points.emplace_back(curve.distance_m[bin], 100.0 * errors[bin].*part);
+      if (errors[bin].count >= kLeast && curve.distance_m[bin] > kNearest_m)
+        points.emplace_back(curve.distance_m[bin], 100.0 * errors[bin].*part);
     return points;
   };
   for (const auto* errors : {&curve.literal, &curve.omnifleet})

@@ -24,10 +24,28 @@ cv::Mat readPicture(const std::string& path) {
   return picture;
 }
 
+/// The image in quarter turns so that map +x points to the right, as in the maps.
+cv::Mat turnedToMap(const lens::CameraModel& model, const cv::Mat& image) {
+  const lens::Camera camera(model);
+  const Eigen::Vector2d middle = model.position_m.head<2>();
+  const auto pixel = [&](const Eigen::Vector2d& at) {
+    return camera.pixelFromPoint({at.x(), at.y(), 0.0}).value_or(Eigen::Vector2d::Zero());
+  };
+  constexpr double kStep_m = 0.1;
+  const Eigen::Vector2d x = pixel(middle + Eigen::Vector2d(kStep_m, 0.0)) - pixel(middle);
+  if (std::abs(x.x()) > std::abs(x.y()) && x.x() > 0.0) return image;
+  cv::Mat turned;
+  cv::rotate(image, turned,
+             std::abs(x.x()) > std::abs(x.y()) ? cv::ROTATE_180
+             : x.y() > 0.0                     ? cv::ROTATE_90_COUNTERCLOCKWISE
+                                               : cv::ROTATE_90_CLOCKWISE);
+  return turned;
+}
+
 cv::Mat lastImage(const dataset::ImageStream& stream) {
   for (auto row = stream.rows.rbegin(); row != stream.rows.rend(); ++row) {
     const cv::Mat image = cv::imread(row->path);
-    if (!image.empty()) return image;
+    if (!image.empty()) return turnedToMap(stream.camera, image);
   }
   throw std::runtime_error(stream.name + ": has no readable image");
 }
