@@ -18,7 +18,7 @@ namespace omnifleet::ahmed {
 namespace {
 
 constexpr int kExperiments = 10;                        // as in Table 1
-constexpr double kNearest_m = 0.21, kFarthest_m = 1.3;  // from base_link; the front camera is 9 cm before it
+constexpr double kNearest_m = 0.21, kFarthest_m = 1.3;  // from base_link; α is up to 2.1 as in Table 1
 constexpr int kColumns = 10;  // on both sides of the middle: rows of the distance vector
 
 /// An arena without blocks and cards, the parked robots in its right corners.
