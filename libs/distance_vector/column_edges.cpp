@@ -10,7 +10,7 @@ namespace {
 constexpr int kReach_px = 16;  // of the profile to both sides of the expected row
 constexpr int kLength = 2 * kReach_px + 1;
 constexpr float kWindow_px = 2.0f;                          // half width of the area that places the edge
-constexpr float kPlateau_px = 2.0f, kPlateauEnd_px = 4.0f;  // of the object
+constexpr float kPlateau_px = 2.0f, kPlateauEnd_px = 7.0f;  // of the object
 constexpr float kFloor_px = 2.0f, kFloorEnd_px = 9.0f;      // of the line through the floor
 constexpr int kLeastFloor_px = 2;                           // pixels
 constexpr float kProfileNoise = 2.0f;                       // grey levels, against which the prior counts
@@ -36,14 +36,6 @@ struct ColumnEdges::Profile {
   std::array<float, kLength> range_m;  ///< of the floor; decreasing with the distance from the edge downwards
   int first = 0, end = kLength;        ///< indices inside the image
 
-  float mean(float from, float to, int& n) const {
-    float sum = 0.0f;
-    n = 0;
-    const int begin = std::max(first, static_cast<int>(std::ceil(from))),
-              last = std::min(end - 1, static_cast<int>(std::floor(to)));
-    for (int i = begin; i <= last; ++i, ++n) sum += value[static_cast<std::size_t>(i)];
-    return n > 0 ? sum / static_cast<float>(n) : 0.0f;
-  }
   float at(float i) const { return mixed(value, i); }
   float rangeAt(float i) const { return mixed(range_m, i); }
   float mixed(const std::array<float, kLength>& table, float i) const {
@@ -95,6 +87,39 @@ FloorLine fitFloor(const Profile& profile, float edge, float slope_share) {
   return line;
 }
 
+/// The object above an edge: value = level + slope·(pixels above the edge). The foot of a face is often
+/// darker: the floor takes its light.
+struct FaceLine {
+  float level = 0.0f, slope = 0.0f;  ///< grey levels, and per pixel
+  float variance = 1.0f;             ///< of the level, in units of the variance of a value
+  int n = 0;
+};
+
+/// @param slope_share 1/px: σ of the slope before the fit, share of the level's contrast
+template <class Profile>
+FaceLine fitFace(const Profile& profile, float edge, float slope_share) {
+  float n = 0, sx = 0, sxx = 0, sy = 0, sxy = 0;
+  const int from = static_cast<int>(std::ceil(edge + kPlateau_px)),
+            to = std::min(profile.end - 1, static_cast<int>(std::floor(edge + kPlateauEnd_px)));
+  for (int i = from; i <= to; ++i) {
+    const float x = static_cast<float>(i) - edge, y = profile.value[static_cast<std::size_t>(i)];
+    n += 1.0f;
+    sx += x;
+    sxx += x * x;
+    sy += y;
+    sxy += x * y;
+  }
+  FaceLine line;
+  line.n = static_cast<int>(n);
+  if (line.n < 2) return line;
+  const float prior = std::max(1.0f, std::abs(sy / n)) * slope_share;
+  const float information = sxx - sx * sx / n + kProfileNoise * kProfileNoise / (prior * prior);
+  line.slope = (sxy - sx * sy / n) / information;
+  line.variance = 1.0f / n + sx * sx / (n * n) / information;
+  line.level = (sy - line.slope * sx) / n;
+  return line;
+}
+
 /// The nearest clear step of the profile around `expected`.
 template <class Profile>
 bool locate(const Profile& profile, float expected, float max_shift, float& edge) {
@@ -120,10 +145,9 @@ bool locate(const Profile& profile, float expected, float max_shift, float& edge
 
 }  // namespace
 
-/// @param noise σ of a value @param fixed_px σ that does not depend on the contrast
 std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, int row, float noise,
-                                                      float fixed_px) const {
-  float edge = 0.0f, contrast = 0.0f;
+                                                      float fixed_px, float least_contrast) const {
+  float edge = 0.0f, contrast = 0.0f, face_variance = 0.0f;
   if (!locate(profile, static_cast<float>(kReach_px), static_cast<float>(options_.max_shift_px), edge))
     return std::nullopt;
   const float begun = edge;
@@ -131,18 +155,19 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
   for (int round = 0; round < kRounds; ++round) {
     line = fitFloor(profile, edge, static_cast<float>(options_.falloff_per_m));
     const float edge_m = profile.rangeAt(edge);
-    int count = 0;
-    const float object = profile.mean(edge + kPlateau_px, edge + kPlateauEnd_px, count);
-    if (line.n < kLeastFloor_px || count < 2) return std::nullopt;
-    contrast = object - line.level;
+    const FaceLine face = fitFace(profile, edge, static_cast<float>(options_.shading_per_px));
+    if (line.n < kLeastFloor_px || face.n < 2) return std::nullopt;
+    contrast = face.level - line.level;
+    face_variance = face.variance;
     if (std::abs(contrast) < 1.0f) return std::nullopt;
     float outside = 0.0f;
     int samples = 0;
     constexpr float kStep_px = 0.25f;
     for (float d = -kWindow_px + 0.5f * kStep_px; d < kWindow_px; d += kStep_px, ++samples) {
       const float range_m = profile.rangeAt(edge + std::min(d, 0.0f));
-      const float above = profile.at(edge + d) - line.level - line.slope * (range_m - edge_m);
-      outside += std::clamp(above / contrast, -0.5f, 1.5f);
+      const float floor = line.level + line.slope * (range_m - edge_m);
+      const float object = face.level + face.slope * std::max(d, 0.0f);
+      outside += std::clamp((profile.at(edge + d) - floor) / (object - floor), -0.5f, 1.5f);
     }
     edge += std::clamp((0.5f - outside / static_cast<float>(samples)) * 2.0f * kWindow_px, -1.5f, 1.5f);
     if (std::abs(edge - begun) > kMostMove_px) return std::nullopt;
@@ -150,23 +175,21 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
   // The floor's own deviations, with the pixel noise as prior.
   const float variance = (kNoiseSamples * noise * noise + line.squares) /
                          (kNoiseSamples + std::max(0.0f, static_cast<float>(line.n) - 1.5f));
-  const float least = std::max(static_cast<float>(options_.min_contrast),
-                               static_cast<float>(options_.min_sigmas) * std::sqrt(variance));
+  const float least = std::max(least_contrast, static_cast<float>(options_.min_sigmas) * std::sqrt(variance));
   if (std::abs(contrast) < least) return std::nullopt;
   // The area over 2·kWindow_px values; half of it moves with the floor's level, half with the object's.
-  constexpr float kObjectValues = kPlateauEnd_px - kPlateau_px + 1.0f;
-  const float gain = 2.0f * kWindow_px + kWindow_px * kWindow_px * (line.variance + 1.0f / kObjectValues);
+  const float gain = 2.0f * kWindow_px + kWindow_px * kWindow_px * (line.variance + face_variance);
   const float random = kTextureGain * std::sqrt(gain * variance) / std::abs(contrast);
   return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px)};
 }
 
-std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row,
-                                                   float noise, const FloorSample& floor) const {
+ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row,
+                                    float noise) const {
   Profile profile;
   std::array<const std::uint8_t*, kLength> pixels;
   profile.first = std::max(0, row + kReach_px - (bgr.rows - 1));
   profile.end = std::min(kLength, row + kReach_px + 1);
-  if (profile.end - profile.first < kLeastLength_px) return std::nullopt;
+  if (profile.end - profile.first < kLeastLength_px) return {};
   for (int i = profile.first; i < profile.end; ++i) {
     const auto k = static_cast<std::size_t>(i);
     pixels[k] = bgr.ptr<std::uint8_t>(row + kReach_px - i) + 3 * u;
@@ -174,13 +197,9 @@ std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, const Col
     profile.range_m[k] =
         1.0f / std::max(kFarthest, view.inverseRange(u, static_cast<float>(row + kReach_px - i)));
   }
-  const auto fixed_px = static_cast<float>(options_.sigma_px),
-             hue_px = static_cast<float>(options_.hue_sigma_px);
-  const std::optional<Edge> by_luma = measure(profile, row, noise, fixed_px);
-  if (by_luma && by_luma->sigma_px <= 1.5f * hue_px) return by_luma;
-
-  // The mixture of colours that separates both sides best: Σ⁻¹·(object − floor) with the covariance Σ of the
-  // floor, noise in all channels and texture along its colour.
+  Pair pair;
+  pair.luma = measure(profile, row, noise, static_cast<float>(options_.sigma_px),
+                      static_cast<float>(options_.min_contrast));
   cv::Vec3f below(0, 0, 0), above(0, 0, 0);
   int n = 0, m = 0;
   for (int i = profile.first; i < profile.end; ++i) {
@@ -189,19 +208,18 @@ std::optional<ColumnEdges::Edge> ColumnEdges::find(const cv::Mat& bgr, const Col
     if (i >= kReach_px - 8 && i <= kReach_px - 3) below += colour, ++n;
     if (i >= kReach_px + 4 && i <= kReach_px + 8) above += colour, ++m;
   }
-  if (n < kLeastFloor_px || m < 2) return by_luma;
-  cv::Vec3f axis = above * (1.0f / static_cast<float>(m)) - below * (1.0f / static_cast<float>(n));
-  const float texture = floor.along * floor.along, pixel_noise = kColourNoise * noise;
-  axis -= floor.direction * (floor.direction.dot(axis) * texture / (texture + pixel_noise * pixel_noise));
+  if (n < kLeastFloor_px || m < 2) return pair;
+  const cv::Vec3f own = below * (1.0f / std::max(1.0f, static_cast<float>(cv::norm(below))));
+  cv::Vec3f axis = above - own * own.dot(above);
   const auto length = static_cast<float>(cv::norm(axis));
-  if (length < 1.0f) return by_luma;
+  if (length < static_cast<float>(m)) return pair;  // less than one grey level
   axis *= 1.0f / length;
   for (int i = profile.first; i < profile.end; ++i) {
     const auto k = static_cast<std::size_t>(i);
     profile.value[k] = axis[0] * pixels[k][0] + axis[1] * pixels[k][1] + axis[2] * pixels[k][2];
   }
-  const std::optional<Edge> by_colour = measure(profile, row, pixel_noise, hue_px);
-  return by_colour && (!by_luma || by_colour->sigma_px < by_luma->sigma_px) ? by_colour : by_luma;
+  pair.hue = measure(profile, row, kColourNoise * noise, static_cast<float>(options_.hue_sigma_px), 0.0f);
+  return pair;
 }
 
 float ColumnEdges::noise(const cv::Mat& bgr, int first_row, int end_row) {

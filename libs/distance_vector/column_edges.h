@@ -6,17 +6,17 @@
 #include <vector>
 
 #include "distance_vector/column_view.h"
-#include "distance_vector/floor_colour.h"
 #include "distance_vector/options.h"
 
 namespace omnifleet::distance_vector {
 
-/// Sub-pixel position of the edge in which the floor ends in one image column. The profile along the column
-/// is projected onto luma (JPEG subsamples hue, which biases an edge in hue by 0.1 px) or onto the mixture of
-/// colours that separates floor and object best against the floor's texture, whichever gives the smaller σ. A
-/// straight line through the floor below the edge, over its range in metres, is extrapolated to it (light
-/// that falls off would bias it otherwise), the plateau of 2–4 px above it is the object, and the area
-/// between both within ±2 px places the edge. Repeated around the edge found.
+/// Sub-pixel position of the edge in which the floor ends in one image column, twice: in the profile of luma,
+/// and in that of the colour difference between object and floor, across the floor's own colour. A shadow is
+/// darker floor of the same hue, so it moves the edge in luma towards the camera, and not the other one,
+/// which has more noise (JPEG subsamples it). A straight line through the floor below the edge, over its
+/// range in metres, is extrapolated to it (light that falls off would bias it otherwise), the plateau of 2–4
+/// px above it is the object, and the area between both within ±2 px places the edge. Repeated around the
+/// edge found.
 class ColumnEdges {
  public:
   explicit ColumnEdges(const EdgeOptions& options) : options_(options) {}
@@ -25,9 +25,11 @@ class ColumnEdges {
     float row;       ///< pixels; the object is above it (smaller rows)
     float sigma_px;  ///< from the contrast, the pixel noise and the deviation of the floor from its line
   };
+  struct Pair {
+    std::optional<Edge> luma, hue;
+  };
   /// @param bgr CV_8UC3 @param row first row that is no floor, roughly @param noise σ of a pixel, grey levels
-  std::optional<Edge> find(const cv::Mat& bgr, const ColumnView& view, int u, int row, float noise,
-                           const FloorSample& floor) const;
+  Pair find(const cv::Mat& bgr, const ColumnView& view, int u, int row, float noise) const;
 
   /// σ of the noise of one pixel's luma, grey levels: second differences along columns of the floor.
   /// @param first_row, end_row rows that show floor in most columns
@@ -35,7 +37,9 @@ class ColumnEdges {
 
  private:
   struct Profile;
-  std::optional<Edge> measure(const Profile& profile, int row, float noise, float fixed_px) const;
+  /// @param noise σ of a value @param fixed_px σ that does not depend on the contrast @param least_contrast
+  std::optional<Edge> measure(const Profile& profile, int row, float noise, float fixed_px,
+                              float least_contrast) const;
 
   EdgeOptions options_;
   std::array<int, 1024> counts_{};

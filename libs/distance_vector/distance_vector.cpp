@@ -24,10 +24,12 @@ DistanceVector::DistanceVector(const lens::Camera& camera, const Options& option
       colour_(options.walk),
       walk_(view_, options.walk),
       edges_(options.edge),
+      fusion_(options.edge.window_px, static_cast<float>(options.jump_px)),
       sampler_(options),
       scale_(makeScale(options.literal)) {
   const auto columns = static_cast<std::size_t>(view_.size().width);
   ends_.resize(columns);
+  pairs_.resize(columns);
   hits_.resize(columns);
   floor_tops_.resize(columns);
   edge_rows_.assign(columns, std::numeric_limits<float>::quiet_NaN());
@@ -103,6 +105,12 @@ void DistanceVector::project(const cv::Mat& bgr) {
   const int height = view_.size().height;
   const float noise = edges_.noise(bgr, height - static_cast<int>(options_.walk.seed_rows * height), height);
   for (int u = 0; u < view_.size().width; ++u) {
+    const ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
+    pairs_[static_cast<std::size_t>(u)] =
+        end.end == End::kEdge ? edges_.find(bgr, view_, u, end.row, noise) : ColumnEdges::Pair{};
+  }
+  const std::vector<EdgeFusion::Edge>& edges = fusion_.fuse(pairs_);
+  for (int u = 0; u < view_.size().width; ++u) {
     const auto i = static_cast<std::size_t>(u);
     ColumnHit& hit = hits_[i];
     hit = ColumnHit{};
@@ -111,13 +119,12 @@ void DistanceVector::project(const cv::Mat& bgr) {
     hit.row = static_cast<float>(ends_[i].row);
     float sigma_px = 0.5f;
     if (hit.end == End::kEdge) {
-      const auto edge = edges_.find(bgr, view_, u, ends_[i].row, noise, floor_);
-      if (!edge) {
+      if (std::isnan(edges[i].row)) {
         hit.end = End::kUndecided;
         continue;
       }
-      edge_rows_[i] = hit.row = edge->row;
-      sigma_px = edge->sigma_px;
+      edge_rows_[i] = hit.row = edges[i].row;
+      sigma_px = edges[i].sigma_px;
       if (hit.row < static_cast<float>(view_.limitRow(u))) {
         hit.end = End::kFloorEnd;
         hit.row = static_cast<float>(view_.limitRow(u));

@@ -7,6 +7,7 @@
 #include "distance_vector/bearing_sampler.h"
 #include "distance_vector/column_edges.h"
 #include "distance_vector/column_view.h"
+#include "distance_vector/edge_fusion.h"
 #include "distance_vector/floor_colour.h"
 #include "distance_vector/floor_walk.h"
 #include "distance_vector/options.h"
@@ -72,9 +73,11 @@ class DistanceVector {
   FloorColour colour_;
   FloorWalk walk_;
   ColumnEdges edges_;
+  EdgeFusion fusion_;
   BearingSampler sampler_;
   Scale scale_;
   std::vector<ColumnEnd> ends_;
+  std::vector<ColumnEdges::Pair> pairs_;
   std::vector<ColumnHit> hits_;
   std::vector<float> edge_rows_;
   std::vector<int> floor_tops_;

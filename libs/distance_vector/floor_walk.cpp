@@ -146,7 +146,7 @@ void FloorWalk::stepFloor(int u, int v, const float* colour) {
     w.state = State::kBand;
     w.begin = v;
     w.edge = -1;
-    w.count = w.hue_run = w.hue_count = w.floor_run = 0;
+    w.count = w.object_run = w.object_count = w.floor_run = 0;
     w.band_sum = 0.0f;
     stepBand(u, v, colour);
     return;
@@ -169,31 +169,34 @@ void FloorWalk::stepBand(int u, int v, const float* colour) {
   const Deviation d = compare(w, colour, w.level, 1.2f * levelTolerance(u, v, w.level));
   ++w.count;
   if (!d.hue && !d.level) {
-    w.hue_run = 0;
+    w.object_run = 0;
     if (++w.floor_run >= kReturn_px) endBand(u, v + kReturn_px);
     return;
   }
   w.floor_run = 0;
-  w.band_sum += d.along;
-  if (!d.hue) {
-    w.hue_run = 0;
+  const float least = static_cast<float>(options_.shadow_ratio) * w.level,
+              most = static_cast<float>(options_.light_ratio) * w.level;
+  if (!d.hue && d.along >= least && d.along <= most) {
+    w.band_sum += d.along;
+    w.object_run = 0;
     return;
   }
-  if (w.hue_run == 0) w.hue_begin = v;
-  ++w.hue_run;
-  ++w.hue_count;
-  if (w.edge >= 0 || w.hue_run < options_.min_run_px) return;
-  w.edge = isShadow(u, w) ? w.hue_begin : w.begin;
+  if (w.object_run == 0) {
+    w.object_begin = v;
+    w.before_sum = w.band_sum;
+    w.before = w.count - 1;
+  }
+  w.band_sum += d.along;
+  ++w.object_run;
+  ++w.object_count;
+  if (w.edge >= 0 || w.object_run < options_.min_run_px) return;
+  w.edge = isShadow(u, w) ? w.object_begin : w.begin;
 }
 
-/// A part in which the level alone is darker, then a deviation in hue.
+/// Before the object, the level alone is lower than that of the floor.
 bool FloorWalk::isShadow(int u, const Walker& w) const {
-  const bool from_begin = w.begin - w.hue_begin <= kBlur_px;
-  const int before = w.count - w.hue_run;
-  const float level = w.band_sum / static_cast<float>(w.count);
-  return !from_begin && before > 0 && w.hue_count - w.hue_run <= kBlur_px &&
-         w.hue_begin > view_->limitRow(u) && level < w.level &&
-         level > static_cast<float>(options_.shadow_ratio) * w.level;
+  return w.begin - w.object_begin > kBlur_px && w.object_count - w.object_run <= kBlur_px &&
+         w.object_begin > view_->limitRow(u) && w.before_sum < w.level * static_cast<float>(w.before);
 }
 
 /// Floor follows on a band that ends below row v.
@@ -203,7 +206,7 @@ void FloorWalk::endBand(int u, int v) {
   const float ratio = rows > 0 ? w.band_sum / (static_cast<float>(w.count - w.floor_run) * w.level) : 1.0f;
   if (rows <= 1 || heightBound(u, w.begin, v) <= static_cast<float>(options_.flat_m)) {
     w.state = State::kFloor;
-  } else if (w.edge >= 0 || 3 * w.hue_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
+  } else if (w.edge >= 0 || 3 * w.object_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
              ratio < static_cast<float>(options_.shadow_ratio)) {
     finish(u, End::kEdge, w.edge >= 0 ? w.edge : w.begin);
     ends_[static_cast<std::size_t>(u)].low = true;

@@ -33,11 +33,12 @@ struct ColumnEnd {
 /// - floor follows, and what stands at its near edge and hides the floor up to there is at most `flat_m`
 /// high:
 ///   a line or a seam; the walk goes on;
-/// - up to the horizon: an object. After a part in which the level alone is darker, a deviation in hue
-/// begins:
-///   a shadow, then an object;
-/// - floor follows: a low or flat object if it deviates in hue, is brighter than light_ratio or darker than
-///   shadow_ratio, otherwise undecided (a shadow, or a low object).
+/// - up to the horizon: an object. It begins where the first pixels are that no shadow explains (they deviate
+/// in
+///   hue, are brighter than light_ratio, or darker than shadow_ratio), if what is before them is darker
+///   floor;
+/// - floor follows: a low or flat object if no shadow explains it, otherwise undecided (a shadow, or a low
+///   object).
 /// Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:
@@ -50,12 +51,13 @@ class FloorWalk {
   enum class State : std::uint8_t { kFloor, kBand, kDone };
   struct Walker {
     float hue[3];
-    float level, slope;     ///< expected at the next row, and its change per row
-    float band_sum = 0.0f;  ///< of the levels of the band
-    int begin = 0;          ///< first row of the band
-    int edge = 0;           ///< row where its object begins, once it is no line; −1 before
-    int hue_begin = 0;      ///< first row of the present run of pixels that deviate in hue
-    int hue_run = 0, hue_count = 0, floor_run = 0, count = 0;
+    float level, slope;  ///< expected at the next row, and its change per row
+    float band_sum = 0.0f,
+          before_sum = 0.0f;  ///< of the levels of the band, and of its part before the object
+    int begin = 0;            ///< first row of the band
+    int edge = 0;             ///< row where its object begins, once it is no line; −1 before
+    int object_begin = 0;     ///< first row of the present run of pixels that no shadow explains
+    int object_run = 0, object_count = 0, floor_run = 0, count = 0, before = 0;
     State state = State::kFloor;
   };
   struct Deviation {

@@ -29,6 +29,8 @@ EdgeOptions EdgeOptions::read(const options::Section& section) {
   section.read("max_shift_px", o.max_shift_px, {1.0, 8.0});
   section.read("sigma_px", o.sigma_px, {0.001, 5.0});
   section.read("hue_sigma_px", o.hue_sigma_px, {0.001, 5.0});
+  section.read("shading_per_px", o.shading_per_px, {0.0001, 1.0});
+  section.read("window_px", o.window_px, {0, 100});
   section.finish();
   return o;
 }

@@ -38,7 +38,10 @@ struct EdgeOptions {
   double falloff_per_m = 0.5;  ///< 1/m: σ of the change of the floor's brightness, as a share of it
   double max_shift_px = 6.0;   ///< pixels between the first pixel that is no floor and the edge
   double sigma_px = 0.04;      ///< pixels: σ of an edge of perfect contrast, in luma
-  double hue_sigma_px = 0.1;   ///< pixels: likewise where hue takes part, which JPEG subsamples
+  double hue_sigma_px = 0.1;   ///< pixels: likewise in hue, which JPEG subsamples
+  double shading_per_px =
+      0.05;            ///< 1/px: σ of the change of a face's brightness at its foot, as a share of it
+  int window_px = 12;  ///< columns to either side over which the offset of luma and hue is averaged
   static EdgeOptions read(const options::Section& section);
 };
 
@@ -56,7 +59,7 @@ struct Options {
   double jump_px = 2.0;            ///< pixels: larger steps between columns are silhouettes
   int jump_columns = 3;            ///< columns at most that a silhouette may mix (pixel, JPEG blocks)
   double silhouette_sigmas = 2.0;  ///< a column at a silhouette that deviates more from its piece is mixed
-  double shared_px = 0.12;         ///< pixels: σ that neighbouring columns share (texture, blocks of JPEG)
+  double shared_px = 0.15;         ///< pixels: σ that neighbouring columns share (texture, blocks of JPEG)
   int min_floor_end = 8;           ///< columns side by side; fewer without an edge are undecided
   double outlier_sigmas = 5.0;     ///< a column that deviates more from both neighbouring sides has no edge
   WalkOptions walk;

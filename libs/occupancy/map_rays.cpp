@@ -17,6 +17,8 @@ MapRaysOptions MapRaysOptions::read(const options::Section& section) {
   MapRaysOptions o;
   section.read("room_share", o.room_share, {0.0, 1.0});
   section.read("room_frames", o.room_frames, {1, 1000});
+  section.read("shared_share", o.shared_share, {0.0, 1.0});
+  section.read("front_shared_share", o.front_shared_share, {0.0, 1.0});
   section.finish();
   return o;
 }
@@ -28,7 +30,9 @@ std::pair<double, double> MapRays::edgeAt(const Boundary& boundary, std::size_t 
   double sigma = static_cast<double>(std::max(fitted.sigma, boundary.sigma[beam]));
   if (fitted.has_line && fitted.line.dot(along) > 0.0f) {
     s = static_cast<double>(fitted.line.dot(along));
-    sigma = std::sqrt(std::max(0.0, static_cast<double>(along.dot(fitted.line_covariance * along))));
+    const double shared = options_.shared_share * sigma;
+    sigma = std::sqrt(std::max(0.0, static_cast<double>(along.dot(fitted.line_covariance * along))) +
+                      shared * shared);
   }
   return {1.0 / s, sigma / (s * s)};
 }

@@ -30,6 +30,15 @@ std::string correctionStream(const std::string& robot) {
   return "map/keyframe_pose localizer " + robot;
 }
 
+/// Of a robot whose map comes from a forward camera, neighbouring edges share most of their error.
+global_merger::KeyframeOptions keyframeOptions(const fleet::Fleet& fleet, const std::string& robot) {
+  auto options = global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"));
+  const fleet::CameraSpec* front = fleet.frontOf(robot);
+  if (front != nullptr && fleet.mapCameraOf(robot) == front)
+    options.rays.shared_share = options.rays.front_shared_share;
+  return options;
+}
+
 }  // namespace
 
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
@@ -45,14 +54,14 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
       publisher_(context, fleet.name, robot_, publishes_),
-      maker_(global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"))),
+      maker_(keyframeOptions(fleet, robot_)),
       replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
                occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
                fleet.bodies()) {
   if (fleet.maps(robot_) || fleet.robot(robot_).has_observations) {
-    objects_.emplace(
-        context.bus.reader(context.topics.objects, robot_), merger_, ends_,
-        bus::StreamSpec{"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)});
+    objects_.emplace(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
+                     bus::StreamSpec{"objects " + robot_, robot_, 0, bus::StreamRole::kInput,
+                                     streamMode(context.options)});
   }
   replica_.setLenses(fleet.lensSpreads());
   const auto replication =
