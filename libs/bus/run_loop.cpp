@@ -126,6 +126,14 @@ struct Loop {
     return ExitCode::kSilentStage;
   }
 
+  /// Bytes of the whole run; the rates of service/status are those of the last second.
+  void logTraffic() {
+    const Traffic total = bus.traffic();
+    if (total.out_bytes > 0 || total.in_bytes > 0)
+      log.info("topics that other hosts read: sent {} bytes, received {} bytes", total.out_bytes,
+               total.in_bytes);
+  }
+
   ExitCode run() {
     service.status().state(ServiceState::kWaiting);
     publishStatus();
@@ -143,6 +151,7 @@ struct Loop {
     publishStatus(true);
     if (!bus.flush(options.silence_limit) && !bus.stopping())
       log.warn("some readers did not acknowledge the last samples; they may lack the end of the run");
+    logTraffic();
     if (code != ExitCode::kOk) return code;
     return !service.succeeded() ? ExitCode::kFailure : is_cut ? ExitCode::kStopped : ExitCode::kOk;
   }

@@ -82,8 +82,11 @@ void localize(FleetState& fleet, RobotFrame& frame) {
   if (robot.located()) {
     const Step& step = robot.window.back();
     evidence.odometry = step.wheels;
-    evidence.confirmed = aid.matched || (!aid.contradicted && !robot.displaced && robot.unobserved == 0);
-    evidence.contradicted = aid.contradicted || robot.displaced;
+    // A scan that contradicts an absolute measurement shows what has changed since the keyframes, such as
+    // robots.
+    evidence.confirmed =
+        aid.matched || robot.measured || (!aid.contradicted && !robot.displaced && robot.unobserved == 0);
+    evidence.contradicted = !robot.measured && (aid.contradicted || robot.displaced);
     evidence.sigma_m = std::sqrt(robot.covariance.topLeftCorner<2, 2>().trace() +
                                  kLever_m * kLever_m * robot.covariance(2, 2));
     const KeyframeMap& map = fleet.keyframes;

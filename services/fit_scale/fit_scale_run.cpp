@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "dataset/atomic_file.h"
 #include "options/options.h"
 
@@ -9,7 +11,25 @@ namespace omnifleet::fit_scale {
 
 using distance_vector::ScaleFit;
 
+namespace {
+
+/// The path is absolute, because overlays are used from any folder.
+std::string overlayText(const Options& options) {
+  std::string path = std::filesystem::absolute(options.out).lexically_normal().string();
+  for (std::size_t at = 0; (at = path.find('\'', at)) != std::string::npos; at += 2) path.insert(at, "'");
+  return fmt::format(
+      "# Scale of the literal method for these cameras, on top of config/papers/ahmed.yaml.\n"
+      "services:\n  local_mapper:\n    distance_vector:\n      literal:\n"
+      "        scale_file: '{}'\n        metres_per_ceiling_px: {}\n",
+      path, options.metres_per_ceiling_px);
+}
+
+}  // namespace
+
 ScaleFit run(const Options& options) {
+  if (!options.overlay.empty() && !(options.metres_per_ceiling_px > 0.0))
+    throw omnifleet::options::Error(
+        "--overlay needs --metres-per-ceiling-px: metres of floor per pixel of the ceiling camera");
   ScaleFit fit = [&] {
     try {
       return ScaleFit(ScaleFit::readPairs(options.pairs), options.degree);
@@ -20,6 +40,7 @@ ScaleFit run(const Options& options) {
     }
   }();
   dataset::writeAtomic(options.out, fit.toYaml());
+  if (!options.overlay.empty()) dataset::writeAtomic(options.overlay, overlayText(options));
   if (!options.plot.empty()) drawAlpha(fit, options.plot);
   return fit;
 }

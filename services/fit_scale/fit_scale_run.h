@@ -9,14 +9,16 @@
 namespace omnifleet::fit_scale {
 
 struct Options {
-  std::string pairs;          ///< CSV: d_robot_px,d_ceiling_px
-  std::string out;            ///< scale.yaml to write
-  std::string plot;           ///< picture of α over d_r (Fig. 3b); empty: none
-  std::optional<int> degree;  ///< empty: the degree with the smallest leave-one-out error
-  std::vector<double> at_px;  ///< distances to convert with the fit
+  std::string pairs;                   ///< CSV: d_robot_px,d_ceiling_px
+  std::string out;                     ///< scale.yaml to write
+  std::string plot;                    ///< picture of α over d_r (Fig. 3b); empty: none
+  std::string overlay;                 ///< overlay that selects the fit for the literal method; empty: none
+  double metres_per_ceiling_px = 0.0;  ///< m, required with an overlay
+  std::optional<int> degree;           ///< empty: the degree with the smallest leave-one-out error
+  std::vector<double> at_px;           ///< distances to convert with the fit
 };
 
-/// Fits α(d_r), writes the file and the picture. Throws options::Error for unusable pairs and
+/// Fits α(d_r), writes the file, the overlay and the picture. Throws options::Error for unusable pairs and
 /// std::runtime_error if a file cannot be written.
 distance_vector::ScaleFit run(const Options& options);
 

@@ -1,5 +1,6 @@
-// fit_scale PAIRS.csv --out scale.yaml [--plot alpha.png] [--at PX …]: fits the scale between the distances
-// seen by a robot's camera and by a ceiling camera (Ahmed et al. 2013, eq. 1).
+// fit_scale PAIRS.csv --out scale.yaml [--overlay FILE --metres-per-ceiling-px M] [--plot alpha.png] [--at PX
+// …]: fits the scale between the distances seen by a robot's camera and by a ceiling camera (Ahmed et al.
+// 2013, eq. 1).
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -21,6 +22,11 @@ int main(int argc, char** argv) {
   app.add_option("PAIRS", options.pairs, "CSV file: d_robot_px,d_ceiling_px")->required();
   app.add_option("--out", options.out, "scale.yaml to write")->required();
   app.add_option("--plot", options.plot, "picture of alpha over d_r (.png), the paper's Fig. 3b");
+  app.add_option("--overlay", options.overlay,
+                 "overlay to write: gives the fit to the method of config/papers/ahmed.yaml");
+  app.add_option("--metres-per-ceiling-px", options.metres_per_ceiling_px,
+                 "metres of floor per pixel of the ceiling camera, for the overlay")
+      ->check(omnifleet::options::within({1e-6, 10.0}));
   app.add_option("--degree", degree,
                  "degree of the polynomial (default: the smallest leave-one-out error, at most 4)")
       ->check(CLI::Range(0, 8));

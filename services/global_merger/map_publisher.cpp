@@ -100,7 +100,7 @@ void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force,
 }
 
 void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status) {
-  const dataset::OccupancyGrid cells = merger.map().grid(merger.lastOutlines());
+  const dataset::OccupancyGrid cells = merger.grid(merger.lastOutlines());
   const std::string bt = merger.map().octreeBytes(merger.lastOutlines());
 
   v1::OctreeMap octree;

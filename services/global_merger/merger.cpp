@@ -38,6 +38,7 @@ MergerOptions MergerOptions::read(const options::Section& section) {
   section.read("seldom_rms_m", o.seldom_rms_m, {0.0, 1.0});
   section.read("max_sigma_m", o.max_sigma_m, {0.001, 10.0});
   section.read("flat_m", o.flat_m, {0.0, 1.0});
+  section.read("hidden_cells", o.hidden_cells);
   section.read("gone_after", o.gone_after, {1, 100000});
   section.read("least_alone", o.least_alone, {0.0, 1.0});
   section.read("least_seen", o.least_seen, {0.0, 1.0});
@@ -127,6 +128,20 @@ std::optional<std::ptrdiff_t> freePlace(const std::vector<Row>& rows, TimeNs tim
 Merger::Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
                const std::map<std::string, RobotBody>& bodies)
     : options_(options), bodies_(bodies), map_(occupancy_options, bodies) {}
+
+dataset::OccupancyGrid Merger::grid(const std::vector<dataset::MapObject>& objects) const {
+  dataset::OccupancyGrid grid = map_.grid(objects);
+  if (!options_.hidden_cells) return grid;
+  for (int y = 0; y < grid.height; ++y) {
+    for (int x = 0; x < grid.width; ++x) {
+      auto& cell = grid.cells[static_cast<std::size_t>(y * grid.width + x)];
+      const auto counted = map_.at(grid.origin_m + grid.resolution_m * Eigen::Vector2d(x + 0.5, y + 0.5));
+      if (counted == occupancy::CellClass::kOccupied) cell = 100;
+      if (counted == occupancy::CellClass::kFree && cell < 0) cell = 0;
+    }
+  }
+  return grid;
+}
 
 bool Merger::add(const occupancy::Contribution& contribution) {
   const bool changed = map_.add(contribution);

@@ -88,6 +88,9 @@ struct MergerOptions {
   double least_seen = 0.75;  ///< 1, share of the outline of an object whose top was not seen that must have
                              ///< been seen: otherwise it would be closed by guessing
   structure::PolylineOptions structure;
+  /// Whether map.pgm, map.png and topic map/grid also show cells that contradict others (visible_map.h):
+  /// every hit is mapped, as in Ahmed et al. 2013 §2.3.
+  bool hidden_cells = false;
   int gone_after =
       3;  ///< contributions that later, from as near, saw the floor through its centre: it is gone
 
@@ -132,6 +135,8 @@ class Merger {
   void addTrajectory(const PoseEstimate& pose);
 
   const occupancy::OccupancyMap& map() const { return map_; }
+  /// OccupancyMap::grid(), with the cells that are hidden there if the options say so.
+  dataset::OccupancyGrid grid(const std::vector<dataset::MapObject>& objects) const;
   const std::map<std::string, RobotBody>& bodies() const { return bodies_; }
   const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories() const {
     return trajectories_;

@@ -31,7 +31,7 @@ std::vector<std::string> saveMap(const Merger& merger, const std::string& folder
     }
   };
   const auto& objects = merger.lastOutlines();
-  auto grid = merger.map().grid(objects);
+  auto grid = merger.grid(objects);
   if (grid.width == 0)
     grid.width = grid.height = 1, grid.cells = {-1};  // nothing known yet: one unknown cell
   attempt([&] { dataset::writeAtomic(folder + "/map.bt", merger.map().octreeBytes(objects)); });

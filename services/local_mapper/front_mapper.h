@@ -13,7 +13,9 @@
 namespace omnifleet::local_mapper {
 
 /// Local maps of a forward camera (Ahmed et al. 2013 §2.1): the distance vector fills scan and boundary.
-/// There are no objects; what ends the floor is an obstacle, as with a laser. docs/methods/distance_vector.md
+/// There are no objects; what ends the floor is an obstacle, as with a laser. The literal method of the paper
+/// knows no σ and no line through several hits: σ of its scan is 0, and it has no boundary.
+/// docs/methods/distance_vector.md
 class FrontMapper {
  public:
   struct Options {
@@ -38,11 +40,16 @@ class FrontMapper {
 
  private:
   FrameCheck check_;
+  bool is_literal_;
   distance_vector::DistanceVector distances_;
   cv::Mat bgr_;  ///< of a grey image
   LocalMap local_map_;
   Message fault_;
 };
+
+/// The image with the floor's boundary and the distances in red (Ahmed et al. 2013 Fig. 1d), after
+/// process(image).
+cv::Mat distancePicture(const FrontMapper& mapper, const cv::Mat& image);
 
 /// Writes two pictures of the mapper's last frame: PREFIX_floor.png, the floor in white (Ahmed Fig. 1c), and
 /// PREFIX_distance.png, the image with the floor's boundary in red (Fig. 1d). @return descriptions of

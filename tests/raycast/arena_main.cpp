@@ -28,6 +28,11 @@ int main(int argc, char** argv) try {
   app.add_option("--stale", options.stale_s,
                  "s, ceiling images show the robots earlier than their time stamps state")
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option(
+         "--stop-and-wait", options.wait_s,
+         "s, robots stand this long before each front image (Ahmed et al. 2013, section 3); the places "
+         "and the front images are those of the continuous drive")
+      ->check(CLI::Range(0.0, 60.0));
   app.add_option("--exposure", options.exposure_s, "s, motion blur of all cameras")
       ->check(CLI::Range(0.0, 0.2));
   CLI11_PARSE(app, argc, argv);

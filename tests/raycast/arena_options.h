@@ -12,6 +12,7 @@ struct ArenaOptions {
   double ceiling_rate_hz = 0.0;   ///< of the ceiling cameras; 0: rate_hz
   double ceiling_offset_s = 0.0;  ///< the first ceiling image follows the first front image by this time
   double stale_s = 0.0;           ///< a ceiling image shows the robots this time before its time stamp
+  double wait_s = 0.0;            ///< stop-and-wait: robots stand this long before each front image
   double exposure_s = 0.0;        ///< motion blur: exposure time of all cameras; the time stamp is its middle
 
   int cards = 3;                ///< flat cards in colours of the markers on the floor

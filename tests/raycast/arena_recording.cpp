@@ -16,10 +16,6 @@ constexpr double kLead_s = 1.0;  // the drive begins before the first image and 
 constexpr double kFrontHeight_m = 0.085, kFrontPitch_deg = 12.0;
 constexpr int kExposures = 5;  // images averaged for motion blur
 
-double driveTime(TimeNs time_ns) {
-  return kLead_s + secondsOf(time_ns);
-}
-
 lens::CameraModel pinhole(int width_px, int height_px, double focal_px, std::vector<double> distortion,
                           Random& random) {
   lens::CameraModel camera;
@@ -66,10 +62,13 @@ lens::CameraModel ceilingCamera(const Extent& room, int index, double k1, Random
   return camera;
 }
 
+TimeNs nanoseconds(double seconds) {
+  return static_cast<TimeNs>(std::llround(1e9 * seconds));
+}
+
 std::vector<TimeNs> timesOf(int count, double rate_hz, double offset_s) {
   std::vector<TimeNs> times;
-  for (int k = 0; k < count; ++k)
-    times.push_back(kBegin_ns + static_cast<TimeNs>(std::llround(1e9 * (offset_s + k / rate_hz))));
+  for (int k = 0; k < count; ++k) times.push_back(kBegin_ns + nanoseconds(offset_s + k / rate_hz));
   return times;
 }
 
@@ -90,11 +89,11 @@ std::vector<ArenaBox> movingAt(const ArenaScene& scene, const ArenaStory& story,
 
 /// Mean of the images over the exposure time.
 template <typename Render>
-cv::Mat3f exposed(double middle_s, double exposure_s, const Render& render) {
-  if (exposure_s <= 0.0) return render(middle_s);
+cv::Mat3f exposed(TimeNs middle_ns, double exposure_s, const Render& render) {
+  if (exposure_s <= 0.0) return render(middle_ns);
   cv::Mat3f sum;
   for (int k = 0; k < kExposures; ++k) {
-    const cv::Mat3f image = render(middle_s + exposure_s * ((k + 0.5) / kExposures - 0.5));
+    const cv::Mat3f image = render(middle_ns + nanoseconds(exposure_s * ((k + 0.5) / kExposures - 0.5)));
     if (sum.empty())
       sum = image / kExposures;
     else
@@ -110,7 +109,8 @@ void writeFront(const std::string& folder, int robot, const ArenaStory& story, c
                                     calibrated(story.front, options, random), "jpg");
   unsigned frame = static_cast<unsigned>(robot) << 20U;
   for (const TimeNs time_ns : story.front_times_ns) {
-    const cv::Mat3f linear = exposed(driveTime(time_ns), options.exposure_s, [&](double at_s) {
+    const cv::Mat3f linear = exposed(time_ns, options.exposure_s, [&](TimeNs at_ns) {
+      const double at_s = story.driveTime(at_ns);
       return renderer.fromRobot(story.drive.at(robot, at_s), movingAt(scene, story, at_s), robot);
     });
     images.write(time_ns, developed(linear, options.light, options.noise, options.seed, ++frame));
@@ -125,8 +125,8 @@ void writeCeiling(const std::string& folder, std::size_t camera, const ArenaStor
   auto frame = static_cast<unsigned>(camera + kRobots) << 20U;
   for (const TimeNs time_ns : story.ceiling_times_ns) {
     const cv::Mat3f linear =
-        exposed(driveTime(time_ns) - options.stale_s, options.exposure_s,
-                [&](double at_s) { return renderer.fixed(movingAt(scene, story, at_s)); });
+        exposed(time_ns - nanoseconds(options.stale_s), options.exposure_s,
+                [&](TimeNs at_ns) { return renderer.fixed(movingAt(scene, story, story.driveTime(at_ns))); });
     images.write(time_ns, developed(linear, options.light, options.noise, options.seed, ++frame));
   }
 }
@@ -152,6 +152,14 @@ void writeTruth(const std::string& folder, const ArenaStory& story) {
 
 }  // namespace
 
+double ArenaStory::driveTime(TimeNs time_ns) const {
+  const double time_s = secondsOf(time_ns);
+  if (wait_s <= 0.0) return kLead_s + time_s;
+  // A cycle begins with the wait. Half a nanosecond, so that rounding moves no frame into the next cycle.
+  const double cycle_s = move_s + wait_s, cycles = std::floor((time_s + 5e-10) / cycle_s);
+  return kLead_s + cycles * move_s + std::max(0.0, time_s - cycles * cycle_s - wait_s);
+}
+
 std::vector<Pose2> ArenaStory::posesAt(TimeNs time_ns) const {
   std::vector<Pose2> poses;
   for (int r = 0; r < kMapping; ++r) poses.push_back(drive.at(r, driveTime(time_ns)));
@@ -161,13 +169,15 @@ std::vector<Pose2> ArenaStory::posesAt(TimeNs time_ns) const {
 
 ArenaStory arenaStory(const ArenaOptions& options) {
   if (options.frames < 1 || !(options.rate_hz > 0.0) || options.ceiling_rate_hz < 0.0 ||
-      options.ceiling_offset_s < 0.0 || options.stale_s < 0.0 || options.stale_s > kLead_s)
+      options.ceiling_offset_s < 0.0 || options.stale_s < 0.0 || options.stale_s > kLead_s ||
+      options.wait_s < 0.0)
     throw std::runtime_error(
         "raycast: an arena needs at least one frame, positive rates, and a stale time of at most 1 s");
   Random random(options.seed * 7919U + 29U);
   ArenaLayout layout = arenaLayout(options, random);
-  const double duration_s = options.frames / options.rate_hz;
-  ArenaDrive drive(layout, duration_s + options.ceiling_offset_s + 2.0 * kLead_s, random);
+  const double move_s = 1.0 / options.rate_hz, cycle_s = move_s + options.wait_s,
+               duration_s = options.frames * cycle_s;
+  ArenaDrive drive(layout, options.frames * move_s + options.ceiling_offset_s + 2.0 * kLead_s, random);
   const lens::CameraModel front = frontCamera(random);
   std::vector<lens::CameraModel> ceiling;
   for (int k = 0; k < 2; ++k)
@@ -178,8 +188,10 @@ ArenaStory arenaStory(const ArenaOptions& options) {
           std::move(drive),
           front,
           ceiling,
-          timesOf(options.frames, options.rate_hz, 0.0),
-          timesOf(ceiling_frames, ceiling_hz, options.ceiling_offset_s)};
+          timesOf(options.frames, 1.0 / cycle_s, options.wait_s),
+          timesOf(ceiling_frames, ceiling_hz, options.ceiling_offset_s),
+          move_s,
+          options.wait_s};
 }
 
 void recordArena(const std::string& folder, const ArenaOptions& options) {

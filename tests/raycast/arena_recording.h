@@ -16,6 +16,10 @@ struct ArenaStory {
   lens::CameraModel front;                 ///< of r1 and r2
   std::vector<lens::CameraModel> ceiling;  ///< c1, c2
   std::vector<TimeNs> front_times_ns, ceiling_times_ns;
+  double move_s = 0.2, wait_s = 0.0;  ///< the robots move and stand in turn; 0: they never stand
+
+  /// Time of the drive at a time of the recording, s: it does not pass while the robots stand.
+  double driveTime(TimeNs time_ns) const;
 
   /// Poses of r1 to r4 at a time of the recording.
   std::vector<Pose2> posesAt(TimeNs time_ns) const;

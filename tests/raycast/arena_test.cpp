@@ -13,6 +13,7 @@
 #include "dataset/ground_truth.h"
 #include "tests/raycast/arena_recording.h"
 #include "tests/raycast/arena_renderer.h"
+#include "tests/raycast/room_path.h"
 
 namespace omnifleet::raycast {
 namespace {
@@ -290,6 +291,28 @@ TEST(ArenaRecording, CeilingImagesLagByStaleTime) {
   options.stale_s = 1.0 / options.rate_hz;
   EXPECT_FALSE(prompt.empty());
   EXPECT_EQ(Folder(options).bytes(second), prompt);
+}
+
+TEST(ArenaRecording, StopAndWaitKeepsPlacesAndFrontImages) {
+  ArenaOptions options = small(1);
+  options.frames = 10;
+  const ArenaStory moving = arenaStory(options);
+  options.wait_s = 0.8;
+  options.stale_s = 0.4;
+  const ArenaStory standing = arenaStory(options);
+  ASSERT_EQ(standing.front_times_ns.size(), 10U);
+  EXPECT_EQ(standing.ceiling_times_ns.size(), 50U);
+  for (std::size_t k = 0; k < 10; ++k) {
+    EXPECT_EQ(standing.front_times_ns[k] - kBegin_ns, static_cast<TimeNs>(k) * 1'000'000'000 + 800'000'000);
+    const auto expected = moving.posesAt(moving.front_times_ns[k]);
+    for (const TimeNs before_ns : {TimeNs{0}, TimeNs{400'000'000}}) {  // what prompt and stale images show
+      const auto poses = standing.posesAt(standing.front_times_ns[k] - before_ns);
+      for (std::size_t r = 0; r < poses.size(); ++r) {
+        EXPECT_LT((poses[r].translation() - expected[r].translation()).norm(), 1e-6) << k << ' ' << r;
+        EXPECT_LT(std::abs(wrapAngle(poses[r].theta_rad - expected[r].theta_rad)), 1e-6) << k << ' ' << r;
+      }
+    }
+  }
 }
 
 TEST(ArenaRecording, CeilingTimesFollowOffsetAndRate) {

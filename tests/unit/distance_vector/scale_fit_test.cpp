@@ -7,6 +7,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
+#include "distance_vector/options.h"
 #include "fit_scale/fit_scale_run.h"
 #include "options/options.h"
 #include "tests/test_data.h"
@@ -155,6 +156,25 @@ TEST(FitScale, WritesAFileThatGivesTheSameScale) {
   const std::string table = fit_scale::table(fit);
   EXPECT_THAT(table, testing::HasSubstr("2.0992"));  // 254/121
   EXPECT_THAT(table, testing::HasSubstr("%"));
+}
+
+TEST(FitScale, WritesAnOverlayForTheLiteralMethod) {
+  const test::TempFolder folder;
+  fit_scale::Options options;
+  options.pairs = writtenPairs(folder, tableText());
+  options.out = folder / "it's/scale.yaml";
+  options.overlay = folder / "overlay.yaml";
+  EXPECT_THROW(fit_scale::run(options), options::Error);  // without metres per pixel
+  options.metres_per_ceiling_px = 0.0042;
+  fit_scale::run(options);
+  const auto literal = options::Section::load(options.overlay)
+                           .child("services")
+                           .child("local_mapper")
+                           .child("distance_vector")
+                           .child("literal");
+  const LiteralOptions read = LiteralOptions::read(literal);
+  EXPECT_EQ(read.metres_per_ceiling_px, 0.0042);
+  EXPECT_EQ(ScaleFit::load(read.scale_file).pairs().size(), 10u);
 }
 
 TEST(FitScale, RefusesDistancesOutsideOfThePairs) {

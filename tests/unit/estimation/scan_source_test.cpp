@@ -149,6 +149,21 @@ TEST(ScanSource, ACorrectionBeyondThreeSigmasIsAnEvent) {
   EXPECT_LT(run.errors_m[40], 0.02);
 }
 
+TEST(ScanSource, AnAbsoluteMeasurementConfirmsAPoseThatTheScanContradicts) {
+  const std::vector<Pose2> path = circularPath(80);
+  const scan::testing::Scene room = scan::testing::furnishedRoom();
+  std::mt19937 random(11);
+  const auto other_scan = [&](std::size_t i, Objects& frame) {
+    if (i >= 40) frame.boundary = room.scan(path[i - 40], kInverseSigma, random);  // half a circle away
+  };
+  const ScanRun alone = runScans(path, {}, other_scan);
+  EXPECT_GT(alone.count(LocalizationState::kOdometryOnly), 5U);
+  const ScanRun measured =
+      runScans(path, {}, other_scan, [&](std::size_t i) { return std::optional(path[i]); });
+  EXPECT_EQ(measured.count(LocalizationState::kLocalized), path.size());
+  EXPECT_LT(measured.worst_m, 0.005);  // σ of the measurements: 1 mm
+}
+
 TEST(ScanSource, ACorrectionByAnAbsoluteMeasurementIsAnEventOfItsOwn) {
   const std::vector<Pose2> path = circularPath(60);
   const auto measure = [&](std::size_t i) -> std::optional<Pose2> {

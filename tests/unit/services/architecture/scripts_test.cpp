@@ -45,10 +45,16 @@ Outcome run(const std::string& script, const std::string& arguments) {
 
 TEST(Scripts, RejectUnknownOptionsBeforeBuilding) {
   const std::pair<const char*, const char*> calls[] = {
-      {"setup.sh", "--bogus"}, {"demo.sh", "--bogus"},
-      {"bench.sh", "--bogus"}, {"bench.sh", "--smoke more"},
-      {"test.sh", "--bogus"},  {"test.sh", "-R one another"},
-      {"test.sh", "-j2 -L"},   {"experiments/choi.sh", "--bogus"},
+      {"setup.sh", "--bogus"},
+      {"demo.sh", "--bogus"},
+      {"bench.sh", "--bogus"},
+      {"bench.sh", "--smoke more"},
+      {"test.sh", "--bogus"},
+      {"test.sh", "-R one another"},
+      {"test.sh", "-j2 -L"},
+      {"experiments/choi.sh", "--bogus"},
+      {"experiments/ahmed.sh", "--bogus"},
+      {"experiments/ahmed.sh", "--seeds 5"},
   };
   for (const auto& [script, arguments] : calls) {
     const Outcome outcome = run(script, arguments);

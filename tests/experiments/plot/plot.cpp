@@ -1,4 +1,4 @@
-#include "plot.h"
+#include "tests/experiments/plot/plot.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-namespace omnifleet::choi {
+namespace omnifleet::experiments {
 namespace {
 
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX, kShift = 4;
@@ -318,4 +318,4 @@ void save(const std::string& path, const cv::Mat& picture) {
   if (!done) throw std::runtime_error(path + ": cannot be written");
 }
 
-}  // namespace omnifleet::choi
+}  // namespace omnifleet::experiments
