@@ -214,7 +214,9 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
       set(bin, RayLabel::kFloorEnd, std::max(a.inverse_m, b.inverse_m), std::max(a.sigma, b.sigma));
       continue;
     }
-    const RayLabel label = a.low || b.low ? RayLabel::kUndecided : RayLabel::kObstacle;
+    const RayLabel label = a.low || b.low         ? RayLabel::kUndecided
+                           : a.beyond || b.beyond ? RayLabel::kUnknown
+                                                  : RayLabel::kObstacle;
     while (first < end && hits[first].bearing_rad > bearing + 0.5f * bin_rad) ++first;
     float weight = 0.0f, sum = 0.0f, place = 0.0f;
     int n = 0;

@@ -12,8 +12,8 @@ namespace omnifleet::distance_vector {
 /// One image column on the floor, about the foot of the camera.
 struct ColumnHit {
   End end = End::kOutside;
-  bool low = false;  ///< kEdge: of something low or flat (ColumnEnd)
-  float row = 0.0f;  ///< pixels; of kEdge and kFloorEnd
+  bool low = false, beyond = false;  ///< kEdge (ColumnEnd)
+  float row = 0.0f;                  ///< pixels; of kEdge and kFloorEnd
   float bearing_rad = 0.0f;
   float inverse_m = 0.0f;  ///< 1/m
   float sigma = 0.0f;      ///< 1/m, of inverse_m

@@ -117,6 +117,7 @@ void DistanceVector::project(const cv::Mat& bgr) {
     hit = ColumnHit{};
     hit.end = ends_[i].end;
     hit.low = ends_[i].low;
+    hit.beyond = ends_[i].beyond;
     hit.row = static_cast<float>(ends_[i].row);
     float sigma_px = 0.5f;
     if (hit.end == End::kEdge) {

@@ -208,9 +208,13 @@ void FloorWalk::endBand(int u, int v) {
     w.state = State::kFloor;
   } else if (w.edge >= 0 || 3 * w.object_count >= rows || ratio > static_cast<float>(options_.light_ratio) ||
              ratio < static_cast<float>(options_.shadow_ratio)) {
-    const bool may_be_flat = depth(u, w.begin, v) <= static_cast<float>(options_.largest_flat_m);
-    finish(u, End::kEdge, w.edge >= 0 ? w.edge : w.begin);
-    ends_[static_cast<std::size_t>(u)].low = may_be_flat;
+    const int edge = w.edge >= 0 ? w.edge : w.begin;
+    if (depth(u, w.begin, v) > static_cast<float>(options_.largest_flat_m)) {
+      finish(u, End::kEdge, edge);
+    } else {
+      w.state = State::kFloor;
+      if (w.flat < 0) w.flat = edge;
+    }
   } else {
     finish(u, End::kUndecided, w.begin);
   }
@@ -229,7 +233,22 @@ void FloorWalk::finish(int u, End end, int row) {
     out.floor = bottom + 1;
     return;
   }
+  finishEdge(u, end, row);
+  const Walker& w = walkers_[static_cast<std::size_t>(u)];
+  if (w.flat < 0) return;
+  out.beyond = out.end == End::kEdge;
+  if (out.beyond) return;
+  out.end = End::kEdge;
+  out.low = true;
+  out.row = w.flat;
+  out.floor = w.flat + 1;
+}
+
+/// Neither above the horizon nor beyond the farthest row that is measured.
+void FloorWalk::finishEdge(int u, End end, int row) {
   if (end != End::kEdge) return;
+  ColumnEnd& out = ends_[static_cast<std::size_t>(u)];
+  const int bottom = view_->size().height - 1;
   if (row < view_->horizonRow(u) - kHorizonSlack_px && view_->seesHorizon(u)) {
     out.end = End::kUndecided;
     out.floor = bottom + 1;

@@ -23,8 +23,10 @@ struct ColumnEnd {
   End end = End::kOutside;
   int row = 0;    ///< first row (upwards) that is no floor; of kFloorEnd the farthest row that is measured
   int floor = 0;  ///< uppermost floor row, for the mask; the image height: none
-  /// kEdge: so little of the floor behind it is hidden that it may be flat on the floor.
+  /// kEdge: so little of the floor behind it is hidden that it may be flat on the floor, and no other edge
+  /// follows.
   bool low = false;
+  bool beyond = false;  ///< kEdge: seen over something that is low or flat
 };
 
 /// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue
@@ -37,8 +39,10 @@ struct ColumnEnd {
 /// in
 ///   hue, are brighter than light_ratio, or darker than shadow_ratio), if what is before them is darker
 ///   floor;
-/// - floor follows: an object if no shadow explains it, that may be flat if it hides at most largest_flat_m;
-///   otherwise undecided (a shadow, or a low object).
+/// - floor follows: an object if no shadow explains it. It may be flat if it hides at most largest_flat_m.
+/// The walk
+///   goes on: the next edge is valid, whatever this is. If a shadow explains it, it is undecided (a shadow,
+///   or a low object).
 /// Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:
@@ -55,6 +59,7 @@ class FloorWalk {
     float band_sum = 0.0f,
           before_sum = 0.0f;  ///< of the levels of the band, and of its part before the object
     int begin = 0;            ///< first row of the band
+    int flat = -1;            ///< row where the first thing begins that is low or flat; −1: none so far
     int edge = 0;             ///< row where its object begins, once it is no line; −1 before
     int object_begin = 0;     ///< first row of the present run of pixels that no shadow explains
     int object_run = 0, object_count = 0, floor_run = 0, count = 0, before = 0;
@@ -72,6 +77,7 @@ class FloorWalk {
   void stepBand(int u, int v, const float* colour);
   void endBand(int u, int v);
   void finish(int u, End end, int row);
+  void finishEdge(int u, End end, int row);
   void finishAtHorizon(int u);
   /// Metres of floor between two rows; infinite from the horizon upwards.
   float depth(int u, int below, int above) const;

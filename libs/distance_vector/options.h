@@ -59,7 +59,7 @@ struct LiteralOptions {
 
 struct Options {
   Method method = Method::kProjected;
-  int bearings = 1440;             ///< over the full turn
+  int bearings = 720;              ///< over the full turn
   double max_range_m = 20.0;       ///< metres from the camera's foot; floor beyond is not measured
   double jump_px = 2.0;            ///< pixels: larger steps between columns are silhouettes
   int jump_columns = 3;            ///< columns at most that a silhouette may mix (pixel, JPEG blocks)

@@ -28,8 +28,15 @@ std::vector<ColumnHit> wall(double distance_m, double noise_px, std::uint32_t se
   return hits;
 }
 
+/// Finer than the columns.
+Options fineBearings() {
+  Options options;
+  options.bearings = 1440;
+  return options;
+}
+
 TEST(BearingSampler, InterpolatesAWallExactly) {
-  BearingSampler sampler({});
+  BearingSampler sampler(fineBearings());
   auto hits = wall(0.7, 0.0, 1);
   sampler.sample(hits, {0, 0}, 0.0);
   int n = 0;
@@ -76,7 +83,7 @@ TEST(BearingSampler, DropsMixedColumnsAtASilhouette) {
   for (std::size_t u = 160; u < 320; ++u) hits[u] = far[u];
   hits[160].inverse_m = 0.5f * (hits[159].inverse_m + far[160].inverse_m);
   hits[160].row = 0.5f * (hits[159].row + far[160].row);
-  BearingSampler sampler({});
+  BearingSampler sampler(fineBearings());
   sampler.sample(hits, {0, 0}, 0.0);
   for (std::size_t i = 0; i < 1440; ++i) {
     if (sampler.boundary().sigma[i] == 0.0f) continue;
@@ -90,7 +97,7 @@ TEST(BearingSampler, DropsSingleColumnsThatNothingSupports) {
   auto hits = wall(0.5, 0.05, 3);
   hits[100].inverse_m *= 1.25f;
   hits[100].row *= 1.25f;
-  BearingSampler sampler({});
+  BearingSampler sampler(fineBearings());
   sampler.sample(hits, {0, 0}, 0.0);
   for (std::size_t i = 0; i < 1440; ++i) EXPECT_LT(sampler.boundary().inverse_m[i], 2.05f) << i;
 }
@@ -98,7 +105,7 @@ TEST(BearingSampler, DropsSingleColumnsThatNothingSupports) {
 TEST(BearingSampler, ReportsFloorEndsAsFreeRays) {
   auto hits = wall(3.0, 0.0, 1);
   for (ColumnHit& hit : hits) hit.end = End::kFloorEnd;
-  BearingSampler sampler({});
+  BearingSampler sampler(fineBearings());
   sampler.sample(hits, {0.04, 0.0}, 0.1);
   EXPECT_EQ(sampler.scan().label[0], RayLabel::kFloorEnd);
   EXPECT_NEAR(sampler.scan().range_m[0], 3.0f, 0.01f);
