@@ -417,6 +417,46 @@ TEST(Merger, UsesOnlyConfiguredObserversForOutlines) {
   EXPECT_EQ(score(merger.outlines(), sim.obstacles()).extra, 0);
 }
 
+/// Obstacles all around r1, 1.02 m away at first, then 1.52 m. Every hit counts, whatever is seen later.
+Merger afterTwoRings(bool hidden_cells) {
+  MergerOptions options;
+  options.hidden_cells = hidden_cells;
+  occupancy::OccupancyOptions cells;
+  cells.probability_hit = cells.clamp_max = 0.999;
+  cells.probability_miss = 0.499;
+  Merger merger(options, cells, {});
+  for (const int keyframe : {1, 2}) {
+    constexpr std::size_t kRays = 720;
+    occupancy::Contribution seen;
+    seen.robot = "r1";
+    seen.acquired_ns = keyframe * TimeNs{1000000000};
+    seen.range_dmm.assign(kRays, keyframe == 1 ? 10200 : 15200);
+    seen.label.assign(kRays, RayLabel::kObstacle);
+    seen.object.assign(kRays, 0);
+    PoseEstimate pose;
+    pose.robot = seen.robot;
+    pose.acquired_ns = seen.acquired_ns;
+    pose.valid = true;
+    merger.add(seen);
+    merger.add(occupancy::makeKeyframePose(pose));
+  }
+  return merger;
+}
+
+TEST(Merger, GridShowsHitsBehindOthersOnlyIfOptionsSaySo) {
+  const auto cellAt = [](const dataset::OccupancyGrid& grid, double x_m) {
+    const auto x = static_cast<int>(std::floor((x_m - grid.origin_m.x()) / grid.resolution_m)),
+               y = static_cast<int>(std::floor((0.02 - grid.origin_m.y()) / grid.resolution_m));
+    return static_cast<int>(grid.cells[static_cast<std::size_t>(y * grid.width + x)]);
+  };
+  for (const bool shown : {false, true}) {
+    const auto grid = afterTwoRings(shown).grid({});
+    EXPECT_EQ(cellAt(grid, 1.02), 100);
+    EXPECT_EQ(cellAt(grid, 1.52), shown ? 100 : -1);
+    EXPECT_EQ(cellAt(grid, 1.27), shown ? 0 : -1);  // floor between both
+  }
+}
+
 TEST(MergerOptions, ReadsAndRejectsInvalidValues) {
   const auto o =
       MergerOptions::read(options::Section::parse("gate_m: 0.2\nprism: {directions: 48}\n", "o.yaml"));
