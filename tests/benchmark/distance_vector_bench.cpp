@@ -14,7 +14,7 @@
 namespace omnifleet::bench {
 namespace {
 
-constexpr int kBearings = 1440;
+constexpr int kBearings = 720;
 
 /// Floor by a flood fill from the middle bottom, in whole pixels, without σ.
 class NaiveDistanceVector {
@@ -108,8 +108,8 @@ void checkAgreement(benchmark::State& state) {
     }
   }
   state.counters["bearings"] = static_cast<double>(own) / static_cast<double>(views().images.size());
-  if (own < 300 * static_cast<int>(views().images.size()))
-    state.SkipWithError("the distance vector sees fewer than 300 bearings with an edge per image");
+  if (own < 150 * static_cast<int>(views().images.size()))
+    state.SkipWithError("the distance vector sees fewer than 150 bearings with an edge per image");
   if (both < own / 2 || equal < 0.9 * both) state.SkipWithError("the naive ranges differ");
 }
 
