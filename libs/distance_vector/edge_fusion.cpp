@@ -86,6 +86,7 @@ EdgeFusion::Edge EdgeFusion::fuseColumn(const Pair& here, const Offset& offset) 
 }
 
 const std::vector<EdgeFusion::Edge>& EdgeFusion::fuse(const std::vector<Pair>& pairs) {
+  means_.reserve(pairs.size());
   measureScene(pairs);
   edges_.resize(pairs.size());
   for (std::size_t u = 0; u < pairs.size(); ++u) edges_[u] = fuseColumn(pairs[u], offsets_[u]);
