@@ -14,9 +14,9 @@ namespace omnifleet::distance_vector {
 /// and in that of the colour difference between object and floor, across the floor's own colour. A shadow is
 /// darker floor of the same hue, so it moves the edge in luma towards the camera, and not the other one,
 /// which has more noise (JPEG subsamples it). A straight line through the floor below the edge, over its
-/// range in metres, is extrapolated to it (light that falls off would bias it otherwise), the plateau of 2–4
-/// px above it is the object, and the area between both within ±2 px places the edge. Repeated around the
-/// edge found.
+/// range in metres, is extrapolated to it (light that falls off would bias it otherwise), so is one
+/// through 2–7 px of the object above it, and the area between both within ±2 px places the edge. Repeated
+/// around the edge found.
 class ColumnEdges {
  public:
   explicit ColumnEdges(const EdgeOptions& options) : options_(options) {}

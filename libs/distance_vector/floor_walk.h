@@ -26,23 +26,20 @@ struct ColumnEnd {
   /// kEdge: so little of the floor behind it is hidden that it may be flat on the floor, and no other edge
   /// follows.
   bool low = false;
-  bool beyond = false;  ///< kEdge: seen over something that is low or flat
+  bool beyond = false;  ///< kEdge: seen over an object that is low or flat
 };
 
 /// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue
 /// adapts slowly, its level follows light that falls off (a level and a slope per row). A pixel deviates in
 /// hue (distance from the expected direction) or in level. A run of deviating pixels is a band:
 /// - floor follows, and what stands at its near edge and hides the floor up to there is at most `flat_m`
-/// high:
-///   a line or a seam; the walk goes on;
-/// - up to the horizon: an object. It begins where the first pixels are that no shadow explains (they deviate
-/// in
-///   hue, are brighter than light_ratio, or darker than shadow_ratio), if what is before them is darker
-///   floor;
-/// - floor follows: an object if no shadow explains it. It may be flat if it hides at most largest_flat_m.
-/// The walk
-///   goes on: the next edge is valid, whatever this is. If a shadow explains it, it is undecided (a shadow,
-///   or a low object).
+///   high: a line, a seam or a flat card; the walk goes on;
+/// - up to the horizon: an object. It begins where the first pixels are that no shadow explains (they
+///   deviate in hue, are brighter than light_ratio, or darker than shadow_ratio), if what is before them is
+///   darker floor;
+/// - floor follows, no shadow explains it: an object. It may be flat if it hides at most largest_flat_m: the
+///   walk goes on, because the next edge is valid in any case;
+/// - floor follows, otherwise: undecided (a shadow, or a low object).
 /// Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:
@@ -55,11 +52,11 @@ class FloorWalk {
   enum class State : std::uint8_t { kFloor, kBand, kDone };
   struct Walker {
     float hue[3];
-    float level, slope;  ///< expected at the next row, and its change per row
-    float band_sum = 0.0f,
-          before_sum = 0.0f;  ///< of the levels of the band, and of its part before the object
+    float level, slope;       ///< expected at the next row, and its change per row
+    float band_sum = 0.0f;    ///< of the levels of the band
+    float before_sum = 0.0f;  ///< likewise, of its part before the object
     int begin = 0;            ///< first row of the band
-    int flat = -1;            ///< row where the first thing begins that is low or flat; −1: none so far
+    int flat = -1;            ///< row where the first low or flat object begins; −1: none so far
     int edge = 0;             ///< row where its object begins, once it is no line; −1 before
     int object_begin = 0;     ///< first row of the present run of pixels that no shadow explains
     int object_run = 0, object_count = 0, floor_run = 0, count = 0, before = 0;

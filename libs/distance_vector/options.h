@@ -24,7 +24,7 @@ struct WalkOptions {
   /// Metres. What is at most this high is floor: robots drive over it. The floor that is seen behind a band
   /// bounds the height of what stands there: lines, seams and flat cards.
   double flat_m = 0.01;
-  /// Metres along the line of sight: a flat thing on the floor is not larger (the long side of A4). What
+  /// Metres along the line of sight: a flat object on the floor is not larger (the long side of A4). What
   /// hides more of the floor stands, or is a carpet.
   double largest_flat_m = 0.3;
   int min_run_px = 3;        ///< pixels in a row that are no floor
