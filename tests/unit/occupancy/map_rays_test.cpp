@@ -115,6 +115,26 @@ TEST(MapRays, PlacesRaysOnTheFittedWallWithTheSigmaOfTheLine) {
   EXPECT_NEAR(normalised / count, 1.0, 0.35);
 }
 
+// An error that neighbouring edges share does not average out over a line.
+TEST(MapRays, KeepsTheSharedErrorOfALine) {
+  Objects objects = openFloor();
+  for (std::size_t i = 0; i < kBeamCount; ++i) {
+    objects.boundary.inverse_m[i] =
+        static_cast<float>(roomInverse(2.0 * M_PI * static_cast<double>(i) / kBeamCount));
+    objects.boundary.sigma[i] = static_cast<float>(kInverseSigma);
+  }
+  MapRaysOptions options;
+  MapRays independent(options);
+  options.shared_share = 0.9;
+  MapRays shared(options);
+  // The middle of the wall x = 2 m: σ of the range is σ·r².
+  const double of_one_m = kInverseSigma * 4.0;
+  EXPECT_LT(independent.of(objects).sigma_m[0], 0.4 * of_one_m);
+  const double kept_m = static_cast<double>(shared.of(objects).sigma_m[0]);
+  EXPECT_GT(kept_m, 0.89 * of_one_m);
+  EXPECT_LT(kept_m, 1.05 * of_one_m);
+}
+
 TEST(MapRays, IsUndecidedFromTheScanThatEndsClearlyBeforeTheEdge) {
   // Closer than a cell and 2 σ = 5 cm + 2 cm they are the same.
   Objects objects = openFloor();
