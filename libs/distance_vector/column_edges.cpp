@@ -183,7 +183,7 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
   return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px)};
 }
 
-ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row,
+ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row, bool weak,
                                     float noise) const {
   Profile profile;
   std::array<const std::uint8_t*, kLength> pixels;
@@ -199,7 +199,7 @@ ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, 
   }
   Pair pair;
   pair.luma = measure(profile, row, noise, static_cast<float>(options_.sigma_px),
-                      static_cast<float>(options_.min_contrast));
+                      weak ? 0.0f : static_cast<float>(options_.min_contrast));
   cv::Vec3f below(0, 0, 0), above(0, 0, 0);
   int n = 0, m = 0;
   for (int i = profile.first; i < profile.end; ++i) {
@@ -219,7 +219,7 @@ ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, 
     profile.value[k] = axis[0] * pixels[k][0] + axis[1] * pixels[k][1] + axis[2] * pixels[k][2];
   }
   pair.hue = measure(profile, row, kColourNoise * noise, static_cast<float>(options_.hue_sigma_px),
-                     static_cast<float>(options_.min_hue_contrast));
+                     weak ? 0.0f : static_cast<float>(options_.min_hue_contrast));
   return pair;
 }
 

@@ -28,8 +28,9 @@ class ColumnEdges {
   struct Pair {
     std::optional<Edge> luma, hue;
   };
-  /// @param bgr CV_8UC3 @param row first row that is no floor, roughly @param noise σ of a pixel, grey levels
-  Pair find(const cv::Mat& bgr, const ColumnView& view, int u, int row, float noise) const;
+  /// @param bgr CV_8UC3 @param row first row that is no floor, roughly @param weak the contrast may be
+  /// lower than the least one, if it is clear in σ @param noise σ of a pixel, grey levels
+  Pair find(const cv::Mat& bgr, const ColumnView& view, int u, int row, bool weak, float noise) const;
 
   /// σ of the noise of one pixel's luma, grey levels: second differences along columns of the floor.
   /// @param first_row, end_row rows that show floor in most columns

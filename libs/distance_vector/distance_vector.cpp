@@ -23,9 +23,13 @@ DistanceVector::DistanceVector(const lens::Camera& camera, const Options& option
       view_(camera, options),
       colour_(options.walk),
       walk_(view_, options.walk),
+      split_(view_, options.walk),
       edges_(options.edge),
       fusion_(options.edge.window_px, static_cast<float>(options.jump_px),
               static_cast<float>(options.edge.hue_shared_px)),
+      weak_edges_(2 * options.edge.window_px + 1, static_cast<float>(options.jump_px),
+                  static_cast<float>(options.outlier_sigmas),
+                  static_cast<float>(options.edge.weak_shared_px)),
       sampler_(options),
       scale_(makeScale(options.literal)) {
   const auto columns = static_cast<std::size_t>(view_.size().width);
@@ -60,8 +64,11 @@ bool DistanceVector::findFloor() {
   const bool knows_floor = colour_.hasMemory();
   bool other_floor = false;
   for (const FloorSample& sample : colour_.find(smoothed_)) {
-    const auto& ends = walk_.walk(smoothed_, sample);
-    if (!isPlausible(ends)) continue;
+    ends_ = walk_.walk(smoothed_, sample);
+    const bool is_known = knows_floor && sample.remembered;
+    if (!is_known && !isPlausible(ends_)) continue;
+    splitColumns(sample, is_known ? colour_.knownDirection() : sample.direction);
+    if (!isPlausible(ends_)) continue;
     // Something of another colour fills the bottom of the image: an object, unless it stays.
     if (knows_floor && !sample.remembered) {
       other_floor = true;
@@ -69,13 +76,29 @@ bool DistanceVector::findFloor() {
     }
     new_floor_frames_ = 0;
     colour_.remember(sample);
-    ends_ = ends;
     floor_ = sample;
     return true;
   }
   if (other_floor) ++new_floor_frames_;
   fault_ = knows_floor && colour_.rememberedShare() < 0.5 ? Fault::kTooNear : Fault::kNoFloor;
   return false;
+}
+
+/// Looks for the foot of what continues above the horizon.
+void DistanceVector::splitColumns(const FloorSample& sample, const cv::Vec3f& known) {
+  split_.begin(sample, known);
+  for (int u = 0; u < view_.size().width; ++u) {
+    ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
+    const bool beyond_horizon = end.end == End::kUndecided && end.floor >= view_.size().height;
+    if (!beyond_horizon) continue;
+    const auto row = split_.find(smoothed_, u);
+    if (!row) continue;
+    end = ColumnEnd{};
+    end.end = End::kEdge;
+    end.row = *row;
+    end.floor = *row + 1;
+    end.weak = true;
+  }
 }
 
 /// Floor ends at or below the horizon. What continues above it in most columns is no floor.
@@ -108,9 +131,9 @@ void DistanceVector::project(const cv::Mat& bgr) {
   for (int u = 0; u < view_.size().width; ++u) {
     const ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
     pairs_[static_cast<std::size_t>(u)] =
-        end.end == End::kEdge ? edges_.find(bgr, view_, u, end.row, noise) : ColumnEdges::Pair{};
+        end.end == End::kEdge ? edges_.find(bgr, view_, u, end.row, end.weak, noise) : ColumnEdges::Pair{};
   }
-  const std::vector<EdgeFusion::Edge>& edges = fusion_.fuse(pairs_);
+  const std::vector<EdgeFusion::Edge>& edges = weak_edges_.smooth(ends_, fusion_.fuse(pairs_));
   for (int u = 0; u < view_.size().width; ++u) {
     const auto i = static_cast<std::size_t>(u);
     ColumnHit& hit = hits_[i];

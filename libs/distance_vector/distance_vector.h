@@ -9,9 +9,11 @@
 #include "distance_vector/column_view.h"
 #include "distance_vector/edge_fusion.h"
 #include "distance_vector/floor_colour.h"
+#include "distance_vector/floor_split.h"
 #include "distance_vector/floor_walk.h"
 #include "distance_vector/options.h"
 #include "distance_vector/smoothed_image.h"
+#include "distance_vector/weak_edges.h"
 #include "lens/camera.h"
 #include "observation/boundary.h"
 #include "observation/observation.h"
@@ -61,6 +63,7 @@ class DistanceVector {
   static Scale makeScale(const LiteralOptions& options);
 
   bool findFloor();
+  void splitColumns(const FloorSample& sample, const cv::Vec3f& known);
   bool isPlausible(const std::vector<ColumnEnd>& ends) const;
   void drawMask();
   void project(const cv::Mat& bgr);
@@ -72,8 +75,10 @@ class DistanceVector {
   SmoothedImage smoothed_;
   FloorColour colour_;
   FloorWalk walk_;
+  FloorSplit split_;
   ColumnEdges edges_;
   EdgeFusion fusion_;
+  WeakEdges weak_edges_;
   BearingSampler sampler_;
   Scale scale_;
   std::vector<ColumnEnd> ends_;

@@ -36,6 +36,8 @@ class FloorColour {
   /// The sample led to a plausible boundary: it is the floor from now on.
   void remember(const FloorSample& sample);
   bool hasMemory() const { return memory_.has_value(); }
+  /// Direction of the remembered floor; call only with a memory.
+  const cv::Vec3f& knownDirection() const { return memory_->direction; }
   /// Share of the strip that agrees with the remembered floor, 0–1.
   double rememberedShare() const { return remembered_share_; }
 

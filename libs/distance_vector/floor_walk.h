@@ -27,6 +27,7 @@ struct ColumnEnd {
   /// follows.
   bool low = false;
   bool beyond = false;  ///< kEdge: seen over an object that is low or flat
+  bool weak = false;    ///< kEdge: no pixel shows it by itself, the whole column does (FloorSplit)
 };
 
 /// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue

@@ -33,6 +33,7 @@ EdgeOptions EdgeOptions::read(const options::Section& section) {
   section.read("hue_sigma_px", o.hue_sigma_px, {0.001, 5.0});
   section.read("shading_per_px", o.shading_per_px, {0.0001, 1.0});
   section.read("hue_shared_px", o.hue_shared_px, {0.0, 5.0});
+  section.read("weak_shared_px", o.weak_shared_px, {0.0, 5.0});
   section.read("window_px", o.window_px, {0, 100});
   section.finish();
   return o;

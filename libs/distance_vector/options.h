@@ -45,7 +45,9 @@ struct EdgeOptions {
   double hue_sigma_px = 0.1;      ///< pixels: likewise in hue, which JPEG subsamples
   double shading_per_px = 0.05;   ///< 1/px: σ of the change of a face's brightness at its foot, its share
   double hue_shared_px =
-      0.15;            ///< pixels: σ of edges in hue that neighbouring columns share (coding, shading)
+      0.15;  ///< pixels: σ of edges in hue that neighbouring columns share (coding, shading)
+  /// pixels: σ that weak edges share, from the texture of floor and face
+  double weak_shared_px = 0.4;
   int window_px = 12;  ///< columns to either side over which the offset of luma and hue is averaged
   static EdgeOptions read(const options::Section& section);
 };

@@ -88,5 +88,26 @@ TEST(DistanceVectorAccuracy, TakesNoShadowForAnObjectWhereAnObjectFollows) {
   EXPECT_LE(accuracy.wrong_free, 0.01 * accuracy.seen);
 }
 
+// Cream walls round a grey floor, 6 levels apart across its colour: no pixel shows the foot by itself.
+TEST(DistanceVectorAccuracy, FindsWallsOfNearlyTheColourOfTheKnownFloor) {
+  const lens::Camera camera(forwardCamera());
+  const RayCaster caster(camera);
+  Accuracy accuracy;
+  for (int seed = 1400; seed < 1410; ++seed) {
+    World world = randomWorld(static_cast<std::uint32_t>(seed));
+    DistanceVector vector(camera, {});
+    vector.process(caster.render(world, {}));  // the floor becomes known
+    for (cv::Vec3f& wall : world.wall_bgr) wall = world.floor_bgr + cv::Vec3f(-4.5f, 0.0f, 4.5f);
+    const cv::Mat image = caster.render(world, {});
+    vector.process(image);
+    accuracy.add(vector, caster, world, {});
+    drawIfAsked(fmt::format("faint_{}", seed), image, vector);
+  }
+  std::printf("faint\n%s", accuracy.text().c_str());
+  EXPECT_LT(accuracy.outliers, 0.09 * accuracy.hits);
+  EXPECT_GT(accuracy.found, 0.9 * accuracy.seen);
+  EXPECT_LE(accuracy.wrong_free, 0.01 * accuracy.seen);
+}
+
 }  // namespace
 }  // namespace omnifleet::test

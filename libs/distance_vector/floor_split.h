@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "distance_vector/column_view.h"
+#include "distance_vector/floor_colour.h"
+#include "distance_vector/smoothed_image.h"
+
+namespace omnifleet::distance_vector {
+
+/// The foot of an object that looks like the floor. If floor-like pixels of a column continue above the
+/// horizon, the floor has ended somewhere below, although no pixel differs enough from the floor by itself.
+/// The whole column then says where: of all splits into a part below and a part above, the one with the
+/// largest difference of the mean colours across the floor's direction (maximum likelihood for one step in
+/// noise of unknown σ). Shadows and light that falls off change the level, not this colour. The split counts
+/// only if
+/// - the step explains the column better than a colour that drifts evenly (by `sigmas` σ), and
+/// - the difference is at least `sigmas` σ of the floor's own variation, and
+/// - the part below looks more like the known floor than the part above.
+class FloorSplit {
+ public:
+  FloorSplit(const ColumnView& view, const WalkOptions& options);
+
+  /// @param floor the floor in this image @param known direction of the floor of earlier images
+  void begin(const FloorSample& floor, const cv::Vec3f& known);
+  /// @return first row (upwards) that is no floor; nothing if the column does not show where
+  std::optional<int> find(const SmoothedImage& image, int u);
+
+ private:
+  /// Colours across the floor's direction, grey levels.
+  struct Chroma {
+    float first = 0.0f, second = 0.0f;
+  };
+  Chroma chroma(const cv::Vec3f& colour, float level) const;
+  void readColumn(const SmoothedImage& image, int u, int top);
+
+  const ColumnView* view_;
+  WalkOptions options_;
+  cv::Vec3f direction_{0, 0, 0}, first_axis_{0, 0, 0}, second_axis_{0, 0, 0};
+  Chroma known_;
+  float level_ = 0.0f;        ///< of the floor
+  float least_ = 0.0f;        ///< grey levels between floor and object
+  std::vector<Chroma> sums_;  ///< over the rows from the bottom up to each row
+  float squares_ = 0.0f, row_first_ = 0.0f, row_second_ = 0.0f;
+};
+
+}  // namespace omnifleet::distance_vector
