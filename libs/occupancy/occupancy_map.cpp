@@ -68,7 +68,8 @@ class OccupancyMap::Impl {
         window(rayLimitsOf(given)),
         default_mask(maskOf(RobotBody{})),
         robot_permille(std::llround(given.robot_sigmas * 1000.0)),
-        most_margin_dmm(std::llround(given.most_robot_margin_m * kDmmPerMetre)) {
+        most_margin_dmm(std::llround(given.most_robot_margin_m * kDmmPerMetre)),
+        margin_dmm(std::llround(given.robot_margin_m * kDmmPerMetre)) {
     for (const auto& [robot, body] : bodies) {
       masks.emplace(robot, maskOf(body));
       footprints.emplace(robot, BodyMask(body, 0.0, options.default_radius_m));
@@ -100,8 +101,8 @@ class OccupancyMap::Impl {
   AppliedSet applied;
   CellCounts::OnChange on_change;
   std::uint64_t class_changes = 0;
-  std::int64_t robot_permille, most_margin_dmm;  ///< robot_sigmas in thousandths; most_robot_margin_m
-  bool correct_later = false;                    ///< corrections are left to correctSome()
+  std::int64_t robot_permille, most_margin_dmm, margin_dmm;  ///< robot_sigmas in thousandths; two margins
+  bool correct_later = false;                                ///< corrections are left to correctSome()
 
   const structure::SurfaceMap& freshVisible();
 
@@ -205,16 +206,18 @@ std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, Time
   return what;
 }
 
-/// Ends the rays that cross the footprint of another robot there: what they show behind it is wrong.
+/// Ends the rays that cross the footprint of another robot there: what they show behind it is wrong. A ray
+/// whose end lies on it within its error may have ended at the robot.
 void OccupancyMap::Impl::cutRays(Applied& what) const {
   if (options.robot_window_m > 0.0) return;
   const Contribution& seen = *what.contribution;
   const PointDmm origin = scanOrigin(seen, what.at);
+  const std::int64_t free_permille = rayLimitsOf(options).free_permille;
   const auto count = static_cast<std::uint32_t>(what.roles.size());
   for (const auto& [robot, at] : what.robots) {
     const auto footprint = footprints.find(robot);
     if (robot == seen.robot || footprint == footprints.end()) continue;
-    const std::int64_t more = marginOf(footprint->second, at);
+    const std::int64_t more = marginOf(footprint->second, at) + margin_dmm;
     const Turn heading = turnFromDmrad(at.theta_dmrad);
     const PointDmm from =
         unrotate(directionOf(heading), {origin.x_dmm - at.position.x_dmm, origin.y_dmm - at.position.y_dmm});
@@ -222,9 +225,14 @@ void OccupancyMap::Impl::cutRays(Applied& what) const {
     for (std::uint32_t i = 0; i < count; ++i) {
       if (what.roles[i] == RayRole::kNone) continue;
       const auto entry = footprint->second.entry(from, directionOf(to_scan + turnOfBearing(i, count)), more);
-      if (!entry || *entry >= rangeOf(seen, i, what.cuts)) continue;
+      if (!entry) continue;
+      const std::int64_t range = rangeOf(seen, i, what.cuts);
+      const std::int64_t sigma = i < seen.sigma_dmm.size() ? seen.sigma_dmm[i] : 0;
+      const std::int64_t error = sigma * free_permille / 1000;
+      if (*entry >= range + error) continue;
       if (what.cuts.empty()) what.cuts.assign(count, 0);
-      what.cuts[i] = static_cast<std::int32_t>(std::max<std::int64_t>(*entry, 1));
+      const std::int64_t end = std::min(*entry, range - error);
+      what.cuts[i] = static_cast<std::int32_t>(std::max<std::int64_t>(end, 1));
     }
   }
 }
