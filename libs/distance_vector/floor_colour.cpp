@@ -102,7 +102,10 @@ std::optional<FloorSample> FloorColour::mode() {
     const int from = static_cast<int>(kNear * static_cast<float>(k)),
               to = std::min(kLevelBins - 1, static_cast<int>(kFar * static_cast<float>(k)) + 1);
     for (int i = from; i <= to; ++i) sum += levels_[static_cast<std::size_t>(i)];
-    if (sum <= best) continue;
+    // On an even floor many intervals hold all pixels; the one around them is meant.
+    const bool is_fuller =
+        levels_[static_cast<std::size_t>(k)] > levels_[static_cast<std::size_t>(level_bin)];
+    if (sum < best || (sum == best && !is_fuller)) continue;
     best = sum;
     level_bin = k;
   }
