@@ -14,6 +14,8 @@ KeyframeOptions KeyframeOptions::read(const options::Section& section) {
   section.read("min_interval_s", o.min_interval_s, {0.0, 3600.0});
   section.read("at_rest_share", o.at_rest_share, {0.0, 1.0});
   section.read("at_rest_s", o.at_rest_s, {0.0, 3600.0});
+  section.read("odometry_sigma_m", o.odometry_sigma_m, options::kNotNegative);
+  section.read("odometry_sigma_rad", o.odometry_sigma_rad, options::kNotNegative);
   section.finish();
   return o;
 }
@@ -49,17 +51,17 @@ bool ContributionMaker::isDue(const Objects& objects, const Pose2& map_from_base
 
 /// A guess is no fact: while only odometry determines the pose, frames are mapped as long as it is as good as
 /// a cell of the map.
-static bool isSure(const PoseEstimate& pose) {
-  constexpr double kSigma_m = 0.03, kSigma_rad = 0.02;
+static bool isSure(const PoseEstimate& pose, const KeyframeOptions& options) {
+  const double sigma_m = options.odometry_sigma_m, sigma_rad = options.odometry_sigma_rad;
   if (pose.state != LocalizationState::kOdometryOnly && pose.state != LocalizationState::kLost) return true;
-  return 0.5 * pose.covariance.topLeftCorner<2, 2>().trace() <= kSigma_m * kSigma_m &&
-         pose.covariance(2, 2) <= kSigma_rad * kSigma_rad;
+  return 0.5 * pose.covariance.topLeftCorner<2, 2>().trace() <= sigma_m * sigma_m &&
+         pose.covariance(2, 2) <= sigma_rad * sigma_rad;
 }
 
 std::optional<ContributionMaker::Made> ContributionMaker::make(const Objects& objects,
                                                                const PoseEstimate& pose) {
   if (objects.state != FrameState::kOk || !pose.valid || !pose.map_from_base.isFinite()) return std::nullopt;
-  if (!isSure(pose)) return std::nullopt;
+  if (!isSure(pose, options_)) return std::nullopt;
   if (objects.acquired_ns != pose.acquired_ns || objects.robot != pose.robot) return std::nullopt;
   if (any_ && (objects.acquired_ns <= last_ns_ || !isDue(objects, pose.map_from_base))) return std::nullopt;
   Made made{occupancy::makeContribution(objects, rays_.of(objects)), occupancy::makeKeyframePose(pose)};

@@ -27,6 +27,9 @@ struct KeyframeOptions {
   double min_interval_s = 0.15;  ///< s, shortest interval (limits the traffic)
   double at_rest_share = 0.1;    ///< 1, interval at rest per time since the last change, up to `at_rest_s`
   double at_rest_s = 10.0;       ///< s, longest interval at rest
+  /// m and rad, largest σ of a pose that only odometry determines at which its frame is mapped: about half a
+  /// cell of 5 cm, and as much 1.5 m away. Larger cells allow more.
+  double odometry_sigma_m = 0.03, odometry_sigma_rad = 0.02;
   occupancy::MapRaysOptions rays;
 
   static KeyframeOptions read(const options::Section& section);
