@@ -85,6 +85,7 @@ class TemplateFinder final : public MarkerFinder {
   bool search(const cv::Mat& bgr, TimeNs time, const std::vector<cv::Rect>& windows);
   std::optional<Candidate> examine(const cv::Mat& bgr, const Hypothesis& hypothesis);
   void examineObjects(const cv::Mat& bgr);
+  void examineTracks(const cv::Mat& bgr, TimeNs time);
   bool isKnown(const Hypothesis& hypothesis) const;
   bool isMarker(const Fit& fit, const Pattern& pattern) const;
   bool hasColour(const FittedRegion& region, std::uint8_t colour) const;
@@ -145,6 +146,7 @@ bool TemplateFinder::search(const cv::Mat& bgr, TimeNs time, const std::vector<c
     if (!isKnown(hypothesis))
       if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
   if (layout_.isConnected()) examineObjects(bgr);
+  examineTracks(bgr, time);
   rejectOverlapping();
   chooseOnePerRobot(time);
   return std::all_of(trails_.begin(), trails_.end(), [&](const auto& trail) {
@@ -196,6 +198,22 @@ void TemplateFinder::examineObjects(const cv::Mat& bgr) {
     for (const Hypothesis& hypothesis : hypotheses_.findInObject(bgr, object))
       if (!isKnown(hypothesis))
         if (auto candidate = examine(bgr, hypothesis)) candidates_.push_back(std::move(*candidate));
+  }
+}
+
+/// Fits the markers of robots without a candidate at their last places. The light on a marker changes, at the
+/// image border too, so that its pixels leave the tolerance of their colour for some frames. What is accepted
+/// is the same.
+void TemplateFinder::examineTracks(const cv::Mat& bgr, TimeNs time) {
+  constexpr double kMotion_px = 4.0;  // between two frames, within reach of the fit
+  for (std::size_t p = 0; p < layout_.patterns().size(); ++p) {
+    const auto trail = trails_.find(layout_.patterns()[p].robot);
+    if (trail == trails_.end() || time - trail->second.time_ns > kMemory_ns) continue;
+    if (std::any_of(candidates_.begin(), candidates_.end(),
+                    [p](const Candidate& c) { return c.pattern == p; }))
+      continue;
+    if (auto candidate = examine(bgr, {p, trail->second.pose, kMotion_px, 0.0}))
+      candidates_.push_back(std::move(*candidate));
   }
 }
 

@@ -184,6 +184,40 @@ TEST(PatchFinder, FindsSameRobotsInWindowsAsInWholeImage) {
   EXPECT_GT(compared, 30U);
 }
 
+TEST(PatchFinder, KeepsRobotWhoseColoursLeaveTheToleranceForSomeFrames) {
+  auto set = patchSet();
+  set.team = {138, 189, 247};  // pale, as in the test data overhead/vss
+  set.robots = {{"r1", {{105, 206, 116}, {}, {}, {}}}};
+  auto finder = MarkerFinder::make(lens::Camera(ceilingCamera()), set, {});
+  for (int k = 0; k < 12; ++k) {
+    Painter painter(ceilingCamera());
+    const Pose2 truth{0.2 + 0.01 * k, 0.1, 0.3};
+    painter.robot(set, "r1", truth);
+    Imaging imaging;
+    imaging.noise = 2.0;
+    // Under yellow light the team patch has a distance of 0.21 from its colour. The tolerance is 0.16 for a
+    // pixel and 0.24 for a fitted region.
+    if (k >= 3 && k < 9) imaging.cast = {255, 240, 200};
+    const auto& found = finder->find(painter.image(imaging), k * 100000000LL);
+    ASSERT_EQ(found.size(), 1U) << k;
+    EXPECT_LT((found[0].map_from_base.translation() - truth.translation()).norm(), 0.001) << k;
+  }
+}
+
+TEST(PatchFinder, LosesTrackWhenTheRobotIsGone) {
+  const auto set = patchSet();
+  auto finder = MarkerFinder::make(lens::Camera(ceilingCamera()), set, {});
+  for (int k = 0; k < 6; ++k) {
+    Painter painter(ceilingCamera());
+    const Pose2 place{0.2, 0.1, 0.3};
+    if (k < 3)
+      painter.robot(set, "r2", place);
+    else  // its team patch remains, on the body of an unlisted robot
+      painter.rectangle(place, set.height_m, set.team_offset_m, set.patch_size_m, set.team);
+    EXPECT_EQ(finder->find(painter.image(0.9, 3.0), k * 100000000LL).size(), k < 3 ? 1U : 0U) << k;
+  }
+}
+
 TEST(PatchFinder, RejectsUnsupportedInput) {
   const lens::Camera camera(ceilingCamera());
   auto set = patchSet();
