@@ -158,6 +158,22 @@ dataset::MarkerSet markersOf(Random& random) {
   return set;
 }
 
+/// One team patch and one individual patch per robot, on the same body.
+dataset::MarkerSet patchesOf(Random& random) {
+  const std::array<dataset::Rgb, kRobots> individual{
+      dataset::Rgb{225, 45, 40}, {40, 190, 70}, {240, 215, 40}, {215, 50, 190}};
+  dataset::MarkerSet set;
+  set.height_m = kBodyHeight_m;
+  set.team = {30, 80, 225};
+  set.team_offset_m = {-0.031, 0.0};
+  set.individual_offset_m = {0.047, 0.0};
+  set.patch_size_m = {0.062, 0.096};
+  const int turn = random.below(kRobots);
+  for (int r = 0; r < kRobots; ++r)
+    set.robots[arenaRobot(r)].individual = individual[static_cast<std::size_t>((r + turn) % kRobots)];
+  return set;
+}
+
 /// Cards of the sizes and colours of markers on the floor.
 void addCards(ArenaLayout& layout, int count, Random& random) {
   constexpr int kTries = 3000;
@@ -167,10 +183,15 @@ void addCards(ArenaLayout& layout, int count, Random& random) {
     const Eigen::Vector2d at = anywhereIn(layout.house.rooms.front(), 0.1, random);
     FloorMarking card;
     card.map_from_marking = {at.x(), at.y(), random.between(-M_PI, M_PI)};
-    card.size_m = part == 0   ? layout.markers.cover_size_m
-                  : part == 1 ? layout.markers.tail_size_m
-                              : layout.markers.head_size_m;
-    card.albedo = albedoOf(part == 0 ? colours.cover : part == 1 ? colours.tail : colours.head);
+    if (layout.markers.kind == dataset::MarkerKind::kPatches) {
+      card.size_m = layout.markers.patch_size_m;
+      card.albedo = albedoOf(part == 0 ? layout.markers.team : colours.individual);
+    } else {
+      card.size_m = part == 0   ? layout.markers.cover_size_m
+                    : part == 1 ? layout.markers.tail_size_m
+                                : layout.markers.head_size_m;
+      card.albedo = albedoOf(part == 0 ? colours.cover : part == 1 ? colours.tail : colours.head);
+    }
     const Eigen::Vector2d half = 0.5 * card.size_m;
     if (gapToAll(withParked(layout), rectangleAt(card.map_from_marking, -half, half)) < 0.03) continue;
     layout.cards.push_back(card);
@@ -248,7 +269,7 @@ ArenaLayout arenaLayout(const ArenaOptions& options, Random& random) {
     while (parked && static_cast<int>(layout.parked.size()) < kRobots - kMapping)
       parked = park(layout, random);
     if (!parked || FreeSpace(withParked(layout), kPlanned_m).share() < kLeastShare) continue;
-    layout.markers = markersOf(random);
+    layout.markers = options.patches ? patchesOf(random) : markersOf(random);
     addCards(layout, options.cards, random);
     return layout;
   }

@@ -35,6 +35,10 @@ int main(int argc, char** argv) try {
       ->check(CLI::Range(0.0, 60.0));
   app.add_option("--exposure", options.exposure_s, "s, motion blur of all cameras")
       ->check(CLI::Range(0.0, 0.2));
+  app.add_flag("--patches", options.patches, "markers of kind patches, not cover_tail_head");
+  app.add_option("--ceiling-tilt", options.ceiling_tilt_deg,
+                 "degrees, tilt of a ceiling camera about each horizontal axis, at most, default 1.5")
+      ->check(CLI::Range(0.0, 30.0));
   CLI11_PARSE(app, argc, argv);
   if (hard) {
     const int cards = options.cards;

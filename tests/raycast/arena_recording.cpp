@@ -44,7 +44,7 @@ lens::CameraModel frontCamera(Random& random) {
 
 /// c1 over the left two thirds of the arena (zones 1 and 2), c2 over the right two thirds. The image rows
 /// run across the arena.
-lens::CameraModel ceilingCamera(const Extent& room, int index, double k1, Random& random) {
+lens::CameraModel ceilingCamera(const Extent& room, int index, double k1, double tilt_deg, Random& random) {
   constexpr double kAbove_m = 2.5, kMargin_m = 0.05;
   const double side = index == 0 ? -1.0 : 1.0, height = kAbove_m + random.between(-0.05, 0.05),
                half_seen = room.size().x() / 3.0 + kMargin_m;
@@ -57,7 +57,7 @@ lens::CameraModel ceilingCamera(const Extent& room, int index, double k1, Random
                                      random);
   camera.position_m = {side * room.size().x() / 6.0 + random.between(-0.02, 0.02),
                        random.between(-0.03, 0.03), height};
-  camera.rotation_rpy_deg = {random.between(-1.5, 1.5), random.between(-1.5, 1.5),
+  camera.rotation_rpy_deg = {random.between(-tilt_deg, tilt_deg), random.between(-tilt_deg, tilt_deg),
                              (index == 0 ? 0.0 : 180.0) + random.between(-2.0, 2.0)};
   return camera;
 }
@@ -181,7 +181,8 @@ ArenaStory arenaStory(const ArenaOptions& options) {
   const lens::CameraModel front = frontCamera(random);
   std::vector<lens::CameraModel> ceiling;
   for (int k = 0; k < 2; ++k)
-    ceiling.push_back(ceilingCamera(layout.house.rooms.front(), k, options.ceiling_k1, random));
+    ceiling.push_back(
+        ceilingCamera(layout.house.rooms.front(), k, options.ceiling_k1, options.ceiling_tilt_deg, random));
   const double ceiling_hz = options.ceiling_rate_hz > 0.0 ? options.ceiling_rate_hz : options.rate_hz;
   const int ceiling_frames = std::max(1, static_cast<int>(std::floor(duration_s * ceiling_hz + 1e-9)));
   return {std::move(layout),

@@ -75,8 +75,13 @@ ArenaScene::ArenaScene(const ArenaLayout& layout, const ArenaOptions& options)
     for (const Solid& solid : *list) boxes_.push_back(boxOf(solid, ++texture));
   for (int r = 0; r < kRobots; ++r) {
     const dataset::RobotColours& colours = markers_.robots.at(arenaRobot(r));
-    paints_[static_cast<std::size_t>(r)] = {Eigen::Vector3f::Constant(0.045F), albedoOf(colours.cover),
-                                            albedoOf(colours.tail), albedoOf(colours.head)};
+    const Eigen::Vector3f body = Eigen::Vector3f::Constant(0.045F);
+    if (markers_.kind == dataset::MarkerKind::kPatches)
+      paints_[static_cast<std::size_t>(r)] = {body, albedoOf(markers_.team), albedoOf(colours.individual),
+                                              body};
+    else
+      paints_[static_cast<std::size_t>(r)] = {body, albedoOf(colours.cover), albedoOf(colours.tail),
+                                              albedoOf(colours.head)};
   }
   for (std::size_t k = 0; k < layout.parked.size(); ++k)
     boxes_.push_back(robotAt(kMapping + static_cast<int>(k), layout.parked[k]));
@@ -107,6 +112,10 @@ int ArenaScene::paintAt(const ArenaBox& box, const Eigen::Vector2d& in_box) cons
   const auto covers = [&](const Eigen::Vector2d& middle, const Eigen::Vector2d& size) {
     return box.robot >= 0 && (2.0 * (in_base - middle).cwiseAbs() - size).maxCoeff() < 0.0;
   };
+  if (markers_.kind == dataset::MarkerKind::kPatches) {
+    if (covers(markers_.individual_offset_m, markers_.patch_size_m)) return 2;
+    return covers(markers_.team_offset_m, markers_.patch_size_m) ? 1 : 0;
+  }
   if (covers(markers_.head_offset_m, markers_.head_size_m)) return 3;
   if (covers(markers_.tail_offset_m, markers_.tail_size_m)) return 2;
   return covers({0.0, 0.0}, markers_.cover_size_m) ? 1 : 0;
