@@ -307,7 +307,7 @@ std::vector<std::string> Fleet::ceilingCameras() const {
 }
 
 bool Fleet::hasFormation() const {
-  if (arena) return !arena->formation.keys().empty();
+  if (arena && !arena->formation.keys().empty()) return true;
   return dataset.empty() && file.child("services").has("formation");
 }
 

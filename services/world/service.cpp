@@ -46,7 +46,8 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
          {},
          {},
          makeLaser(robot.name)});
-    if (!fleet.hasFormation()) continue;
+    // A robot without a formation service stands.
+    if (!fleet.hasFormation() || !fleet.maps(robot.name)) continue;
     inlets_.push_back(std::make_unique<Inlet<v1::WheelCommand, Command>>(
         context.bus.reader(context.topics.wheels_command, robot.name), merger_, ends_,
         bus::StreamSpec{"wheels/command " + robot.name, robot.name, 0, bus::StreamRole::kInput,

@@ -105,6 +105,19 @@ TEST_F(FleetFile, ExpectsReadersOfAllReadingProcesses) {
   }
 }
 
+TEST_F(FleetFile, DrivesArenaByFormationSectionOfFleetFile) {
+  const std::string world = std::string("world: {arena: ") + std::getenv("OMNIFLEET_SOURCE_DIR") +
+                            "/config/arenas/ahmed.yaml}\n";  // an arena of tours
+  EXPECT_FALSE(load(world).hasFormation());
+  const Fleet fleet = load(world + "services: {formation: {behaviour: exploration}}\n");
+  ASSERT_TRUE(fleet.hasFormation());
+  const std::vector<std::string> all = names(processes(fleet));
+  for (const char* robot : {"r1", "r2"})
+    EXPECT_EQ(std::count(all.begin(), all.end(), std::string("formation ") + robot), 1);
+  for (const char* parked : {"r3", "r4"})
+    EXPECT_EQ(std::count(all.begin(), all.end(), std::string("formation ") + parked), 0);
+}
+
 TEST_F(FleetFile, OverridesKeyByKeyWithOverlay) {
   const std::string overlay = write("overlay.yaml", "robots: {r1: {body: {height_m: 0.5}}}\nname: other\n");
   const Fleet fleet = load(std::string("name: lab\n") + kRobots + kCameras, {overlay});

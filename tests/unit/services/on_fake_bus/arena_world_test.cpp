@@ -1,4 +1,5 @@
-// The world service of an arena without formation: robots on tours, parked robots, robots without wheels.
+// The world service of an arena: robots on tours or driven by their formation services, parked robots, robots
+// without wheels.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -55,6 +56,38 @@ TEST_F(ArenaWorld, DrivesToursAndWritesTruthOfParkedRobots) {
   EXPECT_FALSE(recording.robots[0].initial_pose);
   EXPECT_EQ(recording.robots[2].body.footprint_m.size(), 4u);
   EXPECT_TRUE(fs::exists(folder_ / "out/recording/groundtruth/r3.tum"));
+}
+
+TEST_F(ArenaWorld, WaitsForCommandsOfRobotsWithFormationServiceOnly) {
+  std::ofstream(folder_ / "fleet.yaml", std::ios::app) << "services: {formation: {behaviour: exploration}}\n";
+  test::StageBench bench("world", "", (folder_ / "out").string(), (folder_ / "fleet.yaml").string());
+  const auto moving = bench.bus().reader(bench.topics.world_truth, "r1"),
+             parked = bench.bus().reader(bench.topics.world_truth, "r3");
+  const auto first = bench.bus().writer(bench.topics.wheels_command, "r1"),
+             second = bench.bus().writer(bench.topics.wheels_command, "r2");
+  v1::Truth truth;
+  v1::WheelCommand command;
+  double begin_m = 0.0, end_m = 0.0;
+  int frames = 0;
+  for (; moving->take(truth); ++frames) {
+    end_m = truth.map_from_base().y();
+    if (frames == 0) begin_m = end_m;
+    for (const auto* robot : {"r1", "r2"}) {
+      command.robot(robot);
+      command.header() = truth.header();
+      command.v_left_mps(0.1);
+      command.v_right_mps(0.1);
+      bench.spin();
+      EXPECT_EQ(robot == std::string("r1") ? first->write(command) : second->write(command), true);
+    }
+    bench.spin();
+  }
+  EXPECT_EQ(frames, 21) << "4 s at 5 Hz";
+  EXPECT_GT(end_m - begin_m, 0.2) << "r1 drives upwards";
+  Eigen::Vector2d place_m(0.0, 0.0);
+  while (parked->take(truth)) place_m = {truth.map_from_base().x(), truth.map_from_base().y()};
+  EXPECT_NEAR((place_m - Eigen::Vector2d(-1.3, -0.84)).norm(), 0.0, 1e-9);
+  bench.drain();
 }
 
 }  // namespace
