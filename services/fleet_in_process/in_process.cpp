@@ -55,7 +55,7 @@ bool runInProcess(const InProcessRun& run, const std::function<void(std::uint64_
   auto log =
       std::make_shared<spdlog::logger>("fleet", std::make_shared<spdlog::sinks::stderr_color_sink_st>());
   log->set_level(spdlog::level::from_str(run.log_level));
-  const auto network = bus::makeFakeNetwork();
+  const auto network = run.network ? run.network : bus::makeFakeNetwork();
   std::vector<std::unique_ptr<bus::Bus>> buses;  // must outlive the services
   bus::InProcessFleet stages;
   bus::Service* counted = nullptr;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct InProcessRun {
   std::string log_level = "warn";
   /// Receives every message besides the log; may be empty.
   std::function<void(const std::string& service, const Message& message)> on_message;
+  /// The network of the stages; readers on it receive every sample. Empty: a network of its own.
+  std::shared_ptr<bus::FakeNetwork> network;
 };
 
 /// Runs every stage of a fleet on the fake bus, in this thread, to the end of the recording or arena. The
