@@ -157,6 +157,7 @@ void Exploration::findReachable(const ExplorationGrid& grid, const std::vector<E
   std::vector<Barriers::Solid> standing;
   opaque_ = cv::Mat1b::zeros(grid.size());
   standable_ = cv::Mat1b::zeros(grid.size());
+  coverable_ = cv::Mat1b::zeros(grid.size());
   for (const Explorer& robot : robots) {
     if (robot.explores) continue;
     standing.push_back({robot.outline_m, options_.margin_m});
@@ -181,7 +182,25 @@ void Exploration::findReachable(const ExplorationGrid& grid, const std::vector<E
     for (int row = 0; row < standable_.rows; ++row)
       for (int column = 0; column < standable_.cols; ++column)
         if (fields_[i].reaches({column, row})) standable_(row, column) = 1;
+    addCoverable(grid, fields_[i], robots[i].radius_m);
   }
+}
+
+/// A wall of cells has gaps where hits were noisy, and a few rays end behind it. No body covers that floor.
+void Exploration::addCoverable(const ExplorationGrid& grid, const DistanceField& field, double radius_m) {
+  cv::Mat1b beyond(grid.size());
+  for (int row = 0; row < beyond.rows; ++row)
+    for (int column = 0; column < beyond.cols; ++column)
+      beyond(row, column) = field.reaches({column, row}) ? 0 : 1;
+  cv::Mat1f way;
+  cv::distanceTransform(beyond, way, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const double most_m = radius_m + options_.margin_m + M_SQRT1_2 * grid.cell_m();
+  coverable_ |= grid.cell_m() * way <= most_m;
+}
+
+bool Exploration::isCoverable(const Frontier& frontier) const {
+  return std::any_of(frontier.cells.begin(), frontier.cells.end(),
+                     [&](const Eigen::Vector2i& cell) { return coverable_(cell.y(), cell.x()) != 0; });
 }
 
 /// Time of each robot to a view of the frontier.
@@ -215,9 +234,10 @@ Exploration::Plan Exploration::plan(const ExplorationGrid& grid, const std::vect
   std::vector<Eigen::Vector2d> places_m;
   std::vector<Viewpoint> own_viewpoints;
   for (Frontier& frontier : findFrontiers(grid, options_.extent_m, options_.least_cells)) {
-    if (std::any_of(robots.begin(), robots.end(),
-                    [&](const Explorer& robot) { return isSkipped(grid, frontier, robot.skipped, true); }))
-      continue;
+    const bool skipped = std::any_of(robots.begin(), robots.end(), [&](const Explorer& robot) {
+      return isSkipped(grid, frontier, robot.skipped, true);
+    });
+    if (skipped || !isCoverable(frontier)) continue;
     Viewpoint own_viewpoint;
     const std::vector<double> to_s = timesTo(frontier, grid, robots, own, own_viewpoint);
     if (std::none_of(to_s.begin(), to_s.end(), [](double t) { return std::isfinite(t); })) continue;

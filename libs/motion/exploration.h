@@ -55,8 +55,10 @@ class Exploration {
     bool exhausted = false;  ///< all viewpoints have shown nothing
   };
   struct Plan {
-    std::vector<int> frontier_of;     ///< per robot, as passed; −1: none
-    std::vector<Frontier> frontiers;  ///< those that a robot can see, from a place that it can reach
+    std::vector<int> frontier_of;  ///< per robot, as passed; −1: none
+    /// Those where floor that a body can cover begins, and that a robot sees from a place that it can reach.
+    /// Floor behind a gap that is too narrow is not among them.
+    std::vector<Frontier> frontiers;
     std::optional<Goal> own;
   };
 
@@ -81,6 +83,8 @@ class Exploration {
     Viewpoint viewpoint;
   };
   void findReachable(const ExplorationGrid& grid, const std::vector<Explorer>& robots);
+  void addCoverable(const ExplorationGrid& grid, const DistanceField& field, double radius_m);
+  bool isCoverable(const Frontier& frontier) const;
   void discourage(const ExplorationGrid& grid, const Polygon& outline_m, double radius_m,
                   cv::Mat1f& price) const;
   std::vector<double> timesTo(const Frontier& frontier, const ExplorationGrid& grid,
@@ -97,6 +101,7 @@ class Exploration {
   std::vector<bool> takes_part_;       ///< per robot
   std::vector<Eigen::Vector2i> here_;  ///< cells of the robots that take part
   cv::Mat1b standable_;                ///< nonzero: a robot can reach the cell
+  cv::Mat1b coverable_;                ///< nonzero: within the body's circle and margin about such a cell
   cv::Mat1b opaque_;                   ///< nonzero: a standing robot
   cv::Mat1f price_;
 };

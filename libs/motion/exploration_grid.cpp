@@ -23,6 +23,7 @@ ExplorationGrid::Options ExplorationGrid::Options::read(const options::Section& 
   section.read("size_m", options.size_m, {0.5, 200.0});
   section.read("sight_m", options.sight_m, {0.2, 16.0});
   section.read("robot_m", options.robot_m, {0.0, 1.0});
+  section.read("hit_cells", options.hit_cells, {0.01, 10.0});
   section.finish();
   if (options.size_m.maxCoeff() > kMostCells * options.cell_m)
     section.fail("size_m", "must be at most 400 cells");

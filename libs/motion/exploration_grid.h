@@ -31,6 +31,7 @@ class ExplorationGrid {
     Eigen::Vector2d size_m{8.0, 8.0};    ///< floor outside this rectangle is not explored
     double sight_m = 2.0;                ///< m, range up to which a view is used
     double robot_m = 0.03;               ///< m, hits within this distance of a robot's outline belong to it
+    double hit_cells = 0.2;  ///< cells: a range whose σ is larger shows floor, but its end is not a hit
 
     static Options read(const options::Section& section);
   };

@@ -8,7 +8,7 @@ namespace {
 
 // Contours cut by the edge of the visible floor follow it up to this distance (m), as in NearField.
 constexpr double kEdgeM = 0.015;
-constexpr double kSurelyBefore = 2.0;  // σ
+constexpr double kSurelyBefore = 3.0;  // σ, as free_sigmas of the map
 
 struct Sector {
   std::size_t first = 0, rays = 0;

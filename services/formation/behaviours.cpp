@@ -12,10 +12,9 @@ namespace {
 
 constexpr double kNearM = 1.2;    // m, remembered obstacles within this distance of the robot are considered
 constexpr double kEdgeM = 0.015;  // m, as in compactView()
-constexpr double kSameRayM = 0.05;   // m, an obstacle this near a ray explains what the ray hits
-constexpr double kMeetM = 0.8;       // m, a robot within this distance may be in the way
-constexpr double kSharpCells = 0.4;  // σ of a range (cells) up to which a hit is drawn
-constexpr double kUnknownM = 0.25;   // m beyond the body, farther than it needs to stop
+constexpr double kSameRayM = 0.05;  // m, an obstacle this near a ray explains what the ray hits
+constexpr double kMeetM = 0.8;      // m, a robot within this distance may be in the way
+constexpr double kUnknownM = 0.25;  // m beyond the body, farther than it needs to stop
 constexpr double kRayStepM = 0.01;
 constexpr double kStoppedRad = 1e-3;
 
@@ -78,7 +77,7 @@ void Formation::behave(const Objects& objects, Output& output) {
     commanded_ = {};
     return;
   }
-  output.state.view = motion::compactView(objects.scan, kSharpCells * shared_.grid().cell_m());
+  output.state.view = motion::compactView(objects.scan, options_.grid.hit_cells * options_.grid.cell_m);
   updateBarriers(objects, *own);
   const motion::BoundaryLaw::Result ground = boundary_.follow(barriers_, options_.command.boundary_m);
   output.state.ground_clear = ground.clear;

@@ -19,32 +19,44 @@ namespace {
 
 constexpr double kSame_m = 0.04;  // one cell of the exploration grid
 
-/// The states that the robots publish.
+/// What the robots publish: their states, their poses, and the grid that follows from both.
 class States {
  public:
-  explicit States(const std::shared_ptr<bus::FakeNetwork>& network)
-      : bus_(bus::makeFakeBus(network, {})),
-        reader_(bus_->reader(bus::Topics(bus::RunMode::kLockstep).formation_state)) {}
+  States(const std::shared_ptr<bus::FakeNetwork>& network, const motion::ExplorationGrid::Options& grid,
+         const std::map<std::string, RobotBody>& bodies)
+      : shared(grid, bodies),
+        bus_(bus::makeFakeBus(network, {})),
+        reader_(bus_->reader(bus::Topics(bus::RunMode::kLockstep).formation_state)),
+        poses_(bus_->reader(bus::Topics(bus::RunMode::kLockstep).pose)) {}
 
   void take() {
+    v1::Pose pose_wire;
+    std::vector<PoseEstimate> poses;
+    while (poses_->take(pose_wire))
+      if (!adapters::fromWire(pose_wire, poses.emplace_back())) poses.pop_back();
+    std::vector<motion::FormationState> states;
     v1::FormationState wire;
     while (reader_->take(wire)) {
       motion::FormationState state;
       if (!adapters::fromWire(wire, state)) throw std::runtime_error("formation/state: a sample is invalid");
+      states.push_back(state);
       const motion::FormationState& now = latest[state.robot] = state;
       for (const auto& [robot, other] : latest) {
         if (robot == now.robot || other.acquired_ns != now.acquired_ns) continue;
         shared_frames += now.has_goal && other.has_goal && (now.goal_m - other.goal_m).norm() < kSame_m;
       }
     }
+    shared.learn(poses, states);
   }
 
   std::map<std::string, motion::FormationState> latest;
+  formation::SharedGrid shared;
   int shared_frames = 0;
 
  private:
   std::unique_ptr<bus::Bus> bus_;
   std::unique_ptr<bus::Reader<v1::FormationState>> reader_;
+  std::unique_ptr<bus::Reader<v1::Pose>> poses_;
 };
 
 using Paths = std::map<std::string, std::vector<dataset::StampedPose>>;
@@ -92,6 +104,24 @@ void followPaths(const Paths& paths, const fleet::Fleet& fleet, const TrueRoom& 
 
 }  // namespace
 
+namespace {
+
+/// The exploration grid in the form of a map.
+dataset::OccupancyGrid mapOf(const motion::ExplorationGrid& grid) {
+  dataset::OccupancyGrid map;
+  map.width = grid.size().width;
+  map.height = grid.size().height;
+  map.resolution_m = grid.cell_m();
+  map.origin_m = grid.centreOf({0, 0}) - 0.5 * grid.cell_m() * Eigen::Vector2d::Ones();
+  for (const std::uint8_t cell : grid.cells())
+    map.cells.push_back(cell == static_cast<std::uint8_t>(motion::Cell::kUnknown) ? -1
+                        : cell == static_cast<std::uint8_t>(motion::Cell::kFree)  ? 0
+                                                                                  : 100);
+  return map;
+}
+
+}  // namespace
+
 Outcome explore(std::uint32_t seed, const std::string& fleet_file, const std::string& out) {
   Outcome outcome;
   outcome.seed = seed;
@@ -105,14 +135,14 @@ Outcome explore(std::uint32_t seed, const std::string& fleet_file, const std::st
     outcome.collisions += message.code == ErrorCode::kCollision;
     log += service + ": " + toLogLine(message) + "\n";
   };
-  States states(run.network);
+  const fleet::Fleet fleet = fleet::Fleet::load(fleet_file, {}, {});
+  const auto options = formation::Formation::Options::read(fleet.service("formation"));
+  States states(run.network, options.grid, fleet.bodies());
   if (!services::runInProcess(run, [&](std::uint64_t) { states.take(); }))
     throw std::runtime_error(out + ": the map could not be saved");
   states.take();
   dataset::writeAtomic(out + "/messages.log", log);
 
-  const fleet::Fleet fleet = fleet::Fleet::load(fleet_file, {}, {});
-  const auto options = formation::Formation::Options::read(fleet.service("formation"));
   const dataset::GroundTruth truth = dataset::GroundTruth::load(out + "/recording");
   const TrueRoom room = roomOf(truth, fleet);
   outcome.ended = !states.latest.empty() && std::all_of(states.latest.begin(), states.latest.end(),
@@ -130,23 +160,28 @@ Outcome explore(std::uint32_t seed, const std::string& fleet_file, const std::st
   const ReachableFloor floor =
       ReachableFloor::of(room, reach_m, options.exploration.plan.margin_m, options.grid.sight_m);
   outcome.coverage = compare(map, floor, room);
+  const dataset::OccupancyGrid explored = mapOf(states.shared.grid());
+  outcome.explored_share = compare(explored, floor, room).covered_share;
   drawMissing(map, floor, out + "/missing.png");
+  drawMissing(explored, floor, out + "/explored.png");
   return outcome;
 }
 
 std::string heading() {
-  return "seed  ended   time  mapped of reachable   of visible   wrong   least gap  collisions  shared  "
+  return "seed  ended   time  mapped of reachable   of visible  grid      wrong   least gap  collisions  "
+         "shared  "
          "given up  driven\n";
 }
 
 std::string row(const Outcome& o) {
   const Coverage& c = o.coverage;
   return fmt::format(
-      "{:4}  {:5}  {:4.0f} s  {:6.2f} % of {:.2f} m2  {:6.2f} %  {:4.0f} cm2  {:6.1f} cm  {:10}  {:6}  {:8}  "
+      "{:4}  {:5}  {:4.0f} s  {:6.2f} % of {:.2f} m2  {:6.2f} %  {:6.2f} %  {:4.0f} cm2  {:6.1f} cm  {:10}  "
+      "{:6}  {:8}  "
       "{:4.1f} m\n",
       o.seed, o.ended ? "yes" : "NO", o.time_s, 100.0 * c.covered_share, c.covered_m2,
-      100.0 * c.visible_share, 1e4 * c.wrong_m2, 100.0 * o.gap_m, o.collisions, o.shared_frames, o.skipped,
-      o.driven_m);
+      100.0 * c.visible_share, 100.0 * o.explored_share, 1e4 * c.wrong_m2, 100.0 * o.gap_m, o.collisions,
+      o.shared_frames, o.skipped, o.driven_m);
 }
 
 }  // namespace omnifleet::exploration

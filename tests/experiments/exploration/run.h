@@ -10,9 +10,10 @@ namespace omnifleet::exploration {
 /// What one exploration reached.
 struct Outcome {
   std::uint32_t seed = 0;
-  Coverage coverage;
-  bool ended = false;   ///< all robots reported that nothing reachable is unknown, and stood
-  double time_s = 0.0;  ///< simulated, until then
+  Coverage coverage;            ///< of the merged map
+  double explored_share = 0.0;  ///< of the reachable floor, known in the robots' exploration grid
+  bool ended = false;           ///< all robots reported that nothing reachable is unknown, and stood
+  double time_s = 0.0;          ///< simulated, until then
   double gap_m =
       0.0;  ///< least true distance of the body of an exploring robot to a solid, a wall or a robot
   int collisions = 0;     ///< messages of the world
