@@ -24,11 +24,11 @@ inline Message goalUnreachable(double left_m) {
 }
 /// @param place_m of the frontier, map
 inline Message frontierNotReached(const std::string& robot, const Eigen::Vector2d& place_m) {
-  return {
-      ErrorCode::kGoalUnreachable,
-      fmt::format("{} finds no way to the unknown floor at ({:.2f}, {:.2f}) m and skips it; other robots may "
-                  "still explore it; if it stays unknown, reduce exploration.plan.margin_m or clear the way",
-                  robot, place_m.x(), place_m.y())};
+  return {ErrorCode::kGoalUnreachable,
+          fmt::format(
+              "{} finds no way to the floor at ({:.2f}, {:.2f}) m, which stays unknown in the map; clear the "
+              "way, or reduce formation: {{exploration: {{plan: {{margin_m}}}}}}",
+              robot, place_m.x(), place_m.y())};
 }
 
 }  // namespace omnifleet::formation

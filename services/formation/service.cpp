@@ -90,6 +90,7 @@ bool FormationService::spin() {
   }
   if (!ended_ && merger_.finished()) {
     reportStandstill();
+    reportSkipped();
     command_out_.end(ends_);
     state_out_.end(ends_);
     ended_ = any = true;
@@ -121,7 +122,8 @@ void FormationService::answer(const Objects& objects, const std::vector<PoseEsti
   adapters::toWire(output.state, clock, state_);
   state_out_.write(state_, status());
   updateStandstill(output, objects.acquired_ns);
-  reportSkipped(output.state);
+  skipped_ = output.state.skipped;
+  if (output.state.arrived) reportSkipped();
 }
 
 void FormationService::updateStandstill(const formation::Formation::Output& output, TimeNs now_ns) {
@@ -139,16 +141,19 @@ void FormationService::updateStandstill(const formation::Formation::Output& outp
   if (now_ns - *standing_since_ns_ >= kStandstill_ns) reportStandstill();
 }
 
-void FormationService::reportSkipped(const motion::FormationState& state) {
-  for (const motion::SkippedFrontier& skipped : state.skipped) {
-    const bool known =
-        std::any_of(known_skipped_.begin(), known_skipped_.end(), [&](const motion::SkippedFrontier& other) {
-          return other.looked == skipped.looked && other.place_m == skipped.place_m;
-        });
+/// Floor that this robot could not reach and that stayed unknown. Meanwhile another robot may have seen it;
+/// so it is reported when all is explored or the run ends.
+void FormationService::reportSkipped() {
+  const motion::ExplorationGrid& grid = formation_.grid();
+  for (const motion::SkippedFrontier& skipped : skipped_) {
+    const Eigen::Vector2i cell = grid.cellOf(skipped.place_m);
     // A frontier that stays unknown in full view is a gap in the map, not a problem of the robot.
-    if (!known && !skipped.looked) status().report(formation::frontierNotReached(robot_, skipped.place_m));
+    if (skipped.looked || !grid.isInside(cell) || grid.at(cell) != motion::Cell::kUnknown) continue;
+    const auto same = [&](const Eigen::Vector2d& place_m) { return place_m == skipped.place_m; };
+    if (std::any_of(reported_m_.begin(), reported_m_.end(), same)) continue;
+    reported_m_.push_back(skipped.place_m);
+    status().report(formation::frontierNotReached(robot_, skipped.place_m));
   }
-  known_skipped_ = state.skipped;
 }
 
 /// A run that ends while the leader stands has not reached its goal.
@@ -161,6 +166,7 @@ void FormationService::reportStandstill() {
 void FormationService::drain() {
   if (!ended_) {
     reportStandstill();
+    reportSkipped();
     // Without a formation service the robot must not move.
     speeds_.robot(robot_);
     speeds_.v_left_mps(0.0);

@@ -39,7 +39,7 @@ class FormationService : public bus::Service {
   void answer(const Objects& objects, const std::vector<PoseEstimate>& known);
   void updateStandstill(const formation::Formation::Output& output, TimeNs now_ns);
   void reportStandstill();
-  void reportSkipped(const motion::FormationState& state);
+  void reportSkipped();
 
   bus::ServiceContext context_;
   std::string robot_;
@@ -61,7 +61,8 @@ class FormationService : public bus::Service {
   std::optional<TimeNs> standing_since_ns_;  ///< as a leader that has not arrived
   double left_m_ = 0.0;                      ///< distance to the waypoint that it heads for
   bool reported_standstill_ = false;
-  std::vector<motion::SkippedFrontier> known_skipped_;
+  std::vector<motion::SkippedFrontier> skipped_;  ///< of the frame before
+  std::vector<Eigen::Vector2d> reported_m_;       ///< map; skipped frontiers that have been reported
   bool ended_ = false;
 };
 

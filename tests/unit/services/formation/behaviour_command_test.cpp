@@ -111,6 +111,20 @@ TEST_F(BehaviourCommand, SwitchesBetweenAllBehavioursWhileTheFleetRuns) {
   EXPECT_TRUE(bench_.messages().empty());
 }
 
+/// The robot does not obey, so it gives up one frontier after the other. Another robot might still see them.
+TEST_F(BehaviourCommand, ReportsUnreachedFloorAtTheEndOfTheRun) {
+  ASSERT_TRUE(commands_->write(command(motion::Behaviour::kExploration)));
+  v1::FormationState state;
+  for (int i = 0; i < 50; ++i) state = frame();
+  EXPECT_FALSE(state.skipped().empty());
+  EXPECT_TRUE(bench_.messages().empty());
+  bench_.drain();
+  const std::vector<Message> messages = bench_.messages();
+  ASSERT_FALSE(messages.empty());
+  EXPECT_EQ(messages[0].code, ErrorCode::kGoalUnreachable);
+  EXPECT_THAT(messages[0].text, testing::HasSubstr("stays unknown"));
+}
+
 TEST_F(BehaviourCommand, InvalidCommandsAreRejectedAndTheLastOneHolds) {
   ASSERT_TRUE(commands_->write(command(motion::Behaviour::kExploration)));
   frame();
