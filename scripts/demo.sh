@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Drives robots through a simulated scene: installs, builds, runs, saves the map, evaluates it against the truth.
-# usage: scripts/demo.sh [choi|room|ahmed] [--out DIR] [--realtime]
+# usage: scripts/demo.sh [choi|room|ahmed|explore] [--out DIR] [--realtime]
 #        choi (default): three robots in formation among free-standing obstacles; room: three robots in a furnished room;
-#        ahmed: two robots with forward cameras and two parked ones under two ceiling cameras, in a divided arena
+#        ahmed: two robots with forward cameras and two parked ones under two ceiling cameras, in a divided arena;
+#        explore: the same robots explore that arena by themselves until nothing reachable is unknown
 . "$(dirname "$0")/common.sh"
 
 scene=demo out=
@@ -10,10 +11,10 @@ realtime=()
 while [ $# -gt 0 ]; do
   case "$1" in
     choi) scene=demo; shift ;;
-    room|ahmed) scene="$1"; shift ;;
+    room|ahmed|explore) scene="$1"; shift ;;
     --out) out="${2:?--out needs a directory}"; shift 2 ;;
     --realtime) realtime=(--realtime); shift ;;
-    -h|--help) sed -n '2,5p' "$0" | cut -c3-; exit 0 ;;
+    -h|--help) sed -n '2,6p' "$0" | cut -c3-; exit 0 ;;
     *) say "demo.sh: unknown option $1"; exit 2 ;;
   esac
 done

@@ -55,6 +55,9 @@ TEST(Scripts, RejectUnknownOptionsBeforeBuilding) {
       {"experiments/choi.sh", "--bogus"},
       {"experiments/ahmed.sh", "--bogus"},
       {"experiments/ahmed.sh", "--seeds 5"},
+      {"experiments/exploration.sh", "--bogus"},
+      {"experiments/exploration.sh", "--seeds 5"},
+      {"experiments/exploration.sh", "--seeds 6-5"},
   };
   for (const auto& [script, arguments] : calls) {
     const Outcome outcome = run(script, arguments);
