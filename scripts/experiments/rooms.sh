@@ -65,7 +65,7 @@ row_of() {
         matched, v["map/truths"] - matched, v["map/estimates"] - matched,
         number("cells/all/within_2cm", 100, 1), number("cells/all/seen_occupied", 100, 1),
         number("cells/occupied_per_crossed", 1, 2), number("cells/free_wrong", 100, 2),
-        robots > 1 ? number("kinds/robot/f1", 1, 3) : "-"
+        (robots > 1 ? number("kinds/robot/f1", 1, 3) : "-")
     }' "$3"
 }
 
