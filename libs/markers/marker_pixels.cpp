@@ -82,7 +82,7 @@ void MarkerPixels::Planes::resize(const cv::Rect& window) {
 }
 
 bool MarkerPixels::collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base,
-                           double blur_px) {
+                           double blur_px, const Tone* tone) {
   const cv::Rect window = windowAround(map_from_base, bgr.size());
   if (window.width < 4 || window.height < 4 || !plane_.set(camera_, height_m_, window, map_from_base))
     return false;
@@ -91,7 +91,7 @@ bool MarkerPixels::collect(const cv::Mat& bgr, const Pattern& pattern, const Pos
   // The kernel ends at 3 σ. The pose may move by half a pixel and more.
   deep_px_ = static_cast<float>(3.0 * blur_px + 0.7);
   reach_px_ = std::min(kEnd_px, static_cast<float>(2.0 * blur_px + 0.7));
-  fillPlanes(bgr, window);
+  fillPlanes(bgr, window, tone);
   const auto inside = std::count_if(planes_.region.begin(), planes_.region.begin() + window.area(),
                                     [](float region) { return region >= 0.0F; });
   visible_share_ = static_cast<double>(inside) * metres_per_px_ * metres_per_px_ / layout_.area();
@@ -102,7 +102,7 @@ bool MarkerPixels::collect(const cv::Mat& bgr, const Pattern& pattern, const Pos
   return true;
 }
 
-void MarkerPixels::fillPlanes(const cv::Mat& bgr, const cv::Rect& window) {
+void MarkerPixels::fillPlanes(const cv::Mat& bgr, const cv::Rect& window, const Tone* tone) {
   width_ = window.width, height_ = window.height;
   Planes& p = planes_;
   p.resize(window);
@@ -117,6 +117,10 @@ void MarkerPixels::fillPlanes(const cv::Mat& bgr, const cv::Rect& window) {
       const auto to = static_cast<std::size_t>(x);
       p.blue[to] = row[3 * x], p.green[to] = row[3 * x + 1], p.red[to] = row[3 * x + 2];
     }
+    if (tone != nullptr)
+      for (auto* channel : {&p.blue, &p.green, &p.red})
+        for (std::size_t x = 0; x < static_cast<std::size_t>(width_); ++x)
+          (*channel)[x] = tone->light(static_cast<std::size_t>((*channel)[x]));
     toLumaChroma(p.blue.data(), p.green.data(), p.red.data(), width_, p.luma.data() + at, p.cb.data() + at,
                  p.cr.data() + at);
   }

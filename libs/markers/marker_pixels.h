@@ -10,6 +10,7 @@
 #include "markers/colour_table.h"
 #include "markers/layout.h"
 #include "markers/plane_window.h"
+#include "markers/tone.h"
 
 namespace omnifleet::markers {
 
@@ -32,8 +33,9 @@ class MarkerPixels {
   MarkerPixels(const lens::Camera& camera, double height_m, const Layout& layout, const ColourTable& table);
 
   /// Collects the pixels whose colour a blur of this σ can mix. False if less than a quarter of the marker is
-  /// inside the image.
-  bool collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base, double blur_px);
+  /// inside the image. With a tone, colours are light in place of grey levels.
+  bool collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& map_from_base, double blur_px,
+               const Tone* tone = nullptr);
 
   Eigen::Index count() const { return count_; }
   const Eigen::ArrayXf& u() const { return u_; }  ///< in base_link at the approximate pose, m
@@ -63,7 +65,7 @@ class MarkerPixels {
   };
 
   cv::Rect windowAround(const Pose2& map_from_base, cv::Size image) const;
-  void fillPlanes(const cv::Mat& bgr, const cv::Rect& window);
+  void fillPlanes(const cv::Mat& bgr, const cv::Rect& window, const Tone* tone);
   void measureRegions(const cv::Mat& bgr, const cv::Rect& window, const Pattern& pattern);
   void sumSurroundings(const cv::Rect& window);
   Eigen::Vector3f surroundAt(int x, int y) const;

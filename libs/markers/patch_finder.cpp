@@ -62,7 +62,7 @@ class TemplateFinder final : public MarkerFinder {
       conflicts_ = contested_;
       since_search_ = 0;
     }
-    report(time);
+    report(bgr, time);
     return detections_;
   }
 
@@ -94,7 +94,9 @@ class TemplateFinder final : public MarkerFinder {
   void chooseOnePerRobot(TimeNs time);
   static const Candidate* bestScaled(const std::vector<const Candidate*>& of_robot);
   const Candidate* continuous(const std::vector<const Candidate*>& of_robot, TimeNs time) const;
-  void report(TimeNs time);
+  void setPixels(Detection& d) const;
+  void refine(const cv::Mat& bgr, Detection& d);
+  void report(const cv::Mat& bgr, TimeNs time);
   bool confirmed(const Detection& detection, TimeNs time);
 
   lens::Camera camera_;
@@ -172,6 +174,12 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
   candidate.scale_sigma = fit->scale_sigma;
   d.blur_px = {fit->luma_blur_px, fit->chroma_blur_px};
   d.score = fit->rms + fit->misfit;
+  d.scale = fit->scale;
+  setPixels(d);
+  return candidate;
+}
+
+void TemplateFinder::setPixels(Detection& d) const {
   const auto pixelOf = [&](const Rectangle& rectangle) {
     const Eigen::Vector2d p = d.map_from_base * rectangle.centre_m;
     return camera_.pixelFromPoint({p.x(), p.y(), height_m_}).value_or(Eigen::Vector2d(-1, -1));
@@ -179,7 +187,28 @@ std::optional<TemplateFinder::Candidate> TemplateFinder::examine(const cv::Mat& 
   const auto& rectangles = layout_.rectangles();
   d.team_px = pixelOf(rectangles[rectangles.size() - 2]);
   d.individual_px = pixelOf(rectangles.back());
-  return candidate;
+}
+
+/// Cameras mix light at an edge before their tone curve makes grey levels of it. A fit to the levels moves
+/// each edge into its darker side, and a marker with a dark and a bright surround on opposite sides with
+/// them.
+void TemplateFinder::refine(const cv::Mat& bgr, Detection& d) {
+  constexpr double kDarkest = 40.0;  // grey levels
+  if (options_.tone_gamma == 1.0) return;
+  const auto pattern = std::find_if(layout_.patterns().begin(), layout_.patterns().end(),
+                                    [&](const Pattern& p) { return p.robot == d.robot; });
+  double brightness = 0.0;
+  for (const Eigen::Vector2d& at : {d.team_px, d.individual_px}) {
+    const auto* pixel = bgr.ptr<std::uint8_t>(std::clamp(cvRound(at.y()), 0, bgr.rows - 1)) +
+                        3 * std::clamp(cvRound(at.x()), 0, bgr.cols - 1);
+    brightness += 0.5 * std::max({pixel[0], pixel[1], pixel[2]});
+  }
+  const Tone tone(options_.tone_gamma, std::max(kDarkest, brightness));
+  const auto refit = fit_.refit(bgr, *pattern, d.map_from_base, d.blur_px, d.scale, tone);
+  if (!refit) return;
+  d.map_from_base = refit->map_from_base;
+  d.covariance = refit->covariance;
+  setPixels(d);
 }
 
 /// Searches markers in the objects that contain no candidate yet.
@@ -350,13 +379,14 @@ bool TemplateFinder::confirmed(const Detection& detection, TimeNs time) {
   return trail.seen >= options_.confirm_frames && !jumped;
 }
 
-void TemplateFinder::report(TimeNs time) {
+void TemplateFinder::report(const cv::Mat& bgr, TimeNs time) {
   detections_.erase(std::remove_if(detections_.begin(), detections_.end(),
                                    [&](const Detection& d) { return !confirmed(d, time); }),
                     detections_.end());
   last_ns_ = time;
   std::sort(detections_.begin(), detections_.end(),
             [](const Detection& a, const Detection& b) { return a.robot < b.robot; });
+  for (Detection& d : detections_) refine(bgr, d);
   Eigen::Vector2d blur_px(0.0, 0.0);
   for (const Detection& d : detections_) blur_px += d.blur_px / static_cast<double>(detections_.size());
   if (!detections_.empty()) fit_.expectBlur(blur_px);
@@ -377,6 +407,7 @@ FinderOptions FinderOptions::read(const options::Section& section) {
   section.read("max_misfit", o.max_misfit, {0.0, 1.0});
   section.read("max_scale_error", o.max_scale_error, {0.0, 0.3});
   section.read("scale_sigma", o.scale_sigma, {1e-4, 0.3});
+  section.read("tone_gamma", o.tone_gamma, {1.0, 3.0});
   section.read("pixel_sigma_px", o.pixel_sigma_px, options::kPositive);
   section.read("gate_m", o.gate_m, options::kPositive);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});

@@ -34,7 +34,10 @@ struct FinderOptions {
   double max_misfit = 0.25;   ///< 1, maximum share of the marker's pixels that do not fit (occluded)
   double max_scale_error = 0.035;  ///< 1, maximum deviation of the marker's size from the expected one
   double scale_sigma = 0.02;       ///< 1, σ of the size: print, height_m and focal length
-  double pixel_sigma_px = 0.05;    ///< px, σ of the position from an inexact lens model, for the covariance
+  /// 1, exponent of light by grey level of the camera's tone curve. 1: grey levels are mixed at edges, as in
+  /// simple renderers; 2.2: sRGB, as in most cameras.
+  double tone_gamma = 1.0;
+  double pixel_sigma_px = 0.05;  ///< px, σ of the position from an inexact lens model, for the covariance
   double gate_m = 0.30;         ///< m, jump between frames beyond which the robot must be found a second time
   int confirm_frames = 1;       ///< consecutive detections before a new robot is reported
   int search_every_frames = 5;  ///< frames between searches of the whole image while all robots of the
@@ -52,6 +55,7 @@ struct Detection {
   /// Centres of the team and the individual patch; cover_tail_head: of tail and head.
   Eigen::Vector2d team_px{0.0, 0.0}, individual_px{0.0, 0.0};
   Eigen::Vector2d blur_px{0.0, 0.0};  ///< σ of luma and chroma in the image, with the width of a pixel
+  double scale = 1.0;                 ///< size in the image ÷ expected size
   double score = 0.0;  ///< lower is better: residual of the fit ÷ contrast + share of pixels that do not fit
 };
 

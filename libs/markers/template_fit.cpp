@@ -99,6 +99,17 @@ std::optional<Fit> TemplateFit::fit(const cv::Mat& bgr, const Pattern& pattern, 
   return judge(from, state);
 }
 
+std::optional<Fit> TemplateFit::refit(const cv::Mat& bgr, const Pattern& pattern, const Pose2& start,
+                                      const Eigen::Vector2d& blur_px, double scale, const Tone& tone) {
+  if (!pixels_.collect(bgr, pattern, start, blur_px.maxCoeff(), &tone)) return std::nullopt;
+  State state;
+  state.colours = pixels_.regionColours();
+  state.log_blur = blur_px.array().log();
+  state.log_scale = std::log(scale);
+  if (!iterate(state, true, kFineIterations)) return std::nullopt;
+  return judge(start, state);
+}
+
 /// Collects the pixels at a better pose, because the surroundings depend on it.
 bool TemplateFit::collect(const cv::Mat& bgr, const Pattern& pattern, const Pose2& at, double blur_px,
                           State& state) {
@@ -278,6 +289,9 @@ bool TemplateFit::step(State& state, bool free_blur, double& size_px) {
   for (const Eigen::Index k : {3, 4})
     state.log_blur[k - 3] = std::clamp(state.log_blur[k - 3] + std::clamp(by[k], -0.7, 0.7),
                                        std::log(kLeastBlur_px), std::log(kMostBlur_px));
+  // The lens blurs luma and chroma alike, files only the chroma. Without this bound a dark rim around a
+  // marker counts as blur of the luma.
+  state.log_blur[0] = std::min(state.log_blur[0], state.log_blur[1]);
   return true;
 }
 

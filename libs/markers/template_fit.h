@@ -49,6 +49,10 @@ class TemplateFit {
   /// Fit from an approximate pose, which may be wrong by about `start_blur_px`. Empty if the fit diverges.
   std::optional<Fit> fit(const cv::Mat& bgr, const Pattern& pattern, const Pose2& start,
                          double start_blur_px);
+  /// Repeats the last part of a fit with light in place of grey levels. `scale`, `blur_px`: of that fit. Only
+  /// pose and covariance of the result are comparable. Empty if the fit diverges.
+  std::optional<Fit> refit(const cv::Mat& bgr, const Pattern& pattern, const Pose2& start,
+                           const Eigen::Vector2d& blur_px, double scale, const Tone& tone);
   /// Sets the blur at which the fit begins, from an earlier image of the camera. It saves time only.
   void expectBlur(const Eigen::Vector2d& luma_chroma_px) { expected_blur_px_ = luma_chroma_px; }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <cstdio>
+#include <cstdlib>
 #include <iterator>
 #include <map>
 #include <random>
@@ -19,6 +20,7 @@ struct Scene {
   Imaging imaging;
   Body body = Body::kPlate;
   bool decoys = false;
+  FinderOptions options;
 };
 
 inline Scene hardScene(Body body) {
@@ -100,7 +102,7 @@ inline Accuracy measure(const dataset::MarkerSet& set, const Scene& scene, int f
     Imaging imaging = scene.imaging;
     imaging.seed = seed + 1;
     a.asked += static_cast<int>(truth.size());
-    const auto finder = MarkerFinder::make(painter.camera, set, {});
+    const auto finder = MarkerFinder::make(painter.camera, set, scene.options);
     for (const Detection& d : finder->find(painter.image(imaging), 0)) {
       const Pose2 e = d.map_from_base.inverse() * truth.at(d.robot);
       const double m = e.translation().norm(), rad = std::abs(e.theta_rad);
@@ -117,10 +119,24 @@ inline Accuracy measure(const dataset::MarkerSet& set, const Scene& scene, int f
   const double n = std::max(1, a.found);
   a.mean_m /= n, a.mean_rad /= n, a.nees /= n;
   constexpr double kDeg = 180.0 / M_PI;
-  std::printf("%-24s %3d of %3d found, %d wrong, mean %.2f mm %.2f deg, worst %.2f mm %.2f deg, NEES %.1f\n",
+  std::printf("%-36s %3d of %3d found, %d wrong, mean %.2f mm %.2f deg, worst %.2f mm %.2f deg, NEES %.1f\n",
               name, a.found, a.asked, a.wrong, 1e3 * a.mean_m, kDeg * a.mean_rad, 1e3 * a.worst_m,
               kDeg * a.worst_rad, a.nees);
   return a;
+}
+
+/// Measures hard scenes of a tone curve, 1: none, that the finder is given. Seeds 1000–1007, or those of
+/// OMNIFLEET_SEEDS=FIRST-LAST.
+inline Accuracy measureHard(const dataset::MarkerSet& set, Body body, double gamma, const char* name) {
+  int first = 1000, last = 1007;
+  if (const char* seeds = std::getenv("OMNIFLEET_SEEDS")) std::sscanf(seeds, "%d-%d", &first, &last);
+  Scene scene = hardScene(body);
+  scene.imaging.tone_curve = gamma > 1.0;
+  scene.options.tone_gamma = gamma;
+  static const char* const kBodies[] = {"plate", "rim", "box", "floating"};
+  const std::string title =
+      std::string(name) + ", " + kBodies[static_cast<int>(body)] + (gamma > 1.0 ? ", tone curve" : "");
+  return measure(set, scene, first, last - first + 1, title.c_str());
 }
 
 }  // namespace omnifleet::markers

@@ -132,11 +132,12 @@ void draw(const cv::Mat& image, const std::vector<Detection>& detections, const 
   cv::imwrite(path, picture);
 }
 
-/// Runs the detector over the video. OVERLAYS=DIR writes every 25th frame with its detections.
-Film follow(cv::VideoCapture& video) {
+/// Runs the detector over the video. OVERLAYS=DIR writes every 25th frame, without and with its detections.
+Film follow(cv::VideoCapture& video, double tone_gamma) {
   const auto markers = dataset::MarkerSet::load(sourceFolder() + "/tests/unit/markers/vss_markers.yaml");
   FinderOptions options;
-  options.min_saturation = 0.2;    // the patches are pale
+  options.min_saturation = 0.2;  // the patches are pale
+  options.tone_gamma = tone_gamma;
   options.max_scale_error = 0.12;  // 1 of 12 px: their sizes are measured by hand in the video
   std::unique_ptr<MarkerFinder> finder;
   std::unique_ptr<lens::Camera> camera;
@@ -167,6 +168,8 @@ Film follow(cv::VideoCapture& video) {
     if (std::getenv("OVERLAYS") != nullptr && film.frames % 25 == 0) {
       draw(image, detections,
            std::string(std::getenv("OVERLAYS")) + "/" + std::to_string(film.frames) + ".png");
+      cv::imwrite(std::string(std::getenv("OVERLAYS")) + "/" + std::to_string(film.frames) + "_image.png",
+                  image);
     }
   }
   return film;
@@ -177,12 +180,14 @@ bool isVisible(const Patches& now, int own_px, int blue_px) {
   return now.own_px >= 0.75 * own_px && now.blue_px >= 0.75 * blue_px;
 }
 
-TEST(OverheadVideo, FindsEveryVisibleRobotAndKeepsParkedOnesInPlace) {
+class OverheadVideo : public ::testing::TestWithParam<double> {};
+
+TEST_P(OverheadVideo, FindsEveryVisibleRobotAndKeepsParkedOnesInPlace) {
   const std::string path = dataFolder() + "/overhead/vss/robot_move.mp4";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
   cv::VideoCapture video(path);
   ASSERT_TRUE(video.isOpened());
-  const Film film = follow(video);
+  const Film film = follow(video, GetParam());
   ASSERT_EQ(film.frames, 502);
   ASSERT_EQ(film.sights.size(), robots().size());
   for (const Robot& robot : robots()) {
@@ -223,6 +228,8 @@ TEST(OverheadVideo, FindsEveryVisibleRobotAndKeepsParkedOnesInPlace) {
     for (const auto& [robot, sights] : film.sights)
       for (const Sight& s : sights) EXPECT_GT((s.middle_px - other).norm(), 25.0) << robot;
 }
+
+INSTANTIATE_TEST_SUITE_P(ToneGamma, OverheadVideo, ::testing::Values(1.0, 2.2));
 
 }  // namespace
 }  // namespace omnifleet::markers
