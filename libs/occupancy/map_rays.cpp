@@ -16,6 +16,7 @@ bool isHit(RayLabel label) {
 MapRaysOptions MapRaysOptions::read(const options::Section& section) {
   MapRaysOptions o;
   section.read("room_share", o.room_share, {0.0, 1.0});
+  section.read("front_room_share", o.front_room_share, {0.0, 1.0});
   section.read("room_frames", o.room_frames, {1, 1000});
   section.read("shared_share", o.shared_share, {0.0, 1.0});
   section.read("front_shared_share", o.front_shared_share, {0.0, 1.0});

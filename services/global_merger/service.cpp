@@ -9,6 +9,7 @@
 #include "global_merger/map_warnings.h"
 #include "global_merger/messages.h"
 #include "global_merger/verdict.h"
+#include "lens/camera.h"
 
 namespace omnifleet::services {
 namespace {
@@ -30,12 +31,19 @@ std::string correctionStream(const std::string& robot) {
   return "map/keyframe_pose localizer " + robot;
 }
 
-/// Of a robot whose map comes from a forward camera, neighbouring edges share most of their error.
+bool seesAboveHorizon(const lens::CameraModel& model) {
+  constexpr double kRows_px = 8.0;  // that the local mapper checks there (distance_vector.walk.check_px)
+  return !lens::Camera(model).floorFromPixel({model.principal_point_px.x(), kRows_px});
+}
+
+/// Of a robot whose map comes from a forward camera, neighbouring edges share most of their error, and what
+/// looks like floor to the end of the view is floor.
 global_merger::KeyframeOptions keyframeOptions(const fleet::Fleet& fleet, const std::string& robot) {
   auto options = global_merger::KeyframeOptions::read(fleet.service("global_merger").child("keyframes"));
   const fleet::CameraSpec* front = fleet.frontOf(robot);
-  if (front != nullptr && fleet.mapCameraOf(robot) == front)
-    options.rays.shared_share = options.rays.front_shared_share;
+  if (front == nullptr || fleet.mapCameraOf(robot) != front) return options;
+  options.rays.shared_share = options.rays.front_shared_share;
+  if (seesAboveHorizon(front->model)) options.rays.room_share = options.rays.front_room_share;
   return options;
 }
 

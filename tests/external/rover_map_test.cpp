@@ -79,8 +79,8 @@ void record(const std::string& folder, const std::vector<Part>& parts) {
 }
 
 /// Poses are given: exact wheels, and nothing corrects them. The ground is not level, and the rover pitches
-/// by up to 5°, so its scans contradict each other. Ground that reaches to the horizon is no wall of its
-/// colour. Each frame is mapped, so that the same frames count in each run.
+/// by up to 5°, so its scans contradict each other. Each frame is mapped, so that the same frames count in
+/// each run.
 constexpr const char* kOverlay = R"(services:
   local_mapper:
     wheels: {noise: 0.0001, noise_floor_mps: 0.0001, side_slip: 0.0001}
@@ -100,7 +100,6 @@ constexpr const char* kOverlay = R"(services:
       interval_s: 0
       min_interval_s: 0
       odometry_sigma_m: 0.1
-      rays: {room_share: 1.0}
 )";
 constexpr double kReach_m = 6.0;  // max_range_m; the camera measures to 6.2 m
 
