@@ -10,8 +10,8 @@ struct MapRaysOptions {
   /// The robot is in a room if more than this share of the bearings ends at walls or furniture. Bearings that
   /// end at tracked objects do not count, so in an open arena hardly any does.
   double room_share = 0.2;
-  /// The same of forward cameras that see above the horizon: of what has the floor's colour they see the upper
-  /// part there, so nothing but the floor looks like floor to the end of the view.
+  /// The same of forward cameras that see above the horizon: of what has the floor's colour they see the
+  /// upper part there, so nothing but the floor looks like floor to the end of the view.
   double front_room_share = 1.0;
   int room_frames = 10;  ///< number of frames over which the share is averaged (exponential weights)
 
