@@ -19,7 +19,8 @@ namespace omnifleet::occupancy {
 
 RayLimits rayLimitsOf(const OccupancyOptions& options) {
   return {std::llround(options.resolution_m * kDmmPerMetre), std::llround(options.max_range_m * kDmmPerMetre),
-          std::llround(options.hit_cells * 1000.0), std::llround(options.free_sigmas * 1000.0)};
+          std::llround(std::min(options.hit_cells, options.most_hit_sigma_m / options.resolution_m) * 1000.0),
+          std::llround(options.free_sigmas * 1000.0)};
 }
 
 OccupancyOptions OccupancyOptions::read(const options::Section& section) {
@@ -41,6 +42,7 @@ OccupancyOptions OccupancyOptions::read(const options::Section& section) {
   section.read("default_radius_m", o.default_radius_m, {0.01, 5.0});
   section.read("unknown_is_hit", o.unknown_is_hit);
   section.read("hit_cells", o.hit_cells, {0.0, 100.0});
+  section.read("most_hit_sigma_m", o.most_hit_sigma_m, {0.0, 10.0});
   section.read("free_sigmas", o.free_sigmas, {0.0, 10.0});
   section.read("least_share", o.least_share, {0.0, 0.5});
   section.read("least_gap_m", o.least_gap_m, {0.0, 1.0});
