@@ -24,9 +24,11 @@ void summarise(std::vector<Outcome> outcomes) {
   const auto complete = std::count_if(outcomes.begin(), outcomes.end(), isComplete);
   std::sort(outcomes.begin(), outcomes.end(),
             [](const auto& a, const auto& b) { return a.coverage.covered_share < b.coverage.covered_share; });
+  const std::size_t half = outcomes.size() / 2;
+  const double median = 0.5 * (outcomes[half].coverage.covered_share +
+                               outcomes[outcomes.size() % 2 == 0 ? half - 1 : half].coverage.covered_share);
   std::printf("%ld of %zu seeds: ended, no collision, >= 98 %% mapped; least %.2f %%, median %.2f %%\n",
-              complete, outcomes.size(), 100.0 * outcomes.front().coverage.covered_share,
-              100.0 * outcomes[outcomes.size() / 2].coverage.covered_share);
+              complete, outcomes.size(), 100.0 * outcomes.front().coverage.covered_share, 100.0 * median);
 }
 
 }  // namespace
