@@ -62,6 +62,8 @@ class TimeOrder {
   bool next(TimeNs& time, std::vector<Step>& feedback, std::vector<Step>& side, std::vector<Step>& inputs);
   std::optional<Waiting> waitingFor(Monotonic now);
   bool finished() const;
+  /// Time of the first sample of an input that no batch has taken yet; empty: none.
+  std::optional<TimeNs> candidate() const;
   std::uint64_t rejected(int stream) const { return streams_.at(stream).rejected; }
   const StreamSpec& spec(int stream) const { return streams_.at(stream).spec; }
 
@@ -77,7 +79,6 @@ class TimeOrder {
     bool ended() const { return announced && (live() || arrived >= *announced); }
     bool reached(TimeNs t) const { return live() || ended() || complete_until >= t; }
   };
-  std::optional<TimeNs> candidate() const;
   bool holdsUp(const Stream& stream, std::optional<TimeNs> time) const;
   std::optional<int> blocker() const;
   /// Moves the heads of all streams with `role` up to and including `until` to `out`, sorted. Takes all
@@ -134,6 +135,8 @@ class TimeMerger {
   /// Watermark: all samples of the stream up to and including this time have been pushed or will never
   /// arrive.
   void advance(int stream, TimeNs watermark) { order_.advance(stream, watermark); }
+  /// Time of the next batch, which may still be waiting for a stream; empty: no input has a sample.
+  std::optional<TimeNs> nextTime() const { return order_.candidate(); }
   /// A watermark that may arrive before the samples. After the sample at `last`, which may not have arrived
   /// yet, there is none up to and including `until`. The newest promise counts. Live streams ignore promises.
   void promise(int stream, TimeNs last, TimeNs until) { order_.promise(stream, last, until); }

@@ -74,6 +74,12 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   readMeasurements(fleet);
   readObservers(fleet);
   for (const std::string& robot : marked_robots_.names()) addOutputs(fleet, robot);
+  const auto wait = localizer::CeilingWaitOptions::read(fleet.service("localizer").child("ceiling_wait"));
+  const auto robots = fleet.mappingRobots();
+  const bool is_blind = std::any_of(robots.begin(), robots.end(),
+                                    [&](const std::string& robot) { return !fleet.robot(robot).has_wheels; });
+  if (!bus::isDeterministic(context.options.mode) && is_blind && !fleet.ceilingCameras().empty())
+    ceiling_wait_.emplace(wait);
   if (context.options.incarnation == 1) return;
   state_recovery_.emplace(setups(fleet), estimator_options_,
                           static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
@@ -202,9 +208,17 @@ bool LocalizerService::isRecovering() {
   return false;
 }
 
+bool LocalizerService::waitsForCeiling() {
+  if (!ceiling_wait_) return false;
+  newest_ns_.clear();
+  for (const auto& inlet : measurements_)
+    if (inlet->receivedAny()) newest_ns_.push_back(inlet->lastNs());
+  return ceiling_wait_->waits(merger_.nextTime(), newest_ns_, steady_clock::now());
+}
+
 bool LocalizerService::spin() {
   bool any = pull();
-  if (isRecovering()) return any;
+  if (isRecovering() || waitsForCeiling()) return any;
   // One batch at a time. If a robot sends nothing for minutes, minutes of data become available at once when
   // it does; neither the writers nor the supervisor may wait for all of them.
   if (merger_.nextBatch(batch_)) {

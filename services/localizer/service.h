@@ -13,6 +13,7 @@
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "localizer/ceiling_agreement.h"
+#include "localizer/ceiling_wait.h"
 #include "localizer/estimator_stage.h"
 #include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
@@ -40,7 +41,9 @@ class LocalizerService : public bus::Service {
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
   }
-  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override { return recovery_deadline_; }
+  std::optional<std::chrono::steady_clock::time_point> wakeAt() const override {
+    return recovery_deadline_ || !ceiling_wait_ ? recovery_deadline_ : ceiling_wait_->until();
+  }
   /// Returns false if a run has ended in which frames arrived but no robot was ever localized: there is no
   /// map.
   bool succeeded() const override;
@@ -65,6 +68,7 @@ class LocalizerService : public bus::Service {
 
   bool pull();
   bool isRecovering();
+  bool waitsForCeiling();
   bool isPast(const std::string& robot) const;
   void addRecoveredPoses();
   void process();
@@ -94,6 +98,8 @@ class LocalizerService : public bus::Service {
   localizer::ObservationFrames observation_frames_;
   localizer::MarkedRobots marked_robots_;
   localizer::CeilingAgreement agreement_;
+  std::optional<localizer::CeilingWait> ceiling_wait_;  ///< live, if a robot that maps has no wheels
+  std::vector<TimeNs> newest_ns_;                       ///< of the ceiling cameras
   std::vector<Measurement> surveyed_;  ///< landmarks with known positions, passed to the estimator once
   std::set<std::string> names_;        ///< of all robots
   std::vector<const Report*> reported_;
