@@ -318,11 +318,12 @@ class FleetState {
   void slide();
 
   std::vector<LandmarkEstimate> landmarkEstimates() const;
+  /// Covariance of the motion of a robot without wheels over `over_s` seconds, base_link.
+  Eigen::Matrix3d unknownMotion(double over_s) const;
 
  private:
   void forgetPoints();
   void loosen(RobotNode& robot, std::size_t step, const Eigen::Matrix3d& covariance);
-  Eigen::Matrix3d unknownMotion(double over_s) const;
   void addOdometryErrors(const RobotNode& robot, Step& step) const;
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;

@@ -37,8 +37,8 @@ double disagreement(const RobotNode& robot, const PoseAt& at, const Measurement&
   Eigen::Matrix3d covariance = robot.covariance + m.covariance;
   const Step& step = robot.window.back();
   if (is_new && step.motion != kNoFactor)
-    covariance = m.covariance + composeCovariance(robot.covariance, step.previous_from_current,
-                                                  step.motion_covariance);
+    covariance = m.covariance +
+                 composeCovariance(robot.covariance, step.previous_from_current, step.motion_covariance);
   covariance.diagonal() += Eigen::Vector3d(kSlack_m2, kSlack_m2, kSlack_rad2);
   const Eigen::Vector3d e = difference.vector();
   return e.dot(covariance.ldlt().solve(e));
@@ -161,7 +161,10 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
       return Outcome::kRejected;
     }
     fleet.graph.value(at->pose) = (measured * at->offset.inverse()).vector();
-    fleet.graph.addFactor(absolutePoseFactor(measured, m.covariance, at->offset), {at->pose});
+    Eigen::Matrix3d covariance = m.covariance;
+    if (!frame->motion.valid)  // it may have driven since
+      covariance += fleet.unknownMotion(1e-9 * static_cast<double>(frame->acquired_ns - m.acquired_ns));
+    fleet.graph.addFactor(absolutePoseFactor(measured, covariance, at->offset), {at->pose});
     noteFix(*robot, m);
     return Outcome::kDone;
   }

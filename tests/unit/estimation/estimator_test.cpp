@@ -364,6 +364,32 @@ TEST(FleetEstimator, AMeasurementLocatesAndHoldsABlindRobot) {
   }
 }
 
+// Live, the first frame may come after the measurement of the frame before.
+TEST(FleetEstimator, AnOlderMeasurementLocatesARobotWithoutWheelsNoBetterThanItsMotionIsKnown) {
+  SimulationOptions blind;
+  blind.robots = 1;
+  blind.obstacles_seen = blind.robots_seen = blind.wheels = false;
+  FleetSimulator simulator(blind, 5);
+  auto setups = simulator.setups();
+  setups[0].initial_pose.reset();
+  const EstimatorOptions options;
+  FleetEstimator estimator(setups, options);
+  const Measurement m = absolute("r1", simulator.time(4), simulator.truth(0, 4));
+  PoseEstimate located;
+  for (int f = 0; f < 6; ++f) {
+    const auto frames = simulator.frames(f);
+    std::vector<const Measurement*> measurements;
+    if (f == 5) measurements.push_back(&m);
+    located = estimator.process(simulator.time(f), pointers(frames), measurements)[0];
+  }
+  ASSERT_TRUE(located.valid);
+  const double way_m =
+      options.no_wheels_sigma_mps * 1e-9 * static_cast<double>(simulator.time(5) - simulator.time(4));
+  EXPECT_GT(std::sqrt(located.covariance(0, 0)), 0.9 * way_m);
+  const Eigen::Vector3d off = (located.map_from_base.inverse() * simulator.truth(0, 5)).vector();
+  EXPECT_LT(off.dot(located.covariance.ldlt().solve(off)), 16.3) << "99.9 %";
+}
+
 TEST(FleetEstimator, AMeasurementBetweenFramesIsMovedByTheMotion) {
   SimulationOptions blind;
   blind.robots = 1;
