@@ -38,6 +38,7 @@ struct RobotSetup {
   lens::Spread lens{};      ///< of its camera
   /// Of its camera, as PoseEstimate tells it: found before, by an estimator whose place this one takes.
   Eigen::Vector4d camera_error = Eigen::Vector4d::Zero();
+  bool match_scans = true;  ///< whether its scans correct its pose
 };
 
 struct EstimatorOptions {

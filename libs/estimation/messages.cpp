@@ -24,7 +24,8 @@ Message localizationLost() {
 Message headingLost() {
   return {ErrorCode::kLocalizationLost,
           "localization lost, no wheel motion and heading sigma above 0.5 rad; its map updates are paused. "
-          "Check that wheel samples arrive and use the clock of the frames"};
+          "Check that wheel samples arrive and use the clock of the frames; without wheels, check the "
+          "ceiling cameras"};
 }
 
 Message relocalized(bool often) {

@@ -68,6 +68,7 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
   using options::kPositive;
   ScanSourceOptions o;
   section.read("use", o.use);
+  section.read("front", o.front);
   section.read("min_matched", o.min_matched, {0.0, 1.0});
   section.read("max_chi2", o.max_chi2, kPositive);
   section.read("shift_m", o.shift_m, kPositive);
@@ -209,7 +210,7 @@ void ScanSource::observe(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   ScanAid& aid = robot.scan_aid;
   aid.matched = aid.contradicted = aid.suffices = aid.has_scan = aid.rich = false;
-  if (!options_.use || !frame.isPlaced()) return;
+  if (!options_.use || !robot.setup.match_scans || !frame.isPlaced()) return;
   const Step& step = robot.window.back();
   if (step.motion != kNoFactor) followOdometry(aid, step);
   if (aid.anchor && step.motion != kNoFactor) {

@@ -20,7 +20,12 @@ struct RobotNode;
 struct Step;
 
 struct ScanSourceOptions {
-  bool use = true;           ///< scans correct the poses
+  bool use = true;  ///< scans correct the poses
+  /// Those of forward cameras as well. They see a quarter of the surroundings from 8 cm above the floor: two
+  /// straight walls at most, so matches slide along them and find other walls. Measured: with them, robots
+  /// without wheels were metres off 10 s after their ceiling camera failed, at a σ of 2 cm, and paths under
+  /// ceiling cameras were worse (0.4 mm; without 0.07 mm).
+  bool front = false;
   double min_matched = 0.4;  ///< 1, share of a scan's beams with a line that must meet a line of a keyframe
   double max_chi2 = 6.0;     ///< 1, mean squared residual of these, in σ²
   double shift_m = 0.08;     ///< m, largest correction of a prediction, …

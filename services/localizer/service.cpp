@@ -17,12 +17,16 @@ constexpr std::size_t kRevisedAtOnce = 20;
 constexpr std::chrono::seconds kRecoveryTimeout{
     2};  // to receive the state that the replicas hold; they answer within milliseconds
 
-std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet) {
+std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet,
+                                           const estimation::EstimatorOptions& options) {
   std::vector<estimation::RobotSetup> all;
   std::map<std::string, lens::Spread> lenses = fleet.lensSpreads();
   bool tied = !fleet.ceilingCameras().empty() || !fleet.landmarks.empty();
   for (const fleet::RobotSpec& robot : fleet.robots) {
     all.push_back({robot.name, robot.body, robot.initial_pose, false, lenses[robot.name]});
+    const fleet::CameraSpec* camera = fleet.mapCameraOf(robot.name);
+    const bool is_front = camera != nullptr && camera->role == fleet::CameraRole::kFront;
+    all.back().match_scans = !is_front || options.scan.front;
     tied = tied || robot.initial_pose;
   }
   // Nothing defines `map`, so it is the first base_link of the first robot.
@@ -61,7 +65,7 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
       ends_(context),
       estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
       term_(static_cast<std::uint32_t>(context.options.incarnation)),
-      estimator_(setups(fleet), estimator_options_),
+      estimator_(setups(fleet, estimator_options_), estimator_options_),
       observation_frames_(
           asSet(fleet.observingRobots()),
           localizer::ObservationOptions::read(fleet.service("localizer").child("observations"))),
@@ -81,7 +85,7 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   if (!bus::isDeterministic(context.options.mode) && is_blind && !fleet.ceilingCameras().empty())
     ceiling_wait_.emplace(wait);
   if (context.options.incarnation == 1) return;
-  state_recovery_.emplace(setups(fleet), estimator_options_,
+  state_recovery_.emplace(setups(fleet, estimator_options_), estimator_options_,
                           static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
                           asSet(fleet.mappingRobots()));
   keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);

@@ -44,8 +44,10 @@ struct ScanRun {
 /// @param change what a test does to the frame of a number @param measure absolute pose at that frame
 ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options,
                  const std::function<void(std::size_t, Objects&)>& change = {},
-                 const std::function<std::optional<Pose2>(std::size_t)>& measure = {}) {
+                 const std::function<std::optional<Pose2>(std::size_t)>& measure = {},
+                 bool match_scans = true) {
   RobotSetup setup;
+  setup.match_scans = match_scans;
   setup.name = "r1";
   setup.body.radius_m = 0.1;
   setup.body.wheel_separation_m = 0.2;
@@ -101,6 +103,25 @@ TEST(ScanSource, HoldsARobotWhoseWheelsDrift) {
   EXPECT_LT(by_scan.worst_m, 0.01);
   EXPECT_LT(by_scan.nees, 6.0);
   EXPECT_EQ(by_scan.count(LocalizationState::kLocalized), path.size());
+}
+
+// A forward camera: its ceiling camera fails after 30 frames, and nothing but its wheels says where it is.
+TEST(ScanSource, WithoutMatchesTheCovarianceGrowsAsSoonAsMeasurementsEnd) {
+  const std::vector<Pose2> path = circularPath(80);
+  const auto measure = [&](std::size_t i) { return i < 30 ? std::optional(path[i]) : std::nullopt; };
+  const ScanRun run = runScans(path, {}, {}, measure, false);
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const PoseEstimate& pose = run.poses[i];
+    if (i < 30) {
+      EXPECT_TRUE(i == 0 || pose.state == LocalizationState::kLocalized) << i;
+      continue;
+    }
+    const auto variance_m2 = [&](std::size_t k) {
+      return run.poses[k].covariance(0, 0) + run.poses[k].covariance(1, 1);
+    };
+    EXPECT_GT(variance_m2(i), variance_m2(i - 1)) << i;
+  }
+  EXPECT_EQ(run.poses.back().state, LocalizationState::kOdometryOnly);
 }
 
 TEST(ScanSource, GivesTheSameBitsTwice) {
