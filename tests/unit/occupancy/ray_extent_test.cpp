@@ -178,8 +178,9 @@ TEST(RayExtent, LeavesAllBehindAnUndecidedRayUnknown) {
 
 TEST(RayExtent, MarksOnlyTheEndOfAHitWithoutAnEdge) {
   EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 0, 0}})), cellsOf(19, 0, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 375, 0}})), cellsOf(19, 0, 0, true));
-  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 376, 0}})), cellsOf(0, 0, 0, false));
+  // 2.5 cm (most_hit_sigma_m) is less than three quarters of a cell of 5 cm.
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 250, 0}})), cellsOf(19, 0, 0, true));
+  EXPECT_EQ(countedRow(rowMap({{RayLabel::kUnknown, 10000, 251, 0}})), cellsOf(0, 0, 0, false));
 }
 
 TEST(RayExtent, ShowsAHitWithoutAnEdgeOnlyBesideVisibleFloor) {
