@@ -76,7 +76,6 @@ bool DistanceVector::findFloor() {
     }
     new_floor_frames_ = 0;
     colour_.remember(sample);
-    floor_ = sample;
     return true;
   }
   if (other_floor) ++new_floor_frames_;

@@ -88,7 +88,6 @@ class DistanceVector {
   std::vector<int> floor_tops_;
   cv::Mat mask_;
   Fault fault_ = Fault::kNoFloor;
-  FloorSample floor_;  ///< of this frame
   int new_floor_frames_ = 0;
 };
 

@@ -183,6 +183,7 @@ const std::vector<FloorSample>& FloorColour::find(const SmoothedImage& image) {
   constexpr std::size_t kMost = 3;
   readStrip(image);
   found_.clear();
+  found_.reserve(kMost);
   remembered_share_ = 0.0;
   if (memory_) {
     double agreeing = 0.0, total = 0.0;

@@ -82,7 +82,8 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   const auto robots = fleet.mappingRobots();
   const bool is_blind = std::any_of(robots.begin(), robots.end(),
                                     [&](const std::string& robot) { return !fleet.robot(robot).has_wheels; });
-  if (!bus::isDeterministic(context.options.mode) && is_blind && !fleet.ceilingCameras().empty())
+  ceiling_cameras_ = fleet.ceilingCameras().size();
+  if (!bus::isDeterministic(context.options.mode) && is_blind && ceiling_cameras_ > 0)
     ceiling_wait_.emplace(wait);
   if (context.options.incarnation == 1) return;
   state_recovery_.emplace(setups(fleet, estimator_options_), estimator_options_,
@@ -215,8 +216,9 @@ bool LocalizerService::isRecovering() {
 bool LocalizerService::waitsForCeiling() {
   if (!ceiling_wait_) return false;
   newest_ns_.clear();
-  for (const auto& inlet : measurements_)
-    if (inlet->receivedAny()) newest_ns_.push_back(inlet->lastNs());
+  // The first of them are those of the ceiling cameras (readMeasurements).
+  for (std::size_t i = 0; i < ceiling_cameras_; ++i)
+    if (const auto& inlet = measurements_[i]; inlet->receivedAny()) newest_ns_.push_back(inlet->lastNs());
   return ceiling_wait_->waits(merger_.nextTime(), newest_ns_, steady_clock::now());
 }
 

@@ -99,7 +99,8 @@ class LocalizerService : public bus::Service {
   localizer::MarkedRobots marked_robots_;
   localizer::CeilingAgreement agreement_;
   std::optional<localizer::CeilingWait> ceiling_wait_;  ///< live, if a robot that maps has no wheels
-  std::vector<TimeNs> newest_ns_;                       ///< of the ceiling cameras
+  std::size_t ceiling_cameras_ = 0;
+  std::vector<TimeNs> newest_ns_;      ///< of the ceiling cameras
   std::vector<Measurement> surveyed_;  ///< landmarks with known positions, passed to the estimator once
   std::set<std::string> names_;        ///< of all robots
   std::vector<const Report*> reported_;

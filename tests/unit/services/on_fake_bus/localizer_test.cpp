@@ -262,5 +262,93 @@ TEST_F(RestartedLocalizer, UsesInitialPosesEarlyInRun) {
   EXPECT_TRUE(bench_.succeeded());
 }
 
+/// Live, under two ceiling cameras: r1 has a forward camera and no wheels. It drives 4 cm per frame.
+class LocalizerUnderCeilingCameras : public testing::Test {
+ protected:
+  static Pose2 truth(int step) { return {0.04 * step, 0.0, 0.0}; }
+  void frame(int step) {
+    Objects seen = frameOf("r1", step);
+    seen.motion = {};
+    // Walls of a square room, which a match would locate to millimetres.
+    const Pose2 at = truth(step);
+    for (int i = 0; i < 720; ++i) {
+      const double bearing = 2.0 * M_PI * i / 720;
+      const double x = std::cos(bearing), y = std::sin(bearing);
+      const double wall_x = std::abs(x) / (x > 0.0 ? 1.0 - at.x_m : 1.0 + at.x_m);
+      seen.boundary.inverse_m.push_back(static_cast<float>(std::max(wall_x, std::abs(y) / 0.8)));
+      seen.boundary.sigma.push_back(0.003F);
+    }
+    ASSERT_TRUE(write(*objects_, seen));
+    bench_.spin();
+  }
+  /// Both cameras report; c1 sees r1.
+  void measure(int step) {
+    const TimeNs time_ns = step * kFrame;
+    Measurement pose;
+    pose.source = "ceiling/c1";
+    pose.kind = MeasurementKind::kAbsolutePose;
+    pose.to = "r1";
+    pose.acquired_ns = time_ns;
+    pose.value = truth(step).vector();
+    pose.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
+    const auto sequence = static_cast<std::uint32_t>(step);
+    v1::Measurement wire;
+    adapters::toWire("ceiling/c1", time_ns, sequence, FrameState::kOk, {pose}, adapters::RunClock::kDataset,
+                     wire);
+    ASSERT_TRUE(c1_->write(wire));
+    adapters::toWire("ceiling/c2", time_ns, sequence, FrameState::kOk, {}, adapters::RunClock::kDataset,
+                     wire);
+    ASSERT_TRUE(c2_->write(wire));
+    bench_.spin();
+  }
+  std::optional<PoseEstimate> published() {
+    v1::Pose wire;
+    PoseEstimate pose;
+    if (!poses_->take(wire) || !adapters::fromWire(wire, pose)) return std::nullopt;
+    return pose;
+  }
+
+  test::StageBench bench_{"localizer", "", "",
+                          std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/ahmed.yaml",
+                          bus::RunMode::kLive};
+  std::unique_ptr<bus::Writer<v1::Objects>> objects_ = bench_.bus().writer(bench_.topics.objects, "r1");
+  std::unique_ptr<bus::Writer<v1::Measurement>> c1_ =
+      bench_.bus().writer(bench_.topics.measurement, "ceiling/c1");
+  std::unique_ptr<bus::Writer<v1::Measurement>> c2_ =
+      bench_.bus().writer(bench_.topics.measurement, "ceiling/c2");
+  std::unique_ptr<bus::Reader<v1::Pose>> poses_ = bench_.bus().reader(bench_.topics.pose, "r1");
+};
+
+TEST_F(LocalizerUnderCeilingCameras, AFrameWaitsForTheMeasurementOfItsTime) {
+  measure(0);
+  frame(0);
+  ASSERT_TRUE(published());
+  for (int step = 1; step < 5; ++step) {
+    frame(step);
+    EXPECT_FALSE(published()) << step << ": its place is not known yet";
+    EXPECT_TRUE(bench_.wakeAt());
+    measure(step);
+    const auto pose = published();
+    ASSERT_TRUE(pose) << step;
+    EXPECT_LT((pose->map_from_base.translation() - truth(step).translation()).norm(), 0.002);
+  }
+}
+
+// The cameras fail. The frame is not delayed for long, and scans of forward cameras do not locate r1.
+TEST_F(LocalizerUnderCeilingCameras, WithoutAMeasurementTheCovarianceGrows) {
+  for (int step = 0; step < 3; ++step) {
+    measure(step);
+    frame(step);
+    ASSERT_TRUE(published());
+  }
+  frame(3);
+  ASSERT_TRUE(bench_.wakeAt());
+  std::this_thread::sleep_until(*bench_.wakeAt());  // the wait itself is the subject
+  bench_.spin();
+  const auto pose = published();
+  ASSERT_TRUE(pose);
+  EXPECT_GT(std::sqrt(pose->covariance(0, 0)), 0.05) << "0.5 m/s for 0.2 s";
+}
+
 }  // namespace
 }  // namespace omnifleet
