@@ -40,6 +40,20 @@ const char* toString(ObjectKind kind) {
   return "?";
 }
 
+const char* toString(AlignmentStatus status) {
+  switch (status) {
+    case AlignmentStatus::kAnchored:
+      return "anchored";
+    case AlignmentStatus::kMatched:
+      return "matched";
+    case AlignmentStatus::kRefused:
+      return "refused";
+    case AlignmentStatus::kUndecided:
+      break;
+  }
+  return "undecided";
+}
+
 const char* toString(LocalizationState state) {
   switch (state) {
     case LocalizationState::kUnlocated:

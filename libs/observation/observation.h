@@ -181,6 +181,8 @@ struct PoseEstimate {
   LocalizationState state = LocalizationState::kUnlocated;
   PoseEvent event = PoseEvent::kNone;
   double correction_sigmas = 0.0;  ///< size of the correction of an event, in σ of the prediction
+  /// Frame of map_from_base. Empty: `map`. Else the robot's own frame, named after the robot.
+  std::string frame;
   Pose2 map_from_base;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< (x, y, θ) of the right perturbation
   /// Reference of the covariance. Poses with the same number have the same reference. 0: `map` as configured.
@@ -209,6 +211,91 @@ struct Measurement {
   TimeNs from_ns = 0;      ///< time of `from` (relative and range-bearing kinds)
   Eigen::Vector3d value = Eigen::Vector3d::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
+};
+
+/// Geometry of the panoramas that signatures are computed from, and how they are stored. Signatures are
+/// comparable only if all fields are equal.
+struct SignatureFormat {
+  std::uint16_t rows = 0, columns = 0;  ///< of the panorama
+  std::uint16_t stored_rows = 0;        ///< each is the mean of rows / stored_rows rows of the panorama
+  std::uint16_t stored_modules = 0;     ///< per stored row, of the frequencies 1 … stored_modules
+  std::uint16_t stored_phases = 0;      ///< likewise
+  float least_elevation_rad = 0.0f, most_elevation_rad = 0.0f;  ///< edges of the band above the horizon
+  std::string camera;  ///< projection and size of the image, e.g. "equidistant 1280x960"
+
+  bool operator==(const SignatureFormat& o) const {
+    return rows == o.rows && columns == o.columns && stored_rows == o.stored_rows &&
+           stored_modules == o.stored_modules && stored_phases == o.stored_phases &&
+           least_elevation_rad == o.least_elevation_rad && most_elevation_rad == o.most_elevation_rad &&
+           camera == o.camera;
+  }
+  bool operator!=(const SignatureFormat& o) const { return !(*this == o); }
+};
+
+/// A Fourier signature (Fernández et al. 2011 §III.A) as it is stored: per stored row the magnitudes in units
+/// of 1/255 of the row's largest one, then the phases in units of 2π/256.
+struct StoredSignature {
+  std::vector<std::uint8_t> bytes;
+  std::vector<float> scale;  ///< largest magnitude of each stored row
+};
+
+/// The panorama of one frame compared with the one before.
+struct Appearance {
+  std::string robot;
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  FrameState state = FrameState::kOk;
+  TimeNs since_ns = 0;          ///< frame that turn and difference refer to; 0: there is none
+  double turn_rad = 0.0;        ///< visual compass: heading minus that at since_ns
+  double turn_sigma_rad = 0.0;  ///< ≤ 0: the compass gives no answer
+  float confidence = 0.0f;      ///< of the compass, 0 … 1
+  float difference = 0.0f;      ///< distance of the signatures (eq. 2), divided by their mean norm
+  SignatureFormat format;
+  StoredSignature signature;  ///< of a place; empty: the frame is none
+};
+
+/// Relative pose to another place.
+struct PlaceLink {
+  bool closes_loop = false;  ///< otherwise: to the place before
+  std::string robot;         ///< the other place
+  std::uint32_t index = 0;
+  Pose2 this_from_other;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the right perturbation
+};
+
+/// A node of the topological map (Fernández et al. 2011 §IV.A).
+struct Place {
+  std::string robot;
+  std::uint32_t index = 0;  ///< of the robot's places, from 0
+  TimeNs acquired_ns = 0;
+  std::uint32_t sequence = 0;
+  std::string frame;  ///< as in PoseEstimate
+  Pose2 frame_from_base;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the right perturbation
+  bool metric = true;  ///< false: nothing determines the scale; lengths are in arbitrary units
+  SignatureFormat format;
+  StoredSignature signature;
+  std::vector<PlaceLink> links;
+};
+
+enum class AlignmentStatus : std::uint8_t {
+  kAnchored = 0,  ///< an initial pose, a ceiling camera or a surveyed landmark defines the robot's frame
+  kMatched = 1,   ///< shared places or sightings determine how the robot's frame lies in map
+  kRefused = 2,   ///< what looked alike contradicts what both have seen
+  kUndecided = 3  ///< too little is shared, or several relations fit
+};
+const char* toString(AlignmentStatus status);
+
+/// How a robot's own frame relates to `map`.
+struct Alignment {
+  std::string robot;
+  TimeNs acquired_ns = 0;  ///< of the evidence
+  AlignmentStatus status = AlignmentStatus::kUndecided;
+  std::string frame;     ///< of the robot's poses from now on, as in PoseEstimate
+  std::string reason;    ///< in words, at most 128 bytes
+  double score = 0.0;    ///< 0 … 1; anchored: 1
+  Pose2 map_from_frame;  ///< matched: the relation
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of its right perturbation
 };
 
 /// Body of a robot on the floor. Exactly one of radius_m > 0 or a footprint with ≥ 3 vertices is given.

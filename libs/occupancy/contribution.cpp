@@ -150,6 +150,7 @@ KeyframePose makeKeyframePose(const PoseEstimate& pose, std::uint32_t term, std:
   out.sequence = pose.sequence;
   out.term = term;
   out.revision = revision;
+  out.frame = pose.frame;
   out.sightings = pose.sightings;
   for (std::size_t i = 0; i < out.camera_error.size(); ++i)
     out.camera_error[i] = quantiseError(pose.camera_error(static_cast<Eigen::Index>(i)));
@@ -210,7 +211,7 @@ std::string canonicalBytes(const Contribution& c) {
 std::string canonicalBytes(const KeyframePose& p) {
   Bytes bytes;
   bytes.put(p.robot).put(p.acquired_ns).put(p.sequence).put(p.term).put(p.revision);
-  bytes.put(static_cast<std::uint8_t>(p.valid)).put(p.position).put(p.theta_dmrad);
+  bytes.put(static_cast<std::uint8_t>(p.valid)).put(p.frame).put(p.position).put(p.theta_dmrad);
   bytes.put(p.sigma_dmm).put(p.sigma_dmrad);
   bytes.put(static_cast<std::uint32_t>(p.sightings.size()));
   for (const auto& sighting : p.sightings) bytes.put(sighting.track_id).put(sighting.robot);

@@ -73,8 +73,9 @@ struct KeyframePose {
   std::uint32_t sequence = 0;
   std::uint32_t term = 0, revision = 0;
   bool valid = false;
-  PointDmm position;             ///< map
-  std::int32_t theta_dmrad = 0;  ///< map
+  std::string frame;  ///< of the pose, as in PoseEstimate: empty for `map`
+  PointDmm position;
+  std::int32_t theta_dmrad = 0;
   /// σ of the position (largest axis) and of theta; at most 65535.
   std::uint16_t sigma_dmm = 0, sigma_dmrad = 0;
   std::vector<Sighting> sightings;

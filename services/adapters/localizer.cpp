@@ -7,6 +7,7 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
   to.robot(from.robot);
   fillHeader(from.acquired_ns, from.sequence, clock, to.header());
   to.valid(from.valid);
+  to.frame(from.frame);
   to.map_from_base(pose(from.map_from_base));
   matrixToWire<3>(from.covariance, to.covariance());
   sequenceToWire(from.sightings, 32, to.sightings(), [](const Sighting& s, v1::Sighting& w) {
@@ -27,6 +28,7 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   to.acquired_ns = from.header().acquired_ns();
   to.sequence = from.header().sequence_number();
   to.valid = from.valid();
+  to.frame = from.frame().to_string();
   to.map_from_base = pose(from.map_from_base());
   to.covariance = matrixFromWire<3>(from.covariance());
   to.datum = from.datum();

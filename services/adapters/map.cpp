@@ -93,6 +93,7 @@ void toWire(const occupancy::KeyframePose& from, RunClock clock, v1::KeyframePos
   to.term(from.term);
   to.revision(from.revision);
   to.valid(from.valid);
+  to.frame(from.frame);
   to.position(pointToWire(from.position));
   to.theta(from.theta_dmrad);
   to.sigma({from.sigma_dmm, from.sigma_dmrad});
@@ -110,6 +111,7 @@ bool fromWire(const v1::KeyframePose& from, occupancy::KeyframePose& to) {
   to.term = from.term();
   to.revision = from.revision();
   to.valid = from.valid();
+  to.frame = from.frame().to_string();
   to.position = pointFromWire(from.position());
   to.theta_dmrad = from.theta();
   to.sigma_dmm = from.sigma()[0];

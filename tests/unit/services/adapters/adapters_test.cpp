@@ -256,6 +256,7 @@ TEST(Adapters, PreservesPose) {
   pose.acquired_ns = 5;
   pose.sequence = 6;
   pose.valid = true;
+  pose.frame = "r2";
   pose.map_from_base = n.pose();
   pose.covariance = n.matrix<3>();
   pose.sightings = {{9, "r1"}, {10, "r3"}};
@@ -274,9 +275,104 @@ TEST(Adapters, PreservesPose) {
   EXPECT_EQ(back.covariance, pose.covariance);
   EXPECT_EQ(back.camera_error, pose.camera_error);
   EXPECT_EQ(back.datum, 2u);
+  EXPECT_EQ(back.frame, "r2");
   ASSERT_EQ(back.sightings.size(), 2u);
   EXPECT_EQ(back.sightings[1].track_id, 10u);
   EXPECT_EQ(back.sightings[1].robot, "r3");
+}
+
+SignatureFormat someFormat() {
+  return {64, 512, 2, 3, 1, -0.25f, 0.5f, "equidistant 1280x960"};
+}
+StoredSignature someSignature() {
+  return {{1, 2, 3, 4, 255, 254, 253, 252}, {0.5f, 2.0f}};
+}
+
+TEST(Adapters, PreservesAppearance) {
+  Appearance from;
+  from.robot = "r1";
+  from.acquired_ns = 7, from.sequence = 3, from.since_ns = 5;
+  from.turn_rad = 0.25, from.turn_sigma_rad = 0.125, from.confidence = 0.5f, from.difference = 0.75f;
+  from.format = someFormat();
+  from.signature = someSignature();
+  v1::Appearance wire;
+  toWire(from, RunClock::kDataset, wire);
+  Appearance back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(back.robot, "r1");
+  EXPECT_EQ(back.since_ns, 5);
+  EXPECT_EQ(back.turn_rad, 0.25);
+  EXPECT_EQ(back.turn_sigma_rad, 0.125);
+  EXPECT_EQ(back.confidence, 0.5f);
+  EXPECT_EQ(back.difference, 0.75f);
+  EXPECT_TRUE(back.format == from.format);
+  EXPECT_EQ(back.signature.bytes, from.signature.bytes);
+  EXPECT_EQ(back.signature.scale, from.signature.scale);
+}
+
+TEST(Adapters, RefusesSignatureThatDoesNotFitItsFormat) {
+  Appearance from;
+  from.robot = "r1";
+  from.acquired_ns = 7;
+  from.format = someFormat();
+  from.signature = someSignature();
+  from.signature.bytes.pop_back();
+  v1::Appearance wire;
+  toWire(from, RunClock::kDataset, wire);
+  Appearance back;
+  EXPECT_FALSE(fromWire(wire, back));
+  EXPECT_EQ(back.acquired_ns, 7);  // the frame keeps its place in the stream
+  EXPECT_EQ(back.state, FrameState::kNonFinite);
+  EXPECT_TRUE(back.signature.bytes.empty());
+}
+
+TEST(Adapters, PreservesPlace) {
+  Counter n;
+  Place from;
+  from.robot = "r1", from.index = 4, from.acquired_ns = 9, from.sequence = 8, from.frame = "r1";
+  from.frame_from_base = n.pose();
+  from.covariance = n.matrix<3>();
+  from.metric = false;
+  from.format = someFormat();
+  from.signature = someSignature();
+  from.links = {{false, "r1", 3, n.pose(), n.matrix<3>()}, {true, "r2", 17, n.pose(), n.matrix<3>()}};
+  v1::Place wire;
+  toWire(from, RunClock::kDataset, wire);
+  Place back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(back.index, 4u);
+  EXPECT_EQ(back.frame, "r1");
+  EXPECT_EQ(back.frame_from_base.vector(), from.frame_from_base.vector());
+  EXPECT_EQ(back.covariance, from.covariance);
+  EXPECT_FALSE(back.metric);
+  EXPECT_EQ(back.signature.bytes, from.signature.bytes);
+  ASSERT_EQ(back.links.size(), 2u);
+  EXPECT_TRUE(back.links[1].closes_loop);
+  EXPECT_EQ(back.links[1].robot, "r2");
+  EXPECT_EQ(back.links[1].index, 17u);
+  EXPECT_EQ(back.links[1].this_from_other.vector(), from.links[1].this_from_other.vector());
+  EXPECT_EQ(back.links[1].covariance, from.links[1].covariance);
+}
+
+TEST(Adapters, PreservesAlignment) {
+  Counter n;
+  Alignment from;
+  from.robot = "r2", from.acquired_ns = 11;
+  from.status = AlignmentStatus::kRefused;
+  from.frame = "r2", from.reason = "walls agree, furniture does not", from.score = 0.5;
+  from.map_from_frame = n.pose();
+  from.covariance = n.matrix<3>();
+  v1::Alignment wire;
+  toWire(from, RunClock::kDataset, wire);
+  Alignment back;
+  ASSERT_TRUE(fromWire(wire, back));
+  EXPECT_EQ(back.robot, "r2");
+  EXPECT_EQ(back.status, AlignmentStatus::kRefused);
+  EXPECT_EQ(back.frame, "r2");
+  EXPECT_EQ(back.reason, from.reason);
+  EXPECT_EQ(back.score, 0.5);
+  EXPECT_EQ(back.map_from_frame.vector(), from.map_from_frame.vector());
+  EXPECT_EQ(back.covariance, from.covariance);
 }
 
 TEST(Adapters, PreservesContributionsExactly) {
@@ -300,6 +396,7 @@ TEST(Adapters, PreservesContributionsExactly) {
   pose.acquired_ns = 77;
   pose.valid = true;
   pose.map_from_base = n.pose();
+  pose.frame = "r2";
   pose.sightings = {{9, "r1"}};
   pose.camera_error = {0.001, -0.002, 0.003, -0.004};
   const auto keyframe = occupancy::makeKeyframePose(pose, 2, 3);
@@ -308,6 +405,7 @@ TEST(Adapters, PreservesContributionsExactly) {
   occupancy::KeyframePose keyframe_back;
   ASSERT_TRUE(fromWire(keyframe_wire, keyframe_back));
   EXPECT_EQ(occupancy::canonicalBytes(keyframe_back), occupancy::canonicalBytes(keyframe));
+  EXPECT_EQ(keyframe_back.frame, "r2");
   EXPECT_EQ(keyframe_back.camera_error, (occupancy::CameraErrorPpm{1000, -2000, 3000, -4000}));
 }
 
