@@ -6,7 +6,7 @@ namespace {
 
 constexpr std::size_t kMostBytes = 4096, kMostRows = 64, kMostLinks = 16, kMostReason = 128;
 
-void toWire(const SignatureFormat& from, v1::SignatureFormat& to) {
+void formatToWire(const SignatureFormat& from, v1::SignatureFormat& to) {
   to.rows(from.rows);
   to.columns(from.columns);
   to.stored_rows(from.stored_rows);
@@ -17,7 +17,7 @@ void toWire(const SignatureFormat& from, v1::SignatureFormat& to) {
   to.camera(from.camera.substr(0, 64));
 }
 
-bool fromWire(const v1::SignatureFormat& from, SignatureFormat& to) {
+bool formatFromWire(const v1::SignatureFormat& from, SignatureFormat& to) {
   to.rows = from.rows();
   to.columns = from.columns();
   to.stored_rows = from.stored_rows();
@@ -59,7 +59,7 @@ void toWire(const Appearance& from, RunClock clock, v1::Appearance& to) {
   to.turn_sigma_rad(from.turn_sigma_rad);
   to.confidence(from.confidence);
   to.difference(from.difference);
-  toWire(from.format, to.format());
+  formatToWire(from.format, to.format());
   signatureToWire(from.signature, to);
 }
 
@@ -73,7 +73,7 @@ bool fromWire(const v1::Appearance& from, Appearance& to) {
   to.confidence = from.confidence();
   to.difference = from.difference();
   bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
-  good = fromWire(from.format(), to.format) && good;
+  good = formatFromWire(from.format(), to.format) && good;
   good = signatureFromWire(from, to.format, to.signature) && good;
   good = good && finite(to.turn_rad, to.turn_sigma_rad, to.confidence, to.difference);
   return good || invalidFrame(to);
@@ -87,7 +87,7 @@ void toWire(const Place& from, RunClock clock, v1::Place& to) {
   to.frame_from_base(pose(from.frame_from_base));
   matrixToWire<3>(from.covariance, to.covariance());
   to.metric(from.metric);
-  toWire(from.format, to.format());
+  formatToWire(from.format, to.format());
   signatureToWire(from.signature, to);
   sequenceToWire(from.links, kMostLinks, to.links(), [](const PlaceLink& l, v1::PlaceLink& w) {
     w.kind(l.closes_loop ? v1::LINK_LOOP : v1::LINK_CONSECUTIVE);
@@ -107,7 +107,7 @@ bool fromWire(const v1::Place& from, Place& to) {
   to.frame_from_base = pose(from.frame_from_base());
   to.covariance = matrixFromWire<3>(from.covariance());
   to.metric = from.metric();
-  bool good = fromWire(from.format(), to.format);
+  bool good = formatFromWire(from.format(), to.format);
   good = signatureFromWire(from, to.format, to.signature) && good;
   to.links.resize(from.links().size());
   for (std::size_t i = 0; i < to.links.size(); ++i) {
