@@ -84,7 +84,6 @@ Topics::Topics(RunMode mode)
       objects_kept{objects.name, onHost(journal(mode))},
       measurement{"omnifleet/measurement", stream(mode)},
       pose{"omnifleet/pose", stream(mode)},
-      appearance{"omnifleet/appearance", stream(mode)},
       place{"omnifleet/place", journal(mode)},
       alignment{"omnifleet/alignment", latest()},
       map_contribution{"omnifleet/map/contribution", journal(mode)},

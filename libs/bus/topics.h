@@ -33,7 +33,6 @@ struct Topics {
                                     ///< localizer (transient local, history 64)
   Topic<v1::Measurement> measurement;             ///< key source
   Topic<v1::Pose> pose;                           ///< per robot
-  Topic<v1::Appearance> appearance;               ///< per robot
   Topic<v1::Place> place;                         ///< per robot; transient local, history 64
   Topic<v1::Alignment> alignment;                 ///< per robot; transient local, last 1
   Topic<v1::Contribution> map_contribution;       ///< per robot; transient local, history 64
@@ -72,8 +71,6 @@ template <>
 const TypeDescriptor& describe<v1::Measurement>();
 template <>
 const TypeDescriptor& describe<v1::Pose>();
-template <>
-const TypeDescriptor& describe<v1::Appearance>();
 template <>
 const TypeDescriptor& describe<v1::Place>();
 template <>

@@ -88,11 +88,6 @@ const TypeDescriptor& describe<v1::Pose>() {
   return type;
 }
 template <>
-const TypeDescriptor& describe<v1::Appearance>() {
-  static const TypeDescriptor type = make<v1::AppearancePubSubType>(v1::kLocalizerHash);
-  return type;
-}
-template <>
 const TypeDescriptor& describe<v1::Place>() {
   static const TypeDescriptor type = make<v1::PlacePubSubType>(v1::kLocalizerHash);
   return type;

@@ -9,6 +9,7 @@
 #include "estimation/association.h"
 #include "estimation/factors.h"
 #include "estimation/fleet_state.h"
+#include "estimation/joining.h"
 #include "estimation/jumps.h"
 #include "estimation/localization.h"
 #include "estimation/locating.h"
@@ -27,7 +28,10 @@ constexpr double kSlipInflation = 100.0;  // of the covariance of a step that th
 constexpr int kFinalIterations = 30;
 constexpr double kFits_m = 0.025, kMuchBetter = 0.5;  // misfit of a frame that is right; share that is less
 constexpr int kDoubtRounds = 3;                       // of reweighting, until what was an outlier counts
-constexpr double kStartCauchy = 2.0;                  // σ at which a start as it was told counts half
+// By so much a published frame must be off before it is published again: while driving, at the end.
+constexpr double kPathMoved_m = 0.005, kPathMoved_rad = 0.005, kSettled_m = 0.001, kSettled_rad = 0.001;
+constexpr std::uint32_t kNothingFollowed = 0xffffffffU;
+constexpr double kStartCauchy = 2.0;  // σ at which a start as it was told counts half
 }  // namespace
 
 class FleetEstimator::Impl {
@@ -41,6 +45,8 @@ class FleetEstimator::Impl {
   bool refineDue() const;
   std::vector<PoseEstimate> smoothed() const;
   void settle(int rounds);
+  void followPaths(double moved_m, double moved_rad);
+  void learnScale(RobotNode& robot);
 
   RobotNode& node(const std::string& robot) {
     RobotNode* found = fleet.find(robot);
@@ -71,8 +77,9 @@ class FleetEstimator::Impl {
 
   MeasurementQueue queue_;
   ScanSource scans_;
-  bool settled_ = false;  ///< at the end of a run
-  bool whole_ = false;    ///< the newest frames went through a solve of the whole window already
+  bool settled_ = false;        ///< at the end of a run
+  std::uint32_t followed_ = 0;  ///< revision of the keyframes that the published paths follow
+  bool whole_ = false;          ///< the newest frames went through a solve of the whole window already
 };
 
 std::vector<PoseEstimate> FleetEstimator::Impl::process(TimeNs time,
@@ -123,6 +130,7 @@ void FleetEstimator::Impl::refine() {
       for (ViewLink& link : step.views) link.weighed = true;
     }
     noteFits(fleet, robot);
+    learnScale(robot);
   }
   whole_ = false;
   fleet.updateShapes();
@@ -130,11 +138,31 @@ void FleetEstimator::Impl::refine() {
   fleet.forgetLandmarks();
   reviseTold(fleet, false);
   scans_.keep(fleet);
+  followPaths(kPathMoved_m, kPathMoved_rad);
   fleet.slide();
   fleet.forgetWheels();
   holdFrame(fleet);
   condense();
   for (RobotNode& robot : fleet.robots) robot.unrefined = false;
+}
+
+/// Steps between two frames that scans have placed tell how long a unit of the distance of signatures is.
+void FleetEstimator::Impl::learnScale(RobotNode& robot) {
+  if (!robot.unrefined || robot.window.size() < 2) return;
+  const Step &from = robot.window[robot.window.size() - 2], &to = robot.window.back();
+  if (!(to.difference > 0) || to.scan.factor == kNoFactor || from.scan.factor == kNoFactor) return;
+  robot.difference_scale.add((fleet.pose(to.pose).translation() - fleet.pose(from.pose).translation()).norm(),
+                             to.difference);
+}
+
+/// Frames that have left the window move with the keyframes that they were matched with.
+void FleetEstimator::Impl::followPaths(double moved_m, double moved_rad) {
+  if (fleet.keyframes.revision() == followed_) return;
+  followed_ = fleet.keyframes.revision();
+  for (RobotNode& robot : fleet.robots) {
+    robot.path.follow(fleet.keyframes, moved_m, moved_rad, fleet.revised);
+    robot.places.follow(fleet.keyframes, moved_m, moved_rad);
+  }
 }
 
 bool FleetEstimator::Impl::refineDue() const {
@@ -215,7 +243,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     if (frame.fresh && frame.robot->located()) startAtFix(frame);
   for (Frame& frame : frames) {
     if (!frame.fresh || frame.robot->located()) continue;
-    if (!locateByPoints(fleet, *frame.robot, *frame.objects))
+    if (!locateByPoints(fleet, *frame.robot, *frame.objects) && frame.robot->sightings_locate)
       locateBySightings(fleet, *frame.robot, *frame.objects, fresh);
   }
   fleet.shareKeyframes(time);
@@ -440,6 +468,8 @@ void FleetEstimator::Impl::settle(int rounds) {
     fleet.updateShapes();
   }
   settled_ = whole_ = true;
+  followed_ = kNothingFollowed;
+  followPaths(kSettled_m, kSettled_rad);
   updateUncertainty(fleet, whole_, settled_);
   reviseTold(fleet, true);
 }
@@ -478,6 +508,40 @@ std::vector<PoseEstimate> FleetEstimator::finish() {
 
 std::vector<PoseEstimate> FleetEstimator::smoothed() const {
   return impl_->smoothed();
+}
+
+void FleetEstimator::join(const std::string& robot, const FleetEstimator& own, const Pose2& map_from_own,
+                          const Eigen::Matrix3d& covariance) {
+  joinRobot(impl_->fleet, impl_->node(robot), own.impl_->fleet, map_from_own, covariance);
+}
+
+void FleetEstimator::adoptPath(const std::string& robot, const FleetEstimator& own) {
+  RobotNode& node = impl_->node(robot);
+  const RobotNode& theirs = own.impl_->node(robot);
+  if (!node.located() || !theirs.located()) return;
+  const Pose2 map_from_own =
+      impl_->fleet.pose(node.window.back().pose) * own.impl_->fleet.pose(theirs.window.back().pose).inverse();
+  estimation::adoptPath(impl_->fleet, node, own.impl_->fleet, map_from_own);
+}
+
+const KeyframeMap& FleetEstimator::keyframes() const {
+  return impl_->fleet.keyframes;
+}
+
+bool FleetEstimator::isLocated(const std::string& robot) const {
+  return impl_->node(robot).located();
+}
+
+void FleetEstimator::allowSightings(const std::string& robot, bool allow) {
+  impl_->node(robot).sightings_locate = allow;
+}
+
+std::vector<Place> FleetEstimator::takePlaces() {
+  std::vector<Place> changed;
+  for (RobotNode& robot : impl_->fleet.robots)
+    for (const std::uint32_t index : robot.places.takeChanged())
+      changed.push_back(robot.places.places()[index]);
+  return changed;
 }
 
 std::vector<LandmarkEstimate> FleetEstimator::landmarks() const {

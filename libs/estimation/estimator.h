@@ -14,9 +14,11 @@
 #include <string>
 #include <vector>
 
+#include "estimation/appearance_motion.h"
 #include "estimation/camera_error.h"
 #include "estimation/detector_model.h"
 #include "estimation/keyframe_map.h"
+#include "estimation/map_alignment.h"
 #include "estimation/relocalizer.h"
 #include "estimation/scan_source.h"
 #include "estimation/wheel_log.h"
@@ -78,7 +80,9 @@ struct EstimatorOptions {
   KeyframeOptions keyframes;
   ScanSourceOptions scan;
   OdometryQualityOptions odometry;
+  AppearanceOptions appearance;
   RelocalizerOptions relocalizer;
+  MapAlignmentOptions alignment;
   scan::MatchOptions match;  ///< of scans
 
   static EstimatorOptions read(const options::Section& section);
@@ -156,6 +160,23 @@ class FleetEstimator {
   /// people each;
   /// since the last call.
   std::vector<Message> takeFindings();
+
+  /// Takes a robot over from an estimator of the same fleet that alone has followed it so far, in a frame of
+  /// its own: keyframes, the poses of all its frames, which takeRevised() then returns in this map, and its
+  /// newest pose. Both estimators have been through refine(). @param covariance of map_from_own near the
+  /// robot, right perturbation
+  void join(const std::string& robot, const FleetEstimator& own, const Pose2& map_from_own,
+            const Eigen::Matrix3d& covariance);
+  /// The same for a robot that this estimator has located by itself: takes over the poses of its frames only.
+  void adoptPath(const std::string& robot, const FleetEstimator& own);
+  /// Places of the topological map that are new or have moved since the last call, by robot and index.
+  std::vector<Place> takePlaces();
+  /// Scans at known places; of all robots.
+  const KeyframeMap& keyframes() const;
+  /// The robot has a pose here.
+  bool isLocated(const std::string& robot) const;
+  /// Whether mutual sightings may locate a robot without a pose; by default they may.
+  void allowSightings(const std::string& robot, bool allow);
 
   /// Obstacles with at least publish_views views, by id.
   std::vector<LandmarkEstimate> landmarks() const;

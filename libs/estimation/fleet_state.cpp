@@ -44,6 +44,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     robot.setup = std::move(setup);
     robot.relocalizer.emplace(options.relocalizer, options.match);
     robot.scan_aid.odometry = OdometryQuality(options.odometry);
+    robot.difference_scale = DifferenceScale(options.appearance);
     robot.camera_told = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
@@ -124,6 +125,8 @@ CameraError FleetState::cameraError(const RobotNode& robot) const {
 
 Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame) {
   step.pose = graph.addVariable(map_from_base.vector());
+  if (!frame.appearance.signature.bytes.empty())
+    step.appearance = std::make_shared<const Appearance>(frame.appearance);
   const Pose2 since_key = robot.last_key.inverse() * map_from_base;
   step.keyframe =
       robot.last_key_ns == 0 || since_key.translation().norm() >= options.keyframe_distance_m ||
@@ -150,12 +153,22 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   robot.scan_aid.relative_covariance = composeCovariance(robot.scan_aid.relative_covariance,
                                                          step.previous_from_current, step.motion_covariance);
   const Pose2 predicted = pose(previous) * step.previous_from_current;
+  const TimeNs since_ns = step.since_ns;
   Step& added = newStep(robot, std::move(step), predicted, frame);
   // Unwrapped: angles in the graph run on.
   Eigen::VectorXd& value = graph.value(added.pose);
   value(2) = graph.value(previous)(2) + added.previous_from_current.theta_rad;
   added.motion = graph.addFactor(motionFactor(measured, added.motion_covariance, added.by_model, added.model),
                                  {previous, added.pose, robot.wheels});
+  const Appearance& seen = frame.appearance;
+  if (seen.since_ns == since_ns) added.difference = seen.difference;
+  // Without wheels the turn of the compass is in the motion already.
+  if (!added.wheels || !tellsTurn(seen, since_ns, options.appearance)) return;
+  constexpr double kOpen_m2 = 1e6;  // a compass says nothing about places
+  const double sigma_rad = options.appearance.sigma_factor * seen.turn_sigma_rad;
+  const Eigen::Matrix3d of_turn = Eigen::Vector3d(kOpen_m2, kOpen_m2, sigma_rad * sigma_rad).asDiagonal();
+  graph.addFactor(relativePoseFactor({0.0, 0.0, seen.turn_rad}, of_turn), {previous, added.pose},
+                  options.appearance.robust_sigmas);
 }
 
 void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_from_base) {

@@ -10,10 +10,13 @@
 #include <string>
 #include <vector>
 
+#include "estimation/appearance_motion.h"
 #include "estimation/estimator.h"
 #include "estimation/graph.h"
 #include "estimation/landmark.h"
 #include "estimation/localization_monitor.h"
+#include "estimation/path_memory.h"
+#include "estimation/place_memory.h"
 #include "estimation/prism_factors.h"
 #include "estimation/relocalizer.h"
 #include "estimation/scan_source.h"
@@ -52,10 +55,14 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
+  bool by_appearance = false;                      ///< without wheels: the images alone tell turn and length
+  double difference = 0.0;                         ///< of the signatures since the frame before; 0: not known
   bool wheels_rejected = false;  ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
-  std::optional<Pose2> told;  ///< what was reported of it
+  std::optional<Pose2> told;                     ///< what was reported of it
+  std::vector<Sighting> sightings;               ///< as reported
+  std::shared_ptr<const Appearance> appearance;  ///< of a frame that becomes a place
   std::vector<ViewLink> views;
   ScanLink scan;
 };
@@ -169,6 +176,11 @@ struct RobotNode {
   std::deque<Step> window;     ///< empty while unlocated
   TimeNs last_frame_ns = 0;
   ScanAid scan_aid;
+  DifferenceScale difference_scale;
+  PlaceMemory places;
+  /// Covariance of the motion since the newest place, right perturbation.
+  Eigen::Matrix3d way_since_place = Eigen::Matrix3d::Zero();
+  PathMemory path;  ///< of the frames that have left the window
   LocalizationMonitor monitor;
   std::optional<Relocalizer> relocalizer;
   std::optional<AbsoluteFix> fix;      ///< of its newest frame
@@ -189,6 +201,7 @@ struct RobotNode {
   int refusals = 0;               ///< ranges and bearings in a row that the gate refused
   std::set<std::string> refused;  ///< of which things
   std::optional<Scout> scout;     ///< while unlocated
+  bool sightings_locate = true;   ///< mutual sightings may locate it
   Start start;
   TimeNs sight_ns = 0;  ///< of what it saw last
   std::vector<Glimpse> sight;
@@ -327,6 +340,7 @@ class FleetState {
   void addOdometryErrors(const RobotNode& robot, Step& step) const;
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;
+  void predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);
   void freezeViews(const Step& step);
   void dropScan(RobotNode& robot);

@@ -256,6 +256,45 @@ scan::CameraEvidence KeyframeMap::cameraEvidence() const {
   return evidence;
 }
 
+KeyframeMap::Id KeyframeMap::append(const KeyframeMap& other, const Pose2& map_from_other,
+                                    const Eigen::Matrix3d& covariance) {
+  const Id first = static_cast<Id>(keyframes_.size());
+  const std::vector<Id> before = all();
+  const scan::KeyframeGraph::Appended in_graph = graph_.append(other.graph_, map_from_other);
+  if (jitter_.size() < other.jitter_.size()) jitter_.resize(other.jitter_.size(), Eigen::Matrix3d::Zero());
+  for (const Keyframe& k : other.keyframes_) {
+    keyframes_.push_back(k);
+    Keyframe& copy = keyframes_.back();
+    copy.node += in_graph.pose;
+    if (copy.odometry) copy.odometry = *copy.odometry + in_graph.pose;
+    copy.beside += in_graph.constraint;
+    for (Edge& edge : copy.edges) edge.to += first;
+    if (copy.source.camera < other.jitter_.size())
+      jitter_[copy.source.camera] = other.jitter_[copy.source.camera];
+  }
+  bool paired = false;
+  for (Id id = first; id < keyframes_.size(); ++id)
+    paired =
+        constrainPairs(id, nearest({pose(id), keyframes_[id].sectors}, before, options_.pairs)) || paired;
+  if (!paired) relateNearest(first, covariance);
+  solve();
+  return first;
+}
+
+/// Relates the nearest two keyframes of those before `first` and those from it on as they lie.
+void KeyframeMap::relateNearest(Id first, const Eigen::Matrix3d& covariance) {
+  double least = std::numeric_limits<double>::infinity();
+  std::pair<Id, Id> best;
+  for (Id a = 0; a < first; ++a) {
+    for (Id b = first; b < keyframes_.size(); ++b) {
+      const double distance = (pose(a).translation() - pose(b).translation()).norm();
+      if (distance < least) least = distance, best = {a, b};
+    }
+  }
+  if (std::isfinite(least))
+    relate(best.first, best.second, pose(best.first).inverse() * pose(best.second), covariance);
+}
+
 void KeyframeMap::closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance) {
   relate(from, to, from_to, covariance);
   solve();

@@ -121,11 +121,17 @@ class KeyframeMap {
   void assume(std::uint32_t camera, const Eigen::Vector4d& error);
   /// What the keyframes say about calibrations.
   scan::CameraEvidence cameraEvidence() const;
+  /// Takes over all keyframes of another map, as robots that did not know how their frames lie to each other
+  /// find out. Pairs of both maps are matched and hold them together; without any, the nearest two keyframes
+  /// are related by map_from_other. @param covariance of map_from_other at these two, right perturbation
+  /// @return id of the first one here; the others follow in their order
+  Id append(const KeyframeMap& other, const Pose2& map_from_other, const Eigen::Matrix3d& covariance);
   /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
   void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 
   /// Systematic covariance of a match with a keyframe over a distance, right perturbation: errors that
-  /// the beams share. They grow with the distance, because the two scans then show other sides of the objects.
+  /// the beams share. They grow with the distance, because the two scans then show other sides of the
+  /// objects.
   Eigen::Matrix3d systematic(Id keyframe, double distance_m) const;
   /// m; scans farther away from a keyframe have too little in common with it.
   double reachM(Id keyframe) const;
@@ -157,6 +163,7 @@ class KeyframeMap {
   void chainOdometry(Id id, const Odometry& odometry);
   /// @return whether some pair is constrained
   bool constrainPairs(Id id, const std::vector<Id>& known);
+  void relateNearest(Id first, const Eigen::Matrix3d& covariance);
   void solve();
 
   KeyframeOptions options_;

@@ -81,7 +81,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
   evidence.located = robot.located();
   if (robot.located()) {
     const Step& step = robot.window.back();
-    evidence.odometry = step.wheels;
+    evidence.odometry = step.wheels || step.by_appearance;
     // A scan that contradicts an absolute measurement shows what has changed since the keyframes, such as
     // robots.
     evidence.confirmed =

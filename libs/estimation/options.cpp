@@ -53,7 +53,9 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.camera = CameraOptions::read(section.child("camera"));
   o.keyframes = KeyframeOptions::read(section.child("keyframes"));
   o.match = scan::MatchOptions::read(section.child("match"));
+  o.appearance = AppearanceOptions::read(section.child("appearance"));
   o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
+  o.alignment = MapAlignmentOptions::read(section.child("alignment"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
   o.odometry = OdometryQualityOptions::read(section.child("odometry"));
   section.finish();

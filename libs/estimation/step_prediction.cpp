@@ -14,6 +14,27 @@ constexpr double kMotionFloor = 1e-8;  // m², rad²: no step is known better th
 
 }  // namespace
 
+/// Without wheels the compass tells the turn, and the distance of the signatures the length of the step, of a
+/// robot that drives forward, or as its last step did.
+void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const {
+  if (!tellsTurn(appearance, step.since_ns, options.appearance)) return;
+  const double sigma_rad = options.appearance.sigma_factor * appearance.turn_sigma_rad;
+  step.previous_from_current.theta_rad = appearance.turn_rad;
+  step.motion_covariance.row(2).setZero();
+  step.motion_covariance.col(2).setZero();
+  step.motion_covariance(2, 2) = sigma_rad * sigma_rad;
+  const auto length = robot.difference_scale.lengthOf(appearance.difference);
+  if (!length) return;
+  const double sign = step.previous_from_current.x_m < 0 ? -1.0 : 1.0, half = 0.5 * appearance.turn_rad;
+  const double m = sign * length->m;
+  step.previous_from_current.x_m = m * std::cos(half);
+  step.previous_from_current.y_m = m * std::sin(half);
+  const double along = length->sigma_m * length->sigma_m;
+  if (!options.appearance.free_scale && along > step.motion_covariance(0, 0)) return;
+  step.motion_covariance.topLeftCorner<2, 2>() = along * Eigen::Matrix2d::Identity();
+  step.by_appearance = true;
+}
+
 Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const {
   Step step;
   step.time_ns = frame.acquired_ns;
@@ -45,6 +66,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
     // Without observations a wrong speed stays wrong: σ grows with time, not with its root.
     const double longer = robot.scan_aid.matched ? 1.0 : 2.0 * robot.unobserved + 1.0;
     step.motion_covariance = longer * unknownMotion(dt);
+    predictByAppearance(robot, frame.appearance, step);
   }
   step.motion_covariance.diagonal().array() += kMotionFloor;
   if (step.wheels && !step.wheels_rejected) addOdometryErrors(robot, step);

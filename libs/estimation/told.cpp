@@ -53,21 +53,64 @@ void concludeStart(FleetState& fleet, RobotNode& robot, const Step& front, bool 
   conclude(fleet, robot);
 }
 
-void revise(FleetState& fleet, RobotNode& robot, const Step& step) {
-  if (!step.told) return;
-  const Pose2 off = step.told->inverse() * fleet.pose(step.pose);
-  if (off.translation().norm() < kRevise_m && std::abs(off.theta_rad) < kRevise_rad) return;
+PoseEstimate estimateOf(const RobotNode& robot, const Step& step, const Pose2& map_from_base) {
   PoseEstimate estimate;
   estimate.robot = robot.setup.name;
   estimate.acquired_ns = step.time_ns;
   estimate.sequence = step.sequence;
   estimate.valid = true;
-  estimate.map_from_base = fleet.pose(step.pose);
+  estimate.map_from_base = map_from_base;
   estimate.covariance = robot.covariance;
   estimate.camera_error = robot.camera_told;
+  estimate.sightings = step.sightings;
+  return estimate;
+}
+
+/// @return what is published of the frame now
+PoseEstimate revise(FleetState& fleet, RobotNode& robot, const Step& step) {
+  const Pose2 now = fleet.pose(step.pose);
+  const Pose2 off = step.told->inverse() * now;
+  if (off.translation().norm() < kRevise_m && std::abs(off.theta_rad) < kRevise_rad)
+    return estimateOf(robot, step, *step.told);
+  PoseEstimate estimate = estimateOf(robot, step, now);
   for (PoseEstimate& told : robot.start.history)
     if (told.acquired_ns == step.time_ns) told = estimate;
-  fleet.revised.push_back(std::move(estimate));
+  fleet.revised.push_back(estimate);
+  return estimate;
+}
+
+std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& step) {
+  if (step.scan.factor != kNoFactor) return step.scan.keyframe;
+  if (robot.scan_aid.anchor && robot.scan_aid.held) return robot.scan_aid.anchor->keyframe;
+  return std::nullopt;
+}
+
+/// A frame with a signature becomes a node of the topological map when its pose is final.
+void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step) {
+  robot.way_since_place =
+      composeCovariance(robot.way_since_place, step.previous_from_current, step.motion_covariance);
+  if (!step.appearance) return;
+  Place place;
+  place.robot = robot.setup.name;
+  place.acquired_ns = step.time_ns;
+  place.sequence = step.sequence;
+  place.frame_from_base = fleet.pose(step.pose);
+  place.covariance = robot.covariance;
+  place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
+  place.format = step.appearance->format;
+  place.signature = step.appearance->signature;
+  robot.places.add(std::move(place), keyframeOf(robot, step), fleet.keyframes, robot.way_since_place);
+  robot.way_since_place.setZero();
+}
+
+/// Keeps a frame that leaves the window, relative to the keyframe that its scan met or, without a match, to
+/// the latest one.
+void remember(FleetState& fleet, RobotNode& robot, const Step& step, PoseEstimate published) {
+  const std::optional<KeyframeMap::Id> keyframe = keyframeOf(robot, step);
+  if (keyframe)
+    robot.path.add(published, *keyframe, fleet.keyframes.pose(*keyframe));
+  else
+    robot.path.add(published);
 }
 
 }  // namespace
@@ -82,6 +125,7 @@ void withdraw(FleetState& fleet, RobotNode& robot) {
 
 void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
   robot.window.back().told = estimate.map_from_base;
+  robot.window.back().sightings = estimate.sightings;
   Start& start = robot.start;
   if (isConfirmed(start) && start.anchor == 0) {
     start.history.clear();
@@ -100,7 +144,12 @@ void reviseTold(FleetState& fleet, bool last) {
     if (last && isContradicted(fleet, robot) && &robot != &fleet.robots.front()) withdraw(fleet, robot);
     if (last && isContradicted(fleet, robot))
       fleet.findings.push_back(initialPoseContradicted(robot.setup.name));
-    for (std::size_t i = 0; i < leaving && !last; ++i) revise(fleet, robot, robot.window[i]);
+    for (std::size_t i = 0; i < leaving && !last; ++i) {
+      const Step& step = robot.window[i];
+      if (step.told) remember(fleet, robot, step, revise(fleet, robot, step));
+    }
+    for (std::size_t i = 0; i < leaving; ++i)
+      if (robot.window[i].told) rememberPlace(fleet, robot, robot.window[i]);
   }
 }
 

@@ -52,6 +52,10 @@ const char* toString(ErrorCode code) {
       return "scan_rejected";
     case ErrorCode::kNotLocalized:
       return "not_localized";
+    case ErrorCode::kFrameMatched:
+      return "frame_matched";
+    case ErrorCode::kFrameNotMatched:
+      return "frame_not_matched";
     case ErrorCode::kLocalizationLost:
       return "localization_lost";
     case ErrorCode::kKidnapped:

@@ -39,6 +39,8 @@ enum class ErrorCode : std::uint8_t {
   kScanRejected,
   // localizer
   kNotLocalized,
+  kFrameMatched,
+  kFrameNotMatched,
   kLocalizationLost,
   kKidnapped,
   kInitialPoseRejected,

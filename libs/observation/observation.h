@@ -11,6 +11,7 @@
 
 #include "geometry/polygon.h"
 #include "geometry/pose2.h"
+#include "observation/appearance.h"
 #include "observation/boundary.h"
 #include "observation/support_function.h"
 
@@ -110,6 +111,7 @@ struct LocalMap {
   std::vector<ObjectObservation> objects;
   Scan scan;
   Boundary boundary;  ///< for scan matching
+  Appearance appearance;
 };
 
 enum class ObjectKind : std::uint8_t { kUnknown = 0, kObstacle = 1, kRobot = 2 };
@@ -146,6 +148,7 @@ struct Objects {
   std::vector<Track> tracks;
   Scan scan;  ///< with decided labels; `object` is the track id
   Boundary boundary;
+  Appearance appearance;
 };
 
 struct Sighting {
@@ -211,47 +214,6 @@ struct Measurement {
   TimeNs from_ns = 0;      ///< time of `from` (relative and range-bearing kinds)
   Eigen::Vector3d value = Eigen::Vector3d::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
-};
-
-/// Geometry of the panoramas that signatures are computed from, and how they are stored. Signatures are
-/// comparable only if all fields are equal.
-struct SignatureFormat {
-  std::uint16_t rows = 0, columns = 0;  ///< of the panorama
-  std::uint16_t stored_rows = 0;        ///< each is the mean of rows / stored_rows rows of the panorama
-  std::uint16_t stored_modules = 0;     ///< per stored row, of the frequencies 1 … stored_modules
-  std::uint16_t stored_phases = 0;      ///< likewise
-  float least_elevation_rad = 0.0f, most_elevation_rad = 0.0f;  ///< edges of the band above the horizon
-  std::string camera;  ///< projection and size of the image, e.g. "equidistant 1280x960"
-
-  bool operator==(const SignatureFormat& o) const {
-    return rows == o.rows && columns == o.columns && stored_rows == o.stored_rows &&
-           stored_modules == o.stored_modules && stored_phases == o.stored_phases &&
-           least_elevation_rad == o.least_elevation_rad && most_elevation_rad == o.most_elevation_rad &&
-           camera == o.camera;
-  }
-  bool operator!=(const SignatureFormat& o) const { return !(*this == o); }
-};
-
-/// A Fourier signature (Fernández et al. 2011 §III.A) as it is stored: per stored row the magnitudes in units
-/// of 1/255 of the row's largest one, then the phases in units of 2π/256.
-struct StoredSignature {
-  std::vector<std::uint8_t> bytes;
-  std::vector<float> scale;  ///< largest magnitude of each stored row
-};
-
-/// The panorama of one frame compared with the one before.
-struct Appearance {
-  std::string robot;
-  TimeNs acquired_ns = 0;
-  std::uint32_t sequence = 0;
-  FrameState state = FrameState::kOk;
-  TimeNs since_ns = 0;          ///< frame that turn and difference refer to; 0: there is none
-  double turn_rad = 0.0;        ///< visual compass: heading minus that at since_ns
-  double turn_sigma_rad = 0.0;  ///< ≤ 0: the compass gives no answer
-  float confidence = 0.0f;      ///< of the compass, 0 … 1
-  float difference = 0.0f;      ///< distance of the signatures (eq. 2), divided by their mean norm
-  SignatureFormat format;
-  StoredSignature signature;  ///< of a place; empty: the frame is none
 };
 
 /// Relative pose to another place.

@@ -158,6 +158,28 @@ void KeyframeGraph::addAbsolute(Id keyframe, const Pose2& map_from_keyframe,
   constraints_.push_back({kMap, keyframe, map_from_keyframe, covariance.inverse(), nullptr});
 }
 
+KeyframeGraph::Appended KeyframeGraph::append(const KeyframeGraph& other, const Pose2& map_from_other) {
+  const Appended first{static_cast<Id>(poses_.size()), constraints_.size()};
+  for (const Pose2& pose : other.poses_) poses_.push_back(map_from_other * pose);
+  if (cameras_.size() < other.cameras_.size())
+    cameras_.resize(other.cameras_.size(), Eigen::Vector4d::Zero());
+  for (Constraint c : other.constraints_) {
+    c.to += first.pose;
+    if (c.from == kMap) {
+      c.measured = map_from_other * c.measured;
+      c.information.setZero();
+    } else {
+      c.from += first.pose;
+    }
+    if (c.cameras) {
+      for (const std::uint32_t camera : {c.cameras->from_camera, c.cameras->to_camera})
+        cameras_[camera] = other.cameras_[camera];
+    }
+    constraints_.push_back(std::move(c));
+  }
+  return first;
+}
+
 double KeyframeGraph::optimise() {
   const std::vector<Pose2> before = poses_;
   for (int i = 0; i < options_.iterations && !poses_.empty(); ++i) {

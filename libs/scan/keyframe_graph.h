@@ -56,6 +56,16 @@ class KeyframeGraph {
   /// @param covariance of the right perturbation
   void addAbsolute(Id keyframe, const Pose2& map_from_keyframe, const Eigen::Matrix3d& covariance);
 
+  /// Numbers of another graph's first pose and constraint after append().
+  struct Appended {
+    Id pose = 0;
+    std::size_t constraint = 0;
+  };
+  /// Adds all poses and constraints of another graph, moved by map_from_other; their numbers grow alike. Its
+  /// absolute poses hold in its own frame only and lose their weight. Cameras keep their numbers; the errors
+  /// that the constraints there assume are taken over.
+  Appended append(const KeyframeGraph& other, const Pose2& map_from_other);
+
   /// Calibration errors of a camera (focal length, height, roll, pitch; see CameraError) that the next
   /// solution assumes. Cameras count from 0.
   void setCamera(std::uint32_t camera, const Eigen::Vector4d& error);

@@ -11,7 +11,7 @@ double seconds(TimeNs later, TimeNs earlier) {
 }
 
 bool usable(const PoseEstimate& pose) {
-  return pose.valid && pose.map_from_base.isFinite() && pose.covariance.allFinite();
+  return pose.valid && pose.frame.empty() && pose.map_from_base.isFinite() && pose.covariance.allFinite();
 }
 
 }  // namespace

@@ -48,9 +48,6 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
 bool fromWire(const v1::Pose& from, PoseEstimate& to);
 
 /// Signatures longer than the bounds of the IDL are cut; fromWire() refuses what does not fit its format.
-void toWire(const Appearance& from, RunClock clock, v1::Appearance& to);
-bool fromWire(const v1::Appearance& from, Appearance& to);
-
 void toWire(const Place& from, RunClock clock, v1::Place& to);
 bool fromWire(const v1::Place& from, Place& to);
 

@@ -50,10 +50,7 @@ bool signatureFromWire(const Wire& from, const SignatureFormat& format, StoredSi
 
 }  // namespace
 
-void toWire(const Appearance& from, RunClock clock, v1::Appearance& to) {
-  to.robot(from.robot);
-  fillHeader(from.acquired_ns, from.sequence, clock, to.header());
-  to.state(static_cast<v1::FrameState>(from.state));
+void toWire(const Appearance& from, v1::Appearance& to) {
   to.since_ns(from.since_ns);
   to.turn_rad(from.turn_rad);
   to.turn_sigma_rad(from.turn_sigma_rad);
@@ -64,19 +61,14 @@ void toWire(const Appearance& from, RunClock clock, v1::Appearance& to) {
 }
 
 bool fromWire(const v1::Appearance& from, Appearance& to) {
-  to.robot = from.robot().to_string();
-  to.acquired_ns = from.header().acquired_ns();
-  to.sequence = from.header().sequence_number();
   to.since_ns = from.since_ns();
   to.turn_rad = from.turn_rad();
   to.turn_sigma_rad = from.turn_sigma_rad();
   to.confidence = from.confidence();
   to.difference = from.difference();
-  bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
-  good = formatFromWire(from.format(), to.format) && good;
-  good = signatureFromWire(from, to.format, to.signature) && good;
-  good = good && finite(to.turn_rad, to.turn_sigma_rad, to.confidence, to.difference);
-  return good || invalidFrame(to);
+  const bool good = formatFromWire(from.format(), to.format);
+  return signatureFromWire(from, to.format, to.signature) && good &&
+         finite(to.turn_rad, to.turn_sigma_rad, to.confidence, to.difference);
 }
 
 void toWire(const Place& from, RunClock clock, v1::Place& to) {

@@ -79,6 +79,8 @@ void toWire(const Scan& from, v1::Scan& to);
 bool fromWire(const v1::Scan& from, Scan& to);
 void toWire(const Boundary& from, v1::Boundary& to);
 bool fromWire(const v1::Boundary& from, Boundary& to);
+void toWire(const Appearance& from, v1::Appearance& to);
+bool fromWire(const v1::Appearance& from, Appearance& to);
 void toWire(const SupportFunction& from, v1::Supports& to);
 void fromWire(const v1::Supports& from, SupportFunction& to);
 void toWire(const Polygon& from, std::vector<v1::Point2>& to);
@@ -94,6 +96,7 @@ void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   toWire(from.motion, to.motion());
   toWire(from.scan, to.scan());
   toWire(from.boundary, to.boundary());
+  toWire(from.appearance, to.appearance());
 }
 /// Reduces an invalid frame to its robot, time and sequence number. @return false
 template <typename Frame>
@@ -115,6 +118,7 @@ bool frameFromWire(const Wire& from, Frame& to) {
   bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
   good = fromWire(from.motion(), to.motion) && good;
   good = fromWire(from.scan(), to.scan) && good;
+  good = fromWire(from.appearance(), to.appearance) && good;
   return fromWire(from.boundary(), to.boundary) && good && finite(to.camera_height_m);
 }
 

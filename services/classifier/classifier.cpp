@@ -132,6 +132,7 @@ void Classifier::copyHeader(const LocalMap& local_map) {
   objects_.motion = local_map.motion;
   objects_.scan = local_map.scan;
   objects_.boundary = local_map.boundary;
+  objects_.appearance = local_map.appearance;
 }
 
 void Classifier::placeByCentroids(const LocalMap& local_map) {

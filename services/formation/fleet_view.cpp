@@ -23,7 +23,7 @@ void FleetView::moved(TimeNs from_ns, TimeNs to_ns, const Pose2& from_from_to) {
 
 void FleetView::learn(const std::vector<PoseEstimate>& poses) {
   for (const PoseEstimate& pose : poses) {
-    if (!pose.valid || !pose.map_from_base.isFinite()) continue;
+    if (!pose.valid || !pose.frame.empty() || !pose.map_from_base.isFinite()) continue;
     if (!others_ && pose.robot != robot_) continue;
     const auto [entry, is_new] = known_.try_emplace(pose.robot);
     Known& known = entry->second;

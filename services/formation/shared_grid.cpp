@@ -49,7 +49,7 @@ std::optional<Pose2> SharedGrid::poseAt(const std::string& robot, TimeNs time_ns
 void SharedGrid::learn(const std::vector<PoseEstimate>& poses,
                        const std::vector<motion::FormationState>& states) {
   for (const PoseEstimate& pose : poses) {
-    if (!pose.valid || !pose.map_from_base.isFinite() || !bodies_.count(pose.robot)) continue;
+    if (!pose.valid || !pose.frame.empty() || !pose.map_from_base.isFinite() || !bodies_.count(pose.robot)) continue;
     std::deque<Timed>& known = poses_[pose.robot];
     if (!known.empty() && pose.acquired_ns <= known.back().acquired_ns) continue;
     known.push_back({pose.acquired_ns, pose.map_from_base});

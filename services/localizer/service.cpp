@@ -40,6 +40,22 @@ std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet,
   return all;
 }
 
+/// Robots that map before anything relates them to `map`. Under ceiling cameras or among surveyed landmarks a
+/// robot waits for these.
+std::map<std::string, Pose2> ownFrames(const fleet::Fleet& fleet,
+                                       const estimation::EstimatorOptions& options) {
+  std::map<std::string, Pose2> first;
+  if (!fleet.ceilingCameras().empty() || !fleet.landmarks.empty() || !options.alignment.use ||
+      !options.scan.use)
+    return first;
+  const std::vector<std::string> mapping = fleet.mappingRobots();
+  for (const estimation::RobotSetup& setup : setups(fleet, options)) {
+    const bool maps = std::find(mapping.begin(), mapping.end(), setup.name) != mapping.end();
+    if (maps && setup.match_scans && !setup.initial_pose) first[setup.name] = Pose2{};
+  }
+  return first;
+}
+
 std::set<std::string> asSet(const std::vector<std::string>& names) {
   return {names.begin(), names.end()};
 }
@@ -65,7 +81,8 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
       ends_(context),
       estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
       term_(static_cast<std::uint32_t>(context.options.incarnation)),
-      estimator_(setups(fleet, estimator_options_), estimator_options_),
+      own_frames_(ownFrames(fleet, estimator_options_)),
+      estimator_(setups(fleet, estimator_options_), estimator_options_, own_frames_),
       observation_frames_(
           asSet(fleet.observingRobots()),
           localizer::ObservationOptions::read(fleet.service("localizer").child("observations"))),
@@ -99,11 +116,14 @@ void LocalizerService::start() {
 
 void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& robot) {
   const auto readers = [&](const char* topic) { return fleet::expectedReaders(fleet, topic, robot); };
-  RobotOutputs outputs{{context_.bus.writer(context_.topics.pose, robot), "pose " + robot, readers("pose")},
-                       {context_.bus.writer(context_.topics.map_keyframe_pose, robot),
-                        "map/keyframe_pose localizer " + robot, readers("map/keyframe_pose")},
-                       {},
-                       {}};
+  RobotOutputs outputs{
+      {context_.bus.writer(context_.topics.pose, robot), "pose " + robot, readers("pose")},
+      {context_.bus.writer(context_.topics.map_keyframe_pose, robot), "map/keyframe_pose localizer " + robot,
+       readers("map/keyframe_pose")},
+      {context_.bus.writer(context_.topics.alignment, robot), "alignment " + robot, readers("alignment")},
+      {context_.bus.writer(context_.topics.place, robot), "place " + robot, readers("place")},
+      {},
+      {}};
   if (!fleet.maps(robot) && marked_robots_.names().count(robot) == 0) {
     outputs.objects.emplace(context_.bus.writer(context_.topics.objects, robot), "objects " + robot,
                             readers("objects"));
@@ -161,6 +181,8 @@ std::vector<bus::Expectation> LocalizerService::expectations() const {
   for (const auto& [robot, outputs] : outputs_) {
     all.push_back(outputs.pose.expectation());
     all.push_back(outputs.correction.expectation());
+    all.push_back(outputs.alignment.expectation());
+    all.push_back(outputs.place.expectation());
     if (outputs.objects) all.push_back(outputs.objects->expectation());
   }
   return all;
@@ -209,7 +231,8 @@ bool LocalizerService::isRecovering() {
   if (!state_recovery_->isComplete() && steady_clock::now() < *recovery_deadline_) return true;
   recovery_deadline_.reset();
   keyframe_poses_.reset();
-  estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_);
+  estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
+                                         state_recovery_->ownFrames(own_frames_));
   return false;
 }
 
@@ -319,7 +342,29 @@ bool LocalizerService::background() {
 
 /// Revised poses are published a few at a time: live, a reader holds 64.
 /// @return whether any was published
+bool LocalizerService::publishAlignments() {
+  const std::vector<Alignment> changed = estimator_.takeAlignments();
+  for (const Alignment& alignment : changed) {
+    adapters::toWire(alignment, runClock(context_.options), alignment_sample_);
+    outputs_.at(alignment.robot).alignment.write(alignment_sample_, status());
+  }
+  return !changed.empty();
+}
+
+bool LocalizerService::publishPlaces() {
+  for (Place& place : estimator_.takePlaces()) places_.push_back(std::move(place));
+  const std::size_t now = std::min(places_.size(), kRevisedAtOnce);
+  for (std::size_t i = 0; i < now; ++i) {
+    adapters::toWire(places_.front(), runClock(context_.options), place_sample_);
+    outputs_.at(places_.front().robot).place.write(place_sample_, status());
+    places_.pop_front();
+  }
+  return now > 0;
+}
+
 bool LocalizerService::reportFindings(std::size_t at_most) {
+  publishAlignments();
+  while (publishPlaces() && at_most > kRevisedAtOnce) continue;
   for (const Message& finding : estimator_.takeFindings()) status().report(finding);
   for (PoseEstimate& pose : estimator_.takeRevised()) revised_.push_back(std::move(pose));
   const std::size_t now = std::min(revised_.size(), at_most);
@@ -391,6 +436,8 @@ void LocalizerService::finish(const std::string& reason) {
   for (auto& [robot, outputs] : outputs_) {
     outputs.pose.end(ends_, reason);
     outputs.correction.end(ends_, reason);
+    outputs.alignment.end(ends_, reason);
+    outputs.place.end(ends_, reason);
     if (outputs.objects) outputs.objects->end(ends_, reason);
   }
 }

@@ -57,6 +57,8 @@ class LocalizerService : public bus::Service {
   struct RobotOutputs {
     Outlet<v1::Pose> pose;
     Outlet<v1::KeyframePose> correction;
+    Outlet<v1::Alignment> alignment;
+    Outlet<v1::Place> place;
     std::optional<Outlet<v1::Objects>> objects;  ///< of a robot without a camera
     Message reported;                            ///< last message about the robot
   };
@@ -80,6 +82,8 @@ class LocalizerService : public bus::Service {
   void publishObjects(const Report& report);
   bool refine();
   bool reportFindings(std::size_t at_most);
+  bool publishAlignments();
+  bool publishPlaces();
   void publishCorrections(const std::vector<PoseEstimate>& poses);
   void finish(const std::string& reason);
 
@@ -94,6 +98,7 @@ class LocalizerService : public bus::Service {
   std::map<std::string, RobotOutputs> outputs_;
   estimation::EstimatorOptions estimator_options_;
   std::uint32_t term_;  ///< of the published poses; the mergers' own first estimates have term 0
+  std::map<std::string, Pose2> own_frames_;  ///< robots that begin in a frame of their own
   localizer::EstimatorStage estimator_;
   localizer::ObservationFrames observation_frames_;
   localizer::MarkedRobots marked_robots_;
@@ -115,6 +120,9 @@ class LocalizerService : public bus::Service {
   std::vector<Measurement> recovered_poses_;
   v1::Pose sample_;
   v1::Objects objects_sample_;
+  v1::Alignment alignment_sample_;
+  v1::Place place_sample_;
+  std::deque<Place> places_;          ///< not yet published
   std::deque<PoseEstimate> revised_;  ///< not yet published
   std::uint32_t revision_ = 0;
   std::map<std::string, bool> is_localized_;  ///< whether a robot of which frames arrived was ever localized

@@ -62,6 +62,18 @@ std::vector<estimation::RobotSetup> StateRecovery::setups() const {
   return all;
 }
 
+std::map<std::string, Pose2> StateRecovery::ownFrames(const std::map<std::string, Pose2>& may) const {
+  std::map<std::string, Pose2> still;
+  for (const auto& [robot, first] : may) {
+    const auto at = latest_.find(robot);
+    if (at == latest_.end())
+      still.emplace(robot, first);
+    else if (!at->second.frame.empty())
+      still.emplace(robot, at->second.mapFromBase());
+  }
+  return still;
+}
+
 bool StateRecovery::isPast(const std::string& robot, TimeNs time) const {
   const auto at = latest_.find(robot);
   return at != latest_.end() && time < at->second.acquired_ns;
@@ -80,6 +92,7 @@ std::optional<Measurement> StateRecovery::recoverPose(const Objects& frame) {
   recovered_pose.acquired_ns = frame.acquired_ns;
   double sigma_m = options_.initial_sigma_m, sigma_rad = options_.initial_sigma_rad;
   const auto at = latest_.find(frame.robot);
+  if (at != latest_.end() && !at->second.frame.empty()) return std::nullopt;  // see ownFrames()
   if (at != latest_.end()) {
     const double gap_s = 1e-9 * static_cast<double>(frame.acquired_ns - at->second.acquired_ns);
     sigma_m = std::hypot(kMapSigma_m, options_.no_wheels_sigma_mps * gap_s);

@@ -35,6 +35,10 @@ class StateRecovery {
   /// The fleet for an estimator that begins now: without initial poses, with the camera errors found before.
   std::vector<estimation::RobotSetup> setups() const;
 
+  /// Of robots that may map in a frame of their own, those that still do or have no pose yet, and where they
+  /// are there at their first frame that is not past.
+  std::map<std::string, Pose2> ownFrames(const std::map<std::string, Pose2>& may) const;
+
   /// Whether a time is before the robot's latest keyframe: such data are not needed any more and have been
   /// published.
   bool isPast(const std::string& robot, TimeNs time) const;

@@ -1,0 +1,95 @@
+#include "estimation/joining.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "estimation/factors.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+/// Publishes a frame of the own window in this map. @param map_from_own at that frame
+void adoptStep(FleetState& fleet, RobotNode& robot, const RobotNode& theirs, const Step& step,
+               const Pose2& map_from_own, const FleetState& own) {
+  if (!step.told) return;
+  PoseEstimate estimate;
+  estimate.robot = theirs.setup.name;
+  estimate.acquired_ns = step.time_ns;
+  estimate.sequence = step.sequence;
+  estimate.valid = true;
+  estimate.map_from_base = map_from_own * own.pose(step.pose);
+  estimate.covariance = theirs.covariance;
+  estimate.camera_error = theirs.camera_told;
+  estimate.sightings = step.sightings;
+  fleet.revised.push_back(estimate);
+  robot.path.add(estimate);
+}
+
+ScanAid inCommonMap(const ScanAid& own, KeyframeMap::Id first, const KeyframeMap& map) {
+  ScanAid aid = own;
+  aid.references.clear();
+  if (aid.anchor) {
+    aid.anchor->keyframe += first;
+    aid.anchor->map_from_keyframe = map.pose(aid.anchor->keyframe);
+  }
+  if (aid.way) aid.way->previous += first;
+  return aid;
+}
+
+}  // namespace
+
+void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const Pose2& map_from_own,
+               const Eigen::Matrix3d& covariance) {
+  const RobotNode& theirs = *own.find(robot.setup.name);
+  const Step& newest = theirs.window.back();
+  KeyframeMap& map = fleet.keyframes;
+  const KeyframeMap::Id first = map.append(own.keyframes, map_from_own, covariance);
+  robot.path.append(theirs.path, first, map_from_own, map, fleet.revised);
+
+  robot.places.append(theirs.places, first, map_from_own, map);
+  robot.way_since_place = theirs.way_since_place;
+  robot.difference_scale = theirs.difference_scale;
+
+  ScanAid aid = inCommonMap(theirs.scan_aid, first, map);
+  const Pose2 own_from_base = own.pose(newest.pose);
+  const Pose2 here = aid.anchor ? map.pose(aid.anchor->keyframe) *
+                                      own.keyframes.pose(theirs.scan_aid.anchor->keyframe).inverse()
+                                : map_from_own;
+  for (const Step& step : theirs.window) adoptStep(fleet, robot, theirs, step, here, own);
+
+  robot.setup.camera_error = robot.camera_told = theirs.camera_told;
+  fleet.graph.value(robot.wheels) = own.graph.value(theirs.wheels);
+  Objects frame;
+  frame.robot = robot.setup.name;
+  frame.acquired_ns = newest.time_ns;
+  frame.sequence = newest.sequence;
+  fleet.release(robot);
+  fleet.place(robot, frame, here * own_from_base);
+  const Eigen::Matrix3d to_keyframe = aid.anchor ? aid.anchor->covariance : covariance;
+  fleet.graph.addFactor(absolutePoseFactor(here * own_from_base, to_keyframe), {robot.window.back().pose});
+  robot.window.back().previous_from_current = newest.previous_from_current;
+  robot.window.back().since_ns = newest.since_ns;
+  robot.scan_aid = std::move(aid);
+  robot.scan_aid.relative_covariance = to_keyframe;
+  robot.scan_aid.held = robot.scan_aid.anchor.has_value();
+  robot.covariance = ScanSource::inMap(fleet, robot);
+  robot.monitor = theirs.monitor;
+  robot.last_frame_ns = theirs.last_frame_ns;
+  robot.started = true;
+  robot.unrefined = false;
+}
+
+void adoptPath(FleetState& fleet, RobotNode& robot, const FleetState& own, const Pose2& map_from_own) {
+  const RobotNode& theirs = *own.find(robot.setup.name);
+  // Its keyframes relate to those of this map by nothing but the robot: they are left behind.
+  for (PoseEstimate pose : theirs.path.poses()) {
+    pose.map_from_base = map_from_own * pose.map_from_base;
+    robot.path.add(pose);
+    fleet.revised.push_back(std::move(pose));
+  }
+  robot.places.append(theirs.places.withoutKeyframes(), 0, map_from_own, fleet.keyframes);
+  for (const Step& step : theirs.window)
+    if (step.time_ns < robot.window.front().time_ns) adoptStep(fleet, robot, theirs, step, map_from_own, own);
+}
+
+}  // namespace omnifleet::estimation

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "options/options.h"
+#include "scan/scan_matcher.h"
+
+namespace omnifleet::scan {
+
+struct OverlapOptions {
+  double cell_m = 0.1;  ///< m; surfaces are counted by cells of this size, so that repeated views count once
+  double agree_m = 0.06;      ///< m, distance of two views of one surface along a beam, plus `sigmas` σ
+  double through_m = 0.15;    ///< m, by which a beam must pass a surface, plus `sigmas` σ, to deny it
+  double sigmas = 3.0;        ///< 1, of both ranges
+  double most_sigma_m = 0.1;  ///< m; beams whose range is less certain say nothing
+  int beams = 120;            ///< at most so many beams of each scan are compared
+  int neighbours = 2;         ///< beams on both sides: all of them must pass a surface to deny it
+  static OverlapOptions read(const options::Section& section);
+};
+
+/// What two sets of scans say about each other, as lengths of surfaces.
+struct Overlap {
+  double agree_m = 0.0;       ///< of surfaces that one set shows and the other one confirms
+  double contradict_m = 0.0;  ///< of surfaces that one set shows where the other one sees through
+  /// Mean of n·nᵀ over the confirmed surfaces, n their normals in map. Its smallest eigenvalue is 0 where all
+  /// are parallel, 0.5 where they face all directions alike.
+  Eigen::Matrix2d normals = Eigen::Matrix2d::Zero();
+
+  /// Share of the surfaces that contradict; 0 without any.
+  double contradiction() const {
+    return agree_m + contradict_m > 0 ? contradict_m / (agree_m + contradict_m) : 0.0;
+  }
+};
+
+/// Compares each surface of one set with every scan of the other set that looks towards it. A beam of the
+/// other set that ends there confirms it, one that passes denies it, one that ends before it says nothing.
+/// Surfaces are the beams with a line. A cell counts as what most beams say. Both directions are added, so
+/// that neither an empty map nor one that is full agrees with everything. Sets in a static world contradict
+/// each other only where a surface is missed; other rooms with equal walls contradict wherever their
+/// furniture differs. (This project.)
+Overlap overlapOf(const std::vector<Reference>& a, const std::vector<Reference>& b,
+                  const OverlapOptions& options);
+
+}  // namespace omnifleet::scan
