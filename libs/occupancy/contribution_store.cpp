@@ -4,9 +4,17 @@
 #include <tuple>
 
 #include "occupancy/camera_correction.h"
-#include "occupancy/robot_paths.h"
 
 namespace omnifleet::occupancy {
+
+const KeyframePose* ContributionStore::poseOf(const Keyframe& keyframe) const {
+  constexpr std::int32_t kMaxDmm = 15000000;  // 1500 m
+  const auto& pose = keyframe.pose;
+  if (!pose || !pose->valid || pose->frame != frame_) return nullptr;
+  const auto isWithin = [](std::int32_t dmm) { return -kMaxDmm <= dmm && dmm <= kMaxDmm; };
+  return isWithin(pose->position.x_dmm) && isWithin(pose->position.y_dmm) ? &*pose : nullptr;
+}
+
 std::shared_ptr<const Contribution> ContributionStore::withoutError(
     const std::shared_ptr<const Contribution>& seen) const {
   const CameraErrorPpm error = cameraError(seen->robot);
@@ -50,9 +58,8 @@ CameraErrorPpm ContributionStore::cameraError(const std::string& robot) const {
 
 void ContributionStore::noteCameraError(const std::string& robot) {
   const Path& path = robots_.at(robot);
-  const auto latest = std::find_if(path.rbegin(), path.rend(), [](const auto& entry) {
-    return integerPoseOf(entry.second.pose).has_value();
-  });
+  const auto latest = std::find_if(path.rbegin(), path.rend(),
+                                   [this](const auto& entry) { return poseOf(entry.second) != nullptr; });
   const CameraErrorPpm error = latest == path.rend() ? CameraErrorPpm{} : latest->second.pose->camera_error;
   if (error == cameraError(robot)) return;
   errors_[robot] = error;

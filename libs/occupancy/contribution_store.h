@@ -19,8 +19,14 @@ namespace omnifleet::occupancy {
 /// larger bytes is kept. Of two poses, the one with the higher (term, revision) is kept, and if these are
 /// equal, the one with the larger bytes. A contribution is held as received and, for use, corrected for the
 /// camera error. The corrections may be many, so they are not all computed at once.
+///
+/// The sets hold the samples of all frames, so that replicas agree about them. A map uses the poses in its
+/// own frame only (poseOf).
 class ContributionStore {
  public:
+  /// @param frame of the map, as in KeyframePose::frame
+  explicit ContributionStore(std::string frame = {}) : frame_(std::move(frame)) {}
+
   struct Keyframe {
     std::shared_ptr<const Contribution> contribution;  ///< null until it arrives
     std::shared_ptr<const Contribution>
@@ -37,8 +43,13 @@ class ContributionStore {
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
 
-  /// Camera error reported by a robot's latest valid pose. All contributions of the robot are corrected for
-  /// it once correctNext() has been called often enough.
+  const std::string& frame() const { return frame_; }
+  /// Pose of a keyframe in the map. Null if there is none yet, or if it is invalid, in another frame or more
+  /// than 1500 m away.
+  const KeyframePose* poseOf(const Keyframe& keyframe) const;
+
+  /// Camera error reported by a robot's latest pose in the map. All contributions of the robot are corrected
+  /// for it once correctNext() has been called often enough.
   CameraErrorPpm cameraError(const std::string& robot) const;
   /// Corrects the next contributions that are out of date after a change of the camera error, at most that
   /// many. Returns them in order of robot and time.
@@ -54,6 +65,7 @@ class ContributionStore {
   void noteCameraError(const std::string& robot);
   std::shared_ptr<const Contribution> withoutError(const std::shared_ptr<const Contribution>& seen) const;
 
+  std::string frame_;
   std::map<std::string, lens::Spread> lenses_;
   std::map<std::string, Path> robots_;
   std::map<std::string, CameraErrorPpm> errors_;  ///< errors to correct for; none: zero

@@ -59,10 +59,11 @@ constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
 
 class OccupancyMap::Impl {
  public:
-  Impl(const OccupancyOptions& given, const std::map<std::string, RobotBody>& bodies)
+  Impl(const OccupancyOptions& given, const std::map<std::string, RobotBody>& bodies, std::string frame)
       : options(given),
         resolution_dmm(static_cast<std::int32_t>(std::lround(given.resolution_m * 1e4))),
         bucket_ns(std::llround(given.bucket_s * 1e9)),
+        store(std::move(frame)),
         cells(given),
         voxels(given),
         octree(given.resolution_m),
@@ -181,12 +182,12 @@ void OccupancyMap::Impl::overrideKinds(
   for (const auto& robot : kinds.overrideKinds(kinds_given)) refreshAll(robot);
 }
 
-/// How one contribution is to be applied according to the sets; nothing while it or its valid pose is
+/// How one contribution is to be applied according to the sets; nothing while it or its pose in the map is
 /// missing.
 std::optional<Applied> OccupancyMap::Impl::wanted(const std::string& robot, TimeNs time_ns) const {
   const auto* keyframe = store.find(robot, time_ns);
   if (keyframe == nullptr || !keyframe->contribution) return std::nullopt;
-  const auto at = integerPoseOf(keyframe->pose);
+  const auto at = integerPoseOf(store.poseOf(*keyframe));
   if (!at) return std::nullopt;
   Applied what;
   what.contribution = keyframe->corrected;
@@ -388,8 +389,9 @@ void OccupancyMap::Impl::enter(const Applied& what, int sign) {
   cells.apply(window, bucketOf(what), sign, RayWindow::kMaskA, on_change);
 }
 
-OccupancyMap::OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies)
-    : impl_(std::make_unique<Impl>(options, bodies)) {}
+OccupancyMap::OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies,
+                           std::string frame)
+    : impl_(std::make_unique<Impl>(options, bodies, std::move(frame))) {}
 OccupancyMap::~OccupancyMap() = default;
 OccupancyMap::OccupancyMap(OccupancyMap&&) noexcept = default;
 OccupancyMap& OccupancyMap::operator=(OccupancyMap&&) noexcept = default;

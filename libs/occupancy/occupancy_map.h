@@ -62,11 +62,15 @@ enum class CellClass : std::uint8_t { kUnknown = 0, kFree = 1, kOccupied = 2 };
 /// where a cell changes class. After a change of a pose or of the error of a robot's camera, the affected
 /// contributions are removed exactly and added again. Robots are not mapped. Rays at a robot (by label, by
 /// sighting, or by the kind of its track, whenever known) and cells under a robot's footprint at that time
-/// (poses interpolated between keyframes) are left out. They are removed if that becomes known later. Not
-/// thread-safe.
+/// (poses interpolated between keyframes) are left out. They are removed if that becomes known later.
+///
+/// A map has a frame: the common one, or a robot's own one. The sets hold all samples; the map is made of the
+/// poses in its frame. Not thread-safe.
 class OccupancyMap {
  public:
-  OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies);
+  /// @param frame as in KeyframePose::frame
+  OccupancyMap(const OccupancyOptions& options, const std::map<std::string, RobotBody>& bodies,
+               std::string frame = {});
   ~OccupancyMap();
   OccupancyMap(OccupancyMap&&) noexcept;
   OccupancyMap& operator=(OccupancyMap&&) noexcept;
@@ -74,7 +78,7 @@ class OccupancyMap {
   /// Lenses of the robots' cameras; call before anything is added. Equidistant for robots that are not
   /// listed.
   void setLenses(std::map<std::string, lens::Spread> lenses);
-  /// Returns true if the set changed. A contribution enters the cells once its valid pose is known.
+  /// Returns true if the set changed. A contribution enters the cells once its pose in the map is known.
   bool add(const Contribution& contribution);
   bool add(const KeyframePose& pose);
   /// From this call on, contributions that have to be recomputed after a new estimate of a camera error are

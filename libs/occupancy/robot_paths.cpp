@@ -7,8 +7,6 @@
 namespace omnifleet::occupancy {
 namespace {
 
-constexpr std::int32_t kMaxDmm = 15000000;  // 1500 m
-
 /// Interpolates between two integers, rounded to nearest. `part` and `whole` in microseconds, truncated.
 std::int64_t between(std::int64_t a, std::int64_t b, std::int64_t part, std::int64_t whole) {
   return a + floorDivide((b - a) * part + whole / 2, whole);
@@ -31,10 +29,8 @@ IntegerPose interpolate(const IntegerPose& a, const IntegerPose& b, TimeNs part_
 
 }  // namespace
 
-std::optional<IntegerPose> integerPoseOf(const std::optional<KeyframePose>& pose) {
-  if (!pose || !pose->valid) return std::nullopt;
-  if (pose->position.x_dmm < -kMaxDmm || pose->position.x_dmm > kMaxDmm) return std::nullopt;
-  if (pose->position.y_dmm < -kMaxDmm || pose->position.y_dmm > kMaxDmm) return std::nullopt;
+std::optional<IntegerPose> integerPoseOf(const KeyframePose* pose) {
+  if (pose == nullptr) return std::nullopt;
   return IntegerPose{pose->position, pose->theta_dmrad, pose->sigma_dmm, pose->sigma_dmrad};
 }
 
@@ -43,11 +39,11 @@ std::optional<IntegerPose> RobotPaths::at(const std::string& robot, TimeNs time_
   if (path == nullptr) return std::nullopt;
   auto after = path->lower_bound(time_ns);
   auto before = after;
-  while (after != path->end() && !integerPoseOf(after->second.pose)) ++after;
+  while (after != path->end() && !poseOf(after->second)) ++after;
   std::optional<IntegerPose> late, early;
-  if (after != path->end()) late = integerPoseOf(after->second.pose);
+  if (after != path->end()) late = poseOf(after->second);
   if (late && after->first == time_ns) return late;
-  while (before != path->begin() && !early) early = integerPoseOf((--before)->second.pose);
+  while (before != path->begin() && !early) early = poseOf((--before)->second);
   if (early && late && after->first - before->first <= max_gap_ns_) {
     return interpolate(*early, *late, time_ns - before->first, after->first - before->first);
   }
@@ -63,12 +59,12 @@ std::pair<TimeNs, TimeNs> RobotPaths::influence(const std::string& robot, TimeNs
   const auto* path = store_.find(robot);
   if (path == nullptr) return {first, last};
   auto after = path->upper_bound(time_ns);
-  while (after != path->end() && after->first <= last && !integerPoseOf(after->second.pose)) ++after;
+  while (after != path->end() && after->first <= last && !poseOf(after->second)) ++after;
   if (after != path->end()) last = std::min(last, after->first);
   auto before = path->lower_bound(time_ns);
   while (before != path->begin() && before->first >= first) {
     --before;
-    if (!integerPoseOf(before->second.pose)) continue;
+    if (!poseOf(before->second)) continue;
     first = std::max(first, before->first);
     break;
   }

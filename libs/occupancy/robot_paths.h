@@ -11,7 +11,11 @@
 
 namespace omnifleet::occupancy {
 
-/// Poses of the robots over time, from their valid keyframe poses, in integers.
+/// The pose in integers; nothing for null (ContributionStore::poseOf).
+std::optional<IntegerPose> integerPoseOf(const KeyframePose* pose);
+
+/// Poses of the robots over time, from their keyframe poses in the map, in integers. A robot whose poses are
+/// in another frame has no place here.
 class RobotPaths {
  public:
   RobotPaths(const ContributionStore& store, TimeNs hold_ns, TimeNs max_gap_ns)
@@ -25,11 +29,12 @@ class RobotPaths {
   std::pair<TimeNs, TimeNs> influence(const std::string& robot, TimeNs time_ns) const;
 
  private:
+  std::optional<IntegerPose> poseOf(const ContributionStore::Keyframe& keyframe) const {
+    return integerPoseOf(store_.poseOf(keyframe));
+  }
+
   const ContributionStore& store_;
   TimeNs hold_ns_, max_gap_ns_;
 };
-
-/// The pose in integers; nothing if it is invalid or out of bounds.
-std::optional<IntegerPose> integerPoseOf(const std::optional<KeyframePose>& pose);
 
 }  // namespace omnifleet::occupancy

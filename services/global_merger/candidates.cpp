@@ -158,13 +158,14 @@ std::vector<Candidate> candidatesOf(const ContributionStore& store, const Merger
     if (!isObserver(robot, options)) continue;
     Gathered& all = gathered.emplace_back();
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.corrected || !occupancy::integerPoseOf(keyframe.pose)) continue;
+      const KeyframePose* pose = store.poseOf(keyframe);
+      if (!keyframe.corrected || pose == nullptr) continue;
       if (std::all_of(keyframe.corrected->views.begin(), keyframe.corrected->views.end(),
                       [](const SupportView& view) { return !view.name.empty(); })) {
         continue;
       }
       all.others.push_back(othersAt(store, paths, bodies, robot, time_ns));
-      gatherFrom(*keyframe.corrected, *keyframe.pose, options, all);
+      gatherFrom(*keyframe.corrected, *pose, options, all);
     }
   }
   return sorted(gathered, options, meanwhile);

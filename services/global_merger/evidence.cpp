@@ -63,9 +63,10 @@ void countRays(const Group& group, const occupancy::ContributionStore& store, Ev
   for (const ObjectView* view : group.views) own.emplace(view->robot, view->time_ns);
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.corrected || !keyframe.pose || !keyframe.pose->valid) continue;
+      const occupancy::KeyframePose* pose = store.poseOf(keyframe);
+      if (!keyframe.corrected || pose == nullptr) continue;
       const occupancy::Contribution& seen = *keyframe.corrected;
-      const Pose2 map_from_base = keyframe.pose->mapFromBase();
+      const Pose2 map_from_base = pose->mapFromBase();
       const Ray ray = rayAlong(seen, map_from_base, group.centre_m);
       if (!ray.valid) continue;
       const Eigen::Vector2d foot_m = map_from_base * occupancy::metres(seen.scan_origin);

@@ -28,9 +28,10 @@ std::set<std::pair<std::string, std::uint16_t>> tracksOfFloorMarkings(
   std::map<std::pair<std::string, std::uint16_t>, Ends> tracks;
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.corrected || !keyframe.pose || !keyframe.pose->valid) continue;
+      const occupancy::KeyframePose* pose = store.poseOf(keyframe);
+      if (!keyframe.corrected || pose == nullptr) continue;
       const occupancy::Contribution& seen = *keyframe.corrected;
-      const Pose2 map_from_base = keyframe.pose->mapFromBase();
+      const Pose2 map_from_base = pose->mapFromBase();
       const Eigen::Vector2d foot_m(seen.scan_origin.x_dmm * 1e-4, seen.scan_origin.y_dmm * 1e-4);
       const std::size_t rays = std::min(seen.range_dmm.size(), seen.object.size());
       for (std::size_t i = 0; i < rays; ++i) {

@@ -6,8 +6,6 @@
 #include <set>
 #include <string>
 
-#include "occupancy/robot_paths.h"
-
 namespace omnifleet::global_merger {
 namespace {
 
@@ -68,8 +66,9 @@ std::map<std::string, NamedViews> gather(const occupancy::ContributionStore& sto
   std::map<std::string, NamedViews> all;
   for (const auto& [robot, path] : store.robots()) {
     for (const auto& [time_ns, keyframe] : path) {
-      if (!keyframe.corrected || !occupancy::integerPoseOf(keyframe.pose)) continue;
-      const Pose2 map_from_base = keyframe.pose->mapFromBase();
+      const occupancy::KeyframePose* pose = store.poseOf(keyframe);
+      if (!keyframe.corrected || pose == nullptr) continue;
+      const Pose2 map_from_base = pose->mapFromBase();
       for (const occupancy::SupportView& seen : keyframe.corrected->views) {
         if (!seen.name.empty()) addView(*keyframe.corrected, map_from_base, seen, all[seen.name]);
       }
