@@ -179,8 +179,11 @@ double MapObject::distanceTo(const Eigen::Vector2d& at_m) const {
   return nearest_m;
 }
 
-std::string objectsText(const std::vector<MapObject>& objects, const std::vector<RejectedPlace>& rejected) {
-  std::string text = "{\"type\": \"FeatureCollection\", \"features\": [";
+std::string objectsText(const std::vector<MapObject>& objects, const std::vector<RejectedPlace>& rejected,
+                        const std::string& frame) {
+  std::string text = "{\"type\": \"FeatureCollection\", ";
+  if (!frame.empty()) text += "\"frame\": " + Json(frame).dump() + ", ";
+  text += "\"features\": [";
   bool any = false;
   const auto add = [&](const Json& one) {
     text += any ? ",\n" : "\n";
@@ -193,8 +196,8 @@ std::string objectsText(const std::vector<MapObject>& objects, const std::vector
 }
 
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
-                  const std::vector<RejectedPlace>& rejected) {
-  writeAtomic(path, objectsText(objects, rejected));
+                  const std::vector<RejectedPlace>& rejected, const std::string& frame) {
+  writeAtomic(path, objectsText(objects, rejected, frame));
 }
 
 std::vector<MapObject> readObjects(const std::string& path) {
@@ -215,7 +218,7 @@ std::vector<MapObject> readObjects(const std::string& path) {
   return objects;
 }
 
-void writeMapServer(const std::string& stem, const OccupancyGrid& grid) {
+void writeMapServer(const std::string& stem, const OccupancyGrid& grid, const std::string& frame) {
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
   if (grid.width <= 0 || grid.height <= 0 || grid.cells.size() != width * height) {
     throw std::invalid_argument(fmt::format("writeMapServer: {} cells for a grid of {}×{}", grid.cells.size(),
@@ -230,15 +233,16 @@ void writeMapServer(const std::string& stem, const OccupancyGrid& grid) {
   writeAtomic(
       stem + ".yaml",
       fmt::format("image: {}.pgm\nresolution: {}\norigin: [{}, {}, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
-                  "free_thresh: 0.196\n",
+                  "free_thresh: 0.196\n{}",
                   std::filesystem::path(stem).filename().string(), grid.resolution_m,
-                  rounded(grid.origin_m.x()), rounded(grid.origin_m.y())));
+                  rounded(grid.origin_m.x()), rounded(grid.origin_m.y()),
+                  frame.empty() ? "" : fmt::format("frame: {}\n", Json(frame).dump())));
 }
 
 OccupancyGrid readMapServer(const std::string& yaml_path) {
   const options::Section section = options::Section::load(yaml_path);
   OccupancyGrid grid;
-  std::string image, mode = "trinary";
+  std::string image, mode = "trinary", frame;
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   int negate = 0;
   double occupied = 0.65, free = 0.196;
@@ -249,6 +253,7 @@ OccupancyGrid readMapServer(const std::string& yaml_path) {
   section.read("occupied_thresh", occupied, {0.0, 1.0});
   section.read("free_thresh", free, {0.0, 1.0});
   section.read("mode", mode);
+  section.read("frame", frame);
   section.finish();
   const Pgm pgm = readPgm((std::filesystem::path(yaml_path).parent_path() / image).string());
   grid.width = pgm.width;

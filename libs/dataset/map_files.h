@@ -37,11 +37,12 @@ struct RejectedPlace {
 
 /// GeoJSON FeatureCollection of Polygons (closed rings, counter-clockwise), of LineStrings for structure, and
 /// of Points (kind rejected) for rejected candidates. Coordinates rounded to 1 µm. Deterministic text.
+/// @param frame of the coordinates: member `frame` of the collection. Empty: `map`, not written
 std::string objectsText(const std::vector<MapObject>& objects,
-                        const std::vector<RejectedPlace>& rejected = {});
+                        const std::vector<RejectedPlace>& rejected = {}, const std::string& frame = {});
 /// Writes atomically. Throws std::runtime_error.
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
-                  const std::vector<RejectedPlace>& rejected = {});
+                  const std::vector<RejectedPlace>& rejected = {}, const std::string& frame = {});
 /// Reads Polygon and MultiPolygon features, and LineString features of kind structure.
 /// Covariances and quality are not read. Each outer ring becomes one object; holes are ignored. The
 /// default kind is obstacle; a missing centroid is computed from the polygon. Throws std::runtime_error that
@@ -57,7 +58,8 @@ struct OccupancyGrid {
 };
 /// Writes STEM.pgm and STEM.yaml, each atomically (map_server: trinary; occupied 0, free 254, unknown 205).
 /// Throws std::runtime_error, or std::invalid_argument if cells.size() ≠ width·height.
-void writeMapServer(const std::string& stem, const OccupancyGrid& grid);
+/// @param frame of the origin: key `frame` of the YAML, which map_server ignores. Empty: `map`, not written
+void writeMapServer(const std::string& stem, const OccupancyGrid& grid, const std::string& frame = {});
 /// Reads such a pair of files (binary PGM, any thresholds, `negate`). Throws std::runtime_error, or
 /// options::Error for the YAML.
 OccupancyGrid readMapServer(const std::string& yaml_path);
