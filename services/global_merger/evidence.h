@@ -16,7 +16,7 @@ struct Evidence {
   ObjectKind kind = ObjectKind::kUnknown;
   bool is_top_face = false;        ///< its sides look like the floor: the views show only the top face
   bool always_behind = false;      ///< in each view the ray ended at something nearer
-  bool fits_silent_robot = false;  ///< the body of a fleet robot of which nothing has been received
+  bool fits_silent_robot = false;  ///< the body of a fleet robot that has no pose in this map
   bool was_driven_at = false;      ///< a robot drove within 10 cm of its centre
 
   // Its shape, fitted over all views.
@@ -40,7 +40,7 @@ struct Evidence {
 
   // The map around it.
   bool is_mirrored = false;  ///< its centre lies behind a possible mirror (structure/mirrors.h)
-  double seen = 1.0;   ///< share of its outline at which rays ended
+  double seen = 1.0;         ///< share of its outline at which rays ended
   double alone = 1.0;  ///< share of the occupied cells connected with its outline that lie at it or at the
                        ///< outline of another obstacle; 1 if there are none
 };

@@ -246,7 +246,9 @@ void Canvas::drawRobot(const std::string& robot, const std::vector<dataset::Stam
 }
 
 void Canvas::drawTitle() {
-  text("omnifleet  merged map", {kSide, 38}, 0.95, kInk, 1);
+  text("omnifleet  " +
+           (picture_.frame.empty() ? "merged map" : "map of " + picture_.frame + " in its own frame"),
+       {kSide, 38}, 0.95, kInk, 1);
   double length = 0.0;
   for (const auto& [robot, path] : picture_.trajectories) {
     for (std::size_t i = 1; i < path.size(); ++i) {

@@ -18,6 +18,7 @@ struct MapPicture {
   const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories;
   const std::map<std::string, RobotBody>& bodies;
   const std::vector<dataset::RejectedPlace>& rejected;
+  const std::string& frame;  ///< of the map; empty: the common one
 };
 
 /// The merged map as a picture (BGR): cells, outlines with ids, walls and furniture as lines,

@@ -49,16 +49,22 @@ MergerOptions MergerOptions::read(const options::Section& section) {
 
 namespace {
 
-/// The views fit the body of a fleet robot of which nothing has been received: a robot that publishes
-/// nothing.
+bool hasPose(const std::string& robot, const occupancy::ContributionStore& store) {
+  const auto* path = store.find(robot);
+  return path != nullptr && std::any_of(path->begin(), path->end(), [&](const auto& entry) {
+           return store.poseOf(entry.second) != nullptr;
+         });
+}
+
+/// The views fit the body of a fleet robot that has no pose in this map: it publishes nothing, or its poses
+/// are in another frame. It may stand anywhere.
 bool isSilentFleetRobot(const Group& group, const MergerOptions& options,
                         const occupancy::ContributionStore& store,
                         const std::map<std::string, RobotBody>& bodies) {
   std::vector<outline::PrismView> views;
   for (const auto* view : group.views) views.push_back(view->prism);
   return std::any_of(bodies.begin(), bodies.end(), [&](const auto& entry) {
-    const auto* path = store.find(entry.first);
-    if (path != nullptr && !path->empty()) return false;
+    if (hasPose(entry.first, store)) return false;
     const auto fit = outline::fitBody(views, knownBody(entry.second), options.prism, std::nan(""));
     // Twice as strict as robot_rms_m: an obstacle may have about a robot's size.
     return fit.valid && fit.rms_m < 0.5 * options.robot_rms_m;
@@ -114,20 +120,11 @@ bool reachesBeyond(const dataset::MapObject& structure, const Eigen::Vector2d& a
                      [&](const Eigen::Vector2d& p) { return (p - at_m).norm() > kBeyond_m; });
 }
 
-/// Where a row of this time belongs in rows in order of time. Empty if there is a row of this time.
-template <typename Row>
-std::optional<std::ptrdiff_t> freePlace(const std::vector<Row>& rows, TimeNs time_ns) {
-  const auto after = std::upper_bound(rows.begin(), rows.end(), time_ns,
-                                      [](TimeNs time, const Row& row) { return time < row.time_ns; });
-  if (after != rows.begin() && std::prev(after)->time_ns == time_ns) return std::nullopt;
-  return after - rows.begin();
-}
-
 }  // namespace
 
 Merger::Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
-               const std::map<std::string, RobotBody>& bodies)
-    : options_(options), bodies_(bodies), map_(occupancy_options, bodies) {}
+               const std::map<std::string, RobotBody>& bodies, std::string frame)
+    : options_(options), bodies_(bodies), map_(occupancy_options, bodies, std::move(frame)) {}
 
 dataset::OccupancyGrid Merger::grid(const std::vector<dataset::MapObject>& objects) const {
   dataset::OccupancyGrid grid = map_.grid(objects);
@@ -161,18 +158,18 @@ bool Merger::correctSome(std::size_t at_most) {
   return changed;
 }
 
-void Merger::addTrajectory(const PoseEstimate& pose) {
-  auto& states = localization_[pose.robot];
-  if (const auto place = freePlace(states, pose.acquired_ns))
-    states.insert(states.begin() + *place,
-                  {pose.acquired_ns, pose.state, pose.event, pose.correction_sigmas});
-  if (!pose.valid || !pose.map_from_base.isFinite()) return;
-  auto& path = trajectories_[pose.robot];
-  const auto place = freePlace(path, pose.acquired_ns);
-  if (!place) return;
-  auto& covariances = covariances_[pose.robot];
-  covariances.insert(covariances.begin() + *place, {pose.acquired_ns, pose.covariance, pose.datum});
-  path.insert(path.begin() + *place, {pose.acquired_ns, pose.map_from_base});
+std::optional<std::string> Merger::frameOf(const std::string& robot) const {
+  auto latest = trajectories_.latest(robot);
+  const auto* path = map_.store().find(robot);
+  if (path != nullptr) {
+    const auto keyframe = std::find_if(path->rbegin(), path->rend(), [](const auto& entry) {
+      return entry.second.pose && entry.second.pose->valid;
+    });
+    if (keyframe != path->rend() && (!latest || keyframe->first >= latest->first))
+      latest = {keyframe->first, keyframe->second.pose->frame};
+  }
+  if (!latest) return std::nullopt;
+  return latest->second;
 }
 
 /// Verdicts of all groups.
@@ -210,10 +207,8 @@ std::vector<Verdict> Merger::judge(const std::vector<Group>& groups) const {
 
 /// Whether a robot drove within this distance.
 bool Merger::wasDrivenAt(const Eigen::Vector2d& at_m, double within_m) const {
-  return std::any_of(trajectories_.begin(), trajectories_.end(), [&](const auto& trajectory) {
-    return std::any_of(trajectory.second.begin(), trajectory.second.end(), [&](const auto& pose) {
-      return (pose.map_from_base.translation() - at_m).squaredNorm() < within_m * within_m;
-    });
+  return std::any_of(driven_m_.begin(), driven_m_.end(), [&](const Eigen::Vector2d& p) {
+    return (p - at_m).squaredNorm() < within_m * within_m;
   });
 }
 
@@ -291,6 +286,9 @@ void Merger::addTopFaces(const std::vector<Candidate>& candidates, const Meanwhi
 const std::vector<dataset::MapObject>& Merger::outlines(const Meanwhile& meanwhile) {
   if (!is_stale_) return outlines_;
   is_stale_ = false;
+  driven_m_.clear();
+  for (const auto& [robot, trajectory] : trajectories())
+    for (const auto& pose : trajectory.poses) driven_m_.push_back(pose.map_from_base.translation());
   auto candidates = candidatesOf(map_.store(), options_, bodies_, meanwhile);
   outlines_.clear();
   kinds_.clear();

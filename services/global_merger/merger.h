@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "dataset/map_files.h"
-#include "dataset/trajectory_files.h"
+#include "global_merger/trajectories.h"
 #include "observation/observation.h"
 #include "occupancy/contribution.h"
 #include "occupancy/map_rays.h"
@@ -116,11 +116,12 @@ struct RejectedCandidate {
 using Meanwhile = std::function<void()>;
 
 /// One replica of the map (Ahmed §2: every robot holds one). All results are functions of the sets of
-/// contributions and poses that it holds.
+/// contributions and poses that it holds. It holds the poses of all frames and uses those in its own one.
 class Merger {
  public:
+  /// @param frame of the map, as in PoseEstimate::frame: empty for the common map, or a robot's name
   Merger(const MergerOptions& options, const occupancy::OccupancyOptions& occupancy_options,
-         const std::map<std::string, RobotBody>& bodies);
+         const std::map<std::string, RobotBody>& bodies, std::string frame = {});
 
   /// Lenses of the robots' cameras; call before anything is added. Equidistant for robots that are not
   /// listed.
@@ -134,24 +135,25 @@ class Merger {
   /// Returns false if there is nothing to correct.
   bool correctSome(std::size_t at_most);
   /// Every pose sample of the localizer. Valid ones are used for the trajectories, all of them for
-  /// localization(). Causal: of several samples with one time the first is kept.
-  void addTrajectory(const PoseEstimate& pose);
+  /// localization().
+  void addTrajectory(const PoseEstimate& pose) { trajectories_.add(pose, frame()); }
 
+  const std::string& frame() const { return map_.store().frame(); }
   const occupancy::OccupancyMap& map() const { return map_; }
   /// OccupancyMap::grid(), with the cells that are hidden there if the options say so.
   dataset::OccupancyGrid grid(const std::vector<dataset::MapObject>& objects) const;
   const std::map<std::string, RobotBody>& bodies() const { return bodies_; }
-  const std::map<std::string, std::vector<dataset::StampedPose>>& trajectories() const {
-    return trajectories_;
+  /// Of the robots that have a pose in this map.
+  std::map<std::string, Trajectories::Trajectory> trajectories() const {
+    return trajectories_.of(map_.store());
   }
-  /// Covariances of the poses in trajectories(), row by row.
-  const std::map<std::string, std::vector<dataset::StampedCovariance>>& covariances() const {
-    return covariances_;
-  }
-  /// States and events of all pose samples, valid or not, in order of time.
+  /// States and events of all pose samples of all robots, valid or not, in order of time.
   const std::map<std::string, std::vector<dataset::StampedLocalization>>& localization() const {
-    return localization_;
+    return trajectories_.localization();
   }
+  /// Frame of the robot's latest valid pose. Empty if it has none. Poses that were published again count
+  /// instead of the samples of their time.
+  std::optional<std::string> frameOf(const std::string& robot) const;
 
   /// Obstacles fitted over all views and the structure around them, ordered by id; found again only if the
   /// sets changed. What `meanwhile`
@@ -167,8 +169,8 @@ class Merger {
   void finish();
 
   /// Writes map.bt, map.pgm, map.yaml, map.png, objects.geojson, trajectories/<robot>.tum,
-  /// covariances/<robot>.csv and localization/<robot>.csv, each completely or not at all. Returns one line
-  /// per file that could not be written, which keeps its old content. Empty: all files are saved.
+  /// covariances/<robot>.csv and localization/<robot>.csv (save.h). Returns one line per file that could not
+  /// be written. Empty: all files are saved.
   std::vector<std::string> save(const std::string& folder);
   /// The same with the outlines as last fitted: for live runs, where fitting all outlines would delay frames.
   std::vector<std::string> saveAsFitted(const std::string& folder) const;
@@ -185,9 +187,8 @@ class Merger {
   MergerOptions options_;
   std::map<std::string, RobotBody> bodies_;
   occupancy::OccupancyMap map_;
-  std::map<std::string, std::vector<dataset::StampedPose>> trajectories_;
-  std::map<std::string, std::vector<dataset::StampedCovariance>> covariances_;
-  std::map<std::string, std::vector<dataset::StampedLocalization>> localization_;
+  Trajectories trajectories_;
+  std::vector<Eigen::Vector2d> driven_m_;  ///< positions of the trajectories when the outlines were fitted
   std::vector<dataset::MapObject> outlines_;
   std::vector<RejectedCandidate> rejected_;
   std::vector<Eigen::Vector2d> standing_m_;  ///< centres of candidates that stand there with an open outline

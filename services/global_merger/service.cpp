@@ -1,14 +1,9 @@
 #include "global_merger/service.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <filesystem>
-#include <iterator>
 
-#include "global_merger/map_warnings.h"
 #include "global_merger/messages.h"
-#include "global_merger/verdict.h"
+#include "global_merger/warning_report.h"
 #include "lens/camera.h"
 
 namespace omnifleet::services {
@@ -34,6 +29,17 @@ std::string correctionStream(const std::string& robot) {
 bool seesAboveHorizon(const lens::CameraModel& model) {
   constexpr double kRows_px = 8.0;  // that the local mapper checks there (distance_vector.walk.check_px)
   return !lens::Camera(model).floorFromPixel({model.principal_point_px.x(), kRows_px});
+}
+
+global_merger::Merger emptyMap(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                               const std::string& frame) {
+  const options::Section section = fleet.service("global_merger");
+  global_merger::Merger map(global_merger::MergerOptions::read(section.child("outlines")),
+                            occupancy::OccupancyOptions::read(section.child("occupancy")), fleet.bodies(),
+                            frame);
+  map.setLenses(fleet.lensSpreads());
+  if (context.options.mode == bus::RunMode::kLive) map.correctLater();
+  return map;
 }
 
 /// Of a robot whose map comes from a forward camera, neighbouring edges share most of their error, and what
@@ -63,19 +69,19 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
       publisher_(context, fleet.name, robot_, publishes_),
       maker_(keyframeOptions(fleet, robot_)),
-      replica_(global_merger::MergerOptions::read(fleet.service("global_merger").child("outlines")),
-               occupancy::OccupancyOptions::read(fleet.service("global_merger").child("occupancy")),
-               fleet.bodies()) {
+      replica_(emptyMap(context, fleet, "")),
+      own_maps_(publishes_ ? fleet.locatedRobots() : std::vector<std::string>{},
+                [context, fleet](const std::string& robot) { return emptyMap(context, fleet, robot); }),
+      alignments_(context, fleet, publishes_, ends_),
+      saver_(context.options.out, fleet) {
   if (fleet.maps(robot_) || fleet.robot(robot_).has_observations) {
     objects_.emplace(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
                      bus::StreamSpec{"objects " + robot_, robot_, 0, bus::StreamRole::kInput,
                                      streamMode(context.options)});
   }
-  replica_.setLenses(fleet.lensSpreads());
   const auto replication =
       occupancy::ReconcilerOptions::read(fleet.service("global_merger").child("replication"));
   if (context.options.mode == bus::RunMode::kLive) {
-    replica_.correctLater();
     replication_.emplace(context_, robot_, fleet.locatedRobots(), replication);
   }
   // Replicas write to each other. A replica that stopped reading while it waits would block the others.
@@ -122,6 +128,7 @@ bool GlobalMergerService::pull() {
       return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;
   }
+  any |= alignments_.pull(status());
   return pullSets() || any;
 }
 
@@ -166,13 +173,15 @@ bool GlobalMergerService::pullSets() {
 }
 
 void GlobalMergerService::add(const occupancy::Contribution& contribution) {
-  if (replica_.add(contribution) && replication_)
-    replication_->added(replica_.map().store(), contribution, steady_clock::now());
+  if (!replica_.add(contribution)) return;
+  own_maps_.add(contribution);
+  if (replication_) replication_->added(replica_.map().store(), contribution, steady_clock::now());
 }
 
 void GlobalMergerService::add(const occupancy::KeyframePose& pose) {
-  if (replica_.add(pose) && replication_)
-    replication_->added(replica_.map().store(), pose, steady_clock::now());
+  if (!replica_.add(pose)) return;
+  own_maps_.add(pose, replica_);
+  if (replication_) replication_->added(replica_.map().store(), pose, steady_clock::now());
 }
 
 /// Live: takes what other replicas re-send, and re-sends what they lack.
@@ -222,10 +231,9 @@ bool GlobalMergerService::spin() {
   }
   if (contributed_all_ && !ended_ && setsComplete()) {
     exchangeFinally();
-    replica_.finish();
-    reportMapWarnings();
+    finishMaps();
     publisher_.update(replica_, batch_.time, true, status());
-    save();
+    saveFinally();
     ended_ = any = true;
   }
   return any;
@@ -240,7 +248,7 @@ bool GlobalMergerService::setsComplete() const {
     const bool has_waited = replication_ && set.announced && now - set.announced_at >= kOnTheWay;
     if (!set.complete() && !has_waited) return false;
   }
-  return true;
+  return replication_ || alignments_.complete();
 }
 
 void GlobalMergerService::process() {
@@ -253,6 +261,7 @@ void GlobalMergerService::process() {
       waiting_objects_.push_back(std::move(*objects));
     } else if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) {
       replica_.addTrajectory(*pose);
+      own_maps_.addTrajectory(*pose, replica_);
       if (pose->robot == robot_) waiting_poses_.push_back(std::move(*pose));
     }
   }
@@ -263,7 +272,7 @@ void GlobalMergerService::process() {
 }
 
 bool GlobalMergerService::background() {
-  if (replica_.correctSome(kCorrectedAtOnce)) return true;
+  if (replica_.correctSome(kCorrectedAtOnce) || own_maps_.correctSome(kCorrectedAtOnce)) return true;
   if (!has_new_batches_) return false;
   has_new_batches_ = false;
   publisher_.update(replica_, batch_.time, false, status(), [this] { pause(); });
@@ -308,72 +317,27 @@ void GlobalMergerService::contribute() {
 /// Live: a run may end by a power failure, so the map is saved periodically.
 void GlobalMergerService::savePeriodically() {
   const auto now = steady_clock::now();
-  if (now - saved_at_ < kSavePeriod) return;
+  if (!publishes_ || context_.options.out.empty() || now - saved_at_ < kSavePeriod) return;
   saved_at_ = now;
-  save(true);
-  saved_ = false;
+  own_maps_.fit([this] { pause(); });
+  saver_.save(replica_, own_maps_, alignments_.latest(), status());
 }
 
-void GlobalMergerService::save(bool as_fitted) {
-  if (saved_ || !publishes_ || context_.options.out.empty()) return;
-  saved_ = true;
-  save_failed_ = false;
-  const std::string& out = context_.options.out;
-  const std::vector<std::string> problems = as_fitted ? replica_.saveAsFitted(out) : replica_.save(out);
-  if (problems.empty()) return;
-  save_failed_ = true;
-  std::string files;
-  for (const std::string& problem : problems) {
-    status().report(fileWriteFailed(problem), true);
-    const std::string path = problem.substr(0, problem.find(": "));
-    files += (files.empty() ? "" : ", ") + std::filesystem::path(path).filename().string();
-  }
-  status().report(
-      global_merger::mapNotSaved(files, problems.front().substr(problems.front().rfind(": ") + 2)), true);
+void GlobalMergerService::saveFinally() {
+  if (!publishes_) return;
+  alignments_.pull(status());
+  replica_.outlines();
+  saver_.save(replica_, own_maps_, alignments_.latest(), status());
 }
 
-void GlobalMergerService::reportMapWarnings() {
-  namespace gm = global_merger;
+/// The set is complete: decides what is still undecided.
+void GlobalMergerService::finishMaps() {
+  replica_.finish();
+  own_maps_.finish();
   if (!publishes_) return;
   if (context_.options.incarnation > 1 && !context_.options.out.empty())
-    status().report(gm::trajectoryIncomplete());
-  gm::MapWarningCounts counts;
-  for (const auto reason :
-       {gm::Reason::kNoShape, gm::Reason::kUncertainPlace, gm::Reason::kPiece, gm::Reason::kRough,
-        gm::Reason::kFloorSeen, gm::Reason::kFlat, gm::Reason::kPattern, gm::Reason::kHidden,
-        gm::Reason::kTopFaceOnly, gm::Reason::kPossibleMirror})
-    counts.rejected += reportRejected(reason);
-  const std::vector<dataset::MapObject>& objects = replica_.lastOutlines();
-  const auto flagged = [&](gm::Quality quality) {
-    std::vector<Eigen::Vector2d> at_m;
-    for (const dataset::MapObject& object : objects)
-      for (const std::string& flag : object.quality)
-        if (flag == gm::toString(quality)) at_m.push_back(object.centroid_m);
-    return at_m;
-  };
-  const auto report = [this](const std::vector<Eigen::Vector2d>& at_m, auto message) {
-    if (!at_m.empty()) status().report(message(at_m));
-    return at_m.size();
-  };
-  counts.low_contrast = report(flagged(gm::Quality::kLowContrast), gm::outlinesLowContrast);
-  counts.disagreeing = report(flagged(gm::Quality::kDisagreeing), gm::outlinesDisagree);
-  counts.thin = report(flagged(gm::Quality::kThin), gm::outlinesThin);
-  std::vector<dataset::MapObject> closed;  // small structure is as uncertain as cells without any outline
-  std::copy_if(objects.begin(), objects.end(), std::back_inserter(closed),
-               [](const dataset::MapObject& object) { return !object.isOpen(); });
-  counts.without_outline =
-      report(gm::occupiedWithoutOutline(replica_.map().grid(objects), closed), gm::cellsWithoutOutline);
-  // The status shows only the last message, so the summary comes last.
-  if (counts.total() > 0) status().report(gm::mapIncomplete(counts));
-}
-
-/// @return number of candidates rejected for this reason
-std::size_t GlobalMergerService::reportRejected(global_merger::Reason reason) {
-  std::vector<Eigen::Vector2d> at_m;
-  for (const global_merger::RejectedCandidate& candidate : replica_.rejected())
-    if (candidate.reason == reason) at_m.push_back(candidate.at_m);
-  if (!at_m.empty()) status().report(global_merger::candidatesRejected(reason, at_m));
-  return at_m.size();
+    status().report(global_merger::trajectoryIncomplete());
+  reportMapWarnings(replica_, status());
 }
 
 void GlobalMergerService::drain() {
@@ -383,13 +347,12 @@ void GlobalMergerService::drain() {
   pull();
   while (merger_.nextBatch(batch_)) process();
   exchangeFinally();
-  replica_.finish();
-  reportMapWarnings();
+  finishMaps();
   // Saves before publishing: the map matters most when a fleet is stopped.
   if (replica_.map().store().robots().empty()) {
     status().report(global_merger::mapEmpty());
   } else {
-    save();
+    saveFinally();
   }
   publisher_.update(replica_, batch_.time, true, status());
 }

@@ -10,8 +10,11 @@
 #include "bus/service.h"
 #include "common/inlet.h"
 #include "fleet/fleet.h"
+#include "global_merger/alignments.h"
 #include "global_merger/map_publisher.h"
+#include "global_merger/map_saver.h"
 #include "global_merger/merger.h"
+#include "global_merger/own_maps.h"
 #include "global_merger/replication.h"
 
 namespace omnifleet::services {
@@ -19,7 +22,7 @@ namespace omnifleet::services {
 /// One robot's replica of the map. It makes contributions for all replicas from its robot's objects and
 /// poses, and it builds the map from the contributions and keyframe poses of all robots. Live, it exchanges
 /// with the other replicas what one of them lacks (replication.h). The replica of the first robot publishes
-/// and saves the map.
+/// and saves the map, and beside it saves the maps of robots whose poses are in frames of their own.
 class GlobalMergerService : public bus::Service {
  public:
   GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -30,7 +33,7 @@ class GlobalMergerService : public bus::Service {
   bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
-  bool succeeded() const override { return !save_failed_; }
+  bool succeeded() const override { return !saver_.failed(); }
   std::optional<std::chrono::steady_clock::time_point> wakeAt() const override;
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
@@ -59,9 +62,8 @@ class GlobalMergerService : public bus::Service {
   void contribute();
   bool setsComplete() const;
   void listenTo(const std::string& stream);
-  void reportMapWarnings();
-  std::size_t reportRejected(global_merger::Reason reason);
-  void save(bool as_fitted = false);
+  void finishMaps();
+  void saveFinally();
   void savePeriodically();
 
   bus::ServiceContext context_;
@@ -79,7 +81,10 @@ class GlobalMergerService : public bus::Service {
   Outlet<v1::KeyframePose> pose_out_;
   MapPublisher publisher_;
   global_merger::ContributionMaker maker_;
-  global_merger::Merger replica_;
+  global_merger::Merger replica_;  ///< the common map
+  global_merger::OwnMaps own_maps_;
+  Alignments alignments_;
+  MapSaver saver_;
   std::optional<Replication> replication_;  ///< live only: other modes lose no sample
   std::map<std::string, SetStream> sets_;
   std::deque<Objects> waiting_objects_;               ///< whose pose has not arrived yet
@@ -87,7 +92,7 @@ class GlobalMergerService : public bus::Service {
   v1::Contribution contribution_, own_contribution_;  ///< as received; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
   bool has_new_batches_ = false;  ///< batches arrived since the map was last published or not due
-  bool contributed_all_ = false, ended_ = false, saved_ = false, save_failed_ = false;
+  bool contributed_all_ = false, ended_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };
 

@@ -23,7 +23,7 @@ enum class Reason : std::uint8_t {
   kNone,            ///< it is
   kFewViews,        ///< not enough views yet
   kUndecidedKind,   ///< robot or obstacle: not known yet
-  kSilentRobot,     ///< has the body of a fleet robot of which nothing has been received
+  kSilentRobot,     ///< has the body of a fleet robot that has no pose in this map
   kNoShape,         ///< the views do not agree on a shape
   kUncertainPlace,  ///< the σ of its centre is too large
   kPiece,           ///< very rarely seen, and always cut: a piece of what stands there

@@ -42,7 +42,7 @@ const std::string& recording() {
 
 std::map<std::string, std::string> results(const std::string& out) {
   std::map<std::string, std::string> files;
-  for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml"})
+  for (const char* part : {"objects.geojson", "map.bt", "map.pgm", "map.yaml", "merge.json"})
     files[part] = fileText(out + "/" + part);
   for (const char* folder : {"trajectories", "localization", "places"}) {
     if (!fs::exists(out + "/" + folder)) continue;

@@ -100,6 +100,7 @@ TEST_F(FleetFile, ExpectsReadersOfAllReadingProcesses) {
     for (const ProcessSpec& process : processes(fleet)) ++of[process.service];
     EXPECT_EQ(expectedReaders(fleet, "pose", "r1"), of["classifier"] + of["global_merger"] + of["formation"]);
     EXPECT_EQ(expectedReaders(fleet, "map/contribution", "r1"), of["global_merger"]);
+    EXPECT_EQ(expectedReaders(fleet, "alignment", "r1"), 1) << "the replica that saves";
     EXPECT_EQ(expectedReaders(fleet, "objects", "r1"), 2 + (of["formation"] > 0 ? 1 : 0));
     EXPECT_EQ(expectedReaders(fleet, "local_map", "r1"), 1);
   }

@@ -171,9 +171,10 @@ TEST_F(Saving, WritesStatesOfAllPoseSamplesInOrderOfTime) {
   EXPECT_EQ(dataset::readFile((folder_ / "localization/r9.csv").string()),
             "#timestamp [ns],state,event,correction [sigma]\n10,unlocated,none,0\n20,lost,none,0\n"
             "30,relocalized,relocalized,7.5\n");
-  ASSERT_EQ(merger.trajectories().at("r9").size(), 2U);
-  EXPECT_EQ(merger.covariances().at("r9").size(), 2U);
-  EXPECT_EQ(merger.trajectories().at("r9")[0].time_ns, 20) << "the first valid pose of this time";
+  const auto trajectory = merger.trajectories().at("r9");
+  ASSERT_EQ(trajectory.poses.size(), 2U);
+  EXPECT_EQ(trajectory.covariances.size(), 2U);
+  EXPECT_EQ(trajectory.poses[0].time_ns, 20) << "the first valid pose of this time";
 }
 
 TEST_F(Saving, WritesStatesOfRobotThatWasNeverLocalized) {
