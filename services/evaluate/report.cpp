@@ -51,7 +51,22 @@ void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
     }
   }
   report.places = static_cast<int>(got.size());
-  if (got.size() > 1) report.shape_difference = evaluation::shapeDifference(got, expected);
+  if (got.size() > 1) report.places_shape_difference = evaluation::shapeDifference(got, expected);
+}
+
+/// Of an estimate against the truth at its times. Empty with fewer than two points, or if all coincide.
+std::optional<double> shapeDifferenceOf(const std::vector<StampedPose>& truth,
+                                        const std::vector<StampedPose>& estimate) {
+  std::vector<Eigen::Vector2d> got, expected;
+  for (const StampedPose& pose : estimate) {
+    Pose2 exact;
+    if (!evaluation::poseAt(truth, pose.time_ns, kMaxGap_ns, exact)) continue;
+    got.push_back(pose.map_from_base.translation());
+    expected.push_back(exact.translation());
+  }
+  const double difference = evaluation::shapeDifference(got, expected);
+  if (std::isnan(difference)) return std::nullopt;
+  return difference;
 }
 
 /// Number of frames; of observation times for a robot without camera; of times of the ceiling cameras for a
@@ -121,20 +136,46 @@ void rejectForeignRun(const fs::path& out, const std::string& dataset_folder,
   }
 }
 
-/// The rigid motion that aligns all trajectories of a run together to the truth (least squares).
-Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
+/// Pairs of estimate and truth for a rigid alignment in the plane (least squares).
+struct AlignmentPairs {
   std::vector<dataset::StampedPose3> from, to;
-  for (const auto& [name, poses] : truth.trajectories) {
-    for (const StampedPose& pose : readEstimate(out, name, nullptr)) {
+
+  void add(const std::vector<StampedPose>& estimate, const std::vector<StampedPose>& truth) {
+    for (const StampedPose& pose : estimate) {
       StampedPose exact{pose.time_ns, {}};
-      if (!evaluation::poseAt(poses, pose.time_ns, kMaxGap_ns, exact.map_from_base)) continue;
+      if (!evaluation::poseAt(truth, pose.time_ns, kMaxGap_ns, exact.map_from_base)) continue;
       from.push_back(evaluation::lift(pose));
       to.push_back(evaluation::lift(exact));
     }
   }
-  if (from.empty()) return {};
-  const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
-  return {fit.translation.x(), fit.translation.y(), std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
+  Pose2 truthFromEstimate() const {
+    if (from.empty()) return {};
+    const auto fit = evaluation::align(from, to, evaluation::Alignment::kSe2, false);
+    return {fit.translation.x(), fit.translation.y(), std::atan2(fit.rotation(1, 0), fit.rotation(0, 0))};
+  }
+};
+
+/// The rigid motion that aligns all trajectories of a run together to the truth.
+Pose2 fleetAlignment(const fs::path& out, const dataset::GroundTruth& truth) {
+  AlignmentPairs pairs;
+  for (const auto& [name, poses] : truth.trajectories) pairs.add(readEstimate(out, name, nullptr), poses);
+  return pairs.truthFromEstimate();
+}
+
+std::vector<StampedPose> moved(const Pose2& truth_from_estimate, std::vector<StampedPose> poses) {
+  for (StampedPose& pose : poses) pose.map_from_base = truth_from_estimate * pose.map_from_base;
+  return poses;
+}
+
+/// The path of a robot in its own frame.
+void compareOwnFrame(const fs::path& out, const std::vector<StampedPose>& truth,
+                     std::vector<std::string>& warnings, RobotReport& report) {
+  const auto estimate = readEstimate(out / "maps" / report.name, report.name, &warnings);
+  if (estimate.empty()) return;
+  AlignmentPairs pairs;
+  pairs.add(estimate, truth);
+  report.shape_difference = shapeDifferenceOf(truth, estimate);
+  report.own_frame = evaluation::comparePaths(truth, moved(pairs.truthFromEstimate(), estimate), kMaxGap_ns);
 }
 
 /// Moves the named objects out of both lists and compares them.
@@ -200,26 +241,28 @@ std::optional<evaluation::LocalizationMetrics> compareStates(const fs::path& out
 
 RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording, const std::string& name,
                          const std::vector<StampedPose>& truth, const Pose2& truth_from_map,
-                         std::vector<std::string>& warnings) {
+                         const dataset::MergeReport& merge, std::vector<std::string>& warnings) {
   RobotReport report;
   report.name = name;
   const dataset::RobotRecording* robot = recording.findRobot(name);
   const dataset::ImageStream* stream = frames(robot);
   report.frames = expectedPoses(robot, recording);
   report.has_trajectory = fs::exists(out / "trajectories" / (name + ".tum"));
-  std::vector<StampedPose> estimate = readEstimate(out, name, &warnings);
-  for (StampedPose& pose : estimate) pose.map_from_base = truth_from_map * pose.map_from_base;
+  const std::vector<StampedPose> estimate = moved(truth_from_map, readEstimate(out, name, &warnings));
   if (robot && !robot->wheels.empty() && robot->body.wheel_separation_m > 0.0 && !truth.empty()) {
     report.dead_reckoning =
         evaluation::comparePaths(truth, deadReckoning(*robot, truth, estimate), kMaxGap_ns);
   }
   report.path = evaluation::comparePaths(truth, estimate, kMaxGap_ns);
+  report.shape_difference = shapeDifferenceOf(truth, estimate);
   report.localization = compareStates(out, name, truth, estimate, report.frames, warnings);
   const auto pairs = evaluation::associate(evaluation::lift(truth), evaluation::lift(estimate));
   report.ate_m = evaluation::absoluteTrajectoryError(pairs, evaluation::Alignment::kSe2);
   report.rpe = evaluation::relativePoseError(pairs);
   const fs::path places = out / "places" / (name + ".g2o");
   if (stream && fs::exists(places)) comparePlaces(places.string(), *stream, truth, report);
+  if (const auto found = merge.find(name); found != merge.end()) report.merge = found->second;
+  if (report.isApart()) compareOwnFrame(out, truth, warnings, report);
   return report;
 }
 
@@ -307,11 +350,14 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
+  const fs::path merge_file = fs::path(out) / "merge.json";
+  const auto merge =
+      fs::exists(merge_file) ? dataset::readMerge(merge_file.string()) : dataset::MergeReport{};
   std::vector<evaluation::EstimatedPath> fleet;
   const auto places = frame == Frame::kFree ? placesOf(out, truth) : evaluation::DatumPlaces{};
   for (const auto& [name, poses] : truth.trajectories) {
-    report.robots.push_back(
-        compareRobot(out, recording, name, poses, report.truth_from_map.value_or(Pose2{}), report.warnings));
+    report.robots.push_back(compareRobot(out, recording, name, poses, report.truth_from_map.value_or(Pose2{}),
+                                         merge, report.warnings));
     const auto path = estimatedPath(out, name, poses, &report.warnings);
     if (!path) continue;
     const auto consistency = evaluation::checkConsistency(*path, places);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/merge_file.h"
 #include "evaluation/cell_metrics.h"
 #include "evaluation/classification.h"
 #include "evaluation/consistency.h"
@@ -27,9 +28,15 @@ struct RobotReport {
   std::optional<evaluation::Consistency>
       consistency;  ///< if OUT/covariances/<robot>.csv exists and its poses have truth
   std::optional<evaluation::LocalizationMetrics>
-      localization;                        ///< if OUT/localization/<robot>.csv exists and has rows
-  std::optional<double> shape_difference;  ///< μ of OUT/places/<robot>.g2o
-  int places = 0;                          ///< number of its nodes that have truth
+      localization;                               ///< if OUT/localization/<robot>.csv exists and has rows
+  std::optional<double> shape_difference;         ///< μ of the trajectory, in whatever frame it is
+  std::optional<double> places_shape_difference;  ///< μ of OUT/places/<robot>.g2o
+  int places = 0;                                 ///< number of its nodes that have truth
+  std::optional<dataset::RobotMerge> merge;       ///< if OUT/merge.json lists the robot
+  /// Of a robot in its own frame: OUT/maps/<robot>/trajectories/<robot>.tum, after rigid alignment (Umeyama).
+  std::optional<evaluation::PathMetrics> own_frame;
+
+  bool isApart() const { return merge && !merge->frame.empty() && !merge->isInMap(); }
 };
 
 /// Landmarks with the same name in scene and map; metres.

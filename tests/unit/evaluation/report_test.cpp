@@ -72,8 +72,10 @@ TEST_F(Evaluate, MeasuresInsertedErrors) {
   EXPECT_EQ(r1.path.poses, 10);
   EXPECT_NEAR(r1.path.distance_m, kShift_m, 1e-8);
   EXPECT_LT(r1.ate_m.rmse, 1e-8) << "alignment removes a shift";
+  ASSERT_TRUE(r1.places_shape_difference);
+  EXPECT_NEAR(*r1.places_shape_difference, 0.0, 1e-9) << "the shape difference is invariant to scale";
   ASSERT_TRUE(r1.shape_difference);
-  EXPECT_NEAR(*r1.shape_difference, 0.0, 1e-9) << "the shape difference is invariant to scale";
+  EXPECT_NEAR(*r1.shape_difference, 0.0, 1e-9) << "the shape difference is invariant to a shift";
   ASSERT_TRUE(report.kinds);
   EXPECT_EQ(report.kinds->obstacle.right, 1);
 }
@@ -214,6 +216,88 @@ TEST_F(Evaluate, ReportsCellsAtTrueFaces) {
   EXPECT_DOUBLE_EQ(json["occupied_per_crossed"].get<double>(), 4.0 / report.cells->crossed);
   EXPECT_TRUE(json["structure"]["within_2cm"].is_null()) << "the truth has no room";
   EXPECT_TRUE(json["free_wrong"].is_null());
+}
+
+// A path along x, of which every other point lies 1 cm aside: (x, 0) against (x, ±d). With Σx² = S over 10
+// points and M = AᵀC of (S, Σx·±d; 0, 0) only the first singular value differs from zero, so that
+// μ = 1 − (S² + (Σx·±d)²) / (S (S + 10 d²)).
+TEST_F(Evaluate, ReportsShapeDifferenceOfTrajectory) {
+  std::vector<dataset::StampedPose> truth, estimate;
+  double s = 0.0, mixed = 0.0;
+  for (int i = 0; i < 10; ++i) {
+    const double x = 0.1 * (i - 4.5), d = i % 2 == 0 ? 0.01 : -0.01;
+    truth.push_back({i * 100, Pose2{x, 0.0, 0.0}});
+    estimate.push_back({i * 100, Pose2{x, d, 0.0}});
+    s += x * x;
+    mixed += x * d;
+  }
+  dataset::writeTruthTrajectory(recording_, "r1", truth);
+  dataset::writeTum(out_ + "/trajectories/r1.tum", estimate);
+  const double expected = 1.0 - (s * s + mixed * mixed) / (s * (s + 10 * 1e-4));
+  const Report report = evaluateRun(out_, recording_);
+  EXPECT_NEAR(report.robots[0].shape_difference.value(), expected, 1e-12);
+  const auto json = nlohmann::json::parse(metricsJson(report));
+  EXPECT_NEAR(json["paths"]["r1"]["shape_difference"].get<double>(), expected, 1e-12);
+  EXPECT_NEAR(json["paths_mean"]["shape_difference"].get<double>(), expected, 1e-12);
+  EXPECT_THAT(table(report), AllOf(HasSubstr("shape\n"), HasSubstr(" 0.001174\n")));
+  EXPECT_NEAR(expected, 0.001174, 5e-7) << "as printed";
+}
+
+dataset::RobotMerge mergeRow(AlignmentStatus status, const std::string& frame, const std::string& reason) {
+  dataset::RobotMerge row;
+  row.status = status;
+  row.frame = frame;
+  row.reason = reason;
+  return row;
+}
+
+TEST_F(Evaluate, ComparesRobotInItsOwnFrameAfterAlignment) {
+  EXPECT_THAT(table(evaluateRun(out_, recording_)), ::testing::Not(HasSubstr("Frames")));
+  const Report before = evaluateRun(out_, recording_);
+  auto own = dataset::flat(dataset::readTum(out_ + "/trajectories/r1.tum"));
+  for (auto& pose : own) pose.map_from_base = Pose2{3.0, -7.0, 2.0} * pose.map_from_base;
+  own[4].map_from_base.x_m += 0.03;  // an error that no rigid motion explains
+  dataset::writeTum(out_ + "/maps/r1/trajectories/r1.tum", own);
+  std::filesystem::remove(out_ + "/trajectories/r1.tum");
+  dataset::writeMerge(out_ + "/merge.json",
+                      {{"r1", mergeRow(AlignmentStatus::kUndecided, "r1", "no shared place")}});
+  const Report report = evaluateRun(out_, recording_);
+  const RobotReport& r1 = report.robots[0];
+  EXPECT_EQ(r1.path.poses, 0) << "it is not in the common map";
+  ASSERT_TRUE(r1.own_frame);
+  EXPECT_EQ(r1.own_frame->poses, 10);
+  EXPECT_GT(r1.own_frame->max_m, 0.02);
+  EXPECT_LT(r1.own_frame->max_m, 0.03) << "the alignment spreads the error of one pose";
+  EXPECT_GT(r1.shape_difference.value(), 1e-5);
+  EXPECT_THAT(table(report),
+              AllOf(HasSubstr("Frames\n  r1         undecided, in its own frame: no shared place\n"),
+                    HasSubstr("in its own frame, 10 poses after rigid alignment: "),
+                    ::testing::Not(HasSubstr("has no trajectory"))));
+  const auto json = nlohmann::json::parse(metricsJson(report));
+  EXPECT_EQ(json["frames"]["r1"]["status"], "undecided");
+  EXPECT_EQ(json["frames"]["r1"]["frame"], "r1");
+  EXPECT_TRUE(json["frames"]["r1"]["score"].is_null());
+  EXPECT_EQ(json["paths"]["r1"]["own_frame_aligned"]["poses"], 10);
+  EXPECT_TRUE(json["paths"]["r1"]["distance_m"].is_null());
+  EXPECT_EQ(json["paths_mean"]["robots"], 0);
+  EXPECT_EQ(before.robots[0].path.poses, 10);
+}
+
+TEST_F(Evaluate, ComparesMatchedRobotInTheCommonMap) {
+  auto row = mergeRow(AlignmentStatus::kMatched, "map", "3 shared places");
+  row.score = 0.875;
+  dataset::writeMerge(out_ + "/merge.json", {{"r1", row}, {"r9", row}});
+  const Report report = evaluateRun(out_, recording_);
+  EXPECT_EQ(report.robots[0].path.poses, 10);
+  EXPECT_FALSE(report.robots[0].own_frame);
+  EXPECT_THAT(table(report), HasSubstr("Frames\n  r1         matched, score 0.88: 3 shared places\n"));
+  EXPECT_NEAR(nlohmann::json::parse(metricsJson(report))["frames"]["r1"]["score"].get<double>(), 0.875,
+              1e-12);
+}
+
+TEST_F(Evaluate, ReportsDamagedMergeFile) {
+  dataset::writeAtomic(out_ + "/merge.json", "{\"robots\": {");
+  EXPECT_THROW(evaluateRun(out_, recording_), std::runtime_error);
 }
 
 TEST_F(Evaluate, NamesMissingResults) {

@@ -4,14 +4,13 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "evaluate/report.h"
+#include "evaluate/summary.h"
 
 namespace omnifleet::evaluate {
 namespace {
 
-using Json = nlohmann::ordered_json;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // shown as a dash
 constexpr double kDegrees = 180.0 / M_PI;
 
@@ -56,57 +55,45 @@ std::string mapTable(const Report& report) {
   return text;
 }
 
-std::string pathRow(const std::string& name, const std::string& poses, const evaluation::PathMetrics& p,
-                    double ate_m, const evaluation::RelativeError& rpe) {
-  return fmt::format(
-      "  {:<10} {:>9} {} {} {} {} {} {} {} {} {}\n", name, poses, cell(100.0 * p.x_m, 6, 2),
-      cell(100.0 * p.y_m, 6, 2), cell(100.0 * p.distance_m, 9, 2), cell(100.0 * p.rmse_m, 7, 2),
-      cell(100.0 * p.max_m, 6, 2), cell(kDegrees * p.heading_rad, 10, 3), cell(100.0 * ate_m, 7, 2),
-      cell(100.0 * rpe.translation_m.rmse, 7, 3), cell(kDegrees * rpe.rotation_rad.rmse, 7, 3));
+/// Which robots are in the common map. Empty for a run that does not say.
+std::string frameTable(const Report& report) {
+  std::string text;
+  for (const RobotReport& r : report.robots) {
+    if (!r.merge) continue;
+    text += fmt::format("  {:<10} {}{}{}{}\n", r.name, toString(r.merge->status),
+                        r.isApart() ? ", in its own frame" : "",
+                        r.merge->score ? fmt::format(", score {:.2f}", *r.merge->score) : "",
+                        r.merge->reason.empty() ? "" : ": " + r.merge->reason);
+  }
+  return text.empty() ? "" : "Frames\n" + text;
 }
 
-/// Means over the robots that have a path.
-struct Overall {
-  evaluation::PathMetrics path;
-  double ate_m = 0.0;
-  evaluation::RelativeError rpe;
-  int robots = 0;
-};
-
-Overall overall(const Report& report) {
-  Overall sum;
-  for (const RobotReport& r : report.robots) sum.robots += r.path.poses > 0;
-  if (sum.robots == 0) {
-    sum.path.x_m = sum.path.y_m = sum.path.distance_m = sum.path.rmse_m = sum.path.heading_rad =
-        sum.path.max_m = kNone;
-    sum.ate_m = sum.rpe.translation_m.rmse = sum.rpe.rotation_rad.rmse = kNone;
-    return sum;
-  }
-  const double n = sum.robots;
-  for (const RobotReport& r : report.robots) {
-    if (r.path.poses == 0) continue;
-    sum.path.poses += r.path.poses;
-    sum.path.x_m += r.path.x_m / n;
-    sum.path.y_m += r.path.y_m / n;
-    sum.path.distance_m += r.path.distance_m / n;
-    sum.path.rmse_m += r.path.rmse_m / n;
-    sum.path.heading_rad += r.path.heading_rad / n;
-    sum.path.max_m = std::max(sum.path.max_m, r.path.max_m);
-    sum.ate_m += r.ate_m.rmse / n;
-    sum.rpe.translation_m.rmse += r.rpe.translation_m.rmse / n;
-    sum.rpe.rotation_rad.rmse += r.rpe.rotation_rad.rmse / n;
-  }
-  return sum;
+std::string pathRow(const std::string& name, const std::string& poses, const evaluation::PathMetrics& p,
+                    double ate_m, const evaluation::RelativeError& rpe, double shape_difference) {
+  return fmt::format("  {:<10} {:>9} {} {} {} {} {} {} {} {} {} {}\n", name, poses, cell(100.0 * p.x_m, 6, 2),
+                     cell(100.0 * p.y_m, 6, 2), cell(100.0 * p.distance_m, 9, 2),
+                     cell(100.0 * p.rmse_m, 7, 2), cell(100.0 * p.max_m, 6, 2),
+                     cell(kDegrees * p.heading_rad, 10, 3), cell(100.0 * ate_m, 7, 2),
+                     cell(100.0 * rpe.translation_m.rmse, 7, 3), cell(kDegrees * rpe.rotation_rad.rmse, 7, 3),
+                     cell(shape_difference, 9, 6));
 }
 
 std::string pathTable(const Report& report) {
   std::string text =
-      "Paths          poses    x cm   y cm  dist. cm RMSE cm max cm  heading ° ATE cm  RPE cm   RPE °\n";
+      "Paths          poses    x cm   y cm  dist. cm RMSE cm max cm  heading ° ATE cm  RPE cm   RPE °     "
+      "shape\n";
   for (const RobotReport& r : report.robots) {
     const std::string poses =
         r.frames > 0 ? fmt::format("{}/{}", r.path.poses, r.frames) : std::to_string(r.path.poses);
-    text += pathRow(r.name, poses, r.path, r.ate_m.rmse, r.rpe);
-    if (!r.has_trajectory) text += fmt::format("  {:<10} has no trajectory in this run\n", "");
+    text += pathRow(r.name, poses, r.path, r.ate_m.rmse, r.rpe, r.shape_difference.value_or(kNone));
+    if (r.own_frame) {
+      text += fmt::format(
+          "  {:<10} in its own frame, {} poses after rigid alignment: {} cm, RMSE {} cm, max {} cm\n", "",
+          r.own_frame->poses, cell(100.0 * r.own_frame->distance_m, 0, 2),
+          cell(100.0 * r.own_frame->rmse_m, 0, 2), cell(100.0 * r.own_frame->max_m, 0, 2));
+    } else if (!r.has_trajectory) {
+      text += fmt::format("  {:<10} has no trajectory in this run\n", "");
+    }
   }
   const Overall mean = overall(report);
   for (const RobotReport& r : report.robots) {
@@ -116,11 +103,12 @@ std::string pathTable(const Report& report) {
                         cell(100.0 * r.dead_reckoning->rmse_m, 9, 2));
   }
   if (report.robots.size() > 1)
-    text += pathRow("mean", std::to_string(mean.path.poses), mean.path, mean.ate_m, mean.rpe);
+    text += pathRow("mean", std::to_string(mean.path.poses), mean.path, mean.ate_m, mean.rpe,
+                    mean.shape_difference);
   for (const RobotReport& r : report.robots) {
-    if (!r.shape_difference) continue;
+    if (!r.places_shape_difference) continue;
     text += fmt::format("  {:<10} places: shape difference {:.5f} over {} nodes\n", r.name,
-                        *r.shape_difference, r.places);
+                        *r.places_shape_difference, r.places);
   }
   return text;
 }
@@ -165,17 +153,6 @@ std::string stateTable(const Report& report) {
   return text.empty() ? "" : "States      share of the frames (mean / max error of their poses)\n" + text;
 }
 
-/// Robots with covariances, then all of them combined.
-std::vector<std::pair<std::string, evaluation::Consistency>> consistencies(const Report& report) {
-  std::vector<std::pair<std::string, evaluation::Consistency>> rows;
-  for (const RobotReport& r : report.robots) {
-    if (!r.consistency) continue;
-    rows.emplace_back(r.name, *r.consistency);
-  }
-  if (report.consistency) rows.emplace_back("all", *report.consistency);
-  return rows;
-}
-
 std::string consistencyTable(const Report& report) {
   const auto rows = consistencies(report);
   if (rows.empty()) return {};
@@ -213,13 +190,6 @@ std::string freeSpaceTable(const evaluation::FreeSpaceMetrics& free) {
   return text + "\n";
 }
 
-Json freeSpaceJson(const evaluation::FreeSpaceMetrics& free) {
-  return {{"free_m2", free.free_m2},
-          {"in_obstacles_m2", free.in_obstacles_m2},
-          {"behind_walls_m2", free.outside_m2.value_or(kNone)},
-          {"walls_found", free.walls_found.value_or(kNone)}};
-}
-
 /// A share in per cent; a dash for NaN.
 std::string percent(double share) {
   return cell(100.0 * share, 0, 1) + " %";
@@ -245,113 +215,6 @@ std::string cellTable(const evaluation::CellMetrics& cells) {
       splitShare(cells, &FaceMetrics::seen_occupied), cell(cells.occupied_per_crossed, 0, 2),
       percent(cells.free_wrong), percent(cells.free_complete), cell(100.0 * cells.near_error_m, 0, 2),
       cell(100.0 * cells.far_error_m, 0, 2), cells.on_robots);
-}
-
-Json faceJson(const evaluation::FaceMetrics& faces) {
-  return {{"cells", faces.cells},           {"within_1_5cm", faces.within_1_5cm},
-          {"within_2cm", faces.within_2cm}, {"within_5cm", faces.within_5cm},
-          {"seen_points", faces.seen},      {"seen_occupied", faces.seen_occupied}};
-}
-
-Json cellJson(const evaluation::CellMetrics& cells) {
-  return {{"occupied", cells.occupied},
-          {"inside_outlines", cells.filled},
-          {"all", faceJson(cells.all)},
-          {"obstacles", faceJson(cells.obstacles)},
-          {"structure", faceJson(cells.structure)},
-          {"crossed", cells.crossed},
-          {"occupied_per_crossed", cells.occupied_per_crossed},
-          {"near_error_m", cells.near_error_m},
-          {"far_error_m", cells.far_error_m},
-          {"on_robots", cells.on_robots},
-          {"free", cells.free},
-          {"free_wrong", cells.free_wrong},
-          {"free_complete", cells.free_complete}};
-}
-
-Json statistics(const evaluation::Statistics& s) {
-  return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
-          {"std", s.std},     {"min", s.min},   {"max", s.max}};
-}
-
-Json pathJson(const evaluation::PathMetrics& p) {
-  return {
-      {"poses", p.poses},   {"x_error_m", p.x_m}, {"y_error_m", p.y_m},          {"distance_m", p.distance_m},
-      {"rmse_m", p.rmse_m}, {"max_m", p.max_m},   {"heading_rad", p.heading_rad}};
-}
-
-Json consistencyJson(const evaluation::Consistency& c) {
-  return {{"nees_mean", c.mean},
-          {"nees_position", c.position},
-          {"samples", c.samples},
-          {"bounds_95", {c.strict.lower, c.strict.upper}},
-          {"independent_samples", c.independent},
-          {"independent_bounds_95", {c.bounds.lower, c.bounds.upper}},
-          {"consistent", c.consistent()},
-          {"inside_95", c.inside}};
-}
-
-Json localizationJson(const evaluation::LocalizationMetrics& m) {
-  Json states = Json::object(), events = Json::object();
-  for (const auto& [state, s] : m.states) {
-    states[toString(state)] = {{"frames", s.frames},
-                               {"share", s.share},
-                               {"poses", s.poses},
-                               {"mean_m", s.mean_m},
-                               {"max_m", s.max_m},
-                               {"mean_heading_rad", s.mean_heading_rad},
-                               {"max_heading_rad", s.max_heading_rad}};
-  }
-  for (const auto& [kind, event] : m.events)
-    events[toString(kind)] = {{"count", event.count}, {"largest_correction_sigmas", event.largest_sigmas}};
-  return {{"frames", m.frames}, {"without_state", m.without_state}, {"states", states}, {"events", events}};
-}
-
-Json mapJson(const Report& report) {
-  const evaluation::MapMetrics& m = *report.map;
-  Json matches = Json::array(), missed = Json::array(), drawn = Json::array(), wrong = Json::array();
-  for (const evaluation::ObstacleMatch& match : m.matches) {
-    matches.push_back({{"truth", report.truth[match.truth].id},
-                       {"object", report.objects[match.estimate].id},
-                       {"dx_m", match.dx_m},
-                       {"dy_m", match.dy_m},
-                       {"iou", match.iou}});
-  }
-  for (const int i : m.missed) missed.push_back(report.truth[i].id);
-  for (const int i : m.drawn_as_structure) drawn.push_back(report.truth[i].id);
-  for (const int i : m.falsely_found) wrong.push_back(report.objects[i].id);
-  return {{"truths", m.truths},
-          {"estimates", m.estimates},
-          {"matched", m.matches.size()},
-          {"recall", m.recall},
-          {"precision", m.precision},
-          {"x_error_m", m.x_error_m},
-          {"y_error_m", m.y_error_m},
-          {"iou", m.iou},
-          {"distances_error_m", m.distances_error_m},
-          {"matches", matches},
-          {"missed", missed},
-          {"drawn_as_structure", drawn},
-          {"false", wrong}};
-}
-
-Json robotJson(const RobotReport& r) {
-  Json json = pathJson(r.path);
-  json["frames"] = r.frames;
-  json["outside_truth"] = r.path.outside;
-  json["ate_m"] = statistics(r.ate_m);
-  json["rpe_translation_m"] = statistics(r.rpe.translation_m);
-  json["rpe_rotation_rad"] = statistics(r.rpe.rotation_rad);
-  if (r.consistency) json["consistency"] = consistencyJson(*r.consistency);
-  if (r.localization) json["localization"] = localizationJson(*r.localization);
-  if (r.dead_reckoning) json["dead_reckoning"] = pathJson(*r.dead_reckoning);
-  if (r.shape_difference) json["shape_difference"] = *r.shape_difference;
-  if (r.shape_difference) json["places"] = r.places;
-  return json;
-}
-
-Json classJson(const evaluation::ClassCounts& c) {
-  return {{"f1", c.f1()}, {"right", c.right}, {"missed", c.missed}, {"wrong", c.wrong}};
 }
 
 }  // namespace
@@ -380,48 +243,11 @@ std::string table(const Report& report) {
     text += fmt::format("Frame       the run is aligned to the truth by ({:.3f}, {:.3f}) m, {:.2f}°\n",
                         moved.x_m, moved.y_m, kDegrees * moved.theta_rad);
   }
+  text += frameTable(report);
   if (!report.robots.empty()) text += pathTable(report) + stateTable(report) + consistencyTable(report);
   if (report.kinds) text += kindTable(*report.kinds);
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   return text;
-}
-
-std::string metricsJson(const Report& report) {
-  Json json{{"format", "omnifleet-metrics"}, {"version", 1}};
-  if (report.map) json["map"] = mapJson(report);
-  if (report.space) {
-    json["space"] = {{"voxels", report.space->points},
-                     {"outside_median_m", report.space->median_m},
-                     {"outside_90_m", report.space->share90_m},
-                     {"outside_max_m", report.space->max_m}};
-  }
-  if (report.free_space) json["free_space"] = freeSpaceJson(*report.free_space);
-  if (report.cells) json["cells"] = cellJson(*report.cells);
-  if (report.landmarks) {
-    json["landmarks"] = {{"truths", report.landmarks->truths},
-                         {"found", report.landmarks->found},
-                         {"mean_m", report.landmarks->mean_m},
-                         {"max_m", report.landmarks->max_m}};
-  }
-  if (report.truth_from_map) {
-    const Eigen::Vector3d moved = report.truth_from_map->vector();
-    json["truth_from_map"] = {moved.x(), moved.y(), moved.z()};
-  }
-  Json paths = Json::object();
-  for (const RobotReport& r : report.robots) paths[r.name] = robotJson(r);
-  json["paths"] = paths;
-  const Overall mean = overall(report);
-  json["paths_mean"] = pathJson(mean.path);
-  json["paths_mean"]["ate_rmse_m"] = mean.ate_m;
-  json["paths_mean"]["robots"] = mean.robots;
-  if (const auto rows = consistencies(report); !rows.empty())
-    json["paths_mean"]["consistency"] = consistencyJson(rows.back().second);
-  if (report.kinds) {
-    json["kinds"] = {{"robot", classJson(report.kinds->robot)},
-                     {"obstacle", classJson(report.kinds->obstacle)},
-                     {"phantoms", report.kinds->phantoms}};
-  }
-  return json.dump(2) + "\n";
 }
 
 }  // namespace omnifleet::evaluate
