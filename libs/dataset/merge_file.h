@@ -21,6 +21,7 @@ struct RobotMerge {
   std::optional<double> time_s;          ///< of the evidence; none: nobody reported it
 
   bool isInMap() const { return frame == kMap; }
+  bool isInItsOwnFrame() const { return !frame.empty() && !isInMap(); }
   static constexpr const char* kMap = "map";
 };
 

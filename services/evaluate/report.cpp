@@ -262,7 +262,7 @@ RobotReport compareRobot(const fs::path& out, const dataset::Dataset& recording,
   const fs::path places = out / "places" / (name + ".g2o");
   if (stream && fs::exists(places)) comparePlaces(places.string(), *stream, truth, report);
   if (const auto found = merge.find(name); found != merge.end()) report.merge = found->second;
-  if (report.isApart()) compareOwnFrame(out, truth, warnings, report);
+  if (report.isInItsOwnFrame()) compareOwnFrame(out, truth, warnings, report);
   return report;
 }
 
@@ -292,9 +292,11 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
-/// The true robots: their paths, bodies and what their cameras see.
+/// The true robots: their paths, bodies and what their cameras see. What a robot in its own frame sees is not
+/// in the common map and counts as not seen.
 std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& recording,
-                                                        const dataset::GroundTruth& truth) {
+                                                        const dataset::GroundTruth& truth,
+                                                        const dataset::MergeReport& merge) {
   std::map<std::string, evaluation::TrueRobot> all;
   for (const auto& [name, poses] : truth.trajectories) {
     evaluation::TrueRobot& robot = all[name];
@@ -309,19 +311,21 @@ std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& 
     const lens::CameraModel& camera = recorded->front->camera;
     robot.half_view_rad = std::atan(0.5 * camera.image_width_px / camera.focal_px.x());
   }
+  for (const auto& [name, row] : merge)
+    if (row.isInItsOwnFrame() && all.count(name) > 0) all[name].half_view_rad = 0.0;
   return all;
 }
 
 /// Compares the run's grid with the truth. Needs the run's objects in the frame of the truth. Changes nothing
 /// without a grid.
 void compareGrid(const fs::path& map, const dataset::Dataset& recording, const dataset::GroundTruth& truth,
-                 Report& report) {
+                 const dataset::MergeReport& merge, Report& report) {
   if (!fs::exists(map)) return;
   const dataset::OccupancyGrid grid = dataset::readMapServer(map.string());
   const Pose2 truth_from_map = report.truth_from_map.value_or(Pose2{});
   report.free_space = evaluation::compareFreeSpace(grid, truth_from_map, truth.scene, truth.room);
   report.cells = evaluation::compareCells(grid, truth_from_map, report.objects, truth.scene, truth.room,
-                                          trueRobots(recording, truth));
+                                          trueRobots(recording, truth, merge));
 }
 
 }  // namespace
@@ -333,6 +337,9 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
   Report report;
   report.warnings = recording.warnings;
   rejectForeignRun(out, dataset_folder, recording);
+  const fs::path merge_file = fs::path(out) / "merge.json";
+  const auto merge =
+      fs::exists(merge_file) ? dataset::readMerge(merge_file.string()) : dataset::MergeReport{};
   if (frame == Frame::kFree) report.truth_from_map = fleetAlignment(out, truth);
   if (truth.has_scene) {
     const fs::path path = fs::path(out) / "objects.geojson";
@@ -345,14 +352,11 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
     moveObjects(report.truth_from_map.value_or(Pose2{}), report.objects);
     report.space =
         compareSpace(fs::path(out) / "map.bt", truth.scene, report.truth_from_map.value_or(Pose2{}));
-    compareGrid(fs::path(out) / "map.yaml", recording, truth, report);
+    compareGrid(fs::path(out) / "map.yaml", recording, truth, merge, report);
     report.landmarks = compareLandmarks(report);
     if (!report.landmarks || !report.truth.empty() || !report.objects.empty())
       report.map = evaluation::compareMaps(report.truth, report.objects, {});
   }
-  const fs::path merge_file = fs::path(out) / "merge.json";
-  const auto merge =
-      fs::exists(merge_file) ? dataset::readMerge(merge_file.string()) : dataset::MergeReport{};
   std::vector<evaluation::EstimatedPath> fleet;
   const auto places = frame == Frame::kFree ? placesOf(out, truth) : evaluation::DatumPlaces{};
   for (const auto& [name, poses] : truth.trajectories) {

@@ -36,7 +36,7 @@ struct RobotReport {
   /// Of a robot in its own frame: OUT/maps/<robot>/trajectories/<robot>.tum, after rigid alignment (Umeyama).
   std::optional<evaluation::PathMetrics> own_frame;
 
-  bool isApart() const { return merge && !merge->frame.empty() && !merge->isInMap(); }
+  bool isInItsOwnFrame() const { return merge && merge->isInItsOwnFrame(); }
 };
 
 /// Landmarks with the same name in scene and map; metres.

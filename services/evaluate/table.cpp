@@ -61,7 +61,7 @@ std::string frameTable(const Report& report) {
   for (const RobotReport& r : report.robots) {
     if (!r.merge) continue;
     text += fmt::format("  {:<10} {}{}{}{}\n", r.name, toString(r.merge->status),
-                        r.isApart() ? ", in its own frame" : "",
+                        r.isInItsOwnFrame() ? ", in its own frame" : "",
                         r.merge->score ? fmt::format(", score {:.2f}", *r.merge->score) : "",
                         r.merge->reason.empty() ? "" : ": " + r.merge->reason);
   }

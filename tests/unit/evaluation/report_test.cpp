@@ -26,6 +26,14 @@ dataset::MapObject box(std::uint64_t id, double x, double y) {
   return object;
 }
 
+dataset::RobotMerge mergeRow(AlignmentStatus status, const std::string& frame, const std::string& reason) {
+  dataset::RobotMerge row;
+  row.status = status;
+  row.frame = frame;
+  row.reason = reason;
+  return row;
+}
+
 /// A recording with ground truth, and a run with an error of 2 cm in x.
 class Evaluate : public ::testing::Test {
  protected:
@@ -215,6 +223,10 @@ TEST_F(Evaluate, ReportsCellsAtTrueFaces) {
   EXPECT_EQ(json["crossed"], report.cells->crossed);
   EXPECT_DOUBLE_EQ(json["occupied_per_crossed"].get<double>(), 4.0 / report.cells->crossed);
   EXPECT_TRUE(json["structure"]["within_2cm"].is_null()) << "the truth has no room";
+  dataset::writeMerge(out_ + "/merge.json",
+                      {{"r1", mergeRow(AlignmentStatus::kRefused, "r1", "look-alike")}});
+  EXPECT_EQ(evaluateRun(out_, recording_).cells->obstacles.seen, 0)
+      << "what a robot in its own frame sees is not in the common map";
   EXPECT_TRUE(json["free_wrong"].is_null());
 }
 
@@ -241,14 +253,6 @@ TEST_F(Evaluate, ReportsShapeDifferenceOfTrajectory) {
   EXPECT_NEAR(json["paths_mean"]["shape_difference"].get<double>(), expected, 1e-12);
   EXPECT_THAT(table(report), AllOf(HasSubstr("shape\n"), HasSubstr(" 0.001174\n")));
   EXPECT_NEAR(expected, 0.001174, 5e-7) << "as printed";
-}
-
-dataset::RobotMerge mergeRow(AlignmentStatus status, const std::string& frame, const std::string& reason) {
-  dataset::RobotMerge row;
-  row.status = status;
-  row.frame = frame;
-  row.reason = reason;
-  return row;
 }
 
 TEST_F(Evaluate, ComparesRobotInItsOwnFrameAfterAlignment) {

@@ -29,8 +29,8 @@ const Pose2 kMapFromOwn{0.0, 2.0, 0.0};
 /// The merger of r1. The test plays its classifier, the localizer and the replica of r2.
 class OwnFrames : public testing::Test {
  protected:
-  explicit OwnFrames(const std::string& out = "out")
-      : bench_("global_merger", "r1", folder_ / out, "", bus::RunMode::kReplay) {}
+  explicit OwnFrames(bus::RunMode mode = bus::RunMode::kReplay)
+      : bench_("global_merger", "r1", folder_ / "out", "", mode) {}
 
   static PoseEstimate poseOf(const std::string& robot, int step, bool in_own_frame) {
     PoseEstimate pose;
@@ -212,6 +212,20 @@ TEST_F(OwnFrames, MatchedRobotIsWhollyInTheCommonMap) {
   EXPECT_EQ(merge.at("r2").map_from_frame->vector(), kMapFromOwn.vector());
   EXPECT_EQ(merge.at("r1").status, AlignmentStatus::kAnchored);
   EXPECT_THAT(merge.at("r1").reason, HasSubstr("the localizer reported no alignment"));
+}
+
+class LiveOwnFrames : public OwnFrames {
+ protected:
+  LiveOwnFrames() : OwnFrames(bus::RunMode::kLive) {}
+};
+
+TEST_F(LiveOwnFrames, SavesTheMapOfAnUnmatchedRobotWhenStopped) {
+  for (int step = 1; step <= 4; ++step) frame(step, true);
+  bench_.idle();
+  bench_.drain();
+  EXPECT_TRUE(exists("maps/r2/map.bt"));
+  EXPECT_FALSE(exists("trajectories/r2.tum"));
+  EXPECT_EQ(dataset::readMerge(file("merge.json")).at("r2").status, AlignmentStatus::kUndecided);
 }
 
 /// Topics have no common order: the localizer announces its last alignment, and the merger waits for it.
