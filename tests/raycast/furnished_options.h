@@ -26,7 +26,11 @@ struct FurnishedOptions {
   int width_px = 1280, height_px = 960;
   int pieces = 10;  ///< of furniture
   Furniture furniture = Furniture::kTall;
-  int rooms = 1;  ///< 2: joined by a door
+  int rooms = 1;                                ///< 2: joined by a door
+  double width_min_m = 5.2, width_max_m = 6.4;  ///< of the first room, along x
+  double depth_min_m = 4.2, depth_max_m = 5.2;  ///< of all rooms, along y
+  bool decorated = false;  ///< doors, radiators, curtains, skirting boards, books, drawers
+  bool fast = false;       ///< renderAdaptive() in place of render()
   bool walls = true;
   bool dim = false;        ///< low contrast, light that falls off towards the walls
   bool mirror = false;     ///< a mirror of 1.4 x 2 m stands at a wall

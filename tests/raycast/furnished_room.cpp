@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "tests/raycast/free_space.h"
+#include "tests/raycast/room_decoration.h"
+#include "tests/raycast/value_noise.h"
 
 namespace omnifleet::raycast {
 namespace {
@@ -26,7 +28,8 @@ Solid boxOf(const Eigen::Vector2d& low, const Eigen::Vector2d& high, double heig
 /// Walls around one or two rooms side by side; between two a door.
 House walled(const FurnishedOptions& options, Random& random) {
   House house;
-  const double width = random.between(5.2, 6.4), depth = random.between(4.2, 5.2);
+  const double width = random.between(options.width_min_m, options.width_max_m),
+               depth = random.between(options.depth_min_m, options.depth_max_m);
   const Eigen::Vector2d low(-0.5 * width, -0.5 * depth), high = -low;
   house.rooms.push_back({low, high});
   const auto tone = [&] {
@@ -88,6 +91,12 @@ bool hidesReflections(const Solid& piece, const House& house) {
   return std::any_of(house.walls.begin(), house.walls.end(), [&](const Solid& wall) {
     return wall.surface != Surface::kMatt && distanceTo(wall, piece.map_from_solid.translation()) < 1.0;
   });
+}
+
+bool blocksDoor(const Solid& piece, const House& house) {
+  constexpr double kFree_m = 0.8;
+  return std::any_of(house.doors.begin(), house.doors.end(),
+                     [&](const Eigen::Vector2d& door) { return distanceTo(piece, door) < kFree_m; });
 }
 
 /// Against a wall of the room: along it, its back at the wall.
@@ -206,12 +215,13 @@ void furnish(House& house, const FurnishedOptions& options, Random& random) {
     bool fits = !options.symmetric || !overlaps(piece, turnedAround(piece), std::max(0.005, gap));
     for (const Solid& other : house.furniture) fits = fits && !overlaps(piece, other, std::max(0.005, gap));
     for (const Solid& wall : house.walls) fits = fits && !overlaps(piece, wall, -1e-3);
-    fits = fits && !hidesReflections(piece, house);
+    fits = fits && !hidesReflections(piece, house) && !blocksDoor(piece, house);
     if (!fits) continue;
     house.furniture.push_back(piece);
     if (options.symmetric) house.furniture.push_back(turnedAround(piece));
     if (!reachesAllRooms(house)) house.furniture.resize(house.furniture.size() - at_once);
   }
+  if (options.decorated) decorateFurniture(house, random);
 }
 
 std::vector<Lamp> lampsOf(const House& house, const FurnishedOptions& options, Random& random) {
@@ -229,12 +239,22 @@ std::vector<Lamp> lampsOf(const House& house, const FurnishedOptions& options, R
   return lamps;
 }
 
-/// Nothing has the floor's colour; in a dim room contrast is low.
+/// In a dim room contrast to the floor is low.
+Eigen::Vector3d dimmed(const Eigen::Vector3d& albedo, const Eigen::Vector3d& floor) {
+  return floor.cwiseProduct((albedo.cwiseQuotient(floor).array().pow(0.45)).matrix());
+}
+
+/// Nothing has the floor's colour.
 void colour(Solid& solid, const Eigen::Vector3d& floor, bool dim, Random& random) {
   const auto contrast = [&] { return (solid.albedo.cwiseQuotient(floor).array() - 1.0).abs().maxCoeff(); };
   for (int tries = 0; contrast() < 0.35 && tries < 1000; ++tries) solid.albedo = random.colour(0.05, 0.75);
-  if (dim) solid.albedo = floor.cwiseProduct((solid.albedo.cwiseQuotient(floor).array().pow(0.45)).matrix());
+  if (dim) solid.albedo = dimmed(solid.albedo, floor);
   solid.chequered = random.between(0.0, 1.0) < 0.2;
+  if (!solid.panels.empty() || solid.front != Front::kPlain) solid.chequered = false;
+  for (Panel& panel : solid.panels) {
+    while ((panel.albedo.cwiseQuotient(floor).array() - 1.0).abs().maxCoeff() < 0.35) panel.albedo *= 0.8;
+    if (dim) panel.albedo = dimmed(panel.albedo, floor);
+  }
 }
 
 }  // namespace
@@ -276,6 +296,13 @@ Solid turnedAround(Solid solid) {
 House furnishedHouse(const FurnishedOptions& options, Random& random) {
   House house = walled(options, random);
   if (options.mirror) addMirror(house);
+  if (options.decorated) decorateWalls(house, random);
+  furnish(house, options, random);
+  return house;
+}
+
+House refurnished(House house, const FurnishedOptions& options, Random& random) {
+  house.furniture.clear();
   furnish(house, options, random);
   return house;
 }
@@ -297,6 +324,16 @@ Room litRoom(const House& house, const FurnishedOptions& options, Random& random
     colour(room.solids[k], room.floor_albedo, options.dim, random);
     if (options.symmetric) room.solids[k].chequered = false;  // squares are fixed to the map
     if (options.symmetric && k % 2 == 1) room.solids[k].albedo = room.solids[k - 1].albedo;
+  }
+  return room;
+}
+
+Room refurnished(Room room, const House& house, const FurnishedOptions& options, Random& random) {
+  room.seed = mixed(room.seed + 1U);
+  room.solids.resize(house.walls.size());
+  for (const Solid& piece : house.furniture) {
+    room.solids.push_back(piece);
+    colour(room.solids.back(), room.floor_albedo, options.dim, random);
   }
   return room;
 }

@@ -22,6 +22,8 @@ struct House {
   std::vector<Extent> rooms;
   Polygon inside;  ///< of the walls
   std::vector<Solid> walls, furniture;
+  std::vector<Eigen::Vector2d>
+      doors;  ///< middles of closed doors in the walls; furniture keeps clear of them
 };
 
 /// Distance from a point to the footprint of a solid, metres. At most 0 inside.
@@ -37,7 +39,13 @@ Solid turnedAround(Solid solid);
 /// In a symmetric house walls and furniture come in pairs: number 2k + 1 is number 2k turned around.
 House furnishedHouse(const FurnishedOptions& options, Random& random);
 
+/// The same walls with other furniture.
+House refurnished(House house, const FurnishedOptions& options, Random& random);
+
 /// The house with floor, lamps and final colours.
 Room litRoom(const House& house, const FurnishedOptions& options, Random& random);
+
+/// The same floor, lamps and walls with the furniture of `house` and other grain of the floor.
+Room refurnished(Room room, const House& house, const FurnishedOptions& options, Random& random);
 
 }  // namespace omnifleet::raycast

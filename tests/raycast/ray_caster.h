@@ -19,6 +19,18 @@ enum class Surface {
   kGlass,   ///< reflects 8 %, lets 88 % through
 };
 
+/// Rectangle on a vertical side of a solid: a door, a skirting board, a radiator.
+struct Panel {
+  Eigen::Vector2d normal = Eigen::Vector2d::Zero();  ///< of the side, in the frame of the solid
+  double begin_m = 0.0, end_m = 0.0;  ///< along the side, from its middle, anticlockwise seen from above
+  double bottom_m = 0.0, top_m = 0.0;
+  Eigen::Vector3d albedo = Eigen::Vector3d::Zero();
+  double stripe_m = 0.0;  ///< period of vertical stripes; 0: none
+};
+
+/// Details on the vertical sides of furniture.
+enum class Front { kPlain, kBooks, kDoors, kDrawers, kCushions };
+
 struct Solid {
   bool round = false;    ///< true: an upright cylinder of diameter size_m.x(); false: a box
   Pose2 map_from_solid;  ///< centre of the footprint
@@ -27,6 +39,9 @@ struct Solid {
   Eigen::Vector3d albedo = Eigen::Vector3d::Zero();
   bool chequered = false;
   Surface surface = Surface::kMatt;
+  std::vector<Panel> panels = {};  ///< later ones hide earlier ones; boxes only
+  Front front = Front::kPlain;
+  unsigned texture = 0;  ///< seed of the front's details
 };
 
 /// A flat rectangle on the floor: tape or a sheet of paper.

@@ -21,7 +21,9 @@ Interval intervalOf(const std::string& option, const std::string& text) {
   return interval;
 }
 
-void addFaults(CLI::App& app, omnifleet::raycast::FurnishedOptions& options) {
+using omnifleet::raycast::FurnishedOptions;
+
+void addFaults(CLI::App& app, FurnishedOptions& options) {
   const std::string group = "Faults, all off by default; the ground truth stays true";
   app.add_option_function<std::string>(
          "--black", [&](const std::string& text) { options.black = intervalOf("--black", text); },
@@ -56,7 +58,7 @@ void addFaults(CLI::App& app, omnifleet::raycast::FurnishedOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-  omnifleet::raycast::FurnishedOptions options;
+  FurnishedOptions options;
   CLI::App app{"Records robots that drive through a furnished room (independent renderer)"};
   std::string out;
   double minutes = 0.0;
@@ -76,6 +78,10 @@ int main(int argc, char** argv) try {
   app.add_option("--width", options.width_px, "width of the images, default 1280; the height is 3/4 of it")
       ->check(CLI::Range(64, 4096))
       ->excludes(vga_flag);
+  app.add_flag("--decorated", options.decorated,
+               "doors, windows, radiators, curtains and skirting boards; shelves with books, drawers");
+  app.add_flag("--fast", options.fast,
+               "one ray per pixel and four at edges: less exact, about 3 times faster");
   app.add_flag("--low", low, "only free-standing obstacles lower than the camera");
   app.add_flag("--no-walls", no_walls, "no walls");
   app.add_flag("--no-wheels", no_wheels, "no wheel odometry");

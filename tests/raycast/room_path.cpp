@@ -18,8 +18,10 @@ class Driver {
  public:
   Driver(const FreeSpace& space, const Pose2& start) : space_(&space), pose(start) {}
 
-  void drive(const std::vector<Eigen::Vector2d>& others, Random& random) {
-    if (way_.empty()) way_ = space_->path(pose.translation(), space_->anywhere(random));
+  bool needsGoal() const { return way_.empty(); }
+  void goTo(const Eigen::Vector2d& goal) { way_ = space_->path(pose.translation(), goal); }
+
+  void drive(const std::vector<Eigen::Vector2d>& others) {
     while (!way_.empty() && (way_.front() - pose.translation()).norm() < 0.08) way_.erase(way_.begin());
     stand();
     if (way_.empty()) return;
@@ -102,8 +104,10 @@ class Kidnapping {
   Pose2 from_, to_, way_;
 };
 
-std::vector<Driver> placed(const FurnishedOptions& options, const FreeSpace& space, Random& random) {
+std::vector<Driver> placed(const FurnishedOptions& options, const FreeSpace& space, const DrivePlan& plan,
+                           Random& random) {
   std::vector<Driver> drivers;
+  for (const Pose2& start : plan.starts) drivers.emplace_back(space, start);
   while (static_cast<int>(drivers.size()) < options.robots) {
     const Eigen::Vector2d at = space.anywhere(random);
     bool apart = true;
@@ -133,25 +137,32 @@ class Shutter {
 };
 
 /// All robots drive for one tick, except for the first one while it is lifted.
-void driveOnce(std::vector<Driver>& drivers, const Kidnapping& kidnapping, Random& random, WheelStep& row) {
+void driveOnce(std::vector<Driver>& drivers, const Kidnapping& kidnapping, const DrivePlan& plan,
+               const FreeSpace& space, Random& random, WheelStep& row) {
   for (std::size_t r = 0; r < drivers.size(); ++r) {
     std::vector<Eigen::Vector2d> others;
     for (std::size_t o = 0; o < drivers.size(); ++o)
       if (o != r)
         others.push_back(
             (o == 0 && kidnapping.isLifted() ? kidnapping.target() : drivers[o].pose).translation());
-    if (r == 0 && kidnapping.isLifted())
-      drivers[r].stand();
-    else
-      drivers[r].drive(others, random);
-    row.speed_mps[r] += Eigen::Vector2d(drivers[r].left_mps, drivers[r].right_mps) / kTicksPerRow;
+    Driver& driver = drivers[r];
+    if (r == 0 && kidnapping.isLifted()) {
+      driver.stand();
+    } else {
+      if (driver.needsGoal())
+        driver.goTo(plan.next_goal ? plan.next_goal(r, driver.pose, driver.travelled_m, random)
+                                   : space.anywhere(random));
+      driver.drive(others);
+    }
+    row.speed_mps[r] += Eigen::Vector2d(driver.left_mps, driver.right_mps) / kTicksPerRow;
   }
 }
 
 }  // namespace
 
-Drive driveAll(const FurnishedOptions& options, const FreeSpace& space, Random& random) {
-  std::vector<Driver> drivers = placed(options, space, random);
+Drive driveAll(const FurnishedOptions& options, const FreeSpace& space, Random& random,
+               const DrivePlan& plan) {
+  std::vector<Driver> drivers = placed(options, space, plan, random);
   Kidnapping kidnapping(options);
   Shutter shutter(options);
   Drive drive;
@@ -171,7 +182,7 @@ Drive driveAll(const FurnishedOptions& options, const FreeSpace& space, Random& 
     }
     if (tick % kTicksPerRow == 0)
       drive.wheels.push_back({now_ns, std::vector<Eigen::Vector2d>(drivers.size(), Eigen::Vector2d::Zero())});
-    driveOnce(drivers, kidnapping, random, drive.wheels.back());
+    driveOnce(drivers, kidnapping, plan, space, random, drive.wheels.back());
   }
   return drive;
 }

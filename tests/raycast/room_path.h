@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <vector>
 
 #include "observation/observation.h"
@@ -34,8 +35,17 @@ struct Drive {
   std::vector<WheelStep> wheels;  ///< one per kWheelRow_s
 };
 
-/// Robots drive smooth paths between random goals. They keep clear of each other. Throws std::runtime_error
+/// Where robots begin and go. Empty: anywhere.
+struct DrivePlan {
+  std::vector<Pose2> starts;  ///< of each robot
+  /// The next goal of a robot at `pose` that has driven `travelled_m`.
+  std::function<Eigen::Vector2d(std::size_t robot, const Pose2& pose, double travelled_m, Random& random)>
+      next_goal;
+};
+
+/// Robots drive smooth paths between goals. They keep clear of each other. Throws std::runtime_error
 /// if they block each other or if there is no place to set the kidnapped robot down.
-Drive driveAll(const FurnishedOptions& options, const FreeSpace& space, Random& random);
+Drive driveAll(const FurnishedOptions& options, const FreeSpace& space, Random& random,
+               const DrivePlan& plan = {});
 
 }  // namespace omnifleet::raycast

@@ -1,9 +1,11 @@
 #include "tests/raycast/room_recording.h"
 
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "dataset/writer.h"
+#include "tests/raycast/adaptive_render.h"
 #include "tests/raycast/room_persons.h"
 
 namespace omnifleet::raycast {
@@ -14,6 +16,8 @@ constexpr double kCamera_m = 0.5;
 void check(const FurnishedOptions& options) {
   if (options.symmetric && options.rooms > 1)
     throw std::runtime_error("raycast: two rooms cannot be symmetric; record one room");
+  if (options.symmetric && options.decorated)
+    throw std::runtime_error("raycast: a symmetric room cannot be decorated");
   for (const auto& interval : {options.black, options.slip})
     if (interval && !(interval->begin_s < interval->end_s))
       throw std::runtime_error("raycast: an interval of time must begin before it ends");
@@ -33,22 +37,6 @@ lens::CameraModel cameraOf(const FurnishedOptions& options, Random& random) {
   camera.self_mask_radius_px =
       std::ceil(focal * std::atan2(kRobotRadius_m, kCamera_m - kRobotHeight_m) + 4.0);
   return camera;
-}
-
-std::vector<dataset::RobotRecording> robotsOf(const FurnishedOptions& options, const DriveFrame& first,
-                                              Random& random) {
-  std::vector<dataset::RobotRecording> robots(static_cast<std::size_t>(options.robots));
-  for (std::size_t r = 0; r < robots.size(); ++r) {
-    robots[r].name = "r" + std::to_string(r + 1);
-    const double away = options.start_error_m, turn = random.between(0.0, 2.0 * M_PI);
-    robots[r].initial_pose =
-        first.poses[r] * Pose2{away * std::cos(turn), away * std::sin(turn),
-                               options.start_error_rad * (random.below(2) == 0 ? 1.0 : -1.0)};
-    robots[r].body.radius_m = kRobotRadius_m;
-    robots[r].body.height_m = kRobotHeight_m;
-    robots[r].body.wheel_separation_m = kWheelSeparation_m;
-  }
-  return robots;
 }
 
 /// Bodies on the floor at the time of a frame: robots, except for a lifted one, and persons.
@@ -75,6 +63,8 @@ void writeImages(const std::string& folder, const std::string& name, std::size_t
   calibrated.rotation_rpy_deg.x() += options.tilt_error_deg;
   calibrated.rotation_rpy_deg.y() -= options.tilt_error_deg;
   dataset::ImageStreamWriter images(folder, name + "/fisheye", calibrated);
+  std::optional<AdaptiveRenderer> quick;
+  if (options.fast) quick.emplace(scene.room, scene.camera);
   for (std::size_t k = 0; k < scene.drive.frames.size(); ++k) {
     const DriveFrame& frame = scene.drive.frames[k];
     if (robot == 0 && frame.is_first_lifted) continue;
@@ -83,8 +73,9 @@ void writeImages(const std::string& folder, const std::string& name, std::size_t
       continue;
     }
     const auto number = static_cast<unsigned>(k * frame.poses.size() + robot);
-    images.write(frame.time_ns,
-                 render(scene.room, scene.camera, frame.poses[robot], bodiesAt(scene, k), number));
+    const std::vector<Solid> bodies = bodiesAt(scene, k);
+    images.write(frame.time_ns, quick ? quick->render(frame.poses[robot], bodies, number)
+                                      : render(scene.room, scene.camera, frame.poses[robot], bodies, number));
   }
 }
 
@@ -107,15 +98,52 @@ void writeWheels(const std::string& folder, const std::string& name, std::size_t
 
 }  // namespace
 
-FurnishedScene furnishedScene(const FurnishedOptions& options, Random& random) {
+std::vector<dataset::RobotRecording> robotsOf(const FurnishedOptions& options, const DriveFrame& first,
+                                              Random& random) {
+  std::vector<dataset::RobotRecording> robots(static_cast<std::size_t>(options.robots));
+  for (std::size_t r = 0; r < robots.size(); ++r) {
+    robots[r].name = "r" + std::to_string(r + 1);
+    const double away = options.start_error_m, turn = random.between(0.0, 2.0 * M_PI);
+    robots[r].initial_pose =
+        first.poses[r] * Pose2{away * std::cos(turn), away * std::sin(turn),
+                               options.start_error_rad * (random.below(2) == 0 ? 1.0 : -1.0)};
+    robots[r].body.radius_m = kRobotRadius_m;
+    robots[r].body.height_m = kRobotHeight_m;
+    robots[r].body.wheel_separation_m = kWheelSeparation_m;
+  }
+  return robots;
+}
+
+FurnishedScene furnishedScene(const FurnishedOptions& options, Random& random,
+                              const std::function<DrivePlan(const FreeSpace&)>& plan) {
   check(options);
   FurnishedScene scene;
   scene.house = furnishedHouse(options, random);
-  scene.drive = driveAll(options, FreeSpace(scene.house, kClearance_m), random);
+  const FreeSpace space(scene.house, kClearance_m);
+  DrivePlan drive;
+  if (plan) drive = plan(space);
+  scene.drive = driveAll(options, space, random, drive);
   scene.room = litRoom(scene.house, options, random);
   scene.camera = cameraOf(options, random);
   if (options.occluded_share > 0.0) scene.persons = personsAround(scene.house, scene.drive, options);
   return scene;
+}
+
+void writeRobot(const std::string& folder, const std::string& name, std::size_t robot,
+                const FurnishedScene& scene, const FurnishedOptions& options, Random& random) {
+  const Eigen::Vector2d scale(1.0 + random.normal(options.wheel_bias),
+                              1.0 + random.normal(options.wheel_bias));
+  writeImages(folder, name, robot, scene, options);
+  if (options.wheels) writeWheels(folder, name, robot, scene.drive, options, scale, random);
+  std::vector<dataset::StampedPose> poses;
+  for (const DriveFrame& frame : scene.drive.frames) poses.push_back({frame.time_ns, frame.poses[robot]});
+  dataset::writeTruthTrajectory(folder, name, poses);
+}
+
+std::vector<dataset::MapObject> truthOf(const House& house) {
+  std::vector<dataset::MapObject> truth;
+  for (const Solid& piece : house.furniture) truth.push_back(truthOf(piece, truth.size()));
+  return truth;
 }
 
 void recordFurnished(const std::string& folder, const FurnishedOptions& options) {
@@ -123,19 +151,10 @@ void recordFurnished(const std::string& folder, const FurnishedOptions& options)
   const FurnishedScene scene = furnishedScene(options, random);
   const auto robots = robotsOf(options, scene.drive.frames.front(), random);
   dataset::writeDatasetYaml(folder, robots);
-  std::vector<dataset::MapObject> truth;
-  for (const Solid& piece : scene.house.furniture) truth.push_back(truthOf(piece, truth.size()));
-  dataset::writeTruthScene(folder, truth);
+  dataset::writeTruthScene(folder, truthOf(scene.house));
   if (options.walls) dataset::writeTruthRoom(folder, scene.house.inside);
-  for (std::size_t r = 0; r < robots.size(); ++r) {
-    const Eigen::Vector2d scale(1.0 + random.normal(options.wheel_bias),
-                                1.0 + random.normal(options.wheel_bias));
-    writeImages(folder, robots[r].name, r, scene, options);
-    if (options.wheels) writeWheels(folder, robots[r].name, r, scene.drive, options, scale, random);
-    std::vector<dataset::StampedPose> poses;
-    for (const DriveFrame& frame : scene.drive.frames) poses.push_back({frame.time_ns, frame.poses[r]});
-    dataset::writeTruthTrajectory(folder, robots[r].name, poses);
-  }
+  for (std::size_t r = 0; r < robots.size(); ++r)
+    writeRobot(folder, robots[r].name, r, scene, options, random);
 }
 
 }  // namespace omnifleet::raycast
