@@ -23,6 +23,7 @@ struct FurnishedOptions {
   double rate_hz = 5.0;
   double step_min_m = 0.0,
          step_max_m = 0.0;  ///< > 0: images by distance instead of time, at random in between
+  bool loop = false;        ///< one robot tours the room and returns to its first place; needs steps
   int width_px = 1280, height_px = 960;
   int pieces = 10;  ///< of furniture
   Furniture furniture = Furniture::kTall;

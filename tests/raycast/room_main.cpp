@@ -23,6 +23,71 @@ Interval intervalOf(const std::string& option, const std::string& text) {
 
 using omnifleet::raycast::FurnishedOptions;
 
+/// Sets the steps between images from "A-B" or "A" centimetres.
+void readSteps(const std::string& text, FurnishedOptions& options) {
+  double least = 0.0, most = 0.0;
+  int used = 0;
+  const auto isWhole = [&] { return used == static_cast<int>(text.size()); };
+  if (std::sscanf(text.c_str(), "%lf-%lf%n", &least, &most, &used) != 2 || !isWhole()) {
+    if (std::sscanf(text.c_str(), "%lf%n", &least, &used) != 1 || !isWhole()) least = 0.0;
+    most = least;
+  }
+  if (!(least >= 1.0 && least <= most && most <= 200.0))
+    throw CLI::ValidationError("--steps", "\"" + text +
+                                              "\" is invalid; the option needs one or two lengths "
+                                              "from 1 to 200 cm, A or A-B, with A not above B");
+  options.step_min_m = 0.01 * least;
+  options.step_max_m = 0.01 * most;
+}
+
+/// Two sets of images like those of Fernández et al. 2011 §V: 1: 200 images 10 cm apart with a loop, in a
+/// large furnished room; 2: images about 3 cm apart, from which a front end takes one when it differs enough
+/// from the last one taken. 18 m of path give 150 images at 12 cm.
+void usePaperSet(int set, FurnishedOptions& options) {
+  options.loop = options.decorated = true;
+  if (set == 1) {
+    options.step_min_m = options.step_max_m = 0.10;
+    options.frames = 200;
+    options.width_min_m = 7.4, options.width_max_m = 8.6;
+    options.depth_min_m = 5.4, options.depth_max_m = 6.4;
+    if (options.pieces == FurnishedOptions{}.pieces) options.pieces = 16;
+  } else {
+    options.step_min_m = options.step_max_m = 0.03;
+    options.frames = 600;
+  }
+}
+
+/// Images by distance, tours and the sets of the paper.
+void addDrives(CLI::App& app, FurnishedOptions& options) {
+  constexpr double kLoopMin_m = 0.06, kLoopMax_m = 0.16;
+  auto* by_distance = app.add_flag_callback(
+      "--by-distance", [&] { options.step_min_m = 0.10, options.step_max_m = 0.16; },
+      "one image per 10 to 16 cm instead of 5 Hz");
+  auto* steps = app.add_option_function<std::string>(
+                       "--steps", [&](const std::string& text) { readSteps(text, options); },
+                       "one image per A or A-B centimetres instead of 5 Hz")
+                    ->excludes(by_distance);
+  app.add_flag_callback(
+         "--loop",
+         [&, by_distance, steps] {
+           options.loop = true;
+           if (by_distance->count() + steps->count() > 0) return;
+           options.step_min_m = kLoopMin_m;
+           options.step_max_m = kLoopMax_m;
+         },
+         "a tour of one robot that returns to its first place; steps of 6 to 16 cm by default")
+      ->excludes("--minutes");
+  app.add_option_function<int>(
+         "--set", [&](int set) { usePaperSet(set, options); },
+         "1: 200 images 10 cm apart with a loop in a large room; 2: 600 images 3 cm apart with a loop")
+      ->check(CLI::Range(1, 2))
+      ->excludes(by_distance)
+      ->excludes(steps)
+      ->excludes("--loop")
+      ->excludes("--minutes")
+      ->excludes("--frames");
+}
+
 void addFaults(CLI::App& app, FurnishedOptions& options) {
   const std::string group = "Faults, all off by default; the ground truth stays true";
   app.add_option_function<std::string>(
@@ -62,7 +127,7 @@ int main(int argc, char** argv) try {
   CLI::App app{"Records robots that drive through a furnished room (independent renderer)"};
   std::string out;
   double minutes = 0.0;
-  bool by_distance = false, vga = false, low = false, no_walls = false, no_wheels = false, flawed = false;
+  bool vga = false, low = false, no_walls = false, no_wheels = false, flawed = false;
   app.add_option("OUT", out, "folder of the recording")->required();
   app.add_option("SEED", options.seed, "seed of room, paths and noise")->required();
   app.add_option("--robots", options.robots, "number of robots, default 1")->check(CLI::Range(1, 8));
@@ -73,7 +138,7 @@ int main(int argc, char** argv) try {
       ->excludes(frames);
   app.add_option("--rooms", options.rooms, "1, or 2 joined by a door")->check(CLI::Range(1, 2));
   app.add_option("--pieces", options.pieces, "pieces of furniture")->check(CLI::Range(0, 40));
-  app.add_flag("--by-distance", by_distance, "one image per 10 to 16 cm instead of 5 Hz");
+  addDrives(app, options);
   auto* vga_flag = app.add_flag("--vga", vga, "640x480 images instead of 1280x960");
   app.add_option("--width", options.width_px, "width of the images, default 1280; the height is 3/4 of it")
       ->check(CLI::Range(64, 4096))
@@ -93,7 +158,6 @@ int main(int argc, char** argv) try {
   addFaults(app, options);
   CLI11_PARSE(app, argc, argv);
   options.duration_s = 60.0 * minutes;
-  if (by_distance) options.step_min_m = 0.10, options.step_max_m = 0.16;
   if (vga) options.width_px = 640;
   options.height_px = options.width_px * 3 / 4;
   if (low) options.furniture = omnifleet::raycast::Furniture::kLow;

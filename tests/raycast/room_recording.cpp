@@ -7,6 +7,7 @@
 #include "dataset/writer.h"
 #include "tests/raycast/adaptive_render.h"
 #include "tests/raycast/room_persons.h"
+#include "tests/raycast/room_tour.h"
 
 namespace omnifleet::raycast {
 namespace {
@@ -18,6 +19,8 @@ void check(const FurnishedOptions& options) {
     throw std::runtime_error("raycast: two rooms cannot be symmetric; record one room");
   if (options.symmetric && options.decorated)
     throw std::runtime_error("raycast: a symmetric room cannot be decorated");
+  if (options.loop && (options.robots != 1 || options.kidnapped_s || options.step_min_m <= 0.0))
+    throw std::runtime_error("raycast: a loop needs one robot, images by distance and no kidnapping");
   for (const auto& interval : {options.black, options.slip})
     if (interval && !(interval->begin_s < interval->end_s))
       throw std::runtime_error("raycast: an interval of time must begin before it ends");
@@ -121,6 +124,7 @@ FurnishedScene furnishedScene(const FurnishedOptions& options, Random& random,
   scene.house = furnishedHouse(options, random);
   const FreeSpace space(scene.house, kClearance_m);
   DrivePlan drive;
+  if (options.loop) drive = tourOf(options, space, random);
   if (plan) drive = plan(space);
   scene.drive = driveAll(options, space, random, drive);
   scene.room = litRoom(scene.house, options, random);
