@@ -5,7 +5,7 @@
 #include <exception>
 #include <string>
 
-#include "tests/raycast/room_recording.h"
+#include "tests/raycast/room_pair.h"
 
 namespace {
 
@@ -125,7 +125,7 @@ void addFaults(CLI::App& app, FurnishedOptions& options) {
 int main(int argc, char** argv) try {
   FurnishedOptions options;
   CLI::App app{"Records robots that drive through a furnished room (independent renderer)"};
-  std::string out;
+  std::string out, pair;
   double minutes = 0.0;
   bool vga = false, low = false, no_walls = false, no_wheels = false, flawed = false;
   app.add_option("OUT", out, "folder of the recording")->required();
@@ -139,10 +139,19 @@ int main(int argc, char** argv) try {
   app.add_option("--rooms", options.rooms, "1, or 2 joined by a door")->check(CLI::Range(1, 2));
   app.add_option("--pieces", options.pieces, "pieces of furniture")->check(CLI::Range(0, 40));
   addDrives(app, options);
+  app.add_option(
+         "--pair", pair,
+         "same, lookalike or disjoint: two robots in one room, in two rooms that differ in furniture, "
+         "or in two unlike rooms; r2 has no initial pose; 120 frames of width 640 with --fast by default")
+      ->check(CLI::IsMember({"same", "lookalike", "disjoint"}))
+      ->excludes("--robots")
+      ->excludes("--loop")
+      ->excludes("--set");
   auto* vga_flag = app.add_flag("--vga", vga, "640x480 images instead of 1280x960");
-  app.add_option("--width", options.width_px, "width of the images, default 1280; the height is 3/4 of it")
-      ->check(CLI::Range(64, 4096))
-      ->excludes(vga_flag);
+  auto* width = app.add_option("--width", options.width_px,
+                               "width of the images, default 1280; the height is 3/4 of it")
+                    ->check(CLI::Range(64, 4096))
+                    ->excludes(vga_flag);
   app.add_flag("--decorated", options.decorated,
                "doors, windows, radiators, curtains and skirting boards; shelves with books, drawers");
   app.add_flag("--fast", options.fast,
@@ -169,7 +178,14 @@ int main(int argc, char** argv) try {
     options.start_error_m = 0.005;
     options.start_error_rad = 0.0052;
   }
-  omnifleet::raycast::recordFurnished(out, options);
+  if (pair.empty()) {
+    omnifleet::raycast::recordFurnished(out, options);
+    return 0;
+  }
+  options.fast = true;
+  if (frames->count() == 0) options.frames = 120;
+  if (width->count() == 0) options.width_px = 640, options.height_px = 480;
+  omnifleet::raycast::recordPair(out, omnifleet::raycast::pairKindOf(pair), options);
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "raycast_room: %s\n", error.what());
