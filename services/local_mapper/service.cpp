@@ -43,7 +43,7 @@ local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const loca
 
 local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet) {
   const options::Section section = fleet.service("local_mapper");
-  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector"}) section.has(key);
+  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector", "appearance"}) section.has(key);
   return local_mapper::Options::read(section);
 }
 
@@ -66,6 +66,9 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
       mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
+  const auto appearance =
+      local_mapper::AppearanceOptions::read(fleet.service("local_mapper").child("appearance"));
+  if (appearance.use) appearance_.emplace(lens::Camera(camera_.model), appearance);
   if (const auto& sensor = fleet.robot(camera_.robot).laser) {
     laser_.emplace(*sensor, laserOptions(fleet));
     scans_.emplace(context.bus.reader(context.topics.laser, camera_.robot), merger_, ends_,
@@ -160,6 +163,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   local_map_.robot = camera_.robot;
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
     joinLaser();
+  addAppearance(frame);
   rejected_points_ += mapper_.rejectedPoints();
   reportLens();
   reportOcclusion();
@@ -178,11 +182,19 @@ void LocalMapperService::process(const bus::FrameView& view) {
     local_map_.objects.clear();
     local_map_.scan = {};
     local_map_.boundary.clear();
+    if (appearance_) local_map_.appearance = appearance_->skip();
   }
   adapters::toWire(local_map_, runClock(context_.options), sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
   reportFault();
+}
+
+void LocalMapperService::addAppearance(const local_mapper::Frame& frame) {
+  if (!appearance_) return;
+  local_map_.appearance = local_map_.state == FrameState::kOk
+                              ? appearance_->process(frame.acquired_ns, frame.image, local_map_.motion)
+                              : appearance_->skip();
 }
 
 void LocalMapperService::reportFault() {

@@ -11,6 +11,7 @@
 #include "common/inlet.h"
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
+#include "local_mapper/appearance_source.h"
 #include "local_mapper/debug_images.h"
 #include "local_mapper/laser_service.h"
 #include "local_mapper/local_mapper.h"
@@ -43,6 +44,7 @@ class LocalMapperService : public bus::Service {
   bool pull();
   void takeSideInputs();
   void process(const bus::FrameView& view);
+  void addAppearance(const local_mapper::Frame& frame);
   void joinLaser();
   void reportLens();
   void reportOcclusion();
@@ -63,6 +65,7 @@ class LocalMapperService : public bus::Service {
   motion::WheelIntegrator integrator_;
   local_mapper::WheelCheck wheel_check_{camera_.robot};
   local_mapper::LocalMapper mapper_;
+  std::optional<local_mapper::AppearanceSource> appearance_;
   std::optional<laser::LaserMapper> laser_;
   TimeNs laser_age_ns_;
   std::optional<LaserInput> scan_;  ///< the latest

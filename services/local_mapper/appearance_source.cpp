@@ -1,0 +1,95 @@
+#include "local_mapper/appearance_source.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "appearance/stored_signature.h"
+
+namespace omnifleet::local_mapper {
+
+AppearanceOptions AppearanceOptions::read(const options::Section& section) {
+  AppearanceOptions o;
+  section.read("use", o.use);
+  std::string places = "distance";
+  section.read("places", places, {"every", "distance", "difference"});
+  o.places = places == "every"      ? PlacePolicy::kEvery
+             : places == "distance" ? PlacePolicy::kDistance
+                                    : PlacePolicy::kDifference;
+  section.read("every", o.every, {1, 10000});
+  section.read("distance_m", o.distance_m, options::kPositive);
+  section.read("turn_rad", o.turn_rad, options::kPositive);
+  section.read("difference", o.difference, options::kPositive);
+  o.panorama = appearance::PanoramaOptions::read(section.child("panorama"));
+  o.signature = appearance::SignatureOptions::read(section.child("signature"));
+  o.compass = appearance::CompassOptions::read(section.child("compass"));
+  section.finish();
+  return o;
+}
+
+AppearanceSource::AppearanceSource(const lens::Camera& camera, const AppearanceOptions& options)
+    : options_(options),
+      unwrapper_(appearance::Unwrapper::fromCamera(camera, options.panorama)),
+      maker_(unwrapper_, options.signature),
+      compass_(options.compass) {
+  appearance_.format = maker_.format();
+}
+
+const Appearance& AppearanceSource::skip() {
+  previous_ns_ = 0;
+  appearance_.since_ns = 0;
+  appearance_.turn_rad = appearance_.turn_sigma_rad = 0.0;
+  appearance_.confidence = appearance_.difference = 0.0f;
+  appearance_.signature.bytes.clear();
+  appearance_.signature.scale.clear();
+  return appearance_;
+}
+
+bool AppearanceSource::isPlace(const Motion& wheels) const {
+  if (last_place_.empty()) return true;
+  if (options_.places == PlacePolicy::kEvery) return frames_since_place_ >= options_.every;
+  if (options_.places == PlacePolicy::kDistance && wheels.valid)
+    return way_m_ >= options_.distance_m || turn_rad_ >= options_.turn_rad;
+  return appearance::difference(signature_, last_place_) >= options_.difference;
+}
+
+const Appearance& AppearanceSource::process(TimeNs acquired_ns, const cv::Mat& image, const Motion& wheels) {
+  const TimeNs since_ns = previous_ns_;
+  skip();
+  unwrapper_.unwrap(image, panorama_);
+  maker_.compute(panorama_, signature_);
+  compass_.prepare(signature_, view_);
+  if (since_ns != 0) {
+    appearance::TravelHint hint;
+    if (wheels.valid && wheels.since_ns == since_ns) {
+      const Pose2& way = wheels.previous_from_current;
+      hint.distance_m = way.translation().norm();
+      // In the frame halfway between both headings; a robot with differential drive goes along its x axis.
+      if (way.x_m < 0) hint.bearing_rad = M_PI;
+    }
+    const appearance::CompassResult found = compass_.compare(previous_, view_, hint);
+    appearance_.since_ns = since_ns;
+    appearance_.turn_rad = found.turn_rad;
+    appearance_.turn_sigma_rad = found.valid ? found.sigma_rad : 0.0;
+    appearance_.confidence = static_cast<float>(found.confidence);
+    appearance_.difference = static_cast<float>(appearance::difference(previous_signature_, signature_));
+  }
+  if (wheels.valid) {
+    way_m_ += wheels.previous_from_current.translation().norm();
+    turn_rad_ += std::abs(wheels.previous_from_current.theta_rad);
+  }
+  ++frames_since_place_;
+  if (isPlace(wheels)) {
+    appearance_.signature = appearance::store(signature_);
+    last_place_ = signature_;
+    frames_since_place_ = 0;
+    way_m_ = turn_rad_ = 0.0;
+  }
+  previous_ns_ = acquired_ns;
+  std::swap(previous_, view_);
+  std::swap(previous_signature_, signature_);
+  return appearance_;
+}
+
+}  // namespace omnifleet::local_mapper
