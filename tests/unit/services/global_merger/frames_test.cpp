@@ -239,6 +239,7 @@ TEST_F(Frames, PosesInTheCommonFrameStayCausal) {
   add(20, 9.1, "r2");
   add(30, 1.3, "");
   add(30, 7.7, "");    // not causal
+  add(30, 7.8, "r2");  // likewise: the pose of this time is known
   add(40, 9.9, "r3");  // the frame of another robot: no place here
   correct(10, 1.1, 1);
   correct(10, 1.15, 2);  // the one that the map uses
