@@ -1,0 +1,104 @@
+// The visual compass and the distance of signatures as motion of the estimator.
+#include "estimation/appearance_motion.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "estimation/estimator.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr TimeNs kImage_ns = 200000000;
+
+TEST(DifferenceScale, LearnsMetresPerUnit) {
+  DifferenceScale scale;
+  EXPECT_FALSE(scale.lengthOf(0.1));
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.005);
+  for (int i = 0; i < 100; ++i) {
+    const double difference = 0.1 + 0.001 * i;
+    scale.add(0.4 * difference + noise(random), difference);
+  }
+  ASSERT_TRUE(scale.isMetric());
+  const auto length = scale.lengthOf(0.2);
+  ASSERT_TRUE(length);
+  EXPECT_NEAR(length->m, 0.08, 0.002);  // 50 steps of 5 mm noise
+  EXPECT_NEAR(length->sigma_m, 0.005, 0.0015);
+}
+
+TEST(DifferenceScale, IsFreeWhereTheOptionsSaySo) {
+  AppearanceOptions options;
+  options.free_scale = true;
+  const DifferenceScale scale(options);
+  ASSERT_TRUE(scale.lengthOf(0.25));
+  EXPECT_EQ(scale.lengthOf(0.25)->m, 0.25);
+  EXPECT_FALSE(scale.isMetric());
+}
+
+struct CompassRun {
+  double heading_error_rad = 0.0, sigma_rad = 0.0;
+};
+
+/// A robot without scans whose wheels' turns err by 10 %, or that has none, drives a circle.
+CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
+  RobotSetup setup;
+  setup.name = "r1";
+  setup.body.radius_m = 0.1;
+  setup.body.wheel_separation_m = 0.2;
+  setup.initial_pose = Pose2{};
+  FleetEstimator estimator({setup}, {});
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0.0, 0.002);
+  Pose2 truth;
+  CompassRun run;
+  for (int i = 0; i < 60; ++i) {
+    const Pose2 step{0.05, 0.0, 0.06};
+    if (i > 0) truth = truth * step;
+    Objects frame;
+    frame.robot = "r1";
+    frame.acquired_ns = (i + 1) * kImage_ns;
+    frame.sequence = static_cast<std::uint32_t>(i);
+    frame.motion.since_ns = frame.acquired_ns - kImage_ns;
+    frame.motion.valid = wheels && i > 0;
+    if (wheels && i > 0) {
+      frame.motion.previous_from_current = {step.x_m, 0.0, 1.1 * step.theta_rad};
+      frame.motion.covariance = Eigen::Vector3d(1e-5, 1e-5, 4e-5).asDiagonal();
+    }
+    if (compass && i > 0) {
+      frame.appearance.since_ns = frame.motion.since_ns;
+      frame.appearance.turn_rad = step.theta_rad + noise(random);
+      frame.appearance.turn_sigma_rad = 0.002;
+      frame.appearance.confidence = static_cast<float>(confidence);
+    }
+    const auto poses = estimator.process(frame.acquired_ns, {&frame}, {});
+    estimator.refine();
+    run.heading_error_rad = std::abs(wrapAngle(poses[0].map_from_base.theta_rad - truth.theta_rad));
+    run.sigma_rad = std::sqrt(poses[0].covariance(2, 2));
+  }
+  return run;
+}
+
+TEST(VisualCompass, CorrectsHeadingsOfWheelsThatSlip) {
+  const CompassRun without = driveByCompass(true, false, 0.9), with = driveByCompass(true, true, 0.9);
+  EXPECT_GT(without.heading_error_rad, 0.2);
+  EXPECT_LT(with.heading_error_rad, 0.06);  // 59 steps of 2 mrad are 15 mrad; the wheels pull by a tenth
+  EXPECT_LT(with.sigma_rad, without.sigma_rad);
+}
+
+TEST(VisualCompass, KeepsTheHeadingOfARobotWithoutWheels) {
+  const CompassRun with = driveByCompass(false, true, 0.9);
+  EXPECT_LT(with.heading_error_rad, 3.0 * with.sigma_rad + 0.005);
+  EXPECT_LT(with.heading_error_rad, 0.06);
+}
+
+TEST(VisualCompass, IsNotUsedWhereItsConfidenceIsLow) {
+  const CompassRun without = driveByCompass(true, false, 0.9), low = driveByCompass(true, true, 0.1);
+  EXPECT_EQ(low.heading_error_rad, without.heading_error_rad);
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
