@@ -8,6 +8,8 @@
 namespace omnifleet::estimation {
 namespace {
 
+constexpr double kSameFrame = 1e-6;  // m², rad²: (1 mm)², (1 mrad)²
+
 /// Publishes a frame of the own window in this map. @param map_from_own at that frame
 void adoptStep(FleetState& fleet, RobotNode& robot, const RobotNode& theirs, const Step& step,
                const Pose2& map_from_own, const FleetState& own) {
@@ -65,7 +67,10 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   frame.sequence = newest.sequence;
   fleet.release(robot);
   fleet.place(robot, frame, here * own_from_base);
-  const Eigen::Matrix3d to_keyframe = aid.anchor ? aid.anchor->covariance : covariance;
+  // A frame that has just become a keyframe is that keyframe.
+  const Eigen::Matrix3d to_keyframe =
+      aid.anchor ? Eigen::Matrix3d(aid.anchor->covariance + kSameFrame * Eigen::Matrix3d::Identity())
+                 : covariance;
   fleet.graph.addFactor(absolutePoseFactor(here * own_from_base, to_keyframe), {robot.window.back().pose});
   robot.window.back().previous_from_current = newest.previous_from_current;
   robot.window.back().since_ns = newest.since_ns;
