@@ -290,7 +290,7 @@ ParallaxFit::Result ParallaxFit::solve(const View& from, const View& to, double 
                floor = options_.sigma_floor_deg * kDegree;
   result.sectors = sectorsWithContrast(std::sqrt(from.norm * to.norm));
   const double few = std::max(1.0, options_.fewest_sectors / std::max(result.sectors, 1)),
-               mismatch = 1.0 + std::pow((1.0 - result.match) / options_.mismatch, 1.5);
+               mismatch = 1.0 + std::pow(std::max(0.0, 1.0 - result.match) / options_.mismatch, 1.5);
   result.sigma_rad = few * few * few * mismatch * std::sqrt(fit * fit + model * model + floor * floor);
   result.valid = std::isfinite(result.turn_rad) && std::isfinite(result.sigma_rad);
   return result;
