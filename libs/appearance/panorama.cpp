@@ -12,7 +12,7 @@ namespace omnifleet::appearance {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr double kPixelsPerSample = 2.0;  ///< px: a cell of this width is still represented by one pixel
+constexpr double kPixelsPerSample = 3.0;  ///< px: a cell of this width is still represented by one pixel
 
 constexpr double kRim_px = 1.5;  ///< px: width of the mixed rim
 
@@ -87,6 +87,13 @@ double seenElevation(const CameraPixels& pixels, double least, double most) {
   return most;
 }
 
+PixelSample sampleAt(const Eigen::Vector2d& pixel, const cv::Size& image) {
+  auto x = std::clamp<long>(std::lround(pixel.x()), 0, image.width - 1);
+  const auto y = std::clamp<long>(std::lround(pixel.y()), 0, image.height - 1);
+  if (y == image.height - 1 && x == image.width - 1 && x > 0) --x;  // see averagePixels()
+  return {static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)};
+}
+
 /// Samples along one axis of a cell that is `extent_px` long.
 int samplesFor(double extent_px, int max_samples) {
   return std::clamp(static_cast<int>(std::ceil(extent_px / kPixelsPerSample)), 1, max_samples);
@@ -102,7 +109,8 @@ PanoramaOptions PanoramaOptions::read(const options::Section& section) {
   section.read("most_elevation_deg", o.most_elevation_deg, {-90.0, 90.0});
   section.read("max_samples", o.max_samples, {1, 8});
   section.read("hidden_deg", o.hidden_deg, {-360.0, 720.0});
-  if (o.columns % 4 != 0) section.fail("columns", fmt::format("must be a multiple of 4, got {}", o.columns));
+  if (o.columns % kBlockColumns != 0)
+    section.fail("columns", fmt::format("must be a multiple of {}, got {}", kBlockColumns, o.columns));
   if (!(o.least_elevation_deg < o.most_elevation_deg))
     section.fail("least_elevation_deg", "must be below most_elevation_deg");
   if (o.hidden_deg.size() % 2 != 0) section.fail("hidden_deg", "needs pairs of bearings (begin, end)");
@@ -113,6 +121,10 @@ PanoramaOptions PanoramaOptions::read(const options::Section& section) {
 template <typename PixelOf>
 Unwrapper Unwrapper::build(const cv::Size& image, const PanoramaOptions& options, double least_rad,
                            double most_rad, std::string camera, const PixelOf& pixelOf) {
+  if (options.columns % kBlockColumns != 0 || image.width < 2 || image.width > UINT16_MAX ||
+      image.height > UINT16_MAX)
+    throw options::Error(fmt::format("panorama: {} columns (a multiple of {} is needed) of an image of {}x{}",
+                                     options.columns, kBlockColumns, image.width, image.height));
   Unwrapper u;
   u.image_ = image;
   u.camera_ = std::move(camera);
@@ -137,18 +149,18 @@ Unwrapper Unwrapper::build(const cv::Size& image, const PanoramaOptions& options
             along = samplesFor(std::min(along_px, 0.5 * image.width), options.max_samples);
   u.samples_per_cell_ = across * along;
   u.samples_.reserve(static_cast<std::size_t>(options.rows * options.columns * u.samples_per_cell_));
-  for (int row = 0; row < options.rows; ++row) {
-    for (int column = 0; column < options.columns; ++column) {
-      bool valid = true;
-      for (int k = 0; k < u.samples_per_cell_; ++k) {
-        const auto pixel =
-            at(row + (k / along + 0.5) / across - 0.5, column + (k % along + 0.5) / along - 0.5);
-        valid = valid && pixel;
-        const Eigen::Vector2d p = pixel.value_or(Eigen::Vector2d::Zero());
-        u.samples_.push_back({static_cast<std::uint16_t>(std::max(0L, std::lround(p.x()))),
-                              static_cast<std::uint16_t>(std::max(0L, std::lround(p.y())))});
+  for (int block = 0; block < options.columns; block += kBlockColumns) {
+    for (int row = 0; row < options.rows; ++row) {
+      for (int column = block; column < block + kBlockColumns; ++column) {
+        bool valid = true;
+        for (int k = 0; k < u.samples_per_cell_; ++k) {
+          const auto pixel =
+              at(row + (k / along + 0.5) / across - 0.5, column + (k % along + 0.5) / along - 0.5);
+          valid = valid && pixel;
+          u.samples_.push_back(sampleAt(pixel.value_or(Eigen::Vector2d::Zero()), image));
+        }
+        u.valid_(row, column) = valid ? 255 : 0;
       }
-      u.valid_(row, column) = valid ? 255 : 0;
     }
   }
   u.hide(options.hidden_deg);

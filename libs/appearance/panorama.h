@@ -14,7 +14,7 @@ namespace omnifleet::appearance {
 
 struct PanoramaOptions {
   int rows = 64;
-  int columns = 512;
+  int columns = 512;  ///< a multiple of 16
   /// Degrees above the horizon of the camera: edges of the band. If the lens ends below the upper edge, the
   /// band of a camera moves down without changing its height.
   double least_elevation_deg = -12.0, most_elevation_deg = 2.5;
@@ -78,7 +78,7 @@ class Unwrapper {
   std::string camera_;
   double least_rad_ = 0.0, most_rad_ = 0.0;
   int samples_per_cell_ = 1;
-  std::vector<PixelSample> samples_;  ///< per cell, row by row
+  std::vector<PixelSample> samples_;  ///< per cell, in the order of averagePixels()
   cv::Mat1b valid_;
   std::vector<Gap> gaps_;
 };
