@@ -4,9 +4,12 @@
 
 namespace omnifleet::appearance {
 
-KeyframePolicy KeyframePolicy::read(const options::Section& section) {
-  KeyframePolicy p;
-  std::string rule = "difference";
+KeyframePolicy KeyframePolicy::read(const options::Section& section, const KeyframePolicy& defaults) {
+  KeyframePolicy p = defaults;
+  std::string rule = p.rule == KeyframeRule::kEveryImage ? "every_image"
+                     : p.rule == KeyframeRule::kEveryNth ? "every_nth"
+                     : p.rule == KeyframeRule::kDistance ? "distance"
+                                                         : "difference";
   section.read("rule", rule, {"every_image", "every_nth", "distance", "difference"});
   p.rule = rule == "every_image" ? KeyframeRule::kEveryImage
            : rule == "every_nth" ? KeyframeRule::kEveryNth

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 #include <charconv>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr char kTitle[] = "# omnifleet topological map 1\n";
 constexpr char kSignaturesTitle[] = "omnifleet signatures 1\n";
+constexpr char kMapFrame[] = "map";  // written for the empty name of the common frame
 constexpr char kGraphSum[] = "graph ", kSignaturesSum[] = "# signatures ", kSum[] = "# sha256 ";
 /// Larger numbers of rows or frequencies are damage.
 constexpr int kMostPerSignature = 1 << 16;
@@ -29,22 +31,31 @@ std::string companionOf(const std::string& path) {
   throw std::runtime_error(fmt::format("{}: {}; the map is not read", path, problem));
 }
 
-/// Vertices and edges, with as many digits as a double needs.
-std::string graphText(const TopologicalMap& map) {
+/// Links to places of the same robot: the others are in no graph of this robot.
+std::vector<const PlaceLink*> linksOf(const SavedMap& map, const Place& place) {
+  std::vector<const PlaceLink*> links;
+  for (const PlaceLink& link : place.links)
+    if (link.robot == map.robot && link.index < map.places.size()) links.push_back(&link);
+  return links;
+}
+
+/// Vertices and edges, with as many digits as a double needs. A vertex has the number of its image.
+std::string graphText(const SavedMap& map) {
   std::string text = kTitle;
-  for (const Place& place : map.places()) {
+  for (const Place& place : map.places) {
     const Pose2& p = place.frame_from_base;
-    text += fmt::format("VERTEX_SE2 {} {:.17g} {:.17g} {:.17g}\n", place.index, p.x_m, p.y_m, p.theta_rad);
+    text += fmt::format("VERTEX_SE2 {} {:.17g} {:.17g} {:.17g}\n", place.sequence, p.x_m, p.y_m, p.theta_rad);
   }
-  text += "FIX 0\n";
-  for (const Place& place : map.places()) {
-    for (const PlaceLink& link : place.links) {
+  if (!map.places.empty()) text += fmt::format("FIX {}\n", map.places.front().sequence);
+  for (const Place& place : map.places) {
+    for (const PlaceLink* of : linksOf(map, place)) {
+      const PlaceLink& link = *of;
       const Pose2& p = link.this_from_other;
       const Eigen::Matrix3d i = link.covariance.inverse();
       text += fmt::format(
           "EDGE_SE2 {} {} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g}\n",
-          place.index, link.index, p.x_m, p.y_m, p.theta_rad, i(0, 0), i(0, 1), i(0, 2), i(1, 1), i(1, 2),
-          i(2, 2));
+          place.sequence, map.places[link.index].sequence, p.x_m, p.y_m, p.theta_rad, i(0, 0), i(0, 1),
+          i(0, 2), i(1, 1), i(1, 2), i(2, 2));
     }
   }
   return text;
@@ -57,21 +68,28 @@ std::string hex(const std::vector<std::uint8_t>& bytes) {
   return text;
 }
 
-std::string signaturesText(const TopologicalMap& map, const std::string& graph_sum) {
-  const SignatureFormat& f = map.format();
+std::string signaturesText(const SavedMap& map, const std::string& graph_sum) {
+  const SignatureFormat& f = map.format;
   std::string text = kSignaturesTitle;
   text += kGraphSum + graph_sum + "\n";
-  text += fmt::format("robot {}\nframe {}\ncamera {}\n", map.robot(), map.frame(), f.camera);
-  text += fmt::format("scale {} {:.17g} {:.17g}\n", map.scale().metric ? 1 : 0, map.scale().metres,
-                      map.scale().sigma_metres);
+  text += fmt::format("robot {}\nframe {}\ncamera {}\n", map.robot, map.frame.empty() ? kMapFrame : map.frame,
+                      f.camera);
+  text += fmt::format("scale {} {:.17g} {:.17g}\n", map.scale.metric ? 1 : 0, map.scale.metres,
+                      map.scale.sigma_metres);
   text += fmt::format("format {} {} {} {} {} {:.9g} {:.9g}\n", f.rows, f.columns, f.stored_rows,
                       f.stored_modules, f.stored_phases, f.least_elevation_rad, f.most_elevation_rad);
-  text += fmt::format("places {}\n", map.places().size());
-  for (const Place& place : map.places()) {
+  text += fmt::format("places {}\n", map.places.size());
+  for (const Place& place : map.places) {
     text += fmt::format("place {} {} {}", place.index, place.acquired_ns, place.sequence);
     for (int k = 0; k < 9; ++k) text += fmt::format(" {:.17g}", place.covariance(k / 3, k % 3));
-    text += fmt::format(" {}", place.links.size());
-    for (const PlaceLink& link : place.links) text += link.closes_loop ? " loop" : " step";
+    const std::vector<const PlaceLink*> links = linksOf(map, place);
+    text += fmt::format(" {}", links.size());
+    for (const PlaceLink* link : links) text += link->closes_loop ? " loop" : " step";
+    if (place.signature.bytes.empty()) {
+      text += " unsigned\n";
+      continue;
+    }
+    text += " signature";
     for (const float scale : place.signature.scale) text += fmt::format(" {:.9g}", scale);
     text += " " + hex(place.signature.bytes) + "\n";
   }
@@ -149,6 +167,7 @@ void readHeader(Fields& fields, SavedMap& map) {
   map.robot = fields.restOfLine();
   fields.expect("frame");
   map.frame = fields.restOfLine();
+  if (map.frame == kMapFrame) map.frame.clear();
   fields.expect("camera");
   map.format.camera = fields.restOfLine();
   fields.expect("scale");
@@ -181,6 +200,12 @@ void readPlaces(Fields& fields, SavedMap& map) {
     for (int k = 0; k < 9; ++k) place.covariance(k / 3, k % 3) = fields.take<double>();
     place.links.resize(static_cast<std::size_t>(fields.count(kMostPerSignature)));
     for (PlaceLink& link : place.links) link.closes_loop = fields.take<std::string>() == "loop";
+    const auto has = fields.take<std::string>();
+    if (has != "signature" && has != "unsigned") refuse(fields.path(), "a signature is malformed");
+    if (has == "unsigned") {
+      map.places.push_back(std::move(place));
+      continue;
+    }
     for (int row = 0; row < format.stored_rows; ++row) place.signature.scale.push_back(fields.take<float>());
     place.signature.bytes = bytesFromHex(
         fields, format.stored_rows * (std::size_t{format.stored_modules} + format.stored_phases));
@@ -203,19 +228,25 @@ void readGraph(Fields& fields, SavedMap& map) {
   fields.restOfLine();  // the title
   for (Place& place : map.places) {
     fields.expect("VERTEX_SE2");
-    if (fields.take<std::uint32_t>() != place.index)
+    if (fields.take<std::uint32_t>() != place.sequence)
       refuse(fields.path(), "the vertices are not those of the places");
     place.frame_from_base = takePose(fields);
   }
-  fields.expect("FIX");
-  fields.expect("0");
+  std::map<std::uint32_t, std::uint32_t> index_of;  // by the number of the image
+  for (const Place& place : map.places) index_of[place.sequence] = place.index;
+  if (index_of.size() != map.places.size()) refuse(fields.path(), "two places are of one image");
+  if (!map.places.empty()) {
+    fields.expect("FIX");
+    fields.expect(std::to_string(map.places.front().sequence));
+  }
   for (Place& place : map.places) {
     for (PlaceLink& link : place.links) {
       fields.expect("EDGE_SE2");
-      if (fields.take<std::uint32_t>() != place.index)
+      if (fields.take<std::uint32_t>() != place.sequence)
         refuse(fields.path(), "the edges are not those of the places");
-      link.index = fields.take<std::uint32_t>();
-      if (link.index >= map.places.size()) refuse(fields.path(), "an edge ends at an unknown place");
+      const auto other = index_of.find(fields.take<std::uint32_t>());
+      if (other == index_of.end()) refuse(fields.path(), "an edge ends at an unknown place");
+      link.index = other->second;
       link.robot = map.robot;
       link.this_from_other = takePose(fields);
       Eigen::Matrix3d information;
@@ -231,7 +262,11 @@ void readGraph(Fields& fields, SavedMap& map) {
 
 }  // namespace
 
-void saveMap(const std::string& path, const TopologicalMap& map) {
+SavedMap contentOf(const TopologicalMap& map) {
+  return {map.robot(), map.frame(), map.scale(), map.format(), map.places()};
+}
+
+void saveMap(const std::string& path, const SavedMap& map) {
   const std::string graph = graphText(map);
   std::string signatures = signaturesText(map, checksum(graph));
   signatures += kSum + checksum(signatures) + "\n";

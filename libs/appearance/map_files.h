@@ -15,11 +15,16 @@ struct SavedMap {
   std::vector<Place> places;
 };
 
-/// Writes PATH, a g2o text (VERTEX_SE2, EDGE_SE2; links from the later to the earlier place), and
-/// PATH.signatures with the signatures, the times and what else g2o cannot hold. Each file has a SHA-256, and
-/// each names that of the other, so files of different maps do not combine. Both are written atomically.
-/// Throws std::runtime_error.
-void saveMap(const std::string& path, const TopologicalMap& map);
+SavedMap contentOf(const TopologicalMap& map);
+
+/// Writes PATH, a g2o text (VERTEX_SE2, whose number is that of the image in its stream; EDGE_SE2 from the
+/// later to the earlier place; links to places of other robots are left out), and PATH.signatures with the
+/// signatures, the times and what else g2o cannot hold. Each file has a SHA-256, and each names that of the
+/// other, so files of different maps do not combine. Both are written atomically. Throws std::runtime_error.
+void saveMap(const std::string& path, const SavedMap& map);
+inline void saveMap(const std::string& path, const TopologicalMap& map) {
+  saveMap(path, contentOf(map));
+}
 
 /// Throws std::runtime_error that names the file and the problem if a file is missing, cut short or altered,
 /// or if the two do not belong together. Nothing is read in part.

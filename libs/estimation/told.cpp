@@ -86,10 +86,11 @@ std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& st
 }
 
 /// A frame with a signature becomes a node of the topological map when its pose is final.
-void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step) {
+/// @param is_last of the run: it always becomes one, if there are any
+void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool is_last) {
   robot.way_since_place =
       composeCovariance(robot.way_since_place, step.previous_from_current, step.motion_covariance);
-  if (!step.appearance) return;
+  if (!step.appearance && !(is_last && !robot.places.places().empty())) return;
   Place place;
   place.robot = robot.setup.name;
   place.acquired_ns = step.time_ns;
@@ -97,8 +98,8 @@ void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step) {
   place.frame_from_base = fleet.pose(step.pose);
   place.covariance = robot.covariance;
   place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
-  place.format = step.appearance->format;
-  place.signature = step.appearance->signature;
+  place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
+  if (step.appearance) place.signature = step.appearance->signature;
   robot.places.add(std::move(place), keyframeOf(robot, step), fleet.keyframes, robot.way_since_place);
   robot.way_since_place.setZero();
 }
@@ -148,8 +149,10 @@ void reviseTold(FleetState& fleet, bool last) {
       const Step& step = robot.window[i];
       if (step.told) remember(fleet, robot, step, revise(fleet, robot, step));
     }
-    for (std::size_t i = 0; i < leaving; ++i)
-      if (robot.window[i].told) rememberPlace(fleet, robot, robot.window[i]);
+    for (std::size_t i = 0; i < leaving; ++i) {
+      const bool is_last = last && i + 1 == robot.window.size();
+      if (robot.window[i].told) rememberPlace(fleet, robot, robot.window[i], is_last);
+    }
   }
 }
 

@@ -65,7 +65,7 @@ int expectedReaders(const Fleet& fleet, const std::string& topic, const std::str
   if (topic == "formation/state") return std::max(0, formations - 1);  // all other formations
   if (topic == "map/contribution" || topic == "map/keyframe_pose") return replicas;
   // The replica that saves. Late joiners get the latest sample, but a short run might end before it joins.
-  if (topic == "alignment") return 1;
+  if (topic == "alignment" || topic == "place") return 1;
   if (topic == "world/truth") {
     return static_cast<int>(
         std::count_if(fleet.cameras.begin(), fleet.cameras.end(), [&](const CameraSpec& camera) {

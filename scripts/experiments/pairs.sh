@@ -8,11 +8,10 @@
 #        defaults: --seeds 1000-1099, --out out/pairs, --jobs 1 (each seed uses all cores), --width 640; --quick: only
 #        the first four seeds. OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
 # A row: status of r2 in merge.json; verdict: right, missed (same room, no match), WRONG (matched in another room, or
-# in the same room with a mean error above 5 cm or 1.5 degrees), LEAK (not matched, but the common map differs from
-# that of r1 alone in 100 cells or more: one frame of r2 has hundreds, while r1's own poses, which change by up to
-# a few millimetres with another robot in the fleet, change a few dozen); time of the match as a share of the run; mean
-# errors of r2's poses from then on; cells of the common map that differ from r1's alone (other rooms only); share of
-# r2's frames within 0.8 m of r1's path.
+# in the same room with a mean error above 5 cm or 1.5 degrees), LEAK (not matched, but r2 has a path in the common
+# map or observed an object of it); time of the match as a share of the run; mean errors of r2's poses from then on;
+# cells of the common map that differ from a run of r1 alone (other rooms only; some dozens, because with another robot
+# in the fleet an object may be that robot); share of r2's frames within 0.8 m of r1's path.
 . "$(dirname "$0")/../common.sh"
 
 out="$root/out/pairs" first=1000 last=1099 quick=0 jobs=1 width=640
@@ -25,7 +24,7 @@ while [ $# -gt 0 ]; do
     --jobs) jobs="${2:?--jobs needs a number}"; shift 2 ;;
     --width) width="${2:?--width needs a number of pixels}"; shift 2 ;;
     --quick) quick=1; shift ;;
-    -h|--help) sed -n '2,15p' "$0" | cut -c3-; exit 0 ;;
+    -h|--help) sed -n '2,14p' "$0" | cut -c3-; exit 0 ;;
     *) say "pairs.sh: unknown option $1"; exit 2 ;;
   esac
 done
@@ -121,7 +120,7 @@ row_of() {
     verdict=missed
   else
     verdict=right
-    [ "$cells" = - ] || [ "$cells" -lt 100 ] || verdict=LEAK
+    ! grep -q '"r2"' "$run/objects.geojson" || verdict=LEAK
   fi
   local overlap
   overlap="$(awk -F '[:,]' '/"overlap"/ { printf "%.2f", $2 }' "$truth/pair.json")"

@@ -15,9 +15,12 @@ MapSaver::MapSaver(std::string out, const fleet::Fleet& fleet) : out_(std::move(
 }
 
 void MapSaver::save(const global_merger::Merger& common, const global_merger::OwnMaps& own,
-                    const std::map<std::string, Alignment>& alignments, bus::StatusBoard& status) {
+                    const std::map<std::string, Alignment>& alignments,
+                    const global_merger::PlaceFiles& places, bus::StatusBoard& status) {
   if (out_.empty()) return;
   std::vector<std::string> problems = common.saveAsFitted(out_);
+  std::vector<std::string> of_places = places.save(out_);  // before the folders of own maps are removed
+  std::move(of_places.begin(), of_places.end(), std::back_inserter(problems));
   std::vector<std::string> of_own = own.save(common, out_ + "/maps");
   std::move(of_own.begin(), of_own.end(), std::back_inserter(problems));
   try {

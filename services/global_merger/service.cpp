@@ -73,6 +73,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
       own_maps_(publishes_ ? fleet.locatedRobots() : std::vector<std::string>{},
                 [context, fleet](const std::string& robot) { return emptyMap(context, fleet, robot); }),
       alignments_(context, fleet, publishes_, ends_),
+      places_(context, fleet, publishes_, ends_),
       saver_(context.options.out, fleet) {
   if (fleet.maps(robot_) || fleet.robot(robot_).has_observations) {
     objects_.emplace(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
@@ -129,6 +130,7 @@ bool GlobalMergerService::pull() {
     }) > 0;
   }
   any |= alignments_.pull(status());
+  any |= places_.pull(status());
   return pullSets() || any;
 }
 
@@ -248,7 +250,7 @@ bool GlobalMergerService::setsComplete() const {
     const bool has_waited = replication_ && set.announced && now - set.announced_at >= kOnTheWay;
     if (!set.complete() && !has_waited) return false;
   }
-  return replication_ || alignments_.complete();
+  return replication_ || (alignments_.complete() && places_.complete());
 }
 
 void GlobalMergerService::process() {
@@ -320,14 +322,15 @@ void GlobalMergerService::savePeriodically() {
   if (!publishes_ || context_.options.out.empty() || now - saved_at_ < kSavePeriod) return;
   saved_at_ = now;
   own_maps_.fit([this] { pause(); });
-  saver_.save(replica_, own_maps_, alignments_.latest(), status());
+  saver_.save(replica_, own_maps_, alignments_.latest(), places_.files(), status());
 }
 
 void GlobalMergerService::saveFinally() {
   if (!publishes_) return;
   alignments_.pull(status());
+  places_.pull(status());
   replica_.outlines();
-  saver_.save(replica_, own_maps_, alignments_.latest(), status());
+  saver_.save(replica_, own_maps_, alignments_.latest(), places_.files(), status());
 }
 
 /// The set is complete: decides what is still undecided.

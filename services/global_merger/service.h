@@ -15,6 +15,7 @@
 #include "global_merger/map_saver.h"
 #include "global_merger/merger.h"
 #include "global_merger/own_maps.h"
+#include "global_merger/places.h"
 #include "global_merger/replication.h"
 
 namespace omnifleet::services {
@@ -84,6 +85,7 @@ class GlobalMergerService : public bus::Service {
   global_merger::Merger replica_;  ///< the common map
   global_merger::OwnMaps own_maps_;
   Alignments alignments_;
+  Places places_;
   MapSaver saver_;
   std::optional<Replication> replication_;  ///< live only: other modes lose no sample
   std::map<std::string, SetStream> sets_;

@@ -1,26 +1,22 @@
 #include "local_mapper/appearance_source.h"
 
-#include <algorithm>
 #include <cmath>
-#include <string>
 #include <utility>
 
 #include "appearance/stored_signature.h"
 
 namespace omnifleet::local_mapper {
 
+appearance::KeyframePolicy AppearanceOptions::byDistance() {
+  appearance::KeyframePolicy policy;
+  policy.rule = appearance::KeyframeRule::kDistance;
+  return policy;
+}
+
 AppearanceOptions AppearanceOptions::read(const options::Section& section) {
   AppearanceOptions o;
   section.read("use", o.use);
-  std::string places = "distance";
-  section.read("places", places, {"every", "distance", "difference"});
-  o.places = places == "every"      ? PlacePolicy::kEvery
-             : places == "distance" ? PlacePolicy::kDistance
-                                    : PlacePolicy::kDifference;
-  section.read("every", o.every, {1, 10000});
-  section.read("distance_m", o.distance_m, options::kPositive);
-  section.read("turn_rad", o.turn_rad, options::kPositive);
-  section.read("difference", o.difference, options::kPositive);
+  o.places = appearance::KeyframePolicy::read(section.child("places"), byDistance());
   o.panorama = appearance::PanoramaOptions::read(section.child("panorama"));
   o.signature = appearance::SignatureOptions::read(section.child("signature"));
   o.compass = appearance::CompassOptions::read(section.child("compass"));
@@ -46,12 +42,15 @@ const Appearance& AppearanceSource::skip() {
   return appearance_;
 }
 
-bool AppearanceSource::isPlace(const Motion& wheels) const {
+bool AppearanceSource::isPlace(bool measured) const {
   if (last_place_.empty()) return true;
-  if (options_.places == PlacePolicy::kEvery) return frames_since_place_ >= options_.every;
-  if (options_.places == PlacePolicy::kDistance && wheels.valid)
-    return way_m_ >= options_.distance_m || turn_rad_ >= options_.turn_rad;
-  return appearance::difference(signature_, last_place_) >= options_.difference;
+  appearance::KeyframePolicy policy = options_.places;
+  if (policy.rule == appearance::KeyframeRule::kDistance && !measured)
+    policy.rule = appearance::KeyframeRule::kDifference;
+  const double difference = policy.rule == appearance::KeyframeRule::kDifference
+                                ? appearance::difference(signature_, last_place_)
+                                : 0.0;
+  return policy.isKeyframe(images_, travelled_m_, difference);
 }
 
 const Appearance& AppearanceSource::process(TimeNs acquired_ns, const cv::Mat& image, const Motion& wheels) {
@@ -75,16 +74,13 @@ const Appearance& AppearanceSource::process(TimeNs acquired_ns, const cv::Mat& i
     appearance_.confidence = static_cast<float>(found.confidence);
     appearance_.difference = static_cast<float>(appearance::difference(previous_signature_, signature_));
   }
-  if (wheels.valid) {
-    way_m_ += wheels.previous_from_current.translation().norm();
-    turn_rad_ += std::abs(wheels.previous_from_current.theta_rad);
-  }
-  ++frames_since_place_;
-  if (isPlace(wheels)) {
+  if (wheels.valid) travelled_m_ += wheels.previous_from_current.translation().norm();
+  ++images_;
+  if (isPlace(wheels.valid)) {
     appearance_.signature = appearance::store(signature_);
     last_place_ = signature_;
-    frames_since_place_ = 0;
-    way_m_ = turn_rad_ = 0.0;
+    images_ = 0;
+    travelled_m_ = 0.0;
   }
   previous_ns_ = acquired_ns;
   std::swap(previous_, view_);

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <opencv2/core/mat.hpp>
-#include <optional>
 
 #include "appearance/compass.h"
+#include "appearance/keyframe_policy.h"
 #include "appearance/panorama.h"
 #include "appearance/signature.h"
 #include "lens/camera.h"
@@ -12,26 +12,16 @@
 
 namespace omnifleet::local_mapper {
 
-/// Which frames become places, i.e. nodes of the topological map.
-enum class PlacePolicy {
-  kEvery,       ///< each n-th frame; n = 1: Fernández et al. 2011, set 1
-  kDistance,    ///< after a distance by the wheels; without wheels as kDifference
-  kDifference,  ///< when the signature differs from that of the last place; set 2
-};
-
 struct AppearanceOptions {
   bool use = true;
-  PlacePolicy places = PlacePolicy::kDistance;
-  int every = 1;            ///< frames, policy every
-  double distance_m = 0.1;  ///< m, policy distance
-  double turn_rad = 0.5;    ///< rad, likewise: at the latest after this turn
-  double difference = 0.2;  ///< 1, policy difference: distance of the signatures, divided by their mean norm
+  /// Which frames become places. Without wheels the rule `distance` is `difference`.
+  appearance::KeyframePolicy places = byDistance();
   appearance::PanoramaOptions panorama;
   appearance::SignatureOptions signature;
   appearance::CompassOptions compass;
-  /// Keys: use, places (every, distance, difference), every, distance_m, turn_rad, difference; sections
-  /// panorama, signature, compass.
+  /// Keys: use; sections places, panorama, signature, compass.
   static AppearanceOptions read(const options::Section& section);
+  static appearance::KeyframePolicy byDistance();
 };
 
 /// The appearance of each frame of one camera: its panorama as a Fourier signature, the turn since the frame
@@ -50,7 +40,7 @@ class AppearanceSource {
   const cv::Mat1b& panorama() const { return panorama_; }
 
  private:
-  bool isPlace(const Motion& wheels) const;
+  bool isPlace(bool measured) const;
 
   AppearanceOptions options_;
   appearance::Unwrapper unwrapper_;
@@ -61,8 +51,8 @@ class AppearanceSource {
   appearance::Compass::View view_, previous_;
   appearance::Signature previous_signature_;
   TimeNs previous_ns_ = 0;
-  int frames_since_place_ = 0;
-  double way_m_ = 0.0, turn_rad_ = 0.0;  ///< since the last place
+  int images_ = 0;          ///< since the last place, …
+  double travelled_m_ = 0;  ///< … and the way by the wheels
   Appearance appearance_;
 };
 

@@ -435,9 +435,9 @@ void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses
 void LocalizerService::finish(const std::string& reason) {
   for (auto& [robot, outputs] : outputs_) {
     outputs.pose.end(ends_, reason);
-    outputs.alignment.end(ends_, reason);  // the merger waits for its last sample until corrections end
+    outputs.place.end(ends_, reason);  // the merger waits for these two until corrections end
+    outputs.alignment.end(ends_, reason);
     outputs.correction.end(ends_, reason);
-    outputs.place.end(ends_, reason);
     if (outputs.objects) outputs.objects->end(ends_, reason);
   }
 }

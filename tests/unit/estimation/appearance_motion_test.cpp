@@ -40,7 +40,8 @@ TEST(DifferenceScale, IsFreeWhereTheOptionsSaySo) {
 }
 
 struct CompassRun {
-  double heading_error_rad = 0.0, sigma_rad = 0.0;
+  bool valid = false;
+  double heading_error_rad = 0.0, sigma_rad = 0.0, error_m = 0.0, sigma_m = 0.0;
 };
 
 /// A robot without scans whose wheels' turns err by 10 %, or that has none, drives a circle.
@@ -50,7 +51,9 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
   setup.body.radius_m = 0.1;
   setup.body.wheel_separation_m = 0.2;
   setup.initial_pose = Pose2{};
-  FleetEstimator estimator({setup}, {});
+  EstimatorOptions options;
+  options.appearance.free_scale = !wheels;  // the difference of the signatures is in metres here
+  FleetEstimator estimator({setup}, options);
   std::mt19937 random(3);
   std::normal_distribution<double> noise(0.0, 0.002);
   Pose2 truth;
@@ -73,11 +76,15 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
       frame.appearance.turn_rad = step.theta_rad + noise(random);
       frame.appearance.turn_sigma_rad = 0.002;
       frame.appearance.confidence = static_cast<float>(confidence);
+      frame.appearance.difference = 0.05f;
     }
     const auto poses = estimator.process(frame.acquired_ns, {&frame}, {});
     estimator.refine();
     run.heading_error_rad = std::abs(wrapAngle(poses[0].map_from_base.theta_rad - truth.theta_rad));
     run.sigma_rad = std::sqrt(poses[0].covariance(2, 2));
+    run.error_m = (poses[0].map_from_base.translation() - truth.translation()).norm();
+    run.sigma_m = std::sqrt(poses[0].covariance.topLeftCorner<2, 2>().trace());
+    run.valid = poses[0].valid;
   }
   return run;
 }
@@ -89,10 +96,14 @@ TEST(VisualCompass, CorrectsHeadingsOfWheelsThatSlip) {
   EXPECT_LT(with.sigma_rad, without.sigma_rad);
 }
 
-TEST(VisualCompass, KeepsTheHeadingOfARobotWithoutWheels) {
+TEST(VisualCompass, MovesARobotWithoutWheels) {
   const CompassRun with = driveByCompass(false, true, 0.9);
-  EXPECT_LT(with.heading_error_rad, 3.0 * with.sigma_rad + 0.005);
+  EXPECT_TRUE(with.valid);
+  EXPECT_LT(with.heading_error_rad, 3.0 * with.sigma_rad);
   EXPECT_LT(with.heading_error_rad, 0.06);
+  EXPECT_LT(with.error_m, 3.0 * with.sigma_m);
+  EXPECT_LT(with.error_m, 0.1);                           // of 3 m
+  EXPECT_FALSE(driveByCompass(false, false, 0.9).valid);  // lost
 }
 
 TEST(VisualCompass, IsNotUsedWhereItsConfidenceIsLow) {
