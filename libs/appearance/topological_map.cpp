@@ -32,7 +32,7 @@ Eigen::Matrix3d ofInverse(const Pose2& pose, const Eigen::Matrix3d& covariance) 
 bool isFinite(const Transition& t) {
   return std::isfinite(t.turn_rad) && std::isfinite(t.turn_sigma_rad) && std::isfinite(t.difference) &&
          t.difference >= 0.0 && std::isfinite(t.displacement_m.value_or(0.0)) &&
-         std::isfinite(t.displacement_sigma_m);
+         std::isfinite(t.displacement_sigma_m) && std::isfinite(t.bearing_rad);
 }
 
 }  // namespace
@@ -105,7 +105,7 @@ PlaceLink TopologicalMap::linkOf(std::size_t index) const {
   const Transition& t = transitions_[index];
   const bool by_wheels = options_.use_wheels && t.displacement_m.has_value();
   const double length = by_wheels ? *t.displacement_m : scale_.metres * t.difference,
-               direction = options_.midway ? 0.5 * t.turn_rad : t.turn_rad,
+               direction = options_.midway ? 0.5 * t.turn_rad + t.bearing_rad : t.turn_rad,
                turn_sigma = t.turn_sigma_rad > 0.0 ? t.turn_sigma_rad : options_.unknown_turn_rad,
                along = std::max(by_wheels ? t.displacement_sigma_m : options_.difference_share * length,
                                 options_.least_sigma_m),

@@ -31,6 +31,9 @@ struct Transition {
   /// Wheels: signed length of the displacement (negative: backwards) and its σ, metres.
   std::optional<double> displacement_m;
   double displacement_sigma_m = 0.0;
+  /// Direction of the displacement in the frame halfway between both headings, as TravelHint::bearing_rad. A
+  /// robot that turns on the spot between two images does not move along it.
+  double bearing_rad = 0.0;
 };
 
 /// Metres per unit of D.

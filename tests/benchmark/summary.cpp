@@ -52,7 +52,6 @@ const Row kRows[] = {
     {"heap growth of 400 frames, distance vector, bytes", "distance_vector/frame", "heap_bytes", nullptr, "", 0},
     {"panorama 64x512 of 1280x960, p50 ms", "appearance/unwrap", "p50_ms", nullptr, "", 0.3},
     {"page faults of 400 frames, panorama", "appearance/unwrap", "minor_faults", nullptr, "", 0},
-    {"heap growth of 400 frames, panorama, bytes", "appearance/unwrap", "heap_bytes", nullptr, "", 0},
     {"appearance, nearest of 1000 places, p50 ms", "appearance/frame/1000", "p50_ms",
      "appearance/frame/1000/naive", "remap + dft", 0.6},
     {"appearance, nearest of 10000 places, p50 ms", "appearance/frame/10000", "p50_ms",

@@ -54,6 +54,18 @@ TEST(TopologicalMap, FollowsCircleExactlyWithDirectionMidway) {
   EXPECT_NEAR(map.places()[count / 2].frame_from_base.y_m, 2.0 * radius, 1e-9);
 }
 
+TEST(TopologicalMap, TakesDirectionOfDisplacement) {
+  // The robot drives 1 m ahead, then turns by 90° on the spot: the displacement has the old heading.
+  TopologicalMap map("r1", "r1", smallFormat());
+  map.add(0, 0, smallSignature(0), std::nullopt);
+  Transition t = turnAndDifference(M_PI / 2.0, 1.0);
+  t.displacement_m = 1.0;
+  t.bearing_rad = -M_PI / 4.0;
+  map.add(1, 1, smallSignature(1), t);
+  EXPECT_NEAR(map.places()[1].frame_from_base.x_m, 1.0, 1e-12);
+  EXPECT_NEAR(map.places()[1].frame_from_base.y_m, 0.0, 1e-12);
+}
+
 TEST(TopologicalMap, LearnsScaleFromWheelsAndReportsIt) {
   TopologicalMapOptions options;
   options.use_wheels = false;  // lengths from D alone
