@@ -21,6 +21,7 @@ CompassOptions CompassOptions::read(const options::Section& section) {
   section.read("confidence_offset", o.confidence_offset, {-100.0, 100.0});
   section.read("confidence_match", o.confidence_match, {-100.0, 100.0});
   section.read("confidence_sectors", o.confidence_sectors, {-100.0, 100.0});
+  section.read("unknown_bearing_share", o.unknown_bearing_share, {0.0, 10.0});
   section.read("least_confidence", o.least_confidence, {0.0, 1.0});
   o.parallax = ParallaxOptions::read(section.child("parallax"));
   section.finish();
@@ -143,7 +144,10 @@ CompassResult Compass::compare(const View& from, const View& to, const TravelHin
     }
     if (!best.valid) return result;
     result.turn_rad = best.turn_rad;
-    result.sigma_rad = best.sigma_rad;
+    const double bearing_sigma = hint.bearing_sigma_rad >= 0.0
+                                     ? hint.bearing_sigma_rad
+                                     : options_.unknown_bearing_share * std::abs(best.turn_rad);
+    result.sigma_rad = std::hypot(best.sigma_rad, best.turn_by_bearing * bearing_sigma);
     result.match = best.match;
     result.parallax_rad = best.parallax_rad;
     result.sectors = best.sectors;

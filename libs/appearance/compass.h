@@ -23,7 +23,8 @@ struct CompassOptions {
   ParallaxOptions parallax;
   // Confidence of the parallax method: 1/(1 + exp(−(offset + …))), see docs/methods/appearance.md.
   double confidence_offset = -17.0, confidence_match = 17.3, confidence_sectors = 4.5;
-  double least_confidence = 0.1;  ///< below, the compass gives no answer
+  double unknown_bearing_share = 0.4;  ///< σ of the direction of travel where unknown, as a share of the turn
+  double least_confidence = 0.1;       ///< below, the compass gives no answer
   /// Keys: method (literal, parallax) and the names above; section parallax.
   static CompassOptions read(const options::Section& section);
 };
@@ -33,6 +34,9 @@ struct TravelHint {
   /// Direction of the displacement in the frame halfway between both headings; 0: forward, as of a robot with
   /// differential drive.
   double bearing_rad = 0.0;
+  /// Its σ. Negative: unknown, as without wheels; a share of the turn is assumed, because the robot may turn
+  /// on the spot between the two images.
+  double bearing_sigma_rad = 0.02;
   /// Length of the displacement, metres; negative: unknown.
   double distance_m = -1.0;
 };

@@ -215,21 +215,37 @@ double ParallaxFit::matchOfSectors() const {
   return total > 0.0 ? sum / total : 0.0;
 }
 
+/// Change of the turn by residuals in one column, given their products with the gradient over the bearing and
+/// with the change by parallax.
+double ParallaxFit::turnBy(int column, double residual_gg, double residual_gt) const {
+  const float* u = basis_[kLast].data() + column * kBasis;
+  double series = 0.0;
+  for (int j = 0; j + 1 < parameters_; ++j) series += inverse_(0, j + 1) * static_cast<double>(u[j]);
+  return static_cast<double>(weight_[static_cast<std::size_t>(column)]) *
+         (inverse_(0, 0) * residual_gg + series * residual_gt);
+}
+
+/// ∂s/∂h = −p(b) cos(b − h).
+double ParallaxFit::turnByBearing() const {
+  double change = 0.0;
+  for (int c = 0; c < kColumns[kLast]; ++c) {
+    const auto k = static_cast<std::size_t>(c);
+    const double shift = -static_cast<double>(parallax_[k] * cosine_[k]);
+    change -= turnBy(c, static_cast<double>(sums_[k].gg) * shift, static_cast<double>(sums_[k].gt) * shift);
+  }
+  return change;
+}
+
 /// Root of the sum over the sectors of the squared change of the turn by a change of p in the sector that the
 /// series cannot follow.
 double ParallaxFit::sensitivity() const {
   const int columns = kColumns[kLast], per_sector = columns / kSectors;
-  const float* basis = basis_[kLast].data();
   double sum = 0.0;
   for (int sector = 0; sector < kSectors; ++sector) {
     double change = 0.0;
     for (int c = sector * per_sector; c < (sector + 1) * per_sector; ++c) {
       const ColumnSums& s = sums_[static_cast<std::size_t>(c)];
-      double series = 0.0;
-      for (int j = 0; j + 1 < parameters_; ++j)
-        series += inverse_(0, j + 1) * static_cast<double>(basis[c * kBasis + j]);
-      change += static_cast<double>(weight_[static_cast<std::size_t>(c)]) *
-                (inverse_(0, 0) * static_cast<double>(s.gt) + series * static_cast<double>(s.tt));
+      change += turnBy(c, static_cast<double>(s.gt), static_cast<double>(s.tt));
     }
     sum += change * change;
   }
@@ -288,6 +304,7 @@ ParallaxFit::Result ParallaxFit::solve(const View& from, const View& to, double 
   const double fit = options_.sigma_factor * std::sqrt(kOversampling * variance_ * inverse_(0, 0)),
                model = options_.sigma_share * result.parallax_rad * sensitivity(),
                floor = options_.sigma_floor_deg * kDegree;
+  result.turn_by_bearing = turnByBearing();
   result.sectors = sectorsWithContrast(std::sqrt(from.norm * to.norm));
   const double few = std::max(1.0, options_.fewest_sectors / std::max(result.sectors, 1)),
                mismatch = 1.0 + std::pow(std::max(0.0, 1.0 - result.match) / options_.mismatch, 1.5);

@@ -57,9 +57,10 @@ class ParallaxFit {
   struct Result {
     bool valid = false;
     double turn_rad = 0.0, sigma_rad = 0.0;
-    double match = 0.0;         ///< mean correlation of the sectors, weighted by their contrast; 0 … 1
-    double parallax_rad = 0.0;  ///< rms of p(b) sin(b − h)
-    int sectors = 0;            ///< number of the kSectors sectors that have contrast
+    double match = 0.0;            ///< mean correlation of the sectors, weighted by their contrast; 0 … 1
+    double parallax_rad = 0.0;     ///< rms of p(b) sin(b − h)
+    double turn_by_bearing = 0.0;  ///< change of the turn by a change of h, rad/rad
+    int sectors = 0;               ///< number of the kSectors sectors that have contrast
   };
 
   explicit ParallaxFit(const ParallaxOptions& options);
@@ -82,7 +83,9 @@ class ParallaxFit {
   double step(int band, double prior_sigma);
   double matchOfSectors() const;
   double parallax(int band) const;
+  double turnBy(int column, double residual_gg, double residual_gt) const;
   double sensitivity() const;
+  double turnByBearing() const;
   int sectorsWithContrast(double norm) const;
 
   ParallaxOptions options_;

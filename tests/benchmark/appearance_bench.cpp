@@ -109,7 +109,7 @@ class AppearanceFrame {
     compass_.prepare(signature_, now_);
     FrameAnswer answer;
     if (!before_.format.camera.empty())
-      answer.turn_rad = compass_.compare(before_, now_, {0.0, 0.05}).turn_rad;
+      answer.turn_rad = compass_.compare(before_, now_, {0.0, 0.02, 0.05}).turn_rad;
     answer.nearest = database_.nearest(signature_.format, appearance::store(signature_), 5).front().index;
     std::swap(before_, now_);
     return answer;

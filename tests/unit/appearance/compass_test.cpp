@@ -71,7 +71,7 @@ TEST(Compass, FindsRotationOnTheSpotWithinATenthOfADegree) {
     Compass compass;
     for (const double turn : {0.003, 0.05, 0.4, 1.234, -2.5}) {
       const CompassResult result =
-          compass.compare(before, signatureOf(room.panorama({0.4, -0.2, 0.1 + turn}, {})), {0.0, 0.0});
+          compass.compare(before, signatureOf(room.panorama({0.4, -0.2, 0.1 + turn}, {})), {0.0, 0.02, 0.0});
       sum += errorDeg(result, turn);
       largest = std::max(largest, errorDeg(result, turn));
       ++count;
@@ -140,7 +140,30 @@ TEST(Compass, TakesDirectionOfTravel) {
   const Signature before = signatureOf(room.panorama({0.0, 0.0, 0.0}, {}));
   const Signature after = signatureOf(room.panorama({0.0, 0.15, 0.3}, {}));  // to the left
   Compass compass;
-  EXPECT_LT(errorDeg(compass.compare(before, after, {M_PI / 2.0 - 0.15, 0.15}), 0.3), 0.25);
+  EXPECT_LT(errorDeg(compass.compare(before, after, {M_PI / 2.0 - 0.15, 0.02, 0.15}), 0.3), 0.25);
+}
+
+TEST(Compass, SigmaCoversUnknownDirectionOfTravel) {
+  // The robot drives 15 cm ahead and then turns on the spot, so the displacement is 0.5 rad off the mean
+  // heading.
+  double known = 0.0, unknown = 0.0;
+  constexpr int kRooms = 8;
+  for (unsigned seed = 1; seed <= kRooms; ++seed) {
+    const test::TexturedRoom room(seed);
+    const Signature before = signatureOf(room.panorama({0.3, -0.2, 0.4}, {}));
+    const Pose2 after = Pose2{0.3, -0.2, 0.4} * Pose2{0.15, 0.0, 1.0};
+    const Signature now = signatureOf(room.panorama(after, {}));
+    Compass compass;
+    const CompassResult right = compass.compare(before, now, {-0.5, 0.02, -1.0}),
+                        wrong = compass.compare(before, now, {0.0, -1.0, -1.0});
+    EXPECT_LT(errorDeg(right, 1.0), 0.5) << seed;
+    EXPECT_GT(wrong.sigma_rad, right.sigma_rad);
+    known += std::pow(wrapAngle(right.turn_rad - 1.0) / right.sigma_rad, 2) / kRooms;
+    unknown += std::pow(wrapAngle(wrong.turn_rad - 1.0) / wrong.sigma_rad, 2) / kRooms;
+  }
+  // NEES of one dimension; the χ² bound of 8 samples at 99.9 % is 3.3.
+  EXPECT_LT(known, 3.3);
+  EXPECT_LT(unknown, 3.3);
 }
 
 TEST(Compass, IgnoresExposure) {
