@@ -200,12 +200,12 @@ void MapAlignment::decide() {
   if (candidates_.empty()) return;
   const Candidate& best = candidates_.front();
   const double contradiction = best.overlap.contradiction();
-  result_.score = best.overlap.agree_m > 0 ? 1.0 - contradiction : 0.0;
+  result_.score = best.overlap.distinct_agree_m > 0 ? 1.0 - contradiction : 0.0;
   result_.map_from_own = best.map_from_own;
   result_.middle_m = middle_m_;
-  result_.reason = fmt::format("{:.1f} m of surfaces agree with the common map, {:.1f} m contradict",
-                               best.overlap.agree_m, best.overlap.contradict_m);
-  if (best.overlap.agree_m < options_.least_agree_m || best.matched < options_.least_matched) {
+  result_.reason = fmt::format("{:.1f} m of distinct surfaces agree with the common map, {:.1f} m contradict",
+                               best.overlap.distinct_agree_m, best.overlap.distinct_contradict_m);
+  if (best.overlap.distinct_agree_m < options_.least_agree_m || best.matched < options_.least_matched) {
     result_.reason += "; more must agree";
     return;
   }
@@ -221,7 +221,7 @@ void MapAlignment::decide() {
   for (std::size_t i = 1; i < candidates_.size(); ++i) {
     const Candidate& other = candidates_[i];
     if (other.overlap.contradiction() < options_.refused &&
-        other.overlap.agree_m > options_.rival * best.overlap.agree_m) {
+        other.overlap.distinct_agree_m > options_.rival * best.overlap.distinct_agree_m) {
       result_.reason += "; another relation fits as well";
       return;
     }

@@ -16,16 +16,16 @@
 namespace omnifleet::estimation {
 
 struct MapAlignmentOptions {
-  bool use = true;                ///< robots without an initial pose are matched with the map of the others
-  double least_agree_m = 5.0;     ///< m of surfaces that both maps must show alike
-  double most_contradict = 0.12;  ///< 1, share of the common surfaces that may contradict
-  double refused = 0.25;          ///< 1, share from which two maps that look alike are not one
-  double least_spread = 0.1;      ///< 1, of the surfaces' normals (Overlap::normals): not in a corridor
-  double rival = 0.6;             ///< 1, share of its surfaces at which another relation is as good
-  int least_matched = 3;          ///< keyframes of the robot that must match the others' scans
-  double min_matched = 0.4;       ///< 1, share of a scan's lines that must meet for that
-  int most_scans = 16;            ///< of each map that are compared, spread over what both have in common
-  int most_candidates = 6;        ///< relations that are followed at a time
+  bool use = true;               ///< robots without an initial pose are matched with the map of the others
+  double least_agree_m = 4.0;    ///< m of distinct surfaces that both maps must show alike
+  double most_contradict = 0.2;  ///< 1, share of the common distinct surfaces that may contradict
+  double refused = 0.35;         ///< 1, share from which two maps that look alike are not one
+  double least_spread = 0.1;     ///< 1, of the surfaces' normals (Overlap::normals): not in a corridor
+  double rival = 0.6;            ///< 1, share of its surfaces at which another relation is as good
+  int least_matched = 3;         ///< keyframes of the robot that must match the others' scans
+  double min_matched = 0.4;      ///< 1, share of a scan's lines that must meet for that
+  int most_scans = 16;           ///< of each map that are compared, spread over what both have in common
+  int most_candidates = 6;       ///< relations that are followed at a time
   scan::PlaceSearchOptions search;
   scan::OverlapOptions overlap;
   static MapAlignmentOptions read(const options::Section& section);
@@ -65,7 +65,7 @@ class MapAlignment {
     int matched = 0;        ///< keyframes
     double spread_m = 0.0;  ///< rms of what single keyframes say about the relation, …
     double spread_rad = 0.0;
-    double value() const { return overlap.agree_m - 2.0 * overlap.contradict_m; }
+    double value() const { return overlap.distinct_agree_m - 2.0 * overlap.distinct_contradict_m; }
   };
   void searchNewest(const KeyframeMap& map, const KeyframeMap& own);
   void consider(const Pose2& map_from_own);

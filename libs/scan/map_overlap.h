@@ -15,7 +15,8 @@ struct OverlapOptions {
   double sigmas = 3.0;        ///< 1, of both ranges
   double most_sigma_m = 0.1;  ///< m; beams whose range is less certain say nothing
   int beams = 120;            ///< at most so many beams of each scan are compared
-  int neighbours = 2;         ///< beams on both sides: all of them must pass a surface to deny it
+  double line_m = 1.0;  ///< m; of surfaces in one line, such as a wall, at most so much counts as distinct
+  int neighbours = 2;   ///< beams on both sides: all of them must pass a surface to deny it
   static OverlapOptions read(const options::Section& section);
 };
 
@@ -23,13 +24,17 @@ struct OverlapOptions {
 struct Overlap {
   double agree_m = 0.0;       ///< of surfaces that one set shows and the other one confirms
   double contradict_m = 0.0;  ///< of surfaces that one set shows where the other one sees through
+  /// The same with surfaces in one line counted up to `line_m`. Rooms have walls in common, furniture tells
+  /// them apart: a wall of 5 m says little more than one of 1 m.
+  double distinct_agree_m = 0.0, distinct_contradict_m = 0.0;
   /// Mean of n·nᵀ over the confirmed surfaces, n their normals in map. Its smallest eigenvalue is 0 where all
   /// are parallel, 0.5 where they face all directions alike.
   Eigen::Matrix2d normals = Eigen::Matrix2d::Zero();
 
-  /// Share of the surfaces that contradict; 0 without any.
+  /// Share of the distinct surfaces that contradict; 0 without any.
   double contradiction() const {
-    return agree_m + contradict_m > 0 ? contradict_m / (agree_m + contradict_m) : 0.0;
+    const double all_m = distinct_agree_m + distinct_contradict_m;
+    return all_m > 0 ? distinct_contradict_m / all_m : 0.0;
   }
 };
 

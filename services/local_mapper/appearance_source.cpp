@@ -61,11 +61,15 @@ const Appearance& AppearanceSource::process(TimeNs acquired_ns, const cv::Mat& i
   compass_.prepare(signature_, view_);
   if (since_ns != 0) {
     appearance::TravelHint hint;
+    hint.bearing_sigma_rad = -1.0;  // unknown
     if (wheels.valid && wheels.since_ns == since_ns) {
       const Pose2& way = wheels.previous_from_current;
       hint.distance_m = way.translation().norm();
-      // In the frame halfway between both headings; a robot with differential drive goes along its x axis.
-      if (way.x_m < 0) hint.bearing_rad = M_PI;
+      // In the frame halfway between both headings.
+      if (hint.distance_m > 0) {
+        hint.bearing_rad = wrapAngle(std::atan2(way.y_m, way.x_m) - 0.5 * way.theta_rad);
+        hint.bearing_sigma_rad = appearance::TravelHint().bearing_sigma_rad;
+      }
     }
     const appearance::CompassResult found = compass_.compare(previous_, view_, hint);
     appearance_.since_ns = since_ns;

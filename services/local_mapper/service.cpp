@@ -68,7 +68,14 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   const auto appearance =
       local_mapper::AppearanceOptions::read(fleet.service("local_mapper").child("appearance"));
-  if (appearance.use) appearance_.emplace(lens::Camera(camera_.model), appearance);
+  if (appearance.use) {
+    try {
+      appearance_.emplace(lens::Camera(camera_.model), appearance);
+    } catch (const options::Error& error) {
+      context_.log->warn("camera {}: no panorama, so no places and no visual compass: {}", camera_.id,
+                         error.what());
+    }
+  }
   if (const auto& sensor = fleet.robot(camera_.robot).laser) {
     laser_.emplace(*sensor, laserOptions(fleet));
     scans_.emplace(context.bus.reader(context.topics.laser, camera_.robot), merger_, ends_,
