@@ -13,6 +13,7 @@ constexpr double kFreeShare = 0.3;  // σ of a step of free scale, as a share of
 AppearanceOptions AppearanceOptions::read(const options::Section& section) {
   AppearanceOptions o;
   section.read("use", o.use);
+  section.read("with_wheels", o.with_wheels);
   section.read("least_confidence", o.least_confidence, {0.0, 1.0});
   section.read("sigma_factor", o.sigma_factor, {0.1, 100.0});
   section.read("robust_sigmas", o.robust_sigmas, {0.1, 100.0});

@@ -163,7 +163,7 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   const Appearance& seen = frame.appearance;
   if (seen.since_ns == since_ns) added.difference = seen.difference;
   // Without wheels the turn of the compass is in the motion already.
-  if (!added.wheels || !tellsTurn(seen, since_ns, options.appearance)) return;
+  if (!added.wheels || !options.appearance.with_wheels || !tellsTurn(seen, since_ns, options.appearance)) return;
   constexpr double kOpen_m2 = 1e6;  // a compass says nothing about places
   const double sigma_rad = options.appearance.sigma_factor * seen.turn_sigma_rad;
   const Eigen::Matrix3d of_turn = Eigen::Vector3d(kOpen_m2, kOpen_m2, sigma_rad * sigma_rad).asDiagonal();

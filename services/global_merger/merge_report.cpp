@@ -24,7 +24,7 @@ dataset::RobotMerge reported(const Alignment& alignment) {
   robot.frame = nameOfFrame(alignment.frame);
   robot.reason = alignment.reason;
   robot.score = alignment.score;
-  robot.time_s = 1e-9 * static_cast<double>(alignment.acquired_ns);
+  robot.time_s = static_cast<double>(alignment.acquired_ns) / 1e9;
   if (alignment.status == AlignmentStatus::kMatched) {
     robot.map_from_frame = alignment.map_from_frame;
     robot.sigma = relationSigmaOf(alignment.covariance);

@@ -52,6 +52,7 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
   setup.body.wheel_separation_m = 0.2;
   setup.initial_pose = Pose2{};
   EstimatorOptions options;
+  options.appearance.with_wheels = true;
   options.appearance.free_scale = !wheels;  // the difference of the signatures is in metres here
   FleetEstimator estimator({setup}, options);
   std::mt19937 random(3);
