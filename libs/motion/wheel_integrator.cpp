@@ -37,6 +37,7 @@ Eigen::Matrix3d adjointToEnd(const Pose2& step) {
 
 WheelIntegrator::Options WheelIntegrator::Options::read(const options::Section& section) {
   Options options;
+  section.read("use", options.use);
   std::string integration = "arc";
   section.read("integration", integration, {"arc", "euler"});
   options.integration = integration == "arc" ? Integration::kArc : Integration::kEuler;

@@ -14,6 +14,7 @@ namespace omnifleet::motion {
 class WheelIntegrator {
  public:
   struct Options {
+    bool use = true;                              ///< false: as a robot without wheels
     Integration integration = Integration::kArc;  ///< arc | euler (the paper's literal eq. 1)
     double noise = 0.02;  ///< 1, σ of a row's speed relative to that speed, independent per row and wheel
     double noise_floor_mps = 0.001;  ///< m/s, σ of a row's speed at standstill
@@ -40,6 +41,9 @@ class WheelIntegrator {
   /// in force (before the first row, or more than `hold_limit_s` after the latest). The covariance is that of
   /// the right perturbation.
   Motion motionTo(TimeNs time_ns);
+
+  /// False for a robot without wheels, and if the options say not to use them.
+  bool isInUse() const { return wheel_separation_m_ > 0.0; }
 
   /// Forgets the previous frame: the next motion is invalid (gap in the frames).
   void restart() { has_frame_ = false; }

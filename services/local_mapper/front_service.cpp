@@ -96,7 +96,7 @@ void FrontMapperService::process(const bus::FrameView& view) {
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state,
                                   asMat(view)};
   const Motion wheels = integrator_.motionTo(frame.acquired_ns);
-  if (wheels_) {
+  if (wheels_ && integrator_.isInUse()) {
     const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, rowsOf(*wheels_));
     if (message) status().report(*message);
   }

@@ -83,7 +83,7 @@ void LaserMapperService::process() {
   }
   const LaserInput& scan = std::get<LaserInput>(batch_.inputs.front().payload);
   const Motion wheels = integrator_.motionTo(scan.row.time_ns);
-  if (wheels_) {
+  if (wheels_ && integrator_.isInUse()) {
     const auto message = wheel_check_.add(scan.row.time_ns, wheels.valid, rowsOf(*wheels_));
     if (message) status().report(*message);
   }

@@ -43,14 +43,15 @@ local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const loca
 
 local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet) {
   const options::Section section = fleet.service("local_mapper");
-  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector", "appearance"}) section.has(key);
+  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector", "appearance"})
+    section.has(key);
   return local_mapper::Options::read(section);
 }
 
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
   const auto options = motion::WheelIntegrator::Options::read(fleet.service("local_mapper").child("wheels"));
-  return robot.has_wheels ? motion::WheelIntegrator(robot.body.wheel_separation_m, options)
-                          : motion::WheelIntegrator();
+  return robot.has_wheels && options.use ? motion::WheelIntegrator(robot.body.wheel_separation_m, options)
+                                         : motion::WheelIntegrator();
 }
 
 LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
@@ -162,7 +163,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
   const cv::Mat image = asMat(view);
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
   const Motion wheels = integrator_.motionTo(frame.acquired_ns);
-  if (wheels_) {
+  if (wheels_ && integrator_.isInUse()) {
     const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, rowsOf(*wheels_));
     if (message) status().report(*message);
   }
