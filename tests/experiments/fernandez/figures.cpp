@@ -167,7 +167,7 @@ void drawTime(const StudyResult& study, int set, const std::string& file) {
     for (std::size_t i = 0; i < milliseconds.size(); ++i)
       panels.push_back(
           draw({fmt::format("({}) {}", static_cast<char>('a' + i), every(static_cast<int>(i) + 1)),
-                "k2, phase components", "k1", study.terms, milliseconds[i], low, high, 1}));
+                "k2, phase components", "k1", study.terms, milliseconds[i], low, high, 1, false}));
     std::vector<std::string> captions(panels.size());
     captions.front() = fmt::format("Time to build the map, ms, set {}, {}", set, method);
     pictures.push_back(experiments::beside(panels, captions));

@@ -60,7 +60,7 @@ cv::Mat draw(const HeatMap& map) {
     centred(image, std::to_string(map.terms[static_cast<std::size_t>(row)]),
             {kLeft_px + row * kCell_px + kCell_px / 2, kTop_px + n * kHeight_px + 14}, 0.45, ink::kBlack);
   }
-  cv::rectangle(image, best, ink::kOrange, 3);
+  if (map.frame_least) cv::rectangle(image, best, ink::kOrange, 3);
   centred(image, map.title, {image.cols / 2, kTop_px / 2}, 0.6, ink::kBlack);
   centred(image, map.x_label, {kLeft_px + n * kCell_px / 2, image.rows - 18}, 0.5, ink::kBlack);
   centred(image, map.y_label, {28, kTop_px + n * kHeight_px / 2}, 0.5, ink::kBlack);

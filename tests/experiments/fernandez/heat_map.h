@@ -14,9 +14,10 @@ struct HeatMap {
   Surface values;                ///< rows along y, columns along x
   double low = 0.0, high = 1.0;  ///< ends of the colours, logarithmic; low > 0
   int decimals = 3;              ///< of the numbers in the cells
+  bool frame_least = true;       ///< a frame around the least value
 };
 
-/// A table of numbers on colours, small values dark. The least value has a frame.
+/// A table of numbers on colours, small values dark.
 cv::Mat draw(const HeatMap& map);
 
 }  // namespace omnifleet::fernandez
