@@ -20,6 +20,10 @@ while [ $# -gt 0 ]; do
     *) say "demo.sh: unknown option $1"; exit 2 ;;
   esac
 done
+if [ "$scene" = fernandez ] && [ "${#realtime[@]}" -gt 0 ]; then
+  say "demo.sh: fernandez replays a recording; --realtime does not apply"
+  exit 2
+fi
 out="${out:-$root/out/$scene}"
 
 # Value of robot r1 in metrics.json.
@@ -64,7 +68,6 @@ record=()
 
 "$root/scripts/setup.sh"
 if [ "$scene" = fernandez ]; then
-  [ "${#realtime[@]}" = 0 ] || { say "demo.sh: fernandez replays a recording; --realtime does not apply"; exit 2; }
   fernandez
   exit
 fi
