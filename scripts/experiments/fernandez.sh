@@ -47,20 +47,27 @@ run_seed() {
   local seed="$1" domain="$2" folder="$out/seed_$1" child="" code
   trap '' INT  # Ctrl-C reaches the main process, which sends SIGTERM
   trap 'trap "" TERM; [ -z "$child" ] || { kill "$child" || true; wait "$child" || true; } 2>/dev/null; exit 143' TERM
-  step() {
+  try() {
     code=0
     "$@" >>"$folder/log" 2>&1 &
     child=$!
     wait "$child" || code=$?
     child=""
-    [ "$code" = 0 ] || { say "$1 returned $code" 2>>"$folder/log"; exit "$code"; }
+    return "$code"
   }
+  step() { try "$@" || { say "$1 returned $code" 2>>"$folder/log"; exit "$code"; }; }
   record() {  # record SET
-    local at="$folder/set$1"
+    local at="$folder/set$1" room_seed
     [ ! -e "$at/recording" ] || return 0
     rm -rf "$at"
     mkdir -p "$at"
-    step "$room" "$at/unfinished" "$seed" --set "$1" --fast
+    # In some rooms the way around the furniture is longer than the path of the images: then the room of another seed.
+    for room_seed in "$seed" $((seed + 10)) $((seed + 20)) $((seed + 30)) $((seed + 40)); do
+      ! try "$room" "$at/unfinished" "$room_seed" --set "$1" --fast || break
+      rm -rf "$at/unfinished"
+    done
+    [ -e "$at/unfinished" ] || exit 1
+    printf '%s\n' "$room_seed" >"$at/room_seed"
     if [ "$1" = 2 ]; then
       step "$experiment" pick --recording "$at/unfinished" --out "$at/picked"
       rm -rf "$at/unfinished"
