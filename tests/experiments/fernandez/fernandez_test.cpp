@@ -159,7 +159,7 @@ TEST(FernandezReport, GivesMedianAndWorstOfEachMethod) {
   const std::string text = report(seeds);
   EXPECT_THAT(text, HasSubstr("3 seeds"));
   EXPECT_THAT(text, HasSubstr("0.02000 (0.03000)"));
-  EXPECT_THAT(text, HasSubstr("0.00040 (0.00040)"));
+  EXPECT_THAT(text, HasSubstr("0.000400 (0.000400)"));
   EXPECT_THAT(text, Not(HasSubstr("nan")));
   EXPECT_THAT(text, Not(HasSubstr("Set 2")));
   EXPECT_THAT(rows(seeds[0]), HasSubstr("0.01000"));
