@@ -430,7 +430,12 @@ class Tree {
 }  // namespace
 
 PlaceSearchOptions PlaceSearchOptions::read(const options::Section& section) {
-  PlaceSearchOptions o;
+  return read(section, {});
+}
+
+PlaceSearchOptions PlaceSearchOptions::read(const options::Section& section,
+                                            const PlaceSearchOptions& defaults) {
+  PlaceSearchOptions o = defaults;
   section.read("cell_m", o.cell_m, {0.005, 1.0});
   section.read("levels", o.levels, {2, 8});
   section.read("max_range_m", o.max_range_m, {0.1, 100.0});

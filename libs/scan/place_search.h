@@ -26,6 +26,8 @@ struct PlaceSearchOptions {
   int most = 4;                 ///< candidates, at most
   int max_nodes = 1'000'000;    ///< of the search tree; a search that needs more gives nothing
   static PlaceSearchOptions read(const options::Section& section);
+  /// With other defaults.
+  static PlaceSearchOptions read(const options::Section& section, const PlaceSearchOptions& defaults);
 };
 
 struct PlaceCandidate {
