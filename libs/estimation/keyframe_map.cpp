@@ -164,13 +164,16 @@ bool KeyframeMap::wants(const Viewpoint& at, const std::vector<Id>& references,
   });
 }
 
-Eigen::Matrix3d KeyframeMap::systematic(Id keyframe, double distance_m) const {
-  const scan::LineScan& scan = keyframes_[keyframe].scan;
+Eigen::Matrix3d systematicCovariance(const scan::LineScan& scan, double distance_m,
+                                     const KeyframeOptions& options) {
   const double range_m = rangeOf(scan), ranges = distance_m / range_m,
-               m = options_.sigma_share * scan.medianSigmaM() *
-                   (1.0 + options_.sigma_growth * ranges * ranges),
-               rad = options_.sigma_turn * m / range_m;
+               m = options.sigma_share * scan.medianSigmaM() * (1.0 + options.sigma_growth * ranges * ranges),
+               rad = options.sigma_turn * m / range_m;
   return Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
+}
+
+Eigen::Matrix3d KeyframeMap::systematic(Id keyframe, double distance_m) const {
+  return systematicCovariance(keyframes_[keyframe].scan, distance_m, options_);
 }
 
 double KeyframeMap::reachM(Id keyframe) const {

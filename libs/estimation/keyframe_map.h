@@ -41,6 +41,11 @@ struct KeyframeOptions {
 /// Derivative of the scan's pose by that of base_link, right perturbations. The scan has base_link's axes.
 Eigen::Matrix3d scanByBase(const Pose2& base_from_scan);
 
+/// Systematic covariance of a match with a scan over a distance, right perturbation: errors that the beams
+/// share. They grow with the distance, because the two scans then show other sides of the objects.
+Eigen::Matrix3d systematicCovariance(const scan::LineScan& scan, double distance_m,
+                                     const KeyframeOptions& options);
+
 /// Scans at known places, of all robots in one map, and the graph that holds these places together. It is the
 /// long-term memory of localisation: returning to an old place matches old keyframes, which closes the loop.
 class KeyframeMap {
@@ -129,9 +134,7 @@ class KeyframeMap {
   /// A match of two keyframes that no odometry relates well: closes a loop and solves the graph.
   void closeLoop(Id from, Id to, const Pose2& from_to, const Eigen::Matrix3d& covariance);
 
-  /// Systematic covariance of a match with a keyframe over a distance, right perturbation: errors that
-  /// the beams share. They grow with the distance, because the two scans then show other sides of the
-  /// objects.
+  /// See systematicCovariance().
   Eigen::Matrix3d systematic(Id keyframe, double distance_m) const;
   /// m; scans farther away from a keyframe have too little in common with it.
   double reachM(Id keyframe) const;
