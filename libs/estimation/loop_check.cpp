@@ -9,6 +9,7 @@
 #include "appearance/signature.h"
 #include "appearance/stored_signature.h"
 #include "estimation/compass_evidence.h"
+#include "estimation/surface_share.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -136,8 +137,8 @@ double LoopCheck::evidenceOf(const Relation& relation) const {
 
 /// Empty if the places close a loop.
 std::string LoopCheck::whyOpen(const Result& r) const {
-  if (r.overlap.contradiction() > options_.most_contradict)
-    return fmt::format("{:.0f} % of the common surfaces contradict", 100.0 * r.overlap.contradiction());
+  if (contradictingShare(r.overlap) > options_.most_contradict)
+    return fmt::format("{:.0f} % of the common surfaces contradict", 100.0 * contradictingShare(r.overlap));
   if (r.matched < options_.min_matched)
     return fmt::format("only {:.0f} % of the lines match", 100.0 * r.matched);
   if (const double sigma_m = largestSigma(r.covariance); sigma_m > options_.most_sigma_m)
@@ -182,7 +183,7 @@ LoopCheck::Result LoopCheck::check(const LoopPlace& from, const LoopPlace& to) {
       systematicCovariance(*from.scan, best.from_to.translation().norm(), keyframes_);
   result.covariance = composeCovariance(of_scan, scan_from_base, Eigen::Matrix3d::Zero());
   for (std::size_t i = 1; i < found.size(); ++i) {
-    if (found[i].overlap.contradiction() >= options_.refused) continue;
+    if (contradictingShare(found[i].overlap) >= options_.refused) continue;
     result.lead = std::min(result.lead, best.evidence - found[i].evidence);
   }
   const std::string why = whyOpen(result);
