@@ -19,6 +19,7 @@
 #include "estimation/detector_model.h"
 #include "estimation/keyframe_map.h"
 #include "estimation/map_alignment.h"
+#include "estimation/place_recognition.h"
 #include "estimation/relocalizer.h"
 #include "estimation/scan_source.h"
 #include "estimation/wheel_log.h"
@@ -82,6 +83,7 @@ struct EstimatorOptions {
   OdometryQualityOptions odometry;
   AppearanceOptions appearance;
   RelocalizerOptions relocalizer;
+  PlaceRecognitionOptions places;
   MapAlignmentOptions alignment;
   scan::MatchOptions match;  ///< of scans
 

@@ -17,6 +17,7 @@
 #include "estimation/localization_monitor.h"
 #include "estimation/path_memory.h"
 #include "estimation/place_memory.h"
+#include "estimation/place_recognition.h"
 #include "estimation/prism_factors.h"
 #include "estimation/relocalizer.h"
 #include "estimation/scan_source.h"
@@ -161,6 +162,14 @@ struct AbsoluteFix {
   static AbsoluteFix fuse(const AbsoluteFix& a, const AbsoluteFix& b);
 };
 
+/// A loop that was closed at a frame: the place of that frame, or the next one after it, gets the link.
+struct ClosingLink {
+  TimeNs time_ns = 0;
+  std::size_t robot = 0;  ///< of the other place; index in FleetState::robots
+  std::uint32_t index = 0;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the match, right perturbation
+};
+
 struct RobotNode {
   RobotSetup setup;
   std::shared_ptr<const Body> body;
@@ -178,6 +187,8 @@ struct RobotNode {
   ScanAid scan_aid;
   DifferenceScale difference_scale;
   PlaceMemory places;
+  std::optional<ClosingLink> closing;
+  TimeNs confirmed_ns = 0;  ///< of the newest frame at which something confirmed the pose
   /// Covariance of the motion since the newest place, right perturbation.
   Eigen::Matrix3d way_since_place = Eigen::Matrix3d::Zero();
   PathMemory path;  ///< of the frames that have left the window
@@ -260,6 +271,7 @@ class FleetState {
   const EstimatorOptions options;
   Graph graph;
   KeyframeMap keyframes;
+  PlaceRecognition recognition;
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)

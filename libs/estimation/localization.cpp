@@ -3,6 +3,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
 
 #include "estimation/factors.h"
 
@@ -69,6 +72,79 @@ void noteCorrection(const FleetState& fleet, RobotNode& robot, const RobotFrame&
   robot.event = robot.measured ? PoseEvent::kAbsolute : PoseEvent::kCorrected;
 }
 
+/// The newest frame of the window that has a signature, with the robot's way since.
+struct SeenPlace {
+  std::shared_ptr<const Appearance> appearance;
+  Pose2 seen_from_base;
+};
+
+std::optional<SeenPlace> newestSeen(const FleetState& fleet, const RobotNode& robot) {
+  const auto step = std::find_if(robot.window.rbegin(), robot.window.rend(),
+                                 [](const Step& s) { return s.appearance != nullptr; });
+  if (step == robot.window.rend()) return std::nullopt;
+  return SeenPlace{step->appearance, fleet.pose(step->pose).inverse() * fleet.pose(robot.window.back().pose)};
+}
+
+PlaceRecognition::Scope scopeOf(const FleetState& fleet, const RobotNode& robot,
+                                const std::vector<KeyframeMap::Id>& among) {
+  PlaceRecognition::Scope scope;
+  for (std::size_t i = 0; i < fleet.robots.size(); ++i) {
+    scope.memories.push_back(&fleet.robots[i].places);
+    if (&fleet.robots[i] == &robot) scope.robot = i;
+  }
+  scope.keyframes = among;
+  scope.before_ns = robot.confirmed_ns;
+  return scope;
+}
+
+/// Where similar places suggest that the robot is, within the area of the search.
+std::vector<Relocalizer::Suggestion> suggestionsFor(FleetState& fleet, const PlaceRecognition::Scope& scope,
+                                                    const std::optional<SeenPlace>& seen,
+                                                    const Relocalizer::Suggestion& area) {
+  std::vector<Relocalizer::Suggestion> suggestions;
+  if (!seen) return suggestions;
+  for (Relocalizer::Suggestion suggestion : fleet.recognition.suggest(scope, *seen->appearance)) {
+    suggestion.map_from_base = suggestion.map_from_base * seen->seen_from_base;
+    const Pose2 off = area.map_from_base.inverse() * suggestion.map_from_base;
+    if (off.translation().norm() > area.reach_m) continue;
+    if (suggestion.reach_rad >= area.reach_rad) {
+      suggestion.map_from_base.theta_rad = area.map_from_base.theta_rad;
+      suggestion.reach_rad = area.reach_rad;
+    } else if (std::abs(off.theta_rad) > area.reach_rad) {
+      continue;
+    }
+    suggestions.push_back(suggestion);
+  }
+  return suggestions;
+}
+
+/// The place of this frame, or the next one that the robot keeps, gets a link to the nearest one there.
+void linkPlaces(const FleetState& fleet, RobotNode& robot, const PlaceRecognition::Scope& scope,
+                const Relocalizer::Found& found) {
+  const auto other = fleet.recognition.nearest(scope, found.map_from_base);
+  if (!other) return;
+  robot.closing = ClosingLink{robot.window.back().time_ns, other->robot, other->index, found.covariance};
+}
+
+/// Searches the robot's place among keyframes. @return where it was found, unless the compass contradicts
+std::optional<Relocalizer::Found> searchPlace(FleetState& fleet, RobotNode& robot,
+                                              const PlaceRecognition::Scope& scope,
+                                              const Relocalizer::Suggestion& area) {
+  const Step& step = robot.window.back();
+  const std::optional<SeenPlace> seen = newestSeen(fleet, robot);
+  auto found = robot.relocalizer->look(
+      fleet.keyframes, robot.scan_aid, area.map_from_base, step.previous_from_current, scope.keyframes,
+      area.reach_m, area.reach_rad, [&] { return suggestionsFor(fleet, scope, seen, area); });
+  if (!found) return std::nullopt;
+  if (seen && fleet.recognition.contradicts(scope, *seen->appearance,
+                                            found->map_from_base * seen->seen_from_base.inverse(),
+                                            std::sqrt(found->covariance(2, 2)))) {
+    robot.relocalizer->reject();
+    return std::nullopt;
+  }
+  return found;
+}
+
 }  // namespace
 
 void localize(FleetState& fleet, RobotFrame& frame) {
@@ -87,6 +163,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
     evidence.confirmed =
         aid.matched || robot.measured || (!aid.contradicted && !robot.displaced && robot.unobserved == 0);
     evidence.contradicted = !robot.measured && (aid.contradicted || robot.displaced);
+    if (evidence.confirmed) robot.confirmed_ns = step.time_ns;
     evidence.sigma_m = std::sqrt(robot.covariance.topLeftCorner<2, 2>().trace() +
                                  kLever_m * kLever_m * robot.covariance(2, 2));
     const KeyframeMap& map = fleet.keyframes;
@@ -105,14 +182,17 @@ void localize(FleetState& fleet, RobotFrame& frame) {
     }
     if (among.empty()) {
       robot.relocalizer->forget();
-    } else if (const auto found = robot.relocalizer->look(
-                   map, aid, fleet.pose(step.pose), step.previous_from_current, among, reach_m, reach_rad)) {
-      evidence.found = lost;
-      if (lost)
-        moveTo(fleet, frame, *found);
-      else
-        closeLoop(fleet, robot, *found);
-      robot.relocalizer->forget();
+    } else {
+      const PlaceRecognition::Scope scope = scopeOf(fleet, robot, among);
+      if (const auto found = searchPlace(fleet, robot, scope, {fleet.pose(step.pose), reach_m, reach_rad})) {
+        evidence.found = lost;
+        linkPlaces(fleet, robot, scope, *found);
+        if (lost)
+          moveTo(fleet, frame, *found);
+        else
+          closeLoop(fleet, robot, *found);
+        robot.relocalizer->forget();
+      }
     }
   }
   robot.monitor.update(evidence);

@@ -55,6 +55,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.match = scan::MatchOptions::read(section.child("match"));
   o.appearance = AppearanceOptions::read(section.child("appearance"));
   o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
+  o.places = PlaceRecognitionOptions::read(section.child("places"));
   o.alignment = MapAlignmentOptions::read(section.child("alignment"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
   o.odometry = OdometryQualityOptions::read(section.child("odometry"));

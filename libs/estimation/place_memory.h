@@ -34,6 +34,8 @@ class PlaceMemory {
   PlaceMemory withoutKeyframes() const;
 
   const std::vector<Place>& places() const { return places_; }
+  /// The keyframe that a place is relative to.
+  const std::optional<Id>& keyframe(std::uint32_t index) const { return anchors_[index].keyframe; }
   /// Indices of the places that are new or have moved since the last call, ascending.
   std::vector<std::uint32_t> takeChanged();
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimation/surface_share.h"
+
 namespace omnifleet::estimation {
 namespace {
 
@@ -33,6 +35,8 @@ RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
   section.read("confirm_share", o.confirm_share, {0.0, 10.0});
   section.read("confirm_rad", o.confirm_rad, options::kNotNegative);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});
+  section.read("most_contradict", o.most_contradict, {0.0, 1.0});
+  o.overlap = scan::OverlapOptions::read(section.child("overlap"));
   o.search = scan::PlaceSearchOptions::read(section.child("search"));
   section.finish();
   return o;
@@ -40,15 +44,22 @@ RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
 
 void Relocalizer::forget() {
   hypotheses_.clear();
+  found_.reset();
   since_look_m_ = std::numeric_limits<double>::infinity();
+}
+
+void Relocalizer::reject() {
+  if (found_) hypotheses_.erase(hypotheses_.begin() + static_cast<std::ptrdiff_t>(*found_));
+  found_.reset();
 }
 
 std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, const ScanAid& aid,
                                                     const Pose2& predicted, const Pose2& motion,
                                                     const std::vector<KeyframeMap::Id>& among, double reach_m,
-                                                    double reach_rad) {
+                                                    double reach_rad, const Suggest& suggest) {
   const double way_m = motion.translation().norm(), turn_rad = std::abs(motion.theta_rad);
   since_look_m_ += way_m + turn_rad * kPerRadian_m;
+  found_.reset();
   for (Hypothesis& h : hypotheses_) {
     h.map_from_base = h.map_from_base * motion;
     h.keyframe_from_base = h.keyframe_from_base * motion;
@@ -61,9 +72,30 @@ std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, cons
   const double extent_m = extentOf(map, among, reach_m);
   if (since_look_m_ >= std::max(options_.look_every_m, options_.look_share * extent_m)) {
     since_look_m_ = 0.0;
-    search(map, aid, predicted, among, reach_m, reach_rad);
+    prepareSearch(map, among);
+    search(map, aid, among, {predicted, reach_m, reach_rad});
+    if (suggest)
+      for (const Suggestion& suggestion : suggest()) search(map, aid, among, suggestion);
   }
-  return decide(std::max(options_.confirm_m, options_.confirm_share * extent_m));
+  const double confirm_m = std::max(options_.confirm_m, options_.confirm_share * extent_m);
+  while (const auto best = decide(confirm_m)) {
+    const Hypothesis& h = hypotheses_[*best];
+    found_ = best;
+    if (!contradicts(map, aid, among, h.map_from_base))
+      return Found{h.map_from_base, h.keyframe, h.keyframe_from_base, h.covariance};
+    reject();
+  }
+  return std::nullopt;
+}
+
+/// Whether the scan and the keyframes around a place show different surfaces, as in a room with equal walls.
+bool Relocalizer::contradicts(const KeyframeMap& map, const ScanAid& aid,
+                              const std::vector<KeyframeMap::Id>& among, const Pose2& map_from_base) const {
+  std::vector<scan::Reference> around;
+  for (const KeyframeMap::Id k : map.nearest({map_from_base, aid.scan.sectors()}, among))
+    around.push_back(map.reference(k));
+  const std::vector<scan::Reference> here{{&aid.scan, map_from_base * aid.base_from_scan}};
+  return contradictingShare(scan::overlapOf(here, around, options_.overlap)) > options_.most_contradict;
 }
 
 /// Width of the area that is searched.
@@ -104,17 +136,19 @@ bool Relocalizer::follow(const KeyframeMap& map, const ScanAid& aid,
   return true;
 }
 
-void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
-                         const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad) {
-  if (among != searched_ || map.revision() != revision_) {
-    std::vector<scan::Reference> references;
-    for (const KeyframeMap::Id k : among) references.push_back(map.reference(k));
-    search_.setReferences(references);
-    searched_ = among;
-    revision_ = map.revision();
-  }
+void Relocalizer::prepareSearch(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among) {
+  if (among == searched_ && map.revision() == revision_) return;
+  std::vector<scan::Reference> references;
+  for (const KeyframeMap::Id k : among) references.push_back(map.reference(k));
+  search_.setReferences(references);
+  searched_ = among;
+  revision_ = map.revision();
+}
+
+void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid,
+                         const std::vector<KeyframeMap::Id>& among, const Suggestion& about) {
   for (const scan::PlaceCandidate& candidate :
-       search_.search(aid.scan, predicted * aid.base_from_scan, reach_m, reach_rad)) {
+       search_.search(aid.scan, about.map_from_base * aid.base_from_scan, about.reach_m, about.reach_rad)) {
     if (candidate.score < options_.min_score) continue;
     Hypothesis h;
     h.map_from_base = candidate.map_from_scan * aid.base_from_scan.inverse();
@@ -127,7 +161,7 @@ void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid, const Pose2
 
 /// The best hypothesis, if it agreed for long enough and no other place matches nearly as well, as in a
 /// symmetric room.
-std::optional<Relocalizer::Found> Relocalizer::decide(double confirm_m) const {
+std::optional<std::size_t> Relocalizer::decide(double confirm_m) const {
   const Hypothesis* best = nullptr;
   for (const Hypothesis& h : hypotheses_)
     if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
@@ -139,7 +173,7 @@ std::optional<Relocalizer::Found> Relocalizer::decide(double confirm_m) const {
     return &h != best && h.missed == 0 && h.matched > options_.rival * best->matched;
   });
   if (rivalled) return std::nullopt;
-  return Found{best->map_from_base, best->keyframe, best->keyframe_from_base, best->covariance};
+  return static_cast<std::size_t>(best - hypotheses_.data());
 }
 
 }  // namespace omnifleet::estimation

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "estimation/scan_source.h"
 #include "geometry/pose2.h"
 #include "options/options.h"
+#include "scan/map_overlap.h"
 #include "scan/place_search.h"
 #include "scan/scan_matcher.h"
 
@@ -24,14 +26,17 @@ struct RelocalizerOptions {
   double confirm_share = 0.1;  ///< 1, … and as a share of the extent of the search: large maps repeat; …
   double confirm_rad = 1.0;    ///< rad, … or so much turn
   int confirm_frames = 3;      ///< frames that must agree
+  double most_contradict = 0.15;  ///< 1, share of the surfaces in common with the keyframes around that may
+                                  ///< contradict at a place that is accepted
+  scan::OverlapOptions overlap;
   scan::PlaceSearchOptions search;
   static RelocalizerOptions read(const options::Section& section);
 };
 
 /// Finds a robot again whose pose is wrong or too uncertain to match keyframes around it: by a search of its
 /// scan among keyframes, followed over travel. A place is accepted only if it keeps matching and no other
-/// place matches nearly as well. It serves kidnapped robots and
-/// returns after long paths.
+/// place matches nearly as well, and if its scan does not contradict the surfaces around. It serves kidnapped
+/// robots and returns after long paths.
 class Relocalizer {
  public:
   explicit Relocalizer(const RelocalizerOptions& options, const scan::MatchOptions& match = {})
@@ -44,12 +49,22 @@ class Relocalizer {
     Eigen::Matrix3d covariance;  ///< of keyframe_from_base
   };
 
+  /// Where something else than the scan suggests that the robot is.
+  struct Suggestion {
+    Pose2 map_from_base;
+    double reach_m = 0.0, reach_rad = 0.0;  ///< about it
+  };
+  using Suggest = std::function<std::vector<Suggestion>()>;
+
   /// One frame. @param aid with the frame's scan @param predicted map_from_base @param motion since the frame
   /// before @param among keyframes to search @param reach_m, reach_rad about `predicted`
+  /// @param suggest called when a search is due; places suggested are searched as well
   std::optional<Found> look(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
                             const Pose2& motion, const std::vector<KeyframeMap::Id>& among, double reach_m,
-                            double reach_rad);
+                            double reach_rad, const Suggest& suggest = {});
   void forget();
+  /// Drops the place that was found last: something else contradicts it.
+  void reject();
 
  private:
   struct Hypothesis {
@@ -64,9 +79,12 @@ class Relocalizer {
   bool follow(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
               Hypothesis& hypothesis);
   static double extentOf(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among, double reach_m);
-  void search(const KeyframeMap& map, const ScanAid& aid, const Pose2& predicted,
-              const std::vector<KeyframeMap::Id>& among, double reach_m, double reach_rad);
-  std::optional<Found> decide(double confirm_m) const;
+  void prepareSearch(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among);
+  void search(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
+              const Suggestion& about);
+  bool contradicts(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
+                   const Pose2& map_from_base) const;
+  std::optional<std::size_t> decide(double confirm_m) const;
 
   RelocalizerOptions options_;
   scan::PlaceSearch search_;
@@ -74,6 +92,7 @@ class Relocalizer {
   std::vector<KeyframeMap::Id> searched_;  ///< references of search_
   std::uint32_t revision_ = 0;
   std::vector<Hypothesis> hypotheses_;
+  std::optional<std::size_t> found_;  ///< hypothesis that the last look() returned
   double since_look_m_ = std::numeric_limits<double>::infinity();
 };
 

@@ -100,6 +100,13 @@ void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool i
   place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
   place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
   if (step.appearance) place.signature = step.appearance->signature;
+  if (robot.closing && step.time_ns >= robot.closing->time_ns) {
+    const Place& other = fleet.robots[robot.closing->robot].places.places()[robot.closing->index];
+    place.links.push_back({true, other.robot, other.index,
+                           place.frame_from_base.inverse() * other.frame_from_base,
+                           robot.closing->covariance});
+    robot.closing.reset();
+  }
   robot.places.add(std::move(place), keyframeOf(robot, step), fleet.keyframes, robot.way_since_place);
   robot.way_since_place.setZero();
 }

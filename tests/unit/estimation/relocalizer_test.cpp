@@ -80,5 +80,76 @@ TEST(Relocalizer, ATurnCountsLikeTravel) {
   EXPECT_NEAR(travelUntilFound(0.0, 50.0, options), 12.5 * 0.06, 0.06);
 }
 
+/// A room of the size of the furnished one; its furniture differs, so that a share of the surfaces does.
+scan::testing::Scene lookalike() {
+  scan::testing::Scene room = scan::testing::furnishedRoom();
+  room.outlines.resize(1);
+  room.outlines.push_back({{-2.5, 1.4}, {-1.3, 1.4}, {-1.3, 2.0}, {-2.5, 2.0}});  // as there
+  room.outlines.push_back({{0.1, -2.0}, {1.3, -2.0}, {1.3, -1.5}, {0.1, -1.5}});
+  room.outlines.push_back({{-1.6, -0.3}, {-1.3, -0.3}, {-1.3, 0.0}, {-1.6, 0.0}});
+  return room;
+}
+
+/// Drives in a room after the robot was put there. @return whether it is found among the keyframes of the
+/// furnished room @param suggest see Relocalizer::look()
+bool isFound(const scan::testing::Scene& room, double reach_m, const RelocalizerOptions& options,
+             bool suggested = false) {
+  std::mt19937 random(4);
+  const KeyframeMap map = mapAround(0.0, random);
+  Relocalizer relocalizer(options);
+  const Pose2 moved{0.06, 0.0, 0.08}, wrong{-1.0, -0.5, 2.0};
+  Pose2 truth{0.2, -1.2, 0.0};
+  for (int i = 0; i < 60; ++i) {
+    ScanAid aid;
+    aid.scan.fit(room.scan(truth, 0.003, random));
+    aid.has_scan = true;
+    Relocalizer::Suggest suggest;
+    if (suggested)
+      suggest = [&] {
+        return std::vector<Relocalizer::Suggestion>{{truth * Pose2{0.3, -0.2, 0.2}, 1.0, 0.4}};
+      };
+    if (relocalizer.look(map, aid, wrong, i > 0 ? moved : Pose2{}, map.all(), reach_m, 0.5, suggest))
+      return true;
+    truth = truth * moved;
+  }
+  return false;
+}
+
+TEST(Relocalizer, DoesNotAcceptARoomWithEqualWallsAndOtherFurniture) {
+  RelocalizerOptions walls;
+  walls.most_contradict = 1.0;
+  EXPECT_TRUE(isFound(lookalike(), 50.0, walls, true)) << "the walls match";
+  EXPECT_FALSE(isFound(lookalike(), 50.0, {}, true));
+  EXPECT_TRUE(isFound(scan::testing::furnishedRoom(), 50.0, {}, true));
+}
+
+TEST(Relocalizer, SearchesWhereSimilarPlacesSuggest) {
+  // The search about the prediction does not reach the robot.
+  EXPECT_FALSE(isFound(scan::testing::furnishedRoom(), 0.2, {}));
+  EXPECT_TRUE(isFound(scan::testing::furnishedRoom(), 0.2, {}, true));
+}
+
+TEST(Relocalizer, FollowsOthersAfterARejection) {
+  std::mt19937 random(3);
+  const KeyframeMap map = mapAround(0.0, random);
+  Relocalizer relocalizer({});
+  const Pose2 moved{0.06, 0.0, 0.08};
+  Pose2 truth{0.2, -1.2, 0.0};
+  int found = 0;
+  for (int i = 0; i < 60 && found < 2; ++i) {
+    ScanAid aid;
+    aid.scan = scanInRoom(truth, random);
+    aid.has_scan = true;
+    if (relocalizer.look(map, aid, {}, i > 0 ? moved : Pose2{}, map.all(), 50.0, M_PI)) {
+      ++found;
+      relocalizer.reject();
+      // What was rejected starts anew.
+      EXPECT_FALSE(relocalizer.look(map, aid, {}, {}, map.all(), 50.0, M_PI).has_value());
+    }
+    truth = truth * moved;
+  }
+  EXPECT_EQ(found, 2);
+}
+
 }  // namespace
 }  // namespace omnifleet::estimation

@@ -1,0 +1,121 @@
+// A kidnapped robot that knows the room: it is found again, and its places are linked.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <vector>
+
+#include "appearance/signature.h"
+#include "appearance/stored_signature.h"
+#include "estimation/estimator.h"
+#include "tests/unit/appearance/textured_room.h"
+#include "tests/unit/scan/room_scans.h"
+
+namespace omnifleet::estimation {
+namespace {
+
+constexpr TimeNs kBetween_ns = 200000000;
+constexpr std::size_t kTaken = 70;  // frame at which the robot is put elsewhere
+
+struct KidnappedRun {
+  std::vector<Pose2> truth;
+  std::vector<PoseEstimate> poses;
+  std::map<std::uint32_t, Place> places;
+};
+
+/// Drives a circle in the furnished room, is put elsewhere in `other`, and drives on. The wheels notice
+/// nothing of it. Every second frame has the signature of the wallpaper.
+KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpaper) {
+  KidnappedRun run;
+  std::mt19937 random(11);
+  RobotSetup setup;
+  setup.name = "r1";
+  setup.body.radius_m = 0.1;
+  setup.body.wheel_separation_m = 0.2;
+  setup.initial_pose = Pose2{0.2, -1.2, 0.0};
+  FleetEstimator estimator({setup}, {});
+  const appearance::PanoramaOptions options;
+  appearance::SignatureMaker maker(test::roomUnwrapper(options), {});
+  const test::TexturedRoom first(5), second(wallpaper);
+  const Pose2 step{0.06, 0.0, 0.08};
+  Pose2 truth = *setup.initial_pose;
+  for (std::size_t i = 0; i < 150; ++i) {
+    if (i == kTaken)
+      truth = {0.9, -0.6, 1.6};
+    else if (i > 0)
+      truth = truth * step;
+    Objects frame;
+    frame.robot = "r1";
+    frame.acquired_ns = static_cast<TimeNs>(i + 1) * kBetween_ns;
+    frame.sequence = static_cast<std::uint32_t>(i);
+    frame.boundary = (i < kTaken ? scan::testing::furnishedRoom() : other).scan(truth, 0.003, random);
+    frame.motion.valid = i > 0;
+    frame.motion.since_ns = frame.acquired_ns - kBetween_ns;
+    if (i != kTaken) frame.motion.previous_from_current = step;
+    frame.motion.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
+    if (i % 2 == 0) {
+      const auto signature = maker.compute((i < kTaken ? first : second).panorama(truth, options));
+      frame.appearance.format = maker.format();
+      frame.appearance.signature = appearance::store(signature);
+    }
+    run.truth.push_back(truth);
+    run.poses.push_back(estimator.process(frame.acquired_ns, {&frame}, {}).front());
+    if (estimator.refineDue()) estimator.refine();
+    for (const Place& place : estimator.takePlaces()) run.places[place.index] = place;
+  }
+  return run;
+}
+
+bool isRelocalized(const KidnappedRun& run) {
+  return std::any_of(run.poses.begin(), run.poses.end(),
+                     [](const PoseEstimate& pose) { return pose.event == PoseEvent::kRelocalized; });
+}
+
+std::vector<PlaceLink> loopsOf(const KidnappedRun& run, std::uint32_t* index) {
+  std::vector<PlaceLink> loops;
+  for (const auto& [i, place] : run.places) {
+    for (const PlaceLink& link : place.links) {
+      if (!link.closes_loop) continue;
+      loops.push_back(link);
+      *index = i;
+    }
+  }
+  return loops;
+}
+
+TEST(PlaceLinks, ARelocalizedRobotLinksItsPlaces) {
+  const KidnappedRun run = driveKidnapped(scan::testing::furnishedRoom(), 5);
+  ASSERT_TRUE(isRelocalized(run));
+  EXPECT_LT((run.poses.back().map_from_base.translation() - run.truth.back().translation()).norm(), 0.02);
+  std::uint32_t index = 0;
+  const std::vector<PlaceLink> loops = loopsOf(run, &index);
+  ASSERT_EQ(loops.size(), 1u);
+  const Place& place = run.places.at(index);
+  ASSERT_LT(loops[0].index, index);
+  const Place& other = run.places.at(loops[0].index);
+  EXPECT_EQ(loops[0].robot, "r1");
+  EXPECT_GE(place.sequence, kTaken);
+  EXPECT_LT(other.sequence, kTaken);
+  const Pose2 truth = run.truth[place.sequence].inverse() * run.truth[other.sequence],
+              off = loops[0].this_from_other.inverse() * truth;
+  EXPECT_LT(off.translation().norm(), 0.02);  // some σ of two scan matches
+  EXPECT_LT(std::abs(off.theta_rad), 0.02);
+}
+
+TEST(PlaceLinks, ARoomWithEqualWallsIsNotTakenForTheOldOne) {
+  scan::testing::Scene other = scan::testing::furnishedRoom();
+  other.outlines.resize(1);
+  other.outlines.push_back({{-2.5, 1.4}, {-1.3, 1.4}, {-1.3, 2.0}, {-2.5, 2.0}});
+  other.outlines.push_back({{0.1, -2.0}, {1.3, -2.0}, {1.3, -1.5}, {0.1, -1.5}});
+  other.outlines.push_back({{-1.6, -0.3}, {-1.3, -0.3}, {-1.3, 0.0}, {-1.6, 0.0}});
+  for (const unsigned wallpaper : {5u, 6u}) {
+    const KidnappedRun run = driveKidnapped(other, wallpaper);
+    EXPECT_FALSE(isRelocalized(run)) << wallpaper;
+    std::uint32_t index = 0;
+    EXPECT_TRUE(loopsOf(run, &index).empty()) << wallpaper;
+  }
+}
+
+}  // namespace
+}  // namespace omnifleet::estimation
