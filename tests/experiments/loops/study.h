@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "estimation/loop_check.h"
+#include "tests/experiments/loops/pairs.h"
+
+namespace omnifleet::loops {
+
+/// Verdict about one pair.
+struct Outcome {
+  Pair pair;
+  bool compared = false;  ///< both frames have scans
+  estimation::LoopCheck::Result result;
+  double error_m = 0.0, error_rad = 0.0;  ///< of the relative pose; only of pairs in one room
+  double nees = 0.0;                      ///< eᵀP⁻¹e; 3 if consistent
+  double check_ms = 0.0;                  ///< time of the check
+
+  bool sameRoom() const { return pair.kind == PairKind::kClose || pair.kind == PairKind::kFar; }
+  /// The relative pose is that of the truth: within 10 cm and 3°.
+  bool isRight() const;
+  bool isFalseClosure() const { return result.closed && !isRight(); }
+};
+
+/// Scans and signatures of all frames that the pairs need.
+class Shots {
+ public:
+  Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs);
+  /// Null if the frame has no scan.
+  const Shot* find(std::size_t recording, const FrameId& frame) const;
+
+ private:
+  std::vector<std::map<FrameId, Shot>> shots_;
+};
+
+std::vector<Outcome> evaluate(const std::vector<Pair>& pairs, const Shots& shots,
+                              const estimation::LoopCheckOptions& options, bool use_signatures = true);
+
+/// Table by kind and distance, errors, consistency, reasons of the failures.
+std::string report(const std::vector<Outcome>& outcomes);
+/// One line per pair.
+std::string csv(const std::vector<Recording>& recordings, const std::vector<Outcome>& outcomes);
+
+}  // namespace omnifleet::loops
