@@ -54,7 +54,7 @@ std::map<FrameId, Shot> Recording::shots(const std::vector<FrameId>& frames) con
     const lens::Camera camera(stream->camera);
     local_mapper::LocalMapper mapper(camera, local_mapper::Options());
     local_mapper::AppearanceOptions every;
-    every.places = local_mapper::PlacePolicy::kEvery;
+    every.places.rule = appearance::KeyframeRule::kEveryImage;
     local_mapper::AppearanceSource appearance(camera, every);
     for (const FrameId& id : ordered) {
       if (id.first != robot) continue;
