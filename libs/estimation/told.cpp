@@ -11,7 +11,9 @@ namespace {
 
 constexpr double kRevise_m = 0.01, kRevise_rad = 0.01;  // what a map is exact to
 constexpr double kWrong = 6.0;                          // σ of the prior beyond which a start was wrong
-constexpr std::size_t kMostHistory = 3000;              // frames: ten minutes at 5 Hz
+constexpr double kRevisited_m = 0.3;                    // of a place that a robot returns to
+constexpr std::size_t kApart = 30;  // places between a place and one that it returns to, and between links
+constexpr std::size_t kMostHistory = 3000;  // frames: ten minutes at 5 Hz
 
 /// A frame lies beside the path of the wheels by the jitter of the odometry, the first one, too.
 bool isWrong(const FleetState& fleet, const RobotNode& robot) {
@@ -85,6 +87,49 @@ std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& st
   return std::nullopt;
 }
 
+/// The nearest place that was left long before, if a new place is there again and scans relate both.
+std::optional<PlaceIndex::Entry> revisited(const FleetState& fleet, const RobotNode& robot, const Step& step,
+                                           const Place& place) {
+  const std::vector<Place>& own = robot.places.places();
+  const std::size_t recent = std::min(own.size(), kApart);
+  const bool linked =
+      std::any_of(own.end() - static_cast<std::ptrdiff_t>(recent), own.end(), [](const Place& p) {
+        return std::any_of(p.links.begin(), p.links.end(),
+                           [](const PlaceLink& link) { return link.closes_loop; });
+      });
+  if (linked || step.scan.factor == kNoFactor) return std::nullopt;
+  PlaceRecognition::Scope scope;
+  for (std::size_t i = 0; i < fleet.robots.size(); ++i) {
+    scope.memories.push_back(&fleet.robots[i].places);
+    if (&fleet.robots[i] == &robot) scope.robot = i;
+  }
+  scope.keyframes = fleet.keyframes.all();
+  scope.before_ns = own.size() > kApart ? own[own.size() - kApart].acquired_ns : -1;
+  const auto nearest = fleet.recognition.nearest(scope, place.frame_from_base);
+  if (!nearest) return std::nullopt;
+  const Place& other = scope.memories[nearest->robot]->places()[nearest->index];
+  const double distance_m =
+      (other.frame_from_base.translation() - place.frame_from_base.translation()).norm();
+  return distance_m < kRevisited_m ? nearest : std::nullopt;
+}
+
+/// Links a new place to the one at which a search has closed a loop, or which the robot has returned to.
+void linkPlace(const FleetState& fleet, RobotNode& robot, const Step& step, Place& place) {
+  std::optional<PlaceIndex::Entry> entry;
+  const bool closes = robot.closing && step.time_ns >= robot.closing->time_ns;
+  if (closes)
+    entry = PlaceIndex::Entry{robot.closing->robot, robot.closing->index};
+  else if (!robot.closing)
+    entry = revisited(fleet, robot, step, place);
+  if (!entry) return;
+  const Place& other = fleet.robots[entry->robot].places.places()[entry->index];
+  const Pose2 this_from_other = place.frame_from_base.inverse() * other.frame_from_base;
+  place.links.push_back({true, other.robot, other.index, this_from_other,
+                         closes ? robot.closing->covariance
+                                : composeCovariance(place.covariance, this_from_other, other.covariance)});
+  if (closes) robot.closing.reset();
+}
+
 /// A frame with a signature becomes a node of the topological map when its pose is final.
 /// @param is_last of the run: it always becomes one, if there are any
 void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool is_last) {
@@ -100,13 +145,7 @@ void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool i
   place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
   place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
   if (step.appearance) place.signature = step.appearance->signature;
-  if (robot.closing && step.time_ns >= robot.closing->time_ns) {
-    const Place& other = fleet.robots[robot.closing->robot].places.places()[robot.closing->index];
-    place.links.push_back({true, other.robot, other.index,
-                           place.frame_from_base.inverse() * other.frame_from_base,
-                           robot.closing->covariance});
-    robot.closing.reset();
-  }
+  linkPlace(fleet, robot, step, place);
   robot.places.add(std::move(place), keyframeOf(robot, step), fleet.keyframes, robot.way_since_place);
   robot.way_since_place.setZero();
 }

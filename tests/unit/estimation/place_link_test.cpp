@@ -16,7 +16,8 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr TimeNs kBetween_ns = 200000000;
-constexpr std::size_t kTaken = 70;  // frame at which the robot is put elsewhere
+constexpr std::size_t kTaken = 70;   // frame at which the robot is put elsewhere, …
+constexpr std::size_t kNever = 999;  // … or is not
 
 struct KidnappedRun {
   std::vector<Pose2> truth;
@@ -26,7 +27,8 @@ struct KidnappedRun {
 
 /// Drives a circle in the furnished room, is put elsewhere in `other`, and drives on. The wheels notice
 /// nothing of it. Every second frame has the signature of the wallpaper.
-KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpaper) {
+KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpaper,
+                            std::size_t taken = kTaken) {
   KidnappedRun run;
   std::mt19937 random(11);
   RobotSetup setup;
@@ -41,7 +43,7 @@ KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpape
   const Pose2 step{0.06, 0.0, 0.08};
   Pose2 truth = *setup.initial_pose;
   for (std::size_t i = 0; i < 150; ++i) {
-    if (i == kTaken)
+    if (i == taken)
       truth = {0.9, -0.6, 1.6};
     else if (i > 0)
       truth = truth * step;
@@ -49,13 +51,13 @@ KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpape
     frame.robot = "r1";
     frame.acquired_ns = static_cast<TimeNs>(i + 1) * kBetween_ns;
     frame.sequence = static_cast<std::uint32_t>(i);
-    frame.boundary = (i < kTaken ? scan::testing::furnishedRoom() : other).scan(truth, 0.003, random);
+    frame.boundary = (i < taken ? scan::testing::furnishedRoom() : other).scan(truth, 0.003, random);
     frame.motion.valid = i > 0;
     frame.motion.since_ns = frame.acquired_ns - kBetween_ns;
-    if (i != kTaken) frame.motion.previous_from_current = step;
+    if (i != taken) frame.motion.previous_from_current = step;
     frame.motion.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
     if (i % 2 == 0) {
-      const auto signature = maker.compute((i < kTaken ? first : second).panorama(truth, options));
+      const auto signature = maker.compute((i < taken ? first : second).panorama(truth, options));
       frame.appearance.format = maker.format();
       frame.appearance.signature = appearance::store(signature);
     }
@@ -109,12 +111,26 @@ TEST(PlaceLinks, ARoomWithEqualWallsIsNotTakenForTheOldOne) {
   other.outlines.push_back({{-2.5, 1.4}, {-1.3, 1.4}, {-1.3, 2.0}, {-2.5, 2.0}});
   other.outlines.push_back({{0.1, -2.0}, {1.3, -2.0}, {1.3, -1.5}, {0.1, -1.5}});
   other.outlines.push_back({{-1.6, -0.3}, {-1.3, -0.3}, {-1.3, 0.0}, {-1.6, 0.0}});
-  for (const unsigned wallpaper : {5u, 6u}) {
-    const KidnappedRun run = driveKidnapped(other, wallpaper);
-    EXPECT_FALSE(isRelocalized(run)) << wallpaper;
-    std::uint32_t index = 0;
-    EXPECT_TRUE(loopsOf(run, &index).empty()) << wallpaper;
-  }
+  const KidnappedRun run = driveKidnapped(other, 5);  // the same wallpaper: the compass agrees
+  EXPECT_FALSE(isRelocalized(run));
+  std::uint32_t index = 0;
+  EXPECT_TRUE(loopsOf(run, &index).empty());
+}
+
+TEST(PlaceLinks, AReturningRobotLinksItsPlacesOnce) {
+  const KidnappedRun run = driveKidnapped(scan::testing::furnishedRoom(), 5, kNever);
+  std::uint32_t index = 0;
+  const std::vector<PlaceLink> loops = loopsOf(run, &index);
+  // A circle is 79 frames, so 39 places: 150 frames are 35 places after the first return.
+  ASSERT_GE(loops.size(), 1u);
+  ASSERT_LE(loops.size(), 2u);
+  const Place &place = run.places.at(index), &other = run.places.at(loops.back().index);
+  EXPECT_GE(place.sequence, other.sequence + 60);
+  const Pose2 truth = run.truth[place.sequence].inverse() * run.truth[other.sequence],
+              off = loops.back().this_from_other.inverse() * truth;
+  EXPECT_LT(truth.translation().norm(), 0.35);
+  EXPECT_LT(off.translation().norm(), 0.02);
+  EXPECT_LT(std::abs(off.theta_rad), 0.02);
 }
 
 }  // namespace
