@@ -9,7 +9,6 @@
 #include "appearance/signature.h"
 #include "appearance/stored_signature.h"
 #include "estimation/compass_evidence.h"
-#include "estimation/surface_share.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -54,6 +53,7 @@ LoopCheckOptions LoopCheckOptions::read(const options::Section& section) {
   section.read("missed_share", o.missed_share, {1e-6, 0.5});
   section.read("other_share", o.other_share, {1e-6, 1.0 - 1e-6});
   section.read("independent_m", o.independent_m, kPositive);
+  section.read("most_compass", o.most_compass, options::kNotNegative);
   section.read("most_confidence", o.most_confidence, {0.0, 1.0 - 1e-6});
   section.read("least_compass", o.least_compass, {-100.0, 0.0});
   section.read("narrow_confidence", o.narrow_confidence, {0.0, 1.0});
@@ -130,15 +130,16 @@ void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const s
 /// Logarithm of the ratio of the likelihoods of what is observed at the right relation and at another one.
 double LoopCheck::evidenceOf(const Relation& relation) const {
   const double missed = options_.missed_share, other = options_.other_share,
-               agree = relation.overlap.agree_m * std::log((1.0 - missed) / (1.0 - other)),
-               contradict = relation.overlap.contradict_m * std::log(missed / other);
-  return (agree + contradict) / options_.independent_m + relation.compass.evidence;
+               agree = relation.overlap.distinct_agree_m * std::log((1.0 - missed) / (1.0 - other)),
+               contradict = relation.overlap.distinct_contradict_m * std::log(missed / other);
+  return (agree + contradict) / options_.independent_m +
+         std::min(options_.most_compass, relation.compass.evidence);
 }
 
 /// Empty if the places close a loop.
 std::string LoopCheck::whyOpen(const Result& r) const {
-  if (contradictingShare(r.overlap) > options_.most_contradict)
-    return fmt::format("{:.0f} % of the common surfaces contradict", 100.0 * contradictingShare(r.overlap));
+  if (r.overlap.contradiction() > options_.most_contradict)
+    return fmt::format("{:.0f} % of the common surfaces contradict", 100.0 * r.overlap.contradiction());
   if (r.matched < options_.min_matched)
     return fmt::format("only {:.0f} % of the lines match", 100.0 * r.matched);
   if (const double sigma_m = largestSigma(r.covariance); sigma_m > options_.most_sigma_m)
@@ -147,8 +148,8 @@ std::string LoopCheck::whyOpen(const Result& r) const {
     return fmt::format("the compass contradicts: {:.1f} deg, the scans {:.1f} deg",
                        r.compass.turn_rad * kDegrees, r.from_to.theta_rad * kDegrees);
   if (r.evidence < options_.least_evidence)
-    return fmt::format("too little evidence: {:.1f} m of surfaces agree, {:.1f} m contradict",
-                       r.overlap.agree_m, r.overlap.contradict_m);
+    return fmt::format("too little evidence: {:.1f} m of distinct surfaces agree, {:.1f} m contradict",
+                       r.overlap.distinct_agree_m, r.overlap.distinct_contradict_m);
   if (r.lead < options_.rival_evidence) return "another relation fits as well";
   return "";
 }
@@ -174,6 +175,7 @@ LoopCheck::Result LoopCheck::check(const LoopPlace& from, const LoopPlace& to) {
   const Pose2 scan_from_base = to.base_from_scan.inverse();
   result.from_to = from.base_from_scan * best.from_to * scan_from_base;
   result.matched = best.match.matched;
+  result.chi2 = best.match.chi2;
   result.overlap = best.overlap;
   result.compass = best.compass;
   result.evidence = result.lead = best.evidence;
@@ -183,14 +185,15 @@ LoopCheck::Result LoopCheck::check(const LoopPlace& from, const LoopPlace& to) {
       systematicCovariance(*from.scan, best.from_to.translation().norm(), keyframes_);
   result.covariance = composeCovariance(of_scan, scan_from_base, Eigen::Matrix3d::Zero());
   for (std::size_t i = 1; i < found.size(); ++i) {
-    if (contradictingShare(found[i].overlap) >= options_.refused) continue;
+    if (found[i].overlap.contradiction() >= options_.refused) continue;
     result.lead = std::min(result.lead, best.evidence - found[i].evidence);
   }
   const std::string why = whyOpen(result);
   result.closed = why.empty();
-  const std::string verdict = result.closed ? fmt::format("{:.1f} m of surfaces agree, {:.1f} m contradict",
-                                                          best.overlap.agree_m, best.overlap.contradict_m)
-                                            : why;
+  const std::string verdict =
+      result.closed ? fmt::format("{:.1f} m of distinct surfaces agree, {:.1f} m contradict",
+                                  best.overlap.distinct_agree_m, best.overlap.distinct_contradict_m)
+                    : why;
   result.reason += (result.reason.empty() ? "" : "; ") + verdict;
   return result;
 }

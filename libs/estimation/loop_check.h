@@ -25,13 +25,15 @@ struct LoopCheckOptions {
   double most_contradict = 0.12;  ///< 1, share of the common surfaces that may contradict
   double refused = 0.25;          ///< 1, share from which another relation is no rival
   double rival_evidence = 2.0;    ///< nats, by which the best relation must exceed every other one
-  double least_evidence = 4.0;    ///< nats, for the best relation against another room
+  double least_evidence = 3.0;    ///< nats, for the best relation against another room
   // Evidence of the surfaces: shares that contradict at the right relation and at the best one of another
   // room, and the length of surface that is one independent observation.
   double missed_share = 0.03;  ///< 1
   double other_share = 0.3;    ///< 1
   double independent_m = 0.5;  ///< m
   // Evidence of the compass: density of its answer at the scan's heading, relative to an even one.
+  double most_compass = 2.0;  ///< nats, at most: the compass distinguishes headings; rooms with equal walls
+                              ///< may look alike, too
   double most_confidence = 0.98;   ///< 1, of an answer of the compass; no answer counts as more certain
   double least_compass = -3.0;     ///< nats, below which the compass contradicts, whatever the scans say
   double narrow_confidence = 0.9;  ///< 1, from which the compass bounds the headings that are searched …
@@ -87,7 +89,8 @@ class LoopCheck {
     double evidence = 0.0;  ///< nats, of surfaces and compass
     std::string reason;     ///< in words
     int candidates = 0;     ///< relations at which the scans match
-    double matched = 0.0;
+    double matched = 0.0;   ///< share of the lines
+    double chi2 = 0.0;      ///< mean squared residual of these, in σ²
     scan::Overlap overlap;
     CompassOpinion compass;            ///< at the best relation
     double lead = 0.0;                 ///< nats, over the best other relation; without any: the evidence

@@ -169,14 +169,14 @@ std::string csv(const std::vector<Recording>& recordings, const std::vector<Outc
     const auto& r = o.result;
     text += fmt::format(
         "{},{},{}:{},{},{}:{},{:.3f},{:.1f},{},{},{:.4f},{:.3f},{:.2f},{},{:.3f},{:.2f},{:.3f},{:.2f},{:.3f},"
-        "{:.2f},{:.2f},{:.3f},{:.2f},{:.2f},{:.1f},\"{}\"\n",
+        "{:.2f},{:.2f},{:.3f},{:.2f},{:.2f},{:.1f},{:.2f},{:.2f},{:.2f},\"{}\"\n",
         toString(o.pair.kind), recordings[o.pair.recording].name(), o.pair.from.first, o.pair.from.second,
         recordings[o.pair.other_recording].name(), o.pair.to.first, o.pair.to.second, o.pair.distance_m,
         o.pair.from_to.theta_rad * kDegrees, int{r.closed}, int{o.isRight()}, o.error_m,
         o.error_rad * kDegrees, o.nees, r.candidates, r.matched, r.overlap.agree_m,
         estimation::contradictingShare(r.overlap), r.lead, r.difference.value_or(-1.0),
         wrapAngle(r.compass.turn_rad - o.pair.from_to.theta_rad) * kDegrees, r.compass.sigma_rad * kDegrees,
-        r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.reason);
+        r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.overlap.distinct_agree_m, r.overlap.distinct_contradict_m, r.chi2, r.reason);
   }
   return text;
 }
