@@ -42,7 +42,7 @@ std::optional<DifferenceScale::Length> DifferenceScale::lengthOf(double differen
   return Length{scale * difference, std::sqrt(residual)};
 }
 
-bool tellsTurn(const Appearance& appearance, TimeNs since_ns, const AppearanceOptions& options) {
+bool hasTurn(const Appearance& appearance, TimeNs since_ns, const AppearanceOptions& options) {
   return options.use && appearance.since_ns != 0 && appearance.since_ns == since_ns &&
          appearance.turn_sigma_rad > 0 && appearance.confidence >= options.least_confidence;
 }

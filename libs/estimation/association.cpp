@@ -122,7 +122,7 @@ void takeRagged(std::vector<Seen>& seen) {
   for (Seen& s : seen) {
     if (s.track->solidity < kRaggedSolidity || !isWhole(s)) continue;
     for (double& sigma : s.view->sigma_m) sigma *= kRagged;
-    s.tells = true;
+    s.informative = true;
   }
 }
 
@@ -145,7 +145,7 @@ std::vector<Seen> silhouettes(const FleetState& fleet, const Objects& frame) {
     seen.view->assume(error);
     if (seen.view->usable() < kLeastDirections) continue;
     seen.mature = track.solidity >= kMergedSolidity && isWhole(seen);
-    seen.tells = seen.mature || isPart(seen);
+    seen.informative = seen.mature || isPart(seen);
     all.push_back(std::move(seen));
   }
   if (robot != nullptr && needsAny(*robot, all)) takeRagged(all);

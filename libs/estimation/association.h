@@ -20,7 +20,7 @@ struct Seen {
   bool mature = false;         ///< clean enough to be a landmark's, to found or to deny one
   /// May be a landmark's, but denies nothing: as mature; or a part of it, cut off by the edge of the view; or
   /// ragged, where nothing better is in sight of a robot that needs it.
-  bool tells = false;
+  bool informative = false;
 };
 
 /// The visible tracks of a frame that have supports, as views, what is known of the camera's error taken off.
@@ -52,7 +52,7 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
 /// saw should stand around it.
 bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vector<Seen>& seen);
 
-/// Adds the graph's factors of all that was told.
+/// Adds the graph's factors of all associated views.
 void addViews(FleetState& fleet, RobotNode& observer, const std::vector<Seen>& seen);
 
 /// How well one prism explains what a robot has seen of each landmark, by the views in its window.

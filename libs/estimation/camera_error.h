@@ -33,10 +33,10 @@ struct CameraOptions {
 /// calibration is right or it errs as its prior says, each as likely before anything is seen; the estimate,
 /// which takes the second for granted, counts by the probability of it afterwards. That of a right one shows
 /// in the estimate itself: how much less than before zero is expected (the density ratio of Savage and
-/// Dickey; Dickey 1971). So what is told of a well calibrated camera is zero within its noise, and of another
-/// the estimate. How large outlines are seen is a nuisance of both; what they have in common beside that,
-/// about a tenth of a pixel, does not become less with their number and is added to the noise
-/// where that is asked.
+/// Dickey; Dickey 1971). So the published error of a well calibrated camera is zero within its noise, and of
+/// another the estimate. How large outlines are seen is a nuisance of both; what they have in common beside
+/// that, about a tenth of a pixel, does not become less with their number and is added to the noise where
+/// that is asked.
 Eigen::Vector4d believedError(const CameraError& error, const CameraCovariance& covariance,
                               const CameraOptions& options);
 

@@ -37,9 +37,9 @@ struct RobotSetup {
   RobotBody body;
   std::optional<Pose2> initial_pose;  ///< map_from_base at its first frame; without it the robot is unlocated
                                       ///< until an absolute measurement or a sighting locates it
-  bool founds_map = false;  ///< nobody has told where it starts: `map` is made so that initial_pose holds
+  bool founds_map = false;  ///< no initial pose is configured: `map` is chosen so that initial_pose holds
   lens::Spread lens{};      ///< of its camera
-  /// Of its camera, as PoseEstimate tells it: found before, by an estimator whose place this one takes.
+  /// Of its camera, as in PoseEstimate: estimated before by the process that this one replaces.
   Eigen::Vector4d camera_error = Eigen::Vector4d::Zero();
   bool match_scans = true;  ///< whether its scans correct its pose
 };
@@ -156,9 +156,9 @@ class FleetEstimator {
 
   /// Frames that have left the window, or will be in no window again, and whose poses have turned out to be
   /// others than process() gave, by more than a map is exact to; each time since the last call. `valid` is
-  /// false where nothing holds of what was told.
+  /// false where the published poses no longer hold.
   std::vector<PoseEstimate> takeRevised();
-  /// What has been found wrong with what was told of the fleet (a robot's start, a calibration), a line for
+  /// What has been found wrong with the configuration (an initial pose, a calibration), a line for
   /// people each;
   /// since the last call.
   std::vector<Message> takeFindings();
@@ -191,7 +191,7 @@ class FleetEstimator {
   WheelModel wheelModel(const std::string& robot) const;
   /// Zero for a robot that has measured no range and bearing.
   DetectorModel detectorModel(const std::string& robot) const;
-  /// Where that stands of which a robot's detector told at a time that is still in its window, in its
+  /// Position of a target of a robot's detector at a time that is still in its window, in its
   /// base_link then: (range, bearing) without the detector's errors as they are estimated now.
   Eigen::Vector2d seenFrom(const std::string& robot, TimeNs time_ns,
                            const Eigen::Vector2d& range_bearing) const;

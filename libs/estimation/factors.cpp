@@ -104,7 +104,7 @@ struct MotionError {
     const Vec3<T> m(T(measured.x_m) + t.x(), T(measured.y_m) + t.y(), T(measured.theta_rad) + increment.z());
     const Vec3<T> rel = relative<T>(Vec3<T>(from[0], from[1], from[2]), Vec3<T>(to[0], to[1], to[2]));
     Eigen::Map<Vec3<T>> out(r);
-    // As the wheels told it: of a shorter way errors would be smaller too. A log's are those of the way
+    // As measured by the wheels: for a shorter way errors would be smaller too. A log's are those of the way
     // itself.
     const bool is_log = !b.rightCols<3>().isZero();
     const T stretched = is_log ? T(1.0) : T(1.0) + T(0.5) * (e(0) - T(at(0)) + e(1) - T(at(1)));

@@ -45,7 +45,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     robot.relocalizer.emplace(options.relocalizer, options.match);
     robot.scan_aid.odometry = OdometryQuality(options.odometry);
     robot.difference_scale = DifferenceScale(options.appearance);
-    robot.camera_told = robot.setup.camera_error;
+    robot.published_camera_error = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
@@ -163,7 +163,8 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   const Appearance& seen = frame.appearance;
   if (seen.since_ns == since_ns) added.difference = seen.difference;
   // Without wheels the turn of the compass is in the motion already.
-  if (!added.wheels || !options.appearance.with_wheels || !tellsTurn(seen, since_ns, options.appearance)) return;
+  if (!added.wheels || !options.appearance.with_wheels || !hasTurn(seen, since_ns, options.appearance))
+    return;
   constexpr double kOpen_m2 = 1e6;  // a compass says nothing about places
   const double sigma_rad = options.appearance.sigma_factor * seen.turn_sigma_rad;
   const Eigen::Matrix3d of_turn = Eigen::Vector3d(kOpen_m2, kOpen_m2, sigma_rad * sigma_rad).asDiagonal();

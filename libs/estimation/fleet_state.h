@@ -56,12 +56,12 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
-  bool by_appearance = false;                      ///< without wheels: the images alone tell turn and length
-  double difference = 0.0;                         ///< of the signatures since the frame before; 0: not known
+  bool by_appearance = false;    ///< without wheels: only the images measure turn and length
+  double difference = 0.0;       ///< of the signatures since the frame before; 0: not known
   bool wheels_rejected = false;  ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
-  std::optional<Pose2> told;                     ///< what was reported of it
+  std::optional<Pose2> published;                ///< its pose in the newest publication
   std::vector<Sighting> sightings;               ///< as reported
   std::shared_ptr<const Appearance> appearance;  ///< of a frame that becomes a place
   std::vector<ViewLink> views;
@@ -106,22 +106,22 @@ struct OtherStart {
   double score = 0.0;  ///< sum over frames of things that agree, less those that are missing
 };
 
-/// How a robot's start as it was told agrees with what is seen since.
+/// How a robot's configured initial pose agrees with the observations since.
 struct Start {
-  std::optional<Pose2> told;  ///< map_from_base of the first frame
-  VariableId pose = 0;        ///< of that frame, while it is in the window
-  Pose2 moved;          ///< by how much everything is now beside where it was said to be (from the left)
-  int agreed = 0;       ///< frames that agree with others
-  int unconfirmed = 0;  ///< frames since one agreed
-  int doubts = 0;       ///< frames that do not, less those in which some of it agrees and nothing is missing
+  std::optional<Pose2> given;  ///< map_from_base of the first frame
+  VariableId pose = 0;         ///< of that frame, while it is in the window
+  Pose2 moved;                 ///< correction of the configured initial pose, applied from the left
+  int agreed = 0;              ///< frames that agree with others
+  int unconfirmed = 0;         ///< frames since one agreed
+  int doubts = 0;  ///< frames that do not, less those in which some of it agrees and nothing is missing
   double doubted = 0.0, refuted = 0.0;  ///< of late: those that show nothing of the others, and the contrary
   double claim_score = 0.0;             ///< over these
   std::vector<OtherStart> elsewhere;
   bool contradicted = false;          ///< for long, and no other place is sure
   bool borne_out = false;             ///< something from outside has agreed with where it led the robot
-  std::vector<PoseEstimate> history;  ///< all that was told, while nothing has confirmed the start
-  VariableId anchor = 0;              ///< where it was placed anew last, until that is final, …
-  Pose2 anchored;                     ///< … and the place then
+  std::vector<PoseEstimate> history;  ///< all published poses, while nothing has confirmed the initial pose
+  VariableId anchor = 0;              ///< pose of the last relocalization, until it is final, …
+  Pose2 anchored;                     ///< … and its value then
 };
 
 /// A silhouette of a robot's newest frame.
@@ -179,7 +179,7 @@ struct RobotNode {
   VariableId size = 0;      ///< of its body against what it is said to be; 0 until it has been seen
   FactorId wheels_prior = kNoFactor;
   WheelTrial wheel_trial;
-  Wiring wiring = Wiring::kAsTold;  ///< its last verdict; other wheels count for nothing
+  Wiring wiring = Wiring::kAsConfigured;  ///< its last verdict; other wheels count for nothing
   std::optional<WheelLog> log;
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
   std::deque<Step> window;     ///< empty while unlocated
@@ -202,10 +202,10 @@ struct RobotNode {
   bool started = false;                ///< a frame has come
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
   CameraCovariance camera_covariance = CameraCovariance::Identity();  ///< of its camera's error
-  Eigen::Vector4d camera_told = Eigen::Vector4d::Zero();  ///< what is published of the camera's error
-  CameraFinding::Quantities camera_accused;               ///< what people have been told is wrong with it
-  std::array<int, 4> camera_doubts{};  ///< keyframes in a row in which it seemed wrong, by quantity
-  double camera_said = 0.0;            ///< sum of the variances with which people were told of it last
+  Eigen::Vector4d published_camera_error = Eigen::Vector4d::Zero();   ///< of the camera, as published
+  CameraFinding::Quantities camera_accused;  ///< what has been reported to be wrong with it
+  std::array<int, 4> camera_doubts{};        ///< keyframes in a row in which it seemed wrong, by quantity
+  double camera_said = 0.0;                  ///< sum of the variances of the last report
   Pose2 last_key;
   TimeNs last_key_ns = 0;
   int disagreements = 0;          ///< absolute measurements in a row that the gate refused
@@ -260,7 +260,7 @@ struct MapFrame {
   VariableId start = 0;            ///< map_from_start of the robot that founded it; 0: none did
   FactorId by_start = kNoFactor;   ///< holds it at that start, or …
   FactorId by_points = kNoFactor;  ///< … at the named points
-  std::uint32_t datum = 0;         ///< counts what has held it; 0: it is where it was told to be
+  std::uint32_t datum = 0;         ///< counts what has held it; 0: it is where the configuration puts it
 };
 
 /// Robots, landmarks and points with their variables.
@@ -275,9 +275,9 @@ class FleetState {
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)
-  bool tied = false;                    ///< something from outside tells where the map is
+  bool tied = false;                    ///< absolute measurements locate the map
   MapFrame map_frame;
-  std::vector<PoseEstimate> revised;  ///< frames that turned out to lie elsewhere than was told
+  std::vector<PoseEstimate> revised;  ///< poses that differ from what was published, to be published again
   std::vector<Message> findings;      ///< about initial poses and calibrations
 
   RobotNode* find(const std::string& name);
@@ -298,7 +298,7 @@ class FleetState {
 
   /// The motion of a frame as a step without variables: wheels where valid, else constant velocity.
   Step predictStep(const RobotNode& robot, const Objects& frame) const;
-  /// The motion from a time to a frame, of the frame itself or from the log; false where nothing tells.
+  /// The motion from a time to a frame, of the frame itself or from the log; false if neither has it.
   bool motionBetween(const RobotNode& robot, TimeNs from_ns, const Objects& frame, Pose2& motion) const;
   /// A located robot's next pose.
   void advance(RobotNode& robot, const Objects& frame);
@@ -312,7 +312,7 @@ class FleetState {
 
   /// How a located robot moves at a time in its window: m/s, m/s, rad/s in its base_link.
   Eigen::Vector3d twistAt(const RobotNode& robot, TimeNs time_ns) const;
-  /// Where that stands of which a robot's detector tells at a time, in its base_link then.
+  /// Position of a target of a robot's detector at a time, in its base_link then.
   Eigen::Vector2d seenFrom(const RobotNode& robot, TimeNs time_ns,
                            const Eigen::Vector2d& range_bearing) const;
 
@@ -335,7 +335,7 @@ class FleetState {
   void shareKeyframes(TimeNs time_ns);
   /// Replaces the newest step's motion factor by one with a larger covariance.
   void loosen(RobotNode& robot, const Eigen::Matrix3d& covariance);
-  /// What the wheels told of the whole window is as good as nothing.
+  /// Rejects the wheels' motions of the whole window.
   void disbelieveWheels(RobotNode& robot);
   /// Shapes anew from the views of keyframes.
   void updateShapes();

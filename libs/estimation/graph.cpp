@@ -14,7 +14,7 @@ namespace {
 
 // Of the largest information of a prior that is condensed: less is taken for rounding. Stiff steps (0.1 mm,
 // 1e8 m⁻²) cancel in it, and noise taken for a measurement moves by its residual over its own root.
-constexpr double kTold = 1e-9;
+constexpr double kLeastInformation = 1e-9;
 constexpr double kLoose = 1e-9;  // information of variables that nobody constrains yet
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -26,7 +26,7 @@ void squareRoot(const Eigen::MatrixXd& h, const Eigen::VectorXd& g, Eigen::Matri
   Eigen::VectorXd root(h.rows()), inverse(h.rows());
   for (Eigen::Index i = 0; i < h.rows(); ++i) {
     const double d = ldlt.vectorD()(i);
-    const bool positive = d > kTold * largest;
+    const bool positive = d > kLeastInformation * largest;
     root(i) = positive ? std::sqrt(d) : 0.0;
     inverse(i) = positive ? 1.0 / std::sqrt(d) : 0.0;
   }

@@ -13,7 +13,7 @@ constexpr double kSameFrame = 1e-6;  // m², rad²: (1 mm)², (1 mrad)²
 /// Publishes a frame of the own window in this map. @param map_from_own at that frame
 void adoptStep(FleetState& fleet, RobotNode& robot, const RobotNode& theirs, const Step& step,
                const Pose2& map_from_own, const FleetState& own) {
-  if (!step.told) return;
+  if (!step.published) return;
   PoseEstimate estimate;
   estimate.robot = theirs.setup.name;
   estimate.acquired_ns = step.time_ns;
@@ -21,7 +21,7 @@ void adoptStep(FleetState& fleet, RobotNode& robot, const RobotNode& theirs, con
   estimate.valid = true;
   estimate.map_from_base = map_from_own * own.pose(step.pose);
   estimate.covariance = theirs.covariance;
-  estimate.camera_error = theirs.camera_told;
+  estimate.camera_error = theirs.published_camera_error;
   estimate.sightings = step.sightings;
   fleet.revised.push_back(estimate);
   robot.path.add(estimate);
@@ -59,7 +59,7 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
                                 : map_from_own;
   for (const Step& step : theirs.window) adoptStep(fleet, robot, theirs, step, here, own);
 
-  robot.setup.camera_error = robot.camera_told = theirs.camera_told;
+  robot.setup.camera_error = robot.published_camera_error = theirs.published_camera_error;
   fleet.graph.value(robot.wheels) = own.graph.value(theirs.wheels);
   Objects frame;
   frame.robot = robot.setup.name;

@@ -121,7 +121,7 @@ class Search {
   /// A robot whose start nobody has confirmed is held against what it has seen itself.
   static bool isSure(const RobotNode& robot) {
     const Start& start = robot.start;
-    return !start.told || isConfirmed(start) || (start.agreed > 0 && start.doubts <= 0);
+    return !start.given || isConfirmed(start) || (start.agreed > 0 && start.doubts <= 0);
   }
 
   bool isKnownTo(const Landmark& landmark) const {

@@ -69,7 +69,7 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   const Pose2 map_from_base = fleet.pose(observer.window.back().pose);
   std::vector<Candidate> candidates;
   for (std::size_t s = 0; s < seen.size(); ++s) {
-    if (seen[s].peer != nullptr || !seen[s].tells || moving(seen[s], fleet.options)) continue;
+    if (seen[s].peer != nullptr || !seen[s].informative || moving(seen[s], fleet.options)) continue;
     const Footprint footprint(*seen[s].view);
     const auto before = observer.object_of_track.find(seen[s].track->id);
     for (const auto& [id, landmark] : fleet.landmarks) {
@@ -116,7 +116,8 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   const EstimatorOptions& o = fleet.options;
   const Pose2 map_from_base = fleet.pose(step.pose);
   for (Seen& s : seen) {
-    if (s.peer != nullptr || s.landmark != 0 || !s.tells || s.track->kind == ObjectKind::kRobot) continue;
+    if (s.peer != nullptr || s.landmark != 0 || !s.informative || s.track->kind == ObjectKind::kRobot)
+      continue;
     if (moving(s, o) || (s.track->contact_m - s.view->foot_m).norm() > o.new_landmark_contact_m) continue;
     const bool measured = s.view->height_sigma_m > 0 && s.view->height_sigma_m < o.prior_height_sigma_m;
     const double height = measured ? s.view->height_m : o.prior_height_m;
@@ -152,7 +153,7 @@ Pose2 rigidMotion(const std::vector<Eigen::Vector2d>& from, const std::vector<Ei
 
 void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
                    const std::vector<Seen>& seen) {
-  constexpr double kSure_m = 0.05, kArm_m = 1.5, kAgree_m = 0.10, kOneTells_rad = 0.3;
+  constexpr double kSure_m = 0.05, kArm_m = 1.5, kAgree_m = 0.10, kHeadingKnown_rad = 0.3;
   constexpr double kCarried = 20.0;  // χ² (3 dof, 2e-4)
   const double spread = std::sqrt(observer.covariance.topLeftCorner<2, 2>().trace()) +
                         kArm_m * std::sqrt(observer.covariance(2, 2));
@@ -161,7 +162,7 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
   std::vector<Eigen::Vector2d> in_base, in_map;
   for (const Seen& s : seen) {
     const auto before = observer.object_of_track.find(s.track->id);
-    if (before == observer.object_of_track.end() || !s.tells) continue;
+    if (before == observer.object_of_track.end() || !s.informative) continue;
     if (before->second.landmark != 0) {
       const auto landmark = fleet.landmarks.find(before->second.landmark);
       if (landmark == fleet.landmarks.end()) continue;
@@ -176,7 +177,8 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
     }
   }
   // One thing tells no heading.
-  if (in_base.empty() || (in_base.size() < 2 && std::sqrt(observer.covariance(2, 2)) > kOneTells_rad)) return;
+  if (in_base.empty() || (in_base.size() < 2 && std::sqrt(observer.covariance(2, 2)) > kHeadingKnown_rad))
+    return;
   Eigen::VectorXd& value = fleet.graph.value(step.pose);
   const Pose2 placed = rigidMotion(in_base, in_map, value(2));
   for (std::size_t i = 0; i < in_base.size(); ++i) {

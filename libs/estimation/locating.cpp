@@ -45,7 +45,7 @@ bool taken(const FleetState& fleet, const RobotNode& lost, TimeNs time, const Ei
 
 void score(const FleetState& fleet, const RobotNode& lost, const Objects& frame, Hypothesis& hypothesis) {
   for (const Track& track : frame.tracks) {
-    if (!track.visible || track.supports.empty()) continue;  // without an outline its place was only told
+    if (!track.visible || track.supports.empty()) continue;  // without an outline its place is only predicted
     const Eigen::Vector2d place = hypothesis.map_from_base * track.position_m;
     double nearest = kMatch_m;
     for (const RobotNode& robot : fleet.robots) {

@@ -53,7 +53,7 @@ Message wheelAssignmentWrong(Wiring wiring) {
     return Message{ErrorCode::kWheelAssignment, text + kUntil};
   };
   switch (wiring) {
-    case Wiring::kAsTold:
+    case Wiring::kAsConfigured:
       return {};
     case Wiring::kReversed:
       return message("both wheels run backwards; change the signs of left and right");

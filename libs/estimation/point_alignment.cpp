@@ -135,8 +135,8 @@ bool locateByPoints(FleetState& fleet, RobotNode& lost, const Objects& frame) {
       static_cast<double>(agree.size()) < kShare * static_cast<double>(pairs.size()))
     return false;
   const Pose2& local_from_base = lost.scout->local_from_base;
-  const Eigen::Matrix3d told = information(pairs, agree, local_from_base.inverse());
-  const Eigen::LLT<Eigen::Matrix3d> root(told);
+  const Eigen::Matrix3d gained = information(pairs, agree, local_from_base.inverse());
+  const Eigen::LLT<Eigen::Matrix3d> root(gained);
   if (root.info() != Eigen::Success) return false;
   const Eigen::Matrix3d covariance = root.solve(Eigen::Matrix3d::Identity());
   if (!(covariance(2, 2) <= kHeading_rad * kHeading_rad)) return false;

@@ -128,7 +128,7 @@ void ScanSource::fit(const FleetState& fleet, RobotFrame& frame) {
     for (const auto& [place, reach_m] : peers)
       aid.usable[i] = aid.usable[i] && (end - place).norm() > reach_m;
     for (const Seen& seen : frame.seen)
-      if (seen.tells && distanceTo(seen.track->hull_m, end) < kOutline_m) aid.on_object[i] = 1;
+      if (seen.informative && distanceTo(seen.track->hull_m, end) < kOutline_m) aid.on_object[i] = 1;
   }
   correctBoundary(boundary, aid.assumed, aid.camera_height_m, robot.setup.lens, corrected_);
   aid.scan.fit(corrected_, aid.usable);
@@ -425,7 +425,7 @@ void ScanSource::assumeCameras(FleetState& fleet) {
   constexpr double kNoticeable = 0.002;  // camera heights, at three heights away: about 1 mm at 1.5 m
   for (RobotNode& robot : fleet.robots) {
     if (robot.camera == 0 || robot.scan_aid.camera_height_m <= 0) continue;
-    const Eigen::Vector4d& now = robot.camera_told;
+    const Eigen::Vector4d& now = robot.published_camera_error;
     if (displacement(now - robot.scan_aid.assumed, robot.setup.lens) < kNoticeable) continue;
     robot.scan_aid.assumed = now;
     fleet.keyframes.assume(static_cast<std::uint32_t>(&robot - fleet.robots.data()), now);

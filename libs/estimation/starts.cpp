@@ -9,7 +9,7 @@
 #include "estimation/agreement.h"
 #include "estimation/factors.h"
 #include "estimation/messages.h"
-#include "estimation/told.h"
+#include "estimation/published_poses.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -35,7 +35,7 @@ bool errsLikeAnother(const FleetState& fleet, const RobotNode& robot, const Pose
   const Pose2 here = moved * robot.start.moved * claim;
   return std::any_of(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
     const Pose2 there = other.start.moved * claim;
-    return &other != &robot && other.start.told && !areSame(claim, there) && areSame(here, there);
+    return &other != &robot && other.start.given && !areSame(claim, there) && areSame(here, there);
   });
 }
 
@@ -141,13 +141,13 @@ void removeSightings(FleetState& fleet, const RobotNode& robot) {
   }
 }
 
-/// What was told, with the places that the frames of the window have by now: with what contradicts its start
-/// a robot was pulled about, and no single motion takes all that was told meanwhile to where it was.
+/// Corrects the published poses, with the present poses of the frames in the window: while observations
+/// contradicted the initial pose the robot's pose shifted, so no single motion corrects all published poses.
 void moveHistory(const FleetState& fleet, RobotNode& robot, const Pose2& moved) {
-  for (PoseEstimate& told : robot.start.history) {
+  for (PoseEstimate& past : robot.start.history) {
     const auto step = std::find_if(robot.window.begin(), robot.window.end(),
-                                   [&](const Step& s) { return s.time_ns == told.acquired_ns; });
-    told.map_from_base = moved * (step == robot.window.end() ? told.map_from_base : fleet.pose(step->pose));
+                                   [&](const Step& s) { return s.time_ns == past.acquired_ns; });
+    past.map_from_base = moved * (step == robot.window.end() ? past.map_from_base : fleet.pose(step->pose));
   }
 }
 
@@ -174,7 +174,7 @@ void placeAnew(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Ei
 
 bool errsBy(const RobotNode& robot, const Pose2& moved) {
   const Start& start = robot.start;
-  return start.told && robot.located() && areSame(moved * *start.told, start.moved * *start.told);
+  return start.given && robot.located() && areSame(moved * *start.given, start.moved * *start.given);
 }
 
 /// Where more robots are beside their starts by one and the same motion than are where they should be.
@@ -213,7 +213,7 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh) {
   double most = 0.0;
   for (RobotNode* robot : fresh) {
     Start& start = robot->start;
-    if (!start.told || isConfirmed(start) || robot->sight.empty()) continue;
+    if (!start.given || isConfirmed(start) || robot->sight.empty()) continue;
     weigh(fleet, *robot);
     // Of all robots that contradict each other the first is believed.
     if (!start.contradicted && start.doubts >= kLong && isContradicted(fleet, *robot) &&
@@ -239,7 +239,7 @@ void moveStart(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Ei
 }
 
 bool isOpen(const Start& start) {
-  return start.told && start.pose != 0 && !start.borne_out;
+  return start.given && start.pose != 0 && !start.borne_out;
 }
 
 bool isConfirmed(const Start& start) {
@@ -260,7 +260,7 @@ bool isContradicted(const FleetState& fleet, const RobotNode& robot) {
   return many(true) < many(false);
 }
 
-Message tellDoubt(const FleetState& fleet, const RobotNode& robot) {
+Message describeDoubt(const FleetState& fleet, const RobotNode& robot) {
   const Start& start = robot.start;
   const bool alone = std::none_of(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
     return &other != &robot && other.located();

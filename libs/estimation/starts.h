@@ -23,7 +23,7 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh);
 
 /// Places a robot that nothing from outside has borne out yet where something from outside says that it
 /// stands: `moved` (from the left) beside where its start has led it, to `covariance` (right perturbation).
-/// What it has told is told anew, and its start concluded once this place is final.
+/// Its published poses are published again, and its initial pose concluded once this pose is final.
 void moveStart(FleetState& fleet, RobotNode& robot, const Pose2& moved, const Eigen::Matrix3d& covariance);
 
 /// Whether a robot may still have started elsewhere, rather than have been carried since: its first frame is
@@ -42,6 +42,6 @@ bool isContradicted(const FleetState& fleet, const RobotNode& robot);
 
 /// In words, where a start that is believed is in doubt for long: others miss what it sees, or it what they
 /// see, and nothing tells which of them are wrong; or too little is seen by both to confirm it. Else empty.
-Message tellDoubt(const FleetState& fleet, const RobotNode& robot);
+Message describeDoubt(const FleetState& fleet, const RobotNode& robot);
 
 }  // namespace omnifleet::estimation

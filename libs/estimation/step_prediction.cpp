@@ -14,10 +14,10 @@ constexpr double kMotionFloor = 1e-8;  // m², rad²: no step is known better th
 
 }  // namespace
 
-/// Without wheels the compass tells the turn, and the distance of the signatures the length of the step, of a
-/// robot that drives forward, or as its last step did.
+/// Without wheels the compass measures the turn, and the distance of the signatures the length of the step,
+/// of a robot that drives forward, or as its last step did.
 void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const {
-  if (!tellsTurn(appearance, step.since_ns, options.appearance)) return;
+  if (!hasTurn(appearance, step.since_ns, options.appearance)) return;
   const double sigma_rad = options.appearance.sigma_factor * appearance.turn_sigma_rad;
   step.previous_from_current.theta_rad = appearance.turn_rad;
   step.motion_covariance.row(2).setZero();
@@ -44,7 +44,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
   const double separation = robot.setup.body.wheel_separation_m;
   step.wheels_rejected = motion.wheels_rejected && motion.since_ns == step.since_ns;
-  step.wheels = motion.valid && (robot.wiring == Wiring::kAsTold || step.wheels_rejected) &&
+  step.wheels = motion.valid && (robot.wiring == Wiring::kAsConfigured || step.wheels_rejected) &&
                 motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
                 motion.since_ns == step.since_ns;
   if (step.wheels) {

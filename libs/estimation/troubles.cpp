@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
 constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
-constexpr double kTold_rad = 0.1;    // σ below which something has told it
-constexpr int kUnsureFrames = 10;    // that a robot which saw nothing takes to find that it was carried away
+constexpr double kKnownHeading_rad = 0.1;  // σ below which the heading is known
+constexpr int kUnsureFrames = 10;  // that a robot which saw nothing takes to find that it was carried away
 
 constexpr int kDoubts = 3;  // refused ranges and bearings in a row: no pose to be trusted
 
@@ -26,12 +26,12 @@ void jump(FleetState& fleet, RobotFrame& frame, const Pose2& map_from_base) {
   const bool slipped = !robot.unseen && !robot.displaced && step.wheels &&
                        by.translation().norm() < robot.unsettled_m + kSlip_m &&
                        std::abs(wrapAngle(by.theta_rad)) < robot.unsettled_rad + kSlip_rad;
-  const bool told = (step.wheels && !robot.unseen) || robot.displaced;
+  const bool measured = (step.wheels && !robot.unseen) || robot.displaced;
   jumpTo(fleet, robot, map_from_base);
   frame.settled = true;
-  if (told && slipped) tellSlip(frame);
-  if (told && !slipped && !robot.displaced) ++robot.status.losses;
-  frame.placed_anew = told && !slipped;
+  if (measured && slipped) reportSlip(frame);
+  if (measured && !slipped && !robot.displaced) ++robot.status.losses;
+  frame.placed_anew = measured && !slipped;
   robot.displaced = false;
   robot.claims.clear();
 }
@@ -79,19 +79,19 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
   RobotNode& robot = *frame.robot;
   const Motion& motion = frame.objects->motion;
   const double separation_m = robot.setup.body.wheel_separation_m;
-  const bool all_told = motion.since_ns == before_ns && (motion.valid || motion.wheels_rejected);
-  if (!frame.follows() || !all_told) robot.wheel_trial.interrupt();
+  const bool complete = motion.since_ns == before_ns && (motion.valid || motion.wheels_rejected);
+  if (!frame.follows() || !complete) robot.wheel_trial.interrupt();
   if (!frame.sees()) return;
-  Motion told = all_told ? motion : Motion{};
-  if (all_told && motion.wheels_rejected && separation_m > 0) {
-    told.valid = true;
-    told.previous_from_current = arc(motion.left_m, motion.right_m, separation_m);
+  Motion claimed = complete ? motion : Motion{};
+  if (complete && motion.wheels_rejected && separation_m > 0) {
+    claimed.valid = true;
+    claimed.previous_from_current = arc(motion.left_m, motion.right_m, separation_m);
   }
-  robot.wheel_trial.add(told, separation_m, standing(fleet, frame.seen));
+  robot.wheel_trial.add(claimed, separation_m, standing(fleet, frame.seen));
   // Nobody changes wires in a run: little in sight takes nothing back.
   const Wiring verdict = robot.wheel_trial.verdict();
-  if (verdict == Wiring::kAsTold) return;
-  if (std::exchange(robot.wiring, verdict) == Wiring::kAsTold) fleet.disbelieveWheels(robot);
+  if (verdict == Wiring::kAsConfigured) return;
+  if (std::exchange(robot.wiring, verdict) == Wiring::kAsConfigured) fleet.disbelieveWheels(robot);
 }
 
 void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
@@ -112,7 +112,7 @@ void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
   if (!step.wheels || frame.robot->scan_aid.suffices ||
       (way.translation().norm() < step.rolled_m + kSlip_m + kJitters * odometry.jitterM() &&
        std::abs(way.theta_rad) < step.rolled_rad + kSlip_rad + kJitters * odometry.jitterRad())) {
-    tellSlip(frame);
+    reportSlip(frame);
     return;
   }
   ++frame.robot->status.losses;
@@ -160,10 +160,10 @@ void noticeLoss(FleetState& fleet, RobotFrame& frame) {
   const bool strange = frame.unfamiliar || isDisplaced(fleet, robot, frame.seen);
   robot.adrift = !strange && (robot.displaced ? robot.adrift : adrift);
   // What fits by chance, one thing here and another there, does not bring back who is lost. But ranges and
-  // bearings may have told the heading since.
-  const bool told =
-      robot.adrift && !adrift && robot.refusals == 0 && robot.covariance(2, 2) < kTold_rad * kTold_rad;
-  const bool displaced = !frame.settled && !told && (robot.displaced || adrift || strange);
+  // bearings may have determined the heading since.
+  const bool found = robot.adrift && !adrift && robot.refusals == 0 &&
+                     robot.covariance(2, 2) < kKnownHeading_rad * kKnownHeading_rad;
+  const bool displaced = !frame.settled && !found && (robot.displaced || adrift || strange);
   if (displaced && !robot.displaced) ++robot.status.losses;
   robot.displaced = displaced;
   if (!displaced) return;
@@ -198,12 +198,12 @@ void noteObserved(std::vector<RobotFrame>& frames) {
   };
   for (std::size_t i = 0; i < frames.size(); ++i) {  // one tells another
     for (RobotFrame& frame : frames) {
-      int told = 0;
+      int known_views = 0;
       for (const Seen& seen : frame.seen) {
-        if (seen.landmark != 0) ++told;
-        if (seen.peer != nullptr && known(*seen.peer)) told += sees(*seen.peer, *frame.robot) ? 2 : 1;
+        if (seen.landmark != 0) ++known_views;
+        if (seen.peer != nullptr && known(*seen.peer)) known_views += sees(*seen.peer, *frame.robot) ? 2 : 1;
       }
-      if (told >= 2) frame.robot->unobserved = 0;
+      if (known_views >= 2) frame.robot->unobserved = 0;
     }
   }
 }
@@ -231,7 +231,8 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   if (!frame.fresh || !robot.located()) return;
   const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
   robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
-  robot.status.message = lost ? (robot.adrift ? headingLost() : localizationLost()) : tellDoubt(fleet, robot);
+  robot.status.message =
+      lost ? (robot.adrift ? headingLost() : localizationLost()) : describeDoubt(fleet, robot);
   if (robot.start.contradicted) robot.status.message = initialPoseNotMapped();
   if (frame.placed_anew) {
     constexpr int kOften = 3;  // nobody carries a robot so often
@@ -239,13 +240,13 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   }
   if (frame.slipped) robot.status.state = RobotState::kSlipping;
   if (frame.slipped) robot.status.message = wheelSlip();
-  if (robot.wiring == Wiring::kAsTold) return;
+  if (robot.wiring == Wiring::kAsConfigured) return;
   // All else that is wrong comes of it.
   robot.status.message = wheelAssignmentWrong(robot.wiring);
   if (!lost) robot.status.state = RobotState::kSlipping;
 }
 
-void tellSlip(RobotFrame& frame) {
+void reportSlip(RobotFrame& frame) {
   frame.slipped = true;
   ++frame.robot->status.slips;
 }

@@ -67,6 +67,6 @@ Eigen::Matrix3d slipCovariance();
 void noteState(const FleetState& fleet, const RobotFrame& frame);
 
 /// The wheels have rolled what the robot has not gone.
-void tellSlip(RobotFrame& frame);
+void reportSlip(RobotFrame& frame);
 
 }  // namespace omnifleet::estimation

@@ -9,7 +9,8 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kToldAnew = 0.003;  // heights of the camera, displaced 3 of them away: told anew beyond it
+constexpr double kPublishAgain =
+    0.003;  // heights of the camera, displacement 3 of them away, beyond which the error is published again
 
 /// What was said and is not borne out is taken back.
 void acquit(FleetState& fleet, RobotNode& robot, const CameraFinding& finding, bool settled) {
@@ -35,14 +36,15 @@ CameraFinding::Quantities lasting(RobotNode& robot, const CameraFinding& finding
 }
 
 /// So that the calibration can be mended: again as it becomes surer, and at the end.
-void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
+void reportCameraError(FleetState& fleet, RobotNode& robot, bool settled) {
   constexpr double kSurer = 0.5;
   const CameraFinding finding(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
   acquit(fleet, robot, finding, settled);
   const CameraFinding::Quantities wrong = lasting(robot, finding, settled);
   const double variance = robot.camera_covariance.diagonal().head<4>().sum();
   const bool surer = robot.camera_said <= 0 || variance <= kSurer * kSurer * robot.camera_said;
-  if (wrong.none() || !(settled || surer) || displacement(robot.camera_told, robot.setup.lens) <= kToldAnew)
+  if (wrong.none() || !(settled || surer) ||
+      displacement(robot.published_camera_error, robot.setup.lens) <= kPublishAgain)
     return;
   robot.camera_said = variance;
   robot.camera_accused |= wrong;
@@ -50,11 +52,12 @@ void tellPeople(FleetState& fleet, RobotNode& robot, bool settled) {
 }
 
 /// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
-void tellCamera(FleetState& fleet, RobotNode& robot, bool settled) {
+void publishCameraError(FleetState& fleet, RobotNode& robot, bool settled) {
   const Eigen::Vector4d now =
       believedError(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
-  if (settled || displacement(now - robot.camera_told, robot.setup.lens) > kToldAnew) robot.camera_told = now;
-  tellPeople(fleet, robot, settled);
+  if (settled || displacement(now - robot.published_camera_error, robot.setup.lens) > kPublishAgain)
+    robot.published_camera_error = now;
+  reportCameraError(fleet, robot, settled);
 }
 
 }  // namespace
@@ -94,7 +97,7 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
   for (RobotNode& robot : fleet.robots) {
     if (robot.camera == 0) continue;
     robot.camera_covariance = covariance.block<kCameraErrors, kCameraErrors>(at, at);
-    tellCamera(fleet, robot, settled);
+    publishCameraError(fleet, robot, settled);
     at += kCameraErrors;
   }
   for (RobotNode& robot : fleet.robots) {

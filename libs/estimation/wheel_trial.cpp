@@ -16,7 +16,7 @@ constexpr std::size_t kLeastThings = 2;            // one may move by itself
 constexpr double kForget = 0.9;                    // what a stretch counts, to the one after it
 constexpr double kLeastStretches = 3.4;            // four in a row, …
 constexpr double kRefuted = 6.5, kBorneOut = 2.5;  // … mean χ² that contradicts, that agrees, …
-constexpr double kAlike = 1.0;                     // … and that tells nothing: the simplest reading is told
+constexpr double kAlike = 1.0;  // … and that distinguishes nothing: the simplest assignment counts
 
 using Misfits = std::array<double, kWirings>;
 
@@ -26,7 +26,7 @@ constexpr std::size_t index(Wiring wiring) {
 
 Pose2 readAs(Wiring wiring, const Motion& m, double separation_m) {
   switch (wiring) {
-    case Wiring::kAsTold:
+    case Wiring::kAsConfigured:
       return m.previous_from_current;
     case Wiring::kReversed:
       return arc(-m.left_m, -m.right_m, separation_m);
@@ -95,9 +95,9 @@ void WheelTrial::judge(const std::vector<Standing>& now) {
 
 Wiring WheelTrial::verdict() const {
   const double least = *std::min_element(misfit_.begin(), misfit_.end());
-  if (stretches_ < kLeastStretches || misfit_[index(Wiring::kAsTold)] < kRefuted * stretches_ ||
+  if (stretches_ < kLeastStretches || misfit_[index(Wiring::kAsConfigured)] < kRefuted * stretches_ ||
       least > kBorneOut * stretches_)
-    return Wiring::kAsTold;
+    return Wiring::kAsConfigured;
   const auto simplest = std::find_if(misfit_.begin(), misfit_.end(),
                                      [&](double misfit) { return misfit < least + kAlike * stretches_; });
   return static_cast<Wiring>(simplest - misfit_.begin());

@@ -12,7 +12,7 @@
 namespace omnifleet::estimation {
 
 /// How what a robot's wheels tell has to be read.
-enum class Wiring : std::size_t { kAsTold, kReversed, kSwapped, kBoth, kLeftReversed, kRightReversed };
+enum class Wiring : std::size_t { kAsConfigured, kReversed, kSwapped, kBoth, kLeftReversed, kRightReversed };
 inline constexpr std::size_t kWirings = 6;
 
 /// Something that may stand still, as it is seen.
@@ -28,11 +28,11 @@ class WheelTrial {
  public:
   /// A frame; `motion`: from the one before.
   void add(const Motion& motion, double wheel_separation_m, std::vector<Standing> seen);
-  /// Nothing was seen, or the wheels have not told all of the way.
+  /// Nothing was seen, or the wheels have not measured the whole way.
   void interrupt() { then_.clear(); }
 
-  /// Other than kAsTold where stretch after stretch contradicts the wheels as they are told and bears that
-  /// out.
+  /// Other than kAsConfigured where stretch after stretch contradicts the wheels as configured and confirms
+  /// that out.
   Wiring verdict() const;
 
  private:

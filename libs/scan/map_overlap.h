@@ -24,8 +24,8 @@ struct OverlapOptions {
 struct Overlap {
   double agree_m = 0.0;       ///< of surfaces that one set shows and the other one confirms
   double contradict_m = 0.0;  ///< of surfaces that one set shows where the other one sees through
-  /// The same with surfaces in one line counted up to `line_m`. Rooms have walls in common, furniture tells
-  /// them apart: a wall of 5 m says little more than one of 1 m.
+  /// The same with surfaces in one line counted up to `line_m`. Rooms have walls in common, furniture
+  /// distinguishes them apart: a wall of 5 m says little more than one of 1 m.
   double distinct_agree_m = 0.0, distinct_contradict_m = 0.0;
   /// Mean of n·nᵀ over the confirmed surfaces, n their normals in map. Its smallest eigenvalue is 0 where all
   /// are parallel, 0.5 where they face all directions alike.

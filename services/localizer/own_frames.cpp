@@ -39,18 +39,19 @@ OwnFrames::OwnFrames(const std::vector<estimation::RobotSetup>& robots,
     Alignment alignment;
     alignment.robot = alignment.frame = name;
     alignment.reason = "no scan yet";
-    tell(name, std::move(alignment));
+    publish(name, std::move(alignment));
   }
 }
 
-void OwnFrames::tell(const std::string& robot, Alignment alignment) {
+void OwnFrames::publish(const std::string& robot, Alignment alignment) {
   const auto own = own_.find(robot);
   if (own != own_.end()) {
-    const Alignment& told = own->second.told;
-    if (!told.robot.empty() && told.status == alignment.status && told.frame == alignment.frame &&
-        std::abs(told.score - alignment.score) < kScoreChanged && told.reason == alignment.reason)
+    const Alignment& published = own->second.published;
+    if (!published.robot.empty() && published.status == alignment.status &&
+        published.frame == alignment.frame && std::abs(published.score - alignment.score) < kScoreChanged &&
+        published.reason == alignment.reason)
       return;
-    own->second.told = alignment;
+    own->second.published = alignment;
   }
   changed_.push_back(std::move(alignment));
 }
@@ -99,7 +100,7 @@ void OwnFrames::refine(estimation::FleetEstimator& common, TimeNs time) {
       findings_.push_back(robotMatched(robot, alignment));
       matched.push_back(robot);
     }
-    tell(robot, std::move(alignment));
+    publish(robot, std::move(alignment));
   }
   for (const std::string& robot : matched) own_.erase(robot);
 }
@@ -114,7 +115,7 @@ void OwnFrames::giveUp(const std::string& robot, estimation::FleetEstimator& com
   alignment.status = AlignmentStatus::kMatched;
   alignment.reason = "other robots and obstacles that both see";
   alignment.score = 1.0;
-  tell(robot, std::move(alignment));
+  publish(robot, std::move(alignment));
   own_.erase(own);
 }
 
@@ -127,7 +128,7 @@ std::vector<PoseEstimate> OwnFrames::finish() {
     inOwnFrame(robot, revised);
     revised_.insert(revised_.end(), revised.begin(), revised.end());
     all.insert(all.end(), last.begin(), last.end());
-    findings_.push_back(robotNotMatched(robot, own.told));
+    findings_.push_back(robotNotMatched(robot, own.published));
   }
   return all;
 }

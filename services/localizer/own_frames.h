@@ -48,10 +48,10 @@ class OwnFrames {
   struct Own {
     estimation::FleetEstimator estimator;
     estimation::MapAlignment matcher;
-    Alignment told;
+    Alignment published;
     int frames = 0;
   };
-  void tell(const std::string& robot, Alignment alignment);
+  void publish(const std::string& robot, Alignment alignment);
   void inOwnFrame(const std::string& robot, std::vector<PoseEstimate>& poses) const;
 
   std::map<std::string, Own> own_;

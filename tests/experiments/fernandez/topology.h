@@ -21,7 +21,7 @@ std::string nameOf(Method method);
 /// Modules k1 and phases k2 that are swept (§V): those of the paper's figures and results, and all.
 const std::vector<int>& sweptFrequencies();
 
-/// What the images of a set tell about each other, every step-th of which is taken: turns by the visual
+/// What the images of a set measure of each other, every step-th of which is taken: turns by the visual
 /// compass for every k2, distances of signatures (eq. 2) for every k1.
 class Relations {
  public:

@@ -12,8 +12,8 @@
 namespace omnifleet::estimation {
 namespace {
 
-std::string tellError(const CameraError& error, const CameraCovariance& covariance,
-                      const CameraOptions& options) {
+std::string describeError(const CameraError& error, const CameraCovariance& covariance,
+                          const CameraOptions& options) {
   const CameraFinding finding(error, covariance, options);
   return finding.describe(finding.wrong());
 }
@@ -168,7 +168,7 @@ TEST(CameraError, ItIsBelievedAsOftenAsTheCalibrationIsWrong) {
 
 /// A quantity that was measured as m ± s beside the prior: m ± s is what people are told, not what the prior
 /// makes of it, and nothing where m is not far from zero.
-TEST(TellError, SaysWhatWasSeenWithoutThePrior) {
+TEST(DescribeError, SaysWhatWasSeenWithoutThePrior) {
   const CameraOptions options;
   const CameraError prior = options.sigma();
   CameraError seen, noise;
@@ -182,15 +182,16 @@ TEST(TellError, SaysWhatWasSeenWithoutThePrior) {
     covariance(i, i) = 1.0 / information;
     mean(i) = by_seeing * seen(i) / information;
   }
-  EXPECT_EQ(tellError(mean, covariance, options), "focal length +1.20 ± 0.11 %, roll -1.15 ± 0.12 degrees");
-  EXPECT_EQ(tellError(0.1 * mean, covariance, options), "");
+  EXPECT_EQ(describeError(mean, covariance, options),
+            "focal length +1.20 ± 0.11 %, roll -1.15 ± 0.12 degrees");
+  EXPECT_EQ(describeError(0.1 * mean, covariance, options), "");
   CameraOptions as_calibrated;
   as_calibrated.estimate = false;
-  EXPECT_EQ(tellError(mean, covariance, as_calibrated), "");
+  EXPECT_EQ(describeError(mean, covariance, as_calibrated), "");
 }
 
 /// However many outlines agree: by a tenth of a pixel they may all be wrong, and the camera is not.
-TEST(TellError, AccusesNoCameraOfATenthOfAPixel) {
+TEST(DescribeError, AccusesNoCameraOfATenthOfAPixel) {
   const auto told = [](double focal, double pitch_rad) {
     const CameraOptions options;
     const double seen = 1e-10, prior_focal = std::pow(options.focal_sigma, 2),
@@ -201,7 +202,7 @@ TEST(TellError, AccusesNoCameraOfATenthOfAPixel) {
     CameraCovariance covariance = CameraCovariance::Zero();
     for (int i = 0; i < kCameraErrors; ++i)
       covariance(i, i) = 1.0 / (1.0 / seen + 1.0 / std::pow(options.sigma()(i), 2));
-    return tellError(mean, covariance, options);
+    return describeError(mean, covariance, options);
   };
   EXPECT_EQ(told(0.002, 0.0), "");
   EXPECT_EQ(told(0.0, 0.0015), "");
@@ -210,7 +211,7 @@ TEST(TellError, AccusesNoCameraOfATenthOfAPixel) {
 }
 
 /// Between what is said and what is taken back lies a margin, so that nothing is said and unsaid by turns.
-TEST(TellError, IsTakenBackWhereItIsNotEvenPossible) {
+TEST(DescribeError, IsTakenBackWhereItIsNotEvenPossible) {
   const CameraOptions options;
   const auto finding = [&](double focal) {
     CameraCovariance covariance = CameraCovariance::Zero();

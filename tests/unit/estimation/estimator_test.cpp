@@ -103,7 +103,7 @@ struct Told {
   double off = 0.0;  ///< what is told
   double raw = 0.0;  ///< what is estimated
 };
-Told toldOfCameras(const SimulationOptions& simulation) {
+Told reportedOfCameras(const SimulationOptions& simulation) {
   Told sum;
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
     FleetSimulator simulator(simulation, seed);
@@ -132,7 +132,7 @@ Told toldOfCameras(const SimulationOptions& simulation) {
 TEST(FleetPaths, WhatIsToldOfACameraIsItsErrorAndLessOfAGoodOne) {
   SimulationOptions flawed;
   flawed.camera_sigma = Eigen::Vector4d(0.006, 0.0, 0.007, 0.007);
-  const Told of_flawed = toldOfCameras(flawed), of_good = toldOfCameras({});
+  const Told of_flawed = reportedOfCameras(flawed), of_good = reportedOfCameras({});
   EXPECT_LT(of_flawed.off, 0.1 * flawed.camera_sigma.norm());
   EXPECT_LT(of_flawed.off, 1.01 * of_flawed.raw);
   EXPECT_LT(of_good.off, 0.8 * of_good.raw);

@@ -15,8 +15,8 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr double kWheelsApart_m = 0.26;
-constexpr Wiring kAll[] = {Wiring::kAsTold, Wiring::kReversed,     Wiring::kSwapped,
-                           Wiring::kBoth,   Wiring::kLeftReversed, Wiring::kRightReversed};
+constexpr Wiring kAll[] = {Wiring::kAsConfigured, Wiring::kReversed,     Wiring::kSwapped,
+                           Wiring::kBoth,         Wiring::kLeftReversed, Wiring::kRightReversed};
 
 /// What a robot's wheels tell that rolled so, where they have to be read as `wiring` says.
 Motion told(double left_m, double right_m, Wiring wiring) {
@@ -62,19 +62,19 @@ Wiring verdictOf(const Drive& drive, Wiring wiring, int frames = 12) {
 TEST(WheelTrial, EveryWrongReadingIsNamed) {
   for (const Wiring wiring : kAll) {
     EXPECT_EQ(verdictOf({}, wiring), wiring) << static_cast<int>(wiring);
-    EXPECT_EQ(wheelAssignmentWrong(wiring).code == ErrorCode::kNone, wiring == Wiring::kAsTold);
+    EXPECT_EQ(wheelAssignmentWrong(wiring).code == ErrorCode::kNone, wiring == Wiring::kAsConfigured);
   }
 }
 
 TEST(WheelTrial, OneStretchIsNoVerdict) {
-  EXPECT_EQ(verdictOf({}, Wiring::kReversed, 3), Wiring::kAsTold);
+  EXPECT_EQ(verdictOf({}, Wiring::kReversed, 3), Wiring::kAsConfigured);
 }
 
 // Straight ahead, wheels that are swapped as well look like those that are not.
 TEST(WheelTrial, OfReadingsThatNothingTellsApartTheSimplerOneIsTold) {
   Drive straight;
   straight.left_m = straight.right_m = 0.04;
-  EXPECT_EQ(verdictOf(straight, Wiring::kSwapped), Wiring::kAsTold);
+  EXPECT_EQ(verdictOf(straight, Wiring::kSwapped), Wiring::kAsConfigured);
   EXPECT_EQ(verdictOf(straight, Wiring::kBoth), Wiring::kReversed);
 }
 
@@ -82,7 +82,7 @@ TEST(WheelTrial, WheelsThatSlipAreReadRightly) {
   for (const double grip : {0.0, 0.3, 0.7}) {
     Drive slips;
     slips.grip = grip;
-    EXPECT_EQ(verdictOf(slips, Wiring::kAsTold), Wiring::kAsTold) << grip;
+    EXPECT_EQ(verdictOf(slips, Wiring::kAsConfigured), Wiring::kAsConfigured) << grip;
   }
 }
 
@@ -92,7 +92,7 @@ TEST(WheelTrial, OneThingThatMovesContradictsNoWheels) {
   drive.left_m = drive.right_m = 0.04;
   drive.things = {{1.0, 0.0}};
   drive.drifts_m = {0.08, 0.0};
-  EXPECT_EQ(verdictOf(drive, Wiring::kAsTold), Wiring::kAsTold);
+  EXPECT_EQ(verdictOf(drive, Wiring::kAsConfigured), Wiring::kAsConfigured);
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ TEST(MapOverlap, SaysNothingAboutPlacesThatOnlyOneSetHasSeen) {
   EXPECT_LT(overlap.contradict_m, 0.2);
 }
 
-TEST(MapOverlap, NormalsTellACorridor) {
+TEST(MapOverlap, NormalsDistinguishACorridor) {
   const Scene corridor = testing::corridor();
   const Overlap overlap = overlapOf(Scans(corridor, {{0.0, 0.0, 0.0}}, 1).references(),
                                     Scans(corridor, {{1.0, 0.2, 0.0}}, 2).references(), {});

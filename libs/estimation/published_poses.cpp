@@ -1,4 +1,4 @@
-#include "estimation/told.h"
+#include "estimation/published_poses.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,16 +9,16 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kRevise_m = 0.01, kRevise_rad = 0.01;  // what a map is exact to
-constexpr double kWrong = 6.0;                          // σ of the prior beyond which a start was wrong
-constexpr double kRevisited_m = 0.3;                    // of a place that a robot returns to
-constexpr std::size_t kApart = 30;  // places between a place and one that it returns to, and between links
+constexpr double kRevise_m = 0.01, kRevise_rad = 0.01;  // accuracy of a map
+constexpr double kWrong = 6.0;        // σ of the prior beyond which an initial pose was wrong
+constexpr double kRevisited_m = 0.3;  // of a place from the nearest one of an earlier visit
+constexpr std::size_t kApart = 30;    // places between a place and one that it returns to, and between links
 constexpr std::size_t kMostHistory = 3000;  // frames: ten minutes at 5 Hz
 
-/// A frame lies beside the path of the wheels by the jitter of the odometry, the first one, too.
+/// The first frame deviates from the path of the wheels by the jitter of the odometry.
 bool isWrong(const FleetState& fleet, const RobotNode& robot) {
   const Start& start = robot.start;
-  const Pose2 by = start.told->inverse() * start.moved * *start.told;
+  const Pose2 by = start.given->inverse() * start.moved * *start.given;
   const OdometryQuality& odometry = robot.scan_aid.odometry;
   const double m = std::hypot(fleet.options.initial_sigma_m, odometry.jitterM()),
                rad = std::hypot(fleet.options.initial_sigma_rad, odometry.jitterRad());
@@ -28,29 +28,29 @@ bool isWrong(const FleetState& fleet, const RobotNode& robot) {
 void conclude(FleetState& fleet, RobotNode& robot) {
   Start& start = robot.start;
   start.pose = start.anchor = 0;
-  if (!start.told || !isWrong(fleet, robot)) return;
+  if (!start.given || !isWrong(fleet, robot)) return;
   ++robot.status.wrong_starts;
   const auto right = std::count_if(fleet.robots.begin(), fleet.robots.end(), [&](const RobotNode& other) {
-    return &other != &robot && other.start.told && !isWrong(fleet, other);
+    return &other != &robot && other.start.given && !isWrong(fleet, other);
   });
   fleet.findings.push_back(
-      initialPoseWrong(robot.setup.name, start.moved, *start.told, fleet.tied || right > 1));
+      initialPoseWrong(robot.setup.name, start.moved, *start.given, fleet.tied || right > 1));
 }
 
 /// `front`: the oldest pose of the window, about to leave it.
 void concludeStart(FleetState& fleet, RobotNode& robot, const Step& front, bool leaves) {
   Start& start = robot.start;
   if (start.pose != 0 && front.pose == start.pose) {
-    start.moved = fleet.pose(start.pose) * start.told->inverse();
+    start.moved = fleet.pose(start.pose) * start.given->inverse();
     if (leaves) conclude(fleet, robot);
   }
   if (start.anchor == 0 || front.pose != start.anchor || !leaves) return;
   const Pose2 rest = fleet.pose(start.anchor) * start.anchored.inverse();
   start.moved = rest * start.moved;
-  for (PoseEstimate& told : start.history) {
-    if (told.acquired_ns >= front.time_ns) break;
-    told.map_from_base = rest * told.map_from_base;
-    fleet.revised.push_back(told);
+  for (PoseEstimate& past : start.history) {
+    if (past.acquired_ns >= front.time_ns) break;
+    past.map_from_base = rest * past.map_from_base;
+    fleet.revised.push_back(past);
   }
   conclude(fleet, robot);
 }
@@ -63,7 +63,7 @@ PoseEstimate estimateOf(const RobotNode& robot, const Step& step, const Pose2& m
   estimate.valid = true;
   estimate.map_from_base = map_from_base;
   estimate.covariance = robot.covariance;
-  estimate.camera_error = robot.camera_told;
+  estimate.camera_error = robot.published_camera_error;
   estimate.sightings = step.sightings;
   return estimate;
 }
@@ -71,12 +71,12 @@ PoseEstimate estimateOf(const RobotNode& robot, const Step& step, const Pose2& m
 /// @return what is published of the frame now
 PoseEstimate revise(FleetState& fleet, RobotNode& robot, const Step& step) {
   const Pose2 now = fleet.pose(step.pose);
-  const Pose2 off = step.told->inverse() * now;
+  const Pose2 off = step.published->inverse() * now;
   if (off.translation().norm() < kRevise_m && std::abs(off.theta_rad) < kRevise_rad)
-    return estimateOf(robot, step, *step.told);
+    return estimateOf(robot, step, *step.published);
   PoseEstimate estimate = estimateOf(robot, step, now);
-  for (PoseEstimate& told : robot.start.history)
-    if (told.acquired_ns == step.time_ns) told = estimate;
+  for (PoseEstimate& past : robot.start.history)
+    if (past.acquired_ns == step.time_ns) past = estimate;
   fleet.revised.push_back(estimate);
   return estimate;
 }
@@ -164,24 +164,24 @@ void remember(FleetState& fleet, RobotNode& robot, const Step& step, PoseEstimat
 
 void withdraw(FleetState& fleet, RobotNode& robot) {
   robot.start.contradicted = true;
-  for (PoseEstimate told : robot.start.history) {
-    told.valid = false;
-    fleet.revised.push_back(std::move(told));
+  for (PoseEstimate past : robot.start.history) {
+    past.valid = false;
+    fleet.revised.push_back(std::move(past));
   }
 }
 
-void noteTold(RobotNode& robot, const PoseEstimate& estimate) {
-  robot.window.back().told = estimate.map_from_base;
+void notePublished(RobotNode& robot, const PoseEstimate& estimate) {
+  robot.window.back().published = estimate.map_from_base;
   robot.window.back().sightings = estimate.sightings;
   Start& start = robot.start;
   if (isConfirmed(start) && start.anchor == 0) {
     start.history.clear();
-  } else if (start.told && start.history.size() < kMostHistory) {
+  } else if (start.given && start.history.size() < kMostHistory) {
     start.history.push_back(estimate);
   }
 }
 
-void reviseTold(FleetState& fleet, bool last) {
+void revisePublished(FleetState& fleet, bool last) {
   for (RobotNode& robot : fleet.robots) {
     const auto kept = static_cast<std::size_t>(fleet.options.window_frames);
     const std::size_t leaving =
@@ -193,11 +193,11 @@ void reviseTold(FleetState& fleet, bool last) {
       fleet.findings.push_back(initialPoseContradicted(robot.setup.name));
     for (std::size_t i = 0; i < leaving && !last; ++i) {
       const Step& step = robot.window[i];
-      if (step.told) remember(fleet, robot, step, revise(fleet, robot, step));
+      if (step.published) remember(fleet, robot, step, revise(fleet, robot, step));
     }
     for (std::size_t i = 0; i < leaving; ++i) {
       const bool is_last = last && i + 1 == robot.window.size();
-      if (robot.window[i].told) rememberPlace(fleet, robot, robot.window[i], is_last);
+      if (robot.window[i].published) rememberPlace(fleet, robot, robot.window[i], is_last);
     }
   }
 }
