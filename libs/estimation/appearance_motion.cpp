@@ -20,6 +20,7 @@ AppearanceOptions AppearanceOptions::read(const options::Section& section) {
   section.read("memory_steps", o.memory_steps, {1.0, 1e6});
   section.read("prior_steps", o.prior_steps, {1.0, 1e6});
   section.read("free_scale", o.free_scale);
+  o.quality = CompassQualityOptions::read(section.child("quality"));
   section.finish();
   return o;
 }

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "estimation/compass_quality.h"
 #include "observation/observation.h"
 #include "options/options.h"
 
@@ -21,6 +22,7 @@ struct AppearanceOptions {
   /// The distance of signatures counts as metres until its scale is estimated, and steps are as uncertain
   /// as they are long: the map of Fernández et al. 2011, whose scale is free.
   bool free_scale = false;
+  CompassQualityOptions quality;
   static AppearanceOptions read(const options::Section& section);
 };
 

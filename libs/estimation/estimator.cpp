@@ -69,7 +69,7 @@ void FleetEstimator::Impl::refine() {
       for (ViewLink& link : step.views) link.weighed = true;
     }
     noteFits(fleet, robot);
-    learnScale(robot);
+    learnAppearance(robot);
   }
   whole_ = false;
   fleet.updateShapes();
@@ -85,13 +85,26 @@ void FleetEstimator::Impl::refine() {
   for (RobotNode& robot : fleet.robots) robot.unrefined = false;
 }
 
-/// Estimates the length of a unit of signature distance from steps between two frames that scans locate.
-void FleetEstimator::Impl::learnScale(RobotNode& robot) {
+/// Estimates the length of a unit of signature distance, and the errors of the compass, from the newest step.
+void FleetEstimator::Impl::learnAppearance(RobotNode& robot) {
   if (!robot.unrefined || robot.window.size() < 2) return;
   const Step &from = robot.window[robot.window.size() - 2], &to = robot.window.back();
-  if (!(to.difference > 0) || to.scan.factor == kNoFactor || from.scan.factor == kNoFactor) return;
-  robot.difference_scale.add((fleet.pose(to.pose).translation() - fleet.pose(from.pose).translation()).norm(),
-                             to.difference);
+  const bool by_scans = to.scan.factor != kNoFactor && from.scan.factor != kNoFactor;
+  if (by_scans && to.difference > 0)
+    robot.difference_scale.add(
+        (fleet.pose(to.pose).translation() - fleet.pose(from.pose).translation()).norm(), to.difference);
+  if (!to.compass) return;
+  const auto variance = [](const ScanLink& link) {
+    return link.information(2, 2) > 0 ? 1.0 / link.information(2, 2) : M_PI * M_PI;
+  };
+  if (by_scans) {
+    const double turn_rad = fleet.pose(to.pose).theta_rad - fleet.pose(from.pose).theta_rad;
+    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - turn_rad), to.compass->sigma_rad,
+                              {std::sqrt(variance(from.scan) + variance(to.scan)), false});
+  } else if (to.wheels && !to.wheels_rejected) {
+    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - to.previous_from_current.theta_rad),
+                              to.compass->sigma_rad, {std::sqrt(to.motion_covariance(2, 2)), true});
+  }
 }
 
 /// Frames that have left the window move with the keyframes that they were matched with.

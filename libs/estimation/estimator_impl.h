@@ -26,7 +26,7 @@ class FleetEstimator::Impl {
   std::vector<PoseEstimate> smoothed() const;
   void settle(int rounds);
   void followPaths(double moved_m, double moved_rad);
-  void learnScale(RobotNode& robot);
+  void learnAppearance(RobotNode& robot);
 
   RobotNode& node(const std::string& robot) {
     RobotNode* found = fleet.find(robot);

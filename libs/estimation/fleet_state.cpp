@@ -45,6 +45,7 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     robot.relocalizer.emplace(options.relocalizer, options.match);
     robot.scan_aid.odometry = OdometryQuality(options.odometry);
     robot.difference_scale = DifferenceScale(options.appearance);
+    robot.compass_quality = CompassQuality(options.appearance.quality);
     robot.published_camera_error = robot.setup.camera_error;
     robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
     robot.wheels = graph.addVariable(WheelModel::Zero());
@@ -162,13 +163,14 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
                                  {previous, added.pose, robot.wheels});
   const Appearance& seen = frame.appearance;
   if (seen.since_ns == since_ns) added.difference = seen.difference;
+  if (hasTurn(seen, since_ns, options.appearance))
+    added.compass = CompassTurn{seen.turn_rad, options.appearance.sigma_factor * seen.turn_sigma_rad};
   // Without wheels the turn of the compass is in the motion already.
-  if (!added.wheels || !options.appearance.with_wheels || !hasTurn(seen, since_ns, options.appearance))
-    return;
+  if (!added.wheels || !options.appearance.with_wheels || !added.compass) return;
   constexpr double kOpen_m2 = 1e6;  // a compass says nothing about places
-  const double sigma_rad = options.appearance.sigma_factor * seen.turn_sigma_rad;
+  const double sigma_rad = robot.compass_quality.scale() * added.compass->sigma_rad;
   const Eigen::Matrix3d of_turn = Eigen::Vector3d(kOpen_m2, kOpen_m2, sigma_rad * sigma_rad).asDiagonal();
-  graph.addFactor(relativePoseFactor({0.0, 0.0, seen.turn_rad}, of_turn), {previous, added.pose},
+  graph.addFactor(relativePoseFactor({0.0, 0.0, added.compass->turn_rad}, of_turn), {previous, added.pose},
                   options.appearance.robust_sigmas);
 }
 

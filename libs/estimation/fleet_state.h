@@ -39,6 +39,11 @@ struct ViewLink {
   bool weighed = false;  ///< has had its full say in a solve of the whole window
 };
 
+/// A turn by the visual compass, as it claims.
+struct CompassTurn {
+  double turn_rad = 0.0, sigma_rad = 0.0;
+};
+
 /// One frame of one robot in the window.
 struct Step {
   TimeNs time_ns = 0;
@@ -56,9 +61,10 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
-  bool by_appearance = false;    ///< without wheels: only the images measure turn and length
-  double difference = 0.0;       ///< of the signatures since the frame before; 0: not known
-  bool wheels_rejected = false;  ///< the wheels measured another one, which the observations contradict
+  bool by_appearance = false;          ///< without wheels: only the images measure turn and length
+  double difference = 0.0;             ///< of the signatures since the frame before; 0: not known
+  std::optional<CompassTurn> compass;  ///< since the frame before
+  bool wheels_rejected = false;        ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
   std::optional<Pose2> published;                ///< its pose in the newest publication
@@ -186,6 +192,7 @@ struct RobotNode {
   TimeNs last_frame_ns = 0;
   ScanAid scan_aid;
   DifferenceScale difference_scale;
+  CompassQuality compass_quality;
   PlaceMemory places;
   std::optional<ClosingLink> closing;
   TimeNs confirmed_ns = 0;  ///< of the newest frame at which something confirmed the pose

@@ -51,6 +51,7 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   robot.places.append(theirs.places, first, map_from_own, map);
   robot.way_since_place = theirs.way_since_place;
   robot.difference_scale = theirs.difference_scale;
+  robot.compass_quality = theirs.compass_quality;
 
   ScanAid aid = inCommonMap(theirs.scan_aid, first, map);
   const Pose2 own_from_base = own.pose(newest.pose);

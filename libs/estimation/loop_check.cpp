@@ -99,26 +99,37 @@ LoopCheck::Headings LoopCheck::headingsOf(const std::optional<Views>& views) {
   return {turn.turn_rad, std::min(M_PI, options_.narrow_rad + kHeadingSigmas * turn.sigma_rad)};
 }
 
-/// Adds the relations at which the scans match, found by a search of one scan in the other.
-/// @param reversed the scan of `from` is searched in that of `to`
+std::vector<scan::Reference> LoopCheck::scansOf(const LoopPlace& place) {
+  std::vector<scan::Reference> scans{{place.scan, place.base_from_scan}};
+  scans.insert(scans.end(), place.around.begin(), place.around.end());
+  return scans;
+}
+
+/// Adds the relations at which the scans match, found by a search of one place's own scan among those of the
+/// other.
+/// @param reversed the scan of `from` is searched among those of `to`
 void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const std::optional<Views>& views,
                              const Headings& headings, bool reversed, std::vector<Relation>& found) {
-  const std::vector<scan::Reference> reference{{from.scan, {}}};
-  search_.setReferences({{reversed ? to.scan : from.scan, {}}});
+  const std::vector<scan::Reference> of_from = scansOf(from), of_to = scansOf(to);
+  const LoopPlace& searched = reversed ? from : to;
+  search_.setReferences(reversed ? of_to : of_from);
   const Pose2 start{0.0, 0.0, reversed ? -headings.middle_rad : headings.middle_rad};
-  for (const scan::PlaceCandidate& candidate :
-       search_.search(reversed ? *from.scan : *to.scan, start, options_.reach_m, headings.reach_rad)) {
+  for (const scan::PlaceCandidate& candidate : search_.search(*searched.scan, start * searched.base_from_scan,
+                                                              options_.reach_m, headings.reach_rad)) {
+    const Pose2 other_from_searched = candidate.map_from_scan * searched.base_from_scan.inverse();
     Relation relation;
-    relation.from_to = reversed ? candidate.map_from_scan.inverse() : candidate.map_from_scan;
-    relation.match = matcher_.match(*to.scan, relation.from_to, kAboutCandidate, reference);
+    relation.from_to = reversed ? other_from_searched.inverse() : other_from_searched;
+    relation.match = matcher_.match(*to.scan, relation.from_to * to.base_from_scan, kAboutCandidate, of_from);
     if (!relation.match.valid) continue;
     // The prior was a guess of the search; the second match starts from the optimum.
-    relation.match = matcher_.match(*to.scan, relation.match.map_from_scan, kAboutCandidate, reference);
+    relation.match = matcher_.match(*to.scan, relation.match.map_from_scan, kAboutCandidate, of_from);
     if (!relation.match.valid || relation.match.chi2 > options_.max_chi2) continue;
-    relation.from_to = relation.match.map_from_scan;
+    relation.from_to = relation.match.map_from_scan * to.base_from_scan.inverse();
     const auto known = [&](const Relation& other) { return isSame(relation.from_to, other.from_to); };
     if (std::any_of(found.begin(), found.end(), known)) continue;
-    relation.overlap = scan::overlapOf(reference, {{to.scan, relation.from_to}}, options_.overlap);
+    std::vector<scan::Reference> there = of_to;
+    for (scan::Reference& scan : there) scan.map_from_scan = relation.from_to * scan.map_from_scan;
+    relation.overlap = scan::overlapOf(of_from, there, options_.overlap);
     if (views) relation.compass = ask(*views, relation);
     relation.evidence = evidenceOf(relation);
     found.push_back(std::move(relation));
@@ -173,7 +184,7 @@ LoopCheck::Result LoopCheck::check(const LoopPlace& from, const LoopPlace& to) {
   }
   const Relation& best = found.front();
   const Pose2 scan_from_base = to.base_from_scan.inverse();
-  result.from_to = from.base_from_scan * best.from_to * scan_from_base;
+  result.from_to = best.from_to;
   result.matched = best.match.matched;
   result.chi2 = best.match.chi2;
   result.overlap = best.overlap;

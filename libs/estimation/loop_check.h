@@ -49,19 +49,24 @@ struct LoopCheckOptions {
   static LoopCheckOptions read(const options::Section& section);
 };
 
-/// A place as it is compared: its scan and, if there is one, its signature. Kept by reference.
+/// A place as it is compared: its scan, the scans around and, if there is one, its signature. Kept by
+/// reference.
 struct LoopPlace {
   const scan::LineScan* scan = nullptr;
   Pose2 base_from_scan;
+  /// Further scans of the same robot around the place; map_from_scan is relative to base_link at the place.
+  /// They show what the single scan does not: rooms that look alike from one corner differ elsewhere.
+  std::vector<scan::Reference> around;
   const SignatureFormat* format = nullptr;
   const StoredSignature* signature = nullptr;  ///< null: none
 };
 
 /// Decides whether two places are near each other in one room, and how they lie, without any initial guess.
-/// The scan of one is searched in that of the other (scan::PlaceSearch) and matched. Each relation found is
-/// judged by what both scans should show (scan::overlapOf), by the visual compass, and by its rivals. So a
-/// room with equal walls and other furniture is refused, and a symmetric room stays open unless the compass
-/// distinguishes the directions. (Fernández et al. 2011 §VI name loop closing as future work; this project.)
+/// The scan of one is searched among those of the other (scan::PlaceSearch) and matched. Each relation found
+/// is judged by what the scans of both should show (scan::overlapOf), by the visual compass, and by its
+/// rivals. So a room with equal walls and other furniture is refused, and a symmetric room stays open unless
+/// the compass distinguishes the directions. (Fernández et al. 2011 §VI name loop closing as future work;
+/// this project.)
 class LoopCheck {
  public:
   explicit LoopCheck(const LoopCheckOptions& options = {}, const scan::MatchOptions& match = {},
@@ -101,7 +106,7 @@ class LoopCheck {
 
  private:
   struct Relation {
-    Pose2 from_to;  ///< of the scans
+    Pose2 from_to;  ///< of base_link
     scan::Match match;
     scan::Overlap overlap;
     CompassOpinion compass;
@@ -117,6 +122,8 @@ class LoopCheck {
   std::optional<Views> viewsOf(const LoopPlace& from, const LoopPlace& to, Result& result) const;
   CompassOpinion ask(const Views& views, const Relation& relation);
   Headings headingsOf(const std::optional<Views>& views);
+  /// All scans of a place, its own first; map_from_scan is relative to base_link at the place.
+  static std::vector<scan::Reference> scansOf(const LoopPlace& place);
   void addRelations(const LoopPlace& from, const LoopPlace& to, const std::optional<Views>& views,
                     const Headings& headings, bool reversed, std::vector<Relation>& found);
   double evidenceOf(const Relation& relation) const;

@@ -109,6 +109,12 @@ Message initialPoseContradicted(const std::string& robot) {
               "not mapped. Correct initial_pose"};
 }
 
+Message placesIncomparable(const std::string& robot, const std::string& why) {
+  return {ErrorCode::kPlacesIncomparable,
+          robot + ": its places are not compared with those of the robots before it: " + why +
+              ". Use the same lens projection, image size and options for all robots"};
+}
+
 Message calibrationError(const std::string& robot, const std::string& error) {
   return {ErrorCode::kCalibrationError,
           robot + ": calibration error of its camera (sensor.yaml minus estimate): " + error +

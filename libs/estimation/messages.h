@@ -27,6 +27,8 @@ Message initialPoseUnconfirmed();
 /// @param moved map correction of the initial pose @param known false: the other robot's may be wrong instead
 Message initialPoseWrong(const std::string& robot, const Pose2& moved, const Pose2& initial_pose, bool known);
 Message initialPoseContradicted(const std::string& robot);
+/// @param why PlaceIndex::Refusal
+Message placesIncomparable(const std::string& robot, const std::string& why);
 /// @param error CameraFinding::describe()
 Message calibrationError(const std::string& robot, const std::string& error);
 /// @param quantities CameraFinding::name()

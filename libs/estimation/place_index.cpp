@@ -18,17 +18,15 @@ void PlaceIndex::update(std::size_t robot, const PlaceMemory& memory) {
   if (taken_.size() <= robot) taken_.resize(robot + 1, 0);
   for (; taken_[robot] < memory.places().size(); ++taken_[robot]) {
     const Place& place = memory.places()[taken_[robot]];
-    if (!appearance::whyMalformed(place.format, place.signature).empty()) continue;
+    if (place.signature.bytes.empty()) continue;  // the last place of a run may have none
+    if (const std::string why = appearance::whyMalformed(place.format, place.signature); !why.empty()) {
+      refuse(place.robot, why);
+      continue;
+    }
     Shelf* shelf = find(place.format);
     if (shelf == nullptr) {
-      if (!shelves_.empty()) {
-        const std::string why = place.robot + ": places are not compared with those of other robots: " +
-                                appearance::whyIncomparable(shelves_.front().database.format(), place.format);
-        if (std::find(refused_.begin(), refused_.end(), why) == refused_.end()) {
-          refused_.push_back(why);
-          refusals_.push_back(why);
-        }
-      }
+      if (!shelves_.empty())
+        refuse(place.robot, appearance::whyIncomparable(shelves_.front().database.format(), place.format));
       shelves_.push_back({appearance::PlaceDatabase(place.format, options_), {}});
       shelf = &shelves_.back();
     }
@@ -53,7 +51,14 @@ std::size_t PlaceIndex::size() const {
   return sum;
 }
 
-std::vector<std::string> PlaceIndex::takeRefusals() {
+void PlaceIndex::refuse(const std::string& robot, const std::string& why) {
+  const Refusal refusal{robot, why};
+  if (std::find(refused_.begin(), refused_.end(), refusal) != refused_.end()) return;
+  refused_.push_back(refusal);
+  refusals_.push_back(refusal);
+}
+
+std::vector<PlaceIndex::Refusal> PlaceIndex::takeRefusals() {
   return std::exchange(refusals_, {});
 }
 

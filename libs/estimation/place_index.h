@@ -36,8 +36,13 @@ class PlaceIndex {
                              std::size_t count);
 
   std::size_t size() const;
-  /// Why some places are not compared with others: once per format and robot, in words. Empty: nothing new.
-  std::vector<std::string> takeRefusals();
+  /// A robot whose places are not compared with those of the robots before it.
+  struct Refusal {
+    std::string robot, why;
+    bool operator==(const Refusal& o) const { return robot == o.robot && why == o.why; }
+  };
+  /// Each one once. Empty: nothing new.
+  std::vector<Refusal> takeRefusals();
 
  private:
   struct Shelf {
@@ -49,7 +54,9 @@ class PlaceIndex {
   appearance::PlaceDatabaseOptions options_;
   std::vector<std::size_t> taken_;  ///< places per robot
   std::vector<Shelf> shelves_;      ///< one per format
-  std::vector<std::string> refusals_, refused_;
+  void refuse(const std::string& robot, const std::string& why);
+
+  std::vector<Refusal> refusals_, refused_;
 };
 
 }  // namespace omnifleet::estimation

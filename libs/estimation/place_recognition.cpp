@@ -42,11 +42,15 @@ bool PlaceRecognition::counts(const Scope& scope, const PlaceIndex::Entry& entry
          (entry.robot != scope.robot || memory.places()[entry.index].acquired_ns <= scope.before_ns);
 }
 
+void PlaceRecognition::update(const std::vector<const PlaceMemory*>& memories) {
+  if (!options_.use) return;
+  for (std::size_t robot = 0; robot < memories.size(); ++robot) index_.update(robot, *memories[robot]);
+}
+
 std::vector<Relocalizer::Suggestion> PlaceRecognition::suggest(const Scope& scope, const Appearance& seen) {
   std::vector<Relocalizer::Suggestion> suggestions;
   if (!options_.use) return suggestions;
-  for (std::size_t robot = 0; robot < scope.memories.size(); ++robot)
-    index_.update(robot, *scope.memories[robot]);
+  update(scope.memories);
   const auto most = static_cast<std::size_t>(options_.most);
   appearance::Compass::View view;
   bool is_prepared = false;

@@ -43,6 +43,8 @@ class PlaceRecognition {
     TimeNs before_ns = 0;                      ///< … its own places count if they are not newer than this
   };
 
+  /// Takes in the places that are new since the last call. @param memories of all robots, in their order
+  void update(const std::vector<const PlaceMemory*>& memories);
   /// Poses of a frame with this appearance, by the places that look most alike.
   std::vector<Relocalizer::Suggestion> suggest(const Scope& scope, const Appearance& seen);
   /// The place in the scope that is nearest to a pose, at most reach_m away.
@@ -51,7 +53,7 @@ class PlaceRecognition {
   bool contradicts(const Scope& scope, const Appearance& seen, const Pose2& map_from_base, double sigma_rad);
 
   /// See PlaceIndex.
-  std::vector<std::string> takeRefusals() { return index_.takeRefusals(); }
+  std::vector<PlaceIndex::Refusal> takeRefusals() { return index_.takeRefusals(); }
 
  private:
   static bool counts(const Scope& scope, const PlaceIndex::Entry& entry);

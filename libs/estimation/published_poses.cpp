@@ -150,6 +150,15 @@ void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool i
   robot.way_since_place.setZero();
 }
 
+/// Makes new places known to the recognition, and reports those that cannot be compared.
+void indexPlaces(FleetState& fleet) {
+  std::vector<const PlaceMemory*> memories;
+  for (const RobotNode& robot : fleet.robots) memories.push_back(&robot.places);
+  fleet.recognition.update(memories);
+  for (const PlaceIndex::Refusal& refusal : fleet.recognition.takeRefusals())
+    fleet.findings.push_back(placesIncomparable(refusal.robot, refusal.why));
+}
+
 /// Keeps a frame that leaves the window, relative to the keyframe that its scan met or, without a match, to
 /// the latest one.
 void remember(FleetState& fleet, RobotNode& robot, const Step& step, PoseEstimate published) {
@@ -200,6 +209,7 @@ void revisePublished(FleetState& fleet, bool last) {
       if (robot.window[i].published) rememberPlace(fleet, robot, robot.window[i], is_last);
     }
   }
+  indexPlaces(fleet);
 }
 
 }  // namespace omnifleet::estimation

@@ -18,7 +18,8 @@ constexpr double kMotionFloor = 1e-8;  // m², rad²: no step is known better th
 /// of a robot that drives forward, or as its last step did.
 void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const {
   if (!hasTurn(appearance, step.since_ns, options.appearance)) return;
-  const double sigma_rad = options.appearance.sigma_factor * appearance.turn_sigma_rad;
+  const double sigma_rad =
+      robot.compass_quality.scale() * options.appearance.sigma_factor * appearance.turn_sigma_rad;
   step.previous_from_current.theta_rad = appearance.turn_rad;
   step.motion_covariance.row(2).setZero();
   step.motion_covariance.col(2).setZero();
@@ -29,7 +30,8 @@ void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& a
   const double m = sign * length->m;
   step.previous_from_current.x_m = m * std::cos(half);
   step.previous_from_current.y_m = m * std::sin(half);
-  const double along = length->sigma_m * length->sigma_m;
+  // The step may lead anywhere between both headings: the robot may have turned before or after it.
+  const double aside_m = m * std::sin(half), along = length->sigma_m * length->sigma_m + aside_m * aside_m;
   if (!options.appearance.free_scale && along > step.motion_covariance(0, 0)) return;
   step.motion_covariance.topLeftCorner<2, 2>() = along * Eigen::Matrix2d::Identity();
   step.by_appearance = true;

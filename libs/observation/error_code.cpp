@@ -56,6 +56,8 @@ const char* toString(ErrorCode code) {
       return "frame_matched";
     case ErrorCode::kFrameNotMatched:
       return "frame_not_matched";
+    case ErrorCode::kPlacesIncomparable:
+      return "places_incomparable";
     case ErrorCode::kLocalizationLost:
       return "localization_lost";
     case ErrorCode::kKidnapped:

@@ -41,6 +41,7 @@ enum class ErrorCode : std::uint8_t {
   kNotLocalized,
   kFrameMatched,
   kFrameNotMatched,
+  kPlacesIncomparable,
   kLocalizationLost,
   kKidnapped,
   kInitialPoseRejected,

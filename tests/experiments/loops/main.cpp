@@ -42,12 +42,15 @@ int main(int argc, char** argv) {
   std::uint32_t seed = 1;
   std::string csv, overlay;
   loops::PairCounts counts;
+  loops::Surroundings surroundings;
   app.add_option("recordings", folders, "folders of recordings")->required();
   app.add_option("--seed", seed, "of the choice of pairs");
   app.add_option("--per-band", counts.per_band, "close pairs per recording and 0.25 m of distance");
   app.add_option("--far", counts.far, "likewise, more than 2 m apart in one room");
   app.add_option("--lookalike", counts.lookalike, "likewise, of rooms with equal walls");
   app.add_option("--other-room", counts.other_room, "likewise, of other rooms");
+  app.add_option("--around", surroundings.reach_m,
+                 "m of path around each place whose scans count; 0: one scan");
   app.add_option("--options", overlay, "YAML file with options of LoopCheck");
   app.add_option("--csv", csv, "file for one line per pair");
   try {
@@ -61,7 +64,7 @@ int main(int argc, char** argv) {
     std::vector<loops::Recording> recordings;
     for (const std::string& folder : folders) recordings.emplace_back(folder);
     const std::vector<loops::Pair> pairs = loops::choosePairs(recordings, counts, seed);
-    const loops::Shots shots(recordings, pairs);
+    const loops::Shots shots(recordings, pairs, surroundings);
     std::printf("Scans alone, without surfaces that contradict and without compass\n%s\n",
                 loops::report(loops::evaluate(pairs, shots, scansAlone(), false)).c_str());
     std::printf("Scans and surfaces, without compass\n%s\n",

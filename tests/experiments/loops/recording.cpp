@@ -45,6 +45,29 @@ Recording::Recording(const std::string& folder)
   }
 }
 
+std::vector<FrameId> Recording::around(const FrameId& frame, double spacing_m, double reach_m,
+                                       bool later) const {
+  std::vector<FrameId> frames;
+  const auto& path = truth_[frame.first];
+  const auto walk = [&](auto at, auto end) {
+    Eigen::Vector2d last = at->second.map_from_base.translation(), kept = last;
+    double way_m = 0.0;
+    for (++at; at != end; ++at) {
+      const Eigen::Vector2d here = at->second.map_from_base.translation();
+      way_m += (here - last).norm();
+      last = here;
+      if (way_m > reach_m) return;
+      if ((here - kept).norm() < spacing_m) continue;
+      kept = here;
+      frames.emplace_back(frame.first, at->first);
+    }
+  };
+  const auto at = path.find(frame.second);
+  walk(std::make_reverse_iterator(std::next(at)), path.rend());
+  if (later) walk(at, path.end());
+  return frames;
+}
+
 std::map<FrameId, Shot> Recording::shots(const std::vector<FrameId>& frames) const {
   std::map<FrameId, Shot> shots;
   const std::set<FrameId> ordered(frames.begin(), frames.end());

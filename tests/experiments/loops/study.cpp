@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <random>
 
 #include "estimation/surface_share.h"
 #include "evaluation/consistency.h"
@@ -26,13 +27,13 @@ estimation::LoopPlace placeOf(const Shot& shot, bool use_signature) {
   return place;
 }
 
-Outcome judge(const Pair& pair, const Shot& from, const Shot& to, bool use_signatures,
+Outcome judge(const Pair& pair, const estimation::LoopPlace& from, const estimation::LoopPlace& to,
               estimation::LoopCheck& check) {
   Outcome outcome;
   outcome.pair = pair;
   outcome.compared = true;
   const auto start = std::chrono::steady_clock::now();
-  outcome.result = check.check(placeOf(from, use_signatures), placeOf(to, use_signatures));
+  outcome.result = check.check(from, to);
   outcome.check_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   if (!outcome.sameRoom() || outcome.result.candidates == 0) return outcome;
@@ -106,11 +107,20 @@ bool Outcome::isRight() const {
   return sameRoom() && result.candidates > 0 && error_m < kRight_m && error_rad < kRight_rad;
 }
 
-Shots::Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs) {
+Shots::Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs,
+             const Surroundings& surroundings)
+    : recordings_(recordings), surroundings_(surroundings) {
   std::vector<std::vector<FrameId>> needed(recordings.size());
+  const auto need = [&](std::size_t recording, const FrameId& frame, bool later) {
+    std::vector<FrameId>& frames = needed[recording];
+    frames.push_back(frame);
+    const auto around =
+        recordings[recording].around(frame, surroundings.spacing_m, surroundings.reach_m, later);
+    frames.insert(frames.end(), around.begin(), around.end());
+  };
   for (const Pair& pair : pairs) {
-    needed[pair.recording].push_back(pair.from);
-    needed[pair.other_recording].push_back(pair.to);
+    need(pair.recording, pair.from, true);
+    need(pair.other_recording, pair.to, false);
   }
   for (std::size_t i = 0; i < recordings.size(); ++i) shots_.push_back(recordings[i].shots(needed[i]));
 }
@@ -118,6 +128,24 @@ Shots::Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& 
 const Shot* Shots::find(std::size_t recording, const FrameId& frame) const {
   const auto shot = shots_[recording].find(frame);
   return shot == shots_[recording].end() ? nullptr : &shot->second;
+}
+
+std::vector<scan::Reference> Shots::around(std::size_t recording, const FrameId& frame, bool later) const {
+  std::vector<scan::Reference> scans;
+  const auto& truth = recordings_[recording].truth(frame.first);
+  const Pose2 base_from_map = truth.at(frame.second).map_from_base.inverse();
+  std::mt19937 random(static_cast<std::uint32_t>(frame.second));
+  const auto error = [&](double sigma) { return sigma * std::normal_distribution<double>()(random); };
+  for (const FrameId& other :
+       recordings_[recording].around(frame, surroundings_.spacing_m, surroundings_.reach_m, later)) {
+    const Pose2 off{error(surroundings_.sigma_m), error(surroundings_.sigma_m),
+                    error(surroundings_.sigma_rad)};
+    const Shot* shot = find(recording, other);
+    if (shot == nullptr) continue;
+    const Pose2 base_from_other = base_from_map * truth.at(other.second).map_from_base * off;
+    scans.push_back({&shot->scan, base_from_other * shot->base_from_scan});
+  }
+  return scans;
 }
 
 std::vector<Outcome> evaluate(const std::vector<Pair>& pairs, const Shots& shots,
@@ -128,7 +156,10 @@ std::vector<Outcome> evaluate(const std::vector<Pair>& pairs, const Shots& shots
     const Shot* from = shots.find(pair.recording, pair.from);
     const Shot* to = shots.find(pair.other_recording, pair.to);
     if (from != nullptr && to != nullptr) {
-      outcomes.push_back(judge(pair, *from, *to, use_signatures, check));
+      estimation::LoopPlace here = placeOf(*from, use_signatures), there = placeOf(*to, use_signatures);
+      here.around = shots.around(pair.recording, pair.from, true);
+      there.around = shots.around(pair.other_recording, pair.to, false);
+      outcomes.push_back(judge(pair, here, there, check));
     } else {
       outcomes.emplace_back();
       outcomes.back().pair = pair;
@@ -176,7 +207,8 @@ std::string csv(const std::vector<Recording>& recordings, const std::vector<Outc
         o.error_rad * kDegrees, o.nees, r.candidates, r.matched, r.overlap.agree_m,
         estimation::contradictingShare(r.overlap), r.lead, r.difference.value_or(-1.0),
         wrapAngle(r.compass.turn_rad - o.pair.from_to.theta_rad) * kDegrees, r.compass.sigma_rad * kDegrees,
-        r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.overlap.distinct_agree_m, r.overlap.distinct_contradict_m, r.chi2, r.reason);
+        r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.overlap.distinct_agree_m,
+        r.overlap.distinct_contradict_m, r.chi2, r.reason);
   }
   return text;
 }

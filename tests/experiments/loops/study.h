@@ -24,14 +24,28 @@ struct Outcome {
   bool isFalseClosure() const { return result.closed && !isRight(); }
 };
 
-/// Scans and signatures of all frames that the pairs need.
+/// Scans around each place that count, as a robot has them: of keyframes on its own path.
+struct Surroundings {
+  double reach_m = 1.5;                                        ///< m, along the path; 0: single scans
+  double spacing_m = estimation::KeyframeOptions().spacing_m;  ///< m, between two of them
+  double sigma_m = 0.005,
+         sigma_rad = 0.003;  ///< errors of their poses relative to the place, Gaussian, seeded
+};
+
+/// Scans and signatures of all frames that the pairs need. The second place of a pair is that of a robot that
+/// has just arrived there: only frames before it are around it.
 class Shots {
  public:
-  Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs);
+  Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs,
+        const Surroundings& surroundings = {});
   /// Null if the frame has no scan.
   const Shot* find(std::size_t recording, const FrameId& frame) const;
+  /// Scans around a frame, relative to its base_link.
+  std::vector<scan::Reference> around(std::size_t recording, const FrameId& frame, bool later) const;
 
  private:
+  const std::vector<Recording>& recordings_;
+  Surroundings surroundings_;
   std::vector<std::map<FrameId, Shot>> shots_;
 };
 

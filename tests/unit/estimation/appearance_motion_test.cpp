@@ -107,6 +107,38 @@ TEST(VisualCompass, MovesARobotWithoutWheels) {
   EXPECT_FALSE(driveByCompass(false, false, 0.9).valid);  // lost
 }
 
+/// Errors of a step in σ, of a robot without wheels that turns on the spot before it drives forward.
+TEST(VisualCompass, CoversAStepThatFollowsATurnOnTheSpot) {
+  RobotSetup setup;
+  setup.name = "r1";
+  setup.body.radius_m = 0.1;
+  setup.initial_pose = Pose2{};
+  EstimatorOptions options;
+  options.appearance.free_scale = true;
+  FleetEstimator estimator({setup}, options);
+  Objects frame;
+  frame.robot = "r1";
+  frame.acquired_ns = kImage_ns;
+  estimator.process(frame.acquired_ns, {&frame}, {});
+  const double turn_rad = 2.0, way_m = 0.4;
+  frame.motion.since_ns = frame.acquired_ns;
+  frame.acquired_ns += kImage_ns;
+  frame.sequence = 1;
+  frame.appearance.since_ns = frame.motion.since_ns;
+  frame.appearance.turn_rad = turn_rad;
+  frame.appearance.turn_sigma_rad = 0.002;
+  frame.appearance.confidence = 0.9f;
+  frame.appearance.difference = static_cast<float>(way_m);
+  const PoseEstimate pose = estimator.process(frame.acquired_ns, {&frame}, {}).front();
+  const Pose2 truth = Pose2{0.0, 0.0, turn_rad} * Pose2{way_m, 0.0, 0.0};
+  const Eigen::Vector2d off = Eigen::Rotation2Dd(-pose.map_from_base.theta_rad) *
+                              (pose.map_from_base.translation() - truth.translation());
+  const Eigen::Matrix2d covariance = pose.covariance.topLeftCorner<2, 2>();
+  EXPECT_GT(off.norm(), 0.25);  // the middle between both headings is wrong by a chord
+  EXPECT_LT(off.dot(covariance.inverse() * off), 9.0);
+  EXPECT_NEAR(pose.map_from_base.theta_rad, turn_rad, 0.01);
+}
+
 TEST(VisualCompass, IsNotUsedWhereItsConfidenceIsLow) {
   const CompassRun without = driveByCompass(true, false, 0.9), low = driveByCompass(true, true, 0.1);
   EXPECT_EQ(low.heading_error_rad, without.heading_error_rad);

@@ -91,8 +91,8 @@ TEST(PlaceIndex, RefusesAnotherFormatByNameOnce) {
   index.update(1, other);
   const auto refusals = index.takeRefusals();
   ASSERT_EQ(refusals.size(), 1u);
-  EXPECT_NE(refusals[0].find("r2"), std::string::npos);
-  EXPECT_NE(refusals[0].find("another lens"), std::string::npos);
+  EXPECT_NE(refusals[0].robot.find("r2"), std::string::npos);
+  EXPECT_NE(refusals[0].why.find("another lens"), std::string::npos);
   EXPECT_TRUE(index.takeRefusals().empty());
   // Neither is found for the other.
   const Appearance seen = seenIn(5, kPlaces[0]);
