@@ -6,34 +6,12 @@
 # usage: scripts/experiments/rooms.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N] [--width PIXELS]
 #        defaults: --seeds 1000-1019, --out out/rooms, --jobs 1 (each seed uses all cores), --width 640; --quick: only
 #        the first three seeds. OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/../common.sh"
+. "$(dirname "$0")/seeds.sh"
 
-out="$root/out/rooms" first=1000 last=1019 quick=0 jobs=1 width=640
-while [ $# -gt 0 ]; do
-  case "$1" in
-    --seeds)
-      [[ "${2:-}" =~ ^([0-9]+)-([0-9]+)$ ]] || { say "rooms.sh: --seeds needs two numbers, A-B"; exit 2; }
-      first="${BASH_REMATCH[1]}" last="${BASH_REMATCH[2]}"; shift 2 ;;
-    --out) out="${2:?--out needs a directory}"; shift 2 ;;
-    --jobs) jobs="${2:?--jobs needs a number}"; shift 2 ;;
-    --width) width="${2:?--width needs a number of pixels}"; shift 2 ;;
-    --quick) quick=1; shift ;;
-    -h|--help) sed -n '2,8p' "$0" | cut -c3-; exit 0 ;;
-    *) say "rooms.sh: unknown option $1"; exit 2 ;;
-  esac
-done
-[ "$quick" = 0 ] || last=$((last < first + 2 ? last : first + 2))
-[ "$first" -le "$last" ] || { say "rooms.sh: --seeds $first-$last is empty"; exit 2; }
-[[ "$jobs" =~ ^[1-9][0-9]?$ && "$jobs" -le 40 ]] || { say "rooms.sh: --jobs needs a number from 1 to 40"; exit 2; }
-[[ "$width" =~ ^[1-9][0-9]*$ ]] || { say "rooms.sh: --width needs a positive number"; exit 2; }
-
-if [ "${OMNIFLEET_SKIP_BUILD:-0}" = 0 ]; then
-  "$root/scripts/setup.sh" >&2
-  cmake --build "$build" --target raycast_room -j "$(nproc)" >&2
-fi
+out="$root/out/rooms" first=1000 last=1019 jobs=1 width=640 quick_seeds=3
+read_options '--seeds|--out|--quick|--jobs|--width' "$@"
+build_programs raycast_room
 need_build
-room="$build/tests/raycast_room"
-[ -x "$room" ] || { say "rooms.sh: $room is not built"; exit 1; }
 mkdir -p "$out"
 
 variants=("one robot" "three robots" "by distance" "dim" "two rooms")
@@ -97,91 +75,22 @@ summary() {
       }
       print "\tmedian\t\t" median
       print "\tworst\t\t" worst
-    }'
+    }' | layout
 }
 
-# One seed: recording, run, evaluation, row. The body of a background process; ends its program when it is stopped.
+# Recording, run, evaluation, row.
 run_seed() {
-  local seed="$1" domain="$2" folder="$out/seed_$1" child="" code
-  trap '' INT  # Ctrl-C reaches the main process, which sends SIGTERM
-  trap 'trap "" TERM; [ -z "$child" ] || { kill "$child" || true; wait "$child" || true; } 2>/dev/null; exit 143' TERM
-  step() {
-    code=0
-    "$@" >>"$folder/log" 2>&1 &
-    child=$!
-    wait "$child" || code=$?
-    child=""
-    [ "$code" = 0 ] || { say "$1 returned $code" 2>>"$folder/log"; exit "$code"; }
-  }
-  mkdir -p "$folder"
-  local arguments="${options[$((seed % 5))]} --width $width"
-  if [ ! -e "$folder/recording" ] || [ "$arguments" != "$(cat "$folder/recording.arguments" 2>/dev/null)" ]; then
-    rm -rf "$folder/recording" "$folder/unfinished" "$folder/run"
-    # shellcheck disable=SC2086  # words
-    step "$room" "$folder/unfinished" "$seed" $arguments
-    printf '%s\n' "$arguments" >"$folder/recording.arguments"
-    mv "$folder/unfinished" "$folder/recording"
-  fi
-  if [ ! -e "$folder/run/metrics.json" ]; then
-    rm -rf "$folder/run"
-    OMNIFLEET_DOMAIN="$domain" step "$root/scripts/replay.sh" "$folder/recording" --out "$folder/run"
-    step "$root/scripts/evaluate.sh" "$folder/run" "$folder/recording"
-  fi
-  row_of "$seed" "${variants[$((seed % 5))]}" "$folder/run/metrics.json" >"$folder/row.part" 2>>"$folder/log"
-  mv "$folder/row.part" "$folder/row"
+  local variant=$((seed % 5))
+  local arguments="${options[$variant]} --width $width"
+  # shellcheck disable=SC2086  # words
+  record "$folder" "$arguments" "$build/tests/raycast_room" "$folder/unfinished" "$seed" $arguments
+  replay "$folder/recording" "$folder/run"
+  write_row row_of "$seed" "${variants[$variant]}" "$folder/run/metrics.json"
 }
 
-declare -A seed_of=() slot_of=() busy=()
-stop() {
-  trap '' INT TERM
-  [ "${#seed_of[@]}" = 0 ] || kill "${!seed_of[@]}" 2>/dev/null || true
-  wait
-  say "rooms.sh: stopped; the same command continues from here"
-  exit 130
-}
-trap stop INT TERM
+show_seed() { layout <"$out/seed_$1/row"; }
+show_failure() { printf '%s\t%s\tfailed: %s\n' "$1" "${variants[$(($1 % 5))]}" "$out/seed_$1/log" | layout; }
 
-total=$((last - first + 1)) finished=0 failed=0 began=$SECONDS base="${OMNIFLEET_DOMAIN:-30}"
-start() {
-  local slot=0
-  while [ -n "${busy[$slot]:-}" ]; do slot=$((slot + 1)); done
-  rm -f "$out/seed_$1/row"
-  run_seed "$1" $((base + slot)) &
-  seed_of[$!]="$1" slot_of[$!]="$slot" busy[$slot]=1
-}
-finish_one() {
-  local pid code=0
-  wait -n -p pid || code=$?
-  local seed="${seed_of[$pid]}"
-  unset "busy[${slot_of[$pid]}]" "seed_of[$pid]" "slot_of[$pid]"
-  finished=$((finished + 1))
-  if [ "$code" = 0 ]; then
-    layout <"$out/seed_$seed/row"
-  else
-    failed=$((failed + 1))
-    printf '%s\t%s\tfailed: %s\n' "$seed" "${variants[$((seed % 5))]}" "$out/seed_$seed/log" | layout
-    tail -n 3 "$out/seed_$seed/log" >&2 || true
-  fi
-  local left=$(((SECONDS - began) * (total - finished) / finished))
-  say "$finished of $total, $((left / 60)) min $((left % 60)) s left"
-}
-
-say "$total seeds, $jobs in parallel, output in $out"
-heading
-for ((seed = first; seed <= last; ++seed)); do
-  [ "${#seed_of[@]}" -lt "$jobs" ] || finish_one
-  start "$seed"
-done
-while [ "${#seed_of[@]}" -gt 0 ]; do finish_one; done
-trap - INT TERM
-
-rows=()
-for ((seed = first; seed <= last; ++seed)); do
-  [ ! -e "$out/seed_$seed/row" ] || rows+=("$out/seed_$seed/row")
-done
-if [ "${#rows[@]}" -gt 0 ]; then
-  cat "${rows[@]}" | summary | layout
-  { heading; cat "${rows[@]}" | layout; cat "${rows[@]}" | summary | layout; } >"$out/table.txt"
-fi
-say "table: $out/table.txt"
-[ "$failed" = 0 ] || { say "rooms.sh: $failed of $total seeds failed"; exit 1; }
+run_seeds
+write_table
+check_failures
