@@ -23,8 +23,12 @@ void CompassQuality::add(double error_rad, double sigma_rad, const Reference& re
   squares_ = keep * squares_ + error * error;
   correlated_ = keep * correlated_ + (reference.correlated ? known : 0.0);
   references_ = keep * references_ + known * known;
+  references2_ = keep * references2_ + known * known * known * known;
   // References that measure headings add the errors of two headings to a sum of turns: not worth counting.
-  const double single = squares_ - references_, summed = errors_ * errors_ - correlated_ * correlated_;
+  // What may be an error of the references by chance, up to the standard error of its sum, is none of the
+  // compass.
+  const double single = squares_ - references_ - std::sqrt(2.0 * references2_),
+               summed = errors_ * errors_ - correlated_ * correlated_;
   scale_ = std::sqrt(
       std::max(1.0, (std::max(single, summed) + options_.prior_steps) / (steps_ + options_.prior_steps)));
 }

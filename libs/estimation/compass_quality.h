@@ -35,9 +35,10 @@ class CompassQuality {
 
  private:
   CompassQualityOptions options_;
-  double steps_ = 0.0;                          ///< weight of the sums
-  double errors_ = 0.0, squares_ = 0.0;         ///< of errors and their squares, in σ
-  double correlated_ = 0.0, references_ = 0.0;  ///< of σ of correlated references, of all their variances
+  double steps_ = 0.0;                           ///< weight of the sums
+  double errors_ = 0.0, squares_ = 0.0;          ///< of errors and their squares, in σ
+  double correlated_ = 0.0;                      ///< likewise of σ of correlated references
+  double references_ = 0.0, references2_ = 0.0;  ///< of the variances of all references and their squares
   double scale_ = 1.0;
 };
 

@@ -18,6 +18,7 @@
 #include "estimation/camera_error.h"
 #include "estimation/detector_model.h"
 #include "estimation/keyframe_map.h"
+#include "estimation/loop_check.h"
 #include "estimation/map_alignment.h"
 #include "estimation/place_recognition.h"
 #include "estimation/relocalizer.h"
@@ -84,6 +85,7 @@ struct EstimatorOptions {
   AppearanceOptions appearance;
   RelocalizerOptions relocalizer;
   PlaceRecognitionOptions places;
+  LoopCheckOptions loops;
   MapAlignmentOptions alignment;
   scan::MatchOptions match;  ///< of scans
 

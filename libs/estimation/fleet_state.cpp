@@ -37,7 +37,10 @@ Eigen::Matrix3d bodyCovariance(const Eigen::Matrix3d& map_covariance, double the
 }
 
 FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o)
-    : options(o), keyframes(o.keyframes, o.match), recognition(o.places) {
+    : options(o),
+      keyframes(o.keyframes, o.match),
+      recognition(o.places),
+      loops(o.loops, o.match, o.keyframes) {
   for (auto& setup : setups) {
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);

@@ -279,6 +279,7 @@ class FleetState {
   Graph graph;
   KeyframeMap keyframes;
   PlaceRecognition recognition;
+  LoopCheck loops;
   std::vector<RobotNode> robots;  ///< in the order given
   std::map<std::uint32_t, Landmark> landmarks;
   std::map<std::string, Point> points;  ///< named point landmarks (range and bearing)

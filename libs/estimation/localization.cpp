@@ -126,7 +126,38 @@ void linkPlaces(const FleetState& fleet, RobotNode& robot, const PlaceRecognitio
   robot.closing = ClosingLink{robot.window.back().time_ns, other->robot, other->index, found.covariance};
 }
 
-/// Searches the robot's place among keyframes. @return where it was found, unless the compass contradicts
+/// Whether the scan, and what the robot sees, speak rather against a place that was found than for it: other
+/// surfaces around, as in a room with equal walls, or another heading by the compass.
+bool isContradicted(FleetState& fleet, const RobotNode& robot, const PlaceRecognition::Scope& scope,
+                    const std::optional<SeenPlace>& seen, const Relocalizer::Found& found) {
+  const KeyframeMap& map = fleet.keyframes;
+  const ScanAid& aid = robot.scan_aid;
+  LoopPlace from, to;
+  Pose2 map_from_place = found.map_from_base, seen_from_base;
+  if (const auto entry = fleet.recognition.nearest(scope, found.map_from_base)) {
+    const Place& place = scope.memories[entry->robot]->places()[entry->index];
+    map_from_place = place.frame_from_base;
+    if (!place.signature.bytes.empty()) {
+      from.format = &place.format;
+      from.signature = &place.signature;
+    }
+  }
+  for (const KeyframeMap::Id k : map.nearest({found.map_from_base, aid.scan.sectors()}, scope.keyframes)) {
+    from.around.push_back(map.reference(k));
+    from.around.back().map_from_scan = map_from_place.inverse() * from.around.back().map_from_scan;
+  }
+  if (seen) {
+    to.format = &seen->appearance->format;
+    to.signature = &seen->appearance->signature;
+    seen_from_base = seen->seen_from_base;
+  }
+  to.scan = &aid.scan;
+  to.base_from_scan = seen_from_base * aid.base_from_scan;
+  const Pose2 place_from_seen = map_from_place.inverse() * found.map_from_base * seen_from_base.inverse();
+  return fleet.loops.evidence(from, to, place_from_seen, std::sqrt(found.covariance(2, 2))) < 0.0;
+}
+
+/// Searches the robot's place among keyframes. @return where it was found, unless that is contradicted
 std::optional<Relocalizer::Found> searchPlace(FleetState& fleet, RobotNode& robot,
                                               const PlaceRecognition::Scope& scope,
                                               const Relocalizer::Suggestion& area) {
@@ -135,13 +166,7 @@ std::optional<Relocalizer::Found> searchPlace(FleetState& fleet, RobotNode& robo
   auto found = robot.relocalizer->look(
       fleet.keyframes, robot.scan_aid, area.map_from_base, step.previous_from_current, scope.keyframes,
       area.reach_m, area.reach_rad, [&] { return suggestionsFor(fleet, scope, seen, area); });
-  if (!found) return std::nullopt;
-  if (seen && fleet.recognition.contradicts(scope, *seen->appearance,
-                                            found->map_from_base * seen->seen_from_base.inverse(),
-                                            std::sqrt(found->covariance(2, 2)))) {
-    robot.relocalizer->reject();
-    return std::nullopt;
-  }
+  while (found && isContradicted(fleet, robot, scope, seen, *found)) found = robot.relocalizer->reject();
   return found;
 }
 

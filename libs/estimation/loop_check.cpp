@@ -85,11 +85,10 @@ std::optional<LoopCheck::Views> LoopCheck::viewsOf(const LoopPlace& from, const 
   return Views{compass_.prepare(a), compass_.prepare(b)};
 }
 
-LoopCheck::CompassOpinion LoopCheck::ask(const Views& views, const Relation& relation) {
-  const appearance::CompassResult found = compass_.compare(views.from, views.to, hintOf(relation.from_to));
-  const double sigma_rad = std::sqrt(covarianceOf(relation.match)(2, 2));
+LoopCheck::CompassOpinion LoopCheck::ask(const Views& views, const Pose2& from_to, double sigma_rad) {
+  const appearance::CompassResult found = compass_.compare(views.from, views.to, hintOf(from_to));
   return {found.valid, found.turn_rad, found.sigma_rad, found.confidence,
-          compassEvidence(found, relation.from_to.theta_rad, sigma_rad, options_.most_confidence)};
+          compassEvidence(found, from_to.theta_rad, sigma_rad, options_.most_confidence)};
 }
 
 LoopCheck::Headings LoopCheck::headingsOf(const std::optional<Views>& views) {
@@ -100,7 +99,8 @@ LoopCheck::Headings LoopCheck::headingsOf(const std::optional<Views>& views) {
 }
 
 std::vector<scan::Reference> LoopCheck::scansOf(const LoopPlace& place) {
-  std::vector<scan::Reference> scans{{place.scan, place.base_from_scan}};
+  std::vector<scan::Reference> scans;
+  if (place.scan != nullptr) scans.push_back({place.scan, place.base_from_scan});
   scans.insert(scans.end(), place.around.begin(), place.around.end());
   return scans;
 }
@@ -130,8 +130,9 @@ void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const s
     std::vector<scan::Reference> there = of_to;
     for (scan::Reference& scan : there) scan.map_from_scan = relation.from_to * scan.map_from_scan;
     relation.overlap = scan::overlapOf(of_from, there, options_.overlap);
-    if (views) relation.compass = ask(*views, relation);
-    relation.evidence = evidenceOf(relation);
+    if (views)
+      relation.compass = ask(*views, relation.from_to, std::sqrt(covarianceOf(relation.match)(2, 2)));
+    relation.evidence = evidenceOf(relation.overlap, relation.compass);
     found.push_back(std::move(relation));
   }
   std::stable_sort(found.begin(), found.end(),
@@ -139,12 +140,21 @@ void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const s
 }
 
 /// Logarithm of the ratio of the likelihoods of what is observed at the right relation and at another one.
-double LoopCheck::evidenceOf(const Relation& relation) const {
+double LoopCheck::evidenceOf(const scan::Overlap& overlap, const CompassOpinion& compass) const {
   const double missed = options_.missed_share, other = options_.other_share,
-               agree = relation.overlap.distinct_agree_m * std::log((1.0 - missed) / (1.0 - other)),
-               contradict = relation.overlap.distinct_contradict_m * std::log(missed / other);
-  return (agree + contradict) / options_.independent_m +
-         std::min(options_.most_compass, relation.compass.evidence);
+               agree = overlap.distinct_agree_m * std::log((1.0 - missed) / (1.0 - other)),
+               contradict = overlap.distinct_contradict_m * std::log(missed / other);
+  return (agree + contradict) / options_.independent_m + std::min(options_.most_compass, compass.evidence);
+}
+
+double LoopCheck::evidence(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to,
+                           double sigma_rad) {
+  std::vector<scan::Reference> there = scansOf(to);
+  for (scan::Reference& scan : there) scan.map_from_scan = from_to * scan.map_from_scan;
+  Result incomparable;
+  const std::optional<Views> views = viewsOf(from, to, incomparable);
+  return evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap),
+                    views ? ask(*views, from_to, sigma_rad) : CompassOpinion{});
 }
 
 /// Empty if the places close a loop.

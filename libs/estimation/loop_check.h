@@ -52,7 +52,7 @@ struct LoopCheckOptions {
 /// A place as it is compared: its scan, the scans around and, if there is one, its signature. Kept by
 /// reference.
 struct LoopPlace {
-  const scan::LineScan* scan = nullptr;
+  const scan::LineScan* scan = nullptr;  ///< null: only those around
   Pose2 base_from_scan;
   /// Further scans of the same robot around the place; map_from_scan is relative to base_link at the place.
   /// They show what the single scan does not: rooms that look alike from one corner differ elsewhere.
@@ -102,7 +102,12 @@ class LoopCheck {
     std::optional<double> difference;  ///< of the signatures, each divided by its norm; none: incomparable
   };
 
+  /// Searches the relation of two places and decides.
   Result check(const LoopPlace& from, const LoopPlace& to);
+
+  /// Evidence of surfaces and compass for a relation that something else has found, in nats; 0 or more: for
+  /// it. The places need no scan of their own, only scans around. @param sigma_rad of the heading
+  double evidence(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to, double sigma_rad);
 
  private:
   struct Relation {
@@ -120,13 +125,13 @@ class LoopCheck {
     double middle_rad = 0.0, reach_rad = M_PI;
   };
   std::optional<Views> viewsOf(const LoopPlace& from, const LoopPlace& to, Result& result) const;
-  CompassOpinion ask(const Views& views, const Relation& relation);
+  CompassOpinion ask(const Views& views, const Pose2& from_to, double sigma_rad);
   Headings headingsOf(const std::optional<Views>& views);
   /// All scans of a place, its own first; map_from_scan is relative to base_link at the place.
   static std::vector<scan::Reference> scansOf(const LoopPlace& place);
   void addRelations(const LoopPlace& from, const LoopPlace& to, const std::optional<Views>& views,
                     const Headings& headings, bool reversed, std::vector<Relation>& found);
-  double evidenceOf(const Relation& relation) const;
+  double evidenceOf(const scan::Overlap& overlap, const CompassOpinion& compass) const;
   std::string whyOpen(const Result& result) const;
 
   LoopCheckOptions options_;

@@ -56,6 +56,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.appearance = AppearanceOptions::read(section.child("appearance"));
   o.relocalizer = RelocalizerOptions::read(section.child("relocalizer"));
   o.places = PlaceRecognitionOptions::read(section.child("places"));
+  o.loops = LoopCheckOptions::read(section.child("loops"));
   o.alignment = MapAlignmentOptions::read(section.child("alignment"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
   o.odometry = OdometryQualityOptions::read(section.child("odometry"));

@@ -5,7 +5,6 @@
 
 #include "appearance/signature.h"
 #include "appearance/stored_signature.h"
-#include "estimation/compass_evidence.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -27,8 +26,6 @@ PlaceRecognitionOptions PlaceRecognitionOptions::read(const options::Section& se
   section.read("reach_m", o.reach_m, kPositive);
   section.read("reach_rad", o.reach_rad, kPositive);
   section.read("least_confidence", o.least_confidence, {0.0, 1.0});
-  section.read("most_confidence", o.most_confidence, {0.0, 1.0 - 1e-6});
-  section.read("least_evidence", o.least_evidence, {-100.0, 0.0});
   o.database = appearance::PlaceDatabaseOptions::read(section.child("database"));
   o.compass = appearance::CompassOptions::read(section.child("compass"));
   section.finish();
@@ -91,24 +88,6 @@ std::optional<PlaceIndex::Entry> PlaceRecognition::nearest(const Scope& scope,
     }
   }
   return nearest;
-}
-
-bool PlaceRecognition::contradicts(const Scope& scope, const Appearance& seen, const Pose2& map_from_base,
-                                   double sigma_rad) {
-  const auto entry = options_.use ? nearest(scope, map_from_base) : std::nullopt;
-  if (!entry) return false;
-  const Place& place = placeOf(scope, *entry);
-  if (!appearance::whyIncomparable(place.format, seen.format).empty() ||
-      !appearance::whyMalformed(place.format, place.signature).empty() ||
-      !appearance::whyMalformed(seen.format, seen.signature).empty())
-    return false;
-  const Pose2 place_from_base = place.frame_from_base.inverse() * map_from_base;
-  const appearance::CompassResult turn =
-      compass_.compare(appearance::restore(place.format, place.signature),
-                       appearance::restore(seen.format, seen.signature), hintOf(place_from_base));
-  const double evidence =
-      compassEvidence(turn, place_from_base.theta_rad, sigma_rad, options_.most_confidence);
-  return evidence < options_.least_evidence;
 }
 
 }  // namespace omnifleet::estimation

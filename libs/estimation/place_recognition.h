@@ -16,20 +16,17 @@
 namespace omnifleet::estimation {
 
 struct PlaceRecognitionOptions {
-  bool use = true;                ///< similar places suggest where a robot may be, and the compass checks it
+  bool use = true;                ///< similar places suggest where a robot may be
   int most = 4;                   ///< places that suggest a pose, at most
   double reach_m = 1.0;           ///< m, about a place, where the robot may be; …
   double reach_rad = 0.35;        ///< rad, … about the compass' answer, plus 3 σ
   double least_confidence = 0.5;  ///< 1, of the compass; below, all headings are searched
-  double most_confidence = 0.98;  ///< 1, of an answer of the compass; no answer counts as more certain
-  double least_evidence = -3.0;   ///< nats, of the compass, below which a place found is not accepted
   appearance::PlaceDatabaseOptions database;
   appearance::CompassOptions compass;
   static PlaceRecognitionOptions read(const options::Section& section);
 };
 
-/// Recognizes places by their signatures where a robot is searched: which poses similar places suggest, and
-/// whether the compass contradicts a pose that was found.
+/// Recognizes places by their signatures where a robot is searched: which poses similar places suggest.
 class PlaceRecognition {
  public:
   explicit PlaceRecognition(const PlaceRecognitionOptions& options = {})
@@ -49,8 +46,6 @@ class PlaceRecognition {
   std::vector<Relocalizer::Suggestion> suggest(const Scope& scope, const Appearance& seen);
   /// The place in the scope that is nearest to a pose, at most reach_m away.
   std::optional<PlaceIndex::Entry> nearest(const Scope& scope, const Pose2& map_from_base) const;
-  /// Whether the nearest place looks as if the frame had another heading. @param sigma_rad of the heading
-  bool contradicts(const Scope& scope, const Appearance& seen, const Pose2& map_from_base, double sigma_rad);
 
   /// See PlaceIndex.
   std::vector<PlaceIndex::Refusal> takeRefusals() { return index_.takeRefusals(); }

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "estimation/surface_share.h"
-
 namespace omnifleet::estimation {
 namespace {
 
@@ -35,8 +33,6 @@ RelocalizerOptions RelocalizerOptions::read(const options::Section& section) {
   section.read("confirm_share", o.confirm_share, {0.0, 10.0});
   section.read("confirm_rad", o.confirm_rad, options::kNotNegative);
   section.read("confirm_frames", o.confirm_frames, {1, 1000});
-  section.read("most_contradict", o.most_contradict, {0.0, 1.0});
-  o.overlap = scan::OverlapOptions::read(section.child("overlap"));
   o.search = scan::PlaceSearchOptions::read(section.child("search"));
   section.finish();
   return o;
@@ -48,9 +44,17 @@ void Relocalizer::forget() {
   since_look_m_ = std::numeric_limits<double>::infinity();
 }
 
-void Relocalizer::reject() {
-  if (found_) hypotheses_.erase(hypotheses_.begin() + static_cast<std::ptrdiff_t>(*found_));
-  found_.reset();
+std::optional<Relocalizer::Found> Relocalizer::reject() {
+  if (!found_) return std::nullopt;
+  hypotheses_.erase(hypotheses_.begin() + static_cast<std::ptrdiff_t>(*found_));
+  return decide();
+}
+
+std::optional<Relocalizer::Found> Relocalizer::decide() {
+  found_ = best();
+  if (!found_) return std::nullopt;
+  const Hypothesis& h = hypotheses_[*found_];
+  return Found{h.map_from_base, h.keyframe, h.keyframe_from_base, h.covariance};
 }
 
 std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, const ScanAid& aid,
@@ -77,25 +81,8 @@ std::optional<Relocalizer::Found> Relocalizer::look(const KeyframeMap& map, cons
     if (suggest)
       for (const Suggestion& suggestion : suggest()) search(map, aid, among, suggestion);
   }
-  const double confirm_m = std::max(options_.confirm_m, options_.confirm_share * extent_m);
-  while (const auto best = decide(confirm_m)) {
-    const Hypothesis& h = hypotheses_[*best];
-    found_ = best;
-    if (!contradicts(map, aid, among, h.map_from_base))
-      return Found{h.map_from_base, h.keyframe, h.keyframe_from_base, h.covariance};
-    reject();
-  }
-  return std::nullopt;
-}
-
-/// Whether the scan and the keyframes around a place show different surfaces, as in a room with equal walls.
-bool Relocalizer::contradicts(const KeyframeMap& map, const ScanAid& aid,
-                              const std::vector<KeyframeMap::Id>& among, const Pose2& map_from_base) const {
-  std::vector<scan::Reference> around;
-  for (const KeyframeMap::Id k : map.nearest({map_from_base, aid.scan.sectors()}, among))
-    around.push_back(map.reference(k));
-  const std::vector<scan::Reference> here{{&aid.scan, map_from_base * aid.base_from_scan}};
-  return contradictingShare(scan::overlapOf(here, around, options_.overlap)) > options_.most_contradict;
+  confirm_m_ = std::max(options_.confirm_m, options_.confirm_share * extent_m);
+  return decide();
 }
 
 /// Width of the area that is searched.
@@ -161,13 +148,13 @@ void Relocalizer::search(const KeyframeMap& map, const ScanAid& aid,
 
 /// The best hypothesis, if it agreed for long enough and no other place matches nearly as well, as in a
 /// symmetric room.
-std::optional<std::size_t> Relocalizer::decide(double confirm_m) const {
+std::optional<std::size_t> Relocalizer::best() const {
   const Hypothesis* best = nullptr;
   for (const Hypothesis& h : hypotheses_)
     if (best == nullptr || h.agreed * h.matched > best->agreed * best->matched) best = &h;
   if (best == nullptr || best->missed > 0 || best->agreed < options_.confirm_frames) return std::nullopt;
-  if (best->travelled_m < confirm_m &&
-      best->turned_rad * options_.confirm_m < options_.confirm_rad * confirm_m)
+  if (best->travelled_m < confirm_m_ &&
+      best->turned_rad * options_.confirm_m < options_.confirm_rad * confirm_m_)
     return std::nullopt;
   const bool rivalled = std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& h) {
     return &h != best && h.missed == 0 && h.matched > options_.rival * best->matched;

@@ -10,7 +10,6 @@
 #include "estimation/scan_source.h"
 #include "geometry/pose2.h"
 #include "options/options.h"
-#include "scan/map_overlap.h"
 #include "scan/place_search.h"
 #include "scan/scan_matcher.h"
 
@@ -26,17 +25,13 @@ struct RelocalizerOptions {
   double confirm_share = 0.1;  ///< 1, … and as a share of the extent of the search: large maps repeat; …
   double confirm_rad = 1.0;    ///< rad, … or so much turn
   int confirm_frames = 3;      ///< frames that must agree
-  double most_contradict = 0.15;  ///< 1, share of the surfaces in common with the keyframes around that may
-                                  ///< contradict at a place that is accepted
-  scan::OverlapOptions overlap;
   scan::PlaceSearchOptions search;
   static RelocalizerOptions read(const options::Section& section);
 };
 
 /// Finds a robot again whose pose is wrong or too uncertain to match keyframes around it: by a search of its
-/// scan among keyframes, followed over travel. A place is accepted only if it keeps matching and no other
-/// place matches nearly as well, and if its scan does not contradict the surfaces around. It serves kidnapped
-/// robots and returns after long paths.
+/// scan among keyframes, followed over travel. A place is found only if it keeps matching and no other place
+/// matches nearly as well. It serves kidnapped robots and returns after long paths.
 class Relocalizer {
  public:
   explicit Relocalizer(const RelocalizerOptions& options, const scan::MatchOptions& match = {})
@@ -63,8 +58,8 @@ class Relocalizer {
                             const Pose2& motion, const std::vector<KeyframeMap::Id>& among, double reach_m,
                             double reach_rad, const Suggest& suggest = {});
   void forget();
-  /// Drops the place that was found last: something else contradicts it.
-  void reject();
+  /// Drops the place that was found last, because something else contradicts it. @return the next best one
+  std::optional<Found> reject();
 
  private:
   struct Hypothesis {
@@ -82,9 +77,8 @@ class Relocalizer {
   void prepareSearch(const KeyframeMap& map, const std::vector<KeyframeMap::Id>& among);
   void search(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
               const Suggestion& about);
-  bool contradicts(const KeyframeMap& map, const ScanAid& aid, const std::vector<KeyframeMap::Id>& among,
-                   const Pose2& map_from_base) const;
-  std::optional<std::size_t> decide(double confirm_m) const;
+  std::optional<Found> decide();
+  std::optional<std::size_t> best() const;
 
   RelocalizerOptions options_;
   scan::PlaceSearch search_;
@@ -93,6 +87,7 @@ class Relocalizer {
   std::uint32_t revision_ = 0;
   std::vector<Hypothesis> hypotheses_;
   std::optional<std::size_t> found_;  ///< hypothesis that the last look() returned
+  double confirm_m_ = 0.0;            ///< of travel over which a place must agree
   double since_look_m_ = std::numeric_limits<double>::infinity();
 };
 

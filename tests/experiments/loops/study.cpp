@@ -8,7 +8,6 @@
 #include <map>
 #include <random>
 
-#include "estimation/surface_share.h"
 #include "evaluation/consistency.h"
 
 namespace omnifleet::loops {
@@ -205,7 +204,7 @@ std::string csv(const std::vector<Recording>& recordings, const std::vector<Outc
         recordings[o.pair.other_recording].name(), o.pair.to.first, o.pair.to.second, o.pair.distance_m,
         o.pair.from_to.theta_rad * kDegrees, int{r.closed}, int{o.isRight()}, o.error_m,
         o.error_rad * kDegrees, o.nees, r.candidates, r.matched, r.overlap.agree_m,
-        estimation::contradictingShare(r.overlap), r.lead, r.difference.value_or(-1.0),
+        r.overlap.contradiction(), r.lead, r.difference.value_or(-1.0),
         wrapAngle(r.compass.turn_rad - o.pair.from_to.theta_rad) * kDegrees, r.compass.sigma_rad * kDegrees,
         r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.overlap.distinct_agree_m,
         r.overlap.distinct_contradict_m, r.chi2, r.reason);

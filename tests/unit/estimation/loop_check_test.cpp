@@ -100,6 +100,38 @@ TEST(LoopCheck, StaysOpenInARoomWithEqualWallsAndOtherFurniture) {
       << "it is the surfaces that contradict which keep the loop open";
 }
 
+// A relation that something else has found: the walls of both rooms match there.
+TEST(LoopCheck, WeighsAGivenRelation) {
+  const Pose2 relation = kHere.inverse() * kThere;
+  const PlaceSeen from(scan::testing::furnishedRoom(), kHere, 1),
+      to(scan::testing::furnishedRoom(), kThere, 2), other(otherFurniture(), kThere, 2);
+  EXPECT_GT(LoopCheck().evidence(from.place(), to.place(), relation, 0.01), 2.0);
+  EXPECT_LT(LoopCheck().evidence(from.place(), other.place(), relation, 0.01), 0.0);
+  // In a symmetric room only the compass distinguishes the heading turned by π.
+  const Pose2 turned = Pose2{0.0, 0.0, M_PI} * kThere;
+  PlaceSeen bare_from(bareRoom(), kHere, 1), bare_to(bareRoom(), kThere, 2);
+  EXPECT_GT(LoopCheck().evidence(bare_from.place(), bare_to.place(), kHere.inverse() * turned, 0.01), 0.0);
+  bare_from.with(5, kHere), bare_to.with(5, kThere);
+  EXPECT_GT(LoopCheck().evidence(bare_from.place(), bare_to.place(), relation, 0.01), 0.0);
+  EXPECT_LT(LoopCheck().evidence(bare_from.place(), bare_to.place(), kHere.inverse() * turned, 0.01), 0.0);
+}
+
+// From one corner both rooms look alike. Scans of the robot on its way show that the furniture differs.
+TEST(LoopCheck, ScansAroundDistinguishRoomsThatLookAlikeFromOnePlace) {
+  const PlaceSeen from(scan::testing::furnishedRoom(), kHere, 1);
+  PlaceSeen same(scan::testing::furnishedRoom(), kThere, 2);
+  const Pose2 before = kThere * Pose2{-0.9, 0.3, 0.4};
+  const PlaceSeen around(otherFurniture(), before, 3), around_here(scan::testing::furnishedRoom(), before, 3);
+  LoopPlace alone = same.place(), in_other = same.place(), in_same = same.place();
+  in_other.around = {{&around.scan, kThere.inverse() * before}};
+  in_same.around = {{&around_here.scan, kThere.inverse() * before}};
+  EXPECT_TRUE(LoopCheck().check(from.place(), alone).closed);
+  EXPECT_TRUE(LoopCheck().check(from.place(), in_same).closed);
+  const LoopCheck::Result result = LoopCheck().check(from.place(), in_other);
+  EXPECT_FALSE(result.closed);
+  EXPECT_NE(result.reason.find("contradict"), std::string::npos) << result.reason;
+}
+
 TEST(LoopCheck, StaysOpenInASymmetricRoomWithoutCompass) {
   const PlaceSeen from(bareRoom(), kHere, 1), to(bareRoom(), kThere, 2);
   EXPECT_FALSE(LoopCheck().check(from.place(), to.place()).closed);

@@ -120,21 +120,6 @@ TEST_F(PlaceRecognitionTest, SuggestsNothingFromPlacesOutOfScope) {
   EXPECT_TRUE(recognition_.suggest(scope_, seenIn(5, kPlaces[2])).empty());
 }
 
-TEST_F(PlaceRecognitionTest, ContradictsAHeadingThatTheCompassDenies) {
-  const Pose2 truth{0.1, 0.2, -0.4};
-  const Appearance seen = seenIn(5, truth);
-  Pose2 wrong = truth;
-  wrong.theta_rad += M_PI;  // as in a symmetric room
-  EXPECT_FALSE(recognition_.contradicts(scope_, seen, truth, 0.01));
-  EXPECT_TRUE(recognition_.contradicts(scope_, seen, wrong, 0.01));
-  // Another wallpaper: the compass is not sure, so it denies nothing.
-  EXPECT_FALSE(recognition_.contradicts(scope_, seenIn(6, truth), wrong, 0.01));
-  // Nor do signatures of another format.
-  Appearance other = seen;
-  other.format.camera = "another lens";
-  EXPECT_FALSE(recognition_.contradicts(scope_, other, wrong, 0.01));
-}
-
 TEST_F(PlaceRecognitionTest, FindsTheNearestPlaceInReach) {
   const auto nearest = recognition_.nearest(scope_, {0.2, 0.2, 3.0});
   ASSERT_TRUE(nearest.has_value());
