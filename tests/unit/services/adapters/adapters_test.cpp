@@ -5,162 +5,23 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 #include <limits>
+#include <vector>
+
+#include "tests/unit/services/adapters/samples.h"
 
 namespace omnifleet::adapters {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
-
-/// Returns a new value at every call, exactly representable as float.
-struct Counter {
-  double next() { return value_ += 0.25; }
-  float nextF() { return static_cast<float>(next()); }
-  Eigen::Vector2d point() { return {next(), next()}; }
-  Eigen::Vector2f pointF() { return {nextF(), nextF()}; }
-  Pose2 pose() { return {next(), next(), 0.001 * next()}; }
-  template <int N>
-  Eigen::Matrix<double, N, N> matrix() {
-    Eigen::Matrix<double, N, N> m;
-    for (int r = 0; r < N; ++r) {
-      for (int c = 0; c < N; ++c) m(r, c) = next();
-    }
-    return m;
-  }
-
- private:
-  double value_ = 1.0;
-};
-
-Motion someMotion(Counter& n) {
-  Motion m;
-  m.valid = true;
-  m.since_ns = 123456789012345;
-  m.previous_from_current = n.pose();
-  m.covariance = n.matrix<3>();
-  m.left_m = n.next();
-  m.right_m = n.next();
-  m.wheels_rejected = true;
-  return m;
-}
-
-Scan someScan(Counter& n) {
-  Scan s;
-  s.origin_m = n.point();
-  s.blind_m = n.next();
-  for (int i = 0; i < 5; ++i) {
-    s.range_m.push_back(n.nextF());
-    s.sigma_m.push_back(n.nextF());
-    s.label.push_back(static_cast<RayLabel>(i));
-    s.object.push_back(static_cast<std::uint16_t>(100 + i));
-  }
-  return s;
-}
-
-ScenePoint somePoint(Counter& n) {
-  return {{n.nextF(), n.nextF(), n.nextF()}, n.nextF()};
-}
-
-SupportFunction someSupports(Counter& n) {
-  SupportFunction s;
-  for (int i = 0; i < 8; ++i) {
-    s.b_m.push_back(n.nextF());
-    s.sigma_m.push_back(n.nextF());
-  }
-  return s;
-}
-
-ObjectObservation someObservation(Counter& n) {
-  ObjectObservation o;
-  o.label = 7;
-  o.rect_x_px = 11, o.rect_y_px = 12, o.rect_width_px = 13, o.rect_height_px = 14;
-  o.hull_m = {n.point(), n.point(), n.point()};
-  o.centroid_m = n.point();
-  o.contact_m = n.point();
-  o.supports = someSupports(n);
-  o.solidity = n.next();
-  o.truncated = true;
-  o.height_m = n.next();
-  o.height_sigma_m = n.next();
-  o.vectors.push_back({n.pointF(), n.pointF(), n.pointF(), n.pointF(), n.pointF(), somePoint(n)});
-  return o;
-}
-
-Track someTrack(Counter& n) {
-  Track t;
-  t.id = 4000000000u;
-  t.kind = ObjectKind::kRobot;
-  t.kind_probability = 0.75;
-  t.visible = true;
-  t.position_m = n.point();
-  t.velocity_mps = n.point();
-  t.covariance = n.matrix<2>();
-  t.contact_m = n.point();
-  t.hull_m = {n.point(), n.point(), n.point(), n.point()};
-  t.supports = someSupports(n);
-  t.solidity = n.next();
-  t.truncated = true;
-  t.height_m = n.next();
-  t.height_sigma_m = n.next();
-  t.points = {somePoint(n), somePoint(n)};
-  return t;
-}
-
-template <class Frame>
-Frame someFrame(Counter& n) {
-  Frame f;
-  f.robot = "r1";
-  f.acquired_ns = 987654321098765;
-  f.sequence = 42;
-  f.state = FrameState::kDark;
-  f.camera_height_m = n.next();
-  f.motion = someMotion(n);
-  f.scan = someScan(n);
-  return f;
-}
-
-void expectEqual(const Motion& a, const Motion& b) {
-  EXPECT_EQ(a.valid, b.valid);
-  EXPECT_EQ(a.since_ns, b.since_ns);
-  EXPECT_EQ(a.previous_from_current.vector(), b.previous_from_current.vector());
-  EXPECT_EQ(a.covariance, b.covariance);
-  EXPECT_EQ(a.left_m, b.left_m);
-  EXPECT_EQ(a.right_m, b.right_m);
-  EXPECT_EQ(a.wheels_rejected, b.wheels_rejected);
-}
-
-void expectEqual(const Scan& a, const Scan& b) {
-  EXPECT_EQ(a.origin_m, b.origin_m);
-  EXPECT_EQ(a.blind_m, b.blind_m);
-  EXPECT_EQ(a.range_m, b.range_m);
-  EXPECT_EQ(a.sigma_m, b.sigma_m);
-  EXPECT_EQ(a.label, b.label);
-  EXPECT_EQ(a.object, b.object);
-}
-
-void expectEqual(const ScenePoint& a, const ScenePoint& b) {
-  EXPECT_EQ(a.point_m, b.point_m);
-  EXPECT_EQ(a.sigma_m, b.sigma_m);
-}
-
-void expectEqual(const SupportFunction& a, const SupportFunction& b) {
-  EXPECT_EQ(a.b_m, b.b_m);
-  EXPECT_EQ(a.sigma_m, b.sigma_m);
-}
-
-template <class Frame>
-void expectEqualFrames(const Frame& a, const Frame& b) {
-  EXPECT_EQ(a.robot, b.robot);
-  EXPECT_EQ(a.acquired_ns, b.acquired_ns);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.state, b.state);
-  EXPECT_EQ(a.camera_height_m, b.camera_height_m);
-  expectEqual(a.motion, b.motion);
-  expectEqual(a.scan, b.scan);
-}
+using test::Counter;
+using test::expectEqual;
+using test::expectEqualFrames;
+using test::kNan;
+using test::kNanF;
+using test::someFrame;
+using test::someObservation;
+using test::someTrack;
 
 TEST(Adapters, PreservesLocalMap) {
   Counter n;
@@ -279,100 +140,6 @@ TEST(Adapters, PreservesPose) {
   ASSERT_EQ(back.sightings.size(), 2u);
   EXPECT_EQ(back.sightings[1].track_id, 10u);
   EXPECT_EQ(back.sightings[1].robot, "r3");
-}
-
-SignatureFormat someFormat() {
-  return {64, 512, 2, 3, 1, -0.25f, 0.5f, "equidistant 1280x960"};
-}
-StoredSignature someSignature() {
-  return {{1, 2, 3, 4, 255, 254, 253, 252}, {0.5f, 2.0f}};
-}
-
-TEST(Adapters, PreservesAppearance) {
-  Counter n;
-  auto from = someFrame<Objects>(n);
-  from.state = FrameState::kOk;
-  Appearance& seen = from.appearance;
-  seen.since_ns = 5, seen.turn_rad = 0.25, seen.turn_sigma_rad = 0.125;
-  seen.confidence = 0.5f, seen.difference = 0.75f;
-  seen.format = someFormat();
-  seen.signature = someSignature();
-  v1::Objects wire;
-  toWire(from, RunClock::kDataset, wire);
-  Objects back;
-  ASSERT_TRUE(fromWire(wire, back));
-  EXPECT_EQ(back.appearance.since_ns, 5);
-  EXPECT_EQ(back.appearance.turn_rad, 0.25);
-  EXPECT_EQ(back.appearance.turn_sigma_rad, 0.125);
-  EXPECT_EQ(back.appearance.confidence, 0.5f);
-  EXPECT_EQ(back.appearance.difference, 0.75f);
-  EXPECT_TRUE(back.appearance.format == seen.format);
-  EXPECT_EQ(back.appearance.signature.bytes, seen.signature.bytes);
-  EXPECT_EQ(back.appearance.signature.scale, seen.signature.scale);
-}
-
-TEST(Adapters, RefusesSignatureThatDoesNotFitItsFormat) {
-  Counter n;
-  auto from = someFrame<Objects>(n);
-  from.state = FrameState::kOk;
-  from.appearance.format = someFormat();
-  from.appearance.signature = someSignature();
-  v1::Objects wire;
-  toWire(from, RunClock::kDataset, wire);
-  Objects back;
-  ASSERT_TRUE(fromWire(wire, back));
-  wire.appearance().signature().pop_back();
-  EXPECT_FALSE(fromWire(wire, back));
-  EXPECT_EQ(back.acquired_ns, from.acquired_ns);  // the frame keeps its place in the stream
-}
-
-TEST(Adapters, PreservesPlace) {
-  Counter n;
-  Place from;
-  from.robot = "r1", from.index = 4, from.acquired_ns = 9, from.sequence = 8, from.frame = "r1";
-  from.frame_from_base = n.pose();
-  from.covariance = n.matrix<3>();
-  from.metric = false;
-  from.format = someFormat();
-  from.signature = someSignature();
-  from.links = {{false, "r1", 3, n.pose(), n.matrix<3>()}, {true, "r2", 17, n.pose(), n.matrix<3>()}};
-  v1::Place wire;
-  toWire(from, RunClock::kDataset, wire);
-  Place back;
-  ASSERT_TRUE(fromWire(wire, back));
-  EXPECT_EQ(back.index, 4u);
-  EXPECT_EQ(back.frame, "r1");
-  EXPECT_EQ(back.frame_from_base.vector(), from.frame_from_base.vector());
-  EXPECT_EQ(back.covariance, from.covariance);
-  EXPECT_FALSE(back.metric);
-  EXPECT_EQ(back.signature.bytes, from.signature.bytes);
-  ASSERT_EQ(back.links.size(), 2u);
-  EXPECT_TRUE(back.links[1].closes_loop);
-  EXPECT_EQ(back.links[1].robot, "r2");
-  EXPECT_EQ(back.links[1].index, 17u);
-  EXPECT_EQ(back.links[1].this_from_other.vector(), from.links[1].this_from_other.vector());
-  EXPECT_EQ(back.links[1].covariance, from.links[1].covariance);
-}
-
-TEST(Adapters, PreservesAlignment) {
-  Counter n;
-  Alignment from;
-  from.robot = "r2", from.acquired_ns = 11;
-  from.status = AlignmentStatus::kRefused;
-  from.frame = "r2", from.reason = "walls agree, furniture does not", from.score = 0.5;
-  from.map_from_frame = n.pose();
-  from.covariance = n.matrix<3>();
-  v1::Alignment wire;
-  toWire(from, RunClock::kDataset, wire);
-  Alignment back;
-  ASSERT_TRUE(fromWire(wire, back));
-  EXPECT_EQ(back.robot, "r2");
-  EXPECT_EQ(back.status, AlignmentStatus::kRefused);
-  EXPECT_EQ(back.frame, "r2");
-  EXPECT_EQ(back.reason, from.reason);
-  EXPECT_EQ(back.score, 0.5);
-  EXPECT_EQ(back.map_from_frame.vector(), from.map_from_frame.vector());
-  EXPECT_EQ(back.covariance, from.covariance);
 }
 
 TEST(Adapters, PreservesContributionsExactly) {
