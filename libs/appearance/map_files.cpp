@@ -137,9 +137,11 @@ class Fields {
     if (value < 0 || value > most) refuse(path_, fmt::format("{} is no valid count", value));
     return static_cast<int>(value);
   }
+  /// May be empty.
   std::string restOfLine() {
     std::string text;
-    std::getline(in_ >> std::ws, text);
+    if (in_.peek() == ' ') in_.get();
+    std::getline(in_, text);
     return text;
   }
   bool atEnd() { return (in_ >> std::ws).eof(); }
