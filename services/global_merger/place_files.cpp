@@ -68,7 +68,7 @@ void PlaceFiles::remove(const std::string& robot, const std::string& folder) {
   std::error_code ignored;
   for (const char* extension : {".g2o", ".g2o.signatures", ".png"})
     fs::remove(fs::path(folder) / (robot + extension), ignored);
-  fs::remove(folder, ignored);
+  if (fs::is_directory(folder, ignored)) fs::remove(folder, ignored);
 }
 
 }  // namespace omnifleet::global_merger
