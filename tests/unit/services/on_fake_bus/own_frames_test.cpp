@@ -1,5 +1,5 @@
 // The replica that saves the map, with a robot whose poses are in a frame of its own until the localizer
-// matches it (topics pose, map/keyframe_pose and alignment).
+// matches it (topics pose, map/keyframe_pose, alignment and place).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,11 +8,13 @@
 #include <map>
 
 #include "adapters/adapters.h"
+#include "appearance/map_files.h"
 #include "common/run_ends.h"
 #include "dataset/atomic_file.h"
 #include "dataset/merge_file.h"
 #include "dataset/trajectory_files.h"
 #include "tests/test_data.h"
+#include "tests/unit/services/global_merger/place_samples.h"
 #include "tests/unit/services/on_fake_bus/stage_bench.h"
 
 namespace omnifleet {
@@ -89,6 +91,12 @@ class OwnFrames : public testing::Test {
     ASSERT_TRUE(alignment_->write(wire));
     bench_.spin();
   }
+  void place(const Place& place) {
+    v1::Place wire;
+    adapters::toWire(place, kApartClock, wire);
+    ASSERT_TRUE(places_.at(place.robot)->write(wire));
+    bench_.spin();
+  }
   static Alignment anchored() {
     return {"r1", 0, AlignmentStatus::kAnchored, "", "initial pose", 1.0, {}, Eigen::Matrix3d::Zero()};
   }
@@ -143,6 +151,11 @@ class OwnFrames : public testing::Test {
   std::unique_ptr<bus::Writer<v1::KeyframePose>> keyframe_pose_ =
       bench_.bus().writer(bench_.topics.map_keyframe_pose, "r2");
   std::unique_ptr<bus::Writer<v1::Alignment>> alignment_ = bench_.bus().writer(bench_.topics.alignment);
+  std::map<std::string, std::unique_ptr<bus::Writer<v1::Place>>> places_ = [this] {
+    std::map<std::string, std::unique_ptr<bus::Writer<v1::Place>>> writers;
+    for (const char* robot : {"r1", "r2"}) writers[robot] = bench_.bus().writer(bench_.topics.place, robot);
+    return writers;
+  }();
   std::unique_ptr<bus::Writer<v1::RunEnd>> ends_ = bench_.bus().writer(bench_.topics.run_end);
   std::unique_ptr<bus::Reader<v1::Grid>> grid_ = bench_.bus().reader(bench_.topics.map_grid);
   int last_step_ = 0, first_poses_ = 0, corrections_ = 0;
@@ -252,6 +265,55 @@ TEST_F(OwnFrames, IgnoresAlignmentThatIsNotFinite) {
   ASSERT_TRUE(exists("merge.json")) << "nobody waits for a sample that was rejected";
   EXPECT_EQ(dataset::readMerge(file("merge.json")).at("r2").status, AlignmentStatus::kUndecided);
   EXPECT_EQ(bench_.status().drops, 1U);
+}
+
+TEST_F(OwnFrames, PlacesAreInTheFolderOfTheirMap) {
+  for (int step = 1; step <= 4; ++step) frame(step, true);
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    place(test::somePlace("r1", i));
+    place(test::somePlace("r2", i, "r2"));
+  }
+  endRun();
+  EXPECT_EQ(appearance::loadMap(file("places/r1.g2o")).places.size(), 3U);
+  const auto own = appearance::loadMap(file("maps/r2/places/r2.g2o"));
+  EXPECT_EQ(own.frame, "r2");
+  EXPECT_EQ(own.places.size(), 3U);
+  EXPECT_FALSE(exists("places/r2.g2o"));
+}
+
+TEST_F(OwnFrames, PlacesOfAMatchedRobotMoveIntoTheCommonFolder) {
+  for (int step = 1; step <= 4; ++step) frame(step, true);
+  for (std::uint32_t i = 0; i < 3; ++i) place(test::somePlace("r2", i, "r2"));
+  alignment(matched(4));
+  publishAgain(4);
+  for (std::uint32_t i = 0; i < 3; ++i) place(test::somePlace("r2", i, "", kMapFromOwn.y_m));
+  endRun();
+  const test::G2oGraph graph = test::readG2o(file("places/r2.g2o"));
+  ASSERT_EQ(graph.vertices.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_NEAR(graph.vertices[i].second.y(), 2.0 + 0.02 * static_cast<double>(i), 1e-12);
+  EXPECT_FALSE(exists("maps"));
+}
+
+TEST_F(OwnFrames, WaitsForTheLastPlaceThatIsAnnounced) {
+  for (int step = 1; step <= 4; ++step) frame(step, true);
+  place(test::somePlace("r1", 0));
+  end("place r1", 4 * kApartStep_ns, 2);
+  endRun();
+  EXPECT_FALSE(exists("places/r1.g2o")) << "the last sample has not arrived";
+  place(test::somePlace("r1", 1));
+  ASSERT_TRUE(exists("places/r1.g2o"));
+  EXPECT_EQ(test::readG2o(file("places/r1.g2o")).vertices.size(), 2U);
+}
+
+TEST_F(LiveOwnFrames, SavesPlacesWhenStopped) {
+  for (int step = 1; step <= 4; ++step) frame(step, true);
+  place(test::somePlace("r1", 0));
+  place(test::somePlace("r2", 0, "r2"));
+  bench_.idle();
+  bench_.drain();
+  EXPECT_TRUE(exists("places/r1.g2o"));
+  EXPECT_TRUE(exists("maps/r2/places/r2.g2o"));
 }
 
 }  // namespace
