@@ -6,8 +6,13 @@
 #include <spdlog/sinks/null_sink.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
+#include <map>
+#include <memory>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "adapters/adapters.h"
 #include "appearance/map_files.h"
