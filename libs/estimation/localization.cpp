@@ -154,7 +154,7 @@ bool isContradicted(FleetState& fleet, const RobotNode& robot, const PlaceRecogn
   to.scan = &aid.scan;
   to.base_from_scan = seen_from_base * aid.base_from_scan;
   const Pose2 place_from_seen = map_from_place.inverse() * found.map_from_base * seen_from_base.inverse();
-  return fleet.loops.evidence(from, to, place_from_seen, std::sqrt(found.covariance(2, 2))) < 0.0;
+  return fleet.loops.contradicts(from, to, place_from_seen, std::sqrt(found.covariance(2, 2)));
 }
 
 /// Searches the robot's place among keyframes. @return where it was found, unless that is contradicted

@@ -147,14 +147,16 @@ double LoopCheck::evidenceOf(const scan::Overlap& overlap, const CompassOpinion&
   return (agree + contradict) / options_.independent_m + std::min(options_.most_compass, compass.evidence);
 }
 
-double LoopCheck::evidence(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to,
-                           double sigma_rad) {
+bool LoopCheck::contradicts(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to,
+                            double sigma_rad) {
   std::vector<scan::Reference> there = scansOf(to);
   for (scan::Reference& scan : there) scan.map_from_scan = from_to * scan.map_from_scan;
   Result incomparable;
   const std::optional<Views> views = viewsOf(from, to, incomparable);
-  return evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap),
-                    views ? ask(*views, from_to, sigma_rad) : CompassOpinion{});
+  const CompassOpinion compass = views ? ask(*views, from_to, sigma_rad) : CompassOpinion{};
+  // Surfaces distinguish rooms. In a symmetric room only the compass distinguishes headings.
+  return compass.evidence < options_.least_compass ||
+         evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap), compass) < 0.0;
 }
 
 /// Empty if the places close a loop.

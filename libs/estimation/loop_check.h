@@ -105,9 +105,10 @@ class LoopCheck {
   /// Searches the relation of two places and decides.
   Result check(const LoopPlace& from, const LoopPlace& to);
 
-  /// Evidence of surfaces and compass for a relation that something else has found, in nats; 0 or more: for
-  /// it. The places need no scan of their own, only scans around. @param sigma_rad of the heading
-  double evidence(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to, double sigma_rad);
+  /// Whether surfaces and compass speak rather against a relation that something else has found than for it,
+  /// or the compass alone against its heading. The places need no scan of their own, only scans around.
+  /// @param sigma_rad of the heading
+  bool contradicts(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to, double sigma_rad);
 
  private:
   struct Relation {
