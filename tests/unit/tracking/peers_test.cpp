@@ -128,6 +128,33 @@ TEST_F(PeersTest, IgnoresInvalidAndNonFinitePoses) {
   EXPECT_FALSE(all[1].known);
 }
 
+/// Numbers of another frame say nothing about where a robot is in map, whatever they are.
+TEST_F(PeersTest, IgnoresPosesInAnotherFrame) {
+  Peers peers({}, "r1", bodies_);
+  drive(1);
+  PoseEstimate own_frame = pose("r2", 0, {1.0, 0.0, 0.0});
+  own_frame.frame = "r2";
+  const auto& all = peers.predict({pose("r1", 0, {}), own_frame, pose("r3", 0, {0.0, 1.0, 0.0})}, own_);
+  EXPECT_FALSE(all[0].known) << "r2 is not related to map";
+  EXPECT_TRUE(all[1].known);
+  // Matched: the same robot in map.
+  drive(2);
+  peers.predict({pose("r1", kFrame_ns, {0.03, 0.0, 0.0}), pose("r2", kFrame_ns, {2.0, 1.0, 0.0})}, own_);
+  ASSERT_TRUE(all[0].known);
+  EXPECT_NEAR((all[0].centre_m - Eigen::Vector2d(2.0, 1.0)).norm(), 0.0, 1e-9) << "odom is map here";
+  EXPECT_NEAR(all[0].velocity_mps.norm(), 0.0, 1e-9) << "a change of frame is no motion";
+}
+
+TEST_F(PeersTest, PlacesNoPeerWhileItIsInAnotherFrameItself) {
+  Peers peers({}, "r1", bodies_);
+  drive(1);
+  PoseEstimate own_frame = pose("r1", 0, {1.0, 1.0, 0.0});
+  own_frame.frame = "r1";
+  peers.setInitialPoses({own_frame});
+  EXPECT_FALSE(peers.predict({own_frame, pose("r2", 0, {1.5, 1.0, 0.0})}, own_)[0].known);
+  EXPECT_EQ(peers.own(), nullptr);
+}
+
 TEST_F(PeersTest, IgnoresUncertainPose) {
   Peers peers({}, "r1", bodies_);
   drive(1);
