@@ -24,7 +24,10 @@ EstimatorStage::EstimatorStage(std::vector<estimation::RobotSetup> robots,
     : estimator_(robots, options), own_frames_(robots, own_frames, options) {
   for (const auto& robot : robots) {
     robots_.insert(robot.name);
-    if (own_frames_.has(robot.name)) continue;
+    if (own_frames_.has(robot.name)) {
+      estimator_.allowSightings(robot.name, false);  // until OwnFrames knows whether it has scans
+      continue;
+    }
     anchors_[robot.name] = robot.founds_map     ? "its first pose defines map"
                            : robot.initial_pose ? "initial pose"
                                                 : "measurements of its pose, or of what it sees";
