@@ -255,13 +255,17 @@ void FleetEstimator::join(const std::string& robot, const FleetEstimator& own, c
   joinRobot(impl_->fleet, impl_->node(robot), own.impl_->fleet, map_from_own, covariance);
 }
 
-void FleetEstimator::adoptPath(const std::string& robot, const FleetEstimator& own) {
+std::optional<FleetEstimator::Relation> FleetEstimator::adoptPath(const std::string& robot,
+                                                                  const FleetEstimator& own) {
   RobotNode& node = impl_->node(robot);
   const RobotNode& theirs = own.impl_->node(robot);
-  if (!node.located() || !theirs.located()) return;
-  const Pose2 map_from_own =
-      impl_->fleet.pose(node.window.back().pose) * own.impl_->fleet.pose(theirs.window.back().pose).inverse();
+  if (!node.located() || !theirs.located()) return std::nullopt;
+  const Pose2 base_from_own = own.impl_->fleet.pose(theirs.window.back().pose).inverse();
+  const Pose2 map_from_own = impl_->fleet.pose(node.window.back().pose) * base_from_own;
   estimation::adoptPath(impl_->fleet, node, own.impl_->fleet, map_from_own);
+  // Errors of both poses are right perturbations at base_link, and independent.
+  return Relation{map_from_own, composeCovariance(node.covariance + theirs.covariance, base_from_own,
+                                                  Eigen::Matrix3d::Zero())};
 }
 
 const KeyframeMap& FleetEstimator::keyframes() const {

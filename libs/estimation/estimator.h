@@ -171,8 +171,14 @@ class FleetEstimator {
   /// robot, right perturbation
   void join(const std::string& robot, const FleetEstimator& own, const Pose2& map_from_own,
             const Eigen::Matrix3d& covariance);
+  /// How the frame of another estimator lies in map.
+  struct Relation {
+    Pose2 map_from_own;
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of its right perturbation
+  };
   /// The same for a robot that this estimator has located by itself: takes over the poses of its frames only.
-  void adoptPath(const std::string& robot, const FleetEstimator& own);
+  /// @return the relation, by the robot's newest pose in both; nothing where one of them has none
+  std::optional<Relation> adoptPath(const std::string& robot, const FleetEstimator& own);
   /// Places of the topological map that are new or have moved since the last call, by robot and index.
   std::vector<Place> takePlaces();
   /// Scans at known places; of all robots.

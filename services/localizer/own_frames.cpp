@@ -108,13 +108,17 @@ void OwnFrames::refine(estimation::FleetEstimator& common, TimeNs time) {
 void OwnFrames::giveUp(const std::string& robot, estimation::FleetEstimator& common, TimeNs time) {
   const auto own = own_.find(robot);
   if (own == own_.end()) return;
-  common.adoptPath(robot, own->second.estimator);
+  const auto relation = common.adoptPath(robot, own->second.estimator);
   Alignment alignment;
   alignment.robot = robot;
   alignment.acquired_ns = time;
   alignment.status = AlignmentStatus::kMatched;
   alignment.reason = "other robots and obstacles that both see";
   alignment.score = 1.0;
+  if (relation) {
+    alignment.map_from_frame = relation->map_from_own;
+    alignment.covariance = relation->covariance;
+  }
   publish(robot, std::move(alignment));
   own_.erase(own);
 }
