@@ -89,7 +89,7 @@ void OwnFrames::refine(estimation::FleetEstimator& common, TimeNs time) {
     alignment.robot = robot;
     alignment.acquired_ns = time;
     alignment.status = result.status;
-    alignment.reason = result.reason;
+    alignment.reason = result.reason.empty() ? own.published.reason : result.reason;  // no scan yet
     alignment.score = result.score;
     alignment.frame = robot;
     if (result.status == AlignmentStatus::kMatched) {
