@@ -134,6 +134,10 @@ std::vector<Place> EstimatorStage::takePlaces() {
   return all;
 }
 
+void EstimatorStage::keepAlignments(const std::set<std::string>& robots) {
+  for (const std::string& robot : robots) anchors_.erase(robot);
+}
+
 std::vector<Alignment> EstimatorStage::takeAlignments() {
   std::vector<Alignment> all = std::exchange(anchored_, {});
   for (Alignment& alignment : own_frames_.takeAlignments()) all.push_back(std::move(alignment));

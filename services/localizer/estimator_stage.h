@@ -43,6 +43,8 @@ class EstimatorStage {
   std::vector<PoseEstimate> takeRevised();
   std::vector<Message> takeFindings();
   std::vector<Place> takePlaces();
+  /// Robots whose alignment the localizer has reported before a restart: it still holds.
+  void keepAlignments(const std::set<std::string>& robots);
   /// How the frames of the robots relate to map, where that has changed since the last call.
   std::vector<Alignment> takeAlignments();
 

@@ -233,6 +233,7 @@ bool LocalizerService::isRecovering() {
   keyframe_poses_.reset();
   estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
                                          state_recovery_->ownFrames(own_frames_));
+  estimator_.keepAlignments(state_recovery_->inMap());
   return false;
 }
 

@@ -74,6 +74,13 @@ std::map<std::string, Pose2> StateRecovery::ownFrames(const std::map<std::string
   return still;
 }
 
+std::set<std::string> StateRecovery::inMap() const {
+  std::set<std::string> robots;
+  for (const auto& [robot, pose] : latest_)
+    if (pose.frame.empty()) robots.insert(robot);
+  return robots;
+}
+
 bool StateRecovery::isPast(const std::string& robot, TimeNs time) const {
   const auto at = latest_.find(robot);
   return at != latest_.end() && time < at->second.acquired_ns;

@@ -39,6 +39,9 @@ class StateRecovery {
   /// are there at their first frame that is not past.
   std::map<std::string, Pose2> ownFrames(const std::map<std::string, Pose2>& may) const;
 
+  /// Robots whose latest pose is in map. How their frames lie in map was reported before the restart.
+  std::set<std::string> inMap() const;
+
   /// Whether a time is before the robot's latest keyframe: such data are not needed any more and have been
   /// published.
   bool isPast(const std::string& robot, TimeNs time) const;
