@@ -7,33 +7,24 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <random>
+#include <string>
 #include <vector>
 
 #include "localizer/estimator_stage.h"
-#include "tests/unit/scan/room_scans.h"
+#include "tests/unit/estimation/circling_robots.h"
 
 namespace omnifleet::localizer {
 namespace {
 
+using estimation::testing::CirclingRobots;
+using estimation::testing::lookAlikeRoom;
 using scan::testing::Scene;
 
-constexpr TimeNs kOwnFramePeriod_ns = 200000000;
-constexpr double kCircleStep_m = 0.06, kCircleTurn_rad = 0.08, kWheelError = 0.03,
-                 kNoise = 0.003;  // 1/m, of scans
-
-/// A circle of 0.75 m in the room, from some place on it.
-std::vector<Pose2> circle(double from_rad, int frames) {
-  const Pose2 centre{0.2, -0.45, 0.0};
-  std::vector<Pose2> path{centre * Pose2{0.75 * std::sin(from_rad), -0.75 * std::cos(from_rad), from_rad}};
-  for (int i = 1; i < frames; ++i) path.push_back(path.back() * Pose2{kCircleStep_m, 0.0, kCircleTurn_rad});
-  return path;
-}
+constexpr TimeNs kOwnFramePeriod_ns = CirclingRobots::kPeriod_ns;
 
 class TwoRobots {
  public:
-  TwoRobots(Scene first, Scene second, int frames)
-      : rooms_{std::move(first), std::move(second)}, paths_{circle(0.0, frames), circle(2.5, frames)} {}
+  TwoRobots(Scene first, Scene second, int frames) : robots_({std::move(first), std::move(second)}, frames) {}
 
   struct Run {
     std::vector<PoseEstimate> poses;      ///< of r2
@@ -44,21 +35,13 @@ class TwoRobots {
   };
 
   Run drive() {
-    std::vector<estimation::RobotSetup> setups(2);
-    setups[0].name = "r1";
-    setups[1].name = "r2";
-    for (auto& setup : setups) {
-      setup.body.radius_m = 0.1;
-      setup.body.wheel_separation_m = 0.2;
-    }
-    setups[0].initial_pose = paths_[0].front();
-    EstimatorStage stage(setups, {}, {{"r2", Pose2{}}});
+    EstimatorStage stage(robots_.setups(), {}, {{"r2", Pose2{}}});
     Run run;
     const auto publish = [&](const PoseEstimate& pose) {
       if (pose.robot == "r2" && pose.valid) run.last[pose.acquired_ns] = pose;
     };
-    for (std::size_t i = 0; i < paths_[0].size(); ++i) {
-      const Objects a = frame(0, i), b = frame(1, i);
+    for (std::size_t i = 0; i < path(0).size(); ++i) {
+      const Objects a = robots_.frame(0, i), b = robots_.frame(1, i);
       const auto poses = stage.process(a.acquired_ns, {&a, &b}, {});
       run.poses.push_back(poses[1]);
       publish(poses[1]);
@@ -72,7 +55,7 @@ class TwoRobots {
     return run;
   }
 
-  const std::vector<Pose2>& path(std::size_t robot) const { return paths_[robot]; }
+  const std::vector<Pose2>& path(std::size_t robot) const { return robots_.path(robot); }
 
  private:
   static void take(EstimatorStage& stage, Run& run) {
@@ -85,38 +68,8 @@ class TwoRobots {
     for (Message& finding : stage.takeFindings()) run.findings.push_back(std::move(finding));
   }
 
-  Objects frame(std::size_t robot, std::size_t i) {
-    const std::vector<Pose2>& path = paths_[robot];
-    Objects frame;
-    frame.robot = robot == 0 ? "r1" : "r2";
-    frame.acquired_ns = static_cast<TimeNs>(i + 1) * kOwnFramePeriod_ns;
-    frame.sequence = static_cast<std::uint32_t>(i);
-    frame.boundary = rooms_[robot].scan(path[i], kNoise, random_);
-    frame.motion.since_ns = frame.acquired_ns - kOwnFramePeriod_ns;
-    frame.motion.valid = i > 0;
-    if (i > 0) {
-      frame.motion.previous_from_current = path[i - 1].inverse() * path[i];
-      frame.motion.previous_from_current.x_m *= 1.0 + kWheelError;
-      frame.motion.previous_from_current.theta_rad *= 1.0 - kWheelError;
-      frame.motion.covariance = Eigen::Vector3d(1e-5, 1e-5, 1e-5).asDiagonal();
-      frame.motion.left_m = frame.motion.right_m = kCircleStep_m;
-    }
-    return frame;
-  }
-
-  std::vector<Scene> rooms_;
-  std::vector<std::vector<Pose2>> paths_;
-  std::mt19937 random_{5};
+  CirclingRobots robots_;
 };
-
-Scene otherFurniture() {
-  Scene room = scan::testing::furnishedRoom();
-  room.outlines.resize(1);
-  room.outlines.push_back({{-2.5, -2.0}, {-1.2, -2.0}, {-1.2, -1.4}, {-2.5, -1.4}});
-  room.outlines.push_back({{1.3, 1.3}, {2.5, 1.3}, {2.5, 2.0}, {1.3, 2.0}});
-  room.outlines.push_back({{-1.6, 0.2}, {-1.2, 0.2}, {-1.2, 0.7}, {-1.6, 0.7}});
-  return room;
-}
 
 TEST(OwnFrames, JoinTheCommonMapOnceBothMapsMatch) {
   const Scene room = scan::testing::furnishedRoom();
@@ -156,7 +109,7 @@ TEST(OwnFrames, JoinTheCommonMapOnceBothMapsMatch) {
 }
 
 TEST(OwnFrames, KeepALookAlikeRoomOutOfTheCommonMap) {
-  TwoRobots robots(scan::testing::furnishedRoom(), otherFurniture(), 80);
+  TwoRobots robots(scan::testing::furnishedRoom(), lookAlikeRoom(), 80);
   const TwoRobots::Run run = robots.drive();
   for (const Alignment& alignment : run.alignments)
     EXPECT_NE(alignment.status, AlignmentStatus::kMatched) << alignment.reason;
@@ -169,6 +122,39 @@ TEST(OwnFrames, KeepALookAlikeRoomOutOfTheCommonMap) {
     const Pose2 truth = robots.path(1).front().inverse() * robots.path(1)[i];
     EXPECT_LT((truth.inverse() * pose.map_from_base).translation().norm(), 0.02) << i;
   }
+}
+
+/// The end of the run reports why: the finding repeats the last published reason.
+void expectReported(const TwoRobots::Run& run, AlignmentStatus status, const std::string& reason) {
+  ASSERT_FALSE(run.alignments.empty());
+  const Alignment& last = run.alignments.back();
+  EXPECT_EQ(last.status, status) << last.reason;
+  EXPECT_EQ(last.frame, "r2");
+  EXPECT_NE(last.reason.find(reason), std::string::npos) << last.reason;
+  ASSERT_EQ(run.findings.size(), 1u);
+  const Message& finding = run.findings.front();
+  EXPECT_EQ(finding.code, ErrorCode::kFrameNotMatched);
+  EXPECT_EQ(finding.text.rfind("r2: ", 0), 0u) << finding.text;
+  EXPECT_NE(finding.text.find("(" + last.reason + ")"), std::string::npos) << finding.text;
+  EXPECT_EQ(finding.text.find("contradicts the common map") != std::string::npos,
+            status == AlignmentStatus::kRefused)
+      << finding.text;
+}
+
+TEST(OwnFrames, ReportAtTheEndThatMapsContradict) {
+  TwoRobots robots(scan::testing::furnishedRoom(), lookAlikeRoom(), 80);
+  expectReported(robots.drive(), AlignmentStatus::kRefused, "contradict");
+}
+
+TEST(OwnFrames, ReportAtTheEndThatSeveralRelationsFit) {
+  const Scene bare{{{{-2.5, -2.0}, {2.5, -2.0}, {2.5, 2.0}, {-2.5, 2.0}}}};
+  TwoRobots robots(bare, bare, 60);
+  expectReported(robots.drive(), AlignmentStatus::kUndecided, "another relation");
+}
+
+TEST(OwnFrames, ReportAtTheEndThatNoScanWasMade) {
+  TwoRobots robots(scan::testing::furnishedRoom(), Scene{}, 20);
+  expectReported(robots.drive(), AlignmentStatus::kUndecided, "no scan yet");
 }
 
 TEST(OwnFrames, GiveTheSameResultTwice) {
