@@ -9,8 +9,9 @@
 namespace omnifleet::localizer {
 namespace {
 
-constexpr int kPatience = 10;           // frames after which sightings may locate a robot without scans
-constexpr std::size_t kFewScans = 2;    // keyframes that are no map yet
+constexpr int kPatience = 10;         // frames after which sightings may locate a robot without scans
+constexpr std::size_t kFewScans = 2;  // keyframes that are no map yet
+constexpr const char* kNoScan = "no scan yet";
 constexpr double kScoreChanged = 0.02;  // of an alignment that is published again
 
 /// The whole fleet, so that robots have the same numbers everywhere; only one of them ever has frames.
@@ -38,7 +39,7 @@ OwnFrames::OwnFrames(const std::vector<estimation::RobotSetup>& robots,
     own_.emplace(name, std::move(own));
     Alignment alignment;
     alignment.robot = alignment.frame = name;
-    alignment.reason = "no scan yet";
+    alignment.reason = kNoScan;
     publish(name, std::move(alignment));
   }
 }
@@ -89,7 +90,9 @@ void OwnFrames::refine(estimation::FleetEstimator& common, TimeNs time) {
     alignment.robot = robot;
     alignment.acquired_ns = time;
     alignment.status = result.status;
-    alignment.reason = result.reason.empty() ? own.published.reason : result.reason;  // no scan yet
+    alignment.reason = !result.reason.empty()                  ? result.reason
+                       : own.estimator.keyframes().size() == 0 ? kNoScan
+                                                               : "the common map has no scan yet";
     alignment.score = result.score;
     alignment.frame = robot;
     if (result.status == AlignmentStatus::kMatched) {

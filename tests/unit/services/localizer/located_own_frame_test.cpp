@@ -133,6 +133,7 @@ TEST(LocatedOwnFrame, SightingsDoNotLocateARobotWithScans) {
   }
   ASSERT_FALSE(run.alignments.empty());
   EXPECT_EQ(run.alignments.back().status, AlignmentStatus::kUndecided);
+  EXPECT_EQ(run.alignments.back().reason, "the common map has no scan yet") << "only r2 has scans";
 }
 
 }  // namespace
