@@ -4,6 +4,11 @@
 #include <cmath>
 
 namespace omnifleet::estimation {
+namespace {
+
+constexpr double kReferenceSigmas = 2.0;  // by which a sum of correlated references may err
+
+}  // namespace
 
 CompassQualityOptions CompassQualityOptions::read(const options::Section& section) {
   CompassQualityOptions o;
@@ -21,7 +26,7 @@ void CompassQuality::add(double error_rad, double sigma_rad, const Reference& re
   steps_ = keep * steps_ + 1.0;
   errors_ = keep * errors_ + error;
   squares_ = keep * squares_ + error * error;
-  correlated_ = keep * correlated_ + (reference.correlated ? known : 0.0);
+  correlated_ = keep * correlated_ + (reference.correlated ? kReferenceSigmas * known : 0.0);
   references_ = keep * references_ + known * known;
   references2_ = keep * references2_ + known * known * known * known;
   // References that measure headings add the errors of two headings to a sum of turns: not worth counting.

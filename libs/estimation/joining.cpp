@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "estimation/factors.h"
+#include "estimation/published_poses.h"
 
 namespace omnifleet::estimation {
 namespace {
@@ -52,13 +53,20 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   robot.way_since_place = theirs.way_since_place;
   robot.difference_scale = theirs.difference_scale;
   robot.compass_quality = theirs.compass_quality;
+  robot.covariance = theirs.covariance;
 
   ScanAid aid = inCommonMap(theirs.scan_aid, first, map);
   const Pose2 own_from_base = own.pose(newest.pose);
   const Pose2 here = aid.anchor ? map.pose(aid.anchor->keyframe) *
                                       own.keyframes.pose(theirs.scan_aid.anchor->keyframe).inverse()
                                 : map_from_own;
-  for (const Step& step : theirs.window) adoptStep(fleet, robot, theirs, step, here, own);
+  for (const Step& step : theirs.window) {
+    adoptStep(fleet, robot, theirs, step, here, own);
+    if (!step.published) continue;
+    auto keyframe = keyframeOf(theirs, step);
+    if (keyframe) *keyframe += first;
+    rememberPlace(fleet, robot, step, here * own.pose(step.pose), keyframe, false);
+  }
 
   robot.setup.camera_error = robot.published_camera_error = theirs.published_camera_error;
   fleet.graph.value(robot.wheels) = own.graph.value(theirs.wheels);

@@ -81,12 +81,6 @@ PoseEstimate revise(FleetState& fleet, RobotNode& robot, const Step& step) {
   return estimate;
 }
 
-std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& step) {
-  if (step.scan.factor != kNoFactor) return step.scan.keyframe;
-  if (robot.scan_aid.anchor && robot.scan_aid.held) return robot.scan_aid.anchor->keyframe;
-  return std::nullopt;
-}
-
 /// The nearest place that was left long before, if a new place is there again and scans relate both.
 std::optional<PlaceIndex::Entry> revisited(const FleetState& fleet, const RobotNode& robot, const Step& step,
                                            const Place& place) {
@@ -130,26 +124,6 @@ void linkPlace(const FleetState& fleet, RobotNode& robot, const Step& step, Plac
   if (closes) robot.closing.reset();
 }
 
-/// A frame with a signature becomes a node of the topological map when its pose is final.
-/// @param is_last of the run: it always becomes one, if there are any
-void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, bool is_last) {
-  robot.way_since_place =
-      composeCovariance(robot.way_since_place, step.previous_from_current, step.motion_covariance);
-  if (!step.appearance && !(is_last && !robot.places.places().empty())) return;
-  Place place;
-  place.robot = robot.setup.name;
-  place.acquired_ns = step.time_ns;
-  place.sequence = step.sequence;
-  place.frame_from_base = fleet.pose(step.pose);
-  place.covariance = robot.covariance;
-  place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
-  place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
-  if (step.appearance) place.signature = step.appearance->signature;
-  linkPlace(fleet, robot, step, place);
-  robot.places.add(std::move(place), keyframeOf(robot, step), fleet.keyframes, robot.way_since_place);
-  robot.way_since_place.setZero();
-}
-
 /// Makes new places known to the recognition, and reports those that cannot be compared.
 void indexPlaces(FleetState& fleet) {
   std::vector<const PlaceMemory*> memories;
@@ -170,6 +144,31 @@ void remember(FleetState& fleet, RobotNode& robot, const Step& step, PoseEstimat
 }
 
 }  // namespace
+
+std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& step) {
+  if (step.scan.factor != kNoFactor) return step.scan.keyframe;
+  if (robot.scan_aid.anchor && robot.scan_aid.held) return robot.scan_aid.anchor->keyframe;
+  return std::nullopt;
+}
+
+void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, const Pose2& map_from_base,
+                   const std::optional<KeyframeMap::Id>& keyframe, bool is_last) {
+  robot.way_since_place =
+      composeCovariance(robot.way_since_place, step.previous_from_current, step.motion_covariance);
+  if (!step.appearance && !(is_last && !robot.places.places().empty())) return;
+  Place place;
+  place.robot = robot.setup.name;
+  place.acquired_ns = step.time_ns;
+  place.sequence = step.sequence;
+  place.frame_from_base = map_from_base;
+  place.covariance = robot.covariance;
+  place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
+  place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
+  if (step.appearance) place.signature = step.appearance->signature;
+  linkPlace(fleet, robot, step, place);
+  robot.places.add(std::move(place), keyframe, fleet.keyframes, robot.way_since_place);
+  robot.way_since_place.setZero();
+}
 
 void withdraw(FleetState& fleet, RobotNode& robot) {
   robot.start.contradicted = true;
@@ -206,7 +205,9 @@ void revisePublished(FleetState& fleet, bool last) {
     }
     for (std::size_t i = 0; i < leaving; ++i) {
       const bool is_last = last && i + 1 == robot.window.size();
-      if (robot.window[i].published) rememberPlace(fleet, robot, robot.window[i], is_last);
+      const Step& step = robot.window[i];
+      if (step.published)
+        rememberPlace(fleet, robot, step, fleet.pose(step.pose), keyframeOf(robot, step), is_last);
     }
   }
   indexPlaces(fleet);
