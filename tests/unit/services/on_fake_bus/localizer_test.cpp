@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <thread>
 
 #include "adapters/adapters.h"
 #include "fleet/fleet.h"
 #include "outline/prism.h"
+#include "tests/test_data.h"
 #include "tests/unit/services/on_fake_bus/stage_bench.h"
 
 namespace omnifleet {
@@ -109,7 +111,13 @@ class RestartedLocalizer : public testing::Test {
  protected:
   static constexpr double kStep_m = 0.05;
 
-  RestartedLocalizer() {
+  /// @param fleet_file empty: config/fleets/small.yaml
+  explicit RestartedLocalizer(const std::string& fleet_file = {})
+      : fleet_(fleet::Fleet::load(fleet_file.empty() ? std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) +
+                                                           "/config/fleets/small.yaml"
+                                                     : fleet_file,
+                                  "", {})),
+        bench_("localizer", "", "", fleet_file, bus::RunMode::kLive, 2) {
     for (const char* robot : {"r1", "r2"}) {
       objects_.emplace_back(robot, bench_.bus().writer(bench_.topics.objects_kept, robot));
       keyframes_.emplace_back(robot, bench_.bus().writer(bench_.topics.map_keyframe_pose, robot));
@@ -124,13 +132,15 @@ class RestartedLocalizer : public testing::Test {
       ASSERT_TRUE(write(*writer, seen));
     }
   }
-  /// Keyframe poses as the replicas of the map hold them.
+  /// Keyframe poses as the replicas of the map hold them. @param frame empty: map
   void keyframe(std::size_t robot, int step, const Pose2& at,
-                const Eigen::Vector4d& camera_error = {0, 0, 0, 0}, std::uint32_t term = 0) {
+                const Eigen::Vector4d& camera_error = {0, 0, 0, 0}, std::uint32_t term = 0,
+                const std::string& frame = {}) {
     PoseEstimate pose;
     pose.robot = keyframes_[robot].first;
     pose.acquired_ns = step * kFrame;
     pose.valid = true;
+    pose.frame = frame;
     pose.map_from_base = at;
     pose.camera_error = camera_error;
     v1::KeyframePose wire;
@@ -157,9 +167,8 @@ class RestartedLocalizer : public testing::Test {
     return all;
   }
 
-  const fleet::Fleet fleet_ = fleet::Fleet::load(
-      std::string(std::getenv("OMNIFLEET_SOURCE_DIR")) + "/config/fleets/small.yaml", "", {});
-  test::StageBench bench_{"localizer", "", "", "", bus::RunMode::kLive, 2};
+  const fleet::Fleet fleet_;
+  test::StageBench bench_;
   std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::Objects>>>> objects_;
   std::vector<std::pair<std::string, std::unique_ptr<bus::Writer<v1::KeyframePose>>>> keyframes_;
   std::vector<std::pair<std::string, std::unique_ptr<bus::Reader<v1::Pose>>>> poses_;
@@ -260,6 +269,82 @@ TEST_F(RestartedLocalizer, UsesInitialPosesEarlyInRun) {
   end(12);
   EXPECT_TRUE(bench_.messages().empty());
   EXPECT_TRUE(bench_.succeeded());
+}
+
+/// As above, but r2 has no initial pose and maps in a frame of its own.
+class RestartedWithOwnFrame : public RestartedLocalizer {
+ protected:
+  RestartedWithOwnFrame() : RestartedLocalizer(fleetFile()) {
+    for (const char* robot : {"r1", "r2"})
+      alignments_.push_back(bench_.bus().reader(bench_.topics.alignment, robot));
+  }
+  static std::string fleetFile() {
+    static const test::TempFolder folder;
+    std::ofstream(folder / "arena.yaml")
+        << "frames: {rate_hz: 5, duration_s: 3}\n"
+           "floor: {size_m: [4.0, 3.0]}\n"
+           "robots:\n"
+           "  r1: {initial_pose: [-0.4, 0.0, 0.0]}\n"
+           "  r2: {initial_pose: [-1.1, 0.05, 0.0], initial_pose_known: false}\n"
+           "rigs:\n"
+           "  fisheye: {camera_model: fisheye, projection: equidistant, image_width: 480, "
+           "image_height: 360, focal_px: 111.494, principal_point_px: [239.5, 179.5], fov_deg: 185, "
+           "position_m: [0, 0, 0.5]}\n";
+    std::ofstream(folder / "fleet.yaml") << "world: {arena: arena.yaml}\n";
+    return folder / "fleet.yaml";
+  }
+  std::vector<Alignment> alignments(std::size_t robot) {
+    std::vector<Alignment> all;
+    v1::Alignment wire;
+    while (alignments_[robot]->take(wire)) adapters::fromWire(wire, all.emplace_back());
+    return all;
+  }
+  std::vector<std::unique_ptr<bus::Reader<v1::Alignment>>> alignments_;
+};
+
+TEST_F(RestartedWithOwnFrame, ContinuesThereWithoutAPlaceInMap) {
+  const Pose2 last{0.6, 0.2, 0.5};
+  keyframe(0, 57, {3.0, 1.0, 0.0});
+  keyframe(1, 57, last, {0, 0, 0, 0}, 0, "r2");
+  for (int step = 50; step < 60; ++step) frame(step);
+  bench_.idle();
+  const std::vector<PoseEstimate> in_map = published(0), own = published(1);
+  ASSERT_EQ(in_map.size(), 3U);
+  ASSERT_EQ(own.size(), 3U) << "earlier poses were published before the restart";
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(in_map[k].frame, "");
+    ASSERT_TRUE(own[k].valid);
+    EXPECT_EQ(own[k].frame, "r2");
+    const Pose2 expected = last * Pose2{kStep_m * static_cast<double>(k), 0.0, 0.0};
+    EXPECT_LT((expected.vector() - own[k].map_from_base.vector()).norm(), 1e-3) << k;
+  }
+  const std::vector<Alignment> reported = alignments(1);
+  ASSERT_FALSE(reported.empty());
+  for (const Alignment& alignment : reported) {
+    EXPECT_EQ(alignment.status, AlignmentStatus::kUndecided);
+    EXPECT_EQ(alignment.frame, "r2");
+  }
+  EXPECT_TRUE(bench_.messages().empty());
+}
+
+/// The localizer before it has matched r2. Readers keep the alignments that it published.
+TEST_F(RestartedWithOwnFrame, AMatchedRobotContinuesInMap) {
+  keyframe(0, 57, {3.0, 1.0, 0.0});
+  keyframe(1, 57, {0.6, 0.2, 0.5}, {0, 0, 0, 0}, 0, "r2");
+  keyframe(1, 57, {-2.0, 0.5, M_PI}, {0, 0, 0, 0}, 1);
+  for (int step = 50; step < 60; ++step) frame(step);
+  bench_.idle();
+  const std::vector<PoseEstimate> poses = published(1);
+  ASSERT_EQ(poses.size(), 3U);
+  for (std::size_t k = 0; k < 3; ++k) {
+    ASSERT_TRUE(poses[k].valid);
+    EXPECT_EQ(poses[k].frame, "");
+    EXPECT_NEAR(poses[k].map_from_base.x_m, -2.0 - kStep_m * static_cast<double>(k), 1e-3);
+    EXPECT_NEAR(poses[k].map_from_base.y_m, 0.5, 1e-3);
+  }
+  EXPECT_TRUE(alignments(1).empty()) << "it is not anchored: its relation to map was matched";
+  EXPECT_TRUE(alignments(0).empty()) << "its initial pose still defines its frame";
+  EXPECT_TRUE(bench_.messages().empty());
 }
 
 /// Live, under two ceiling cameras: r1 has a forward camera and no wheels. It drives 4 cm per frame.
