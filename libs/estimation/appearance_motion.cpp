@@ -1,11 +1,16 @@
 #include "estimation/appearance_motion.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 namespace omnifleet::estimation {
 namespace {
 
+// σ of α (m per unit of D), β (m/rad) and γ (m) before any step.
+const Eigen::Vector3d kPriorSigmas(3.0, 0.1, 0.02);
+constexpr double kLeast_m = 0.001;  // σ of a length about the fit, at least
+constexpr int kRounds = 3;          // of fit and variance
 constexpr double kFreeShare = 0.3;  // σ of a step of free scale, as a share of its length
 
 }  // namespace
@@ -25,22 +30,37 @@ AppearanceOptions AppearanceOptions::read(const options::Section& section) {
   return o;
 }
 
-void DifferenceScale::add(double length_m, double difference) {
+DifferenceScale::DifferenceScale(const AppearanceOptions& options) : options_(options) {}
+
+void DifferenceScale::add(double length_m, double difference, double turn_rad) {
   if (!(difference > 0)) return;
   const double keep = 1.0 - 1.0 / options_.memory_steps;
+  const Eigen::Vector3d x(difference, std::abs(turn_rad), 1.0);
   weight_ = keep * weight_ + 1.0;
-  dd_ = keep * dd_ + difference * difference;
-  ld_ = keep * ld_ + length_m * difference;
-  ll_ = keep * ll_ + length_m * length_m;
+  moments_ = keep * moments_ + x * x.transpose();
+  lengths_ = keep * lengths_ + length_m * x;
+  squares_ = keep * squares_ + length_m * length_m;
 }
 
-std::optional<DifferenceScale::Length> DifferenceScale::lengthOf(double difference) const {
-  if (!isMetric() || !(dd_ > 0)) {
+std::optional<DifferenceScale::Length> DifferenceScale::lengthOf(double difference, double turn_rad) const {
+  if (!isMetric()) {
     if (!options_.free_scale) return std::nullopt;
     return Length{difference, kFreeShare * difference};
   }
-  const double scale = ld_ / dd_, residual = std::max(0.0, ll_ - scale * ld_) / weight_;
-  return Length{scale * difference, std::sqrt(residual)};
+  const Eigen::Vector3d x(difference, std::abs(turn_rad), 1.0);
+  const Eigen::Matrix3d prior = kPriorSigmas.cwiseAbs2().cwiseInverse().asDiagonal();
+  // Variance of a single length about the fit: first as if it were that of the prior's γ, then by the
+  // residuals.
+  double variance = kPriorSigmas.z() * kPriorSigmas.z();
+  Eigen::LDLT<Eigen::Matrix3d> information;
+  Eigen::Vector3d fit = Eigen::Vector3d::Zero();
+  for (int round = 0; round < kRounds; ++round) {
+    information.compute(moments_ / variance + prior);
+    fit = information.solve(lengths_ / variance);
+    const double residual = squares_ - 2.0 * fit.dot(lengths_) + fit.dot(moments_ * fit);
+    variance = std::max(residual / weight_, kLeast_m * kLeast_m);
+  }
+  return Length{std::max(0.0, fit.dot(x)), std::sqrt(variance + x.dot(information.solve(x)))};
 }
 
 bool hasTurn(const Appearance& appearance, TimeNs since_ns, const AppearanceOptions& options) {

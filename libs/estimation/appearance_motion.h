@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 
 #include "estimation/compass_quality.h"
@@ -26,27 +27,32 @@ struct AppearanceOptions {
   static AppearanceOptions read(const options::Section& section);
 };
 
-/// Metres per unit of the distance of two signatures (Fernández et al. 2011 eq. 2, normalised), learned from
-/// steps of known length. In the surroundings of a place the two are about proportional.
+/// Length of a step from the distance D of two signatures (Fernández et al. 2011 eq. 2, normalised). In the
+/// surroundings of a place both are about proportional, but a turn changes panoramas, too: the body, the lens
+/// and the floor are not the same in all directions. So length = α·D + β·|turn| + γ is fitted to steps of
+/// known length (Bayesian linear regression with forgetting). The σ of a length covers what the steps so far
+/// have not determined: a robot that has only turned on the spot does not know α.
 class DifferenceScale {
  public:
-  explicit DifferenceScale(const AppearanceOptions& options = {}) : options_(options) {}
+  explicit DifferenceScale(const AppearanceOptions& options = {});
 
   /// A step of a known length.
-  void add(double length_m, double difference);
+  void add(double length_m, double difference, double turn_rad);
 
   struct Length {
     double m = 0.0, sigma_m = 0.0;
   };
   /// Length of a step; nothing while the scale is unknown.
-  std::optional<Length> lengthOf(double difference) const;
+  std::optional<Length> lengthOf(double difference, double turn_rad) const;
   /// Steps of known length have determined it.
   bool isMetric() const { return weight_ >= options_.prior_steps; }
 
  private:
   AppearanceOptions options_;
-  double weight_ = 0.0;                    ///< of the steps
-  double dd_ = 0.0, ld_ = 0.0, ll_ = 0.0;  ///< sums of difference², length · difference, length²
+  double weight_ = 0.0;                                ///< of the steps
+  Eigen::Matrix3d moments_ = Eigen::Matrix3d::Zero();  ///< Σ x·xᵀ, x = (D, |turn|, 1)
+  Eigen::Vector3d lengths_ = Eigen::Vector3d::Zero();  ///< Σ x · length
+  double squares_ = 0.0;                               ///< Σ length²
 };
 
 /// Whether the compass has measured the turn of a frame since the time of the one before.

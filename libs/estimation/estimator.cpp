@@ -90,16 +90,15 @@ void FleetEstimator::Impl::learnAppearance(RobotNode& robot) {
   if (!robot.unrefined || robot.window.size() < 2) return;
   const Step &from = robot.window[robot.window.size() - 2], &to = robot.window.back();
   const bool by_scans = to.scan.factor != kNoFactor && from.scan.factor != kNoFactor;
+  const Pose2 moved = fleet.pose(from.pose).inverse() * fleet.pose(to.pose);
   if (by_scans && to.difference > 0)
-    robot.difference_scale.add(
-        (fleet.pose(to.pose).translation() - fleet.pose(from.pose).translation()).norm(), to.difference);
+    robot.difference_scale.add(moved.translation().norm(), to.difference, wrapAngle(moved.theta_rad));
   if (!to.compass) return;
   const auto variance = [](const ScanLink& link) {
     return link.information(2, 2) > 0 ? 1.0 / link.information(2, 2) : M_PI * M_PI;
   };
   if (by_scans) {
-    const double turn_rad = fleet.pose(to.pose).theta_rad - fleet.pose(from.pose).theta_rad;
-    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - turn_rad), to.compass->sigma_rad,
+    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - moved.theta_rad), to.compass->sigma_rad,
                               {std::sqrt(variance(from.scan) + variance(to.scan)), false});
   } else if (to.wheels && !to.wheels_rejected) {
     robot.compass_quality.add(wrapAngle(to.compass->turn_rad - to.previous_from_current.theta_rad),

@@ -24,7 +24,7 @@ void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& a
   step.motion_covariance.row(2).setZero();
   step.motion_covariance.col(2).setZero();
   step.motion_covariance(2, 2) = sigma_rad * sigma_rad;
-  const auto length = robot.difference_scale.lengthOf(appearance.difference);
+  const auto length = robot.difference_scale.lengthOf(appearance.difference, appearance.turn_rad);
   if (!length) return;
   const double sign = step.previous_from_current.x_m < 0 ? -1.0 : 1.0, half = 0.5 * appearance.turn_rad;
   const double m = sign * length->m;

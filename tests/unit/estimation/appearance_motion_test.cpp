@@ -16,26 +16,48 @@ constexpr TimeNs kImage_ns = 200000000;
 
 TEST(DifferenceScale, LearnsMetresPerUnit) {
   DifferenceScale scale;
-  EXPECT_FALSE(scale.lengthOf(0.1));
+  EXPECT_FALSE(scale.lengthOf(0.1, 0.0));
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.005);
   for (int i = 0; i < 100; ++i) {
-    const double difference = 0.1 + 0.001 * i;
-    scale.add(0.4 * difference + noise(random), difference);
+    const double difference = 0.1 + 0.001 * i, turn_rad = 0.02 * (i % 7);
+    scale.add(0.4 * difference + noise(random), difference, turn_rad);
   }
   ASSERT_TRUE(scale.isMetric());
-  const auto length = scale.lengthOf(0.2);
+  const auto length = scale.lengthOf(0.2, 0.05);
   ASSERT_TRUE(length);
-  EXPECT_NEAR(length->m, 0.08, 0.002);  // 50 steps of 5 mm noise
+  EXPECT_NEAR(length->m, 0.08, 0.003);  // 50 steps of 5 mm noise
   EXPECT_NEAR(length->sigma_m, 0.005, 0.0015);
+}
+
+// Turns on the spot change the signatures by 0.03 per 0.1 rad; a step of 5 cm does by 0.1.
+TEST(DifferenceScale, KnowsNoLengthAfterTurnsOnTheSpotAlone) {
+  DifferenceScale scale;
+  std::mt19937 random(2);
+  std::normal_distribution<double> noise(0.0, 0.003);
+  const auto turn = [&](double rad) { scale.add(0.0005, 0.3 * rad + std::abs(noise(random)), rad); };
+  for (int i = 0; i < 20; ++i) turn(0.2 + 0.02 * (i % 5));
+  const auto forward = scale.lengthOf(0.1, 0.0);
+  ASSERT_TRUE(forward);
+  EXPECT_GT(forward->sigma_m, 0.02);
+  EXPECT_LT(std::abs(forward->m - 0.05), 3.0 * forward->sigma_m);
+  // It knows that it stays where it is while it turns on.
+  const auto spot = scale.lengthOf(0.3 * 0.24, 0.24);
+  EXPECT_LT(spot->sigma_m, 0.01);
+  EXPECT_LT(spot->m, 0.01);
+  // Once it has driven, both are known.
+  for (int i = 0; i < 30; ++i) scale.add(0.04 + 0.001 * (i % 20), 2.0 * (0.04 + 0.001 * (i % 20)), 0.0);
+  const auto learned = scale.lengthOf(0.1, 0.0);
+  EXPECT_NEAR(learned->m, 0.05, 0.01);
+  EXPECT_LT(learned->sigma_m, 0.015);
 }
 
 TEST(DifferenceScale, IsFreeWhereTheOptionsSaySo) {
   AppearanceOptions options;
   options.free_scale = true;
   const DifferenceScale scale(options);
-  ASSERT_TRUE(scale.lengthOf(0.25));
-  EXPECT_EQ(scale.lengthOf(0.25)->m, 0.25);
+  ASSERT_TRUE(scale.lengthOf(0.25, 0.1));
+  EXPECT_EQ(scale.lengthOf(0.25, 0.1)->m, 0.25);
   EXPECT_FALSE(scale.isMetric());
 }
 
