@@ -9,7 +9,7 @@ namespace {
 
 // σ of α (m per unit of D), β (m/rad) and γ (m) before any step.
 const Eigen::Vector3d kPriorSigmas(3.0, 0.1, 0.02);
-constexpr double kLeast_m = 0.001;  // σ of a length about the fit, at least
+constexpr double kLeast_m = 0.005;  // σ of a length about the fit, at least: D has noise, too
 constexpr int kRounds = 3;          // of fit and variance
 constexpr double kFreeShare = 0.3;  // σ of a step of free scale, as a share of its length
 
