@@ -22,14 +22,14 @@ struct LoopCheckOptions {
   double min_matched = 0.4;       ///< 1, share of a scan's lines that must meet lines of the other one
   double max_chi2 = 6.0;          ///< 1, mean squared residual of these, in σ²
   double most_sigma_m = 0.05;     ///< m, σ of the relative position in any direction, at most
-  double most_contradict = 0.12;  ///< 1, share of the common surfaces that may contradict
-  double refused = 0.25;          ///< 1, share from which another relation is no rival
+  double most_contradict = 0.22;  ///< 1, share of the common surfaces that may contradict
+  double refused = 0.35;          ///< 1, share from which another relation is no rival
   double rival_evidence = 2.0;    ///< nats, by which the best relation must exceed every other one
   double least_evidence = 2.0;    ///< nats, for the best relation against another room
   // Evidence of the surfaces: shares that contradict at the right relation and at the best one of another
   // room, and the length of surface that is one independent observation.
-  double missed_share = 0.03;  ///< 1
-  double other_share = 0.3;    ///< 1
+  double missed_share = 0.1;   ///< 1
+  double other_share = 0.4;    ///< 1
   double independent_m = 0.5;  ///< m
   // Evidence of the compass: density of its answer at the scan's heading, relative to an even one.
   double most_compass = 2.0;  ///< nats, at most: the compass distinguishes headings; rooms with equal walls

@@ -50,7 +50,7 @@ int main(int argc, char** argv) {
   app.add_option("--lookalike", counts.lookalike, "likewise, of rooms with equal walls");
   app.add_option("--other-room", counts.other_room, "likewise, of other rooms");
   app.add_option("--around", surroundings.reach_m,
-                 "m of path around each place whose scans count; 0: one scan");
+                 "m of path around the first place whose scans count; 0: its own");
   app.add_option("--options", overlay, "YAML file with options of LoopCheck");
   app.add_option("--csv", csv, "file for one line per pair");
   try {

@@ -45,8 +45,7 @@ Recording::Recording(const std::string& folder)
   }
 }
 
-std::vector<FrameId> Recording::around(const FrameId& frame, double spacing_m, double reach_m,
-                                       bool later) const {
+std::vector<FrameId> Recording::around(const FrameId& frame, double spacing_m, double reach_m) const {
   std::vector<FrameId> frames;
   const auto& path = truth_[frame.first];
   const auto walk = [&](auto at, auto end) {
@@ -64,7 +63,7 @@ std::vector<FrameId> Recording::around(const FrameId& frame, double spacing_m, d
   };
   const auto at = path.find(frame.second);
   walk(std::make_reverse_iterator(std::next(at)), path.rend());
-  if (later) walk(at, path.end());
+  walk(at, path.end());
   return frames;
 }
 

@@ -36,9 +36,9 @@ class Recording {
   /// Truth of the frames of a robot that have an image, by row: the pose in the frame of its room.
   const std::map<std::size_t, dataset::StampedPose>& truth(std::size_t robot) const { return truth_[robot]; }
 
-  /// Frames of the same robot around one, spaced by at least `spacing_m` of its path up to `reach_m` away
-  /// along it. @param later those after it, too; otherwise only those before
-  std::vector<FrameId> around(const FrameId& frame, double spacing_m, double reach_m, bool later) const;
+  /// Frames of the same robot around one, spaced by at least `spacing_m`, up to `reach_m` away along its
+  /// path.
+  std::vector<FrameId> around(const FrameId& frame, double spacing_m, double reach_m) const;
 
   /// Processes single frames by the local mapper and the appearance source, in order of time. Frames without
   /// enough lines are not in the result.

@@ -110,16 +110,13 @@ Shots::Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& 
              const Surroundings& surroundings)
     : recordings_(recordings), surroundings_(surroundings) {
   std::vector<std::vector<FrameId>> needed(recordings.size());
-  const auto need = [&](std::size_t recording, const FrameId& frame, bool later) {
-    std::vector<FrameId>& frames = needed[recording];
-    frames.push_back(frame);
-    const auto around =
-        recordings[recording].around(frame, surroundings.spacing_m, surroundings.reach_m, later);
-    frames.insert(frames.end(), around.begin(), around.end());
-  };
   for (const Pair& pair : pairs) {
-    need(pair.recording, pair.from, true);
-    need(pair.other_recording, pair.to, false);
+    std::vector<FrameId>& frames = needed[pair.recording];
+    frames.push_back(pair.from);
+    const auto around =
+        recordings[pair.recording].around(pair.from, surroundings.spacing_m, surroundings.reach_m);
+    frames.insert(frames.end(), around.begin(), around.end());
+    needed[pair.other_recording].push_back(pair.to);
   }
   for (std::size_t i = 0; i < recordings.size(); ++i) shots_.push_back(recordings[i].shots(needed[i]));
 }
@@ -129,14 +126,14 @@ const Shot* Shots::find(std::size_t recording, const FrameId& frame) const {
   return shot == shots_[recording].end() ? nullptr : &shot->second;
 }
 
-std::vector<scan::Reference> Shots::around(std::size_t recording, const FrameId& frame, bool later) const {
+std::vector<scan::Reference> Shots::around(std::size_t recording, const FrameId& frame) const {
   std::vector<scan::Reference> scans;
   const auto& truth = recordings_[recording].truth(frame.first);
   const Pose2 base_from_map = truth.at(frame.second).map_from_base.inverse();
   std::mt19937 random(static_cast<std::uint32_t>(frame.second));
   const auto error = [&](double sigma) { return sigma * std::normal_distribution<double>()(random); };
   for (const FrameId& other :
-       recordings_[recording].around(frame, surroundings_.spacing_m, surroundings_.reach_m, later)) {
+       recordings_[recording].around(frame, surroundings_.spacing_m, surroundings_.reach_m)) {
     const Pose2 off{error(surroundings_.sigma_m), error(surroundings_.sigma_m),
                     error(surroundings_.sigma_rad)};
     const Shot* shot = find(recording, other);
@@ -156,8 +153,7 @@ std::vector<Outcome> evaluate(const std::vector<Pair>& pairs, const Shots& shots
     const Shot* to = shots.find(pair.other_recording, pair.to);
     if (from != nullptr && to != nullptr) {
       estimation::LoopPlace here = placeOf(*from, use_signatures), there = placeOf(*to, use_signatures);
-      here.around = shots.around(pair.recording, pair.from, true);
-      there.around = shots.around(pair.other_recording, pair.to, false);
+      here.around = shots.around(pair.recording, pair.from);
       outcomes.push_back(judge(pair, here, there, check));
     } else {
       outcomes.emplace_back();
@@ -194,7 +190,7 @@ std::string csv(const std::vector<Recording>& recordings, const std::vector<Outc
       "#kind,recording,from,other,to,distance_m,heading_deg,closed,right,error_m,error_deg,nees,candidates,"
       "matched,agree_m,"
       "contradiction,lead,difference,turn_error_deg,turn_sigma_deg,confidence,turn_evidence,evidence,ms,"
-      "reason\n";
+      "distinct_agree_m,distinct_contradict_m,chi2,reason\n";
   for (const Outcome& o : outcomes) {
     const auto& r = o.result;
     text += fmt::format(
@@ -203,8 +199,8 @@ std::string csv(const std::vector<Recording>& recordings, const std::vector<Outc
         toString(o.pair.kind), recordings[o.pair.recording].name(), o.pair.from.first, o.pair.from.second,
         recordings[o.pair.other_recording].name(), o.pair.to.first, o.pair.to.second, o.pair.distance_m,
         o.pair.from_to.theta_rad * kDegrees, int{r.closed}, int{o.isRight()}, o.error_m,
-        o.error_rad * kDegrees, o.nees, r.candidates, r.matched, r.overlap.agree_m,
-        r.overlap.contradiction(), r.lead, r.difference.value_or(-1.0),
+        o.error_rad * kDegrees, o.nees, r.candidates, r.matched, r.overlap.agree_m, r.overlap.contradiction(),
+        r.lead, r.difference.value_or(-1.0),
         wrapAngle(r.compass.turn_rad - o.pair.from_to.theta_rad) * kDegrees, r.compass.sigma_rad * kDegrees,
         r.compass.confidence, r.compass.evidence, r.evidence, o.check_ms, r.overlap.distinct_agree_m,
         r.overlap.distinct_contradict_m, r.chi2, r.reason);

@@ -24,16 +24,16 @@ struct Outcome {
   bool isFalseClosure() const { return result.closed && !isRight(); }
 };
 
-/// Scans around each place that count, as a robot has them: of keyframes on its own path.
+/// Scans around the first place of a pair that count, as the localizer has them: of keyframes on the robot's
+/// path. The second place is that of a robot that is searched: it has its own scan.
 struct Surroundings {
   double reach_m = 1.5;                                        ///< m, along the path; 0: single scans
   double spacing_m = estimation::KeyframeOptions().spacing_m;  ///< m, between two of them
-  double sigma_m = 0.005,
-         sigma_rad = 0.003;  ///< errors of their poses relative to the place, Gaussian, seeded
+  double sigma_m = 0.002,
+         sigma_rad = 0.001;  ///< errors of their poses relative to the place, Gaussian, seeded
 };
 
-/// Scans and signatures of all frames that the pairs need. The second place of a pair is that of a robot that
-/// has just arrived there: only frames before it are around it.
+/// Scans and signatures of all frames that the pairs need.
 class Shots {
  public:
   Shots(const std::vector<Recording>& recordings, const std::vector<Pair>& pairs,
@@ -41,7 +41,7 @@ class Shots {
   /// Null if the frame has no scan.
   const Shot* find(std::size_t recording, const FrameId& frame) const;
   /// Scans around a frame, relative to its base_link.
-  std::vector<scan::Reference> around(std::size_t recording, const FrameId& frame, bool later) const;
+  std::vector<scan::Reference> around(std::size_t recording, const FrameId& frame) const;
 
  private:
   const std::vector<Recording>& recordings_;
