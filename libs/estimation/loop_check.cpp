@@ -132,19 +132,20 @@ void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const s
     relation.overlap = scan::overlapOf(of_from, there, options_.overlap);
     if (views)
       relation.compass = ask(*views, relation.from_to, std::sqrt(covarianceOf(relation.match)(2, 2)));
-    relation.evidence = evidenceOf(relation.overlap, relation.compass);
+    relation.evidence =
+        evidenceOf(relation.overlap) + std::min(options_.most_compass, relation.compass.evidence);
     found.push_back(std::move(relation));
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Relation& a, const Relation& b) { return a.evidence > b.evidence; });
 }
 
-/// Logarithm of the ratio of the likelihoods of what is observed at the right relation and at another one.
-double LoopCheck::evidenceOf(const scan::Overlap& overlap, const CompassOpinion& compass) const {
+/// Logarithm of the ratio of the likelihoods of the surfaces at the right relation and in another room.
+double LoopCheck::evidenceOf(const scan::Overlap& overlap) const {
   const double missed = options_.missed_share, other = options_.other_share,
                agree = overlap.distinct_agree_m * std::log((1.0 - missed) / (1.0 - other)),
                contradict = overlap.distinct_contradict_m * std::log(missed / other);
-  return (agree + contradict) / options_.independent_m + std::min(options_.most_compass, compass.evidence);
+  return (agree + contradict) / options_.independent_m;
 }
 
 bool LoopCheck::contradicts(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to,
@@ -154,9 +155,9 @@ bool LoopCheck::contradicts(const LoopPlace& from, const LoopPlace& to, const Po
   Result incomparable;
   const std::optional<Views> views = viewsOf(from, to, incomparable);
   const CompassOpinion compass = views ? ask(*views, from_to, sigma_rad) : CompassOpinion{};
-  // Surfaces distinguish rooms. In a symmetric room only the compass distinguishes headings.
+  // Surfaces distinguish rooms, the compass distinguishes headings: neither makes up for the other.
   return compass.evidence < options_.least_compass ||
-         evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap), compass) < 0.0;
+         evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap)) < 0.0;
 }
 
 /// Empty if the places close a loop.

@@ -105,8 +105,8 @@ class LoopCheck {
   /// Searches the relation of two places and decides.
   Result check(const LoopPlace& from, const LoopPlace& to);
 
-  /// Whether surfaces and compass speak rather against a relation that something else has found than for it,
-  /// or the compass alone against its heading. The places need no scan of their own, only scans around.
+  /// Whether the surfaces speak rather against a relation that something else has found than for it, or the
+  /// compass against its heading. The places need no scan of their own, only scans around.
   /// @param sigma_rad of the heading
   bool contradicts(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to, double sigma_rad);
 
@@ -132,7 +132,7 @@ class LoopCheck {
   static std::vector<scan::Reference> scansOf(const LoopPlace& place);
   void addRelations(const LoopPlace& from, const LoopPlace& to, const std::optional<Views>& views,
                     const Headings& headings, bool reversed, std::vector<Relation>& found);
-  double evidenceOf(const scan::Overlap& overlap, const CompassOpinion& compass) const;
+  double evidenceOf(const scan::Overlap& overlap) const;
   std::string whyOpen(const Result& result) const;
 
   LoopCheckOptions options_;

@@ -128,11 +128,15 @@ TEST(LoopCheck, ContradictsAGivenRelationInAnotherRoomOrAtAnotherHeading) {
 TEST(LoopCheck, ScansAroundDistinguishRoomsThatLookAlikeFromOnePlace) {
   const PlaceSeen from(scan::testing::furnishedRoom(), kHere, 1);
   PlaceSeen same(scan::testing::furnishedRoom(), kThere, 2);
-  const Pose2 before = kThere * Pose2{-0.9, 0.3, 0.4};
-  const PlaceSeen around(otherFurniture(), before, 3), around_here(scan::testing::furnishedRoom(), before, 3);
+  const Pose2 before = kThere * Pose2{-0.9, 0.3, 0.4}, later = kThere * Pose2{-0.5, -0.4, 0.4};
+  const PlaceSeen other_before(otherFurniture(), before, 3), other_later(otherFurniture(), later, 4),
+      same_before(scan::testing::furnishedRoom(), before, 3),
+      same_later(scan::testing::furnishedRoom(), later, 4);
   LoopPlace alone = same.place(), in_other = same.place(), in_same = same.place();
-  in_other.around = {{&around.scan, kThere.inverse() * before}};
-  in_same.around = {{&around_here.scan, kThere.inverse() * before}};
+  in_other.around = {{&other_before.scan, kThere.inverse() * before},
+                     {&other_later.scan, kThere.inverse() * later}};
+  in_same.around = {{&same_before.scan, kThere.inverse() * before},
+                    {&same_later.scan, kThere.inverse() * later}};
   EXPECT_TRUE(LoopCheck().check(from.place(), alone).closed);
   EXPECT_TRUE(LoopCheck().check(from.place(), in_same).closed);
   const LoopCheck::Result result = LoopCheck().check(from.place(), in_other);
