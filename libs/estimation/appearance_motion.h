@@ -11,9 +11,8 @@ namespace omnifleet::estimation {
 
 struct AppearanceOptions {
   bool use = true;  ///< the visual compass and the distance of signatures correct the motion
-  /// The compass corrects the turns of wheels, too. Measured: on open floor with a few near objects its
-  /// errors are several times its σ and go one way, so good wheels become worse (headings of the demo .015° →
-  /// .031°).
+  /// The compass corrects the turns of wheels, too. Off: before its errors were estimated (CompassQuality),
+  /// good wheels became worse on open floor (headings of the demo .015° → .031°); not measured since.
   bool with_wheels = false;
   double least_confidence = 0.3;  ///< 1, of a turn by the compass
   double sigma_factor = 1.0;      ///< 1, on the σ of the compass

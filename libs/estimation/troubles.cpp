@@ -15,7 +15,7 @@ namespace {
 constexpr double kSlip_m = 0.05, kSlip_rad = 0.15;  // beyond what the wheels rolled: carried away
 constexpr double kAdrift_rad = 0.5;  // σ of the heading beyond which nothing seen says where a robot is
 constexpr double kKnownHeading_rad = 0.1;  // σ below which the heading is known
-constexpr int kUnsureFrames = 10;  // that a robot which saw nothing takes to find that it was carried away
+constexpr int kUnsureFrames = 10;  // without observations until a robot can detect that it was kidnapped
 
 constexpr int kDoubts = 3;  // refused ranges and bearings in a row: no pose to be trusted
 

@@ -32,22 +32,9 @@ make_recording() {
   fi
 }
 
-# Prints a row from the metrics: one number per line with its path, as JSON is indented by two. SEED WHEELS APPEARANCE FILE
+# Prints a row from the metrics: SEED WHEELS APPEARANCE FILE
 row_of() {
-  awk -v seed="$1" -v variant="${variants[$(($1 % 4))]}" -v wheels="$2" -v appearance="$3" '
-    match($0, /^ +"[^"]+": /) {
-      depth = (index($0, "\"") - 1) / 2
-      key[depth] = substr($0, 2 * depth + 2, RLENGTH - 2 * depth - 4)
-      value = substr($0, RLENGTH + 1)
-      sub(/,$/, "", value)
-      path = key[1]
-      for (k = 2; k <= depth; ++k) path = path "/" key[k]
-      v[path] = value
-      if (depth == 3 && key[1] == "paths" && key[3] == "frames") frames += value
-    }
-    function number(path, factor, decimals) {
-      return path in v && v[path] != "null" ? sprintf("%." decimals "f", factor * v[path]) : "-"
-    }
+  awk -v seed="$1" -v variant="${variants[$(($1 % 4))]}" -v wheels="$2" -v appearance="$3" "$metrics_awk"'
     END {
       printf "%d\t%s\t%s\t%s\t%s\t%s\t%s\t%s\t%s\n", seed, variant, wheels, appearance,
         (frames > 0 ? sprintf("%.1f", 100 * v["paths_mean/poses"] / frames) : "-"), number("paths_mean/distance_m", 100, 2),

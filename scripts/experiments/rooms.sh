@@ -18,22 +18,9 @@ variants=("one robot" "three robots" "by distance" "dim" "two rooms")
 options=("--robots 1 --frames 200" "--robots 3 --frames 200" "--by-distance --frames 191" "--dim --frames 200"
   "--rooms 2 --frames 200")
 
-# Prints the row of a seed from the metrics: one number per line with its path, as JSON is indented by two.
+# Prints the row of a seed from the metrics.
 row_of() {
-  awk -v seed="$1" -v variant="$2" '
-    match($0, /^ +"[^"]+": /) {
-      depth = (index($0, "\"") - 1) / 2
-      key[depth] = substr($0, 2 * depth + 2, RLENGTH - 2 * depth - 4)
-      value = substr($0, RLENGTH + 1)
-      sub(/,$/, "", value)
-      path = key[1]
-      for (k = 2; k <= depth; ++k) path = path "/" key[k]
-      v[path] = value
-      if (depth == 3 && key[1] == "paths" && key[3] == "frames") { frames += value; ++robots }
-    }
-    function number(path, factor, decimals) {
-      return path in v && v[path] != "null" ? sprintf("%." decimals "f", factor * v[path]) : "-"
-    }
+  awk -v seed="$1" -v variant="$2" "$metrics_awk"'
     END {
       matched = v["map/matched"]
       printf "%d\t%s\t%d\t%d\t%s\t%s\t%s\t%s\t%s\t%d\t%d\t%d\t%s\t%s\t%s\t%s\t%s\n", seed, variant, robots, frames,

@@ -93,6 +93,25 @@ replay() {
   step "$root/scripts/evaluate.sh" "$2" "$1"
 }
 
+# Rules of awk that read metrics.json: v[PATH] is a value by its path (paths_mean/distance_m), frames and robots are those of
+# all paths; number(PATH, FACTOR, DECIMALS) prints a value, - without it. JSON is indented by two.
+# shellcheck disable=SC2034  # of the experiments
+metrics_awk='
+    match($0, /^ +"[^"]+": /) {
+      depth = (index($0, "\"") - 1) / 2
+      key[depth] = substr($0, 2 * depth + 2, RLENGTH - 2 * depth - 4)
+      value = substr($0, RLENGTH + 1)
+      sub(/,$/, "", value)
+      path = key[1]
+      for (k = 2; k <= depth; ++k) path = path "/" key[k]
+      v[path] = value
+      if (depth == 3 && key[1] == "paths" && key[3] == "frames") { frames += value; ++robots }
+    }
+    function number(path, factor, decimals) {
+      return path in v && v[path] != "null" ? sprintf("%." decimals "f", factor * v[path]) : "-"
+    }
+'
+
 # write_row COMMAND…: the output of a command is the row of the seed.
 write_row() { "$@" >"$folder/row.part" 2>>"$folder/log"; mv "$folder/row.part" "$folder/row"; }
 

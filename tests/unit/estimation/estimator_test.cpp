@@ -98,13 +98,13 @@ TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {
   EXPECT_LT(estimated.camera(3), 0.7 * suffered.camera(3));
 }
 
-/// What the poses say of the cameras, rms over robots and seeds: focal length and tilt against the truth.
-struct Told {
-  double off = 0.0;  ///< what is told
-  double raw = 0.0;  ///< what is estimated
+/// Errors of the cameras' focal length and tilt against the truth, rms over robots and seeds.
+struct CameraErrors {
+  double off = 0.0;  ///< of the published values
+  double raw = 0.0;  ///< of the estimates
 };
-Told reportedOfCameras(const SimulationOptions& simulation) {
-  Told sum;
+CameraErrors cameraErrors(const SimulationOptions& simulation) {
+  CameraErrors sum;
   for (std::uint32_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
     FleetSimulator simulator(simulation, seed);
     FleetEstimator estimator(simulator.setups(), {});
@@ -112,27 +112,27 @@ Told reportedOfCameras(const SimulationOptions& simulation) {
       const auto frames = simulator.frames(i);
       estimator.process(simulator.time(i), pointers(frames), {});
     }
-    std::map<std::string, Eigen::Vector4d> told;
-    for (const PoseEstimate& pose : estimator.finish()) told[pose.robot] = pose.camera_error;
+    std::map<std::string, Eigen::Vector4d> published;
+    for (const PoseEstimate& pose : estimator.finish()) published[pose.robot] = pose.camera_error;
     for (int robot = 0; robot < simulation.robots; ++robot) {
       const std::string name = FleetSimulator::name(robot);
       const auto squares = [&](const Eigen::Vector4d& error) {
         const Eigen::Vector4d off = error - simulator.cameraError(robot);
         return (off.squaredNorm() - off(1) * off(1)) / (kSeeds * simulation.robots);
       };
-      sum.off += squares(told.at(name));
+      sum.off += squares(published.at(name));
       sum.raw += squares(estimator.cameraError(name).head<4>());
     }
   }
-  std::printf("told %.2f, estimated %.2f thousandths off\n", 1e3 * std::sqrt(sum.off),
+  std::printf("published %.2f, estimated %.2f thousandths off\n", 1e3 * std::sqrt(sum.off),
               1e3 * std::sqrt(sum.raw));
   return {std::sqrt(sum.off), std::sqrt(sum.raw)};
 }
 
-TEST(FleetPaths, WhatIsToldOfACameraIsItsErrorAndLessOfAGoodOne) {
+TEST(FleetPaths, PublishesErrorsOfCamerasAndLittleOfGoodOnes) {
   SimulationOptions flawed;
   flawed.camera_sigma = Eigen::Vector4d(0.006, 0.0, 0.007, 0.007);
-  const Told of_flawed = reportedOfCameras(flawed), of_good = reportedOfCameras({});
+  const CameraErrors of_flawed = cameraErrors(flawed), of_good = cameraErrors({});
   EXPECT_LT(of_flawed.off, 0.1 * flawed.camera_sigma.norm());
   EXPECT_LT(of_flawed.off, 1.01 * of_flawed.raw);
   EXPECT_LT(of_good.off, 0.8 * of_good.raw);

@@ -262,7 +262,7 @@ TEST_F(OwnFrames, IgnoresAlignmentThatIsNotFinite) {
   end("alignment r2", 2 * kApartStep_ns, 2);
   alignment(broken);
   endRun();
-  ASSERT_TRUE(exists("merge.json")) << "nobody waits for a sample that was rejected";
+  ASSERT_TRUE(exists("merge.json")) << "a rejected sample must not delay the save";
   EXPECT_EQ(dataset::readMerge(file("merge.json")).at("r2").status, AlignmentStatus::kUndecided);
   EXPECT_EQ(bench_.status().drops, 1U);
 }

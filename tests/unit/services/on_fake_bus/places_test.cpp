@@ -197,7 +197,7 @@ TEST_F(PlacesOnBus, AreCompleteWhenAllAnnouncedOnesHaveArrived) {
   damaged.signature().pop_back();
   write("r1", damaged);
   reader.pull();
-  EXPECT_TRUE(reader.places.complete()) << "nobody waits for a sample that was refused";
+  EXPECT_TRUE(reader.places.complete()) << "a rejected sample must not delay the save";
 }
 
 TEST_F(PlacesOnBus, DoNotDependOnTheOrderOfArrival) {
