@@ -24,8 +24,8 @@ struct LoopCheckOptions {
   double most_sigma_m = 0.05;     ///< m, σ of the relative position in any direction, at most
   double most_contradict = 0.22;  ///< 1, share of the common surfaces that may contradict
   double refused = 0.35;          ///< 1, share from which another relation is no rival
-  double rival_evidence = 2.0;    ///< nats, by which the best relation must exceed every other one
-  double least_evidence = 2.0;    ///< nats, for the best relation against another room
+  double rival_evidence = 1.0;    ///< nats, by which the best relation must exceed every other one
+  double least_evidence = 1.0;    ///< nats, for the best relation against another room
   // Evidence of the surfaces: shares that contradict at the right relation and at the best one of another
   // room, and the length of surface that is one independent observation.
   double missed_share = 0.1;   ///< 1

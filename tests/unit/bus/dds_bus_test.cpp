@@ -278,9 +278,14 @@ TEST(DdsProcesses, HeldFrameStaysReadableAfterCameraIsKilled) {
   Peer camera({"camera", std::to_string(ownDomain()), "3"});
   const auto view = next(*bus, *reader);
   ASSERT_TRUE(view);
-  // Lets the camera finish sending. A kill in the microsecond in which it holds the reader's notification
-  // lock would also end the reader: Boost aborts in a thread of DDS, and the supervisor handles that.
+  // Lets the camera finish sending. A kill while one of its threads holds the reader's notification lock
+  // would also end the reader: Boost aborts in a thread of DDS, and the supervisor handles that.
   ASSERT_EQ(camera.line(), "sent");
+  const auto deadline = Clock::now() + kPatience;
+  for (int in_a_row = 0; in_a_row < 3; in_a_row = camera.isIdle() ? in_a_row + 1 : 0) {
+    ASSERT_LT(Clock::now(), deadline) << "the camera never rests";
+    std::this_thread::sleep_for(milliseconds(10));
+  }
   camera.end(SIGKILL);
   while (reader->matched() > 0) ASSERT_TRUE(bus->wait(kPatience));  // the lease of 3 s
   EXPECT_TRUE(isWhole(*view));

@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -44,6 +46,19 @@ class Peer {
     return text;
   }
   void signal(int number) const { ::kill(pid_, number); }
+  /// Whether every thread waits in the kernel, so none can hold a lock in shared memory that is held only for
+  /// a few instructions.
+  bool isIdle() const {
+    for (const auto& thread :
+         std::filesystem::directory_iterator("/proc/" + std::to_string(pid_) + "/task")) {
+      std::ifstream file(thread.path() / "stat");
+      std::string stat;
+      std::getline(file, stat);
+      const auto name_end = stat.rfind(')');  // "id (name) state …"
+      if (name_end == std::string::npos || stat.substr(name_end + 1, 2) != " S") return false;
+    }
+    return true;
+  }
   /// Sends the signal (0: none) and waits for the end. @return exit code, or −signal when it was killed
   int end(int number) {
     if (pid_ <= 0) return code_;

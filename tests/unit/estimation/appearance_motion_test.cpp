@@ -66,8 +66,11 @@ struct CompassRun {
   double heading_error_rad = 0.0, sigma_rad = 0.0, error_m = 0.0, sigma_m = 0.0;
 };
 
-/// A robot without scans whose wheels' turns err by 10 %, or that has none, drives a circle.
-CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
+constexpr double kCompassSigma_rad = 0.002;
+
+/// A robot without scans, whose wheels give turns that are too large by a factor, or that has no wheels (0),
+/// drives a circle. The compass errs by `noise` times the σ that it gives.
+CompassRun driveByCompass(double wheels, bool compass, double confidence, double noise = 1.0) {
   RobotSetup setup;
   setup.name = "r1";
   setup.body.radius_m = 0.1;
@@ -75,10 +78,10 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
   setup.initial_pose = Pose2{};
   EstimatorOptions options;
   options.appearance.with_wheels = true;
-  options.appearance.free_scale = !wheels;  // the difference of the signatures is in metres here
+  options.appearance.free_scale = wheels == 0;  // the difference of the signatures is in metres here
   FleetEstimator estimator({setup}, options);
   std::mt19937 random(3);
-  std::normal_distribution<double> noise(0.0, 0.002);
+  std::normal_distribution<double> error(0.0, noise * kCompassSigma_rad);
   Pose2 truth;
   CompassRun run;
   for (int i = 0; i < 60; ++i) {
@@ -89,15 +92,15 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
     frame.acquired_ns = (i + 1) * kImage_ns;
     frame.sequence = static_cast<std::uint32_t>(i);
     frame.motion.since_ns = frame.acquired_ns - kImage_ns;
-    frame.motion.valid = wheels && i > 0;
-    if (wheels && i > 0) {
-      frame.motion.previous_from_current = {step.x_m, 0.0, 1.1 * step.theta_rad};
+    frame.motion.valid = wheels > 0 && i > 0;
+    if (wheels > 0 && i > 0) {
+      frame.motion.previous_from_current = {step.x_m, 0.0, wheels * step.theta_rad};
       frame.motion.covariance = Eigen::Vector3d(1e-5, 1e-5, 4e-5).asDiagonal();
     }
     if (compass && i > 0) {
       frame.appearance.since_ns = frame.motion.since_ns;
-      frame.appearance.turn_rad = step.theta_rad + noise(random);
-      frame.appearance.turn_sigma_rad = 0.002;
+      frame.appearance.turn_rad = step.theta_rad + error(random);
+      frame.appearance.turn_sigma_rad = kCompassSigma_rad;
       frame.appearance.confidence = static_cast<float>(confidence);
       frame.appearance.difference = 0.05f;
     }
@@ -112,21 +115,33 @@ CompassRun driveByCompass(bool wheels, bool compass, double confidence) {
   return run;
 }
 
+constexpr double kSlipping = 1.1;
+
 TEST(VisualCompass, CorrectsHeadingsOfWheelsThatSlip) {
-  const CompassRun without = driveByCompass(true, false, 0.9), with = driveByCompass(true, true, 0.9);
+  const CompassRun without = driveByCompass(kSlipping, false, 0.9),
+                   with = driveByCompass(kSlipping, true, 0.9);
   EXPECT_GT(without.heading_error_rad, 0.2);
   EXPECT_LT(with.heading_error_rad, 0.06);  // 59 steps of 2 mrad are 15 mrad; the wheels pull by a tenth
   EXPECT_LT(with.sigma_rad, without.sigma_rad);
 }
 
 TEST(VisualCompass, MovesARobotWithoutWheels) {
-  const CompassRun with = driveByCompass(false, true, 0.9);
+  const CompassRun with = driveByCompass(0.0, true, 0.9);
   EXPECT_TRUE(with.valid);
   EXPECT_LT(with.heading_error_rad, 3.0 * with.sigma_rad);
   EXPECT_LT(with.heading_error_rad, 0.06);
   EXPECT_LT(with.error_m, 3.0 * with.sigma_m);
-  EXPECT_LT(with.error_m, 0.1);                           // of 3 m
-  EXPECT_FALSE(driveByCompass(false, false, 0.9).valid);  // lost
+  EXPECT_LT(with.error_m, 0.1);                         // of 3 m
+  EXPECT_FALSE(driveByCompass(0.0, false, 0.9).valid);  // lost
+}
+
+// The wheels turn as they say, with σ of 6 mrad. A compass that errs by 10 mrad instead of 2 helps little.
+TEST(VisualCompass, ErrorsThatExceedItsSigmaWidenTheSigmaOfTheHeading) {
+  const CompassRun without = driveByCompass(1.0, false, 0.9), honest = driveByCompass(1.0, true, 0.9),
+                   noisy = driveByCompass(1.0, true, 0.9, 5.0);
+  EXPECT_LT(honest.sigma_rad, 0.6 * without.sigma_rad);
+  EXPECT_GT(noisy.sigma_rad, 1.5 * honest.sigma_rad);
+  EXPECT_LT(noisy.heading_error_rad, 3.0 * noisy.sigma_rad);
 }
 
 /// Errors of a step in σ, of a robot without wheels that turns on the spot before it drives forward.
@@ -162,7 +177,8 @@ TEST(VisualCompass, CoversAStepThatFollowsATurnOnTheSpot) {
 }
 
 TEST(VisualCompass, IsNotUsedWhereItsConfidenceIsLow) {
-  const CompassRun without = driveByCompass(true, false, 0.9), low = driveByCompass(true, true, 0.1);
+  const CompassRun without = driveByCompass(kSlipping, false, 0.9),
+                   low = driveByCompass(kSlipping, true, 0.1);
   EXPECT_EQ(low.heading_error_rad, without.heading_error_rad);
 }
 

@@ -1,4 +1,5 @@
-// A kidnapped robot that knows the room: it is found again, and its places are linked.
+// Places of robots that drive: a kidnapped robot that knows the room is found again, and its places are
+// linked; places of different cameras are not compared.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -115,6 +116,54 @@ TEST(PlaceLinks, ARoomWithEqualWallsIsNotTakenForTheOldOne) {
   EXPECT_FALSE(isRelocalized(run));
   std::uint32_t index = 0;
   EXPECT_TRUE(loopsOf(run, &index).empty());
+}
+
+// The second robot has a camera with another image size, or the same one.
+std::vector<Message> findingsOfTwoCameras(bool same_size) {
+  std::vector<RobotSetup> setups(2);
+  for (std::size_t r = 0; r < 2; ++r) {
+    setups[r].name = r == 0 ? "r1" : "r2";
+    setups[r].body.radius_m = 0.1;
+    setups[r].body.wheel_separation_m = 0.2;
+    setups[r].initial_pose = Pose2{-1.0 + 2.0 * static_cast<double>(r), 0.0, 0.0};
+  }
+  FleetEstimator estimator(setups, {});
+  appearance::PanoramaOptions options, small;
+  small.columns = options.columns / 2;
+  const test::TexturedRoom room(5);
+  const Pose2 step{0.06, 0.0, 0.08};
+  std::vector<Message> findings;
+  for (std::size_t i = 0; i < 40; ++i) {
+    Objects frames[2];
+    for (std::size_t r = 0; r < 2; ++r) {
+      Objects& frame = frames[r];
+      frame.robot = setups[r].name;
+      frame.acquired_ns = static_cast<TimeNs>(i + 1) * kBetween_ns;
+      frame.sequence = static_cast<std::uint32_t>(i);
+      frame.motion.valid = i > 0;
+      frame.motion.since_ns = frame.acquired_ns - kBetween_ns;
+      frame.motion.previous_from_current = step;
+      frame.motion.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
+      const appearance::PanoramaOptions& size = r == 0 || same_size ? options : small;
+      appearance::SignatureMaker maker(test::roomUnwrapper(size), {});
+      frame.appearance.format = maker.format();
+      frame.appearance.signature =
+          appearance::store(maker.compute(room.panorama(*setups[r].initial_pose, size)));
+    }
+    estimator.process(frames[0].acquired_ns, {&frames[0], &frames[1]}, {});
+    if (estimator.refineDue()) estimator.refine();
+    for (Message& finding : estimator.takeFindings()) findings.push_back(std::move(finding));
+  }
+  return findings;
+}
+
+TEST(Places, OfAnotherImageSizeAreRefusedByNameOnce) {
+  EXPECT_TRUE(findingsOfTwoCameras(true).empty());
+  const std::vector<Message> findings = findingsOfTwoCameras(false);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings[0].code, ErrorCode::kPlacesIncomparable);
+  EXPECT_EQ(findings[0].text.substr(0, 3), "r2:") << findings[0].text;
+  EXPECT_NE(findings[0].text.find("columns"), std::string::npos) << findings[0].text;
 }
 
 TEST(PlaceLinks, AReturningRobotLinksItsPlacesOnce) {
