@@ -118,8 +118,8 @@ TEST(PlaceLinks, ARoomWithEqualWallsIsNotTakenForTheOldOne) {
   EXPECT_TRUE(loopsOf(run, &index).empty());
 }
 
-// The second robot has a camera with another image size, or the same one.
-std::vector<Message> findingsOfTwoCameras(bool same_size) {
+// The second robot has panoramas of another size, or of the same one.
+std::vector<Message> findingsOfTwoPanoramas(bool same_size) {
   std::vector<RobotSetup> setups(2);
   for (std::size_t r = 0; r < 2; ++r) {
     setups[r].name = r == 0 ? "r1" : "r2";
@@ -129,8 +129,15 @@ std::vector<Message> findingsOfTwoCameras(bool same_size) {
   }
   FleetEstimator estimator(setups, {});
   appearance::PanoramaOptions options, small;
-  small.columns = options.columns / 2;
+  small.rows = options.rows / 2;
   const test::TexturedRoom room(5);
+  Appearance seen[2];
+  for (std::size_t r = 0; r < 2; ++r) {
+    const appearance::PanoramaOptions& size = r == 0 || same_size ? options : small;
+    appearance::SignatureMaker maker(test::roomUnwrapper(size), {});
+    seen[r].format = maker.format();
+    seen[r].signature = appearance::store(maker.compute(room.panorama(*setups[r].initial_pose, size)));
+  }
   const Pose2 step{0.06, 0.0, 0.08};
   std::vector<Message> findings;
   for (std::size_t i = 0; i < 40; ++i) {
@@ -144,11 +151,7 @@ std::vector<Message> findingsOfTwoCameras(bool same_size) {
       frame.motion.since_ns = frame.acquired_ns - kBetween_ns;
       frame.motion.previous_from_current = step;
       frame.motion.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
-      const appearance::PanoramaOptions& size = r == 0 || same_size ? options : small;
-      appearance::SignatureMaker maker(test::roomUnwrapper(size), {});
-      frame.appearance.format = maker.format();
-      frame.appearance.signature =
-          appearance::store(maker.compute(room.panorama(*setups[r].initial_pose, size)));
+      frame.appearance = seen[r];
     }
     estimator.process(frames[0].acquired_ns, {&frames[0], &frames[1]}, {});
     if (estimator.refineDue()) estimator.refine();
@@ -157,13 +160,13 @@ std::vector<Message> findingsOfTwoCameras(bool same_size) {
   return findings;
 }
 
-TEST(Places, OfAnotherImageSizeAreRefusedByNameOnce) {
-  EXPECT_TRUE(findingsOfTwoCameras(true).empty());
-  const std::vector<Message> findings = findingsOfTwoCameras(false);
+TEST(Places, OfAnotherPanoramaSizeAreRefusedByNameOnce) {
+  EXPECT_TRUE(findingsOfTwoPanoramas(true).empty());
+  const std::vector<Message> findings = findingsOfTwoPanoramas(false);
   ASSERT_EQ(findings.size(), 1u);
   EXPECT_EQ(findings[0].code, ErrorCode::kPlacesIncomparable);
   EXPECT_EQ(findings[0].text.substr(0, 3), "r2:") << findings[0].text;
-  EXPECT_NE(findings[0].text.find("columns"), std::string::npos) << findings[0].text;
+  EXPECT_NE(findings[0].text.find("rows"), std::string::npos) << findings[0].text;
 }
 
 TEST(PlaceLinks, AReturningRobotLinksItsPlacesOnce) {
