@@ -21,8 +21,8 @@ using testing::SimulationOptions;
 
 constexpr std::uint32_t kFirstSeed = 1000, kSeeds = 2;  // estimation_seeds runs all of 1000–1099
 
-/// Of calibrations: 0.3 % of the focal length, 2 mm of the height, 0.2° of roll and pitch.
-const Eigen::Vector4d kFlaw(0.003, 0.004, 0.0035, 0.0035);
+/// σ of calibration errors: 0.3 % of the focal length, 2 mm of the height, 0.2° of roll and pitch.
+const Eigen::Vector4d kCalibrationSigma(0.003, 0.004, 0.0035, 0.0035);
 
 RunResult average(const SimulationOptions& simulation, const EstimatorOptions& options = {}) {
   RunResult sum;
@@ -42,27 +42,27 @@ RunResult average(const SimulationOptions& simulation, const EstimatorOptions& o
   return sum;
 }
 
-TEST(FleetPaths, WheelsAloneGiveCentimetresObstaclesAndSightingsMillimetres) {
+TEST(FleetPaths, LandmarksAndSightingsReduceErrorsToMillimetres) {
   SimulationOptions wheels;
   wheels.obstacles_seen = wheels.robots_seen = false;
   const RunResult alone = average(wheels), all = average({});
   EXPECT_GT(alone.mean_m, 0.02);  // 2 % of scale error per wheel
-  EXPECT_LE(all.mean_m, 0.005);   // 0.19 cm in a prototype
+  EXPECT_LE(all.mean_m, 0.005);   // measured: 0.19 cm
   EXPECT_LE(all.landmark_m, 0.005);
   EXPECT_EQ(all.estimates, all.frames);
   // 3 for a consistent estimate; doubled σ for correlation pulls it down, three seeds scatter it.
   EXPECT_LT(all.nees, 8.0);
 }
 
-TEST(FleetPaths, SightingsAloneImproveOnWheels) {
+TEST(FleetPaths, SightingsHalveTheErrorOfOdometry) {
   SimulationOptions wheels, sightings;
   wheels.obstacles_seen = wheels.robots_seen = false;
   sightings.obstacles_seen = false;
   EXPECT_LT(average(sightings).mean_m, 0.5 * average(wheels).mean_m);
 }
 
-// Bounds of six runs of three robots each, every run's errors worth about one sample: 3 ± 1.2.
-TEST(FleetPaths, CovariancesHoldWhateverIsMissing) {
+// Six runs of three robots. The errors of a run are worth about one sample, so the bound is 3 ± 1.2.
+TEST(FleetPaths, CovariancesAreConsistentIfSensorsAreMissing) {
   constexpr std::uint32_t kRuns = 6;
   SimulationOptions wheels, no_wheels, sightings;
   wheels.obstacles_seen = wheels.robots_seen = false;
@@ -76,32 +76,32 @@ TEST(FleetPaths, CovariancesHoldWhateverIsMissing) {
   }
 }
 
-TEST(FleetPaths, AWrongStartAndFlawedCamerasAreSurvived) {
-  SimulationOptions flawed;
-  flawed.camera_sigma = kFlaw;
-  flawed.start_sigma_m = 0.005;
-  flawed.start_sigma_rad = 0.00524;
-  EXPECT_LE(average(flawed).mean_m, 0.02);  // asked: flawed ≤ 3 cm
+TEST(FleetPaths, ErrorsOfInitialPoseAndCalibrationLeaveLessThan2Cm) {
+  SimulationOptions miscalibrated;
+  miscalibrated.camera_sigma = kCalibrationSigma;
+  miscalibrated.initial_sigma_m = 0.005;
+  miscalibrated.initial_sigma_rad = 0.00524;
+  EXPECT_LE(average(miscalibrated).mean_m, 0.02);  // required: 3 cm
 }
 
-TEST(FleetPaths, FlawsOfTheCamerasAreEstimatedNotSuffered) {
-  SimulationOptions flawed;
-  flawed.camera_sigma = kFlaw;
+TEST(FleetPaths, EstimatingCalibrationErrorsReducesPathErrors) {
+  SimulationOptions miscalibrated;
+  miscalibrated.camera_sigma = kCalibrationSigma;
   EstimatorOptions as_calibrated;
   as_calibrated.camera.estimate = false;
-  const RunResult suffered = average(flawed, as_calibrated), estimated = average(flawed);
-  EXPECT_LT(estimated.mean_m, 0.7 * suffered.mean_m);
-  // Nearer the truth than the calibration: focal length and tilt. (The height is told by the wheels' scale
-  // and by the fleet's bodies only.)
-  EXPECT_LT(estimated.camera(0), 0.7 * suffered.camera(0));
-  EXPECT_LT(estimated.camera(2), 0.7 * suffered.camera(2));
-  EXPECT_LT(estimated.camera(3), 0.7 * suffered.camera(3));
+  const RunResult not_estimated = average(miscalibrated, as_calibrated), estimated = average(miscalibrated);
+  EXPECT_LT(estimated.mean_m, 0.7 * not_estimated.mean_m);
+  // Focal length and tilt are closer to the truth than the calibration. (Only the scale of the wheels and the
+  // bodies of the robots determine the height.)
+  EXPECT_LT(estimated.camera(0), 0.7 * not_estimated.camera(0));
+  EXPECT_LT(estimated.camera(2), 0.7 * not_estimated.camera(2));
+  EXPECT_LT(estimated.camera(3), 0.7 * not_estimated.camera(3));
 }
 
-/// Errors of the cameras' focal length and tilt against the truth, rms over robots and seeds.
+/// Errors of focal length and tilt against the truth, rms over robots and seeds.
 struct CameraErrors {
-  double off = 0.0;  ///< of the published values
-  double raw = 0.0;  ///< of the estimates
+  double published = 0.0;  ///< of the published values
+  double estimated = 0.0;  ///< of the estimates
 };
 CameraErrors cameraErrors(const SimulationOptions& simulation) {
   CameraErrors sum;
@@ -120,39 +120,39 @@ CameraErrors cameraErrors(const SimulationOptions& simulation) {
         const Eigen::Vector4d off = error - simulator.cameraError(robot);
         return (off.squaredNorm() - off(1) * off(1)) / (kSeeds * simulation.robots);
       };
-      sum.off += squares(published.at(name));
-      sum.raw += squares(estimator.cameraError(name).head<4>());
+      sum.published += squares(published.at(name));
+      sum.estimated += squares(estimator.cameraError(name).head<4>());
     }
   }
-  std::printf("published %.2f, estimated %.2f thousandths off\n", 1e3 * std::sqrt(sum.off),
-              1e3 * std::sqrt(sum.raw));
-  return {std::sqrt(sum.off), std::sqrt(sum.raw)};
+  std::printf("published %.2f, estimated %.2f thousandths of error\n", 1e3 * std::sqrt(sum.published),
+              1e3 * std::sqrt(sum.estimated));
+  return {std::sqrt(sum.published), std::sqrt(sum.estimated)};
 }
 
-TEST(FleetPaths, PublishesErrorsOfCamerasAndLittleOfGoodOnes) {
-  SimulationOptions flawed;
-  flawed.camera_sigma = Eigen::Vector4d(0.006, 0.0, 0.007, 0.007);
-  const CameraErrors of_flawed = cameraErrors(flawed), of_good = cameraErrors({});
-  EXPECT_LT(of_flawed.off, 0.1 * flawed.camera_sigma.norm());
-  EXPECT_LT(of_flawed.off, 1.01 * of_flawed.raw);
-  EXPECT_LT(of_good.off, 0.8 * of_good.raw);
+TEST(FleetPaths, PublishesCalibrationErrorsAndReducesThoseOfExactCameras) {
+  SimulationOptions miscalibrated;
+  miscalibrated.camera_sigma = Eigen::Vector4d(0.006, 0.0, 0.007, 0.007);
+  const CameraErrors of_miscalibrated = cameraErrors(miscalibrated), of_exact = cameraErrors({});
+  EXPECT_LT(of_miscalibrated.published, 0.1 * miscalibrated.camera_sigma.norm());
+  EXPECT_LT(of_miscalibrated.published, 1.01 * of_miscalibrated.estimated);
+  EXPECT_LT(of_exact.published, 0.8 * of_exact.estimated);
 }
 
-TEST(FleetPaths, OutlinesSeenTooLargeAreNotTakenForAWrongCamera) {
-  SimulationOptions swollen;
-  swollen.too_large_rad = 0.002;  // 0.3 pixels at 640 × 480
-  EstimatorOptions blind;
-  blind.camera.contour_sigma_rad = 1e-7;
+TEST(FleetPaths, TooLargeOutlinesAreNoFocalLengthError) {
+  SimulationOptions enlarged;
+  enlarged.outline_bias_rad = 0.002;  // 0.3 pixels at 640 × 480
+  EstimatorOptions no_contour_error;
+  no_contour_error.camera.contour_sigma_rad = 1e-7;
   for (const bool orthographic : {false, true}) {
-    swollen.orthographic = orthographic;
-    const RunResult suffered = average(swollen, blind), estimated = average(swollen);
-    EXPECT_LT(estimated.mean_m, 0.8 * suffered.mean_m) << orthographic;
-    EXPECT_LT(estimated.camera(0), 0.5 * suffered.camera(0))
+    enlarged.orthographic = orthographic;
+    const RunResult not_estimated = average(enlarged, no_contour_error), estimated = average(enlarged);
+    EXPECT_LT(estimated.mean_m, 0.8 * not_estimated.mean_m) << orthographic;
+    EXPECT_LT(estimated.camera(0), 0.5 * not_estimated.camera(0))
         << "focal length, which is exact" << orthographic;
   }
 }
 
-TEST(FleetEstimator, TwoRunsAreEqualToTheBit) {
+TEST(FleetEstimator, TwoRunsAreBitIdentical) {
   std::vector<Pose2> first;
   for (int round = 0; round < 2; ++round) {
     FleetSimulator simulator({}, 7);
@@ -174,31 +174,31 @@ TEST(FleetEstimator, TwoRunsAreEqualToTheBit) {
   }
 }
 
-TEST(FleetEstimator, PosesAtOnceAreThoseOfTheWholeWindow) {
+TEST(FleetEstimator, ImmediatePosesAgreeWithTheWholeWindow) {
   FleetSimulator simulator({}, 8);
   FleetEstimator estimator(simulator.setups(), {});
   EXPECT_FALSE(estimator.refineDue());
   double worst = 0.0;
   for (int f = 0; f < 40; ++f) {
     const auto frames = simulator.frames(f);
-    const auto at_once = estimator.process(simulator.time(f), pointers(frames), {});
+    const auto immediate = estimator.process(simulator.time(f), pointers(frames), {});
     EXPECT_TRUE(estimator.refineDue());
     estimator.refine();
     EXPECT_FALSE(estimator.refineDue());
     for (const PoseEstimate& whole : estimator.smoothed()) {
-      if (whole.acquired_ns != simulator.time(f) || f < 10) continue;  // few landmarks are well known before
-      const auto same = std::find_if(at_once.begin(), at_once.end(),
+      if (whole.acquired_ns != simulator.time(f) || f < 10) continue;  // before, few landmarks are certain
+      const auto same = std::find_if(immediate.begin(), immediate.end(),
                                      [&](const PoseEstimate& e) { return e.robot == whole.robot; });
       const Pose2 apart = same->map_from_base.inverse() * whole.map_from_base;
       worst = std::max(worst, apart.vector().dot(same->covariance.ldlt().solve(apart.vector())));
     }
   }
-  // Weights of the older views move with the whole solve, within what the estimate itself leaves open.
+  // The whole solve changes the weights of older views. The poses change by less than their σ.
   EXPECT_LT(worst, 1.0);
   EXPECT_GT(worst, 0.0);
 }
 
-TEST(FleetEstimator, RefiningLateChangesNothing) {
+TEST(FleetEstimator, PosesDoNotDependOnWhenRefineIsCalled) {
   std::vector<Pose2> poses[2];
   for (int late = 0; late < 2; ++late) {
     FleetSimulator simulator({}, 9);
@@ -214,7 +214,7 @@ TEST(FleetEstimator, RefiningLateChangesNothing) {
     EXPECT_EQ(poses[0][i].vector(), poses[1][i].vector()) << i;
 }
 
-TEST(FleetEstimator, SightingsNameTheRobots) {
+TEST(FleetEstimator, SightingsIdentifyTheRobots) {
   FleetSimulator simulator({}, 11);
   FleetEstimator estimator(simulator.setups(), {});
   int named = 0;
@@ -230,7 +230,7 @@ TEST(FleetEstimator, SightingsNameTheRobots) {
   EXPECT_GT(named, 20);
 }
 
-TEST(FleetEstimator, ARobotWithoutStartIsLocatedBySighting) {
+TEST(FleetEstimator, RobotWithoutInitialPoseIsLocatedBySightings) {
   SimulationOptions options;
   options.sight_m = 4.0;
   FleetSimulator simulator(options, 3);
@@ -251,9 +251,9 @@ TEST(FleetEstimator, ARobotWithoutStartIsLocatedBySighting) {
   EXPECT_LT(error, 0.02);
 }
 
-/// It goes on as it went; by one thing in sight it is not lost within seconds.
-TEST(FleetEstimator, ARobotWithoutWheelsIsNotLostAtOnceBesideOneThing) {
-  int told = 0, all = 0;
+/// Its motion is predicted with constant speed.
+TEST(FleetEstimator, RobotWithoutWheelsStaysValidForThreeSecondsWithOneObstacle) {
+  int valid = 0, all = 0;
   double worst = 0.0;  // χ² (3 dof)
   for (std::uint32_t seed = 1000; seed < 1012; ++seed) {
     SimulationOptions options;
@@ -268,19 +268,19 @@ TEST(FleetEstimator, ARobotWithoutWheelsIsNotLostAtOnceBesideOneThing) {
       if (estimator.refineDue()) estimator.refine();
       if (frames[0].tracks.empty()) continue;
       ++all;
-      told += estimates[0].valid ? 1 : 0;
+      valid += estimates[0].valid ? 1 : 0;
       if (!estimates[0].valid) continue;
       const Eigen::Vector3d off = (estimates[0].map_from_base.inverse() * simulator.truth(0, f)).vector();
       worst = std::max(worst, off.dot(estimates[0].covariance.ldlt().solve(off)));
     }
   }
-  EXPECT_GT(told, 0.9 * all);
+  EXPECT_GT(valid, 0.9 * all);
   EXPECT_LT(worst, 16.3) << "99.9 %";
 }
 
-/// A laser sees the side of things that faces it: their middles are by centimetres less sure than those of
-/// whole outlines, and no robot has slipped or was carried for that.
-TEST(FleetEstimator, LasersAccuseNobodyOfHavingBeenCarried) {
+/// A laser observes only the facing sides of obstacles. Their centroids are less certain by centimetres than
+/// those of whole outlines.
+TEST(FleetEstimator, LaserOutlinesCauseNoReportOfSlipOrKidnapping) {
   int slips = 0, losses = 0;
   for (std::uint32_t seed = 1000; seed < 1006; ++seed) {
     FleetSimulator simulator({}, seed);
@@ -307,13 +307,13 @@ TEST(FleetEstimator, LasersAccuseNobodyOfHavingBeenCarried) {
   EXPECT_EQ(slips, 0);
 }
 
-/// Where each sees something as large as the other, and as far away, that may be so by chance.
-TEST(FleetEstimator, ThingsAsLargeAsRobotsAreNoSightings) {
-  int placed = 0;
+/// Two robots may each observe an obstacle of robot size at the same distance by chance.
+TEST(FleetEstimator, ObstaclesOfRobotSizeDoNotLocateARobot) {
+  int located = 0;
   for (std::uint32_t seed = 1006; seed < 1012; ++seed) {
     SimulationOptions options;
     options.robots = 2;
-    options.alike = true;
+    options.equal_discs = true;
     options.robots_seen = false;
     FleetSimulator simulator(options, seed);
     auto setups = simulator.setups();
@@ -326,13 +326,13 @@ TEST(FleetEstimator, ThingsAsLargeAsRobotsAreNoSightings) {
     for (int f = 0; f < 60; ++f) {
       const auto frames = simulator.frames(f);
       const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
-      placed += f == 59 && estimates[1].valid ? 1 : 0;
+      located += f == 59 && estimates[1].valid ? 1 : 0;
     }
   }
-  EXPECT_EQ(placed, 0);
+  EXPECT_EQ(located, 0);
 }
 
-Measurement absolute(const std::string& robot, TimeNs time, const Pose2& pose) {
+Measurement absoluteMeasurement(const std::string& robot, TimeNs time, const Pose2& pose) {
   Measurement m;
   m.source = "ceiling/c1";
   m.to = robot;
@@ -342,18 +342,19 @@ Measurement absolute(const std::string& robot, TimeNs time, const Pose2& pose) {
   return m;
 }
 
-TEST(FleetEstimator, AMeasurementLocatesAndHoldsABlindRobot) {
-  SimulationOptions blind;
-  blind.robots = 1;
-  blind.obstacles_seen = blind.robots_seen = false;
-  FleetSimulator simulator(blind, 5);
+TEST(FleetEstimator, AbsoluteMeasurementsLocateARobotWithoutObservations) {
+  SimulationOptions odometry_only;
+  odometry_only.robots = 1;
+  odometry_only.obstacles_seen = odometry_only.robots_seen = false;
+  FleetSimulator simulator(odometry_only, 5);
   auto setups = simulator.setups();
   setups[0].initial_pose.reset();
   FleetEstimator estimator(setups, {});
   for (int f = 0; f < 40; ++f) {
     const auto frames = simulator.frames(f);
     std::vector<Measurement> given;
-    if (f >= 5 && f % 5 == 0) given.push_back(absolute("r1", simulator.time(f), simulator.truth(0, f)));
+    if (f >= 5 && f % 5 == 0)
+      given.push_back(absoluteMeasurement("r1", simulator.time(f), simulator.truth(0, f)));
     std::vector<const Measurement*> measurements;
     for (const auto& m : given) measurements.push_back(&m);
     const auto estimates = estimator.process(simulator.time(f), pointers(frames), measurements);
@@ -364,17 +365,17 @@ TEST(FleetEstimator, AMeasurementLocatesAndHoldsABlindRobot) {
   }
 }
 
-// Live, the first frame may come after the measurement of the frame before.
-TEST(FleetEstimator, AnOlderMeasurementLocatesARobotWithoutWheelsNoBetterThanItsMotionIsKnown) {
-  SimulationOptions blind;
-  blind.robots = 1;
-  blind.obstacles_seen = blind.robots_seen = blind.wheels = false;
-  FleetSimulator simulator(blind, 5);
+// In live mode the first frame may arrive after the measurement of the frame before.
+TEST(FleetEstimator, OlderMeasurementLocatesARobotWithTheUncertaintyOfItsMotion) {
+  SimulationOptions odometry_only;
+  odometry_only.robots = 1;
+  odometry_only.obstacles_seen = odometry_only.robots_seen = odometry_only.wheels = false;
+  FleetSimulator simulator(odometry_only, 5);
   auto setups = simulator.setups();
   setups[0].initial_pose.reset();
   const EstimatorOptions options;
   FleetEstimator estimator(setups, options);
-  const Measurement m = absolute("r1", simulator.time(4), simulator.truth(0, 4));
+  const Measurement m = absoluteMeasurement("r1", simulator.time(4), simulator.truth(0, 4));
   PoseEstimate located;
   for (int f = 0; f < 6; ++f) {
     const auto frames = simulator.frames(f);
@@ -383,19 +384,19 @@ TEST(FleetEstimator, AnOlderMeasurementLocatesARobotWithoutWheelsNoBetterThanIts
     located = estimator.process(simulator.time(f), pointers(frames), measurements)[0];
   }
   ASSERT_TRUE(located.valid);
-  const double way_m =
+  const double motion_sigma_m =
       options.no_wheels_sigma_mps * 1e-9 * static_cast<double>(simulator.time(5) - simulator.time(4));
-  EXPECT_GT(std::sqrt(located.covariance(0, 0)), 0.9 * way_m);
+  EXPECT_GT(std::sqrt(located.covariance(0, 0)), 0.9 * motion_sigma_m);
   const Eigen::Vector3d off = (located.map_from_base.inverse() * simulator.truth(0, 5)).vector();
   EXPECT_LT(off.dot(located.covariance.ldlt().solve(off)), 16.3) << "99.9 %";
 }
 
-TEST(FleetEstimator, AMeasurementBetweenFramesIsMovedByTheMotion) {
-  SimulationOptions blind;
-  blind.robots = 1;
-  blind.obstacles_seen = blind.robots_seen = false;
-  blind.wheel_bias_sigma = blind.wheel_noise = 0.0;
-  FleetSimulator simulator(blind, 6);
+TEST(FleetEstimator, MeasurementBetweenFramesIsPropagatedByOdometry) {
+  SimulationOptions odometry_only;
+  odometry_only.robots = 1;
+  odometry_only.obstacles_seen = odometry_only.robots_seen = false;
+  odometry_only.wheel_bias_sigma = odometry_only.wheel_noise = 0.0;
+  FleetSimulator simulator(odometry_only, 6);
   auto setups = simulator.setups();
   setups[0].initial_pose = simulator.truth(0, 0) * Pose2{0.02, 0.01, 0.01};
   EstimatorOptions options;
@@ -411,7 +412,7 @@ TEST(FleetEstimator, AMeasurementBetweenFramesIsMovedByTheMotion) {
       std::abs(quarter) < 1e-9 ? 0.5 * arc_m : 0.5 * arc_m * std::sin(quarter) / quarter;
   const Pose2 middle =
       simulator.truth(0, 3) * Pose2{half_chord * std::cos(quarter), half_chord * std::sin(quarter), half};
-  const Measurement m = absolute("r1", (simulator.time(3) + simulator.time(4)) / 2, middle);
+  const Measurement m = absoluteMeasurement("r1", (simulator.time(3) + simulator.time(4)) / 2, middle);
   PoseEstimate last;
   for (int f = 0; f < 5; ++f) {
     const auto frames = simulator.frames(f);
@@ -424,7 +425,7 @@ TEST(FleetEstimator, AMeasurementBetweenFramesIsMovedByTheMotion) {
   EXPECT_LT(std::abs(e.theta_rad), 0.002);
 }
 
-TEST(FleetEstimator, FramesOutOfOrderAreInvalidAndHarmless) {
+TEST(FleetEstimator, RejectsFramesOutOfOrderAndOfUnlistedRobots) {
   FleetSimulator simulator({}, 13);
   FleetEstimator estimator(simulator.setups(), {});
   std::vector<Objects> old;
@@ -436,12 +437,12 @@ TEST(FleetEstimator, FramesOutOfOrderAreInvalidAndHarmless) {
   const auto late = estimator.process(simulator.time(9), pointers(old), {});
   ASSERT_EQ(late.size(), 3U);
   for (const auto& e : late) EXPECT_FALSE(e.valid);
-  Objects stranger;
-  stranger.robot = "nobody";
-  EXPECT_THROW(estimator.process(simulator.time(10), {&stranger}, {}), std::runtime_error);
+  Objects unlisted;
+  unlisted.robot = "unlisted";
+  EXPECT_THROW(estimator.process(simulator.time(10), {&unlisted}, {}), std::runtime_error);
 }
 
-TEST(FleetEstimator, WheelBiasIsLearned) {
+TEST(FleetEstimator, EstimatesWheelBias) {
   FleetSimulator simulator({}, 14);
   FleetEstimator estimator(simulator.setups(), {});
   for (int f = 0; f < 60; ++f) {
@@ -455,7 +456,7 @@ TEST(FleetEstimator, WheelBiasIsLearned) {
   }
 }
 
-TEST(EstimatorOptions, ReadsAndRefuses) {
+TEST(EstimatorOptions, ReadsValuesAndRejectsErrors) {
   const auto good = options::Section::parse("window_frames: 12\nuse_sightings: false\n", "t.yaml");
   EXPECT_EQ(EstimatorOptions::read(good).window_frames, 12);
   EXPECT_FALSE(EstimatorOptions::read(good).use_sightings);

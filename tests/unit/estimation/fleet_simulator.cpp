@@ -54,7 +54,7 @@ FleetSimulator::FleetSimulator(const SimulationOptions& options, std::uint32_t s
   for (int r = 0; r < options_.robots; ++r) {
     Eigen::Vector4d error;
     for (int i = 0; i < 4; ++i) error(i) = options_.camera_sigma(i) * unit(calibration);
-    error(1) += options_.too_high;
+    error(1) += options_.height_error;
     camera_.push_back(error);
   }
   placeObstacles();
@@ -71,7 +71,7 @@ void FleetSimulator::placeObstacles() {
     prism.height_m = height(random_);
     const double a = size(random_), b = size(random_), turn = angle(random_);
     if (crosses(prism.centre_m, obstacles_, 0.6)) continue;
-    if (options_.alike) {
+    if (options_.equal_discs) {
       prism.radius_m = 0.12;
       prism.height_m = 0.2;
     } else if (obstacles_.size() % 2 == 0) {
@@ -85,12 +85,12 @@ void FleetSimulator::placeObstacles() {
   }
 }
 
-/// False where robots that are carried alike would stand in something.
+/// @return false if kidnapping all robots together would place one in an obstacle
 bool FleetSimulator::drive() {
   std::uniform_real_distribution<double> place(-1.5, 1.5), heading(-M_PI, M_PI), curve(-0.8, 0.8);
   truth_.assign(static_cast<std::size_t>(options_.robots), {});
   rolled_.assign(truth_.size(), {});
-  const double alike_rad = options_.all_moved ? heading(random_) : 0.0;
+  const double common_rad = options_.all_kidnapped ? heading(random_) : 0.0;
   for (std::size_t r = 0; r < truth_.size(); ++r) {
     Pose2 at;
     const auto blocked = [&](const Pose2& p, std::size_t frame) {
@@ -111,33 +111,35 @@ bool FleetSimulator::drive() {
       if (f % 8 == 0) turn = curve(random_);
       const double way = options_.speed_mps * options_.period_s;
       const Pose2 ahead = at * Pose2{3.0 * way, 0.0, 0.0};
-      // Blocked: turn on the spot, always the same way.
+      // Blocked: turn on the spot, always in the same direction.
       const bool stop = blocked(ahead, static_cast<std::size_t>(f + 1)) ||
                         blocked(at * Pose2{way, 0, 0}, static_cast<std::size_t>(f + 1));
       const double half = 0.5 * kSeparation_m * (stop ? 1.2 : turn) * options_.period_s;
       const double forward = stop ? 0.0 : way;
       rolled_[r].emplace_back(forward - half, forward + half);
       at = at * arc(forward - half, forward + half, kSeparation_m);
-      if (options_.moved_at == 0 || f + 1 != options_.moved_at || (r != 0 && !options_.all_moved)) continue;
+      if (options_.kidnapped_at == 0 || f + 1 != options_.kidnapped_at || (r != 0 && !options_.all_kidnapped))
+        continue;
       const Pose2 before = at;
-      if (options_.all_moved) {
-        at = carried(before, alike_rad);
+      if (options_.all_kidnapped) {
+        at = kidnapped(before, common_rad);
         if (blocked(at, static_cast<std::size_t>(f + 1))) return false;
         continue;
       }
       do {
-        at = carried(before, heading(random_));
+        at = kidnapped(before, heading(random_));
       } while (blocked(at, static_cast<std::size_t>(f + 1)));
     }
   }
   return true;
 }
 
-Pose2 FleetSimulator::carried(const Pose2& before, double to_rad) const {
-  const Eigen::Vector2d by_m = options_.moved_m * Eigen::Vector2d(std::cos(to_rad), std::sin(to_rad));
-  Pose2 at =
-      options_.all_moved ? Pose2{by_m.x(), by_m.y(), 0.0} * before : before * Pose2{by_m.x(), by_m.y(), 0.0};
-  at.theta_rad = wrapAngle(at.theta_rad + options_.moved_rad);
+Pose2 FleetSimulator::kidnapped(const Pose2& before, double direction_rad) const {
+  const Eigen::Vector2d by_m =
+      options_.kidnapped_m * Eigen::Vector2d(std::cos(direction_rad), std::sin(direction_rad));
+  Pose2 at = options_.all_kidnapped ? Pose2{by_m.x(), by_m.y(), 0.0} * before
+                                    : before * Pose2{by_m.x(), by_m.y(), 0.0};
+  at.theta_rad = wrapAngle(at.theta_rad + options_.kidnapped_rad);
   return at;
 }
 
@@ -150,8 +152,8 @@ std::vector<RobotSetup> FleetSimulator::setups() const {
     setup.body = body;
     setup.lens = lens::Spread(options_.orthographic ? 1.0 : 0.0);
     std::normal_distribution<double> unit(0.0, 1.0);
-    const double ex = unit(start) * options_.start_sigma_m, ey = unit(start) * options_.start_sigma_m;
-    setup.initial_pose = truth(r, 0) * Pose2{ex, ey, unit(start) * options_.start_sigma_rad};
+    const double ex = unit(start) * options_.initial_sigma_m, ey = unit(start) * options_.initial_sigma_m;
+    setup.initial_pose = truth(r, 0) * Pose2{ex, ey, unit(start) * options_.initial_sigma_rad};
     all.push_back(setup);
   }
   return all;
@@ -170,8 +172,8 @@ Motion FleetSimulator::wheels(int robot, int frame) {
   if (frame == 0 || !options_.wheels) return motion;
   const Eigen::Vector2d rolled =
       rolled_[static_cast<std::size_t>(robot)][static_cast<std::size_t>(frame - 1)];
-  const auto measured = [&](double way, double bias) {
-    return way / (1.0 + bias) + gauss(options_.wheel_noise * std::abs(way) + 1e-5);
+  const auto measured = [&](double travel, double bias) {
+    return travel / (1.0 + bias) + gauss(options_.wheel_noise * std::abs(travel) + 1e-5);
   };
   motion.valid = true;
   motion.since_ns = time(frame - 1);
@@ -189,7 +191,6 @@ Motion FleetSimulator::wheels(int robot, int frame) {
   return motion;
 }
 
-/// Where the calibrated camera puts what the real one sees at a point of the floor, both from its foot.
 double FleetSimulator::radiusOf(double theta_rad) const {
   return options_.orthographic ? std::sin(theta_rad) : theta_rad;
 }
@@ -197,6 +198,7 @@ double FleetSimulator::angleOf(double radius) const {
   return options_.orthographic ? std::asin(std::min(1.0, radius)) : radius;
 }
 
+/// Floor point that the calibrated camera estimates for a true floor point, both relative to its foot.
 Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& floor_m) const {
   const Eigen::Vector4d& error = cameraError(robot);
   const Eigen::Vector3d ray =
@@ -204,32 +206,32 @@ Eigen::Vector2d FleetSimulator::throughCamera(int robot, const Eigen::Vector2d& 
   const Eigen::Matrix3d calibrated_from_real = (Eigen::AngleAxisd(error(3), Eigen::Vector3d::UnitY()) *
                                                 Eigen::AngleAxisd(error(2), Eigen::Vector3d::UnitX()))
                                                    .toRotationMatrix();
-  const double believed = angleOf(radiusOf(std::acos(-ray.z())) / (1.0 + error(0)));
+  const double calibrated_rad = angleOf(radiusOf(std::acos(-ray.z())) / (1.0 + error(0)));
   const Eigen::Vector2d away = ray.head<2>().normalized();
-  const Eigen::Vector3d bent(away.x() * std::sin(believed), away.y() * std::sin(believed),
-                             -std::cos(believed));
+  const Eigen::Vector3d bent(away.x() * std::sin(calibrated_rad), away.y() * std::sin(calibrated_rad),
+                             -std::cos(calibrated_rad));
   const Eigen::Vector3d seen = calibrated_from_real * bent;
   return options_.camera_height_m * (1.0 + error(1)) / -seen.z() * seen.head<2>();
 }
 
-/// Every point on the floor becomes a circle about it in the image of a lens of focal length 1.
-void FleetSimulator::swell(std::vector<Eigen::Vector2d>& points) const {
-  const double by_rad = options_.too_large_rad, height_m = options_.camera_height_m;
+/// Replaces every floor point by a circle about it in the image of a lens of focal length 1.
+void FleetSimulator::enlarge(std::vector<Eigen::Vector2d>& points) const {
+  const double by_rad = options_.outline_bias_rad, height_m = options_.camera_height_m;
   constexpr int kAround = 64;
-  std::vector<Eigen::Vector2d> swollen;
+  std::vector<Eigen::Vector2d> enlarged;
   for (const Eigen::Vector2d& p : points) {
     const Eigen::Vector2d pixel = radiusOf(std::atan(p.norm() / height_m)) * p.normalized();
     for (int i = 0; i < kAround; ++i) {
       const double a = 2.0 * M_PI * i / kAround;
       const Eigen::Vector2d at = pixel + by_rad * Eigen::Vector2d(std::cos(a), std::sin(a));
       if (at.norm() < radiusOf(0.5 * M_PI - 0.01))
-        swollen.emplace_back(height_m * std::tan(angleOf(at.norm())) * at.normalized());
+        enlarged.emplace_back(height_m * std::tan(angleOf(at.norm())) * at.normalized());
     }
   }
-  points = std::move(swollen);
+  points = std::move(enlarged);
 }
 
-Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind) {
+Track FleetSimulator::observe(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind) {
   constexpr int kDirections = SupportFunction::kDirections;
   const Pose2& at = truth(robot, frame);
   const double h_camera = options_.camera_height_m, s = h_camera / (h_camera - prism.height_m);
@@ -249,13 +251,13 @@ Track FleetSimulator::see(int robot, int frame, const Prism& prism, std::uint32_
   const std::size_t corners = seen.size();
   for (std::size_t i = 0; i < corners; ++i) {
     const Eigen::Vector2d floor = at.inverse() * seen[i];
-    if (options_.dark_side_m > 0)
-      seen.push_back(throughCamera(
-          robot, at.inverse() * Eigen::Vector2d(seen[i].x(), seen[i].y() - options_.dark_side_m)));
+    if (options_.shadow_m > 0)
+      seen.push_back(
+          throughCamera(robot, at.inverse() * Eigen::Vector2d(seen[i].x(), seen[i].y() - options_.shadow_m)));
     seen[i] = throughCamera(robot, floor);
     seen.push_back(throughCamera(robot, s * floor));
   }
-  if (options_.too_large_rad > 0) swell(seen);
+  if (options_.outline_bias_rad > 0) enlarge(seen);
   for (int k = 0; k < kDirections; ++k) {
     const double phi = 2.0 * M_PI * k / kDirections, psi = phi + at.theta_rad;
     const Eigen::Vector2d n(std::cos(psi), std::sin(psi));
@@ -292,7 +294,7 @@ std::vector<Objects> FleetSimulator::frames(int frame) {
     for (std::size_t o = 0; o < obstacles_.size() && options_.obstacles_seen; ++o) {
       if ((obstacles_[o].centre_m - here).norm() > options_.sight_m) continue;
       objects.tracks.push_back(
-          see(r, frame, obstacles_[o], static_cast<std::uint32_t>(o + 1), ObjectKind::kObstacle));
+          observe(r, frame, obstacles_[o], static_cast<std::uint32_t>(o + 1), ObjectKind::kObstacle));
     }
     for (int other = 0; other < options_.robots && options_.robots_seen; ++other) {
       Prism peer;
@@ -301,7 +303,7 @@ std::vector<Objects> FleetSimulator::frames(int frame) {
       peer.height_m = body.height_m;
       if (other == r || (peer.centre_m - here).norm() > options_.sight_m) continue;
       objects.tracks.push_back(
-          see(r, frame, peer, static_cast<std::uint32_t>(100 + other), ObjectKind::kRobot));
+          observe(r, frame, peer, static_cast<std::uint32_t>(100 + other), ObjectKind::kRobot));
     }
     all.push_back(std::move(objects));
   }
@@ -316,7 +318,7 @@ std::vector<const Objects*> pointers(const std::vector<Objects>& frames) {
 
 RunResult run(const SimulationOptions& simulation, EstimatorOptions options, std::uint32_t seed) {
   FleetSimulator simulator(simulation, seed);
-  if (simulation.start_sigma_m <= 0) {  // an exact start is known exactly
+  if (simulation.initial_sigma_m <= 0) {  // exact initial poses have a small σ
     options.initial_sigma_m = 1e-4;
     options.initial_sigma_rad = 1e-4;
   }

@@ -27,26 +27,26 @@ struct SimulationOptions {
   double speed_mps = 0.25;
   double wheel_bias_sigma = 0.02, wheel_noise = 0.02;  ///< 1, of the distance rolled
   double pixel_sigma_px = 0.4;
-  double focal_px = 297.0, camera_height_m = 0.5;  ///< noise on the floor
+  double focal_px = 297.0, camera_height_m = 0.5;  ///< give the noise on the floor
   bool orthographic = false;                       ///< the lens, r = F·sin θ; else equidistant, r = F·θ
-  /// Of every robot's calibration, drawn per robot: focal length and height (relative), roll and pitch (rad).
+  /// σ of the calibration errors, drawn per robot: focal length and height (relative), roll and pitch (rad).
   Eigen::Vector4d camera_sigma = Eigen::Vector4d::Zero();
-  double too_high =
-      0.0;  ///< 1, what every robot's calibration says of its camera's height minus the truth, alike
-  double too_large_rad = 0.0;  ///< by how much every outline is seen too large, all round, at the camera
-  double dark_side_m = 0.0;  ///< how far every outline reaches beyond the thing's foot towards the map's −y
-  double start_sigma_m = 0.0, start_sigma_rad = 0.0;
+  /// Common relative error of all calibrated camera heights: (calibrated − true) / true.
+  double height_error = 0.0;
+  double outline_bias_rad = 0.0;  ///< every outline is too large by this angle at the camera
+  double shadow_m = 0.0;          ///< shadow: every outline is extended towards −y of map
+  double initial_sigma_m = 0.0, initial_sigma_rad = 0.0;  ///< errors of the initial poses
   bool obstacles_seen = true, robots_seen = true, wheels = true;
-  int moved_at = 0;                       ///< frame at which r1 has been moved by hand (0: never), …
-  double moved_m = 0.0, moved_rad = 0.0;  ///< … and how far from where its wheels would have it
-  bool all_moved = false;                 ///< all robots, alike: the same way in map, each turned where it is
-  bool alike = false;                     ///< all obstacles are discs of one size
-  double sight_m = 2.0;                   ///< contact distance up to which things are seen
+  int kidnapped_at = 0;                           ///< first frame after the kidnapping of r1 (0: never)
+  double kidnapped_m = 0.0, kidnapped_rad = 0.0;  ///< from the pose by its wheels
+  bool all_kidnapped = false;  ///< all robots by the same translation in map, each turned in place
+  bool equal_discs = false;    ///< all obstacles are equal discs
+  double sight_m = 2.0;        ///< range up to which obstacles and robots are observed
 };
 
-/// Exact paths and silhouettes; noise from one seed. Independent of the estimator's own formulas: silhouettes
-/// are hulls of the floor polygon and the top polygon scaled about the camera's foot, and each of their
-/// points goes by its ray through the real camera and back to the floor by the calibrated one.
+/// Exact paths and silhouettes; noise from one seed. Independent of the estimator's own formulas. A
+/// silhouette is the hull of the floor polygon and of the top polygon scaled about the camera's foot. Each of
+/// its points is projected by the real camera and back to the floor by the calibrated one.
 class FleetSimulator {
  public:
   FleetSimulator(const SimulationOptions& options, std::uint32_t seed);
@@ -70,13 +70,13 @@ class FleetSimulator {
  private:
   void placeObstacles();
   bool drive();
-  Pose2 carried(const Pose2& before, double to_rad) const;
+  Pose2 kidnapped(const Pose2& before, double direction_rad) const;
   Motion wheels(int robot, int frame);
   double radiusOf(double theta_rad) const;
   double angleOf(double radius) const;
-  void swell(std::vector<Eigen::Vector2d>& points) const;
+  void enlarge(std::vector<Eigen::Vector2d>& points) const;
   Eigen::Vector2d throughCamera(int robot, const Eigen::Vector2d& floor_m) const;
-  Track see(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind);
+  Track observe(int robot, int frame, const Prism& prism, std::uint32_t id, ObjectKind kind);
 
   SimulationOptions options_;
   std::uint32_t seed_;
@@ -85,10 +85,10 @@ class FleetSimulator {
   std::vector<Eigen::Vector2d> bias_;
   std::vector<Eigen::Vector4d> camera_;
   std::vector<std::vector<Pose2>> truth_;
-  std::vector<std::vector<Eigen::Vector2d>> rolled_;  ///< left, right, true
+  std::vector<std::vector<Eigen::Vector2d>> rolled_;  ///< true travel of left and right wheel
 };
 
-/// As FleetEstimator::process() takes them.
+/// Arguments of FleetEstimator::process().
 std::vector<const Objects*> pointers(const std::vector<Objects>& frames);
 
 /// Errors of one run.

@@ -1,5 +1,5 @@
-// A robot that an estimator of its own has followed joins the common estimator, and who may be located by
-// sightings instead. Truth: the closed-form paths of the simulators.
+// A robot with an estimator of its own joins the common estimator. Sightings locate a robot only if allowed.
+// Truth: the closed-form paths of the simulators.
 #include "estimation/joining.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,8 @@ using testing::CirclingRobots;
 using testing::FleetSimulator;
 
 constexpr std::size_t kFramesAfterJoin = 6;
-// Scans of 1 cm at 2 m, some hundred lines each; a keyframe, its constraints and a match add up.
+// Scans have σ of 1 cm at 2 m and some hundred lines. The errors of a keyframe, its constraints and a match
+// add up.
 constexpr double kJoined_m = 0.02, kJoined_rad = 0.015;
 
 /// r2 alone, in a frame that begins at its first pose.
@@ -37,7 +38,7 @@ struct Joined {
   std::vector<PoseEstimate> live;       ///< of r2, from the first frame after joining
 };
 
-/// r2 joins with the true relation, once both estimators have been through refine() of frame `at`.
+/// r2 joins with the true relation after both estimators have refined frame `at`.
 Joined joinAfter(CirclingRobots& robots, std::size_t at) {
   const auto setups = robots.setups();
   FleetEstimator common(setups, {}), own(onlySecond(setups), {});
@@ -69,7 +70,7 @@ Joined joinAfter(CirclingRobots& robots, std::size_t at) {
   return joined;
 }
 
-TEST(Joining, PosesAreRightWhetherOrNotTheNewestFrameIsAKeyframe) {
+TEST(Joining, PosesAreCorrectWhetherOrNotTheNewestFrameIsAKeyframe) {
   const scan::testing::Scene room = scan::testing::furnishedRoom();
   constexpr std::size_t kFirst = 3, kLast = 14;
   int at_keyframe = 0, between = 0;
@@ -94,11 +95,11 @@ TEST(Joining, PosesAreRightWhetherOrNotTheNewestFrameIsAKeyframe) {
       ++i;
     }
   }
-  EXPECT_GE(at_keyframe, 2) << "the case that this test is about";
+  EXPECT_GE(at_keyframe, 2) << "some joins at a keyframe";
   EXPECT_GE(between, 2);
 }
 
-TEST(Joining, SightingsLocateOnlyWhereTheyMay) {
+TEST(Joining, SightingsLocateOnlyIfAllowed) {
   constexpr int kAllowed = 10, kFrames = 20;
   testing::SimulationOptions options;
   options.sight_m = 4.0;
@@ -115,10 +116,10 @@ TEST(Joining, SightingsLocateOnlyWhereTheyMay) {
     estimator.refine();
     EXPECT_EQ(poses[1].valid, f >= kAllowed) << f;
     EXPECT_TRUE(allowed.process(simulator.time(f), testing::pointers(frames), {})[1].valid)
-        << f << ": they could locate it from the first frame on";
+        << f << ": sightings can locate it from the first frame on";
     if (!poses[1].valid) continue;
     const Eigen::Vector2d off = poses[1].map_from_base.translation() - simulator.truth(1, f).translation();
-    EXPECT_LT(off.norm(), 0.02) << f;  // as in FleetEstimator.ARobotWithoutStartIsLocatedBySighting
+    EXPECT_LT(off.norm(), 0.02) << f;  // as in FleetEstimator.RobotWithoutInitialPoseIsLocatedBySightings
   }
 }
 

@@ -14,11 +14,11 @@ using namespace omnifleet::estimation::testing;
 
 namespace {
 
-const Eigen::Vector4d kFlaw(0.003, 0.004, 0.0035, 0.0035);
+const Eigen::Vector4d kCalibrationSigma(0.003, 0.004, 0.0035, 0.0035);
 
-void unsureStart(SimulationOptions& s) {
-  s.start_sigma_m = 0.005;
-  s.start_sigma_rad = 0.00524;
+void uncertainInitialPose(SimulationOptions& s) {
+  s.initial_sigma_m = 0.005;
+  s.initial_sigma_rad = 0.00524;
 }
 
 }  // namespace
@@ -37,11 +37,11 @@ int main(int argc, char** argv) {
       {"all", [](auto&, auto&) {}},
       {"no wheels", [](auto& s, auto&) { s.wheels = false; }},
       {"sightings only", [](auto& s, auto&) { s.wheels = s.obstacles_seen = false; }},
-      {"start unsure", [](auto& s, auto&) { unsureStart(s); }},
-      {"cameras flawed", [](auto& s, auto&) { s.camera_sigma = kFlaw; }},
-      {"cameras and start", [](auto& s, auto&) {
-         unsureStart(s);
-         s.camera_sigma = kFlaw;
+      {"initial pose uncertain", [](auto& s, auto&) { uncertainInitialPose(s); }},
+      {"calibration errors", [](auto& s, auto&) { s.camera_sigma = kCalibrationSigma; }},
+      {"both", [](auto& s, auto&) {
+         uncertainInitialPose(s);
+         s.camera_sigma = kCalibrationSigma;
        }}};
   std::printf("%-24s %8s %8s %8s %8s %8s %9s %6s %6s  %s\n", "case", "mean cm", "worst", "deg", "NEES",
               "heading", "landm cm", "n/run", "valid", "camera rms (1e-3)");

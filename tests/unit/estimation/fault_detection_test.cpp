@@ -1,4 +1,4 @@
-// Whom the estimator believes: wheels that slip, a robot that is carried away, views that are none.
+// Detection of wheel slip, kidnapping and wrong outlines.
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ using testing::FleetSimulator;
 using testing::pointers;
 using testing::SimulationOptions;
 
-TEST(FleetEstimator, SlippingWheelsAreNoticedAndSurvived) {
+TEST(WheelSlip, IsReportedInItsFrameAndErrorStaysBelow2Cm) {
   FleetSimulator simulator({}, 12);
   FleetEstimator estimator(simulator.setups(), {});
   double worst = 0.0;
@@ -32,9 +32,10 @@ TEST(FleetEstimator, SlippingWheelsAreNoticedAndSurvived) {
   EXPECT_LT(worst, 0.02);
 }
 
-/// What stands around has refuted the wheels, which slip for half a second, and tells the motion or not.
-TEST(FleetEstimator, WheelsThatWhatIsSeenRefutesAreTold) {
-  for (const bool known : {true, false}) {
+/// The wheels slip for five frames, and the tracker rejects them by the static obstacles. The tracker may
+/// know the motion or not.
+TEST(WheelSlip, IsReportedIfTheTrackerRejectsTheWheels) {
+  for (const bool motion_known : {true, false}) {
     FleetSimulator simulator({}, 12);
     FleetEstimator estimator(simulator.setups(), {});
     double worst_m = 0.0;
@@ -44,7 +45,7 @@ TEST(FleetEstimator, WheelsThatWhatIsSeenRefutesAreTold) {
         Motion& motion = frames[0].motion;
         motion.previous_from_current = simulator.truth(0, f - 1).inverse() * simulator.truth(0, f);
         motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
-        motion.valid = known;
+        motion.valid = motion_known;
         motion.left_m += 0.3, motion.right_m += 0.3;
         motion.wheels_rejected = true;
       }
@@ -54,12 +55,11 @@ TEST(FleetEstimator, WheelsThatWhatIsSeenRefutesAreTold) {
       EXPECT_EQ(estimator.status("r1").state == RobotState::kSlipping, f >= 20 && f < 25) << f;
     }
     EXPECT_EQ(estimator.status("r1").slips, 5);
-    EXPECT_LT(worst_m, 0.02) << known;
+    EXPECT_LT(worst_m, 0.02) << motion_known;
   }
 }
 
-// Their own noise is no news.
-TEST(FleetEstimator, WheelsThatAreRefutedByLittleAreNotTold) {
+TEST(WheelSlip, RejectionWithinTheNoiseOfTheWheelsIsNotReported) {
   FleetSimulator simulator({}, 12);
   FleetEstimator estimator(simulator.setups(), {});
   for (int f = 0; f < 30; ++f) {
@@ -71,10 +71,10 @@ TEST(FleetEstimator, WheelsThatAreRefutedByLittleAreNotTold) {
   EXPECT_EQ(estimator.status("r1").losses, 0);
 }
 
-/// All robots slip by 6 cm in one frame: the largest error from then on, how many were told.
+/// All robots slip by 6 cm in one frame.
 struct Slips {
-  double worst_m = 0.0;
-  int told = 0, told_wrongly = 0;
+  double worst_m = 0.0;                 ///< largest error from the slip on
+  int reported = 0, false_reports = 0;  ///< in the frame of the slip, in others
 };
 Slips slipping(std::uint32_t seed) {
   FleetSimulator simulator({}, seed);
@@ -88,49 +88,49 @@ Slips slipping(std::uint32_t seed) {
     }
     const auto estimates = estimator.process(simulator.time(f), pointers(frames), {});
     for (int r = 0; r < 3; ++r) {
-      const bool told = estimator.status(FleetSimulator::name(r)).state == RobotState::kSlipping;
-      (f == 20 ? slips.told : slips.told_wrongly) += told ? 1 : 0;
-      const Pose2& exact = simulator.truth(r, f);
-      const Eigen::Vector2d off = estimates[static_cast<std::size_t>(r)].map_from_base.translation();
-      if (f >= 20) slips.worst_m = std::max(slips.worst_m, (off - exact.translation()).norm());
+      const bool is_slipping = estimator.status(FleetSimulator::name(r)).state == RobotState::kSlipping;
+      (f == 20 ? slips.reported : slips.false_reports) += is_slipping ? 1 : 0;
+      const Pose2& truth = simulator.truth(r, f);
+      const Eigen::Vector2d position_m = estimates[static_cast<std::size_t>(r)].map_from_base.translation();
+      if (f >= 20) slips.worst_m = std::max(slips.worst_m, (position_m - truth.translation()).norm());
     }
   }
   return slips;
 }
 
-// A slip as large as what makes a view no view of a thing: the wheels must be doubted before the views are.
-TEST(FleetEstimator, WheelsAreDoubtedBeforeWhatIsSeen) {
+// A slip as large as the gate of views: the estimator must reject the wheels, not the views.
+TEST(WheelSlip, OfGateSizeRejectsWheelsNotViews) {
   double mean_m = 0.0;
-  int told = 0, told_wrongly = 0;
+  int reported = 0, false_reports = 0;
   for (std::uint32_t seed = 1000; seed < 1005; ++seed) {
     const Slips slips = slipping(seed);
     mean_m += slips.worst_m / 5.0;
-    told += slips.told;
-    told_wrongly += slips.told_wrongly;
+    reported += slips.reported;
+    false_reports += slips.false_reports;
   }
-  std::printf("worst of a run %.2f cm on average, %d of 15 told\n", 100.0 * mean_m, told);
-  EXPECT_GE(told, 14);  // one may have nothing in sight
-  EXPECT_EQ(told_wrongly, 0);
-  EXPECT_LT(mean_m, 0.03);  // half of the slip: what is left where hardly anything is in sight
+  std::printf("worst of a run %.2f cm on average, %d of 15 reported\n", 100.0 * mean_m, reported);
+  EXPECT_GE(reported, 14);  // one may have no obstacle in view
+  EXPECT_EQ(false_reports, 0);
+  EXPECT_LT(mean_m, 0.03);  // half of the slip, which remains if few obstacles are in view
 }
 
-/// It keeps what it follows, and its tracker tells how far it was carried: it is never lost.
-TEST(FleetEstimator, ARobotThatSeesHowItIsCarriedIsPlacedAtOnce) {
+/// The tracker keeps its tracks and estimates the motion of the kidnapping, so its pose stays valid.
+TEST(Kidnapping, IsCorrectedAtOnceIfTheTrackerKnowsTheMotion) {
   SimulationOptions options;
   options.obstacles = 8;
   options.robots_seen = false;
   options.speed_mps = 0.1;
   FleetSimulator simulator(options, 21);
   FleetEstimator estimator(simulator.setups(), {});
-  constexpr int kCarried = 25;
+  constexpr int kKidnapped = 25;
   for (int f = 0; f < 40; ++f) {
     auto frames = simulator.frames(f);
-    if (f >= kCarried) {
+    if (f >= kKidnapped) {
       frames[0] = frames[1];
       frames[0].robot = "r1";
       for (Track& track : frames[0].tracks) track.id += 500;
     }
-    if (f == kCarried) {
+    if (f == kKidnapped) {
       Motion& motion = frames[0].motion;
       motion.previous_from_current = simulator.truth(0, f - 1).inverse() * simulator.truth(1, f);
       motion.covariance = 1e-4 * Eigen::Matrix3d::Identity();
@@ -139,23 +139,23 @@ TEST(FleetEstimator, ARobotThatSeesHowItIsCarriedIsPlacedAtOnce) {
     }
     const auto estimates = estimator.process(simulator.time(f), {&frames[0], &frames[1], &frames[2]}, {});
     EXPECT_TRUE(estimates[0].valid) << f;
-    if (f == kCarried) {
+    if (f == kKidnapped) {
       EXPECT_EQ(estimator.status("r1").message, relocalized(false));
     }
-    const Pose2& truth = simulator.truth(f < kCarried ? 0 : 1, f);
+    const Pose2& truth = simulator.truth(f < kKidnapped ? 0 : 1, f);
     EXPECT_LT((estimates[0].map_from_base.translation() - truth.translation()).norm(), 0.03) << f;
   }
   EXPECT_EQ(estimator.status("r1").losses, 1);
 }
 
-/// To another robot's place and back, every four frames.
-TEST(FleetEstimator, WhoSeemsToBeCarriedAgainAndAgainMayHaveAnotherLens) {
+/// To another robot's pose and back, every four frames.
+TEST(Kidnapping, RepeatedFourTimesIsReportedAsWrongCalibration) {
   SimulationOptions options;
   options.robots_seen = false;
   options.speed_mps = 0.1;
   FleetSimulator simulator(options, 21);
   FleetEstimator estimator(simulator.setups(), {});
-  std::vector<Message> told;
+  std::vector<Message> reports;
   int before = 0;
   for (int f = 0; f < 45; ++f) {
     auto frames = simulator.frames(f);
@@ -170,51 +170,52 @@ TEST(FleetEstimator, WhoSeemsToBeCarriedAgainAndAgainMayHaveAnotherLens) {
     if (where != before) motion.left_m = motion.right_m = 0.0, motion.wheels_rejected = true;
     frames[0].motion = motion;
     estimator.process(simulator.time(f), pointers(frames), {});
-    if (where != before) told.push_back(estimator.status("r1").message);
+    if (where != before) reports.push_back(estimator.status("r1").message);
     before = where;
   }
-  ASSERT_EQ(told.size(), 5U);
-  EXPECT_EQ(told[2], relocalized(false));
-  EXPECT_EQ(told[3], relocalized(true));
+  ASSERT_EQ(reports.size(), 5U);
+  EXPECT_EQ(reports[2], relocalized(false));
+  EXPECT_EQ(reports[3], relocalized(true));
 }
 
-TEST(FleetEstimator, ARobotCarriedAwayIsNoticedAndFindsItselfByItsSurroundings) {
+TEST(Kidnapping, IsDetectedAndRobotIsRelocalizedByLandmarks) {
   SimulationOptions options;
   options.obstacles = 8;
   options.robots_seen = false;
   options.speed_mps = 0.1;
   FleetSimulator simulator(options, 21), elsewhere(options, 21);
   FleetEstimator estimator(simulator.setups(), {});
-  constexpr int kCarried = 25;
-  // From frame 25 on robot 1 sees what robot 2 sees: as if set down half a metre or more away, wheels still.
-  ASSERT_GT((simulator.truth(0, kCarried).translation() - simulator.truth(1, kCarried).translation()).norm(),
-            0.5);
+  constexpr int kKidnapped = 25;
+  // From frame 25 on r1 observes what r2 observes: kidnapped by more than 0.5 m with its wheels at rest.
+  ASSERT_GT(
+      (simulator.truth(0, kKidnapped).translation() - simulator.truth(1, kKidnapped).translation()).norm(),
+      0.5);
   int wrong = 0;
   std::size_t landmarks = 0;
   PoseEstimate last;
   for (int f = 0; f < 45; ++f) {
     auto frames = simulator.frames(f);
-    if (f >= kCarried) {
+    if (f >= kKidnapped) {
       const Motion own = frames[0].motion;
       frames[0] = frames[1];
       frames[0].robot = "r1";
-      if (f == kCarried) frames[0].motion = own;
-      for (Track& track : frames[0].tracks) track.id += 500;  // its tracker has lost all it followed
+      if (f == kKidnapped) frames[0].motion = own;
+      for (Track& track : frames[0].tracks) track.id += 500;  // its tracker has lost all tracks
     }
     const auto estimates = estimator.process(simulator.time(f), {&frames[0], &frames[1], &frames[2]}, {});
-    if (f == kCarried - 1) landmarks = estimator.landmarks().size();
-    if (f < kCarried) continue;
+    if (f == kKidnapped - 1) landmarks = estimator.landmarks().size();
+    if (f < kKidnapped) continue;
     last = estimates[0];
     const double error = (last.map_from_base.translation() - simulator.truth(1, f).translation()).norm();
     wrong += last.valid && error > 0.1 ? 1 : 0;
   }
-  EXPECT_EQ(wrong, 0);  // no frame at a wrong place is called valid
+  EXPECT_EQ(wrong, 0);  // no wrong pose is valid
   EXPECT_TRUE(last.valid);
   EXPECT_EQ(estimator.status("r1").losses, 1);
-  EXPECT_LE(estimator.landmarks().size(), landmarks + 1);  // nothing was mapped twice
+  EXPECT_LE(estimator.landmarks().size(), landmarks + 1);  // no landmark was mapped twice
 }
 
-TEST(FleetEstimator, AFrameOfSplintersAndSwollenOutlinesIsNoRobotCarriedAway) {
+TEST(Kidnapping, IsNotReportedForOneBadlySegmentedFrame) {
   SimulationOptions options;
   options.obstacles = 8;
   options.robots_seen = false;
@@ -223,7 +224,7 @@ TEST(FleetEstimator, AFrameOfSplintersAndSwollenOutlinesIsNoRobotCarriedAway) {
   FleetEstimator estimator(simulator.setups(), {});
   for (int f = 0; f < 30; ++f) {
     auto frames = simulator.frames(f);
-    if (f == 25) {  // badly segmented: all things swollen by 12 cm, two slivers where nothing stands
+    if (f == 25) {  // all outlines 12 cm too large, two slivers on free floor
       for (Track& track : frames[0].tracks) {
         for (float& b : track.supports.b_m) b += 0.12f;
         track.id += 500;
@@ -246,38 +247,38 @@ TEST(FleetEstimator, AFrameOfSplintersAndSwollenOutlinesIsNoRobotCarriedAway) {
   EXPECT_EQ(estimator.status("r1").losses, 0);
 }
 
-/// Outlines that were inferred more than seen (their σ says so) come along with the robot, as tops of things
-/// whose sides are of the floor's colour do.
-TEST(FleetEstimator, WhatIsSeenRoughlyMovesNoPose) {
+/// Outlines with a large σ that are 1.4 times too large, as of top faces of obstacles whose sides have the
+/// floor's colour. They move with the camera (wrong parallax).
+TEST(UncertainOutlines, DoNotMoveThePose) {
   SimulationOptions lone;
   lone.robots = 1;
-  const auto endOf = [&](bool sees) {
+  const auto endOf = [&](bool observes) {
     FleetSimulator simulator(lone, 21);
     FleetEstimator estimator(simulator.setups(), {});
     PoseEstimate last;
-    int seen = 0;
+    int observed = 0;
     for (int f = 0; f < lone.frames; ++f) {
       auto frames = simulator.frames(f);
       for (Track& track : frames[0].tracks) {
-        seen += track.visible ? 1 : 0;
+        observed += track.visible ? 1 : 0;
         for (float& b : track.supports.b_m) b *= 1.4f;
         for (float& sigma : track.supports.sigma_m) sigma *= 15.0f;
       }
-      EXPECT_GT(seen, 0);
-      if (!sees) frames[0].tracks.clear();
+      EXPECT_GT(observed, 0);
+      if (!observes) frames[0].tracks.clear();
       last = estimator.process(simulator.time(f), pointers(frames), {})[0];
       EXPECT_NE(estimator.status("r1").state, RobotState::kSlipping) << f;
     }
     return last.map_from_base;
   };
-  const Pose2 blind = endOf(false), rough = endOf(true);
-  EXPECT_LT((blind.translation() - rough.translation()).norm(), 1e-3);
-  EXPECT_LT(std::abs(wrapAngle(blind.theta_rad - rough.theta_rad)), 1e-3);
+  const Pose2 blind = endOf(false), uncertain = endOf(true);
+  EXPECT_LT((blind.translation() - uncertain.translation()).norm(), 1e-3);
+  EXPECT_LT(std::abs(wrapAngle(blind.theta_rad - uncertain.theta_rad)), 1e-3);
 }
 
-/// A robot of named landmarks alone, as recordings of ranges and bearings are: without its wheels for a while
-/// its heading may be anything, until the landmarks tell it.
-TEST(FleetEstimator, WhoseHeadingWasLostIsBackWhenRangesAndBearingsTellIt) {
+/// A robot with named landmarks only, as in recordings of ranges and bearings. Without wheels and landmarks
+/// for 20 frames its heading is unknown; then it observes the landmarks again.
+TEST(Relocalization, RestoresALostHeadingByRangesAndBearings) {
   SimulationOptions options;
   options.robots = 1;
   options.obstacles_seen = options.robots_seen = false;
@@ -286,13 +287,13 @@ TEST(FleetEstimator, WhoseHeadingWasLostIsBackWhenRangesAndBearingsTellIt) {
   const std::vector<Eigen::Vector2d> places{{2.0, 1.0}, {-1.0, 1.5}, {0.5, -1.8}, {1.5, -1.0}};
   std::vector<Measurement> survey;
   for (std::size_t k = 0; k < places.size(); ++k) {
-    Measurement told;
-    told.kind = MeasurementKind::kPosition;
-    told.to = std::to_string(k);
-    told.acquired_ns = simulator.time(0);
-    told.value.head<2>() = places[k];
-    told.covariance *= 1e-4;
-    survey.push_back(told);
+    Measurement position;
+    position.kind = MeasurementKind::kPosition;
+    position.to = std::to_string(k);
+    position.acquired_ns = simulator.time(0);
+    position.value.head<2>() = places[k];
+    position.covariance *= 1e-4;
+    survey.push_back(position);
   }
   bool was_lost = false;
   for (int f = 0; f < options.frames; ++f) {
@@ -302,18 +303,18 @@ TEST(FleetEstimator, WhoseHeadingWasLostIsBackWhenRangesAndBearingsTellIt) {
     std::vector<Measurement> measurements = f == 0 ? survey : std::vector<Measurement>{};
     for (std::size_t k = 0; k < places.size() && !blind; ++k) {
       const Eigen::Vector2d at = simulator.truth(0, f).inverse() * places[k];
-      Measurement seen;
-      seen.kind = MeasurementKind::kRangeBearing;
-      seen.from = "r1";
-      seen.to = std::to_string(k);
-      seen.acquired_ns = seen.from_ns = simulator.time(f);
-      seen.value.head<2>() = Eigen::Vector2d(at.norm(), std::atan2(at.y(), at.x()));
-      seen.covariance = Eigen::Vector3d(1e-3, 1e-4, 1.0).asDiagonal();
-      measurements.push_back(seen);
+      Measurement sighting;
+      sighting.kind = MeasurementKind::kRangeBearing;
+      sighting.from = "r1";
+      sighting.to = std::to_string(k);
+      sighting.acquired_ns = sighting.from_ns = simulator.time(f);
+      sighting.value.head<2>() = Eigen::Vector2d(at.norm(), std::atan2(at.y(), at.x()));
+      sighting.covariance = Eigen::Vector3d(1e-3, 1e-4, 1.0).asDiagonal();
+      measurements.push_back(sighting);
     }
-    std::vector<const Measurement*> told;
-    for (const Measurement& measurement : measurements) told.push_back(&measurement);
-    const auto estimates = estimator.process(simulator.time(f), pointers(frames), told);
+    std::vector<const Measurement*> given;
+    for (const Measurement& measurement : measurements) given.push_back(&measurement);
+    const auto estimates = estimator.process(simulator.time(f), pointers(frames), given);
     was_lost = was_lost || !estimates[0].valid;
     if (f < 45) continue;
     EXPECT_TRUE(estimates[0].valid) << f;
