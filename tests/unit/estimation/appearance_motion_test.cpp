@@ -41,7 +41,7 @@ TEST(DifferenceScale, KnowsNoLengthAfterTurnsOnTheSpotAlone) {
   ASSERT_TRUE(forward);
   EXPECT_GT(forward->sigma_m, 0.02);
   EXPECT_LT(std::abs(forward->m - 0.05), 3.0 * forward->sigma_m);
-  // It knows that it stays where it is while it turns on.
+  // A turn on the spot is known to have no length.
   const auto spot = scale.lengthOf(0.3 * 0.24, 0.24);
   EXPECT_LT(spot->sigma_m, 0.01);
   EXPECT_LT(spot->m, 0.01);
@@ -52,7 +52,7 @@ TEST(DifferenceScale, KnowsNoLengthAfterTurnsOnTheSpotAlone) {
   EXPECT_LT(learned->sigma_m, 0.015);
 }
 
-TEST(DifferenceScale, IsFreeWhereTheOptionsSaySo) {
+TEST(DifferenceScale, HasFreeScaleIfTheOptionIsSet) {
   AppearanceOptions options;
   options.free_scale = true;
   const DifferenceScale scale(options);
@@ -137,10 +137,10 @@ TEST(VisualCompass, MovesARobotWithoutWheels) {
 
 // The wheels turn as they say, with σ of 6 mrad. A compass that errs by 10 mrad instead of 2 helps little.
 TEST(VisualCompass, ErrorsThatExceedItsSigmaWidenTheSigmaOfTheHeading) {
-  const CompassRun without = driveByCompass(1.0, false, 0.9), honest = driveByCompass(1.0, true, 0.9),
+  const CompassRun without = driveByCompass(1.0, false, 0.9), consistent = driveByCompass(1.0, true, 0.9),
                    noisy = driveByCompass(1.0, true, 0.9, 5.0);
-  EXPECT_LT(honest.sigma_rad, 0.6 * without.sigma_rad);
-  EXPECT_GT(noisy.sigma_rad, 1.5 * honest.sigma_rad);
+  EXPECT_LT(consistent.sigma_rad, 0.6 * without.sigma_rad);
+  EXPECT_GT(noisy.sigma_rad, 1.5 * consistent.sigma_rad);
   EXPECT_LT(noisy.heading_error_rad, 3.0 * noisy.sigma_rad);
 }
 

@@ -10,7 +10,7 @@ constexpr double kCircleStep_m = 0.06, kCircleTurn_rad = 0.08, kWheelError = 0.0
                  kScanNoise = 0.003;  // 1/m, of scans
 constexpr double kFrom_rad[] = {0.0, 2.5, 4.2};
 
-/// A circle of 0.75 m in the room, from some place on it.
+/// A circle of 0.75 m in the room. @param from_rad angle of its first pose
 std::vector<Pose2> circle(double from_rad, int frames) {
   const Pose2 centre{0.2, -0.45, 0.0};
   std::vector<Pose2> path{centre * Pose2{0.75 * std::sin(from_rad), -0.75 * std::cos(from_rad), from_rad}};

@@ -13,7 +13,7 @@ namespace omnifleet::estimation::testing {
 
 /// Robots r1, r2, … that drive along one circle of 0.75 m, each from another place on it, with a scan and
 /// wheel odometry per frame. Paths and scans are closed forms with seeded noise (0.003 1/m of a scan); the
-/// wheels err by 3 % of way and turn.
+/// wheels err by 3 % of travel and turn.
 class CirclingRobots {
  public:
   /// @param rooms of r1, r2, … (at most three robots), in which their scans are made

@@ -31,7 +31,7 @@ double scaleAfter(int steps, const Errors& errors, std::uint32_t seed = 1) {
   return quality.scale();
 }
 
-TEST(CompassQuality, KeepsAnHonestSigma) {
+TEST(CompassQuality, KeepsAConsistentSigma) {
   double sum = 0.0;
   for (std::uint32_t seed = 0; seed < 50; ++seed) sum += scaleAfter(200, {1.0, 0.0, 1.0}, seed) / 50;
   EXPECT_LT(sum, 1.25);

@@ -84,7 +84,7 @@ TEST(LocalizationMonitor, DoubtLastsUntilThePoseIsConfirmed) {
   monitor.update(kContradicted);
   EXPECT_TRUE(monitor.isInDoubt());
   for (int i = 0; i < 9; ++i) monitor.update(kOdometry);
-  EXPECT_TRUE(monitor.isInDoubt()) << "nothing to compare with is no confirmation";
+  EXPECT_TRUE(monitor.isInDoubt()) << "odometry alone is no confirmation";
   monitor.update(kConfirmed);
   EXPECT_FALSE(monitor.isInDoubt());
 }

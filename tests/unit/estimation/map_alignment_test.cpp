@@ -1,4 +1,4 @@
-// How the map of a robot that does not know where it started lies in the map of the others.
+// Alignment of the map of a robot without initial pose with the map of the other robots.
 #include "estimation/map_alignment.h"
 
 #include <gtest/gtest.h>
@@ -99,7 +99,7 @@ TEST(MapAlignment, MatchesTwoMapsOfOneRoom) {
   EXPECT_GT(result.score, 0.95);
 }
 
-TEST(MapAlignment, RefusesEqualWallsWithOtherFurniture) {
+TEST(MapAlignment, RejectsEqualWallsWithOtherFurniture) {
   const MapAlignment::Result result = align(scan::testing::furnishedRoom(), lookAlike());
   EXPECT_NE(result.status, AlignmentStatus::kMatched) << result.reason;
 }
@@ -138,14 +138,14 @@ TEST(MapAlignment, UsesASuggestedRelation) {
   for (const Pose2& pose : circuit(0.0, 1.0, 16)) others.drive(pose, {});
   for (const Pose2& pose : circuit(0.4, 1.1, 10)) robot.drive(pose, kOwnFromRoom);
   MapAlignmentOptions options;
-  options.search.min_score = 1.0;  // finds nothing by itself
+  options.search.min_score = 1.0;  // no match without the suggestion
   MapAlignment alignment(options);
   EXPECT_NE(alignment.update(others.map, robot.map).status, AlignmentStatus::kMatched);
   alignment.suggest(kOwnFromRoom.inverse() * Pose2{0.1, 0.0, 0.05});
   EXPECT_EQ(alignment.update(others.map, robot.map).status, AlignmentStatus::kMatched);
 }
 
-TEST(KeyframeMapAppend, HoldsBothMapsTogetherByTheirScans) {
+TEST(KeyframeMapAppend, RelatesBothMapsByScanMatches) {
   const Scene room = scan::testing::furnishedRoom();
   Explored others(room, 1, 0), robot(room, 2, 1);
   for (const Pose2& pose : circuit(0.0, 1.0, 16)) others.drive(pose, {});
@@ -160,7 +160,7 @@ TEST(KeyframeMapAppend, HoldsBothMapsTogetherByTheirScans) {
     EXPECT_LT(error.translation().norm(), 0.006) << k;  // scans of 1 cm at 2 m, several of them
     EXPECT_LT(std::abs(error.theta_rad), 0.004) << k;
   }
-  // The robot's places are now known relative to those of the others.
+  // The robot's keyframes now have known relations to those of the others.
   EXPECT_FALSE(others.map.references(0, 0.0, {path.back()}).empty());
 }
 

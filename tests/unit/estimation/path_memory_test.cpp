@@ -37,7 +37,7 @@ PoseEstimate frame(TimeNs time, const Pose2& pose) {
   return estimate;
 }
 
-TEST(PathMemory, MovesFramesExactlyAsTheirKeyframesMove) {
+TEST(PathMemory, MovesFramesWithTheirKeyframes) {
   KeyframeMap map = chain(5);
   PathMemory path;
   for (int k = 0; k < 5; ++k)

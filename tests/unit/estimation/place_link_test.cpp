@@ -1,5 +1,5 @@
-// Places of robots that drive: a kidnapped robot that knows the room is found again, and its places are
-// linked; places of different cameras are not compared.
+// Places of driving robots. A kidnapped robot in a known room is relocalized, and its places are linked.
+// Places of different cameras are not compared.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,8 +17,8 @@ namespace omnifleet::estimation {
 namespace {
 
 constexpr TimeNs kBetween_ns = 200000000;
-constexpr std::size_t kTaken = 70;   // frame at which the robot is put elsewhere, …
-constexpr std::size_t kNever = 999;  // … or is not
+constexpr std::size_t kKidnapped = 70;  // frame of the kidnapping
+constexpr std::size_t kNever = 999;     // no kidnapping
 
 struct KidnappedRun {
   std::vector<Pose2> truth;
@@ -26,10 +26,10 @@ struct KidnappedRun {
   std::map<std::uint32_t, Place> places;
 };
 
-/// Drives a circle in the furnished room, is put elsewhere in `other`, and drives on. The wheels notice
-/// nothing of it. Every second frame has the signature of the wallpaper.
+/// Drives a circle in the furnished room, is kidnapped to the room `other`, and drives on. The wheels do not
+/// measure the kidnapping. Every second frame has the signature of the wallpaper.
 KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpaper,
-                            std::size_t taken = kTaken) {
+                            std::size_t kidnapped = kKidnapped) {
   KidnappedRun run;
   std::mt19937 random(11);
   RobotSetup setup;
@@ -44,7 +44,7 @@ KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpape
   const Pose2 step{0.06, 0.0, 0.08};
   Pose2 truth = *setup.initial_pose;
   for (std::size_t i = 0; i < 150; ++i) {
-    if (i == taken)
+    if (i == kidnapped)
       truth = {0.9, -0.6, 1.6};
     else if (i > 0)
       truth = truth * step;
@@ -52,13 +52,13 @@ KidnappedRun driveKidnapped(const scan::testing::Scene& other, unsigned wallpape
     frame.robot = "r1";
     frame.acquired_ns = static_cast<TimeNs>(i + 1) * kBetween_ns;
     frame.sequence = static_cast<std::uint32_t>(i);
-    frame.boundary = (i < taken ? scan::testing::furnishedRoom() : other).scan(truth, 0.003, random);
+    frame.boundary = (i < kidnapped ? scan::testing::furnishedRoom() : other).scan(truth, 0.003, random);
     frame.motion.valid = i > 0;
     frame.motion.since_ns = frame.acquired_ns - kBetween_ns;
-    if (i != taken) frame.motion.previous_from_current = step;
+    if (i != kidnapped) frame.motion.previous_from_current = step;
     frame.motion.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-5).asDiagonal();
     if (i % 2 == 0) {
-      const auto signature = maker.compute((i < taken ? first : second).panorama(truth, options));
+      const auto signature = maker.compute((i < kidnapped ? first : second).panorama(truth, options));
       frame.appearance.format = maker.format();
       frame.appearance.signature = appearance::store(signature);
     }
@@ -87,7 +87,7 @@ std::vector<PlaceLink> loopsOf(const KidnappedRun& run, std::uint32_t* index) {
   return loops;
 }
 
-TEST(PlaceLinks, ARelocalizedRobotLinksItsPlaces) {
+TEST(PlaceLinks, RelocalizedRobotLinksItsPlaces) {
   const KidnappedRun run = driveKidnapped(scan::testing::furnishedRoom(), 5);
   ASSERT_TRUE(isRelocalized(run));
   EXPECT_LT((run.poses.back().map_from_base.translation() - run.truth.back().translation()).norm(), 0.02);
@@ -98,15 +98,15 @@ TEST(PlaceLinks, ARelocalizedRobotLinksItsPlaces) {
   ASSERT_LT(loops[0].index, index);
   const Place& other = run.places.at(loops[0].index);
   EXPECT_EQ(loops[0].robot, "r1");
-  EXPECT_GE(place.sequence, kTaken);
-  EXPECT_LT(other.sequence, kTaken);
+  EXPECT_GE(place.sequence, kKidnapped);
+  EXPECT_LT(other.sequence, kKidnapped);
   const Pose2 truth = run.truth[place.sequence].inverse() * run.truth[other.sequence],
               off = loops[0].this_from_other.inverse() * truth;
   EXPECT_LT(off.translation().norm(), 0.02);  // some σ of two scan matches
   EXPECT_LT(std::abs(off.theta_rad), 0.02);
 }
 
-TEST(PlaceLinks, ARoomWithEqualWallsIsNotTakenForTheOldOne) {
+TEST(PlaceLinks, RoomWithEqualWallsCausesNoRelocalization) {
   scan::testing::Scene other = scan::testing::furnishedRoom();
   other.outlines.resize(1);
   other.outlines.push_back({{-2.5, 1.4}, {-1.3, 1.4}, {-1.3, 2.0}, {-2.5, 2.0}});
@@ -160,7 +160,7 @@ std::vector<Message> findingsOfTwoPanoramas(bool same_size) {
   return findings;
 }
 
-TEST(Places, OfAnotherPanoramaSizeAreRefusedByNameOnce) {
+TEST(Places, OfAnotherPanoramaSizeAreReportedOnce) {
   EXPECT_TRUE(findingsOfTwoPanoramas(true).empty());
   const std::vector<Message> findings = findingsOfTwoPanoramas(false);
   ASSERT_EQ(findings.size(), 1u);
@@ -169,7 +169,7 @@ TEST(Places, OfAnotherPanoramaSizeAreRefusedByNameOnce) {
   EXPECT_NE(findings[0].text.find("rows"), std::string::npos) << findings[0].text;
 }
 
-TEST(PlaceLinks, AReturningRobotLinksItsPlacesOnce) {
+TEST(PlaceLinks, ReturningRobotLinksItsPlacesOnce) {
   const KidnappedRun run = driveKidnapped(scan::testing::furnishedRoom(), 5, kNever);
   std::uint32_t index = 0;
   const std::vector<PlaceLink> loops = loopsOf(run, &index);

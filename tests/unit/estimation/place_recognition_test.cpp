@@ -1,4 +1,4 @@
-// Places by their signatures: the index, the poses they suggest, and the check by the compass.
+// Places by their signatures: the index, the suggested poses, and the check by the compass.
 #include "estimation/place_recognition.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ class PlaceRecognitionTest : public ::testing::Test {
   PlaceRecognition::Scope scope_;
 };
 
-TEST(PlaceIndex, FindsThePlaceThatLooksMostAlike) {
+TEST(PlaceIndex, FindsTheMostSimilarPlace) {
   const KeyframeMap map{KeyframeOptions{}};
   PlaceMemory memory;
   for (const Pose2& pose : kPlaces)
@@ -76,7 +76,7 @@ TEST(PlaceIndex, FindsThePlaceThatLooksMostAlike) {
   EXPECT_LE(found[0].distance, found[1].distance);
 }
 
-TEST(PlaceIndex, RefusesAnotherFormatByNameOnce) {
+TEST(PlaceIndex, ReportsAnotherFormatOnce) {
   const KeyframeMap map{KeyframeOptions{}};
   PlaceMemory memory, other;
   memory.add(placeAt("r1", 5, kPlaces[0]), std::nullopt, map, Eigen::Matrix3d::Identity());
@@ -94,7 +94,7 @@ TEST(PlaceIndex, RefusesAnotherFormatByNameOnce) {
   EXPECT_NE(refusals[0].robot.find("r2"), std::string::npos);
   EXPECT_NE(refusals[0].why.find("another lens"), std::string::npos);
   EXPECT_TRUE(index.takeRefusals().empty());
-  // Neither is found for the other.
+  // Places of one format are not found for signatures of the other.
   const Appearance seen = seenIn(5, kPlaces[0]);
   for (const auto& found : index.nearest(seen.format, seen.signature, 10)) EXPECT_EQ(found.place.robot, 0u);
 }

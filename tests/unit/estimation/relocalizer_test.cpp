@@ -1,4 +1,4 @@
-// The travel over which a place must agree before a robot is placed there.
+// The travel over which scans must agree with a pose before a robot is relocalized there.
 #include "estimation/relocalizer.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ KeyframeMap mapAround(double far_m, std::mt19937& random) {
   return map;
 }
 
-/// Drives a circle after the robot was put elsewhere. @return travel at which it is found; infinite: never
+/// Drives a circle after kidnapping. @return travel until relocalization; infinite: never
 double travelUntilFound(double far_m, double reach_m, const RelocalizerOptions& options) {
   std::mt19937 random(3);
   const KeyframeMap map = mapAround(far_m, random);
@@ -55,7 +55,7 @@ double travelUntilFound(double far_m, double reach_m, const RelocalizerOptions& 
   return std::numeric_limits<double>::infinity();
 }
 
-TEST(Relocalizer, ALargerMapNeedsMoreTravel) {
+TEST(Relocalizer, LargerMapNeedsMoreTravel) {
   RelocalizerOptions options;
   options.confirm_rad = 1e3;  // travel alone counts
   const double step_m = 0.06;
@@ -68,11 +68,11 @@ TEST(Relocalizer, ALargerMapNeedsMoreTravel) {
   EXPECT_NEAR(travelUntilFound(20.0, 50.0, options), options.confirm_m, step_m);
 }
 
-TEST(Relocalizer, ALargerMapNeedsMoreTurn) {
+TEST(Relocalizer, LargerMapNeedsMoreTurn) {
   EXPECT_GT(travelUntilFound(20.0, 50.0, {}), travelUntilFound(0.0, 50.0, {}));
 }
 
-TEST(Relocalizer, ATurnCountsLikeTravel) {
+TEST(Relocalizer, TurnCountsLikeTravel) {
   RelocalizerOptions options;
   options.confirm_m = 100.0;
   options.confirm_share = 0.0;
@@ -80,8 +80,9 @@ TEST(Relocalizer, ATurnCountsLikeTravel) {
   EXPECT_NEAR(travelUntilFound(0.0, 50.0, options), 12.5 * 0.06, 0.06);
 }
 
-/// Drives in a room after the robot was put there. @return whether it is found among the keyframes of the
-/// furnished room @param suggest see Relocalizer::look()
+/// Drives in a room after kidnapping. @return whether it is relocalized among the keyframes of the furnished
+/// room
+/// @param suggest see Relocalizer::look()
 bool isFound(const scan::testing::Scene& room, double reach_m, const RelocalizerOptions& options,
              bool suggested = false) {
   std::mt19937 random(4);
@@ -111,7 +112,7 @@ TEST(Relocalizer, SearchesWhereSimilarPlacesSuggest) {
   EXPECT_TRUE(isFound(scan::testing::furnishedRoom(), 0.2, {}, true));
 }
 
-TEST(Relocalizer, FollowsOthersAfterARejection) {
+TEST(Relocalizer, FindsTheRobotAgainAfterARejection) {
   std::mt19937 random(3);
   const KeyframeMap map = mapAround(0.0, random);
   Relocalizer relocalizer({});
@@ -125,7 +126,7 @@ TEST(Relocalizer, FollowsOthersAfterARejection) {
     if (relocalizer.look(map, aid, {}, i > 0 ? moved : Pose2{}, map.all(), 50.0, M_PI)) {
       ++found;
       relocalizer.reject();
-      // What was rejected starts anew.
+      // A rejected hypothesis must be confirmed from the beginning.
       EXPECT_FALSE(relocalizer.look(map, aid, {}, {}, map.all(), 50.0, M_PI).has_value());
     }
     truth = truth * moved;
